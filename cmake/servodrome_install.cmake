@@ -1,4 +1,4 @@
-# cmake --install puts the libraries, their headers and the program in place; find_package(servodrome) finds them.
+# cmake --install installs the libraries, their headers and the program; find_package(servodrome) finds them.
 include(CMakePackageConfigHelpers)
 get_property(libraries GLOBAL PROPERTY servodrome_libraries)
 install(TARGETS servodrome_options ${libraries} EXPORT servodrome-targets ARCHIVE DESTINATION ${CMAKE_INSTALL_LIBDIR})

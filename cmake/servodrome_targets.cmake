@@ -1,5 +1,5 @@
-# How every target of this project is compiled. One function each for a library, a test and a benchmark, so
-# that a folder's CMakeLists.txt says only what is particular to it.
+# Compiler settings of all targets of this project, with one function each for a library, a test and a benchmark. So a
+# folder's CMakeLists.txt contains only its own particulars.
 
 add_library(servodrome_options INTERFACE)
 add_library(servodrome::options ALIAS servodrome_options)
@@ -7,11 +7,11 @@ target_compile_features(servodrome_options INTERFACE cxx_std_20)
 target_compile_options(servodrome_options INTERFACE
   $<BUILD_INTERFACE:-Wall -Wextra -Wpedantic -Wshadow -Wconversion -Wsign-conversion -Wold-style-cast
   -Wnon-virtual-dtor -Woverloaded-virtual -Wnull-dereference -Wdouble-promotion -Wimplicit-fallthrough -Werror>
-  # Two runs of a drive agree to the last bit: no contraction into fused multiply-add, no unsafe maths.
+  # Results must be reproducible to the last bit: no contraction into fused multiply-add, no unsafe maths.
   -ffp-contract=off)
 if(CMAKE_CXX_COMPILER_ID STREQUAL "GNU")
-  # GCC 12 reports these falsely out of inlined standard-library code. Whether it does hangs on what it inlines, even on
-  # the length of the source folder's path: they are told, but do not stop a build.
+  # GCC 12 gives false warnings of these kinds for inlined standard-library code. They depend on its inlining decisions, and
+  # even on the length of the source folder's path. So they are shown, but are not errors.
   target_compile_options(servodrome_options INTERFACE
     $<BUILD_INTERFACE:-Wno-null-dereference -Wno-error=array-bounds -Wno-error=restrict
     -Wno-error=stringop-overflow -Wno-error=stringop-overread -Wno-error=maybe-uninitialized -Wno-error=free-nonheap-object
@@ -20,8 +20,8 @@ else()
   target_compile_options(servodrome_options INTERFACE $<BUILD_INTERFACE:-fconstexpr-steps=500000000>)
 endif()
 if(SERVODROME_SANITIZE)
-  # The vptr and function checks need the type information that portable libraries are built without.
-  # Warnings are the plain build's: out of instrumented code GCC reports false ones.
+  # The vptr and function checks need type information, which portable libraries do not have.
+  # Warnings are left to the normal build, because GCC gives false ones for instrumented code.
   target_compile_options(servodrome_options INTERFACE $<BUILD_INTERFACE:-fsanitize=${SERVODROME_SANITIZE} -fno-omit-frame-pointer
     -fno-sanitize-recover=all -fno-sanitize=vptr -w>)
   if(CMAKE_CXX_COMPILER_ID MATCHES "Clang")
@@ -30,14 +30,14 @@ if(SERVODROME_SANITIZE)
   target_link_options(servodrome_options INTERFACE $<BUILD_INTERFACE:-fsanitize=${SERVODROME_SANITIZE}>)
 endif()
 
-# Sources whose headers (JSON, HTTP, command line) take longer to compile than they do, several at a time, where
-# SERVODROME_UNITY is on.
+# For sources whose headers (JSON, HTTP, command line) take longer to compile than the sources themselves: compiles several
+# sources together if SERVODROME_UNITY is on.
 function(servodrome_compile_together target)
   set_target_properties(${target} PROPERTIES UNITY_BUILD ${SERVODROME_UNITY} UNITY_BUILD_BATCH_SIZE 8)
 endfunction()
 
-# Headers that most sources of the target include, read once where SERVODROME_UNITY is on. ccache wants the option to know
-# what was in them (and CCACHE_SLOPPINESS, see tools/build).
+# Precompiles headers that most sources of the target include, if SERVODROME_UNITY is on. ccache needs the option to know
+# their content (and CCACHE_SLOPPINESS, see tools/build).
 function(servodrome_precompile target)
   if(SERVODROME_UNITY)
     target_precompile_headers(${target} PRIVATE ${ARGN})
@@ -45,15 +45,15 @@ function(servodrome_precompile target)
   endif()
 endfunction()
 
-# What takes longer to optimise than it runs, or waits for people and buses, at another level where SERVODROME_UNITY is on.
+# For code that takes longer to optimise than to run, or waits for users and buses: another level if SERVODROME_UNITY is on.
 function(servodrome_optimise_less target level)
   if(SERVODROME_UNITY)
     target_compile_options(${target} PRIVATE -O${level})
   endif()
 endfunction()
 
-# What runs in every tick of every axis: half as long as otherwise. GCC's packing of neighbouring variables is left out
-# (clang knows the option too): what was stored as a pair and is then read one by one has the processor wait for memory.
+# For code that runs in every tick of every axis: it then takes half the time. Switches off GCC's packing of neighbouring
+# variables (clang has the option too): reading single values after they were stored as a pair stalls the processor.
 function(servodrome_optimise_ticks target)
   if(NOT SERVODROME_SANITIZE AND NOT SERVODROME_SHARED)
     target_compile_options(${target} PRIVATE $<$<CONFIG:Release,RelWithDebInfo>:-O3 -fno-tree-slp-vectorize>)
@@ -84,37 +84,50 @@ function(servodrome_library name)
   set_property(GLOBAL APPEND PROPERTY servodrome_libraries servodrome_${name})
 endfunction()
 
-# servodrome_test(NAME SOURCES ... [DEPENDS ...] [LABELS ...]): one GoogleTest program, one ctest entry.
-function(servodrome_test name)
-  cmake_parse_arguments(arg "" "TIMEOUT" "SOURCES;DEPENDS;LABELS" ${ARGN})
-  add_executable(${name} ${arg_SOURCES})
-  target_link_libraries(${name} PRIVATE servodrome::options ${arg_DEPENDS} GTest::gtest_main GTest::gmock)
+# servodrome_tests_in_folder([DEPENDS ...] [ALONE NAME ...]): all *_test.cpp of the current folder become one program,
+# FOLDER_tests, and each file becomes one ctest entry of its name. Where SERVODROME_UNITY is on, several files are compiled
+# at a time, since their headers cost more than they do: what a file declares is in a namespace of the file's name.
+# A file under ALONE becomes a program of its own, because it replaces something in the whole program.
+function(servodrome_tests_in_folder)
+  cmake_parse_arguments(arg "" "" "DEPENDS;ALONE" ${ARGN})
+  get_filename_component(folder ${CMAKE_CURRENT_SOURCE_DIR} NAME)
+  file(GLOB sources CONFIGURE_DEPENDS *_test.cpp)
+  set(together)
+  foreach(source IN LISTS sources)
+    get_filename_component(name ${source} NAME_WE)
+    if(SERVODROME_ONLY_TESTS AND NOT name MATCHES "${SERVODROME_ONLY_TESTS}")
+      continue()
+    endif()
+    if(name IN_LIST arg_ALONE)
+      servodrome_test_program(${name} ${source} ${arg_DEPENDS})
+      set(command ${name})
+    else()
+      list(APPEND together ${source})
+      set(command ${folder}_tests --source=${name})
+    endif()
+    get_property(known GLOBAL PROPERTY servodrome_tests)
+    if(name IN_LIST known)  # two folders may have a test of the same name
+      set(name ${folder}_${name})
+    endif()
+    set_property(GLOBAL APPEND PROPERTY servodrome_tests ${name})
+    add_test(NAME ${name} COMMAND ${command})
+    set_tests_properties(${name} PROPERTIES TIMEOUT 900 LABELS "unit")
+  endforeach()
+  if(together)
+    servodrome_test_program(${folder}_tests "${together}" ${arg_DEPENDS})
+    servodrome_compile_together(${folder}_tests)
+  endif()
+endfunction()
+
+function(servodrome_test_program name sources)
+  add_executable(${name} ${sources})
+  target_link_libraries(${name} PRIVATE servodrome::options ${ARGN} servodrome_test_main)
   target_include_directories(${name} PRIVATE ${PROJECT_SOURCE_DIR}/tests ${PROJECT_BINARY_DIR}/generated)
   if(SERVODROME_SANITIZE)
     servodrome_optimise_less(${name} 0)
   else()
     servodrome_optimise_less(${name} 1)
   endif()
-  add_test(NAME ${name} COMMAND ${name})
-  set_property(GLOBAL APPEND PROPERTY servodrome_tests ${name})
-  if(NOT arg_TIMEOUT)
-    set(arg_TIMEOUT 900)
-  endif()
-  set_tests_properties(${name} PROPERTIES TIMEOUT ${arg_TIMEOUT} LABELS "unit;${arg_LABELS}")
-endfunction()
-
-# servodrome_tests_in_folder(DEPENDS ...): every *_test.cpp of the current folder becomes a test program of that name.
-function(servodrome_tests_in_folder)
-  cmake_parse_arguments(arg "" "" "DEPENDS" ${ARGN})
-  file(GLOB sources CONFIGURE_DEPENDS *_test.cpp)
-  foreach(source IN LISTS sources)
-    get_filename_component(name ${source} NAME_WE)
-    if(TARGET ${name})  # two folders may have a test of the same name
-      get_filename_component(folder ${CMAKE_CURRENT_SOURCE_DIR} NAME)
-      set(name ${folder}_${name})
-    endif()
-    servodrome_test(${name} SOURCES ${source} DEPENDS ${arg_DEPENDS})
-  endforeach()
 endfunction()
 
 # servodrome_bench(NAME SOURCES ... [DEPENDS ...]): one program under bench/.

@@ -1,9 +1,9 @@
-// For user-mode-linux on processors with AMX, loaded in front of it (LD_PRELOAD) by with-socketcan.
+// Workaround for user-mode-linux on processors with AMX; with-socketcan loads it with LD_PRELOAD.
 //
-// Its kernel keeps the extended registers of a process in a buffer of its own size; a host kernel takes them only as a
-// whole (ptrace, PTRACE_SETREGSET of NT_X86_XSTATE), and with AMX's tiles the whole is larger than that buffer: EFAULT,
-// and the kernel panics. So what it gets is the beginning, and what it sets goes over the beginning of what is there.
-// Tiles behind it stay with whatever runs; nothing here uses them.
+// The kernel of user-mode-linux stores the extended registers of a process in a buffer of fixed size. The host kernel
+// accepts them only as a whole (ptrace, PTRACE_SETREGSET of NT_X86_XSTATE). With the tiles of AMX the whole is larger than
+// that buffer, so ptrace fails with EFAULT and the kernel panics. This wrapper reads and writes only the beginning of the
+// registers. The tiles behind it keep the values of the running process; no program here uses them.
 #define _GNU_SOURCE
 #include <elf.h>
 #include <stdarg.h>
@@ -13,7 +13,7 @@
 #include <sys/uio.h>
 #include <unistd.h>
 
-static char whole[64 * 1024];  // one thread; the stacks of that kernel are too small for it
+static char whole[64 * 1024];  // static, because the stacks of that kernel are too small; there is one thread
 
 static long raw(long request, long process, long address, void* data) {
   return syscall(SYS_ptrace, request, process, address, data);
@@ -43,7 +43,7 @@ long ptrace(enum __ptrace_request request, ...) {
     return raw(PTRACE_SETREGSET, process, NT_X86_XSTATE, &all);
   }
 
-  // As the C library: what is peeked at is the result (ptrace(2)).
+  // As in the C library, the value that is read is the result (ptrace(2)).
   long peeked = 0;
   const int peeks = request >= PTRACE_PEEKTEXT && request <= PTRACE_PEEKUSER;
   const long status = raw(request, process, (long)address, peeks ? &peeked : data);

@@ -48,24 +48,24 @@ void add_serial_options(CLI::App& command, BusOptions& options) {
         "above the count of slaves) station alias; if not given, the only one found on CAN or EtherCAT, the unit alone "
         "behind a TCP address, any drive (id 127) with serial10");
   }
-  command.add_option("--bit-rate", options.bit_rate, "Of a serial line, bit/s")
+  command.add_option("--bit-rate", options.bit_rate, "Bit rate of a serial line in bit/s")
       ->check(CLI::Range(1200, 2'000'000).description(""))
       ->capture_default_str();
-  command.add_option("--format", options.format, "Of a serial line: data bits, parity, stop bits")
+  command.add_option("--format", options.format, "Format of a serial line: data bits, parity, stop bits")
       ->capture_default_str();
   command.add_option("--product", options.product,
-                     "Product whose Modbus registers and peculiarities the drive has, if it does not say so itself");
+                     "Product of the drive (Modbus registers, manufacturer-specific behaviour), if the drive does not "
+                     "identify itself");
 }
 
 void add_watch_option(CLI::App& command, BusOptions& options) {
-  command.add_flag(
-      "--no-watch", options.no_watch,
-      "CANopen: the drive does not watch this program's heartbeat (1016h, 6007h) meanwhile; it then goes on "
-      "with its last order when the cable is pulled");
+  command.add_flag("--no-watch", options.no_watch,
+                   "CANopen: do not let the drive monitor this program's heartbeat (1016h, 6007h); if the cable is "
+                   "pulled, the drive then continues with its last command");
 }
 
 void add_cycle_options(CLI::App& command, BusOptions& options) {
-  command.add_option("--cycle", options.cycle_ms, "EtherCAT: milliseconds from process data to process data")
+  command.add_option("--cycle", options.cycle_ms, "EtherCAT: cycle time of the process data in milliseconds")
       ->check(number_within(0.25, 100.0))
       ->capture_default_str();
   command.add_flag("--clocks", options.clocks, "EtherCAT: distributed clocks with SYNC0, instead of free run");
@@ -110,7 +110,7 @@ std::uint8_t choose_node(host::Bus& bus, const BusOptions& options, bool drives)
     throw Failure::did_not_work(
         fmt::format("{}: no {} answers; check bit rate and power, or give --node", bus.name(), what));
   }
-  throw Failure::wrong_use(fmt::format("{}: several {}s answer: {}; say which with --node", bus.name(), what, list));
+  throw Failure::wrong_use(fmt::format("{}: several {}s answer: {}; choose one with --node", bus.name(), what, list));
 }
 
 bool on_terminal() { return ::isatty(STDOUT_FILENO) == 1; }

@@ -12,7 +12,7 @@
 #include "host/canopen/scan.hpp"
 #include "host/canopen/sdo_client.hpp"
 
-// What the commands that talk to a bus share.
+// Options and functions shared by the commands that talk to a bus.
 namespace servodrome::app {
 
 inline constexpr const char* default_bus = "socketcand:127.0.0.1:29536/can0";
@@ -23,16 +23,16 @@ struct BusOptions {
   double timeout_s = 1.0;
   bool timeout_is_for_motion = false;  // and not for each answer
   bool json = false;
-  // Of drives that are not on a CAN bus
+  // For drives that are not on a CAN bus
   unsigned bit_rate = 115200;
   std::string format = "8N1";
   std::string product{};
-  // Of CANopen
+  // For CANopen
   bool no_watch = false;
-  // Of EtherCAT
+  // For EtherCAT
   double cycle_ms = 2.0;
   bool clocks = false;
-  // No option: hears what passes the link.
+  // Not an option: callback for the traffic on the link.
   links::Heard heard{};
 
   host::Time timeout() const {
@@ -45,35 +45,35 @@ enum class BusKind : std::uint8_t { can, modbus, serial10, ethercat };
 
 struct BusKindAndLink {
   BusKind kind;
-  std::string link;  // without the kind
+  std::string link;  // without the prefix of the kind
 };
-// `modbus:LINK`, `serial10:LINK`, and the EtherCAT links `udp:` and `raw:` are told by their beginning; everything else
-// is a CAN link.
+// The prefix decides: `modbus:LINK`, `serial10:LINK`, and the EtherCAT links `udp:` and `raw:`; everything else is a
+// CAN link.
 BusKindAndLink bus_kind(const BusOptions& options);
 
-// --bus, --json, and --timeout with its meaning for this command; `options` holds the defaults.
+// Adds --bus, --json, and --timeout with its meaning for this command; `options` holds the defaults.
 void add_bus_options(CLI::App& command, BusOptions& options, const std::string& timeout_help);
 void add_node_option(CLI::App& command, BusOptions& options);
-// For commands that work on other buses as well: --bit-rate, --format and --product, and what --bus takes.
+// For commands that also work on other buses: adds --bit-rate, --format and --product, and extends the help of --bus.
 void add_serial_options(CLI::App& command, BusOptions& options);
-// --no-watch, for commands that move an axis.
+// Adds --no-watch, for commands that move an axis.
 void add_watch_option(CLI::App& command, BusOptions& options);
-// --cycle and --clocks, for commands that take EtherCAT slaves to OP.
+// Adds --cycle and --clocks, for commands that take EtherCAT slaves to OP.
 void add_cycle_options(CLI::App& command, BusOptions& options);
 
-// Opens --bus, which must be a CAN link. Throws Failure if it is none, HostError if the link cannot be opened.
+// Opens --bus, which must be a CAN link. Throws Failure for another kind, HostError if the link cannot be opened.
 std::unique_ptr<host::Bus> open_bus(const BusOptions& options);
 
-// The node of --node, or the only node of the bus that answers (`drives`: the only CiA 402 drive). Throws Failure if
-// there is none, or several.
+// Returns the node of --node, or the only node that answers (`drives`: the only CiA 402 drive). Throws Failure if there
+// is none, or more than one.
 std::uint8_t choose_node(host::Bus& bus, const BusOptions& options, bool drives);
 
-// Standard output is a terminal: something may be rewritten in place.
+// Is standard output a terminal, so that a line can be rewritten?
 bool on_terminal();
 
-// Ctrl-C, SIGTERM and a terminal that goes away (SIGHUP, unless nohup has it ignored) end a command by its own will as
-// long as one of these lives: interrupted() is true from then on. A reader of its output that goes away (SIGPIPE) does
-// not end it, because an axis might be moving; unless it only looks.
+// While an object of this class lives, Ctrl-C, SIGTERM and the loss of the terminal (SIGHUP, unless nohup makes it
+// ignored) do not kill the program: they only set interrupted(), and the command ends itself. If the reader of the
+// output ends (SIGPIPE), the command continues, because an axis may be moving; a command that only looks ends.
 class InterruptGuard {
  public:
   enum class Command : std::uint8_t { acts, only_looks };
@@ -88,7 +88,7 @@ class InterruptGuard {
   std::array<struct sigaction, 4> before_{};
 };
 
-// For motions: shows position and velocity on a terminal.
+// Progress output of a motion: shows position and velocity on a terminal.
 host::Axis402::Progress motion_progress(host::Axis402& axis, bool quiet, const host::UnitScale& scale = {});
 // Ends the line that motion_progress() rewrites.
 void end_progress(bool quiet);

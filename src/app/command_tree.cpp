@@ -7,7 +7,7 @@
 namespace servodrome::app {
 namespace {
 
-// CLI11 writes what IsMember allows as "TEXT:{eds,csv}".
+// CLI11 writes the values of IsMember as "TEXT:{eds,csv}".
 std::vector<std::string> choices_in(const std::string& type_name) {
   std::vector<std::string> choices;
   const std::size_t begin = type_name.find(":{");
@@ -24,7 +24,7 @@ std::vector<std::string> choices_in(const std::string& type_name) {
   return choices;
 }
 
-// A switch of CLI11 has the type of a text, of which it expects none.
+// In CLI11 a flag has a text type with zero expected values.
 bool takes_value(const CLI::Option& option) { return option.get_type_size() != 0 && option.get_expected_max() != 0; }
 
 CommandNode command_node_of(const CLI::App& app, const std::string& before) {
@@ -70,7 +70,7 @@ CommandArgument argument_of(const CLI::Option& option, bool positional) {
 
 std::string CommandArgument::value_text() const {
   if (value == Value::none) return {};
-  // All products would be a long word, and there may be more by files.
+  // A list of all products would be long and incomplete, because files can add products.
   if (!choices.empty() && names.back() != "PRODUCT" && names.back() != "--product") {
     return fmt::format("{}", fmt::join(choices, "|"));
   }

@@ -4,13 +4,13 @@
 #include <string>
 #include <vector>
 
-// What the commands are, as their definitions (CLI11) have it: for the manual page and the shells' completions.
+// The tree of commands and options, read from the CLI11 definitions, for the manual page and shell completion.
 namespace servodrome::app {
 
 struct CommandArgument {
-  enum class Value : std::uint8_t { none, number, text };  // of a text any file may be the one
+  enum class Value : std::uint8_t { none, number, text };  // a text may be a file name
 
-  std::vector<std::string> names{};  // "-o", "--output"; of a positional its one name
+  std::vector<std::string> names{};  // "-o", "--output"; a positional has one name
   Value value = Value::none;
   std::vector<std::string> choices{};
   std::string default_value{};
@@ -34,10 +34,10 @@ struct CommandNode {
 CommandArgument argument_of(const CLI::Option& option, bool positional);
 CommandNode command_tree(const CLI::App& app);
 
-// Every node of the tree, from the top down.
+// All nodes of the tree, parents before children.
 std::vector<const CommandNode*> all_commands(const CommandNode& root);
 
-// "[OPTIONS] FORMAT PRODUCT": what follows the path in a line of usage.
+// "[OPTIONS] FORMAT PRODUCT": the part after the path in a usage line.
 std::string usage_of(const CommandNode& node);
 
 }  // namespace servodrome::app

@@ -6,7 +6,7 @@
 
 namespace servodrome::app {
 
-// How a command ends that did not do what was asked. Caught in main.
+// Ends a command that could not do its task, with exit status 1 or 2. Caught in main.
 class Failure : public std::runtime_error {
  public:
   static Failure did_not_work(const std::string& message) { return {1, message}; }
@@ -24,7 +24,7 @@ class Failure : public std::runtime_error {
   int exit_status_;
 };
 
-// To standard error, from a command that goes on.
+// Prints to standard error; the command continues.
 void warn(const std::string& message);
 
 void add_up(CLI::App& app);

@@ -10,7 +10,7 @@
 namespace servodrome::app {
 namespace {
 
-// A group of drives as the studio's threads use it.
+// Adapts a group of drives to the threads of the studio.
 class OpenGroup final : public studio::OpenBus {
  public:
   OpenGroup(const BusOptions& options, const std::vector<DriveGroup::Member>& members) : group_(options, members) {}
@@ -20,7 +20,7 @@ class OpenGroup final : public studio::OpenBus {
     return drives;
   }
   void back(std::size_t drive) override { group_.renew_watch(drive); }
-  // They share the bus: it runs for all of them.
+  // All drives share the bus, so any of them can wait.
   void wait(host::Time span) override { group_.axes().front()->objects().wait(span); }
   Cyclic open_cyclic(std::size_t drive, const host::CanDrive& exchanged) override {
     return {group_.open_cyclic(exchanged), group_.operates() ? drive : 0};
@@ -57,7 +57,7 @@ Named read_bus(const std::string& text, BusOptions options) {
     if (error != std::errc() || end != number.data() + number.size() || node == 0 || node > 65535 || known) {
       throw Failure::wrong_use(fmt::format(
           "--bus {}: \"{}\" {}; write node-IDs, stations or positions behind the link, as socketcan:can0=1,3", text,
-          number, known ? "is given twice" : "is no number of a drive"));
+          number, known ? "is given twice" : "is not a drive number"));
     }
     bus.nodes.push_back(node);
     if (number.size() == rest.size()) return bus;
@@ -109,11 +109,11 @@ std::vector<studio::DrivePlan> drives_on_ethercat(const Named& named) {
   return drives;
 }
 
-// A serial line is not searched: a station that is silent takes a second.
+// A serial line is not scanned, because every missing station costs one second.
 std::vector<studio::DrivePlan> drives_on_modbus(const Named& named, const std::string& link) {
   host::ModbusClient client = open_modbus_client(named.options, link, {.timeout = named.options.answer_timeout()});
   std::vector<unsigned> nodes = named.nodes;
-  if (nodes.empty()) nodes.push_back(0);  // the one alone behind a TCP address
+  if (nodes.empty()) nodes.push_back(0);  // the only one behind a TCP address
   std::vector<studio::DrivePlan> drives;
   for (const unsigned node : nodes) {
     BusOptions one = named.options;
@@ -183,10 +183,10 @@ std::vector<studio::BusPlan> find_drives(const std::vector<std::string>& buses, 
     const Named named = read_bus(text, common);
     const auto same = [&named](const studio::BusPlan& plan) { return plan.link == named.options.link; };
     if (std::any_of(plans.begin(), plans.end(), same)) {
-      throw Failure::wrong_use(fmt::format("--bus {}: the bus is given twice; name all its drives in one", text));
+      throw Failure::wrong_use(fmt::format("--bus {}: the bus is given twice; give all its drives in one --bus", text));
     }
     plans.push_back(plan_of(named));
-    // What it is and where: "ismc-1"; "ismk", if it is alone. The same on a second bus: "ismc-1-2".
+    // Name and address: "ismc-1"; "ismk" without an address. A repeated name gets a number: "ismc-1-2".
     for (studio::DrivePlan& drive : plans.back().drives) {
       const std::string what = drive.product.empty() ? "drive" : drive.product;
       const std::string plain = drive.address == 0 ? what : fmt::format("{}-{}", what, drive.address);

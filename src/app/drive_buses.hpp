@@ -7,8 +7,9 @@
 
 namespace servodrome::app {
 
-// The drives behind several --bus LINK[=NODE,NODE..]: those named, else all that are found. `common` is what the
-// options have for all buses. Throws Failure for what is no link or has no drive, HostError if a bus cannot be opened.
+// Finds the drives behind several --bus LINK[=NODE,NODE..]: those that are named, otherwise all. `common` holds the
+// options for all buses. Throws Failure for an invalid link or a bus without drives, HostError if a bus cannot be
+// opened.
 std::vector<studio::BusPlan> find_drives(const std::vector<std::string>& buses, const BusOptions& common);
 
 }  // namespace servodrome::app

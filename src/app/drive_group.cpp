@@ -68,14 +68,14 @@ std::unique_ptr<host::CyclicBus> DriveGroup::open_cyclic(const host::CanDrive& o
   constexpr host::Time period = std::chrono::milliseconds(1);
   if (operation_) return std::make_unique<host::EthercatCyclicBus>(*ethercat_, *operation_);
   if (!bus_) throw host::HostError("there are no process data", "this bus", "use the drive's CAN or EtherCAT port");
-  // Some drives answer a SYNC with their next tick, which can be later than half a period.
+  // Some drives answer a SYNC in their next tick, which may be more than half a period later.
   return std::make_unique<host::CanCyclicBus>(*bus_, std::vector{on_can},
                                               host::CanCyclicOptions{.period = period, .waits_whole_period = true});
 }
 
 void DriveGroup::configure(std::size_t axis, const Action& action, const Action& undo) {
   if (!operation_) return action(*objects_[axis]);
-  operation_.reset();  // they go to PREOP
+  operation_.reset();  // all slaves go to PREOP
   host::EthercatSlave& slave = *slaves_[axis];
   host::CoeObjects objects(slave);
   action(objects);
@@ -132,7 +132,7 @@ void DriveGroup::open_ethercat(const BusOptions& options, const std::vector<Memb
     slaves_.push_back(std::make_unique<host::EthercatSlave>(*ethercat_, found, options.answer_timeout()));
     products.push_back(own.product.empty() ? product_of(found) : named_product(own));
     if (!is_drive(*slaves_.back())) {
-      throw Failure::wrong_use(fmt::format("{}: it is no CiA 402 drive", slaves_.back()->where()));
+      throw Failure::wrong_use(fmt::format("{}: it is not a CiA 402 drive", slaves_.back()->where()));
     }
   }
   operation_options_ = operation_options(options);

@@ -39,7 +39,7 @@ bool is_tcp(const std::string& link) {
 
 }  // namespace
 
-// Variants of a product have one port.
+// Variants of a product have the same port.
 const line::Product* product_that_speaks(products::SerialProtocol protocol) {
   const line::Product* found = nullptr;
   for (const line::Product& product : line::all_products()) {
@@ -154,8 +154,8 @@ std::uint8_t modbus_unit(const BusOptions& options, const std::string& link) {
   auto unit = static_cast<std::uint8_t>(options.node_id);
   if (unit == 0) {
     if (!is_tcp(link)) {
-      throw Failure::wrong_use(fmt::format(
-          "--bus {}: say which station with --node; `servodrome scan` lists those there are", options.link));
+      throw Failure::wrong_use(
+          fmt::format("--bus {}: choose a station with --node; `servodrome scan` lists the stations", options.link));
     }
     unit = modbus::unspecified_unit;
   }
@@ -173,7 +173,7 @@ host::RegisterList register_list_of(const line::Product& product) {
 
 host::RegisterList DriveLink::register_list() const { return register_list_of(*product_); }
 
-// A station without identification may be anything, and addresses mean something else for each product.
+// A station without identification may be any product, and register addresses differ between products.
 const line::Product& modbus_product(host::ModbusClient& client, std::uint8_t unit) {
   std::string name;
   try {
@@ -190,13 +190,13 @@ const line::Product& modbus_product(host::ModbusClient& client, std::uint8_t uni
   for (const line::Product& candidate : line::all_products()) {
     if (candidate.serial != nullptr) known += fmt::format("{}{}", known.empty() ? "" : ", ", candidate.name);
   }
-  const std::string said = name.empty() ? "it does not say what it is" : fmt::format("\"{}\" is not known", name);
+  const std::string said = name.empty() ? "it does not identify itself" : fmt::format("\"{}\" is not known", name);
   if (const line::Product* similar = product_by_registers(client, unit); similar != nullptr) {
     throw Failure::wrong_use(fmt::format("{}, unit {}: {}; it has the registers of {}: give --product {} if it is one",
                                          client.name(), unit, said, similar->name, similar->name));
   }
-  throw Failure::wrong_use(fmt::format("{}, unit {}: {}; give --product with the one whose registers it has ({})",
-                                       client.name(), unit, said, known));
+  throw Failure::wrong_use(
+      fmt::format("{}, unit {}: {}; give its product with --product ({})", client.name(), unit, said, known));
 }
 
 void DriveLink::open_serial10(const BusOptions& options, const std::string& link) {
@@ -241,7 +241,7 @@ const host::FoundSlave& choose_slave(const host::EthercatMaster& master, const s
   }
   const std::string problem = options.node_id == 0 ? "several slaves answer"
                                                    : fmt::format("no slave has position or alias {}", options.node_id);
-  throw Failure::wrong_use(fmt::format("{}: {}: {}; say which with --node", master.name(), problem, list));
+  throw Failure::wrong_use(fmt::format("{}: {}: {}; choose one with --node", master.name(), problem, list));
 }
 
 bool is_drive(host::EthercatSlave& slave) {
@@ -253,8 +253,8 @@ bool is_drive(host::EthercatSlave& slave) {
 host::OperationOptions operation_options(const BusOptions& options) {
   const auto period =
       std::chrono::duration_cast<host::Time>(std::chrono::duration<double, std::milli>(options.cycle_ms));
-  // Between two computers or under load a frame may take longer than a cycle; it is not lost for that.
-  constexpr std::uint16_t any = 0;  // lost cycles: this computer is no real-time system, and check() counts them
+  // Between two computers or under load a frame may take longer than a cycle; such a late frame does not count as lost.
+  constexpr std::uint16_t any = 0;  // check() counts lost cycles; this computer is no real-time system
   return {.cyclic = {.period = period, .tolerated_losses = 50},
           .distributed_clocks = options.clocks,
           .sync_error_limit = any};
@@ -265,15 +265,16 @@ void DriveLink::open_ethercat(const BusOptions& options, bool drives) {
   line_ = scan_segment(*ethercat_);
   const host::FoundSlave& found = choose_slave(*ethercat_, line_, options);
   if (found.status.state() == host::AlState::operational) {
-    warn(fmt::format(
-        "{}, slave {}: it is in OP, so another master is at work: both take answers out of its one mailbox, "
-        "and either may miss its own; end the other first",
-        ethercat_->name(), found.position));
+    warn(
+        fmt::format("{}, slave {}: it is in OP, so another master is active: two masters read each other's answers "
+                    "from its one mailbox; stop the other master first",
+                    ethercat_->name(), found.position));
   }
   slave_ = std::make_unique<host::EthercatSlave>(*ethercat_, found, options.answer_timeout());
   if (product_ == nullptr) product_ = product_of(found);
   if (drives && !is_drive(*slave_)) {
-    throw Failure::wrong_use(fmt::format("{}: it is no CiA 402 drive; say which is with --node", slave_->where()));
+    throw Failure::wrong_use(
+        fmt::format("{}: it is not a CiA 402 drive; choose another slave with --node", slave_->where()));
   }
   objects_ = std::make_unique<host::CoeObjects>(*slave_);
 }
@@ -295,7 +296,7 @@ void DriveLink::operate(const BusOptions& options) {
 std::unique_ptr<host::CyclicBus> DriveLink::open_cyclic(const host::CanDrive& on_can, const BusOptions& options) {
   if (operation_) return std::make_unique<host::EthercatCyclicBus>(*ethercat_, *operation_);
   if (!bus_) throw Failure::wrong_use(fmt::format("--bus {}: it has no process data", options.link));
-  // Some drives answer a SYNC with their next tick, which can be later than half a period.
+  // Some drives answer a SYNC in their next tick, which may be more than half a period later.
   return std::make_unique<host::CanCyclicBus>(
       *bus_, std::vector{on_can},
       host::CanCyclicOptions{.period = operation_options(options).cyclic.period, .waits_whole_period = true});

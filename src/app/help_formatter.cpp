@@ -11,7 +11,7 @@ namespace {
 constexpr std::size_t help_width = 100;
 constexpr std::size_t help_column = 28;
 
-// Words of `text` in lines that begin at `column`; the first line has `used` characters already.
+// Wraps the words of `text` into lines that begin at `column`; the first line already has `used` characters.
 std::string wrapped_help(const std::string& text, std::size_t column, std::size_t used) {
   std::istringstream words(text);
   std::string lines;
@@ -73,8 +73,8 @@ std::string HelpFormatter::make_subcommand(const CLI::App* command) const {
 std::string HelpFormatter::make_footer(const CLI::App* app) const {
   if (!app->get_subcommands([](const CLI::App*) { return true; }).empty()) {
     return wrapped_help(
-        "`servodrome COMMAND --help` shows a command's options. Exit status: 0, it worked; 1, it did not; 2, "
-        "wrong use; 128 and a signal's number, broken off by it.",
+        "`servodrome COMMAND --help` shows a command's options. Exit status: 0: success; 1: failure; 2: wrong use; 128 "
+        "and the signal's number: ended by a signal.",
         0, 0);
   }
   return {};

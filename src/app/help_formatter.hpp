@@ -4,7 +4,7 @@
 
 namespace servodrome::app {
 
-// `--help` as people read it: lines no longer than a terminal is wide, and what a value is in words.
+// `--help` for people: lines no longer than the width of a terminal, and value types in words.
 class HelpFormatter final : public CLI::Formatter {
  public:
   std::string make_option(const CLI::Option* option, bool is_positional) const override;

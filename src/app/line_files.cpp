@@ -18,7 +18,7 @@ line::LineSettings settings_of(line::LineFile loaded, const std::string& name) {
   throw Failure::wrong_use(message);
 }
 
-// As a basic string of TOML holds it.
+// Quotes a text as a basic string of TOML.
 std::string toml_quoted(std::string_view text) {
   std::string result;
   for (const char letter : text) {

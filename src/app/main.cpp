@@ -32,13 +32,13 @@ int end_of_output() {
   return written ? 0 : report_lost_output();
 }
 
-// What a signal broke off ends as shells have it of a program that the signal has killed.
+// A command that a signal ended returns the status that shells use for a killed program, 128 + signal.
 int status_of(int exit_status) {
   const int signal = interrupting_signal();
   return exit_status == 1 && signal != 0 ? 128 + signal : exit_status;
 }
 
-// An option without a value would be as good as not given: `--velocity "$v"` of a script whose v is empty.
+// An empty value would act like a missing option, as in `--velocity "$v"` with an empty v in a script.
 void refuse_empty_values(CLI::App& app) {
   for (CLI::Option* option : app.get_options([](CLI::Option* one) { return one->nonpositional(); })) {
     if (option->get_type_size() == 0) continue;
@@ -49,7 +49,7 @@ void refuse_empty_values(CLI::App& app) {
   for (CLI::App* command : app.get_subcommands([](CLI::App*) { return true; })) refuse_empty_values(*command);
 }
 
-// CLI11 reports a mistyped command as a missing one.
+// CLI11 reports an unknown command as a missing one.
 void refuse_unknown_command(const CLI::App& app, int argc, char** argv) {
   if (argc < 2 || argv[1][0] == '-') return;
   const std::vector<const CLI::App*> known = app.get_subcommands([](const CLI::App*) { return true; });
@@ -83,8 +83,8 @@ int main(int argc, char** argv) {
     std::cout.flush();
     return std::cout ? end_of_output() : report_lost_output();
   } catch (const CLI::ParseError& error) {
-    return report(
-        2, fmt::format("{}; `servodrome --help` and `servodrome COMMAND --help` show what there is", error.what()));
+    return report(2, fmt::format("{}; `servodrome --help` lists the commands, `servodrome COMMAND --help` its options",
+                                 error.what()));
   } catch (const Failure& failure) {
     return report(status_of(failure.exit_status()), failure.what());
   } catch (const std::exception& error) {

@@ -5,7 +5,7 @@
 namespace servodrome::app {
 namespace {
 
-// A hyphen that is typed is \-; a line that begins with a dot or an apostrophe would be a macro.
+// Escapes a text for roff: a literal hyphen is \-; a dot or an apostrophe at the start of a line would begin a macro.
 std::string roff(const std::string& text) {
   std::string escaped;
   if (text.starts_with('.') || text.starts_with('\'')) escaped = "\\&";
@@ -35,7 +35,7 @@ std::string manual_head_of(const CommandArgument& argument) {
 std::string text_of_arguments(const std::vector<CommandArgument>& arguments) {
   std::string text;
   for (const CommandArgument& argument : arguments) {
-    if (argument.names.back() == "--help") continue;  // said once, above
+    if (argument.names.back() == "--help") continue;  // described once, above
     std::string description = roff(argument.description);
     if (argument.required && argument.names.back().starts_with("-")) description += " (required)";
     if (!argument.default_value.empty()) description += fmt::format(" (default: {})", roff(argument.default_value));
@@ -47,21 +47,21 @@ std::string text_of_arguments(const std::vector<CommandArgument>& arguments) {
 constexpr const char* exit_status_section = R"(.SH EXIT STATUS
 .TP
 \fB0\fR
-It worked.
+Success.
 .TP
 \fB1\fR
-It did not work; standard error says what, where and what to do.
+Failure; standard error shows what happened, where, and what to do.
 .TP
 \fB2\fR
 Wrong use: nothing was done.
 .TP
 \fB130\fR, \fB143\fR, \fB129\fR
-Broken off by Ctrl\-C, SIGTERM or a terminal that went away: an axis that moved has been brought to rest.
+Ended by Ctrl\-C, SIGTERM or the end of the terminal; an axis that moved has been stopped.
 )";
 constexpr const char* environment_section = R"(.SH ENVIRONMENT
 .TP
 \fBSERVODROME_TOKEN\fR
-The token with which other machines may write over the bench API of \fBservodrome up\fR.
+The token that other computers need to write over the bench API of \fBservodrome up\fR.
 .TP
 \fBSERVODROME_STUDIO\fR
 Folder with the web page that \fBservodrome up\fR serves.

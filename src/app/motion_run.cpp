@@ -16,8 +16,8 @@ void add_motion_options(CLI::App& command, MotionOptions& options, const std::st
   add_unit_options(command, options.units);
   command.add_flag("--reset-fault", options.reset_fault, "Reset a fault first");
   command.add_flag("--disable", options.disable,
-                   "Disable the drive afterwards instead of holding the position (on EtherCAT always: a drive holds "
-                   "while a master exchanges data with it)");
+                   "Disable the drive afterwards instead of holding the position (on EtherCAT always, because a drive "
+                   "holds its position only while a master exchanges data with it)");
 }
 
 void run_motion(const MotionOptions& options, const std::function<Motion(const Units&)>& plan) {
@@ -40,7 +40,7 @@ void run_motion(const MotionOptions& options, const std::function<Motion(const U
     result = motion(axis, motion_progress(axis, options.bus.json, scale));
     seconds = std::chrono::duration<double>(link.objects().now() - start).count();
     position = axis.position();
-    // A slave that leaves OP with its motor on takes that for a fault.
+    // A slave that leaves OP while its motor is on goes to fault.
     if (options.disable || link.operates()) axis.disable();
   } catch (...) {
     end_progress(options.bus.json);

@@ -7,7 +7,7 @@
 #include "app/number_options.hpp"
 #include "app/unit_options.hpp"
 
-// What the commands that move one axis share.
+// Shared by the commands that move one axis.
 namespace servodrome::app {
 
 struct MotionOptions {
@@ -17,15 +17,15 @@ struct MotionOptions {
   UnitOptions units{};
 };
 
-// All but the motion's own: bus, node, serial line, cycle, units, --reset-fault, --disable.
+// Adds all options except those of the single motion: bus, node, serial line, cycle, units, --reset-fault, --disable.
 void add_motion_options(CLI::App& command, MotionOptions& options, const std::string& timeout_help);
 
-// Turns numbers of people into the drive's units, rounded. Throws Failure where there is no such number.
+// Converts the user's numbers to the drive's units, rounded. Throws Failure if the result is out of range.
 class Units {
  public:
   explicit Units(const host::UnitScale& scale) : units_(scale.drive) {}
 
-  // `name` stands in error messages.
+  // `name` is used in error messages.
   template <typename T>
   T position(double number, const char* name) const {
     return whole_units<T>(number * units_.position, name, number);
@@ -52,7 +52,7 @@ class Units {
   host::AxisUnits units_;
 };
 
-// How a motion went: a word for the result ("moved"), and what else is to be printed of it.
+// Result of a motion: a word for it ("moved"), and further values to print.
 struct MotionResult {
   std::string done;
   std::vector<std::pair<std::string, std::optional<std::int32_t>>> positions{};  // in the drive's units
@@ -60,8 +60,8 @@ struct MotionResult {
 };
 using Motion = std::function<MotionResult(host::Axis402&, const host::Axis402::Progress&)>;
 
-// Lets `plan` make a motion of the options, enables the drive, lets the motion run, and says where the axis is. Options
-// that cannot be followed leave the drive as it was; what fails later leaves it at rest and disabled.
+// Calls `plan` to create a motion from the options, enables the drive, runs the motion, and prints the final position.
+// Invalid options leave the drive unchanged; after a later error the axis stands and is disabled.
 void run_motion(const MotionOptions& options, const std::function<Motion(const Units&)>& plan);
 
 }  // namespace servodrome::app

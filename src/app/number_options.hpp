@@ -8,21 +8,21 @@
 
 #include "app/commands.hpp"
 
-// Numbers of the command line, where "nan" and "1e300" are numbers as well.
+// Numbers of the command line, which may also be "nan" and "1e300".
 namespace servodrome::app {
 
-// A number from `low` to `high`. CLI::Range would let "nan" pass.
+// A number from `low` to `high`. CLI::Range would accept "nan".
 inline CLI::Validator number_within(double low, double high) {
   return {[low, high](const std::string& text) -> std::string {
             double value = 0.0;
             if (CLI::detail::lexical_cast(text, value) && value >= low && value <= high) return {};
-            return fmt::format("{} is no number from {:g} to {:g}", text, low, high);
+            return fmt::format("{} is not a number from {:g} to {:g}", text, low, high);
           },
           ""};
 }
 
-// `units`, rounded, as an object of the drive takes it. Throws Failure, which begins with `option` and the `number`
-// given with it, if the type does not hold it.
+// Rounds `units` to the type of a drive's object. Throws Failure if the type cannot hold it; the message begins with
+// `option` and the given `number`.
 template <std::integral T>
 T whole_units(double units, const char* option, double number) {
   const double rounded = std::round(units);

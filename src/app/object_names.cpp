@@ -55,7 +55,7 @@ nlohmann::ordered_json value_json(std::span<const std::byte> bytes, std::optiona
   }
   if (*type == Type::boolean && !bytes.empty()) return bytes[0] != std::byte{0};
   if (dictionary::size_of(*type) != 0 && !bytes.empty() && bytes.size() <= 8) {
-    // By the bytes that came, as in text: a drive may have another size than is known.
+    // Uses the size of the received bytes, as in text: the drive's size may differ from the known one.
     std::uint64_t raw = 0;
     std::memcpy(&raw, bytes.data(), bytes.size());
     if (!dictionary::is_signed(*type)) return raw;

@@ -4,8 +4,8 @@
 
 namespace servodrome::app {
 
-// Where the studio's page is: what was asked for, or beside this program: in the build folder it was built into, or
-// where it was installed. Empty: nowhere. Throws Failure when what was asked for is none.
+// The folder of the studio's page: the wanted one, otherwise the one beside this program, in the build folder or as
+// installed. Empty: not found. Throws Failure if the wanted folder has no page.
 std::string page_folder(const std::string& wanted);
 
 }  // namespace servodrome::app

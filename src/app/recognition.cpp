@@ -14,7 +14,7 @@ constexpr std::size_t signature_objects = 6;
 
 bool is_makers_own(const dictionary::Entry& entry) { return entry.index >= 0x2000 && entry.index < 0x6000; }
 
-// `count` of them at most, from all over the list.
+// At most `count` of them, evenly spread over the list.
 template <typename T>
 std::vector<T> some_of(const std::vector<T>& all, std::size_t count) {
   if (all.size() <= count) return all;
@@ -59,7 +59,7 @@ std::string Descriptions::name_of(std::uint32_t vendor_id, std::uint32_t product
       const describe::EsiDevice device = describe::read_esi(text, path, fmt::format("#x{:08X}", product_code));
       if (is_it(device.device)) return shown(device.name.empty() ? device.type : device.name, path);
     } catch (const describe::DeviceFileError&) {
-      // Another device's file.
+      // The file describes another device.
     }
   }
   return {};

@@ -9,16 +9,16 @@
 #include "host/object_client.hpp"
 #include "line/registry.hpp"
 
-// What a drive is: by its identity, by makers' descriptions, or by the objects it has.
+// Recognises the product of a drive: by its identity, by description files, or by its objects.
 namespace servodrome::app {
 
-// Makers' descriptions that a scan is given: --eds and --esi.
+// The description files given to a scan: --eds and --esi.
 class Descriptions {
  public:
-  // Throws Failure for a file that cannot be read.
+  // Throws Failure for an unreadable file.
   Descriptions(const std::vector<std::string>& eds, const std::vector<std::string>& esi);
 
-  // "AX-402 (drive.eds)" for the device of this vendor and product code; "": none of the files has it.
+  // "AX-402 (drive.eds)" for the device with this vendor and product code; "": no file describes it.
   std::string name_of(std::uint32_t vendor_id, std::uint32_t product_code) const;
 
  private:
@@ -26,15 +26,15 @@ class Descriptions {
   std::vector<std::pair<std::string, std::string>> slave_files_;  // path and text: a file may have many devices
 };
 
-// Objects of the makers' own area (2000h to 5FFFh) that of all products of the bus this one alone has, by address and
-// size: a few, from all over its table.
+// Objects of the manufacturer area (2000h to 5FFFh) that only this product has on its bus, by address and size: a few,
+// spread over its table.
 std::vector<const dictionary::Entry*> signature_of(const line::Product& product);
 
-// The product whose signature the drive has; nullptr: none, or several. Some objects are read, none is written.
+// The product whose signature the drive has; nullptr: none, or more than one. Reads some objects, writes none.
 const line::Product* product_by_objects(host::ObjectClient& objects, line::Fieldbus bus);
 
-// The product all of whose registers that are tried the station has; nullptr: none, or several (a station that answers
-// at any address). Variants of one product have the same registers: the first of them.
+// The product of which the station has all registers that are tried; nullptr: none, or more than one (such a station
+// answers at any address). Variants of one product have the same registers: returns the first variant.
 const line::Product* product_by_registers(host::ModbusClient& client, std::uint8_t unit);
 
 }  // namespace servodrome::app

@@ -2,7 +2,7 @@
 
 #include <CLI/CLI.hpp>
 
-// The commands that print what the others are; they talk to no bus.
+// Commands that print information about the other commands; they use no bus.
 namespace servodrome::app {
 
 void add_completion(CLI::App& app);

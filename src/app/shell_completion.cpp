@@ -7,7 +7,7 @@ namespace {
 
 using Value = CommandArgument::Value;
 
-// Of descriptions, in single quotes of any of the three shells: what would end or change them is left out.
+// Removes the characters `without`, so that the description can stand in single quotes in any of the three shells.
 std::string quotable(const std::string& text, const char* without) {
   std::string kept;
   for (const char c : text) {
@@ -16,7 +16,7 @@ std::string quotable(const std::string& text, const char* without) {
   return kept;
 }
 
-// "servodrome move:--to|servodrome move:--by": a pattern for `case`, of the options that `wanted` picks.
+// "servodrome move:--to|servodrome move:--by": a `case` pattern of the options for which `wanted` returns true.
 template <typename Wanted>
 std::string pattern_of_options(const CommandNode& node, Wanted wanted) {
   std::string pattern;
@@ -32,7 +32,7 @@ std::string pattern_of_options(const CommandNode& node, Wanted wanted) {
 bool takes_file(const CommandArgument& option) { return option.value == Value::text && option.choices.empty(); }
 bool takes_number(const CommandArgument& option) { return option.value == Value::number && option.choices.empty(); }
 
-// The lines of a `case` over "COMMAND:WORD BEFORE" of bash and zsh; `words`, `files` and `nothing` are what they do.
+// The lines of a `case` over "COMMAND:PREVIOUS WORD" in bash and zsh; `words`, `files` and `nothing` are their actions.
 std::string cases_of_values(const CommandNode& root, const char* words, const char* files, const char* nothing) {
   std::string lines;
   const auto add = [&lines](const std::string& pattern, const std::string& action) {
@@ -50,7 +50,7 @@ std::string cases_of_values(const CommandNode& root, const char* words, const ch
   return lines;
 }
 
-// "servodrome params"|"servodrome params save"|...
+// The pattern "servodrome params"|"servodrome params save"|...
 std::string pattern_of_commands(const CommandNode& root) {
   std::string pattern;
   for (const CommandNode* node : all_commands(root)) {

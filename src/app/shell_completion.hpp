@@ -2,7 +2,7 @@
 
 #include "app/command_tree.hpp"
 
-// Scripts with which shells complete the commands, their options and the values that are words.
+// Shell scripts that complete commands, options and those values that are words.
 namespace servodrome::app {
 
 std::string bash_completion(const CommandNode& root);

@@ -13,36 +13,37 @@ host::UnitChoice UnitOptions::choice() const {
                                 .feed_mm = feed_mm};
   const bool in_millimetres = choice.system == UnitSystem::millimetres;
   if (in_millimetres && !feed_mm) {
-    throw Failure::wrong_use("--units mm: say with --feed how many mm a motor revolution moves");
+    throw Failure::wrong_use("--units mm: give the feed per motor revolution in mm with --feed");
   }
   if (!in_millimetres && feed_mm) throw Failure::wrong_use("--feed goes with --units mm");
   const bool of_revolution = choice.system != UnitSystem::drive && choice.system != UnitSystem::counts;
   if (units_per_revolution && !of_revolution) {
-    throw Failure::wrong_use(fmt::format("--units-per-revolution says nothing about --units {}", name));
+    throw Failure::wrong_use(fmt::format("--units-per-revolution does not apply to --units {}", name));
   }
   return choice;
 }
 
 host::UnitScale scale_of(host::Axis402& axis, const host::UnitChoice& choice) {
-  return host::UnitScale::of(axis, choice, "say it with --units-per-revolution NUMBER");
+  return host::UnitScale::of(axis, choice, "give them with --units-per-revolution NUMBER");
 }
 
 void add_unit_options(CLI::App& command, UnitOptions& options) {
   CLI::Option* const units =
       command
-          .add_option("--units", options.name,
-                      "What numbers are in, and per s and s2: drive (its own user-defined units), counts (of the "
-                      "encoder), revolutions, rpm (revolutions, rpm, rpm/s), degrees, or mm with --feed")
+          .add_option(
+              "--units", options.name,
+              "Units of positions, velocities (per s) and accelerations (per s2): drive (the drive's user-defined "
+              "units), counts (of the encoder), revolutions, rpm (revolutions, rpm, rpm/s), degrees, or mm with --feed")
           ->check([](const std::string& word) {
             return host::unit_system_named(word) ? std::string() : "units are " + host::list_of_unit_systems();
           })
           ->capture_default_str();
   command.add_flag("--revolutions", options.revolutions, "Short for --units revolutions")->excludes(units);
-  command.add_option("--feed", options.feed_mm, "Millimetres that a motor revolution moves, for --units mm")
+  command.add_option("--feed", options.feed_mm, "Feed per motor revolution in mm, for --units mm")
       ->check(number_within(1e-6, 1e6));
   command
       .add_option("--units-per-revolution", options.units_per_revolution,
-                  "Position units of the drive in a motor revolution, if it does not say so itself (ISMC)")
+                  "Position units of the drive per motor revolution, if the drive does not report them (ISMC)")
       ->check(number_within(1e-3, 1e9));
 }
 

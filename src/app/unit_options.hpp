@@ -6,7 +6,7 @@
 
 #include "host/axis_units.hpp"
 
-// --units and what goes with it: in what the commands that move an axis, or show it, take and print numbers.
+// --units and related options: the units in which commands that move or show an axis read and print numbers.
 namespace servodrome::app {
 
 struct UnitOptions {
@@ -15,11 +15,11 @@ struct UnitOptions {
   std::optional<double> units_per_revolution{};
   std::optional<double> feed_mm{};
 
-  // Throws Failure if the options do not fit each other; asks no drive.
+  // Throws Failure if the options contradict each other; needs no drive.
   host::UnitChoice choice() const;
 };
 
-// Throws HostError if the drive does not say what a revolution is, and the options neither.
+// Throws HostError if neither the drive nor the options give the size of a revolution.
 host::UnitScale scale_of(host::Axis402& axis, const host::UnitChoice& choice);
 
 void add_unit_options(CLI::App& command, UnitOptions& options);

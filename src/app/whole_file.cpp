@@ -15,7 +15,7 @@ namespace servodrome::app {
 void write_whole_file(const std::string& path, const std::string& text) {
   std::error_code error;
   std::filesystem::path target = std::filesystem::canonical(path, error);
-  if (error) target = path;  // it is not there yet
+  if (error) target = path;  // the file does not exist yet
   const bool replaces = !std::filesystem::exists(target, error) || std::filesystem::is_regular_file(target, error);
   const std::filesystem::path part = replaces ? std::filesystem::path(target.string() + ".part") : target;
   error.clear();
@@ -49,7 +49,7 @@ std::string read_text_file(const std::string& path, const std::string& what, boo
   while (in.read(part.data(), part.size()) || in.gcount() > 0) {
     text.append(part.data(), static_cast<std::size_t>(in.gcount()));
     if (const std::size_t zero = text.find('\0'); zero != std::string::npos) {
-      throw Failure::wrong_use(fmt::format("{}: byte {} is zero: this is no text; check the path", what, zero));
+      throw Failure::wrong_use(fmt::format("{}: byte {} is zero: this is not a text file; check the path", what, zero));
     }
     if (text.size() > most_bytes) {
       throw Failure::wrong_use(fmt::format("{}: it is longer than {} MiB; check the path", what, most_bytes >> 20));

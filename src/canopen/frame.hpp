@@ -7,8 +7,7 @@
 
 namespace servodrome::canopen {
 
-// A classical CAN frame (ISO 11898-1). CANopen uses base (11-bit) identifiers only; extended frames exist on a bus and
-// are ignored by a node.
+// A classical CAN frame (ISO 11898-1). CANopen uses base (11-bit) identifiers only; a node ignores extended frames.
 struct Frame {
   std::uint32_t id = 0;  // 11 or 29 bits, without flags
   bool extended = false;
@@ -19,7 +18,7 @@ struct Frame {
   friend bool operator==(const Frame&, const Frame&) = default;
 };
 
-// A frame that is to be sent, and since when it waits.
+// A frame to be sent, and the time since when it waits.
 struct WaitingFrame {
   Frame frame;
   Time since{0};

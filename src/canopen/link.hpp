@@ -8,22 +8,21 @@
 
 namespace servodrome::canopen {
 
-// What the services of a node share: the time they were last told, the frames waiting to be sent, and the moment the
-// node wants to be polled. A deadline may be announced and then lapse; the poll that finds nothing due works out the
-// next one.
+// State shared by the services of a node: the present time, the queue of frames to send, and the time of the next poll.
+// A deadline may be set and later become invalid: a poll that finds nothing due calculates the next one.
 class Link {
  public:
-  // Where a frame waits. A frame that was sent leaves its place for good.
+  // Place of a waiting frame in the queue. A sent frame never gets its place back.
   using Place = std::uint64_t;
   static constexpr Place no_place = ~Place{0};
 
-  // `ring` holds the frames that wait; its size is a power of two.
+  // `ring` is the ring buffer for waiting frames; its size is a power of two.
   explicit Link(std::span<WaitingFrame> ring) : ring_(ring), mask_(ring.size() - 1) {}
 
   Time now() const { return now_; }
   void set_now(Time now) { now_ = now; }
 
-  // Behind all others. False if the ring is full; the frame is lost then.
+  // Appends a frame to the queue. Returns false if the ring is full; the frame is lost then.
   bool transmit(const Frame& frame) {
     if (full()) {
       overrun_ = true;
@@ -32,8 +31,8 @@ class Link {
     ring_[head_++ & mask_] = {frame, now_};
     return true;
   }
-  // For a service of which only the newest frame counts: where to put it. If the one at `place` still waits, that is
-  // its place, else one behind all others. nullptr if the ring is full; the caller tries again.
+  // For a service for which only the newest frame counts. If the frame at `place` still waits, returns it to be
+  // overwritten; otherwise appends a new frame. Returns nullptr if the ring is full; the caller must retry.
   Frame* newest(Place& place) {
     if (!waits(place)) {
       if (full()) return nullptr;
@@ -47,7 +46,7 @@ class Link {
     if (to != nullptr) *to = frame;
     return to != nullptr;
   }
-  // The frame at `place` is not sent after all. True if it still waited.
+  // Removes the frame at `place` from the queue. Returns true if it still waited.
   bool withdraw(Place& place) {
     const bool waited = waits(place);
     if (waited) ring_[place & mask_].frame.length = withdrawn;
@@ -57,24 +56,24 @@ class Link {
   }
   bool waits(Place place) const { return place - tail_ < head_ - tail_; }
 
-  // The frame to be sent next; nullptr: none. It waits on until sent() tells that it is on its way, and may change or
-  // be withdrawn until then.
+  // The frame to send next; nullptr: none. It stays in the queue until sent(), and may be changed or withdrawn until
+  // then.
   const WaitingFrame* next() {
     while (head_ != tail_ && ring_[tail_ & mask_].frame.length == withdrawn) ++tail_;
     return head_ == tail_ || muted() ? nullptr : &ring_[tail_ & mask_];
   }
-  // `frame` was sent. If the one at the front became another while the wire had it, it is still to be sent.
+  // `frame` was sent. If the frame at the front has changed during the transmission, it stays in the queue.
   void sent(const Frame& frame) {
     const WaitingFrame* front = next();
     if (front == nullptr || front->frame.id != frame.id || front->frame.length != frame.length) return;
     const auto data = front->frame.data.begin();
     if (std::equal(data, data + frame.length, frame.data.begin())) pop();
   }
-  // The frame that next() gave is on its way.
+  // Removes the frame that next() returned.
   void pop() { ++tail_; }
   void discard() { tail_ = head_; }
 
-  // Nothing is sent before `time` (a bit rate is being switched).
+  // Sends nothing before `time` (while the bit rate is switched).
   void mute_until(Time time) {
     muted_until_ = time;
     wake_at(time);
@@ -82,7 +81,7 @@ class Link {
   bool muted() const { return now_ < muted_until_; }
   Time muted_until() const { return muted_until_; }
 
-  // True once after frames were lost.
+  // Returns true once after frames were lost.
   bool take_overrun() {
     const bool overrun = overrun_;
     overrun_ = false;
@@ -98,7 +97,7 @@ class Link {
  private:
   bool full() const { return head_ - tail_ > mask_; }
 
-  static constexpr std::uint8_t withdrawn = 0xFF;  // as a frame's length
+  static constexpr std::uint8_t withdrawn = 0xFF;  // value of a frame's length
 
   Time now_{0};
   Time wake_ = never;

@@ -84,7 +84,7 @@ void Node::configure() {
   rebuild_dispatch();
 }
 
-// A node without node-ID stays in initialising and listens to LSS alone (CiA 305 "LSS waiting").
+// A node without node-ID stays in initialising and handles only LSS (CiA 305 "LSS waiting").
 void Node::boot() {
   if (node_id_ == unconfigured_node_id) return;
   error_control_.boot_up();
@@ -116,14 +116,14 @@ void Node::receive_nmt(const Frame& frame) {
   }
 }
 
-// ---- frames in ----
+// ---- received frames ----
 
 void Node::dispatch(std::uint32_t can_id, Service service, unsigned number) {
   std::uint16_t& slot = dispatch_[can_id];
   if (slot == 0) slot = static_cast<std::uint16_t>(static_cast<unsigned>(service) << service_shift | number);
 }
 
-// The first to claim a CAN-ID has it; RPDOs come last and may share one.
+// The first service that claims a CAN-ID gets it; RPDOs come last, and several may share one.
 void Node::rebuild_dispatch() {
   dispatch_.fill(0);
   if (profile_.lss) dispatch(LssSlave::request_can_id, Service::lss);
@@ -159,7 +159,7 @@ void Node::rebuild_dispatch() {
 
 void Node::receive(const Frame& frame, Time now) {
   link_.set_now(now);
-  if (now > link_.wake()) run_due();  // what was due before the frame came
+  if (now > link_.wake()) run_due();  // first handles what was due before the frame
   if (frame.extended || frame.id >= dispatch_.size() || link_.muted()) return;
   if (frame.remote) return receive_remote(frame);
   const std::uint16_t slot = dispatch_[frame.id];
@@ -196,7 +196,7 @@ void Node::receive_remote(const Frame& frame) {
   }
 }
 
-// Synchronous RPDOs are taken over first, so that what the TPDOs sample answers them.
+// Writes synchronous RPDOs before the TPDOs are sampled, so that these already reflect them.
 void Node::act_on_sync(std::uint8_t counter) {
   rpdos_.sync(sync_.window_end());
   tpdos_.sync(counter);
@@ -227,7 +227,7 @@ void Node::receive_emergency(std::uint8_t consumer, const Frame& frame) {
                              vendor);
 }
 
-// ---- what is due ----
+// ---- deadlines ----
 
 void Node::run_due() {
   link_.clear_wake();
@@ -245,7 +245,7 @@ void Node::run_due() {
   emergency_.poll();
 }
 
-// The ring is empty: a block upload may fill the bus now, and lost frames can be reported.
+// The transmit queue is empty: lost frames can be reported, and a block upload may continue.
 bool Node::produce() {
   if (link_.take_overrun()) {
     emergency_.begin(CommunicationError::overrun, overrun_code);
@@ -261,7 +261,7 @@ bool Node::produce() {
 void Node::communication_lost(LossCause cause, CommunicationError error) {
   LossReaction standard;
   standard.behaviour = value_of<ErrorBehaviour>(dictionary_, 0x1029, 1, profile_.error_behaviour);
-  if (cause == LossCause::bus_off) standard.emergency_code = 0;  // there is no bus to send it on
+  if (cause == LossCause::bus_off) standard.emergency_code = 0;  // no EMCY can be sent now
   const LossReaction reaction = events_.communication_lost(cause, standard);
   if (reaction.emergency_code != 0) emergency_.begin(error, reaction.emergency_code);
   if (reaction.behaviour == ErrorBehaviour::stopped) {
@@ -271,7 +271,7 @@ void Node::communication_lost(LossCause cause, CommunicationError error) {
   }
 }
 
-// A frame that no service can make sense of; nothing lasts of it.
+// Reports a frame of wrong length as an error that begins and ends at once.
 void Node::check_length(const Frame& frame, std::uint8_t expected) {
   if (frame.length == expected || profile_.frame_length_code == 0) return;
   emergency_.begin(CommunicationError::frame_length, profile_.frame_length_code);

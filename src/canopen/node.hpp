@@ -13,31 +13,31 @@
 
 namespace servodrome::canopen {
 
-// A CANopen device: frames and the time go in, frames come out. It sees the device through its dictionary (where it is
-// the listener of Owner::communication) and DeviceEvents, and uses no heap, clock or thread.
+// A CANopen device: the caller passes frames and the time in and takes frames out. The node accesses the device through
+// its dictionary (as listener of Owner::communication) and DeviceEvents. It uses no heap, clock or thread.
 //
-// Use: load the objects, start(), then receive() every frame of the bus, poll() no later than next_deadline(), and
-// take() frames until there are none, after each of these calls. Times never go back.
+// Usage: load the objects and call start(). Then call receive() for every frame of the bus, poll() no later than
+// next_deadline(), and after each of these calls take() until it returns false. Times must not decrease.
 //
-// Nothing given to the constructor is copied; all of it outlives the node.
+// The arguments of the constructor are not copied and must outlive the node.
 class Node final : private dictionary::Listener {
  public:
   Node(dictionary::Dictionary& dictionary, const Profile& profile, DeviceEvents& events, const NodeMemory& memory);
   Node(const Node&) = delete;
   Node& operator=(const Node&) = delete;
 
-  // Power-on, with the objects holding their saved values. 1..127, or 255: no node-ID, the node waits for LSS.
+  // Power-on; the objects must hold their saved values. 1..127, or 255: no node-ID, the node waits for LSS.
   void start(std::uint8_t node_id, Time now);
 
   void receive(const Frame& frame, Time now);
-  // Does what is due. One comparison if nothing is.
+  // Handles what is due. Costs one comparison if nothing is due.
   void poll(Time now) {
     link_.set_now(now);
     if (now >= link_.wake()) run_due();
   }
-  // When poll() has something to do; may be early, never late. canopen::never: nothing is planned.
+  // Time at which poll() must be called; may be early, never late. canopen::never: no deadline.
   Time next_deadline() const { return link_.wake(); }
-  // The next frame to send. False: there is none.
+  // Takes the next frame to send. Returns false if there is none.
   bool take(Frame& frame) {
     const WaitingFrame* next = next_frame();
     if (next == nullptr) return false;
@@ -45,8 +45,8 @@ class Node final : private dictionary::Listener {
     link_.pop();
     return true;
   }
-  // The same for a controller that can take a frame back as long as the wire has not begun with it: look again after
-  // each call, for the frame may have got newer data or be dropped, and tell which one was sent.
+  // The same for a CAN controller that can replace a frame until its transmission begins. Call it again after each call
+  // of the node, because the frame may have newer data or be dropped, and report the sent frame with frame_sent().
   const WaitingFrame* next_frame() {
     const WaitingFrame* next = link_.next();
     return next != nullptr || link_.muted() || !produce() ? next : link_.next();
@@ -55,39 +55,39 @@ class Node final : private dictionary::Listener {
 
   NmtState nmt_state() const { return state_; }
   std::uint8_t node_id() const { return node_id_; }
-  // The node-ID from the next reset communication on, as LSS "configure node-ID" or a device's own object sets it.
+  // Sets the node-ID for the next reset communication, as LSS "configure node-ID" or an object of the device does.
   void set_pending_node_id(std::uint8_t node_id) { lss_.set_pending_node_id(node_id); }
 
-  // The device calls this when process data may have changed, once per position-loop cycle: TPDOs that are sent on
-  // change are compared with what was sent last.
+  // The device calls this once per position-loop cycle, when process data may have changed. The data of TPDOs that are
+  // sent on change are compared with the data sent last.
   void process_image_updated(Time now) {
     link_.set_now(now);
     tpdos_.process_image_updated();
   }
-  // Sends TPDO `number` (0 is the first) whether or not its data changed; types 254 and 255 at once, 0 at the next
-  // SYNC.
+  // Sends TPDO `number` (0 is the first) even if its data have not changed; types 254 and 255 at once, type 0 at the
+  // next SYNC.
   void trigger_tpdo(std::uint16_t number, Time now) {
     link_.set_now(now);
     tpdos_.trigger(number);
   }
-  // Bits of the TPDO's data (bit 0 is bit 0 of byte 0) that count as a change.
+  // Bits of the TPDO's data (bit 0 is bit 0 of byte 0) whose change counts.
   void set_tpdo_change_mask(std::uint16_t number, std::uint64_t mask) { tpdos_.set_change_mask(number, mask); }
 
-  // A device error: sends an EMCY, sets `error_register_bits` of 1001h, and adds to the history 1003h.
+  // Reports a device error: sends an EMCY, sets `error_register_bits` of 1001h, and adds it to the history 1003h.
   void raise(std::uint16_t code, std::uint8_t error_register_bits, const std::array<std::uint8_t, 5>& vendor = {}) {
     emergency_.raise(code, error_register_bits, vendor);
   }
-  // A device error that the node's own EMCY has told: its bits of 1001h stay until they are cleared.
+  // Sets bits of 1001h for a device error for which the node has already sent its own EMCY; they stay until cleared.
   void hold(std::uint8_t error_register_bits) { emergency_.hold(error_register_bits); }
-  // Errors went; `remaining` are the bits of 1001h of those still there. Sends EMCY 0000h if the profile has it.
+  // Errors have ended; `remaining` are the bits of 1001h of the others. Sends EMCY 0000h if the profile requires it.
   void clear(std::uint8_t remaining = 0, const std::array<std::uint8_t, 5>& vendor = {}) {
     emergency_.clear(remaining, vendor);
   }
   std::uint8_t error_register() const { return emergency_.error_register(); }
-  // One of the errors that the node finds itself is present (CiA 301 table 26, 81xxh and 82xxh).
+  // Is one of the errors active that the node itself detects (CiA 301 table 26, 81xxh and 82xxh)?
   bool communication_error() const { return emergency_.communication_error(); }
 
-  // The CAN controller's fault confinement state. Bus-off is a communication error; EMCY 8140h follows on recovery.
+  // State of the CAN controller's fault confinement. Bus-off is a communication error; EMCY 8140h follows on recovery.
   void bus_state(BusState state, Time now);
   BusState bus_state() const { return bus_state_; }
 

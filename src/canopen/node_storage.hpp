@@ -6,7 +6,7 @@
 
 namespace servodrome::canopen {
 
-// The memory a node works in, sized by the device.
+// The memory that a node uses; the device chooses its size.
 struct NodeMemory {
   std::span<WaitingFrame> transmit_ring;  // a power of two
   std::span<Rpdo> rpdos;
@@ -17,10 +17,10 @@ struct NodeMemory {
   std::span<std::uint16_t> tpdo_synchronous;
   std::span<std::uint16_t> tpdo_event_driven;
   std::span<HeartbeatConsumer> heartbeat_consumers;
-  std::span<std::byte> sdo_buffer;  // as big as the largest object that is downloaded in segments or blocks
+  std::span<std::byte> sdo_buffer;  // must hold the largest object that is downloaded in segments or blocks
 };
 
-// At least 16 frames and twice the TPDOs, so that one SYNC never overruns it.
+// At least 16 frames and twice the number of TPDOs, so that one SYNC cannot overflow it.
 constexpr std::size_t transmit_ring_size(std::size_t tpdos) { return std::bit_ceil(std::size_t{16} + 2 * tpdos); }
 
 // Storage for a device whose 1000h..1FFFh objects are a CommunicationObjects<Rpdos, Tpdos, MappingEntries, ...>.
@@ -57,7 +57,7 @@ class NodeStorage {
   std::array<std::byte, SdoBufferBytes> sdo_buffer_{};
 };
 
-// The same, for the CommunicationObjects<...> it goes with.
+// The same for a given CommunicationObjects<...>.
 template <typename Objects, std::size_t SdoBufferBytes = 64>
 using NodeStorageFor = NodeStorage<Objects::rpdo_count, Objects::tpdo_count, Objects::mapping_entries,
                                    Objects::heartbeat_consumer_count, SdoBufferBytes>;

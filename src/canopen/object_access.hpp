@@ -2,7 +2,7 @@
 
 #include "dictionary/dictionary.hpp"
 
-// Reading a device's communication objects whether or not it has them.
+// Access to communication objects that a device may lack.
 namespace servodrome::canopen {
 
 // The value of an object, or `absent` if the device does not have it.
@@ -12,7 +12,7 @@ T value_of(const dictionary::Dictionary& dictionary, std::uint16_t index, std::u
   return entry == nullptr ? absent : static_cast<T>(dictionary.number(*entry));
 }
 
-// The bytes of an object that the stack itself keeps up to date (1001h, 1003h), or nullptr.
+// The bytes of an object that the stack itself updates (1001h, 1003h), or nullptr.
 inline std::byte* storage_of(const dictionary::Dictionary& dictionary, std::uint16_t index, std::uint8_t sub) {
   const dictionary::Entry* entry = dictionary.find(index, sub);
   return entry == nullptr ? nullptr : dictionary.storage(*entry);
@@ -29,13 +29,13 @@ inline constexpr std::uint32_t bit_30 = 0x40000000;
 inline constexpr std::uint32_t extended = 0x20000000;
 inline constexpr std::uint32_t can_id_mask = 0x7FF;
 
-// CAN-IDs no configurable object may use (CiA 301 table 40).
+// CAN-IDs that no configurable object may use (CiA 301 table 40).
 constexpr bool is_restricted(std::uint32_t id) {
   return id <= 0x07F || (id >= 0x101 && id <= 0x180) || (id >= 0x581 && id <= 0x5FF) || (id >= 0x601 && id <= 0x67F) ||
          (id >= 0x6E0 && id <= 0x6FF) || id >= 0x701;
 }
 
-// Only base frames are offered (bit 29 and bits 28..11 are 0).
+// Only base frames are supported (bit 29 and bits 28..11 are 0).
 constexpr bool is_base(std::uint32_t value) { return (value & 0x3FFFF800) == 0; }
 }  // namespace cob_id
 

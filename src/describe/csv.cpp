@@ -9,7 +9,7 @@ namespace {
 
 using dictionary::Entry;
 
-// A field as RFC 4180 has it.
+// Formats a field as in RFC 4180.
 std::string field(std::string_view text) {
   if (text.find_first_of(",\"\r\n") == std::string_view::npos) return std::string(text);
   std::string quoted = "\"";
@@ -40,7 +40,7 @@ std::string register_list(std::span<const modbus::Register> registers, std::span
     const auto entry = std::find_if(table.begin(), table.end(), [&row](const Entry& candidate) {
       return candidate.index == row.index && candidate.sub == row.sub;
     });
-    if (entry == table.end()) continue;  // no valid map
+    if (entry == table.end()) continue;  // the map is invalid
     text += fmt::format("0x{:04X},{},0x{:04X},0x{:02X},{},{},{},{},{},{}\n", row.address, row.words, row.index, row.sub,
                         field(entry->name), word(entry->type), word(entry->access),
                         entry->has_range ? number_text(*entry, entry->minimum) : "",

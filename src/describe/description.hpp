@@ -12,7 +12,7 @@
 
 namespace servodrome::describe {
 
-// A moment as documents print it; handed in, so that the same table always gives the same bytes.
+// A date and time for documents. The caller passes it, so that the same table always gives the same bytes.
 struct Timestamp {
   unsigned year = 2000;
   unsigned month = 1;
@@ -21,7 +21,7 @@ struct Timestamp {
   unsigned minute = 0;
 };
 
-// What an EDS says about itself (CiA 306-1, [FileInfo]).
+// Information of an EDS about the file itself (CiA 306-1, [FileInfo]).
 struct FileMetadata {
   std::string name;  // "drive.eds"
   std::uint8_t version = 1;
@@ -34,54 +34,55 @@ struct FileMetadata {
   std::vector<std::string> comments;
 };
 
-// What no object says of a device on EtherCAT: the same that its slave runs with and its information memory holds.
+// Data of a device on EtherCAT that no object contains: the same as its slave uses and its information memory holds.
 struct EthercatDescription {
   const ethercat::Profile* profile = nullptr;
   ethercat::SiiDescription sii;
-  std::size_t sii_bytes = 0;  // of the memory
-  // Other sizes of the product with a product code of their own: each is a device of the ESI file.
+  std::size_t sii_bytes = 0;  // size of the memory
+  // Other sizes of the product, each with its own product code: each is a device in the ESI file.
   std::vector<ethercat::SiiDescription> other_models = {};
 };
 
-// A device as its documents describe it: the object table, and what no object says. Vendor, product and revision number
-// come from 1018h, the numbers of PDOs from 1400h and 1800h and following.
+// A device for its documents: the object table, and data that no object contains. Vendor, product and revision number
+// come from 1018h; the numbers of PDOs come from 1400h and 1800h and following.
 struct Description {
   std::string vendor_name;
   std::string product_name;
   std::string order_code;
-  std::string url = {};                  // where the product is described; may be empty
-  std::vector<unsigned> bit_rates_kbit;  // an EDS tells 10, 20, 50, 125, 250, 500, 800 and 1000
-  std::uint8_t granularity_bits = 8;     // of PDO mapping, where the table lets it be changed
+  std::string url = {};                  // page of the product; may be empty
+  std::vector<unsigned> bit_rates_kbit;  // only 10, 20, 50, 125, 250, 500, 800 and 1000 appear in an EDS
+  std::uint8_t granularity_bits = 8;     // of PDO mapping, if the table allows changes of it
   bool simple_boot_up_master = false;
   bool simple_boot_up_slave = true;
   bool group_messaging = false;  // multiplexed PDOs
   bool lss_supported = false;
-  std::array<bool, 7> dummy_usage{};                      // data types 0001h to 0007h as fillers in RPDO mappings
-  std::span<const dictionary::Entry> table;               // what the fieldbus sees
-  std::span<const dictionary::Entry> service_table = {};  // ... and the service port: local objects as well
-  std::optional<EthercatDescription> ethercat = {};       // nullopt: it is not on EtherCAT
+  std::array<bool, 7> dummy_usage{};                      // data types 0001h to 0007h as dummies in RPDO mappings
+  std::span<const dictionary::Entry> table;               // objects of the fieldbus
+  std::span<const dictionary::Entry> service_table = {};  // ... and of the service port: includes local objects
+  std::optional<EthercatDescription> ethercat = {};       // nullopt: not on EtherCAT
   FileMetadata file;
 };
 
-// Electronic data sheet, version 4.0 (CiA 306-1), ASCII with CR LF. Objects below 1000h (data types) do not appear.
+// Writes an electronic data sheet, version 4.0 (CiA 306-1), ASCII with CR LF. Objects below 1000h (data types) are
+// omitted.
 std::string eds(const Description& description);
 
-// EtherCAT slave information (ETG.2000), XML in UTF-8: what the SII image holds, and the dictionary. Empty for a device
-// that is not on EtherCAT.
+// Writes EtherCAT slave information (ETG.2000), XML in UTF-8, with the content of the SII image and the dictionary.
+// Returns an empty text for a device that is not on EtherCAT.
 std::string esi(const Description& device);
 
-// The slave information memory as it leaves the factory. Empty for a device that is not on EtherCAT.
+// Returns the factory content of the slave information memory; empty for a device that is not on EtherCAT.
 std::vector<std::uint8_t> sii(const Description& device);
 
 // One line per entry, LF, with the columns index,sub,name,type,access,pdo,default,min,max,unit,saved. Limits are empty
-// where the type is the only limit.
+// if only the type limits the value.
 std::string csv(std::span<const dictionary::Entry> table);
 
-// The Modbus registers of a device in the order of their addresses, LF, with the columns
-// register,words,index,sub,name,type,access,min,max,unit; register, index and sub-index in hexadecimal.
+// The Modbus registers of a device in order of their addresses, LF, with the columns
+// register,words,index,sub,name,type,access,min,max,unit; register, index and sub-index are hexadecimal.
 std::string register_list(std::span<const modbus::Register> registers, std::span<const dictionary::Entry> table);
 
-// A reference page: the device, then a table for each group of objects.
+// A reference page: data of the device, then a table for each group of objects.
 std::string markdown(const Description& description);
 
 }  // namespace servodrome::describe

@@ -30,7 +30,7 @@ bool is_utf8(std::string_view text) {
   return true;
 }
 
-// Names are shown by programs that take UTF-8 alone. What is none is Latin-1, as older files have it.
+// Converts a text to UTF-8 for display. A text that is not UTF-8 is taken as Latin-1, usual in older files.
 void make_utf8(std::string& text) {
   if (is_utf8(text)) return;
   std::string result;
@@ -68,7 +68,7 @@ std::string read_text(std::istream& in, const std::string& file) {
   while (in.read(part.data(), part.size()) || in.gcount() > 0) {
     const std::string_view read(part.data(), static_cast<std::size_t>(in.gcount()));
     if (const std::size_t zero = read.find('\0'); zero != std::string_view::npos) {
-      throw DeviceFileError(file, 0, "", fmt::format("byte {} is zero: this is no text", text.size() + zero),
+      throw DeviceFileError(file, 0, "", fmt::format("byte {} is zero: this is not a text file", text.size() + zero),
                             "give an EDS, DCF or ESI file");
     }
     text += read;
@@ -83,7 +83,7 @@ std::string read_text(std::istream& in, const std::string& file) {
 }
 
 std::string read_file(const std::string& path) {
-  const char* remedy = "give the name of a device description that can be read";
+  const char* remedy = "give the name of a readable device description";
   std::error_code error;
   if (std::filesystem::is_directory(path, error)) throw DeviceFileError(path, 0, "", "it is a folder", remedy);
   std::ifstream file(path, std::ios::binary);
@@ -127,7 +127,7 @@ void settle(DeviceFile& device) {
   };
   for (FileEntry& entry : device.entries) {
     if (!settled.empty() && settled.back().key() == entry.key()) {
-      note(entry, "described twice; the last description counts");
+      note(entry, "described twice; the last description is used");
       settled.back() = std::move(entry);
       continue;
     }
@@ -145,7 +145,7 @@ void settle(DeviceFile& device) {
     }
     settled.push_back(std::move(entry));
   }
-  // One object code throughout, and a count that was made up or left out is the highest sub-index.
+  // All entries of an object get the same object code. A missing count is set to the highest sub-index.
   for (std::size_t begin = 0; begin < settled.size();) {
     std::size_t end = begin + 1;
     while (end < settled.size() && settled[end].index == settled[begin].index) ++end;

@@ -15,12 +15,12 @@ using dictionary::Type;
 
 constexpr std::array bit_rates_of_the_standard{10U, 20U, 50U, 125U, 250U, 500U, 800U, 1000U};
 
-// Free text as an EDS can hold it: one line of ASCII, without the sign that begins a comment.
+// Converts a text to one line of ASCII for an EDS, without the character that begins a comment.
 std::string one_line(std::string_view text) {
   std::string line;
   for (const char letter : text) {
     const auto code = static_cast<unsigned char>(letter);
-    if ((code & 0xC0) == 0x80) continue;  // the rest of a UTF-8 letter that is already a question mark
+    if ((code & 0xC0) == 0x80) continue;  // further byte of a UTF-8 letter
     line += letter == ';' ? ',' : code >= 0x80 ? '?' : code < 0x20 || code == 0x7F ? ' ' : letter;
   }
   return line;
@@ -89,8 +89,8 @@ void put_device_info(Ini& ini, const Description& device) {
   ini.key("SimpleBootUpMaster", device.simple_boot_up_master);
   ini.key("SimpleBootUpSlave", device.simple_boot_up_slave);
   ini.key("Granularity", mapping_can_be_changed(device.table) ? device.granularity_bits : 0U);
-  ini.key("DynamicChannelsSupported", false);  // no programmable device (CiA 302)
-  ini.key("CompactPDO", false);                // every PDO parameter is listed
+  ini.key("DynamicChannelsSupported", false);  // only for programmable devices (CiA 302)
+  ini.key("CompactPDO", false);                // all PDO parameters are listed
   ini.key("GroupMessaging", device.group_messaging);
   ini.key("NrOfRXPDO", count_rpdos(device.table));
   ini.key("NrOfTXPDO", count_tpdos(device.table));
@@ -110,7 +110,7 @@ void put_comments(Ini& ini, const std::vector<std::string>& comments) {
   for (std::size_t i = 0; i < comments.size(); ++i) ini.key(fmt::format("Line{}", i + 1), comments[i]);
 }
 
-// The three lists of objects (CiA 306-1): those that CiA 301 demands, the other standardised ones, the manufacturer's.
+// The three lists of objects (CiA 306-1): mandatory ones of CiA 301, other standardised ones, the manufacturer's.
 enum class List { mandatory, optional, manufacturer };
 
 List list_of(std::uint16_t index) {
@@ -118,7 +118,7 @@ List list_of(std::uint16_t index) {
   return dictionary::area_of(index) == dictionary::Area::manufacturer ? List::manufacturer : List::optional;
 }
 
-// A mappable object says in its access in which direction: rww is written by an RPDO, rwr is read into a TPDO.
+// The access of a mappable object shows the direction: rww is written by an RPDO, rwr is read into a TPDO.
 std::string_view access_text(const Entry& entry) {
   if (entry.access != Access::rw) return word(entry.access);
   if (entry.pdo == Pdo::rpdo) return "rww";
@@ -140,13 +140,13 @@ void put_value(Ini& ini, std::string_view name, const Entry& entry) {
   if (entry.type != Type::domain) ini.key("PDOMapping", entry.pdo != Pdo::none);  // a DOMAIN has no such key
 }
 
-// The table gives sub-index 0 the name of the whole object; its own name follows from what it counts.
+// In the table sub-index 0 has the name of the whole object; its own name depends on what it counts.
 std::string_view name_of_sub_index_0(const Entry& entry) {
   if (is_mapping(entry)) return "Number of mapped application objects in PDO";
   return entry.index == 0x1003 ? "Number of errors" : "Highest sub-index supported";
 }
 
-// An object with all its sub-indices.
+// Writes an object with all its sub-indices.
 void put_object(Ini& ini, std::span<const Entry> object) {
   const Entry& first = object.front();
   ini.section(fmt::format("{:04X}", first.index));

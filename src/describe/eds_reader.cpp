@@ -1,4 +1,4 @@
-// Electronic data sheets and device configuration files as makers have them (CiA 306-1).
+// Reads electronic data sheets and device configuration files of makers (CiA 306-1).
 #include <algorithm>
 #include <bit>
 #include <charconv>
@@ -30,7 +30,7 @@ std::string_view trim(std::string_view text) {
   return text.substr(first, text.find_last_not_of(blank) - first + 1);
 }
 
-// A number may have a comment behind it, although only whole lines may be comments.
+// Removes a comment behind a number, although the standard permits only whole lines as comments.
 std::string_view before_comment(std::string_view text) { return trim(text.substr(0, text.find(';'))); }
 
 struct Value {
@@ -39,9 +39,9 @@ struct Value {
 };
 
 struct Section {
-  std::string name;  // as written
+  std::string name;  // as in the file
   unsigned line = 0;
-  std::map<std::string, Value> values;  // keys in small letters
+  std::map<std::string, Value> values;  // keys in lower case
 
   const Value* find(const std::string& key) const {
     const auto found = values.find(key);
@@ -49,7 +49,7 @@ struct Section {
   }
 };
 
-// CiA 301 table 44 and ETG.1020 table 98, where they are not types of a dictionary: bytes of a value.
+// Size in bytes of values of CiA 301 table 44 and ETG.1020 table 98 whose types a dictionary does not support.
 std::optional<std::uint32_t> bytes_of_other_type(std::int64_t number) {
   switch (number) {
     case 0x0B: return 0U;  // UNICODE_STRING
@@ -85,11 +85,11 @@ std::optional<Type> type_of(std::int64_t number) {
   return std::nullopt;
 }
 
-// A short file can describe much (CompactSubObj) or be much of nothing: what is more than any device has is refused
-// before it takes memory.
+// Limits. A short file may describe very many objects (CompactSubObj), or a large one may be filled with useless lines.
+// More than any device has is refused before it takes memory.
 constexpr std::size_t most_entries = 65536;
 constexpr std::size_t most_lines_kept = 400'000;                // sections and keys
-constexpr std::size_t most_text_bytes = std::size_t{32} << 20;  // of names and values, of all entries together
+constexpr std::size_t most_text_bytes = std::size_t{32} << 20;  // names and values of all entries together
 constexpr std::size_t most_notes = 1000;
 
 class EdsReader {
@@ -116,7 +116,7 @@ class EdsReader {
                            const std::string& remedy) const {
     throw DeviceFileError(device_.file, line, fmt::format("[{}] {}", section.name, key), problem, remedy);
   }
-  // With every entry, so that no more than these are ever there.
+  // Called for every entry, so that the limits can never be exceeded.
   void add(FileEntry&& entry) {
     text_bytes_ += entry.object_name.size() + entry.name.size() + entry.content.size();
     const char* what = nullptr;
@@ -132,7 +132,7 @@ class EdsReader {
   }
   void note(unsigned line, const std::string& what) {
     if (device_.notes.size() == most_notes) {
-      device_.notes.push_back(fmt::format("{}:{}: there is more like this, which is not told", device_.file, line));
+      device_.notes.push_back(fmt::format("{}:{}: further messages like this are not shown", device_.file, line));
     }
     if (device_.notes.size() > most_notes) return;
     device_.notes.push_back(fmt::format("{}:{}: {}", device_.file, line, what));
@@ -156,18 +156,17 @@ class EdsReader {
         const std::string_view name = trim(line.substr(1, close - 1));
         count_line(number);
         const auto [place, is_new] = sections_.try_emplace(lower(name));
-        if (!is_new)
-          note(number, fmt::format("[{}]: there is such a section before; its keys are taken together", name));
+        if (!is_new) note(number, fmt::format("[{}]: the section exists twice; their keys are merged", name));
         present = &place->second;
         if (is_new) present->name = name, present->line = number;
         continue;
       }
       const std::size_t equals = line.find('=');
       if (equals == std::string_view::npos) {
-        note(number, fmt::format("\"{}\" is neither a section nor a key; left out", line.substr(0, 40)));
+        note(number, fmt::format("\"{}\" is neither a section nor a key; ignored", line.substr(0, 40)));
         continue;
       }
-      if (present == nullptr) continue;  // a preamble
+      if (present == nullptr) continue;  // text before the first section
       count_line(number);
       present->values[lower(trim(line.substr(0, equals)))] = {std::string(trim(line.substr(equals + 1))), number};
     }
@@ -188,7 +187,7 @@ class EdsReader {
     if (value == nullptr) return std::nullopt;
     const auto number = parse_file_number(before_comment(value->text));
     if (!number) {
-      refuse(section, value->line, key, fmt::format("\"{}\" is no number", value->text),
+      refuse(section, value->line, key, fmt::format("\"{}\" is not a number", value->text),
              "write a decimal number, 0x and hexadecimal digits, or 0 and octal ones");
     }
     return number;
@@ -225,7 +224,7 @@ class EdsReader {
     }
   }
 
-  // Where the header does not say, the factory values of 1018h do.
+  // If the header lacks the identity, uses the factory values of 1018h.
   void read_identity() {
     const auto take = [this](std::optional<std::uint32_t>& number, std::uint8_t sub) {
       const FileEntry* entry = device_.find(0x1018, sub);
@@ -290,7 +289,7 @@ class EdsReader {
     }
     if (common.code == ObjectCode::array || common.code == ObjectCode::record) {
       if (!has_own_type(section)) {
-        note(section.line, fmt::format("[{}]: none of its sub-indices is described; left out", section.name));
+        note(section.line, fmt::format("[{}]: none of its sub-indices is described; ignored", section.name));
         return;
       }
     }
@@ -309,7 +308,7 @@ class EdsReader {
     return found;
   }
 
-  // [6099sub1] without [6099].
+  // Reads [6099sub1] if there is no [6099].
   void read_lone_sub(const std::string& name, const Section& section) {
     if (name.size() < 8 || name.compare(4, 3, "sub") != 0) return;
     const auto index = index_of(std::string_view(name).substr(0, 4));
@@ -325,11 +324,11 @@ class EdsReader {
     add(std::move(entry));
   }
 
-  // CiA 306-1 clause 4.6.4.2: one description for all sub-indices, names and values of some in sections of their own.
+  // CiA 306-1 clause 4.6.4.2: one description for all sub-indices; names and values of some are in separate sections.
   void read_compact(const FileEntry& common, const Section& section, std::int64_t count) {
     if (count < 0 || count > 0xFE) {
       refuse(section, section.values.at("compactsubobj").line, "CompactSubObj",
-             fmt::format("{} sub-indices cannot be", count), "write 1 to 254");
+             fmt::format("{} sub-indices are not possible", count), "write 1 to 254");
     }
     FileEntry highest = common;
     highest.type = Type::unsigned8;
@@ -352,7 +351,7 @@ class EdsReader {
       }
       add(std::move(entry));
     }
-    // Sub-indices that are described for themselves go before.
+    // Sub-indices with their own description have priority.
     const auto own_begin = device_.entries.end() - (count + 1);
     for (const auto& [sub, own] : sub_sections(section)) {
       if (sub > static_cast<unsigned>(count)) continue;
@@ -404,7 +403,7 @@ class EdsReader {
       entry.access = Access::rw;
       pdo = word == "rwr" ? Pdo::tpdo : word == "rww" ? Pdo::rpdo : Pdo::both;
     } else {
-      refuse(section, access->line, "AccessType", fmt::format("\"{}\" is no access", access->text),
+      refuse(section, access->line, "AccessType", fmt::format("\"{}\" is not an access type", access->text),
              "write ro, wo, rw, rwr, rww or const");
     }
     entry.pdo = mappable ? pdo : Pdo::none;
@@ -418,11 +417,11 @@ class EdsReader {
     const auto number = parse_file_number(text);
     if (number) return of_type(entry.type, *number);
     note(value->line,
-         fmt::format("[{}] {}: \"{}\" is no number; the type's limit counts", section.name, key, value->text));
+         fmt::format("[{}] {}: \"{}\" is not a number; the limit of the type is used", section.name, key, value->text));
     return std::nullopt;
   }
 
-  // Hexadecimal limits of a signed type are its bits: 0x8000 is the lowest INTEGER16.
+  // Hexadecimal limits of a signed type are bit patterns: 0x8000 is the lowest INTEGER16.
   static std::int64_t of_type(Type type, std::int64_t value) {
     const unsigned bits = dictionary::size_of(type) * 8U;
     if (!dictionary::is_signed(type) || bits == 64 || value <= dictionary::maximum_of(type)) return value;
@@ -458,13 +457,13 @@ class EdsReader {
     const auto number = parse_file_number(text);
     if (!number) {
       note(value.line,
-           fmt::format("[{}] {}: \"{}\" is no value of its type; 0 is taken", section.name, key, value.text));
+           fmt::format("[{}] {}: \"{}\" is not a value of its type; 0 is used", section.name, key, value.text));
       return;
     }
     entry.default_value = of_type(entry.type, *number);
   }
 
-  // "0x01 0x02", "01 02" or plain text.
+  // Reads bytes from "0x01 0x02", "01 02" or plain text.
   static std::string octets(std::string_view text) {
     std::string bytes;
     std::string digits;
@@ -495,7 +494,7 @@ class EdsReader {
     if (const Value* value = section.find("parametervalue")) read_default(entry, section, *value, "ParameterValue");
   }
 
-  // What the lists of objects promise and no section describes.
+  // Reports objects that are listed but have no section.
   void check_lists() {
     for (const char* name : {"mandatoryobjects", "optionalobjects", "manufacturerobjects"}) {
       const Section* list = section(name);
@@ -512,7 +511,7 @@ class EdsReader {
   DeviceFile device_;
   std::size_t text_bytes_ = 0;
   std::size_t lines_kept_ = 0;
-  std::map<std::string, Section> sections_;  // by name in small letters
+  std::map<std::string, Section> sections_;  // by name in lower case
 };
 
 }  // namespace

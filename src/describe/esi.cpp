@@ -9,7 +9,7 @@
 #include "ethercat/esc/esc.hpp"
 #include "ethercat/sii/defaults.hpp"
 
-// Element names and their order are those of ETG.2000; tests/data/esi.xsd has them as a schema.
+// Names and order of the elements are those of ETG.2000; tests/data/esi.xsd contains them as a schema.
 namespace servodrome::describe {
 namespace {
 
@@ -161,7 +161,7 @@ void put_device(Xml& xml, const Description& device) {
   });
 }
 
-// What only the device's service port sees is not on the bus; what is on the nameplate the table leaves open.
+// Objects of the bus: without local objects, which only the service port sees, and with the identity of the model.
 std::vector<Entry> table_of_bus(const Description& device) {
   std::vector<Entry> table;
   std::copy_if(device.table.begin(), device.table.end(), std::back_inserter(table),
@@ -174,7 +174,7 @@ std::vector<Entry> table_of_bus(const Description& device) {
   return table;
 }
 
-// A size of the product: the same device with another nameplate.
+// One size of the product: the same device with another identity.
 void put_model(Xml& xml, const Description& device, const ethercat::SiiDescription& sii) {
   Description model = device;
   model.ethercat->sii = sii;

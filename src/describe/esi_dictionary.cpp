@@ -68,7 +68,7 @@ struct Object {
   std::string type() const { return single() ? type_name(first()) : fmt::format("DT{:04X}", first().index); }
   std::string array_type() const { return type() + "ARR"; }
 
-  // Elements that are alike and without gaps from 1 up need one description for all.
+  // Equal elements without gaps from 1 upwards need only one description.
   bool is_array() const {
     if (first().code != ObjectCode::array || entries.size() < 2) return false;
     const Entry& model = entries[1];
@@ -98,7 +98,7 @@ void for_each_object(std::span<const Entry> table, Visit visit) {
   }
 }
 
-// Names of an object's entries as its data type and its values call them: each once.
+// Names of an object's entries for its data type and its values, without duplicates.
 std::vector<std::string> sub_item_names(const Object& object) {
   std::vector<std::string> names;
   for (const Entry& entry : object.entries) {
@@ -113,7 +113,7 @@ std::vector<std::string> sub_item_names(const Object& object) {
   return names;
 }
 
-// CoE demands 1000h, 1018h and 1C00h (ETG.1000.6 clause 5.6.7.4), the profile controlword and statusword (ETG.6010).
+// CoE requires 1000h, 1018h and 1C00h (ETG.1000.6 clause 5.6.7.4), the profile controlword and statusword (ETG.6010).
 bool is_mandatory(std::uint16_t index) {
   constexpr std::uint16_t mandatory[] = {0x1000, 0x1018, 0x1C00, 0x6040, 0x6041};
   return std::find(std::begin(mandatory), std::end(mandatory), index) != std::end(mandatory);
@@ -212,7 +212,7 @@ void put_data_types(Xml& xml, const ethercat::Profile& profile, std::span<const 
 
 // ---- Objects ----
 
-// A number as ETG.2000 spells it (HexDecValue).
+// A number in the form of ETG.2000 (HexDecValue).
 std::string value_text(const Entry& entry, std::int64_t value) {
   std::string text = number_text(entry, value);
   if (text.starts_with("0x")) text.replace(0, 2, "#x");

@@ -14,14 +14,14 @@ using dictionary::Type;
 
 namespace {
 
-constexpr unsigned deepest_type = 8;  // of types that are other types by another name
+constexpr unsigned deepest_type = 8;  // limit for a chain of types that rename other types
 
 unsigned bits_of(const pugi::xml_node& node) {
   return static_cast<unsigned>(
       std::clamp<std::int64_t>(parse_xml_number(text_of(node.child("BitSize"))).value_or(0), 0, std::int64_t{8} << 20));
 }
 
-// Pairs of hexadecimal digits; the first is the lowest byte of a number.
+// Parses pairs of hexadecimal digits; the first pair is the lowest byte of a number.
 std::optional<std::string> bytes_of(std::string_view digits) {
   std::string bytes;
   for (std::size_t i = 0; i + 1 < digits.size(); i += 2) {
@@ -34,7 +34,7 @@ std::optional<std::string> bytes_of(std::string_view digits) {
   return bytes;
 }
 
-// A number of the type: hexadecimal values of signed types are their bits.
+// Converts a number to the type: hexadecimal values of signed types are bit patterns.
 std::int64_t of_type(Type type, std::int64_t value) {
   const unsigned bits = dictionary::size_of(type) * 8U;
   if (!dictionary::is_signed(type) || bits == 64 || value <= dictionary::maximum_of(type)) return value;
@@ -55,7 +55,7 @@ bool EsiDictionaryReader::read(const pugi::xml_node& dictionary) {
   return any;
 }
 
-// Follows a type that is another by another name, as enumerations are.
+// Resolves a type that only renames another type, as enumerations do.
 pugi::xml_node EsiDictionaryReader::data_type(const std::string& name) const {
   std::string wanted = name;
   pugi::xml_node type;
@@ -73,7 +73,7 @@ pugi::xml_node EsiDictionaryReader::data_type(const std::string& name) const {
 void EsiDictionaryReader::read_object(const pugi::xml_node& object) {
   const std::int64_t index = document_.number(object.child("Index"), "Object Index");
   if (index < 0 || index > 0xFFFF)
-    document_.refuse(object, "Object Index", fmt::format("{} is no index", index), "write #x1000 to #xFFFF");
+    document_.refuse(object, "Object Index", fmt::format("{} is not an index", index), "write #x1000 to #xFFFF");
   FileEntry common;
   common.index = static_cast<std::uint16_t>(index);
   common.object_name = english(object, "Name");
@@ -108,7 +108,7 @@ void EsiDictionaryReader::read_parts(const pugi::xml_node& object, const pugi::x
       const std::int64_t first = parse_xml_number(text_of(array.child("LBound"))).value_or(1);
       const std::int64_t count = parse_xml_number(text_of(array.child("Elements"))).value_or(0);
       if (first < 0 || count < 0 || first + count > 0xFF) {
-        document_.refuse(array, "ArrayInfo", fmt::format("{} elements from {} on cannot be", count, first),
+        document_.refuse(array, "ArrayInfo", fmt::format("{} elements from {} on are not possible", count, first),
                          "an object has sub-indices 1 to 254");
       }
       set_type(entry, text_of(its_type.child("BaseType")), array,
@@ -123,13 +123,13 @@ void EsiDictionaryReader::read_parts(const pugi::xml_node& object, const pugi::x
     }
     if (!sub) continue;  // padding
     if (*sub < 0 || *sub > 0xFF)
-      document_.refuse(item, "SubIdx", fmt::format("{} is no sub-index", *sub), "write 0 to 255");
+      document_.refuse(item, "SubIdx", fmt::format("{} is not a sub-index", *sub), "write 0 to 255");
     entry.sub = static_cast<std::uint8_t>(*sub);
     set_type(entry, item_type, item, bits_of(item));
     type_names.push_back(entry.name);
     parts.push_back(std::move(entry));
   }
-  // The values come in the order of the type's parts, or under their names where some are left out.
+  // The values are in the order of the type's parts; if some are missing, they are found by name.
   const pugi::xml_node info = object.child("Info");
   const auto items = info.children("SubItem");
   const bool in_order = static_cast<std::size_t>(std::distance(items.begin(), items.end())) == parts.size();
@@ -173,7 +173,7 @@ void EsiDictionaryReader::set_flags(FileEntry& entry, const pugi::xml_node& flag
   } else if (access == "wo") {
     entry.access = Access::wo;
   } else {
-    document_.refuse(flags, "Access", fmt::format("\"{}\" is no access", access), "write ro, rw or wo");
+    document_.refuse(flags, "Access", fmt::format("\"{}\" is not an access type", access), "write ro, rw or wo");
   }
   unsigned pdo = 0;
   for (const char letter : text_of(flags.child("PdoMapping"))) {
@@ -197,7 +197,7 @@ void EsiDictionaryReader::set_values(FileEntry& entry, const pugi::xml_node& inf
     const auto bytes = bytes_of(text_of(data));
     if (!bytes || bytes->empty() || bytes->size() > 8) {
       document_.refuse(data, fmt::format("{:04X}:{:02X} DefaultData", entry.index, entry.sub),
-                       fmt::format("\"{}\" is no value", text_of(data).substr(0, 40)),
+                       fmt::format("\"{}\" is not a value", text_of(data).substr(0, 40)),
                        "write pairs of hexadecimal digits, the lowest byte first");
     }
     std::uint64_t number = 0;

@@ -100,7 +100,7 @@ std::int64_t EsiDocument::number(const pugi::xml_node& node, const char* key) co
   const auto value = parse_xml_number(text_of(node));
   if (value) return *value;
   refuse(node ? node : root(), key,
-         node ? fmt::format("\"{}\" is no number", text_of(node).substr(0, 40)) : "is missing",
+         node ? fmt::format("\"{}\" is not a number", text_of(node).substr(0, 40)) : "is missing",
          "write a decimal number, or #x and hexadecimal digits");
 }
 
@@ -108,10 +108,10 @@ std::int64_t EsiDocument::number(const pugi::xml_attribute& attribute, const pug
                                  const char* key) const {
   const auto value = parse_xml_number(attribute.value());
   if (value) return *value;
-  refuse(
-      of, key,
-      attribute ? fmt::format("\"{}\" is no number", std::string_view(attribute.value()).substr(0, 40)) : "is missing",
-      "write a decimal number, or #x and hexadecimal digits");
+  refuse(of, key,
+         attribute ? fmt::format("\"{}\" is not a number", std::string_view(attribute.value()).substr(0, 40))
+                   : "is missing",
+         "write a decimal number, or #x and hexadecimal digits");
 }
 
 }  // namespace servodrome::describe

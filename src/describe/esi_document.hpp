@@ -7,45 +7,46 @@
 
 #include "describe/device_file.hpp"
 
-// The XML of an ESI file, for its readers.
+// The XML document of an ESI file, shared by its readers.
 namespace servodrome::describe {
 
-// Text without the blanks around it.
+// The text of a node without surrounding blanks.
 std::string text_of(const pugi::xml_node& node);
-// Of several languages the English one (LcId 1033), else the first.
+// The English text (LcId 1033) if there are several languages, otherwise the first.
 std::string english(const pugi::xml_node& parent, const char* child);
 // "1" or "true".
 bool is_set(const pugi::xml_attribute& attribute);
-// HexDecValue of ETG.2000: decimal, or hexadecimal behind #x; makers write 0x as well. Nothing if it is none.
+// Parses a HexDecValue of ETG.2000: decimal, or hexadecimal after #x; makers also write 0x. Empty if it is not a
+// number.
 std::optional<std::int64_t> parse_xml_number(std::string_view text);
-// A base type by its name in IEC 61131-3, or for an unknown one by its length.
+// The base type with this name of IEC 61131-3; for an unknown name, the type with this length.
 dictionary::Type type_of_name(std::string_view name, unsigned bits);
 
 class EsiDocument {
  public:
-  // Throws DeviceFileError where the text is no XML, or no EtherCATInfo.
+  // Throws DeviceFileError if the text is not XML, or not an EtherCATInfo.
   EsiDocument(const std::string& text, const std::string& file);
 
   pugi::xml_node root() const { return document_.child("EtherCATInfo"); }
   unsigned line_of(const pugi::xml_node& node) const;
   [[noreturn]] void refuse(const pugi::xml_node& at, const std::string& key, const std::string& problem,
                            const std::string& remedy) const;
-  // The number that has to be there. Throws DeviceFileError.
+  // Returns a mandatory number. Throws DeviceFileError if it is missing.
   std::int64_t number(const pugi::xml_node& node, const char* key) const;
   std::int64_t number(const pugi::xml_attribute& attribute, const pugi::xml_node& of, const char* key) const;
 
  private:
   std::string file_;
-  std::string text_;  // as UTF-8, what offsets count in
+  std::string text_;  // as UTF-8; offsets refer to it
   pugi::xml_document document_;
 };
 
-// The objects of a Dictionary element.
+// Reads the objects of a Dictionary element.
 class EsiDictionaryReader {
  public:
   EsiDictionaryReader(const EsiDocument& document, DeviceFile& device) : document_(document), device_(device) {}
 
-  // False: it has none.
+  // Returns false if it has no objects.
   bool read(const pugi::xml_node& dictionary);
 
  private:

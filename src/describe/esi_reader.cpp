@@ -1,5 +1,4 @@
-// EtherCAT slave information as makers have it (ETG.2000): device and PDOs; esi_dictionary_reader.cpp reads the
-// objects.
+// Reads EtherCAT slave information of makers (ETG.2000): device and PDOs; esi_dictionary_reader.cpp reads the objects.
 #include "describe/esi_reader.hpp"
 
 #include <algorithm>
@@ -57,7 +56,7 @@ class EsiReader {
   }
 
  private:
-  // The device that is asked for, of its revisions the newest.
+  // Finds the wanted device, and the newest of its revisions.
   pugi::xml_node choose(const pugi::xml_node& devices, const std::string& which) {
     std::vector<pugi::xml_node> found;
     std::vector<std::string> titles;
@@ -91,7 +90,7 @@ class EsiReader {
     });
     if (!one_product) {
       document_.refuse(devices, "Devices", fmt::format("{} devices are described", titles.size()),
-                       "say which by its type or product code: " + list());
+                       "choose one by its type or product code: " + list());
     }
     return *std::max_element(found.begin(), found.end(), [](const pugi::xml_node& a, const pugi::xml_node& b) {
       const auto revision = [](const pugi::xml_node& device) {
@@ -115,7 +114,7 @@ class EsiReader {
     made_.type = made.order_code;
     made_.name = made.product_name;
     made_.group = text_of(device.child("GroupType"));
-    // ESI files have no word for it; `servodrome clone` says it so.
+    // ESI files have no element for this; `servodrome clone` writes this comment.
     made.is_configuration = english(device, "Comment").starts_with("Configuration of one device");
   }
 
@@ -152,7 +151,7 @@ class EsiReader {
     }
   }
 
-  // The module that the first slot has from the factory: a modular drive as a drive of one axis.
+  // The factory module of the first slot: a modular drive is read as a drive of one axis.
   pugi::xml_node first_module(const pugi::xml_node& info, const pugi::xml_node& device) {
     const pugi::xml_node slots = device.child("Slots");
     const pugi::xml_node slot = slots.child("Slot");
@@ -163,7 +162,7 @@ class EsiReader {
     }
     if (slot.next_sibling("Slot")) {
       made_.device.notes.push_back(
-          fmt::format("{}: the first slot alone is taken, with module {}", made_.device.file, text_of(ident)));
+          fmt::format("{}: only the first slot is used, with module {}", made_.device.file, text_of(ident)));
     }
     const auto wanted = parse_xml_number(text_of(ident));
     for (const pugi::xml_node& modules : {slots.child("Modules"), info.child("Descriptions").child("Modules")}) {
@@ -250,7 +249,7 @@ class EsiReader {
     entry(index, 0, ObjectCode::record, name).default_value = count;
   }
 
-  // An object that only the PDO tells of.
+  // Adds an object that only a PDO mentions.
   void describe_mapped(const pugi::xml_node& mapped, std::uint16_t object, std::uint8_t sub, unsigned bits,
                        const Direction& direction) {
     const bool known = std::any_of(made_.device.entries.begin(), made_.device.entries.end(),

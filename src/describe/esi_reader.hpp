@@ -9,7 +9,7 @@
 
 namespace servodrome::describe {
 
-// A sync manager as an ESI file describes it; lengths in bytes, 0: not said.
+// A sync manager in an ESI file; lengths in bytes, 0: not given.
 struct EsiChannel {
   std::uint16_t start = 0;
   std::uint16_t least_length = 0;
@@ -17,7 +17,7 @@ struct EsiChannel {
   std::uint16_t default_length = 0;
 };
 
-// A way of using the distributed clock.
+// A mode of the distributed clock.
 struct EsiOpMode {
   std::string name;
   std::string description;
@@ -31,7 +31,7 @@ struct EsiOpMode {
 
 // A device of an EtherCAT slave information file (ETG.2000).
 struct EsiDevice {
-  DeviceFile device;  // with the PDOs of the file as its objects 16xxh, 1Axxh, 1C12h and 1C13h
+  DeviceFile device;  // includes the PDOs of the file as objects 16xxh, 1Axxh, 1C12h and 1C13h
   bool has_dictionary = false;
   std::string group;
   std::string type;
@@ -41,8 +41,8 @@ struct EsiDevice {
   std::vector<EsiOpMode> op_modes;
 };
 
-// `which`: the device's type, name or product code where the file has several; the newest revision of it is taken.
-// Throws DeviceFileError.
+// `which` selects the device by type, name or product code if the file has several; reads its newest revision. Throws
+// DeviceFileError.
 EsiDevice read_esi(const std::string& text, const std::string& file, const std::string& which);
 
 }  // namespace servodrome::describe

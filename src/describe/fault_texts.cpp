@@ -14,7 +14,7 @@ std::string jmc_alarm(std::uint16_t alarm) {
   return alarm < 0xE000 ? fmt::format("AL.{:03X}", alarm) : fmt::format("{:04X}", alarm);
 }
 
-// The display shows a word of bits in hexadecimal, with a point before the last digit.
+// The display of the drive shows a word of bits in hexadecimal, with a point before the last digit.
 std::string ismk_alarm(std::uint16_t alarm) {
   const unsigned bit = alarm & 15U;
   if (alarm >= 32) return fmt::format("2605h sub 7 bit {}", bit);

@@ -29,7 +29,7 @@ constexpr std::array groups{
     Group{0xA000, 0xFFFF, "Other standardised objects"},
 };
 
-// Text that must not end a table cell, or begin a tag.
+// Escapes characters that would end a table cell or begin a tag.
 std::string cell(std::string_view text) {
   std::string escaped;
   for (const char letter : text) {

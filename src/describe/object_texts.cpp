@@ -8,7 +8,7 @@
 namespace servodrome::describe {
 namespace {
 
-// PDO parameters are the same for every PDO (CiA 301 7.5.2.34 to 7.5.2.38).
+// The parameters of all PDOs have the same texts (CiA 301 7.5.2.34 to 7.5.2.38).
 std::uint16_t described_index(std::uint16_t index) {
   for (const unsigned first : {0x1400U, 0x1600U, 0x1800U, 0x1A00U}) {
     if (index >= first && index < first + 0x200U) return static_cast<std::uint16_t>(first);

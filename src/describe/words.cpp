@@ -54,7 +54,7 @@ std::string number_text(const Entry& entry, std::int64_t value) {
   if (entry.type == Type::real32) return fmt::format("{}", std::bit_cast<float>(static_cast<std::uint32_t>(value)));
   if (dictionary::is_signed(entry.type)) return fmt::format("{}", value);
   const auto number = static_cast<std::uint64_t>(value);
-  // Times and counts of the communication area have a unit; what has none is made of bit fields.
+  // In the communication area, an UNSIGNED32 with a unit is a time or count; one without a unit consists of bit fields.
   const bool has_bit_fields = entry.type == Type::unsigned32 && entry.unit[0] == '\0' &&
                               dictionary::area_of(entry.index) == dictionary::Area::communication;
   if (!has_bit_fields) return fmt::format("{}", number);

@@ -6,27 +6,27 @@
 
 #include "dictionary/entry.hpp"
 
-// How values and rules of an entry are written in every document.
+// Common text forms of values and properties of an entry, for all documents.
 namespace servodrome::describe {
 
 // "UNSIGNED32" and so on (CiA 301 table 44).
 std::string_view word(dictionary::Type type);
 // "const", "ro", "wo", "rw"
 std::string_view word(dictionary::Access access);
-// "none", "rx", "tx", "both", as seen from the device
+// "none", "rx", "tx", "both", seen from the device
 std::string_view word(dictionary::Pdo pdo);
 
-// A value in the manner of its entry: identifiers, mappings and the like of the communication area in hexadecimal,
-// everything else in decimal, REAL32 (whose bits `value` holds) as the shortest decimal that reads back the same.
+// Formats a value: identifiers, mappings and similar values of the communication area in hexadecimal, all others in
+// decimal, REAL32 (`value` holds its bits) as the shortest decimal number that reads back unchanged.
 std::string number_text(const dictionary::Entry& entry, std::int64_t value);
 
-// The factory value without what the node identifier adds; empty for strings and domains without constant content.
+// The factory value without the node-ID that is added to it; empty for strings and domains without constant content.
 std::string default_text(const dictionary::Entry& entry);
 
-// Sub-indices present of the object that begins at `position` of `table`.
+// Number of sub-indices of the object that begins at `position` of `table`.
 std::size_t entries_of_object(std::span<const dictionary::Entry> table, std::size_t position);
 
-// The factory value of a number of the identity object, 0 when the table does not have it.
+// Factory value of a sub-index of the identity object; 0 if the table does not have it.
 std::uint32_t identity(std::span<const dictionary::Entry> table, std::uint8_t sub);
 
 // Number of objects with sub-index 0 from `first` to `last`.

@@ -7,7 +7,7 @@
 
 namespace servodrome::describe {
 
-// Writes an XML document, indented by two spaces; what was opened is closed.
+// Writes an XML document with an indentation of two spaces; closes every element that it opens.
 class Xml {
  public:
   using Attributes = std::initializer_list<std::pair<std::string_view, std::string>>;
@@ -24,7 +24,7 @@ class Xml {
     begin(name, attributes);
     text_ += "/>\n";
   }
-  // `content()` writes what is inside.
+  // `content()` writes the content of the element.
   template <typename Content>
   void node(std::string_view name, Attributes attributes, Content content) {
     begin(name, attributes);
@@ -61,7 +61,7 @@ class Xml {
     text_ += name;
     text_ += ">\n";
   }
-  // Control characters have no place in XML 1.0, whatever their spelling.
+  // XML 1.0 does not permit control characters in any form.
   void escape(std::string_view content) {
     for (const char letter : content) {
       switch (letter) {

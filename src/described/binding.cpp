@@ -40,7 +40,7 @@ void Binding::prepare(drive::Objects& objects, const products::Settings& setting
     if (serial_number != nullptr && serial_number->default_value == 0) put(*serial_number, settings.serial_number);
   }
   if (!contains(areas, dictionary::Area::profile)) return;
-  // What the description leaves open is that of the motor which is connected.
+  // Values that the description leaves open come from the connected motor.
   const drive::MotorData& motor = settings.motor;
   const auto described = [this](std::uint16_t index, std::uint8_t sub) {
     return blueprint_.find(index, sub) != nullptr;
@@ -110,7 +110,7 @@ std::span<const std::byte> Binding::domain(const Entry& entry) const {
 }
 
 bool units(const drive::Objects& objects, const drive::MotorData& motor, drive::Units& units) {
-  constexpr std::uint32_t coarsest_encoder = 16;  // fewer increments in a turn are a value that was never set
+  constexpr std::uint32_t coarsest_encoder = 16;  // fewer increments per revolution mean that the value was never set
   drive::Objects known = objects;
   const auto one_if_zero = [](std::uint32_t& value) { value = std::max(value, 1U); };
   for (std::uint32_t* value : {&known.position_encoder_motor_revolutions, &known.gear_motor_revolutions,

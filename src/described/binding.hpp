@@ -6,16 +6,16 @@
 
 namespace servodrome::described {
 
-// Keeps a drive's fields and the objects that the description has for them together: on either fieldbus the part of a
-// described device that is neither bus nor drive.
+// Synchronises a drive's fields with the objects of the description: the part of a described device that does not
+// depend on the fieldbus and is not the drive itself.
 class Binding {
  public:
   Binding(const Blueprint& blueprint, dictionary::Dictionary& dictionary, drive::Drive& drive)
       : blueprint_(blueprint), dictionary_(dictionary), drive_(drive) {}
 
-  // Factory values that are in no table: strings, objects without a description, the nameplate of the motor.
+  // Sets factory values that no table contains: strings, objects without a description, the nameplate of the motor.
   void prepare(drive::Objects& objects, const products::Settings& settings, dictionary::Area areas);
-  // The objects have their saved values: those of another size go to the drive's fields.
+  // Call it when the objects have their saved values: copies those of a different size to the drive's fields.
   void loaded(dictionary::Area areas);
 
   // dictionary::Listener for Owner::product
@@ -34,8 +34,8 @@ class Binding {
   drive::Drive& drive_;
 };
 
-// Units of a described drive. A feed constant of 1:1, which makers print for "none", makes a position unit an increment
-// of 608Fh; the encoder itself is the motor's, whatever 608Fh says.
+// Units of a described drive. A feed constant of 1:1, which makers print for "none", makes the position unit one
+// increment of 608Fh. The encoder itself is that of the motor, independent of 608Fh.
 bool units(const drive::Objects& objects, const drive::MotorData& motor, drive::Units& units);
 
 }  // namespace servodrome::described

@@ -33,7 +33,7 @@ std::shared_ptr<const Blueprint> make_can_blueprint(describe::DeviceFile device,
 
 namespace {
 
-// Room of a sync manager's area: as its file says, else up to the next area.
+// Rule for a mailbox: the greatest length is that of the file, but at least the length that an SDO needs.
 ethercat::AreaRule mailbox_rule(const describe::EsiChannel& channel) {
   constexpr std::uint16_t least_mailbox = 34;  // what an SDO needs (ETG.1000.6)
   const std::uint16_t greatest = std::max({channel.greatest_length, channel.default_length, least_mailbox});
@@ -42,8 +42,8 @@ ethercat::AreaRule mailbox_rule(const describe::EsiChannel& channel) {
 }
 
 void set_process_data(ethercat::Profile& profile, const std::array<std::optional<describe::EsiChannel>, 4>& channels) {
-  constexpr std::uint16_t end = 0x3000;                         // of 8 KiB of memory from 1000h on
-  const auto room = [](std::uint16_t from, std::uint16_t to) {  // of three buffers
+  constexpr std::uint16_t end = 0x3000;                         // end of the 8 KiB of memory from 1000h on
+  const auto room = [](std::uint16_t from, std::uint16_t to) {  // for three buffers
     return static_cast<std::uint16_t>(to > from ? (to - from) / 3 : 0);
   };
   if (channels[2]) profile.outputs_start = channels[2]->start;
@@ -95,7 +95,7 @@ std::shared_ptr<const Blueprint> make_ethercat_blueprint(describe::EsiDevice dev
 
 std::shared_ptr<const Blueprint> read_blueprint(const std::string& path, const std::string& device) {
   const std::string text = describe::read_file(path);
-  // Behind the marks of an encoding.
+  // Skip the byte order mark of an encoding.
   constexpr std::string_view blank(" \t\r\n\xEF\xBB\xBF\xFE\xFF\0", 10);
   const std::size_t first = text.find_first_not_of(blank);
   if (first != std::string::npos && text[first] == '<') {
@@ -131,7 +131,7 @@ describe::Description description_of(const Blueprint& blueprint) {
 
 std::uint32_t store_bytes(const Blueprint& blueprint) {
   constexpr std::size_t page = 4096;
-  std::size_t bank = sizeof(dictionary::StoreHeader) + 2 * (dictionary::Store::record_overhead + 4);  // with 1018h
+  std::size_t bank = sizeof(dictionary::StoreHeader) + 2 * (dictionary::Store::record_overhead + 4);  // includes 1018h
   for (const Entry& entry : blueprint.table) {
     if (!entry.saved) continue;
     bank +=

@@ -6,10 +6,10 @@
 
 namespace servodrome::described {
 
-// A CANopen drive out of an electronic data sheet.
+// A CANopen drive created from an electronic data sheet.
 class CanDrive final : public products::CanDevice<CanDrive, CanObjects, 4096> {
  public:
-  // For what is decided at compile time; the device's own policy is the blueprint's.
+  // For compile-time decisions only; the device's own policy is that of the blueprint.
   static constexpr const drive::Policy& policy = products::generic402::policy;
   static constexpr dictionary::LengthAborts length_aborts{};
   static constexpr std::uint8_t factory_node_id = 1;

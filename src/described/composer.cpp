@@ -22,23 +22,23 @@ using dictionary::Type;
 
 namespace {
 
-constexpr std::uint32_t string_bytes = 256;   // room of a string or block of bytes whose length is not given
+constexpr std::uint32_t string_bytes = 256;   // size of a string or block of bytes without a given length
 constexpr std::uint32_t domain_bytes = 4096;  // ... of a DOMAIN
 
 bool is_manufacturers(std::uint16_t index) { return index >= 0x2000 && index < 0x6000; }
-// Parameters, mappings and assignments of PDOs: however many of them are described, no struct has them.
+// PDO parameters, mappings and assignments are not fields of a struct, since their number depends on the description.
 bool is_pdo_object(std::uint16_t index) {
   return (index >= 0x1400 && index < 0x1C00) || index == 0x1C12 || index == 0x1C13;
 }
 bool is_storage(std::uint16_t index) { return index == 0x1010 || index == 0x1011; }
 bool is_plain_number(Type type) { return dictionary::size_of(type) != 0 && type != Type::real32; }
 
-// COB-IDs that hold the node-ID, which careless files leave out of their defaults.
+// COB-IDs include the node-ID, but the defaults of some files omit it.
 bool needs_node_id(const Entry& reference, std::int64_t value) {
   return reference.default_adds_node_id && value == reference.default_value;
 }
 
-// What holds the axis, or makes no ratio, while it is 0. In a data sheet that is no value but the want of one.
+// Values for which 0 stops the axis or is no valid ratio. In a data sheet such a 0 means that no value is given.
 constexpr auto never_zero = std::to_array<std::uint32_t>({
     0x607200, 0x607300, 0x607500, 0x607600, 0x607F00, 0x608100, 0x608300, 0x608400, 0x608500, 0x608700,
     0x608F01, 0x608F02, 0x609101, 0x609102, 0x609201, 0x609202, 0x609601, 0x609602, 0x609701, 0x609702,
@@ -46,7 +46,7 @@ constexpr auto never_zero = std::to_array<std::uint32_t>({
 });
 bool is_never_zero(const Entry& entry) { return std::binary_search(never_zero.begin(), never_zero.end(), entry.key()); }
 
-// Speeds and ramps whose factory values count in the reference drive's units, 131072 to a revolution.
+// Speeds and ramps with factory values in the reference drive's units, 131072 per revolution.
 constexpr auto motion_values = std::to_array<std::uint32_t>({
     0x608100,
     0x608300,
@@ -100,7 +100,7 @@ void Composer::compose() {
   complete_device();
   if (foundation_.completes_dictionary) {
     made_.notes.push_back(
-        fmt::format("{}: there is no object dictionary; the reference drive's objects are taken", made_.device.file));
+        fmt::format("{}: there is no object dictionary; the reference drive's objects are used", made_.device.file));
   }
   made_.object_bytes = foundation_.object_bytes;
   made_.table.reserve(made_.device.entries.size());
@@ -114,12 +114,12 @@ void Composer::compose() {
   list_what_is_not_simulated();
 }
 
-// Objects that every device has, and the dummies that the file allows in a mapping.
+// Adds the objects that every device has, and the dummies that the file permits in a mapping.
 void Composer::complete_device() {
   describe::DeviceFile& device = made_.device;
   if (device.find(0x6040, 0) == nullptr || device.find(0x6041, 0) == nullptr) {
     throw describe::DeviceFileError(device.file, 0, "[6040], [6041]",
-                                    "controlword and statusword are not described: this is no drive of CiA 402",
+                                    "controlword and statusword are not described: this is not a CiA 402 drive",
                                     "give the description of a servo drive");
   }
   std::erase_if(device.entries, [](const FileEntry& entry) { return entry.index < 0x1000; });
@@ -215,13 +215,13 @@ void Composer::set_range(Entry& entry, const FileEntry& described) {
   entry.minimum = described.minimum.value_or(least);
   entry.maximum = described.maximum.value_or(greatest);
   const bool given = described.minimum || described.maximum;
-  // Both 0 is what tools write that have no limits.
+  // tools write 0 for both if there are no limits
   const bool empty = entry.minimum == 0 && entry.maximum == 0 && entry.default_value != 0;
-  const bool is_read = entry.access != Access::wo;  // of what is only written the default means nothing
+  const bool is_read = entry.access != Access::wo;  // the default of a write-only object has no meaning
   const bool holds_default = !is_read || (entry.default_value >= entry.minimum && entry.default_value <= entry.maximum);
   entry.has_range = given && !empty && holds_default && !entry.default_adds_node_id;
   if (given && !empty && !holds_default && !entry.default_adds_node_id) {
-    note(entry, fmt::format("the default {} is not within {} .. {}; the limits do not count", entry.default_value,
+    note(entry, fmt::format("the default {} is not within {} .. {}; the limits are ignored", entry.default_value,
                             entry.minimum, entry.maximum));
   }
   if (entry.has_range && entry.minimum == least && entry.maximum == greatest) entry.has_range = false;
@@ -248,7 +248,7 @@ void Composer::set_text(Entry& entry, const FileEntry& described) {
 void Composer::set_place(Entry& entry, const FileEntry& described, const Entry* reference) {
   if (!entry.fixed_size()) return set_text(entry, described);
   if (is_storage(entry.index) && entry.sub != 0) {
-    entry.owner = Owner::communication;  // answers to a signature
+    entry.owner = Owner::communication;  // uses a signature
     return;
   }
   if (is_pdo_object(entry.index) || (reference != nullptr && reference->owner == Owner::communication)) {
@@ -277,13 +277,13 @@ void Composer::settle_mappings() {
   }
 }
 
-// What is mapped from the factory can be mapped, whatever the objects' own descriptions say of it.
+// An object in a default mapping is mappable, even if its own description says otherwise.
 void Composer::settle_mapping(std::uint16_t index, Pdo direction) {
   Entry& count = *find(index, 0);
   std::int64_t mapped = 0;
   while (mapped < count.default_value && default_of(index, static_cast<std::uint8_t>(mapped + 1), 0) != 0) ++mapped;
   if (mapped != count.default_value) {
-    note(count, fmt::format("{} objects are said to be mapped, {} are", count.default_value, mapped));
+    note(count, fmt::format("the count says {} mapped objects, but {} are mapped", count.default_value, mapped));
     count.default_value = mapped;
   }
   for (std::int64_t i = 1; i <= mapped; ++i) {
@@ -311,7 +311,7 @@ void Composer::choose_modes() {
   const std::uint32_t reference = made_.policy.supported_modes;
   Entry* supported = find(0x6502, 0);
   if (supported == nullptr) return;
-  if (supported->default_value == 0) supported->default_value = reference;  // not said
+  if (supported->default_value == 0) supported->default_value = reference;  // not given
   const auto described = static_cast<std::uint32_t>(supported->default_value);
   made_.policy.supported_modes = described & reference;
   std::vector<std::string> absent;
@@ -343,7 +343,7 @@ void Composer::choose_homing_methods() {
   made_.policy.homing_methods = made_.homing_methods;
 }
 
-// Zeros that would hold the axis, and the reference drive's speeds and ramps in the described units.
+// Replaces zeros that would stop the axis, and converts the reference drive's speeds and ramps to the described units.
 void Composer::settle_motion() {
   constexpr std::uint32_t greatest_encoder = 1U << 24;  // plant::Encoder
   const auto increments = static_cast<double>(default_of(0x608F, 1, 0));
@@ -377,7 +377,7 @@ void Composer::settle_motion() {
     entry.default_value = scaled(*reference, entry);
     if (entry.has_range) entry.default_value = std::max(entry.default_value, entry.minimum);
     if (entry.index == 0x608F || entry.index == 0x6092) entry.default_value = said ? 1 : entry.default_value;
-    if (said) note(entry, fmt::format("0 would hold the axis; {} is taken", entry.default_value));
+    if (said) note(entry, fmt::format("with 0 the axis could not move; {} is used", entry.default_value));
   }
   made_.implied.clear();
   for (const Entry& reference : foundation_.table) {
@@ -407,15 +407,16 @@ void Composer::list_what_is_not_simulated() {
     }
   }
   const auto absent = [this](const std::string& what) { made_.not_simulated.push_back(what); };
-  if (!kept.empty())
-    absent(fmt::format("{} (their values are kept, nothing follows from them)", fmt::join(kept, ", ")));
-  if (makers != 0) absent(fmt::format("{} objects of the maker, 2000h to 5FFFh (likewise)", makers));
-  if (other_axes != 0) absent(fmt::format("{} objects of further axes, 6800h and up (likewise)", other_axes));
+  if (!kept.empty()) absent(fmt::format("{} (their values are stored, without any effect)", fmt::join(kept, ", ")));
+  if (makers != 0)
+    absent(fmt::format("{} manufacturer-specific objects, 2000h to 5FFFh (stored, without any effect)", makers));
+  if (other_axes != 0)
+    absent(fmt::format("{} objects of further axes, 6800h and up (stored, without any effect)", other_axes));
   for (const Entry& entry : made_.table) {
     const bool parameters =
         (entry.index >= 0x1400 && entry.index < 0x1600) || (entry.index >= 0x1800 && entry.index < 0x1A00);
     if (made_.ethercat == nullptr && parameters && entry.sub == 0 && (entry.index & 0x1FF) >= most_pdos) {
-      absent(fmt::format("PDO {:04X}h: {} each way are served", entry.index, most_pdos));
+      absent(fmt::format("PDO {:04X}h: only {} PDOs in each direction are simulated", entry.index, most_pdos));
     }
   }
 }

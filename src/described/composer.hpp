@@ -4,12 +4,12 @@
 
 namespace servodrome::described {
 
-// The reference drive on one of its fieldbuses: whose fields the described objects are bound to.
+// The reference drive on one of its fieldbuses; the described objects are bound to its fields.
 struct Foundation {
   std::span<const dictionary::Entry> table;
-  std::size_t object_bytes = 0;              // of its objects struct
+  std::size_t object_bytes = 0;              // size of its objects struct
   std::span<const std::uint16_t> mandatory;  // objects that every device on the bus has
-  bool completes_dictionary = false;         // all its objects are there, described or not
+  bool completes_dictionary = false;         // adds all its objects, even those that are not described
 };
 Foundation can_foundation();
 Foundation ethercat_foundation();

@@ -3,7 +3,7 @@
 namespace servodrome::described {
 namespace {
 
-// The description's, with what this one slave has of its own.
+// The information memory of the description, with serial number and alias of this slave.
 ethercat::SiiDescription sii_of(const Blueprint& blueprint, const products::Settings& settings) {
   ethercat::SiiDescription sii = blueprint.ethercat->sii;
   sii.serial_number = settings.serial_number;
@@ -18,7 +18,7 @@ EthercatDrive::EthercatDrive(std::shared_ptr<const Blueprint> blueprint, const p
                      blueprint->ethercat->profile, sii_of(*blueprint, settings)),
       blueprint_(std::move(blueprint)) {}
 
-// With SYNC0 the set-points come with its period, whatever 60C2h says; where 60C2h can hold it, it does.
+// With SYNC0 its period is the period of the set-points, independent of 60C2h, which shows it if it can represent it.
 void EthercatDrive::state_changed(ethercat::AlState from, ethercat::AlState to, ethercat::AlStatusCode cause,
                                   products::Time now) {
   EthercatDevice::state_changed(from, to, cause, now);

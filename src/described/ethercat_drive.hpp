@@ -10,10 +10,10 @@ namespace servodrome::described {
 inline constexpr products::EthercatSizes ethercat_sizes{
     .mapped_objects = 256, .mailbox_bytes = 1536, .sdo_bytes = 4096, .sii_bytes = ethercat_sii_bytes};
 
-// An EtherCAT drive out of an ESI file.
+// An EtherCAT drive created from an ESI file.
 class EthercatDrive final : public products::EthercatDevice<EthercatDrive, EthercatObjects, ethercat_sizes> {
  public:
-  // For what is decided at compile time; the device's own policy is the blueprint's.
+  // For compile-time decisions only; the device's own policy is that of the blueprint.
   static constexpr const drive::Policy& policy = products::generic402::policy;
   static constexpr dictionary::LengthAborts length_aborts{};
 
@@ -42,7 +42,7 @@ class EthercatDrive final : public products::EthercatDevice<EthercatDrive, Ether
   void state_changed(ethercat::AlState from, ethercat::AlState to, ethercat::AlStatusCode cause,
                      products::Time now) override;
 
-  double set_point_period_s_ = 0.0;  // of SYNC0; 0: 60C2h
+  double set_point_period_s_ = 0.0;  // period of SYNC0; 0: 60C2h is used
   std::shared_ptr<const Blueprint> blueprint_;
   Binding binding_{*blueprint_, dictionary(), drive()};
 };

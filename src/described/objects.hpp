@@ -7,14 +7,14 @@
 #include "products/generic402/ethercat_objects.hpp"
 #include "products/generic402/objects.hpp"
 
-// The objects of a described drive: those of the reference drive, which its control code works with, and behind them,
-// in the same memory, all that the description has beyond.
+// Memory of the objects of a described drive: the objects of the reference drive, which its control code uses, followed
+// by all further objects of the description.
 namespace servodrome::described {
 
 struct CanObjects : products::generic402::Objects {};
 struct EthercatObjects : products::generic402::EthercatObjects {};
 
-// Objects of the type Objects at the beginning of memory of as many bytes as the composition wants.
+// An object of the type Objects at the beginning of a memory of the size given by the composition.
 template <typename Objects>
 class GrownMemory {
  public:
@@ -37,7 +37,7 @@ class GrownMemory {
   Objects* objects_ = nullptr;
 };
 
-// PDOs that are served, each way, and objects in one of them.
+// Limits: PDOs in each direction, and objects in one PDO.
 inline constexpr std::size_t most_pdos = 32;
 inline constexpr std::size_t most_mapped = 64;
 

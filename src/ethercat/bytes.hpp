@@ -5,7 +5,7 @@
 #include <cstdint>
 #include <cstring>
 
-// Numbers as they travel: little endian, at any address (ETG.1000.4 clause 4.2).
+// Numbers in the byte order of the bus: little endian, at any (also unaligned) address (ETG.1000.4 clause 4.2).
 namespace servodrome::ethercat {
 
 static_assert(std::endian::native == std::endian::little);
@@ -27,7 +27,7 @@ inline std::uint32_t load_u32(const std::uint8_t* place) { return load<std::uint
 inline void store_u16(std::uint8_t* place, unsigned value) { store(place, static_cast<std::uint16_t>(value)); }
 inline void store_u32(std::uint8_t* place, std::uint32_t value) { store(place, value); }
 
-// memcpy for the few bytes a drive has in a process data frame: without a call, in two moves that may overlap.
+// memcpy for the few bytes of process data that a drive has in a frame. It is inlined as two moves, which may overlap.
 inline constexpr std::size_t most_few_bytes = 32;
 inline void copy_few(std::uint8_t* to, const std::uint8_t* from, std::size_t count) {
   struct Sixteen {

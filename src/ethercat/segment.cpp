@@ -3,18 +3,18 @@
 namespace servodrome::ethercat {
 
 enum class Segment::Health : std::uint8_t {
-  good,        // executed by every slave
-  unreadable,  // of another protocol, or malformed
+  good,        // every slave executes it
+  unreadable,  // another protocol, or malformed
   corrupted,   // arrives with a wrong FCS
   destroyed,
 };
 
-// How a frame came through the processing units.
+// State of a frame on its way through the processing units.
 struct Segment::Travel {
-  Slave* at;     // that it came to last
-  Time time;     // when
-  Time back{0};  // through the slaves that were passed, from the last one's port 0
-  Way end{};     // how it went on there
+  Slave* at;     // the slave that it reached last
+  Time time;     // arrival time there
+  Time back{0};  // delay of the way back from that slave's port 0, through the slaves that it passed
+  Way end{};     // where it goes from there
   Health health;
   unsigned effects = 0;
 
@@ -22,17 +22,17 @@ struct Segment::Travel {
 };
 
 namespace {
-constexpr std::uint8_t locally_administered = 0x02;  // of the first byte of the source address
+constexpr std::uint8_t locally_administered = 0x02;  // bit in the first byte of the source address
 }
 
-// What a frame meets that leaves a slave by its port 1. `next` is nullptr behind the last one.
+// Where does a frame go that leaves a slave by port 1? `next` is nullptr behind the last slave.
 inline Segment::Way Segment::way_behind(const Esc& esc, const Esc* next) const {
   if (esc.loop_closed(1)) return Way::turns;
   const bool goes_on = next != nullptr ? next->takes_frames() : ring_cable_;
   return goes_on ? Way::open : Way::ends;
 }
 
-// What a frame meets that leaves `slave` by its port 0.
+// Where does a frame go that leaves `slave` by port 0?
 Segment::Way Segment::way_before(std::size_t slave) const {
   if (slaves_[slave].esc->loop_closed(0)) return Way::turns;
   if (!slaves_[slave].cable) return Way::ends;
@@ -41,12 +41,12 @@ Segment::Way Segment::way_before(std::size_t slave) const {
   return previous.powered && !previous.esc->loop_closed(1) ? Way::open : Way::ends;
 }
 
-// From where it is on through the processing units, as long as they execute it.
+// Runs the frame through the processing units from its position on, for as long as they execute it.
 [[gnu::always_inline]] inline void Segment::run_executed(Frame& frame, Travel& travel) {
   Slave* const last = &slaves_.back();
   while (!travel.at->corrupts_next) {
     Esc& esc = *travel.at->esc;
-    travel.end = way_behind(esc, travel.at == last ? nullptr : travel.at[1].esc);  // before the frame itself changes it
+    travel.end = way_behind(esc, travel.at == last ? nullptr : travel.at[1].esc);  // before the frame may change it
     travel.back += travel.at->backward;
     travel.effects |= esc.process(frame, travel.time);
     if (travel.end != Way::open || travel.at == last) return;
@@ -56,7 +56,7 @@ Segment::Way Segment::way_before(std::size_t slave) const {
   travel.health = Health::unreadable;
 }
 
-// A frame that is not executed. Returns how it goes on.
+// Passes a frame that is not executed through a slave. Returns its state behind the slave.
 Segment::Health Segment::pass_damaged(Slave& slave, FrameKind kind, Health health) {
   Esc& esc = *slave.esc;
   if (health == Health::corrupted) {
@@ -76,7 +76,7 @@ Segment::Health Segment::pass_damaged(Slave& slave, FrameKind kind, Health healt
   return esc.processes_only() ? Health::destroyed : Health::unreadable;
 }
 
-// The same without being executed.
+// Counterpart of run_executed for a frame that is not executed.
 Segment::Travel Segment::run_damaged(FrameKind kind, Travel travel) {
   Slave* const last = &slaves_.back();
   for (;; ++travel.at, travel.time += travel.at->forward) {
@@ -89,7 +89,7 @@ Segment::Travel Segment::run_damaged(FrameKind kind, Travel travel) {
   }
 }
 
-// From `first` on, where it arrives at `time`.
+// Runs the frame through the line from slave `first`, where it arrives at `time`.
 [[gnu::always_inline]] inline Segment::Travel Segment::run_forward(Frame& frame, FrameKind kind, std::size_t first,
                                                                    Time time) {
   const bool executed = kind == FrameKind::ethercat;
@@ -107,7 +107,7 @@ Segment::Travel Segment::run_damaged(FrameKind kind, Travel travel) {
   return travel;
 }
 
-// The frame turned at `slave`, at `time`, and comes back through port 1 of those before it.
+// The frame turned back at `slave`, at `time`: latches the times at port 1 of all slaves before it.
 void Segment::latch_returning(const Slave* slave, Time time) {
   for (; slave != slaves_.data(); --slave) {
     time += slave->backward;
@@ -115,7 +115,7 @@ void Segment::latch_returning(const Slave* slave, Time time) {
   }
 }
 
-// A frame that was marked as damaged turned at `slave`.
+// A frame that is marked as damaged turned back at `slave`: counts it at port 1 of all slaves before it.
 void Segment::count_returning_error(const Slave* slave) {
   for (; slave != slaves_.data(); --slave) slave[-1].esc->count_forwarded_error(1);
 }
@@ -148,7 +148,8 @@ Segment::Passage Segment::process(std::span<std::uint8_t> bytes, Time now, Port 
 }
 
 Segment::Passage Segment::enter_back(Frame& frame, FrameKind kind, Time now) {
-  // Into port 1 of the last slave, through to port 0 without processing, until a port 0 has its loop closed.
+  // The frame enters port 1 of the last slave and leaves by port 0 without processing, until a port 0 has a closed
+  // loop.
   std::size_t slave = slaves_.size() - 1;
   Slave& back = slaves_[slave];
   if (!ring_cable_ || !back.powered) return {};
@@ -163,7 +164,7 @@ Segment::Passage Segment::enter_back(Frame& frame, FrameKind kind, Time now) {
     if (slave == 0) return {time, Exit::primary};
     --slave;
   }
-  // A frame that comes a second time to a port 0 without a link circulates and is taken off the line (ETG.1000.4 clause
+  // A frame that reaches a port 0 without a link for the second time circulates, and is removed (ETG.1000.4 clause
   // 5.3.3).
   if (slaves_[slave].esc->closes_loops_itself(0)) {
     for (Datagram& datagram : frame.datagrams()) {

@@ -6,44 +6,45 @@
 
 namespace servodrome::ethercat {
 
-// Slave controllers in line, and the cables between them: where a frame goes, what time it takes, where it comes back
-// (ETG.1000.3 clause 4). With a cable from the last slave to a second port of the master the line is a ring that bears
-// one break.
+// A line of slave controllers and the cables between them: the path of a frame, its delay, and the port at which it
+// returns (ETG.1000.3 clause 4). A cable from the last slave to a second port of the master makes the line a ring,
+// which still works with one break.
 class Segment {
  public:
   struct Slave {
     Esc* esc = nullptr;
-    // From the slave before (or the master) to this one and back: cable, PHYs, and the way through the controller.
+    // Delays from the slave before it (or the master) to this slave, and back: cable, PHYs and the path through the
+    // controller.
     Time forward{0};
     Time backward{0};
-    bool cable = true;  // in front of it
+    bool cable = true;  // the cable in front of this slave is connected
     bool powered = true;
-    bool corrupts_next = false;  // the next frame to it arrives with a wrong FCS
+    bool corrupts_next = false;  // the next frame arrives at this slave with a wrong FCS
   };
-  enum class Port : std::uint8_t { primary, secondary };  // of the master
+  enum class Port : std::uint8_t { primary, secondary };  // ports of the master
   enum class Exit : std::uint8_t { lost, primary, secondary };
   enum class Encapsulation : std::uint8_t {
     ethernet,  // a whole frame without FCS
     payload,   // the content of a UDP packet
   };
   struct Passage {
-    Time leaves{0};  // when the first bit is back at the master
+    Time leaves{0};  // time at which the first bit is back at the master
     Exit exit = Exit::lost;
-    FrameKind kind = FrameKind::ethercat;  // what came
+    FrameKind kind = FrameKind::ethercat;  // kind of the frame that entered
   };
 
-  // Does not own the slaves, which must outlive it. Controllers need a power_on before their first frame.
+  // Does not own the slaves; they must outlive the segment. Controllers need a power_on before their first frame.
   explicit Segment(std::span<Slave> slaves) : slaves_(slaves) { update_links(); }
 
-  // A frame enters at `now`; it is changed in place. `lost`: nothing comes back.
+  // Sends a frame into the line at `now`; changes it in place. Exit `lost`: the frame does not return.
   Passage process(std::span<std::uint8_t> bytes, Time now, Port entry = Port::primary,
                   Encapsulation encapsulation = Encapsulation::ethernet);
 
-  // Cable 0 joins the master and the first slave, cable n the slaves n - 1 and n; the cable behind the last slave goes
-  // to the master's second port and is not there at first.
+  // Cable 0 joins the master and the first slave, cable n joins slaves n - 1 and n. The cable behind the last slave
+  // goes to the master's second port; it is not connected at first.
   void set_cable(std::size_t cable, bool connected);
   bool cable(std::size_t n) const { return n < slaves_.size() ? slaves_[n].cable : ring_cable_; }
-  // Off: no link to its neighbours. On: its controller starts anew.
+  // Off: its neighbours lose their link to it. On: its controller starts from power-on.
   void set_powered(std::size_t slave, bool powered, Time now);
 
   std::span<Slave> slaves() const { return slaves_; }

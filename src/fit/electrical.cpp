@@ -8,14 +8,14 @@ namespace servodrome::fit {
 
 namespace {
 
-// Terms of the equations; those that a recording does not show are left out.
+// Terms of the equations; terms that a recording does not determine are removed.
 enum class Term : std::uint8_t { resistance, quadrature, direct, constant, drop, delay, frame };
 constexpr std::size_t term_count = 7;
 
 constexpr double samples_in_window = 48.0;
 constexpr double shortest_window_s = 2e-3;
 constexpr double longest_window_s = 60e-3;
-// Of the quadrature current: less direct current is what the loops leave, and no measurement of Ld.
+// Relative to the quadrature current: a smaller direct current is only a control error, and cannot determine Ld.
 constexpr double least_direct = 0.05;
 
 class Model {
@@ -74,8 +74,8 @@ class Model {
     if (column == Term::frame) frame_ = 0.0;
   }
 
-  // Gauss and Newton: delay and turn of the frame are unknowns of the equations, which are linear in them nearby. They
-  // begin at 0 and get where they belong if that is within a third of a window, sixteen samples.
+  // Gauss-Newton iteration: delay and rotation of the frame are nonlinear unknowns. They start at 0 and converge if the
+  // true value is within a third of a window, which is sixteen samples.
   Estimate solve() {
     Estimate estimate;
     for (unsigned step = 0; step < most_steps; ++step) {
@@ -93,7 +93,7 @@ class Model {
       };
       const double change = move(Term::delay, delay_) + move(Term::frame, frame_);
       if (change * signals_.rate_hz() < settled) break;
-      // They run away: the recording does not show them.
+      // The iteration diverges: the recording does not determine them.
       const bool lost = !(std::abs(delay_) + std::abs(frame_) < windows_.length_s());
       if (!lost) continue;
       delay_ = frame_ = 0.0;
@@ -118,9 +118,9 @@ class Model {
 
  private:
   static constexpr unsigned most_steps = 12;
-  static constexpr double settled = 1e-3;  // of a sample
+  static constexpr double settled = 1e-3;  // in samples
 
-  // As they act: the rotor has gone on by what it turns in `frame_`.
+  // Voltages as they act: turned by the angle that the rotor moves during `frame_`.
   void turn_voltages() {
     const std::vector<double>& vq = signals_.of(Role::quadrature_voltage);
     voltage_q_.resize(count_);
@@ -137,7 +137,7 @@ class Model {
     }
   }
 
-  // The slope of the voltage as the currents and the speed tell it, by what was found so far; nothing at first.
+  // Slope of the voltage predicted from currents and speed with the values found so far; empty in the first step.
   std::vector<Part> expected_slope(bool quadrature) const {
     const double resistance = found_[static_cast<std::size_t>(Term::resistance)];
     const double q_inductance = found_[static_cast<std::size_t>(Term::quadrature)];
@@ -196,9 +196,9 @@ class Model {
 
   const Signals& signals_;
   std::size_t count_;
-  bool rotor_frame_;  // both axes are known
+  bool rotor_frame_;  // values of both axes are known
   std::vector<double> velocity_;
-  std::vector<double> speed_;  // electrical, of the phases
+  std::vector<double> speed_;  // electrical speed, with the direction of the phases
   std::vector<double> heated_q_;
   std::vector<double> heated_d_;
   std::vector<double> sign_q_;
@@ -212,7 +212,7 @@ class Model {
   Windows windows_;
   std::vector<char> use_;
   std::vector<Term> active_;
-  std::array<double, term_count> found_{};  // of each term, so far
+  std::array<double, term_count> found_{};  // latest value of each term
   double delay_ = 0.0;
   double frame_ = 0.0;
 };
@@ -225,7 +225,7 @@ Electrical fit_electrical(const Signals& signals, const Motor& motor) {
   if (!signals.has(Role::quadrature_voltage) || !signals.has(Role::quadrature_current) || !turns) return result;
   Model model(signals, motor);
   Estimate estimate = model.solve();
-  // What cannot be told apart is left out, what matters least to the others first.
+  // Removes terms that cannot be separated, beginning with the one that affects the others least.
   for (const Term column : {Term::direct, Term::drop, Term::frame, Term::delay}) {
     if (!model.has(column)) continue;
     const bool told = shown(model.unknown(estimate, column));

@@ -5,7 +5,7 @@
 
 namespace servodrome::fit {
 
-// What is wrong with a recording: where, what, and what to do about it. what() is the three in one sentence.
+// An error in a recording: location, error and remedy. what() joins the three into one sentence.
 class Error : public std::runtime_error {
  public:
   Error(const std::string& where, const std::string& happened, const std::string& remedy)

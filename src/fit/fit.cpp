@@ -26,7 +26,7 @@ constexpr std::array<ParameterText, parameter_count> texts{{
     {"torque_delay_s", "delay, torque to motion", "s"},
 }};
 
-// "the position (\"6064\" is in counts ...)" for each role that is missing.
+// Text with the missing roles and, for each recorded but unusable column, the reason: "the position (column ...: ...)".
 std::string missing(const Signals& signals, std::initializer_list<Role> roles) {
   std::vector<std::string> words;
   for (const Role role : roles) {
@@ -48,9 +48,10 @@ void require_motion(const Signals& signals) {
   }
   const bool by_position = signals.has(Role::position);
   if (!by_position && !signals.has(Role::velocity)) {
-    throw Error(signals.source,
-                "nothing tells how the shaft moves: " + missing(signals, {Role::position, Role::velocity}) + " missing",
-                "record position or velocity, or say which column it is by --signal");
+    throw Error(
+        signals.source,
+        "the motion of the shaft is unknown: " + missing(signals, {Role::position, Role::velocity}) + " missing",
+        "record position or velocity, or give their column with --signal");
   }
   double low = 0.0;
   double high = 0.0;
@@ -74,8 +75,8 @@ void require_motion(const Signals& signals) {
               "motion)");
 }
 
-// No figure is told closer than this: of voltages that are held for a period, and of what currents do between two
-// samples, the model knows the mean only.
+// Least uncertainty that is reported: the model only knows the mean of a voltage during a period, and of a current
+// between two samples.
 constexpr double closest_share = 1e-3;
 constexpr double closest_delay_periods = 0.05;
 
@@ -100,7 +101,7 @@ class Report {
       at(parameter).remedy = remedy;
     }
   }
-  // Tells it if it was found; else it is missed.
+  // Reports the value if it was found, otherwise why it is missing.
   void put(Parameter parameter, const std::optional<Unknown>& found, const std::string& why_not,
            const std::string& remedy) {
     if (found) {
@@ -128,7 +129,7 @@ void report_electrical(const Signals& signals, const Electrical& found, Report& 
                 "record voltages and currents of the rotor's frame (vd, vq, id, iq), at some kHz");
     return;
   }
-  const char* poor = "what was recorded does not show it";
+  const char* poor = "the recording does not show it";
   report.put(resistance, found.resistance, poor,
              "record at several currents: different accelerations, some of them high");
   report.put(quadrature_inductance, found.quadrature_inductance, poor,
@@ -137,8 +138,8 @@ void report_electrical(const Signals& signals, const Electrical& found, Report& 
   if (found.direct_inductance) {
     report.put(direct_inductance, found.direct_inductance, "", "");
   } else {
-    report.miss({direct_inductance}, "no direct current flowed that would show it apart from Lq",
-                "take it as Lq (a motor with surface magnets), or record with field weakening");
+    report.miss({direct_inductance}, "without direct current it cannot be separated from Lq",
+                "use Lq for it (a motor with surface magnets), or record with field weakening");
   }
   report.miss({torque_constant}, poor, "record at several speeds, both ways");
   result.electrical_rms_v = found.residual_rms;
@@ -146,7 +147,8 @@ void report_electrical(const Signals& signals, const Electrical& found, Report& 
   if (found.stage_drop_v) {
     result.stage_drop_v = found.stage_drop_v->value;
   } else if (found.resistance) {
-    result.remarks.emplace_back("R contains what the power stage drops: one current alone does not tell the two apart");
+    result.remarks.emplace_back(
+        "R includes the voltage drop of the power stage: one current does not separate the two");
   }
 }
 
@@ -162,7 +164,8 @@ Result fit(const Signals& signals, const Motor& motor) {
   using enum Parameter;
 
   const Electrical electrical = fit_electrical(signals, motor);
-  // Torque per A of amplitude is half the phases' number times the voltage constant; an A rms is more by sqrt(2).
+  // Torque per A of amplitude is half the number of phases times the voltage constant. An A rms has sqrt(2) times the
+  // amplitude.
   const double per_rms = 0.5 * motor.phases * std::numbers::sqrt2;
   if (electrical.voltage_constant) {
     const Unknown& constant = *electrical.voltage_constant;
@@ -171,7 +174,7 @@ Result fit(const Signals& signals, const Motor& motor) {
   }
   report_electrical(signals, electrical, report, result);
 
-  // What moves the shaft, in Nm; with it what is not certain of its scale.
+  // Torque on the shaft in Nm, and the uncertainty of its scale.
   std::vector<double> torque_nm;
   double uncertain = 0.0;  // relative
   if (signals.has(Role::torque)) {
@@ -198,8 +201,9 @@ Result fit(const Signals& signals, const Motor& motor) {
   if (torque_nm.empty()) {
     const bool only_constant = signals.has(Role::quadrature_current);
     report.miss(mechanical_parameters,
-                only_constant ? std::string("the current makes no torque without a torque constant")
-                              : "not recorded: " + missing(signals, {Role::torque, Role::quadrature_current}),
+                only_constant
+                    ? std::string("without a torque constant the torque cannot be calculated from the current")
+                    : "not recorded: " + missing(signals, {Role::torque, Role::quadrature_current}),
                 only_constant ? "record vq as well, or give --torque-constant" : "record torque or current");
   } else {
     const Mechanical found = fit_mechanical(signals, torque_nm);
@@ -213,10 +217,10 @@ Result fit(const Signals& signals, const Motor& motor) {
     };
     if (found.inertia && found.inertia->value + found.inertia->half_width <= 0.0) {
       report.miss(mechanical_parameters, "the torque does not rise where the axis speeds up",
-                  "its sign may be the wrong one: --signal torque=COLUMN@-1Nm turns it round");
+                  "its sign may be wrong: --signal torque=COLUMN@-1Nm inverts it");
       return result;
     }
-    const char* together = "this motion does not show it apart from the others";
+    const char* together = "this motion does not separate it from the other parameters";
     put(inertia, found.inertia, "the speed hardly changes", "record while the axis speeds up and slows down");
     put(coulomb_friction, found.coulomb_friction, together, "record motion both ways, at two speeds or more");
     put(viscous_friction, found.viscous_friction, together, "record two speeds or more, the higher ones for longer");

@@ -6,8 +6,8 @@
 
 #include "fit/signals.hpp"
 
-// The parameters of an axis out of a recording of its motion: windings, torque constant, inertia, friction, weight,
-// delays. The model and what it leaves out are in docs/fit.md, the method in docs/decisions/0022.
+// Estimates the parameters of an axis from a recording of its motion: windings, torque constant, inertia, friction,
+// weight, delays. docs/fit.md describes the model and its limits, docs/decisions/0022 the method.
 namespace servodrome::fit {
 
 enum class Parameter : std::uint8_t {
@@ -33,18 +33,18 @@ const ParameterText& text_of(Parameter parameter);
 
 struct Figure {
   Parameter parameter;
-  std::optional<double> value;  // none: the recording does not show it
-  double half_width = 0.0;      // of the confidence interval of 95 %
-  std::string why_not;          // without a value
+  std::optional<double> value;  // empty: the recording does not determine it
+  double half_width = 0.0;      // half width of the confidence interval of 95 %
+  std::string why_not;          // the reason for a missing value
   std::string remedy;
 };
 
 struct Result {
   std::vector<Figure> figures;  // every parameter, in the order above
   std::vector<std::string> remarks;
-  // What was found besides the parameters. Where it is not there, the recording does not show it.
-  std::optional<double> stage_drop_v;   // that the power stage keeps for itself of the voltage, along the current
-  std::optional<bool> turns_backwards;  // the encoder counts against the turn of the phases
+  // Further results; empty if the recording does not determine them.
+  std::optional<double> stage_drop_v;   // voltage drop of the power stage, along the current
+  std::optional<bool> turns_backwards;  // the encoder counts against the rotation of the phases
   double electrical_rms_v = 0.0;        // of the residuals, smoothed by the windows
   double mechanical_rms_nm = 0.0;
   std::size_t electrical_windows = 0;
@@ -55,7 +55,7 @@ struct Result {
 
 inline constexpr std::size_t fewest_samples = 200;
 
-// Throws Error if there are too few samples, nothing says how the shaft moves, or it does not move.
+// Throws Error if there are too few samples, no signal shows the motion, or the axis does not move.
 Result fit(const Signals& signals, const Motor& motor);
 
 }  // namespace servodrome::fit

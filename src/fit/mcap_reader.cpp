@@ -13,7 +13,7 @@ namespace servodrome::fit {
 
 namespace {
 
-// Numbers (little endian), strings and records, each read only where there are enough bytes left.
+// Reads numbers (little endian), strings and records; refuses a read beyond the end.
 class Reader {
  public:
   Reader(std::string_view bytes, std::size_t place, const std::string& source)
@@ -31,7 +31,7 @@ class Reader {
   }
   std::string_view string() { return take(number<std::uint32_t>()); }
   std::string_view rest() { return take(bytes_.size()); }
-  // What is in the next so many bytes, to be read on its own.
+  // A reader for the next `size` bytes.
   Reader part(std::uint64_t size) {
     const std::size_t at = place_;
     return {take(size), at, source_};
@@ -71,7 +71,7 @@ class McapTable {
           if (in_chunk) record.refuse("a chunk of this MCAP file is in another one");
           read_chunk(record);
           break;
-        case 0x0F: return;  // the end of the data; what follows is an index
+        case 0x0F: return;  // end of the data section; an index follows
         default: break;
       }
     }
@@ -83,12 +83,12 @@ class McapTable {
   struct Topic {
     std::string axis;
     std::size_t clock;
-    std::map<std::string, std::size_t> columns;  // by the name in the message
+    std::map<std::string, std::size_t> columns;  // by their name in the message
     nlohmann::json properties;
   };
 
   void read_chunk(Reader& record) {
-    record.number<std::uint64_t>();  // first and last time, size, checksum
+    record.number<std::uint64_t>();  // skip first and last time, size, checksum
     record.number<std::uint64_t>();
     record.number<std::uint64_t>();
     record.number<std::uint32_t>();
@@ -110,7 +110,7 @@ class McapTable {
     const auto schema = record.number<std::uint16_t>();
     const std::string_view topic = record.string();
     if (record.string() != "json") record.refuse("the messages of this MCAP file are not JSON");
-    if (topics_.contains(id)) return;  // each chunk tells it anew
+    if (topics_.contains(id)) return;  // each chunk repeats it
     const bool of_scope = topic.starts_with("/scope");
     topics_.emplace(id, Topic{.axis = std::string(of_scope ? "" : topic.substr(topic.empty() ? 0 : 1)),
                               .clock = table_.clocks.size(),

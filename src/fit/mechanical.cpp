@@ -12,8 +12,8 @@ enum class Term : std::uint8_t { inertia, viscous, coulomb, weight, delay };
 constexpr double window_s = 40e-3;
 constexpr double fewest_samples_in_window = 24.0;
 constexpr double longest_window_s = 0.5;
-constexpr double settled = 1e-3;  // of a sample, a step of the delay
-constexpr double slow = 0.05;     // share of the greatest speed below which friction is another
+constexpr double settled = 1e-3;  // greatest last step of the delay, in samples
+constexpr double slow = 0.05;     // share of the greatest speed; below it the friction follows another law
 
 }  // namespace
 
@@ -21,7 +21,7 @@ std::vector<double> velocity_of(const Signals& signals) {
   if (signals.has(Role::velocity)) return signals.of(Role::velocity);
   const std::vector<double>& position = signals.of(Role::position);
   const std::vector<double>& seconds = signals.seconds;
-  // As far to both sides as takes the encoder's steps out, and not the motion.
+  // A distance that averages out the steps of the encoder, but not the motion.
   const auto reach = static_cast<std::size_t>(std::clamp(1e-3 * signals.rate_hz(), 1.0, 16.0));
   std::vector<double> velocity;
   for (std::size_t i = 0; i < seconds.size(); ++i) {
@@ -54,7 +54,7 @@ Mechanical fit_mechanical(const Signals& signals, const std::vector<double>& tor
   const std::vector<double> one(velocity.size(), 1.0);
   double delay = 0.0;
   std::vector<Term> active{Term::inertia, Term::viscous, Term::coulomb, Term::weight, Term::delay};
-  double inertia = 0.0;  // as it was found so far
+  double inertia = 0.0;  // latest value
   const auto equation = [&] {
     Equation made{.left = {{&torque_nm, 0, 1.0, delay}}, .columns = {}};
     const bool by_position = signals.has(Role::position);
@@ -68,7 +68,7 @@ Mechanical fit_mechanical(const Signals& signals, const std::vector<double>& tor
         case Term::weight: made.columns.push_back({{&one}}); break;
         case Term::delay: made.columns.push_back({{&torque_nm, 1, 1.0, delay}}); break;
       }
-      // The torque's slope as the motion tells it.
+      // The slope of the torque, predicted from the motion.
       const bool expected = column == Term::delay && inertia > 0.0;
       made.instruments.push_back(expected ? std::vector<Part>{{&way, order + 2, inertia}} : std::vector<Part>{});
     }
@@ -87,7 +87,7 @@ Mechanical fit_mechanical(const Signals& signals, const std::vector<double>& tor
       const double change = estimate.unknowns[at].value;
       delay += change;
       if (std::abs(change) * signals.rate_hz() < settled) break;
-      if (!(std::abs(delay) < windows.length_s())) {  // it runs away: the recording does not show it
+      if (!(std::abs(delay) < windows.length_s())) {  // it diverges: the recording does not determine it
         delay = 0.0;
         estimate.unknowns[at].signal_share = 0.0;
         break;
@@ -97,7 +97,7 @@ Mechanical fit_mechanical(const Signals& signals, const std::vector<double>& tor
   };
 
   Estimate estimate = solve();
-  // Columns that another one shows as well: the second of the two goes, and neither is told.
+  // Columns that cannot be separated: the last of them is removed, and none of them is reported.
   std::vector<Term> hidden;
   while (active.size() > 1) {
     if (estimate.windows < 3 * active.size()) break;

@@ -3,23 +3,23 @@
 #include "fit/fit.hpp"
 #include "fit/regression.hpp"
 
-// The two halves of the axis. Each says what it has found, and why it has not found the rest.
+// The two models of the axis. Each returns the values that it found.
 namespace servodrome::fit {
 
 struct Electrical {
   std::optional<Unknown> resistance;
   std::optional<Unknown> direct_inductance;
   std::optional<Unknown> quadrature_inductance;
-  std::optional<Unknown> voltage_constant;  // V of amplitude per rad/s of the shaft; below 0: turns backwards
-  std::optional<Unknown> delay_s;           // of the current behind the voltage
+  std::optional<Unknown> voltage_constant;  // V of amplitude per rad/s of the shaft; negative: Result::turns_backwards
+  std::optional<Unknown> delay_s;           // delay from voltage to current
   std::optional<Unknown> stage_drop_v;
   double residual_rms = 0.0;
   std::size_t windows = 0;
 };
 
-// vq = R iq + Lq diq/dt + we Ld id + K w, vd = R id + Ld did/dt - we Lq iq, each with what the stage drops along the
-// current; voltages are those of `delay` ago, turned by the angle that the rotor has gone meanwhile. Needs vq and iq,
-// and a velocity (or position); uses vd, id, pole pairs and the temperature where they are known.
+// vq = R iq + Lq diq/dt + we Ld id + K w, vd = R id + Ld did/dt - we Lq iq, each plus the voltage drop of the power
+// stage along the current. The voltages are those from `delay` earlier, turned by the angle of the rotor since then.
+// Needs vq, iq, and velocity or position; uses vd, id, pole pairs and temperature if they are known.
 Electrical fit_electrical(const Signals& signals, const Motor& motor);
 
 struct Mechanical {
@@ -27,19 +27,19 @@ struct Mechanical {
   std::optional<Unknown> viscous_friction;
   std::optional<Unknown> coulomb_friction;
   std::optional<Unknown> weight;
-  std::optional<Unknown> delay_s;  // of the motion behind the torque
+  std::optional<Unknown> delay_s;  // delay from torque to motion
   double residual_rms = 0.0;
   std::size_t windows = 0;
 };
 
-// torque = J dw/dt + B w + C sign(w) + weight, the torque of `delay` ago; only while the shaft turns faster than a
-// twentieth of the greatest speed.
+// torque = J dw/dt + B w + C sign(w) + weight, with the torque from `delay` earlier. Uses only times at which the shaft
+// turns faster than a twentieth of its greatest speed.
 Mechanical fit_mechanical(const Signals& signals, const std::vector<double>& torque_nm);
 
-// The velocity of each sample: recorded, or the slope of the position around it.
+// The velocity of each sample: as recorded, or from the slope of the position.
 std::vector<double> velocity_of(const Signals& signals);
 
-// A column that shows its unknown: mostly signal, and not what the other columns show as well.
+// Does the column determine its unknown? It must be mostly signal, and not be a combination of the other columns.
 inline bool shown(const Unknown& unknown) {
   constexpr double least_signal = 0.02;
   constexpr double least_independent = 1e-4;

@@ -9,7 +9,7 @@ namespace {
 
 constexpr double hair = 1e-9;
 
-// A dense square matrix, row after row.
+// A dense square matrix, row by row.
 struct Square {
   explicit Square(std::size_t of) : size(of), values(of * of, 0.0) {}
   double& at(std::size_t row, std::size_t column) { return values[row * size + column]; }
@@ -18,8 +18,9 @@ struct Square {
   std::vector<double> values;
 };
 
-// By elimination with pivots, after rows and columns were scaled to a diagonal of 1; a hair more than that, so that
-// columns which are the same give large numbers instead of none. False: a diagonal element is not above 0.
+// Inverts by elimination with pivots, after scaling rows and columns to a diagonal of 1. The diagonal is increased
+// slightly, so that equal columns give large numbers instead of infinity. Returns false if a diagonal element is not
+// positive.
 bool invert(const Square& matrix, Square& inverse) {
   const std::size_t n = matrix.size;
   Square left = matrix;
@@ -64,11 +65,11 @@ bool invert(const Square& matrix, Square& inverse) {
   return true;
 }
 
-// The moments of one equation in all windows.
+// The moments of one column in all windows.
 struct Column {
   std::vector<double> even;
   std::vector<double> odd;
-  // Of its instrument.
+  // Moments of its instrument.
   std::vector<double> even_instrument;
   std::vector<double> odd_instrument;
 };
@@ -108,7 +109,7 @@ bool is_whole(const Rows& rows, std::size_t window) {
   return std::isfinite(sum);
 }
 
-// Critical value of 95 %, two-sided, for Bartlett's weights over this share of the sample (Kiefer and Vogelsang 2005,
+// Two-sided critical value of 95 % for Bartlett's weights over this share of the sample (Kiefer and Vogelsang 2005,
 // table 1).
 double critical_value(double share) { return 1.96 + share * (2.9694 + share * (0.416 - share * 0.5324)); }
 
@@ -128,7 +129,7 @@ Estimate regress(const Windows& windows, const std::vector<Equation>& equations,
   if (good.size() < 3 * unknowns) return estimate;
   Square normal(unknowns);
   std::vector<double> right(unknowns, 0.0);
-  std::vector<double> power(unknowns, 0.0);  // of the columns and of their instruments, noise included
+  std::vector<double> power(unknowns, 0.0);  // of the columns and of their instruments, including noise
   std::vector<double> instrument_power(unknowns, 0.0);
   for (const Rows& rows : all) {
     for (const std::size_t w : good) {
@@ -158,7 +159,7 @@ Estimate regress(const Windows& windows, const std::vector<Equation>& equations,
     unknown.independent_share = 1.0 / (inverse.at(i, i) * normal.at(i, i));
   }
 
-  // What each window says against the estimate: half of it by each half of the samples.
+  // Residuals of each window times its instruments: half from each half of the samples.
   std::vector<std::vector<double>> scores(good.size(), std::vector<double>(unknowns, 0.0));
   double squares = 0.0;
   for (const Rows& rows : all) {

@@ -8,14 +8,14 @@ namespace servodrome::fit {
 
 namespace {
 
-// As many digits of the value as its confidence interval has two of.
+// The value with as many decimal places as two digits of its confidence interval have.
 std::string rounded(double value, double half_width) {
   if (!(half_width > 0.0) || value == 0.0) return fmt::format("{:.5g}", value);
   const int digits = static_cast<int>(std::floor(std::log10(std::abs(value))) - std::floor(std::log10(half_width))) + 2;
   return fmt::format("{:.{}g}", value, std::clamp(digits, 1, 9));
 }
 
-// TOML tells a number with a point or an exponent from a whole one.
+// In TOML a floating-point number has a point or an exponent; otherwise it is an integer.
 std::string real(const std::string& digits) {
   return digits.find_first_of(".e") == std::string::npos ? digits + ".0" : digits;
 }
@@ -34,7 +34,7 @@ class Keys {
     text_ += comment.empty() ? fmt::format("{} = {}\n", key, number)
                              : fmt::format("{:<44}# {}\n", fmt::format("{} = {}", key, number), comment);
   }
-  // A parameter that was found, less than `low` only by chance.
+  // Writes a parameter that was found; a value below `low` is replaced by `low`.
   void figure(std::string_view key, Parameter parameter, double low, double less = 0.0) {
     const Figure& found = result_.of(parameter);
     if (!found.value) return;
@@ -56,7 +56,7 @@ class Keys {
 
 std::string table_of(const Result& result) {
   std::string text = fmt::format("{:<28} {:>12}  {:<12} {}\n", "parameter", "value", "95 %", "unit");
-  std::vector<std::pair<std::string, std::string>> missing;  // why and what to do, and what
+  std::vector<std::pair<std::string, std::string>> missing;  // reason and remedy, and the parameters
   for (const Figure& figure : result.figures) {
     const ParameterText& about = text_of(figure.parameter);
     if (figure.value) {
@@ -94,7 +94,7 @@ std::string toml_of(const Result& result, const Motor& motor) {
   } else if (motor.torque_constant_nm_per_a) {
     keys.line("torque_constant_nm_per_a", real(fmt::format("{:.6g}", *motor.torque_constant_nm_per_a)), "given");
   }
-  // The recording shows rotor and load together.
+  // The recording determines only the sum of rotor and load.
   const double all = result.of(inertia).value.value_or(0.0);
   const bool has_rotor = motor.rotor_inertia_kgm2 && *motor.rotor_inertia_kgm2 < all;
   if (has_rotor) {
@@ -104,27 +104,28 @@ std::string toml_of(const Result& result, const Motor& motor) {
   }
   const bool friction = result.of(coulomb_friction).value || result.of(viscous_friction).value;
   if (friction) {
-    keys.line("viscous_friction_nms", "0.0", "all of it is at the load");
+    keys.line("viscous_friction_nms", "0.0", "all of the inertia is assigned to the load");
     keys.line("coulomb_friction_nm", "0.0", "the same");
   }
   keys.group("load");
   if (has_rotor) {
     keys.figure("inertia_kgm2", inertia, 0.0, *motor.rotor_inertia_kgm2);
   } else if (all > 0.0) {
-    keys.line("inertia_kgm2", "0.0", "it is with the rotor: --rotor-inertia tells them apart");
+    keys.line("inertia_kgm2", "0.0", "it includes the rotor: --rotor-inertia separates them");
   }
   keys.figure("viscous_friction_nms", viscous_friction, 0.0);
   keys.figure("coulomb_friction_nm", coulomb_friction, 0.0);
   if (const auto& found = result.of(coulomb_friction); found.value) {
     keys.line("static_friction_nm", real(rounded(std::max(*found.value, 0.0), found.half_width)),
-              "not seen; at least the Coulomb friction");
+              "not identified; at least the Coulomb friction");
   }
   keys.figure("gravity_torque_nm", weight, -1e5);
   keys.group("encoder");
   if (motor.counts_per_revolution) {
     keys.line("counts_per_revolution", fmt::format("{:.0f}", *motor.counts_per_revolution), "given");
   }
-  if (result.turns_backwards.value_or(false)) keys.line("direction", "-1", "it counts against the turn of the phases");
+  if (result.turns_backwards.value_or(false))
+    keys.line("direction", "-1", "it counts against the direction of the phases");
   return keys.take();
 }
 

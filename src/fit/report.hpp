@@ -6,12 +6,12 @@
 
 namespace servodrome::fit {
 
-// A table of all parameters, with what is missing, and the remarks.
+// A table of all parameters, the missing ones with reason and remedy, and the remarks.
 std::string table_of(const Result& result);
 
-// The keys of a line file (docs/line-file.md): [axis.motor], [axis.load] and [axis.encoder], with what was found and
-// what `motor` had of it, to be put behind an [[axis]]. What lies outside of a key's range by its confidence interval
-// alone, a friction below 0 say, is put on its edge.
+// The keys of a line file (docs/line-file.md) to be put behind an [[axis]]: [axis.motor], [axis.load] and
+// [axis.encoder], with the values found and those given in `motor`. A value below the key's range, such as a negative
+// friction, is replaced by the range's limit.
 std::string toml_of(const Result& result, const Motor& motor);
 
 }  // namespace servodrome::fit

@@ -17,7 +17,7 @@ namespace {
 
 constexpr double turn = 2.0 * std::numbers::pi;
 
-// What a unit is made of, besides its number.
+// The base of a unit, besides its factor.
 enum class Scale : std::uint8_t { one, counts, rated_torque, rated_current };
 
 struct Unit {
@@ -29,7 +29,7 @@ struct Unit {
 struct RoleText {
   std::string_view word;
   std::string_view text;
-  std::array<std::string_view, 4> names;  // of columns, the better one first
+  std::array<std::string_view, 4> names;  // names of columns, preferred ones first
   std::array<Unit, 10> units;
 };
 
@@ -90,7 +90,7 @@ struct Found {
   std::string unit;
 };
 
-// The factor to SI units. 0: the conversion needs a value that is not given; `why` names it.
+// Returns the factor to SI units; 0 if the conversion needs a value that is not given, which `why` names.
 double factor_of(Role role, std::string_view text, const Motor& motor, std::string& why) {
   double number = 1.0;
   const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), number);
@@ -125,13 +125,13 @@ double factor_of(Role role, std::string_view text, const Motor& motor, std::stri
     if (!unit.word.empty()) known.push_back(unit.word);
   }
   why = fmt::format(
-      "its unit \"{}\" is not known: say it with --signal {}=COLUMN@UNIT, units are {}, with a number "
-      "before them if need be (0.1{})",
+      "its unit \"{}\" is not known: give it with --signal {}=COLUMN@UNIT, units are {}, with a number before them if "
+      "need be (0.1{})",
       text, about.word, fmt::join(known, ", "), known.front());
   return 0.0;
 }
 
-// At the times of another clock, on straight lines between the samples; not a number outside of them.
+// Linear interpolation at the times of another clock; NaN outside the samples.
 std::vector<double> resampled(const std::vector<double>& times, const std::vector<double>& values,
                               const std::vector<double>& at) {
   std::vector<double> result;
@@ -159,7 +159,7 @@ std::string choose_axis(const Table& table, const std::string& axis) {
   throw Error(table.source,
               axis.empty() ? fmt::format("the recording is of {} axes", axes.size())
                            : fmt::format("the recording has no axis \"{}\"", axis),
-              fmt::format("say which by --axis: {}", fmt::join(axes, ", ")));
+              fmt::format("choose one with --axis: {}", fmt::join(axes, ", ")));
 }
 
 std::string names_in(const Table& table, const std::string& axis) {
@@ -194,7 +194,8 @@ std::optional<Found> find_column(const Table& table, const std::string& axis, Ro
   return std::nullopt;
 }
 
-// A drive's velocity may be in units that are not those of its position: the position then tells.
+// A drive's velocity may have other units than its position: then scales the velocity by comparing it with the
+// position.
 void compare_velocity(Signals& signals) {
   if (!signals.has(Role::position) || !signals.has(Role::velocity)) return;
   const std::vector<double>& position = signals.of(Role::position);
@@ -216,7 +217,7 @@ void compare_velocity(Signals& signals) {
   if (!(std::abs(factor) > 1e-9) || std::abs(factor - 1.0) < 0.1) return;
   for (double& value : velocity) value *= factor;
   signals.remarks.push_back(
-      fmt::format("the velocity does not fit the position by its unit; it was taken {:.5g} times, which does", factor));
+      fmt::format("the velocity does not match the position; it was multiplied by {:.5g} to match", factor));
 }
 
 }  // namespace
@@ -238,7 +239,7 @@ Assignment parse_assignment(std::string_view text) {
   }
   std::vector<std::string_view> words;
   for (const RoleText& role : roles) words.push_back(role.word);
-  throw Error(fmt::format("--signal {}", text), "this is no ROLE=COLUMN or ROLE=COLUMN@UNIT",
+  throw Error(fmt::format("--signal {}", text), "this is not a ROLE=COLUMN or ROLE=COLUMN@UNIT",
               fmt::format("roles are {}", fmt::join(words, ", ")));
 }
 
@@ -252,9 +253,9 @@ Signals signals_of(const Table& table, const Motor& motor, std::span<const Assig
   const auto any = std::find_if(found.rbegin(), found.rend(), [](const auto& one) { return one.has_value(); });
   if (any == found.rend()) {
     throw Error(table.source, "no column is a position, velocity, torque, current or voltage",
-                fmt::format("say which is what by --signal ROLE=COLUMN@UNIT; columns are {}", names_in(table, own)));
+                fmt::format("assign columns with --signal ROLE=COLUMN@UNIT; columns are {}", names_in(table, own)));
   }
-  // The clock of what moves the axis, where there are several: products of signals are formed at its samples.
+  // With several clocks, uses that of current or torque, because products of signals are formed at its samples.
   const auto clock_of = [&](Role role) { return found[static_cast<std::size_t>(role)]; };
   const Found& first = clock_of(Role::quadrature_current) ? *clock_of(Role::quadrature_current)
                        : clock_of(Role::torque)           ? *clock_of(Role::torque)

@@ -7,10 +7,10 @@
 
 #include "fit/table.hpp"
 
-// What the columns of a recording are of an axis, in SI units on one time axis.
+// The signals of an axis from the columns of a recording, in SI units on a common time axis.
 namespace servodrome::fit {
 
-// What the fit takes from elsewhere. What is not given is not known.
+// Known data of the motor; empty: unknown.
 struct Motor {
   std::optional<double> rated_torque_nm{};
   std::optional<double> rated_current_a{};           // rms
@@ -19,7 +19,7 @@ struct Motor {
   std::optional<double> counts_per_revolution{};
   std::optional<double> rotor_inertia_kgm2{};
   int phases = 3;                            // 2: windings in quadrature
-  double temperature_coefficient = 3.93e-3;  // of the winding's resistance, per K from 25 degC on
+  double temperature_coefficient = 3.93e-3;  // of the winding's resistance, per K above 25 degC
 };
 
 enum class Role : std::uint8_t {
@@ -34,25 +34,25 @@ enum class Role : std::uint8_t {
 };
 inline constexpr std::size_t role_count = 8;
 
-// "iq", as options have it, and "the quadrature current (iq)", as messages do.
+// "iq", the name in options, and "the quadrature current (iq)", the name in messages.
 std::string_view word_of(Role role);
 std::string_view text_of(Role role);
 
-// A column in the place of the one that is found by its name.
+// Selects a column for a role, instead of the search by name.
 struct Assignment {
   Role role;
-  std::string column;  // as the recording writes it, or as plain_name makes it
-  std::string unit;    // empty: the recording's
+  std::string column;  // name as in the recording, or as from plain_name
+  std::string unit;    // empty: the recording's unit
 };
 // "ROLE=COLUMN" or "ROLE=COLUMN@UNIT", e.g. "iq=current_actual_value@0.1A". Throws Error.
 Assignment parse_assignment(std::string_view text);
 
 struct Signals {
   std::string source;
-  std::vector<double> seconds;                         // rising
-  std::array<std::vector<double>, role_count> values;  // rad, rad/s, Nm, A and V of amplitude, degC; empty: not there
-  std::array<std::string, role_count> columns;         // whose they are
-  std::array<std::string, role_count> why_not;         // recorded, but of no use: what is missing
+  std::vector<double> seconds;                         // increasing
+  std::array<std::vector<double>, role_count> values;  // rad, rad/s, Nm, A and V of amplitude, degC; empty: none
+  std::array<std::string, role_count> columns;         // name of the column used
+  std::array<std::string, role_count> why_not;         // why a recorded column is unusable: the missing value
   std::vector<std::string> remarks;
 
   bool has(Role role) const { return !values[static_cast<std::size_t>(role)].empty(); }
@@ -63,8 +63,8 @@ struct Signals {
   }
 };
 
-// `axis` names the axis where the table has several. Throws Error: no column of any role, an axis or
-// a column that is not there.
+// `axis` selects the axis if the table has several. Throws Error if no column has a role, or an axis or a column does
+// not exist.
 Signals signals_of(const Table& table, const Motor& motor, std::span<const Assignment> assignments,
                    const std::string& axis);
 

@@ -22,7 +22,7 @@ constexpr const char* what_is_read =
   throw Error(source, happened, what_is_read);
 }
 
-// One line of RFC 4180: quotes, "" for a quote in them. `text` goes on behind the line.
+// Takes one line of RFC 4180 (quoted fields; "" is a quote in them) off `text`.
 std::vector<std::string> take_record(std::string_view& text) {
   std::vector<std::string> fields(1);
   bool quoted = false;
@@ -52,7 +52,7 @@ std::vector<std::string> take_record(std::string_view& text) {
   return fields;
 }
 
-// "NAME [UNIT]", of a line's recording with the axis before it.
+// Parses "NAME [UNIT]"; in a line's recording the axis comes first.
 Column column_of(std::string_view head, bool of_line) {
   Column column;
   if (of_line) {
@@ -70,7 +70,7 @@ Column column_of(std::string_view head, bool of_line) {
 }
 
 Table read_csv(std::string_view text, const std::string& source) {
-  // What a field of each line is: a time, a value or the number of a tick, which is not read.
+  // Meaning of a field: a time, a value, or the number of a tick, which is ignored.
   struct Place {
     enum class Kind : std::uint8_t { tick, time, value } kind;
     std::size_t index;
@@ -87,13 +87,14 @@ Table read_csv(std::string_view text, const std::string& source) {
       places.push_back({Place::Kind::time, table.clocks.size()});
       table.clocks.emplace_back();
     } else {
-      if (table.clocks.empty()) refuse(source, "this is no recording: no column \"seconds\" or \"time_s\" comes first");
+      if (table.clocks.empty())
+        refuse(source, "this is not a recording: no column \"seconds\" or \"time_s\" comes first");
       places.push_back({Place::Kind::value, table.columns.size()});
       table.columns.push_back(column_of(name, of_line));
       table.columns.back().clock = table.clocks.size() - 1;
     }
   }
-  if (table.columns.empty()) refuse(source, "this is no recording: its first line names no channel");
+  if (table.columns.empty()) refuse(source, "this is not a recording: its first line names no channel");
   for (std::size_t line = 2; !text.empty(); ++line) {
     const std::vector<std::string> fields = take_record(text);
     if (fields.size() == 1 && fields.front().empty()) continue;
@@ -111,7 +112,7 @@ Table read_csv(std::string_view text, const std::string& source) {
       const bool is_time = places[i].kind == Place::Kind::time;
       if ((!is_number && !field.empty()) || (is_time && !(std::abs(value) < 1e12))) {
         throw Error(fmt::format("{}:{}", source, line),
-                    fmt::format("\"{}\" in column {} is no number", field.substr(0, 40), i + 1),
+                    fmt::format("\"{}\" in column {} is not a number", field.substr(0, 40), i + 1),
                     "the file is damaged: record again, or remove the line");
       }
       (is_time ? table.clocks[places[i].index] : table.columns[places[i].index].values).push_back(value);
@@ -125,7 +126,7 @@ double number_of(const nlohmann::json& json) { return json.is_number() ? json.ge
 Table read_json(std::string_view text, const std::string& source) {
   const auto json = nlohmann::json::parse(text, nullptr, false);
   if (!json.is_object() || !json.contains("channels") || !json["channels"].is_array()) {
-    refuse(source, "this JSON is no recording");
+    refuse(source, "this JSON is not a recording");
   }
   Table table{.source = source, .clocks = {}, .columns = {}};
   for (const nlohmann::json& channel : json["channels"]) {
@@ -134,8 +135,7 @@ Table read_json(std::string_view text, const std::string& source) {
                              channel["seconds"].size() == channel["values"].size();
     if (!has_samples) {
       throw Error(source, "this JSON has no samples",
-                  "leave `-o` out where `scope --json` is to print them, or give the "
-                  "file that -o has written");
+                  "omit `-o` so that `scope --json` prints them, or give the file that -o has written");
     }
     const auto word = [&](const char* key) {
       const auto at = channel.find(key);
@@ -181,7 +181,7 @@ Table read_table(std::string_view bytes, const std::string& source) {
     const std::size_t first = std::min(bytes.find_first_not_of(" \t\r\n"), bytes.size());
     if (first == bytes.size()) refuse(source, "the file is empty");
     if (bytes[first] == '<') refuse(source, "this is a picture or a page, which has no samples");
-    if (bytes.find('\0') != std::string_view::npos) refuse(source, "this is no text and no MCAP file");
+    if (bytes.find('\0') != std::string_view::npos) refuse(source, "this is neither a text file nor an MCAP file");
     table = bytes[first] == '{' ? read_json(bytes, source) : read_csv(bytes, source);
   }
   for (const std::vector<double>& clock : table.clocks) {

@@ -9,9 +9,9 @@ namespace {
 
 constexpr double no_value = std::numeric_limits<double>::quiet_NaN();
 
-// The bump is (1 - s^2)^4 over s of -1 .. 1. What is summed up is taken from the functions of which it, or one of its
-// derivatives, is the second derivative: the second integral for the signal itself, the first for the signal's
-// derivative, the bump for the second derivative, the bump's slope for the third.
+// The bump is (1 - s^2)^4 for s in -1 .. 1. The sums use the function whose second derivative is the needed weight: for
+// the signal itself the second integral of the bump, for its derivative the first integral, for the second derivative
+// the bump, for the third the slope of the bump.
 constexpr double bump_integral = 256.0 / 315.0;
 
 double twice_integrated(double s, unsigned derivative) {
@@ -42,12 +42,12 @@ Windows::Windows(const std::vector<double>& seconds, double length_s) : seconds_
 
 std::vector<double> Windows::moments(const std::vector<double>& x, unsigned derivative, double delay_s,
                                      Half half) const {
-  // The signal is what straight lines between its samples make of it. The integral of one line's share is a difference
-  // of the function above, and the parts of the two lines at a sample are its weight. Steps need not be even, and a
-  // constant has exactly no derivative.
+  // The signal is interpolated linearly between its samples. The integral over one segment is a difference of the
+  // function above, and the parts of the two segments at a sample form its weight. Steps need not be equal, and the
+  // derivative of a constant is exactly 0.
   const std::size_t step = half == Half::all ? 1 : 2;
   const std::size_t origin = half == Half::odd ? 1 : 0;
-  const double slope = 2.0 / length_;  // of s with time
+  const double slope = 2.0 / length_;  // ds/dt
   double scale = 1.0 / bump_integral;
   for (unsigned i = 0; i < derivative; ++i) scale *= -slope;
   std::vector<double> result(starts_.size(), no_value);
@@ -62,7 +62,7 @@ std::vector<double> Windows::moments(const std::vector<double>& x, unsigned deri
     bool whole = true;
     double s = s_of(first);
     double function = twice_integrated(s, derivative);
-    double rise = 0.0;  // of the function, on the line before the sample
+    double rise = 0.0;  // slope of the function on the segment before the sample
     std::size_t i = first;
     for (; seconds_[i] < end; i += step) {
       if (i + step >= seconds_.size()) {
@@ -78,7 +78,7 @@ std::vector<double> Windows::moments(const std::vector<double>& x, unsigned deri
       function = next_function;
       rise = next_rise;
     }
-    // Beyond its end the function is a straight line.
+    // Beyond the window the function is a straight line.
     const double last_rise = derivative == 0 ? bump_integral : 0.0;
     if (whole) result[window] = scale * (sum + (last_rise - rise) * x[i]);
   }

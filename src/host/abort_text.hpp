@@ -4,14 +4,15 @@
 
 #include "dictionary/abort_code.hpp"
 
-// What a failed SDO access says to a person, on any bus.
+// Texts for an SDO access that failed, on any bus.
 namespace servodrome::host {
 
-// "read refused: object does not exist (0602 0000h)", "no answer to the write"
+// For example "read refused: object does not exist (0602 0000h)" or "no answer to the write". `upload`: a read;
+// `from_drive`: the drive sent the abort code, otherwise the client gave up.
 std::string text_of_failed_access(bool upload, dictionary::AbortCode code, bool from_drive);
-// What to do; nullptr for an access without answer, whose remedy is the bus's.
+// The remedy for the user. nullptr for a timeout: its remedy depends on the bus, so the caller names it.
 const char* remedy_of_failed_access(dictionary::AbortCode code, bool from_drive);
-// The drive does not have the object.
+// True if the code means that the drive does not have the object or the sub-index.
 bool is_absent(dictionary::AbortCode code);
 
 }  // namespace servodrome::host

@@ -23,7 +23,7 @@ struct StatusBit {
   std::uint16_t mask;
   const char* name;
 };
-// Bits 5 and 6 are 0 in what deserves a word: shown as the state.
+// Bit 5 is 0 during a quick stop, so the name of the set bit is "no quick stop".
 constexpr auto status_bits = std::to_array<StatusBit>({{1U << 0, "ready to switch on"},
                                                        {1U << 1, "switched on"},
                                                        {1U << 2, "operation enabled"},
@@ -54,7 +54,7 @@ PowerState state_of(std::uint16_t statusword) {
                                  PowerState::quick_stop_active}) {
     if ((statusword & with_quick_stop) == drive::state_bits(state)) return state;
   }
-  return PowerState::not_ready_to_switch_on;  // no combination of the standard
+  return PowerState::not_ready_to_switch_on;  // none of the standard's bit patterns
 }
 
 std::string text_of_statusword(std::uint16_t statusword) {
@@ -80,7 +80,7 @@ const char* name(OperationMode mode) {
     case OperationMode::cyclic_synchronous_velocity: return "cyclic synchronous velocity";
     case OperationMode::cyclic_synchronous_torque: return "cyclic synchronous torque";
   }
-  return static_cast<std::int8_t>(mode) < 0 ? "manufacturer's mode" : "reserved mode";
+  return static_cast<std::int8_t>(mode) < 0 ? "manufacturer-specific mode" : "reserved mode";
 }
 
 std::int32_t Axis402::position() {
@@ -171,7 +171,7 @@ void Axis402::wait_for_state(std::initializer_list<PowerState> wanted, const cha
     const PowerState present = state();
     if (std::find(wanted.begin(), wanted.end(), present) != wanted.end()) return;
     if (present == PowerState::fault)
-      fail(fmt::format("the drive has a fault while to {}", doing), "remove its cause and reset it");
+      fail(fmt::format("the drive has a fault and cannot {}", doing), "remove its cause and reset it");
     if (objects_.now() >= deadline) {
       fail(fmt::format("the drive did not {} within {} ms", doing,
                        options_.state_timeout / std::chrono::milliseconds(1)),
@@ -194,7 +194,7 @@ void Axis402::reset_fault() {
     present = state();
   }
   if (present != PowerState::fault) return;
-  write_controlword(disable_voltage);  // the reset is the rising edge of bit 7
+  write_controlword(disable_voltage);  // the drive resets the fault at the rising edge of bit 7
   write_controlword(controlword::fault_reset);
   while (state() == PowerState::fault) {
     if (objects_.now() >= deadline) {
@@ -223,7 +223,7 @@ void Axis402::enable() {
         step(enable_operation, PowerState::operation_enabled, "enable operation");
         break;
       case PowerState::quick_stop_active:
-        // Back by way of switch on disabled, since transition 16 is optional.
+        // Goes through switch on disabled, because transition 16 is optional.
         step(disable_voltage, PowerState::switch_on_disabled, "leave quick stop");
         break;
       case PowerState::operation_enabled: return;
@@ -246,7 +246,7 @@ void Axis402::disable() {
   take_back_targets();
 }
 
-// 605Ah decides whether the drive stays in quick stop active or goes on to switch on disabled.
+// Option code 605Ah decides: the drive stays in quick stop active or goes on to switch on disabled.
 void Axis402::quick_stop() {
   const PowerState present = state();
   if (present != PowerState::operation_enabled && present != PowerState::quick_stop_active) return;
@@ -272,7 +272,7 @@ void Axis402::set_mode(OperationMode mode) {
   const Time deadline = objects_.now() + options_.state_timeout;
   while (this->mode() != number) {
     if (objects_.now() >= deadline) {
-      fail(fmt::format("the drive did not take mode {} ({}); 6061h is {}", number, name(mode), this->mode()),
+      fail(fmt::format("the drive did not accept mode {} ({}); 6061h is {}", number, name(mode), this->mode()),
            "stop or disable the drive first, and check that no other master writes 6060h");
     }
     pause();
@@ -297,7 +297,7 @@ std::optional<AxisUnits> Axis402::units_per_count() {
   return AxisUnits{1.0, 1.0, 1.0};
 }
 
-// Of a drive whose units the manual says, those before the factors are increments.
+// If the drive's units come from its manual (dialect), position units before the factors are encoder increments.
 std::optional<double> Axis402::counts_per_revolution() {
   const Dialect& dialect = options_.dialect;
   if (!dialect.units) return ratio(0x608F);

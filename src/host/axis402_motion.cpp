@@ -21,16 +21,17 @@ void Axis402::require_enabled(const char* doing) {
   if (state() != PowerState::operation_enabled) {
     fail(fmt::format("the drive is not enabled and cannot {}", doing), "enable it first");
   }
-  // Another master may have left a halt behind, which holds back a move that is not to go on.
+  // Another master may have left the halt bit set; it would hold back this move. controlword_ keeps the bit so that
+  // hand_over() replaces the halted move.
   if (controlword_ == 0) controlword_ = objects_.read<std::uint16_t>(0x6040);
 }
 
 void Axis402::write_profile(const MotionProfile& profile) {
-  // A ramp that never ends: drives fault, or take the order and show the target as reached.
+  // A ramp of 0 never ends: some drives fault; others accept the set-point and report the target as reached.
   if (profile.acceleration == 0U || profile.deceleration == 0U) {
-    fail(fmt::format("{} of 0 would never get anywhere",
+    fail(fmt::format("with {} of 0 the axis cannot reach its target",
                      profile.acceleration == 0U ? "an acceleration" : "a deceleration"),
-         "give one above 0, or none to keep what the drive has");
+         "give a value above 0, or none to keep the drive's value");
   }
   write_if_given(0x6081, 0, profile.velocity);
   write_if_given(0x6083, 0, profile.acceleration);
@@ -52,7 +53,7 @@ void Axis402::follow(Time timeout, const Progress& progress, const std::string& 
       word = statusword();
     }
     const Time now = objects_.now();
-    if (halted_) deadline += now - last;  // a motion that waits is not late
+    if (halted_) deadline += now - last;  // a halted motion is not late
     last = now;
     if (state_of(word) != PowerState::operation_enabled) {
       fail(fmt::format("the drive left operation enabled while {}", doing),
@@ -65,14 +66,14 @@ void Axis402::follow(Time timeout, const Progress& progress, const std::string& 
       fail(fmt::format("{} took longer than {:g} s and {}; position was {}", doing,
                        std::chrono::duration<double>(timeout).count(),
                        problem.empty() ? "was stopped" : fmt::format("could not be stopped ({})", problem), at),
-           "check speeds, limits and load, or allow it more time");
+           "check speeds, limits and load, or give a longer timeout");
     }
   }
 }
 
 void Axis402::home(const HomingRequest& request, Time timeout, const Progress& progress) {
   require_enabled("home");
-  write_controlword(enabled);  // no order left from before
+  write_controlword(enabled);  // clears the bits of a former command
   set_mode(OperationMode::homing);
   write_if_given(0x6098, 0, request.method);
   write_if_given(0x6099, 1, request.switch_speed);
@@ -86,15 +87,16 @@ void Axis402::home(const HomingRequest& request, Time timeout, const Progress& p
     if ((word & signals.error) != 0) {
       write_controlword(enabled);
       fail(doing + " ended with an error",
-           "check that the switches of the method are there and wired, and that homing speeds and acceleration are not "
-           "0");
+           "check that the switches of the method are present and wired, and that homing speeds and acceleration are "
+           "not 0");
     }
     const std::uint16_t done =
         static_cast<std::uint16_t>(signals.attained | (signals.target_reached ? statusword_bit::target_reached : 0U));
     return (word & done) == done;
   });
   write_controlword(enabled);
-  // A drive may say so within a window of time and speed; the next position that is read is to be where it stays.
+  // A drive may report homing attained within a window of position and speed, while the shaft still moves. The next
+  // read must return the final position.
   if (!rests_within(options_.state_timeout)) {
     fail(doing + " is attained, but the shaft does not come to rest", "check homing speeds, gains and load");
   }
@@ -106,18 +108,20 @@ std::int32_t Axis402::position_demand() {
 }
 
 void Axis402::hand_over(std::int32_t target, std::uint16_t order) {
-  // A halted move would go on as soon as halt is released: replace it in the same write.
+  // Releasing halt would resume the halted move, so the same write replaces it.
   const std::uint16_t halt = controlword_ & controlword::halt;
   if (halt != 0) order |= change_immediately;
   halted_ = false;
   write_controlword(order | halt);
   if (!wait_for_bits(set_point_acknowledge, 0, options_.state_timeout)) {
-    fail("the drive has no room for a set-point (statusword bit 12 stays set)", "stop the motion under way first");
+    fail("the drive accepts no further set-point (statusword bit 12 stays set)", "stop the present motion first");
   }
   objects_.write<std::int32_t>(0x607A, 0, target);
   write_controlword(order | new_set_point);
-  // Some drives take the acknowledgement back by themselves: that they took target reached back proves as much.
-  constexpr Time between_looks = std::chrono::milliseconds(1);  // for a statusword that comes with process data
+  // Some drives clear the acknowledgement by themselves; a cleared target reached also proves that they accepted the
+  // set-point.
+  constexpr Time between_looks = std::chrono::milliseconds(1);  // long enough for a statusword in process data to be
+                                                                // refreshed
   const Time deadline = objects_.now() + options_.state_timeout;
   for (;; objects_.wait(between_looks)) {
     const std::uint16_t word = statusword();
@@ -134,10 +138,10 @@ void Axis402::hand_over(std::int32_t target, std::uint16_t order) {
 
 void Axis402::start_move(std::int32_t target, bool relative, const MotionProfile& profile) {
   require_enabled("move");
-  // Several drives leave the factory with 0, take the order, and stand still for ever.
+  // Several drives have a factory setting of 0: they accept the set-point and never move.
   const auto velocity = profile.velocity ? profile.velocity : objects_.read_if_present<std::uint32_t>(0x6081);
   if (velocity == 0U) {
-    fail("the profile velocity (6081h) is 0: the axis would never arrive", "give the move a velocity");
+    fail("the profile velocity (6081h) is 0: the axis would not move", "give a velocity for the move");
   }
   set_mode(OperationMode::profile_position);
   write_profile(profile);
@@ -154,10 +158,10 @@ void Axis402::start_move_to(std::int32_t position, const MotionProfile& profile)
 void Axis402::start_move_by(std::int32_t distance, const MotionProfile& profile) {
   require_enabled("move");
   if ((controlword_ & controlword::halt) == 0) return start_move(distance, true, profile);
-  // To the drive, relative would be relative to the target that was given up.
+  // The drive would add the distance to the abandoned target, so the absolute target is computed here.
   const std::int64_t target = std::int64_t{position()} + distance;
   if (target != static_cast<std::int32_t>(target)) {
-    fail(fmt::format("{} is no position", target), "move by less, or home the axis");
+    fail(fmt::format("{} is not a position", target), "move by less, or home the axis");
   }
   start_move(static_cast<std::int32_t>(target), false, profile);
 }
@@ -179,13 +183,13 @@ bool Axis402::stands() {
 
 bool Axis402::is_near(std::int32_t goal) {
   if (!near_) {
-    constexpr std::int64_t least = 2000;  // where a revolution is not known
+    constexpr std::int64_t least = 2000;  // used if the units of a revolution are unknown
     constexpr std::uint32_t no_window = 1U << 30;
     const std::uint32_t window = objects_.read_if_present<std::uint32_t>(0x6067).value_or(0);
     const auto revolution = units();
     near_ = std::max<std::int64_t>(window < no_window ? window : 0,
                                    revolution ? std::llround(revolution->position / 50) + 1 : least);
-    // Beyond its range (607Bh) a position begins anew: nothing can be said.
+    // Outside the range 607Bh the position wraps around, so goal and position cannot be compared.
     const auto lowest = objects_.read_if_present<std::int32_t>(0x607B, 1);
     const auto highest = objects_.read_if_present<std::int32_t>(0x607B, 2);
     if (lowest && highest && *lowest < *highest && (goal < *lowest || goal > *highest)) {
@@ -217,8 +221,8 @@ bool Axis402::has_arrived(std::uint16_t statusword, const std::string& doing) {
   const std::string problem = try_to_stop();
   fail(fmt::format("{}: the drive shows the target as reached, but the axis stands at {} instead of {}{}", doing,
                    *place_, goal, problem.empty() ? "" : "; " + problem),
-       "see what holds it (a hard stop, a brake, a torque limit), and whether the following error window (6065h) is "
-       "off");
+       "check what blocks it (a hard stop, a brake, a torque limit), and whether the following error window (6065h) is "
+       "switched off");
 }
 
 void Axis402::wait_for_target(Time timeout, const Progress& progress) {

@@ -1,4 +1,4 @@
-// How an axis comes to rest and stays there: standstill of the shaft, and targets that are left in the drive.
+// Bringing an axis to rest and keeping it there: standstill of the shaft, and targets that remain in the drive.
 #include <algorithm>
 #include <array>
 #include <cstdlib>
@@ -10,14 +10,14 @@
 namespace servodrome::host {
 namespace {
 
-// A target that acts as soon as the axis is enabled, and the modes in which it does. Profile position and homing need
-// an edge of the controlword, interpolated position bit 4.
+// A target that acts as soon as the axis is enabled, and the modes in which it acts. Profile position and homing are
+// safe: they start at an edge of the controlword; interpolated position needs bit 4.
 struct StandingTarget {
   enum class Rest : std::uint8_t { zero, present_position };
 
   std::uint16_t index;
   Rest rest;
-  std::array<std::int8_t, 3> modes;  // 0: none
+  std::array<std::int8_t, 3> modes;  // 0: unused
 };
 constexpr std::int8_t immediate_velocity = -3;  // iSMK manual, ch. 5.2.1.1
 constexpr std::array standing_targets{
@@ -32,14 +32,15 @@ bool acts_in(const StandingTarget& target, std::int8_t mode) {
   return mode != 0 && std::find(target.modes.begin(), target.modes.end(), mode) != target.modes.end();
 }
 
-// A mode of which it is known what moves the axis.
+// True for the modes in which this master knows which targets move the axis.
 bool is_known(std::int8_t mode) { return mode == immediate_velocity || (mode >= 0 && mode <= most_modes && mode != 5); }
 
-constexpr std::int64_t still_counts = 10;  // between two polls; an encoder and a loop are never quite silent
+constexpr std::int64_t still_counts = 10;  // tolerance between two polls: encoder noise and control loop move the shaft
+                                           // a little
 
 }  // namespace
 
-// Nothing: it is at rest, or the drive does not have the object.
+// Returns nullopt if the target is at its rest value or the drive does not have the object.
 std::optional<std::string> Axis402::take_back(std::uint16_t index, bool to_present_position) {
   const Time deadline = objects_.now() + options_.state_timeout;
   for (;;) {
@@ -49,7 +50,7 @@ std::optional<std::string> Axis402::take_back(std::uint16_t index, bool to_prese
     } catch (const ObjectError& error) {
       if (error.object_is_absent()) return std::nullopt;
       if (!error.answered()) throw;
-      return fmt::format("{:04X}h does not take {}: {}", index, rest, error.happened());
+      return fmt::format("{:04X}h does not accept {}: {}", index, rest, error.happened());
     }
     objects_.wait(options_.poll_interval);
     const std::int64_t kept = objects_.read<std::int32_t>(index);
@@ -69,8 +70,8 @@ void Axis402::take_back_targets_before_enabling() {
     if (!problem || !acts_in(target, present)) continue;
     fail(fmt::format("the axis would move as soon as it is enabled in {}: {}",
                      name(static_cast<OperationMode>(present)), *problem),
-         "look for what else writes this target (process data of another master, an input, a limit), or choose "
-         "another mode (6060h)");
+         "check what else writes this target (process data of another master, an input, a limit), or choose another "
+         "mode (6060h)");
   }
 }
 
@@ -80,7 +81,7 @@ void Axis402::take_back_targets() {
   }
 }
 
-// By the shaft: what the statusword calls standstill is the demand's with some drives, and 606Ch is noisy.
+// Judges by the shaft's position: on some drives the statusword's standstill refers to the demand, and 606Ch is noisy.
 bool Axis402::rests_within(Time span) {
   constexpr Time standing = std::chrono::milliseconds(50);
   const Time deadline = objects_.now() + span;

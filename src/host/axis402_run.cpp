@@ -1,4 +1,4 @@
-// What goes on until it is stopped: velocity, jog and torque; stop, halt and resume.
+// Motions that last until they are stopped (velocity, jog, torque), and stop, halt and resume.
 #include <cstdlib>
 #include <fmt/format.h>
 #include <limits>
@@ -18,7 +18,7 @@ bool is_cyclic(OperationMode mode) {
 
 }  // namespace
 
-// The target velocity of a former run is not to act when the mode comes.
+// Sets the target velocity to 0 before the mode changes, so that the target of a former run does not act.
 void Axis402::begin_velocity(const MotionProfile& profile) {
   halted_ = false;
   if (mode() != static_cast<std::int8_t>(OperationMode::profile_velocity)) {
@@ -48,10 +48,10 @@ void Axis402::change_velocity(std::int32_t velocity) {
   if (present == OperationMode::profile_velocity) return objects_.write<std::int32_t>(0x60FF, 0, velocity);
   if (present != OperationMode::profile_position || !goal_ || velocity <= 0) {
     fail(fmt::format("the velocity of this motion ({}) cannot be changed to {}", name(present), velocity),
-         "it takes a move and a velocity above 0, or profile velocity");
+         "it can be changed during a move (to a value above 0) and in profile velocity");
   }
   objects_.write<std::uint32_t>(0x6081, 0, static_cast<std::uint32_t>(velocity));
-  // 6081h acts with the next set-point: the same target once more, at once.
+  // The drive applies 6081h with the next set-point, so the same target is sent again, to act at once.
   if (!halted_) hand_over(*goal_, enabled | change_immediately);
 }
 
@@ -102,11 +102,12 @@ void Axis402::run_torque(std::int16_t torque_permille, const TorqueProfile& prof
          "something else writes it: another target in the process data, an input, or another master");
   }
   write_controlword(enabled);
-  follow(timeout, progress, fmt::format("giving {:g} % of rated torque", torque_permille / 10.0), reached);
+  follow(timeout, progress, fmt::format("applying {:g} % of rated torque", torque_permille / 10.0), reached);
 }
 
-// With halt, target reached means standstill (CiA 402-2 table 29); a drive that does not say so in homing (iSMK) has
-// stayed where it is for a while. A ramp may be long: the time counts from where the axis does not get slower any more.
+// With halt set, target reached means standstill (CiA 402-2 table 29). Some drives (iSMK) do not report this in homing;
+// for them an unchanged position for 200 ms counts as standstill. A ramp may be long, so the timeout restarts whenever
+// the axis gets slower.
 bool Axis402::wait_for_standstill(std::optional<Time> longest) {
   constexpr Time standing = std::chrono::milliseconds(200);
   const Time began = objects_.now();
@@ -144,8 +145,8 @@ void Axis402::stop() {
   goal_.reset();
   auto mode = static_cast<OperationMode>(this->mode());
   if (mode == OperationMode::profile_torque || is_cyclic(mode)) {
-    // Halt takes the torque away at most, and the axis coasts: a velocity of 0 brakes it. In the cyclic modes not every
-    // drive says that it has come to rest.
+    // In torque modes a halt at best removes the torque, and the axis coasts; a velocity of 0 brakes it. In the cyclic
+    // modes not every drive reports standstill.
     if (mode == OperationMode::profile_torque) objects_.write<std::int16_t>(0x6071, 0, 0);
     begin_velocity({});
     mode = OperationMode::profile_velocity;
@@ -159,7 +160,7 @@ void Axis402::stop() {
     objects_.write<std::int32_t>(0x60FF, 0, 0);
     write_controlword(enabled);
   } else if (mode == OperationMode::homing) {
-    write_controlword(enabled);  // bit 4 is 0: broken off
+    write_controlword(enabled);  // bit 4 is 0: homing is aborted
   }
 }
 
@@ -177,7 +178,7 @@ void Axis402::try_to_switch_off() {
     try {
       call();
     } catch (const HostError&) {
-      // What went wrong first is told.
+      // The first error is reported by the caller; this one is ignored.
     }
   };
   const ComingToRest rest(comes_to_rest_);
@@ -188,7 +189,7 @@ void Axis402::try_to_switch_off() {
 void Axis402::halt() {
   if (state() != PowerState::operation_enabled || halted_) return;
   if (mode() == static_cast<std::int8_t>(OperationMode::profile_torque)) {
-    fail("an axis that gives torque cannot be halted: it would coast", "stop it");
+    fail("an axis in a torque mode cannot be halted: it would coast", "stop it");
   }
   const ComingToRest rest(comes_to_rest_);
   write_controlword(controlword_ | controlword::halt);

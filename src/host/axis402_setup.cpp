@@ -66,7 +66,7 @@ void Axis402::set_limits(const AxisLimits& limits) {
     try {
       for (auto undo = before.rbegin(); undo != before.rend(); ++undo) objects_.download(undo->first, undo->second);
     } catch (const HostError&) {
-      // What went wrong first is told.
+      // The original error is rethrown below; this one is ignored.
     }
     throw;
   }
@@ -77,8 +77,7 @@ void Axis402::arm_probe(const ProbeRequest& request) {
     throw HostError(fmt::format("there is no touch probe {}", request.probe), objects_.where(), "give 1 or 2");
   }
   if (!request.positive_edge && !request.negative_edge) {
-    throw HostError("a touch probe without an edge", objects_.where(),
-                    "ask for a positive edge, a negative one or both");
+    throw HostError("a touch probe without an edge", objects_.where(), "give a positive edge, a negative edge or both");
   }
   disarm_probe(request.probe);
   unsigned function = probe_on;
@@ -94,7 +93,7 @@ void Axis402::arm_probe(const ProbeRequest& request) {
     if (objects_.now() >= deadline) {
       fail(fmt::format("the drive did not switch touch probe {} on (60B8h {:04X}h, 60B9h {:04X}h)", request.probe,
                        objects_.read<std::uint16_t>(0x60B8), objects_.read<std::uint16_t>(0x60B9)),
-           "it may not have this probe, source or edge");
+           "it may not support this probe, source or edge");
     }
     pause();
   }
@@ -130,14 +129,14 @@ ProbePositions Axis402::wait_for_probe(const ProbeRequest& request, Time timeout
     }
     if (objects_.now() >= deadline) {
       const auto came = [](bool wanted, bool seen_edge) {
-        return !wanted ? "not asked for" : seen_edge ? "seen" : "did not come";
+        return !wanted ? "not requested" : seen_edge ? "detected" : "not detected";
       };
       if (enabled_before) try_to_stop();
       fail(fmt::format("{} took longer than {:g} s (positive edge: {}, negative edge: {})", doing,
                        std::chrono::duration<double>(timeout).count(),
                        came(request.positive_edge, seen.positive.has_value()),
                        came(request.negative_edge, seen.negative.has_value())),
-           "check the probe's wiring and travel; a drive may take edges it does not have, and never see them");
+           "check the probe's wiring and the travel; a drive may accept an edge that it does not support");
     }
   }
 }

@@ -12,7 +12,8 @@ namespace statusword_bit = drive::statusword;
 inline constexpr std::uint16_t enabled = 0x000F;
 inline constexpr std::uint16_t change_immediately = controlword::mode_bit_5;
 
-// A drive takes back "target reached" some cycles after it took an order over; until then it may be the last order's.
+// A drive clears "target reached" some cycles after it accepts a set-point; until then the bit may belong to the
+// previous set-point. This is the time to wait before the bit counts.
 inline constexpr links::Time settling = std::chrono::milliseconds(20);
 
 }  // namespace servodrome::host

@@ -37,12 +37,12 @@ UnitScale UnitScale::of(Axis402& axis, const UnitChoice& choice, const std::stri
   if (choice.system == UnitSystem::drive) return {};
   if (choice.system == UnitSystem::counts) {
     if (const auto units = axis.units_per_count()) return {choice.system, *units};
-    throw HostError("the drive does not say how many counts its encoder has in a revolution (608Fh)",
+    throw HostError("the drive does not report the counts per revolution of its encoder (608Fh)",
                     axis.objects().where(), "give the numbers in the drive's units");
   }
   const auto revolution = axis.units(choice.units_per_revolution);
   if (!revolution) {
-    throw HostError("the drive does not say how many units a revolution has (6092h, 608Fh)", axis.objects().where(),
+    throw HostError("the drive does not report its units per revolution (6092h, 608Fh)", axis.objects().where(),
                     how + ", or give the numbers in the drive's units");
   }
   constexpr double seconds_of_minute = 60.0;
@@ -55,7 +55,8 @@ UnitScale UnitScale::of(Axis402& axis, const UnitChoice& choice, const std::stri
     case UnitSystem::degrees: return {choice.system, times(*revolution, 1.0 / degrees_of_revolution)};
     case UnitSystem::millimetres:
       if (!choice.feed_mm)
-        throw HostError("millimetres of what", axis.objects().where(), "say what a revolution moves");
+        throw HostError("units in mm need the feed per motor revolution", axis.objects().where(),
+                        "give the feed in mm");
       return {choice.system, times(*revolution, 1.0 / *choice.feed_mm)};
     default: return {choice.system, *revolution};
   }

@@ -8,17 +8,17 @@
 
 #include "host/dialect.hpp"
 
-// In what people give and read the positions, velocities and accelerations of an axis.
+// Units in which users enter and read the positions, velocities and accelerations of an axis.
 namespace servodrome::host {
 
 class Axis402;
 
 enum class UnitSystem : std::uint8_t { drive, counts, revolutions, rpm, degrees, millimetres };
 
-// Names, and digits behind the point that a person wants to see.
+// Names of the units, and the number of decimals to display.
 struct UnitNames {
   UnitSystem system;
-  std::string_view word;  // as it is chosen by
+  std::string_view word;  // keyword that selects the system
   std::string_view position;
   std::string_view velocity;
   std::string_view acceleration;
@@ -35,28 +35,30 @@ inline constexpr std::array unit_names{
     UnitNames{UnitSystem::millimetres, "mm", "mm", "mm/s", "mm/s2", 4, 3},
 };
 const UnitNames& names_of(UnitSystem system);
-// Nothing: there is no such word.
+// nullopt: there is no system of that name.
 std::optional<UnitSystem> unit_system_named(std::string_view word);
-// "drive, counts, revolutions ...".
+// "drive, counts, revolutions ...": all names, for messages.
 std::string list_of_unit_systems();
 
 struct UnitChoice {
   UnitSystem system = UnitSystem::drive;
-  std::optional<double> units_per_revolution{};  // of position, of the drive; nothing: the drive is asked
-  std::optional<double> feed_mm{};               // what a motor revolution moves; for millimetres
+  std::optional<double> units_per_revolution{};  // position units of the drive in a motor revolution; nullopt: read
+                                                 // from the drive
+  std::optional<double> feed_mm{};               // travel in a motor revolution; for millimetres only
 
   auto operator<=>(const UnitChoice&) const = default;
 };
 
-// How many of the drive's units are one of the chosen. Throws HostError if the drive does not say what is needed.
+// The drive's units in one unit of the chosen system. of() throws HostError if the drive does not report what the
+// conversion needs.
 struct UnitScale {
   UnitSystem system = UnitSystem::drive;
   AxisUnits drive{1.0, 1.0, 1.0};
 
-  // `how` a person says what the drive does not, for the message.
+  // `how` goes into the error message: how the user supplies the value that the drive does not report.
   static UnitScale of(Axis402& axis, const UnitChoice& choice, const std::string& how);
 
-  // "1.50000 rev"; of the drive's own units the number alone.
+  // For example "1.50000 rev"; in the drive's own units only the number.
   std::string position(std::int32_t in_drive_units) const;
   std::string velocity(std::int32_t in_drive_units) const;
 };

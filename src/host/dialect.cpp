@@ -8,11 +8,12 @@ namespace {
 
 constexpr Dialect cia402{};
 
-// Microseconds (ProNet manual, ch. 7.5.4).
+// The period in microseconds (ProNet manual, ch. 7.5.4).
 constexpr std::array pronet_cycle_objects{CycleObject{
     {0x2105, 0}, 4, [](links::Time period) { return std::int64_t{period / std::chrono::microseconds(1)}; }}};
 
-// 0 to 3: 1, 2, 4, 8 ms; and the clock of the master is followed (iSMK manual, Table 9-27, 3011.01 and 3011.02).
+// 3011h sub 1: 0 to 3 stand for 1, 2, 4 and 8 ms; sub 2 = 1: the drive synchronises to the master's clock (iSMK manual,
+// Table 9-27).
 constexpr std::array ismk_cycle_objects{
     CycleObject{{0x3011, 1},
                 1,
@@ -27,8 +28,8 @@ constexpr std::array ismk_cycle_objects{
 constexpr std::array ismk_alarm_words{AlarmWord{{0x2601, 0}, 0}, AlarmWord{{0x2602, 0}, 16},
                                       AlarmWord{{0x2605, 7}, 32}};
 
-// Bit 15 attained, bit 12 error, bit 10 stays 0 (iSMK manual, Table 5-5, ch. 8.3.2); units in appendix II; sub 1 of
-// 607Dh is the positive limit.
+// Homing: bit 15 attained, bit 12 error, bit 10 stays 0 (iSMK manual, Table 5-5, ch. 8.3.2); units: appendix II; in
+// 607Dh sub 1 is the positive limit.
 constexpr Dialect ismk(std::string_view product) {
   return {.product = product,
           .homing_signals = {.attained = 1U << 15, .error = 1U << 12, .target_reached = false},
@@ -42,10 +43,10 @@ constexpr Dialect ismk(std::string_view product) {
 constexpr std::array dialects{
     Dialect{.product = "generic402"},
     Dialect{.product = "generic402-ec", .foe_file = "parameters.txt"},
-    // Halt empties the buffer of set-points (ISMC manual, ch. 4.3.6, 'Point to point stop').
+    // Halt clears the buffer of set-points (ISMC manual, ch. 4.3.6, 'Point to point stop').
     Dialect{.product = "ismc", .halt_drops_target = true},
-    // 0.1 rpm and 0.1 rpm/s, and positions in increments of one of four encoders (ProNet manual, ch. 4). Methods that
-    // look for an index are not for serial encoders (ch. 7.2).
+    // Velocity in 0.1 rpm, acceleration in 0.1 rpm/s, position in increments of one of four encoders (ProNet manual,
+    // ch. 4). Homing methods that search for an index do not work with serial encoders (ch. 7.2).
     Dialect{.product = "pronet",
             .units = AxisUnits{131072.0, 600.0, 600.0},
             .encoder_counts = ObjectAddress{0x2F12, 0},
@@ -56,7 +57,7 @@ constexpr std::array dialects{
             .alarm_log_length = 10},
     ismk("ismk"),
     ismk("ismk-ea"),
-    // Methods 0 to 35 (JMC manual, object 6098h).
+    // The drive has methods 0 to 35 (JMC manual, object 6098h).
     Dialect{.product = "jmc_ec", .cautious_homing_method = 35},
 };
 

@@ -5,8 +5,8 @@
 
 namespace servodrome::host {
 
-// The one error type of this library: what happened, where (link, node, object), and what to do about it. what() is the
-// three in one sentence.
+// The error of this library, and base class of its special errors: what happened, where (link, node, object), and the
+// remedy. what() joins the three in one sentence.
 class HostError : public std::runtime_error {
  public:
   HostError(std::string happened, std::string where, std::string remedy)

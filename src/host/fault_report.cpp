@@ -19,7 +19,7 @@ ReportedFault of_alarm(const describe::FaultText& text, ObjectAddress source) {
   return {.code = text.code, .alarm = text.alarm, .source = source, .meanings = {&text}};
 }
 
-// Bit 0 of the first word says that the second is not 0: no alarm has the number 0.
+// Bit 0 of the first word only reports that the second word is not 0, so it is skipped: there is no alarm number 0.
 void read_alarm_words(ObjectClient& objects, const Dialect& dialect, std::vector<ReportedFault>& faults) {
   for (const AlarmWord& word : dialect.alarm_words) {
     const unsigned bits = objects.read_if_present<std::uint16_t>(word.object.index, word.object.sub).value_or(0);
@@ -72,7 +72,7 @@ FaultReport read_faults(ObjectClient& objects, const Dialect& dialect) {
   const bool warns = (report.statusword & warning_bit) != 0;
   std::vector<ReportedFault> present;
   read_alarm_words(objects, dialect, present);
-  // 603Fh keeps the last error, also when it has gone.
+  // 603Fh keeps the last error even after it is gone, so it is read only while the drive reports a fault or a warning.
   const auto code = faulty || warns ? objects.read_if_present<std::uint16_t>(0x603F) : std::nullopt;
   const bool known = std::any_of(present.begin(), present.end(), [&](const auto& fault) { return fault.code == code; });
   if (code && *code != 0 && !known) present.insert(present.begin(), fault_of_code(*code, {0x603F, 0}, dialect.product));
@@ -98,7 +98,7 @@ std::string text_of(const ReportedFault& fault, std::string_view product) {
                          class_only ? "class: " : "", meaning->text);
   }
   if (texts.empty()) texts = describe::alarm_name(product, fault.alarm);
-  if (texts.empty()) texts = fault.code == 0 ? "the drive gives no code" : "manufacturer's code";
+  if (texts.empty()) texts = fault.code == 0 ? "the drive gives no code" : "manufacturer-specific code";
   return fault.code == 0 ? texts : fmt::format("{:04X}h {}", fault.code, texts);
 }
 

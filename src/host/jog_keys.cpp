@@ -58,7 +58,7 @@ std::int32_t JogKeys::speed() const {
 std::optional<std::int32_t> JogKeys::velocity(links::Time now) const {
   if (ended_) return std::nullopt;
   if (direction_ == 0 || now - last_ >= hold_) return 0;
-  // INT32_MIN has no opposite.
+  // INT32_MIN has no negative counterpart, so the magnitude is limited to INT32_MAX.
   const std::int32_t magnitude = std::max(speed(), -std::numeric_limits<std::int32_t>::max());
   return direction_ * magnitude;
 }

@@ -8,22 +8,22 @@
 
 namespace servodrome::host {
 
-// Turns what a terminal sends of a keyboard into the velocity to jog at. A terminal tells of no key that is let go,
-// only that a held one repeats: a direction acts until no key came for `hold`, which must be longer than the pause
-// before a keyboard begins to repeat.
+// Converts the characters of a terminal into the velocity to jog at. A terminal does not report that a key is released;
+// it only repeats a held key. So a direction acts until no key has arrived for `hold`, which must be longer than the
+// keyboard's delay before its first repeat.
 //
-// Right, l or +: forwards. Left, h or -: backwards. Up, k and down, j: the double and the half of the velocity, from
-// 1/16 to 16 times. Blank or any other key: stop. q, Escape, Ctrl-C or Ctrl-D: the end.
+// Right, l or +: forwards. Left, h or -: backwards. Up or k doubles the velocity, down or j halves it, from 1/16 to 16
+// times. Space or any other key stops. q, Escape, Ctrl-C or Ctrl-D ends.
 class JogKeys {
  public:
   explicit JogKeys(std::int32_t velocity, links::Time hold = std::chrono::milliseconds(600))
       : velocity_(velocity), hold_(hold) {}
 
-  // What came from the terminal until `now`. An arrow's three characters come at once.
+  // The characters received until `now`. The three characters of an arrow key must be in one call.
   void feed(std::string_view characters, links::Time now);
-  // Nothing: the end.
+  // In the drive's units; nullopt: the user has ended the jog.
   std::optional<std::int32_t> velocity(links::Time now) const;
-  // Of a key that is held, in the drive's units.
+  // Velocity while a key is held, in the drive's units.
   std::int32_t speed() const;
 
  private:

@@ -14,7 +14,7 @@ struct ObjectAddress {
   }
 };
 
-// "6041:00"
+// For example "6041:00".
 std::string text_of(ObjectAddress object);
 
 }  // namespace servodrome::host

@@ -16,12 +16,12 @@ namespace {
 
 using dictionary::Type;
 
-// Only for names and types: how many PDOs a device has does not matter here.
+// Used only for names and types; the number of PDOs is irrelevant.
 using Communication = canopen::CommunicationObjects<4, 4, 8>;
 
 char lower(char c) { return c >= 'A' && c <= 'Z' ? static_cast<char>(c - 'A' + 'a') : c; }
 
-// Letters and digits only.
+// Lower case, without blanks, underscores and hyphens.
 std::string plain(std::string_view text) {
   std::string result;
   for (const char c : text) {
@@ -140,7 +140,7 @@ ObjectCatalogue ObjectCatalogue::of(std::span<const dictionary::Entry> table) {
   return catalogue;
 }
 
-// Entries come in the order of their keys.
+// Entries must be added in ascending order of index and sub-index.
 void ObjectCatalogue::add(const dictionary::Entry& entry) {
   const std::string object_name = entry.sub == 0 || objects_.empty() ? entry.name : objects_.back().object_name;
   const bool is_count =
@@ -172,8 +172,8 @@ bool is_number(std::string_view word) {
          std::all_of(digit, word.end(), [](char c) { return is_digit(c) || c == '-'; });
 }
 
-// The name of a sub-index by itself, or the maker's number in front of it: "P01-02" of "P01-02 Real-time adjustment
-// mode".
+// Finds objects by the name of the sub-index alone, or by the maker's number in front of it: "P01-02" for "P01-02
+// Real-time adjustment mode".
 std::vector<const NamedObject*> ObjectCatalogue::find_short(std::string_view wanted) const {
   std::vector<const NamedObject*> found;
   for (const NamedObject& object : objects_) {
@@ -188,7 +188,7 @@ std::vector<const NamedObject*> ObjectCatalogue::find_short(std::string_view wan
 ObjectAddress ObjectCatalogue::resolve(std::string_view text) const {
   const std::string wanted = plain(text);
   if (const auto address = parse_address(text)) {
-    // "d08" may be both: an address where nothing is, and a number.
+    // "d08" may be an address or a maker's number: if no object has that address, a unique number is used.
     const auto numbers = find(*address) == nullptr ? find_short(wanted) : std::vector<const NamedObject*>{};
     return numbers.size() == 1 ? numbers.front()->address : *address;
   }
@@ -239,7 +239,7 @@ std::string_view short_word(Type type) {
   if (type == Type::domain) type = Type::octet_string;
   std::string_view shortest = "bytes";
   for (const TypeWord& one : type_words) {
-    if (one.type == type) shortest = one.word;  // the long one comes first
+    if (one.type == type) shortest = one.word;  // in the table the short name follows the long one
   }
   return shortest;
 }
@@ -254,7 +254,8 @@ std::string text_of_value(std::span<const std::byte> bytes, std::optional<Type> 
   };
   const auto as_text = [&] {
     const std::string_view text(reinterpret_cast<const char*>(bytes.data()), bytes.size());
-    // What would move the cursor, colour the terminal or begin a line is shown, not done.
+    // Escapes control characters, so that text from a drive cannot move the cursor, colour the terminal or begin a
+    // line.
     std::string shown;
     for (const char c : text.substr(0, text.find_last_not_of('\0') + 1)) {
       const auto code = static_cast<unsigned char>(c);
@@ -297,7 +298,7 @@ std::vector<std::byte> parse_value(std::string_view text, Type type) {
   if (size == 0) {
     std::vector<std::byte> bytes;
     std::string digits = plain(text);
-    if (digits.size() % 2 != 0) refuse_value(text, "an odd number of hexadecimal digits is no whole bytes");
+    if (digits.size() % 2 != 0) refuse_value(text, "an odd number of hexadecimal digits does not give whole bytes");
     for (std::size_t i = 0; i < digits.size(); i += 2) {
       unsigned byte = 0;
       const auto [end, error] = std::from_chars(&digits[i], &digits[i] + 2, byte, 16);
@@ -309,7 +310,7 @@ std::vector<std::byte> parse_value(std::string_view text, Type type) {
   if (type == Type::real32) {
     float number = 0;
     const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), number);
-    if (error != std::errc{} || end != text.data() + text.size()) refuse_value(text, "it is no number");
+    if (error != std::errc{} || end != text.data() + text.size()) refuse_value(text, "it is not a number");
     return bytes_of(&number, sizeof number);
   }
   if (type == Type::boolean && (plain(text) == "true" || plain(text) == "false")) {
@@ -330,9 +331,9 @@ std::vector<std::byte> parse_value(std::string_view text, Type type) {
   std::uint64_t magnitude = 0;
   const auto [end, error] = std::from_chars(digits.data(), digits.data() + digits.size(), magnitude, base);
   if (digits.empty() || error != std::errc{} || end != digits.data() + digits.size()) {
-    refuse_value(text, "it is no whole number");
+    refuse_value(text, "it is not a whole number");
   }
-  // Hexadecimal gives the bits; decimal gives the number, which must be one the type has.
+  // Hexadecimal input is the bit pattern; decimal input is the number, which must be within the type's range.
   const unsigned bits = static_cast<unsigned>(size * 8);
   const std::uint64_t all_ones = ~std::uint64_t{0} >> (64 - bits);
   const std::uint64_t highest = type == Type::boolean                       ? 1

@@ -16,7 +16,7 @@ namespace servodrome::host {
 
 using links::Time;
 
-// An access to an object failed: refused by the drive, or no answer.
+// An access to an object failed: the drive refused it or did not answer.
 class ObjectError : public HostError {
  public:
   ObjectError(std::string happened, std::string where, std::string remedy, bool object_is_absent, bool answered = true)
@@ -24,9 +24,9 @@ class ObjectError : public HostError {
         object_is_absent_(object_is_absent),
         answered_(answered) {}
 
-  // The drive does not have the object, or not on this bus.
+  // The drive does not have the object, or does not offer it on this bus.
   bool object_is_absent() const { return object_is_absent_; }
-  // False: the drive kept silent; a write may have acted or not.
+  // False: the drive did not answer, so a write may or may not have taken effect.
   bool answered() const { return answered_; }
 
  private:
@@ -34,34 +34,36 @@ class ObjectError : public HostError {
   bool answered_;
 };
 
-// The objects of one drive, whatever bus leads to it. One access at a time. All calls throw ObjectError, or HostError
-// if the link is lost.
+// Access to the objects of one drive, the same on every bus. One access at a time. All calls throw ObjectError;
+// HostError if the link is lost or a value has more bytes than requested.
 class ObjectClient {
  public:
   virtual ~ObjectClient() = default;
 
-  // The value as the drive has it, little endian.
+  // The value as the drive sends it, little endian.
   virtual std::vector<std::byte> upload(ObjectAddress object) = 0;
   virtual void download(ObjectAddress object, std::span<const std::byte> data) = 0;
 
-  // Which of `objects` one request can read, by their places among them: each alone, unless the bus can do more.
+  // Groups `objects` (by their positions in the list) into sets that one request can read. The default is one set for
+  // each object.
   virtual std::vector<std::vector<std::size_t>> read_together(std::span<const ObjectAddress> objects) const;
-  // The values of such a set.
+  // Reads the values of one such set.
   virtual std::vector<std::vector<std::byte>> upload_together(std::span<const ObjectAddress> objects);
 
-  // The clock of the bus.
+  // Time on the bus's clock.
   virtual Time now() const = 0;
-  // Lets time pass, and the bus run.
+  // Waits for `span` and keeps the bus running.
   virtual void wait(Time span) = 0;
 
-  // Node-ID, station, unit or position.
+  // Node-ID, station address or position on the bus, or unit.
   virtual std::uint16_t address() const = 0;
-  // Link and address, for messages.
+  // Link and address, for error messages.
   virtual std::string where() const = 0;
-  // What the drive last reported by itself; nothing where the bus has no such messages.
+  // The last emergency message of the drive; nullopt on a bus that has no such messages.
   virtual std::optional<Emergency> latest_emergency() { return std::nullopt; }
 
-  // Numbers. A drive may send fewer bytes than T has: the value is extended; more is an error.
+  // Integers and floating-point numbers. If the drive sends fewer bytes than T has, the value is sign- or
+  // zero-extended; more bytes are an error.
   template <typename T>
   requires std::is_arithmetic_v<T> T read(std::uint16_t index, std::uint8_t sub = 0) {
     const std::vector<std::byte> bytes = upload({index, sub});
@@ -80,7 +82,7 @@ class ObjectClient {
   // A VISIBLE_STRING, without trailing zeros.
   std::string read_text(std::uint16_t index, std::uint8_t sub = 0);
 
-  // The number, or nothing if the drive does not have the object.
+  // The value; nullopt if the drive does not have the object.
   template <typename T>
   std::optional<T> read_if_present(std::uint16_t index, std::uint8_t sub = 0) {
     try {

@@ -12,10 +12,10 @@
 namespace servodrome::line {
 namespace {
 
-// A slave controller with its two PHYs, one way.
+// The delay of a slave controller and its two PHYs, in one direction.
 constexpr Time controller_delay{600};
 
-// The non-volatile memory of a drive that was given no file: outlives a power cycle, not the line.
+// The non-volatile memory of a drive without a store file. It survives a power cycle, but not the end of the line.
 class KeptInMemory final : public dictionary::Medium {
  public:
   explicit KeptInMemory(std::uint32_t bytes) : memory_(new std::byte[bytes]{}), medium_({memory_.get(), bytes}) {}
@@ -64,11 +64,11 @@ Axis::Axis(const AxisSettings& settings, const AxisBuses& buses)
                                 settings.ethercat->sync_error_limit};
   }
   device_ = settings.product->make(device_settings);
-  if (bus_ != nullptr) port_ = bus_->attach(*this, 1);  // the frames wait in the device
+  if (bus_ != nullptr) port_ = bus_->attach(*this, 1);  // depth of the queue; other frames wait in the device
   if (ethercat_ != nullptr) {
     const Time hop = controller_delay + settings.ethercat->cable;
     ethercat_slave_ = device_->ethercat_slave();
-    // The drive acts once a tick: of frames that come closer together it can only follow the last.
+    // The drive acts once per tick. If several frames come within one tick, only the last one has an effect.
     ethercat_slave_->sample_process_data_every(tick_length);
     slave_ = ethercat_->attach(ethercat_station_, {hop, hop});
   }
@@ -82,7 +82,7 @@ Axis::~Axis() {
   if (serial_ != nullptr) serial_->detach(serial_port_);
 }
 
-// Stops only where samples are due, so that an axis without samples pays nothing per tick.
+// Interrupts the ticks only where samples are due, so an axis without taps has no cost per tick.
 void Axis::run_to(std::int64_t tick) {
   while (samples_due_ <= tick) {
     run_ticks(samples_due_);
@@ -110,13 +110,14 @@ void Axis::detach(Tap& tap) {
   for (const Tap* other : taps_) samples_due_ = std::min(samples_due_, other->due());
 }
 
-// What is due up to and including `until` by the slave's own clock: most often nothing.
+// Polls the slave for all that is due by its own clock up to and including `until`; usually nothing is.
 inline void Axis::poll_slave(Time until) {
   if (until >= ethercat_slave_->quiet_until()) poll_due_slave(until);
 }
 
-// When the device is to be polled next: one that answers a poll with a deadline in the past a tick later, not for ever.
-// What a frame brought forward to before itself is due with that frame, to which the axis may not have run yet.
+// When the device must be polled next. If a poll returns a deadline that has already passed, the next poll follows one
+// tick later, so that polling cannot loop forever. A frame may bring a deadline forward to a time before the frame
+// itself. Such a deadline is due at the time of the frame, up to which the axis may not have run yet.
 Time Axis::next_poll() const {
   Time due = device_->next_deadline();
   if (ethercat_slave_ != nullptr) due = std::max(due, device_->ethercat_controller()->now());
@@ -154,13 +155,14 @@ void Axis::run_ticks(std::int64_t tick) {
 
 Time Axis::next_appearance(Time now) const {
   if (!powered_) return links::never;
-  // Until two cycles were seen their distance is not known, and any tick may be one.
+  // Until two cycles have been seen, the cycle time is unknown and any tick may end a cycle.
   const bool known = last_cycle_ != unknown && cycle_ticks_ != unknown;
   const std::int64_t cycle = known ? std::max(last_cycle_ + cycle_ticks_, tick_ + 1) : tick_ + 1;
   return std::min(cycle * tick_length, std::max(next_poll(), now));
 }
 
-// The line need not be up to the frame: what is not process data finds the axis as it is by then.
+// The line may not have run up to the frame yet, so the slave runs its own axis up to it. Exception: process data that
+// can wait until the drive samples them.
 Time Axis::EthercatStation::frame_passed(Time at) {
   if (!axis_.ethercat_slave_->puts_off(at)) {
     axis_.run_to(at / tick_length);
@@ -188,7 +190,7 @@ void Axis::poll_node(Time now) {
 
 void Axis::send_waiting(Time now) {
   canopen::Frame frame;
-  if (bus_ == nullptr) {  // no node receives them
+  if (bus_ == nullptr) {  // discards them: there is no CAN bus
     while (device_->take(frame)) {
     }
   } else {
@@ -220,7 +222,7 @@ void Axis::power_on(Time now) {
   last_poll_ = Time{-1};
   if (bus_ != nullptr) bus_->set_participation(port_, links::Participation::normal);
   if (ethercat_ != nullptr) ethercat_->set_powered(slave_, true, now);
-  plant_.sample(feedback_);  // the plant may have been changed meanwhile
+  plant_.sample(feedback_);  // the plant may have changed while the power was off
   device_->power_on(feedback_, now);
   for (const drive::Cause cause : injected_) device_->drive().inject(cause, true);
   send_waiting(now);

@@ -23,40 +23,43 @@ using Time = links::Time;
 
 inline constexpr Time tick_length{62'500};  // drive::tick_seconds, exactly
 
-// The buses an axis is connected to; nullptr: none of the kind.
+// The buses that an axis is connected to; nullptr: it has no bus of this kind.
 struct AxisBuses {
   links::CanBus* can = nullptr;
   links::EthercatBus* ethercat = nullptr;
   links::SerialLine* serial = nullptr;
-  Time serial_silence{};  // that the drives of the RS485 line are set up for
+  Time serial_silence{};  // ends a Modbus frame; the RS485 drives are set up for it
 };
 
-// A drive and the plant behind it, at a port of a CAN bus or a place of an EtherCAT segment, and of an RS485 line. Tick
-// n is the instant n * tick_length: the plant is advanced to it, the drive samples and answers, and a position-loop
-// cycle that ends there may put frames on a CAN bus at that very time. An EtherCAT slave sends nothing by itself: it
-// need not be caught up before a frame comes, and what is due by its own clock (SYNC0) happens between its ticks.
+// A drive and its plant, connected to a CAN bus or an EtherCAT segment, and perhaps to an RS485 line. Tick n is the
+// instant n * tick_length. In each tick the plant advances to it, then the drive samples its inputs and sets its
+// outputs. A position-loop cycle that ends in a tick may send frames on a CAN bus at that instant. An EtherCAT slave
+// sends nothing by itself, so it need not catch up before a frame comes. Its own clock may cause events between ticks
+// (SYNC0).
 class Axis final : public links::Receiver {
  public:
-  // Powered from the start. Throws std::runtime_error when the store file cannot be used.
+  // The drive has power from the start. Throws std::runtime_error when the store file cannot be used.
   Axis(const AxisSettings& settings, const AxisBuses& buses);
   ~Axis() override;
   Axis(const Axis&) = delete;
   Axis& operator=(const Axis&) = delete;
 
-  // Runs every tick up to and including number `tick`.
+  // Runs all ticks up to and including number `tick`.
   void run_to(std::int64_t tick);
-  std::int64_t ticks() const { return tick_; }  // up to which it has run
-  // A tap is looked after from its next tick on; not while the axis runs.
+  std::int64_t ticks() const { return tick_; }  // the last tick that has run
+  // Adds a tap, which samples from the axis' next tick on. Must not be called while the axis runs.
   void attach(Tap& tap);
   void detach(Tap& tap);
-  // May it send without having received? A slave on EtherCAT never does.
+  // Returns true if the axis may send without having received anything. A slave on EtherCAT never does.
   bool sends() const { return ethercat_ == nullptr; }
-  // The earliest time from `now` on at which it may do something that shows on its bus: the next position-loop cycle,
-  // or the next poll. Other axes must not be run beyond it before one that sends, or they would miss the frame.
+  // The earliest time from `now` on at which the axis may do something that shows on its bus: the next position-loop
+  // cycle or the next poll. If the axis can send, the line must not run other axes beyond this time, or they would miss
+  // the frame.
   Time next_appearance(Time now) const;
-  // Polls the device if that is due.
+  // Polls the device if its deadline has come.
   void poll(Time now);
-  // Puts on the bus what the device has to send, after something outside of time (an object written by the bench).
+  // Passes on the device's waiting frames to the bus, after an event outside the ticks (such as an object that the
+  // bench API wrote).
   void send_waiting(Time now);
 
   void power_off(Time now);
@@ -74,20 +77,21 @@ class Axis final : public links::Receiver {
   const plant::Plant& plant() const { return plant_; }
   const drive::Feedback& feedback() const { return feedback_; }
   const drive::Actuation& actuation() const { return actuation_; }
-  links::PortId port() const { return port_; }         // of the CAN bus, if it has one
-  std::size_t position() const { return slave_ + 1; }  // on the EtherCAT segment, if it has one; 1 is the first
-  links::SerialPortId serial_line_port() const { return serial_port_; }  // of the RS485 line, if it has one
-  // The drive's RS485 port; nullptr: it has none, it is not connected or it has no power.
+  links::PortId port() const { return port_; }         // of the CAN bus, if the axis is on one
+  std::size_t position() const { return slave_ + 1; }  // on the EtherCAT segment, if the axis is on one; the first is 1
+  links::SerialPortId serial_line_port() const { return serial_port_; }  // of the RS485 line, if the axis is on one
+  // The drive's RS485 port. Returns nullptr if there is none, if it is not connected or if the drive has no power.
   products::SerialPort* serial_port() const {
     return powered_ && serial_ != nullptr ? device_->serial_port() : nullptr;
   }
 
-  // Puts the shaft at another encoder position, at rest; only while the motor is not energised. False: it is.
+  // Moves the shaft to another encoder position, at rest. Returns false, and does nothing, while the motor is
+  // energised.
   bool place(std::int64_t position_counts);
-  // The bench forces an input wire to a level, or gives it back to the geometry.
+  // Forces an input wire to a level, for the bench API. Without `level` the switches of the travel set it again.
   void force_input(int wire, std::optional<bool> level);
   const std::map<int, bool>& forced_inputs() const { return forced_inputs_; }
-  // The bench injects a cause that only hardware has. Stays through a power cycle.
+  // Injects a cause of faults that only hardware has, for the bench API. It stays through a power cycle.
   void inject(drive::Cause cause, bool present);
   bool injected(drive::Cause cause) const { return injected_.contains(cause); }
 
@@ -144,14 +148,14 @@ class Axis final : public links::Receiver {
   std::uint32_t port_bit_rate_ = 0;
   Station station_{*this};
   links::SerialPortId serial_port_{};
-  modbus::CharacterFormat serial_format_;  // as the line knows it
+  modbus::CharacterFormat serial_format_;  // as last reported to the RS485 line
   std::int64_t tick_ = 0;
   std::int64_t last_cycle_ = unknown;  // tick at which the drive last completed a position-loop cycle
   std::int64_t cycle_ticks_ = unknown;
   Time last_poll_{-1};
   bool powered_ = false;
   std::vector<Tap*> taps_;
-  std::int64_t samples_due_ = no_tick;  // the next tick at which a tap wants its value
+  std::int64_t samples_due_ = no_tick;  // the next tick at which a tap takes a sample
   std::map<int, bool> forced_inputs_;
   std::set<drive::Cause> injected_;
 };

@@ -20,9 +20,9 @@ class AxisAddressReader {
   }
 
  private:
-  // The fieldbus: its own of the product's kind, found by name, or the only one there is.
+  // Finds the axis' fieldbus among those of the product's kind: by name, or the only one that exists.
   void read_fieldbus_address(TableReader& reader, AxisSettings& axis) {
-    if (axis.product == nullptr) {  // it is unknown which bus it needs, and which of these keys
+    if (axis.product == nullptr) {  // marks all keys as known: the kind of bus is unknown
       for (const char* key : {"bus", "alias", "oscillator_ppm", "cable_ns", "sync_error_limit"}) reader.node(key);
       read_node(reader, axis);
       return;
@@ -43,7 +43,7 @@ class AxisAddressReader {
     }
   }
 
-  // Index into `names`, which are the buses that the axis can stand on.
+  // Returns the index into `names`, which are the buses that fit the product.
   std::optional<std::size_t> read_fieldbus(TableReader& reader, const AxisSettings& axis,
                                            const std::vector<std::string_view>& names) {
     std::string bus;
@@ -94,7 +94,7 @@ class AxisAddressReader {
     }
     for (const char* key : {"node", "bit_rate"}) {
       if (reader.node(key) == nullptr) continue;
-      reader.complain(key, "is of an axis on a CAN bus", "an EtherCAT slave's address is its place in the file");
+      reader.complain(key, "is only for an axis on a CAN bus", "an EtherCAT slave's address is its place in the file");
     }
     if (!bus) return;
     ethercat.bus = *bus;
@@ -109,7 +109,7 @@ class AxisAddressReader {
   void read_can_address(TableReader& reader, AxisSettings& axis) {
     for (const char* key : {"alias", "oscillator_ppm", "cable_ns", "sync_error_limit"}) {
       if (reader.node(key) != nullptr) {
-        reader.complain(key, "is of an axis on an EtherCAT segment", "leave the key out");
+        reader.complain(key, "is only for an axis on an EtherCAT segment", "leave the key out");
       }
     }
     read_node(reader, axis);
@@ -124,7 +124,7 @@ class AxisAddressReader {
     }
   }
 
-  // A drive may be set to another bit rate than its bus, but not to one that it does not have.
+  // A drive may be set to a bit rate other than that of its bus, but only to one that it supports.
   void check_bit_rate(TableReader& reader, const AxisSettings& axis) {
     if (axis.product == nullptr || axis.product->describe == nullptr || (axis.bit_rate == 0 && !axis.bus)) return;
     const std::uint32_t rate = axis.bit_rate != 0 ? axis.bit_rate : settings_.buses[*axis.bus].bit_rate;
@@ -153,7 +153,7 @@ class AxisAddressReader {
     if (bus.empty()) {
       for (const char* key : {"station", "serial_protocol"}) {
         if (reader.node(key) == nullptr) continue;
-        reader.complain(key, "is of an axis on an RS485 line", "name the line: serial = \"NAME\"");
+        reader.complain(key, "is only for an axis on an RS485 line", "name the line: serial = \"NAME\"");
       }
       return;
     }
@@ -183,7 +183,7 @@ class AxisAddressReader {
       reader.complain(
           "serial",
           fmt::format("a `{}` cannot be set to the bit rate and format of \"{}\"", axis.product->name, bus.name),
-          "docs/line-file.md has those of each product under `format`");
+          "docs/line-file.md lists the formats of each product under `format`");
     }
     if (serial.station != 0 && !port.has_own_station) {
       reader.complain("station", fmt::format("the station of a `{}` is its node-ID", axis.product->name),

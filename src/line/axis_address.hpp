@@ -8,11 +8,11 @@
 
 namespace servodrome::line {
 
-// Names of the buses of all kinds.
+// The names of the buses of all kinds.
 std::vector<std::string_view> bus_names(const LineSettings& settings);
 
-// Where an axis of a line file is: on which bus of the product's kind and at which node or place, and on which RS485
-// line. `settings` has all the buses and the axes before it. What cannot be is complained of where it stands.
+// Reads where an axis of a line file is: its bus of the product's kind, with node or position, and its RS485 line.
+// `settings` must contain all buses and the axes before this one. Reports each error at its place in the file.
 void read_axis_address(TableReader& reader, const LineSettings& settings, AxisSettings& axis);
 
 }  // namespace servodrome::line

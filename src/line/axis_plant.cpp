@@ -38,7 +38,8 @@ struct PlantMessage {
   std::string text;
 };
 
-// `message` begins with the name of a parameter, as plant::validate writes it ("motor.pole_pairs: ...").
+// Finds the place in the file to which `message` of plant::validate or plant::doubts refers. The message begins with
+// the name of a parameter ("motor.pole_pairs: ...").
 PlantMessage place_message(TableReader& axis, const std::string& message, const std::vector<std::string>& switches) {
   const std::size_t colon = message.find(": ");
   std::string name = message.substr(0, colon);
@@ -70,7 +71,7 @@ void read_axis_plant(TableReader& reader, AxisSettings& axis) {
   read_group(reader, "supply", axis.plant.supply, supply_keys);
   read_group(reader, "encoder", axis.plant.encoder, encoder_keys);
   read_group(reader, "thermal", axis.plant.thermal, thermal_keys);
-  // Either group switches its imperfections on, unless it says ideal = true.
+  // The presence of either group switches its imperfections on, unless the group sets ideal = true.
   if (reader.table("stage") != nullptr) axis.plant.stage.ideal = false;
   if (reader.table("sensors") != nullptr) axis.plant.sensors.ideal = false;
   read_group(reader, "stage", axis.plant.stage, stage_keys);
@@ -83,16 +84,16 @@ void read_axis_plant(TableReader& reader, AxisSettings& axis) {
   }
   axis.motor_data = motor_data_of(axis.plant);
   read_nameplate(reader, axis.motor_data);
-  if (reader.report().diagnostics.size() != complaints) return;  // the plant's complaints would be echoes
+  if (reader.report().diagnostics.size() != complaints) return;  // the plant would report the same errors again
   FileReport& report = reader.report();
   for (const std::string& message : plant::validate(axis.plant)) {
     const auto [at, text] = place_message(reader, message, switches);
-    report.complain(at, text, "docs/line-file.md has the range of each parameter");
+    report.complain(at, text, "docs/line-file.md lists the range of each parameter");
   }
   if (report.diagnostics.size() != complaints) return;
   for (const std::string& message : plant::doubts(axis.plant)) {
     const auto [at, text] = place_message(reader, message, switches);
-    report.warn(at, text, "docs/line-file.md, \"The plant\", says what is doubted");
+    report.warn(at, text, "see docs/line-file.md, \"The plant\"");
   }
 }
 

@@ -5,8 +5,8 @@
 
 namespace servodrome::line {
 
-// Motor, load, supply, encoder, heat and travel of an axis of a line file, and what its drive is told of the motor.
-// What cannot be is complained of where it stands.
+// Reads the motor, load, supply, encoder, heat and travel of an axis from a line file, and the motor data that its
+// drive has. Reports each error at its place in the file.
 void read_axis_plant(TableReader& reader, AxisSettings& axis);
 
 }  // namespace servodrome::line

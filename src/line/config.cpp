@@ -32,13 +32,13 @@ drive::MotorData motor_data_of(const plant::Parameters& parameters) {
 
 std::string parse_api_address(std::string_view text, ApiSettings& api) {
   const std::size_t colon = text.rfind(':');
-  if (colon == std::string_view::npos || colon == 0) return fmt::format("\"{}\" is no ADDRESS:PORT", text);
+  if (colon == std::string_view::npos || colon == 0) return fmt::format("\"{}\" is not an ADDRESS:PORT", text);
   std::string_view host = text.substr(0, colon);
   if (host.front() == '[' && host.back() == ']') host = host.substr(1, host.size() - 2);
   const std::string_view digits = text.substr(colon + 1);
   std::uint16_t port = 0;
   const auto [end, error] = std::from_chars(digits.data(), digits.data() + digits.size(), port);
-  if (error != std::errc() || end != digits.data() + digits.size()) return fmt::format("\"{}\" is no port", digits);
+  if (error != std::errc() || end != digits.data() + digits.size()) return fmt::format("\"{}\" is not a port", digits);
   api.address = host;
   api.port = port;
   return {};

@@ -13,7 +13,7 @@
 #include "plant/parameters.hpp"
 #include "products/serial_port.hpp"
 
-// What a line is made of, after the line file was read and checked.
+// The settings of a line, after the line file was read and checked.
 namespace servodrome::line {
 
 struct Product;
@@ -36,50 +36,50 @@ struct SerialBusSettings {
   std::vector<std::string> links;  // as links::parse_serial_link reads them
 };
 
-// An EtherCAT segment: the slaves in line in the order of the axes.
+// An EtherCAT segment; its slaves are connected in the order of the axes.
 struct EthercatBusSettings {
   std::string name;
   std::vector<std::string> links;  // as links::parse_ethercat_link reads them
 };
 
-// How an axis stands on an EtherCAT segment.
+// The settings of an axis on an EtherCAT segment.
 struct AxisEthercatSettings {
   std::size_t bus = 0;                            // index into LineSettings::ethercat_buses
   std::uint16_t alias = 0;                        // configured station alias; 0: none
-  double oscillator_ppm = 0;                      // how far its clock is off
-  std::optional<std::uint16_t> sync_error_limit;  // 10F1h:02 at power-on; else the product's
-  links::Time cable{};                            // how long a signal takes on the cable in front of it
+  double oscillator_ppm = 0;                      // deviation of its clock
+  std::optional<std::uint16_t> sync_error_limit;  // 10F1h:02 at power-on; none: the product's value
+  links::Time cable{};                            // delay of a signal on the cable in front of it
 };
 
-// How an axis takes part in an RS485 line.
+// The settings of an axis on an RS485 line.
 struct AxisSerialSettings {
   std::size_t bus = 0;       // index into LineSettings::serial_buses
   std::uint8_t station = 0;  // 0: the product's factory value
   std::optional<products::SerialProtocol> protocol;
 };
 
-// At least one of the buses is there; a drive has one fieldbus.
+// An axis has at least one bus: one fieldbus, an RS485 line or both.
 struct AxisSettings {
   std::string name;
   const Product* product = nullptr;
-  std::shared_ptr<const Product> described;  // keeps `product` where it is made of a maker's description
+  std::shared_ptr<const Product> described;  // owns `product` if it comes from a maker's description
   std::string model;                         // name of one of the product's models; empty: its default, if it has any
   std::optional<std::size_t> bus;            // index into LineSettings::buses: a CAN bus
   std::uint8_t node_id = 0;                  // 0: the product's factory value
-  std::uint32_t bit_rate = 0;                // bit/s; 0: the bus's
+  std::uint32_t bit_rate = 0;                // bit/s; 0: the bit rate of the bus
   std::optional<AxisEthercatSettings> ethercat;
   std::optional<AxisSerialSettings> serial;
   std::uint32_t serial_number = 1;  // 1018h:04
-  std::string store;                // file of the non-volatile memory; empty: kept in memory while the line lives
+  std::string store;                // file of the non-volatile memory; empty: in memory, until the line ends
   plant::Parameters plant;
-  drive::MotorData motor_data;  // what the drive was told about its motor
+  drive::MotorData motor_data;  // the drive's motor parameters, which need not be true
 };
 
 struct ApiSettings {
   bool enabled = true;
   std::string address = "127.0.0.1";
   std::uint16_t port = 8402;  // 0: the system chooses
-  std::string page{};         // folder of the studio's page; empty: none
+  std::string page{};         // folder of the studio's page; empty: no page
 };
 
 struct LineSettings {
@@ -91,10 +91,10 @@ struct LineSettings {
   std::vector<AxisSettings> axes;
 };
 
-// Nameplate of the motor of `parameters` in a drive's terms: what a drive knows that was told the truth.
+// The nameplate data of the motor of `parameters`, in the terms of a drive: the parameters of a correctly set drive.
 drive::MotorData motor_data_of(const plant::Parameters& parameters);
 
-// Reads "ADDRESS:PORT" or "[IPV6]:PORT" into `api`. Returns what is wrong with it; empty: nothing.
+// Reads "ADDRESS:PORT" or "[IPV6]:PORT" into `api`. Returns a description of the error, empty if there is none.
 std::string parse_api_address(std::string_view text, ApiSettings& api);
 
 }  // namespace servodrome::line

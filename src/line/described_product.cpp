@@ -10,7 +10,7 @@
 namespace servodrome::line {
 namespace {
 
-// What a product's own strings are kept by.
+// Owns the strings that a Product refers to.
 struct DescribedProduct {
   std::shared_ptr<const described::Blueprint> blueprint;
   std::string name;

@@ -9,10 +9,11 @@
 
 namespace servodrome::line {
 
-// A product out of a maker's description: an EDS or DCF, or a device of an ESI file. Throws describe::DeviceFileError.
+// Makes a product from a maker's description: an EDS or DCF, or the device named `device` of an ESI file. Throws
+// describe::DeviceFileError.
 std::shared_ptr<const Product> describe_product(const std::string& path, const std::string& device = {});
 
-// The plant has the encoder that the description tells of, if it does.
+// Gives the plant the encoder resolution of the description, if the description has one.
 void fit_encoder(const Product& product, plant::Parameters& plant);
 
 }  // namespace servodrome::line

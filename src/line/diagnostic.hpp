@@ -5,7 +5,7 @@
 
 namespace servodrome::line {
 
-// Something wrong in a line file: what, where, and what to do about it.
+// An error or a warning about a line file: what is wrong, where, and how to correct it.
 struct Diagnostic {
   std::string file;
   std::uint32_t line = 0;  // from 1; 0: the file as a whole

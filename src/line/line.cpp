@@ -36,7 +36,8 @@ Time Line::next_bus_event() const {
   return next;
 }
 
-// Between two instants no axis can send and nothing arrives, so that each axis may run all its ticks before the next.
+// The next instant at which an axis may send or something may arrive. Up to it each axis may run all its ticks in a
+// row.
 Time Line::next_instant(Time latest) const {
   Time instant = std::min(latest, next_bus_event());
   for (const Axis* axis : senders_) instant = std::min(instant, axis->next_appearance(now_));
@@ -44,7 +45,7 @@ Time Line::next_instant(Time latest) const {
   return std::max(instant, now_);
 }
 
-// When an axis or a bus next does something that shows, as far as it is known now; soon enough where nothing ever does.
+// When an axis or a bus next does something that shows, as far as known now; at most `most_behind` after now().
 Time Line::next_appearance() const {
   Time next = std::min(next_bus_event(), now_ + most_behind);
   for (const auto& axis : axes_) next = std::min(next, axis->next_appearance(now_));

@@ -16,20 +16,20 @@
 
 namespace servodrome::line {
 
-// A bus of the line and its name.
+// A CAN bus of the line and its name.
 struct NamedBus {
   BusSettings settings;
   links::CanBus bus;
-  std::vector<std::unique_ptr<links::CanLink>> links;  // what a LineServer opened; gone before the bus
+  std::vector<std::unique_ptr<links::CanLink>> links;  // opened by a LineServer; must be destroyed before the bus
 
   explicit NamedBus(const BusSettings& its_settings);
 };
 
-// An RS485 line of the line and its name.
+// An RS485 bus of the line and its name.
 struct NamedSerialBus {
   SerialBusSettings settings;
   links::SerialLine line;
-  std::vector<std::unique_ptr<links::SerialLink>> links;  // what a LineServer opened; gone before the line
+  std::vector<std::unique_ptr<links::SerialLink>> links;  // opened by a LineServer; must be destroyed before the line
 
   explicit NamedSerialBus(const SerialBusSettings& its_settings) : settings(its_settings), line(its_settings.format) {}
 };
@@ -38,79 +38,84 @@ struct NamedSerialBus {
 struct NamedEthercatBus {
   EthercatBusSettings settings;
   links::EthercatBus bus;
-  std::vector<std::unique_ptr<links::EthercatLink>> links;  // what a LineServer opened; gone before the bus
+  std::vector<std::unique_ptr<links::EthercatLink>> links;  // opened by a LineServer; must be destroyed before the bus
 
   explicit NamedEthercatBus(const EthercatBusSettings& its_settings) : settings(its_settings) {}
 };
 
-// Follows the time of a line: is called when the line has come to the follower's deadline.
+// An observer of a line's time: the line calls it when its time reaches the follower's deadline.
 class Follower {
  public:
-  // The next time at which it wants to be called; links::never: not at all.
+  // The next time at which reached() must be called; links::never: it must not.
   virtual Time next_deadline() const = 0;
-  // The line has come to the deadline: all that happens up to and at `now` has happened. Not to be used to let time
-  // pass. The next deadline is later than `now`.
+  // The line has reached the deadline: all events up to and including `now` have happened. Must not advance the line's
+  // time. The next deadline must be later than `now`.
   virtual void reached(Time now) = 0;
 
  protected:
   ~Follower() = default;
 };
 
-// Axes and buses, and the order in which things happen to them. It has no clock: time passes when run_until is called,
-// in virtual time by a caller, in real time by a LineServer. A pure function of its settings and the calls made
-// to it; how the time is cut into calls changes nothing. Nothing is allocated while it runs.
+// Simulates axes and buses in order of time. A line has no clock: its time advances only when run_until is called, by
+// any caller in virtual time, by a LineServer in real time. The result depends only on the settings and on the calls
+// that change the line, not on how many calls of run_until the time is divided into. Nothing is allocated while it
+// runs.
 class Line final : public links::VirtualClock {
  public:
-  // The settings must have come out of parse_line_file without diagnostics. Throws std::runtime_error when a store file
-  // cannot be used.
+  // `settings` must come from parse_line_file without diagnostics. Throws std::runtime_error when a store file cannot
+  // be used.
   explicit Line(const LineSettings& settings);
 
-  // Lets everything up to and including `target` happen, in order of time: an axis is caught up to a frame's arrival
-  // before it is given the frame. A target in the past does nothing.
+  // Runs all events up to and including `target` in order of time. An axis catches up to a frame's arrival before it
+  // receives the frame. If `target` is in the past, nothing happens.
   void run_until(Time target) override;
 
-  // The same, lazily, before a frame of an EtherCAT segment passes at `target`: the line stays behind while that cannot
-  // be noticed, since many ticks at once cost less than one after the other, each with the drives' memory to be
-  // fetched. `now` then stays behind as well. What EthercatBus::settle returns belongs to expect(), and a caller that
-  // does anything else to the line calls changed(), or run_until before.
+  // Lazy evaluation of run_until(target), for a frame that passes an EtherCAT segment at `target`. The line runs only
+  // if something that shows on a bus may have happened by then. Otherwise it defers the simulation and now() does not
+  // advance. The reason: many ticks in a row cost less than single ticks, because each time the drives' memory must be
+  // fetched into the caches again. The caller must pass the result of EthercatBus::settle to expect(). After any other
+  // change of the line it must call changed(), unless run_until came before the change.
   void keep_up(Time target) {
     if (target < appears_at_) return;
     run_until(target);
     appears_at_ = next_appearance();
   }
+  // Something may show on a bus at `time`: keep_up must run the line then.
   void expect(Time time) { appears_at_ = std::min(appears_at_, time); }
+  // Invalidates what keep_up knows: the next call runs the line.
   void changed() { appears_at_ = Time::min(); }
 
   Time now() const override { return now_; }
-  // From now on; not from within Follower::reached. A follower changes nothing by being there.
+  // Adds a follower, which is called from now on. Must not be called from within Follower::reached. A follower does not
+  // influence what the line does.
   void add_follower(Follower& follower) { followers_.push_back(&follower); }
   void remove_follower(Follower& follower) { std::erase(followers_, &follower); }
 
-  // To the next instant at which anything may happen on a bus, at most 1 ms.
+  // Advances to the next instant at which anything may happen on a bus, by at most 1 ms and not beyond `latest`.
   void step(Time latest = links::never) override;
-  // The next such instant, for pacing.
+  // The time of the next event that is already known on a CAN bus or an RS485 line; links::never: none.
   Time next_bus_event() const;
 
   const std::vector<std::unique_ptr<Axis>>& axes() const { return axes_; }
   const std::vector<std::unique_ptr<NamedBus>>& buses() const { return buses_; }
   const std::vector<std::unique_ptr<NamedSerialBus>>& serial_buses() const { return serial_buses_; }
   const std::vector<std::unique_ptr<NamedEthercatBus>>& ethercat_buses() const { return ethercat_buses_; }
-  // nullptr if there is none of that name.
+  // They return nullptr if the name does not exist.
   Axis* find_axis(std::string_view name) const;
   NamedBus* find_bus(std::string_view name) const;
   NamedSerialBus* find_serial_bus(std::string_view name) const;
   NamedEthercatBus* find_ethercat_bus(std::string_view name) const;
-  // The registers of the drive that has a Modbus unit identifier on the RS485 line; nullptr: none with power does that
-  // speaks Modbus. A drive that is alone on its line answers to 0 and 255 as well (modbus::Units).
+  // The registers of the drive with this Modbus unit identifier on the RS485 line. Returns nullptr if no drive that has
+  // power and speaks Modbus has it. A drive that is alone on its line answers to 0 and 255 too (modbus::Units).
   modbus::Server* find_unit(const NamedSerialBus& bus, std::uint8_t unit) const;
   ClockMode clock_mode() const { return clock_mode_; }
 
-  // In virtual time: at how many times real time it is to pass by itself, 0 .. 1000. That is for a LineServer to do.
+  // In virtual time: the factor of real time at which it passes by itself, 0 .. most_speed. A LineServer lets it pass.
   static constexpr double most_speed = 1000;
   double speed() const { return speed_; }
   void set_speed(double speed) { speed_ = speed; }
 
-  // Real time that was given up because the machine could not keep pace.
+  // Real time by which the line was late or that it dropped, because the machine could not keep pace.
   struct Lag {
     Time total{};
     std::uint64_t count = 0;
@@ -133,11 +138,11 @@ class Line final : public links::VirtualClock {
   std::vector<std::unique_ptr<NamedSerialBus>> serial_buses_;
   std::vector<std::unique_ptr<NamedEthercatBus>> ethercat_buses_;
   std::vector<std::unique_ptr<Axis>> axes_;
-  std::vector<const Axis*> senders_;  // on CAN or alone, see Axis::sends
+  std::vector<const Axis*> senders_;  // axes that are not on EtherCAT, see Axis::sends
   std::vector<Follower*> followers_;
-  std::int64_t tick_ = 0;  // up to which all axes have run
+  std::int64_t tick_ = 0;  // the tick up to which all axes have run
   Time now_{};
-  Time appears_at_ = Time::min();  // up to then it cannot be noticed that time passes; min: unknown
+  Time appears_at_ = Time::min();  // nothing shows on a bus before this time; min: unknown
   Lag lag_;
   double speed_ = 0;
 };

@@ -26,7 +26,7 @@
 namespace servodrome::line {
 namespace {
 
-constexpr std::size_t longest_name = 16;  // of a bus: what socketcand carries; of an axis: fits a table
+constexpr std::size_t longest_name = 16;  // bus: limit of socketcand; axis: fits a table
 constexpr std::size_t most_buses = 16;
 constexpr std::size_t most_axes = 1000;
 constexpr std::size_t largest_file = 1 << 20;
@@ -35,7 +35,7 @@ constexpr const char* can_link_forms = "a link is socketcand:HOST:PORT/BUS, slca
 constexpr const char* ethercat_link_forms = "a link of an EtherCAT segment is udp:HOST:PORT, raw:INTERFACE or mem:";
 constexpr const char* serial_link_forms = "a link of an RS485 line is pty:PATH, serial:DEVICE, tcp:HOST:PORT or mem:";
 
-// Names stand in URLs, file names and log lines.
+// Names are part of URLs, file names and log lines, so few characters are allowed.
 bool is_name(std::string_view text) {
   const auto allowed = [](unsigned char c) { return std::isalnum(c) != 0 || c == '_' || c == '-'; };
   return !text.empty() && text.size() <= longest_name && std::all_of(text.begin(), text.end(), allowed);
@@ -113,7 +113,7 @@ class LineFileReader {
       reader.complain("name", fmt::format("there is a bus \"{}\" already", name), "give each bus a name of its own");
     }
     if (names.size() == most_buses) {
-      reader.complain("name", "is one bus too many", fmt::format("a line has at most {}", most_buses));
+      reader.complain("name", "exceeds the number of buses", fmt::format("a line has at most {}", most_buses));
     }
     if (type == "rs485") {
       read_serial_bus(reader, std::move(name));
@@ -152,7 +152,7 @@ class LineFileReader {
     if (parsed && parsed->data_bits == 8) {
       bus.format = *parsed;
     } else {
-      reader.complain("format", fmt::format("\"{}\" is no format", format),
+      reader.complain("format", fmt::format("\"{}\" is not a format", format),
                       "write \"8N1\", \"8E1\", \"8O1\", or the same with 2 stop bits");
     }
     std::int64_t silence_ms = 0;
@@ -162,7 +162,7 @@ class LineFileReader {
     settings_.serial_buses.push_back(std::move(bus));
   }
 
-  // `parse` throws LinkError for what is no link of the bus.
+  // `parse` must throw LinkError if its text is no link of this kind of bus.
   template <typename Parse>
   void read_links(TableReader& reader, std::vector<std::string>& links, const char* forms, const Parse& parse) {
     const toml::node* node = reader.node("links");
@@ -205,7 +205,7 @@ class LineFileReader {
                       "give each axis a name of its own");
     }
     if (settings_.axes.size() == most_axes) {
-      reader.complain("name", "is one axis too many", fmt::format("a line has at most {}", most_axes));
+      reader.complain("name", "exceeds the number of axes", fmt::format("a line has at most {}", most_axes));
     }
     read_product(reader, axis);
     read_model(reader, axis);
@@ -236,14 +236,14 @@ class LineFileReader {
                     suggestion(product, names));
   }
 
-  // A drive out of a maker's description; axes of the same file share what it comes to.
+  // Reads a drive from a maker's description. Axes with the same file and device share one product.
   void read_description(TableReader& reader, AxisSettings& axis) {
     std::string file;
     std::string device;
     reader.read("description", file);
     reader.read("device", device);
     if (reader.node("product") != nullptr) {
-      reader.complain("product", "there is a description as well", "leave out one of the two");
+      reader.complain("product", "both product and description are given", "remove one of them");
     }
     if (file.empty()) return;
     const std::string path = (folder_ / file).lexically_normal().string();
@@ -263,14 +263,14 @@ class LineFileReader {
     fit_encoder(*axis.product, axis.plant);
   }
 
-  // A model brings its motor; what the file says of the motor comes on top.
+  // A model sets the motor data first; the keys of the file then replace them.
   void read_model(TableReader& reader, AxisSettings& axis) {
     if (axis.product == nullptr) {
       reader.node("model");
       return;
     }
     axis.model = axis.product->default_model;
-    if (axis.product->models.empty()) return;  // the key is unknown then
+    if (axis.product->models.empty()) return;  // then finish() reports the key as unknown
     reader.read("model", axis.model);
     if (const products::Model* model = products::find_model(axis.product->models, axis.model)) {
       fit_model(*model, axis.plant);
@@ -327,7 +327,7 @@ LineFile load_line_file(const std::string& path, std::span<const Product> produc
   file.read(text.data(), static_cast<std::streamsize>(text.size()));
   text.resize(static_cast<std::size_t>(file.gcount()));
   if (text.size() > largest_file) {
-    failed.diagnostics.push_back({path, 0, 0, "is longer than 1 MiB", "is it a line file?"});
+    failed.diagnostics.push_back({path, 0, 0, "is longer than 1 MiB", "give a line file"});
     return failed;
   }
   return parse_line_file(text, path, products);

@@ -18,13 +18,13 @@ struct LineFile {
   std::vector<Diagnostic> warnings;     // doubtful values that the line accepts, in the order of the file
 };
 
-// Reads and checks the text of a line file. `file` is its name for messages; relative paths in it start at its folder.
+// Reads and checks the text of a line file. `file` is its name in messages; relative paths in it start at its folder.
 LineFile parse_line_file(std::string_view text, const std::string& file, std::span<const Product> products);
 
-// The same from a file; one that cannot be read is a diagnostic too.
+// Reads a line file from disk. If that fails, the result has a diagnostic.
 LineFile load_line_file(const std::string& path, std::span<const Product> products);
 
-// The text of lines/default.toml, which is built in.
+// The built-in text of lines/default.toml.
 std::string_view default_line_text();
 
 }  // namespace servodrome::line

@@ -19,20 +19,21 @@ namespace {
 
 using namespace std::chrono_literals;
 
-constexpr Time longest_sleep = 1ms;  // a frame that an axis sends by itself is at most this late
+constexpr Time longest_sleep = 1ms;  // a frame that an axis sends by itself is late by at most this time
 constexpr Time longest_nap = 10ms;   // the same, while no CAN client and no master is connected
-constexpr Time most_late = 5ms;      // that a wait of the line may end late and still be in time
+constexpr Time most_late = 5ms;      // a timer that fires later than this counts as lag
 constexpr auto log_flush_time = 100ms;
-// While frames are waited for on an Ethernet interface: how late the API can be, and what else Asio waits for ...
+// While serve_frames() waits for EtherCAT frames, Asio is polled at these intervals. They limit the delay of the
+// API ...
 constexpr Time longest_between_turns = 1ms;
-constexpr Time attentive_between_turns = 250us;  // ... while a client or a master is there
+constexpr Time attentive_between_turns = 250us;  // ... and of other links, while a client or a master is connected
 constexpr auto attention_period = 20ms;
-constexpr auto breath = 1ms;           // between two looks whether the stream has been read
-constexpr unsigned most_looks = 200;   // breaths that a client can hold up an advance by writing on and on
-constexpr auto pacing_period = 5ms;    // between two passages of virtual time that passes by itself
-constexpr Time longest_pause = 100ms;  // of real time that is made good
-constexpr auto longest_pacing = 20ms;  // of real time that one may take
-constexpr Time pacing_stride = 10ms;   // of line time, between two looks at the clock
+constexpr auto breath = 1ms;           // interval between two checks whether readers of the stream have caught up
+constexpr unsigned most_looks = 200;   // checks before an advance goes on although a client keeps writing
+constexpr auto pacing_period = 5ms;    // interval between two steps of virtual time that passes by itself
+constexpr Time longest_pause = 100ms;  // of real time that one such step catches up with at most
+constexpr auto longest_pacing = 20ms;  // of real time that one such step may take
+constexpr Time pacing_stride = 10ms;   // of line time, between two checks of longest_pacing
 
 std::string file_of(const std::string& path) { return path == "-" ? "/dev/stdout" : path; }
 
@@ -186,9 +187,9 @@ Time LineServer::catch_up() {
 
 void LineServer::report(const std::string& message) { fmt::print(stderr, "servodrome: {}\n", message); }
 
-// Serves the links that are not waited for by Asio: EtherCAT on an Ethernet interface, and those that are looked at
-// without sleeping. Everything else has its turn now and then. Returns at stop(), or at once if there are no such
-// links.
+// Serves the links that Asio does not wait for: `raw:` links, which DescriptorWatch waits for, and `busy` links, which
+// are polled without sleeping. Asio and everything it serves are polled at intervals (serve_others). Returns at stop(),
+// or immediately if there are no such links.
 void LineServer::serve_frames() {
   std::vector<links::EthercatLink*> all;
   std::vector<links::EthercatLink*> busy;
@@ -201,7 +202,7 @@ void LineServer::serve_frames() {
   if (!takes_turns_) return;
   if (!busy.empty()) return serve_busy(busy, busy.size() == all.size());
   Vigil vigil;
-  Time between{};  // ticks of the watch
+  Time between{};  // the period of the watch's timer
   auto next_turn = std::chrono::steady_clock::now();
   while (!stopped_) {
     const Time wanted = has_clients() || has_master() ? attentive_between_turns : longest_between_turns;
@@ -219,7 +220,8 @@ void LineServer::serve_frames() {
   }
 }
 
-// Looks for frames as long as they keep coming, and lends the processor to others in between: the master may be on it.
+// Busy-waits while frames keep coming. It yields the processor between polls, because the master may run on the same
+// one.
 void LineServer::stay_awake(const std::vector<links::EthercatLink*>& links, Vigil& vigil, RealPace::Moment& next_turn) {
   auto present = std::chrono::steady_clock::now();
   const auto look = [&] {
@@ -230,14 +232,14 @@ void LineServer::stay_awake(const std::vector<links::EthercatLink*>& links, Vigi
     if (any) vigil.answered(present = std::chrono::steady_clock::now());
     return any;
   };
-  watch_.tick_every(Time{});  // it has its own eye on the clock
-  watch_.pause();             // and on the links
+  watch_.tick_every(Time{});  // this loop reads the clock itself
+  watch_.pause();             // and polls the links itself
   while (vigil.worthwhile() && !stopped_) {
     if (!look()) {
       std::this_thread::yield();
       const auto before = std::exchange(present, std::chrono::steady_clock::now());
       vigil.lent(present - before);
-      if (!look() && vigil.over(present)) vigil.in_vain();  // with what came meanwhile
+      if (!look() && vigil.over(present)) vigil.in_vain();  // serves frames that came while others had the processor
     }
     if (present < next_turn) continue;
     serve_others(present);
@@ -248,8 +250,8 @@ void LineServer::stay_awake(const std::vector<links::EthercatLink*>& links, Vigi
   watch_.resume();
 }
 
-// The line is kept up with real time meanwhile, so that a frame finds no more than a tick left to be caught up with.
-// `alone`: there are no links beside `busy`.
+// Polls the `busy` links without sleeping. It also runs the line in real time tick by tick, so that a frame has at most
+// one tick to catch up with. `alone`: there are no EtherCAT links other than `busy`.
 void LineServer::serve_busy(const std::vector<links::EthercatLink*>& busy, bool alone) {
   constexpr auto looks_between = 20us;
   constexpr unsigned frames_between = 32;
@@ -274,7 +276,7 @@ void LineServer::serve_busy(const std::vector<links::EthercatLink*>& busy, bool 
   }
 }
 
-// What Asio waits for.
+// Lets the line keep up with real time and polls Asio once, without waiting: the API, other links and timers.
 void LineServer::serve_others(RealPace::Moment present) {
   if (real_) {
     note_lateness(turn_due_, present);
@@ -300,26 +302,26 @@ bool LineServer::has_can_clients() const { return any_link(line_.buses(), is_con
 
 bool LineServer::has_clients() const { return has_can_clients() || any_link(line_.serial_buses(), is_connected); }
 
-// A segment has no connections: it is enough that frames have come. The less there is to be caught up with when the
-// next one comes, the sooner it is answered.
+// A segment has no connections, so a master is assumed as soon as a frame has come. The line is then woken more often:
+// the less it has to catch up with before it answers a frame, the sooner the answer leaves.
 bool LineServer::has_master() const { return any_link(line_.ethercat_buses(), was_used); }
 
 void LineServer::schedule() {
   if (!real_ || takes_turns_) return;
-  // On other buses than CAN no axis sends before it is asked.
+  // Only on CAN does an axis send without a request; other buses do not need the short interval.
   nap_ = has_can_clients() || has_master() ? Time{} : longest_nap;
   const Time longest = std::max(longest_sleep, nap_);
   timer_.expires_at(real_pace_.moment_of(std::min(line_.next_bus_event(), line_.now() + longest)));
   timer_.async_wait([this](const boost::system::error_code& code) {
-    if (code) return;  // scheduled anew
+    if (code) return;  // cancelled: schedule() has set the timer again
     note_lateness(timer_.expiry(), std::chrono::steady_clock::now());
     catch_up();
     schedule();
   });
 }
 
-// Clients of a bus wait that much longer, though the line makes its time good. What it will not make good is counted
-// when it is given up.
+// Counts a late timer as lag although the line catches up: clients of its buses had to wait. due() counts the time that
+// the line drops.
 void LineServer::note_lateness(RealPace::Moment due, RealPace::Moment present) {
   if (const Time late = present - due; late > most_late && late <= RealPace::most_behind + nap_) line_.add_lag(late);
 }
@@ -339,14 +341,14 @@ bench::Response LineServer::answer(const bench::Request& request) {
   return response;
 }
 
-// No client of a link has written anything that could be taken and is not.
+// Returns true if no client of a link has written data that the link could take and has not taken yet.
 bool LineServer::settled() {
   const auto all = [](const auto& buses) {
     return std::all_of(buses.begin(), buses.end(), [](const auto& bus) {
       return std::all_of(bus->links.begin(), bus->links.end(), [](const auto& link) { return link->settled(); });
     });
   };
-  // Frames of a segment are served as they are looked for.
+  // EtherCAT frames are served by polling their links.
   bool served = false;
   for (const auto& bus : line_.ethercat_buses()) {
     for (const auto& link : bus->links) served = link->poll() || served;
@@ -354,8 +356,9 @@ bool LineServer::settled() {
   return !served && all(line_.buses()) && all(line_.serial_buses());
 }
 
-// Before virtual time passes: what clients wrote before they asked for it acts at the instant before. Looks twice, as
-// what Asio has read when it looks first is in a handler that is still to be called.
+// Calls `then` when the links have taken everything that clients wrote before they requested that virtual time
+// advances. Such frames act at the instant before the advance. It checks twice in a row, because data that Asio had
+// read before the first check may still be in a handler that has not run yet.
 void LineServer::when_settled(std::function<void()> then, unsigned looks, bool was_settled) {
   const bool is_settled = settled();
   if ((is_settled && was_settled) || looks == most_looks) {
@@ -373,8 +376,8 @@ void LineServer::when_settled(std::function<void()> then, unsigned looks, bool w
   });
 }
 
-// Piece by piece, with everything else in between. Readers of the stream that have not kept up with one are given time
-// before the next.
+// Carries out a long request piece by piece, and handles other events between the pieces. If readers of the stream have
+// not received the last piece yet, it waits for them before the next one.
 void LineServer::carry_out(std::shared_ptr<bench::Response> response, const bench::HttpHandlers::Reply& reply) {
   if (!response->piece) {
     reply(std::move(*response));
@@ -392,7 +395,7 @@ void LineServer::carry_out(std::shared_ptr<bench::Response> response, const benc
   boost::asio::post(io_, [this, response, reply] { carry_out(response, reply); });
 }
 
-// What clients of the stream get by the clock on the wall, as long as there are any.
+// Periodically sends the clients of the stream what depends on wall-clock time, as long as there are clients.
 void LineServer::attend() {
   attending_ = web_sockets_->any();
   if (!attending_) return;
@@ -405,7 +408,7 @@ void LineServer::attend() {
   });
 }
 
-// The speed of virtual time has changed.
+// Called when the speed of virtual time has changed.
 void LineServer::pace() {
   pace_ = line_.speed();
   paced_at_ = std::chrono::steady_clock::now();
@@ -423,7 +426,7 @@ void LineServer::let_time_pass() {
     const auto began = std::chrono::steady_clock::now();
     const auto passed = std::min<Time>(began - paced_at_, longest_pause);
     const Time target = line_.now() + std::chrono::duration_cast<Time>(passed * pace_);
-    // What this processor does not manage is given up, so that there is time for requests.
+    // Time that the processor cannot simulate within longest_pacing is dropped, to leave time for requests.
     while (line_.now() < target && std::chrono::steady_clock::now() - began < longest_pacing) {
       line_.run_until(std::min(target, line_.now() + pacing_stride));
     }

@@ -23,44 +23,46 @@
 
 namespace servodrome::line {
 
-// A line with its doors to the outside: the links of its buses, the bench API, logs, and the clock. Everything happens
-// in the thread that calls run().
+// A line with its connections to the outside: the links of its buses, the bench API, logs, and the clock. Everything
+// happens in the thread that calls run().
 //
-// In real time the line follows CLOCK_MONOTONIC: it is woken for what comes next on a bus, at least once a millisecond
-// while a CAN bus has clients or a segment has been used, else every ten. A request finds it at the present all
-// the same. What it cannot catch up with is given up (RealPace, Line::lag).
+// In real time the line follows CLOCK_MONOTONIC. A timer wakes it for the next event on a bus, and at least every 1 ms
+// while a CAN client is connected or after an EtherCAT segment was used, otherwise at least every 10 ms. A line with
+// `raw:` or `busy` links polls and sleeps in serve_frames() instead. Each request first brings the line up to the
+// present. Time that the line cannot catch up with is dropped (RealPace, Line::lag).
 class LineServer final : private links::LineHost {
  public:
-  // Opens everything, or throws (links::LinkError, std::runtime_error) with nothing left open.
+  // Opens all links and the API. On an error it closes them again and throws links::LinkError or std::runtime_error.
   explicit LineServer(const LineSettings& settings);
   ~LineServer() override;
   LineServer(const LineServer&) = delete;
   LineServer& operator=(const LineServer&) = delete;
 
-  // Logs a bus: candump format, or pcap if the name ends so; an EtherCAT segment always as pcap; an RS485 line as text
-  // of that form, or pcapng. "-" is standard output. Throws links::LinkError. `on_failure` is called once if the log
-  // ends before the line does, as on a full disk.
+  // Logs a bus to a file. The format of a CAN bus is candump, or pcap if the name ends in ".pcap". An EtherCAT segment
+  // is always logged as pcap. An RS485 line is logged as text in candump's style, or as pcapng if the name ends in
+  // ".pcap" or ".pcapng". "-" is standard output. Throws links::LinkError. If the log fails before the line ends, for
+  // example on a full disk, `on_failure` is called once.
   void log(NamedBus& bus, const std::string& path, std::function<void()> on_failure = {});
   void log(NamedEthercatBus& bus, const std::string& path, std::function<void()> on_failure = {});
   void log(NamedSerialBus& bus, const std::string& path, std::function<void()> on_failure = {});
 
-  // Serves more of the API than the line's own; the group's context outlives the server.
+  // Adds routes to the API, beside the line's own. The group's context must outlive the server.
   void add_routes(const bench::RouteGroup& group) { more_routes_.push_back(group); }
 
-  // Tells all clients of the stream: {"event": event}.
+  // Sends {"event": event} to all clients of the stream.
   void publish(const bench::Json& event) {
     if (scope_) scope_->scope().publish(event);
   }
-  // nullptr: there is no such recording.
+  // Returns nullptr if there is no recording with this number.
   std::shared_ptr<const bench::Recording> recording(std::uint32_t id) const {
     return scope_ ? scope_->scope().recordings().find(id) : nullptr;
   }
-  // There is a studio page to be served.
+  // The server has a studio page to serve.
   bool has_page() const { return http_ && page_.has_page(); }
 
-  // Serves until stop(). Real time begins with it.
+  // Serves until stop() is called. Real time begins with this call.
   void run();
-  // To be called from within run().
+  // Must be called from within run().
   void stop() {
     stopped_ = true;
     io_.stop();
@@ -73,7 +75,7 @@ class LineServer final : private links::LineHost {
   // The port of the bench API, 0 without one.
   std::uint16_t api_port() const { return http_ ? http_->port() : std::uint16_t{0}; }
   const std::string& token() const { return access_.token; }
-  // Connections of the bench API that an exception ended.
+  // The number of API connections that ended because of an exception.
   std::uint64_t failed_connections() const { return http_ ? http_->failures() : 0; }
 
  private:
@@ -83,10 +85,10 @@ class LineServer final : private links::LineHost {
   void expect(Time time) override { line_.expect(time); }
   void report(const std::string& message) override;
   void wake() override;
-  // Frames are shown with the line's time: of the wall in real time, from 0 on in virtual time.
+  // Frames are logged with the line's time: wall-clock time in real time, time since 0 in virtual time.
   Time epoch() const override { return real_ ? epoch_ : Time{}; }
 
-  // A log of some bus: how to look after it, and how to end it.
+  // A log of any kind of bus: the calls that maintain it and end it.
   struct Log {
     std::function<void()> flush;
     std::function<bool()> failed;
@@ -94,7 +96,8 @@ class LineServer final : private links::LineHost {
     std::function<void()> on_failure;
   };
 
-  // The drives of an RS485 line for its Modbus TCP clients: a request finds the line at the moment it came.
+  // Finds the drives of an RS485 line for its Modbus TCP clients. Before each request the line catches up with real
+  // time.
   class Units final : public modbus::Units {
    public:
     Units(LineServer& server, const NamedSerialBus& bus) : server_(server), bus_(bus) {}
@@ -115,8 +118,8 @@ class LineServer final : private links::LineHost {
   void serve_busy(const std::vector<links::EthercatLink*>& busy, bool alone);
   void serve_others(RealPace::Moment present);
   bool has_can_clients() const;
-  bool has_clients() const;  // of any bus but EtherCAT
-  bool has_master() const;   // of an EtherCAT segment
+  bool has_clients() const;  // clients of CAN buses and RS485 lines
+  bool has_master() const;   // an EtherCAT segment has received frames
   void schedule();
   void note_lateness(RealPace::Moment due, RealPace::Moment present);
   Time due(RealPace::Moment present);
@@ -134,7 +137,7 @@ class LineServer final : private links::LineHost {
   boost::asio::steady_timer attention_;
   boost::asio::steady_timer pacer_;
   bench::Access access_;
-  std::vector<std::unique_ptr<Units>> units_;  // outlive the links, which are the line's
+  std::vector<std::unique_ptr<Units>> units_;  // must outlive the links, which belong to the line
   Line line_;
   std::vector<Log> logs_;
   bench::StaticFiles page_;
@@ -143,18 +146,18 @@ class LineServer final : private links::LineHost {
   std::vector<bench::RouteGroup> more_routes_;
   std::unique_ptr<bench::HttpServer> http_;
   RealPace real_pace_;
-  std::optional<RealPace::Moment> looks_at_;  // the clock, read just before the poll of links that is under way
-  Time frame_at_{};                           // of the last frame that was answered as it was read
-  RealPace::Moment turn_due_ = RealPace::Moment::max();  // while frames are waited for beside Asio: of serve_others()
-  Time nap_{};                                           // how long it sleeps without CAN client or master
+  std::optional<RealPace::Moment> looks_at_;  // the clock, read just before the poll of the links that is in progress
+  Time frame_at_{};                           // line time of the last frame that was answered immediately
+  RealPace::Moment turn_due_ = RealPace::Moment::max();  // when serve_others() is due, while Asio does not wait
+  Time nap_{};                                           // longest sleep without a CAN client and without a master
   std::chrono::steady_clock::time_point next_flush_{};
   bool real_ = false;  // real time has begun
   bool stopped_ = false;
-  bool woken_ = false;  // catching up is on its way
+  bool woken_ = false;  // catch_up() is already posted
   bool attending_ = false;
-  bool takes_turns_ = false;  // frames are waited for beside Asio, which keeps up with time as well
-  double pace_ = 0;           // of virtual time that passes by itself
-  std::chrono::steady_clock::time_point paced_at_{};  // when it was let pass last
+  bool takes_turns_ = false;  // serve_frames() waits for frames instead of Asio, and also keeps up with time
+  double pace_ = 0;           // speed of virtual time that passes by itself, as a factor of real time
+  std::chrono::steady_clock::time_point paced_at_{};  // when virtual time last advanced by itself
 };
 
 }  // namespace servodrome::line

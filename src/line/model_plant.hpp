@@ -7,7 +7,7 @@
 
 namespace servodrome::line {
 
-// Gives the plant the motor, encoder, supply and heat of a model, and a load as heavy as its rotor.
+// Gives the plant the motor, encoder, supply and heat data of a model, and a load with the inertia of its rotor.
 inline void fit_model(const products::Model& model, plant::Parameters& parameters) {
   const drive::MotorData& data = model.motor;
   plant::Motor& motor = parameters.motor;

@@ -29,7 +29,7 @@ std::size_t edit_distance(std::string_view a, std::string_view b) {
 }  // namespace
 
 std::string_view nearest_name(std::string_view name, const std::vector<std::string_view>& candidates) {
-  constexpr std::size_t longest = 64;  // nothing of ours is longer
+  constexpr std::size_t longest = 64;  // all our names are shorter
   if (name.size() > longest) return {};
   std::string_view best;
   std::size_t best_distance = std::max<std::size_t>(1, name.size() / 3) + 1;

@@ -6,11 +6,11 @@
 
 namespace servodrome::line {
 
-// The candidate that `name` was probably meant to be (edit distance of at most a third of its length, at least 1), or
-// an empty view.
+// The candidate that is closest to a misspelt `name`, or an empty view if none is close: the edit distance may be at
+// most a third of the name's length, but at least 1.
 std::string_view nearest_name(std::string_view name, const std::vector<std::string_view>& candidates);
 
-// "did you mean `x`?" if there is a near one, else "known here: a, b, c".
+// Returns "did you mean `x`?" if there is a close name, otherwise "known here: a, b, c".
 std::string suggestion(std::string_view name, const std::vector<std::string_view>& candidates);
 
 }  // namespace servodrome::line

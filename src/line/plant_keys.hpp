@@ -8,8 +8,8 @@
 #include "drive/loops/motor_data.hpp"
 #include "plant/parameters.hpp"
 
-// The keys of a line file that are members of the plant's parameters, under the members' names. Ranges of the plant
-// are checked by plant::validate; travel geometry is read apart (travel.hpp).
+// The keys of a line file that set members of the plant's parameters. Each key has the name of its member.
+// plant::validate checks the ranges; travel.hpp reads the geometry of the travel.
 namespace servodrome::line {
 
 template <typename Struct>
@@ -112,7 +112,7 @@ inline constexpr std::array thermal_keys{
     SERVODROME_KEY(plant::Thermal, stage_resistance_ohm),
 };
 
-// Where the drive was told something else than the truth (motor_data_of).
+// Motor parameters of the drive that differ from the true ones (motor_data_of).
 inline constexpr std::array nameplate_keys{
     SERVODROME_KEY(drive::MotorData, counts_per_revolution),
     SERVODROME_KEY(drive::MotorData, pole_pairs),
@@ -131,8 +131,8 @@ inline constexpr std::array nameplate_keys{
 
 #undef SERVODROME_KEY
 
-// A drive may be told what is wrong, but not what its control law cannot be worked out of: the ranges of the plant,
-// with a decade to be wrong in.
+// A drive's motor parameters may be wrong, but its control law must be computable. The ranges are those of the plant,
+// widened by a factor of 10.
 struct Range {
   std::string_view name;
   double minimum;

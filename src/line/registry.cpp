@@ -23,7 +23,7 @@ std::shared_ptr<products::Device> make(const products::Settings& settings) {
   return std::make_shared<Model>(settings);
 }
 
-// The object tables of a product are constants of its code; the device that shows them is made for nothing else.
+// A product's object tables are constants of its code. The device made here only gives access to them.
 template <typename Model>
 void describe_objects(describe::Description& description) {
   Model model{products::Settings{}};
@@ -31,7 +31,7 @@ void describe_objects(describe::Description& description) {
   description.service_table = model.dictionary().table();
 }
 
-// Order codes are not printed: they are the products' names on a line.
+// `order_code` is not the code printed on the product but its name on a line.
 template <typename Model>
 describe::Description description_of(const char* vendor, const char* product, const char* order_code,
                                      std::vector<unsigned> bit_rates_kbit, const char* file, const char* text) {
@@ -51,7 +51,7 @@ describe::Description description_of(const char* vendor, const char* product, co
   return description;
 }
 
-// Sizes of a product on EtherCAT that masters tell apart, since each has a product code of its own.
+// Adds the models of an EtherCAT product that have a product code of their own, because masters tell them apart.
 template <typename Model>
 void add_models(describe::Description& description, std::span<const products::Model> models) {
   std::vector<ethercat::SiiDescription>& others = description.ethercat->other_models;
@@ -129,7 +129,7 @@ constexpr SerialInterface ismk_serial{
 
 constexpr SerialInterface ismk_ea_serial = [] {
   SerialInterface serial = ismk_serial;
-  serial.has_own_station = true;  // there is no node-ID to be it
+  serial.has_own_station = true;  // there is no node-ID to serve as the station
   return serial;
 }();
 
@@ -151,8 +151,8 @@ const std::array products{
             6,
             {0, 1, 2},
             describe_ismc},
-    // Terminals CN1_14 to CN1_17 and CN1_39 to CN1_42; POT, NOT and the reference switch are where Pn509 and Pn510 have
-    // them from the factory.
+    // Terminals CN1_14 to CN1_17 and CN1_39 to CN1_42. POT, NOT and the reference switch are at the factory settings of
+    // Pn509 and Pn510.
     Product{"pronet",
             "ESTUN ProNet servo drive, CANopen",
             make<products::Pronet>,
@@ -173,7 +173,7 @@ const std::array products{
             {0, 1, 2},
             describe_generic402,
             &generic402_serial},
-    // Two terminals, iSMK manual, Table 3-9; the home switch would be a third.
+    // The drive has two terminals (iSMK manual, Table 3-9) for limit switches; the home switch is on the next input.
     Product{"ismk",
             "Kinco iSMK integrated servo, CANopen and RS485",
             make<products::Ismk>,

@@ -14,7 +14,7 @@ namespace servodrome::described {
 struct Blueprint;
 }
 
-// The products that can stand on a line.
+// The products that a line can have.
 namespace servodrome::line {
 
 // The input wires to which a product's manual connects the switches of a travel.
@@ -26,8 +26,8 @@ struct SwitchWiring {
 
 // The RS485 port of a product.
 struct SerialInterface {
-  std::span<const products::SerialProtocol> protocols;  // what it can speak; the factory's first
-  bool has_own_station = false;                         // which may differ from the node-ID
+  std::span<const products::SerialProtocol> protocols;  // supported ones; the factory setting is first
+  bool has_own_station = false;                         // its station may differ from the node-ID
   bool (*supports)(const modbus::CharacterFormat& format) = nullptr;
   const modbus::Profile* profile = nullptr;
   std::span<const modbus::Register> registers;
@@ -36,32 +36,32 @@ struct SerialInterface {
 enum class Fieldbus : std::uint8_t { can, ethercat };
 
 struct Product {
-  std::string_view name;   // as line files and commands call it
-  std::string_view title;  // one line for people
+  std::string_view name;   // in line files and commands
+  std::string_view title;  // for people, one line
   std::function<std::shared_ptr<products::Device>(const products::Settings& settings)> make;
   std::uint8_t factory_node_id = 1;
   std::uint8_t input_wires = 6;  // DI0 ..
   SwitchWiring wiring{};
-  std::function<describe::Description()> describe{};  // for data sheets and references
+  std::function<describe::Description()> describe{};  // for data sheets and reference pages
   const SerialInterface* serial = nullptr;            // nullptr: it has no RS485 port
-  std::span<const products::Model> models{};          // sizes with motors of their own; empty: any motor
+  std::span<const products::Model> models{};          // sizes with their own motors; empty: any motor
   std::string_view default_model{};
   Fieldbus fieldbus = Fieldbus::can;
   std::uint8_t output_wires = 4;          // DO0 ..
-  std::uint32_t store_bytes = 32 * 1024;  // of its memory: two banks, each several times what its saved objects take
-  const described::Blueprint* blueprint = nullptr;  // of a drive that is made of a maker's description
+  std::uint32_t store_bytes = 32 * 1024;  // of the store: two banks, each several times the size of the saved objects
+  const described::Blueprint* blueprint = nullptr;  // if the product comes from a maker's description
 };
 
 std::span<const Product> all_products();
 
-// The product's EDS as the device carries it (1021h), made once. Empty for a product that is not on CAN or has no
-// `describe`.
+// The product's EDS as the device stores it (1021h), made at the first call. Empty for a product that is not on CAN,
+// has no `describe` or comes from a maker's description.
 std::span<const std::byte> data_sheet(const Product& product);
 
-// Words of line files and commands: "modbus", "serial10".
+// The protocol's name in line files and commands: "modbus", "serial10".
 std::string_view name_of(products::SerialProtocol protocol);
 
-// nullptr if there is none of that name.
+// Returns nullptr if no product has this name.
 const Product* find_product(std::span<const Product> products, std::string_view name);
 
 }  // namespace servodrome::line

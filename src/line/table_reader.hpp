@@ -14,7 +14,7 @@
 
 namespace servodrome::line {
 
-// What a file's readers share: where complaints go, and where in the file each key was seen.
+// Collects the errors and warnings about a file.
 struct FileReport {
   std::string file;
   std::vector<Diagnostic> diagnostics;
@@ -24,11 +24,11 @@ struct FileReport {
   void warn(const toml::source_position& at, std::string what, std::string hint);
 };
 
-// One table of a TOML file, read key by key. A key that is never asked for is unknown: `finish` complains about it.
-// A value of the wrong type or outside of the range complains and leaves the target alone.
+// Reads one table of a TOML file key by key. `finish` reports each key that no call asked for as unknown. If a value
+// has the wrong type or is out of range, `read` reports an error and does not change the target.
 class TableReader {
  public:
-  // `path` is how messages call the table ("axis `x`.motor"), empty for the file itself.
+  // `path` is the table's name in messages ("axis `x`.motor"); it is empty for the root of the file.
   TableReader(const toml::table& table, std::string path, FileReport& report)
       : table_(table), path_(std::move(path)), report_(report) {}
 
@@ -48,17 +48,17 @@ class TableReader {
     }
   }
 
-  // The node under `key`, or nullptr. Marks the key as known.
+  // Returns the node under `key`, or nullptr. Marks the key as known.
   const toml::node* node(std::string_view key);
-  // The same, with a complaint unless it is a table.
+  // The same for a table. Reports an error if the node is no table.
   const toml::table* table(std::string_view key);
-  // The tables of an array of tables ([[key]]); empty if there is none.
+  // Returns the tables of an array of tables ([[key]]); empty if the key is not there.
   std::vector<const toml::table*> tables(std::string_view key);
 
-  // Unknown keys. Call when everything known was asked for.
+  // Reports unknown keys. Must be called after all known keys have been read.
   void finish();
 
-  // Complains at the value of `key`, or at the table if the key is not there.
+  // Reports an error at the value of `key`, or at the table if the key is not there.
   void complain(std::string_view key, std::string what, std::string hint);
   toml::source_position place(std::string_view key) const;
   const std::string& path() const { return path_; }

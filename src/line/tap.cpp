@@ -20,8 +20,8 @@ double of_drive(Axis& axis, Read read) {
   return axis.powered() ? static_cast<double>(read(axis.device().drive())) : no_value;
 }
 
-// The voltage that the drive has set at this tick and that acts in the next one, in the rotor frame of this tick. While
-// no switch works the drive sets none.
+// The voltage that the drive has set in this tick and that acts in the next one, in the rotor frame of this tick. It is
+// not-a-number while the power stage switches nothing.
 drive::DirectQuadrature voltage_v(const Axis& axis) {
   const drive::Actuation& set = axis.actuation();
   if (!set.pwm_enabled || set.short_circuit) return {std::nanf(""), std::nanf("")};
@@ -73,7 +73,7 @@ double read_output(Axis& axis, const Channel& channel) {
   return static_cast<double>(axis.actuation().outputs >> channel.wire & 1u);
 }
 
-// As an SDO upload would read it.
+// Reads the object as an SDO upload would.
 double read_object(Axis& axis, const Channel& channel) {
   if (!axis.powered()) return no_value;
   dictionary::ReadValue value;

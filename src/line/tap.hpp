@@ -8,26 +8,26 @@
 
 #include "dictionary/entry.hpp"
 
-// Values of an axis tick by tick, without a part of the drive knowing that they are read.
+// Samples values of an axis in every tick. No part of the drive is involved.
 namespace servodrome::line {
 
 class Axis;
 
-// A number of an axis. Its value is that after a tick; not a number while it has none (an object of an axis without
+// A number of an axis, as it is after a tick. It is not-a-number while there is no value (an object of an axis without
 // power).
 struct Channel {
   using Read = double (*)(Axis& axis, const Channel& channel);
 
   Axis* axis = nullptr;
   Read read = nullptr;
-  const dictionary::Entry* object = nullptr;  // of a channel that is an object
-  unsigned wire = 0;                          // of a channel that is an input or an output
+  const dictionary::Entry* object = nullptr;  // if the channel is an object
+  unsigned wire = 0;                          // if the channel is an input or an output
 
   double value() const { return read(*axis, *this); }
   friend bool operator==(const Channel&, const Channel&) = default;
 };
 
-// A true value of the plant or a state of the drive that is no object.
+// A true value of the plant, or a state of the drive that has no object.
 struct Signal {
   std::string_view name;
   std::string_view unit;
@@ -35,27 +35,28 @@ struct Signal {
 };
 std::span<const Signal> signals();
 
-// The channel of a signal, of an input ("DI0"), of an output ("DO0") or of an object that is a number. Without `read`
-// if there is none of the name or the object is no number that can be read.
+// The channel of a signal, an input ("DI0"), an output ("DO0"), or an object that is a number. `read` of the result is
+// nullptr if the name does not exist, or if the object is no number or cannot be read.
 Channel signal_channel(Axis& axis, std::string_view name);
 Channel object_channel(Axis& axis, const dictionary::Entry& object);
 
-// Values at all ticks that are multiples of a stride: a row of columns for each, one row behind the other, because what
-// is written together is best kept together. It keeps the latest few, which the reader fetches in time.
+// A ring buffer of the values at all ticks that are multiples of a stride. It stores a row of columns for each such
+// tick, because all values of a row are written at the same time. It keeps the latest `kept` rows; the reader must
+// fetch them before they are overwritten.
 class SampleRows {
  public:
   static constexpr std::size_t kept = 512;
 
-  // `stride` in ticks, from 1; `first`, a multiple of it: of the first row there will be.
+  // `stride` in ticks, at least 1. `first` is the tick of the first row, a multiple of `stride`.
   SampleRows(std::int64_t stride, std::int64_t first, std::size_t columns)
       : stride_(stride), due_(first), columns_(columns), values_(kept * columns) {}
 
   std::int64_t stride() const { return stride_; }
   std::int64_t due() const { return due_; }  // tick of the next row
-  // The value of a tick before `due`: a multiple of the stride, one of the `kept` latest.
+  // The value at a tick before `due`. The tick must be a multiple of the stride and in one of the `kept` latest rows.
   double at(std::int64_t tick, std::size_t column) const { return values_[place(tick) + column]; }
 
-  // The row of tick `due`, to be written; it is the next one's turn then.
+  // Returns the row of tick `due`, to be written, and moves `due` on to the next row.
   std::span<double> put() {
     const std::span<double> row = std::span(values_).subspan(place(due_), columns_);
     due_ += stride_;
@@ -71,10 +72,10 @@ class SampleRows {
   std::vector<double> values_;
 };
 
-// A column of them, as those see it who want its values.
+// One column of SampleRows, for a reader of its values.
 class Samples {
  public:
-  // `rows` outlive it.
+  // `rows` must outlive it.
   explicit Samples(const SampleRows& rows, std::size_t column = 0) : rows_(&rows), column_(column) {}
 
   std::int64_t stride() const { return rows_->stride(); }
@@ -86,20 +87,20 @@ class Samples {
   std::size_t column_;
 };
 
-// The values of channels of one axis, from its making on. Nothing is allocated while it runs.
+// Samples channels of one axis from construction on. Nothing is allocated while it runs.
 class Tap final {
  public:
-  // At least one channel.
+  // `channels` has at least one element, all of the same axis; `stride` is in ticks.
   Tap(std::vector<Channel> channels, std::int64_t stride);
   ~Tap();
   Tap(const Tap&) = delete;
   Tap& operator=(const Tap&) = delete;
 
   std::span<const Channel> channels() const { return channels_; }
-  std::span<Samples> samples() { return samples_; }  // of each channel
+  std::span<Samples> samples() { return samples_; }  // one for each channel
   std::int64_t stride() const { return rows_.stride(); }
   std::int64_t due() const { return rows_.due(); }  // tick of the next values
-  // By the axis, at tick `due`.
+  // Called by the axis at tick `due`.
   void take() {
     double* value = rows_.put().data();
     for (const Channel& channel : channels_) *value++ = channel.value();

@@ -8,7 +8,7 @@ namespace {
 
 constexpr std::size_t most_key_parts = 16;
 
-// Where the string or comment that begins at `at` ends; `at` itself if none does.
+// Returns the end of the string or comment that begins at `at`, or `at` itself if none begins there.
 std::size_t end_of_text(std::string_view text, std::size_t at) {
   const char quote = text[at];
   if (quote == '#') return std::min(text.find('\n', at), text.size());
@@ -21,7 +21,7 @@ std::size_t end_of_text(std::string_view text, std::size_t at) {
     } else if (text.substr(i, mark.size()) == mark) {
       return i + mark.size();
     } else if (text[i] == '\n' && !of_lines) {
-      return i;  // a mistake that the TOML library will name
+      return i;  // an error, which the TOML library reports
     }
   }
   return text.size();
@@ -36,7 +36,7 @@ bool begins_name(char c) {
 bool is_table_without_name(std::string_view text, std::size_t at) {
   if (at < text.size() && text[at] == '[') ++at;
   at = std::min(text.find_first_not_of(" \t", at), text.size());
-  // What ends there, or has nothing between its brackets, toml++ sees itself.
+  // toml++ itself detects a header that ends here or has empty brackets.
   return at < text.size() && text[at] != ']' && text[at] != '\n' && text[at] != '\r' && !begins_name(text[at]);
 }
 
@@ -48,7 +48,7 @@ std::size_t line_of(std::string_view text, std::size_t at) {
 
 std::optional<TomlRefusal> refuse_toml(std::string_view text) {
   std::size_t dots = 0;
-  std::size_t depth = 0;  // in brackets: a line that begins with one there is of a list
+  std::size_t depth = 0;  // of brackets; inside them, a bracket at the beginning of a line belongs to a list
   bool line_begins = true;
   for (std::size_t i = 0; i < text.size();) {
     if (const std::size_t end = end_of_text(text, i); end != i) {

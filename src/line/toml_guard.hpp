@@ -7,16 +7,16 @@
 
 namespace servodrome::line {
 
-// Why a text is not handed to the TOML library, and where.
+// The reason why a text must not be passed to the TOML library, and the line (from 1) where it occurs.
 struct TomlRefusal {
   std::size_t line;
   std::string what;
   std::string hint;
 };
 
-// What toml++ 3.3 cannot be given, whatever it is: a dotted key makes a table within a table for each of its parts, and
-// it goes down into all of them on the stack (of brackets it counts how deep they are itself); and it takes for granted
-// that a name begins behind the brackets of a table.
+// Detects texts that toml++ 3.3 cannot handle safely. It makes a nested table for each part of a dotted key and
+// recurses into all of them, so a long key overflows the stack; it limits the depth of brackets by itself. It also
+// assumes that a name follows the brackets of a table header.
 std::optional<TomlRefusal> refuse_toml(std::string_view text);
 
 }  // namespace servodrome::line

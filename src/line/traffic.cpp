@@ -13,7 +13,7 @@ TrafficRing::Header TrafficRing::header_at(std::size_t offset) const {
   return header;
 }
 
-// The place behind the frame at `offset`. Where there is no room for a header, the next frame is at the beginning.
+// The offset behind the frame at `offset`. If there is no room for a header, the next frame is at the beginning.
 std::size_t TrafficRing::behind(std::size_t offset) const {
   const std::size_t next = offset + size_of(header_at(offset).length);
   if (next + sizeof(Header) > memory_.size()) return 0;
@@ -31,7 +31,7 @@ void TrafficRing::add(const TrafficFrame& frame, std::span<const std::uint8_t> h
   const std::size_t size = size_of(length);
   if (length >= wrap || size + sizeof(Header) > memory_.size()) return;
   if (end_ + size > memory_.size()) {
-    // Nothing is left behind `end_` that the mark could hide.
+    // Remove the frames behind `end_` first: the wrap mark would hide them.
     while (oldest_ <= newest_ && first_ >= end_) forget_oldest();
     if (end_ + sizeof(Header) <= memory_.size()) {
       const Header mark{0, 0, wrap, {}, false};
@@ -54,10 +54,10 @@ void TrafficRing::add(const TrafficFrame& frame, std::span<const std::uint8_t> h
 }
 
 std::optional<TrafficFrame> TrafficRing::next(Cursor& cursor) const {
-  // Also where the oldest is: the mark that led there may be overwritten.
+  // Also for number == oldest_: the wrap mark that leads to this frame may be overwritten.
   if (cursor.number <= oldest_) cursor = begin();
   if (cursor.number > newest_) return std::nullopt;
-  // One that waited at the end of what was there finds the next frame perhaps at the beginning.
+  // A cursor that waited behind the newest frame may have to go on at the beginning.
   if (cursor.number != oldest_ &&
       (cursor.offset + sizeof(Header) > memory_.size() || header_at(cursor.offset).length == wrap)) {
     cursor.offset = 0;

@@ -8,7 +8,7 @@
 
 #include "line/line.hpp"
 
-// What passed on a bus, kept to be read later.
+// Records what passes on a bus, to be read later.
 namespace servodrome::line {
 
 enum class TrafficKind : std::uint8_t {
@@ -16,45 +16,46 @@ enum class TrafficKind : std::uint8_t {
   can_dropped,   // the same, withheld by a disturbance
   can_error,     // the same, broken by an error frame
   ethernet_out,  // an Ethernet frame of EtherCAT as the master sent it
-  ethernet_in,   // as it came back
+  ethernet_in,   // an Ethernet frame of EtherCAT as it came back
   serial,        // characters of an RS485 line, `sender` the port
   modbus_tcp,    // a message of Modbus TCP
 };
 
 struct TrafficFrame {
-  std::uint64_t number = 0;  // of all that passed while it was recorded, from 1 on
+  std::uint64_t number = 0;  // counts all frames during the recording, from 1 on
   Time at{};
   TrafficKind kind{};
-  bool from_master = false;  // of RS485 lines and EtherCAT
+  bool from_master = false;  // RS485 lines and EtherCAT only
   std::uint32_t sender = 0;
-  std::span<const std::uint8_t> bytes;  // until the next frame
+  std::span<const std::uint8_t> bytes;  // valid until the next frame is added
 };
 
-// Frames one behind the other in a fixed piece of memory: the newest take the place of the oldest.
+// A ring buffer of frames in a fixed amount of memory. New frames overwrite the oldest ones.
 class TrafficRing {
  public:
   explicit TrafficRing(std::size_t bytes) : memory_(bytes / alignment * alignment) {}
 
-  // `frame.number` is given here. Two parts of its bytes, so that no caller needs to join them.
+  // Adds a frame and gives it its number; `frame.number` and `frame.bytes` are ignored. The bytes are `head` followed
+  // by `rest`, so that the caller need not join them. A frame that does not fit into the ring is not recorded.
   void add(const TrafficFrame& frame, std::span<const std::uint8_t> head, std::span<const std::uint8_t> rest);
 
-  std::uint64_t newest() const { return newest_; }  // number; 0: there is none
+  std::uint64_t newest() const { return newest_; }  // number of the newest frame; 0: there is none
   std::uint64_t oldest() const { return oldest_; }
 
-  // A place in the ring: of the next frame to be read.
+  // A reader's position in the ring: the next frame to read.
   struct Cursor {
     std::uint64_t number = 0;
     std::size_t offset = 0;
   };
   Cursor begin() const { return {oldest_, first_}; }
-  // Forgets everything; where the next frame will be.
+  // Removes all frames. Returns the position of the next frame that will be added.
   Cursor clear() {
     first_ = end_ = 0;
     oldest_ = newest_ + 1;
     return begin();
   }
-  // The frame at the cursor, which goes on; nothing: there is none yet. A cursor whose frame has been overwritten goes
-  // on with the oldest there is, as its number tells.
+  // Returns the frame at the cursor and moves the cursor on, or returns nothing if there is no such frame yet. If the
+  // frame has been overwritten, the cursor jumps to the oldest one; the frame's number shows the gap.
   std::optional<TrafficFrame> next(Cursor& cursor) const;
 
  private:
@@ -67,7 +68,7 @@ class TrafficRing {
     bool from_master;
   };
   static_assert(sizeof(Header) == 16);
-  static constexpr std::uint16_t wrap = 0xFFFF;  // length: go on at the beginning
+  static constexpr std::uint16_t wrap = 0xFFFF;  // as a length: the next frame is at the beginning
 
   static std::size_t size_of(std::size_t length) {
     return sizeof(Header) + (length + alignment - 1) / alignment * alignment;
@@ -77,17 +78,17 @@ class TrafficRing {
   void forget_oldest();
 
   std::vector<std::uint8_t> memory_;
-  std::size_t first_ = 0;  // of the oldest frame
-  std::size_t end_ = 0;    // behind the newest
+  std::size_t first_ = 0;  // offset of the oldest frame
+  std::size_t end_ = 0;    // offset behind the newest frame
   std::uint64_t oldest_ = 1;
   std::uint64_t newest_ = 0;
 };
 
-// Records a bus from its making to its end. Nothing is allocated meanwhile.
+// Records a bus from construction to destruction. Nothing is allocated in between.
 class TrafficTap {
  public:
   virtual ~TrafficTap() = default;
-  // Hands over what is being put together, as far as it is complete.
+  // Records the message that is still being put together, if it is complete.
   virtual void flush() {}
 
   static std::unique_ptr<TrafficTap> on(NamedBus& bus, TrafficRing& ring);

@@ -6,7 +6,7 @@
 namespace servodrome::line {
 namespace {
 
-// Reads positions and distances of the travel; integers stay exact.
+// Reads positions and distances of the travel and converts them to counts. Integers are converted without rounding.
 class TravelUnit {
  public:
   explicit TravelUnit(TableReader& travel) {
@@ -55,8 +55,8 @@ class SwitchReader {
   SwitchReader(const TravelUnit& unit, const Product& product, plant::Parameters& parameters)
       : unit_(unit), product_(product), parameters_(parameters) {}
 
-  // `[axis.travel] key = 100`, or `key = { at = 100, hysteresis = 2, ... }` for a limit switch,
-  // `key = { from = 1, to = 2, ... }` for another.
+  // Reads `[axis.travel] key = 100` or `key = { at = 100, hysteresis = 2, ... }` for a limit switch,
+  // `key = { from = 1, to = 2, ... }` for any other switch.
   void read(TableReader& travel, std::string_view key, Side side, int wire) {
     const toml::node* node = travel.node(key);
     if (node == nullptr) return;
@@ -121,7 +121,7 @@ class SwitchReader {
   void add(TableReader& at, std::string_view key, const plant::Switch& fitted) {
     keys_.emplace_back(key);
     if (parameters_.switch_count == plant::most_switches) {
-      at.complain(key, "is one switch too many", fmt::format("a travel has at most {}", plant::most_switches));
+      at.complain(key, "exceeds the number of switches", fmt::format("a travel has at most {}", plant::most_switches));
       return;
     }
     for (std::size_t i = 0; i < parameters_.switch_count; ++i) {

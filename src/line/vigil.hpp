@@ -4,21 +4,22 @@
 
 namespace servodrome::line {
 
-// Whether a master's next frame is worth staying awake for. To be woken costs more than a frame that passes a segment,
-// so it is while a master sends each frame soon after it got the one before (a scan, SDOs, files, a fast cycle); one
-// that cycles once in a millisecond is awaited asleep.
+// Adaptive polling: decides when to busy-wait for a master's next frame instead of sleeping until it comes. A wake-up
+// costs more than a frame on a segment. Busy-waiting is therefore worthwhile while a master sends each frame soon after
+// it received the previous one (a scan, SDOs, files, a fast cycle). For a master with a cycle of 1 ms it is not.
 class Vigil {
  public:
   using Moment = std::chrono::steady_clock::time_point;
 
-  static constexpr auto longest = std::chrono::microseconds(100);  // from an answer to the next frame
-  static constexpr int proof = 8;                                  // frames in a row that came so soon
-  // Lent to others for longer, the processor is one that something computes on without end.
+  static constexpr auto longest = std::chrono::microseconds(100);  // maximum time from an answer to the next frame
+  static constexpr int proof = 8;  // so many frames in a row that came so soon start busy-waiting
+  // If a yield takes longer than this, another program computes on this processor without a pause.
   static constexpr auto longest_loan = std::chrono::milliseconds(1);
-  // Frames to pass then before another try: who sleeps gets such a processor back sooner than who lends it.
+  // Number of frames until busy-waiting is tried again after that: on such a processor a thread that sleeps gets it
+  // back sooner than one that yields.
   static constexpr int respite = 10'000;
 
-  // Frames came, and have been answered at `present`.
+  // Frames that a wait returned were answered at `present`.
   void served(Moment present) {
     const bool soon = present - answered_ <= longest;
     answered_ = present;
@@ -28,15 +29,16 @@ class Vigil {
       score_ = 0;
     }
   }
-  // The same while awake: how long that took says nothing about when they came.
+  // The same while busy-waiting. It does not count the frames: the time between two answers does not show when they
+  // came.
   void answered(Moment present) { answered_ = present; }
   bool worthwhile() const { return score_ >= proof; }
-  // Nothing came for as long as `longest`.
+  // No frame came for `longest`: busy-waiting ends.
   bool over(Moment present) const { return present - answered_ > longest; }
   void in_vain() {
-    if (score_ > 0) score_ = 0;  // a respite goes on
+    if (score_ > 0) score_ = 0;  // a negative score must still be worked off
   }
-  // The processor was lent to others, and they kept it for `span`.
+  // A yield took `span`.
   void lent(Moment::duration span) {
     if (span > longest_loan) score_ = -respite;
   }

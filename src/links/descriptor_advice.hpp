@@ -4,8 +4,8 @@
 
 namespace servodrome::links {
 
-// What to do about an error that keeps something from being opened: whatever was to be opened, the limit of descriptors
-// is not its fault.
+// Returns the advice for an error on opening something: `otherwise`, unless the reason is the limit of open files,
+// which does not depend on what was to be opened.
 template <typename Advice>
 Advice advice_for(int reason, Advice otherwise) {
   if (reason != EMFILE && reason != ENFILE) return otherwise;

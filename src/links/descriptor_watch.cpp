@@ -81,7 +81,7 @@ bool DescriptorWatch::wait(Time longest) {
   for (int i = 0; i < count; ++i) {
     auto* const entry = static_cast<Entry*>(events[static_cast<std::size_t>(i)].data.ptr);
     if (entry == nullptr) {
-      std::uint64_t periods = 0;  // the next begins when they are read
+      std::uint64_t periods = 0;  // reading restarts the count of expirations
       tick = ::read(timer_.get(), &periods, sizeof periods) == sizeof periods;
     } else if (entry->descriptor >= 0) {
       entry->ready();

@@ -9,10 +9,10 @@
 
 namespace servodrome::links {
 
-// Waits for descriptors with one system call each time. Asio makes two for a descriptor that is only waited for, and on
-// an EtherCAT segment of the size of a machine a frame costs little more than its system calls.
+// Waits for file descriptors (epoll) with one system call per wait. Asio makes two for a descriptor that is only waited
+// for, and on an EtherCAT segment of usual size a frame costs little more than its system calls.
 //
-// For one thread. Descriptors must be taken out before they are closed.
+// Not thread-safe. Descriptors must be removed before they are closed.
 class DescriptorWatch {
  public:
   using Ready = std::function<void()>;
@@ -20,19 +20,21 @@ class DescriptorWatch {
   // Throws LinkError if the system has no more descriptors.
   DescriptorWatch();
 
-  // `ready` is called by wait() as long as the descriptor is readable or has an error. Throws LinkError.
+  // While the descriptor is readable or has an error, wait() calls `ready`. Throws LinkError.
   void add(int descriptor, Ready ready);
   void remove(int descriptor);
   bool empty() const { return entries_.empty(); }
-  // Paused, it hears of no descriptor, and a frame that arrives does not pay for telling: for callers that
-  // poll themselves. What is ready then is told after resume(), which throws LinkError.
+  // pause() takes all descriptors out of the epoll, so that the kernel need not notify it of each frame: for callers
+  // that poll the descriptors themselves. Events that came meanwhile are reported after resume(), which throws
+  // LinkError.
   void pause();
   void resume();
 
-  // From now on wait() returns true once in each `period`, until 0 ends that.
+  // From now on wait() returns true once per `period`. 0 switches the timer off.
   void tick_every(Time period);
 
-  // Waits for at most `longest` (never: without end), then calls `ready` of the ready ones. True: a period is over.
+  // Waits for at most `longest` (never: without limit), then calls `ready` of each ready descriptor. Returns true if a
+  // period of tick_every() is over.
   bool wait(Time longest = never);
 
  private:
@@ -45,7 +47,7 @@ class DescriptorWatch {
   FileDescriptor epoll_;
   FileDescriptor timer_;
   std::vector<std::unique_ptr<Entry>> entries_;
-  std::vector<std::unique_ptr<Entry>> removed_;  // while wait() may still come across them
+  std::vector<std::unique_ptr<Entry>> removed_;  // kept until wait() ends, which may still find them
   bool waiting_ = false;
   bool paused_ = false;
 };

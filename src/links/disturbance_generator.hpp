@@ -4,7 +4,8 @@
 
 namespace servodrome::links {
 
-// splitmix64: small, seedable, the same on every platform (the standard's distributions are not).
+// The random generator splitmix64: small, seedable, and the same on every platform (unlike the standard's
+// distributions).
 class DisturbanceGenerator {
  public:
   explicit constexpr DisturbanceGenerator(std::uint64_t seed) : state_(seed) {}
@@ -17,7 +18,8 @@ class DisturbanceGenerator {
     return value ^ (value >> 31U);
   }
 
-  // True with the given probability; always draws, so that the sequence does not depend on the probability.
+  // Returns true with the given probability. It always takes one draw, so the sequence does not depend on the
+  // probability.
   constexpr bool chance(double probability) { return static_cast<double>(next() >> 11U) * 0x1.0p-53 < probability; }
 
  private:

@@ -33,12 +33,14 @@ class FileDescriptor {
 
 using Deadline = std::chrono::steady_clock::time_point;
 
-// Waits until the descriptor can be read (written), its peer is gone or the deadline has passed; false: the deadline.
-// Has something to be read now.
+// Returns true if there is something to read now; does not wait.
 bool is_readable(int descriptor);
+// Wait until the descriptor can be read (written), its peer is gone or the deadline has passed. Return false after the
+// deadline.
 bool wait_readable(int descriptor, Deadline deadline);
 bool wait_writable(int descriptor, Deadline deadline);
-// Writes all of it to a nonblocking descriptor; false, with errno, on failure (ETIMEDOUT: the deadline).
+// Writes all bytes to a nonblocking descriptor. Returns false, with errno set, on failure (ETIMEDOUT: the deadline has
+// passed).
 bool write_all(int descriptor, std::string_view bytes, Deadline deadline);
 
 }  // namespace servodrome::links

@@ -22,7 +22,7 @@ namespace {
 
 std::string last_error() { return std::strerror(errno); }
 
-// Closes what the constructor opened unless it got to its end.
+// Closes the opened file, unless the constructor succeeds.
 struct OpenFile {
   int number;
   ~OpenFile() {
@@ -61,7 +61,7 @@ FileMedium::FileMedium(const std::string& path, std::uint32_t size)
     if (::fsync(file.number) != 0) fail(path, "cannot sync: " + last_error());
     sync_folder(path);
   } else if (status.st_size != static_cast<off_t>(size)) {
-    fail(path, fmt::format("has {} bytes where this device's memory has {}; move it away to start with factory values",
+    fail(path, fmt::format("has {} bytes, but this device's memory has {}; move it away to start with factory values",
                            status.st_size, size));
   }
   file_ = file.release();
@@ -69,7 +69,7 @@ FileMedium::FileMedium(const std::string& path, std::uint32_t size)
 
 FileMedium::~FileMedium() { ::close(file_); }
 
-// The path still leads to the file that was opened.
+// Returns true if the path still refers to the file that was opened.
 bool FileMedium::in_place() const {
   struct stat opened {};
   struct stat found {};

@@ -6,13 +6,13 @@
 
 namespace servodrome::links {
 
-// A device's non-volatile memory in a file. The file belongs to one process at a time (advisory lock) and to the user
-// alone (mode 0600 when it is created; new bytes are zero). When it is deleted, moved or replaced the memory answers no
-// more: what would be written would be lost.
+// A device's non-volatile memory in a file. Only one process at a time can use the file (advisory lock), and only its
+// user can access it (mode 0600 at creation). New bytes are zero. If the file is deleted, moved or replaced, all
+// operations fail, because written data would be lost.
 class FileMedium final : public dictionary::Medium {
  public:
-  // Opens or creates `path` with exactly `size` bytes. Throws std::runtime_error, naming the file, when it cannot be
-  // opened, is no regular file, is in use, or already has another size (which is another device's memory).
+  // Opens or creates `path` with exactly `size` bytes. Throws std::runtime_error with the file's name if it cannot be
+  // opened, is no regular file, is in use, or already has another size (it is then another device's memory).
   FileMedium(const std::string& path, std::uint32_t size);
   ~FileMedium();
   FileMedium(const FileMedium&) = delete;

@@ -6,8 +6,8 @@
 
 namespace servodrome::links {
 
-// What one connection waits for: an exception that leaves `handler` ends that connection, by its fail(error), and no
-// other. A connection that is not is_open() any more is not called.
+// Wraps a callback of a connection. If `handler` throws, only this connection ends, by fail(error). If the connection
+// is no longer is_open(), `handler` is not called.
 template <typename Connection, typename Handler>
 auto guarded(std::shared_ptr<Connection> connection, Handler handler) {
   return [connection = std::move(connection), handler = std::move(handler)](const auto&... results) {

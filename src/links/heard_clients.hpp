@@ -8,13 +8,14 @@
 #include "links/ethercat/client.hpp"
 #include "links/serial/client.hpp"
 
-// Clients that report what they send and receive, when it passes.
+// Clients that report each message that they send or receive.
 namespace servodrome::links {
 
-// `bytes`: of CAN a canopen::Frame, of EtherCAT a frame's content, of a serial line or TCP whatever came at once.
+// `bytes`: for CAN a canopen::Frame, for EtherCAT the content of a frame, for a serial line or TCP the bytes of one
+// call.
 using Heard = std::function<void(bool sent, std::span<const std::uint8_t> bytes)>;
 
-// The client itself if `hear` is empty.
+// Returns the client itself if `hear` is empty.
 std::unique_ptr<CanClient> heard(std::unique_ptr<CanClient> client, Heard hear);
 std::unique_ptr<EthercatClient> heard(std::unique_ptr<EthercatClient> client, Heard hear);
 std::unique_ptr<ByteClient> heard(std::unique_ptr<ByteClient> client, Heard hear);

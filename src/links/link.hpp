@@ -5,34 +5,35 @@
 
 #include "links/time.hpp"
 
-// What the links of all buses have in common.
+// The common part of the links of all buses.
 namespace servodrome::links {
 
-// What a link needs of the line it belongs to; all calls come from the line's thread.
+// The interface of a line for its links. All calls come from the line's thread.
 class LineHost {
  public:
   virtual ~LineHost() = default;
-  // The line's time at this instant: when a frame that has just been read came in.
+  // The line's time now, which is the arrival time of a frame that has just been read.
   virtual Time now() = 0;
-  // The same, and a frame finds its bus as it is then. For a bus whose frames are answered as they are read.
+  // The same, and lets the line catch up to that time if necessary. For a bus that answers frames when they are read.
   virtual Time frame_time() { return now(); }
-  // After such a frame: one that comes at `time` or later may find something else than now.
+  // Called after such a frame with the result of EthercatBus::settle: the line must catch up for a frame at `time` or
+  // later.
   virtual void expect(Time /*time*/) {}
-  // Tells the operator of the line that a link was lost, or is back.
+  // Reports to the line's operator that a link was lost or is back.
   virtual void report(const std::string& /*message*/) {}
-  // Something was queued on the bus: its next_event() may be earlier than it was.
+  // Something was queued on the bus, so its next_event() may be earlier than before.
   virtual void wake() = 0;
-  // Wall-clock time (since 1970) of the line's time 0, for the timestamps a link hands out.
+  // The wall-clock time (since 1970) of the line's time 0, for the timestamps of a link.
   virtual Time epoch() const { return Time{}; }
 };
 
-// Frames of a CAN bus or an EtherCAT segment, characters of a serial line, requests and responses of Modbus TCP.
+// Counts frames of a CAN bus or an EtherCAT segment, characters of a serial line, or messages of Modbus TCP.
 struct LinkCounters {
-  std::uint64_t to_bus = 0;     // outside programs put on the bus
-  std::uint64_t from_bus = 0;   // handed to outside programs
+  std::uint64_t to_bus = 0;     // from outside programs to the bus
+  std::uint64_t from_bus = 0;   // from the bus to outside programs
   std::uint64_t dropped = 0;    // lost because a reader was too slow
-  std::uint64_t refused = 0;    // the bus did not take (queue full, bus-off)
-  std::uint64_t malformed = 0;  // commands that could not be read
+  std::uint64_t refused = 0;    // not accepted by the bus (queue full, bus-off)
+  std::uint64_t malformed = 0;  // invalid commands
   std::uint32_t clients = 0;    // connected now
 };
 

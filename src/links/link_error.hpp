@@ -5,8 +5,8 @@
 
 namespace servodrome::links {
 
-// A link could not be opened or was lost. what() says what happened, where, and what to do about it; code() is the
-// operating system's reason (or std::errc::invalid_argument for a link name that cannot be read).
+// A link could not be opened or was lost. what() describes what happened, where, and what to do; code() is the
+// operating system's error (or std::errc::invalid_argument for an invalid link name).
 class LinkError : public std::system_error {
  public:
   LinkError(std::error_code code, std::string message) : std::system_error(code), message_(std::move(message)) {}

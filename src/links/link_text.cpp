@@ -30,7 +30,7 @@ void LinkText::refuse(std::string_view what, std::string_view form) const {
 }
 
 void LinkText::refuse_scheme(std::string_view forms) const {
-  refuse(rest() ? fmt::format("\"{}\" is no kind of {} link", scheme(), bus) : "there is no \":\"",
+  refuse(rest() ? fmt::format("\"{}\" is not a kind of {} link", scheme(), bus) : "there is no \":\"",
          fmt::format("one of {}", forms));
 }
 
@@ -61,7 +61,7 @@ Endpoint parse_endpoint(const LinkText& link, std::string_view text, std::uint16
     }
   }
   if (host.empty()) link.refuse("there is no host", form);
-  if (!is_plain_word(host)) link.refuse(fmt::format("\"{}\" is no host name or address", host), form);
+  if (!is_plain_word(host)) link.refuse(fmt::format("\"{}\" is not a host name or address", host), form);
   if (!port) return {std::string(host), default_port};
   const auto number = port_number(*port);
   if (!number) link.refuse(fmt::format("port \"{}\" is not a number from 0 to 65535", *port), form);

@@ -5,22 +5,22 @@
 #include <string>
 #include <string_view>
 
-// Reading the names of links: what those of all buses have in common.
+// The common part of reading link names of all buses.
 namespace servodrome::links {
 
-// A link to a master in the same process.
+// The name of a link to a master in the same process.
 struct MemName {};
 
-// The name of a link while it is read: what bus it is of, and how to complain about it.
+// The text of a link name while it is read, and how to report errors about it.
 struct LinkText {
   const char* bus;        // "CAN"
   std::string_view text;  // as written
 
   std::string_view scheme() const { return text.substr(0, text.find(':')); }
-  // Behind the first colon; nothing if there is none.
+  // The text behind the first colon; nothing if there is no colon.
   std::optional<std::string_view> rest() const;
 
-  // Throws LinkError (std::errc::invalid_argument): what is wrong, and the form to write.
+  // Throw LinkError (std::errc::invalid_argument) with the error and the form to write.
   [[noreturn]] void refuse(std::string_view what, std::string_view form) const;
   [[noreturn]] void refuse_scheme(std::string_view forms) const;
 };
@@ -30,12 +30,12 @@ struct Endpoint {
   std::uint16_t port = 0;
 };
 
-// `HOST`, `HOST:PORT` or `[ADDRESS]:PORT`; throws as `link.refuse`.
+// Reads `HOST`, `HOST:PORT` or `[ADDRESS]:PORT`. Throws like `link.refuse`.
 Endpoint parse_endpoint(const LinkText& link, std::string_view text, std::uint16_t default_port, std::string_view form);
-// As parse_endpoint() reads it.
+// Returns the text that parse_endpoint() reads.
 std::string to_string(const Endpoint& endpoint);
 
-// No spaces, control characters, angle brackets or slashes, and not empty.
+// Returns true if the word is not empty and has no spaces, control characters, angle brackets or slashes.
 bool is_plain_word(std::string_view word);
 
 }  // namespace servodrome::links

@@ -59,9 +59,9 @@ void serve_promptly(tcp::socket& socket) {
   };
   constexpr std::array options{
       Option{IPPROTO_TCP, TCP_NODELAY, 1},           Option{SOL_SOCKET, SO_KEEPALIVE, 1},
-      Option{IPPROTO_TCP, TCP_KEEPIDLE, 30},  // s
+      Option{IPPROTO_TCP, TCP_KEEPIDLE, 30},  // seconds
       Option{IPPROTO_TCP, TCP_KEEPINTVL, 10},        Option{IPPROTO_TCP, TCP_KEEPCNT, 3},
-      Option{IPPROTO_TCP, TCP_USER_TIMEOUT, 60'000},  // ms, of what is not acknowledged
+      Option{IPPROTO_TCP, TCP_USER_TIMEOUT, 60'000},  // ms until unacknowledged data end the connection
   };
   for (const Option& option : options) {
     ::setsockopt(socket.native_handle(), option.level, option.name, &option.value, sizeof option.value);

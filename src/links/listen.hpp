@@ -9,18 +9,19 @@
 
 namespace servodrome::links {
 
-// A socket that listens at `endpoint`; port 0: one the system chooses. Throws LinkError about the link `name`.
+// Opens a socket that listens at `endpoint`; with port 0 the system chooses the port. Throws LinkError for the link
+// `name`.
 boost::asio::ip::tcp::acceptor listen_at(boost::asio::io_context& io, const Endpoint& endpoint,
                                          const std::string& name);
 
-// For the socket of a client: what is sent to it leaves at once, what it sends is acknowledged at once, and a peer that
-// is gone without a word ends the connection within a minute.
+// Sets a client's socket so that data are sent immediately (no Nagle delay), received data are acknowledged
+// immediately, and keepalive ends the connection about a minute after the peer has vanished.
 void serve_promptly(boost::asio::ip::tcp::socket& socket);
-// Once more after something was received or sent, either of which ends it. A client that leaves Nagle's algorithm on
-// sends its next small frame when the one before is acknowledged, and that is 40 ms later otherwise.
+// Must be called again after each receive and send, which switch the immediate acknowledge off. A client that uses
+// Nagle's algorithm sends its next small frame only after the acknowledge, which would otherwise come 40 ms later.
 void acknowledge_at_once(boost::asio::ip::tcp::socket& socket);
 
-// A client that has been silent so long makes room for a new one where all places are taken.
+// When all places are in use, a new client replaces one that has been silent for at least this time.
 inline constexpr auto client_patience = std::chrono::seconds(2);
 
 }  // namespace servodrome::links

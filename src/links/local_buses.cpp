@@ -10,7 +10,7 @@ namespace {
 
 namespace fs = std::filesystem;
 
-// ARPHRD_ of <linux/if_arp.h>, as sysfs writes them.
+// ARPHRD_ values of <linux/if_arp.h>, in the format of sysfs.
 constexpr const char* arphrd_ether = "1";
 constexpr const char* arphrd_can = "280";
 
@@ -31,7 +31,7 @@ std::vector<fs::path> entries_of(const fs::path& folder) {
   return entries;
 }
 
-// "down" before it is configured; a card that is up and has no partner says "0" in `carrier`.
+// Returns "down" if the interface is not configured. A card that is up but not connected has "0" in `carrier`.
 std::string state_of(const fs::path& interface) {
   constexpr unsigned long iff_up = 1;
   const std::string flags = first_line(interface / "flags");
@@ -52,7 +52,7 @@ void add_interfaces(const fs::path& root, std::vector<LocalBus>& buses) {
   }
 }
 
-// Terminals without hardware behind them have no `device`; an unused ttyS of the system's table has the type 0.
+// Terminals without hardware have no `device`. Unused ttyS entries of the system have type 0.
 void add_serial_ports(const fs::path& root, std::vector<LocalBus>& buses) {
   std::map<std::string, std::string> adapters;
   for (const fs::path& link : entries_of(root / "dev/serial/by-id")) {

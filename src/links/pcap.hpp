@@ -4,8 +4,8 @@
 
 #include "links/time.hpp"
 
-// pcap files: https://www.ietf.org/archive/id/draft-ietf-opsawg-pcap-03.html; host byte order, which readers recognise
-// by the magic number.
+// pcap files: https://www.ietf.org/archive/id/draft-ietf-opsawg-pcap-03.html. They are in host byte order; readers
+// detect it by the magic number.
 namespace servodrome::links {
 
 // https://www.tcpdump.org/linktypes.html

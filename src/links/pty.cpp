@@ -25,28 +25,28 @@ namespace {
   throw LinkError(code, fmt::format("{}: {}; {}", what, code.message(), advice_for(reason, advice)));
 }
 
-// What a symbolic link points to; empty if there is no such link.
+// Returns the target of a symbolic link; empty if `path` is no symbolic link.
 std::string link_target(const std::string& path) {
   std::array<char, 256> target{};
   const ssize_t size = ::readlink(path.c_str(), target.data(), target.size());
   return size > 0 ? std::string(target.data(), static_cast<std::size_t>(size)) : std::string();
 }
 
-// An abstract socket's name can be had once, and is free again when its process ends, however it ends: no file is left
-// behind. Throws LinkError.
+// Reserves the path by an abstract socket, whose name can be bound only once. The name is free again when the process
+// ends, even after a crash, and no file is left behind. Throws LinkError.
 FileDescriptor claim(const std::string& link_path, const std::string& what) {
   std::error_code ignored;
   const std::filesystem::path path(link_path);
   const auto folder =
       std::filesystem::weakly_canonical(std::filesystem::absolute(path, ignored).parent_path(), ignored);
   const std::string whole = (folder / path.filename()).string();
-  std::uint64_t hash = 0xCBF29CE484222325U;  // FNV-1a: a socket's name is shorter than a path
+  std::uint64_t hash = 0xCBF29CE484222325U;  // FNV-1a, because a socket's name is shorter than a path
   for (const char letter : whole) hash = (hash ^ static_cast<unsigned char>(letter)) * 0x100000001B3U;
   const std::string name = fmt::format("servodrome-pty-{:016x}", hash);
   FileDescriptor socket(::socket(AF_UNIX, SOCK_DGRAM | SOCK_CLOEXEC, 0));
   sockaddr_un address{};
   address.sun_family = AF_UNIX;
-  std::copy(name.begin(), name.end(), &address.sun_path[1]);  // behind a zero: abstract
+  std::copy(name.begin(), name.end(), &address.sun_path[1]);  // after a zero byte: abstract
   const auto size = static_cast<socklen_t>(offsetof(sockaddr_un, sun_path) + 1 + name.size());
   if (socket.is_open() && ::bind(socket.get(), reinterpret_cast<const sockaddr*>(&address), size) != 0) {
     fail(errno, what, "another line has this path; stop it or choose another path");
@@ -63,10 +63,10 @@ Pty::Pty(const std::string& link_path) : link_path_(link_path) {
   std::array<char, 64> device{};
   if (!master_.is_open() || ::grantpt(master_.get()) != 0 || ::unlockpt(master_.get()) != 0 ||
       ::ptsname_r(master_.get(), device.data(), device.size()) != 0) {
-    fail(errno, what, "this system gives no pseudo terminal; is /dev/pts mounted?");
+    fail(errno, what, "no pseudo terminal is available; is /dev/pts mounted?");
   }
   device_ = device.data();
-  reset();  // which opens it once: before that a pty does not report that no process has it open
+  reset();  // opens the device once; before that, a pty does not report that no process has it open
 
   struct stat status {};
   if (::lstat(link_path.c_str(), &status) == 0) {
@@ -91,8 +91,8 @@ bool Pty::has_client() const {
 bool Pty::has_input() const { return is_readable(master_.get()); }
 
 void Pty::reset() {
-  // Through the device: only there can what a client left unread be flushed. What a new client has already written is
-  // on the master's side and stays.
+  // This must use the device end: only there can bytes be flushed that a client has not read. Bytes that a new client
+  // has already written are on the master's side and stay.
   const FileDescriptor device(::open(device_.c_str(), O_RDWR | O_NOCTTY | O_NONBLOCK | O_CLOEXEC));
   termios settings{};
   if (::tcgetattr(device.get(), &settings) == 0) {

@@ -6,11 +6,11 @@
 
 namespace servodrome::links {
 
-// A pseudo terminal in raw mode, found by clients under a symbolic link. The master end is nonblocking.
+// A pseudo terminal in raw mode. Clients open it through a symbolic link. The master end is nonblocking.
 class Pty {
  public:
-  // `link_path`: replaced if it is a symbolic link that was left behind, refused if another Pty has it, of this process
-  // or another, or if it is anything else. Throws LinkError.
+  // Replaces `link_path` if it is a symbolic link without an owner. Throws LinkError if another Pty, of any process,
+  // has this path, or if the path is anything else.
   explicit Pty(const std::string& link_path);
   ~Pty();
   Pty(const Pty&) = delete;
@@ -19,16 +19,16 @@ class Pty {
   int master() const { return master_.get(); }
   const std::string& device() const { return device_; }  // /dev/pts/N
 
-  // Whether a client has the device open or has left bytes to read.
+  // Returns true if a client has the device open or has left bytes to read.
   bool has_client() const;
-  // Bytes of a client can be read.
+  // Returns true if there are bytes of a client to read.
   bool has_input() const;
-  // Raw mode again and nothing left of an earlier client's traffic.
+  // Restores raw mode and discards the remaining traffic of the last client.
   void reset();
 
  private:
   FileDescriptor master_;
-  FileDescriptor claim_;  // of the path: a name that is taken as long as its process lives
+  FileDescriptor claim_;  // reserves the path while the process runs
   std::string device_;
   std::string link_path_;
 };

@@ -4,7 +4,7 @@
 
 namespace servodrome::links {
 
-// Time of a line: nanoseconds since the line started, on whichever clock drives it (real or virtual).
+// The time of a line: nanoseconds since the line started, in real or virtual time.
 using Time = std::chrono::nanoseconds;
 
 inline constexpr Time never = Time::max();

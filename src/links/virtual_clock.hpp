@@ -4,14 +4,14 @@
 
 namespace servodrome::links {
 
-// Moves virtual time for a client in the same process.
+// Lets a client in the same process advance virtual time.
 class VirtualClock {
  public:
   virtual ~VirtualClock() = default;
   virtual Time now() const = 0;
-  // Advances the line, and with it its buses, by its smallest step, and not beyond `latest`.
+  // Advances the line and its buses by the smallest step, and not beyond `latest`.
   virtual void step(Time latest) = 0;
-  // Advances it up to `target`; one in the past does nothing.
+  // Advances the line up to `target`. If `target` is in the past, nothing happens.
   virtual void run_until(Time target) {
     while (now() < target) step(target);
   }

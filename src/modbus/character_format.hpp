@@ -4,7 +4,7 @@
 
 #include "modbus/time.hpp"
 
-// What goes over the wire for one byte, and the pauses that tell frames apart.
+// Format of a character on the wire, and the pauses that separate frames.
 namespace servodrome::modbus {
 
 enum class Parity : std::uint8_t { none, even, odd };
@@ -30,7 +30,7 @@ struct CharacterFormat {
 // The pauses of RTU framing.
 struct RtuTiming {
   Time character{};        // length of one character
-  Time inter_character{};  // a longer pause within a frame spoils it; 0: no pause within a frame matters
+  Time inter_character{};  // a longer pause within a frame makes it invalid; 0: pauses are not checked
   Time silence{};          // ends a frame
 
   friend bool operator==(const RtuTiming&, const RtuTiming&) = default;
@@ -47,8 +47,8 @@ constexpr RtuTiming standard_timing(const CharacterFormat& format) {
   return {format.character_time(), std::chrono::microseconds(750), std::chrono::microseconds(1750)};
 }
 
-// For a station whose pauses come from an operating system instead of a wire: at least `silence` ends a frame, and no
-// pause within one matters. `silence` 0 leaves `timing` as it is.
+// For a station whose pauses come from an operating system instead of a wire: a frame ends after at least `silence`,
+// and pauses within it are not checked. `silence` 0 leaves `timing` unchanged.
 constexpr RtuTiming at_least(Time silence, RtuTiming timing) {
   if (silence <= Time{0}) return timing;
   timing.inter_character = Time{0};

@@ -9,9 +9,9 @@ namespace {
 constexpr std::uint8_t last_basic_object = 0x02;
 constexpr std::uint8_t last_regular_object = 0x7F;
 constexpr std::uint8_t last_extended_object = 0xFF;
-constexpr std::uint8_t individual_access = 0x80;  // of the conformity level: objects can be read one by one
+constexpr std::uint8_t individual_access = 0x80;  // bit in the conformity level: objects can be read one by one
 
-// Read device ID codes: the first three stream all objects up to one, the last reads one.
+// Read device ID codes: the first three read all objects of a category as a stream, the last reads a single object.
 enum class Category : std::uint8_t { basic = 1, regular = 2, extended = 3, individual = 4 };
 
 constexpr std::uint8_t last_object(Category category) {
@@ -42,12 +42,12 @@ Exception Server::identify(std::span<const std::uint8_t> request, Response respo
   const auto is_wanted = [&request](const Identification& row) { return row.object == request[3]; };
   auto row = std::find_if(objects.begin(), objects.end(), is_wanted);
   if (category == Category::individual && row == objects.end()) return Exception::illegal_data_address;
-  // A stream that is to start with what is not there, or not of the category, starts at the beginning.
+  // A stream that should start at a missing object, or one outside the category, starts at the beginning.
   if (row == objects.end() || row->object > last_object(category)) row = objects.begin();
 
   std::copy_n(request.begin(), 3, response.begin());
   response[3] = conformity(objects.back().object);
-  response[4] = 0x00;  // more follows
+  response[4] = 0x00;  // 0: no more objects follow
   response[5] = 0x00;  // next object
   response[6] = 0;     // number of objects
   length = header_bytes;

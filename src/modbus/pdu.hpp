@@ -5,7 +5,7 @@
 #include <cstdint>
 #include <span>
 
-// Protocol data units (Modbus Application Protocol V1.1b3): function code and data, the same on every transport.
+// Protocol data units (Modbus Application Protocol V1.1b3): function code and data, independent of the transport.
 namespace servodrome::modbus {
 
 inline constexpr std::size_t longest_pdu = 253;
@@ -19,10 +19,10 @@ enum class Function : std::uint8_t {
   encapsulated_interface_transport = 0x2B,
 };
 
-inline constexpr std::uint8_t error_bit = 0x80;                   // of the function code of an exception response
+inline constexpr std::uint8_t error_bit = 0x80;                   // set in the function code of an exception response
 inline constexpr std::uint8_t read_device_identification = 0x0E;  // MEI type of function 2Bh
 
-// Most registers of one request (6.3, 6.4, 6.12, 6.17).
+// Greatest number of registers in a request (6.3, 6.4, 6.12, 6.17).
 inline constexpr std::uint16_t most_registers_read = 125;
 inline constexpr std::uint16_t most_registers_written = 123;
 inline constexpr std::uint16_t most_registers_written_and_read = 121;
@@ -41,10 +41,10 @@ enum class Exception : std::uint8_t {
   gateway_target_failed_to_respond = 0x0B,
 };
 
-// The standard's words for a code, or "unknown exception".
+// The text of the standard for a code, or "unknown exception".
 const char* text(Exception exception);
 
-// 16-bit numbers travel most significant byte first (4.2).
+// 16-bit numbers are sent with the most significant byte first (4.2).
 constexpr std::uint16_t read_u16(const std::uint8_t* bytes) {
   return static_cast<std::uint16_t>(bytes[0] << 8 | bytes[1]);
 }

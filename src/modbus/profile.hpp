@@ -3,7 +3,7 @@
 #include "dictionary/abort_code.hpp"
 #include "modbus/pdu.hpp"
 
-// What a product's Modbus interface offers and where it departs from the standard.
+// Features of a product's Modbus interface and its deviations from the standard.
 namespace servodrome::modbus {
 
 struct Functions {
@@ -27,20 +27,20 @@ struct Functions {
   }
 };
 
-// The function code of the answer to a request that failed, where it is not the request's + 80h.
+// Function code of an exception response, if it is not the request's + 80h.
 struct ErrorFunction {
   std::uint8_t function;
   std::uint8_t error;
 };
 
-// What a master is told when the dictionary refuses.
+// Exception that a master receives for an abort code of the dictionary.
 struct AbortException {
   dictionary::AbortCode abort;
   Exception exception;
 };
 
-// A register that exists but cannot be read or written is an illegal address, a value that does not fit an illegal
-// value; what is not listed is a device failure (Application Protocol V1.1b3, 7).
+// A register that exists but cannot be read or written gives an illegal address, an invalid value an illegal value, and
+// an abort code that is not listed a device failure (Application Protocol V1.1b3, 7).
 inline constexpr auto standard_exceptions = std::to_array<AbortException>({
     {dictionary::AbortCode::object_does_not_exist, Exception::illegal_data_address},
     {dictionary::AbortCode::sub_index_does_not_exist, Exception::illegal_data_address},
@@ -65,20 +65,20 @@ struct Identification {
 
 enum class WordOrder : std::uint8_t { high_word_first, low_word_first };
 
-// How a number is lengthened to the registers that stand for it.
+// How a number is extended to the size of its registers.
 enum class Extension : std::uint8_t {
   by_type,     // signed numbers by their sign, others by zeros
-  by_top_bit,  // all by their topmost bit; zeros are understood as well
+  by_top_bit,  // all by their topmost bit; zeros are accepted as well
 };
 
 struct Profile {
   Functions functions{};
   WordOrder word_order = WordOrder::high_word_first;
   Extension extension = Extension::by_type;
-  // An object answers to so many registers from its address on, unless another object begins there. 2 lets masters read
-  // every object as 32 bits.
+  // An object has at least so many registers from its address on, unless another object begins there. 2 lets masters
+  // read every object as 32 bits.
   std::uint8_t registers_per_object_at_least = 1;
-  bool broadcast = true;  // station 0 of a serial line: 06 and 10h are executed without an answer
+  bool broadcast = true;  // station 0 on a serial line: executes 06 and 10h without an answer
   std::span<const ErrorFunction> error_functions{};
   std::span<const AbortException> exceptions = standard_exceptions;
   std::span<const Identification> identification{};  // sorted by object; needed for 2Bh/0Eh

@@ -6,12 +6,12 @@
 
 #include "dictionary/entry.hpp"
 
-// Which objects of a dictionary are found at which registers. A product builds its map at compile time from its
-// dictionary's table.
+// Assignment of registers to objects of a dictionary. A product builds its map at compile time from its dictionary's
+// table.
 namespace servodrome::modbus {
 
-// An object at `address` and the words - 1 registers behind it. Numbers are extended to that length; strings take two
-// characters to a register, the first in the high byte, and end with zeros.
+// An object at `address` and the following words - 1 registers. Numbers are extended to that length; strings have two
+// characters per register, the first in the high byte, and end with zeros.
 struct Register {
   std::uint16_t address = 0;
   std::uint16_t index = 0;
@@ -21,12 +21,12 @@ struct Register {
   friend bool operator==(const Register&, const Register&) = default;
 };
 
-// Registers that `type` needs; 0 for types of variable length.
+// Number of registers for `type`; 0 for types of variable length.
 constexpr std::uint8_t words_of(dictionary::Type type) {
   return static_cast<std::uint8_t>((dictionary::size_of(type) + 1) / 2);
 }
 
-// Where an object's sub-indices begin.
+// Address at which an object's sub-indices begin.
 struct Page {
   std::uint16_t index;
   std::uint16_t address;
@@ -42,7 +42,7 @@ struct RegisterMapBuilder {
     return *this;
   }
 
-  // Every number of `table` whose index has a page: sub-index n lies at the page's address + n * stride.
+  // Adds every number of `table` whose index has a page: sub-index n is at the page's address + n * stride.
   constexpr RegisterMapBuilder& add_pages(std::span<const dictionary::Entry> table, std::span<const Page> pages,
                                           std::uint16_t stride) {
     for (const dictionary::Entry& entry : table) {
@@ -56,7 +56,7 @@ struct RegisterMapBuilder {
     return *this;
   }
 
-  // Takes an object out that has no register although its index has a page.
+  // Removes an object that has no register although its index has a page.
   constexpr RegisterMapBuilder& remove(std::uint16_t index, std::uint8_t sub) {
     std::size_t kept = 0;
     for (std::size_t i = 0; i < count; ++i) {
@@ -67,8 +67,8 @@ struct RegisterMapBuilder {
   }
 };
 
-// A sorted map of exactly the registers that `Build` (a captureless constexpr lambda returning a RegisterMapBuilder)
-// composes.
+// Makes a sorted map with exactly the registers that `Build` returns (a captureless constexpr lambda that returns a
+// RegisterMapBuilder).
 template <auto Build>
 constexpr auto make_register_map() {
   constexpr auto builder = Build();
@@ -78,8 +78,8 @@ constexpr auto make_register_map() {
   return map;
 }
 
-// Sorted, no register belongs to two objects, none lies behind FFFFh, and every object is in the sorted `table` with
-// room for its value.
+// Checks that the map is sorted, no register belongs to two objects, none is beyond FFFFh, and every object is in the
+// sorted `table` and has enough registers.
 constexpr bool is_valid_map(std::span<const Register> map, std::span<const dictionary::Entry> table) {
   for (std::size_t i = 0; i < map.size(); ++i) {
     const Register& row = map[i];

@@ -8,9 +8,10 @@ void RtuServer::reset(const RtuTiming& timing) {
   to_send_ = 0;
 }
 
-// Reception as in figure 14 of the standard: timers run from the end of each character. One that arrives after the
-// silence belongs to the next frame even without a poll in between. So does one that follows a whole frame after
-// 1.5 characters: a master that answers another station's answer too soon for this one is understood all the same.
+// Reception as in figure 14 of the standard: timers run from the end of each character. A character after the silence
+// belongs to the next frame even if poll() was not called in between. A character more than 1.5 characters after a
+// complete frame also begins a new frame: so a request that a master sends too soon after another station's answer is
+// still received.
 void RtuServer::start_character(Time at) {
   poll(at);
   const Time pause = at - last_ - timing_.character;

@@ -5,17 +5,17 @@ namespace servodrome::modbus {
 using dictionary::AbortCode;
 using dictionary::Entry;
 
-// The registers of one object that a request covers.
+// The registers of one object within a request.
 struct Server::Part {
   const Register* row = nullptr;
   const Entry* entry = nullptr;
-  std::size_t first = 0;  // counted from the object's address
+  std::size_t first = 0;  // relative to the object's address
   std::size_t words = 0;
 };
 
 namespace {
 
-// Registers of a number by significance: which 16 bits of it the register `word` of `words` holds.
+// Returns which 16 bits of a number, by significance, the register `word` of `words` holds.
 std::size_t significance(WordOrder order, std::size_t word, std::size_t words) {
   return order == WordOrder::low_word_first || word >= words ? word : words - 1 - word;
 }
@@ -94,8 +94,8 @@ Exception Server::write_multiple(std::span<const std::uint8_t> request, Response
   return Exception::none;
 }
 
-// 6.17: address and quantity to read, address and quantity to write, byte count, data -> byte count, data. It is
-// written first; that it can be read is found out before.
+// 6.17: address and quantity to read, address and quantity to write, byte count, data -> byte count, data. Writes
+// before it reads, but checks first that reading is possible.
 Exception Server::read_write(std::span<const std::uint8_t> request, Response response, std::size_t& length) {
   if (request.size() < 10) return Exception::illegal_data_value;
   const std::uint16_t read_address = read_u16(&request[1]);
@@ -115,7 +115,7 @@ Exception Server::read_write(std::span<const std::uint8_t> request, Response res
   return Exception::none;
 }
 
-// The object at `address`, and how many of the `words` registers from there on are its own.
+// Finds the object at `address`, and the number of the `words` registers from there on that belong to it.
 AbortCode Server::locate(std::uint32_t address, std::size_t words, Part& part) const {
   auto next = std::upper_bound(map_.begin(), map_.end(), address,
                                [](std::uint32_t wanted, const Register& row) { return wanted < row.address; });
@@ -173,7 +173,7 @@ AbortCode Server::write(std::uint16_t address, std::span<const std::uint8_t> dat
 AbortCode Server::write_part(const Part& part, const std::uint8_t* data, bool commit) {
   const Entry& entry = *part.entry;
   if (!entry.writable()) return AbortCode::read_only;
-  // Half a number would be acted on.
+  // Half of a number must not be written.
   if (part.first != 0 || part.words < part.row->words) return AbortCode::length_mismatch;
   std::array<std::byte, 2 * most_registers_written> bytes{};
   const std::size_t given = 2 * part.words;

@@ -6,10 +6,10 @@
 
 namespace servodrome::modbus {
 
-// A device's registers: requests go in, responses come out, whatever they travel on (RtuServer, TcpConnection). It sees
-// the device through its dictionary and keeps no state between requests.
+// The registers of a device: takes requests and returns responses, independent of the transport (RtuServer,
+// TcpConnection). It accesses the device through its dictionary and keeps no state between requests.
 //
-// Nothing given to the constructor is copied; all of it outlives the server.
+// The arguments of the constructor are not copied and must outlive the server.
 class Server {
  public:
   Server(dictionary::Dictionary& dictionary, std::span<const Register> map, const Profile& profile)
@@ -19,9 +19,9 @@ class Server {
 
   // Executes a request PDU. Returns the length of the response; 0 only for an empty request.
   //
-  // A request that writes several objects is refused before any is written if a register is missing, an object is read
-  // only or covered in part, or a value is out of its range. What the objects' owners refuse stops it: those before it
-  // are written.
+  // A request that writes several objects is refused before any write if a register does not exist, an object is
+  // read-only or only partly covered, or a value is out of range. If an object's owner refuses a value, the objects
+  // before it stay written.
   std::size_t answer(std::span<const std::uint8_t> request, Response response);
 
   // Executes a request without an answer: functions 06 and 10h, if the profile has broadcasts.

@@ -6,7 +6,7 @@
 
 namespace servodrome::modbus {
 
-// The header of Modbus TCP: transaction, protocol (0), length of what follows including the unit, unit (Modbus
+// The header of Modbus TCP: transaction, protocol (0), length of the following bytes including the unit, unit (Modbus
 // Messaging on TCP/IP V1.0b, 3.1.3).
 struct Mbap {
   static constexpr std::size_t size = 7;
@@ -31,32 +31,33 @@ struct Mbap {
 
 inline constexpr std::size_t longest_tcp_frame = Mbap::size + longest_pdu;
 
-// Unit identifiers for a device that is alone behind its address (Modbus Messaging on TCP/IP V1.0b, 4.4.2.1).
+// Unit identifiers for the only device behind an address (Modbus Messaging on TCP/IP V1.0b, 4.4.2.1).
 inline constexpr std::uint8_t no_unit = 0;
 inline constexpr std::uint8_t unspecified_unit = 255;
 
 // The devices behind one TCP address.
 class Units {
  public:
-  // The server for a unit identifier, or nullptr: it is unused. A device that is alone behind its address answers to
-  // no_unit and unspecified_unit as well.
+  // Returns the server for a unit identifier, or nullptr if it is unused. The only device behind an address also
+  // answers to no_unit and unspecified_unit.
   virtual Server* find(std::uint8_t unit) = 0;
 
  protected:
   ~Units() = default;
 };
 
-// What one client sends, in whatever pieces, and what it is answered. Requests are answered one after the other in
-// their order; a client may send the next before it has the answer.
+// One client connection: accepts its bytes in pieces of any size and returns the responses. Requests are answered one
+// after the other in their order; a client may send the next one before it has the response.
 class TcpConnection {
  public:
   explicit TcpConnection(Units& units) : units_(units) {}
 
-  // Takes bytes up to the end of a request; returns how many it took. Call again with the rest after take().
+  // Takes bytes up to the end of a request; returns the number of bytes taken. Call it again with the rest after
+  // take().
   std::size_t receive(std::span<const std::uint8_t> bytes);
   // The response, empty if there is none; its bytes are valid until the next receive().
   std::span<const std::uint8_t> take() { return std::span(frame_).first(std::exchange(to_send_, 0)); }
-  // The client does not speak Modbus TCP: where its requests begin is not known any more. Close the connection.
+  // The client does not send valid Modbus TCP, so the start of its next request is unknown. Close the connection.
   bool is_broken() const { return is_broken_; }
 
  private:

@@ -4,7 +4,8 @@
 
 namespace servodrome::modbus {
 
-// A point on the caller's monotonic clock, or a span of it. The stack never asks for the time; it is told.
+// A point in time on the caller's monotonic clock, or a duration. The stack never reads a clock: the caller passes the
+// time.
 using Time = std::chrono::nanoseconds;
 
 inline constexpr Time never = Time::max();

@@ -1,4 +1,4 @@
-// The hooks of the bench and the true state: the parts of Plant that no tick runs through.
+// The bench hooks and the true state of Plant: functions that step() does not call.
 #include <algorithm>
 #include <array>
 #include <cmath>
@@ -82,7 +82,7 @@ void Plant::set_coulomb_friction_nm(double torque_nm) {
   Parameters changed = parameters_;
   changed.load.static_friction_nm += torque_nm - changed.load.coulomb_friction_nm;
   changed.load.coulomb_friction_nm = torque_nm;
-  // The difference of the two may have lost its last bit in the sum.
+  // Rounding may have made the sum lose the last bit of the difference.
   changed.load.static_friction_nm = std::max(changed.load.static_friction_nm, torque_nm);
   accept(changed);
   parameters_ = changed;
@@ -109,7 +109,7 @@ void Plant::set_ambient_c(double temperature_c) {
 void Plant::set_position_counts(std::int64_t position_counts) {
   Parameters changed = parameters_;
   changed.encoder.start_position_counts = position_counts;
-  accept(changed);  // the range and the hard stops
+  accept(changed);  // checks the range and the hard stops
   shaft_.stop();
   place(position_counts);
   rests_ = false;
@@ -150,14 +150,15 @@ void Plant::inject(Injection injection, bool on) {
   const bool frozen = (injections_ & freezes_encoder) != 0;
   if (frozen && (unusual_ & encoder_frozen) == 0) frozen_position_ = position_;
   unusual_ = static_cast<std::uint8_t>((unusual_ & two_phases) | (frozen ? encoder_frozen : 0u));
-  const unsigned phases = (unusual_ & two_phases) != 0 ? 2 : 3;  // two windings have no wire W
+  const unsigned phases = (unusual_ & two_phases) != 0 ? 2 : 3;  // a motor with two windings has no wire W
   for (unsigned phase = 0; phase < phases; ++phase) {
     const auto open = static_cast<unsigned>(Injection::open_phase_u) + phase;
     const auto shorted = static_cast<unsigned>(Injection::short_phase_u) + phase;
     unusual_ |= static_cast<std::uint8_t>((injections_ >> open & 1u) << (open_shift + phase));
     unusual_ |= static_cast<std::uint8_t>((injections_ >> shorted & 1u) << (short_shift + phase));
   }
-  if (injection == Injection::brake_stuck && brake_countdown_ == 0) brake_countdown_ = 1;  // ask the brake again
+  // lets the brake evaluate its command again
+  if (injection == Injection::brake_stuck && brake_countdown_ == 0) brake_countdown_ = 1;
   update_readings();
 }
 
@@ -174,7 +175,7 @@ double Plant::load_position_counts() const {
          shaft_.twist_rad() * counts_per_revolution_ / (2.0 * std::numbers::pi);
 }
 double Plant::torque_nm() const { return torque_nm_; }
-// With an encoder that counts the other way a positive q current gives a torque towards smaller counts.
+// If the encoder counts in the other direction, a positive q current gives a torque towards smaller counts.
 double Plant::current_a() const { return windings_.quadrature_a * parameters_.encoder.direction; }
 double Plant::direct_current_a() const { return windings_.direct_a; }
 double Plant::electrical_angle_turns() const {

@@ -6,7 +6,7 @@ namespace servodrome::plant {
 
 namespace {
 constexpr double h = drive::tick_seconds;
-constexpr double precharge_complete = 0.97;  // of the supply voltage: then the relay bridges the precharge resistor
+constexpr double precharge_complete = 0.97;  // share of the supply voltage at which the precharge ends
 }  // namespace
 
 DcLink::DcLink(const Supply& supply)

@@ -8,16 +8,17 @@
 #include "plant/parameters.hpp"
 
 // The DC link: a source behind a rectifier and a resistance, the drive's relay with its precharge, a capacitor, brake
-// and bleeder resistor, and the drive's own electronics: the source carries them, and without it the capacitor does.
-// Energy is what is kept: the capacitor loses exactly what the motor takes and gains exactly what it gives back.
+// and bleeder resistors, and the drive's electronics, which the source feeds, or the capacitor without the source. The
+// model conserves energy: the capacitor loses exactly the energy that the motor takes, and gains exactly what it
+// returns.
 namespace servodrome::plant {
 
 class DcLink {
  public:
   explicit DcLink(const Supply& supply);
 
-  // One tick: `power_w` goes to the motor (negative: comes back), `stage_w` becomes heat in the power stage, the brake
-  // resistor conducts or not, the relay is closed or not.
+  // Advances by one tick. `power_w` goes to the motor (negative: comes back), `stage_w` becomes heat in the power
+  // stage. `chopper_on`: the brake resistor conducts. `connected`: the relay is closed.
   void step(double power_w, double stage_w, bool chopper_on, bool connected) {
     if (connected != connected_) [[unlikely]]
       set_connected(connected);
@@ -31,7 +32,7 @@ class DcLink {
   }
 
   void set_supply_v(double volts);
-  void discharge();  // at once, relay open
+  void discharge();  // empties the link at once and opens the relay
 
   double volts() const { return volts_; }
   double supplied_j() const { return supplied_j_; }
@@ -41,15 +42,15 @@ class DcLink {
   double stored_j() const { return half_capacitance_ * volts_ * volts_; }
 
  private:
-  static constexpr double empty_v = 10.0;  // below, nothing in the drive switches
+  static constexpr double empty_v = 10.0;  // below this voltage, nothing in the drive switches
 
-  // A tick with brake and bleeder resistor as they are.
+  // Coefficients of one tick with the bleeder, and with or without the brake resistor.
   struct Leak {
-    double keep;           // of the voltage, without the source
-    double fed_keep;       // of its distance from where the source would hold it
-    double fed_v;          // where that is, without any other current,
-    double fed_ohm;        // and by how much each A changes it
-    double per_square_v2;  // J
+    double keep;           // share of the voltage that remains without the source
+    double fed_keep;       // with the source: share of the distance from the steady state that remains
+    double fed_v;          // steady voltage with the source, without any other current
+    double fed_ohm;        // decrease of that voltage per A of current
+    double per_square_v2;  // J per V^2 lost in the resistors
   };
   void exchange(double power_w, bool chopper_on) {
     const double start_v = volts_;
@@ -57,10 +58,10 @@ class DcLink {
     const double kept_v = start_v * leak.keep;
     double current_a = 0.0;
     double free_v = kept_v;
-    if (power_w != 0.0) {  // else nothing waits for a division
+    if (power_w != 0.0) {  // avoids a division in the common case
       const double per_volt = 1.0 / std::max(kept_v, 1.0e-9);
       current_a = power_w * per_volt;
-      const double used = current_a * tick_over_capacitance_ * per_volt;  // half the share of energy taken
+      const double used = current_a * tick_over_capacitance_ * per_volt;  // half the share of the energy that is taken
       if (std::abs(used) < 0.01) [[likely]] {
         free_v = kept_v * (1.0 - used - 0.5 * used * used);  // sqrt(1 - 2 used) to 5e-7
       } else {
@@ -68,7 +69,7 @@ class DcLink {
       }
     }
     // With the source connected the link relaxes exponentially to (source - resistance * current) / (1 + resistance *
-    // leak); the rectifier lets nothing back. A source of 0 V stands for the open relay.
+    // leak); no current flows back through the rectifier. A source of 0 V represents the open relay.
     const double target_v = leak.fed_v - current_a * leak.fed_ohm;
     const double fed_v = std::min(target_v + (start_v - target_v) * leak.fed_keep, source_v_);
     if (fed_v > free_v) {
@@ -84,9 +85,9 @@ class DcLink {
     if (precharging_) [[unlikely]]
       end_precharge();
   }
-  void step_alone(double power_w, bool chopper_on);  // above the source's voltage, which carries nothing then
+  void step_alone(double power_w, bool chopper_on);  // link above the source's voltage: the source feeds nothing
   void set_connected(bool connected);
-  double standby_power() {  // of this tick, W: no more than there is
+  double standby_power() {  // power in this tick, W; limited to the stored energy
     const double energy_j = std::min(standby_w_ * drive::tick_seconds, stored_j());
     standby_j_ += energy_j;
     return energy_j / drive::tick_seconds;
@@ -97,7 +98,7 @@ class DcLink {
   double volts_ = 0.0;
   double source_v_ = 0.0;                  // 0 while the relay is open
   double source_resistance_in_use_ = 0.0;  // of the source or of the precharge
-  std::array<Leak, 2> leaks_{};            // bleeder; with the chopper
+  std::array<Leak, 2> leaks_{};            // bleeder alone; with the brake resistor
   double tick_over_capacitance_;
   double half_capacitance_;
   double supplied_j_ = 0.0;
@@ -106,12 +107,12 @@ class DcLink {
   bool precharging_ = false;
 
   double stage_j_ = 0.0;
-  double standby_j_ = 0.0;  // of the electronics, out of the capacitor
+  double standby_j_ = 0.0;  // energy of the electronics, from the capacitor
   double supply_v_;
   double standby_w_;
   double source_resistance_;
   double precharge_resistance_;
-  std::array<double, 2> leak_s_;  // conductances, as leaks_
+  std::array<double, 2> leak_s_;  // conductances, in the order of leaks_
 };
 
 }  // namespace servodrome::plant

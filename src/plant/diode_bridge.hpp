@@ -4,9 +4,9 @@
 #include <array>
 #include <cstddef>
 
-// The voltages that six diodes, all switches open, can have across the windings, in the rotor frame. Between them lie
-// those at which no diode conducts, or two (on a side), in a corner three: of a star of three phases the hexagon of the
-// DC link, of two windings with a bridge each its square.
+// The voltages across the windings, in the rotor frame, that six diodes can make while all switches are open. They form
+// a polygon. On its corners three diodes conduct, on its sides two, inside it none. A star of three phases gives the
+// hexagon of the DC link; two windings with one bridge each give its square.
 namespace servodrome::plant {
 
 struct Vector {
@@ -37,7 +37,8 @@ class DiodeBridge {
     }
   }
 
-  // `point` if the bridge has it, else the nearest it has; `weights` of the squares of both axes make the distance.
+  // Returns `point` if it lies in the polygon, else the nearest point of it. `weights` scale the squares of both axes
+  // in the distance.
   Vector nearest(Vector point, Vector weights) const {
     const auto product = [weights](Vector a, Vector b) { return weights.d * a.d * b.d + weights.q * a.q * b.q; };
     Vector best;
@@ -63,7 +64,7 @@ class DiodeBridge {
  private:
   std::array<Vector, 6> corners_{};  // counter-clockwise
   std::size_t count_;
-  bool empty_;  // a short circuit
+  bool empty_;  // no DC link voltage: the diodes short the windings
 };
 
 }  // namespace servodrome::plant

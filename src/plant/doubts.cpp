@@ -13,7 +13,7 @@ namespace {
 
 constexpr double h = drive::tick_seconds;
 constexpr double rad_s_per_rpm = std::numbers::pi / 30.0;
-constexpr double nameplate_share = 1.03;        // what data sheets round
+constexpr double nameplate_share = 1.03;        // rounding in data sheets
 constexpr double fastest_stop_rad_s = 2.0e6;    // see decision 19
 constexpr double fastest_vibration_rad = 1.0;   // angle per tick; a faster vibration is damped
 constexpr double largest_electrical_rad = 1.0;  // angle per tick; a current loop needs less
@@ -43,7 +43,7 @@ std::vector<std::string> doubts(const Parameters& p) {
              "than a drive of 16 kHz can hold",
              motor.pole_pairs, electrical * h));
   }
-  // Between two phases of three; two windings have a bridge each.
+  // Between two of three phases; each of two windings has its own bridge.
   const double emf_v = electrical * flux_linkage_vs(motor) * (motor.phases == 3 ? std::numbers::sqrt3 : 1.0);
   if (emf_v > p.supply.volts) {
     messages.push_back(

@@ -2,7 +2,8 @@
 
 #include "plant/parameters.hpp"
 
-// Winding, motor case and power stage against ambient. Slow, so it is stepped every `ticks_per_step` ticks.
+// Temperatures of winding, motor case and power stage, with the heat flow to ambient. They change slowly, so one step
+// covers `ticks_per_step` ticks.
 namespace servodrome::plant {
 
 class Heat {
@@ -21,9 +22,9 @@ class Heat {
   double ambient_c;
 
  private:
-  // Backward Euler of the two coupled nodes, solved once at construction: new = m * (old + gains).
+  // Backward Euler for the two coupled nodes, solved once at construction: new = m * (old + gains).
   double winding_rate_;   // conductance winding to case * step / heat capacity of the winding
-  double case_rate_;      // the same conductance by the heat capacity of the case
+  double case_rate_;      // the same conductance * step / heat capacity of the case
   double loss_rate_;      // conductance case to ambient * step / heat capacity of the case
   double inverse_;        // 1 / determinant
   double winding_per_w_;  // K per W in a step

@@ -5,25 +5,25 @@
 #include <optional>
 #include <string_view>
 
-// Faults the bench can put into a plant.
+// Faults that the bench can inject into a plant.
 namespace servodrome::plant {
 
 enum class Injection : std::uint8_t {
   encoder_loss,        // no answer: the position freezes, EncoderFault::connection_lost
-  encoder_crc,         // telegrams arrive spoilt: the position freezes, EncoderFault::crc
+  encoder_crc,         // corrupted telegrams: the position freezes, EncoderFault::crc
   encoder_delimiter,   // likewise, EncoderFault::delimiter
-  encoder_multi_turn,  // the bit alone, as are the four that follow
+  encoder_multi_turn,  // sets only the fault bit, as the four that follow
   encoder_count,
   encoder_overflow,
   hall_wiring,
   hall_state,
-  open_phase_u,  // wire cut: that phase carries no current; a motor of two phases has U and V
+  open_phase_u,  // wire cut: no current in that phase; a motor with two windings has U and V
   open_phase_v,
   open_phase_w,
   short_phase_u,  // output shorted to the negative rail of the DC link
   short_phase_v,
   short_phase_w,
-  bus_overcurrent,  // the comparator's bit, as are the three that follow
+  bus_overcurrent,  // sets only the comparator's bit, as the three that follow
   short_circuit,
   gate_supply_low,
   internal,
@@ -34,7 +34,7 @@ enum class Injection : std::uint8_t {
   ambient_hot,       // 90 degC
   ambient_cold,      // -40 degC
   chopper_broken,    // the brake resistor does not conduct
-  supply_loss,       // mains failure: the DC link is fed no longer
+  supply_loss,       // mains failure: the DC link is not fed any more
 };
 
 struct InjectionName {
@@ -71,7 +71,7 @@ inline constexpr std::array injection_names{
     InjectionName{Injection::supply_loss, "supply_loss"},
 };
 
-// By the name the bench API uses; nothing if there is none of that name.
+// Finds an injection by the name in the bench API; empty if the name is unknown.
 constexpr std::optional<Injection> injection_from_name(std::string_view name) {
   for (const InjectionName& entry : injection_names) {
     if (entry.name == name) return entry.injection;

@@ -15,7 +15,7 @@ constexpr double tick_us = drive::tick_seconds * 1.0e6;
 
 drive::SinCos at(double turns) { return drive::sin_cos(drive::phase_of(turns)); }
 
-// amplitude * sin(x + phase), as its shares of sin x and cos x.
+// Coefficients of sin x and cos x in amplitude * sin(x + phase).
 std::array<double, 2> shares(double amplitude, double phase_turns) {
   const drive::SinCos phase = at(phase_turns);
   return {amplitude * static_cast<double>(phase.cosine), amplitude * static_cast<double>(phase.sine)};
@@ -68,7 +68,7 @@ void Measurement::measure_currents(const std::array<float, 4>& noise, drive::Fee
   }
 }
 
-// How far the shaft has moved since the encoder was read.
+// Distance that the shaft has moved since the encoder sampled it.
 double Measurement::latency_counts(const ShaftPlace& place) const {
   const auto since = [&](std::size_t ticks) {
     const ShaftPlace& then = past_[(tick_ + past_ticks - ticks) % past_ticks];

@@ -10,24 +10,24 @@
 
 namespace servodrome::plant {
 
-// Where the shaft truly is: counts + fraction, the fraction within 0 .. 1.
+// True position of the shaft: counts + fraction, with the fraction in 0 .. 1.
 struct ShaftPlace {
   std::int64_t counts = 0;
   double fraction = 0.0;
 };
 
-// What real sensors make of the currents and of the position: offset, gain error, noise and resolution; the errors of
-// an encoder's mounting and interpolation, its noise and its latency. Everything is drawn from the seed.
+// Errors of real sensors: offset, gain error, noise and resolution of the current sensors; mounting and interpolation
+// errors, noise and latency of the encoder. All random values come from the seed.
 class Measurement {
  public:
-  // `range_a`: amplitude up to which the current sensors measure, if Sensors::current_range_a does not say it.
+  // `range_a`: amplitude range of the current sensors if Sensors::current_range_a does not give it.
   Measurement(const Sensors& sensors, std::int32_t counts_per_revolution, double range_a);
 
   bool ideal() const { return ideal_; }
-  // Replaces the true currents in `feedback`, and its position unless the encoder is `frozen`, by what is measured.
-  // Once a tick.
+  // Replaces the true currents in `feedback` by measured ones, and the position too unless the encoder is `frozen`.
+  // Call it once per tick.
   void measure(const ShaftPlace& place, bool frozen, drive::Feedback& feedback);
-  // The shaft was put somewhere else without moving.
+  // The shaft was placed elsewhere without moving: resets the history.
   void place(const ShaftPlace& place) { past_.fill(place); }
 
  private:
@@ -35,7 +35,7 @@ class Measurement {
     float gain = 1.0F;
     float offset_a = 0.0F;
   };
-  static constexpr std::size_t past_ticks = 8;  // a power of two, more than the longest latency has
+  static constexpr std::size_t past_ticks = 8;  // a power of two above the longest latency in ticks
 
   void measure_currents(const std::array<float, 4>& noise, drive::Feedback& feedback) const;
   void measure_position(const ShaftPlace& place, double noise, drive::Feedback& feedback) const;
@@ -54,13 +54,13 @@ class Measurement {
   double latency_ticks_;
   double position_noise_counts_;
   double eccentricity_counts_;
-  double eccentricity_phase_;  // turns, as below
+  double eccentricity_phase_;  // in turns
   double lines_;
-  // Amplitudes at the phase of the signal period: sine and cosine, once and twice per period.
+  // Amplitudes of sine and cosine, once and twice per signal period.
   std::array<double, 2> once_counts_{};
   std::array<double, 2> twice_counts_{};
   std::size_t tick_ = 0;
-  std::array<ShaftPlace, past_ticks> past_{};  // of tick n at n modulo its size
+  std::array<ShaftPlace, past_ticks> past_{};  // the entry of tick n is at n modulo the size
 };
 
 }  // namespace servodrome::plant

@@ -5,12 +5,12 @@
 
 namespace servodrome::plant {
 
-// Noise out of a seed, the same on every machine (splitmix64 by Steele, Lea and Flood, 2014).
+// Pseudo-random noise from a seed, the same on every machine (splitmix64 by Steele, Lea and Flood, 2014).
 class Noise {
  public:
   explicit Noise(std::uint64_t seed) : state_(seed) {}
 
-  // Four draws of mean 0 and standard deviation 1, each the sum of two even ones: nearly normal, never beyond 2.45.
+  // Four values of mean 0 and standard deviation 1. Each is a sum of two uniform values: nearly normal, at most 2.45.
   std::array<float, 4> four() {
     const std::uint64_t first = next();
     const std::uint64_t second = next();
@@ -23,7 +23,7 @@ class Noise {
     }
     return result;
   }
-  // Even in -1 .. 1.
+  // A uniform value in -1 .. 1.
   double even() { return static_cast<double>(next() >> 11) * 0x1p-52 - 1.0; }
 
  private:

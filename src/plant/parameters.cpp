@@ -25,7 +25,7 @@ std::string number(double value) {
 }
 
 void check(std::vector<std::string>& messages, std::string_view name, double value, double least, double most) {
-  if (value >= least && value <= most) return;  // a NaN is in no range
+  if (value >= least && value <= most) return;  // a NaN fails this comparison
   messages.push_back(std::string(name) + ": " + number(value) + " is not within " + number(least) + " .. " +
                      number(most));
 }
@@ -54,8 +54,8 @@ void check_motor(std::vector<std::string>& messages, const Parameters& p) {
   const Motor& motor = p.motor;
   check(messages, "motor.quadrature_inductance_h / motor.direct_inductance_h",
         motor.quadrature_inductance_h / motor.direct_inductance_h, 0.1, 10.0);
-  // Rotor against winding, an oscillation of p flux sqrt(phases / 2 / (J L)): some 500 to 4000 rad/s in real motors.
-  // Beyond the tick's reach it would no longer be this motor that is simulated.
+  // The rotor oscillates against the field of the winding with p flux sqrt(phases / 2 / (J L)): about 500 to 4000 rad/s
+  // in real motors. An oscillation too fast for the tick would simulate a different motor.
   const double flux = flux_linkage_vs(motor) * motor.pole_pairs;
   const double inductance = std::min(motor.direct_inductance_h, motor.quadrature_inductance_h);
   if (!(drive::tick_seconds * flux * std::sqrt(0.5 * motor.phases / (motor.rotor_inertia_kgm2 * inductance)) <= 1.0)) {
@@ -64,7 +64,7 @@ void check_motor(std::vector<std::string>& messages, const Parameters& p) {
         "oscillate "
         "faster than the base tick shows)");
   }
-  // Cogging is evaluated at mid-tick, which needs its own oscillation to be slow against the tick.
+  // Cogging is evaluated at mid-tick, so its own oscillation must be slow compared with the tick.
   const double rate = drive::tick_seconds * std::sqrt(motor.cogging_torque_nm * motor.cogging_periods_per_revolution /
                                                       motor.rotor_inertia_kgm2);
   if (!(rate <= 1.0)) {
@@ -183,7 +183,7 @@ std::vector<std::string> validate(const Parameters& p) {
   for (const Check& one : checks) check(messages, one.name, one.value, one.least, one.most);
   if (e.direction != 1 && e.direction != -1) messages.emplace_back("encoder.direction: must be 1 or -1");
   if (!is_position(e.start_position_counts)) messages.emplace_back("encoder.start_position_counts: beyond 2^61");
-  if (messages.empty()) check_motor(messages, p);  // what depends on several parameters together
+  if (messages.empty()) check_motor(messages, p);  // checks of several parameters together
   check_load(messages, p);
   check_switches(messages, p);
   return messages;

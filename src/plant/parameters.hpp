@@ -6,19 +6,20 @@
 #include <string>
 #include <vector>
 
-// What a plant is made of. The defaults are a 400 W servo motor of 60 mm flange on a rectified 220 V supply. The range
-// in brackets is what `validate` accepts; within it the plant is stable and finite, whatever the combination.
+// Parameters of a plant. The defaults describe a 400 W servo motor with a 60 mm flange on a rectified 220 V supply. The
+// range in brackets is what `validate` accepts; within it the plant is stable and finite for every combination.
 //
-// Signs: positive is the direction in which the encoder counts up, for positions, speeds and torques alike. Gravity and
-// load torque are given as what the motor has to hold: a positive value pulls towards smaller counts.
+// Signs: positive is the direction in which the encoder counts up, for positions, speeds and torques. Gravity and load
+// torque are given as the torque that the motor has to hold: a positive value pulls towards smaller counts.
 namespace servodrome::plant {
 
-// Permanent-magnet synchronous motor, in three phases, or as a hybrid stepper in two. Phase values are line to neutral
-// (half the line-to-line figure of a data sheet), with two phases those of one winding, as its data sheet has them.
+// Permanent-magnet synchronous motor with three phases, or a hybrid stepper with two. Values per phase are line to
+// neutral (half the line-to-line value of a data sheet); with two phases they are those of one winding, as in its data
+// sheet.
 struct Motor {
   // [2, 3]; 3: a star on three half bridges; 2: windings in quadrature, U and V, each on its own full bridge
   int phases = 3;
-  double rated_torque_nm = 1.27;            // (0, 1e5]: for the per-unit figures of users; not used by the step
+  double rated_torque_nm = 1.27;            // (0, 1e5]: for users' per-unit values; the step does not use it
   double rated_current_a = 2.7;             // (0, 1e4] A rms: likewise
   double rated_speed_rpm = 3000.0;          // (0, 1e5]: likewise
   int pole_pairs = 5;                       // [1, 100]
@@ -32,8 +33,8 @@ struct Motor {
   double cogging_torque_nm = 0.0;           // [0, 1e3] amplitude
   int cogging_periods_per_revolution = 30;  // [1, 1000]; with the amplitude: see validate
   double copper_temperature_coefficient = 3.93e-3;  // [0, 0.01] per K
-  double brake_torque_nm = 0.0;                     // [0, 1e5] static holding torque; 0: no brake fitted
-  double brake_release_ms = 30.0;                   // [0, 1e4] from command to no torque
+  double brake_torque_nm = 0.0;                     // [0, 1e5] static holding torque; 0: no brake
+  double brake_release_ms = 30.0;                   // [0, 1e4] from command until the torque is gone
   double brake_engage_ms = 20.0;                    // [0, 1e4] from command to full torque
 };
 
@@ -42,16 +43,16 @@ double flux_linkage_vs(const Motor& motor);
 
 inline constexpr std::int64_t no_low_limit = std::numeric_limits<std::int64_t>::min();
 inline constexpr std::int64_t no_high_limit = std::numeric_limits<std::int64_t>::max();
-inline constexpr std::int64_t largest_position_counts = std::int64_t{1} << 61;  // of anything given as a position
+inline constexpr std::int64_t largest_position_counts = std::int64_t{1} << 61;  // of any position parameter
 
-// The load as the motor shaft sees it.
+// The load, referred to the motor shaft.
 struct Load {
   double inertia_kgm2 = 0.28e-4;         // [0, 1e3]; elastic: [1e-8, 1e3]
   double viscous_friction_nms = 1.0e-5;  // [0, 1e3] Nm per rad/s
   double coulomb_friction_nm = 0.01;     // [0, 1e5] while sliding
   double static_friction_nm = 0.015;     // [coulomb, 1e5] breakaway
-  double gravity_torque_nm = 0.0;        // [-1e5, 1e5] constant, as of a hanging load
-  double external_torque_nm = 0.0;       // [-1e5, 1e5] what the bench changes while running
+  double gravity_torque_nm = 0.0;        // [-1e5, 1e5] constant, as from a hanging load
+  double external_torque_nm = 0.0;       // [-1e5, 1e5] changed by the bench while running
 
   bool elastic = false;                 // false: the load is rigid with the rotor
   double stiffness_nm_per_rad = 500.0;  // [1e-3, 1e8] of the coupling
@@ -64,24 +65,24 @@ struct Load {
   double stop_damping_nms = 1.0;                  // [0, 1e5]
 };
 
-// Supply, DC link and what protects the power stage.
+// Supply, DC link and protection of the power stage.
 struct Supply {
   double volts = 310.0;                     // [0, 2000] rectified, no load
   double source_resistance_ohm = 0.3;       // [1e-4, 1e3]
   double capacitance_f = 680.0e-6;          // [1e-6, 10]
-  double precharge_time_constant_s = 0.03;  // [0, 10]: the link charges so after the relay closed; then directly
+  double precharge_time_constant_s = 0.03;  // [0, 10]: charging after the relay closed; then direct
   double bleeder_resistance_ohm = 50.0e3;   // [1, 1e9]: discharges the link
-  double standby_w = 0.0;                   // [0, 1e4] the drive's electronics, out of the link without the source
+  double standby_w = 0.0;                   // [0, 1e4] of the drive's electronics, from the link if the source is off
   double chopper_resistance_ohm = 40.0;     // [0.1, 1e6] brake resistor
-  bool charged_at_start = false;            // the link starts at `volts` (and closed), not empty
-  double overcurrent_a = 20.0;              // [0.01, 1e5] phase amplitude at which the comparators speak
+  bool charged_at_start = false;            // the link starts at `volts` with the relay closed, not empty
+  double overcurrent_a = 20.0;              // [0.01, 1e5] phase amplitude that trips the comparators
   double bus_overcurrent_a = 40.0;          // [0.01, 1e5] DC current likewise
 };
 
 struct Encoder {
   std::int32_t counts_per_revolution = 131072;  // [1, 2^24]
   std::int64_t start_position_counts = 0;       // multi-turn position at power on
-  int direction = 1;                            // +1 or -1: counts while the phases turn U, V, W
+  int direction = 1;                            // +1 or -1: direction of counting while the phases turn U, V, W
   double commutation_offset_turns = 0.0;        // [0, 1) electrical angle of the d axis at single-turn count 0
   std::int32_t index_position_counts = 0;       // [0, counts per revolution)
   std::int32_t index_width_counts = 1;          // [0, counts per revolution); 0: no index
@@ -98,7 +99,8 @@ struct Switch {
 
 inline constexpr std::size_t most_switches = 8;
 
-// Winding to case to ambient for the motor, power stage to ambient for the drive. The encoder is as warm as the case.
+// Heat flows from winding to case to ambient in the motor, and from power stage to ambient in the drive. The encoder
+// has the temperature of the case.
 struct Thermal {
   double ambient_c = 25.0;                      // [-60, 150]
   double winding_heat_capacity_j_per_k = 60.0;  // [0.01, 1e7]
@@ -108,25 +110,25 @@ struct Thermal {
   double stage_heat_capacity_j_per_k = 200.0;   // [0.01, 1e7]
   double stage_to_ambient_k_per_w = 1.5;        // [1e-4, 1e4]
   double stage_standby_w = 5.0;                 // [0, 1e5] while the PWM runs
-  double stage_resistance_ohm = 0.1;            // [0, 100] per phase, of the switches: heats, does not drop voltage
+  double stage_resistance_ohm = 0.1;            // [0, 100] per phase, of the switches: heats, without a voltage drop
 };
 
-// What the power stage does beside what it is told. Typical values of a drive of some hundred watts.
+// Deviations of the real power stage from its command. Typical values of a drive of a few hundred watts.
 struct Stage {
-  bool ideal = true;                    // none of it
-  int delay_ticks = 1;                  // [0, 3] from the sampling of the currents to the voltage that answers it
+  bool ideal = true;                    // no deviations
+  int delay_ticks = 1;                  // [0, 3] from the current sampling to the voltage that responds to it
   double dead_time_us = 1.5;            // [0, 10] of a half bridge
-  double dead_time_compensation = 0.9;  // [0, 1] share of it that the drive makes up for
-  double switch_drop_v = 1.0;           // [0, 10] across a transistor or diode that conducts
-  double modulation_limit = 0.96;       // [0.1, 1] share of the DC link that the duty cycles reach
+  double dead_time_compensation = 0.9;  // [0, 1] share of the dead time that the drive compensates
+  double switch_drop_v = 1.0;           // [0, 10] across a conducting transistor or diode
+  double modulation_limit = 0.96;       // [0.1, 1] greatest share of the DC link that the duty cycles use
 };
 
-// What the sensors of current and position tell. Current errors are shares of the range.
+// Errors of the current and position sensors. Current errors are shares of the range.
 struct Sensors {
-  bool ideal = true;                         // the truth, in whole counts
-  std::uint32_t seed = 1;                    // of noise, offsets, gains and phases
+  bool ideal = true;                         // true values, in whole counts
+  std::uint32_t seed = 1;                    // for noise, offsets, gains and phases
   double current_range_a = 0.0;              // [0, 1e5] amplitude; 0: supply.overcurrent_a
-  int current_bits = 12;                     // [0, 24] of the converter, for both directions; 0: as fine as can be
+  int current_bits = 12;                     // [0, 24] of the converter, for both directions; 0: no quantisation
   double current_noise = 0.0003;             // [0, 0.1] r.m.s.
   double current_offset = 0.001;             // [0, 0.1] at most, of each phase, after the drive's own calibration
   double current_gain_error = 0.005;         // [0, 0.2] at most, of each phase
@@ -144,14 +146,14 @@ struct Parameters {
   Supply supply;
   Encoder encoder;
   std::array<Switch, most_switches> switches{};
-  std::size_t switch_count = 0;  // the first `switch_count` are fitted
+  std::size_t switch_count = 0;  // number of switches in use, at the start of the array
   Thermal thermal;
   Stage stage;
   Sensors sensors;
 };
 
-// What is wrong with `parameters`, one message each, beginning with the name of the parameter ("motor.pole_pairs:
-// ..."). Empty: all is well. A Plant may only be made of parameters without a message.
+// Returns one message for each error in `parameters`, beginning with the name of the parameter ("motor.pole_pairs:
+// ..."). If it is empty, a Plant can be constructed.
 std::vector<std::string> validate(const Parameters& parameters);
 
 }  // namespace servodrome::plant

@@ -13,15 +13,15 @@ namespace {
 constexpr double h = drive::tick_seconds;
 constexpr double two_pi = 2.0 * std::numbers::pi;
 constexpr double largest_fraction = 0x1.fffffffffffffp-1;
-constexpr double close_share = 1.0e-10;  // of the speed, to which windings in pieces and shaft agree about it
+constexpr double close_share = 1.0e-10;  // share of the speed within which windings in pieces and shaft must agree
 
 constexpr std::uint32_t bit(drive::HardwareFault fault) { return static_cast<std::uint32_t>(fault); }
 
-// Largest integer not above a value within +-2^51 that is not -0. Without SSE 4.1 std::floor is a call, and the way to
-// an integer and back takes three times as long, in the middle of what the next tick waits for. Nor is there a branch:
-// the fraction of a count would take it by chance.
+// Largest integer not above a value within +-2^51 that is not -0. Without SSE 4.1, std::floor is a call, and a
+// conversion to an integer and back takes three times as long, on the critical path of the tick. It has no branch,
+// because the fraction of a count would be mispredicted randomly.
 double floor_of(double value) {
-  constexpr double no_fraction = 0x1.8p52;  // what is added to it is rounded to an integer
+  constexpr double no_fraction = 0x1.8p52;  // adding it rounds to an integer
   const double nearest = (value + no_fraction) - no_fraction;
   return (nearest - 0.5) + std::copysign(0.5, value - nearest);
 }
@@ -34,7 +34,7 @@ const Parameters& valid(const Parameters& parameters) {
 
 }  // namespace
 
-// Of every tick; here so that step() may take them in.
+// Called in every tick; defined here so that step() can inline it.
 [[gnu::always_inline]] inline void Plant::update_angle(double phase) {
   const drive::SinCos angle = drive::sin_cos(static_cast<drive::Phase>(static_cast<std::int64_t>(phase)));
   sine_ = static_cast<double>(angle.sine);
@@ -135,7 +135,7 @@ void Plant::step_machine(const drive::Actuation& actuation, drive::Feedback& fee
   }
   const bool idle = !actuation.pwm_enabled && !actuation.short_circuit;
   if (rests_ && idle) return rest(actuation, feedback);
-  // A tick without power that begins and ends at rest is what every further one would be.
+  // If a tick without power begins and ends at rest, every further tick has the same result.
   const bool rested = idle && at_rest();
 
   const double rotor_torque = cogging_ ? cogging_torque_nm() : 0.0;
@@ -164,7 +164,7 @@ void Plant::step_machine(const drive::Actuation& actuation, drive::Feedback& fee
   if (!usual) [[unlikely]]
     bridges_run_ = actuation.pwm_enabled && !actuation.short_circuit;
 
-  // The usual tick is two lines each with its exception: currents, then motion.
+  // The usual tick takes two steps, each with an exceptional case: first currents, then motion.
   WindingTick windings;
   ShaftTick shaft;
   if (shaft_.elastic()) {
@@ -195,7 +195,7 @@ void Plant::step_machine(const drive::Actuation& actuation, drive::Feedback& fee
   torque_nm_ = windings.torque_nm;
   shaft_.elastic() ? shaft_.commit_general(shaft) : shaft_.commit(shaft);
   position_ = position;
-  // A hair below zero plus one rounds to one.
+  // A tiny negative fraction plus one rounds to one.
   const double fraction = std::min(moved - whole, largest_fraction);
   if (whole != 0.0 || fraction != fraction_) {
     fraction_ = fraction;
@@ -226,7 +226,7 @@ bool Plant::at_rest() const {
   return shaft_.at_rest() && windings_.direct_a == 0.0 && windings_.quadrature_a == 0.0 && torque_nm_ == 0.0;
 }
 
-// What is left of a tick in which nothing moves.
+// The rest of a tick in which nothing moves.
 void Plant::rest(const drive::Actuation& actuation, drive::Feedback& feedback) {
   dc_link_.step(0.0, 0.0, actuation.chopper_on && !injected(Injection::chopper_broken),
                 actuation.dc_link_connected && !injected(Injection::supply_loss));
@@ -249,8 +249,8 @@ void Plant::fill_unusual(Stationary current, drive::Feedback& feedback) const {
   }
   if ((unusual_ & two_phases) != 0) {
     feedback.phase_current_a = {static_cast<float>(current.alpha), static_cast<float>(current.beta), 0.0F};
-    // In every period of the PWM the upper switch of a shorted output closes on the negative rail. The current loop
-    // alone would not show it: the other end can hold the winding without voltage.
+    // In every PWM period the upper switch of a shorted output closes on the negative rail. The current loop alone
+    // would not detect it: the other end of the winding can keep the voltage across it at zero.
     const unsigned shorted = bridges_run_ ? unusual_ >> short_shift & 3u : 0u;
     feedback.hardware_faults |= shorted * bit(drive::HardwareFault::overcurrent_u);
   }
@@ -305,13 +305,13 @@ WindingTick Plant::solve_windings(const Excitation& excitation, const ShaftRespo
   return solve_further(excitation, shaft);
 }
 
-// Speed and torque of the tick by Newton's method, and then by the line through the last two.
+// Solves speed and torque of the tick, first with Newton's method, then with the secant method.
 WindingTick Plant::solve_further(const Excitation& excitation, const ShaftResponse& shaft) const {
   const bool driven = excitation.bridge == Bridge::driven;
   double torque = torque_nm_;
   double last_torque = 0.0;
   double last_missed = 0.0;
-  double falls = driven ? windings_.per_speed_nm() * shaft.slope : 0.0;  // Nm per Nm, with what it does to the speed
+  double falls = driven ? windings_.per_speed_nm() * shaft.slope : 0.0;  // Nm per Nm, by the effect of torque on speed
   for (int pass = 0; pass < 12; ++pass) {
     const Turn turn = foresee(shaft.offset_rad_s + shaft.slope * torque);
     const WindingTick tick = solve_turn(excitation, turn, shaft, {torque, windings_.direct_a});
@@ -330,9 +330,10 @@ WindingTick Plant::solve_further(const Excitation& excitation, const ShaftRespon
   return solve_bracketed(excitation, [&](double trial) { return shaft.offset_rad_s + shaft.slope * trial; });
 }
 
-// The torque at which windings and shaft agree, when nothing faster finds it: torque - torque(speed(torque)) changes
-// sign because the windings' torque is bounded. Where the speed jumps, as a contact is met or not, they cannot agree:
-// the torque is then that of the shaft, on the side of the jump on which energy is lost.
+// Finds by bisection the torque at which windings and shaft agree, if the faster methods fail. A solution exists
+// because torque - torque(speed(torque)) changes sign, since the windings' torque is bounded. If the speed jumps there
+// (a contact closes or not), windings and shaft cannot agree: then the shaft's torque on the side of the jump is used
+// on which energy is lost.
 template <typename MeanSpeed>
 WindingTick Plant::solve_bracketed(const Excitation& excitation, MeanSpeed mean_speed) const {
   WindingTick tick;
@@ -357,8 +358,8 @@ WindingTick Plant::solve_bracketed(const Excitation& excitation, MeanSpeed mean_
   return tick;
 }
 
-// Windings and shaft together where the shaft has more states than one: its response is taken at the torque known, the
-// currents are solved with it, and again if contact or friction turned out otherwise.
+// Solves windings and shaft together if the shaft has several states: linearises the shaft at the known torque, solves
+// the currents with it, and repeats if contact or friction has changed.
 template <typename SolveShaft>
 ShaftTick Plant::settle(const Excitation& excitation, WindingTick& windings, ShaftTick tick,
                         SolveShaft solve_shaft) const {
@@ -389,8 +390,8 @@ ShaftTick Plant::solve_general(const Excitation& excitation, double rotor_torque
   return settle(excitation, windings, solve_shaft(windings.torque_nm, false), solve_shaft);
 }
 
-// What the bridges put across the windings, as far as the DC link and shorted outputs let them; of a star against its
-// point.
+// Voltage of the bridges across the windings, limited by the DC link and by shorted outputs; for a star relative to its
+// star point.
 Plant::Stationary Plant::inverter_voltage(const drive::Actuation& actuation) const {
   const double link_v = dc_link_.volts();
   std::array<double, 3> volts{};
@@ -400,8 +401,8 @@ Plant::Stationary Plant::inverter_voltage(const drive::Actuation& actuation) con
   }
   const auto shorted = [this](std::size_t phase) { return (unusual_ >> (short_shift + phase) & 1u) != 0; };
   if ((unusual_ & two_phases) != 0) {
-    // Both ends of a winding swing about the middle of the DC link. With one of them on the negative rail the other
-    // still has its half.
+    // Both ends of a winding are symmetric about the middle of the DC link. If one is on the negative rail, the other
+    // still has its half of the voltage.
     for (std::size_t winding = 0; winding < 2; ++winding) {
       volts[winding] = std::clamp(volts[winding], -link_v, link_v);
       if (shorted(winding)) volts[winding] = 0.5 * (volts[winding] - link_v);
@@ -412,7 +413,7 @@ Plant::Stationary Plant::inverter_voltage(const drive::Actuation& actuation) con
   const double scale = most - least > link_v ? link_v / (most - least) : 1.0;  // the hexagon
   const double middle = 0.5 * (most + least);
   for (std::size_t phase = 0; phase < 3; ++phase) {
-    volts[phase] = scale * (volts[phase] - middle);  // the terminals, against the middle of the DC link
+    volts[phase] = scale * (volts[phase] - middle);  // the terminals, relative to the middle of the DC link
     if (shorted(phase)) volts[phase] = -0.5 * link_v;
   }
   return {(2.0 * volts[0] - volts[1] - volts[2]) * (1.0 / 3.0), (volts[1] - volts[2]) * 0.57735026918962576};
@@ -428,7 +429,7 @@ Plant::Excitation Plant::unusual_excitation(const drive::Actuation& actuation) c
   const unsigned open = (unusual_ & open_bits) >> open_shift;
   if (open == 0) return excitation;
   excitation.bridge = Bridge::open_phase;
-  if ((open & (open - 1u)) != 0) return excitation;  // two wires cut: no current has a way
+  if ((open & (open - 1u)) != 0) return excitation;  // two wires are cut: no closed path for a current
   // The current flows at right angles to the axis of the open phase.
   excitation.axis = {.alpha = 0.0, .beta = 1.0};
   if (open != 1u) {

@@ -16,11 +16,11 @@
 
 namespace servodrome::plant {
 
-// Energy book, in J since construction, for tests and the curious.
+// Energy balance in J since construction, for tests and information.
 struct Energy {
   double supplied_j = 0.0;     // from the source into the DC link (after the source resistance)
   double chopped_j = 0.0;      // into brake and bleeder resistor
-  double standby_j = 0.0;      // from the DC link into the drive's electronics, while the source does not carry them
+  double standby_j = 0.0;      // from the DC link into the drive's electronics, while the source does not feed them
   double stage_j = 0.0;        // from the DC link into the power stage's heat
   double to_motor_j = 0.0;     // from the DC link into the phases; negative while regenerating
   double copper_j = 0.0;       // into the windings' heat
@@ -32,47 +32,47 @@ struct Energy {
   double stop_j = 0.0;         // into the damping of the hard stops
 };
 
-// One axis: what a drive's power stage and terminals are connected to. A pure function of its parameters and of the
-// calls made to it: no clock, no randomness, no memory taken by step().
+// One axis: everything that a drive's power stage and terminals are connected to. Its state depends only on its
+// parameters and on the calls: no clock, no true randomness, no memory allocation in step().
 class Plant {
  public:
-  // `parameters` must be such that validate() has nothing to say; throws std::invalid_argument with its first message.
+  // Throws std::invalid_argument with the first message of validate(), if there is one.
   explicit Plant(const Parameters& parameters);
 
   // Advances by one base tick (62.5 us) with `actuation` held, then samples `feedback` at its end.
   void step(const drive::Actuation& actuation, drive::Feedback& feedback);
 
-  // Fills `feedback` with the present state without advancing; no edges. For a drive that is just powered up.
+  // Fills `feedback` with the present state without advancing; without edges. For a drive that was just switched on.
   void sample(drive::Feedback& feedback) const;
 
-  // --- Bench hooks; effective from the next step. Values outside of the accepted range throw std::invalid_argument.
+  // --- Bench hooks; effective from the next step. Values outside the accepted range throw std::invalid_argument.
   void set_external_torque_nm(double torque_nm);
   void set_load_inertia_kgm2(double inertia_kgm2);
-  void set_coulomb_friction_nm(double torque_nm);  // of the load; breakaway torque is raised by the same amount
+  void set_coulomb_friction_nm(double torque_nm);  // of the load; also raises the breakaway torque by the same amount
   void set_supply_v(double volts);
   void set_ambient_c(double temperature_c);
-  void set_position_counts(std::int64_t position_counts);  // places the axis at rest; switch levels follow, no edges
+  void set_position_counts(std::int64_t position_counts);  // places the axis at rest; no edges
   void lock_rotor(bool locked);
-  void force_input(int wire, bool level);  // wire 0..31; a change of level gives an edge at the present position
-  void release_input(int wire);            // back to the geometry
+  void force_input(int wire, bool level);  // wire 0..31; a changed level gives an edge at the present position
+  void release_input(int wire);            // the wire follows its switch again
   void inject(Injection injection, bool on);
   bool injected(Injection injection) const { return (injections_ >> static_cast<unsigned>(injection) & 1u) != 0; }
 
-  // Power cycle of the drive's electronics: the DC link is emptied, injections and forced inputs stay.
+  // Power cycle of the drive's electronics: empties the DC link; injections and forced inputs remain.
   void discharge_dc_link();
 
-  // --- The true state, whatever the sensors say.
+  // --- The true state, without sensor errors.
   const Parameters& parameters() const;
   std::int64_t position_counts() const;
   double position_fraction() const;       // of a count, [0, 1): true position = counts + fraction
   double velocity_rpm() const;            // of the rotor
   double load_velocity_rpm() const;       // differs from the rotor's with an elastic coupling
-  double load_position_counts() const;    // likewise; relative to the encoder
+  double load_position_counts() const;    // likewise; in counts of the encoder
   double coupling_twist_rad() const;      // rotor minus load
   double torque_nm() const;               // electromagnetic, average of the last tick
   double current_a() const;               // torque-producing (q), amplitude, signed
   double direct_current_a() const;        // amplitude
-  double electrical_angle_turns() const;  // of the d axis against phase U, [0, 1); V is ahead by 1/3, of two by 1/4
+  double electrical_angle_turns() const;  // of the d axis against phase U, [0, 1); V leads by 1/3, with two phases 1/4
   double dc_link_v() const;
   double winding_temperature_c() const;
   double case_temperature_c() const;
@@ -86,32 +86,32 @@ class Plant {
 
   enum class Bridge : std::uint8_t { driven, freewheeling, open_phase };
 
-  // What a tick of three sound phases and a sound encoder does not know, in unusual_: one bit for each open phase U, V,
-  // W, one for each shorted, one for windings in quadrature, one for a position that is not told any more.
+  // Deviations from three sound phases and a sound encoder, in unusual_: one bit for each open phase U, V, W, one for
+  // each shorted phase, one for two windings in quadrature, one for a frozen position.
   static constexpr unsigned open_shift = 0;
   static constexpr unsigned short_shift = 3;
   static constexpr unsigned open_bits = 7u << open_shift;
   static constexpr unsigned two_phases = 1u << 6;
   static constexpr unsigned encoder_frozen = 1u << 7;
-  static constexpr unsigned seen_otherwise = open_bits | two_phases | encoder_frozen;  // in the feedback
+  static constexpr unsigned seen_otherwise = open_bits | two_phases | encoder_frozen;  // visible in the feedback
 
   struct Stationary {
     double alpha = 0.0;
     double beta = 0.0;
   };
 
-  // What the inverter does in this tick, as the stator has it.
+  // State of the inverter in this tick, in the stator frame.
   struct Excitation {
     Bridge bridge = Bridge::driven;
     Stationary volts{};
-    Stationary axis{};     // open_phase: of the current; of nothing: there is no path for one
+    Stationary axis{};     // open_phase: direction of the current; zero: there is no path for one
     bool blocked = false;  // open_phase: freewheeling
   };
 
   void step_machine(const drive::Actuation& actuation, drive::Feedback& feedback);
   void step_imperfect(const drive::Actuation& actuation, drive::Feedback& feedback);
   Turn foresee(double speed_rad_s) const { return {speed_rad_s, angle_per_speed_ * speed_rad_s}; }
-  // Whether the shaft turns otherwise than foreseen, by more than the windings may take for small.
+  // Does the real speed differ from the predicted speed by more than the windings tolerate?
   bool astray(const WindingTick& tick) const {
     constexpr double most_rad = 1.0e-3;  // electrical
     return std::abs(angle_per_speed_ * tick.unforeseen_rad_s) > most_rad;
@@ -150,7 +150,7 @@ class Plant {
   void fill(drive::Feedback& feedback) const;
   void fill_unusual(Stationary current, drive::Feedback& feedback) const;
 
-  // Every tick, in the order of use.
+  // Used in every tick, in the order of use.
   Windings windings_;
   double torque_nm_ = 0.0;
   double sine_ = 0.0;  // of the electrical angle at the end of the last tick
@@ -158,14 +158,14 @@ class Plant {
   double angle_per_speed_;     // electrical rad in a tick per rad/s
   std::int64_t position_ = 0;  // counts; true position = position_ + fraction_
   double fraction_ = 0.0;
-  double single_turn_ = 0.0;  // counts, whole ones
-  double counts_per_speed_;   // counts in a tick per rad/s
+  double single_turn_ = 0.0;  // whole counts
+  double counts_per_speed_;   // counts per tick per rad/s
   double phase_per_count_;    // drive::Phase per count
-  double phase_per_speed_;    // drive::Phase in a tick per rad/s
+  double phase_per_speed_;    // drive::Phase per tick per rad/s
   double commutation_phase_;
   double overcurrent_squared_;
   double bus_overcurrent_a_;
-  double stage_factor_;               // W in the power stage per square of the current's amplitude
+  double stage_factor_;               // W in the power stage per square of the current amplitude
   double stage_standby_w_;            // while the PWM runs
   double current_squared_sum_ = 0.0;  // since the last heat step
   double to_motor_j_ = 0.0;
@@ -177,9 +177,9 @@ class Plant {
   bool brake_command_released_ = false;
   std::int32_t brake_countdown_ = 0;  // ticks until the command takes effect; 0: settled
   std::uint8_t unusual_ = 0;
-  bool bridges_run_ = false;  // in the last tick, of two phases
-  bool imperfect_;            // the stage or the sensors
-  bool rests_ = false;        // held by friction and without current: nothing moves until the drive or the bench acts
+  bool bridges_run_ = false;  // in the last tick, for two phases
+  bool imperfect_;            // the power stage or the sensors have errors
+  bool rests_ = false;        // held by friction without current: nothing moves until the drive or the bench acts
   std::uint32_t encoder_faults_ = 0;
   std::uint32_t hardware_faults_ = 0;
   std::int32_t counts_per_revolution_;
@@ -191,18 +191,18 @@ class Plant {
   DcLink dc_link_;
   Shaft shaft_;
 
-  // Now and then.
+  // Used rarely.
   Heat heat_;
   PowerStage stage_;
   Measurement measurement_;
-  std::array<float, 3> current_a_{};  // of the phases, as it truly is: kept where it is not measured so
-  double switch_j_ = 0.0;             // into switches and diodes that drop voltage, since the last heat step
+  std::array<float, 3> current_a_{};  // true currents of the phases, kept because the feedback holds measured ones
+  double switch_j_ = 0.0;             // loss in switches and diodes since the last heat step
   double copper_j_ = 0.0;
-  double resistance_at_c_ = 25.0;  // winding temperature the resistance in use belongs to
+  double resistance_at_c_ = 25.0;  // winding temperature for which the present resistance was calculated
   std::int64_t frozen_position_ = 0;
   std::uint32_t injections_ = 0;
   bool locked_ = false;
-  std::uint8_t pending_edge_count_ = 0;  // of forced inputs, for the next tick
+  std::uint8_t pending_edge_count_ = 0;  // edges of forced inputs, for the next tick
   std::array<drive::Edge, 4> pending_edges_{};
   Parameters parameters_;
 };

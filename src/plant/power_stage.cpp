@@ -8,7 +8,7 @@ namespace servodrome::plant {
 namespace {
 
 constexpr double tick_us = drive::tick_seconds * 1.0e6;
-// A smaller share of the range does not recharge the output of a half bridge within the dead time.
+// Below this share of the range, the current is too small to recharge the output of a half bridge within the dead time.
 constexpr double soft_share = 0.01;
 
 }  // namespace
@@ -26,7 +26,7 @@ drive::Actuation PowerStage::apply(const drive::Actuation& commanded, const std:
                                    double link_v) {
   drive::Actuation acting = commanded;
   loss_w_ = 0.0;
-  if (!commanded.pwm_enabled || commanded.short_circuit) {  // both act at once, and the PWM begins with zero
+  if (!commanded.pwm_enabled || commanded.short_circuit) {  // both act at once; the PWM then restarts from zero
     waiting_ = {};
     return acting;
   }
@@ -40,7 +40,7 @@ drive::Actuation PowerStage::apply(const drive::Actuation& commanded, const std:
     volts[phase] = std::isfinite(wanted) ? wanted : 0.0;
   }
   const double most = modulation_limit_ * link_v;
-  // A winding in quadrature lies between two half bridges, one of a star is on one.
+  // A winding in quadrature lies between two half bridges; a winding of a star is on one.
   const double bridges = two_phases_ ? 2.0 : 1.0;
   double scale = 1.0;
   if (!two_phases_) {

@@ -8,17 +8,17 @@
 
 namespace servodrome::plant {
 
-// What a real power stage makes of the voltages that it is told: they come late, and each half bridge loses what its
-// dead time and its switches take. The stage of a tick switches once, so its PWM has the frequency of the tick.
+// Errors of a real power stage: the commanded voltages act late, and each half bridge loses voltage by its dead time
+// and its switches. The stage switches once per tick, so its PWM frequency is the tick's.
 class PowerStage {
  public:
-  // The switching of a half bridge is left to the current only above a small share of `range_a`, an amplitude.
+  // `range_a` is a current amplitude. Only above a small share of it does the sign of the current decide the switching.
   PowerStage(const Stage& stage, int phases, double range_a);
 
   bool ideal() const { return ideal_; }
-  // What acts in the tick to come. `current_a`: of the phases at its beginning; `link_v`: of the DC link.
+  // What acts in the next tick. `current_a`: phase currents at its beginning; `link_v`: voltage of the DC link.
   drive::Actuation apply(const drive::Actuation& commanded, const std::array<float, 3>& current_a, double link_v);
-  // W that the switches took in that tick, if the currents stayed.
+  // Loss in the switches in that tick in W, for constant currents.
   double loss_w() const { return loss_w_; }
 
  private:
@@ -27,12 +27,12 @@ class PowerStage {
   bool ideal_;
   bool two_phases_;
   std::size_t delay_;
-  double dead_share_;  // of the DC link, that a half bridge loses
+  double dead_share_;  // share of the DC link voltage that a half bridge loses
   double drop_v_;
   double modulation_limit_;
   double per_soft_current_;  // 1/A
   double loss_w_ = 0.0;
-  std::array<std::array<float, 3>, longest_delay + 1> waiting_{};  // the newest at `newest_`
+  std::array<std::array<float, 3>, longest_delay + 1> waiting_{};  // ring buffer; the newest entry is at `newest_`
   std::size_t newest_ = 0;
 };
 

@@ -10,9 +10,9 @@ namespace servodrome::plant {
 
 namespace {
 constexpr double h = drive::tick_seconds;
-constexpr double locked_nm = 1.0e15;  // more than any torque: the bench's clamp
+constexpr double locked_nm = 1.0e15;  // more than any torque: the clamp of the bench
 
-constexpr double even_share = 0.02;  // of its deflection, by which a flank's may change in one step
+constexpr double even_share = 0.02;  // greatest relative change of a flank's deflection in one step
 
 int sign_of(double value) { return (value > 0.0) - (value < 0.0); }
 }  // namespace
@@ -50,7 +50,7 @@ void Shaft::stop() {
   set_direction(0);
 }
 
-// A mass that its bearing's viscous friction stops within a tick or two has the weight that is exact for it.
+// If viscous friction stops a mass within a tick or two, uses the weight that is exact for it.
 Shaft::Step Shaft::step_of(double seconds, double weight) const {
   const auto weight_of = [=](double viscous, double inertia) {
     const double decay = viscous * seconds / inertia;
@@ -78,19 +78,20 @@ void Shaft::prepare() {
   old_weight_ = 1.0 - new_weight_;
   momentum_ = inertia / h - viscous * old_weight_;
   admittance_ = 1.0 / (inertia / h + viscous * new_weight_);
-  // Friction opposes the new speed. When that differs in sign from the old one, only backward Euler makes sure that it
-  // takes energy.
+  // Friction opposes the new speed. If that has the opposite sign of the old one, only backward Euler guarantees that
+  // friction takes energy.
   turning_weight_ = total_friction_.sliding_nm > 0.0 ? 1.0 : new_weight_;
   turning_momentum_ = inertia / h - viscous * (1.0 - turning_weight_);
   turning_admittance_ = 1.0 / (inertia / h + viscous * turning_weight_);
 
   if (elastic_) {
-    // The trapezoidal rule keeps a vibration's energy and its frequency to (w h)^2 / 12. What is too fast or too
-    // strongly damped for the tick to show is damped away instead of rung.
+    // The trapezoidal rule conserves the energy of a vibration, and its frequency up to (w h)^2 / 12. A vibration that
+    // is too fast or too strongly damped for the tick is damped away instead of ringing.
     const double reduced = rotor_inertia_ * load_.inertia_kgm2 / inertia;
     const double fastest = h * std::max(std::sqrt(load_.stiffness_nm_per_rad / reduced), load_.damping_nms / reduced);
     coupling_weight_ = 0.5 + 0.5 * std::clamp(0.5 * (fastest - 1.0), 0.0, 1.0);
-    // In a step longer by this the trapezoidal rule has the very phase of the two masses against each other.
+    // With a step lengthened by this factor, the trapezoidal rule gives the exact phase of the two masses against each
+    // other.
     const double half = 0.5 * h * std::sqrt(load_.stiffness_nm_per_rad / reduced);
     loose_ = whole_ = step_of(h, coupling_weight_);
     const bool rings = fastest <= 1.0 && whole_.rotor_weight == 0.5 && whole_.load_weight == 0.5;
@@ -111,7 +112,7 @@ void Shaft::set_direction(std::int8_t direction) {
 }
 
 bool Shaft::slide_anew(double torque_nm, double holding_nm, ShaftTick& tick) const {
-  // What begins at rest does not turn around, and half its speed at the end is what it moves by.
+  // A shaft that starts from rest does not reverse, so its mean speed is half its final speed.
   const bool rests = speed_ == 0.0;
   const double weight = rests ? new_weight_ : turning_weight_;
   const double admittance = rests ? admittance_ : turning_admittance_;
@@ -182,7 +183,8 @@ Shaft::Coupling Shaft::coupling_of(double twist_rad) const {
   tick.load_mean = old_load_speed + load_weight * tick.load_end;
 }
 
-// Both slide on as they did: by far the most usual. False: friction begins or ends to hold one of them.
+// Solves the most frequent case: both masses keep sliding in their directions. Returns false if friction starts or
+// stops holding one of them.
 bool Shaft::slide_pair(const Motion& from, double rotor_torque_nm, const Step& step, const Coupling& coupling,
                        const Stop& stop, ShaftTick& tick) const {
   const int way = from.direction;
@@ -208,7 +210,7 @@ void Shaft::solve_pair(const Motion& from, double rotor_torque_nm, const Step& s
   if (slide_pair(from, rotor_torque_nm, step, coupling, stop, tick)) return;
   const Pair pair = pair_of(from, rotor_torque_nm, step, coupling, stop);
   const double inverse = 1.0 / (pair.m11 * pair.m22 - pair.m12 * pair.m21);
-  // What held each mass before is tried first; a standing one may hold more than a sliding one.
+  // Try the previous friction states first; static friction may be higher than sliding friction.
   const int was = from.direction;
   const int load_was = from.load_direction;
   const double load_hold = load_was == 0 && !freely ? load_.static_friction_nm : load_.coulomb_friction_nm;
@@ -232,7 +234,7 @@ void Shaft::solve_pair(const Motion& from, double rotor_torque_nm, const Step& s
       } else if (t != 0) {
         v = q / pair.m22;
       }
-      // Violations as torques, so that they compare.
+      // Violations as torques, so that they are comparable.
       const double rotor_violation =
           s != 0 ? -s * w * pair.m11 : std::abs(pair.rotor_nm - pair.m12 * v) - rotor_friction_nm_;
       const double load_violation = t != 0 ? -t * v * pair.m22 : std::abs(pair.load_nm - pair.m21 * w) - load_hold;
@@ -246,24 +248,24 @@ void Shaft::solve_pair(const Motion& from, double rotor_torque_nm, const Step& s
 }
 
 ShaftTick Shaft::solve_elastic(double rotor_torque_nm, const StopDistance& stops, bool freely) const {
-  // Free of the stops, the coupling engaged (or not) and friction as it was throughout the tick: by far the most usual.
+  // The most frequent case: no contact with the stops, and coupling and friction keep their states during the tick.
   const Coupling now = coupling_of(twist_);
   if (stops.high <= 0.0 && stops.low <= 0.0 && !freely) {
     ShaftTick tick;
-    // Held by friction they do not vibrate as the longer step has it.
+    // Masses held by friction do not vibrate as the lengthened step assumes.
     if (!slide_pair(motion(), rotor_torque_nm, now.engaged ? whole_ : loose_, now, {0, 0.0}, tick)) [[unlikely]]
       solve_pair(motion(), rotor_torque_nm, loose_, now, {0, 0.0}, freely, tick);
     const double twist = twist_ + h * (tick.mean - tick.load_mean);
     const Coupling then = coupling_of(twist);
     const bool same = then.engaged == now.engaged && then.deflection_rad == now.deflection_rad;
-    // A flank that would pull has let go meanwhile.
+    // A flank that would have to pull has opened during the tick.
     const bool pushes =
         load_.backlash_rad == 0.0 || !now.engaged ||
         (pushing_flank(twist_, speed_ - load_speed_) != 0 && pushing_flank(twist, tick.end - tick.load_end) != 0);
-    // A rebound, whose force changes much within the tick, is over too soon for one step.
+    // A rebound changes its force much within the tick, so one step is too coarse for it.
     const double turned = std::abs(h * (tick.mean - tick.load_mean));
     const bool even = load_.backlash_rad == 0.0 || !now.engaged || turned <= even_share * std::abs(now.deflection_rad);
-    // Friction that turns around needs backward Euler, see prepare().
+    // Friction that reverses needs backward Euler, see prepare().
     const bool steady =
         (rotor_friction_nm_ == 0.0 || speed_ == 0.0 || tick.direction == direction_) &&
         (load_.coulomb_friction_nm == 0.0 || load_speed_ == 0.0 || tick.load_direction == load_direction_);

@@ -6,31 +6,31 @@
 #include "plant/parameters.hpp"
 #include "plant/windings.hpp"
 
-// The mechanical side: rotor, load, friction, brake, coupling, hard stops.
+// The mechanical part: rotor, load, friction, brake, coupling, hard stops.
 //
-// Every step solves J (w1 - w0) / h = torques(mean speed) - friction, friction in [-F, F] opposing w1, for the new
-// speed w1 at once: dry friction either slides or holds exactly, a standing shaft stays at exactly 0 until the torque
-// exceeds the breakaway value. A rigid shaft away from its stops is one multiplication (`slide`), an elastic one whose
-// contacts stay as they are one solution of its pair of equations.
+// Every step solves J (w1 - w0) / h = torques(mean speed) - friction implicitly for the new speed w1, with friction in
+// [-F, F] opposing w1. So dry friction either slides or holds exactly, and a standing shaft stays at exactly 0 until
+// the torque exceeds the breakaway value. A rigid shaft away from its stops needs one multiplication (`slide`); an
+// elastic one with unchanged contacts needs one solution of its two equations.
 //
 // Contacts are springs with dampers that push and never pull: the hard stops, and the flanks of a backlash. A tick in
-// which one of them opens, closes or pushes is cut into pieces, as many as its vibration needs, and each piece ends
-// where a contact does. What vibrates faster than the finest piece can show is damped away: from some 2e6 rad/s on.
+// which a contact opens, closes or pushes is divided into pieces, as many as its vibration requires, and a piece ends
+// where a contact opens or closes. A vibration too fast for the finest piece is damped away: from about 2e6 rad/s on.
 namespace servodrome::plant {
 
-// Speeds in rad/s at the end of a tick and their means over it; positions move by mean * tick.
+// Speeds in rad/s at the end of a tick and their means over it; positions change by mean * tick.
 struct ShaftTick {
   double end = 0.0;
   double mean = 0.0;
   double load_end = 0.0;
   double load_mean = 0.0;
-  double slope = 0.0;         // of the rotor's mean speed with the electromagnetic torque
+  double slope = 0.0;         // change of the rotor's mean speed with the electromagnetic torque
   double stop_j = 0.0;        // heat in the damping of the hard stops
   std::int8_t direction = 0;  // of the rotor; 0: held by friction
   std::int8_t load_direction = 0;
 };
 
-// Where the load is against its stops, in rad: positive beyond the stop.
+// Position of the load relative to its stops, in rad: positive beyond the stop.
 struct StopDistance {
   double low;   // low stop - position
   double high;  // position - high stop
@@ -40,17 +40,17 @@ class Shaft {
  public:
   Shaft(const Motor& motor, const Load& load);
 
-  // Beyond this no bearing lives: speeds are limited here, so that no torque can drive the numbers out of range.
+  // No bearing survives this speed. Speeds are limited to it, so that no torque can cause an overflow.
   static constexpr double largest_speed_rad_s = 1.0e5;
 
-  // Response of the rigid shaft, in the friction state of the last tick, to this tick's torque.
+  // Response of the rigid shaft to this tick's torque, in the friction state of the last tick.
   ShaftResponse response(double other_torque_nm) const {
     return {old_weight_ * speed_ + mobility_ * (momentum_ * speed_ + other_torque_nm - friction_nm_), mobility_};
   }
 
-  // The rigid shaft away from its stops under the sum of all torques but friction. True: `tick` is in the friction
-  // state of the last tick, as response() took it. False: friction begins or ends to hold, and the torque found with
-  // that response no longer belongs to it.
+  // Solves the rigid shaft away from its stops; `torque_nm` is the sum of all torques except friction. Returns true if
+  // the friction state is that of the last tick, as response() assumed. Returns false if friction starts or stops
+  // holding; then the torque found with that response is not valid.
   bool slide(double torque_nm, ShaftTick& tick) const {
     if (direction_ != 0) [[likely]] {
       const double end = (momentum_ * speed_ - friction_nm_ + torque_nm) * admittance_;
@@ -64,16 +64,16 @@ class Shaft {
     }
     return slide_anew(torque_nm, direction_ == 0 ? total_friction_.held_nm : total_friction_.sliding_nm, tick);
   }
-  // The same once friction is known to have given way: what held more than it brakes while sliding does so no longer,
-  // which makes the speed a continuous function of the torque.
+  // The same without static friction: only the sliding friction can hold the shaft. So the speed is a continuous
+  // function of the torque.
   ShaftTick slide_freely(double torque_nm) const {
     ShaftTick tick;
     slide_anew(torque_nm, total_friction_.sliding_nm, tick);
     return tick;
   }
 
-  // General solution at the torque given: coupling and stops included. `freely` as above; the speed is then
-  // continuous over opening and closing contacts as well.
+  // General solution for the given torque, with coupling and stops. `freely`: without static friction, as above; then
+  // the speed is also continuous when contacts open and close.
   ShaftTick solve(double motor_torque_nm, double rotor_torque_nm, const StopDistance& stops, bool freely) const;
 
   void commit(const ShaftTick& tick) {
@@ -86,11 +86,11 @@ class Shaft {
   void set_load(const Load& load);
   void set_brake(double torque_nm);
   void set_locked(bool locked);
-  void stop();  // at rest, coupling relaxed
+  void stop();  // stops the shaft and relaxes the coupling
 
   bool elastic() const { return elastic_; }
-  bool at_rest() const { return direction_ == 0 && speed_ == 0.0 && !elastic_; }  // a rigid one, held by friction
-  double load_torque_nm() const { return load_torque_; }                          // gravity and external, as it acts
+  bool at_rest() const { return direction_ == 0 && speed_ == 0.0 && !elastic_; }  // a rigid shaft held by friction
+  double load_torque_nm() const { return load_torque_; }  // gravity and external torque, with sign
   double speed_rad_s() const { return speed_; }
   double load_speed_rad_s() const { return elastic_ ? load_speed_ : speed_; }
   double twist_rad() const { return twist_; }
@@ -98,7 +98,7 @@ class Shaft {
   double elastic_j(const StopDistance& stops) const;
 
  private:
-  // Coupling as an active spring with its deflection at the start of the step, or the gap of the backlash.
+  // The coupling as an active spring with its deflection at the start of the step, or open within the backlash.
   struct Coupling {
     bool engaged;
     double deflection_rad;
@@ -107,7 +107,7 @@ class Shaft {
     int side;  // +1 high, -1 low, 0 none
     double penetration_rad;
   };
-  // What moves, as it is at the beginning of a tick or of a piece of it.
+  // State of motion at the beginning of a tick or of a piece.
   struct Motion {
     double speed = 0.0;
     double load_speed = 0.0;
@@ -115,16 +115,16 @@ class Shaft {
     std::int8_t direction = 0;
     std::int8_t load_direction = 0;
   };
-  // A contact that a piece of the tick ended at: what it is in the next piece, whatever rounding makes of it.
+  // The contact at which a piece ended; its state in the next piece is fixed, independent of rounding.
   struct Forced {
     bool is = false;
-    int side = 0;  // that pushes; 0: none
-    // `was`: what pushed in the piece; how deep the contacts of both sides are overlapped now.
+    int side = 0;  // side that pushes; 0: none
+    // `was`: the side that pushed in the piece. The other arguments: present overlap of the contacts on both sides.
     void look(int was, double high_rad, double low_rad);
   };
   struct Friction {
-    double held_nm;     // as long as it stands
-    double sliding_nm;  // as soon as it moves
+    double held_nm;     // at standstill
+    double sliding_nm;  // while moving
   };
 
   static double limited(double speed) {
@@ -135,22 +135,22 @@ class Shaft {
   void set_direction(std::int8_t direction);
   void prepare();
   void prepare_pieces();
-  // The rigid shaft where stops are near, and the elastic one where contacts change: in pieces.
+  // Solved in pieces: the rigid shaft near stops, and the elastic shaft when contacts change.
   ShaftTick solve_rigid(double torque_nm, const StopDistance& stops, bool freely) const;
   ShaftTick solve_elastic(double rotor_torque_nm, const StopDistance& stops, bool freely) const;
   ShaftTick solve_in_pieces(double rotor_torque_nm, const StopDistance& stops, bool freely) const;
   struct Step {
     double seconds;
-    double weight;  // of the speed at the end in the mean one, at least; as their viscous friction asks for:
+    double weight;  // least weight of the final speed in the mean; friction may need more:
     double rotor_weight;
     double load_weight;
     double rotor_rate;  // inertia / seconds
     double load_rate;
-    double stretch = 1.0;        // by which the masses move against each other for longer
-    double relative_rate = 0.0;  // reduced inertia by that time, less by `seconds`
-    double longer = 0.0;         // stretch - 1 by the inertia of both
+    double stretch = 1.0;        // factor on the time in which the masses move against each other
+    double relative_rate = 0.0;  // reduced inertia / that time - reduced inertia / `seconds`
+    double longer = 0.0;         // (stretch - 1) / inertia of both
   };
-  // The equations of both masses over a step, without dry friction: their matrix and what drives them.
+  // The equations of both masses over a step without dry friction: matrix and right-hand side.
   struct Pair {
     double m11;
     double m12;
@@ -158,7 +158,7 @@ class Shaft {
     double m22;
     double rotor_nm;
     double load_nm;
-    double old_speed;  // the share of the old one in the mean
+    double old_speed;  // share of the old speed in the mean
     double old_load_speed;
     double rotor_weight;
     double load_weight;
@@ -167,7 +167,7 @@ class Shaft {
   Pair pair_of(const Motion& from, double rotor_torque_nm, const Step& step, const Coupling& coupling,
                const Stop& stop) const;
   Step step_of(double seconds, double weight) const;
-  // Both masses over a step with coupling and stop as given; picks the friction states.
+  // Solves both masses over a step with given coupling and stop; determines the friction states.
   bool slide_pair(const Motion& from, double rotor_torque_nm, const Step& step, const Coupling& coupling,
                   const Stop& stop, ShaftTick& tick) const;
   void solve_pair(const Motion& from, double rotor_torque_nm, const Step& step, const Coupling& coupling,
@@ -184,38 +184,38 @@ class Shaft {
   int pushing_stop(const StopDistance& stops, double speed) const;
   int pushing_flank(double twist_rad, double twist_rate) const;
 
-  // Rigid shaft, every tick.
+  // Rigid shaft, used in every tick.
   double speed_ = 0.0;
   double old_weight_ = 0.5;  // mean = old_weight * w0 + new_weight * w1
   double new_weight_ = 0.5;
-  double momentum_ = 0.0;     // J / h less the friction's share of the old speed
+  double momentum_ = 0.0;     // J / h minus the share of viscous friction in the old speed
   double admittance_ = 0.0;   // new speed per torque
   double mobility_ = 0.0;     // mean speed per torque: 0 while held
-  double friction_nm_ = 0.0;  // as it acts now while sliding
+  double friction_nm_ = 0.0;  // sliding friction with its present sign
   double load_torque_ = 0.0;
   std::int8_t direction_ = 0;
   bool elastic_ = false;
   bool locked_ = false;
   bool stops_ = false;
 
-  // The rest.
+  // Used in other cases.
   std::int8_t load_direction_ = 0;
   double load_speed_ = 0.0;
   double twist_ = 0.0;
   Friction total_friction_{};
-  double turning_weight_ = 1.0;  // new_weight_ of a tick in which the friction turns around, and what follows from it
+  double turning_weight_ = 1.0;  // new_weight_ and derived values for a tick in which the friction reverses
   double turning_momentum_ = 0.0;
   double turning_admittance_ = 0.0;
-  double rotor_friction_nm_ = 0.0;  // with the brake
+  double rotor_friction_nm_ = 0.0;  // includes the brake
   double rotor_inertia_;
   double rotor_viscous_;
   double rotor_coulomb_;
   double brake_torque_ = 0.0;
   double coupling_weight_ = 0.5;
-  Step whole_{};  // a tick with the coupling, and one in its play
+  Step whole_{};  // a tick with the coupling engaged, and one within the backlash
   Step loose_{};
-  double piece_s_ = 0.0;       // a tick with contacts is cut into such
-  double piece_weight_ = 0.5;  // of the new speed in one
+  double piece_s_ = 0.0;       // length of the pieces of a tick with contacts
+  double piece_weight_ = 0.5;  // weight of the new speed in a piece
   Load load_;
 };
 

@@ -9,21 +9,21 @@ namespace servodrome::plant {
 namespace {
 
 constexpr double h = drive::tick_seconds;
-constexpr double piece_angle_rad = 0.1;  // of the fastest vibration, in one piece
+constexpr double piece_angle_rad = 0.1;  // greatest angle of the fastest vibration in one piece
 constexpr double fewest_pieces = 16.0;
 constexpr double most_pieces = 256.0;
-constexpr int most_steps = 4096;        // with those that events add
-constexpr double least_share = 1.0e-3;  // of a piece: an event that comes sooner is taken to be at its beginning
+constexpr int most_steps = 4096;        // including the pieces that contact events add
+constexpr double least_share = 1.0e-3;  // share of a piece: an earlier event counts as at its beginning
 
 int sign_of(double value) { return (value > 0.0) - (value < 0.0); }
 
-// The time within `seconds` at which what goes evenly from `before` to `after` is 0.
+// Time within `seconds` at which a value that changes linearly from `before` to `after` is 0.
 double crossing(double before, double after, double seconds) { return seconds * before / (before - after); }
 
 }  // namespace
 
-// Where a piece has really ended, as speeds do not change evenly: a contact that was to close may not be reached, and
-// would pull; when one lets go the opposite one may be met already.
+// Checks the state at the real end of a piece, since speeds do not change linearly: a contact predicted to close may
+// not be reached, and would pull; when one contact opens, the opposite one may be closed already.
 void Shaft::Forced::look(int was, double high_rad, double low_rad) {
   const auto reached = [&](int other) { return (other > 0 ? high_rad : low_rad) >= 0.0; };
   if (!is) return;
@@ -65,8 +65,9 @@ int Shaft::pushing_flank(double twist_rad, double twist_rate) const {
   return 0;
 }
 
-// What the damping of the stops takes on a `way` with the speed `mean` against the stop of this `side` (0: none
-// pushes): all that the spring does not keep. A stop that has let go gives nothing back of what its spring still had.
+// Heat in the damping of the stops for a distance `way` with the mean speed `mean`; `side` is the stop that pushes (0:
+// none). It is the work on the stop minus the energy kept in the spring. A stop that has opened does not return the
+// energy that remained in its spring.
 double Shaft::stop_heat_j(const StopDistance& gaps, int side, double way, double mean, double weight) const {
   const auto stored = [this](double penetration) {
     const double deep = std::max(penetration, 0.0);
@@ -142,7 +143,7 @@ ShaftTick Shaft::solve_rigid(double torque_nm, const StopDistance& stops, bool f
         forced = {true, other};
       }
     }
-    if (time < seconds) {  // the piece ends there
+    if (time < seconds) {  // the piece ends at the event
       if (time <= least_share * seconds) time = 0.0;
       seconds = time;
       end = time > 0.0 ? end_after(time) : speed;
@@ -152,7 +153,7 @@ ShaftTick Shaft::solve_rigid(double torque_nm, const StopDistance& stops, bool f
     moved += way;
     gaps = {stops.low - moved, stops.high + moved};
     if (time > 0.0) forced.look(side, gaps.high, gaps.low);
-    speed = turns ? 0.0 : end;  // it turns round, if something is left to do it
+    speed = turns ? 0.0 : end;  // at a reversal the next piece starts from rest
     if (turns) holding = total_friction_.sliding_nm;
     left -= time;
   }

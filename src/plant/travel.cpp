@@ -6,14 +6,14 @@ namespace servodrome::plant {
 
 namespace {
 
-constexpr int most_events_per_tick = 64;  // beyond: levels stay right, edges are long lost to the capture unit
+constexpr int most_events_per_tick = 64;  // beyond: levels stay correct, edges are lost anyway
 
 std::int64_t floor_modulo(std::int64_t value, std::int64_t modulus) {
   const std::int64_t remainder = value % modulus;
   return remainder < 0 ? remainder + modulus : remainder;
 }
 
-// Positions of switches are open-ended or small; hysteresis must not carry an open end around.
+// Positions of switches are open-ended or small; hysteresis must not make an open end overflow.
 std::int64_t lowered(std::int64_t position, std::int64_t by) {
   return position == no_low_limit ? position : position - by;
 }
@@ -82,7 +82,7 @@ bool Travel::next(int direction, std::int64_t cursor, std::int64_t limit, Event&
     }
   }
   if (index_width_ > 0) {
-    // The first count of the other level, going this way.
+    // The first count with the other level in this direction.
     const std::int64_t edge =
         index_position_ + (direction > 0 ? (index_ ? index_width_ : 0) : (index_ ? -1 : index_width_ - 1));
     const std::int64_t distance = floor_modulo(direction * (edge - cursor), counts_per_revolution_);
@@ -124,17 +124,17 @@ void Travel::move(std::int64_t from, std::int64_t to, drive::Feedback& feedback)
 }
 
 void Travel::update_quiet(std::int64_t position) {
-  // How far one may look is bounded only to keep the sums in range.
+  // The search range is bounded only to keep the sums in range.
   constexpr std::int64_t far = std::int64_t{1} << 40;
   std::int64_t high = position + far;
   std::int64_t low = position - far;
   Event event{};
   if (next(1, position + 1, high, event)) high = event.position - 1;
   if (next(-1, position - 1, low, event)) low = event.position + 1;
-  // A stop may be touched anywhere within its last count.
+  // The load may touch a stop anywhere within its last count.
   if (high_stop_ != no_high_limit) high = std::min(high, high_stop_ - 1);
   if (low_stop_ != no_low_limit) low = std::max(low, low_stop_);
-  if (beyond_stop(position) || high < low) {  // it pushes on the way out as well: look again in every tick
+  if (beyond_stop(position) || high < low) {  // the stop also pushes on the way out: check again in every tick
     quiet_from_ = position + far;
     quiet_span_ = 0;
     return;

@@ -10,8 +10,8 @@
 // Switches and index along the travel, and the capture of their transitions.
 //
 // An edge carries the first position, in the direction of motion, at which the new level holds: a switch from 100 to
-// 200 rises at 100 going up and at 200 coming down, and falls (without hysteresis) at 201 and at 99. Between two
-// positions nothing can happen: `quiet` holds that interval, so that a tick inside of it costs one comparison.
+// 200 rises at 100 going up and at 200 coming down, and falls (without hysteresis) at 201 and at 99. `quiet` caches the
+// interval around the position in which no transition can occur, so that a tick within it costs one comparison.
 namespace servodrome::plant {
 
 class Travel {
@@ -28,16 +28,16 @@ class Travel {
            (low_stop_ != no_low_limit && position < low_stop_);
   }
 
-  // Levels and `quiet` interval for an axis placed at `position`, without edges.
+  // Sets levels and `quiet` interval for an axis placed at `position`, without edges.
   void place(std::int64_t position);
 
-  // Moves from `from` to `to`; appends the edges met on the way, in order, as far as `feedback` has room for them.
+  // Moves from `from` to `to`; appends the edges on the way, in order, while `feedback` has room for them.
   void move(std::int64_t from, std::int64_t to, drive::Feedback& feedback);
 
-  // The load may touch a stop outside of [low, high]: never quiet there.
+  // The load may touch a stop outside [low, high]: `quiet` is false there.
   void set_stops(std::int64_t low, std::int64_t high);
 
-  // Forces a wire, or gives it back; true if its level changed.
+  // Forces a wire, or releases it; returns true if its level changed.
   bool force(int wire, bool level);
   bool release(int wire);
   bool level(int wire) const { return ((inputs() >> wire) & 1u) != 0; }
@@ -61,7 +61,7 @@ class Travel {
   };
   static constexpr std::size_t index_source = most_switches;
 
-  // The first event at or after `cursor` in a direction, up to `limit`; false if there is none.
+  // Finds the first event at or after `cursor` in a direction, up to `limit`; returns false if there is none.
   bool next(int direction, std::int64_t cursor, std::int64_t limit, Event& event) const;
   void apply(const Event& event, drive::Feedback& feedback);
   void update_level(const Fitted& fitted);

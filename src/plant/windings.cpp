@@ -14,8 +14,8 @@ namespace {
 constexpr double h = drive::tick_seconds;
 constexpr double one_over_sqrt3 = 0.57735026918962576;
 
-// The means of s^k exp(-decay s) over s from 0 to 1: the highest as a series or, where that is long, in closed form;
-// what follows from it by parts.
+// Means of s^k exp(-decay s) over s from 0 to 1. The highest comes from a series or, if that converges slowly, from the
+// closed form; the others follow by partial integration.
 std::array<double, 5> moments_of(double decay) {
   constexpr std::size_t highest = 4;
   std::array<double, highest + 1> moments{};
@@ -61,7 +61,7 @@ Windings::Windings(const Motor& motor, int direction)
   set_resistance_ohm(motor.resistance_ohm);
 }
 
-// exp(-j angle s) in powers of the angle, with the moments of a weight.
+// Series of exp(-j angle s) in powers of the angle, from the moments of a weight function.
 Windings::Series Windings::series_of(std::span<const double> moments) {
   return {moments[0], -moments[1], -moments[2] / 2.0, moments[3] / 6.0};
 }
@@ -69,8 +69,9 @@ Windings::Series Windings::series_of(std::span<const double> moments) {
 void Windings::set_resistance_ohm(double resistance_ohm) {
   resistance_ = resistance_ohm;
   decay_ = resistance_ * per_volt_;
-  // Of shares s of the tick: exp(-decay s) is kept of a current, (1 - exp(-decay s)) / decay has a voltage made, and
-  // 1 - s is left for what an EMF drives from s on. The voltage is the same all the time.
+  // For a share s of the tick: exp(-decay s) of the initial current remains, (1 - exp(-decay s)) / decay is the current
+  // that the voltage made, and 1 - s remains for the current that an EMF drives from s on. The voltage itself is
+  // constant.
   const std::array<double, 5> keeps = moments_of(decay_);
   std::array<double, 4> makes{};
   std::array<double, 4> left{};
@@ -91,8 +92,8 @@ void Windings::set_resistance_ohm(double resistance_ohm) {
 WindingTick Windings::along(Axis axis, double voltage_v, bool freewheeling, const ShaftResponse& shaft,
                             const Guess& guess) const {
   const double torque_nm = guess.torque_nm;
-  // With i = n y and n fixed to the stator, dn/dt = -we J n in the rotor frame; the inductance along n is
-  // Ln = Ld nd^2 + Lq nq^2 and changes as the rotor turns.
+  // With i = n y and n fixed to the stator, dn/dt = -we J n in the rotor frame; the inductance along n is Ln = Ld nd^2
+  // + Lq nq^2 and changes as the rotor turns.
   const double speed = pole_pairs_ * (shaft.offset_rad_s + shaft.slope * torque_nm);
   const double product = axis.direct * axis.quadrature;
   const double inductance =

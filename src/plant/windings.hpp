@@ -10,13 +10,14 @@
 //   Ld did/dt = vd - R id + we Lq iq,   Lq diq/dt = vq - R iq - we (Ld id + flux),
 //   torque = n/2 p (flux + (Ld - Lq) id) iq,   n phases.
 //
-// The inverter's voltage stands still in the stator while the rotor turns. Of a round rotor (Ld = Lq) the solution of a
-// tick at constant speed is known in closed form, means of exponentials, and taken as powers of the angle of the tick.
-// A salient rotor, one that turns far in a tick, and all switches open are solved in pieces: by the stator's flux
+// The inverter's voltage is constant in the stator frame while the rotor turns. For a round rotor (Ld = Lq) at constant
+// speed the solution of a tick is a closed form, means of exponentials, evaluated as a series in the angle of the tick.
+// A salient rotor, one that turns far in a tick, and all switches open are solved in pieces, with the stator's flux
 // linkage, which turning does not change. docs/decisions/0020-windings-turn-exactly.md has the formulas.
 //
-// The speed is foreseen, and what the torque of the tick itself changes of it is part of the solution: mean velocity =
-// offset + slope * torque. So neither a light rotor nor a small inductance can make the two step on each other's heels.
+// The speed is predicted. The change of speed by the torque of the same tick is part of the solution:
+// mean velocity = offset + slope * torque.
+// So the coupling of windings and shaft stays stable even for a light rotor or a small inductance.
 namespace servodrome::plant {
 
 struct ShaftResponse {
@@ -24,13 +25,13 @@ struct ShaftResponse {
   double slope = 0.0;         // rad/s per Nm; 0 while the rotor stands still
 };
 
-// How the rotor turns in a tick, as foreseen.
+// Predicted rotation of the rotor in a tick.
 struct Turn {
-  double speed = 0.0;  // of the shaft, rad/s, the mean
-  double angle = 0.0;  // electrical rad in the tick
+  double speed = 0.0;  // mean speed of the shaft, rad/s
+  double angle = 0.0;  // electrical rad per tick
 };
 
-// What a tick is linearised at where its solution needs it.
+// Linearisation point of a tick, where its solution needs one.
 struct Guess {
   double torque_nm = 0.0;
   double direct_a;
@@ -38,17 +39,17 @@ struct Guess {
 
 // Rotor-frame quantities of one tick.
 struct WindingTick {
-  double mean_direct_a = 0.0;  // the mean current: it makes the torque and the heat
+  double mean_direct_a = 0.0;  // mean current, which makes torque and heat
   double mean_quadrature_a = 0.0;
   double end_direct_a = 0.0;
   double end_quadrature_a = 0.0;
-  double more_heat_a2 = 0.0;  // square of the current that heats besides the mean's
+  double more_heat_a2 = 0.0;  // mean square current minus the square of the mean: additional heat
   double power_w = 0.0;       // from the inverter into the motor
   double torque_nm = 0.0;
-  double unforeseen_rad_s = 0.0;  // driven(): by how much the shaft turns faster than foreseen
+  double unforeseen_rad_s = 0.0;  // driven(): real minus predicted mean speed of the shaft
 };
 
-// A direction across the rotor frame: of the only current that flows while one phase is open.
+// A direction in the rotor frame: that of the only current that flows while one phase is open.
 struct Axis {
   double direct;
   double quadrature;
@@ -61,10 +62,10 @@ class Windings {
   void set_resistance_ohm(double resistance_ohm);
   double resistance_ohm() const { return resistance_; }
 
-  // Whether driven() may be used.
+  // Is the angle small enough for driven()?
   bool turns_little(const Turn& turn) const { return std::abs(turn.angle) < small_angle_; }
 
-  // Voltage applied by the inverter, as the rotor sees it at the start of the tick.
+  // The inverter applies a voltage, given in the rotor frame at the start of the tick.
   WindingTick driven(double direct_v, double quadrature_v, const Turn& turn, const ShaftResponse& shaft) const {
     const double angle = turn.angle;
     const double square = angle * angle;
@@ -75,9 +76,9 @@ class Windings {
     const double foreseen = opposed.re * (angle * flux_by_inductance_);
     const double free_q =
         (kept.re * quadrature_a + kept.im * direct_a) + ((pushed.re * quadrature_v + pushed.im * direct_v) - foreseen);
-    // By the speed that its torque makes besides.
+    // Includes the change of speed that this torque causes.
     const double per_speed_nm = opposed.re * per_speed_nm_;
-    const double share = 1.0 / (1.0 + per_speed_nm * shaft.slope);  // does not wait for the voltage
+    const double share = 1.0 / (1.0 + per_speed_nm * shaft.slope);  // independent of the voltage, so calculated early
     const double ahead = shaft.offset_rad_s - turn.speed;
     const double torque_nm = torque_constant_ * free_q * share - per_speed_nm * ahead * share;
     const double unforeseen = ahead + shaft.slope * torque_nm;
@@ -90,7 +91,7 @@ class Windings {
     const double mean_quadrature_v = seen.re * quadrature_v + seen.im * direct_v;
     const double change_d = (mean_direct_v * per_volt_ - decay_ * mean_d) + angle * mean_q;
     const double change_q = (mean_quadrature_v * per_volt_ - decay_ * mean_q) - (angle * mean_d + emf);
-    // Voltage and current both turn within the tick, which their means do not show.
+    // Voltage and current both turn within the tick, so the power differs from the product of their means.
     const double turned_w = angle * (1.0 / 12.0) * (mean_quadrature_v * change_d - mean_direct_v * change_q);
     return {.mean_direct_a = mean_d,
             .mean_quadrature_a = mean_q,
@@ -101,18 +102,18 @@ class Windings {
             .unforeseen_rad_s = unforeseen};
   }
 
-  // As driven(), of any rotor at any speed.
+  // As driven(), for any rotor at any speed.
   WindingTick driven_in_pieces(double direct_v, double quadrature_v, const Turn& turn) const;
 
-  // About by how much the mean torque falls with the speed, Nm per rad/s.
+  // Approximate decrease of the mean torque with the speed, Nm per rad/s.
   double per_speed_nm() const { return opposed_.zeroth * per_speed_nm_; }
 
-  // All switches open: the diodes of the bridge hold the voltages between the phases within the DC link's, and
-  // conduct where these would exceed it. `sine` and `cosine` are of the angle at the start of the tick.
+  // All switches open: the diodes of the bridge limit the voltages between the phases to the DC link's, and conduct
+  // where these would exceed it. `sine` and `cosine` belong to the angle at the start of the tick.
   WindingTick freewheeling(double dc_link_v, double sine, double cosine, const Turn& turn) const;
 
-  // One phase open: current only along `axis` (a unit vector, at mid-tick). `voltage_v` lies along it, or,
-  // freewheeling, is the magnitude that opposes the current. Backward Euler, linearised at the guess.
+  // One phase open: current flows only along `axis` (a unit vector, at mid-tick). `voltage_v` is along it, or, with
+  // `freewheeling`, the magnitude that opposes the current. Backward Euler, linearised at the guess.
   WindingTick along(Axis axis, double voltage_v, bool freewheeling, const ShaftResponse& shaft,
                     const Guess& guess) const;
 
@@ -128,10 +129,11 @@ class Windings {
     return 0.5 * phase_factor_ *
            (direct_inductance_ * direct_a * direct_a + quadrature_inductance_ * quadrature_a * quadrature_a);
   }
-  double pole_pairs() const { return pole_pairs_; }  // negative with an encoder that counts the other way
-  // Half the number of phases: what products of amplitudes have to be taken by for power and heat.
+  double pole_pairs() const { return pole_pairs_; }  // negative if the encoder counts in the other direction
+  // Half the number of phases: the factor on products of amplitudes for power and heat.
   double phase_factor() const { return phase_factor_; }
-  // What the open bridge holds against a current, and a voltage has to exceed to drive one, by the DC link's voltage.
+  // Voltage with which the open bridge opposes a current, and which a source must exceed to drive one, per DC link
+  // voltage.
   double bridge_share() const { return bridge_share_; }
 
   double direct_a = 0.0;  // state: currents at the end of the last tick
@@ -142,8 +144,8 @@ class Windings {
     double re;
     double im;
   };
-  // The mean over a tick of what turns backwards with the angle, with a weight: a series in the angle whose terms have
-  // the weight's moments. Better than 4e-5 below `small_angle`.
+  // Weighted mean over a tick of a vector that turns back by the angle: a series in the angle with the moments of the
+  // weight as coefficients. Its error is less than 4e-5 for angles below `small_angle`.
   struct Series {
     double zeroth = 0.0;
     double first = 0.0;
@@ -157,12 +159,12 @@ class Windings {
 
   static Series series_of(std::span<const double> moments);
 
-  // Of a tick that is cut into them.
+  // Parameters of a tick that is divided into pieces.
   struct Pieces {
     int count = 1;
     double direct_rate = 0.0;  // L / duration
     double quadrature_rate = 0.0;
-    double direct_weight = 0.5;  // of the current at the end in the mean
+    double direct_weight = 0.5;  // weight of the final current in the mean
     double quadrature_weight = 0.5;
   };
   template <typename Voltage>
@@ -173,22 +175,22 @@ class Windings {
   double pole_pairs_;
   double torque_per_flux_;  // n/2 p
   double flux_;
-  double torque_constant_;  // Nm per A of amplitude, and by how much of it each A of direct current changes it
+  double torque_constant_;  // Nm per A of amplitude, and its change per A of direct current
   double torque_saliency_;
   double direct_inductance_;
   double quadrature_inductance_;
   double saliency_;     // Ld - Lq
-  double small_angle_;  // of none in a salient rotor
+  double small_angle_;  // 0 for a salient rotor
   double flux_by_inductance_;
   double per_volt_;  // h / L
   double resistance_ = 0.0;
   double decay_ = 0.0;    // R h / L
-  Series kept_;           // shares of the mean current (round rotor): from the current at the start,
+  Series kept_;           // shares of the mean current (round rotor): from the initial current,
   Series pushed_;         // from the voltage,
-  Series opposed_;        // and from the back-EMF; both times volts * h / L
+  Series opposed_;        // and from the back-EMF; the last two times volts * h / L
   Series seen_;           // the voltage itself
-  double emf_per_speed_;  // as `opposed_` takes it
-  double per_speed_nm_;   // torque of the current that this would make in h / L
+  double emf_per_speed_;  // EMF per speed as input of `opposed_`
+  double per_speed_nm_;   // torque of the current that this EMF makes in h / L
   double bridge_share_;
   Pieces whole_;
   Pieces pieces_;

@@ -1,4 +1,4 @@
-// The windings in pieces of a tick: a salient or a fast rotor, and all switches open.
+// Windings solved in pieces of a tick: for a salient or fast rotor, and with all switches open.
 #include <cmath>
 
 #include "drive/hardware.hpp"
@@ -12,7 +12,7 @@ namespace {
 
 constexpr int most_pieces = 16;
 
-// As the rotor sees it after it has turned.
+// The vector in the frame of the rotor after it has turned.
 Vector turned(Vector a, double sine, double cosine) { return {cosine * a.d + sine * a.q, cosine * a.q - sine * a.d}; }
 
 }  // namespace
@@ -27,10 +27,10 @@ void Windings::prepare_pieces() {
   }
 }
 
-// The stator's flux linkage changes by the voltage less that of the resistance, whatever the rotor does: the linkage of
-// the start, turned, is all that the turning asks for. Torque and heat are what makes the energies of a piece agree to
-// the last bit, with every saliency and angle, so that nothing can swing itself up. `passive`: the voltage comes from
-// what gives nothing, and where the mean current of a piece would take something of it, that at its end does not.
+// The stator's flux linkage changes by the voltage minus the resistive drop, independent of the rotor: the rotation
+// only turns the initial linkage. Torque and heat are calculated so that the energy balance of a piece is exact for
+// every saliency and angle; so no oscillation can grow. `passive`: the voltage source cannot give energy. If it would
+// with the mean current of the piece, the piece is repeated with backward Euler, for which it does not.
 template <typename Voltage>
 WindingTick Windings::in_pieces(const Pieces& pieces, const Turn& turn, bool passive, const Voltage& voltage) const {
   const double angle = turn.angle / pieces.count;
@@ -61,7 +61,8 @@ WindingTick Windings::in_pieces(const Pieces& pieces, const Turn& turn, bool pas
       const double power = dot(volts, through);
       if (passive && !again && power > 0.0) return false;
       mean = mean + through;
-      // What the step takes of a strongly damped current besides its mean is heat as well.
+      // The part of the energy that this integration takes from a strongly damped current, beyond the mean, is heat as
+      // well.
       square_a2 += dot(through, through) + (pieces.direct_rate * (direct_weight - 0.5) * change.d * change.d +
                                             pieces.quadrature_rate * (quadrature_weight - 0.5) * change.q * change.q) /
                                                resistance_;
@@ -91,8 +92,8 @@ WindingTick Windings::driven_in_pieces(double direct_v, double quadrature_v, con
   });
 }
 
-// In each piece there is one voltage that would leave no current. The bridge makes it if it can, as then its diodes
-// block, and else the one that leaves the least energy.
+// In each piece one voltage would end without current. If the bridge can make it, the diodes block and it has that
+// voltage; otherwise the bridge makes the voltage that leaves the least energy.
 WindingTick Windings::freewheeling(double dc_link_v, double sine, double cosine, const Turn& turn) const {
   const double emf_v = std::abs(turn.angle / drive::tick_seconds * flux_);
   if (direct_a == 0.0 && quadrature_a == 0.0 && emf_v <= dc_link_v * bridge_share_) return {};

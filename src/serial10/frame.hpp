@@ -9,7 +9,7 @@
 namespace servodrome::serial10 {
 
 inline constexpr std::size_t frame_bytes = 10;
-inline constexpr std::uint8_t universal_id = 127;  // every drive takes it for its own (iSMK manual, ch. 4.1.2.2)
+inline constexpr std::uint8_t universal_id = 127;  // every drive accepts it as its own (iSMK manual, ch. 4.1.2.2)
 
 enum class Command : std::uint8_t {
   write_4 = 0x23,
@@ -35,7 +35,7 @@ struct Frame {
     return static_cast<std::uint32_t>(bytes[8]) << 24 | static_cast<std::uint32_t>(bytes[7]) << 16 |
            static_cast<std::uint32_t>(bytes[6]) << 8 | bytes[5];
   }
-  // All ten bytes add up to 0 (iSMK manual, ch. 8.4.1).
+  // The sum of all ten bytes is 0 (iSMK manual, ch. 8.4.1).
   constexpr bool is_intact() const { return sum(frame_bytes) == 0; }
 
   static constexpr Frame make(std::uint8_t id, Command command, std::uint16_t index, std::uint8_t sub,
@@ -65,7 +65,7 @@ struct Frame {
   }
 };
 
-// Bytes of data that a write command or a read answer carries; 0 for other commands.
+// Number of data bytes in a write command or a read answer; 0 for other commands.
 constexpr std::uint8_t data_bytes(Command command) {
   switch (command) {
     case Command::write_4:

@@ -26,7 +26,7 @@ void Server::receive(std::uint8_t character, Time at) {
 
 void Server::receive_garbled(Time at) {
   if (at - last_ > partial_frame_timeout) reset();
-  is_spoilt_ = true;  // before receive(): this may be the frame's last character
+  is_spoilt_ = true;  // before receive(), because this may be the frame's last character
   receive(0, at);
 }
 

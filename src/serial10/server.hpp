@@ -9,29 +9,30 @@
 
 namespace servodrome::serial10 {
 
-// A point on the caller's monotonic clock, or a span of it. The stack never asks for the time; it is told.
+// A point in time on the caller's monotonic clock, or a duration. The stack never reads a clock: the caller passes the
+// time.
 using Time = std::chrono::nanoseconds;
 
 inline constexpr Time never = Time::max();
 
-// One drive on a serial line that speaks the 10-byte protocol: every character of the line goes in with the time its
-// stop bit ended, frames come out. A frame that is for another id or whose checksum is wrong is not answered (iSMK
-// manual, ch. 8.4.1); part of a frame is forgotten after `partial_frame_timeout` without a character (the manual gives
-// none). Drives on one line are all handed all characters, but not their own.
+// One drive on a serial line with the 10-byte protocol. The caller passes every character of the line with the time at
+// which its stop bit ended, and takes frames out. A frame for another id or with a wrong checksum is not answered (iSMK
+// manual, ch. 8.4.1). An incomplete frame is discarded after `partial_frame_timeout` without a character (the manual
+// gives no value). Each drive receives all characters except its own.
 //
-// Answers (iSMK manual, ch. 8.4.2): a write is confirmed with the request's data; a value that is read is lengthened to
-// four bytes by its topmost bit, whatever its type; an error carries the CiA 301 abort code.
+// Answers (iSMK manual, ch. 8.4.2): a write is confirmed with the data of the request; a value that is read is extended
+// to four bytes by its topmost bit, for every type; an error contains the CiA 301 abort code.
 class Server {
  public:
   static constexpr Time partial_frame_timeout = std::chrono::milliseconds(50);
 
-  // `id` 1..127. The dictionary outlives this.
+  // `id` 1..127. The dictionary must outlive this object.
   Server(dictionary::Dictionary& dictionary, std::uint8_t id) : dictionary_(dictionary), id_(id) {}
 
   void receive(std::uint8_t character, Time at);
-  // A character with a framing error, or one that two drives sent at once: the frame is spoilt.
+  // A character with a framing error, or one that two drives sent at once: makes the frame invalid.
   void receive_garbled(Time at);
-  // There is nothing to do between characters; for symmetry with other stations of a line.
+  // Nothing is to be done between characters; these functions exist because other stations of a line have them.
   void poll(Time /*now*/) {}
   Time next_deadline() const { return never; }
   // The answer, empty if there is none; its bytes are valid until the next receive().
@@ -39,7 +40,7 @@ class Server {
 
   std::uint8_t id() const { return id_; }
   void set_id(std::uint8_t id) { id_ = id; }
-  // Forgets what has been received and what was to be sent, as a serial port does that is set up anew.
+  // Discards received characters and the answer to send, as a serial port does when it is reconfigured.
   void reset();
 
   // The answer to an intact request for this drive.

@@ -20,9 +20,9 @@ using line::bench::Method;
 using line::bench::Recording;
 using line::bench::Route;
 
-// A transform of so many samples takes some 20 ms, and the line waits for it.
+// A transform of this many samples blocks the line for about 20 ms.
 constexpr std::int64_t most_samples = 131'072;
-constexpr double believed = 0.7;  // coherence of what bandwidth and margins are read from
+constexpr double believed = 0.7;  // least coherence of the points used for bandwidth and margins
 
 double number_in_query(const Call& call, std::string_view key, double otherwise, double least, double most) {
   const auto text = query_value(call, key);
@@ -63,7 +63,7 @@ struct Curve {
   std::vector<tuning::Complex> response;
 };
 
-// Of a closed loop T, its open loop: T / (1 - T).
+// Computes the open loop T / (1 - T) of a closed loop T.
 Json open_loop_of(const Curve& closed) {
   Curve open;
   for (std::size_t i = 0; i < closed.hz.size(); ++i) {
@@ -110,7 +110,7 @@ Json show_bode(Call& call) {
   const Json& from = plan.channels[input].view;
   const Json& to = plan.channels[output].view;
   Json answer{{"recording", plan.id}, {"input", from}, {"output", to}, {"points", std::move(shown)}};
-  // The same quantity at both ends: a loop that is closed.
+  // Input and output are the same quantity: the response is that of a closed loop.
   if (input != output && from.value("unit", std::string()) == to.value("unit", std::string("?"))) {
     answer["bandwidth_hz"] = number_or_null(tuning::bandwidth_of(sure.hz, sure.response));
     answer["open_loop"] = open_loop_of(sure);

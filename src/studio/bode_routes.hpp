@@ -4,12 +4,12 @@
 
 namespace servodrome::studio {
 
-// Frequency responses of recordings: docs/bench-api.md, "Bode plots".
+// Frequency responses calculated from recordings: docs/bench-api.md, "Bode plots".
 class BodePlots {
  public:
   explicit BodePlots(FindRecording find) : find_(std::move(find)) {}
 
-  // The group refers to this.
+  // The returned group refers to this object.
   line::bench::RouteGroup routes();
   const FindRecording& find() const { return find_; }
 

@@ -8,10 +8,11 @@
 namespace servodrome::studio {
 namespace {
 
-constexpr auto end_of_answer = std::chrono::milliseconds(50);  // without another piece of it
+constexpr auto end_of_answer = std::chrono::milliseconds(50);  // pause that ends an answer
 
-// Around an EtherCAT frame's content: a broadcast, of EtherType 88A4h (ETG.1000.4 clause 5.3.2). Whose it was, the
-// client does not tell; the first slave sets bit 1 of the source address.
+// Ethernet header put before an EtherCAT frame's content: broadcast, EtherType 88A4h (ETG.1000.4 clause 5.3.2). The
+// client does not report the real source address. In returned frames bit 1 of its first byte is set, as the first slave
+// does.
 constexpr std::size_t source_address = 6;
 constexpr std::array<std::uint8_t, 14> ethernet_header{0xFF, 0xFF, 0xFF, 0xFF, 0xFF, 0xFF, 0x00,
                                                        0x00, 0x00, 0x00, 0x00, 0x01, 0x88, 0xA4};

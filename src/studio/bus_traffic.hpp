@@ -11,24 +11,24 @@
 
 namespace servodrome::studio {
 
-// What passes on a bus that another thread uses, while it is wanted: kept until it is fetched.
+// Records the traffic of a bus that another thread uses, while a reader wants it, and keeps it until it is fetched.
 class BusTraffic {
  public:
   using Clock = std::chrono::steady_clock;
-  static constexpr std::size_t most_bytes = std::size_t{1} << 20U;  // that wait to be fetched; the oldest go
+  static constexpr std::size_t most_bytes = std::size_t{1} << 20U;  // capacity; the oldest frames are dropped
 
-  // `type`: "can", "ethercat" or "rs485"; `link` as --bus has it. `start`: of the frames' time.
+  // `type`: "can", "ethercat" or "rs485". `link`: as in --bus. `start`: origin of the frames' times.
   BusTraffic(const std::string& type, const std::string& link, Clock::time_point start);
   BusTraffic(const BusTraffic&) = delete;
   BusTraffic& operator=(const BusTraffic&) = delete;
 
-  // For the clients of the bus; of its thread. This outlives them.
+  // Callback for the clients of the bus, called in the thread of the bus. This object must outlive them.
   links::Heard heard();
 
-  // ---- Any thread ----
+  // ---- Callable from any thread ----
   void want(bool on);
-  // All that has come, into `ring`. Of CAN, `sender` is 0 for what this program sent, else 100h and the node-ID in the
-  // identifier.
+  // Moves all waiting frames into `ring`. On CAN, `sender` is 0 for frames of this program, else 100h | the node-ID in
+  // the identifier.
   void fetch(line::TrafficRing& ring);
 
  private:
@@ -39,11 +39,11 @@ class BusTraffic {
 
   line::TrafficKind kind_;
   Clock::time_point start_;
-  std::atomic<int> wanted_{0};  // by so many
+  std::atomic<int> wanted_{0};  // number of readers that want the traffic
   std::mutex mutex_;
   line::TrafficRing waiting_{most_bytes};
   line::TrafficRing::Cursor cursor_{1, 0};
-  // An answer on a serial line or over TCP comes in pieces.
+  // An answer on a serial line or over TCP arrives in pieces, collected here.
   std::vector<std::uint8_t> answer_;
   line::Time answer_began_{};
   line::Time answer_went_on_{};

@@ -9,50 +9,51 @@
 #include "line/bench/routes.hpp"
 #include "studio/service_objects.hpp"
 
-// What commissioning asks of an axis beside its jobs, by the host library: of a virtual drive over its service port,
-// between two ticks, of one on a bus over that. docs/bench-api.md, "Parameters" and what follows.
+// Access to an axis for commissioning, besides its jobs. It uses the host library: for a virtual drive over its service
+// port between two ticks, for a drive on a bus over that bus. docs/bench-api.md, "Parameters" and the sections after
+// it.
 namespace servodrome::studio {
 
-// An axis as these routes see it.
+// An axis as the commissioning routes use it.
 struct Subject {
   std::unique_ptr<host::ObjectClient> client;
   host::ObjectClient& objects = *client;
   host::NodeId node_id{};  // of a CANopen drive
   std::string product;
-  std::span<const dictionary::Entry> table{};  // what its bus sees; of an axis without a fieldbus, all
+  std::span<const dictionary::Entry> table{};  // objects of its bus; without a fieldbus all objects
   bool has_process_data = true;
-  // Does something where the drive takes changes of its process data, and undoes it if the bus does not operate with
-  // it; maybe in another thread, and maybe when the caller has left, so both keep what they need. Empty: it takes
-  // them by `objects`.
+  // Runs `action` in a state in which the drive accepts changes of its process data. Runs `undo` if the bus does not
+  // operate with the change. Both may run in another thread, and after the caller has left, so they must own their
+  // data. Empty: the drive accepts such changes through `objects` at any time.
   using Action = std::function<void(host::ObjectClient& objects)>;
   std::function<void(const Action& action, const Action& undo)> configure{};
-  // The parameters as `servodrome params` has them: those of `table`.
+  // The parameters that `servodrome params` lists: those of `table`.
   host::ParameterList parameters(bool with_connection = false) const;
 };
 
-// Where a server gets them from.
+// Provides the subjects of a server.
 class Subjects {
  public:
   virtual ~Subjects() = default;
-  // The axis that the first argument names. Throws ApiError: 404, or 409 if it cannot be spoken to.
+  // Opens the axis that the first argument names. Throws ApiError: 404, or 409 if the drive does not communicate.
   virtual Subject open(line::bench::Call& call) = 0;
 };
-// Those of the call's line.
+// The subjects of the call's line.
 Subjects& line_subjects();
 
 inline Subject subject_of(line::bench::Call& call) { return static_cast<Subjects*>(call.context)->open(call); }
 
-// `subjects` outlives the group.
+// `subjects` must outlive the group.
 line::bench::RouteGroup parameter_routes(Subjects& subjects);
 line::bench::RouteGroup pdo_routes(Subjects& subjects);
 
-// All of them, for a line.
+// All commissioning routes for a line.
 std::vector<line::bench::RouteGroup> commissioning_routes();
 
-// As the API tells it: `status`, and what, where and what to do.
+// Converts an error to the API's form: `status`, what happened, where, and what to do.
 line::bench::ApiError api_error(const host::HostError& error, unsigned status = 409);
 
-// Of the query: absent or "false" is false, "true" is true. Throws ApiError 400.
+// A flag of the query: absent or "false" is false, "true" is true. Throws ApiError 400.
 bool flag(const line::bench::Call& call, std::string_view key);
 
 }  // namespace servodrome::studio

@@ -12,8 +12,8 @@ namespace {
 
 using namespace std::chrono_literals;
 
-constexpr auto idle_time = 1ms;                    // between two looks for something to do
-constexpr auto time_for_others = 8ms;              // at most, each time a work lets others use the bus
+constexpr auto idle_time = 1ms;                    // sleep when nothing is to be done
+constexpr auto time_for_others = 8ms;              // longest time that a work item gives to other accesses at once
 constexpr std::uint16_t quick_stop_word = 0x0002;  // CiA 402-2 table 24
 constexpr std::uint16_t fault_or_warning = 1U << 3 | 1U << 7;
 constexpr double not_read = std::numeric_limits<double>::quiet_NaN();
@@ -22,10 +22,10 @@ JobError error_of(const std::exception& error, const std::string& where) {
   if (const auto* known = dynamic_cast<const host::HostError*>(&error)) {
     return {known->happened(), known->where(), known->remedy()};
   }
-  return {error.what(), where, "see whether the bus and its drives have power and are connected"};
+  return {error.what(), where, "check that the bus and its drives have power and are connected"};
 }
 
-// Of an access or work: it is answered with what is wrong with the bus.
+// Answers an access or work item with the error of the bus.
 template <typename Waiting>
 void refuse(Waiting& waiting, const JobError& problem) {
   waiting.error = std::make_exception_ptr(host::HostError(problem.what, problem.where, problem.hint));
@@ -61,7 +61,7 @@ DriveBus::DriveBus(BusPlan plan, Clock::time_point start)
       silent_(plan_.drives.size(), false),
       stop_when_back_(plan_.drives.size(), false) {
   state_.drives.resize(plan_.drives.size());
-  for (DriveState& drive : state_.drives) drive.problem = JobError{"the drive was not asked yet", plan_.link, ""};
+  for (DriveState& drive : state_.drives) drive.problem = JobError{"the drive has not been read yet", plan_.link, ""};
   thread_ = std::thread([this, opened = std::make_shared<std::unique_ptr<OpenBus>>(plan_.open(traffic_.heard()))] {
     run(std::move(*opened));
   });
@@ -143,7 +143,7 @@ void DriveBus::run(std::unique_ptr<OpenBus> open) {
   }
 }
 
-// What waited is answered, and nothing is known of the drives any more.
+// Answers all waiting accesses and work items with the error, and marks the state of all drives as unknown.
 void DriveBus::lose(const std::exception& error) {
   const std::lock_guard lock(mutex_);
   const JobError problem = error_of(error, plan_.link);
@@ -156,7 +156,7 @@ void DriveBus::lose(const std::exception& error) {
   waiting_work_.clear();
 }
 
-// Until the end. First what callers wait for; what is recorded and the drives' states take turns.
+// Serves the open bus until the end. Accesses and work items of callers come first; samples and drive states alternate.
 bool DriveBus::serve(OpenBus& open) {
   axes_.clear();
   for (std::size_t i = 0; i < plan_.drives.size(); ++i) {
@@ -189,7 +189,7 @@ bool DriveBus::serve(OpenBus& open) {
   }
 }
 
-// Beside a work that is to end, its drive is left to it.
+// While a cancelled work item runs (`beside`), takes no access to the drive of that work item.
 std::shared_ptr<Access> DriveBus::next_access(const Work* beside, bool urgent_only) {
   const std::lock_guard lock(mutex_);
   std::erase_if(waiting_, [](const auto& access) { return access->given_up.load(); });
@@ -203,7 +203,7 @@ std::shared_ptr<Access> DriveBus::next_access(const Work* beside, bool urgent_on
   return access;
 }
 
-// `beside`: one that can be done beside the running one.
+// With `beside`, takes only a work item that may run during the current one.
 std::shared_ptr<Work> DriveBus::next_work(bool beside) {
   const std::lock_guard lock(mutex_);
   const auto next = std::find_if(waiting_work_.begin(), waiting_work_.end(),
@@ -215,7 +215,7 @@ std::shared_ptr<Work> DriveBus::next_work(bool beside) {
   return work;
 }
 
-// An error goes to the caller of the work. What the bus itself suffers from shows with the next access.
+// An error goes to the caller of the work item. An error of the bus itself shows at the next access.
 void DriveBus::carry_out(OpenBus& open, const std::shared_ptr<Work>& work) {
   const auto is_to_end = [&] {
     if (!work->beside) serve_beside(open, *work);
@@ -234,7 +234,8 @@ void DriveBus::carry_out(OpenBus& open, const std::shared_ptr<Work>& work) {
   work->done = true;
 }
 
-// What is urgent, and others for a while. A drive that is silent is not asked: the work would wait for it.
+// Carries out urgent accesses, and others for a limited time. Skips silent drives, because the work item would wait for
+// them.
 void DriveBus::serve_beside(OpenBus& open, const Work& work) {
   const auto end = Clock::now() + time_for_others;
   while (true) {
@@ -262,7 +263,7 @@ void DriveBus::note_access(bool answered, Clock::duration took) {
   state_.access_s += weight * (std::chrono::duration<double>(took).count() - state_.access_s);
 }
 
-// An error of the object is the caller's; that of the bus is every caller's.
+// An error of the object goes to the caller; an error of the bus is thrown, because it concerns all callers.
 void DriveBus::carry_out(OpenBus& open, Access& access) {
   const auto began = Clock::now();
   host::ObjectClient& objects = *open.drives()[access.drive];
@@ -276,7 +277,7 @@ void DriveBus::carry_out(OpenBus& open, Access& access) {
     access.done = true;
   } catch (const host::ObjectError& error) {
     note_access(error.answered(), Clock::now() - began);
-    if (!error.answered()) next_poll_[access.drive] = {};  // see what is the matter with it
+    if (!error.answered()) next_poll_[access.drive] = {};  // read its state soon, to find the reason
     access.error = std::current_exception();
     access.done = true;
   } catch (const std::exception&) {
@@ -312,7 +313,7 @@ bool DriveBus::sample_one(OpenBus& open) {
   return true;
 }
 
-// The state of one drive; false: none is due.
+// Reads the state of one drive; returns false if none is due.
 bool DriveBus::poll_one(OpenBus& open, bool silent_too) {
   const auto began = Clock::now();
   std::size_t i = next_poll_.size();
@@ -348,7 +349,7 @@ bool DriveBus::poll_one(OpenBus& open, bool silent_too) {
   }
   const auto ended = Clock::now();
   seen.at = ended;
-  // At most a third of the bus is for this.
+  // Polling uses at most a third of the time of the bus.
   const Clock::duration usual = std::max<Clock::duration>(usual_poll, 2 * (ended - began));
   next_poll_[i] = ended + (seen.problem ? Clock::duration(silent_poll) : usual);
   const std::lock_guard lock(mutex_);

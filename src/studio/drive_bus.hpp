@@ -18,92 +18,94 @@
 #include "studio/bus_traffic.hpp"
 #include "studio/drives.hpp"
 
-// Drives on a bus, reached by the host library, whose calls wait: each bus has a thread of its own.
+// Drives on a bus. The calls of the host library block, so each bus has its own thread.
 namespace servodrome::studio {
 
-// A bus that is open, and the drives behind it.
+// An open bus and the drives on it.
 class OpenBus {
  public:
   virtual ~OpenBus() = default;
-  // In the order in which they were asked for.
+  // In the order of the plan.
   virtual std::vector<host::ObjectClient*> drives() = 0;
-  // A drive answers again that did not, maybe after a reset. Throws HostError.
+  // Call it when a drive answers again after a silence, maybe after a reset. Throws HostError.
   virtual void back(std::size_t drive) = 0;
-  // Lets the bus run. Throws HostError when it is lost.
+  // Lets the bus run for `span`. Throws HostError if the bus is lost.
   virtual void wait(host::Time span) = 0;
 
-  // The process data of a drive, exchanged as long as this lives; on CAN those that are named, on EtherCAT those that
-  // the slave maps.
+  // The exchange of a drive's process data; it runs as long as this object lives. On CAN it exchanges the given data,
+  // on EtherCAT the data that the slave maps.
   struct Cyclic {
     std::unique_ptr<host::CyclicBus> bus;
-    std::size_t drive;  // of that
+    std::size_t drive;  // index of the drive in `bus`
   };
   virtual Cyclic open_cyclic(std::size_t drive, const host::CanDrive& exchanged) = 0;
 
-  // Does `action` while the drive takes changes of its process data. An EtherCAT bus is to be opened anew after it; if
-  // its slaves do not operate any more with what it did, `undo` is done and the reason thrown.
+  // Runs `action` in a state in which the drive accepts changes of its process data. An EtherCAT bus must be reopened
+  // afterwards. If its slaves no longer operate with the change, runs `undo` and throws the reason.
   using Action = std::function<void(host::ObjectClient& objects)>;
   virtual void configure(std::size_t drive, const Action& action, const Action& undo) = 0;
 
-  // Registers of the drives' EtherCAT slave controllers that say what process data are where. Nothing on other buses.
+  // Calls `show` with the registers of the EtherCAT slave controllers that define the positions of process data. Does
+  // nothing on other buses.
   using Registers = std::function<void(std::size_t drive, std::uint16_t station, std::uint16_t offset,
                                        std::span<const std::uint8_t> bytes)>;
   virtual void show_process_data(const Registers& show) = 0;
 
-  // What brings an axis to rest that moves when this program dies or its link is lost. Nothing: it goes on.
+  // The mechanism that stops a moving axis if this program dies or the link is lost. Empty: there is none, the axis
+  // moves on.
   struct Watch {
     const char* by;
-    double within_s;  // begins to stop
+    double within_s;  // time until the axis begins to stop
   };
   virtual std::optional<Watch> watch_of(std::size_t drive) = 0;
 };
 
 struct DrivePlan {
   std::string name;      // of the axis
-  std::string product;   // as `servodrome products` lists it; empty: none of ours
+  std::string product;   // as `servodrome products` lists it; empty: unknown product
   unsigned address = 0;  // node-ID, position or station
 };
 
 struct BusPlan {
-  std::string link;  // as --bus has it
+  std::string link;  // as in --bus
   std::string type;  // "can", "ethercat", "rs485"
   std::vector<DrivePlan> drives{};
-  // Opens it with all its drives, in this order; what passes is told. Throws std::exception.
+  // Opens the bus with all drives of the plan, in their order; reports its traffic to `heard`. Throws std::exception.
   std::function<std::unique_ptr<OpenBus>(const links::Heard& heard)> open{};
 };
 
-// One access to an object, carried out by the thread of its bus.
+// One access to an object. The thread of the bus carries it out.
 struct Access {
   std::size_t drive = 0;
   host::ObjectAddress object{};
   bool writes = false;
-  bool urgent = false;             // before everything that waits
-  std::vector<std::byte> bytes{};  // to be written, or read
+  bool urgent = false;             // comes before everything that waits
+  std::vector<std::byte> bytes{};  // data to write, or data read
   std::exception_ptr error{};
-  std::atomic<bool> done{false};      // bytes and error are there
-  std::atomic<bool> given_up{false};  // no caller waits for it any more: it is left out
+  std::atomic<bool> done{false};      // bytes and error are valid
+  std::atomic<bool> given_up{false};  // no caller waits for it any more: skip it
 };
 
-// Something longer that is done with a drive by the thread of its bus.
+// A work item: a longer operation on a drive. The thread of the bus carries it out.
 struct Work {
-  // True: it is to end. Others use the bus while this is asked, so it is asked often.
+  // Returns true if the work item must end. The call also lets others use the bus, so it must be called often.
   using IsToEnd = std::function<bool()>;
 
   std::size_t drive = 0;
   std::function<void(OpenBus& bus, const IsToEnd& is_to_end)> carry_out{};
-  bool reopens = false;  // the bus is opened anew when it is over
-  bool beside = false;   // takes so little time that it is done beside another
+  bool reopens = false;  // the bus is reopened afterwards
+  bool beside = false;   // short enough to run during another work item
   std::exception_ptr error{};
   std::atomic<bool> begun{false};
   std::atomic<bool> done{false};
   std::atomic<bool> cancelled{false};
 };
 
-// Values of an object that the thread of a bus reads again and again, by the clock on the wall: the one read nearest to
-// each multiple of the stride. What was not read in time is not a number.
+// Values of an object that the thread of a bus polls by the wall clock. For each multiple of the stride it keeps the
+// value read nearest to it; NaN if none was read in time.
 class PolledSamples final : public line::Samples {
  public:
-  // What the number is in the bytes of the object.
+  // Decodes the bytes of the object to a number.
   using Decode = std::function<double(std::span<const std::byte> bytes)>;
 
   PolledSamples(std::size_t drive, host::ObjectAddress object, Decode decode, std::int64_t stride, std::int64_t first)
@@ -117,13 +119,13 @@ class PolledSamples final : public line::Samples {
   std::size_t drive() const { return drive_; }
   host::ObjectAddress object() const { return object_; }
 
-  // --- The thread of the bus
-  std::int64_t wanted() const { return next_; }  // tick at which it is to be read next
+  // --- Called by the thread of the bus
+  std::int64_t wanted() const { return next_; }  // tick at which the next read is due
   void note(std::int64_t tick, std::span<const std::byte> bytes);
-  void skip(std::int64_t tick);  // it could not be read then
+  void skip(std::int64_t tick);  // reading failed at this tick
 
-  // --- The thread of the server
-  // All ticks before `end` are over.
+  // --- Called by the thread of the server
+  // All ticks before `end` have passed.
   void advance(std::int64_t end);
 
  private:
@@ -145,12 +147,12 @@ class DriveBus {
  public:
   using Clock = std::chrono::steady_clock;
 
-  static constexpr auto usual_poll = std::chrono::milliseconds(50);  // of a drive's state
-  static constexpr auto silent_poll = std::chrono::seconds(2);       // of one that does not answer
-  static constexpr auto reopen_period = std::chrono::seconds(1);     // of a bus that is lost
+  static constexpr auto usual_poll = std::chrono::milliseconds(50);  // poll period of a drive's state
+  static constexpr auto silent_poll = std::chrono::seconds(2);       // poll period of a drive that does not answer
+  static constexpr auto reopen_period = std::chrono::seconds(1);     // period of attempts to reopen a lost bus
 
   struct DriveState {
-    std::optional<JobError> problem;  // why it cannot be spoken to
+    std::optional<JobError> problem;  // why the drive does not communicate
     host::AxisStatus status{};
     std::uint16_t controlword = 0;
     std::uint16_t error_code = 0;
@@ -158,15 +160,15 @@ class DriveBus {
     Clock::time_point at{};
   };
   struct State {
-    std::optional<JobError> problem;  // why the bus is not there
+    std::optional<JobError> problem;  // why the bus is not available
     std::vector<DriveState> drives;
     std::uint64_t accesses = 0;  // carried out
-    std::uint64_t failed = 0;    // of them, without an answer
-    std::uint64_t losses = 0;    // how often the bus went away
-    double access_s = 0.001;     // that an access takes, lately
+    std::uint64_t failed = 0;    // of these, without an answer
+    std::uint64_t losses = 0;    // number of times the bus was lost
+    double access_s = 0.001;     // smoothed duration of an access
   };
 
-  // Opens it; throws what the plan's `open` throws. `start`: of tick 0.
+  // Opens the bus; throws what the plan's `open` throws. `start` is the time of tick 0.
   DriveBus(BusPlan plan, Clock::time_point start);
   ~DriveBus();
   DriveBus(const DriveBus&) = delete;
@@ -175,19 +177,18 @@ class DriveBus {
   const BusPlan& plan() const { return plan_; }
   BusTraffic& traffic() { return traffic_; }
   State state() const;
-  // A work with it waits or runs: its state may be another at once.
+  // Does a work item with this drive wait or run? Then its state may change at any moment.
   bool is_worked_with(std::size_t drive) const;
-  // `first`: before everything that waits.
-  // An urgent one to a drive that is being worked with ends that work.
+  // Queues an access or a work item. An urgent access goes to the front, and cancels a running work item of its drive.
   void submit(std::shared_ptr<Access> access);
   void submit(std::shared_ptr<Work> work);
   void sample(const std::shared_ptr<PolledSamples>& samples);
-  // What else is to be done with a drive when the bus comes back: it had been moving when it went away.
+  // Gives the drive a quick stop when it answers again: it was moving when the bus was lost.
   void stop_when_back(std::size_t drive);
 
  private:
   void run(std::unique_ptr<OpenBus> open);
-  // True: it is to be opened anew.
+  // Returns true if the bus must be reopened.
   bool serve(OpenBus& open);
   std::shared_ptr<Access> next_access(const Work* beside = nullptr, bool urgent_only = false);
   std::shared_ptr<Work> next_work(bool beside = false);
@@ -212,7 +213,7 @@ class DriveBus {
   std::vector<std::weak_ptr<PolledSamples>> sampled_;
   State state_;
 
-  // Of the thread
+  // Used only by the thread of the bus
   std::vector<host::Axis402> axes_;
   std::vector<Clock::time_point> next_poll_;
   std::vector<bool> silent_;

@@ -13,56 +13,57 @@
 
 namespace servodrome::studio {
 
-// What went wrong, as the API tells it.
+// An error in the form of the API.
 struct JobError {
   std::string what;
   std::string where;
   std::string hint;
 };
 
-// An axis whose process data are exchanged at a fixed rate, for the work that needs that.
+// The periodic exchange of an axis' process data at a fixed rate, for work that needs it.
 struct CyclicAccess {
   host::CyclicBus& bus;
-  std::size_t drive;            // of the bus
-  host::ObjectClient& objects;  // of the same drive
+  std::size_t drive;            // index in the bus
+  host::ObjectClient& objects;  // objects of the same drive
   std::function<bool()> cancelled;
   std::function<void(const char* doing, double share)> progress;
 };
 
-// The axes that jobs drive: those of a line, or drives on buses.
+// The axes on which jobs run: those of a line, or drives on buses.
 class Drives {
  public:
-  // Lets time pass until it is `until`; may throw to leave the caller.
+  // Waits until the time `until`; may throw to leave the caller.
   using Wait = std::function<void(host::Time until)>;
 
   virtual ~Drives() = default;
 
   virtual host::Time now() const = 0;
   virtual std::vector<std::string> names() const = 0;
-  // Throws ApiError 409 when nothing can be asked of the axis now. `axis` here and below is one of names().
+  // Throws ApiError 409 if the axis cannot answer now. `axis` here and below is one of names().
   virtual void require_ready(const std::string& axis) const = 0;
-  // The drive's objects for a caller that waits by `wait`. Does not outlive this.
+  // The drive's objects for a caller that waits with `wait`. The result must not outlive this object.
   virtual std::unique_ptr<host::ObjectClient> open(const std::string& axis, Wait wait) = 0;
-  // How a host drives this axis.
+  // Options with which a host operates this axis.
   virtual host::AxisOptions options(const std::string& axis) const = 0;
-  // As `servodrome products` lists it; "": none of ours.
+  // As `servodrome products` lists it; "": unknown product.
   virtual std::string product(const std::string& axis) const = 0;
-  // The process data of the axis, or its objects as if they were, can be exchanged each millisecond or two.
+  // Can the process data of the axis, or its objects in their place, be exchanged every millisecond or two?
   virtual bool has_cycles(const std::string& axis) const = 0;
-  // What is done with an axis while they are; answers what it found. It may be carried out in another thread, and still
-  // be when in_cycles was left by an exception: it keeps what it needs.
+  // Work that runs during the periodic exchange, and returns its result. It may run in another thread, and may still
+  // run after in_cycles was left by an exception, so it must own its data.
   using Work = std::function<line::bench::Json(CyclicAccess& access)>;
-  // Exchanges `exchanged` on CAN, what the slave maps on EtherCAT, and has `work` done meanwhile. Waits by `objects`,
-  // which `open` made for the axis, and asks and tells by the other two. Throws what `work` throws; HostError without
-  // has_cycles.
+  // Runs `work` during the periodic exchange (on CAN of `exchanged`, on EtherCAT of the data that the slave maps).
+  // Waits with `objects`, which `open` returned for the axis. Calls `cancelled` and `progress` meanwhile. Throws what
+  // `work` throws; HostError without has_cycles.
   virtual line::bench::Json in_cycles(const std::string& axis, host::ObjectClient& objects,
                                       const host::CanDrive& exchanged, const std::function<bool()>& cancelled,
                                       const std::function<void(const char* doing, double share)>& progress,
                                       const Work& work) = 0;
-  // What a revolution is in the drive's units; nothing: it does not say. Throws HostError if it cannot be asked.
+  // A revolution in the drive's units; empty if the drive has no such information. Throws HostError if the access
+  // fails.
   virtual std::optional<host::AxisUnits> units(const std::string& axis) = 0;
-  // Quick stop of every axis that is enabled, at once: what is wrong, in the order of names(); nothing: it stands or is
-  // being stopped.
+  // Quick stop of every enabled axis, at once. Returns the errors in the order of names(); empty: the axis stands or is
+  // stopping.
   virtual std::vector<std::optional<JobError>> stop_all() = 0;
 };
 

@@ -9,10 +9,10 @@
 
 namespace servodrome::studio {
 
-// nullptr: there is no such recording.
+// Returns nullptr if there is no such recording.
 using FindRecording = std::function<std::shared_ptr<const line::bench::Recording>(std::uint32_t id)>;
 
-// The one that the first argument of a call names. Throws ApiError: 404, or 409 if it has not ended.
+// The recording that the first argument of a call names. Throws ApiError: 404, or 409 if it has not ended.
 std::shared_ptr<const line::bench::Recording> ended_recording(const line::bench::Call& call, const FindRecording& find);
 
 }  // namespace servodrome::studio

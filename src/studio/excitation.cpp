@@ -15,19 +15,19 @@ using host::PowerState;
 using std::chrono::duration;
 using std::chrono::duration_cast;
 
-constexpr host::Time period = std::chrono::milliseconds(1);  // of the targets, where the bus is as fast
+constexpr host::Time period = std::chrono::milliseconds(1);  // of the targets; a slow bus makes it longer
 constexpr std::uint16_t enabled_word = 0x000F;
-constexpr double ramp_margin = 20.0;  // ramps are so much steeper than what is asked of them
+constexpr double ramp_margin = 20.0;  // ramps are steeper than the excitation by this factor
 
 bool has_mode(host::Axis402& axis, OperationMode mode) {
   const auto supported = axis.objects().read_if_present<std::uint32_t>(0x6502);
   return supported && (*supported >> (static_cast<int>(mode) - 1) & 1U) != 0;
 }
 
-// A ramp that is put back in the end.
+// Sets a steep ramp and restores the old value at its end.
 class SteepRamp {
  public:
-  // `wanted` or, if the drive refuses that, the steepest that it takes; at least as it is.
+  // Sets `wanted` or, if the drive refuses it, the steepest ramp that it accepts; never less than the old value.
   SteepRamp(host::ObjectClient& objects, std::uint16_t index, double wanted) : objects_(objects), index_(index) {
     before_ = objects_.read_if_present<std::uint32_t>(index);
     if (!before_) return;
@@ -45,9 +45,9 @@ class SteepRamp {
     try {
       if (before_) objects_.write<std::uint32_t>(index_, 0, *before_);
     } catch (const host::HostError&) {
-      // What went wrong before is told.
+      // The original error is reported instead.
     } catch (...) {
-      // The task is to end.
+      // Ignore that the task is ending.
     }
   }
   SteepRamp(const SteepRamp&) = delete;
@@ -65,7 +65,7 @@ void come_to_rest(host::Axis402& axis) {
   axis.stop();
 }
 
-// Writes one target, in the mode that follows it without a path of its own where the drive has that.
+// Writes one target. Uses the cyclic synchronous mode, which has no trajectory generator, if the drive has it.
 class Target {
  public:
   Target(host::Axis402& axis, const Excitation& excitation)
@@ -132,7 +132,7 @@ void follow(host::Axis402& axis, const Excitation& excitation, const std::functi
   for (host::Time next = began;;) {
     const double seconds = duration<double>(objects.now() - began).count();
     if (seconds >= excitation.seconds) break;
-    if (cancelled && cancelled()) throw host::Cancelled("cancelled", objects.where(), "begin it again when you like");
+    if (cancelled && cancelled()) throw host::Cancelled("cancelled", objects.where(), "start the job again");
     target.write(excitation.shape(seconds));
     if (axis.state() != PowerState::operation_enabled) {
       throw host::HostError("the drive left operation enabled", objects.where(),
@@ -141,7 +141,7 @@ void follow(host::Axis402& axis, const Excitation& excitation, const std::functi
     const std::int64_t distance = axis.position() - origin;
     if (std::abs(static_cast<double>(distance)) > excitation.travel) {
       throw host::HostError(
-          fmt::format("the axis went {} units from where it stood, and {:g} are allowed", distance, excitation.travel),
+          fmt::format("the axis moved {} units from its start, but only {:g} are allowed", distance, excitation.travel),
           objects.where(), "take a smaller amplitude or a higher frequency, or allow more travel");
     }
     next += period;
@@ -177,7 +177,7 @@ void excite(host::Axis402& axis, const Excitation& excitation, const std::functi
     try {
       come_to_rest(axis);
     } catch (const host::HostError&) {
-      // What went wrong before is told.
+      // The original error is reported instead.
     }
     throw;
   }

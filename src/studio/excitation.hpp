@@ -4,8 +4,8 @@
 
 #include "host/axis402.hpp"
 
-// An axis is moved so that a recording of it tells how its loops answer: by a sweep of sines or by a step, of the
-// velocity, of the torque or of the position.
+// Moves an axis so that a recording shows the response of its control loops: with a sine sweep or a step of velocity,
+// torque or position.
 namespace servodrome::studio {
 
 struct Excitation {
@@ -13,21 +13,22 @@ struct Excitation {
   Of of = Of::velocity;
   double amplitude = 0.0;  // in the drive's units of the target: 60FFh, 6071h, 607Ah
   double seconds = 0.0;
-  // Share of the amplitude, -1 .. 1, at seconds after the begin.
+  // Share of the amplitude, -1 .. 1, as a function of the seconds since the start.
   std::function<double(double seconds)> shape{};
-  // Greatest change of the shape in a second: a drive that has the target only behind a ramp gets it this steep.
+  // Greatest change of the shape per second. If the drive limits the target by a ramp, the ramp is set accordingly.
   double steepness = 0.0;
-  double acceleration_per_velocity = 1.0;  // units of 6083h for one of 60FFh in a second
-  double travel = 0.0;                     // to either side of where the axis stands, in the drive's units
+  double acceleration_per_velocity = 1.0;  // units of 6083h for a change of 1 unit of 60FFh per second
+  double travel = 0.0;  // permitted distance from the start position to either side, in the drive's units
 };
 
-// From `from_hz` to `to_hz`, at a rate of frequency that grows with it.
+// A sine sweep from `from_hz` to `to_hz`; its frequency grows exponentially.
 std::function<double(double)> sine_sweep(double from_hz, double to_hz, double seconds);
-// 1 for half of the time, then 0.
+// 1 for the first half of the time, then 0.
 std::function<double(double)> step(double seconds);
 
-// The axis is enabled, and afterwards stands in profile velocity, whatever happened: a fault, `cancelled` (throws
-// host::Cancelled), or leaving the travel, which is an error. Ramps are put back. Throws host::HostError.
+// Excites an enabled axis. Afterwards the axis stands in mode profile velocity, even after a fault, after `cancelled`
+// (throws host::Cancelled), or after leaving the permitted travel, which is an error. Restores the ramps. Throws
+// host::HostError.
 void excite(host::Axis402& axis, const Excitation& excitation, const std::function<bool()>& cancelled);
 
 }  // namespace servodrome::studio

@@ -16,7 +16,7 @@ JobError error_of(const host::HostError& error) { return {error.happened(), erro
 
 }  // namespace
 
-Jobs::~Jobs() { jobs_.clear(); }  // each ends its task
+Jobs::~Jobs() { jobs_.clear(); }  // each job ends its task
 
 Job* Jobs::find(std::uint64_t id) {
   const auto found = std::find_if(jobs_.begin(), jobs_.end(), [id](const Job& job) { return job.id == id; });
@@ -35,7 +35,8 @@ void Jobs::make_room() {
   const auto over =
       std::find_if(jobs_.begin(), jobs_.end(), [](const Job& job) { return job.state != JobState::running; });
   if (over == jobs_.end()) {
-    throw ApiError{409, fmt::format("{} jobs are running", jobs_.size()), "jobs", "wait until one is done, or end one"};
+    throw ApiError{409, fmt::format("too many jobs: {} are running", jobs_.size()), "jobs",
+                   "wait until one is done, or end one"};
   }
   jobs_.erase(over);
 }
@@ -47,7 +48,7 @@ const Job& Jobs::begin(const std::string& name, const std::string& body) {
   try {
     job.order = read_order(body, [&] {
       if (const auto units = drives_.units(name)) return *units;
-      throw host::HostError("the drive does not say what a revolution is in its units", name,
+      throw host::HostError("the drive does not report its units per revolution", name,
                             "give numbers in its own units: \"units\": \"drive\"");
     });
   } catch (const host::HostError& error) {
@@ -58,9 +59,9 @@ const Job& Jobs::begin(const std::string& name, const std::string& body) {
     throw ApiError{409, fmt::format("the axis has a job: {}", other->order.what), name,
                    fmt::format("wait until it is done, or end it: DELETE /api/v1/jobs/{}", other->id)};
   }
-  if (other == nullptr) make_room();  // else that one is over now, and may go
+  if (other == nullptr) make_room();  // otherwise the other job ends now, and its entry may be removed
   if (other != nullptr) {
-    abandon(*other, fmt::format("{} took its place", job.order.what));
+    abandon(*other, fmt::format("replaced by the job {}", job.order.what));
     make_room();
   }
   job.id = ++last_id_;
@@ -116,7 +117,7 @@ void Jobs::carry_out(Job& job) {
     job.error = error_of(error);
     job.state = JobState::failed;
   } catch (const std::exception& error) {
-    job.error = JobError{error.what(), job.axis, "begin the job again"};
+    job.error = JobError{error.what(), job.axis, "start the job again"};
     job.state = JobState::failed;
   }
   if (host_axis.became_quick_stop()) {
@@ -125,7 +126,7 @@ void Jobs::carry_out(Job& job) {
   }
 }
 
-// Told when it is something else, and each twentieth.
+// Publishes progress when `doing` changes, and at every step of 5 %.
 void Jobs::note_progress(Job& job, const char* doing, double share) const {
   const bool other = !job.progress || job.progress->doing != doing;
   if (!other && std::abs(share - job.progress->share) < 0.05) return;
@@ -137,8 +138,8 @@ void Jobs::resume(Job& job) {
   try {
     job.task->resume();
   } catch (const std::system_error& error) {
-    job.error = JobError{fmt::format("the system gives no thread: {}", error.what()), job.axis,
-                         "end other programs, or raise the limit of threads"};
+    job.error = JobError{fmt::format("no thread could be created: {}", error.what()), job.axis,
+                         "stop other programs, or raise the limit of threads"};
     job.state = JobState::failed;
   }
   if (job.state == JobState::running) return;
@@ -154,7 +155,7 @@ void Jobs::cancel(Job& job) {
 
 void Jobs::abandon(Job& job, std::string reason) {
   if (job.state != JobState::running) return;
-  // Who cleans up on the way out (a jog halts) still finds the task, and is thrown on.
+  // Code that cleans up during unwinding (a jog halts) still uses the task, so it is ended before it is destroyed.
   if (job.task) job.task->end();
   job.task.reset();
   job.state = JobState::cancelled;
@@ -164,7 +165,7 @@ void Jobs::abandon(Job& job, std::string reason) {
 
 void Jobs::sign_of_life(Job& job) {
   if (!job.order.lives_on_signs) {
-    throw ApiError{409, fmt::format("a job \"{}\" needs no signs of life", job.order.what), job.axis,
+    throw ApiError{409, fmt::format("a job \"{}\" needs no keep-alive requests", job.order.what), job.axis,
                    "it runs until it is done; DELETE ends it"};
   }
   job.sign_of_life = wall_clock_();

@@ -20,7 +20,7 @@ enum class JobState : std::uint8_t { running, done, failed, cancelled };
 
 struct JobResult {
   double position = 0.0;  // in the units of the order
-  double seconds = 0.0;   // of the drives' time
+  double seconds = 0.0;   // in drive time
 };
 
 struct Job {
@@ -28,81 +28,82 @@ struct Job {
   std::string axis;
   Order order;
   JobState state = JobState::running;
-  bool cancelled = false;  // was asked to end; the axis comes to rest
+  bool cancelled = false;  // cancel was requested; the axis comes to rest
   std::int64_t began_tick = 0;
   std::chrono::steady_clock::time_point sign_of_life{};
   std::optional<JobError> error{};
   std::optional<JobResult> result{};
-  std::string note{};         // what else there is to say of it
-  line::bench::Json found{};  // of a job that finds something out
+  std::string note{};         // additional information for the user
+  line::bench::Json found{};  // result of a job that measures something
   struct Progress {
     std::string doing{};
     double share = 0.0;  // 0 .. 1
   };
   std::optional<Progress> progress{};
 
-  host::Time due{};  // when it is to go on
+  host::Time due{};  // time at which it continues
   std::unique_ptr<Task> task{};
 };
 
-// As GET /api/v1/jobs/{id} shows it; the list leaves out what was found.
+// The form of GET /api/v1/jobs/{id}; the list of jobs omits `found`.
 line::bench::Json view_of(const Job& job, bool with_found = true);
 
-// What axes are doing on behalf of clients of the API: at most one job each, carried out by the host library in the
-// drives' time. Everything happens in one thread, which calls `reached`; requests between two such calls find every job
-// waiting.
+// The jobs of axes for clients of the API, at most one per axis. The host library carries them out in the drives' time.
+// Everything runs in one thread, which calls `reached`; between two such calls every job waits.
 class Jobs {
  public:
   using WallClock = std::function<std::chrono::steady_clock::time_point()>;
   using Publish = std::function<void(const line::bench::Json& event)>;
   static constexpr std::size_t most_remembered = 64;
-  // Of a halt, before it becomes a quick stop: who asked for it sees the axis at rest or stopped within 300 ms.
+  // Longest halt before it becomes a quick stop. So the axis rests or has stopped within 300 ms of the request.
   static constexpr auto longest_halt = std::chrono::milliseconds(250);
-  static constexpr auto longest_silence = std::chrono::milliseconds(500);  // of jobs that live on signs of life
+  static constexpr auto longest_silence = std::chrono::milliseconds(500);  // longest time without a sign of life
 
-  // `drives` outlives this. `wall_clock`: what signs of life are timed by, since they come from people.
+  // `drives` must outlive this object. `wall_clock` times the signs of life, since they come from people.
   explicit Jobs(Drives& drives, WallClock wall_clock = std::chrono::steady_clock::now)
       : drives_(drives), wall_clock_(std::move(wall_clock)) {}
-  // Leaves all jobs where they stand; drives keep what they were told last.
+  // Ends all jobs without touching the drives, which keep their last commands.
   ~Jobs();
   Jobs(const Jobs&) = delete;
   Jobs& operator=(const Jobs&) = delete;
 
-  // Called for each job that begins, is to end and is over: events of the stream (docs/bench-api.md).
+  // `publish` is called for each job that begins, is being cancelled, or ends: events of the stream
+  // (docs/bench-api.md).
   void on_event(Publish publish) { publish_ = std::move(publish); }
 
-  // The calls of docs/bench-api.md, "Jobs"; the group refers to this.
+  // The calls of docs/bench-api.md, "Jobs"; the returned group refers to this object.
   line::bench::RouteGroup routes();
 
-  // Begins what the body of a request says; the first access to the drive is a tick later. Throws ApiError, with
-  // nothing changed: 409 if the axis cannot be spoken to or has a job already. `axis` is one of drives().names().
+  // Begins the job in the body of a request; the first access to the drive follows one tick later. Throws ApiError
+  // without any change: 409 if the axis does not communicate, or has a job that the new one does not replace. `axis` is
+  // one of drives().names().
   const Job& begin(const std::string& axis, const std::string& body);
-  // The axis is halted, then the job is `cancelled`; one that is over stays as it is.
+  // Halts the axis, then sets the job to `cancelled`. A job that has ended stays unchanged.
   void cancel(Job& job);
-  // The user still holds the button. Throws ApiError 409 if the job does not live on it.
+  // Sign of life (dead man's switch): the user still holds the button. Throws ApiError 409 if the job does not use it.
   void sign_of_life(Job& job);
-  // Quick stop of every axis, at once. Jobs end where they stand. Answers per axis what is wrong; nothing: it stands,
-  // or is being stopped.
+  // Quick stop of every axis, at once. All jobs end immediately. Returns the error of each axis; empty: it stands, or
+  // is stopping.
   struct Stopped {
     std::string axis;
     std::optional<JobError> error;
   };
   std::vector<Stopped> stop_all();
 
-  // nullptr: none of that number, or not remembered any more.
+  // Returns nullptr if the number is unknown or no longer remembered.
   Job* find(std::uint64_t id);
   const std::list<Job>& all() const { return jobs_; }
 
   Drives& drives() { return drives_; }
 
-  // When the next job is to go on, or earlier: then `reached` finds none.
+  // Time at which the next job continues, or earlier; then `reached` does nothing.
   host::Time next_deadline() const { return next_deadline_; }
-  // It is `now`: those go on whose time has come.
+  // The time is `now`: continues the jobs that are due.
   void reached(host::Time now);
 
-  // nullptr: the axis has none.
+  // Returns nullptr if the axis has no running job.
   Job* running(const std::string& axis) { return running_job(axis); }
-  // Ends it where it stands; the drive keeps what it was told last.
+  // Ends a job immediately, without touching the drive, which keeps its last command.
   void end(Job& job, std::string reason) { abandon(job, std::move(reason)); }
 
  private:
@@ -110,7 +111,7 @@ class Jobs {
   void make_room();
   void carry_out(Job& job);
   void resume(Job& job);
-  // Without touching the drive.
+  // Ends a job without touching the drive.
   void abandon(Job& job, std::string reason);
   void tell(const Job& job) const;
   void note_progress(Job& job, const char* doing, double share) const;
@@ -119,14 +120,14 @@ class Jobs {
   WallClock wall_clock_;
   Publish publish_;
   std::uint64_t last_id_ = 0;
-  std::list<Job> jobs_;  // the oldest first
+  std::list<Job> jobs_;  // oldest first
   host::Time next_deadline_ = links::never;
 };
 
-// The jobs of a line, in its time.
+// The jobs of a line, in the line's time.
 class LineJobs final : private line::Follower {
  public:
-  // `line` outlives this.
+  // `line` must outlive this object.
   explicit LineJobs(line::Line& line, Jobs::WallClock wall_clock = std::chrono::steady_clock::now)
       : line_(line), drives_(line), jobs_(drives_, std::move(wall_clock)) {
     line_.add_follower(*this);

@@ -32,7 +32,7 @@ std::string LineDrives::product(const std::string& axis) const {
 
 std::optional<host::AxisUnits> LineDrives::units(const std::string& axis) { return units_of(line_, find(axis)); }
 
-// By the objects: at the service port they are as quick.
+// Uses object accesses: at the service port they are as quick as process data.
 line::bench::Json LineDrives::in_cycles(const std::string&, host::ObjectClient& objects,
                                         const host::CanDrive& exchanged, const std::function<bool()>& cancelled,
                                         const std::function<void(const char* doing, double share)>& progress,
@@ -54,8 +54,8 @@ std::vector<std::optional<JobError>> LineDrives::stop_all() {
     try {
       ServiceObjects objects(line_, *axis);
       objects.write<std::uint16_t>(0x6040, 0, quick_stop);
-      if (enabled()) wrong = JobError{"the drive did not take the quick stop", name, "switch its power off"};
-      host::Axis402(objects, options_for(*axis)).take_back_targets();  // or another master's enabling revives them
+      if (enabled()) wrong = JobError{"the drive did not execute the quick stop", name, "switch its power off"};
+      host::Axis402(objects, options_for(*axis)).take_back_targets();  // or another master's enabling starts them
     } catch (const host::HostError& error) {
       wrong = JobError{error.happened(), error.where(), error.remedy()};
     }

@@ -5,10 +5,10 @@
 
 namespace servodrome::studio {
 
-// The axes of a line, by their service ports, in its time.
+// The axes of a line, accessed through their service ports, in the line's time.
 class LineDrives final : public Drives {
  public:
-  // The line outlives it.
+  // The line must outlive this object.
   explicit LineDrives(line::Line& line) : line_(line) {}
 
   host::Time now() const override { return line_.now(); }

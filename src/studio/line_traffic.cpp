@@ -6,7 +6,7 @@
 namespace servodrome::studio {
 namespace {
 
-// The objects of a drive, and its PDOs as they are at this moment.
+// The objects of a drive, with its present PDO mappings.
 host::DeviceModel model_of(line::Axis& axis) {
   const dictionary::Dictionary& dictionary = axis.device().dictionary();
   host::DeviceModel model = host::DeviceModel::of(dictionary.table());
@@ -69,7 +69,7 @@ void LineTraffic::introduce(TrafficDecoders& decoders) {
       if (!axis->powered() || esc == nullptr) continue;
       const std::uint8_t* address = esc->registers(ethercat::reg::station_address);
       const auto station = static_cast<std::uint16_t>(address[0] | address[1] << 8);
-      if (station == 0) continue;  // no master has been there
+      if (station == 0) continue;  // no master has configured the slave
       for (const auto& [offset, bytes] :
            {std::pair{ethercat::reg::fmmu, 8 * 16}, std::pair{ethercat::reg::sync_manager, 8 * 8}}) {
         decoders.ethercat.preset(position, station, offset, {esc->registers(offset), static_cast<std::size_t>(bytes)});

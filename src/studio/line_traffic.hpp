@@ -10,7 +10,7 @@ namespace servodrome::studio {
 // A bus of a line.
 class LineTraffic final : public TrafficSource {
  public:
-  // Both outlive this.
+  // Both must outlive this object.
   LineTraffic(line::Line& line, line::bench::AnyBus bus);
 
   const std::string& name() const override;

@@ -20,7 +20,7 @@ using CarryOut = std::function<void(host::Axis402&, Conduct&)>;
 constexpr double longest_timeout_s = 3600.0;
 constexpr double usual_timeout_s = 60.0;
 
-// The keys of one request, in the drive's units.
+// Reads the numbers of one request, converted to the drive's units.
 class Numbers {
  public:
   using Units = std::function<host::AxisUnits()>;
@@ -37,7 +37,7 @@ class Numbers {
   std::optional<std::uint32_t> acceleration(const char* key) {
     return whole<std::uint32_t>(key, scale_.units().acceleration);
   }
-  // A number that is counted, not measured.
+  // A count: it has no unit and must be a whole number.
   template <typename T>
   std::optional<T> counted(const char* key) {
     const std::optional<double> number = body_.number(key);
@@ -46,7 +46,7 @@ class Numbers {
     }
     return whole<T>(key, 1.0);
   }
-  // `scale` units of the object for one of the key.
+  // Reads a number and multiplies it by `scale`, the object's units per unit of the key.
   template <typename T>
   std::optional<T> whole(const char* key, double scale) {
     const std::optional<double> number = body_.number(key);
@@ -58,7 +58,7 @@ class Numbers {
     }
     throw ApiError{
         422, fmt::format("{} is {:g}, which is {:g} units of the drive", key, *number, units), key,
-        fmt::format("the object takes {} .. {}", std::numeric_limits<T>::min(), std::numeric_limits<T>::max())};
+        fmt::format("the object accepts {} .. {}", std::numeric_limits<T>::min(), std::numeric_limits<T>::max())};
   }
   template <typename T>
   T required(const char* key, std::optional<T> (Numbers::*read)(const char*)) {
@@ -79,7 +79,7 @@ class Numbers {
   }
   BodyReader& body() { return body_; }
   const Scale& scale() const { return scale_; }
-  host::AxisUnits revolution() const { return units_(); }  // in the drive's units, whatever the request's are
+  host::AxisUnits revolution() const { return units_(); }  // in the drive's units, whatever units the request uses
 
  private:
   BodyReader& body_;
@@ -159,7 +159,7 @@ CarryOut jog(Numbers& numbers) {
   };
 }
 
-// What a sweep and a step have in common. Torque is in percent of the rated one, in any units.
+// The common parameters of a sweep and a step. Torque is in percent of the rated torque, in any units.
 Excitation excitation(Numbers& numbers) {
   struct Choice {
     const char* name;
@@ -182,7 +182,8 @@ Excitation excitation(Numbers& numbers) {
   Excitation excitation{.of = choice->of};
   excitation.amplitude =
       numbers.body().number("amplitude").value_or(0.0) * factors[static_cast<std::size_t>(choice->of)];
-  if (excitation.amplitude == 0.0) throw ApiError{422, "the amplitude is 0", "amplitude", "give what is to be seen"};
+  if (excitation.amplitude == 0.0)
+    throw ApiError{422, "the amplitude is 0", "amplitude", "give an amplitude other than 0"};
   excitation.acceleration_per_velocity = revolution.acceleration / revolution.velocity;
   const auto travel = numbers.body().number("travel", 0.0);
   excitation.travel = travel ? *travel * scale.position : revolution.position;
@@ -197,7 +198,7 @@ CarryOut excited_by(Excitation excitation) {
 
 CarryOut sweep(Numbers& numbers) {
   constexpr double lowest_hz = 0.1;
-  constexpr double highest_hz = 400.0;  // of targets a millisecond apart
+  constexpr double highest_hz = 400.0;  // limit for targets every millisecond
   Excitation sines = excitation(numbers);
   sines.seconds = numbers.body().number("seconds", 0.1, 60.0).value_or(4.0);
   const double from_hz = numbers.body().number("from_hz", lowest_hz, highest_hz).value_or(2.0);
@@ -208,7 +209,7 @@ CarryOut sweep(Numbers& numbers) {
 }
 
 CarryOut step_and_back(Numbers& numbers) {
-  constexpr double steepness = 1000.0;  // all of it within a millisecond
+  constexpr double steepness = 1000.0;  // the full step within a millisecond
   Excitation step_response = excitation(numbers);
   step_response.seconds = 2.0 * numbers.body().number("seconds", 0.01, 30.0).value_or(0.2);
   step_response.shape = step(step_response.seconds);
@@ -268,8 +269,7 @@ const Kind& kind_of(const std::string& name) {
   }
   std::vector<std::string_view> names;
   for (const Kind& kind : kinds) names.push_back(kind.name);
-  throw ApiError{422, fmt::format("there is nothing called \"{}\" to do", name.substr(0, 40)), "do",
-                 line::suggestion(name, names)};
+  throw ApiError{422, fmt::format("there is no job \"{}\"", name.substr(0, 40)), "do", line::suggestion(name, names)};
 }
 
 Scale scale_of(const std::string& name, const std::function<host::AxisUnits()>& units) {

@@ -8,13 +8,13 @@
 #include "line/bench/body_reader.hpp"
 #include "studio/drives.hpp"
 
-// What a job is told to do: the body of a request, read and checked before anything moves.
+// The order of a job: the body of a request, read and checked before anything moves.
 namespace servodrome::studio {
 
-// The numbers of a request in the drive's units, and back.
+// The scale between the numbers of a request and the drive's units.
 class Scale {
  public:
-  // 1 for everything: the drive's units.
+  // Factor 1 everywhere: the drive's units.
   Scale() = default;
   explicit Scale(const host::AxisUnits& units) : units_(units) {}
   const host::AxisUnits& units() const { return units_; }
@@ -23,27 +23,27 @@ class Scale {
   host::AxisUnits units_{1.0, 1.0, 1.0};
 };
 
-// How an order is carried out: what is asked, told and found meanwhile.
+// Callbacks and results of the execution of an order.
 struct Conduct {
-  std::function<bool()> released{};  // it is to end: no sign of life came in time, or it is cancelled
+  std::function<bool()> released{};  // returns true if the order must end: no sign of life, or cancelled
   std::function<void(const char* doing, double share)> progress{};
   std::string product{};  // as `servodrome products` lists it; "": unknown
-  // Drives::in_cycles of the axis.
+  // Calls Drives::in_cycles for the axis.
   std::function<line::bench::Json(const host::CanDrive& exchanged, const Drives::Work& work)> in_cycles{};
-  line::bench::Json found{};  // of an order that finds something out
+  line::bench::Json found{};  // result of an order that measures something
 };
 
 struct Order {
   std::string what;             // "move"
-  bool takes_over = false;      // ends another job of the axis, instead of being refused
-  bool lives_on_signs = false;  // goes on while signs of life come
+  bool takes_over = false;      // ends a running job of the axis, instead of being refused
+  bool lives_on_signs = false;  // needs signs of life to go on (dead man's switch)
   bool in_revolutions = false;
   Scale scale{};
-  std::function<void(host::Axis402& axis, Conduct& conduct)> carry_out{};  // does it
+  std::function<void(host::Axis402& axis, Conduct& conduct)> carry_out{};
 };
 
-// `units` is asked for what a revolution is, if the request has its numbers in revolutions. Throws ApiError for what
-// cannot be, and what `units` throws.
+// Calls `units` for the size of a revolution if the request's numbers are in revolutions. Throws ApiError for an
+// invalid request, and what `units` throws.
 Order read_order(const std::string& body, const std::function<host::AxisUnits()>& units);
 
 }  // namespace servodrome::studio

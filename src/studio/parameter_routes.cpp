@@ -7,7 +7,7 @@
 #include "line/bench/body_reader.hpp"
 #include "studio/commissioning.hpp"
 
-// The parameters of an axis as `servodrome params` has them: as a text, loaded, compared, stored.
+// The parameters of an axis as in `servodrome params`: shown as text, loaded, compared, stored.
 namespace servodrome::studio {
 namespace {
 
@@ -19,7 +19,7 @@ using line::bench::Json;
 using line::bench::Method;
 using line::bench::Route;
 
-constexpr const char* body_name = "body";  // what stands for a file's name in messages
+constexpr const char* body_name = "body";  // replaces a file name in messages
 
 template <typename Act>
 auto said(unsigned status, Act act) {
@@ -46,7 +46,7 @@ Json show_parameters(Call& call) {
   return nullptr;
 }
 
-// Addresses with the names that people know them by.
+// Addresses together with the names of the parameters.
 Json view_of(std::span<const host::ObjectAddress> addresses, const host::ParameterList& list) {
   Json view = Json::array();
   for (const host::ObjectAddress address : addresses) {
@@ -68,7 +68,7 @@ Json load_parameter_text(Call& call) {
     const host::DriveIdentity drive = host::DriveIdentity::read(subject.objects, subject.product);
     report = host::load_parameters(subject.objects, file, body_name, list, drive, options);
   } catch (const host::LoadError& error) {
-    throw api_error(error, 409);  // the drive did not take it; the remedy says what was taken back
+    throw api_error(error, 409);  // the drive refused it; the remedy lists what was restored
   } catch (const host::HostError& error) {
     throw api_error(error, 422);  // nothing was written
   }
@@ -89,7 +89,7 @@ Json differences_of(std::span<const host::ParameterValue> left, std::span<const 
   };
   Json rows = Json::array();
   for (const host::ParameterDifference& one : host::compare(left, right, subject.node_id, only_common)) {
-    // What the drive's table says: a person may have written the file.
+    // The drive's table has priority, because a person may have written the file.
     const host::ParameterValue& known = one.right != nullptr ? *one.right : *one.left;
     rows.push_back({{"object", text_of(one.address)},
                     {"name", known.name},
@@ -111,7 +111,7 @@ Json compare_with_factory(Call& call) {
   });
 }
 
-// Only what the file names is compared: it may hold a few parameters.
+// Compares only the parameters that the file contains: it may hold just a few.
 Json compare_with_file(Call& call) {
   Subject subject = subject_of(call);
   const host::ParameterFile file = parameters_in(call);

@@ -9,8 +9,8 @@
 #include "line/bench/body_reader.hpp"
 #include "studio/commissioning.hpp"
 
-// What the PDOs of an axis carry, as lists: CiA 301 clauses 7.5.2.35 to 38, and 1C12h and 1C13h of ETG.1000.6. They are
-// changed by the loader of parameters, which knows the order of writes and takes everything back if the drive refuses.
+// The PDO mappings of an axis as lists: CiA 301 clauses 7.5.2.35 to 38, and 1C12h and 1C13h of ETG.1000.6. The
+// parameter loader changes them: it knows the order of writes and restores everything if the drive refuses.
 namespace servodrome::studio {
 namespace {
 
@@ -51,7 +51,7 @@ const Direction* direction_of(std::uint16_t mapping) {
   return nullptr;
 }
 
-// A number of a PDO's communication parameter, and one unit of it in those of the API's key.
+// A number of a PDO's communication parameter; `per_unit` of its units are one unit of the API's key.
 struct CommunicationKey {
   const char* key;
   std::uint8_t sub;
@@ -64,7 +64,7 @@ constexpr std::array communication_keys{
     CommunicationKey{"sync_start", 6, 1},
 };
 
-// The objects of one axis, by its bus's table.
+// The PDO objects of one axis, from its bus's table.
 class PdoTable {
  public:
   explicit PdoTable(Subject& subject) : subject_(subject), table_(subject.table), list_(subject.parameters(true)) {}
@@ -90,13 +90,13 @@ class PdoTable {
     return view;
   }
 
-  // What a request asks for, as a text of parameters. Throws ApiError.
+  // The requested parameters as a parameter file. Throws ApiError.
   host::ParameterFile wanted(const std::string& body_text) {
     BodyReader body(body_text);
     host::ParameterFile file;
     if (body.has("pdos")) {
       const Json& pdos = body.required("pdos");
-      if (!pdos.is_array()) wrong("pdos is no list", "pdos", "write [{\"index\": \"0x1600\", \"objects\": [...]}]");
+      if (!pdos.is_array()) wrong("pdos is not a list", "pdos", "write [{\"index\": \"0x1600\", \"objects\": [...]}]");
       for (const Json& pdo : pdos) add_pdo(file, pdo);
     }
     for (const Direction& direction : directions) {
@@ -108,7 +108,7 @@ class PdoTable {
     return file;
   }
 
-  // The lists of `file` as the drive has them now.
+  // The present values in the drive of the lists in `file`.
   host::ParameterFile before(const host::ParameterFile& file) const {
     host::ParameterFile now;
     for (const host::ParameterValue& value : file.values) {
@@ -137,7 +137,7 @@ class PdoTable {
     return is_there ? &*found : nullptr;
   }
 
-  // "Target position", or the name of the object and its sub-index.
+  // The name of the object, e.g. "Target position"; for a sub-index also the sub-index.
   std::string name_of(ObjectAddress address) const {
     const dictionary::Entry* entry = find(address);
     if (entry == nullptr) return "";
@@ -213,49 +213,49 @@ class PdoTable {
     std::uint32_t value = 0;
     const auto [end, error] = std::from_chars(digits.data(), digits.data() + digits.size(), value, 16);
     if (error != std::errc() || end != digits.data() + digits.size() || value > 0xFFFFU) {
-      wrong(fmt::format("\"{}\" is no index", text.substr(0, 40)), where, "write it in hexadecimal: \"0x1600\"");
+      wrong(fmt::format("\"{}\" is not an index", text.substr(0, 40)), where, "write it in hexadecimal: \"0x1600\"");
     }
     return value;
   }
 
   std::uint16_t pdo_index(const Json& value, const char* where) const {
-    if (!value.is_string()) wrong("a PDO's index is no string", where, "write it in hexadecimal: \"0x1600\"");
+    if (!value.is_string()) wrong("a PDO's index is not a string", where, "write it in hexadecimal: \"0x1600\"");
     const auto index = static_cast<std::uint16_t>(hexadecimal(value.get_ref<const std::string&>(), where));
     if (direction_of(index) != nullptr && find({index, 0}) != nullptr) return index;
     wrong(fmt::format("the drive has no PDO {:04X}h", index), where, "GET .../pdos lists them");
   }
 
-  // "607A:00", or "0000:00/8": so many bits of padding.
+  // Reads "607A:00", or "0000:00/8": 8 bits of padding.
   std::uint32_t mapped(const Json& value) const {
     constexpr const char* hint = "write \"INDEX:SUB\" in hexadecimal, or \"0000:00/8\" for 8 bits of padding";
-    if (!value.is_string()) wrong("an object to be mapped is no string", "objects", hint);
+    if (!value.is_string()) wrong("an object to be mapped is not a string", "objects", hint);
     const auto& text = value.get_ref<const std::string&>();
     unsigned index = 0;
     unsigned sub = 0;
     unsigned bits = 0;
     int end = 0;
-    // NOLINTNEXTLINE(cert-err34-c): the end is looked at, and widths limit the numbers
+    // NOLINTNEXTLINE(cert-err34-c): the end is checked, and widths limit the numbers
     const int found = std::sscanf(text.c_str(), "%4x:%2x%n/%3u%n", &index, &sub, &end, &bits, &end);
     if (found < 2 || end != static_cast<int>(text.size())) {
-      wrong(fmt::format("\"{}\" is no object", text.substr(0, 40)), "objects", hint);
+      wrong(fmt::format("\"{}\" is not an object", text.substr(0, 40)), "objects", hint);
     }
     if (found < 3) {
       const dictionary::Entry* entry = find({static_cast<std::uint16_t>(index), static_cast<std::uint8_t>(sub)});
       if (entry == nullptr) {
         wrong(fmt::format("the drive has no object {}", text.substr(0, 40)), "objects",
-              "GET .../pdos lists what can be mapped; with \"/BITS\" it is asked of the drive all the same");
+              "GET .../pdos lists what can be mapped; with \"/BITS\" it is sent to the drive nevertheless");
       }
       bits = dictionary::size_of(entry->type) * 8U;
     }
     return static_cast<std::uint32_t>(index) << 16U | static_cast<std::uint32_t>(sub) << 8U | (bits & 0xFFU);
   }
 
-  // As the parameter's type; throws if the drive does not let it be written.
+  // Adds a value with the parameter's type; throws if the drive does not permit writing it.
   void add(host::ParameterFile& file, ObjectAddress address, std::uint64_t number) const {
     const host::Parameter* parameter = list_.find(address);
     if (parameter == nullptr) {
       wrong(fmt::format("{} cannot be written", host::text_of(address)), host::text_of(address),
-            "this drive has it fixed, or does not have it");
+            "it is fixed in this drive, or the drive does not have it");
     }
     const auto bytes = dictionary::encode_number(static_cast<std::int64_t>(number));
     host::ParameterValue value{.address = address, .type = parameter->type, .name = parameter->name};
@@ -266,8 +266,8 @@ class PdoTable {
   void add_list(host::ParameterFile& file, std::uint16_t index, const std::vector<std::uint32_t>& entries) const {
     const std::uint8_t most = highest_sub(index);
     if (entries.size() > most) {
-      wrong(fmt::format("{} entries are more than {:04X}h has, {}", entries.size(), index, most),
-            fmt::format("{:04X}h", index), "leave some out");
+      wrong(fmt::format("{} entries do not fit: {:04X}h has at most {}", entries.size(), index, most),
+            fmt::format("{:04X}h", index), "remove some");
     }
     add(file, {index, 0}, entries.size());
     for (std::size_t i = 0; i < entries.size(); ++i) {
@@ -281,7 +281,7 @@ class PdoTable {
     const std::uint16_t communication = communication_of(*direction_of(mapping), mapping);
     if (pdo.has("objects")) {
       const Json& objects = pdo.required("objects");
-      if (!objects.is_array()) wrong("objects is no list", "objects", "write [\"6040:00\", \"607A:00\"]");
+      if (!objects.is_array()) wrong("objects is not a list", "objects", "write [\"6040:00\", \"607A:00\"]");
       std::vector<std::uint32_t> entries;
       for (const Json& object : objects) entries.push_back(mapped(object));
       add_list(file, mapping, entries);
@@ -307,7 +307,7 @@ class PdoTable {
 
   void add_assignment(host::ParameterFile& file, const Direction& direction, const Json& list) const {
     if (!list.is_array()) {
-      wrong(fmt::format("{} is no list", direction.word), direction.word, "write [\"0x1600\", ...]");
+      wrong(fmt::format("{} is not a list", direction.word), direction.word, "write [\"0x1600\", ...]");
     }
     std::vector<std::uint32_t> entries;
     for (const Json& one : list) entries.push_back(pdo_index(one, direction.word));
@@ -343,7 +343,7 @@ Json change_pdos(Call& call) {
     const host::ParameterFile file = pdos.wanted(call.body);
     const auto load = [list = subject.parameters(true), node_id = subject.node_id](host::ObjectClient& objects,
                                                                                    const host::ParameterFile& values) {
-      // What is written is this drive's: no other product is in question.
+      // The values are for this drive, so the product check is skipped.
       host::load_parameters(objects, values, "body", list, {}, {.node_id = node_id, .force = true});
     };
     if (subject.configure) {

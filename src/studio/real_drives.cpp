@@ -34,14 +34,14 @@ double number_of(dictionary::Type type, std::span<const std::byte> bytes) {
   }
 }
 
-// What a line's signals are on a drive that has nothing but its objects.
+// Equivalents of a line's signals for a drive that only has its objects.
 struct Signal {
   const char* name;
   const char* unit;
   std::uint16_t index;
   dictionary::Type type;
   double (*of)(double number);
-  double (*present)(const DriveBus::DriveState& state);  // as it is known without asking
+  double (*present)(const DriveBus::DriveState& state);  // the last polled value, without an access
 };
 using State = DriveBus::DriveState;
 double as_it_is(double number) { return number; }
@@ -63,13 +63,13 @@ constexpr std::array signals{
            [](const State& state) { return static_cast<double>(state.error_code); }},
 };
 
-// A slave that leaves OP with its motor on takes that for a fault.
+// A slave that leaves OP while its motor is on goes to fault.
 void require_no_torque(host::ObjectClient& objects) {
   std::uint16_t statusword = 0;
   try {
     statusword = objects.read<std::uint16_t>(0x6041);
   } catch (const host::ObjectError& error) {
-    if (!error.answered()) return;  // nothing can be said of it
+    if (!error.answered()) return;  // the drive is silent: no check is possible
     throw;
   }
   using enum drive::PowerState;
@@ -78,7 +78,7 @@ void require_no_torque(host::ObjectClient& objects) {
       state != fault_reaction_active) {
     return;
   }
-  throw host::HostError("its bus leaves operation to change process data, and there is torque on it", objects.where(),
+  throw host::HostError("the axis has torque, but its bus must leave operation to change process data", objects.where(),
                         "disable the axis first");
 }
 
@@ -147,7 +147,7 @@ bool RealDrives::has_cycles(const std::string& axis) const { return buses_[axis_
 
 void RealDrives::carry_out(const Axis& axis, const std::shared_ptr<studio::Work>& work,
                            const std::function<void()>& wait) {
-  // A caller that leaves, also by an exception, cancels the work.
+  // If the caller leaves, also by an exception, the work item is cancelled.
   struct Wanted {
     studio::Work& work;
     ~Wanted() { work.cancelled = true; }
@@ -170,7 +170,7 @@ Json RealDrives::in_cycles(const std::string& name, host::ObjectClient& objects,
     throw host::HostError("a frequency response needs samples at a fixed rate, which this bus does not give", name,
                           "use the drive's CAN or EtherCAT port");
   }
-  // What both threads see. It lives as long as either wants it.
+  // Data shared by both threads. It lives as long as either uses it.
   struct Shared {
     std::mutex mutex{};
     std::string doing{};
@@ -189,7 +189,7 @@ Json RealDrives::in_cycles(const std::string& name, host::ObjectClient& objects,
     };
     CyclicAccess access{*cyclic.bus, cyclic.drive, *bus.drives()[drive], is_to_end, tell};
     Json found = work(access);
-    is_to_end();  // what is urgent goes before the process data are put back
+    is_to_end();  // lets urgent accesses run before the process data are restored
     const std::lock_guard lock(shared->mutex);
     shared->found = std::move(found);
   };
@@ -214,20 +214,21 @@ std::optional<host::AxisUnits> RealDrives::units(const std::string& name) {
   return host::Axis402(*objects, options(name)).units();
 }
 
-// Or another master's enabling revives them. The axis is stopped already: what is wrong here changes nothing of that.
+// Resets the targets, so that they do not take effect when another master enables the drive. The axis has already
+// stopped, so errors are ignored.
 void RealDrives::take_back_targets(const Axis& axis, const Wait& wait) {
   try {
     const auto objects = open(axis.name, wait);
     host::Axis402(*objects, options(axis.name)).take_back_targets();
   } catch (const host::HostError&) {
-    // It is told with the next that is asked of the drive.
+    // The next request to the drive reports the error.
   }
 }
 
-// On all buses at the same time, before everything that waits there.
+// Stops on all buses at the same time, before all other waiting accesses.
 std::vector<std::optional<JobError>> RealDrives::stop_all() {
   constexpr std::array quick_stop{std::byte{0x02}, std::byte{0x00}};  // CiA 402-2 table 24
-  const Wait wait = wait_;                                            // while this waits, others do, by their own
+  const Wait wait = wait_;  // copied: while this task waits, other tasks set their own
   std::vector<std::shared_ptr<Access>> accesses;
   std::vector<bool> stopped;
   for (const Axis& axis : axes_) {
@@ -243,7 +244,7 @@ std::vector<std::optional<JobError>> RealDrives::stop_all() {
                       !buses_[axis.bus]->is_worked_with(axis.drive);
     stopped.push_back(!idle || state.at + 2 * DriveBus::usual_poll <= DriveBus::Clock::now());
     if (!stopped.back()) {
-      access->done = true;  // it has no torque: a quick stop would only take its state from it
+      access->done = true;  // it has no torque: a quick stop would only change its state
     } else {
       buses_[axis.bus]->submit(access);
     }
@@ -262,9 +263,11 @@ std::vector<std::optional<JobError>> RealDrives::stop_all() {
     try {
       std::rethrow_exception(accesses[i]->error);
     } catch (const host::HostError& error) {
-      wrong = JobError{error.happened(), error.where(), "use its emergency stop; it is told as soon as it answers"};
+      wrong = JobError{error.happened(), error.where(),
+                       "use its emergency stop; the quick stop is sent as soon as the drive answers"};
     } catch (const std::exception& error) {
-      wrong = JobError{error.what(), axes_[i].name, "use its emergency stop; it is told as soon as it answers"};
+      wrong = JobError{error.what(), axes_[i].name,
+                       "use its emergency stop; the quick stop is sent as soon as the drive answers"};
     }
   }
   return errors;
@@ -287,7 +290,7 @@ std::vector<RealDrives::ProcessDataRegisters> RealDrives::process_data_of(std::s
   try {
     carry_out(*first, task, [&] { wait(now() + std::chrono::milliseconds(1)); });
   } catch (const host::HostError&) {
-    found->clear();  // the bus is away: frames are told without it
+    found->clear();  // the bus is lost: frames are decoded without this information
   }
   return std::move(*found);
 }
@@ -297,8 +300,8 @@ Subject RealDrives::open(line::bench::Call& call) {
   require_ready(axis.name);
   const BusPlan& bus = buses_[axis.bus]->plan();
   if (axis.product.empty()) {
-    throw ApiError{409, "what this drive's parameters are is not known", fmt::format("{}, {}", axis.name, bus.link),
-                   "`servodrome params --eds FILE` has them from its data sheet"};
+    throw ApiError{409, "the parameters of this drive are not known", fmt::format("{}, {}", axis.name, bus.link),
+                   "`servodrome params --eds FILE` reads them from its data sheet"};
   }
   dictionary::Dictionary& seen = bus.type == "rs485" ? axis.device->dictionary() : axis.device->bus_dictionary();
   Subject subject{.client = open(axis), .product = axis.product, .table = seen.table()};
@@ -309,7 +312,8 @@ Subject RealDrives::open(line::bench::Call& call) {
       const auto task = std::make_shared<studio::Work>();
       task->reopens = true;
       task->carry_out = [action, undo, drive = axis.drive](OpenBus& open, const studio::Work::IsToEnd&) {
-        for (host::ObjectClient* objects : open.drives()) require_no_torque(*objects);  // now, not when last asked
+        // read the present state, not the last polled one
+        for (host::ObjectClient* objects : open.drives()) require_no_torque(*objects);
         open.configure(drive, action, undo);
       };
       const Wait wait = wait_;
@@ -319,7 +323,7 @@ Subject RealDrives::open(line::bench::Call& call) {
   return subject;
 }
 
-// ---- What is looked at
+// ---- Observation
 
 std::int64_t RealDrives::tick() const { return (now() - host::Time(latency)) / line::tick_length; }
 
@@ -362,8 +366,8 @@ NamedChannel RealDrives::object(const std::string& name, std::uint16_t index, st
   const std::string text = fmt::format("{:04X}:{:02X}", index, sub);
   const dictionary::Entry* entry = axis.device->dictionary().find(index, sub);
   if (entry == nullptr || !entry->readable() || !entry->fixed_size()) {
-    throw ApiError{422, fmt::format("{} {}", text, entry == nullptr ? "is not known" : "is no number to be read"), name,
-                   fmt::format("GET /api/v1/axes/{}/objects lists the objects", name)};
+    throw ApiError{422, fmt::format("{} {}", text, entry == nullptr ? "is not known" : "is not a readable number"),
+                   name, fmt::format("GET /api/v1/axes/{}/objects lists the objects", name)};
   }
   const auto decode = [type = entry->type](std::span<const std::byte> bytes) { return number_of(type, bytes); };
   return channel(axis, {index, sub}, decode, fmt::format("{}/{}", name, text),
@@ -371,7 +375,7 @@ NamedChannel RealDrives::object(const std::string& name, std::uint16_t index, st
                  [] { return no_value; });
 }
 
-// So that reading them takes no more than half of the time of the bus that has most to read.
+// Chooses the stride so that sampling uses at most half of the time of the busiest bus.
 std::int64_t RealDrives::stride_of(double rate_hz, const std::vector<NamedChannel>& channels) const {
   std::vector<double> busy_s(buses_.size());
   for (const NamedChannel& channel : channels) {

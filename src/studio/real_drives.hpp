@@ -15,11 +15,11 @@
 
 namespace servodrome::studio {
 
-// Drives on buses, as jobs, streams and the API see them. Its time is that of the clock on the wall since it was made.
-// All calls come from the server's thread, and from tasks that it hands its turn to.
+// Drives on buses, for jobs, streams and the API. Its time is the wall clock's, counted from construction. All calls
+// come from the server's thread, and from tasks that run in its place.
 class RealDrives final : public Drives, public line::bench::Source, public Subjects {
  public:
-  // Of what is recorded: so long after a moment all values of it are there, or missed.
+  // After this delay all recorded values of a moment are available, or missed.
   static constexpr auto latency = std::chrono::milliseconds(40);
   static constexpr std::int64_t finest_stride = 160;  // ticks: 100 Hz
 
@@ -28,23 +28,23 @@ class RealDrives final : public Drives, public line::bench::Source, public Subje
     std::size_t bus;
     std::size_t drive;  // of the bus
     unsigned address;
-    std::string product;                       // empty: unknown
-    const line::Product* tables;               // its objects and bits; those of CiA 402 for an unknown one
-    std::shared_ptr<products::Device> device;  // of `tables`, for what is the same in all of them; it never runs
+    std::string product;                       // product name; empty: unknown
+    const line::Product* tables;               // its objects and bits; those of CiA 402 for an unknown product
+    std::shared_ptr<products::Device> device;  // a device of `tables` that never runs, for its constant data
   };
 
   // Opens all buses. Throws what their `open` throws.
   explicit RealDrives(std::vector<BusPlan> plans);
 
-  // Who calls waits by `wait` from now on, until another comes: that of the task whose turn it is.
+  // Sets how callers wait from now on: the wait of the task that runs now.
   void set_wait(Wait wait) { wait_ = std::move(wait); }
 
   const std::vector<Axis>& all() const { return axes_; }
   const std::vector<std::unique_ptr<DriveBus>>& buses() const { return buses_; }
   const Axis* find(std::string_view name) const;
   DriveBus::DriveState state_of(const Axis& axis) const;
-  // What EtherCAT slaves say of where their process data are; nothing of another bus, or one that is away. Waits as
-  // who calls waits.
+  // Registers of EtherCAT slaves that define the positions of their process data; empty for other buses and for a lost
+  // bus. Waits with the present wait.
   struct ProcessDataRegisters {
     unsigned position;
     std::uint16_t station;
@@ -52,25 +52,25 @@ class RealDrives final : public Drives, public line::bench::Source, public Subje
     std::vector<std::uint8_t> bytes;
   };
   std::vector<ProcessDataRegisters> process_data_of(std::size_t bus);
-  // With the wait of whose turn it is.
+  // Waits with the present wait.
   std::unique_ptr<host::ObjectClient> open(const Axis& axis) { return open(axis.name, wait_); }
   line::bench::Json view(const Axis& axis) const;
 
-  // Fetches what the buses' threads have read. Answers what has happened since the last time: events of the stream.
+  // Fetches the values that the threads of the buses have read. Returns the events of the stream since the last call.
   std::vector<line::bench::Json> advance();
 
   static std::vector<std::string_view> signal_names();
 
   // --- Drives
   host::Time now() const override { return DriveBus::Clock::now() - start_; }
-  // Wall-clock time of its beginning.
+  // Wall-clock time of its time 0.
   host::Time wall_epoch() const { return wall_epoch_; }
   std::vector<std::string> names() const override;
   void require_ready(const std::string& axis) const override;
   std::unique_ptr<host::ObjectClient> open(const std::string& axis, Wait wait) override;
   host::AxisOptions options(const std::string& axis) const override;
   std::string product(const std::string& axis) const override { return axis_of(axis).product; }
-  // Over CAN and EtherCAT.
+  // True on CAN and EtherCAT.
   bool has_cycles(const std::string& axis) const override;
   line::bench::Json in_cycles(const std::string& axis, host::ObjectClient& objects, const host::CanDrive& exchanged,
                               const std::function<bool()>& cancelled,
@@ -95,7 +95,7 @@ class RealDrives final : public Drives, public line::bench::Source, public Subje
  private:
   using Json = line::bench::Json;
 
-  // What was told of an axis or bus last.
+  // The last published state of an axis or bus.
   struct Told {
     bool there = true;
     std::string state{};
@@ -103,7 +103,8 @@ class RealDrives final : public Drives, public line::bench::Source, public Subje
   };
 
   const Axis& axis_of(std::string_view name) const;  // throws ApiError 404
-  // Has the thread of the axis' bus do it; `wait` lets others do something until then. Throws what it threw.
+  // Lets the thread of the axis' bus carry out `work`; meanwhile `wait` lets other tasks run. Throws what the work
+  // threw.
   void carry_out(const Axis& axis, const std::shared_ptr<studio::Work>& work, const std::function<void()>& wait);
   void take_back_targets(const Axis& axis, const Wait& wait);
   line::bench::NamedChannel channel(const Axis& axis, host::ObjectAddress object, PolledSamples::Decode decode,
@@ -116,7 +117,7 @@ class RealDrives final : public Drives, public line::bench::Source, public Subje
   std::vector<Told> told_;
   std::vector<Told> told_of_buses_;
   Wait wait_;
-  std::map<std::string, std::weak_ptr<PolledSamples>> polled_;  // several look at the same
+  std::map<std::string, std::weak_ptr<PolledSamples>> polled_;  // cache: several readers share the samples
 };
 
 }  // namespace servodrome::studio

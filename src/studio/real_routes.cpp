@@ -13,7 +13,8 @@
 #include "studio/real_drives.hpp"
 #include "studio/real_server.hpp"
 
-// The calls of the API on drives that are there: what a line answers by looking into its drives, they are asked for.
+// The API for real drives: a line reads the answers from its virtual drives, here the drives are asked over their
+// buses.
 namespace servodrome::studio {
 namespace {
 
@@ -25,7 +26,7 @@ using line::bench::Json;
 using line::bench::Method;
 using line::bench::Route;
 
-constexpr const char* no_plant = "these are drives on a bus: what is not on the bus is not in this program's hands";
+constexpr const char* no_plant = "these are drives on a bus, and the program can only use what the bus offers";
 
 RealDrives& drives_of(const Call& call) { return *static_cast<RealDrives*>(call.context); }
 
@@ -37,7 +38,7 @@ const RealDrives::Axis& axis_of_call(const Call& call) {
                  line::suggestion(name, {names.begin(), names.end()})};
 }
 
-// What the library says, as the API says it: with the drive's own refusal where there is one.
+// Converts an error of the host library to the API's form, with the drive's own abort code if there is one.
 template <typename Action>
 auto asking(const std::string& where, const Action& action) {
   try {
@@ -80,7 +81,7 @@ Json show_states(Call& call) {
   const drive::PowerState state = drives_of(call).state_of(axis).status.state();
   const drive::Policy& policy = axis.device->drive().policy();
   return line::bench::states_view(state, policy, [&](const drive::Transition& transition) {
-    constexpr std::uint8_t leave_quick_stop = 16;  // whether by command depends on 605Ah
+    constexpr std::uint8_t leave_quick_stop = 16;  // 605Ah decides whether a command triggers it
     if (transition.from != state) return false;
     if (transition.number == leave_quick_stop || transition.number == drive::release_quick_stop) return false;
     return transition.number != 3 || transition.command != drive::Command::enable_operation || policy.direct_enable;
@@ -92,7 +93,7 @@ Json show_homing(Call& call) {
   return line::bench::homing_view(axis.device->drive().policy(), false);
 }
 
-// Whether the drive can have the object on its bus.
+// Can the object be accessed over the drive's bus?
 bool is_on_bus(const RealDrives::Axis& axis, const DriveBus& bus, const dictionary::Entry& entry) {
   if (bus.plan().type != "rs485") return !entry.local;
   if (bus.plan().link.starts_with("serial10:")) return entry.fixed_size() && dictionary::size_of(entry.type) <= 4;
@@ -120,7 +121,7 @@ struct Object {
   std::string where;
 };
 
-// One that no table knows is bytes.
+// An object that no table contains is read as bytes.
 Object object_argument(Call& call) {
   const RealDrives::Axis& axis = axis_of_call(call);
   const auto [index, sub] = line::bench::object_address(call.arguments[1], call.arguments[2]);
@@ -155,7 +156,7 @@ Json read_values(Call& call) {
       const auto bytes = drives_of(call).open(axis)->upload({address.index, address.sub});
       value = line::bench::shown(*entry, bytes)["value"];
     } catch (const host::HostError&) {
-      // It is not there, or the drive is silent: its state says so.
+      // The object does not exist, or the drive is silent; then its state shows that.
     }
   }
   return Json{{"values", std::move(values)}};
@@ -241,8 +242,8 @@ Json show_clock(Call& call) { return drives_of(call).clock(); }
 Json show_version(Call&) { return Json{{"name", "servodrome"}, {"version", SERVODROME_VERSION}, {"api", 1}}; }
 
 Json refuse(Call&) {
-  throw ApiError{409, "this is for the virtual line", "address",
-                 fmt::format("{}; `servodrome up` runs virtual drives", no_plant)};
+  throw ApiError{409, "this is possible with simulated drives only", "address",
+                 fmt::format("{}; `servodrome up` runs simulated drives", no_plant)};
 }
 
 constexpr std::array real_table{
@@ -259,7 +260,7 @@ constexpr std::array real_table{
     Route{Method::get, "/api/v1/buses", list_buses},
     Route{Method::get, "/api/v1/clock", show_clock},
     Route{Method::get, "/api/v1/version", show_version},
-    // What only a virtual line has.
+    // Available only on a virtual line.
     Route{Method::post, "/api/v1/axes/{}/power", refuse},
     Route{Method::get, "/api/v1/axes/{}/geometry", refuse},
     Route{Method::get, "/api/v1/axes/{}/inputs", refuse},

@@ -17,9 +17,9 @@ using line::bench::Request;
 using line::bench::Response;
 
 constexpr host::Time shortest_sleep = 200us;
-constexpr host::Time view_period = 10ms;       // of what the drives were heard saying
-constexpr host::Time attention_period = 20ms;  // of what goes to clients by the clock
-constexpr host::Time longest_stop = 2s;        // for an axis to come to rest at the end
+constexpr host::Time view_period = 10ms;       // period of updates from the drives
+constexpr host::Time attention_period = 20ms;  // period of time-based messages to clients
+constexpr host::Time longest_stop = 2s;        // longest time to stop an axis at the end
 
 line::LineSettings nothing() {
   line::LineSettings settings;
@@ -68,13 +68,13 @@ void RealServer::run() {
   try {
     io_.run();
   } catch (...) {
-    shut_down();  // whatever ends this, no axis goes on
+    shut_down();  // stop all axes, whatever ended the server
     throw;
   }
   shut_down();
 }
 
-// What needs no drive is answered at once, everything else when the drive has answered.
+// Answers requests for pages at once, and requests to the API when the drive has answered.
 void RealServer::answer(Request&& request, line::bench::HttpHandlers::Reply reply) {
   const std::string_view target = request.target;
   if (!target.starts_with("/api/") && target.substr(0, target.find('?')) != "/api") {
@@ -102,8 +102,8 @@ void RealServer::resume(Pending& pending) {
   try {
     pending.task->resume();
   } catch (const std::system_error&) {
-    pending.response = line::bench::error_response({503, "the system gives no thread", pending.request.target,
-                                                    "end other programs, or raise the limit of threads"});
+    pending.response = line::bench::error_response({503, "no thread could be created", pending.request.target,
+                                                    "stop other programs, or raise the limit of threads"});
     pending.task->end();
   }
   if (!pending.task->over()) return;
@@ -115,12 +115,12 @@ void RealServer::resume(Pending& pending) {
 
 void RealServer::schedule() {
   const host::Time now = drives_.now();
-  // From when it last looked, not from now: requests in quick succession must not put it off.
+  // Relative to the last look, not to now: otherwise requests in quick succession would postpone it for ever.
   host::Time next = std::min(next_view_, jobs_.next_deadline());
   for (const Pending& pending : pending_) next = std::min(next, pending.due);
   timer_.expires_after(std::max(next, looked_ + shortest_sleep) - now);
   timer_.async_wait([this](const boost::system::error_code& code) {
-    if (code) return;  // scheduled anew
+    if (code) return;  // a new timer was set
     look();
     schedule();
   });
@@ -138,7 +138,7 @@ void RealServer::look() {
   if (now >= next_view_) {
     next_view_ = now + view_period;
     const std::int64_t end = drives_.tick() + 1;
-    note_events();  // has samples up to then at least: time goes on meanwhile
+    note_events();  // may take time; samples exist up to `end` at least
     scope_.advance(end);
     traffic_.flush();
   }
@@ -148,7 +148,7 @@ void RealServer::look() {
   }
 }
 
-// The last job of the axis was to move it.
+// Was the last job of the axis one that moves it?
 bool RealServer::moved(const std::string& axis) const {
   static constexpr std::array motions{"home", "move",  "velocity", "torque",     "jog",
                                       "step", "sweep", "tune",     "tune_itself"};
@@ -183,7 +183,7 @@ void RealServer::shut_down() {
     if (has_torque(axis) && std::any_of(jobs_.all().begin(), jobs_.all().end(), is_its)) left.push_back(&axis);
   }
   for (const RealDrives::Axis* axis : left) {
-    if (Job* job = jobs_.running(axis->name)) jobs_.end(*job, "the server ends");
+    if (Job* job = jobs_.running(axis->name)) jobs_.end(*job, "the server was stopped");
     try {
       const auto objects = drives_.open(*axis);
       host::AxisOptions options = drives_.options(axis->name);
@@ -192,7 +192,7 @@ void RealServer::shut_down() {
       host_axis.quick_stop();
       host_axis.disable();
     } catch (const std::exception&) {
-      // It does not answer, or has stopped otherwise: there is no client left to tell.
+      // The drive does not answer, or has stopped for another reason. No client is left for a report.
     }
   }
 }

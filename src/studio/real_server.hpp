@@ -17,26 +17,26 @@
 
 namespace servodrome::studio {
 
-// The calls of the API that are answered by asking the drives; the context is the drives.
+// The calls of the API that need an answer from the drives; their context is `drives`.
 line::bench::RouteGroup real_routes(RealDrives& drives);
 
-// Serves the bench API, as far as it does not need a plant, and the page, for drives on buses. Requests and jobs that
-// wait for a drive are tasks: one thread serves all clients, each bus has one of its own.
+// Serves the web page, and those parts of the bench API that need no plant, for drives on buses. Requests and jobs that
+// wait for a drive are tasks: one thread serves all clients, and each bus has its own thread.
 class RealServer {
  public:
   struct Settings {
     std::string address = "127.0.0.1";
     std::uint16_t port = 8402;
-    std::string page{};  // folder; empty: none
+    std::string page{};  // folder; empty: no page
   };
 
-  // `drives` outlives it. Throws links::LinkError if it cannot listen.
+  // `drives` must outlive this object. Throws links::LinkError if it cannot listen.
   RealServer(RealDrives& drives, const Settings& settings);
   ~RealServer();
   RealServer(const RealServer&) = delete;
   RealServer& operator=(const RealServer&) = delete;
 
-  // Serves until stop(). Then axes that were moved from here and have torque come to rest, and lose it.
+  // Serves until stop(). Then stops and disables every axis that had a job and still has torque.
   void run();
   void stop() { io_.stop(); }
 
@@ -76,7 +76,7 @@ class RealServer {
   Traffic traffic_;
   std::vector<line::bench::RouteGroup> groups_;
   std::list<Pending> pending_;
-  host::Time looked_{};  // look() was there last
+  host::Time looked_{};  // time of the last look()
   host::Time next_view_{};
   host::Time next_attention_{};
   std::unique_ptr<line::bench::HttpServer> http_;

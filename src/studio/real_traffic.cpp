@@ -21,7 +21,7 @@ class BusTap final : public line::TrafficTap {
   line::TrafficRing& ring_;
 };
 
-// What this program sends on a bus, and what comes back.
+// The frames that this program sends on a bus, and the answers.
 class RealTraffic final : public TrafficSource {
  public:
   RealTraffic(RealDrives& drives, std::size_t bus) : drives_(drives), bus_(bus) {}
@@ -75,7 +75,7 @@ class RealTraffic final : public TrafficSource {
     }
   }
 
-  // Where in the frames the drives' process data are was set up before the recording began.
+  // Presets the positions of the drives' process data, which were configured before the recording began.
   void introduce_process_data(TrafficDecoders& decoders) {
     for (const RealDrives::ProcessDataRegisters& one : drives_.process_data_of(bus_)) {
       decoders.ethercat.preset(one.position, one.station, one.offset, one.bytes);

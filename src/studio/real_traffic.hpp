@@ -6,7 +6,7 @@
 
 namespace servodrome::studio {
 
-// The bus of real drives that the first argument of a call names, as --bus has it. Throws ApiError 404.
+// Finds the bus of real drives that the first argument of a call names, as in --bus. Throws ApiError 404.
 std::unique_ptr<TrafficSource> find_real_traffic(RealDrives& drives, const line::bench::Call& call);
 
 }  // namespace servodrome::studio

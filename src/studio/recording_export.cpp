@@ -17,7 +17,7 @@ using line::bench::Method;
 using line::bench::Recording;
 using line::bench::Route;
 
-// "following_error" of a signal; "following_error_actual_value_60F4_00" of an object.
+// "following_error" for a signal; "following_error_actual_value_60F4_00" for an object.
 std::string field_name(const Json& channel) {
   if (channel.contains("signal")) return channel.value("signal", std::string());
   std::string field;
@@ -34,7 +34,7 @@ std::string field_name(const Json& channel) {
   return field + (field.ends_with('_') ? "" : "_") + object;
 }
 
-// A topic for each axis: its channels are the fields of its messages.
+// One topic for each axis; its channels are the fields of the messages.
 host::scope::Table table_of(std::shared_ptr<const Recording> recording, std::int64_t epoch_ns) {
   host::scope::Table table;
   std::vector<std::string> axes;

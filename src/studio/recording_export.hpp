@@ -5,14 +5,14 @@
 
 namespace servodrome::studio {
 
-// Recordings as files of other programs: docs/bench-api.md, "Recordings".
+// Recordings as files for other programs: docs/bench-api.md, "Recordings".
 class RecordingExport {
  public:
-  // `epoch`: wall-clock time of tick 0, as it is when a file is asked for.
+  // `epoch` returns the wall-clock time of tick 0 at the time of the export.
   RecordingExport(FindRecording find, std::function<links::Time()> epoch)
       : find_(std::move(find)), epoch_(std::move(epoch)) {}
 
-  // The group refers to this.
+  // The returned group refers to this object.
   line::bench::RouteGroup routes();
 
  private:

@@ -5,7 +5,7 @@ namespace {
 
 constexpr auto look_period = std::chrono::microseconds(500);
 
-// A caller that leaves, also by an exception, gives the access up.
+// If the caller leaves, also by an exception, the access is given up.
 class Wanted {
  public:
   explicit Wanted(Access& access) : access_(access) {}

@@ -4,12 +4,12 @@
 
 namespace servodrome::studio {
 
-// The objects of a drive, for another thread than its bus's. To wait, it lets other tasks run.
+// Access to the objects of a drive from a thread other than that of its bus. Waiting lets other tasks run.
 class RemoteObjects final : public host::ObjectClient {
  public:
   using Now = std::function<host::Time()>;
 
-  // `bus` outlives this.
+  // `bus` must outlive this object.
   RemoteObjects(DriveBus& bus, std::size_t drive, std::string name, Now now, Drives::Wait wait)
       : bus_(bus), drive_(drive), name_(std::move(name)), now_(std::move(now)), wait_(std::move(wait)) {}
 

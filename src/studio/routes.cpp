@@ -8,7 +8,7 @@
 #include "line/nearest_name.hpp"
 #include "studio/jobs.hpp"
 
-// The calls of the API that drive axes.
+// The calls of the API that move axes.
 namespace servodrome::studio {
 namespace {
 
@@ -54,7 +54,7 @@ std::string axis_name(Call& call) {
 
 Json begin_job(Call& call) { return view_of(jobs_of(call).begin(axis_name(call), call.body)); }
 
-// What a job found may be long: it is shown with the single job only.
+// The result of a job may be long, so only the view of a single job shows it.
 Json list_jobs(Call& call) {
   Json jobs = Json::array();
   for (const Job& job : jobs_of(call).all()) jobs.push_back(view_of(job, false));
@@ -100,7 +100,7 @@ Json show_units(Call& call) {
   }
 }
 
-// What a person turns, in the manual's order; values, units and ranges are those of the objects.
+// The gains that a user sets, in the order of the manual; values, units and ranges are those of the objects.
 Json show_gains(Call& call) {
   const std::string axis = axis_name(call);
   const Drives& drives = jobs_of(call).drives();

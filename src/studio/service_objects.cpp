@@ -10,12 +10,12 @@
 namespace servodrome::studio {
 namespace {
 
-// What an access takes: a caller that does nothing but read does not keep time from passing.
+// Duration of an access: so time passes even for a caller that only reads.
 constexpr host::Time access_time = line::tick_length;
 
 }  // namespace
 
-// False: on the way out of a task that is ended no time can pass any more.
+// Returns false if no time can pass any more, because a task is being ended.
 bool ServiceObjects::pass(host::Time span) {
   if (!wait_) return false;
   const host::Time until = line_.now() + std::max(span, access_time);
@@ -23,7 +23,7 @@ bool ServiceObjects::pass(host::Time span) {
     wait_(until);
     return true;
   }
-  // Who cleans up after an error takes his time.
+  // During exception handling, cleaning up may still wait.
   try {
     wait_(until);
     return true;
@@ -33,7 +33,7 @@ bool ServiceObjects::pass(host::Time span) {
 }
 
 void ServiceObjects::wait(host::Time span) {
-  if (wait_ && !pass(span)) throw host::HostError("the job has ended", where(), "begin it again when you like");
+  if (wait_ && !pass(span)) throw host::HostError("the job has ended", where(), "start the job again");
 }
 
 void ServiceObjects::require_power() const {

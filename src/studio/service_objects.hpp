@@ -7,21 +7,22 @@
 
 namespace servodrome::studio {
 
-// The objects of an axis at its drive's service port, without a bus between: what a maker's own commissioning tool is
-// connected to. Objects that the fieldbus does not see are there as well. Who puts things back on the way out of a task
-// that is ended still reaches them; only wait() throws HostError then.
+// Access to the objects of an axis through its drive's service port, without a bus, as a maker's commissioning tool
+// does. It also reaches objects that the fieldbus does not. Code that restores values while its task is being ended can
+// still access them; only wait() throws HostError then.
 class ServiceObjects final : public host::ObjectClient {
  public:
-  // Lets the line's time pass until it is `until`; may throw to leave the caller.
+  // Waits until the line's time is `until`; may throw to leave the caller.
   using Wait = std::function<void(host::Time until)>;
 
-  // `line` and `axis`, which is the line's, outlive this. Without `wait` an access takes no time, and none can pass.
+  // `line` and its axis `axis` must outlive this object. Without `wait`, accesses take no time and waiting does
+  // nothing.
   ServiceObjects(line::Line& line, line::Axis& axis, Wait wait = {})
       : line_(line), axis_(axis), wait_(std::move(wait)) {}
 
   std::vector<std::byte> upload(host::ObjectAddress object) override;
   void download(host::ObjectAddress object, std::span<const std::byte> data) override;
-  // All in one access: at the same tick.
+  // Reads all objects in one access, at the same tick.
   std::vector<std::vector<std::size_t>> read_together(std::span<const host::ObjectAddress> objects) const override;
   std::vector<std::vector<std::byte>> upload_together(std::span<const host::ObjectAddress> objects) override;
   host::Time now() const override { return line_.now(); }
@@ -41,11 +42,11 @@ class ServiceObjects final : public host::ObjectClient {
   Wait wait_;
 };
 
-// How a host drives this axis.
+// Options with which a host operates this axis.
 host::AxisOptions options_for(const line::Axis& axis);
 
-// What a revolution is in the drive's units: as the drive tells, else, since it counts in increments then, its
-// encoder's. Throws HostError if it cannot be asked.
+// A revolution in the drive's units. If the drive has no such information it counts in increments, so the counts of its
+// encoder are used. Throws HostError if the access fails.
 host::AxisUnits units_of(line::Line& line, line::Axis& axis);
 
 }  // namespace servodrome::studio

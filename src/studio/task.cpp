@@ -2,7 +2,7 @@
 
 namespace servodrome::studio {
 
-// Gives the turn away and waits until it comes back.
+// Passes the turn to the other side and waits until it comes back.
 void Task::hand_over(std::unique_lock<std::mutex>& lock, Turn to) {
   const Turn mine = turn_;
   turn_ = to;
@@ -20,7 +20,7 @@ void Task::resume() {
       try {
         body_();
       } catch (...) {
-        // Ended, or what the body did not want to tell.
+        // Task ended, or an error that the body did not report.
       }
       over_ = true;
       turn_ = Turn::owner;
@@ -35,7 +35,7 @@ void Task::resume() {
 
 void Task::end() {
   ending_ = true;
-  if (!thread_.joinable()) over_ = true;  // it never began
+  if (!thread_.joinable()) over_ = true;  // the body never began
   while (!over_) resume();
 }
 

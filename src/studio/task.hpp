@@ -7,31 +7,31 @@
 
 namespace servodrome::studio {
 
-// A function with a stack of its own that can be left in its middle and resumed there. Its thread and the owner's hand
-// a baton to each other: only one of the two ever runs, and each sees all the other did.
+// A function with its own stack (coroutine) that can pause in its middle and be resumed there. Its thread and the
+// owner's thread take turns: only one of them runs at a time, and each sees all memory changes of the other.
 class Task {
  public:
-  // Thrown by pause() when the task is to end. Not to be caught, or to be thrown on.
+  // pause() throws it when the task must end. Do not catch it, or rethrow it.
   struct Ended {};
 
-  // `body` runs when resume() is called first. An exception that leaves it ends the task, and is lost.
+  // The first resume() starts `body`. An exception that leaves it ends the task and is discarded.
   explicit Task(std::function<void()> body) : body_(std::move(body)) {}
-  // Ends the task where it stands.
+  // Ends the task at its present pause.
   ~Task() { end(); }
   Task(const Task&) = delete;
   Task& operator=(const Task&) = delete;
 
   // --- The owner's side
-  // Lets the body run until it pauses or is over. Throws std::system_error if no thread can be started.
+  // Lets the body run until it pauses or ends. Throws std::system_error if no thread can be started.
   void resume();
-  // Lets pause() throw, until the body is over.
+  // Makes pause() throw, until the body has ended.
   void end();
   bool over() const { return over_; }
 
   // --- The body's side
-  // Leaves the body until the next resume().
+  // Pauses the body until the next resume().
   void pause();
-  // The task is to end: nothing more is to be done.
+  // The task must end: the body starts nothing new.
   bool ending() const { return ending_; }
 
  private:
@@ -43,7 +43,7 @@ class Task {
   std::mutex mutex_;
   std::condition_variable handed_over_;
   Turn turn_ = Turn::owner;
-  // Written by the side whose turn it is.
+  // Written by the side that has the turn.
   bool over_ = false;
   bool ending_ = false;
 };

@@ -25,7 +25,7 @@ using line::bench::Json;
 using line::bench::Method;
 using line::bench::Route;
 
-// Between two pieces of an answer the line goes on.
+// Limits per piece of an answer; the line continues between two pieces.
 constexpr unsigned frames_at_once = 32;
 constexpr unsigned rows_looked_at_at_once = 256;
 constexpr unsigned rows_at_once = 64;
@@ -43,7 +43,7 @@ std::uint64_t number_in_query(const Call& call, std::string_view key, std::uint6
   std::uint64_t value = 0;
   const auto [end, error] = std::from_chars(text->data(), text->data() + text->size(), value);
   if (text->empty() || error != std::errc() || end != text->data() + text->size() || value > most) {
-    throw ApiError{400, fmt::format("\"{}\" is no number up to {}", text->substr(0, 40), most), std::string(key),
+    throw ApiError{400, fmt::format("\"{}\" is not a number up to {}", text->substr(0, 40), most), std::string(key),
                    "write a whole number"};
   }
   return value;
@@ -56,10 +56,10 @@ std::string lower(std::string_view text) {
   return small;
 }
 
-// Which rows a request wants.
+// Selects the rows that a request wants.
 struct RowFilter {
   host::SniffFilter words{};
-  std::string text{};  // small letters
+  std::string text{};  // in lower case
   bool errors = false;
 
   static RowFilter of(const Call& call) {
@@ -103,8 +103,8 @@ std::string row_text(const TrafficRow& row) {
   return line::bench::to_text(json);
 }
 
-// The answer to GET .../traffic, a piece at a time: first what has come since is put into words, then those rows are
-// looked for that are wanted, then they are written.
+// Makes the answer to GET .../traffic piece by piece: first decodes the new frames, then selects the wanted rows, then
+// writes them.
 class RowsAnswer {
  public:
   RowsAnswer(std::shared_ptr<TrafficView> view, RowFilter filter, std::uint64_t since, std::size_t limit, bool newest)
@@ -118,7 +118,7 @@ class RowsAnswer {
     if (view_->decoded() < until_) {
       const auto left = static_cast<unsigned>(std::min<std::uint64_t>(frames_at_once, until_ - view_->decoded()));
       view_->decode_some(left);
-      return " ";  // of a long answer something has to be sent between its pieces
+      return " ";  // a long answer must send something between its pieces
     }
     if (!is_chosen_) {
       choose_some();
@@ -141,7 +141,7 @@ class RowsAnswer {
   }
 
  private:
-  // Goes through some more rows. They are copied: the view may forget them before they are written.
+  // Examines some more rows. Copies the wanted ones, because the view may drop them before they are written.
   void choose_some() {
     const auto& rows = view_->rows();
     if (at_ == 0) {
@@ -162,7 +162,7 @@ class RowsAnswer {
           if (!wanted_.empty()) wanted_.pop_front();
           ++left_out_;
           if (limit_ == 0) continue;
-        } else if (wanted_.empty() || row.number != wanted_.back().number) {  // a frame's rows stay together
+        } else if (wanted_.empty() || row.number != wanted_.back().number) {  // keep the rows of a frame together
           goes_on_at_ = wanted_.empty() ? since_ : wanted_.back().number;
           is_chosen_ = true;
           return;
@@ -182,7 +182,7 @@ class RowsAnswer {
   bool is_over_ = false;
   bool any_written_ = false;
   std::deque<TrafficRow> wanted_{};
-  std::uint64_t at_ = 0;  // the next row to be looked at, of all there ever were
+  std::uint64_t at_ = 0;  // next row to examine, counted over all rows ever decoded
   std::uint64_t goes_on_at_ = 0;
   std::uint64_t left_out_ = 0;
 };
@@ -223,7 +223,7 @@ Json clear_traffic(Call& call) {
   return view_json(*view);
 }
 
-// A capture of what is in the ring, a piece at a time.
+// Makes a capture of the ring's content, piece by piece.
 class CaptureAnswer {
  public:
   CaptureAnswer(std::shared_ptr<TrafficView> view, line::Time epoch, bool is_pcap)

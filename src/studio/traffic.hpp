@@ -10,21 +10,21 @@
 
 namespace servodrome::studio {
 
-// The traffic of buses over the bench API: recorded, in words, and as captures.
+// The traffic of buses over the bench API: recorded, decoded to text, and as captures.
 class Traffic {
  public:
-  // The bus that the first argument of a call names. Throws ApiError 404.
+  // Finds the bus that the first argument of a call names. Throws ApiError 404.
   using Find = std::function<std::unique_ptr<TrafficSource>(line::bench::Call& call)>;
 
-  // `epoch` says the wall-clock time of the frames' time 0, for captures.
+  // `epoch` returns the wall-clock time of the frames' time 0, for captures.
   Traffic(Find find, std::function<line::Time()> epoch) : find_(std::move(find)), epoch_(std::move(epoch)) {}
   Traffic(const Traffic&) = delete;
   Traffic& operator=(const Traffic&) = delete;
 
   line::bench::RouteGroup routes();
-  // That of the bus that a call names, made when it is first asked for.
+  // The view of the bus that a call names. It is created lazily.
   const std::shared_ptr<TrafficView>& view_of(line::bench::Call& call);
-  // What has come up to now can then be read.
+  // Makes all frames up to now readable.
   void flush();
   line::Time epoch() const { return epoch_(); }
 
@@ -34,7 +34,7 @@ class Traffic {
   std::map<std::string, std::shared_ptr<TrafficView>> views_;
 };
 
-// Buses of the line that a call is about.
+// Finds a bus in the line of the call.
 std::unique_ptr<TrafficSource> find_line_traffic(line::bench::Call& call);
 
 }  // namespace servodrome::studio

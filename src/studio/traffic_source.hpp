@@ -13,7 +13,7 @@
 
 namespace servodrome::studio {
 
-// What puts frames into words.
+// Decoders that convert frames to text.
 struct TrafficDecoders {
   host::CanDecoder can{};
   host::EthercatDecoder ethercat{};
@@ -30,9 +30,9 @@ class TrafficSource {
   virtual const std::string& name() const = 0;
   virtual Medium medium() const = 0;
   virtual std::unique_ptr<line::TrafficTap> tap(line::TrafficRing& ring) = 0;
-  // Of CAN and serial lines; empty: the master.
+  // Name of the sender on CAN and serial lines; empty: the master.
   virtual std::string sender(std::uint32_t sender) const = 0;
-  // What is known of the drives on the bus now.
+  // Gives the decoders the present data of the drives on the bus.
   virtual void introduce(TrafficDecoders& decoders) = 0;
 };
 

@@ -5,7 +5,7 @@
 namespace servodrome::studio {
 namespace {
 
-// CAN objects travel through the ring as their bytes.
+// The ring stores CAN frames as raw bytes.
 canopen::Frame frame_of(std::span<const std::uint8_t> bytes) {
   static_assert(std::is_trivially_copyable_v<canopen::Frame>);
   canopen::Frame frame;
@@ -31,7 +31,7 @@ void TrafficView::record(bool on) {
 void TrafficView::clear() {
   const bool was_on = recording();
   tap_.reset();
-  // Numbers go on, so that no client takes a new frame for one that it has seen.
+  // Numbers continue, so that clients do not confuse a new frame with an old one.
   cursor_ = ring_.clear();
   forgotten_rows_ += rows_.size();
   rows_.clear();
@@ -64,7 +64,7 @@ std::string TrafficView::sender_of(const line::TrafficFrame& frame) const {
 void TrafficView::add(const line::TrafficFrame& frame, host::Decoded decoded) {
   rows_.push_back({frame.number, sender_of(frame), std::move(decoded)});
   if (rows_.size() <= most_rows) return;
-  // All of a frame's rows, or none.
+  // Removes all rows of a frame together.
   first_kept_ = rows_.front().number + 1;
   while (!rows_.empty() && rows_.front().number < first_kept_) {
     rows_.pop_front();
@@ -79,7 +79,7 @@ void TrafficView::decode(const line::TrafficFrame& frame) {
       host::Decoded decoded = decoders_.can.decode(frame_of(frame.bytes), frame.at);
       if (frame.kind == line::TrafficKind::can_dropped) {
         decoded.error = true;
-        decoded.text += " (dropped: nobody received it)";
+        decoded.text += " (lost: no node received it)";
       }
       add(frame, std::move(decoded));
       break;
@@ -90,7 +90,7 @@ void TrafficView::decode(const line::TrafficFrame& frame) {
       decoded.kind = host::FrameKind::error;
       decoded.error = true;
       decoded.raw = host::raw_text(frame_of(frame.bytes));
-      decoded.text = "error frame: the frame is sent again";
+      decoded.text = "error frame: the frame is repeated";
       add(frame, std::move(decoded));
       break;
     }

@@ -8,15 +8,15 @@
 
 namespace servodrome::studio {
 
-// A frame, or on EtherCAT a datagram, in words.
+// A decoded frame; on EtherCAT a decoded datagram.
 struct TrafficRow {
-  std::uint64_t number = 0;  // of the frame
-  std::string from{};        // axis, or "master", "slaves"
+  std::uint64_t number = 0;  // number of the frame
+  std::string from{};        // axis name, "master" or "slaves"
   host::Decoded decoded{};
 };
 
-// What passed on one bus: recorded, and in words as far as clients have asked for them. Words are made in small pieces
-// (decode_some), because that happens in the thread that drives the line.
+// The recorded traffic of one bus. It is decoded lazily, when clients request it, and in small pieces (decode_some),
+// because this happens in the thread that runs the line.
 class TrafficView {
  public:
   static constexpr std::size_t ring_bytes = std::size_t{4} * 1024 * 1024;
@@ -24,27 +24,28 @@ class TrafficView {
 
   explicit TrafficView(std::unique_ptr<TrafficSource> source) : source_(std::move(source)) {}
 
-  // Recording begins with what is known of the drives at that time. What was recorded before stays.
+  // Starts or stops recording. Starting presets the decoders with the present data of the drives. Earlier records are
+  // kept.
   void record(bool on);
   bool recording() const { return tap_ != nullptr; }
-  // Forgets what was recorded.
+  // Deletes all records.
   void clear();
 
   const line::TrafficRing& ring() const { return ring_; }
-  // What has come up to now is in the ring.
+  // Makes all frames up to now available in the ring.
   void flush() {
     if (tap_) tap_->flush();
   }
-  // Puts at most so many frames into words; false: there are no more.
+  // Decodes at most this many frames; returns false if there are no more.
   bool decode_some(unsigned frames);
-  // Frames that are in words; the next has the number decoded() + 1.
+  // Number of decoded frames; the next frame has the number decoded() + 1.
   std::uint64_t decoded() const { return cursor_.number - 1; }
   const std::deque<TrafficRow>& rows() const { return rows_; }
-  // Rows that were there before rows().front().
+  // Number of dropped rows, which came before rows().front().
   std::uint64_t forgotten_rows() const { return forgotten_rows_; }
-  // Number of the first frame whose rows are still there.
+  // Number of the first frame whose rows are still kept.
   std::uint64_t first_kept() const { return first_kept_; }
-  // Frames that were overwritten before a client asked for their words.
+  // Frames that were overwritten before they were decoded.
   std::uint64_t missed() const { return missed_; }
   const TrafficSource& source() const { return *source_; }
 

@@ -96,21 +96,21 @@ function Banner() {
   if (link === 'lost') {
     return (
       <div className="banner bad" role="alert">
-        The server does not answer. What is shown is its last word; the page comes back by itself.
+        Connection lost: values are the last received. The page reconnects automatically.
       </div>
     );
   }
   if (link === 'full') {
     return (
       <div className="banner bad" role="alert">
-        The server answers, but has no stream for this page: close pages that are not needed. What is shown is its last word.
+        The server has no free connection for live values: close other pages. Values are the last received.
       </div>
     );
   }
   if (restarted) {
     return (
       <div className="banner" role="status">
-        The server was started anew: what the drives had not stored is gone, and so are its recordings.
+        The server was restarted: recordings are lost, and simulated drives have lost the parameters that were not stored.
         <button type="button" onClick={() => update({ restarted: false })}>Understood</button>
       </div>
     );
@@ -118,7 +118,7 @@ function Banner() {
   if (problem) {
     return (
       <div className="banner bad" role="alert">
-        Not reached: {silent}. {problem.what} · {problem.where}. The page comes back by itself.
+        No answer from {silent}: {problem.what} · {problem.where}. The page reconnects automatically.
       </div>
     );
   }

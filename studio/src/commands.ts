@@ -1,5 +1,6 @@
 import { get, post, put, remove, segment } from './api/client';
 import type { Job, ObjectValue } from './api/types';
+import { shownOf } from './model/problem';
 import { complain, tell } from './notices';
 import { noteJob, overWithin } from './store';
 
@@ -43,7 +44,10 @@ export async function runJob(axis: string, request: { do: string } & Record<stri
   try {
     const job = await finish(await startJob(axis, request));
     if (job.note) tell(`${axis}: ${job.note}`);
-    if (job.state === 'failed') complain(new Error(`${axis}: ${job.error?.what ?? `${job.do} failed`}${job.error?.hint ? ` · ${job.error.hint}` : ''}`));
+    if (job.state === 'failed') {
+      const { what, hint } = shownOf(job.error ?? { what: `${job.do.replaceAll('_', ' ')} failed` });
+      complain(new Error(`${axis}: ${what}${hint ? ` · ${hint}` : ''}`));
+    }
     return job;
   } catch (error) {
     complain(error);

@@ -1,6 +1,7 @@
 import { useSyncExternalStore } from 'react';
 import { problemOf } from './api/client';
 import type { Problem } from './api/types';
+import { shownOf } from './model/problem';
 
 // What went wrong, or well, at the foot of the page until it is read or some seconds are over.
 
@@ -26,7 +27,7 @@ function add(notice: Omit<Notice, 'id'>, seconds: number) {
   setTimeout(() => dismiss(id), seconds * 1000);
 }
 
-export const complain = (error: unknown) => add({ ...problemOf(error), bad: true }, 15);
+export const complain = (error: unknown) => add({ ...shownOf(problemOf(error)), bad: true }, 15);
 export const tell = (what: string) => add({ what, bad: false }, 4);
 
 // Runs what a button does, and says so if the server refuses it.

@@ -1,4 +1,4 @@
-// The master's axis against whole drives on their motors, in virtual time: both products of the built-in line.
+// The master's axis with complete drives and motors, in virtual time: both products of the built-in line.
 #include "host/axis402.hpp"
 
 #include <gtest/gtest.h>
@@ -10,12 +10,13 @@
 #include "line/support.hpp"
 
 namespace servodrome::host {
+namespace axis402_test {
 namespace {
 
 using namespace std::chrono_literals;
 constexpr std::int32_t revolution = 131072;
 
-// Both axes can travel 10 revolutions either way between their limit switches.
+// Both axes can travel 10 revolutions in either direction between their limit switches.
 constexpr const char* two_drives = R"(
 clock = "virtual"
 [[bus]]
@@ -128,7 +129,7 @@ TEST_P(Axis402Test, AMoveThatTakesTooLongIsStoppedAndSaysSo) {
   axis.home(homing, 30s);
   const std::string problem = problem_of([&] { axis.move_to(10 * revolution, profile, 500ms); });
   EXPECT_NE(problem.find("moving to 1310720 took longer than 0.5 s and was stopped"), std::string::npos) << problem;
-  bus.run_for(100ms);  // the velocity shown comes a little later
+  bus.run_for(100ms);  // the drive reports the velocity with a delay
   EXPECT_EQ(axis.velocity() / 1000, 0);
 }
 
@@ -190,4 +191,5 @@ TEST(Statusword, StatesAndBitsInWords) {
 }
 
 }  // namespace
+}  // namespace axis402_test
 }  // namespace servodrome::host

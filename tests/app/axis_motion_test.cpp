@@ -1,10 +1,11 @@
-// What the master's axis does beyond homing and moving, with every product on every bus it has: jog, torque, halt and
-// resume, velocities changed in motion, limits, probes, and every way in which it can go wrong.
+// Functions of the master's axis besides homing and moving, with every product on every bus it has: jog, torque, halt
+// and resume, changes of velocity, limits, probes, and all kinds of failure.
 #include <gmock/gmock.h>
 
 #include "app/axis_rig.hpp"
 
 namespace servodrome::host::test {
+namespace axis_motion_test {
 namespace {
 
 using testing::HasSubstr;
@@ -17,11 +18,11 @@ class AxisMotion : public testing::TestWithParam<RigCase> {
             .acceleration = static_cast<std::uint32_t>(50 * units.acceleration),
             .deceleration = static_cast<std::uint32_t>(50 * units.acceleration)};
   }
-  // The true shaft, in revolutions.
+  // Position of the shaft itself, in revolutions.
   double shaft() { return rig.shaft_counts() / counts_per_revolution(); }
   double counts_per_revolution() { return rig.drive().plant().parameters().encoder.counts_per_revolution; }
   double shaft_speed() {
-    rig.objects().wait(200ms);  // a drive is "at rest" within its window
+    rig.objects().wait(200ms);  // a drive counts as "at rest" within its window
     const double before = shaft();
     rig.objects().wait(100ms);
     return (shaft() - before) / 0.1;
@@ -39,7 +40,7 @@ class AxisMotion : public testing::TestWithParam<RigCase> {
 INSTANTIATE_TEST_SUITE_P(Every, AxisMotion, testing::ValuesIn(every_product),
                          [](const auto& row) { return row.param.name(); });
 
-// A revolution is what the drive at hand has, not what its maker's usual motor has.
+// A revolution must follow the encoder of the drive, not that of the maker's usual motor.
 constexpr RigCase manuals_encoder{"pronet", RigCase::BusKind::can, "[axis.encoder]\ncounts_per_revolution = 10000\n"};
 INSTANTIATE_TEST_SUITE_P(ManualsEncoder, AxisMotion, testing::Values(manuals_encoder),
                          [](const auto& row) { return row.param.name(); });
@@ -140,7 +141,7 @@ TEST_P(AxisMotion, GivesTorqueAndBrakesOrSaysThatItHasNone) {
     return;
   }
   if (std::string_view(GetParam().product) == "ismk-ea") {
-    // Its process data hold the same target as a current, 60F6h sub 8.
+    // Its process data contain the same target as a current, 60F6h sub 8.
     EXPECT_THAT(problem_of([&] { axis.run_torque(100, {}, 2s); }), HasSubstr("(6071h) is 0 after 100 was written"));
     return;
   }
@@ -202,7 +203,7 @@ TEST_P(AxisMotion, EveryWaitCanBeCancelledAndTheAxisStands) {
                         }),
                Cancelled);
   EXPECT_NEAR(shaft_speed(), 0, 0.02);
-  axis.disable();  // never cancelled
+  axis.disable();  // disable() cannot be cancelled
   EXPECT_EQ(axis.state(), PowerState::switch_on_disabled);
 }
 
@@ -251,7 +252,7 @@ TEST_P(AxisMotion, ACutBusAndALostSupplyEndEveryWaitWithAMessage) {
   }
 }
 
-// Those that have a limit switch at an input from the factory, and stop there in profile position.
+// Products with a factory setting that assigns limit switches to inputs, and that stop at them in profile position.
 class AxisAtALimit : public AxisMotion {};
 INSTANTIATE_TEST_SUITE_P(Some, AxisAtALimit,
                          testing::Values(RigCase{"pronet"}, RigCase{"generic402"},
@@ -276,7 +277,7 @@ TEST_P(AxisAtALimit, AMoveThatALimitSwitchStopsIsNotWaitedForTillItsTimeIsUp) {
   EXPECT_NEAR(shaft_speed(), 0, 0.02);
 }
 
-// An ISMC says that the target is reached when its demand is there, and watches no following error from the factory.
+// An ISMC reports target reached when its demand is at the target, and by default does not monitor the following error.
 TEST(AxisAtAHardStop, IsNotTakenForAnAxisAtItsTarget) {
   AxisRig rig(RigCase{"ismc", RigCase::BusKind::can,
                       "[axis.travel]\ncounts_per_unit = 131072\nlow_stop = -1\nhigh_stop = 1\n"});
@@ -294,7 +295,7 @@ INSTANTIATE_TEST_SUITE_P(Some, Probes,
                                          RigCase{"generic402-ec", RigCase::BusKind::ethercat}),
                          [](const auto& row) { return row.param.name(); });
 
-// The reference drive's inputs 3 and 4 are its probes.
+// Inputs 3 and 4 of the reference drive are its probes.
 TEST_P(Probes, KeepThePositionOfEachEdge) {
   AxisRig rig(GetParam());
   Axis402 axis(rig.objects(), rig.options());
@@ -334,10 +335,11 @@ TEST_P(Probes, ThatSeeNothingSaySo) {
   const ProbeRequest request{.probe = 1};
   axis.arm_probe(request);
   EXPECT_THAT(problem_of([&] { axis.wait_for_probe(request, 200ms); }),
-              HasSubstr("waiting for touch probe 1 took longer than 0.2 s (positive edge: did not come"));
+              HasSubstr("waiting for touch probe 1 took longer than 0.2 s (positive edge: not detected"));
   EXPECT_NE(problem_of([&] { axis.arm_probe({.probe = 3}); }), "");
   EXPECT_NE(problem_of([&] { axis.arm_probe({.positive_edge = false}); }), "");
 }
 
 }  // namespace
+}  // namespace axis_motion_test
 }  // namespace servodrome::host::test

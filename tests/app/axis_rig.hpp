@@ -13,7 +13,7 @@
 #include "line/support.hpp"
 #include "links/ethercat/memory_client.hpp"
 
-// One drive on its motor, and a master on the bus before it, in virtual time: whatever drive, whatever bus.
+// A drive with its motor and a master on its bus, in virtual time, for every product and bus.
 namespace servodrome::host::test {
 
 using namespace std::chrono_literals;
@@ -21,7 +21,7 @@ using namespace std::chrono_literals;
 struct RigCase {
   const char* product;
   enum class BusKind : std::uint8_t { can, ethercat, modbus, serial10 } bus = BusKind::can;
-  const char* axis_text = "";  // lines of the line file that belong to each axis
+  const char* axis_text = "";  // additional lines of each axis in the line file
   Time ethercat_period = std::chrono::milliseconds(2);
 
   std::string name() const {
@@ -47,7 +47,7 @@ inline const RigCase every_product[] = {{"ismc"},
 class AxisRig {
  public:
   explicit AxisRig(const RigCase& its_case, unsigned axes = 1) : rig_case(its_case), line(line_of(its_case, axes)) {
-    // A node that is alone on its bus gets no acknowledge for its frames.
+    // Attaches the master first, because a node that is alone on a CAN bus gets no acknowledge for its frames.
     if (rig_case.bus != RigCase::BusKind::ethercat) open_can();
     line.run_until(100ms);
     switch (rig_case.bus) {
@@ -62,7 +62,7 @@ class AxisRig {
   ObjectClient& objects(std::size_t number = 0) { return *clients[number]; }
   line::Axis& drive(std::size_t number = 0) { return *line.axes()[number]; }
   double shaft_counts(std::size_t number = 0) { return static_cast<double>(drive(number).plant().position_counts()); }
-  // Frames get nowhere.
+  // Interrupts the bus: no frame arrives.
   void cut() {
     switch (rig_case.bus) {
       case RigCase::BusKind::can: line.buses()[0]->bus.cut_bus(true); break;
@@ -75,7 +75,7 @@ class AxisRig {
 
   RigCase rig_case;
   line::Line line;
-  // Of the bus of the case; a CAN bus also where drives are commanded over Modbus.
+  // Clients of the bus of this case; the CAN bus also exists if the drives are commanded over Modbus.
   std::unique_ptr<Bus> can;
   std::unique_ptr<ModbusClient> modbus;
   std::unique_ptr<Serial10Client> serial10;
@@ -123,7 +123,7 @@ class AxisRig {
                                                        product.serial->profile->word_order}));
     }
   }
-  // Its drives are one: the universal id.
+  // There is one drive only, so the universal id addresses it.
   void open_serial10() {
     serial10 = std::make_unique<Serial10Client>(
         std::make_unique<links::MemoryByteClient>(line.serial_buses()[0]->line, line), "mem:");
@@ -147,7 +147,7 @@ class AxisRig {
   }
 };
 
-// What the call says when it fails; "" if it does not.
+// The error message of the call; "" if it succeeds.
 template <typename Call>
 std::string problem_of(Call call) {
   try {

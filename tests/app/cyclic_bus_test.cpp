@@ -1,4 +1,4 @@
-// The master's own trajectories on whole drives, in virtual time: EtherCAT and CAN, one code above both.
+// The master's own trajectories with complete drives, in virtual time: EtherCAT and CAN, with the same code above both.
 #include <cmath>
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -12,6 +12,7 @@
 #include "source_dir.hpp"
 
 namespace servodrome::host {
+namespace cyclic_bus_test {
 namespace {
 
 using namespace std::chrono_literals;
@@ -35,8 +36,8 @@ MotionLimits in_counts(double counts_per_revolution) {
   return {gentle.velocity * scale, gentle.acceleration * scale, gentle.deceleration * scale, gentle.jerk * scale};
 }
 
-// All axes by the same revolutions: what they were sent is the closed form, cycle by cycle, and they follow it. Returns
-// the worst following error of each in revolutions.
+// Moves all axes by the same number of revolutions. The set-points must equal the closed form in each cycle. Returns
+// the worst following error of each axis in revolutions.
 std::vector<double> follow_a_profile(MotionGroup& group, double revolutions,
                                      std::span<const double> counts_per_revolution) {
   const auto counts = [&](std::size_t i) {
@@ -75,7 +76,7 @@ std::vector<double> follow_a_profile(MotionGroup& group, double revolutions,
 }
 
 constexpr std::array same{revolution};
-constexpr std::array different{revolution, 4000.0};  // counts of the axes of the ring
+constexpr std::array different{revolution, 4000.0};  // counts per revolution of the axes of the ring
 
 constexpr const char* ring = R"(
 clock = "virtual"
@@ -113,7 +114,7 @@ class EthercatMotion : public testing::TestWithParam<int> {
   std::optional<EthercatOperation> operation;
   std::optional<EthercatCyclicBus> bus;
 };
-// us; up to 4 kHz
+// Periods in us, up to 4 kHz.
 INSTANTIATE_TEST_SUITE_P(Periods, EthercatMotion, testing::Values(250, 1000, 2000));
 
 TEST_P(EthercatMotion, ProfilesInPosition) {
@@ -122,7 +123,7 @@ TEST_P(EthercatMotion, ProfilesInPosition) {
   group.enable();
   const std::vector<double> worst = follow_a_profile(group, 3.0, different);
   EXPECT_LT(worst[0], 0.005);
-  EXPECT_LT(worst[1], 0.2);  // its position loop has no feed-forward by default
+  EXPECT_LT(worst[1], 0.2);  // no feed-forward in its position loop by default
   std::printf("%d us: following within %.5f and %.5f revolutions\n", GetParam(), worst[0], worst[1]);
   EXPECT_EQ(bus->counters().missed + bus->counters().skipped, 0U);
   bus->check();
@@ -170,8 +171,8 @@ TEST(EthercatMotionFaults, AFaultOfTheDriveIsNamed) {
   group.enable();
 }
 
-// The line of bench/cyclic_axes, in virtual time: every cycle exactly at its time, none missed, and twice the same to
-// the last bit.
+// The line of bench/cyclic_axes, in virtual time: every cycle is exactly on time, none is missed, and two runs are
+// identical to the last bit.
 std::vector<double> run_eight_axes(std::vector<std::int64_t>& shafts) {
   line::LineFile file = line::load_line_file(SERVODROME_SOURCE_DIR "/lines/cyclic-axes.toml", line::all_products());
   EXPECT_TRUE(file.diagnostics.empty());
@@ -234,7 +235,7 @@ node = 3
 class CanMotion : public testing::Test {
  protected:
   void SetUp() override { bus.run_for(500ms); }
-  // What a node's PDOs are, word by word.
+  // Configuration of a node's PDOs, word by word.
   std::vector<std::uint32_t> pdos_of(std::uint8_t node) {
     SdoClient objects(bus, node);
     std::vector<std::uint32_t> all;
@@ -277,7 +278,7 @@ TEST_F(CanMotion, InterpolatedPositionOfADriveWithoutSynchronousModes) {
   const auto before = pdos_of(3);
   {
     CanDrive drive = interpolated_position_drive(3);
-    drive.values.push_back({{0x2105, 0}, 2000, 4});  // the same period again, in us (ProNet manual, ch. 7.5.4)
+    drive.values.push_back({{0x2105, 0}, 2000, 4});  // the same period in us (ProNet manual, ch. 7.5.4)
     CanCyclicBus cyclic(bus, {drive}, {.period = 2ms});
     const std::array options{MotionAxisOptions{.position_mode = OperationMode::interpolated_position}};
     MotionGroup group(cyclic, options);
@@ -304,7 +305,8 @@ TEST_F(CanMotion, VelocityAndTorqueOverCan) {
   EXPECT_LT(group.axis(0).velocity() / revolution, -2.0);
 }
 
-// Cut off in motion: the message names the node; what was changed cannot be put back then, and nothing hangs.
+// The drive's supply fails in motion: the message must name the node; objects cannot be restored then, and no call may
+// hang.
 TEST_F(CanMotion, ANodeThatFallsSilentStopsTheAxis) {
   CanCyclicBus cyclic(bus, {synchronous_drive(1), synchronous_position_drive(2)}, {.period = 2ms, .sdo = {50ms, 0}});
   MotionGroup group(cyclic);
@@ -314,7 +316,7 @@ TEST_F(CanMotion, ANodeThatFallsSilentStopsTheAxis) {
   group.wait(200ms);
   line.axes()[1]->power_off(line.now());
   EXPECT_THAT(problem_of([&] { group.wait(500ms); }),
-              testing::AllOf(HasSubstr("its process data did not come"), HasSubstr("node 2")));
+              testing::AllOf(HasSubstr("its process data were not received"), HasSubstr("node 2")));
   EXPECT_THAT(problem_of([&] { cyclic.check(); }), HasSubstr("node 2"));
   EXPECT_GT(cyclic.counters().longest_miss, 10U);
   EXPECT_TRUE(group.axis(0).is_enabled());
@@ -346,4 +348,5 @@ TEST_F(CanMotion, WhatCannotBeMappedIsRefusedAndPutBack) {
 }
 
 }  // namespace
+}  // namespace cyclic_bus_test
 }  // namespace servodrome::host

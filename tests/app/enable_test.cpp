@@ -1,9 +1,10 @@
-// Enabling never moves: whatever targets are left from before, with every product on every bus it has.
+// Enabling must not move the axis, whatever targets remain from before; with every product on every bus it has.
 #include <gmock/gmock.h>
 
 #include "app/axis_rig.hpp"
 
 namespace servodrome::host::test {
+namespace enable_test {
 namespace {
 
 using testing::HasSubstr;
@@ -12,7 +13,7 @@ constexpr std::uint16_t quick_stop_word = 0x0002;
 
 class Enabling : public testing::TestWithParam<RigCase> {
  protected:
-  static constexpr double nothing = 0.01;  // revolutions: a brake and a loop that take over
+  static constexpr double nothing = 0.01;  // tolerance in revolutions, for the change from brake to control loop
 
   double shaft() { return rig.shaft_counts() / rig.drive().plant().parameters().encoder.counts_per_revolution; }
   std::int32_t revolutions(double number) const { return static_cast<std::int32_t>(number * units.position); }
@@ -24,7 +25,7 @@ class Enabling : public testing::TestWithParam<RigCase> {
   bool has_mode(OperationMode mode) {
     return problem_of([&] { axis.set_mode(mode); }).empty();
   }
-  // As the page's STOP: the word alone, and what the axis does meanwhile ends.
+  // Like the STOP button of the page: writes only the controlword, and then waits until the axis stands.
   void big_stop() {
     rig.objects().write<std::uint16_t>(0x6040, 0, quick_stop_word);
     rig.objects().wait(2s);
@@ -78,7 +79,7 @@ TEST_P(Enabling, ATorqueThatWasStoppedIsNotRevived) {
   expect_enabling_moves_nothing("STOP with torque");
 }
 
-// What another master, or a person at the objects, has left in a drive that is off.
+// Targets that another master or a user has left in a drive that is off.
 TEST_P(Enabling, TargetsLeftInADisabledDriveDoNotAct) {
   struct Left {
     OperationMode mode;
@@ -105,7 +106,7 @@ TEST_P(Enabling, TargetsLeftInADisabledDriveDoNotAct) {
   }
 }
 
-// STOP by the host, and halt: not even another master's enabling finds anything.
+// After a quick stop or halt by the host, no target remains, even if another master enables the drive.
 TEST_P(Enabling, WhatStopsLeavesNoTarget) {
   for (const bool quick : {true, false}) {
     axis.enable();
@@ -120,7 +121,7 @@ TEST_P(Enabling, WhatStopsLeavesNoTarget) {
   }
 }
 
-// A drive with one object that is not as it should be.
+// A drive with one object that misbehaves.
 class Odd final : public ObjectClient {
  public:
   Odd(ObjectClient& drive, std::uint16_t index, bool refuses) : drive_(drive), index_(index), refuses_(refuses) {}
@@ -145,7 +146,7 @@ class Odd final : public ObjectClient {
   bool refuses_;
 };
 
-// A cyclic master streams it, or an input chooses it (iSMK manual, ch. 5.2.1.1): what is written does not stay.
+// A cyclic master or an input writes this target (iSMK manual, ch. 5.2.1.1), so it does not keep the value written.
 TEST(EnablingIsRefused, WhereATargetCannotBeTakenBack) {
   AxisRig rig{{"generic402"}};
   Odd objects(rig.objects(), 0x60FF, false);
@@ -154,7 +155,7 @@ TEST(EnablingIsRefused, WhereATargetCannotBeTakenBack) {
   EXPECT_THAT(problem_of([&] { axis.enable(); }), HasSubstr("60FFh"));
   EXPECT_NE(axis.state(), PowerState::operation_enabled);
   axis.set_mode(OperationMode::profile_position);
-  axis.enable();  // where that target does not act
+  axis.enable();  // that target does not act in this mode
 }
 
 TEST(EnablingIsRefused, WhereTheDriveRefusesTheTarget) {
@@ -167,4 +168,5 @@ TEST(EnablingIsRefused, WhereTheDriveRefusesTheTarget) {
 }
 
 }  // namespace
+}  // namespace enable_test
 }  // namespace servodrome::host::test

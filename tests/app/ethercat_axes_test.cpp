@@ -1,4 +1,4 @@
-// The master against whole drives on an EtherCAT segment, in virtual time: homing and moving by objects, and the cyclic
+// The master with complete drives on an EtherCAT segment, in virtual time: homing and moves by objects, and the cyclic
 // synchronous modes by process data.
 #include <cmath>
 #include <gmock/gmock.h>
@@ -12,6 +12,7 @@
 #include "links/ethercat/memory_client.hpp"
 
 namespace servodrome::host {
+namespace ethercat_axes_test {
 namespace {
 
 using namespace std::chrono_literals;
@@ -102,7 +103,7 @@ TEST_P(EthercatAxesFreeAndClocked, HomesAndMovesByItsObjects) {
   EXPECT_EQ(operation.exchange().statistics().lost, 0U);
 }
 
-// All three along a sine, in cyclic synchronous position.
+// All three axes follow a sine in cyclic synchronous position.
 TEST_P(EthercatAxesFreeAndClocked, FollowTargetsCycleByCycle) {
   EthercatOperation operation(master, found, all, options(GetParam()));
   CyclicExchange& exchange = operation.exchange();
@@ -139,7 +140,7 @@ TEST_P(EthercatAxesFreeAndClocked, FollowTargetsCycleByCycle) {
   EXPECT_TRUE(enabled);
   EXPECT_GT(cycle, 2500U);
   EXPECT_GT(worst, 0.0001);
-  EXPECT_LT(worst, 0.01);  // a cycle or two of lag, and the loop's own
+  EXPECT_LT(worst, 0.01);  // a lag of one or two cycles, and that of the loop
   for (const CyclicAxis& axis : axes) {
     EXPECT_EQ(axis.state(), PowerState::operation_enabled);
     EXPECT_EQ(axis.mode(), 8);
@@ -174,4 +175,5 @@ TEST_F(EthercatAxes, AFaultIsNamedWithItsEmergency) {
 }
 
 }  // namespace
+}  // namespace ethercat_axes_test
 }  // namespace servodrome::host

@@ -1,4 +1,4 @@
-// What a drive in fault says of it, with every product on every bus it has.
+// Reports of a drive in fault, with every product on every bus it has.
 #include "host/fault_report.hpp"
 
 #include <gmock/gmock.h>
@@ -6,6 +6,7 @@
 #include "app/axis_rig.hpp"
 
 namespace servodrome::host::test {
+namespace fault_report_test {
 namespace {
 
 using testing::HasSubstr;
@@ -47,7 +48,7 @@ TEST_P(FaultReports, AnActiveFaultIsExplainedThenItIsHistory) {
   }
   EXPECT_EQ(faulty.active[0].alarm, product.starts_with("ismk") ? 5 : 0) << "2601h bit 5";
   rig.drive().inject(drive::Cause::over_voltage, false);
-  if (product == "jmc_ec") return;  // this one takes a power cycle
+  if (product == "jmc_ec") return;  // this fault requires a power cycle
   axis.reset_fault();
   rig.objects().wait(50ms);
   const FaultReport after = report();
@@ -69,11 +70,11 @@ TEST(FaultTextOfReport, NamesAllAlarmsOfACodeAndWhatNobodyKnows) {
   EXPECT_EQ(text_of(fault_of_code(0x5003, {0x603F, 0}, "jmc_ec"), "jmc_ec"),
             "5003h AL.051 EEPROM parameters damaged or AL.062 parameters not stored");
   EXPECT_EQ(text_of(fault_of_code(0x8619, {0x603F, 0}, ""), ""), "8619h class: positioning controller");
-  EXPECT_EQ(text_of(fault_of_code(0xB001, {0x603F, 0}, ""), ""), "B001h manufacturer's code");
+  EXPECT_EQ(text_of(fault_of_code(0xB001, {0x603F, 0}, ""), ""), "B001h manufacturer-specific code");
   EXPECT_EQ(text_of_error_register(0x85), "generic, voltage, manufacturer");
 }
 
-// Several at once, of which the iSMK tells each by its bit.
+// Several alarms at the same time; the iSMK has a bit for each.
 TEST(FaultReportOfWords, EveryBitIsAnAlarm) {
   AxisRig rig({"ismk", RigCase::BusKind::modbus});
   rig.drive().inject(drive::Cause::over_voltage, true);
@@ -86,4 +87,5 @@ TEST(FaultReportOfWords, EveryBitIsAnAlarm) {
 }
 
 }  // namespace
+}  // namespace fault_report_test
 }  // namespace servodrome::host::test

@@ -1,9 +1,11 @@
-// Homing is done when the shaft rests, whatever the drive shows: with a load that lags, the demand is at home first.
+// Homing ends when the shaft is at rest, whatever the drive reports: with a load that lags, the demand is at home
+// earlier.
 #include <gmock/gmock.h>
 
 #include "app/axis_rig.hpp"
 
 namespace servodrome::host::test {
+namespace home_at_rest_test {
 namespace {
 
 using testing::HasSubstr;
@@ -29,7 +31,7 @@ TEST_P(HomeAtRest, IsDoneWhenTheShaftStands) {
   AxisRig rig(GetParam());
   Axis402 axis(rig.objects(), rig.options());
   axis.enable();
-  double rpm_as_shown = 0.0;  // when the drive said that it is home
+  double rpm_as_shown = 0.0;  // at the time when the drive reported homing attained
   axis.home(to_the_index(axis.units().value_or(AxisUnits{131072, 131072, 131072})), 30s,
             [&](const AxisStatus&) { rpm_as_shown = rig.drive().plant().velocity_rpm(); });
   EXPECT_GT(std::abs(rpm_as_shown), 5.0);
@@ -41,7 +43,7 @@ TEST_P(HomeAtRest, IsDoneWhenTheShaftStands) {
   }
 }
 
-// Gains that let this load swing for ever: the drive is home, its shaft is not.
+// With these gains the load oscillates permanently: the drive reports homing attained, but the shaft does not rest.
 TEST(HomeThatSwings, IsNotDone) {
   AxisRig rig({"jmc_ec", RigCase::BusKind::ethercat, "[axis.load]\ninertia_kgm2 = 1e-3\n"});
   Axis402 axis(rig.objects(), rig.options());
@@ -53,4 +55,5 @@ TEST(HomeThatSwings, IsNotDone) {
 }
 
 }  // namespace
+}  // namespace home_at_rest_test
 }  // namespace servodrome::host::test

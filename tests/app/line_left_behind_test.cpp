@@ -1,5 +1,5 @@
-// A line that catches up lazily (Line::keep_up) answers every frame as one that catches up
-// for each: the same session of a master, from the scan to moving drives and a fault, byte by byte.
+// A line that catches up lazily (Line::keep_up) must answer every frame exactly like one that catches up for each
+// frame. Compares the same master session byte by byte: scan, moving drives, and a fault.
 #include <gtest/gtest.h>
 
 #include "host/axis402.hpp"
@@ -9,6 +9,7 @@
 #include "line/support.hpp"
 
 namespace servodrome::host {
+namespace line_left_behind_test {
 namespace {
 
 using namespace std::chrono_literals;
@@ -33,7 +34,7 @@ product = "generic402-ec"
 oscillator_ppm = -90
 )";
 
-// What came back, and when.
+// The bytes of an answer and the time of its arrival.
 struct Answer {
   Time at;
   Bytes bytes;
@@ -42,11 +43,11 @@ struct Answer {
 
 struct Session {
   std::vector<Answer> answers;
-  Time behind{};              // the most that the line was behind its master
+  Time behind{};              // greatest lag of the line behind its master
   std::uint16_t too_short{};  // 1C32h:0C of the first drive
 };
 
-// A master's way to the line that catches up for every frame, or as far as need be. Keeps everything that came back.
+// A master's link that advances the line for every frame, or lazily. Records all answers.
 class Client final : public links::EthercatClient {
  public:
   Client(line::Line& line, bool leaves_behind, Session& session)
@@ -84,7 +85,7 @@ class Client final : public links::EthercatClient {
   bool leaves_behind_;
   Session& session_;
   Time now_;
-  std::vector<Answer> returning_;  // in the order they were sent, which is the order of time on a line
+  std::vector<Answer> returning_;  // in the order of sending, which on a line is also the order of time
 };
 
 struct Cycle {
@@ -95,7 +96,7 @@ struct Cycle {
 Session hold_session(const Cycle& cycle, bool leaves_behind) {
   Session session;
   line::Line line{line::test::settings_of(three_drives)};
-  // The control loops of the drives begin at different ticks.
+  // Makes the control loops of the drives start at different ticks.
   for (std::size_t i = 0; i < 3; ++i) {
     line.run_until(line.now() + 200us);
     line.axes()[i]->power_off(line.now());
@@ -128,10 +129,10 @@ Session hold_session(const Cycle& cycle, bool leaves_behind) {
     axis.run_at(3'000'000, {{}, 100'000'000, 100'000'000}, 5s);
     for (int i = 0; i < 60; ++i) {
       master.wait(137us);
-      if (i % 2 == 0) master.wait(line::tick_length - clock.now() % line::tick_length);  // a frame with a tick
+      if (i % 2 == 0) master.wait(line::tick_length - clock.now() % line::tick_length);  // a frame on a tick
       for (const std::size_t member : {0U, 2U}) all[member]->coe().read<std::int32_t>(0x6064);
     }
-    // A fault that the drive finds by itself, in the middle of a move.
+    // A fault that the drive detects by itself, in the middle of a move.
     line.run_until(clock.now());
     line.axes()[0]->inject(drive::Cause::over_voltage, true);
     master.wait(20ms);
@@ -160,9 +161,10 @@ TEST_P(LineLeftBehind, AnswersEveryFrameAsOneThatIsUpToDate) {
     ASSERT_EQ(here.answers[i], reference.answers[i]) << "frame " << i << " at " << reference.answers[i].at.count();
   }
   EXPECT_EQ(here.too_short, reference.too_short);
-  EXPECT_GT(here.behind, line::tick_length);  // it was left behind
+  EXPECT_GT(here.behind, line::tick_length);  // the line did lag
   EXPECT_EQ(reference.behind, Time{});
 }
 
 }  // namespace
+}  // namespace line_left_behind_test
 }  // namespace servodrome::host

@@ -4,8 +4,9 @@
 
 #include "app/axis_rig.hpp"
 
-// What becomes of a moving axis whose master's cable is pulled.
+// A moving axis after the cable of its master is pulled.
 namespace servodrome::host {
+namespace master_watch_test {
 namespace {
 
 using namespace test;
@@ -61,7 +62,7 @@ TEST_P(Watched, IsLeftAsItWas) {
     const MasterWatch watch(*rig.can, drives);
     EXPECT_EQ(watched_time(), 0x7F05DCU);
     EXPECT_NE(option(), 0);
-    rig.objects().wait(10s);  // as long as it is there, the drive is content
+    rig.objects().wait(10s);  // with the master's heartbeat the drive has no fault
     EXPECT_FALSE(rig.objects().latest_emergency());
   }
   EXPECT_EQ(watched_time(), 0U);
@@ -84,7 +85,7 @@ TEST_P(Watched, AnotherMastersIsNotTakenAway) {
 
 TEST_P(Watched, AnotherMastersInAnotherSubIndexIsNotTakenAway) {
   const auto entries = rig.objects().read<std::uint8_t>(0x1016, 0);
-  if (entries < 2) return;  // the drive watches one at most
+  if (entries < 2) return;  // the drive can monitor only one node
   const auto before = option();
   rig.objects().write<std::uint32_t>(0x1016, entries, 0x7E0BB8);
   ObjectClient* const drives[] = {&rig.objects()};
@@ -122,18 +123,18 @@ TEST_P(Watched, IsToldAnewAfterAReset) {
   EXPECT_EQ(option(), before);
 }
 
-// Not from the next heartbeat on, a quarter of a second later.
+// At once, not only after the next heartbeat, which is up to 0.25 s later.
 TEST_P(Watched, WatchesAtOnceWhenToldAnew) {
   ObjectClient* const drives[] = {&rig.objects()};
   MasterWatch watch(*rig.can, drives);
-  rig.objects().write<std::uint32_t>(0x1016, 1, 0);  // as a reset leaves it
+  rig.objects().write<std::uint32_t>(0x1016, 1, 0);  // as after a reset
   watch.renew(rig.objects());
   pull_cable_while_moving();
   rig.line.run_until(rig.line.now() + MasterWatch::longest_silence + 2s);
   EXPECT_LT(counts_in_a_second(), 100.0);
 }
 
-// However the program ends: what still moves then is not let go of.
+// However the program ends: the supervision of an axis that still moves must stay on.
 TEST_P(Watched, AnAxisThatStillMovesAtTheEndKeepsItsWatch) {
   std::vector<std::string> said;
   {
@@ -145,7 +146,7 @@ TEST_P(Watched, AnAxisThatStillMovesAtTheEndKeepsItsWatch) {
     axis.run_at(static_cast<std::int32_t>(units.velocity), {}, 20s);
   }
   ASSERT_EQ(said.size(), 1U);
-  EXPECT_THAT(said[0], testing::HasSubstr("stops by its watch"));
+  EXPECT_THAT(said[0], testing::HasSubstr("misses this program's heartbeat"));
   EXPECT_EQ(watched_time(), 0x7F05DCU);
   rig.line.run_until(rig.line.now() + MasterWatch::longest_silence + 2s);
   EXPECT_LT(counts_in_a_second(), 100.0);
@@ -171,4 +172,5 @@ TEST_P(Watched, WhatAPulledCableLeftBehindIsOurs) {
 }
 
 }  // namespace
+}  // namespace master_watch_test
 }  // namespace servodrome::host

@@ -1,5 +1,5 @@
-// Parameters of every product: saved, changed, loaded into a drive as it leaves the factory; cut off in the middle;
-// what a file may not hold. In virtual time, over CAN, EtherCAT and Modbus.
+// Parameters of every product: saved, changed, and loaded into a drive with factory settings; interrupted loads;
+// invalid files. In virtual time, over CAN, EtherCAT and Modbus.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 #include <sstream>
@@ -17,6 +17,7 @@
 #include "links/ethercat/memory_client.hpp"
 
 namespace servodrome::host {
+namespace parameters_test {
 namespace {
 
 using namespace std::chrono_literals;
@@ -83,11 +84,11 @@ struct Bench {
     }
     return text;
   }
-  // Every parameter that takes another value gets one; how many did.
+  // Changes every parameter that accepts another value; returns the number of changes.
   std::size_t change_all() {
     std::size_t changed = 0;
     for (const Parameter& parameter : list->all()) {
-      // An input of the iSMK with another function or level could enable the motor.
+      // A different function or level of an iSMK input could enable the motor.
       const bool is_input = parameter.address.index == 0x2010 && product.name.starts_with("ismk");
       if (parameter.address.index < 0x2000 || is_input || dictionary::size_of(parameter.type) == 0) continue;
       const auto now = read_parameter(*objects, parameter.address, parameter.type);
@@ -105,7 +106,7 @@ struct Bench {
     }
     return changed;
   }
-  // The third TPDO gets another mapping, type and identifier.
+  // Gives the third TPDO another mapping, type and identifier.
   void remap() {
     if (!bus) return;
     objects->write<std::uint32_t>(0x1802, 1, 0x80000480U + node);
@@ -186,7 +187,7 @@ TEST_P(EveryProduct, SavesAndLoadsIntoAFactoryDrive) {
   std::printf("%s: %zu parameters, %zu changed, %zu written\n", GetParam().c_str(), file.values.size(), changed,
               report.written.size());
   ParameterFile back = factory;
-  // 605Dh of a ProNet is 0 from the factory, which cannot be written (its README, C21).
+  // 605Dh of a ProNet is 0 by default, a value that cannot be written (its README, C21).
   std::erase_if(back.values, [&](const ParameterValue& value) {
     return GetParam() == "pronet" && value.address == ObjectAddress{0x605D, 0};
   });
@@ -194,7 +195,7 @@ TEST_P(EveryProduct, SavesAndLoadsIntoAFactoryDrive) {
   EXPECT_TRUE(compare(back.values, target.save().values, target.node_id, true).empty()) << target.differences(back);
 }
 
-// The supply goes away in the middle of the writing.
+// The supply fails in the middle of the load.
 TEST_P(EveryProduct, ALoadThatIsCutSaysWhatWasWrittenAndASecondCompletes) {
   Bench source(GetParam());
   source.change_all();
@@ -236,7 +237,7 @@ TEST_P(EveryProduct, ALoadThatIsCutSaysWhatWasWrittenAndASecondCompletes) {
   EXPECT_EQ(target.differences(file), "");
 }
 
-// A value that no table forbids and the drive refuses: what was written before is taken back.
+// A value that no table forbids but the drive refuses: the values written before must be restored.
 TEST_P(EveryProduct, ARefusedValueTakesTheOthersBack) {
   Bench target(GetParam());
   target.remap();
@@ -256,21 +257,21 @@ TEST_P(EveryProduct, ARefusedValueTakesTheOthersBack) {
     EXPECT_TRUE(change({0x1A02, 1}, 0x60640020));
   }
   EXPECT_TRUE(change({0x60C2, 2}, 63) || change({0x6084, 0}, 4712));
-  // No drive has homing method 99 or quick stop 17.
+  // No drive has homing method 99 or quick stop option 99.
   EXPECT_TRUE(change(GetParam().starts_with("jmc") ? ObjectAddress{0x6098, 0} : ObjectAddress{0x605D, 0}, 99));
   try {
     target.load(file);
     FAIL() << "the value cannot be";
   } catch (const LoadError& error) {
     EXPECT_EQ(error.outcome(), LoadError::Outcome::rolled_back) << error.what();
-    EXPECT_THAT(error.what(), HasSubstr("was not taken: write refused"));
+    EXPECT_THAT(error.what(), HasSubstr("was not accepted: write refused"));
   } catch (const HostError& error) {
     EXPECT_THAT(error.what(), HasSubstr("nothing was written")) << "the table has the limit";
   }
   EXPECT_EQ(target.differences(before), "");
 }
 
-// Over Modbus: those that have a register.
+// Over Modbus: only objects that have a register.
 class OverModbus : public testing::TestWithParam<std::string> {};
 INSTANTIATE_TEST_SUITE_P(Products, OverModbus, testing::Values("generic402", "ismk"));
 
@@ -315,16 +316,16 @@ TEST(Parameters, AreCheckedBeforeTheFirstWrite) {
     bench.load(with("6083:00 u32 4711\n2011:01 u16 49\n2011:02 u16 501\n6098:00 u8 3\n6041:00 u16 1\n2F00:00 u8 3\n"));
   });
   EXPECT_THAT(problem, HasSubstr("5 of 6 values cannot be loaded"));
-  EXPECT_THAT(problem, HasSubstr("drive.par:4:13: 2011:01: 49 is below the least value, 50"));
-  EXPECT_THAT(problem, HasSubstr("drive.par:5:13: 2011:02: 501 is above the greatest value, 500"));
+  EXPECT_THAT(problem, HasSubstr("drive.par:4:13: 2011:01: 49 is below the minimum, 50"));
+  EXPECT_THAT(problem, HasSubstr("drive.par:5:13: 2011:02: 501 is above the maximum, 500"));
   EXPECT_THAT(problem, HasSubstr("drive.par:6:12: 6098:00: its type is i8, not u8"));
-  EXPECT_THAT(problem, HasSubstr("drive.par:7:13: 6041:00: it is no parameter of this drive"));
-  EXPECT_THAT(problem, HasSubstr("2F00:00: it is about how the drive is reached"));
+  EXPECT_THAT(problem, HasSubstr("drive.par:7:13: 6041:00: it is not a parameter of this drive"));
+  EXPECT_THAT(problem, HasSubstr("2F00:00: it is a communication setting"));
   EXPECT_EQ(bench.differences(factory), "");
   EXPECT_EQ(bench.load(with("6083:00 u32 4711\n")).written.size(), 1U) << "a part of a file is a file";
 }
 
-// What is stored outlives the power; the file of one node fits another.
+// Stored parameters survive power-off, and the file of one node can be loaded into another.
 TEST(Parameters, AreStoredAndRelativeToTheNode) {
   for (const char* product : {"generic402", "ismc", "ismk"}) {
     Bench bench(product);
@@ -340,7 +341,7 @@ TEST(Parameters, AreStoredAndRelativeToTheNode) {
   EXPECT_FALSE(store_parameters(*Bench("pronet").objects, parameter_rules_of("pronet")));
 }
 
-// A node that says by its heartbeat that it is operational is so again afterwards.
+// A node whose heartbeat shows operational must be operational again afterwards.
 TEST(Parameters, PdosAreChangedInPreOperationalAndTheNodeIsStartedAgain) {
   Bench bench("generic402");
   Master master(*bench.bus);
@@ -360,7 +361,7 @@ TEST(Parameters, PdosAreChangedInPreOperationalAndTheNodeIsStartedAgain) {
   EXPECT_TRUE(was_pre_operational);
 }
 
-// By the drive's own description, without our dictionary.
+// With the drive's own description instead of this project's dictionary.
 TEST(Parameters, AreFoundByAnEdsAndBySdoInformation) {
   Bench can("generic402");
   std::istringstream in(describe::eds(can.product.describe()));
@@ -390,30 +391,30 @@ class Damaged : public testing::TestWithParam<DamagedFile> {};
 const std::string head = "# servodrome parameters 1\n";
 INSTANTIATE_TEST_SUITE_P(
     Files, Damaged,
-    testing::Values(DamagedFile{"", "drive.par:1:1: the file is empty"},
-                    DamagedFile{"6083:00 u32 1\nend\n", "drive.par:1:1: this is no parameter file"},
-                    DamagedFile{head + "6083:00 u32 1\n", "drive.par:2:1: the file ends without its line \"end\""},
-                    DamagedFile{head + "6083 u32 1\nend\n", "drive.par:2:1: \"6083\" is no object"},
-                    DamagedFile{head + "6083:0G u32 1\nend\n", "drive.par:2:1: \"6083:0G\" is no object"},
-                    DamagedFile{head + "\n6083:00 u33 1\nend\n", "drive.par:3:9: \"u33\" is no type"},
-                    DamagedFile{head + "6083:00 u32\nend\n", "drive.par:2:12: there is no value"},
-                    DamagedFile{head + "6083:00 u8 256\nend\n", "drive.par:2:12: \"256\" is no value of type u8"},
-                    DamagedFile{head + "6083:00 i8 -129\nend\n", "drive.par:2:12: \"-129\" is no value of type i8"},
-                    DamagedFile{head + "6083:00 u32 1.5\nend\n", "drive.par:2:13: \"1.5\" is no value of type u32"},
-                    DamagedFile{head + "2000:00 f32 nan\nend\n", "drive.par:2:13: \"nan\" is no finite number"},
-                    DamagedFile{head + "2000:00 f32 -inf\nend\n", "drive.par:2:13: \"-inf\" is no finite number"},
-                    DamagedFile{head + "2000:00 f32 1e99\nend\n", "drive.par:2:13: \"1e99\" is no value of type f32"},
-                    DamagedFile{head + "2000:00 string \"a\nend\n", "drive.par:2:16: the text has no closing quote"},
-                    DamagedFile{head + "2000:00 string \"\\q\"\nend\n", "drive.par:2:16: after \\ comes"},
-                    DamagedFile{head + "2000:00 string \"\\x4\"\nend\n", "drive.par:2:16: after \\ comes"},
-                    DamagedFile{head + "2000:00 bytes 123\nend\n", "drive.par:2:15: \"123\" is no value of type bytes"},
-                    DamagedFile{head + "2000:00 f32 $NODEID+1\nend\n", "drive.par:2:13: only a whole number"},
-                    DamagedFile{head + "6083:00 u32 1\n 6083:00 u32 2\nend\n",
-                                "drive.par:3:2: 6083:00 is there already, in line 2"},
-                    DamagedFile{head + "vendor: many\nend\n", "drive.par:2:9: \"many\" is no value of type u32"},
-                    DamagedFile{head + "end\n6083:00 u32 1\n",
-                                "drive.par:3:1: something comes behind the line \"end\""},
-                    DamagedFile{head + std::string("60\0", 3) + "83:00 u32 1\nend\n", "holds a zero byte"}));
+    testing::Values(
+        DamagedFile{"", "drive.par:1:1: the file is empty"},
+        DamagedFile{"6083:00 u32 1\nend\n", "drive.par:1:1: this is not a parameter file"},
+        DamagedFile{head + "6083:00 u32 1\n", "drive.par:2:1: the file ends without its line \"end\""},
+        DamagedFile{head + "6083 u32 1\nend\n", "drive.par:2:1: \"6083\" is not an object"},
+        DamagedFile{head + "6083:0G u32 1\nend\n", "drive.par:2:1: \"6083:0G\" is not an object"},
+        DamagedFile{head + "\n6083:00 u33 1\nend\n", "drive.par:3:9: \"u33\" is not a type"},
+        DamagedFile{head + "6083:00 u32\nend\n", "drive.par:2:12: there is no value"},
+        DamagedFile{head + "6083:00 u8 256\nend\n", "drive.par:2:12: \"256\" is not a value of type u8"},
+        DamagedFile{head + "6083:00 i8 -129\nend\n", "drive.par:2:12: \"-129\" is not a value of type i8"},
+        DamagedFile{head + "6083:00 u32 1.5\nend\n", "drive.par:2:13: \"1.5\" is not a value of type u32"},
+        DamagedFile{head + "2000:00 f32 nan\nend\n", "drive.par:2:13: \"nan\" is not a finite number"},
+        DamagedFile{head + "2000:00 f32 -inf\nend\n", "drive.par:2:13: \"-inf\" is not a finite number"},
+        DamagedFile{head + "2000:00 f32 1e99\nend\n", "drive.par:2:13: \"1e99\" is not a value of type f32"},
+        DamagedFile{head + "2000:00 string \"a\nend\n", "drive.par:2:16: the text has no closing quote"},
+        DamagedFile{head + "2000:00 string \"\\q\"\nend\n", "drive.par:2:16: after \\ comes"},
+        DamagedFile{head + "2000:00 string \"\\x4\"\nend\n", "drive.par:2:16: after \\ comes"},
+        DamagedFile{head + "2000:00 bytes 123\nend\n", "drive.par:2:15: \"123\" is not a value of type bytes"},
+        DamagedFile{head + "2000:00 f32 $NODEID+1\nend\n", "drive.par:2:13: only a whole number"},
+        DamagedFile{head + "6083:00 u32 1\n 6083:00 u32 2\nend\n",
+                    "drive.par:3:2: 6083:00 is there already, in line 2"},
+        DamagedFile{head + "vendor: many\nend\n", "drive.par:2:9: \"many\" is not a value of type u32"},
+        DamagedFile{head + "end\n6083:00 u32 1\n", "drive.par:3:1: something comes behind the line \"end\""},
+        DamagedFile{head + std::string("60\0", 3) + "83:00 u32 1\nend\n", "holds a zero byte"}));
 
 TEST_P(Damaged, FileSaysLineAndColumn) {
   EXPECT_THAT(problem_of([&] { read(GetParam().text); }), HasSubstr(GetParam().problem));
@@ -440,4 +441,5 @@ TEST(ParameterFiles, KeepEveryTypeAndComeBackWithWindowsLineEnds) {
 }
 
 }  // namespace
+}  // namespace parameters_test
 }  // namespace servodrome::host

@@ -1,4 +1,4 @@
-// PLCopen programs on whole drives on their motors, in virtual time: EtherCAT and CAN.
+// PLCopen programs with complete drives and motors, in virtual time: EtherCAT and CAN.
 #include <cmath>
 #include <gtest/gtest.h>
 
@@ -11,11 +11,12 @@
 #include "links/ethercat/memory_client.hpp"
 
 namespace servodrome::host::plcopen {
+namespace plcopen_drives_test {
 namespace {
 
 using namespace std::chrono_literals;
 
-// Positions in revolutions from here on.
+// From here on positions are in revolutions.
 constexpr double reference_counts = 131072.0;
 constexpr double jmc_counts = 4000.0;
 
@@ -49,7 +50,7 @@ class Ring : public testing::Test {
       all.push_back(slave.get());
       slave->to_pre_operational();
       set_up_cyclic_axis(*slave, {.period = 1ms, .touch_probe = true});
-      slave->coe().write<std::int8_t>(0x6098, 0, 35);  // home is here
+      slave->coe().write<std::int8_t>(0x6098, 0, 35);  // the present position becomes home
     }
     operation.emplace(master, found, all, OperationOptions{.cyclic = {.period = 1ms}});
     bus.emplace(master, *operation);
@@ -57,7 +58,7 @@ class Ring : public testing::Test {
                                         AxisConfiguration{.counts_per_unit = jmc_counts}});
     power.Enable = true;
   }
-  // All blocks of a program in each cycle; the axes are on before it begins.
+  // Runs all blocks of a program in each cycle, after the axes have been enabled.
   void program(const std::function<void()>& body) {
     controller->on_cycle([this] { powers(); });
     ASSERT_TRUE(controller->run_until([this] { return power.Status && second_power.Status; }, 2s));
@@ -128,7 +129,7 @@ TEST_F(Ring, HomesMovesBlendsAndStops) {
     ASSERT_TRUE(controller->run_until([&] { return stop.Done; }, 10s)) << text_of(run.ErrorID);
     EXPECT_TRUE(run.CommandAborted);
     controller->run_for(500ms);
-    // The true shaft, not what the drive says.
+    // Compares the position of the shaft itself, not the drive's value.
     EXPECT_NEAR(true_turns(number, counts) - home_turns, axis->commanded_position() - 1.0, 0.003);
     EXPECT_EQ(axis->state(), AxisState::Stopping);
   }
@@ -159,7 +160,7 @@ TEST_F(Ring, ASlaveIsGearedToItsMasterAxis) {
   controller->run_for(500ms);
   const double way = true_turns(0, reference_counts) - x_begin;
   EXPECT_GT(way, 6.0);
-  // The true shafts. At the begin the slave's loop lags behind by a few hundredths of a turn.
+  // Positions of the shafts themselves. At the start the slave's loop lags by a few hundredths of a revolution.
   EXPECT_NEAR(true_turns(1, jmc_counts) - y_begin, -0.5 * way, 0.06);
   EXPECT_NEAR(y().actual_velocity(), 0.0, 0.05);
   EXPECT_EQ(y().state(), AxisState::SynchronizedMotion);
@@ -223,7 +224,7 @@ TEST_F(Ring, TouchProbeLatchesWhereTheInputRose) {
   EXPECT_LT(probe.RecordedPosition, x().actual_position());
 }
 
-// The same blocks over CAN, on a drive with cyclic synchronous position only.
+// The same blocks over CAN, with a drive that has only cyclic synchronous position.
 TEST(CanAxes, RunTheSameProgram) {
   line::Line line{line::test::settings_of(R"(
 clock = "virtual"
@@ -273,7 +274,7 @@ node = 2
       << text_of(back[1].ErrorID);
   controller.run_for(500ms);
   for (std::size_t i = 0; i < 2; ++i) EXPECT_NEAR(controller.axis(i).actual_position(), 1.0, 0.001) << i;
-  // A drive without the mode says so.
+  // A drive without the mode returns an error.
   MC_TorqueControl torque;
   torque.Torque = 10.0;
   torque.TorqueRamp = 100.0;
@@ -285,4 +286,5 @@ node = 2
 }
 
 }  // namespace
+}  // namespace plcopen_drives_test
 }  // namespace servodrome::host::plcopen

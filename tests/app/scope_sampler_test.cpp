@@ -1,5 +1,5 @@
-// What samplers bring of a moving axis is what its drive had at those times: every product on every bus it has, in
-// virtual time. And drives are as they were afterwards.
+// Samples of a moving axis must equal the values that its drive had at those times: every product on every bus it has,
+// in virtual time. Afterwards the drives must be as before.
 #include <deque>
 #include <gmock/gmock.h>
 
@@ -7,6 +7,7 @@
 #include "host/scope/recorder.hpp"
 
 namespace servodrome::host::scope {
+namespace scope_sampler_test {
 namespace {
 
 using namespace std::chrono_literals;
@@ -15,7 +16,7 @@ using host::test::problem_of;
 using host::test::RigCase;
 using testing::HasSubstr;
 
-// An object's value in the drive, tick by tick.
+// Records an object's value in the drive, tick by tick.
 class Truth final : public line::Follower {
  public:
   Truth(line::Line& line, ObjectAddress object) : line_(line), object_(object), next_(line.now() + line::tick_length) {
@@ -36,7 +37,7 @@ class Truth final : public line::Follower {
     values_.emplace_back(now, number_of(entry->type, value.bytes));
   }
 
-  // It had this value at some tick from `from` to `to`.
+  // True if the object had this value at a tick from `from` to `to`.
   bool had(double value, Time from, Time to) const {
     return std::any_of(values_.begin(), values_.end(),
                        [&](const auto& one) { return one.first >= from && one.first <= to && one.second == value; });
@@ -54,7 +55,7 @@ class ScopeSampler : public testing::TestWithParam<RigCase> {
  protected:
   ScopeSampler() : rig(GetParam()) {
     if (!is_ethercat()) return;
-    // The rig's own master would be in the way.
+    // The rig's own master would disturb the sampler.
     rig.clients.clear();
     rig.operation.reset();
     rig.clients.push_back(std::make_unique<CoeObjects>(*rig.slaves[0]));
@@ -79,17 +80,17 @@ class ScopeSampler : public testing::TestWithParam<RigCase> {
     }
     return open_polled_sampler(rig.objects(), std::move(list), options);
   }
-  // How far from its time the drive may have had a sample's value. By process data: until the SYNC has crossed the bus;
-  // on EtherCAT the inputs that the frame found there may be of the drive's cycle before. Read: within the request.
+  // Tolerance between the time of a sample and the time of its value in the drive. Process data: the SYNC's time on the
+  // bus; on EtherCAT the inputs may also be of the drive's previous cycle. Objects: the duration of the request.
   std::pair<Time, Time> tolerance() const {
     if (is_can()) return {125us, 500us};
     if (is_ethercat()) return {2100us, 200us};
     return {8ms, 8ms};
   }
 
-  // How close to its period a SYNC is, which leaves when what is on the bus before it has gone.
+  // Jitter of SYNC, which waits until the frames on the bus before it have been sent.
   Time on_grid() const { return is_can() ? Time(200us) : Time(0); }
-  // The position as the bus has it: an iSMK has no register for 6064h.
+  // The object of the position on this bus: an iSMK has no register for 6064h.
   ObjectAddress position_object() const {
     const bool has_internal_only =
         rig.rig_case.bus == RigCase::BusKind::modbus && std::string_view(rig.rig_case.product) == "ismk";
@@ -103,7 +104,7 @@ class ScopeSampler : public testing::TestWithParam<RigCase> {
     return recorder.recording();
   }
 
-  // PDO communication and mapping, whatever they are.
+  // Reads communication and mapping of the PDOs.
   std::vector<std::string> pdo_set_up() {
     std::vector<std::string> all;
     const std::vector<std::uint16_t> indexes = is_ethercat()
@@ -117,7 +118,7 @@ class ScopeSampler : public testing::TestWithParam<RigCase> {
           all.push_back(fmt::format("{} = {}", text_of(ObjectAddress{index, sub}),
                                     text_of_value(bytes, dictionary::Type::octet_string)));
         } catch (const ObjectError&) {
-          // It does not have it.
+          // The drive does not have it.
         }
       }
     }
@@ -129,7 +130,7 @@ class ScopeSampler : public testing::TestWithParam<RigCase> {
 INSTANTIATE_TEST_SUITE_P(Every, ScopeSampler, testing::ValuesIn(host::test::every_product),
                          [](const auto& row) { return row.param.name(); });
 
-// Velocity in the drive's units for a revolution or so a second.
+// A velocity of about one revolution per second, in the drive's units.
 std::int32_t moderate_velocity(Axis402& axis) {
   const auto units = axis.units();
   return units ? static_cast<std::int32_t>(units->velocity) : 131072;
@@ -156,7 +157,7 @@ TEST_P(ScopeSampler, BringsWhatTheDriveHadAtThoseTimes) {
     const Time begin = rig.line.now();
     Recorder recorder(*sampler, {.duration = 300ms});
     while (!recorder.done() && rig.line.now() < begin + 2s) {
-      axis.status();  // the drive is used meanwhile
+      axis.status();  // uses the drive meanwhile
       sampler->objects().wait(5ms);
     }
     ASSERT_TRUE(recorder.done());
@@ -205,7 +206,7 @@ TEST_P(ScopeSampler, OnlyLooksWhereNobodyMoves) {
   EXPECT_GT(recording.rows(), 1U);
   sampler.reset();
   EXPECT_EQ(pdo_set_up(), before) << "put back by the destructor, too";
-  // The sampler does not change power state or mode.
+  // The sampler must not change power state or mode.
   EXPECT_EQ(rig.objects().read<std::uint16_t>(0x6041), recording.value(0, recording.channels.size() - 1));
 }
 
@@ -216,7 +217,7 @@ TEST_P(ScopeSampler, KeepsARateThatIsGiven) {
   ASSERT_EQ(recording.rows(), 20U);
   EXPECT_EQ(recording.missed, 0U);
   EXPECT_EQ(recording.period, period);
-  // What is read is on the grid up to what a request takes.
+  // Polled samples are on the grid within the duration of a request.
   const Time jitter = is_ethercat() || is_can() ? on_grid() : Time(8ms);
   for (std::size_t row = 0; row < recording.rows(); ++row) {
     const Time off = recording.time(row, 0) - period * static_cast<std::int64_t>(row);
@@ -260,14 +261,14 @@ TEST_P(ScopeSampler, TellsWhenTheBusIsCut) {
   EXPECT_LT(rig.line.now(), 20s);
 }
 
-// ---- What differs from bus to bus ----
+// ---- Differences between the buses ----
 
 class ScopeOnCan : public ScopeSampler {};
 INSTANTIATE_TEST_SUITE_P(Some, ScopeOnCan, testing::Values(RigCase{"generic402"}, RigCase{"pronet"}),
                          [](const auto& row) { return row.param.name(); });
 
 TEST_P(ScopeOnCan, SamplesUpToAThousandTimesASecond) {
-  const Truth ticks(rig.line, {0x6064, 0});  // the line's time goes tick by tick
+  const Truth ticks(rig.line, {0x6064, 0});  // makes the line's time advance tick by tick
   auto sampler = open(channels({"position", "velocity", "6060", "statusword"}), {.period = 1ms});
   const Recording recording = record(*sampler, 100ms);
   EXPECT_NEAR(static_cast<double>(recording.rows()), 100.0, 1.0);  // the first may be some microseconds late
@@ -289,7 +290,7 @@ TEST_P(ScopeOnCan, CountsWhatDidNotCome) {
   EXPECT_NEAR(static_cast<double>(recording.missed), 25, 3);
 }
 
-// Another master on the bus, with a cable of its own.
+// Another master on the bus, with its own connection.
 class OtherMaster final : public line::Follower {
  public:
   explicit OtherMaster(line::Line& line) : line_(line), client_(line.buses()[0]->bus, line), next_(line.now() + 10ms) {
@@ -336,13 +337,13 @@ TEST_P(ScopeOnCan, MoreThanItsPdosHoldIsRead) {
       complete(channel, rig.objects());
       add_channel(many, channel);
     } catch (const ObjectError&) {
-      // Not every drive has them all.
+      // Not every drive has all of these objects.
     }
   }
   const auto before = pdo_set_up();
   auto sampler = open(many, {});
   EXPECT_EQ(sampler->way(), "SDO");
-  EXPECT_THAT(sampler->remark(), HasSubstr("cannot be had as TPDOs"));
+  EXPECT_THAT(sampler->remark(), HasSubstr("cannot be mapped into TPDOs"));
   EXPECT_EQ(pdo_set_up(), before);
 }
 
@@ -378,13 +379,13 @@ TEST_P(ScopeOnEthercat, SamplesAtFourKilohertzWithDistributedClocks) {
   EXPECT_THAT(problem_of([&] { open(channels({"position"}), {.period = 100us}); }), HasSubstr("give a lower rate"));
 }
 
-// A parameter that no PDO takes: read, also while the axis is in OP to be moved.
+// A parameter that cannot be mapped to a PDO is read by SDO, even if the axis is in OP in order to move.
 TEST_P(ScopeOnEthercat, WhatCannotBeMappedIsRead) {
   for (const bool moves : {false, true}) {
     const auto before = pdo_set_up();
     auto sampler = open(channels({"position", "1018:01"}), {.moves = moves});
     EXPECT_EQ(sampler->way(), "SDO");
-    EXPECT_THAT(sampler->remark(), HasSubstr("cannot be had as process data"));
+    EXPECT_THAT(sampler->remark(), HasSubstr("cannot be mapped as process data"));
     EXPECT_GT(record(*sampler, 50ms).rows(), 1U);
     if (moves) {
       Axis402 axis(sampler->objects(), rig.options());
@@ -402,7 +403,7 @@ INSTANTIATE_TEST_SUITE_P(Some, ScopeOnModbus,
                                          RigCase{"generic402", RigCase::BusKind::modbus}),
                          [](const auto& row) { return row.param.name(); });
 
-// Neighbouring registers come in one request, with one time, and are the same numbers as each read alone.
+// Neighbouring registers are read in one request and get the same time; the values equal those of single reads.
 TEST_P(ScopeOnModbus, ReadsNeighboursAtOnce) {
   auto& objects = dynamic_cast<ModbusObjects&>(rig.objects());
   std::vector<ObjectAddress> all;
@@ -430,4 +431,5 @@ TEST_P(ScopeOnModbus, ReadsNeighboursAtOnce) {
 }
 
 }  // namespace
+}  // namespace scope_sampler_test
 }  // namespace servodrome::host::scope

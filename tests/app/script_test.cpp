@@ -1,4 +1,4 @@
-// Motion scripts: what is told of a wrong one, and what a right one does with every product on every bus it has.
+// Motion scripts: error messages of invalid ones, and execution of valid ones with every product on every bus it has.
 #include <fstream>
 #include <gmock/gmock.h>
 #include <iterator>
@@ -9,6 +9,7 @@
 #include "source_dir.hpp"
 
 namespace servodrome::host::script {
+namespace script_test {
 namespace {
 
 using namespace std::chrono_literals;
@@ -56,19 +57,19 @@ TEST(ScriptMistake, IsToldWithFileLineAndColumn) {
   };
   const Row rows[] = {
       {"enabel", "a.script:1:1: \"enabel\" is neither a command nor an axis; commands are reset, enable"},
-      {"# a comment\n\n  move", "a.script:3:3: `move` takes `to POSITION` or `by DISTANCE`, one of them"},
-      {"move to 1 by 2", "a.script:1:1: `move` takes"},
+      {"# a comment\n\n  move", "a.script:3:3: `move` needs either `to POSITION` or `by DISTANCE`"},
+      {"move to 1 by 2", "a.script:1:1: `move` needs"},
       {"move to", "a.script:1:8: here a number is missing"},
-      {"move to far", "a.script:1:9: \"far\" is no number"},
-      {"move to nan", "a.script:1:9: \"nan\" is no number"},
-      {"move to 1e400", "a.script:1:9: \"1e400\" is no number"},
+      {"move to far", "a.script:1:9: \"far\" is not a number"},
+      {"move to nan", "a.script:1:9: \"nan\" is not a number"},
+      {"move to 1e400", "a.script:1:9: \"1e400\" is not a number"},
       {"move to 1 speed 3", "a.script:1:11: `move` does not know \"speed\"; it knows to, by, velocity"},
-      {"move to 1 to 2", "a.script:1:11: `to` is there twice"},
+      {"move to 1 to 2", "a.script:1:11: `to` is given twice"},
       {"move to 1 velocity -3", "a.script:1:20: `velocity` cannot be below 0"},
       {"home method 2.5", "a.script:1:1: a homing method is a whole number"},
-      {"enable now", "a.script:1:8: \"now\" is one word too many"},
+      {"enable now", "a.script:1:8: unexpected word \"now\""},
       {"lift enable", "a.script:1:1: \"lift\" is neither a command nor an axis"},
-      {"axis lift 1\nlift wait 3", "a.script:2:6: `wait` is not about an axis"},
+      {"axis lift 1\nlift wait 3", "a.script:2:6: `wait` cannot have an axis before it"},
       {"axis move 1", "a.script:1:6: \"move\" is a command, and no name for an axis"},
       {"axis a 1\naxis a 2", "a.script:2:6: there is an axis \"a\" already"},
       {"axis a 1\naxis b 1", "a.script:2:8: another axis is node 1 already"},
@@ -77,24 +78,24 @@ TEST(ScriptMistake, IsToldWithFileLineAndColumn) {
       {"use b", "a.script:1:5: there is no axis \"b\"; declare it"},
       {"units miles",
        "a.script:1:7: units \"miles\" are not known; write drive, counts, revolutions, rpm, degrees, mm"},
-      {"units mm", "a.script:1:9: here how many mm a motor revolution moves is missing"},
-      {"units mm 0", "a.script:1:10: a revolution moves 0.000001 to 1e6 mm"},
-      {"units mm 5 nan", "a.script:1:12: \"nan\" is no number"},
-      {"units counts 3", "a.script:1:14: \"3\" is one word too many"},
-      {"units revolutions 0", "a.script:1:19: a revolution has 0.001 to 1e9 units"},
-      {"units drive 3", "a.script:1:13: \"3\" is one word too many"},
-      {"timeout -1", "a.script:1:9: -1 s is no time"},
+      {"units mm", "a.script:1:9: here the feed per motor revolution in mm is missing"},
+      {"units mm 0", "a.script:1:10: the feed per revolution must be 0.000001 to 1e6 mm"},
+      {"units mm 5 nan", "a.script:1:12: \"nan\" is not a number"},
+      {"units counts 3", "a.script:1:14: unexpected word \"3\""},
+      {"units revolutions 0", "a.script:1:19: the units per revolution must be 0.001 to 1e9"},
+      {"units drive 3", "a.script:1:13: unexpected word \"3\""},
+      {"timeout -1", "a.script:1:9: -1 s is not a time"},
       {"wait", "a.script:1:5: here a number is missing"},
       {"repeat 0\nend", "a.script:1:8: 0 is not a number of times, 1 to 1000000"},
       {"repeat 2\nwait 1", "a.script:1:1: this `repeat` has no `end`"},
-      {"end", "a.script:1:1: there is no `repeat`"},
+      {"end", "a.script:1:1: this `end` has no `repeat`"},
       {"print \"hello", "a.script:1:7: a quote that does not end"},
       {"set 6040", "a.script:1:9: here a value is missing"},
       {"set 6040 65536", "a.script:1:10: "},
-      {"set position 3", "a.script:1:5: `position` can be looked at only"},
+      {"set position 3", "a.script:1:5: `position` is read-only"},
       {"set nonsense 1", "a.script:1:5: "},
-      {"expect 6041 is 3", "a.script:1:13: \"is\" is no comparison; they are ==, !="},
-      {"expect state == resting", "a.script:1:17: \"resting\" is no state; states are \"not ready to switch on\""},
+      {"expect 6041 is 3", "a.script:1:13: \"is\" is not a comparison; they are ==, !="},
+      {"expect state == resting", "a.script:1:17: \"resting\" is not a state; states are \"not ready to switch on\""},
       {"expect state < fault", "a.script:1:14: a state is == or != another"},
       {"expect position has 3", "a.script:1:17: `has` is for the bits of an object"},
       {"expect 6064 == 0 tolerance -1", "a.script:1:28: `tolerance` cannot be below 0"},
@@ -108,9 +109,8 @@ TEST(ScriptMistake, IsToldWithFileLineAndColumn) {
 
 TEST(ScriptMistake, AllOfThemAreTold) {
   EXPECT_EQ(mistakes_of("move\nenable\nwait soon\nend\n"),
-            "a.script:1:1: `move` takes `to POSITION` or `by DISTANCE`, one of them\n"
-            "a.script:3:6: \"soon\" is no number; a time in seconds is needed\n"
-            "a.script:4:1: there is no `repeat` that this could end");
+            "a.script:1:1: `move` needs either `to POSITION` or `by DISTANCE`\na.script:3:6: \"soon\" is not a number; "
+            "a time in seconds is needed\na.script:4:1: this `end` has no `repeat`");
 }
 
 TEST(ScriptText, IsReadAsItIsWritten) {
@@ -147,7 +147,7 @@ TEST(ScriptText, TheExampleOfTheManualIsOne) {
   EXPECT_GT(script.count_steps(), 10U);
 }
 
-// Words that belong to a script in any order: whatever comes of it, it is a script or mistakes.
+// Random sequences of script words: the parser must either accept them or report mistakes.
 TEST(ScriptText, NothingMakesTheParserFail) {
   const char* const words[] = {"axis", "a",  "1",       "use",      "units", "revolutions", "timeout", "move",  "to",
                                "by",   "-1", "repeat",  "end",      "\n",    "expect",      "6041",    "==",    "\"",
@@ -184,7 +184,7 @@ class ScriptRun : public testing::TestWithParam<RigCase> {
       if (!text.empty()) said.push_back(text);
     };
   }
-  // An ISMC has no object that says what a revolution is.
+  // An ISMC has no object with the units of a revolution, so the script must give the number.
   static Script of_product(std::string_view text) {
     std::string own(text);
     constexpr std::string_view units = "units revolutions";
@@ -193,7 +193,7 @@ class ScriptRun : public testing::TestWithParam<RigCase> {
       own.insert(at + units.size(), " 131072");
     return parsed(own);
   }
-  // What it fails with; "" if it does not.
+  // The error message of the script; "" if it succeeds.
   std::string problem_of(std::string_view text) {
     try {
       run(of_product(text), pointers, options);
@@ -211,7 +211,7 @@ class ScriptRun : public testing::TestWithParam<RigCase> {
     rig.line.run_until(rig.line.now() + 100ms);
     return (shaft(axis) - before) / 0.1;
   }
-  // At which `turns` something is to happen, once, while the axis moves.
+  // Calls `what` once, when the axis has moved by `turns`.
   void when(double turns, std::function<void()> what) {
     options.progress = [this, turns, what = std::move(what), done = false](const AxisStatus&) mutable {
       if (done || std::abs(shaft()) < turns) return;
@@ -230,7 +230,7 @@ class ScriptRun : public testing::TestWithParam<RigCase> {
 INSTANTIATE_TEST_SUITE_P(Every, ScriptRun, testing::ValuesIn(test::every_product),
                          [](const auto& row) { return row.param.name(); });
 
-// A revolution at two per second, in every unit there is.
+// A revolution at two per second, in every unit.
 TEST_P(ScriptRun, TakesEveryUnit) {
   struct Row {
     std::string units;
@@ -407,4 +407,5 @@ TEST_P(ScriptOfTwo, WhenOneLosesItsSupplyTheOtherStops) {
 }
 
 }  // namespace
+}  // namespace script_test
 }  // namespace servodrome::host::script

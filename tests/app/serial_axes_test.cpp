@@ -10,6 +10,7 @@
 #include "line/support.hpp"
 
 namespace servodrome::host {
+namespace serial_axes_test {
 namespace {
 
 using namespace std::chrono_literals;
@@ -49,7 +50,7 @@ serial_protocol = "modbus"
 node = 4
 )";
 
-// An iSMK has reached its target within 327 increments (6067h); motion goes on from there.
+// An iSMK reports target reached within 327 increments (6067h); the motion continues after that.
 constexpr Time settling = 1s;
 
 RegisterList list_of(std::string_view product) {
@@ -107,7 +108,7 @@ TEST_F(SerialAxes, TheReferenceDriveHomesAndMovesOverModbus) {
   EXPECT_THROW(objects.write<std::uint16_t>(0x6041, 0, 1), ObjectError) << "read only";
 }
 
-// The iSMK has no registers for 6061h and 6064h: mode and position are then those of 6060h and 6063h.
+// The iSMK has no registers for 6061h and 6064h: 6060h and 6063h are used instead.
 TEST_F(SerialAxes, AnIsmkMovesOverModbus) {
   ModbusClient client = master();
   ModbusObjects objects(client, 2, list_of("ismk"));
@@ -124,7 +125,7 @@ TEST_F(SerialAxes, AnIsmkMovesOverModbus) {
 TEST_F(SerialAxes, AnIsmkMovesWithTheTenByteProtocol) {
   line::LineSettings settings = line::test::settings_of(four_drives);
   settings.axes = {settings.axes[1]};
-  settings.axes[0].serial->protocol = std::nullopt;  // as it leaves the factory
+  settings.axes[0].serial->protocol = std::nullopt;  // factory setting
   line::Line single(settings);
   single.run_until(100ms);
   Serial10Client client(std::make_unique<links::MemoryByteClient>(single.find_serial_bus("rs")->line, single), "mem:");
@@ -139,9 +140,9 @@ TEST_F(SerialAxes, AnIsmkMovesWithTheTenByteProtocol) {
   EXPECT_THROW(objects.read_text(0x1008), ObjectError) << "no string can be sent";
 }
 
-// All four move at once, two commanded by RS485 and two by CAN, each told and asked over the bus that did not command
-// it; the nodes' heartbeats go on at one per millisecond. None is disturbed: no collision, no error frame, no answer
-// missing, each shaft at its own target.
+// All four drives move at the same time, two commanded by RS485 and two by CAN, and each is read over the other bus;
+// the nodes' heartbeats continue at one per millisecond. There must be no interference: no collision, no error frame,
+// no missing answer, and each shaft at its own target.
 TEST_F(SerialAxes, FourDrivesShareOneCanBusAndOneRs485Line) {
   struct Drive {
     std::uint8_t number;
@@ -197,8 +198,8 @@ TEST_F(SerialAxes, FourDrivesShareOneCanBusAndOneRs485Line) {
   EXPECT_GT(rs485.line.counters().characters, 1000U);
   EXPECT_EQ(line.buses()[0]->bus.counters().errors, 0U);
   for (const Drive& drive : drives) {
-    // Heartbeats wait for the SDOs, whose identifiers come first. One that waits until the next is due is replaced by
-    // it.
+    // Heartbeats wait for SDOs, whose identifiers have priority. A heartbeat that still waits when the next is due is
+    // replaced by it.
     Time first = links::never;
     Time last{};
     unsigned count = 0;
@@ -215,4 +216,5 @@ TEST_F(SerialAxes, FourDrivesShareOneCanBusAndOneRs485Line) {
 }
 
 }  // namespace
+}  // namespace serial_axes_test
 }  // namespace servodrome::host

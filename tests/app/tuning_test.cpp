@@ -1,4 +1,5 @@
-// `tune` on whole drives, in virtual time: what is promised is there, by what the drive and the shaft themselves say.
+// `tune` with complete drives, in virtual time: the promised result is checked with the signals inside the drive and at
+// the shaft.
 #include <cmath>
 #include <gmock/gmock.h>
 #include <numbers>
@@ -11,6 +12,7 @@
 #include "host/tuning/session.hpp"
 
 namespace servodrome::host::tuning {
+namespace tuning_test {
 namespace {
 
 using namespace std::chrono_literals;
@@ -26,7 +28,7 @@ constexpr const char* rigid = "[axis.load]\ninertia_kgm2 = 0.84e-4\n";
 constexpr const char* elastic =
     "[axis.load]\nelastic = true\ninertia_kgm2 = 0.28e-4\nstiffness_nm_per_rad = 20.0\ndamping_nms = 2e-3\n";
 
-// One drive, its bus in step, and a tuner.
+// A drive, its cyclic bus, and a tuner.
 struct TuningRig : AxisRig {
   explicit TuningRig(const RigCase& its_case) : AxisRig(its_case) {
     if (rig_case.bus == BusKind::ethercat) {
@@ -51,11 +53,11 @@ struct TuningRig : AxisRig {
   TuningUnits units;
 };
 
-// A sine on the velocity command, and the loop's own signals inside of the drive, at the same instants: nothing of the
-// tuner's, and no delay of a bus.
+// Response of the loop measured by signals inside the drive, sampled at the same instants, with a sine on the velocity
+// command: independent of the tuner and of the delays of a bus.
 struct Inside {
-  Complex open_loop;   // feedback by error
-  double closed_loop;  // true shaft velocity by command, magnitude
+  Complex open_loop;   // feedback divided by error
+  double closed_loop;  // velocity of the shaft itself divided by the command, magnitude
 };
 Inside at_frequency(TuningRig& rig, double hz) {
   // Whole periods in a whole number of samples.
@@ -136,7 +138,7 @@ TEST_P(Tunes, ToTheBandwidthItPromises) {
   const SessionResult result = tune(*tuner, rig.objects(), rig.dialect, rig.units, {promised, true});
   ASSERT_TRUE(result.after);
   const Measurement& after = *result.after;
-  // What moves is what the line says.
+  // The identified mechanics must be those of the line file.
   const plant::Load& load = rig.drive().settings().plant.load;
   const plant::Motor& motor = rig.drive().settings().plant.motor;
   const double inertia = motor.rotor_inertia_kgm2 + load.inertia_kgm2;
@@ -151,7 +153,7 @@ TEST_P(Tunes, ToTheBandwidthItPromises) {
     EXPECT_NEAR(mechanics.resonance->antiresonance_hz, antiresonance, 0.05 * antiresonance);
     EXPECT_NEAR(mechanics.resonance->resonance_hz, resonance, 0.1 * resonance);
   }
-  // By the loop's own signals: around the crossover, and the resonance.
+  // With the loop's own signals: around the crossover, and up to the resonance.
   const double crossover = after.margins.crossover_hz.value_or(1.0);
   std::vector<double> frequencies{0.8 * crossover, crossover, 1.25 * crossover};
   for (double f = 1.25 * crossover * 1.2; f < 300.0; f *= 1.2) frequencies.push_back(f);
@@ -167,7 +169,8 @@ TEST_P(Tunes, ToTheBandwidthItPromises) {
   const Margins inside = margins_of(hz, open_loop);
   ASSERT_TRUE(inside.phase_margin_deg);
   EXPECT_GT(*inside.phase_margin_deg, 40.0);
-  // What the tuner says of it is right within some degrees: when in a cycle the drive samples, a bus does not tell.
+  // The tuner's phase margin is accurate only to some degrees, because a bus does not show when in a cycle the drive
+  // samples.
   EXPECT_NEAR(*inside.phase_margin_deg, after.margins.phase_margin_deg.value_or(0), 10.0);
   EXPECT_NEAR(after.bandwidth_hz.value_or(0), promised, 0.15 * promised);
   std::printf(
@@ -177,7 +180,7 @@ TEST_P(Tunes, ToTheBandwidthItPromises) {
   EXPECT_NE(rig.servo().state(), PowerState::operation_enabled);
 }
 
-// ---- What goes wrong on the way ----
+// ---- Failures on the way ----
 
 std::vector<std::int64_t> numbers(const std::vector<GainValue>& gains) {
   std::vector<std::int64_t> list;
@@ -185,8 +188,8 @@ std::vector<std::int64_t> numbers(const std::vector<GainValue>& gains) {
   return list;
 }
 
-// Runs `event` at the n-th report of progress. A measurement at 40 Hz has twelve: those after come when new
-// gains were written.
+// Runs `event` at the n-th progress report. A measurement at 40 Hz has twelve reports; later ones belong to the
+// measurement with new gains.
 struct Outcome {
   std::string problem;
   bool gains_are_back = false;
@@ -233,7 +236,7 @@ TEST_P(TuneFails, AFaultWithTheNewGains) {
   TuningRig rig(GetParam());
   const Outcome outcome = tune_with(rig, 16, [&] { rig.drive().inject(drive::Cause::over_voltage, true); });
   EXPECT_THAT(outcome.problem, HasSubstr("left operation enabled"));
-  EXPECT_THAT(outcome.problem, HasSubstr("the old gains are back"));
+  EXPECT_THAT(outcome.problem, HasSubstr("the old gains are restored"));
   EXPECT_TRUE(outcome.gains_are_back);
   EXPECT_NE(rig.servo().state(), PowerState::operation_enabled);
 }
@@ -244,7 +247,7 @@ TEST_P(TuneFails, CalledOff) {
   const Outcome outcome = tune_with(
       rig, 16, [&] { called_off = true; }, [&] { return called_off; });
   EXPECT_THAT(outcome.problem, HasSubstr("interrupted"));
-  EXPECT_THAT(outcome.problem, HasSubstr("the old gains are back"));
+  EXPECT_THAT(outcome.problem, HasSubstr("the old gains are restored"));
   EXPECT_TRUE(outcome.gains_are_back);
   EXPECT_NE(rig.servo().state(), PowerState::operation_enabled);
   const double standing = rig.shaft_counts();
@@ -255,16 +258,16 @@ TEST_P(TuneFails, CalledOff) {
 TEST_P(TuneFails, PowerGoesOff) {
   TuningRig rig(GetParam());
   const Outcome outcome = tune_with(rig, 16, [&] { rig.power_off(); });
-  EXPECT_THAT(outcome.problem, HasSubstr("could not be put back"));
+  EXPECT_THAT(outcome.problem, HasSubstr("could not be restored"));
   EXPECT_LT(outcome.seconds, 120.0);
 }
 
 TEST_P(TuneFails, TheCableIsCut) {
   TuningRig rig(GetParam());
   const Outcome outcome = tune_with(rig, 16, [&] { rig.cut(); });
-  EXPECT_THAT(outcome.problem, HasSubstr("could not be put back"));
+  EXPECT_THAT(outcome.problem, HasSubstr("could not be restored"));
   EXPECT_LT(outcome.seconds, 120.0);
-  // The drive misses its master, and stops by itself.
+  // The drive misses its master's heartbeat and stops by itself.
   EXPECT_NE(rig.servo().state(), PowerState::operation_enabled);
   const double standing = rig.shaft_counts();
   rig.line.run_until(rig.line.now() + 1s);
@@ -277,7 +280,7 @@ TEST(TuneLimits, ABandwidthThatIsNotPossible) {
   const std::string problem = host::test::problem_of(
       [&] { tune(*tuner, rig.objects(), rig.dialect, rig.units, {.bandwidth_hz = 300.0, .apply = true}); });
   EXPECT_THAT(problem, HasSubstr("300 Hz are not possible"));
-  EXPECT_THAT(problem, HasSubstr("ask for --bandwidth "));
+  EXPECT_THAT(problem, HasSubstr("choose --bandwidth "));
   EXPECT_EQ(read_gains(rig.objects(), rig.dialect)[0].number, 4);
 }
 
@@ -299,4 +302,5 @@ TEST(TuneLimits, ABlockedAxis) {
 }
 
 }  // namespace
+}  // namespace tuning_test
 }  // namespace servodrome::host::tuning

@@ -1,4 +1,4 @@
-// The voltages and currents of the rotor's frame, as a line's signals have them.
+// The voltages and currents in the rotor's frame, as signals of a line.
 #include <cmath>
 #include <gtest/gtest.h>
 #include <numbers>
@@ -7,6 +7,7 @@
 #include "line/tap.hpp"
 
 namespace servodrome::host {
+namespace voltage_signals_test {
 namespace {
 
 using test::AxisRig;
@@ -33,7 +34,7 @@ void expect_equations_hold(const char* product, const char* axis_text, double ph
   const double d = motor.resistance_ohm * id - electrical_rad_s * motor.quadrature_inductance_h * iq;
   const double q =
       motor.resistance_ohm * iq + electrical_rad_s * motor.direct_inductance_h * id + constant * shaft_rad_s;
-  // What is set now acts in the next tick, in whose middle the rotor has turned by half a tick.
+  // A voltage set now acts in the next tick; in the middle of that the rotor has turned by half a tick.
   const double turned = electrical_rad_s * 0.5 * drive::tick_seconds;
   EXPECT_NEAR(value_of(rig, "direct_voltage_v"), d * std::cos(turned) - q * std::sin(turned), 0.005 * q);
   EXPECT_NEAR(value_of(rig, "quadrature_voltage_v"), q * std::cos(turned) + d * std::sin(turned), 0.005 * q);
@@ -46,4 +47,5 @@ TEST(VoltageSignals, OfTwoPhasesAreThoseOfAWinding) {
 }
 
 }  // namespace
+}  // namespace voltage_signals_test
 }  // namespace servodrome::host

@@ -1,6 +1,7 @@
 #include "test_device.hpp"
 
 namespace servodrome::canopen::test {
+namespace canopen_emergency_test {
 namespace {
 
 TEST(Emergency, FrameRegisterAndHistory) {
@@ -129,4 +130,5 @@ TEST(Emergency, BusOffAndErrorPassive) {
 }
 
 }  // namespace
+}  // namespace canopen_emergency_test
 }  // namespace servodrome::canopen::test

@@ -1,6 +1,7 @@
 #include "test_device.hpp"
 
 namespace servodrome::canopen::test {
+namespace canopen_error_control_test {
 namespace {
 
 constexpr const char* lost_8130 = "081 # 30 81 11 00 00 00 00 00";
@@ -287,4 +288,5 @@ TEST(ErrorBehaviour, ErrorsMayLatch) {
 }
 
 }  // namespace
+}  // namespace canopen_error_control_test
 }  // namespace servodrome::canopen::test

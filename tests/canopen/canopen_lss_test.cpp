@@ -1,6 +1,7 @@
 #include "test_device.hpp"
 
 namespace servodrome::canopen::test {
+namespace canopen_lss_test {
 namespace {
 
 std::string lss(std::uint8_t command, std::uint32_t number) {
@@ -170,4 +171,5 @@ TEST(Lss, NotOffered) {
 }
 
 }  // namespace
+}  // namespace canopen_lss_test
 }  // namespace servodrome::canopen::test

@@ -1,6 +1,7 @@
 #include "test_device.hpp"
 
 namespace servodrome::canopen::test {
+namespace canopen_nmt_test {
 namespace {
 
 TEST(Nmt, BootsIntoPreOperational) {
@@ -179,4 +180,5 @@ TEST(VerifyConfiguration, ForgottenWithAnyOtherChange) {
 }
 
 }  // namespace
+}  // namespace canopen_nmt_test
 }  // namespace servodrome::canopen::test

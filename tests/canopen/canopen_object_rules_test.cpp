@@ -2,6 +2,7 @@
 
 // What 1003h to 1029h take (CiA 301 7.5.2), just inside and just outside.
 namespace servodrome::canopen::test {
+namespace canopen_object_rules_test {
 namespace {
 
 constexpr AbortCode ok = AbortCode::none;
@@ -108,4 +109,5 @@ TEST(ObjectRules, HeartbeatsOfOtherNodes) {
 TEST(ObjectRules, ErrorBehaviour) { expect_answers(0x1029, 1, 1, {{0, ok}, {1, ok}, {2, ok}, {3, no}}); }
 
 }  // namespace
+}  // namespace canopen_object_rules_test
 }  // namespace servodrome::canopen::test

@@ -1,6 +1,7 @@
 #include "test_device.hpp"
 
 namespace servodrome::canopen::test {
+namespace canopen_pdo_test {
 namespace {
 
 constexpr std::uint8_t synchronous = 1;
@@ -525,4 +526,5 @@ TEST(Pdo, FiveHundredAndTwelvePerDirection) {
 }
 
 }  // namespace
+}  // namespace canopen_pdo_test
 }  // namespace servodrome::canopen::test

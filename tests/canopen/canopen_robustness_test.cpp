@@ -3,6 +3,7 @@
 #include "test_device.hpp"
 
 namespace servodrome::canopen::test {
+namespace canopen_robustness_test {
 namespace {
 
 // Frames that a node listens to are far more frequent than chance would make them.
@@ -150,4 +151,5 @@ TEST(Robustness, TwoRunsAgree) {
 }
 
 }  // namespace
+}  // namespace canopen_robustness_test
 }  // namespace servodrome::canopen::test

@@ -1,6 +1,7 @@
 #include "sdo_client.hpp"
 
 namespace servodrome::canopen::test {
+namespace canopen_sdo_round_trip_test {
 namespace {
 
 constexpr std::uint16_t big = 0x2002;
@@ -106,4 +107,5 @@ TEST(SdoRoundTrip, SmallBufferTakesExactlyItsSize) {
 }
 
 }  // namespace
+}  // namespace canopen_sdo_round_trip_test
 }  // namespace servodrome::canopen::test

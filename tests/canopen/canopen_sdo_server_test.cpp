@@ -2,6 +2,7 @@
 #include "test_device.hpp"
 
 namespace servodrome::canopen::test {
+namespace canopen_sdo_server_test {
 namespace {
 
 struct Exchange {
@@ -295,4 +296,5 @@ TEST(SdoServer, BlockDownloadAsksAgainWhenTheEndOfABlockIsLost) {
 }
 
 }  // namespace
+}  // namespace canopen_sdo_server_test
 }  // namespace servodrome::canopen::test

@@ -1,6 +1,7 @@
 #include "test_device.hpp"
 
 namespace servodrome::canopen::test {
+namespace canopen_sync_test {
 namespace {
 
 constexpr std::uint32_t produce = 0x40000000;
@@ -155,4 +156,5 @@ TEST(TimeStamp, MillisecondsAndDays) {
 }
 
 }  // namespace
+}  // namespace canopen_sync_test
 }  // namespace servodrome::canopen::test

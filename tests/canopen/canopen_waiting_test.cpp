@@ -2,6 +2,7 @@
 #include "test_device.hpp"
 
 namespace servodrome::canopen::test {
+namespace canopen_waiting_test {
 namespace {
 
 constexpr const char* start = "000 # 01 01";
@@ -226,4 +227,5 @@ TEST(WaitingFrames, BusOffLosesNoChange) {
 }
 
 }  // namespace
+}  // namespace canopen_waiting_test
 }  // namespace servodrome::canopen::test

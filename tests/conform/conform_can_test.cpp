@@ -1,5 +1,5 @@
-// The checks against drives on CAN, in virtual time: the reference drive is clean, the makers' drives depart where
-// their manuals say so, and drives with planted defects are found.
+// The conformance checks against drives on CAN, in virtual time: the reference drive passes, the makers' drives depart
+// only as their manuals document, and every planted defect is found.
 #include <deque>
 #include <gmock/gmock.h>
 
@@ -8,9 +8,10 @@
 #include "host/object_catalogue.hpp"
 
 namespace servodrome::host::conform::test {
+namespace conform_can_test {
 namespace {
 
-// Falsifies frames between master and drive.
+// Modifies frames between master and drive.
 class FalseClient final : public links::CanClient {
  public:
   using Change = std::function<bool(Frame&)>;  // false: the frame is lost
@@ -42,7 +43,7 @@ struct CanRig {
 
   Report run(RunOptions options = {}) {
     options.product = product;
-    // The ISMC drive does not say what a revolution is.
+    // The ISMC drive does not report the units of a revolution.
     Subject subject(CanAccess{bus, sdo},
                     {.dialect = dialect_of(product),
                      .units_per_revolution = product == "ismc" ? std::optional(131072.0) : std::nullopt});
@@ -50,11 +51,11 @@ struct CanRig {
   }
 
   std::string_view product;
-  // What the master wrote last.
+  // The master's last writes.
   std::int8_t mode = 0;
   std::uint16_t control = 0;
   bool writes = false;
-  std::uint16_t before = 0;  // the controlword before that
+  std::uint16_t before = 0;  // the previous controlword
   FalseClient::Change to_drive;
   FalseClient::Change from_drive;
   line::Line line;
@@ -78,13 +79,13 @@ TEST_P(Makers, DepartWhereTheirManualsSay) {
   expect_departures_only(report);
 }
 
-// The encoder of the ProNet manual's examples (ch. 4): a revolution is what the drive has.
+// The encoder of the ProNet manual's examples (ch. 4): a revolution must follow the encoder of the drive.
 TEST(ConformCan, RevolutionsAreThoseOfTheEncoderThatIsFitted) {
   CanRig rig("pronet", "[axis.encoder]\ncounts_per_revolution = 10000\n");
   expect_departures_only(rig.run());
 }
 
-// ---- Planted defects: each is one wrong behaviour of the reference drive, and the check that is to find it ----
+// ---- Planted defects: each simulates one wrong behaviour of the reference drive, which a certain check must find ----
 
 bool is_answer(const Frame& frame, std::uint16_t index) {
   return frame.id == 0x585 && (frame.data[0] & 0xE0) == 0x40 && (frame.data[1] | frame.data[2] << 8) == index;
@@ -101,15 +102,15 @@ void put_abort(Frame& frame, std::uint32_t code) {
   for (unsigned i = 0; i < 4; ++i) frame.data[4 + i] = static_cast<std::uint8_t>(code >> 8 * i);
 }
 
-// What the drive would see and say, in its turn.
+// A defect modifies the frames in both directions.
 struct Defect {
   const char* name;
-  const char* check;                              // that finds it
+  const char* check;                              // the check that must find it
   std::function<bool(CanRig&, Frame&)> to_drive;  // false: the frame is lost
   std::function<bool(CanRig&, Frame&)> from_drive;
 };
 
-// Bits of 6041h falsified.
+// Modifies the bits of 6041h.
 std::function<bool(CanRig&, Frame&)> statusword(std::function<unsigned(CanRig&, unsigned)> change) {
   return [change = std::move(change)](CanRig& rig, Frame& frame) {
     if (is_answer(frame, 0x6041)) put_word(frame, change(rig, word_in(frame)));
@@ -130,7 +131,7 @@ std::function<bool(CanRig&, Frame&)> controlword(std::function<unsigned(CanRig&,
     return true;
   };
 }
-// A refused write is confirmed instead.
+// Replaces the refusal of a write by a confirmation.
 std::function<bool(CanRig&, Frame&)> confirmed(std::uint16_t index) {
   return [=](CanRig& rig, Frame& frame) {
     const bool refused =
@@ -139,7 +140,7 @@ std::function<bool(CanRig&, Frame&)> confirmed(std::uint16_t index) {
     return true;
   };
 }
-// Another number is written than the master says.
+// Replaces a number that the master writes.
 std::function<bool(CanRig&, Frame&)> written(std::uint16_t index, std::uint8_t sub, unsigned from, unsigned to) {
   return [=](CanRig&, Frame& frame) {
     if (is_write(frame, index) && frame.data[3] == sub && word_in(frame) == from) put_word(frame, to);
@@ -147,8 +148,7 @@ std::function<bool(CanRig&, Frame&)> written(std::uint16_t index, std::uint8_t s
   };
 }
 
-// In the cyclic modes RPDO 1 has the controlword and the target, TPDO 1 the statusword and the position, TPDO 2 what
-// follows the target.
+// In the cyclic modes RPDO 1 has controlword and target, TPDO 1 statusword and position, TPDO 2 the actual value.
 bool is_targets(const Frame& frame) { return frame.id == 0x205; }
 std::int32_t target_in(const Frame& frame) {
   std::int32_t value = 0;
@@ -180,7 +180,7 @@ std::function<bool(CanRig&, Frame&)> targets(std::function<std::int32_t(std::int
     return true;
   };
 }
-// 400 ms late.
+// Delays the targets by 400 ms.
 std::function<std::int32_t(std::int32_t)> late() {
   return [before = std::deque<std::int32_t>()](std::int32_t target) mutable {
     before.push_back(target);
@@ -188,11 +188,11 @@ std::function<std::int32_t(std::int32_t)> late() {
     return before.front();
   };
 }
-// Goes off by so much in each cycle.
+// Adds an error to the target that grows by `step` in each cycle.
 std::function<std::int32_t(std::int32_t)> drifting(std::int32_t step) {
   return [step, sum = 0](std::int32_t target) mutable { return target + (sum += step); };
 }
-// Shown, while the axis is enabled and no PDO gives it a target.
+// Makes the position shown by SDO drift while the axis is enabled and no PDO commands a target.
 std::function<bool(CanRig&, Frame&)> creeping() {
   return [sum = 0](CanRig& rig, Frame& frame) mutable {
     if (!is_answer(frame, 0x6064) || (rig.control & 0x0F) != 0x0F) return true;
@@ -203,7 +203,7 @@ std::function<bool(CanRig&, Frame&)> creeping() {
     return true;
   };
 }
-// The mode of operation is shown as changed, and stays.
+// Shows a change of the mode of operation but does not make it.
 Defect mode_stays(const char* name, const char* check, std::uint8_t mode) {
   return {name, check,
           [mode](CanRig&, Frame& frame) {
@@ -215,7 +215,7 @@ Defect mode_stays(const char* name, const char* check, std::uint8_t mode) {
             return true;
           }};
 }
-// Answers of LSS, or requests.
+// Modifies requests or answers of LSS.
 std::function<bool(CanRig&, Frame&)> lss(std::uint32_t can_id, std::uint8_t command,
                                          std::function<bool(Frame&)> change) {
   return [=, change = std::move(change)](CanRig&, Frame& frame) {
@@ -234,7 +234,7 @@ std::function<bool(CanRig&, Frame&)> probe_status(std::function<unsigned(unsigne
     return true;
   };
 }
-// An abort by the client becomes the end of its block.
+// Replaces the client's abort by the end of its block download.
 std::function<bool(CanRig&, Frame&)> block_kept() {
   return [value = std::array<std::byte, 4>{}](CanRig&, Frame& frame) mutable {
     if (frame.id != 0x605) return true;
@@ -490,10 +490,10 @@ const std::vector<Defect> defects{
      mode_stays("", "", 7).from_drive},
 };
 
-class Defects : public testing::TestWithParam<std::size_t> {};
-INSTANTIATE_TEST_SUITE_P(Planted, Defects, testing::Range(std::size_t{0}, defects.size()));
+class CanDefects : public testing::TestWithParam<std::size_t> {};
+INSTANTIATE_TEST_SUITE_P(Planted, CanDefects, testing::Range(std::size_t{0}, defects.size()));
 
-TEST_P(Defects, IsFound) {
+TEST_P(CanDefects, IsFound) {
   const Defect& defect = defects[GetParam()];
   CanRig rig("generic402");
   const RunOptions options{.only = {defect.check}};
@@ -519,14 +519,14 @@ TEST_P(Defects, IsFound) {
   }
 }
 
-// A run leaves everything as it was: the objects, the NMT state, the position.
+// After a run everything must be as before: the objects, the NMT state, the position.
 TEST(ConformCan, TheDriveIsAsBefore) {
   CanRig rig("generic402");
   const auto values = [&] {
     std::map<ObjectAddress, std::vector<std::byte>> all;
     for (const NamedObject& object : ObjectCatalogue::standard().objects()) {
       const std::uint16_t index = object.address.index;
-      // Errors that were are history; what the drive measures is never twice the same.
+      // Excludes the error history and measured values, which change anyway.
       const bool measured = index == 0x1003 || index == 0x6040 || index == 0x6041 || index == 0x6061 ||
                             (index >= 0x6062 && index <= 0x606C && index != 0x6065 && index != 0x6066 &&
                              index != 0x6067 && index != 0x6068) ||
@@ -541,7 +541,7 @@ TEST(ConformCan, TheDriveIsAsBefore) {
     }
     return all;
   };
-  rig.sdo.write<std::uint16_t>(0x1017, 0, 70);  // not stored: a reset of the node loses it
+  rig.sdo.write<std::uint16_t>(0x1017, 0, 70);  // not stored, so a reset of the node would lose it
   rig.sdo.write<std::uint32_t>(0x6081, 0, 123456);
   rig.sdo.write<std::uint32_t>(0x1801, 1, 0x80000000 | 0x285);
   rig.sdo.write<std::uint8_t>(0x1A01, 0, 0);
@@ -568,7 +568,7 @@ TEST(ConformCan, SafeNeverEnables) {
     return true;
   };
   const Report report = rig.run({.safe = true});
-  // Commands that are none in their state are among them, and have no effect there.
+  // Safe checks include commands that are invalid in their state; these must have no effect.
   EXPECT_EQ(report.count(Verdict::fail), 0U);
   EXPECT_GT(report.count(Verdict::pass), 50U);
   EXPECT_EQ(rig.line.axes()[0]->plant().position_counts(), start);
@@ -587,7 +587,7 @@ TEST(ConformCan, AnInterruptedRunLeavesTheAxisAtRest) {
   }
 }
 
-// --revolutions bounds every motion, one revolution per second every speed.
+// --revolutions limits every motion; the speed limit is one revolution per second.
 TEST(ConformCan, MotionsWithTargetsInEachCycleStayWithinBounds) {
   constexpr double revolution = 131072.0;
   for (const double revolutions : {0.1, 0.5}) {
@@ -637,4 +637,5 @@ TEST(ConformCan, AnEnabledAxisIsNotTouched) {
 }
 
 }  // namespace
+}  // namespace conform_can_test
 }  // namespace servodrome::host::conform::test

@@ -1,4 +1,4 @@
-// The checks against drives on EtherCAT, in virtual time.
+// The conformance checks against drives on EtherCAT, in virtual time.
 #include <deque>
 #include <gmock/gmock.h>
 
@@ -6,9 +6,10 @@
 #include "links/ethercat/memory_client.hpp"
 
 namespace servodrome::host::conform::test {
+namespace conform_ethercat_test {
 namespace {
 
-// Falsifies what comes back: called with the content of each frame.
+// Modifies frames between master and drive; the callbacks receive the content of each frame.
 class FalseClient final : public links::EthercatClient {
  public:
   using Change = std::function<void(std::span<std::uint8_t>)>;
@@ -56,10 +57,10 @@ struct EthercatRig {
   EthercatMaster master{std::make_unique<FalseClient>(line.ethercat_buses()[0]->bus, line, to_drive, from_drive)};
 };
 
-class Drives : public testing::TestWithParam<const char*> {};
-INSTANTIATE_TEST_SUITE_P(Products, Drives, testing::Values("generic402-ec", "ismk-ea", "jmc_ec"));
+class EthercatDrives : public testing::TestWithParam<const char*> {};
+INSTANTIATE_TEST_SUITE_P(Products, EthercatDrives, testing::Values("generic402-ec", "ismk-ea", "jmc_ec"));
 
-TEST_P(Drives, DepartWhereTheirManualsSay) {
+TEST_P(EthercatDrives, DepartWhereTheirManualsSay) {
   EthercatRig rig(GetParam());
   const Report report = rig.run();
   expect_departures_only(report);
@@ -67,7 +68,7 @@ TEST_P(Drives, DepartWhereTheirManualsSay) {
 
 // ---- Planted defects ----
 
-// Datagrams of a frame's content (ETG.1000.4 clause 5.4).
+// Parses the datagrams of a frame's content (ETG.1000.4 clause 5.4).
 struct Seen {
   std::uint8_t command;
   std::uint16_t offset;  // ADO
@@ -93,14 +94,14 @@ constexpr std::uint8_t fprd = 4;
 constexpr std::uint8_t fpwr = 5;
 constexpr std::uint8_t lrw = 12;
 
-// An AL status code becomes another.
+// Replaces an AL status code by another.
 Change status_code(unsigned from, unsigned to) {
   return [=](const Seen& seen) {
     if (seen.command != fprd || seen.offset != 0x0130 || seen.data.size() < 6) return;
     if (ethercat::load_u16(&seen.data[4]) == from) ethercat::store_u16(&seen.data[4], to);
   };
 }
-// A 32-bit number in a mail becomes another.
+// Replaces a 32-bit number in a mail by another.
 Change in_mail(std::uint32_t from, std::uint32_t to) {
   return [=](const Seen& seen) {
     if (seen.command != fprd || seen.offset < 0x1000) return;
@@ -109,7 +110,7 @@ Change in_mail(std::uint32_t from, std::uint32_t to) {
     }
   };
 }
-// The inputs of the reference drive begin behind 14 bytes of outputs, with the statusword.
+// The inputs of the reference drive follow its 14 bytes of outputs and start with the statusword.
 constexpr std::size_t statusword_at = 14;
 Change statusword(std::function<unsigned(unsigned)> change) {
   return [change = std::move(change)](const Seen& seen) {
@@ -123,7 +124,7 @@ Change controlword(std::function<unsigned(unsigned)> change) {
   };
 }
 
-// Outputs and inputs of 1600h and 1A00h.
+// Modifies a target in the outputs; offsets for the mappings 1600h and 1A00h.
 Change targets(std::size_t at, std::function<std::int32_t(std::int32_t)> change) {
   return [at, change = std::move(change)](const Seen& seen) {
     if (seen.command != lrw || (seen.data[0] & 0x0F) != 0x0F) return;
@@ -137,7 +138,7 @@ constexpr std::size_t target_torque_at = 10;
 constexpr std::size_t mode_at = 12;
 constexpr std::size_t mode_display_at = 26;
 
-// A mail of FoE with this operation, behind the mailbox header.
+// Modifies an FoE mail with this operation, after the mailbox header.
 Change foe_mail(std::uint8_t operation, std::function<void(std::span<std::uint8_t>)> change) {
   return [operation, change = std::move(change)](const Seen& seen) {
     if (seen.command != fprd || seen.offset < 0x1000 || seen.data.size() < 12) return;
@@ -145,7 +146,7 @@ Change foe_mail(std::uint8_t operation, std::function<void(std::span<std::uint8_
     if (is_foe) change(seen.data.subspan(6));
   };
 }
-// An error becomes an acknowledgement.
+// Replaces an error by an acknowledgement.
 Change foe_error_hidden() {
   return foe_mail(5, [](std::span<std::uint8_t> mail) { mail[0] = 4; });
 }
@@ -237,10 +238,10 @@ const std::vector<Defect> defects{
      {}},
 };
 
-class Defects : public testing::TestWithParam<std::size_t> {};
-INSTANTIATE_TEST_SUITE_P(Planted, Defects, testing::Range(std::size_t{0}, defects.size()));
+class EthercatDefects : public testing::TestWithParam<std::size_t> {};
+INSTANTIATE_TEST_SUITE_P(Planted, EthercatDefects, testing::Range(std::size_t{0}, defects.size()));
 
-TEST_P(Defects, IsFound) {
+TEST_P(EthercatDefects, IsFound) {
   const Defect& defect = defects[GetParam()];
   EthercatRig rig("generic402-ec");
   const RunOptions options{.only = {defect.check}};
@@ -255,7 +256,7 @@ TEST_P(Defects, IsFound) {
                                                                   << text_of(report, {Verdict::pass, Verdict::skipped});
 }
 
-// Interpolated position is mapped for its checks, since no PDO has it from the factory.
+// The checks map interpolated position, since it is in no PDO by default; the mapping must be restored.
 TEST(ConformEthercat, TheProcessDataAreAsBefore) {
   EthercatRig rig("generic402-ec");
   const auto mapped = [&] {
@@ -282,4 +283,5 @@ TEST(ConformEthercat, SafeNeverMoves) {
 }
 
 }  // namespace
+}  // namespace conform_ethercat_test
 }  // namespace servodrome::host::conform::test

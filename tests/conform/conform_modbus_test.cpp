@@ -1,13 +1,14 @@
-// The checks against drives on an RS485 line, in virtual time.
+// The conformance checks against drives on an RS485 line, in virtual time.
 #include <gmock/gmock.h>
 
 #include "conform/conform_rig.hpp"
 #include "modbus/rtu_server.hpp"
 
 namespace servodrome::host::conform::test {
+namespace conform_modbus_test {
 namespace {
 
-// Falsifies what comes back: called with all bytes of an answer.
+// Modifies requests and answers; the callbacks receive all bytes of a frame.
 class FalseClient final : public links::ByteClient {
  public:
   using Bytes = std::vector<std::uint8_t>;
@@ -25,7 +26,7 @@ class FalseClient final : public links::ByteClient {
     if (!from_drive_) return client_.receive(bytes, timeout);
     Bytes part;
     if (!client_.receive(part, timeout)) return false;
-    // To the end of the frame, which a millisecond of silence is.
+    // Collects bytes until the end of the frame: 2 ms of silence.
     for (Bytes more; client_.receive(more, 2ms); more.clear()) part.insert(part.end(), more.begin(), more.end());
     from_drive_(part);
     bytes.insert(bytes.end(), part.begin(), part.end());
@@ -81,10 +82,10 @@ node = 3
                       {.format = line.find_serial_bus("bus")->settings.format}};
 };
 
-class Drives : public testing::TestWithParam<const char*> {};
-INSTANTIATE_TEST_SUITE_P(Products, Drives, testing::Values("generic402", "ismk"));
+class ModbusDrives : public testing::TestWithParam<const char*> {};
+INSTANTIATE_TEST_SUITE_P(Products, ModbusDrives, testing::Values("generic402", "ismk"));
 
-TEST_P(Drives, DepartWhereTheirManualsSay) {
+TEST_P(ModbusDrives, DepartWhereTheirManualsSay) {
   ModbusRig rig(GetParam());
   const Report report = rig.run();
   expect_departures_only(report);
@@ -167,10 +168,10 @@ const std::vector<Defect> defects{
      }},
 };
 
-class Defects : public testing::TestWithParam<std::size_t> {};
-INSTANTIATE_TEST_SUITE_P(Planted, Defects, testing::Range(std::size_t{0}, defects.size()));
+class ModbusDefects : public testing::TestWithParam<std::size_t> {};
+INSTANTIATE_TEST_SUITE_P(Planted, ModbusDefects, testing::Range(std::size_t{0}, defects.size()));
 
-TEST_P(Defects, IsFound) {
+TEST_P(ModbusDefects, IsFound) {
   const Defect& defect = defects[GetParam()];
   ModbusRig rig("generic402");
   const RunOptions options{.only = {defect.check}};
@@ -184,4 +185,5 @@ TEST_P(Defects, IsFound) {
 }
 
 }  // namespace
+}  // namespace conform_modbus_test
 }  // namespace servodrome::host::conform::test

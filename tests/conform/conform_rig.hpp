@@ -7,13 +7,13 @@
 #include "line/line.hpp"
 #include "line/support.hpp"
 
-// Whole drives of the products on one bus, in virtual time, and what can falsify them on the way.
+// Complete drives of the products on one bus, in virtual time, for the tests that modify their frames.
 namespace servodrome::host::conform::test {
 
 using namespace std::chrono_literals;
 using line::test::settings_of;
 
-// 10 revolutions either way between the stops, no switches wired.
+// 10 revolutions in either direction between the stops; no switches.
 inline std::string line_of(std::string_view product, std::string_view bus_type, std::string_view axis_keys) {
   return fmt::format(R"(
 clock = "virtual"
@@ -39,7 +39,7 @@ inline std::string text_of(const Outcome& outcome) {
   return text;
 }
 
-// Outcomes with one of these verdicts.
+// Text of the outcomes with one of these verdicts.
 inline std::string text_of(const Report& report, std::initializer_list<Verdict> verdicts) {
   std::string text;
   for (const Outcome& outcome : report.outcomes) {
@@ -49,7 +49,7 @@ inline std::string text_of(const Report& report, std::initializer_list<Verdict> 
   return text;
 }
 
-// What departs as listed, and what does not although it is listed.
+// Expects no failure, and that every listed departure occurs.
 inline void expect_departures_only(const Report& report) {
   EXPECT_EQ(text_of(report, {Verdict::fail}), "");
   for (const Outcome& outcome : report.outcomes) {

@@ -9,6 +9,7 @@
 #include "describe/sample.hpp"
 
 namespace servodrome::describe {
+namespace eds_test {
 namespace {
 
 using testing::AllOf;
@@ -199,4 +200,5 @@ TEST(Eds, AnEmptyTableIsStillAnEds) {
 }
 
 }  // namespace
+}  // namespace eds_test
 }  // namespace servodrome::describe

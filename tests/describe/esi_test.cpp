@@ -11,6 +11,7 @@
 // What tests/interop/esi_test.py cannot see in the products: entries of every kind, names that need care, start-up
 // parameters, bootstrap. It checks structure and the agreement with the SII image.
 namespace servodrome::describe {
+namespace esi_test {
 namespace {
 
 using testing::ElementsAre;
@@ -372,4 +373,5 @@ TEST_F(Esi, ADeviceWithoutEthercatHasNone) {
 }
 
 }  // namespace
+}  // namespace esi_test
 }  // namespace servodrome::describe

@@ -8,6 +8,7 @@
 #include "describe/sample.hpp"
 
 namespace servodrome::describe {
+namespace reference_test {
 namespace {
 
 std::vector<std::string> lines_of(const std::string& text) {
@@ -90,4 +91,5 @@ TEST(Markdown, BeginsWithTheDevice) {
 }
 
 }  // namespace
+}  // namespace reference_test
 }  // namespace servodrome::describe

@@ -5,6 +5,7 @@
 #include "described_support.hpp"
 
 namespace servodrome::described {
+namespace described_bad_files_test {
 namespace {
 
 using namespace test;
@@ -47,12 +48,12 @@ TEST(BadDataSheet, SaysLineAndKey) {
   begins(complaint_about_eds(replaced(good, "[6041]\r\nParameterName=Statusword\r\nObjectType=7\r\nDataType=0x0006",
                                       "[6041]\r\nParameterName=Statusword\r\nObjectType=7\r\nDataType=zwei")),
          "x.eds:");
-  EXPECT_NE(
-      complaint_about_eds(replaced(good, "DataType=0x0006", "DataType=zwei")).find("DataType: \"zwei\" is no number"),
-      std::string::npos);
+  EXPECT_NE(complaint_about_eds(replaced(good, "DataType=0x0006", "DataType=zwei"))
+                .find("DataType: \"zwei\" is not a number"),
+            std::string::npos);
   EXPECT_NE(complaint_about_eds(replaced(good, "AccessType=RW", "AccessType=sometimes")).find("AccessType"),
             std::string::npos);
-  EXPECT_NE(complaint_about_eds(replaced(good, "[6040]", "[5040]")).find("no drive of CiA 402"), std::string::npos);
+  EXPECT_NE(complaint_about_eds(replaced(good, "[6040]", "[5040]")).find("not a CiA 402 drive"), std::string::npos);
   EXPECT_NE(complaint_about_eds("").find("no object is described"), std::string::npos);
   EXPECT_NE(complaint_about_eds("[1000\n").find("x.eds:1"), std::string::npos);
 }
@@ -174,4 +175,5 @@ TEST(LineFileOfDescriptions, ComplainsAtTheKey) {
 }
 
 }  // namespace
+}  // namespace described_bad_files_test
 }  // namespace servodrome::described

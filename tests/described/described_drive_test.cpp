@@ -7,6 +7,7 @@
 #include "links/can/memory_port.hpp"
 
 namespace servodrome::described {
+namespace described_drive_test {
 namespace {
 
 using namespace test;
@@ -210,4 +211,5 @@ TEST(CompactArrays, HaveTheirPartsNamesAndValues) {
 }
 
 }  // namespace
+}  // namespace described_drive_test
 }  // namespace servodrome::described

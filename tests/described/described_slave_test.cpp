@@ -4,6 +4,7 @@
 #include "ethercat/slave/slave.hpp"
 
 namespace servodrome::described {
+namespace described_slave_test {
 namespace {
 
 using namespace test;
@@ -119,4 +120,5 @@ TEST(SlotsAndModules, FirstSlotHasItsDefaultModule) {
 }
 
 }  // namespace
+}  // namespace described_slave_test
 }  // namespace servodrome::described

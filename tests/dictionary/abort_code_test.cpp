@@ -7,6 +7,7 @@
 #include <string>
 
 namespace servodrome::dictionary {
+namespace abort_code_test {
 namespace {
 
 // Numbers of CiA 301, table 22, and of ETG.1000.6 for complete access; the words say what the standard's say.
@@ -61,4 +62,5 @@ TEST(AbortCodes, HaveTheStandardsNumbersAndWords) {
 }
 
 }  // namespace
+}  // namespace abort_code_test
 }  // namespace servodrome::dictionary

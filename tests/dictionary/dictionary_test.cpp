@@ -9,6 +9,7 @@
 #include "dictionary/table.hpp"
 
 namespace servodrome::dictionary {
+namespace dictionary_test {
 namespace {
 
 struct Objects {
@@ -476,4 +477,5 @@ TEST(TableBuilder, MakeTableSorts) {
 }
 
 }  // namespace
+}  // namespace dictionary_test
 }  // namespace servodrome::dictionary

@@ -14,6 +14,7 @@
 #include "dictionary/table.hpp"
 
 namespace servodrome::dictionary {
+namespace store_test {
 namespace {
 
 struct Objects {
@@ -859,4 +860,5 @@ TEST(Store, RandomTablesValuesAndCutsAgreeWithAModel) {
 }
 
 }  // namespace
+}  // namespace store_test
 }  // namespace servodrome::dictionary

@@ -9,6 +9,7 @@
 // The tests check the bounds of the software limits 607Dh and of the position range 607Bh to the count. They also check
 // how the axis clips or wraps a target that lies outside.
 namespace servodrome::drive {
+namespace axis_limits_test {
 namespace {
 
 constexpr double endless = std::numeric_limits<double>::infinity();
@@ -413,4 +414,5 @@ TEST(Generator, ContinuesAtTheMomentTheMotionEnded) {
 }
 
 }  // namespace
+}  // namespace axis_limits_test
 }  // namespace servodrome::drive

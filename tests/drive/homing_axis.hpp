@@ -70,11 +70,11 @@ struct Outcome {
   std::vector<HomingCommand> commands;  // other than `keep`
 };
 
-class Axis {
+class HomingAxis {
  public:
   static constexpr double cycle_s = 0.5e-3;
 
-  Axis(const World& world, Counts start, double acceleration)
+  HomingAxis(const World& world, Counts start, double acceleration)
       : world_(world), acceleration_(acceleration), position_(static_cast<double>(start) + 0.5) {
     inputs_.position = start;
     inputs_.signals = world_.signals_at(start);
@@ -166,7 +166,7 @@ class Axis {
 // Homes from `start` until the end, at most `most_cycles`.
 inline Outcome run(const Method& method, const HomingConfig& config, const World& world, Counts start,
                    std::uint32_t most_cycles = 400000) {
-  Axis axis{world, start, config.acceleration};
+  HomingAxis axis{world, start, config.acceleration};
   Homing homing;
   Outcome outcome;
   homing.start(method, config, axis.inputs());

@@ -9,6 +9,7 @@
 #include "products/jmc_ec/homing_methods.hpp"
 
 namespace servodrome::drive::test {
+namespace homing_paths_test {
 namespace {
 
 // --- The path itself, in letters: P, N fast and p, n slow in positive, negative direction; s a ramp to zero, h a hold,
@@ -170,4 +171,5 @@ TEST(HomingPaths, Cia402) {
 }
 
 }  // namespace
+}  // namespace homing_paths_test
 }  // namespace servodrome::drive::test

@@ -9,6 +9,7 @@
 #include "products/jmc_ec/homing_methods.hpp"
 
 namespace servodrome::drive::test {
+namespace homing_tables_test {
 namespace {
 
 struct Table {
@@ -90,8 +91,8 @@ TEST_P(HomingTables, FindHomeWhereTheFigureHasIt) {
         const double ramp = (config.fast * config.fast - config.slow * config.slow) / (2.0 * config.acceleration);
         if (GetParam()->at_fast.contains(figure.number)) {
           ASSERT_LE(std::abs(velocity), config.fast);
-        } else if (!uses_home(figure.number) ||
-                   static_cast<double>(world.home_to - world.home_from) > ramp + config.fast * Axis::cycle_s + 2.0) {
+        } else if (!uses_home(figure.number) || static_cast<double>(world.home_to - world.home_from) >
+                                                    ramp + config.fast * HomingAxis::cycle_s + 2.0) {
           ASSERT_LE(std::abs(velocity), config.slow);
         }
         if (GetParam()->returning.contains(figure.number)) {
@@ -103,7 +104,7 @@ TEST_P(HomingTables, FindHomeWhereTheFigureHasIt) {
           const Counts edge = figure.index && figure.approach < 0 ? outcome.latch + world.index_width : outcome.latch;
           const double overrun = static_cast<double>((outcome.rest - edge) * figure.approach);
           ASSERT_GE(overrun, stop - 1.0);
-          ASSERT_LE(overrun, stop + std::max(std::abs(velocity), config.slow) * Axis::cycle_s + 1.0);
+          ASSERT_LE(overrun, stop + std::max(std::abs(velocity), config.slow) * HomingAxis::cycle_s + 1.0);
         } else {
           ASSERT_EQ(outcome.rest, outcome.latch);  // hard stop without index: home is where it stands
         }
@@ -221,4 +222,5 @@ TEST_P(HomingTables, SurviveNonsense) {
 }
 
 }  // namespace
+}  // namespace homing_tables_test
 }  // namespace servodrome::drive::test

@@ -8,6 +8,7 @@
 #include "products/ismc/homing_methods.hpp"
 
 namespace servodrome::drive::test {
+namespace homing_test {
 namespace {
 
 TEST(Homing, WrongLimitStopsAtOnceWhereTheMethodDoesNotTurnRound) {
@@ -108,7 +109,7 @@ TEST(Homing, PresentPositionNeedsNoMotion) {
 TEST(Homing, AttainedComesWithTheEdgeAndTargetReachedWithStandstill) {
   World world = bare;
   world.index_width = 1;
-  Axis axis{world, 10, 1.0e6};
+  HomingAxis axis{world, 10, 1.0e6};
   Homing homing;
   homing.start(products::ismc::homing_methods, 34, plain_config(), axis.inputs());
   while (!homing.latched()) axis.step(homing.step(axis.inputs()));
@@ -268,7 +269,7 @@ TEST(Homing, AbortForgetsAndANewStartBeginsAfresh) {
   EXPECT_EQ(home, 1077);
   const std::uint32_t cycles = run(method, plain_config(), world, 2000).cycles;
   for (std::uint32_t when = 0; when < cycles; when += 7) {
-    Axis axis{world, 2000, 1.0e6};
+    HomingAxis axis{world, 2000, 1.0e6};
     Homing homing;
     homing.start(method, plain_config(), axis.inputs());
     for (std::uint32_t i = 0; i < when; ++i) axis.step(homing.step(axis.inputs()));
@@ -309,4 +310,5 @@ TEST(HomingMethods, WellFormednessIsChecked) {
 }
 
 }  // namespace
+}  // namespace homing_test
 }  // namespace servodrome::drive::test

@@ -5,6 +5,7 @@
 
 // The demand on its way to a line of cyclic set-points, cycle by cycle.
 namespace servodrome::drive {
+namespace line_demand_test {
 namespace {
 
 struct Demand : testing::Test {
@@ -148,4 +149,5 @@ TEST_F(Demand, NoFasterThanTheAxisMayBe) {
 }
 
 }  // namespace
+}  // namespace line_demand_test
 }  // namespace servodrome::drive

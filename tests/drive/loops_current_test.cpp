@@ -3,6 +3,7 @@
 #include "loops_support.hpp"
 
 namespace servodrome::drive::test {
+namespace loops_current_test {
 namespace {
 
 TEST(Transforms, SineAndCosineOfEveryPhase) {
@@ -236,4 +237,5 @@ TEST(CurrentLoop, DisabledOrOffThereIsNoVoltage) {
 }
 
 }  // namespace
+}  // namespace loops_current_test
 }  // namespace servodrome::drive::test

@@ -5,6 +5,7 @@
 
 // Filters of the feed-forwards, and the disturbance observer, against their formulas.
 namespace servodrome::drive::test {
+namespace loops_feed_forward_test {
 namespace {
 
 constexpr double position_period_s = 8 * tick_seconds;
@@ -147,4 +148,5 @@ TEST(LagFilter, IsExponentialAndEndsExactly) {
 }
 
 }  // namespace
+}  // namespace loops_feed_forward_test
 }  // namespace servodrome::drive::test

@@ -7,6 +7,7 @@
 #include "loops_support.hpp"
 
 namespace servodrome::drive::test {
+namespace loops_filters_test {
 namespace {
 
 using Complex = std::complex<double>;
@@ -174,4 +175,5 @@ TEST(I2t, TripsAtTheTimeOfTheClosedForm) {
 }
 
 }  // namespace
+}  // namespace loops_filters_test
 }  // namespace servodrome::drive::test

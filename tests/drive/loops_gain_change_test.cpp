@@ -6,6 +6,7 @@
 
 // Gains that change while the axis moves, and the filters that a set of gains may choose.
 namespace servodrome::drive::test {
+namespace loops_gain_change_test {
 namespace {
 
 // An axis turning against a load, with an error that every gain has a share in.
@@ -182,4 +183,5 @@ TEST(VelocityIntegral, GivesNoMoreThanItsLimit) {
 }
 
 }  // namespace
+}  // namespace loops_gain_change_test
 }  // namespace servodrome::drive::test

@@ -6,6 +6,7 @@
 
 // The loops behind a power stage that answers late, and with sensors that are not ideal.
 namespace servodrome::drive::test {
+namespace loops_imperfect_test {
 namespace {
 
 plant::Parameters late_stage(int delay_ticks) {
@@ -178,4 +179,5 @@ TEST(RealSensors, AMoveArrivesAndStands) {
 }
 
 }  // namespace
+}  // namespace loops_imperfect_test
 }  // namespace servodrome::drive::test

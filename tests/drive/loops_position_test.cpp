@@ -3,6 +3,7 @@
 #include "loops_support.hpp"
 
 namespace servodrome::drive::test {
+namespace loops_position_test {
 namespace {
 
 // Sets the demand of each position cycle as a profile generator does: floor and fraction.
@@ -273,4 +274,5 @@ TEST(PositionLoop, LeavesRestWhenPushed) {
 }
 
 }  // namespace
+}  // namespace loops_position_test
 }  // namespace servodrome::drive::test

@@ -3,6 +3,7 @@
 #include "loops_support.hpp"
 
 namespace servodrome::drive::test {
+namespace loops_torque_test {
 namespace {
 
 Axis torque_axis(float torque, double limit_rpm, const plant::Parameters& parameters) {
@@ -176,4 +177,5 @@ TEST(TorqueLoop, ChangesOfLoopAreBumpless) {
 }
 
 }  // namespace
+}  // namespace loops_torque_test
 }  // namespace servodrome::drive::test

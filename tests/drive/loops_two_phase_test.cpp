@@ -5,6 +5,7 @@
 
 // The current loop of a motor with two windings in quadrature.
 namespace servodrome::drive::test {
+namespace loops_two_phase_test {
 namespace {
 
 plant::Parameters stepper() {
@@ -104,4 +105,5 @@ TEST(TwoPhaseLoop, LockedCurrentHoldsTheRotor) {
 }
 
 }  // namespace
+}  // namespace loops_two_phase_test
 }  // namespace servodrome::drive::test

@@ -5,6 +5,7 @@
 #include "loops_support.hpp"
 
 namespace servodrome::drive::test {
+namespace loops_velocity_test {
 namespace {
 
 // The continuous model the velocity loop was designed as: inertia, first-order current loop, PI, two low passes. The
@@ -360,4 +361,5 @@ TEST(VelocityLoop, ATorqueBetweenTwoRestsIsNotShownForEver) {
 }
 
 }  // namespace
+}  // namespace loops_velocity_test
 }  // namespace servodrome::drive::test

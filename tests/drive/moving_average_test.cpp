@@ -6,6 +6,7 @@
 #include <random>
 
 namespace servodrome::drive {
+namespace moving_average_test {
 namespace {
 
 // Against the sum over a queue, whatever the signal does and however far it runs.
@@ -39,4 +40,5 @@ TEST(MovingAverage, ArrivesExactlyAfterItsLength) {
 }
 
 }  // namespace
+}  // namespace moving_average_test
 }  // namespace servodrome::drive

@@ -4,6 +4,7 @@
 
 // What is taken for a cut wire, and what is just not, sample by sample.
 namespace servodrome::drive {
+namespace open_phase_test {
 namespace {
 
 struct Looks : testing::Test {
@@ -164,4 +165,5 @@ TEST_F(Looks, ComeWithoutARhythm) {
 }
 
 }  // namespace
+}  // namespace open_phase_test
 }  // namespace servodrome::drive

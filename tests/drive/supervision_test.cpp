@@ -8,6 +8,7 @@
 
 // The monitors: each threshold just inside and just outside, each time to the cycle.
 namespace servodrome::drive {
+namespace supervision_test {
 namespace {
 
 using Situation = Supervision::Situation;
@@ -506,4 +507,5 @@ TEST_F(Monitored, SlippingBrake) {
 }
 
 }  // namespace
+}  // namespace supervision_test
 }  // namespace servodrome::drive

@@ -6,6 +6,7 @@
 #include <vector>
 
 namespace servodrome::drive {
+namespace touch_probe_test {
 namespace {
 
 // As the ISMC manual has it (ch. 4.8.1): one probe, rising edge of the index only, status bit 6 mirrors the source.
@@ -308,4 +309,5 @@ TEST(TouchProbe, AgreesWithTheRulesOverRandomHistories) {
 }
 
 }  // namespace
+}  // namespace touch_probe_test
 }  // namespace servodrome::drive

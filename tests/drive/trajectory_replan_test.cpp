@@ -10,13 +10,14 @@
 #include "drive/trajectory_support.hpp"
 
 namespace servodrome::drive {
+namespace trajectory_replan_test {
 namespace {
 
-using testing::Deviation;
-using testing::examine;
-using testing::Random;
-using testing::settling_velocity;
-using testing::viable;
+using trajectory_checks::Deviation;
+using trajectory_checks::examine;
+using trajectory_checks::Random;
+using trajectory_checks::settling_velocity;
+using trajectory_checks::viable;
 
 using Real = long double;
 
@@ -396,4 +397,5 @@ TEST(AllShapesReplan, SoundInEveryMagnitude) {
 }
 
 }  // namespace
+}  // namespace trajectory_replan_test
 }  // namespace servodrome::drive

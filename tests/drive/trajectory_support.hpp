@@ -9,7 +9,7 @@
 #include "drive/trajectory/trajectory.hpp"
 
 /// What every trajectory must be, whatever it was planned for: checked on its pieces with formulas of the test's own.
-namespace servodrome::drive::testing {
+namespace servodrome::drive::trajectory_checks {
 
 class Random {
  public:
@@ -137,4 +137,4 @@ inline void expect_sound(const Trajectory& trajectory, const MotionState& start,
   EXPECT_LE(worst.over_jerk, 1e-9);
 }
 
-}  // namespace servodrome::drive::testing
+}  // namespace servodrome::drive::trajectory_checks

@@ -8,9 +8,10 @@
 #include "drive/trajectory_support.hpp"
 
 namespace servodrome::drive {
+namespace trajectory_test {
 namespace {
 
-using testing::expect_sound;
+using trajectory_checks::expect_sound;
 
 constexpr MotionLimits servo{1e6, 1310720.0, 1310720.0, 1e8};  // 131072 counts/rev, 10 rev/s^2
 constexpr MotionState rest{0.0, 0.0, 0.0};
@@ -268,4 +269,5 @@ TEST(AllShapes, RefusesWhatIsNotANumber) {
 }
 
 }  // namespace
+}  // namespace trajectory_test
 }  // namespace servodrome::drive

@@ -4,6 +4,7 @@
 
 // What an identification takes on, and where it gives up, cycle by cycle, on an axis that is put where it is wanted.
 namespace servodrome::drive {
+namespace tuning_inertia_test {
 namespace {
 
 using Outcome = InertiaIdentification::Outcome;
@@ -181,4 +182,5 @@ TEST_F(Identified, AReversalTakesItsTime) {
 }
 
 }  // namespace
+}  // namespace tuning_inertia_test
 }  // namespace servodrome::drive

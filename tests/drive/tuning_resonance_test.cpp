@@ -10,6 +10,7 @@
 
 // Resonances of an elastic axis, found under control and taken out by notches.
 namespace servodrome::drive::test {
+namespace tuning_resonance_test {
 namespace {
 
 TEST(Fft, IsTheTransformAndMayBeSpread) {
@@ -289,4 +290,5 @@ TEST(Resonance, TwoAreTheMost) {
 }
 
 }  // namespace
+}  // namespace tuning_resonance_test
 }  // namespace servodrome::drive::test

@@ -6,6 +6,7 @@
 
 // Distributed clocks by ETG.1000.4 clause 6.7, seen from a master that starts them the usual way.
 namespace servodrome::ethercat::test {
+namespace ethercat_clock_test {
 namespace {
 
 // Delays from the latched receive times, offsets to the master's time, static drift compensation, then cycles: what
@@ -626,4 +627,5 @@ TEST(Latch, TheUnitOfTheApplicationIsNotTheMasters) {
 }
 
 }  // namespace
+}  // namespace ethercat_clock_test
 }  // namespace servodrome::ethercat::test

@@ -3,6 +3,7 @@
 
 // Mailbox and CoE (ETG.1000.4 clause 5.6, ETG.1000.6 clause 5.6).
 namespace servodrome::ethercat::test {
+namespace ethercat_coe_test {
 namespace {
 
 class Mail : public SlaveRig {
@@ -482,4 +483,5 @@ TEST_F(Information, EveryEntryFitsTheSmallestMailbox) {
 }
 
 }  // namespace
+}  // namespace ethercat_coe_test
 }  // namespace servodrome::ethercat::test

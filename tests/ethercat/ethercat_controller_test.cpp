@@ -2,6 +2,7 @@
 
 // Registers, sync managers, FMMUs, watchdogs, SII by ETG.1000.4 clause 6.
 namespace servodrome::ethercat::test {
+namespace ethercat_controller_test {
 namespace {
 
 TEST(Registers, InformationIsReadOnly) {
@@ -551,4 +552,5 @@ TEST(SiiMemory, KnownChecksum) {
 }
 
 }  // namespace
+}  // namespace ethercat_controller_test
 }  // namespace servodrome::ethercat::test

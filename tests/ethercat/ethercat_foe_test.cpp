@@ -2,6 +2,7 @@
 
 // File access over EtherCAT (ETG.1000.6 clause 5.8).
 namespace servodrome::ethercat::test {
+namespace ethercat_foe_test {
 namespace {
 
 struct MemoryFiles final : FoeFiles {
@@ -133,4 +134,5 @@ TEST_F(Foe, NotOfferedWithoutFiles) {
 }
 
 }  // namespace
+}  // namespace ethercat_foe_test
 }  // namespace servodrome::ethercat::test

@@ -2,6 +2,7 @@
 
 // Frames, commands and working counters by ETG.1000.4 clauses 5.3 and 5.4.
 namespace servodrome::ethercat::test {
+namespace ethercat_frame_test {
 namespace {
 
 constexpr std::uint16_t ram = 0x1000;
@@ -280,4 +281,5 @@ TEST(Commands, InterruptFieldCarriesTheMaskedEvents) {
 }
 
 }  // namespace
+}  // namespace ethercat_frame_test
 }  // namespace servodrome::ethercat::test

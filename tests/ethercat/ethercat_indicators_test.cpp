@@ -3,6 +3,7 @@
 
 // RUN and ERR (ETG.1300).
 namespace servodrome::ethercat::test {
+namespace ethercat_indicators_test {
 namespace {
 
 // One letter for each 50 ms: # lit.
@@ -55,4 +56,5 @@ TEST_F(IndicatorsOfASlave, FollowStatesAndErrors) {
 TEST(Indicators, BootstrapFlickers) { EXPECT_EQ(run_indicator(AlState::bootstrap), Blink::flickering); }
 
 }  // namespace
+}  // namespace ethercat_indicators_test
 }  // namespace servodrome::ethercat::test

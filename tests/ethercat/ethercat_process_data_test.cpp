@@ -2,6 +2,7 @@
 
 // Process data into the dictionary and back, and the ways of synchronisation (ETG.1020 clauses 12 and 17).
 namespace servodrome::ethercat::test {
+namespace ethercat_process_data_test {
 namespace {
 
 class ProcessData : public SlaveRig {};
@@ -764,4 +765,5 @@ TEST_F(Synchronous, SettingsThatDoNotFit) {
 }
 
 }  // namespace
+}  // namespace ethercat_process_data_test
 }  // namespace servodrome::ethercat::test

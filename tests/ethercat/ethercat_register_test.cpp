@@ -2,6 +2,7 @@
 
 // Who may write which register when, and what stays as it was (ETG.1000.4 clause 6).
 namespace servodrome::ethercat::test {
+namespace ethercat_register_test {
 namespace {
 
 // Datagrams in one frame to the first slave; their working counters.
@@ -358,4 +359,5 @@ TEST(SyncManagers, TakenOutByTheApplicationItsAreaIsLocked) {
 }
 
 }  // namespace
+}  // namespace ethercat_register_test
 }  // namespace servodrome::ethercat::test

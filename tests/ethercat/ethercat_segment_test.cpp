@@ -2,6 +2,7 @@
 
 // Slaves in line: loops, breaks, rings, errors on the way.
 namespace servodrome::ethercat::test {
+namespace ethercat_segment_test {
 namespace {
 
 unsigned count(Line& line, Segment::Port port = Segment::Port::primary) {
@@ -254,4 +255,5 @@ TEST(Segment, PortReceiveTimesByBroadcastAndStationOnly) {
 }
 
 }  // namespace
+}  // namespace ethercat_segment_test
 }  // namespace servodrome::ethercat::test

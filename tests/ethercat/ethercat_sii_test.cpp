@@ -6,6 +6,7 @@
 
 // The slave information memory, read back by a parser that shares nothing with what wrote it (ETG.1000.6 clause 5.4).
 namespace servodrome::ethercat::test {
+namespace ethercat_sii_test {
 namespace {
 
 constexpr DcMode dc_modes[] = {{"Synchron", "SM-Synchron"}, {"DC", "DC-Synchron", 0, 250'000, 0, 1, 0x0300, 1}};
@@ -220,4 +221,5 @@ TEST_F(Image, ReadThroughTheController) {
 }
 
 }  // namespace
+}  // namespace ethercat_sii_test
 }  // namespace servodrome::ethercat::test

@@ -5,6 +5,7 @@
 
 // Changes of state, their checks and their AL status codes (ETG.1000.6 clause 6.4, ETG.1020 table 11).
 namespace servodrome::ethercat::test {
+namespace ethercat_state_machine_test {
 namespace {
 
 class StateMachine : public SlaveRig {};
@@ -388,4 +389,5 @@ TEST(AlStates, HaveTheStandardsNumbersAndNames) {
 }
 
 }  // namespace
+}  // namespace ethercat_state_machine_test
 }  // namespace servodrome::ethercat::test

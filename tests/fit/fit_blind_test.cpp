@@ -4,6 +4,7 @@
 #include "fit_rig.hpp"
 
 namespace servodrome::fit {
+namespace fit_blind_test {
 namespace {
 
 using test::Draw;
@@ -81,4 +82,5 @@ TEST(FitBlind, FindsAxesDrawnAtRandomWithinTwoPercent) {
 }
 
 }  // namespace
+}  // namespace fit_blind_test
 }  // namespace servodrome::fit

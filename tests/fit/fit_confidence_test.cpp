@@ -5,6 +5,7 @@
 #include "synthetic_axis.hpp"
 
 namespace servodrome::fit {
+namespace fit_confidence_test {
 namespace {
 
 using test::Draw;
@@ -72,4 +73,5 @@ TEST(FitConfidence, IntervalsHoldTheTruthInNineteenOfTwentyRecordings) {
 }
 
 }  // namespace
+}  // namespace fit_confidence_test
 }  // namespace servodrome::fit

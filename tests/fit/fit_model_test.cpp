@@ -7,6 +7,7 @@
 #include "synthetic_axis.hpp"
 
 namespace servodrome::fit {
+namespace fit_model_test {
 namespace {
 
 using test::forget;
@@ -49,7 +50,7 @@ TEST(FitModel, FindsAllOfAnAxisThatFollowsTheEquations) {
   expect_found(result, axis);
   EXPECT_NEAR(result.stage_drop_v.value(), 0.0, 0.003);
   EXPECT_EQ(result.turns_backwards, false);
-  EXPECT_THAT(result.of(direct_inductance).why_not, HasSubstr("no direct current"));
+  EXPECT_THAT(result.of(direct_inductance).why_not, HasSubstr("without direct current"));
 }
 
 TEST(FitModel, TellsTheInductancesApartWhereADirectCurrentFlows) {
@@ -192,4 +193,5 @@ TEST(FitModel, MissingSamplesAreLeftOut) {
 }
 
 }  // namespace
+}  // namespace fit_model_test
 }  // namespace servodrome::fit

@@ -10,6 +10,7 @@
 #include "host/scope/export.hpp"
 
 namespace servodrome::fit {
+namespace fit_table_test {
 namespace {
 
 using namespace std::chrono_literals;
@@ -76,7 +77,7 @@ TEST(FitTable, ReadsTheBenchApisCsv) {
   EXPECT_EQ(table.columns.at(1).axis, "y");
   EXPECT_EQ(table.columns[1].name, "position_actual_value");
   EXPECT_THAT(table.clocks.at(0), ElementsAre(0.001, 0.002));
-  EXPECT_THAT(problem_of([&] { signals_of(table, {}, {}, ""); }), HasSubstr("of 2 axes; say which by --axis: x, y"));
+  EXPECT_THAT(problem_of([&] { signals_of(table, {}, {}, ""); }), HasSubstr("of 2 axes; choose one with --axis: x, y"));
   EXPECT_THAT(problem_of([&] { signals_of(table, {}, {}, "z"); }), HasSubstr("no axis \"z\""));
   const Signals signals = signals_of(table, {}, {}, "x");
   EXPECT_TRUE(signals.has(Role::quadrature_current));
@@ -96,16 +97,16 @@ TEST(FitTable, SaysWhatIsWrongWithAFile) {
       {std::string("\x7F"
                    "ELF\0\0",
                    6),
-       "f: this is no text and no MCAP file"},
-      {"a,b\n1,2\n", "f: this is no recording: no column \"seconds\" or \"time_s\" comes first"},
-      {"seconds\n1\n", "f: this is no recording: its first line names no channel"},
+       "f: this is neither a text file nor an MCAP file"},
+      {"a,b\n1,2\n", "f: this is not a recording: no column \"seconds\" or \"time_s\" comes first"},
+      {"seconds\n1\n", "f: this is not a recording: its first line names no channel"},
       {"seconds,a\n0,1\n1\n", "f:3: 1 fields, the first line has 2; the file is damaged or cut off"},
-      {"seconds,a\n0,1\n1,x\n", "f:3: \"x\" in column 2 is no number"},
-      {"seconds,a\nnan,1\n", "f:2: \"nan\" in column 1 is no number"},
+      {"seconds,a\n0,1\n1,x\n", "f:3: \"x\" in column 2 is not a number"},
+      {"seconds,a\nnan,1\n", "f:2: \"nan\" in column 1 is not a number"},
       {"seconds,a\n0,1\n0,2\n", "f: time stands still or goes back at sample 2 (0 s)"},
-      {"{\"a\":1}", "f: this JSON is no recording"},
-      {"{\"channels\":[{\"name\":\"a\"}]}", "f: this JSON has no samples; leave `-o` out"},
-      {"{", "f: this JSON is no recording"},
+      {"{\"a\":1}", "f: this JSON is not a recording"},
+      {"{\"channels\":[{\"name\":\"a\"}]}", "f: this JSON has no samples; omit `-o`"},
+      {"{", "f: this JSON is not a recording"},
       {mcap.substr(0, mcap.size() / 4), "the MCAP file is cut off or damaged"},
   };
   for (const Row& row : rows) {
@@ -167,8 +168,9 @@ TEST(FitSignals, AVelocityThatDoesNotFitThePositionIsScaled) {
   }
   const Signals signals = signals_of(table, {.counts_per_revolution = 1000.0}, {}, "");
   EXPECT_NEAR(signals.of(Role::velocity)[0], 500.0, 1.0);
-  EXPECT_THAT(signals.remarks, ElementsAre(HasSubstr("the velocity does not fit the position")));
+  EXPECT_THAT(signals.remarks, ElementsAre(HasSubstr("the velocity does not match the position")));
 }
 
 }  // namespace
+}  // namespace fit_table_test
 }  // namespace servodrome::fit

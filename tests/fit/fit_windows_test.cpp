@@ -6,6 +6,7 @@
 #include "fit_rig.hpp"
 
 namespace servodrome::fit {
+namespace fit_windows_test {
 namespace {
 
 // Times that are anything but even: one to three milliseconds apart.
@@ -98,4 +99,5 @@ TEST(FitRegression, NoiseOfAColumnDoesNotDrawItsFactorDown) {
 }
 
 }  // namespace
+}  // namespace fit_windows_test
 }  // namespace servodrome::fit

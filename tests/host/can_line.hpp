@@ -18,7 +18,7 @@ class CanLine final : public links::VirtualClock {
  public:
   using Device = TestDevice<>;
 
-  // Frames `lost` says are lost between bus and device, either way.
+  // Returns true for frames that are lost between bus and device, in either direction.
   std::function<bool(const Frame&)> lost = [](const Frame&) { return false; };
 
   Device& add(std::uint8_t node_id, const canopen::Profile& profile = {}) {
@@ -28,7 +28,7 @@ class CanLine final : public links::VirtualClock {
   }
 
   Time now() const override { return now_; }
-  // To the next thing that happens, 100 us at most.
+  // Advances to the next event, by at most 100 us.
   void step(Time latest = links::never) override {
     Time next = std::min(std::min<Time>(latest, now_ + 100us), std::max(now_ + 1us, wire.next_event()));
     for (Station& station : stations_)
@@ -41,7 +41,7 @@ class CanLine final : public links::VirtualClock {
     }
   }
 
-  // A frame that no device of this line sent.
+  // Puts a frame on the bus that no device of this line has sent.
   void intrude(const Frame& frame) { intruder_.send(frame, now_); }
 
   links::CanBus wire;
@@ -63,7 +63,7 @@ class CanLine final : public links::VirtualClock {
     void on_sent(const Frame&, std::uint32_t, links::Time) override { flush(); }
     void flush() {
       Frame frame;
-      // Segments of a block wait in the node until the controller takes them.
+      // Segments of a block stay in the node until the controller accepts them.
       while (line.wire.queue_space(port) > 0 && device->node.take(frame)) {
         if (!line.lost(frame)) line.wire.transmit(port, frame, line.wire.now());
       }

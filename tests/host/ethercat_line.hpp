@@ -8,7 +8,7 @@
 #include "ethercat/slave_rig.hpp"
 #include "host/ethercat/operation.hpp"
 
-// Whole slaves on one segment and a master, in virtual time.
+// Complete slaves on one segment and a master, in virtual time.
 namespace servodrome::host::test {
 
 using namespace std::chrono_literals;
@@ -67,7 +67,7 @@ class EthercatLine {
 
   EthercatDevice& device(std::size_t i) { return *std::next(devices.begin(), static_cast<std::ptrdiff_t>(i)); }
 
-  // What scan finds, as slaves with their services.
+  // Scans the segment and returns the slaves with their services.
   std::vector<EthercatSlave*> open() {
     found = scan_slaves(*master);
     std::vector<EthercatSlave*> all;
@@ -92,10 +92,10 @@ class EthercatLine {
   std::vector<FoundSlave> found;
   std::list<EthercatSlave> slaves;
   unsigned frames = 0;
-  // Is the next frame lost on its way to the slaves, or back?
+  // True: the next frame is lost on its way to the slaves, or on its way back.
   std::function<bool()> lost_out = [] { return false; };
   std::function<bool()> lost_back = [] { return false; };
-  // How much longer the next frame takes to come back.
+  // Additional delay of the next frame on its way back.
   std::function<Time()> delay_back = [] { return Time{}; };
   std::function<void(EthercatDevice&, Time)> on_poll;
 
@@ -150,7 +150,7 @@ class EthercatLine {
   std::vector<ethercat::Segment::Slave> cables_;
 };
 
-// What the call says when it fails; "" if it does not.
+// The error message of the call; "" if it succeeds.
 template <typename Call>
 std::string problem_of(Call call) {
   try {

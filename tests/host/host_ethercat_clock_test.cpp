@@ -1,4 +1,4 @@
-// Distributed clocks: the master's start-up, and how well the clocks stay together. Figures are printed.
+// Distributed clocks: the master's start-up, and the deviation between the clocks. Prints the figures.
 #include <gmock/gmock.h>
 #include <map>
 
@@ -6,13 +6,14 @@
 #include "host/ethercat/coe_objects.hpp"
 
 namespace servodrome::host::test {
+namespace host_ethercat_clock_test {
 namespace {
 
 using testing::HasSubstr;
 
 constexpr std::int32_t largest_ppb = 100'000;
 
-// Oscillators from -100 to +100 ppm, both ends among them; slaves switched on one after the other.
+// Oscillators from -100 to +100 ppm, including both limits; the slaves are switched on one after the other.
 void spread(EthercatLine& line) {
   std::uint32_t seed = 7;
   std::size_t i = 0;
@@ -52,15 +53,15 @@ class ClockAcceptance : public testing::TestWithParam<Case> {};
 INSTANTIATE_TEST_SUITE_P(Lines, ClockAcceptance,
                          testing::Values(Case{1, 400ns}, Case{8, 400ns}, Case{8, 1337ns}, Case{64, 713ns}));
 
-// After the start-up, 10 s of cycles of 1 ms: every millisecond, just before the next frame, every clock is within 100
-// ns of the reference.
+// Acceptance: for 10 s of 1 ms cycles after the start-up, every clock is within 100 ns of the reference; measured each
+// millisecond, just before the next frame.
 TEST_P(ClockAcceptance, EverySlaveWithin100nsOfTheReferenceFor10s) {
   const Case& one = GetParam();
   EthercatLine line({.slaves = one.slaves, .hop = one.hop});
   spread(line);
   const auto all = line.open();
   EthercatOperation operation(*line.master, line.found, all, options_with_clocks());
-  // Delays as the segment has them, but for the oscillator's error over the way there and back.
+  // The delays must be those of the segment, except for the oscillators' error over the round trip.
   for (std::size_t i = 0; i < one.slaves; ++i) {
     const auto delay = static_cast<double>(operation.clocks()->delay_ns(all[i]->station()));
     EXPECT_NEAR(delay, static_cast<double>(one.hop.count()) * static_cast<double>(i), 20.0);
@@ -88,8 +89,8 @@ TEST(EthercatClocks, Sync0OfAllSlavesAtTheSameTimeAndSteady) {
   for (EthercatDevice& device : line.devices) device.events.sync_times.clear();
   const std::uint64_t before = line.devices.front().esc.clock().sync(0).last;
   line.master->wait(2s);
-  // Pulse by pulse: from the first to the last slave's; and each slave's from one to the next, of which the
-  // reference's own error is known.
+  // For each pulse: the time between the first and the last slave; and for each slave the time between pulses, where
+  // the reference's own error is known.
   Time widest{0};
   Time jitter{0};
   const auto& reference = line.devices.front().events.sync_times;
@@ -128,7 +129,7 @@ TEST(EthercatClocks, ShiftedPulsesAndFramesAtTheirPlace) {
     EXPECT_EQ(device.esc.clock().sync(0).last % 2'000'000, 300'000U);
     EXPECT_EQ(device.objects.communication.output_sync.sync0_cycle_time_ns, 2'000'000U);
   }
-  // The frame of a cycle passes 500 us before SYNC0.
+  // A cycle's frame passes 500 us before SYNC0.
   const std::uint64_t now = line.devices.front().esc.clock().system_time(operation.exchange().due());
   EXPECT_NEAR(static_cast<double>(now % 2'000'000), 1'800'000.0, 10'000.0);
 }
@@ -137,7 +138,7 @@ class LossOfSync : public testing::Test {
  protected:
   LossOfSync() {
     operation.emplace(*line.master, line.found, all, options_with_clocks());
-    line.master->wait(5ms);  // the first cycle in OP is not counted
+    line.master->wait(5ms);  // do not count the first cycle in OP
   }
   void lose(int frames) {
     line.lost_out = [frames]() mutable { return frames-- > 0; };
@@ -149,18 +150,18 @@ class LossOfSync : public testing::Test {
   std::optional<EthercatOperation> operation;
 };
 
-// 10F1h sub 2 is 4: a cycle without outputs counts 3, one with outputs takes 1 away.
+// 10F1h sub 2 is 4: a cycle without outputs adds 3, a cycle with outputs subtracts 1.
 TEST_F(LossOfSync, OneLostFrameIsBorneTwoInARowAreNot) {
   lose(1);
   operation->exchange().check();
   EXPECT_EQ(line.device(1).objects.communication.output_sync.events_missed, 1);
-  lose(1);  // the first is forgotten
+  lose(1);  // the first loss has been subtracted by now
   operation->exchange().check();
   lose(2);
   EXPECT_THAT(problem_of([&] { operation->exchange().check(); }),
               HasSubstr("it left OP: it is in SAFEOP with error 001Ah synchronization error; send outputs in every"));
   EXPECT_TRUE(line.device(1).objects.communication.output_sync.sync_error);
-  // And back.
+  // And back to OP.
   operation->exchange().to_operational();
   line.master->wait(20ms);
   operation->exchange().check();
@@ -202,4 +203,5 @@ TEST(EthercatClocks, ASlaveSwitchedOffAndOnIsTakenUpAgain) {
 }
 
 }  // namespace
+}  // namespace host_ethercat_clock_test
 }  // namespace servodrome::host::test

@@ -5,6 +5,7 @@
 #include "host/ethercat/coe_objects.hpp"
 
 namespace servodrome::host::test {
+namespace host_ethercat_coe_test {
 namespace {
 
 using dictionary::AbortCode;
@@ -37,9 +38,9 @@ TEST_F(CoeTest, SdosOfEverySize) {
   slave.coe().write<std::int16_t>(0x2006, 0, -42);
   EXPECT_EQ(device.objects.ranged, -42);
   EXPECT_EQ(slave.coe().read<std::int16_t>(0x2006), -42);
-  slave.coe().write<std::uint64_t>(0x2003, 0, 0x1122334455667788);  // normal
+  slave.coe().write<std::uint64_t>(0x2003, 0, 0x1122334455667788);  // normal transfer
   EXPECT_EQ(slave.coe().read<std::uint64_t>(0x2003), 0x1122334455667788U);
-  // Around the sizes where a transfer becomes normal, segmented, and has segments of less than 7 bytes.
+  // Around the sizes at which a transfer becomes normal or segmented, or has a segment of less than 7 bytes.
   for (const std::size_t size :
        {1U, 4U, 5U, 239U, 240U, 241U, 242U, 246U, 247U, 248U, 249U, 486U, 487U, 488U, 2999U, 3000U}) {
     slave.coe().download({0x2002, 0}, counting(size));
@@ -120,13 +121,13 @@ TEST_F(CoeTest, EmergenciesBetweenAnswersAreKept) {
   EXPECT_EQ(objects.latest_emergency()->code, 0);
 }
 
-// Each frame may be lost either way; what was asked for twice must act once, and nothing may be taken for another's
-// answer.
+// Each frame may be lost in either direction. A repeated request must act once, and no answer may be matched to another
+// request.
 TEST_F(CoeTest, LostFramesDoNotShow) {
   std::uint32_t seed = 3;
   const auto lost = [&seed] {
     seed = seed * 1664525U + 1013904223U;
-    return seed >> 24 < 26;  // one of ten
+    return seed >> 24 < 26;  // one in ten
   };
   slave.coe();
   line.lost_out = lost;
@@ -145,7 +146,7 @@ TEST_F(CoeTest, LostFramesDoNotShow) {
 TEST_F(CoeTest, AnotherProgramGoesOnWithTheMailboxAsItIs) {
   slave.coe().write<std::int16_t>(0x2006, 0, 5);
   for (int i = 0; i < 9; ++i) {
-    // Each with a client of its own, whose counter the slave does not know.
+    // Each iteration uses a new client, whose mailbox counter the slave does not know.
     EthercatSlave again(*line.master, line.found[0]);
     EXPECT_EQ(again.coe().read<std::int16_t>(0x2006), 5);
     EXPECT_EQ(again.coe().read<std::int16_t>(0x2006), 5);
@@ -207,4 +208,5 @@ TEST(EthercatFoe, ASlaveWithoutItSaysSoByAMailboxError) {
 }
 
 }  // namespace
+}  // namespace host_ethercat_coe_test
 }  // namespace servodrome::host::test

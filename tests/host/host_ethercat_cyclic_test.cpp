@@ -1,10 +1,11 @@
-// Process data: mapping, logical addresses, cycles, what is lost.
+// Process data: mapping, logical addresses, cycles, lost frames.
 #include <gmock/gmock.h>
 
 #include "ethercat_line.hpp"
 #include "host/ethercat/coe_objects.hpp"
 
 namespace servodrome::host::test {
+namespace host_ethercat_cyclic_test {
 namespace {
 
 using testing::HasSubstr;
@@ -54,7 +55,7 @@ class CyclicTest : public testing::TestWithParam<bool> {
 
 INSTANTIATE_TEST_SUITE_P(LrwOrBoth, CyclicTest, testing::Bool());
 
-// However the master ends, what it moves comes to rest.
+// However the master ends, its axes must come to rest.
 TEST_P(CyclicTest, ASlaveWithoutAWatchdogGetsOne) {
   line.emplace(EthercatLine::Settings{.slaves = 2});
   all = line->open();
@@ -110,10 +111,10 @@ TEST_P(CyclicTest, OutputsBeginWithWhatTheObjectsHave) {
   line->master->wait(5ms);
   EXPECT_EQ(line->device(0).objects.target_position, 77'777);
   EXPECT_EQ(line->device(0).objects.mode, 8);
-  EXPECT_EQ(line->device(0).objects.controlword, 0);  // nothing is commanded yet
+  EXPECT_EQ(line->device(0).objects.controlword, 0);  // commands nothing
 }
 
-// 96 bytes each way: 7 slaves fill a frame.
+// 96 bytes in each direction: 7 slaves fill a frame.
 TEST_P(CyclicTest, ManySlavesTakeSeveralFrames) {
   constexpr std::size_t slaves = 20;
   line.emplace(EthercatLine::Settings{.slaves = slaves});
@@ -136,12 +137,12 @@ TEST_P(CyclicTest, ManySlavesTakeSeveralFrames) {
   EXPECT_EQ(exchange->frames_with_data(), 3U);
   for (std::size_t i = 0; i < slaves; ++i) {
     ASSERT_EQ(exchange->outputs(i).size(), 96U);
-    // The last of the entries wins.
+    // The last entry takes effect.
     ethercat::store(exchange->outputs(i).data() + 88, std::uint64_t{0x1234567800000000} + i);
   }
   line->frames = 0;
   line->master->wait(10ms);
-  EXPECT_EQ(line->frames, 10U * 3U);  // the AL status goes with the first
+  EXPECT_EQ(line->frames, 10U * 3U);  // the AL status is in the first frame
   for (std::size_t i = 0; i < slaves; ++i) {
     EXPECT_EQ(line->device(i).objects.wide, 0x1234567800000000U + i);
     EXPECT_EQ(exchange->input(i, wide)->get<std::uint64_t>(), 0x1234567800000000U + i);
@@ -177,7 +178,7 @@ TEST_P(CyclicTest, LateFramesAreToldFromLostOnes) {
   EXPECT_EQ(statistics.lost, 1U);
   EXPECT_EQ(statistics.wrong_counters, 0U);
   EXPECT_EQ(statistics.longest_loss, 2U);
-  EXPECT_EQ(exchange->input(2, position)->get<std::int32_t>(), 801);  // not what the late ones brought
+  EXPECT_EQ(exchange->input(2, position)->get<std::int32_t>(), 801);  // not the values of the late frames
 }
 
 TEST_P(CyclicTest, ALateFrameWithAWrongCounterIsNotLate) {
@@ -201,7 +202,7 @@ TEST_P(CyclicTest, ATailThatIsGoneIsToldAndSoIsTheWatchdogAfterwards) {
   EXPECT_THAT(problem_of([&] { exchange->check(); }), HasSubstr("mem:: process data were not exchanged 20 times"));
   line->segment->set_cable(2, true);
   line->master->wait(20ms);
-  exchange->check();  // short enough for the watchdog
+  exchange->check();  // shorter than the watchdog time
   line->segment->set_cable(2, false);
   line->master->wait(300ms);
   line->segment->set_cable(2, true);
@@ -255,7 +256,7 @@ TEST_P(CyclicTest, OneOfThemAfterAllOfThem) {
   }
 }
 
-// 1C32h sub 1 stays what an earlier start made of it.
+// 1C32h sub 1 keeps its value from an earlier start.
 TEST_P(CyclicTest, FreeRunAfterClocksAndBack) {
   start(2);
   for (const bool clocks : {true, false, true}) {
@@ -316,4 +317,5 @@ TEST(ProcessData, OfTheSlaveIsWhatWasAssigned) {
 }
 
 }  // namespace
+}  // namespace host_ethercat_cyclic_test
 }  // namespace servodrome::host::test

@@ -5,6 +5,7 @@
 #include "host/ethercat/sii_client.hpp"
 
 namespace servodrome::host::test {
+namespace host_ethercat_master_test {
 namespace {
 
 using testing::HasSubstr;
@@ -69,7 +70,7 @@ TEST(EthercatScan, ATailThatIsCutOffIsNotCounted) {
   EXPECT_EQ(scan_slaves(*line.master).size(), 3U);
 }
 
-// Another master may be at work with them.
+// Another master may be using these slaves.
 TEST(EthercatScan, StationAddressesOfOthersStay) {
   EthercatLine line({.slaves = 4});
   const auto give = [&](std::size_t slave, std::uint16_t address) {
@@ -77,7 +78,7 @@ TEST(EthercatScan, StationAddressesOfOthersStay) {
   };
   give(0, 7);
   give(1, 0x1003);
-  give(2, 7);  // twice
+  give(2, 7);  // the same address twice
   const auto found = scan_slaves(*line.master);
   ASSERT_EQ(found.size(), 4U);
   EXPECT_EQ(found[0].station, 7);
@@ -91,7 +92,8 @@ TEST(EthercatScan, StationAddressesOfOthersStay) {
   }
 }
 
-// One that answers to its alias, left so by another master, is not taken for the slave with that address.
+// A slave that answers to its alias, enabled by another master, must not be confused with the slave that has that
+// address.
 TEST(EthercatScan, AnAliasIsNobodyElsesAddress) {
   EthercatLine line({.slaves = 3});
   line.device(2).esc.write_register<std::uint16_t>(ethercat::reg::station_alias, 0x1001);
@@ -178,7 +180,7 @@ TEST(EthercatSii, ADamagedMemoryIsTakenAsFarAsItGoes) {
   const SiiContent whole = parse_sii(image);
   ASSERT_EQ(whole.name, "Test device");
   ASSERT_FALSE(whole.rx_pdos.empty());
-  // Of one that ends early, what comes before its end: whole parts, and never another value.
+  // An image that ends early yields complete parts before its end, and never different values.
   std::size_t last_parts = 0;
   for (std::size_t size = 0; size <= image.size(); ++size) {
     const SiiContent part = parse_sii(std::span(image).first(size));
@@ -198,7 +200,7 @@ TEST(EthercatSii, ADamagedMemoryIsTakenAsFarAsItGoes) {
     image[seed >> 8 & 0x3FF] = static_cast<std::uint8_t>(seed >> 24);
     const SiiContent content = parse_sii(std::span(image).first(1024));
     right += content.checksum_right ? 1 : 0;
-    // Nothing is made up: a category holds no more than the memory has room for.
+    // No category may have more content than fits into the memory.
     EXPECT_LE(content.name.size(), 255U);
     EXPECT_LE(content.sync_managers.size() * 8, 1024U);
     EXPECT_LE(content.fmmus.size(), 1024U);
@@ -227,7 +229,7 @@ TEST(EthercatStates, RefusalsNameCodeAndRemedy) {
                 "change; go one step at a time"));
   EXPECT_THAT(problem_of([&] { slave.request(AlState::pre_operational); }),
               HasSubstr("0016h invalid mailbox configuration; set up sync managers 0 and 1"));
-  slave.to_pre_operational();  // acknowledges
+  slave.to_pre_operational();  // also acknowledges the error
   EXPECT_THAT(problem_of([&] { slave.request(AlState::safe_operational); }),
               HasSubstr("PREOP with error 001Dh invalid output configuration; check 1C12h"));
   EXPECT_THAT(problem_of([&] { slave.to_bootstrap(); }), HasSubstr("it has no Bootstrap mailbox"));
@@ -272,4 +274,5 @@ TEST(EthercatStates, WordsOfTheCommandLine) {
 }
 
 }  // namespace
+}  // namespace host_ethercat_master_test
 }  // namespace servodrome::host::test

@@ -4,6 +4,7 @@
 #include "host/jog_keys.hpp"
 
 namespace servodrome::host {
+namespace host_jog_keys_test {
 namespace {
 
 using namespace std::chrono_literals;
@@ -57,4 +58,5 @@ TEST(JogKeys, NoVelocityOverflows) {
 }
 
 }  // namespace
+}  // namespace host_jog_keys_test
 }  // namespace servodrome::host

@@ -4,6 +4,7 @@
 #include "host/error.hpp"
 
 namespace servodrome::host::test {
+namespace host_lss_master_test {
 namespace {
 
 class LssMasterTest : public ::testing::Test {
@@ -75,4 +76,5 @@ TEST_F(LssMasterTest, NobodyInConfigurationIsAnError) {
 }
 
 }  // namespace
+}  // namespace host_lss_master_test
 }  // namespace servodrome::host::test

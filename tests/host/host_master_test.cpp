@@ -3,6 +3,7 @@
 #include "host/canopen/sdo_client.hpp"
 
 namespace servodrome::host::test {
+namespace host_master_test {
 namespace {
 
 class MasterTest : public ::testing::Test {
@@ -59,10 +60,10 @@ TEST_F(MasterTest, CodesWithoutWordsOfTheirOwnAreDescribedByTheirClass) {
   EXPECT_EQ(text_of_error_code(0x2345), "class: short circuit, device output side");
   EXPECT_EQ(text_of_error_code(0x9ABC), "class: external error");
   EXPECT_EQ(text_of_error_code(0xFF42), "class: device specific");
-  EXPECT_EQ(text_of_error_code(0xB001), "manufacturer's code");
+  EXPECT_EQ(text_of_error_code(0xB001), "manufacturer-specific code");
 }
 
-// The SYNCs on the wire, with the time since the watch began.
+// Records the SYNCs on the bus, with the time since the start.
 struct SyncWatch final : links::BusObserver {
   explicit SyncWatch(CanLine& its_line) : line(its_line), start(its_line.now()) { line.wire.add_observer(*this); }
   ~SyncWatch() { line.wire.remove_observer(*this); }
@@ -125,4 +126,5 @@ TEST_F(MasterTest, AHeartbeatOfItsOwn) {
 }
 
 }  // namespace
+}  // namespace host_master_test
 }  // namespace servodrome::host::test

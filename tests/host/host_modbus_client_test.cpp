@@ -1,4 +1,4 @@
-// The Modbus master against our own servers (whose bytes have tests of their own), and against answers no server gives.
+// The Modbus master against this project's servers (their bytes are tested elsewhere), and against invalid answers.
 #include <filesystem>
 #include <fmt/format.h>
 #include <gmock/gmock.h>
@@ -7,6 +7,7 @@
 #include "host/serial_master_line.hpp"
 
 namespace servodrome::host::test {
+namespace host_modbus_client_test {
 namespace {
 
 using modbus::Exception;
@@ -137,7 +138,7 @@ TEST(ModbusTcpClient, AnswersThatDoNotFit) {
                [&] { scripted({"00 01 00 00 00 05 01 04 02 00 0F"}, tcp).read<std::uint16_t>(1, 0); });
 }
 
-// Through the operating system.
+// Through the operating system's ptys and sockets.
 TEST(ModbusClientLinks, PtyAndTcp) {
   const std::string path = fmt::format("{}servodrome_modbus_{}", testing::TempDir(), ::getpid());
   links::test::SerialRig rig;
@@ -166,4 +167,5 @@ TEST(ModbusClientLinks, WhatCannotBeOpened) {
 }
 
 }  // namespace
+}  // namespace host_modbus_client_test
 }  // namespace servodrome::host::test

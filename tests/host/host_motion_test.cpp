@@ -1,4 +1,4 @@
-// The master's own trajectory, and an axis that follows it, without a bus: process data in memory.
+// The master's own trajectory and an axis that follows it, without a bus: the process data are in memory.
 #include <cmath>
 #include <gtest/gtest.h>
 
@@ -6,6 +6,7 @@
 #include "host/simulated_drives.hpp"
 
 namespace servodrome::host::test {
+namespace host_motion_test {
 namespace {
 
 using namespace std::chrono_literals;
@@ -16,7 +17,7 @@ TEST(SetPointGenerator, LinearProfileIsTheClosedForm) {
   SetPointGenerator generator(0.001);
   generator.reset({100.0, 0.0, 0.0});
   ASSERT_TRUE(generator.move_to(600.0, 0.0, linear));
-  // Up in 0.2 s over 100, down in 0.4 s over 200, between them 200 at 1000/s.
+  // Accelerates for 0.2 s over 100 counts, decelerates for 0.4 s over 200, and covers 200 at 1000/s in between.
   EXPECT_DOUBLE_EQ(generator.duration_s(), 0.8);
   for (int cycle = 1; cycle <= 900; ++cycle) {
     generator.advance();
@@ -32,7 +33,8 @@ TEST(SetPointGenerator, LinearProfileIsTheClosedForm) {
   EXPECT_EQ(generator.state().velocity, 0.0);
 }
 
-// The second profile begins where the first ends, within a cycle: no time is lost, no velocity jumps.
+// The second profile starts exactly at the end of the first, within a cycle: no time is lost and the velocity does not
+// jump.
 TEST(SetPointGenerator, ContinuesAtTheEndOfAProfile) {
   SetPointGenerator generator(0.0007);
   generator.reset({});
@@ -154,7 +156,7 @@ TEST_F(MotionOfSimulatedDrives, TorqueRampsAndIsHeldBackAtTheVelocityLimit) {
   group.wait(5s);
   EXPECT_LT(group.axis(0).velocity(), 20'000.0);
   EXPECT_GT(group.axis(0).velocity(), 17'000.0);
-  // And back: the profile takes over at the velocity there is.
+  // Back to position mode: the profile starts at the present velocity.
   const double velocity = group.axis(0).velocity();
   group.axis(0).run_at(0.0, {30'000.0, 50'000.0, 50'000.0, 0.0});
   group.wait(10ms);
@@ -228,15 +230,16 @@ TEST_F(MotionOfSimulatedDrives, AFollowingErrorStopsTheAxis) {
   strict.wait(500ms);
   EXPECT_LT(std::abs(strict.axis(0).following_error()), 1.5);
   one.drive(0).is_blocked = true;
-  EXPECT_NE(problem_of([&] { strict.wait(500ms); }).find("following error is too great"), std::string::npos);
+  EXPECT_NE(problem_of([&] { strict.wait(500ms); }).find("following error is too large"), std::string::npos);
 }
 
 TEST_F(MotionOfSimulatedDrives, AModeThatIsRefusedIsAFault) {
   bus.drive(0).modes = {8};
   group.enable();
   ASSERT_TRUE(group.axis(0).apply_torque(10.0, 1000.0, 0.0));
-  EXPECT_NE(problem_of([&] { group.wait(2s); }).find("does not take the mode"), std::string::npos);
+  EXPECT_NE(problem_of([&] { group.wait(2s); }).find("does not accept the mode"), std::string::npos);
 }
 
 }  // namespace
+}  // namespace host_motion_test
 }  // namespace servodrome::host::test

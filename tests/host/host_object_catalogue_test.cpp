@@ -5,6 +5,7 @@
 #include "host/object_catalogue.hpp"
 
 namespace servodrome::host {
+namespace host_object_catalogue_test {
 namespace {
 
 using dictionary::Type;
@@ -61,7 +62,7 @@ TEST(ObjectCatalogue, ReadsAnEds) {
   EXPECT_THROW(ObjectCatalogue::read_eds(empty, "x.eds"), HostError);
 }
 
-// "P01-02" in front of a name, and "d08", which is an address as well.
+// "P01-02" at the start of a name, and "d08", which is also a valid address.
 TEST(ObjectCatalogue, ResolvesMakersNumbers) {
   std::istringstream eds(
       "[2001]\nParameterName=P01 Main\nObjectType=0x9\nSubNumber=3\n[2001sub0]\nParameterName=Highest\nDataType=5\n"
@@ -125,4 +126,5 @@ TEST(ValueText, PrintsWhatPeopleRead) {
 }
 
 }  // namespace
+}  // namespace host_object_catalogue_test
 }  // namespace servodrome::host

@@ -1,5 +1,5 @@
-// Function blocks on drives without loops, cycle by cycle: the timing diagrams of PLCopen Motion Control part 1,
-// version 2.0, clause 2.4, drawn as text. Each character is a cycle.
+// Function blocks on drives without control loops, cycle by cycle: the timing diagrams of PLCopen Motion Control part
+// 1, version 2.0, clause 2.4, as text. Each character is one cycle.
 #include <cmath>
 #include <gtest/gtest.h>
 
@@ -7,12 +7,13 @@
 #include "host/simulated_drives.hpp"
 
 namespace servodrome::host::plcopen {
+namespace host_plcopen_test {
 namespace {
 
 using namespace std::chrono_literals;
 using test::SimulatedBus;
 
-// Inputs as drawn, outputs as they came: '#' TRUE, '_' FALSE.
+// Compares the outputs for given inputs with the drawn ones: '#' TRUE, '_' FALSE.
 class Diagram {
  public:
   void input(bool& variable, std::string drawn) {
@@ -61,14 +62,14 @@ class Blocks : public testing::Test {
     power(axis);
     other_power(other);
   }
-  // A count a cycle, at once.
+  // One count per cycle, with practically no acceleration time.
   template <typename Block>
   static void set_dynamics(Block& block, double velocity = 1000.0) {
     block.Velocity = velocity;
     block.Acceleration = block.Deceleration = 1e9;
   }
   std::string states;
-  // Letters for the states: the program's last word in each cycle.
+  // Appends the letter of the state; called at the end of the program in each cycle.
   void note_state() { states += "DSHPMCYE"[letter_of(axis.state())]; }
   static std::size_t letter_of(AxisState state) {
     switch (state) {
@@ -87,7 +88,7 @@ class Blocks : public testing::Test {
 
 // ---- Clause 2.4.1: Execute, Done, Busy ----
 
-// Diagrams stand in columns.
+// The diagrams are aligned in columns.
 // clang-format off
 
 TEST_F(Blocks, DoneStaysUntilExecuteFalls) {
@@ -102,7 +103,7 @@ TEST_F(Blocks, DoneStaysUntilExecuteFalls) {
   diagram.output("Error", move.Error,          "_______________");
   diagram.run(controller, [&] {
     powers();
-    // Again from where it is: a move of no length is done with the next cycle.
+    // At the second edge the axis is at its target already: a move of length 0 is done in the next cycle.
     move(axis);
     note_state();
   });
@@ -125,7 +126,7 @@ TEST_F(Blocks, DoneIsThereForACycleWhenExecuteFellBefore) {
 
 TEST_F(Blocks, ErrorOfAnInputStaysWithExecute) {
   MC_MoveAbsolute move;
-  move.Position = 3.0;  // and no velocity
+  move.Position = 3.0;  // the velocity is missing
   Diagram diagram;
   diagram.input(move.Execute,                  "_###___#___");
   diagram.output("Busy", move.Busy,            "___________");
@@ -139,7 +140,7 @@ TEST_F(Blocks, ErrorOfAnInputStaysWithExecute) {
   EXPECT_EQ(states,                            "SSSSSSSSSSS") << "an error of a block is none of the axis";
 }
 
-// Figure: the second block aborts the first.
+// Figure of the standard: the second block aborts the first.
 TEST_F(Blocks, AbortingTakesTheAxis) {
   MC_MoveAbsolute first, second;
   first.Position = 100.0;
@@ -156,14 +157,14 @@ TEST_F(Blocks, AbortingTakesTheAxis) {
   diagram.output("second.Done", second.Done,        "________##___");
   diagram.run(controller, [&] {
     powers();
-    // Called behind the block that takes its axis, the first sees it in the same cycle.
+    // A block that is called after the one that aborts it shows CommandAborted in the same cycle.
     second(axis);
     first(axis);
   });
   EXPECT_EQ(axis.commanded_position(), 6.0);
 }
 
-// The same block again while it is busy: the new command is the block's.
+// A second edge of the same block while it is busy: the block then shows the new command.
 TEST_F(Blocks, ASecondEdgeTakesNewInputs) {
   MC_MoveAbsolute move;
   move.Position = 100.0;
@@ -227,13 +228,13 @@ INSTANTIATE_TEST_SUITE_P(Modes, Blending,
                                          BlendingCase{"Previous", BufferMode::BlendingPrevious, 40.0, 400.0, 100.0},
                                          BlendingCase{"Next", BufferMode::BlendingNext, 40.0, 400.0, 40.0},
                                          BlendingCase{"High", BufferMode::BlendingHigh, 40.0, 400.0, 100.0},
-                                         // Back: through standstill.
+                                         // Reversal: the axis stops in between.
                                          BlendingCase{"Reversal", BufferMode::BlendingHigh, 40.0, 0.0, 0.0},
                                          // 2 counts to stop at 400/s^2: sqrt(2 * 400 * 2).
                                          BlendingCase{"TooShort", BufferMode::BlendingHigh, 100.0, 202.0, 40.0}),
                          [](const auto& one) { return one.param.name; });
 
-// The first target is passed at the velocity of the mode, exactly there, and the second is reached without overshoot.
+// The axis passes the first target at exactly the velocity of the mode, and reaches the second without overshoot.
 TEST_P(Blending, PassesTheFirstTargetAtTheModesVelocity) {
   MC_MoveAbsolute first, second;
   first.Position = 200.0;
@@ -260,7 +261,7 @@ TEST_P(Blending, PassesTheFirstTargetAtTheModesVelocity) {
   });
   ASSERT_TRUE(controller.run_until([&] { return second.Done; }, 30s));
   EXPECT_TRUE(first.Done);
-  // At most a cycle behind the target.
+  // At most one cycle after the target.
   EXPECT_NEAR(std::abs(at_target), GetParam().expected, 400.0 * 0.001);
   EXPECT_EQ(axis.commanded_position(), GetParam().second_target);
   EXPECT_LE(greatest, std::max(200.0, GetParam().second_target) + 1e-9);
@@ -287,7 +288,7 @@ TEST_F(Blocks, AChainOfBlendsIsAsFastAsItsEndAllows) {
   });
   ASSERT_TRUE(controller.run_until([&] { return moves[3].Done; }, 5s));
   EXPECT_EQ(axis.commanded_position(), 40.0);
-  // Up to the middle, and down again: sqrt(2 a s) with 10, 20 and again 10 counts to go or gone.
+  // Accelerates to the middle and decelerates again: sqrt(2 a s) for 10, 20 and 10 counts.
   EXPECT_NEAR(begins[1], std::sqrt(2.0 * 1000.0 * 10.0), 1.1);
   EXPECT_NEAR(begins[2], std::sqrt(2.0 * 1000.0 * 20.0), 1.1);
   EXPECT_NEAR(begins[3], std::sqrt(2.0 * 1000.0 * 10.0), 1.1);
@@ -729,7 +730,7 @@ TEST_F(Blocks, CamLeadsTheSlave) {
   EXPECT_TRUE(cam.InSync);
   EXPECT_LT(worst, 1e-9);
   EXPECT_EQ(ends, 4) << "1990 counts of 400";
-  // From elsewhere it does not jump.
+  // At another position it must not jump.
   MC_Halt halt;
   halt.Deceleration = 1e6;
   cam.Execute = false;
@@ -751,7 +752,7 @@ TEST_F(Blocks, CamLeadsTheSlave) {
   cam.Execute = true;
   controller.run_for(3ms);
   EXPECT_TRUE(cam.InSync) << text_of(cam.ErrorID);
-  // It leaves its cam, and goes on as fast as it was.
+  // It leaves its cam and continues at the same velocity.
   MC_CamOut leave;
   leave.Execute = true;
   const double before = other.commanded_velocity();
@@ -855,4 +856,5 @@ TEST_F(Blocks, TouchProbeOutsideItsWindowDoesNotCount) {
 }
 
 }  // namespace
+}  // namespace host_plcopen_test
 }  // namespace servodrome::host::plcopen

@@ -3,6 +3,7 @@
 #include "host/canopen/sdo_client.hpp"
 
 namespace servodrome::host::test {
+namespace host_scan_test {
 namespace {
 
 TEST(Scan, FindsFiveNodesInTheTimeOfOneAbsentOne) {
@@ -15,7 +16,7 @@ TEST(Scan, FindsFiveNodesInTheTimeOfOneAbsentOne) {
   line.bus.run_for(10ms);
   const Time before = line.now();
   const std::vector<FoundNode> nodes = scan(line.bus, {.timeout = 250ms});
-  // 127 questions on the bus at 1 Mbit/s take 16 ms.
+  // 127 requests take 16 ms on the bus at 1 Mbit/s.
   EXPECT_LT(line.now() - before, 300ms);
   ASSERT_EQ(nodes.size(), 5U);
   serial = 100;
@@ -79,4 +80,5 @@ TEST(Scan, KindsByDeviceType) {
 }
 
 }  // namespace
+}  // namespace host_scan_test
 }  // namespace servodrome::host::test

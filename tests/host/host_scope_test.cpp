@@ -1,4 +1,4 @@
-// What a recording is made of, without a bus: names, triggers, what is kept, measurements, files.
+// Parts of a recording without a bus: names, triggers, recorder, measurements, files.
 #include <cmath>
 #include <cstring>
 #include <gmock/gmock.h>
@@ -11,6 +11,7 @@
 #include "host/scope/recorder.hpp"
 
 namespace servodrome::host::scope {
+namespace host_scope_test {
 namespace {
 
 using namespace std::chrono_literals;
@@ -41,7 +42,7 @@ TEST(ScopeChannel, IsFoundByItsNames) {
   const Channel vendor = named_channel("2105:01@i16", catalogue);
   EXPECT_EQ(vendor.name, "2105_01");
   EXPECT_EQ(vendor.type, dictionary::Type::integer16);
-  EXPECT_THAT(problem_of([&] { named_channel("2105:01@string", catalogue); }), HasSubstr("no type of a number"));
+  EXPECT_THAT(problem_of([&] { named_channel("2105:01@string", catalogue); }), HasSubstr("not a numeric type"));
   EXPECT_THAT(problem_of([&] { named_channel("pozition", catalogue); }), HasSubstr("\"pozition\""));
 }
 
@@ -104,7 +105,7 @@ TEST(ScopeTrigger, FiresWhereItSays) {
     Condition condition;
     double value;
     std::vector<double> samples;
-    int at;  // -1: never
+    int at;  // row at which the trigger fires; -1: never
   };
   const Row rows[] = {
       {Condition::rises, 10, {20, 5, 9, 10, 30}, 3},
@@ -141,7 +142,7 @@ std::vector<Channel> two_channels() {
           {.object = {0x6041, 0}, .type = dictionary::Type::unsigned16, .bits = 16, .name = "statusword"}};
 }
 
-// Rows at 1 ms, the first channel its number, the second ten times that.
+// Rows at 1 ms; the first channel is the row number, the second ten times that.
 Recording recorded(RecorderOptions options, int rows, Time start = 5s) {
   Recorder recorder(two_channels(), {0, 0}, 1, options);
   for (int i = 0; i < rows && !recorder.done(); ++i) {
@@ -207,7 +208,7 @@ TEST(ScopeMeasurements, OfASine) {
   EXPECT_FALSE(measured.step);
 }
 
-// A second-order system: overshoot exp(-pi d / sqrt(1 - d^2)), and within 2 % after the last crossing of the band.
+// A second-order system: overshoot exp(-pi d / sqrt(1 - d^2)); it settles at the last crossing of the 2 % band.
 TEST(ScopeMeasurements, OfAStep) {
   constexpr double damping = 0.4;
   constexpr double frequency = 2 * std::numbers::pi * 10;
@@ -274,7 +275,7 @@ TEST(ScopeCsv, HasALineForEachRow) {
             "-0.004000000,55,-0.002500000,-100.5\n0.000000000,55,0.001500000,0\n0.004000000,55,0.005500000,100.5\n");
 }
 
-// Walks the records by the specification.
+// Reads the records by the specification.
 TEST(ScopeMcap, IsAChainOfRecords) {
   const std::string file = mcap_of(of_two_groups());
   ASSERT_EQ(file.substr(0, 8), "\x89MCAP0\r\n");
@@ -339,7 +340,7 @@ TEST(ScopePicture, ShowsEveryChannelAndTheTrigger) {
   EXPECT_THAT(svg, HasSubstr("seconds from the trigger"));
   EXPECT_THAT(svg, HasSubstr("mem: &lt;1&gt; &amp; &quot;2&quot;"));
   EXPECT_EQ(svg.find("nan"), std::string::npos);
-  // Peaks of a sample survive, however many rows there are.
+  // A peak of one sample must be visible, regardless of the number of rows.
   std::vector<double> flat(200'000, 0.0);
   flat[123'456] = 1000;
   const std::string many = svg_of(made_of(flat, 10us));
@@ -365,7 +366,7 @@ TEST(ScopePicture, LeavesAGapWhereSamplesAreMissing) {
 
 TEST(ScopePicture, IsDrawnInDots) {
   const std::string plot = terminal_plot_of(recorded({.duration = 3ms}, 10), 2, 2);
-  // Three samples from the lower left corner to the upper right one, of 4 by 8 dots.
+  // Three samples from the lower left to the upper right corner of 4 by 8 dots.
   EXPECT_THAT(plot, HasSubstr("position [pos]\n"));
   EXPECT_THAT(plot, HasSubstr("           2 "));
   EXPECT_THAT(plot, HasSubstr("           0 "));
@@ -374,4 +375,5 @@ TEST(ScopePicture, IsDrawnInDots) {
 }
 
 }  // namespace
+}  // namespace host_scope_test
 }  // namespace servodrome::host::scope

@@ -2,6 +2,7 @@
 #include "host/canopen/sdo_client.hpp"
 
 namespace servodrome::host::test {
+namespace host_sdo_client_test {
 namespace {
 
 std::vector<std::byte> pattern(std::size_t size) {
@@ -95,9 +96,9 @@ TEST_F(SdoClientTest, BlockOfEverySizeAroundTheSegmentsAndSubBlocks) {
   }
 }
 
-// Each frame of a block transfer, one after another, gets lost once; the data arrive whole nevertheless.
+// Loses each frame of a block transfer in turn; the data must arrive complete.
 TEST_F(SdoClientTest, BlockTransfersRepairWhatIsLost) {
-  const auto sent = pattern(900);  // a sub-block and a bit
+  const auto sent = pattern(900);  // a sub-block and some segments
   client.download({0x2002, 0}, sent);
   unsigned repaired = 0;
   for (const bool upload : {true, false}) {
@@ -114,12 +115,12 @@ TEST_F(SdoClientTest, BlockTransfersRepairWhatIsLost) {
         }
         ++repaired;
       } catch (const SdoError& error) {
-        // A download is not repeated from its beginning: the frames around its segments have no second chance.
+        // A download is not restarted, so the frames before and after its segments are not repeated.
         EXPECT_FALSE(upload) << victim << error.what();
         EXPECT_GE(victim, 130U) << error.what();
       }
       line.lost = [](const Frame&) { return false; };
-      line.bus.run_for(3s);  // the server gives up what was left open
+      line.bus.run_for(3s);  // the server aborts unfinished transfers meanwhile
     }
   }
   EXPECT_GE(repaired, 2 * 127U);
@@ -178,7 +179,7 @@ TEST_F(SdoClientTest, ALateAnswerIsNotTakenForTheNextOne) {
   error_of([&] { impatient.read<std::uint16_t>(0x6040); });
   line.lost = [](const Frame&) { return false; };
   device.objects.statusword = 0x0237;
-  // The answer to 6040h comes while the client waits for 6041h.
+  // The answer for 6040h arrives while the client waits for 6041h.
   bool sent = false;
   const Bus::Subscription intruder = line.bus.every(1us, [&] {
     if (!std::exchange(sent, true)) {
@@ -205,7 +206,7 @@ TEST(SdoClient, RefusesAnImpossibleNode) {
   EXPECT_THROW(SdoClient(line.bus, 128), HostError);
 }
 
-// The package canopen, as a slave: it knows no block upload, and answers with an ordinary one.
+// A server like the Python package canopen: it has no block upload and answers with an ordinary one.
 TEST(SdoTransfer, ABlockUploadMayBeAnsweredByAnOrdinaryOne) {
   SdoTransfer transfer = SdoTransfer::upload({0x2000, 0}, SdoProtocol::block);
   Frame frame;
@@ -232,4 +233,5 @@ TEST(SdoClient, ABlockTransferIsRefusedByANodeWithoutIt) {
 }
 
 }  // namespace
+}  // namespace host_sdo_client_test
 }  // namespace servodrome::host::test

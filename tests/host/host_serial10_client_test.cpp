@@ -5,6 +5,7 @@
 #include "host/serial_master_line.hpp"
 
 namespace servodrome::host::test {
+namespace host_serial10_client_test {
 namespace {
 
 using dictionary::AbortCode;
@@ -70,7 +71,7 @@ TEST(Serial10Client, AnswersThatDoNotFit) {
   EXPECT_THROW(writer.write<std::uint16_t>(1, 0x6040, 0, 6), Serial10Error) << "a write is not repeated";
 }
 
-// Through the operating system.
+// Through the operating system's ptys.
 TEST(Serial10Client, OverAPty) {
   const std::string path = fmt::format("{}servodrome_serial10_{}", testing::TempDir(), ::getpid());
   links::test::SerialRig rig;
@@ -86,4 +87,5 @@ TEST(Serial10Client, OverAPty) {
 }
 
 }  // namespace
+}  // namespace host_serial10_client_test
 }  // namespace servodrome::host::test

@@ -1,5 +1,5 @@
-// Serial lines and Modbus TCP in words: the examples of the iSMK manual byte for byte, framing of a stream in whatever
-// pieces, and captures.
+// Decoding of serial lines and Modbus TCP: the examples of the iSMK manual byte for byte, streams split at any place,
+// and captures.
 #include <gtest/gtest.h>
 #include <random>
 
@@ -12,6 +12,7 @@
 #include "serial10/ismk_examples.hpp"
 
 namespace servodrome::host {
+namespace host_sniff_serial_test {
 namespace {
 
 using namespace std::chrono_literals;
@@ -56,8 +57,8 @@ class SniffSerial : public testing::Test {
   std::vector<Decoded> all;
 };
 
-// Every example of the manual (ch. 8.3): object and value as its text says, and the answer told from the request,
-// although those of function 06 are the same bytes.
+// Every example of the manual (ch. 8.3): object and value as in its text; requests and answers are distinguished,
+// although those of function 06 have the same bytes.
 TEST_F(SniffSerial, ModbusExamplesOfTheIsmkManual) {
   for (const modbus::test::IsmkExample& example : modbus::test::ismk_examples) {
     const ObjectAddress object{example.index, example.sub};
@@ -89,13 +90,13 @@ TEST_F(SniffSerial, WordsOfSomeExamples) {
   heard("01 03 32 00 00 02 CA B3");
   EXPECT_EQ(heard("01 03 04 C0 37 FF FF 76 4D"),
             "station 1 Modbus 6041:00 Statusword is 49207 (C037h) operation enabled");
-  // A read that is refused, with the function code of the manual (ch. 8.3.1), and by the standard's.
+  // A refused read, with the function code of the manual (ch. 8.3.1) and with that of the standard.
   heard(sealed("01 03 99 00 00 01"));
   EXPECT_EQ(heard(sealed("01 81 02")), "station 1 Modbus exception 02h illegal data address: read register 9900h");
   EXPECT_TRUE(all[0].error);
   heard(sealed("01 10 40 00 00 02 04 00 00 00 00"));
   EXPECT_TRUE(heard(sealed("01 90 04")).starts_with("station 1 Modbus exception 04h "));
-  // No station answers a broadcast: the same frame again is another one.
+  // A broadcast has no answer, so the same frame again is another broadcast.
   EXPECT_TRUE(heard(sealed("00 06 31 00 00 06")).starts_with("all stations Modbus write 6040:00"));
   EXPECT_TRUE(heard(sealed("00 06 31 00 00 06")).starts_with("all stations Modbus write 6040:00"));
 }
@@ -124,7 +125,7 @@ TEST_F(SniffSerial, ExamplesOfTheTenByteProtocol) {
   EXPECT_TRUE(all[0].error);
 }
 
-// However the bytes are cut and joined, the words are the same.
+// The text does not depend on how the bytes are split into pieces.
 TEST_F(SniffSerial, AStreamInAnyPieces) {
   std::vector<std::uint8_t> stream;
   std::vector<std::string> expected;
@@ -151,29 +152,29 @@ TEST_F(SniffSerial, AStreamInAnyPieces) {
 }
 
 TEST_F(SniffSerial, WhatIsSpoiltIsSaidAndTheNextFrameFound) {
-  // The manual's own misprint (Table 8-1, register 5020), then a frame.
+  // The misprinted frame of the manual (Table 8-1, register 5020), then a valid one.
   std::string said = heard(modbus::test::ismk_wrong_crc);
   said += words_of(all = decoder.finish());
-  EXPECT_EQ(said, "13 bytes that are no frame: checksum or length is wrong");
+  EXPECT_EQ(said, "13 bytes outside a frame: checksum or length is wrong");
   EXPECT_EQ(heard("01 03 32 00 00 02 CA B3"), "station 1 Modbus read 6041:00 Statusword");
-  // A frame that lost its first bytes in front of a whole one, in one piece.
+  // A frame without its first bytes, followed by a complete one in the same piece.
   heard("04 C0 37 FF FF 76 4D 01 03 32 00 00 02 CA B3");
   ASSERT_EQ(all.size(), 2U) << words_of(all);
   EXPECT_EQ(all[0].kind, FrameKind::garbage);
   EXPECT_EQ(all[1].kind, FrameKind::modbus);
-  // The beginning of one, then silence.
+  // The start of a frame, then silence.
   EXPECT_EQ(heard("01 03 04 C0"), "");
   now += 1s;
   heard("01 03 32 00 00 02 CA B3");
   ASSERT_EQ(all.size(), 2U) << words_of(all);
   EXPECT_EQ(all[0].raw, "01 03 04 C0");
   EXPECT_EQ(heard("01 03"), "");
-  EXPECT_EQ(words_of(decoder.finish()), "2 bytes that are no frame: checksum or length is wrong");
+  EXPECT_EQ(words_of(decoder.finish()), "2 bytes outside a frame: checksum or length is wrong");
 }
 
 TEST_F(SniffSerial, WhoSentItDecidesWhereThatIsKnown) {
   EXPECT_TRUE(heard("01 06 35 00 00 03 C6 07", SerialSender::master).starts_with("station 1 Modbus write 6060:00"));
-  // Once more, because there was no answer.
+  // The master repeats the request because there was no answer.
   EXPECT_TRUE(heard("01 06 35 00 00 03 C6 07", SerialSender::master).starts_with("station 1 Modbus write 6060:00"));
   EXPECT_TRUE(heard("01 06 35 00 00 03 C6 07", SerialSender::drive).starts_with("station 1 Modbus written 6060:00"));
 }
@@ -205,7 +206,7 @@ TEST_F(SniffSerial, AnyBytesAreDecoded) {
 
 // ---- Modbus TCP ----
 
-// A TCP segment between a client (port 40000) and a server, in Ethernet.
+// A TCP segment between a client (port 40000) and a server, in an Ethernet frame.
 std::vector<std::uint8_t> tcp(bool from_client, std::uint32_t sequence, const std::string& data,
                               std::uint8_t flags = 0x18, std::uint16_t port = 502) {
   const std::vector<std::uint8_t> payload = bytes_of(data);
@@ -251,7 +252,8 @@ TEST(SniffModbusTcp, RequestsAndAnswersOfAConnection) {
   };
   EXPECT_EQ(heard(tcp(true, 99, "", 2)), "");
   EXPECT_EQ(heard(tcp(true, 100, "00 01 00 00 00 06 01 03 32 00 00 02")), "unit 1 Modbus read 6041:00 Statusword");
-  // The second request goes out before the first is answered, cut in two by TCP; a repetition says nothing new.
+  // TCP splits the second request in two, and the client sends it before the answer to the first. A retransmission adds
+  // no text.
   EXPECT_EQ(heard(tcp(true, 112, "00 02 00 00 00 06 01 06")), "");
   EXPECT_EQ(heard(tcp(true, 112, "00 02 00 00 00 06 01 06")), "");
   EXPECT_TRUE(heard(tcp(true, 120, "35 00 00 03")).starts_with("unit 1 Modbus write 6060:00"));
@@ -326,10 +328,11 @@ TEST(SerialCapture, RtacSerialPackets) {
     file += little({7, 5, 14, 14}) + std::string(8, '\0') + event + std::string(3, '\0') + "\1\3";
   }
   const auto frames = serial_frames_in(file);
-  ASSERT_EQ(frames.size(), 2U);  // a change of the control lines carries nothing
+  ASSERT_EQ(frames.size(), 2U);  // a change of the control lines has no data
   EXPECT_EQ(std::get<SerialBytes>(frames[0].content).sender, SerialSender::drive);
   EXPECT_EQ(std::get<SerialBytes>(frames[0].content).bytes, bytes_of("01 03"));
 }
 
 }  // namespace
+}  // namespace host_sniff_serial_test
 }  // namespace servodrome::host

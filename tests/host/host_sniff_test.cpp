@@ -1,4 +1,4 @@
-// Captures in words: our manuals' own examples, whole conversations, and files that are no captures.
+// Decoding of captures: the examples of the manuals, complete conversations, and invalid files.
 #include <cstring>
 #include <gtest/gtest.h>
 #include <random>
@@ -12,11 +12,12 @@
 #include "host/sniff/summary.hpp"
 
 namespace servodrome::host {
+namespace host_sniff_test {
 namespace {
 
 using canopen::test::frame_of;
 
-// Source and words of a frame.
+// Source and text of a frame.
 std::string said(CanDecoder& decoder, const char* frame) {
   const Decoded decoded = decoder.decode(frame_of(frame), {});
   return decoded.source.empty() ? decoded.text : decoded.source + " " + decoded.text;
@@ -55,7 +56,7 @@ TEST(SniffCan, ServicesWithoutMemory) {
   for (const auto& [frame, words] : frames) EXPECT_EQ(said(decoder, frame), words) << frame;
 }
 
-// ISMC manual, its worked SDO examples (tests/products/ismc_examples_test.cpp has them against the drive).
+// The SDO examples of the ISMC manual (tests/products/ismc_examples_test.cpp runs them against the drive).
 TEST(SniffCan, ExamplesOfTheIsmcManual) {
   CanDecoder decoder;
   const std::pair<const char*, const char*> frames[] = {
@@ -69,7 +70,7 @@ TEST(SniffCan, ExamplesOfTheIsmcManual) {
       {"602 # 2F 60 60 00 03 00 00 00", "node 2 SDO write 6060:00 Modes of operation = 3 profile velocity"},
       {"602 # 40 61 60 00 00 00 00 00", "node 2 SDO read 6061:00 Modes of operation display"},
       {"582 # 4F 61 60 00 03 00 00 00", "node 2 SDO 6061:00 Modes of operation display is 3 profile velocity"},
-      {"602 # E0 61 60 00 00 00 00 00", "node 2 SDO command E0h is none of SDO"},
+      {"602 # E0 61 60 00 00 00 00 00", "node 2 SDO command E0h is not an SDO command"},
       {"582 # 80 61 60 00 01 00 04 05",
        "node 2 SDO abort 6061:00 Modes of operation display: 0504 0001h command specifier not valid or unknown"},
       {"601 # 23 81 60 00 40 42 0F 00", "node 1 SDO write 6081:00 Profile velocity = 1000000 (000F4240h)"},
@@ -105,7 +106,7 @@ TEST(SniffCan, ABlockTransferIsPutTogether) {
   EXPECT_EQ(said(decoder, "582 # A1 00 00 00 00 00 00 00"), "node 2 SDO block written 2F10:00");
 }
 
-// A master maps controlword and mode to RPDO1, and moves it to another COB-ID.
+// A master maps controlword and mode to RPDO1 and changes its COB-ID.
 TEST(SniffCan, AMappingThatIsWrittenIsUsed) {
   CanDecoder decoder;
   for (const char* frame :
@@ -114,7 +115,7 @@ TEST(SniffCan, AMappingThatIsWrittenIsUsed) {
         "603 # 23 00 14 01 20 02 00 00"}) {
     decoder.decode(frame_of(frame), {});
   }
-  // Not before the drive took it.
+  // The change takes effect only after the drive's confirmation.
   EXPECT_EQ(said(decoder, "220 # 06 00 01"), "node 32 RPDO1 06 00 01");
   decoder.decode(frame_of("583 # 60 00 14 01 00 00 00 00"), {});
   EXPECT_EQ(said(decoder, "220 # 06 00 01"),
@@ -122,7 +123,7 @@ TEST(SniffCan, AMappingThatIsWrittenIsUsed) {
   const Decoded shorter = decoder.decode(frame_of("220 # 06 00"), {});
   EXPECT_TRUE(shorter.error);
   EXPECT_EQ(shorter.text, "RPDO1 6040:00 Controlword = 6 (0006h), 1 bytes missing");
-  // An aborted write changes nothing.
+  // An aborted write has no effect.
   decoder.decode(frame_of("603 # 2F 00 16 00 01 00 00 00"), {});
   decoder.decode(frame_of("583 # 80 00 16 00 00 00 01 06"), {});
   EXPECT_EQ(decoder.decode(frame_of("220 # 06 00 01"), {}).values.size(), 2U);
@@ -177,7 +178,7 @@ std::vector<std::uint8_t> ethercat_frame(bool returned, unsigned command, unsign
 
 class SniffEthercat : public testing::Test {
  protected:
-  // A datagram there and back.
+  // Sends a datagram and receives it back; returns the text.
   std::string exchange(unsigned command, unsigned address, unsigned offset, const std::vector<std::uint8_t>& there,
                        const std::vector<std::uint8_t>& back, unsigned working_counter, bool positional = false) {
     EXPECT_TRUE(decoder.decode(ethercat_frame(false, command, address, offset, there, 0), {}).empty());
@@ -208,7 +209,7 @@ TEST_F(SniffEthercat, FromTheFirstFrameToProcessData) {
   EXPECT_EQ(exchange(4, 0x1001, 0x0130, {0, 0, 0, 0, 0, 0}, {0x11, 0, 0, 0, 0x16, 0}, 1),
             "slave 2 AL status INIT with error 0016h invalid mailbox configuration");
   EXPECT_TRUE(last.error);
-  EXPECT_EQ(exchange(4, 0x1001, 0x0130, {0, 0}, {0, 0}, 0), "slave 2 nobody answered: read AL status");
+  EXPECT_EQ(exchange(4, 0x1001, 0x0130, {0, 0}, {0, 0}, 0), "slave 2 no slave answered: read AL status");
   write(0x0800, {0x00, 0x10, 48, 0, 0x26, 0, 1, 0, 0x00, 0x11, 48, 0, 0x22, 0, 1, 0});
   EXPECT_EQ(mail({0x00, 0x20, 0x40, 0x41, 0x60, 0, 0, 0, 0, 0}, false), "slave 2 SDO read 6041:00 Statusword");
   EXPECT_EQ(mail({0x00, 0x30, 0x4B, 0x41, 0x60, 0, 0x37, 0x02, 0, 0}, true),
@@ -253,7 +254,7 @@ TEST_F(SniffEthercat, AnyBytesAreDecoded) {
   for (int i = 0; i < 50'000; ++i) {
     std::vector<std::uint8_t> data(random() % 64);
     for (auto& byte : data) byte = static_cast<std::uint8_t>(random() >> 8);
-    // Addresses that are used, so that sync managers, FMMUs and mailboxes are set up wildly.
+    // Mostly addresses in use, so that sync managers, FMMUs and mailboxes get random settings.
     const unsigned offsets[] = {0x0800, 0x0600, 0x1000, 0x1100, 0x0010, static_cast<unsigned>(random() & 0xFFFF)};
     auto frame = ethercat_frame(random() % 4 != 0, static_cast<unsigned>(random() % 16),
                                 static_cast<unsigned>(0x1001 + random() % 2), offsets[random() % 6], data, 1);
@@ -315,7 +316,7 @@ TEST(CaptureFile, PcapOfEitherByteOrder) {
   EXPECT_EQ(frames_in(header + packet + packet.substr(0, 20), &error).size(), 1U);
   EXPECT_EQ(error.substr(0, 45), "x, byte 76: the file ends within a packet; gi");
   frames_in(header + words(7, 5, 0x7FFFFFFF, 16), &error);
-  EXPECT_NE(error.find("byte 40: a packet of 2147483647 bytes cannot be"), std::string::npos) << error;
+  EXPECT_NE(error.find("byte 40: a packet length of 2147483647 bytes is not possible"), std::string::npos) << error;
   // Big-endian, microseconds.
   frames = frames_in(words(0xD4C3B2A1, 0x04000200, 0, 0, 0xFFFF0000, 0xE3000000) +
                      words(0x07000000, 0x05000000, 0x10000000, 0x10000000) + packet.substr(16));
@@ -340,8 +341,8 @@ TEST(CaptureFile, WhatIsNoneIsRefusedAtItsPlace) {
   std::string error;
   frames_in("(1.0) can0 123#11\nhello\n", &error);
   EXPECT_EQ(error,
-            "x:2: \"hello\" is no line of a candump log or a serial log; give a candump log (candump -L), a serial log "
-            "(time and bytes), or a pcap or pcapng file");
+            "x:2: \"hello\" is not a line of a candump log or a serial log; give a candump log (candump -L), a serial "
+            "log (time and bytes), or a pcap or pcapng file");
   for (const std::string& bad : {std::string("(1.0) can0 123#1"), std::string("(1.0) can0 12#11"),
                                  std::string("(1.0 can0 123#11"), std::string(100'000, 'x'), std::string(8, '\0')}) {
     error.clear();
@@ -349,7 +350,7 @@ TEST(CaptureFile, WhatIsNoneIsRefusedAtItsPlace) {
     EXPECT_FALSE(error.empty()) << bad.substr(0, 20);
   }
   EXPECT_TRUE(frames_in("").empty());
-  // A device that never ends.
+  // An endless input.
   std::FILE* zero = std::fopen("/dev/zero", "rb");
   ASSERT_NE(zero, nullptr);
   CaptureFile endless(zero, "/dev/zero");
@@ -374,4 +375,5 @@ TEST(SniffFilter, AllOfItMustFit) {
 }
 
 }  // namespace
+}  // namespace host_sniff_test
 }  // namespace servodrome::host

@@ -1,4 +1,4 @@
-// The mathematics of tuning against closed forms.
+// The mathematics of tuning, compared with closed-form solutions.
 #include <cmath>
 #include <functional>
 #include <gtest/gtest.h>
@@ -7,6 +7,7 @@
 #include "host/tuning/proposal.hpp"
 
 namespace servodrome::host::tuning {
+namespace host_tuning_test {
 namespace {
 
 constexpr double turn = 2.0 * std::numbers::pi;
@@ -59,7 +60,7 @@ TEST(FrequencyResponse, NoiseLowersTheCoherence) {
 }
 
 TEST(FrequencyResponse, DifferencesAreVelocity) {
-  // x = sin(w t): the derivative by the differences is exact at any frequency.
+  // x = sin(w t): the derivative computed from the differences is exact at any frequency.
   const double sample_s = 1e-3;
   for (const double hz : {3.0, 50.0, 390.0}) {
     const Complex x = 1.0;
@@ -69,7 +70,7 @@ TEST(FrequencyResponse, DifferencesAreVelocity) {
 }
 
 TEST(Margins, OfAnIntegratorWithDelay) {
-  // L = wc / s e^-sT: 90 degrees less wc T; the phase is -180 at w T = pi / 2.
+  // L = wc / s e^-sT: the phase margin is 90 degrees minus wc T; the phase is -180 degrees at w T = pi / 2.
   const double wc = turn * 40.0;
   const double delay_s = 2e-3;
   const auto hz = frequencies(1.0, 400.0);
@@ -172,4 +173,5 @@ TEST(Propose, ANotchWhereTheResonanceNeedsOne) {
 }
 
 }  // namespace
+}  // namespace host_tuning_test
 }  // namespace servodrome::host::tuning

@@ -4,6 +4,7 @@
 #include <map>
 
 namespace servodrome::host {
+namespace object_cyclic_bus_test {
 namespace {
 
 using namespace std::chrono_literals;
@@ -14,7 +15,7 @@ constexpr PdoObject controlword{{0x6040, 0}, 16};
 constexpr PdoObject position{{0x6064, 0}, 32};
 constexpr PdoObject statusword{{0x6041, 0}, 16};
 
-// Objects in a time of its own.
+// Objects with a clock of their own.
 class Fake final : public ObjectClient {
  public:
   std::vector<std::byte> upload(ObjectAddress object) override {
@@ -71,7 +72,7 @@ TEST(ObjectCyclicBus, ExchangesOnItsGrid) {
   EXPECT_EQ(bus.counters().missed + bus.counters().skipped, 0U);
   EXPECT_EQ(static_cast<std::int32_t>(drive.values[0x60FF]), -cycles);
   EXPECT_EQ(drive.values[0x6040], 0xFU);
-  // The same object is written a millisecond after the last time, to the tick.
+  // Each write of an object comes exactly 1 ms after the previous one.
   std::vector<Time> at;
   for (const auto& [time, index] : drive.written) {
     if (index == 0x60FF) at.push_back(time);
@@ -124,4 +125,5 @@ TEST(ObjectCyclicBus, ARefusalIsTold) {
 }
 
 }  // namespace
+}  // namespace object_cyclic_bus_test
 }  // namespace servodrome::host

@@ -12,7 +12,7 @@ class SerialMasterLine final : public links::test::SerialRig, public links::Virt
  public:
   links::Time now() const override { return line.now(); }
   links::Time now() override { return line.now(); }
-  // To the next thing that happens, 100 us at most.
+  // Advances to the next event, by at most 100 us.
   void step(links::Time latest = links::never) override {
     const links::Time step = std::min<links::Time>(latest, line.now() + 100us);
     line.advance(std::min(step, std::max(line.now() + 1us, line.next_event())));
@@ -21,7 +21,7 @@ class SerialMasterLine final : public links::test::SerialRig, public links::Virt
   std::unique_ptr<links::ByteClient> client() { return std::make_unique<links::MemoryByteClient>(line, *this); }
 };
 
-// Answers each request with what a script says; hears nothing else.
+// Answers each request with the next answer of a script, whatever the request is.
 class ScriptedClient final : public links::ByteClient {
  public:
   using Bytes = std::vector<std::uint8_t>;

@@ -8,7 +8,8 @@
 #include "host/cyclic/cyclic_axis.hpp"
 #include "host/cyclic/cyclic_bus.hpp"
 
-// Drives without loops or motors, for the logic of what commands them: they go in one cycle where they are told.
+// Drives without control loops and motors, to test the logic that commands them: they reach each target within one
+// cycle.
 namespace servodrome::host::test {
 
 class SimulatedDrive final : public ProcessImage {
@@ -17,14 +18,14 @@ class SimulatedDrive final : public ProcessImage {
   std::optional<ProcessObject> input(ObjectAddress object) override { return find(inputs_, input_bytes_, object); }
   std::string where() const override { return "simulated drive"; }
 
-  // ---- What it is ----
+  // ---- State ----
   PowerState state = PowerState::switch_on_disabled;
   std::int64_t position = 0;
   double velocity = 0.0;  // counts/s
   int mode = 0;
   std::uint32_t digital_inputs = 0;
 
-  // ---- What befalls it ----
+  // ---- Faults and settings ----
   bool is_silent = false;
   bool is_blocked = false;
   bool homing_fails = false;
@@ -35,7 +36,7 @@ class SimulatedDrive final : public ProcessImage {
     error_code_ = code;
   }
   void switch_off_by_itself() { state = PowerState::switch_on_disabled; }
-  // An edge at touch probe 1, at the present position.
+  // Simulates an edge at touch probe 1, at the present position.
   void touch(bool rising) {
     const std::uint16_t function = take<std::uint16_t>(0x60B8);
     const unsigned armed = rising ? 0x10U : 0x20U;
@@ -117,7 +118,7 @@ class SimulatedDrive final : public ProcessImage {
   }
 
   void move(std::uint16_t controlword, double period_s) {
-    // The last quarter of a turn of the counter: 607Ah is 32 bits wide.
+    // 607Ah is 32 bits wide, so the difference is taken modulo 2^32.
     const auto target = take<std::uint32_t>(0x607A);
     constexpr double counts_per_s2_per_permille = 200.0;
     switch (mode) {
@@ -168,7 +169,7 @@ class SimulatedDrive final : public ProcessImage {
   double rest_ = 0.0;
 };
 
-// In virtual time: a cycle each period, whenever the caller waits.
+// A bus in virtual time: one cycle each period, whenever the caller waits.
 class SimulatedBus final : public CyclicBus {
  public:
   explicit SimulatedBus(std::size_t drives, Time period = std::chrono::milliseconds(1))

@@ -1,4 +1,4 @@
-// Frequency responses of whole signals, against systems whose response is known in closed form.
+// Frequency responses computed from whole signals, compared with systems whose response is known in closed form.
 #include "host/tuning/spectrum.hpp"
 
 #include <cmath>
@@ -6,11 +6,12 @@
 #include <numbers>
 
 namespace servodrome::host::tuning {
+namespace spectrum_test {
 namespace {
 
 constexpr double sample_s = 1.0 / 4000.0;
 
-// Sines from `from_hz` to `to_hz`, and rest before and after.
+// A sine sweep from `from_hz` to `to_hz`, with rest before and after.
 std::vector<double> sweep(double from_hz, double to_hz, double seconds) {
   std::vector<double> values(static_cast<std::size_t>(seconds * 1.1 / sample_s));
   const double growth = std::log(to_hz / from_hz);
@@ -58,7 +59,7 @@ TEST(Spectrum, OfADelayIsItsPhase) {
   }
 }
 
-// What the input does not explain shows in the coherence.
+// Noise in the output lowers the coherence.
 TEST(Spectrum, NoiseTakesTheCoherenceAway) {
   const auto input = sweep(2.0, 400.0, 4.0);
   auto output = lag(input, 0.95);
@@ -73,7 +74,7 @@ TEST(Spectrum, NoiseTakesTheCoherenceAway) {
   const auto noisy = response_of_signals(input, output, sample_s, request);
   const auto unrelated = response_of_signals(input, noise, sample_s, request);
   ASSERT_FALSE(noisy.empty());
-  EXPECT_GT(noisy.front().coherence, 0.9);  // where the lag lets much through
+  EXPECT_GT(noisy.front().coherence, 0.9);  // where the lag has a high gain
   EXPECT_LT(noisy.back().coherence, noisy.front().coherence);
   double mean = 0.0;
   for (const ResponsePoint& point : unrelated) mean += point.coherence / static_cast<double>(unrelated.size());
@@ -84,7 +85,7 @@ TEST(Spectrum, OfNothingIsEmpty) {
   EXPECT_TRUE(response_of_signals({}, {}, sample_s, {}).empty());
   const std::vector<double> still(1000, 5.0);
   EXPECT_TRUE(response_of_signals(still, still, sample_s, {}).empty());
-  // Below what the length of the recording resolves there is no point.
+  // There are no points below the frequency resolution of the recording.
   const auto input = sweep(20.0, 400.0, 0.5);
   const auto points = response_of_signals(input, input, sample_s, {.lowest_hz = 0.01, .highest_hz = 350.0});
   ASSERT_FALSE(points.empty());
@@ -92,4 +93,5 @@ TEST(Spectrum, OfNothingIsEmpty) {
 }
 
 }  // namespace
+}  // namespace spectrum_test
 }  // namespace servodrome::host::tuning

@@ -92,7 +92,7 @@ def test_an_axis_is_found_again(start_line, tmp_path):
     assert abs(keys["load"]["inertia_kgm2"] / LOAD["inertia_kgm2"] - 1) < 0.02, found
     pasted = tmp_path / "pasted.toml"
     pasted.write_text(f'{bus_text("can0")}[[axis]]\nname = "x"\nproduct = "generic402"\nnode = 2\n{found}')
-    assert "nothing wrong" in servodrome("check", pasted)
+    assert "no errors" in servodrome("check", pasted)
     table = servodrome("fit", own, "--line", line_file)
     assert re.search(r"inertia J +0\.00016\d+ +\+-\S+ +kgm2", table), table
 
@@ -113,5 +113,5 @@ def test_what_is_no_recording(tmp_path):
         said = servodrome("fit", file, status=status)
         assert str(file) in said and says in said, said
     assert "roles are position" in servodrome("fit", short, "--signal", "speed=x", status=2)
-    assert "say which by --axis" in servodrome("fit", short, "--line", DOCS.parent / "lines/default.toml", status=2)
+    assert "choose one with --axis" in servodrome("fit", short, "--line", DOCS.parent / "lines/default.toml", status=2)
     assert "--torque-constant" in servodrome("fit", "--help")

@@ -148,7 +148,7 @@ def test_wrong_use_is_told_before_anything_is_done(scope, tmp_path):
     assert "give a lower rate" in scope("position", "--rate", "2000", status=1)
     assert "neither a command nor an axis" in scope("position", "--do", "mvoe by 3", status=2)
     assert "5FFF:00" in scope("5FFF", status=1)
-    assert "did not come within" in scope("position", "--trigger", "position > 2147483646", "--timeout", "0.3", status=1)
+    assert "did not occur within" in scope("position", "--trigger", "position > 2147483646", "--timeout", "0.3", status=1)
     assert [path.name for path in tmp_path.iterdir()] == ["line0"], "the line's own folder"
 
 

@@ -163,7 +163,7 @@ def test_what_needs_a_plant_is_refused(studio):
     ):
         with pytest.raises(ApiError) as refused:
             studio.bench.call(method, path, {} if method != "GET" else None)
-        assert refused.value.status == 409 and "virtual line" in refused.value.body["error"]["what"], path
+        assert refused.value.status == 409 and "simulated drives" in refused.value.body["error"]["what"], path
     with pytest.raises(ApiError) as refused:
         studio.bench.get("axes/nobody/states")
     assert refused.value.status == 404 and "ismc-1" in refused.value.body["error"]["hint"]
@@ -312,7 +312,7 @@ def test_axes_that_were_moved_from_here_are_stopped_at_the_end(line):
 def test_wrong_use_is_said(line):
     can = buses_of(line)[0]
     assert "--bus" in servodrome("studio", status=2)
-    assert "no number of a drive" in servodrome("studio", "--bus", f"{can}=x", status=2)
+    assert "is not a drive number" in servodrome("studio", "--bus", f"{can}=x", status=2)
     assert "node 9 does not answer" in servodrome("studio", "--bus", f"{can}=1,9", status=1)
     assert "given twice" in servodrome("studio", "--bus", can, "--bus", can, status=2)
     servodrome("studio", "--bus", "socketcand:127.0.0.1:1/can0", status=1)

@@ -58,7 +58,7 @@ AXES = {
 # What lost cycles look like. A heartbeat that comes too late is a fault of the drive. A slave whose watchdog has run
 # out (100 ms) leaves OP, and its drive operation enabled.
 TOO_BUSY = (
-    "a computer that is less busy",
+    "a computer with less load",
     "no longer sends its process data",
     "in a row",
     "frames do not come back",
@@ -68,7 +68,7 @@ TOO_BUSY = (
 WATCHDOG = ("sync manager watchdog", "switch on disabled")
 # What cycles look like that came, but not evenly: the delay measured is longer than the drive's, or the new gains do
 # not keep what was promised of them.
-UNEVEN = ("the loop's delay of", "measured with the new gains")
+UNEVEN = ("the loop delay of", "with the new gains")
 ATTEMPTS = 8
 SHORT = ["--seconds", "4", "--reset-fault"]
 

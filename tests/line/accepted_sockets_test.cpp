@@ -1,6 +1,6 @@
-// The sockets that socketcand, Modbus TCP and the bench API accept: what is sent leaves at once, what comes is
-// acknowledged at once after each receive, and a client that is gone without a word is noticed. Client and server are
-// one process here, so that the server's socket can be asked.
+// The sockets that socketcand, Modbus TCP and the bench API accept: they send immediately, they acknowledge immediately
+// after each receive, and they detect a client that has vanished. Client and server are in one process here, so that
+// the test can read the options of the server's socket.
 #include <array>
 #include <atomic>
 #include <filesystem>
@@ -18,13 +18,13 @@
 
 namespace {
 
-// How often TCP_QUICKACK was switched on, by descriptor. The kernel gives the option up by itself and takes it back by
-// itself, so that what it says now tells nothing.
+// How often TCP_QUICKACK was switched on, by descriptor. The kernel switches the option off and on by itself, so
+// reading its present value proves nothing.
 std::array<std::atomic<int>, 1024> quick_acknowledges{};
 
 }  // namespace
 
-// In place of the library's, for all of this program.
+// Replaces the library's function in this whole program.
 extern "C" int setsockopt(int descriptor, int level, int name, const void* value, socklen_t size) noexcept {
   const bool on = size >= sizeof(int) && *static_cast<const int*>(value) != 0;
   if (level == IPPROTO_TCP && name == TCP_QUICKACK && on) ++quick_acknowledges.at(static_cast<std::size_t>(descriptor));
@@ -59,7 +59,7 @@ struct Service {
   const char* greeting;  // sent first; the server answers it
   const char* half;      // sent next; the server does not answer it
 };
-// A frame of no drive; half a request; half a header.
+// A frame for no drive; half a request; half a header.
 const Service services[] = {{"socketcand", "< open can0 >< rawmode >", "< send 123 1 00 >"},
                             {"modbus", nullptr, "half"},
                             {"api", nullptr, "GET /api/v1/clock HT"}};
@@ -80,7 +80,7 @@ class AcceptedSockets : public testing::TestWithParam<Service> {
           .endpoint.port;
     return std::get<links::SocketcandName>(links::parse_can_link(line.buses()[0]->links[0]->name())).port;
   }
-  // The descriptor of this process whose peer is our socket.
+  // The descriptor in this process that is connected to our socket.
   int find_accepted() {
     const tcp::endpoint ours = socket.local_endpoint();
     const auto found = [&]() -> int {
@@ -106,7 +106,7 @@ class AcceptedSockets : public testing::TestWithParam<Service> {
     return value;
   }
   int option(int level, int name) const { return option_of(accepted, level, name); }
-  // False after some seconds: a failure, not a measurement.
+  // Returns false after some seconds: the test has failed.
   static bool until(const std::function<bool()>& condition) {
     for (int i = 0; i < 2000; ++i) {
       if (condition()) return true;
@@ -133,7 +133,7 @@ TEST_P(AcceptedSockets, AreServedPromptlyAndWatched) {
             60);
 }
 
-// What is read has no answer, so that nothing but the receive can have asked for it.
+// The bytes that are read get no answer, so only the receive can have switched the option on.
 TEST_P(AcceptedSockets, AcknowledgeAtOnceAfterEachReceive) {
   if (GetParam().greeting != nullptr) {
     write(GetParam().greeting);

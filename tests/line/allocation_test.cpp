@@ -9,12 +9,12 @@
 #include "links/can/memory_port.hpp"
 #include "support.hpp"
 
-// Counts every allocation of the program: none may happen while a line runs.
+// Counts all allocations of the program. There must be none while a line runs.
 namespace {
 std::atomic<std::uint64_t> allocations{0};
 }  // namespace
 
-// Not inlined: GCC 12 takes the pair for a mismatch otherwise.
+// Not inlined, because GCC 12 would otherwise report new and delete as mismatched.
 [[gnu::noinline]] void* operator new(std::size_t size) {
   ++allocations;
   if (void* memory = std::malloc(size)) return memory;
@@ -81,7 +81,7 @@ TEST(Allocation, NothingIsAllocatedWhileALineRuns) {
     canopen::Frame upload{.id = 0x602, .length = 8};
     upload.data = {0x40, 0x64, 0x60, 0};
     send(upload);
-    if (i == 500) line.axes()[0]->plant().inject(plant::Injection::encoder_loss, true);  // a fault and its EMCY too
+    if (i == 500) line.axes()[0]->plant().inject(plant::Injection::encoder_loss, true);  // causes a fault and its EMCY
     while (master.receive()) ++received;
   }
   EXPECT_EQ(allocations - before, 0U);
@@ -89,7 +89,7 @@ TEST(Allocation, NothingIsAllocatedWhileALineRuns) {
   EXPECT_NE(line.axes()[0]->plant().position_counts(), 0);
 }
 
-// Streams and recordings look at every tick; what they need they have before.
+// Streams and recordings sample every tick. They allocate their memory before.
 TEST(Allocation, NothingIsAllocatedWhileALineIsLookedAt) {
   const LineFile file = parse_line_file(default_line_text(), "default.toml", all_products());
   ASSERT_TRUE(file.diagnostics.empty());
@@ -105,7 +105,7 @@ TEST(Allocation, NothingIsAllocatedWhileALineIsLookedAt) {
   const auto& done = recording(R"("signal": "velocity_rpm")", R"({"kind": "now"})");
   const auto& armed = recording(R"("object": "6041:00")", R"({"kind": "level", "level": 1e9})");
   const std::shared_ptr<Samples> tap = source.signal(axis, "position_counts").open(1);
-  line.run_until(std::chrono::milliseconds(300));  // the drives have started, and that was told
+  line.run_until(std::chrono::milliseconds(300));  // the drives have started, and these events were published
 
   const std::uint64_t before = allocations;
   line.run_until(std::chrono::milliseconds(1300));
@@ -115,7 +115,7 @@ TEST(Allocation, NothingIsAllocatedWhileALineIsLookedAt) {
   EXPECT_EQ(tap->due(), 1300 * 16 + 1);
 }
 
-// Asks the drive of an RS485 line for its statusword, time and again.
+// Requests the statusword of the drive on the RS485 line repeatedly.
 class Poller final : public links::SerialStation {
  public:
   explicit Poller(links::SerialLine& line) : line_(line), port_(line.attach(*this)) {}

@@ -1,4 +1,4 @@
-// What the bench API tells about an axis for a page to draw: travel, homing methods, power states, faults in words.
+// The bench API's data about an axis for drawing: travel, homing methods, power states, faults in words.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 #include <nlohmann/json.hpp>
@@ -9,6 +9,7 @@
 #include "support.hpp"
 
 namespace servodrome::line::bench {
+namespace axis_details_test {
 namespace {
 
 using namespace test;
@@ -124,7 +125,7 @@ TEST_F(AxisDetails, HomingLegsAreThoseOfTheStandardsFigures) {
   ASSERT_EQ(seven["legs"].size(), 4U);
   EXPECT_EQ(seven["legs"][0], json::parse(R"({"direction": "positive", "speed": "switch", "until": "home_rising",
     "then": "stop", "next": 2, "on_limit": 1,
-    "text": "positive, at the speed during search for switch, until the home switch becomes active; then to rest; at the positive limit switch to rest, then leg 2"})"));
+    "text": "positive, at the speed during search for switch, until the home switch becomes active; then stop; at the positive limit switch stop, then leg 2"})"));
   EXPECT_EQ(seven["legs"][3]["until"], "index");
   EXPECT_EQ(seven["legs"][3]["then"], "latch");
   EXPECT_TRUE(seven["legs"][3]["next"].is_null());
@@ -156,7 +157,7 @@ TEST_P(AxisDetails, HomingIsTheProductsTable) {
                            table.begin(), table.end(), [](const drive::Method& method) { return !method.idle; })));
 }
 
-// The controlwords lead where they say, all the way up and down.
+// The controlwords lead to the listed states, through all states up and down.
 TEST_P(AxisDetails, TransitionsLeadWhereTheySay) {
   const std::string axis = GetParam();
   const auto go = [&](unsigned number) {
@@ -206,7 +207,7 @@ json entry_of(const json& list, const std::string& index, unsigned sub) {
   return json();
 }
 
-// Every object that a product has is explained, and no text is of an object that no product has.
+// Every object of a product has a text, and there is no text for an object that no product has.
 TEST_P(AxisDetails, EveryObjectIsExplained) {
   const json list = get(std::string(GetParam()) + "/objects");
   for (const json& entry : list["objects"]) {
@@ -320,13 +321,13 @@ TEST_F(AxisDetails, TheErrorHistoryIsExplained) {
       EXPECT_FALSE(fault.value(key, "").empty()) << key << " of " << fault.dump();
     }
   }
-  // As long as the drive has it: 1003h does not outlive its power.
+  // The drive keeps 1003h only while it has power.
   ASSERT_EQ(ask(Method::post, "generic402/power", R"({"action": "off"})").status, 200U);
   EXPECT_EQ(get("generic402/faults")["history"], json::array());
 }
 
 TEST_F(AxisDetails, WhatADriveRemembersIsExplained) {
-  // Keeps alarms of a motor that is not enabled as well.
+  // The drive then also keeps alarms of a motor that is not enabled.
   ASSERT_EQ(ask(Method::put, "ismk/objects/2605/3", R"({"value": 65535})").status, 204U);
   for (const char* code : {"0x7331", "0x4310"}) {
     ASSERT_EQ(ask(Method::post, "ismk/faults", json{{"inject", code}}.dump()).status, 200U);
@@ -343,4 +344,5 @@ TEST_F(AxisDetails, WhatADriveRemembersIsExplained) {
 }
 
 }  // namespace
+}  // namespace axis_details_test
 }  // namespace servodrome::line::bench

@@ -1,5 +1,5 @@
-// What one sees who stands in front of a drive, outputs, lamps and warnings, in the bench API and in its stream; and
-// what the bench injects, where the drive is told not to watch it.
+// The visible state of a drive (outputs, lamps and warnings) in the bench API and its stream, and faults that the bench
+// injects while the drive's settings mask them.
 #include <fmt/format.h>
 #include <gtest/gtest.h>
 
@@ -9,6 +9,7 @@
 #include "support.hpp"
 
 namespace servodrome::line {
+namespace axis_front_test {
 namespace {
 
 using namespace test;
@@ -20,7 +21,7 @@ class Front {
       : line(settings_of(
             fmt::format("clock = \"virtual\"\n[[bus]]\nname = \"bus\"\n{}[[axis]]\nname = \"axis\"\nproduct = \"{}\"\n",
                         ethercat ? "type = \"ethercat\"\n" : "", product))) {
-    if (!ethercat) master.emplace(line.buses()[0]->bus);  // a node alone hears no acknowledgement
+    if (!ethercat) master.emplace(line.buses()[0]->bus);  // a node alone gets no acknowledgement
     run();
   }
   void run(Time time = 20ms) { line.run_until(line.now() + time); }
@@ -34,7 +35,7 @@ class Front {
     run();
   }
   bool in_fault() { return axis().device().drive().any_fault(); }
-  // "on", "flashes 4"; "" if there is no such lamp.
+  // Returns text such as "on" or "flashes 4"; "" if there is no such lamp.
   std::string lamp(std::string_view name) {
     const Json now = view();
     for (const Json& lamp : now["lamps"]) {
@@ -70,7 +71,7 @@ TEST(AxisFront, OutputsAreInTheViewAndAreSignals) {
 
 TEST(AxisFront, ProductsHaveTheOutputsOfTheirManuals) {
   EXPECT_EQ(Front("ismc").view()["outputs"].size(), 4U);          // DO0..DO3 (Table 4-92)
-  EXPECT_EQ(Front("pronet").view()["outputs"].size(), 0U);        // none are described
+  EXPECT_EQ(Front("pronet").view()["outputs"].size(), 0U);        // the manual describes none
   EXPECT_EQ(Front("ismk").view()["outputs"].size(), 5U);          // OUT1..OUT5 (Table 3-1, ch. 5.6.2 and 5.6.2.1)
   EXPECT_EQ(Front("jmc_ec", true).view()["outputs"].size(), 2U);  // alarm and in position (ch. 3.1.2)
 }
@@ -103,7 +104,7 @@ TEST(AxisFront, LampsOfASlaveFollowItsState) {
   EXPECT_EQ(front.lamp("ERR"), "off");
 }
 
-// Table 3-1 of the iSMK's manual.
+// Table 3-1 of the iSMK manual.
 TEST(AxisFront, LampsOfTheIsmk) {
   Front front("ismk");
   EXPECT_EQ(front.lamp("PWR"), "on");
@@ -114,7 +115,7 @@ TEST(AxisFront, LampsOfTheIsmk) {
   EXPECT_EQ(front.lamp("RUN"), "off");
 }
 
-// On EtherCAT the bus has lamps of its own beside those.
+// On EtherCAT there are also the lamps of the bus.
 TEST(AxisFront, LampsOfTheIsmkOnEthercat) {
   Front front("ismk-ea", true);
   EXPECT_EQ(front.view()["lamps"].size(), 5U);
@@ -163,7 +164,7 @@ TEST(AxisFront, I2tOfTheIsmcIsMaskedBy2017h) {
   EXPECT_TRUE(front.in_fault());
 }
 
-// 2200h is off from the factory.
+// 2200h is 0 (off) by factory setting.
 TEST(AxisFront, VelocityErrorOfTheIsmcIsMaskedBy2200h) {
   Front front("ismc");
   front.inject(drive::Cause::velocity_error);
@@ -174,4 +175,5 @@ TEST(AxisFront, VelocityErrorOfTheIsmcIsMaskedBy2200h) {
 }
 
 }  // namespace
+}  // namespace axis_front_test
 }  // namespace servodrome::line

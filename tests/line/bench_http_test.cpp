@@ -22,8 +22,9 @@
 #include "line/line_server.hpp"
 #include "support.hpp"
 
-// The door of the bench API as strangers find it: files, WebSockets, and what is no request at all.
+// The bench API's server against any client: files, WebSockets, and input that is no valid request.
 namespace servodrome::line {
+namespace bench_http_test {
 namespace {
 
 using namespace test;
@@ -48,7 +49,7 @@ name = "x"
 product = "ismc"
 )";
 
-// A page as it is built, with files around it that must not be served.
+// A built page, with files outside its folder that must not be served.
 class Page {
  public:
   Page() : root_(testing::TempDir() + "servodrome_bench_http_test_" + std::to_string(::getpid())) {
@@ -101,7 +102,7 @@ class Running {
   std::thread thread_;
 };
 
-// Bytes out and an answer in, on a connection of its own.
+// Sends bytes and reads an answer, on its own connection.
 class Client {
  public:
   explicit Client(std::uint16_t port) : stream_(io_) {
@@ -123,13 +124,13 @@ class Client {
     for (const auto& [name, value] : fields) text += name + ": " + value + "\r\n";
     return raw(text + "\r\n" + body);
   }
-  // Sends bytes, and reads up to and with an ending.
+  // Sends bytes, and reads up to and including `ending`.
   std::string until(const std::string& bytes, const std::string& ending) {
     boost::asio::write(stream_, boost::asio::buffer(bytes));
     std::string text = beast::buffers_to_string(buffer_.data());
     buffer_.consume(buffer_.size());
     const std::size_t size = boost::asio::read_until(stream_.socket(), boost::asio::dynamic_buffer(text), ending);
-    // What came behind it is read by the next call.
+    // The next call reads the bytes behind it.
     const auto rest = boost::asio::buffer(text) + size;
     buffer_.commit(boost::asio::buffer_copy(buffer_.prepare(rest.size()), rest));
     return text.substr(0, size);
@@ -252,7 +253,8 @@ TEST(BenchHttp, AbuseIsAnsweredAndEndsNothing) {
   EXPECT_EQ(Client(running.port()).ask("GET", "/api/v1/version").result_int(), 200U);
 }
 
-// Beast throws for a field of more than 64 KiB, which a trailer may have: the limit of headers does not count it.
+// Beast throws for a field of more than 64 KiB. A trailer may have one, because the limit of the header does not apply
+// to it.
 TEST(BenchHttp, ATrailerOfAnyLengthEndsNothing) {
   Running running;
   const std::string chunked =
@@ -267,7 +269,7 @@ TEST(BenchHttp, ATrailerOfAnyLengthEndsNothing) {
   }
 }
 
-// Whatever a handler throws, its request is refused or its connection ends; the server and the others go on.
+// If a handler throws, its request is refused or its connection ends. The server and the other connections continue.
 TEST(BenchHttp, AnExceptionEndsItsConnectionAndNothingElse) {
   using bench::Call;
   using bench::Json;
@@ -301,7 +303,7 @@ TEST(BenchHttp, AnExceptionEndsItsConnectionAndNothingElse) {
   EXPECT_EQ(running.server().failed_connections(), 1U);
 }
 
-// RFC 9112: a coding that is not known leaves open where the body ends; a whole address names the host by itself.
+// RFC 9112: with an unknown transfer coding the end of the body is unknown; a whole address overrides the Host field.
 TEST(BenchHttp, CodingsAndAddressesAreTakenAsTheStandardHasThem) {
   Running running;
   const auto status = [&](const std::string& bytes) { return Client(running.port()).raw(bytes).result_int(); };
@@ -330,7 +332,8 @@ TEST(BenchHttp, CodingsAndAddressesAreTakenAsTheStandardHasThem) {
   }
 }
 
-// A thousand objects take milliseconds. They are made some at a time, so that a master's frames are served in between.
+// A list of a thousand objects takes milliseconds. It is generated in parts, so that a master's frames are served in
+// between.
 TEST(BenchHttp, AListOfObjectsIsMadeInParts) {
   Line line(settings_of(one_axis));
   const auto response = bench::begin(line, {.target = "/api/v1/axes/x/objects"});
@@ -351,7 +354,7 @@ TEST(BenchHttp, AListOfObjectsIsMadeInParts) {
   EXPECT_EQ(field(answer, "Content-Type"), "application/json");
 }
 
-// Requests have half of the time at most: what one takes beyond its turn is paid by those that follow.
+// Requests use at most half of the time: the time of a request beyond its turn delays those that follow.
 TEST(BenchRates, RequestsThatTakeLongWaitLonger) {
   static constexpr std::array routes{
       bench::Route{bench::Method::get, "/api/v1/test/slow", [](bench::Call&) -> bench::Json {
@@ -376,8 +379,8 @@ TEST(BenchHttp, BracketsWithinBracketsAreRefused) {
   }
   const std::string in_text = R"({"value":")" + std::string(1000, '[') + R"(\"[[[["})";
   EXPECT_THAT(Client(running.port()).ask("PUT", "/api/v1/axes/x/objects/6081/0", {}, in_text).body(),
-              HasSubstr("wrong kind"));
-  // What a line file nests.
+              HasSubstr("wrong type"));
+  // Nested values in a line file.
   for (const std::string& nested :
        {std::string(500'000, '['), "a = " + std::string(500'000, '['), "a" + std::string(3, '\n') + [] {
           std::string key = "a";
@@ -412,7 +415,7 @@ TEST(BenchHttp, ALongCsvComesInChunks) {
   const auto data = client.ask("GET", "/api/v1/recordings/1/data");
   EXPECT_EQ(field(data, "Transfer-Encoding"), "chunked");
   EXPECT_EQ(data.body().size(), 24U + 16000 * 8);
-  // HTTP 1.0 knows no chunks.
+  // HTTP 1.0 has no chunks.
   const auto whole = client.raw("GET /api/v1/recordings/1/data.csv HTTP/1.0\r\nHost: 127.0.0.1\r\n\r\n");
   EXPECT_EQ(whole.body(), csv.body());
 }
@@ -438,7 +441,7 @@ TEST(BenchHttp, DataInPartsIsEachChannelInOrder) {
   for (std::size_t n = 0; n < 16000; ++n) {
     expected += fmt::format("{},{},{}\n", values[n], values[16000 + n], values[32000 + n]);
   }
-  // The table has them in rows, behind tick and time.
+  // The table has the samples in rows, after tick and time.
   std::istringstream csv(client.ask("GET", "/api/v1/recordings/1/data.csv").body());
   std::string row;
   std::string found;
@@ -460,7 +463,7 @@ TEST(BenchHttp, AHeadIsAnAnswerWithoutItsBody) {
         client.until(fmt::format("HEAD {} HTTP/1.1\r\nHost: 127.0.0.1\r\n\r\n", target), "\r\n\r\n");
     EXPECT_THAT(head, HasSubstr(fmt::format("Content-Length: {}\r\n", whole.body().size()))) << target;
     EXPECT_THAT(head, testing::StartsWith(fmt::format("HTTP/1.1 {} ", whole.result_int())));
-    // Nothing is left behind it: the next answer begins with its own header.
+    // No bytes follow the body: the next answer begins with its own header.
     EXPECT_EQ(client.ask("GET", "/api/v1/version").result_int(), 200U) << target;
   }
 }
@@ -472,7 +475,7 @@ TEST(BenchHttp, WhoAsksWhetherItsBodyIsWantedIsToldToSendIt) {
   EXPECT_EQ(client.until(head + "Content-Length: 8\r\n\r\n", "\r\n\r\n"), "HTTP/1.1 100 Continue\r\n\r\n");
   EXPECT_EQ(client.raw(R"({"ms":5})").result_int(), 200U);
   EXPECT_EQ(json::parse(client.ask("GET", "/api/v1/clock").body())["ticks"], 80);
-  // One that is too long is refused before it is sent.
+  // A body that is too long is refused before it is sent.
   EXPECT_EQ(client.raw(head + "Content-Length: 1000000\r\n\r\n").result_int(), 413U);
 }
 
@@ -482,7 +485,7 @@ TEST(BenchHttp, ADownloadIsNotCutToMakeRoom) {
   first.ask("POST", "/api/v1/recordings", {},
             R"({"channels":[{"axis":"x","signal":"velocity_rpm"}],"rate_hz":16000,"duration_ms":30000})");
   first.ask("POST", "/api/v1/clock/advance", {}, R"({"ms":30100})");
-  // It has asked longest ago, and reads nothing yet: the table does not fit into what the system keeps for it.
+  // This client has waited longest and reads nothing yet. Its response does not fit into the system's buffers.
   const std::string status =
       first.until("GET /api/v1/recordings/1/data.csv HTTP/1.1\r\nHost: 127.0.0.1\r\n\r\n", "\r\n");
   EXPECT_EQ(status, "HTTP/1.1 200 OK\r\n");
@@ -508,12 +511,12 @@ TEST(BenchHttp, ClientsAreServedAgainAfterFileDescriptorsRanOut) {
     tcp::socket waiting(io);
     waiting.open(tcp::v4());
     rlimit few = before;
-    const int next = ::dup(0);  // the lowest that is free
+    const int next = ::dup(0);  // the lowest free descriptor
     ::close(next);
     few.rlim_cur = static_cast<rlim_t>(next);
     ASSERT_EQ(::setrlimit(RLIMIT_NOFILE, &few), 0);
     waiting.connect(tcp::endpoint(boost::asio::ip::make_address("127.0.0.1"), running.port()));
-    // The server cannot take it, and asks again and again without doing nothing else.
+    // The server cannot accept the connection. It retries periodically, but does not busy-wait.
     const std::string get = "GET /api/v1/version HTTP/1.1\r\nHost: 127.0.0.1\r\n\r\n";
     boost::asio::write(waiting, boost::asio::buffer(get));
     std::this_thread::sleep_for(150ms);
@@ -535,7 +538,7 @@ class Socket {
     beast::get_lowest_layer(socket_).expires_after(30s);
     host_ = "127.0.0.1:" + std::to_string(port);
   }
-  // The status of the handshake; 101 is success.
+  // Returns the status of the handshake; 101 is success.
   unsigned open(const Fields& fields = {}, const std::string& target = "/api/v1/stream") {
     socket_.set_option(websocket::stream_base::decorator([&fields](websocket::request_type& request) {
       for (const auto& [name, value] : fields) request.set(name, value);
@@ -592,7 +595,7 @@ TEST(BenchSocket, StreamsToItsClient) {
     expected += header.samples;
   }
   EXPECT_EQ(expected, 1601U);
-  // A client that says nothing hears of what happens by itself.
+  // A client that sends nothing receives events.
   socket.write(R"({"watch":{"axes":50}})");
   EXPECT_EQ(socket.text()["axes"][0]["name"], "x");
   Client(running.port()).ask("POST", "/api/v1/axes/x/power", {}, R"({"action":"off"})");
@@ -603,7 +606,7 @@ TEST(BenchSocket, StreamsToItsClient) {
   }
 }
 
-// The status of a handshake as a stranger makes it.
+// Returns the status of a handshake with any fields.
 unsigned handshake_status(Running& running, Fields fields, const std::string& target = "/api/v1/stream") {
   fields.emplace("Host", running.host());
   fields.emplace("Upgrade", "websocket");
@@ -683,7 +686,7 @@ TEST(BenchSocket, WhatIsNoFrameEndsTheConnectionAlone) {
     socket.text();
     EXPECT_TRUE(socket.code.failed()) << "a message too long";
   }
-  // Half a frame, and gone.
+  // Sends half a frame and disconnects.
   {
     Socket socket(running.port());
     ASSERT_EQ(socket.open(), 101U);
@@ -739,7 +742,7 @@ TEST(BenchSocket, AClientThatReadsNothingDelaysNobody) {
   for (int n = 0; n < 20; ++n) {
     ASSERT_EQ(client.ask("POST", "/api/v1/clock/advance", {}, R"({"ms":1000})").result_int(), 200U);
   }
-  // It wakes up: what it was not given is left out, what it was given is in order.
+  // The client reads again: some samples were left out, but those sent are in order.
   std::uint64_t next = 0;
   std::uint32_t coarsest = 1;
   while (next < 300'000) {
@@ -789,11 +792,12 @@ TEST(BenchSocket, WhoIsSentAwayAndReadsNothingIsCutHoweverMuchItSends) {
   for (int n = 0; n < 16; ++n) channels += std::string(n == 0 ? "" : ",") + R"({"axis":"x","signal":"velocity_rpm"})";
   socket.write(R"({"subscribe":{"id":1,"channels":[)" + channels + R"(],"rate_hz":16000}})");
   EXPECT_TRUE(socket.text().contains("subscribed"));
-  // More than the system keeps for it.
+  // More data than the system's buffers hold.
   Client(running.port()).ask("POST", "/api/v1/clock/advance", {}, R"({"ms":15000})");
   const std::string end = R"({"unsubscribe":{"id":99}})";
-  for (int n = 0; n < 300; ++n) socket.socket().write(boost::asio::buffer(end), socket.code);  // too many: it is to go
-  // It does not hear it, and goes on.
+  // More messages than allowed, so the server closes the connection.
+  for (int n = 0; n < 300; ++n) socket.socket().write(boost::asio::buffer(end), socket.code);
+  // The client does not read the close frame and keeps sending.
   const auto began = std::chrono::steady_clock::now();
   while (!socket.code && std::chrono::steady_clock::now() - began < 60s) {
     socket.socket().write(boost::asio::buffer(end), socket.code);
@@ -823,4 +827,5 @@ TEST(BenchClock, VirtualTimePassesAtTheSpeedThatWasSet) {
 }
 
 }  // namespace
+}  // namespace bench_http_test
 }  // namespace servodrome::line

@@ -8,7 +8,7 @@
 
 namespace servodrome::line::test {
 
-// Requests that are right more often than not, so that what lies behind the first check is reached as well.
+// Generates requests that are mostly valid, so that they also reach the code behind the first checks.
 class RequestGenerator {
  public:
   explicit RequestGenerator(std::uint64_t seed) : random_(seed) {}
@@ -27,7 +27,7 @@ class RequestGenerator {
     return request;
   }
 
-  // Of a client of the stream, more often right than not.
+  // A message of a client of the stream, mostly valid.
   std::string message() {
     static constexpr std::array rates{"1", "1000", "16000", "0", "-1", "1e9", "\"x\""};
     std::string text;
@@ -77,7 +77,7 @@ class RequestGenerator {
     return words[pick(Count)];
   }
 
-  // An address with a method it has, and a body with keys it takes.
+  // An address with a method that it supports, and a body with keys that it accepts.
   bench::Request near_right() {
     struct Example {
       bench::Method method;

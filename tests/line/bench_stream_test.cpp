@@ -11,6 +11,7 @@
 #include "support.hpp"
 
 namespace servodrome::line::bench {
+namespace bench_stream_test {
 namespace {
 
 using namespace test;
@@ -36,7 +37,7 @@ Frame frame_of(const std::string& bytes) {
   return frame;
 }
 
-// A client that reads everything at once, or nothing while `waiting` says how much is left.
+// A client that reads everything immediately, or nothing: `waiting` is then the number of bytes not read.
 class Inbox final : public Outbox {
  public:
   void text(std::string message) override { texts.push_back(json::parse(message)); }
@@ -54,7 +55,7 @@ class Inbox final : public Outbox {
     }
     return found;
   }
-  // Of one subscription: value by tick. A tick that comes twice is a failure.
+  // The values of one subscription by tick. A tick that comes twice is a failure.
   std::map<std::uint64_t, double> samples(std::uint32_t id, std::size_t channel = 0) const {
     std::map<std::uint64_t, double> values;
     for (const Frame& frame : frames) {
@@ -74,7 +75,7 @@ class Inbox final : public Outbox {
   std::size_t waiting = 0;
 };
 
-// A line with a motion in it: "left" turns under a load torque that a script changes, "right" stands.
+// A line with a motion: "left" turns under a load torque that a script changes, "right" stands still.
 struct Bench {
   explicit Bench(bool with_scope = true) : line(settings_of(two_axes)) {
     if (with_scope) scope = std::make_unique<LineScope>(line);
@@ -118,7 +119,7 @@ TEST(BenchStream, SaysHelloWithAnIdentifierOfTheRun) {
   EXPECT_NE(hello["start"], Bench().scope->scope().greeting()["start"].get<std::string>());
 }
 
-// Positions and velocities of `left` after each tick, looked at from outside, one tick at a time.
+// Positions and velocities of `left` after each tick, read while the test advances the line one tick at a time.
 std::map<std::uint64_t, std::pair<double, double>> watched_by_hand() {
   Bench bench(false);
   std::map<std::uint64_t, std::pair<double, double>> values;
@@ -143,7 +144,7 @@ TEST(BenchStream, AStreamAt16kHzHasEachTickOnceAndChangesNothing) {
   EXPECT_EQ(subscribed["tick"], 1);
   EXPECT_EQ(subscribed["channels"][1]["unit"], "rpm");
   EXPECT_EQ(subscribed["channels"][2]["object"], "6064:00");
-  // Time passes in other pieces than by hand.
+  // Here time advances in other steps than in watched_by_hand().
   bench.pass(160 * tick_length);
   bench.push(0.3);
   bench.pass(1840 * tick_length);
@@ -209,7 +210,7 @@ TEST(BenchStream, EndsWithTheSubscriptionOrTheClient) {
   session->receive(R"({"unsubscribe":{"id":1}})", noon);
   bench.pass(10ms);
   EXPECT_EQ(inbox.samples(1).size(), 160U);
-  // Again, under the same identifier: from the present tick on.
+  // Subscribes again with the same id: the samples begin at the present tick.
   session->receive(subscribe_16k, noon);
   bench.pass(10ms);
   EXPECT_EQ(inbox.samples(1).size(), 320U);
@@ -217,7 +218,7 @@ TEST(BenchStream, EndsWithTheSubscriptionOrTheClient) {
   session.reset();
   bench.pass(10ms);
   EXPECT_EQ(inbox.samples(1).size(), 320U);
-  // A page that connects anew.
+  // A page that connects again.
   Inbox second;
   StreamSession again(bench.scope->scope(), second);
   EXPECT_EQ(second.of("hello").at(0)["start"], inbox.of("hello").at(0)["start"]);
@@ -241,7 +242,7 @@ TEST(BenchStream, ASlowClientLosesResolutionAndIsGivenUpInTheEnd) {
   EXPECT_GT(slow.frames.back().header.stride, 1U);
   const auto all = quick.samples(1);
   for (const auto& [tick, value] : slow.samples(1)) ASSERT_EQ(value, all.at(tick));
-  // It reads again: the resolution comes back after a while on the wall.
+  // The client reads again: the resolution rises after some wall-clock time.
   slow.stuck = false;
   slow.waiting = 0;
   Subscription subscription(
@@ -252,7 +253,7 @@ TEST(BenchStream, ASlowClientLosesResolutionAndIsGivenUpInTheEnd) {
   EXPECT_EQ(subscription.stride(), 8);
   for (int n = 1; n <= 3; ++n) subscription.adapt(0, noon + n * 1100ms);
   EXPECT_EQ(subscription.stride(), 1);
-  // It reads nothing: nothing is kept for it, and it goes.
+  // The client reads nothing: it gets no more samples, and the session ends.
   slow.waiting = StreamSession::most_queued;
   const std::size_t frames = slow.frames.size();
   slow_session.send_samples(static_cast<std::int64_t>(bench.tick()) + 1, noon);
@@ -303,18 +304,18 @@ TEST(BenchStream, RefusesWhatIsNoMessage) {
       {"[]", "an array"},
       {"{}", "one key"},
       {R"({"x":1})", "unknown key"},
-      {R"({"subscribe":1})", "object should"},
+      {R"({"subscribe":1})", "instead of an object"},
       {R"({"subscribe":{"channels":[]}})", "id is missing"},
       {R"({"subscribe":{"id":-1,"channels":[]}})", "id is -1"},
       {R"({"subscribe":{"id":4294967296,"channels":[]}})", "id is 4294967296"},
-      {R"({"subscribe":{"id":3,"channels":[]}})", "no list of 1 to 16"},
-      {many, "no list of 1 to 16"},
+      {R"({"subscribe":{"id":3,"channels":[]}})", "not a list of 1 to 16"},
+      {many, "not a list of 1 to 16"},
       {R"({"subscribe":{"id":3,"channels":[{"axis":"x","signal":"DI0"}]}})", "no axis \"x\""},
       {R"({"subscribe":{"id":3,"channels":[{"axis":"left"}]}})", "a signal or an object"},
       {R"({"subscribe":{"id":3,"channels":[{"axis":"left","signal":"DI99"}]}})", "no signal \"DI99\""},
-      {R"({"subscribe":{"id":3,"channels":[{"axis":"left","object":"zz"}]}})", "is no object"},
+      {R"({"subscribe":{"id":3,"channels":[{"axis":"left","object":"zz"}]}})", "is not an object"},
       {R"({"subscribe":{"id":3,"channels":[{"axis":"left","object":"5FFF:00"}]}})", "does not exist"},
-      {R"({"subscribe":{"id":3,"channels":[{"axis":"left","object":"1008:00"}]}})", "no number"},
+      {R"({"subscribe":{"id":3,"channels":[{"axis":"left","object":"1008:00"}]}})", "not a readable number"},
       {R"({"subscribe":{"id":3,"rate_hz":0,"channels":[{"axis":"left","signal":"DI0"}]}})", "rate_hz is 0"},
       {R"({"subscribe":{"id":3,"rate_hz":16001,"channels":[{"axis":"left","signal":"DI0"}]}})", "rate_hz is 16001"},
       {R"({"watch":{"axes":1000}})", "axes is 1000"},
@@ -586,4 +587,5 @@ TEST(BenchRecordings, RefusesWhatIsNone) {
 }
 
 }  // namespace
+}  // namespace bench_stream_test
 }  // namespace servodrome::line::bench

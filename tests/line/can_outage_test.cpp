@@ -1,4 +1,4 @@
-// What a drive on CAN says when its cable was away for a while, and how much of the bus drives take in motion.
+// The frames of a drive on CAN after its cable was cut for a while, and the bus load of drives in motion.
 #include <gtest/gtest.h>
 
 #include "canopen/node.hpp"
@@ -6,6 +6,7 @@
 #include "support.hpp"
 
 namespace servodrome::line {
+namespace can_outage_test {
 namespace {
 
 using namespace test;
@@ -13,7 +14,7 @@ using namespace test;
 constexpr std::uint32_t state_mask = 0x6F;
 constexpr std::uint32_t operation_enabled = 0x27;
 
-// One line of equal drives on can0, node-IDs from 1 on, and a master.
+// A line of equal drives on can0, with node-IDs from 1 on, and a master.
 struct Drives {
   explicit Drives(std::string_view product, unsigned count = 1)
       : line(settings_of(text_of(product, count))), recorder(line.buses()[0]->bus), master(line.buses()[0]->bus) {
@@ -37,7 +38,7 @@ struct Drives {
   std::int64_t number(unsigned node, std::uint16_t index, std::uint8_t sub = 0) {
     return axis(node).device().dictionary().number(index, sub);
   }
-  // In profile velocity, at `speed` in the drive's own unit.
+  // Starts profile velocity mode; `speed` is in the drive's own unit.
   void run(std::uint8_t node, std::uint32_t speed) {
     send(sdo_write(node, 0x6060, 0, 3, 1));
     send(sdo_write(node, 0x6083, 0, 2'000'000, 4));
@@ -47,7 +48,7 @@ struct Drives {
     for (const std::uint32_t controlword : {6U, 7U, 15U}) send(sdo_write(node, 0x6040, 0, controlword, 2), 60ms);
     ASSERT_EQ(number(node, 0x6041) & state_mask, operation_enabled);
   }
-  // Frames with this CAN-ID among those seen since `first`.
+  // Frames with this CAN-ID among those recorded since `first`.
   std::vector<canopen::Frame> seen(std::uint32_t id, std::size_t first) const {
     std::vector<canopen::Frame> frames;
     for (std::size_t i = first; i < recorder.events.size(); ++i) {
@@ -70,7 +71,7 @@ INSTANTIATE_TEST_SUITE_P(Products, CanOutage, testing::Values("ismc", "generic40
 
 TEST_P(CanOutage, WhatIsToldAfterwardsIsTrue) {
   Drives drives(GetParam());
-  // The statusword is at the front of TPDO 1, which goes out when its data change; TPDO 2 as it comes.
+  // TPDO 1 begins with the statusword and is sent when its data change; TPDO 2 is at its factory setting.
   ASSERT_EQ(drives.number(1, 0x1A00, 1) >> 16, 0x6041);
   drives.send(sdo_write(1, 0x1800, 1, 0x80000181, 4));
   drives.send(sdo_write(1, 0x1800, 2, 255, 1));
@@ -95,14 +96,14 @@ TEST_P(CanOutage, WhatIsToldAfterwardsIsTrue) {
   EXPECT_EQ(status_in(told.back()), drives.number(1, 0x6041)) << "something fresh follows";
 }
 
-// These leave operational when the master is lost; the iSMK goes on.
+// These drives leave the NMT state operational when the master is lost; the iSMK continues.
 class MasterLost : public CanOutage {};
 INSTANTIATE_TEST_SUITE_P(Products, MasterLost, testing::Values("ismc", "generic402", "pronet"),
                          [](const auto& product) { return std::string(product.param); });
 
 TEST_P(MasterLost, NoTpdoWaitsForTheCable) {
   Drives drives(GetParam());
-  drives.send(sdo_write(1, 0x1016, 1, 0x007F0032, 4));  // the master's heartbeat, 50 ms
+  drives.send(sdo_write(1, 0x1016, 1, 0x007F0032, 4));  // the heartbeat of the master: timeout 50 ms
   canopen::Frame heartbeat;
   heartbeat.id = 0x77F;
   heartbeat.length = 1;
@@ -129,7 +130,7 @@ TEST(CanLoad, IsmcDrivesInMotionLeaveTheBusToTheOthers) {
   drives.pass(1s);
   EXPECT_LT(drives.line.buses()[0]->bus.load_percent(drives.line.now()), 20.0);
   drives.run(4, 100'000);
-  // A change of the statusword is told within 10 ms while the axis turns.
+  // A change of the statusword is sent within 10 ms while the axis turns.
   const std::size_t first = drives.recorder.events.size();
   drives.send(sdo_write(1, 0x6040, 0, 7, 2), 11ms);
   const auto told = drives.seen(0x181, first);
@@ -138,4 +139,5 @@ TEST(CanLoad, IsmcDrivesInMotionLeaveTheBusToTheOthers) {
 }
 
 }  // namespace
+}  // namespace can_outage_test
 }  // namespace servodrome::line

@@ -7,9 +7,10 @@
 #include "line/line_file.hpp"
 #include "links/can/memory_port.hpp"
 
-// Two virtual-time runs of the same scenario agree to the last bit: 60 s, eight axes of two products on one bus, a
-// master that enables, homes, moves in every mode and disturbs, every millisecond recorded.
+// Two runs of the same scenario in virtual time are equal to the last bit: 60 s, eight axes of two products on one bus,
+// and a master that enables, homes, moves in every mode and disturbs. Every millisecond is recorded.
 namespace servodrome::line {
+namespace determinism_test {
 namespace {
 
 struct Sample {
@@ -52,7 +53,7 @@ canopen::Frame download(std::uint8_t node, std::uint16_t index, std::uint8_t sub
                                static_cast<std::uint8_t>(value >> 16), static_cast<std::uint8_t>(value >> 24)});
 }
 
-// `piece`: how finely the caller cuts time, which must change nothing.
+// `piece` is the time between two calls of run_until; it must not change the result.
 Recording run(std::chrono::milliseconds piece, int seconds) {
   const LineFile file = parse_line_file(eight_axes(), "eight.toml", all_products());
   EXPECT_TRUE(file.diagnostics.empty());
@@ -111,7 +112,7 @@ TEST(Determinism, SixtySecondsOfEightAxesAgreeToTheLastBit) {
   EXPECT_TRUE(one.samples == other.samples);
   EXPECT_TRUE(one.frames == other.frames);
   EXPECT_TRUE(one.times == other.times);
-  // The recording is of something: axes moved, and differently.
+  // The test is meaningful only if the axes moved, and moved differently.
   std::int64_t moved = 0;
   for (const Sample& sample : one.samples) moved += sample.velocity_bits != std::bit_cast<std::uint64_t>(0.0) ? 1 : 0;
   EXPECT_GT(moved, static_cast<std::int64_t>(one.samples.size() / 10));
@@ -126,4 +127,5 @@ TEST(Determinism, HowTimeIsCutIntoCallsChangesNothing) {
 }
 
 }  // namespace
+}  // namespace determinism_test
 }  // namespace servodrome::line

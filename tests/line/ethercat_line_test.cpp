@@ -8,9 +8,10 @@
 #include "links/ethercat/memory_client.hpp"
 #include "support.hpp"
 
-// EtherCAT segments of a line: who stands on them, when things happen to them, and what the bench does to them. The
-// protocol itself is tested in tests/ethercat.
+// EtherCAT segments of a line: their slaves, the times of events, and disturbances by the bench API. tests/ethercat
+// tests the protocol itself.
 namespace servodrome::line {
+namespace ethercat_line_test {
 namespace {
 
 using namespace test;
@@ -43,7 +44,7 @@ class EthercatLine : public testing::Test {
     std::uint64_t data = 0;
   };
 
-  // One datagram; the working counter is 0 if nothing came back.
+  // Sends one datagram. The working counter is 0 if nothing came back.
   Answer ask(Command command, std::uint16_t adp, std::uint16_t ado, std::size_t length, std::uint64_t data = 0) {
     std::array<std::uint8_t, 64> memory{};
     auto writer = ethercat::FrameWriter::payload(memory);
@@ -66,14 +67,14 @@ TEST_F(EthercatLine, TheOrderOfTheFileIsTheOrderOnTheWire) {
   EXPECT_EQ(count(), 3U);
   for (std::uint16_t i = 0; i < 3; ++i) {
     EXPECT_EQ(line.axes()[i]->position(), i + 1U);
-    // 0012h: the alias, which only the first one has.
+    // 0012h: the alias; only the first slave has one.
     const Answer answer = ask(Command::aprd, static_cast<std::uint16_t>(-i), 0x0012, 2);
     EXPECT_EQ(answer.working_counter, 1U);
     EXPECT_EQ(answer.data, i == 0 ? 11U : 0U);
   }
 }
 
-// 10F1h:02 is the line file's after each power-on; what a master writes holds until then.
+// 10F1h:02 has the value of the line file after each power-on. A value that a master writes is kept until then.
 TEST_F(EthercatLine, SyncErrorLimitIsThatOfTheFile) {
   const auto limit = [this](const char* name) { return line.find_axis(name)->device().dictionary().number(0x10F1, 2); };
   EXPECT_EQ(limit("a"), 600);
@@ -96,7 +97,7 @@ TEST_F(EthercatLine, AnAxisWithoutPowerEndsTheLineAndComesBack) {
   EXPECT_EQ(ask(Command::aprd, 0xFFFF, 0x0130, 2).data & 0x1F, 1U);  // Init
 }
 
-// A clock that is 50 ppm too fast has counted 50 us more after a second.
+// A clock that is 50 ppm too fast counts 50 us more in a second.
 TEST_F(EthercatLine, ASlavesClockGoesAsFastAsItsOscillator) {
   const auto local_time = [this](std::uint16_t slave) {
     ask(Command::bwr, 0, 0x0900, 4);  // latch
@@ -132,7 +133,7 @@ TEST_F(EthercatLine, TheBenchUnplugsCablesAndClosesTheRing) {
   EXPECT_EQ(disturb(R"({"unplug": 4})"), 422U);
   EXPECT_EQ(disturb(R"({"unplug": 0})"), 422U);
   EXPECT_EQ(disturb(R"({"unplugg": 1})"), 400U);
-  EXPECT_EQ(count(), 1U);  // as it was
+  EXPECT_EQ(count(), 1U);  // unchanged
   EXPECT_EQ(disturb(R"({"drop": 1})"), 200U);
   EXPECT_EQ(count(), 0U);
   EXPECT_EQ(bench::handle(line, {bench::Method::delete_, "/api/v1/buses/ecat/disturb", ""}).status, 200U);
@@ -158,7 +159,7 @@ TEST_F(EthercatLine, EachProductDescribesItself) {
     EXPECT_EQ(device.dictionary().number(0x1018, 4), 77) << product.name;
     EXPECT_EQ(device.ethercat_slave()->state(), ethercat::AlState::init) << product.name;
     EXPECT_EQ(product.describe().table.data(), device.bus_dictionary().table().data()) << product.name;
-    // The information memory is large enough: its categories end within it.
+    // The information memory is large enough for all its categories.
     const std::vector<std::uint8_t> sii = describe::sii(product.describe());
     const auto word = [&sii](std::size_t at) { return sii.at(2 * at) | sii.at(2 * at + 1) << 8; };
     std::size_t category = 0x40;
@@ -168,4 +169,5 @@ TEST_F(EthercatLine, EachProductDescribesItself) {
 }
 
 }  // namespace
+}  // namespace ethercat_line_test
 }  // namespace servodrome::line

@@ -1,4 +1,4 @@
-// Every alarm that a drive can raise has a text, and no text is about an alarm that no drive raises.
+// Every alarm that a drive can raise has a text, and every text belongs to an alarm that a drive can raise.
 #include "describe/fault_texts.hpp"
 
 #include <algorithm>
@@ -12,12 +12,13 @@
 #include "products/pronet/policy.hpp"
 
 namespace servodrome::describe {
+namespace fault_texts_test {
 namespace {
 
 struct ProductFaults {
   const char* product;
   std::span<const drive::FaultRow> rows;
-  std::uint16_t alarm_mask = 0xFFFF;  // of FaultRow::alarm, what is the number
+  std::uint16_t alarm_mask = 0xFFFF;  // the bits of FaultRow::alarm that are the number
 };
 const ProductFaults all[] = {{"generic402", products::generic402::faults},
                              {"generic402-ec", products::generic402::faults},
@@ -53,7 +54,7 @@ TEST_P(FaultTexts, EveryRowOfTheDriveHasOneAndEveryTextARow) {
     }
     EXPECT_NE(find_fault_text(product, row.code), nullptr);
   }
-  if (product == std::string_view("pronet")) {  // and what 603Fh shows of homing that is not possible
+  if (product == std::string_view("pronet")) {  // also the code in 603Fh for homing that is not possible
     for (const FaultText& text : fault_texts(product, products::pronet::homing_error_codes.not_possible)) {
       used.insert(&text);
     }
@@ -93,4 +94,5 @@ TEST(FaultText, FallsBackToTheStandardsClass) {
 }
 
 }  // namespace
+}  // namespace fault_texts_test
 }  // namespace servodrome::describe

@@ -8,6 +8,7 @@
 #include "support.hpp"
 
 namespace servodrome::line::bench {
+namespace line_bench_api_test {
 namespace {
 
 using namespace test;
@@ -117,7 +118,7 @@ TEST_F(BenchApi, ServesRoutesOfOthersWithTheirContext) {
     EXPECT_EQ(shelf.last_query, value) << query;
   }
   EXPECT_EQ(ask_shelf(Method::post, "/shelf").status, 201U);
-  // An address that both have: the methods of both are told.
+  // If both groups have an address, the answer lists the methods of both.
   EXPECT_EQ(ask_shelf(Method::delete_, "/axes").status, 204U);
   EXPECT_EQ(ask_shelf(Method::post, "/axes").allow, "GET, DELETE");
   EXPECT_EQ(ask_shelf(Method::get, "/axes").status, 200U);
@@ -130,23 +131,23 @@ struct Refusal {
   const char* body;
   unsigned status;
   const char* what;
-  const char* abort;  // nullptr: not the drive's
+  const char* abort;  // nullptr: not refused by the drive
 };
 
 void PrintTo(const Refusal& refusal, std::ostream* out) { *out << refusal.name; }
 
 const std::vector<Refusal> refusals{
-    {"no_address", Method::get, "/nothing", "", 404, "nothing at this address", nullptr},
+    {"no_address", Method::get, "/nothing", "", 404, "unknown address", nullptr},
     {"slash", Method::get, "/axes/", "", 404, "there is no axis \"\"", nullptr},
-    {"slash_too_many", Method::get, "/axes/left/faults/", "", 404, "nothing at this address", nullptr},
-    {"no_method", Method::put, "/axes", "", 405, "does not have that method", nullptr},
-    {"other_method", Method::other, "/clock", "", 405, "does not have that method", nullptr},
+    {"slash_too_many", Method::get, "/axes/left/faults/", "", 404, "unknown address", nullptr},
+    {"no_method", Method::put, "/axes", "", 405, "does not support the method", nullptr},
+    {"other_method", Method::other, "/clock", "", 405, "does not support the method", nullptr},
     {"no_axis", Method::get, "/axes/lef", "", 404, "there is no axis \"lef\"", nullptr},
     {"no_axis_deep", Method::put, "/axes/lef/inputs", "{}", 404, "there is no axis \"lef\"", nullptr},
     {"no_bus", Method::get, "/buses/can1", "", 404, "there is no bus \"can1\"", nullptr},
-    {"index", Method::get, "/axes/left/objects/60x1/0", "", 400, "is no index", nullptr},
-    {"index_large", Method::get, "/axes/left/objects/10000/0", "", 400, "is no index", nullptr},
-    {"sub_large", Method::get, "/axes/left/objects/6041/100", "", 400, "is no sub-index", nullptr},
+    {"index", Method::get, "/axes/left/objects/60x1/0", "", 400, "is not an index", nullptr},
+    {"index_large", Method::get, "/axes/left/objects/10000/0", "", 400, "is not an index", nullptr},
+    {"sub_large", Method::get, "/axes/left/objects/6041/100", "", 400, "is not a sub-index", nullptr},
     {"no_object", Method::get, "/axes/left/objects/5FFF/0", "", 409, "object does not exist", "0x06020000"},
     {"no_sub", Method::get, "/axes/left/objects/1018/9", "", 409, "sub-index does not exist", "0x06090011"},
     {"read_only", Method::put, "/axes/left/objects/6041/0", R"({"value":1})", 409, "read-only", "0x06010002"},
@@ -154,12 +155,12 @@ const std::vector<Refusal> refusals{
     {"beyond_type", Method::put, "/axes/left/objects/6040/0", R"({"value":65536})", 422, "too high", "0x06090031"},
     {"below_type", Method::put, "/axes/left/objects/6040/0", R"({"value":-1})", 422, "too low", "0x06090032"},
     {"value_missing", Method::put, "/axes/left/objects/6040/0", "{}", 400, "value is missing", nullptr},
-    {"value_kind", Method::put, "/axes/left/objects/6040/0", R"({"value":"6"})", 400, "wrong kind", nullptr},
-    {"value_fraction", Method::put, "/axes/left/objects/6040/0", R"({"value":1.5})", 400, "wrong kind", nullptr},
+    {"value_kind", Method::put, "/axes/left/objects/6040/0", R"({"value":"6"})", 400, "wrong type", nullptr},
+    {"value_fraction", Method::put, "/axes/left/objects/6040/0", R"({"value":1.5})", 400, "wrong type", nullptr},
     {"value_key", Method::put, "/axes/left/objects/6040/0", R"({"value":6,"vlaue":6})", 400, "unknown key", nullptr},
     {"not_json", Method::put, "/axes/left/objects/6040/0", "value=6", 400, "not JSON", nullptr},
     {"not_object", Method::put, "/axes/left/objects/6040/0", "[6]", 400, "the body is an array", nullptr},
-    {"too_large", Method::put, "/axes/left/objects/6040/0", R"({"value":1e999})", 400, "nothing can hold", nullptr},
+    {"too_large", Method::put, "/axes/left/objects/6040/0", R"({"value":1e999})", 400, "too large", nullptr},
     {"action", Method::post, "/axes/left/power", R"({"action":"reset"})", 422, "no action \"reset\"", nullptr},
     {"action_kind", Method::post, "/axes/left/power", R"({"action":1})", 400, "action is 1", nullptr},
     {"action_missing", Method::post, "/axes/left/power", "{}", 400, "action is missing", nullptr},
@@ -174,10 +175,10 @@ const std::vector<Refusal> refusals{
      nullptr},
     {"plant_far", Method::put, "/axes/left/plant", R"({"supply_v":48,"position_counts":9223372036854775807})", 422,
      "start_position_counts", nullptr},
-    {"no_fault", Method::post, "/axes/left/faults", R"({"inject":"encoder_los"})", 422, "nothing called", nullptr},
-    {"no_code", Method::post, "/axes/left/faults", R"({"inject":"0x0001"})", 422, "nothing called", nullptr},
+    {"no_fault", Method::post, "/axes/left/faults", R"({"inject":"encoder_los"})", 422, "there is no fault", nullptr},
+    {"no_code", Method::post, "/axes/left/faults", R"({"inject":"0x0001"})", 422, "there is no fault", nullptr},
     {"fault_kind", Method::post, "/axes/left/faults", R"({"inject":7})", 400, "inject is 7", nullptr},
-    {"fault_back", Method::delete_, "/axes/left/faults", R"({"inject":"x"})", 422, "nothing called", nullptr},
+    {"fault_back", Method::delete_, "/axes/left/faults", R"({"inject":"x"})", 422, "there is no fault", nullptr},
     {"probability", Method::post, "/buses/can0/disturb", R"({"drop":0.5,"delay":2})", 422, "delay is 2", nullptr},
     {"seed", Method::post, "/buses/can0/disturb", R"({"drop":0.5,"seed":-1})", 422, "seed is -1", nullptr},
     {"wide_id", Method::post, "/buses/can0/disturb", R"({"drop":0.5,"id":536870912})", 422, "id is", nullptr},
@@ -190,7 +191,7 @@ const std::vector<Refusal> refusals{
     {"advance_what", Method::post, "/clock/advance", "", 400, "not JSON", nullptr},
 };
 
-// Everything a request could change.
+// All state that a request could change.
 std::string state_of(Line& line) {
   std::string state;
   for (const char* target : {"/axes", "/axes/left/plant", "/axes/left/inputs", "/axes/left/faults", "/axes/right/plant",
@@ -269,7 +270,7 @@ TEST_F(BenchApi, ThePlantCanBePushed) {
   EXPECT_EQ(plant["ambient_c"], 30.0);
   EXPECT_EQ(plant["position_counts"], 777);
   EXPECT_EQ(plant["locked_rotor"], false);
-  pass(100ms);  // half a Nm towards larger counts, and nothing holds the shaft
+  pass(100ms);  // 0.5 Nm in positive direction, and nothing holds the shaft
   EXPECT_GT(get("/axes/right")["position_counts"], 10000);
   ask(Method::put, "/axes/right/plant", R"({"locked_rotor": true})");
   pass(50ms);
@@ -294,7 +295,7 @@ TEST_F(BenchApi, InjectedFaultsReachTheDrive) {
   EXPECT_EQ(get("/axes/left/faults")["injected"], json::array());
 }
 
-// Those of the ISMC that are off from the factory are switched on: 2017h bit 1 (ch. 5, 8900h) and 2200h.
+// Faults of the ISMC that are off by factory setting are switched on: 2017h bit 1 (ch. 5, 8900h) and 2200h.
 TEST_F(BenchApi, EveryFaultOfADriveCanBeInjectedByItsCode) {
   for (const char* axis : {"left", "right"}) {
     const std::string target = fmt::format("/axes/{}", axis);
@@ -317,7 +318,8 @@ TEST_F(BenchApi, EveryFaultOfADriveCanBeInjectedByItsCode) {
   }
 }
 
-// Two alarms of an iSMK have the code 7331h: their causes tell them apart. It remembers both without objects for it.
+// Two alarms of an iSMK have the code 7331h; their causes distinguish them. The iSMK keeps a history of both without
+// objects for it.
 TEST(BenchFaults, CausesAndHistory) {
   Line line(settings_of(R"(
 clock = "virtual"
@@ -334,7 +336,7 @@ product = "ismk"
     return response.body.empty() ? json() : json::parse(response.body);
   };
   EXPECT_EQ(ask(Method::get, "/faults")["history"], json::array());
-  ask(Method::put, "/objects/2605/3", R"({"value": 65535})");  // keeps alarms of a motor that is not enabled
+  ask(Method::put, "/objects/2605/3", R"({"value": 65535})");  // also keeps alarms of a motor that is not enabled
   for (const char* cause : {"encoder_connection", "brake_resistor", "motor_contact"}) {
     ask(Method::post, "/faults", fmt::format(R"({{"inject":"{}"}})", cause));
     line.run_until(line.now() + 20ms);
@@ -439,7 +441,7 @@ TEST_F(BenchApi, RandomRequestsAreAnsweredAndRefusalsChangeNothing) {
       ASSERT_EQ(state_of(line_), before) << request.target << " " << request.body;
     }
     if (i % 100 == 0) pass(1ms);
-    if (i % 5000 == 0) {  // something to work on again
+    if (i % 5000 == 0) {  // gives the drives power again for the next requests
       for (const char* axis : {"left", "right"})
         ask(Method::post, fmt::format("/axes/{}/power", axis), R"({"action":"on"})");
     }
@@ -447,7 +449,7 @@ TEST_F(BenchApi, RandomRequestsAreAnsweredAndRefusalsChangeNothing) {
   for (const unsigned status : {200U, 204U, 400U, 404U, 405U, 409U, 422U}) EXPECT_GT(counts[status], 100) << status;
 }
 
-// --- Who may do what
+// --- Access control
 
 struct Visit {
   const char* name;
@@ -456,7 +458,7 @@ struct Visit {
   const char* origin;  // nullptr: none
   const char* authorization;
   bool from_loopback;
-  unsigned status;  // 0: may pass
+  unsigned status;  // 0: the request is allowed
 };
 
 void PrintTo(const Visit& visit, std::ostream* out) { *out << visit.name; }
@@ -514,4 +516,5 @@ TEST(Access, TokensAreLongAndDiffer) {
 }
 
 }  // namespace
+}  // namespace line_bench_api_test
 }  // namespace servodrome::line::bench

@@ -12,6 +12,7 @@
 #include "support.hpp"
 
 namespace servodrome::line {
+namespace line_file_test {
 namespace {
 
 using testing::HasSubstr;
@@ -36,7 +37,8 @@ TEST(LineFile, TheShippedLinesAreRight) {
   EXPECT_EQ(eight.settings.axes[7].bus, 1U);
 }
 
-// What the plant cannot show, or no machine has: the line runs, and the one who wrote it is told. Each at its limit.
+// Values that the plant cannot represent, or that no machine has: the line accepts them with a warning. Each value is
+// at its limit.
 TEST(LineFile, WarnsOfWhatThePlantCannotShow) {
   struct Case {
     const char* group;
@@ -177,7 +179,7 @@ product = "ismc"
 [axis.travel]
 start = 1152921504606846977
 )");
-  EXPECT_EQ(line.axes[0].plant.encoder.start_position_counts, 1152921504606846977);  // 2^60 + 1: no double holds it
+  EXPECT_EQ(line.axes[0].plant.encoder.start_position_counts, 1152921504606846977);  // 2^60 + 1: not a double
 }
 
 TEST(LineFile, TheDriveIsToldTheTruthUnlessTheNameplateSaysElse) {
@@ -225,7 +227,7 @@ struct Mistake {
 
 void PrintTo(const Mistake& mistake, std::ostream* out) { *out << mistake.name; }
 
-// A bus and an axis on lines 1 to 5, for mistakes that need them.
+// A bus and an axis on lines 1 to 5, for errors that need them.
 #define AXIS "[[bus]]\nname='can0'\n[[axis]]\nname='x'\nproduct='ismc'\n"
 
 // An RS485 line and an axis on lines 1 to 7.
@@ -286,8 +288,8 @@ const std::vector<Mistake> mistakes{
      "20, 50"},
     {"serial_bit_rate", "[[bus]]\nname='rs'\ntype='rs485'\nbit_rate=300\n" AXIS, 4, 10,
      "bus.bit_rate: 300 is out of range", "1200 .. 1000000"},
-    {"serial_format", "[[bus]]\nname='rs'\ntype='rs485'\nformat='8n1'\n" AXIS, 4, 8, "bus.format: \"8n1\" is no format",
-     "\"8E1\""},
+    {"serial_format", "[[bus]]\nname='rs'\ntype='rs485'\nformat='8n1'\n" AXIS, 4, 8,
+     "bus.format: \"8n1\" is not a format", "\"8E1\""},
     {"serial_silence", "[[bus]]\nname='rs'\ntype='rs485'\nsilence_ms=-1\n" AXIS, 4, 12,
      "bus.silence_ms: -1 is out of range", "0 .. 1000"},
     {"serial_link", "[[bus]]\nname='rs'\ntype='rs485'\nlinks=['slcan:/a']\n" AXIS, 4, 8, "bus.links:", "pty:PATH"},
@@ -306,7 +308,7 @@ const std::vector<Mistake> mistakes{
     {"serial_same_node", SERIAL_AXIS "[[axis]]\nname='y'\nproduct='generic402'\nserial='rs'\n", 11, 8,
      "axis.serial: axis \"x\" is station 2 of this line already", "station = N"},
     {"serial_station", SERIAL_AXIS "station=248\n", 8, 9, "axis.station: 248 is out of range", "1 .. 247"},
-    {"station_alone", AXIS "station=4\n", 6, 9, "axis.station: is of an axis on an RS485 line", "serial ="},
+    {"station_alone", AXIS "station=4\n", 6, 9, "axis.station: is only for an axis on an RS485 line", "serial ="},
     {"serial_protocol", SERIAL_AXIS "serial_protocol='modbut'\n", 8, 17, "does not speak \"modbut\"",
      "did you mean `modbus`?"},
     {"ethercat_product", ETHERCAT "product='ismc'\nbus='ecat'\n", 7, 5,
@@ -319,17 +321,18 @@ const std::vector<Mistake> mistakes{
      "bus.links:", "raw:INTERFACE"},
     {"ethercat_bit_rate", "[[bus]]\nname='e'\ntype='ethercat'\nbit_rate=5\n" AXIS, 4, 1,
      "unknown key `bit_rate` in bus", ""},
-    {"ethercat_node", ETHERCAT "product='generic402-ec'\nnode=4\n", 7, 6, "axis.node: is of an axis on a CAN bus",
+    {"ethercat_node", ETHERCAT "product='generic402-ec'\nnode=4\n", 7, 6, "axis.node: is only for an axis on a CAN bus",
      "place in the file"},
     {"oscillator", ETHERCAT "product='generic402-ec'\noscillator_ppm=201\n", 7, 16,
      "axis.oscillator_ppm: 201 is out of range", "-200 .. 200"},
     {"alias", ETHERCAT "product='generic402-ec'\nalias=65536\n", 7, 7, "axis.alias: 65536 is out of range", "65535"},
     {"sync_error_limit", ETHERCAT "product='generic402-ec'\nsync_error_limit=65536\n", 7, 18,
      "axis.sync_error_limit: 65536 is out of range", "65535"},
-    {"can_alias", AXIS "alias=1\n", 6, 7, "axis.alias: is of an axis on an EtherCAT segment", "leave the key out"},
+    {"can_alias", AXIS "alias=1\n", 6, 7, "axis.alias: is only for an axis on an EtherCAT segment",
+     "leave the key out"},
     {"bus_no_table", "bus = 3\n", 1, 7, "bus: is an integer", "[[bus]]"},
-    {"api", "[api]\naddress='localhost'\n" AXIS, 2, 9, "api.address: \"localhost\" is no ADDRESS:PORT", "8402"},
-    {"api_port", "[api]\naddress='localhost:99999'\n" AXIS, 2, 9, "api.address: \"99999\" is no port", "8402"},
+    {"api", "[api]\naddress='localhost'\n" AXIS, 2, 9, "api.address: \"localhost\" is not an ADDRESS:PORT", "8402"},
+    {"api_port", "[api]\naddress='localhost:99999'\n" AXIS, 2, 9, "api.address: \"99999\" is not a port", "8402"},
     {"plant_range", AXIS "[axis.motor]\npole_pairs=0\n", 7, 12, "axis.motor.pole_pairs: 0 is not within 1 .. 100",
      "docs/line-file.md"},
     {"plant_cross", AXIS "[axis.load]\nstatic_friction_nm=0\n", 7, 20, "axis.load.static_friction_nm", ""},
@@ -455,4 +458,5 @@ TEST(LineFile, TheReferenceHasEveryKey) {
 }
 
 }  // namespace
+}  // namespace line_file_test
 }  // namespace servodrome::line

@@ -13,6 +13,7 @@
 #include "support.hpp"
 
 namespace servodrome::line {
+namespace line_server_test {
 namespace {
 
 using namespace test;
@@ -37,7 +38,7 @@ TEST(LineServer, ServesTheBenchApi) {
   EXPECT_EQ(version.result_int(), 200U);
   EXPECT_EQ(version[http::field::content_type], "application/json");
   EXPECT_EQ(json_of(version)["name"], "servodrome");
-  // The same connection, and another one at once.
+  // The second request uses the same connection; another connection works at once too.
   EXPECT_EQ(json_of(client.ask(http::verb::post, "/clock/advance", R"({"ms": 20})"))["time_ns"], 20'000'000);
   Client other(running.server().api_port());
   EXPECT_EQ(json_of(other.ask(http::verb::get, "/clock"))["time_ns"], 20'000'000);
@@ -154,7 +155,7 @@ TEST(LineServer, ClientsThatSendHalfARequestDoNotKeepOthersOut) {
   }
 }
 
-// Such as a page on a computer that went to sleep in the middle of a download.
+// For example a page on a computer that went to sleep in the middle of a download.
 TEST(LineServer, ClientsThatDoNotReadTheirAnswersDoNotKeepOthersOut) {
   Running running(settings_of(open_line));
   const std::uint16_t port = running.server().api_port();
@@ -171,7 +172,7 @@ TEST(LineServer, ClientsThatDoNotReadTheirAnswersDoNotKeepOthersOut) {
     greedy.push_back(std::make_unique<Client>(port, 4096));
     greedy.back()->write("GET /api/v1/recordings/1/data HTTP/1.1\r\nHost: localhost\r\n\r\n");
   }
-  // Sooner than the time after which they would be cut off in any case.
+  // Earlier than the idle timeout that would end them in any case.
   const auto patience = std::chrono::steady_clock::now() + 50s;
   bool served = false;
   while (!served && std::chrono::steady_clock::now() < patience) {
@@ -184,24 +185,24 @@ TEST(LineServer, ClientsThatDoNotReadTheirAnswersDoNotKeepOthersOut) {
   EXPECT_TRUE(served);
 }
 
-// A client need not sleep and hope: what it wrote before it asked for time is on the bus at the instant before.
+// A client need not sleep before it requests an advance: its earlier frames are on the bus at the instant before.
 TEST(LineServer, WhatWasWrittenBeforeAnAdvanceIsTakenBeforeTimePasses) {
   constexpr int many = 200;
   Running running(settings_of(open_line));
   const auto master = links::open_can_client(running.link());
   Client client(running.server().api_port());
   for (int round = 0; round < 20; ++round) {
-    for (int i = 0; i < many; ++i) master->send(sdo_read(9, 0x1000, 0));  // of a node that is not there
+    for (int i = 0; i < many; ++i) master->send(sdo_read(9, 0x1000, 0));  // to a node that does not exist
     const auto answer = json_of(client.ask(http::verb::post, "/clock/advance", R"({"ms": 40})"));
     EXPECT_EQ(answer["time_ms"], (round + 1) * 40.0);
-    // An SDO request is 108 bits and its stuffing: all of them pass in 40 ms if they wait from the start.
+    // An SDO request has 108 bits plus stuff bits: all of them pass in 40 ms if they wait from the start.
     const auto bus = json_of(client.ask(http::verb::get, "/buses/can0"));
     EXPECT_GE(bus["frames"].get<int>(), (round + 1) * many) << "in round " << round;
   }
 }
 
-// Frames are held back for 50 ms after rawmode, as python-can wants it; virtual time does not pass meanwhile. They are
-// in the client's socket when the advance is answered, with the line's time.
+// After rawmode the server holds frames back for 50 ms, as python-can requires. Virtual time does not advance
+// meanwhile. When the advance is answered, the frames are in the client's socket, with the line's time.
 TEST(LineServer, NothingIsLostAfterRawmodeAndTimestampsAreLineTime) {
   Running running(settings_of(open_line));
   const std::string link = running.link();
@@ -240,7 +241,7 @@ TEST(LineServer, AnswersAMasterInRealTime) {
     ASSERT_TRUE(answer);
     EXPECT_EQ(number_in(*answer), static_cast<std::uint32_t>(i));
   }
-  // Time goes on by itself, and is never ahead of the clock.
+  // Time advances by itself, and is never ahead of the clock.
   Client client(running.server().api_port());
   const auto time = [&client] { return json_of(client.ask(http::verb::get, "/clock"))["time_ns"].get<std::int64_t>(); };
   const auto start = std::chrono::steady_clock::now();
@@ -249,12 +250,12 @@ TEST(LineServer, AnswersAMasterInRealTime) {
   EXPECT_GE(std::chrono::steady_clock::now() - start, 20ms);
 }
 
-// A client of a bus waits while something else is done: that is lag, also where the line makes its time good.
+// A client of a bus has to wait while the server does something else. That counts as lag even if the line catches up.
 TEST(LineServer, LatenessOfServiceIsLag) {
   LineSettings settings = settings_of(open_line);
   settings.clock = ClockMode::real;
   Running running(settings);
-  const auto master = links::open_can_client(running.link());  // so that the line is awake each millisecond
+  const auto master = links::open_can_client(running.link());  // so that the line is woken each millisecond
   Client client(running.server().api_port());
   const auto lag = [&client] { return json_of(client.ask(http::verb::get, "/clock"))["lag_ms"].get<double>(); };
   const double before = lag();
@@ -265,7 +266,7 @@ TEST(LineServer, LatenessOfServiceIsLag) {
   EXPECT_GE(lag() - before, 5 * 8.0);
 }
 
-// `bytes` sent to a link, and as many as an answer has.
+// Sends `bytes` to a link and returns as many bytes as the answer has.
 std::vector<std::uint8_t> ask_link(links::ByteClient& client, const std::vector<std::uint8_t>& bytes,
                                    std::size_t expected) {
   client.send(bytes);
@@ -275,7 +276,7 @@ std::vector<std::uint8_t> ask_link(links::ByteClient& client, const std::vector<
   return answer;
 }
 
-// Modbus TCP is answered in no time, so that a line in virtual time can be talked to while it stands.
+// Modbus TCP is answered immediately, so a client can use a line in virtual time even while its time stands still.
 TEST(LineServer, ServesModbusTcpInBothTimes) {
   for (const ClockMode clock : {ClockMode::virtual_time, ClockMode::real}) {
     LineSettings settings = settings_of(serial_line);
@@ -284,7 +285,7 @@ TEST(LineServer, ServesModbusTcpInBothTimes) {
     const std::string link = running.server().line().serial_buses()[0]->links[0]->name();
     const auto client = links::open_byte_client(links::parse_serial_link(link), {});
     const auto other = links::open_byte_client(links::parse_serial_link(link), {});
-    // Mode 1 is written by one client and read by the other; unit 255 is the one drive there is.
+    // One client writes mode 1 and the other reads it; unit 255 is the only drive.
     const std::vector<std::uint8_t> write{0, 7, 0, 0, 0, 6, 255, 6, 0, 1, 0, 1};
     EXPECT_EQ(ask_link(*client, write, write.size()), write);
     EXPECT_EQ(ask_link(*other, {0, 8, 0, 0, 0, 6, 2, 3, 0, 1, 0, 1}, 11),
@@ -346,4 +347,5 @@ TEST(LineServer, SaysOnceThatALogCannotBeWritten) {
 }
 
 }  // namespace
+}  // namespace line_server_test
 }  // namespace servodrome::line

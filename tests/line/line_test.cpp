@@ -8,11 +8,12 @@
 #include "support.hpp"
 
 namespace servodrome::line {
+namespace line_test {
 namespace {
 
 using namespace test;
 
-// The same story told to every line: configure, home the left axis, send SYNCs and heartbeats.
+// The same scenario for every line: configure, home the left axis, send SYNCs and heartbeats.
 struct Step {
   Time at;
   canopen::Frame frame;
@@ -44,7 +45,7 @@ std::vector<Step> story() {
   return steps;
 }
 
-// What is to be equal of two runs: every frame with its times, and where the shafts ended.
+// The data that must be equal in two runs: every frame with its times, and the final positions of the shafts.
 std::string run(const std::function<void(Line&, Time)>& pass_time) {
   Line line(settings_of(two_axes));
   Recorder recorder(line.buses()[0]->bus);
@@ -110,12 +111,12 @@ TEST(Line, AFrameIsAnsweredWhereItEnded) {
     const links::BusEvent& response = recorder.events[1];
     EXPECT_EQ(request.start, at);
     EXPECT_EQ(response.frame.id, 0x581U);
-    // The answer was queued when the request ended, so it starts after the interframe space: 3 bits of 1 us.
+    // The answer is queued when the request ends, so it starts after the interframe space: 3 bits of 1 us.
     EXPECT_EQ(response.start, request.end + 3us);
   }
 }
 
-// A product around another one, which writes down when its drive worked and what time it was told.
+// A wrapper of a product that records when its drive worked and which times it received.
 struct Calls {
   std::vector<std::pair<char, Time>> log;
 };
@@ -162,8 +163,8 @@ std::shared_ptr<products::Device> make_witness(const products::Settings& setting
   return std::make_shared<Witness>(settings);
 }
 
-// Two axes whose cycles lie 3 ticks apart talk to each other in every cycle. None may see the other's frame in its
-// own past or future.
+// Two axes whose cycles are 3 ticks apart send to each other in every cycle. Neither may receive the other's frame in
+// its own past or future.
 TEST(Line, AnAxisIsCaughtUpToAFrameBeforeItReceivesIt) {
   const std::array<Product, 1> products{Product{"witness", "", make_witness, 1, 8, {}, nullptr}};
   const LineSettings settings = settings_of(
@@ -221,7 +222,7 @@ TEST(Line, APowerCycleForgetsWhatIsNotStored) {
   axis.power_on(line.now());
   line.run_until(60ms);
   EXPECT_NE(dictionary.number(0x6081), 4321);
-  // Stored it survives: 1010h:01 = "save".
+  // A stored value survives: 1010h:01 = "save".
   ASSERT_EQ(dictionary.set_number(0x6081, 0, 4321), dictionary::AbortCode::none);
   ASSERT_EQ(dictionary.set_number(0x1010, 1, 0x65766173), dictionary::AbortCode::none);
   axis.power_off(line.now());
@@ -252,7 +253,7 @@ TEST(Line, RunningOntoALimitSwitchIsSeenByTheDrive) {
   Line line(settings_of(two_axes));
   Axis& axis = *line.find_axis("left");
   line.run_until(10ms);
-  EXPECT_EQ(axis.device().dictionary().number(0x60FD) & 7, 4);  // within the home switch
+  EXPECT_EQ(axis.device().dictionary().number(0x60FD) & 7, 4);  // the home switch is active
   axis.plant().set_position_counts(1'000'000);
   line.run_until(20ms);
   EXPECT_EQ(axis.device().dictionary().number(0x60FD) & 7, 2);
@@ -295,4 +296,5 @@ TEST(Line, AnIdealBusTakesNoTime) {
 }
 
 }  // namespace
+}  // namespace line_test
 }  // namespace servodrome::line

@@ -3,13 +3,14 @@
 #include <gtest/gtest.h>
 
 namespace servodrome::line {
+namespace real_pace_test {
 namespace {
 
 using namespace std::chrono_literals;
 
 class Paced : public testing::Test {
  protected:
-  // The line runs to what is due `passed` after the beginning.
+  // Runs the line to the time that is due `passed` after the beginning.
   Time run_at(Time passed) { return line_now = pace.due(start + passed, line_now); }
 
   RealPace::Moment start = RealPace::Moment(1234ms);
@@ -32,7 +33,7 @@ TEST_F(Paced, FollowsTheClock) {
 TEST_F(Paced, NeverGoesBack) {
   run_at(10ms);
   EXPECT_EQ(run_at(9ms), 15ms);
-  line_now += 3ms;  // by a request
+  line_now += 3ms;  // a request has run the line
   EXPECT_EQ(run_at(11ms), 18ms);
 }
 
@@ -65,4 +66,5 @@ TEST_F(Paced, IsNeverFurtherBehindThanSaid) {
 }
 
 }  // namespace
+}  // namespace real_pace_test
 }  // namespace servodrome::line

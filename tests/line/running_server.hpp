@@ -17,7 +17,7 @@ namespace servodrome::line::test {
 using boost::asio::ip::tcp;
 namespace http = boost::beast::http;
 
-// A drive on an RS485 line that is served by Modbus TCP.
+// A drive on an RS485 line with a Modbus TCP link.
 inline constexpr std::string_view serial_line = R"(
 clock = "virtual"
 [api]
@@ -32,7 +32,7 @@ product = "generic402"
 serial = "rs"
 )";
 
-// A server in a thread of its own, as its clients see it.
+// A server in its own thread, for tests with clients.
 class Running {
  public:
   explicit Running(const LineSettings& settings) : server_(settings), thread_([this] { server_.run(); }) {}

@@ -1,4 +1,4 @@
-// RS485 lines: drives that answer Modbus on a simulated line, alone or on a CAN bus as well.
+// RS485 lines: drives that answer Modbus on a simulated line, with or without a CAN bus.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 #include <nlohmann/json.hpp>
@@ -9,6 +9,7 @@
 #include "support.hpp"
 
 namespace servodrome::line {
+namespace serial_bus_test {
 namespace {
 
 using namespace test;
@@ -43,7 +44,7 @@ class SerialBus : public testing::Test {
  protected:
   SerialBus() { line_.run_until(50ms); }
 
-  // What comes back to a request, without CRC; empty: nothing.
+  // Returns the answer to a request, without CRC; empty: none came.
   Bytes ask(Bytes request, Time patience = 100ms) {
     const std::size_t size = request.size();
     request.resize(size + 2);
@@ -79,7 +80,7 @@ TEST_F(SerialBus, EachStationAnswersForItself) {
   EXPECT_EQ(ask({2, 3, 1, 0, 0, 1}), (Bytes{2, 3, 2, 0x02, 0x31}));
   EXPECT_EQ(ask({200, 3, 1, 0, 0, 1}), (Bytes{200, 3, 2, 0x02, 0x50}));
   EXPECT_EQ(ask({3, 3, 1, 0, 0, 1}), Bytes{});
-  // A broadcast reaches all, and none answers.
+  // All drives receive a broadcast, and none answers.
   EXPECT_EQ(ask({0, 6, 0, 0, 0, 6}), Bytes{});
   EXPECT_EQ(ask({200, 3, 1, 0, 0, 1}), (Bytes{200, 3, 2, 0x02, 0x31}));
 }
@@ -119,7 +120,7 @@ TEST_F(SerialBus, WithoutPowerItIsSilent) {
   axis.power_on(line_.now());
   line_.run_until(line_.now() + 50ms);
   EXPECT_EQ(ask({2, 3, 1, 0, 0, 1}), (Bytes{2, 3, 2, 0x02, 0x50}));
-  // Power lost in the middle of an answer: what is left of it is not sent.
+  // Power is lost in the middle of an answer: the rest is not sent.
   Bytes request{2, 3, 1, 0, 0, 1, 0, 0};
   modbus::seal_rtu_frame(request, 6);
   master_.send(request);
@@ -146,7 +147,7 @@ TEST_F(SerialBus, UnitsAreTheStations) {
   EXPECT_EQ(line.find_unit(bus, 0), line.find_unit(bus, 2));
 }
 
-// The drive that is set to another bit rate is not understood, and understands nothing.
+// The drive with a different bit rate neither understands nor is understood.
 TEST_F(SerialBus, ABitRateOfItsOwnIsNoContact) {
   const auto dictionary = [this]() -> dictionary::Dictionary& {
     return line_.find_axis("both")->device().dictionary();
@@ -191,4 +192,5 @@ TEST_F(SerialBus, TheBenchShowsAndDisturbsIt) {
 }
 
 }  // namespace
+}  // namespace serial_bus_test
 }  // namespace servodrome::line

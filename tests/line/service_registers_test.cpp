@@ -4,9 +4,11 @@
 #include "line/registry.hpp"
 
 namespace servodrome::line {
+namespace service_registers_test {
 namespace {
 
-// What a product's Modbus registers stand for is in the table that its service port sees; the fieldbus may see less.
+// The objects of a product's Modbus registers are in the table of its service port; the table of the fieldbus may have
+// fewer objects.
 TEST(ServiceRegisters, AreInTheTableOfTheServicePort) {
   for (const Product& product : all_products()) {
     if (product.serial == nullptr) continue;
@@ -20,4 +22,5 @@ TEST(ServiceRegisters, AreInTheTableOfTheServicePort) {
 }
 
 }  // namespace
+}  // namespace service_registers_test
 }  // namespace servodrome::line

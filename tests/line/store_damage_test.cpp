@@ -1,5 +1,5 @@
-// What a drive does with a memory that it cannot use: it raises the fault that it has for that, and never runs with
-// factory values as if nothing had been stored.
+// A drive with a memory that it cannot use raises its fault for that. It never runs with factory values as if nothing
+// had been stored.
 #include <filesystem>
 #include <fstream>
 #include <gmock/gmock.h>
@@ -11,6 +11,7 @@
 #include "support.hpp"
 
 namespace servodrome::line {
+namespace store_damage_test {
 namespace {
 
 namespace fs = std::filesystem;
@@ -19,12 +20,12 @@ using dictionary::AbortCode;
 
 struct Maker {
   std::string_view product;
-  std::uint16_t save_index;  // what stores, by a write of `save_value`
+  std::uint16_t save_index;  // the object that stores when `save_value` is written
   std::uint8_t save_sub;
   std::uint32_t save_value;
   std::uint16_t value_index;  // a stored object
   std::uint8_t value_sub;
-  std::uint16_t error_code;  // of a memory that cannot be used
+  std::uint16_t error_code;  // if the memory cannot be used
   bool ethercat = false;
 };
 
@@ -33,11 +34,11 @@ constexpr std::uint32_t save_signature = 0x65766173;
 constexpr auto makers = std::to_array<Maker>({
     {"ismc", 0x1010, 1, save_signature, 0x6083, 0, 0x5530},
     {"generic402", 0x1010, 1, save_signature, 0x6083, 0, 0x5530},
-    {"pronet", 0x3022, 0, 500, 0x3022, 0, 0x5581},  // ch. 3.5; kept at once
+    {"pronet", 0x3022, 0, 500, 0x3022, 0, 0x5581},  // ch. 3.5; stored immediately
     {"ismk", 0x2FF0, 1, 1, 0x6083, 0, 0x6310},      // Table 9-24; Table 10-5, 800.0
     {"generic402-ec", 0x1010, 1, save_signature, 0x6083, 0, 0x5530, true},
     {"ismk-ea", 0x2FF0, 1, 1, 0x6083, 0, 0x6310, true},
-    {"jmc_ec", 0x2008, 20, 500, 0x2008, 20, 0x5003, true},  // AL.051, ch. 9.1; kept at once
+    {"jmc_ec", 0x2008, 20, 500, 0x2008, 20, 0x5003, true},  // AL.051, ch. 9.1; stored immediately
 });
 
 class StoreDamage : public testing::TestWithParam<Maker> {
@@ -80,7 +81,7 @@ class StoreDamage : public testing::TestWithParam<Maker> {
       EXPECT_TRUE(in_fault()) << what;
       EXPECT_EQ(get(0x603F), of.error_code) << what;
     }
-    // What is kept at once has no answer of its own: a fault tells it.
+    // If values are stored immediately, there is no answer to a save command: a fault reports the error.
     void expect_not_saved() {
       if (of.save_index != of.value_index) {
         EXPECT_EQ(save(), AbortCode::hardware_error);
@@ -95,7 +96,7 @@ class StoreDamage : public testing::TestWithParam<Maker> {
     Line line;
   };
 
-  // A file with two images, so that both banks hold one.
+  // Stores twice, so that both banks of the file hold an image.
   void store_twice() {
     Drive drive(GetParam(), path);
     EXPECT_FALSE(drive.in_fault());
@@ -161,7 +162,7 @@ TEST_P(StoreDamage, BothBanksDamagedInEveryWay) {
       drive.expect_fault(way.name);
       drive.power_cycle();
       drive.expect_fault(way.name);
-      // What is stored anew is whole again.
+      // A new save repairs the memory.
       ASSERT_EQ(drive.save(), AbortCode::none) << way.name;
       drive.power_cycle();
       EXPECT_FALSE(drive.in_fault()) << way.name;
@@ -207,7 +208,7 @@ TEST_P(StoreDamage, AFileThatIsReplacedWhileTheDriveRuns) {
   drive.expect_fault("the memory is another file");
 }
 
-// A reset by the bus reads the memory as the power-on does.
+// A reset over the bus reads the memory like a power-on.
 TEST_P(StoreDamage, AResetOfTheNodeReadsTheDamageToo) {
   if (GetParam().ethercat) return;  // EtherCAT has no reset that reloads
   store_twice();
@@ -224,7 +225,7 @@ TEST_P(StoreDamage, AResetOfTheNodeReadsTheDamageToo) {
   drive.expect_fault("reset node");
 }
 
-// 1011h of a damaged memory: it is empty then, and that is no fault.
+// 1011h on a damaged memory empties it, which is no fault.
 TEST_P(StoreDamage, RestoringTheFactoryValuesEndsTheDamage) {
   if (GetParam().save_index != 0x1010) return;  // has no 1011h
   store_twice();
@@ -237,4 +238,5 @@ TEST_P(StoreDamage, RestoringTheFactoryValuesEndsTheDamage) {
 }
 
 }  // namespace
+}  // namespace store_damage_test
 }  // namespace servodrome::line

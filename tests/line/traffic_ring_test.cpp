@@ -1,4 +1,4 @@
-// The ring of recorded frames against a list that does the same without limits of memory.
+// Compares the ring of recorded frames with a list that has no memory limit.
 #include <deque>
 #include <gtest/gtest.h>
 #include <random>
@@ -7,6 +7,7 @@
 #include "line/traffic.hpp"
 
 namespace servodrome::line {
+namespace traffic_ring_test {
 namespace {
 
 struct Kept {
@@ -19,7 +20,7 @@ TEST(TrafficRing, FramesOfAllSizesAgainstAList) {
   for (const std::size_t size : {256UL, 1000UL, 4096UL}) {
     TrafficRing ring(size);
     std::deque<Kept> all;
-    TrafficRing::Cursor follower = ring.begin();  // reads all, now and then
+    TrafficRing::Cursor follower = ring.begin();  // reads all frames from time to time
     TrafficRing::Cursor late = ring.begin();      // reads seldom
     std::uint64_t followed = 0;
     for (std::uint64_t number = 1; number <= 20'000; ++number) {
@@ -80,14 +81,15 @@ TEST(TrafficTap, AnAxisOnCanIsHeardAndALineWithoutTapIsTheSame) {
     line.run_until(std::chrono::milliseconds(500));
   }
   const std::uint64_t heard = ring.newest();
-  EXPECT_GE(heard, 2U);  // two boot-ups at least
+  EXPECT_GE(heard, 2U);  // at least two boot-up messages
   TrafficRing::Cursor cursor = ring.begin();
   const auto first = ring.next(cursor);
   ASSERT_TRUE(first);
   EXPECT_EQ(first->kind, TrafficKind::can);
   line.run_until(std::chrono::seconds(3));
-  EXPECT_EQ(ring.newest(), heard);  // the tap is gone
+  EXPECT_EQ(ring.newest(), heard);  // the tap has been destroyed
 }
 
 }  // namespace
+}  // namespace traffic_ring_test
 }  // namespace servodrome::line

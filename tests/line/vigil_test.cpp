@@ -3,6 +3,7 @@
 #include <gtest/gtest.h>
 
 namespace servodrome::line {
+namespace vigil_test {
 namespace {
 
 using namespace std::chrono_literals;
@@ -19,7 +20,7 @@ class Awaiting : public testing::Test {
 };
 
 TEST_F(Awaiting, AMasterThatAnswersAtOnceIsAwaitedAwake) {
-  frames(1, 0s);  // the first follows nothing
+  frames(1, 0s);  // no frame came before the first one
   frames(Vigil::proof - 1, 50us);
   EXPECT_FALSE(vigil.worthwhile());
   frames(1, 100us);
@@ -31,7 +32,7 @@ TEST_F(Awaiting, AMasterThatAnswersAtOnceIsAwaitedAwake) {
 TEST_F(Awaiting, ACycleOfAMillisecondIsAwaitedAsleep) {
   frames(1000, 1ms);
   EXPECT_FALSE(vigil.worthwhile());
-  for (int i = 0; i < 1000; ++i) {  // of two frames each
+  for (int i = 0; i < 1000; ++i) {  // two frames each
     frames(1, 1ms);
     frames(1, 20us);
     EXPECT_FALSE(vigil.worthwhile());
@@ -49,7 +50,7 @@ TEST_F(Awaiting, AMasterThatPausesHasToProveItAgain) {
   EXPECT_FALSE(vigil.worthwhile());
 }
 
-// To answer many at once may take longer than a frame is waited for.
+// Answering many frames at once may take longer than the wait for a frame.
 TEST_F(Awaiting, WhoIsAwakeIsNotPutToSleepByItsOwnWork) {
   frames(20, 10us);
   vigil.answered(now += 5ms);
@@ -63,7 +64,7 @@ TEST_F(Awaiting, WhereOthersComputeWithoutEndItSleeps) {
   vigil.lent(1ms);
   EXPECT_TRUE(vigil.worthwhile());
   vigil.lent(1001us);
-  vigil.in_vain();  // nor did a frame come
+  vigil.in_vain();  // no frame came either
   frames(Vigil::respite + Vigil::proof - 1, 10us);
   EXPECT_FALSE(vigil.worthwhile());
   frames(1, 10us);
@@ -71,4 +72,5 @@ TEST_F(Awaiting, WhereOthersComputeWithoutEndItSleeps) {
 }
 
 }  // namespace
+}  // namespace vigil_test
 }  // namespace servodrome::line

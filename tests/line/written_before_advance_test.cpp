@@ -1,5 +1,5 @@
-// What a client wrote to a link of any kind before it asked for clock/advance acts before time passes
-// (docs/bench-api.md, Clock). The client does not need to sleep first. The test for socketcand is in line_server_test.
+// Data that a client wrote to a link of any kind before it requested clock/advance act before time advances
+// (docs/bench-api.md, Clock). The client need not sleep first. The test for socketcand is in line_server_test.
 #include <fcntl.h>
 #include <gmock/gmock.h>
 #include <unistd.h>
@@ -13,6 +13,7 @@
 #include "support.hpp"
 
 namespace servodrome::line {
+namespace written_before_advance_test {
 namespace {
 
 using namespace test;
@@ -56,8 +57,8 @@ int value(Client& client, const char* object) {
   return json_of(client.ask(http::verb::get, fmt::format("/axes/x/objects/{}", object)))["value"];
 }
 
-// An SDO request of a node that is not there is 108 bits and its stuffing: 200 of them pass in 40 ms if they wait from
-// the start.
+// An SDO request to a node that does not exist has 108 bits plus stuff bits: 200 of them pass in 40 ms if they wait
+// from the start.
 constexpr int many = 200;
 
 TEST(WrittenBeforeAnAdvance, ToSlcan) {
@@ -87,7 +88,7 @@ struct Terminal {
   int descriptor;
 };
 
-// The very first bytes of a client count as well.
+// This includes the very first bytes of a client.
 TEST(WrittenBeforeAnAdvance, ToSlcanByAClientThatHasJustOpenedIt) {
   for (int round = 0; round < rounds; ++round) {
     LineSettings settings = settings_of(can_line);
@@ -104,7 +105,7 @@ TEST(WrittenBeforeAnAdvance, ToSlcanByAClientThatHasJustOpenedIt) {
   }
 }
 
-// A request of 8 characters is on the line for 5 ms, the pause behind it is 2 ms. Register 1 is 6060h.
+// A request of 8 characters takes 5 ms on the line, and the pause behind it 2 ms. Register 1 is 6060h.
 std::vector<std::uint8_t> mode_request(int mode) {
   std::vector<std::uint8_t> request{2, 6, 0, 1, 0, static_cast<std::uint8_t>(mode), 0, 0};
   modbus::seal_rtu_frame(request, 6);
@@ -147,8 +148,8 @@ TEST(WrittenBeforeAnAdvance, ToASerialPtyByAClientThatHasJustOpenedIt) {
   }
 }
 
-// Answered in no time, so its effect is looked at: 6060h acts in the cycle after it was written. More requests than are
-// read at once, the last of which counts.
+// Requests are answered immediately, so the test checks their effect: 6060h acts in the cycle after it was written.
+// There are more requests than one read returns, and the last one counts.
 TEST(WrittenBeforeAnAdvance, ToModbusTcp) {
   Running running(settings_of(serial_line));
   const std::string link = running.server().line().serial_buses()[0]->links[0]->name();
@@ -172,8 +173,8 @@ TEST(WrittenBeforeAnAdvance, ToModbusTcp) {
   }
 }
 
-// A frame that reads the slave's system time brings back the instant at which it passed. More frames than are taken at
-// once.
+// A frame that reads the slave's system time returns the instant at which it passed. There are more frames than one
+// call serves.
 TEST(WrittenBeforeAnAdvance, ToEthercatOverUdp) {
   Running running(settings_of(ethercat_line));
   const std::string link = running.server().line().ethercat_buses()[0]->links[0]->name();
@@ -192,7 +193,7 @@ TEST(WrittenBeforeAnAdvance, ToEthercatOverUdp) {
     return ethercat::load<std::uint64_t>(memory.data() + 12);
   };
   ask();
-  const std::uint64_t start = answer();  // while time stands
+  const std::uint64_t start = answer();  // virtual time stands still
   for (int round = 0; round < rounds; ++round) {
     for (int i = 0; i < many; ++i) ask();
     advance(client, 40);
@@ -203,4 +204,5 @@ TEST(WrittenBeforeAnAdvance, ToEthercatOverUdp) {
 }
 
 }  // namespace
+}  // namespace written_before_advance_test
 }  // namespace servodrome::line

@@ -10,6 +10,7 @@
 #include "links/can/memory_port.hpp"
 
 namespace servodrome::links {
+namespace can_bus_test {
 namespace {
 
 using canopen::Frame;
@@ -121,17 +122,17 @@ TEST_F(CanBusTest, ArbitratesByIdentifierAmongFramesPendingWhenTheWireFallsIdle)
   extended.extended = true;
   Frame remote = make(0x100);
   remote.remote = true;
-  bus.transmit(pa, make(0x500), Time{});  // alone: it goes first whatever its identifier
+  bus.transmit(pa, make(0x500), Time{});  // the only frame: it is sent first, whatever its identifier
   bus.transmit(pb, make(0x300), microseconds(10));
   bus.transmit(pa, extended, microseconds(20));
   bus.transmit(pc, remote, microseconds(30));
-  bus.transmit(pc, make(0x001), microseconds(31));  // behind the remote frame in its own mailbox
-  bus.transmit(pb, make(0x100), seconds(1));        // too late
+  bus.transmit(pc, make(0x001), microseconds(31));  // waits behind the remote frame in its own mailbox
+  bus.transmit(pb, make(0x100), seconds(1));        // ready too late
   bus.advance(seconds(2));
   ASSERT_EQ(d.received.size(), 6U);
   EXPECT_EQ(d.ids(), (std::vector<std::uint32_t>{0x500, 0x100, 0x001, 0x100U << 18U, 0x300, 0x100}));
   EXPECT_TRUE(d.received[1].frame.remote);
-  // Back to back with three bits between.
+  // Frames follow each other with three bits in between.
   for (std::size_t i = 1; i < 5; ++i) {
     const unsigned length = frame_length_bits(d.received[i].frame);
     EXPECT_EQ(d.received[i].at - d.received[i - 1].at, bits(length + 3, 500'000)) << i;
@@ -177,7 +178,7 @@ TEST_F(CanBusTest, RefusesWhatIsNoFrame) {
 }
 
 TEST_F(CanBusTest, LoadIsTheBusyShareOfTheLastSecond) {
-  // 109 + 3 bits at 500 kbit/s are 224 us; one every millisecond is 22.4 %.
+  // 109 + 3 bits at 500 kbit/s take 224 us; one frame every millisecond is 22.4 %.
   const Frame frame = make(0x555, {0x55, 0x55, 0x55, 0x55, 0x55, 0x55, 0x55, 0x55});
   for (int ms = 0; ms < 2000; ++ms) {
     bus.transmit(pa, frame, milliseconds(ms));
@@ -243,7 +244,7 @@ TEST_F(CanBusTest, EqualFramesAtOnceAreOneFrame) {
   EXPECT_EQ(bus.counters().frames, 1U);
 }
 
-// Two nodes with one identifier and different data break each other's frames until both are bus-off.
+// Two nodes with the same identifier and different data break each other's frames until both are bus-off.
 TEST_F(CanBusTest, TwoNodesWithOneIdentifierDriveEachOtherBusOff) {
   bus.set_automatic_recovery(pa, false);
   bus.set_automatic_recovery(pb, false);
@@ -321,7 +322,7 @@ TEST_F(CanBusTest, RecoveryOnRequest) {
   EXPECT_EQ(bus.counters(pa).transmit_errors, 0);
 }
 
-// An error passive sender leaves 8 bits more before its next frame, which lets others go first.
+// An error passive sender waits 8 bits more before its next frame, so other nodes may send first.
 TEST_F(CanBusTest, ErrorPassiveSenderSuspendsTransmission) {
   bus.disturb({.corrupt = 1.0, .limit = 16});  // 16 x 8 = 128: passive
   bus.transmit(pa, make(0x010), Time{});
@@ -392,7 +393,8 @@ TEST_F(CanBusTest, EqualSeedsDisturbEqually) {
   EXPECT_GT(one.second.corrupted, 0U);
 }
 
-// Without acknowledge: error passive after 16 attempts and no further; the frame goes out when the cut is over.
+// Without acknowledge a port becomes error passive after 16 attempts, but not bus-off. The frame is sent when the cable
+// is connected again.
 TEST_F(CanBusTest, LoneSenderKeepsItsFrame) {
   bus.cut(pa, true);
   EXPECT_TRUE(bus.is_cut(pa));
@@ -459,8 +461,8 @@ TEST_F(CanBusTest, PortThatIsOffDoesNotAcknowledge) {
   EXPECT_TRUE(c.received.empty());
   bus.set_participation(pb, Participation::normal);
   bus.advance(milliseconds(200));
-  EXPECT_EQ(c.received.size(), 1U);  // listen-only hears it now that another acknowledges
-  // Off resets the controller.
+  EXPECT_EQ(c.received.size(), 1U);  // the listen-only port receives now that another port acknowledges
+  // `off` resets the controller.
   bus.cut_bus(true);
   bus.transmit(pa, make(0x3), milliseconds(200));
   bus.advance(milliseconds(300));
@@ -498,4 +500,5 @@ TEST(MemoryPort, KeepsABoundedInbox) {
 }
 
 }  // namespace
+}  // namespace can_bus_test
 }  // namespace servodrome::links

@@ -7,12 +7,13 @@
 #include "links/can/frame_length.hpp"
 
 namespace servodrome::links {
+namespace can_frame_length_test {
 namespace {
 
 using canopen::Frame;
 
-// The frame as text, written from the standard's drawing of it and without anything of the code under test: a string of
-// '0' and '1', CRC by polynomial long division, stuffing by search for five equal characters.
+// An independent encoder, written from the standard's description without the code under test: the frame is a string of
+// '0' and '1', the CRC a polynomial long division, stuffing a search for five equal characters.
 std::string binary(std::uint64_t value, int bits) {
   std::string text;
   for (int i = bits - 1; i >= 0; --i) text += ((value >> i) & 1) != 0 ? '1' : '0';
@@ -71,7 +72,7 @@ TEST(FrameLength, BruteForceAgainstIndependentStuffing) {
     frame.remote = random() % 5 == 0;
     frame.length = static_cast<std::uint8_t>(random() % 9);
     frame.id = static_cast<std::uint32_t>(random()) & (frame.extended ? 0x1FFFFFFFU : 0x7FFU);
-    // Mostly 00 and FF: that is where the stuff bits are.
+    // Mostly 00 and FF, which cause the most stuff bits.
     for (auto& byte : frame.data) {
       const auto kind = random() % 4;
       byte = static_cast<std::uint8_t>(kind == 0 ? 0x00 : kind == 1 ? 0xFF : random());
@@ -82,7 +83,8 @@ TEST(FrameLength, BruteForceAgainstIndependentStuffing) {
   }
 }
 
-// Unstuffed lengths of the standard, and the documented worst case: 34 + 8n bits can take (34 + 8n - 1) / 4 stuff bits.
+// The lengths without stuff bits in the standard, and the documented worst case: 34 + 8n bits can need (34 + 8n - 1) /
+// 4 stuff bits.
 TEST(FrameLength, StaysWithinTheStandardsBounds) {
   std::mt19937 random(3);
   for (const bool extended : {false, true}) {
@@ -106,9 +108,9 @@ TEST(FrameLength, StaysWithinTheStandardsBounds) {
   }
 }
 
-// 135 bits with interframe space is the figure every timing calculation uses for the longest base frame. It is a bound:
-// the control bits IDE, r0 and DLC = 8 break the pattern of one stuff bit every four bits. The longest frame a search
-// over identifiers and repeating patterns found has 133.
+// Timing calculations use 135 bits, with interframe space, for the longest base frame. That is only an upper bound: the
+// control bits IDE, r0 and DLC = 8 interrupt the pattern of one stuff bit every four bits. A search over identifiers
+// and repeating patterns found at most 133 bits.
 TEST(FrameLength, LongestBaseFrameIsJustBelow135BitsWithInterframeSpace) {
   constexpr unsigned bound = 44 + 64 + (34 + 64 - 1) / 4 + interframe_space_bits;
   static_assert(bound == 135);
@@ -117,10 +119,10 @@ TEST(FrameLength, LongestBaseFrameIsJustBelow135BitsWithInterframeSpace) {
   EXPECT_EQ(reference(longest).size() + interframe_space_bits, 133U);
 }
 
-// Worked out apart from this program, bit by bit from the standard.
+// Calculated independently of this program, bit by bit from the standard.
 TEST(FrameLength, KnownFrames) {
   EXPECT_EQ(crc_by_long_division(""), "000000000000000");
-  // The reference itself: CRC-15/CAN of "123456789" is 059E (catalogue of parametrised CRC algorithms).
+  // A check of the independent encoder: CRC-15/CAN of "123456789" is 059E (catalogue of parametrised CRC algorithms).
   std::string digits;
   for (char digit = '1'; digit <= '9'; ++digit) digits += binary(static_cast<std::uint64_t>(digit), 8);
   EXPECT_EQ(crc_by_long_division(digits), binary(0x059E, 15));
@@ -133,7 +135,7 @@ TEST(FrameLength, KnownFrames) {
   EXPECT_EQ(frame_length_bits(make(0x123, {0x11, 0x22})), 62U);
   EXPECT_EQ(frame_length_bits(make(0x000, {0, 0, 0, 0, 0, 0, 0, 0})), 124U);
   EXPECT_EQ(frame_length_bits(make(0x7FF, {255, 255, 255, 255, 255, 255, 255, 255})), 123U);
-  // Alternating data needs stuff bits in the control field and the CRC only.
+  // Alternating data need stuff bits only in the control field and the CRC.
   EXPECT_EQ(frame_length_bits(make(0x555, {0x55, 0x55, 0x55, 0x55, 0x55, 0x55, 0x55, 0x55})), 109U);
 }
 
@@ -159,7 +161,7 @@ TEST(ArbitrationKey, IsTheOrderOfTheWire) {
   EXPECT_LT(arbitration_key(extended), arbitration_key(extended_remote));
   EXPECT_LT(arbitration_key(extended_remote), arbitration_key(later));
 
-  // Against the bits: where two frames first differ, the dominant one wins.
+  // Compared with the encoded bits: at the first difference the frame with the dominant bit wins.
   std::mt19937 random(11);
   for (int i = 0; i < 5000; ++i) {
     std::array<Frame, 2> pair;
@@ -177,4 +179,5 @@ TEST(ArbitrationKey, IsTheOrderOfTheWire) {
 }
 
 }  // namespace
+}  // namespace can_frame_length_test
 }  // namespace servodrome::links

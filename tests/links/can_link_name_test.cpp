@@ -10,6 +10,7 @@
 #include "links/link_error.hpp"
 
 namespace servodrome::links {
+namespace can_link_name_test {
 namespace {
 
 using testing::HasSubstr;
@@ -60,7 +61,7 @@ TEST(CanLinkName, ErrorsSayWhatWhereAndWhatToDo) {
   const Case cases[] = {
       {"", "there is no \":\"", "one of socketcand:HOST:PORT/BUS"},
       {"can0", "there is no \":\"", "socketcan:INTERFACE"},
-      {"usb:0", "\"usb\" is no kind of CAN link", "slcan:PATH"},
+      {"usb:0", "\"usb\" is not a kind of CAN link", "slcan:PATH"},
       {"socketcand:", "there is no host", "socketcand:127.0.0.1:29536/can0"},
       {"socketcand:/can0", "there is no host", "socketcand:127.0.0.1"},
       {"socketcand:localhost:70000/can0", "port \"70000\" is not a number from 0 to 65535", "HOST:PORT/BUS"},
@@ -98,4 +99,5 @@ TEST(CanLink, MemIsNotForOthers) {
 }
 
 }  // namespace
+}  // namespace can_link_name_test
 }  // namespace servodrome::links

@@ -11,6 +11,7 @@
 #include "links/link_error.hpp"
 
 namespace servodrome::links {
+namespace can_log_test {
 namespace {
 
 using canopen::Frame;
@@ -116,4 +117,5 @@ TEST(CanLog, ErrorsSayWhatToDo) {
 }
 
 }  // namespace
+}  // namespace can_log_test
 }  // namespace servodrome::links

@@ -1,4 +1,4 @@
-// The texts of socketcand and slcan, without any socket.
+// The text protocols of socketcand and slcan, without sockets.
 
 #include <gtest/gtest.h>
 #include <random>
@@ -9,6 +9,7 @@
 #include "links/can/socketcand_protocol.hpp"
 
 namespace servodrome::links {
+namespace can_protocol_test {
 namespace {
 
 using canopen::Frame;
@@ -53,7 +54,7 @@ TEST(Socketcand, Send) {
             (Frame{.id = 0x7FF, .length = 8, .data = {0, 1, 2, 3, 4, 5, 6, 0xFF}}));
   EXPECT_EQ(sent("sendrtr 701 0"), (Frame{.id = 0x701, .remote = true}));
   EXPECT_EQ(sent("sendrtr 1AAAAAAA 2"), (Frame{.id = 0x1AAAAAAA, .extended = true, .remote = true, .length = 2}));
-  // What python-can makes of a remote frame of length 8.
+  // python-can sends a remote frame of length 8 in this form.
   EXPECT_EQ(sent(" send 701 8  "), (Frame{.id = 0x701, .remote = true, .length = 8}));
   for (const char* wrong :
        {"send", "send 123", "send 800 0", "send 20000000 0", "send 123456789 0", "send 123 9", "send 123 1 100",
@@ -70,7 +71,7 @@ TEST(Socketcand, Frame) {
   const Frame remote{.id = 0x123, .remote = true, .length = 4};
   EXPECT_EQ(socketcand::format_frame(remote, timestamp), "< rtr 123 23.424242 4 >");
   EXPECT_EQ(socketcand::format_frame({.id = 1, .extended = true}, Time{}), "< frame 00000001 0.000000  >");
-  // As socketcand writes it in BCM mode.
+  // The form that socketcand writes in BCM mode.
   EXPECT_EQ(socketcand::parse_frame(socketcand::Words("frame 123 23.424242 11 22 33 44")), frame);
 }
 
@@ -122,7 +123,7 @@ struct SlcanTest : testing::Test {
   }
 };
 
-// Each command, when it is allowed and when not; the first column is the state.
+// Each command in the states where it is allowed and where it is not; the first column is the state.
 TEST_F(SlcanTest, Commands) {
   struct Case {
     bool open;
@@ -195,7 +196,7 @@ TEST_F(SlcanTest, AcceptanceFilter) {
   EXPECT_FALSE(filter.passes({.id = 0x602}));
   EXPECT_TRUE(filter.passes({.id = 0x77F}));
   EXPECT_FALSE(filter.passes({.id = 0x780}));
-  // First data byte 0x23 through filter 1; nothing matches filter 2.
+  // First data byte 0x23 passes filter 1; nothing passes filter 2.
   filter = {filter1 | 0x00020000U | 0xFFE3U, 0x00100000U};
   EXPECT_TRUE(filter.passes({.id = 0x601, .length = 1, .data = {0x23}}));
   EXPECT_FALSE(filter.passes({.id = 0x601, .length = 1, .data = {0x24}}));
@@ -231,4 +232,5 @@ TEST(CanProtocols, RandomBytesDoNoHarm) {
 }
 
 }  // namespace
+}  // namespace can_protocol_test
 }  // namespace servodrome::links

@@ -18,8 +18,8 @@
 
 namespace servodrome::links::test {
 
-// A bus with one echoing node and an io_context, driven in the test's own thread: time on the bus is virtual and runs
-// as soon as something is queued, so that nothing depends on the machine's speed.
+// A bus with one echoing node and an io_context, which run in the test's own thread. Time on the bus is virtual and
+// advances as soon as something is queued, so that nothing depends on the machine's speed.
 class Rig : public LineHost, public Receiver {
  public:
   explicit Rig(const BusConfig& config = {}) : bus(config), node(bus.attach(*this, 4096)) {}
@@ -28,7 +28,7 @@ class Rig : public LineHost, public Receiver {
   void wake() override { ++wakes; }
   Time epoch() const override { return std::chrono::seconds(1000); }
 
-  // Answers identifier 0x600 + n with 0x580 + n and the same data; remembers everything.
+  // Answers identifier 0x600 + n with 0x580 + n and the same data, and records all frames.
   void on_frame(const canopen::Frame& frame, Time at) override {
     received.push_back(frame);
     if (frame.id >= 0x601 && frame.id <= 0x67F && !frame.extended && !frame.remote) {
@@ -46,7 +46,7 @@ class Rig : public LineHost, public Receiver {
     }
   }
 
-  // Runs links and bus until the condition holds; false after ten seconds (a failure, not a measurement).
+  // Runs links and bus until the condition holds. Returns false after ten seconds: the test has failed.
   bool until(const std::function<bool()>& condition) {
     const auto give_up = std::chrono::steady_clock::now() + std::chrono::seconds(10);
     while (!condition()) {
@@ -62,12 +62,12 @@ class Rig : public LineHost, public Receiver {
   CanBus bus;
   PortId node;
   Time time{};
-  bool frozen = false;  // the bus does not run
+  bool frozen = false;  // stops the bus
   int wakes = 0;
   std::vector<canopen::Frame> received;
 };
 
-// Runs a rig in a thread of its own, for clients that block.
+// Runs a rig in its own thread, for clients that block.
 class RigThread {
  public:
   explicit RigThread(Rig& rig)
@@ -88,7 +88,7 @@ class RigThread {
   std::thread thread_;
 };
 
-// A nonblocking byte stream that collects what arrives.
+// A nonblocking byte stream that collects the received bytes.
 class RawClient {
  public:
   RawClient() = default;
@@ -110,7 +110,7 @@ class RawClient {
   void write(std::string_view text) const {
     if (::write(descriptor_.get(), text.data(), text.size()) < 0) ended_ = true;
   }
-  // All text so far.
+  // All text received so far.
   const std::string& text() const {
     char buffer[4096];
     for (;;) {

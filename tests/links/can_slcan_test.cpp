@@ -13,6 +13,7 @@
 #include "links/link_error.hpp"
 
 namespace servodrome::links {
+namespace can_slcan_test {
 namespace {
 
 using canopen::Frame;
@@ -76,7 +77,7 @@ TEST_F(SlcanLinkTest, APathInUseIsRefusedAndStaysWithWhoHasIt) {
     }
     EXPECT_EQ(std::filesystem::read_symlink(path), device);
   }
-  // When the first link ends, the path is free again.
+  // After the first link has ended, another one can use the path.
   link.reset();
   link = open_can_link(SlcanName{path.string()}, rig.bus, rig.io, rig);
   EXPECT_TRUE(open_tty().is_open());
@@ -106,7 +107,7 @@ TEST_F(SlcanLinkTest, FramesBothWays) {
   EXPECT_TRUE(client.has("r7011\r"));
 }
 
-// Closed: neither frames nor acknowledge.
+// A closed channel receives no frames and does not acknowledge.
 TEST_F(SlcanLinkTest, ClosedChannelTakesNoPart) {
   RawClient client = open_tty();
   rig.bus.transmit(rig.node, {.id = 0x81}, rig.time);
@@ -115,7 +116,7 @@ TEST_F(SlcanLinkTest, ClosedChannelTakesNoPart) {
   EXPECT_EQ(rig.bus.counters().frames, 0U);
   EXPECT_EQ(rig.bus.error_state(rig.node), ErrorState::passive);
   client.write("O\r");
-  // The node's frame was waiting for an acknowledge.
+  // The node's frame waited for an acknowledge.
   ASSERT_TRUE(rig.until([&] { return client.has("t0810\r"); }));
   client.write("C\r");
   client.clear();
@@ -132,7 +133,7 @@ TEST_F(SlcanLinkTest, SurvivesClientsThatComeAndGo) {
     RawClient client = open_channel();
     client.write("t6011AA\r");
     ASSERT_TRUE(rig.until([&] { return client.text() == "z\rt5811AA\r"; })) << i << client.text();
-    // Traffic that was not read must not reach the next client.
+    // Frames that a client did not read must not reach the next client.
     rig.bus.transmit(rig.node, {.id = 0x99}, rig.time);
     rig.run_bus();
     client.close();
@@ -227,10 +228,11 @@ TEST(SlcanClient, Errors) {
     open_can_client("slcan:/dev/null");
     FAIL();
   } catch (const LinkError& error) {
-    EXPECT_THAT(error.what(), testing::HasSubstr("is no serial port"));
+    EXPECT_THAT(error.what(), testing::HasSubstr("is not a serial port"));
   }
   EXPECT_THROW(open_can_client("slcan:/dev/null", {.bit_rate = 12345}), LinkError);
 }
 
 }  // namespace
+}  // namespace can_slcan_test
 }  // namespace servodrome::links

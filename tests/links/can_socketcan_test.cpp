@@ -1,5 +1,5 @@
-// SocketCAN. What needs an interface runs where there is a vcan0 (a Linux with the vcan module) and is skipped
-// elsewhere.
+// SocketCAN. Tests that need an interface use vcan0 (a Linux with the vcan module) and are skipped if it does not
+// exist.
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -12,6 +12,7 @@
 #include "links/link_error.hpp"
 
 namespace servodrome::links {
+namespace can_socketcan_test {
 namespace {
 
 using canopen::Frame;
@@ -88,7 +89,8 @@ TEST_F(VcanTest, BurstLosesNothing) {
   for (std::size_t i = 0; i < count; ++i) {
     client->send(
         {.id = 0x123, .length = 2, .data = {static_cast<std::uint8_t>(i / 256), static_cast<std::uint8_t>(i % 256)}});
-    // The socket's receive buffer holds some 200 frames; what the bus queue adds to that is the link's own.
+    // The socket's receive buffer holds some 200 frames, so the test waits after every 150. The bus queue, which
+    // belongs to the link, holds more.
     if (i % 150 == 149) {
       ASSERT_TRUE(rig.until([&] { return rig.received.size() == i + 1; }));
     }
@@ -98,4 +100,5 @@ TEST_F(VcanTest, BurstLosesNothing) {
 }
 
 }  // namespace
+}  // namespace can_socketcan_test
 }  // namespace servodrome::links

@@ -11,6 +11,7 @@
 #include "links/listen.hpp"
 
 namespace servodrome::links {
+namespace can_socketcand_test {
 namespace {
 
 using canopen::Frame;
@@ -77,7 +78,7 @@ TEST_F(SocketcandTest, ByteByByteAndManyAtOnce) {
   std::string burst;
   for (int i = 0; i < 5000; ++i) burst += "< send 123 2 " + fmt::format("{:X} {:X}", i / 256, i % 256) + " >";
   client.write(burst);
-  // Far more than the queue of 256 holds: reading pauses and none is lost.
+  // Far more frames than the queue of 256 holds: the link pauses reading, and no frame is lost.
   ASSERT_TRUE(rig.until([&] { return rig.received.size() == 5000; })) << rig.received.size();
   for (std::size_t i = 0; i < 5000; ++i) ASSERT_EQ(rig.received[i].data[0] * 256U + rig.received[i].data[1], i);
   EXPECT_EQ(link->counters().refused, 0U);
@@ -94,7 +95,7 @@ TEST_F(SocketcandTest, RemoteFrames) {
   EXPECT_THAT(other.text(), testing::StartsWith("< rtr 701 1000."));
 }
 
-// As on a bus: the others see a client's frame, and before the answer to it; the sender does not.
+// As on a bus: the other clients receive a client's frame before its answer, and the sender does not receive it.
 TEST_F(SocketcandTest, ClientsSeeEachOther) {
   RawClient one = raw_client();
   RawClient two = raw_client();
@@ -154,7 +155,7 @@ TEST_F(SocketcandTest, NoFramesBeforeRawMode) {
   EXPECT_EQ(client.text(), "< hi >< ok >< ok >< echo >");
 }
 
-// python-can reads the answer to rawmode and accepts nothing behind it.
+// python-can reads the answer to rawmode and fails if a frame follows in the same read.
 TEST_F(SocketcandTest, FramesWaitUntilTheClientHasSeenRawmodeConfirmed) {
   RawClient client = RawClient::tcp(port);
   client.write("< open can0 >< rawmode >");
@@ -167,7 +168,7 @@ TEST_F(SocketcandTest, FramesWaitUntilTheClientHasSeenRawmodeConfirmed) {
   client.write("< echo >");
   ASSERT_TRUE(rig.until([&] { return client.has("< echo >"); }));
   EXPECT_TRUE(client.has("< frame 081 "));
-  // And without a command they come by themselves.
+  // Without a command the frames are sent after the quiet time.
   RawClient listener = raw_client();
   rig.bus.transmit(rig.node, {.id = 0x82}, rig.time);
   EXPECT_TRUE(rig.until([&] { return listener.has("< frame 082 "); }));
@@ -192,7 +193,7 @@ TEST_F(SocketcandTest, SlowReaderLosesFramesAndHoldsUpNobody) {
   EXPECT_GT(link->counters().dropped, 0U);
   EXPECT_EQ(link->counters().from_bus + link->counters().dropped, 2U * count);
   EXPECT_EQ(link->counters().clients, 2U);
-  // What it does get is whole.
+  // All elements that the client receives are complete.
   std::size_t elements = 0;
   ASSERT_TRUE(rig.until([&] {
     const std::string text = sleeper.text();
@@ -211,7 +212,7 @@ TEST_F(SocketcandTest, ClientThatDoesNotReadItsAnswersIsNotReadEither) {
   for (int i = 0; i < 2000; ++i) {
     const ssize_t size = ::write(client.descriptor(), echoes.data(), echoes.size());
     if (size < 0) break;
-    // Whole elements only, so that the count below is exact.
+    // Only complete elements are written, so that the count below is exact.
     written += static_cast<std::size_t>(size);
     rig.io.restart();
     rig.io.poll();
@@ -243,7 +244,7 @@ TEST_F(SocketcandTest, TooManyClients) {
   raw_client();
 }
 
-// Silent clients do not keep others out for ever, and those that speak stay.
+// Silent clients do not block new ones forever, and clients that send stay connected.
 TEST_F(SocketcandTest, TheClientThatIsSilentLongestMakesRoom) {
   std::vector<RawClient> clients;
   for (std::size_t i = 0; i < SocketcandServer::most_clients; ++i) clients.push_back(raw_client());
@@ -259,7 +260,7 @@ TEST_F(SocketcandTest, TheClientThatIsSilentLongestMakesRoom) {
   for (std::size_t i = 0; i < clients.size(); ++i) EXPECT_EQ(clients[i].ended(), i == 7) << i;
 }
 
-// Clients take turns frame by frame: what one has queued holds up another's frame by one of its own.
+// Clients take turns frame by frame: the queued frames of one client delay another client's frame by only one frame.
 TEST_F(SocketcandTest, AFloodOfOneClientDelaysTheOthersByOneFrame) {
   RawClient flood = raw_client();
   RawClient master = raw_client();
@@ -279,7 +280,7 @@ TEST_F(SocketcandTest, AFloodOfOneClientDelaysTheOthersByOneFrame) {
   EXPECT_THAT(places, testing::ElementsAre(1U, 3U, 5U)) << "one frame of the flood was in the controller";
 }
 
-// "Send this and leave": what a client has queued goes out after it has gone.
+// A program may send and exit: the frames that a client has queued are sent after it has disconnected.
 TEST_F(SocketcandTest, WhatAClientQueuedIsSentAfterItHasGone) {
   RawClient client = raw_client();
   rig.frozen = true;
@@ -298,7 +299,7 @@ TEST_F(SocketcandTest, LinkMayGoWhileClientsAreConnected) {
   client.write("< send 601 0 >");
   link.reset();
   ASSERT_TRUE(rig.until([&] { return client.ended(); }));
-  // The port is free again.
+  // The TCP port can be used again.
   link = open_can_link(SocketcandName{"127.0.0.1", port, "can0"}, rig.bus, rig.io, rig);
   raw_client();
 }
@@ -389,4 +390,5 @@ TEST(MemoryCanClient, RunsVirtualTime) {
 }
 
 }  // namespace
+}  // namespace can_socketcand_test
 }  // namespace servodrome::links

@@ -4,6 +4,7 @@
 #include <unistd.h>
 
 namespace servodrome::links {
+namespace descriptor_watch_test {
 namespace {
 
 using namespace std::chrono_literals;
@@ -83,4 +84,5 @@ TEST_F(Watch, TicksWhilePaused) {
 }
 
 }  // namespace
+}  // namespace descriptor_watch_test
 }  // namespace servodrome::links

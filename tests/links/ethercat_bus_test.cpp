@@ -6,6 +6,7 @@
 #include "links/ethercat_rig.hpp"
 
 namespace servodrome::links {
+namespace ethercat_bus_test {
 namespace {
 
 using namespace test;
@@ -63,7 +64,7 @@ TEST(EthercatBus, WhatAStationHasPutOffIsNotToldUntilSomethingMayBeDue) {
   EXPECT_TRUE(rig.stations[0]->passed.empty());
   rig.bus.settle(9us);
   EXPECT_THAT(rig.stations[0]->passed, ElementsAre(9us));
-  // Any register that is written may bring something forward.
+  // A write to any register may bring a deadline forward.
   pass(Command::apwr, al_control, 10us);
   esc.put_off(esc.attention());
   esc.set_quiet_until(20us);
@@ -72,7 +73,7 @@ TEST(EthercatBus, WhatAStationHasPutOffIsNotToldUntilSomethingMayBeDue) {
   EXPECT_THAT(rig.stations[0]->passed, ElementsAre(9us, 11us));
 }
 
-// So that stations for which nothing is due need no poll.
+// settle() returns a time until which stations without due work need no poll.
 TEST(EthercatBus, SettlingTellsUntilWhenTheStationsMayBeLeftAlone) {
   EthercatRig rig(2);
   for (const auto& station : rig.stations) station->esc().set_quiet_until(1ms);
@@ -82,10 +83,10 @@ TEST(EthercatBus, SettlingTellsUntilWhenTheStationsMayBeLeftAlone) {
     return rig.bus.settle(at);
   };
   EXPECT_EQ(settled(Command::brd, of_first(al_control), 5us), never);
-  // A station that was told says so itself.
+  // A station that was called returns its own time.
   EXPECT_EQ(settled(Command::apwr, of_first(al_control), 6us), 16us);
   EXPECT_THAT(rig.stations[0]->passed, ElementsAre(6us));
-  // One that was not, but a register of which was written: unknown.
+  // A register was written, but the station was not called: the time is unknown.
   rig.stations[0]->esc().set_quiet_until(1ms);
   EXPECT_EQ(settled(Command::apwr, of_first(ethercat::reg::station_address) | 0xFFFF, 7us), ethercat::Esc::unknown);
   EXPECT_TRUE(rig.stations[1]->passed.empty());
@@ -146,7 +147,7 @@ TEST(EthercatBus, CountsWhatIsNoEthercatFrame) {
   OneDatagram other(Command::brd, 0, Bytes(20));
   other.bytes[12] = 0x08;
   other.bytes[13] = 0x06;
-  EXPECT_EQ(rig.send(other).exit, Exit::lost);  // slave controllers destroy it (DL control bit 0)
+  EXPECT_EQ(rig.send(other).exit, Exit::lost);  // slave controllers destroy such a frame (DL control bit 0)
   EXPECT_EQ(rig.bus.counters().malformed, 1U);
   EXPECT_EQ(rig.bus.counters().foreign, 1U);
 }
@@ -184,7 +185,7 @@ TEST(EthercatDisturbance, EqualSeedsGiveEqualLosses) {
   EXPECT_EQ(losses, pattern(same, 1000));
   EXPECT_NE(losses, pattern(other, 1000));
   EXPECT_NEAR(static_cast<double>(one.bus.counters().dropped), 200.0, 50.0);
-  // A further kind of disturbance leaves the choices of this one alone.
+  // Adding another kind of disturbance does not change the draws of this one.
   one.bus.disturb({.drop = 0.2, .delay = 0.5, .delay_time = 1ms, .seed = 7});
   EXPECT_EQ(losses, pattern(one, 1000));
 }
@@ -200,7 +201,7 @@ TEST(EthercatDisturbance, ACorruptedFrameIsCountedByTheSlavesFromThereOn) {
   rig.bus.disturb({.corrupt = 1, .position = 1, .limit = 1});
   OneDatagram write(Command::bwr, of_first(al_control), {2, 0});
   EXPECT_EQ(rig.send(write).exit, Exit::lost);
-  EXPECT_EQ(rig.stations[0]->passed.size(), 1U);  // in front of the place it was good
+  EXPECT_EQ(rig.stations[0]->passed.size(), 1U);  // before the corrupting slave the frame was good
   EXPECT_EQ(rig.stations[1]->passed.size(), 0U);
   const auto errors = [&](std::size_t station, std::uint16_t counter) {
     return rig.stations[station]->esc().read_register<std::uint8_t>(counter, rig.time);
@@ -264,11 +265,12 @@ TEST(EthercatBus, ObserversSeeFramesAsTheyComeAndAsTheyGoBack) {
   EXPECT_EQ(watcher.seen[1].at, rig.time + 150ns);
   rig.bus.set_cable(0, false);
   rig.broadcast();
-  EXPECT_EQ(watcher.seen.size(), 3U);  // what is lost does not go back
+  EXPECT_EQ(watcher.seen.size(), 3U);  // a lost frame does not come back
   rig.bus.remove_observer(watcher);
   rig.broadcast();
   EXPECT_EQ(watcher.seen.size(), 3U);
 }
 
 }  // namespace
+}  // namespace ethercat_bus_test
 }  // namespace servodrome::links

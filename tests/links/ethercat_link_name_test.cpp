@@ -8,6 +8,7 @@
 #include "links/link_error.hpp"
 
 namespace servodrome::links {
+namespace ethercat_link_name_test {
 namespace {
 
 using testing::HasSubstr;
@@ -61,7 +62,7 @@ TEST(EthercatLinkName, ErrorsSayWhatWhereAndWhatToDo) {
   const Case cases[] = {
       {"", "there is no \":\"", "raw:INTERFACE, udp:HOST:PORT, mem:"},
       {"veth0", "there is no \":\"", "raw:INTERFACE, udp:HOST:PORT, mem:"},
-      {"eth:veth0", "\"eth\" is no kind of EtherCAT link", "raw:INTERFACE, udp:HOST:PORT, mem:"},
+      {"eth:veth0", "\"eth\" is not a kind of EtherCAT link", "raw:INTERFACE, udp:HOST:PORT, mem:"},
       {"raw:", "a word of 1 to 15 characters", "for example raw:eth1"},
       {"raw:0123456789abcdef", "a word of 1 to 15 characters", "for example raw:eth1"},
       {"raw:a b", "a word of 1 to 15 characters", "for example raw:eth1"},
@@ -91,4 +92,5 @@ TEST(EthercatLinkName, MemIsForTheSameProcessOnly) {
 }
 
 }  // namespace
+}  // namespace ethercat_link_name_test
 }  // namespace servodrome::links

@@ -1,4 +1,4 @@
-// udp: end to end on loopback, mem: in virtual time, and captures.
+// The udp: link end to end on loopback, the mem: link in virtual time, and captures.
 
 #include <filesystem>
 #include <fstream>
@@ -13,6 +13,7 @@
 #include "links/link_error.hpp"
 
 namespace servodrome::links {
+namespace ethercat_link_test {
 namespace {
 
 using namespace test;
@@ -39,7 +40,7 @@ TEST_P(EthercatUdp, FramesComeBackInOrder) {
     one.send(i);
     ASSERT_EQ(one.receive(), Answer(i, 3));
   }
-  for (std::uint8_t i = 1; i < 100; ++i) one.send(i);  // without waiting: batches
+  for (std::uint8_t i = 1; i < 100; ++i) one.send(i);  // does not wait for answers, so that the link serves batches
   for (std::uint8_t i = 1; i < 100; ++i) ASSERT_EQ(one.receive(), Answer(i, 3));
   EXPECT_EQ(one.receive(0ns), Answer());
   thread.reset();
@@ -64,7 +65,7 @@ TEST_P(EthercatUdp, WhatIsNoFrameHurtsNobody) {
   one.client->send(std::span(nonsense).first(1));
   one.client->send(nonsense);
   one.send(9);
-  EXPECT_EQ(one.receive(), Answer());  // the first, malformed, comes back as it was; of the second nothing does
+  EXPECT_EQ(one.receive(), Answer());  // the first, malformed, comes back unchanged; the second does not come back
   EXPECT_EQ(one.receive(), Answer(9, 3));
   thread.reset();
   EXPECT_EQ(link->counters().malformed, 2U);
@@ -216,4 +217,5 @@ TEST(EthercatLog, AFileThatCannotBeMadeIsAnError) {
 }
 
 }  // namespace
+}  // namespace ethercat_link_test
 }  // namespace servodrome::links

@@ -8,7 +8,7 @@
 
 namespace servodrome::links::test {
 
-constexpr Time patience = 10s;  // ends a test that has failed; measures nothing
+constexpr Time patience = 10s;  // limits the duration of a failed test
 
 // Sends frames that all slaves count.
 struct Master {
@@ -19,7 +19,7 @@ struct Master {
     frame.bytes[3] = index;
     client->send(frame.bytes);
   }
-  // Index and working counter of the next frame; nothing came: 0, 0.
+  // Returns index and working counter of the next frame; 0, 0 if none came.
   std::pair<unsigned, unsigned> receive(Time timeout = patience) {
     std::array<std::uint8_t, ethercat::max_payload> memory{};
     const std::size_t size = client->receive(memory, timeout);

@@ -26,7 +26,7 @@ constexpr const char* with_veth = SERVODROME_SOURCE_DIR "/tools/with-veth";
 
 void shell(const std::string& command) { ASSERT_EQ(std::system(command.c_str()), 0) << command; }
 
-// A master's port on the level of frames.
+// A port of a master that sends and receives whole frames.
 struct Port {
   explicit Port(const std::string& interface) : socket(interface, "raw:" + interface) {}
 
@@ -34,7 +34,7 @@ struct Port {
     const iovec frame{bytes.data(), bytes.size()};
     ASSERT_EQ(socket.send(std::span(&frame, 1)), 1U);
   }
-  // The next frame; empty: none came.
+  // Returns the next frame; empty: none came.
   Bytes receive(Time timeout = patience) {
     if (!wait_readable(socket.descriptor(), std::chrono::steady_clock::now() + timeout)) return {};
     const auto frame = socket.frame(0);
@@ -75,13 +75,13 @@ struct EthercatRaw : testing::Test {
     }
     return "no error";
   }
-  // Runs the link until the condition holds; false: it never did.
+  // Runs the link until the condition holds; false: it did not hold in time.
   bool until(const std::function<bool()>& condition) {
     const auto give_up = std::chrono::steady_clock::now() + patience;
     while (!condition()) {
       if (std::chrono::steady_clock::now() > give_up) return false;
       rig.watch.wait(5ms);
-      if (link && link->busy()) link->check();  // as who polls does
+      if (link && link->busy()) link->check();  // like a line that polls
       rig.io.restart();
       rig.io.poll();
     }
@@ -131,7 +131,7 @@ TEST_F(EthercatRaw, AFrameComesBackAsTheSlavesLeaveIt) {
   ASSERT_TRUE(until([&] { return link->counters().from_bus == 1; }));
   Bytes back = port.receive();
   ASSERT_EQ(back.size(), sent.size());
-  EXPECT_EQ(back[6], sent[6] | 0x02);  // as a slave controller marks it
+  EXPECT_EQ(back[6], sent[6] | 0x02);  // the mark of a slave controller
   EXPECT_EQ(counter_of(back), 3U);
 }
 
@@ -139,7 +139,7 @@ TEST_F(EthercatRaw, BurstsLongerThanABatchAreServedWhole) {
   open("raw:servo0");
   Port port("master0");
   OneDatagram frame(Command::brd, 0, Bytes(2));
-  for (int i = 0; i < 300; ++i) port.send(frame.bytes);  // the link has not looked yet
+  for (int i = 0; i < 300; ++i) port.send(frame.bytes);  // the link has not polled yet
   ASSERT_TRUE(until([&] { return link->counters().from_bus == 300; }));
   for (int i = 0; i < 300; ++i) {
     Bytes back = port.receive();
@@ -152,7 +152,7 @@ TEST_F(EthercatRaw, FramesThatFindNoRoomAreCounted) {
   open("raw:servo0");
   Port port("master0");
   OneDatagram frame(Command::brd, 0, Bytes(2));
-  for (int i = 0; i < 600; ++i) port.send(frame.bytes);  // 512 have room
+  for (int i = 0; i < 600; ++i) port.send(frame.bytes);  // the ring has 512 slots
   ASSERT_TRUE(until([&] { return link->counters().from_bus == 512; }));
   for (int i = 0; i < 10; ++i) port.send(frame.bytes);
   ASSERT_TRUE(until([&] { return link->counters().from_bus == 522; }));
@@ -204,7 +204,7 @@ TEST_F(EthercatRaw, EthercatInUdpInEthernet) {
   ASSERT_TRUE(until([&] { return link->counters().from_bus == 1; }));
   Bytes back = port.receive();
   EXPECT_EQ(counter_of(back), 3U);
-  EXPECT_EQ(back[40], 0);  // the checksum, which no longer holds, is taken away
+  EXPECT_EQ(back[40], 0);  // the checksum is removed, because it is no longer valid
   EXPECT_EQ(back[41], 0);
 }
 
@@ -258,7 +258,7 @@ TEST_F(EthercatRaw, InterfacesThatCannotBeUsedAreErrorsThatSayWhy) {
               AllOf(HasSubstr("cannot open \"raw:nowhere\": there is no interface \"nowhere\""),
                     HasSubstr("ip link add nowhere type veth")));
   EXPECT_THAT(error_of("raw:lo"),
-              AllOf(HasSubstr("\"lo\" is no Ethernet interface"), HasSubstr("udp:127.0.0.1:34980")));
+              AllOf(HasSubstr("\"lo\" is not an Ethernet interface"), HasSubstr("udp:127.0.0.1:34980")));
   shell("ip link set plug mtu 1400");
   EXPECT_THAT(error_of("raw:plug"),
               AllOf(HasSubstr("MTU of interface \"plug\" is 1400"), HasSubstr("ip link set plug mtu 1500")));
@@ -298,7 +298,7 @@ TEST_P(EthercatRawLoss, AnInterfaceThatCameBackIsUsedAgain) {
   ASSERT_TRUE(until([&] { return rig.reports.size() == 1; }));
   EXPECT_THAT(rig.reports[0], AllOf(HasSubstr("interface \"plug\" is lost"), HasSubstr("waiting for it to come back")));
   EXPECT_EQ(link->counters().clients, 0U);
-  link->poll();  // there is nothing to look at
+  link->poll();  // no socket: must do nothing
   shell(GetParam().back);
   ASSERT_TRUE(until([&] { return rig.reports.size() == 2; }));
   EXPECT_THAT(rig.reports[1], HasSubstr("interface \"plug\" is back"));

@@ -19,7 +19,7 @@ using namespace std::chrono_literals;
 using ethercat::Command;
 using Bytes = std::vector<std::uint8_t>;
 
-// A controller without an application that counts how often it is told of a frame.
+// A controller without an application. It records the calls after frames.
 class PlainStation final : public EthercatStation {
  public:
   PlainStation() : esc_(sii_) { esc_.power_on(Time{}); }
@@ -38,7 +38,7 @@ class PlainStation final : public EthercatStation {
   ethercat::Esc esc_;
 };
 
-// A frame with one datagram, and what is in it afterwards.
+// A frame with one datagram, and access to its content after it has passed.
 struct OneDatagram {
   std::array<std::uint8_t, ethercat::max_frame> memory{};
   std::span<std::uint8_t> bytes;
@@ -65,7 +65,7 @@ struct OneDatagram {
   }
 };
 
-// `count` stations on a bus, and an io_context for links, driven in the test's own thread or by a RigThread.
+// `count` stations on a bus, and an io_context for links. Either the test's own thread or a RigThread runs them.
 class EthercatRig : public LineHost {
  public:
   explicit EthercatRig(std::size_t count = 2, Hop hop = {100ns, 50ns}) {
@@ -83,7 +83,7 @@ class EthercatRig : public LineHost {
   EthercatBus::Passage send(OneDatagram& frame, EthercatBus::Port entry = EthercatBus::Port::primary) {
     return bus.exchange(frame.bytes, frame_time(), entry, EthercatBus::Encapsulation::ethernet);
   }
-  // How many slaves answer; nothing: the frame is lost.
+  // Returns how many slaves answer a broadcast; nothing: the frame is lost.
   std::optional<unsigned> broadcast() {
     OneDatagram frame(Command::brd, 0, Bytes(2));
     if (send(frame).exit == EthercatBus::Exit::lost) return std::nullopt;
@@ -98,7 +98,7 @@ class EthercatRig : public LineHost {
   std::vector<std::string> reports;
 };
 
-// Runs a rig's links in a thread of its own, for clients that block.
+// Runs a rig's links in its own thread, for clients that block.
 class EthercatRigThread {
  public:
   explicit EthercatRigThread(EthercatRig& rig, EthercatLink* polled = nullptr)

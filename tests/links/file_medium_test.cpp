@@ -15,6 +15,7 @@
 #include "dictionary/table.hpp"
 
 namespace servodrome::links {
+namespace file_medium_test {
 namespace {
 
 namespace fs = std::filesystem;
@@ -29,7 +30,7 @@ struct FileMediumTest : testing::Test {
   FileMediumTest(const FileMediumTest&) = delete;
   FileMediumTest& operator=(const FileMediumTest&) = delete;
 
-  // What opening says, or "" when it works.
+  // Returns the error of opening the file, or "" if there is none.
   static std::string complaint(const std::string& file, std::uint32_t size) {
     try {
       const FileMedium medium(file, size);
@@ -116,7 +117,7 @@ TEST_F(FileMediumTest, AFileThatShrankDoesNotAnswer) {
   EXPECT_FALSE(medium.read(8, bytes));
 }
 
-// What is written to a file that has no name any more is lost with the process.
+// Data written to a file without a name would be lost at the end of the process.
 TEST_F(FileMediumTest, AFileThatIsNoMoreThereDoesNotAnswer) {
   std::array<std::byte, 8> bytes{};
   const auto expect_answers = [&](FileMedium& medium, bool answers) {
@@ -128,7 +129,7 @@ TEST_F(FileMediumTest, AFileThatIsNoMoreThereDoesNotAnswer) {
   expect_answers(medium, true);
   fs::rename(path, path + ".moved");
   expect_answers(medium, false);
-  std::ofstream(path) << std::string(64, 'x');  // another file of that name
+  std::ofstream(path) << std::string(64, 'x');  // another file with that name
   expect_answers(medium, false);
   fs::remove(path);
   expect_answers(medium, false);
@@ -137,4 +138,5 @@ TEST_F(FileMediumTest, AFileThatIsNoMoreThereDoesNotAnswer) {
 }
 
 }  // namespace
+}  // namespace file_medium_test
 }  // namespace servodrome::links

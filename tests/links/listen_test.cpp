@@ -1,4 +1,4 @@
-// What every TCP socket of a client gets, and what is said where there is no descriptor for one.
+// The options of clients' TCP sockets, and the error messages when there is no file descriptor left.
 #include "links/listen.hpp"
 
 #include <fcntl.h>
@@ -22,12 +22,13 @@
 #include "links/serial/tty.hpp"
 
 namespace servodrome::links {
+namespace listen_test {
 namespace {
 
 using boost::asio::ip::tcp;
 using testing::HasSubstr;
 
-// Two ends of a TCP connection.
+// Both ends of a TCP connection.
 struct TcpPair {
   TcpPair() {
     tcp::acceptor acceptor(io, tcp::endpoint(boost::asio::ip::make_address("127.0.0.1"), 0));
@@ -54,7 +55,7 @@ TEST(ClientSockets, AreServedPromptlyAndWatched) {
   serve_promptly(pair.far);
   EXPECT_EQ(pair.option(IPPROTO_TCP, TCP_NODELAY), 1);
   EXPECT_EQ(pair.option(IPPROTO_TCP, TCP_QUICKACK), 1);
-  // Gone within a minute, whether it is silent or owes an acknowledge.
+  // Ends within a minute, whether the peer is silent or does not acknowledge data.
   EXPECT_EQ(pair.option(SOL_SOCKET, SO_KEEPALIVE), 1);
   const int idle_s = pair.option(IPPROTO_TCP, TCP_KEEPIDLE);
   const int probes_s = pair.option(IPPROTO_TCP, TCP_KEEPINTVL) * pair.option(IPPROTO_TCP, TCP_KEEPCNT);
@@ -75,7 +76,7 @@ TEST(ClientSockets, AreAcknowledgedAtOnceAsOftenAsThatIsAsked) {
   }
 }
 
-// No descriptor can be had while it lives.
+// While it exists, the process cannot open a file descriptor.
 class NoDescriptors {
  public:
   NoDescriptors() {
@@ -103,7 +104,7 @@ TEST(DescriptorAdvice, IsOfTheLimitAndOfNothingElse) {
   }
 }
 
-// Wherever a link or its client opens something.
+// Covers all places where a link or its client opens something.
 TEST(DescriptorAdvice, IsGivenByWhateverIsOpened) {
   boost::asio::io_context io;
   const tcp::acceptor asio_has_its_own(io);
@@ -130,7 +131,7 @@ TEST(DescriptorAdvice, IsGivenByWhateverIsOpened) {
       {"Modbus TCP client", [&] { open_byte_client(parse_serial_link("tcp:127.0.0.1:1"), {}); }},
       {"serial client", [&] { open_byte_client(parse_serial_link("pty:" + path), {}); }},
   };
-  const bool has_can = FileDescriptor(::socket(PF_CAN, SOCK_RAW | SOCK_CLOEXEC, 1)).is_open();  // this kernel
+  const bool has_can = FileDescriptor(::socket(PF_CAN, SOCK_RAW | SOCK_CLOEXEC, 1)).is_open();  // in this kernel
   for (const auto& [name, call] : calls) {
     if (std::string_view(name) == "socketcan client" && !has_can) continue;
     std::string what;
@@ -148,4 +149,5 @@ TEST(DescriptorAdvice, IsGivenByWhateverIsOpened) {
 }
 
 }  // namespace
+}  // namespace listen_test
 }  // namespace servodrome::links

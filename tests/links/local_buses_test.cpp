@@ -1,4 +1,4 @@
-// The buses of a computer, from a tree of files as Linux has them.
+// The buses of a computer, from a tree of files like those of Linux.
 #include "links/local_buses.hpp"
 
 #include <fstream>
@@ -6,6 +6,7 @@
 #include <unistd.h>
 
 namespace servodrome::links {
+namespace local_buses_test {
 namespace {
 
 namespace fs = std::filesystem;
@@ -77,4 +78,5 @@ TEST_F(LocalBuses, AreInterfacesAndSerialPorts) {
 TEST_F(LocalBuses, ThereMayBeNone) { EXPECT_TRUE(local_buses(root / "nothing").empty()); }
 
 }  // namespace
+}  // namespace local_buses_test
 }  // namespace servodrome::links

@@ -1,10 +1,12 @@
-// The simulated line: characters take their time, all hear all, two at once garble each other.
+// The simulated line: characters take time, all stations receive all characters, and characters sent at once are
+// garbled.
 #include <cmath>
 
 #include "links/serial/client.hpp"
 #include "links/serial_rig.hpp"
 
 namespace servodrome::links::test {
+namespace serial_line_test {
 namespace {
 
 using namespace std::chrono_literals;
@@ -17,7 +19,7 @@ struct Heard {
   Time at;
 };
 
-// Hears everything and says what it is told to.
+// Records all characters that it receives and sends the given ones.
 struct Ear : SerialStation {
   explicit Ear(SerialLine& to) : line(to), port(to.attach(*this)) {}
   void receive(std::uint8_t character, bool intact, Time at) override { heard.push_back({character, intact, at}); }
@@ -82,14 +84,14 @@ TEST(SerialLine, TwoAtOnceGarbleEachOther) {
   Ear listener(line);
   const Time character = SerialRig::format.character_time();
   first.say("F1 F2 F3", 0ms);
-  second.say("1F", character + 1ns);  // into the second and the third
+  second.say("1F", character + 1ns);  // collides with the second and the third
   line.advance(1s);
   ASSERT_EQ(listener.heard.size(), 4U);
   EXPECT_TRUE(listener.heard[0].intact);
   for (std::size_t i = 1; i < 4; ++i) EXPECT_FALSE(listener.heard[i].intact) << i;
   EXPECT_EQ(line.counters().characters, 4U);
   EXPECT_EQ(line.counters().collisions, 3U);
-  // One that begins when the other ends does no harm.
+  // A character that begins when the other one ends does not collide.
   listener.heard.clear();
   first.say("01", 2s);
   second.say("02", 2s + character);
@@ -158,7 +160,7 @@ TEST(SerialLine, Disturbances) {
   EXPECT_NEAR(static_cast<double>(disturbed), 1000, 150);
 }
 
-// Whatever is lost or changed on the way, no drive does what it was not told, and the line works afterwards.
+// Lost or changed characters never make a drive execute something else, and the line works afterwards.
 TEST(SerialLine, DisturbedRequestsAreNotExecuted) {
   SerialRig rig;
   rig.add_rtu(1);
@@ -182,7 +184,7 @@ TEST(SerialLine, DisturbedRequestsAreNotExecuted) {
   EXPECT_EQ(master.text(), "01 06 31 00 00 0F C7 32");
 }
 
-// Request, 3.5 characters of silence, response: to the nanosecond, in one call as in many.
+// Request, 3.5 characters of silence, response: exact to the nanosecond, whether time advances in one call or in many.
 TEST(SerialLine, ModbusAnswersOnTime) {
   for (const Time stride : {Time(1s), Time(62500ns), Time(7us)}) {
     SerialRig rig;
@@ -197,8 +199,8 @@ TEST(SerialLine, ModbusAnswersOnTime) {
   }
 }
 
-// Four drives on one line, asked in turn a thousand times by Modbus and by the 10-byte protocol: no drive
-// disturbs another.
+// A master sends requests to four drives on one line in turn, a thousand times, in Modbus and the 10-byte protocol. No
+// drive disturbs another.
 TEST(SerialLine, FourDrivesOnOneLine) {
   for (const bool is_modbus : {true, false}) {
     SerialRig rig;
@@ -252,4 +254,5 @@ TEST(SerialLine, UniversalIdIsForOneDrive) {
 }
 
 }  // namespace
+}  // namespace serial_line_test
 }  // namespace servodrome::links::test

@@ -6,6 +6,7 @@
 #include "links/serial/link_name.hpp"
 
 namespace servodrome::links {
+namespace serial_link_name_test {
 namespace {
 
 using testing::HasSubstr;
@@ -47,7 +48,7 @@ TEST(SerialLinkName, ErrorsSayWhatWhereAndWhatToDo) {
   const Case cases[] = {
       {"", "there is no \":\"", "one of pty:PATH"},
       {"/dev/ttyS0", "there is no \":\"", "serial:DEVICE"},
-      {"rtu:/dev/ttyS0", "\"rtu\" is no kind of serial link", "tcp:HOST:PORT"},
+      {"rtu:/dev/ttyS0", "\"rtu\" is not a kind of serial link", "tcp:HOST:PORT"},
       {"pty:", "there is no path", "pty:/run/servodrome/axis3"},
       {"serial:", "there is no path", "serial:/dev/ttyUSB0"},
       {std::string_view("pty:a\0b", 7), "zero byte", "pty:PATH"},
@@ -55,7 +56,7 @@ TEST(SerialLinkName, ErrorsSayWhatWhereAndWhatToDo) {
       {"tcp:localhost:70000", "port \"70000\" is not a number from 0 to 65535", "tcp:HOST:PORT"},
       {"tcp:::1:502", "brackets", "tcp:HOST:PORT"},
       {"tcp:[::1", "closing \"]\"", "tcp:HOST:PORT"},
-      {"tcp:a b:1", "\"a b\" is no host name", "tcp:HOST:PORT"},
+      {"tcp:a b:1", "\"a b\" is not a host name", "tcp:HOST:PORT"},
       {"mem:x", "nothing may follow", "write mem:"},
   };
   for (const Case& item : cases) {
@@ -81,4 +82,5 @@ TEST(CharacterFormatText, IsReadAndWritten) {
 }
 
 }  // namespace
+}  // namespace serial_link_name_test
 }  // namespace servodrome::links

@@ -10,6 +10,7 @@
 #include "links/serial_rig.hpp"
 
 namespace servodrome::links::test {
+namespace serial_link_test {
 namespace {
 
 const std::string enable = "01 06 31 00 00 0F C7 32";
@@ -44,7 +45,7 @@ TEST_F(SerialLinkTest, PtySurvivesClientsThatComeAndGo) {
     RawClient client = open_tty();
     client.write(text_of(enable));
     ASSERT_TRUE(rig.until([&] { return hex_of_text(client.text()) == enable; })) << i << hex_of_text(client.text());
-    client.write(text_of("01 06 31"));  // half a request, and an answer that will not be read
+    client.write(text_of("01 06 31"));  // half a request, and an answer that stays unread
     ASSERT_TRUE(rig.until([&] { return link->counters().to_bus == 11U * static_cast<unsigned>(i + 1); }));
     client.close();
     ASSERT_TRUE(rig.until([&] { return link->counters().clients == 0; }));
@@ -52,7 +53,7 @@ TEST_F(SerialLinkTest, PtySurvivesClientsThatComeAndGo) {
   EXPECT_TRUE(std::filesystem::is_symlink(path));
 }
 
-// All 256 values pass unchanged: nothing on the way takes them for control characters.
+// All 256 values pass unchanged: none is treated as a control character.
 TEST_F(SerialLinkTest, PtyIsRaw) {
   rig.line.detach(rig.drives[1]->port);
   struct Echo : SerialStation {
@@ -76,7 +77,7 @@ TEST_F(SerialLinkTest, PtyIsRaw) {
   }
 }
 
-// More than the line takes at once is held back, not lost.
+// Bytes that the line cannot send at once wait and are not lost.
 TEST_F(SerialLinkTest, PtySlowsAProgramDown) {
   rig.line.detach(rig.drives[1]->port);
   struct Ear : SerialStation {
@@ -112,7 +113,7 @@ TEST_F(SerialLinkTest, WhatCannotBeOpened) {
     return "no error";
   };
   EXPECT_THAT(error_of("serial:/nonexistent/tty"), testing::HasSubstr("\"/nonexistent/tty\" cannot be opened"));
-  EXPECT_THAT(error_of("serial:/dev/null"), testing::HasSubstr("is no serial port"));
+  EXPECT_THAT(error_of("serial:/dev/null"), testing::HasSubstr("is not a serial port"));
   EXPECT_THAT(error_of("pty:/nonexistent/x"), testing::HasSubstr("choose a path"));
   EXPECT_THAT(error_of("mem:"), testing::HasSubstr("same process"));
   EXPECT_THAT(error_of("tcp:no.such.host.invalid:1"), testing::HasSubstr("is unknown"));
@@ -131,7 +132,7 @@ TEST_F(ModbusTcpTest, SeveralClients) {
   std::vector<RawClient> clients;
   for (int i = 0; i < 5; ++i) clients.push_back(RawClient::tcp(port));
   ASSERT_TRUE(rig.until([&] { return link->counters().clients == 5; }));
-  clients[0].write(text_of("00 07 00 00 00 06 01"));  // half a request of one does not keep the others waiting
+  clients[0].write(text_of("00 07 00 00 00 06 01"));  // half a request of one client does not delay the others
   for (int i = 1; i < 5; ++i) {
     const RawClient& client = clients[static_cast<std::size_t>(i)];
     client.write(text_of(fmt::format("00 0{} 00 00 00 06 01 06 31 00 00 0{}", i, i)));
@@ -154,7 +155,7 @@ TEST_F(ModbusTcpTest, WhoSpeaksAnotherProtocolIsDisconnected) {
   EXPECT_EQ(link->counters().clients, 0U);
 }
 
-// A client that sends and sends without reading is served when it reads, and all of it.
+// A client that sends without reading gets all its responses when it reads.
 TEST_F(ModbusTcpTest, ClientsThatDoNotRead) {
   const RawClient client = RawClient::tcp(port);
   const std::string request = text_of("00 01 00 00 00 06 01 03 31 00 00 01");
@@ -183,7 +184,7 @@ TEST_F(ModbusTcpTest, TooManyClients) {
   ASSERT_TRUE(rig.until([&] { return extra.ended(); }));
   clients[0].write(text_of("00 01 00 00 00 06 01 03 31 00 00 01"));
   ASSERT_TRUE(rig.until([&] { return clients[0].text().size() == 11; }));
-  // After a while one that is silent makes room.
+  // After client_patience a silent client makes room for a new one.
   std::this_thread::sleep_for(client_patience + std::chrono::milliseconds(50));
   clients[0].write(text_of("00 01 00 00 00 06 01 03 31 00 00 01"));
   ASSERT_TRUE(rig.until([&] { return clients[0].text().size() == 22; }));
@@ -195,4 +196,5 @@ TEST_F(ModbusTcpTest, TooManyClients) {
 }
 
 }  // namespace
+}  // namespace serial_link_test
 }  // namespace servodrome::links::test

@@ -11,8 +11,8 @@
 
 namespace servodrome::links::test {
 
-// A serial line with drives, and an io_context, driven in the test's own thread: time on the line is virtual and runs
-// as soon as something is due, so that nothing depends on the machine's speed.
+// A serial line with drives, and an io_context, which run in the test's own thread. Time on the line is virtual and
+// advances as soon as something is due, so that nothing depends on the machine's speed.
 class SerialRig : public LineHost, public modbus::Units {
  public:
   static constexpr modbus::CharacterFormat format = modbus::test::ismk_format;
@@ -64,7 +64,7 @@ class SerialRig : public LineHost, public modbus::Units {
     io.run_one_for(std::chrono::milliseconds(5));
     run_line();
   }
-  // Runs links and line until the condition holds; false after ten seconds (a failure, not a measurement).
+  // Runs links and line until the condition holds. Returns false after ten seconds: the test has failed.
   bool until(const std::function<bool()>& condition) {
     const auto give_up = std::chrono::steady_clock::now() + std::chrono::seconds(10);
     while (!condition()) {
@@ -81,7 +81,7 @@ class SerialRig : public LineHost, public modbus::Units {
   int wakes = 0;
 };
 
-// Runs a rig in a thread of its own, for clients that block.
+// Runs a rig in its own thread, for clients that block.
 class SerialRigThread {
  public:
   explicit SerialRigThread(SerialRig& rig)
@@ -98,7 +98,7 @@ class SerialRigThread {
   std::thread thread_;
 };
 
-// Raw bytes as text, for streams that work with text.
+// Converts hexadecimal bytes to text, for streams that work with text.
 inline std::string text_of(const std::string& hex) {
   const auto bytes = servodrome::test::bytes_of(hex);
   return {bytes.begin(), bytes.end()};

@@ -3,6 +3,7 @@
 #include "modbus/ismk_modbus.hpp"
 
 namespace servodrome::modbus::test {
+namespace modbus_ismk_examples_test {
 namespace {
 
 TEST(IsmkModbusExamples, ByteByByte) {
@@ -125,4 +126,5 @@ TEST(IsmkModbusExamples, BroadcastWritesSilently) {
 }
 
 }  // namespace
+}  // namespace modbus_ismk_examples_test
 }  // namespace servodrome::modbus::test

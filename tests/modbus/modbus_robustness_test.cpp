@@ -5,6 +5,7 @@
 #include "modbus/tcp_connection.hpp"
 
 namespace servodrome::modbus::test {
+namespace modbus_robustness_test {
 namespace {
 
 using Device = servodrome::test::IsmkDevice;
@@ -109,4 +110,5 @@ TEST(ModbusRobustness, RandomTcpStreams) {
 }
 
 }  // namespace
+}  // namespace modbus_robustness_test
 }  // namespace servodrome::modbus::test

@@ -2,6 +2,7 @@
 #include "modbus/ismk_modbus.hpp"
 
 namespace servodrome::modbus::test {
+namespace modbus_rtu_test {
 namespace {
 
 using Device = servodrome::test::IsmkDevice;
@@ -207,4 +208,5 @@ TEST(RtuServer, IsSetUpAnew) {
 }
 
 }  // namespace
+}  // namespace modbus_rtu_test
 }  // namespace servodrome::modbus::test

@@ -3,6 +3,7 @@
 #include "modbus/test_device.hpp"
 
 namespace servodrome::modbus::test {
+namespace modbus_server_test {
 namespace {
 
 static_assert(!is_valid_map(std::to_array<Register>({{0, 0x2003, 0, 3}}), test_table), "too narrow");
@@ -264,4 +265,5 @@ TEST(ModbusException, HasWords) {
 }
 
 }  // namespace
+}  // namespace modbus_server_test
 }  // namespace servodrome::modbus::test

@@ -3,6 +3,7 @@
 #include "modbus/tcp_connection.hpp"
 
 namespace servodrome::modbus::test {
+namespace modbus_tcp_test {
 namespace {
 
 struct TcpTest : testing::Test, Units {
@@ -74,4 +75,5 @@ TEST_F(TcpTest, WhatIsNoModbusBreaksTheConnection) {
 }
 
 }  // namespace
+}  // namespace modbus_tcp_test
 }  // namespace servodrome::modbus::test

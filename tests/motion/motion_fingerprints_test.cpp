@@ -9,8 +9,9 @@
 
 // A change that is meant to change no behaviour changes none: what shafts, demands, states and frames do in the first
 // sequences of a seed is the same to the last bit. Where behaviour is meant to change, the file is written anew:
-// MOTION_FINGERPRINTS=write build/release/tests/motion/motion_fingerprints_test
+// MOTION_FINGERPRINTS=write build/release/tests/motion/motion_tests --source=motion_fingerprints_test
 namespace servodrome::motion {
+namespace motion_fingerprints_test {
 namespace {
 
 constexpr std::uint64_t seed = 2026;
@@ -45,4 +46,5 @@ TEST(MotionFingerprints, AreThoseOfBefore) {
 }
 
 }  // namespace
+}  // namespace motion_fingerprints_test
 }  // namespace servodrome::motion

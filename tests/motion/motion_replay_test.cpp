@@ -8,6 +8,7 @@
 
 // What motion_fuzz found once, with all its invariants: tests/data/motion holds one case in each file.
 namespace servodrome::motion {
+namespace motion_replay_test {
 namespace {
 
 const std::filesystem::path folder = std::filesystem::path(SERVODROME_SOURCE_DIR) / "tests/data/motion";
@@ -56,4 +57,5 @@ TEST(MotionReplay, AMistakeIsToldWithItsLine) {
 }
 
 }  // namespace
+}  // namespace motion_replay_test
 }  // namespace servodrome::motion

@@ -3,8 +3,8 @@
 #include "generate.hpp"
 #include "machine.hpp"
 
-using namespace servodrome::motion;
-
+namespace servodrome::motion {
+namespace motion_tree_test {
 namespace {
 
 constexpr std::uint64_t seed = 7;
@@ -17,8 +17,6 @@ std::vector<Event> until(const Sequence& sequence, std::int64_t tick) {
   }
   return events;
 }
-
-}  // namespace
 
 TEST(MotionTree, LeavesShareTheirBeginningsAndNothingElse) {
   const std::vector<Variant> list = variants();
@@ -78,3 +76,7 @@ TEST(MotionTree, ALifeThatGoesOnIsTheWholeLeaf) {
     EXPECT_FALSE(outcome.finding.has_value()) << first;
   }
 }
+
+}  // namespace
+}  // namespace motion_tree_test
+}  // namespace servodrome::motion

@@ -4,6 +4,7 @@
 
 // The elastic coupling.
 namespace servodrome::plant::test {
+namespace coupling_test {
 namespace {
 
 Parameters two_masses() {
@@ -260,4 +261,5 @@ TEST(Coupling, LoadMeetsTheStop) {
 }
 
 }  // namespace
+}  // namespace coupling_test
 }  // namespace servodrome::plant::test

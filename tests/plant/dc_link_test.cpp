@@ -3,6 +3,7 @@
 #include "plant/rig.hpp"
 
 namespace servodrome::plant::test {
+namespace dc_link_test {
 namespace {
 
 TEST(DcLink, PrechargesAfterTheRelayCloses) {
@@ -148,4 +149,5 @@ TEST(DcLink, BusComparator) {
 }
 
 }  // namespace
+}  // namespace dc_link_test
 }  // namespace servodrome::plant::test

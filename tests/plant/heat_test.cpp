@@ -5,6 +5,7 @@
 #include "plant/rig.hpp"
 
 namespace servodrome::plant::test {
+namespace heat_test {
 namespace {
 
 constexpr double heat_step = Heat::ticks_per_step * h;
@@ -71,4 +72,5 @@ TEST(Heat, AmbientIsFollowed) {
 }
 
 }  // namespace
+}  // namespace heat_test
 }  // namespace servodrome::plant::test

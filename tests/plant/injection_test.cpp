@@ -3,6 +3,7 @@
 #include "plant/rig.hpp"
 
 namespace servodrome::plant::test {
+namespace injection_test {
 namespace {
 
 TEST(Injection, NamesGoBothWays) {
@@ -131,4 +132,5 @@ TEST(Validate, NamesTheParameter) {
 }
 
 }  // namespace
+}  // namespace injection_test
 }  // namespace servodrome::plant::test

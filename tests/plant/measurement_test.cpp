@@ -10,6 +10,7 @@
 
 // What sensors make of currents and position, each error by itself.
 namespace servodrome::plant {
+namespace measurement_test {
 namespace {
 
 constexpr double range_a = 20.0;
@@ -226,4 +227,5 @@ TEST(Measurement, TwoRunsAreEqualToTheLastBit) {
 }
 
 }  // namespace
+}  // namespace measurement_test
 }  // namespace servodrome::plant

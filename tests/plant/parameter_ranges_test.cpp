@@ -5,6 +5,7 @@
 
 // The ranges that parameters.hpp promises, at both ends: the last value that is taken, and the next one beyond.
 namespace servodrome::plant {
+namespace parameter_ranges_test {
 namespace {
 
 constexpr double endless = std::numeric_limits<double>::infinity();
@@ -269,4 +270,5 @@ TEST(ParameterRanges, OfWhatHasToFitTogether) {
 }
 
 }  // namespace
+}  // namespace parameter_ranges_test
 }  // namespace servodrome::plant

@@ -7,6 +7,7 @@
 
 // What a power stage makes of the voltages it is told, by itself and in front of the windings.
 namespace servodrome::plant {
+namespace power_stage_test {
 namespace {
 
 using Phases = std::array<float, 3>;
@@ -123,4 +124,5 @@ TEST(PowerStage, WithoutImperfectionsIsTheIdealOne) {
 }
 
 }  // namespace
+}  // namespace power_stage_test
 }  // namespace servodrome::plant

@@ -8,6 +8,7 @@
 
 // Any accepted machine, any actuation: finite, bounded, passive, and the same bits twice.
 namespace servodrome::plant::test {
+namespace robustness_test {
 namespace {
 
 class RandomMachine {
@@ -193,4 +194,5 @@ TEST(Robustness, EnergyBalances) {
 }
 
 }  // namespace
+}  // namespace robustness_test
 }  // namespace servodrome::plant::test

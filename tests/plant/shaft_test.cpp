@@ -4,6 +4,7 @@
 
 // The rigid shaft: friction, gravity, stops, brake, clamp.
 namespace servodrome::plant::test {
+namespace shaft_test {
 namespace {
 
 double position_rad(const Plant& plant) {
@@ -309,4 +310,5 @@ TEST(Shaft, CoggingDetentsHaveTheirFrequency) {
 }
 
 }  // namespace
+}  // namespace shaft_test
 }  // namespace servodrome::plant::test

@@ -6,6 +6,7 @@
 
 // Encoder, switches, index, and the capture of their edges.
 namespace servodrome::plant::test {
+namespace travel_test {
 namespace {
 
 constexpr std::uint8_t index_source = drive::Edge::index_source;
@@ -264,4 +265,5 @@ TEST(Switches, PlacingTheAxisSetsLevelsWithoutEdges) {
 }
 
 }  // namespace
+}  // namespace travel_test
 }  // namespace servodrome::plant::test

@@ -6,6 +6,7 @@
 
 // A hybrid stepper: two windings in quadrature, each on its own full bridge, against closed forms.
 namespace servodrome::plant::test {
+namespace two_phase_test {
 namespace {
 
 constexpr double link = 72.0;
@@ -226,4 +227,5 @@ TEST(TwoPhases, ShortedWindingTripsItsComparator) {
 }
 
 }  // namespace
+}  // namespace two_phase_test
 }  // namespace servodrome::plant::test

@@ -4,6 +4,7 @@
 
 // The motor's electrical side against closed forms and a reference integrated in 1 us steps.
 namespace servodrome::plant::test {
+namespace windings_test {
 namespace {
 
 TEST(Windings, LockedRotorCurrentRisesExponentially) {
@@ -235,4 +236,5 @@ TEST(Windings, BackEmfAboveTheLinkFeedsIt) {
 }
 
 }  // namespace
+}  // namespace windings_test
 }  // namespace servodrome::plant::test

@@ -5,6 +5,7 @@
 
 // A brake that waits for an axis without power to become slow.
 namespace servodrome {
+namespace coasting_brake_test {
 namespace {
 
 struct CoastingRig : test::Rig<products::Generic402> {
@@ -111,4 +112,5 @@ TEST(OpeningBrake, NothingIsFollowedOrReachedMeanwhile) {
 }
 
 }  // namespace
+}  // namespace coasting_brake_test
 }  // namespace servodrome

@@ -7,6 +7,7 @@
 // The filter of the commands, 60FBh sub 5 of the iSMK and P03-16 of the JMC, delays a demand and moves nothing by
 // itself: no jump where it ends in motion, and limits and stops come no later. The true shaft is measured.
 namespace servodrome {
+namespace command_filter_test {
 namespace {
 
 using drive::PowerState;
@@ -216,4 +217,5 @@ TEST(CommandFilter, IsmkStopsNoLater) { stops_no_later<Ismk>(1, {50, 255}, 1500.
 TEST(CommandFilter, JmcStopsNoLater) { stops_no_later<Jmc>(0, {500, 2000, 10000}, 600.0); }
 
 }  // namespace
+}  // namespace command_filter_test
 }  // namespace servodrome

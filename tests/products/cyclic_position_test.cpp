@@ -6,6 +6,7 @@
 
 // Cyclic synchronous and interpolated position between their set-points: what the loops are asked for in every cycle.
 namespace servodrome {
+namespace cyclic_position_test {
 namespace {
 
 using products::Generic402;
@@ -14,7 +15,7 @@ using test::Rig;
 constexpr int ticks_per_cycle = 8;
 constexpr std::int64_t stroke = 1000;  // counts from target to target
 
-class CyclicPosition : public ::testing::Test {
+class CyclicTargets : public ::testing::Test {
  protected:
   void enable(std::int64_t mode, std::int64_t period_value, std::int64_t period_index) {
     rig.set(0x60C2, 1, period_value);
@@ -36,7 +37,7 @@ class CyclicPosition : public ::testing::Test {
   Rig<Generic402> rig;
 };
 
-TEST_F(CyclicPosition, OneTargetIsReachedAfterOnePeriodAndNoFurther) {
+TEST_F(CyclicTargets, OneTargetIsReachedAfterOnePeriodAndNoFurther) {
   enable(8, 2, -3);
   target(stroke);
   double before = 0.0;
@@ -52,7 +53,7 @@ TEST_F(CyclicPosition, OneTargetIsReachedAfterOnePeriodAndNoFurther) {
 }
 
 // A period of 2.5 cycles: targets come after 3, 2, 3, 2 cycles and so on.
-TEST_F(CyclicPosition, PeriodThatIsNoMultipleOfTheCycleLeavesNoRipple) {
+TEST_F(CyclicTargets, PeriodThatIsNoMultipleOfTheCycleLeavesNoRipple) {
   enable(8, 125, -5);
   for (int cycle = 0; cycle < 500; ++cycle) {
     const int number = cycle * 2 / 5;  // due by now: one in the cycles 0, 3, 5, 8, 10 ...
@@ -64,7 +65,7 @@ TEST_F(CyclicPosition, PeriodThatIsNoMultipleOfTheCycleLeavesNoRipple) {
   }
 }
 
-TEST_F(CyclicPosition, ATargetMayComeACycleEarlyOrLate) {
+TEST_F(CyclicTargets, ATargetMayComeACycleEarlyOrLate) {
   enable(8, 2, -3);
   int next = 0;
   unsigned random = 1;
@@ -82,7 +83,7 @@ TEST_F(CyclicPosition, ATargetMayComeACycleEarlyOrLate) {
   }
 }
 
-TEST_F(CyclicPosition, AMasterWhoseClockIsFastOrSlowIsFollowed) {
+TEST_F(CyclicTargets, AMasterWhoseClockIsFastOrSlowIsFollowed) {
   for (const int cycles_per_thousand : {3990, 4010}) {
     Rig<Generic402> other;
     other.set(0x60C2, 1, 2);
@@ -100,7 +101,7 @@ TEST_F(CyclicPosition, AMasterWhoseClockIsFastOrSlowIsFollowed) {
   }
 }
 
-TEST_F(CyclicPosition, WhenTheMasterFallsSilentTheAxisStandsAtItsLastTarget) {
+TEST_F(CyclicTargets, WhenTheMasterFallsSilentTheAxisStandsAtItsLastTarget) {
   enable(8, 2, -3);
   for (int cycle = 0; cycle < 40; ++cycle) {
     if (cycle % 4 == 0) target((cycle / 4 + 1) * stroke);
@@ -116,7 +117,7 @@ TEST_F(CyclicPosition, WhenTheMasterFallsSilentTheAxisStandsAtItsLastTarget) {
   EXPECT_EQ(rate(), 0.0);
 }
 
-TEST_F(CyclicPosition, TargetsPassTheEndOfTheir32Bits) {
+TEST_F(CyclicTargets, TargetsPassTheEndOfTheir32Bits) {
   rig.device.drive().set_position_offset(2147483000);
   enable(8, 2, -3);
   std::int64_t position = 2147483000;
@@ -130,7 +131,7 @@ TEST_F(CyclicPosition, TargetsPassTheEndOfTheir32Bits) {
   EXPECT_EQ(rig.device.drive().state(), drive::PowerState::operation_enabled);
 }
 
-TEST_F(CyclicPosition, InterpolatedRecordsLieOnTheirOwnTimes) {
+TEST_F(CyclicTargets, InterpolatedRecordsLieOnTheirOwnTimes) {
   rig.set(0x60C4, 2, 64);
   enable(7, 125, -5);
   for (int n = 1; n <= 40; ++n) rig.set(0x60C1, 1, n * n * 10);
@@ -148,4 +149,5 @@ TEST_F(CyclicPosition, InterpolatedRecordsLieOnTheirOwnTimes) {
 }
 
 }  // namespace
+}  // namespace cyclic_position_test
 }  // namespace servodrome

@@ -6,6 +6,7 @@
 
 // Cyclic targets and limits that change in motion, in orders that a manual does not show.
 namespace servodrome {
+namespace cyclic_sequences_test {
 namespace {
 
 using test::Reference;
@@ -271,4 +272,5 @@ TEST(ModeChange, FromTheVelocityLoopKeepsTheSpeed) {
 }
 
 }  // namespace
+}  // namespace cyclic_sequences_test
 }  // namespace servodrome

@@ -10,6 +10,7 @@
 // Bit 12 of cyclic synchronous torque: "drive follows the command value" (CiA 402-2), that is, 6071h goes to the torque
 // loop. It is not taken away by a limit of torque or speed, only where 6071h counts for nothing.
 namespace servodrome {
+namespace cyclic_torque_test {
 namespace {
 
 struct Generic402Axis : test::Rig<products::Generic402> {
@@ -83,4 +84,5 @@ TEST(CyclicTorqueOfTheIsmkEa, IsRefused) {
 }
 
 }  // namespace
+}  // namespace cyclic_torque_test
 }  // namespace servodrome

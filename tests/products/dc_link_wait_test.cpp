@@ -12,6 +12,7 @@
 // No drive shows Switched on or Operation enabled before its DC link has its voltage. A drive that connects the link by
 // transition 3 waits for the whole precharge. The other drives precharge from power-on, and wait for the rest of it.
 namespace servodrome {
+namespace dc_link_wait_test {
 namespace {
 
 using drive::PowerState;
@@ -235,4 +236,5 @@ TYPED_TEST(DcLinkWait, TheAxisHasItsTorqueWhenItIsEnabled) {
 }
 
 }  // namespace
+}  // namespace dc_link_wait_test
 }  // namespace servodrome

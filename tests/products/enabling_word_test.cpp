@@ -13,6 +13,7 @@
 // Bit 4 in the very word that enables, on a DC link that is up: its edge counts from the word before, whatever the
 // state was then. What it is while the drive waits for the link: dc_link_wait_test.
 namespace servodrome {
+namespace enabling_word_test {
 namespace {
 
 using drive::PowerState;
@@ -148,4 +149,5 @@ TYPED_TEST(EnablingWord, LetsInterpolationRunByItsLevel) {
 }
 
 }  // namespace
+}  // namespace enabling_word_test
 }  // namespace servodrome

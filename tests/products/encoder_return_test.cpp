@@ -8,6 +8,7 @@
 // An encoder that comes back at speed shows the way of meanwhile within a moment: that is no over-speed, and the fault
 // stays the encoder's. An axis that is too fast is told all the same.
 namespace servodrome {
+namespace encoder_return_test {
 namespace {
 
 using drive::PowerState;
@@ -80,4 +81,5 @@ TEST(EncoderReturn, Ismc) { comes_back<Ismc>({131072 * 16, 960.0, 0x7380, 0x8482
 TEST(EncoderReturn, Pronet) { comes_back<Pronet>({10000, 1000.0, 0x7303, 0x8480}); }
 
 }  // namespace
+}  // namespace encoder_return_test
 }  // namespace servodrome

@@ -8,6 +8,7 @@
 
 // The reference drive on EtherCAT: its dictionary, its memory, its parameter file, and motion over process data.
 namespace servodrome::test {
+namespace generic402_ec_test {
 namespace {
 
 using dictionary::AbortCode;
@@ -394,4 +395,5 @@ TEST(FilesInBootstrap, AndNothingElse) {
 }
 
 }  // namespace
+}  // namespace generic402_ec_test
 }  // namespace servodrome::test

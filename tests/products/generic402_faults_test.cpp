@@ -6,6 +6,7 @@
 // Every fault of the reference drive by its cause. The codes are those of CiA 402-2 table 8 and CiA 301 table 26; the
 // error register's bits those of CiA 301 table 48.
 namespace servodrome {
+namespace generic402_faults_test {
 namespace {
 
 using drive::Cause;
@@ -276,4 +277,5 @@ TEST(Generic402Faults, TheOverloadIsShownOnItsWay) {
 }
 
 }  // namespace
+}  // namespace generic402_faults_test
 }  // namespace servodrome

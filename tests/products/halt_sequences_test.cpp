@@ -8,6 +8,7 @@
 // What comes after a halt, a limit or a bit of the mode that is taken away in the middle of something. The true shaft
 // is measured.
 namespace servodrome {
+namespace halt_sequences_test {
 namespace {
 
 using products::Generic402;
@@ -324,4 +325,5 @@ TEST(AfterALimitSwitch, AVelocityWaitsForAnotherTarget) {
 }
 
 }  // namespace
+}  // namespace halt_sequences_test
 }  // namespace servodrome

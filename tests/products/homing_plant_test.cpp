@@ -8,6 +8,7 @@
 // Every homing method of both products on real plants with random geometry: motor, friction, loops, captured edges.
 // Home must lie where the standard's figure has it, to the count; where the axis rests, to what the manual says.
 namespace servodrome {
+namespace homing_plant_test {
 namespace {
 
 using drive::Counts;
@@ -117,4 +118,5 @@ TEST(HomingOnPlant, OfIsmc) { find_home_from_every_start<products::Ismc>(); }
 TEST(HomingOnPlant, OfTheReferenceDrive) { find_home_from_every_start<products::Generic402>(); }
 
 }  // namespace
+}  // namespace homing_plant_test
 }  // namespace servodrome

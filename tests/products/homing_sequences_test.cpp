@@ -9,6 +9,7 @@
 // Homing that does not end where it was to: its offset leads into a limit switch, or it is given up. The true shaft is
 // measured.
 namespace servodrome {
+namespace homing_sequences_test {
 namespace {
 
 using test::Rig;
@@ -197,4 +198,5 @@ TEST(HomingGivenUp, PressesNoMore) {
 }
 
 }  // namespace
+}  // namespace homing_sequences_test
 }  // namespace servodrome

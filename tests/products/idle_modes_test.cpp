@@ -8,6 +8,7 @@
 // What a mode does that was entered in motion and has nothing to go on with, and stops out of torque: the axis comes to
 // rest, within its limits.
 namespace servodrome {
+namespace idle_modes_test {
 namespace {
 
 using test::Reference;
@@ -202,4 +203,5 @@ TEST(SoftwareLimits, InARangeAreNotPassedByASetPointUnderWay) {
 }
 
 }  // namespace
+}  // namespace idle_modes_test
 }  // namespace servodrome

@@ -7,6 +7,7 @@
 
 // The drive finds out what it moves: identification of inertia and friction by its own moves, on the simulated axis.
 namespace servodrome::test {
+namespace inertia_identification_test {
 namespace {
 
 using drive::InertiaEstimate;
@@ -237,4 +238,5 @@ TEST(InertiaEstimator, TooFewWindowsAreNoEstimate) {
 }
 
 }  // namespace
+}  // namespace inertia_identification_test
 }  // namespace servodrome::test

@@ -10,6 +10,7 @@
 
 // What the buffer of interpolated position, 60C4h, and the period 60C2h refuse.
 namespace servodrome {
+namespace interpolation_buffer_test {
 namespace {
 
 using dictionary::AbortCode;
@@ -191,4 +192,5 @@ TEST(InterpolationPeriod, AsTheManualPrintsIt) {
 }
 
 }  // namespace
+}  // namespace interpolation_buffer_test
 }  // namespace servodrome

@@ -8,6 +8,7 @@
 // The worked examples of the ISMC manual (ch. 2 to 6), frame by frame, and the motions they make against the
 // figures that follow from the documented defaults.
 namespace servodrome {
+namespace ismc_examples_test {
 namespace {
 
 using products::Ismc;
@@ -244,4 +245,5 @@ TEST(IsmcExamples, FramesAndMotions) {
 }
 
 }  // namespace
+}  // namespace ismc_examples_test
 }  // namespace servodrome

@@ -6,6 +6,7 @@
 
 // Every fault of the ISMC manual (tests/data/ismc_alarms.csv), raised by its cause.
 namespace servodrome {
+namespace ismc_faults_test {
 namespace {
 
 using drive::Cause;
@@ -478,4 +479,5 @@ TEST(IsmcFaults, ASecondFaultWhileTheFirstIsReactedToIsReportedToo) {
 }
 
 }  // namespace
+}  // namespace ismc_faults_test
 }  // namespace servodrome

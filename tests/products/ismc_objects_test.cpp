@@ -7,6 +7,7 @@
 // Every object of the ISMC manual (tests/data/ismc_od.csv) against the running drive: type, access, PDO mapping,
 // default, range, unit. What differs is listed with its reason, and the list may hold nothing that does not differ.
 namespace servodrome {
+namespace ismc_objects_test {
 namespace {
 
 using dictionary::Entry;
@@ -119,4 +120,5 @@ TEST(IsmcObjects, ModesAndBitRatesThatAreNotThere) {
 }
 
 }  // namespace
+}  // namespace ismc_objects_test
 }  // namespace servodrome

@@ -7,6 +7,7 @@
 #include "rig.hpp"
 
 namespace servodrome {
+namespace ismc_sequences_test {
 namespace {
 
 using dictionary::AbortCode;
@@ -294,4 +295,5 @@ TEST(IsmcEncoder, AnInternalErrorStaysUntilPowerOff) {
 }
 
 }  // namespace
+}  // namespace ismc_sequences_test
 }  // namespace servodrome

@@ -8,6 +8,7 @@
 // Every alarm of the iSMK manual (tests/data/ismk_alarms.csv), raised by its cause; by injection where no cause is in
 // this drive.
 namespace servodrome {
+namespace ismk_alarms_test {
 namespace {
 
 using dictionary::AbortCode;
@@ -648,4 +649,5 @@ TEST(IsmkAlarms, UtilisationOfMotorAndDrive) {
 }
 
 }  // namespace
+}  // namespace ismk_alarms_test
 }  // namespace servodrome

@@ -6,6 +6,7 @@
 // Where the iSMK's CANopen side is not plain CiA 301 (ch. 9 of its manual), interpolation on SYNC, storing and
 // restarting.
 namespace servodrome {
+namespace ismk_canopen_test {
 namespace {
 
 using dictionary::AbortCode;
@@ -346,4 +347,5 @@ TEST(IsmkStorage, RestartForgetsHomeAndLetsGo) {
 }
 
 }  // namespace
+}  // namespace ismk_canopen_test
 }  // namespace servodrome

@@ -10,6 +10,7 @@
 
 // The iSMK's variant EA: the dictionary of AA on the other bus, and each mode over process data.
 namespace servodrome::test {
+namespace ismk_ea_test {
 namespace {
 
 using products::Ismk;
@@ -328,4 +329,5 @@ TEST(IsmkEaStorage, AsOnCan) {
 }
 
 }  // namespace
+}  // namespace ismk_ea_test
 }  // namespace servodrome::test

@@ -9,6 +9,7 @@
 // Statusword bit 9 is 0 in all printed words although the text says 1 for bus control (Table 5-5): they come from a
 // drive one of whose inputs has the function Enable, and so has this one (C7).
 namespace servodrome {
+namespace ismk_examples_test {
 namespace {
 
 using test::frame_of;
@@ -101,4 +102,5 @@ TEST(IsmkExamples, Heartbeat) {
 }
 
 }  // namespace
+}  // namespace ismk_examples_test
 }  // namespace servodrome

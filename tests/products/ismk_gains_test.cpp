@@ -10,6 +10,7 @@
 
 // Gains of the iSMK in the manual's units (chapter 6).
 namespace servodrome {
+namespace ismk_gains_test {
 namespace {
 
 using dictionary::AbortCode;
@@ -383,4 +384,5 @@ TEST(IsmkGainSets, SwitchWithoutABump) {
 }
 
 }  // namespace
+}  // namespace ismk_gains_test
 }  // namespace servodrome

@@ -6,6 +6,7 @@
 // Homing of the iSMK (ch. 5.5): every method on a plant with random geometry, and what surrounds the methods. The
 // drive has two terminals: one for the home switch, one for the limit switch that the method turns round at.
 namespace servodrome {
+namespace ismk_homing_test {
 namespace {
 
 using dictionary::AbortCode;
@@ -329,4 +330,5 @@ TEST(IsmkHoming, SoftLimitsHoldSpeedModes) {
 }
 
 }  // namespace
+}  // namespace ismk_homing_test
 }  // namespace servodrome

@@ -6,6 +6,7 @@
 
 // The functions of the iSMK's digital inputs (manual, ch. 7.9): every code has its case here.
 namespace servodrome {
+namespace ismk_inputs_test {
 namespace {
 
 using dictionary::AbortCode;
@@ -624,4 +625,5 @@ TEST(IsmkInputs, NoLimitAlarmWhileHoming) {
 }
 
 }  // namespace
+}  // namespace ismk_inputs_test
 }  // namespace servodrome

@@ -5,6 +5,7 @@
 
 // Units, modes and windows of the iSMK, against the manual's figures and closed-form results.
 namespace servodrome {
+namespace ismk_motion_test {
 namespace {
 
 using drive::Counts;
@@ -523,4 +524,5 @@ TEST(IsmkPulse, StandsWhateverTheTargets) {
 }
 
 }  // namespace
+}  // namespace ismk_motion_test
 }  // namespace servodrome

@@ -5,6 +5,7 @@
 
 // Every object of the iSMK manual (tests/data/ismk_od.csv) against the running drive.
 namespace servodrome {
+namespace ismk_objects_test {
 namespace {
 
 using dictionary::AbortCode;
@@ -81,4 +82,5 @@ TEST(IsmkObjects, TwinsAreOneValue) {
 }
 
 }  // namespace
+}  // namespace ismk_objects_test
 }  // namespace servodrome

@@ -6,6 +6,7 @@
 
 // The functions of the iSMK's digital outputs (manual, ch. 7.9): every code has its case here.
 namespace servodrome {
+namespace ismk_outputs_test {
 namespace {
 
 using dictionary::AbortCode;
@@ -369,4 +370,5 @@ TEST(IsmkOutputs, PolarityAndSimulation) {
 }
 
 }  // namespace
+}  // namespace ismk_outputs_test
 }  // namespace servodrome

@@ -5,6 +5,7 @@
 
 // Table 5-2 of the iSMK manual with its low bytes of the statusword, the stop modes 605Ah to 605Eh and the brake.
 namespace servodrome {
+namespace ismk_power_state_test {
 namespace {
 
 using drive::PowerState;
@@ -333,4 +334,5 @@ TEST(IsmkBrake, AfterARampTheBrakeClosesAtZeroSpeed) {
 }
 
 }  // namespace
+}  // namespace ismk_power_state_test
 }  // namespace servodrome

@@ -8,6 +8,7 @@
 #include "serial10/ismk_examples.hpp"
 
 namespace servodrome {
+namespace ismk_rs485_test {
 namespace {
 
 using dictionary::AbortCode;
@@ -316,4 +317,5 @@ TEST(IsmkRs485, RegistersAreThoseOfTheManual) {
 }
 
 }  // namespace
+}  // namespace ismk_rs485_test
 }  // namespace servodrome

@@ -4,6 +4,7 @@
 
 // The iSMK's tables of speeds and positions that inputs choose from (manual, ch. 5.2.1.1 and 5.4.1.1).
 namespace servodrome {
+namespace ismk_tables_test {
 namespace {
 
 using dictionary::AbortCode;
@@ -264,4 +265,5 @@ TEST(IsmkPositionTable, QuickEntry) {
 }
 
 }  // namespace
+}  // namespace ismk_tables_test
 }  // namespace servodrome

@@ -8,6 +8,7 @@
 
 // Automatic tuning of the iSMK: 2340h sub 10h, inertia recognition and rigidity, automatic notches.
 namespace servodrome {
+namespace ismk_tuning_test {
 namespace {
 
 using dictionary::AbortCode;
@@ -348,4 +349,5 @@ TEST(IsmkNotch, OfARigidLoadThereIsNone) {
 }
 
 }  // namespace
+}  // namespace ismk_tuning_test
 }  // namespace servodrome

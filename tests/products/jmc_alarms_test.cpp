@@ -10,6 +10,7 @@
 // Every alarm of the JMC manual (tests/data/jmc_alarms.csv), raised by its cause in drive, plant or bus; by injection
 // where there is none. A row without a case fails.
 namespace servodrome {
+namespace jmc_alarms_test {
 namespace {
 
 using dictionary::AbortCode;
@@ -939,4 +940,5 @@ TEST(JmcAlarms, EachFlashCountHasACause) {
 }
 
 }  // namespace
+}  // namespace jmc_alarms_test
 }  // namespace servodrome

@@ -4,6 +4,7 @@
 
 // The brake sequence P01-30 to P01-32 (ch. 8.2.2, Chart 129): the motor works, and the brake is open, from Switched on.
 namespace servodrome {
+namespace jmc_brake_test {
 namespace {
 
 using drive::PowerState;
@@ -233,4 +234,5 @@ TEST(JmcBrake, BySixtyFe) {
 }
 
 }  // namespace
+}  // namespace jmc_brake_test
 }  // namespace servodrome

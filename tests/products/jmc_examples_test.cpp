@@ -4,6 +4,7 @@
 
 // What the JMC manual prints as numbers: the start-up lists of its routines as SDO frames, gear ratios, units.
 namespace servodrome {
+namespace jmc_examples_test {
 namespace {
 
 using dictionary::AbortCode;
@@ -184,4 +185,5 @@ TEST(JmcExamples, GearOutOfRangeAndOutOfState) {
 }
 
 }  // namespace
+}  // namespace jmc_examples_test
 }  // namespace servodrome

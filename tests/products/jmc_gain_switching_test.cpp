@@ -4,6 +4,7 @@
 
 // The two gain sets and the modes of P02-30 (Table 65, ch. 8.2.3).
 namespace servodrome {
+namespace jmc_gain_switching_test {
 namespace {
 
 using products::jmc_ec::GainSwitching;
@@ -209,4 +210,5 @@ TEST(JmcGainSwitching, UntilItIsInPosition) {
 }
 
 }  // namespace
+}  // namespace jmc_gain_switching_test
 }  // namespace servodrome

@@ -9,6 +9,7 @@
 // What the panel parameters of the JMC EC drives do to the axis, measured against theory (ch. 7 and 8.2.3, ch. 8.2.4
 // to 8.2.8).
 namespace servodrome {
+namespace jmc_gains_test {
 namespace {
 
 using test::FactoryJmcRig;
@@ -400,4 +401,5 @@ TEST(JmcGains, RigidityLevelsAreStable) {
 }
 
 }  // namespace
+}  // namespace jmc_gains_test
 }  // namespace servodrome

@@ -6,6 +6,7 @@
 // Homing of the JMC EC drives (HM): every method from every side on a plant with random geometry, and what
 // surrounds the methods.
 namespace servodrome {
+namespace jmc_homing_test {
 namespace {
 
 using dictionary::AbortCode;
@@ -307,4 +308,5 @@ TEST(JmcHoming, Polarity) {
 }
 
 }  // namespace
+}  // namespace jmc_homing_test
 }  // namespace servodrome

@@ -5,6 +5,7 @@
 
 // The monitoring items d00 to d31 of the JMC EC drives (ch. 8.3) against the true shaft.
 namespace servodrome {
+namespace jmc_monitor_test {
 namespace {
 
 using dictionary::AbortCode;
@@ -183,4 +184,5 @@ TEST(JmcMonitor, Resonance) {
 }
 
 }  // namespace
+}  // namespace jmc_monitor_test
 }  // namespace servodrome

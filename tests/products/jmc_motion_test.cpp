@@ -4,6 +4,7 @@
 
 // The modes of the JMC EC drives over process data, on a motor.
 namespace servodrome {
+namespace jmc_motion_test {
 namespace {
 
 using dictionary::AbortCode;
@@ -565,4 +566,5 @@ TEST(JmcMotion, ModeZeroChangesNothing) {
 }
 
 }  // namespace
+}  // namespace jmc_motion_test
 }  // namespace servodrome

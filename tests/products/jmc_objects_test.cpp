@@ -9,6 +9,7 @@
 
 // Table 219 of the JMC manual (tests/data/jmc_od.csv) against the running drive.
 namespace servodrome {
+namespace jmc_objects_test {
 namespace {
 
 using dictionary::AbortCode;
@@ -164,4 +165,5 @@ TEST(JmcObjects, EveryRatingSaysTheSameEverywhere) {
 }
 
 }  // namespace
+}  // namespace jmc_objects_test
 }  // namespace servodrome

@@ -7,6 +7,7 @@
 // The panel parameters P00 to P08 of the JMC EC drives against the list (tests/data/jmc_params.csv), and how they are
 // written, kept and hidden from the fieldbus.
 namespace servodrome {
+namespace jmc_panel_test {
 namespace {
 
 using dictionary::AbortCode;
@@ -287,4 +288,5 @@ TEST(JmcRigidity, ModesOfAdjustment) {
 }
 
 }  // namespace
+}  // namespace jmc_panel_test
 }  // namespace servodrome

@@ -5,6 +5,7 @@
 // The state machine of the JMC EC drives ('CiA402 Protocol state machine', objects 6040h and 6041h), their option
 // codes, limits and the brake's output.
 namespace servodrome {
+namespace jmc_power_state_test {
 namespace {
 
 using dictionary::AbortCode;
@@ -368,4 +369,5 @@ TEST(JmcPowerState, HomingThatDoesNothing) {
 }
 
 }  // namespace
+}  // namespace jmc_power_state_test
 }  // namespace servodrome

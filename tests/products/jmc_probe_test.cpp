@@ -5,6 +5,7 @@
 // Touch probes 60B8h to 60BDh of the JMC EC drives (Tables 204 to 209, Table 219) on a turning axis: DI3 and DI4 see
 // cams at known counts, so the positions are known to the count.
 namespace servodrome {
+namespace jmc_probe_test {
 namespace {
 
 using dictionary::AbortCode;
@@ -145,4 +146,5 @@ TEST(JmcProbe, PositionsAreCommandUnits) {
 }
 
 }  // namespace
+}  // namespace jmc_probe_test
 }  // namespace servodrome

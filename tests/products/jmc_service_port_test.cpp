@@ -6,6 +6,7 @@
 // The service port of the JMC EC drives: Modbus RTU on RS232, parameters at group << 8 | number, items at 0D00h
 // (ch. 6; readings in service_port.hpp).
 namespace servodrome {
+namespace jmc_service_port_test {
 namespace {
 
 using products::JmcEc;
@@ -125,4 +126,5 @@ TEST(JmcServicePort, Items) {
 }
 
 }  // namespace
+}  // namespace jmc_service_port_test
 }  // namespace servodrome

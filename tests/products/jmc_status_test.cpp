@@ -4,6 +4,7 @@
 
 // What the statusword and 603Fh tell of commands beyond the limits, of several alarms at once, and of warnings.
 namespace servodrome {
+namespace jmc_status_test {
 namespace {
 
 using drive::Cause;
@@ -200,4 +201,5 @@ TEST(JmcStatus, SupplyThatIsGoneEmptiesTheLink) {
 }
 
 }  // namespace
+}  // namespace jmc_status_test
 }  // namespace servodrome

@@ -4,6 +4,7 @@
 
 // The steppers of the series: two phases in drive and plant.
 namespace servodrome::test {
+namespace jmc_stepper_test {
 namespace {
 
 constexpr std::array steppers{"2hss458-ec", "2dm542-ec"};
@@ -94,4 +95,5 @@ TEST(JmcStepper, JammedIsOverload) {
 }
 
 }  // namespace
+}  // namespace jmc_stepper_test
 }  // namespace servodrome::test

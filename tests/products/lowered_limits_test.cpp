@@ -8,6 +8,7 @@
 
 // Limits that are lowered while the axis moves: it slows down by its ramp, and the lowering itself is no fault.
 namespace servodrome {
+namespace lowered_limits_test {
 namespace {
 
 using drive::PowerState;
@@ -263,4 +264,5 @@ TEST(CurrentLimitStop, ReferenceDriveFromEverySpeed) {
 }
 
 }  // namespace
+}  // namespace lowered_limits_test
 }  // namespace servodrome

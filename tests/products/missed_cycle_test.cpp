@@ -13,6 +13,7 @@
 // A cyclic set-point that does not come: one is bridged, two are the end of the stream. On CANopen the SYNC is lost
 // with the PDO, on EtherCAT the frame of a cycle.
 namespace servodrome {
+namespace missed_cycle_test {
 namespace {
 
 using dictionary::AbortCode;
@@ -420,4 +421,5 @@ TEST(Sync0Period, MayBeAnything) {
 }
 
 }  // namespace
+}  // namespace missed_cycle_test
 }  // namespace servodrome

@@ -8,6 +8,7 @@
 // The modes beside profile position, torque and speed limits, limit switches, probes and terminals of whole drives on
 // their plants (CiA 402-2 clauses 11 to 18; ISMC manual, ch. 4.4 to 4.6, ch. 4.8.1 to 4.8.3).
 namespace servodrome {
+namespace modes_test {
 namespace {
 
 using dictionary::AbortCode;
@@ -692,4 +693,5 @@ TEST(Terminals, OfTheReferenceDrive) {  // CiA 402-2 60FDh, 60FEh
 }
 
 }  // namespace
+}  // namespace modes_test
 }  // namespace servodrome

@@ -8,6 +8,7 @@
 // Motion of whole drives on their plants: the figures of the ISMC manual's examples, and the modes
 // of the reference drive.
 namespace servodrome {
+namespace motion_test {
 namespace {
 
 using products::Generic402;
@@ -103,4 +104,5 @@ TEST(Generic402, TorqueModeAcceleratesAndCyclicVelocityHolds) {
 }
 
 }  // namespace
+}  // namespace motion_test
 }  // namespace servodrome

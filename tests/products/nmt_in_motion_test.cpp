@@ -8,6 +8,7 @@
 #include "rig.hpp"
 
 namespace servodrome {
+namespace nmt_in_motion_test {
 namespace {
 
 enum class After : std::uint8_t { moves_on, fault_reaction, lets_go };
@@ -68,4 +69,5 @@ TEST(NmtInMotion, Pronet) {
 }
 
 }  // namespace
+}  // namespace nmt_in_motion_test
 }  // namespace servodrome

@@ -13,6 +13,7 @@
 
 // What every object with a range takes and refuses, and which unit it is said to have, in every product.
 namespace servodrome::test {
+namespace object_limits_test {
 namespace {
 
 using dictionary::AbortCode;
@@ -134,4 +135,5 @@ TEST(Units, IsmkEa) { check_units<products::IsmkEa>(); }
 TEST(Units, JmcEc) { check_units<products::JmcEc>(); }
 
 }  // namespace
+}  // namespace object_limits_test
 }  // namespace servodrome::test

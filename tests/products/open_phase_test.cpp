@@ -11,6 +11,7 @@
 // Cause::phase_loss both ways, in every product that has it: no alarm in any healthy situation, however little voltage
 // there is and whatever turns the shaft; and a wire that is cut is found wherever its phase should carry current.
 namespace servodrome {
+namespace open_phase_test {
 namespace {
 
 using drive::Cause;
@@ -257,4 +258,5 @@ TEST(OpenPhase, IsFoundAt300RpmWithoutLoad) {
 }
 
 }  // namespace
+}  // namespace open_phase_test
 }  // namespace servodrome

@@ -10,6 +10,7 @@
 // The power drive systems' state machine of both products: CiA 402-2 figure 4 and table 24 (ISMC manual, ch. 3), the
 // option codes (ch. 3.4), brake and power stage.
 namespace servodrome {
+namespace power_state_test {
 namespace {
 
 using dictionary::AbortCode;
@@ -901,4 +902,5 @@ TEST(FaultCauseNames, LeadBackToTheCause) {
 }
 
 }  // namespace
+}  // namespace power_state_test
 }  // namespace servodrome

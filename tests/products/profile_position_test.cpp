@@ -7,6 +7,7 @@
 
 // Profile position mode: set-points, targets, limits, units (CiA 402-2 clauses 8 and 10; ISMC manual, ch. 4.3).
 namespace servodrome {
+namespace profile_position_test {
 namespace {
 
 using dictionary::AbortCode;
@@ -537,4 +538,5 @@ TEST(LimitSwitches, EndAMotionTowardsThem) {
 }
 
 }  // namespace
+}  // namespace profile_position_test
 }  // namespace servodrome

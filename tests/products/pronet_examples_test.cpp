@@ -9,6 +9,7 @@
 // make against the figures that follow. Where the manual has a misprint (W8, W18, W25), the test sends the corrected
 // frame.
 namespace servodrome {
+namespace pronet_examples_test {
 namespace {
 
 using products::Pronet;
@@ -295,4 +296,5 @@ TEST(PronetExamples, OneFrameServesTwoNodes) {
 }
 
 }  // namespace
+}  // namespace pronet_examples_test
 }  // namespace servodrome

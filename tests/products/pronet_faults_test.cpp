@@ -7,6 +7,7 @@
 // Every alarm of the ProNet manual (tests/data/pronet_alarms.csv), raised by its cause, or by injection where only
 // hardware has one.
 namespace servodrome {
+namespace pronet_faults_test {
 namespace {
 
 using drive::Cause;
@@ -525,4 +526,5 @@ TEST(PronetFaults, LostHeartbeatLeavesOperationalUnless1029SaysOtherwise) {
 }
 
 }  // namespace
+}  // namespace pronet_faults_test
 }  // namespace servodrome

@@ -6,6 +6,7 @@
 // Homing of the ProNet drive on a plant: every method from every side, the refusals, and the switches through wires and
 // through the bus (60FEh:01).
 namespace servodrome {
+namespace pronet_homing_test {
 namespace {
 
 using products::Pronet;
@@ -518,4 +519,5 @@ TEST(PronetInputs, LimitSwitchStopsAndBlocksOneDirection) {
 }
 
 }  // namespace
+}  // namespace pronet_homing_test
 }  // namespace servodrome

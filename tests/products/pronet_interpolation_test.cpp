@@ -7,6 +7,7 @@
 
 // Interpolated position mode of the ProNet drive: no buffer, set-points taken over by the SYNC, alarm A 69.
 namespace servodrome {
+namespace pronet_interpolation_test {
 namespace {
 
 using products::Pronet;
@@ -460,4 +461,5 @@ TEST(PronetInterpolation, InactiveItHoldsItsPosition) {
 }
 
 }  // namespace
+}  // namespace pronet_interpolation_test
 }  // namespace servodrome

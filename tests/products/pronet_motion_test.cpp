@@ -7,6 +7,7 @@
 // What the axis of a ProNet drive does in profile position and profile velocity, against closed forms: ramps, S-curves,
 // set-points and their handshake, option codes, units.
 namespace servodrome {
+namespace pronet_motion_test {
 namespace {
 
 using dictionary::AbortCode;
@@ -525,4 +526,5 @@ TEST(PronetMotion, TheSteepestRampsAreNoOverCurrent) {
 }
 
 }  // namespace
+}  // namespace pronet_motion_test
 }  // namespace servodrome

@@ -7,6 +7,7 @@
 
 // The objects of the ProNet manual against the running drive.
 namespace servodrome {
+namespace pronet_objects_test {
 namespace {
 
 using dictionary::AbortCode;
@@ -224,4 +225,5 @@ TEST_F(Storage, ResetNodeRestoresTheObjects) {
 }
 
 }  // namespace
+}  // namespace pronet_objects_test
 }  // namespace servodrome

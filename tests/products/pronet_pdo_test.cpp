@@ -7,6 +7,7 @@
 // The bus side of the ProNet drive where it departs from CiA 301: PDO types and masks, mappings, identifiers, resets,
 // no remote frames, SDO without block transfer.
 namespace servodrome {
+namespace pronet_pdo_test {
 namespace {
 
 using dictionary::AbortCode;
@@ -454,4 +455,5 @@ TEST(PronetSdo, NoBlockTransferAndTheListedAborts) {
 }
 
 }  // namespace
+}  // namespace pronet_pdo_test
 }  // namespace servodrome

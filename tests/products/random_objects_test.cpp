@@ -8,6 +8,7 @@
 // Every writable object of a moving drive at random, with the values that hurt most. What is looked for is found by the
 // sanitizers; without them, that demand and voltages stay finite.
 namespace servodrome {
+namespace random_objects_test {
 namespace {
 
 using test::Rig;
@@ -51,4 +52,5 @@ TEST(RandomObjects, LeaveTheIsmcSane) {
 }
 
 }  // namespace
+}  // namespace random_objects_test
 }  // namespace servodrome

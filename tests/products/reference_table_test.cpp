@@ -5,6 +5,7 @@
 // The reference drive's objects against a table of its own (tests/data/generic402_od.csv), as the makers' drives have
 // theirs: what changes there is changed on purpose.
 namespace servodrome {
+namespace reference_table_test {
 namespace {
 
 using products::Generic402;
@@ -164,4 +165,5 @@ TEST(ReferenceTable, EdgeCountersOfTheTouchProbes) {
 }
 
 }  // namespace
+}  // namespace reference_table_test
 }  // namespace servodrome

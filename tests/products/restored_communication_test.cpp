@@ -7,6 +7,7 @@
 // A fault by lost communication stays until it is reset, whether or not the master is back: so do 1001h and what EMCY
 // tells.
 namespace servodrome {
+namespace restored_communication_test {
 namespace {
 
 using drive::PowerState;
@@ -107,4 +108,5 @@ TEST(RestoredCommunication, ReceivePdoOfGeneric402) {
 }
 
 }  // namespace
+}  // namespace restored_communication_test
 }  // namespace servodrome

@@ -10,6 +10,7 @@
 // Corners of CiA 402 that are easy to get wrong: what is left behind when a mode, a stop, a power cycle or a polarity
 // gets in the way of something else.
 namespace servodrome {
+namespace review_test {
 namespace {
 
 using drive::PowerState;
@@ -459,4 +460,5 @@ TEST(ReviewConnection, ResetCommunicationIsALossOfConnection) {
 }
 
 }  // namespace
+}  // namespace review_test
 }  // namespace servodrome

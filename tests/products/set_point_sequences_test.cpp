@@ -9,6 +9,7 @@
 // What comes between a set-point and its end, or before it: halts, software limits within a range, other modes. The
 // true shaft is measured.
 namespace servodrome {
+namespace set_point_sequences_test {
 namespace {
 
 using products::Generic402;
@@ -150,4 +151,5 @@ TEST(FollowedTarget, IsmkIsNotTheOneOfAnotherMode) {
 }
 
 }  // namespace
+}  // namespace set_point_sequences_test
 }  // namespace servodrome

@@ -12,6 +12,7 @@
 // The velocity that a drive shows, 606Ch, against the true one of the shaft: how much noise it has, how late it is, and
 // whether the bits that are built on it are right.
 namespace servodrome {
+namespace shown_velocity_test {
 namespace {
 
 constexpr std::uint16_t reached = 0x0400;
@@ -240,4 +241,5 @@ TEST(ShownVelocity, P0819SmoothsSpeedAndItsMonitor) {  // jmc_ec
 }
 
 }  // namespace
+}  // namespace shown_velocity_test
 }  // namespace servodrome

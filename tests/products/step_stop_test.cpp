@@ -6,6 +6,7 @@
 // The iSMK's step stop, 2340h sub 1 and 2 (Table 5-18): a load that is too great turns the shaft away. The true shaft
 // is measured.
 namespace servodrome {
+namespace step_stop_test {
 namespace {
 
 using products::ismk::velocity_dec_from_rpm;
@@ -90,4 +91,5 @@ TEST(StepStop, ASetPointAfterASlipIsNoSprint) {
 }
 
 }  // namespace
+}  // namespace step_stop_test
 }  // namespace servodrome

@@ -12,6 +12,7 @@
 // What may come before a stop, and after one: jumps of the target, ramps of zero, limits, loads that lag. The true
 // shaft is measured, not what the drive shows.
 namespace servodrome {
+namespace stop_sequences_test {
 namespace {
 
 using drive::PowerState;
@@ -753,4 +754,5 @@ TEST(FaultResetBit, OfTheIsmkIsNoCommandWithoutAFault) {
 }
 
 }  // namespace
+}  // namespace stop_sequences_test
 }  // namespace servodrome

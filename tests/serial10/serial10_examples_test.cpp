@@ -4,6 +4,7 @@
 #include "serial10/server.hpp"
 
 namespace servodrome::serial10 {
+namespace serial10_examples_test {
 namespace {
 
 using test::bytes_of;
@@ -94,4 +95,5 @@ TEST(Serial10Examples, ErrorsCarryTheAbortCode) {
 }
 
 }  // namespace
+}  // namespace serial10_examples_test
 }  // namespace servodrome::serial10

@@ -5,6 +5,7 @@
 #include "serial10/server.hpp"
 
 namespace servodrome::serial10 {
+namespace serial10_line_test {
 namespace {
 
 using namespace std::chrono_literals;
@@ -185,4 +186,5 @@ TEST_F(Serial10Line, RandomStreams) {
 }
 
 }  // namespace
+}  // namespace serial10_line_test
 }  // namespace servodrome::serial10

@@ -7,7 +7,7 @@ interface View {
 
 test('an input is forced and given back', async ({ page, open, line, picture }) => {
   await open('/plant/reference');
-  const inputs = panel(page, 'Wires of the inputs');
+  const inputs = panel(page, 'Input wiring');
   await inputs.getByRole('group', { name: 'Force DI0' }).getByRole('button', { name: '1' }).click();
   await expect(inputs.getByRole('row', { name: /DI0/ }).getByRole('img', { name: 'on' })).toBeVisible();
   const level = async () => (await line.call<{ inputs: Record<string, { level: boolean; forced: boolean }> }>('GET', '/axes/reference/inputs')).inputs.DI0;
@@ -29,12 +29,12 @@ test('a fault is provoked, explained, looked at in its moment, and cleared', asy
   const active = panel(page, 'Active');
   await expect(active).toContainText('cause');
   await expect(active).toContainText('remedy');
-  const moment = panel(page, 'Moments of faults').getByRole('link').first();
+  const moment = panel(page, 'Fault recordings').getByRole('link').first();
   await expect(moment).toBeVisible();
   await picture('faults');
 
-  await page.getByRole('link', { name: 'Take it back' }).click();
-  await page.getByRole('button', { name: /Take back encoder_loss/ }).click();
+  await page.getByRole('link', { name: 'Remove the injected fault' }).click();
+  await page.getByRole('button', { name: /Remove fault encoder_loss/ }).click();
   await page.getByRole('link', { name: 'Faults' }).click();
   await active.getByRole('button', { name: 'Clear fault' }).click();
   await expect(active).toContainText('No fault.');

@@ -11,7 +11,7 @@ test('a sweep is recorded with one click, and read as a Bode plot', async ({ pag
   const excite = panel(page, 'Sweep or step');
   await excite.getByRole('button', { name: /Axis to excite/ }).click();
   await page.getByRole('option', { name: 'reference' }).click();
-  await type(page, 'Lasts', 3, excite);
+  await type(page, 'Sweep duration', 3, excite);
   await excite.getByRole('button', { name: 'Sweep and record' }).click();
   await expect(page.getByRole('button', { name: 'Bode' })).toHaveAttribute('aria-pressed', 'true', { timeout: 60_000 });
   const response = page.getByRole('table', { name: 'Response' });

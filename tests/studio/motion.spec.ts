@@ -12,8 +12,8 @@ for (const { name, home } of axes) {
   test(`homes ${name} by method ${home}`, async ({ page, open, line, picture }) => {
     await open(`/axis/${name}?do=home`);
     await choose(page, 'Method', new RegExp(`^${home}: `));
-    await type(page, 'Speed to the switch', 240);
-    await type(page, 'Speed to the zero', 60);
+    await type(page, 'Speed during search for switch', 240);
+    await type(page, 'Speed during search for zero', 60);
     await page.getByRole('button', { name: 'Home', exact: true }).click();
     await expect(page.getByText(/home: (running|done)/)).toBeVisible(); // a computer that is busy shows its end only
     await picture(`homing-${name}`);

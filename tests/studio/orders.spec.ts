@@ -29,7 +29,7 @@ for (const { name, counts } of axes) {
 }
 
 const numbers: [string, string | null][] = [
-  ['-5', 'At least 0'], ['', 'Give a number'], ['abc', 'no number'], ['1.2.3', 'no number'], ['1,500', '1500 or 1.5'], ['12', null],
+  ['-5', 'At least 0'], ['', 'Enter a number'], ['abc', 'Not a number'], ['1.2.3', 'Not a number'], ['1,500', '1500 or 1.5'], ['12', null],
 ];
 
 test('a number that is not understood is marked, and its buttons are dead', async ({ page, open, line }) => {
@@ -63,7 +63,7 @@ test('a number that is not understood is marked, and its buttons are dead', asyn
 });
 
 test('no button that moves acts on a number that is not understood', async ({ page, open }) => {
-  for (const [kind, field, button] of [['velocity', 'Velocity', 'Run'], ['velocity', 'Acceleration', 'Run'], ['torque', 'Torque', 'Apply'], ['home', 'Speed to the switch', 'Home'], ['position', 'Distance', 'Move +']] as const) {
+  for (const [kind, field, button] of [['velocity', 'Velocity', 'Run'], ['velocity', 'Acceleration', 'Run'], ['torque', 'Torque', 'Apply'], ['home', 'Speed during search for switch', 'Home'], ['position', 'Distance', 'Move +']] as const) {
     await open(`/axis/reference?do=${kind}`);
     const motion = panel(page, 'Motion');
     await expect(motion.getByRole('button', { name: button, exact: true })).toBeEnabled();
@@ -78,7 +78,7 @@ test('no button that moves acts on a number that is not understood', async ({ pa
   await expect(jog).toBeDisabled();
   await open('/scope?ch=reference/velocity_rpm');
   await expect(page.getByRole('button', { name: 'Move and record' })).toBeEnabled();
-  await page.getByRole('textbox', { name: 'Duration' }).fill('no');
+  await page.getByRole('textbox', { name: 'Duration', exact: true }).fill('no');
   await expect(page.getByRole('button', { name: 'Move and record' })).toBeDisabled();
   await expect(page.getByRole('button', { name: 'Sweep and record' })).toBeEnabled();
   await page.getByRole('textbox', { name: 'Amplitude' }).fill('');
@@ -90,5 +90,5 @@ test('says what a motion will be', async ({ page, open }) => {
   await type(page, 'Distance', 10);
   await type(page, 'Velocity', 300);
   await type(page, 'Acceleration', 50);
-  await expect(panel(page, 'Motion').getByRole('note')).toContainText('Up to 300 rpm within 100 ms, 10 rev in 2.1 s; halting takes 100 ms and 0.25 rev');
+  await expect(panel(page, 'Motion').getByRole('note')).toContainText('Reaches 300 rpm in 100 ms, 10 rev in 2.1 s; a halt takes 100 ms and 0.25 rev');
 });

@@ -16,12 +16,12 @@ test('a dictionary is compared with the factory, and what differs is taken back'
   await expect(differences.getByRole('status')).toContainText('2 of');
   await expect(differences.getByRole('row', { name: /6081:00/ })).toContainText('4321');
   await picture('parameters');
-  await differences.getByRole('button', { name: 'Take 6081:00 of factory' }).click();
+  await differences.getByRole('button', { name: 'Write 6081:00 of factory' }).click();
   await expect(differences.getByRole('status')).toContainText('1 of');
   expect((await line.call<{ value: number }>('GET', '/axes/reference/objects/6081/0')).value).not.toBe(4321);
   expect((await line.call<{ value: number }>('GET', '/axes/reference/objects/6083/0')).value).toBe(999);
-  await differences.getByRole('button', { name: 'Take all of factory' }).click();
-  await expect(differences).toContainText('Equal.');
+  await differences.getByRole('button', { name: 'Write all values of factory' }).click();
+  await expect(differences).toContainText('No differences.');
 });
 
 test('parameters are saved as a file, and loaded into the drive again', async ({ page, open, line, watched }) => {
@@ -35,7 +35,7 @@ test('parameters are saved as a file, and loaded into the drive again', async ({
   await page.getByLabel('Parameter file').setInputFiles({ name: 'reference.par', mimeType: 'text/plain', buffer: readFileSync(path) });
   await page.getByRole('button', { name: 'Compare with file' }).click();
   await expect(panel(page, 'Compared with reference.par').getByRole('row', { name: /6081:00/ })).toContainText('4321');
-  await page.getByText('and store').click();
+  await page.getByText('store after loading').click();
   await page.getByRole('button', { name: 'Load file' }).click();
   await expect(panel(page, 'Parameters')).toContainText('1 of them were written. Stored.');
   expect((await line.call<{ value: number }>('GET', '/axes/reference/objects/6081/0')).value).not.toBe(4321);
@@ -46,7 +46,7 @@ test('parameters are saved as a file, and loaded into the drive again', async ({
   await page.getByRole('button', { name: 'Load file' }).click();
   const refusal = panel(page, 'Parameters').getByRole('alert');
   await expect(refusal).toContainText('0604 0041h');
-  await expect(refusal).toContainText('taken back');
+  await expect(refusal).toContainText('were restored');
   expect((await line.call<{ value: number }>('GET', '/axes/reference/objects/6081/0')).value).not.toBe(5);
   expect(watched.splice(0).join()).toContain('409'); // the browser itself logs the refusal
 });

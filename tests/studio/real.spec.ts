@@ -90,8 +90,8 @@ interface Job {
 test('homes a drive on EtherCAT', async ({ page, go, drives, studio }) => {
   await go(`/axis/${ethercat}?do=home`);
   await choose(page, 'Method', /^7: /);
-  await type(page, 'Speed to the switch', 240);
-  await type(page, 'Speed to the zero', 60);
+  await type(page, 'Speed during search for switch', 240);
+  await type(page, 'Speed during search for zero', 60);
   const last = async () => (await studio.call<{ jobs: Job[] }>('GET', '/jobs')).jobs.filter((job) => job.do === 'home').at(-1);
   for (let attempt = 1; ; ++attempt) {
     const before = (await last())?.id ?? 0;
@@ -151,9 +151,9 @@ test('the loss of the buses is said, and the page comes back with them', async (
   await card(page, can).getByRole('button', { name: 'Enable' }).click();
   await expect(card(page, can).locator('header .chip')).toHaveText('operation enabled');
   await drives.stop();
-  await expect(page.getByRole('alert')).toContainText('Not reached');
+  await expect(page.getByRole('alert')).toContainText('No answer from');
   await expect(page.getByRole('alert')).toContainText(can);
-  await expect(card(page, can)).toContainText('not reached');
+  await expect(card(page, can)).toContainText('no answer');
   await picture('real-lost');
   await drives.start();
   await expect(page.getByRole('alert')).toHaveCount(0);
@@ -185,14 +185,14 @@ test('proposes no numbers where the unit is not known, and says what they will d
   const motion = panel(page, 'Motion');
   const run = motion.getByRole('button', { name: 'Run' });
   const velocity = motion.getByRole('textbox', { name: 'Velocity', exact: true });
-  await expect(motion.getByRole('note')).toContainText('does not say what a revolution is');
+  await expect(motion.getByRole('note')).toContainText('does not report its units per revolution');
   await expect(velocity).toHaveValue('');
   await expect(motion.getByRole('textbox', { name: 'Acceleration' })).toHaveValue('');
   await expect(run).toBeDisabled();
   await velocity.fill('232742');
   await expect(run).toBeDisabled();
   await motion.getByRole('textbox', { name: 'Acceleration' }).fill('500000');
-  await expect(motion.getByRole('note')).toContainText(/Up to 232\s742 .*\/s within 465 ms; halting takes 465 ms/);
+  await expect(motion.getByRole('note')).toContainText(/Reaches 232\s742 .*\/s in 465 ms; a halt takes 465 ms/);
   await expect(run).toBeEnabled();
   await run.click();
   await expect(page.getByText(/velocity: done/)).toBeVisible();

@@ -40,7 +40,7 @@ test('an earlier recording lies over the present one', async ({ page, open }) =>
     await expect(page).toHaveURL(new RegExp(`rec=${id}`));
     await expect(page.getByRole('table', { name: 'Measurements' })).toBeVisible({ timeout: 60_000 });
   }
-  await page.getByRole('checkbox', { name: 'over' }).check();
+  await page.getByRole('checkbox', { name: 'overlay' }).check();
   await expect(page.getByRole('img', { name: /recording 1/ })).toBeVisible();
 });
 

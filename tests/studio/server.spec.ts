@@ -21,15 +21,15 @@ test('two browsers agree', async ({ page, open, line, browser, picture }) => {
 test('the loss of the server and its new start are said, and the page comes back', async ({ page, open, line, watched, picture }) => {
   await open('/');
   await line.stop();
-  await expect(page.getByRole('alert')).toContainText('The server does not answer');
+  await expect(page.getByRole('alert')).toContainText('Connection lost');
   await picture('lost');
   await line.start();
-  await expect(page.getByText('The server was started anew')).toBeVisible();
+  await expect(page.getByText('The server was restarted')).toBeVisible();
   await expect(page.getByRole('alert')).toHaveCount(0);
   await card(page, 'ismc').getByRole('button', { name: 'Enable' }).click();
   await expect(card(page, 'ismc').locator('header .chip')).toHaveText('operation enabled');
   await page.getByRole('button', { name: 'Understood' }).click();
-  await expect(page.getByText('The server was started anew')).toHaveCount(0);
+  await expect(page.getByText('The server was restarted')).toHaveCount(0);
   // The browser itself logs each connection that is refused meanwhile.
   for (const message of watched.splice(0)) expect(message).toMatch(/ERR_CONNECTION_REFUSED|ERR_CONNECTION_RESET|ERR_EMPTY_RESPONSE|WebSocket connection/);
 });
@@ -38,7 +38,7 @@ test('a server that hangs is said as well, and the page comes back', async ({ pa
   await open('/');
   line.hang();
   try {
-    await expect(page.getByRole('alert')).toContainText('The server does not answer');
+    await expect(page.getByRole('alert')).toContainText('Connection lost');
   } finally {
     line.goOn();
   }
@@ -87,10 +87,10 @@ test('from another machine the page asks for the token, and then works', async (
     await expect(page.getByRole('textbox', { name: 'Token' })).toBeVisible();
     await accessible(page);
     await page.getByRole('textbox', { name: 'Token' }).fill('no');
-    await page.getByRole('button', { name: 'Use it' }).click();
-    await expect(page.getByRole('alert')).toContainText("not, or no longer, the server's token");
+    await page.getByRole('button', { name: 'Connect' }).click();
+    await expect(page.getByRole('alert')).toContainText('not the token of the running server');
     await page.getByRole('textbox', { name: 'Token' }).fill(secret);
-    await page.getByRole('button', { name: 'Use it' }).click();
+    await page.getByRole('button', { name: 'Connect' }).click();
     await card(page, 'ismc').getByRole('button', { name: 'Enable' }).click();
     await expect(card(page, 'ismc').locator('header .chip')).toHaveText('operation enabled');
     await page.reload();
@@ -122,7 +122,7 @@ test.describe('in virtual time', () => {
     await card(page, 'reference').getByRole('button', { name: 'Enable' }).click();
     await expect(card(page, 'reference').locator('header .chip')).toHaveText('operation enabled');
     await page.getByRole('button', { name: 'Speed of virtual time' }).click();
-    await page.getByRole('option', { name: 'stands' }).click();
+    await page.getByRole('option', { name: 'stopped' }).click();
     await expect.poll(async () => (await line.call<{ speed: number }>('GET', '/clock')).speed).toBe(0);
   });
 });

@@ -55,8 +55,8 @@ test('frames are shown in words, filtered, looked at and saved', async ({ page, 
 
   // Pause: the table stands still while the server goes on. Then everything is there.
   await page.getByRole('button', { name: 'Pause' }).click();
-  await expect(page.getByText('the table stands still')).toBeVisible();
-  await page.getByRole('button', { name: 'Go on' }).click();
+  await expect(page.getByText('display paused')).toBeVisible();
+  await page.getByRole('button', { name: 'Resume' }).click();
   await page.getByRole('button', { name: 'Clear' }).click();
   await expect(frames.getByRole('option').filter({ hasText: 'SDO read' })).toHaveCount(0);
 
@@ -70,7 +70,7 @@ test('more frames than anybody can read do not stop the page', async ({ page, op
   for (const axis of ['ismc', 'reference', 'pronet', 'ismk']) await line.call('PUT', `/axes/${axis}/objects/1017/00`, { value: 1 });
   await open('/bus/traffic?bus=can0');
   const frames = page.getByRole('listbox', { name: 'Frames' });
-  await expect(page.getByText('rows left out or lost: more than can be read')).toBeVisible({ timeout: 60_000 });
+  await expect(page.getByText('rows skipped or lost')).toBeVisible({ timeout: 60_000 });
   // However many there are, those that are seen are drawn.
   expect(await frames.getByRole('option').count()).toBeLessThan(100);
   await page.getByRole('button', { name: 'Stop recording' }).click();
@@ -78,7 +78,7 @@ test('more frames than anybody can read do not stop the page', async ({ page, op
   // The place of what is left out is marked in the table.
   await expect(async () => {
     await frames.evaluate((box) => (box.scrollTop -= box.clientHeight));
-    await expect(frames.getByRole('option').filter({ hasText: 'left out: more than can be read' }).first()).toBeAttached({ timeout: 200 });
+    await expect(frames.getByRole('option').filter({ hasText: 'skipped: too many to display' }).first()).toBeAttached({ timeout: 200 });
   }).toPass({ timeout: 60_000, intervals: [50] });
 });
 

@@ -23,20 +23,20 @@ test('an axis is tuned, its gains are written, measured, and put back', async ({
   const before = await gain();
   await open('/tuning/reference');
   const tune = panel(page, 'Tune the velocity loop');
-  await type(page, 'Bandwidth (empty: six tenths of what is possible)', 60, tune);
+  await type(page, 'Target bandwidth (blank: 60 % of the maximum)', 60, tune);
   await tune.getByRole('button', { name: 'Tune', exact: true }).click();
   const progress = page.getByRole('progressbar', { name: 'Progress of the tuning' });
   await expect(progress).toBeVisible({ timeout: 30_000 });
   await expect.poll(async () => Number(await progress.getAttribute('value')), { timeout: 60_000 }).toBeGreaterThan(0);
   await expect(tune.getByRole('button', { name: 'Measure and propose' })).toBeDisabled();
 
-  const found = panel(page, 'What was found');
+  const found = panel(page, 'Tuning results');
   await expect(found).toBeVisible({ timeout: 240_000 });
   const figures = found.getByRole('table', { name: 'Before and after' });
   const bandwidth = await figures.getByRole('row', { name: /^Bandwidth/ }).getByRole('cell').allTextContents();
   expect(Number(bandwidth[1])).toBe(60);
   expect(Math.abs(Number(bandwidth[2]) - 60)).toBeLessThanOrEqual(9);
-  await expect(figures.getByRole('row', { name: /Step: rises in/ })).toBeVisible();
+  await expect(figures.getByRole('row', { name: /Step: rise time/ })).toBeVisible();
   await expect(found.getByRole('img', { name: /Open velocity loop/ })).toBeVisible();
   await expect(found.getByRole('img', { name: /Step of the velocity/ })).toBeVisible();
   const { jobs } = await line.call<{ jobs: Job[] }>('GET', '/jobs');
@@ -53,7 +53,7 @@ test('an axis is tuned, its gains are written, measured, and put back', async ({
   await expect(gains).toBeVisible();
   await expect.poll(() => inkIn(page, 'Open velocity loop')).toBeGreaterThan(2000);
   await picture('tuning');
-  await found.getByRole('button', { name: 'Put the old ones back' }).click();
+  await found.getByRole('button', { name: 'Restore the old gains' }).click();
   await expect.poll(gain).toBe(before);
 });
 
@@ -89,10 +89,10 @@ test('a drive tunes itself', async ({ page, open }) => {
   await page.getByRole('button', { name: 'Let the drive tune itself' }).click();
   const table = page.getByRole('table', { name: 'Gains before and after' });
   await expect(table).toBeVisible({ timeout: 90_000 });
-  await expect(table.getByRole('row', { name: /Kvp\[0\]/ })).not.toContainText('as it was');
+  await expect(table.getByRole('row', { name: /Kvp\[0\]/ })).not.toContainText('unchanged');
 });
 
 test('a drive whose manual prints no gains says so', async ({ page, open }) => {
   await open('/tuning/ismc');
-  await expect(page.getByText('The manual of this drive prints no gains')).toBeVisible();
+  await expect(page.getByText('The manual of this drive documents no gains')).toBeVisible();
 });

@@ -7,6 +7,7 @@
 #include "host/tuning/spectrum.hpp"
 
 namespace servodrome::studio {
+namespace excitation_test {
 namespace {
 
 using line::bench::Method;
@@ -136,4 +137,5 @@ TEST_P(ExcitationOf, BadOrdersAreRefused) {
 }
 
 }  // namespace
+}  // namespace excitation_test
 }  // namespace servodrome::studio

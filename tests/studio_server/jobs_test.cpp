@@ -11,6 +11,7 @@
 #include "line/support.hpp"
 
 namespace servodrome::studio {
+namespace jobs_test {
 namespace {
 
 using namespace std::chrono_literals;
@@ -287,7 +288,7 @@ TEST_P(EveryProduct, QuickStopTakesTheAxisFromAJob) {
   pass(700ms);
   expect_done(axis_, R"({"do": "quick_stop"})");
   EXPECT_EQ(job(move)["state"], "cancelled");
-  EXPECT_THAT(job(move)["error"]["what"].get<std::string>(), HasSubstr("quick_stop took its place"));
+  EXPECT_THAT(job(move)["error"]["what"].get<std::string>(), HasSubstr("replaced by the job quick_stop"));
   pass(1s);
   EXPECT_NEAR(view(axis_)["velocity_rpm"].get<double>(), 0.0, 2.0);
   EXPECT_NE(view(axis_)["state"], "operation enabled");
@@ -497,7 +498,7 @@ TEST_P(Refusals, SayWhatIsWrongAndBeginNothing) {
 INSTANTIATE_TEST_SUITE_P(
     Jobs, Refusals,
     testing::Values(Refusal{"", 400, "not JSON"}, Refusal{"{}", 400, "do is missing"},
-                    Refusal{R"({"do": "fly"})", 422, "nothing called \\\"fly\\\""},
+                    Refusal{R"({"do": "fly"})", 422, "no job \\\"fly\\\""},
                     Refusal{R"({"do": "move"})", 400, "neither to nor by"},
                     Refusal{R"({"do": "move", "to": 1, "by": 1})", 400, "both to and by"},
                     Refusal{R"({"do": "move", "to": "1"})", 400, "to is"},
@@ -541,4 +542,5 @@ TEST_F(JobsTest, RefusesASecondJobAndWhatIsNotThere) {
 }
 
 }  // namespace
+}  // namespace jobs_test
 }  // namespace servodrome::studio

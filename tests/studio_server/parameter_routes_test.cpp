@@ -5,6 +5,7 @@
 #include "commissioning_rig.hpp"
 
 namespace servodrome::studio {
+namespace parameter_routes_test {
 namespace {
 
 using line::bench::Method;
@@ -218,7 +219,7 @@ TEST_F(Parameters, ARefusedFileIsTakenBack) {
   EXPECT_EQ(response.status, 409U) << response.body;
   EXPECT_THAT(response.body, HasSubstr("1600:01"));
   EXPECT_THAT(response.body, HasSubstr("0604 0041h"));
-  EXPECT_THAT(response.body, HasSubstr("taken back"));
+  EXPECT_THAT(response.body, HasSubstr("were restored"));
   EXPECT_EQ(ask(Method::get, "axes/generic402/parameters").body, before);
 }
 
@@ -251,4 +252,5 @@ TEST_F(Parameters, AnAssignmentIsChangedInPreOperationalOnly) {
 }
 
 }  // namespace
+}  // namespace parameter_routes_test
 }  // namespace servodrome::studio

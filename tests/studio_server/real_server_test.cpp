@@ -12,6 +12,7 @@
 #include "app/axis_rig.hpp"
 
 namespace servodrome::studio {
+namespace real_server_test {
 namespace {
 
 using namespace std::chrono_literals;
@@ -103,4 +104,5 @@ TEST_P(EndingServer, BringsItsAxesToRest) {
 }
 
 }  // namespace
+}  // namespace real_server_test
 }  // namespace servodrome::studio

@@ -9,6 +9,7 @@
 
 // How a reader of another make takes the files: tests/interop/test_studio_drives.py, test_scope.py.
 namespace servodrome::studio {
+namespace recording_export_test {
 namespace {
 
 using line::bench::Method;
@@ -143,4 +144,5 @@ TEST_F(Export, OfWhatIsNotThereIsRefused) {
 }
 
 }  // namespace
+}  // namespace recording_export_test
 }  // namespace servodrome::studio

@@ -8,6 +8,7 @@
 #include "commissioning_rig.hpp"
 
 namespace servodrome::studio {
+namespace store_answers_test {
 namespace {
 
 namespace fs = std::filesystem;
@@ -159,4 +160,5 @@ TEST_P(StoreAnswers, OfAFileThatWasReplaced) {
 }
 
 }  // namespace
+}  // namespace store_answers_test
 }  // namespace servodrome::studio

@@ -12,6 +12,7 @@
 #include "modbus/rtu_server.hpp"
 
 namespace servodrome::studio {
+namespace traffic_test {
 namespace {
 
 using namespace std::chrono_literals;
@@ -251,4 +252,5 @@ TEST_F(TrafficTest, WrongRequestsAreRefusedAndChangeNothing) {
 }
 
 }  // namespace
+}  // namespace traffic_test
 }  // namespace servodrome::studio

@@ -5,6 +5,7 @@
 #include "host/object_catalogue.hpp"
 
 namespace servodrome::studio {
+namespace tuning_order_test {
 namespace {
 
 using line::bench::Method;
@@ -145,4 +146,5 @@ TEST_P(TuningOf, WrongRequestsAreRefused) {
 }
 
 }  // namespace
+}  // namespace tuning_order_test
 }  // namespace servodrome::studio

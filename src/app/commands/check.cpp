@@ -43,12 +43,13 @@ void check(const Options& options) {
       const std::size_t buses = line.buses.size() + line.serial_buses.size() + line.ethercat_buses.size();
       const std::string doubted =
           loaded.warnings.empty() ? "" : fmt::format(", {}", counted(loaded.warnings.size(), "warning", "warnings"));
-      fmt::print("{}: {} on {}, nothing wrong{}\n", options.file, counted(line.axes.size(), "axis", "axes"),
+      fmt::print("{}: {} on {}, no errors{}\n", options.file, counted(line.axes.size(), "axis", "axes"),
                  counted(buses, "bus", "buses"), doubted);
     }
   }
   if (!loaded.diagnostics.empty()) {
-    throw Failure::wrong_use(fmt::format("{} has {} to correct", options.file, loaded.diagnostics.size()));
+    const std::size_t errors = loaded.diagnostics.size();
+    throw Failure::wrong_use(fmt::format("{}: {} {}", options.file, errors, errors == 1 ? "error" : "errors"));
   }
 }
 
@@ -57,7 +58,7 @@ void check(const Options& options) {
 void add_check(CLI::App& app) {
   using namespace check_command;  // NOLINT(google-build-using-namespace)
   const auto options = std::make_shared<Options>();
-  CLI::App* command = app.add_subcommand("check", "Say what is wrong with a line file, with line and column");
+  CLI::App* command = app.add_subcommand("check", "Check a line file and report errors with line and column");
   command->add_option("FILE", options->file, "Line file (TOML)")->required();
   command->add_flag("--json", options->json, "Print JSON");
   command->callback([options] { check(*options); });

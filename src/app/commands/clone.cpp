@@ -26,13 +26,13 @@ host::CloneProgress progress_of(const Options& options) {
   return [shown](const char* doing, std::size_t done, std::size_t of) {
     if (InterruptGuard::interrupted()) {
       throw host::HostError("interrupted", fmt::format("{} {} of {}", doing, done, of),
-                            "nothing was written; start again when you like");
+                            "nothing was written; start the command again");
     }
     if (shown && done % 16 == 0) fmt::print(stderr, "\r  {} {} of {}\x1B[K", doing, done + 1, of);
   };
 }
 
-// What is known of a CAN drive's objects, and from where.
+// The description of a CAN drive's objects, and its source.
 struct Known {
   describe::DeviceFile device;
   std::string from;
@@ -43,7 +43,7 @@ describe::DeviceFile read_sheet(const std::string& text, const std::string& name
   return describe::read_eds(stream, name);
 }
 
-// The data sheet that a drive may carry in 1021h. Nothing: it has none that can be read.
+// Reads the data sheet that a drive may store in 1021h. Empty if there is none that can be read.
 std::optional<describe::DeviceFile> sheet_in_drive(host::ObjectClient& objects) {
   try {
     const std::vector<std::byte> bytes = objects.upload({0x1021, 0});
@@ -64,7 +64,7 @@ Known objects_of(DriveLink& link, const Options& options) {
     }
   }
   if (auto sheet = sheet_in_drive(link.objects()))
-    return {std::move(*sheet), "the data sheet that the drive carries, 1021h"};
+    return {std::move(*sheet), "the data sheet stored in the drive, 1021h"};
   if (const line::Product* product = link.product()) {
     const describe::Description description = product->describe();
     describe::DeviceFile device = host::objects_of_table(description.table);
@@ -76,17 +76,17 @@ Known objects_of(DriveLink& link, const Options& options) {
     return {std::move(device), fmt::format("the dictionary of `{}`", product->name)};
   }
   return {host::objects_that_answer(link.objects(), progress_of(options)),
-          "what answers of 1000h to 67FFh; --eds FILE would tell names, types and what may be mapped"};
+          "the objects from 1000h to 67FFh that answer; --eds FILE adds names, types and PDO mapping"};
 }
 
 void clone(const Options& options) {
   const BusKind kind = bus_kind(options.bus).kind;
   if (kind != BusKind::can && kind != BusKind::ethercat) {
-    throw Failure::wrong_use("clone: a drive is read over CANopen or EtherCAT; give such a --bus");
+    throw Failure::wrong_use("clone: only CANopen and EtherCAT drives can be read; give such a bus with --bus");
   }
   const InterruptGuard guard;
   DriveLink link(options.bus, true);
-  if (link.sdo() != nullptr) link.sdo()->cancel_when(InterruptGuard::interrupted);  // a data sheet takes seconds
+  if (link.sdo() != nullptr) link.sdo()->cancel_when(InterruptGuard::interrupted);  // reading takes seconds
   const auto progress = progress_of(options);
   const auto end_line = [&options] {
     if (on_terminal() && !options.bus.json) fmt::print(stderr, "\r\x1B[K");
@@ -145,7 +145,7 @@ void add_clone(CLI::App& app) {
   command
       ->add_option("-o,--output", options->file, "File to write: an EDS with values (DCF), or for EtherCAT an ESI file")
       ->required();
-  command->add_option("--eds", options->eds, "Electronic data sheet that says which objects the drive has");
+  command->add_option("--eds", options->eds, "Electronic data sheet with the objects of the drive");
   add_bus_options(*command, options->bus, "Seconds to wait for each answer");
   add_node_option(*command, options->bus);
   command->callback([options] { clone(*options); });

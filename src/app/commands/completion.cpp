@@ -1,4 +1,4 @@
-// `completion` and `manual`: what the commands say of themselves, for shells and for man.
+// `completion` and `manual`: shell completion and the manual page, generated from the command definitions.
 #include <fmt/format.h>
 
 #include "app/manual_page.hpp"
@@ -10,8 +10,7 @@ namespace servodrome::app {
 void add_completion(CLI::App& app) {
   const auto shell = std::make_shared<std::string>();
   CLI::App* command = app.add_subcommand(
-      "completion",
-      "Print the script with which a shell completes the commands: `source <(servodrome completion bash)`");
+      "completion", "Print the completion script of a shell: `source <(servodrome completion bash)`");
   command->add_option("SHELL", *shell, "bash, zsh or fish")->required()->check(CLI::IsMember({"bash", "zsh", "fish"}));
   command->callback([shell, &app] {
     const CommandNode root = command_tree(app);

@@ -1,4 +1,4 @@
-// `conform`: does a drive keep to the standards? Seen from outside, clause by clause.
+// `conform`: checks from outside, clause by clause, whether a drive meets the standards.
 #include <algorithm>
 #include <cstdio>
 #include <fmt/format.h>
@@ -66,7 +66,7 @@ void list_checks(bool json) {
 void refuse_unknown(const std::vector<std::string>& words) {
   for (const std::string& word : words) {
     if (conform::is_check_or_group(word)) continue;
-    // A check that is meant is of this group; else the groups are short enough to be listed.
+    // Suggest checks of the same group; if the group is unknown, list all groups, since there are few.
     const std::string_view group = std::string_view(word).substr(0, word.find('.'));
     const bool has_group = conform::is_check_or_group(group);
     std::vector<std::string_view> known;
@@ -96,7 +96,7 @@ nlohmann::ordered_json json_of(const Outcome& outcome) {
           {"observations", std::move(observations)}};
 }
 
-// Outcomes as they come, by groups; on a terminal also which check runs.
+// Prints outcomes as they arrive, by groups; on a terminal also the check that is running.
 class Screen {
  public:
   Screen(const Options& options, std::size_t checks)
@@ -131,7 +131,7 @@ void write_file(const std::string& path, const std::string& text) {
   file << text;
   file.close();
   if (!file) {
-    throw Failure::did_not_work(fmt::format("--junit {}: cannot be written; see whether the folder exists", path));
+    throw Failure::did_not_work(fmt::format("--junit {}: cannot be written; check that the folder exists", path));
   }
 }
 
@@ -153,7 +153,8 @@ void run(const Options& options) {
     return conform::is_wanted(check, run_options, subject->bus_kind());
   });
   if (wanted == 0) {
-    throw Failure::wrong_use(fmt::format("--only: none of these checks is for this bus; --list shows which are"));
+    throw Failure::wrong_use(
+        fmt::format("--only: none of these checks applies to this bus; --list shows the buses of each check"));
   }
   const std::string drive =
       fmt::format("{}{}", subject->where(), product != nullptr ? fmt::format(" ({})", product->name) : "");
@@ -199,19 +200,20 @@ void add_conform(CLI::App& app) {
   add_node_option(*command, options->bus);
   add_serial_options(*command, options->bus);
   add_cycle_options(*command, options->bus);
-  command->add_flag("--safe", options->safe, "Leave out what enables or moves the axis");
+  command->add_flag("--safe", options->safe, "Skip checks that enable or move the axis");
   command->add_option("--only", options->only, "Check or group of checks to run; may be given again")
       ->allow_extra_args(false);
-  command->add_flag("--list", options->list, "Show which checks there are, and run none");
-  command->add_flag("--verbose", options->verbose, "Show what was sent and seen of what passed, too");
+  command->add_flag("--list", options->list, "List the checks without running them");
+  command->add_flag("--verbose", options->verbose, "Also show what was sent and received in checks that passed");
   command->add_option("--junit", options->junit, "Write the outcomes to this file, as JUnit XML");
-  command->add_option("--foe-file", options->foe_file, "File that an EtherCAT slave offers by FoE; it is read");
-  command->add_option("--revolutions", options->revolutions, "How far the axis may be moved either way, in revolutions")
+  command->add_option("--foe-file", options->foe_file,
+                      "Name of a file that the EtherCAT slave offers by FoE, to be read");
+  command->add_option("--revolutions", options->revolutions, "Maximum travel in each direction, in motor revolutions")
       ->check(number_within(0.01, 1000.0))
       ->capture_default_str();
   command
       ->add_option("--units-per-revolution", options->units_per_revolution,
-                   "Position units of a motor revolution; by 6091h and 6092h, or 608Fh, if not given")
+                   "Position units per motor revolution; from 6091h and 6092h, or 608Fh, if not given")
       ->check(number_within(1e-3, 1e9));
   command->callback([options] { run(*options); });
 }

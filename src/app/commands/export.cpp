@@ -17,7 +17,7 @@ struct Options {
   std::string output;
 };
 
-// The products that can be exported so.
+// Names of the products for which this export is possible.
 template <typename Can>
 std::string names_of_products(Can can) {
   std::string names;
@@ -60,7 +60,7 @@ void run(const Options& options) {
   }
   const std::string text = document(options.format, *product);
   if (options.output.empty() || options.output == "-") {
-    std::fwrite(text.data(), 1, text.size(), stdout);  // whether it could be written is looked at in the end
+    std::fwrite(text.data(), 1, text.size(), stdout);  // errors are detected when the output is closed in main
   } else {
     write_whole_file(options.output, text);
   }

@@ -1,4 +1,4 @@
-// `faults`: what is wrong with a drive, why, and what to do.
+// `faults`: shows the faults of a drive, their causes and remedies.
 #include <fmt/format.h>
 #include <nlohmann/json.hpp>
 
@@ -68,7 +68,7 @@ void run(const Options& options) {
     try {
       axis->reset_fault();
     } catch (const host::HostError& error) {
-      refusal = error.what();  // what is still there is shown first
+      refusal = error.what();  // first show the faults that are still active
     }
   }
   const host::FaultReport report = host::read_faults(link.objects(), host::dialect_of(product));
@@ -113,8 +113,8 @@ void add_faults(CLI::App& app) {
   using namespace faults_command;  // NOLINT(google-build-using-namespace)
   const auto options = std::make_shared<Options>();
   CLI::App* command = app.add_subcommand("faults",
-                                         "Show what is wrong with a drive, why and what to do, and what was wrong "
-                                         "before; exit status 1 if a fault is active");
+                                         "Show the active faults of a drive with cause and remedy, and its fault "
+                                         "history; exit status 1 if a fault is active");
   add_bus_options(*command, options->bus, "Seconds to wait for each answer");
   add_node_option(*command, options->bus);
   add_serial_options(*command, options->bus);

@@ -1,4 +1,4 @@
-// `fit`: the parameters of an axis out of a recording of its motion.
+// `fit`: estimates the parameters of an axis from a recording of its motion.
 #include <filesystem>
 #include <fmt/format.h>
 #include <fmt/ranges.h>
@@ -48,7 +48,7 @@ std::string bytes_of(const std::string& path) {
   return std::move(text).str();
 }
 
-// What a line file says of the axis, where no option does.
+// Fills parameters that no option gives from the line file.
 void complete_by_line(fit::Motor& motor, const Options& options) {
   if (options.line_file.empty()) return;
   const line::LineSettings line = load_line(options.line_file);
@@ -60,14 +60,14 @@ void complete_by_line(fit::Motor& motor, const Options& options) {
   }
   if (found == nullptr) {
     throw Failure::wrong_use(
-        fmt::format("{}: {}; say which by --axis: {}", options.line_file,
+        fmt::format("{}: {}; choose one with --axis: {}", options.line_file,
                     options.axis.empty() ? "it has several axes" : fmt::format("there is no axis \"{}\"", options.axis),
                     fmt::join(names, ", ")));
   }
   const auto fill = [](auto& value, auto known) {
     if (!value) value = known;
   };
-  // What the drive takes its percentages of is what it was told.
+  // The drive scales its percentages with the motor data that were configured in it.
   const drive::MotorData& told = found->motor_data;
   fill(motor.rated_torque_nm, static_cast<double>(told.rated_torque_nm));
   fill(motor.rated_current_a, static_cast<double>(told.rated_current_a) / std::numbers::sqrt2);
@@ -144,7 +144,7 @@ void run(const Options& options) {
   std::fflush(stdout);
   const fit::Figure& first = result.of(fit::Parameter::inertia);
   throw Failure::did_not_work(
-      fmt::format("{}: no parameter is to be seen: {}; {}", options.file, first.why_not, first.remedy));
+      fmt::format("{}: no parameter can be identified: {}; {}", options.file, first.why_not, first.remedy));
 }
 
 }  // namespace fit_command
@@ -152,37 +152,40 @@ void run(const Options& options) {
 void add_fit(CLI::App& app) {
   using namespace fit_command;  // NOLINT(google-build-using-namespace)
   const auto options = std::make_shared<Options>();
-  CLI::App* command = app.add_subcommand(
-      "fit",
-      "Parameters of an axis out of a recording of its motion: resistance, inductances, torque constant, inertia, "
-      "friction, weight and delays, each with its confidence interval (95 %), and what to record for those that are "
-      "not to be seen");
+  CLI::App* command =
+      app.add_subcommand("fit",
+                         "Identify the parameters of an axis from a recording of its motion: resistance, inductances, "
+                         "torque constant, inertia, friction, weight and delays, each with its confidence interval (95 "
+                         "%), and what to record for those that cannot be identified");
   command
       ->add_option("RECORDING", options->file,
                    "File of `scope -o` (.csv, .mcap), of the studio or the bench API, or the output of `scope --json`")
       ->required();
   command->add_option("--line", options->line_file,
-                      "Line file whose axis has the motor data that the recording does not hold");
-  command->add_option("--axis", options->axis, "The axis, where the recording or the line file has several");
+                      "Line file with the motor data of the axis that are not in the recording");
+  command->add_option("--axis", options->axis, "Axis, if the recording or the line file has several");
   command
       ->add_option("--signal", options->signals,
                    "ROLE=COLUMN or ROLE=COLUMN@UNIT: which column is position, velocity, torque, iq, id, vq, vd or "
-                   "temperature, where its name does not say so; a unit may have a number before it: vq=uq@0.1V")
+                   "temperature, if its name is different; a unit may have a factor: vq=uq@0.1V")
       ->allow_extra_args(false);
   const auto add = [&](const char* name, std::optional<double>& value, double low, double high, const char* text) {
     command->add_option(name, value, text)->check(number_within(low, high));
   };
-  add("--rated-torque", options->motor.rated_torque_nm, 1e-6, 1e5, "Nm; for torques in % of it");
-  add("--rated-current", options->motor.rated_current_a, 1e-6, 1e4, "A rms; for currents in % of it");
+  add("--rated-torque", options->motor.rated_torque_nm, 1e-6, 1e5, "Rated torque in Nm, for torques in % of it");
+  add("--rated-current", options->motor.rated_current_a, 1e-6, 1e4, "Rated current in A rms, for currents in % of it");
   add("--torque-constant", options->motor.torque_constant_nm_per_a, 1e-4, 1e3,
-      "Nm per A rms; where no voltages were recorded that would show it");
+      "Torque constant in Nm per A rms, if no voltages were recorded to identify it");
   add("--counts-per-revolution", options->motor.counts_per_revolution, 1, 4294967296.0,
-      "For positions and velocities in counts of the encoder or units of the drive");
+      "Counts of the encoder or units of the drive per revolution, for positions and velocities in these units");
   add("--rotor-inertia", options->motor.rotor_inertia_kgm2, 1e-8, 10,
-      "kgm2; `--toml` then gives the load the rest of the inertia");
-  command->add_option("--pole-pairs", options->motor.pole_pairs, "Of the motor; they show the inductance by the speed")
+      "Rotor inertia in kgm2; --toml then assigns the rest of the inertia to the load");
+  command
+      ->add_option("--pole-pairs", options->motor.pole_pairs,
+                   "Pole pairs of the motor; with them the inductances can be identified from the speed")
       ->check(number_within(1, 100));
-  command->add_option("--phases", options->phases, "3, or 2 for windings in quadrature")->check(number_within(2, 3));
+  command->add_option("--phases", options->phases, "Number of phases: 3, or 2 for windings in quadrature")
+      ->check(number_within(2, 3));
   CLI::Option* json = command->add_flag("--json", options->json, "Print JSON");
   command->add_flag("--toml", options->toml, "Print the keys of a line file, ready to be pasted")->excludes(json);
   command->callback([options] { run(*options); });

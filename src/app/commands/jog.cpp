@@ -1,4 +1,4 @@
-// `jog` and `torque`: what goes on as long as the user wants it.
+// `jog` and `torque`: motions that last as long as the user wants.
 #include <fmt/format.h>
 #include <sys/select.h>
 #include <termios.h>
@@ -23,7 +23,7 @@ struct TorqueOptions : MotionOptions {
   double seconds = 0.0;
 };
 
-// Characters come one by one and are not shown, as long as this lives.
+// While it lives, the terminal delivers single characters without echo.
 class RawTerminal {
  public:
   RawTerminal() {
@@ -38,7 +38,7 @@ class RawTerminal {
   RawTerminal(const RawTerminal&) = delete;
   RawTerminal& operator=(const RawTerminal&) = delete;
 
-  // What was typed since; a terminal that is gone ends the jog.
+  // Returns the characters typed since the last call; the loss of the terminal ends the jog.
   static std::string typed() {
     fd_set ready;
     FD_ZERO(&ready);
@@ -58,7 +58,8 @@ bool has_keyboard() { return ::isatty(STDIN_FILENO) == 1 && on_terminal(); }
 
 void jog(const JogOptions& options) {
   if (!options.seconds && !has_keyboard()) {
-    throw Failure::wrong_use("jog: there is no terminal to take keys from; give --seconds, how long to jog");
+    throw Failure::wrong_use(
+        "jog: standard input is not a terminal, so keys cannot be read; give the duration with --seconds");
   }
   run_motion(options, [&](const Units& units) -> Motion {
     const auto velocity = units.velocity<std::int32_t>(options.velocity, "--velocity");
@@ -74,7 +75,7 @@ void jog(const JogOptions& options) {
           return now() < end ? std::optional(velocity) : std::nullopt;
         });
       } else {
-        fmt::print("hold right or left to move; up, down: faster, slower; blank: stop; q: end\n");
+        fmt::print("hold the right or left arrow key to move; up, down: faster, slower; space: stop; q: end\n");
         const RawTerminal terminal;
         host::JogKeys keys(velocity);
         axis.jog(profile, [&](const host::AxisStatus& status) {
@@ -108,7 +109,7 @@ void torque(const TorqueOptions& options) {
         throw;
       }
       axis.stop();
-      MotionResult result{"gave torque and stopped"};
+      MotionResult result{"applied torque and stopped"};
       result.details["most_percent"] = most_percent ? nlohmann::ordered_json(*most_percent) : nullptr;
       return result;
     };
@@ -127,9 +128,9 @@ void add_jog(CLI::App& app) {
       ->required();
   command->add_option("--acceleration", options->acceleration,
                       "Acceleration and deceleration (6083h, 6084h); the drive's if not given");
-  command->add_option("--seconds", options->seconds, "Take no keys, but run for so long")
+  command->add_option("--seconds", options->seconds, "Duration in seconds; no keys are read")
       ->check(number_within(0.001, 1e6));
-  add_motion_options(*command, *options, "Seconds, not used: jogging ends by itself or by a key");
+  add_motion_options(*command, *options, "Not used: jogging ends after --seconds or with a key");
   command->remove_option(command->get_option("--timeout"));
   command->callback([options] { jog(*options); });
 }
@@ -137,17 +138,18 @@ void add_jog(CLI::App& app) {
 void add_torque(CLI::App& app) {
   using namespace jog_command;  // NOLINT(google-build-using-namespace)
   const auto options = std::make_shared<TorqueOptions>();
-  CLI::App* command = app.add_subcommand(
-      "torque",
-      "Enable a drive, let it give torque for some seconds in profile torque mode, and stop it. Without a load "
-      "it runs as fast as its limits let it");
-  command->add_option("--percent", options->percent, "Torque (6071h), in % of the rated one")
+  CLI::App* command = app.add_subcommand("torque",
+                                         "Enable a drive, apply a torque in profile torque mode for some seconds, and "
+                                         "stop it. Without a load the drive accelerates up to its speed limits");
+  command->add_option("--percent", options->percent, "Target torque (6071h) in % of the rated torque")
       ->required()
       ->check(number_within(-1000.0, 1000.0));
-  command->add_option("--slope", options->slope, "Torque slope (6087h), % of the rated torque per second")
+  command->add_option("--slope", options->slope, "Torque slope (6087h) in % of the rated torque per second")
       ->check(number_within(0.1, 1e6));
-  command->add_option("--seconds", options->seconds, "How long")->required()->check(number_within(0.001, 1e6));
-  add_motion_options(*command, *options, "Seconds it may take to reach the torque");
+  command->add_option("--seconds", options->seconds, "Duration in seconds")
+      ->required()
+      ->check(number_within(0.001, 1e6));
+  add_motion_options(*command, *options, "Seconds to wait until the torque is reached");
   command->callback([options] { torque(*options); });
 }
 

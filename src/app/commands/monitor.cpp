@@ -1,4 +1,4 @@
-// `monitor`: what happens on a bus, or at an axis.
+// `monitor`: shows the traffic on a bus, or the state of an axis.
 #include <cstdlib>
 #include <fmt/format.h>
 #include <nlohmann/json.hpp>
@@ -26,7 +26,7 @@ struct Options {
 
 double seconds_between(host::Time start, host::Time end) { return std::chrono::duration<double>(end - start).count(); }
 
-// Calls `step`, which lets the bus run for a while, until the time is up or Ctrl-C.
+// Calls `step`, which lets the bus run for a while, until the time is over or Ctrl-C.
 template <typename Clock, typename Step>
 void repeat(const Clock& clock, const Options& options, const Step& step) {
   const host::Time start = clock.now();
@@ -36,7 +36,7 @@ void repeat(const Clock& clock, const Options& options, const Step& step) {
   }
 }
 
-// Until the next look at the drive, or the end.
+// Waits until the next poll of the drive, or the end.
 void wait_for_next(host::ObjectClient& objects, const Options& options, host::Time start) {
   constexpr host::Time slice = std::chrono::milliseconds(50);
   const auto duration = [](double seconds) {
@@ -50,7 +50,7 @@ void wait_for_next(host::ObjectClient& objects, const Options& options, host::Ti
 void monitor_bus(const Options& options) {
   if (bus_kind(options.bus).kind != BusKind::can) {
     throw Failure::wrong_use(
-        "monitor: this bus has one master, which nobody else can listen to; write --axis, or objects of a drive");
+        "monitor: a second participant cannot listen to this bus; give --axis, or objects of a drive");
   }
   const auto bus = open_bus(options.bus);
   const host::Time start = bus->now();
@@ -74,10 +74,10 @@ void monitor_bus(const Options& options) {
   repeat(*bus, options, [&] { bus->run_for(std::chrono::milliseconds(50)); });
 }
 
-// In a pipe a line stands for a change. A controlled axis never stands quite still: a position is another one from a
-// thousandth of a revolution on.
+// In a pipe, each line is a change. The position of a controlled axis always jitters, so only a thousandth of a
+// revolution counts as a change.
 constexpr double moved_revolutions = 0.001;
-constexpr double default_units_per_revolution = 131072.0;  // of drives that do not say
+constexpr double default_units_per_revolution = 131072.0;  // for drives that do not report it
 
 bool is_news(const host::AxisStatus& before, const host::AxisStatus& now, double moved_units) {
   const std::int64_t moved = std::abs(std::int64_t{now.position} - before.position);
@@ -87,7 +87,7 @@ bool is_news(const host::AxisStatus& before, const host::AxisStatus& now, double
 void print_axis(const Options& options, const host::UnitScale& scale, double at, const host::AxisStatus& status,
                 const std::string& emergency) {
   const auto mode = static_cast<host::OperationMode>(status.mode);
-  // Some drives have none of 606Ch and 6077h.
+  // Some drives have neither 606Ch nor 6077h.
   const std::string velocity = status.has_velocity ? scale.velocity(status.velocity) : "-";
   const std::string torque = status.has_torque ? fmt::format("{:.1f} %", status.torque / 10.0) : "-";
   if (options.bus.json) {
@@ -168,7 +168,8 @@ void note(Watched& one, std::vector<std::byte> value) {
   one.value = std::move(value);
 }
 
-// What the drive refuses is told, and not looked at any more. Throws if it does not answer, or nothing is left.
+// First poll: reports each object that the drive refuses, and drops it. Throws if the drive is silent, or no object is
+// left.
 void look_first(host::ObjectClient& objects, std::vector<Watched>& all) {
   std::string refusal;
   std::vector<Watched> readable;
@@ -187,7 +188,7 @@ void look_first(host::ObjectClient& objects, std::vector<Watched>& all) {
   if (!refusal.empty()) warn(refusal);
 }
 
-// As few requests as the bus needs for all of them. Throws ObjectError.
+// Reads all objects with as few requests as the bus allows. Throws ObjectError.
 void look(host::ObjectClient& objects, std::vector<Watched>& all) {
   std::vector<host::ObjectAddress> addresses;
   for (const Watched& one : all) addresses.push_back(one.address);
@@ -256,7 +257,7 @@ void run(const Options& options) {
     throw Failure::wrong_use("--units: objects are shown in the drive's own units; leave it out, or write --axis");
   }
   if (options.objects.empty() && !options.eds.empty()) {
-    throw Failure::wrong_use("--eds: it is for the names of objects; write which to show");
+    throw Failure::wrong_use("--eds: it gives names to objects; give the objects to show");
   }
   const InterruptGuard guard(InterruptGuard::Command::only_looks);
   try {
@@ -266,7 +267,7 @@ void run(const Options& options) {
       options.axis ? monitor_axis(options) : monitor_bus(options);
     }
   } catch (const host::HostError&) {
-    if (!InterruptGuard::interrupted()) throw;  // what the end broke off is no failure
+    if (!InterruptGuard::interrupted()) throw;  // an access that Ctrl-C cut off is no failure
   }
 }
 
@@ -285,8 +286,9 @@ void add_monitor(CLI::App& app) {
   command->add_option("--eds", options->eds, "Electronic data sheet with the drive's own objects, names and types");
   command->add_flag("--axis", options->axis, "Show state, mode, position, velocity and torque of one axis");
   add_unit_options(*command, options->units);
-  command->add_option("--for", options->seconds, "Seconds after which to end")->check(number_within(0.001, 1e9));
-  command->add_option("--interval", options->interval_s, "Seconds between two looks at the drive")
+  command->add_option("--for", options->seconds, "Duration in seconds; until Ctrl-C if not given")
+      ->check(number_within(0.001, 1e9));
+  command->add_option("--interval", options->interval_s, "Seconds between two readings of the drive")
       ->check(number_within(0.001, 3600.0))
       ->capture_default_str();
   command->callback([options] { run(*options); });

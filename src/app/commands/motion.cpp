@@ -1,4 +1,4 @@
-// `home` and `move`: one axis, by its objects.
+// `home` and `move`: motions of one axis, commanded through its objects.
 #include <fmt/format.h>
 
 #include "app/commands.hpp"
@@ -62,8 +62,8 @@ void move(const MoveOptions& options) {
   });
 }
 
-// In any mode, whatever master enabled it. It needs no process data: an EtherCAT slave that is not in OP has its
-// motor off, or is switched off all the same.
+// Works in any mode, whichever master enabled the drive. It needs no process data: the motor of an EtherCAT slave
+// outside OP is off already, or is switched off here.
 void disable(const BusOptions& options) {
   DriveLink link(options, true);
   const InterruptGuard guard;
@@ -101,7 +101,7 @@ void add_home(CLI::App& app) {
   command->add_option("--zero-speed", options->zero_speed, "Speed during search for zero (6099h sub 2)");
   command->add_option("--acceleration", options->acceleration, "Homing acceleration (609Ah)");
   command->add_option("--offset", options->offset, "Home offset (607Ch)");
-  add_motion_options(*command, *options, "Seconds the motion may take");
+  add_motion_options(*command, *options, "Seconds to wait until the motion is complete");
   command->callback([options] { home(*options); });
 }
 
@@ -115,7 +115,7 @@ void add_move(CLI::App& app) {
   command->add_option("--acceleration", options->acceleration, "Profile acceleration (6083h)");
   command->add_option("--deceleration", options->deceleration,
                       "Profile deceleration (6084h); as --acceleration if not given");
-  add_motion_options(*command, *options, "Seconds the motion may take");
+  add_motion_options(*command, *options, "Seconds to wait until the motion is complete");
   command->callback([options] { move(*options); });
 }
 

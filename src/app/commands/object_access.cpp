@@ -1,4 +1,4 @@
-// `get` and `set`: objects of a drive by SDO, Modbus or the 10-byte protocol.
+// `get` and `set`: read and write objects of a drive by SDO, Modbus or the 10-byte protocol.
 #include <fmt/format.h>
 #include <nlohmann/json.hpp>
 
@@ -39,9 +39,9 @@ std::optional<Type> type_of(const Options& options, const host::ObjectCatalogue&
   return known == nullptr ? std::nullopt : known->type;
 }
 
-// For what CANopen alone has.
+// For features that only CANopen has.
 host::SdoClient& sdo_of(DriveLink& link) {
-  if (link.sdo() == nullptr) throw Failure::wrong_use("--block: the SDO block protocol is CANopen's");
+  if (link.sdo() == nullptr) throw Failure::wrong_use("--block: only CANopen has the SDO block protocol");
   return *link.sdo();
 }
 
@@ -65,7 +65,7 @@ void get(const Options& options) {
       list.push_back(object_json(catalogue, link.objects().address(), object, bytes, type));
       if (!options.bus.json) fmt::print("{} = {}\n", catalogue.title(object), host::text_of_value(bytes, type));
     } catch (const host::ObjectError& error) {
-      // What the drive refuses does not keep the others from being read; a drive that is silent does.
+      // If the drive refuses an object, the others are still read; if it is silent, the command ends.
       problems.emplace_back(error.what());
       list.push_back({{"node", link.objects().address()},
                       {"object", text_of(object)},
@@ -85,7 +85,7 @@ void get(const Options& options) {
   throw Failure::did_not_work(problems.back());
 }
 
-// An object of unknown type is taken for an integer of the size it has now.
+// An object of unknown type is written as an integer of its present size.
 Type type_to_write(const Options& options, const host::ObjectCatalogue& catalogue, host::ObjectAddress object,
                    host::ObjectClient& objects) {
   if (const auto type = type_of(options, catalogue, object)) return *type;
@@ -110,10 +110,10 @@ void set(const Options& options) {
     }
   };
   const host::ObjectCatalogue& given = names.without_drive();
-  if (knows(given, options.object)) {  // wrong use needs no bus to be found
+  if (knows(given, options.object)) {  // report wrong use before the bus is opened
     const host::ObjectAddress object = given.resolve(options.object);
     auto type = type_of(options, given, object);
-    // The drive's own type may be a wider one.
+    // The drive's own type may be wider.
     const bool is_sure = names.has_eds() || given_type(options);
     if (type && !is_sure && dictionary::size_of(*type) != 0 && *type != Type::real32 && *type != Type::boolean) {
       type = Type::integer64;

@@ -1,4 +1,4 @@
-// `params`: a drive's parameters as a text file: saved, loaded, compared.
+// `params`: a drive's parameters as a text file: save, load, compare.
 #include <ctime>
 #include <filesystem>
 #include <fmt/chrono.h>
@@ -24,7 +24,7 @@ struct Options {
   BusOptions bus;
   std::string eds;
   std::vector<std::string> files;
-  std::string output;  // save: in the place of a file
+  std::string output;  // save: the output file
   bool connection = false;
   bool date = false;         // save
   bool force = false;        // load
@@ -44,7 +44,8 @@ host::ParameterFile read_file(const std::string& path) {
   return host::ParameterFile::read(file, path);
 }
 
-// The drive behind --bus and what its parameters are: by --eds, by its product's dictionary, or by itself (EtherCAT).
+// The drive behind --bus and its parameter list: from --eds, from its product's dictionary, or from the drive
+// (EtherCAT).
 struct Drive {
   explicit Drive(const Options& options)
       : link(options.bus, false), kind(bus_kind(options.bus).kind), list(list_of(options)) {
@@ -73,17 +74,17 @@ struct Drive {
       return host::ParameterList::of_slave(coe->slave().coe(), rules, options.connection);
     }
     throw Failure::wrong_use(fmt::format(
-        "{}: what this drive's parameters are is not known; give its data sheet with --eds", link.objects().where()));
+        "{}: the parameters of this drive are not known; give its data sheet with --eds", link.objects().where()));
   }
 };
 
-// The parameters of a product without a drive.
+// The parameters of a product, without access to a drive.
 host::ParameterList list_of_product(const std::string& name, const Options& options) {
   const line::Product* product = line::find_product(line::all_products(), name);
   if (product == nullptr) {
     throw Failure::wrong_use(
-        fmt::format("--factory: what leaves the factory is known of our products only, and \"{}\" "
-                    "is none",
+        fmt::format("--factory: factory values are known for the products of `servodrome products` only, and \"{}\" is "
+                    "not one of them",
                     name));
   }
   return host::ParameterList::of_dictionary(product->describe().table, host::parameter_rules_of(name),
@@ -94,7 +95,7 @@ host::ParameterProgress progress_of(const Options& options) {
   const bool shown = on_terminal() && !options.bus.json;
   return [shown](const char* doing, std::size_t done, std::size_t of) {
     if (InterruptGuard::interrupted()) {
-      throw host::HostError("interrupted", fmt::format("{} {} of {}", doing, done, of), "start again when you like");
+      throw host::HostError("interrupted", fmt::format("{} {} of {}", doing, done, of), "start the command again");
     }
     if (!shown) return;
     fmt::print(stderr, "\r  {} {} of {}\x1B[K", doing, done + 1, of);
@@ -137,13 +138,13 @@ void save(const Options& options) {
   }
   fmt::print("{}: {} parameters of {}\n", path, file.values.size(), file.identity.text());
   if (!read.absent.empty()) {
-    fmt::print("not there, or not on this bus: {}\n", host::text_of(read.absent));
+    fmt::print("not in the drive, or not accessible on this bus: {}\n", host::text_of(read.absent));
   }
 }
 
 void load(const Options& options) {
   if (options.factory != options.files.empty()) {
-    throw Failure::wrong_use("params load: give FILE, or --factory for what the product has from the factory");
+    throw Failure::wrong_use("params load: give FILE, or --factory for the factory values of the product");
   }
   const std::string path = options.factory ? "factory" : options.files.front();
   host::ParameterFile file;
@@ -155,9 +156,8 @@ void load(const Options& options) {
   if (options.factory) {
     file = {.identity = identity, .values = host::factory_parameters(drive.list)};
     if (file.values.empty()) {
-      throw Failure::wrong_use(
-          fmt::format("--factory: {} does not say what it has from the factory; give a data sheet that does with --eds",
-                      objects.where()));
+      throw Failure::wrong_use(fmt::format(
+          "--factory: {} has no factory values; give a data sheet with default values with --eds", objects.where()));
     }
   }
   std::optional<host::PreOperational> state;
@@ -196,28 +196,28 @@ void load(const Options& options) {
   }
   fmt::print("{} {}: {} parameters as in {}, {} of them written\n", drive.link.noun(), objects.address(),
              report.compared, path, report.written.size());
-  if (!report.skipped.empty()) fmt::print("left out: {}\n", host::text_of(report.skipped));
+  if (!report.skipped.empty()) fmt::print("skipped: {}\n", host::text_of(report.skipped));
   if (stored) {
     fmt::print("stored\n");
   } else if (options.store) {
-    fmt::print("this drive has no command to store: what it keeps, it keeps as soon as it is written\n");
+    fmt::print("this drive has no store command: it keeps non-volatile parameters as soon as they are written\n");
   } else if (!report.written.empty() && !stores_at_once) {
-    fmt::print("not stored: lost with the power (--store stores)\n");
+    fmt::print("not stored: lost at power-off (--store stores them)\n");
   }
   if (!report.volatile_ones.empty()) {
-    fmt::print("lost with the power in any case, the drive does not keep them: {}\n",
-               host::text_of(report.volatile_ones));
+    fmt::print("cannot be stored in the drive, lost at power-off: {}\n", host::text_of(report.volatile_ones));
   }
   if (!report.after_restart.empty()) {
-    fmt::print("restart the drive: these act from the next power-on: {}\n", host::text_of(report.after_restart));
+    fmt::print("restart the drive: these take effect at the next power-on: {}\n", host::text_of(report.after_restart));
   }
   if (left_there) {
     fmt::print(
-        "the node is left pre-operational, since it does not say in which state it was: `servodrome nmt start`\n");
+        "the node stays in pre-operational, because its previous NMT state is not known; start it with `servodrome nmt "
+        "start`\n");
   }
 }
 
-// The side that has name and unit, if one has: a person may have written the other.
+// The side that has name and unit: the other one may come from a file that a person wrote.
 const host::ParameterValue& named(const host::ParameterDifference& one) {
   if (one.left == nullptr) return *one.right;
   return one.right != nullptr && one.left->name.empty() ? *one.right : *one.left;
@@ -253,7 +253,7 @@ void print_differences(const Options& options, const std::string& left, const st
   fmt::print("left: {}; right: {}\n", left, right);
 }
 
-// Only what the file names is asked of the drive: a file may hold a few parameters.
+// Compares only the parameters that the file contains: it may hold just a few.
 host::ReadParameters read_those_of(Drive& drive, const host::ParameterFile& file, const Options& options) {
   host::ReadParameters all =
       host::read_parameters(drive.link.objects(), drive.list, drive.node_id, progress_of(options));
@@ -309,9 +309,9 @@ void add_common(CLI::App& command, Options& options) {
   add_bus_options(command, options.bus, "Seconds to wait for each answer");
   add_node_option(command, options.bus);
   add_serial_options(command, options.bus);
-  command.add_option("--eds", options.eds, "Electronic data sheet of a drive that is none of our products");
+  command.add_option("--eds", options.eds, "Electronic data sheet of a drive that is not in `servodrome products`");
   command.add_flag("--connection", options.connection,
-                   "With node-ID, bit rate and what else says how the drive is reached");
+                   "Include node-ID, bit rate and the other communication settings");
 }
 
 }  // namespace params_command
@@ -323,20 +323,21 @@ void add_params(CLI::App& app) {
 
   const auto saved = std::make_shared<Options>();
   CLI::App* command = params->add_subcommand("save", "Write the parameters of a drive into a text file");
-  command->add_option("FILE", saved->files, "Where to; - for standard output")->expected(0, 1);
-  command->add_option("-o,--output", saved->output, "The same, as other commands have it");
+  command->add_option("FILE", saved->files, "File to write; - for standard output")->expected(0, 1);
+  command->add_option("-o,--output", saved->output, "The same as FILE");
   command->add_flag("--date", saved->date, "Write the date into the file; without it equal drives give equal files");
   add_common(*command, *saved);
   command->callback([saved] { save(*saved); });
 
   const auto loaded = std::make_shared<Options>();
-  command = params->add_subcommand(
-      "load", "Write the parameters of a file into a drive, read them back, and undo everything if one is not taken");
-  command->add_option("FILE", loaded->files, "As `params save` writes it, or a part of that")->expected(0, 1);
-  command->add_flag("--factory", loaded->factory, "Instead of a file: what the product has from the factory");
-  command->add_flag("--store", loaded->store, "Have the drive keep them over power-off");
+  command = params->add_subcommand("load",
+                                   "Write the parameters of a file into a drive, read them back, and restore the "
+                                   "previous values if one is rejected");
+  command->add_option("FILE", loaded->files, "File of `params save`, or a part of it")->expected(0, 1);
+  command->add_flag("--factory", loaded->factory, "Load the factory values of the product instead of a file");
+  command->add_flag("--store", loaded->store, "Store the parameters in non-volatile memory");
   command->add_flag("--force", loaded->force, "Load the file of another product as well");
-  command->add_flag("--skip-absent", loaded->skip_absent, "Leave out what the drive does not have on this bus");
+  command->add_flag("--skip-absent", loaded->skip_absent, "Skip parameters that the drive does not have on this bus");
   add_common(*command, *loaded);
   command->callback([loaded] { load(*loaded); });
 
@@ -346,7 +347,7 @@ void add_params(CLI::App& app) {
       "Compare a file with a drive, with another file, or either with the factory's values; exit status 1: "
       "they differ");
   command->add_option("FILE", compared->files, "One or two files")->expected(0, 2);
-  command->add_flag("--factory", compared->factory, "Compare with what the product has from the factory");
+  command->add_flag("--factory", compared->factory, "Compare with the factory values of the product");
   add_common(*command, *compared);
   command->callback([compared] { diff(*compared); });
 }

@@ -1,4 +1,4 @@
-// `probe`: where the axis was at an edge of a touch probe.
+// `probe`: prints the position of the axis at an edge of a touch probe.
 #include <fmt/format.h>
 
 #include "app/commands.hpp"
@@ -38,7 +38,7 @@ void run(const Options& options) {
       }
       if (by) axis.stop();
       axis.disarm_probe(request.probe);
-      MotionResult result{fmt::format("touch probe {} has seen its edge", request.probe)};
+      MotionResult result{fmt::format("touch probe {} detected its edge", request.probe)};
       if (request.positive_edge) result.positions.emplace_back("positive_edge", seen.positive);
       if (request.negative_edge) result.positions.emplace_back("negative_edge", seen.negative);
       return result;
@@ -52,18 +52,19 @@ void add_probe(CLI::App& app) {
   using namespace probe_command;  // NOLINT(google-build-using-namespace)
   const auto options = std::make_shared<Options>();
   CLI::App* command = app.add_subcommand(
-      "probe", "Wait for a touch probe (60B8h), moving meanwhile if asked to, and print the position it kept");
-  command->add_option("--probe", options->probe, "1 or 2")
+      "probe",
+      "Wait for an edge of a touch probe (60B8h), moving the axis if --by is given, and print the captured position");
+  command->add_option("--probe", options->probe, "Touch probe: 1 or 2")
       ->check(CLI::Range(1, 2).description(""))
       ->capture_default_str();
-  command->add_option("--source", options->source, "What it looks at: input, or index (the encoder's)")
+  command->add_option("--source", options->source, "Source of the edge: input, or index (of the encoder)")
       ->check(CLI::IsMember({"input", "index"}))
       ->capture_default_str();
-  command->add_option("--edge", options->edge, "positive, negative or both")
+  command->add_option("--edge", options->edge, "Edge: positive, negative or both")
       ->check(CLI::IsMember({"positive", "negative", "both"}))
       ->capture_default_str();
-  command->add_option("--by", options->by, "Move by this distance meanwhile, and stop when the edge has come");
-  command->add_option("--velocity", options->velocity, "Of this move (6081h); the drive's if not given");
+  command->add_option("--by", options->by, "Distance to move while waiting; the axis stops at the edge");
+  command->add_option("--velocity", options->velocity, "Velocity of this move (6081h); the drive's if not given");
   add_motion_options(*command, *options, "Seconds to wait for the edge");
   command->callback([options] { run(*options); });
 }

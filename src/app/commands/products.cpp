@@ -9,7 +9,7 @@ namespace servodrome::app {
 
 void add_products(CLI::App& app) {
   const auto json = std::make_shared<bool>(false);
-  CLI::App* command = app.add_subcommand("products", "List the drives a line can be made of");
+  CLI::App* command = app.add_subcommand("products", "List the drive products that can be simulated");
   command->add_flag("--json", *json, "Print JSON");
   command->callback([json] {
     nlohmann::ordered_json list = nlohmann::ordered_json::array();

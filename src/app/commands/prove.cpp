@@ -1,4 +1,4 @@
-// `prove`: homes and moves every drive of a bus, and says how it went.
+// `prove`: homes and moves every drive of a bus, and reports the results.
 #include <algorithm>
 #include <cmath>
 #include <fmt/format.h>
@@ -22,17 +22,17 @@ struct Options {
   double units_per_revolution = 0.0;
 };
 
-// For drives that do not say what a revolution is (6092h, 608Fh).
+// For drives that do not report the size of a revolution (6092h, 608Fh).
 constexpr double usual_units_per_revolution = 131072.0;
-// Homing looks for edges at this part of the speed.
+// Homing searches for edges at this fraction of the speed.
 constexpr double homing_speed_factor = 0.5;
 constexpr double zero_speed_factor = 0.1;
-// The axis is at its target within this part of a revolution ...
+// The axis must be within this fraction of a revolution of its target ...
 constexpr double tolerance_revolutions = 0.001;
-// ... after this long at most: target reached may be about the demand, and the shaft follows.
+// ... at most this long after target reached, which may refer to the demand position: the shaft follows it later.
 constexpr host::Time settling_time = std::chrono::milliseconds(500);
 
-// A drive to be proven, on whatever bus.
+// A drive to test, on any kind of bus.
 struct Drive {
   unsigned node = 0;
   std::string name{};
@@ -63,7 +63,7 @@ std::int8_t read_method(const std::string& option, const std::string& text) {
   return static_cast<std::int8_t>(method);
 }
 
-// By node-ID; 0 is for the others.
+// Methods by node-ID; 0 is the default for all others.
 std::map<unsigned, std::int8_t> methods_of(const Options& options) {
   std::map<unsigned, std::int8_t> methods;
   for (const std::string& option : options.methods) {
@@ -104,7 +104,7 @@ void prove(host::Axis402& axis, Outcome& outcome, const Options& options) {
                                    .switch_speed = speed(homing_speed_factor),
                                    .zero_speed = speed(zero_speed_factor),
                                    .acceleration = acceleration};
-  // 607Fh may be lower, and some drives do not clip but fault.
+  // 607Fh may be lower, and some drives then go to fault instead of clipping the velocity.
   const auto greatest = axis.objects().read_if_present<std::uint32_t>(0x607F).value_or(0);
   const std::uint32_t velocity = greatest != 0 ? std::min(speed(1.0), greatest) : speed(1.0);
   const host::MotionProfile profile{.velocity = velocity, .acceleration = acceleration, .deceleration = acceleration};
@@ -127,12 +127,12 @@ void prove(host::Axis402& axis, Outcome& outcome, const Options& options) {
     move_and_check(axis, target, profile, tolerance, options);
     outcome.distance += target;
   }
-  outcome.distance *= 2;  // there and back
+  outcome.distance *= 2;  // forward and back
   outcome.moving_seconds = seconds_since(start);
   outcome.final_position = axis.position();
 }
 
-// `open` makes the drive's objects; what it throws is the drive's problem as well.
+// `open` creates the drive's objects; an exception from it also counts as the drive's problem.
 template <typename Open>
 Outcome outcome_of(const Drive& drive, const std::map<unsigned, std::int8_t>& methods, const Options& options,
                    const Open& open) {
@@ -152,13 +152,13 @@ Outcome outcome_of(const Drive& drive, const std::map<unsigned, std::int8_t>& me
     host::Axis402 axis(opened->objects(), {.dialect = dialect, .cancelled = InterruptGuard::interrupted});
     note([&] { prove(axis, outcome, options); });
     if (!outcome.problem.empty()) axis.try_to_switch_off();
-    note([&] { axis.disable(); });  // however it went
+    note([&] { axis.disable(); });  // in any case, also after an error
   });
   end_progress(options.bus.json);
   return outcome;
 }
 
-// What it calls itself, or what it is.
+// The name that the drive reports, or its product.
 std::string shown_name(const Drive& drive) {
   if (!drive.name.empty()) return drive.name;
   return drive.product != nullptr ? std::string(drive.product->name) : "-";
@@ -187,7 +187,8 @@ nlohmann::ordered_json json_of(const Outcome& outcome) {
           {"problem", outcome.problem}};
 }
 
-// A slow bit rate or a busy computer shall not hide a drive: the questions to 127 nodes take 1.4 s at 10 kbit/s.
+// Retries with a longer timeout, so that a slow bit rate or a busy computer hides no drive: the requests to 127 nodes
+// take 1.4 s at 10 kbit/s.
 std::vector<host::FoundNode> drives_on(host::Bus& bus) {
   std::vector<host::FoundNode> nodes;
   for (const host::Time answer_time : {std::chrono::seconds(1), std::chrono::seconds(5)}) {
@@ -197,7 +198,7 @@ std::vector<host::FoundNode> drives_on(host::Bus& bus) {
   return nodes;
 }
 
-// The table or the list of outcomes, while they come.
+// Prints the table or the list of outcomes as they arrive.
 class Report {
  public:
   Report(const Options& options, const std::vector<Drive>& drives) : options_(options), drives_(drives.size()) {
@@ -258,7 +259,7 @@ void prove_can(const Options& options, const std::map<unsigned, std::int8_t>& me
   report.end();
 }
 
-// Each drive goes to OP when its turn comes.
+// Each drive goes to OP only for its own test.
 void prove_ethercat(const Options& options, const std::map<unsigned, std::int8_t>& methods) {
   const auto master = open_ethercat_master(options.bus);
   const std::vector<host::FoundSlave> line = scan_segment(*master);
@@ -295,8 +296,8 @@ void run(const Options& options) {
   const BusKind kind = bus_kind(options.bus).kind;
   if (kind != BusKind::can && kind != BusKind::ethercat) {
     throw Failure::wrong_use(
-        "prove: it goes through all drives of a CAN bus or an EtherCAT segment; `servodrome home` and `move` prove one "
-        "over this protocol");
+        "prove: it tests all drives of a CAN bus or an EtherCAT segment; over this protocol use `servodrome home` and "
+        "`servodrome move`");
   }
   if (kind == BusKind::ethercat) {
     prove_ethercat(options, methods);
@@ -311,8 +312,8 @@ void add_prove(CLI::App& app) {
   using namespace prove_command;  // NOLINT(google-build-using-namespace)
   const auto options = std::make_shared<Options>();
   CLI::App* command =
-      app.add_subcommand("prove", "Home every drive of a bus, move it there and back, and print how it went");
-  add_bus_options(*command, options->bus, "Seconds each motion may take");
+      app.add_subcommand("prove", "Home every drive of a bus, move it there and back, and print the results");
+  add_bus_options(*command, options->bus, "Seconds to wait until each motion is complete");
   command->get_option("--bus")->description(
       "CAN link: socketcand:HOST:PORT/BUS, slcan:PATH or socketcan:INTERFACE; or EtherCAT: udp:HOST[:PORT] or "
       "raw:INTERFACE");
@@ -320,8 +321,8 @@ void add_prove(CLI::App& app) {
   add_cycle_options(*command, options->bus);
   command
       ->add_option("--method", options->methods,
-                   "Homing method, or NODE=METHOD for one node; if not given one that needs no switch and moves by a "
-                   "revolution at most: 34, or what the drive has in its place")
+                   "Homing method, or NODE=METHOD for one node; if not given, a method without switches that moves one "
+                   "revolution at most: 34, or the drive's equivalent")
       ->allow_extra_args(false);
   command->add_option("--revolutions", options->revolutions, "How far to move from home, in motor revolutions")
       ->check(number_within(-16384.0, 16384.0))
@@ -335,7 +336,7 @@ void add_prove(CLI::App& app) {
       ->capture_default_str();
   command
       ->add_option("--units-per-revolution", options->units_per_revolution,
-                   "Position units of a motor revolution; by 6092h or 608Fh if not given, else 131072")
+                   "Position units per motor revolution; from 6092h or 608Fh if not given, else 131072")
       ->check(number_within(1e-3, 1e9));
   command->callback([options] { run(*options); });
 }

@@ -1,4 +1,4 @@
-// `run`: a motion script.
+// `run`: carries out a motion script.
 #include "host/script/run.hpp"
 
 #include <filesystem>
@@ -33,7 +33,7 @@ std::string text_of(const Options& options) {
   return read_text_file(options.script, fmt::format("run: {}", options.script), true);
 }
 
-// The objects of products that a script or --product names, as its bus sees them.
+// The objects of the products that a script or --product names, as their bus sees them.
 class Catalogues {
  public:
   explicit Catalogues(const BusOptions& options) {
@@ -62,7 +62,7 @@ Script parsed(const Options& options) {
   try {
     if (options.eds.empty()) {
       Catalogues catalogues(options.bus);
-      named_product(options.bus);  // or it is said that there is none
+      named_product(options.bus);  // throws if there is no such product
       const host::ObjectCatalogue* const own = catalogues.of(options.bus.product);
       return host::script::parse(text_of(options), name, own != nullptr ? *own : host::ObjectCatalogue::standard(),
                                  [&catalogues](const std::string& product) { return catalogues.of(product); });
@@ -75,7 +75,7 @@ Script parsed(const Options& options) {
   }
 }
 
-// Before anything moves: a port with parameters only takes no motion.
+// Checks the axes before anything moves: a port that has parameters only cannot command motion.
 void check_axes(const Script& script, const std::vector<Step>& steps, const std::vector<host::Axis402*>& axes) {
   for (const Step& step : steps) {
     check_axes(script, step.body, axes);
@@ -117,7 +117,7 @@ void carry_out(const Options& options, const Script& script, nlohmann::ordered_j
       fmt::print("{:>5}  {:<50} {:8.3f} s{}{}\n", step.place.line, step.source, seconds, said.empty() ? "" : "  ",
                  said);
     }
-    // A script whose steps cannot be told does not go on; its axes stop.
+    // If its output is lost, the script ends, and its axes stop.
     if (std::fflush(stdout) != 0) throw Failure::lost_output();
   };
   try {
@@ -170,12 +170,12 @@ void run(const Options& options) {
 void add_run(CLI::App& app) {
   using namespace run_command;  // NOLINT(google-build-using-namespace)
   const auto options = std::make_shared<Options>();
-  CLI::App* command = app.add_subcommand(
-      "run",
-      "Carry out a motion script: commands for one axis or several, with waits and expectations; docs/script.md "
-      "has its language. Exit status 1 with the line that failed");
+  CLI::App* command =
+      app.add_subcommand("run",
+                         "Run a motion script: commands for one axis or several, with waits and expectations; "
+                         "docs/script.md describes the language. Exit status 1 and the line if a command fails");
   command->add_option("SCRIPT", options->script, "File; - for standard input")->required();
-  command->add_flag("--check", options->check, "Look for mistakes only; no bus is opened");
+  command->add_flag("--check", options->check, "Check the script only; no bus is opened");
   command->add_flag("--quiet", options->quiet, "Print only what the script prints, gets and probes");
   command->add_option("--eds", options->eds, "Electronic data sheet with the drives' own objects, names and types");
   add_bus_options(*command, options->bus, "Seconds");
@@ -184,9 +184,9 @@ void add_run(CLI::App& app) {
   add_serial_options(*command, options->bus);
   add_watch_option(*command, options->bus);
   add_cycle_options(*command, options->bus);
-  command->add_flag("--disable", options->disable,
-                    "Disable the drives at the end, instead of leaving those that the script enabled at rest (on "
-                    "EtherCAT always)");
+  command->add_flag(
+      "--disable", options->disable,
+      "Disable the drives at the end; otherwise drives that the script enabled hold their position (not on EtherCAT)");
   command->callback([options] { run(*options); });
 }
 

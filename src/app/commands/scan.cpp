@@ -16,20 +16,20 @@ namespace servodrome::app {
 namespace scan_command {
 
 struct Options {
-  BusOptions bus{.timeout_s = 0.0};  // 0: by the kind of bus
+  BusOptions bus{.timeout_s = 0.0};  // 0: depends on the kind of bus
   double listen_s = 0.0;
   unsigned first = 1;
-  unsigned last = 0;  // 0: the highest there can be
+  unsigned last = 0;  // 0: the highest possible
   bool buses = false;
   std::vector<std::string> eds;
   std::vector<std::string> esi;
 };
 
 constexpr double can_timeout_s = 0.25;
-// What answers on a serial line does so at once, and most addresses are empty.
+// A station on a serial line answers at once, and most addresses are empty.
 constexpr double serial_timeout_s = 0.05;
 
-// What a drive was recognised as, and by what: "identity", "description" (a file that was given) or "objects".
+// The product of a drive and how it was found: by "identity", "description" (a given file) or "objects".
 struct Recognised {
   std::string as;
   const char* by = nullptr;
@@ -63,7 +63,7 @@ Recognised by_objects(const line::Product* product) {
   return {std::string(product->name), Recognised::by_objects, product};
 }
 
-// A drive whose identity is unknown is asked for objects that only one product has.
+// If the identity of a drive is unknown, looks for objects that only one product has.
 Recognised recognise(host::Bus& bus, const host::FoundNode& node, const Descriptions& descriptions) {
   const auto identity = node.identity.value_or(host::LssAddress{});
   Recognised recognised = recognise(product_of(node), identity.vendor_id, identity.product_code, descriptions);
@@ -72,7 +72,7 @@ Recognised recognise(host::Bus& bus, const host::FoundNode& node, const Descript
     host::SdoClient objects(bus, node.node_id);
     return by_objects(product_by_objects(objects, line::Fieldbus::can));
   } catch (const host::ObjectError&) {
-    return {};  // it has gone meanwhile
+    return {};  // the drive has left the bus meanwhile
   }
 }
 
@@ -109,7 +109,7 @@ struct Station {
 void check_range(const Options& options) {
   if (options.last != 0 && options.first > options.last) {
     throw Failure::wrong_use(
-        fmt::format("--first {} lies behind --last {}; give the lower number first", options.first, options.last));
+        fmt::format("--first {} is greater than --last {}; exchange them", options.first, options.last));
   }
 }
 
@@ -245,7 +245,7 @@ struct Bus {
   std::string note;
 };
 
-// Where `servodrome up` of this computer is to be found, if one runs.
+// The default links of a running `servodrome up` on this computer.
 std::vector<Bus> buses_of_default_line() {
   std::vector<Bus> buses;
   try {
@@ -298,8 +298,8 @@ void list_buses(const Options& options) {
   }
   if (buses.empty()) {
     throw Failure::did_not_work(
-        "this computer has no CAN interface, network card or serial port, and no line runs; `servodrome up` starts "
-        "one");
+        "this computer has no CAN interface, network card or serial port, and no line is running; `servodrome up` "
+        "starts one");
   }
 }
 
@@ -345,17 +345,21 @@ void add_scan(CLI::App& app) {
   CLI::App* command = app.add_subcommand(
       "scan", "List the nodes of a CANopen bus, the slaves of an EtherCAT segment, or the stations of a serial line");
   add_bus_options(*command, options->bus,
-                  "Seconds to wait for an answer to each question; 0.25 on CAN, 0.05 on a serial line if not given");
+                  "Seconds to wait for each answer; 0.25 on CAN, 0.05 on a serial line if not given");
   command->get_option("--timeout")->default_str("");
   add_serial_options(*command, options->bus);
   command->remove_option(command->get_option("--product"));
-  command->add_flag("--buses", options->buses, "List the buses of this computer, and those of a line that runs on it");
+  command->add_flag("--buses", options->buses,
+                    "List the buses of this computer, and those of a line that is running on it");
   command
       ->add_option(
           "--eds", options->eds,
-          "Electronic data sheet or DCF by whose vendor and product code nodes are recognised; several may be given")
+          "Electronic data sheet or DCF to recognise nodes by vendor and product code; may be given several times")
       ->allow_extra_args(false);
-  command->add_option("--esi", options->esi, "The same for EtherCAT slaves: slave information file")
+  command
+      ->add_option("--esi", options->esi,
+                   "Slave information file (ESI) to recognise EtherCAT slaves by vendor and product code; may be given "
+                   "several times")
       ->allow_extra_args(false);
   command->add_option("--first", options->first, "Lowest station of a serial line to ask")
       ->check(CLI::Range(1, 247).description(""))

@@ -1,4 +1,4 @@
-// `scope`: records objects of a drive, with trigger, while something else moves it or a script does.
+// `scope`: records objects of a drive, with a trigger, while a script or another master moves it.
 #include <filesystem>
 #include <fmt/format.h>
 #include <fstream>
@@ -41,7 +41,7 @@ struct Options {
 };
 
 constexpr double usual_duration_s = 1.0;
-constexpr host::Time patience = std::chrono::milliseconds(10);  // between looks at Ctrl-C
+constexpr host::Time patience = std::chrono::milliseconds(10);  // period of checks for Ctrl-C
 
 host::Time time_of(double seconds) {
   return std::chrono::duration_cast<host::Time>(std::chrono::duration<double>(seconds));
@@ -61,7 +61,7 @@ const FileFormat& format_of(const std::string& file) {
   for (const FileFormat& format : file_formats) {
     if (file.ends_with(format.ending)) return format;
   }
-  throw Failure::wrong_use(fmt::format("-o {}: what it is to be is told by its ending: .csv, .mcap or .svg", file));
+  throw Failure::wrong_use(fmt::format("-o {}: unknown file type; the name must end in .csv, .mcap or .svg", file));
 }
 
 std::optional<host::ObjectCatalogue> data_sheet(const Options& options) {
@@ -78,7 +78,7 @@ std::string script_text(const Options& options) {
   return read_text_file(options.script, fmt::format("--run {}", options.script));
 }
 
-// The one axis of a script may say which drive it is.
+// The axis of the script may give the node and the product of the drive.
 std::optional<host::script::Script> parsed_script(Options& options, const host::ObjectCatalogue& catalogue) {
   if (!options.moves()) return std::nullopt;
   const std::string name = options.script.empty() ? "--do" : options.script;
@@ -86,12 +86,12 @@ std::optional<host::script::Script> parsed_script(Options& options, const host::
     host::script::Script script = host::script::parse(script_text(options), name, catalogue);
     if (script.axes.size() != 1) {
       throw Failure::wrong_use(
-          fmt::format("{}: it has {} axes; one drive is recorded, and can be moved", name, script.axes.size()));
+          fmt::format("{}: it has {} axes, but only one drive is recorded and can be moved", name, script.axes.size()));
     }
     const host::script::AxisDeclaration& axis = script.axes.front();
     if (axis.node != 0 && options.bus.node_id != 0 && axis.node != options.bus.node_id) {
       throw Failure::wrong_use(
-          fmt::format("{}: its axis is {}, and --node {} is recorded", name, axis.node, options.bus.node_id));
+          fmt::format("{}: its axis is node {}, but --node {} is recorded", name, axis.node, options.bus.node_id));
     }
     if (axis.node != 0) options.bus.node_id = axis.node;
     if (!axis.product.empty()) options.bus.product = axis.product;
@@ -115,7 +115,7 @@ scope::Channel channel_of(const std::string& text, const host::ObjectCatalogue& 
   }
 }
 
-// The default channels, where none are given: those of them that the drive has on this bus.
+// The channels if none are given: those of the usual ones that the drive has on this bus.
 std::vector<scope::Channel> usual_channels(DriveLink& link, const host::ObjectCatalogue& catalogue) {
   std::vector<scope::Channel> channels;
   const auto add_if_present = [&](const char* name) {
@@ -128,10 +128,10 @@ std::vector<scope::Channel> usual_channels(DriveLink& link, const host::ObjectCa
     }
   };
   add_if_present("6064");
-  if (channels.empty()) add_if_present("6063");  // the Modbus registers of an iSMK
+  if (channels.empty()) add_if_present("6063");  // Modbus registers of an iSMK
   add_if_present("606C");
   add_if_present("6077");
-  if (channels.empty()) throw Failure::wrong_use("scope: say what is to be recorded, e.g. `scope position velocity`");
+  if (channels.empty()) throw Failure::wrong_use("scope: give the objects to record, e.g. `scope position velocity`");
   return channels;
 }
 
@@ -150,8 +150,8 @@ struct Outcome {
   std::string remark{};
   std::string noun{};
   unsigned address = 0;
-  std::vector<std::string> said{};      // by the script
-  std::vector<std::string> problems{};  // what ended it early, or went wrong afterwards
+  std::vector<std::string> said{};      // output of the script
+  std::vector<std::string> problems{};  // reasons for an early end, and errors after it
   bool interrupted = false;
 };
 
@@ -193,9 +193,10 @@ class Session {
       scope::Recorder recorder(*sampler_, recorder_options_);
       attempt([&] { script_ ? move(recorder, outcome) : look(recorder, outcome); });
       outcome.recording = recorder.recording();
-      if (recorder.is_full()) outcome.problems.emplace_back("the recording was ended when 160 MB were full");
+      if (recorder.is_full())
+        outcome.problems.emplace_back("the recording ended early: it reached its limit of 160 MB");
     }
-    // The moment of the trigger by the wall clock.
+    // Wall-clock time of the trigger.
     const host::Time ago = link_.objects().now() - outcome.recording.zero;
     const auto wall = std::chrono::system_clock::now().time_since_epoch();
     outcome.recording.zero_unix_ns = (std::chrono::duration_cast<std::chrono::nanoseconds>(wall) - ago).count();
@@ -210,14 +211,14 @@ class Session {
       if ((outcome.interrupted = InterruptGuard::interrupted())) return;
       if (recorder.waits_for_trigger() && link_.objects().now() >= give_up) {
         throw std::runtime_error(
-            fmt::format("the trigger \"{}\" did not come within {:g} s", options_.trigger, options_.bus.timeout_s));
+            fmt::format("the trigger \"{}\" did not occur within {:g} s", options_.trigger, options_.bus.timeout_s));
       }
       sampler_->objects().wait(patience);
       sampler_->check();
     }
   }
 
-  // The script; then, if a duration is given, until it is over.
+  // Runs the script; then records until a given duration is over.
   void move(scope::Recorder& recorder, Outcome& outcome) {
     link_.be_watched(options_.bus);
     const auto axis = link_.open_axis(sampler_->objects(), {});
@@ -229,12 +230,13 @@ class Session {
                           step.verb == host::script::Verb::wait_probe;
       if (speaks) outcome.said.push_back(said);
     };
-    // A slave that leaves OP with its motor on takes that for a fault.
+    // A slave that leaves OP while its motor is on goes to fault.
     const bool ends_operation = bus_kind(options_.bus).kind == BusKind::ethercat;
     try {
       host::script::run(*script_, axes, run_options);
       if (recorder.waits_for_trigger()) {
-        throw std::runtime_error(fmt::format("the trigger \"{}\" did not come while the script ran", options_.trigger));
+        throw std::runtime_error(
+            fmt::format("the trigger \"{}\" did not occur while the script ran", options_.trigger));
       }
       if (recorder_options_.duration) look(recorder, outcome);
     } catch (const std::runtime_error&) {
@@ -281,11 +283,10 @@ std::string text_of(const Options& options, const Outcome& outcome) {
                   recording.rows(), recording.channels.size(), recording.channels.size() == 1 ? "channel" : "channels",
                   span, recording.rate_hz(), recording.way, recording.triggered ? ", triggered" : "");
   if (recording.missed != 0) {
-    text += fmt::format("{} samples were missed; a lower --rate misses fewer\n", recording.missed);
+    text += fmt::format("{} samples were missed; choose a lower --rate\n", recording.missed);
   }
   if (!outcome.remark.empty()) text += outcome.remark + '\n';
-  text +=
-      fmt::format("{:<28} {:<8} {:>13} {:>13} {:>13} {:>13}\n", "channel", "unit", "least", "greatest", "mean", "RMS");
+  text += fmt::format("{:<28} {:<8} {:>13} {:>13} {:>13} {:>13}\n", "channel", "unit", "min", "max", "mean", "RMS");
   std::string steps;
   for (std::size_t i = 0; i < recording.channels.size(); ++i) {
     const scope::Channel& channel = recording.channels[i];
@@ -404,42 +405,41 @@ void record(Options options) {
 void add_scope(CLI::App& app) {
   using namespace scope_command;  // NOLINT(google-build-using-namespace)
   const auto options = std::make_shared<Options>();
-  CLI::App* command = app.add_subcommand(
-      "scope",
-      "Record objects of a drive, by process data where the bus has them, else by reading; with trigger, measurements, "
-      "files and a plot. Ctrl-C ends it, and what there is is kept");
+  CLI::App* command =
+      app.add_subcommand("scope",
+                         "Record objects of a drive, by process data if the bus has them, else by reading; with "
+                         "trigger, measurements, files and a plot. Ctrl-C ends the recording and keeps its samples");
   command->add_option(
       "CHANNEL", options->channels,
-      "Up to 16 objects: INDEX[:SUB], a name, or position, velocity, torque, current, following_error, "
-      "inputs, mode, voltage; @TYPE behind it if it is not known. Position, velocity and torque if none "
-      "is given");
+      "Up to 16 objects: INDEX[:SUB], a name, or position, velocity, torque, current, following_error, inputs, mode, "
+      "voltage; append @TYPE if the type is not known. Position, velocity and torque if none is given");
   command
       ->add_option("--rate", options->rate_hz,
-                   "Samples a second: up to 4000 on EtherCAT (500 if not given), up to 1000 on CAN (250), otherwise "
+                   "Samples per second: up to 4000 on EtherCAT (500 if not given), up to 1000 on CAN (250), otherwise "
                    "as fast as the drive answers")
       ->check(number_within(0.01, 1e4));
   command
       ->add_option("--duration", options->duration_s,
-                   "Seconds, from the trigger if there is one; 1 if not given, or with --run and --do until the "
-                   "script ends")
+                   "Duration in seconds, from the trigger if there is one; if not given 1, or with --run and --do "
+                   "until the script ends")
       ->check(number_within(0.001, 1e6));
-  command->add_option("--trigger", options->trigger,
-                      "Begin when CHANNEL rises|falls|sets|has|lacks VALUE, CHANNEL ==|!=|<|<=|>|>= VALUE, CHANNEL "
-                      "changes, or fault");
-  command->add_option("--pre", options->pre_s, "Seconds to keep from before the trigger")
+  command->add_option(
+      "--trigger", options->trigger,
+      "Start when CHANNEL rises|falls|sets|has|lacks VALUE, CHANNEL ==|!=|<|<=|>|>= VALUE, CHANNEL changes, or fault");
+  command->add_option("--pre", options->pre_s, "Seconds to record before the trigger")
       ->check(number_within(0.0, 1e6))
       ->capture_default_str();
-  command->add_option("--run", options->script, "Motion script (docs/script.md) to carry out meanwhile");
+  command->add_option("--run", options->script, "Motion script (docs/script.md) to run during the recording");
   command
       ->add_option("--do", options->script_lines,
-                   "A line of such a script, e.g. --do enable --do 'move by 1000'; several are carried out in order")
+                   "A line of such a script, e.g. --do enable --do 'move by 1000'; several are run in order")
       ->allow_extra_args(false)
       ->excludes("--run");
   command->add_flag("--disable", options->disable, "Disable the drive when the script has ended (on EtherCAT always)");
-  command->add_flag("--poll", options->polls, "Read the objects, and touch no process data");
+  command->add_flag("--poll", options->polls, "Read the objects without changing process data");
   command->add_option("-o,--output", options->files, "File to write: .csv, .mcap or .svg; - for CSV to the output")
       ->allow_extra_args(false);
-  command->add_flag("--plot", options->plot, "Plot also where the output is no terminal");
+  command->add_flag("--plot", options->plot, "Plot also if the output is not a terminal");
   command->add_option("--eds", options->eds, "Electronic data sheet with the drive's own objects, names and types");
   add_bus_options(*command, options->bus, "Seconds to wait for the trigger");
   add_node_option(*command, options->bus);

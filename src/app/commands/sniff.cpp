@@ -1,4 +1,4 @@
-// `sniff`: a capture, or a live bus, in words.
+// `sniff`: decodes a capture, or the traffic of a live bus, to text.
 #include <cerrno>
 #include <cstdio>
 #include <cstring>
@@ -50,9 +50,9 @@ constexpr unsigned serial_bit_rate = 115'200;
 constexpr unsigned ethernet_bit_rate = 100'000'000;
 constexpr unsigned ethernet_overhead_bytes = 24;  // preamble, FCS and the gap between frames
 constexpr unsigned least_ethernet_bytes = 60;
-constexpr unsigned error_frame_bits = 20;  // at most 12 of flags, 8 of delimiter (ISO 11898-1, 10.4.4)
+constexpr unsigned error_frame_bits = 20;  // at most 12 bits of flags, 8 of delimiter (ISO 11898-1, 10.4.4)
 
-// Writes down what the decoders say.
+// Prints the output of the decoders.
 class Sniffer {
  public:
   explicit Sniffer(const Options& options) : options_(options) {
@@ -109,10 +109,10 @@ class Sniffer {
     }
     serial_seen_ = true;
     summary_.count_frame(time, static_cast<unsigned>(piece.bytes.size()) * character_bits_);
-    --summary_.frames;  // a piece may be a part, or several
+    --summary_.frames;  // a piece may be part of a frame, or several frames
     for (const host::Decoded& decoded : serial_.decode(piece.bytes, time, piece.sender)) take_serial(decoded);
   }
-  // No more of what was begun is to be expected.
+  // No more bytes follow: decodes unfinished frames as they are.
   void end_of_bytes() {
     for (const host::Decoded& decoded : serial_.finish()) take_serial(decoded);
   }
@@ -263,7 +263,7 @@ bool is_over(const Options& options, host::Time start, host::Time now) {
          (options.seconds > 0 && std::chrono::duration<double>(now - start).count() >= options.seconds);
 }
 
-// What was understood before a capture goes wrong is shown, its summary as well.
+// If a capture turns out to be damaged, the part decoded before is still shown, together with its summary.
 void sniff_file(const Options& options, Sniffer& sniffer) {
   struct Close {
     void operator()(std::FILE* file) const {
@@ -315,9 +315,8 @@ void sniff_ethercat(const Options& options, Sniffer& sniffer) {
   const auto link = links::parse_ethercat_link(options.source);
   const auto* raw = std::get_if<links::RawName>(&link);
   if (raw == nullptr) {
-    throw Failure::wrong_use(
-        fmt::format("{}: nobody else can listen to a UDP connection; capture it with tcpdump, or `servodrome up --log`",
-                    options.source));
+    throw Failure::wrong_use(fmt::format(
+        "{}: a UDP connection cannot be monitored; capture it with tcpdump, or `servodrome up --log`", options.source));
   }
   links::PacketSocket socket(raw->interface, options.source);
   const InterruptGuard guard(InterruptGuard::Command::only_looks);
@@ -337,7 +336,7 @@ void sniff_ethercat(const Options& options, Sniffer& sniffer) {
   sniffer.finish();
 }
 
-// Bytes of a serial line, from a tty or from a converter that sends them over TCP. Nothing is sent.
+// Listens to the bytes of a serial line, from a tty or from a converter that sends them over TCP. Sends nothing.
 void sniff_serial(const Options& options, Sniffer& sniffer) {
   constexpr auto look_time = std::chrono::milliseconds(20);
   const auto format = links::parse_character_format(options.format, options.bit_rate.value_or(serial_bit_rate));
@@ -395,7 +394,7 @@ void add_sniff(CLI::App& app) {
   using namespace sniff_command;  // NOLINT(google-build-using-namespace)
   const auto options = std::make_shared<Options>();
   CLI::App* command = app.add_subcommand(
-      "sniff", "Show a capture or a live bus in words: services, objects by name with values, states, errors");
+      "sniff", "Decode a capture or a live bus: services, objects by name with values, states, errors");
   command
       ->add_option("SOURCE", options->source,
                    "Capture (candump or serial log, pcap or pcapng of CAN, EtherCAT, Modbus TCP or serial lines; - is "
@@ -412,21 +411,23 @@ void add_sniff(CLI::App& app) {
       ->allow_extra_args(false);
   command
       ->add_option("--product", options->products,
-                   "[NODE=]PRODUCT: the same of one of our products, and its Modbus registers")
+                   "[NODE=]PRODUCT: the same for a product of `servodrome products`, and its Modbus registers")
       ->allow_extra_args(false);
-  command->add_option("--for", options->seconds, "Seconds after which to end")->check(number_within(0.001, 1e9));
+  command->add_option("--for", options->seconds, "Duration in seconds; until Ctrl-C if not given")
+      ->check(number_within(0.001, 1e9));
   command
       ->add_option("--bit-rate", options->bit_rate,
-                   "bit/s: of a CAN bus, for its load (1000000); of a serial line (115200)")
+                   "Bit rate in bit/s: of a CAN bus, for its load (1000000); of a serial line (115200)")
       ->check(CLI::Range(1200, 2'000'000).description(""));
-  command->add_option("--format", options->format, "Of a serial line: data bits, parity, stop bits")
+  command->add_option("--format", options->format, "Format of a serial line: data bits, parity, stop bits")
       ->capture_default_str();
-  command->add_option("--modbus-port", options->modbus_ports, "TCP port of Modbus servers, beside 502 and 1502")
+  command->add_option("--modbus-port", options->modbus_ports, "TCP port of Modbus servers, in addition to 502 and 1502")
       ->check(CLI::Range(1, 65535).description(""))
       ->allow_extra_args(false);
-  command->add_flag("--sent", options->sent, "EtherCAT: show frames as the master sent them, too");
-  command->add_flag("--summary", options->summary, "At the end: frames by service and source, errors, bus load");
-  command->add_flag("--quiet", options->quiet, "The summary alone");
+  command->add_flag("--sent", options->sent, "EtherCAT: also show frames as the master sent them");
+  command->add_flag("--summary", options->summary,
+                    "Print a summary at the end: frames by service and source, errors, bus load");
+  command->add_flag("--quiet", options->quiet, "Print the summary only");
   command->add_flag("--json", options->json, "Print JSON, a line per frame");
   command->callback([options] { run(*options); });
 }

@@ -1,4 +1,4 @@
-// `state`: the EtherCAT state machine of slaves.
+// `state`: shows or changes the EtherCAT states of slaves.
 #include <fmt/format.h>
 #include <nlohmann/json.hpp>
 
@@ -54,7 +54,7 @@ void print(const Options& options, std::vector<host::EthercatSlave*>& slaves,
   std::fflush(stdout);
 }
 
-// OP lasts as long as the master sends process data.
+// Holds OP, which lasts only as long as the master sends process data.
 void operate(const Options& options, host::EthercatMaster& master, const std::vector<host::FoundSlave>& line,
              std::vector<host::EthercatSlave*>& slaves) {
   const InterruptGuard guard;
@@ -84,11 +84,11 @@ void run(const Options& options) {
   const auto wanted = host::parse_al_state(options.state);
   if (!options.state.empty() && !wanted) {
     throw Failure::wrong_use(
-        fmt::format("state: \"{}\" is no state; write init, preop, boot, safeop or op", options.state));
+        fmt::format("state: \"{}\" is not a state; write init, preop, boot, safeop or op", options.state));
   }
   if (bus_kind(options.bus).kind != BusKind::ethercat) {
     throw Failure::wrong_use(
-        fmt::format("--bus {}: these are states of EtherCAT; on CAN there is `servodrome nmt`", options.bus.link));
+        fmt::format("--bus {}: only EtherCAT has these states; on CAN use `servodrome nmt`", options.bus.link));
   }
   const auto master = open_ethercat_master(options.bus);
   const std::vector<host::FoundSlave> line = scan_segment(*master);
@@ -122,14 +122,14 @@ void add_state(CLI::App& app) {
   using namespace state_command;  // NOLINT(google-build-using-namespace)
   const auto options = std::make_shared<Options>();
   CLI::App* command = app.add_subcommand(
-      "state", "Show or change the state of EtherCAT slaves; process data go on as long as OP is held");
+      "state", "Show or change the state of EtherCAT slaves; process data are exchanged while OP is held");
   command->add_option("STATE", options->state, "init, preop, boot, safeop or op; the states are shown if not given");
   add_bus_options(*command, options->bus, "Seconds to wait for each answer of a slave");
   command->get_option("--bus")->description("udp:HOST[:PORT] or raw:INTERFACE");
   add_node_option(*command, options->bus);
   command->get_option("--node")->description("Position behind the master, or station alias; all slaves if not given");
   add_cycle_options(*command, options->bus);
-  command->add_option("--for", options->seconds, "Seconds to hold OP; until Ctrl-C if not given")
+  command->add_option("--for", options->seconds, "Duration of OP in seconds; until Ctrl-C if not given")
       ->check(number_within(0.001, 1e9));
   command->callback([options] { run(*options); });
 }

@@ -1,4 +1,4 @@
-// `studio`: the page, and the bench API as far as it needs no plant, for drives on buses.
+// `studio`: the web page, and the bench API without a plant, for drives on buses.
 #include <boost/asio/signal_set.hpp>
 #include <csignal>
 #include <fmt/format.h>
@@ -48,7 +48,7 @@ void print_table(const nlohmann::ordered_json& ready) {
   }
   fmt::print("\nAPI               {}   token {}\n", ready["api"].get<std::string>(), ready["token"].get<std::string>());
   if (const auto page = ready["studio"].get<std::string>(); !page.empty()) fmt::print("studio            {}\n", page);
-  fmt::print("ready; Ctrl-C stops what was moved from here, and ends it\n");
+  fmt::print("ready; Ctrl-C stops the axes that were moved from here and ends the program\n");
 }
 
 void run(const Options& options) {
@@ -59,7 +59,7 @@ void run(const Options& options) {
     }
   }
   const std::string page = page_folder(options.page);
-  std::signal(SIGPIPE, SIG_IGN);  // a reader of our output that goes away is no reason to leave axes moving
+  std::signal(SIGPIPE, SIG_IGN);  // if the reader of our output ends, the axes must not be left moving
   studio::RealDrives drives(find_drives(options.buses, options.bus));
   studio::RealServer server(drives, {api.address, api.port, page});
   boost::asio::signal_set signals(server.io(), SIGINT, SIGTERM, SIGHUP);
@@ -82,19 +82,18 @@ void add_studio(CLI::App& app) {
   using namespace studio_command;  // NOLINT(google-build-using-namespace)
   const auto options = std::make_shared<Options>();
   CLI::App* command =
-      app.add_subcommand("studio", "The studio, and its API, for the drives on one or more buses, until Ctrl-C");
+      app.add_subcommand("studio", "Run the studio and its API for the drives on one or more buses until Ctrl-C");
   add_bus_options(*command, options->bus, "Seconds to wait for each answer of a drive");
   add_serial_options(*command, options->bus);
   add_cycle_options(*command, options->bus);
   add_watch_option(*command, options->bus);
   command->remove_option(command->get_option("--bus"));
   command
-      ->add_option(
-          "--bus", options->buses,
-          "LINK or LINK=NODE,NODE..: a bus and, if not all drives that are found on it are meant, their node-IDs, "
-          "stations or positions; may be given again. CAN: socketcan:INTERFACE, socketcand:HOST:PORT/BUS, "
-          "slcan:PATH; EtherCAT: raw:INTERFACE, udp:HOST[:PORT]; modbus:LINK or serial10:LINK with pty:PATH, "
-          "serial:DEVICE or (modbus) tcp:HOST:PORT")
+      ->add_option("--bus", options->buses,
+                   "LINK or LINK=NODE,NODE..: a bus, and optionally the node-IDs, stations or positions of its drives "
+                   "(all drives found if not given); may be given several times. CAN: socketcan:INTERFACE, "
+                   "socketcand:HOST:PORT/BUS, slcan:PATH; EtherCAT: raw:INTERFACE, udp:HOST[:PORT]; modbus:LINK or "
+                   "serial10:LINK with pty:PATH, serial:DEVICE or (modbus) tcp:HOST:PORT")
       ->required()
       ->allow_extra_args(false);
   command->add_option("--api", options->api, "ADDRESS:PORT of the server (127.0.0.1:8402); port 0: the system chooses");

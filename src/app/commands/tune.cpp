@@ -1,4 +1,4 @@
-// `tune`: measures a drive's velocity loop through the bus, and sets its gains for a bandwidth.
+// `tune`: measures a drive's velocity loop over the bus, and sets its gains for a bandwidth.
 #include <cmath>
 #include <fmt/format.h>
 #include <fstream>
@@ -35,7 +35,7 @@ struct Options {
 };
 
 std::string figure(const std::optional<double>& value, const char* unit) {
-  return value ? fmt::format("{:.1f} {}", *value, unit) : std::string("not seen");
+  return value ? fmt::format("{:.1f} {}", *value, unit) : std::string("not found");
 }
 
 void print(const char* when, const tuning::Measurement& measured) {
@@ -45,7 +45,7 @@ void print(const char* when, const tuning::Measurement& measured) {
 }
 
 void print(const char* when, const tuning::StepResponse& step) {
-  fmt::print("{:<10}rises in {:.1f} ms, overshoots by {:.0f} %, within 5 % after {:.0f} ms\n", when, 1e3 * step.rise_s,
+  fmt::print("{:<10}rise time {:.1f} ms, overshoot {:.0f} %, settling time (5 %) {:.0f} ms\n", when, 1e3 * step.rise_s,
              100.0 * step.overshoot, 1e3 * step.settling_s);
 }
 
@@ -65,7 +65,7 @@ void print_table(const tuning::Measurement& measured) {
 void print_gains(const std::vector<tuning::GainValue>& before, const std::vector<tuning::GainValue>& after) {
   for (std::size_t i = 0; i < after.size(); ++i) {
     const bool changed = before[i].number != after[i].number;
-    fmt::print("  {:<72}{}\n", tuning::text_of(before[i], after[i]), changed ? "" : "as it was");
+    fmt::print("  {:<72}{}\n", tuning::text_of(before[i], after[i]), changed ? "" : "unchanged");
   }
 }
 
@@ -82,7 +82,7 @@ void write_plot(const std::string& path, const tuning::SessionResult& result, co
   if (!file) throw Failure::did_not_work(fmt::format("{}: cannot be written; check path, rights and disk", path));
 }
 
-// True: the drive keeps the gains over power-off.
+// Returns true if the drive keeps the gains after power-off.
 bool store(DriveLink& link) {
   const std::string_view name = link.product() != nullptr ? link.product()->name : std::string_view{};
   return host::store_parameters(link.objects(), host::parameter_rules_of(name));
@@ -92,8 +92,8 @@ void print_storing(const Options& options, bool stored, bool written) {
   if (stored) {
     fmt::print("stored\n");
   } else if (written) {
-    fmt::print("{}: the gains are lost with the power (`--store` stores, `params save` keeps them in a file)\n",
-               options.store ? "this drive has no command to store" : "not stored");
+    fmt::print("{}: the gains are lost at power-off (`--store` stores them, `params save` keeps them in a file)\n",
+               options.store ? "this drive has no store command" : "not stored");
   }
 }
 
@@ -147,7 +147,7 @@ void run(const Options& options) {
   const auto axis_units = axis->units(options.units_per_revolution);
   if (!axis_units) {
     throw Failure::did_not_work(
-        fmt::format("{}: the drive does not say how many units a revolution has (6092h, 608Fh); say it with "
+        fmt::format("{}: the drive does not report its units per revolution (6092h, 608Fh); give them with "
                     "--units-per-revolution NUMBER",
                     objects.where()));
   }
@@ -194,15 +194,15 @@ void run(const Options& options) {
   print_table(result.after ? *result.after : before);
   print("before", before);
   if (result.step_before) print("", *result.step_before);
-  fmt::print("{:<10}bandwidth {:.1f} Hz (promised {:.1f} Hz), phase margin {}\n", "predicted",
+  fmt::print("{:<10}bandwidth {:.1f} Hz (target {:.1f} Hz), phase margin {}\n", "predicted",
              result.predicted.bandwidth_hz, result.bandwidth_hz,
              figure(result.predicted.margins.phase_margin_deg, "deg"));
   if (result.after) print("measured", *result.after);
   if (result.step_after) print("", *result.step_after);
   if (result.gains.empty()) {
     fmt::print(
-        "in SI units (where this drive has its gains is not known): velocity loop {:.4g} {} s/rad and {:.4g} "
-        "{}/rad, position loop {:.3g} /s\n",
+        "in SI units (the gain objects of this drive are not known): velocity loop {:.4g} {} s/rad and {:.4g} {}/rad, "
+        "position loop {:.3g} /s\n",
         result.proposal.velocity.kp, units.torque_name, result.proposal.velocity.ki, units.torque_name,
         result.proposal.position_kp);
   } else {
@@ -219,8 +219,8 @@ void add_tune(CLI::App& app) {
   const auto options = std::make_shared<Options>();
   CLI::App* command = app.add_subcommand(
       "tune",
-      "Measure a drive's velocity loop through CAN or EtherCAT, propose gains for a bandwidth, and with --apply write "
-      "them and measure what they make; the axis moves slowly, some revolutions forward and back");
+      "Measure a drive's velocity loop over CAN or EtherCAT and propose gains for a target bandwidth; --apply writes "
+      "them and measures the result. The axis moves slowly, some revolutions forward and back");
   add_bus_options(*command, options->bus, "Seconds to wait for each answer");
   add_node_option(*command, options->bus);
   add_serial_options(*command, options->bus);
@@ -228,27 +228,32 @@ void add_tune(CLI::App& app) {
   add_cycle_options(*command, options->bus);
   command
       ->add_option("--bandwidth", options->bandwidth_hz,
-                   "Bandwidth of the closed velocity loop (-3 dB) in Hz; if not given six tenths of what is possible")
+                   "Target bandwidth of the closed velocity loop (-3 dB) in Hz; if not given 60 % of the maximum")
       ->check(number_within(1.0, 1000.0));
-  command->add_flag("--propose,--dry-run", options->propose, "Write nothing (so it is without --apply)");
-  command->add_flag("--apply", options->apply, "Write the gains; the old ones are put back if it does not come true");
-  command->add_flag("--auto", options->itself, "Let the drive tune itself instead (iSMK), over any bus");
-  command->add_flag("--store", options->store, "Have the drive keep the gains over power-off");
+  command->add_flag("--propose,--dry-run", options->propose, "Write nothing (the default without --apply)");
+  command->add_flag("--apply", options->apply,
+                    "Write the gains; the old gains are restored if the predicted result is not reached");
+  command->add_flag("--auto", options->itself, "Use the drive's own automatic tuning instead (iSMK), over any bus");
+  command->add_flag("--store", options->store, "Store the gains in non-volatile memory");
   command->add_option("--plot", options->plot, "Write a Bode plot to this file (SVG)");
-  command->add_option("--travel", options->travel_revolutions, "Motor revolutions the axis may go forward from here")
+  command
+      ->add_option("--travel", options->travel_revolutions,
+                   "Maximum travel forward from the present position, in motor revolutions")
       ->check(number_within(0.5, 1000.0))
       ->capture_default_str();
   command
       ->add_option("--torque", options->torque_percent,
-                   "Percent of rated torque (iSMK: of the peak current) at which it ends")
+                   "Torque limit in % of rated torque (iSMK: of the peak current) that ends the measurement")
       ->check(number_within(1.0, 300.0))
       ->capture_default_str();
-  command->add_option("--seconds", options->seconds, "Of each measurement; longer tells more of a noisy axis")
+  command
+      ->add_option("--seconds", options->seconds,
+                   "Duration of each measurement in seconds; a longer one is more accurate on a noisy axis")
       ->check(number_within(4.0, 600.0))
       ->capture_default_str();
   command
       ->add_option("--units-per-revolution", options->units_per_revolution,
-                   "Position units of the drive in a motor revolution, if it does not say so itself (ISMC)")
+                   "Position units of the drive per motor revolution, if the drive does not report them (ISMC)")
       ->check(number_within(1e-3, 1e9));
   command->add_flag("--reset-fault", options->reset_fault, "Reset a fault first");
   command->callback([options] { run(*options); });

@@ -42,14 +42,14 @@ struct Options {
   bool json = false;
 };
 
-// What masters reach a bus by, and how its links are called.
+// The links by which masters reach a bus, and the parser for links of its kind.
 struct Reach {
   std::string_view name;
   std::vector<std::string>* links;
-  void (*parse)(const std::string& link);  // throws LinkError for what is no link of this kind of bus
+  void (*parse)(const std::string& link);  // throws LinkError for a link of another kind
   bool cleared = false;
 
-  // What is wrong with the link for this kind of bus; empty: nothing.
+  // Describes why the link does not fit this kind of bus; empty if it fits.
   std::string problem(const std::string& link) const {
     try {
       parse(link);
@@ -60,7 +60,7 @@ struct Reach {
   }
 };
 
-// The bus of `--bus NAME=LINK`, or of `--bus LINK` where the line has one bus of the link's kind.
+// The bus of `--bus NAME=LINK`, or of `--bus LINK` if the line has only one bus of the link's kind.
 Reach& bus_of(std::vector<Reach>& buses, const std::string& option, const std::string& name, const std::string& link) {
   std::vector<std::string_view> names;
   std::vector<Reach*> found;
@@ -83,7 +83,7 @@ Reach& bus_of(std::vector<Reach>& buses, const std::string& option, const std::s
   return bus;
 }
 
-// --bus replaces the links that the line file has for the bus. Several links for a bus are several options.
+// --bus replaces the bus's links from the line file. Repeat the option for several links to one bus.
 void override_links(line::LineSettings& settings, const std::vector<std::string>& options) {
   std::vector<Reach> buses;
   for (line::BusSettings& bus : settings.buses) {
@@ -96,7 +96,7 @@ void override_links(line::LineSettings& settings, const std::vector<std::string>
     buses.push_back({bus.name, &bus.links, [](const std::string& link) { links::parse_ethercat_link(link); }});
   }
   for (const std::string& option : options) {
-    // A link name has a colon before any equals sign.
+    // In a link, a colon comes before any equals sign.
     const std::size_t equals = option.find('=');
     const bool named = equals < option.find(':');
     const std::string link = named ? option.substr(equals + 1) : option;
@@ -134,7 +134,7 @@ line::LineSettings settings_of(const Options& options) {
   return settings;
 }
 
-// With several buses in one line each has a file of its own: trace.log becomes trace.can0.log.
+// If the line has several buses, each has its own file: trace.log becomes trace.can0.log.
 std::string log_path(const std::string& path, const line::LineSettings& settings, const std::string& bus) {
   if (path == "-" || settings.buses.size() + settings.ethercat_buses.size() + settings.serial_buses.size() == 1)
     return path;
@@ -231,7 +231,7 @@ void print_table(std::FILE* out, const nlohmann::ordered_json& ready) {
                  what.get<std::string>());
     }
     if (const std::size_t notes = axis["notes"].size(); notes != 0) {
-      fmt::print(out, "{}: the description was taken otherwise than written in {} places; --json lists them\n", name,
+      fmt::print(out, "{}: the description could not be used as written in {} places; --json lists them\n", name,
                  notes);
     }
   }
@@ -243,9 +243,9 @@ void print_table(std::FILE* out, const nlohmann::ordered_json& ready) {
   fmt::print(out, "ready, {} time; Ctrl-C ends it\n", ready["clock"].get<std::string>());
 }
 
-// Appears under its name when it is complete; for the user alone, because the token is in it.
+// Writes the file completely, then renames it; only the user can read it, because it contains the token.
 void write_ready_file(const std::string& path, const std::string& text) {
-  // A file of a new name, which no other user can have put there, or linked to another, before.
+  // A new unique name, so that no other user can have created it, or linked it to another file, before.
   std::string part = path + ".XXXXXX";
   const int file = ::mkostemp(part.data(), O_CLOEXEC);
   const bool written = file >= 0 && ::write(file, text.data(), text.size()) == static_cast<ssize_t>(text.size());
@@ -263,7 +263,7 @@ bool is_ignored(int signal) {
   return ::sigaction(signal, nullptr, &present) == 0 && present.sa_handler == SIG_IGN;
 }
 
-// A port that is taken, an interface or a parameter file that is not there is wrong use: nothing has been started.
+// A port in use, or a missing interface or parameter file, counts as wrong use, because nothing has been started.
 std::unique_ptr<line::LineServer> open_line(const line::LineSettings& settings) {
   try {
     return std::make_unique<line::LineServer>(settings);
@@ -274,7 +274,7 @@ std::unique_ptr<line::LineServer> open_line(const line::LineSettings& settings) 
 
 void run(const Options& options) {
   const line::LineSettings settings = settings_of(options);
-  std::signal(SIGPIPE, SIG_IGN);  // a reader of our output that goes away is no reason to leave symbolic links behind
+  std::signal(SIGPIPE, SIG_IGN);  // if the reader of our output ends, symbolic links must not be left behind
   const std::unique_ptr<line::LineServer> opened = open_line(settings);
   line::LineServer& server = *opened;
   studio::LineJobs jobs(server.line());
@@ -289,7 +289,7 @@ void run(const Options& options) {
   studio::Traffic traffic(studio::find_line_traffic, [&server] { return server.wall_epoch(); });
   server.add_routes(traffic.routes());
   boost::asio::signal_set signals(server.io(), SIGINT, SIGTERM);
-  if (!is_ignored(SIGHUP)) signals.add(SIGHUP);  // the terminal went away, and nohup was not asked for
+  if (!is_ignored(SIGHUP)) signals.add(SIGHUP);  // the terminal is gone, unless nohup was used
   signals.async_wait([&server](const boost::system::error_code& code, int) {
     if (!code) server.stop();
   });
@@ -328,23 +328,22 @@ void add_up(CLI::App& app) {
   CLI::App* command = app.add_subcommand("up", "Run a line of drives until Ctrl-C");
   command->add_option("LINE", options->file, "Line file (TOML); the built-in line with five drives if not given");
   command
-      ->add_option(
-          "--eds", options->descriptions.data_sheets,
-          "Run a drive of this electronic data sheet (EDS, DCF) instead of a line file; several: one axis each")
+      ->add_option("--eds", options->descriptions.data_sheets,
+                   "Run a drive of this electronic data sheet (EDS, DCF) instead of a line file; may be given several "
+                   "times, once per axis")
       ->allow_extra_args(false);
   command
-      ->add_option(
-          "--esi", options->descriptions.slaves,
-          "Run a drive of this EtherCAT slave information (ESI) instead of a line file; several: one axis each")
+      ->add_option("--esi", options->descriptions.slaves,
+                   "Run a drive of this EtherCAT slave information (ESI) instead of a line file; may be given several "
+                   "times, once per axis")
       ->allow_extra_args(false);
   command->add_option("--device", options->descriptions.device,
-                      "Type, name or product code of the device, where the ESI file has several");
+                      "Type, name or product code of the device, if the ESI file has several");
   command
-      ->add_option(
-          "--bus", options->buses,
-          "NAME=LINK or LINK: how a bus is reached, instead of what the line file says "
-          "(socketcand:HOST:PORT/BUS, slcan:PATH, socketcan:INTERFACE; udp:HOST:PORT, raw:INTERFACE for EtherCAT; "
-          "pty:PATH, serial:DEVICE, tcp:HOST:PORT for an RS485 line)")
+      ->add_option("--bus", options->buses,
+                   "NAME=LINK or LINK: link of a bus, instead of the one in the line file (socketcand:HOST:PORT/BUS, "
+                   "slcan:PATH, socketcan:INTERFACE; udp:HOST:PORT, raw:INTERFACE for EtherCAT; pty:PATH, "
+                   "serial:DEVICE, tcp:HOST:PORT for an RS485 line)")
       ->allow_extra_args(false);
   command->add_option(
       "--log", options->log,

@@ -4,7 +4,7 @@
 #include <cstddef>
 #include <cstdint>
 
-// Where the objects 1000h..1FFFh of a device live. A plain struct; a product puts it into its objects struct.
+// Storage of the objects 1000h..1FFFh of a device: a plain struct that a product puts into its objects struct.
 namespace servodrome::canopen {
 
 // 1400h.. and 1800h.. (CiA 301 tables 66 and 71). RPDOs leave sub-index 6 unused.
@@ -12,7 +12,7 @@ struct PdoParameters {
   std::uint32_t cob_id = 0;
   std::uint8_t transmission_type = 0;
   std::uint8_t sync_start_value = 0;
-  std::uint16_t inhibit_time = 0;  // TPDO: of the profile's unit, normally 100 us
+  std::uint16_t inhibit_time = 0;  // TPDO: in the profile's unit, normally 100 us
   std::uint16_t event_timer = 0;   // ms
 };
 

@@ -4,9 +4,9 @@
 #include "dictionary/numbered_names.hpp"
 #include "dictionary/table.hpp"
 
-// The objects 1000h..1FFFh as table sections (CiA 301 7.5.2) over a CommunicationObjects<...>. A product adds what it
-// has (TableBuilder::add, append, pick) and removes or overrides the rest; the node works with whatever is left.
-// 1008h..100Ah are the product's own (dictionary::text_constant).
+// The objects 1000h..1FFFh as table sections (CiA 301 7.5.2) over a CommunicationObjects<...>. A product adds the
+// sections that it needs (TableBuilder::add, append, pick) and removes or overrides single objects; the node works with
+// the remaining ones. The product defines 1008h..100Ah itself (dictionary::text_constant).
 namespace servodrome::canopen {
 
 namespace section {
@@ -81,7 +81,7 @@ constexpr auto general() {
           Pdo::none, kept({.unit = "us"})));
   add(var(0x100C, "Guard time", SERVODROME_FIELD(Objects, guard_time_ms), Access::rw, Pdo::none, kept({.unit = "ms"})));
   add(var(0x100D, "Life time factor", SERVODROME_FIELD(Objects, life_time_factor), Access::rw, Pdo::none, kept()));
-  // 1010h and 1011h read as "saves on command" (bit 0) and take a signature, so they have no storage.
+  // Reading 1010h and 1011h returns "saves on command" (bit 0), and writing needs a signature, so they have no storage.
   constexpr const char* store_names[] = {"Save all parameters", "Save communication parameters",
                                          "Save application parameters", "Save manufacturer defined parameters"};
   constexpr const char* restore_names[] = {"Restore all default parameters", "Restore communication default parameters",
@@ -148,19 +148,19 @@ constexpr auto sdo_server() {
 
 }  // namespace section
 
-// Sub-indices of 1400h.. or 1800h.. beside 1 (COB-ID) and 2 (transmission type).
+// Sub-indices of 1400h.. or 1800h.. besides 1 (COB-ID) and 2 (transmission type).
 struct PdoSubIndices {
   bool inhibit_time = true;      // 3
   bool event_timer = true;       // 5
   bool sync_start_value = true;  // 6
-  std::uint8_t highest_sub = 0;  // what sub-index 0 says; 0: the highest there is
+  std::uint8_t highest_sub = 0;  // value of sub-index 0; 0: the highest existing sub-index
 };
 inline constexpr PdoSubIndices rpdo_sub_indices{.inhibit_time = false, .event_timer = true, .sync_start_value = false};
 inline constexpr PdoSubIndices tpdo_sub_indices{};
 
 namespace section {
 
-// The pre-defined connection set covers four PDOs per direction (CiA 301 table 39); further ones start invalid.
+// The pre-defined connection set has four PDOs per direction (CiA 301 table 39); the default of all others is invalid.
 constexpr std::int64_t default_pdo_cob_id(std::size_t pdo, std::int64_t first) {
   return pdo < 4 ? first + static_cast<std::int64_t>(pdo) * 0x100 : std::int64_t{0x80000000};
 }
@@ -249,7 +249,7 @@ constexpr auto tpdos() {
   return table;
 }
 
-// Dummy objects for RPDO mapping (CiA 301 7.4.7.1). They are the data types' own indices and hold nothing.
+// Dummy objects for RPDO mapping (CiA 301 7.4.7.1). Their indices are those of the data types; they store nothing.
 constexpr auto dummies() {
   using dictionary::var;
   constexpr auto dummy = [](Type type, const char* name) {
@@ -266,8 +266,8 @@ constexpr auto dummies() {
 
 }  // namespace section
 
-// 1000h..1029h, all of them. `Objects` is a CommunicationObjects<...>; pass the offset of that member within the
-// device's objects struct as `base` of TableBuilder::add or append.
+// All objects 1000h..1029h. `Objects` is a CommunicationObjects<...>; pass the offset of that member in the device's
+// objects struct as `base` of TableBuilder::add or append.
 template <typename Objects>
 inline constexpr auto general_section = section::general<Objects>();
 
@@ -275,13 +275,13 @@ inline constexpr auto general_section = section::general<Objects>();
 template <typename Objects>
 inline constexpr auto sdo_server_section = section::sdo_server<Objects>();
 
-// 1400h.. with 1600h.., and 1800h.. with 1A00h..: valid by the pre-defined connection set, type 255, nothing mapped.
+// 1400h.. with 1600h.., and 1800h.. with 1A00h..: valid as in the pre-defined connection set, type 255, empty mapping.
 template <typename Objects, PdoSubIndices Subs = rpdo_sub_indices>
 inline constexpr auto rpdo_section = section::rpdos<Objects, Subs>();
 template <typename Objects, PdoSubIndices Subs = tpdo_sub_indices>
 inline constexpr auto tpdo_section = section::tpdos<Objects, Subs>();
 
-// 0001h..0007h, 0015h, 001Bh. Which of them may be mapped is the product's choice of entries.
+// 0001h..0007h, 0015h, 001Bh. The product selects the entries that may be mapped.
 inline constexpr auto dummy_section = section::dummies();
 
 }  // namespace servodrome::canopen

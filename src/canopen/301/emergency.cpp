@@ -83,7 +83,7 @@ void Emergency::end(CommunicationError error) {
   if (count == 0 && tells_reset()) queue(0, {});
 }
 
-// The newest error is sub-index 1, older ones move on and the oldest is lost (CiA 301 7.5.2.4).
+// The newest error goes to sub-index 1, older errors move up and the oldest is dropped (CiA 301 7.5.2.4).
 void Emergency::record(std::uint16_t code, const std::array<std::uint8_t, 5>& vendor) {
   std::byte* count = storage_of(dictionary_, error_field, 0);
   if (count == nullptr) return;
@@ -110,7 +110,7 @@ void Emergency::clear_history() {
   }
 }
 
-// A full queue loses the newest: a master wants the first cause, and the history has them all.
+// If the queue is full, the newest EMCY is dropped: the first cause is more important, and the history contains all.
 void Emergency::queue(std::uint16_t code, const std::array<std::uint8_t, 5>& vendor) {
   if (queued_ == queue_.size()) return;
   Frame& frame = queue_[queued_++];

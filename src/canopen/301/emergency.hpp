@@ -8,11 +8,11 @@
 
 namespace servodrome::canopen {
 
-// Communication errors the node itself finds (CiA 301 table 26, 81xxh and 82xxh).
+// Communication errors that the node itself detects (CiA 301 table 26, 81xxh and 82xxh).
 enum class CommunicationError : std::uint8_t {
   overrun,        // 8110h: frames were lost
   error_passive,  // 8120h
-  heartbeat,      // 8130h, as life guarding is
+  heartbeat,      // 8130h, also for life guarding
   life_guarding,
   bus_off,         // 8140h, reported on recovery
   rpdo_too_short,  // 8210h
@@ -31,31 +31,32 @@ class Emergency {
 
   // Power-on: no errors, empty history.
   void start();
-  // After a reset: the node's own errors are gone, the device's stay until it clears them. Reads 1014h and 1015h.
+  // After a reset: clears the node's own errors; device errors stay until the device clears them. Reads 1014h and
+  // 1015h.
   void configure(std::uint8_t node_id);
   void reconfigure();  // after a write to one of them
 
-  // A device error appears: `bits` of 1001h are set, bit 0 in any case. The history keeps the code and vendor bytes
+  // Reports a device error: sets `bits` of 1001h, and bit 0 in any case. The history stores the code and vendor bytes
   // 0, 1.
   void raise(std::uint16_t code, std::uint8_t bits, const std::array<std::uint8_t, 5>& vendor);
-  // A device error that an EMCY of the communication tells: its bits stay when the communication is back.
+  // Sets bits for a device error for which a communication EMCY was sent; they stay when the communication is restored.
   void hold(std::uint8_t bits);
-  // Device errors went: `remaining` are the bits of those still there. Sends an error-reset EMCY.
+  // Device errors have ended: `remaining` are the bits of the others. Sends an error-reset EMCY.
   void clear(std::uint8_t remaining, const std::array<std::uint8_t, 5>& vendor);
 
-  // The same for the node's own errors; each begin is ended once.
+  // The same for the node's own errors; call end() once for each begin().
   void begin(CommunicationError error, std::uint16_t code);
   void end(CommunicationError error);
 
-  // Writes of 1003h: 0 to sub-index 0 empties the history.
+  // For writes of 1003h: writing 0 to sub-index 0 clears the history.
   void clear_history();
 
-  // EMCYs are sent in pre-operational and operational; what happens elsewhere waits.
+  // EMCYs are sent only in pre-operational and operational; in other states they wait in the queue.
   void set_allowed(bool allowed);
   void poll();
 
   std::uint8_t error_register() const { return error_register_; }
-  bool communication_error() const;  // one of the node's own is present
+  bool communication_error() const;  // is one of the node's own errors active?
 
  private:
   void update_register();

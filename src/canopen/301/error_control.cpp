@@ -16,7 +16,7 @@ void ErrorControl::configure(std::uint8_t node_id) {
   heartbeat_time_ = Time{0};
   heartbeat_deadline_ = never;
   life_deadline_ = never;
-  place_ = Link::no_place;  // what waits since before a boot-up message stays before it
+  place_ = Link::no_place;  // a heartbeat still in the queue keeps its place before the boot-up message
   reconfigure();
 }
 
@@ -24,7 +24,7 @@ void ErrorControl::reconfigure() {
   const Time heartbeat = std::chrono::milliseconds(value_of<int>(dictionary_, 0x1017, 0, 0));
   if (heartbeat != heartbeat_time_) {
     heartbeat_time_ = heartbeat;
-    heartbeat_deadline_ = heartbeat == Time{0} ? never : link_.now();  // production begins at once
+    heartbeat_deadline_ = heartbeat == Time{0} ? never : link_.now();  // the first heartbeat is due at once
     link_.wake_at(heartbeat_deadline_);
   }
   life_time_ = std::chrono::milliseconds(std::int64_t{value_of<int>(dictionary_, 0x100C, 0, 0)} *
@@ -32,7 +32,7 @@ void ErrorControl::reconfigure() {
   if (life_time_ == Time{0} || !guarding_allowed()) life_deadline_ = never;
 }
 
-// The boot-up message is the first error control message; the heartbeat counts from it.
+// The boot-up message is the first error control message; the heartbeat period starts with it.
 void ErrorControl::boot_up() {
   link_.transmit(message(0));
   if (heartbeat_time_ != Time{0}) {
@@ -66,7 +66,7 @@ bool ErrorControl::guard_request(NmtState state) {
 bool ErrorControl::poll(NmtState state) {
   const Time now = link_.now();
   if (heartbeat_deadline_ <= now) {
-    link_.transmit_newest(message(static_cast<std::uint8_t>(state)), place_);  // one at most waits for the bus
+    link_.transmit_newest(message(static_cast<std::uint8_t>(state)), place_);  // at most one heartbeat waits
     heartbeat_deadline_ += heartbeat_time_;
     if (heartbeat_deadline_ <= now) heartbeat_deadline_ = now + heartbeat_time_;
   }

@@ -5,7 +5,7 @@
 
 namespace servodrome::canopen {
 
-// What this node tells about itself: boot-up, heartbeat producer (1017h), node guarding and life guarding (100Ch,
+// Error control messages of this node: boot-up, heartbeat producer (1017h), node guarding and life guarding (100Ch,
 // 100Dh); CiA 301 7.2.8.2.2 and 7.2.8.3.
 class ErrorControl {
  public:
@@ -18,9 +18,9 @@ class ErrorControl {
 
   std::uint16_t can_id() const { return can_id_; }
 
-  // A remote frame on 700h + node id. True if it ends a loss of the master.
+  // Handles a remote frame on 700h + node-ID. Returns true if the master had been lost.
   bool guard_request(NmtState state);
-  // Sends a heartbeat that is due. True if the master was lost just now.
+  // Sends a heartbeat if it is due. Returns true if the master was lost just now.
   bool poll(NmtState state);
 
  private:
@@ -40,7 +40,7 @@ class ErrorControl {
   Time heartbeat_deadline_ = never;
   Time life_time_{0};
   Time life_deadline_ = never;
-  Link::Place place_ = Link::no_place;  // of the last heartbeat
+  Link::Place place_ = Link::no_place;  // place of the last heartbeat in the queue
 };
 
 }  // namespace servodrome::canopen

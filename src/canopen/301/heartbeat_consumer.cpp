@@ -27,7 +27,7 @@ void HeartbeatConsumers::configure(std::uint8_t number) {
   consumer.time = std::chrono::milliseconds(milliseconds_of(value));
 }
 
-// Two entries of one node are refused with 0604 0043h (CiA 301 7.5.2.19).
+// Two entries for the same node are refused with 0604 0043h (CiA 301 7.5.2.19).
 AbortCode HeartbeatConsumers::check(const dictionary::Entry& entry, std::uint32_t value) const {
   const std::uint8_t node_id = node_of(value);
   if (node_id == 0 || milliseconds_of(value) == 0) return AbortCode::none;

@@ -30,9 +30,9 @@ class HeartbeatConsumers {
   std::size_t capacity() const { return consumers_.size(); }
   const HeartbeatConsumer& operator[](std::size_t number) const { return consumers_[number]; }
 
-  // True if the node had been lost.
+  // Returns true if the node had been lost.
   bool receive(std::uint8_t number, const Frame& frame);
-  // How many nodes were lost just now.
+  // Returns the number of nodes that were lost just now.
   unsigned poll();
 
  private:

@@ -1,4 +1,4 @@
-// What the node says to writes of the objects 1000h..1FFFh (CiA 301 7.5.2), and what they change.
+// Checks and effects of writes to the objects 1000h..1FFFh (CiA 301 7.5.2).
 #include "canopen/node.hpp"
 #include "canopen/object_access.hpp"
 #include "dictionary/store.hpp"
@@ -20,7 +20,7 @@ constexpr Group group_of(std::uint16_t index) {
 }
 constexpr std::uint16_t number_of(std::uint16_t index) { return index & 0x1FF; }
 
-// A COB-ID whose bit 31 says "not valid" (1014h, 1028h): the CAN-ID changes only while it is not.
+// For a COB-ID whose bit 31 means "not valid" (1014h, 1028h): the CAN-ID may change only while it is not valid.
 AbortCode check_cob_id(std::uint32_t present, std::uint32_t value) {
   if (!cob_id::is_base(value) || (value & cob_id::bit_30) != 0) return AbortCode::value_invalid;
   const bool id_changes = ((present ^ value) & cob_id::can_id_mask) != 0;
@@ -45,7 +45,8 @@ AbortCode Node::check(const Entry& entry, std::span<const std::byte> bytes) {
   return check_general(entry, value);
 }
 
-// Nothing can refuse the write after this check, so storing happens here, where its failure can be answered.
+// The write cannot fail after this check. Therefore the parameters are stored or reset here, where an error can be
+// returned.
 AbortCode Node::check_signature(const Entry& entry, std::uint32_t value) {
   const bool storing = entry.index == 0x1010;
   if (value != (storing ? dictionary::save_signature : dictionary::load_signature))
@@ -60,7 +61,7 @@ AbortCode Node::check_general(const Entry& entry, std::uint32_t value) const {
     case 0x1005:
     case 0x1019: return sync_.check(entry, value);
     case 0x1012: {
-      // Bit 31 consumes, bit 30 produces; this stack does not produce TIME.
+      // Bit 31: consumes TIME; bit 30: produces TIME, which this stack does not support
       const auto present = static_cast<std::uint32_t>(dictionary_.number(entry));
       const std::uint32_t can_id = value & cob_id::can_id_mask;
       const bool id_changes = can_id != (present & cob_id::can_id_mask);

@@ -13,7 +13,7 @@ namespace {
 
 constexpr std::uint16_t mapping_offset = 0x200;  // from 14xxh to 16xxh and from 18xxh to 1Axxh
 
-// A BOOLEAN takes one bit of a PDO, or the byte it has in memory.
+// A BOOLEAN may be mapped with one bit, or with the byte that it has in memory.
 bool length_fits(const Entry& entry, std::uint32_t mapping_entry, const Profile& profile) {
   const unsigned bits = mapping_entry & 0xFF;
   const unsigned own = dictionary::size_of(entry.type) * 8U;
@@ -93,12 +93,12 @@ AbortCode PdoConfiguration::check_cob_id(std::uint16_t parameter_index, std::uin
       return AbortCode::value_invalid;
     }
   }
-  // A PDO that is switched off keeps the CAN-ID it has, or has none.
+  // An invalid PDO may keep its CAN-ID, or have none.
   const bool invalid = (value & cob_id::invalid) != 0;
   if (invalid && (can_id == 0 || can_id == (present & cob_id::can_id_mask))) return AbortCode::none;
   if (cob_id::is_restricted(can_id)) return AbortCode::value_invalid;
   if (invalid) return AbortCode::none;
-  // Bits 29 to 0 stay as they are while the PDO exists (CiA 301 7.5.2.35).
+  // Bits 29 to 0 cannot change while the PDO is valid (CiA 301 7.5.2.35).
   if (!profile.valid_pdo_cob_id_may_change && is_valid(parameter_index) && (present & cob_id::can_id_mask) != can_id) {
     return AbortCode::value_invalid;
   }
@@ -110,9 +110,9 @@ AbortCode PdoConfiguration::check_mapping(Direction direction, std::uint16_t par
   if (!profile.valid_pdo_may_be_remapped && is_valid(parameter_index)) return AbortCode::unsupported_access;
   const auto index = static_cast<std::uint16_t>(parameter_index + mapping_offset);
   if (entry.sub != 0) {
-    // "Disable mapping by setting sub-index 00h to 00h" comes before modifying entries.
+    // "Disable mapping by setting sub-index 00h to 00h" is required before an entry may change.
     if (value_of<std::uint8_t>(dictionary, index, 0, 0) != 0) return AbortCode::unsupported_access;
-    if (value == 0) return AbortCode::none;  // an entry that is left empty
+    if (value == 0) return AbortCode::none;  // an empty entry
     MappedObject object;
     return resolve(dictionary, profile, direction, value, 0, object);
   }

@@ -3,19 +3,19 @@
 #include "canopen/profile.hpp"
 #include "dictionary/dictionary.hpp"
 
-// PDO mappings resolved to places in memory (CiA 301 7.4.7, 7.5.2.36, 7.5.2.38). A PDO is at most 64 bits, so its data
-// is handled as one little-endian word: bit n of the word is bit n % 8 of byte n / 8, as CANopen counts them.
+// PDO mappings resolved to addresses in memory (CiA 301 7.4.7, 7.5.2.36, 7.5.2.38). A PDO has at most 64 bits, so its
+// data are handled as one little-endian word: bit n of the word is bit n % 8 of byte n / 8, the numbering of CANopen.
 namespace servodrome::canopen {
 
 enum class Direction : std::uint8_t { receive, transmit };
 
 struct MappedObject {
   const dictionary::Entry* entry = nullptr;
-  std::byte* place = nullptr;  // nullptr: no storage; a dummy, an owner's command, or a constant
-  std::uint64_t mask = 0;      // of the object's own bits, before the shift
+  std::byte* place = nullptr;  // nullptr: no storage (a dummy, an owner's command, or a constant)
+  std::uint64_t mask = 0;      // mask of the object's bits, before the shift
   std::uint8_t shift = 0;      // first bit within the PDO
-  std::uint8_t bytes = 0;      // of the object in memory
-  bool plain = true;           // no owner to tell and no range to check
+  std::uint8_t bytes = 0;      // size of the object in memory
+  bool plain = true;           // no owner to call and no range to check
 };
 
 struct ResolvedMapping {
@@ -24,17 +24,17 @@ struct ResolvedMapping {
   std::uint8_t bytes() const { return static_cast<std::uint8_t>((bits + 7) / 8); }
 };
 
-// One mapping entry (index << 16 | sub-index << 8 | bits) that would start at bit `shift`. Errors:
-// object_does_not_exist, not_mappable, mapping_exceeds_pdo_length.
+// Resolves one mapping entry (index << 16 | sub-index << 8 | bits) that starts at bit `shift`. Returns
+// object_does_not_exist, not_mappable or mapping_exceeds_pdo_length on error.
 dictionary::AbortCode resolve(const dictionary::Dictionary& dictionary, const Profile& profile, Direction direction,
                               std::uint32_t mapping_entry, unsigned shift, MappedObject& object);
 
-// The first `count` entries of the mapping object `index`. On error `resolved` is empty.
+// Resolves the first `count` entries of the mapping object `index`. On error `resolved` is empty.
 dictionary::AbortCode resolve_all(const dictionary::Dictionary& dictionary, const Profile& profile, Direction direction,
                                   std::uint16_t index, unsigned count, std::span<MappedObject> objects,
                                   ResolvedMapping& resolved);
 
-// A constant size lets the compiler make one move of each copy.
+// With a constant size the compiler makes a single move of each copy.
 inline std::uint64_t load(const std::byte* place, unsigned bytes) {
   std::uint64_t value = 0;
   switch (bytes) {
@@ -55,7 +55,7 @@ inline void store(std::byte* place, std::uint64_t value, unsigned bytes) {
   }
 }
 
-// The data of a TPDO, gathered from its objects.
+// Packs the data of a TPDO from its objects.
 inline std::uint64_t pack(const dictionary::Dictionary& dictionary, std::span<const MappedObject> objects) {
   std::uint64_t word = 0;
   for (const MappedObject& object : objects) {
@@ -69,10 +69,10 @@ inline std::uint64_t pack(const dictionary::Dictionary& dictionary, std::span<co
   return word;
 }
 
-// Writes the data of an RPDO to its objects. An object whose range or owner refuses the value keeps what it has; the
-// others of the PDO are written all the same. Returns whose owners are to be told, bit n for object n: that comes when
-// all values are there, so that a controlword acts with the target that came with it, wherever the mapping puts the
-// two, and with those of the other PDOs of the same SYNC.
+// Writes the data of an RPDO to its objects. An object whose range or owner refuses the value keeps its old value; the
+// others are written nevertheless. Returns the objects whose owners must be called, bit n for object n. The owners are
+// called after all values are written, also those of the other PDOs of the same SYNC. So a controlword acts together
+// with the target of the same frame, in any order of the mapping.
 bool store_checked(dictionary::Dictionary& dictionary, const MappedObject& object, std::uint64_t value);
 inline std::uint64_t unpack(dictionary::Dictionary& dictionary, std::span<const MappedObject> objects,
                             std::uint64_t word) {
@@ -99,15 +99,15 @@ inline void tell_owners(const dictionary::Dictionary& dictionary, std::span<cons
   }
 }
 
-// Checks of the objects 14xxh..1Axxh that both directions share.
+// Checks of the objects 14xxh..1Axxh for both directions.
 struct PdoConfiguration {
   dictionary::Dictionary& dictionary;
   const Profile& profile;
 
   bool is_valid(std::uint16_t parameter_index) const;
-  // Of sub-index 1 of the communication parameter.
+  // Checks sub-index 1 of the communication parameter.
   dictionary::AbortCode check_cob_id(std::uint16_t parameter_index, std::uint32_t value) const;
-  // Of the mapping parameter, before `value` is written to `entry`.
+  // Checks the mapping parameter before `value` is written to `entry`.
   dictionary::AbortCode check_mapping(Direction direction, std::uint16_t parameter_index,
                                       const dictionary::Entry& entry, std::uint32_t value, std::size_t capacity) const;
 };

@@ -15,7 +15,7 @@ constexpr std::uint8_t last_synchronous_type = 240;
 constexpr std::uint16_t not_processed = 0x8210;
 constexpr std::uint16_t length_exceeded = 0x8220;
 constexpr std::uint16_t timeout = 0x8250;
-// A wrong length is over with the next right one, or when so much time brings none at all.
+// A length error ends with the next frame of correct length, or after this time without a wrong one.
 constexpr Time length_error_time = std::chrono::seconds(1);
 }  // namespace
 
@@ -44,7 +44,7 @@ void Rpdos::configure(std::uint16_t number) {
   const auto count = value_of<std::uint8_t>(dictionary_, mapping_index, 0, 0);
   if (resolve_all(dictionary_, profile_, Direction::receive, mapping_index, count, objects(number), pdo.mapping) !=
       AbortCode::none) {
-    pdo.valid = false;  // a stored or default mapping that this device cannot serve
+    pdo.valid = false;  // a stored or default mapping that this device does not support
   }
 }
 
@@ -109,7 +109,7 @@ void Rpdos::receive_one(std::uint16_t number, Rpdo& pdo, const Frame& frame) {
     tell(number, unpack(dictionary_, mapped(number), word));
     return;
   }
-  // After the synchronous window nothing is accepted until the next SYNC (CiA 301 7.5.2.7).
+  // After the synchronous window no PDO is accepted until the next SYNC (CiA 301 7.5.2.7).
   if (link_.now() > window_end_) return;
   pdo.received = word;
   if (!pdo.pending) {
@@ -129,7 +129,7 @@ void Rpdos::tell(std::uint16_t number, std::uint64_t to_tell) {
 
 void Rpdos::sync(Time window_end) {
   window_end_ = window_end;
-  // The values of all of them, then the events; `received` keeps what remains to be told.
+  // First writes all values, then calls the owners; `received` keeps the bits of the owners to call.
   for (std::size_t i = 0; i < pending_count_; ++i) {
     Rpdo& pdo = pdos_[pending_[i]];
     pdo.pending = pdo.pending && pdo.valid;
@@ -165,7 +165,7 @@ void Rpdos::poll() {
       continue;
     }
     pdo.deadline = never;
-    // Deadline monitoring of one PDO is no communication error in the sense of 1029h.
+    // The timeout of one PDO is not a communication error in the sense of 1029h.
     const LossReaction reaction =
         events_.communication_lost(LossCause::rpdo_timeout, {timeout, ErrorBehaviour::no_change});
     if (reaction.emergency_code != 0) {

@@ -6,7 +6,7 @@
 
 namespace servodrome::canopen {
 
-// One RPDO as it is configured, and what has arrived for it.
+// Configuration and reception state of one RPDO.
 struct Rpdo {
   static constexpr std::uint16_t none = 0xFFFF;
 
@@ -14,16 +14,16 @@ struct Rpdo {
   bool exists = false;
   bool valid = false;
   bool synchronous = false;
-  bool pending = false;  // received, waits for the SYNC
+  bool pending = false;  // received, waits for SYNC
   bool too_short = false;
   bool too_long = false;
   bool timed_out = false;
   std::uint16_t can_id = 0;
   std::uint16_t next_of_same_can_id = none;
   std::uint64_t received = 0;
-  Time event_time{0};  // deadline monitoring, 0: none
+  Time event_time{0};  // timeout, 0: none
   Time deadline = never;
-  Time length_error_end = never;  // of too_short and too_long
+  Time length_error_end = never;  // for too_short and too_long
 };
 
 // RPDOs (CiA 301 7.2.2, objects 1400h.. and 1600h..).
@@ -51,7 +51,7 @@ class Rpdos {
 
   void set_operational(bool operational);
 
-  // Data for the RPDO `number` and the others of its CAN-ID.
+  // Data for RPDO `number` and all others with its CAN-ID.
   void receive(std::uint16_t number, const Frame& frame) {
     if (!operational_) return;
     do {
@@ -61,7 +61,7 @@ class Rpdos {
     } while (number != Rpdo::none);
   }
 
-  // A SYNC: what came since the last one is taken over. Until `window_end` further synchronous RPDOs are accepted.
+  // A SYNC: writes the data received since the last one. Further synchronous RPDOs are accepted until `window_end`.
   void sync(Time window_end);
   void poll();
 

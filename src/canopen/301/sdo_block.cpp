@@ -12,7 +12,7 @@ using namespace sdo;
 
 namespace {
 constexpr std::uint32_t segment_bytes = 7;
-// The rest of a sub-block that does not come is asked for after this, before clients lose their patience.
+// If the rest of a sub-block does not arrive, it is requested after this time, before usual client timeouts.
 constexpr Time block_repeat_time = std::chrono::milliseconds(500);
 constexpr bool is_block_size(unsigned size) { return size >= 1 && size <= largest_block; }
 }  // namespace
@@ -41,7 +41,7 @@ void SdoServer::block_download(const Frame& request) {
   received_ = 0;
   sequence_ = 0;
   last_segment_seen_ = false;
-  // No larger a sub-block than the buffer can ever fill.
+  // A sub-block is not larger than the buffer.
   const std::size_t useful = (buffer_.size() + segment_bytes - 1) / segment_bytes;
   block_size_ = static_cast<std::uint8_t>(useful < 1 ? 1 : useful < largest_block ? useful : largest_block);
   Frame frame = response_with_multiplexer(server::block_download_initiated);
@@ -55,9 +55,9 @@ void SdoServer::block_download_segment(const Frame& request) {
   const std::uint8_t sequence = request.data[0] & sequence_mask;
   const bool last = (request.data[0] & last_block_segment) != 0;
   if (sequence == 0 || sequence > block_size_) return abort(AbortCode::invalid_sequence_number);
-  // After a gap the rest of the sub-block is ignored; the acknowledgement makes the client repeat it.
+  // After a gap the rest of the sub-block is ignored; because of the acknowledgement the client repeats it.
   if (sequence == sequence_ + 1) {
-    // The padding of the last segment is known only with the end request, so up to six bytes too many may come.
+    // Only the end request contains the length of the padding, so up to six bytes too many may arrive.
     if (received_ >= buffer_.size()) {
       const AbortCode code = check_received_size(received_ + 1);
       return abort(code == AbortCode::none ? AbortCode::out_of_memory : code);
@@ -113,7 +113,7 @@ void SdoServer::block_upload(const Frame& request) {
       if (!is_block_size(request.data[4])) return abort(AbortCode::invalid_block_size);
       code = dictionary_.read(*entry_, value_);
       if (code != AbortCode::none) return abort(code);
-      // Protocol switch threshold: little data goes by the ordinary upload.
+      // Protocol switch threshold: small data use the normal upload.
       if (request.data[5] != 0 && value_.bytes.size() <= request.data[5]) return respond_to_upload();
       crc_wanted_ = (request.data[0] & client_crc) != 0;
       block_size_ = request.data[4];
@@ -133,7 +133,7 @@ void SdoServer::block_upload(const Frame& request) {
       expect_more();
       return;
     case block_upload_subcommand::response:
-      // The client may answer early when it has seen a gap.
+      // The client may respond early if it has detected a gap.
       if (state_ != State::block_upload_response && state_ != State::block_upload_sending) {
         return abort(AbortCode::command_specifier_unknown);
       }
@@ -160,7 +160,7 @@ bool SdoServer::produce_segment(Frame& frame) {
   return true;
 }
 
-// The client has `segments` of the last sub-block; what follows them is sent again.
+// The client has received `segments` of the last sub-block; the segments after them are sent again.
 void SdoServer::acknowledged(std::uint8_t segments, std::uint8_t next_block_size) {
   if (segments > sequence_) return abort(AbortCode::invalid_sequence_number);
   if (!is_block_size(next_block_size)) return abort(AbortCode::invalid_block_size);

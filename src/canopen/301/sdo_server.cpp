@@ -24,7 +24,7 @@ void SdoServer::configure(std::uint32_t request_can_id, std::uint32_t response_c
 void SdoServer::receive(const Frame& request) {
   if (request.length != 8) return;
   const std::uint8_t command = request.data[0];
-  // Within a sub-block every byte 0 but the abort's is a sequence number.
+  // Within a sub-block byte 0 is always a sequence number, except for an abort.
   if (state_ == State::block_download_segments && command != abort_transfer) {
     block_download_segment(request);
     return;
@@ -44,7 +44,7 @@ void SdoServer::receive(const Frame& request) {
   }
 }
 
-// ---- what the services share ----
+// ---- Shared by the services ----
 
 Frame SdoServer::response(std::uint8_t command) const {
   Frame frame;
@@ -103,7 +103,7 @@ AbortCode SdoServer::check_received_size(std::uint32_t size) const {
 
 AbortCode SdoServer::commit(std::span<const std::byte> value) {
   const AbortCode code = dictionary_.write(*entry_, value);
-  // A changed configuration is no longer the one that 1020h vouches for (CiA 301 7.5.2.23).
+  // A changed configuration no longer matches 1020h, which is therefore cleared (CiA 301 7.5.2.23).
   if (code == AbortCode::none && entry_->saved && entry_->index != verify_configuration) {
     for (std::byte* place : verified_) {
       if (place != nullptr) std::memset(place, 0, sizeof(std::uint32_t));
@@ -119,7 +119,7 @@ void SdoServer::poll() {
   }
   link_.wake_at(deadline_);
   if (state_ != State::block_download_segments) return;
-  // The last segment of the sub-block may be the one that was lost: then only silence tells.
+  // The last segment of the sub-block may be lost; then only a timeout detects it.
   if (repeat_at_ <= link_.now()) {
     acknowledge_sub_block();
   } else {
@@ -135,7 +135,7 @@ void SdoServer::initiate_download(const Frame& request) {
   if (!entry_->writable()) return abort(AbortCode::read_only);
   const std::uint8_t command = request.data[0];
   if ((command & expedited) != 0) {
-    // Without an indicated size the object's own size says how much of the four bytes counts.
+    // If no size is indicated, the size of the object decides how many of the four bytes are used.
     std::uint32_t size = 4U - (command >> 2 & 3U);
     if ((command & size_indicated) == 0) {
       const std::uint32_t own = dictionary::size_of(entry_->type);
@@ -169,7 +169,7 @@ void SdoServer::download_segment(const Frame& request) {
   const std::uint32_t size = 7U - (command >> 1 & 7U);
   const std::uint32_t total = received_ + size;
   const bool last = (command & last_segment) != 0;
-  // Too much is refused as soon as it is seen, too little at the end.
+  // Too much data is refused at once, too little at the end.
   if (total > buffer_.size() || last || (size_announced_ && total > announced_)) {
     const AbortCode code = check_received_size(total);
     if (code != AbortCode::none) return abort(code);

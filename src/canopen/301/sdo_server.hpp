@@ -8,7 +8,7 @@ namespace servodrome::canopen {
 
 // One SDO server (CiA 301 7.2.4): expedited, segmented and block transfers in both directions.
 //
-// A client that begins a new transfer without finishing the last one is taken at its word: the old transfer is dropped.
+// If a client begins a new transfer before the last one has ended, the old transfer is dropped.
 class SdoServer {
  public:
   // Downloads of more than four bytes are collected in `buffer` and written when complete.
@@ -18,14 +18,14 @@ class SdoServer {
   void configure(std::uint32_t request_can_id, std::uint32_t response_can_id);
   std::uint32_t request_can_id() const { return request_can_id_; }
 
-  // Drops a transfer without a word, as when the NMT state forbids SDOs.
+  // Drops a transfer without an abort message, for NMT states without SDO.
   void reset() {
     state_ = State::idle;
     deadline_ = never;
   }
 
   void receive(const Frame& request);
-  // Segments of a block upload are made one by one when the bus can take them. False: there is none.
+  // Makes the next segment of a block upload, when the bus is free for it. Returns false if there is none.
   bool produce(Frame& frame) { return state_ == State::block_upload_sending && produce_segment(frame); }
   bool producing() const { return state_ == State::block_upload_sending; }
   void poll();
@@ -38,7 +38,7 @@ class SdoServer {
     block_download_segments,
     block_download_end,
     block_upload_start,     // initiated, waits for "start upload"
-    block_upload_sending,   // segments of a sub-block go out
+    block_upload_sending,   // sends the segments of a sub-block
     block_upload_response,  // sub-block sent, waits for its acknowledgement
     block_upload_end,       // end sent, waits for its confirmation
   };
@@ -81,9 +81,9 @@ class SdoServer {
   bool crc_wanted_ = false;
   bool last_segment_seen_ = false;
   std::uint8_t block_size_ = 0;
-  std::uint8_t sequence_ = 0;  // of the last good segment received, or of the last one sent
+  std::uint8_t sequence_ = 0;  // of the last valid segment received, or of the last one sent
   std::uint32_t announced_ = 0;
-  std::uint32_t received_ = 0;  // bytes, padding of the last segment included
+  std::uint32_t received_ = 0;  // bytes, including padding of the last segment
   std::uint32_t position_ = 0;  // upload: first byte not sent yet
   std::uint32_t block_start_ = 0;
   const dictionary::Entry* entry_ = nullptr;

@@ -4,7 +4,7 @@
 
 #include "canopen/frame.hpp"
 
-// Byte 0 of SDO frames and their other fields (CiA 301 7.2.4.3).
+// Byte 0 and other fields of SDO frames (CiA 301 7.2.4.3).
 namespace servodrome::canopen::sdo {
 
 inline constexpr std::uint8_t abort_transfer = 0x80;
@@ -22,7 +22,7 @@ inline constexpr std::uint8_t block_upload = 5;
 inline constexpr std::uint8_t block_download = 6;
 }  // namespace client
 
-// Server responses, command specifier and fixed bits together.
+// Server responses: command specifier and fixed bits.
 namespace server {
 inline constexpr std::uint8_t download_initiated = 0x60;
 inline constexpr std::uint8_t segment_downloaded = 0x20;

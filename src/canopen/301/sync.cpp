@@ -21,14 +21,14 @@ void Sync::configure() {
   period_ = std::chrono::microseconds(value_of<std::int64_t>(dictionary_, 0x1006, 0, 0));
   window_ = std::chrono::microseconds(value_of<std::int64_t>(dictionary_, 0x1007, 0, 0));
   overflow_ = value_of<std::uint8_t>(dictionary_, counter_overflow, 0, 0);
-  // A device without 1019h does not know the counter and takes SYNCs of any length.
+  // A device without 1019h has no counter and accepts SYNCs of any length.
   length_matters_ = dictionary_.find(counter_overflow, 0) != nullptr;
   expected_length_ = overflow_ != 0 ? 1 : 0;
   producing_ = profile_.sync_producer && (cob_id & cob_id::bit_30) != 0 && period_ != Time{0};
   if (!producing_) {
     deadline_ = never;
   } else if (!was_producing || old_period != period_) {
-    // The first SYNC comes within one period (CiA 301 7.5.2.5) and begins the count.
+    // The first SYNC is sent within one period (CiA 301 7.5.2.5), with counter 1.
     counter_ = 1;
     deadline_ = link_.now() + period_;
     link_.wake_at(deadline_);
@@ -37,7 +37,7 @@ void Sync::configure() {
 
 AbortCode Sync::check(const dictionary::Entry& entry, std::uint32_t value) const {
   if (entry.index == counter_overflow) {
-    // Changed only while no SYNC is produced (CiA 301 7.5.2.22).
+    // Can be changed only while 1006h is 0 (CiA 301 7.5.2.22).
     if (period_ != Time{0}) return AbortCode::device_state;
     return value == 1 || value > 240 ? AbortCode::value_invalid : AbortCode::none;
   }
@@ -89,9 +89,10 @@ bool Sync::poll(std::uint8_t& counter) {
   frame.length = expected_length_;
   frame.data[0] = overflow_ != 0 ? counter_ : std::uint8_t{0};
   counter = frame.data[0];
-  link_.transmit_newest(frame, place_);  // one at most waits for the bus
+  link_.transmit_newest(frame, place_);  // at most one SYNC waits for the bus
   counter_ = counter_ >= overflow_ ? std::uint8_t{1} : static_cast<std::uint8_t>(counter_ + 1);
-  // Periods are counted from the plan, so that late polls do not add up; a node left alone for long starts over.
+  // The next deadline is relative to the last one, so that delays of poll do not accumulate; after a long pause it
+  // restarts.
   deadline_ += period_;
   if (deadline_ <= link_.now()) deadline_ = link_.now() + period_;
   link_.wake_at(deadline_);

@@ -10,17 +10,17 @@ class Sync {
   Sync(Link& link, dictionary::Dictionary& dictionary, const Profile& profile, Emergency& emergency)
       : link_(link), dictionary_(dictionary), profile_(profile), emergency_(emergency) {}
 
-  // After a reset, and after a write to one of the objects.
+  // Call it after a reset, and after a write to one of the objects.
   void configure();
   dictionary::AbortCode check(const dictionary::Entry& entry, std::uint32_t value) const;
 
-  // SYNC works in pre-operational and operational.
+  // SYNC is active in pre-operational and operational.
   void set_allowed(bool allowed);
 
   std::uint16_t can_id() const { return can_id_; }
   bool present() const { return present_; }
 
-  // True if the frame is a SYNC to act on; `counter` is 0 if SYNCs carry none.
+  // Returns true if the frame is a SYNC to act on; `counter` is 0 if SYNCs have no counter.
   bool receive(const Frame& frame, std::uint8_t& counter) {
     if (!allowed_) return false;
     if (frame.length != expected_length_ || length_error_) {
@@ -30,10 +30,10 @@ class Sync {
     return true;
   }
 
-  // The last moment for synchronous PDOs of the cycle that begins now.
+  // Latest time for synchronous PDOs of the cycle that begins now.
   Time window_end() const { return window_ == Time{0} ? never : link_.now() + window_; }
 
-  // True if this node has just produced a SYNC, which it consumes as well.
+  // Returns true if this node has just produced a SYNC; the node consumes it as well.
   bool poll(std::uint8_t& counter);
 
  private:

@@ -13,9 +13,9 @@ constexpr std::uint8_t acyclic_synchronous = 0;
 constexpr std::uint8_t last_synchronous_type = 240;
 constexpr std::uint8_t synchronous_remote = 252;
 constexpr std::uint8_t manufacturer_event_driven = 254;
-constexpr Time retry_time = std::chrono::milliseconds(1);  // while the queue is full
+constexpr Time retry_time = std::chrono::milliseconds(1);  // while the transmit queue is full
 
-// What no SYNC and no remote frame asks for again.
+// TPDOs that must not be lost, because neither a SYNC nor a remote frame requests them again.
 bool by_event(const Tpdo& pdo) { return pdo.type == acyclic_synchronous || pdo.type >= manufacturer_event_driven; }
 
 Frame frame_of(const Tpdo& pdo, std::uint64_t data) {
@@ -30,7 +30,7 @@ Frame frame_of(const Tpdo& pdo, std::uint64_t data) {
 void Tpdos::configure() {
   operational_ = false;
   for (std::size_t i = 0; i < pdos_.size(); ++i) {
-    const std::uint64_t change_mask = pdos_[i].change_mask;  // the device's, not the communication area's
+    const std::uint64_t change_mask = pdos_[i].change_mask;  // set by the device, not part of the communication objects
     link_.withdraw(pdos_[i].place);
     pdos_[i] = {};
     pdos_[i].change_mask = change_mask;
@@ -61,7 +61,7 @@ void Tpdos::configure(std::uint16_t number) {
   const auto count = value_of<std::uint8_t>(dictionary_, mapping_index, 0, 0);
   if (resolve_all(dictionary_, profile_, Direction::transmit, mapping_index, count, objects(number), pdo.mapping) !=
       AbortCode::none) {
-    pdo.valid = false;  // a stored or default mapping that this device cannot serve
+    pdo.valid = false;  // a stored or default mapping that this device does not support
   }
   if (pdo.mapping.count == 0) pdo.valid = false;
   pdo.event_deadline = never;
@@ -70,7 +70,7 @@ void Tpdos::configure(std::uint16_t number) {
     link_.wake_at(pdo.event_deadline);
   }
   if (!pdo.valid) pdo.waiting = false;
-  const bool withdrawn = link_.withdraw(pdo.place);  // it waited as it was configured before
+  const bool withdrawn = link_.withdraw(pdo.place);  // it waited with the old configuration
   const bool event_triggered = pdo.on_change || pdo.type == acyclic_synchronous;
   if (operational_ && pdo.valid && (!was_valid || withdrawn) && event_triggered) trigger(number);
   rebuild_lists();
@@ -102,7 +102,7 @@ AbortCode Tpdos::check(const dictionary::Entry& entry, std::uint32_t value) cons
                                                                             : AbortCode::value_invalid;
     case 3:
     case 6:
-      // Not while the PDO exists (CiA 301 7.5.2.37).
+      // Cannot be changed while the PDO is valid (CiA 301 7.5.2.37).
       if (!profile_.valid_pdo_parameters_may_change && rules.is_valid(entry.index)) return AbortCode::value_invalid;
       return entry.sub == 6 && value > 240 ? AbortCode::value_invalid : AbortCode::none;
     default: return AbortCode::none;
@@ -123,7 +123,7 @@ void Tpdos::set_operational(bool operational) {
       pdo.event_deadline = link_.now() + pdo.event_time;
       link_.wake_at(pdo.event_deadline);
     }
-    // Nothing of it was sent in this operational phase: that is its first event.
+    // Sends the first value in this operational phase.
     if (pdo.on_change || pdo.type == acyclic_synchronous) trigger(static_cast<std::uint16_t>(i));
   }
 }
@@ -134,7 +134,7 @@ void Tpdos::bus_off() {
   }
 }
 
-// One that still waits for the bus gets the new data where it waits.
+// If the last frame still waits for the bus, it is overwritten with the new data.
 void Tpdos::send(Tpdo& pdo, std::uint64_t data) {
   const Time now = link_.now();
   Frame* frame = link_.newest(pdo.place);
@@ -158,14 +158,14 @@ void Tpdos::send_when_allowed(std::uint16_t number, Tpdo& pdo) {
   may_send(pdo) ? send(pdo, pack_data(number, pdo)) : hold(pdo);
 }
 
-// What changed is sent. What waits for the bus, because of a timer or of a change that newer ones followed, takes the
-// new data along, those that the mask hides as well.
+// Sends TPDOs whose data have changed. A frame that still waits for the bus, for any reason, gets the new data,
+// including bits outside the change mask.
 void Tpdos::update_event_driven() {
   for (std::size_t i = 0; i < event_driven_count_; ++i) {
     const std::uint16_t number = event_driven_[i];
     Tpdo& pdo = pdos_[number];
     const bool queued = link_.waits(pdo.place);
-    const bool watched = pdo.on_change && !pdo.waiting;  // else packed anew when its inhibit time is over
+    const bool watched = pdo.on_change && !pdo.waiting;  // a waiting TPDO is packed anew after its inhibit time
     if (!queued && !watched) continue;
     const std::uint64_t data = pack_data(number, pdo);
     if (watched && ((data ^ pdo.data) & pdo.change_mask) != 0) {
@@ -201,7 +201,7 @@ void Tpdos::sync(std::uint8_t counter) {
       if (pdo.awaits_sync_start && counter != 0) {
         if (counter != pdo.sync_start_value) continue;
         pdo.awaits_sync_start = false;
-        pdo.syncs_left = 1;  // the SYNC of the start value counts as the first, and it is sent with it
+        pdo.syncs_left = 1;  // the SYNC with the start value counts as the first one, and the TPDO is sent with it
       }
       if (--pdo.syncs_left != 0) continue;
       pdo.syncs_left = pdo.type;
@@ -210,7 +210,7 @@ void Tpdos::sync(std::uint8_t counter) {
   }
 }
 
-// Synchronous types answer with what the last SYNC sampled, the others with what is true now.
+// A synchronous TPDO answers with the data sampled at the last SYNC, any other with the present data.
 void Tpdos::remote_request(std::uint32_t can_id) {
   if (!operational_) return;
   for (std::size_t i = 0; i < pdos_.size(); ++i) {

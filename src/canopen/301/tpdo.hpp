@@ -5,21 +5,21 @@
 
 namespace servodrome::canopen {
 
-// One TPDO as it is configured, and what was sent of it.
+// Configuration and transmission state of one TPDO.
 struct Tpdo {
   ResolvedMapping mapping;
   bool exists = false;
   bool valid = false;
   bool remote_allowed = false;  // bit 30 of the COB-ID is 0
-  bool on_change = false;       // asynchronous, and sent when its data changes
+  bool on_change = false;       // asynchronous, sent when its data change
   bool waiting = false;         // due, but held back by the inhibit time or a full queue
   std::uint8_t type = 0;
   std::uint8_t sync_start_value = 0;
   std::uint8_t syncs_left = 0;  // until a cyclic synchronous TPDO is sent
   bool awaits_sync_start = false;
   std::uint16_t can_id = 0;
-  Link::Place place = Link::no_place;  // where it waits for the bus
-  std::uint64_t data = 0;              // last given to the bus or, for type 252, last sampled
+  Link::Place place = Link::no_place;  // place of its frame in the transmit queue
+  std::uint64_t data = 0;              // last data sent or, for type 252, last sampled
   std::uint64_t change_mask = ~std::uint64_t{0};
   Time inhibit_time{0};
   Time not_before{0};
@@ -50,15 +50,15 @@ class Tpdos {
   void set_change_mask(std::uint16_t number, std::uint64_t mask) { pdos_[number].change_mask = mask; }
 
   void set_operational(bool operational);
-  // The bus is off: what waits for it is lost, and is due again if it was an event.
+  // Bus-off: discards all waiting frames; TPDOs sent by event become due again.
   void bus_off();
 
-  // Process data may have changed: asynchronous TPDOs whose data did are sent, and those that wait for the bus,
-  // whatever sent them, take the new data along.
+  // Process data may have changed: sends asynchronous TPDOs whose data have changed, and updates the data of
+  // asynchronous TPDOs that still wait for the bus.
   void process_image_updated() {
     if (operational_ && event_driven_count_ != 0) update_event_driven();
   }
-  // An application event: the TPDO is sent (types 254, 255 at once, type 0 at the next SYNC), changed or not.
+  // An application event: sends the TPDO even if it has not changed (types 254, 255 at once, type 0 at the next SYNC).
   void trigger(std::uint16_t number);
   void sync(std::uint8_t counter);
   void remote_request(std::uint32_t can_id);
@@ -68,7 +68,7 @@ class Tpdos {
   std::uint64_t pack_data(std::size_t number, const Tpdo& pdo) const {
     return pack(dictionary_, std::span<const MappedObject>(objects(number)).first(pdo.mapping.count));
   }
-  // Its inhibit time is over, or the frame that began it still waits and can take newer data.
+  // The inhibit time has passed, or the last frame still waits and can be updated.
   bool may_send(const Tpdo& pdo) const { return link_.now() >= pdo.not_before || link_.waits(pdo.place); }
   void hold(Tpdo& pdo) {
     pdo.waiting = true;
@@ -86,8 +86,8 @@ class Tpdos {
   std::span<Tpdo> pdos_;
   std::span<MappedObject> objects_;
   std::size_t entries_;                    // mapping entries per PDO
-  std::span<std::uint16_t> synchronous_;   // numbers of the TPDOs a SYNC concerns
-  std::span<std::uint16_t> event_driven_;  // numbers of the asynchronous ones
+  std::span<std::uint16_t> synchronous_;   // numbers of the TPDOs that react to a SYNC
+  std::span<std::uint16_t> event_driven_;  // numbers of the asynchronous TPDOs
   std::size_t synchronous_count_ = 0;
   std::size_t event_driven_count_ = 0;
   bool operational_ = false;

@@ -110,7 +110,7 @@ bool LssSlave::switch_global(std::uint8_t mode) {
   return leaves_configuration && active_node_id_ == unconfigured_node_id && pending_node_id_ != unconfigured_node_id;
 }
 
-// Vendor-ID, product code, revision and serial number come in this order; all must match.
+// Vendor-ID, product code, revision and serial number arrive in this order; all must match.
 void LssSlave::switch_selective(std::uint8_t part, std::uint32_t number) {
   if (mode_ != Mode::waiting) return;
   if (part == 0) selected_ = 0;
@@ -124,7 +124,7 @@ void LssSlave::switch_selective(std::uint8_t part, std::uint32_t number) {
   respond(selective_response);
 }
 
-// Vendor-ID, product code, revision low, high, serial number low, high.
+// Order: vendor-ID, product code, revision low, high, serial number low, high.
 void LssSlave::identify_remote(std::uint8_t part, std::uint32_t number) {
   const Address own = address();
   bool matches = false;
@@ -145,7 +145,8 @@ void LssSlave::identify_remote(std::uint8_t part, std::uint32_t number) {
   respond(identify_slave);
 }
 
-// The master finds the address of one slave without node-ID bit by bit: all whose bits above BitCheck match answer.
+// The master finds the address of a slave without node-ID bit by bit: slaves whose bits from BitCheck upwards match
+// answer.
 void LssSlave::fastscan(const Frame& request) {
   if (mode_ != Mode::waiting || active_node_id_ != unconfigured_node_id || pending_node_id_ != unconfigured_node_id) {
     return;

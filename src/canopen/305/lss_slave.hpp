@@ -10,7 +10,7 @@ namespace servodrome::canopen {
 
 inline constexpr std::uint8_t unconfigured_node_id = 255;
 
-// LSS slave (CiA 305): node-ID and bit timing by the LSS address, which is the identity object 1018h.
+// LSS slave (CiA 305): configures node-ID and bit timing. The LSS address is the identity object 1018h.
 class LssSlave {
  public:
   LssSlave(Link& link, dictionary::Dictionary& dictionary, DeviceEvents& events)
@@ -21,14 +21,14 @@ class LssSlave {
 
   enum class Mode : std::uint8_t { waiting, configuration };
 
-  // The node has (or will have, from the next reset communication) this node-ID; 255: none.
+  // The node has this node-ID now, or from the next reset communication on; 255: none.
   void start(std::uint8_t node_id);
   void set_active_node_id(std::uint8_t node_id) { active_node_id_ = node_id; }
   void set_pending_node_id(std::uint8_t node_id) { pending_node_id_ = node_id; }
   std::uint8_t pending_node_id() const { return pending_node_id_; }
   Mode mode() const { return mode_; }
 
-  // True if the node, having had no node-ID, got one and is to boot now (CiA 305 "switch state global").
+  // Returns true if a node without node-ID has received one and must boot now (CiA 305 "switch state global").
   bool receive(const Frame& request);
 
  private:
@@ -53,7 +53,7 @@ class LssSlave {
   std::uint8_t bit_timing_index_ = no_bit_timing;
   std::uint8_t selected_ = 0;    // parts of the address that matched so far
   std::uint8_t identified_ = 0;  // the same for identify
-  std::uint8_t scanned_ = 0;     // part of the address that fastscan is at
+  std::uint8_t scanned_ = 0;     // part of the address that fastscan searches
 
   static constexpr std::uint8_t no_bit_timing = 0xFF;
 };

@@ -1,4 +1,4 @@
-// Error codes and their classes by the standard: CiA 301 table 26, CiA 402-1 and IEC 61800-7-201.
+// Standard error codes and their classes: CiA 301 table 26, CiA 402-1 and IEC 61800-7-201.
 #include <array>
 
 #include "describe/fault_texts/tables.hpp"

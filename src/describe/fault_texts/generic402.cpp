@@ -1,4 +1,4 @@
-// The reference drive: what its codes stand for, beyond the standard's words for them.
+// The reference drive: explanations of its codes, more detailed than those of the standard.
 #include <array>
 
 #include "describe/fault_texts/tables.hpp"

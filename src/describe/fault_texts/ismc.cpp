@@ -1,4 +1,4 @@
-// ISMC: the chapter on troubleshooting (manual, ch. 5), in our words.
+// ISMC: the chapter on troubleshooting (manual, ch. 5), in our own words.
 #include <array>
 
 #include "describe/fault_texts/tables.hpp"

@@ -6,7 +6,7 @@
 namespace servodrome::describe {
 namespace {
 
-// Where an alarm shows (products/ismk/faults.hpp).
+// The bit in which an alarm appears (products/ismk/faults.hpp).
 constexpr std::uint16_t state(unsigned bit) { return static_cast<std::uint16_t>(bit); }
 constexpr std::uint16_t state_2(unsigned bit) { return static_cast<std::uint16_t>(16 + bit); }
 constexpr std::uint16_t extension(unsigned bit) { return static_cast<std::uint16_t>(32 + bit); }

@@ -1,5 +1,6 @@
 // JMC EC: alarms AL.051 to AL.971 (manual, ch. 9), drive codes E101 to E107 (Table 18), communication codes E601
-// to E62B (Table 128). Codes A000h and up are ours where the manual prints none (products/jmc_ec/faults.hpp).
+// to E62B (Table 128). Codes from A000h on are our own, for alarms without a code in the manual
+// (products/jmc_ec/faults.hpp).
 #include <array>
 
 #include "describe/fault_texts/tables.hpp"

@@ -1,4 +1,5 @@
-// ESTUN ProNet: the alarms (manual, ch. 3.5, A 69 in ch. 7.5.4). The manual names no causes: they are the drive's.
+// ESTUN ProNet: the alarms (manual, ch. 3.5, A 69 in ch. 7.5.4). The manual gives no causes: those here are the
+// simulated drive's.
 #include <array>
 
 #include "describe/fault_texts/tables.hpp"

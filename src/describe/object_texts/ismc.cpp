@@ -1,5 +1,5 @@
-// ISMC (CANopen): objects of the maker's own, and what its manual has otherwise than CiA 402. 2F10h to 2F18h hold what
-// the manual describes as settings of the PC tool only.
+// ISMC (CANopen): the maker's own objects, and those whose use differs from CiA 402. 2F10h to 2F18h hold settings that
+// the manual describes only for the PC tool.
 #include <array>
 
 #include "describe/object_texts/tables.hpp"

@@ -1,5 +1,6 @@
-// Kinco iSMK: objects of the maker's own, from the chapters of its manual on inputs and outputs, loops, storage and
-// alarms, and standard ones that it uses otherwise. "DEC" is the manual's name of the drive's own units (chapter 7).
+// Kinco iSMK: the maker's own objects, from the chapters of its manual on inputs and outputs, loops, storage and
+// alarms, and standard objects that it uses in another way. "DEC" is the manual's name for the drive's own units
+// (chapter 7).
 #include <array>
 
 #include "describe/object_texts/tables.hpp"

@@ -1,5 +1,5 @@
-// JMC EC: panel parameters, monitoring items and functions of the service port, and objects of the profile that these
-// drives use in their own way; from the chapters of the manual on parameters, objects, modes and homing.
+// JMC EC: panel parameters, monitoring items and functions of the service port, and profile objects that these drives
+// use in their own way. From the chapters of the manual on parameters, objects, modes and homing.
 #include <array>
 
 #include "describe/object_texts/tables.hpp"

@@ -1,5 +1,5 @@
-// ESTUN ProNet: objects of the maker's own, and those that it uses otherwise than the standards. The CANopen manual
-// gives most parameters Pn and monitors Un no meaning: their texts say so.
+// ESTUN ProNet: the maker's own objects, and those that it uses in another way than the standards. The CANopen manual
+// does not explain most parameters Pn and monitors Un: their texts say so.
 #include <array>
 
 #include "describe/object_texts/tables.hpp"

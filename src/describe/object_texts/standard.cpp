@@ -1,4 +1,4 @@
-// CiA 301 (7.5.2), ETG.1000.6 (5.6.7) and CiA 402-2: clauses of the same names as the objects.
+// CiA 301 (7.5.2), ETG.1000.6 (5.6.7) and CiA 402-2: each text is from the clause with the name of the object.
 #include <array>
 
 #include "describe/object_texts/tables.hpp"

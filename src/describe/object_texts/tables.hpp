@@ -2,7 +2,7 @@
 
 #include "describe/object_texts.hpp"
 
-// One file for each maker whose objects are explained.
+// One file for each maker whose objects have texts.
 namespace servodrome::describe {
 
 std::span<const ObjectText> generic402_object_texts();

@@ -7,15 +7,15 @@ namespace servodrome::ethercat {
 
 namespace {
 
-constexpr std::int64_t one = std::int64_t{1} << 32;  // of rates
+constexpr std::int64_t one = std::int64_t{1} << 32;  // 1.0 in the fixed-point format of rates
 constexpr std::uint16_t least_speed_counter_start = 0x0080;
 constexpr std::uint16_t greatest_speed_counter_start = 0x3FFF;
-constexpr std::uint16_t speed_counter_margin = 0x007F;  // the difference stays this far below the start value
+constexpr std::uint16_t speed_counter_margin = 0x007F;  // the difference stays at least this far below the start value
 
 constexpr std::uint64_t closest_deadlines = 10'000;  // ns
 
-// x * rate / 2^32, rounded down, without overflow for any x that fits and |rate| < 2^31; `fraction` is added first and
-// left over.
+// (x * rate + fraction) / 2^32, rounded down; `fraction` returns the remainder. Does not overflow for any x that fits
+// and |rate| < 2^31.
 std::int64_t scaled(std::int64_t x, std::int64_t rate, std::uint32_t& fraction) {
   const std::int64_t high = x >> 32;
   const std::int64_t low = (x & 0xFFFFFFFF) * rate + fraction;
@@ -23,8 +23,8 @@ std::int64_t scaled(std::int64_t x, std::int64_t rate, std::uint32_t& fraction) 
   return high * rate + (low >> 32);
 }
 
-// What a clock gains when its counter of `start` periods of 10 ns is stretched and shortened by `difference`: 1 ns more
-// every start - difference + 2 periods, 1 ns less every start + difference + 2.
+// Relative speed gain of a clock whose counter of `start` periods of 10 ns is lengthened and shortened by `difference`:
+// +1 ns every start - difference + 2 periods, -1 ns every start + difference + 2 periods.
 double gain(double start, double difference) {
   return difference / (5.0 * (start + difference + 2.0) * (start - difference + 2.0));
 }
@@ -74,15 +74,16 @@ std::uint64_t DistributedClock::local_time(Time now) const {
 }
 
 Time DistributedClock::when(std::uint64_t system, Time now) const {
-  constexpr std::int64_t beyond = std::int64_t{1} << 61;  // 73 years: as good as never, and sums of it still fit
+  constexpr std::int64_t beyond = std::int64_t{1} << 61;  // 73 years: treated as never, small enough to be added
   const auto missing = [&](Time at) { return static_cast<std::int64_t>(system - system_time(at)); };
   std::int64_t left = missing(now);
   if (left <= 0) return now;
   if (left >= beyond) return never;
-  // The clock is within a thousandth of the caller's, so each step leaves a thousandth of the way, before or behind.
+  // The clock's rate differs from the caller's by less than 1/1000, so each step reduces the remaining distance to
+  // 1/1000.
   Time at = now;
   for (int i = 0; i < 8 && left != 0; ++i, left = missing(at)) at = std::max(now, at + Time{left});
-  // The first of the nanoseconds that show it, a few at most from there.
+  // Search the first nanosecond that shows the wanted time; it is at most a few away.
   while (missing(at) > 0) at += Time{1};
   while (at > now && missing(at - Time{1}) <= 0) at -= Time{1};
   return at;
@@ -103,7 +104,7 @@ void DistributedClock::compare(std::uint32_t received, Time now) {
     return;
   }
   if (elapsed <= 0) return;
-  // While the phase correction is limited, the error says little about the rate.
+  // While the phase correction is rate-limited, the error says little about the rate.
   std::uint32_t none = 0;
   if (std::abs(phase_) > scaled(elapsed, slew_, none)) return;
   const int speed_shift = std::max(speed_depth_ - 4, 2 * phase_shift + 2);
@@ -134,7 +135,7 @@ void DistributedClock::set_speed_counter_start(std::uint16_t start, Time now) {
 
 std::int16_t DistributedClock::speed_counter_difference() const {
   if (compensation_ == 0) return 0;
-  // gain(start, d) solved for d.
+  // gain(start, difference) = rate, solved for difference.
   const double rate = static_cast<double>(compensation_) / static_cast<double>(one);
   const double start = speed_counter_start_ + 2.0;
   const double difference = (std::sqrt(1.0 + 100.0 * rate * rate * start * start) - 1.0) / (10.0 * rate);
@@ -159,7 +160,7 @@ bool DistributedClock::start_sync(const SyncSettings& settings, Time now) {
   const bool plausible = ahead < near;
   if (!plausible) {
     if (!settings.check_start_time) {
-      // Activated all the same, and no pulse comes: software that waits for one has to notice.
+      // The unit is activated, but no pulse comes: software that waits for a pulse has to notice this.
       sync_[0] = {.enabled = settings.sync0, .step = settings.sync0_cycle};
       return false;
     }
@@ -169,7 +170,7 @@ bool DistributedClock::start_sync(const SyncSettings& settings, Time now) {
   const std::uint64_t cycle0 = settings.sync0_cycle;
   const std::uint64_t cycle1 = settings.sync1_cycle;
   sync_[0] = {.enabled = settings.sync0, .pending = true, .next = start, .step = cycle0};
-  // SYNC1 belongs to every SYNC0 it is not later than the next one of, else to every second, third...
+  // SYNC1 follows every SYNC0 if it comes no later than the next SYNC0; else it follows every second, third...
   sync_[1] = {.enabled = settings.sync1,
               .pending = settings.sync1,
               .next = start + cycle1,
@@ -181,7 +182,7 @@ void DistributedClock::enable_sync(unsigned n, bool enabled, Time now) {
   Sync& sync = sync_[n];
   if (sync.enabled == enabled) return;
   sync.enabled = enabled;
-  if (n == 0 || !started_) return;  // SYNC0 goes on unseen, as what SYNC1 follows
+  if (n == 0 || !started_) return;  // SYNC0 keeps running without output, because SYNC1 follows it
   sync.pending = enabled;
   next_known_ = false;
   const auto late = static_cast<std::int64_t>(system_time(now) - sync.next);
@@ -214,7 +215,7 @@ unsigned DistributedClock::poll_sync(Time now) {
     if (!sync.pending) continue;
     const auto late = static_cast<std::int64_t>(system_time(now) - sync.next);
     if (late < 0) continue;
-    // A caller that slept over several pulses gets them as one; the count knows them all.
+    // If the caller was late by several pulses, they are reported as one; `count` includes all of them.
     const std::uint64_t steps = sync.step == 0 ? 0 : static_cast<std::uint64_t>(late) / sync.step;
     sync.last = sync.next + steps * sync.step;
     sync.next = sync.last + sync.step;
@@ -231,7 +232,7 @@ void DistributedClock::find_next_sync(Time now) {
   Time next = never;
   for (const Sync& sync : sync_) {
     if (!sync.pending) continue;
-    // A cycle of nanoseconds is a master's mistake; it does not get a deadline for each of them.
+    // A cycle of a few nanoseconds is a master's mistake: deadlines are at least `closest_deadlines` apart.
     const std::uint64_t soonest = sync.count == 0 ? sync.next : std::max(sync.next, sync.last + closest_deadlines);
     next = std::min(next, when(soonest, now));
   }

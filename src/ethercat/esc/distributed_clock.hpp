@@ -7,28 +7,28 @@
 
 namespace servodrome::ethercat {
 
-// The distributed clock of a slave controller (ETG.1000.4 clause 6.7): an oscillator with an error of its own, the time
-// it counts, and the pulses made from it. All times it counts are nanoseconds.
+// The distributed clock of a slave controller (ETG.1000.4 clause 6.7): an oscillator with a frequency error, the time
+// that it counts, and the SYNC pulses made from that time. All times are in nanoseconds.
 //
 //     local time  = oscillator, sped up or slowed down by the drift compensation
 //     system time = local time + offset
 //
-// The drift compensation is a PI filter on what the master distributes: each comparison takes 2^(1 - filter depth) of
-// the difference out of the local time, no faster than the speed counter allows, and a 2^(4 - speed filter depth) part
-// of it per elapsed time goes into the rate. With the depths 4 and 12 of the standard that is critically damped. The
-// standard leaves the filter's inside to the controller.
+// The drift compensation is a PI filter on the reference time that the master distributes. Each comparison removes
+// 2^(1 - filter depth) of the difference from the local time, no faster than the speed counter allows. It also adds a
+// 2^(4 - speed filter depth) part of the difference per elapsed time to the rate. The depths 4 and 12 of the standard
+// make the filter critically damped. The standard leaves the inner structure of the filter to the controller.
 class DistributedClock {
  public:
-  // Power-on: the local time is 0 at `now`, nothing compensated.
+  // Power-on: sets the local time to 0 at `now`, without any compensation.
   void reset(Time now);
 
-  // How far the oscillator is off, in parts per billion; +100000 is 100 ppm too fast.
+  // Frequency error of the oscillator in parts per billion; +100000 means 100 ppm too fast.
   void set_oscillator(std::int32_t error_ppb, Time now);
 
   std::uint64_t local_time(Time now) const;
   std::uint64_t system_time(Time now) const { return local_time(now) + offset_; }
 
-  // The earliest time at which the system time has reached `system`; `now` when it has already.
+  // The earliest time at which the system time reaches `system`; returns `now` if it has already reached it.
   Time when(std::uint64_t system, Time now) const;
 
   void set_offset(std::uint64_t offset) {
@@ -38,16 +38,16 @@ class DistributedClock {
   std::uint64_t offset() const { return offset_; }
   void set_delay(std::uint32_t delay) { delay_ = delay; }
 
-  // The reference clock's time arrived (low 32 bits, as the comparison uses them).
+  // Compares the own system time with the reference clock's time (its low 32 bits, which the standard compares).
   void compare(std::uint32_t received, Time now);
-  // Mean difference as 092Ch shows it: bit 31 set when the own time is not behind, bits 30..0 the amount in ns; 0
-  // before the first comparison.
+  // Mean difference in the format of 092Ch: bit 31 is set when the own time is not behind, bits 30..0 are the amount in
+  // ns. 0 before the first comparison.
   std::uint32_t difference() const;
 
-  // 0930h: bounds the compensation, 0080h..3FFFh; starts the filter anew.
+  // 0930h: limits the compensation, 0080h..3FFFh; restarts the filter.
   void set_speed_counter_start(std::uint16_t start, Time now);
   std::uint16_t speed_counter_start() const { return speed_counter_start_; }
-  // 0932h: the compensation in use, as the difference of the counter's periods.
+  // 0932h: the present compensation, as the difference of the counter's periods.
   std::int16_t speed_counter_difference() const;
   void set_filters(std::uint8_t difference_depth, std::uint8_t speed_depth);
 
@@ -56,7 +56,7 @@ class DistributedClock {
   struct SyncSettings {
     bool sync0 = false;
     bool sync1 = false;
-    bool check_start_time = false;  // start at once when the start time is not in the near future
+    bool check_start_time = false;  // start at once if the start time is not in the near future
     bool short_near_future = false;
     std::uint64_t start_time = 0;    // system time of the first SYNC0
     std::uint32_t sync0_cycle = 0;   // ns; 0: a single pulse
@@ -65,17 +65,18 @@ class DistributedClock {
   };
   struct Sync {
     bool enabled = false;
-    bool pending = false;     // the next pulse will come
+    bool pending = false;     // another pulse will come
     std::uint64_t next = 0;   // system time of the next pulse
-    std::uint64_t last = 0;   // of the last one
-    std::uint64_t step = 0;   // from pulse to pulse; 0: single
+    std::uint64_t last = 0;   // system time of the last pulse
+    std::uint64_t step = 0;   // ns from pulse to pulse; 0: single pulse
     std::uint32_t count = 0;  // pulses since the start
     bool unacknowledged = false;
   };
-  // False: the start time is not in the near future (0984h bit 2); without `check_start_time` nothing will start then.
+  // Returns false if the start time is not in the near future (0984h bit 2); without `check_start_time` no pulse starts
+  // then.
   bool start_sync(const SyncSettings& settings, Time now);
   void stop_sync();
-  // While pulses run: whether SYNCn is one of them.
+  // Switches the pulses of SYNCn on or off while the unit runs.
   void enable_sync(unsigned n, bool enabled, Time now);
   const Sync& sync(unsigned n) const { return sync_[n]; }
   void acknowledge_sync(unsigned n) { sync_[n].unacknowledged = false; }
@@ -92,14 +93,14 @@ class DistributedClock {
   void find_next_sync(Time now);
   void anchor(Time now);
 
-  // Local time is linear in the caller's time between anchors, but for the phase correction that runs out.
+  // Between two anchors, local time is linear in the caller's time, except for the phase correction, which ends.
   Time anchor_{0};
   std::uint64_t anchor_local_ = 0;
   std::uint32_t anchor_fraction_ = 0;  // 2^-32 ns
   std::int64_t oscillator_ = 0;        // error, 2^-32
   std::int64_t compensation_ = 0;      // rate, 2^-32
-  std::int64_t rate_ = 0;              // both together
-  std::int64_t phase_ = 0;             // ns to be taken out, at `slew_` at most
+  std::int64_t rate_ = 0;              // sum of oscillator error and compensation, 2^-32
+  std::int64_t phase_ = 0;             // ns of phase still to remove, at rate `slew_` at most
   std::int64_t slew_ = 0;              // 2^-32
 
   std::uint64_t offset_ = 0;
@@ -112,9 +113,9 @@ class DistributedClock {
   std::uint8_t speed_depth_ = 12;
 
   std::array<Sync, 2> sync_{};
-  bool started_ = false;  // since start_sync(): pulses run, or will
+  bool started_ = false;  // start_sync() was called: pulses run or will run
   std::uint64_t pulse_length_ = 0;
-  Time next_{0};  // of both, in the caller's time
+  Time next_{0};  // earlier pulse of both, in the caller's time
   bool next_known_ = false;
 };
 

@@ -10,8 +10,8 @@ bool Esc::addressed(std::uint16_t station) const {
   return alias_enabled && station == load_u16(&memory_[reg::station_alias]);
 }
 
-// An LRW of a slave with one buffer in each direction that is like the one before, or beside what is mapped. False: it
-// is not so simple, and nothing was done.
+// Quick path for an LRW: the slave has one buffer in each direction, and the datagram equals the one before or maps
+// nothing of this slave. Returns false, without any effect, in every other case.
 [[gnu::always_inline]] inline bool Esc::exchange_buffers(Datagram datagram) {
   if (datagram.logical() != fit_.logical || datagram.length != fit_.length) return !reach_.touches(datagram);
   SyncManager& outputs = *fit_.writing;
@@ -25,8 +25,8 @@ bool Esc::addressed(std::uint16_t station) const {
   return true;
 }
 
-// A broadcast read of 16 bits that reading neither computes nor acknowledges, as of AL status. False: they are not of
-// that kind, and nothing was done.
+// Quick path for a broadcast read of 16 bits of which none is computed or acknowledged by reading, such as AL status.
+// Returns false, without any effect, for any other.
 [[gnu::always_inline]] inline bool Esc::combine_word(Datagram datagram) {
   const std::uint32_t address = datagram.offset();
   if (datagram.length != 2 || address % 16 == 15 || address >= reg::process_memory) return false;
@@ -37,7 +37,8 @@ bool Esc::addressed(std::uint16_t station) const {
   return true;
 }
 
-// Those of every cycle, and what passes by on its way to another slave. False: nothing was done.
+// Quick path for the datagrams of every cycle and for those addressed to another slave. Returns false without any
+// effect.
 [[gnu::always_inline]] inline bool Esc::execute_at_once(Datagram datagram) {
   switch (datagram.command) {
     case Command::lrw: return exchange_buffers(datagram);
@@ -47,7 +48,8 @@ bool Esc::addressed(std::uint16_t station) const {
   }
 }
 
-// ETG.1000.4 clause 5.4: position addresses and broadcasts count up in every slave; a slave whose turn it is finds 0.
+// ETG.1000.4 clause 5.4: every slave increments position addresses and broadcast addresses; the addressed slave finds
+// 0.
 void Esc::execute(Datagram& datagram) {
   const auto pass = [&datagram] {
     const std::uint16_t position = datagram.position();
@@ -92,11 +94,12 @@ void Esc::execute(Datagram& datagram) {
       exchange(datagram, reads, !reads, false);
       break;
     }
-    default: return;  // no command: passed on as it is
+    default: return;  // unknown command: passed on unchanged
   }
 }
 
-// Without a call as long as it goes at once, so that nothing is to be put away for one.
+// Executes quick-path datagrams inline; the first other datagram calls process_rest(), so registers need no saving
+// before.
 unsigned Esc::process(Frame& frame, Time now) {
   now_ = now;
   ++frames_;
@@ -145,7 +148,7 @@ void Esc::configure_ports() {
     const unsigned control = memory_[reg::dl_control + 1] >> 2 * port & 3U;
     switch (control) {
       case 0: loop_closed_[port] = !link_[port]; break;
-      case 1: loop_closed_[port] = loop_closed_[port] || !link_[port]; break;  // opens when written anew
+      case 1: loop_closed_[port] = loop_closed_[port] || !link_[port]; break;  // opens when DL control is written
       case 2: loop_closed_[port] = false; break;
       default: loop_closed_[port] = true;
     }
@@ -156,7 +159,7 @@ void Esc::configure_ports() {
     status |= loop_closed_[port] ? 0x100U << 2 * port : 0U;
     status |= link_[port] && !loop_closed_[port] ? 0x200U << 2 * port : 0U;
   }
-  // With all loops closed no master could ever open one again: port 0 then takes frames, whatever DL status says.
+  // With both loops closed no master could open one again. Therefore port 0 accepts frames, whatever DL status shows.
   if (loop_closed_[0] && loop_closed_[1]) loop_closed_[0] = !link_[0];
   if (status == load_u16(&memory_[reg::dl_status])) return;
   store_u16(&memory_[reg::dl_status], status);
@@ -196,7 +199,7 @@ std::uint16_t Esc::ecat_event_request() const {
   for (unsigned n = 0; n < sync_managers; ++n) {
     const SyncManager& channel = sync_managers_[n];
     if (!channel.active || !channel.interrupts_master) continue;
-    // What the other side did: a full buffer to read, or one that was read.
+    // The event is the action of the other side: it filled a buffer, or it read one.
     const bool event = channel.master_writes ? channel.interrupt_read : channel.interrupt_write;
     if (event) request |= static_cast<unsigned>(reg::ecat_event::sync_manager0) << n;
   }

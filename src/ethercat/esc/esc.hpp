@@ -15,11 +15,12 @@
 
 namespace servodrome::ethercat {
 
-// An EtherCAT slave controller: its registers and memory, what frames do to them, and the side of the application
-// (ETG.1000.4). Two ports, 8 FMMUs, 8 sync managers, 8 KiB of process data memory, a 64-bit distributed clock.
+// An EtherCAT slave controller (ETG.1000.4): its registers and memory, the execution of datagrams on them, and the
+// interface for the application. Two ports, 8 FMMUs, 8 sync managers, 8 KiB of process data memory, a 64-bit
+// distributed clock.
 //
-// Register writes act where the datagram stands in the frame, not at its end. The processing unit takes the time of a
-// frame once, at its beginning.
+// A register write acts when its datagram is executed, not at the end of the frame. The processing unit takes the time
+// of a frame once, at its beginning.
 class alignas(64) Esc {
  public:
   static constexpr std::size_t memory_size = 0x3000;
@@ -32,78 +33,78 @@ class alignas(64) Esc {
   Esc(const Esc&) = delete;
   Esc& operator=(const Esc&) = delete;
 
-  // Power-on or reset. What is plugged in stays plugged in.
+  // Power-on or reset. Cables stay connected.
   void power_on(Time now);
 
   // ---- The line ----
 
-  // What a frame did that concerns the segment.
+  // Effects of a frame that concern the whole segment.
   static constexpr unsigned effect_receive_times =
-      1;                                       // 0900h was written: the times of the other ports are to be latched
-  static constexpr unsigned effect_marks = 2;  // the frame's source address is to be changed: processes_only()
+      1;                                       // 0900h was written: the times at the other ports must be latched
+  static constexpr unsigned effect_marks = 2;  // the frame's source address must be changed: see processes_only()
 
-  // A frame passes the processing unit at `now`; its datagrams are executed. Returns effects.
+  // The processing unit executes the datagrams of a frame that passes at `now`. Returns the effects.
   unsigned process(Frame& frame, Time now);
 
-  // A cable with a working partner at its other end.
+  // A link: a cable with a working partner at its other end.
   void set_link(unsigned port, bool link);
   bool link(unsigned port) const { return link_[port]; }
-  // Frames of the slave before it get in: a link, and no closed loop at port 0.
+  // Accepts frames from the slave before it: port 0 has a link and its loop is open.
   bool takes_frames() const { return link_[0] && !loop_closed_[0]; }
-  // A closed loop turns frames back inside the controller (DL control, ETG.1000.4 table 33).
+  // A closed loop sends frames back inside the controller (DL control, ETG.1000.4 table 33).
   bool loop_closed(unsigned port) const { return loop_closed_[port]; }
-  // Closed because its link is gone, rather than by hand.
+  // The port is set to close its loop automatically when the link is lost, not set by hand (DL control).
   bool closes_loops_itself(unsigned port) const { return (memory_[reg::dl_control + 1] >> 2 * port & 3U) < 2; }
-  // A frame came to a port with its loop closed, and is lost: it opens a loop that closed because the link was gone.
+  // A frame that arrives at a port with a closed loop is lost, but it reopens a loop that closed when the link was
+  // lost.
   void frame_at_closed_port(unsigned port);
-  // DL control bit 0: frames that are not EtherCAT are destroyed, those that are get their source address changed.
+  // DL control bit 0: destroy frames that are not EtherCAT and change the source address of EtherCAT frames.
   bool processes_only() const { return (memory_[reg::dl_control] & 0x01) != 0; }
   void latch_port_time(unsigned port, Time arrival);
-  // Error counters, which stop at 255.
+  // Error counters; they stop at 255.
   void count_invalid_frame(unsigned port) { increment(reg::rx_errors + 2U * port); }
   void count_forwarded_error(unsigned port) { increment(reg::forwarded_rx_errors + port); }
   void count_processing_unit_error() { increment(reg::processing_unit_errors); }
 
   // ---- The application's side ----
 
-  // What wants the application: bits as in the AL event request, whether or not a mask lets them through, and this.
+  // Pending events for the application: bits as in the AL event request (without its mask), and this one.
   static constexpr std::uint32_t attention_reset = 0x80000000;  // the controller was reset over the bus
   std::uint32_t attention() const { return attention_; }
   void settle(std::uint32_t events) { attention_ &= ~events; }
-  // Is there anything for the application to do at `now`? What it has put off wants it again when it is no longer known
-  // that nothing is due.
+  // Is there anything for the application to do at `now`? Deferred events (put_off) count again from `quiet_until` on.
   bool calls(Time now) const { return (attention_ & ~put_off_) != 0 || (attention_ != 0 && now >= quiet_until_); }
-  // Nor is anything due, by the clock: most often so, and quickly known.
+  // Quick check, mostly true: no event is pending except deferred ones, and no deadline is reached.
   bool quiet(Time now) const { return (attention_ & ~put_off_) == 0 && now < quiet_until_; }
-  // Of these bits, nothing new or old wants the application before something is due or something else wants it; in
-  // place of those it put off before.
+  // The application defers these events: they do not call it before `quiet_until` or another event. Replaces the set
+  // that was deferred before.
   void put_off(std::uint32_t events) { put_off_ = events; }
-  // Nothing is due before, neither here nor for the application, which works that out. Any write to a register makes it
-  // unknown, since it may bring something forward; so does the application.
+  // Nothing is due before this time, neither in the controller nor in the application, which calculates it. A write to
+  // a register resets it to `unknown`, since it may create an earlier deadline; so does the application.
   static constexpr Time unknown = Time::min();
   Time quiet_until() const { return quiet_until_; }
   void set_quiet_until(Time time) { quiet_until_ = time; }
 
-  // Reading acknowledges it: the master can write the next one.
+  // Reading AL control acknowledges it: the master can then write the next one.
   std::uint16_t take_al_control();
   void set_al_status(std::uint16_t status, std::uint16_t code);
-  std::uint16_t station_alias() const { return load_u16(&memory_[reg::station_alias]); }  // in force: 0012h
+  std::uint16_t station_alias() const { return load_u16(&memory_[reg::station_alias]); }  // the alias in use, 0012h
   std::uint16_t al_status() const { return load_u16(&memory_[reg::al_status]); }
   std::uint32_t al_event_request() const;
 
   const SyncManager& sync_manager(unsigned n) const { return sync_managers_[n]; }
   const Fmmu& fmmu(unsigned n) const { return fmmus_[n]; }
-  // The buffer to be read (mailbox: empty when there is none; buffered: the newest complete one), and the one to be
-  // written. Each is to be closed.
+  // Opens the buffer to be read (mailbox: empty if there is no message; buffered mode: the newest complete buffer) or
+  // the buffer to be written. The caller closes each buffer that it opened.
   std::span<const std::uint8_t> open_for_reading(unsigned n);
   void close_reading(unsigned n);
   std::span<std::uint8_t> open_for_writing(unsigned n);
   void close_writing(unsigned n);
-  // The mailbox the master asks to have repeated is full again; acknowledges the request.
+  // Repeat request of the master: repeat() marks the mailbox full again and acknowledges the request.
   bool repeat_requested(unsigned n) const;
   void repeat(unsigned n);
   void acknowledge_repeat(unsigned n);
-  // PDI control bit 0: the application takes a channel out of use.
+  // PDI control bit 0: the application disables or enables a channel.
   void disable_sync_manager(unsigned n, bool disabled);
 
   DistributedClock& clock() { return clock_; }
@@ -115,22 +116,22 @@ class alignas(64) Esc {
     pdi_watchdog_.trigger(now);
     quiet_until_ = unknown;
   }
-  // Ends pulses that 0980h puts into the application's hands, where no master can.
+  // Stops pulses that 0980h assigns to the application, since no master can stop those.
   void stop_own_pulses();
   // A latch input changed (ETG.1000.4 clause 6.7.4).
   void latch_edge(unsigned unit, bool rising, Time now);
 
   Time now() const { return now_; }                 // of the last frame or poll
-  std::uint32_t frames() const { return frames_; }  // that have passed since power-on
+  std::uint32_t frames() const { return frames_; }  // frames that have passed since power-on
 
-  // Pulses, watchdogs and delays that are due; no later than `next_deadline`. Returns bit n for SYNCn.
+  // Handles pulses, watchdogs and delays that are due; call it no later than `next_deadline`. Returns bit n for SYNCn.
   unsigned poll(Time now);
   Time next_deadline(Time now) {
     const Time watchdogs = std::min(process_data_watchdog_.deadline(), pdi_watchdog_.deadline());
     return std::min(watchdogs, std::min(dl_control_until_, clock_.next_sync(now)));
   }
 
-  // The bytes of a register as they are now, for the application and for tests.
+  // The current bytes of a register, for the application and for tests.
   std::uint8_t read_byte(std::uint16_t address, Time now);
   template <typename T>
   T read_register(std::uint16_t address, Time now) {
@@ -139,31 +140,33 @@ class alignas(64) Esc {
     return load<T>(bytes.data());
   }
   const std::uint8_t* registers(std::uint16_t address) const { return &memory_[address]; }
-  // What the application may write without further ado: station alias, PDI access of the SII, pulse length...
+  // Registers that the application may write without side effects: station alias, PDI access of the SII, pulse
+  // length...
   template <typename T>
   void write_register(std::uint16_t address, T value) {
     store(&memory_[address], value);
   }
 
  private:
-  struct Mapping {  // an FMMU of whole bytes
+  struct Mapping {  // an FMMU that maps whole bytes
     std::uint32_t logical;
     std::uint32_t length;
     std::uint16_t physical;
-    std::uint8_t sync_manager;  // that holds all of it, or none
+    std::uint8_t sync_manager;  // the sync manager whose area contains the whole mapping, or none
   };
   static constexpr std::uint8_t no_sync_manager = 0xFF;
-  // Where both buffers lie in a datagram with all of them. Masters send the same one in every cycle.
+  // Positions of both buffers in a datagram that contains both completely. Cached: masters send the same one in every
+  // cycle.
   struct Fit {
-    std::uint32_t logical = 0;   // of the datagram
-    std::uint32_t length = ~0U;  // likewise; none is as long as that
-    std::uint32_t outputs = 0;   // first byte in its data
+    std::uint32_t logical = 0;   // logical address of the datagram
+    std::uint32_t length = ~0U;  // its length in bytes; the initial value fits no datagram
+    std::uint32_t outputs = 0;   // position of the outputs in its data
     std::uint32_t inputs = 0;
-    std::uint32_t events = 0;  // of the two sync managers
+    std::uint32_t events = 0;  // event bits of the two sync managers
     SyncManager* writing = nullptr;
     SyncManager* reading = nullptr;
   };
-  // The logical addresses in which both buffers lie. Beside it no datagram concerns them.
+  // The range of logical addresses that holds both buffers. Datagrams outside of it do not concern this slave.
   struct Reach {
     std::uint64_t begin = 0;
     std::uint64_t end = std::uint64_t{1} << 32;
@@ -226,11 +229,11 @@ class alignas(64) Esc {
   }
   void end_frame();
 
-  // What a frame of process data needs lies together: the caches are never warm when one comes.
-  Time now_{0};  // of the frame or poll at work
+  // The members that a process data frame needs lie together, because the CPU caches are cold when a frame comes.
+  Time now_{0};  // time of the frame or poll being handled
   Time quiet_until_ = unknown;
   std::uint32_t attention_ = 0;
-  std::uint32_t put_off_ = 0;  // by the application
+  std::uint32_t put_off_ = 0;  // set by the application
   std::uint32_t frames_ = 0;
   unsigned effects_ = 0;
   std::uint16_t ecat_events_ = 0;
@@ -249,9 +252,10 @@ class alignas(64) Esc {
   std::array<Mapping, fmmus> writing_{};
   std::uint8_t reading_count_ = 0;
   std::uint8_t writing_count_ = 0;
-  // All FMMUs are of whole bytes, no reading one touches a writing one's memory, and nothing is write-protected.
+  // All FMMUs map whole bytes, no FMMU that reads overlaps the memory of one that writes, and nothing is
+  // write-protected.
   bool whole_bytes_ = true;
-  // There is one of each, and they are a whole three-buffer channel of few bytes: what most slaves are in operation.
+  // One FMMU in each direction, each mapping exactly one small three-buffer channel: the usual case in Operational.
   bool one_buffer_each_ = false;
 
   DistributedClock clock_;
@@ -259,8 +263,8 @@ class alignas(64) Esc {
   Watchdog pdi_watchdog_;
 
   bool al_control_pending_ = false;
-  bool sync_active_ = false;         // 0981h bit 0, as it was acted upon
-  bool latches_ports_ = false;       // the command at work, if it writes 0900h
+  bool sync_active_ = false;         // 0981h bit 0 as it was applied last
+  bool latches_ports_ = false;       // the datagram being executed writes 0900h
   bool registers_unlocked_ = false;  // by 0020h in this frame
   bool memory_unlocked_ = false;     // by 0030h in this frame
   bool reset_pending_ = false;

@@ -1,4 +1,4 @@
-// How the data of a datagram gets to the controller's memory and back (ETG.1000.4 clauses 5.4, 6.5, 6.6).
+// Transfer of data between a datagram and the controller's memory (ETG.1000.4 clauses 5.4, 6.5, 6.6).
 #include <algorithm>
 
 #include "ethercat/esc/esc.hpp"
@@ -13,7 +13,7 @@ struct Overlap {
   std::uint32_t length;    // 0: none
 };
 
-// Of `length` bytes from address `address` with `area_length` bytes from `area`; neither goes beyond the last address.
+// Of `length` bytes at `address` and `area_length` bytes at `area`; neither range goes beyond the last address.
 inline Overlap overlap(std::uint32_t address, std::uint32_t length, std::uint32_t area, std::uint32_t area_length) {
   const std::uint32_t ahead = area - address;
   if (ahead < length) return {ahead, 0, std::min(length - ahead, area_length)};
@@ -36,7 +36,7 @@ unsigned Esc::sync_manager_at(std::uint32_t address) const {
   return no_sync_manager;
 }
 
-// Memory without a sync manager goes up to here.
+// End of the memory without a sync manager that begins at `address`; at most `end`.
 std::uint32_t Esc::plain_until(std::uint32_t address, std::uint32_t end) const {
   for (const SyncManager& channel : sync_managers_) {
     if (channel.guards && channel.start > address) end = std::min<std::uint32_t>(end, channel.start);
@@ -44,7 +44,7 @@ std::uint32_t Esc::plain_until(std::uint32_t address, std::uint32_t end) const {
   return end;
 }
 
-// Hands the accessible parts of the range to `put(offset, bytes, count)`. True when there is any.
+// Passes each accessible part of the range to `put(offset, bytes, count)`. Returns true if there is any.
 template <typename Put>
 bool Esc::read_memory(std::uint32_t address, std::uint32_t length, Put put) {
   if (address + length <= reg::process_memory) {
@@ -89,7 +89,7 @@ bool Esc::read_memory(std::uint32_t address, std::uint32_t length, Put put) {
   return any;
 }
 
-// The same with `get(offset, bytes, count)`, which changes the bytes.
+// Counterpart of read_memory: `get(offset, bytes, count)` changes the bytes.
 template <typename Get>
 bool Esc::write_memory(std::uint32_t address, std::uint32_t length, Get get) {
   const bool locked = (memory_[reg::write_protection] & 1) != 0 && !memory_unlocked_;
@@ -98,7 +98,7 @@ bool Esc::write_memory(std::uint32_t address, std::uint32_t length, Get get) {
     const std::uint32_t offset = at - address;
     if (at < reg::process_memory) {
       const std::uint32_t count = std::min<std::uint32_t>(end, reg::process_memory) - at;
-      // Registers are taken over as a whole; bits that an FMMU does not map keep their values.
+      // A register is written as a whole; bits that an FMMU does not map keep their values.
       std::array<std::uint8_t, max_payload + 1> bytes;
       std::memcpy(bytes.data(), &memory_[at], count);
       get(offset, bytes.data(), count);
@@ -136,7 +136,7 @@ void Esc::exchange(Datagram& datagram, bool reads, bool writes, bool combines) {
   const std::uint32_t length = datagram.length;
   std::uint8_t* data = datagram.data();
   if (length == 0) return;
-  std::array<std::uint8_t, max_payload> original;  // what a command that does both writes
+  std::array<std::uint8_t, max_payload> original;  // data to write, for a command that reads and writes
   if (reads && writes) std::memcpy(original.data(), data, length);
   const std::uint8_t* source = reads ? original.data() : data;
   bool read = false;
@@ -206,8 +206,8 @@ void Esc::exchange_logical(Datagram& datagram, bool reads, bool writes) {
     exchange_bits(datagram, reads, writes);
     return;
   }
-  // What is written is what came with the frame, so writing comes first; no FMMU that reads looks at memory that one
-  // that writes changes.
+  // The data to write are those that came in the frame, so writing comes before reading. No FMMU that reads shares
+  // memory with one that writes.
   const std::uint32_t logical = datagram.logical();
   const std::uint32_t length = clipped(logical, datagram.length);
   bool written = false;
@@ -221,7 +221,8 @@ void Esc::exchange_logical(Datagram& datagram, bool reads, bool writes) {
   datagram.count(gain(read, written, reads && writes));
 }
 
-// Bit by bit: FMMUs that begin or end within a byte, shift, or exchange one memory in both directions.
+// Exchange bit by bit: for FMMUs that begin or end within a byte, shift bits, or map the same memory in both
+// directions.
 void Esc::exchange_bits(Datagram& datagram, bool reads, bool writes) {
   std::array<std::uint8_t, max_payload> original;
   std::array<std::uint8_t, max_payload + 1> bytes;
@@ -229,7 +230,7 @@ void Esc::exchange_bits(Datagram& datagram, bool reads, bool writes) {
   std::memcpy(original.data(), datagram.data(), datagram.length);
   const std::uint64_t frame_bit = std::uint64_t{datagram.logical()} * 8;
 
-  // Calls with the first bit in the frame, in the memory, and the number of bits.
+  // Calls `with` with the first bit in the frame, the first bit in the memory, and the number of bits.
   const auto part_of = [&](const Fmmu& fmmu, auto&& with) {
     const std::uint64_t begin = std::max(frame_bit, fmmu.logical_bit());
     const std::uint64_t end =
@@ -242,7 +243,7 @@ void Esc::exchange_bits(Datagram& datagram, bool reads, bool writes) {
 
   bool read = false;
   bool written = false;
-  // The FMMU with the lowest number has the last word where two of them read the same bit.
+  // If two FMMUs read the same bit, the one with the lowest number is executed last and wins.
   for (unsigned n = fmmus; reads && n-- > 0;) {
     if (!fmmus_[n].active || !fmmus_[n].reads) continue;
     read |= part_of(fmmus_[n], [&](std::uint32_t in_frame, std::uint32_t in_memory, std::uint32_t bits) {
@@ -291,7 +292,7 @@ void Esc::exchange_bits(Datagram& datagram, bool reads, bool writes) {
 void Esc::configure_mappings() {
   reading_count_ = writing_count_ = 0;
   whole_bytes_ = (memory_[reg::write_protection] & 1) == 0;
-  // Highest first: where two read the same byte, the one with the lowest number has the last word.
+  // Highest number first: if two FMMUs read the same byte, the one with the lowest number is executed last and wins.
   for (unsigned n = fmmus; n-- > 0;) {
     const Fmmu& fmmu = fmmus_[n];
     if (!fmmu.active) continue;
@@ -328,7 +329,7 @@ void Esc::configure_mappings() {
   reach_.end = std::max(end(writing_[0]), end(reading_[0]));
 }
 
-// Are both buffers within the datagram, as a whole? Then it is remembered where.
+// Does the datagram contain both buffers completely? If so, caches their positions in `fit_`.
 bool Esc::fit(const Datagram& datagram) {
   if (!one_buffer_each_) return false;
   const std::uint32_t logical = datagram.logical();

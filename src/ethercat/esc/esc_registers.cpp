@@ -1,4 +1,4 @@
-// What is particular about registers: which bits a master may write, what reading and writing them does
+// Behaviour of individual registers: the bits that a master may write, and the effects of reading and writing
 // (ETG.1000.4 clause 6).
 #include <algorithm>
 #include <utility>
@@ -11,8 +11,8 @@ namespace {
 
 constexpr std::uint32_t user_memory = 0x0F80;
 
-// Bits a master can write, for every register byte. What is not stored but acts (counters, system time) counts as
-// writable.
+// Writable bits of every register byte, as the master sees it. Registers that act instead of storing a value (counters,
+// system time) count as writable.
 constexpr auto writable = [] {
   std::array<std::uint8_t, reg::process_memory> mask{};
   const auto allow = [&mask](unsigned address, unsigned bytes, std::uint8_t bits = 0xFF) {
@@ -119,7 +119,7 @@ void Esc::power_on(Time now) {
   ecat_events_ = 0;
 }
 
-// ETG.1000.6 table 16: PDI control and configuration, SYNC pulse length. The station alias comes with the power only.
+// ETG.1000.6 table 16: PDI control and configuration, SYNC pulse length. The station alias is loaded at power-on only.
 void Esc::load_from_sii() {
   if (!sii_.loaded()) return;
   const std::span<const std::uint8_t> words = sii_.memory();
@@ -211,10 +211,10 @@ bool Esc::may_write(std::uint32_t address, std::uint32_t sync_managers_enabled) 
   }
   if (address == reg::al_control || address == reg::al_control + 1U) return !al_control_pending_;
   if (address >= reg::sync_manager && address < reg::sync_manager + 8U * sync_managers) {
-    // Settings of a channel in use stay as they are.
+    // The settings of an enabled channel are read-only.
     return address % 8 > 4 || (sync_managers_enabled >> (address - reg::sync_manager) / 8 & 1) == 0;
   }
-  // What 0980h gives to the application: the pulses, each latch.
+  // Registers that 0980h assigns to the application: the pulses, each latch.
   if (address >= reg::sync_activation && address <= reg::latch1_control) {
     const unsigned unit = address < reg::latch0_control ? 0 : 4 + address - reg::latch0_control;
     return (memory_[reg::cyclic_unit_control] >> unit & 1) == 0;
@@ -223,7 +223,7 @@ bool Esc::may_write(std::uint32_t address, std::uint32_t sync_managers_enabled) 
 }
 
 bool Esc::take_register_bytes(std::uint32_t address, std::span<const std::uint8_t> bytes) {
-  // Whether a channel is in use counts as it was before this datagram.
+  // The enable bits from before this datagram decide which channels are in use.
   std::uint32_t enabled = 0;
   std::array<std::uint8_t, sync_managers> activation;
   for (unsigned n = 0; n < sync_managers; ++n) {
@@ -231,7 +231,7 @@ bool Esc::take_register_bytes(std::uint32_t address, std::span<const std::uint8_
     enabled |= (activation[n] & SyncManager::activate_enable) != 0 ? 1U << n : 0U;
   }
 
-  // All bytes are taken over before any of them acts. What a block could not take does not act in it.
+  // All bytes are stored first, then each block acts on its own bytes. Bytes that were refused do not act.
   const auto length = static_cast<std::uint32_t>(bytes.size());
   const std::uint32_t first_block = address / 16;
   const std::uint32_t blocks = (address + length - 1) / 16 - first_block + 1;
@@ -248,7 +248,7 @@ bool Esc::take_register_bytes(std::uint32_t address, std::span<const std::uint8_
     const auto within = static_cast<std::uint8_t>(at % 16);
     if (at / 16 == reg::sii_configuration / 16) {
       if (!sii_.byte_written(within, bytes[i], SiiInterface::Side::master, now_)) continue;
-    } else if (at / 16 != reg::receive_time_port / 16) {  // whose value is ignored
+    } else if (at / 16 != reg::receive_time_port / 16) {  // the written value is ignored
       memory_[at] = static_cast<std::uint8_t>((memory_[at] & ~mask) | (bytes[i] & mask));
     }
     any = true;
@@ -295,7 +295,7 @@ void Esc::block_written(std::uint32_t block, std::uint32_t first, std::uint32_t 
       break;
     case reg::dl_control: {
       if (!wrote(reg::dl_control, 2)) break;
-      // Only the settings of the loops are lent.
+      // Only the loop settings are temporary (for 1 s).
       const bool temporary = (memory_[reg::dl_control] & 0x02) != 0;
       dl_control_until_ = temporary ? now_ + std::chrono::seconds(1) : never;
       if (!temporary) lasting_loops_ = memory_[reg::dl_control + 1];
@@ -387,7 +387,8 @@ void Esc::configure_watchdogs() {
   pdi_watchdog_.set_period(Watchdog::period_of(divider, load_u16(&memory_[reg::watchdog_pdi])));
 }
 
-// Bit 4 of 0981h: the upper half follows from the present time. Bit 3: the start time, once it is whole, activates.
+// Bit 4 of 0981h: the upper half of the start time is derived from the present time. Bit 3: a complete start time
+// activates.
 void Esc::start_time_written(bool low_half, bool high_half) {
   std::uint8_t& activation = memory_[reg::sync_activation];
   const bool extends = (activation & 0x10) != 0;
@@ -411,7 +412,7 @@ void Esc::configure_sync() {
   std::uint8_t& activation = memory_[reg::sync_activation];
   const bool sync0 = (activation & 0x02) != 0;
   const bool sync1 = (activation & 0x04) != 0;
-  if ((activation & 0x80) != 0) {  // one pulse to look at
+  if ((activation & 0x80) != 0) {  // debug pulse: one pulse at once
     activation = static_cast<std::uint8_t>(activation & ~0x80U);
     attention_ |= (sync0 ? reg::al_event::sync0 : 0U) | (sync1 ? reg::al_event::sync1 : 0U);
   }

@@ -7,13 +7,13 @@
 
 namespace servodrome::ethercat {
 
-// A fieldbus memory management unit: bits of the logical address space that are bits of this slave's memory
-// (ETG.1000.4 clause 6.6).
+// A fieldbus memory management unit: maps bits of the logical address space to bits of this slave's memory (ETG.1000.4
+// clause 6.6).
 struct Fmmu {
   static constexpr unsigned size = 16;  // bytes of registers
 
   std::uint32_t logical = 0;
-  std::uint16_t length = 0;  // bytes of the logical space it touches
+  std::uint16_t length = 0;  // bytes of the logical address space that it touches, also in part
   std::uint8_t first_bit = 0;
   std::uint8_t last_bit = 7;
   std::uint16_t physical = 0;
@@ -38,9 +38,9 @@ struct Fmmu {
 
   bool whole_bytes() const { return first_bit == 0 && last_bit == 7 && physical_bit == 0; }
 
-  // Bits mapped. Not positive when the last bit lies before the first.
+  // Number of mapped bits. Zero or negative if the last bit lies before the first.
   std::int32_t bits() const { return (length - 1) * 8 + last_bit + 1 - first_bit; }
-  // First mapped bit, counted from the first bit of the logical address space.
+  // First mapped bit, counted from the start of the logical address space.
   std::uint64_t logical_bit() const { return std::uint64_t{logical} * 8 + first_bit; }
   std::uint32_t physical_first_bit() const { return physical * 8U + physical_bit; }
 };

@@ -6,7 +6,7 @@
 
 namespace servodrome::ethercat {
 
-// Blocks of 16 register bytes that are computed when they are read.
+// Blocks of 16 register bytes whose values are computed when they are read.
 inline constexpr auto live_register_blocks = [] {
   std::array<bool, reg::process_memory / 16> blocks{};
   for (const unsigned address : {reg::reset_ecat, reg::ecat_event_request, reg::al_event_request, reg::watchdog_status,

@@ -8,7 +8,7 @@ namespace servodrome::ethercat {
 
 namespace {
 constexpr std::size_t configuration_area = 16;  // bytes
-constexpr std::size_t read_size = 8;            // bytes per read command; bit 6 of the status says so
+constexpr std::size_t read_size = 8;            // bytes per read command, as bit 6 of the status shows
 }  // namespace
 
 std::uint8_t sii_checksum(std::span<const std::uint8_t> first_14_bytes) {
@@ -87,7 +87,7 @@ bool SiiInterface::byte_written(std::uint8_t offset, std::uint8_t value, Side si
     return true;
   }
   if (offset == 1) {
-    // The application takes the interface only when it is offered.
+    // The application gets access only while the interface is offered to it.
     if (side != Side::application || !application_has_it() || (configuration_ & 0x02) != 0) return false;
     pdi_access_ = value & 0x01;
     return true;
@@ -110,7 +110,7 @@ bool SiiInterface::byte_written(std::uint8_t offset, std::uint8_t value, Side si
 void SiiInterface::run(Side side, Time now) {
   if (!granted(side) || !command_written_) return;
   command_written_ = false;
-  // Any command ends the errors of the last one.
+  // Every command clears the error bits of the one before.
   acknowledge_error_ = write_enable_error_ = false;
   switch (command_) {
     case 0: return;
@@ -126,11 +126,11 @@ void SiiInterface::run(Side side, Time now) {
       break;
     case 4: running_ = Command::reload, done_at_ = now + timing_.read; break;
     default:
-      acknowledge_error_ = true;  // no such command
+      acknowledge_error_ = true;  // unknown command
       command_ = 0;
       return;
   }
-  busy(now);  // a memory that takes no time has finished
+  busy(now);  // a memory without access time finishes at once
 }
 
 }  // namespace servodrome::ethercat

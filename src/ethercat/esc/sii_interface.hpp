@@ -7,29 +7,29 @@
 
 namespace servodrome::ethercat {
 
-// CRC-8 of the slave information's first 14 bytes, as its word 7 holds it: polynomial 07h, initial value FFh
+// CRC-8 over the first 14 bytes of the slave information, stored in its word 7: polynomial 07h, initial value FFh
 // (ETG.1000.6 clause 5.4).
 std::uint8_t sii_checksum(std::span<const std::uint8_t> first_14_bytes);
 
 // The interface to the slave information memory (EEPROM), registers 0500h..050Fh (ETG.1000.4 clause 6.4).
 class SiiInterface {
  public:
-  // How long the memory takes. An I2C EEPROM needs about 0.1 ms for a read and 5 ms for a write.
+  // Access time of the memory. An I2C EEPROM needs about 0.1 ms for a read and 5 ms for a write.
   struct Timing {
     Time read{std::chrono::microseconds(100)};
     Time write{std::chrono::milliseconds(5)};
   };
 
-  // `memory` is the content; writes change it. Empty: none is fitted.
+  // `memory` is the content, which writes change. Empty: no memory is fitted.
   SiiInterface(std::span<std::uint8_t> memory, Timing timing) : memory_(memory), timing_(timing) {}
 
   void power_on();
 
-  // True: the first 16 bytes are there and their checksum is right.
+  // Returns true if the first 16 bytes exist and their checksum is right.
   bool load();
   bool loaded() const { return loaded_; }
   std::span<std::uint8_t> memory() const { return memory_; }
-  // Has a word been written since the last call? For who keeps the memory.
+  // Has a word been written since the last call? For a caller that stores the memory permanently.
   bool take_written() {
     const bool written = written_;
     written_ = false;
@@ -39,11 +39,11 @@ class SiiInterface {
   enum class Side : std::uint8_t { master, application };
   bool granted(Side side) const { return (application_has_it() ? Side::application : Side::master) == side; }
 
-  // Register access, offsets from 0500h. `byte_written` only takes values over; a command runs at `run`.
+  // Register access, offsets from 0500h. `byte_written` only stores the byte; `run` starts a command.
   std::uint8_t byte(std::uint8_t offset, Time now);
-  // False: this side cannot write it now.
+  // Returns false if this side has no write access now.
   bool byte_written(std::uint8_t offset, std::uint8_t value, Side side, Time now);
-  // After an access that wrote 0503h: begins the command.
+  // Call it after an access that wrote 0503h: starts the command.
   void run(Side side, Time now);
   // Has a reload command finished since the last call?
   bool take_reloaded() {
@@ -56,7 +56,8 @@ class SiiInterface {
  private:
   enum class Command : std::uint8_t { none = 0, read = 1, write = 2, reload = 4 };
 
-  // Offered is given; and it is not back before the application has let go of it or was forced to.
+  // The application has the interface as soon as the master offers it, and keeps it until the application releases it
+  // or the master forces it back.
   bool application_has_it() const { return ((configuration_ | pdi_access_) & 1) != 0; }
   bool busy(Time now);
   void finish();

@@ -5,11 +5,11 @@
 
 namespace servodrome::ethercat {
 
-// One sync manager channel: the rules by which master and application pass a buffer to each other (ETG.1000.4 clause
-// 6.5). Knows where its area is and whose turn it is; the bytes are the controller's.
+// One sync manager channel: the rules by which master and application hand a buffer to each other (ETG.1000.4 clause
+// 6.5). The channel knows the position of its area and whose turn it is; the controller owns the bytes.
 //
-// The side that writes and the side that reads open a buffer at its first byte and close it at its last.
-struct alignas(32) SyncManager {  // so that those of the process data share a cache line
+// Each side opens a buffer with an access to its first byte and closes it with an access to its last byte.
+struct alignas(32) SyncManager {  // aligned so that both process data channels share a cache line
   enum class Mode : std::uint8_t { buffered, mailbox };
 
   // Registers 0800h..0807h + 8n.
@@ -19,8 +19,7 @@ struct alignas(32) SyncManager {  // so that those of the process data share a c
   static constexpr std::uint8_t pdi_repeat = 0x02;
   static constexpr std::uint8_t control_watchdog = 0x40;
 
-  // Takes over the registers; `memory_end` is the first address that does not exist. Whatever was in the buffers is
-  // gone.
+  // Loads the registers; `memory_end` is the first address that does not exist. Discards the content of the buffers.
   void configure(const std::uint8_t* registers, std::uint32_t memory_end);
 
   bool contains(std::uint32_t address) const {
@@ -30,15 +29,15 @@ struct alignas(32) SyncManager {  // so that those of the process data share a c
     return active && address >= start && address + bytes <= std::uint32_t{start} + length;
   }
 
-  // May `bytes` at `offset` be accessed now by the side that writes (reads)? If so, where they are, as an offset into
-  // the memory; otherwise -1. Follow with `wrote` (`read`).
+  // May the writing (reading) side access `bytes` at `offset` now? Returns the address in the memory, or -1 if it may
+  // not. Call `wrote` (`read`) after the access.
   std::int32_t writing_at(std::uint32_t offset);
   std::int32_t reading_at(std::uint32_t offset);
-  // Returns true when this access closed the buffer.
+  // Returns true if this access closed the buffer.
   bool wrote(std::uint32_t offset, std::uint32_t bytes);
   bool read(std::uint32_t offset, std::uint32_t bytes);
 
-  // The same for a whole buffer of three at once: where it is; then it is closed.
+  // The same for a whole three-buffer area in one step: returns the address and closes the buffer.
   std::uint32_t write_whole() {
     const std::uint16_t at = write_buffer;
     write_buffer = std::exchange(last_buffer, at);
@@ -55,7 +54,7 @@ struct alignas(32) SyncManager {  // so that those of the process data share a c
     return read_buffer;
   }
 
-  // A mailbox that was read is full again with what it held: the answer to a repeat request.
+  // Answer to a repeat request: marks a mailbox that was read as full again, with the same content.
   void refill() { unread = 1; }
 
   // Register 0805h + 8n.
@@ -64,27 +63,27 @@ struct alignas(32) SyncManager {  // so that those of the process data share a c
   std::uint16_t start = 0;
   std::uint16_t length = 0;
   Mode mode = Mode::buffered;
-  bool guards = false;  // enabled by the master, and its area exists
-  bool active = false;  // by the application as well; else the area cannot be accessed
+  bool guards = false;  // the master enabled the channel, and its area exists
+  bool active = false;  // the application enabled it as well; otherwise the area cannot be accessed
   bool master_writes = false;
   bool interrupts_master = false;
   bool interrupts_application = false;
   bool triggers_watchdog = false;
 
-  // What a whole buffer changes lies together.
-  std::uint32_t unread = 0;  // written buffers the reader has not begun to read; of a mailbox one, until it is read
+  // Members that a whole buffer access changes lie together.
+  std::uint32_t unread = 0;  // written buffers that the reader has not begun to read; mailbox: 1 until it is read
   bool valid = false;        // buffered: written at least once
   bool write_open = false;
   bool interrupt_write = false;  // status bit 0
   bool interrupt_read = false;   // status bit 1
   bool read_open = false;
-  // Addresses in the memory; of a mailbox there is only the first.
+  // Addresses in the memory; a mailbox has only the first.
   std::uint16_t write_buffer = 0;
-  std::uint16_t last_buffer = 0;  // last one that was completely written
+  std::uint16_t last_buffer = 0;  // last buffer that was completely written
   std::uint16_t read_buffer = 0;
 };
 
-// In the path of every process data frame, hence here.
+// These functions are inline because every process data frame calls them.
 inline std::int32_t SyncManager::writing_at(std::uint32_t offset) {
   if (offset >= length) return -1;
   if (mode == Mode::mailbox) {

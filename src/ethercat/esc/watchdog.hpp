@@ -6,24 +6,24 @@
 
 namespace servodrome::ethercat {
 
-// A watchdog of a slave controller (ETG.1000.4 clause 6.3): runs from its first trigger on.
+// A watchdog of a slave controller (ETG.1000.4 clause 6.3): it starts with its first trigger.
 class Watchdog {
  public:
-  // 0400h: the base is divider + 2 periods of 40 ns; the watchdog's time counts bases, 0 switches it off.
+  // 0400h: the time base is (divider + 2) periods of 40 ns; `time` counts time bases, 0 switches the watchdog off.
   static constexpr Time period_of(std::uint16_t divider, std::uint16_t time) { return Time{40} * (divider + 2) * time; }
 
-  // Of one that runs as well.
+  // Also changes the deadline of a running watchdog.
   void set_period(Time period) {
     period_ = period;
     if (running_) run();
   }
-  // True when it has expired since the last call.
+  // Returns true if it has expired since the last call.
   bool check(Time now) {
     if (now < deadline_) return false;
     expire();
     return true;
   }
-  // To be checked before: a trigger that comes too late does not make an expiry undone.
+  // Call check() before: a trigger that comes too late does not undo an expiry.
   void trigger(Time now) {
     last_ = now;
     running_ = true;
@@ -37,8 +37,8 @@ class Watchdog {
   void clear_count() { count_ = 0; }
 
   bool expired() const { return expired_; }
-  std::uint8_t count() const { return count_; }  // of expiries, up to 255
-  Time deadline() const { return deadline_; }    // never: it does not run
+  std::uint8_t count() const { return count_; }  // expiries, stops at 255
+  Time deadline() const { return deadline_; }    // `never` if it does not run
 
  private:
   void run() { deadline_ = period_ != Time{0} ? last_ + period_ : never; }

@@ -10,7 +10,7 @@ constexpr std::size_t udp_header_size = 8;
 constexpr unsigned type_ethercat = 0x88A4;
 constexpr unsigned type_vlan = 0x8100;
 constexpr unsigned type_ipv4 = 0x0800;
-constexpr unsigned ipv4_without_options = 0x45;  // version and header length: all that slave controllers take
+constexpr unsigned ipv4_without_options = 0x45;  // version and header length; slave controllers accept no other
 constexpr unsigned protocol_udp = 17;
 constexpr unsigned datagram_type = 1;  // of the EtherCAT header
 
@@ -45,7 +45,7 @@ FrameKind parse_payload(std::span<std::uint8_t> bytes, Frame& frame) {
 
 namespace {
 
-// Within a VLAN tag, UDP, or both.
+// Parses EtherCAT within a VLAN tag, within UDP, or within both.
 FrameKind parse_wrapped(std::span<std::uint8_t> bytes, Frame& frame) {
   frame.count_ = 0;
   std::size_t at = addresses_size + 2;

@@ -6,11 +6,11 @@
 
 #include "ethercat/bytes.hpp"
 
-// EtherCAT frames and their datagrams as they lie in memory (ETG.1000.4 clause 5.3).
+// EtherCAT frames and their datagrams in memory (ETG.1000.4 clause 5.3).
 namespace servodrome::ethercat {
 
-// ETG.1000.4 table 10. A: by position, F: by station address, B: all, L: by logical address; the M of the last two:
-// one slave writes into the frame, the slaves behind it read.
+// ETG.1000.4 table 10. A: addressed by position, F: by station address, B: broadcast, L: by logical address. M in the
+// last two: the addressed slave writes into the frame, all others read.
 enum class Command : std::uint8_t {
   nop = 0,
   aprd = 1,
@@ -42,7 +42,7 @@ inline constexpr std::uint16_t length_mask = 0x07FF;
 inline constexpr std::uint16_t circulating_bit = 0x4000;
 inline constexpr std::uint16_t more_bit = 0x8000;
 
-// What a working counter gains (ETG.1000.4 table 11).
+// Increment of the working counter (ETG.1000.4 table 11).
 constexpr unsigned gain(bool read, bool written, bool both_wanted) {
   return (read ? 1U : 0U) + (written ? both_wanted ? 2U : 1U : 0U);
 }
@@ -67,26 +67,26 @@ struct Datagram {
 
 enum class FrameKind : std::uint8_t {
   ethercat,   // datagrams for slave controllers
-  foreign,    // of another protocol, or EtherCAT of a type that slave controllers pass on (ETG.1000.4 table 8)
-  malformed,  // EtherCAT, but its datagrams do not fit into it
+  foreign,    // another protocol, or an EtherCAT type that slave controllers pass on (ETG.1000.4 table 8)
+  malformed,  // EtherCAT, but the datagrams exceed the frame
 };
 
-// A frame taken apart. Pointers go into the bytes that were parsed.
+// A parsed frame. Its pointers refer to the bytes that were parsed.
 struct Frame {
   std::span<Datagram> datagrams() { return std::span(store_.data(), count_); }
 
   std::uint8_t* source_address;  // of the Ethernet header; nullptr without one
-  std::uint8_t* udp_checksum;    // nullptr unless EtherCAT over UDP
+  std::uint8_t* udp_checksum;    // nullptr if it is not EtherCAT over UDP
 
-  std::array<Datagram, max_datagrams> store_;  // the first `count_` of them
+  std::array<Datagram, max_datagrams> store_;  // only the first `count_` are valid
   std::size_t count_ = 0;
 };
 
-// Of an Ethernet frame without FCS: type 88A4h, or IPv4 UDP to port 88A4h, each with or without a VLAN tag. The length
-// in the EtherCAT header is not looked at, as slave controllers do not: the chain of datagrams decides.
+// Parses an Ethernet frame without FCS: type 88A4h, or IPv4 UDP to port 88A4h, each with or without a VLAN tag. Ignores
+// the length in the EtherCAT header, as slave controllers do: the chain of datagrams gives the length.
 FrameKind parse_ethernet(std::span<std::uint8_t> bytes, Frame& frame);
 
-// The same of the EtherCAT header and what follows it: the content of a UDP packet.
+// The same for the content of a UDP packet: the EtherCAT header and what follows it.
 FrameKind parse_payload(std::span<std::uint8_t> bytes, Frame& frame);
 
 }  // namespace servodrome::ethercat

@@ -6,12 +6,12 @@
 
 namespace servodrome::ethercat {
 
-// Composes a frame as a master sends it: Ethernet header (or none), EtherCAT header, datagrams (ETG.1000.4 clause 5.3).
+// Composes a frame of a master: optional Ethernet header, EtherCAT header, datagrams (ETG.1000.4 clause 5.3).
 class FrameWriter {
  public:
   static constexpr std::array<std::uint8_t, 6> default_source{0x10, 0x10, 0x10, 0x10, 0x10, 0x10};
 
-  // Within Ethernet type 88A4h, broadcast.
+  // EtherCAT in an Ethernet frame: type 88A4h, broadcast.
   static FrameWriter ethernet(std::span<std::uint8_t> memory, std::array<std::uint8_t, 6> source = default_source) {
     std::fill_n(memory.begin(), 6, std::uint8_t{0xFF});
     std::copy(source.begin(), source.end(), memory.begin() + 6);
@@ -22,14 +22,14 @@ class FrameWriter {
   // The content of a UDP packet.
   static FrameWriter payload(std::span<std::uint8_t> memory) { return {memory, 0}; }
 
-  // Bytes of data a further datagram can have; negative when not even an empty one fits.
+  // Number of data bytes that another datagram may have; negative if not even an empty datagram fits.
   int room() const {
     const std::size_t limit = std::min(memory_.size(), start_ + max_payload);
     return static_cast<int>(limit) - static_cast<int>(end_) - static_cast<int>(datagram_overhead);
   }
 
-  // The data of the new datagram, to be filled, zero before; empty if it does not fit. `address` is ADP | ADO << 16 or
-  // the logical address.
+  // Appends a datagram. Returns its data, all zero, for the caller to fill; empty if it does not fit. `address` is ADP
+  // | ADO << 16, or the logical address.
   std::span<std::uint8_t> add(Command command, std::uint8_t index, std::uint32_t address, std::size_t length) {
     if (room() < static_cast<int>(length)) return {};
     if (last_ != 0) store_u16(&memory_[last_ + 6], load_u16(&memory_[last_ + 6]) | more_bit);
@@ -45,7 +45,7 @@ class FrameWriter {
     return {header + datagram_header_size, length};
   }
 
-  // The frame so far, without FCS and without padding to the shortest Ethernet frame.
+  // The frame so far, without FCS and without padding to the minimum Ethernet length.
   std::span<std::uint8_t> bytes() const { return memory_.first(end_); }
 
  private:
@@ -54,12 +54,12 @@ class FrameWriter {
   }
 
   std::span<std::uint8_t> memory_;
-  std::size_t start_;     // of the EtherCAT header
-  std::size_t end_;       // of what is written
-  std::size_t last_ = 0;  // header of the last datagram; 0: none yet
+  std::size_t start_;     // position of the EtherCAT header
+  std::size_t end_;       // end of the written bytes
+  std::size_t last_ = 0;  // position of the last datagram's header; 0: none yet
 };
 
-// ADP and ADO of a datagram as one address.
+// Combines ADP and ADO of a datagram into one address.
 constexpr std::uint32_t address_of(std::uint16_t adp, std::uint16_t ado) {
   return adp | static_cast<std::uint32_t>(ado) << 16;
 }

@@ -7,13 +7,13 @@
 #include "dictionary/entry.hpp"
 #include "ethercat/slave/profile.hpp"
 
-// What the SII image and the ESI file both derive from a table's factory values.
+// Values that both the SII image and the ESI file derive from the default values of an object table.
 namespace servodrome::ethercat {
 
 struct Defaults {
   std::span<const dictionary::Entry> table;
 
-  // nullptr if the table does not have it.
+  // Returns nullptr if the table does not have the entry.
   const dictionary::Entry* find(std::uint16_t index, unsigned sub) const {
     const std::uint32_t key = static_cast<std::uint32_t>(index) << 8 | sub;
     const auto at =
@@ -31,7 +31,7 @@ struct Defaults {
     }
     return false;
   }
-  // Of the process data that are assigned.
+  // Bytes of all process data that are assigned by default.
   unsigned bytes(std::uint16_t assignment) const {
     unsigned bits = 0;
     for (unsigned sub = 1, count = value(assignment, 0); sub <= count; ++sub) {
@@ -42,7 +42,7 @@ struct Defaults {
   }
 };
 
-// A direction of process data: where its PDOs are described and assigned.
+// A direction of process data: the objects of its PDO mappings and of its assignment.
 struct PdoDirection {
   std::uint16_t first_mapping;
   std::uint16_t assignment;
@@ -67,8 +67,8 @@ struct Mapped {
         bits(static_cast<std::uint8_t>(mapping)) {}
 };
 
-// The type of a mapped object as a master sees it: its own, or the number of that kind that is as long as what is
-// mapped.
+// The type of a mapped object as a master sees it: its own type, or the number type of the same signedness that has the
+// mapped length.
 constexpr dictionary::Type mapped_type(const dictionary::Entry& entry, std::uint8_t bits) {
   using dictionary::Type;
   if (bits == dictionary::size_of(entry.type) * 8U || entry.type == Type::boolean) return entry.type;
@@ -82,7 +82,7 @@ constexpr dictionary::Type mapped_type(const dictionary::Entry& entry, std::uint
   }
 }
 
-// A sync manager as a master sets it up.
+// The settings that a master uses for a sync manager.
 struct SyncManagerChannel {
   std::uint16_t start;
   std::uint16_t default_length;

@@ -36,16 +36,16 @@ constexpr std::uint16_t category_rx_pdo = 51;
 constexpr std::uint16_t category_dc = 60;
 constexpr std::uint16_t category_end = 0xFFFF;
 
-constexpr std::uint16_t fixed_content = 0x0010;  // of a PDO (ETG.2010)
-constexpr std::uint8_t unassigned = 0xFF;        // sync manager of a PDO that is not assigned by default
+constexpr std::uint16_t fixed_content = 0x0010;  // PDO flag: the mapping cannot be changed (ETG.2010)
+constexpr std::uint8_t unassigned = 0xFF;        // sync manager number of a PDO that is not assigned by default
 
-// The strings of an image, numbered from 1; each once.
+// The strings of an image, numbered from 1, without duplicates.
 class Strings {
  public:
-  // 0 for an empty one and when there is no room.
+  // Returns 0 for an empty string, and if there is no room.
   std::uint8_t number_of(std::string_view text) {
     if (text.empty()) return 0;
-    text = text.substr(0, 255);  // as its length can say
+    text = text.substr(0, 255);  // the length field has 8 bits
     for (std::size_t i = 0; i < count_; ++i) {
       if (strings_[i] == text) return static_cast<std::uint8_t>(i + 1);
     }
@@ -138,7 +138,7 @@ void put_general(Writer& writer, const SiiDescription& description, const Profil
   // CoE: SDO, SDO information, PDO assignment and configuration, complete access.
   writer.u8(0x0F | (profile.complete_access ? 0x20U : 0U));
   writer.u8(profile.file_access ? 1U : 0U);
-  writer.zeros(4);  // no EoE, SoE; DS402 channels and class are not used any more
+  writer.zeros(4);  // no EoE, SoE; DS402 channels and class are obsolete
   writer.u8(0x08);  // identification by AL status code
   writer.u16(static_cast<std::uint16_t>(description.current_ma));
   writer.zeros(2);
@@ -177,10 +177,10 @@ void put_dc(Writer& writer, std::span<const DcMode> modes, Strings& strings) {
   writer.end();
 }
 
-// All but the strings, which come first and are known when the rest has been gone through.
+// Writes all categories except the strings. The strings come first in the image but are complete only after this pass.
 void put_categories(Writer& writer, const SiiDescription& description, const Profile& profile, const Defaults& defaults,
                     Strings& strings) {
-  strings.number_of(description.order);  // string 1 is what masters show as the slave's name
+  strings.number_of(description.order);  // masters show string 1 as the slave's name
   put_general(writer, description, profile, strings);
   writer.begin(category_fmmu);
   writer.u8(1);  // outputs
@@ -230,7 +230,7 @@ std::size_t write_sii_image(const SiiDescription& description, const Profile& pr
   writer.go_to_word(protocols_word);
   writer.u16(protocol_coe | (profile.file_access ? protocol_foe : 0U));
   writer.go_to_word(size_word);
-  writer.u16(static_cast<unsigned>(image.size() / 128 - 1));  // in KiBit, less one
+  writer.u16(static_cast<unsigned>(image.size() / 128 - 1));  // in KiBit, minus one
   writer.go_to_word(version_word);
   writer.u16(1);
   image[checksum_word * 2] = sii_checksum(image.first(sii_config_bytes));

@@ -4,7 +4,7 @@
 
 namespace servodrome::ethercat {
 
-// States of the EtherCAT state machine by their value in AL control and AL status (ETG.1000.6 clause 6.4.1).
+// States of the EtherCAT state machine, with their values in AL control and AL status (ETG.1000.6 clause 6.4.1).
 enum class AlState : std::uint8_t {
   init = 1,
   pre_operational = 2,
@@ -13,7 +13,7 @@ enum class AlState : std::uint8_t {
   operational = 8
 };
 
-// Why a state was left or not reached (ETG.1020 table 11).
+// Reason why a state was left or not reached (ETG.1020 table 11).
 enum class AlStatusCode : std::uint16_t {
   none = 0x0000,
   unspecified = 0x0001,
@@ -52,7 +52,7 @@ enum class AlStatusCode : std::uint16_t {
   no_valid_inputs_and_outputs = 0x002B,
   fatal_sync_error = 0x002C,
   no_sync = 0x002D,
-  invalid_input_fmmu_configuration = 0x002E,  // of old editions, still reported
+  invalid_input_fmmu_configuration = 0x002E,  // from old editions, still reported
   invalid_dc_sync_configuration = 0x0030,
   invalid_dc_latch_configuration = 0x0031,
   pll_error = 0x0032,
@@ -80,7 +80,7 @@ enum class AlStatusCode : std::uint16_t {
   application_controller_available = 0x00F0,
 };
 
-// The standard's words for a code, or "unknown AL status code".
+// The text of the standard for a code, or "unknown AL status code".
 const char* text(AlStatusCode code);
 const char* text(AlState state);
 

@@ -24,7 +24,7 @@ struct SyncParameters {
   bool sync_error = false;
 };
 
-// Their sub-indices.
+// Sub-indices of 1C32h and 1C33h.
 namespace sync_parameter {
 inline constexpr std::uint8_t type = 0x01;
 inline constexpr std::uint8_t cycle_time = 0x02;

@@ -5,7 +5,8 @@
 #include "ethercat/slave/communication_objects.hpp"
 
 // The objects 1000h..1FFFh as a table section over a CommunicationObjects<...> (ETG.1000.6 clause 5.6.7, ETG.1020
-// clauses 12 and 17). A product sets its defaults and removes what it does not have; 1008h..100Ah are its own.
+// clauses 12 and 17). A product sets the default values and removes the objects that it does not have. It adds
+// 1008h..100Ah itself.
 namespace servodrome::ethercat {
 
 namespace section {
@@ -132,7 +133,8 @@ constexpr auto communication() {
   return table;
 }
 
-// 1010h and 1011h, for devices that store on command; they read as such (bit 0) and take a signature.
+// 1010h and 1011h, for devices that store on command. Reading them returns 1 (bit 0: stores on command); writing needs
+// the signature.
 inline constexpr auto storage = [] {
   constexpr const char* store_names[] = {"Save all parameters", "Save communication parameters",
                                          "Save application parameters", "Save manufacturer defined parameters"};

@@ -58,7 +58,7 @@ struct Unit {
 
 // Prefix (power of ten) << 24 | numerator << 16 | denominator << 8. Numerators and denominators: none 00h, second 03h,
 // ampere 04h, hertz 20h, watt 24h, volt 26h, ohm 28h, henry 2Ch, degree Celsius 2Dh, degree 41h, minute 47h, newton
-// metre 56h, revolution B4h, increment B5h. Per cent and per mille are powers of ten of nothing.
+// metre 56h, revolution B4h, increment B5h. Per cent and per mille are powers of ten without a unit.
 constexpr Unit units[] = {
     {"s", 0x00030000},
     {"ms", 0xFD030000},

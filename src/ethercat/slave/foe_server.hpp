@@ -23,37 +23,37 @@ enum class FoeError : std::uint32_t {
   program_error = 0x800B,
 };
 
-// The files of a device. One transfer at a time; `position` counts from 0 and goes up without gaps.
+// The files of a device. Only one transfer at a time; `position` starts at 0 and increases without gaps.
 class FoeFiles {
  public:
-  // Before a transfer.
+  // Called before a transfer.
   virtual FoeError open(std::string_view /*name*/, std::uint32_t /*password*/, bool /*writes*/) {
     return FoeError::not_found;
   }
-  // The next bytes of the opened file; `count` fewer than `into` is the end of it.
+  // Reads the next bytes of the opened file; a `count` smaller than `into` marks its end.
   virtual FoeError read(std::uint32_t /*position*/, std::span<std::uint8_t> /*into*/, std::size_t& /*count*/) {
     return FoeError::not_defined;
   }
-  // The next bytes for the opened file; `last` when it is complete.
+  // Writes the next bytes of the opened file; `last` marks the final ones.
   virtual FoeError write(std::uint32_t /*position*/, std::span<const std::uint8_t> /*data*/, bool /*last*/) {
     return FoeError::not_defined;
   }
-  // Why the last call failed, for people; goes out with the error, as much of it as there is room for.
+  // A text for the user that explains why the last call failed. It is sent with the error, cut to the available room.
   virtual std::string_view reason() const { return {}; }
 
  protected:
   ~FoeFiles() = default;
 };
 
-// File access over EtherCAT (ETG.1000.6 clause 5.8), the server's side.
+// Server side of file access over EtherCAT (ETG.1000.6 clause 5.8).
 class FoeServer {
  public:
   void set_files(FoeFiles* files) { files_ = files; }
   bool offered() const { return files_ != nullptr; }
   void reset() { state_ = State::idle; }
 
-  // A message, at least `least_request` bytes. `packet_size` is what a data message of the master can carry: one that
-  // carries less is its last. The answer, if there is one, goes to `reply`.
+  // Handles a message of at least `least_request` bytes. `packet_size` is the number of bytes that a data message of
+  // the master can carry: a message with fewer is the last. If there is an answer, it is put into `reply`.
   static constexpr std::size_t least_request = 6;
   void receive(std::span<const std::uint8_t> request, std::size_t packet_size, Message& reply);
 
@@ -68,9 +68,9 @@ class FoeServer {
 
   FoeFiles* files_ = nullptr;
   State state_ = State::idle;
-  std::uint32_t packet_ = 0;    // last one sent or received
+  std::uint32_t packet_ = 0;    // number of the last packet sent or received
   std::uint32_t position_ = 0;  // in the file
-  bool last_ = false;           // the packet sent was the last one
+  bool last_ = false;           // the packet that was sent is the last one
 };
 
 }  // namespace servodrome::ethercat

@@ -19,8 +19,8 @@ constexpr Blink run_indicator(AlState state) {
   return Blink::off;
 }
 
-// `code` of AL status, and whether it is an error that stands. Blinking: a state change was refused; single flash: the
-// slave changed its state by itself; double flash: the watchdog of the process data ran out.
+// `code` is the AL status code, `error` the error bit. Blinking: a state change was refused. Single flash: the slave
+// changed its state by itself. Double flash: the process data watchdog expired.
 constexpr Blink error_indicator(bool error, AlStatusCode code) {
   if (!error) return Blink::off;
   switch (code) {
@@ -33,8 +33,8 @@ constexpr Blink error_indicator(bool error, AlStatusCode code) {
   }
 }
 
-// Is the lamp lit at `time`, counted from anywhere? Flickering is 50 ms on and off, blinking 200 ms; a flash is 200 ms
-// long, flashes are 200 ms apart, and 1 s follows the last.
+// Is the lamp lit at `time`? Its origin does not matter. Flickering is 50 ms on and off, blinking 200 ms; a flash lasts
+// 200 ms, flashes are 200 ms apart, and a pause of 1 s follows the last.
 constexpr bool is_lit(Blink blink, Time time) {
   constexpr Time flash = std::chrono::milliseconds(200);
   constexpr Time flicker = std::chrono::milliseconds(50);

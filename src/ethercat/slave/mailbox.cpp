@@ -27,7 +27,7 @@ void Mailbox::follow_master() {
     repeating_ = false;
   }
   if (esc_.repeat_requested(in)) {
-    // The master missed what it read last. That goes in again; a newer message that waits there comes after it.
+    // The master missed the message that it read last. It is placed again; a newer waiting message is sent after it.
     if (last_read_length_ != 0) {
       if (occupied_) {
         esc_.disable_sync_manager(in, true);
@@ -78,7 +78,7 @@ void Mailbox::send(const Message& message) {
   counter_ = counter_ == 7 ? std::uint8_t{1} : static_cast<std::uint8_t>(counter_ + 1);
   std::uint8_t* header = waiting_memory_.data();
   store_u16(header, static_cast<unsigned>(message.length));
-  store_u16(header + 2, 0);  // from the slave itself
+  store_u16(header + 2, 0);  // source: the slave itself
   header[4] = 0;
   header[5] = static_cast<std::uint8_t>(static_cast<unsigned>(message.type) | static_cast<unsigned>(counter_) << 4);
   waiting_length_ = mailbox_header_size + message.length;
@@ -89,7 +89,7 @@ void Mailbox::send_error(MailboxError error) {
   Message message;
   if (!open(message)) return;
   message.type = MailboxType::error;
-  message.u16(1);  // the only type of mailbox error replies
+  message.u16(1);  // the only defined type of mailbox error reply
   message.u16(static_cast<unsigned>(error));
   send(message);
 }

@@ -6,10 +6,10 @@
 
 #include "ethercat/bytes.hpp"
 
-// Mailbox messages as they lie in a mailbox (ETG.1000.4 clause 5.6, ETG.1000.6 clause 5.6).
+// Layout of mailbox messages (ETG.1000.4 clause 5.6, ETG.1000.6 clause 5.6).
 namespace servodrome::ethercat {
 
-// Length 2 (of what follows the header), address 2, channel and priority 1, type 4 bits and counter 3 bits.
+// Length 2 (without the header), address 2, channel and priority 1, type 4 bits and counter 3 bits.
 inline constexpr std::size_t mailbox_header_size = 6;
 
 enum class MailboxType : std::uint8_t { error = 0, aoe = 1, eoe = 2, coe = 3, foe = 4, soe = 5, voe = 15 };
@@ -26,10 +26,10 @@ enum class MailboxError : std::uint16_t {
   invalid_size = 0x08,
 };
 
-// A message under construction in a mailbox; `room` is what comes behind the mailbox header.
+// A message under construction in a mailbox; `room` is the space behind the mailbox header.
 struct Message {
   std::span<std::uint8_t> room;
-  std::size_t length = 0;  // 0: there is none
+  std::size_t length = 0;  // 0: no message
   MailboxType type = MailboxType::coe;
 
   std::size_t left() const { return room.size() - length; }

@@ -28,7 +28,7 @@ void put_bits(std::span<std::uint8_t> image, unsigned bit, unsigned bits, std::u
   }
 }
 
-// Of a number as long as one of dictionary::Type.
+// For a number with the length of a dictionary::Type.
 void copy_number(void* to, const void* from, unsigned bytes) {
   switch (bytes) {
     case 1: std::memcpy(to, from, 1); break;
@@ -38,7 +38,7 @@ void copy_number(void* to, const void* from, unsigned bytes) {
   }
 }
 
-// Where as many bits are mapped as a signed object does not have.
+// Extends the sign when more bits are mapped than the signed object has.
 std::uint64_t sign_extended(std::uint64_t value, unsigned bits) {
   if (bits >= 64 || (value >> (bits - 1) & 1) == 0) return value;
   return value | ~std::uint64_t{0} << bits;
@@ -161,7 +161,7 @@ void ProcessImage::write_objects(std::span<const std::uint8_t> image) {
   }
 }
 
-// False: the value is refused.
+// Returns false if the value is refused.
 bool ProcessImage::store_checked(const MappedObject& object, std::span<const std::uint8_t> image) {
   const Entry& entry = *object.entry;
   const std::uint8_t* from = image.data();

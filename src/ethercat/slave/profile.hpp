@@ -8,23 +8,23 @@
 
 namespace servodrome::ethercat {
 
-// Where a sync manager's area shall be and how long it may be.
+// Required start and permitted length of a sync manager's area.
 struct AreaRule {
   std::uint16_t start = 0;
   std::uint16_t least_length = 0;
   std::uint16_t greatest_length = 0;
 };
 
-// Ways of synchronisation as bits of 1C32h sub-index 4 (ETG.1020 table 72).
+// Types of synchronisation as bits of 1C32h sub-index 4 (ETG.1020 table 72).
 namespace sync_support {
 inline constexpr std::uint16_t free_run = 0x0001;
 inline constexpr std::uint16_t sync_manager = 0x0002;
 inline constexpr std::uint16_t dc_sync0 = 0x0004;
-inline constexpr std::uint16_t local_shift = 0x0020;  // sub-index 3 shifts, by a timer of the slave's
+inline constexpr std::uint16_t local_shift = 0x0020;  // sub-index 3 shifts, with a timer of the slave
 }  // namespace sync_support
 
-// An object that a master writes when it starts the slave, as the ESI file recommends it and list 5 of the SDO
-// information names it. `transition` as the ESI spells it: "IP", "PS", "SO" and back.
+// An object that a master writes when it starts the slave: recommended in the ESI file and in list 5 of the SDO
+// information. `transition` as in the ESI file: "IP", "PS", "SO" and the reverse.
 struct StartUpParameter {
   const char* transition = "PS";
   std::uint16_t index = 0;
@@ -33,7 +33,7 @@ struct StartUpParameter {
   const char* comment = "";
 };
 
-// What a slave offers and demands; the same values go into its SII image and ESI file.
+// Features and requirements of a slave; its SII image and ESI file contain the same values.
 struct Profile {
   AreaRule mailbox_out{0x1000, 34, 256};  // sync manager 0: master to slave
   AreaRule mailbox_in{0x1100, 34, 256};   // sync manager 1
@@ -46,18 +46,18 @@ struct Profile {
   std::uint16_t greatest_inputs = 256;
   std::uint16_t greatest_pdo = 0xFFFF;  // bytes of one PDO
 
-  bool file_access = false;  // FoE, as the SII image and the ESI file say; see Slave::set_files
+  bool file_access = false;  // FoE, as announced in the SII image and the ESI file; see Slave::set_files
   bool complete_access = true;
-  // A mapped length other than the object's is taken: the object's low bits, or zeros above them.
+  // Accepts a mapped length that differs from the object's: maps its low bits, or adds zeros above them.
   bool mapped_length_may_differ = false;
-  std::uint32_t empty_mapping = 0;  // value of a mapping entry that maps nothing, beside 0
+  std::uint32_t empty_mapping = 0;  // a second value, besides 0, of a mapping entry that maps nothing
 
   std::span<const StartUpParameter> start_up{};
 
   std::uint16_t synchronisation = sync_support::free_run | sync_support::sync_manager | sync_support::dc_sync0;
   Time least_cycle{std::chrono::microseconds(125)};
-  AlStatusCode cycle_too_short = AlStatusCode::invalid_sync0_cycle_time;  // ... what a shorter one is refused with
-  // Safe-Operational to Operational waits so long for outputs, and with DC for SYNC0.
+  AlStatusCode cycle_too_short = AlStatusCode::invalid_sync0_cycle_time;  // refuses a shorter cycle
+  // The change from Safe-Operational to Operational waits at most so long for outputs, and with DC for SYNC0.
   Time operational_timeout{std::chrono::seconds(5)};
 };
 

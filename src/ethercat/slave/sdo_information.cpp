@@ -23,7 +23,7 @@ constexpr unsigned incomplete = 0x80;
 
 constexpr std::size_t information_header_size = 4;
 constexpr std::size_t least_entry_response = coe_header_size + information_header_size + 10;
-constexpr unsigned lists = 5;  // 1: all, 2: RxPDO, 3: TxPDO, 4: kept for a replacement, 5: start-up parameters
+constexpr unsigned lists = 5;  // 1: all, 2: RxPDO, 3: TxPDO, 4: backup objects, 5: start-up parameters
 
 // Value info of an entry description (ETG.1000.6 table 48).
 constexpr unsigned with_unit = 0x08;
@@ -31,7 +31,7 @@ constexpr unsigned with_default = 0x10;
 constexpr unsigned with_minimum = 0x20;
 constexpr unsigned with_maximum = 0x40;
 
-// Objects that are records of a type of their own (ETG.1000.6 table 64, ETG.1020).
+// Objects that are records of a predefined type (ETG.1000.6 table 64, ETG.1020).
 constexpr unsigned record_type(std::uint16_t index) {
   if (index == 0x1018) return 0x0023;                      // IDENTITY
   if ((index >= 0x1600 && index < 0x1C00)) return 0x0021;  // PDO_MAPPING
@@ -156,7 +156,7 @@ void SdoInformation::describe_object(std::span<const std::uint8_t> data, Message
   reply.bytes(std::span(name.data(), std::min(name.size(), reply.left())));
 }
 
-// Whether the object has no such sub-index, and a higher one.
+// Does the object lack this sub-index but have a higher one?
 bool SdoInformation::is_gap(std::uint16_t index, std::uint8_t sub) const {
   AbortCode code{};
   const Entry* first = dictionary_.find(index, 0, code);
@@ -165,8 +165,8 @@ bool SdoInformation::is_gap(std::uint16_t index, std::uint8_t sub) const {
   return sub < table[object_end(static_cast<std::size_t>(first - table.data())) - 1].sub;
 }
 
-// As slaves describe a place of a record that holds nothing: no type, no bits, no access, no name. A master that asks
-// for all sub-indices goes on without an error.
+// The usual description of an unused place in a record: no type, no bits, no access, no name. A master that requests
+// all sub-indices then continues without an error.
 void SdoInformation::describe_gap(std::span<const std::uint8_t> data, Message& reply) const {
   begin(reply, entry_response, 0);
   reply.u16(load_u16(data.data()));
@@ -187,7 +187,7 @@ void SdoInformation::describe_entry(std::span<const std::uint8_t> data, Message&
   // The table has no limits for REAL32, and none above 2^63 - 1 for UNSIGNED64.
   const bool limited = entry->type != dictionary::Type::real32 && entry->type != dictionary::Type::unsigned64;
   if (entry->fixed_size() && limited) info |= data[3] & (with_minimum | with_maximum);
-  // What does not fit into a small mailbox is left out, the last first.
+  // Values that do not fit into a small mailbox are omitted, beginning with the last.
   const auto size_of_info = [&] {
     const unsigned values = (info >> 4 & 1U) + (info >> 5 & 1U) + (info >> 6 & 1U);
     return least_entry_response + ((info & with_unit) != 0 ? 4U : 0U) + values * dictionary::size_of(entry->type);
@@ -208,7 +208,7 @@ void SdoInformation::describe_entry(std::span<const std::uint8_t> data, Message&
   if ((info & with_default) != 0) value(entry->default_value);
   if ((info & with_minimum) != 0) value(entry->minimum);
   if ((info & with_maximum) != 0) value(entry->maximum);
-  // Sub-index 0 bears the object's name in the table and has a name of its own on the bus.
+  // The table gives sub-index 0 the name of the object; on the bus it has its own name.
   const bool counts = entry->sub == 0 && entry->code != dictionary::ObjectCode::var;
   const std::string_view name = counts ? "SubIndex 000" : entry->name;
   reply.bytes(std::span(name.data(), std::min(name.size(), reply.left())));

@@ -12,10 +12,10 @@ class SdoInformation {
   SdoInformation(const dictionary::Dictionary& dictionary, const Profile& profile)
       : dictionary_(dictionary), profile_(profile) {}
 
-  // Drops what is left of a list.
+  // Drops the remaining fragments of a list.
   void reset() { fragments_left_ = 0; }
 
-  // A request: what follows the CoE header, at least 4 bytes. A list that does not fit goes on with `next`.
+  // Handles a request: the data behind the CoE header, at least 4 bytes. If a list does not fit, `next` continues it.
   void receive(std::span<const std::uint8_t> request, Message& reply);
   bool has_next() const { return fragments_left_ != 0; }
   void next(Message& reply);
@@ -36,7 +36,7 @@ class SdoInformation {
   const dictionary::Dictionary& dictionary_;
   const Profile& profile_;
   unsigned list_ = 0;
-  std::size_t position_ = 0;  // in the table: the next object to look at
+  std::size_t position_ = 0;  // index in the table of the next object to examine
   unsigned fragments_left_ = 0;
 };
 

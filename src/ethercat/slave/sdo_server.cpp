@@ -34,7 +34,7 @@ constexpr std::size_t least_segment = 7;  // bytes of data, padded
 
 void SdoServer::abort(AbortCode code, Message& reply) {
   state_ = State::idle;
-  begin_coe(reply, CoeService::sdo_request);  // an abort is a request, from either side
+  begin_coe(reply, CoeService::sdo_request);  // the protocol sends an abort as a request, from either side
   reply.u8(abort_transfer);
   reply.u16(index_);
   reply.u8(sub_);
@@ -81,7 +81,7 @@ void SdoServer::initiate_download(std::span<const std::uint8_t> request, Message
   if (const AbortCode code = find(request); code != AbortCode::none) return abort(code, reply);
   const std::uint8_t command = request[0];
   if ((command & expedited_bit) != 0) {
-    // Without a size the object's own decides, as far as 4 bytes reach.
+    // Without a size in the request, the object's size is used, up to 4 bytes.
     const unsigned own = std::min<unsigned>(complete_ ? 4 : dictionary::size_of(entry_->type), 4);
     const unsigned size = (command & size_bit) != 0 ? 4U - (command >> 2 & 3U) : own != 0 ? own : 4U;
     const AbortCode code = commit(std::as_bytes(request.subspan(4, size)));
@@ -93,7 +93,7 @@ void SdoServer::initiate_download(std::span<const std::uint8_t> request, Message
     const AbortCode code = commit(std::as_bytes(data.first(size_)));
     return code == AbortCode::none ? respond_to_download(reply) : abort(code, reply);
   }
-  // More to come. What the table can tell is told now.
+  // More segments follow. Errors that the table shows are reported at once.
   if (!complete_) {
     const std::uint32_t own = dictionary::size_of(entry_->type);
     if (!entry_->writable()) return abort(AbortCode::read_only, reply);
@@ -140,8 +140,8 @@ AbortCode SdoServer::commit(std::span<const std::byte> value) {
   return complete_ ? commit_object(value) : dictionary_.write(*entry_, value);
 }
 
-// Sub-index 0, if it can be written, is 0 while the others change, as mappings demand, and gets its value at the end.
-// What was written stays written when a later entry refuses its value.
+// Mappings require that sub-index 0 is 0 while the other sub-indices change. Therefore a writable sub-index 0 is set to
+// 0 first and to its new value at the end. If a later entry refuses its value, the earlier ones stay written.
 AbortCode SdoServer::commit_object(std::span<const std::byte> value) {
   const std::span<const Entry> entries = object();
   const Entry& count_entry = entries[0];
@@ -157,7 +157,7 @@ AbortCode SdoServer::commit_object(std::span<const std::byte> value) {
   for (const Entry& entry : entries.subspan(1)) {
     if (entry.sub <= last) total.place(entry, size_in_object(entry));
   }
-  // From sub-index 1 on, the data may end after any entry.
+  // If the transfer starts at sub-index 1, the data may end after any entry.
   if (value.size() > total.bytes()) return dictionary_.length_aborts().too_long;
   if (sub_ == 0 && value.size() < total.bytes()) return dictionary_.length_aborts().too_short;
 
@@ -198,7 +198,7 @@ AbortCode SdoServer::gather_object() {
     const std::uint32_t size = size_in_object(entry);
     const std::uint32_t bit = layout.place(entry, size);
     if (layout.bytes() > buffer_.size()) return AbortCode::out_of_memory;
-    if (value.bytes.empty()) continue;  // write-only: zeros
+    if (value.bytes.empty()) continue;  // write-only entry: zeros
     if (entry.type == dictionary::Type::boolean) {
       if (value.bytes[0] != std::byte{0}) buffer_[bit / 8] |= std::byte{1} << bit % 8;
     } else {

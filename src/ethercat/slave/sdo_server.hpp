@@ -8,14 +8,14 @@ namespace servodrome::ethercat {
 // The SDO server of CoE (ETG.1000.6 clause 5.6.2): expedited, normal, segmented, complete access.
 class SdoServer {
  public:
-  // Transfers that do not fit into the mailbox, and complete access, are collected in `buffer`.
+  // Transfers that do not fit into the mailbox, and complete access, use `buffer`.
   SdoServer(dictionary::Dictionary& dictionary, bool complete_access, std::span<std::byte> buffer)
       : dictionary_(dictionary), complete_access_(complete_access), buffer_(buffer) {}
 
   void reset() { state_ = State::idle; }
 
-  // An SDO request: the 8 bytes behind the CoE header and what follows them. The answer goes to `reply`, whose room is
-  // at least 10 bytes; a request for nothing (an abort) gets none.
+  // Handles an SDO request: the 8 bytes behind the CoE header and what follows them. Puts the answer into `reply`,
+  // which must have room for at least 10 bytes. An abort request gets no answer.
   void receive(std::span<const std::uint8_t> request, Message& reply);
 
  private:
@@ -29,7 +29,7 @@ class SdoServer {
   void abort(dictionary::AbortCode code, Message& reply);
 
   dictionary::AbortCode find(std::span<const std::uint8_t> request);
-  // The entries of the object that complete access from `sub_` is about.
+  // The entries of the object that complete access addresses, from `sub_` on.
   std::span<const dictionary::Entry> object() const;
   dictionary::AbortCode commit(std::span<const std::byte> value);
   dictionary::AbortCode commit_object(std::span<const std::byte> value);
@@ -44,7 +44,7 @@ class SdoServer {
   std::uint8_t sub_ = 0;
   bool complete_ = false;
   bool toggle_ = false;
-  std::uint32_t size_ = 0;      // of the whole transfer
+  std::uint32_t size_ = 0;      // bytes of the whole transfer
   std::uint32_t position_ = 0;  // bytes received or sent
   const dictionary::Entry* entry_ = nullptr;
   dictionary::ReadValue value_;

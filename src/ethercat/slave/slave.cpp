@@ -9,7 +9,7 @@ using dictionary::Entry;
 
 namespace {
 
-// What can give a mailbox work: a message that was written or read, a request to repeat one, another state.
+// Events that can require work on the mailbox: a message was written or read, a repeat request, a state change.
 constexpr std::uint32_t mailbox_events = reg::al_event::sync_manager0 << Mailbox::out |
                                          reg::al_event::sync_manager0 << Mailbox::in |
                                          reg::al_event::sync_manager_activation | reg::al_event::al_control;
@@ -67,13 +67,13 @@ void Slave::poll(Time now) {
   if ((events & reg::al_event::watchdog_process_data) != 0 && state_ == AlState::operational) {
     fall_back(AlState::safe_operational, AlStatusCode::sync_manager_watchdog, now);
   }
-  // Process data first: a request for another state found them as they were.
+  // Process data come before a state request, because they arrived in the old state.
   if ((events & reg::al_event::sync_manager0 << 2) != 0) outputs_arrived(now);
-  if (now >= shifted_at_) exchange_shifted(now);  // of the SYNC0 before
+  if (now >= shifted_at_) exchange_shifted(now);  // shifts of the previous SYNC0
   if ((events & reg::al_event::sync0) != 0) sync0_arrived(now);
   if ((events & reg::al_event::sync_manager0 << 3) != 0 && inputs_run() && sync_type_ == SyncType::sync_manager &&
       outputs_.bytes() == 0) {
-    exchange_event(0x1C33, now);  // without outputs, reading the inputs is the signal
+    exchange_event(0x1C33, now);  // without outputs, the reading of the inputs is the event
   }
   if ((events & reg::al_event::sync_manager_activation) != 0) follow_configuration(now);
   if ((events & reg::al_event::al_control) != 0) al_control_written(now);
@@ -100,7 +100,7 @@ void Slave::process_image_updated(Time now) {
 void Slave::emergency(std::uint16_t error_code, std::uint8_t error_register, const std::array<std::uint8_t, 5>& data) {
   if (!mailbox_runs() || emergency_count_ == emergencies_.size()) return;
   emergencies_[emergency_count_++] = {error_code, error_register, data};
-  if (!serves_mailbox_) serve_mailbox();  // else it follows the answer to what raised it
+  if (!serves_mailbox_) serve_mailbox();  // otherwise it follows the answer to the request that caused it
 }
 
 void Slave::written(const Entry& entry) {
@@ -202,12 +202,13 @@ void Slave::serve_coe(const Mailbox::Request& request, Message& reply) {
 
 // ---- Objects ----
 
-// What the slave says to writes of the objects it owns (ETG.1000.6 clause 5.6.7, ETG.1020 clause 12).
+// Checks SDO writes of the objects that the slave owns (ETG.1000.6 clause 5.6.7, ETG.1020 clause 12).
 AbortCode Slave::check(const Entry& entry, std::span<const std::byte> bytes) {
   const auto value = static_cast<std::uint32_t>(dictionary::decode_number(dictionary::Type::unsigned64, bytes));
   const std::uint16_t index = entry.index;
   if (index == 0x1010 || index == 0x1011) {
-    // Nothing can refuse the write after this check, so storing happens here, where its failure can be answered.
+    // The write cannot fail after this check. Therefore the parameters are stored or reset here, where an error can be
+    // returned.
     const bool storing = index == 0x1010;
     if (value != (storing ? dictionary::save_signature : dictionary::load_signature)) {
       return AbortCode::cannot_transfer_or_store;
@@ -215,7 +216,8 @@ AbortCode Slave::check(const Entry& entry, std::span<const std::byte> bytes) {
     const dictionary::Area areas = dictionary::area_of_storage_sub(entry.sub);
     return storing ? events_.store(areas) : events_.restore_defaults(areas);
   }
-  // 0: an error of the synchronisation is told; 1, or what a described device has of its own: it ends Operational.
+  // 0: a synchronisation error is only shown in 1C32h:20. 1, or the described device's own default: it ends
+  // Operational.
   if (index == 0x10F1 && entry.sub == 1) {
     return value <= 1 || value == static_cast<std::uint32_t>(entry.default_value) ? AbortCode::none
                                                                                   : AbortCode::value_invalid;
@@ -227,7 +229,7 @@ AbortCode Slave::check(const Entry& entry, std::span<const std::byte> bytes) {
     if (inputs_run()) return AbortCode::device_state;
     if (shifts) return AbortCode::none;
     const bool inputs = index == 0x1C33;
-    // Inputs name the sync manager of the outputs 22h.
+    // 22h in the inputs means: synchronised with the outputs' sync manager.
     const std::uint32_t type = inputs && value == 0x22 ? 1 : value;
     return type < 16 && (profile_.synchronisation >> type & 1) != 0 ? AbortCode::none : AbortCode::value_invalid;
   }

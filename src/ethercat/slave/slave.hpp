@@ -15,7 +15,7 @@
 
 namespace servodrome::ethercat {
 
-// Memory a slave works with; see SlaveStorage.
+// Memory that a slave uses; see SlaveStorage.
 struct SlaveMemory {
   std::span<MappedObject> outputs;
   std::span<MappedObject> inputs;
@@ -36,20 +36,20 @@ struct SlaveStorage {
 };
 
 // The application side of an EtherCAT slave: state machine, mailbox with CoE, process data, synchronisation
-// (ETG.1000.6, ETG.1020). Knows the device through its dictionary, `SlaveEvents` and a `Profile`.
+// (ETG.1000.6, ETG.1020). It accesses the device only through its dictionary, `SlaveEvents` and a `Profile`.
 class Slave final : dictionary::Listener {
  public:
   Slave(Esc& esc, dictionary::Dictionary& dictionary, const Profile& profile, SlaveEvents& events, SlaveMemory memory);
 
-  // Offers FoE. The files outlive the slave.
+  // Enables FoE. The files must outlive the slave.
   void set_files(FoeFiles* files) { foe_.set_files(files); }
 
-  // After the controller's power-on. The dictionary holds its defaults or saved values.
+  // Call it after the controller's power-on. The dictionary must hold default or saved values.
   void start(Time now);
 
-  // After every frame, and no later than `next_deadline`.
+  // Call it after every frame, and no later than `next_deadline`.
   void poll(Time now);
-  // Is there anything for `poll` to do since a frame passed? For a caller with many slaves.
+  // Has `poll` anything to do since a frame passed? Saves calls for a caller with many slaves.
   bool wants_poll(Time now) const { return esc_.calls(now); }
   Time next_deadline(Time now) {
     const Time own = std::min(operational_until_, std::min(shifted_at_, sampled_at_));
@@ -58,32 +58,33 @@ class Slave final : dictionary::Listener {
     return due;
   }
   Time next_deadline() { return next_deadline(esc_.now()); }
-  // At most `next_deadline`, without working it out.
+  // A cached lower bound of `next_deadline`.
   Time quiet_until() const { return esc_.quiet_until(); }
 
-  // Process data are dealt with at the next multiple of `cycle`, as by an application that looks for them in its
-  // inputs, instead of when their frame has passed, and as long as they come closer than 1C32h:05 just before each
-  // control loop; 0 goes back to that. Only frames closer than `cycle` see a difference, and cost less. Everything else
-  // is dealt with at once, and the process data before it with it.
+  // Switches on the sampling of process data: as in an application that polls its inputs, a frame's process data are
+  // handled at the next multiple of `cycle`, not at once. If frames come closer together than 1C32h:05, their data are
+  // handled just before each control loop. All other events are handled at once, together with the process data that
+  // came before them. Sampling saves time, and changes results, only for frames closer together than `cycle`. 0
+  // switches it off.
   void sample_process_data_every(Time cycle) {
     sampling_cycle_ = cycle;
     esc_.set_quiet_until(Esc::unknown);
   }
-  // Nothing but process data has come that wait to be sampled, and nothing is due: `poll` would do nothing.
+  // Only process data that wait for sampling have come, and nothing is due: `poll` does nothing.
   bool puts_off(Time now);
 
-  // A control loop has been through, the next takes as long, and the objects have new values: they go into the inputs
-  // in free run, where no signal of the bus asks for them.
+  // Call it after a control loop, when the objects have new values. In free run it copies them into the inputs, because
+  // no bus signal triggers the copying. The time between two calls is taken as the length of the next loop.
   void process_image_updated(Time now);
 
   AlState state() const { return state_; }
   AlStatusCode status_code() const { return code_; }
   bool error() const { return error_; }
 
-  // The device cannot stay where it is: falls back to `state`, which is not above the present one, with `code`.
+  // For a device that cannot keep its state: falls back to `state`, which is not above the present one, with `code`.
   void fall_back(AlState state, AlStatusCode code, Time now);
 
-  // Sends an emergency (ETG.1000.6 clause 5.6.4) when the mailbox is in use. Up to 8 wait for the master to read.
+  // Sends an emergency (ETG.1000.6 clause 5.6.4) if the mailbox is active. Up to 8 wait until the master reads them.
   void emergency(std::uint16_t error_code, std::uint8_t error_register, const std::array<std::uint8_t, 5>& data);
 
  private:
@@ -92,7 +93,8 @@ class Slave final : dictionary::Listener {
     std::uint8_t error_register;
     std::array<std::uint8_t, 5> data;
   };
-  static constexpr std::uint32_t process_data_events = 3U * (reg::al_event::sync_manager0 << 2);  // of both channels
+  // events of both process data channels
+  static constexpr std::uint32_t process_data_events = 3U * (reg::al_event::sync_manager0 << 2);
   // 1C32h sub-index 1.
   enum class SyncType : std::uint16_t { free_run = 0, sync_manager = 1, dc_sync0 = 2, dc_sync1 = 3 };
 
@@ -131,7 +133,7 @@ class Slave final : dictionary::Listener {
   void show_synchronisation();
   void forget_synchronisation();
   void set_sync_parameter(std::uint16_t index, std::uint8_t sub, std::int64_t value);
-  void set_sync_parameter(std::uint8_t sub, std::int64_t value);  // of both
+  void set_sync_parameter(std::uint8_t sub, std::int64_t value);  // in both 1C32h and 1C33h
 
   // mailbox
   void serve_mailbox();
@@ -158,35 +160,35 @@ class Slave final : dictionary::Listener {
 
   AlState state_ = AlState::init;
   bool error_ = false;
-  bool identifies_ = false;  // the master asked for the identification value
+  bool identifies_ = false;  // the master requested the identification value
   AlStatusCode code_ = AlStatusCode::none;
-  Time operational_until_ = never;  // waits for outputs and SYNC0 until then
+  Time operational_until_ = never;  // deadline for outputs and SYNC0
 
-  SyncType sync_type_ = SyncType::free_run;     // in use
+  SyncType sync_type_ = SyncType::free_run;     // synchronisation in use
   std::optional<SyncType> wanted_sync_type_{};  // what the master wrote to 1C32h:01 since Init
   bool serves_mailbox_ = false;
   bool outputs_seen_ = false;   // since Safe-Operational
   bool outputs_fresh_ = false;  // since the last SYNC0
   bool sync_seen_ = false;      // since Safe-Operational
-  std::uint32_t missed_ = 0;    // 10F1h: 3 more for a cycle without outputs, 1 less for one with
+  std::uint32_t missed_ = 0;    // 10F1h: +3 for a cycle without outputs, -1 for a cycle with outputs
 
-  // 1C32h:03 and 1C33h:03: how long after SYNC0 outputs become valid and inputs are sampled.
+  // 1C32h:03 and 1C33h:03: delay from SYNC0 until the outputs become valid and the inputs are sampled.
   Time output_shift_{0};
   Time input_shift_{0};
-  Time outputs_at_ = never;  // that a shift still holds back
+  Time outputs_at_ = never;  // when the delayed outputs become valid
   Time inputs_at_ = never;
   Time shifted_at_ = never;  // the earlier of the two
 
   Time sampling_cycle_{0};
-  Time sampled_at_ = never;  // when process data that have come are dealt with
-  bool overrun_ = false;     // they come too fast for that: before the next control loop
-  Time loop_at_ = never;     // the last control loop
-  Time loop_{0};             // from one to the next; 0: not known yet
+  Time sampled_at_ = never;  // when the waiting process data are handled
+  bool overrun_ = false;     // frames come too fast for sampling: handle them before the next control loop
+  Time loop_at_ = never;     // time of the last control loop
+  Time loop_{0};             // time between two control loops; 0: unknown
 
   bool sync_error_ = false;      // 1C32h:20
   bool measures_cycle_ = false;  // 1C32h:08
-  Time last_event_ = never;      // that the exchange was timed by, in Operational
-  Time last_exchange_ = never;   // by the sync manager's event, since measuring began
+  Time last_event_ = never;      // last event that timed the exchange, in Operational
+  Time last_exchange_ = never;   // last sync manager event since the measurement began
   Time shortest_cycle_ = never;
 
   std::array<Emergency, 8> emergencies_{};

@@ -1,5 +1,4 @@
-// The EtherCAT state machine (ETG.1000.6 clause 6.4): which changes there are, what is checked before, what a refusal
-// looks like.
+// The EtherCAT state machine (ETG.1000.6 clause 6.4): the possible state changes, the checks before them, and refusals.
 #include <utility>
 
 #include "ethercat/slave/slave.hpp"
@@ -9,14 +8,14 @@ namespace servodrome::ethercat {
 namespace {
 
 constexpr unsigned state_mask = 0x0F;
-constexpr unsigned acknowledge_bit = 0x10;     // AL control; error in AL status
-constexpr unsigned identification_bit = 0x20;  // both
+constexpr unsigned acknowledge_bit = 0x10;     // in AL control: acknowledge; in AL status: error
+constexpr unsigned identification_bit = 0x20;  // in AL control and AL status
 
 constexpr unsigned used_sync_managers = 4;  // two for the mailbox, two for process data
 
 constexpr bool is_state(unsigned value) { return value == 1 || value == 2 || value == 3 || value == 4 || value == 8; }
 
-// Up one step at a time, down any; Bootstrap only from and to Init (ETG.1000.6 table 102).
+// Up by one step, down by any number of steps; Bootstrap only from and to Init (ETG.1000.6 table 102).
 constexpr bool exists(AlState from, AlState to) {
   if (from == to || to == AlState::init) return true;
   switch (from) {
@@ -57,7 +56,7 @@ void Slave::al_control_written(Time now) {
   const unsigned control = esc_.take_al_control();
   const unsigned wanted = control & state_mask;
   const bool acknowledges = (control & acknowledge_bit) != 0;
-  // With an error standing, nothing is heard but its acknowledgement and Init, where every master begins.
+  // While an error is active, only its acknowledgement and Init (the first request of every master) are accepted.
   if (error_ && !acknowledges && wanted != static_cast<unsigned>(AlState::init)) return;
   error_ = false;
   code_ = AlStatusCode::none;
@@ -66,10 +65,10 @@ void Slave::al_control_written(Time now) {
   if (!is_state(wanted)) return refuse(AlStatusCode::unknown_requested_state);
   const auto to = static_cast<AlState>(wanted);
   if (!exists(state_, to)) return refuse(AlStatusCode::invalid_requested_state_change);
-  // Pulses that a master started and then gave to the application would be there for the next one.
+  // A master may have started pulses and assigned them to the application; they must not run on for the next master.
   if (to == AlState::init) esc_.stop_own_pulses();
   if (const AlStatusCode code = change_state(to, now); code != AlStatusCode::none) refuse(code);
-  // Asking again for what is being waited for does not make the wait longer.
+  // A repeated request for the same state does not extend the waiting time.
   if (operational_until_ != never) operational_until_ = std::min(operational_until_, awaited_until);
 }
 
@@ -85,7 +84,7 @@ AlStatusCode Slave::change_state(AlState to, Time now) {
   if (to == AlState::operational) {
     open_process_data(true, true);
     operational_until_ = now + profile_.operational_timeout;
-    report();  // an error that was acknowledged is gone while outputs are waited for
+    report();  // an acknowledged error is cleared during the wait for outputs
     await_operational(now);
     return AlStatusCode::none;
   }
@@ -115,7 +114,7 @@ AlStatusCode Slave::check_mailbox(const AreaRule& out, const AreaRule& in, AlSta
   return good ? AlStatusCode::none : failure;
 }
 
-// Sync managers 2 and 3 are what the mapped PDOs need, and those behind them are off (ETG.1020 table 11).
+// Sync managers 2 and 3 must match the mapped PDOs, and all later ones must be off (ETG.1020 table 11).
 AlStatusCode Slave::check_process_data_channels() const {
   const auto fits = [this](unsigned n, std::uint16_t bytes, std::uint16_t start, bool master_writes) {
     const SyncManager& channel = esc_.sync_manager(n);
@@ -131,7 +130,7 @@ AlStatusCode Slave::check_process_data_channels() const {
   return AlStatusCode::none;
 }
 
-// Pre-Operational to Safe-Operational: the PDOs can be served, their channels are there.
+// Pre-Operational to Safe-Operational: checks that the PDOs are possible and their channels are configured.
 AlStatusCode Slave::check_process_data() {
   if (outputs_.resolve() != dictionary::AbortCode::none) return AlStatusCode::invalid_output_mapping;
   if (inputs_.resolve() != dictionary::AbortCode::none) return AlStatusCode::invalid_input_mapping;
@@ -170,8 +169,8 @@ void Slave::fall_back(AlState state, AlStatusCode code, Time now) {
   enter(state, code, now);
 }
 
-// The application takes sync managers 2 and 3 into use and out of it: a master's process data count where they are
-// exchanged, and it sees by its working counters where they are not.
+// The application enables sync managers 2 and 3 only while their process data are exchanged. So a master sees by its
+// working counters which data are not exchanged.
 void Slave::open_process_data(bool outputs, bool inputs) {
   const bool inputs_were_open = esc_.sync_manager(3).active;
   esc_.disable_sync_manager(2, !outputs);
@@ -179,15 +178,15 @@ void Slave::open_process_data(bool outputs, bool inputs) {
   if (inputs && !inputs_were_open && inputs_run()) give_inputs();
 }
 
-// Thrown out of Operational, or not let in: until the master has acknowledged that, outputs are not taken; of a slave
-// without outputs the inputs are not there.
+// After a fall-back from Operational, or a refused change to it: until the master acknowledges the error, the outputs
+// are disabled, or the inputs if the slave has no outputs.
 void Slave::hold_process_data_back() {
   const bool has_outputs = outputs_.bytes() != 0;
   open_process_data(!has_outputs, has_outputs);
 }
 
-// Safe-Operational to Operational: once there are outputs, and pulses if they are to time them. Outputs that stopped
-// coming, by the watchdog, are none.
+// Safe-Operational to Operational: enters it as soon as outputs have come, and also SYNC0 if it times them. Outputs
+// whose watchdog has expired do not count.
 void Slave::await_operational(Time now) {
   const bool outputs = outputs_.bytes() == 0 || (outputs_seen_ && !esc_.process_data_watchdog().expired());
   const bool pulses = sync_type_ != SyncType::dc_sync0 || sync_seen_;

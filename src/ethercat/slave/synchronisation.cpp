@@ -1,5 +1,5 @@
-// When process data are exchanged with the objects: free run, with the sync manager's event, with SYNC0 (ETG.1020
-// clause 17).
+// Time of the exchange between process data and objects: in free run, at the sync manager's event, or at SYNC0
+// (ETG.1020 clause 17).
 #include <algorithm>
 #include <utility>
 
@@ -32,9 +32,9 @@ void Slave::set_sync_parameter(std::uint8_t sub, std::int64_t value) {
   set_sync_parameter(input_parameter, sub, value);
 }
 
-// The pulses of the distributed clock decide: where a master has activated SYNC0, it is used, whether or not a pulse
-// has come or will (await_operational sees to that). 1C32h:01 then shows what was chosen; only what a master wrote
-// there counts the next time.
+// The distributed clock has priority: if the master activated SYNC0, it is used even before the first pulse
+// (await_operational waits for it). 1C32h:01 then shows the chosen type; the next choice considers only a value that a
+// master wrote there.
 AlStatusCode Slave::choose_synchronisation() {
   const DistributedClock::Sync& sync0 = esc_.clock().sync(0);
   const bool pulses = sync0.enabled;
@@ -50,7 +50,7 @@ AlStatusCode Slave::choose_synchronisation() {
     if (static_cast<std::int64_t>(sync0.step) < profile_.least_cycle.count()) {
       return profile_.cycle_too_short;
     }
-    // What is shifted beyond the next SYNC0 would never come.
+    // A shift beyond the next SYNC0 would never take effect.
     if (std::max(output_shift_, input_shift_).count() >= static_cast<std::int64_t>(sync0.step)) {
       return AlStatusCode::invalid_dc_sync_configuration;
     }
@@ -69,7 +69,7 @@ AlStatusCode Slave::choose_synchronisation() {
   return AlStatusCode::none;
 }
 
-// Inputs that follow the outputs' sync manager say so by 22h (ETG.1020 table 72).
+// Inputs that follow the outputs' sync manager show the type 22h (ETG.1020 table 72).
 void Slave::show_synchronisation() {
   constexpr std::int64_t with_outputs = 0x22;
   const auto type = static_cast<std::int64_t>(sync_type_);
@@ -78,7 +78,7 @@ void Slave::show_synchronisation() {
   set_sync_parameter(input_parameter, sync_parameter::type, follows ? with_outputs : type);
 }
 
-// Init: the next master finds it as from the factory.
+// On entering Init: restores the factory values for the next master.
 void Slave::forget_synchronisation() {
   wanted_sync_type_.reset();
   for (const std::uint16_t index : {output_parameter, input_parameter}) {
@@ -95,10 +95,10 @@ void Slave::start_exchange() {
   set_sync_parameter(sync_parameter::cycle_too_short, 0);
   set_sync_parameter(sync_parameter::shift_too_short, 0);
   show_sync_error(false);
-  give_inputs();  // the first reading finds something
+  give_inputs();  // so that the first read returns data
 }
 
-// A cycle for which the master has sent nothing brings nothing: outputs that were taken before are not new set-points.
+// A cycle without new outputs from the master changes nothing: outputs that were copied before are not new set-points.
 void Slave::take_outputs(Time now) {
   if (outputs_.bytes() != 0) {
     if (esc_.sync_manager(2).unread == 0) return;
@@ -117,7 +117,7 @@ void Slave::give_inputs() {
   esc_.close_writing(3);
 }
 
-// What 1C32h:03 and 1C33h:03 put off until some time after SYNC0.
+// Exchanges that 1C32h:03 and 1C33h:03 delay after SYNC0.
 void Slave::exchange_shifted(Time now) {
   if (now >= outputs_at_) {
     outputs_at_ = never;
@@ -130,7 +130,7 @@ void Slave::exchange_shifted(Time now) {
   shifted_at_ = std::min(outputs_at_, inputs_at_);
 }
 
-// 1C32h:08 and 1C33h:08, one for both: bit 0 measures the cycle from now on, bit 1 sets the event counters back.
+// 1C32h:08 and 1C33h:08 act as one: bit 0 starts measuring the cycle, bit 1 resets the event counters.
 void Slave::cycle_measurement_written(unsigned command) {
   measures_cycle_ = (command & measure_bit) != 0;
   last_exchange_ = shortest_cycle_ = never;
@@ -142,15 +142,15 @@ void Slave::cycle_measurement_written(unsigned command) {
   }
 }
 
-// One more in a counter of 1C32h or 1C33h; after FFFFh comes 0.
+// Increments a counter of 1C32h or 1C33h; FFFFh wraps to 0.
 void Slave::count(std::uint16_t index, std::uint8_t counter) {
   set_sync_parameter(index, counter, dictionary_.number(index, counter) + 1);
 }
 
-// An event of the sync manager that times the exchange, or several that were put off. Events closer than 1C32h:05 do
-// not leave the application the time it needs: 1C32h:0C (1C33h:0C where there are no outputs) counts them, in
-// Operational. Where process data are sampled, those that follow are dealt with just before the next control loop, and
-// its inputs come after it.
+// Handles one event of the sync manager that times the exchange, or several that were deferred. Events closer together
+// than 1C32h:05 leave the application too little time: in Operational 1C32h:0C counts them (1C33h:0C without outputs).
+// With sampling, the following process data are then handled just before the next control loop, and the inputs are
+// copied after it.
 void Slave::exchange_event(std::uint16_t index, Time now) {
   const Time events = std::max(1U, esc_.sync_manager(2).unread) * profile_.least_cycle;
   const Time before = std::exchange(last_event_, state_ == AlState::operational ? now : never);
@@ -169,7 +169,7 @@ void Slave::exchange_event(std::uint16_t index, Time now) {
   }
 }
 
-// The shortest time between two events of the sync manager becomes the cycle time.
+// Stores the shortest time between two events of the sync manager as the cycle time.
 void Slave::measure_cycle(Time now) {
   const Time before = std::exchange(last_exchange_, now);
   if (before == never || now - before >= shortest_cycle_) return;
@@ -181,11 +181,11 @@ void Slave::outputs_arrived(Time now) {
   if (!inputs_run() || !esc_.sync_manager(2).active) return;
   outputs_seen_ = outputs_fresh_ = true;
   if (sync_type_ == SyncType::dc_sync0) {
-    // Pulses that ended are noticed by the frames that go on.
+    // If the pulses have ended, the next frame detects it.
     if (state_ == AlState::operational && !esc_.clock().sync(0).pending) {
       fall_back(AlState::safe_operational, AlStatusCode::fatal_sync_error, now);
     }
-    // The frame went by before this cycle's inputs were there.
+    // The frame passed before this cycle's inputs were ready.
     if (state_ == AlState::operational && inputs_at_ != never) count(input_parameter, sync_parameter::shift_too_short);
     return;
   }
@@ -222,13 +222,13 @@ void Slave::count_missed(Time now) {
   if (limit == 0 || missed_ <= static_cast<std::uint32_t>(limit)) return;
   show_sync_error(true);
   if (stays_with_sync_errors()) {
-    missed_ = static_cast<std::uint32_t>(limit) + missed_step;  // no more than the last one to forgive
+    missed_ = static_cast<std::uint32_t>(limit) + missed_step;  // limits the count to one step above the limit
     return;
   }
   fall_back(AlState::safe_operational, AlStatusCode::synchronization_error, now);
 }
 
-// 10F1h:01 is 0, where a master may write it: some makers' read-only 0 means nothing.
+// 10F1h:01 is 0 and writable. A read-only 0, which some makers have, does not count.
 bool Slave::stays_with_sync_errors() const {
   const dictionary::Entry* entry = dictionary_.find(error_settings, local_error_reaction);
   return entry != nullptr && entry->writable() && dictionary_.number(error_settings, local_error_reaction) == 0;

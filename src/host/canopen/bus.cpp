@@ -10,11 +10,12 @@ namespace {
 
 using namespace std::chrono_literals;
 
-// A link that has no room for a frame (a controller's transmit queue) gets this long to make some.
+// Timeout of send() while the link has no room for the frame (the controller's transmit queue is full).
 constexpr Time send_patience = 1s;
 
 [[noreturn]] void rethrow(const std::string& name, const links::LinkError& error) {
-  throw HostError("the link failed: " + error.code().message(), name, "see whether what it leads to still runs");
+  throw HostError("the link failed: " + error.code().message(), name,
+                  "check that the program or device at its other end still runs");
 }
 
 }  // namespace
@@ -25,7 +26,8 @@ std::unique_ptr<Bus> Bus::open(std::string_view link, links::Heard heard) {
   } catch (const links::LinkError& error) {
     const bool nobody = error.code() == std::errc::connection_refused || error.code() == std::errc::no_such_device ||
                         error.code() == std::errc::no_such_file_or_directory;
-    if (nobody) throw HostError("nothing listens there", std::string(link), "start `servodrome up` or give --bus LINK");
+    if (nobody)
+      throw HostError("no server listens there", std::string(link), "start `servodrome up` or give --bus LINK");
     if (error.code() == std::errc::invalid_argument) {
       throw HostError(error.what(), "--bus", "give for example socketcand:127.0.0.1:29536/can0");
     }
@@ -99,7 +101,7 @@ void Bus::dispatch(const Frame& frame) {
 void Bus::run_timers() {
   for (Timer& timer : timers_) {
     if (timer.due > now()) continue;
-    // Periods in which the bus was not run are left out.
+    // Periods that elapsed while the bus was not running are skipped.
     timer.due += ((now() - timer.due) / timer.period + 1) * timer.period;
     timer.action();
   }

@@ -16,16 +16,16 @@ namespace servodrome::host {
 using canopen::Frame;
 using canopen::Time;
 
-// The master's connection to a CAN bus, shared by everything that listens and sends there. One thread: frames arrive,
-// and timers run, only inside run_until(), run_for() and drain(); listeners and timers may send, but neither wait nor
+// The master's connection to a CAN bus, shared by all its listeners and senders. Single thread: frames are delivered
+// and timers run only inside run_until(), run_for() and drain(). Listeners and timers may send, but must not wait or
 // end a subscription.
 //
-// Time is that of the monotonic wall clock, or of the line if it is in the same process and in virtual time.
+// Time is the monotonic wall clock, or the line's clock if the line runs in the same process in virtual time.
 class Bus {
  public:
   using Listener = std::function<void(const Frame&)>;
 
-  // `name` stands in error messages. `clock`: the line's, for a line in virtual time.
+  // `name` appears in error messages. `clock`: the clock of a line in virtual time; nullptr otherwise.
   Bus(std::unique_ptr<links::CanClient> client, std::string name, links::VirtualClock* clock = nullptr)
       : client_(std::move(client)), name_(std::move(name)), clock_(clock) {}
   Bus(const Bus&) = delete;
@@ -37,18 +37,18 @@ class Bus {
   const std::string& name() const { return name_; }
   Time now() const;
 
-  // Throws HostError if the link is lost, or takes nothing for a second.
+  // Throws HostError if the link is lost, or accepts no frame for one second.
   void send(const Frame& frame);
   void send(std::uint32_t id, std::initializer_list<std::uint8_t> data);
 
-  // Lets frames arrive until `done` (asked after each) is true, or `deadline` has passed (false). What has arrived by
-  // the deadline is still handed on.
+  // Delivers frames until `done`, called after each frame, returns true (result true) or `deadline` has passed (result
+  // false). Frames that have arrived by the deadline are still delivered.
   bool run_until(Time deadline, const std::function<bool()>& done);
   void run_for(Time span);
-  // Hands on what has already arrived.
+  // Delivers the frames that have already arrived.
   void drain() { run_for(Time{0}); }
 
-  // As long as it lives, a listener is called for each frame, or a timer every period.
+  // While this object exists, its listener is called for each frame, or its timer every period.
   class Subscription {
    public:
     Subscription() = default;
@@ -68,7 +68,7 @@ class Bus {
     std::function<void()> cancel_;
   };
   [[nodiscard]] Subscription listen(Listener listener);
-  // First one `period` from now, then on that grid.
+  // The first call is one `period` from now; later calls stay on that grid.
   [[nodiscard]] Subscription every(Time period, std::function<void()> action);
 
  private:
@@ -88,7 +88,7 @@ class Bus {
   links::VirtualClock* clock_;
   std::list<Listener> listeners_;
   std::list<Timer> timers_;
-  std::deque<Frame> backlog_;  // arrived while the link took nothing to send
+  std::deque<Frame> backlog_;  // frames that arrived while send() waited for room
 };
 
 }  // namespace servodrome::host

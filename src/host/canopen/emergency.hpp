@@ -7,7 +7,7 @@
 
 namespace servodrome::host {
 
-// The EMCY in a frame of the default COB-IDs 081h..0FFh, or nothing (CiA 301 7.2.7).
+// The EMCY in a frame with one of the default COB-IDs 081h..0FFh (CiA 301 7.2.7); nullopt for other frames.
 std::optional<Emergency> parse_emergency(const canopen::Frame& frame);
 
 }  // namespace servodrome::host

@@ -66,7 +66,7 @@ void Master::command(NmtCommand command, std::uint8_t node_id) {
 void Master::command_and_wait(NmtCommand nmt_command, std::uint8_t node_id, Time timeout) {
   bus_.drain();
   NodeHealth& node = nodes_[node_id & 0x7F];
-  node.state.reset();  // what was heard before the command proves nothing
+  node.state.reset();  // a state received before the command is no confirmation
   const bool is_reset = nmt_command == NmtCommand::reset_node || nmt_command == NmtCommand::reset_communication;
   const unsigned boot_ups = node.boot_ups;
   command(nmt_command, node_id);
@@ -78,7 +78,7 @@ void Master::command_and_wait(NmtCommand nmt_command, std::uint8_t node_id, Time
   if (is_reset) throw HostError("no boot-up message after the reset", where, "check the node-ID, bit rate and power");
   throw HostError(
       fmt::format("the node did not confirm NMT state {}{}", name(expected_after(nmt_command)),
-                  node.state ? fmt::format(" but says it is {}", name(*node.state)) : " (no heartbeat was heard)"),
+                  node.state ? fmt::format(" but reports {}", name(*node.state)) : " (no heartbeat was received)"),
       where, "set its heartbeat time 1017h, or send the command without waiting");
 }
 

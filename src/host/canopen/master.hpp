@@ -13,57 +13,57 @@ namespace servodrome::host {
 using canopen::NmtCommand;
 using canopen::NmtState;
 
-// "pre-operational" and so on.
+// For example "pre-operational".
 const char* name(NmtState state);
 
-// What is known of a node from what it sends by itself.
+// The health of a node, from the messages that it sends by itself.
 struct NodeHealth {
-  std::optional<NmtState> state;  // by heartbeat, boot-up or guarding
-  Time heard{};                   // when, last
+  std::optional<NmtState> state;  // from heartbeat, boot-up or node guarding
+  Time heard{};                   // time of the last such message
   unsigned boot_ups = 0;
-  std::optional<Emergency> emergency;  // the latest, error resets included
+  std::optional<Emergency> emergency;  // the latest one, including "error reset"
 };
 
-// The network's master: commands the NMT states, listens to heartbeats, boot-ups and EMCYs of all nodes, produces SYNC
-// and heartbeat, sends and receives PDOs as they are. CiA 301 7.2.8, 7.2.5, 7.2.7, 7.2.2.
+// NMT master of the network: commands the NMT states, receives heartbeats, boot-ups and EMCYs of all nodes, produces
+// SYNC and heartbeat, and sends and receives PDOs as raw bytes. CiA 301 7.2.8, 7.2.5, 7.2.7, 7.2.2.
 class Master {
  public:
   explicit Master(Bus& bus);
 
-  // To one node, or to all (0).
+  // Addresses one node, or all (0).
   void command(NmtCommand command, std::uint8_t node_id = 0);
-  // Commands and waits until the node's heartbeat or boot-up confirms it. Throws HostError if it does not within
-  // `timeout`; a node without heartbeat confirms resets only.
+  // Sends the command and waits until the node's heartbeat or boot-up confirms it. Throws HostError if no confirmation
+  // arrives within `timeout`. A node without heartbeat confirms only resets.
   void command_and_wait(NmtCommand command, std::uint8_t node_id, Time timeout);
 
   const NodeHealth& health(std::uint8_t node_id) const { return nodes_[node_id & 0x7F]; }
-  // False: not within `timeout`.
+  // Returns false after `timeout`.
   bool wait_for_state(std::uint8_t node_id, NmtState state, Time timeout);
   bool wait_for_boot_up(std::uint8_t node_id, Time timeout);
 
-  // Handlers are called while the bus runs.
+  // Callbacks, called while the bus runs.
   void on_state(std::function<void(std::uint8_t node_id, NmtState)> handler) { on_state_ = std::move(handler); }
   void on_boot_up(std::function<void(std::uint8_t node_id)> handler) { on_boot_up_ = std::move(handler); }
   void on_emergency(std::function<void(const Emergency&)> handler) { on_emergency_ = std::move(handler); }
 
   void send_sync();
-  // With the counter of object 1019h: 1..overflow (2..240), or none (0).
+  // `counter_overflow`: value of object 1019h, 2..240; SYNC then carries a counter 1..overflow. 0: no counter.
   [[nodiscard]] Bus::Subscription produce_sync(Time period, std::uint8_t counter_overflow = 0);
-  // The first one at once.
+  // Sends the first heartbeat at once.
   [[nodiscard]] Bus::Subscription produce_heartbeat(std::uint8_t own_node_id, Time period,
                                                     NmtState state = NmtState::operational);
 
   void send_pdo(std::uint32_t can_id, std::span<const std::uint8_t> data);
-  // Asks for a TPDO by remote frame; `length` is the requested one.
+  // Requests a TPDO by remote frame; `length` is its length in bytes.
   void request_pdo(std::uint32_t can_id, std::uint8_t length);
-  // The next frame with this identifier, or nothing within `timeout`.
+  // Waits for the next frame with this identifier; nullopt after `timeout`.
   std::optional<Frame> wait_for_pdo(std::uint32_t can_id, Time timeout);
 
   struct GuardAnswer {
     bool toggle = false;
     NmtState state{};
   };
-  // Node guarding by remote frame. A node with life guarding (100Ch, 100Dh) expects this again and again from then on.
+  // Node guarding by remote frame. A node with life guarding (100Ch, 100Dh) must be guarded periodically from then on.
   std::optional<GuardAnswer> guard(std::uint8_t node_id, Time timeout);
 
   Bus& bus() { return bus_; }

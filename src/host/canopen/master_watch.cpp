@@ -16,8 +16,8 @@ constexpr std::int16_t malfunction = 1;
 constexpr std::uint32_t ours =
     std::uint32_t{master_node_id} << 16 | static_cast<std::uint32_t>(MasterWatch::longest_silence.count());
 
-// The drive has a first consumer heartbeat time, and it watches no node, or us: that is what a program left behind
-// whose cable was pulled.
+// True if the drive has a consumer heartbeat time that monitors no node, or this master. The latter is left over from a
+// program whose connection was lost.
 bool is_free(ObjectClient& drive) {
   const auto entries = drive.read_if_present<std::uint8_t>(consumer_heartbeat_time, 0).value_or(0);
   for (unsigned sub = 1; sub <= entries; ++sub) {
@@ -28,7 +28,7 @@ bool is_free(ObjectClient& drive) {
   return entries > 0;
 }
 
-// By the position: 606Ch is noisy, and not every drive has it.
+// Compares positions, because 606Ch is noisy and not every drive has it.
 bool moves(ObjectClient& drive) {
   constexpr std::int64_t still_counts = 10;
   constexpr Time between_looks = std::chrono::milliseconds(20);
@@ -53,7 +53,7 @@ MasterWatch::MasterWatch(Bus& bus, std::span<ObjectClient* const> drives, Tell t
   if (!watching_.empty()) beat();
 }
 
-// A drive watches from the first one it hears.
+// A drive starts its supervision with the first heartbeat that it receives.
 void MasterWatch::beat() {
   heartbeat_.emplace(master_.produce_heartbeat(master_node_id, heartbeat_period, NmtState::operational));
 }
@@ -75,7 +75,8 @@ void MasterWatch::begin(ObjectClient& drive) {
 void MasterWatch::renew(ObjectClient& drive) {
   const auto known =
       std::find_if(watching_.begin(), watching_.end(), [&](const auto& its) { return its.drive == &drive; });
-  // What it was before is known, if it was not reset.
+  // Keep this flag: unless the drive was reset, 6007h still has the changed value, so begin() would not set the flag
+  // again.
   const bool option_changed = known != watching_.end() && known->option_changed;
   if (known != watching_.end()) watching_.erase(known);
   begin(drive);
@@ -93,7 +94,8 @@ void MasterWatch::end() noexcept {
     try {
       if (moves(*watching.drive)) {
         if (tell_)
-          tell_(fmt::format("{}: it still moves, and stops by its watch of this program", watching.drive->where()));
+          tell_(fmt::format("{}: the axis still moves; it stops when the drive misses this program's heartbeat",
+                            watching.drive->where()));
         continue;
       }
       watching.drive->write<std::uint32_t>(consumer_heartbeat_time, 1, 0);
@@ -101,11 +103,12 @@ void MasterWatch::end() noexcept {
       if (watching.option_changed) watching.drive->write<std::int16_t>(abort_connection_option, 0, no_action);
     } catch (const HostError&) {
       if (!tell_) continue;
-      // Why it does not answer is told by the code that uses the drive.
+      // The code that uses the drive reports why it does not answer; this reports only the objects that keep their
+      // values.
       const std::string watch = freed ? "" : fmt::format("1016h:01 = {:08X}h", ours);
       const std::string option = watching.option_changed ? fmt::format("6007h = {}", malfunction) : "";
-      tell_(fmt::format("{}: it keeps {}{}{} of this program until its next reset", watching.drive->where(), watch,
-                        !watch.empty() && !option.empty() ? " and " : "", option));
+      tell_(fmt::format("{}: {}{}{} could not be restored and stays until the drive's next reset",
+                        watching.drive->where(), watch, !watch.empty() && !option.empty() ? " and " : "", option));
     }
   }
   watching_.clear();

@@ -5,7 +5,7 @@ namespace servodrome::host {
 namespace {
 
 constexpr std::uint32_t not_in_use = 0x80000000U;
-// COB-ID, transmission type.
+// Sub-indices of 1400h and 1800h: COB-ID and transmission type.
 constexpr std::uint8_t cob_id_sub = 1;
 constexpr std::uint8_t type_sub = 2;
 
@@ -48,7 +48,7 @@ void write_pdo(ObjectClient& objects, const PdoParameters& pdo) {
   try {
     for (const std::uint32_t word : pdo.unused) objects.write<std::uint32_t>(mapping, ++sub, word);
   } catch (const ObjectError& error) {
-    if (!error.answered()) throw;  // a drive need not take what maps nothing
+    if (!error.answered()) throw;  // some drives refuse sub-indices beyond the mapping's count
   }
   objects.write<std::uint8_t>(mapping, 0, count);
   objects.write<std::uint8_t>(communication, type_sub, pdo.transmission_type);

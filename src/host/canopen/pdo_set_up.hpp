@@ -11,14 +11,15 @@ struct PdoObject {
   std::uint8_t bits = 0;
 };
 
-// A PDO of a node as it is configured: 1400h and 1600h, or 1800h and 1A00h, plus `number` (0: the first).
+// Configuration of one PDO of a node: objects 1400h and 1600h, or 1800h and 1A00h, plus `number` (0: the first).
 struct PdoParameters {
-  bool transmit = false;  // seen from the node
+  bool transmit = false;  // true: TPDO, from the node to the master
   std::uint8_t number = 0;
-  std::uint32_t cob_id = 0;  // bit 31: not in use
+  std::uint32_t cob_id = 0;  // bit 31 set: PDO not in use
   std::uint8_t transmission_type = 255;
-  std::vector<std::uint32_t> mapping{};  // index, sub-index, length in bits (CiA 301 7.5.2.36)
-  // What is in the sub-indices behind the mapping's count: without effect, but a comparison may see it.
+  std::vector<std::uint32_t> mapping{};  // each: index, sub-index, length in bits (CiA 301 7.5.2.36)
+  // Values of the sub-indices beyond the mapping's count. They have no effect, but a comparison of all objects sees
+  // them.
   std::vector<std::uint32_t> unused{};
 
   std::uint16_t communication_index() const {
@@ -30,12 +31,12 @@ struct PdoParameters {
   unsigned bytes() const;
 };
 
-// Nothing: the node does not have this PDO. `entries`: unused sub-indices are read up to this one, as far as there are.
-// Throws ObjectError.
+// nullopt: the node does not have this PDO. `entries`: the last sub-index of the mapping to read, even if it is unused;
+// reading ends at the first that the node refuses. Throws ObjectError.
 std::optional<PdoParameters> read_pdo(ObjectClient& objects, bool transmit, std::uint8_t number,
                                       std::size_t entries = 0);
-// Off, mapping, transmission type, on, as CiA 301 7.5.2.36 wants it. The node is pre-operational. Throws ObjectError;
-// the PDO may then be off.
+// Writes in the order of CiA 301 7.5.2.36: PDO off, mapping, transmission type, PDO on. The node must be
+// pre-operational. Throws ObjectError; the PDO may then be off.
 void write_pdo(ObjectClient& objects, const PdoParameters& pdo);
 
 }  // namespace servodrome::host

@@ -5,14 +5,17 @@
 
 namespace servodrome::host {
 
-// Takes a node to pre-operational, where PDOs are configured (CiA 301 7.3.2.2), and back to where it was.
+// Brings a node into pre-operational, the state in which PDOs are configured (CiA 301 7.3.2.2). The constructor throws
+// HostError if a node with heartbeat does not confirm the state.
 class PreOperational {
  public:
   PreOperational(Bus& bus, std::uint8_t node_id, ObjectClient& objects);
 
-  // What to tell people: a node whose state cannot be told, since it has no heartbeat, stays pre-operational.
+  // True if no heartbeat showed the state of the node: leave() then leaves it pre-operational. The caller
+  // tells the user.
   bool was_unknown() const { return !was_; }
-  // Starts the node again if it was operational. Throws HostError if it does not.
+  // Starts the node if it was operational before; does not wait for a confirmation. Throws HostError if the link is
+  // lost.
   void leave();
 
  private:

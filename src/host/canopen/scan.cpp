@@ -12,13 +12,13 @@ namespace {
 constexpr std::uint32_t request_base = 0x600;
 constexpr std::uint32_t response_base = 0x580;
 
-// Asked one after another of each node; a node that does not answer the first is not there.
+// Read from each node in this order; a node that does not answer the first request is absent.
 constexpr auto questions = std::to_array<ObjectAddress>(
     {{0x1000, 0}, {0x1018, 1}, {0x1018, 2}, {0x1018, 3}, {0x1018, 4}, {0x1008, 0}, {0x100A, 0}});
 
 constexpr Time known_node_timeout = std::chrono::seconds(2);
 
-// The interview of one node.
+// State machine that reads these objects from one node.
 class Interview {
  public:
   Interview(Bus& bus, std::uint8_t node_id, Time timeout) : bus_(bus), timeout_(timeout) {
@@ -55,7 +55,8 @@ class Interview {
   FoundNode& node() { return node_; }
 
  private:
-  // A node that has answered is there, however slow it or its link is.
+  // Timeout for one request. A node that has answered once is present, so it gets a longer one: it or the link may be
+  // slow.
   Time patience() const { return answered_ ? std::max(timeout_, known_node_timeout) : timeout_; }
 
   void ask() {
@@ -149,7 +150,7 @@ std::vector<FoundNode> scan(Bus& bus, const ScanOptions& options) {
   return found;
 }
 
-// Bits 16..23 of the device type of CiA 402: what the device can be.
+// The kind of device: bits 16..23 of the device type of CiA 402.
 std::string kind_of(const FoundNode& node) {
   if (!node.device_type) return "";
   if (node.profile() == 0) return "device without profile";

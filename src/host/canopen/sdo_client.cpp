@@ -35,7 +35,7 @@ SdoError::SdoError(const std::string& bus, std::uint8_t node_id, ObjectAddress o
 SdoClient::SdoClient(Bus& bus, std::uint8_t node_id, const SdoOptions& options)
     : bus_(bus), node_id_(node_id), options_(options) {
   if (node_id < 1 || node_id > 127) {
-    throw HostError(fmt::format("{} is no node-ID", node_id), bus.name(), "give one from 1 to 127");
+    throw HostError(fmt::format("{} is not a node-ID", node_id), bus.name(), "give one from 1 to 127");
   }
   listening_ = bus_.listen([this](const Frame& frame) {
     const auto emergency = parse_emergency(frame);
@@ -52,10 +52,11 @@ void SdoClient::send_waiting(SdoTransfer& transfer) {
 }
 
 void SdoClient::run(SdoTransfer& transfer) {
-  bus_.drain();  // late answers to what was given up
+  bus_.drain();  // discards late answers to an abandoned transfer
   Time deadline{};
   unsigned retries = options_.retries;
-  // Asking again comes early, before the server gives up in its turn.
+  // If ask_again() can help, the deadline is half the timeout, so that the client asks again before the server's own
+  // timeout.
   const auto expect_answer = [&] {
     const bool early = retries != 0 && transfer.can_ask_again();
     deadline = bus_.now() + (early ? options_.timeout / 2 : options_.timeout);
@@ -68,8 +69,8 @@ void SdoClient::run(SdoTransfer& transfer) {
   send_waiting(transfer);
   expect_answer();
   while (!transfer.finished()) {
-    // The deadline moves with each answer.
-    // A silent drive does not keep it from being cancelled.
+    // Each answer extends the deadline. With a cancellation callback the wait is cut into short pieces, so that
+    // cancelling also works with a silent drive.
     const Time until = cancelled_ ? std::min(deadline, bus_.now() + look_whether_cancelled) : deadline;
     bus_.run_until(until, [&] { return transfer.finished() || is_cancelled(); });
     if (!transfer.finished() && is_cancelled()) {
@@ -94,7 +95,7 @@ std::vector<std::byte> SdoClient::upload(ObjectAddress object, SdoProtocol proto
     SdoTransfer transfer = SdoTransfer::upload(object, protocol);
     run(transfer);
     if (transfer.result() == AbortCode::none) return transfer.data();
-    // Whichever side lost patience first.
+    // The timeout may have occurred at the client or at the server.
     const bool timed_out = transfer.result() == AbortCode::protocol_timed_out;
     if (!timed_out || attempt >= options_.retries) {
       throw SdoError(bus_.name(), node_id_, object, true, transfer.result(), transfer.aborted_by_server());

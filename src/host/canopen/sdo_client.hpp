@@ -8,7 +8,7 @@
 
 namespace servodrome::host {
 
-// An SDO transfer failed: refused by the node (from_node) or given up here (protocol_timed_out and the like).
+// An SDO transfer failed: the node refused it (from_node), or the client gave up (protocol_timed_out and others).
 class SdoError : public ObjectError {
  public:
   SdoError(const std::string& bus, std::uint8_t node_id, ObjectAddress object, bool upload, AbortCode code,
@@ -29,13 +29,13 @@ class SdoError : public ObjectError {
 
 struct SdoOptions {
   Time timeout = std::chrono::seconds(1);  // for each answer
-  // How often an upload that got no answer is started again. A download is never repeated by itself: it may have
-  // acted. Within a block transfer it is also how often the sub-block is acknowledged again.
+  // How often an upload without answer is repeated. A download is never repeated, because it may have taken effect. In
+  // a block transfer it is also how often the acknowledgement of a sub-block is repeated.
   unsigned retries = 1;
 };
 
-// The SDO client of one node, over the default channel (600h and 580h + node-ID). One transfer at a time; others on the
-// bus go on being heard meanwhile. All calls throw SdoError, or HostError if the link is lost.
+// SDO client of one node, over the default channel (600h and 580h + node-ID). One transfer at a time; frames to other
+// listeners are delivered meanwhile. All calls throw SdoError, or HostError if the link is lost.
 class SdoClient final : public ObjectClient {
  public:
   SdoClient(Bus& bus, std::uint8_t node_id, const SdoOptions& options = {});
@@ -53,13 +53,14 @@ class SdoClient final : public ObjectClient {
   void wait(Time span) override { bus_.run_for(span); }
   std::uint16_t address() const override { return node_id_; }
   std::string where() const override;
-  // EMCYs are heard as long as this lives.
+  // Receives the node's EMCYs as long as this object exists.
   std::optional<Emergency> latest_emergency() override { return emergency_; }
 
   std::uint8_t node_id() const { return node_id_; }
   Bus& bus() { return bus_; }
-  // Asked in the middle of transfers, after each frame: true aborts the transfer, which throws HostError. For long
-  // ones; a caller that moves an axis cancels between transfers, for it is transfers that stop the axis.
+  // Cancellation callback, called after each frame and at intervals during a transfer; true aborts the transfer, which
+  // throws HostError. Meant for long transfers. A caller that moves an axis must cancel between transfers, because it
+  // needs transfers to stop the axis.
   void cancel_when(std::function<bool()> cancelled) { cancelled_ = std::move(cancelled); }
 
  private:

@@ -34,7 +34,7 @@ SdoTransfer SdoTransfer::upload(ObjectAddress object, SdoProtocol protocol) {
     Frame& frame = transfer.initiate(command_of(sdo::client::block_upload) | sdo::client_crc |
                                      sdo::block_upload_subcommand::initiate);
     frame.data[4] = sdo::largest_block;
-    frame.data[5] = 0;  // no switch to the ordinary protocol
+    frame.data[5] = 0;  // the server may not switch to the ordinary protocol
   } else {
     transfer.initiate(command_of(sdo::client::initiate_upload));
   }
@@ -109,8 +109,8 @@ bool SdoTransfer::is_for_this(const Frame& answer) const {
 bool SdoTransfer::receive(const Frame& answer) {
   if (finished() || answer.length != 8) return false;
   const std::uint8_t command = answer.data[0];
-  if (command == sdo::abort_transfer) {  // in a block upload this would be segment 0, which does not exist
-    // Some servers leave the multiplexer 0 when they did not understand a request.
+  if (command == sdo::abort_transfer) {  // as a segment of a block upload this would be number 0, which does not exist
+    // Some servers set the multiplexer to 0 if they did not understand the request.
     const bool unnamed = sdo::multiplexer_index(answer) == 0 && answer.data[3] == 0;
     if (!is_for_this(answer) && !unnamed) return false;
     result_ = static_cast<AbortCode>(sdo::get_u32(answer));
@@ -127,7 +127,7 @@ bool SdoTransfer::receive(const Frame& answer) {
     case Phase::block_upload_segments:
       return last_taken_ ? receive_block_upload_end(answer) : receive_block_segment(answer);
     case Phase::block_download_initiate: return receive_block_download_initiated(answer);
-    // A server that has seen a gap may confirm before the whole sub-block is out.
+    // A server that detects a gap may confirm before the whole sub-block has been sent.
     case Phase::block_download_segments:
     case Phase::block_download_acknowledged: return receive_sub_block_confirmation(answer);
     case Phase::block_download_end:

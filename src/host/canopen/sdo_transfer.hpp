@@ -13,41 +13,41 @@ namespace servodrome::host {
 
 using dictionary::AbortCode;
 
-// Which SDO protocol carries the data (CiA 301 7.2.4.2). `ordinary` is expedited for up to 4 bytes, else in segments.
+// The SDO protocol that carries the data (CiA 301 7.2.4.2). `ordinary`: expedited for up to 4 bytes, segmented above.
 enum class SdoProtocol : std::uint8_t { ordinary, block };
 
-// One SDO transfer from the client's side, sans-IO: the server's frames go in, the client's come out, time is the
-// caller's business. Many run side by side on one bus.
+// Client side of one SDO transfer as a pure state machine without input, output or clock: the caller feeds in the
+// server's frames, sends the client's frames and measures the time. Many transfers can run in parallel on one bus.
 //
-// Use: take() until it returns false, receive() each answer, and so on until finished(). When the server keeps silent
-// for too long, abort(), or ask_again() first where that helps.
+// Usage: call take() until it returns false, pass each answer to receive(), and repeat until finished(). If the server
+// is silent for too long, call abort(), or ask_again() first if can_ask_again().
 class SdoTransfer {
  public:
   static SdoTransfer upload(ObjectAddress object, SdoProtocol protocol = SdoProtocol::ordinary);
   static SdoTransfer download(ObjectAddress object, std::span<const std::byte> data,
                               SdoProtocol protocol = SdoProtocol::ordinary);
 
-  // The next frame to send; identifier 0: the caller fills in the COB-ID.
+  // Returns the next frame to send, or false if there is none. Its identifier is 0: the caller sets the COB-ID.
   bool take(canopen::Frame& frame);
-  // An answer of the server. What belongs to another transfer (a late answer) is ignored; false then.
+  // Processes an answer of the server. Returns false for a frame that does not belong to this transfer (a late answer).
   bool receive(const canopen::Frame& answer);
-  // A silent server may have lost an acknowledgement, or its segments got lost: ask_again() acknowledges what came of
-  // the sub-block, which makes it go on from there.
+  // In a block upload, segments or an acknowledgement may be lost. ask_again() acknowledges the segments that have
+  // arrived, and the server continues after them.
   bool can_ask_again() const { return phase_ == Phase::block_upload_segments; }
   void ask_again() { acknowledge_sub_block(); }
-  // Gives up, telling the server.
+  // Ends the transfer and sends the abort code to the server.
   void abort(AbortCode code);
 
   bool finished() const { return phase_ == Phase::done; }
-  // `none` after success; else the abort code, of either side.
+  // `none` after success; otherwise the abort code, of either side.
   AbortCode result() const { return result_; }
   bool aborted_by_server() const { return aborted_by_server_; }
   ObjectAddress object() const { return object_; }
   bool is_upload() const { return is_upload_; }
-  // What was uploaded, or is to be downloaded.
+  // The uploaded data, or the data to download.
   const std::vector<std::byte>& data() const { return data_; }
 
-  // More than this is not taken from a server (out_of_memory).
+  // Limit for the size of an upload; above it the transfer is aborted with out_of_memory.
   static constexpr std::size_t largest_upload = 16U << 20;
 
  private:
@@ -59,7 +59,7 @@ class SdoTransfer {
     block_upload_segments,
     block_download_initiate,
     block_download_segments,      // sending a sub-block
-    block_download_acknowledged,  // sent, the server is to confirm
+    block_download_acknowledged,  // all segments sent, waiting for the confirmation
     block_download_end,
     done,
   };
@@ -81,7 +81,7 @@ class SdoTransfer {
   bool receive_download_confirmation(const canopen::Frame& answer);
   bool unexpected();
 
-  // sdo_transfer_block.cpp
+  // Block transfers, in sdo_transfer_block.cpp.
   bool receive_block_upload_initiated(const canopen::Frame& answer);
   bool receive_block_segment(const canopen::Frame& answer);
   bool receive_block_upload_end(const canopen::Frame& answer);
@@ -98,14 +98,14 @@ class SdoTransfer {
   bool aborted_by_server_ = false;
   std::vector<std::byte> data_;
   std::optional<canopen::Frame> to_send_;
-  std::optional<std::uint32_t> announced_;  // size, by the server
-  std::size_t position_ = 0;                // download: bytes the server has (block: has confirmed)
-  std::size_t in_flight_ = 0;               // download: bytes of the segment on its way
+  std::optional<std::uint32_t> announced_;  // size announced by the server
+  std::size_t position_ = 0;                // download: bytes acknowledged (block: confirmed)
+  std::size_t in_flight_ = 0;               // download: bytes of the segment not yet acknowledged
   bool toggle_ = false;
   bool crc_used_ = false;
   std::uint8_t block_size_ = 0;
-  std::uint8_t sequence_ = 0;  // last segment of the sub-block sent or taken
-  bool last_taken_ = false;    // block upload: all segments are here
+  std::uint8_t sequence_ = 0;  // last segment of the sub-block sent or accepted
+  bool last_taken_ = false;    // block upload: all segments have arrived
 };
 
 }  // namespace servodrome::host

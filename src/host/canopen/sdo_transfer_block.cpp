@@ -33,7 +33,7 @@ bool SdoTransfer::receive_block_upload_initiated(const Frame& answer) {
   if (!is_for_this(answer)) return false;
   const std::uint8_t command = answer.data[0];
   if (sdo::specifier(command) == from_server_initiate_upload) {
-    // Some servers without block upload answer with an ordinary one, whatever the threshold (7.2.4.3.12) allows.
+    // Some servers without block upload answer with an ordinary upload, even if the threshold (7.2.4.3.12) forbids it.
     phase_ = Phase::initiate;
     return receive_initiated_upload(answer);
   }
@@ -69,7 +69,7 @@ void SdoTransfer::acknowledge_sub_block() {
   frame.data[1] = sequence_;
   frame.data[2] = sdo::largest_block;
   block_size_ = sdo::largest_block;
-  // Kept after the last one: a lost acknowledgement is repeated as it was.
+  // After the last segment the number is kept, so that a lost acknowledgement can be repeated unchanged.
   if (!last_taken_) sequence_ = 0;
 }
 
@@ -139,7 +139,7 @@ bool SdoTransfer::receive_sub_block_confirmation(const Frame& answer) {
     return true;
   }
   block_size_ = next_size;
-  // What follows the confirmed segments is sent again.
+  // Segments after the confirmed ones are sent again.
   const std::size_t after = position_ + confirmed * segment_bytes;
   if (confirmed != 0 && after >= data_.size()) {
     end_block_download();

@@ -20,7 +20,7 @@ namespace {
 
 bool is_writable(const FileEntry& entry) { return entry.access == Access::rw || entry.access == Access::wo; }
 
-// Objects that say how a drive is now or what it is to do now, and not how it is set up.
+// False for objects that show the drive's state or command it, rather than configure it.
 bool is_parameter(const FileEntry& entry) {
   if (entry.access == Access::wo || entry.type == Type::domain) return false;
   switch (entry.index) {
@@ -43,7 +43,7 @@ bool is_parameter(const FileEntry& entry) {
   return standard == section.end() || standard->saved || !standard->writable() || is_count;
 }
 
-// COB-IDs that follow the node-ID (CiA 301 table 40).
+// COB-IDs that depend on the node-ID (CiA 301 table 40).
 bool is_cob_id(const FileEntry& entry) {
   const std::uint16_t block = entry.index & 0xFE00;
   return entry.index == 0x1014 || (entry.index == 0x1200 && entry.sub > 0) ||
@@ -68,7 +68,7 @@ void take_value(FileEntry& entry, std::span<const std::byte> bytes, std::uint8_t
   }
 }
 
-// The table that documents are written from; refers to the clone's strings and its own.
+// Object table for the document writers; refers to the strings of the clone and to its own.
 class CloneTable {
  public:
   explicit CloneTable(const describe::DeviceFile& device) {
@@ -97,7 +97,7 @@ class CloneTable {
     if (dictionary::size_of(from.type) == 0) {
       texts_.push_back(from.type == Type::octet_string ? hexadecimal(from.content) : from.content);
       entry.text = texts_.back().c_str();
-      // The longest it can be; a constant string is as long as it is.
+      // A writable string may use the whole capacity; a constant one has a fixed length.
       if (!is_writable(from)) entry.capacity = static_cast<std::uint32_t>(from.content.size());
     }
     entries_.push_back(entry);
@@ -176,7 +176,7 @@ std::string slave_information(const Clone& clone, const SiiContent& sii) {
   };
   profile.mailbox_out = mailbox(sii.mailbox.out);
   profile.mailbox_in = mailbox(sii.mailbox.in);
-  constexpr std::uint16_t end = 0x3000;  // of 8 KiB from 1000h on
+  constexpr std::uint16_t end = 0x3000;  // end of the 8 KiB from 1000h
   for (const SiiSyncManager& channel : sii.sync_managers) {
     if (channel.type == 3) profile.outputs_start = channel.start;
     if (channel.type == 4) profile.inputs_start = channel.start;

@@ -11,10 +11,10 @@ namespace servodrome::describe {
 struct Description;
 }
 
-// A live drive's dictionary and values, as a file that another drive can be made of.
+// Copies the dictionary and the values of a real drive into a file from which another drive can be created.
 namespace servodrome::host {
 
-// Called before each step; throws to end the work. `of` 0: it is not known how many there are.
+// Called before each step; may throw to cancel. `of` is 0 if the total is unknown.
 using CloneProgress = std::function<void(const char* doing, std::size_t done, std::size_t of)>;
 
 struct UnreadObject {
@@ -22,30 +22,29 @@ struct UnreadObject {
   std::string why;
 };
 
-// What was read, and what not.
+// Result: the objects read, and those that could not be read.
 struct Clone {
   describe::DeviceFile device;
   std::vector<UnreadObject> unread;
-  std::size_t values = 0;  // that were read
+  std::size_t values = 0;  // number of values read
 };
 
-// The objects, without values:
-// ... that a dictionary's table has,
+// The objects without values, from a dictionary's table.
 describe::DeviceFile objects_of_table(std::span<const dictionary::Entry> table);
-// ... that a slave's SDO information lists,
+// The objects without values, from a slave's SDO information.
 describe::DeviceFile objects_of_slave(CoeClient& coe, const CloneProgress& progress);
-// ... that answer, of the areas where a drive has its objects: CiA 301, manufacturer, CiA 402 up to 67FFh. Types are
-// those of the standards, or numbers as long as what is answered.
+// The objects without values, found by reading all addresses where drives have objects: CiA 301, manufacturer area, CiA
+// 402 up to 67FFh. Types come from the standards; otherwise they are numbers of the size that is returned.
 describe::DeviceFile objects_that_answer(ObjectClient& objects, const CloneProgress& progress);
 
-// Reads all values that are parameters: not measured ones, and no commands. COB-IDs are kept relative to `node_id`.
-// Throws ObjectError when the drive keeps silent.
+// Reads the values of all parameters, but no measured values and no commands. COB-IDs are stored relative to `node_id`.
+// Throws ObjectError if the drive does not answer.
 Clone read_clone(ObjectClient& objects, describe::DeviceFile device, std::uint8_t node_id,
                  const CloneProgress& progress);
 
-// As a device configuration file (CiA 306-1) that says `node_id`.
+// A device configuration file (CiA 306-1) for `node_id`.
 std::string configuration_file(const Clone& clone, const std::string& name, std::uint8_t node_id);
-// As an ESI file (ETG.2000), with what the slave's information memory says.
+// An ESI file (ETG.2000), including the data of the slave's information memory.
 std::string slave_information(const Clone& clone, const SiiContent& sii);
 
 }  // namespace servodrome::host

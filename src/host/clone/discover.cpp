@@ -1,4 +1,4 @@
-// Which objects a drive has.
+// Finds out which objects a drive has.
 #include <algorithm>
 #include <fmt/format.h>
 
@@ -39,7 +39,7 @@ FileEntry file_entry_of(const Entry& entry, const std::string& object_name) {
   return made;
 }
 
-// Types of ETG.1020 table 98 that are no types of a dictionary here are blocks of bytes.
+// Types of ETG.1020 table 98 that this dictionary does not support become blocks of bytes.
 void set_type(FileEntry& entry, std::uint16_t type, std::uint16_t bits) {
   constexpr std::uint16_t bit1 = 0x30;
   constexpr std::uint16_t bit8 = 0x37;
@@ -85,7 +85,7 @@ FileEntry file_entry_of(const EntryDescription& described, const ObjectDescripti
   made.saved = (described.access & entry_access::stored) != 0;
   made.minimum = limit_of(described.minimum, made.type);
   made.maximum = limit_of(described.maximum, made.type);
-  // The whole range of the type is no range.
+  // A range equal to that of the type is no limit.
   if (made.minimum == dictionary::minimum_of(made.type) && made.maximum == dictionary::maximum_of(made.type)) {
     made.minimum.reset();
     made.maximum.reset();
@@ -104,7 +104,7 @@ constexpr Area areas[] = {{0x1000, 0x1029}, {0x1200, 0x1203}, {0x1400, 0x141F}, 
 
 using Communication = canopen::CommunicationObjects<32, 32, 64>;
 
-// What the standards say of an object.
+// The entry of the standards for an object; nullptr: none.
 const Entry* standard_entry(std::uint16_t index, std::uint8_t sub) {
   const auto find = [&](std::span<const Entry> section) -> const Entry* {
     const auto found = std::find_if(section.begin(), section.end(),
@@ -159,7 +159,7 @@ FileEntry entry_that_answered(ObjectAddress address, ObjectCode code, std::span<
   return made;
 }
 
-// Nothing: it is not there. A drive that keeps silent is an error.
+// nullopt: the object does not exist. A missing answer throws.
 std::optional<std::vector<std::byte>> try_upload(ObjectClient& objects, ObjectAddress address) {
   try {
     return objects.upload(address);
@@ -214,7 +214,7 @@ DeviceFile objects_of_slave(CoeClient& coe, const CloneProgress& progress) {
   DeviceFile device;
   const std::vector<std::uint16_t> indices = coe.list(ObjectList::all);
   for (std::size_t i = 0; i < indices.size(); ++i) {
-    progress("describing object", i, indices.size());
+    progress("reading the description of object", i, indices.size());
     if (indices[i] < 0x1000) continue;
     const ObjectDescription object = coe.describe(indices[i]);
     const bool has_parts = object.code == array || object.code == record;
@@ -225,7 +225,7 @@ DeviceFile objects_of_slave(CoeClient& coe, const CloneProgress& progress) {
           device.entries.push_back(file_entry_of(entry, object, has_parts));
         }
       } catch (const CoeError& error) {
-        if (!error.answered()) throw;  // else a gap between sub-indices
+        if (!error.answered()) throw;  // otherwise a gap between sub-indices
       }
     }
   }
@@ -239,7 +239,7 @@ DeviceFile objects_that_answer(ObjectClient& objects, const CloneProgress& progr
   std::size_t done = 0;
   for (const Area& area : areas) {
     for (unsigned index = area.first; index <= area.last; ++index) {
-      progress("looking for object", done++, of);
+      progress("searching for object", done++, of);
       find_object(objects, static_cast<std::uint16_t>(index), device);
     }
   }

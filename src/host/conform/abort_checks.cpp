@@ -1,4 +1,4 @@
-// The abort codes of refused accesses, and that a refused access changes nothing. The same on CAN and on EtherCAT.
+// Abort codes of refused accesses, and that a refused access changes nothing. The same checks on CAN and EtherCAT.
 #include "host/conform/check_tables.hpp"
 #include "host/conform/trial.hpp"
 
@@ -7,7 +7,7 @@ namespace {
 
 using dictionary::AbortCode;
 
-// Left free by the standards and by most makers; the first that the drive does not have.
+// An index that the drive does not have: the first absent one of three that the standards and most makers leave unused.
 std::uint16_t absent_index(ObjectClient& objects) {
   for (const std::uint16_t index : {std::uint16_t{0x5FFE}, std::uint16_t{0x9FFE}, std::uint16_t{0x0FFE}}) {
     try {
@@ -16,7 +16,7 @@ std::uint16_t absent_index(ObjectClient& objects) {
       return index;
     }
   }
-  Trial::skip("it has each of 5FFEh, 9FFEh and 0FFEh");
+  Trial::skip("it has all of 5FFEh, 9FFEh and 0FFEh, so no missing object is known");
 }
 
 void no_object(Trial& trial, int) {
@@ -51,7 +51,7 @@ void read_only(Trial& trial, int) {
   }
 }
 
-// An object that can be written at any time without harm: the profile velocity.
+// An object that can be written at any time without effect on the axis: the profile velocity.
 constexpr std::uint16_t harmless = 0x6081;
 
 template <typename T>
@@ -71,7 +71,7 @@ void wrong_length(Trial& trial, AbortCode code) {
 void too_long(Trial& trial, int) { wrong_length<std::uint64_t>(trial, AbortCode::length_too_high); }
 void too_short(Trial& trial, int) { wrong_length<std::uint16_t>(trial, AbortCode::length_too_low); }
 
-// Values that no drive has: a reserved homing method, a reserved mode.
+// Writes values that every drive must refuse: a reserved homing method, a reserved mode.
 void value_range(Trial& trial, int) {
   KeptObjects& objects = trial.objects();
   ObjectClient& services = trial.subject().services();
@@ -95,9 +95,9 @@ void value_range(Trial& trial, int) {
 
 constexpr std::array rows{
     Check{"abort.no-object", "CiA 301 7.2.4.3.17, table 22; ETG.1000.6 table 41",
-          "An object that is not there is refused with 0602 0000h", Demand::nothing, buses::all, no_object},
+          "A missing object is refused with 0602 0000h", Demand::nothing, buses::all, no_object},
     Check{"abort.no-sub-index", "CiA 301 table 22; ETG.1000.6 table 41",
-          "A sub-index that is not there is refused with 0609 0011h", Demand::nothing, buses::sdo, no_sub},
+          "A missing sub-index is refused with 0609 0011h", Demand::nothing, buses::sdo, no_sub},
     Check{"abort.read-only", "CiA 301 table 22; ETG.1000.6 table 41",
           "A write to a constant is refused with 0601 0002h", Demand::nothing, buses::all, read_only},
     Check{"abort.too-long", "CiA 301 table 22; ETG.1000.6 table 41",

@@ -1,4 +1,4 @@
-// The EtherCAT state machine, register by register, the working counter, the watchdog and the distributed clock.
+// The EtherCAT state machine at register level, the working counter, the watchdog and the distributed clock.
 #include <algorithm>
 
 #include "host/conform/check_tables.hpp"
@@ -13,7 +13,7 @@ namespace reg = ethercat::reg;
 EthercatSlave& slave_of(Trial& trial) { return trial.subject().ethercat().slave; }
 EthercatMaster& master_of(Trial& trial) { return trial.subject().ethercat().master; }
 
-// Writes AL control, and waits until the slave is there or says why not.
+// Writes AL control and polls until the slave has reached the state or reports an error.
 AlStatus request(Trial& trial, unsigned control) {
   EthercatMaster& master = master_of(trial);
   const std::uint16_t station = slave_of(trial).station();
@@ -125,7 +125,7 @@ void set_length(Trial& trial, unsigned channel, std::uint16_t length) {
 
 void mailbox_configuration(Trial& trial, int) {
   if (!slave_of(trial).has_mailbox()) Trial::skip("it has no mailbox");
-  go_to(trial, AlState::init);  // sync managers are off
+  go_to(trial, AlState::init);  // switches the sync managers off
   const AlStatus seen = request(trial, static_cast<unsigned>(AlState::pre_operational));
   trial.expect(
       seen.error() && seen.code == AlStatusCode::invalid_mailbox_configuration && seen.state() == AlState::init,
@@ -229,26 +229,26 @@ constexpr unsigned ec = buses::ethercat;
 
 constexpr std::array rows{
     Check{"al.up", machine, "INIT, PREOP, SAFEOP, OP", Demand::nothing, ec, up},
-    Check{"al.down", machine, "Down to any state at once", Demand::nothing, ec, down},
+    Check{"al.down", machine, "Any lower state is reached in one step", Demand::nothing, ec, down},
     Check{"al.illegal-init-safeop", codes, "INIT to SAFEOP is refused with 0011h", Demand::nothing, ec, illegal, 0},
     Check{"al.illegal-init-op", codes, "INIT to OP is refused with 0011h", Demand::nothing, ec, illegal, 1},
     Check{"al.illegal-preop-op", codes, "PREOP to OP is refused with 0011h", Demand::nothing, ec, illegal, 2},
     Check{"al.illegal-preop-boot", codes, "PREOP to BOOT is refused with 0011h", Demand::nothing, ec, illegal, 3},
     Check{"al.illegal-safeop-boot", codes, "SAFEOP to BOOT is refused with 0011h", Demand::nothing, ec, illegal, 4},
     Check{"al.illegal-op-boot", codes, "OP to BOOT is refused with 0011h", Demand::nothing, ec, illegal, 5},
-    Check{"al.unknown-state", codes, "A state that there is not is refused with 0012h", Demand::nothing, ec, unknown},
+    Check{"al.unknown-state", codes, "An unknown state is refused with 0012h", Demand::nothing, ec, unknown},
     Check{"al.mailbox-configuration", codes, "PREOP without a mailbox is refused with 0016h", Demand::nothing, ec,
           mailbox_configuration},
     Check{"al.output-configuration", codes, "SAFEOP with wrong outputs is refused with 001Dh", Demand::nothing, ec,
           process_data_configuration, 0},
     Check{"al.input-configuration", codes, "SAFEOP with wrong inputs is refused with 001Eh", Demand::nothing, ec,
           process_data_configuration, 1},
-    Check{"al.watchdog", "ETG.1000.4 6.3, ETG.1020 table 11", "Without process data OP ends with 001Bh",
+    Check{"al.watchdog", "ETG.1000.4 6.3, ETG.1020 table 11", "OP without process data ends with 001Bh",
           Demand::nothing, ec, watchdog},
-    Check{"al.working-counter", "ETG.1000.4 5.4", "Working counters tell what was done", Demand::nothing, ec,
+    Check{"al.working-counter", "ETG.1000.4 5.4", "Working counters match the executed commands", Demand::nothing, ec,
           working_counter},
-    Check{"al.process-data-counter", "ETG.1000.4 5.4, 6.5", "Process data count as they should", Demand::nothing, ec,
-          process_data_counter},
+    Check{"al.process-data-counter", "ETG.1000.4 5.4, 6.5", "Working counters of process data are correct",
+          Demand::nothing, ec, process_data_counter},
     Check{"al.distributed-clock", "ETG.1020 23", "OP with SYNC0 is reached and held", Demand::nothing, ec,
           distributed_clock},
 };

@@ -12,10 +12,10 @@ using namespace std::chrono_literals;
 using dictionary::AbortCode;
 namespace sdo = canopen::sdo;
 
-// The profile velocity, which does nothing by itself.
+// The profile velocity: writing it has no effect on an axis at rest.
 constexpr std::uint16_t index = 0x6081;
 constexpr std::uint8_t bytes = 4;
-constexpr std::uint8_t initiate = 0xC6;  // with CRC and size
+constexpr std::uint8_t initiate = 0xC6;  // initiate block download, with CRC and size
 constexpr std::uint8_t end_request = 0xC1;
 constexpr std::uint8_t in_server_crc = 0x04;
 
@@ -50,7 +50,7 @@ SdoFrame end_with(std::uint16_t crc) {
           static_cast<std::uint8_t>(crc >> 8)};
 }
 
-// A block download of `value` is under way.
+// State of a block download that has been initiated; `value` is the value to download.
 struct Begun {
   std::uint32_t before = 0;
   std::uint32_t value = 0;
@@ -114,7 +114,7 @@ void aborted(Trial& trial, int) {
   const auto answer = ask_sdo(trial, abort, 100ms);
   trial.expect(!answer, text_of_sdo(abort), "no answer to an abort", text_of_answer(answer));
   expect_value(trial, begun.before, "after the abort");
-  // Nothing of it is left.
+  // The server must have discarded the transfer.
   const SdoFrame end = end_with(canopen::crc16(bytes_of(begun.value)));
   const auto late = ask_sdo(trial, end);
   trial.expect(is_abort(late, AbortCode::command_specifier_unknown), text_of_sdo(end) + " (after the abort)",
@@ -122,7 +122,7 @@ void aborted(Trial& trial, int) {
   expect_value(trial, begun.before, "after that");
 }
 
-// Segment 1 did not come; then it does.
+// Sends segment 2 without segment 1, which the server must request again; then sends segment 1.
 void missing_segment(Trial& trial, int) {
   const Begun begun = begin(trial);
   if (begun.block_size < 2) {
@@ -144,7 +144,7 @@ void missing_segment(Trial& trial, int) {
 
 void wrong_sequence_number(Trial& trial, int) {
   const Begun begun = begin(trial);
-  const SdoFrame zero = segment(0, begun.value);  // 80h would be an abort
+  const SdoFrame zero = segment(0, begun.value);  // with the last-segment bit it would be 80h, an abort
   const auto answer = ask_sdo(trial, zero);
   trial.expect(is_abort(answer, AbortCode::invalid_sequence_number), text_of_sdo(zero) + " (segment 0)",
                "abort " + text_of(AbortCode::invalid_sequence_number), text_of_answer(answer));
@@ -152,15 +152,15 @@ void wrong_sequence_number(Trial& trial, int) {
 }
 
 constexpr std::array rows{
-    Check{"sdo.block-download", "CiA 301 7.2.4.3.9 to 7.2.4.3.11", "A value is taken in a block", Demand::nothing,
+    Check{"sdo.block-download", "CiA 301 7.2.4.3.9 to 7.2.4.3.11", "A block download is accepted", Demand::nothing,
           buses::can, downloads},
     Check{"sdo.block-crc", "CiA 301 7.2.4.3.11, 7.2.4.3.16, table 22",
           "A block with a wrong CRC is refused with 0504 0004h, and changes nothing", Demand::nothing, buses::can,
           wrong_crc},
     Check{"sdo.block-abort", "CiA 301 7.2.4.3.17", "A block that the client aborts changes nothing", Demand::nothing,
           buses::can, aborted},
-    Check{"sdo.block-repeat", "CiA 301 7.2.4.3.10", "A segment that did not come is asked for again", Demand::nothing,
-          buses::can, missing_segment},
+    Check{"sdo.block-repeat", "CiA 301 7.2.4.3.10", "A missing segment is requested again", Demand::nothing, buses::can,
+          missing_segment},
     Check{"sdo.block-sequence", "CiA 301 7.2.4.3.10, table 22", "Sequence number 0 is refused with 0504 0003h",
           Demand::nothing, buses::can, wrong_sequence_number},
 };

@@ -5,7 +5,7 @@
 
 #include "host/conform/check.hpp"
 
-// One table for each subject of the standards, in its own file.
+// One table for each subject of the standards, each in its own file.
 namespace servodrome::host::conform {
 
 std::span<const Check> identity_checks();
@@ -30,7 +30,7 @@ std::span<const Check> coe_checks();
 std::span<const Check> foe_checks();
 std::span<const Check> modbus_checks();
 
-// In the order in which they run.
+// In the order of execution.
 inline constexpr std::array check_tables{identity_checks,
                                          abort_checks,
                                          sdo_checks,

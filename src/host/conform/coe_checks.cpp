@@ -1,4 +1,4 @@
-// CoE: the object dictionary is what its description says, and PDO assignment keeps to its rules.
+// CoE: the object dictionary matches its description, and the PDO assignment follows its rules.
 #include <algorithm>
 
 #include "host/conform/check_tables.hpp"
@@ -18,7 +18,7 @@ CoeClient& coe_of(Trial& trial) {
   return slave.coe();
 }
 
-// Of a slave without SDO information the list cannot be had.
+// Skips the check if the slave has no SDO information.
 std::vector<std::uint16_t> objects_of(CoeClient& coe) {
   std::vector<std::uint16_t> all;
   const auto refusal = Trial::refusal_of([&] { all = coe.list(ObjectList::all); });
@@ -42,7 +42,7 @@ void lists(Trial& trial, int) {
   }
 }
 
-// Each described entry can be read, if it says so, and has the size that it says.
+// Each entry that is described as readable can be read, and its value has the described size.
 void descriptions(Trial& trial, int) {
   CoeClient& coe = coe_of(trial);
   unsigned entries = 0;
@@ -51,9 +51,9 @@ void descriptions(Trial& trial, int) {
     for (unsigned sub = 0; sub <= object.highest_sub; ++sub) {
       const ObjectAddress address{index, static_cast<std::uint8_t>(sub)};
       EntryDescription entry;
-      if (Trial::refusal_of([&] { entry = coe.describe(address); })) continue;  // a gap
+      if (Trial::refusal_of([&] { entry = coe.describe(address); })) continue;  // a gap in the sub-indices
       ++entries;
-      const bool readable = (entry.access & 0x0001) != 0;  // in PREOP
+      const bool readable = (entry.access & 0x0001) != 0;  // readable in PREOP
       if (!readable) {
         if ((entry.access & entry_access::write) != 0 && (entry.access & entry_access::read) == 0) {
           const auto refusal = Trial::refusal_of([&] { coe.upload(address); });
@@ -66,7 +66,7 @@ void descriptions(Trial& trial, int) {
       }
       std::vector<std::byte> value;
       const auto refusal = Trial::refusal_of([&] { value = coe.upload(address); });
-      const bool text = entry.type >= 9 && entry.type <= 15;  // strings and domains are as long as they are
+      const bool text = entry.type >= 9 && entry.type <= 15;  // strings and domains have no fixed size
       const std::size_t bytes = (entry.bits + 7U) / 8U;
       const bool right = !refusal && (text || value.size() == bytes);
       if (!right) {
@@ -79,7 +79,7 @@ void descriptions(Trial& trial, int) {
                fmt::format("{} entries", entries));
 }
 
-// What is described as read-only is.
+// An entry that is described as read-only cannot be written.
 void read_only_entries(Trial& trial, int) {
   CoeClient& coe = coe_of(trial);
   unsigned entries = 0;
@@ -113,7 +113,7 @@ void assignment_rules(Trial& trial, int row) {
     Trial::skip(fmt::format("{:04X}h is fixed", index));
   trial.expect_refused(fmt::format("write {:04X}h sub 1 while sub 0 is {}", index, count), {},
                        [&] { coe.write<std::uint16_t>(index, 1, first); });
-  // A PDO that there is not.
+  // Assigns a PDO that does not exist.
   coe.write<std::uint8_t>(index, 0, 0);
   const auto refusal = Trial::refusal_of([&] {
     coe.write<std::uint16_t>(index, 1, static_cast<std::uint16_t>(row == 0 ? 0x17FE : 0x1BFE));
@@ -145,16 +145,16 @@ constexpr auto assignment = "ETG.1000.6 5.6.7.4, ETG.1020 12";
 
 constexpr std::array rows{
     Check{"coe.object-list", information,
-          "The list of objects is as long as it says, in order, and has the mandatory ones", Demand::nothing,
+          "The list of objects has the reported length, is sorted, and contains the mandatory objects", Demand::nothing,
           buses::ethercat, lists},
     Check{"coe.descriptions", information, "Each entry can be read as it is described", Demand::nothing,
           buses::ethercat, descriptions},
-    Check{"coe.read-only", information, "What is described as read-only cannot be written", Demand::nothing,
+    Check{"coe.read-only", information, "Objects described as read-only cannot be written", Demand::nothing,
           buses::ethercat, read_only_entries},
-    Check{"coe.rx-assignment", assignment, "1C12h is changed by its procedure only", Demand::nothing, buses::ethercat,
-          assignment_rules, 0},
-    Check{"coe.tx-assignment", assignment, "1C13h is changed by its procedure only", Demand::nothing, buses::ethercat,
-          assignment_rules, 1},
+    Check{"coe.rx-assignment", assignment, "1C12h can be changed by its procedure only", Demand::nothing,
+          buses::ethercat, assignment_rules, 0},
+    Check{"coe.tx-assignment", assignment, "1C13h can be changed by its procedure only", Demand::nothing,
+          buses::ethercat, assignment_rules, 1},
     Check{"coe.assignment-in-operation", assignment, "The assignment cannot be changed in OP", Demand::nothing,
           buses::ethercat, assignment_in_operation},
 };

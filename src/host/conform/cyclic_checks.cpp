@@ -1,5 +1,4 @@
-// The modes in which a master gives a target in each cycle: cyclic synchronous position, velocity, torque, and
-// interpolated position.
+// The modes with a target in each cycle: cyclic synchronous position, velocity and torque, and interpolated position.
 #include <array>
 #include <cmath>
 
@@ -15,10 +14,11 @@ using namespace std::chrono_literals;
 constexpr std::uint16_t follows = 0x1000;  // bit 12; in interpolated position: the mode is active
 constexpr std::uint16_t halt = 0x0100;
 constexpr double torque_window = 5.0;  // in 0.1 % of rated torque
-constexpr double slow = 0.5;           // revolutions per second, of what is stopped under way
+constexpr double slow = 0.5;           // revolutions per second, for motions that are stopped on the way
 constexpr double acceleration = 10.0;  // revolutions per second squared
-constexpr double lag_s = 0.15;         // at most, of the position behind its target
-constexpr OperationMode refuge = OperationMode::profile_position;  // stands until bit 4 has an edge
+constexpr double lag_s = 0.15;         // maximum time by which the position lags behind its target
+constexpr OperationMode refuge = OperationMode::profile_position;  // mode to change to: it does not move without an
+                                                                   // edge of bit 4
 
 constexpr std::array modes{
     CyclicMode{.mode = OperationMode::cyclic_synchronous_position, .target = {{0x607A, 0}, 32}, .is_position = true},
@@ -40,10 +40,10 @@ const CyclicMode& mode_of(int row) { return modes[static_cast<std::size_t>(row)]
 
 std::string text_of_bit(const CyclicRun& axis) { return fmt::format("{:04X}h", axis.statusword()); }
 
-// What is taken for standing.
+// Tolerance of positions: a hundredth of a revolution.
 double window(Trial& trial) { return trial.units().position / 100.0; }
 
-// From one end to the other, and no further. All are of this axis' position units.
+// Limits for a profile between the two ends of the permitted motion, in the position units of this axis.
 MotionLimits limits_of(Trial& trial, double speed) {
   const double unit = trial.units().position;
   return {.velocity = unit * speed,
@@ -75,7 +75,7 @@ void follows_when_enabled(Trial& trial, int row) {
 
 // ---- At rest ----
 
-// The target is where the axis is, or 0, in each cycle.
+// The target is the present position, or 0, in each cycle: the axis must not move.
 void stands(Trial& trial, int row) {
   CyclicRun axis(trial, mode_of(row));
   axis.enable();
@@ -92,7 +92,7 @@ void stands(Trial& trial, int row) {
                text_of_state(axis.statusword()));
 }
 
-// No SYNC, no PDO: the target is written once, before the axis is enabled.
+// Without SYNC and PDOs: the target is written once by SDO, before the axis is enabled; the axis must not move.
 void waits(Trial& trial, int row) {
   const CyclicMode& mode = mode_of(row);
   trial.units();
@@ -141,7 +141,7 @@ void tracks_position(Trial& trial, int row) {
         });
     trial.require(given && axis.state() == PowerState::operation_enabled, "targets along a profile, one in each cycle",
                   "operation enabled", text_of_state(axis.statusword()));
-    // The last target stays, and so does the axis.
+    // The last target is repeated: the axis must stand still.
     axis.run(300ms);
     const std::int32_t there = axis.position();
     trial.expect(std::abs(there - start - distance) <= window(trial),
@@ -160,7 +160,7 @@ void tracks_position(Trial& trial, int row) {
                fmt::format("{:.0f}", greatest_lag));
 }
 
-// Mean of what follows the target in the last cycles.
+// Mean of the actual value over the last cycles.
 struct Mean {
   double sum = 0.0;
   unsigned count = 0;
@@ -212,9 +212,9 @@ void tracks_velocity(Trial& trial, int row) {
   }
 }
 
-// ---- Torque: as little as moves the axis ----
+// ---- Torque: only as much as it takes to move the axis ----
 
-// A ramp of torque, which ends when the axis turns.
+// Increases the torque until the axis turns.
 class TorqueRamp {
  public:
   TorqueRamp(Trial& trial, CyclicRun& axis, double direction)
@@ -224,11 +224,11 @@ class TorqueRamp {
         speed_(trial.units().position * slow),
         way_(trial.distance() / 4.0) {}
 
-  // In each cycle; true: it turns, or the ramp is at its end.
+  // Called in each cycle. Returns true when the axis turns or the ramp has reached its maximum.
   bool step() {
     given_ = std::min(given_ + torque_per_s * axis_.period_s(), most_torque);
     axis_.set_target(direction_ * given_);
-    // The first cycles only start the round trip.
+    // Skips the first cycles, because demand and actual value are delayed by a round trip.
     if (++cycles_ > 6) {
       wanted_.add(direction_ * given_);
       actual_.add(axis_.actual());
@@ -291,7 +291,7 @@ void tracks_torque(Trial& trial, int row) {
                fmt::format("6077h = 0, within {:.0f}", torque_window), fmt::format("6077h = {:.1f}", at_rest.value()));
 }
 
-// ---- Stopped under way ----
+// ---- Stops on the way ----
 
 struct Motion {
   std::int32_t start = 0;
@@ -299,7 +299,7 @@ struct Motion {
   std::optional<SetPointGenerator> generator{};
 };
 
-// In motion in this direction, a quarter of the way to `end`.
+// Starts a motion in this direction and returns when the axis has covered a quarter of the way to `end`.
 Motion set_off(Trial& trial, CyclicRun& axis, int row, double direction) {
   const double speed = std::min(slow, trial.settings().revolutions);
   Motion motion{.start = axis.position(), .end = axis.position() + direction * trial.distance()};
@@ -336,7 +336,8 @@ Motion set_off(Trial& trial, CyclicRun& axis, int row, double direction) {
   return motion;
 }
 
-// Targets go on as before. False: the axis is as far as it may go.
+// Continues to send targets. Returns true when the axis has come to rest, false when it reaches the end of the
+// permitted way, or after `span`.
 bool go_on(Trial& trial, CyclicRun& axis, int row, Motion& motion, Time span) {
   double last = axis.position();
   unsigned still = 0;
@@ -380,7 +381,7 @@ void leaves(Trial& trial, int row) {
   CyclicRun axis(trial, mode_of(row));
   axis.enable();
   Motion motion = set_off(trial, axis, row, -1.0);
-  // Bit 4 would be a new set-point in the other mode.
+  // Clears bit 4 first: in profile position it would be a new set-point.
   if (mode_of(row).enable_bits != 0) {
     axis.control(0x000F);
     go_on(trial, axis, row, motion, 50ms);
@@ -422,9 +423,9 @@ constexpr auto interpolation_bits = "CiA 402-2, interpolated position mode, stat
 constexpr auto halting = "CiA 402-2, controlword bit 8, object 605Dh";
 constexpr auto changing = "CiA 402-2, object 6060h";
 
-constexpr auto bit_12 = "Bit 12 says that the target is followed, and only then";
+constexpr auto bit_12 = "Bit 12 is set while the target is followed, and only then";
 constexpr auto rest = "A target that does not change leaves the axis at rest";
-constexpr auto nothing_new = "Without new targets nothing moves";
+constexpr auto nothing_new = "Without new targets the axis does not move";
 constexpr auto stops = "Halt stops the axis, whatever the targets";
 constexpr auto out = "Another mode of operation stops the axis, whatever the targets";
 
@@ -450,9 +451,9 @@ constexpr std::array rows{
     Check{"cst.no-targets", torque_mode, nothing_new, Demand::enable, buses::all, waits, cst},
     Check{"cst.tracks", torque_mode, "The torque follows the targets", Demand::motion, with_cycles, tracks_torque, cst},
     Check{"cst.leave", changing, out, Demand::motion, with_cycles, leaves, cst},
-    Check{"ip.data-record", "CiA 402-2, object 60C1h", "The mode has its data record", Demand::nothing, with_cycles,
-          data_record},
-    Check{"ip.active", interpolation_bits, "Bit 12 says that interpolation is active, by bit 4 and only then",
+    Check{"ip.data-record", "CiA 402-2, object 60C1h", "The data record of the mode exists", Demand::nothing,
+          with_cycles, data_record},
+    Check{"ip.active", interpolation_bits, "Bit 12 is set while interpolation is active (bit 4), and only then",
           Demand::enable, with_cycles, follows_when_enabled, ip},
     Check{"ip.at-rest", interpolation, rest, Demand::enable, with_cycles, stands, ip},
     Check{"ip.no-targets", interpolation, nothing_new, Demand::enable, buses::all, waits, ip},

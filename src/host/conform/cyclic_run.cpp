@@ -24,9 +24,9 @@ constexpr std::uint16_t own_tx_pdo = 0x1A00;
 
 }  // namespace
 
-// ---- An EtherCAT slave whose process data do not have what the mode needs ----
+// ---- An EtherCAT slave whose process data lack an object that the mode needs ----
 
-// Maps it into 1600h and 1A00h, and puts these and the assignments back.
+// Maps the objects into 1600h and 1A00h. The destructor restores these and the assignments.
 struct CyclicRun::Slave {
   explicit Slave(Subject& its_subject) : subject(its_subject), slave(its_subject.ethercat().slave) {
     for (const std::uint16_t index : {own_rx_pdo, own_tx_pdo}) before[index] = read<std::uint32_t>(index);
@@ -39,7 +39,7 @@ struct CyclicRun::Slave {
       for (const auto& [index, entries] : before) write(index, entries);
       for (const auto& [index, entries] : assigned) write(index, entries);
     } catch (const HostError&) {
-      // What the slave maps from its power-on is its own again with the next one.
+      // The slave restores its own mapping at its next power-on.
     }
   }
   Slave(const Slave&) = delete;
@@ -108,7 +108,7 @@ CyclicRun::CyclicRun(Trial& trial, const CyclicMode& mode) : trial_(trial), mode
   }
 }
 
-// Those of halt and quick stop. A drive without profile modes need not have them.
+// Sets the ramps of halt and quick stop. The objects are optional: a drive without profile modes may lack them.
 void CyclicRun::set_gentle_ramps() {
   const auto ramp = static_cast<std::uint32_t>(Trial::whole(trial_.units().acceleration * 10.0));
   for (const std::uint16_t index : {std::uint16_t{0x6083}, std::uint16_t{0x6084}, std::uint16_t{0x6085}})
@@ -168,7 +168,7 @@ void CyclicRun::open_ethercat() {
     if (trial_.objects().upload(object.object) != std::vector(bytes.begin(), bytes.end()))
       trial_.objects().download(object.object, bytes);
   }
-  // Out of OP and back the mode may have been lost.
+  // The mode may have been lost on the way out of OP and back.
   trial_.set_mode(mode_.mode);
 }
 
@@ -178,7 +178,7 @@ void CyclicRun::set_interpolation_time() {
   const auto index = objects.read_if_present<std::int8_t>(0x60C2, 2);
   const auto time = interpolation_time_of(bus_->period());
   if (!value || !index || !time || (*value == time->value && *index == time->index)) return;
-  // With SYNC0 a drive may have it from there, and refuse.
+  // With SYNC0 the drive may take the time from the pulses and refuse a write; that is no failure.
   Trial::refusal_of([&] {
     objects.write<std::uint8_t>(0x60C2, 1, time->value);
     objects.write<std::int8_t>(0x60C2, 2, time->index);
@@ -259,7 +259,7 @@ CyclicRun::~CyclicRun() {
   try {
     stop();
   } catch (const HostError&) {
-    // Left to what comes after the check.
+    // Subject::settle() runs after the check and tries again.
   }
   bus_->on_cycle({});
 }

@@ -5,7 +5,7 @@
 namespace servodrome::host::conform {
 namespace {
 
-// Lines are those of the manuals' texts, as in the products' READMEs.
+// Line numbers refer to the manuals' texts, as in the products' READMEs.
 constexpr std::array rows{
     // ISMC application manual V1.6
     Departure{"ismc", "abort.value-range",

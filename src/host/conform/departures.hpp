@@ -7,14 +7,15 @@
 
 namespace servodrome::host::conform {
 
-// Where a product is not as the standard says because its manual says so.
+// A documented departure: the product deviates from the standard, and its manual says so.
 struct Departure {
-  std::string_view product;  // as `servodrome products` lists it
+  std::string_view product;  // name in the list of `servodrome products`
   std::string_view check;
-  std::string_view reason;  // with the manual's line
-  // What is not met must contain this, sent, expected or seen; empty: whatever is not met in this check.
+  std::string_view reason;  // with the line of the manual
+  // The departure applies to failed observations whose text (sent, expected or seen) contains this; empty: to every
+  // failed observation of the check.
   std::string_view about{};
-  std::string_view bus_variant{};  // another product of which the same holds
+  std::string_view bus_variant{};  // another product with the same departure
 };
 
 std::span<const Departure> all_departures();

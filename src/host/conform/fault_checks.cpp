@@ -1,4 +1,5 @@
-// Faults: reaction, reset, error objects, emergencies. The fault is a following error, which a master can cause.
+// Faults: reaction, reset, error objects, emergencies. The fault used is a following error, because a master can cause
+// it.
 #include "host/conform/check_tables.hpp"
 #include "host/conform/trial.hpp"
 
@@ -44,7 +45,7 @@ void commands_in_fault(Trial& trial, int) {
 void reset_by_edge(Trial& trial, int) {
   const auto before = trial.objects().read_if_present<std::uint8_t>(0x1001);
   need_fault(trial);
-  trial.wait_for_rest();  // the cause is to be gone
+  trial.wait_for_rest();  // until then the cause of the fault may persist
   trial.wait(200ms);
   trial.control(0x0000);
   trial.wait(20ms);
@@ -58,7 +59,7 @@ void reset_by_edge(Trial& trial, int) {
                fmt::format("{:02X}h, as before the fault", *before), fmt::format("{:02X}h", after));
 }
 
-// Standing from before the fault, bit 7 resets nothing.
+// Bit 7 that was set before the fault must not reset it.
 void standing_reset_bit(Trial& trial, int) {
   if (!trial.objects().read_if_present<std::uint32_t>(0x6065)) Trial::skip("it has no 6065h to cause a fault with");
   trial.enable(OperationMode::profile_position);
@@ -67,7 +68,7 @@ void standing_reset_bit(Trial& trial, int) {
   trial.objects().write<std::uint32_t>(0x6065, 0, 1);
   trial.write_if_present<std::uint16_t>(0x6066, 0, 0);
   trial.objects().write<std::int32_t>(0x607A, 0, target);
-  trial.control(0x00AF);  // bit 7 stands before the fault is there
+  trial.control(0x00AF);  // sets bit 7 before the fault occurs
   trial.control(0x00BF);
   if (!trial.wait_for(PowerState::fault)) Trial::skip("no fault could be caused with bit 7 standing");
   const bool stayed = trial.stays(PowerState::fault, 100ms);
@@ -144,11 +145,11 @@ constexpr std::array rows{
     Check{"fault.reaction", fsa, "A fault ends in the state fault", Demand::motion, buses::all, reaction},
     Check{"fault.error-code", "CiA 402-2, object 603Fh; CiA 301, object 1001h", "A fault has an error code",
           Demand::motion, buses::all, error_code},
-    Check{"fault.commands", fsa, "Commands do nothing in fault", Demand::motion, buses::all, commands_in_fault},
+    Check{"fault.commands", fsa, "Commands have no effect in fault", Demand::motion, buses::all, commands_in_fault},
     Check{"fault.reset", fsa, "The edge of bit 7 resets a fault", Demand::motion, buses::all, reset_by_edge},
-    Check{"fault.reset-needs-edge", "CiA 402-2, object 6040h, bit 7", "Bit 7 that stands resets nothing",
+    Check{"fault.reset-needs-edge", "CiA 402-2, object 6040h, bit 7", "A static bit 7 does not reset a fault",
           Demand::motion, buses::all, standing_reset_bit},
-    Check{"fault.emergency", "CiA 301 7.2.7; ETG.1000.6 5.6.4", "A fault and its reset are told by emergencies",
+    Check{"fault.emergency", "CiA 301 7.2.7; ETG.1000.6 5.6.4", "A fault and its reset are reported by emergencies",
           Demand::motion, buses::sdo, emergency},
     Check{"fault.error-field", "CiA 301 7.5.2, object 1003h",
           "Only 0 may be written to the error field, which empties it", Demand::nothing, buses::can, error_field},

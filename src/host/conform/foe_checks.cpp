@@ -1,4 +1,5 @@
-// File access over EtherCAT, mail by mail. Nothing is ever written: what a file of an unknown name does is not known.
+// File access over EtherCAT, mail by mail. No file is written, because the effect of writing a file of an unknown name
+// is unknown.
 #include <algorithm>
 
 #include "ethercat/slave/foe_server.hpp"
@@ -29,7 +30,7 @@ MailboxClient& mailbox_of(Trial& trial) {
 std::string_view file_of(Trial& trial) {
   const std::string_view file = trial.settings().foe_file.empty() ? trial.settings().dialect.foe_file
                                                                   : std::string_view(trial.settings().foe_file);
-  if (file.empty()) Trial::skip("no file that it offers is known: give --foe-file");
+  if (file.empty()) Trial::skip("no file name is known: give --foe-file");
   return file;
 }
 
@@ -49,7 +50,7 @@ std::string text_of_mail(const Mail& mail) {
 
 struct Answer {
   std::optional<Mail> mail;
-  std::string text;  // of it, or why there is none
+  std::string text;  // text of the mail, or the reason why there is none
 
   bool is(std::uint8_t operation, std::uint32_t value) const {
     return mail && (*mail)[0] == operation && ethercat::load_u32(&(*mail)[2]) == value;
@@ -57,7 +58,7 @@ struct Answer {
   bool is_error() const { return mail && (*mail)[0] == error_answer; }
 };
 
-// A busy slave is asked again.
+// Sends the request, and repeats it while the slave answers that it is busy.
 Answer ask(Trial& trial, const Mail& request) {
   MailboxClient& mailbox = mailbox_of(trial);
   const Time deadline = mailbox.master().now() + trial.settings().patience;
@@ -72,7 +73,7 @@ Answer ask(Trial& trial, const Mail& request) {
   }
 }
 
-// An error of the master ends what may be under way; nothing answers it.
+// Ends a transfer by an error message to the slave, which has no answer.
 void give_up(Trial& trial) {
   MailboxClient& mailbox = mailbox_of(trial);
   mailbox.send(MailboxType::foe, mail_of(error_answer, static_cast<std::uint32_t>(FoeError::not_defined)), 1s);
@@ -137,7 +138,7 @@ void packet_number(Trial& trial, int) {
   const Answer answer = ask(trial, wrong);
   trial.expect(answer.is(error_answer, static_cast<std::uint32_t>(FoeError::packet_number_wrong)),
                text_of_mail(wrong) + " after data packet 1", text_of_code(FoeError::packet_number_wrong), answer.text);
-  // The transfer is over.
+  // The error has ended the transfer.
   const Mail late = mail_of(acknowledgement, 1);
   const Answer after = ask(trial, late);
   trial.expect(after.is_error(), text_of_mail(late) + " after that", "an error", after.text);
@@ -146,14 +147,14 @@ void packet_number(Trial& trial, int) {
 constexpr auto codes = "ETG.1000.6 5.8, table 93";
 
 constexpr std::array rows{
-    Check{"foe.unknown-file", codes, "A file that it does not have is error 8001h", Demand::nothing, buses::ethercat,
+    Check{"foe.unknown-file", codes, "A missing file gives error 8001h", Demand::nothing, buses::ethercat,
           unknown_file},
     Check{"foe.read", "ETG.1000.6 5.8", "A file that it offers can be read", Demand::nothing, buses::ethercat, reads},
-    Check{"foe.packet-number", codes, "A wrong packet number is error 8005h, and ends the transfer", Demand::nothing,
+    Check{"foe.packet-number", codes, "A wrong packet number gives error 8005h and ends the transfer", Demand::nothing,
           buses::ethercat, packet_number},
-    Check{"foe.stray-packet", codes, "A packet without a transfer is an error", Demand::nothing, buses::ethercat,
+    Check{"foe.stray-packet", codes, "A packet without a transfer gives an error", Demand::nothing, buses::ethercat,
           stray_packets},
-    Check{"foe.unknown-operation", codes, "An unknown operation is an error", Demand::nothing, buses::ethercat,
+    Check{"foe.unknown-operation", codes, "An unknown operation gives an error", Demand::nothing, buses::ethercat,
           unknown_operation},
 };
 

@@ -4,18 +4,18 @@
 
 #include "host/conform/trial.hpp"
 
-// Frames that no proper client sends, and what comes back.
+// Raw frames, including those that a correct client never sends, and the answers to them.
 namespace servodrome::host::conform {
 
 using SdoFrame = std::array<std::uint8_t, 8>;
 
-// To the node's default server; nothing: no answer in time.
+// Sends to the node's default SDO server; nullopt: no answer in time.
 std::optional<SdoFrame> ask_sdo(Trial& trial, const SdoFrame& request, Time timeout = std::chrono::seconds(1));
 unsigned count_sdo_answers(Trial& trial, const SdoFrame& request, Time span);
-// "SDO 40 00 10 00 00 00 00 00"
+// For example "SDO 40 00 10 00 00 00 00 00".
 std::string text_of_sdo(const SdoFrame& frame);
 
-// The times at which frames of an identifier come, and the frames.
+// A received frame with its time of arrival.
 struct Arrival {
   Time at;
   Frame frame;

@@ -1,4 +1,4 @@
-// The contract of the homing mode: bits 10, 12 and 13, the home offset. With methods that do not move the axis.
+// The homing mode: bits 10, 12 and 13, and the home offset. Uses methods that do not move the axis.
 #include <cmath>
 
 #include "host/conform/check_tables.hpp"
@@ -11,7 +11,8 @@ using namespace std::chrono_literals;
 
 constexpr std::uint16_t target_reached = 0x0400;
 
-// 35, or 37 where 60E3h lists it or 35 is refused: the present position is home. Skips where there is neither.
+// Method 35; or 37 if 60E3h lists it or 35 is refused: the present position becomes home. Skips the check if the drive
+// has neither.
 std::int8_t choose_method(Trial& trial) {
   const auto listed = [&](std::int8_t method) {
     const auto count = trial.objects().read_if_present<std::uint8_t>(0x60E3, 0).value_or(0);
@@ -28,7 +29,7 @@ std::int8_t choose_method(Trial& trial) {
   Trial::skip("it has neither homing method 37 nor 35, which do not move the axis");
 }
 
-// Speeds of zero are an error to some drives.
+// Enables homing mode with speeds and acceleration above 0, because some drives treat 0 as an error.
 void prepare(Trial& trial) {
   trial.units();
   trial.enable(OperationMode::homing);
@@ -53,8 +54,8 @@ Bits bits_of(Trial& trial) {
   return {signals.attained, signals.error};
 }
 
-// What homing changed cannot be written back: the axis is homed once more where it stands, so that its position is that
-// from before.
+// The position cannot simply be written back, so the axis is homed again where it stands, with an offset that restores
+// the former position.
 void put_position_back(Trial& trial, std::int32_t before) {
   for (const std::int32_t sign : {1, -1}) {
     trial.control(0x000F);
@@ -101,7 +102,7 @@ void not_by_itself(Trial& trial, int) {
                fmt::format("{:04X}h", trial.statusword()));
 }
 
-// After a new start the old result does not stand: a search for a switch that is not there goes on, or fails.
+// Starting a new homing clears the old result: a search for a switch that does not exist continues or fails.
 void not_attained_while_searching(Trial& trial, int) {
   trial.units();
   trial.enable(OperationMode::homing);
@@ -118,7 +119,7 @@ void not_attained_while_searching(Trial& trial, int) {
   const std::int32_t start = trial.position();
   trial.control(0x000F);
   trial.control(0x001F);
-  // A tenth of a revolution at most, and a third of a second.
+  // Moves at most a tenth of a revolution and takes at most 0.3 s.
   const Time end = trial.now() + 300ms;
   bool told = false;
   bool moved = false;
@@ -159,12 +160,13 @@ void offset(Trial& trial, int) {
 constexpr auto contract = "CiA 402-2, homing mode, statusword";
 
 constexpr std::array rows{
-    Check{"homing.not-by-itself", "CiA 402-2, homing mode, controlword bit 4", "Nothing happens without bit 4",
+    Check{"homing.not-by-itself", "CiA 402-2, homing mode, controlword bit 4", "Homing does not start without bit 4",
           Demand::enable, buses::all, not_by_itself},
-    Check{"homing.attained", contract, "Homing attained and target reached are told, and home is zero", Demand::enable,
-          buses::all, attained},
-    Check{"homing.offset", "CiA 402-2, object 607Ch", "The home offset moves zero", Demand::motion, buses::all, offset},
-    Check{"homing.not-attained-while-searching", contract, "Home is not attained as long as it is searched",
+    Check{"homing.attained", contract, "Homing attained and target reached are set, and the position is zero",
+          Demand::enable, buses::all, attained},
+    Check{"homing.offset", "CiA 402-2, object 607Ch", "The home offset shifts the zero position", Demand::motion,
+          buses::all, offset},
+    Check{"homing.not-attained-while-searching", contract, "Homing attained is not set during the search",
           Demand::motion, buses::all, not_attained_while_searching},
 };
 

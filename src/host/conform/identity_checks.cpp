@@ -1,4 +1,4 @@
-// Objects that every device, or every drive, has to have.
+// Mandatory objects, of every device or of every drive.
 #include "host/conform/check_tables.hpp"
 #include "host/conform/trial.hpp"
 
@@ -53,7 +53,7 @@ void drive_object(Trial& trial, int row) {
                value ? fmt::format("{:X}h", *value) : "there is no such object");
 }
 
-// A write of another signature stores nothing; one of the right signature would, and is not sent.
+// A wrong signature must be refused. The right one is not sent, because it would store or restore the parameters.
 void signature(Trial& trial, int row) {
   const std::uint16_t index = row == 0 ? 0x1010 : 0x1011;
   ObjectClient& objects = trial.subject().services();
@@ -74,17 +74,17 @@ constexpr std::array rows{
           Demand::nothing, buses::sdo, device_type},
     Check{"identity.error-register", "CiA 301 7.5.2, object 1001h", "There is an error register", Demand::nothing,
           buses::sdo, error_register},
-    Check{"identity.identity-object", "CiA 301 7.5.2, object 1018h", "There is an identity object as long as it says",
-          Demand::nothing, buses::sdo, identity},
+    Check{"identity.identity-object", "CiA 301 7.5.2, object 1018h",
+          "There is an identity object of the reported length", Demand::nothing, buses::sdo, identity},
     Check{"identity.controlword", "CiA 402-2, object 6040h", "There is a controlword", Demand::nothing, buses::all,
           drive_object, 0},
     Check{"identity.statusword", "CiA 402-2, object 6041h", "There is a statusword", Demand::nothing, buses::all,
           drive_object, 1},
-    Check{"identity.mode", "CiA 402-2, object 6060h", "There are modes of operation", Demand::nothing, buses::sdo,
-          drive_object, 2},
+    Check{"identity.mode", "CiA 402-2, object 6060h", "There is an object for the mode of operation", Demand::nothing,
+          buses::sdo, drive_object, 2},
     Check{"identity.mode-display", "CiA 402-2, object 6061h", "The mode is displayed", Demand::nothing, buses::sdo,
           drive_object, 3},
-    Check{"identity.supported-modes", "CiA 402-2, object 6502h", "The supported modes are told", Demand::nothing,
+    Check{"identity.supported-modes", "CiA 402-2, object 6502h", "The supported modes are reported", Demand::nothing,
           buses::sdo, drive_object, 4},
     Check{"identity.store-signature", "CiA 301 7.5.2, object 1010h", "Only \"save\" stores parameters", Demand::nothing,
           buses::sdo, signature, 0},

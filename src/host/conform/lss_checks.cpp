@@ -1,4 +1,4 @@
-// LSS, the layer setting services of CiA 305, for a node that has its node-ID.
+// LSS, the layer setting services of CiA 305, for a node that has a node-ID.
 #include <algorithm>
 
 #include "canopen/305/lss_slave.hpp"
@@ -26,7 +26,7 @@ std::string text_of_lss(const LssFrame& frame) {
   return text;
 }
 
-// What answers first.
+// Sends a request and returns the first answer; nullopt if there is none in time.
 std::optional<LssFrame> ask_lss(Trial& trial, const LssFrame& request) {
   Bus& bus = trial.subject().can().bus;
   bus.drain();
@@ -55,10 +55,10 @@ std::string text_of_address(const LssAddress& address) {
                      address.serial_number);
 }
 
-// All nodes wait when this begins and ends.
+// Puts all nodes into the waiting state at construction and destruction.
 class Lss {
  public:
-  // Skips if the node does not answer.
+  // Skips the check if the node does not answer.
   explicit Lss(Trial& trial) : trial_(trial), address_(address_of(trial)), master_(trial.subject().can().bus, silence) {
     if (!master_.select(address_)) Trial::skip("it does not answer to LSS, which is optional");
     master_.switch_all_to_waiting();
@@ -67,7 +67,7 @@ class Lss {
     try {
       master_.switch_all_to_waiting();
     } catch (const HostError&) {
-      // The link is lost; the next access tells it.
+      // The link is lost; the next access reports it.
     }
   }
   Lss(const Lss&) = delete;
@@ -104,7 +104,7 @@ void selective(Trial& trial, int) {
 
 void global(Trial& trial, int) {
   Lss lss(trial);
-  // Of several nodes each would answer, with different data under one identifier.
+  // Several nodes would all answer, with different data under the same identifier.
   if (scan(trial.subject().can().bus).size() != 1 || lss.master().any_unconfigured())
     Trial::skip("there are other nodes on the bus, which would answer as well");
   lss.master().switch_all_to_configuration();
@@ -128,7 +128,7 @@ void identifies(Trial& trial, int) {
   const LssAddress& own = lss.address();
   trial.expect(lss.master().identify(own, own.revision_number, own.serial_number),
                "identify remote slave, with its revision and serial number", "4Fh", "no answer");
-  // No node has a number that is above the highest.
+  // Identify with ranges above the node's own numbers: it must not answer.
   LssAddress above = own;
   above.serial_number = own.serial_number + 1;
   trial.expect(!lss.master().identify(above, own.revision_number, own.serial_number),
@@ -172,7 +172,7 @@ void bit_timing(Trial& trial, int) {
                text_of_answer(answer));
 }
 
-// Its node-ID again, by whatever way it still answers to. False: it does not.
+// Gives the node its node-ID back, trying every way by which it may still answer. False: it does not answer.
 bool give_back(Trial& trial, Lss& lss) {
   Bus& bus = trial.subject().can().bus;
   const std::uint8_t own = trial.subject().can().sdo.node_id();
@@ -219,19 +219,19 @@ constexpr unsigned can = buses::can;
 
 constexpr std::array rows{
     Check{"lss.selective", "CiA 305, switch state selective and global",
-          "It is configured when it is selected by its address, and only then", Demand::nothing, can, selective},
-    Check{"lss.global", "CiA 305, switch state global", "All nodes are configured by a global switch", Demand::nothing,
-          can, global},
-    Check{"lss.inquire", "CiA 305, inquire identity and node-ID", "It says what 1018h has, and its node-ID",
+          "It enters configuration state only when it is selected by its address", Demand::nothing, can, selective},
+    Check{"lss.global", "CiA 305, switch state global", "A global switch puts all nodes into configuration state",
+          Demand::nothing, can, global},
+    Check{"lss.inquire", "CiA 305, inquire identity and node-ID", "It reports the contents of 1018h and its node-ID",
           Demand::nothing, can, inquires},
-    Check{"lss.identify", "CiA 305, identify remote slave", "It answers to its own numbers, and to no others",
-          Demand::nothing, can, identifies},
-    Check{"lss.node-id", "CiA 305, configure node-ID", "What is no node-ID is refused, and its own is taken",
+    Check{"lss.identify", "CiA 305, identify remote slave", "It answers to its own numbers only", Demand::nothing, can,
+          identifies},
+    Check{"lss.node-id", "CiA 305, configure node-ID", "An invalid node-ID is refused, and its own is accepted",
           Demand::nothing, can, node_id},
-    Check{"lss.bit-timing", "CiA 305, configure bit timing", "A bit rate that there is not is refused", Demand::nothing,
-          can, bit_timing},
+    Check{"lss.bit-timing", "CiA 305, configure bit timing", "An unknown bit rate is refused", Demand::nothing, can,
+          bit_timing},
     Check{"lss.fastscan", "CiA 305, fastscan, identify non-configured remote slave",
-          "Without node-ID it is found by fastscan, and gets it back", Demand::nothing, can, fastscan},
+          "Without node-ID it is found by fastscan and accepts its node-ID again", Demand::nothing, can, fastscan},
 };
 
 }  // namespace

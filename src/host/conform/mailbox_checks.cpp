@@ -23,7 +23,7 @@ std::string text_of_mail(const Mail& mail) {
   return text;
 }
 
-// Expects a mailbox error of one of these codes.
+// Sends the mail and expects a mailbox error with one of these codes.
 void expect_mailbox_error(Trial& trial, MailboxType type, const Mail& mail, std::initializer_list<const char*> codes,
                           const char* sent) {
   MailboxClient& mailbox = mailbox_of(trial);
@@ -57,7 +57,7 @@ void short_mail(Trial& trial, int) {
                        "a CoE mail of one byte, shorter than its header");
 }
 
-// A request behind the CoE header; the answer without it.
+// Sends an SDO request with a CoE header, and returns the answer without the header.
 std::optional<Mail> ask_sdo(Trial& trial, const std::array<std::uint8_t, 8>& sdo) {
   Mail mail(ethercat::coe_header_size);
   ethercat::store_u16(mail.data(), static_cast<unsigned>(CoeService::sdo_request) << 12);
@@ -88,10 +88,9 @@ void stray_segment(Trial& trial, int) {
 }
 
 constexpr std::array rows{
-    Check{"mailbox.unsupported-protocol", "ETG.1000.4 5.6, table 30",
-          "A protocol that it does not have is refused with 0002h", Demand::nothing, buses::ethercat,
-          unsupported_protocol},
-    Check{"mailbox.short-mail", "ETG.1000.4 5.6, table 30", "A mail without room for its header is a mailbox error",
+    Check{"mailbox.unsupported-protocol", "ETG.1000.4 5.6, table 30", "An unsupported protocol is refused with 0002h",
+          Demand::nothing, buses::ethercat, unsupported_protocol},
+    Check{"mailbox.short-mail", "ETG.1000.4 5.6, table 30", "A mail shorter than its header gives a mailbox error",
           Demand::nothing, buses::ethercat, short_mail},
     Check{"mailbox.unknown-sdo-command", "ETG.1000.6 table 41", "An unknown command is refused with 0504 0001h",
           Demand::nothing, buses::ethercat, unknown_command},

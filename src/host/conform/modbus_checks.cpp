@@ -1,4 +1,4 @@
-// Modbus, request by request: functions, exceptions, limits, and what is not to be answered.
+// Modbus, request by request: functions, exceptions, limits, and requests that must not be answered.
 #include <algorithm>
 
 #include "host/conform/check_tables.hpp"
@@ -37,7 +37,7 @@ std::string text_of_bytes(const Bytes& bytes) {
   return text.empty() ? "no answer" : text;
 }
 
-// The PDU of the answer; empty: none came.
+// Sends a request and returns the PDU of the answer; empty: no answer.
 Bytes ask(Trial& trial, const Bytes& pdu) {
   auto& [client, unit, list] = trial.subject().modbus();
   Bytes answer = client.exchange_bytes(framed(trial, unit, pdu), 1s, silence);
@@ -66,7 +66,7 @@ Bytes pdu_of(std::uint8_t function, std::uint16_t address, std::uint16_t value) 
           static_cast<std::uint8_t>(value >> 8), static_cast<std::uint8_t>(value)};
 }
 
-// A register that can be read; the statusword.
+// The register of object `index`; skips the check if the drive has none.
 std::uint16_t known_register(Trial& trial, std::uint16_t index) {
   for (const modbus::Register& row : trial.subject().modbus().list.registers) {
     if (row.index == index && row.sub == 0) return row.address;
@@ -74,7 +74,7 @@ std::uint16_t known_register(Trial& trial, std::uint16_t index) {
   Trial::skip(fmt::format("{:04X}h has no register", index));
 }
 
-// One that there is not, and no neighbour.
+// A register that does not exist and has no neighbours.
 std::uint16_t absent_register(Trial& trial) {
   for (unsigned address = 0xFFF0; address > 0x100; address -= 0x101) {
     const bool taken = std::any_of(trial.subject().modbus().list.registers.begin(),
@@ -96,7 +96,7 @@ void reads(Trial& trial, int) {
 void writes(Trial& trial, int) {
   const std::uint16_t address = known_register(trial, 0x6081);
   trial.objects().keep({0x6081, 0});
-  // Both registers at once, as they are.
+  // Writes both registers back with their present values.
   const auto values = trial.subject().modbus().client.read_holding_registers(trial.subject().modbus().unit, address, 2);
   Bytes sent = pdu_of(0x10, address, 2);
   sent.push_back(4);
@@ -120,7 +120,7 @@ void unknown_function(Trial& trial, int) {
   expect_exception(trial, {0x41, 0}, "a function that there is not", {0x01});
 }
 
-// 04 and 2Bh are optional, as 17h is: answered, or exception 01.
+// Functions 04 and 2Bh are optional, like 17h: the drive must answer, or refuse with exception 01.
 void optional_functions(Trial& trial, int) {
   const std::uint16_t address = known_register(trial, 0x6041);
   const auto look = [&](const Bytes& sent, const char* what) {
@@ -152,7 +152,7 @@ void wrong_count(Trial& trial, int) {
   expect_exception(trial, wrong, "a byte count of 3 for 2 registers", {0x03});
 }
 
-// Read and write multiple registers, of 6081h both: it is written before it is read.
+// Read/write multiple registers (17h), both for 6081h: by the standard the write comes before the read.
 Bytes read_write_pdu(std::uint16_t address, std::uint16_t read, const std::vector<std::uint16_t>& values,
                      std::uint8_t bytes) {
   Bytes sent = pdu_of(0x17, address, read);
@@ -235,7 +235,7 @@ void other_unit(Trial& trial, int) {
   expect_silence(trial, framed(trial, other, pdu_of(0x03, known_register(trial, 0x6041), 1)), "for another station");
 }
 
-// Of no effect where it arrives: the mode becomes what it is.
+// Broadcasts a write without effect: the mode is set to its present value.
 void broadcast(Trial& trial, int) {
   if (!is_rtu(trial)) Trial::skip("Modbus TCP has no broadcast");
   const std::uint16_t address = known_register(trial, 0x6060);
@@ -256,24 +256,25 @@ void transaction(Trial& trial, int) {
 constexpr unsigned mb = buses::modbus;
 
 constexpr std::array rows{
-    Check{"modbus.read", "Modbus V1.1b3 6.3", "Function 03 reads", Demand::nothing, mb, reads},
-    Check{"modbus.write", "Modbus V1.1b3 6.6, 6.12", "Functions 06 and 10h write, and answer as they should",
+    Check{"modbus.read", "Modbus V1.1b3 6.3", "Function 03 reads registers", Demand::nothing, mb, reads},
+    Check{"modbus.write", "Modbus V1.1b3 6.6, 6.12", "Functions 06 and 10h write registers and answer correctly",
           Demand::nothing, mb, writes},
-    Check{"modbus.unknown-function", "Modbus V1.1b3 7, exception 01", "A function that there is not is exception 01",
+    Check{"modbus.unknown-function", "Modbus V1.1b3 7, exception 01", "An unknown function gives exception 01",
           Demand::nothing, mb, unknown_function},
-    Check{"modbus.optional-functions", "Modbus V1.1b3 6.4, 6.21, 7", "Optional functions are answered, or exception 01",
-          Demand::nothing, mb, optional_functions},
-    Check{"modbus.no-address", "Modbus V1.1b3 7, exception 02", "A register that there is not is exception 02",
+    Check{"modbus.optional-functions", "Modbus V1.1b3 6.4, 6.21, 7",
+          "Optional functions give an answer or exception 01", Demand::nothing, mb, optional_functions},
+    Check{"modbus.no-address", "Modbus V1.1b3 7, exception 02", "A missing register gives exception 02",
           Demand::nothing, mb, no_address},
-    Check{"modbus.wrong-count", "Modbus V1.1b3 6.3, 6.12, exception 03", "Counts out of range are exception 03",
+    Check{"modbus.wrong-count", "Modbus V1.1b3 6.3, 6.12, exception 03", "Counts out of range give exception 03",
           Demand::nothing, mb, wrong_count},
     Check{"modbus.read-write", "Modbus V1.1b3 6.17", "Function 17h writes before it reads", Demand::nothing, mb,
           reads_and_writes},
     Check{"modbus.read-write-count", "Modbus V1.1b3 6.17, exception 03",
-          "Counts of function 17h out of range are exception 03", Demand::nothing, mb, read_write_counts},
-    Check{"modbus.refused-value", "Modbus V1.1b3 7, exceptions 03 and 04", "A value out of range is an exception",
+          "Counts of function 17h out of range give exception 03", Demand::nothing, mb, read_write_counts},
+    Check{"modbus.refused-value", "Modbus V1.1b3 7, exceptions 03 and 04", "A value out of range gives an exception",
           Demand::nothing, mb, refused_value},
-    Check{"modbus.identification", "Modbus V1.1b3 6.21", "It says what it is", Demand::nothing, mb, identification},
+    Check{"modbus.identification", "Modbus V1.1b3 6.21", "Device identification is answered", Demand::nothing, mb,
+          identification},
     Check{"modbus.wrong-crc", "Modbus over Serial Line V1.02 2.5.1.2", "A frame with a wrong CRC is not answered",
           Demand::nothing, mb, wrong_crc},
     Check{"modbus.other-unit", "Modbus over Serial Line V1.02 2.2", "A frame for another station is not answered",
@@ -281,7 +282,7 @@ constexpr std::array rows{
     Check{"modbus.broadcast", "Modbus over Serial Line V1.02 2.1", "A broadcast is not answered", Demand::nothing, mb,
           broadcast},
     Check{"modbus.transaction", "Modbus Messaging on TCP/IP V1.0b 3.1.3",
-          "An answer has the transaction of its request", Demand::nothing, mb, transaction},
+          "An answer has the transaction identifier of its request", Demand::nothing, mb, transaction},
 };
 
 }  // namespace

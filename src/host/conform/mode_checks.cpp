@@ -12,7 +12,7 @@ constexpr std::array<std::int8_t, 10> standard_modes{1, 2, 3, 4, 6, 7, 8, 9, 10,
 
 std::uint32_t supported(Trial& trial) {
   const auto modes = trial.objects().read_if_present<std::uint32_t>(0x6502);
-  if (!modes) Trial::skip("it has no 6502h to say which modes it has");
+  if (!modes) Trial::skip("it has no 6502h with its supported modes");
   return *modes;
 }
 
@@ -38,7 +38,7 @@ void supported_taken(Trial& trial, int) {
   }
 }
 
-// Refused, or not displayed: it is not taken in any case.
+// The drive must refuse an unsupported mode, or at least must not display it.
 void unsupported_refused(Trial& trial, int) {
   const std::uint32_t modes = supported(trial);
   trial.bring_to(PowerState::switch_on_disabled);
@@ -73,9 +73,9 @@ void changes_while_enabled(Trial& trial, int) {
 }
 
 constexpr std::array rows{
-    Check{"mode.supported", "CiA 402-2, objects 6060h, 6061h, 6502h", "Each supported mode is taken and displayed",
+    Check{"mode.supported", "CiA 402-2, objects 6060h, 6061h, 6502h", "Each supported mode is accepted and displayed",
           Demand::nothing, buses::all, supported_taken},
-    Check{"mode.unsupported", "CiA 402-2, objects 6060h, 6061h, 6502h", "A mode that is not supported is not taken",
+    Check{"mode.unsupported", "CiA 402-2, objects 6060h, 6061h, 6502h", "An unsupported mode is not accepted",
           Demand::nothing, buses::all, unsupported_refused},
     Check{"mode.change-while-enabled", "CiA 402-2, object 6060h", "The mode changes without leaving operation enabled",
           Demand::enable, buses::all, changes_while_enabled},

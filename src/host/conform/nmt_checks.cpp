@@ -1,4 +1,4 @@
-// Network management and error control on CAN. What resets the node comes last of all.
+// Network management and error control on CAN. Checks that reset the node come last.
 #include <algorithm>
 #include <cmath>
 
@@ -23,7 +23,7 @@ NmtCommand command_to(NmtState state) {
   }
 }
 
-// States are seen by a heartbeat of 20 ms.
+// Sets a heartbeat of 20 ms, which shows the node's states.
 void need_heartbeat(Trial& trial) {
   if (!trial.objects().read_if_present<std::uint16_t>(0x1017))
     Trial::skip("it has no 1017h, so its state cannot be seen");
@@ -120,7 +120,7 @@ void heartbeat_period(Trial& trial, int) {
                fmt::format("{} in 300 ms", heartbeats.arrivals().size()));
 }
 
-// Loss of a heartbeat is told by an emergency 8130h, whatever else comes of it.
+// The node must report the loss of a heartbeat by emergency 8130h; other reactions are not checked.
 void heartbeat_consumer(Trial& trial, int) {
   if (!trial.objects().read_if_present<std::uint32_t>(0x1016, 1)) Trial::skip("it has no 1016h");
   constexpr std::uint32_t producer = 126;
@@ -190,16 +190,16 @@ constexpr auto machine = "CiA 301 7.3.2, NMT state machine";
 constexpr std::array rows{
     Check{"nmt.transitions", machine, "Each command leads from each state to its state", Demand::nothing, buses::can,
           transitions},
-    Check{"nmt.other-node", "CiA 301 7.2.8.3.1", "A command for another node does nothing", Demand::nothing, buses::can,
-          other_node},
-    Check{"nmt.unknown-command", "CiA 301 7.2.8.3.1", "A command that there is not does nothing", Demand::nothing,
-          buses::can, unknown_command},
-    Check{"nmt.stopped", "CiA 301 7.3.2.4, table 37", "There are no SDOs in stopped, and there are in pre-operational",
+    Check{"nmt.other-node", "CiA 301 7.2.8.3.1", "A command for another node has no effect", Demand::nothing,
+          buses::can, other_node},
+    Check{"nmt.unknown-command", "CiA 301 7.2.8.3.1", "An unknown command has no effect", Demand::nothing, buses::can,
+          unknown_command},
+    Check{"nmt.stopped", "CiA 301 7.3.2.4, table 37", "SDOs are answered in pre-operational, not in stopped",
           Demand::nothing, buses::can, silent_when_stopped},
-    Check{"nmt.heartbeat", "CiA 301 7.2.8.3.2, object 1017h", "Heartbeats come in the period that was set",
+    Check{"nmt.heartbeat", "CiA 301 7.2.8.3.2, object 1017h", "Heartbeats are sent with the configured period",
           Demand::nothing, buses::can, heartbeat_period},
     Check{"nmt.heartbeat-consumer", "CiA 301 7.2.8.2.2.3, object 1016h",
-          "The loss of a heartbeat is told by emergency 8130h", Demand::nothing, buses::can, heartbeat_consumer},
+          "The loss of a heartbeat is reported by emergency 8130h", Demand::nothing, buses::can, heartbeat_consumer},
     Check{"nmt.guarding", "CiA 301 7.2.8.3.2.1", "Guarding answers alternate their toggle bit", Demand::nothing,
           buses::can, guarding},
     Check{"nmt.reset-communication", "CiA 301 7.3.2.2.1", "Reset communication ends in a boot-up and pre-operational",

@@ -1,4 +1,4 @@
-// PDOs on CAN: rules of configuration, and what is sent when.
+// PDOs on CAN: rules of configuration, and transmission and reception.
 #include <algorithm>
 
 #include "host/conform/check_tables.hpp"
@@ -28,7 +28,8 @@ std::uint32_t default_cob_id(Trial& trial, std::uint16_t index) {
   return (index < first_tpdo ? 0x200U : 0x180U) + sdo(trial).node_id();
 }
 
-// The PDO with this mapping and type, valid, on its default identifier; skips if the drive does not take that.
+// Sets up the PDO with this mapping and type on its default identifier, and makes it valid; ends the check if the drive
+// refuses it.
 PdoConfiguration set_up(Trial& trial, const PdoConfiguration& before, std::vector<std::uint32_t> mapping,
                         std::uint8_t type) {
   PdoConfiguration pdo = before;
@@ -46,7 +47,7 @@ void start(Trial& trial) {
   trial.subject().master().command(NmtCommand::start, sdo(trial).node_id());
   trial.subject().can().bus.run_for(20ms);
 }
-// Goes to pre-operational when it ends.
+// Starts the node; the destructor returns it to pre-operational.
 class Started {
  public:
   explicit Started(Trial& trial) : trial_(trial) { start(trial); }
@@ -55,7 +56,7 @@ class Started {
       trial_.subject().master().command(NmtCommand::enter_pre_operational, sdo(trial_).node_id());
       trial_.subject().can().bus.run_for(20ms);
     } catch (const HostError&) {
-      // The next access tells it.
+      // The next access reports the error.
     }
   }
   Started(const Started&) = delete;
@@ -113,7 +114,7 @@ void mapping_errors(Trial& trial, int) {
                        [&] { sdo(trial).write<std::uint32_t>(mapping, 1, 0x5FFE0010); });
   trial.expect_refused("map 1018:01, a constant", {AbortCode::not_mappable},
                        [&] { sdo(trial).write<std::uint32_t>(mapping, 1, 0x10180120); });
-  // 12 bytes.
+  // 12 bytes, more than a PDO can have.
   const auto refusal = Trial::refusal_of([&] {
     for (const std::uint8_t sub : {std::uint8_t{1}, std::uint8_t{2}, std::uint8_t{3}})
       sdo(trial).write<std::uint32_t>(mapping, sub, position_entry);
@@ -139,7 +140,7 @@ unsigned count_for(Trial& trial, std::uint32_t can_id, Time span) {
   return static_cast<unsigned>(watch.arrivals().size());
 }
 
-// Type n: with every n-th SYNC, and the values of that moment.
+// Type n: sent at every n-th SYNC, with the values of that moment.
 void synchronous(Trial& trial, int) {
   const PdoConfiguration before = need_pdo(trial, first_tpdo);
   const PdoGuard guard(sdo(trial), before);
@@ -225,7 +226,7 @@ void inhibit_time(Trial& trial, int) {
   PdoConfiguration pdo = set_up(trial, before, {statusword_entry}, 255);
   sdo(trial).write<std::uint32_t>(first_tpdo, 1, pdo.cob_id | pdo_invalid);
   const auto refusal = Trial::refusal_of([&] {
-    sdo(trial).write<std::uint16_t>(first_tpdo, 3, 500);  // 50 ms
+    sdo(trial).write<std::uint16_t>(first_tpdo, 3, 500);  // in units of 100 us: 50 ms
     sdo(trial).write<std::uint16_t>(first_tpdo, 5, 10);
   });
   if (refusal) Trial::skip("it takes no inhibit time of 50 ms: " + refusal->text);
@@ -241,7 +242,7 @@ void inhibit_time(Trial& trial, int) {
                fmt::format("{:.1f} ms", std::chrono::duration<double, std::milli>(shortest).count()));
 }
 
-// RPDOs write the profile velocity, which does nothing by itself.
+// The checks of RPDOs write the profile velocity, which has no effect on an axis at rest.
 constexpr std::uint32_t harmless_entry = 0x60810020;
 
 std::uint32_t harmless(Trial& trial) { return trial.objects().read<std::uint32_t>(0x6081); }
@@ -313,25 +314,27 @@ constexpr std::array rows{
           Demand::nothing, buses::can, identifier_while_valid, 0},
     Check{"pdo.tpdo-identifier-while-valid", cob_id, "The identifier of a valid TPDO cannot be changed",
           Demand::nothing, buses::can, identifier_while_valid, 1},
-    Check{"pdo.mapping-errors", "CiA 301 table 22", "What cannot be mapped is refused with its code", Demand::nothing,
-          buses::can, mapping_errors},
+    Check{"pdo.mapping-errors", "CiA 301 table 22",
+          "Objects that cannot be mapped are refused with the right abort code", Demand::nothing, buses::can,
+          mapping_errors},
     Check{"pdo.reserved-type", type, "A reserved transmission type is refused", Demand::nothing, buses::can,
           reserved_type},
-    Check{"pdo.synchronous", type, "A TPDO of type n comes with every n-th SYNC, and only then", Demand::nothing,
+    Check{"pdo.synchronous", type, "A TPDO of type n is sent with every n-th SYNC, and only then", Demand::nothing,
           buses::can, synchronous},
     Check{"pdo.only-in-operational", "CiA 301 7.3.2.4, table 37", "There are no PDOs in pre-operational",
           Demand::nothing, buses::can, only_in_operational},
     Check{"pdo.invalid", cob_id, "A TPDO that is not valid is not sent", Demand::nothing, buses::can,
           invalid_is_silent},
-    Check{"pdo.event-timer", "CiA 301 7.5.2.37, sub-index 5", "The event timer sends in its period", Demand::nothing,
+    Check{"pdo.event-timer", "CiA 301 7.5.2.37, sub-index 5", "The event timer sends with its period", Demand::nothing,
           buses::can, event_timer},
-    Check{"pdo.inhibit-time", "CiA 301 7.5.2.37, sub-index 3", "The inhibit time keeps TPDOs apart", Demand::nothing,
+    Check{"pdo.inhibit-time", "CiA 301 7.5.2.37, sub-index 3", "The inhibit time separates TPDOs", Demand::nothing,
           buses::can, inhibit_time},
-    Check{"pdo.rpdo", "CiA 301 7.2.2.2", "An RPDO of type 255 acts at once", Demand::nothing, buses::can, rpdo_acts, 0},
-    Check{"pdo.rpdo-synchronous", "CiA 301 7.2.2.2", "A synchronous RPDO acts with the next SYNC", Demand::nothing,
-          buses::can, rpdo_acts, 1},
+    Check{"pdo.rpdo", "CiA 301 7.2.2.2", "An RPDO of type 255 takes effect immediately", Demand::nothing, buses::can,
+          rpdo_acts, 0},
+    Check{"pdo.rpdo-synchronous", "CiA 301 7.2.2.2", "A synchronous RPDO takes effect with the next SYNC",
+          Demand::nothing, buses::can, rpdo_acts, 1},
     Check{"pdo.rpdo-length", "CiA 301 7.2.7.1, table 26, 8210h",
-          "A short RPDO is not taken, and told by emergency 8210h", Demand::nothing, buses::can, rpdo_length},
+          "A short RPDO is ignored and reported by emergency 8210h", Demand::nothing, buses::can, rpdo_length},
 };
 
 }  // namespace

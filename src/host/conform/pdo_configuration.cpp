@@ -12,7 +12,8 @@ unsigned PdoConfiguration::bits() const {
 
 namespace {
 
-// Nothing: refused, with whatever code. A drive that answers no more is no drive without the object.
+// nullopt: the drive refused the access, with any abort code. A missing answer throws, because it does not show that
+// the object is absent.
 template <typename Access>
 auto if_not_refused(const Access& access) -> std::optional<decltype(access())> {
   try {
@@ -60,7 +61,7 @@ PdoGuard::~PdoGuard() {
   try {
     write_pdo(objects_, pdo_);
   } catch (const HostError&) {
-    // What is left different is found, and told, when all checks are over.
+    // Remaining differences are found and reported after all checks, by Subject::restore().
   }
 }
 

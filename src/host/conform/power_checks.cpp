@@ -1,4 +1,4 @@
-// The state machine of the power drive system: transitions by command, commands that are none, statuswords.
+// The power state machine: transitions by command, invalid commands, statuswords.
 #include "host/conform/check_tables.hpp"
 #include "host/conform/trial.hpp"
 
@@ -14,7 +14,7 @@ struct Step {
   PowerState to;
 };
 
-// CiA 402-2, commands and transitions of the FSA, in the order of the checks below.
+// Commands and transitions of the state machine (CiA 402-2), in the order of the checks below.
 constexpr std::array steps{
     Step{PowerState::switch_on_disabled, 0x0006, PowerState::ready_to_switch_on},
     Step{PowerState::ready_to_switch_on, 0x0007, PowerState::switched_on},
@@ -40,7 +40,7 @@ void transition(Trial& trial, int row) {
                text_of_state(seen));
 }
 
-// 605Ah = 5 to 8 stay there, 0 to 4 go on by themselves (transition 12).
+// With 605Ah = 5 to 8 the drive stays in quick stop active; with 0 to 4 it goes on by itself (transition 12).
 void quick_stop(Trial& trial, int) {
   const auto option = trial.objects().read_if_present<std::int16_t>(0x605A);
   const bool stays = option && !Trial::refusal_of([&] { trial.objects().write<std::int16_t>(0x605A, 0, 6); });
@@ -64,7 +64,7 @@ void quick_stop(Trial& trial, int) {
                text_of_state(trial.statusword()));
 }
 
-// With 605Ah = 2 the drive goes to switch on disabled when it stands.
+// With 605Ah = 2 the drive goes to switch on disabled once it stands.
 void quick_stop_leaves(Trial& trial, int) {
   if (!trial.objects().read_if_present<std::int16_t>(0x605A)) Trial::skip("it has no 605Ah");
   if (const auto refusal = Trial::refusal_of([&] { trial.objects().write<std::int16_t>(0x605A, 0, 2); })) {
@@ -93,7 +93,7 @@ void from_quick_stop(Trial& trial, std::uint16_t word, PowerState to) {
 void disable_in_quick_stop(Trial& trial, int) { from_quick_stop(trial, 0x0000, PowerState::switch_on_disabled); }
 void enable_in_quick_stop(Trial& trial, int) { from_quick_stop(trial, 0x000F, PowerState::operation_enabled); }
 
-// Commands that a state does not have.
+// Sends commands that are invalid in this state: it must not change.
 void no_effect(Trial& trial, PowerState state, std::initializer_list<std::uint16_t> words) {
   for (const std::uint16_t word : words) {
     trial.bring_to(state);
@@ -110,7 +110,7 @@ void illegal_ready(Trial& trial, int) { no_effect(trial, PowerState::ready_to_sw
 void illegal_switched_on(Trial& trial, int) { no_effect(trial, PowerState::switched_on, {0x0007, 0x0087}); }
 void illegal_enabled(Trial& trial, int) { no_effect(trial, PowerState::operation_enabled, {0x000F, 0x008F}); }
 
-// CiA 402-2 table of statuswords: x1xx 0000 and so on.
+// Bit patterns of statuswords (CiA 402-2 table of statuswords): x1xx 0000 etc.
 struct Pattern {
   PowerState state;
   std::uint16_t mask;
@@ -160,7 +160,7 @@ constexpr std::array option_codes{
     OptionCode{0x605C, "disable operation option code"}, OptionCode{0x605D, "halt option code"},
     OptionCode{0x605E, "fault reaction option code"}};
 
-// 9 to 32767 are reserved in each of them.
+// Values 9 to 32767 are reserved in each of these objects.
 void option_code(Trial& trial, int row) {
   const OptionCode& code = option_codes[static_cast<std::size_t>(row)];
   KeptObjects& objects = trial.objects();
@@ -177,7 +177,7 @@ void option_code(Trial& trial, int row) {
                fmt::format("{}", after));
 }
 
-// 605Ch = 0: without ramp; 1: by ramp. Both end in switched on.
+// 605Ch = 0: without a ramp; 1: with a ramp. Both end in switched on.
 void disable_operation_option(Trial& trial, int) {
   if (!trial.objects().read_if_present<std::int16_t>(0x605C)) Trial::skip("it has no 605Ch, which is optional");
   for (const std::int16_t option : {std::int16_t{0}, std::int16_t{1}}) {
@@ -227,13 +227,13 @@ constexpr std::array rows{
     Check{"power.transition-16", fsa, "Enable operation: quick stop active to operation enabled", Demand::enable, all,
           enable_in_quick_stop},
     Check{"power.illegal-switch-on-disabled", commands,
-          "Commands without a transition do nothing in switch on disabled", Demand::nothing, all, illegal_disabled},
+          "Commands without a transition have no effect in switch on disabled", Demand::nothing, all, illegal_disabled},
     Check{"power.illegal-ready-to-switch-on", commands,
-          "Commands without a transition do nothing in ready to switch on", Demand::nothing, all, illegal_ready},
-    Check{"power.illegal-switched-on", commands, "Commands without a transition do nothing in switched on",
+          "Commands without a transition have no effect in ready to switch on", Demand::nothing, all, illegal_ready},
+    Check{"power.illegal-switched-on", commands, "Commands without a transition have no effect in switched on",
           Demand::enable, all, illegal_switched_on},
-    Check{"power.illegal-operation-enabled", commands, "Commands without a transition do nothing in operation enabled",
-          Demand::enable, all, illegal_enabled},
+    Check{"power.illegal-operation-enabled", commands,
+          "Commands without a transition have no effect in operation enabled", Demand::enable, all, illegal_enabled},
     Check{"power.statusword-switch-on-disabled", states, "Statusword of switch on disabled", Demand::nothing, all,
           pattern, 0},
     Check{"power.statusword-ready-to-switch-on", states, "Statusword of ready to switch on", Demand::nothing, all,
@@ -241,21 +241,21 @@ constexpr std::array rows{
     Check{"power.statusword-switched-on", states, "Statusword of switched on", Demand::enable, all, pattern, 2},
     Check{"power.statusword-operation-enabled", states, "Statusword of operation enabled", Demand::enable, all, pattern,
           3},
-    Check{"power.voltage-enabled", "CiA 402-2, object 6041h, bit 4", "Bit 4 tells of the voltage", Demand::enable, all,
+    Check{"power.voltage-enabled", "CiA 402-2, object 6041h, bit 4", "Bit 4 reports the voltage", Demand::enable, all,
           voltage_enabled},
-    Check{"power.remote", "CiA 402-2, object 6041h, bit 9", "Bit 9 tells that the controlword counts", Demand::nothing,
-          all, remote},
+    Check{"power.remote", "CiA 402-2, object 6041h, bit 9", "Bit 9 reports that the controlword is processed",
+          Demand::nothing, all, remote},
     Check{"power.no-error-code", "CiA 402-2, object 603Fh", "There is no error code without a fault", Demand::nothing,
           all, no_fault_bits},
-    Check{"power.option-605A", "CiA 402-2, object 605Ah", "The quick stop option code keeps to its range",
+    Check{"power.option-605A", "CiA 402-2, object 605Ah", "The quick stop option code is limited to its range",
           Demand::nothing, all, option_code, 0},
-    Check{"power.option-605B", "CiA 402-2, object 605Bh", "The shutdown option code keeps to its range",
+    Check{"power.option-605B", "CiA 402-2, object 605Bh", "The shutdown option code is limited to its range",
           Demand::nothing, all, option_code, 1},
-    Check{"power.option-605C", "CiA 402-2, object 605Ch", "The disable operation option code keeps to its range",
+    Check{"power.option-605C", "CiA 402-2, object 605Ch", "The disable operation option code is limited to its range",
           Demand::nothing, all, option_code, 2},
-    Check{"power.option-605D", "CiA 402-2, object 605Dh", "The halt option code keeps to its range", Demand::nothing,
-          all, option_code, 3},
-    Check{"power.option-605E", "CiA 402-2, object 605Eh", "The fault reaction option code keeps to its range",
+    Check{"power.option-605D", "CiA 402-2, object 605Dh", "The halt option code is limited to its range",
+          Demand::nothing, all, option_code, 3},
+    Check{"power.option-605E", "CiA 402-2, object 605Eh", "The fault reaction option code is limited to its range",
           Demand::nothing, all, option_code, 4},
     Check{"power.disable-operation-option", "CiA 402-2, object 605Ch",
           "Disable operation ends in switched on, with each option code", Demand::enable, all,

@@ -1,4 +1,4 @@
-// Profile position mode: the hand-over of set-points, target reached, halt.
+// Profile position mode: set-point handshake, target reached, halt.
 #include <cmath>
 
 #include "host/conform/check_tables.hpp"
@@ -17,7 +17,7 @@ constexpr std::uint16_t halt = 0x0100;
 constexpr std::uint16_t acknowledged = 0x1000;
 constexpr std::uint16_t target_reached = 0x0400;
 
-// Enabled at rest, with a motion of `speed_factor` revolutions per second prepared.
+// Enables the axis at rest, with a profile of `speed_factor` revolutions per second.
 void prepare(Trial& trial, double speed_factor = 1.0) {
   trial.units();
   trial.enable(OperationMode::profile_position);
@@ -34,7 +34,7 @@ std::string text_of_set_point(std::int32_t target, std::uint16_t bits) {
   return fmt::format("607Ah = {}, 6040h = {:04X}h", target, enabled | new_set_point | bits);
 }
 
-// Without 6067h the window is the maker's own: a hundredth of a revolution is taken for close enough.
+// Without 6067h the position window is specific to the maker; a hundredth of a revolution is used instead.
 bool close_to(Trial& trial, std::int32_t position, std::int32_t target) {
   const auto window = trial.objects().read_if_present<std::uint32_t>(0x6067);
   const double revolution = trial.units().position;
@@ -42,7 +42,7 @@ bool close_to(Trial& trial, std::int32_t position, std::int32_t target) {
   return std::abs(static_cast<double>(position) - target) <= tolerance;
 }
 
-// Until bit 10 goes, then until it comes: it may stand from the motion before.
+// Waits until bit 10 is cleared, and then until it is set; it may still be set from the motion before.
 bool arrives(Trial& trial) {
   trial.wait_for(target_reached, 0, 100ms);
   const Time patience =
@@ -86,7 +86,7 @@ void moves_to_target(Trial& trial, int) {
                fmt::format("{:04X}h", trial.statusword()));
 }
 
-// Only the edge of bit 4 is a new set-point.
+// Only a rising edge of bit 4 starts a new set-point.
 void edge_only(Trial& trial, int) {
   prepare(trial);
   const std::int32_t start = trial.position();
@@ -149,7 +149,7 @@ void queue(Trial& trial, int) {
                fmt::format("{}", trial.position()));
 }
 
-// Bit 5 = 1: the second set-point replaces the first under way.
+// Bit 5 = 1: the second set-point replaces the first at once.
 void change_at_once(Trial& trial, int) {
   prepare(trial, 0.5);
   const std::int32_t start = trial.position();
@@ -216,11 +216,11 @@ constexpr auto handover = "CiA 402-2, profile position mode, set-points";
 constexpr auto bits = "CiA 402-2, profile position mode, statusword";
 
 constexpr std::array rows{
-    Check{"pp.acknowledge", handover, "A set-point is acknowledged, and the acknowledgement goes with bit 4",
+    Check{"pp.acknowledge", handover, "A set-point is acknowledged, and the acknowledgement is cleared with bit 4",
           Demand::motion, buses::all, acknowledge},
-    Check{"pp.target-reached", bits, "Target reached is told at the target", Demand::motion, buses::all,
+    Check{"pp.target-reached", bits, "Target reached is set at the target", Demand::motion, buses::all,
           moves_to_target},
-    Check{"pp.not-reached-under-way", bits, "Target reached is not told under way", Demand::motion, buses::all,
+    Check{"pp.not-reached-under-way", bits, "Target reached is not set during the motion", Demand::motion, buses::all,
           not_reached_under_way},
     Check{"pp.edge", handover, "Only the edge of bit 4 starts a motion", Demand::motion, buses::all, edge_only},
     Check{"pp.relative", "CiA 402-2, profile position mode, controlword bit 6",
@@ -228,7 +228,7 @@ constexpr std::array rows{
     Check{"pp.queue", handover, "Bit 5 = 0: a second set-point waits for the first", Demand::motion, buses::all, queue},
     Check{"pp.change-at-once", handover, "Bit 5 = 1: a second set-point replaces the first", Demand::motion, buses::all,
           change_at_once},
-    Check{"pp.halt", "CiA 402-2, controlword bit 8, object 605Dh", "Halt stops the axis, and bit 10 tells it",
+    Check{"pp.halt", "CiA 402-2, controlword bit 8, object 605Dh", "Halt stops the axis, and bit 10 reports it",
           Demand::motion, buses::all, halts},
 };
 

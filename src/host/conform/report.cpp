@@ -13,7 +13,7 @@ std::string text_of(const Observation& one, std::string_view indent) {
                      one.seen);
 }
 
-// What XML 1.0 can hold of a text, for attributes and content.
+// Escapes a text for XML 1.0, for attributes and content.
 std::string escaped(std::string_view text) {
   std::string result;
   for (const char character : text) {

@@ -44,7 +44,7 @@ bool is_about(const Departure& departure, const Observation& observation) {
   return has(observation.sent) || has(observation.expected) || has(observation.seen);
 }
 
-// A failure all of whose observations the manual speaks of is none.
+// A failure becomes a departure if a documented departure covers each failed observation.
 void apply_departures(Outcome& outcome, const RunOptions& options) {
   if (outcome.verdict == Verdict::skipped) return;
   std::vector<const Departure*> known;
@@ -78,12 +78,12 @@ Outcome run_check(const Check& check, Subject& subject) {
   try {
     check.run(trial, check.row);
   } catch (const Skipped& skipped) {
-    // What was seen to be wrong before stands.
+    // An observation that failed before the skip keeps the verdict at fail.
     if (outcome.verdict == Verdict::pass) outcome.verdict = Verdict::skipped;
     outcome.reason = skipped.why;
   } catch (const Ended&) {
   } catch (const HostError& error) {
-    trial.expect(false, "see where it stopped", "an answer that lets the check go on", error.what());
+    trial.expect(false, "check where it stopped", "an answer with which the check can continue", error.what());
   }
   outcome.duration = subject.services().now() - start;
   return outcome;
@@ -106,7 +106,8 @@ Report run_checks(Subject& subject, const RunOptions& options) {
                                                             : "--safe: it would enable the axis"};
       } else {
         outcome = run_check(check, subject);
-        // A computer that is late loses OP; a slave that leaves it by itself does so again.
+        // Repeats the check once if OP was lost: a computer that sends too late can cause that, while a faulty slave
+        // leaves OP again.
         if (outcome.verdict == Verdict::fail && subject.lost_operation()) {
           subject.settle();
           outcome = run_check(check, subject);

@@ -8,34 +8,34 @@
 
 namespace servodrome::host::conform {
 
-// All there are, in the order in which they run: what needs nothing first, what resets the node last.
+// All checks in the order of execution: first those that need nothing, last those that reset the node.
 std::span<const Check> all_checks();
 
 struct RunOptions {
-  bool safe = false;                // what enables or moves the axis is left out
-  std::vector<std::string> only{};  // ids and groups; empty: all
-  std::string_view product{};       // whose departures count
+  bool safe = false;                // skips checks that enable or move the axis
+  std::vector<std::string> only{};  // ids and groups to run; empty: all
+  std::string_view product{};       // the product whose departures apply
   std::span<const Departure> departures = all_departures();
-  // Called before and after each check.
+  // Callbacks before and after each check.
   std::function<void(const Check&)> before{};
   std::function<void(const Outcome&)> after{};
 };
 
-// Is there a check of this id or group?
+// True if a check has this id or group.
 bool is_check_or_group(std::string_view word);
-// Is the check among those that the options ask for, on this kind of bus?
+// True if the options select the check and it exists for this kind of bus.
 bool is_wanted(const Check& check, const RunOptions& options, unsigned bus_kind);
 
 struct Report {
   std::vector<Outcome> outcomes;
-  std::vector<std::string> problems;  // what could not be put back
+  std::vector<std::string> problems;  // what could not be restored
   bool cancelled = false;
 
   std::size_t count(Verdict verdict) const;
 };
 
-// Runs the checks that the options ask for, puts the drive at rest and its objects back after each, and its bus state
-// after all of them. Throws HostError if the axis is enabled, or if the drive cannot be asked for that.
+// Runs the checks that the options select. After each check, brings the drive to rest and restores its objects; after
+// the last, restores its bus state. Throws HostError if the axis is enabled or its statusword cannot be read.
 Report run_checks(Subject& subject, const RunOptions& options);
 
 }  // namespace servodrome::host::conform

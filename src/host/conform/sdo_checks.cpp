@@ -12,7 +12,7 @@ using dictionary::AbortCode;
 constexpr std::uint8_t initiate_upload = 0x40;
 constexpr std::uint8_t toggle = 0x10;
 
-// A text of more than 4 bytes to upload in segments.
+// An object with a text of more than 4 bytes, for a segmented upload.
 std::uint16_t long_object(Trial& trial) {
   for (const std::uint16_t index : {std::uint16_t{0x1008}, std::uint16_t{0x1009}, std::uint16_t{0x100A}}) {
     const auto refusal = Trial::refusal_of([&] { trial.subject().can().sdo.upload({index, 0}); });
@@ -69,7 +69,7 @@ void wrong_toggle(Trial& trial, int) {
   trial.require(initiated && ((*initiated)[0] & 0xE2) == 0x40, text_of_sdo(request(initiate_upload, index, 0)),
                 "a segmented upload begins", initiated ? text_of_sdo(*initiated) : "no answer");
   expect_abort(trial, request(0x60 | toggle, 0, 0), AbortCode::toggle_bit_not_alternated);
-  // The transfer is over with that.
+  // The abort has ended the transfer.
   expect_abort(trial, request(0x60, 0, 0), AbortCode::command_specifier_unknown);
 }
 
@@ -129,7 +129,7 @@ void download_aborted(Trial& trial, int) {
   trial.expect(after == *before, "read 6081h", fmt::format("{}, as before", *before), fmt::format("{}", after));
 }
 
-// A server without block transfer says so; one with it brings the same as by segments.
+// A server without block transfer must refuse it; one with it must return the same bytes as a segmented upload.
 void block_upload(Trial& trial, int) {
   const std::uint16_t index = long_object(trial);
   SdoClient& sdo = trial.subject().can().sdo;
@@ -153,7 +153,8 @@ void one_answer(Trial& trial, int) {
 }
 
 constexpr std::array rows{
-    Check{"sdo.one-answer", "CiA 301 7.2.4.2", "A request is answered once", Demand::nothing, buses::can, one_answer},
+    Check{"sdo.one-answer", "CiA 301 7.2.4.2", "A request is answered exactly once", Demand::nothing, buses::can,
+          one_answer},
     Check{"sdo.multiplexer", "CiA 301 7.2.4.3.6", "An answer has the index and sub-index of its request",
           Demand::nothing, buses::can, echoed_multiplexer},
     Check{"sdo.unknown-command", "CiA 301 table 22", "An unknown command is refused with 0504 0001h", Demand::nothing,
@@ -162,13 +163,13 @@ constexpr std::array rows{
           Demand::nothing, buses::can, stray_segment},
     Check{"sdo.toggle", "CiA 301 7.2.4.3.7, table 22", "A wrong toggle bit ends the transfer with 0503 0000h",
           Demand::nothing, buses::can, wrong_toggle},
-    Check{"sdo.segmented-upload", "CiA 301 7.2.4.3.7", "Segments alternate and bring the size that was indicated",
-          Demand::nothing, buses::can, segmented_upload},
-    Check{"sdo.segmented-download", "CiA 301 7.2.4.3.4", "A value is taken in segments", Demand::nothing, buses::can,
-          segmented_download},
+    Check{"sdo.segmented-upload", "CiA 301 7.2.4.3.7", "Segments toggle and have the indicated size", Demand::nothing,
+          buses::can, segmented_upload},
+    Check{"sdo.segmented-download", "CiA 301 7.2.4.3.4", "A segmented download is accepted", Demand::nothing,
+          buses::can, segmented_download},
     Check{"sdo.abort-by-client", "CiA 301 7.2.4.3.17", "A transfer that the client aborts changes nothing",
           Demand::nothing, buses::can, download_aborted},
-    Check{"sdo.block-upload", "CiA 301 7.2.4.3.12", "A block upload is refused, or brings what segments bring",
+    Check{"sdo.block-upload", "CiA 301 7.2.4.3.12", "A block upload is refused, or has the same data as segments",
           Demand::nothing, buses::can, block_upload},
 };
 

@@ -14,7 +14,8 @@ namespace {
 constexpr std::uint16_t controlword = 0x6040;
 constexpr std::uint16_t statusword = 0x6041;
 
-// What a reset of a node takes back to its stored value: configuration, and not what the drive itself changes.
+// True for objects that a reset of the node returns to their stored values: configuration, as opposed to values that
+// the drive itself changes.
 bool is_configuration(std::uint16_t index) {
   const bool communication = index >= 0x1005 && index <= 0x1029 && index != 0x1010 && index != 0x1011;
   const bool profile = index >= 0x6000 && index != controlword;
@@ -33,7 +34,7 @@ void KeptObjects::keep(ObjectAddress object) {
     before_.emplace_back(object, target_->upload(object));
     kept_.insert(object);
   } catch (const ObjectError&) {
-    // Absent, or write-only: there is nothing to be put back.
+    // Absent or write-only: there is nothing to restore.
   }
 }
 
@@ -116,7 +117,7 @@ std::optional<AxisUnits> Subject::units() {
   return units_;
 }
 
-// What a node keeps in its volatile memory, as far as the standards name it. An SDO each: one to two seconds.
+// Reads the configuration objects of the standards that a reset would lose. One SDO each; takes one to two seconds.
 void Subject::remember() {
   SdoClient& sdo = can_->sdo;
   for (const NamedObject& object : ObjectCatalogue::standard().objects()) {
@@ -134,7 +135,7 @@ void Subject::remember() {
       pdos_.push_back(*pdo);
     }
   }
-  // Its state is told by a heartbeat only; a drive without it is taken for pre-operational.
+  // Only a heartbeat shows the NMT state; a drive without heartbeat is assumed to be pre-operational.
   const auto period = sdo.read_if_present<std::uint16_t>(0x1017);
   if (!period) return;
   if (*period == 0) sdo.write<std::uint16_t>(0x1017, 0, 50);
@@ -151,7 +152,7 @@ void Subject::refuse_if_enabled() {
                   "stop and disable it first; the checks begin with an axis at rest");
 }
 
-// Halted, then without power, then without fault.
+// Brings the axis to rest in this order: halt, fault reset, power off.
 void Subject::to_rest() {
   ObjectClient& objects = kept_;
   if (lost_operation()) leave_operation();
@@ -163,7 +164,7 @@ void Subject::to_rest() {
   };
   if (state() == PowerState::operation_enabled) {
     objects.write<std::uint16_t>(controlword, 0, 0x010F);
-    // A halt acts with 6084h; the loop below is about its being over, so two equal positions do.
+    // Only waits for the end of the halt (ramp 6084h), so two nearly equal positions in a row are sufficient.
     auto last = objects.read_if_present<std::int32_t>(0x6064);
     wait_until([&] {
       objects.wait(20ms);
@@ -174,7 +175,7 @@ void Subject::to_rest() {
     });
   }
   if (state() == PowerState::fault) {
-    // Its cause may last until the axis stands.
+    // The cause of the fault may persist until the axis stands, so the reset is repeated.
     wait_until([&] {
       objects.write<std::uint16_t>(controlword, 0, 0x0000);
       objects.wait(20ms);
@@ -231,7 +232,7 @@ std::string Subject::restore() {
     try {
       if (can_->sdo.upload(object) != value) can_->sdo.download(object, value);
     } catch (const HostError&) {
-      // Read-only, or a demand that the drive works out: not configuration after all.
+      // The object is read-only, or the drive computes it: it is no configuration after all.
     }
   }
   if (nmt_state_ == NmtState::operational) master_->command(NmtCommand::start, can_->sdo.node_id());

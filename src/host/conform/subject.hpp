@@ -13,10 +13,10 @@
 #include "host/ethercat/coe_objects.hpp"
 #include "host/modbus/objects.hpp"
 
-// The drive that is checked.
+// The drive under test.
 namespace servodrome::host::conform {
 
-// How its bus is reached beside its objects. Everything outlives the Subject.
+// Access to the drive's bus, besides its objects. All references must outlive the Subject.
 struct CanAccess {
   Bus& bus;
   SdoClient& sdo;
@@ -34,24 +34,24 @@ struct ModbusAccess {
 };
 
 struct SubjectSettings {
-  Dialect dialect{};                             // of its product
-  std::optional<double> units_per_revolution{};  // if neither the dialect nor its factors say
-  double revolutions = 0.5;                      // how far a motion goes, either way
-  std::string foe_file{};                        // that the slave offers; empty: what the dialect says
-  Time patience = std::chrono::seconds(3);       // for a transition, a mode change, a handshake
+  Dialect dialect{};                             // of the drive's product
+  std::optional<double> units_per_revolution{};  // used if neither the dialect nor the drive's factors define it
+  double revolutions = 0.5;                      // size of a motion in either direction
+  std::string foe_file{};                        // a file that the slave offers; empty: the dialect's
+  Time patience = std::chrono::seconds(3);       // timeout of a transition, a mode change or a handshake
   Time poll_interval = std::chrono::milliseconds(2);
-  std::function<bool()> cancelled{};  // asked whenever time passes; true ends everything with Cancelled
+  std::function<bool()> cancelled{};  // called at each wait; true ends all checks by throwing Cancelled
 };
 
-// Thrown through a check when the user wants no more.
+// Thrown through a check when the user cancels.
 struct Cancelled {};
 
-// Objects of the drive that are put back: the value before the first write is remembered.
+// Access to the drive's objects that restores them afterwards: it remembers the value before the first write.
 class KeptObjects final : public ObjectClient {
  public:
   explicit KeptObjects(std::function<bool()> cancelled) : cancelled_(std::move(cancelled)) {}
 
-  // Everything goes there from now on.
+  // All accesses go to `target` from now on.
   void set_target(ObjectClient* target) { target_ = target; }
   void ignore_cancellation() { cancelled_ = nullptr; }
 
@@ -63,9 +63,9 @@ class KeptObjects final : public ObjectClient {
   std::string where() const override { return target_->where(); }
   std::optional<Emergency> latest_emergency() override { return target_->latest_emergency(); }
 
-  // For what is written past this, by frames.
+  // Remembers the value of an object that will be written by raw frames, past this client.
   void keep(ObjectAddress object);
-  // The values from before, latest first; what the drive refuses is returned.
+  // Restores the remembered values, the latest first. Returns the objects that the drive refused.
   std::vector<ObjectAddress> put_back();
 
  private:
@@ -87,30 +87,33 @@ class Subject {
   const SubjectSettings& settings() const { return settings_; }
   std::string where() const;
 
-  // The objects as an application uses them; an EtherCAT slave is taken to OP first, and what is among its process data
-  // goes there.
+  // The objects as an application accesses them. On EtherCAT this brings the slave to OP first; mapped objects are then
+  // accessed by process data.
   KeptObjects& objects();
-  // By SDO or register, whatever state the bus is in.
+  // Access by SDO or register only, in any state of the bus.
   ObjectClient& services();
   void leave_operation();
-  // It was in OP and is not any more: this computer sent too late, or the slave fell out.
+  // True if the slave was in OP and is not any more: this computer sent too late, or the slave left it.
   bool lost_operation() const;
 
   CanAccess& can() { return *can_; }
-  Master& master() { return *master_; }  // of the CAN bus
+  Master& master() { return *master_; }  // NMT master of the CAN bus
   EthercatAccess& ethercat() { return *ethercat_; }
   EthercatOperation& operation() { return *operation_; }
   ModbusAccess& modbus() { return *modbus_; }
 
-  // A motor revolution and so on in the drive's units; nothing: neither it nor the settings say.
+  // One motor revolution, one revolution/s and one revolution/s2 in the drive's units; nullopt: neither the drive nor
+  // the settings define them.
   std::optional<AxisUnits> units();
 
-  // Throws HostError if the axis is enabled: another master may be moving it, and checks would interfere.
+  // Throws HostError if the axis is enabled: another master may be moving it, and the checks would interfere.
   void refuse_if_enabled();
 
-  // After a check: at rest, without power, without fault, its objects as before. Problems are returned, one per line.
+  // After a check: brings the axis to rest, resets a fault, switches power off and restores the objects. Returns the
+  // problems, one per line.
   std::string settle();
-  // After all checks: its bus state as found, as well as what a reset of the node has lost.
+  // After all checks: settle(), and restores the bus state and the objects that a reset of the node has lost. Returns
+  // the problems, one per line.
   std::string restore();
 
  private:
@@ -123,7 +126,7 @@ class Subject {
   std::optional<Master> master_;
   std::optional<EthercatAccess> ethercat_;
   std::optional<ModbusAccess> modbus_;
-  std::unique_ptr<ObjectClient> by_service_;  // EtherCAT, Modbus
+  std::unique_ptr<ObjectClient> by_service_;  // on EtherCAT and Modbus
   std::unique_ptr<CoeObjects> by_process_data_;
   std::optional<EthercatOperation> operation_;
   KeptObjects kept_;

@@ -1,4 +1,4 @@
-// TIME: 1012h and the time stamp.
+// The TIME service: object 1012h and the time stamp.
 #include "host/conform/check_tables.hpp"
 #include "host/conform/frames.hpp"
 #include "host/conform/trial.hpp"
@@ -33,7 +33,7 @@ void consumer(Trial& trial, int) {
   }
   auto& [bus, sdo] = trial.subject().can();
   const Watch emergencies(bus, 0x80U + sdo.node_id());
-  // Noon of the 1st of January 2024: milliseconds since midnight, days since 1984.
+  // 1 January 2024, noon: milliseconds since midnight, days since 1984.
   bus.send(before & 0x7FF, {0x00, 0x2E, 0x93, 0x02, 0x12, 0x39});
   bus.run_for(50ms);
   trial.expect(emergencies.arrivals().empty(), "a time stamp to its identifier", "no emergency", "an emergency");
@@ -41,7 +41,7 @@ void consumer(Trial& trial, int) {
   trial.expect(device.has_value(), "read 1000h after that", "an answer", device ? "an answer" : "none");
 }
 
-// Refused with 0609 0030h, or taken: then it can do that.
+// A value for an optional feature: the drive may accept it, or refuse it with 0609 0030h.
 void what_it_cannot(Trial& trial, std::uint32_t value, const char* what) {
   const auto refusal = Trial::refusal_of([&] { write(trial, value); });
   trial.expect(!refusal || refusal->code == AbortCode::value_invalid,
@@ -51,7 +51,7 @@ void what_it_cannot(Trial& trial, std::uint32_t value, const char* what) {
 
 void rules(Trial& trial, int) {
   const std::uint32_t before = present(trial);
-  // Out of use, whatever it was.
+  // Takes 1012h out of use, whatever its value was.
   write(trial, before & ~(consumes | produces));
   what_it_cannot(trial, before & ~consumes & ~produces & 0x1FFFFFFFU, "out of use");
   what_it_cannot(trial, (before & ~consumes & ~produces) | extended, "an extended frame");
@@ -66,10 +66,10 @@ void rules(Trial& trial, int) {
 }
 
 constexpr std::array rows{
-    Check{"time.consumer", "CiA 301 7.5.2.15, object 1012h", "A time stamp is consumed, or not, as bit 31 says",
+    Check{"time.consumer", "CiA 301 7.5.2.15, object 1012h", "A time stamp is consumed according to bit 31",
           Demand::nothing, buses::can, consumer},
     Check{"time.identifier", "CiA 301 7.3.5, 7.5.2.15, object 1012h",
-          "What it cannot do is refused with 0609 0030h, and a restricted identifier is refused", Demand::nothing,
+          "Unsupported settings are refused with 0609 0030h, and restricted identifiers are refused", Demand::nothing,
           buses::can, rules},
 };
 

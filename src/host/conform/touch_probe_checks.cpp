@@ -1,4 +1,4 @@
-// Touch probes: 60B8h to 60BDh, with the encoder's index as the event, which needs no wiring.
+// Touch probes: 60B8h to 60BDh. The event is the encoder's index, which needs no wiring.
 #include <algorithm>
 #include <cmath>
 
@@ -10,12 +10,12 @@ namespace {
 
 using namespace std::chrono_literals;
 
-// Bits of 60B8h for probe 1; those of probe 2 are 8 higher.
+// Bits of 60B8h for probe 1; those of probe 2 are 8 positions higher.
 constexpr std::uint16_t on = 0x0001;
 constexpr std::uint16_t by_index = 0x0004;
 constexpr std::uint16_t rising = 0x0010;
 constexpr std::uint16_t armed = on | by_index | rising;
-// Of 60B9h.
+// Bits of 60B9h.
 constexpr std::uint16_t is_on = 0x0001;
 constexpr std::uint16_t has_rising = 0x0002;
 constexpr std::uint16_t all_of_probe = 0x0007;
@@ -68,7 +68,7 @@ void prepare(Trial& trial) {
   trial.control(0x000F);
 }
 
-// A motion to `target`, and in it `look` again and again.
+// Moves to `target` and calls `look` at each poll.
 void move(Trial& trial, std::int32_t target, const std::function<void()>& look) {
   trial.objects().write<std::int32_t>(0x607A, 0, target);
   trial.control(0x003F);
@@ -84,7 +84,8 @@ void move(Trial& trial, std::int32_t target, const std::function<void()>& look) 
   trial.control(0x000F);
 }
 
-// A revolution about where the axis is, if the user lets it move so far: the index is met in it.
+// Moves back and forth around the present position by the distance that the user permits. With at least half a
+// revolution either way the motion passes the index.
 void sweep(Trial& trial, std::int32_t start, const std::function<void()>& look) {
   for (const std::int32_t target : {start + trial.distance(), start - trial.distance(), start})
     move(trial, target, look);
@@ -143,13 +144,13 @@ void off_is_off(Trial& trial, int) {
 constexpr auto clause = "CiA 402-2, touch probe, objects 60B8h, 60B9h";
 
 constexpr std::array rows{
-    Check{"probe.first", clause, "Probe 1 says that it is on, and forgets everything when it is off", Demand::nothing,
+    Check{"probe.first", clause, "Probe 1 reports that it is on, and clears its status when it is off", Demand::nothing,
           buses::all, switches_on, 0},
-    Check{"probe.second", clause, "Probe 2 says that it is on, and forgets everything when it is off", Demand::nothing,
-          buses::all, switches_on, 1},
+    Check{"probe.second", clause, "Probe 2 reports that it is on, and clears its status when it is off",
+          Demand::nothing, buses::all, switches_on, 1},
     Check{"probe.latch", "CiA 402-2, touch probe, objects 60B8h to 60BAh",
-          "The first index is latched, where it is, and no further one", Demand::motion, buses::all, latches},
-    Check{"probe.off", clause, "A probe that is off sees nothing", Demand::motion, buses::all, off_is_off},
+          "Only the first index is latched, at its position", Demand::motion, buses::all, latches},
+    Check{"probe.off", clause, "A probe that is off captures nothing", Demand::motion, buses::all, off_is_off},
 };
 
 }  // namespace

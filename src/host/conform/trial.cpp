@@ -137,7 +137,7 @@ void Trial::step(PowerState from, std::uint16_t word, PowerState to) {
 void Trial::bring_to(PowerState wanted) {
   if (state() == PowerState::fault_reaction_active) wait_for(PowerState::fault);
   if (state() == PowerState::fault) {
-    // Its cause may last until the axis stands.
+    // The cause may persist until the axis stands, so the reset is repeated.
     const Time deadline = now() + settings().patience;
     do {
       control(0x0000);
@@ -145,7 +145,7 @@ void Trial::bring_to(PowerState wanted) {
       control(0x0080);
     } while (!wait_for(PowerState::switch_on_disabled, 200ms) && now() < deadline);
     if (state() == PowerState::fault) {
-      skip(fmt::format("the drive is in fault, 603Fh = {:04X}h, and cannot be reset: put away its cause first",
+      skip(fmt::format("the drive is in fault, 603Fh = {:04X}h, and cannot be reset: remove its cause first",
                        objects().read_if_present<std::uint16_t>(0x603F).value_or(0)));
     }
   }
@@ -158,7 +158,7 @@ void Trial::bring_to(PowerState wanted) {
   if (wanted == PowerState::switched_on) return;
   step(PowerState::switched_on, 0x000F, PowerState::operation_enabled);
   if (wanted == PowerState::operation_enabled) return;
-  // Stays there with 605Ah = 5 to 8 only.
+  // The drive stays in quick stop active only with 605Ah = 5 to 8.
   write_if_present<std::int16_t>(0x605A, 0, 6);
   step(PowerState::operation_enabled, 0x0002, PowerState::quick_stop_active);
 }
@@ -196,7 +196,7 @@ void Trial::set_mode(OperationMode mode) {
 
 AxisUnits Trial::units() {
   const auto units = subject_.units();
-  if (!units) skip("neither 608Fh, 6091h and 6092h nor --units-per-revolution say what a revolution is");
+  if (!units) skip("neither 608Fh, 6091h and 6092h nor --units-per-revolution give the units per revolution");
   return *units;
 }
 

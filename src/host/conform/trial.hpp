@@ -7,20 +7,20 @@
 
 namespace servodrome::host::conform {
 
-// Thrown by a check that cannot look at what it is for.
+// Thrown by a check that cannot be carried out.
 struct Skipped {
   std::string why;
 };
-// Thrown by Trial::require: nothing further can be looked at.
+// Thrown by Trial::require: the rest of the check makes no sense.
 struct Ended {};
 
-// The way a drive refused an access.
+// How a drive refused an access.
 struct Refusal {
-  std::optional<dictionary::AbortCode> code;  // nothing: a bus without abort codes
+  std::optional<dictionary::AbortCode> code;  // nullopt on a bus without abort codes
   std::string text;
 };
 
-// A check at work: it uses the subject, and notes what it sent, expected and saw.
+// A running check: gives access to the subject, and records what was sent, expected and seen.
 class Trial {
  public:
   Trial(Subject& subject, Outcome& outcome) : subject_(subject), outcome_(outcome) {}
@@ -31,15 +31,15 @@ class Trial {
   Time now() { return objects().now(); }
   void wait(Time span) { objects().wait(span); }
 
-  // Returns `met`.
+  // Records an observation. Returns `met`.
   bool expect(bool met, std::string sent, std::string expected, std::string seen);
-  // Ends the check when it is not met.
+  // Records an observation, and ends the check if it is not met.
   void require(bool met, std::string sent, std::string expected, std::string seen);
   [[noreturn]] static void skip(std::string why) { throw Skipped{std::move(why)}; }
 
   // ---- Objects ----
 
-  // Nothing when the drive took it; a missing answer throws.
+  // Returns the refusal; nullopt if the drive accepted the access. A missing answer throws.
   template <typename Access>
   static std::optional<Refusal> refusal_of(const Access& access) {
     try {
@@ -49,10 +49,10 @@ class Trial {
     }
     return std::nullopt;
   }
-  // Expects that `access` is refused with one of `codes`, on a bus that has abort codes; refused at all on others.
+  // Expects that `access` is refused: on a bus with abort codes with one of `codes`, on other buses in any way.
   void expect_refused(const std::string& sent, std::initializer_list<dictionary::AbortCode> codes,
                       const std::function<void()>& access);
-  // Expects that it is taken.
+  // Expects that the drive accepts `access`.
   bool expect_taken(const std::string& sent, const std::function<void()>& access);
 
   // ---- Power ----
@@ -60,32 +60,33 @@ class Trial {
   std::uint16_t statusword() { return objects().read<std::uint16_t>(0x6041); }
   PowerState state() { return state_of(statusword()); }
   void control(std::uint16_t word) { objects().write<std::uint16_t>(0x6040, 0, word); }
-  // Polls until the statusword's `mask` bits are `value`, or the patience is over.
+  // Polls until the statusword's `mask` bits equal `value`; false after `patience` (default: settings().patience).
   bool wait_for(std::uint16_t mask, std::uint16_t value, std::optional<Time> patience = {});
   bool wait_for(PowerState state, std::optional<Time> patience = {});
-  // Is it still in `state` after `span`, and all the time?
+  // True if the drive is in `state` at every poll for the whole `span`.
   bool stays(PowerState state, Time span = std::chrono::milliseconds(60));
-  // By the legal way. What does not work ends the check.
+  // Brings the drive to `state` by valid transitions. Ends the check if a transition fails.
   void bring_to(PowerState state);
-  // As `bring_to(operation_enabled)`, in this mode.
+  // Like bring_to(operation_enabled), in this mode.
   void enable(OperationMode mode);
 
   // ---- Motion ----
 
-  // Skips the check if the drive does not have it (6502h, 6061h).
+  // Skips the check if the drive does not have the mode (6502h, or 6060h refused).
   void set_mode(OperationMode mode);
   bool has_mode(OperationMode mode);
-  // Units of a distance, a velocity and an acceleration that do no harm; skips if a revolution is not known.
+  // One revolution, one revolution/s and one revolution/s2 in the drive's units; skips the check if a revolution is
+  // unknown.
   AxisUnits units();
-  // Of the motion that the user allows, in position units.
+  // Distance of the motion that the user permits, in position units.
   std::int32_t distance() { return whole(units().position * settings().revolutions); }
-  std::int32_t position();  // 6064h, or 6063h of a drive that does not have it on this bus
+  std::int32_t position();  // 6064h, or 6063h if the drive does not have 6064h on this bus
   std::int32_t velocity() { return objects().read<std::int32_t>(0x606C); }
-  // 6081h, 6083h, 6084h: `speed_factor` revolutions per second, ten (revolutions per second) per second.
+  // Writes 6081h, 6083h and 6084h: `speed_factor` revolutions per second, ten revolutions per second squared.
   void gentle_profile(double speed_factor = 1.0);
-  // Until 6064h does not change any more.
+  // Waits until the position does not change any more; false after the patience.
   bool wait_for_rest();
-  // A fault that its master can cause: a following error, or the loss of a heartbeat on CAN. False: it could not be
+  // Causes a fault from the master: a following error, or on CAN the loss of a heartbeat. False: it could not be
   // caused.
   bool cause_fault();
   template <typename T>
@@ -104,11 +105,11 @@ class Trial {
   Outcome& outcome_;
 };
 
-// "6040h = 000Fh (enable operation)"
+// For example "6040h = 000Fh (enable operation)".
 std::string text_of_controlword(std::uint16_t word);
-// "6041h = 0237h operation enabled"
+// For example "6041h = 0237h operation enabled".
 std::string text_of_state(std::uint16_t statusword);
-// "0602 0000h"
+// For example "0602 0000h".
 std::string text_of(dictionary::AbortCode code);
 inline std::string text_of(const std::optional<Refusal>& refusal) { return refusal ? refusal->text : "taken"; }
 

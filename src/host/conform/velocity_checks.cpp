@@ -32,7 +32,7 @@ bool runs_at(Trial& trial, std::int32_t wanted, Time patience) {
   return true;
 }
 
-// There and back, so that the axis stays about where it is.
+// Runs in both directions, so that the axis ends about where it started.
 void velocity_reached(Trial& trial, int) {
   prepare(trial);
   for (const std::int32_t sign : {1, -1}) {
@@ -75,7 +75,7 @@ void halts(Trial& trial, int) {
                text_of_state(trial.statusword()));
 }
 
-// Without torque demand nothing happens; the bits are there all the same.
+// With a torque demand of 0 the axis does not move, but bit 10 must be set all the same.
 void torque_mode(Trial& trial, int) {
   trial.bring_to(PowerState::switch_on_disabled);
   trial.set_mode(OperationMode::profile_torque);
@@ -91,14 +91,14 @@ void torque_mode(Trial& trial, int) {
 constexpr auto bits = "CiA 402-2, profile velocity mode, statusword";
 
 constexpr std::array rows{
-    Check{"pv.target-reached", bits, "Velocity reached is told when it is", Demand::motion, buses::all,
+    Check{"pv.target-reached", bits, "Velocity reached is set at the velocity", Demand::motion, buses::all,
           velocity_reached},
-    Check{"pv.zero-speed", bits, "Bit 12 says that the speed is zero, and only then", Demand::motion, buses::all,
+    Check{"pv.zero-speed", bits, "Bit 12 is set when the speed is zero, and only then", Demand::motion, buses::all,
           zero_speed_bit},
     Check{"pv.halt", "CiA 402-2, controlword bit 8, object 605Dh", "Halt stops the axis", Demand::motion, buses::all,
           halts},
-    Check{"pt.target-reached", "CiA 402-2, profile torque mode, statusword", "Torque reached is told", Demand::enable,
-          buses::all, torque_mode},
+    Check{"pt.target-reached", "CiA 402-2, profile torque mode, statusword", "Torque reached is set at the torque",
+          Demand::enable, buses::all, torque_mode},
 };
 
 }  // namespace

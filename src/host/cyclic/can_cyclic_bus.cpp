@@ -90,13 +90,13 @@ CanCyclicBus::CanCyclicBus(Bus& bus, std::vector<CanDrive> drives, const CanCycl
     }
     listening_ = bus_.listen([this](const Frame& frame) { receive(frame); });
     for (const auto& station : stations_) master_.command(NmtCommand::start, station->drive.node_id);
-    // Half periods: SYNC, then the end of the wait for TPDOs.
+    // Two ticks in a period: SYNC at its start; half a period later the waiting for TPDOs ends.
     ticking_ = bus_.every(options_.period / 2, [this] { tick(); });
   } catch (const HostError&) {
     try {
       close();
     } catch (const HostError&) {
-      // What went wrong first is what the caller is told.
+      // The original error is rethrown below; this one is ignored.
     }
     throw;
   }
@@ -106,7 +106,7 @@ CanCyclicBus::~CanCyclicBus() {
   try {
     close();
   } catch (const HostError&) {
-    // The node is gone, and with it what was to be put back.
+    // The node does not answer any more; its objects cannot be restored.
   }
 }
 
@@ -144,7 +144,7 @@ void CanCyclicBus::set_up_pdos(Station& station, bool transmit) {
                       station.where(), "exchange fewer objects");
     }
     if (number >= wanted.size()) {
-      // One that goes on sending takes the bus from those that are in step.
+      // A TPDO that is not wanted would use bus bandwidth that the synchronous PDOs need.
       if (!transmit || !before->in_use()) continue;
       PdoParameters off = *before;
       off.cob_id |= not_in_use;
@@ -171,7 +171,7 @@ void CanCyclicBus::set_up(Station& station) {
   set_up_pdos(station, true);
   for (const CanDrive::Value& value : station.drive.values) set_value(station, value);
   if (station.drive.sets_interpolation_time) set_interpolation_time(station);
-  // Outputs begin with what the objects have; the controlword with 0, which commands nothing yet.
+  // Outputs start with the present values of the objects; the controlword starts with 0, which commands nothing.
   for (Station::Channel& channel : station.rpdos) {
     unsigned first = 0;
     for (const std::uint32_t word : channel.pdo.mapping) {
@@ -201,7 +201,7 @@ void CanCyclicBus::put_back(Station& station) {
   }
 }
 
-// By SDO: the loop that wrote controlwords may be gone already.
+// Uses SDO, because the cycle that writes controlwords may have ended already.
 void CanCyclicBus::stop_drives() {
   for (const auto& station : stations_) {
     if (state_of(station->objects.read<std::uint16_t>(0x6041)) != PowerState::operation_enabled) continue;
@@ -296,7 +296,7 @@ void CanCyclicBus::send_outputs() {
 void CanCyclicBus::check() const {
   for (const auto& station : stations_) {
     if (station->losses <= options_.tolerated_losses) continue;
-    throw HostError(fmt::format("its PDOs did not come to {} SYNCs in a row", station->losses), station->where(),
+    throw HostError(fmt::format("its PDOs were missing after {} SYNCs in a row", station->losses), station->where(),
                     "check that it is powered and operational (`servodrome scan`), and the bus's load");
   }
 }

@@ -11,14 +11,15 @@
 
 namespace servodrome::host {
 
-// What a drive exchanges at each SYNC: lists of objects, one for each PDO, 8 bytes each at most.
+// Process data of one drive at each SYNC: lists of objects, one list for each PDO, 8 bytes each at most.
 struct CanDrive {
   std::uint8_t node_id = 0;
-  std::vector<std::vector<PdoObject>> rpdos{};  // master to drive
+  std::vector<std::vector<PdoObject>> rpdos{};  // from master to drive
   std::vector<std::vector<PdoObject>> tpdos{};
-  // 60C2h is set to the period.
+  // True: 60C2h is set to the period.
   bool sets_interpolation_time = true;
-  // Written by SDO before the exchange starts, and put back after: a mode of operation that is not mapped, 2105h, ...
+  // An object written by SDO before the exchange starts and restored afterwards, such as 2105h or a mode of operation
+  // that is not mapped.
   struct Value {
     ObjectAddress object;
     std::int64_t value = 0;
@@ -27,34 +28,36 @@ struct CanDrive {
   std::vector<Value> values{};
 };
 
-// Cyclic synchronous position: control- and statusword, mode, position each way, and velocity.
+// For cyclic synchronous position: controlword and statusword, mode, target and actual position, and actual velocity.
 CanDrive synchronous_position_drive(std::uint8_t node_id);
-// The same and target velocity and torque, actual torque and 603Fh: what all cyclic modes need.
+// For all cyclic modes: the same plus target velocity and torque, actual torque and 603Fh.
 CanDrive synchronous_drive(std::uint8_t node_id);
-// Interpolated position (60C1h sub 1), the mode set by SDO.
+// For interpolated position (60C1h sub 1); the mode is set by SDO.
 CanDrive interpolated_position_drive(std::uint8_t node_id);
 
 struct CanCyclicOptions {
-  Time period = std::chrono::milliseconds(4);  // of SYNC
-  unsigned tolerated_losses = 10;              // SYNC periods in a row without all TPDOs, until check() throws
+  Time period = std::chrono::milliseconds(4);  // period of SYNC
+  unsigned tolerated_losses = 10;              // in a row: SYNC periods without all TPDOs before check() throws
   SdoOptions sdo{};
-  // TPDOs may come until the next SYNC, instead of half the period: for a master that sends nothing after them.
+  // True: TPDOs may arrive until the next SYNC instead of within half a period; for a master without outputs, such as a
+  // recorder.
   bool waits_whole_period = false;
-  bool stops_drives = true;  // that are still enabled at the end; false: they stay as they are
+  bool stops_drives = true;  // true: drives that are still enabled at the end are stopped; false: they stay enabled
 };
 
-// Drives on a CAN bus, in step with SYNC. Each period: SYNC, to which drives act on the last RPDOs and send what they
-// see; when all TPDOs have come, or half the period has gone, the cycle runs; then the RPDOs, which the next SYNC makes
-// effective. PDOs are set up by SDO and, when this ends, put back as they were, with the nodes pre-operational.
+// Drives on a CAN bus, synchronised by SYNC. Each period: (1) SYNC, at which the drives apply the last RPDOs and sample
+// and send their TPDOs; (2) the cycle, when all TPDOs have arrived or half the period has elapsed; (3) the RPDOs, which
+// the next SYNC applies. The PDOs are set up by SDO. At the end they are restored, and the nodes are pre-operational.
 class CanCyclicBus final : public CyclicBus {
  public:
-  // Sets PDOs up, starts the nodes and SYNC. `bus` outlives this. Throws HostError; what was changed is put back then.
+  // Sets up the PDOs and starts the nodes and SYNC. `bus` must outlive this. Throws HostError after restoring what it
+  // changed.
   CanCyclicBus(Bus& bus, std::vector<CanDrive> drives, const CanCyclicOptions& options = {});
-  // As close(), and says nothing.
+  // Like close(), but ignores errors.
   ~CanCyclicBus() override;
 
-  // Quick stop for drives that are still enabled (CanCyclicOptions::stops_drives), then SYNC ends and everything is put
-  // back. Throws HostError if a drive does not take it.
+  // Sends a quick stop to drives that are still enabled (if CanCyclicOptions::stops_drives), ends SYNC and restores all
+  // objects. Throws the first HostError after trying everything.
   void close();
 
   Time period() const override { return options_.period; }
@@ -67,7 +70,7 @@ class CanCyclicBus final : public CyclicBus {
   void check() const override;
   CycleCounters counters() const override { return counters_; }
   Time inputs_taken() const override { return last_sync_.value_or(bus_.now()); }
-  // The drive's objects, beside the exchange.
+  // SDO access to the drive's objects, besides the cyclic exchange.
   SdoClient& objects(std::size_t drive) { return stations_[drive]->objects; }
 
  private:

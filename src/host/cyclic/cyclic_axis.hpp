@@ -7,18 +7,19 @@
 
 namespace servodrome::host {
 
-// A CiA 402 axis by its process data, on whatever bus: reads what the last cycle brought, and sets what the next one
-// takes along. Nothing here waits; call it from a bus's on_cycle, or between waits.
+// A CiA 402 axis through its process data, on any bus: reads the inputs of the last cycle and sets the outputs of the
+// next. No call blocks; call it from a bus's on_cycle or between waits.
 class CyclicAxis {
  public:
-  // What `image` belongs to outlives this. Controlword and statusword are mapped, or HostError.
+  // The exchange that `image` belongs to must outlive this. Throws HostError if controlword or statusword is not
+  // mapped.
   explicit CyclicAxis(ProcessImage& image);
   explicit CyclicAxis(ProcessImage&& image) : CyclicAxis(image) {}
 
-  // Link and address, for messages.
+  // Link and address, for error messages.
   const std::string& where() const { return where_; }
 
-  // ---- From the last cycle; 0 what is not mapped ----
+  // ---- Inputs of the last cycle; 0 for an object that is not mapped ----
   std::uint16_t statusword() const { return statusword_.get<std::uint16_t>(); }
   PowerState state() const { return state_of(statusword()); }
   std::int8_t mode() const { return value<std::int8_t>(mode_display_); }                  // 6061h
@@ -32,7 +33,7 @@ class CyclicAxis {
   bool shows_position() const { return position_.has_value(); }
   bool shows_velocity() const { return velocity_.has_value(); }
 
-  // ---- For the next cycle; throw HostError where it is not mapped ----
+  // ---- Outputs of the next cycle; each throws HostError if its object is not mapped ----
   void set_controlword(std::uint16_t word) { controlword_.set(word); }
   void set_mode(OperationMode mode) { required(mode_, 0x6060).set(static_cast<std::int8_t>(mode)); }
   bool can_set_mode() const { return mode_.has_value(); }
@@ -42,23 +43,23 @@ class CyclicAxis {
   void set_target_torque(std::int16_t torque) { required(target_torque_, 0x6071).set(torque); }
   void set_velocity_offset(std::int32_t velocity) { required(velocity_offset_, 0x60B1).set(velocity); }
   void set_torque_offset(std::int16_t torque) { required(torque_offset_, 0x60B2).set(torque); }
-  // Does the exchange carry what a cyclic mode needs?
+  // True if all objects that a cyclic mode needs are mapped.
   bool can_command(OperationMode mode) const;
 
-  // ---- Touch probes 1 and 2 (CiA 402-2 clause 12); false, 0: not mapped ----
+  // ---- Touch probes 1 and 2 (CiA 402-2 clause 12); false or 0 if not mapped ----
   bool has_touch_probe(unsigned probe, bool rising) const;
   void set_touch_probe_function(std::uint16_t function) { required(probe_function_, 0x60B8).set(function); }
   std::uint16_t touch_probe_status() const { return value<std::uint16_t>(probe_status_); }  // 60B9h
   std::int32_t touch_probe_position(unsigned probe, bool rising) const;                     // 60BAh to 60BDh
 
-  // One step towards operation enabled each time it is called; true when there. Until then targets are where the axis
-  // is, so that it does not jump. A fault is not reset: false for ever.
+  // One state transition towards operation enabled at each call; true once it is reached. Until then the targets follow
+  // the actual position, so that the axis does not jump. Does not reset a fault: returns false as long as there is one.
   bool enable();
-  // One step towards switch on disabled.
+  // Commands switch on disabled; true once it is reached.
   bool disable();
-  // The rising edge of bit 7, over two calls; true when no fault is left.
+  // Resets a fault by a rising edge of bit 7, which takes two calls; true when no fault is left.
   bool reset_fault();
-  // Targets where the axis is, velocity and torque 0.
+  // Sets the target positions to the actual position, target velocity and torque to 0.
   void hold();
 
  private:

@@ -28,7 +28,8 @@ constexpr std::array<std::uint16_t, 8> inputs{0x6041, 0x6061, 0x6064, 0x606C, 0x
 constexpr std::array<std::uint16_t, 1> probe_outputs{0x60B8};
 constexpr std::array<std::uint16_t, 3> probe_inputs{0x60B9, 0x60BA, 0x60BB};
 
-// As the slave's dictionary says. A slave without SDO information is taken to map what it has.
+// True if the slave's object dictionary allows the mapping. Also true for a slave without SDO information: it is
+// assumed to map every object that it has.
 bool can_map(EthercatSlave& slave, std::uint16_t index, std::uint16_t direction) {
   try {
     return (slave.coe().describe(ObjectAddress{index, 0}).access & direction) != 0;
@@ -38,7 +39,8 @@ bool can_map(EthercatSlave& slave, std::uint16_t index, std::uint16_t direction)
   }
 }
 
-// A slave refuses a whole mapping for one object that it does not have or cannot map. Objects are as long as it says.
+// Adds only the objects that the slave has and can map, because a slave refuses the whole mapping for one wrong object.
+// The length is that of the uploaded value.
 void add_those_there_are(EthercatSlave& slave, std::span<const std::uint16_t> wanted, std::uint16_t direction,
                          Pdo& pdo) {
   for (const std::uint16_t index : wanted) {

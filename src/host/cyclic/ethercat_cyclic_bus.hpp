@@ -7,11 +7,11 @@
 
 namespace servodrome::host {
 
-// The slaves of an EtherCAT operation. A cycle whose working counters are not all right is missed by all of them: one
-// counter is for many.
+// The slaves of an EtherCAT operation as a CyclicBus. If a working counter of a cycle is wrong, the cycle counts as
+// missed for all slaves, because one counter covers several slaves.
 class EthercatCyclicBus final : public CyclicBus {
  public:
-  // Both outlive this; the operation is in OP.
+  // Both must outlive this; the operation must be in OP.
   EthercatCyclicBus(EthercatMaster& master, EthercatOperation& operation);
 
   Time period() const override { return exchange_.period(); }
@@ -32,15 +32,16 @@ class EthercatCyclicBus final : public CyclicBus {
 };
 
 struct EthercatAxisSetUp {
-  // 60C2h is set to it, where there is one: a drive that interpolates over another time does not run smoothly.
+  // Period to write to 60C2h, if the slave has that object: a drive that interpolates over another time does not run
+  // smoothly.
   std::optional<Time> period{};
   bool touch_probe = false;  // 60B8h to 60BBh
 };
 
-// Maps what a cyclic axis of any mode exchanges into 1600h and 1A00h, and assigns these alone: control- and statusword,
-// mode, position, velocity, torque each way, following error, error code, digital inputs. What the slave does not have
-// is left out. In PREOP; mappings and assignments are the slave's own again after its power was off. Throws
-// EthercatError.
+// Maps the objects that a cyclic axis needs in any mode into 1600h and 1A00h, and assigns only these two PDOs:
+// controlword, statusword, mode, position, velocity and torque in both directions, following error, error code and
+// digital inputs. Objects that the slave does not have are left out. Call it in PREOP. A power cycle restores the
+// slave's own mapping and assignment. Throws EthercatError.
 void set_up_cyclic_axis(EthercatSlave& slave, const EthercatAxisSetUp& set_up);
 
 }  // namespace servodrome::host

@@ -13,7 +13,7 @@ struct InterpolationTime {
   std::int8_t index = 0;
 };
 
-// In the greatest unit that does it, milliseconds at most; nothing: it cannot be written exactly.
+// Uses the greatest unit that represents the period exactly, at most milliseconds; nullopt if no unit does.
 constexpr std::optional<InterpolationTime> interpolation_time_of(links::Time period) {
   links::Time unit = std::chrono::milliseconds(1);
   for (std::int8_t index = -3; index >= -6; --index, unit /= 10) {

@@ -14,12 +14,12 @@ constexpr std::uint16_t start_homing = drive::controlword::mode_bit_4;
 constexpr std::uint16_t enable_interpolation = drive::controlword::mode_bit_4;
 constexpr std::uint16_t halt = drive::controlword::halt;
 constexpr std::uint16_t target_reached = 1U << 10;
-constexpr std::uint16_t follows_target = 1U << 12;  // in cyclic synchronous position
+constexpr std::uint16_t follows_target = 1U << 12;  // in cyclic synchronous position: the drive follows the target
 
-// A drive takes back "homing attained" of the last run some cycles after it took the order; until then nothing is
-// judged.
+// A drive clears "homing attained" of the last run some cycles after it accepts the command; until then the bits are
+// ignored.
 constexpr Time settling = std::chrono::milliseconds(20);
-// Of the velocity limit, over which the torque falls to nothing.
+// Fraction of the velocity limit over which the torque falls linearly to 0.
 constexpr double torque_taper = 0.1;
 
 double seconds(Time time) { return std::chrono::duration<double>(time).count(); }
@@ -31,9 +31,9 @@ const char* name(AxisFault fault) {
     case AxisFault::none: return "no fault";
     case AxisFault::drive_fault: return "the drive has a fault";
     case AxisFault::left_operation: return "the drive left operation enabled by itself";
-    case AxisFault::communication_lost: return "its process data did not come";
-    case AxisFault::following_error: return "the following error is too great";
-    case AxisFault::mode_refused: return "the drive does not take the mode of operation";
+    case AxisFault::communication_lost: return "its process data were not received";
+    case AxisFault::following_error: return "the following error is too large";
+    case AxisFault::mode_refused: return "the drive does not accept the mode of operation";
     case AxisFault::homing_failed: return "homing failed";
   }
   return "unknown fault";
@@ -45,8 +45,8 @@ const char* remedy_of(AxisFault fault) {
     case AxisFault::drive_fault: return "look at its error code 603Fh, remove the cause and reset the fault";
     case AxisFault::left_operation:
       return "check its supply, enable and safety inputs, and whether another master commands it";
-    case AxisFault::communication_lost: return "check cables and power, and see with `servodrome scan` what is there";
-    case AxisFault::following_error: return "check load, brake and limits, or move more gently";
+    case AxisFault::communication_lost: return "check cables and power; `servodrome scan` lists the drives";
+    case AxisFault::following_error: return "check load, brake and limits, or reduce the dynamics";
     case AxisFault::mode_refused: return "see 6502h for the modes that it has, and that 6060h and 6061h are mapped";
     case AxisFault::homing_failed: return "check switches, method 6098h and speeds 6099h";
   }
@@ -60,9 +60,8 @@ MotionAxis::MotionAxis(const CyclicAxis& axis, Time period, const MotionAxisOpti
       mode_timeout_cycles_(static_cast<std::uint64_t>(std::max<std::int64_t>(options.mode_timeout / period, 1))),
       settling_cycles_(static_cast<std::uint64_t>(std::max<std::int64_t>(settling / period, 4))) {
   if (!axis_.can_command(options.position_mode)) {
-    throw HostError(
-        fmt::format("its process data have no target and position for {}", host::name(options.position_mode)),
-        axis_.where(), "map 607Ah (or 60C1h sub 1) and 6064h");
+    throw HostError(fmt::format("its process data lack target and position for {}", host::name(options.position_mode)),
+                    axis_.where(), "map 607Ah (or 60C1h sub 1) and 6064h");
   }
   generator_.reset({});
 }
@@ -77,7 +76,7 @@ OperationMode MotionAxis::mode_of(Task task) const {
   return options_.position_mode;
 }
 
-// A drive that does not show its mode is taken to be in the mode that was set up.
+// If the drive does not map its mode display, it is assumed to be in the mode that was set up.
 bool MotionAxis::mode_is(OperationMode mode) const {
   return !axis_.shows_mode() || axis_.mode() == static_cast<std::int8_t>(mode);
 }
@@ -91,7 +90,7 @@ void MotionAxis::take_position() {
     position_ = raw;
     has_position_ = true;
   } else {
-    // The shorter way around: a drive's position wraps.
+    // The drive's position wraps at 32 bits, so the difference is taken modulo 2^32.
     position_ += static_cast<std::int32_t>(static_cast<std::uint32_t>(raw) - static_cast<std::uint32_t>(position_));
   }
   velocity_ = axis_.shows_velocity() ? axis_.velocity() / options_.velocity_scale
@@ -106,14 +105,15 @@ void MotionAxis::fail(AxisFault fault) {
   task_ = Task::position;
 }
 
-// In another mode it would follow a target that is not in these process data as soon as it is enabled.
+// True while the drive is in another mode. It must not be enabled in that mode: it would at once follow a target that
+// is not in these process data.
 bool MotionAxis::waits_for_mode() const {
   return switched_on_ && fault_ == AxisFault::none && axis_.state() == PowerState::switched_on &&
          !mode_is(mode_of(Task::position));
 }
 
-// A drive that opens its brake says so in bit 12 and takes no target meanwhile. One that never sets the bit is believed
-// after half the time for a change of mode.
+// While a drive releases its brake, it keeps bit 12 at 0 and ignores targets. If bit 12 is never set, the drive counts
+// as following after half the mode timeout.
 bool MotionAxis::follows() {
   const bool says_so =
       !mode_is(OperationMode::cyclic_synchronous_position) || (axis_.statusword() & follows_target) != 0;
@@ -137,7 +137,7 @@ void MotionAxis::track_power() {
   const PowerState state = axis_.state();
   const bool broken = state == PowerState::fault || state == PowerState::fault_reaction_active;
   if (broken) {
-    // Also where the drive was off, or this came first to another fault of this class.
+    // Also applies while the axis is switched off, and if the drive's fault occurs before this class finds one.
     fail(AxisFault::drive_fault);
   } else if (enabled_ && state != PowerState::operation_enabled) {
     fail(AxisFault::left_operation);
@@ -171,7 +171,7 @@ void MotionAxis::abort_homing() {
   homing_cycles_ = 0;
 }
 
-// The drive counts anew: so does the axis.
+// The drive counts from its new origin, so the axis takes over that position.
 void MotionAxis::end_homing() {
   task_ = Task::position;
   position_ = axis_.position();
@@ -206,7 +206,7 @@ void MotionAxis::run_homing() {
 
 // ---- Commands ----
 
-// Coming from another loop, the profile starts where the axis truly is.
+// After velocity or torque mode the profile starts at the actual position and velocity.
 bool MotionAxis::start(Task task) {
   if (!enabled_ || task_ == Task::homing || !axis_.can_command(mode_of(task))) return false;
   if (task_ != task && (task_ == Task::torque || task_ == Task::velocity) && task != Task::torque) {

@@ -5,81 +5,82 @@
 
 namespace servodrome::host {
 
-// Why an axis stopped by itself.
+// Reason why an axis has stopped by itself.
 enum class AxisFault : std::uint8_t {
   none,
-  drive_fault,         // the drive says so: 603Fh
-  left_operation,      // it is no longer enabled, without request: supply, safety input, quick stop, another master
-  communication_lost,  // too many cycles without its data
-  following_error,     // further from its set-point than allowed
-  mode_refused,        // it does not take the mode of operation
-  homing_failed,       // its statusword says so
+  drive_fault,         // the drive reports a fault: 603Fh
+  left_operation,      // no longer enabled, without a command: supply, safety input, quick stop, another master
+  communication_lost,  // too many cycles without data of the drive
+  following_error,     // position too far from the set-point
+  mode_refused,        // the drive does not enter the mode of operation
+  homing_failed,       // the statusword reports a homing error
 };
 const char* name(AxisFault fault);
-// What to do about it.
+// The remedy for the user.
 const char* remedy_of(AxisFault fault);
 
 struct MotionAxisOptions {
-  // Where set-points go: cyclic synchronous position or interpolated position.
+  // Mode for set-points: cyclic synchronous position or interpolated position.
   OperationMode position_mode = OperationMode::cyclic_synchronous_position;
-  double velocity_scale = 1.0;         // 60FFh and 606Ch per count/s
-  double following_error_limit = 0.0;  // counts; 0: none
+  double velocity_scale = 1.0;         // units of 60FFh and 606Ch per count/s
+  double following_error_limit = 0.0;  // counts; 0: no limit
   unsigned tolerated_losses = 10;      // cycles in a row without data
   Time mode_timeout = std::chrono::seconds(1);
   HomingSignals homing_signals{};
 };
 
-// An axis that a master's own trajectory moves, cycle by cycle. In each cycle: read(), then commands, advance(),
-// write(). Commands that several axes get in the same cycle start in the same cycle. Positions are in the drive's units
-// ("counts"), 64 bits wide: those of the drive may wrap around. Nothing here waits or throws once it is made.
+// An axis moved by the master's own trajectory, cycle by cycle. In each cycle: read(), then commands, then advance()
+// and write(). Commands to several axes in the same cycle start in the same cycle. Positions are in the drive's units
+// ("counts") and 64 bits wide; the drive's own 32-bit positions may wrap around. No call blocks, and only the
+// constructor throws.
 class MotionAxis {
  public:
-  // Throws HostError if the process data do not have what the position mode needs.
+  // Throws HostError if the process data lack an object that the position mode needs.
   MotionAxis(const CyclicAxis& axis, Time period, const MotionAxisOptions& options = {});
 
   // ---- The cycle ----
-  // Takes what the cycle brought; `fresh`: it brought all.
+  // Evaluates the inputs of the cycle; `fresh`: all of them have arrived.
   void read(bool fresh);
-  // The set-point of the next cycle.
+  // Computes the set-point of the next cycle.
   void advance();
-  // Into the process data.
+  // Writes the outputs into the process data.
   void write();
 
   // ---- Power ----
-  // Walks the drive to operation enabled, or to switch on disabled, one transition each cycle. Switching off does not
-  // brake: stop first.
+  // Brings the drive to operation enabled or to switch on disabled, one transition in each cycle. Switching off does
+  // not brake: stop the axis first.
   void switch_on(bool on) { switched_on_ = on; }
   bool is_switched_on() const { return switched_on_; }
-  // Set-points are obeyed.
+  // True if the axis follows its set-points.
   bool is_enabled() const { return enabled_; }
   AxisFault fault() const { return fault_; }
-  // 603Fh when the fault came, or 0.
+  // 603Fh at the time of the fault, or 0.
   std::uint16_t error_code() const { return error_code_; }
-  // Resets the drive's fault, too; fault() is none when it is done.
+  // Also resets the drive's fault; fault() is none once it is done.
   void reset_fault() { resetting_ = true; }
   bool is_resetting() const { return resetting_; }
 
-  // ---- Commands; the axis is enabled, or they do nothing. False: see SetPointGenerator ----
+  // ---- Commands; ignored unless the axis is enabled. False if not accepted: see SetPointGenerator ----
   bool move_to(double target, double end_velocity, const MotionLimits& limits,
                SetPointGenerator::From from = SetPointGenerator::From::present);
   bool run_at(double velocity, const MotionLimits& limits,
               SetPointGenerator::From from = SetPointGenerator::From::present);
   void follow(const MotionState& next);
-  // Velocity by the drive's own velocity loop (cyclic synchronous velocity), the profile by the master.
+  // Uses the drive's velocity loop (cyclic synchronous velocity); the profile comes from the master.
   bool run_in_velocity_mode(double velocity, const MotionLimits& limits);
-  // Cyclic synchronous torque: to `torque` (0.1 % of rated torque) at `slope` per second. Towards `velocity_limit`
-  // (counts/s, 0: none) the torque falls to nothing, over the last tenth of it.
+  // Cyclic synchronous torque: ramps to `torque` (0.1 % of rated torque) at `slope` per second. Near `velocity_limit`
+  // (counts/s, 0: none) the torque is reduced: linearly to 0 over the last tenth of the limit.
   bool apply_torque(double torque, double slope, double velocity_limit);
-  // The drive's homing, as its objects are set (6098h and others). The axis stands.
+  // Starts the drive's homing with its present settings (6098h and others). The axis must stand still.
   bool home();
-  // Breaks homing off with a halt.
+  // Aborts homing by a halt.
   void abort_homing();
   void shift_set_point(double distance) { generator_.shift(distance); }
 
-  // Counts; 0: none.
+  // In counts; 0: no limit.
   void set_following_error_limit(double counts) { options_.following_error_limit = counts; }
 
-  // ---- What is ----
+  // ---- State ----
   const SetPointGenerator& generator() const { return generator_; }
   const MotionState& set_point() const { return generator_.state(); }
   std::int64_t position() const { return position_; }
@@ -88,7 +89,7 @@ class MotionAxis {
   double torque_set_point() const { return torque_; }  // 0.1 % of rated torque
   double following_error() const { return following_error_; }
   bool is_homing() const { return task_ == Task::homing; }
-  // Homing has been carried out since it was last asked for.
+  // True if homing has been completed since the last home().
   bool is_homed() const { return homed_; }
   bool is_in_torque_mode() const { return task_ == Task::torque; }
   CyclicAxis& axis() { return axis_; }
@@ -132,7 +133,8 @@ class MotionAxis {
   std::int64_t position_ = 0;
   double velocity_ = 0.0;
   double following_error_ = 0.0;
-  // What the drive acts on when it samples what read() sees: the set-points of the last two cycles.
+  // Set-points of the last two cycles; acted_on_ is the one that the drive follows when it samples the inputs of
+  // read().
   double acted_on_ = 0.0;
   double sent_ = 0.0;
 

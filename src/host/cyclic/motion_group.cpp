@@ -66,7 +66,8 @@ void MotionGroup::enable(Time timeout) {
 
 void MotionGroup::disable(const MotionLimits& limits, Time timeout) {
   for (MotionAxis& axis : axes_) {
-    if (axis.fault() != AxisFault::none) axis.switch_on(false);  // it is stopped, or beyond that
+    // With a fault the axis is stopped already, or set-points cannot stop it.
+    if (axis.fault() != AxisFault::none) axis.switch_on(false);
     axis.abort_homing();
     axis.run_at(0.0, limits);
   }
@@ -104,7 +105,7 @@ double MotionGroup::start_together(std::span<const double> targets, std::span<co
   const double longest = *std::max_element(durations.begin(), durations.end());
   for (std::size_t i = 0; i < axes_.size(); ++i) {
     if (durations[i] == 0.0) continue;
-    // Slowed down by the factor k in time, a profile has velocities / k, accelerations / k^2, jerks / k^3.
+    // Stretching a profile in time by the factor k divides velocities by k, accelerations by k^2 and jerks by k^3.
     const double k = longest / durations[i];
     MotionLimits own = limits_of(i);
     own.velocity /= k;

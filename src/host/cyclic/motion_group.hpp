@@ -9,11 +9,12 @@
 
 namespace servodrome::host {
 
-// The drives of a bus as axes in one loop: each cycle all axes read, then the program runs, then all write. What the
-// program (or the caller, between two waits) commands to several axes starts in the same cycle.
+// The drives of a bus as axes in one loop. In each cycle all axes read, then the program runs, then all axes write.
+// Commands to several axes by the program, or by the caller between two waits, start in the same cycle.
 class MotionGroup {
  public:
-  // `bus` outlives this. `options` for each drive in order; those that are missing are like the last. Throws HostError.
+  // `bus` must outlive this. `options`: one for each drive in order; the last one also applies to all further drives.
+  // Throws HostError.
   explicit MotionGroup(CyclicBus& bus, std::span<const MotionAxisOptions> options = {});
   ~MotionGroup() { bus_.on_cycle({}); }
   MotionGroup(const MotionGroup&) = delete;
@@ -23,26 +24,28 @@ class MotionGroup {
   MotionAxis& axis(std::size_t number) { return axes_[number]; }
   CyclicBus& bus() { return bus_; }
 
-  // Runs in each cycle, between inputs and outputs.
+  // `program` runs in each cycle, between inputs and outputs.
   void on_cycle(std::function<void()> program) { program_ = std::move(program); }
 
-  // Runs when the set-points of the next cycle are there, before they are written: for axes that follow others.
+  // `action` runs after the set-points of the next cycle are computed and before they are written: for axes that follow
+  // others.
   void on_set_points(std::function<void()> action) { on_set_points_ = std::move(action); }
 
-  // Waits at most `timeout` until `done`, which is asked each cycle; false: it was not. Throws HostError when an axis
-  // that is switched on has a fault, which names it.
+  // Waits until `done`, called in each cycle, returns true; false after `timeout`. Throws HostError with the name of
+  // the fault if an axis that is switched on has one.
   bool wait_until(const std::function<bool()>& done, Time timeout);
   void wait(Time span);
 
-  // ---- For people: these wait. They throw HostError when it does not come about in `timeout`. ----
+  // ---- Blocking calls. They throw HostError if the drives do not reach the state within `timeout`. ----
   void enable(Time timeout = std::chrono::seconds(5));
-  // Stops all within `limits`, then takes them to switch on disabled.
+  // Stops all axes within `limits`, then brings the drives to switch on disabled.
   void disable(const MotionLimits& limits, Time timeout = std::chrono::seconds(5));
   void reset_faults(Time timeout = std::chrono::seconds(5));
 
-  // All start in the same cycle, from standstill, and arrive in the same: the axis that needs longest sets the time,
-  // the others' limits are scaled to it. `targets` for each axis in order, and `limits`; those that are missing are
-  // like the last. Returns the duration in seconds; 0 if all are there.
+  // Starts a move of all axes in the same cycle, from standstill, so that they also arrive in the same cycle: the
+  // slowest axis sets the duration, and the limits of the others are scaled down to it. `targets`: one for each axis in
+  // order. `limits`: likewise, and the last one also applies to all further axes. Returns the duration in seconds; 0 if
+  // all are at their targets.
   double start_together(std::span<const double> targets, std::span<const MotionLimits> limits);
   bool all_done() const;
 

@@ -13,7 +13,7 @@ ObjectCyclicBus::ObjectCyclicBus(ObjectClient& objects, std::vector<PdoObject> o
   std::vector<ObjectAddress> addresses;
   for (const PdoObject& object : inputs) addresses.push_back(object.object);
   together_ = objects_.read_together(addresses);
-  // What goes out first is what is there.
+  // The first outputs are the present values of the objects.
   for (Value& value : outputs_) {
     const std::vector<std::byte> bytes = objects_.upload(value.object.object);
     std::transform(bytes.begin(),

@@ -8,12 +8,12 @@
 
 namespace servodrome::host {
 
-// One drive whose objects are read and written one by one on a fixed grid of its client's clock, as if they were
-// process data: for clients whose accesses are quick beside the period, as the service port of a simulated drive. The
-// same accesses in the same order in every cycle, so that each is always as late as the last time.
+// A CyclicBus of one drive without process data: reads and writes its objects one by one at a fixed period of the
+// client's clock. For clients whose accesses are short compared to the period, such as the service port of a simulated
+// drive. Every cycle makes the same accesses in the same order, so that the delay of each access is constant.
 class ObjectCyclicBus final : public CyclicBus {
  public:
-  // `objects` outlives this.
+  // `objects` must outlive this.
   ObjectCyclicBus(ObjectClient& objects, std::vector<PdoObject> outputs, std::vector<PdoObject> inputs, Time period);
 
   Time period() const override { return period_; }
@@ -23,7 +23,8 @@ class ObjectCyclicBus final : public CyclicBus {
   ProcessImage& image(std::size_t) override { return image_; }
   bool is_fresh(std::size_t) const override { return fresh_; }
   void on_cycle(std::function<void()> action) override { action_ = std::move(action); }
-  // Throws what the drive answered if it refused an access, and HostError if it has been silent for long.
+  // Rethrows the drive's ObjectError if it refused an access; throws HostError after too many cycles in a row without
+  // an answer.
   void check() const override;
   CycleCounters counters() const override { return counters_; }
   Time inputs_taken() const override { return inputs_taken_; }
@@ -57,7 +58,7 @@ class ObjectCyclicBus final : public CyclicBus {
   ObjectClient& objects_;
   std::vector<Value> outputs_;
   std::vector<Value> inputs_;
-  std::vector<std::vector<std::size_t>> together_;  // places among the inputs that one access reads
+  std::vector<std::vector<std::size_t>> together_;  // sets of input numbers that one access reads
   Image image_;
   Time period_;
   Time next_;

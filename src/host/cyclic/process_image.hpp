@@ -9,18 +9,18 @@
 
 namespace servodrome::host {
 
-// Where an object is among the bits of a PDO or of several in a row.
+// Position of an object among the bits of one or more consecutive PDOs.
 struct MappedBits {
   unsigned first = 0;
   unsigned count = 0;
 };
 
-// An object among the process data, at any bit.
+// An object in the process data, at any bit position.
 class ProcessObject {
  public:
   ProcessObject(std::uint8_t* bytes, MappedBits bits) : bytes_(bytes), bits_(bits) {}
 
-  // The low 64 bits, at most; sign-extended for signed types.
+  // At most the low 64 bits; sign-extended for signed types.
   template <typename T>
   requires std::is_integral_v<T> T get()
   const {
@@ -43,14 +43,14 @@ class ProcessObject {
   MappedBits bits_;
 };
 
-// What is exchanged with one drive each cycle, on whatever bus. Nothing: the object is not mapped. What is returned is
-// valid as long as the exchange lives.
+// Process data of one drive on any bus. nullopt: the object is not mapped. Results are valid as long as the exchange
+// exists.
 class ProcessImage {
  public:
   virtual ~ProcessImage() = default;
   virtual std::optional<ProcessObject> output(ObjectAddress object) = 0;
   virtual std::optional<ProcessObject> input(ObjectAddress object) = 0;
-  // Link and address, for messages.
+  // Link and address, for error messages.
   virtual std::string where() const = 0;
 };
 

@@ -69,7 +69,7 @@ void SetPointGenerator::shift(double distance) {
 void SetPointGenerator::advance() {
   if (std::exchange(next_is_set_, false)) return;
   if (follows_) {
-    // There is no leader any more: on at the same velocity.
+    // Without a new set-point from the leader the axis continues at the same velocity.
     state_.position += state_.velocity * period_s_;
     state_.acceleration = 0.0;
     return;
@@ -84,7 +84,7 @@ double braking_distance(double velocity, double end_velocity, const MotionLimits
   if (!(change > 0.0)) return 0.0;
   const double d = limits.deceleration;
   double duration = change / d;
-  // With the jerk, d is reached (a trapezoid of the deceleration) or not (a triangle).
+  // With limited jerk, the deceleration either reaches d (trapezoid) or does not (triangle).
   if (limits.jerk > 0.0) {
     duration = change >= d * d / limits.jerk ? change / d + d / limits.jerk : 2.0 * std::sqrt(change / limits.jerk);
   }
@@ -93,7 +93,7 @@ double braking_distance(double velocity, double end_velocity, const MotionLimits
 
 double velocity_to_slow_within(double distance, double end_velocity, const MotionLimits& limits) {
   if (!(distance > 0.0)) return end_velocity;
-  // Without jerk the answer is a root; with jerk it is less than that.
+  // Without a jerk limit the result is a square root; with one it lies below that and is found by bisection.
   double low = end_velocity;
   double high = std::sqrt(end_velocity * end_velocity + 2.0 * limits.deceleration * distance);
   if (!(limits.jerk > 0.0)) return high;

@@ -7,43 +7,43 @@ namespace servodrome::host {
 using drive::MotionLimits;
 using drive::MotionState;
 
-// The master's own trajectory: a set-point for each cycle, in counts, counts/s, counts/s^2. Profiles are those of the
-// drive's generators (drive/trajectory), time-optimal within limits: jerk-limited if the limits have a jerk, else with
-// linear ramps. Time is counted in cycles, so that no profile however long drifts.
+// The master's own trajectory: one set-point for each cycle, in counts, counts/s, counts/s^2. The profiles are those of
+// the drive's generators (drive/trajectory), time-optimal within the limits: jerk-limited if the limits have a jerk,
+// otherwise with linear ramps. Time is counted in cycles, so that even long profiles do not drift.
 class SetPointGenerator {
  public:
   explicit SetPointGenerator(double period_s) : period_s_(period_s) {}
 
-  // From where a new profile starts.
+  // Start of a new profile.
   enum class From {
-    present,  // the present set-point: the next advance() is its first period
-    end,      // the end of the profile that is done(): what went beyond it belongs to the new one
+    present,  // at the present set-point; the next advance() is the first period
+    end,      // at the end of the profile that is done(); time elapsed beyond that end counts for the new profile
   };
 
-  // Stands, or moves on with the state's velocity, from here.
+  // Starts from this state: at standstill, or moving on with the state's velocity.
   void reset(const MotionState& state);
-  // A profile to `target`, which it passes with the magnitude of `end_velocity`. False: a number is not finite or a
-  // limit not above zero; nothing changes.
+  // A profile to `target`, passed with the magnitude of `end_velocity`. False if a number is not finite or a limit is
+  // not above zero; then nothing changes.
   bool move_to(double target, double end_velocity, const MotionLimits& limits, From from = From::present);
-  // A profile to a velocity, signed; at most that of the limits.
+  // A profile to a signed velocity, at most the velocity of the limits.
   bool run_at(double velocity, const MotionLimits& limits, From from = From::present);
-  // The next set-point is the caller's: a synchronised motion.
+  // The caller supplies the next set-point: for synchronised motion.
   void follow(const MotionState& next);
-  // Moves the base in which positions are counted; the motion goes on.
+  // Shifts the origin of the positions; the motion continues.
   void shift(double distance);
 
-  // The set-point of the next cycle.
+  // Computes the set-point of the next cycle.
   void advance();
 
   const MotionState& state() const { return state_; }
-  // The profile has come to its end; its end velocity goes on.
+  // True once the profile has ended; the axis then continues at the end velocity.
   bool done() const { return follows_ || elapsed_s() >= trajectory_.duration_s() - rounding * period_s_; }
   double elapsed_s() const { return offset_s_ + static_cast<double>(cycles_) * period_s_; }
   double duration_s() const { return trajectory_.duration_s(); }
   double period_s() const { return period_s_; }
 
  private:
-  // Of a cycle: what sums of periods and durations of profiles may differ by, and are still the same time.
+  // As a fraction of a cycle: tolerance between a sum of periods and the duration of a profile, for rounding.
   static constexpr double rounding = 1e-9;
 
   bool plan(bool planned, const drive::Trajectory& next, From from);
@@ -51,18 +51,18 @@ class SetPointGenerator {
 
   double period_s_;
   drive::Trajectory trajectory_;
-  double base_ = 0.0;      // added to what the trajectory says
-  double offset_s_ = 0.0;  // into the trajectory, at its first cycle
+  double base_ = 0.0;      // added to the trajectory's positions
+  double offset_s_ = 0.0;  // time in the trajectory at its first cycle
   std::uint64_t cycles_ = 0;
   bool follows_ = false;
   bool next_is_set_ = false;
   MotionState state_{};
 };
 
-// From `velocity` to `end_velocity`, magnitudes, both at acceleration 0: the way in counts that a brake within `limits`
-// takes.
+// Distance in counts to brake from `velocity` to `end_velocity` within `limits`. Velocities are magnitudes; the
+// acceleration is 0 at both ends.
 double braking_distance(double velocity, double end_velocity, const MotionLimits& limits);
-// The greatest velocity from which that is at most `distance`; `end_velocity` if there is no way.
+// The greatest velocity whose braking distance is at most `distance`; `end_velocity` if there is no distance.
 double velocity_to_slow_within(double distance, double end_velocity, const MotionLimits& limits);
 
 }  // namespace servodrome::host

@@ -63,15 +63,15 @@ const char* remedy_of(AlStatusCode code) {
     case AlStatusCode::unspecified:
     case AlStatusCode::no_memory:
     case AlStatusCode::application_controller_available:
-      return "switch it off and on; if it comes again, ask its maker";
+      return "switch it off and on; if it occurs again, ask its manufacturer";
     case AlStatusCode::invalid_device_setup:
     case AlStatusCode::module_list_does_not_match: return "compare its modules and hardware with the configuration";
     case AlStatusCode::invalid_revision:
     case AlStatusCode::sii_does_not_match_firmware:
-      return "use the ESI file that belongs to its firmware, and write its SII anew";
+      return "use the ESI file that belongs to its firmware, and write its SII again";
     case AlStatusCode::firmware_update_failed:
     case AlStatusCode::no_valid_firmware: return "load its firmware in Bootstrap (FoE)";
-    case AlStatusCode::license_error: return "ask its maker for a license";
+    case AlStatusCode::license_error: return "ask its manufacturer for a license";
     case AlStatusCode::invalid_requested_state_change:
       return "go one step at a time: INIT, PREOP, SAFEOP, OP; BOOT is reached from INIT only";
     case AlStatusCode::unknown_requested_state: return "request INIT, PREOP, BOOT, SAFEOP or OP";
@@ -88,7 +88,8 @@ const char* remedy_of(AlStatusCode code) {
       return "send process data with valid outputs before and while it goes to OP";
     case AlStatusCode::synchronization_error:
     case AlStatusCode::fatal_sync_error:
-      return "send outputs in every cycle at the same distance from SYNC0, keep the clocks together, or raise 10F1h";
+      return "send outputs in every cycle at the same distance from SYNC0, keep the clocks synchronised, or raise "
+             "10F1h";
     case AlStatusCode::sync_manager_watchdog:
       return "send process data in time: see whether frames are lost or the master was stopped; then acknowledge";
     case AlStatusCode::invalid_output_configuration:
@@ -101,7 +102,7 @@ const char* remedy_of(AlStatusCode code) {
     case AlStatusCode::invalid_watchdog_configuration:
     case AlStatusCode::background_watchdog: return "check 0400h, 0420h and the watchdog bit of sync manager 2";
     case AlStatusCode::needs_cold_start: return "switch it off and on";
-    case AlStatusCode::needs_init: return "take it to INIT and start anew";
+    case AlStatusCode::needs_init: return "take it to INIT and start again";
     case AlStatusCode::needs_pre_operational: return "take it to PREOP and go on from there";
     case AlStatusCode::needs_safe_operational: return "take it to SAFEOP and go on from there";
     case AlStatusCode::inconsistent_settings: return "compare its parameters with each other: cycle times, PDOs, modes";
@@ -109,13 +110,13 @@ const char* remedy_of(AlStatusCode code) {
       return "start SYNC0 (distributed clocks), or synchronise with SM2 events";
     case AlStatusCode::synchronization_not_supported: return "leave SYNC0 off: free run (1C32h:01 = 0)";
     case AlStatusCode::free_run_needs_three_buffers: return "give sync managers 2 and 3 three buffers";
-    case AlStatusCode::no_sync: return "start SYNC0 before SAFEOP, and keep the frame with the reference time going";
+    case AlStatusCode::no_sync: return "start SYNC0 before SAFEOP, and keep sending the frame with the reference time";
     case AlStatusCode::invalid_dc_sync_configuration:
     case AlStatusCode::invalid_dc_latch_configuration:
     case AlStatusCode::dc_sync_io_error:
     case AlStatusCode::dc_sync_timeout:
       return "set 0980h, 0981h and 1C32h as one of its DC modes (ESI, SII category 60) says";
-    case AlStatusCode::pll_error: return "keep the cycle steady, and wait until the clocks run together before OP";
+    case AlStatusCode::pll_error: return "keep the cycle steady, and wait until the clocks are synchronised before OP";
     case AlStatusCode::invalid_sync_cycle_time:
     case AlStatusCode::invalid_sync0_cycle_time:
     case AlStatusCode::invalid_sync1_cycle_time:
@@ -127,10 +128,11 @@ const char* remedy_of(AlStatusCode code) {
     case AlStatusCode::mailbox_soe:
     case AlStatusCode::mailbox_voe: return "take it to INIT and PREOP again, which resets its mailbox";
     case AlStatusCode::eeprom_no_access: return "give the SII back to the slave: 0500h = 1";
-    case AlStatusCode::eeprom_error: return "write its SII anew; the checksum or the content is wrong";
-    case AlStatusCode::external_hardware_not_ready: return "switch on its power stage or what it waits for";
-    case AlStatusCode::restarted_locally: return "acknowledge the error and start it anew from INIT";
-    case AlStatusCode::identification_updated: return "switch it off and on, so that its new identification holds";
+    case AlStatusCode::eeprom_error: return "write its SII again; the checksum or the content is wrong";
+    case AlStatusCode::external_hardware_not_ready: return "switch on its power stage or the device that it waits for";
+    case AlStatusCode::restarted_locally: return "acknowledge the error and start it again from INIT";
+    case AlStatusCode::identification_updated:
+      return "switch it off and on, so that its new identification takes effect";
     case AlStatusCode::supply_voltage_too_low:
     case AlStatusCode::supply_voltage_too_high: return "check its supply";
     case AlStatusCode::temperature_too_low:

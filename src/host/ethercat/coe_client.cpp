@@ -34,14 +34,14 @@ constexpr std::uint8_t last_bit = 0x01;
 
 constexpr std::size_t header = ethercat::coe_header_size;
 constexpr std::size_t initiate_size = 8;
-constexpr std::size_t least_segment = 7;  // bytes of data in a segment, padded
+constexpr std::size_t least_segment = 7;  // minimum bytes of data in a segment; shorter ones are padded
 constexpr std::size_t expedited_bytes = 4;
 
 constexpr std::size_t largest_upload = std::size_t{64} << 20;
 
 constexpr const char* mailbox_remedy =
-    "see with `servodrome scan` whether it is in PREOP or above, end any other master of the segment (two take each "
-    "other's answers), or give a longer --timeout";
+    "check with `servodrome scan` that it is in PREOP or above, stop any other master of the segment (two masters read "
+    "each other's answers), or give a longer --timeout";
 
 Mail request_of(std::uint8_t command, ObjectAddress object) {
   Mail mail(header + initiate_size);
@@ -67,7 +67,7 @@ CoeError::CoeError(const std::string& where, ObjectAddress object, bool upload, 
       code_(code),
       from_slave_(from_slave) {}
 
-// Tells the slave as well.
+// Sends an abort to the slave and throws.
 void CoeClient::give_up(ObjectAddress object, bool is_upload, AbortCode code) {
   Mail mail = request_of(abort_transfer, object);
   ethercat::store_u32(&mail[header + 4], static_cast<std::uint32_t>(code));
@@ -75,8 +75,7 @@ void CoeClient::give_up(ObjectAddress object, bool is_upload, AbortCode code) {
   throw CoeError(mailbox_.where(), object, is_upload, code, false);
 }
 
-// The answer from its SDO command on, at least `initiate_size` bytes (zeros behind a shorter one do not matter: lengths
-// are taken from `Mail::size` before).
+// Sends the request and returns the answer from its SDO command byte on.
 Mail CoeClient::ask(std::span<const std::uint8_t> request, ObjectAddress object, bool is_upload,
                     std::uint8_t expected) {
   const bool names_object = expected == initiate_upload_answer || expected == initiate_download_answer;
@@ -89,7 +88,7 @@ Mail CoeClient::ask(std::span<const std::uint8_t> request, ObjectAddress object,
     const bool long_enough = mail.size() >= header + initiate_size;
     const bool same_object =
         long_enough && load_u16(&mail[header + 1]) == object.index && mail[header + 3] == object.sub;
-    // The standard sends an abort as a request; some slaves send it as a response.
+    // By the standard an abort is a request; some slaves send it as a response.
     if ((command & specifier_mask) == abort_transfer) return same_object;
     if (service != CoeService::sdo_response || (command & specifier_mask) != expected) return false;
     return !names_object || same_object;

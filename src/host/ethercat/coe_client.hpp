@@ -6,7 +6,7 @@
 
 namespace servodrome::host {
 
-// An SDO over CoE failed: refused by the slave (from_slave) or given up here.
+// An SDO over CoE failed: refused by the slave (from_slave) or aborted by this client.
 class CoeError : public ObjectError {
  public:
   CoeError(const std::string& where, ObjectAddress object, bool upload, dictionary::AbortCode code, bool from_slave);
@@ -21,10 +21,10 @@ class CoeError : public ObjectError {
 
 enum class ObjectList : std::uint16_t { all = 1, rx_pdo = 2, tx_pdo = 3, stored = 4, start_up = 5 };
 
-// ETG.1000.6 clause 5.6.3.5.
+// Object description (ETG.1000.6 clause 5.6.3.5).
 struct ObjectDescription {
   std::uint16_t index = 0;
-  std::uint16_t type = 0;  // of CiA 301 table 44, or of a record
+  std::uint16_t type = 0;  // data type (CiA 301 table 44) or number of a record type
   std::uint8_t highest_sub = 0;
   std::uint8_t code = 0;  // 7 variable, 8 array, 9 record
   std::string name;
@@ -32,7 +32,7 @@ struct ObjectDescription {
 
 // Bits of an entry's access (ETG.1000.6 table 49).
 namespace entry_access {
-inline constexpr std::uint16_t read = 0x0007;  // in PREOP, SAFEOP, OP
+inline constexpr std::uint16_t read = 0x0007;  // bits for PREOP, SAFEOP and OP
 inline constexpr std::uint16_t write = 0x0038;
 inline constexpr std::uint16_t rx_pdo = 0x0040;
 inline constexpr std::uint16_t tx_pdo = 0x0080;
@@ -51,16 +51,17 @@ struct EntryDescription {
   std::string name{};
 };
 
-// The CoE client of one slave (ETG.1000.6 clause 5.6): SDO and SDO information. One service at a time. All calls throw
+// CoE client of one slave (ETG.1000.6 clause 5.6): SDO and SDO information. One service at a time. All calls throw
 // CoeError, or EthercatError.
 class CoeClient {
  public:
   CoeClient(MailboxClient& mailbox, Time timeout = std::chrono::seconds(1)) : mailbox_(mailbox), timeout_(timeout) {}
 
-  // Expedited, normal or segmented, as the size demands.
+  // The size determines the transfer: expedited, normal or segmented.
   std::vector<std::byte> upload(ObjectAddress object) { return upload(object, false); }
   void download(ObjectAddress object, std::span<const std::byte> data) { download(object, data, false); }
-  // All entries at once, from sub-index 0 (two bytes) or 1 on: BOOLEANs as bits, everything else at the next byte.
+  // Complete access: all entries in one transfer, from sub-index 0 (as two bytes) or from 1. BOOLEANs are packed as
+  // bits; every other type starts at a byte.
   std::vector<std::byte> upload_complete(std::uint16_t index, bool with_count = true) {
     return upload({index, with_count ? std::uint8_t{0} : std::uint8_t{1}}, true);
   }
@@ -85,7 +86,7 @@ class CoeClient {
   std::array<std::uint16_t, 5> list_lengths();
   std::vector<std::uint16_t> list(ObjectList which);
   ObjectDescription describe(std::uint16_t index);
-  // With unit, default and limits, where the slave gives them.
+  // Includes unit, default value and limits, if the slave provides them.
   EntryDescription describe(ObjectAddress entry);
 
   MailboxClient& mailbox() { return mailbox_; }

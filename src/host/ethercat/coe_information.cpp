@@ -13,7 +13,7 @@ using ethercat::load_u32;
 
 namespace {
 
-// ETG.1000.6 table 42.
+// Opcodes (ETG.1000.6 table 42).
 constexpr std::uint8_t list_request = 1;
 constexpr std::uint8_t object_request = 3;
 constexpr std::uint8_t entry_request = 5;
@@ -48,7 +48,7 @@ std::string text_from(const Mail& data, std::size_t at) {
 
 }  // namespace
 
-// The data of all fragments together.
+// Sends the request and returns the joined data of all fragments.
 Mail CoeClient::ask_information(std::span<const std::uint8_t> request, std::uint16_t index) {
   const std::uint8_t opcode = request[ethercat::coe_header_size];
   const auto wanted = [&](const Mail& mail) {

@@ -6,8 +6,8 @@ namespace servodrome::host {
 
 namespace {
 
-// Cycles from a new output to inputs that show what came of it: it goes out, the slave takes it over with its next
-// SYNC0, and its inputs come back with the frame after that; one more for a frame that was lost.
+// Cycles from writing an output until the inputs show its effect: the output is sent, the slave applies it with its
+// next SYNC0, and the frame after that returns the inputs; plus one cycle for a lost frame.
 constexpr int cycles_to_act = 4;
 
 }  // namespace

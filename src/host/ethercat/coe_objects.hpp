@@ -4,11 +4,13 @@
 
 namespace servodrome::host {
 
-// The objects of an EtherCAT slave: by SDO, and those among the process data of a running exchange by it, since the
-// next cycle would overwrite what an SDO writes there. A write of one of these returns when the slave has acted on it.
+// The objects of an EtherCAT slave. Access is by SDO, except for objects that are mapped in a running exchange: these
+// use the process data, because the next cycle would overwrite a value written by SDO. A write to a mapped object
+// returns when the slave has applied it.
 class CoeObjects final : public ObjectClient {
  public:
-  // `slave` and `exchange`, in which it is `member`, outlive this. Without exchange: by SDO only.
+  // `slave`, and `exchange` in which the slave is number `member`, must outlive this. Without an exchange all access is
+  // by SDO.
   explicit CoeObjects(EthercatSlave& slave) : slave_(slave) {}
   CoeObjects(EthercatSlave& slave, CyclicExchange& exchange, std::size_t member)
       : slave_(slave), exchange_(&exchange), member_(member) {}
@@ -16,9 +18,9 @@ class CoeObjects final : public ObjectClient {
   std::vector<std::byte> upload(ObjectAddress object) override;
   void download(ObjectAddress object, std::span<const std::byte> data) override;
   Time now() const override { return slave_.master().now(); }
-  // Throws EthercatError when the slave has left OP meanwhile, or is not there any more.
+  // Throws EthercatError if the slave has left OP or does not answer any more.
   void wait(Time span) override;
-  // Its position, 1 for the first.
+  // Position of the slave on the segment; 1: the first.
   std::uint16_t address() const override { return slave_.found().position; }
   std::string where() const override { return slave_.where(); }
   std::optional<Emergency> latest_emergency() override;

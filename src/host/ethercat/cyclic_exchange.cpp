@@ -16,11 +16,11 @@ using ethercat::store_u32;
 namespace {
 
 constexpr std::uint32_t first_logical = 0x00010000;
-constexpr std::uint32_t logical_per_group = 0x0800;  // a datagram has fewer bytes
+constexpr std::uint32_t logical_per_group = 0x0800;  // address space of a group; larger than any datagram
 static_assert(ethercat::max_datagram_data <= logical_per_group);
 
-// Control of sync managers 2 and 3: three buffers, direction, interrupt to the application; outputs trigger the
-// watchdog (ETG.1000.4 table 58).
+// Control bytes of sync managers 2 and 3: three-buffer mode, direction, interrupt to the application; writing outputs
+// triggers the watchdog (ETG.1000.4 table 58).
 constexpr std::uint8_t watchdog_trigger = 0x40;
 constexpr std::uint8_t output_control = 0x24 | watchdog_trigger;
 constexpr std::uint8_t input_control = 0x20;
@@ -29,14 +29,15 @@ constexpr std::size_t fmmu_size = 16;
 constexpr std::uint8_t fmmu_reads = 1;
 constexpr std::uint8_t fmmu_writes = 2;
 
-// Part of the phase error that each cycle takes out.
+// Gain of the clock control: each cycle corrects 1/8 of the phase error.
 constexpr int phase_gain = 8;
 
-// How many cycles a frame may be late: an index returns after 256 frames, and a cycle has several.
+// Maximum age, in cycles, of a frame that is still accepted as late: the frame index repeats after 256 frames, and a
+// cycle may use several.
 constexpr std::uint64_t longest_delay = 50;
 constexpr std::size_t most_overdue = 256;
 
-// Working counters of a datagram: what a slave adds that writes or reads (ETG.1000.4 table 11).
+// Increment of the working counter of an LRW for a slave that writes; one that reads adds 1 (ETG.1000.4 table 11).
 constexpr unsigned lrw_write_step = 2;
 
 }  // namespace
@@ -47,7 +48,7 @@ CyclicExchange::CyclicExchange(EthercatMaster& master, std::vector<Member> membe
                                         [](const Member& member) { return member.slave->found().knows_lrw(); });
   lay_out();
   overdue_.reserve(most_overdue);
-  // Slaves that are no members may have mappings from before, and would answer to the same logical addresses.
+  // Slaves outside this exchange may still have FMMUs from before, and would answer to the same logical addresses.
   const std::array<std::uint8_t, fmmu_size * reg::fmmus> no_fmmus{};
   master_.write_all(reg::fmmu, no_fmmus);
   for (std::size_t i = 0; i < members_.size(); ++i) configure(i);
@@ -83,7 +84,7 @@ void CyclicExchange::lay_out() {
   for (Group& group : groups_) group.bytes.resize(group.output_bytes + group.input_bytes);
 }
 
-// Sync manager 2 or 3; `start` is where its buffer is then.
+// Sets up sync manager 2 (outputs) or 3 (inputs). `start` returns the address of its buffer.
 void CyclicExchange::write_channel(EthercatSlave& slave, bool outputs, std::size_t bytes, std::uint16_t& start) {
   constexpr std::size_t type_outputs = 3;
   const std::size_t type = type_outputs + (outputs ? 0U : 1U);
@@ -108,7 +109,7 @@ void CyclicExchange::write_channel(EthercatSlave& slave, bool outputs, std::size
   slave.master().write(slave.station(), address, registers);
 }
 
-// 0400h and 0420h as a slave controller has them after reset: 100 ms.
+// Enables the process data watchdog if it is off: 100 ms, the reset values of 0400h and 0420h.
 Time CyclicExchange::arm_watchdog(EthercatSlave& slave) {
   constexpr std::uint16_t usual_divider = 2498;
   constexpr std::uint16_t usual_time = 1000;
@@ -132,7 +133,7 @@ void CyclicExchange::configure(std::size_t member) {
     if (at.bytes != 0) {
       store_u32(registers.data(), logical);
       store_u16(&registers[4], static_cast<unsigned>(at.bytes));
-      registers[7] = 7;  // first bit 0, last bit 7
+      registers[7] = 7;  // last bit 7; byte 6, the first bit, stays 0
       store_u16(&registers[8], physical);
       registers[11] = type;
       registers[12] = 1;
@@ -210,7 +211,8 @@ void CyclicExchange::run() {
                           .address = ethercat::address_of(*reference_, reg::system_time),
                           .data = time_bytes_});
   }
-  // One member's AL status with each cycle: a slave that fell back may go on counting.
+  // Each cycle also reads the AL status of one member, in turn: a slave that has left OP may still increment the
+  // working counter.
   next_status_ = (next_status_ + 1) % std::max<std::size_t>(members_.size(), 1);
   const bool asks = !members_.empty();
   if (asks) {
@@ -245,7 +247,7 @@ void CyclicExchange::judge(bool back) {
   auto datagram = datagrams_.begin();
   if (reference_) {
     if (datagram->answered && datagram->counter != 0) {
-      // Between minus and plus half a period.
+      // Converted to the range from minus to plus half a period.
       const auto period = static_cast<std::uint64_t>(options_.period.count());
       const std::uint64_t time = ethercat::load<std::uint64_t>(time_bytes_.data());
       const std::uint64_t late = (time % period + period - frame_phase_) % period;
@@ -273,7 +275,8 @@ void CyclicExchange::judge(bool back) {
   statistics_.longest_loss = std::max(statistics_.longest_loss, statistics_.losses_in_a_row);
 }
 
-// A cycle counts as lost until all of its datagrams have come: then it was late.
+// Stores the datagrams of an incomplete cycle. The cycle counts as lost; if all its datagrams arrive later, overdue()
+// changes that to late.
 void CyclicExchange::expect_later() {
   const std::size_t first_data = datagrams_.size() - expected_.size();
   for (std::size_t i = 0; i < datagrams_.size(); ++i) {
@@ -325,7 +328,7 @@ void CyclicExchange::request_all(AlState state) {
     acknowledge_error(master_, member.slave->station(), state_timeout(state));
     master_.write<std::uint16_t>(member.slave->station(), reg::al_control, static_cast<std::uint16_t>(state));
   }
-  // All go at the same time; then each is waited for, and its refusal told.
+  // All slaves change state at the same time; then each is polled, and a refusal throws.
   const Time deadline = master_.now() + state_timeout(state);
   for (std::size_t i = 0; i < members_.size(); ++i) {
     EthercatSlave& slave = *members_[i].slave;
@@ -349,13 +352,13 @@ void CyclicExchange::to_safe_operational() { request_all(AlState::safe_operation
 
 void CyclicExchange::to_operational() {
   start();
-  // Outputs are to be there before the request, and frames at their place by the clock.
+  // Before the request the outputs must have been sent and the frames must be in phase with the reference clock.
   master_.wait(2 * options_.period);
   const Time deadline = master_.now() + state_timeout(AlState::operational);
   const Time near = options_.period / 16;
   while (reference_ && (clock_error_ > near || clock_error_ < -near)) {
     if (master_.now() >= deadline) {
-      throw EthercatError(EthercatError::Kind::refused, "the cycle does not come together with the reference clock",
+      throw EthercatError(EthercatError::Kind::refused, "the cycle does not synchronise with the reference clock",
                           master_.name(), "give a longer cycle; this computer may be too slow or too busy for it");
     }
     master_.wait(options_.period);
@@ -370,13 +373,14 @@ void CyclicExchange::check() const {
                         fmt::format("it left {}: it is in {}", short_name(wanted_), text_of(status_[i])),
                         members_[i].slave->where(), remedy_of(status_[i].code));
   }
-  // Wrong counters may come of a member that left its state: it says so by the time that each has been asked.
+  // Wrong counters may come from a member that has left its state. So as many cycles as there are members are
+  // tolerated: after these every AL status has been read, and the check above names that member.
   const bool back = std::all_of(datagrams_.begin(), datagrams_.end(), [](const auto& one) { return one.answered; });
   const std::size_t tolerated = std::max<std::size_t>(options_.tolerated_losses, back ? members_.size() : 0);
   if (statistics_.losses_in_a_row <= tolerated) return;
   throw EthercatError(EthercatError::Kind::working_counter,
                       fmt::format("process data were not exchanged {} times in a row", statistics_.losses_in_a_row),
-                      master_.name(), "see with `servodrome scan` which slaves are there; check cables and power");
+                      master_.name(), "check cables and power; `servodrome scan` lists the slaves");
 }
 
 }  // namespace servodrome::host

@@ -7,21 +7,21 @@ namespace servodrome::host {
 
 struct CyclicOptions {
   Time period = std::chrono::milliseconds(2);
-  // One LRW for outputs and inputs, where all slaves know it; else LWR and LRD.
+  // True: one LRW for outputs and inputs, if all slaves support it; otherwise LWR and LRD.
   bool use_lrw = true;
-  // Cycles in a row without all working counters after which check() throws.
+  // check() throws after more cycles in a row without all working counters.
   unsigned tolerated_losses = 10;
 };
 
 struct CyclicStatistics {
   std::uint64_t cycles = 0;
-  std::uint64_t lost = 0;            // cycles of which a frame did not come back
-  std::uint64_t late = 0;            // cycles of which a frame came back after its time, with its working counters
-  std::uint64_t wrong_counters = 0;  // cycles in which a slave did not take part
-  std::uint64_t skipped = 0;         // cycles that this program came too late for
-  unsigned losses_in_a_row = 0;      // cycles without all data in time
-  unsigned longest_loss = 0;         // cycles in a row
-  Time worst_lateness{0};            // of a frame behind its time
+  std::uint64_t lost = 0;            // cycles with a frame that did not return
+  std::uint64_t late = 0;            // cycles with a frame that returned late, with correct working counters
+  std::uint64_t wrong_counters = 0;  // cycles in which at least one slave did not take part
+  std::uint64_t skipped = 0;         // cycles not run because the program was late
+  unsigned losses_in_a_row = 0;      // cycles without all data in time, up to now
+  unsigned longest_loss = 0;         // most such cycles in a row
+  Time worst_lateness{0};            // longest delay of a frame
 };
 
 class CyclicExchange;
@@ -39,9 +39,9 @@ class SlaveImage final : public ProcessImage {
   std::size_t member_;
 };
 
-// Exchanges the process data of several slaves in a fixed period, while the master waits or is busy with something
-// else. Lays the slaves' data into logical memory, one after the other: in each frame first outputs, then inputs, at
-// most ethercat::max_datagram_data (1486) bytes together.
+// Exchanges the process data of several slaves with a fixed period, while the master waits or does other work. Places
+// the slaves' data in logical memory one after the other: in each frame first outputs, then inputs, together at most
+// ethercat::max_datagram_data (1486) bytes.
 class CyclicExchange final : public CyclicTask {
  public:
   struct Member {
@@ -49,55 +49,56 @@ class CyclicExchange final : public CyclicTask {
     ProcessData data;
   };
 
-  // Sets up sync managers 2 and 3 and FMMUs of the slaves, which are in PREOP and outlive this. FMMUs of all other
-  // slaves of the segment are switched off.
+  // Sets up sync managers 2 and 3 and the FMMUs of the slaves, which must be in PREOP and outlive this. Switches the
+  // FMMUs of all other slaves of the segment off.
   CyclicExchange(EthercatMaster& master, std::vector<Member> members, const CyclicOptions& options = {});
   ~CyclicExchange() { stop(); }
   CyclicExchange(const CyclicExchange&) = delete;
   CyclicExchange& operator=(const CyclicExchange&) = delete;
 
-  // From now on a cycle every period, whenever the master waits.
+  // Starts the cycles: one every period, whenever the master waits.
   void start();
   void stop();
   bool runs() const { return runs_; }
 
-  // With the distributed clock: every cycle distributes the time of the reference, and frames come `before_sync0`
-  // before each SYNC0, which is at `sync0` plus a multiple of the period.
+  // Synchronises the cycle to the distributed clock: every cycle distributes the time of the reference, and frames are
+  // sent `before_sync0` before each SYNC0, whose times are `sync0` plus multiples of the period.
   void follow_clock(std::uint16_t reference, std::uint64_t sync0, Time before_sync0);
-  // How far the last frame was from its time by the reference clock.
+  // Phase error of the last frame by the reference clock; positive: late.
   Time clock_error() const { return clock_error_; }
 
-  // All members to SAFEOP, at the same time, and to OP with the exchange running; waits until they are there.
+  // Brings all members to the state at the same time and waits until they have reached it; to_operational() starts the
+  // exchange first.
   void to_pre_operational();
   void to_safe_operational();
   void to_operational();
 
-  // Throws EthercatError if a member left the state it was taken to, or too many cycles were lost.
+  // Throws EthercatError if a member has left the requested state, or if too many cycles were lost.
   void check() const;
   AlStatus status(std::size_t member) const { return status_[member]; }
-  // What the newest cycle brought was complete.
+  // True if the inputs of the newest cycle are complete.
   bool inputs_are_fresh() const { return statistics_.losses_in_a_row == 0; }
 
-  // Nothing: not mapped. What is returned is valid as long as this lives.
+  // nullopt: not mapped. Results are valid as long as this exists.
   std::optional<ProcessObject> output(std::size_t member, ObjectAddress object);
   std::optional<ProcessObject> input(std::size_t member, ObjectAddress object);
   std::span<std::uint8_t> outputs(std::size_t member);
   std::span<const std::uint8_t> inputs(std::size_t member);
 
-  // A member's objects, by either direction.
+  // The member's objects in both directions.
   SlaveImage image(std::size_t member);
 
-  // Called after each cycle: what goes out with the next one is made here. It does not wait.
+  // `action` is called after each cycle and computes the outputs of the next one. It must not block.
   void on_cycle(std::function<void()> action) { on_cycle_ = std::move(action); }
 
-  // When the last cycle's frames left.
+  // Time at which the last cycle's frames were sent.
   Time sent() const { return sent_; }
   const CyclicStatistics& statistics() const { return statistics_; }
   void forget_statistics() { statistics_ = {}; }
   const std::vector<Member>& members() const { return members_; }
   Time period() const { return options_.period; }
-  // After so long without a cycle the member leaves OP, and its axis comes to rest. One that had no such watchdog has
-  // got one.
+  // Timeout of the member's process data watchdog: without a cycle for so long, it leaves OP and its axis stops. If the
+  // watchdog was off, it has been enabled.
   Time watchdog(std::size_t member) const { return watchdogs_[member]; }
   bool uses_lrw() const { return lrw_; }
   std::size_t frames_with_data() const { return groups_.size(); }
@@ -107,12 +108,12 @@ class CyclicExchange final : public CyclicTask {
   void overdue(std::span<const ethercat::Datagram> datagrams) override;
 
  private:
-  // A datagram that has not come back in its cycle's time.
+  // A datagram that did not return within its cycle.
   struct Overdue {
     std::uint64_t cycle;
     std::uint8_t index;
     std::uint32_t address;
-    std::optional<unsigned> counter;  // that it must have
+    std::optional<unsigned> counter;  // expected working counter
   };
 
   struct Place {
@@ -124,7 +125,7 @@ class CyclicExchange final : public CyclicTask {
     std::uint32_t logical = 0;
     std::size_t output_bytes = 0;
     std::size_t input_bytes = 0;
-    unsigned writers = 0;  // slaves that take outputs
+    unsigned writers = 0;  // slaves with outputs
     unsigned readers = 0;
     std::vector<std::uint8_t> bytes;
   };
@@ -155,15 +156,15 @@ class CyclicExchange final : public CyclicTask {
   bool runs_ = false;
   Time due_ = Time::max();
   Time sent_{};
-  std::vector<EthercatDatagram> datagrams_;  // of a cycle: time, AL status, process data
-  std::vector<unsigned> expected_;           // working counters of the process data
-  std::size_t next_status_ = 0;              // member whose AL status goes with the next cycle
+  std::vector<EthercatDatagram> datagrams_;  // datagrams of a cycle: time, AL status, process data
+  std::vector<unsigned> expected_;           // expected working counters of the process data
+  std::size_t next_status_ = 0;              // member whose AL status the next cycle reads
   std::array<std::uint8_t, 6> status_bytes_{};
   CyclicStatistics statistics_;
   std::vector<Overdue> overdue_;
 
   std::optional<std::uint16_t> reference_;
-  std::uint64_t frame_phase_ = 0;  // of the reference's time, within a period
+  std::uint64_t frame_phase_ = 0;  // phase of the frames in the reference's time, within a period
   std::array<std::uint8_t, 8> time_bytes_{};
   Time clock_error_{0};
 };

@@ -30,14 +30,14 @@ DistributedClocks::DistributedClocks(EthercatMaster& master, std::span<const Fou
   }
 }
 
-// Receive times at the ports (ETG.1000.4 clause 6.7.1.2): one frame latches them everywhere.
+// Reads the receive times at the ports, which one broadcast frame latches in all slaves (ETG.1000.4 clause 6.7.1.2).
 void DistributedClocks::latch() {
   const std::array<std::uint8_t, 4> any{};
   master_.write_all(reg::receive_time_port, any);
   for (Clock& clock : clocks_) {
     std::array<std::uint8_t, 32> times{};
     master_.read(clock.station, reg::receive_time_port, times);
-    // Nothing came back to a port without a slave behind it.
+    // The receive time of a port is valid only if a slave follows there.
     const auto dl_status = master_.read<std::uint16_t>(clock.station, reg::dl_status);
     const bool continues = (dl_status & 0x0020) != 0;  // link at port 1
     clock.behind_sum += continues ? std::int64_t{load<std::int32_t>(&times[4])} - load<std::int32_t>(times.data()) : 0;
@@ -50,22 +50,22 @@ void DistributedClocks::start(const ClockOptions& options) {
   if (clocks_.empty()) return;
   for (Clock& clock : clocks_) {
     clock.behind_sum = 0;
-    // Writing the start value also forgets what was compensated.
+    // Writing the start value also resets the drift compensation.
     const auto start = master_.read<std::uint16_t>(clock.station, reg::speed_counter_start);
     master_.write<std::uint16_t>(clock.station, reg::speed_counter_start, start != 0 ? start : speed_counter_default);
   }
   const unsigned measurements = std::max(options.measurements, 1U);
   for (unsigned i = 0; i < measurements; ++i) latch();
 
-  // A frame takes as long from a slave to the next as back: half of what the way behind it is shorter than the way
-  // behind the slave before. ETG.1000.4 clause 6.7.1.3.
+  // A frame takes the same time between two slaves in both directions. So the delay of a slave is half the difference
+  // between the round-trip times behind the reference and behind this slave (ETG.1000.4 clause 6.7.1.3).
   const auto divisor = 2 * static_cast<std::int64_t>(measurements);
   const Clock& reference = clocks_.front();
   const std::uint64_t epoch = options.epoch.value_or(reference.local);
   for (Clock& clock : clocks_) {
     const std::int64_t difference = reference.behind_sum - clock.behind_sum;
     clock.delay = std::max<std::int64_t>((difference + divisor / 2) / divisor, 0);
-    // The reference had the latching frame `delay` earlier.
+    // The reference received the latching frame `delay` earlier than this slave.
     const std::uint64_t offset = epoch - clock.local + static_cast<std::uint64_t>(clock.delay);
     master_.write<std::uint64_t>(clock.station, reg::system_time_offset, offset);
     master_.write<std::uint32_t>(clock.station, reg::system_time_delay, static_cast<std::uint32_t>(clock.delay));

@@ -4,15 +4,15 @@
 
 namespace servodrome::host {
 
-// Something on an EtherCAT segment did not work.
+// An error on an EtherCAT segment.
 class EthercatError : public HostError {
  public:
   enum class Kind {
-    no_answer,        // frames do not come back
-    working_counter,  // they come back, but not every slave that should took part
-    refused,          // a slave says no: AL status code, error of a mailbox service
-    malformed,        // an answer that does not belong to the request
-    unsupported,      // the slave or this master does not have it
+    no_answer,        // frames do not return
+    working_counter,  // frames return, but not every addressed slave took part
+    refused,          // a slave refuses: AL status code, error of a mailbox service
+    malformed,        // an answer that does not fit the request
+    unsupported,      // the slave or this master does not support it
   };
 
   EthercatError(Kind kind, std::string happened, std::string where, std::string remedy)

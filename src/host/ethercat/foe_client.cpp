@@ -12,7 +12,7 @@ using ethercat::load_u32;
 
 namespace {
 
-// ETG.1000.6 table 86: operation, reserved, then 4 bytes of password, packet number, error code or progress.
+// Header (ETG.1000.6 table 86): operation, reserved, then 4 bytes of password, packet number, error code or progress.
 constexpr std::size_t header = 6;
 constexpr std::uint8_t read_request = 1;
 constexpr std::uint8_t write_request = 2;
@@ -72,7 +72,7 @@ void FoeClient::fail(std::string_view file, const std::string& happened, const s
                       remedy);
 }
 
-// Asks again while the slave says that it is busy.
+// Sends the request, and repeats it while the slave answers that it is busy.
 Mail FoeClient::ask(std::span<const std::uint8_t> request, std::string_view file) {
   const Time deadline = mailbox_.master().now() + timeout_;
   while (true) {
@@ -98,13 +98,13 @@ std::vector<std::uint8_t> FoeClient::read(std::string_view file, std::uint32_t p
   for (std::uint32_t packet = 1;; ++packet) {
     const Mail answer = ask(request, file);
     if (answer[0] != data_packet || load_u32(&answer[2]) != packet) {
-      fail(file, fmt::format("packet {} was to come, and operation {} came", packet, answer[0]), "try again");
+      fail(file, fmt::format("packet {} was expected, but operation {} was received", packet, answer[0]), "try again");
     }
     content.insert(content.end(), answer.begin() + header, answer.end());
     if (content.size() > largest_file) fail(file, "the file has no end", "see the slave's manual");
     if (progress) progress(content.size());
     request = mail_of(acknowledgement, packet);
-    // A packet that does not fill the mailbox is the last; nothing answers its acknowledgement.
+    // A packet that does not fill the mailbox is the last one; its acknowledgement has no answer.
     if (answer.size() < mailbox_.room_in()) break;
   }
   mailbox_.send(MailboxType::foe, request, timeout_);
@@ -120,7 +120,7 @@ void FoeClient::write(std::string_view file, std::span<const std::uint8_t> conte
   acknowledged(ask(mail_of(write_request, password, file), file), 0);
   const std::size_t packet_size = mailbox_.room_out() - header;
   std::size_t sent = 0;
-  // A file that fills its packets ends with an empty one.
+  // If the last data packet is full, an empty one follows.
   for (std::uint32_t packet = 1;; ++packet) {
     const std::size_t count = std::min(packet_size, content.size() - sent);
     acknowledged(ask(mail_of(data_packet, packet, content.subspan(sent, count)), file), packet);

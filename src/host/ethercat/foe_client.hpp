@@ -7,10 +7,10 @@ namespace servodrome::host {
 // File access over EtherCAT (ETG.1000.6 clause 5.8). One transfer at a time. All calls throw EthercatError.
 class FoeClient {
  public:
-  // `timeout` is for each answer; a slave that erases or writes may take seconds.
+  // `timeout`: for each answer; a slave that erases or writes its memory may need seconds.
   FoeClient(MailboxClient& mailbox, Time timeout = std::chrono::seconds(5)) : mailbox_(mailbox), timeout_(timeout) {}
 
-  // Called with the bytes so far.
+  // Called with the number of bytes transferred so far.
   using Progress = std::function<void(std::size_t)>;
 
   std::vector<std::uint8_t> read(std::string_view file, std::uint32_t password = 0, const Progress& progress = {});

@@ -41,10 +41,9 @@ const char* text(ethercat::MailboxError error) {
 }  // namespace
 
 void MailboxClient::timed_out(const std::string& happened) const {
-  throw EthercatError(
-      EthercatError::Kind::no_answer, happened, where(),
-      "see whether it is in PREOP or above (`servodrome scan`), end any other master of the segment (two take each "
-      "other's answers), and give a longer --timeout if it is busy");
+  throw EthercatError(EthercatError::Kind::no_answer, happened, where(),
+                      "check that it is in PREOP or above (`servodrome scan`), stop any other master of the segment "
+                      "(two masters read each other's answers), and give a longer --timeout if it is busy");
 }
 
 bool MailboxClient::full(std::uint16_t number) {
@@ -59,7 +58,7 @@ void MailboxClient::send(MailboxType type, std::span<const std::uint8_t> mail, T
                         fmt::format("a mail of {} bytes does not fit into its mailbox of {}", mail.size(), room_out()),
                         where(), "this is a mistake of the program; please report it");
   }
-  // The whole area is written: its last byte hands it over.
+  // Writes the whole area, because writing its last byte hands the mail to the slave.
   std::vector<std::uint8_t> bytes(areas_.out.length);
   ethercat::store_u16(bytes.data(), static_cast<unsigned>(mail.size()));
   bytes[5] = static_cast<std::uint8_t>(static_cast<unsigned>(type) | static_cast<unsigned>(counter_) << 4);
@@ -70,11 +69,11 @@ void MailboxClient::send(MailboxType type, std::span<const std::uint8_t> mail, T
     EthercatDatagram datagram{
         .command = Command::fpwr, .address = ethercat::address_of(station_, areas_.out.start), .data = bytes};
     const bool back = master_.try_exchange(std::span(&datagram, 1), master_.options().timeout);
-    // A frame that was lost on its way back has delivered the mail. The slave drops one that comes twice by its
-    // counter.
+    // If the frame was lost on its way back, the mail has been delivered already. The slave discards a repeated mail,
+    // which it recognises by the counter.
     if ((back && datagram.counter != 0) || (back && may_be_there && full(0))) break;
     may_be_there = may_be_there || !back;
-    if (master_.now() >= deadline) timed_out("it does not fetch its mail");
+    if (master_.now() >= deadline) timed_out("it does not read its mailbox");
     if (back) master_.wait(poll_interval);
   }
   counter_ = counter_ % 7 + 1;
@@ -90,7 +89,7 @@ bool MailboxClient::read_area(std::vector<std::uint8_t>& bytes) {
   return datagram.counter != 0;
 }
 
-// Asks the slave to send its last mailbox message again, which the master did not receive (ETG.1000.4 clause 5.6.3).
+// Requests the slave's last mail again, which the master did not receive (ETG.1000.4 clause 5.6.3).
 void MailboxClient::request_repeat() {
   const auto address = static_cast<std::uint16_t>(sync_manager(1) + activate_of);
   if (!repeat_bit_known_) {
@@ -103,7 +102,7 @@ void MailboxClient::request_repeat() {
   const Time deadline = master_.now() + std::chrono::milliseconds(100);
   while (((master_.read<std::uint8_t>(station_, static_cast<std::uint16_t>(address + 1)) & repeat_request) != 0) !=
          repeat_bit_) {
-    if (master_.now() >= deadline) return;  // a slave without it; the answer is lost
+    if (master_.now() >= deadline) return;  // the slave does not support repetition; the answer is lost
     master_.wait(poll_interval);
   }
 }
@@ -114,12 +113,12 @@ std::optional<MailboxClient::Letter> MailboxClient::fetch() {
   if (!read_area(bytes)) return std::nullopt;
   const std::size_t length = load_u16(bytes.data());
   const std::uint8_t counter = bytes[5] >> 4 & 7;
-  if (counter != 0 && counter == last_received_) return std::nullopt;  // again
+  if (counter != 0 && counter == last_received_) return std::nullopt;  // a repetition
   last_received_ = counter;
   if (length > room_in()) {
     throw EthercatError(EthercatError::Kind::malformed,
-                        fmt::format("its mail says {} bytes, and its mailbox has {}", length, room_in()), where(),
-                        "take it to INIT and PREOP again, which resets its mailbox");
+                        fmt::format("the header of its mail gives {} bytes, but its mailbox has {}", length, room_in()),
+                        where(), "take it to INIT and PREOP again, which resets its mailbox");
   }
   const auto begin = bytes.begin() + mailbox_header_size;
   return Letter{static_cast<MailboxType>(bytes[5] & 0x0F), Mail(begin, begin + static_cast<std::ptrdiff_t>(length))};

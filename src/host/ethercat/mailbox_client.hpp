@@ -13,34 +13,34 @@ namespace servodrome::host {
 
 using ethercat::MailboxType;
 
-// What travels in a mailbox behind its header.
+// The content of a mailbox message after its header.
 using Mail = std::vector<std::uint8_t>;
 
-// The mailbox of one slave, sync managers 0 and 1 (ETG.1000.4 clause 5.6): counters, polling, repetition of what was
-// lost. Emergencies that come between are kept. All calls throw EthercatError.
+// Mailbox of one slave, through sync managers 0 and 1 (ETG.1000.4 clause 5.6): counters, polling, repetition of lost
+// mails. Emergencies that arrive in between are stored. All calls throw EthercatError.
 class MailboxClient {
  public:
-  // The mailbox is set up already. `fresh`: by INIT to PREOP, so its counters start anew.
+  // The mailbox must be set up already. `fresh`: the slave has just gone from INIT to PREOP, which resets its counters.
   MailboxClient(EthercatMaster& master, std::uint16_t station, const MailboxAreas& areas, bool fresh)
       : master_(master), station_(station), areas_(areas), counter_(fresh ? 1 : 0) {}
 
-  // Bytes of a mail, each way.
+  // Maximum size of a mail in bytes, in each direction.
   std::size_t room_out() const { return areas_.out.length - ethercat::mailbox_header_size; }
   std::size_t room_in() const { return areas_.in.length - ethercat::mailbox_header_size; }
   const MailboxAreas& areas() const { return areas_; }
 
-  // Waits while the slave has not fetched the last one.
+  // Blocks while the slave has not yet fetched the previous mail.
   void send(MailboxType type, std::span<const std::uint8_t> mail, Time timeout);
-  // The next mail of the type that `wanted` is true for; others are dropped, since they answer what was given up. A
-  // mailbox error throws. Nothing: none came in time.
+  // Returns the next mail of the type for which `wanted` is true; other mails are late answers to abandoned requests
+  // and are dropped. nullopt after the timeout. Throws if the slave reports a mailbox error.
   std::optional<Mail> receive(MailboxType type, Time timeout, const std::function<bool(const Mail&)>& wanted);
-  // Both. Throws if no answer comes.
+  // send() and receive(). Throws if no answer arrives in time.
   Mail ask(MailboxType type, std::span<const std::uint8_t> request, Time timeout,
            const std::function<bool(const Mail&)>& wanted);
-  // Fetches what waits in the mailbox: emergencies, and late answers, which are dropped.
+  // Empties the mailbox: stores emergencies and drops late answers.
   void drain();
 
-  // In the order they came, the last 64. Node-ID 0.
+  // The last 64 emergencies, oldest first. Their node-ID is 0.
   const std::deque<Emergency>& emergencies() const { return emergencies_; }
   void forget_emergencies() { emergencies_.clear(); }
 
@@ -53,7 +53,7 @@ class MailboxClient {
     MailboxType type;
     Mail mail;
   };
-  // The letter that waits in the mailbox, if there is one.
+  // The mail in the slave's mailbox; nullopt if it is empty.
   std::optional<Letter> fetch();
   bool full(std::uint16_t sync_manager);
   bool read_area(std::vector<std::uint8_t>& bytes);
@@ -64,8 +64,8 @@ class MailboxClient {
   EthercatMaster& master_;
   std::uint16_t station_;
   MailboxAreas areas_;
-  std::uint8_t counter_;            // of the next mail; 0: the slave does not check
-  std::uint8_t last_received_ = 0;  // counter
+  std::uint8_t counter_;            // counter of the next mail; 0: the slave does not check it
+  std::uint8_t last_received_ = 0;  // counter of the last mail
   bool repeat_bit_ = false;
   bool repeat_bit_known_ = false;
   std::deque<Emergency> emergencies_;

@@ -17,9 +17,10 @@ constexpr const char* check_wiring =
 constexpr const char* start_or_choose = "start `servodrome up` or give --bus LINK";
 
 [[noreturn]] void rethrow(const std::string& name, const links::LinkError& error) {
-  // UDP finds that out with the first frame.
-  if (error.code() == std::errc::connection_refused) throw HostError("nothing listens there", name, start_or_choose);
-  throw HostError("the link failed: " + error.code().message(), name, "see whether what it leads to still runs");
+  // Over UDP a missing listener shows only after the first frame.
+  if (error.code() == std::errc::connection_refused) throw HostError("no server listens there", name, start_or_choose);
+  throw HostError("the link failed: " + error.code().message(), name,
+                  "check that the program or device at its other end still runs");
 }
 
 }  // namespace
@@ -52,7 +53,8 @@ void EthercatMaster::no_answer() const {
 void EthercatMaster::absent(std::uint16_t station, std::uint16_t offset, const char* doing) const {
   throw EthercatError(EthercatError::Kind::working_counter,
                       fmt::format("{} {:04X}h: the slave does not answer (working counter 0)", doing, offset),
-                      slave_text(*this, station), "see with `servodrome scan` whether it is still there and powered");
+                      slave_text(*this, station),
+                      "check with `servodrome scan` that it is still connected and powered");
 }
 
 // ---- Time ----
@@ -113,7 +115,7 @@ void EthercatMaster::send(std::span<EthercatDatagram> datagrams, std::vector<Sen
   }
 }
 
-// Is the frame that was received one of those sent?
+// Returns true if the received frame belongs to one of `sent`, and copies its data.
 bool EthercatMaster::take_answer(std::span<EthercatDatagram> datagrams, std::vector<Sent>& sent, std::size_t size) {
   ethercat::Frame frame;
   if (ethercat::parse_payload(std::span(received_).first(size), frame) != ethercat::FrameKind::ethercat) return false;

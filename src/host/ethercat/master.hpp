@@ -15,22 +15,22 @@ namespace servodrome::host {
 
 using links::Time;
 
-// A datagram to be sent, and what came back.
+// A datagram to send, and its answer.
 struct EthercatDatagram {
   ethercat::Command command = ethercat::Command::nop;
-  std::uint32_t address = 0;       // ADP | ADO << 16, or logical
+  std::uint32_t address = 0;       // ADP | ADO << 16, or a logical address
   std::span<std::uint8_t> data{};  // at most ethercat::max_datagram_data bytes
   std::uint16_t counter = 0;       // working counter
   bool answered = false;
-  std::uint8_t index = 0;  // of the frame it left with
+  std::uint8_t index = 0;  // index of the frame that carried it
 };
 
-// Something that sends frames at times of its own, while others wait.
+// A task that sends frames at its own times, while the master waits.
 class CyclicTask {
  public:
   virtual Time due() const = 0;
   virtual void run() = 0;
-  // A frame came that no call waits for any more, or another master's.
+  // Called for a frame that no call waits for any more, or that belongs to another master.
   virtual void overdue(std::span<const ethercat::Datagram> datagrams) = 0;
 
  protected:
@@ -38,15 +38,15 @@ class CyclicTask {
 };
 
 struct EthercatOptions {
-  Time timeout = std::chrono::milliseconds(50);  // for a frame to come back
+  Time timeout = std::chrono::milliseconds(50);  // until a frame must have returned
   unsigned retries = 3;                          // of lost frames
-  links::Heard heard{};                          // of what goes out and comes back
+  links::Heard heard{};                          // observer of the frames sent and received
 };
 
-// The master's connection to a segment: sends datagrams, finds their answers, reads and writes registers, keeps a
-// cyclic task going while it waits. ETG.1000.4 clause 5. One thread.
+// The master's connection to a segment: sends datagrams and matches the answers, reads and writes registers, and runs a
+// cyclic task while it waits. ETG.1000.4 clause 5. Single thread.
 //
-// Nothing is taken out of frames of other masters, and of answers that come too late; the cyclic task is told of them.
+// Frames of other masters and late answers are not evaluated; the cyclic task receives them.
 class EthercatMaster {
  public:
   explicit EthercatMaster(std::unique_ptr<links::EthercatClient> client, const EthercatOptions& options = {})
@@ -59,20 +59,19 @@ class EthercatMaster {
 
   std::string name() const { return client_->name(); }
   Time now() const { return client_->now(); }
-  // Lets time pass; the cyclic task runs meanwhile.
+  // Waits for `span`; the cyclic task runs meanwhile.
   void wait(Time span);
-  // The task outlives its being set; nullptr: none.
+  // `task` must exist until another one, or nullptr for none, is set.
   void set_cyclic_task(CyclicTask* task) { task_ = task; }
 
-  // In as few frames as hold them, in their order. Lost frames are sent again: for what may act twice, use
-  // try_exchange. Throws EthercatError when they do not come back, HostError if the link is lost.
+  // Sends the datagrams in order, in as few frames as possible. Lost frames are sent again, so use try_exchange for an
+  // action that must not happen twice. Throws EthercatError if frames do not return, HostError if the link is lost.
   void exchange(std::span<EthercatDatagram> datagrams);
   void exchange(EthercatDatagram& datagram) { exchange(std::span(&datagram, 1)); }
-  // Those not `answered`, once. False: not all came back in time.
+  // Sends the datagrams that are not `answered`, once. False: not all returned in time.
   bool try_exchange(std::span<EthercatDatagram> datagrams, Time timeout);
 
-  // ---- Registers and memory of one slave, by its station address; all throw EthercatError when it does not answer
-  // ----
+  // ---- Registers and memory of one slave, by its station address. All throw EthercatError if it does not answer. ----
 
   void read(std::uint16_t station, std::uint16_t offset, std::span<std::uint8_t> into);
   void write(std::uint16_t station, std::uint16_t offset, std::span<const std::uint8_t> bytes);
@@ -88,19 +87,19 @@ class EthercatMaster {
     ethercat::store(bytes.data(), value);
     write(station, offset, bytes);
   }
-  // The working counter instead of an error, 0 or 1.
+  // Like read(), but returns the working counter (0 or 1) instead of throwing if the slave does not answer.
   unsigned read_if_there(std::uint16_t station, std::uint16_t offset, std::span<std::uint8_t> into);
 
-  // To all slaves; returns how many took it.
+  // Writes to all slaves; returns the number that accepted it.
   unsigned write_all(std::uint16_t offset, std::span<const std::uint8_t> bytes);
 
   const EthercatOptions& options() const { return options_; }
-  // Frames that did not come back, also where they were sent again.
+  // Number of frames that did not return, including those sent again.
   std::uint64_t lost_frames() const { return lost_frames_; }
 
  private:
   struct Sent {
-    std::size_t first;  // datagram
+    std::size_t first;  // number of the first datagram
     std::size_t count;
     std::uint8_t index;
     bool back = false;
@@ -121,7 +120,7 @@ class EthercatMaster {
   std::array<std::uint8_t, ethercat::max_payload> received_{};
 };
 
-// "udp:127.0.0.1:34980, slave 1001h"
+// For example "udp:127.0.0.1:34980, slave 1001h".
 std::string slave_text(const EthercatMaster& master, std::uint16_t station);
 
 }  // namespace servodrome::host

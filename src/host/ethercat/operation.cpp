@@ -6,9 +6,9 @@ namespace servodrome::host {
 
 namespace {
 
-constexpr std::uint16_t sync0_bits = 0x0300;  // of assign activate: the cyclic unit and SYNC0
+constexpr std::uint16_t sync0_bits = 0x0300;  // in assign activate: the cyclic unit and SYNC0
 
-// How the slave wants SYNC0; nothing if it does not.
+// The slave's DC mode with SYNC0; nullopt if it has none.
 std::optional<SiiDcMode> dc_mode_of(const FoundSlave& slave) {
   if (!slave.has_clock()) return std::nullopt;
   for (const SiiDcMode& mode : slave.sii.dc_modes) {
@@ -28,7 +28,7 @@ void write_if_possible(EthercatSlave& slave, std::uint16_t index, std::uint8_t s
 
 }  // namespace
 
-// ETG.1020 table 72.
+// Synchronisation types of 1C32h and 1C33h (ETG.1020 table 72).
 void set_synchronisation(EthercatSlave& slave, bool sync0) {
   constexpr std::uint16_t free_run = 0;
   constexpr std::uint16_t sync_manager_event = 1;
@@ -53,7 +53,7 @@ EthercatOperation::EthercatOperation(EthercatMaster& master, std::span<const Fou
   std::vector<CyclicExchange::Member> members;
   for (EthercatSlave* slave : slaves_) {
     slave->to_pre_operational();
-    // Pulses of an earlier master would be used, whatever 1C32h says.
+    // SYNC pulses set up by an earlier master would act regardless of 1C32h, so they are switched off.
     if (slave->found().has_clock()) master_.write<std::uint8_t>(slave->station(), ethercat::reg::sync_activation, 0);
     const bool sync0 = options.distributed_clocks && dc_mode_of(slave->found()).has_value();
     set_synchronisation(*slave, sync0);
@@ -74,11 +74,12 @@ EthercatOperation::EthercatOperation(EthercatMaster& master, std::span<const Fou
 }
 
 EthercatOperation::~EthercatOperation() {
-  // All leave OP while frames still come: one that waits for its turn without them would find its outputs lost.
+  // All slaves leave OP while the cycle still runs. One after the other without the cycle, a slave's watchdog could
+  // expire before its turn.
   try {
     exchange_->to_pre_operational();
   } catch (const HostError&) {
-    // Each is asked for itself below.
+    // The loop below requests the state from each slave by itself.
   }
   exchange_->stop();
   for (EthercatSlave* slave : slaves_) {
@@ -86,12 +87,13 @@ EthercatOperation::~EthercatOperation() {
       slave->request(AlState::pre_operational);
       if (clocks_ && dc_mode_of(slave->found())) clocks_->stop_sync(slave->station());
     } catch (const HostError&) {
-      // It is gone, and with it what was to be undone.
+      // The slave does not answer any more; there is nothing to undo.
     }
   }
 }
 
-// Without it the first frame would set modes and targets to 0. The controlword begins with 0: nothing is commanded yet.
+// Sets the outputs to the present values of the objects; otherwise the first frame would set modes and targets to 0.
+// The controlword starts with 0, which commands nothing.
 void EthercatOperation::take_present_values() {
   constexpr std::uint16_t controlword = 0x6040;
   for (std::size_t i = 0; i < slaves_.size(); ++i) {
@@ -107,7 +109,7 @@ void EthercatOperation::take_present_values() {
           object->set_raw(value);
         } catch (const CoeError& error) {
           if (!error.from_slave()) throw;
-          // Write-only, or a dummy: 0 is what it gets.
+          // The object is write-only or a dummy; its output stays 0.
         }
       }
     }

@@ -7,28 +7,29 @@ namespace servodrome::host {
 
 struct OperationOptions {
   CyclicOptions cyclic{};
-  // SYNC0 of the period, where the slave's SII has a DC mode with SYNC0; else free run.
+  // True: SYNC0 with the period, if the slave's SII has a DC mode with SYNC0; otherwise free run.
   bool distributed_clocks = false;
   ClockOptions clock{};
   Time sync0_shift{0};
-  // Frames come this long before SYNC0; half a period if not given.
+  // Time from a frame to SYNC0; nullopt: half a period.
   std::optional<Time> before_sync0{};
-  // 10F1h sub 2, which lost cycles a slave bears in operation with SYNC0 (each adds 3, one that came takes 1 away; 0:
-  // any number); as the slave has it if not given.
+  // Value for 10F1h sub 2, the limit of the slave's error counter for lost cycles with SYNC0: a lost cycle adds 3, a
+  // received one subtracts 1; 0: no limit. nullopt: the slave's value is not changed.
   std::optional<std::uint16_t> sync_error_limit{};
-  // No further than SAFEOP: inputs come, outputs do not act (ETG.1000.6 6.4.1).
+  // True: stops at SAFEOP, where inputs arrive but outputs have no effect (ETG.1000.6 6.4.1).
   bool inputs_only = false;
 };
 
-// 1C32h and 1C33h sub 1, in PREOP: SYNC0, or free run where the slave knows it, or sync manager events. A slave that
-// has no such object, or does not let it be written, decides by itself.
+// Writes 1C32h and 1C33h sub 1, in PREOP: SYNC0; or free run if the slave supports it, otherwise sync manager events.
+// Does nothing if the slave does not have these objects or refuses the write.
 void set_synchronisation(EthercatSlave& slave, bool sync0);
 
-// Takes slaves to OP (or SAFEOP) and keeps them there, as long as it lives and the master waits; then back to PREOP.
-// Outputs begin with the values that the objects have. All calls throw EthercatError or CoeError.
+// Brings slaves to OP (or SAFEOP) and exchanges process data while this object exists and the master waits; the
+// destructor returns them to PREOP. Outputs start with the present values of the objects. All calls throw EthercatError
+// or CoeError.
 class EthercatOperation {
  public:
-  // `line`: all slaves of the segment, for the clocks. `slaves` outlive this.
+  // `line`: all slaves of the segment, for the clocks. `slaves` must outlive this.
   EthercatOperation(EthercatMaster& master, std::span<const FoundSlave> line, std::span<EthercatSlave* const> slaves,
                     const OperationOptions& options = {});
   ~EthercatOperation();
@@ -37,7 +38,7 @@ class EthercatOperation {
 
   CyclicExchange& exchange() { return *exchange_; }
   const CyclicExchange& exchange() const { return *exchange_; }
-  // Nothing without distributed clocks.
+  // nullopt without distributed clocks.
   std::optional<DistributedClocks>& clocks() { return clocks_; }
   std::size_t member_of(const EthercatSlave& slave) const;
 

@@ -14,14 +14,14 @@ PdoEntry entry_of(std::uint32_t word) {
           .bits = static_cast<std::uint8_t>(word)};
 }
 
-// Nothing: the slave does not have the object.
+// nullopt: the slave does not have the object.
 std::optional<std::vector<Pdo>> read_assigned(CoeClient& coe, std::uint16_t assignment) {
   std::vector<Pdo> pdos;
   try {
     const auto count = coe.read<std::uint8_t>(assignment, 0);
     for (unsigned sub = 1; sub <= count; ++sub) {
       Pdo pdo{.index = coe.read<std::uint16_t>(assignment, static_cast<std::uint8_t>(sub))};
-      if (pdo.index == 0) continue;  // an unused place
+      if (pdo.index == 0) continue;  // an unused entry
       const auto entries = coe.read<std::uint8_t>(pdo.index, 0);
       for (unsigned i = 1; i <= entries; ++i) {
         pdo.entries.push_back(entry_of(coe.read<std::uint32_t>(pdo.index, static_cast<std::uint8_t>(i))));

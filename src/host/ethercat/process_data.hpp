@@ -5,26 +5,26 @@
 
 namespace servodrome::host {
 
-// What a slave exchanges in a cycle: the PDOs that are assigned, in their order.
+// Process data of a slave in a cycle: the assigned PDOs, in their order.
 struct ProcessData {
-  std::vector<Pdo> outputs;  // master to slave
+  std::vector<Pdo> outputs;  // from master to slave
   std::vector<Pdo> inputs;
 };
 
 unsigned bits_of(const std::vector<Pdo>& pdos);
 inline unsigned bytes_of(const std::vector<Pdo>& pdos) { return (bits_of(pdos) + 7) / 8; }
-// Where an object begins among the bits of the PDOs; nothing if it is not mapped.
+// Position of an object among the bits of the PDOs; nullopt if it is not mapped.
 std::optional<MappedBits> find_mapped(const std::vector<Pdo>& pdos, ObjectAddress object);
 
-// From 1C12h, 1C13h and the mappings they name; of a slave without CoE, or without these objects, from its SII. The
-// slave is in PREOP or above.
+// Reads 1C12h, 1C13h and the mappings they list; without CoE or without these objects, uses the SII. The slave must be
+// in PREOP or above.
 ProcessData read_process_data(EthercatSlave& slave);
 
-// ---- In PREOP; throw CoeError when the slave does not allow it ----
+// ---- In PREOP; throw CoeError if the slave refuses ----
 
-// 1C12h (outputs) or 1C13h: first none, then these.
+// Writes 1C12h (outputs) or 1C13h (inputs): clears the list first, then writes `pdos`.
 void assign_pdos(CoeClient& coe, std::uint16_t assignment, std::span<const std::uint16_t> pdos);
-// The entries of 16xxh or 1Axxh: first none, then these.
+// Writes the entries of 16xxh or 1Axxh: clears the list first.
 void map_pdo(CoeClient& coe, const Pdo& pdo);
 
 inline constexpr std::uint16_t rx_assignment = 0x1C12;

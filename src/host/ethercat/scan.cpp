@@ -23,7 +23,7 @@ unsigned count_slaves(EthercatMaster& master) {
 
 namespace {
 
-// The same register of all slaves, by position.
+// Reads the same register of all slaves, addressed by position.
 std::vector<std::uint16_t> read_each(EthercatMaster& master, unsigned count, std::uint16_t offset) {
   std::vector<std::array<std::uint8_t, 2>> data(count);
   std::vector<EthercatDatagram> datagrams;
@@ -38,17 +38,17 @@ std::vector<std::uint16_t> read_each(EthercatMaster& master, unsigned count, std
     if (datagrams[i].counter == 0) {
       throw EthercatError(EthercatError::Kind::working_counter,
                           fmt::format("the slave at position {} of {} does not answer", i + 1, count), master.name(),
-                          "the line changes while it is scanned: see whether cables are loose, and scan again");
+                          "the segment changes during the scan: check for loose cables, and scan again");
     }
     values.push_back(ethercat::load_u16(data[i].data()));
   }
   return values;
 }
 
-// Station addresses stay as they are, for another master may be using them, unless a slave has none, has that of a
-// slave before it, or the alias that another one answers to.
+// Keeps the station addresses, because another master may be using them. A slave gets a new one only if it has none, if
+// a slave before it has the same, or if it equals an alias that another slave answers to.
 std::vector<std::uint16_t> give_stations(EthercatMaster& master, const std::vector<std::uint16_t>& aliases) {
-  constexpr std::uint16_t alias_enabled = 0x0100;  // bit 24 of DL control, in its upper half
+  constexpr std::uint16_t alias_enabled = 0x0100;  // bit 24 of DL control, here in its upper half
   const auto count = static_cast<unsigned>(aliases.size());
   const std::vector<std::uint16_t> present = read_each(master, count, reg::station_address);
   const std::vector<std::uint16_t> control = read_each(master, count, reg::dl_control + 2);

@@ -23,9 +23,10 @@ constexpr std::uint16_t acknowledge_error = 0x2000;
 constexpr std::uint16_t write_enable_error = 0x4000;
 constexpr std::uint16_t busy = 0x8000;
 
-constexpr Time busy_timeout = 2s;  // an EEPROM takes 10 ms for a word at most; a simulated one waits for its machine
+constexpr Time busy_timeout = 2s;  // an EEPROM needs at most 10 ms for a word; a simulated one depends on its
+                                   // computer's load
 constexpr Time poll_interval = 100us;
-constexpr unsigned attempts = 3;  // while the EEPROM does not acknowledge, it writes
+constexpr unsigned attempts = 3;  // an EEPROM that is still writing does not acknowledge
 
 constexpr std::size_t categories_word = 0x40;
 constexpr std::uint16_t end_of_categories = 0xFFFF;
@@ -41,7 +42,7 @@ void SiiClient::fail(std::uint16_t word, const std::string& happened, const std:
 void SiiClient::take_interface() {
   if (taken_) return;
   if ((master_.read<std::uint8_t>(station_, reg::sii_pdi_access) & 1) != 0) {
-    master_.write<std::uint8_t>(station_, reg::sii_configuration, 0x02);  // force
+    master_.write<std::uint8_t>(station_, reg::sii_configuration, 0x02);  // takes the interface by force
   }
   master_.write<std::uint8_t>(station_, reg::sii_configuration, 0x00);
   taken_ = true;
@@ -58,7 +59,8 @@ SiiClient::Status SiiClient::wait_until_idle(std::uint16_t word) {
     if ((status.bits & busy) == 0) return status;
     if (master_.now() >= deadline) {
       fail(word, "the memory stays busy",
-           "see that no other master is at work and that time is not standing still; then switch the slave off and on");
+           "check that no other master is active and that virtual time is not stopped; then switch the slave off and "
+           "on");
     }
     master_.wait(poll_interval);
   }
@@ -72,15 +74,15 @@ SiiClient::Status SiiClient::command(std::uint16_t control, std::uint16_t word, 
     ethercat::store_u16(registers.data(), control);
     ethercat::store_u32(&registers[2], word);
     std::copy(data.begin(), data.end(), registers.begin() + 6);
-    // Control, address and data in one datagram: the write enable holds for its frame only.
+    // Control, address and data go in one datagram, because the write enable is valid only within its frame.
     master_.write(station_, reg::sii_control, registers);
     const Status status = wait_until_idle(word);
     if ((status.bits & (acknowledge_error | write_enable_error)) == 0) return status;
     if (attempt < attempts) continue;
     if ((status.bits & write_enable_error) != 0) {
-      fail(word, "the slave does not let it be written", "see whether its EEPROM is write-protected");
+      fail(word, "the slave refuses the write", "check whether its EEPROM is write-protected");
     }
-    fail(word, "the memory does not acknowledge", "see whether the address is within it; the EEPROM may be missing");
+    fail(word, "the memory does not acknowledge", "check that the address is within it; the EEPROM may be missing");
   }
 }
 
@@ -105,7 +107,7 @@ std::vector<std::uint8_t> SiiClient::read_all() {
   std::size_t at = image.size();
   constexpr std::size_t address_space = std::size_t{0x10000} * 2;
   while (at + 4 <= address_space) {
-    // With the header what the same reading brings of the content.
+    // Also reads the first words of the content, which the same read access returns with the header.
     extend(at + 8);
     if (load_u16(&image[at]) == end_of_categories) break;
     at += 4 + 2U * load_u16(&image[at + 2]);
@@ -116,7 +118,7 @@ std::vector<std::uint8_t> SiiClient::read_all() {
 
 void SiiClient::write(std::uint16_t word, std::span<const std::uint8_t> bytes) {
   if (bytes.size() % 2 != 0) {
-    fail(word, fmt::format("{} bytes are no words", bytes.size()), "give an even number of bytes");
+    fail(word, fmt::format("{} bytes are not whole words", bytes.size()), "give an even number of bytes");
   }
   for (std::size_t i = 0; i < bytes.size(); i += 2) {
     command(write_command | write_enable, static_cast<std::uint16_t>(word + i / 2), bytes.subspan(i, 2));

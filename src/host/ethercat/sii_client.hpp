@@ -5,27 +5,28 @@
 
 namespace servodrome::host {
 
-// Reads and writes the slave information memory of one slave through 0500h..050Fh (ETG.1000.4 clause 6.4). Addresses
-// are words. Takes the interface away from the slave's application, if that has it. All calls throw EthercatError.
+// Reads and writes the slave information interface (SII memory) of one slave through 0500h..050Fh (ETG.1000.4 clause
+// 6.4). Addresses count words. Takes the interface away from the slave's application if that owns it. All calls throw
+// EthercatError.
 class SiiClient {
  public:
   SiiClient(EthercatMaster& master, std::uint16_t station) : master_(master), station_(station) {}
 
   std::vector<std::uint8_t> read(std::uint16_t word, std::size_t bytes);
-  // The fixed part and all categories with their end.
+  // Reads the fixed part and all categories including the end marker.
   std::vector<std::uint8_t> read_all();
   SiiContent content() { return parse_sii(read_all()); }
 
-  // An even number of bytes, word by word; takes some milliseconds for each.
+  // Writes an even number of bytes, word by word; each word takes some milliseconds.
   void write(std::uint16_t word, std::span<const std::uint8_t> bytes);
-  // Alias and the checksum over the configuration area, which the slave takes over with its next power-on.
+  // Writes the alias and the checksum of the configuration area. The slave applies them at its next power-on.
   void write_alias(std::uint16_t alias);
 
  private:
   struct Status {
     std::uint16_t bits = 0;
     std::array<std::uint8_t, 8> data{};
-    std::size_t width = 4;  // bytes per reading
+    std::size_t width = 4;  // bytes returned by one read access
   };
 
   void take_interface();

@@ -70,7 +70,7 @@ class Parser {
   std::vector<std::string> texts;
 
  private:
-  // Numbered from 1; 0: none.
+  // Strings are numbered from 1; 0: none.
   std::string text(std::uint8_t number) const {
     return number >= 1 && number <= texts.size() ? texts[number - 1U] : std::string();
   }
@@ -148,7 +148,7 @@ SiiContent parse_sii(Bytes image) {
   content.mailbox = areas(image, mailbox_at);
   content.protocols = load_u16(&image[protocols_at]);
   Parser parser(content);
-  // The strings may stand behind what names them.
+  // Reads the strings first, because they may stand after the categories that refer to them.
   for_each_category(image, [&](std::uint16_t type, Bytes data) {
     if (type == strings) parser.texts = parse_strings(data);
   });

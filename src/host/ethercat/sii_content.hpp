@@ -23,7 +23,7 @@ struct MailboxArea {
   std::uint16_t length = 0;
   friend bool operator==(const MailboxArea&, const MailboxArea&) = default;
 };
-// Sync managers 0 (master to slave) and 1.
+// Areas of sync managers 0 (master to slave) and 1 (slave to master).
 struct MailboxAreas {
   MailboxArea out;
   MailboxArea in;
@@ -60,7 +60,7 @@ struct Pdo {
   std::uint16_t index = 0;
   std::vector<PdoEntry> entries{};
   std::string name{};
-  std::optional<std::uint8_t> sync_manager{};  // it is assigned to, by default
+  std::optional<std::uint8_t> sync_manager{};  // default assignment
 
   unsigned bits() const {
     unsigned sum = 0;
@@ -69,7 +69,7 @@ struct Pdo {
   }
 };
 
-// A way of using the distributed clock (ETG.1000.6 table 25).
+// A mode of the distributed clock (ETG.1000.6 table 25).
 struct SiiDcMode {
   std::string name;
   std::uint32_t sync0_cycle_ns = 0;  // 0: the master's cycle
@@ -80,7 +80,7 @@ struct SiiDcMode {
   std::int16_t sync0_factor = 0;
 };
 
-// The slave information memory taken apart (ETG.1000.6 clause 5.4, ETG.2010).
+// Parsed content of the slave information memory (ETG.1000.6 clause 5.4, ETG.2010).
 struct SiiContent {
   bool checksum_right = false;
   std::uint16_t alias = 0;
@@ -92,7 +92,7 @@ struct SiiContent {
   std::string order;
   std::string name;
   std::uint8_t coe_details = 0;
-  std::vector<std::uint8_t> fmmus;  // what each is for: 1 outputs, 2 inputs, 3 state of the mailbox
+  std::vector<std::uint8_t> fmmus;  // use of each FMMU: 1 outputs, 2 inputs, 3 mailbox state
   std::vector<SiiSyncManager> sync_managers;
   std::vector<Pdo> rx_pdos;
   std::vector<Pdo> tx_pdos;
@@ -102,7 +102,7 @@ struct SiiContent {
   bool complete_access() const { return (coe_details & 0x20) != 0; }
 };
 
-// What cannot be read (a memory that ends in the middle of a category) is left out.
+// Parts that cannot be read are left out, such as a category that is cut off at the end of the memory.
 SiiContent parse_sii(std::span<const std::uint8_t> image);
 
 }  // namespace servodrome::host

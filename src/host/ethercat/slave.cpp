@@ -10,7 +10,8 @@ using ethercat::store_u16;
 
 namespace {
 
-// Control of a mailbox's sync manager: mailbox mode, direction, interrupt to the application (ETG.1000.4 table 58).
+// Control bytes of a mailbox's sync managers: mailbox mode, direction, interrupt to the application (ETG.1000.4 table
+// 58).
 constexpr std::uint8_t mailbox_out_control = 0x26;
 constexpr std::uint8_t mailbox_in_control = 0x22;
 constexpr std::uint8_t mode_and_direction = 0x0F;
@@ -34,7 +35,7 @@ void EthercatSlave::to_init() {
   const std::array<std::uint8_t, fmmu_size * reg::fmmus> no_fmmus{};
   const std::array<std::uint8_t, sync_manager_size * reg::sync_managers> no_sync_managers{};
   if (found_.has_clock()) master_.write<std::uint8_t>(station(), reg::sync_activation, 0);
-  // A slave may have fewer of both.
+  // A slave may have fewer FMMUs and sync managers.
   const auto fmmus = std::min<std::size_t>(master_.read<std::uint8_t>(station(), reg::fmmu_count), reg::fmmus);
   const auto channels =
       std::min<std::size_t>(master_.read<std::uint8_t>(station(), reg::sync_manager_count), reg::sync_managers);
@@ -98,7 +99,7 @@ void EthercatSlave::to_bootstrap() {
   open_mailbox(areas, true);
 }
 
-// As sync managers 0 and 1 are set up, if they are a mailbox.
+// The mailbox areas as sync managers 0 and 1 are set up; nullopt if they are not a mailbox.
 std::optional<MailboxAreas> EthercatSlave::areas_in_use() {
   std::array<std::uint8_t, 2 * sync_manager_size> channels{};
   master_.read(station(), reg::sync_manager, channels);

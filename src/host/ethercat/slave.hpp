@@ -6,10 +6,10 @@
 
 namespace servodrome::host {
 
-// One slave of a segment: its states, and its services when it has a mailbox. All calls throw EthercatError.
+// One slave of a segment: its states and, if it has a mailbox, its services. All calls throw EthercatError.
 class EthercatSlave {
  public:
-  // `timeout` is for each mailbox answer.
+  // `timeout`: for each mailbox answer.
   EthercatSlave(EthercatMaster& master, FoundSlave found, Time timeout = std::chrono::seconds(1))
       : master_(master), found_(std::move(found)), timeout_(timeout) {}
   EthercatSlave(const EthercatSlave&) = delete;
@@ -18,22 +18,22 @@ class EthercatSlave {
   const FoundSlave& found() const { return found_; }
   std::uint16_t station() const { return found_.station; }
   EthercatMaster& master() { return master_; }
-  // "udp:127.0.0.1:34980, slave 3 (IHSV57-EC)"
+  // For example "udp:127.0.0.1:34980, slave 3 (IHSV57-EC)".
   std::string where() const;
 
   AlStatus status() { return read_al_status(master_, station()); }
   void request(AlState state) { request_state(master_, station(), state, state_timeout(state)); }
 
-  // INIT with nothing set up: sync managers, FMMUs and SYNC are off.
+  // Goes to INIT and switches sync managers, FMMUs and SYNC off.
   void to_init();
-  // From wherever it is. From INIT the mailbox is set up as the SII says.
+  // From any state. Coming from INIT, the mailbox is set up with the values of the SII.
   void to_pre_operational();
   void to_bootstrap();
 
   bool has_mailbox() const { return found_.sii.mailbox.out.length != 0 && found_.sii.mailbox.in.length != 0; }
   bool has_coe() const { return has_mailbox() && found_.sii.has(mailbox_protocol::coe); }
   bool has_foe() const { return has_mailbox() && found_.sii.has(mailbox_protocol::foe); }
-  // A slave in INIT is taken to PREOP first; one that another program took there stays as it is.
+  // Brings a slave in INIT to PREOP first. A mailbox that another program has set up is used as it is.
   MailboxClient& mailbox();
   CoeClient& coe();
   FoeClient& foe();

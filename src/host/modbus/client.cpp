@@ -14,13 +14,13 @@ namespace {
 using modbus::Function;
 using Bytes = std::vector<std::uint8_t>;
 
-// Calls `action`; a link that is lost becomes this library's error.
+// Calls `action` and converts a link error to HostError.
 template <typename Action>
 auto over_link(const std::string& name, const Action& action) {
   try {
     return action();
   } catch (const links::LinkError& error) {
-    throw HostError(error.what(), name, "see whether the device or the line is up");
+    throw HostError(error.what(), name, "check that the device or the line is running");
   }
 }
 
@@ -29,17 +29,17 @@ void append(Bytes& bytes, std::uint16_t value) {
   bytes.push_back(static_cast<std::uint8_t>(value));
 }
 
-// Quantity, byte count, data.
+// Appends quantity, byte count and data.
 void append(Bytes& bytes, std::span<const std::uint16_t> values) {
   append(bytes, static_cast<std::uint16_t>(values.size()));
   bytes.push_back(static_cast<std::uint8_t>(2 * values.size()));
   for (const std::uint16_t value : values) append(bytes, value);
 }
 
-// Length of a response frame, CRC included, as far as it can be told from its beginning; 0: not yet.
+// Length of a response frame including CRC, from its first bytes; 0: more bytes are needed.
 std::size_t rtu_frame_size(std::span<const std::uint8_t> frame, std::uint8_t request_function) {
   if (frame.size() < 3) return 0;
-  if (frame[1] != request_function) return 5;  // an exception, or not ours
+  if (frame[1] != request_function) return 5;  // an exception, or not an answer to this request
   switch (static_cast<Function>(frame[1])) {
     case Function::write_single_register:
     case Function::write_multiple_registers: return 8;
@@ -77,7 +77,7 @@ std::string ModbusClient::where(std::uint8_t unit) const { return fmt::format("{
 
 void ModbusClient::malformed(std::uint8_t unit, std::string_view what) const {
   throw ModbusError(ModbusError::Kind::malformed, modbus::Exception::none, std::string(what), where(unit),
-                    "see whether another device has the same address");
+                    "check whether another device has the same address");
 }
 
 void ModbusClient::discard_received() {
@@ -93,7 +93,8 @@ Bytes ModbusClient::request(std::uint8_t unit, const Bytes& pdu, unsigned retrie
     if (!response) continue;
     if (response->empty()) return {};
     if ((*response)[0] == pdu[0]) return *response;
-    // The iSMK answers to 03 with 81h instead of 83h: any function with the error bit is an exception.
+    // The iSMK answers to function 03 with 81h instead of 83h, so any function with the error bit counts as an
+    // exception.
     if (((*response)[0] & modbus::error_bit) == 0 || response->size() != 2) {
       malformed(unit, fmt::format("function {:02X}h was answered with {:02X}h", pdu[0], (*response)[0]));
     }
@@ -131,7 +132,7 @@ std::optional<Bytes> ModbusClient::exchange_rtu(std::uint8_t unit, const Bytes& 
     if (wanted == 0) wanted = rtu_frame_size(answer, pdu[0]);
   }
   answer.resize(wanted);
-  if (!modbus::is_rtu_frame(answer)) return std::nullopt;  // disturbed: as if it had not come
+  if (!modbus::is_rtu_frame(answer)) return std::nullopt;  // disturbed: treated like a missing answer
   if (answer[0] != unit) malformed(unit, fmt::format("unit {} answered", answer[0]));
   return Bytes(answer.begin() + 1, answer.end() - 2);
 }
@@ -188,7 +189,7 @@ Bytes ModbusClient::exchange_bytes(std::span<const std::uint8_t> bytes, Time tim
 std::vector<std::uint16_t> ModbusClient::registers_of(std::uint8_t unit, const Bytes& response,
                                                       std::uint16_t count) const {
   if (response.size() != 2U + 2U * count || response[1] != 2U * count) {
-    malformed(unit, fmt::format("{} bytes were answered instead of {} registers", response.size(), count));
+    malformed(unit, fmt::format("the answer has {} bytes instead of {} registers", response.size(), count));
   }
   std::vector<std::uint16_t> registers(count);
   for (std::size_t i = 0; i < count; ++i) registers[i] = modbus::read_u16(&response[2 + 2 * i]);
@@ -214,7 +215,7 @@ std::vector<std::uint16_t> ModbusClient::read_input_registers(std::uint8_t unit,
   return read_with(Function::read_input_registers, unit, address, count);
 }
 
-// A write is answered with the first five bytes of its request.
+// The answer to a write repeats the first five bytes of the request.
 void ModbusClient::check_echo(std::uint8_t unit, const Bytes& pdu, const Bytes& response) const {
   if (response.empty()) return;  // broadcast
   if (response.size() != 5 || !std::equal(response.begin(), response.end(), pdu.begin())) {

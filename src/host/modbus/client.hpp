@@ -18,11 +18,12 @@ using links::Time;
 
 struct ModbusOptions {
   modbus::CharacterFormat format{};                                   // of a serial line
-  modbus::WordOrder word_order = modbus::WordOrder::high_word_first;  // of numbers in several registers
+  modbus::WordOrder word_order = modbus::WordOrder::high_word_first;  // for numbers in several registers
   Time timeout = std::chrono::seconds(1);                             // for an answer
-  unsigned retries = 1;                                               // of reads; a write may have acted
+  unsigned retries = 1;                                               // of reads only; a write without answer may have
+                                                                      // taken effect
   Time turnaround = std::chrono::milliseconds(100);                   // after a broadcast
-  links::Heard heard{};                                               // of what goes out and comes in
+  links::Heard heard{};                                               // observer of sent and received bytes
 };
 
 // A Modbus master, RTU on a serial line or TCP. One request at a time. All calls throw ModbusError, or HostError if the
@@ -31,14 +32,14 @@ class ModbusClient {
  public:
   enum class Framing { rtu, tcp };
 
-  // `name` stands in error messages.
+  // `name` appears in error messages.
   ModbusClient(std::unique_ptr<links::ByteClient> client, Framing framing, std::string name,
                const ModbusOptions& options = {});
-  // `pty:PATH` and `serial:DEVICE` speak RTU, `tcp:HOST:PORT` TCP.
+  // `pty:PATH` and `serial:DEVICE` use RTU, `tcp:HOST:PORT` uses TCP.
   static ModbusClient open(const std::string& link, const ModbusOptions& options = {});
 
-  // `unit`: station or unit identifier; 0 on a serial line is a broadcast, for writes only. At most 125 registers are
-  // read, 123 written (121 when reading as well).
+  // `unit`: station or unit identifier; on a serial line 0 is a broadcast, for writes only. At most 125 registers can
+  // be read and 123 written (121 together with reading).
   std::vector<std::uint16_t> read_holding_registers(std::uint8_t unit, std::uint16_t address, std::uint16_t count);
   std::vector<std::uint16_t> read_input_registers(std::uint8_t unit, std::uint16_t address, std::uint16_t count);
   void write_single_register(std::uint8_t unit, std::uint16_t address, std::uint16_t value);
@@ -46,10 +47,10 @@ class ModbusClient {
   std::vector<std::uint16_t> read_write_multiple_registers(std::uint8_t unit, std::uint16_t read_address,
                                                            std::uint16_t count, std::uint16_t write_address,
                                                            std::span<const std::uint16_t> values);
-  // All identification objects the device has.
+  // Reads all identification objects of the device.
   std::map<std::uint8_t, std::string> read_device_identification(std::uint8_t unit);
 
-  // Numbers, by the word order of the options. 8-bit numbers take one register.
+  // Integers, in the word order of the options. An 8-bit number occupies one register.
   template <typename T>
   requires std::is_integral_v<T> T read(std::uint8_t unit, std::uint16_t address) {
     return static_cast<T>(number_of(read_holding_registers(unit, address, words<T>)));
@@ -60,13 +61,13 @@ class ModbusClient {
     write_number(unit, address, static_cast<std::uint64_t>(static_cast<std::int64_t>(value)), words<T>);
   }
 
-  // Bytes as they are, and what comes back within `timeout` until nothing has come for `silence`: for tests of a
+  // Sends raw bytes. Returns the bytes received within `timeout`, until none has arrived for `silence`. For tests of a
   // device.
   std::vector<std::uint8_t> exchange_bytes(std::span<const std::uint8_t> bytes, Time timeout, Time silence);
   Framing framing() const { return framing_; }
 
   const std::string& name() const { return name_; }
-  // The clock of the link.
+  // Time on the link's clock.
   Time now() const { return client_->now(); }
   void wait(Time span) { client_->wait(span); }
 
@@ -75,7 +76,7 @@ class ModbusClient {
   template <typename T>
   static constexpr std::uint16_t words = (sizeof(T) + 1) / 2;
 
-  // The response PDU to a request PDU; empty to a broadcast.
+  // Returns the response PDU; empty for a broadcast.
   Bytes request(std::uint8_t unit, const Bytes& pdu, unsigned retries);
   std::optional<Bytes> exchange_rtu(std::uint8_t unit, const Bytes& pdu);
   std::optional<Bytes> exchange_tcp(std::uint8_t unit, const Bytes& pdu);

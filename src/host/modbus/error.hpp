@@ -9,9 +9,9 @@ namespace servodrome::host {
 class ModbusError : public HostError {
  public:
   enum class Kind {
-    no_answer,  // in time
-    refused,    // exception() says why
-    malformed,  // an answer that does not belong to the request
+    no_answer,  // no answer in time
+    refused,    // exception() has the reason
+    malformed,  // an answer that does not fit the request
   };
 
   ModbusError(Kind kind, modbus::Exception exception, std::string happened, std::string where, std::string remedy)

@@ -7,7 +7,7 @@
 namespace servodrome::host {
 namespace {
 
-// Does `access`; what goes wrong is about `object`.
+// Runs `access`; errors refer to `object`.
 template <typename Access>
 auto on_object(ObjectAddress object, const Access& access) {
   try {
@@ -30,7 +30,7 @@ ModbusObjects::Place ModbusObjects::find(ObjectAddress object) const {
   const auto entry = std::find_if(list_.table.begin(), list_.table.end(), is_object);
   if (row == list_.registers.end() || entry == list_.table.end()) {
     throw ObjectError("there is no register for the object", fmt::format("{}, {}", where(), text_of(object)),
-                      "`servodrome export modbus PRODUCT` lists those there are", true);
+                      "`servodrome export modbus PRODUCT` lists all registers", true);
   }
   return {&*row, &*entry};
 }

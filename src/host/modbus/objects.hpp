@@ -7,22 +7,22 @@
 
 namespace servodrome::host {
 
-// Where a product's Modbus server has which objects: what its server is made of as well.
+// The objects of a product's Modbus registers. The product's server uses the same tables.
 struct RegisterList {
   std::span<const modbus::Register> registers;
   std::span<const dictionary::Entry> table;  // types and limits of the objects
   modbus::WordOrder word_order = modbus::WordOrder::high_word_first;
 };
 
-// The objects of a drive that has them at Modbus registers. Objects without a register are absent.
+// Access to a drive's objects by Modbus registers. An object without a register counts as absent.
 class ModbusObjects final : public ObjectClient {
  public:
-  // `client` and what the list refers to outlive this.
+  // `client` and the tables of the list must outlive this.
   ModbusObjects(ModbusClient& client, std::uint8_t unit, const RegisterList& list)
       : client_(client), unit_(unit), list_(list) {}
 
   std::vector<std::byte> upload(ObjectAddress object) override;
-  // Objects at neighbouring registers.
+  // Groups objects in neighbouring registers.
   std::vector<std::vector<std::size_t>> read_together(std::span<const ObjectAddress> objects) const override;
   std::vector<std::vector<std::byte>> upload_together(std::span<const ObjectAddress> objects) override;
   void download(ObjectAddress object, std::span<const std::byte> data) override;
@@ -38,7 +38,7 @@ class ModbusObjects final : public ObjectClient {
   };
 
   Place find(ObjectAddress object) const;
-  // Which 16 bits of a number the register `word` of `words` holds.
+  // Which 16 bits of a number are in register `word` of `words`; 0: the lowest.
   std::size_t significance(std::size_t word, std::size_t words) const;
   std::vector<std::byte> bytes_of(const Place& place, std::span<const std::uint16_t> registers) const;
 

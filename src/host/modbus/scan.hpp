@@ -7,17 +7,17 @@ namespace servodrome::host {
 // A station that answered.
 struct FoundStation {
   std::uint8_t unit = 0;
-  std::map<std::uint8_t, std::string> identification{};  // function 2Bh/0Eh; empty: it does not have it
+  std::map<std::uint8_t, std::string> identification{};  // function 2Bh/0Eh; empty: not supported
 
-  // Product and vendor of the identification, or empty.
+  // Text of an identification object, such as product or vendor; "" if it is missing.
   std::string text(std::uint8_t object) const {
     const auto found = identification.find(object);
     return found == identification.end() ? std::string() : found->second;
   }
 };
 
-// Asks each unit from `first` to `last` (1..247) who it is. One that refuses is there; one that a gateway cannot reach
-// is not. Takes the client's timeout for each that is silent. Throws HostError if the link is lost.
+// Requests the identification of each unit from `first` to `last` (1..247). A unit that refuses is present; one that a
+// gateway cannot reach is absent. A silent unit takes the client's timeout. Throws HostError if the link is lost.
 std::vector<FoundStation> scan_stations(ModbusClient& client, std::uint8_t first, std::uint8_t last);
 
 }  // namespace servodrome::host

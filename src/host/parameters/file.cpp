@@ -35,19 +35,19 @@ std::string quoted(std::span<const std::byte> bytes) {
   return text + '"';
 }
 
-// Numbers of the communication area that are identifiers, mappings and PDO indices rather than quantities.
+// True for numbers of the communication area that are identifiers, mappings or PDO indices rather than quantities.
 bool is_hexadecimal(ObjectAddress address, Type type) {
   const bool is_time = address.index == 0x1006 || address.index == 0x1007;
   const bool is_assignment = address.index >= 0x1C00 && type == Type::unsigned16;
   return address.index < 0x2000 && !is_time && (type == Type::unsigned32 || is_assignment);
 }
 
-// A line, and how far it is read.
+// Reads one line word by word.
 class Reader {
  public:
   Reader(const std::string& file, std::string_view line, unsigned number) : file_(file), line_(line), number_(number) {}
 
-  // The next word; empty at the end of the line. Text in quotes is one word.
+  // Returns the next word; empty at the end of the line. Text in quotes is one word.
   std::string_view word() {
     skip_blanks();
     begin_ = at_;
@@ -66,7 +66,7 @@ class Reader {
     skip_blanks();
     return std::string(line_.substr(at_));
   }
-  unsigned column() const { return static_cast<unsigned>(begin_) + 1; }  // of the latest word
+  unsigned column() const { return static_cast<unsigned>(begin_) + 1; }  // column of the last word
   unsigned number() const { return number_; }
   [[noreturn]] void fail(const std::string& what, const std::string& remedy) const {
     throw HostError(what, fmt::format("{}:{}:{}", file_, number_, column()), remedy);
@@ -89,7 +89,7 @@ int digit_of(char c) {
   return -1;
 }
 
-// Text in quotes, as quoted() makes it.
+// Decodes text in quotes, as written by quoted().
 std::vector<std::byte> unquoted(const Reader& reader, std::string_view word) {
   if (word.size() < 2 || word.front() != '"') reader.fail("a string stands in quotes", "write \"TEXT\"");
   word = word.substr(1, word.size() - 2);
@@ -99,7 +99,7 @@ std::vector<std::byte> unquoted(const Reader& reader, std::string_view word) {
       bytes.push_back(static_cast<std::byte>(word[i]));
       continue;
     }
-    const char escaped = word[++i];  // there is one: else the closing quote would be escaped
+    const char escaped = word[++i];  // exists, because otherwise the closing quote would be escaped
     if (escaped == '"' || escaped == '\\') {
       bytes.push_back(static_cast<std::byte>(escaped));
       continue;
@@ -128,7 +128,7 @@ ObjectAddress parse_address(const Reader& reader, std::string_view word) {
   const auto index = formed ? number(word.substr(0, index_digits)) : std::nullopt;
   const auto sub = formed ? number(word.substr(index_digits + 1)) : std::nullopt;
   if (!index || !sub) {
-    reader.fail(fmt::format("\"{}\" is no object", word), "write INDEX:SUB with four and two hexadecimal digits");
+    reader.fail(fmt::format("\"{}\" is not an object", word), "write INDEX:SUB with four and two hexadecimal digits");
   }
   return {static_cast<std::uint16_t>(*index), static_cast<std::uint8_t>(*sub)};
 }
@@ -140,13 +140,13 @@ std::vector<std::byte> parse_bytes(const Reader& reader, std::string_view word, 
   try {
     bytes = parse_value(word, type);
   } catch (const HostError& error) {
-    reader.fail(fmt::format("\"{}\" is no value of type {}: {}", word, short_word(type), error.happened()),
+    reader.fail(fmt::format("\"{}\" is not a value of type {}: {}", word, short_word(type), error.happened()),
                 "correct the value or remove the line");
   }
   if (type == Type::real32) {
     float number = 0;
     std::memcpy(&number, bytes.data(), sizeof number);
-    if (!std::isfinite(number)) reader.fail(fmt::format("\"{}\" is no finite number", word), "correct the value");
+    if (!std::isfinite(number)) reader.fail(fmt::format("\"{}\" is not a finite number", word), "correct the value");
   }
   return bytes;
 }
@@ -156,7 +156,7 @@ ParameterValue parse_parameter(Reader& reader, std::string_view first) {
   const std::string_view type_word = reader.word();
   const auto type = parse_type(type_word);
   if (!type) {
-    reader.fail(fmt::format("\"{}\" is no type", type_word),
+    reader.fail(fmt::format("\"{}\" is not a type", type_word),
                 "write i8 .. i64, u8 .. u64, bool, f32, string or bytes behind the object");
   }
   value.type = *type;
@@ -187,7 +187,7 @@ std::uint32_t parse_identity(const Reader& reader, std::string_view word) {
   return number;
 }
 
-// `KEY: VALUE`; keys of a later version are not for us to refuse.
+// Parses a `KEY: VALUE` line. Unknown keys are ignored, because a later version of the format may define them.
 void parse_key(Reader& reader, std::string_view key, ParameterFile& file) {
   const std::string_view word = reader.word();
   DriveIdentity& identity = file.identity;
@@ -288,7 +288,7 @@ std::string ParameterFile::text() const {
   if (!date.empty()) text += fmt::format("date: {}\n", date);
   std::uint16_t index = 0;
   for (const ParameterValue& value : values) {
-    if (value.address.index >> 12 != index >> 12) text += "\n";  // a blank line between the areas
+    if (value.address.index >> 12 != index >> 12) text += "\n";  // a blank line between two areas of the dictionary
     index = value.address.index;
     std::string line = fmt::format("{}  {:<6}  {:<14}", text_of(value.address), short_word(value.type), text_of(value));
     if (!value.unit.empty()) line += fmt::format("  [{}]", value.unit);
@@ -309,7 +309,7 @@ ParameterFile ParameterFile::read(std::istream& in, const std::string& name) {
     if (!line.empty() && line.back() == '\r') line.pop_back();
     Reader reader(name, line, number);
     if (number == 1 && line != first_line) {
-      reader.fail("this is no parameter file", fmt::format("its first line is \"{}\"", first_line));
+      reader.fail("this is not a parameter file", fmt::format("its first line is \"{}\"", first_line));
     }
     if (line.find('\0') != std::string::npos) reader.fail("the line holds a zero byte", "the file is damaged");
     const std::string_view first = reader.word();

@@ -19,7 +19,7 @@ std::optional<std::int64_t> number_of(std::span<const std::uint8_t> bytes, Type 
   return dictionary::decode_number(type, std::as_bytes(bytes));
 }
 
-// Sub-index 0 of an ARRAY or RECORD is how many there are; of PDO mappings and assignments it is a parameter.
+// Sub-index 0 of an ARRAY or RECORD is a count and no parameter, except in PDO mappings and assignments.
 bool is_pdo_count(std::uint16_t index) {
   return (index >= 0x1600 && index < 0x1800) || (index >= 0x1A00 && index < 0x1C00) || index == 0x1C12 ||
          index == 0x1C13;

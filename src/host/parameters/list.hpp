@@ -12,30 +12,30 @@
 
 namespace servodrome::host {
 
-// One parameter of a drive: an object that can be read and written and that is no command.
+// A parameter of a drive: an object that can be read and written and is not a command.
 struct Parameter {
   ObjectAddress address{};
   dictionary::Type type = dictionary::Type::unsigned32;
-  std::string name{};  // "Homing speeds.Speed during search for switch"
+  std::string name{};  // for example "Homing speeds.Speed during search for switch"
   std::string unit{};
-  // Of numbers other than REAL32, as the dictionary has them; nothing: the type is the only limit.
+  // Limits of numbers other than REAL32, from the dictionary; nullopt: only the type limits the value.
   std::optional<std::int64_t> minimum{};
   std::optional<std::int64_t> maximum{};
-  std::optional<std::int64_t> factory{};  // without what the node-ID adds; of a REAL32 its bits
+  std::optional<std::int64_t> factory{};  // factory value without the node-ID; of a REAL32 its bits
   bool adds_node_id = false;              // the factory value is `factory` + node-ID
-  bool retained = true;                   // the drive can keep it over power-off
+  bool retained = true;                   // the drive can store it in non-volatile memory
 };
 
-// The parameters of one kind of drive, in order of address.
+// All parameters of one kind of drive, sorted by address.
 class ParameterList {
  public:
-  // By the product's own table. `with_connection`: node-ID, bit rate and the like as well.
+  // From the product's own table. `with_connection`: includes the connection settings, such as node-ID and bit rate.
   static ParameterList of_dictionary(std::span<const dictionary::Entry> table, const ParameterRules& rules,
                                      bool with_connection = false);
-  // By an electronic data sheet, which does not say what a drive keeps.
+  // From an electronic data sheet, which does not define what a drive can store.
   static ParameterList of_data_sheet(const ObjectCatalogue& sheet, const ParameterRules& rules,
                                      bool with_connection = false);
-  // By what an EtherCAT slave says of itself (SDO information, ETG.1000.6 clause 5.6.3). Throws HostError.
+  // From the SDO information of an EtherCAT slave (ETG.1000.6 clause 5.6.3). Throws HostError.
   static ParameterList of_slave(CoeClient& coe, const ParameterRules& rules, bool with_connection = false);
 
   const std::vector<Parameter>& all() const { return parameters_; }

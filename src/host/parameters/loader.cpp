@@ -14,7 +14,7 @@ namespace {
 
 using dictionary::Type;
 
-constexpr std::size_t most_problems = 10;  // told at once
+constexpr std::size_t most_problems = 10;  // maximum of problems reported at once
 
 std::string place_of(const std::string& file, const ParameterValue& value) {
   return fmt::format("{}:{}:{}", file, value.line, value.column);
@@ -22,7 +22,7 @@ std::string place_of(const std::string& file, const ParameterValue& value) {
 
 bool same_type(Type a, Type b) { return short_word(a) == short_word(b); }
 
-// What is wrong with a value before any drive is asked; empty: nothing.
+// Checks a value without access to the drive; returns the problem, or "" if there is none.
 std::string objection(const ParameterValue& value, const Parameter& parameter) {
   if (!same_type(value.type, parameter.type)) {
     return fmt::format("its type is {}, not {}", short_word(parameter.type), short_word(value.type));
@@ -31,14 +31,14 @@ std::string objection(const ParameterValue& value, const Parameter& parameter) {
   if (value.type == Type::real32) {
     float number = 0;
     std::memcpy(&number, value.bytes.data(), sizeof number);
-    return std::isfinite(number) ? "" : "it is no finite number";
+    return std::isfinite(number) ? "" : "it is not a finite number";
   }
   const std::int64_t number = dictionary::decode_number(value.type, value.bytes);
   if (parameter.minimum && number < *parameter.minimum) {
-    return fmt::format("{} is below the least value, {}", number, *parameter.minimum);
+    return fmt::format("{} is below the minimum, {}", number, *parameter.minimum);
   }
   if (parameter.maximum && number > *parameter.maximum) {
-    return fmt::format("{} is above the greatest value, {}", number, *parameter.maximum);
+    return fmt::format("{} is above the maximum, {}", number, *parameter.maximum);
   }
   return {};
 }
@@ -48,12 +48,12 @@ void require_product(const ParameterFile& file, const std::string& file_name, co
   if (same == true) return;
   throw HostError(same ? fmt::format("the parameters are of another product, {}; the drive is {}", file.identity.text(),
                                      drive.text())
-                       : fmt::format("it cannot be told whether the parameters, of {}, fit the drive, {}",
+                       : fmt::format("it is not known whether the parameters, of {}, fit the drive, {}",
                                      file.identity.text(), drive.text()),
                   file_name, "give the file of this product, or --force if you know that they fit");
 }
 
-// A motor that follows parameters while they change is dangerous, and most drives refuse half of them.
+// Changing parameters while a motor follows its targets is dangerous, and most drives refuse many of them then.
 void require_rest(ObjectClient& objects) {
   const auto word = objects.read_if_present<std::uint16_t>(0x6041);
   if (!word) return;
@@ -68,7 +68,7 @@ struct Plan {
   std::vector<ObjectAddress> skipped;
 };
 
-// Everything that can be found wrong without writing.
+// Makes all checks that need no write.
 Plan plan_of(ObjectClient& objects, const ParameterFile& file, const std::string& file_name, const ParameterList& list,
              const LoadOptions& options) {
   Plan plan;
@@ -82,9 +82,9 @@ Plan plan_of(ObjectClient& objects, const ParameterFile& file, const std::string
     if (options.progress) options.progress("checking", done++, file.values.size());
     const Parameter* parameter = list.find(value.address);
     if (parameter == nullptr && list.rules().is_connection(value.address)) {
-      complain(value, "it is about how the drive is reached; write --connection to load it as well");
+      complain(value, "it is a communication setting; give --connection to load it as well");
     } else if (parameter == nullptr && !options.skip_absent) {
-      complain(value, "it is no parameter of this drive");
+      complain(value, "it is not a parameter of this drive");
     } else if (parameter == nullptr) {
       plan.skipped.push_back(value.address);
     } else if (const std::string problem = objection(value, *parameter); !problem.empty()) {
@@ -94,7 +94,7 @@ Plan plan_of(ObjectClient& objects, const ParameterFile& file, const std::string
     } else if (options.skip_absent) {
       plan.skipped.push_back(value.address);
     } else {
-      complain(value, "the drive does not have it, or not on this bus; write --skip-absent to leave it out");
+      complain(value, "the drive does not have it, or not on this bus; give --skip-absent to skip it");
     }
   }
   if (problems.empty()) return plan;
@@ -105,7 +105,7 @@ Plan plan_of(ObjectClient& objects, const ParameterFile& file, const std::string
                   objects.where(), "nothing was written");
 }
 
-// Only what the drive answered is a reason to go on talking to it.
+// True if the drive still answers. If not, an attempt to restore values would only run into timeouts.
 bool answers(ObjectClient& objects, ObjectAddress address) {
   try {
     objects.upload(address);
@@ -117,16 +117,17 @@ bool answers(ObjectClient& objects, ObjectAddress address) {
   }
 }
 
-// Takes back what was written; says how that went.
+// Restores the values from before the load, and throws LoadError with the result.
 [[noreturn]] void take_back(ObjectClient& objects, const ParameterWriter& writer, const HostError& cause) {
   const std::vector<ObjectAddress> written = writer.written();
   if (written.empty()) throw cause;
   if (!answers(objects, written.front())) {
-    throw LoadError(cause,
-                    fmt::format("the drive does not answer any more; {} objects were written (not stored): {}; when it "
-                                "is back, load the file again, or switch it off and on to have what was stored",
-                                written.size(), text_of(written)),
-                    LoadError::Outcome::bus_lost, written, written);
+    throw LoadError(
+        cause,
+        fmt::format("the drive does not answer any more; {} objects were written (not stored): {}; when it answers "
+                    "again, load the file again, or switch it off and on to return to the stored values",
+                    written.size(), text_of(written)),
+        LoadError::Outcome::bus_lost, written, written);
   }
   WantedValues before = writer.before();
   std::erase_if(before,
@@ -148,12 +149,13 @@ bool answers(ObjectClient& objects, ObjectAddress address) {
   }
   if (not_restored.empty()) {
     throw LoadError(cause,
-                    fmt::format("{}; all {} objects written before were taken back", cause.remedy(), written.size()),
+                    fmt::format("{}; the previous values of all {} objects written before were restored",
+                                cause.remedy(), written.size()),
                     LoadError::Outcome::rolled_back, written, {});
   }
   throw LoadError(cause,
-                  fmt::format("of {} objects written before, these could not be taken back: {} ({}); load a file that "
-                              "is known to be good",
+                  fmt::format("of {} objects written before, these previous values could not be restored: {} ({}); "
+                              "load a file that is known to be good",
                               written.size(), text_of(not_restored), why),
                   LoadError::Outcome::partly, written, not_restored);
 }
@@ -192,7 +194,7 @@ LoadReport load_parameters(ObjectClient& objects, const ParameterFile& file, con
 bool store_parameters(ObjectClient& objects, const ParameterRules& rules) {
   bool stored = false;
   for (const StoreCommand& command : rules.store) {
-    // In the size that the drive gives it, since commands of makers are bytes and words.
+    // Uses the size that the drive reports, because makers' commands may be 8 or 16 bits wide.
     std::size_t size = sizeof command.value;
     try {
       size = std::clamp<std::size_t>(objects.upload(command.object).size(), 1, size);

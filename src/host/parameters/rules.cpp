@@ -8,12 +8,12 @@
 namespace servodrome::host {
 namespace {
 
-// CiA 301, CiA 402-2, ETG.1000.6: what is no parameter though it can be read and written.
+// Objects of CiA 301, CiA 402-2 and ETG.1000.6 that can be read and written but are no parameters.
 constexpr auto standard_commands = std::to_array<ObjectRange>({
     {0x1003},                                // error history: 0 clears it
     {0x1010}, {0x1011}, {0x1021},            // the EDS itself
     {0x1023},                                // OS command and debugger
-    {0x1024}, {0x1025}, {0x1026}, {0x1C32},  // synchronisation: the master's, at every start
+    {0x1024}, {0x1025}, {0x1026}, {0x1C32},  // synchronisation: set by the master at every start
     {0x1C33}, {0x1F50},                      // program download
     {0x1F51}, {0x6040}, {0x6042}, {0x6060}, {0x6064}, {0x6069}, {0x6071}, {0x607A},       {0x60B0},       {0x60B1},
     {0x60B2}, {0x60B8}, {0x60BA}, {0x60BB}, {0x60BC}, {0x60BD}, {0x60C1}, {0x60C4, 4, 6}, {0x60FE, 1, 1}, {0x60FF},
@@ -21,17 +21,18 @@ constexpr auto standard_commands = std::to_array<ObjectRange>({
 
 constexpr std::array store_1010{StoreCommand{{0x1010, 1}, dictionary::save_signature}};
 
-// ISMC manual, ch. 6, Table 5-1: kept and in force after a restart.
+// ISMC manual, ch. 6, Table 5-1: stored, and in force after a restart.
 constexpr auto ismc_connection = std::to_array<ObjectRange>({{0x2004}, {0x2401}});
 
 constexpr auto generic402_connection = std::to_array<ObjectRange>({{0x2F00}, {0x2F01}, {0x2F20}});
 
-// Pn703 bit rate and Pn704 node-ID; Pn006, Pn201 and Pn202 act at the next power-on as well. All Pn are kept at once.
+// Pn703 bit rate and Pn704 node-ID; Pn006, Pn201 and Pn202 also take effect at the next power-on. All Pn are stored as
+// soon as they are written.
 constexpr auto pronet_connection = std::to_array<ObjectRange>({{0x30FF}, {0x3100}});
 constexpr auto pronet_restart = std::to_array<ObjectRange>({{0x3006}, {0x2F10}, {0x2F11}});
 
-// Simulated inputs and outputs, other units of objects that are there already, and pointers to them; 2FF0h sub 1 stores
-// all but the motor data, sub 3 these (iSMK manual, ch. 7.10).
+// Simulated inputs and outputs, copies of other objects in different units, and pointers to objects. 2FF0h sub 1 stores
+// everything except the motor data, sub 3 stores these (iSMK manual, ch. 7.10).
 constexpr auto ismk_commands = std::to_array<ObjectRange>({{0x2010, 0x02, 0x02},
                                                            {0x2010, 0x0E, 0x0E},
                                                            {0x2690},
@@ -43,13 +44,14 @@ constexpr auto ismk_commands = std::to_array<ObjectRange>({{0x2010, 0x02, 0x02},
 constexpr auto ismk_connection = std::to_array<ObjectRange>({{0x100B}, {0x2F81}, {0x2FE2}, {0x6510, 0x0B, 0x0C}});
 constexpr std::array ismk_store{StoreCommand{{0x2FF0, 1}, 1}, StoreCommand{{0x2FF0, 3}, 1}};
 
-// Of the service port: P00-21 to P00-27 and the functions; P00, P03-09 to P03-11 and P06 act from power-on (JMC manual,
-// ch. 9.2, AL.110). The objects of the bus are not kept at all, the panel's at once.
+// Objects of the service port: P00-21 to P00-27 and the functions; P00, P03-09 to P03-11 and P06 take effect at
+// power-on (JMC manual, ch. 9.2, AL.110). Objects of the bus cannot be stored; panel parameters are stored as soon as
+// they are written.
 constexpr auto jmc_commands = std::to_array<ObjectRange>({{0x200D}, {0x200E}});
 constexpr auto jmc_connection = std::to_array<ObjectRange>({{0x2000, 0x16, 0x1C}});
 constexpr auto jmc_restart = std::to_array<ObjectRange>({{0x2000}, {0x2003, 0x0A, 0x0C}, {0x2006}});
 
-// Rated current and torque of the motor; P00, the motor's own data.
+// Rated current and torque of the motor; P00, the motor data.
 constexpr auto jmc_by_model = std::to_array<ObjectRange>({{0x2000}, {0x6075}, {0x6076}});
 
 constexpr ParameterRules ismk(std::string_view product) {
@@ -81,7 +83,7 @@ bool any_contains(std::span<const ObjectRange> ranges, ObjectAddress object) {
 bool ParameterRules::is_connection(ObjectAddress object) const { return any_contains(connection, object); }
 
 bool ParameterRules::is_command(ObjectAddress object) const {
-  constexpr std::uint16_t first_object = 0x1000;  // below: data types, and dummies of PDO mapping
+  constexpr std::uint16_t first_object = 0x1000;  // below are data types and dummies of PDO mapping
   return object.index < first_object || any_contains(standard_commands, object) || any_contains(commands, object);
 }
 

@@ -5,10 +5,11 @@
 
 #include "host/object_address.hpp"
 
-// Which objects of a drive are parameters, what stores them, and when they act: what no dictionary says.
+// Rules that no object dictionary contains: which objects are parameters, how they are stored, and when they take
+// effect.
 namespace servodrome::host {
 
-// Objects of one index, from one sub-index to another.
+// A range of sub-indices of one index.
 struct ObjectRange {
   std::uint16_t index;
   std::uint8_t first_sub = 0;
@@ -25,21 +26,22 @@ struct StoreCommand {
 };
 
 struct ParameterRules {
-  std::string_view product{};                 // as `servodrome products` lists it; empty: any other drive
-  std::span<const ObjectRange> commands{};    // besides those of the standard: writing them does something
-  std::span<const ObjectRange> connection{};  // node-ID, bit rate and the like: how the drive is reached
-  std::span<const ObjectRange> restart{};     // besides `connection`: act after the next power-on
-  std::span<const StoreCommand> store{};      // empty: what is kept at all is kept as soon as it is written
-  std::span<const ObjectRange> by_model{};    // the factory value is that of the size the drive is sold in
+  std::string_view product{};                 // name in the list of `servodrome products`; empty: any other drive
+  std::span<const ObjectRange> commands{};    // writing these triggers an action; in addition to the standards'
+                                              // commands
+  std::span<const ObjectRange> connection{};  // connection settings: node-ID, bit rate etc.
+  std::span<const ObjectRange> restart{};     // take effect at the next power-on; in addition to `connection`
+  std::span<const StoreCommand> store{};      // empty: values that can be stored are stored as soon as they are written
+  std::span<const ObjectRange> by_model{};    // the factory value depends on the drive's size
 
   bool is_connection(ObjectAddress object) const;
-  // A command, a target, a measured value, or what a master sets anew at every start.
+  // True for a command, a target, a measured value, or an object that a master sets at every start.
   bool is_command(ObjectAddress object) const;
   bool acts_after_restart(ObjectAddress object) const;
   bool differs_by_model(ObjectAddress object) const;
 };
 
-// Those of the product; 1010h sub 1 stores, and nothing else is known, for a name that is not in the table.
+// The product's rules. For an unknown name: 1010h sub 1 stores, and no further rules.
 const ParameterRules& parameter_rules_of(std::string_view product);
 
 }  // namespace servodrome::host

@@ -52,9 +52,9 @@ std::optional<std::vector<std::byte>> read_parameter(ObjectClient& objects, Obje
     return bytes;
   }
   if (bytes.size() > size) {
-    throw HostError(fmt::format("{} bytes came for a value of type {}", bytes.size(), short_word(type)),
+    throw HostError(fmt::format("{} bytes were received for a value of type {}", bytes.size(), short_word(type)),
                     fmt::format("{}, {}", objects.where(), text_of(address)),
-                    "the data sheet is that of another drive: give the right one with --eds");
+                    "the data sheet belongs to another drive: give the right one with --eds");
   }
   const bool negative =
       dictionary::is_signed(type) && !bytes.empty() && std::to_integer<unsigned>(bytes.back()) >= 0x80;

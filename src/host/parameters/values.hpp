@@ -7,10 +7,10 @@
 
 namespace servodrome::host {
 
-// How far something is; may throw to end it.
+// Progress callback; it may throw to cancel.
 using ParameterProgress = std::function<void(const char* doing, std::size_t done, std::size_t of)>;
 
-// The node-ID of a CANopen drive; nothing on other buses, where identifiers do not depend on it.
+// Node-ID of a CANopen drive; nullopt on other buses, whose identifiers do not depend on it.
 using NodeId = std::optional<std::uint8_t>;
 
 struct ReadParameters {
@@ -18,24 +18,24 @@ struct ReadParameters {
   std::vector<ObjectAddress> absent;  // the drive does not have them, or not on this bus
 };
 
-// What the drive has of the list. Throws HostError if it does not answer.
+// Reads all parameters of the list that the drive has. Throws HostError if it does not answer.
 ReadParameters read_parameters(ObjectClient& objects, const ParameterList& list, NodeId node_id,
                                const ParameterProgress& progress = {});
 
-// The present value of one parameter, in the size of its type; nothing if the drive does not have it.
+// Present value of a parameter, in the size of its type; nullopt if the drive does not have it.
 std::optional<std::vector<std::byte>> read_parameter(ObjectClient& objects, ObjectAddress address,
                                                      dictionary::Type type);
 
-// As the drive leaves the factory, as far as the list knows.
+// The factory values, as far as the list knows them.
 std::vector<ParameterValue> factory_parameters(const ParameterList& list);
 
 struct ParameterDifference {
   ObjectAddress address;
-  const ParameterValue* left = nullptr;   // nullptr: it is not there
-  const ParameterValue* right = nullptr;  // they point into what was compared
+  const ParameterValue* left = nullptr;   // nullptr: absent; points into the compared values
+  const ParameterValue* right = nullptr;  // likewise
 };
 
-// In order of address. `only_common`: what one side does not have is no difference.
+// Sorted by address. `only_common`: ignores values that exist on one side only.
 std::vector<ParameterDifference> compare(std::span<const ParameterValue> left, std::span<const ParameterValue> right,
                                          NodeId node_id, bool only_common = false);
 

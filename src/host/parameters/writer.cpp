@@ -16,8 +16,9 @@ constexpr std::uint16_t tpdo_communication = 0x1800;
 constexpr std::uint16_t mapping_offset = 0x200;  // from a PDO's communication parameter to its mapping
 constexpr std::uint16_t output_assignment = 0x1C12;
 constexpr std::uint16_t input_assignment = 0x1C13;
-constexpr std::int64_t invalid_bit = std::int64_t{1} << 31;  // of a PDO's COB-ID
-// Each pass brings at least one more value to where it belongs, or ends it; chains of more than a few are no drive's.
+constexpr std::int64_t invalid_bit = std::int64_t{1} << 31;  // bit of a PDO's COB-ID
+// Maximum of passes. Each pass brings at least one more value to its target, or the writing ends; no known drive has
+// longer chains of dependent values.
 constexpr unsigned most_passes = 8;
 
 bool is_communication(std::uint16_t index) {
@@ -33,7 +34,7 @@ std::vector<std::byte> bytes_of(std::int64_t number, Type type) {
   return {bytes.begin(), bytes.begin() + static_cast<std::ptrdiff_t>(dictionary::size_of(type))};
 }
 
-// A list that the drive does not put into force fails for an entry it refused before: that is the one to tell.
+// Finds the value to report: if a list cannot be activated, the cause is an entry that the drive refused before.
 const WantedValues::value_type& culprit(const WantedValues& changes,
                                         const std::map<ObjectAddress, std::string>& refused) {
   const auto found = std::find_if(changes.begin(), changes.end(), [&refused](const auto& one) {
@@ -68,12 +69,12 @@ void ParameterWriter::write(ObjectAddress address, Type type, std::vector<std::b
     objects_.download(address, bytes);
   } catch (const ObjectError& error) {
     if (error.answered()) throw;
-    // One answer got lost, or the bus is gone. What the drive has now tells; if it does not answer, that is thrown.
+    // Either one answer was lost or the bus is gone. Reading the value back decides; a missing answer throws.
     if (read_parameter(objects_, address, type) != bytes) throw;
   }
 }
 
-// A refusal is for later: another value may be in the way.
+// Records a refusal instead of throwing, because the write may succeed after another value has changed.
 void ParameterWriter::try_to_write(ObjectAddress address, Type type, std::vector<std::byte> bytes) {
   if (progress_) progress_("writing", std::min(done_, of_), of_);
   ++done_;
@@ -85,17 +86,18 @@ void ParameterWriter::try_to_write(ObjectAddress address, Type type, std::vector
   }
 }
 
-// Before its mapping, transmission type or identifier changes, a PDO does not exist (CiA 301 7.5.2.35 to 7.5.2.38).
+// A PDO must be invalid while its mapping, transmission type or identifier changes (CiA 301 7.5.2.35 to 7.5.2.38).
 void ParameterWriter::switch_off(std::uint16_t communication) {
   const ObjectAddress cob_id{communication, 1};
   const auto now = read_parameter(objects_, cob_id, Type::unsigned32);
-  if (!now) return;  // EtherCAT has no identifiers
+  if (!now) return;  // PDOs on EtherCAT have no identifiers
   const std::int64_t number = dictionary::decode_number(Type::unsigned32, *now);
   if ((number & invalid_bit) == 0)
     try_to_write(cob_id, Type::unsigned32, bytes_of(number | invalid_bit, Type::unsigned32));
 }
 
-// A list that says in sub-index 0 how much of it counts: emptied, filled, and put into force as a whole.
+// Writes a list whose sub-index 0 is the number of valid entries: sets it to 0, writes the entries, then activates the
+// whole list.
 void ParameterWriter::write_counted(std::uint16_t index, const WantedValues& changes, const WantedValues& wanted) {
   const auto first = changes.lower_bound({index, 0});
   if (first == changes.end() || first->first.index != index) return;
@@ -112,12 +114,12 @@ void ParameterWriter::write_counted(std::uint16_t index, const WantedValues& cha
 }
 
 void ParameterWriter::write_pdos(const WantedValues& changes, const WantedValues& wanted) {
-  std::set<std::uint16_t> pdos;  // by their communication parameters
+  std::set<std::uint16_t> pdos;  // by the index of the communication parameter
   for (const auto& [address, value] : changes) {
     if (is_communication(address.index)) pdos.insert(address.index);
     if (is_mapping(address.index)) pdos.insert(static_cast<std::uint16_t>(address.index - mapping_offset));
   }
-  // Identifiers may change places: all are switched off before one comes back.
+  // PDOs may exchange their identifiers, so all are switched off before the first is switched on again.
   std::map<std::uint16_t, WantedValue> identifiers;
   for (const std::uint16_t pdo : pdos) {
     const auto wanted_id = wanted.find({pdo, 1});
@@ -141,7 +143,7 @@ void ParameterWriter::write_pdos(const WantedValues& changes, const WantedValues
   }
 }
 
-// What is assigned is not to be mapped anew (ETG.1000.6 clause 5.6.7.4): the lists are empty meanwhile.
+// An assigned PDO must not be mapped (ETG.1000.6 clause 5.6.7.4), so the assignment lists are emptied meanwhile.
 void ParameterWriter::write_assignments(const WantedValues& changes, const WantedValues& wanted) {
   const bool maps =
       std::any_of(changes.begin(), changes.end(), [](const auto& one) { return is_mapping(one.first.index); });
@@ -194,12 +196,12 @@ void ParameterWriter::bring_to(const WantedValues& wanted) {
       const auto has = read_parameter(objects_, address, value.type).value_or(std::vector<std::byte>{});
       throw HostError(
           words != refused_.end()
-              ? fmt::format("the value {} was not taken: {}", text_of_value(value.bytes, value.type), words->second)
+              ? fmt::format("the value {} was not accepted: {}", text_of_value(value.bytes, value.type), words->second)
               : fmt::format("{} was written and {} is read back", text_of_value(value.bytes, value.type),
                             text_of_value(has, value.type)),
           fmt::format("{}, {}", objects_.where(), text_of(address)),
-          words != refused_.end() ? "see the drive's manual for what this object allows, and in which state"
-                                  : "see the drive's manual for what alters it");
+          words != refused_.end() ? "see the drive's manual for the permitted values and states of this object"
+                                  : "see the drive's manual for conditions that change it");
     }
     last_changes = changes;
     refused_.clear();

@@ -6,25 +6,26 @@
 
 namespace servodrome::host {
 
-// A value as it travels.
+// A value in the format of the bus.
 struct WantedValue {
   dictionary::Type type = dictionary::Type::unsigned32;
   std::vector<std::byte> bytes{};
 };
 using WantedValues = std::map<ObjectAddress, WantedValue>;
 
-// Brings objects of one drive to wanted values, in an order that drives take, and remembers what was there before.
+// Brings objects of one drive to wanted values, in an order that drives accept, and stores the previous values.
 class ParameterWriter {
  public:
   ParameterWriter(ObjectClient& objects, std::function<void()> before_communication, ParameterProgress progress)
       : objects_(objects), before_communication_(std::move(before_communication)), progress_(std::move(progress)) {}
 
-  // Returns when all are as wanted. Throws HostError: the bus is lost, or the drive keeps refusing or altering a value.
+  // Returns when all values are as wanted. Throws HostError if the bus is lost, or if the drive keeps refusing or
+  // changing a value.
   void bring_to(const WantedValues& wanted);
 
-  // What objects were before they were first written, helpers such as a PDO's identifier included.
+  // The values before the first write, including auxiliary objects such as a PDO's identifier.
   const WantedValues& before() const { return before_; }
-  // The objects that may have another value than before.
+  // The objects whose value may have changed.
   std::vector<ObjectAddress> written() const;
   void set_progress(ParameterProgress progress) { progress_ = std::move(progress); }
 
@@ -42,7 +43,7 @@ class ParameterWriter {
   std::function<void()> before_communication_;
   ParameterProgress progress_;
   WantedValues before_{};
-  std::map<ObjectAddress, std::string> refused_{};  // in this pass, with the drive's words
+  std::map<ObjectAddress, std::string> refused_{};  // refused in this pass, with the drive's reason
   bool communication_begun_ = false;
   std::size_t done_ = 0;
   std::size_t of_ = 0;

@@ -7,7 +7,8 @@ namespace servodrome::host::plcopen {
 
 namespace {
 
-// The master has one set of limits: "System" reads what "Appl" writes.
+// Parameters that are numbers. The master has one set of limits, so a "System" parameter reads the value of the "Appl"
+// parameter.
 struct NumberParameter {
   Parameter number;
   double AxisConfiguration::*field;
@@ -37,7 +38,7 @@ constexpr std::array bools{
     BoolParameter{Parameter::EnablePosLagMonitoring, &AxisConfiguration::enable_lag_monitoring},
 };
 
-// What is measured is no limit.
+// True for dynamic limits: maximum lag, velocity, acceleration, deceleration and jerk.
 bool is_a_limit(Parameter number) { return number != Parameter::SWLimitPos && number != Parameter::SWLimitNeg; }
 
 bool is_measured(Parameter number) {

@@ -2,10 +2,10 @@
 
 #include "host/plcopen/block.hpp"
 
-// The blocks of part 1 that do not move an axis.
+// The function blocks of part 1 that do not move an axis.
 namespace servodrome::host::plcopen {
 
-// Numbers of parameters (part 1, table of MC_ReadParameter and MC_WriteParameter).
+// Parameter numbers (part 1, table of MC_ReadParameter and MC_WriteParameter).
 enum class Parameter : std::uint16_t {
   CommandedPosition = 1,
   SWLimitPos = 2,
@@ -31,7 +31,8 @@ ErrorId read_parameter(Axis& axis, Parameter number, bool& value);
 ErrorId write_parameter(Axis& axis, Parameter number, double value);
 ErrorId write_parameter(Axis& axis, Parameter number, bool value);
 
-// Switches the drive on while Enable is TRUE, and off when it is not, however fast the axis is. A fault is not reset.
+// Switches the drive on while Enable is TRUE. Enable FALSE switches it off at any speed, so stop the axis first. Does
+// not reset a fault.
 class MC_Power {
  public:
   bool Enable = false;
@@ -49,7 +50,7 @@ class MC_Power {
   }
 };
 
-// Takes the axis out of ErrorStop, and the drive's fault with it.
+// Leaves ErrorStop and resets the drive's fault.
 class MC_Reset : public ExecuteBlock {
  public:
   bool Done = false;
@@ -63,7 +64,7 @@ class MC_Reset : public ExecuteBlock {
   double waited_s_ = 0.0;
 };
 
-// The axis is at Position from now on (or that much further, Relative); nothing moves.
+// Shifts the origin so that the axis is at Position, or, with Relative, Position further than before. Nothing moves.
 class MC_SetPosition : public InstantBlock {
  public:
   double Position = 0.0;
@@ -83,7 +84,7 @@ class MC_ReadStatus : public EnableBlock {
 class MC_ReadAxisError : public EnableBlock {
  public:
   ErrorId AxisErrorID = ErrorId::none;
-  std::uint16_t DriveErrorCode = 0;  // 603Fh when it came; beyond the standard
+  std::uint16_t DriveErrorCode = 0;  // 603Fh at the time of the error; an extension of the standard
   void operator()(Axis& axis) {
     run([&] {
       AxisErrorID = axis.error();
@@ -148,14 +149,14 @@ class MC_ReadActualTorque : public EnableBlock {
   }
 };
 
-// TRIGGER_REF: which input of the drive, and which of its edges.
+// TRIGGER_REF: a touch probe input of the drive and the edge.
 struct TriggerRef {
   unsigned probe = 1;
   bool rising = true;
 };
 
-// The position at an edge, as the drive latched it. With WindowOnly, edges outside First- and LastPosition do not
-// count.
+// Returns the position that the drive latches at an edge. With WindowOnly, edges outside FirstPosition .. LastPosition
+// are ignored.
 class MC_TouchProbe : public ExecuteBlock {
  public:
   TriggerRef TriggerInput{};
@@ -171,7 +172,7 @@ class MC_TouchProbe : public ExecuteBlock {
   ErrorId error_ = ErrorId::none;
 };
 
-// Ends the MC_TouchProbe that waits at this input.
+// Aborts the MC_TouchProbe that waits at this input.
 class MC_AbortTrigger : public InstantBlock {
  public:
   TriggerRef TriggerInput{};

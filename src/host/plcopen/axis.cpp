@@ -1,5 +1,5 @@
-// State diagram, commands, power, homing. Targets and blending are in axis_blending.cpp, what runs each cycle of a
-// synchronised motion in axis_synchronized.cpp.
+// State diagram, commands, power, homing. Targets and blending: axis_blending.cpp. Cycle of a synchronised motion:
+// axis_synchronized.cpp.
 #include "host/plcopen/axis.hpp"
 
 #include <algorithm>
@@ -16,7 +16,7 @@ bool is_positive(double value) { return std::isfinite(value) && value > 0.0; }
 Axis::Axis(MotionAxis& motion, const AxisConfiguration& configuration)
     : motion_(motion), configuration_(configuration), scale_(configuration.counts_per_unit) {
   if (!std::isfinite(scale_) || scale_ == 0.0) {
-    throw HostError("counts_per_unit is 0 or no number", motion.axis().where(), "give counts for a unit of position");
+    throw HostError("counts_per_unit is 0 or no number", motion.axis().where(), "give the counts per unit of position");
   }
 }
 
@@ -64,7 +64,7 @@ ErrorId Axis::check_master(const Command& command) const {
   }
   if (command.cam == nullptr || !command.cam->valid()) return ErrorId::parameter_invalid;
   if (!command.slave_is_absolute) return ErrorId::none;
-  // A jump to the cam is never wanted.
+  // The slave must be on the cam already, because coupling must not make it jump.
   const double begin = counts_of(cam_value(command, led_by(command, false)).slave);
   return std::abs(begin - motion_.set_point().position) <= 1.0 ? ErrorId::none : ErrorId::not_on_the_cam;
 }
@@ -110,7 +110,7 @@ void Axis::give(const CommandPointer& command) {
   }
   queue_.push_back(command);
   place_queue();
-  // The command before it may now pass its target instead of stopping there.
+  // The active command may now pass its target instead of stopping there.
   if (active_->goes_to_a_position()) {
     motion_.move_to(active_->target_counts, end_velocity_of_active(motion_.set_point().position), limits_of(*active_));
   }
@@ -163,7 +163,7 @@ void Axis::start(const CommandPointer& command, From from) {
 }
 
 void Axis::finish(Command::Status status) {
-  // An MC_Stop that is done stays so.
+  // A finished MC_Stop keeps the status done.
   if (active_ && !active_->is_over()) active_->status = status;
   active_.reset();
 }
@@ -353,7 +353,7 @@ void Axis::disarm(unsigned number) {
   probe = {};
 }
 
-// 60B8h and 60B9h: probe 1 in bits 0 to 7, probe 2 in bits 8 to 15 (CiA 402-2 clause 12.2).
+// Bits of 60B8h and 60B9h: probe 1 in bits 0 to 7, probe 2 in bits 8 to 15 (CiA 402-2 clause 12.2).
 void Axis::watch_probes() {
   constexpr unsigned enable = 0x01;
   constexpr unsigned rising = 0x10;

@@ -10,9 +10,10 @@
 
 namespace servodrome::host::plcopen {
 
-// In the axis's units and seconds. What the parameters of MC_ReadParameter are (part 1, clause 3.15 table).
+// Configuration in the axis's units and seconds. The values are the parameters of MC_ReadParameter (part 1, clause 3.15
+// table).
 struct AxisConfiguration {
-  double counts_per_unit = 1.0;  // a unit of position, in the drive's
+  double counts_per_unit = 1.0;  // counts of the drive in one unit of position; negative to invert the direction
   double max_velocity = 1e9;
   double max_acceleration = 1e12;
   double max_deceleration = 1e12;
@@ -25,14 +26,14 @@ struct AxisConfiguration {
   bool enable_lag_monitoring = false;
 };
 
-// AXIS_REF: the state diagram, the queue of commands with their buffer modes, and the motion they make, on a
-// MotionAxis. In each cycle begin_cycle(), then the function blocks, then update() when all axes advanced, then
-// MotionAxis writes; Controller does so. Used by function blocks; nothing here waits.
+// AXIS_REF: state diagram, command queue with buffer modes, and the resulting motion of a MotionAxis. Used by the
+// function blocks; no call blocks. Order in each cycle, as in Controller: begin_cycle(), function blocks, update()
+// after all axes have advanced, then MotionAxis::write().
 class Axis {
  public:
   static constexpr std::size_t most_buffered = 8;
 
-  // `motion` outlives this. Throws HostError for a scale that is 0.
+  // `motion` must outlive this. Throws HostError if counts_per_unit is 0 or not finite.
   Axis(MotionAxis& motion, const AxisConfiguration& configuration);
   Axis(const Axis&) = delete;
   Axis& operator=(const Axis&) = delete;
@@ -47,13 +48,13 @@ class Axis {
 
   void power(bool on);
   bool is_powered() const { return motion_.is_enabled(); }
-  // Its status says what became of it, at once or in a later cycle.
+  // Accepts or refuses the command. Its status reports the result, at once or in a later cycle.
   void give(const std::shared_ptr<Command>& command);
-  // MC_Stop's Execute is FALSE.
+  // Reports that Execute of an MC_Stop is FALSE.
   void release_stop(Command& stop);
-  // The slave goes on at its velocity.
+  // Uncouples the slave, which continues at its present velocity.
   ErrorId leave_master(CommandKind kind);
-  // Begins; the axis has left ErrorStop when it is done.
+  // Starts the reset; when it is complete, the axis has left ErrorStop.
   ErrorId reset();
   ErrorId set_position(double position, bool relative);
 
@@ -67,7 +68,7 @@ class Axis {
 
   AxisConfiguration& configuration() { return configuration_; }
 
-  // One request for each probe at a time.
+  // Each probe accepts one request at a time.
   ErrorId arm(const std::shared_ptr<ProbeRequest>& request);
   void disarm(unsigned probe);
 
@@ -86,7 +87,7 @@ class Axis {
   ErrorId check_master(const Command& command) const;
   bool follows(const Axis& other) const;
   void start(const CommandPointer& command, From from);
-  // The next of the queue, or Standstill.
+  // Starts the next command of the queue; without one the state becomes Standstill.
   void go_on(From from);
   void finish(Command::Status status);
   void abort_all();
@@ -113,7 +114,7 @@ class Axis {
   MotionAxis& motion_;
   AxisConfiguration configuration_;
   double scale_;
-  double offset_ = 0.0;  // units: what MC_SetPosition and MC_Home made of it
+  double offset_ = 0.0;  // units: origin set by MC_SetPosition and MC_Home
   AxisState state_ = AxisState::Disabled;
   ErrorId error_ = ErrorId::none;
   bool is_homed_ = false;
@@ -121,13 +122,14 @@ class Axis {
 
   CommandPointer active_;
   std::deque<CommandPointer> queue_;
-  double last_target_ = 0.0;  // counts: of the last position command
+  double last_target_ = 0.0;  // counts: target of the last position command
 
-  std::uint64_t updated_in_ = 0;  // cycle
-  // Gear and cam: where master and slave were when they were coupled, in their units, as the drives count.
+  std::uint64_t updated_in_ = 0;  // number of the last cycle
+  // Gear and cam: positions of master and slave when they were coupled, in their units, without the offset of
+  // MC_SetPosition and MC_Home.
   double master_origin_ = 0.0;
   double slave_origin_ = 0.0;
-  double cam_turn_ = 0.0;  // of a periodic cam
+  double cam_turn_ = 0.0;  // turn of a periodic cam
 
   struct Probe {
     std::shared_ptr<ProbeRequest> request;

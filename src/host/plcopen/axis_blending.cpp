@@ -1,4 +1,4 @@
-// Where buffered commands lead, and with which velocity each passes its target.
+// Targets of buffered commands, and the velocity at which each passes its target.
 #include <algorithm>
 #include <cmath>
 
@@ -12,13 +12,14 @@ double sign_of(double value) { return value < 0.0 ? -1.0 : 1.0; }
 
 }  // namespace
 
-// `previous_target`: where the command before it ends, in counts.
+// Computes the target of a position command. `previous_target`: target of the command before it, in counts.
 void Axis::place(Command& command, double previous_target) const {
   switch (command.kind) {
     case CommandKind::MoveAbsolute: command.target_counts = counts_of(command.position); break;
     case CommandKind::MoveRelative: command.target_counts = previous_target + command.position * scale_; break;
     case CommandKind::MoveAdditive: {
-      // To the last target, even one that was not reached; in ContinuousMotion there is none.
+      // Adds to the last target, even if that was not reached. In ContinuousMotion there is no target, so it adds to
+      // the present set-point.
       const bool at_once = command.buffer_mode == BufferMode::Aborting && state_ == AxisState::DiscreteMotion;
       command.target_counts = (at_once ? last_target_ : previous_target) + command.position * scale_;
       break;
@@ -36,7 +37,8 @@ void Axis::place_queue() {
   }
 }
 
-// `direction` of the command before; `end_of_next`: how fast the next one passes its own target.
+// Velocity at which `before` passes its target. `direction`: of `before`; `end_of_next`: velocity at which `next`
+// passes its own target.
 double Axis::blending_velocity(const Command& before, double direction, const Command& next, double end_of_next) const {
   const double first = limits_of(before).velocity;
   const double second = limits_of(next).velocity;
@@ -49,7 +51,8 @@ double Axis::blending_velocity(const Command& before, double direction, const Co
     case BufferMode::BlendingNext: velocity = second; break;
     case BufferMode::BlendingHigh: velocity = std::max(first, second); break;
   }
-  // The command before stays within its own velocity: what is higher begins at its target.
+  // The result is limited to the higher of both velocities; a higher velocity of `next` is reached only after the
+  // target.
   velocity = std::min(velocity, std::max(first, second));
   if (next.kind == CommandKind::MoveVelocity) {
     const double to = (next.direction == Direction::Negative ? -1.0 : 1.0) * sign_of(scale_);
@@ -61,7 +64,8 @@ double Axis::blending_velocity(const Command& before, double direction, const Co
   return std::min(velocity, velocity_to_slow_within(std::abs(way), end_of_next, limits_of(next)));
 }
 
-// From the last command back: none passes its target faster than those behind it can take.
+// Computed from the last command back to the active one, so that no command passes its target faster than the commands
+// after it can brake.
 double Axis::end_velocity_of_active(double from) {
   double end = 0.0;
   for (std::size_t i = queue_.size(); i-- > 0;) {

@@ -32,8 +32,8 @@ AxisState state_of(CommandKind kind) {
   return AxisState::ErrorStop;
 }
 
-// Figure 2 and its notes: Stopping takes another MC_Stop only, Homing is entered from Standstill and left by MC_Stop or
-// its end.
+// Figure 2 and its notes: in Stopping only another MC_Stop is permitted; Homing starts from Standstill only and ends by
+// itself or by MC_Stop.
 bool permitted(CommandKind kind, AxisState state) {
   switch (state) {
     case AxisState::Disabled:

@@ -17,7 +17,7 @@ enum class AxisState : std::uint8_t {
 };
 const char* name(AxisState state);
 
-// What a function block wants of an axis, as far as the state diagram tells it apart.
+// Kinds of command that the state diagram distinguishes.
 enum class CommandKind : std::uint8_t {
   Home,
   Stop,
@@ -31,9 +31,9 @@ enum class CommandKind : std::uint8_t {
   CamIn,
 };
 
-// The state to which a command leads when it becomes active.
+// The state that a command enters when it becomes active.
 AxisState state_of(CommandKind kind);
-// May the command be given in this state?
+// True if the command is permitted in this state.
 bool permitted(CommandKind kind, AxisState state);
 
 }  // namespace servodrome::host::plcopen

@@ -1,4 +1,4 @@
-// Gear and cam: set-points that a master axis leads.
+// Gear and cam: set-points of a slave derived from a master axis.
 #include <algorithm>
 #include <cmath>
 
@@ -6,7 +6,8 @@
 
 namespace servodrome::host::plcopen {
 
-// The master's position or velocity in its units, as its drive counts: MC_SetPosition at the master moves no slave.
+// The master's position or velocity in its units, without its offset, so that MC_SetPosition at the master does not
+// move a slave.
 double Axis::led_by(const Command& command, bool velocity) const {
   const Axis& master = *command.master;
   if (command.source == Source::ActualValue) {
@@ -28,7 +29,7 @@ void Axis::follow_gear(Command& command) {
       motion_.run_at(velocity, limits);
       return;
     }
-    // The rest is less than one cycle's acceleration.
+    // The remaining velocity difference is below one cycle's acceleration, so the positions are coupled now.
     command.in_goal = true;
     master_origin_ = led_by(command, false);
     slave_origin_ = motion_.set_point().position / scale_;
@@ -37,7 +38,7 @@ void Axis::follow_gear(Command& command) {
   motion_.follow({(slave_origin_ + way) * scale_, velocity, 0.0});
 }
 
-// Where the master is on the cam.
+// The master's position on the cam.
 double Axis::on_cam(const Command& command, double master_origin) const {
   const double raw = led_by(command, false);
   const double position = command.master_is_absolute ? raw + command.master->offset_ : raw - master_origin;
@@ -56,7 +57,7 @@ void Axis::follow_cam(Command& command) {
   const CamTable::Value value = cam_value(command, master_origin_);
   const double position = command.slave_is_absolute ? counts_of(value.slave) : (slave_origin_ + value.slave) * scale_;
   motion_.follow({position, value.slope * led_by(command, true) * scale_, 0.0});
-  // A pulse whenever the master passes an end of the cam.
+  // EndOfProfile is a pulse of one cycle, whenever the master passes an end of the cam.
   const double at = on_cam(command, master_origin_);
   const double turn = cam.periodic()    ? std::floor((at - cam.begin()) / (cam.end() - cam.begin()))
                       : at >= cam.end() ? 1.0

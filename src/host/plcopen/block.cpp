@@ -8,7 +8,7 @@ bool MotionBlock::follow() {
   if (!command_) return false;
   const bool goal = command_->status == Command::Status::done || command_->in_goal;
   if ((goal || command_->is_over()) && is_to_be_cleared()) {
-    // What goes on does so without this block.
+    // A motion that has not ended continues without this block.
     command_.reset();
     return false;
   }

@@ -6,11 +6,12 @@
 
 namespace servodrome::host::plcopen {
 
-// The rules for blocks with Execute (part 1, clause 2.4.1): inputs are taken at its rising edge; of Busy, the goal
-// (Done, InVelocity, ...), CommandAborted and Error one at most is TRUE, Busy besides a goal that goes on; the goal,
-// CommandAborted and Error are there in one call at least, and until a call finds Execute FALSE.
+// The rules for blocks with Execute (part 1, clause 2.4.1). Inputs are read at its rising edge. At most one of Busy,
+// the goal (Done, InVelocity, ...), CommandAborted and Error is TRUE; only a goal that lasts (such as InVelocity) may
+// be TRUE together with Busy. Goal, CommandAborted and Error are TRUE for at least one call, and until a call with
+// Execute FALSE.
 //
-// Members have the standard's names. A block is called once a cycle, with its axis.
+// Members have the standard's names. A block is called once in each cycle, with its axis.
 class ExecuteBlock {
  public:
   bool Execute = false;
@@ -21,13 +22,13 @@ class ExecuteBlock {
   ErrorId ErrorID = ErrorId::none;
 
  protected:
-  // The edge, and no other.
+  // True at a rising edge of Execute.
   bool rises() {
     const bool rising = Execute && !before_;
     before_ = Execute;
     return rising;
   }
-  // With a result standing: is it to be taken back in this call?
+  // Called while a result is shown: true if this call must clear it.
   bool is_to_be_cleared() {
     if (!Execute && shown_) return true;
     shown_ = true;
@@ -46,13 +47,13 @@ class ExecuteBlock {
   bool shown_ = false;
 };
 
-// A block that moves an axis.
+// A block that commands a motion.
 class MotionBlock : public ExecuteBlock {
  public:
   bool Active = false;
 
  protected:
-  // `make` fills a command at the rising edge. Returns the goal.
+  // At a rising edge, `make` fills in a command, which goes to the axis. Returns the goal output.
   template <typename Make>
   bool run(Axis& axis, Make make) {
     if (rises()) {
@@ -71,7 +72,7 @@ class MotionBlock : public ExecuteBlock {
   std::shared_ptr<Command> command_;
 };
 
-// A block that acts within the call: Done or Error in the same cycle.
+// A block that completes within the call: Done or Error in the same cycle.
 class InstantBlock : public ExecuteBlock {
  public:
   bool Done = false;
@@ -94,7 +95,7 @@ class InstantBlock : public ExecuteBlock {
   bool has_result_ = false;
 };
 
-// The rules for blocks with Enable: as long as it is TRUE, Valid with outputs, or Error.
+// The rules for blocks with Enable: while it is TRUE, either Valid with outputs, or Error.
 class EnableBlock {
  public:
   bool Enable = false;
@@ -105,7 +106,7 @@ class EnableBlock {
   ErrorId ErrorID = ErrorId::none;
 
  protected:
-  // `read` sets outputs and says what was wrong.
+  // `read` sets the outputs and returns the error, or ErrorId::none.
   template <typename Read>
   void run(Read read) {
     ErrorID = Enable ? read() : ErrorId::none;

@@ -45,7 +45,7 @@ CamTable::Value CamTable::at(double master) const {
                                      [](double value, const CamPoint& point) { return value < point.master; });
   const CamPoint& a = *(next - 1);
   const CamPoint& b = *next;
-  // Hermite's cubic.
+  // Cubic Hermite interpolation.
   const double width = b.master - a.master;
   const double s = (master - a.master) / width;
   const double rise = b.slave - a.slave;

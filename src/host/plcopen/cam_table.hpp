@@ -4,15 +4,14 @@
 
 namespace servodrome::host::plcopen {
 
-// A point of a cam: where the slave is when the master is there, and how steep the cam is (slave units per master
-// unit).
+// A point of a cam: positions of master and slave, and the slope of the cam there (slave units per master unit).
 struct CamPoint {
   double master = 0.0;
   double slave = 0.0;
   double slope = 0.0;
 };
 
-// A cam: cubic between its points, so that position and velocity are continuous. What MC_CamTableSelect hands out.
+// A cam as MC_CamTableSelect provides it: cubic between its points, so that position and velocity are continuous.
 class CamTable {
  public:
   struct Value {
@@ -20,17 +19,17 @@ class CamTable {
     double slope = 0.0;
   };
 
-  // Points in order of the master, two at least; else the table is not valid(). Periodic: behind its end it begins
-  // again, shifted by what the slave went over one period.
+  // The points must be in ascending order of the master, at least two; otherwise valid() is false. Periodic: after its
+  // end the cam repeats, shifted by the slave's travel over one period.
   explicit CamTable(std::vector<CamPoint> points, bool periodic = false);
-  // Slopes from the neighbouring points (0 at the ends of a cam that is not periodic).
+  // A cam whose slopes are computed from the neighbouring points (0 at the ends of a cam that is not periodic).
   static CamTable through(std::vector<CamPoint> points, bool periodic = false);
 
   bool valid() const { return valid_; }
   bool periodic() const { return periodic_; }
   double begin() const { return points_.front().master; }
   double end() const { return points_.back().master; }
-  // Before and behind a cam that is not periodic the slave stands.
+  // Outside a cam that is not periodic the slave stands still.
   Value at(double master) const;
 
  private:

@@ -12,21 +12,21 @@ class Axis;
 
 // MC_BUFFER_MODE (part 1, clause 2.4.2).
 enum class BufferMode : std::uint8_t {
-  Aborting,          // at once; what was active or buffered is aborted
-  Buffered,          // when the command before it is done
-  BlendingLow,       // the same, passing its target with the lower of both velocities,
-  BlendingPrevious,  // with that of the command before,
-  BlendingNext,      // with that of this command,
-  BlendingHigh,      // with the higher
+  Aborting,          // starts at once; active and buffered commands are aborted
+  Buffered,          // starts when the command before it is done
+  BlendingLow,       // blending: the command before passes its target at the lower of both velocities,
+  BlendingPrevious,  // ... at its own velocity,
+  BlendingNext,      // ... at the velocity of this command,
+  BlendingHigh,      // ... at the higher of both
 };
 
 // MC_DIRECTION, for MC_MoveVelocity.
 enum class Direction : std::uint8_t { Positive, Negative, Current };
 
-// From which value of the master a slave is led (MC_SOURCE).
+// Master value that a slave follows (MC_SOURCE).
 enum class Source : std::uint8_t { SetValue, ActualValue };
 
-// What a function block gave to an axis, and what became of it. In the axis's units and seconds.
+// A command from a function block to an axis, with its result. In the axis's units and seconds.
 struct Command {
   enum class Status : std::uint8_t { buffered, active, done, aborted, failed };
 
@@ -40,7 +40,7 @@ struct Command {
   Direction direction = Direction::Positive;
 
   double torque = 0.0;       // 0.1 % of rated torque
-  double torque_ramp = 0.0;  // per second
+  double torque_ramp = 0.0;  // 0.1 % of rated torque per second
 
   Axis* master = nullptr;
   Source source = Source::SetValue;
@@ -59,9 +59,9 @@ struct Command {
   bool end_of_profile = false;
   bool released = false;  // MC_Stop: Execute is FALSE
 
-  // ---- The axis's own ----
-  double target_counts = 0.0;  // of a position command, when it is known
-  bool is_placed = false;      // it is known
+  // ---- Internal to the axis ----
+  double target_counts = 0.0;  // target of a position command, once known
+  bool is_placed = false;      // target_counts is known
 
   bool is_over() const { return status == Status::done || status == Status::aborted || status == Status::failed; }
   bool goes_to_a_position() const {
@@ -69,7 +69,7 @@ struct Command {
   }
 };
 
-// MC_TouchProbe and the axis between them.
+// A request of MC_TouchProbe to the axis, with its result.
 struct ProbeRequest {
   enum class Status : std::uint8_t { clearing, waiting, done, aborted };
 

@@ -8,12 +8,12 @@
 
 namespace servodrome::host::plcopen {
 
-// A cyclic task over the drives of a bus, as a controller has: each cycle the axes take their inputs, the program runs
-// with its function blocks, and the axes make their set-points.
+// A cyclic task for the drives of a bus, as in a PLC: in each cycle the axes read their inputs, the program runs with
+// its function blocks, and the axes compute their set-points.
 class Controller {
  public:
-  // `bus` outlives this. `configurations` for each drive in order; those that are missing are like the last. Throws
-  // HostError.
+  // `bus` must outlive this. `configurations` and `options`: one for each drive in order; the last one also applies to
+  // all further drives. Throws HostError.
   explicit Controller(CyclicBus& bus, std::span<const AxisConfiguration> configurations = {},
                       std::span<const MotionAxisOptions> options = {});
 
@@ -21,14 +21,14 @@ class Controller {
   Axis& axis(std::size_t number) { return axes_[number]; }
   CyclicBus& bus() { return bus_; }
 
-  // The program, once a cycle.
+  // Sets the program, which runs once in each cycle.
   void on_cycle(std::function<void()> program) { program_ = std::move(program); }
-  // Lets cycles run until the program has made `done` true (asked after each cycle), at most `timeout`; false: it was
-  // not. Throws HostError if the link is lost; what befalls an axis is for the program to see.
+  // Runs cycles until `done`, evaluated after each cycle, returns true; false after `timeout`. Throws HostError if the
+  // link is lost. Faults of axes do not throw: the program must check them.
   bool run_until(const std::function<bool()>& done, Time timeout);
   void run_for(Time span);
-  // Brings all axes to rest and switches them off, whatever they do, for the end of a program. Throws HostError when
-  // one stays enabled.
+  // For the end of a program: stops all axes, whatever they do, and switches them off. Throws HostError if an axis
+  // stays enabled.
   void shut_down(double deceleration, Time timeout = std::chrono::seconds(5));
 
  private:

@@ -6,7 +6,7 @@
 
 namespace servodrome::host::plcopen {
 
-// What ErrorID says; the standard leaves the numbers to the supplier. From 1 on a block's own, from 100 on the axis's.
+// Values of ErrorID, which the standard leaves to the supplier: from 1 errors of a block, from 100 errors of the axis.
 enum class ErrorId : std::uint16_t {
   none = 0,
   state_does_not_permit = 1,
@@ -29,7 +29,7 @@ enum class ErrorId : std::uint16_t {
   software_limit_reached = 106,
   reset_failed = 107,
 };
-// What it is, and what to do.
+// Description and remedy.
 const char* text_of(ErrorId error);
 ErrorId error_of(AxisFault fault);
 

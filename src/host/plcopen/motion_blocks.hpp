@@ -2,18 +2,18 @@
 
 #include "host/plcopen/block.hpp"
 
-// The blocks of part 1 that move an axis. Positions, velocities and so on are in the axis's units and seconds;
-// Velocity, Acceleration and Deceleration are above zero, Jerk 0 means linear ramps.
+// The function blocks of part 1 that move an axis. Positions, velocities etc. are in the axis's units and seconds.
+// Velocity, Acceleration and Deceleration must be above zero; Jerk 0 means linear ramps.
 namespace servodrome::host::plcopen {
 
-// What MC_MoveAbsolute, MC_MoveRelative, MC_MoveAdditive and MC_MoveVelocity have in common.
+// Common part of MC_MoveAbsolute, MC_MoveRelative, MC_MoveAdditive and MC_MoveVelocity.
 class MoveBlock : public MotionBlock {
  public:
   double Velocity = 0.0;
   double Acceleration = 0.0;
   double Deceleration = 0.0;
   double Jerk = 0.0;
-  BufferMode Mode = BufferMode::Aborting;  // BufferMode in the standard
+  BufferMode Mode = BufferMode::Aborting;  // named BufferMode in the standard
 
  protected:
   bool move(Axis& axis, CommandKind kind, double position, Direction direction = Direction::Positive) {
@@ -37,7 +37,7 @@ class MC_MoveAbsolute : public MoveBlock {
   void operator()(Axis& axis) { Done = move(axis, CommandKind::MoveAbsolute, Position); }
 };
 
-// From the set-point when it becomes active.
+// The distance counts from the set-point at which the motion becomes active.
 class MC_MoveRelative : public MoveBlock {
  public:
   double Distance = 0.0;
@@ -45,7 +45,7 @@ class MC_MoveRelative : public MoveBlock {
   void operator()(Axis& axis) { Done = move(axis, CommandKind::MoveRelative, Distance); }
 };
 
-// From the last target, also one that was not reached.
+// The distance counts from the last target, even if that was not reached.
 class MC_MoveAdditive : public MoveBlock {
  public:
   double Distance = 0.0;
@@ -60,7 +60,7 @@ class MC_MoveVelocity : public MoveBlock {
   void operator()(Axis& axis) { InVelocity = move(axis, CommandKind::MoveVelocity, 0.0, Direction); }
 };
 
-// Stops, and lets nothing else move the axis until Execute is FALSE.
+// Stops the axis and blocks all other motions until Execute is FALSE.
 class MC_Stop : public MotionBlock {
  public:
   double Deceleration = 0.0;
@@ -77,7 +77,7 @@ class MC_Stop : public MotionBlock {
   }
 };
 
-// Stops; another motion may take the axis meanwhile.
+// Stops the axis; another motion may replace it meanwhile.
 class MC_Halt : public MotionBlock {
  public:
   double Deceleration = 0.0;
@@ -94,7 +94,7 @@ class MC_Halt : public MotionBlock {
   }
 };
 
-// The drive's homing, by the method its objects name; the axis is at Position then.
+// The drive's homing with the method set in its objects (6098h); afterwards the axis is at Position.
 class MC_Home : public MotionBlock {
  public:
   double Position = 0.0;
@@ -107,11 +107,12 @@ class MC_Home : public MotionBlock {
   }
 };
 
-// In 0.1 % of the rated torque. Velocity: towards it the torque falls to nothing (0: no limit).
+// Torque in 0.1 % of the rated torque. Velocity: speed limit; the torque is reduced to 0 as the axis approaches it (0:
+// no limit).
 class MC_TorqueControl : public MotionBlock {
  public:
   double Torque = 0.0;
-  double TorqueRamp = 0.0;  // per second
+  double TorqueRamp = 0.0;  // 0.1 % of the rated torque per second
   double Velocity = 0.0;
   BufferMode Mode = BufferMode::Aborting;
   bool InTorque = false;
@@ -126,9 +127,9 @@ class MC_TorqueControl : public MotionBlock {
   }
 };
 
-// ---- Part 2 of version 1, part 1 of version 2: multi-axis ----
+// ---- Multi-axis blocks: part 2 of version 1, part 1 of version 2 ----
 
-// The slave's velocity is the master's times the ratio; its position is coupled from InGear on.
+// The slave's velocity is the master's times the ratio; from InGear on the positions are coupled as well.
 class MC_GearIn : public MotionBlock {
  public:
   double RatioNumerator = 1.0;
@@ -151,13 +152,13 @@ class MC_GearIn : public MotionBlock {
   }
 };
 
-// The slave is where the cam says. An absolute slave has to be there when it starts.
+// The slave follows the cam. With SlaveAbsolute it must already be at the cam's position when it starts.
 class MC_CamIn : public MotionBlock {
  public:
   std::shared_ptr<const CamTable> CamTableID{};
   bool MasterAbsolute = true;
   bool SlaveAbsolute = true;
-  double MasterOffset = 0.0;  // in the cam's units, after scaling
+  double MasterOffset = 0.0;  // in the cam's units, added after scaling
   double SlaveOffset = 0.0;
   double MasterScaling = 1.0;
   double SlaveScaling = 1.0;
@@ -181,7 +182,7 @@ class MC_CamIn : public MotionBlock {
   }
 };
 
-// The slave leaves its master and goes on at its velocity, in ContinuousMotion.
+// Uncouples the slave from its master; it continues at its velocity, in ContinuousMotion.
 class MC_GearOut : public InstantBlock {
  public:
   void operator()(Axis& slave) {

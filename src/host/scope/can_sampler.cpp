@@ -1,4 +1,4 @@
-// TPDOs on SYNC, where no other master uses the bus.
+// Sampling by TPDOs on SYNC, if no other master uses the bus.
 #include <algorithm>
 #include <fmt/format.h>
 
@@ -14,14 +14,14 @@ using namespace std::chrono_literals;
 constexpr Time usual_sync_period = 4ms;
 constexpr Time shortest_sync_period = 1ms;
 constexpr Time longest_sync_period = 20ms;
-// For the frames of another master. One that is there sends SYNC or PDOs, or has started the node.
+// Time to listen for another master. If there is one, it sends SYNC or PDOs, or has started the node.
 constexpr Time shortest_listening = 150ms;
 constexpr Time longest_listening = 3s;
 
 constexpr std::size_t pdo_bytes = 8;
-constexpr std::size_t entries_of_every_drive = 4;  // of a PDO: those with the fewest (ProNet)
+constexpr std::size_t entries_of_every_drive = 4;  // entries that every drive's PDO has; ProNet has the fewest
 
-// First fit, in as few PDOs as that takes.
+// First-fit packing into few PDOs.
 std::vector<std::vector<PdoObject>> pack_into_pdos(const std::vector<Channel>& channels) {
   std::vector<std::vector<PdoObject>> pdos;
   const auto bits = [](const std::vector<PdoObject>& pdo) {
@@ -40,7 +40,7 @@ std::vector<std::vector<PdoObject>> pack_into_pdos(const std::vector<Channel>& c
   return pdos;
 }
 
-// What shows that another master uses the node's process data; nothing: none does.
+// Returns how another master is known to use the node's process data; nullopt: there is no sign of one.
 std::optional<std::string> use_by_others(Bus& bus, SdoClient& sdo) {
   constexpr std::uint32_t sync_id = 0x080;
   constexpr std::uint32_t first_pdo = 0x180;
@@ -82,17 +82,17 @@ std::unique_ptr<Sampler> open_can_sampler(Bus& bus, SdoClient& sdo, std::vector<
   std::string reason;
   if (!options.polls) {
     if (options.period && *options.period < shortest_sync_period) {
-      throw HostError("a CAN bus is sampled up to 1000 times a second", sdo.where(), "give a lower rate");
+      throw HostError("a CAN bus can be sampled up to 1000 times per second", sdo.where(), "give a lower rate");
     }
     if (const auto used = use_by_others(bus, sdo)) {
-      reason = fmt::format("read by SDO, not to disturb another master: {}", *used);
+      reason = fmt::format("read by SDO, in order not to disturb another master: {}", *used);
     } else {
       try {
         const auto [cycle, cycles] = cycles_of(options.period.value_or(usual_sync_period), longest_sync_period);
         return make_process_data_sampler(std::make_unique<CanSession>(bus, sdo, channels, cycle), channels, cycles,
                                          "TPDOs on SYNC");
       } catch (const HostError& error) {
-        reason = fmt::format("read by SDO, since they cannot be had as TPDOs: {}", error.happened());
+        reason = fmt::format("read by SDO, because they cannot be mapped into TPDOs: {}", error.happened());
       }
     }
   }

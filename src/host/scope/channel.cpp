@@ -32,13 +32,13 @@ ObjectAddress object_named(std::string_view text, const ObjectCatalogue& catalog
     try {
       return catalogue.resolve(std::string(text) + " value");
     } catch (const HostError&) {
-      // What is told is about the name as it was written.
+      // The error message refers to the name as entered.
     }
     throw;
   }
 }
 
-// Letters and digits of a name, "_" for what is between them.
+// Letters and digits of a name in lower case; other characters become "_".
 std::string column_name(std::string_view name) {
   std::string column;
   for (const char c : name) {
@@ -80,7 +80,7 @@ Channel named_channel(std::string_view text, const ObjectCatalogue& catalogue) {
   if (at != std::string_view::npos) {
     channel.type = parse_type(text.substr(at + 1));
     if (!channel.type || (dictionary::size_of(*channel.type) == 0)) {
-      throw HostError(fmt::format("\"{}\" is no type of a number", text.substr(at + 1)),
+      throw HostError(fmt::format("\"{}\" is not a numeric type", text.substr(at + 1)),
                       fmt::format("channel \"{}\"", text), "write @i8 to @i64, @u8 to @u64, @bool or @f32");
     }
   }
@@ -91,7 +91,7 @@ void complete(Channel& channel, ObjectClient& objects) {
   const std::size_t bytes = objects.upload(channel.object).size();
   const bool is_number = bytes >= 1 && bytes <= 8 && (!channel.type || dictionary::size_of(*channel.type) != 0);
   if (!is_number) {
-    throw HostError(fmt::format("\"{}\" is no number", channel.name),
+    throw HostError(fmt::format("\"{}\" is not a number", channel.name),
                     fmt::format("{}, {}", objects.where(), text_of(channel.object)), "record something else");
   }
   channel.bits = static_cast<unsigned>(8 * bytes);
@@ -104,7 +104,7 @@ std::size_t add_channel(std::vector<Channel>& channels, Channel channel) {
   if (there != channels.end()) return static_cast<std::size_t>(there - channels.begin());
   if (channels.size() == most_channels) {
     throw HostError(fmt::format("more than {} channels", most_channels), fmt::format("channel \"{}\"", channel.name),
-                    "record fewer of them; what a trigger looks at is one");
+                    "record fewer channels; the trigger's object counts as one");
   }
   const auto same_name = [&](const Channel& one) { return one.name == channel.name; };
   if (std::any_of(channels.begin(), channels.end(), same_name)) {
@@ -130,7 +130,7 @@ double number_of(Type type, std::span<const std::byte> bytes) {
 }
 
 std::string text_of_number(double number) {
-  constexpr double exact = 9007199254740992.0;  // 2^53: whole numbers up to it are what they say
+  constexpr double exact = 9007199254740992.0;  // 2^53: all integers below it are exact in a double
   if (std::abs(number) < exact && number == std::floor(number)) {
     return fmt::format("{}", static_cast<std::int64_t>(number));
   }

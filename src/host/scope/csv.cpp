@@ -13,7 +13,7 @@ std::string csv_field(const std::string& text) {
   return quoted + '"';
 }
 
-// In the order in which they are written: group by group.
+// Channels in the order of output: group by group.
 std::vector<std::size_t> channels_by_group(const Recording& recording) {
   std::vector<std::size_t> order;
   for (std::size_t group = 0; group < recording.group_count; ++group) {

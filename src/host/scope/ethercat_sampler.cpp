@@ -1,4 +1,4 @@
-// Inputs of the EtherCAT cycle, where no other master uses the slave.
+// Sampling by the inputs of the EtherCAT cycle, if no other master uses the slave.
 #include <algorithm>
 #include <fmt/format.h>
 
@@ -18,14 +18,14 @@ constexpr Time shortest_cycle = 250us;
 constexpr Time longest_cycle = 10ms;  // outputs have a watchdog, usually of 100 ms
 
 constexpr std::uint16_t first_tx_pdo = 0x1A00;
-constexpr std::size_t entries_of_every_slave = 8;  // of a PDO, with room to spare
+constexpr std::size_t entries_of_every_slave = 8;  // entries that every slave's PDO has, with a margin
 
-// Mapping and assignment as they were, to be put back.
+// Saves and restores mapping and assignment.
 class InputMapping {
  public:
   explicit InputMapping(CoeClient& coe) : coe_(coe) {}
 
-  // Throws CoeError if the slave does not take it; what was changed until then is to be put back.
+  // Throws CoeError if the slave refuses; changes made until then must be restored by put_back().
   void replace(std::span<const Channel> channels) {
     assigned_ = slots(tx_assignment, 0);
     std::vector<std::uint16_t> pdos;
@@ -51,10 +51,10 @@ class InputMapping {
  private:
   struct Slots {
     std::uint8_t count = 0;            // sub 0
-    std::vector<std::uint32_t> words;  // sub 1 on; more than count where those behind can be read
+    std::vector<std::uint32_t> words;  // from sub 1; includes sub-indices beyond `count`, if they can be read
   };
 
-  // An unused slot may hold something of its own (FFFFFFFFh with JMC).
+  // Unused slots may have values of their own (FFFFFFFFh with JMC), which are saved too.
   Slots slots(std::uint16_t index, std::size_t at_least) {
     Slots found{.count = coe_.read<std::uint8_t>(index, 0), .words = {}};
     for (std::size_t sub = 1; sub <= std::max<std::size_t>(found.count, at_least); ++sub) {
@@ -79,7 +79,7 @@ class InputMapping {
           coe_.write<std::uint32_t>(index, sub, slots.words[i]);
         }
       } catch (const CoeError& error) {
-        // What is behind the count has no meaning.
+        // Values beyond the count have no effect, so a refusal is ignored.
         if (!error.from_slave() || i < slots.count) throw;
       }
     }
@@ -91,7 +91,8 @@ class InputMapping {
   std::vector<std::pair<std::uint16_t, Slots>> mapped_;
 };
 
-// A slave in OP or SAFEOP, as long as it lives. `channels` are among its inputs then; empty: mappings stay as they are.
+// Brings a slave to OP or SAFEOP; the destructor restores it. `channels` are mapped as inputs; if empty, the mapping is
+// not changed.
 class EthercatSession final : public ProcessDataSession {
  public:
   EthercatSession(EthercatMaster& master, std::span<const FoundSlave> line, EthercatSlave& slave,
@@ -105,7 +106,8 @@ class EthercatSession final : public ProcessDataSession {
       };
       if (!std::all_of(channels.begin(), channels.end(), is_mapped)) mapping_.replace(channels);
       EthercatSlave* const slaves[] = {&slave_};
-      // Under load a frame may take longer than a cycle; it is not lost for that, and what is lost is counted.
+      // Under load a frame may take longer than a cycle. A late frame does not end the recording; lost cycles are
+      // counted.
       operation_.emplace(master, line, slaves,
                          OperationOptions{.cyclic = {.period = cycle, .tolerated_losses = 250},
                                           .distributed_clocks = options.distributed_clocks,
@@ -122,7 +124,7 @@ class EthercatSession final : public ProcessDataSession {
 
   CyclicBus& bus() override { return *bus_; }
   ObjectClient& objects() override { return *objects_; }
-  // The slave is in PREOP then.
+  // Leaves the slave in PREOP.
   void close() override {
     operation_.reset();
     mapping_.put_back();
@@ -133,7 +135,7 @@ class EthercatSession final : public ProcessDataSession {
     try {
       close();
     } catch (const HostError&) {
-      // It is gone and with it what was to be put back, or what went wrong before is told.
+      // The slave does not answer any more, or an earlier error is reported.
     }
   }
 
@@ -144,7 +146,7 @@ class EthercatSession final : public ProcessDataSession {
   std::optional<CoeObjects> objects_;
 };
 
-// Nothing but the mailbox, whatever state the slave is in.
+// Access by mailbox only, in any state of the slave.
 class MailboxSession final : public Session {
  public:
   explicit MailboxSession(EthercatSlave& slave) : objects_(slave) {}
@@ -166,10 +168,10 @@ std::unique_ptr<Sampler> open_ethercat_sampler(EthercatMaster& master, std::span
                     "leave the motion to that master, and record without it");
   }
   std::string reason;
-  if (is_used) reason = "read by SDO, not to disturb another master: the slave is operational";
+  if (is_used) reason = "read by SDO, in order not to disturb another master: the slave is operational";
   if (!is_used && !options.polls) {
     if (options.period && *options.period < shortest_cycle) {
-      throw HostError("EtherCAT is sampled up to 4000 times a second", slave.where(), "give a lower rate");
+      throw HostError("EtherCAT can be sampled up to 4000 times per second", slave.where(), "give a lower rate");
     }
     const auto [cycle, cycles] = cycles_of(options.period.value_or(usual_cycle), longest_cycle);
     try {
@@ -178,7 +180,7 @@ std::unique_ptr<Sampler> open_ethercat_sampler(EthercatMaster& master, std::span
                                        options.moves ? "process data in OP" : "process data in SAFEOP");
     } catch (const CoeError& error) {
       if (!error.from_slave()) throw;
-      reason = fmt::format("read by SDO, since they cannot be had as process data: {}", error.what());
+      reason = fmt::format("read by SDO, because they cannot be mapped as process data: {}", error.what());
     }
   }
   std::unique_ptr<Session> session;

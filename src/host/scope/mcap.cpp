@@ -13,7 +13,7 @@ namespace servodrome::host::scope {
 namespace {
 
 constexpr std::string_view mcap_magic("\x89MCAP0\r\n", 8);
-constexpr std::size_t mcap_chunk_bytes = std::size_t{1} << 18;  // laid out in some milliseconds
+constexpr std::size_t mcap_chunk_bytes = std::size_t{1} << 18;  // written in a few milliseconds
 
 enum class McapRecord : std::uint8_t {
   header = 0x01,
@@ -29,7 +29,7 @@ enum class McapRecord : std::uint8_t {
   data_end = 0x0F,
 };
 
-// Little endian; strings, arrays and maps with their length in bytes before them.
+// Serialises to little endian; strings, arrays and maps are preceded by their length in bytes.
 class McapBytes {
  public:
   template <typename T>
@@ -69,14 +69,15 @@ std::string json_string(std::string_view text) {
   return quoted + '"';
 }
 
-// JSON has no number for what is none.
+// JSON cannot represent NaN and infinity, so they become null.
 std::string text_of_json(double number) { return std::isfinite(number) ? text_of_number(number) : "null"; }
 
 class McapWriter {
  public:
   explicit McapWriter(Table table) : table_(std::move(table)) {}
 
-  // The next part: a chunk, with what comes before the first or behind the last. "": that was all.
+  // Returns the next part of the file: a chunk, with the file's header before the first and its summary after the last.
+  // "": the file is complete.
   std::string next() {
     if (ended_) return {};
     if (row_ == 0) part_.raw(mcap_magic).record(McapRecord::header, McapBytes().string("").string("servodrome"));
@@ -95,13 +96,13 @@ class McapWriter {
     std::uint64_t first_ns = 0;
     std::uint64_t last_ns = 0;
     std::size_t at = 0;
-    std::size_t bytes = 0;  // of the whole record
+    std::size_t bytes = 0;  // size of the whole record
     std::size_t content_bytes = 0;
     std::map<std::uint16_t, std::size_t> index_at{};
     std::size_t index_bytes = 0;
   };
 
-  // In the file.
+  // Present position in the file.
   std::size_t place() const { return given_ + part_.size(); }
 
   static std::uint16_t channel_id(std::size_t group) { return static_cast<std::uint16_t>(group + 1); }
@@ -158,7 +159,7 @@ class McapWriter {
     return json + "}";
   }
 
-  // As many rows as it holds; returns the next one.
+  // Writes a chunk with as many rows as fit; returns the row after them.
   std::size_t write_chunk(std::size_t row) {
     McapBytes content;
     write_schemas_and_channels(content);
@@ -240,7 +241,7 @@ class McapWriter {
   void write_summary() {
     const std::size_t start = place();
     McapBytes offsets;
-    // Records of one kind, and where they are.
+    // Writes records of one kind, and notes their offset.
     const auto group = [&](McapRecord kind, const auto& write_records) {
       const std::size_t first = place();
       write_records();
@@ -272,7 +273,7 @@ class McapWriter {
   Table table_;
   std::size_t row_ = 0;
   bool ended_ = false;
-  std::size_t given_ = 0;  // bytes of former parts
+  std::size_t given_ = 0;  // bytes of the parts returned before
   McapBytes part_;
   std::vector<Chunk> chunks_;
 };

@@ -9,7 +9,7 @@ namespace {
 
 struct Rest {
   double mean = 0;
-  double spread = 0;  // greatest less least
+  double spread = 0;  // greatest minus least value
 };
 
 Rest rest_of(const std::vector<double>& values, std::size_t first, std::size_t count) {
@@ -23,7 +23,7 @@ Rest rest_of(const std::vector<double>& values, std::size_t first, std::size_t c
 
 constexpr std::size_t least_resting = 3;
 
-// `values` as parts of the step: 0 is where it begins, 1 where it ends.
+// Detects a step. `part` scales the values: 0 at the start of the step, 1 at its end.
 std::optional<StepResponse> find_step(const Recording& recording, std::size_t channel,
                                       const std::vector<double>& values) {
   const std::size_t resting = std::max(least_resting, values.size() / 20);
@@ -33,7 +33,7 @@ std::optional<StepResponse> find_step(const Recording& recording, std::size_t ch
   const double height = after.mean - before.mean;
   if (std::abs(height) <= 20 * std::max(before.spread, after.spread) || height == 0) return std::nullopt;
   const auto part = [&](std::size_t row) { return (values[row] - before.mean) / height; };
-  // The last row at which it still was where it began, then the first ones beyond 10 % and 90 %.
+  // `begin`: the last row at the initial value; `tenth` and `nine_tenths`: the first rows at or beyond 10 % and 90 %.
   const double noise = std::max(before.spread / std::abs(height), 1e-3);
   std::size_t tenth = 0;
   while (part(tenth) < 0.1) ++tenth;

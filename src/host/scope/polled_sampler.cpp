@@ -1,4 +1,4 @@
-// Objects read one request after another, while the user of the drive waits.
+// Sampling by reading objects one request after another, while the caller waits.
 #include <algorithm>
 
 #include "host/scope/process_data_sampler.hpp"
@@ -35,11 +35,11 @@ class PolledSampler final : public Sampler {
 
  private:
   struct Request {
-    std::vector<std::size_t> members;  // channels
+    std::vector<std::size_t> members;  // channel numbers
     std::vector<ObjectAddress> objects{};
   };
 
-  // The drive's objects; samples are taken between accesses and in waits.
+  // The drive's objects for the caller; takes samples after accesses and during waits.
   class Objects final : public ObjectClient {
    public:
     explicit Objects(PolledSampler& sampler) : sampler_(sampler) {}
@@ -84,7 +84,7 @@ class PolledSampler final : public Sampler {
     }
     deliver({times_, values_});
     if (period_ <= Time{0}) return true;
-    // On the grid of the first one; what was due while this one was read is missed.
+    // Keeps the grid of the first sample; samples that fell due during this one are missed.
     due_ += period_;
     const Time late = drive_.now() - due_;
     if (late < period_) return true;
@@ -102,7 +102,7 @@ class PolledSampler final : public Sampler {
   std::vector<double> values_;
 };
 
-// Nothing was set up, and the objects belong to the caller.
+// A session with nothing to restore; the caller owns the objects.
 class BorrowedObjects final : public Session {
  public:
   explicit BorrowedObjects(ObjectClient& objects) : objects_(objects) {}

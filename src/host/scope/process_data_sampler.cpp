@@ -44,7 +44,7 @@ class ProcessDataSampler final : public Sampler {
     session_->bus().on_cycle([this] { cycle(); });
   }
 
-  // Cycles that were or should have been.
+  // Number of cycles so far, including skipped ones.
   std::uint64_t position() const {
     const CycleCounters counters = session_->bus().counters();
     return counters.cycles + counters.skipped;
@@ -74,8 +74,8 @@ class ProcessDataSampler final : public Sampler {
   unsigned cycles_;
   std::vector<ProcessObject> places_;
   std::vector<double> values_;
-  std::uint64_t last_ = 0;  // position of the last sample that was due
-  bool first_ = true;       // none has come yet
+  std::uint64_t last_ = 0;  // position() of the last sample that was due
+  bool first_ = true;       // no sample yet
 };
 
 }  // namespace

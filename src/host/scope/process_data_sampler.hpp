@@ -5,33 +5,33 @@
 
 namespace servodrome::host::scope {
 
-// What was set up at a drive to sample it, for as long as it lives.
+// Set-up of a drive for sampling, for as long as this object exists.
 class Session {
  public:
   virtual ~Session() = default;
   virtual ObjectClient& objects() = 0;
-  // Puts back what was changed. Throws HostError.
+  // Restores what was changed. Throws HostError.
   virtual void close() {}
 };
 
-// Process data that hold the channels.
+// A session whose process data contain the channels.
 class ProcessDataSession : public Session {
  public:
-  virtual CyclicBus& bus() = 0;  // of the one drive
+  virtual CyclicBus& bus() = 0;  // of this one drive
 };
 
-// How a period of samples is made of cycles: none is longer than `longest`.
+// Divides a sampling period into cycles of at most `longest`.
 struct CyclePeriod {
   Time cycle{};
-  unsigned cycles = 1;  // from sample to sample
+  unsigned cycles = 1;  // cycles between two samples
 };
 CyclePeriod cycles_of(Time period, Time longest);
 
-// The channels are among the session's inputs.
+// The channels must be inputs of the session.
 std::unique_ptr<Sampler> make_process_data_sampler(std::unique_ptr<ProcessDataSession> session,
                                                    std::vector<Channel> channels, unsigned cycles, std::string way);
 
-// By reading the session's objects.
+// Samples by reading the session's objects.
 std::unique_ptr<Sampler> make_polled_sampler(std::unique_ptr<Session> session, std::vector<Channel> channels,
                                              Time period, std::string way);
 

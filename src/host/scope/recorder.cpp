@@ -18,7 +18,7 @@ Recorder::~Recorder() {
 
 void Recorder::take(const Sample& sample) {
   if (done_) return;
-  // Of the first group: rows are kept and left out as a whole.
+  // The first group's time decides for the whole row.
   const Time now = sample.times.front();
   if (zero_ && options_.duration && now - *zero_ >= *options_.duration) {
     done_ = true;

@@ -9,18 +9,18 @@
 namespace servodrome::host::scope {
 
 struct RecorderOptions {
-  std::optional<Time> duration{};  // from the trigger on, or from the first sample; nothing: until finish()
-  Time pre{};                      // what is kept from before the trigger
+  std::optional<Time> duration{};  // from the trigger or the first sample; nullopt: no limit
+  Time pre{};                      // time to keep from before the trigger
   std::optional<Trigger> trigger{};
-  std::size_t most_values = 20'000'000;  // 160 MB; then it is done
+  std::size_t most_values = 20'000'000;  // 160 MB; then the recording ends
 };
 
-// Keeps what a sampler brings. Without a trigger from the first sample on.
+// Stores a sampler's samples: from the first one, or, with a trigger, from `pre` before it fires.
 class Recorder {
  public:
-  // Samples come from now on, as long as it lives. `sampler` outlives this.
+  // Receives samples for as long as it exists. `sampler` must outlive this.
   Recorder(Sampler& sampler, const RecorderOptions& options);
-  // By take() alone.
+  // Without a sampler: the caller passes samples to take().
   Recorder(std::vector<Channel> channels, std::vector<std::size_t> groups, std::size_t group_count,
            const RecorderOptions& options);
   ~Recorder();
@@ -33,7 +33,7 @@ class Recorder {
   bool is_full() const { return full_; }
   std::size_t rows() const { return values_.size() / channels_.size(); }
 
-  // What there is; of one that was not triggered, what would have been kept before it.
+  // The recording so far. If the trigger has not fired: the rows kept for the time before it.
   Recording recording() const;
 
  private:
@@ -46,12 +46,12 @@ class Recorder {
   std::size_t group_count_;
   std::deque<Time> times_;
   std::deque<double> values_;
-  std::optional<double> before_{};  // of the trigger's channel
+  std::optional<double> before_{};  // previous value of the trigger's channel
   std::optional<Time> zero_{};
   bool triggered_ = false;
   bool done_ = false;
   bool full_ = false;
-  std::deque<std::uint64_t> missed_;  // until each row
+  std::deque<std::uint64_t> missed_;  // sampler's count of missed samples at each row
 };
 
 }  // namespace servodrome::host::scope

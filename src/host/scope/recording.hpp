@@ -7,19 +7,19 @@
 
 namespace servodrome::host::scope {
 
-// What was recorded: rows of samples. A row has a value for each channel and a time for each group of channels.
+// Recorded samples. A row has a value for each channel and a time for each group of channels.
 struct Recording {
   std::vector<Channel> channels;
-  std::vector<std::size_t> groups;  // of the channels
+  std::vector<std::size_t> groups;  // group of each channel
   std::size_t group_count = 1;
   std::vector<Time> times{};     // row after row
   std::vector<double> values{};  // row after row
-  Time zero{};                   // of the bus's clock: the trigger, or the first sample
+  Time zero{};                   // bus time of the trigger or the first sample
   bool triggered = false;
-  std::uint64_t missed = 0;  // samples that were due and did not come
-  Time period{};             // that was asked for; 0: as fast as the drive answers
+  std::uint64_t missed = 0;  // samples that were due and not received
+  Time period{};             // requested period; 0: as fast as the drive answers
   std::string source{};      // link and address
-  std::string way{};         // how it was sampled
+  std::string way{};         // sampling method
   std::int64_t zero_unix_ns = 0;
 
   std::size_t rows() const { return channels.empty() ? 0 : values.size() / channels.size(); }
@@ -29,7 +29,7 @@ struct Recording {
   double seconds(std::size_t row, std::size_t channel) const {
     return std::chrono::duration<double>(time(row, channel)).count();
   }
-  // Samples a second that came; 0 for fewer than two.
+  // Samples per second that were received; 0 for fewer than two.
   double rate_hz() const {
     if (rows() < 2) return 0;
     const double span = seconds(rows() - 1, 0) - seconds(0, 0);

@@ -16,47 +16,47 @@ struct FoundSlave;
 
 namespace servodrome::host::scope {
 
-// The channels' values, once.
+// One sample of all channels.
 struct Sample {
-  std::span<const Time> times;     // of the bus's clock: one for each group of channels
+  std::span<const Time> times;     // bus time, one for each group of channels
   std::span<const double> values;  // one for each channel
 };
 
-// Brings the values of channels of one drive, again and again, whenever the caller waits with objects().
+// Samples channels of one drive repeatedly, whenever the caller waits with objects().
 class Sampler {
  public:
-  // Called with each sample. It does not wait.
+  // Called with each sample. It must not block.
   using Sink = std::function<void(const Sample&)>;
 
   virtual ~Sampler() = default;
 
   const std::vector<Channel>& channels() const { return channels_; }
-  // Which of a sample's times is the channel's.
+  // For each channel the number of its group, which selects the time in a sample.
   const std::vector<std::size_t>& groups() const { return groups_; }
   std::size_t group_count() const { return group_count_; }
 
-  // Replaces the one before; {}: none, nothing is sampled.
+  // Sets the receiver of samples, in place of the previous one; {}: sampling stops.
   void on_sample(Sink sink) {
     sink_ = std::move(sink);
     missed_ = 0;
     begin();
   }
 
-  // The drive's objects, to wait with and to move the axis meanwhile.
+  // The drive's objects: the caller waits with them, and may move the axis meanwhile.
   virtual ObjectClient& objects() = 0;
-  // Throws HostError if the data have ceased to come.
+  // Throws HostError if no data arrive any more.
   virtual void check() const {}
-  // Puts back what was changed for the purpose. Throws HostError if the drive does not take it. The destructor does the
-  // same and says nothing.
+  // Restores what was changed for the sampling. Throws HostError if the drive refuses. The destructor does the same,
+  // but ignores errors.
   virtual void close() {}
 
-  // From sample to sample; 0: as fast as the drive answers.
+  // Time between two samples; 0: as fast as the drive answers.
   Time period() const { return period_; }
-  // Samples that were due and did not come, since on_sample().
+  // Samples that were due and not received since on_sample().
   std::uint64_t missed() const { return missed_; }
-  // In words: "TPDOs on SYNC", "SDO".
+  // Name of the sampling method: "TPDOs on SYNC", "SDO".
   const std::string& way() const { return way_; }
-  // What people should know: why it is not faster, what was left changed. Empty: nothing.
+  // A remark for the user: why sampling is not faster, or what could not be restored. Empty: none.
   const std::string& remark() const { return remark_; }
   void set_remark(std::string remark) { remark_ = std::move(remark); }
 
@@ -81,25 +81,26 @@ class Sampler {
 };
 
 struct SamplerOptions {
-  // Nothing: the bus's usual one, or as fast as the drive answers.
+  // nullopt: the bus's default, or as fast as the drive answers.
   std::optional<Time> period{};
-  bool polls = false;  // objects are read, whatever else would be possible
-  bool moves = false;  // the caller will move the axis by objects(): on EtherCAT it goes to OP
+  bool polls = false;  // reads objects, even if process data are possible
+  bool moves = false;  // the caller will move the axis through objects(): on EtherCAT the slave goes to OP
   bool distributed_clocks = false;
 };
 
-// The quickest way that disturbs no other master. All arguments but the channels, which are complete, outlive the
-// sampler. They throw HostError if the drive does not answer, or the period is none that the bus can do.
+// Each function chooses the fastest method that does not disturb another master. The channels must be complete; all
+// other arguments must outlive the sampler. Throws HostError if the drive does not answer, or if the bus cannot do the
+// period.
 
-// TPDOs on SYNC if they hold the channels and no other master is heard; else SDO.
+// TPDOs on SYNC if they can hold the channels and there is no sign of another master; otherwise SDO.
 std::unique_ptr<Sampler> open_can_sampler(Bus& bus, SdoClient& sdo, std::vector<Channel> channels,
                                           const SamplerOptions& options = {});
-// Process data if they can hold the channels and the slave is not in another master's hands; else SDO. `line`: all
-// slaves of the segment.
+// Process data if they can hold the channels and no other master uses the slave; otherwise SDO. `line`: all slaves of
+// the segment.
 std::unique_ptr<Sampler> open_ethercat_sampler(EthercatMaster& master, std::span<const FoundSlave> line,
                                                EthercatSlave& slave, std::vector<Channel> channels,
                                                const SamplerOptions& options = {});
-// By reading objects, on any bus. `way`: what that is called there.
+// Reads objects, on any bus. `way`: name of the method.
 std::unique_ptr<Sampler> open_polled_sampler(ObjectClient& objects, std::vector<Channel> channels,
                                              const SamplerOptions& options = {}, std::string way = "polled");
 

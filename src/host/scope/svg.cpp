@@ -15,11 +15,11 @@ constexpr double svg_left = 96;
 constexpr double svg_right = 24;
 constexpr double svg_top = 56;
 constexpr double svg_panel = 190;
-constexpr double svg_gap = 44;  // between panels, with the legend of the one below
+constexpr double svg_gap = 44;  // between panels, including the legend of the lower panel
 constexpr double svg_bottom = 56;
 constexpr double svg_plot_width = svg_width - svg_left - svg_right;
 
-// Colours that people who see few of them tell apart (Okabe and Ito), without yellow.
+// Colours that colour-blind readers can distinguish (Okabe and Ito), without yellow.
 constexpr std::array<std::string_view, 7> svg_colours{"#0072b2", "#d55e00", "#009e73", "#cc79a7",
                                                       "#56b4e9", "#e69f00", "#000000"};
 
@@ -37,7 +37,7 @@ std::string svg_text(std::string_view text) {
   return escaped;
 }
 
-// With as many digits as the step has; none of -0.
+// With as many decimals as the step has; -0 becomes 0.
 std::string tick_text(double value, double step) {
   const int digits = std::clamp(static_cast<int>(std::ceil(-std::log10(step) - 1e-9)), 0, 12);
   return fmt::format("{:.{}f}", value == 0 ? 0.0 : value, digits);
@@ -95,7 +95,7 @@ class SvgWriter {
     for (const std::size_t channel : channels) {
       for (std::size_t row = 0; row < recording_.rows(); ++row) range.take(recording_.value(row, channel));
     }
-    // Room above and below; a line that does not move is in the middle.
+    // Margin above and below; a constant line is drawn in the middle.
     const double room = range.span() > 0 ? 0.06 * range.span() : std::max(1.0, 0.01 * std::abs(range.least));
     range = {range.least - room, range.greatest + room};
     const auto y_of = [&](double value) { return top + (range.greatest - value) / range.span() * svg_panel; };
@@ -153,8 +153,8 @@ class SvgWriter {
     }
   }
 
-  // Where there are more samples than pixels, each pixel's least and greatest: no peak is lost. A value holds until the
-  // next one; where samples are missing, the line is broken.
+  // With more samples than pixels, draws each pixel's least and greatest value, so that no peak is lost. A value is
+  // held until the next one; the line is interrupted where samples are missing.
   template <typename ToY>
   void write_line(std::size_t channel, std::string_view colour, const ToY& y_of) {
     std::string points;

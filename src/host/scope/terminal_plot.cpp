@@ -9,7 +9,7 @@ namespace servodrome::host::scope {
 
 namespace {
 
-// U+2800 and a bit for each of the 2 by 4 dots of a character.
+// A braille character is U+2800 plus a bit for each of its 2 by 4 dots.
 constexpr std::array<std::array<std::uint8_t, 4>, 2> braille_dots{{{0x01, 0x02, 0x04, 0x40}, {0x08, 0x10, 0x20, 0x80}}};
 constexpr unsigned dots_across = 2;
 constexpr unsigned dots_down = 4;
@@ -57,7 +57,7 @@ std::string panel_plot(const Recording& recording, std::size_t channel, unsigned
     const double part = height > 0 ? (greatest - recording.value(row, channel)) / height : 0.5;
     const auto x = static_cast<unsigned>(std::lround(along * (columns * dots_across - 1)));
     const auto y = static_cast<unsigned>(std::lround(part * (rows * dots_down - 1)));
-    // Steeper than a dot: the ones between as well.
+    // Fills the dots in between if the line is steeper than one dot.
     const unsigned from = row == 0 ? y : before;
     for (unsigned dot = std::min(from, y); dot <= std::max(from, y); ++dot) canvas.set(x, dot);
     before = y;

@@ -16,7 +16,7 @@ struct ConditionRow {
   std::string_view word;
   Condition condition;
 };
-// Those of two characters first: "<=" begins with "<".
+// Operators of two characters come first, because "<=" begins with "<".
 constexpr std::array condition_words{
     ConditionRow{" rises ", Condition::rises}, ConditionRow{" falls ", Condition::falls},
     ConditionRow{" sets ", Condition::sets},   ConditionRow{" has ", Condition::has},
@@ -32,7 +32,7 @@ std::string_view without_blanks(std::string_view text) {
   return text.substr(first, text.find_last_not_of(" \t") - first + 1);
 }
 
-// Decimal, 0x or h for hexadecimal, or with a fraction.
+// A decimal number, with or without a fraction, or a hexadecimal one with 0x or h.
 std::optional<double> trigger_value(std::string_view text) {
   const bool prefix = text.starts_with("0x") || text.starts_with("0X");
   const bool suffix = text.ends_with('h') || text.ends_with('H');
@@ -77,10 +77,10 @@ TriggerText parse_trigger(std::string_view text) {
     const std::string_view number = without_blanks(whole.substr(at + word.size()));
     if (channel.empty()) refuse_trigger(text, "a channel is missing");
     const auto value = trigger_value(number);
-    if (!value) refuse_trigger(text, fmt::format("\"{}\" is no number", number));
+    if (!value) refuse_trigger(text, fmt::format("\"{}\" is not a number", number));
     return {.channel = std::string(channel), .condition = condition, .value = *value};
   }
-  refuse_trigger(text, "it does not say what is waited for");
+  refuse_trigger(text, "the condition is missing");
 }
 
 bool Trigger::fires(std::optional<double> before, double now) const {

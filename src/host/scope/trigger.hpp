@@ -7,10 +7,10 @@
 namespace servodrome::host::scope {
 
 enum class Condition : std::uint8_t {
-  rises,    // from below the value to it or above
-  falls,    // from above the value to it or below
-  changes,  // is another number than before
-  sets,     // a bit of the value that was 0 is 1
+  rises,    // from below the value to the value or above
+  falls,    // from above the value to the value or below
+  changes,  // differs from the previous sample
+  sets,     // a bit of the value changes from 0 to 1
   has,      // all bits of the value are 1
   lacks,    // all bits of the value are 0
   equal,
@@ -21,15 +21,15 @@ enum class Condition : std::uint8_t {
   at_least,
 };
 
-// Before a recording knows its channels.
+// A parsed trigger, before the channel numbers are known.
 struct TriggerText {
   std::string channel;
   Condition condition{};
   double value = 0;
 };
 
-// `CHANNEL rises VALUE`, `falls`, `sets`, `has`, `lacks`, `==`, `!=`, `<`, `<=`, `>`, `>=`, `CHANNEL changes`, or
-// `fault`, which is bit 3 of the statusword being set. Throws HostError.
+// Accepts `CHANNEL rises VALUE`, `falls`, `sets`, `has`, `lacks`, `==`, `!=`, `<`, `<=`, `>`, `>=`, `CHANNEL changes`,
+// or `fault`, which stands for bit 3 of the statusword being set. Throws HostError.
 TriggerText parse_trigger(std::string_view text);
 
 struct Trigger {
@@ -37,7 +37,7 @@ struct Trigger {
   Condition condition{};
   double value = 0;
 
-  // With the channel's sample and the one before it. Edges and changes need one before.
+  // Evaluates a sample; `before`: the previous sample, which rises, falls, changes and sets require.
   bool fires(std::optional<double> before, double now) const;
 };
 

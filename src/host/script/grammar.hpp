@@ -5,11 +5,11 @@
 
 #include "host/script/script.hpp"
 
-// The words of a script as tables.
+// Keywords of the script language, as tables.
 namespace servodrome::host::script {
 
 struct Argument {
-  std::string_view keyword;  // "" for the number that follows the verb
+  std::string_view keyword;  // "" for the number after the verb
   Quantity quantity = Quantity::plain;
   bool required = false;
 };
@@ -53,8 +53,8 @@ inline constexpr std::array<std::string_view, 2> wait_probe_flags{"positive", "n
 inline constexpr std::array expect_arguments{Argument{"tolerance"}, within};
 inline constexpr std::array wait_arguments{Argument{"", Quantity::seconds, true}};
 
-// `set`, `get`, `expect` and `wait-until` have a subject, `print` a text, before what stands here; `wait-until` is an
-// `expect` that waits for the script's time-out if no other is given.
+// `set`, `get`, `expect` and `wait-until` have a subject before these arguments, `print` a text. `wait-until` is an
+// `expect` that waits, by default for the script's timeout.
 inline constexpr std::array verbs{
     VerbRow{"reset", Verb::reset, true},
     VerbRow{"enable", Verb::enable, true},
@@ -80,7 +80,7 @@ inline constexpr std::array verbs{
     VerbRow{"repeat", Verb::repeat, false},
 };
 
-// Words that are not verbs of a step.
+// Words that begin a line and are not verbs of a step.
 inline constexpr std::array<std::string_view, 5> other_words{"axis", "use", "units", "timeout", "end"};
 
 struct ComparisonRow {

@@ -20,7 +20,7 @@ struct Word {
   bool quoted = false;
 };
 
-// Thrown within a line, which is then left.
+// Thrown within a line; parsing continues with the next line.
 struct LineMistake {
   unsigned column;
   std::string message;
@@ -33,7 +33,7 @@ std::string_view trimmed(std::string_view text) {
   return text.substr(first, text.find_last_not_of(blanks) - first + 1);
 }
 
-// A script in another encoding, or no script at all, is not to spoil a terminal.
+// Replaces control characters, so that a binary file or another encoding cannot disturb the terminal.
 std::string shown(std::string_view word) {
   std::string text;
   for (const char character : word.substr(0, 40)) {
@@ -119,7 +119,7 @@ class Parser {
   }
 
  private:
-  // Takes the next word; what is missing is told behind the last.
+  // Returns the next word. If it is missing, the error position is the end of the last word.
   const Word& take(const char* what) {
     if (next_ == words_.size()) {
       const Word& last = words_.back();
@@ -131,7 +131,7 @@ class Parser {
   bool at_end() const { return next_ == words_.size(); }
   void expect_end() const {
     if (!at_end())
-      throw LineMistake{words_[next_].column, fmt::format("\"{}\" is one word too many", shown(words_[next_].text))};
+      throw LineMistake{words_[next_].column, fmt::format("unexpected word \"{}\"", shown(words_[next_].text))};
   }
 
   static double number_in(const Word& word, const char* what) {
@@ -141,14 +141,14 @@ class Parser {
     if (word.text.starts_with('+')) ++begin;
     const auto [stop, error] = std::from_chars(begin, end, value);
     if (word.quoted || error != std::errc{} || stop != end || !std::isfinite(value)) {
-      throw LineMistake{word.column, fmt::format("\"{}\" is no number; {} is needed", shown(word.text), what)};
+      throw LineMistake{word.column, fmt::format("\"{}\" is not a number; {} is needed", shown(word.text), what)};
     }
     return value;
   }
   double seconds(const Word& word) const {
     const double value = number_in(word, "a time in seconds");
     if (value < 0 || value > longest_s) {
-      throw LineMistake{word.column, fmt::format("{} s is no time from 0 to {:g} s", value, longest_s)};
+      throw LineMistake{word.column, fmt::format("{} s is not a time from 0 to {:g} s", value, longest_s)};
     }
     return value;
   }
@@ -218,8 +218,8 @@ class Parser {
     script_.axes.push_back(std::move(axis));
   }
 
-  // `drive`, `counts`, `revolutions`, `rpm` or `degrees`, then how many units a revolution has where that can matter;
-  // `mm` has before it what a revolution moves.
+  // `drive`, `counts`, `revolutions`, `rpm` or `degrees`, then optionally the number of units in a revolution; `mm`
+  // needs the feed in a revolution before that.
   void read_units() {
     const Word& word = take("what units");
     const auto system = unit_system_named(word.text);
@@ -235,20 +235,20 @@ class Parser {
       return value;
     };
     if (*system == UnitSystem::millimetres) {
-      units.feed_mm =
-          positive("how many mm a motor revolution moves", "a revolution moves 0.000001 to 1e6 mm", 1e-6, 1e6);
+      units.feed_mm = positive("the feed per motor revolution in mm",
+                               "the feed per revolution must be 0.000001 to 1e6 mm", 1e-6, 1e6);
     }
     const bool of_revolution = *system != UnitSystem::drive && *system != UnitSystem::counts;
     if (of_revolution && !at_end()) {
       units.units_per_revolution =
-          positive("how many units of the drive a revolution has", "a revolution has 0.001 to 1e9 units", 1e-3, 1e9);
+          positive("the units of the drive per revolution", "the units per revolution must be 0.001 to 1e9", 1e-3, 1e9);
     }
     expect_end();
     units_ = units;
   }
 
   void read_end(const Word& word) {
-    if (repeats_.empty()) throw LineMistake{word.column, "there is no `repeat` that this could end"};
+    if (repeats_.empty()) throw LineMistake{word.column, "this `end` has no `repeat`"};
     expect_end();
     repeats_.pop_back();
     open_.pop_back();
@@ -282,7 +282,7 @@ class Parser {
                                                   shown(word->text), list_of(verbs), list_of(other_words))};
     }
     if (axis_given && !row->of_axis) {
-      throw LineMistake{word->column, fmt::format("`{}` is not about an axis", row->word)};
+      throw LineMistake{word->column, fmt::format("`{}` cannot have an axis before it", row->word)};
     }
     step.verb = row->verb;
     const bool waits = row->word == "wait-until";
@@ -299,7 +299,7 @@ class Parser {
       read_arguments(step, *row);
       check(step, *word);
     } catch (const LineMistake&) {
-      // Its `end` finds it all the same.
+      // Opens the body nevertheless, so that its `end` is no second error.
       if (row->verb == Verb::repeat) open_repeat({}, *word);
       throw;
     }
@@ -338,12 +338,12 @@ class Parser {
         const std::string flags = list_of(row.flags);
         const bool both = !keywords.empty() && !flags.empty();
         throw LineMistake{word.column, keywords.empty() && flags.empty()
-                                           ? fmt::format("\"{}\" is one word too many", shown(word.text))
+                                           ? fmt::format("unexpected word \"{}\"", shown(word.text))
                                            : fmt::format("`{}` does not know \"{}\"; it knows {}{}{}", row.word,
                                                          shown(word.text), keywords, both ? ", " : "", flags)};
       }
       if (step.numbers.contains(word.text)) {
-        throw LineMistake{word.column, fmt::format("`{}` is there twice", found->keyword)};
+        throw LineMistake{word.column, fmt::format("`{}` is given twice", found->keyword)};
       }
       const double value = argument_value(*found, take("a number"));
       step.numbers[word.text] = value;
@@ -371,7 +371,7 @@ class Parser {
     const Word& word = take("an object");
     step.subject.word = word.text;
     if (const SubjectRow* const row = word.quoted ? nullptr : find_word(subjects, word.text)) {
-      if (!may_be_axis) throw LineMistake{word.column, fmt::format("`{}` can be looked at only", row->word)};
+      if (!may_be_axis) throw LineMistake{word.column, fmt::format("`{}` is read-only", row->word)};
       step.subject.kind = row->kind;
       return;
     }
@@ -413,7 +413,7 @@ class Parser {
       if (name == word.text) return;
       list += fmt::format("{}\"{}\"", list.empty() ? "" : ", ", name);
     }
-    throw LineMistake{word.column, fmt::format("\"{}\" is no state; states are {}", shown(word.text), list)};
+    throw LineMistake{word.column, fmt::format("\"{}\" is not a state; states are {}", shown(word.text), list)};
   }
 
   void read_comparison(Step& step) {
@@ -421,7 +421,7 @@ class Parser {
     const ComparisonRow* const row = find_word(comparisons, word.text);
     if (row == nullptr) {
       throw LineMistake{word.column,
-                        fmt::format("\"{}\" is no comparison; they are {}", shown(word.text), list_of(comparisons))};
+                        fmt::format("\"{}\" is not a comparison; they are {}", shown(word.text), list_of(comparisons))};
     }
     step.comparison = row->comparison;
     const bool by_name = step.subject.kind == Subject::Kind::state;
@@ -437,7 +437,7 @@ class Parser {
 
   void check(const Step& step, const Word& word) const {
     if (step.verb == Verb::move && step.numbers.contains("to") == step.numbers.contains("by")) {
-      throw LineMistake{word.column, "`move` takes `to POSITION` or `by DISTANCE`, one of them"};
+      throw LineMistake{word.column, "`move` needs either `to POSITION` or `by DISTANCE`"};
     }
     const auto probe = step.number("");
     if ((step.verb == Verb::arm_probe || step.verb == Verb::wait_probe) && probe && *probe != 1 && *probe != 2) {
@@ -452,7 +452,7 @@ class Parser {
   const ObjectCatalogue& catalogue_;
   const CatalogueOf& catalogue_of_;
   Script script_;
-  std::vector<std::vector<Step>*> open_;  // where steps go: the script, then the bodies of the repeats that are open
+  std::vector<std::vector<Step>*> open_;  // where steps are added: the script, then the bodies of the open repeats
   std::vector<Place> repeats_;
   std::vector<Mistake> mistakes_;
   std::vector<Word> words_;

@@ -39,12 +39,12 @@ bool compare(double value, Comparison comparison, double wanted, double toleranc
   return false;
 }
 
-// A number as a person writes it, without needless digits.
+// The shortest text of a number.
 std::string text_of_number(double value) { return fmt::format("{:.10g}", value); }
 
 struct Member {
   Axis402* axis;
-  bool enabled = false;  // by the script
+  bool enabled = false;  // enabled by the script
 };
 
 class Runner {
@@ -68,7 +68,7 @@ class Runner {
   }
 
  private:
-  // What the step does; what goes wrong is told with its place.
+  // Runs `action`; an error is reported with the place of the step.
   template <typename Action>
   auto at(const Step& step, const Action& action) {
     try {
@@ -109,14 +109,15 @@ class Runner {
   void read_scale(const Step& step, const Member& member) {
     const std::pair key{step.axis, step.units};
     if (!scales_.contains(key)) {
-      scales_.emplace(key, UnitScale::of(*member.axis, step.units,
-                                         "say it behind `units` (`units revolutions NUMBER`, `units mm FEED NUMBER`)"));
+      scales_.emplace(key,
+                      UnitScale::of(*member.axis, step.units,
+                                    "give them after `units` (`units revolutions NUMBER`, `units mm FEED NUMBER`)"));
     }
   }
 
   double scale(const Step& step, Quantity quantity) const {
     const auto found = scales_.find({step.axis, step.units});
-    if (found == scales_.end()) return 1.0;  // nothing in the step has a unit
+    if (found == scales_.end()) return 1.0;  // no number of the step has a unit
     switch (quantity) {
       case Quantity::position: return found->second.drive.position;
       case Quantity::velocity: return found->second.drive.velocity;
@@ -139,7 +140,7 @@ class Runner {
     }
   }
 
-  // An object that the catalogue does not know is a number of the size it has now.
+  // An object that is not in the catalogue gets an integer type of its present size.
   dictionary::Type type_of(const Step& step, Member& member) {
     if (step.subject.type) return *step.subject.type;
     const auto known = types_.find({step.axis, step.subject.object});
@@ -270,7 +271,7 @@ class Runner {
                     options_.progress);
   }
 
-  // Without an edge named the positive one.
+  // Without an edge in the script: the positive edge.
   static ProbeRequest probe_of(const Step& step) {
     return {.probe = static_cast<std::uint8_t>(step.number("").value_or(1)),
             .source = step.has("index") ? ProbeRequest::Source::index : ProbeRequest::Source::input,
@@ -292,7 +293,7 @@ class Runner {
     return text;
   }
 
-  // What the subject is now, as a number; a state has none.
+  // The present value of the subject as a number; 0 for a state.
   double value_of(const Step& step, Member& member) {
     switch (step.subject.kind) {
       case Subject::Kind::position: return member.axis->position() / scale(step, Quantity::position);
@@ -327,7 +328,7 @@ class Runner {
     }
     const auto type = type_of(step, member);
     const auto wanted = parse_value(step.text, type);
-    if (dictionary::size_of(type) == 0) {  // text and bytes
+    if (dictionary::size_of(type) == 0) {  // text or bytes
       const auto bytes = member.axis->objects().upload(step.subject.object);
       return (bytes == wanted) == (step.comparison == Comparison::equal);
     }
@@ -390,8 +391,8 @@ class Runner {
 
   Time now() { return members_.front().axis->objects().now(); }
 
-  // Every axis, whatever becomes of the others; the one that failed last, since it may not answer any more while others
-  // run. What went wrong.
+  // Stops every axis, even if others fail. The axis that failed comes last: it may not answer, and the others must not
+  // wait for it. Returns the problems.
   std::string come_to_rest() {
     std::string problems;
     const auto stop = [&](Member& member) {
@@ -409,7 +410,7 @@ class Runner {
   const Script& script_;
   const RunOptions& options_;
   std::vector<Member> members_;
-  std::size_t last_axis_ = 0;  // of the step that was begun last
+  std::size_t last_axis_ = 0;  // axis of the last step that was started
   std::map<std::pair<std::size_t, ObjectAddress>, dictionary::Type> types_;
   std::map<std::pair<std::size_t, UnitChoice>, UnitScale> scales_;
 };

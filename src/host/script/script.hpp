@@ -10,7 +10,7 @@
 #include "host/axis_units.hpp"
 #include "host/object_catalogue.hpp"
 
-// Motion scripts: a command on each line, for one axis or several on one bus. docs/script.md is their reference.
+// Motion scripts: one command on each line, for one or more axes on a bus. Reference: docs/script.md.
 namespace servodrome::host::script {
 
 struct Place {
@@ -18,7 +18,7 @@ struct Place {
   unsigned column = 0;
 };
 
-// What a number is: how a script's units turn it into the drive's.
+// Kind of quantity, which determines how a number is converted to the drive's units.
 enum class Quantity : std::uint8_t { plain, seconds, percent, position, velocity, acceleration };
 
 enum class Verb : std::uint8_t {
@@ -47,29 +47,29 @@ enum class Verb : std::uint8_t {
 
 enum class Comparison : std::uint8_t { equal, not_equal, less, at_most, greater, at_least, has_bits, lacks_bits };
 
-// What `expect`, `wait-until`, `get` and `set` look at: an object, or position, velocity, torque or state of the axis.
+// Subject of `expect`, `wait-until`, `get` and `set`: an object, or position, velocity, torque or state of the axis.
 struct Subject {
   enum class Kind : std::uint8_t { object, position, velocity, torque, state };
   Kind kind = Kind::object;
   ObjectAddress object{};
-  std::optional<dictionary::Type> type{};  // of the object; nothing: by its size
-  std::string word{};                      // as it was written
+  std::optional<dictionary::Type> type{};  // of the object; nullopt: determined by its size
+  std::string word{};                      // as written in the script
 };
 
 struct Step {
   Place place;
-  std::string source{};  // the line without blanks around it and comment
+  std::string source{};  // the line without surrounding blanks and comment
   Verb verb{};
-  std::size_t axis = 0;                                  // number of the axis; of verbs that are about one
-  UnitChoice units{};                                    // what numbers are in
-  double timeout_s = 0.0;                                // of a motion or a wait; 0: none was given, look once
-  std::map<std::string, double, std::less<>> numbers{};  // by keyword; "" for the one without
-  std::vector<std::string> flags{};                      // keywords without number
+  std::size_t axis = 0;                                  // number of the axis, for verbs that have one
+  UnitChoice units{};                                    // units of the numbers
+  double timeout_s = 0.0;                                // timeout of a motion or a wait; 0: none given, evaluated once
+  std::map<std::string, double, std::less<>> numbers{};  // by keyword; "" for the number after the verb
+  std::vector<std::string> flags{};                      // keywords without a number
   Subject subject{};
   Comparison comparison{};
-  std::string text{};        // of `print`; the value of `set` and `expect` as it was written
-  unsigned count = 1;        // of `repeat`
-  std::vector<Step> body{};  // of `repeat`
+  std::string text{};        // text of `print`; value of `set` and `expect` as written
+  unsigned count = 1;        // number of repetitions of `repeat`
+  std::vector<Step> body{};  // steps of `repeat`
 
   std::optional<double> number(std::string_view keyword) const {
     const auto found = numbers.find(keyword);
@@ -80,17 +80,17 @@ struct Step {
 
 struct AxisDeclaration {
   std::string name{};     // "" for the only axis of a script that declares none
-  unsigned node = 0;      // 0: as the command says
-  std::string product{};  // "": as the drive or the command says
+  unsigned node = 0;      // 0: taken from the command line
+  std::string product{};  // "": taken from the drive or the command line
   Place place{};
 };
 
 struct Script {
   std::string file;
-  std::vector<AxisDeclaration> axes;  // one at least
+  std::vector<AxisDeclaration> axes;  // at least one
   std::vector<Step> steps;
 
-  // Steps, those within `repeat` once.
+  // Number of steps; those within `repeat` count once.
   std::size_t count_steps() const;
 };
 
@@ -99,7 +99,7 @@ struct Mistake {
   std::string message;
 };
 
-// All that is wrong with a script. what() is "FILE:LINE:COLUMN: message", a line for each.
+// All errors of a script. what() has one line "FILE:LINE:COLUMN: message" for each.
 class ScriptMistakes : public std::runtime_error {
  public:
   ScriptMistakes(const std::string& file, std::vector<Mistake> mistakes);
@@ -109,18 +109,18 @@ class ScriptMistakes : public std::runtime_error {
   std::vector<Mistake> mistakes_;
 };
 
-// The catalogue of a product, which lives as long as the parsing; nullptr: there is none of this name.
+// Returns the catalogue of a product, valid during the parsing; nullptr: unknown product.
 using CatalogueOf = std::function<const ObjectCatalogue*(const std::string& product)>;
 
-// Names and types of objects are those of the catalogue; for an axis that is declared with its product, those of
-// `catalogue_of` (if there is one). Throws ScriptMistakes with every mistake there is.
+// Names and types of objects come from `catalogue`, or, for an axis declared with a product, from `catalogue_of` if
+// given. Throws ScriptMistakes with all errors.
 Script parse(std::string_view text, const std::string& file, const ObjectCatalogue& catalogue,
              const CatalogueOf& catalogue_of = {});
 
-// Does the step need more of its axis than objects: a controlword, a position?
+// True if the step uses the axis beyond reading and writing objects, for example its controlword or position.
 bool needs_axis(const Step& step);
 
-// How a quantity of a verb's keyword is read; for the runner and the messages.
+// Quantity of the number after a keyword of a verb; used by runner and messages.
 Quantity quantity_of(Verb verb, std::string_view keyword);
 
 }  // namespace servodrome::host::script

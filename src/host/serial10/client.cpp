@@ -11,7 +11,7 @@ namespace {
 using serial10::Command;
 using serial10::Frame;
 
-// A drive forgets part of a frame after 50 ms; a new attempt waits a little longer.
+// Pause before a retry: the drive discards an incomplete frame after 50 ms.
 constexpr Time recovery_time = std::chrono::milliseconds(60);
 
 bool answers(const Frame& answer, const Frame& request) {
@@ -45,7 +45,7 @@ Serial10Client Serial10Client::open(const std::string& link, const Serial10Optio
     return {links::heard(links::open_byte_client(links::parse_serial_link(link), options.format), options.heard), link,
             options};
   } catch (const links::LinkError& error) {
-    throw HostError(error.what(), link, "see whether the device or the line is up");
+    throw HostError(error.what(), link, "check that the device or the line is running");
   }
 }
 
@@ -59,7 +59,7 @@ Frame Serial10Client::request(std::uint8_t id, Command command, std::uint16_t in
       answer = exchange(frame);
     }
   } catch (const links::LinkError& error) {
-    throw HostError(error.what(), name_, "see whether the device or the line is up");
+    throw HostError(error.what(), name_, "check that the device or the line is running");
   }
   if (!answer) throw Serial10Error(name_, id, index, sub, dictionary::AbortCode::protocol_timed_out, false);
   if (answer->command() == Command::error) {

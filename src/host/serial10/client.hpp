@@ -13,7 +13,7 @@
 
 namespace servodrome::host {
 
-// A request of the 10-byte protocol failed: refused by the drive, or no answer (code() is protocol_timed_out).
+// A request of the 10-byte protocol failed: the drive refused it or did not answer (code() is protocol_timed_out).
 class Serial10Error : public ObjectError {
  public:
   Serial10Error(const std::string& link, std::uint8_t id, std::uint16_t index, std::uint8_t sub,
@@ -30,36 +30,36 @@ class Serial10Error : public ObjectError {
 struct Serial10Options {
   modbus::CharacterFormat format{.bit_rate = 115200, .parity = modbus::Parity::none};  // the iSMK's factory setting
   Time timeout = std::chrono::milliseconds(500);                                       // for an answer
-  unsigned retries = 1;  // of reads; a write may have acted
-  links::Heard heard{};  // of what goes out and comes in
+  unsigned retries = 1;  // of reads only; a write without answer may have taken effect
+  links::Heard heard{};  // observer of sent and received bytes
 };
 
-// A master of the iSMK's 10-byte protocol. One request at a time. All calls throw Serial10Error, or HostError if the
+// Master for the iSMK's 10-byte protocol. One request at a time. All calls throw Serial10Error, or HostError if the
 // link cannot be opened or is lost.
 class Serial10Client {
  public:
-  // `name` stands in error messages.
+  // `name` appears in error messages.
   Serial10Client(std::unique_ptr<links::ByteClient> client, std::string name, const Serial10Options& options = {})
       : client_(std::move(client)), name_(std::move(name)), options_(options) {}
-  // `pty:PATH` or `serial:DEVICE`.
+  // `link`: `pty:PATH` or `serial:DEVICE`.
   static Serial10Client open(const std::string& link, const Serial10Options& options = {});
 
-  // `id`: the drive's, or 127 for the one drive there is. An object shorter than T is extended as the drive does.
+  // `id`: number of the drive, or 127 if there is only one. If the object is shorter than T, the drive extends it.
   template <typename T>
   requires(std::is_integral_v<T> && sizeof(T) <= 4) T read(std::uint8_t id, std::uint16_t index, std::uint8_t sub = 0) {
     return static_cast<T>(request(id, serial10::Command::read, index, sub, 0, options_.retries).data());
   }
-  // Any object of 1, 2 or 4 bytes as the drive has it.
+  // An object of 1, 2 or 4 bytes, in the drive's size.
   std::vector<std::byte> upload(std::uint8_t id, ObjectAddress object);
   void download(std::uint8_t id, ObjectAddress object, std::span<const std::byte> data);
 
-  // The clock of the link.
+  // Time on the link's clock.
   Time now() const { return client_->now(); }
   void wait(Time span) { client_->wait(span); }
-  // Link and id, for messages.
+  // Link and id, for error messages.
   std::string where(std::uint8_t id) const;
 
-  // T is the object's type.
+  // T must be the object's type.
   template <typename T>
   requires(std::is_integral_v<T> && sizeof(T) <= 4) void write(std::uint8_t id, std::uint16_t index, std::uint8_t sub,
                                                                std::type_identity_t<T> value) {

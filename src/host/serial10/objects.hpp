@@ -5,10 +5,10 @@
 
 namespace servodrome::host {
 
-// The objects of a drive that speaks the iSMK's 10-byte protocol: numbers of up to 32 bits.
+// Access to the objects of a drive by the iSMK's 10-byte protocol: numbers of up to 32 bits.
 class Serial10Objects final : public ObjectClient {
  public:
-  // `id` as Serial10Client has it. `client` outlives this.
+  // `id` as in Serial10Client. `client` must outlive this.
   Serial10Objects(Serial10Client& client, std::uint8_t id) : client_(client), id_(id) {}
 
   std::vector<std::byte> upload(ObjectAddress object) override { return client_.upload(id_, object); }

@@ -18,7 +18,7 @@ constexpr std::uint16_t tpdo_communication = 0x1800;
 constexpr std::uint16_t to_mapping = 0x0200;
 constexpr std::uint16_t pdos_of_connection_set = 4;
 
-// CiA 402-2 clause 6: the PDOs of a drive that has not been configured.
+// Default PDO mapping of a drive that has not been configured (CiA 402-2 clause 6).
 std::vector<MappedField> profile_mapping(bool transmit, unsigned number) {
   constexpr std::array<std::uint32_t, 4> rpdos{0, 0x60600008, 0x607A0020, 0x60FF0020};
   constexpr std::array<std::uint32_t, 4> tpdos{0, 0x60610008, 0x60640020, 0x606C0020};
@@ -57,7 +57,7 @@ CanDecoder::Node& CanDecoder::node(std::uint8_t node_id) {
   return made;
 }
 
-// Of two that name the same CAN-ID the TPDO counts: its node sends the frame.
+// If a TPDO and an RPDO have the same CAN-ID, the TPDO takes precedence, because its node sends the frame.
 void CanDecoder::rebuild_places() {
   places_.clear();
   for (const bool transmit : {false, true}) {
@@ -82,7 +82,7 @@ CanDecoder::Place CanDecoder::place_of(std::uint32_t can_id) {
   const bool transmit = function % 2 == 1;
   const auto number = static_cast<std::uint16_t>((function - 3) / 2);
   static_assert((10 - 3) / 2 < pdos_of_connection_set);
-  // A node whose PDO is known to be elsewhere does not have it here as well.
+  // If the node's COB-ID of this PDO is known to differ, the default COB-ID is not valid for it.
   const std::uint16_t communication = transmit ? tpdo_communication : rpdo_communication;
   if (node(node_id).pdos.get(static_cast<std::uint16_t>(communication + number), 1)) return {};
   return {node_id, transmit, number};
@@ -95,12 +95,12 @@ Decoded CanDecoder::decode(const Frame& frame, Time time) {
   decoded.kind = FrameKind::can;
   if (frame.length > frame.data.size()) {
     decoded.kind = FrameKind::garbage;
-    decoded.text = fmt::format("a length of {} is no classical CAN frame", frame.length);
+    decoded.text = fmt::format("a length of {} is not a classical CAN frame", frame.length);
     decoded.error = true;
     return decoded;
   }
   if (frame.extended) {
-    decoded.text = "29-bit identifier: none of CANopen";
+    decoded.text = "29-bit identifier: not used by CANopen";
     return decoded;
   }
   if (decode_service(frame, decoded)) return decoded;
@@ -114,7 +114,7 @@ Decoded CanDecoder::decode(const Frame& frame, Time time) {
   return decoded;
 }
 
-// What needs no memory: everything but SDO and PDO.
+// Decodes the stateless services: all except SDO and PDO.
 bool CanDecoder::decode_service(const Frame& frame, Decoded& decoded) {
   const auto as = [&](FrameKind kind, std::string text) {
     decoded.kind = kind;
@@ -129,7 +129,7 @@ bool CanDecoder::decode_service(const Frame& frame, Decoded& decoded) {
   switch (frame.id) {
     case 0x000:
       if (frame.length == 2 && frame.data[1] != 0) decoded.node = frame.data[1];
-      // CiA 301 7.2.8.3.2: a reset node has its saved configuration again, which is unknown.
+      // A reset node returns to its saved configuration, which is unknown (CiA 301 7.2.8.3.2).
       if (frame.length == 2 && (frame.data[0] == 0x81 || frame.data[0] == 0x82)) {
         std::erase_if(nodes_, [&](const auto& one) { return frame.data[1] == 0 || one.first == frame.data[1]; });
         rebuild_places();
@@ -196,7 +196,7 @@ void CanDecoder::decode_pdo(const Frame& frame, Place place, Decoded& decoded) {
   const auto known = its.pdos.mapping(static_cast<std::uint16_t>(communication + to_mapping + place.number));
   const auto mapping = known ? *known : profile_mapping(place.transmit, place.number);
   const unsigned bits = bits_of(mapping);
-  // A mapping that is only supposed must fit exactly.
+  // The default mapping is only a guess, so it must fit the length exactly.
   if (!known && bits != frame.length * 8U) {
     decoded.text = fmt::format("{} {}", title, hex_text(data_of(frame)));
     return;

@@ -10,12 +10,13 @@
 
 namespace servodrome::host {
 
-// A CAN bus in words, by the predefined connection set (CiA 301 table 39) and by what is heard of other COB-IDs and
-// mappings. Sans-IO: frames in, words out. Remembers SDO transfers and PDO configurations, so frames come in order.
+// Decodes the frames of a CAN bus to text, by the predefined connection set (CiA 301 table 39) and by the COB-IDs and
+// mappings that it sees being configured. A pure state machine without input or output: frames in, text out. It tracks
+// SDO transfers and PDO configurations, so frames must be passed in order.
 class CanDecoder {
  public:
   CanDecoder();
-  // What a node is (1..127), or every node (0) that is not told apart.
+  // Sets the device model of a node (1..127), or of all nodes without a model of their own (0).
   void set_model(std::uint8_t node_id, DeviceModel model);
 
   Decoded decode(const canopen::Frame& frame, Time time);
@@ -26,11 +27,11 @@ class CanDecoder {
     PdoObjects pdos;
     SdoConversation sdo;
   };
-  // Whose PDO a CAN-ID is.
+  // The PDO that a CAN-ID belongs to.
   struct Place {
-    std::uint8_t node_id = 0;  // 0: no node's
-    bool transmit = false;     // a TPDO
-    std::uint16_t number = 0;  // from 0 on
+    std::uint8_t node_id = 0;  // 0: unknown
+    bool transmit = false;     // true: TPDO
+    std::uint16_t number = 0;  // 0: the first
   };
 
   Node& node(std::uint8_t node_id);
@@ -43,10 +44,10 @@ class CanDecoder {
   std::shared_ptr<const DeviceModel> standard_;
   std::map<std::uint8_t, std::shared_ptr<const DeviceModel>> models_;
   std::map<std::uint8_t, Node> nodes_;
-  std::map<std::uint32_t, Place> places_;  // CAN-IDs that were configured or are a model's
+  std::map<std::uint32_t, Place> places_;  // CAN-IDs that were configured, or come from a model
 };
 
-// "585 [8] 4B 41 60 00 37 02 00 00", "701 [1] remote"
+// For example "585 [8] 4B 41 60 00 37 02 00 00" or "701 [1] remote".
 std::string raw_text(const canopen::Frame& frame);
 
 }  // namespace servodrome::host

@@ -14,7 +14,7 @@ namespace {
 using canopen::Frame;
 using canopen::NmtCommand;
 
-// What an LSS command carries behind its specifier.
+// Content of an LSS command after its specifier.
 enum class Content : std::uint8_t { nothing, number, mode, node_id, bit_timing, delay, result, scan };
 
 struct LssCommand {
@@ -24,7 +24,7 @@ struct LssCommand {
   Content content;
 };
 
-// CiA 305 table 2.
+// LSS commands (CiA 305 table 2).
 constexpr auto lss_commands = std::to_array<LssCommand>({
     {4, true, "switch all", Content::mode},
     {17, true, "configure node-ID", Content::node_id},
@@ -45,9 +45,9 @@ constexpr auto lss_commands = std::to_array<LssCommand>({
     {73, true, "identify revision number up to", Content::number},
     {74, true, "identify serial number from", Content::number},
     {75, true, "identify serial number up to", Content::number},
-    {76, true, "identify those without node-ID", Content::nothing},
+    {76, true, "identify non-configured remote slave", Content::nothing},
     {79, false, "identified", Content::nothing},
-    {80, false, "one without node-ID", Content::nothing},
+    {80, false, "non-configured slave", Content::nothing},
     {81, true, "fastscan", Content::scan},
     {90, true, "inquire vendor-ID", Content::nothing},
     {90, false, "vendor-ID", Content::number},

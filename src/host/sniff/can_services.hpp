@@ -4,7 +4,7 @@
 
 #include "canopen/frame.hpp"
 
-// The CANopen services whose frames say everything by themselves, in words.
+// Text for the CANopen services whose frames can be decoded without context.
 namespace servodrome::host {
 
 std::string nmt_text(const canopen::Frame& frame);   // "NMT start: node 5" (CiA 301 7.2.8.3.1)

@@ -31,7 +31,7 @@ constexpr unsigned linktype_user_last = 162;
 constexpr unsigned linktype_can = 227;
 constexpr unsigned linktype_rtac_serial = 250;
 constexpr unsigned linktype_sll2 = 276;
-constexpr unsigned protocol_can = 0x000C;  // of linktype_sll
+constexpr unsigned protocol_can = 0x000C;  // protocol type in linktype_sll
 constexpr std::size_t sll_header = 16;
 constexpr std::size_t sll2_header = 20;
 constexpr std::size_t ethernet_addresses = 12;
@@ -68,7 +68,7 @@ bool number(std::string_view text, T& value, int base) {
   return !text.empty() && error == std::errc{} && end == text.data() + text.size();
 }
 
-// "(1436509052.249713) can0 123#1122"; nothing: it is no such line.
+// A candump line such as "(1436509052.249713) can0 123#1122"; nullopt for any other line.
 std::optional<CapturedFrame> parse_candump(std::string_view line) {
   if (!line.starts_with('(')) return std::nullopt;
   const std::size_t dot = line.find('.');
@@ -86,7 +86,7 @@ std::optional<CapturedFrame> parse_candump(std::string_view line) {
   if (seconds < 0 || seconds > 9'000'000'000 || fraction < 0) return std::nullopt;
   const std::string_view id_text = line.substr(gap + 1, hash - gap - 1);
   std::string_view rest = line.substr(hash + 1);
-  rest = rest.substr(0, rest.find(' '));  // candump adds a direction
+  rest = rest.substr(0, rest.find(' '));  // candump may append a direction
   std::uint32_t id = 0;
   if ((id_text.size() != 3 && id_text.size() != 8) || !number(id_text, id, 16)) return std::nullopt;
   if (id_text.size() == 8) id |= (id & error_flag) != 0 ? 0 : extended_flag;
@@ -108,7 +108,7 @@ std::optional<CapturedFrame> parse_candump(std::string_view line) {
   return captured;
 }
 
-// The next word of a line, taken off it.
+// Removes the next word from the line and returns it.
 std::string_view next_word(std::string_view& line) {
   line.remove_prefix(std::min(line.find_first_not_of(' '), line.size()));
   const std::string_view word = line.substr(0, line.find(' '));
@@ -116,7 +116,7 @@ std::string_view next_word(std::string_view& line) {
   return word;
 }
 
-// "1436509052.249713", with or without brackets.
+// A time in seconds such as "1436509052.249713", with or without parentheses.
 std::optional<links::Time> parse_seconds(std::string_view word) {
   if (word.starts_with('(') && word.ends_with(')')) word = word.substr(1, word.size() - 2);
   const std::size_t dot = word.find('.');
@@ -131,8 +131,8 @@ std::optional<links::Time> parse_seconds(std::string_view word) {
   return links::Time(seconds * 1'000'000'000 + fraction);
 }
 
-// A line of a serial log (capture_file.hpp); nothing: it is no such line.
-// Without a time it has that of the line before.
+// A line of a serial log (format: capture_file.hpp); nullopt for any other line. Without a time of its own it gets that
+// of the line before.
 std::optional<CapturedFrame> parse_serial_line(std::string_view line, links::Time before) {
   using links::SerialSender;
   struct Arrow {
@@ -155,7 +155,7 @@ std::optional<CapturedFrame> parse_serial_line(std::string_view line, links::Tim
     const auto* arrow = std::find_if(arrows.begin(), arrows.end(), [&](const Arrow& one) { return one.word == word; });
     std::uint8_t byte = 0;
     if (arrow != arrows.end()) {
-      // What looked like a byte was the name of the line ("ba").
+      // A first word that looked like a byte was the name of the line, such as "ba".
       const bool is_name = !named && content.bytes.size() == 1;
       if (directed || (!content.bytes.empty() && !is_name)) return std::nullopt;
       content.bytes.clear();
@@ -181,7 +181,7 @@ CaptureFile::CaptureFile(std::FILE* file, std::string name) : file_(file), name_
   std::array<std::uint8_t, 24> head{};
   const std::size_t got = std::fread(head.data(), 1, 4, file_);
   head_.assign(reinterpret_cast<const char*>(head.data()), got);
-  if (got < 4) return;  // an empty file has no frames; next() refuses what is shorter than a line
+  if (got < 4) return;  // an empty file has no frames; next() rejects a file that is too short
   std::uint32_t magic = 0;
   std::memcpy(&magic, head.data(), sizeof magic);
   const std::uint32_t other = __builtin_bswap32(magic);
@@ -245,14 +245,15 @@ std::optional<CapturedFrame> CaptureFile::next_line() {
     ++line_;
     std::string line = std::move(head_);
     head_.clear();
-    // The head may hold a line's end.
+    // The head may contain the end of a line.
     if (const std::size_t end = line.find('\n'); end != std::string::npos) {
       head_ = line.substr(end + 1);
       line.resize(end);
     } else {
       int character = EOF;
       while ((character = std::getc(file_)) != EOF && character != '\n') {
-        if (line.size() == longest_line || character == 0) refuse("this is no line of a candump log or a serial log");
+        if (line.size() == longest_line || character == 0)
+          refuse("this is not a line of a candump log or a serial log");
         line += static_cast<char>(character);
       }
       if (character == EOF && line.empty()) return std::nullopt;
@@ -267,7 +268,7 @@ std::optional<CapturedFrame> CaptureFile::next_line() {
     std::string shown = line.substr(0, 40);
     std::replace_if(
         shown.begin(), shown.end(), [](char c) { return c < ' ' || c > '~'; }, '?');
-    refuse(fmt::format("\"{}\" is no line of a candump log or a serial log", shown));
+    refuse(fmt::format("\"{}\" is not a line of a candump log or a serial log", shown));
   }
 }
 
@@ -275,7 +276,7 @@ std::optional<CapturedFrame> CaptureFile::next_packet() {
   std::array<std::uint8_t, 16> header{};
   if (!read(header.data(), header.size(), "a packet header", true)) return std::nullopt;
   const std::uint32_t length = u32(&header[8]);
-  if (length > most_packet) refuse(fmt::format("a packet of {} bytes cannot be", length));
+  if (length > most_packet) refuse(fmt::format("a packet length of {} bytes is not possible", length));
   const std::uint64_t nanoseconds = u32(&header[4]) * (1'000'000'000 / interfaces_[0].ticks_per_second);
   const links::Time time(static_cast<std::int64_t>(u32(header.data()) * 1'000'000'000ULL + nanoseconds));
   std::vector<std::uint8_t> bytes(length);
@@ -290,13 +291,14 @@ void CaptureFile::read_section(const std::uint8_t* length) {
   if (u32(order.data()) != pcapng_byte_order) swapped_ = true;
   if (u32(order.data()) != pcapng_byte_order) refuse("the section header has no byte order");
   const std::uint32_t bytes = u32(length);
-  if (bytes < 28 || bytes > most_packet) refuse(fmt::format("a section header of {} bytes cannot be", bytes));
+  if (bytes < 28 || bytes > most_packet)
+    refuse(fmt::format("a section header length of {} bytes is not possible", bytes));
   std::vector<std::uint8_t> rest(bytes - 12);
   read(rest.data(), rest.size(), "the section header", false);
   interfaces_.clear();
 }
 
-// One block; skipped_ counts those that carry no frame.
+// Reads one block; blocks without a frame count in skipped_.
 std::optional<CapturedFrame> CaptureFile::next_block() {
   std::array<std::uint8_t, 8> header{};
   if (!read(header.data(), header.size(), "a block header", true)) return std::nullopt;
@@ -308,10 +310,10 @@ std::optional<CapturedFrame> CaptureFile::next_block() {
   }
   const std::uint32_t length = u32(&header[4]);
   if (length < 12 || length % 4 != 0 || length > most_packet)
-    refuse(fmt::format("a block of {} bytes cannot be", length));
+    refuse(fmt::format("a block length of {} bytes is not possible", length));
   std::vector<std::uint8_t> block(length - 8);
   read(block.data(), block.size(), "a block", false);
-  const std::size_t size = block.size() - 4;  // its length once more
+  const std::size_t size = block.size() - 4;  // a block ends with its length again
   if (type == pcapng_interface && size >= 8) {
     Interface made{u16(block.data()), 1'000'000};
     constexpr unsigned time_resolution = 9;
@@ -357,7 +359,7 @@ std::optional<CapturedFrame> CaptureFile::content_of(unsigned link_type, links::
     bytes.erase(bytes.begin(), bytes.begin() + sll_header);
     link_type = linktype_can;
   }
-  // What is above the link layer, as if it had come over Ethernet.
+  // Replaces the link layer header by an Ethernet header, so that the rest is handled like Ethernet.
   const auto as_ethernet = [&bytes, &link_type](std::size_t header, unsigned type) {
     std::vector<std::uint8_t> frame(ethernet_addresses + 2 + bytes.size() - header);
     frame[ethernet_addresses] = static_cast<std::uint8_t>(type >> 8);

@@ -14,14 +14,14 @@
 
 namespace servodrome::host {
 
-// An error message of SocketCAN: something went wrong on the wire.
+// An error frame of SocketCAN, which reports an error on the wire.
 struct CanErrorFrame {
   std::uint32_t error_class = 0;
 };
 
 using EthernetBytes = std::vector<std::uint8_t>;
 
-// What went over a serial line, in pieces of any size; or a frame of Modbus TCP that went past it.
+// Bytes from a serial line, in pieces of any size; or a frame of Modbus TCP (`is_tcp`).
 struct SerialBytes {
   links::SerialSender sender = links::SerialSender::unknown;
   bool is_tcp = false;
@@ -29,24 +29,26 @@ struct SerialBytes {
 };
 
 struct CapturedFrame {
-  links::Time time{};  // since the epoch, as the capture has it
+  links::Time time{};  // since the epoch, as stored in the capture
   std::variant<canopen::Frame, CanErrorFrame, EthernetBytes, SerialBytes> content;
 };
 
-// Reads captures: candump logs (`candump -L`, `up --log trace.log`) and serial logs of that form, pcap and pcapng with
-// CAN (SocketCAN), Ethernet, IP or serial (RTAC serial, user link types) packets, in micro- or nanoseconds, of either
-// byte order. Frames of other link types are skipped and counted. Nothing is sought: a pipe will do.
+// Reads captures: candump logs (`candump -L`, `up --log trace.log`), serial logs in the same style, and pcap or pcapng
+// files with CAN (SocketCAN), Ethernet, IP or serial packets (RTAC serial, user link types), with times in micro- or
+// nanoseconds and either byte order. Frames of other link types are skipped and counted. Does not seek, so a pipe
+// works.
 //
-// A line of a serial log is "(1436509052.249713) NAME > 01 03 32 00 00 02 CA B3": time, name of the line, who sent
-// (> the master, < a drive, tcp> and tcp< the same of Modbus TCP), the bytes. All but the bytes may be missing.
+// A line of a serial log is "(1436509052.249713) NAME > 01 03 32 00 00 02 CA B3": time, name of the line, sender (> the
+// master, < a drive, tcp> and tcp< the same for Modbus TCP), bytes. All parts except the bytes are optional.
 class CaptureFile {
  public:
-  // `name` stands in messages. The file stays the caller's.
+  // `name` appears in error messages. The caller keeps the ownership of the file.
   CaptureFile(std::FILE* file, std::string name);
 
-  // The next frame; nothing at the end. Throws HostError that says at which byte or line the file is no capture.
+  // Returns the next frame; nullopt at the end. Throws HostError with the byte or line at which the file is not a valid
+  // capture.
   std::optional<CapturedFrame> next();
-  std::uint64_t skipped() const { return skipped_; }  // packets that are none of a fieldbus
+  std::uint64_t skipped() const { return skipped_; }  // packets without fieldbus frames
 
  private:
   enum class Format : std::uint8_t { candump, pcap, pcapng };
@@ -68,7 +70,7 @@ class CaptureFile {
   std::FILE* file_;
   std::string name_;
   Format format_ = Format::candump;
-  std::string head_;  // what was read to tell the format
+  std::string head_;  // bytes read to detect the format
   std::uint64_t offset_ = 0;
   unsigned line_ = 0;
   links::Time last_line_{};

@@ -21,7 +21,7 @@ std::int64_t number_of(std::span<const std::byte> bytes) {
   return static_cast<std::int64_t>(raw);
 }
 
-// What a number of CiA 301 or 402 means; empty: nothing but itself.
+// The meaning of an object's value by CiA 301 or 402; empty if it is a plain number.
 std::string meaning(ObjectAddress object, std::span<const std::byte> bytes) {
   const std::int64_t number = number_of(bytes);
   if (object == ObjectAddress{0x6041, 0} && bytes.size() == 2) {
@@ -54,7 +54,7 @@ std::string value_text(ObjectAddress object, std::span<const std::byte> bytes, c
   const NamedObject* known = catalogue.find(object);
   std::optional<dictionary::Type> type = known != nullptr ? known->type : std::nullopt;
   const std::size_t size = type ? dictionary::size_of(*type) : 0;
-  if (size != 0 && bytes.size() > size) type = std::nullopt;  // it is something else
+  if (size != 0 && bytes.size() > size) type = std::nullopt;  // the known type does not fit
   std::string text = text_of_value(bytes, type);
   if (const std::string words = meaning(object, bytes); !words.empty()) text += " " + words;
   return text;

@@ -9,12 +9,12 @@
 #include "host/object_catalogue.hpp"
 #include "links/time.hpp"
 
-// What the decoders of all buses have in common.
+// Common types of the decoders of all buses.
 namespace servodrome::host {
 
 using links::Time;
 
-// What a frame is about; the words of `sniff --filter kind=`.
+// Kinds of frame; their names are the keywords of `sniff --filter kind=`.
 enum class FrameKind : std::uint8_t {
   nmt,
   sync,
@@ -25,50 +25,49 @@ enum class FrameKind : std::uint8_t {
   heartbeat,
   guarding,
   lss,
-  can,           // a CAN frame of no CANopen service
+  can,           // a CAN frame that belongs to no CANopen service
   state,         // AL control and AL status
-  registers,     // other registers of slave controllers
-  mailbox,       // in an EtherCAT mailbox: neither SDO nor EMCY
-  process_data,  // EtherCAT
+  registers,     // other registers of a slave controller
+  mailbox,       // mailbox message other than SDO and EMCY
+  process_data,  // EtherCAT process data
   modbus,        // RTU or TCP
   serial10,      // the 10-byte protocol of the iSMK
-  error,         // an error on the wire, as the link tells it
-  garbage,       // not what its bus speaks
+  error,         // an error on the wire, reported by the link
+  garbage,       // not a frame of this bus's protocol
 };
 inline constexpr std::size_t frame_kinds = 18;
 std::string_view name(FrameKind kind);
 std::optional<FrameKind> parse_frame_kind(std::string_view word);
 
-// An object with the value that a frame carries for it.
+// An object and its value from a frame.
 struct DecodedValue {
   ObjectAddress object;
-  std::string name;  // "6041:00 Statusword"
-  std::string text;  // "567 (0237h) operation enabled"
+  std::string name;  // for example "6041:00 Statusword"
+  std::string text;  // for example "567 (0237h) operation enabled"
 };
 
-// A frame, or on EtherCAT a datagram, in words.
+// A decoded frame, or on EtherCAT a decoded datagram.
 struct Decoded {
   Time time{};
   FrameKind kind = FrameKind::garbage;
-  std::optional<unsigned> node;  // node-ID, station, station address or position
-  std::string source;            // which station it is about: "node 5", "slave 1001h"; empty: none
+  std::optional<unsigned> node;  // node-ID, station number, station address or position
+  std::string source;            // the station concerned: "node 5", "slave 1001h"; empty: none
   std::string text;
   std::vector<DecodedValue> values;
-  std::vector<ObjectAddress> objects;  // it names, with a value or without
-  bool error = false;                  // an EMCY, abort, exception, lost frame, or no frame at all
-  std::string raw;                     // its bytes
+  std::vector<ObjectAddress> objects;  // objects that it refers to, with or without a value
+  bool error = false;                  // EMCY, abort, exception, lost frame, or invalid frame
+  std::string raw;                     // bytes of the frame
 
   bool names(ObjectAddress object, bool whole_object) const;
 };
 
-// A value of an object as people read it: numbers with their meaning where a standard gives one (state of the
-// statusword, modes, error codes).
+// A value as text, with its meaning where a standard defines one (statusword's state, modes, error codes).
 std::string value_text(ObjectAddress object, std::span<const std::byte> bytes, const ObjectCatalogue& catalogue);
 DecodedValue decoded_value(ObjectAddress object, std::span<const std::byte> bytes, const ObjectCatalogue& catalogue);
-// "6041:00 Statusword = 567 (0237h) operation enabled"
+// For example "6041:00 Statusword = 567 (0237h) operation enabled".
 std::string text_of(const DecodedValue& value);
 
-// "4B 41 60 00"
+// For example "4B 41 60 00".
 std::string hex_text(std::span<const std::uint8_t> bytes, std::size_t at_most = 64);
 
 }  // namespace servodrome::host

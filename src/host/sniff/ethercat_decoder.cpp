@@ -13,10 +13,10 @@ namespace reg = ethercat::reg;
 using ethercat::Command;
 using ethercat::Datagram;
 
-constexpr std::size_t most_under_way = 64;    // frames a master has sent before the first is back
+constexpr std::size_t most_under_way = 64;    // frames that a master may have sent before the first returns
 constexpr std::uint8_t processed_bit = 0x02;  // in the first byte of the source address
 constexpr unsigned sync_manager_bytes = 8;
-constexpr std::uint16_t output_assignment = 0x1C12;  // 1C13h: inputs
+constexpr std::uint16_t output_assignment = 0x1C12;  // for outputs; 1C13h is for inputs
 
 bool writes(Command command) {
   switch (command) {
@@ -81,7 +81,8 @@ void EthercatDecoder::preset(unsigned position, std::uint16_t station, std::uint
   learn(one, offset, registers);
 }
 
-// The oldest frame under way that `frame` is; those before it are lost.
+// Finds the oldest outstanding frame with the same datagrams as `frame`. Outstanding frames older than that count as
+// lost.
 bool EthercatDecoder::match(const Sent& frame, Sent& found) {
   const auto place =
       std::find_if(sent_.begin(), sent_.end(), [&](const Sent& one) { return one.datagrams == frame.datagrams; });
@@ -150,7 +151,7 @@ Decoded EthercatDecoder::decode_datagram(const Datagram& datagram, const Sent* s
   if (returned) decoded.raw += fmt::format(" wkc {}", working_counter);
   const bool addressed = is_by_position(command) || is_by_station(command);
   const std::uint16_t offset = datagram.offset();
-  // What a slave was only asked for is in no frame of the master.
+  // A read datagram has no data yet when the master sends it.
   const bool has_data = returned ? working_counter != 0 : writes(command);
   const bool write = writes(command);
   if (command == Command::nop) {
@@ -183,7 +184,7 @@ Decoded EthercatDecoder::decode_datagram(const Datagram& datagram, const Sent* s
     }
     if (returned && working_counter == 0) {
       decoded.error = true;
-      decoded.text = fmt::format("nobody answered: {} {}", write ? "write" : "read", register_name(offset));
+      decoded.text = fmt::format("no slave answered: {} {}", write ? "write" : "read", register_name(offset));
     } else if (one != nullptr && has_data) {
       describe_memory(*one, offset, data, write, decoded);
     } else {
@@ -200,7 +201,7 @@ Decoded EthercatDecoder::decode_datagram(const Datagram& datagram, const Sent* s
   return decoded;
 }
 
-// Sync managers and FMMUs as the master sets them up, wherever a write of several begins.
+// Learns the sync managers and FMMUs from the master's writes, which may start at any register.
 void EthercatDecoder::learn(Slave& slave, std::uint16_t offset, std::span<const std::uint8_t> data) {
   const auto whole = [&](std::uint16_t first, unsigned bytes, unsigned least, unsigned count, const auto& take) {
     for (unsigned i = 0; i < count; ++i) {
@@ -232,7 +233,7 @@ void EthercatDecoder::describe_memory(Slave& slave, std::uint16_t offset, std::s
   decoded.text = fmt::format("{}{}", write ? "write " : "", register_text(offset, data));
 }
 
-// Process data of all slaves whose FMMUs lie in the datagram.
+// Process data of all slaves whose FMMUs map into the datagram.
 void EthercatDecoder::describe_logical(const Datagram& datagram, Decoded& decoded) {
   const std::uint64_t begin = std::uint64_t{datagram.logical()} * 8;
   const std::uint64_t end = begin + datagram.length * 8U;
@@ -266,7 +267,7 @@ void EthercatDecoder::describe_logical(const Datagram& datagram, Decoded& decode
     }
   }
   if (decoded.text.empty()) decoded.text = fmt::format("process data {}", hex_text(data));
-  // An idle line's working counter is always the same: less is a slave that did not take part.
+  // A lower working counter than before means that a slave did not take part.
   const std::uint64_t key =
       std::uint64_t{datagram.header[0]} << 48 | std::uint64_t{datagram.length} << 32 | datagram.logical();
   std::uint16_t& best = best_working_counter_[key];

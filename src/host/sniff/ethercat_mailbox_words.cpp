@@ -1,4 +1,4 @@
-// EtherCAT mailboxes in words: CoE, FoE and mailbox errors (ETG.1000.4 clause 5.6, ETG.1000.6 clauses 5.6 and 5.8).
+// Text for EtherCAT mailboxes: CoE, FoE and mailbox errors (ETG.1000.4 clause 5.6, ETG.1000.6 clauses 5.6 and 5.8).
 #include <algorithm>
 #include <array>
 #include <fmt/format.h>
@@ -72,7 +72,7 @@ void EthercatDecoder::describe_mailbox(Slave& slave, std::span<const std::uint8_
   const std::size_t length = load_u16(data.data());
   const std::span<const std::uint8_t> message = data.subspan(ethercat::mailbox_header_size);
   if (length > message.size()) {
-    decoded.text = fmt::format("mailbox message that says it has {} bytes, of {}", length, message.size());
+    decoded.text = fmt::format("mailbox message whose length is {} bytes, with {} present", length, message.size());
     decoded.error = true;
     return;
   }
@@ -125,7 +125,8 @@ void EthercatDecoder::describe_coe(Slave& slave, std::span<const std::uint8_t> c
       decoded.objects.push_back(*heard.object);
       if (!heard.complete) return;
       const ObjectAddress object = *heard.object;
-      // With complete access the first two bytes are sub-index 0, and what is behind them is no value of one object.
+      // With complete access the data are sub-index 0 in two bytes and then the other sub-indices, not the value of one
+      // object.
       const bool all = slave.sdo.complete_access();
       if (heard.carries_value && !all) decoded.values.push_back(decoded_value(object, heard.value, catalogue));
       if (!PdoObjects::concerns(object.index)) return;

@@ -18,7 +18,7 @@ struct RegisterName {
   const char* name;
 };
 
-// Sorted; a register goes on until the next.
+// Sorted by address; a register extends to the next one.
 constexpr auto registers = std::to_array<RegisterName>({
     {reg::type, "type"},
     {reg::revision, "revision"},
@@ -167,7 +167,7 @@ std::string register_text(std::uint16_t address, std::span<const std::uint8_t> d
   if (address == reg::al_status && data.size() >= 2) {
     AlStatus status{.status = ethercat::load_u16(data.data())};
     if (data.size() >= 6) status.code = static_cast<AlStatusCode>(ethercat::load_u16(&data[4]));
-    // Several slaves answer a broadcast: their states are ORed.
+    // The answers of several slaves to a broadcast are ORed.
     const unsigned state = status.status & 0x0FU;
     const bool is_one = state == 1 || state == 2 || state == 3 || state == 4 || state == 8;
     if (!is_one) return fmt::format("AL status {:02X}h, of several states", status.status);

@@ -11,8 +11,8 @@ namespace {
 using modbus::Mbap;
 using modbus::read_u16;
 
-constexpr std::size_t most_pending = 256;      // requests without an answer
-constexpr std::size_t most_connections = 256;  // followed at a time
+constexpr std::size_t most_pending = 256;      // requests that wait for an answer
+constexpr std::size_t most_connections = 256;  // connections tracked at the same time
 constexpr std::size_t ethernet_header_bytes = 14;
 constexpr std::uint16_t ethertype_ipv4 = 0x0800;
 constexpr std::uint16_t ethertype_ipv6 = 0x86DD;
@@ -33,7 +33,7 @@ const SerialModel& ModbusTcpDecoder::model_of(unsigned unit) const {
   for (const unsigned one : {unit, 0U}) {
     if (const auto found = models_.find(one); found != models_.end()) return *found->second;
   }
-  // The only one there is answers to units 0 and 255 as well.
+  // A single model applies to all units, such as 0 and 255.
   return models_.size() == 1 ? *models_.begin()->second : *standard_;
 }
 
@@ -66,7 +66,7 @@ bool ModbusTcpDecoder::parse(std::span<const std::uint8_t> frame, Segment& segme
   } else {
     return false;
   }
-  // A capture of what is still to be sent may have no length yet (segmentation by the adapter).
+  // The length field may be 0 if the network adapter does the segmentation.
   if (end <= tcp || end > packet.size()) end = packet.size();
   if (tcp < 20 || end < tcp + least_tcp_header) return false;
   const std::size_t header = 4U * (packet[tcp + 12] >> 4);
@@ -115,12 +115,12 @@ std::vector<Decoded> ModbusTcpDecoder::decode(std::span<const std::uint8_t> ethe
   if (segment.data.empty()) return {};
   std::vector<Decoded> all;
   const auto ahead = static_cast<std::int32_t>(segment.sequence - stream.next);
-  if (stream.is_known && ahead < 0) {  // sent once more
+  if (stream.is_known && ahead < 0) {  // retransmission
     const auto known = static_cast<std::size_t>(-static_cast<std::int64_t>(ahead));
     if (known >= segment.data.size()) return {};
     segment.data = segment.data.subspan(known);
     segment.sequence += static_cast<std::uint32_t>(known);
-  } else if (!stream.is_known || ahead > 0) {  // the capture began later, or has a hole: a message begins here, perhaps
+  } else if (!stream.is_known || ahead > 0) {  // start of the capture or a gap: assume that a message begins here
     stream.bytes.clear();
   }
   stream.is_known = true;

@@ -10,30 +10,31 @@
 
 namespace servodrome::host {
 
-// Modbus TCP in words. Sans-IO: Ethernet frames with TCP over IPv4 or IPv6, or the messages themselves, in; words out.
-// Follows each connection, puts together what TCP has cut, and remembers requests by their transaction.
+// Decodes Modbus TCP to text. A pure state machine without input or output: Ethernet frames with TCP over IPv4 or IPv6,
+// or single messages, in; text out. Tracks each connection, reassembles messages from TCP segments, and matches answers
+// to requests by their transaction identifier.
 class ModbusTcpDecoder {
  public:
   static constexpr std::array<std::uint16_t, 2> usual_ports{502, 1502};
 
   ModbusTcpDecoder();
-  // What a unit is (1..247), or every unit (0) that is not told apart.
+  // Sets the model of a unit (1..247), or of all units without a model of their own (0).
   void set_model(unsigned unit, SerialModel model);
-  // A port at which servers listen, beside the usual ones.
+  // Adds a server port to the usual ones.
   void add_port(std::uint16_t port) { ports_.push_back(port); }
 
-  // The frame is one from or to a server's port.
+  // True if the frame goes to or comes from a server's port.
   bool takes(std::span<const std::uint8_t> ethernet_frame) const;
-  // One for each message that ends in the frame.
+  // One entry for each message that is complete with this frame.
   std::vector<Decoded> decode(std::span<const std::uint8_t> ethernet_frame, Time time);
-  // One message (header and PDU) of a connection that is known by a number of the caller's.
+  // Decodes one message (header and PDU). `connection`: a number that the caller assigns to the connection.
   Decoded decode_message(std::span<const std::uint8_t> message, Time time, bool from_client, std::uint64_t connection);
 
  private:
-  // Addresses and ports of both sides, the sender's first.
+  // Addresses and ports of both ends, the sender first.
   using Flow = std::vector<std::uint8_t>;
   struct Stream {
-    std::uint32_t next = 0;  // sequence number
+    std::uint32_t next = 0;  // next sequence number
     bool is_known = false;
     std::vector<std::uint8_t> bytes{};
   };
@@ -41,7 +42,7 @@ class ModbusTcpDecoder {
     bool from_client = false;
     bool begins = false;  // SYN
     Flow flow{};
-    Flow connection{};  // the same for both directions
+    Flow connection{};  // key that is the same for both directions
     std::uint32_t sequence = 0;
     std::span<const std::uint8_t> data{};
   };

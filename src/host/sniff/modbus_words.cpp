@@ -13,13 +13,13 @@ namespace {
 using modbus::read_u16;
 using modbus::Register;
 
-constexpr std::size_t most_named = 8;  // of the registers of one message; the rest is counted
+constexpr std::size_t most_named = 8;  // maximum of registers named for a message; the rest is only counted
 
 struct FunctionName {
   std::uint8_t code;
   const char* words;
 };
-// Public function codes (Modbus Application Protocol V1.1b3, 5.1) that have no words of their own below.
+// Public function codes (Modbus Application Protocol V1.1b3, 5.1) that are not described in detail below.
 constexpr auto modbus_function_names = std::to_array<FunctionName>({
     {0x01, "read coils"},
     {0x02, "read discrete inputs"},
@@ -51,7 +51,7 @@ const Register* row_at(const SerialModel& model, unsigned address) {
   return nullptr;
 }
 
-// The object's bytes, least significant first, of the registers that hold it all; `at` is the first one's.
+// The object's bytes, least significant first, from all registers that hold it. `at`: data of the first register.
 std::vector<std::byte> object_bytes(const Register& row, const std::uint8_t* at, const SerialModel& model) {
   std::vector<std::byte> bytes;
   const NamedObject* known = model.catalogue.find({row.index, row.sub});
@@ -74,8 +74,8 @@ std::vector<std::byte> object_bytes(const Register& row, const std::uint8_t* at,
   return bytes;
 }
 
-// A stretch of registers, object by object: `each` is given the row (nullptr: a register without a name), its first
-// register, and how many of the stretch are its.
+// Splits a range of registers into objects. `each` receives the row (nullptr: an unnamed register), the first register,
+// and the number of registers of the object within the range.
 template <typename Each>
 void for_each_object(unsigned address, unsigned count, const SerialModel& model, const Each& each) {
   const unsigned end = address + count;
@@ -86,7 +86,7 @@ void for_each_object(unsigned address, unsigned count, const SerialModel& model,
     each(row, address, taken);
     address += taken;
     if (row == nullptr) continue;
-    // Registers that only lengthen an object (Profile::registers_per_object_at_least).
+    // Skips padding registers after an object (Profile::registers_per_object_at_least).
     while (address < end && address < row->address + model.registers_per_object_at_least &&
            row_at(model, address) == nullptr) {
       ++address;
@@ -99,7 +99,7 @@ std::string stretch_text(unsigned address, unsigned count) {
                     : fmt::format("{} registers from {:04X}h", count, address);
 }
 
-// What a request asks for.
+// Names of the objects that a request reads.
 std::string names_text(unsigned address, unsigned count, const SerialModel& model,
                        std::vector<ObjectAddress>& objects) {
   std::string text;
@@ -124,7 +124,7 @@ std::string names_text(unsigned address, unsigned count, const SerialModel& mode
   return text;
 }
 
-// What a message carries for the registers.
+// Adds the values that a message has for the registers.
 void add_values(unsigned address, std::span<const std::uint8_t> data, const char* joint, const SerialModel& model,
                 Decoded& decoded) {
   std::size_t shown = 0;
@@ -160,7 +160,7 @@ void add_values(unsigned address, std::span<const std::uint8_t> data, const char
 
 std::string identification_text(std::span<const std::uint8_t> pdu) {
   std::string text;
-  std::size_t at = 7;  // function, MEI type, code, conformity, more follows, next object, number of objects
+  std::size_t at = 7;  // after function, MEI type, code, conformity, more follows, next object, number of objects
   for (unsigned i = 0; pdu.size() > 6 && i < pdu[6] && at + 2 <= pdu.size(); ++i) {
     const std::size_t length = std::min<std::size_t>(pdu[at + 1], pdu.size() - at - 2);
     std::string value;

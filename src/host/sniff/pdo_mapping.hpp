@@ -7,7 +7,7 @@
 
 namespace servodrome::host {
 
-// What an entry of a mapping object (1600h.., 1A00h..) says.
+// An entry of a mapping object (1600h.., 1A00h..).
 struct MappedField {
   ObjectAddress object;
   unsigned bits = 0;
@@ -15,20 +15,21 @@ struct MappedField {
   static MappedField of(std::uint32_t entry) {
     return {{static_cast<std::uint16_t>(entry >> 16), static_cast<std::uint8_t>(entry >> 8)}, entry & 0xFFU};
   }
-  bool is_gap() const { return object.index < 0x1000; }  // data types as dummies
+  bool is_gap() const { return object.index < 0x1000; }  // data types used as dummies
 };
 
 unsigned bits_of(std::span<const MappedField> mapping);
 
-// The values of process data, `first_bit` bits into `data`; gaps and what lies outside `data` are left out.
+// The values of process data that start at bit `first_bit` of `data`. Gaps, and objects beyond the end of `data`, are
+// left out.
 std::vector<DecodedValue> values_of(std::span<const MappedField> mapping, std::span<const std::uint8_t> data,
                                     unsigned first_bit, const ObjectCatalogue& catalogue);
 
-// "6041:00 Statusword = ..., 6064:00 ..."
+// For example "6041:00 Statusword = ..., 6064:00 ...".
 std::string text_of(std::span<const DecodedValue> values);
 
-// The numbers of communication and mapping objects of a device (1400h to 1BFFh, 1C12h, 1C13h): as its documents give
-// them, then as they are read and written on the bus.
+// Values of a device's communication and mapping objects (1400h to 1BFFh, 1C12h, 1C13h): first the defaults of its
+// device description, then the values read or written on the bus.
 class PdoObjects {
  public:
   static bool concerns(std::uint16_t index) {
@@ -37,19 +38,19 @@ class PdoObjects {
 
   void set(ObjectAddress object, std::uint32_t value) { values_[object] = value; }
   void set(ObjectAddress object, std::span<const std::byte> bytes);
-  // Complete access: sub-index 0 (8 bits, filled up to 16 by the master) and those behind it.
+  // Complete access: sub-index 0 (8 bits, padded to 16 by the master) and the sub-indices after it.
   void set_all(ObjectAddress first, std::span<const std::byte> bytes);
   std::optional<std::uint32_t> get(std::uint16_t index, std::uint8_t sub) const;
-  // Of a mapping object; nothing: it is not known in full.
+  // Content of a mapping object; nullopt if some of its entries are unknown.
   std::optional<std::vector<MappedField>> mapping(std::uint16_t index) const;
-  // Of all PDOs assigned to a sync manager, 1C12h or 1C13h.
+  // All PDOs assigned to a sync manager by 1C12h or 1C13h.
   std::optional<std::vector<MappedField>> assigned(std::uint16_t assignment) const;
 
  private:
   std::map<ObjectAddress, std::uint32_t> values_;
 };
 
-// What is known of a device before it was heard: the names of its objects and its default PDOs.
+// Prior knowledge about a device: names of its objects and its default PDOs.
 struct DeviceModel {
   ObjectCatalogue catalogue = ObjectCatalogue::standard();
   struct Default {

@@ -11,9 +11,9 @@ namespace {
 
 namespace sdo = canopen::sdo;
 
-constexpr std::uint8_t complete_bit = 0x10;  // of initiate requests and responses, CoE only
+constexpr std::uint8_t complete_bit = 0x10;  // in initiate requests and responses, CoE only
 constexpr std::size_t initiate_bytes = 8;
-constexpr std::size_t most_data = 1 << 20;  // of a transfer that never ends, so much is remembered
+constexpr std::size_t most_data = 1 << 20;  // limit for the data stored of a transfer
 
 ObjectAddress multiplexer(std::span<const std::uint8_t> message) {
   return {ethercat::load_u16(&message[1]), message[3]};
@@ -58,7 +58,7 @@ SdoConversation::Heard SdoConversation::hear(bool from_client, std::span<const s
   return from_client ? hear_client(message, catalogue) : hear_server(message, catalogue);
 }
 
-// A request or response that names the object, with its value or how long that is.
+// An initiate request or response: contains the object, and its value or size.
 SdoConversation::Heard SdoConversation::initiate(std::span<const std::uint8_t> message,
                                                  const ObjectCatalogue& catalogue, const char* expedited_form,
                                                  const char* sized_form) {
@@ -137,7 +137,7 @@ SdoConversation::Heard SdoConversation::hear_client(std::span<const std::uint8_t
     case sdo::client::download_segment: {
       if (!known_ || message.size() < 2) return {"segment"};
       const auto unused = static_cast<std::uint8_t>(command >> 1 & 7U);
-      const bool shortest = message.size() <= initiate_bytes;  // a longer one is full: ETG.1000.6 table 33
+      const bool shortest = message.size() <= initiate_bytes;  // a longer segment is always full: ETG.1000.6 table 33
       return segment(message.subspan(1), shortest ? unused : std::uint8_t{0}, (command & sdo::last_segment) != 0,
                      catalogue);
     }
@@ -180,7 +180,7 @@ SdoConversation::Heard SdoConversation::hear_client(std::span<const std::uint8_t
       if (!known_) return {"block transfer"};
       return block_end(command >> 2 & 7U, catalogue);
     }
-    default: return {fmt::format("command {:02X}h is none of SDO", command)};
+    default: return {fmt::format("command {:02X}h is not an SDO command", command)};
   }
   return {"of wrong length"};
 }
@@ -243,7 +243,7 @@ SdoConversation::Heard SdoConversation::hear_server(std::span<const std::uint8_t
       promised_ = (command & sdo::block_size_indicated) != 0 && names_object ? ethercat::load_u32(&message[4]) : 0;
       heard.text = fmt::format("{} has {} bytes, in blocks", title(catalogue), promised_);
       return heard;
-    default: return {fmt::format("command {:02X}h is none of SDO", command)};
+    default: return {fmt::format("command {:02X}h is not an SDO command", command)};
   }
   return {"of wrong length"};
 }
@@ -252,7 +252,7 @@ SdoConversation::Heard SdoConversation::block_segment(std::span<const std::uint8
   const bool last = (message[0] & sdo::last_block_segment) != 0;
   const unsigned number = message[0] & sdo::sequence_mask;
   append(data_, message.subspan(1));
-  // The sub-block ends with its last segment, or when the other side acknowledges.
+  // The sub-block ends with its last segment, or when the other side acknowledges it.
   if (last) state_ = State::idle;
   Heard heard{fmt::format("{}segment {} of a block", last ? "last " : "", number)};
   heard.object = object_;

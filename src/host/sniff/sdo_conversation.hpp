@@ -8,22 +8,22 @@
 
 namespace servodrome::host {
 
-// Both sides of one SDO channel heard from outside, so that segments and blocks are known by their object and their
-// values are put together (CiA 301 7.2.4.3; over CoE, ETG.1000.6 clause 5.6.2, the same with longer messages).
+// Passive observer of both sides of one SDO channel: assigns segments and blocks to their object and reassembles the
+// values (CiA 301 7.2.4.3; over CoE, ETG.1000.6 clause 5.6.2, the same with longer messages).
 class SdoConversation {
  public:
-  // A message from the command byte on: 8 bytes on CAN, more in a mailbox.
+  // Result for one message, which is passed from its command byte on: 8 bytes on CAN, more in a mailbox.
   struct Heard {
     std::string text{};
     std::optional<ObjectAddress> object{};
-    std::vector<std::byte> value{};  // when `complete`
-    bool complete = false;           // the value was read, or the server has taken it
-    bool carries_value = false;      // this message shows the value for the first time
+    std::vector<std::byte> value{};  // valid if `complete`
+    bool complete = false;           // the value has been read, or the server has accepted it
+    bool carries_value = false;      // the value appears for the first time in this message
     bool write = false;
     std::optional<dictionary::AbortCode> abort{};
   };
   Heard hear(bool from_client, std::span<const std::uint8_t> message, const ObjectCatalogue& catalogue);
-  // The last transfer is one of all sub-indices.
+  // True if the last transfer uses complete access (all sub-indices).
   bool complete_access() const { return all_; }
 
  private:
@@ -41,11 +41,11 @@ class SdoConversation {
 
   State state_ = State::idle;
   ObjectAddress object_{};
-  bool known_ = false;  // object_ is that of the transfer under way
+  bool known_ = false;  // object_ belongs to the present transfer
   bool write_ = false;
   bool all_ = false;  // complete access
   std::vector<std::byte> data_;
-  std::uint32_t promised_ = 0;  // bytes, 0: not said
+  std::uint32_t promised_ = 0;  // announced size in bytes; 0: unknown
 };
 
 }  // namespace servodrome::host

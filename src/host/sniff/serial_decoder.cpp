@@ -10,10 +10,10 @@
 namespace servodrome::host {
 namespace {
 
-constexpr std::size_t more_needed = 1;  // no frame is so short
+constexpr std::size_t more_needed = 1;  // incomplete; no frame has this length
 
-// Length of the RTU frame that begins here if it is a request: 0 if it is none, `more_needed` if that shows later
-// (Modbus Application Protocol V1.1b3, 6, with station and CRC).
+// Length of the RTU frame, as a request, that begins here: 0 if it cannot be a request, `more_needed` if more bytes are
+// needed (Modbus Application Protocol V1.1b3, 6, with station and CRC).
 std::size_t rtu_request_length(std::span<const std::uint8_t> bytes) {
   if (bytes.size() < 2) return more_needed;
   const auto behind_count = [&](std::size_t at) { return bytes.size() > at ? at + 3 + bytes[at] : more_needed; };
@@ -39,7 +39,7 @@ std::size_t rtu_request_length(std::span<const std::uint8_t> bytes) {
   }
 }
 
-// The same if it is an answer.
+// The same for an answer.
 std::size_t rtu_answer_length(std::span<const std::uint8_t> bytes) {
   if (bytes.size() < 2) return more_needed;
   if ((bytes[1] & modbus::error_bit) != 0) return 5;
@@ -101,7 +101,7 @@ const SerialModel& SerialDecoder::model_of(unsigned station) const {
   for (const unsigned one : {station, 0U}) {
     if (const auto found = models_.find(one); found != models_.end()) return *found->second;
   }
-  // The only one there is answers to every number (127 of the 10-byte protocol).
+  // A single model applies to all station numbers, such as 127 of the 10-byte protocol.
   return models_.size() == 1 ? *models_.begin()->second : *standard_;
 }
 
@@ -122,7 +122,7 @@ std::vector<Decoded> SerialDecoder::finish() {
   return all;
 }
 
-// `all_there`: silence followed.
+// Finds a frame at the start of `bytes`. `all_there`: silence followed, so no more bytes belong to it.
 SerialDecoder::Found SerialDecoder::find(std::span<const std::uint8_t> bytes, bool all_there) const {
   Found found;
   if (bytes[0] > modbus::highest_station) return found;
@@ -135,7 +135,7 @@ SerialDecoder::Found SerialDecoder::find(std::span<const std::uint8_t> bytes, bo
     if (length == more_needed || length > bytes.size()) {
       found.is_open = !all_there;
     } else if (modbus::is_rtu_frame(bytes.first(length))) {
-      // An echo of function 06 is told from the request by what was asked.
+      // An echo of function 06 equals its request; the outstanding request decides which of both it is.
       const bool is_echo = awaited && request_->function == answered_function(bytes[1], model_of(bytes[0]));
       if (sender_ == SerialSender::unknown && answer && rtu_request_length(bytes) == length && !is_echo) {
         return {length, false, false, false};
@@ -160,7 +160,7 @@ void SerialDecoder::take(std::vector<Decoded>& all, bool all_there) {
   while (!bytes_.empty()) {
     Found found = find(bytes_, all_there);
     if (found.size == 0 && found.is_open) {
-      // What seems to have begun may be the remains of something spoilt, with a whole frame behind.
+      // The apparent start of a frame may be the rest of a damaged one, so a complete frame after it is accepted.
       std::size_t ahead = 0;
       for (std::size_t at = 1; at + 4 <= bytes_.size() && ahead == 0; ++at) {
         const Found later = find(std::span(bytes_).subspan(at), false);
@@ -170,7 +170,7 @@ void SerialDecoder::take(std::vector<Decoded>& all, bool all_there) {
       give_up(ahead, all);
       continue;
     }
-    // A function that is not in the tables: silence has to say where its frame ends.
+    // The length of an unknown function is not in the tables; it ends at the silence.
     if (found.size == 0 && all_there && garbage_.empty() && modbus::is_rtu_frame(bytes_)) {
       const bool awaited = request_ && request_->unit == bytes_[0];
       found = {bytes_.size(), false, sender_ == SerialSender::unknown ? awaited : sender_ == SerialSender::drive,
@@ -197,7 +197,7 @@ void SerialDecoder::take(std::vector<Decoded>& all, bool all_there) {
   if (all_there) give_up(0, all);
 }
 
-// Says what is no frame: what was collected, and so many bytes more.
+// Reports the collected garbage and the next `bytes` bytes as invalid.
 void SerialDecoder::give_up(std::size_t bytes, std::vector<Decoded>& all) {
   garbage_.insert(garbage_.end(), bytes_.begin(), bytes_.begin() + static_cast<std::ptrdiff_t>(bytes));
   bytes_.erase(bytes_.begin(), bytes_.begin() + static_cast<std::ptrdiff_t>(bytes));
@@ -207,8 +207,8 @@ void SerialDecoder::give_up(std::size_t bytes, std::vector<Decoded>& all) {
   decoded.error = true;
   decoded.raw = hex_text(garbage_);
   decoded.text = garbage_.size() == 1
-                     ? "1 byte that is no frame: checksum or length is wrong"
-                     : fmt::format("{} bytes that are no frame: checksum or length is wrong", garbage_.size());
+                     ? "1 byte outside a frame: checksum or length is wrong"
+                     : fmt::format("{} bytes outside a frame: checksum or length is wrong", garbage_.size());
   all.push_back(std::move(decoded));
   garbage_.clear();
 }
@@ -229,7 +229,7 @@ Decoded SerialDecoder::decode_rtu(std::span<const std::uint8_t> frame, bool is_a
     request_.reset();
   } else {
     request_ = describe_modbus_request(unit, pdu, model, decoded);
-    if (unit == modbus::broadcast_station) {  // no station answers
+    if (unit == modbus::broadcast_station) {  // a broadcast has no answer
       request_.reset();
       decoded.source = "all stations";
     }
@@ -237,7 +237,7 @@ Decoded SerialDecoder::decode_rtu(std::span<const std::uint8_t> frame, bool is_a
   return decoded;
 }
 
-// iSMK manual, ch. 8.4.
+// 10-byte protocol: iSMK manual, ch. 8.4.
 Decoded SerialDecoder::decode_serial10(const serial10::Frame& frame) {
   using serial10::Command;
   Decoded decoded;

@@ -12,29 +12,30 @@ namespace servodrome::host {
 
 using links::SerialSender;
 
-// A serial line in words: Modbus RTU and the 10-byte protocol of the iSMK, from the bytes as they came. Sans-IO. Frames
-// are found by their length and checksum, wherever the pieces end; requests and answers are told apart by their length
-// and by what was asked before, or by their sender where that is known. What is no frame is said to be garbage.
+// Decodes a serial line to text: Modbus RTU and the 10-byte protocol of the iSMK. A pure state machine without input or
+// output. Finds frames by length and checksum, independent of how the bytes are split into pieces. Distinguishes
+// requests from answers by their length and by the preceding request, or by the sender if it is known. Reports
+// everything else as garbage.
 class SerialDecoder {
  public:
-  // Silence that ends a frame for sure. Longer than an operating system and an adapter hold bytes back.
+  // Silence after which a frame has ended. Longer than the buffering delays of operating systems and adapters.
   static constexpr Time longest_gap = std::chrono::milliseconds(50);
 
   SerialDecoder();
-  // What a station is (1..247), or every station (0) that is not told apart.
+  // Sets the model of a station (1..247), or of all stations without a model of their own (0).
   void set_model(unsigned station, SerialModel model);
 
   std::vector<Decoded> decode(std::span<const std::uint8_t> bytes, Time time,
                               SerialSender sender = SerialSender::unknown);
-  // Nothing more comes of what was begun.
+  // Decodes the remaining bytes after the end of the input.
   std::vector<Decoded> finish();
 
  private:
   struct Found {
-    std::size_t size = 0;  // 0: no frame begins here, or more bytes are needed
+    std::size_t size = 0;  // 0: no frame, or more bytes are needed
     bool is_serial10 = false;
     bool is_answer = false;
-    bool is_open = false;  // it might, with more bytes
+    bool is_open = false;  // it may become a frame with more bytes
   };
 
   const SerialModel& model_of(unsigned station) const;
@@ -46,7 +47,7 @@ class SerialDecoder {
 
   std::shared_ptr<const SerialModel> standard_;
   std::map<unsigned, std::shared_ptr<const SerialModel>> models_;
-  std::vector<std::uint8_t> bytes_;  // not yet understood
+  std::vector<std::uint8_t> bytes_;  // bytes not decoded yet
   std::vector<std::uint8_t> garbage_;
   Time time_{};
   SerialSender sender_ = SerialSender::unknown;

@@ -31,7 +31,8 @@ void SniffFilter::add(std::string_view word, const ObjectCatalogue& catalogue) {
   const std::size_t equals = word.find('=');
   const std::string_view key = word.substr(0, equals);
   if (equals == std::string_view::npos || (key != "node" && key != "kind" && key != "object")) {
-    throw HostError("this is no filter", where, "write node=N, kind=KIND or object=OBJECT; several values with commas");
+    throw HostError("this is not a filter", where,
+                    "write node=N, kind=KIND or object=OBJECT; several values with commas");
   }
   std::string_view rest = word.substr(equals + 1);
   for (bool more = true; more;) {
@@ -43,7 +44,7 @@ void SniffFilter::add(std::string_view word, const ObjectCatalogue& catalogue) {
       unsigned node = 0;
       const auto [end, error] = std::from_chars(one.data(), one.data() + one.size(), node);
       if (one.empty() || error != std::errc{} || end != one.data() + one.size()) {
-        throw HostError(fmt::format("\"{}\" is no node-ID or position", one), where, "write a decimal number");
+        throw HostError(fmt::format("\"{}\" is not a node-ID or position", one), where, "write a decimal number");
       }
       nodes.push_back(node);
     } else if (key == "kind") {

@@ -10,9 +10,10 @@ namespace {
 
 constexpr double left = 60.0;
 constexpr double right = 780.0;
-constexpr std::array colours{"#0072b2", "#d55e00", "#009e73", "#cc79a7"};  // told apart by colour-blind readers too
+constexpr std::array colours{"#0072b2", "#d55e00", "#009e73", "#cc79a7"};  // also distinguishable by colour-blind
+                                                                           // readers
 
-// One of the two diagrams.
+// One of the two diagrams, gain or phase.
 struct Panel {
   double top;
   double bottom;

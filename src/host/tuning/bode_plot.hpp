@@ -11,7 +11,7 @@ struct BodeCurve {
   std::vector<BodePoint> points;
 };
 
-// Gain over phase, over one logarithmic axis of frequency, as an SVG document.
+// An SVG document with gain above phase, over a common logarithmic frequency axis.
 std::string bode_svg(std::span<const BodeCurve> curves, const std::string& title);
 
 }  // namespace servodrome::host::tuning

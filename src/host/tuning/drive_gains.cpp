@@ -15,7 +15,8 @@ using enum GainBase;
 
 constexpr double turn = 2.0 * std::numbers::pi;
 
-// 2010h of src/products/generic402/README.md. Filters stay as they are: their delay is measured.
+// Objects 2010h (src/products/generic402/README.md). Tuning does not change filters; their delay is part of the
+// measurement.
 constexpr auto reference_gains = std::to_array<GainObject>({
     {velocity_kp, "velocity loop, proportional", {0x2010, 2}, 4, "uA s/rad", nameplate_torque, 1e-6, 4294967295.0},
     {velocity_ki, "velocity loop, integral", {0x2010, 3}, 4, "uA/rad", nameplate_torque, 1e-6, 4294967295.0},
@@ -30,8 +31,8 @@ constexpr TuningDialect reference(std::string_view product) {
           .notch = NotchAbility{.relative_width = 0.7, .depth = 0.15, .highest_hz = 1500.0}};
 }
 
-// Ch. 6 of the iSMK manual, as src/products/ismk/gains.hpp reads it: kvp is a current in DEC by a velocity in DEC
-// over 2^18; Kvi/32 adds up at 4 kHz.
+// iSMK manual, ch. 6, as interpreted in src/products/ismk/gains.hpp: kvp is a current in DEC divided by a velocity
+// in DEC, over 2^18; Kvi/32 is accumulated at 4 kHz.
 constexpr double ismk_integral_hz = 4000.0;
 constexpr auto ismk_gains = std::to_array<GainObject>({
     {velocity_kp, "Kvp[0]", {0x60F9, 1}, 2, "DEC", ismk_current, 1.0, 32767.0},
@@ -76,7 +77,7 @@ TuningUnits tuning_units_of(ObjectClient& objects, const TuningDialect& dialect,
   units.velocity_per_rad_s = axis.velocity / turn;
   const bool by_dec = !dialect.gains.empty() && dialect.gains[0].base == ismk_current;
   if (by_dec) {
-    // 6510h sub 3: Ap; 2048 DEC. Velocities: 16.384 DEC by inc/s.
+    // 6510h sub 3 is the peak current in A; 2048 DEC correspond to it. Velocities: 16.384 DEC per inc/s.
     const double peak_a = objects.read<std::uint16_t>(0x6510, 3);
     units.torque_unit = peak_a / 2048.0;
     units.torque_name = "A";
@@ -86,10 +87,10 @@ TuningUnits tuning_units_of(ObjectClient& objects, const TuningDialect& dialect,
   }
   const auto torque_mnm = objects.read_if_present<std::uint32_t>(0x6076).value_or(0);
   if (torque_mnm == 0) {
-    throw HostError("6076h (rated torque) is not there or 0", objects.where(),
-                    "torques cannot be told in Nm without it: set it to the motor's rated torque in mNm");
+    throw HostError("6076h (rated torque) is missing or 0", objects.where(),
+                    "torques cannot be converted to Nm without it: set it to the motor's rated torque in mNm");
   }
-  units.torque_unit = torque_mnm * 1e-6;  // 0.1 % of rated
+  units.torque_unit = torque_mnm * 1e-6;  // for 0.1 % of the rated torque
   const auto current_ma = objects.read_if_present<std::uint32_t>(0x6075).value_or(0);
   if (current_ma != 0) units.torque_per_ampere = torque_mnm / (current_ma * std::numbers::sqrt2);
   return units;
@@ -142,9 +143,9 @@ std::vector<GainValue> numbers_of(const Proposal& proposal, const TuningDialect&
   for (const GainObject& gain : dialect.gains) {
     const double number = std::round(wanted(gain.role) / unit_of(gain, units));
     if (number > gain.greatest || (number < 1.0 && gain.role == velocity_kp)) {
-      throw HostError(fmt::format("{} ({}) would have to be {:.0f}, and it goes from 1 to {:.0f}", gain.name,
+      throw HostError(fmt::format("{} ({}) would have to be {:.0f}, but its range is 1 to {:.0f}", gain.name,
                                   text_of(gain.object), number, gain.greatest),
-                      where, "ask for another --bandwidth");
+                      where, "choose another --bandwidth");
     }
     values.push_back({&gain, static_cast<std::int64_t>(number)});
   }
@@ -170,7 +171,7 @@ VelocityController controller_of(std::span<const GainValue> gains, const TuningD
     }
   }
   if (notch.frequency_hz > 0.0 && switched) {
-    // Where width and depth are no objects they are what the drive has.
+    // If width and depth are no objects, they have the drive's fixed values.
     if (find(dialect.gains, notch_width) == nullptr && dialect.notch) {
       notch.width_hz = dialect.notch->relative_width * notch.frequency_hz;
       notch.depth = dialect.notch->depth;

@@ -5,17 +5,17 @@
 
 #include "host/object_address.hpp"
 
-// What a person turns to tune a drive: objects of its loops, in words. Names, units, ranges and defaults are the
-// dictionary's.
+// Guide to manual tuning: the objects of a drive's loops, with an explanation. Names, units, ranges and defaults come
+// from the dictionary.
 namespace servodrome::host::tuning {
 
 struct GainLine {
   ObjectAddress object;
-  std::string_view set;   // "Gain set 1", "Filters": lines of one set stand together
-  std::string_view does;  // what a greater number does
+  std::string_view set;   // "Gain set 1", "Filters": heading of a group of lines
+  std::string_view does;  // effect of a greater number
 };
 
-// By the product's name. Empty where the manual prints no gains (ISMC, ProNet), and for products that are not known.
+// By the product's name. Empty if the manual has no gains (ISMC, ProNet), and for unknown products.
 std::span<const GainLine> gain_guide_of(std::string_view product);
 
 }  // namespace servodrome::host::tuning

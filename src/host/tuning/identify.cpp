@@ -1,4 +1,4 @@
-// Mechanics and controller from measured responses, by least squares.
+// Identifies mechanics and controller from measured responses, by least squares.
 #include <algorithm>
 #include <array>
 #include <cmath>
@@ -11,13 +11,14 @@ namespace {
 
 constexpr double turn = 2.0 * std::numbers::pi;
 
-// Points with less say nothing.
+// Points with a lower coherence are ignored.
 constexpr double least_coherence = 0.8;
-// Of an elastic axis: how much better than a rigid one it must explain the response, and how badly that must do.
+// An elastic axis is assumed only if a rigid one has a misfit above rigid_misfit, and the elastic one is better by the
+// factor `improvement`.
 constexpr double improvement = 2.0;
 constexpr double rigid_misfit = 0.05;
 constexpr int refinements = 12;
-// Delays that are tried, in samples of the master and in seconds.
+// Ranges of the delays to try, in samples of the master and in seconds.
 constexpr double most_command_samples = 6.0;
 constexpr double most_loop_delay_s = 4e-3;
 
@@ -26,7 +27,7 @@ double weight_of(const ResponsePoint& point) {
   return std::min(point.coherence / (1.0 - std::min(point.coherence, 1.0 - 1e-9)), 1e3) * 1e-3 + 1e-3;
 }
 
-// Real unknowns of complex equations, sum of weighted squares least.
+// Weighted least squares for real unknowns of complex equations.
 template <std::size_t N>
 class LeastSquares {
  public:
@@ -39,7 +40,7 @@ class LeastSquares {
     }
     power_ += weight * std::norm(right);
   }
-  // False: they do not determine the unknowns.
+  // False: the equations do not determine the unknowns.
   bool solve(std::array<double, N>& unknowns) const {
     auto matrix = matrix_;
     auto right = right_;
@@ -64,7 +65,7 @@ class LeastSquares {
     }
     return true;
   }
-  // What is left of the right side's power, relative.
+  // Remaining power of the right side, relative.
   double remainder(const std::array<double, N>& unknowns) const {
     double explained = 0.0;
     for (std::size_t i = 0; i < N; ++i) {
@@ -93,13 +94,13 @@ double misfit_of(const Mechanics& mechanics, std::span<const ResponsePoint> poin
   return weights > 0.0 ? std::sqrt(sum / weights) : 1.0;
 }
 
-// Acceleration by torque is 1/J for a rigid axis.
+// For a rigid axis acceleration divided by torque is 1/J.
 std::optional<Mechanics> identify_rigid(std::span<const ResponsePoint> points) {
   LeastSquares<1> equations;
   for (const ResponsePoint& point : points) {
     const Complex acceleration = point.response * Complex(0.0, turn * point.frequency_hz);
     if (acceleration == Complex{}) continue;
-    equations.add({1.0 / acceleration}, 1.0, weight_of(point));  // relative errors
+    equations.add({1.0 / acceleration}, 1.0, weight_of(point));  // so that errors are relative
   }
   std::array<double, 1> by_inertia{};
   if (!equations.solve(by_inertia) || by_inertia[0] <= 0.0) return std::nullopt;
@@ -108,8 +109,8 @@ std::optional<Mechanics> identify_rigid(std::span<const ResponsePoint> points) {
   return mechanics;
 }
 
-// (b0 + b1 s + b2 s^2) / (1 + a1 s + a2 s^2): linear in its coefficients once multiplied out, and weighted by the
-// denominator of the step before (C. K. Sanathanan, J. Koerner, 1963).
+// Fits (b0 + b1 s + b2 s^2) / (1 + a1 s + a2 s^2). The equation multiplied out is linear in the coefficients; each step
+// weights it by the denominator of the step before (C. K. Sanathanan, J. Koerner, 1963).
 std::optional<Mechanics> identify_elastic(std::span<const ResponsePoint> points) {
   double logarithms = 0.0;
   unsigned count = 0;
@@ -142,7 +143,7 @@ std::optional<Mechanics> identify_elastic(std::span<const ResponsePoint> points)
                                              .antiresonance_damping = 0.5 * x[1] / x[0] * antiresonance,
                                              .resonance_hz = resonance * unit_hz,
                                              .resonance_damping = 0.5 * x[3] * resonance}};
-  // A coupling: the valley lies below the peak, and neither gives energy.
+  // An elastic coupling has its antiresonance below its resonance, and both are damped.
   const Resonance& found = *mechanics.resonance;
   if (found.antiresonance_hz >= found.resonance_hz || found.resonance_damping <= 0.0 ||
       found.antiresonance_damping <= 0.0) {
@@ -170,8 +171,8 @@ struct DelayedGains {
   double remainder = 1.0;
 };
 
-// The torque is a sample, and so is the held command in it: that keeps its full size, unlike the part of it that moves
-// the shaft.
+// The measured torque is a sample, and so is the effect of the held command in it. Therefore the command enters with
+// its full magnitude, without the factor of the hold.
 DelayedGains gains_for(std::span<const ResponsePoint> velocity, std::span<const ResponsePoint> torque,
                        const std::optional<NotchSetting>& notch, double command_delay_s, double delay_s) {
   LeastSquares<2> equations;
@@ -205,7 +206,8 @@ std::optional<IdentifiedController> identify_controller(std::span<const Response
     command_delay_s = command;
     delay_s = loop;
   };
-  // A grid, and finer ones around the best: the two delays have one valley, but a long one.
+  // Searches a grid of both delays, and then finer grids around the best point: there is one minimum, but in a long
+  // valley.
   double command_step = 0.25 * sample_s;
   double loop_step = 1e-4;
   for (double command = 0.0; command <= most_command_samples * sample_s; command += command_step) {
@@ -234,7 +236,8 @@ std::optional<IdentifiedLoop> identify_loop(std::span<const ResponsePoint> veloc
   const auto controller = identify_controller(velocity_by_command, torque_by_command, sample_s, notch);
   if (!controller) return std::nullopt;
   const VelocityController& law = controller->controller;
-  // Gains and notch; the delay stands at the feedback alone, that of the command includes it already.
+  // Gains and notch without delay: the loop's delay is applied to the feedback only, because the command's delay
+  // includes it.
   const VelocityController undelayed{law.kp, law.ki, 0.0, law.notch};
   const auto with_command_delay = [&](double delay_s) {
     IdentifiedLoop loop{.controller = *controller, .effective_delay_s = delay_s};
@@ -249,7 +252,7 @@ std::optional<IdentifiedLoop> identify_loop(std::span<const ResponsePoint> veloc
     }
     return loop;
   };
-  // The right delay is the one with which the mechanics makes sense; a rigid axis is the simplest sense.
+  // Chooses the delay that gives the most plausible mechanics: the smallest misfit, with a rigid axis preferred.
   std::optional<IdentifiedLoop> best;
   double best_score = 0.0;
   double best_delay_s = controller->command_delay_s;

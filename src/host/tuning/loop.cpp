@@ -11,7 +11,7 @@ constexpr double turn = 2.0 * std::numbers::pi;
 constexpr double degrees = 180.0 / std::numbers::pi;
 const double three_db = 1.0 / std::numbers::sqrt2;
 
-// Where a magnitude passes a level between two points of a Bode plot: both are straight there, in logarithms.
+// Frequency at which a magnitude crosses a level between two points, by logarithmic interpolation.
 double crossing(double f0, double level0, double f1, double level1, double level) {
   const double share = std::log(level / level0) / std::log(level1 / level0);
   return f0 * std::pow(f1 / f0, std::clamp(share, 0.0, 1.0));
@@ -45,7 +45,7 @@ Margins margins_of(std::span<const double> frequencies_hz, std::span<const Compl
     const double after = std::abs(open_loop[i]);
     if ((before >= 1.0) == (after >= 1.0) || before <= 0.0 || after <= 0.0) continue;
     const double share = std::log(1.0 / before) / std::log(after / before);
-    // The angle between the two, the short way.
+    // Change of phase between the two points, at most half a turn.
     const double bend = std::arg(open_loop[i] / open_loop[i - 1]);
     const double margin = angle_from_minus_one(open_loop[i - 1] * std::polar(1.0, bend * share));
     if (!margins.crossover_hz && before >= 1.0) {

@@ -6,32 +6,33 @@
 
 #include "host/tuning/frequency_response.hpp"
 
-// Bode's figures of a control loop, and the velocity loop of a drive as a model.
+// Frequency domain figures of a control loop, and a model of a drive's velocity loop.
 namespace servodrome::host::tuning {
 
 struct BodePoint {
   double frequency_hz = 0.0;
   double gain_db = 0.0;
-  double phase_deg = 0.0;  // continuous from point to point; the first in -270 .. 90
+  double phase_deg = 0.0;  // without jumps; the first is in -270 .. 90
 };
 std::vector<BodePoint> bode(std::span<const double> frequencies_hz, std::span<const Complex> response);
 
-// Of an open loop L in 1 + L, at ascending frequencies; what the frequencies do not reach is not there.
+// Margins of an open loop L in 1 + L, for ascending frequencies. A figure is nullopt if the frequencies do not reach
+// it.
 struct Margins {
-  std::optional<double> crossover_hz{};      // the first where |L| falls below 1
-  std::optional<double> phase_margin_deg{};  // the least of all crossovers: angle between L and -1
-  std::optional<double> gain_margin_hz{};    // the first beyond the crossover where L is real and negative
+  std::optional<double> crossover_hz{};      // first frequency at which |L| falls below 1
+  std::optional<double> phase_margin_deg{};  // smallest of all crossovers: angle between L and -1
+  std::optional<double> gain_margin_hz{};    // first beyond the crossover where L is real and negative
   std::optional<double> gain_margin_db{};
-  double greatest_sensitivity = 0.0;  // of |1 / (1 + L)|
+  double greatest_sensitivity = 0.0;  // maximum of |1 / (1 + L)|
 };
 Margins margins_of(std::span<const double> frequencies_hz, std::span<const Complex> open_loop);
 
-// Where the magnitude of a closed loop first falls below -3 dB for good within the frequencies. A gap of one point does
-// not count.
+// -3 dB bandwidth: the frequency at which the magnitude of a closed loop first falls below -3 dB. A single point below
+// is ignored.
 std::optional<double> bandwidth_of(std::span<const double> frequencies_hz, std::span<const Complex> closed_loop);
 
-// The mechanics between torque and velocity: an inertia, and an elastic coupling where there is one. Torque is in the
-// unit that the inertia makes of it (Nm, or A of a drive that tells only the current); velocity in rad/s.
+// Mechanics between torque and velocity: an inertia, with an elastic coupling if there is one. The unit of torque
+// follows from the inertia (Nm, or A for a drive that reports only its current); velocity in rad/s.
 struct Resonance {
   double antiresonance_hz = 0.0;
   double antiresonance_damping = 0.0;
@@ -39,15 +40,15 @@ struct Resonance {
   double resonance_damping = 0.0;
 };
 struct Mechanics {
-  double inertia = 0.0;  // rotor and load: torque by rad/s^2
+  double inertia = 0.0;  // rotor and load: torque per rad/s^2
   std::optional<Resonance> resonance{};
-  double misfit = 0.0;  // of the measured response to this: relative, rms
+  double misfit = 0.0;  // relative rms error of this model against the measured response
 
-  double rotor_inertia() const;  // what moves above the resonance; the whole where there is none
+  double rotor_inertia() const;  // moving inertia above the resonance; the whole inertia if rigid
   Complex response(double frequency_hz) const;
 };
-// From the response of velocity by torque. Points with a low coherence count little. Nothing: no sense is to be made of
-// it.
+// Identifies the mechanics from the response velocity/torque. Points with low coherence have little weight. nullopt: no
+// model fits.
 std::optional<Mechanics> identify_mechanics(std::span<const ResponsePoint> velocity_by_torque);
 
 struct NotchSetting {
@@ -58,11 +59,11 @@ struct NotchSetting {
   Complex response(double frequency_hz) const;
 };
 
-// Torque = (kp + ki / s) of the velocity error, through a notch, after a delay that stands for sampling, filters and
-// current loop together.
+// Torque = (kp + ki / s) times the velocity error, through a notch filter and a delay, which stands for sampling,
+// filters and current loop together.
 struct VelocityController {
-  double kp = 0.0;  // torque by rad/s
-  double ki = 0.0;  // torque by rad
+  double kp = 0.0;  // torque per rad/s
+  double ki = 0.0;  // torque per rad
   double delay_s = 0.0;
   std::optional<NotchSetting> notch{};
 
@@ -72,22 +73,22 @@ struct VelocityController {
 struct IdentifiedController {
   VelocityController controller{};
   double command_delay_s = 0.0;  // from the master's command to the loop
-  double misfit = 0.0;           // relative, rms
+  double misfit = 0.0;           // relative rms error
 };
-// From what torque and velocity answer to the velocity command: gains and delays, without knowing what unit the
-// drive's gains have. `notch` is what the drive is known to have switched on.
+// Identifies gains and delays from the responses of torque and velocity to the velocity command; the units of the
+// drive's gains need not be known. `notch`: the notch filter that is active in the drive.
 std::optional<IdentifiedController> identify_controller(std::span<const ResponsePoint> velocity_by_command,
                                                         std::span<const ResponsePoint> torque_by_command,
                                                         double sample_s, const std::optional<NotchSetting>& notch);
 
-// Controller and mechanics of a loop that was measured through a command held from sample to sample. The torque of a
-// sample is then not the torque that moves the shaft: the held command has steps, whose images fold onto the very
-// frequencies measured. So the torque gives the controller, and what moves the shaft is the controller's answer to the
-// command without its images.
+// Controller and mechanics of a loop measured with a command that is held between samples. A sampled torque is then not
+// the torque that moves the shaft: the steps of the held command have images that alias onto the measured frequencies.
+// So the sampled torque identifies the controller only; the torque that moves the shaft is computed as the controller's
+// response to the command without images.
 struct IdentifiedLoop {
   IdentifiedController controller{};
   Mechanics mechanics{};
-  double effective_delay_s = 0.0;  // of the held command, to the torque: half a sample is the hold's own
+  double effective_delay_s = 0.0;  // delay of the held command up to the torque; half a sample of it is due to the hold
   std::vector<ResponsePoint> velocity_by_torque{};
 };
 std::optional<IdentifiedLoop> identify_loop(std::span<const ResponsePoint> velocity_by_command,

@@ -17,14 +17,14 @@ constexpr std::uint8_t analysis_runs = 0x80;
 constexpr double leg_s = 0.4;
 constexpr double most_rps = 5.0;
 constexpr double acceleration_rps2 = 100.0;
-constexpr int least_legs = 6;  // after which the estimate has settled
+constexpr int least_legs = 6;  // minimum, so that the estimate has settled
 constexpr double analysis_timeout_s = 20.0;
 
 std::int64_t kvp_of(ObjectClient& objects, const TuningDialect& dialect) {
   return objects.read<std::uint16_t>(dialect.gains[0].object.index, dialect.gains[0].object.sub);
 }
 
-// To and fro until kvp has settled: the same number after a whole swing, and some swings done.
+// Moves back and forth until kvp has settled: the same number after a whole cycle, and a minimum of legs.
 void learn_inertia(Axis402& axis, const TuningDialect& dialect, const AxisUnits& units,
                    const OwnTuningOptions& options) {
   ObjectClient& objects = axis.objects();
@@ -38,7 +38,7 @@ void learn_inertia(Axis402& axis, const TuningDialect& dialect, const AxisUnits&
     axis.run_at(leg % 2 == 0 ? speed : -speed, profile, std::chrono::seconds(5));
     axis.hold_for(std::chrono::duration_cast<Time>(std::chrono::duration<double>(leg_s)));
     if (options.progress)
-      options.progress("learning the inertia", std::min(1.0, static_cast<double>(leg) / least_legs));
+      options.progress("identifying the inertia", std::min(1.0, static_cast<double>(leg) / least_legs));
     const std::int64_t now = kvp_of(objects, dialect);
     if (leg >= least_legs && leg % 2 == 1 && now == kvp) break;
     if (leg % 2 == 1) kvp = now;
@@ -54,11 +54,11 @@ void find_resonances(Axis402& axis, const OwnTuningOptions& options) {
   for (;;) {
     axis.hold_for(std::chrono::milliseconds(100));
     const double seconds = std::chrono::duration<double>(objects.now() - start).count();
-    if (options.progress) options.progress("looking for resonances", std::min(1.0, seconds / 4.0));
+    if (options.progress) options.progress("searching for resonances", std::min(1.0, seconds / 4.0));
     const auto control = objects.read<std::uint8_t>(notch_control.index, notch_control.sub);
     if ((control & analysis_runs) == 0) return;
     if (seconds > analysis_timeout_s) {
-      throw HostError(fmt::format("its search for resonances (60F9:04) is not over after {:g} s", analysis_timeout_s),
+      throw HostError(fmt::format("its search for resonances (60F9:04) has not ended after {:g} s", analysis_timeout_s),
                       objects.where(), "see `servodrome faults`");
     }
   }
@@ -70,8 +70,8 @@ OwnTuningResult tune_by_itself(Axis402& axis, const TuningDialect& dialect, cons
                                const OwnTuningOptions& options) {
   ObjectClient& objects = axis.objects();
   if (!dialect.tunes_itself) {
-    throw HostError("the drive has no automatic tuning that is known here", objects.where(),
-                    "leave --auto out: the loop is measured then, on EtherCAT and CAN");
+    throw HostError("this drive has no automatic tuning that servodrome supports", objects.where(),
+                    "omit --auto: then the loop is measured, over EtherCAT or CAN");
   }
   OwnTuningResult result;
   result.before = read_gains(objects, dialect);
@@ -83,7 +83,7 @@ OwnTuningResult tune_by_itself(Axis402& axis, const TuningDialect& dialect, cons
     try {
       call();
     } catch (const HostError&) {
-      // What went wrong first is told.
+      // The original error is reported; this one is ignored.
     }
   };
   try {

@@ -9,19 +9,20 @@ namespace servodrome::host::tuning {
 namespace {
 
 constexpr double turn = 2.0 * std::numbers::pi;
-// Of a proposal, the better first: a phase margin, and what a resonance may have in the open loop beyond the crossover.
+// Demands on a proposal, the strictest first: minimum phase margin, and maximum gain of the open loop beyond the
+// crossover, where a resonance may raise it.
 struct Demand {
   double phase_margin;
   double gain_beyond;
 };
 constexpr std::array demands{Demand{52.0, 0.7}, Demand{45.0, 0.7}, Demand{45.0, 10.0}};
 constexpr double most_sensitivity = 2.0;
-constexpr double position_share = 0.2;  // of the crossover
-// Corner of the integral by the crossover, the fastest first.
+constexpr double position_share = 0.2;  // of the crossover frequency
+// Corner frequency of the integral part, relative to the crossover; the fastest first.
 constexpr std::array integral_ratios{0.25, 0.2, 0.15, 0.1, 0.06};
 constexpr double bandwidth_tolerance = 1e-3;
 
-// From 0.5 Hz to 5 kHz: finer than any resonance of a machine.
+// From 0.5 Hz to 5 kHz in steps of 1 %, narrower than any resonance of a machine.
 const std::vector<double>& frequencies() {
   static const std::vector<double> all = [] {
     std::vector<double> list;
@@ -31,8 +32,8 @@ const std::vector<double>& frequencies() {
   return all;
 }
 
-// 1 + L begins near -180 degrees, where the two integrators have it, and ends at 1 without having gone around 0
-// (Nyquist).
+// Nyquist criterion: 1 + L starts near -180 degrees, because of the two integrators, and must end at 1 without
+// encircling 0.
 bool is_stable(const std::vector<Complex>& open_loop) {
   double angle = std::arg(1.0 + open_loop.front());
   if (angle > 0.0) angle -= turn;
@@ -49,7 +50,7 @@ std::vector<Complex> open_loop_of(const VelocityController& controller, const Me
   return open_loop;
 }
 
-// The crossover's gain for a ratio of integral, by bisection of the bandwidth, which grows with it.
+// For a given ratio of the integral, finds the gain by bisection of the bandwidth, which increases with it.
 std::optional<Proposal> with_ratio(const Mechanics& mechanics, const Request& request, double ratio,
                                    const std::optional<NotchSetting>& notch) {
   const auto at = [&](double crossover) {
@@ -73,7 +74,7 @@ bool is_good(const Proposal& proposal, const Mechanics& mechanics, const Demand&
   if (proposal.margins.phase_margin_deg.value_or(0.0) < demand.phase_margin) return false;
   if (proposal.margins.greatest_sensitivity > most_sensitivity) return false;
   const std::vector<Complex> open_loop = open_loop_of(proposal.velocity, mechanics);
-  // Beyond twice the crossover, where the loop without a resonance would be down at a half.
+  // Applies above twice the crossover, where a loop without resonance has a gain of about 0.5.
   const double beyond_hz = 2.0 * proposal.margins.crossover_hz.value_or(0.0);
   for (std::size_t i = 0; i < open_loop.size(); ++i) {
     if (frequencies()[i] > beyond_hz && std::abs(open_loop[i]) > demand.gain_beyond) return false;

@@ -4,10 +4,10 @@
 
 #include "host/tuning/loop.hpp"
 
-// Gains for a promised bandwidth.
+// Computes gains for a requested bandwidth.
 namespace servodrome::host::tuning {
 
-// A notch that a drive has: its width and depth may be fixed, as shares of its frequency and of 1.
+// Notch filter of a drive: width and depth may be fixed, relative to its frequency and to 1.
 struct NotchAbility {
   double relative_width = 0.5;
   double depth = 0.1;
@@ -16,25 +16,25 @@ struct NotchAbility {
 
 struct Request {
   double bandwidth_hz = 50.0;  // -3 dB of the closed velocity loop
-  double delay_s = 0.0;        // VelocityController::delay_s of the drive as it is
+  double delay_s = 0.0;        // VelocityController::delay_s of the present drive
   std::optional<NotchAbility> notch{};
 };
 
 struct Proposal {
   VelocityController velocity{};
   double position_kp = 0.0;   // 1/s
-  double bandwidth_hz = 0.0;  // of the closed velocity loop
+  double bandwidth_hz = 0.0;  // -3 dB of the closed velocity loop
   Margins margins{};
 };
 
-// What is predicted for a controller on mechanics.
+// Predicts the result of a controller on these mechanics.
 Proposal predict(const VelocityController& controller, const Mechanics& mechanics);
 
-// The bandwidth asked for with at least 45 degrees of phase margin and a sensitivity of at most 2, or nothing if there
-// is none; the integral is as fast as that allows, a notch is set where it does not do without. The position loop's
-// gain is a fifth of the crossover.
+// Gains for the requested bandwidth with a phase margin of at least 45 degrees and a sensitivity of at most 2; nullopt
+// if there are none. The integral is as fast as these allow; a notch is used only if it is necessary. The gain of the
+// position loop is a fifth of the crossover.
 std::optional<Proposal> propose(const Mechanics& mechanics, const Request& request);
-// The greatest bandwidth, up to the one of the request, for which there is a proposal; 0: none from 1 Hz up.
+// The greatest bandwidth, at most the requested one, that has a proposal; 0: none down to 1 Hz.
 double greatest_bandwidth(const Mechanics& mechanics, const Request& request);
 
 }  // namespace servodrome::host::tuning

@@ -7,7 +7,7 @@
 namespace servodrome::host::tuning {
 namespace {
 
-constexpr double first_bandwidth_hz = 50.0;  // that a measurement is laid out for when none is asked for
+constexpr double first_bandwidth_hz = 50.0;  // for the first measurement if no bandwidth is requested
 constexpr double most_bandwidth_hz = 400.0;
 constexpr double share_of_possible = 0.6;
 constexpr double close_enough = 0.05;
@@ -21,14 +21,15 @@ Proposal proposal_for(const Measurement& measured, const Request& request, const
   const auto proposal = propose(measured.mechanics, request);
   if (proposal) return *proposal;
   const double possible = greatest_bandwidth(measured.mechanics, request);
-  std::string why = fmt::format("the loop's delay of {:.2f} ms", 1e3 * request.delay_s);
+  std::string why = fmt::format("the loop delay of {:.2f} ms", 1e3 * request.delay_s);
   if (measured.mechanics.resonance) {
     why += fmt::format(" and the resonance at {:.0f} Hz", measured.mechanics.resonance->resonance_hz);
   }
-  if (possible < 1.0) throw HostError(fmt::format("{} allow no bandwidth at all", why), where, "look at the coupling");
-  throw HostError(fmt::format("{:g} Hz are not possible with 45 degrees of phase margin: {} do not allow it",
-                              request.bandwidth_hz, why),
-                  where, fmt::format("ask for --bandwidth {:.0f} or less", std::floor(possible)));
+  if (possible < 1.0)
+    throw HostError(fmt::format("no bandwidth is possible with {}", why), where, "check the coupling");
+  throw HostError(
+      fmt::format("{:g} Hz are not possible with 45 degrees of phase margin, because of {}", request.bandwidth_hz, why),
+      where, fmt::format("choose --bandwidth {:.0f} or less", std::floor(possible)));
 }
 
 }  // namespace
@@ -43,8 +44,8 @@ std::string put_back_gains(ObjectClient& objects, std::span<const GainValue> gai
                           gain.number);
     }
   }
-  if (left.empty()) return "the old gains are back";
-  return fmt::format("the old gains could not be put back, and the new ones may be in force until it restarts: {}",
+  if (left.empty()) return "the old gains are restored";
+  return fmt::format("the old gains could not be restored, and the new ones may be active until the drive restarts: {}",
                      left);
 }
 
@@ -66,7 +67,7 @@ SessionResult tune(Tuner& tuner, ObjectClient& objects, const TuningDialect& dia
   result.predicted = result.proposal;
   if (dialect.gains.empty()) {
     if (request.apply) {
-      throw HostError("where its gains are is not known", objects.where(),
+      throw HostError("its gain objects are not known", objects.where(),
                       "set them by hand as --propose gives them, in SI units");
     }
     return result;
@@ -79,8 +80,8 @@ SessionResult tune(Tuner& tuner, ObjectClient& objects, const TuningDialect& dia
   if (!request.apply) return result;
   if (request.steps) result.step_before = tuner.step();
 
-  std::string back;  // how putting back went
-  // Whatever leaves this, unless the promise has come true.
+  std::string back;  // result of restoring the old gains
+  // Restores the old gains on every exit, unless the result was as promised.
   struct PuttingBack {
     ObjectClient& objects;
     std::span<const GainValue> gains;
@@ -90,7 +91,7 @@ SessionResult tune(Tuner& tuner, ObjectClient& objects, const TuningDialect& dia
       try {
         if (!kept) outcome = put_back_gains(objects, gains);
       } catch (...) {
-        // The caller is to end, and cannot wait for the drive.
+        // The caller wants to end, and cannot wait for the drive.
       }
     }
   };
@@ -104,7 +105,7 @@ SessionResult tune(Tuner& tuner, ObjectClient& objects, const TuningDialect& dia
       const double ratio = after.bandwidth_hz.value_or(0.0) / result.bandwidth_hz;
       if (std::abs(ratio - 1.0) < close_enough || correction == most_corrections) break;
       if (ratio <= 0.0) break;
-      // The bandwidth goes with the gain, nearly.
+      // The bandwidth is about proportional to the gain.
       const auto before = result.gains;
       const double factor = std::clamp(1.0 / ratio, 0.5, 2.0);
       aimed.velocity.kp *= factor;
@@ -116,19 +117,19 @@ SessionResult tune(Tuner& tuner, ObjectClient& objects, const TuningDialect& dia
     }
     if (!result.after->bandwidth_hz) {
       const auto& heard = result.after->frequencies_hz;
-      throw HostError(fmt::format("what was measured with the new gains shows no bandwidth: the axis answers to {} "
-                                  "frequencies{}",
-                                  heard.size(), heard.empty() ? "" : fmt::format(" up to {:.0f} Hz", heard.back())),
-                      objects.where(), "measure with longer --seconds" + text_of_losses(result.after->lost_cycles));
+      throw HostError(
+          fmt::format("the measurement with the new gains shows no bandwidth: the axis responds at {} frequencies{}",
+                      heard.size(), heard.empty() ? "" : fmt::format(" up to {:.0f} Hz", heard.back())),
+          objects.where(), "measure with longer --seconds" + text_of_losses(result.after->lost_cycles));
     }
     const double measured = *result.after->bandwidth_hz;
     const double margin = result.after->margins.phase_margin_deg.value_or(0.0);
     if (std::abs(measured / result.bandwidth_hz - 1.0) > promised_tolerance || margin < promised_phase_margin) {
       throw HostError(
-          fmt::format("measured with the new gains: bandwidth {:.1f} Hz for {:.1f} Hz promised, phase margin {:.0f} "
-                      "degrees",
-                      measured, result.bandwidth_hz, margin),
-          objects.where(), "ask for a lower --bandwidth" + text_of_losses(result.after->lost_cycles));
+          fmt::format(
+              "measured with the new gains: bandwidth {:.1f} Hz instead of {:.1f} Hz, phase margin {:.0f} degrees",
+              measured, result.bandwidth_hz, margin),
+          objects.where(), "choose a lower --bandwidth" + text_of_losses(result.after->lost_cycles));
     }
     if (request.steps) result.step_after = tuner.step();
     putting_back.kept = true;

@@ -2,41 +2,41 @@
 
 #include "host/tuning/tuner.hpp"
 
-// Measure, propose, write, measure again.
+// Tuning session: measure, propose, write, measure again.
 namespace servodrome::host::tuning {
 
 struct SessionRequest {
-  std::optional<double> bandwidth_hz{};  // nothing: six tenths of what is possible
-  bool apply = false;                    // else nothing is written
-  bool steps = true;                     // step responses as well
+  std::optional<double> bandwidth_hz{};  // nullopt: 0.6 of what is possible
+  bool apply = false;                    // false: nothing is written
+  bool steps = true;                     // also measure step responses
 };
 
 struct SessionResult {
-  double bandwidth_hz = 0.0;  // promised
+  double bandwidth_hz = 0.0;  // promised bandwidth
   Measurement before{};
   std::vector<GainValue> gains_before{};
-  std::vector<GainValue> gains{};  // proposed, and written if asked to; empty for a drive whose gains are not known
+  std::vector<GainValue> gains{};  // proposed, and written if requested; empty for a drive whose gains are unknown
   Proposal proposal{};             // in SI units
-  Proposal predicted{};            // what the rounded numbers make
+  Proposal predicted{};            // prediction for the rounded numbers
   std::optional<Measurement> after{};
   std::optional<StepResponse> step_before{};
   std::optional<StepResponse> step_after{};
 };
 
-inline constexpr double promised_tolerance = 0.15;     // of the bandwidth
+inline constexpr double promised_tolerance = 0.15;     // relative tolerance of the bandwidth
 inline constexpr double promised_phase_margin = 40.0;  // degrees
 
-// What was measured after writing is promised_tolerance of the promise at most, with promised_phase_margin at least;
-// gains are corrected once or twice by what was measured on the way there. If it does not come about, for whatever
-// reason, the old gains are put back. Throws HostError, which says so, or which gains could not be put back; Cancelled
-// likewise.
+// With `apply`, the measurement after writing must match the promised bandwidth within promised_tolerance and have at
+// least promised_phase_margin. To get there, the gains are corrected up to three times by what was measured. On failure
+// or cancellation the old gains are restored. Throws HostError or Cancelled, whose text says so or lists the gains that
+// could not be restored.
 SessionResult tune(Tuner& tuner, ObjectClient& objects, const TuningDialect& dialect, const TuningUnits& units,
                    const SessionRequest& request);
 
-// As far as the drive takes them; the text says how that went, for the end of a message.
+// Writes the old gains as far as the drive accepts them. Returns the result as text for the end of a message.
 std::string put_back_gains(ObjectClient& objects, std::span<const GainValue> gains);
 
-// "60F9:01 Kvp[0]: 4 -> 11 DEC"
+// For example "60F9:01 Kvp[0]: 4 -> 11 DEC".
 std::string text_of(const GainValue& before, const GainValue& after);
 
 }  // namespace servodrome::host::tuning

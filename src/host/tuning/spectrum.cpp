@@ -8,11 +8,11 @@
 namespace servodrome::host::tuning {
 namespace {
 
-constexpr std::size_t least_lines = 5;        // of a band
-constexpr double taper = 0.02;                // of the signal, at each end
-constexpr double least_input_power = 1.0e-8;  // of the strongest band's
+constexpr std::size_t least_lines = 5;        // minimum of lines in a band
+constexpr double taper = 0.02;                // of the signal's length, at each end
+constexpr double least_input_power = 1.0e-8;  // relative to the strongest band
 
-// Cooley and Tukey's transform in place, radix 2; the size is a power of two.
+// In-place radix-2 FFT (Cooley and Tukey); the size must be a power of two.
 void transform(std::vector<Complex>& values) {
   const std::size_t size = values.size();
   for (std::size_t from = 1, to = 0; from < size; ++from) {
@@ -36,7 +36,7 @@ void transform(std::vector<Complex>& values) {
   }
 }
 
-// Without its mean, faded in and out, and filled up with zeros.
+// Spectrum of the signal without its mean, tapered at both ends and padded with zeros.
 std::vector<Complex> spectrum_of(std::span<const double> signal) {
   double mean = 0.0;
   for (const double value : signal) mean += value;
@@ -67,7 +67,8 @@ std::vector<ResponsePoint> response_of_signals(std::span<const double> input, st
   const std::vector<Complex> in = spectrum_of(input);
   const std::vector<Complex> out = spectrum_of(output);
   const double line_hz = 1.0 / (sample_s * static_cast<double>(in.size()));
-  // Lines that the zeros at the end put between those the signal has tell nothing new.
+  // Zero padding interpolates lines, which have no information of their own; a band must contain enough lines of the
+  // signal itself.
   const double lines_per_own = static_cast<double>(in.size()) / static_cast<double>(input.size());
   const double half_width = 0.5 * (static_cast<double>(least_lines) - 1.0) * lines_per_own;
   const double ratio = std::pow(10.0, 1.0 / request.points_per_decade);

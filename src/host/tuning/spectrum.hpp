@@ -9,14 +9,14 @@ namespace servodrome::host::tuning {
 
 struct SpectrumRequest {
   double lowest_hz = 1.0;
-  double highest_hz = 1000.0;  // cut at 0.45 of the sampling rate
+  double highest_hz = 1000.0;  // limited to 0.45 of the sampling rate
   unsigned points_per_decade = 20;
 };
 
-// The response of any signal by any other, a sweep or a step for example: both are transformed as a whole, and what
-// lies in a band about each point is averaged (the H1 estimate), which also gives the coherence. Bands are at least
-// five lines of the transform wide: a recording of one second says nothing below some hertz. Points at which the input
-// holds nothing, against the strongest, are left out. Both signals have the same number of samples.
+// Frequency response between any two signals, for example a sweep or a step. Transforms both signals as a whole and
+// averages over a band around each point (H1 estimate), which also gives the coherence. A band has at least five lines
+// of the transform, so a recording of one second has no points below some hertz. Points with nearly no input power,
+// relative to the strongest, are left out. Both signals must have the same number of samples.
 std::vector<ResponsePoint> response_of_signals(std::span<const double> input, std::span<const double> output,
                                                double sample_s, const SpectrumRequest& request);
 

@@ -11,13 +11,14 @@ namespace {
 
 constexpr double turn = 2.0 * std::numbers::pi;
 constexpr unsigned excitation_lines = 80;
-constexpr double excitation_share = 0.8;  // of the bias: the axis never turns back, so that friction stays one number
-constexpr double settling_share = 0.3;    // of the torque limit: what the excitation may make
+constexpr double excitation_share = 0.8;  // relative to the bias velocity; below 1, so that the axis does not reverse
+                                          // and the friction is constant
+constexpr double settling_share = 0.3;    // relative to the torque limit; maximum torque due to the excitation
 constexpr unsigned over_torque_cycles = 20;
 constexpr unsigned tolerated_losses = 20;
 constexpr double ramp_s = 0.3;
 constexpr double good_coherence = 0.9;
-constexpr std::size_t fewest_frequencies = 12;  // that it must answer to so clearly
+constexpr std::size_t fewest_frequencies = 12;  // minimum of frequencies with a good coherence
 constexpr double travel_slack = 0.25;           // revolutions
 constexpr unsigned step_repeats = 8;
 const Time slice = std::chrono::milliseconds(20);
@@ -26,8 +27,8 @@ ProcessObject mapped(std::optional<ProcessObject> object, ObjectAddress address,
                      const char* pdo) {
   if (object) return *object;
   throw HostError(
-      fmt::format("{} is not among its process data, and the velocity loop is measured with it", text_of(address)),
-      where, fmt::format("map it into {}", pdo));
+      fmt::format("{} is not in its process data, but is needed to measure the velocity loop", text_of(address)), where,
+      fmt::format("map it into {}", pdo));
 }
 
 std::int32_t whole_number(double value) {
@@ -66,12 +67,10 @@ void Tuner::fail(const std::string& happened, const std::string& remedy) const {
 
 std::string text_of_losses(std::uint64_t cycles) {
   if (cycles == 0) return {};
-  return fmt::format("; {} cycles were lost meanwhile: choose a longer --cycle, or a computer that is less busy",
-                     cycles);
+  return fmt::format("; {} cycles were lost: choose a longer --cycle, or a computer with less load", cycles);
 }
 
-// Takes in what the drive says, and makes the next command. Where something is wrong the axis is braked by a quick stop
-// of the drive's own, at once.
+// Evaluates the inputs and computes the next command. A problem brakes the axis at once by a quick stop of the drive.
 void Tuner::cycle() {
   const auto stop_because = [this](std::string happened, std::string remedy) {
     if (problem_.empty()) {
@@ -104,12 +103,12 @@ void Tuner::cycle() {
       if (over_torque_ > over_torque_cycles) {
         stop_because(fmt::format("more than {:.0f} % of {} for {} cycles", 100.0 * options_.torque_limit,
                                  dialect_.full_torque_text, over_torque_cycles),
-                     "the axis is blocked or rings: look at it, or allow more with --torque");
+                     "the axis is blocked or oscillates: check it, or raise the torque limit with --torque");
       }
       const double slack = travel_slack * turn;
       if (travelled_ < -slack || travelled_ > options_.travel_revolutions * turn + slack) {
-        stop_because(fmt::format("the axis is {:.2f} revolutions from where it stood", travelled_ / turn),
-                     fmt::format("it was allowed {:g} forward and {:g} back; allow more with --travel",
+        stop_because(fmt::format("the axis is {:.2f} revolutions from its start", travelled_ / turn),
+                     fmt::format("the limits are {:g} forward and {:g} back; allow more with --travel",
                                  options_.travel_revolutions, travel_slack));
       }
     }
@@ -136,7 +135,7 @@ void Tuner::wait(double seconds) {
   while (bus_.now() < end) {
     bus_.wait(std::min(slice, end - bus_.now()));
     if (!problem_.empty()) {
-      bus_.wait(std::chrono::milliseconds(30));  // its EMCY may be on the way
+      bus_.wait(std::chrono::milliseconds(30));  // waits for an EMCY that may follow
       const auto emergency = objects_.latest_emergency();
       const bool tells = emergency && emergency->code != 0;
       fail(tells ? fmt::format("{}, latest EMCY {:04X}h {}", problem_, emergency->code,
@@ -167,7 +166,7 @@ void Tuner::enable() {
   lost_before_ = lost_cycles();
   command_of_cycle_ = {};
   bus_.on_cycle([this] { cycle(); });
-  wait(5 * sample_s_);  // until the first statusword is there
+  wait(5 * sample_s_);  // waits for the first statusword
   if (axis_.state() == PowerState::fault) fail("the drive has a fault", "reset it first (--reset-fault)");
   target_velocity_.set(0);
   axis_.set_mode(static_cast<OperationMode>(dialect_.velocity_mode));
@@ -178,7 +177,7 @@ void Tuner::enable() {
 }
 
 void Tuner::disable() noexcept {
-  // Others who do something while it is asked still do, but nothing is cancelled any more.
+  // From here on the callback is still called, for its side effects, but cannot cancel.
   const auto cancelled = options_.cancelled;
   const auto ask = [&cancelled] {
     if (cancelled) cancelled();
@@ -195,14 +194,14 @@ void Tuner::disable() noexcept {
       };
       wait(ramp_s + 0.1);
     } else {
-      const Time end = bus_.now() + std::chrono::milliseconds(300);  // the quick stop
+      const Time end = bus_.now() + std::chrono::milliseconds(300);  // duration of the quick stop
       while (bus_.now() < end) {
         bus_.wait(slice);
         ask();
       }
     }
   } catch (const std::exception&) {
-    // Not reported from here: the power goes in any case.
+    // Ignored, because the power is switched off below in any case.
   }
   controls_ = false;
   command_of_cycle_ = {};
@@ -212,7 +211,7 @@ void Tuner::disable() noexcept {
       if (i % 20 == 0) ask();
     }
   } catch (const std::exception&) {
-    // The link is lost: the drive's own supervision stops it.
+    // The link is lost; the drive's own supervision stops the axis.
   }
   options_.cancelled = cancelled;
   bus_.on_cycle({});
@@ -234,8 +233,8 @@ void Tuner::move_at(double velocity_rad_s) {
   command_of_cycle_ = [velocity_rad_s] { return velocity_rad_s; };
 }
 
-// The excitation on top of a velocity: one period to settle, then `periods`. Each sample of the record is what was
-// there in one cycle: the command that went out, and what came in with it.
+// Records the response to the excitation, added to a bias velocity: one period to settle, then `periods`. A sample
+// contains the values of one cycle: the command in force and the inputs that arrived.
 Tuner::Record Tuner::record(const Multisine& excitation, unsigned periods, double bias_rad_s) {
   const unsigned period = excitation.period_samples();
   double amplitude = excitation_share * std::abs(bias_rad_s);
@@ -247,7 +246,7 @@ Tuner::Record Tuner::record(const Multisine& excitation, unsigned periods, doubl
     const std::uint64_t lost_before = lost_cycles();
     command_of_cycle_ = [&] {
       if (n >= period) {
-        record.command.push_back(command_);  // what went out one cycle ago: the same shift for all
+        record.command.push_back(command_);  // sent one cycle earlier; the shift is the same for all samples
         record.differences.push_back(velocity_ * sample_s_);
         record.torque.push_back(torque_now_);
       }
@@ -278,7 +277,7 @@ Tuner::Record Tuner::record(const Multisine& excitation, unsigned periods, doubl
     }
     const std::uint64_t bad = lost_cycles() - lost_before;
     if (bad * 100 > n) {
-      fail("too many cycles were lost, which spoils the measurement", fmt::format("at most 1 % of {} may be", n));
+      fail("too many cycles were lost for a valid measurement", fmt::format("at most 1 % of {} may be lost", n));
     }
     const std::size_t whole = record.command.size() / period * period;
     record.command.resize(whole);
@@ -289,7 +288,7 @@ Tuner::Record Tuner::record(const Multisine& excitation, unsigned periods, doubl
 }
 
 Measurement Tuner::measure(double bandwidth_hz, const std::optional<NotchSetting>& notch) {
-  // Whatever ends the enabling, it may have got far.
+  // Disables even if enable() fails, because the drive may be enabled already.
   struct Disabling {
     Tuner& tuner;
     ~Disabling() { tuner.disable(); }
@@ -301,7 +300,7 @@ Measurement Tuner::measure(double bandwidth_hz, const std::optional<NotchSetting
   const Multisine excitation(sample_s_, period, std::min(options_.lowest_hz, bandwidth_hz / 10.0), 0.5 / sample_s_,
                              excitation_lines);
   const auto periods = std::max(2U, static_cast<unsigned>(0.5 * options_.seconds / period_s));
-  // Settling may take three attempts more; ramps and the way back are within the slack.
+  // Settling may need three more attempts; ramps and the return are within the slack.
   const double way_s = (periods + 4) * period_s + 2.0 * ramp_s + 1.0;
   const double bias = options_.travel_revolutions * turn / way_s;
 
@@ -314,7 +313,7 @@ Measurement Tuner::measure(double bandwidth_hz, const std::optional<NotchSetting
     return sum / static_cast<double>(torque.size() - from);
   };
   const double forward = mean_torque(all.torque, 0);
-  // As far back as it came forward.
+  // Moves back over the same distance.
   move_at(-bias);
   const std::size_t half = all.torque.size();
   const Record back = record(excitation, periods, -bias);
@@ -334,7 +333,7 @@ Measurement Tuner::measure(double bandwidth_hz, const std::optional<NotchSetting
   }
   const auto loop = identify_loop(found.velocity_by_command, found.torque_by_command, sample_s_, notch);
   if (!loop) {
-    fail("what was measured is no PI controller on an inertia",
+    fail("the measured response does not match a PI controller with an inertia",
          "check that the axis turns freely, or let it move more with --travel or --seconds");
   }
   found.controller = loop->controller;
@@ -347,12 +346,12 @@ Measurement Tuner::measure(double bandwidth_hz, const std::optional<NotchSetting
     const double w = turn * point.frequency_hz;
     found.frequencies_hz.push_back(point.frequency_hz);
     found.open_loop.push_back(law.response(point.frequency_hz) * point.response);
-    // Without the delays of the command and of the feedback's filter: what is left is L / (1 + L).
+    // Removes the delays of the command and of the feedback filter, so that L / (1 + L) remains.
     found.closed_loop.push_back(found.velocity_by_command[i].response / hold_gain(point.frequency_hz, sample_s_) *
                                 std::polar(1.0, w * (loop->effective_delay_s - law.delay_s)));
   }
   if (found.frequencies_hz.size() < fewest_frequencies) {
-    fail(fmt::format("the axis answers clearly to {} of {} frequencies only", found.frequencies_hz.size(),
+    fail(fmt::format("the axis responds clearly at only {} of {} frequencies", found.frequencies_hz.size(),
                      found.velocity_by_command.size()),
          "check that it turns freely; measure with longer --seconds");
   }
@@ -366,9 +365,10 @@ Measurement Tuner::measure(double bandwidth_hz, const std::optional<NotchSetting
   return found;
 }
 
-// Between a third of the measurement's speed and all of it, up and down: averaged, with what went up turned around.
+// Steps up and down between a third of a velocity and the full velocity, which follows from the permitted travel. The
+// responses are averaged; those of downward steps are inverted.
 StepResponse Tuner::step() {
-  // Whatever ends the enabling, it may have got far.
+  // Disables even if enable() fails, because the drive may be enabled already.
   struct Disabling {
     Tuner& tuner;
     ~Disabling() { tuner.disable(); }

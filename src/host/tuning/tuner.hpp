@@ -7,31 +7,32 @@
 #include "host/cyclic/cyclic_bus.hpp"
 #include "host/tuning/drive_gains.hpp"
 
-// Measures the velocity loop of one drive through whatever bus, by process data.
+// Measures the velocity loop of one drive by process data, on any bus.
 namespace servodrome::host::tuning {
 
-// What is exchanged with a CANopen drive for it: one PDO each way. That it stops by itself when the cable is pulled is
-// for a MasterWatch.
+// Process data for a CANopen drive: one PDO in each direction. It does not stop the axis if the cable is pulled; use a
+// MasterWatch for that.
 CanDrive tuning_drive(const ObjectClient& objects, const TuningDialect& dialect);
 
 struct TunerOptions {
-  double travel_revolutions = 4.0;  // to the positive side of where the axis stands; what goes beyond ends it
+  double travel_revolutions = 4.0;  // in positive direction from the present position; a longer way ends the
+                                    // measurement
   double torque_limit = 0.6;        // share of TuningDialect::full_torque
   double seconds = 10.0;            // of a measurement, half of it in each direction
   double lowest_hz = 2.0;           // of the excitation
-  std::size_t drive = 0;            // of the bus
+  std::size_t drive = 0;            // number of the drive on the bus
   std::function<bool()> cancelled{};
   std::function<void(const char* doing, double share)> progress{};
 };
 
-// What a measurement found. Frequencies are the same in all responses.
+// Result of a measurement. All responses have the same frequencies.
 struct Measurement {
   std::vector<ResponsePoint> velocity_by_command{};
   std::vector<ResponsePoint> torque_by_command{};
   std::vector<ResponsePoint> velocity_by_torque{};
-  std::vector<double> frequencies_hz{};  // of those below, as far as the coherence is good
+  std::vector<double> frequencies_hz{};  // of the following, those with good coherence
   std::vector<Complex> open_loop{};      // identified controller times measured mechanics
-  std::vector<Complex> closed_loop{};    // measured, without the delay of command and bus
+  std::vector<Complex> closed_loop{};    // measured, without the delays of command and bus
   Margins margins{};
   std::optional<double> bandwidth_hz{};
   Mechanics mechanics{};
@@ -39,34 +40,34 @@ struct Measurement {
   double friction = 0.0;       // torque at the speed of the measurement: half the difference of both directions
   double constant_load = 0.0;  // half their sum: gravity
   double speed_rad_s = 0.0;
-  double least_coherence = 1.0;  // of velocity by command, below twice the bandwidth
+  double least_coherence = 1.0;  // of velocity/command, below twice the bandwidth
   std::uint64_t lost_cycles = 0;
 };
 
-// What is to be said of a measurement during which cycles were lost, behind another sentence; "" of 0.
+// A sentence about lost cycles, to append to a message; "" for 0.
 std::string text_of_losses(std::uint64_t cycles);
 
 struct StepResponse {
   double sample_s = 0.0;
-  std::vector<double> velocity{};  // 0 before, 1 the new velocity; begins with the command
+  std::vector<double> velocity{};  // 0 before the step, 1 after it; starts with the command
   double rise_s = 0.0;             // 10 % to 90 %
-  double overshoot = 0.0;          // share of the step
-  double settling_s = 0.0;         // for good within 5 %
+  double overshoot = 0.0;          // relative to the step
+  double settling_s = 0.0;         // time until it stays within 5 %
 };
 
-// Enables the axis, moves it slowly to and fro, and puts it at rest and without power again. All calls throw HostError
-// on a fault, a limit, lost data, and Cancelled when asked to; whatever leaves them, the axis is braked and disabled as
-// far as the drive is still heard.
+// Enables the axis, moves it slowly back and forth, and then stops and disables it. All calls throw HostError on a
+// fault, a limit or lost data, and Cancelled on request. However a call ends, the axis is braked and disabled, as long
+// as the drive can be reached.
 class Tuner {
  public:
-  // All outlive this.
+  // All arguments must outlive this.
   Tuner(CyclicBus& bus, ObjectClient& objects, const TuningDialect& dialect, const TuningUnits& units,
         const TunerOptions& options);
   ~Tuner();
   Tuner(const Tuner&) = delete;
   Tuner& operator=(const Tuner&) = delete;
 
-  // `notch`: what the drive has switched on now.
+  // `notch`: the notch filter that is active in the drive now.
   Measurement measure(double bandwidth_hz, const std::optional<NotchSetting>& notch);
   StepResponse step();
 
@@ -78,14 +79,14 @@ class Tuner {
   void enable();
   void disable() noexcept;
   void cycle();
-  // Lets time pass; throws what ended it.
+  // Waits; throws the problem that stopped the axis, if any.
   void wait(double seconds);
   template <typename Done>
   void wait_until(const Done& done, double timeout_s, const std::string& what);
   void move_at(double velocity_rad_s);
   Record record(const Multisine& excitation, unsigned periods, double bias_rad_s);
-  std::uint64_t lost_cycles() const;  // since the bus runs
-  // With a word on cycles lost since the axis was enabled.
+  std::uint64_t lost_cycles() const;  // since the start of the bus
+  // Throws; the text mentions cycles lost since the axis was enabled.
   [[noreturn]] void fail(const std::string& happened, const std::string& remedy) const;
 
   CyclicBus& bus_;
@@ -100,16 +101,16 @@ class Tuner {
   ProcessObject torque_;
 
   // Written by the cycle.
-  bool controls_ = false;  // the axis is enabled, and has to stay so
-  std::string problem_;    // what ended it; the axis is being braked
+  bool controls_ = false;  // the axis is enabled and must stay enabled
+  std::string problem_;    // why the axis is being braked; empty: no problem
   std::string remedy_;
   bool has_position_ = false;
   std::int32_t last_position_ = 0;
-  double travelled_ = 0.0;  // rad, since enabled
-  double velocity_ = 0.0;   // rad/s, mean of the last period
+  double travelled_ = 0.0;  // rad, since it was enabled
+  double velocity_ = 0.0;   // rad/s, mean over the last period
   double torque_now_ = 0.0;
   unsigned over_torque_ = 0;
-  unsigned losses_ = 0;            // cycles in a row
+  unsigned losses_ = 0;            // consecutive lost cycles
   std::uint64_t lost_before_ = 0;  // lost_cycles() when it was enabled
   double command_ = 0.0;           // rad/s, as sent, rounded
   std::function<double()> command_of_cycle_;

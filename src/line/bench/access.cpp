@@ -13,11 +13,11 @@
 namespace servodrome::line::bench {
 namespace {
 
-bool is_port(std::string_view text) {  // with the colon before it; none at all as well
+bool is_port(std::string_view text) {  // the text includes the colon; empty is valid too
   return text.empty() || (text.starts_with(':') && text.find_first_not_of("0123456789", 1) == std::string_view::npos);
 }
 
-// The host of "HOST", "HOST:PORT", "[IPV6]" or "[IPV6]:PORT"; empty for what is none of these.
+// Returns the host of "HOST", "HOST:PORT", "[IPV6]" or "[IPV6]:PORT"; empty if `host` has another form.
 std::string_view without_port(std::string_view host) {
   const bool in_brackets = host.starts_with('[');
   const std::size_t end = std::min(host.find(in_brackets ? ']' : ':'), host.size());
@@ -42,7 +42,7 @@ bool cannot_be_rebound(std::string_view host) {
   return !error;
 }
 
-// Takes as long wherever the first difference is.
+// Compares in constant time, wherever the first difference is.
 bool equal_secrets(std::string_view a, std::string_view b) {
   if (a.size() != b.size()) return false;
   unsigned difference = 0;

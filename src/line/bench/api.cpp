@@ -33,7 +33,7 @@ std::string_view next_segment(std::string_view& path) {
   return segment;
 }
 
-// What stands for the {} of `pattern` in `path`, or nothing if it does not match.
+// Returns the parts of `path` in the places of {} in `pattern`, or nothing if the path does not match.
 std::optional<std::vector<std::string_view>> match(std::string_view pattern, std::string_view path) {
   std::vector<std::string_view> arguments;
   while (!pattern.empty() && !path.empty()) {
@@ -65,13 +65,13 @@ Response answer_of(Call& call, const Route& route) {
   return {body.is_null() ? 204U : route.status, body.is_null() ? std::string() : to_text(body), {}};
 }
 
-// Where a request is, and what has become of it.
+// The search for a request's route, and its result.
 struct Search {
   Line& line;
   const Request& request;
   std::string_view path;
   std::string_view query;
-  std::string allow{};  // methods that the address has
+  std::string allow{};  // methods of the routes whose pattern matches
   std::optional<Response> response{};
 };
 
@@ -88,7 +88,8 @@ void search(Search& search, const RouteGroup& group) {
   }
 }
 
-// A refusal is an answer; any other exception is a defect of ours, and must not end more than the request.
+// Makes a response of an ApiError (a refusal). Any other exception is a defect of the server and must end only this
+// request.
 template <typename Act>
 Response answered(Act act) {
   try {
@@ -96,7 +97,7 @@ Response answered(Act act) {
   } catch (const ApiError& error) {
     return error_response(error);
   } catch (const std::exception& error) {
-    return error_response({500, fmt::format("the server has a defect: {}", error.what()), "server",
+    return error_response({500, fmt::format("internal error of the server: {}", error.what()), "server",
                            "please report it with this request"});
   }
 }
@@ -110,11 +111,11 @@ Response dispatch(Line& line, const Request& request, std::span<const RouteGroup
     if (wanted.response) return std::move(*wanted.response);
   }
   if (wanted.allow.empty()) {
-    return error_response({404, "there is nothing at this address", std::string(wanted.path.substr(0, 200)),
+    return error_response({404, "unknown address", std::string(wanted.path.substr(0, 200)),
                            "docs/bench-api.md lists the addresses; they begin with /api/v1/"});
   }
   Response refusal = error_response(
-      {405, "this address does not have that method", std::string(wanted.path), "it has " + wanted.allow});
+      {405, "this address does not support the method", std::string(wanted.path), "it has " + wanted.allow});
   refusal.allow = wanted.allow;
   return refusal;
 }

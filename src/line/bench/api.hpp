@@ -8,17 +8,16 @@
 
 namespace servodrome::line::bench {
 
-// The bench API without a socket: what docs/bench-api.md says about `request`, done to `line` at its present time.
-// Never throws for what is in a request: refusals are responses with status 4xx, and then nothing was changed. An
-// exception of a handler is a response with status 500.
-// A response with a `piece` is of a request that is still to be carried out.
-// `more` are groups beside the line's own.
+// The bench API without a socket: carries out `request` on `line` at its present time, as docs/bench-api.md describes.
+// A faulty request does not throw: the response then has a status of 4xx and nothing was changed. An exception of a
+// handler becomes a response with status 500. If the response has a `piece`, the request must still be carried out.
+// `more` are groups of routes in addition to the line's own.
 Response begin(Line& line, const Request& request, std::span<const RouteGroup> more = {});
-// The same of the groups alone. `line` is what their handlers are given: without axes, if there are none but real ones.
+// The same for `groups` only. Their handlers receive `line`, which has no axes if the server has real drives only.
 Response begin_in(Line& line, const Request& request, std::span<const RouteGroup> groups);
-// Carries out the next piece of a request; the last leaves a response without one.
+// Carries out the next piece of a request. After the last piece the response has no `piece`.
 void carry_out_piece(Response& response);
-// As begin(), with all pieces carried out and the body complete.
+// Like begin(), but carries out all pieces and completes the body.
 Response handle(Line& line, const Request& request, std::span<const RouteGroup> more = {});
 
 }  // namespace servodrome::line::bench

@@ -10,25 +10,25 @@
 
 namespace servodrome::line::bench {
 
-// What GET /api/v1/axes/{axis} says of an axis: the drive as it sees itself, and the true shaft.
+// The response to GET /api/v1/axes/{axis}: the state of the drive, and the true state of the shaft.
 Json view_of(const Line& line, Axis& axis);
 
 // "profile_position"
 const char* mode_name(drive::Mode mode);
 
-// What GET /api/v1/axes/{axis}/states says of a drive in a state, by the transitions that it accepts.
+// The response to GET /api/v1/axes/{axis}/states for a drive in `state`, with the transitions that it accepts.
 Json states_view(drive::PowerState state, const drive::Policy& policy,
                  const std::function<bool(const drive::Transition&)>& accepts);
 
-// What GET /api/v1/axes/{axis}/homing says of a product. `reversed`: 607Eh turns the directions round.
+// The response to GET /api/v1/axes/{axis}/homing. `reversed`: 607Eh reverses the directions.
 Json homing_view(const drive::Policy& policy, bool reversed);
 
-// What GET /api/v1/clock says.
+// The response to GET /api/v1/clock.
 Json clock_view(const Line& line);
 
-// The drive's active faults; none without power.
+// The drive's active faults; empty without power.
 std::vector<const drive::FaultRow*> active_faults(Axis& axis);
-// What it warns of: motion goes on.
+// The drive's active warnings, during which motion continues; empty without power.
 std::vector<const drive::FaultRow*> active_warnings(Axis& axis);
 // {"code": "0x7380", "name": ...}
 Json view_of(const drive::FaultRow& row);

@@ -9,7 +9,7 @@
 namespace servodrome::line::bench {
 namespace {
 
-// What a message quotes of a value.
+// Shortens a value for a message.
 std::string excerpt(const Json& value) {
   constexpr std::size_t longest = 40;
   if (value.is_structured()) return value.is_array() ? "an array" : "an object";
@@ -17,7 +17,7 @@ std::string excerpt(const Json& value) {
   return text.size() <= longest ? text : text.substr(0, longest) + "...";
 }
 
-// Brackets within brackets cost stack where values are copied, printed and taken apart.
+// Limits the nesting: copying, printing and destroying nested values uses stack for each level.
 constexpr int deepest_body = 32;
 
 bool nests_deeper_than(int most, std::string_view text) {
@@ -43,7 +43,7 @@ bool nests_deeper_than(int most, std::string_view text) {
 
 BodyReader::BodyReader(const Json& part) : json_(part) {
   if (!json_.is_object()) {
-    throw ApiError{400, fmt::format("{} stands where an object should", excerpt(json_)), "body",
+    throw ApiError{400, fmt::format("{} was sent instead of an object", excerpt(json_)), "body",
                    "docs/bench-api.md has examples"};
   }
 }
@@ -63,7 +63,8 @@ BodyReader::BodyReader(const std::string& body, bool empty_is_object) {
     throw ApiError{400, "the body is not JSON", fmt::format("body, byte {}", error.byte),
                    "send an object such as {\"value\": 1}"};
   } catch (const nlohmann::json::exception&) {
-    throw ApiError{400, "the body holds a number nothing can hold", "body", "send an object such as {\"value\": 1}"};
+    throw ApiError{400, "the body contains a number that is too large", "body",
+                   "send an object such as {\"value\": 1}"};
   }
   if (!json_.is_object()) {
     throw ApiError{400, fmt::format("the body is {}", excerpt(json_)), "body", "send an object such as {\"value\": 1}"};
@@ -111,7 +112,7 @@ std::optional<std::int64_t> BodyReader::signed_integer(std::string_view key) {
   if (!value->is_number_integer()) wrong_type(key, *value, "an integer");
   if (value->is_number_unsigned() && value->get<std::uint64_t>() > INT64_MAX) {
     throw ApiError{422, fmt::format("{} is {}", key, excerpt(*value)), std::string(key),
-                   "send an integer of at most 63 bits and sign"};
+                   "send an integer of 64 bits with sign"};
   }
   return value->get<std::int64_t>();
 }

@@ -11,13 +11,13 @@
 
 namespace servodrome::line::bench {
 
-// The JSON object in a request's body, read key by key: wrong types and ranges, and in `finish` keys not asked for,
-// are thrown as ApiError.
+// Reads the JSON object in a request's body key by key. Throws ApiError for a wrong type or a value out of range, and
+// in `finish` for keys that no call asked for.
 class BodyReader {
  public:
-  // Throws unless the body is an object. `empty_is_object`: no body at all counts as {}.
+  // Throws unless the body is a JSON object. With `empty_is_object` an empty body counts as {}.
   explicit BodyReader(const std::string& body, bool empty_is_object = false);
-  // An object within one. Throws unless it is an object.
+  // Reads an object within another. Throws unless `part` is an object.
   explicit BodyReader(const Json& part);
 
   bool has(std::string_view key);
@@ -27,7 +27,7 @@ class BodyReader {
   std::optional<std::int64_t> signed_integer(std::string_view key);
   std::optional<bool> boolean(std::string_view key);
   std::optional<std::string> string(std::string_view key);
-  // The value under the key, or a refusal that says it is missing.
+  // Returns the value of the key. Throws ApiError if the key is missing.
   const Json& required(std::string_view key);
 
   const Json& object() const { return json_; }

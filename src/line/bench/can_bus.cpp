@@ -46,7 +46,7 @@ Json view_of_disturbance(const links::Disturbance& disturbance) {
               {"limit", disturbance.limit}};
 }
 
-// The axis of this bus that "axis" names, or nullptr without that key.
+// Returns the axis of this bus that the key "axis" names, or nullptr without this key.
 const Axis* named_axis(const Line& line, const NamedBus& named, BodyReader& body) {
   const auto name = body.string("axis");
   if (!name) return nullptr;
@@ -91,7 +91,6 @@ void calm(const Line& line, NamedBus& named) {
   }
 }
 
-// Replaces what was disturbed before.
 void disturb(Call& call, NamedBus& named) {
   constexpr double longest_delay_ms = 60'000;
   BodyReader body(call.body);

@@ -9,7 +9,7 @@
 namespace servodrome::line::bench {
 namespace {
 
-constexpr double longest_advance_ms = 60'000;  // a request must come to an end
+constexpr double longest_advance_ms = 60'000;  // limits the duration of a request
 constexpr Time piece_of_advance = std::chrono::milliseconds(20);
 
 }  // namespace
@@ -40,7 +40,7 @@ Json advance(Call& call) {
   if (call.line.clock_mode() == ClockMode::real) {
     throw ApiError{409, "the line runs in real time", "clock", "start it with `servodrome up --virtual`"};
   }
-  // In pieces, so that a client of a stream is sent what there is before there is more.
+  // In pieces, so that each client of a stream receives the samples so far before there are more.
   call.piece = [&line = call.line, left = Time(std::llround(ms * 1e6))]() mutable -> Json {
     const Time piece = std::min(left, piece_of_advance);
     line.run_until(line.now() + piece);

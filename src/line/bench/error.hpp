@@ -8,21 +8,21 @@
 
 namespace servodrome::line::bench {
 
-using Json = nlohmann::ordered_json;  // keys stay in the order they were written in
+using Json = nlohmann::ordered_json;  // keys stay in the order of insertion
 
-// A refusal on its way out of a handler. Handlers change nothing before the last chance to throw one.
+// An error response, thrown by a handler. Handlers change nothing before the last place where they may throw.
 struct ApiError {
   unsigned status = 400;
   std::string what;
   std::string where;
   std::string hint;
-  dictionary::AbortCode abort = dictionary::AbortCode::none;  // of the drive's service port, if that refused
+  dictionary::AbortCode abort = dictionary::AbortCode::none;  // of the drive's service port, if the port refused access
 };
 
-// {"error": {"what", "where", "hint"}}, with "abort" and "abort_text" if the drive refused.
+// Returns {"error": {"what", "where", "hint"}}, with "abort" and "abort_text" if the drive refused access.
 Response error_response(const ApiError& error);
 
-// Text of a value; bytes that are no UTF-8 become U+FFFD.
+// Returns a value as JSON text; bytes that are not UTF-8 become U+FFFD.
 std::string to_text(const Json& json);
 
 }  // namespace servodrome::line::bench

@@ -20,7 +20,7 @@ Json view_of_disturbance(const links::EthercatDisturbance& disturbance) {
               {"limit", disturbance.limit}};
 }
 
-// The slave whose position, 1 and up, `key` names; from 0.
+// Converts the slave's position under `key`, from 1, to an index, from 0.
 std::optional<std::size_t> place(BodyReader& body, const char* key, const NamedEthercatBus& named) {
   const auto position = body.integer(key, named.bus.size());
   if (!position) return std::nullopt;
@@ -83,7 +83,7 @@ void disturb(Call& call, NamedEthercatBus& named) {
   body.finish();
 
   calm(call.line, named);
-  if (unplugged) named.bus.set_cable(*unplugged, false);  // the one in front of the slave
+  if (unplugged) named.bus.set_cable(*unplugged, false);  // the cable in front of the slave
   named.bus.set_cable(named.bus.size(), ring);
   const double any = disturbance.drop + disturbance.drop_answer + disturbance.corrupt + disturbance.delay;
   if (any > 0) named.bus.disturb(disturbance);

@@ -15,8 +15,8 @@
 namespace servodrome::line::bench {
 namespace {
 
-// Something the bench can inject: a fault of the plant by its name, or one of the drive's own by its code or, where
-// several have that code, by its cause.
+// A fault that the bench can inject: one of the plant by its name, or one of the drive by its code. If several drive
+// faults have the same code, the name of the cause distinguishes them.
 struct Injectable {
   std::optional<plant::Injection> plant;
   drive::Cause cause = drive::Cause::none;
@@ -46,11 +46,11 @@ Injectable injectable(Axis& axis, const std::string& name) {
   std::vector<std::string_view> names;
   names.reserve(plant::injection_names.size());
   for (const plant::InjectionName& known : plant::injection_names) names.push_back(known.name);
-  throw ApiError{422, fmt::format("there is nothing called \"{}\" to inject", name.substr(0, 40)), "inject",
+  throw ApiError{422, fmt::format("there is no fault \"{}\" to inject", name.substr(0, 40)), "inject",
                  suggestion(name, names) + "; or give a fault code of the drive such as \"0x2310\""};
 }
 
-// Adds what the fault is, what brings it and what to do: of the drive's own alarm, else of its code.
+// Adds text, cause and remedy of the fault: those of its alarm if it has one, otherwise those of its code.
 void explain(Json& fault, const Axis& axis, const drive::FaultRow& row) {
   const std::string_view product = axis.settings().product->name;
   const describe::FaultText* text = row.alarm != 0 ? describe::find_alarm_text(product, row.alarm) : nullptr;
@@ -83,21 +83,21 @@ std::optional<std::uint32_t> number_in_history(Axis& axis, std::uint8_t sub) {
   return number;
 }
 
-// Of a drive that keeps the codes for its master.
+// For a drive that stores its error codes in 1003h.
 void add_error_history(Axis& axis, Json& history) {
   const std::uint32_t count = number_in_history(axis, 0).value_or(0);
   const auto rows = rows_of(axis);
   for (std::uint32_t sub = 1; sub <= count && sub <= UINT8_MAX; ++sub) {
     const auto field = number_in_history(axis, static_cast<std::uint8_t>(sub));
     if (!field) break;
-    const unsigned code = *field & 0xFFFFU;  // what is above is the maker's
+    const unsigned code = *field & 0xFFFFU;  // the high word is manufacturer specific
     const auto row = std::find_if(rows.begin(), rows.end(), [code](const auto* each) { return each->code == code; });
     history.push_back({{"code", fmt::format("0x{:04X}", code)}, {"name", row != rows.end() ? (*row)->name : ""}});
     if (row != rows.end()) explain(history.back(), axis, **row);
   }
 }
 
-// What the drive itself remembers, the newest first.
+// The drive's own fault history, newest first.
 Json past_faults(Axis& axis) {
   Json history = Json::array();
   for (std::size_t n = 0; const products::PastFault* past = axis.device().past_fault(n); ++n) {

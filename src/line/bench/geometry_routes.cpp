@@ -3,7 +3,7 @@
 
 #include "line/bench/routes.hpp"
 
-// Where along the travel the things lie that an axis can meet.
+// The positions of stops, switches and index along the travel of an axis.
 namespace servodrome::line::bench {
 namespace {
 
@@ -12,7 +12,7 @@ Json counts_or_null(std::int64_t counts) {
   return counts;
 }
 
-// What a switch of the travel is for: by its shape, as the line file's keys give it.
+// Returns the purpose of a switch. Limit switches extend to infinity; the home switch is on the product's home wire.
 std::string_view purpose_of(const plant::Switch& fitted, const Product& product) {
   if (fitted.from_counts == plant::no_low_limit) return "negative_limit";
   if (fitted.to_counts == plant::no_high_limit) return "positive_limit";

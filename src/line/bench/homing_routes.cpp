@@ -6,7 +6,7 @@
 #include "line/bench/axis_view.hpp"
 #include "line/bench/routes.hpp"
 
-// The homing methods of a drive, leg by leg, from the table that its homing runs by.
+// The homing methods of a drive, leg by leg, from the table that its homing uses.
 namespace servodrome::line::bench {
 namespace {
 
@@ -37,10 +37,10 @@ struct ThenWord {
   const char* text;
 };
 constexpr std::array then_words{
-    ThenWord{Then::stop, "stop", "then to rest"},
-    ThenWord{Then::keep, "keep", "then on without stopping"},
-    ThenWord{Then::hold, "hold", "then held there"},
-    ThenWord{Then::latch, "latch", "there is home"},
+    ThenWord{Then::stop, "stop", "then stop"},
+    ThenWord{Then::keep, "keep", "then continue without stopping"},
+    ThenWord{Then::hold, "hold", "then hold the position"},
+    ThenWord{Then::latch, "latch", "this position is home"},
 };
 
 template <typename Words, typename Key>
@@ -57,7 +57,8 @@ const auto& row_of(const Words& words, Key key) {
 
 const char* word(Direction direction) { return direction == Direction::negative ? "negative" : "positive"; }
 
-// The limit switch of this end stands in the way of a leg that runs towards it, and is left by one that runs away.
+// Returns the end of the travel whose limit switch matters for a leg: the end that the leg runs towards, or the end
+// that it leaves (limit_released).
 Direction limit_of(const Leg& leg) {
   return leg.until == Until::limit_released ? opposite(leg.direction) : leg.direction;
 }
@@ -72,7 +73,7 @@ Json view_of(const Leg& leg) {
       fmt::format("{}, at the speed during search for {}, until {}; {}", word(leg.direction), fast ? "switch" : "zero",
                   fmt::format(fmt::runtime(until.text), word(limit_of(leg))), then.text);
   if (leg.on_limit != drive::no_leg) {
-    text += fmt::format("; at the {} limit switch to rest, then leg {}", word(leg.direction), leg.on_limit + 1);
+    text += fmt::format("; at the {} limit switch stop, then leg {}", word(leg.direction), leg.on_limit + 1);
   }
   return Json{{"direction", word(leg.direction)},
               {"speed", fast ? "switch" : "zero"},

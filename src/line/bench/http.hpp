@@ -12,9 +12,9 @@ enum class Method : std::uint8_t { get, put, post, delete_, other };
 
 struct Request {
   Method method = Method::get;
-  std::string target{};  // path, and perhaps ?query
+  std::string target{};  // path, perhaps with ?query
   std::string body{};
-  // What decides who may do what (access.hpp).
+  // The fields that decide whether the request is allowed (access.hpp).
   std::string host{};
   std::string origin{};
   std::string authorization{};
@@ -23,21 +23,21 @@ struct Request {
   bool from_loopback = true;
 };
 
-// The next part of a body that is made while it is sent; empty: there is no more.
+// Returns the next part of a body that is generated while it is sent; empty: the body is complete.
 using More = std::function<std::string()>;
 
 struct Response {
-  // Carries out a piece of a request that takes long, so that other things are done between the pieces. True: that was
-  // the last, and the response is what is to be answered.
+  // Carries out a piece of a long request, so that other events are handled between the pieces. Returns true after the
+  // last piece, when the response is complete.
   using Piece = std::function<bool(Response&)>;
 
   unsigned status = 200;
   std::string body;                                           // empty for 204
-  std::string allow{};                                        // of a 405: the methods the address has
-  std::string content_type{"application/json"};               // of a body
-  More more{};                                                // of a body that does not end with `body`
-  std::vector<std::pair<std::string, std::string>> fields{};  // more of the header
-  Piece piece{};                                              // the request is not carried out yet
+  std::string allow{};                                        // of a 405: the methods of the address
+  std::string content_type{"application/json"};               // of the body
+  More more{};                                                // generates the rest of the body behind `body`
+  std::vector<std::pair<std::string, std::string>> fields{};  // additional header fields
+  Piece piece{};                                              // set while the request is not complete
 };
 
 }  // namespace servodrome::line::bench

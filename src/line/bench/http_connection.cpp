@@ -26,7 +26,7 @@ constexpr auto idle_time = std::chrono::seconds(60);
 Method method_of(http::verb verb) {
   switch (verb) {
     case http::verb::get:
-    case http::verb::head: return Method::get;  // the same without the body (RFC 9110 9.3.2)
+    case http::verb::head: return Method::get;  // HEAD is GET without the body (RFC 9110 9.3.2)
     case http::verb::put: return Method::put;
     case http::verb::post: return Method::post;
     case http::verb::delete_: return Method::delete_;
@@ -36,8 +36,8 @@ Method method_of(http::verb verb) {
 
 std::string text_of(beast::string_view text) { return {text.data(), text.size()}; }
 
-// Browsers add no field to the handshake of a WebSocket, but they name subprotocols: of a page from another machine
-// "servodrome" and "token." with the token behind it, percent-escaped.
+// Browsers cannot add header fields to a WebSocket handshake, but they can name subprotocols. A page from another
+// machine names "servodrome" and "token." followed by the token, percent-escaped.
 std::string token_of_subprotocols(beast::string_view list) {
   constexpr std::string_view mark = "token.";
   for (const auto& each : http::token_list(list)) {
@@ -52,7 +52,7 @@ Request request_of(http::request<http::string_body>&& message, bool from_loopbac
   request.method = method_of(message.method());
   request.target = text_of(message.target());
   request.host = text_of(message[http::field::host]);
-  // The whole address, as proxies are asked (RFC 9112 3.2.2): what it says goes before the field Host.
+  // The target may be a whole address, as sent to proxies (RFC 9112 3.2.2). It then overrides the Host field.
   if (constexpr beast::string_view scheme = "http://";
       beast::iequals(request.target.substr(0, scheme.size()), scheme)) {
     const std::string address = request.target.substr(scheme.size());
@@ -136,7 +136,8 @@ void HttpConnection::read() {
   parse();
 }
 
-// Beast's own read would parse where nothing of ours can catch what it throws.
+// Beast's own read function would parse inside Beast, where this class cannot catch exceptions. So this function only
+// reads bytes, and parse() parses them.
 void HttpConnection::receive() {
   constexpr std::size_t most_at_once = 16 * 1024;
   const std::size_t room = std::min(most_at_once, buffer_.max_size() - buffer_.size());
@@ -158,7 +159,7 @@ void HttpConnection::receive() {
                           }));
 }
 
-// The header first, so that the body is not read before it is wanted.
+// Parses the header first, so that the body is not read before the client is invited to send it.
 void HttpConnection::parse() {
   while (!parser_->is_done()) {
     const bool had_header = parser_->is_header_done();
@@ -166,7 +167,7 @@ void HttpConnection::parse() {
     if (buffer_.size() != 0) {
       try {
         buffer_.consume(parser_->put(buffer_.data(), code));
-      } catch (const std::length_error&) {  // a field of the trailer with more than 64 KiB
+      } catch (const std::length_error&) {  // a trailer field with more than 64 KiB
         code = http::error::header_limit;
       }
     }
@@ -188,8 +189,8 @@ void HttpConnection::parse() {
   has_read({});
 }
 
-// A client may ask whether its body is wanted before it sends it (RFC 9110 10.1.1). One that is too long was refused
-// with its header.
+// Answers a client that asks before it sends its body (Expect: 100-continue, RFC 9110 10.1.1). A body that is too long
+// has already been refused, when the header was read.
 void HttpConnection::invite_body() {
   constexpr std::string_view go_on = "HTTP/1.1 100 Continue\r\n\r\n";
   boost::asio::async_write(stream_, boost::asio::buffer(go_on), guarded([this](error_code code, std::size_t) {
@@ -234,22 +235,22 @@ void HttpConnection::disconnect() {
   stream_.socket().close(ignored);
 }
 
-// Two Host fields are two answers to the question who is meant (RFC 9112 3.2).
+// Refuses requests that are ambiguous, such as one with two Host fields (RFC 9112 3.2).
 std::optional<Response> HttpConnection::refusal_of_address(const Message& message) const {
   if (message.target().size() > longest_target) {
     return error_response({414, "the address is too long", "address", "docs/bench-api.md lists the addresses"});
   }
-  // Where the body ends is not known then (RFC 9112 6.1).
+  // With any other transfer coding the end of the body is unknown (RFC 9112 6.1).
   if (const auto coding = message[http::field::transfer_encoding];
       message.count(http::field::transfer_encoding) > 1 || (!coding.empty() && !beast::iequals(coding, "chunked"))) {
     return error_response({501,
-                           fmt::format("the transfer coding \"{}\" is not understood", text_of(coding).substr(0, 40)),
+                           fmt::format("the transfer coding \"{}\" is not supported", text_of(coding).substr(0, 40)),
                            "Transfer-Encoding", "send Content-Length, or Transfer-Encoding: chunked"});
   }
   for (const http::field field : {http::field::host, http::field::origin, http::field::authorization}) {
     if (message.count(field) > 1) {
       const std::string name = text_of(http::to_string(field));
-      return error_response({400, fmt::format("the field {} is there more than once", name), name, "send it once"});
+      return error_response({400, fmt::format("the field {} is present more than once", name), name, "send it once"});
     }
   }
   return std::nullopt;
@@ -278,7 +279,7 @@ void HttpConnection::serve() {
                             }));
 }
 
-// Browsers let any page open a WebSocket to anywhere, so only a client that may write opens one.
+// Browsers allow any page to open a WebSocket to any address, so this requires the right to write.
 void HttpConnection::upgrade(Message&& message) {
   const HttpHandlers& handlers = server_->handlers_;
   Request request = request_of(Message(message), from_loopback_);
@@ -293,9 +294,10 @@ void HttpConnection::upgrade(Message&& message) {
     refusal = error_response({404, "there is no WebSocket at this address", target.substr(0, 200),
                               "the stream is at " + handlers.upgrade_address});
   }
-  // Frames before the handshake has been answered (RFC 6455 4.1 forbids them).
+  // Refuses frames before the answer to the handshake (RFC 6455 4.1 forbids them).
   if (!refusal && buffer_.size() != 0) {
-    refusal = error_response({400, "there is something behind the handshake", "body", "wait for its answer"});
+    refusal =
+        error_response({400, "data follow the handshake request", "body", "wait for the answer to the handshake"});
   }
   if (!refusal && handlers.refuse_upgrade) refusal = handlers.refuse_upgrade();
   if (refusal) {
@@ -335,7 +337,8 @@ void HttpConnection::answer(Response&& response, unsigned version, bool keep_ali
   }
 }
 
-// Part by part, each made when the one before has left: whatever else there is to do is done in between.
+// Sends the body part by part. Each part is generated after the previous one was sent, so that other events are handled
+// in between.
 void HttpConnection::written(const error_code& code) {
   if (code) {
     close();
@@ -354,7 +357,7 @@ void HttpConnection::written(const error_code& code) {
     }
   } else if (message_.keep_alive()) {
     server_->charge(std::exchange(spent_, {}));
-    message_ = {};  // up to 16 MiB that are not needed any more
+    message_ = {};  // frees up to 16 MiB
     read();
   } else {
     close();

@@ -15,16 +15,16 @@
 
 namespace servodrome::line::bench {
 
-// One connection of a client of the server: requests in, responses out, until it becomes a WebSocket or ends.
+// A client's connection to the server: reads requests and sends responses, until it becomes a WebSocket or ends.
 class HttpConnection : public std::enable_shared_from_this<HttpConnection> {
  public:
   HttpConnection(HttpServer& server, boost::asio::ip::tcp::socket socket);
 
   void read();
-  // From when on it has to make room for another: at once while it waits for a request, and when its client needs
-  // longer than `patience` for a part of the answer. Nothing: a request is being carried out.
+  // When the connection may be ended to make room for another one: immediately while it waits for a request, or after
+  // `patience` if its client does not receive a part of the response. Nothing while a request is being carried out.
   std::optional<std::chrono::steady_clock::time_point> dispensable_from() const { return dispensable_from_; }
-  // No call of the server after this.
+  // The connection must not use the server after this.
   void disconnect();
 
  private:
@@ -34,7 +34,7 @@ class HttpConnection : public std::enable_shared_from_this<HttpConnection> {
 
   using Message = boost::beast::http::request<boost::beast::http::string_body>;
 
-  // Of every wait of this connection: an exception that leaves `handler` ends the connection, and no other.
+  // Wraps a callback: if `handler` throws, only this connection ends.
   template <typename Handler>
   auto guarded(Handler handler);
   void receive();
@@ -58,11 +58,11 @@ class HttpConnection : public std::enable_shared_from_this<HttpConnection> {
   std::optional<boost::beast::http::request_parser<boost::beast::http::string_body>> parser_;
   boost::beast::http::response<boost::beast::http::string_body> message_;
   std::optional<boost::beast::http::response_serializer<boost::beast::http::string_body>> head_;  // of a long response
-  More more_;                                                                                     // of it, what follows
-  std::string part_;                                                                              // that is being sent
-  std::chrono::steady_clock::duration spent_{};  // of the thread's time on the request at hand
+  More more_;                                    // generates its next part
+  std::string part_;                             // that is being sent
+  std::chrono::steady_clock::duration spent_{};  // time of the thread for the current request
   bool from_loopback_ = false;
-  bool wants_head_ = false;  // the request is a HEAD: an answer without its body
+  bool wants_head_ = false;  // the request is a HEAD: the response has no body
 };
 
 }  // namespace servodrome::line::bench

@@ -58,8 +58,8 @@ std::uint16_t HttpServer::port() const {
   return acceptor_.local_endpoint(ignored).port();
 }
 
-// Connections that send nothing, or do not take what they asked for, do not keep others out; a download that goes on
-// stays.
+// Makes room for a new connection by ending one whose client sends nothing or does not receive its response. A download
+// that makes progress is not ended.
 bool HttpServer::make_room() {
   const auto waits_longer = [](const auto& a, const auto& b) {
     if (!a->dispensable_from() || !b->dispensable_from()) return a->dispensable_from().has_value();
@@ -83,10 +83,9 @@ std::chrono::steady_clock::duration HttpServer::take_turn() {
 void HttpServer::count_failure(const std::exception& error) {
   ++failures_;
   if (!std::has_single_bit(failures_) || !handlers_.report) return;
-  handlers_.report(
-      fmt::format("bench API: an exception ended a connection, the {}. so far: {}; please report it with "
-                  "the request that did it",
-                  failures_, error.what()));
+  handlers_.report(fmt::format(
+      "bench API: an exception ended a connection ({} so far): {}; please report it with the request that caused it",
+      failures_, error.what()));
 }
 
 void HttpServer::charge(std::chrono::steady_clock::duration spent) {
@@ -104,7 +103,7 @@ void HttpServer::accept() {
     }
     if (connections_.size() == most_connections && !make_room()) {
       accept();
-      return;  // and `socket` is closed
+      return;  // the destructor closes `socket`
     }
     const auto connection = std::make_shared<HttpConnection>(*this, std::move(socket));
     connections_.insert(connection);
@@ -113,8 +112,8 @@ void HttpServer::accept() {
   });
 }
 
-// Mostly there are no more file descriptors: one is made free, and the client tried again a little later, not at once
-// and for ever.
+// Usually there are no file descriptors left. Frees one and accepts again after retry_time, instead of retrying without
+// end.
 void HttpServer::accept_later(const error_code& why) {
   if (why == boost::asio::error::no_descriptors) make_room();
   retry_.expires_after(retry_time);

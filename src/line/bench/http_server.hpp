@@ -18,13 +18,13 @@ namespace servodrome::line::bench {
 class HttpConnection;
 struct Upgrade;
 
-// What a server does with what it reads.
+// The callbacks of a server.
 struct HttpHandlers {
   using Reply = std::function<void(Response&&)>;
 
-  // Calls `reply` once, in the thread of `io`, at once or later.
+  // Must call `reply` once, in the thread of `io`, immediately or later.
   std::function<void(Request&& request, Reply reply)> answer;
-  // The one address where a WebSocket may begin, for clients that may write.
+  // The only address at which a client that may write can open a WebSocket.
   std::string upgrade_address{};
   std::function<std::optional<Response>()> refuse_upgrade{};
   std::function<void(Upgrade&&)> upgrade{};
@@ -32,42 +32,42 @@ struct HttpHandlers {
   std::function<void(const std::string& message)> report{};
 };
 
-// HTTP/1.1 on a TCP port, with keep-alive. Requests of at most 8 KiB of header and 256 KiB of body; at most 64
-// connections, of which the one that was silent longest makes room for a new one (none that is being answered does);
-// one that is silent for a minute is closed. More than 2000 requests per second, of all clients together, wait for
-// their turn, and fewer of those that take longer: what they ask for is done between the ticks of drives. All in the
-// thread of `io`.
+// HTTP/1.1 on a TCP port, with keep-alive. A request has at most 8 KiB of header and 256 KiB of body. There are at most
+// 64 connections: a new one replaces the one that has been silent longest, but none whose request is being carried out.
+// A connection is closed after a minute of silence. A rate limit delays requests beyond 2000 per second of all clients
+// together, and fewer if they take long, because they are carried out between the ticks of drives. Everything happens
+// in the thread of `io`.
 class HttpServer {
  public:
-  // Listens at once. Throws links::LinkError when it cannot.
+  // Begins to listen. Throws links::LinkError if that fails.
   HttpServer(boost::asio::io_context& io, const std::string& address, std::uint16_t port, Access access,
              HttpHandlers handlers);
   ~HttpServer();
   HttpServer(const HttpServer&) = delete;
   HttpServer& operator=(const HttpServer&) = delete;
 
-  // The port, also if 0 was asked for.
+  // The actual port, also if the requested port was 0.
   std::uint16_t port() const;
-  // An exception has ended a connection, or a WebSocket that was one. Reports the 1st, 2nd, 4th, 8th ...: a client that
-  // does it again and again fills no log.
+  // Counts a connection, or a WebSocket, that an exception has ended. Reports the 1st, 2nd, 4th, 8th ... of them, so
+  // that a client that causes them repeatedly does not fill the log.
   void count_failure(const std::exception& error);
-  // How many those were.
+  // The number of such connections.
   std::uint64_t failures() const { return failures_; }
 
  private:
   friend class HttpConnection;
   static constexpr std::size_t most_connections = 64;
   static constexpr auto turn = std::chrono::microseconds(500);
-  static constexpr auto burst = 200 * turn;  // that need not wait after a pause
+  static constexpr auto burst = 200 * turn;  // requests that need not wait after a pause
 
   void accept();
   void accept_later(const boost::system::error_code& why);
-  // False: all clients are being answered.
+  // Returns false if all requests are being carried out.
   bool make_room();
-  // How long a request that is there now has to wait.
+  // Returns how long a new request has to wait because of the rate limit.
   std::chrono::steady_clock::duration take_turn();
-  // A request has taken so much of the thread's time: what is more than its turn is paid by those that come after it,
-  // so that requests have half of the time at most.
+  // Charges the thread's time of a request: time beyond its turn delays later requests, so that requests use at most
+  // half of the thread's time.
   void charge(std::chrono::steady_clock::duration spent);
 
   boost::asio::ip::tcp::acceptor acceptor_;

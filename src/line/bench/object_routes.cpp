@@ -31,7 +31,7 @@ Object object_argument(Call& call) {
   return {axis, *entry, std::move(where)};
 }
 
-// A thousand objects take some milliseconds: they are listed some at a time, with everything else in between.
+// A list of a thousand objects takes some milliseconds, so it is generated in parts, with other events in between.
 Json list_objects(Call& call) {
   constexpr std::size_t objects_at_once = 16;
   const auto part = [&axis = axis_argument(call), at = std::size_t{0}, ended = false]() mutable -> std::string {
@@ -58,7 +58,7 @@ Json read_object(Call& call) {
   return shown(object.entry, value.bytes);
 }
 
-// Several at once, for clients that poll them: null is what cannot be read now.
+// Reads several objects at once, for clients that poll them. The value is null if an object cannot be read now.
 Json read_values(Call& call) {
   Axis& axis = axis_argument(call);
   Json values = Json::object();

@@ -17,14 +17,14 @@ using dictionary::AbortCode;
 using dictionary::Entry;
 using dictionary::Type;
 
-// Index and sub-index are hexadecimal, with or without 0x.
+// Reads an index or sub-index in hexadecimal, with or without 0x.
 unsigned hexadecimal(std::string_view text, unsigned maximum, std::string_view what) {
   std::string_view digits = text;
   if (digits.starts_with("0x") || digits.starts_with("0X")) digits.remove_prefix(2);
   unsigned value = 0;
   const auto [end, error] = std::from_chars(digits.data(), digits.data() + digits.size(), value, 16);
   if (error != std::errc() || end != digits.data() + digits.size() || value > maximum) {
-    throw ApiError{400, fmt::format("\"{}\" is no {}", text.substr(0, 40), what), "address",
+    throw ApiError{400, fmt::format("\"{}\" is not {}", text.substr(0, 40), what), "address",
                    "write index and sub-index in hexadecimal: objects/6041/0"};
   }
   return value;
@@ -60,14 +60,14 @@ Json describe(const Entry& entry) {
               {"unit", entry.unit}};
 }
 
-// The object that a value is for.
+// The object to which a value will be written.
 struct Place {
   const Entry& entry;
   const std::string& where;
 };
 
 [[noreturn]] void wrong_value(const Place& object, std::string_view expected) {
-  throw ApiError{400, "the value is of the wrong kind", object.where,
+  throw ApiError{400, "the value has the wrong type", object.where,
                  fmt::format("{} takes {}", describe::word(object.entry.type), expected)};
 }
 
@@ -101,7 +101,7 @@ Bytes bytes_of_number(const Place& object, const Json& value) {
   if (!value.is_number_integer() && !(value.is_boolean() && entry.type == Type::boolean)) {
     wrong_value(object, "an integer");
   }
-  // What does not fit the type cannot even be sent; the drive's range is for the drive to check.
+  // Refuses values that do not fit the type, because they cannot be sent. The drive itself checks its range.
   std::uint64_t raw_number = 0;
   if (value.is_number_unsigned()) {
     raw_number = value.get<std::uint64_t>();
@@ -132,8 +132,8 @@ Bytes bytes_of(const Place& object, const Json& value) {
 }  // namespace
 
 ObjectName object_address(std::string_view index, std::string_view sub) {
-  return {static_cast<std::uint16_t>(hexadecimal(index, 0xFFFF, "index")),
-          static_cast<std::uint8_t>(hexadecimal(sub, 0xFF, "sub-index"))};
+  return {static_cast<std::uint16_t>(hexadecimal(index, 0xFFFF, "an index")),
+          static_cast<std::uint8_t>(hexadecimal(sub, 0xFF, "a sub-index"))};
 }
 
 std::vector<std::pair<std::string, ObjectName>> object_list(std::string_view rest) {
@@ -152,7 +152,6 @@ std::vector<std::pair<std::string, ObjectName>> object_list(std::string_view res
   return objects;
 }
 
-// The drive's refusal: 422 for the value, 409 for everything else.
 void refuse_access(AbortCode abort, std::string where) {
   const auto code = static_cast<std::uint32_t>(abort);
   const bool value = (code & 0xFFFF0000u) == 0x06090000u || (code & 0xFFFF0000u) == 0x06070000u;

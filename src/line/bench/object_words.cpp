@@ -66,7 +66,7 @@ Json mode_bits(const Policy& policy) {
   return list;
 }
 
-// Controlword (CiA 402-2 table 23). Bits 4 to 6 and 9 are the mode's.
+// Controlword (CiA 402-2 table 23). The meaning of bits 4 to 6 and 9 depends on the mode.
 constexpr auto controlword_bits =
     std::to_array<Named>({{0, "switch on"},
                           {1, "enable voltage"},
@@ -88,7 +88,7 @@ constexpr auto common_status_bits = std::to_array<Named>({{0, "ready to switch o
                                                           {6, "switch on disabled"},
                                                           {7, "warning"}});
 
-// What CiA 402-2 has in bits 12 and 13, by mode.
+// The meaning of bits 12 and 13 in each mode, according to CiA 402-2.
 struct ModeBit {
   StatusSource source;
   Mode mode;
@@ -99,11 +99,11 @@ constexpr auto mode_status_bits = std::to_array<ModeBit>({
     {StatusSource::mode_bit_12, Mode::profile_velocity, "speed zero"},
     {StatusSource::mode_bit_12, Mode::homing, "homing attained"},
     {StatusSource::mode_bit_12, Mode::interpolated_position, "interpolation active"},
-    {StatusSource::mode_bit_12, Mode::cyclic_sync_position, "follows the set-points"},
-    {StatusSource::mode_bit_12, Mode::cyclic_sync_velocity, "follows the set-points"},
-    {StatusSource::mode_bit_12, Mode::cyclic_sync_torque, "follows the set-points"},
+    {StatusSource::mode_bit_12, Mode::cyclic_sync_position, "drive follows the command value"},
+    {StatusSource::mode_bit_12, Mode::cyclic_sync_velocity, "drive follows the command value"},
+    {StatusSource::mode_bit_12, Mode::cyclic_sync_torque, "drive follows the command value"},
     {StatusSource::mode_bit_13, Mode::profile_position, "following error"},
-    {StatusSource::mode_bit_13, Mode::profile_velocity, "greatest slippage"},
+    {StatusSource::mode_bit_13, Mode::profile_velocity, "max slippage error"},
     {StatusSource::mode_bit_13, Mode::homing, "homing error"},
     {StatusSource::mode_bit_13, Mode::cyclic_sync_position, "following error"},
 });
@@ -126,7 +126,8 @@ const char* word(StatusSource source) {
   return "";
 }
 
-// A bit that means something else in every mode says so: "set-point acknowledge (mode 1), homing attained (6)".
+// The name of a bit whose meaning depends on the mode lists the modes: "set-point acknowledge (mode 1), homing attained
+// (6)".
 Json status_bits(const Policy& policy) {
   Json list = list_of(common_status_bits, "bit");
   std::map<unsigned, std::string> names;
@@ -212,7 +213,7 @@ constexpr auto error_register_bits = std::to_array<Named>({{0, "generic"},
                                                            {7, "manufacturer"}});
 constexpr auto polarity_bits = std::to_array<Named>({{6, "velocity inverted"}, {7, "position inverted"}});
 
-// How a motion is ended (CiA 402-2, 605Ah to 605Eh).
+// The ways to end a motion (CiA 402-2, 605Ah to 605Eh).
 std::string stop_of(int code) {
   switch (code) {
     case 0: return "disable the drive function";
@@ -228,7 +229,7 @@ std::string stop_of(int code) {
 constexpr int last_option_code = 31;
 bool has(std::uint32_t codes, int code) { return (codes >> code & 1U) != 0; }
 
-// The codes that the product has, and those from which on all mean one.
+// The option codes of the product. All codes from `at_once_from` on (if not 0) mean a stop at the current limit.
 Json option_codes(std::uint32_t codes, int at_once_from) {
   Json list = Json::array();
   for (int code = 0; code <= last_option_code; ++code) {
@@ -238,7 +239,7 @@ Json option_codes(std::uint32_t codes, int at_once_from) {
   return list;
 }
 
-// 5 to 8 are 1 to 4 that leave the axis where it is held.
+// Codes 5 to 8 brake like codes 1 to 4, but the drive stays in quick stop active.
 Json quick_stop_codes(const Policy& policy) {
   constexpr int held = 4;
   const drive::OptionCodes& codes = policy.option_codes;

@@ -10,7 +10,7 @@
 namespace servodrome::line::bench {
 namespace {
 
-// "DI3" is wire 3.
+// Returns the number of an input wire: "DI3" is wire 3.
 int wire_of(const Axis& axis, std::string_view name) {
   int wire = -1;
   if (name.starts_with("DI")) {
@@ -44,7 +44,7 @@ Json force_inputs(Call& call) {
     const int wire = wire_of(axis, name);
     if (!value.is_boolean() && !value.is_null()) {
       throw ApiError{400, fmt::format("{} is neither true, false nor null", name), name,
-                     "true and false force the input, null gives it back to the geometry"};
+                     "true and false force the input, null connects it to its switch again"};
     }
     wanted.emplace_back(wire, value.is_null() ? std::nullopt : std::optional(value.get<bool>()));
   }
@@ -64,8 +64,8 @@ Json show_plant(Call& call) {
               {"position_counts", axis.plant().position_counts()}};
 }
 
-// A number of the plant that may change while it runs: what the change does to the parameters, for plant::validate to
-// judge, and to the plant.
+// A number of the plant that may change while it runs. `change` changes the parameters, which plant::validate checks;
+// `set` changes the plant.
 struct Quantity {
   std::string_view key;
   void (*change)(plant::Parameters& parameters, double value);
@@ -90,14 +90,14 @@ constexpr std::array quantities{
              &plant::Plant::set_ambient_c},
 };
 
-// Accepts all of the changes or none.
+// Checks all changes before the first one is made. Throws ApiError.
 void check(const plant::Plant& plant, const std::array<std::optional<double>, quantities.size()>& values,
            std::optional<std::int64_t> position) {
   const auto judge = [](const plant::Parameters& parameters) {
     const std::vector<std::string> messages = plant::validate(parameters);
-    if (!messages.empty()) throw ApiError{422, messages.front(), "body", "choose a value the plant can be run with"};
+    if (!messages.empty()) throw ApiError{422, messages.front(), "body", "choose a valid value for the plant"};
   };
-  // One by one first, in the order in which they will be set, because the plant checks each of them.
+  // First each change in the order in which they will be set, because the plant checks each one as well.
   plant::Parameters changed = plant.parameters();
   for (std::size_t i = 0; i < quantities.size(); ++i) {
     if (!values[i]) continue;
@@ -121,7 +121,7 @@ Json change_plant(Call& call) {
   check(plant, values, position);
   if (position && !axis.place(*position)) {
     throw ApiError{409, "the motor of " + axis.settings().name + " is energised", "position_counts",
-                   "disable the drive first: an energised axis gets somewhere else by moving there"};
+                   "disable the drive first, or move the axis with a job"};
   }
   for (std::size_t i = 0; i < quantities.size(); ++i) {
     if (values[i]) (plant.*quantities[i].set)(*values[i]);

@@ -4,7 +4,7 @@
 #include "line/bench/axis_view.hpp"
 #include "line/bench/routes.hpp"
 
-// Where a drive stands in its power state machine, and where a master can take it from there.
+// The state of a drive's power state machine, and the transitions that a master can command from there.
 namespace servodrome::line::bench {
 namespace {
 
@@ -14,7 +14,7 @@ using drive::PowerState;
 struct CommandWord {
   Command command;
   const char* name;
-  std::uint16_t controlword;  // CiA 402-2 table 24; bits that the command leaves open are 0
+  std::uint16_t controlword;  // CiA 402-2 table 24; bits without meaning for the command are 0
 };
 constexpr std::array command_words{
     CommandWord{Command::shutdown, "shutdown", 0x06},
@@ -26,8 +26,8 @@ constexpr std::array command_words{
 constexpr std::uint8_t disable_operation = 5;
 constexpr std::uint8_t fault_reset = 15;
 
-// One command for each transition: where the motor is off, quick stop does what disable voltage does, and enable
-// operation passes through switched on.
+// Selects one command for each transition. While the motor is off, quick stop has the same effect as disable voltage.
+// Enable operation in ready to switch on passes through switched on. Both are left out.
 bool is_the_usual(const drive::Transition& transition) {
   if (transition.command == Command::quick_stop) return transition.from == PowerState::operation_enabled;
   return transition.command != Command::enable_operation || transition.from != PowerState::ready_to_switch_on;
@@ -60,7 +60,7 @@ Json states_view(PowerState state, const drive::Policy& policy,
                              {"controlword", row.controlword}});
     }
   }
-  if (state == PowerState::fault) {  // by the rising edge of bit 7, once the cause has gone
+  if (state == PowerState::fault) {  // by a rising edge of bit 7, after the cause is gone
     transitions.push_back({{"number", fault_reset},
                            {"name", "fault reset"},
                            {"to", drive::name(PowerState::switch_on_disabled)},

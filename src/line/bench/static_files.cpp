@@ -14,7 +14,7 @@ namespace {
 
 constexpr std::uintmax_t largest_file = 16 * 1024 * 1024;
 
-// Nothing that was not served from here runs, is shown or is spoken to.
+// The page may only load, show and contact what comes from this server.
 constexpr const char* content_security_policy =
     "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self' data: blob:; connect-src 'self'; "
     "font-src 'self'; base-uri 'none'; form-action 'none'; frame-ancestors 'none'";
@@ -23,7 +23,7 @@ constexpr const char* page_note = R"(<!DOCTYPE html>
 <html lang="en"><head><meta charset="utf-8"><title>Servodrome</title></head><body>
 <h1>Servodrome</h1>
 <p>The line is running. The studio's page is not built: <code>./run</code> builds it, or
-<code>servodrome up --studio FOLDER</code> says where it is.</p>
+<code>servodrome up --studio FOLDER</code> gives its folder.</p>
 <p>The bench API is at <a href="/api/v1/axes">/api/v1/axes</a>.</p>
 </body></html>
 )";
@@ -54,7 +54,8 @@ const char* type_of(const std::filesystem::path& path) {
   return "application/octet-stream";
 }
 
-// Names that builds give to files. No escapes: %2e is no dot, and there is nothing to be decoded twice.
+// Allows only the characters that builds use in file names. Percent escapes are not decoded, so %2e cannot stand for a
+// dot.
 bool is_plain(std::string_view path) {
   const auto plain = [](char c) {
     return std::isalnum(static_cast<unsigned char>(c)) != 0 || c == '-' || c == '_' || c == '.' || c == '/' || c == '@';
@@ -68,17 +69,18 @@ Response page_response(const Request& request, std::string body, const char* typ
   response.fields = {{"Content-Security-Policy", content_security_policy},
                      {"Referrer-Policy", "no-referrer"},
                      {"Cross-Origin-Resource-Policy", "same-origin"}};
-  // Browsers ignore it, and complain, where they do not trust the way: without TLS from another machine.
+  // Browsers ignore this field, and print a warning, on connections that they do not trust (from another machine
+  // without TLS).
   if (request.from_loopback) response.fields.emplace_back("Cross-Origin-Opener-Policy", "same-origin");
   return response;
 }
 
 Response nothing_there(std::string_view path) {
-  return error_response({404, "there is nothing at this address", std::string(path.substr(0, 200)),
+  return error_response({404, "unknown address", std::string(path.substr(0, 200)),
                          "the page is at /, the API below /api/v1/ (docs/bench-api.md)"});
 }
 
-// The file with links followed, if it lies in the folder.
+// Returns the file, with symbolic links resolved, if it is in the folder.
 std::optional<std::filesystem::path> file_within(const std::filesystem::path& folder, std::string_view path) {
   std::error_code error;
   const auto file = std::filesystem::canonical(folder / path.substr(1), error);
@@ -99,8 +101,8 @@ StaticFiles::StaticFiles(const std::string& folder) {
 Response StaticFiles::answer(const Request& request) const {
   const std::string_view path = std::string_view(request.target).substr(0, request.target.find('?'));
   if (request.method != Method::get) {
-    Response refusal =
-        error_response({405, "this address does not have that method", std::string(path.substr(0, 200)), "it has GET"});
+    Response refusal = error_response(
+        {405, "this address does not support the method", std::string(path.substr(0, 200)), "it has GET"});
     refusal.allow = "GET";
     return refusal;
   }
@@ -115,7 +117,7 @@ Response StaticFiles::answer(const Request& request) const {
   if (!stream && !stream.eof()) return nothing_there(path);
   const auto tag = fmt::format("\"{:016x}-{:x}\"", std::hash<std::string>()(bytes), bytes.size());
   Response response = page_response(request, std::move(bytes), type_of(*file));
-  // Builds name the files in /assets by what is in them.
+  // The names of files in /assets contain a hash of their content, so browsers may cache them forever.
   const bool is_asset = path.starts_with("/assets/");
   response.fields.emplace_back("Cache-Control", is_asset ? "public, max-age=31536000, immutable" : "no-cache");
   response.fields.emplace_back("ETag", tag);

@@ -7,18 +7,19 @@
 
 namespace servodrome::line::bench {
 
-// The files of the studio's page, and nothing beside them: GET / and everything that is no address of the API. What has
-// no dot in its name is a place within the page.
+// Serves only the files of the studio's page: GET / and every address outside the API. An address without a dot is a
+// place within the page and returns index.html.
 class StaticFiles {
  public:
-  // A folder that has no index.html serves a note that says how to build the page; so does an empty name.
+  // If the folder's name is empty or it has no index.html, the server returns a note that explains how to build the
+  // page.
   explicit StaticFiles(const std::string& folder);
 
   bool has_page() const { return !folder_.empty(); }
   Response answer(const Request& request) const;
 
  private:
-  std::filesystem::path folder_;  // without links; empty: there is no page
+  std::filesystem::path folder_;  // symbolic links resolved; empty: there is no page
 };
 
 }  // namespace servodrome::line::bench

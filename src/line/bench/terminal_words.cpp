@@ -92,7 +92,7 @@ constexpr std::array reference{
     TerminalWords{0x2031, 0, 0, input_functions, "bits", eight_inverted},
 };
 
-// Ch. 7.9 of the iSMK manual; the words are the drive's own table.
+// Ch. 7.9 of the iSMK manual; the names come from the drive's own table.
 template <typename Rows>
 constexpr auto named(const Rows& rows) {
   std::array<NamedNumber, std::tuple_size_v<Rows> + 1> words{};

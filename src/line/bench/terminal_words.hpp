@@ -4,7 +4,7 @@
 #include <span>
 #include <string_view>
 
-// The objects by which a drive's terminals are set up and seen, and what their numbers mean.
+// The objects that configure or show a drive's terminals, and the meaning of their numbers.
 namespace servodrome::line::bench {
 
 struct NamedNumber {
@@ -16,12 +16,12 @@ struct TerminalWords {
   std::uint16_t index;
   std::uint8_t first_sub;
   std::uint8_t last_sub;
-  std::string_view set;                  // objects of one set stand together
-  std::string_view key{};                // "enumeration": the numbers are values; "bits": they are places of bits
-  std::span<const NamedNumber> words{};  // empty: nothing is known, or the policy knows it
+  std::string_view set;                  // the group in which the object is shown
+  std::string_view key{};                // "enumeration": the numbers are values; "bits": they are bit numbers
+  std::span<const NamedNumber> words{};  // empty: no names are known, or the policy has them
 };
 
-// Of CiA 402-2, or of the product. nullptr: the object is none of terminals'.
+// Returns the row of CiA 402-2 or of the product; nullptr if the object does not belong to terminals.
 const TerminalWords* find_terminal(std::string_view product, std::uint16_t index, std::uint8_t sub);
 
 }  // namespace servodrome::line::bench

@@ -6,7 +6,7 @@
 
 namespace servodrome::line::bench {
 
-// A connection that is to be a WebSocket: its request was checked, its handshake was not made yet.
+// A connection that will become a WebSocket: its request has been checked, but the handshake has not been made.
 struct Upgrade {
   boost::beast::tcp_stream stream;
   boost::beast::http::request<boost::beast::http::string_body> request;

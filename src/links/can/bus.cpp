@@ -8,16 +8,16 @@
 namespace servodrome::links {
 namespace {
 
-// Error flag (6), its echo by the others (6), error delimiter (8): ISO 11898-1, 10.4.4.
+// Error flag (6), the other ports' error flags (6), error delimiter (8): ISO 11898-1, 10.4.4.
 constexpr unsigned error_frame_bits = 20;
-// An error passive sender waits these bits more before it sends again (ISO 11898-1, 10.4.6.4).
+// An error passive sender waits this number of bits before it sends again (ISO 11898-1, 10.4.6.4).
 constexpr unsigned suspend_transmission_bits = 8;
 
 bool is_valid(const canopen::Frame& frame) {
   return frame.length <= 8 && frame.id <= (frame.extended ? 0x1FFFFFFFU : 0x7FFU);
 }
 
-// Bytes that are not sent are zero, so that equal frames compare equal.
+// Sets bytes that are not sent to zero, so that equal frames compare equal.
 canopen::Frame normalized(const canopen::Frame& frame) {
   canopen::Frame result = frame;
   const auto used = static_cast<std::ptrdiff_t>(frame.remote ? 0 : frame.length);
@@ -25,7 +25,8 @@ canopen::Frame normalized(const canopen::Frame& frame) {
   return result;
 }
 
-// Bits until two senders notice that they disagree: the first that differs is a bit error for one of them.
+// The number of bits until two senders detect that their frames differ: the first different bit is a bit error for one
+// of them.
 unsigned bits_until_difference(const canopen::Frame& one, const canopen::Frame& other) {
   const WireBits a = encode_frame(one);
   const WireBits b = encode_frame(other);
@@ -110,7 +111,7 @@ Time CanBus::next_event() const {
 
 void CanBus::advance(Time now) {
   if (advancing_) throw std::logic_error("CanBus::advance() called by a receiver");
-  // Also when a receiver or an observer throws, the bus stays usable.
+  // Resets `advancing_` even if a receiver or an observer throws, so that the bus stays usable.
   struct Guard {
     bool& flag;
     ~Guard() { flag = false; }
@@ -140,7 +141,7 @@ bool CanBus::on_wire(const Port& port) const {
          port.error_state != ErrorState::bus_off && rate_matches(port);
 }
 
-// Whether a sender on the wire finds another port there that acknowledges.
+// Returns true if there is another port on the wire that can acknowledge a frame.
 bool CanBus::acknowledged() const {
   if (config_.ideal) return true;
   unsigned participants = 0;
@@ -178,7 +179,7 @@ void CanBus::start_transmission() {
   next.start = now_;
   next.bits = head.bits;
 
-  // A port with the same arbitration field sends as well, and breaks the frame if its own is another.
+  // Another port with the same arbitration field sends too. If its frame differs, it breaks this one.
   if (!config_.ideal) {
     for (const auto& port : ports_) {
       if (port.get() == winner || !may_send(*port) || earliest_start(*port) > now_) continue;
@@ -211,11 +212,11 @@ void CanBus::start_transmission() {
   load_.add_busy(next.start, next.end + duration(interframe_space_bits));
 }
 
-// How many bits of the frame stay good; all of them if it is not hit. Always draws twice.
+// Returns how many bits of the frame stay good; all of them if it is not corrupted. Always draws twice.
 unsigned CanBus::draw_corruption(const Port& sender, const canopen::Frame& frame, unsigned bits) {
   const bool hit = corrupt_draws_.chance(disturbance_->corrupt) && matches(sender, frame);
   const auto position = static_cast<unsigned>(corrupt_draws_.next() % bits);
-  // On an ideal bus nothing would end the repetitions of a frame that is always hit.
+  // On an ideal bus a frame that is corrupted each time would be repeated endlessly without any time passing.
   return hit && !config_.ideal ? position : bits;
 }
 
@@ -232,7 +233,7 @@ void CanBus::end_transmission() {
   idle_at_ = done.end + duration(interframe_space_bits);
   counters_.bits += done.bits + interframe_space_bits;
 
-  // A sender that was switched off or cut in the middle leaves a broken frame behind.
+  // If the sender was switched off or cut off in the middle, its frame is broken.
   bool has_sender = false;
   for (const auto& port : ports_) {
     port->sending = port->sending && on_wire(*port);
@@ -255,7 +256,7 @@ void CanBus::end_transmission() {
 
 void CanBus::deliver(const Transmission& done) {
   ++counters_.frames;
-  // First who sent and who listened, then the calls: they may change either.
+  // First count for all ports, then call the receivers, because a call may change who is on the wire and who sends.
   for (const auto& port : ports_) {
     if (on_wire(*port)) count_success(*port, port->sending, done.end);
   }

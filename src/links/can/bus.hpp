@@ -14,26 +14,26 @@ namespace servodrome::links {
 
 enum class PortId : std::uint16_t {};
 
-// Fault confinement state of a CAN controller (ISO 11898-1, 12.1).
+// The fault confinement state of a CAN controller (ISO 11898-1, 12.1).
 enum class ErrorState : std::uint8_t { active, passive, bus_off };
 
-// What a controller does on the bus. `off`: not powered or its channel closed; it neither sends, receives nor
-// acknowledges. `listen_only`: receives, never drives the wire (no acknowledge, transmit() refuses).
+// The part that a controller takes in the traffic. `off`: it has no power or its channel is closed; it does not send,
+// receive or acknowledge. `listen_only`: it receives, but never drives the wire (no acknowledge, transmit() refuses).
 enum class Participation : std::uint8_t { off, listen_only, normal };
 
-// A node's view of the bus. Calls come out of CanBus::advance() in order of time; a receiver may call transmit() from
-// them, with the time it was given, but not advance(), attach() or detach().
+// A node on the bus, as the bus sees it. CanBus::advance() makes the calls in order of time. A receiver may call
+// transmit() from them, with the time that it got, but not advance(), attach() or detach().
 class Receiver {
  public:
   virtual ~Receiver() = default;
   // Another port's frame is complete; `at` is the end of its last bit.
   virtual void on_frame(const canopen::Frame& frame, Time at) = 0;
-  // This port's own frame has been acknowledged. `tag` as given to transmit().
+  // This port's own frame has been acknowledged. `tag` is the value passed to transmit().
   virtual void on_sent(const canopen::Frame& /*frame*/, std::uint32_t /*tag*/, Time /*at*/) {}
   virtual void on_error_state(ErrorState /*state*/, Time /*at*/) {}
 };
 
-// One thing that happened on the wire, for logs and monitors.
+// An event on the wire, for logs and monitors.
 struct BusEvent {
   enum class Kind : std::uint8_t {
     frame,    // complete and acknowledged
@@ -57,44 +57,44 @@ struct PortCounters {
   std::uint64_t sent = 0;
   std::uint64_t received = 0;
   std::uint64_t refused = 0;          // transmit() returned false
-  std::uint64_t discarded = 0;        // queued, then lost to bus-off, off() or detach
+  std::uint64_t discarded = 0;        // were queued, then lost to bus-off, Participation::off or detach
   std::uint64_t errors = 0;           // error frames while this port was sending
-  std::uint16_t transmit_errors = 0;  // TEC, ISO 11898-1 12.1.4.2
-  std::uint16_t receive_errors = 0;   // REC
+  std::uint16_t transmit_errors = 0;  // TEC (transmit error counter), ISO 11898-1 12.1.4.2
+  std::uint16_t receive_errors = 0;   // REC (receive error counter)
   std::uint32_t bus_off_count = 0;
 };
 
 struct BusCounters {
   std::uint64_t frames = 0;      // complete frames
-  std::uint64_t bits = 0;        // bits the wire was busy, with interframe spaces and error frames
+  std::uint64_t bits = 0;        // bits during which the wire was busy, with interframe spaces and error frames
   std::uint64_t errors = 0;      // error frames
   std::uint64_t collisions = 0;  // of these: two ports sent different frames under one identifier
-  std::uint64_t dropped = 0;     // by a disturbance
+  std::uint64_t dropped = 0;     // because of a disturbance
   std::uint64_t delayed = 0;
   std::uint64_t corrupted = 0;
 };
 
 struct BusConfig {
   std::uint32_t bit_rate = 1'000'000;  // 10'000 .. 1'000'000 bit/s
-  // Frames take no time, need no acknowledge, never collide and are never corrupted: for tests of protocol alone. Two
-  // receivers that answer
-  // each other without end then never let advance() return.
+  // Frames take no time, need no acknowledge, never collide and are never corrupted: for tests of the protocol only. If
+  // two receivers answer each other without end, advance() never returns.
   bool ideal = false;
 };
 
-// The simulated bus: one wire, one thread, no clock of its own. Time is what transmit() and advance() are told and
-// never goes back; the same calls give the same frames at the same nanoseconds.
+// The simulated bus: one wire, one thread, no clock of its own. The caller passes the time to transmit() and advance();
+// it never goes back. The same calls give the same frames at the same nanoseconds.
 //
-// Each port has a FIFO transmit queue, as a CANopen stack's single transmit mailbox behind a software queue: only its
-// oldest frame takes part in arbitration. A drive's port holds one frame, its controller's mailbox (offer()). Two ports
-// that win with the same arbitration field send one frame together if their frames are equal and break each other with
-// an error frame if not, as on a wire.
+// Each port has a FIFO transmit queue, like a CANopen stack that has one transmit mailbox behind a software queue: only
+// its oldest frame takes part in arbitration. A drive's port holds one frame, like its controller's mailbox (offer()).
+// If two ports win with the same arbitration field and their frames are equal, they send one frame together; if not,
+// they break each other's frame with an error frame, as on a real wire.
 //
-// A sender needs another port to acknowledge. One that has none (alone, cut off, or set to another bit rate) tries in
-// private: its error counter climbs to error passive (ISO 11898-1, 12.1.4.2 exception 1: not further), its frame stays
-// queued, and the shared wire does not see it. Simplification: a port of a wrong bit rate does not disturb the others.
+// A sender needs another port to acknowledge its frame. A sender without one (alone, cut off, or set to another bit
+// rate) makes private attempts: its error counter rises to error passive but no further (ISO 11898-1, 12.1.4.2
+// exception 1), its frame stays queued, and the shared wire is not affected. Simplification: a port with a wrong bit
+// rate does not disturb the others.
 //
-// Receivers count an error frame as 1, the sender as 8; an error frame is 20 bits (flag, echo, delimiter).
+// An error frame adds 1 to a receiver's error counter and 8 to the sender's. It has 20 bits (flag, echo, delimiter).
 // Nothing is allocated after attach().
 class CanBus {
  public:
@@ -105,54 +105,55 @@ class CanBus {
   CanBus(const CanBus&) = delete;
   CanBus& operator=(const CanBus&) = delete;
 
-  // The receiver must outlive the bus or be detached. `queue_depth` bounds the frames waiting to be sent.
+  // The receiver must outlive the bus or be detached. `queue_depth` is the maximum number of frames that wait to be
+  // sent.
   PortId attach(Receiver& receiver, std::size_t queue_depth = default_queue_depth);
   void detach(PortId port);
 
-  // Queues a frame to be sent from `now` on, which may be when it began to wait elsewhere. False, and counted as
-  // refused, if the queue is full, the port is off, listen-only or bus-off, or the frame is not one (length above 8,
-  // identifier too wide).
+  // Queues a frame to be sent from `now` on. `now` may be in the past, if the frame waited elsewhere before. Returns
+  // false, and counts the frame as refused, if the queue is full, if the port is off, listen-only or bus-off, or if the
+  // frame is invalid (length above 8, identifier too wide).
   bool transmit(PortId port, const canopen::Frame& frame, Time now, std::uint32_t tag = 0);
-  // For a port with a queue of one, the transmit mailbox of a controller: `frame` is what it has to send now, since
-  // `since`; nullptr: nothing. Replaces or takes back what waits there, but not what is on the wire: that ends with
-  // Receiver::on_sent() or is repeated.
+  // For a port with a queue of one frame, the transmit mailbox of a controller. `frame` is the frame that the
+  // controller has to send now, waiting since `since`; nullptr: none. It replaces or removes the waiting frame, but not
+  // one that is on the wire: that one ends with Receiver::on_sent() or is repeated.
   void offer(PortId port, const canopen::Frame* frame, Time since);
   std::size_t pending(PortId port) const;      // frames queued or being sent
-  std::size_t queue_space(PortId port) const;  // frames transmit() would still take
+  std::size_t queue_space(PortId port) const;  // frames that transmit() would still accept
 
-  // The earliest time at which advance() has something to do; `never` if nothing is under way.
+  // The earliest time at which advance() has something to do; `never` if nothing is in progress.
   Time next_event() const;
-  // Lets the wire run up to and including `now`, calling receivers and observers in order of time.
+  // Simulates the wire up to and including `now` and calls receivers and observers in order of time.
   void advance(Time now);
   Time now() const { return now_; }
 
-  // A frame under way ends at the rate it began with. Throws std::invalid_argument outside 10 kbit/s .. 1 Mbit/s.
+  // A frame in progress ends at the old bit rate. Throws std::invalid_argument outside 10 kbit/s .. 1 Mbit/s.
   void set_bit_rate(std::uint32_t bit_rate);
   std::uint32_t bit_rate() const { return config_.bit_rate; }
-  // The rate a port's controller is set to; 0 (default): whatever the bus has.
+  // The bit rate to which a port's controller is set; 0 (default): that of the bus.
   void set_port_bit_rate(PortId port, std::uint32_t bit_rate);
 
   // `off` empties the queue and resets the error counters, as a controller's reset does.
   void set_participation(PortId port, Participation participation);
   Participation participation(PortId port) const;
 
-  // Bus-off: on its own after 128 x 11 bit times (default), or only when recover() is called. Frames queued at bus-off
-  // are lost (`discarded`).
+  // Recovery from bus-off: automatically after 128 x 11 bit times (default), or only when recover() is called. Frames
+  // queued at bus-off are lost (`discarded`).
   void set_automatic_recovery(PortId port, bool automatic);
   void recover(PortId port, Time now);
   ErrorState error_state(PortId port) const;
 
-  void disturb(const Disturbance& disturbance);  // replaces the one before
-  void clear_disturbance();                      // frames it delays wait no longer
+  void disturb(const Disturbance& disturbance);  // replaces the previous one
+  void clear_disturbance();                      // also ends the delay of frames that wait
   const std::optional<Disturbance>& disturbance() const { return disturbance_; }
   void cut(PortId port, bool is_cut);  // the port's stub is unplugged
-  void cut_bus(bool is_cut);           // every port is alone
+  void cut_bus(bool is_cut);           // every port is alone on the bus
   bool is_cut(PortId port) const;
   bool is_bus_cut() const { return bus_cut_; }
 
   const BusCounters& counters() const { return counters_; }
   const PortCounters& counters(PortId port) const;
-  // Share of the second before `now` in which the wire was busy, 0..100, in steps of a 10 ms window.
+  // The load in percent, 0..100: how much of the second before `now` the wire was busy. It changes in steps of 10 ms.
   double load_percent(Time now) const;
 
   void add_observer(BusObserver& observer);
@@ -165,7 +166,7 @@ class CanBus {
     enum class Outcome : std::uint8_t { complete, withheld, broken };
     Outcome outcome = Outcome::complete;
     canopen::Frame frame;
-    PortId sender{};  // the first of them
+    PortId sender{};  // the first one, if several ports send the same frame
     Time start{};
     Time end{};
     unsigned bits = 0;
@@ -198,7 +199,7 @@ class CanBus {
 
   BusConfig config_;
   Time now_{};
-  Time idle_at_{};  // from when on the wire is free for the next start of frame
+  Time idle_at_{};  // earliest time of the next start of frame
   std::vector<std::unique_ptr<Port>> ports_;
   std::vector<BusObserver*> observers_;
   std::optional<Transmission> transmission_;

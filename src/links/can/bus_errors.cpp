@@ -9,10 +9,10 @@ namespace {
 
 constexpr std::uint16_t error_passive_above = 127;
 constexpr std::uint16_t bus_off_above = 255;
-// 128 occurrences of 11 recessive bits; on a busy bus they take longer in life, here always this.
+// 128 occurrences of 11 recessive bits. On a real bus with traffic they take longer; here they always take this time.
 constexpr unsigned recovery_bits = 128 * 11;
-// What a sender without acknowledge has sent less than a whole frame when it notices (acknowledge slot, its delimiter
-// and end of frame), the error frame it then sends (flag 6, delimiter 8), and the interframe space.
+// The sender detects a missing acknowledge in the acknowledge slot, so the last 8 bits of the frame (acknowledge
+// delimiter and end of frame) are not sent. An error frame (flag 6, delimiter 8) and the interframe space follow.
 constexpr unsigned bits_after_acknowledge_slot = 8;
 constexpr unsigned lone_error_frame_bits = 14;
 
@@ -91,8 +91,8 @@ void CanBus::run_private_attempts(Time when) {
   if (any) review_private_attempts();
 }
 
-// A sender that gets no acknowledge repeats its frame until it is error passive; from then on a missing
-// acknowledge no longer counts (12.1.4.2 c, exception 1), so that nothing changes any more and nothing is computed.
+// A sender that gets no acknowledge repeats its frame until it is error passive. From then on a missing acknowledge no
+// longer counts (12.1.4.2 c, exception 1). The state then stays the same, so nothing needs to be simulated.
 void CanBus::review_private_attempts() {
   if (config_.ideal) return;
   const bool wire_acknowledges = acknowledged();

@@ -7,12 +7,12 @@
 
 namespace servodrome::links {
 
-// A controller on the bus, as CanBus keeps it. Private to bus*.cpp.
+// A controller on the bus, internal to CanBus. Only bus*.cpp may use it.
 struct CanBus::Port {
   struct Queued {
     canopen::Frame frame;
-    Time delay{};  // what a disturbance adds to `ready`
-    Time ready{};  // not to be sent before
+    Time delay{};  // added to `ready` by a disturbance
+    Time ready{};  // earliest time of sending
     std::uint32_t tag = 0;
     std::uint32_t key = 0;
     unsigned bits = 0;

@@ -38,8 +38,7 @@ void MemoryCanClient::send(const canopen::Frame& frame) {
   if (!port_.send(frame, clock_.now())) {
     throw LinkError(
         std::make_error_code(std::errc::no_buffer_space),
-        "CAN link \"mem:\": the bus takes no more frames; let virtual time pass, or see whether the port is "
-        "bus-off");
+        "CAN link \"mem:\": the bus takes no more frames; let virtual time pass, or check whether the port is bus-off");
   }
 }
 

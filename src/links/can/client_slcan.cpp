@@ -26,8 +26,8 @@ SlcanClient::SlcanClient(const SlcanName& name, const CanClientOptions& options)
   }
   const Deadline deadline = std::chrono::steady_clock::now() + options.connect_timeout;
   open_tty();
-  // Whatever was half typed ends here, and a channel left open is closed. Some adapters refuse C when it is not open,
-  // some answer the empty lines and some do not: V, whose answer cannot be mistaken, marks the end of all that.
+  // Ends any incomplete command and closes a channel that was left open. Some adapters refuse C when the channel is
+  // closed, and some answer the empty lines. The unmistakable answer to V marks the end of these answers.
   write("\r\r\rC\rV\r");
   do {
     if (!next_line(deadline)) {
@@ -40,7 +40,7 @@ SlcanClient::SlcanClient(const SlcanName& name, const CanClientOptions& options)
 }
 
 SlcanClient::~SlcanClient() {
-  // May fail: nothing is lost but the courtesy.
+  // A failure has no consequences.
   write_all(tty_.get(), "C\r", std::chrono::steady_clock::now() + std::chrono::milliseconds(100));
 }
 
@@ -58,7 +58,7 @@ void SlcanClient::open_tty() {
   }
   termios settings{};
   if (::tcgetattr(tty_.get(), &settings) != 0) {
-    fail(system_error(errno), "is no serial port", "name a tty or the line's slcan: path");
+    fail(system_error(errno), "is not a serial port", "name a tty or the line's slcan: path");
   }
   ::cfmakeraw(&settings);
   settings.c_cflag |= CLOCAL | CREAD;
@@ -67,7 +67,7 @@ void SlcanClient::open_tty() {
   ::tcflush(tty_.get(), TCIOFLUSH);
 }
 
-// Sends a command whose answer is CR or BEL alone.
+// Sends a command that the adapter answers with CR or BEL only.
 void SlcanClient::command(std::string_view line, Deadline deadline) {
   write(fmt::format("{}\r", line));
   do {

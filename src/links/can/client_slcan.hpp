@@ -9,7 +9,7 @@
 
 namespace servodrome::links {
 
-// The host's end of a serial CAN adapter (LAWICEL protocol) on a tty or pty, at 115200 baud where that matters.
+// The host's end of a serial CAN adapter (LAWICEL protocol) on a tty or pty. A real serial port runs at 115200 baud.
 class SlcanClient final : public CanClient {
  public:
   SlcanClient(const SlcanName& name, const CanClientOptions& options);
@@ -34,8 +34,8 @@ class SlcanClient final : public CanClient {
   FileDescriptor tty_;
   std::array<char, 1024> input_{};
   std::string_view unread_;
-  std::string line_;         // without its end
-  bool line_ended_ = false;  // with CR or BEL: line_ is complete
+  std::string line_;         // without CR or BEL
+  bool line_ended_ = false;  // line_ is complete
   bool ended_in_bell_ = false;
 };
 

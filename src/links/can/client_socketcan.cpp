@@ -27,7 +27,7 @@ void SocketcanClient::send(const canopen::Frame& frame) {
     if (reason == EINTR) continue;
     if (reason != EAGAIN && reason != ENOBUFS) lost(reason);
     if (std::chrono::steady_clock::now() >= deadline) lost(ETIMEDOUT);
-    // A full queue of the interface (ENOBUFS) gives no event when there is room.
+    // No event shows that the interface's full queue (ENOBUFS) has room again, so retry after 1 ms.
     ::poll(nullptr, 0, 1);
   }
 }

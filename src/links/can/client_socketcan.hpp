@@ -6,7 +6,7 @@
 
 namespace servodrome::links {
 
-// A CAN interface of this computer.
+// A client on a CAN interface of this computer (SocketCAN).
 class SocketcanClient final : public CanClient {
  public:
   explicit SocketcanClient(const SocketcanName& name);

@@ -17,7 +17,7 @@ struct AddressDeleter {
   void operator()(addrinfo* list) const { ::freeaddrinfo(list); }
 };
 
-// 0 or the reason why there is no connection.
+// Returns 0, or the error that prevented the connection.
 int connect_one(const addrinfo& address, FileDescriptor& socket, Deadline deadline) {
   socket.reset(::socket(address.ai_family, address.ai_socktype | SOCK_NONBLOCK | SOCK_CLOEXEC, address.ai_protocol));
   if (!socket.is_open()) return errno;
@@ -35,11 +35,11 @@ int connect_one(const addrinfo& address, FileDescriptor& socket, Deadline deadli
 SocketcandClient::SocketcandClient(const SocketcandName& name, std::chrono::milliseconds timeout) : name_(name) {
   const Deadline deadline = std::chrono::steady_clock::now() + timeout;
   connect(deadline);
-  expect("hi", "its greeting", deadline);
+  expect("hi", "a greeting", deadline);
   write(fmt::format("< open {} >", name_.bus));
-  expect("ok", fmt::format("leave to open bus \"{}\"", name_.bus), deadline);
+  expect("ok", fmt::format("an answer to the opening of bus \"{}\"", name_.bus), deadline);
   write("< rawmode >");
-  expect("ok", "raw mode", deadline);
+  expect("ok", "an answer to the raw mode request", deadline);
 }
 
 void SocketcandClient::connect(Deadline deadline) {
@@ -69,12 +69,12 @@ void SocketcandClient::connect(Deadline deadline) {
 
 void SocketcandClient::lost(int reason) const {
   const std::error_code code(reason, std::generic_category());
-  throw LinkError(code, fmt::format("the connection to \"{}\" is lost: {}; see whether the line still runs",
+  throw LinkError(code, fmt::format("the connection to \"{}\" is lost: {}; check that the line still runs",
                                     to_string(name_), code.message()));
 }
 
 void SocketcandClient::write(std::string_view text) {
-  // A peer that is gone must be an error here, not a SIGPIPE.
+  // MSG_NOSIGNAL: if the peer is gone, the result must be an error and not a SIGPIPE.
   const Deadline deadline = std::chrono::steady_clock::now() + send_timeout;
   while (!text.empty()) {
     const ssize_t sent = ::send(socket_.get(), text.data(), text.size(), MSG_NOSIGNAL);
@@ -88,7 +88,7 @@ void SocketcandClient::write(std::string_view text) {
   }
 }
 
-// Reads on to the end of the next element; false: the deadline has passed.
+// Reads up to the end of the next element. Returns false if the deadline has passed.
 bool SocketcandClient::next_element(Deadline deadline) {
   for (;;) {
     while (!unread_.empty()) {
@@ -111,12 +111,12 @@ bool SocketcandClient::next_element(Deadline deadline) {
 void SocketcandClient::expect(std::string_view word, std::string_view step, Deadline deadline) {
   if (!next_element(deadline)) {
     throw LinkError(std::make_error_code(std::errc::timed_out),
-                    fmt::format("\"{}\" did not give {} in time; is there a socketcand server at this port?",
+                    fmt::format("\"{}\" did not send {} in time; is there a socketcand server at this port?",
                                 to_string(name_), step));
   }
   if (!socketcand::Words(reader_.element()).is(word)) {
     throw LinkError(std::make_error_code(std::errc::protocol_error),
-                    fmt::format("\"{}\" did not give {} but answered \"{}\"; check host, port and bus",
+                    fmt::format("\"{}\" did not send {} but answered \"{}\"; check host, port and bus",
                                 to_string(name_), step, reader_.element()));
   }
 }

@@ -8,7 +8,7 @@ namespace {
 constexpr std::uint32_t base_identifier_bits = 11;
 constexpr std::uint32_t identifier_extension_bits = 18;
 
-// Collects the bits of a frame up to the CRC: the CRC is taken over them and the stuffing works on them.
+// Collects the bits of a frame up to the CRC, which both the CRC and the bit stuffing need.
 class BitWriter {
  public:
   void put(std::uint32_t value, unsigned bits) {
@@ -24,7 +24,7 @@ class BitWriter {
     return static_cast<std::uint16_t>(crc);
   }
 
-  // After five equal bits, stuff bits among them, follows one of the other level.
+  // Adds a bit of the opposite level after each five equal bits; stuff bits count among the five.
   WireBits stuffed() const {
     WireBits wire;
     unsigned run = 0;

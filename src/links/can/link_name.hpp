@@ -24,11 +24,11 @@ struct SocketcanName {
 using CanLinkName = std::variant<SocketcandName, SlcanName, SocketcanName, MemName>;
 
 // Reads `socketcand:HOST:PORT/BUS` (PORT and BUS may be left out: 29536, can0; an IPv6 address stands in brackets),
-// `slcan:PATH`, `socketcan:INTERFACE` or `mem:`. Throws LinkError (std::errc::invalid_argument) that says what is wrong
-// where and what is expected.
+// `slcan:PATH`, `socketcan:INTERFACE` or `mem:`. Throws LinkError (std::errc::invalid_argument) that describes the
+// error, its place and the expected form.
 CanLinkName parse_can_link(std::string_view text);
 
-// The name as parse_can_link() reads it.
+// Returns the name in the form that parse_can_link() reads.
 std::string to_string(const CanLinkName& name);
 
 }  // namespace servodrome::links

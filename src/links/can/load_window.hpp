@@ -8,18 +8,18 @@
 
 namespace servodrome::links {
 
-// How much of the last second a wire was busy, kept in slices of 10 ms.
+// Measures how much of the last second a wire was busy, in slices of 10 ms.
 class LoadWindow {
  public:
-  // `from` and `to` must not lie more than 200 ms ahead of the times percent() is asked for.
+  // `from` and `to` must be at most 200 ms later than the times passed to percent().
   void add_busy(Time from, Time to);
-  // Percent busy in the 100 full slices before the one that holds `now`.
+  // The percentage of busy time in the 100 complete slices before the one that contains `now`.
   double percent(Time now) const;
 
  private:
   static constexpr Time slice_length = std::chrono::milliseconds(10);
   static constexpr std::int64_t window_slices = 100;
-  // The window, the slice being filled, and room for a frame that reaches beyond it.
+  // The window, the slice that is being filled, and room for a frame that extends beyond it.
   static constexpr std::size_t ring_slices = 128;
 
   struct Slice {

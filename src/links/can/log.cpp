@@ -30,7 +30,7 @@ struct SocketcanPacket {
 };
 static_assert(sizeof(SocketcanPacket) == 32);
 
-// An error message has all eight data bytes; only its class (bus error) is known here.
+// A SocketCAN error message always has eight data bytes. Only its class (bus error) is known here.
 constexpr std::uint8_t error_message_length = 8;
 
 std::string timestamp_text(Time timestamp) {

@@ -8,20 +8,20 @@
 
 namespace servodrome::links {
 
-// A frame as `candump -L` writes it, without line end: `(1436509052.249713) can0 123#1122`, `123#R` or `123#R4` for a
-// remote frame, eight digits for an extended identifier.
+// Returns a frame in the format of `candump -L`, without line end: `(1436509052.249713) can0 123#1122`, `123#R` or
+// `123#R4` for a remote frame, eight digits for an extended identifier.
 std::string candump_line(const canopen::Frame& frame, Time timestamp, std::string_view interface_name);
 
-// The same of what happened on a bus; an error frame is an error message of SocketCAN (class bus error, 20000080).
+// The same for an event on a bus. An error frame becomes a SocketCAN error message (class bus error, 20000080).
 std::string candump_line(const BusEvent& event, Time timestamp, std::string_view interface_name);
 
-// A pcap file of link type 227 (LINKTYPE_CAN_SOCKETCAN, nanoseconds): its header, then a packet for each event.
+// The header of a pcap file of link type 227 (LINKTYPE_CAN_SOCKETCAN, nanoseconds), and the packet for an event.
 std::string can_pcap_header();
 std::string can_pcap_packet(const BusEvent& event, Time timestamp);
 
-// Writes what happens on a bus to a file. At most 64 KiB wait in memory; then, and on flush() and destruction, they are
-// written. A write that fails (disk full) stops the log; failed() says so. Frames withheld by a disturbance are
-// written: they were on the wire. Error frames are written as SocketCAN error messages (class bus error, 20000080).
+// Writes the events on a bus to a file. Up to 64 KiB are buffered; flush() and the destructor write them. A write error
+// (disk full) stops the log and sets failed(). The log contains frames that a disturbance withheld from the receivers,
+// because they were on the wire. Error frames become SocketCAN error messages (class bus error, 20000080).
 class CanLog final : public BusObserver {
  public:
   enum class Format { candump, pcap };  // pcap: link type 227, LINKTYPE_CAN_SOCKETCAN, nanoseconds

@@ -12,8 +12,8 @@ struct TimedFrame {
   Time at{};
 };
 
-// The `mem:` link: a port for a master in the same process. Frames wait in a bounded inbox; what does not fit is lost
-// and counted, newest first.
+// The `mem:` link: a port for a master in the same process. Received frames wait in a bounded inbox. When it is full,
+// new frames are lost and counted.
 class MemoryPort final : public Receiver {
  public:
   explicit MemoryPort(CanBus& bus, std::size_t inbox_depth = 1024);

@@ -9,7 +9,7 @@ namespace {
 
 using boost::system::error_code;
 
-// A pty whose other end is closed gives no event when it is opened again: look this often.
+// A pty gives no event when a client opens it again, so it is polled at this interval.
 constexpr auto client_poll_time = std::chrono::milliseconds(10);
 constexpr auto input_poll_time = std::chrono::milliseconds(2);
 
@@ -42,17 +42,17 @@ SlcanLink::~SlcanLink() {
   bus_.detach(port_);
 }
 
-// A client that has just opened it may have written already.
+// A client that has just opened the pty may already have written to it.
 bool SlcanLink::settled() {
   if (counters_.clients == 0 && pty_.has_client()) wait_for_client();
   return counters_.clients == 0 || !reading_ || !pty_.has_input();
 }
 
 void SlcanLink::wait_for_client() {
-  if (counters_.clients != 0) return;  // seen already, by settled()
+  if (counters_.clients != 0) return;  // settled() has already found the client
   if (pty_.has_client()) {
     counters_.clients = 1;
-    host_.wake();  // from now on what drives send is heard
+    host_.wake();  // drives' frames now have a receiver, so the line sleeps less
     read();
     watch_input();
     return;
@@ -63,15 +63,15 @@ void SlcanLink::wait_for_client() {
   });
 }
 
-// Edge-triggered epoll, which Asio uses, can miss that a pty has become readable: the kernel moves the bytes through a
-// work queue. So a pending read polls the pty now and then. A pending write is left alone.
+// Asio uses edge-triggered epoll, which can miss that a pty has become readable, because the kernel moves the bytes
+// through a work queue. While a read is pending, this polls the pty periodically. A pending write is not disturbed.
 void SlcanLink::watch_input() {
   client_poll_.expires_after(input_poll_time);
   client_poll_.async_wait([this, alive = alive_](error_code code) {
     if (!*alive || code || counters_.clients == 0) return;
     if (reading_ && !is_writing_ && pty_.has_input()) {
       error_code ignored;
-      stream_.cancel(ignored);  // the read begins anew and finds them
+      stream_.cancel(ignored);  // the read starts again and finds the bytes
     }
     watch_input();
   });
@@ -111,7 +111,7 @@ void SlcanLink::read() {
 }
 
 void SlcanLink::work() {
-  // Stops while the client does not read its answers (the end of a write goes on here) or the bus is behind.
+  // Stops while the client does not read its answers (the end of a write calls work() again) or the bus queue is full.
   while (!unread_.empty() && waiting_.size() <= most_waiting_bytes && !paused_) {
     paused_ = bus_.queue_space(port_) == 0 && bus_.error_state(port_) == ErrorState::active;
     if (paused_) break;
@@ -141,7 +141,7 @@ void SlcanLink::write() {
                              if (!*alive) return;
                              is_writing_ = false;
                              writing_.clear();
-                             if (code) return;  // the read notices as well
+                             if (code) return;  // the pending read fails as well and handles it
                              write();
                              work();
                            });
@@ -173,7 +173,7 @@ void SlcanLink::open(bool listen_only) {
   host_.wake();
 }
 
-// What the client sent before it closed the channel still goes out: a command like "send this and leave" is not lost.
+// Frames that the client sent before it closed the channel are still sent, so that a program may send and exit at once.
 void SlcanLink::close() {
   closing_ = bus_.pending(port_) > 0 && bus_.error_state(port_) == ErrorState::active;
   if (!closing_) bus_.set_participation(port_, Participation::off);

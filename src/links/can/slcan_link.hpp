@@ -12,10 +12,11 @@
 
 namespace servodrome::links {
 
-// `slcan:PATH`: a serial CAN adapter with the LAWICEL protocol, on a pty found at PATH. The adapter takes part in the
-// bus while its channel is open. S and s set its bit rate: if that is not the bus' it neither sends nor receives, as in
-// life; a host that opens without S gets the bus' rate. A client that closes the port closes the channel, and what it
-// had set is forgotten. A client that does not read loses frames (64 KiB may wait for it).
+// `slcan:PATH`: a serial CAN adapter with the LAWICEL protocol, on a pty at PATH. The adapter takes part in the bus
+// while its channel is open. The commands S and s set its bit rate. If that differs from the bus, the adapter neither
+// sends nor receives, like a real one. A host that opens the channel without S gets the bus' bit rate. When the client
+// closes the port, the channel closes and the client's settings are lost. A client that does not read loses frames when
+// more than 64 KiB wait for it.
 class SlcanLink final : public CanLink, private Receiver, private slcan::Controller {
  public:
   static constexpr std::size_t most_waiting_bytes = 64 * 1024;
@@ -62,7 +63,7 @@ class SlcanLink final : public CanLink, private Receiver, private slcan::Control
   std::string_view unread_;
   std::string writing_;
   std::string waiting_;
-  bool closing_ = false;  // the channel is closed as soon as what was sent is out
+  bool closing_ = false;  // the channel closes when all queued frames have been sent
   bool reading_ = false;
   bool is_writing_ = false;
   bool paused_ = false;

@@ -6,7 +6,7 @@
 namespace servodrome::links::slcan {
 namespace {
 
-// Answers of V and N: hardware 1.0, software 1.3 of the CANUSB; a serial number of four characters.
+// Answers to V and N: hardware 1.0, software 1.3 of the CANUSB; a serial number of four characters.
 constexpr std::string_view version = "V1013";
 constexpr std::string_view serial_number = "NSD01";
 constexpr std::uint32_t timing_clock_hz = 8'000'000;  // SJA1000 at 16 MHz
@@ -60,8 +60,8 @@ std::string format_frame(const canopen::Frame& frame) {
   return text;
 }
 
-// SJA1000 data sheet, 6.4.15, dual filter configuration: ACR0 is the top byte of the code. A base frame is compared
-// with identifier, RTR and, by filter 1 only, the first data byte; an extended one with identifier bits 28 to 13.
+// SJA1000 data sheet, 6.4.15, dual filter configuration: ACR0 is the highest byte of `code`. Base frames are compared
+// by identifier, RTR and (filter 1 only) the first data byte, extended frames by identifier bits 28 to 13.
 bool AcceptanceFilter::passes(const canopen::Frame& frame) const {
   const std::uint32_t high_code = code >> 16U;
   const std::uint32_t high_mask = mask >> 16U;
@@ -99,9 +99,9 @@ void Adapter::receive(char byte, std::string& answer) {
   }
 }
 
-// True: done, with what the answer has before its CR appended.
+// Returns true if the command succeeded, after it has appended the answer without its CR.
 bool Adapter::execute(std::string_view line, std::string& answer) {
-  if (line.empty()) return true;  // hosts send some CRs to get in step
+  if (line.empty()) return true;  // hosts send CRs to synchronise
   const std::string_view parameter = line.substr(1);
   const bool closed = state_ == State::closed;
   switch (line[0]) {
@@ -126,10 +126,10 @@ bool Adapter::execute(std::string_view line, std::string& answer) {
     case 'r':
     case 'R': {
       const auto frame = parse_frame(line);
-      // A timestamp is for frames to the host only.
+      // Only frames to the host may have a timestamp.
       if (state_ != State::open || !frame || line.size() != format_frame(*frame).size()) return false;
       if (!controller_.transmit(*frame)) return false;
-      // As the CANUSB, and the CAN232 while it sends frames unasked.
+      // As the CANUSB does, and the CAN232 while it sends received frames automatically.
       answer += frame->extended ? 'Z' : 'z';
       return true;
     }

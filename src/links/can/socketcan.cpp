@@ -28,21 +28,20 @@ constexpr int receive_buffer_bytes = 1 << 20;  // about 1300 frames: 100 ms of a
 FileDescriptor open_socketcan(const std::string& interface_name) {
   FileDescriptor socket(::socket(PF_CAN, SOCK_RAW | SOCK_NONBLOCK | SOCK_CLOEXEC, CAN_RAW));
   if (!socket.is_open()) {
-    fail(interface_name, "this kernel gives no CAN socket",
+    fail(interface_name, "this kernel does not support CAN sockets",
          "load its modules (modprobe can can_raw) or use socketcand:127.0.0.1:29536/can0, which needs no kernel "
          "support");
   }
   const unsigned index = ::if_nametoindex(interface_name.c_str());
   if (index == 0) {
-    fail(
-        interface_name, "there is no such interface",
-        fmt::format("\"ip link\" lists those there are; a virtual one: ip link add {0} type vcan && ip link set {0} up",
-                    interface_name));
+    fail(interface_name, "there is no such interface",
+         fmt::format("\"ip link\" lists the interfaces; a virtual one: ip link add {0} type vcan && ip link set {0} up",
+                     interface_name));
   }
   const int off = 0;
   ::setsockopt(socket.get(), SOL_CAN_RAW, CAN_RAW_RECV_OWN_MSGS, &off, sizeof off);
-  // From the start it holds some 270 frames, less than a line or a master that was held up for 100 ms has to read at
-  // once. The second call is for a process that may not exceed the system's limit.
+  // By default the buffer holds some 270 frames. After a pause of 100 ms, a line or a master may have more to read at
+  // once. SO_RCVBUF is for a process without the privilege to exceed the system's limit.
   for (const int option : {SO_RCVBUFFORCE, SO_RCVBUF}) {
     if (::setsockopt(socket.get(), SOL_SOCKET, option, &receive_buffer_bytes, sizeof receive_buffer_bytes) == 0) break;
   }

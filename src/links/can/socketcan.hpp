@@ -9,11 +9,11 @@ struct can_frame;
 
 namespace servodrome::links {
 
-// A raw CAN socket (Linux SocketCAN) bound to an interface: nonblocking, classical frames, own frames not received.
+// Opens a raw CAN socket (Linux SocketCAN) on an interface: nonblocking, classical frames, own frames are not received.
 // Throws LinkError.
 FileDescriptor open_socketcan(const std::string& interface_name);
 
-// False for what is no frame of the bus (error messages of the driver).
+// Returns false if `wire` is no frame of the bus (an error message of the driver).
 bool from_socketcan(const can_frame& wire, canopen::Frame& frame);
 can_frame to_socketcan(const canopen::Frame& frame);
 

@@ -13,9 +13,10 @@ namespace {
 
 using boost::system::error_code;
 
-// A full transmit queue of the interface (ENOBUFS) gives no event when there is room: try again this much later.
+// No event shows that the interface's full transmit queue (ENOBUFS) has room again, so the link retries after this
+// time.
 constexpr auto write_retry_time = std::chrono::milliseconds(1);
-// After the interface went down (ENETDOWN).
+// The link reads again after this time when the interface is down (ENETDOWN).
 constexpr auto read_retry_time = std::chrono::milliseconds(200);
 
 }  // namespace

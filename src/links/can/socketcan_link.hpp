@@ -9,9 +9,9 @@
 
 namespace servodrome::links {
 
-// `socketcan:INTERFACE`: joins the simulated bus with a CAN interface of this computer, usually a virtual one (vcan).
-// Frames that the interface does not take at once wait (1024 of them), later ones are lost. An interface that goes down
-// is used again when it is back.
+// `socketcan:INTERFACE`: connects the simulated bus to a CAN interface of this computer, usually a virtual one (vcan).
+// Up to 1024 frames wait if the interface does not accept them at once; further ones are lost. When the interface goes
+// down, the link uses it again after it is back.
 class SocketcanLink final : public CanLink, private Receiver {
  public:
   static constexpr std::size_t most_waiting_frames = 1024;

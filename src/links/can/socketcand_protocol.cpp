@@ -44,7 +44,7 @@ std::size_t ElementReader::feed(std::string_view bytes) {
   for (std::size_t i = 0; i < bytes.size(); ++i) {
     const char c = bytes[i];
     if (c == '<') {
-      // Also in the middle of an element: the one begun before is lost, the stream is in step again.
+      // An element that is still incomplete is dropped, and the stream is synchronised again.
       state_ = State::inside;
       size_ = 0;
     } else if (state_ == State::inside && c == '>') {

@@ -10,23 +10,21 @@
 #include "canopen/frame.hpp"
 #include "links/time.hpp"
 
-// The text protocol of socketcand (github.com/linux-can/socketcand, doc/protocol.md), as far as raw mode needs it: a
-// stream of elements `< word word ... >`. What python-can's `socketcand` interface sends and expects is noted where it
-// differs.
+// The text protocol of socketcand (github.com/linux-can/socketcand, doc/protocol.md), the part that raw mode needs: a
+// stream of elements `< word word ... >`. Comments note where python-can's `socketcand` interface differs.
 namespace servodrome::links::socketcand {
 
-inline constexpr std::size_t longest_element = 256;  // between the angle brackets; longer ones are discarded
+inline constexpr std::size_t longest_element = 256;  // between the angle brackets; longer elements are discarded
 
-// Cuts a byte stream into elements. What stands outside of angle brackets is skipped.
+// Splits a byte stream into elements. Text outside angle brackets is skipped.
 class ElementReader {
  public:
-  // Takes bytes up to and including the one that completes an element and returns how many; ready() then says whether
-  // there is an element.
+  // Reads bytes up to the end of an element and returns how many. ready() then returns true if an element is complete.
   std::size_t feed(std::string_view bytes);
   bool ready() const { return ready_; }
-  // The words' text between the brackets; valid until the next feed().
+  // The text between the brackets; valid until the next feed().
   std::string_view element() const { return {text_.data(), size_}; }
-  // Elements discarded because they were too long.
+  // The number of elements discarded because they were too long.
   std::uint64_t oversized() const { return oversized_; }
 
  private:
@@ -38,7 +36,7 @@ class ElementReader {
   bool ready_ = false;
 };
 
-// The words of an element; more than fit are dropped and `overflow` says so.
+// The words of an element. If there are too many, the rest is dropped and `overflow` is set.
 struct Words {
   std::array<std::string_view, 12> word{};
   std::size_t count = 0;
@@ -48,14 +46,14 @@ struct Words {
   bool is(std::string_view command) const { return count > 0 && word[0] == command; }
 };
 
-// `send ID DLC [byte ...]` and `sendrtr ID DLC`. The identifier is hexadecimal, extended if it has 8 digits; bytes have
-// one or two. A `send` with a length above 0 and no bytes is a remote frame: that is what python-can makes of one (and
-// what socketcand refuses); with length 0 the two cannot be told apart, and it is a data frame.
+// `send ID DLC [byte ...]` and `sendrtr ID DLC`. The identifier is hexadecimal, and extended if it has 8 digits; bytes
+// have one or two digits. A `send` with a length above 0 but no bytes is a remote frame: python-can writes remote
+// frames so, although socketcand rejects them. With length 0 it is a data frame, since the two cannot be distinguished.
 std::optional<canopen::Frame> parse_send(const Words& words);
 std::string format_send(const canopen::Frame& frame);
 
-// `frame ID seconds.useconds HEX` and `rtr ID seconds.useconds DLC`; socketcand in BCM mode puts spaces between the
-// bytes, which parse_frame() accepts as well. python-can knows no `rtr` and skips it with a warning.
+// `frame ID seconds.useconds HEX` and `rtr ID seconds.useconds DLC`. parse_frame() also accepts spaces between the
+// bytes, which socketcand writes in BCM mode. python-can does not know `rtr` and skips it with a warning.
 std::optional<canopen::Frame> parse_frame(const Words& words);
 std::string format_frame(const canopen::Frame& frame, Time timestamp);
 

@@ -18,27 +18,28 @@ namespace {
 using boost::asio::ip::tcp;
 using boost::system::error_code;
 
-// python-can expects the `< ok >` that answers `< rawmode >` to arrive alone, and gives up when a frame follows in the
-// same read. Frames are held back until the client's next command shows that it has read it, or this long.
+// python-can expects the `< ok >` that answers `< rawmode >` in a read of its own, and fails if a frame follows in the
+// same read. So frames are held back until the client's next command shows that it has read the answer, or for this
+// time.
 constexpr auto rawmode_quiet_time = std::chrono::milliseconds(50);
-// Once more after the system had no descriptor for a new client.
+// The server accepts again after this time when the system had no descriptor for a new client.
 constexpr auto accept_retry_time = std::chrono::milliseconds(200);
-// Keeps what waits in the system small, so that a slow reader sees recent frames.
+// Limits the system's buffer, so that a slow reader receives recent frames.
 constexpr int socket_send_buffer_bytes = 64 * 1024;
-// Of a client, beside the frame in the controller.
+// Limit for each client, beside the frame in the controller.
 constexpr std::size_t most_queued = link_queue_depth - 1;
 
 }  // namespace
 
-// The frames that a client has sent and that are not on the wire yet. They outlive it: a program may send a frame and
-// leave.
+// The frames that a client has sent and that are not on the wire yet. The queue outlives the client, because a program
+// may send a frame and exit.
 struct SocketcandServer::Queue {
   struct Waiting {
     canopen::Frame frame;
     Time since{};
   };
   explicit Queue(std::uint32_t its_client) : client(its_client) {}
-  std::uint32_t client;  // its number
+  std::uint32_t client;  // number of the client
   bool is_open = true;   // the client is connected
   std::deque<Waiting> frames;
 };
@@ -49,9 +50,10 @@ class SocketcandServer::Client : public std::enable_shared_from_this<Client> {
       : server_(&server), socket_(std::move(socket)), quiet_(socket_.get_executor()), queue_(std::move(queue)) {}
 
   std::uint32_t number() const { return queue_->client; }
-  // It has sent nothing since.
+  // When the client last sent something.
   Moment silent_since() const { return silent_since_; }
-  // It is being shown what the bus carries, and what it has written is taken.
+  // Returns true if the client receives frames of the bus (quiet time is over) and the server has read all that it
+  // wrote.
   bool settled() const {
     error_code ignored;
     return !is_quiet_ && !(reading_ && socket_.available(ignored) > 0);
@@ -73,7 +75,7 @@ class SocketcandServer::Client : public std::enable_shared_from_this<Client> {
     write();
   }
 
-  // Its queue has room again, or is not waited for any more.
+  // Called when the client's queue may have room again or the controller's error state has changed.
   void resume() {
     if (!paused_ || must_wait()) return;
     paused_ = false;
@@ -87,7 +89,7 @@ class SocketcandServer::Client : public std::enable_shared_from_this<Client> {
     close();
   }
 
-  // No call of the server after this.
+  // The client must not use the server after this.
   void disconnect() {
     server_ = nullptr;
     queue_->is_open = false;
@@ -116,10 +118,11 @@ class SocketcandServer::Client : public std::enable_shared_from_this<Client> {
                             }));
   }
 
-  // Goes through what has been read; reads more when it is all done and neither the bus nor the client is behind.
+  // Processes the bytes that have been read. It reads more when all are processed, and neither the bus queue nor the
+  // client's output is full.
   void work() {
     while (server_ != nullptr && !paused_ && !unread_.empty()) {
-      if (waiting_.size() > most_waiting_bytes) return;  // it does not read its answers: the write goes on here
+      if (waiting_.size() > most_waiting_bytes) return;  // the client does not read; the end of the write calls work()
       if (must_wait()) {
         paused_ = true;
         return;
@@ -167,7 +170,7 @@ class SocketcandServer::Client : public std::enable_shared_from_this<Client> {
       reply("ok");
     } else if (words.is("open")) {
       refuse(fmt::format("could not open bus, the one here is {}", bus));
-      closing_ = true;  // as the protocol demands; the answer is written first
+      closing_ = true;  // the protocol requires it; the answer is written first
     } else {
       refuse(fmt::format("no bus is open, begin with: open {}", bus));
     }
@@ -225,7 +228,7 @@ class SocketcandServer::Client : public std::enable_shared_from_this<Client> {
                                write();
                                work();
                              }));
-    acknowledge_at_once(socket_);  // sending ends it
+    acknowledge_at_once(socket_);  // sending has switched it off
   }
 
   void close() {
@@ -248,7 +251,7 @@ class SocketcandServer::Client : public std::enable_shared_from_this<Client> {
   std::uint64_t oversized_ = 0;
   std::string writing_;
   std::string waiting_;
-  std::string held_;  // frames, in the quiet time
+  std::string held_;  // frames held back during the quiet time
 };
 
 SocketcandServer::SocketcandServer(const SocketcandName& name, CanBus& bus, boost::asio::io_context& io, LineHost& host)
@@ -290,7 +293,7 @@ void SocketcandServer::accept() {
       clients_.push_back(std::make_shared<Client>(*this, std::move(socket), queues_.back()));
       counters_.clients = static_cast<std::uint32_t>(clients_.size());
       clients_.back()->start();
-      host_.wake();  // from now on what drives send is heard
+      host_.wake();  // drives' frames now have a receiver, so the line sleeps less
     }
     accept();
   });
@@ -321,7 +324,7 @@ void SocketcandServer::on_sent(const canopen::Frame& frame, std::uint32_t tag, T
   resume();
 }
 
-// What waits behind a bus-off controller is lost, as what waits in it is.
+// At bus-off the frames that wait behind the controller are lost, like the one in it.
 void SocketcandServer::on_error_state(ErrorState state, Time /*at*/) {
   if (state == ErrorState::bus_off) {
     for (const auto& queue : queues_) counters_.refused += std::exchange(queue->frames, {}).size();
@@ -348,7 +351,7 @@ void SocketcandServer::queue(Queue& queue, const canopen::Frame& frame) {
   host_.wake();
 }
 
-// One frame at a time goes into the controller, of each client in turn.
+// Passes frames to the controller one at a time, in turn from each client's queue (round robin).
 void SocketcandServer::feed() {
   for (std::size_t looked = 0; looked < queues_.size() && bus_.pending(port_) == 0;) {
     turn_ = (turn_ + 1) % queues_.size();

@@ -10,17 +10,18 @@
 
 namespace servodrome::links {
 
-// `socketcand:HOST:PORT/BUS`: serves the bus to any number of TCP clients (at most 32) in socketcand's raw mode. All of
-// them share one port, as programs on one computer share its CAN interface; a client's frame is shown to the others
-// once it has been sent. There is no UDP beacon: clients know the address of the bus.
+// `socketcand:HOST:PORT/BUS`: serves the bus to up to 32 TCP clients in socketcand's raw mode. All clients share one
+// port of the bus, like programs that share a computer's CAN interface. When a client's frame has been sent, the other
+// clients receive it. The server sends no UDP beacon: clients must know its address.
 //
-// The port takes part in the bus, and acknowledges, also while no client is connected.
+// The port takes part in the bus and acknowledges frames even if no client is connected.
 //
-// Each client has a queue of its own, and they take turns frame by frame: what one sends without pause holds up the
-// frames of the others by one frame each.
+// Each client has its own queue. The queues take turns frame by frame, so a client that sends without pause delays each
+// frame of another client by only one frame.
 //
-// A client that does not read loses frames (256 KiB may wait for it), never the line its time. When all places are
-// taken, the client that has sent nothing for longest makes room, if that is some seconds.
+// A client that does not read loses frames when more than 256 KiB wait for it; the line never waits for it. When all
+// places are in use, a new client replaces the one that has sent nothing for longest, if that is at least 2 s
+// (client_patience).
 class SocketcandServer final : public CanLink, private Receiver {
  public:
   static constexpr std::size_t most_clients = 32;
@@ -61,8 +62,8 @@ class SocketcandServer final : public CanLink, private Receiver {
   std::shared_ptr<bool> alive_ = std::make_shared<bool>(true);
   std::vector<std::shared_ptr<Client>> clients_;
   std::vector<std::shared_ptr<Queue>> queues_;
-  std::size_t turn_ = 0;                  // of the queue that has sent last
-  std::uint32_t last_client_number_ = 0;  // 0: no client's
+  std::size_t turn_ = 0;                  // index of the queue that sent last
+  std::uint32_t last_client_number_ = 0;  // 0 is never a client's number
   LinkCounters counters_;
 };
 

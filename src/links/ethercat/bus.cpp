@@ -31,7 +31,7 @@ EthercatBus::Passage EthercatBus::pass(std::span<std::uint8_t> frame, Time at, P
     if (blow.corrupts_at) slaves_[*blow.corrupts_at].corrupts_next = true;
     passage = {segment_.process(frame, at, entry, encapsulation), blow.delay};
     passage.leaves += blow.delay;
-    // One that did not come there, behind a cut cable for instance, is as it was.
+    // If the frame did not reach the slave, for instance because a cable is cut, nothing was corrupted.
     if (blow.corrupts_at && !std::exchange(slaves_[*blow.corrupts_at].corrupts_next, false)) ++counters_.corrupted;
   }
   if (blow.drop_answer) passage.exit = Exit::lost;
@@ -75,7 +75,7 @@ void EthercatBus::disturb(const EthercatDisturbance& disturbance) {
   delay_draws_ = DisturbanceGenerator(seeds.next());
 }
 
-// Always draws from each generator as often, whatever comes of it.
+// Takes the same number of draws from each generator for every frame, whatever the results.
 EthercatBus::Blow EthercatBus::draw() {
   const EthercatDisturbance& what = *disturbance_;
   Blow blow;

@@ -13,48 +13,47 @@
 
 namespace servodrome::links {
 
-// A slave's view of the bus.
+// A slave on the bus, as the bus sees it.
 class EthercatStation {
  public:
   virtual ~EthercatStation() = default;
-  // The controller that frames pass; the same as long as the station is attached.
+  // The slave controller that frames pass. It must not change while the station is attached.
   virtual ethercat::Esc& esc() = 0;
-  // A frame passed that left something to do (Esc::calls). Called once per frame at most, with the frame's time.
-  // Returns until when the station may be left alone with time, if no other frame comes.
+  // Called after a frame that left the slave something to do (Esc::calls), at most once per frame, with the frame's
+  // time. Returns the time until which the station need not run if no other frame comes.
   virtual Time frame_passed(Time at) = 0;
 };
 
-// What is between a station and the one before it, or the master: cable, PHYs, the way through the controller.
+// The delay between a station and the one before it, or the master: cable, PHYs and slave controller.
 struct Hop {
   Time forward{};
   Time backward{};
 };
 
-// Sees the frames of a bus, for logs and monitors.
+// Receives a copy of each frame of a bus, for logs and monitors.
 class EthercatObserver {
  public:
-  enum class Direction : std::uint8_t { in, out };  // to the first slave, back to the master
+  enum class Direction : std::uint8_t { in, out };  // in: to the first slave; out: back to the master
   virtual ~EthercatObserver() = default;
-  // `bytes` as the master sent them, or as they come back to it; a lost frame does not come back.
+  // `bytes` is the frame as the master sent it, or as it comes back. A lost frame does not come back.
   virtual void on_frame(std::span<const std::uint8_t> bytes, ethercat::Segment::Encapsulation encapsulation,
                         Direction direction, Time at) = 0;
 };
 
 struct EthercatCounters {
-  std::uint64_t frames = 0;     // that came from a master
+  std::uint64_t frames = 0;     // sent by a master
   std::uint64_t lost = 0;       // of these, did not come back: dropped, corrupted, cut off, or destroyed by a slave
   std::uint64_t malformed = 0;  // EtherCAT frames whose datagrams do not fit into them
-  std::uint64_t foreign = 0;    // of another protocol
-  std::uint64_t dropped = 0;    // by a disturbance
+  std::uint64_t foreign = 0;    // frames of another protocol
+  std::uint64_t dropped = 0;    // lost because of a disturbance
   std::uint64_t delayed = 0;
   std::uint64_t corrupted = 0;
 };
 
-// The simulated bus: stations in line, the cables between them, and the master's one or two ports (ethercat::Segment).
-// It has no clock and nothing happens on it by itself: time is what exchange() is told, and a frame passes all stations
-// in that call. The same calls give the same frames and the same nanoseconds.
-//
-// Nothing is allocated after attach().
+// The simulated bus: stations connected in series, their cables, and the master's one or two ports (ethercat::Segment).
+// It has no clock, and nothing happens on it by itself. The caller of exchange() passes the time, and the frame passes
+// all stations within that call. The same calls give the same frames and the same times, to the nanosecond. Nothing is
+// allocated after attach().
 class EthercatBus {
  public:
   using Port = ethercat::Segment::Port;
@@ -62,43 +61,45 @@ class EthercatBus {
   using Encapsulation = ethercat::Segment::Encapsulation;
 
   struct Passage : ethercat::Segment::Passage {
-    Time delay{};  // what a disturbance added to `leaves`
+    Time delay{};  // added to `leaves` by a disturbance
   };
 
   EthercatBus() = default;
   EthercatBus(const EthercatBus&) = delete;
   EthercatBus& operator=(const EthercatBus&) = delete;
 
-  // Behind those attached before, plugged in and with power. All are attached before the first frame; the station,
-  // which powers its controller on, must outlive the bus or be detached. Returns its position, 0 for the first.
+  // Adds a station behind those attached before, connected and with power. All stations must be attached before the
+  // first frame. The station, which powers its controller on, must outlive the bus or be detached. Returns its
+  // position, 0 for the first.
   std::size_t attach(EthercatStation& station, Hop hop = {});
-  // It is gone as if without power; its place stays.
+  // Treats the station as without power from now on; its position stays in use.
   void detach(std::size_t position);
   std::size_t size() const { return slaves_.size(); }
 
-  // Lets a frame of at most ethercat::max_frame bytes pass, changed in place, and the stations do what it left to do.
-  // `exit` says where it comes back, or that it is lost.
+  // Passes a frame of at most ethercat::max_frame bytes through the segment and changes it in place. Then the stations
+  // do what the frame left them to do. `exit` of the result is the port at which the frame comes back, or that it is
+  // lost.
   Passage exchange(std::span<std::uint8_t> frame, Time at, Port entry = Port::primary,
                    Encapsulation encapsulation = Encapsulation::ethernet) {
     const Passage passage = pass(frame, at, entry, encapsulation);
     settle(at);
     return passage;
   }
-  // The two halves of exchange(), for a link that sends the frame back in between. settle() comes before the next
-  // frame. It returns until when the stations in which something changed may be left alone with time: `never` where
-  // nothing did, Esc::unknown where a register was written.
+  // The two halves of exchange(), for a link that sends the frame back before the stations do their work. settle() must
+  // be called before the next frame. It returns the time until which the stations that the frame changed need not run:
+  // `never` if it changed none, Esc::unknown if it wrote a register.
   Passage pass(std::span<std::uint8_t> frame, Time at, Port entry, Encapsulation encapsulation);
   Time settle(Time at);
 
-  // Off: no link to its neighbours. On: its controller starts anew.
+  // Without power the station has no link to its neighbours. When power returns, its controller restarts.
   void set_powered(std::size_t position, bool powered, Time now) { segment_.set_powered(position, powered, now); }
   bool powered(std::size_t position) const { return slaves_[position].powered; }
-  // Cable 0 joins the master and the first station, cable n the stations n - 1 and n; the cable size(), not there at
-  // first, leads from the last station to the master's second port.
+  // Cable 0 connects the master and the first station, cable n the stations n - 1 and n. Cable size() connects the last
+  // station to the master's second port; it is unplugged at first.
   void set_cable(std::size_t n, bool connected) { segment_.set_cable(n, connected); }
   bool cable(std::size_t n) const { return segment_.cable(n); }
 
-  void disturb(const EthercatDisturbance& disturbance);  // replaces the one before
+  void disturb(const EthercatDisturbance& disturbance);  // replaces the previous one
   void clear_disturbance() { disturbance_.reset(); }
   const std::optional<EthercatDisturbance>& disturbance() const { return disturbance_; }
 
@@ -108,7 +109,7 @@ class EthercatBus {
   void remove_observer(EthercatObserver& observer);
 
  private:
-  // What a disturbance does to one frame.
+  // The effect of a disturbance on one frame.
   struct Blow {
     bool drop = false;
     bool drop_answer = false;
@@ -121,7 +122,7 @@ class EthercatBus {
   std::vector<EthercatStation*> stations_;
   std::vector<ethercat::Segment::Slave> slaves_;
   ethercat::Segment segment_{slaves_};
-  ethercat::Esc absent_{{}};  // stands where a station was detached
+  ethercat::Esc absent_{{}};  // in place of a detached station's controller
   std::vector<EthercatObserver*> observers_;
   std::optional<EthercatDisturbance> disturbance_;
   std::uint32_t disturbed_frames_ = 0;

@@ -13,9 +13,9 @@ namespace {
 
 constexpr std::size_t addresses_size = 12;
 constexpr std::size_t header_size = addresses_size + 2;
-// A frame as short as Ethernet allows, without FCS; interfaces without hardware do not fill up by themselves.
+// The shortest Ethernet frame, without FCS. Interfaces without hardware do not pad frames themselves.
 constexpr std::size_t shortest_frame = 60;
-constexpr std::uint8_t locally_administered = 0x02;  // what slave controllers set in the source address
+constexpr std::uint8_t locally_administered = 0x02;  // the bit that slave controllers set in the source address
 constexpr auto raw_send_timeout = std::chrono::seconds(1);
 
 const RawName& of_one_interface(const RawName& name) {
@@ -59,7 +59,7 @@ void RawEthercatClient::send(std::span<const std::uint8_t> content) {
   }
 }
 
-// The oldest received frame that is an answer to this master; 0: there is none.
+// Copies the oldest received frame that answers this master to `into` and returns its size; 0: there is none.
 std::size_t RawEthercatClient::take(std::span<std::uint8_t> into) {
   for (std::span<std::uint8_t> frame = socket_.frame(0); !frame.empty(); frame = socket_.frame(0)) {
     std::size_t size = 0;

@@ -6,8 +6,8 @@
 
 namespace servodrome::links {
 
-// Ethernet frames on an interface. The source address is drawn anew for each client and tells its frames from those of
-// other masters; slave controllers change its second bit.
+// Sends Ethernet frames on an interface. The source address is random for each client, so that it can tell its frames
+// from those of other masters. Slave controllers set one bit of it (locally administered), which the client ignores.
 class RawEthercatClient final : public EthercatClient {
  public:
   explicit RawEthercatClient(const RawName& name);

@@ -46,7 +46,7 @@ void UdpEthercatClient::wait(Time span) { std::this_thread::sleep_for(span); }
 void UdpEthercatClient::lost(int reason) const {
   const std::error_code code(reason, std::generic_category());
   const char* advice =
-      reason == ECONNREFUSED ? "nobody listens there; is \"servodrome up\" running?" : "see \"ip route\"";
+      reason == ECONNREFUSED ? "no server listens there; is \"servodrome up\" running?" : "see \"ip route\"";
   throw LinkError(code, fmt::format("lost \"{}\": {}; {}", name(), code.message(), advice));
 }
 

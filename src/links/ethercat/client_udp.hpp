@@ -6,7 +6,7 @@
 
 namespace servodrome::links {
 
-// Frames' contents in UDP packets, from a port of this client's own.
+// Sends the contents of frames in UDP packets, from a UDP port of its own.
 class UdpEthercatClient final : public EthercatClient {
  public:
   explicit UdpEthercatClient(const EthercatUdpName& name);

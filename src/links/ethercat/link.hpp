@@ -11,25 +11,25 @@
 
 namespace servodrome::links {
 
-// A door to the bus through which masters send frames and get them back. Each frame that is read passes the stations at
-// the line's time of reading, and is sent back at once unless a disturbance delays it; what it left to do is done after
-// that. Closes on destruction; the bus and the io_context must outlive it.
+// A connection to the bus through which masters send frames and receive them back. Each frame passes the stations at
+// the line's time when it is read. It is sent back immediately, unless a disturbance delays it; the stations do their
+// work after that. The destructor closes the link. The bus and the io_context must outlive it.
 class EthercatLink {
  public:
   virtual ~EthercatLink() = default;
-  // The name under which masters find it; a port number 0 is replaced by the one the system chose.
+  // The name with which masters open the link. A port number of 0 is replaced by the actual one.
   virtual std::string name() const = 0;
   virtual const LinkCounters& counters() const = 0;
-  // `,busy`: nothing wakes the link when frames come, poll() is to be called without end.
+  // With `,busy` no event wakes the link: the line must call poll() continuously.
   virtual bool busy() const = 0;
-  // Serves the frames that are there; false: there were none.
+  // Serves the frames that have come. Returns false if there were none.
   virtual bool poll() = 0;
-  // For a caller that polls: sees to everything else, such as an interface that is gone.
+  // For a line that calls poll(): checks for other events, such as the loss of an interface.
   virtual void check() {}
 };
 
-// Opens the link a name asks for, served by `io` (udp:), `watch` (raw:) or, if busy, by polls. Throws LinkError.
-// `mem:` has nothing to open: use MemoryEthercatClient; asking for it here is an error.
+// Opens the link with this name. `io` serves udp:, `watch` serves raw:, and calls of poll() serve busy links. Throws
+// LinkError, also for `mem:`, which needs no link: use MemoryEthercatClient.
 std::unique_ptr<EthercatLink> open_ethercat_link(const EthercatLinkName& name, EthercatBus& bus,
                                                  boost::asio::io_context& io, DescriptorWatch& watch, LineHost& host);
 

@@ -17,7 +17,7 @@ std::string interface_name(const LinkText& link, std::string_view text) {
   return std::string(text);
 }
 
-// Takes the word behind the last comma off.
+// Removes the word behind the last comma from `rest`. Returns true if it is "busy", false if there is no comma.
 bool take_busy(const LinkText& link, std::string_view& rest, std::string_view form) {
   const auto comma = rest.rfind(',');
   if (comma == std::string_view::npos) return false;

@@ -9,14 +9,14 @@
 
 namespace servodrome::links {
 
-// Writes the frames of a bus to a pcap file (link type 1, Ethernet, nanoseconds): each as it came from the master and,
-// if it came back, as it did. What was in a UDP packet has an Ethernet header made up, with source addresses as a
-// master and a slave controller have them. At most 64 KiB wait in memory; then, and on flush() and destruction, they
-// are written. A write that fails (disk full) stops the log; failed() says so.
+// Writes the frames of a bus to a pcap file (link type 1, Ethernet, nanoseconds): each frame as it came from the master
+// and, if it came back, as it came back. Contents of UDP packets get an invented Ethernet header, with the source
+// addresses that a master and a slave controller would use. Up to 64 KiB are buffered; flush() and the destructor write
+// them. A write error (disk full) stops the log and sets failed().
 class EthercatLog final : public EthercatObserver {
  public:
   using EthernetHeader = std::array<std::uint8_t, 14>;
-  // What a frame has that was in a UDP packet.
+  // The invented Ethernet header of a frame that was in a UDP packet.
   static const EthernetHeader& made_up_header(Direction direction);
 
   // Creates or truncates the file; throws LinkError. `epoch`: wall-clock time of the line's time 0.

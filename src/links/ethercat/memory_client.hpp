@@ -8,8 +8,8 @@
 
 namespace servodrome::links {
 
-// The `mem:` link: a master in the line's process and in its virtual time, which passes in receive() and wait() and
-// nowhere else. A frame enters the bus when it is sent and can be received from the nanosecond on at which it is back.
+// The `mem:` link: a master in the line's process, in virtual time. Time advances only in receive() and wait(). A frame
+// enters the bus when it is sent, and can be received from the nanosecond at which it comes back.
 class MemoryEthercatClient final : public EthercatClient {
  public:
   MemoryEthercatClient(EthercatBus& bus, VirtualClock& clock, EthercatBus::Port port = EthercatBus::Port::primary)
@@ -30,7 +30,7 @@ class MemoryEthercatClient final : public EthercatClient {
   EthercatBus& bus_;
   VirtualClock& clock_;
   EthercatBus::Port port_;
-  std::vector<Returning> returning_;  // in order of time
+  std::vector<Returning> returning_;  // sorted by time
 };
 
 }  // namespace servodrome::links

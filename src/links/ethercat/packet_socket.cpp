@@ -22,7 +22,7 @@
 namespace servodrome::links {
 namespace {
 
-// The ring: slots of one frame each. A slot has the kernel's header, room for a VLAN tag, and the frame.
+// The receive ring has one frame per slot: the kernel's header, space for a VLAN tag, and the frame.
 constexpr std::size_t slot_size = 2048;
 constexpr std::size_t slots = 512;
 constexpr std::size_t block_size = 64 * 1024;
@@ -35,7 +35,7 @@ constexpr int smallest_mtu = 1500;
                                     advice_for(code.value(), advice)));
 }
 
-// A fact about the interface (netdevice(7)).
+// Requests a property of the interface (netdevice(7)).
 ifreq ask(int socket, unsigned long request, const std::string& interface, const std::string& link) {
   ifreq question{};
   std::strncpy(question.ifr_name, interface.c_str(), IFNAMSIZ - 1);
@@ -47,16 +47,15 @@ ifreq ask(int socket, unsigned long request, const std::string& interface, const
 
 void check_interface(int socket, const std::string& interface, const std::string& link) {
   if (::if_nametoindex(interface.c_str()) == 0) {
-    fail_raw(
-        link, fmt::format("there is no interface \"{}\"", interface),
-        fmt::format("\"ip link\" lists those there are; a pair of virtual ones: ip link add {0} type veth peer name "
-                    "{0}-master && ip link set {0} up && ip link set {0}-master up",
-                    interface));
+    fail_raw(link, fmt::format("there is no interface \"{}\"", interface),
+             fmt::format("\"ip link\" lists the interfaces; a pair of virtual ones: ip link add {0} type veth peer "
+                         "name {0}-master && ip link set {0} up && ip link set {0}-master up",
+                         interface));
   }
   if (ask(socket, SIOCGIFHWADDR, interface, link).ifr_hwaddr.sa_family != ARPHRD_ETHER) {
     errno = EINVAL;
-    fail_raw(link, fmt::format("\"{}\" is no Ethernet interface", interface),
-             "name one that is; programs on this computer reach the line with udp:127.0.0.1:34980");
+    fail_raw(link, fmt::format("\"{}\" is not an Ethernet interface", interface),
+             "name an Ethernet interface; programs on this computer reach the line with udp:127.0.0.1:34980");
   }
   if ((ask(socket, SIOCGIFFLAGS, interface, link).ifr_flags & IFF_UP) == 0) {
     errno = ENETDOWN;
@@ -71,7 +70,7 @@ void check_interface(int socket, const std::string& interface, const std::string
   }
 }
 
-// What is no EtherCAT does not leave the kernel. A VLAN tag is usually not in the frame here but beside it.
+// The kernel discards frames that are not EtherCAT. It usually keeps a VLAN tag beside the frame, not in it.
 void attach_filter(int socket) {
   constexpr std::uint32_t all = 0x40000;
   std::array<sock_filter, 13> program{{
@@ -101,7 +100,7 @@ tpacket2_hdr& header_of(std::uint8_t* slot) { return *reinterpret_cast<tpacket2_
 
 std::uint32_t status_of(std::uint8_t* slot) { return __atomic_load_n(&header_of(slot).tp_status, __ATOMIC_ACQUIRE); }
 
-// The kernel takes the tag out of the frame; there is room in front of it for that to be undone.
+// The kernel has removed the VLAN tag from the frame. This puts it back, in the space in front of the frame.
 std::span<std::uint8_t> with_vlan_tag(std::span<std::uint8_t> bytes, const tpacket2_hdr& header) {
   constexpr std::size_t addresses_size = 2 * ETH_ALEN;
   std::uint8_t* start = bytes.data() - vlan_tag_size;
@@ -116,11 +115,11 @@ std::span<std::uint8_t> with_vlan_tag(std::span<std::uint8_t> bytes, const tpack
 }  // namespace
 
 PacketSocket::PacketSocket(const std::string& interface, const std::string& link)
-    // Without a protocol it receives nothing before it is complete.
+    // With protocol 0 the socket receives nothing until bind().
     : socket_(::socket(AF_PACKET, SOCK_RAW | SOCK_NONBLOCK | SOCK_CLOEXEC, 0)) {
   if (!socket_.is_open()) {
     fail_raw(link, "raw Ethernet is not permitted",
-             "run as root (sudo), or give the program the right (sudo setcap cap_net_raw+ep PROGRAM), or use "
+             "run as root (sudo), or give the program the capability (sudo setcap cap_net_raw+ep PROGRAM), or use "
              "udp:127.0.0.1:34980, which needs none");
   }
   const int socket = socket_.get();
@@ -131,8 +130,8 @@ PacketSocket::PacketSocket(const std::string& interface, const std::string& link
   ring.tp_block_nr = slots * slot_size / block_size;
   ring.tp_frame_size = slot_size;
   ring.tp_frame_nr = slots;
-  // The order matters: the version and the room for tags shape the ring. Without a queueing discipline on the way out
-  // a frame goes straight to the driver.
+  // The order matters: the version and the reserved space determine the layout of the ring. Without a queueing
+  // discipline the kernel passes outgoing frames directly to the driver.
   if (!set_packet_option(socket, PACKET_VERSION, TPACKET_V2) ||
       !set_packet_option(socket, PACKET_RESERVE, vlan_tag_size) ||
       !set_packet_option(socket, PACKET_IGNORE_OUTGOING, 1) || !set_packet_option(socket, PACKET_QDISC_BYPASS, 1) ||

@@ -10,37 +10,40 @@
 
 namespace servodrome::links {
 
-// A packet socket (AF_PACKET) on an Ethernet interface, nonblocking, that receives EtherCAT frames of others: of type
-// 88A4h, in IPv4 UDP to port 88A4h, each with or without a VLAN tag, whatever address they are sent to.
+// A nonblocking packet socket (AF_PACKET) on an Ethernet interface. It receives the EtherCAT frames of others, to any
+// address: EtherType 88A4h, or IPv4 UDP to port 88A4h, each with or without a VLAN tag.
 //
-// Received frames lie in memory shared with the kernel, where they may be changed and sent from: nothing is copied and
-// no system call made to receive. Sending is one system call for any number of frames.
+// Received frames are in memory shared with the kernel. They can be changed and sent from there, so receiving needs no
+// copy and no system call. Sending needs one system call for any number of frames.
 class PacketSocket {
  public:
   static constexpr std::size_t most_frames = 32;  // in one send()
 
-  // Throws LinkError: no permission, no such interface, not Ethernet, down, or an MTU below 1500. `link` is the name to
-  // complain under.
+  // Throws LinkError: no permission, no such interface, not Ethernet, down, or an MTU below 1500. `link` is the name in
+  // messages.
   PacketSocket(const std::string& interface, const std::string& link);
   ~PacketSocket();
   PacketSocket(const PacketSocket&) = delete;
   PacketSocket& operator=(const PacketSocket&) = delete;
 
-  // Readable when there is a frame, or an error.
+  // Readable when there is a frame or an error.
   int descriptor() const { return socket_.get(); }
 
-  // The received frame that is `ahead` behind the oldest, as it was on the wire without FCS; empty: there is none. It
-  // may be changed, and stays until it is released. To be asked for once.
+  // Returns the received frame at position `ahead` behind the oldest, as it was on the wire without FCS; empty: there
+  // is none. The frame may be changed and stays valid until release(). Must be called only once per frame, because it
+  // puts the VLAN tag back in place.
   std::span<std::uint8_t> frame(std::size_t ahead);
-  // The oldest `count` go.
+  // Gives the oldest `count` frames back to the kernel.
   void release(std::size_t count);
 
-  // Returns how many of at most `most_frames` went out, from the first on; errno says why the next did not.
+  // Returns how many of at most `most_frames` frames were sent, from the first on. errno is the reason why the next was
+  // not.
   std::size_t send(std::span<const iovec> frames);
 
-  // What is wrong with the interface since the last call (ENETDOWN); 0: nothing.
+  // Returns and clears the socket's error, such as ENETDOWN; 0: none.
   int take_error();
-  // Frames that were lost since the last call because others were not released; a system call only if there were any.
+  // Returns how many frames were lost since the last call because the ring was full. Needs a system call only if there
+  // were any.
   std::uint32_t take_overruns();
 
  private:
@@ -49,7 +52,7 @@ class PacketSocket {
   FileDescriptor socket_;
   std::uint8_t* ring_ = nullptr;
   std::size_t first_ = 0;  // slot of the oldest frame
-  bool losing_ = false;    // a received frame says that others were lost
+  bool losing_ = false;    // the kernel has marked a frame: others were lost
 };
 
 }  // namespace servodrome::links

@@ -11,9 +11,9 @@ namespace {
 using boost::system::error_code;
 
 constexpr auto retry_time = std::chrono::seconds(1);
-// Frames that a disturbance holds back; later ones are lost.
+// Limit of frames that wait because of a disturbance; further ones are lost.
 constexpr std::size_t most_delayed_frames = 256;
-// Rounds of `most_at_once` frames in a row before other links have their turn.
+// Limit of batches of `most_at_once` frames before other links are served.
 constexpr int most_rounds = 4;
 
 }  // namespace
@@ -69,7 +69,7 @@ bool RawLink::poll() {
   return served > 0;
 }
 
-// Returns how many frames there were.
+// Returns the number of frames served.
 std::size_t RawLink::serve(Side& side) {
   std::size_t total = 0;
   for (int round = 0; round < most_rounds; ++round) {
@@ -103,7 +103,8 @@ std::size_t RawLink::serve(Side& side) {
   return total;
 }
 
-// The master's second port is that of another link when this one has none; what comes out there is this master's too.
+// If this link has only one interface, the master's second port belongs to another link. Frames that come out there are
+// still sent back to this link's master.
 RawLink::Side& RawLink::side_of(EthercatBus::Exit exit) {
   return *sides_[exit == EthercatBus::Exit::secondary && sides_.size() == 2 ? 1 : 0];
 }

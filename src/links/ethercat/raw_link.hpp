@@ -11,9 +11,10 @@
 
 namespace servodrome::links {
 
-// `raw:INTERFACE` and `raw:INTERFACE+INTERFACE`: the segment is plugged to an Ethernet interface, a ring to two. Frames
-// are served in the memory they were received in, and all that wait are sent back together. An interface that went down
-// or away is used again when it is back, which is tried once a second and told to the host.
+// `raw:INTERFACE` and `raw:INTERFACE+INTERFACE`: connects the segment to an Ethernet interface, or a ring to two.
+// Frames are changed in the memory in which they were received, and all frames of a batch are sent back together. When
+// an interface goes down or disappears, the link retries once a second until it is back. The host receives a report of
+// both events.
 class RawLink final : public EthercatLink {
  public:
   RawLink(const RawName& name, EthercatBus& bus, boost::asio::io_context& io, DescriptorWatch& watch, LineHost& host);
@@ -30,7 +31,7 @@ class RawLink final : public EthercatLink {
  private:
   static constexpr std::size_t most_at_once = PacketSocket::most_frames;
 
-  // One interface: the master's port that leads to it.
+  // One interface and the master's port that it leads to.
   struct Side {
     Side(std::string its_interface, EthercatBus::Port its_port, boost::asio::io_context& io)
         : interface(std::move(its_interface)), port(its_port), retry(io) {}
@@ -39,7 +40,7 @@ class RawLink final : public EthercatLink {
     EthercatBus::Port port;
     std::optional<PacketSocket> socket;  // none while the interface is lost
     boost::asio::steady_timer retry;
-    std::array<iovec, most_at_once> outgoing{};  // frames that leave by this side
+    std::array<iovec, most_at_once> outgoing{};  // frames that leave through this interface
     std::size_t outgoing_count = 0;
   };
 
@@ -60,7 +61,7 @@ class RawLink final : public EthercatLink {
   LineHost& host_;
   std::vector<std::unique_ptr<Side>> sides_;
   std::shared_ptr<bool> alive_ = std::make_shared<bool>(true);
-  std::size_t waiting_ = 0;  // frames that a disturbance delays
+  std::size_t waiting_ = 0;  // frames delayed by a disturbance
   LinkCounters counters_;
 };
 

@@ -10,7 +10,7 @@ namespace {
 
 using boost::system::error_code;
 
-// Frames that a disturbance holds back; later ones are lost.
+// Limit of frames that wait because of a disturbance; further ones are lost.
 constexpr std::size_t most_delayed_packets = 256;
 
 }  // namespace
@@ -42,7 +42,7 @@ void EthercatUdpLink::wait_for_frames() {
   });
 }
 
-// Returns how many frames there were.
+// Returns the number of frames served.
 std::size_t EthercatUdpLink::serve() {
   for (std::size_t i = 0; i < most_at_once; ++i) {
     packets_[i].memory.iov_len = packets_[i].bytes.size();
@@ -75,7 +75,8 @@ std::size_t EthercatUdpLink::serve() {
 }
 
 void EthercatUdpLink::send(std::span<mmsghdr> answers) {
-  // A packet that cannot be sent (its sender has no port any more, say) ends the call: what is behind it goes after it.
+  // sendmmsg stops at a packet that cannot be sent, for example because its sender has closed its port. Skip that
+  // packet and send the rest.
   while (!answers.empty()) {
     const int sent =
         answers.size() == 1

@@ -11,8 +11,8 @@
 
 namespace servodrome::links {
 
-// `udp:HOST:PORT`: frames' contents in UDP packets (ETG.1000.4 clause 5.3.2), answered to their sender. Those that
-// wait are read with one system call and answered with another.
+// `udp:HOST:PORT`: contents of frames in UDP packets (ETG.1000.4 clause 5.3.2), answered to their sender. All waiting
+// packets are read with one system call and answered with another.
 class EthercatUdpLink final : public EthercatLink {
  public:
   EthercatUdpLink(const EthercatUdpName& name, EthercatBus& bus, boost::asio::io_context& io, LineHost& host);
@@ -28,9 +28,9 @@ class EthercatUdpLink final : public EthercatLink {
  private:
   static constexpr std::size_t most_at_once = 32;
 
-  // A packet and who sent it.
+  // A packet and the address of its sender.
   struct Packet {
-    std::array<std::uint8_t, ethercat::max_payload + 1> bytes;  // one more, to notice what is too long
+    std::array<std::uint8_t, ethercat::max_payload + 1> bytes;  // one more, to detect packets that are too long
     sockaddr_storage sender;
     iovec memory;
   };
@@ -49,7 +49,7 @@ class EthercatUdpLink final : public EthercatLink {
   std::array<mmsghdr, most_at_once> incoming_{};
   std::array<mmsghdr, most_at_once> outgoing_{};
   std::shared_ptr<bool> alive_ = std::make_shared<bool>(true);
-  std::size_t waiting_ = 0;  // frames that a disturbance delays
+  std::size_t waiting_ = 0;  // frames delayed by a disturbance
   LinkCounters counters_;
 };
 

@@ -58,7 +58,7 @@ FileDescriptor udp_connect(const Endpoint& endpoint, const std::string& link) {
   const Addresses addresses = resolve(endpoint, 0, link);
   FileDescriptor socket = open_socket(*addresses);
   if (!socket.is_open() || ::connect(socket.get(), addresses->ai_addr, addresses->ai_addrlen) != 0) {
-    fail_udp(link, "see whether there is a way to this address (ip route)");
+    fail_udp(link, "check that there is a route to this address (ip route)");
   }
   return socket;
 }
@@ -67,7 +67,7 @@ std::uint16_t local_port(const FileDescriptor& socket) {
   sockaddr_storage address{};
   socklen_t size = sizeof address;
   ::getsockname(socket.get(), reinterpret_cast<sockaddr*>(&address), &size);
-  // The port is at the same place in IPv4 and IPv6 addresses.
+  // The port is at the same offset in IPv4 and IPv6 addresses.
   return ntohs(reinterpret_cast<const sockaddr_in*>(&address)->sin_port);
 }
 

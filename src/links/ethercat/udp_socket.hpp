@@ -8,12 +8,13 @@
 
 namespace servodrome::links {
 
-// Nonblocking UDP sockets; both throw LinkError and complain under the name `link`.
-// Receives what is sent to an address of this computer.
+// Nonblocking UDP sockets. Both functions throw LinkError; `link` is the name in messages.
+//
+// Opens a socket that receives what is sent to an address of this computer.
 FileDescriptor udp_listen(const Endpoint& endpoint, const std::string& link);
-// Sends to an address and receives only from there.
+// Opens a socket that sends to an address and receives only from there.
 FileDescriptor udp_connect(const Endpoint& endpoint, const std::string& link);
-// The port a socket is bound to.
+// The port that the socket is bound to.
 std::uint16_t local_port(const FileDescriptor& socket);
 
 }  // namespace servodrome::links

@@ -13,28 +13,27 @@
 
 namespace servodrome::links {
 
-// The master's end of a serial line or of a TCP connection, for host tools: bytes both ways. Not for use from several
-// threads at once.
+// The master's end of a serial line or a TCP connection, for host tools: sends and receives bytes. Not thread-safe.
 class ByteClient {
  public:
   virtual ~ByteClient() = default;
-  // Throws LinkError if the link is lost or takes nothing for a second.
+  // Throws LinkError if the link is lost or accepts nothing for a second.
   virtual void send(std::span<const std::uint8_t> bytes) = 0;
-  // Appends what has arrived, waiting for it at most `timeout` (0: look and return); false: nothing came. Throws
-  // LinkError if the link is lost.
+  // Waits at most `timeout` (0: does not wait) for bytes and appends them. Returns false if none came. Throws LinkError
+  // if the link is lost.
   virtual bool receive(std::vector<std::uint8_t>& bytes, Time timeout) = 0;
-  // On the clock by which the timeouts are meant: the monotonic one, or the line's.
+  // The time on the clock that the timeouts refer to: the monotonic clock, or the line's.
   virtual Time now() const = 0;
-  // Lets time pass.
+  // Waits for `span`.
   virtual void wait(Time span) = 0;
 };
 
-// Opens `pty:PATH` (a tty there), `serial:DEVICE` or `tcp:HOST:PORT` as a client. `format` is for the first two. Throws
-// LinkError.
+// Opens `pty:PATH` (the tty at PATH), `serial:DEVICE` or `tcp:HOST:PORT` as a client. `format` applies to the first
+// two. Throws LinkError.
 std::unique_ptr<ByteClient> open_byte_client(const SerialLinkName& name, const modbus::CharacterFormat& format,
                                              std::chrono::milliseconds connect_timeout = std::chrono::seconds(2));
 
-// A client on a line in virtual time: receive() and wait() step the line.
+// A client of a line in virtual time: receive() and wait() advance the line.
 class MemoryByteClient final : public ByteClient, private SerialStation {
  public:
   MemoryByteClient(SerialLine& line, VirtualClock& clock) : line_(line), clock_(clock), port_(line.attach(*this)) {}

@@ -8,10 +8,10 @@
 
 namespace servodrome::links {
 
-// "8N1": data bits (7 or 8), parity N, E or O, stop bits (1 or 2). Nothing if `text` is no such format.
+// Reads "8N1": data bits (7 or 8), parity N, E or O, stop bits (1 or 2). Returns nothing if `text` is no such format.
 std::optional<modbus::CharacterFormat> parse_character_format(std::string_view text, std::uint32_t bit_rate);
 
-// The format as parse_character_format() reads it, without its bit rate.
+// Returns the format as parse_character_format() reads it, without the bit rate.
 std::string to_string(const modbus::CharacterFormat& format);
 
 }  // namespace servodrome::links

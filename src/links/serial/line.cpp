@@ -5,7 +5,7 @@
 namespace servodrome::links {
 namespace {
 
-// Longer than any frame, so that a line that runs need not allocate.
+// Longer than any frame, so that no allocation is necessary while the line runs.
 constexpr std::size_t usual_queue = 1024;
 
 std::size_t index_of(SerialPortId port) { return static_cast<std::size_t>(port); }
@@ -63,7 +63,7 @@ void SerialLine::begin_character(Port& port, Time at) {
       if (!one->is_garbled) ++counters_.collisions;
       one->is_garbled = true;
     }
-    // What receivers make of it is undefined; both senders' zeros get through.
+    // Real receivers may see anything here. The simulation joins the two characters so that a 0 of either sender wins.
     port.character = other.character = port.character & other.character;
   }
 }

@@ -11,20 +11,20 @@
 
 namespace servodrome::links {
 
-// A station on a serial line. All calls come from SerialLine::advance(); they may transmit, but neither attach nor
-// detach.
+// A station on a serial line. All calls come from SerialLine::advance(). They may transmit, but not attach or detach.
 class SerialStation {
  public:
   virtual ~SerialStation() = default;
-  // A character from another port, at the end of its stop bit. Not `intact`: a framing error, or two sent at once.
+  // Receives a character from another port, at the end of its stop bit. `intact` is false after a framing error or a
+  // collision.
   virtual void receive(std::uint8_t character, bool intact, Time at) = 0;
   virtual void poll(Time /*now*/) {}
   virtual Time next_deadline() const { return never; }
-  // What it wants to send now; asked after each of the above. Valid until the next call.
+  // Returns the characters to send now, valid until the next call. The line calls it after each of the calls above.
   virtual std::span<const std::uint8_t> take() { return {}; }
 };
 
-// The server of a protocol (modbus::RtuServer, serial10::Server) as a station.
+// Makes the server of a protocol (modbus::RtuServer, serial10::Server) a station.
 template <typename Server>
 class StationOf final : public SerialStation {
  public:
@@ -47,32 +47,34 @@ class StationOf final : public SerialStation {
 
 enum class SerialPortId : std::uint32_t {};
 
-// Hears a line, for logs and monitors. All calls come from SerialLine::advance() and passed_by().
+// Listens to a line, for logs and monitors. All calls come from SerialLine::advance() and passed_by().
 class SerialObserver {
  public:
   virtual ~SerialObserver() = default;
-  // A character that others receive, at the end of its stop bit.
+  // A character that other stations receive, at the end of its stop bit.
   virtual void on_character(SerialSender side, SerialPortId port, std::uint8_t character, Time at) = 0;
-  // A message of Modbus TCP (header and PDU) from or to the line's drives, which goes past the wires.
+  // A message of Modbus TCP (header and PDU) from or to the line's drives. It does not use the line's wires.
   virtual void on_tcp_message(SerialSender side, std::span<const std::uint8_t> message, Time at) = 0;
 };
 
 struct SerialLineCounters {
-  std::uint64_t characters = 0;  // all that were sent
-  std::uint64_t collisions = 0;  // of them, those that met another
-  std::uint64_t disturbed = 0;   // and those that were lost or changed by a disturbance
+  std::uint64_t characters = 0;  // all characters sent
+  std::uint64_t collisions = 0;  // characters that collided with another
+  std::uint64_t disturbed = 0;   // characters that a disturbance dropped or changed
 };
 
-// What is wrong with a line, by probability (0..1 each) and seed: equal seeds and equal traffic give equal disturbance.
+// The disturbances of a serial line. Each kind has a probability (0..1); equal seeds and equal traffic give equal
+// disturbances.
 struct SerialDisturbance {
   double drop = 0;     // no station receives the character
-  double corrupt = 0;  // one of its bits is turned over, which only a checksum can find out
+  double corrupt = 0;  // one of its bits is inverted; only a checksum can detect that
   bool cut = false;    // no station receives anything
   std::uint64_t seed = 1;
 };
 
-// A half-duplex line (RS485, two wires): whatever a station sends, all others receive when its last bit has passed. No
-// clock of its own: advance() does in order of time what is due, stations' deadlines included.
+// A half-duplex line (RS485, two wires): all other stations receive a station's character when its last bit has passed.
+// The line has no clock of its own: advance() handles all events up to a time in order, including the stations'
+// deadlines.
 class SerialLine {
  public:
   explicit SerialLine(const modbus::CharacterFormat& format) : format_(format) {}
@@ -81,19 +83,18 @@ class SerialLine {
 
   const modbus::CharacterFormat& format() const { return format_; }
 
-  // The station outlives its port. `side` is for observers.
+  // The station must outlive its port. `side` is for observers.
   SerialPortId attach(SerialStation& station, SerialSender side = SerialSender::master);
   void detach(SerialPortId port);
-  // A station that is set to another format than those it talks to hears, and is heard, garbled.
+  // Sets a station's format. Characters between stations with different formats arrive garbled.
   void set_format(SerialPortId port, const modbus::CharacterFormat& format);
 
-  // Puts characters behind those the port has still to send; the first goes out at `at`, or when the line's time has
-  // come that far. They are sent back to back, whether or not the line is free.
+  // Appends characters to the port's queue. If the queue is empty, the first one is sent at `at`, or at the line's time
+  // if that is later. Characters are sent without gaps, even if the line is not free.
   void transmit(SerialPortId port, std::span<const std::uint8_t> characters, Time at);
-  // What the port has still to send is not sent, and the character under way is not received: its station
-  // lost its power.
+  // Clears the port's queue, and the character in progress is not received: the station has lost its power.
   void discard(SerialPortId port);
-  // Characters of the port that have not yet been received.
+  // The number of the port's characters that have not been received yet.
   std::size_t pending(SerialPortId port) const;
 
   void disturb(const SerialDisturbance& disturbance);
@@ -102,12 +103,12 @@ class SerialLine {
   void add_observer(SerialObserver& observer) { observers_.push_back(&observer); }
   void remove_observer(SerialObserver& observer) { std::erase(observers_, &observer); }
   bool is_observed() const { return !observers_.empty(); }
-  // Tells observers of a message of Modbus TCP.
+  // Reports a message of Modbus TCP to the observers.
   void passed_by(SerialSender side, std::span<const std::uint8_t> message) {
     for (SerialObserver* observer : observers_) observer->on_tcp_message(side, message, now_);
   }
 
-  // When advance() has something to do; never: nothing is planned.
+  // The time of the next event for advance(); never: there is none.
   Time next_event() const;
   void advance(Time until);
   Time now() const { return now_; }
@@ -119,7 +120,7 @@ class SerialLine {
     SerialSender side = SerialSender::unknown;
     modbus::CharacterFormat format;
     std::vector<std::uint8_t> queue;
-    std::size_t sent = 0;  // of the queue
+    std::size_t sent = 0;  // number of characters of `queue` already sent
     bool is_sending = false;
     bool is_garbled = false;
     bool is_lost = false;
@@ -139,7 +140,7 @@ class SerialLine {
   Time now_{};
   SerialLineCounters counters_;
   SerialDisturbance disturbance_;
-  DisturbanceGenerator drops_{0};  // one each, so that changing one probability leaves the other's choices alone
+  DisturbanceGenerator drops_{0};  // separate, so that changing one probability does not change the other's draws
   DisturbanceGenerator corruptions_{0};
 };
 

@@ -11,21 +11,21 @@
 
 namespace servodrome::links {
 
-// A door to a serial line, or to the Modbus units of a line. Closes on destruction; what it was opened with must
-// outlive it.
+// A connection of outside programs to a serial line, or to the Modbus units of a line. The destructor closes it. The
+// objects that it was opened with must outlive it.
 class SerialLink {
  public:
   virtual ~SerialLink() = default;
-  // The name under which clients find it; a port number 0 is replaced by the one the system chose.
+  // The name with which clients open the link. A port number of 0 is replaced by the actual one.
   virtual std::string name() const = 0;
   virtual const LinkCounters& counters() const = 0;
-  // What clients have written is on the line or answered, as far as there is room.
+  // Returns true if all that clients have written is on the line or answered, as far as there is room.
   virtual bool settled() { return true; }
 };
 
-// Opens the link a name asks for, served by `io`: `pty:` and `serial:` are one more station on `line`, `tcp:` answers
-// for `units` in no time. In real time Units::find() is where a line catches up with the moment a request came. Throws
-// LinkError. `mem:` has nothing to open: attach a station to the line; asking for it here is an error.
+// Opens the link with this name, served by `io`. `pty:` and `serial:` are another station on `line`. `tcp:` answers for
+// `units` immediately; in real time Units::find() lets the line catch up first. Throws LinkError, also for `mem:`,
+// which needs no link: attach a station to the line.
 std::unique_ptr<SerialLink> open_serial_link(const SerialLinkName& name, SerialLine& line, modbus::Units& units,
                                              boost::asio::io_context& io, LineHost& host);
 

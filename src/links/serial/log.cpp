@@ -49,7 +49,7 @@ std::string interface_block(PcapLink link) {
   std::string body;
   add_little(body, static_cast<std::uint32_t>(link), 2);
   add_little(body, 0, 2);
-  add_little(body, 0, 4);  // packets of any length
+  add_little(body, 0, 4);  // unlimited packet length
   add_little(body, if_tsresol, 2);
   add_little(body, 1, 2);
   add_little(body, 9, 4);  // 10^-9 s
@@ -57,7 +57,7 @@ std::string interface_block(PcapLink link) {
   return block(interface_description, body);
 }
 
-// The sum of IPv4 headers (RFC 791).
+// The checksum of an IPv4 header (RFC 791).
 std::uint16_t internet_checksum(std::string_view bytes) {
   std::uint32_t sum = 0;
   for (std::size_t i = 0; i + 1 < bytes.size(); i += 2) {
@@ -75,7 +75,7 @@ std::string tcp_frame(bool from_master, std::uint32_t sequence, std::uint32_t ac
   std::string ip;
   add_big(ip, 0x4500, 2);
   add_big(ip, 40 + data.size(), 2);
-  add_big(ip, 0x00004000, 4);  // not to be cut
+  add_big(ip, 0x00004000, 4);  // don't fragment
   add_big(ip, 0x4006, 2);      // TCP
   add_big(ip, 0, 2);
   add_big(ip, from_master ? master_address : drive_address, 4);
@@ -92,7 +92,7 @@ std::string tcp_frame(bool from_master, std::uint32_t sequence, std::uint32_t ac
   add_big(frame, acknowledge, 4);
   add_big(frame, 0x5018, 2);  // PSH, ACK
   add_big(frame, 0xFFFF, 2);
-  add_big(frame, 0, 4);  // no checksum, as of an adapter that makes it itself
+  add_big(frame, 0, 4);  // no checksum, as if the network card adds it
   frame.append(reinterpret_cast<const char*>(data.data()), data.size());
   return frame;
 }
@@ -113,7 +113,7 @@ std::string SerialPcapng::header() {
   add_little(section, byte_order, 4);
   add_little(section, 1, 2);
   add_little(section, 0, 2);
-  add_little(section, ~std::uint64_t{0}, 8);  // length not said
+  add_little(section, ~std::uint64_t{0}, 8);  // unknown length
   return block(section_header, section) + interface_block(PcapLink::rtac_serial) + interface_block(PcapLink::ethernet);
 }
 

@@ -8,24 +8,25 @@
 
 namespace servodrome::links {
 
-// "(1436509052.249713) rs485 > 01 03 32 00 00 02 CA B3", without line end: who sent is > for the master, < for a drive,
-// tcp> and tcp< the same of Modbus TCP.
+// Returns "(1436509052.249713) rs485 > 01 03 32 00 00 02 CA B3", without line end. The sender is > for the master and <
+// for a drive; tcp> and tcp< are the same for Modbus TCP.
 std::string serial_log_line(const SerialMessage& message, Time timestamp, std::string_view name);
 
-// A pcapng file with what goes over a serial line as RTAC serial packets (link type 250; sent is the master's, received
-// the drives'), and Modbus TCP as Ethernet frames of one made-up connection. Both parts are to be written one after the
-// other to the same file.
+// A pcapng file. Traffic on a serial line becomes RTAC serial packets (link type 250; "transmit" is from the master,
+// "receive" from the drives). Modbus TCP becomes Ethernet frames of one invented connection. Write header() and then
+// each packet() to the same file.
 class SerialPcapng {
  public:
   static std::string header();
   std::string packet(const SerialMessage& message, Time timestamp);
 
  private:
-  std::uint32_t sent_ = 1;      // bytes of TCP from the master, for sequence numbers
-  std::uint32_t received_ = 1;  // and to it
+  std::uint32_t sent_ = 1;      // TCP sequence number of the master's next byte
+  std::uint32_t received_ = 1;  // the same of the drives' next byte
 };
 
-// Writes what goes over a line to a file: a line of text for each message, or pcapng. As CanLog in all else.
+// Writes the traffic on a line to a file: a line of text for each message, or pcapng. Buffering and errors are as in
+// CanLog.
 class SerialLog final {
  public:
   enum class Format { text, pcapng };

@@ -8,20 +8,20 @@
 
 namespace servodrome::links {
 
-// A piece of what went over a serial line or past it.
+// A message on a serial line, or one of Modbus TCP.
 struct SerialMessage {
   SerialSender side = SerialSender::unknown;
   SerialPortId port{};
   bool is_tcp = false;  // a message of Modbus TCP
   std::span<const std::uint8_t> bytes;
-  Time at{};  // end of its last character
+  Time at{};  // end of the last character
 };
 
-// Joins the characters of a line to messages: what one station sends without a pause that ends a frame (Modbus over
-// Serial Line V1.02, 2.5.1.1). Nothing is allocated while it listens.
+// Joins the characters of a line to messages. A message is what one station sends without the pause that ends a frame
+// (Modbus over Serial Line V1.02, 2.5.1.1). Nothing is allocated while it listens.
 class SerialMessages final : public SerialObserver {
  public:
-  static constexpr std::size_t longest = 512;  // of RTU: 256
+  static constexpr std::size_t longest = 512;  // an RTU frame has at most 256
   using Take = std::function<void(const SerialMessage&)>;
 
   SerialMessages(SerialLine& line, Take take);
@@ -29,11 +29,11 @@ class SerialMessages final : public SerialObserver {
   SerialMessages(const SerialMessages&) = delete;
   SerialMessages& operator=(const SerialMessages&) = delete;
 
-  // Hands over what has been followed by a pause until now.
+  // Passes on the current message if the pause after it has ended the frame.
   void flush() {
     if (line_.now() - message_.at >= silence_) end();
   }
-  // Hands over what there is.
+  // Passes on the current message, even if it is incomplete.
   void end();
 
  private:

@@ -14,7 +14,7 @@ namespace {
 using boost::asio::ip::tcp;
 using boost::system::error_code;
 
-// Once more after the system had no descriptor for a new client.
+// The listener accepts again after this time when the system had no descriptor for a new client.
 constexpr auto accept_retry_time = std::chrono::milliseconds(200);
 
 }  // namespace
@@ -40,9 +40,9 @@ class ModbusTcpListener::Client : public std::enable_shared_from_this<Client> {
                             }));
   }
 
-  // It has sent nothing since.
+  // When the client last sent something.
   Moment silent_since() const { return silent_since_; }
-  // What it has written is answered.
+  // Returns true if all that the client has written has been answered.
   bool settled() const {
     error_code ignored;
     return !is_reading_ || socket_.available(ignored) == 0;
@@ -55,7 +55,7 @@ class ModbusTcpListener::Client : public std::enable_shared_from_this<Client> {
     close();
   }
 
-  // No call of the listener after this.
+  // The client must not use the listener after this.
   void disconnect() {
     listener_ = nullptr;
     error_code ignored;
@@ -63,7 +63,8 @@ class ModbusTcpListener::Client : public std::enable_shared_from_this<Client> {
   }
 
  private:
-  // Goes through what has been read. Goes on when the client has taken its responses, reads more when all is done.
+  // Processes the bytes that have been read. It pauses while the client does not read its responses, and reads more
+  // when all bytes are processed.
   void work() {
     LinkCounters& counters = listener_->counters_;
     while (!unread_.empty() && waiting_.size() < most_waiting_bytes && !connection_.is_broken()) {
@@ -113,7 +114,7 @@ class ModbusTcpListener::Client : public std::enable_shared_from_this<Client> {
                                  work();
                                }
                              }));
-    acknowledge_at_once(socket_);  // sending ends it
+    acknowledge_at_once(socket_);  // sending has switched it off
   }
 
   void close() {
@@ -125,7 +126,7 @@ class ModbusTcpListener::Client : public std::enable_shared_from_this<Client> {
   modbus::TcpConnection connection_;
   std::array<std::uint8_t, 4096> input_{};
   std::span<const std::uint8_t> unread_;
-  std::vector<std::uint8_t> request_;  // as far as it has come; for observers
+  std::vector<std::uint8_t> request_;  // the request received so far, for observers
   std::vector<std::uint8_t> writing_;
   std::vector<std::uint8_t> waiting_;
   Moment silent_since_ = std::chrono::steady_clock::now();
@@ -161,7 +162,7 @@ void ModbusTcpListener::accept() {
       });
       return;
     }
-    if (clients_.size() < most_clients || make_room()) {  // else it is closed at once
+    if (clients_.size() < most_clients || make_room()) {  // else the destructor closes the socket
       serve_promptly(socket);
       clients_.push_back(std::make_shared<Client>(*this, std::move(socket)));
       counters_.clients = static_cast<std::uint32_t>(clients_.size());

@@ -9,16 +9,16 @@
 
 namespace servodrome::links {
 
-// `tcp:HOST:PORT`: Modbus TCP for any number of clients (at most 32). Each client's requests are answered in their
-// order; one that does not read its responses is not served further until it does. What is not Modbus TCP ends the
-// connection. When all places are taken, the client that has sent nothing for longest makes room, if that is some
-// seconds.
+// `tcp:HOST:PORT`: Modbus TCP for up to 32 clients. Each client's requests are answered in order. If a client does not
+// read its responses, the listener stops serving it until it does (backpressure). Bytes that are not Modbus TCP end the
+// connection. When all places are in use, a new client replaces the one that has sent nothing for longest, if that is
+// at least 2 s (client_patience).
 class ModbusTcpListener final : public SerialLink {
  public:
   static constexpr std::size_t most_clients = 32;
   static constexpr std::size_t most_waiting_bytes = 16 * 1024;
 
-  // Observers of `line` are told of the messages.
+  // Observers of `line` receive the messages.
   ModbusTcpListener(const ModbusTcpName& name, SerialLine& line, modbus::Units& units, boost::asio::io_context& io,
                     LineHost& host);
   ~ModbusTcpListener() override;

@@ -4,7 +4,7 @@
 
 namespace servodrome::links {
 
-// On which side of a serial line something was sent.
+// The side of a serial line that has sent something.
 enum class SerialSender : std::uint8_t { unknown, master, drive };
 
 }  // namespace servodrome::links

@@ -12,10 +12,10 @@ namespace {
 
 using boost::system::error_code;
 
-// A pty whose other end is closed gives no event when it is opened again: look this often.
+// A pty gives no event when a client opens it again, so it is polled at this interval.
 constexpr auto client_poll_time = std::chrono::milliseconds(10);
 constexpr auto input_poll_time = std::chrono::milliseconds(2);
-// Until the line has sent some of what it was given.
+// Retry interval while the port's queue on the line is full.
 constexpr auto full_line_wait = std::chrono::milliseconds(5);
 
 }  // namespace
@@ -28,7 +28,7 @@ StreamLink::~StreamLink() {
   line_.detach(port_);
 }
 
-// A client that has just opened it may have written already.
+// A client that has just opened the pty may already have written to it.
 bool StreamLink::settled() {
   if (!is_open()) look_for_client();
   return !is_open() || !is_reading_ || !is_readable(stream_.native_handle());
@@ -40,15 +40,16 @@ void StreamLink::open() {
   watch_input();
 }
 
-// Edge-triggered epoll, which Asio uses, can miss that a pty has become readable: the kernel moves the bytes through a
-// work queue. So a pending read polls the descriptor now and then. A pending write is left alone.
+// Asio uses edge-triggered epoll, which can miss that a pty has become readable, because the kernel moves the bytes
+// through a work queue. While a read is pending, this polls the descriptor periodically. A pending write is not
+// disturbed.
 void StreamLink::watch_input() {
   watch_.expires_after(input_poll_time);
   watch_.async_wait([this, alive = alive_](error_code code) {
     if (!*alive || code || !is_open()) return;
     if (is_reading_ && !is_writing_ && is_readable(stream_.native_handle())) {
       error_code ignored;
-      stream_.cancel(ignored);  // the read begins anew and finds them
+      stream_.cancel(ignored);  // the read starts again and finds the bytes
     }
     watch_input();
   });
@@ -107,7 +108,7 @@ void StreamLink::write() {
                              if (!*alive) return;
                              is_writing_ = false;
                              writing_.clear();
-                             if (!code) write();  // else the read notices as well
+                             if (!code) write();  // otherwise the pending read fails as well and handles it
                            });
 }
 
@@ -125,7 +126,7 @@ void PtyLink::look_for_client() {
 }
 
 void PtyLink::wait_for_client() {
-  if (is_open()) return;  // seen already, by settled()
+  if (is_open()) return;  // settled() has already found the client
   if (pty_->has_client()) {
     open();
     return;

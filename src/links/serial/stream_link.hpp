@@ -11,9 +11,9 @@
 
 namespace servodrome::links {
 
-// A descriptor whose bytes are a station's characters. What is read goes out at the line's bit rate; reading stops
-// while `most_pending` characters wait, so that a program is slowed down as a real port slows it. A program that does
-// not read loses characters (64 KiB may wait for it).
+// A station whose characters are the bytes of a file descriptor. Bytes that are read are sent at the line's bit rate.
+// Reading stops while `most_pending` characters wait (backpressure), so that a program is slowed down like by a real
+// port. A program that does not read loses characters when more than 64 KiB wait for it.
 class StreamLink : public SerialLink, private SerialStation {
  public:
   static constexpr std::size_t most_pending = 1024;
@@ -27,12 +27,12 @@ class StreamLink : public SerialLink, private SerialStation {
   bool settled() final;
 
  protected:
-  // `descriptor` becomes the link's own.
+  // The link takes ownership of `descriptor`.
   StreamLink(int descriptor, SerialLine& line, boost::asio::io_context& io, LineHost& host);
 
   void open();
   bool is_open() const { return counters_.clients > 0; }
-  // The other end is gone; the stream is at rest.
+  // Called when the other end is gone and the stream is inactive.
   virtual void lost() = 0;
   // Opens the stream if a client has opened the other end.
   virtual void look_for_client() {}
@@ -61,7 +61,7 @@ class StreamLink : public SerialLink, private SerialStation {
   LinkCounters counters_;
 };
 
-// `pty:PATH`: a pty found at PATH. One program after the other may open it.
+// `pty:PATH`: a pty at PATH. Programs may open it one after the other.
 class PtyLink final : public StreamLink {
  public:
   PtyLink(const PtyName& name, SerialLine& line, boost::asio::io_context& io, LineHost& host);
@@ -79,8 +79,8 @@ class PtyLink final : public StreamLink {
   std::unique_ptr<Pty> pty_;
 };
 
-// `serial:DEVICE`: a serial port of this computer, with the line's format. Once lost (unplugged) it stays so:
-// `counters().clients` is 0.
+// `serial:DEVICE`: a serial port of this computer, with the line's format. If it is lost (unplugged), it is not opened
+// again: `counters().clients` stays 0.
 class TtyLink final : public StreamLink {
  public:
   TtyLink(const TtyName& name, SerialLine& line, boost::asio::io_context& io, LineHost& host);

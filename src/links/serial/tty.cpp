@@ -53,7 +53,7 @@ FileDescriptor open_tty(const std::string& device, const modbus::CharacterFormat
          errno == EACCES ? "your user must belong to the port's group, usually dialout" : "check the path");
   }
   termios settings{};
-  if (::tcgetattr(tty.get(), &settings) != 0) fail(errno, device, "is no serial port", "name a tty");
+  if (::tcgetattr(tty.get(), &settings) != 0) fail(errno, device, "is not a serial port", "name a tty");
   ::cfmakeraw(&settings);
   settings.c_cflag &= ~static_cast<tcflag_t>(CSIZE | PARENB | PARODD | CSTOPB | CRTSCTS);
   settings.c_cflag |= CLOCAL | CREAD | (format.data_bits == 7 ? CS7 : CS8);
@@ -62,7 +62,7 @@ FileDescriptor open_tty(const std::string& device, const modbus::CharacterFormat
   if (format.stop_bits == 2) settings.c_cflag |= CSTOPB;
   ::cfsetspeed(&settings, speed->code);
   if (::tcsetattr(tty.get(), TCSANOW, &settings) != 0) {
-    fail(errno, device, "does not take the format", "choose another bit rate or parity");
+    fail(errno, device, "does not accept the format", "choose another bit rate or parity");
   }
   ::tcflush(tty.get(), TCIOFLUSH);
   return tty;

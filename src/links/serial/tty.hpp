@@ -7,7 +7,7 @@
 
 namespace servodrome::links {
 
-// Opens a serial port, raw and nonblocking, with the format set and nothing left in its buffers. Throws LinkError.
+// Opens a serial port, raw and nonblocking, sets the format and empties its buffers. Throws LinkError.
 FileDescriptor open_tty(const std::string& device, const modbus::CharacterFormat& format);
 
 }  // namespace servodrome::links

@@ -46,11 +46,11 @@ async function send(method: string, path: string, body?: unknown, type = 'applic
       ...(body === undefined ? {} : { body: typeof body === 'string' ? body : JSON.stringify(body) }),
     });
   } catch {
-    throw new ApiError(0, { what: 'the server does not answer', where: path, hint: 'see whether `servodrome up` still runs' });
+    throw new ApiError(0, { what: 'the server does not answer', where: path, hint: 'check that it still runs and that the network is connected' });
   }
   if (response.ok) return response;
   const answer = (await response.json().catch(() => ({}))) as { error?: Problem };
-  throw new ApiError(response.status, answer.error ?? { what: `the server answers ${response.status}`, where: path });
+  throw new ApiError(response.status, answer.error ?? { what: `the server answered with HTTP status ${response.status}`, where: path });
 }
 
 export function problemOf(error: unknown): Problem {

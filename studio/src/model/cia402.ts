@@ -46,15 +46,15 @@ export interface Bit {
   on: boolean;
 }
 
-const makers = 'the maker’s';
-const ofMode = 'of the mode';
+export const manufacturerSpecific = 'manufacturer-specific';
+export const modeSpecific = 'mode-specific';
 
 const statusNames = [
   'ready to switch on', 'switched on', 'operation enabled', 'fault', 'voltage enabled', 'quick stop (0: active)',
-  'switch on disabled', 'warning', makers, 'remote', 'target reached', 'internal limit active',
+  'switch on disabled', 'warning', manufacturerSpecific, 'remote', 'target reached', 'internal limit active',
 ];
 const controlNames = [
-  'switch on', 'enable voltage', 'quick stop (0: stop)', 'enable operation', ofMode, ofMode, ofMode, 'fault reset', 'halt', ofMode, 'reserved',
+  'switch on', 'enable voltage', 'quick stop (0: stop)', 'enable operation', modeSpecific, modeSpecific, modeSpecific, 'fault reset', 'halt', modeSpecific, 'reserved',
 ];
 
 // Bits 12 and 13 of the statusword and 4 to 6 and 9 of the controlword mean what the mode says.
@@ -63,9 +63,9 @@ const statusOfMode: Record<number, [string, string]> = {
   3: ['speed zero', 'max slippage error'],
   6: ['homing attained', 'homing error'],
   7: ['interpolation active', ''],
-  8: ['follows the target', 'following error'],
-  9: ['follows the target', ''],
-  10: ['follows the target', ''],
+  8: ['drive follows the command value', 'following error'],
+  9: ['drive follows the command value', ''],
+  10: ['drive follows the command value', ''],
 };
 const controlOfMode: Record<number, [string, string, string, string]> = {
   1: ['new set-point', 'change immediately', 'relative', 'change on set-point'],
@@ -76,17 +76,17 @@ const controlOfMode: Record<number, [string, string, string, string]> = {
 
 export function statusBits(word: number, mode = 0): Bit[] {
   const [bit12, bit13] = statusOfMode[mode] ?? ['', ''];
-  return bits(word, [...statusNames, bit12 || ofMode, bit13 || ofMode, makers, makers]);
+  return bits(word, [...statusNames, bit12 || modeSpecific, bit13 || modeSpecific, manufacturerSpecific, manufacturerSpecific]);
 }
 
 export function controlBits(word: number, mode = 0): Bit[] {
   const names = [...controlNames];
   const [bit4, bit5, bit6, bit9] = controlOfMode[mode] ?? ['', '', '', ''];
-  names[4] = bit4 || ofMode;
-  names[5] = bit5 || ofMode;
-  names[6] = bit6 || ofMode;
-  names[9] = bit9 || ofMode;
-  return bits(word, [...names, makers, makers, makers, makers, makers]);
+  names[4] = bit4 || modeSpecific;
+  names[5] = bit5 || modeSpecific;
+  names[6] = bit6 || modeSpecific;
+  names[9] = bit9 || modeSpecific;
+  return bits(word, [...names, manufacturerSpecific, manufacturerSpecific, manufacturerSpecific, manufacturerSpecific, manufacturerSpecific]);
 }
 
 function bits(word: number, names: string[]): Bit[] {
@@ -107,7 +107,7 @@ export const modes: Record<number, string> = {
 };
 
 export const modeText = (mode: number | undefined) =>
-  mode === undefined ? '' : (modes[mode] ?? (mode < 0 ? `maker’s mode −${-mode}` : `mode ${mode}`));
+  mode === undefined ? '' : (modes[mode] ?? (mode < 0 ? `manufacturer-specific mode −${-mode}` : `mode ${mode}`));
 
 export const hex = (value: number, digits: number) => value.toString(16).toUpperCase().padStart(digits, '0') + 'h';
 

@@ -46,7 +46,7 @@ describe('CiA 402', () => {
     expect(edges.map(({ number }) => number)).toEqual(Array.from({ length: 17 }, (_, i) => i));
   });
   test('modes and tones have names', () => {
-    expect([modeText(6), modeText(-4), modeText(99)]).toEqual(['homing', 'maker’s mode −4', 'mode 99']);
+    expect([modeText(6), modeText(-4), modeText(99)]).toEqual(['homing', 'manufacturer-specific mode −4', 'mode 99']);
     expect([toneOf('fault'), toneOf('operation enabled'), toneOf(undefined)]).toEqual(['bad', 'live', 'quiet']);
   });
 });

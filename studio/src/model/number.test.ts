@@ -12,8 +12,8 @@ describe('numbers as they are typed', () => {
     ['1,5', 1.5], ['1234,5', 1234.5], ['1.500', 1.5],
   ])('takes %s', (text, number) => expect(value(text)).toBe(number));
 
-  it.each([['', 'Give a number'], ['   ', 'Give a number'], ['abc', 'no number'], ['-', 'no number'], ['1.2.3', 'no number'], ['1,2,3', 'no number'], ['1 000', 'no number'], ['5 rpm', 'no number'],
-    ['0x10', 'no number'], ['Infinity', 'no number'], ['1e999', 'too great'], ['1,500', '1500 or 1.5'], ['-12,345', '-12345 or -12.345']])('refuses %s', (text, problem) =>
+  it.each([['', 'Enter a number'], ['   ', 'Enter a number'], ['abc', 'Not a number'], ['-', 'Not a number'], ['1.2.3', 'Not a number'], ['1,2,3', 'Not a number'], ['1 000', 'Not a number'], ['5 rpm', 'Not a number'],
+    ['0x10', 'Not a number'], ['Infinity', 'Not a number'], ['1e999', 'too large'], ['1,500', '1500 or 1.5'], ['-12,345', '-12345 or -12.345']])('refuses %s', (text, problem) =>
     expect(value(text)).toContain(problem));
 
   it('marks what is outside its limits instead of moving it', () => {
@@ -21,6 +21,15 @@ describe('numbers as they are typed', () => {
     expect(value('301', { maximum: 300 })).toBe('At most 300.');
     expect(value('0', { minimum: 0 })).toBe(0);
     expect(value('300', { maximum: 300 })).toBe(300);
+  });
+
+  it('are hexadecimal where that is asked for', () => {
+    expect(readNumber('181h', {}, true)).toEqual({ value: 0x181 });
+    expect(readNumber('0x181', {}, true)).toEqual({ value: 0x181 });
+    expect(readNumber('181', {}, true)).toEqual({ value: 0x181 });
+    expect(readNumber('1.5', {}, true)).toHaveProperty('problem');
+    expect(readNumber('800h', { maximum: 0x7ff }, true)).toEqual({ problem: 'At most 7FFh.' });
+    expect(showNumber(0x181, true)).toBe('181h');
   });
 
   it('shows numbers so that they are read back', () => {

@@ -11,23 +11,35 @@ const shape = /^[+-]?(\d+([.,]\d*)?|[.,]\d+)(e[+-]?\d+)?$/i;
 // In English a thousand and a half, in German one and a half.
 const ambiguous = /^[+-]?[1-9]\d{0,2},\d{3}$/;
 
-export function readNumber(text: string, { minimum, maximum }: Limits = {}): Typed {
+const hexadecimal = /^(?:0x)?([0-9a-f]+)h?$/i;
+
+export function readNumber(text: string, { minimum, maximum }: Limits = {}, isHexadecimal = false): Typed {
   const plain = text.trim().replace('\u2212', '-');
-  if (plain === '') return { problem: 'Give a number.' };
-  if (ambiguous.test(plain)) {
-    return { problem: `${plain} may be ${plain.replace(',', '')} or ${String(Number(plain.replace(',', '.')))}: write one of them.` };
+  if (plain === '') return { problem: 'Enter a number.' };
+  if (isHexadecimal) {
+    const digits = hexadecimal.exec(plain)?.[1];
+    if (digits === undefined) return { problem: 'Not a hexadecimal number: enter for example 181h.' };
+    return within(parseInt(digits, 16), { minimum, maximum }, true);
   }
-  if (!shape.test(plain)) return { problem: 'This is no number: write it as 12 or 0.5.' };
+  if (ambiguous.test(plain)) {
+    return { problem: `${plain} is ambiguous: enter ${plain.replace(',', '')} or ${String(Number(plain.replace(',', '.')))}.` };
+  }
+  if (!shape.test(plain)) return { problem: 'Not a number: enter for example 12 or 0.5.' };
   const value = Number(plain.replace(',', '.'));
-  if (!Number.isFinite(value)) return { problem: 'This number is too great.' };
-  if (minimum !== undefined && value < minimum) return { problem: `At least ${showNumber(minimum)}.` };
-  if (maximum !== undefined && value > maximum) return { problem: `At most ${showNumber(maximum)}.` };
+  if (!Number.isFinite(value)) return { problem: 'This number is too large.' };
+  return within(value, { minimum, maximum }, false);
+}
+
+function within(value: number, { minimum, maximum }: Limits, isHexadecimal: boolean): Typed {
+  if (minimum !== undefined && value < minimum) return { problem: `At least ${showNumber(minimum, isHexadecimal)}.` };
+  if (maximum !== undefined && value > maximum) return { problem: `At most ${showNumber(maximum, isHexadecimal)}.` };
   return { value };
 }
 
 // As a field shows it; nothing of what is no number.
-export function showNumber(value: number): string {
+export function showNumber(value: number, isHexadecimal = false): string {
   if (!Number.isFinite(value)) return '';
+  if (isHexadecimal) return `${value.toString(16).toUpperCase()}h`;
   if (Math.abs(value) >= 1e15 || (value !== 0 && Math.abs(value) < 1e-6)) return String(value);
   return value.toLocaleString('en', { maximumFractionDigits: 6, useGrouping: false });
 }

@@ -48,7 +48,7 @@ export function parseValue(entry: ObjectEntry, typed: string): ObjectValue | und
 const digits: Record<string, number> = { UNSIGNED8: 2, UNSIGNED16: 4, UNSIGNED32: 8 };
 
 export function showValue(value: ObjectValue | undefined): string {
-  return value === undefined ? '' : value === null ? 'no number' : String(value);
+  return value === undefined ? '' : value === null ? 'not a number' : String(value);
 }
 
 export function hexValue(entry: ObjectEntry, value: ObjectValue | undefined): string {

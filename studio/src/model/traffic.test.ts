@@ -10,7 +10,7 @@ describe('table of traffic', () => {
   it('shows rows in their order, and says what is missing where it is missing', () => {
     let table = withAnswer(emptyTable(), answer([1, 2]));
     table = withAnswer(table, answer([40, 41], { left_out: 12, lost: 3, missed: 4 }));
-    expect(table.rows.map((one) => (isGap(one) ? one.gap.split(':')[0] : one.number))).toEqual([1, 2, '7 frames lost', '12 rows left out', 40, 41]);
+    expect(table.rows.map((one) => (isGap(one) ? one.gap.split(':')[0] : one.number))).toEqual([1, 2, '7 frames lost', '12 rows skipped', 40, 41]);
     expect(table.next).toBe(41);
     expect(table.absent).toBe(19);
   });

@@ -57,8 +57,8 @@ export function withAnswer(table: Table, answer: TrafficAnswer): Table {
   const gaps: string[] = [];
   const missed = table.missed === null ? 0 : answer.missed - table.missed;
   const gone = answer.lost + missed;
-  if (gone > 0) gaps.push(`${count(gone, gone === 1 ? 'frame' : 'frames')} lost: more came than the server keeps`);
-  if (answer.left_out > 0) gaps.push(`${count(answer.left_out, answer.left_out === 1 ? 'row' : 'rows')} left out: more than can be read`);
+  if (gone > 0) gaps.push(`${count(gone, gone === 1 ? 'frame' : 'frames')} lost: buffer of the server full`);
+  if (answer.left_out > 0) gaps.push(`${count(answer.left_out, answer.left_out === 1 ? 'row' : 'rows')} skipped: too many to display`);
   let { keys } = table;
   const added: Shown[] = [...gaps.map((gap) => ({ gap })), ...answer.rows].map((row) => ({ ...row, key: ++keys }));
   if (added.length === 0 && table.next === answer.next && table.missed === answer.missed) return table;

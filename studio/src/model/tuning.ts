@@ -88,9 +88,9 @@ export function figuresOf({ before, after, step_before, step_after, predicted, p
     { label: 'Crossover, open loop, 0 dB', unit: 'Hz', digits: 1, before: before?.crossover_hz, after: after?.crossover_hz },
     { label: 'Phase margin', unit: '°', digits: 0, before: before?.phase_margin_deg, promised: predicted?.phase_margin_deg, after: after?.phase_margin_deg },
     { label: 'Gain margin', unit: 'dB', digits: 1, before: before?.gain_margin_db, after: after?.gain_margin_db },
-    { label: 'Step: rises in', unit: 'ms', digits: 1, before: step_before?.rise_ms, after: step_after?.rise_ms },
-    { label: 'Step: overshoots by', unit: '%', digits: 0, before: step_before?.overshoot_percent, after: step_after?.overshoot_percent },
-    { label: 'Step: within 5 % after', unit: 'ms', digits: 0, before: step_before?.settling_ms, after: step_after?.settling_ms },
+    { label: 'Step: rise time', unit: 'ms', digits: 1, before: step_before?.rise_ms, after: step_after?.rise_ms },
+    { label: 'Step: overshoot', unit: '%', digits: 0, before: step_before?.overshoot_percent, after: step_after?.overshoot_percent },
+    { label: 'Step: settling time (5 %)', unit: 'ms', digits: 0, before: step_before?.settling_ms, after: step_after?.settling_ms },
   ];
   return rows.filter((row) => [row.before, row.promised, row.after].some((value) => typeof value === 'number'));
 }

@@ -90,7 +90,7 @@ function Curves({ name, powered }: { name: string; powered: boolean }) {
   const [running, setRunning] = useState(true);
   const isReal = useLine(({ line }) => line && line.kind === 'real') ?? undefined;
   return (
-    <Panel title="Last ten seconds" aside={<Button kind="bare" onPress={() => setRunning(!running)}>{running ? 'Pause' : 'Go on'}</Button>}>
+    <Panel title="Last ten seconds" aside={<Button kind="bare" onPress={() => setRunning(!running)}>{running ? 'Pause' : 'Resume'}</Button>}>
       {powered && isReal !== undefined ? (
         <LiveLanes
           label="Live curves"
@@ -130,7 +130,7 @@ function Motion({ axis }: { axis: AxisView }) {
         {axis.current_a !== null && <Readout label="current" value={fixed(axis.current_a, 2)} unit="A" />}
       </dl>
       {axis.watch === null && (
-        <p className="warning" role="note">Nothing watches this program: if it or its link ends while the axis moves, the axis goes on. Have its emergency stop at hand.</p>
+        <p className="warning" role="note">The drive does not monitor this connection: if the program ends or the cable fails while the axis moves, the axis keeps moving. Keep the emergency stop within reach.</p>
       )}
       <div className="buttons">
         <Commands axis={axis} />
@@ -158,7 +158,7 @@ function JobLine({ job, units }: { job: ReturnType<typeof useJob>; units: Units 
   const at = position === undefined ? null : job.units === 'revolutions' ? position : fromDrivePosition(units, position);
   return (
     <p className={`job ${job.state}`} role="status">
-      {job.do}: {job.state}
+      {job.do.replaceAll('_', ' ')}: {job.state}
       {at !== null && ` at ${fixed(at, 4)} rev`}
       {job.result?.seconds !== undefined && ` after ${fixed(job.result.seconds, 2)} s`}
       {job.note && ` · ${job.note}`}
@@ -213,15 +213,15 @@ const amount = (value: number, unit: string) => `${significant(value)} ${unit}`;
 function Prediction({ names, distance, velocity, acceleration }: { names: UnitNames; distance?: number; velocity: number; acceleration: number }) {
   const { known, velocity_scale } = names;
   const given = predict({ velocity, acceleration, velocity_scale, ...(distance === undefined ? {} : { distance }) });
-  let text = 'Give all numbers: then it is said what they do.';
+  let text = 'Enter all values to see the predicted motion.';
   if (given) {
     const way = distance === undefined ? '' : `, ${amount(Math.abs(distance), names.position)} in ${seconds(given.total_s ?? 0)}`;
-    text = `Up to ${amount(given.top, names.velocity)} within ${seconds(given.ramp_s)}${way}; halting takes ${seconds(given.ramp_s)} and ${amount(given.braking, names.position)}, or a quick stop.`;
+    text = `Reaches ${amount(given.top, names.velocity)} in ${seconds(given.ramp_s)}${way}; a halt takes ${seconds(given.ramp_s)} and ${amount(given.braking, names.position)} (a halt longer than 250 ms becomes a quick stop).`;
   }
   return (
     <p className="quiet note" role="note">
       {text}
-      {!known && ' The drive does not say what a revolution is: begin with little.'}
+      {!known && ' The drive does not report its units per revolution: begin with small values.'}
     </p>
   );
 }
@@ -271,7 +271,7 @@ function VelocityMove({ name, names, isFree }: MoveProps) {
         <Button onPress={() => attempt(() => runJob(name, { do: 'stop' }))}>Halt</Button>
       </div>
       <Prediction names={names} velocity={velocity} acceleration={acceleration} />
-      <p className="quiet note">Runs until it is halted: mind the limit switches.</p>
+      <p className="quiet note">Runs until it is halted. Watch the distance to the limit switches.</p>
     </div>
   );
 }
@@ -285,7 +285,7 @@ function TorqueMove({ name, isFree }: MoveProps) {
         <NumbersButton kind="main" isDisabled={!isFree} onPress={() => attempt(() => enableAnd(name, { do: 'torque', percent }))}>Apply</NumbersButton>
         <Button onPress={() => attempt(() => runJob(name, { do: 'stop' }))}>Halt</Button>
       </div>
-      <p className="quiet note">With no load against it the axis accelerates until it is halted.</p>
+      <p className="quiet note">Without an opposing load the axis accelerates until it is halted.</p>
     </div>
   );
 }
@@ -305,7 +305,7 @@ function JogMove({ name, names, enabled }: MoveProps & { enabled: boolean }) {
         <JogButton axis={name} velocity={request(1)} isDisabled={cannot} label="Jog in positive direction">+ ▶</JogButton>
       </div>
       <Prediction names={names} velocity={velocity} acceleration={acceleration} />
-      <p className="quiet note">{enabled ? 'Moves while it is pressed: pointer, space or enter.' : 'Enable the axis first.'}</p>
+      <p className="quiet note">{enabled ? 'Moves while the button is held: mouse, Space or Enter.' : 'Enable the axis first.'}</p>
     </div>
   );
 }
@@ -321,13 +321,13 @@ function HomeMove({ name, names, isFree, axis, geometry }: MoveProps & { axis: A
   const job = useJob(name);
   const homing = job?.do === 'home' && job.state === 'running';
   const replay = useReplay(axis, homing);
-  if (!method) return <p className="empty">This drive has no homing methods.</p>;
+  if (!method) return <p className="empty">This drive supports no homing method.</p>;
   return (
     <>
       <div className="form">
         <Choice label="Method" isLong value={method.method} options={methods.map(({ method: number, legs }) => [number, `${number}: ${textOf(legs)}`] as const)} onChange={setChosen} />
-        <NumberInput label="Speed to the switch" unit={names.velocity} value={fast} onChange={setFast} minimum={0} />
-        <NumberInput label="Speed to the zero" unit={names.velocity} value={slow} onChange={setSlow} minimum={0} />
+        <NumberInput label="Speed during search for switch" unit={names.velocity} value={fast} onChange={setFast} minimum={0} />
+        <NumberInput label="Speed during search for zero" unit={names.velocity} value={slow} onChange={setSlow} minimum={0} />
         <NumberInput label="Acceleration" unit={names.acceleration} value={acceleration} onChange={setAcceleration} minimum={0} />
         <div className="buttons">
           <NumbersButton
@@ -341,7 +341,7 @@ function HomeMove({ name, names, isFree, axis, geometry }: MoveProps & { axis: A
             Home
           </NumbersButton>
           <Button onPress={() => attempt(() => runJob(name, { do: 'stop' }))}>Halt</Button>
-          {geometry && replay.ready && <Button onPress={replay.playing ? replay.stop : replay.play}>{replay.playing ? 'End the replay' : 'Replay'}</Button>}
+          {geometry && replay.ready && <Button onPress={replay.playing ? replay.stop : replay.play}>{replay.playing ? 'Stop the replay' : 'Replay'}</Button>}
         </div>
       </div>
       <Prediction names={names} velocity={fast} acceleration={acceleration} />
@@ -351,7 +351,7 @@ function HomeMove({ name, names, isFree, axis, geometry }: MoveProps & { axis: A
 }
 
 function textOf(legs: HomingMethod['legs']): string {
-  if (legs.length === 0) return 'here';
+  if (legs.length === 0) return 'at the present position';
   const last = legs[legs.length - 1];
   const first = legs[0];
   const to = last.until.replaceAll('_', ' ');

@@ -34,7 +34,7 @@ function LinksAndAxes({ bus }: { bus: BusView }) {
           <Scroll label="Table of links">
             <table className="table">
               <thead>
-                <tr><th scope="col" className="wide">link</th><th scope="col">clients</th><th scope="col">to the bus</th><th scope="col">from it</th><th scope="col">dropped</th><th scope="col">malformed</th></tr>
+                <tr><th scope="col" className="wide">link</th><th scope="col">clients</th><th scope="col">to the bus</th><th scope="col">from the bus</th><th scope="col">dropped</th><th scope="col">malformed</th></tr>
               </thead>
               <tbody>
                 {bus.links.map((link) => (

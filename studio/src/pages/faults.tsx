@@ -37,15 +37,15 @@ export function FaultsPage() {
         )}
         {(value?.injected.length ?? 0) > 0 && (
           <p className="note">
-            Injected at the moment: {value?.injected.join(', ')}. <Link to={`/plant/${encodeURIComponent(name)}`}>Take it back</Link> before clearing.
+            Injected: {value?.injected.map((fault) => fault.replaceAll('_', ' ')).join(', ')}. <Link to={`/plant/${encodeURIComponent(name)}`}>Remove the injected fault</Link> before clearing.
           </p>
         )}
       </Panel>
-      <Panel title="Moments of faults">
+      <Panel title="Fault recordings">
         {real !== undefined ? (
-          <p className="empty">Not kept of drives on a bus: record with a trigger on the Scope page.</p>
+          <p className="empty">Drives on a bus have no automatic fault recordings: record with a fault trigger on the Scope page.</p>
         ) : moments.length === 0 ? (
-          <p className="empty">None recorded. Of each fault the half second before it is kept, at 1 kHz.</p>
+          <p className="empty">No fault recordings yet. The half second before each fault is recorded at 1 kHz.</p>
         ) : (
           <ul className="plain-list">
             {moments.map((recording) => (
@@ -61,7 +61,7 @@ export function FaultsPage() {
       </Panel>
       <Panel title="History">
         {(value?.history.length ?? 0) === 0 ? (
-          <p className="empty">The drive remembers no fault that it tells of here.</p>
+          <p className="empty">The drive reports an empty fault history.</p>
         ) : (
           <ol className="faults">
             {value?.history.map((fault, i) => (

@@ -5,7 +5,7 @@ import { Button, Link, Panel, Readout, Scroll } from '../parts/controls';
 import { StateChip } from '../parts/state';
 import { useTarget } from '../parts/target';
 import { Travel, useGeometry } from '../parts/travel';
-import { hex, modeText, statusBits } from '../model/cia402';
+import { hex, manufacturerSpecific, modeSpecific, modeText, statusBits } from '../model/cia402';
 import { fixed } from '../model/units';
 import { attempt } from '../notices';
 import { useResource } from '../resource';
@@ -25,7 +25,7 @@ export function LinePage() {
   );
 }
 
-const isNamed = (text: string) => !text.startsWith('of the') && !text.startsWith('the maker');
+const isNamed = (text: string) => text !== manufacturerSpecific && text !== modeSpecific;
 
 const address = (axis: AxisView) =>
   [
@@ -66,7 +66,7 @@ const AxisCard = memo(function AxisCard({ name }: { name: string }) {
         {axis.powered && <span className="chip plain">{axis.mode === 0 ? 'no mode' : modeText(axis.mode)}</span>}
         {axis.homed && <span className="chip plain">homed</span>}
         {set.map(({ bit, name: text }) => (
-          <span key={bit} className={text === 'fault' ? 'bit bad' : text === 'warning' ? 'bit warn' : 'bit'}>{text.replace(' (0: active)', ' off')}</span>
+          <span key={bit} className={text === 'fault' ? 'bit bad' : text === 'warning' ? 'bit warn' : 'bit'}>{text.replace(' (0: active)', ' inactive')}</span>
         ))}
       </p>
       {faults.length > 0 && (
@@ -78,7 +78,7 @@ const AxisCard = memo(function AxisCard({ name }: { name: string }) {
       )}
       <footer>
         <span className="quiet address">{address(axis)}</span>
-        {job?.state === 'running' && <span className="busy">{job.do}</span>}
+        {job?.state === 'running' && <span className="busy">{job.do.replaceAll('_', ' ')}</span>}
         <Commands axis={axis} />
       </footer>
     </article>
@@ -98,10 +98,10 @@ export const Torque = ({ axis }: { axis: AxisView }) =>
     ? <Readout label="torque" value={fixed(axis.torque_nm, 3)} unit="Nm" />
     : <Readout label="torque" value={fixed(axis.torque_percent, 1)} unit="% of rated" />;
 
-// What is asked of an axis most, as far as its state lets it.
+// The usual commands, as far as the axis's state allows them.
 export function Commands({ axis }: { axis: AxisView }) {
   const { name, state } = axis;
-  if (axis.problem) return <span className="quiet">not reached</span>;
+  if (axis.problem) return <span className="quiet">no answer</span>;
   if (!axis.powered) return <Button onPress={() => attempt(() => power(name, 'on'))}>Power on</Button>;
   if (state === 'fault' || state === 'fault reaction active') {
     return <Button kind="main" onPress={() => void runJob(name, { do: 'reset_fault' })}>Clear fault</Button>;

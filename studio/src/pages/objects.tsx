@@ -23,7 +23,7 @@ export function ObjectsPage() {
     <>
       <AxisTabs page="objects" name={name} />
       <Views label="Views of the objects" views={views} />
-      {!powered && <p className="empty">Without power there are no objects to read.</p>}
+      {!powered && <p className="empty">The drive has no power: its objects cannot be read.</p>}
       {view === 'parameters' ? <ParametersView name={name} /> : view === 'pdos' ? <PdoView name={name} /> : <DictionaryView name={name} />}
     </>
   );
@@ -68,7 +68,7 @@ function DictionaryView({ name }: { name: string }) {
               label="Group"
               hideLabel
               value={group}
-              options={groups.map((each) => [each, each] as const)}
+              options={groups.map((each) => [each, each === 'Maker' ? 'Manufacturer-specific' : each] as const)}
               onChange={(to) => keep({ group: to === 'All' ? null : to })}
             />
           </div>

@@ -71,12 +71,12 @@ export function ParametersView({ name }: { name: string }) {
     <div className="column">
       <Panel title="Parameters" aside={<span className="quiet" role="status">{busy ? 'working' : ''}</span>}>
         <p className="note">
-          All that can be set, as a text that "servodrome params" reads and writes as well. Loading checks everything first, writes what
-          differs, and takes all of it back if the drive refuses a value.
+          All writable parameters as a text file. Loading checks the whole file first and writes only the values that differ. If the drive
+          rejects a value, the previous values are restored.
         </p>
         <div className="toolbar">
           <a className="button" href={`/api/v1${path}`} download={`${name}.par`}>Save as a file</a>
-          <Button isDisabled={busy} onPress={() => run(compareWithFactory)}>Compare with factory</Button>
+          <Button isDisabled={busy} onPress={() => run(compareWithFactory)}>Compare with factory defaults</Button>
           <Button isDisabled={busy} onPress={() => attempt(async () => tell(await storeAll(path)))}>Store in the drive</Button>
         </div>
         <div className="toolbar">
@@ -95,8 +95,8 @@ export function ParametersView({ name }: { name: string }) {
           </label>
           <Button isDisabled={busy || !file} onPress={() => file && run(() => compareWith(file))}>Compare with file</Button>
           <Button kind="main" isDisabled={busy || !file} onPress={() => file && run(() => load(file.text, options && `?${options}`))}>Load file</Button>
-          <Toggle isSelected={store} onChange={setStore}>and store</Toggle>
-          <Toggle isSelected={force} onChange={setForce}>of another product too</Toggle>
+          <Toggle isSelected={store} onChange={setStore}>store after loading</Toggle>
+          <Toggle isSelected={force} onChange={setForce}>accept a file of another product</Toggle>
         </div>
         <Trouble problem={outcome.problem} />
         {outcome.report && <Report report={outcome.report} />}
@@ -108,21 +108,21 @@ export function ParametersView({ name }: { name: string }) {
 
 async function storeAll(path: string): Promise<string> {
   const { stored } = await post<{ stored: boolean }>(`${path}/store`);
-  return stored ? 'stored: kept over power-off' : 'this drive has no command to store: what it keeps, it keeps as soon as it is written';
+  return stored ? 'stored in non-volatile memory' : 'this drive has no store command: it keeps non-volatile parameters as soon as they are written';
 }
 
 function Report({ report }: { report: LoadReport }) {
   const lists: [Named[], string][] = [
     [report.written, 'Written'],
-    [report.skipped, 'Left out'],
-    [report.after_restart, 'Restart the drive, these act from the next power-on'],
-    [report.lost_with_power, 'Lost with the power in any case, the drive does not keep them'],
+    [report.skipped, 'Skipped'],
+    [report.after_restart, 'Take effect at the next power-on: restart the drive'],
+    [report.lost_with_power, 'Cannot be stored in the drive: lost at power-off'],
   ];
   return (
     <div className="report" role="status">
       <p>
         {report.compared} parameters are as in the file, {report.written.length} of them were written.{' '}
-        {report.stored ? 'Stored.' : report.keeps_at_once ? '' : report.written.length > 0 ? 'Not stored: lost with the power.' : ''}
+        {report.stored ? 'Stored.' : report.keeps_at_once ? '' : report.written.length > 0 ? 'Not stored: lost at power-off.' : ''}
       </p>
       {lists.filter(([objects]) => objects.length > 0).map(([objects, title]) => (
         <details key={title}>
@@ -142,24 +142,24 @@ function Differences({ axis, comparison, onTake, busy }: {
 }) {
   const { left, compared, differences } = comparison;
   const all = differences.filter((each) => each.left !== null);
-  const cell = (value: string | null): ReactNode => value ?? <span className="quiet">not there</span>;
+  const cell = (value: string | null): ReactNode => value ?? <span className="quiet">missing</span>;
   return (
     <Panel
       title={`Compared with ${left}`}
       aside={
         <>
           <span className="quiet" role="status">{differences.length} of {compared} differ</span>
-          <Button isDisabled={busy || all.length === 0} onPress={() => onTake(all)}>Take all of {left}</Button>
+          <Button isDisabled={busy || all.length === 0} onPress={() => onTake(all)}>Write all values of {left}</Button>
         </>
       }
     >
       {differences.length === 0 ? (
-        <p className="empty">Equal.</p>
+        <p className="empty">No differences.</p>
       ) : (
         <Scroll label="Table of differences">
           <table className="table">
             <thead>
-              <tr><th scope="col">object</th><th scope="col" className="wide">name</th><th scope="col">{left}</th><th scope="col">drive</th><th scope="col" className="wide">unit</th><th scope="col"><span className="unseen">take</span></th></tr>
+              <tr><th scope="col">object</th><th scope="col" className="wide">name</th><th scope="col">{left}</th><th scope="col">drive</th><th scope="col" className="wide">unit</th><th scope="col"><span className="unseen">write</span></th></tr>
             </thead>
             <tbody>
               {differences.map((each) => (
@@ -169,7 +169,7 @@ function Differences({ axis, comparison, onTake, busy }: {
                   <td>{cell(each.left)}</td>
                   <td>{cell(each.right)}</td>
                   <td className="text">{each.unit}</td>
-                  <td>{each.left !== null && <Button kind="bare" isDisabled={busy} aria-label={`Take ${each.object} of ${left}`} onPress={() => onTake([each])}>Take</Button>}</td>
+                  <td>{each.left !== null && <Button kind="bare" isDisabled={busy} aria-label={`Write ${each.object} of ${left}`} onPress={() => onTake([each])}>Write</Button>}</td>
                 </tr>
               ))}
             </tbody>

@@ -13,9 +13,9 @@ const directions = [['receive', 'Receive PDOs, to the drive'], ['transmit', 'Tra
 
 // Who else may be using the PDOs now.
 function masterOf(axis: AxisView | undefined): string | null {
-  if (axis?.nmt_state === 'operational') return 'The node is operational: a master may be exchanging these PDOs right now, and does not know of a change.';
-  if (axis?.al_state === 'Operational' || axis?.al_state === 'Safe-Operational') return `The slave is in ${axis.al_state}: a master exchanges these PDOs right now. It takes changes in Pre-Operational only.`;
-  if (axis?.al_state !== undefined && axis.al_state !== 'Pre-Operational') return `The slave is in ${axis.al_state}: it takes changes in Pre-Operational only, where a master takes it ("servodrome state preop").`;
+  if (axis?.nmt_state === 'operational') return 'The node is in NMT state Operational: a master may be exchanging these PDOs now and does not notice a change.';
+  if (axis?.al_state === 'Operational' || axis?.al_state === 'Safe-Operational') return `The slave is in ${axis.al_state}: a master is exchanging these PDOs now. They can be changed in Pre-Operational only.`;
+  if (axis?.al_state !== undefined && axis.al_state !== 'Pre-Operational') return `The slave is in ${axis.al_state}: PDOs can be changed in Pre-Operational only, and a master must request that state.`;
   return null;
 }
 
@@ -62,15 +62,15 @@ export function PdoView({ name }: { name: string }) {
           title="Process data"
           aside={
             <>
-              <span className="quiet" role="status">{changes ? 'changed, not written' : 'as the drive has them'}</span>
+              <span className="quiet" role="status">{changes ? 'changed, not written' : 'as in the drive'}</span>
               <NumbersButton kind="main" isDisabled={!changes || busy} onPress={apply}>Write to the drive</NumbersButton>
               <Button isDisabled={!draft || busy} onPress={revert}>Revert</Button>
             </>
           }
         >
           <p className="note">
-            Written in the order that the standard asks for; what was there before comes back if the drive refuses. It stays until the drive
-            loses its power, unless it is stored.
+            Changes are written in the order that the standard requires. If the drive rejects one, the previous configuration is restored.
+            Changes that are not stored are lost at power-off.
           </p>
           {master && <p className="warning" role="status">{master}</p>}
           <Trouble problem={refusal ?? problem} />
@@ -100,7 +100,7 @@ function PdoPanel({ pdo, pdos, onPdo, onAssigned }: { pdo: Pdo; pdos: Pdos; onPd
   const set = (objects: Mapped[]) => onPdo({ ...pdo, objects });
   const number = (key: 'can_id' | 'transmission_type' | 'inhibit_time_us' | 'event_timer_ms', label: string, unit = '', step = 1) =>
     pdo[key] !== undefined && (
-      <NumberInput whenLeft key={key} label={label} unit={unit} value={pdo[key]} minimum={0} step={step} onChange={(to) => onPdo({ ...pdo, [key]: to })} />
+      <NumberInput whenLeft key={key} label={label} unit={unit} value={pdo[key]} minimum={0} step={step} isHexadecimal={key === 'can_id'} onChange={(to) => onPdo({ ...pdo, [key]: to })} />
     );
   return (
     <Panel
@@ -119,7 +119,7 @@ function PdoPanel({ pdo, pdos, onPdo, onAssigned }: { pdo: Pdo; pdos: Pdos; onPd
             {place >= 0 ? `assigned, ${place + 1} of ${assigned.length}` : 'assigned'}
           </Toggle>
         )}
-        {pdo.fixed && <span className="chip plain">fixed by the maker</span>}
+        {pdo.fixed && <span className="chip plain">fixed by the manufacturer</span>}
       </div>
       <ol className="mapped" aria-label={`Objects of ${title}`}>
         {pdo.objects.map((mapped, i) => (
@@ -142,7 +142,7 @@ function PdoPanel({ pdo, pdos, onPdo, onAssigned }: { pdo: Pdo; pdos: Pdos; onPd
       {!pdo.fixed && pdo.objects.length < pdo.most && <AddObject title={title} offered={pdos.mappable[pdo.direction]} onAdd={(mapped) => set([...pdo.objects, mapped])} />}
       {pdo.can_id !== undefined && (
         <div className="form">
-          {number('can_id', 'CAN identifier')}
+          {number('can_id', 'COB-ID (hexadecimal)')}
           {number('transmission_type', 'Transmission type')}
           {number('inhibit_time_us', 'Inhibit time', 'µs', 100)}
           {number('event_timer_ms', 'Event timer', 'ms')}

@@ -23,8 +23,8 @@ export function PlantPage() {
         <AxisTabs page="plant" name={name} />
         <div className="panels">
           <Terminals axis={name} />
-          <Panel title="No plant">
-            <p className="note">No switches to force, no load, no supply and no faults to give it: {missing}.</p>
+          <Panel title="No simulated plant">
+            <p className="note">Only simulated drives have inputs to force, a load, a supply and injectable faults: {missing}.</p>
           </Panel>
         </div>
       </>
@@ -51,7 +51,7 @@ function InputsPanel({ name }: { name: string }) {
   const wires = Object.entries(useGeometry(name)?.inputs ?? {});
   const force = (input: string, level: boolean | null) => attempt(() => put(path, { [input]: level }).then(again));
   return (
-    <Panel title="Wires of the inputs">
+    <Panel title="Input wiring">
       <Trouble problem={problem} />
       <table className="table">
         <thead>
@@ -124,10 +124,10 @@ function FaultPanel({ name }: { name: string }) {
         <ul className="plain-list">
           {value.injected.map((fault) => (
             <li key={fault}>
-              {fault.replaceAll('_', ' ')} <Button kind="bare" aria-label={`Take back ${fault}`} onPress={() => attempt(() => remove(path, { inject: fault }).finally(again))}>Take back</Button>
+              {fault.replaceAll('_', ' ')} <Button kind="bare" aria-label={`Remove fault ${fault}`} onPress={() => attempt(() => remove(path, { inject: fault }).finally(again))}>Remove fault</Button>
             </li>
           ))}
-          <li><Button kind="bare" onPress={() => attempt(() => remove(path).finally(again))}>Take back all</Button></li>
+          <li><Button kind="bare" onPress={() => attempt(() => remove(path).finally(again))}>Remove all faults</Button></li>
         </ul>
       )}
     </Panel>
@@ -142,7 +142,7 @@ function PowerPanel({ name }: { name: string }) {
   const powered = usePowered(name);
   return (
     <Panel title="Power" aside={<span className={`chip ${powered ? 'ready' : 'quiet'}`}>{powered ? 'on' : 'off'}</span>}>
-      <p className="note">Without power the drive forgets what it has not stored; the shaft stays where it is.</p>
+      <p className="note">At power-off the drive loses the parameters that are not stored; the shaft keeps its position.</p>
       <div className="buttons">
         <Button isDisabled={powered} onPress={() => attempt(() => power(name, 'on'))}>On</Button>
         <Button isDisabled={!powered} onPress={() => attempt(() => power(name, 'off'))}>Off</Button>
@@ -172,10 +172,10 @@ function DisturbancePanel({ bus, axis }: { bus: string; axis: string }) {
       <Trouble problem={problem} />
       <div className="form">
         <NumberInput label="Lost" unit="% of frames" value={drop} onChange={setDrop} minimum={0} maximum={100} />
-        <NumberInput label="Spoilt" unit="% of frames" value={corrupt} onChange={setCorrupt} minimum={0} maximum={100} />
-        {hasDelay && <NumberInput label="Late" unit="% of frames" value={delay} onChange={setDelay} minimum={0} maximum={100} />}
-        {hasDelay && <NumberInput label="by" unit="ms" value={delay_ms} onChange={setDelayMs} minimum={0} maximum={60000} />}
-        {isCan && <Toggle isSelected={only} onChange={setOnly}>Only what {axis} sends</Toggle>}
+        <NumberInput label="Corrupted" unit="% of frames" value={corrupt} onChange={setCorrupt} minimum={0} maximum={100} />
+        {hasDelay && <NumberInput label="Delayed" unit="% of frames" value={delay} onChange={setDelay} minimum={0} maximum={100} />}
+        {hasDelay && <NumberInput label="Delay" unit="ms" value={delay_ms} onChange={setDelayMs} minimum={0} maximum={60000} />}
+        {isCan && <Toggle isSelected={only} onChange={setOnly}>Only frames sent by {axis}</Toggle>}
         <div className="buttons">
           <NumbersButton onPress={() => attempt(disturb)}>Disturb</NumbersButton>
           <Button isDisabled={!value?.disturbance} onPress={() => attempt(() => remove(`${path}/disturb`).finally(again))}>End</Button>

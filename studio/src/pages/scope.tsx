@@ -37,7 +37,7 @@ export function ScopePage() {
         {shown ? (
           <RecordingPanel recording={shown} samples={samples} others={others} />
         ) : (
-          <Panel title="Live" aside={<span className="quiet">ten seconds; record for full resolution</span>}>
+          <Panel title="Live" aside={<span className="quiet">last 10 s; record for the full sampling rate</span>}>
             <LiveLanes label="Live scope" channels={setup.channels} rate_hz={Math.min(setup.rate_hz, 500)} seconds={10} laneHeight={150} />
           </Panel>
         )}
@@ -134,7 +134,7 @@ function Record({ setup }: { setup: Setup }) {
           <NumberInput label="Acceleration" unit="rev/s²" value={acceleration} onChange={setAcceleration} minimum={0} />
         </div>
       )}
-      {withMove && units && !known && <p className="note">This drive does not say what its units are: move it from the Axis page.</p>}
+      {withMove && units && !known && <p className="note">This drive does not report its units: move it on the Axis page.</p>}
       <div className="buttons">
         <NumbersButton kind="main" isDisabled={withMove && (!known || !(rpm > 0) || !(acceleration > 0))} onPress={() => attempt(record)}>{withMove ? 'Move and record' : 'Record'}</NumbersButton>
       </div>
@@ -220,7 +220,7 @@ function RecordingPanel({ recording, samples, others }: { recording: Recording; 
             <Button onPress={() => box.current && savePicture(box.current, `recording-${recording.id}.png`)}>PNG</Button>
           </div>
           <MeasureTable samples={samples} a={a} b={b} range={range} />
-          <p className="quiet note">Click sets cursor A, with shift B; drag zooms, a double click shows all; Ctrl and wheel zooms.</p>
+          <p className="quiet note">Click: cursor A; Shift and click: cursor B; drag, or Ctrl and wheel: zoom; double click: show all.</p>
         </>
       )}
     </Panel>
@@ -247,7 +247,7 @@ function Recordings({ recordings, shown, overlays, memory }: {
               </button>
               {recording.state !== 'done' && <span className="chip plain">{recording.state}</span>}
               {shown && recording !== shown && isOver(recording) && (
-                <label className="over"><input type="checkbox" checked={overlays.includes(id)} onChange={(event) => lay(id, event.target.checked)} /> over</label>
+                <label className="over"><input type="checkbox" checked={overlays.includes(id)} onChange={(event) => lay(id, event.target.checked)} /> overlay</label>
               )}
               <Button kind="bare" aria-label={`Delete recording ${id}`} onPress={() => attempt(() => remove(`/recordings/${id}`).then(() => { if (recording === shown) keep({ rec: null }); }))}>×</Button>
             </li>

@@ -61,7 +61,7 @@ export function Traffic({ bus }: { bus: BusView }) {
             <Button kind={answer?.recording ? 'plain' : 'main'} onPress={() => record(!answer?.recording)}>
               {answer?.recording ? 'Stop recording' : 'Record'}
             </Button>
-            <Button onPress={() => setPaused(!paused)} aria-pressed={paused}>{paused ? 'Go on' : 'Pause'}</Button>
+            <Button onPress={() => setPaused(!paused)} aria-pressed={paused}>{paused ? 'Resume' : 'Pause'}</Button>
             <Button onPress={clear}>Clear</Button>
             <Toggle isSelected={follow} onChange={setFollow}>Follow</Toggle>
             <a className="button" href={capture('pcap')} download={`${bus.name}.${ending}`}>Save {ending}</a>
@@ -72,8 +72,8 @@ export function Traffic({ bus }: { bus: BusView }) {
         <Rows table={table} chosen={chosen} onChoose={(key) => { setChosen(key); setFollow(false); }} follow={follow} onFollow={setFollow} />
         <p className="note" role="status">
           {answer ? `${answer.frames.toLocaleString('en')} frames recorded` : 'Nothing recorded yet'}
-          {table.absent > 0 ? `, ${table.absent.toLocaleString('en')} rows left out or lost: more than can be read` : ''}
-          {paused ? ', the table stands still' : answer && !answer.recording ? ', recording is off' : ''}
+          {table.absent > 0 ? `, ${table.absent.toLocaleString('en')} rows skipped or lost` : ''}
+          {paused ? ', display paused' : answer && !answer.recording ? ', recording is off' : ''}
         </p>
       </Panel>
       {selected && !isGap(selected) && (
@@ -83,7 +83,7 @@ export function Traffic({ bus }: { bus: BusView }) {
             <dt>From</dt><dd>{selected.from}{selected.about && `, about ${selected.about}`}</dd>
             <dt>Kind</dt><dd>{selected.kind}</dd>
             <dt>Bytes</dt><dd className="mono">{selected.bytes}</dd>
-            <dt>Words</dt><dd className={selected.error ? 'wrong' : ''}>{selected.text}</dd>
+            <dt>Meaning</dt><dd className={selected.error ? 'wrong' : ''}>{selected.text}</dd>
             {selected.values.map((value) => (
               <div key={value.object}><dt className="mono">{value.object}</dt><dd>{value.name}: {value.value}</dd></div>
             ))}

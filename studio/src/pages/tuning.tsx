@@ -26,7 +26,7 @@ export function TuningPage() {
   return (
     <>
       <AxisTabs page="tuning" name={name} />
-      {!powered && <p className="empty">Without power there is nothing to tune.</p>}
+      {!powered && <p className="empty">The drive has no power: switch it on to tune it.</p>}
       <Trouble problem={problem} />
       {powered && gains && (
         <div className="column">
@@ -71,25 +71,25 @@ function Tune({ axis, gains, job }: { axis: string; gains: Gains; job: Job | und
       {gains.measures ? (
         <>
           <p className="note">
-            The axis goes slowly forward and back while it is shaken gently: what it answers gives the loop, the inertia and resonances, and gains for a bandwidth. It
-            is disabled at the end. If what is promised does not come true, the old gains are put back.
+            The axis moves slowly forward and back and is excited with a small test signal. Its response gives the velocity loop, the inertia, the resonances, and gains
+            for the target bandwidth. The axis is disabled at the end. If the new gains do not reach the predicted result, the old gains are restored.
           </p>
           <div className="form">
-            <NumberInput mayBeEmpty label="Bandwidth (empty: six tenths of what is possible)" unit="Hz" value={bandwidth} minimum={1} maximum={1000} onChange={setBandwidth} />
-            <NumberInput label="Travel allowed, forward" unit="rev" value={travel} minimum={0.5} maximum={1000} onChange={setTravel} />
-            <NumberInput label="Ends at" unit="% torque" value={torque} minimum={1} maximum={300} onChange={setTorque} />
-            <NumberInput label="Each measurement" unit="s" value={seconds} minimum={4} maximum={600} onChange={setSeconds} />
+            <NumberInput mayBeEmpty label="Target bandwidth (blank: 60 % of the maximum)" unit="Hz" value={bandwidth} minimum={1} maximum={1000} onChange={setBandwidth} />
+            <NumberInput label="Maximum forward travel" unit="rev" value={travel} minimum={0.5} maximum={1000} onChange={setTravel} />
+            <NumberInput label="Torque limit" unit="% of rated" value={torque} minimum={1} maximum={300} onChange={setTorque} />
+            <NumberInput label="Duration of each measurement" unit="s" value={seconds} minimum={4} maximum={600} onChange={setSeconds} />
           </div>
           <div className="buttons">
             <NumbersButton isDisabled={running} onPress={() => start(false)}>Measure and propose</NumbersButton>
             {gains.writes && <NumbersButton kind="main" isDisabled={running} onPress={() => start(true)}>Tune</NumbersButton>}
             {gains.tunes_itself && <NumbersButton isDisabled={running} onPress={() => attempt(() => runJob(axis, { do: 'tune_itself', travel }))}>Let the drive tune itself</NumbersButton>}
           </div>
-          {!gains.writes && <p className="note quiet">Where this drive has its gains is not known, or its manual prints none: a proposal is in SI units.</p>}
+          {!gains.writes && <p className="note quiet">The gain objects of this drive are not known: gains are proposed in SI units.</p>}
         </>
       ) : (
         <>
-          <p className="note">The loop is measured by process data at a fixed rate, which this bus does not have: use the drive's CAN or EtherCAT port.</p>
+          <p className="note">The measurement needs process data at a fixed rate, which this bus does not have: use the drive's CAN or EtherCAT port.</p>
           {gains.tunes_itself && (
             <div className="buttons">
               <Button isDisabled={running} onPress={() => attempt(() => runJob(axis, { do: 'tune_itself', travel }))}>Let the drive tune itself</Button>
@@ -119,12 +119,12 @@ function Found({ axis, found }: { axis: string; found: Tuned }) {
   const text = (value: number | null | undefined, digits: number) => (typeof value === 'number' ? fixed(value, digits) : '–');
   return (
     <Panel
-      title="What was found"
+      title="Tuning results"
       aside={
         changed.length > 0 && (
           <>
             <Button onPress={() => write('after', 'the new gains are written')}>Write the new gains</Button>
-            <Button onPress={() => write('before', 'the old gains are back')}>Put the old ones back</Button>
+            <Button onPress={() => write('before', 'the old gains are restored')}>Restore the old gains</Button>
           </>
         )
       }
@@ -134,14 +134,14 @@ function Found({ axis, found }: { axis: string; found: Tuned }) {
           <Readout label="Inertia" value={significant(loop.inertia)} unit={loop.inertia_unit} />
           <Readout label="Friction" value={significant(loop.friction)} unit={loop.torque_unit} title="at the speed of the measurement" />
           <Readout label="Constant load" value={significant(loop.constant_load)} unit={loop.torque_unit} />
-          <Readout label="Delay of the loop" value={fixed(loop.loop_delay_ms, 2)} unit="ms" />
+          <Readout label="Loop delay" value={fixed(loop.loop_delay_ms, 2)} unit="ms" />
           {loop.resonance_hz !== undefined && <Readout label="Resonance" value={fixed(loop.resonance_hz, 0)} unit="Hz" title={`antiresonance ${fixed(loop.antiresonance_hz ?? 0, 0)} Hz`} />}
         </dl>
       )}
       {figures.length > 0 && (
         <Scroll label="Before and after">
           <table className="table" aria-label="Before and after">
-            <thead><tr><th scope="col" className="wide">velocity loop</th><th scope="col">before</th><th scope="col">promised</th><th scope="col">after</th><th scope="col">unit</th></tr></thead>
+            <thead><tr><th scope="col" className="wide">velocity loop</th><th scope="col">before</th><th scope="col">predicted</th><th scope="col">after</th><th scope="col">unit</th></tr></thead>
             <tbody>
               {figures.map(({ label, unit, digits, before, promised, after }) => (
                 <tr key={label}>
@@ -166,7 +166,7 @@ function Found({ axis, found }: { axis: string; found: Tuned }) {
                   <th scope="row" className="mono">{object}</th>
                   <td className="text">{name}</td>
                   <td>{before}</td>
-                  <td>{before === after ? <span className="quiet">as it was</span> : after}</td>
+                  <td>{before === after ? <span className="quiet">unchanged</span> : after}</td>
                   <td className="text">{unit}</td>
                 </tr>
               ))}
@@ -234,7 +234,7 @@ function GainTable({ axis, gains, changed }: { axis: string; gains: GainLine[]; 
     return () => clearInterval(timer);
   }, [read, changed, gains]);
   const entries = useMemo(() => new Map((objects ?? []).map((entry) => [addressOf(entry), entry])), [objects]);
-  if (gains.length === 0) return <p className="empty">The manual of this drive prints no gains: there is nothing to be turned by hand.</p>;
+  if (gains.length === 0) return <p className="empty">The manual of this drive documents no gains: there are none to set here.</p>;
   const write = (object: string, value: number) =>
     attempt(async () => {
       if (!Number.isFinite(value) || value === values[object]) return;
@@ -246,12 +246,12 @@ function GainTable({ axis, gains, changed }: { axis: string; gains: GainLine[]; 
     });
   return (
     <Panel title="Gains">
-      <p className="note">As the drive has them now. What is written acts at once and is lost with the power unless it is stored (Objects, Parameters).</p>
+      <p className="note">Present values of the drive. A new value takes effect immediately and is lost at power-off unless it is stored (Objects, Parameters).</p>
       {setsOf(gains).map(([set, lines]) => (
         <Scroll key={set} label={set}>
           <table className="table gains" aria-label={set}>
             <caption>{set}</caption>
-            <thead><tr><th scope="col">object</th><th scope="col">gain</th><th scope="col">value</th><th scope="col">unit</th><th scope="col">default</th><th scope="col" className="wide">what more of it does</th></tr></thead>
+            <thead><tr><th scope="col">object</th><th scope="col">gain</th><th scope="col">value</th><th scope="col">unit</th><th scope="col">default</th><th scope="col" className="wide">effect of a higher value</th></tr></thead>
             <tbody>
               {lines.map(({ object, does }) => {
                 const entry = entries.get(object);

@@ -63,11 +63,11 @@ export function BodePlot({ recording, earlier }: { recording: Recording; earlier
           <Lanes label="Bode plot" x={x} curves={curves} range={null} unit="Hz" logarithmic cursors={[a, b]} onCursor={(which, hz) => (which === 0 ? setA : setB)(Number(hz.toPrecision(4)))} />
         </div>
       )}
-      {value && points.length <= 1 && <p className="empty">The input holds nothing to tell a response from: record a sweep or a step.</p>}
+      {value && points.length <= 1 && <p className="empty">The input signal has no excitation: record a sweep or a step.</p>}
       {value?.open_loop && <Margins bode={value} before={before} />}
-      <Scroll label="Read at the cursors">
+      <Scroll label="Values at the cursors">
         <table className="table" aria-label="Response">
-          <caption>{a === null && b === null ? 'click in the plot sets cursor A, with shift B' : 'at the cursors'}</caption>
+          <caption>{a === null && b === null ? 'Click in the plot: cursor A; Shift and click: cursor B' : 'at the cursors'}</caption>
           <thead><tr><th scope="col">cursor</th><th scope="col">frequency, Hz</th><th scope="col">gain, dB</th><th scope="col">gain</th><th scope="col">phase, °</th><th scope="col">coherence</th></tr></thead>
           <tbody>
             {cursors.map(([label, hz]) => {
@@ -101,7 +101,7 @@ function Margins({ bode, before }: { bode: Bode; before: Bode | undefined }) {
   return (
     <dl className="readouts" aria-label="Margins">
       {rows.map(([label, unit, of, digits, title]) => (
-        <Readout key={label} label={before ? `${label}, before` : label} title={title} unit={unit} value={before ? `${text(of(bode), digits)}, ${text(of(before), digits)}` : text(of(bode), digits)} />
+        <Readout key={label} label={before ? `${label} (now, earlier)` : label} title={title} unit={unit} value={before ? `${text(of(bode), digits)}, ${text(of(before), digits)}` : text(of(bode), digits)} />
       ))}
     </dl>
   );

@@ -4,7 +4,7 @@ import { attempt } from '../notices';
 import { useLine } from '../store';
 import { Button, Choice } from './controls';
 
-const speeds = [[0, 'stands'], [0.1, '× 0.1'], [1, '× 1'], [2, '× 2'], [5, '× 5'], [10, '× 10'], [100, '× 100']] as const;
+const speeds = [[0, 'stopped'], [0.1, '× 0.1'], [1, '× 1'], [2, '× 2'], [5, '× 5'], [10, '× 10'], [100, '× 100']] as const;
 
 // The line's time. Virtual time can be started, stopped, hurried and stepped; real time only tells whether it keeps pace.
 export function ClockPanel() {
@@ -16,8 +16,8 @@ export function ClockPanel() {
     <div className="clock" role="group" aria-label="Time of the line">
       <span className="time">{duration(clock.time_ns)}</span>
       {clock.mode === 'real' ? (
-        <span className="quiet" title={`time given up: ${fixed(clock.lag_ms, 1)} ms in ${clock.lag_count ?? 0} lags`}>
-          {(clock.lag_count ?? 0) > 0 ? `real, ${fixed(clock.lag_ms, 0)} ms behind` : 'real'}
+        <span className="quiet" title={`skipped because the computer was too slow: ${fixed(clock.lag_ms, 1)} ms, ${clock.lag_count ?? 0} times`}>
+          {(clock.lag_count ?? 0) > 0 ? `real time, ${fixed(clock.lag_ms, 0)} ms behind` : 'real time'}
         </span>
       ) : (
         <>

@@ -2,6 +2,7 @@ import { type ComponentProps, type MouseEvent, type ReactNode } from 'react';
 import {
   Button as AriaButton, Input, Label, ListBox, ListBoxItem, Popover, SearchField, Select as AriaSelect, SelectValue, type ButtonProps,
 } from 'react-aria-components';
+import { shownOf } from '../model/problem';
 import { go } from '../route';
 
 // The controls of the page: react-aria's behaviour, our looks.
@@ -110,11 +111,12 @@ export function Readout({ label, value, unit, title }: { label: string; value: R
 
 export function Trouble({ problem }: { problem: { what: string; where?: string; hint?: string } | undefined }) {
   if (!problem) return null;
+  const { what, where, hint } = shownOf(problem);
   return (
     <p className="trouble" role="alert">
-      <strong>{problem.what}</strong>
-      {problem.where && <> · {problem.where}</>}
-      {problem.hint && <span className="hint">{problem.hint}</span>}
+      <strong>{what}</strong>
+      {where && <> · {where}</>}
+      {hint && <span className="hint">{hint}</span>}
     </p>
   );
 }

@@ -14,7 +14,7 @@ import { NumberInput, NumbersButton } from './number_input';
 
 const kinds = [['sweep', 'Sweep'], ['step', 'Step']] as const;
 const excited = [['velocity', 'velocity'], ['torque', 'torque'], ['position', 'position']] as const;
-const unitsOf: Record<Excited, string> = { velocity: 'rpm', torque: '% rated', position: 'rev' };
+const unitsOf: Record<Excited, string> = { velocity: 'rpm', torque: '% of rated', position: 'rev' };
 const usual: Record<Excited, number> = { velocity: 60, torque: 20, position: 0.01 };
 
 // Moves an axis by a sweep or a step, and records how it answers: one click. What it does, two requests of a script do.
@@ -59,18 +59,18 @@ export function Excite({ first }: { first: string | undefined }) {
       <div className="form">
         <Choice label="Axis to excite" value={axis} options={order.map((each) => [each, each] as const)} onChange={setAxis} />
         <Choice label="Kind" value={kind} options={kinds} onChange={setKind} />
-        <Choice label="of the" value={of} options={excited} onChange={(to) => { setOf(to); setAmplitude(usual[to]); }} />
+        <Choice label="Quantity" value={of} options={excited} onChange={(to) => { setOf(to); setAmplitude(usual[to]); }} />
         <NumberInput label="Amplitude" unit={unitsOf[of]} value={amplitude} onChange={setAmplitude} />
         {kind === 'sweep' ? (
           <>
             <NumberInput label="From" unit="Hz" value={from_hz} minimum={0.1} maximum={400} onChange={setFrom} />
             <NumberInput label="To" unit="Hz" value={to_hz} minimum={0.1} maximum={400} onChange={setTo} />
-            <NumberInput label="Lasts" unit="s" value={seconds} minimum={0.1} maximum={30} onChange={setSeconds} />
+            <NumberInput label="Sweep duration" unit="s" value={seconds} minimum={0.1} maximum={30} onChange={setSeconds} />
           </>
         ) : (
-          <NumberInput label="Lasts" unit="ms" value={step_ms} minimum={10} maximum={10000} onChange={setStep} />
+          <NumberInput label="Step duration" unit="ms" value={step_ms} minimum={10} maximum={10000} onChange={setStep} />
         )}
-        <NumberInput label="Travel allowed" unit="rev" value={travel} minimum={0} onChange={setTravel} />
+        <NumberInput label="Maximum travel" unit="rev" value={travel} minimum={0} onChange={setTravel} />
       </div>
       <Trouble problem={problem} />
       <div className="buttons">

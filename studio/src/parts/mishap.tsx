@@ -15,7 +15,7 @@ export class Mishap extends Component<{ children: ReactNode }, { error: Error | 
       <section className="panel" aria-label="This page has failed">
         <p className="trouble" role="alert">
           <strong>This page has failed</strong> · {error.message}
-          <span className="hint">The drives know nothing of it. STOP and the other pages work.</span>
+          <span className="hint">The drives are not affected. STOP and the other pages still work.</span>
         </p>
         <button type="button" className="button" onClick={() => this.setState({ error: null })}>Try again</button>
       </section>

@@ -38,7 +38,7 @@ export function NumbersButton({ isDisabled = false, ...props }: ButtonProps & { 
 
 // `value` NaN: none is given yet. `onChange` hears understood numbers only: with each key, or, with `whenLeft`, when the
 // field is left or Enter pressed. `mayBeEmpty`: then an empty field is NaN.
-export function NumberInput({ label, unit, value, onChange, minimum, maximum, step = 1, hideLabel = false, isDisabled = false, whenLeft = false, mayBeEmpty = false }: {
+export function NumberInput({ label, unit, value, onChange, minimum, maximum, step = 1, hideLabel = false, isDisabled = false, whenLeft = false, mayBeEmpty = false, isHexadecimal = false }: {
   label: string;
   unit?: string | undefined;
   value: number;
@@ -50,20 +50,21 @@ export function NumberInput({ label, unit, value, onChange, minimum, maximum, st
   isDisabled?: boolean;
   whenLeft?: boolean;
   mayBeEmpty?: boolean;
+  isHexadecimal?: boolean;
 }) {
   const id = useId();
   const { note } = useContext(FormContext);
   const [typed, setTyped] = useState<string | null>(null); // until it is taken, or the value becomes another
   const [told, setTold] = useState(value);
   const limits = { minimum, maximum };
-  const read = (text: string) => (mayBeEmpty && text.trim() === '' ? { value: NaN } : readNumber(text, limits));
+  const read = (text: string) => (mayBeEmpty && text.trim() === '' ? { value: NaN } : readNumber(text, limits, isHexadecimal));
   if (!Object.is(told, value)) {
     // From elsewhere, unless it is what was just typed.
     const now = typed === null ? null : read(typed);
     if (now && 'value' in now && !Object.is(now.value, value)) setTyped(null);
     setTold(value);
   }
-  const text = typed ?? showNumber(value);
+  const text = typed ?? showNumber(value, isHexadecimal);
   const now = read(text);
   const problem = 'problem' in now ? now.problem : undefined;
   const isShown = problem !== undefined && !isDisabled && typed !== null;
@@ -90,8 +91,8 @@ export function NumberInput({ label, unit, value, onChange, minimum, maximum, st
     const direction = event.key === 'ArrowUp' ? 1 : event.key === 'ArrowDown' ? -1 : 0;
     if (direction === 0 || !('value' in now) || !Number.isFinite(now.value)) return;
     event.preventDefault();
-    const next = readNumber(showNumber(now.value + direction * step), limits);
-    if ('value' in next) type(showNumber(next.value));
+    const next = readNumber(showNumber(now.value + direction * step, isHexadecimal), limits, isHexadecimal);
+    if ('value' in next) type(showNumber(next.value, isHexadecimal));
   };
   return (
     <TextField className="field" value={text} onChange={type} isDisabled={isDisabled} isInvalid={isShown} {...(hideLabel ? { 'aria-label': label } : {})}>

@@ -30,7 +30,7 @@ export function ScopeSetup({ setup, onChange }: { setup: Setup; onChange: (to: S
       <div className="form">
         <Choice label="Rate" value={setup.rate_hz} options={rates.map((rate) => [rate, `${rate} Hz`] as const)} onChange={(rate_hz) => onChange({ ...setup, rate_hz })} />
         <NumberInput whenLeft label="Duration" unit="ms" value={setup.duration_ms} minimum={1} maximum={600000} onChange={(duration_ms) => onChange({ ...setup, duration_ms, pre_ms: Math.min(setup.pre_ms, duration_ms) })} />
-        <NumberInput whenLeft label="Before trigger" unit="ms" value={setup.pre_ms} minimum={0} maximum={setup.duration_ms} onChange={(pre_ms) => onChange({ ...setup, pre_ms })} />
+        <NumberInput whenLeft label="Pre-trigger time" unit="ms" value={setup.pre_ms} minimum={0} maximum={setup.duration_ms} onChange={(pre_ms) => onChange({ ...setup, pre_ms })} />
         <TriggerFields setup={setup} onChange={onChange} />
       </div>
     </Panel>
@@ -75,7 +75,7 @@ function AddChannel({ setup, onChange }: { setup: Setup; onChange: (to: Setup) =
   );
 }
 
-const kinds = [['now', 'at once'], ['edge', 'edge'], ['level', 'level'], ['state', 'state of an axis'], ['fault', 'fault of an axis']] as const;
+const kinds = [['now', 'immediate'], ['edge', 'edge'], ['level', 'level'], ['state', 'state of an axis'], ['fault', 'fault of an axis']] as const;
 
 function TriggerFields({ setup, onChange }: { setup: Setup; onChange: (to: Setup) => void }) {
   const { trigger, channels } = setup;

@@ -9,9 +9,10 @@ export function TokenForm() {
   return (
     <Panel title="The server's token">
       <p className="note">
-        This page is on another machine than its server, which takes commands from there only with its token: it printed one when it was started.
+        This page runs on another computer than the server. From other computers the server accepts commands only with its token, which it
+        printed when it was started.
       </p>
-      {wrong && <p className="trouble" role="alert">This is not, or no longer, the server&apos;s token.</p>}
+      {wrong && <p className="trouble" role="alert">Wrong token: this is not the token of the running server.</p>}
       <form
         className="write token"
         onSubmit={(event) => {
@@ -23,7 +24,7 @@ export function TokenForm() {
           <span>Token</span>
           <input className="input mono" value={typed} onChange={(event) => setTyped(event.target.value)} autoComplete="off" autoCapitalize="off" spellCheck={false} />
         </label>
-        <Button kind="main" type="submit" isDisabled={typed.trim() === ''}>Use it</Button>
+        <Button kind="main" type="submit" isDisabled={typed.trim() === ''}>Connect</Button>
       </form>
     </Panel>
   );

@@ -19,7 +19,7 @@ export function Travel({ axis, target, geometry }: { axis: AxisView; target?: nu
   const turns = geometry?.index_every ? fixed(axis.position_counts / geometry.index_every, 2) : null;
   const text = turns ? `${turns} revolutions` : `${axis.position_counts} counts`;
   return (
-    <svg className="travel" role="img" aria-label={`${axis.name} stands at ${text}`} height="34" width="100%">
+    <svg className="travel" role="img" aria-label={`${axis.name} is at ${text}`} height="34" width="100%">
       <Fixed geometry={geometry} from={scale.from} to={scale.to} />
       {target !== null && target !== undefined && (
         <svg x={percent(scale.at(target))} overflow="visible">

@@ -69,7 +69,7 @@ def test_states(client):
     assert states(client) == ["BOOT", "PREOP"]
     client("state", "init")
     assert states(client) == ["INIT", "INIT"]
-    assert "is no state" in client("state", "run", status=2)
+    assert "is not a state" in client("state", "run", status=2)
 
 
 @pytest.mark.parametrize("clocks", [[], ["--clocks"]], ids=["free_run", "clocks"])
@@ -87,7 +87,7 @@ def test_prove(client):
 
 
 def test_what_is_not_there(cables, line):
-    assert "nothing listens there" in servodrome("scan", "--bus", "udp:127.0.0.1:9", status=1)
+    assert "no server listens there" in servodrome("scan", "--bus", "udp:127.0.0.1:9", status=1)
     servodrome("scan", "--bus", "raw:nowhere0", status=1)
     assert "no slave answers" in servodrome("scan", "--bus", f"raw:{cables[1][0]}", status=1)
     servodrome("scan", "--bus", "udp:", status=2)

@@ -11,7 +11,7 @@ namespace {
 
 static_assert(AxisMonitor::samples_before + 1 <= static_cast<std::int64_t>(SampleRows::kept));
 
-// Demand and actual value as the drive has them, where it does.
+// The drive's position demand and actual position, if it has these objects.
 constexpr std::array<std::uint16_t, 2> positions{0x6062, 0x6064};
 constexpr std::array moment_signals{"position_counts", "velocity_rpm",    "torque_nm", "current_a",
                                     "supply_v",        "following_error", "statusword"};
@@ -78,7 +78,7 @@ void AxisMonitor::keep_moment(std::int64_t tick, unsigned code, Recordings& reco
   plan.stride = stride;
   plan.samples = moment_samples;
   plan.before = samples_before;
-  // The taps keep a little more than what is wanted of the past; the recording leaves the rest out.
+  // The taps may keep more of the past than `samples_before`; the recording leaves out older samples.
   const std::int64_t oldest = tick - samples_before * stride;
   recordings.add_moment(std::move(plan), taps_, std::max(first_, oldest), tick, {axis_.settings().name, code});
 }

@@ -10,7 +10,7 @@
 
 namespace servodrome::line::bench {
 
-// Looks after one axis, a thousand times a second: tells what happens to it and keeps the moment of its faults.
+// Monitors one axis a thousand times a second: publishes its events, and records the time around a fault.
 class AxisMonitor {
  public:
   static constexpr std::int64_t stride = 16;  // ticks: 1 kHz
@@ -21,7 +21,7 @@ class AxisMonitor {
 
   AxisMonitor(Axis& axis, LineSource& source, Publish publish);
 
-  // Everything before tick `end`.
+  // Processes all samples before tick `end`.
   void take(std::int64_t end, Recordings& recordings);
 
  private:
@@ -33,11 +33,11 @@ class AxisMonitor {
   Publish publish_;
   std::shared_ptr<Samples> state_;
   std::shared_ptr<Samples> fault_code_;
-  std::vector<NamedChannel> channels_;          // of a moment
-  std::vector<std::shared_ptr<Samples>> taps_;  // of a moment
+  std::vector<NamedChannel> channels_;          // of a recording of a fault
+  std::vector<std::shared_ptr<Samples>> taps_;  // of a recording of a fault
   std::int64_t first_;
   std::int64_t next_;
-  std::optional<int> known_state_;  // none: without power
+  std::optional<int> known_state_;  // none: no power
   bool known_power_;
   unsigned known_fault_ = 0;
 };

@@ -9,7 +9,7 @@
 namespace servodrome::line::bench {
 namespace {
 
-// "6064:00" or "6064": index and sub-index in hexadecimal.
+// Reads "6064:00" or "6064": index and sub-index in hexadecimal.
 bool parse_object(std::string_view text, std::uint16_t& index, std::uint8_t& sub) {
   const auto parse = [](std::string_view digits, auto& value) {
     const auto [end, error] = std::from_chars(digits.data(), digits.data() + digits.size(), value, 16);
@@ -29,14 +29,14 @@ NamedChannel read_channel(Source& source, const Json& json) {
   const auto object = reader.string("object");
   reader.finish();
   if (signal.has_value() == object.has_value()) {
-    throw ApiError{400, "a channel is a signal or an object", "channels",
+    throw ApiError{400, "a channel needs either a signal or an object", "channels",
                    R"(send {"axis": ..., "signal": "velocity_rpm"} or {"axis": ..., "object": "6064:00"})"};
   }
   if (signal) return source.signal(axis, *signal);
   std::uint16_t index = 0;
   std::uint8_t sub = 0;
   if (!parse_object(*object, index, sub)) {
-    throw ApiError{400, fmt::format("\"{}\" is no object", object->substr(0, 40)), "channels",
+    throw ApiError{400, fmt::format("\"{}\" is not an object", object->substr(0, 40)), "channels",
                    "write index and sub-index in hexadecimal: \"6064:00\""};
   }
   return source.object(axis, index, sub);
@@ -46,7 +46,7 @@ NamedChannel read_channel(Source& source, const Json& json) {
 
 std::vector<NamedChannel> read_channels(Source& source, const Json& list) {
   if (!list.is_array() || list.empty() || list.size() > most_channels) {
-    throw ApiError{422, "channels is no list of 1 to 16 channels", "channels",
+    throw ApiError{422, "channels is not a list of 1 to 16 channels", "channels",
                    R"(send [{"axis": ..., "signal": "velocity_rpm"}, ...])"};
   }
   std::vector<NamedChannel> channels;

@@ -5,8 +5,8 @@
 #include <cstring>
 #include <string>
 
-// A block of samples as it is sent, little endian: u32 id, u32 stride in ticks, u64 tick of the first sample, u32
-// samples n, u32 channels m, then m times n f64, channel by channel.
+// The binary format of a block of samples, little endian: u32 id, u32 stride in ticks, u64 tick of the first sample,
+// u32 number n of samples, u32 number m of channels, then m times n f64, channel by channel.
 namespace servodrome::line::bench {
 
 static_assert(std::endian::native == std::endian::little, "numbers travel as they are kept");
@@ -24,12 +24,12 @@ inline void append(std::string& bytes, const void* data, std::size_t size) {
   bytes.append(static_cast<const char*>(data), size);
 }
 
-// A frame without its numbers.
+// Returns the header of a frame without the samples.
 inline std::string head_of_frame(const FrameHeader& header) {
   return {reinterpret_cast<const char*>(&header), sizeof header};
 }
 
-// The frame with room for its numbers, which `values` fills.
+// Returns a frame with space for the samples, to which `values` points.
 inline std::string make_frame(const FrameHeader& header, double*& values) {
   std::string bytes(sizeof header + std::size_t{header.samples} * header.channels * sizeof(double), '\0');
   std::memcpy(bytes.data(), &header, sizeof header);

@@ -9,13 +9,13 @@
 
 namespace servodrome::line::bench {
 
-// Samples a line while it runs: a scope, and what the line tells by itself. It follows the line's time and fetches what
-// the taps of the axes have gathered.
+// Samples a line while it runs: a scope, and the monitors that publish the events of the axes. It follows the line's
+// time and fetches the samples that the taps of the axes have collected.
 class LineScope final : private Follower {
  public:
-  static constexpr Time period = std::chrono::milliseconds(10);  // of line time between two looks
+  static constexpr Time period = std::chrono::milliseconds(10);  // of line time, between two fetches
 
-  // The line outlives it.
+  // The line must outlive it.
   explicit LineScope(Line& line);
   ~LineScope();
   LineScope(const LineScope&) = delete;

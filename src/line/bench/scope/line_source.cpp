@@ -58,7 +58,7 @@ NamedChannel LineSource::object(Axis& axis, std::uint16_t index, std::uint8_t su
   const dictionary::Entry* entry = axis.device().dictionary().find(index, sub);
   const Channel found = entry != nullptr ? object_channel(axis, *entry) : Channel{};
   if (found.read == nullptr) {
-    throw ApiError{422, fmt::format("{} {}", text, entry == nullptr ? "does not exist" : "is no number to be read"),
+    throw ApiError{422, fmt::format("{} {}", text, entry == nullptr ? "does not exist" : "is not a readable number"),
                    axis.settings().name, "GET /api/v1/axes/" + axis.settings().name + "/objects lists the objects"};
   }
   return channel(found,

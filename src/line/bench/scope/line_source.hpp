@@ -6,10 +6,10 @@
 
 namespace servodrome::line::bench {
 
-// The axes of a line, tick by tick.
+// The axes of a line as a source of samples in every tick.
 class LineSource final : public Source {
  public:
-  // The line outlives it and all channels it gave.
+  // The line must outlive the source and all channels that the source returned.
   explicit LineSource(Line& line) : line_(line) {}
 
   std::int64_t tick() const override { return line_.now() / tick_length; }

@@ -12,7 +12,8 @@ namespace servodrome::line::bench {
 
 enum class RecordingState : std::uint8_t { armed, running, done, stopped };
 
-// The values of some channels around a trigger. While it is armed it keeps as much of the past as it is long.
+// The values of some channels around a trigger. While it is armed, a ring buffer keeps the latest samples, as many as
+// the recording will have.
 class Recording {
  public:
   struct Fault {
@@ -24,20 +25,20 @@ class Recording {
     std::string name;
     std::vector<NamedChannel> channels;
     std::int64_t stride = 1;    // ticks
-    std::int64_t samples = 0;   // in all, for each channel
-    std::int64_t before = 0;    // of those, before the trigger; less than `samples`
-    bool fault_moment = false;  // made by the line itself
+    std::int64_t samples = 0;   // in total, for each channel
+    std::int64_t before = 0;    // part of `samples` before the trigger; less than `samples`
+    bool fault_moment = false;  // the line made it because of a fault
   };
 
-  // Takes samples from now on. Throws ApiError when that is more than the line may be looked at.
+  // Samples from now on. Throws ApiError if the line would have to sample too many values per tick.
   Recording(Plan plan, Trigger trigger);
-  // Is triggered at a tick of the past, with `taps` that are open since before.
+  // A recording with a trigger in the past. Its `taps` must have been open since before the trigger.
   Recording(Plan plan, std::vector<std::shared_ptr<Samples>> taps, std::int64_t first, std::int64_t trigger,
             Fault fault);
 
-  // Takes all there is before tick `end`. True: its state is another now.
+  // Takes all samples before tick `end`. Returns true if the state has changed.
   bool take(std::int64_t end);
-  // Ends it with what there is.
+  // Ends the recording with the samples so far.
   void stop();
 
   const Plan& plan() const { return plan_; }
@@ -47,7 +48,7 @@ class Recording {
   const std::optional<Fault>& fault() const { return fault_; }
   Json view() const;
 
-  std::int64_t samples() const;  // that it shows
+  std::int64_t samples() const;  // number of samples that it shows
   std::int64_t tick(std::int64_t sample) const { return first_shown() + sample * plan_.stride; }
   double value(std::size_t channel, std::int64_t sample) const;
 
@@ -59,14 +60,14 @@ class Recording {
   Plan plan_;
   std::optional<Trigger> trigger_;
   std::vector<std::shared_ptr<Samples>> taps_;
-  std::vector<double> values_;  // ring after ring
+  std::vector<double> values_;  // a ring buffer for each channel, one after the other
   RecordingState state_ = RecordingState::armed;
   std::optional<std::int64_t> trigger_tick_;
   std::optional<Fault> fault_;
-  std::int64_t first_;  // tick of the first sample there ever was
+  std::int64_t first_;  // tick of the first sample that was taken
   std::int64_t next_;   // tick of the next sample
-  std::int64_t begin_;  // once triggered, tick of the first sample to show, and
-  std::int64_t end_;    // tick before which it ends
+  std::int64_t begin_;  // after the trigger: tick of the first sample to show
+  std::int64_t end_;    // after the trigger: tick before which it ends
 };
 
 }  // namespace servodrome::line::bench

@@ -25,7 +25,7 @@ std::shared_ptr<Recording> recording_argument(Call& call) {
                  "GET /api/v1/recordings lists them; the oldest make room for new ones"};
 }
 
-// A recording that has ended: its samples do not change while they are read.
+// Returns a recording that has ended, so that its samples do not change while they are read.
 std::shared_ptr<const Recording> snapshot(Call& call) {
   const auto recording = recording_argument(call);
   if (recording->ended()) return recording;
@@ -58,7 +58,7 @@ Json delete_recording(Call& call) {
   return nullptr;
 }
 
-// In parts, as the table: 16 MiB take longer to lay out than a drive may wait.
+// Generates the body in parts: formatting up to 16 MiB at once would take longer than a drive may wait.
 Json show_data(Call& call) {
   const auto recording = snapshot(call);
   const auto channels = static_cast<std::uint32_t>(recording->plan().channels.size());
@@ -99,7 +99,7 @@ std::string csv_head(const Recording& recording) {
   return head + "\r\n";
 }
 
-// A value that is not a number is an empty field (RFC 4180 knows none).
+// A value that is not a number becomes an empty field (RFC 4180 has no text for it).
 void append_row(std::string& text, const Recording& recording, std::int64_t n) {
   const std::int64_t tick = recording.tick(n);
   fmt::format_to(std::back_inserter(text), "{},{:.7f}", tick, static_cast<double>(tick) * drive::tick_seconds);

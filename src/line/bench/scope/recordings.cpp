@@ -47,7 +47,7 @@ const Recording& Recordings::add(Source& source, const std::string& body) {
   plan.id = last_id_ + 1;
   auto recording = std::make_shared<Recording>(std::move(plan), std::move(trigger));
   if (!make_room(bytes)) {
-    throw ApiError{409, "the recordings that are not done take all the memory", "recordings",
+    throw ApiError{409, "no memory is left for another recording, because unfinished recordings use it", "recordings",
                    "delete one: DELETE /api/v1/recordings/{id}"};
   }
   ++last_id_;
@@ -65,7 +65,7 @@ void Recordings::add_moment(Recording::Plan plan, std::vector<std::shared_ptr<Sa
     recordings_.erase(std::find_if(recordings_.begin(), recordings_.end(), is_of_axis));
   }
   const std::size_t bytes = static_cast<std::size_t>(plan.samples) * taps.size() * sizeof(double);
-  if (!make_room(bytes)) return;  // recordings that have not ended take all the memory, and stay
+  if (!make_room(bytes)) return;  // recordings that have not ended use all the memory
   plan.id = ++last_id_;
   plan.fault_moment = true;
   recordings_.push_back(
@@ -96,7 +96,7 @@ std::size_t Recordings::bytes() const {
   return bytes;
 }
 
-// Lets the oldest go that have ended. False, and nothing is gone, if that does not help.
+// Deletes the oldest recordings that have ended. Returns false, and deletes nothing, if that does not make enough room.
 bool Recordings::make_room(std::size_t bytes) {
   std::size_t used = this->bytes();
   std::size_t count = recordings_.size();

@@ -10,10 +10,10 @@
 
 namespace servodrome::line::bench {
 
-// Streams and recordings of axes. The owner tells it by advance() how far the source's time has come.
+// Streams and recordings of axes. The owner calls advance() when the source's time has advanced.
 class Scope {
  public:
-  // The source outlives it.
+  // The source must outlive it.
   explicit Scope(Source& source);
   Scope(const Scope&) = delete;
   Scope& operator=(const Scope&) = delete;
@@ -21,23 +21,23 @@ class Scope {
   Source& source() { return source_; }
   Recordings& recordings() { return recordings_; }
 
-  // What a client is told first: the program's version, an identifier of this run, the present tick.
+  // The first message to a client: the program's version, an identifier of this run, the present tick.
   Json greeting() const;
-  // Tells all clients: {"event": event}.
+  // Sends {"event": event} to all clients.
   void publish(const Json& event);
 
-  // All values before tick `end` are there.
+  // Processes all values before tick `end`, which must be available.
   void advance(std::int64_t end);
 
   void add(StreamSession& session) { sessions_.push_back(&session); }
   void remove(StreamSession& session);
   bool anyone() const { return !sessions_.empty(); }
-  // Some client is still busy reading what it was sent.
+  // Returns true if a client is still receiving the samples sent to it.
   bool waits_for_readers(WallTime now);
-  // To be called now and then, some 50 times a second of the clock on the wall, as long as there are sessions.
+  // Must be called periodically while there are sessions, about 50 times per second of wall-clock time.
   void attend(WallTime now);
 
-  // Axes and clock as the API shows them, made once for all who ask at about the same time.
+  // The axes and the clock as the API shows them, cached for requests at about the same time.
   struct Views {
     std::vector<std::string> axes;
     std::string clock;

@@ -16,28 +16,29 @@ namespace servodrome::line::bench {
 struct NamedChannel {
   std::string axis;
   Json view;  // {"axis", "signal" or "object", "name", "unit"}
-  // Its values from now on, at a stride in ticks. Throws ApiError 409 when that is more than may be looked at.
+  // Returns the values from now on, at a stride in ticks. Throws ApiError 409 if too many values are being sampled.
   std::function<std::shared_ptr<Samples>(std::int64_t stride)> open;
-  std::function<double()> value;  // the present one
+  std::function<double()> value;  // the present value
 };
 
-// What streams and recordings look at: the axes of a line, or drives that a master reads. Ticks are of 62.5 us.
+// The source of streams and recordings: the axes of a line, or drives that a master reads. A tick is 62.5 us.
 class Source {
  public:
   virtual ~Source() = default;
 
-  // The present: values of ticks up to it are there.
+  // The present tick. The values of all ticks up to it are available.
   virtual std::int64_t tick() const = 0;
   virtual std::vector<std::string> axes() const = 0;
-  // Both throw ApiError if there is no such axis, or not that of it.
+  // Both throw ApiError if the axis, or its signal or object, does not exist.
   virtual NamedChannel signal(const std::string& axis, std::string_view name) = 0;
   virtual NamedChannel object(const std::string& axis, std::uint16_t index, std::uint8_t sub) = 0;
-  // The stride nearest to a rate at which channels can be looked at together.
+  // Returns the stride nearest to a rate at which these channels can be sampled together.
   virtual std::int64_t stride_of(double rate_hz, const std::vector<NamedChannel>& channels) const = 0;
-  // That at which a trigger is looked for, of a recording with this one.
+  // Returns the stride at which a trigger is evaluated, for a recording with this stride.
   virtual std::int64_t trigger_stride(std::int64_t stride) const = 0;
 
-  // What GET /api/v1/axes/{axis} says of each, in the order of axes(), and GET /api/v1/clock.
+  // views(): the response to GET /api/v1/axes/{axis} for each axis, in the order of axes(). clock(): the response to
+  // GET /api/v1/clock.
   virtual std::vector<Json> views() = 0;
   virtual Json clock() = 0;
 };

@@ -47,7 +47,7 @@ void StreamSession::receive(std::string_view message, WallTime now) {
 void StreamSession::obey(const std::string& message) {
   BodyReader reader(message);
   if (reader.object().size() != 1) {
-    throw ApiError{400, "a message has one key", "message",
+    throw ApiError{400, "a message must have one key", "message",
                    R"(send {"subscribe": ...}, {"unsubscribe": ...} or )"
                    R"({"watch": ...})"};
   }
@@ -110,7 +110,7 @@ void StreamSession::watch(BodyReader& reader) {
   sent_clock_.clear();
 }
 
-// Whether the client has so much to read that it gets nothing more.
+// Returns true if so much waits for the client that it receives nothing more.
 bool StreamSession::overloaded(WallTime now) {
   if (outbox_.queued() < most_queued) {
     full_since_.reset();
@@ -147,7 +147,7 @@ void StreamSession::send_samples(std::int64_t end, WallTime now) {
   }
 }
 
-// An event must not get lost unnoticed, so a client that cannot take it is better off connecting anew.
+// A client must not miss an event. If the client cannot receive it, the session ends, and the client can connect again.
 void StreamSession::send_event(const std::string& message) {
   if (given_up_) return;
   if (outbox_.queued() >= 2 * most_queued) {

@@ -14,31 +14,32 @@ namespace servodrome::line::bench {
 class Scope;
 class BodyReader;
 
-// The conversation with one client of /api/v1/stream: its messages in, and out what it asked for. docs/bench-api.md has
-// the messages.
+// A session with one client of /api/v1/stream: receives its messages and sends what they request. docs/bench-api.md
+// describes the messages.
 class StreamSession {
  public:
   static constexpr std::size_t most_subscriptions = 8;
   static constexpr std::size_t largest_message = 16 * 1024;       // of a client, in bytes
-  static constexpr unsigned most_messages = 200;                  // of a client, in a second
-  static constexpr std::size_t most_queued = 4 * 1024 * 1024;     // bytes that wait for a client
-  static constexpr auto longest_full = std::chrono::seconds(10);  // that so many wait, before it is given up
-  static constexpr auto patience = std::chrono::seconds(1);       // with one that reads nothing, in is_waited_for
-  static constexpr double most_watches = 50;                      // views a second
+  static constexpr unsigned most_messages = 200;                  // of a client, per second
+  static constexpr std::size_t most_queued = 4 * 1024 * 1024;     // limit of bytes that wait for a client
+  static constexpr auto longest_full = std::chrono::seconds(10);  // at that limit, before the session ends
+  static constexpr auto patience = std::chrono::seconds(1);       // with a client that reads nothing, in is_waited_for
+  static constexpr double most_watches = 50;                      // views per second
 
-  // Says hello. Both outlive it.
+  // Sends the greeting. Both arguments must outlive the session.
   StreamSession(Scope& scope, Outbox& outbox);
   ~StreamSession();
   StreamSession(const StreamSession&) = delete;
   StreamSession& operator=(const StreamSession&) = delete;
 
-  // More waits for the client than what costs no resolution, and it reads: virtual time can wait for it.
+  // Returns true if more bytes wait for the client than Subscription::easy and the client is reading them. Virtual time
+  // then waits for the client (backpressure).
   bool is_waited_for(WallTime now);
 
-  // A message of the client. Never throws for what is in it.
+  // Handles a message of the client. Errors in the message do not throw.
   void receive(std::string_view message, WallTime now);
 
-  // By the scope: the samples before tick `end`, an event, and what is due by the clock on the wall.
+  // Called by the scope: for the samples before tick `end`, for an event, and periodically by wall-clock time.
   void send_samples(std::int64_t end, WallTime now);
   void send_event(const std::string& message);
   void attend(WallTime now);
@@ -54,15 +55,15 @@ class StreamSession {
   Scope& scope_;
   Outbox& outbox_;
   std::vector<Subscription> subscriptions_;
-  std::optional<std::uint64_t> refers_to_;  // id of the message that is being carried out
+  std::optional<std::uint64_t> refers_to_;  // id in the message that is being carried out
   WallTime counting_since_{};
   unsigned messages_ = 0;
   std::optional<WallTime> full_since_;
-  std::chrono::nanoseconds watch_period_{};  // 0: does not
+  std::chrono::nanoseconds watch_period_{};  // 0: the client watches no axes
   WallTime next_watch_{};
   std::vector<std::string> sent_views_;
   std::string sent_clock_;
-  std::optional<WallTime> reads_since_;  // when less waited for it than ever since more than a little does
+  std::optional<WallTime> reads_since_;  // when the queue last reached a new minimum while above `easy`
   std::size_t least_queued_ = 0;
   bool given_up_ = false;
 };

@@ -6,7 +6,7 @@
 
 namespace servodrome::line::bench {
 
-// Taps that others have opened before have older values: those are not this client's. One of an axis that has run ahead
+// Taps that were opened earlier have older values, which are not for this client. A tap of an axis that has run ahead
 // begins later.
 Subscription::Subscription(std::uint32_t id, std::vector<std::shared_ptr<Samples>> taps)
     : id_(id), taps_(std::move(taps)), next_tick_(taps_.front()->due()) {

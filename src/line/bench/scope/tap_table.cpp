@@ -20,7 +20,7 @@ std::shared_ptr<Samples> TapTable::open(const Channel& channel, std::int64_t str
 std::vector<std::shared_ptr<Samples>> TapTable::open(std::vector<Channel> channels, std::int64_t stride) {
   std::erase_if(taps_, [](const auto& tap) { return tap.expired(); });
   if (load() + static_cast<double>(channels.size()) / static_cast<double>(stride) > most_values_per_tick) {
-    throw ApiError{409, "the line is looked at as much as it may be", "channels",
+    throw ApiError{409, "the line cannot be sampled more", "channels",
                    "choose fewer channels or a lower rate, or end another stream or recording"};
   }
   const auto tap = std::make_shared<Tap>(std::move(channels), stride);

@@ -7,15 +7,16 @@
 
 namespace servodrome::line::bench {
 
-// Taps that several look at are there once: ten pages that show the same cost a line no more than one.
+// Shares taps: if several clients sample the same channel, there is only one tap for it, so ten pages cost a line no
+// more than one.
 class TapTable {
  public:
-  // Values per tick that all taps together may take: some microseconds of the 62.5.
+  // Limit for the values per tick of all taps, which take some microseconds of the 62.5.
   static constexpr double most_values_per_tick = 512;
 
-  // The samples of a channel. Throws ApiError 409 when the line is looked at as much as it may be.
+  // Returns the samples of a channel. Throws ApiError 409 if that would exceed most_values_per_tick.
   std::shared_ptr<Samples> open(const Channel& channel, std::int64_t stride);
-  // Of several channels of one axis by a tap of their own, which costs less than as many taps.
+  // Returns the samples of several channels of one axis. They share a new tap, which costs less than one tap each.
   std::vector<std::shared_ptr<Samples>> open(std::vector<Channel> channels, std::int64_t stride);
 
  private:

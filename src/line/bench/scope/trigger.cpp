@@ -11,7 +11,7 @@
 namespace servodrome::line::bench {
 namespace {
 
-// The word among those allowed, as its place.
+// Returns the index of `word` among `words`. Throws ApiError 422 if it is not one of them.
 std::size_t place_of(const std::string& word, std::span<const std::string_view> words, std::string_view key) {
   for (std::size_t i = 0; i < words.size(); ++i) {
     if (words[i] == word) return i;
@@ -71,7 +71,7 @@ void Trigger::watch(const NamedChannel& channel, std::int64_t stride) {
   watched_.push_back({channel.axis, std::move(samples), next, channel.value()});
 }
 
-// Comparisons with a value that is not a number are false: an axis without power triggers nothing.
+// Comparisons with not-a-number are false, so an axis without power triggers nothing.
 bool Trigger::happens(double previous, double value) const {
   const auto beyond = [this](double its) { return rising_ ? its >= level_ : its <= level_; };
   switch (kind_) {
@@ -91,7 +91,7 @@ std::optional<Trigger::Hit> Trigger::find(Watched& watched, std::int64_t end) co
   for (; watched.next < end; watched.next += watched.samples->stride()) {
     const double value = watched.samples->at(watched.next);
     if (happens(watched.previous, value)) return Hit{watched.next, watched.axis, value};
-    // Between two values that were read there may be moments of which none is known.
+    // An edge may lie between two known values with unknown ones in between, so unknown values are skipped.
     if (kind_ != Kind::edge || !std::isnan(value)) watched.previous = value;
   }
   return std::nullopt;

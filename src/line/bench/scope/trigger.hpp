@@ -10,21 +10,21 @@
 
 namespace servodrome::line::bench {
 
-// What starts a recording: of a line watched at every tick, whatever the recording's rate.
+// The event that starts a recording. On a line it is evaluated in every tick, whatever the recording's rate.
 class Trigger {
  public:
   struct Hit {
     std::int64_t tick;
-    std::string axis;  // whose value it was
+    std::string axis;  // whose value caused it
     double value;
   };
 
-  // {"kind": "now"}; {"kind": "edge" | "level", "channel": 0, "level": 10, "slope": "rising" | "falling"};
-  // {"kind": "state", "axis", "state"?}; {"kind": "fault", "axis"?}. Throws ApiError.
-  // `stride`: of the ticks to be watched.
+  // `json` is {"kind": "now"}; {"kind": "edge" | "level", "channel": 0, "level": 10, "slope": "rising" | "falling"};
+  // {"kind": "state", "axis", "state"?}; {"kind": "fault", "axis"?}. `stride` is the distance of the evaluated ticks.
+  // Throws ApiError.
   Trigger(Source& source, const Json& json, const std::vector<NamedChannel>& channels, std::int64_t stride);
 
-  // The first tick before `end` at which it happens, of those that were not looked at yet.
+  // Returns the first tick before `end` at which the event happens, among the ticks not evaluated yet.
   std::optional<Hit> find(std::int64_t end);
   bool is_fault() const { return kind_ == Kind::fault; }
 
@@ -33,8 +33,8 @@ class Trigger {
   struct Watched {
     std::string axis;
     std::shared_ptr<Samples> samples;
-    std::int64_t next;  // tick to be looked at
-    double previous;    // the value before it; at first that when it was armed
+    std::int64_t next;  // next tick to evaluate
+    double previous;    // the value before it; at first the value when it was armed
   };
 
   void watch(const NamedChannel& channel, std::int64_t stride);

@@ -22,8 +22,8 @@ using boost::system::error_code;
 
 constexpr const char* subprotocol = "servodrome";
 constexpr auto handshake_time = std::chrono::seconds(10);
-constexpr auto closing_time = std::chrono::seconds(5);   // for a client to take its close frame
-constexpr auto silence_time = std::chrono::seconds(30);  // a ping goes out after half of it
+constexpr auto closing_time = std::chrono::seconds(5);   // for a client to answer the close frame
+constexpr auto silence_time = std::chrono::seconds(30);  // a ping is sent after half of it
 
 }  // namespace
 
@@ -38,9 +38,9 @@ class WebSockets::Connection final : public std::enable_shared_from_this<Connect
     timeout.handshake_timeout = handshake_time;
     timeout.idle_timeout = silence_time;
     timeout.keep_alive_pings = true;
-    beast::get_lowest_layer(socket_).expires_never();  // the WebSocket has its own
+    beast::get_lowest_layer(socket_).expires_never();  // the WebSocket has its own timeouts
     socket_.set_option(timeout);
-    // A client that names subprotocols goes away if none of them is chosen (RFC 6455 4.1).
+    // A client that names subprotocols disconnects if the server chooses none of them (RFC 6455 4.1).
     beast::http::token_list offered(request_[beast::http::field::sec_websocket_protocol]);
     socket_.set_option(websocket::stream_base::decorator(
         [speaks_ours = offered.exists(subprotocol)](websocket::response_type& response) {
@@ -52,7 +52,7 @@ class WebSockets::Connection final : public std::enable_shared_from_this<Connect
   }
 
  private:
-  // An exception that leaves `handler` ends this connection, and no other.
+  // If `handler` throws, only this connection ends.
   template <typename Handler>
   auto guarded(Handler handler) {
     return [self = shared_from_this(), handler = std::move(handler)](const auto&... results) {
@@ -79,7 +79,7 @@ class WebSockets::Connection final : public std::enable_shared_from_this<Connect
                          }));
   }
 
-  // No call of the owner after this.
+  // The connection must not use the owner after this.
   void disconnect() {
     sockets_ = nullptr;
     closing_timer_.cancel();
@@ -99,7 +99,7 @@ class WebSockets::Connection final : public std::enable_shared_from_this<Connect
                            session_->receive(beast::buffers_to_string(buffer_.data()),
                                              std::chrono::steady_clock::now());
                          } else {
-                           close("messages are text");
+                           close("messages must be text");
                          }
                          buffer_.consume(buffer_.size());
                          read();
@@ -114,10 +114,11 @@ class WebSockets::Connection final : public std::enable_shared_from_this<Connect
     if (closing_) return;
     closing_ = true;
     reason_ = reason;
-    // What waits for a client that does not read would wait for ever; the message on its way must come to its end.
+    // Drops the queue, because a client that does not read would never receive it. The message that is being sent must
+    // be completed.
     if (messages_.size() > 1) messages_.erase(messages_.begin() + 1, messages_.end());
     if (messages_.empty()) write_close();
-    // It may never read again, and yet go on sending: then no other time runs out.
+    // The client may keep sending without ever reading, so that no other timeout ends the connection.
     closing_timer_.expires_after(closing_time);
     closing_timer_.async_wait(guarded([this](error_code code) {
       if (!code) end();
@@ -171,7 +172,7 @@ class WebSockets::Connection final : public std::enable_shared_from_this<Connect
   beast::flat_buffer buffer_;
   std::unique_ptr<StreamSession> session_;
   std::deque<Message> messages_;  // the first is being written
-  std::size_t queued_ = 0;        // bytes of them
+  std::size_t queued_ = 0;        // total bytes of `messages_`
   bool closing_ = false;
   std::string reason_;
 };
@@ -185,8 +186,9 @@ WebSockets::~WebSockets() {
 
 std::optional<Response> WebSockets::refuse() const {
   if (connections_.size() < most_clients) return std::nullopt;
-  return error_response(
-      {503, fmt::format("{} clients are connected to the stream", connections_.size()), address, "close one of them"});
+  return error_response({503,
+                         fmt::format("no further stream is possible: {} clients are connected", connections_.size()),
+                         address, "close one of them"});
 }
 
 void WebSockets::accept(Upgrade&& upgrade) {

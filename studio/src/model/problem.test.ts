@@ -1,0 +1,12 @@
+import { expect, test } from 'vitest';
+import { shownOf } from './problem';
+
+test('problems are shown without the words of the API and of the command line', () => {
+  expect(shownOf({ what: 'the axis has a job: reset_fault', where: 'ismc', hint: 'wait until it is done, or end it: DELETE /api/v1/jobs/50' })).toEqual({
+    what: 'the axis has a job: reset fault', where: 'ismc', hint: 'wait until the job has ended, or cancel it on the Axis page',
+  });
+  expect(shownOf({ what: 'there is no job "7"', where: 'address', hint: 'GET /api/v1/jobs lists the last 200' })).toEqual({ what: 'there is no job "7"' });
+  expect(shownOf({ what: 'the server does not answer', where: '/jobs/7' })).toEqual({ what: 'the server does not answer' });
+  expect(shownOf({ what: 'no', where: 'can0', hint: '`servodrome up` runs simulated drives' })).toEqual({ what: 'no', where: 'can0' });
+  expect(shownOf({ what: 'the drive is not enabled', where: 'ismc', hint: 'enable it first' })).toEqual({ what: 'the drive is not enabled', where: 'ismc', hint: 'enable it first' });
+});
