@@ -9,6 +9,8 @@ import pytest
 from drive402 import Drive402
 from line import COUNTS, TWO_DRIVES, servodrome, wait_for
 
+pytestmark = pytest.mark.once  # what drives do, whatever the link
+
 DATA = pathlib.Path(__file__).parents[1] / "data/described"
 ENCODERS = {
     "mapping_counts.dcf": 4096,

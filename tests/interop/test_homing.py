@@ -4,6 +4,8 @@ import pytest
 from drive402 import BIT_12, BIT_13, HOMING, Drive402
 from line import COUNTS, HOME_EDGES, LIMITS, START, TWO_DRIVES, wait_for
 
+pytestmark = pytest.mark.once  # what drives do, whatever the link
+
 
 def true_zero(drive):
     """The true position where the drive reads 0."""

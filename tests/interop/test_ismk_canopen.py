@@ -6,6 +6,8 @@ import pytest
 from drive402 import Drive402
 from line import wait_for
 
+pytestmark = pytest.mark.once  # what drives do, whatever the link
+
 TURN = 65536
 LINE = """
 [[bus]]

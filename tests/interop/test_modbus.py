@@ -12,6 +12,8 @@ from line import PATIENCE, Line, servodrome, wait_for
 from pymodbus.client import ModbusSerialClient, ModbusTcpClient
 from pymodbus.exceptions import ModbusException
 
+pytestmark = pytest.mark.once  # what drives do, whatever the link
+
 FOUR_DRIVES = """
 [[bus]]
 name = "can0"

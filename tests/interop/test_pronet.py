@@ -16,6 +16,8 @@ from drive402 import (
 )
 from line import servodrome, wait_for
 
+pytestmark = pytest.mark.once  # what drives do, whatever the link
+
 TURN = 10_000  # the incremental encoder of the manual's examples
 SWITCH = (int(1.2 * TURN), int(2.4 * TURN))
 AXIS = """
@@ -306,7 +308,6 @@ def test_parameters_outlive_the_power(drive):
     assert drive.read(0x6081) == 0
 
 
-@pytest.mark.once  # a second client, which an adapter does not take
 def test_revolutions_are_those_of_the_encoder(drive, pronets):
     """Ch. 4: the command line reads what the motor at hand has."""
     before = drive.true_position

@@ -12,6 +12,8 @@ import pytest
 from line import COUNTS, PROGRAM, servodrome, wait_for
 from mcap.reader import make_reader
 
+pytestmark = pytest.mark.once  # what drives do, whatever the link
+
 
 @pytest.fixture
 def scope(line):
@@ -40,7 +42,6 @@ def test_what_it_prints(scope):
     assert dots_of(scope("position", "--duration", "0.2", "--plot"))
 
 
-@pytest.mark.once
 def test_a_move_as_csv_mcap_and_svg(scope, bench, tmp_path):
     files = [tmp_path / f"move.{ending}" for ending in ("csv", "mcap", "svg")]
     outputs = [word for file in files for word in ("-o", file)]
@@ -83,7 +84,6 @@ def test_a_move_as_csv_mcap_and_svg(scope, bench, tmp_path):
     assert len(list(svg.iter("{http://www.w3.org/2000/svg}polyline"))) >= 3
 
 
-@pytest.mark.once
 def test_the_trigger_and_what_was_before_it(scope, tmp_path):
     file = tmp_path / "part.csv"
     start = int(json.loads(scope("6064", "--duration", "0.05", "--json"))["channels"][0]["values"][0])
@@ -95,7 +95,6 @@ def test_the_trigger_and_what_was_before_it(scope, tmp_path):
     assert -0.101 < float(rows[0]["seconds"]) < -0.05
 
 
-@pytest.mark.once
 def test_another_program_moves_the_axis(scope, line):
     link = line.links["can0"][0]
     command = [PROGRAM, "scope", "--bus", link, "--node", "2", "position", "--json", "--trigger", "fault", "--pre", "1", "--duration", "0.2"]
@@ -109,7 +108,6 @@ def test_another_program_moves_the_axis(scope, line):
     assert not int(word["values"][0]) & 8 and int(word["values"][-1]) & 8
 
 
-@pytest.mark.once
 def test_pdos_are_put_back(scope, line):
     def set_up():
         return [
@@ -139,7 +137,6 @@ def test_ctrl_c_keeps_what_there_is(line, tmp_path):
     assert sync.get("axes/reference/objects/1A00/1")["value"] >> 16 != 0x6064
 
 
-@pytest.mark.once
 def test_wrong_use_is_told_before_anything_is_done(scope, tmp_path):
     assert ".csv, .mcap or .svg" in scope("position", "-o", tmp_path / "a.xlsx", status=2)
     assert "cannot be written" in scope("position", "-o", tmp_path / "no" / "a.csv", status=2)
@@ -152,7 +149,6 @@ def test_wrong_use_is_told_before_anything_is_done(scope, tmp_path):
     assert [path.name for path in tmp_path.iterdir()] == ["line0"], "the line's own folder"
 
 
-@pytest.mark.once
 def test_a_full_disk_is_told_and_leaves_no_cut_file(scope, tmp_path):
     full = tmp_path / "full.csv"
     full.symlink_to("/dev/full")
@@ -160,7 +156,6 @@ def test_a_full_disk_is_told_and_leaves_no_cut_file(scope, tmp_path):
     assert {path.name for path in tmp_path.iterdir()} == {"line0", "full.csv"}
 
 
-@pytest.mark.once
 def test_a_drive_that_loses_its_supply_ends_it_with_what_there_is(line, tmp_path):
     file = tmp_path / "until.csv"
     command = [PROGRAM, "scope", "--bus", line.links["can0"][0], "--node", "2", "position", "--duration", "600", "-o", file]
