@@ -99,7 +99,7 @@ std::vector<host::FoundSlave> scan_segment(host::EthercatMaster& master);
 // The slave at position --node, or with that alias; without --node the only one. Throws Failure.
 const host::FoundSlave& choose_slave(const host::EthercatMaster& master, const std::vector<host::FoundSlave>& slaves,
                                      const BusOptions& options);
-// Does the slave have the objects of a CiA 402 drive? Reads them in PREOP.
+// Returns true if the slave has the objects of a CiA 402 drive. Reads them in PREOP.
 bool is_drive(host::EthercatSlave& slave);
 host::OperationOptions operation_options(const BusOptions& options);
 

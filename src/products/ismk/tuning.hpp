@@ -54,7 +54,7 @@ class LoopTuning {
   // so that an axis that oscillates by itself becomes quiet.
   void configure(const ServoObjects& objects, drive::Configuration& configuration) const;
 
-  // Whether an object of this class' groups may take a value in the present state.
+  // Returns `none` if an object of this class' groups may take a value in the present state.
   static dictionary::AbortCode check(const dictionary::Entry& entry, std::int64_t value, const drive::Drive& drive);
   // Keeps objects with the same meaning equal.
   void written(const dictionary::Entry& entry, ServoObjects& objects, drive::Drive& drive);
