@@ -85,7 +85,7 @@ class LoopTuning {
 
   double rotor_inertia_kgm2_ = 1e-5;
   double inertia_kgm2_ = 1e-5;
-  double bandwidth_hz_ = 24.0;  // Velocity_BW, before rounding: what kvp is kept to when the inertia changes
+  double bandwidth_hz_ = 24.0;  // Velocity_BW before rounding; kvp follows a new inertia so that this stays
   drive::InertiaEstimate estimate_{};
   std::uint32_t windows_ = 0;  // of the estimator at the last call
   drive::InertiaEstimator estimator_{};
