@@ -5,8 +5,8 @@
 
 namespace servodrome::master {
 
-// The error of this library, and base class of its special errors: what happened, where (link, node, object), and the
-// remedy. what() joins the three in one sentence.
+// The error of the master's side (master, axis and tools), and base class of its special errors: what happened, where
+// (link, node, object), and the remedy. what() joins the three in one sentence.
 class MasterError : public std::runtime_error {
  public:
   MasterError(std::string happened, std::string where, std::string remedy)

@@ -9,9 +9,9 @@
 #include "tools/parameters/list.hpp"
 #include "tools/parameters/values.hpp"
 
-// Access to an axis for commissioning, besides its jobs. It uses the host library: for a virtual drive over its service
-// port between two ticks, for a drive on a bus over that bus. docs/bench-api.md, "Parameters" and the sections after
-// it.
+// Access to an axis for commissioning, besides its jobs. It uses an `ObjectClient`: for a virtual drive over its
+// service port between two ticks, for a drive on a bus over that bus. docs/bench-api.md, "Parameters" and the sections
+// after it.
 namespace servodrome::studio {
 
 // An axis as the commissioning routes use it.

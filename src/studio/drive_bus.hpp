@@ -18,7 +18,7 @@
 #include "studio/bus_traffic.hpp"
 #include "studio/drives.hpp"
 
-// Drives on a bus. The calls of the host library block, so each bus has its own thread.
+// Drives on a bus. The calls of `master` and `axis` block, so each bus has its own thread.
 namespace servodrome::studio {
 
 // An open bus and the drives on it.

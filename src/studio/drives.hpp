@@ -43,7 +43,7 @@ class Drives {
   virtual void require_ready(const std::string& axis) const = 0;
   // The drive's objects for a caller that waits with `wait`. The result must not outlive this object.
   virtual std::unique_ptr<master::ObjectClient> open(const std::string& axis, Wait wait) = 0;
-  // Options with which a host operates this axis.
+  // Options with which a master operates this axis.
   virtual master::AxisOptions options(const std::string& axis) const = 0;
   // As `servodrome products` lists it; "": unknown product.
   virtual std::string product(const std::string& axis) const = 0;

@@ -48,7 +48,7 @@ struct Job {
 // The form of GET /api/v1/jobs/{id}; the list of jobs omits `found`.
 line::bench::Json view_of(const Job& job, bool with_found = true);
 
-// The jobs of axes for clients of the API, at most one per axis. The host library carries them out in the drives' time.
+// The jobs of axes for clients of the API, at most one per axis. They run in the drives' time, by `Axis402`.
 // Everything runs in one thread, which calls `reached`; between two such calls every job waits.
 class Jobs {
  public:

@@ -38,7 +38,7 @@ const RealDrives::Axis& axis_of_call(const Call& call) {
                  line::suggestion(name, {names.begin(), names.end()})};
 }
 
-// Converts an error of the host library to the API's form, with the drive's own abort code if there is one.
+// Converts an error of the master's side to the API's form, with the drive's own abort code if there is one.
 template <typename Action>
 auto asking(const std::string& where, const Action& action) {
   try {

@@ -42,7 +42,7 @@ class ServiceObjects final : public master::ObjectClient {
   Wait wait_;
 };
 
-// Options with which a host operates this axis.
+// Options with which a master operates this axis.
 master::AxisOptions options_for(const line::Axis& axis);
 
 // A revolution in the drive's units. If the drive has no such information it counts in increments, so the counts of its
