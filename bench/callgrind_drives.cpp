@@ -15,16 +15,16 @@ int main(int argc, char** argv) {
   const long frames = (argc > 2 ? std::atol(argv[2]) : 1000) / static_cast<long>(count);
   line::Line line = bench::make_drive_line(count);
   links::EthercatBus& bus = line.ethercat_buses().front()->bus;
-  host::EthercatMaster master(std::make_unique<links::MemoryEthercatClient>(bus, line));
-  const auto found = host::scan_slaves(master);
-  std::vector<std::unique_ptr<host::EthercatSlave>> owned;
-  std::vector<host::EthercatSlave*> all;
-  for (const host::FoundSlave& slave : found) {
-    owned.push_back(std::make_unique<host::EthercatSlave>(master, slave));
+  master::EthercatMaster master(std::make_unique<links::MemoryEthercatClient>(bus, line));
+  const auto found = master::scan_slaves(master);
+  std::vector<std::unique_ptr<master::EthercatSlave>> owned;
+  std::vector<master::EthercatSlave*> all;
+  for (const master::FoundSlave& slave : found) {
+    owned.push_back(std::make_unique<master::EthercatSlave>(master, slave));
     all.push_back(owned.back().get());
     all.back()->to_pre_operational();
   }
-  host::EthercatOperation operation(master, found, all);
+  master::EthercatOperation operation(master, found, all);
   bench::Cycle cycle;
   bus.add_observer(cycle);
   master.wait(10ms);

@@ -10,9 +10,9 @@
 #include <memory>
 #include <vector>
 
-#include "host/cyclic/ethercat_cyclic_bus.hpp"
-#include "host/cyclic/motion_group.hpp"
-#include "host/ethercat/coe_objects.hpp"
+#include "axis/cyclic/ethercat_cyclic_bus.hpp"
+#include "axis/cyclic/motion_group.hpp"
+#include "master/ethercat/coe_objects.hpp"
 
 namespace {
 
@@ -30,38 +30,38 @@ double percentile(std::vector<double>& sorted, double part) {
 }
 
 int run(const char* link, seconds duration, microseconds period) {
-  const auto master = host::EthercatMaster::open(link);
-  const std::vector<host::FoundSlave> found = host::scan_slaves(*master);
-  std::vector<std::unique_ptr<host::EthercatSlave>> slaves;
-  std::vector<host::EthercatSlave*> members;
-  std::vector<host::MotionLimits> limits;
+  const auto master = master::EthercatMaster::open(link);
+  const std::vector<master::FoundSlave> found = master::scan_slaves(*master);
+  std::vector<std::unique_ptr<master::EthercatSlave>> slaves;
+  std::vector<master::EthercatSlave*> members;
+  std::vector<master::MotionLimits> limits;
   std::vector<double> turn;  // in counts
-  for (const host::FoundSlave& one : found) {
-    slaves.push_back(std::make_unique<host::EthercatSlave>(*master, one));
+  for (const master::FoundSlave& one : found) {
+    slaves.push_back(std::make_unique<master::EthercatSlave>(*master, one));
     members.push_back(slaves.back().get());
     slaves.back()->to_pre_operational();
-    host::set_up_cyclic_axis(*slaves.back(), {.period = period});
-    host::CoeObjects objects(*slaves.back());
-    const auto units = host::Axis402(objects).units();
+    master::set_up_cyclic_axis(*slaves.back(), {.period = period});
+    master::CoeObjects objects(*slaves.back());
+    const auto units = master::Axis402(objects).units();
     turn.push_back(units ? units->position : 4000.0);
     limits.push_back({turns_per_s * turn.back(), turns_per_s2 * turn.back(), turns_per_s2 * turn.back(),
                       turns_per_s3 * turn.back()});
   }
-  host::EthercatOperation operation(*master, found, members,
-                                    {.cyclic = {.period = period, .tolerated_losses = 1'000'000}});
-  host::EthercatCyclicBus bus(*master, operation);
+  master::EthercatOperation operation(*master, found, members,
+                                      {.cyclic = {.period = period, .tolerated_losses = 1'000'000}});
+  master::EthercatCyclicBus bus(*master, operation);
   // What is missed is counted, and stops nothing.
-  const host::MotionAxisOptions patient[] = {{.tolerated_losses = 1'000'000}};
-  host::MotionGroup group(bus, patient);
+  const master::MotionAxisOptions patient[] = {{.tolerated_losses = 1'000'000}};
+  master::MotionGroup group(bus, patient);
   group.enable();
   operation.exchange().forget_statistics();
 
   std::vector<double> worst(group.size());
   std::vector<double> intervals_us;
   intervals_us.reserve(static_cast<std::size_t>(duration / period) + 1000);
-  std::optional<host::Time> before;
+  std::optional<master::Time> before;
   group.on_cycle([&] {
-    const host::Time now = bus.now();
+    const master::Time now = bus.now();
     if (before) intervals_us.push_back(std::chrono::duration<double, std::micro>(now - *before - period).count());
     before = now;
     for (std::size_t i = 0; i < group.size(); ++i) {
@@ -70,7 +70,7 @@ int run(const char* link, seconds duration, microseconds period) {
   });
   std::vector<double> home;
   for (std::size_t i = 0; i < group.size(); ++i) home.push_back(group.axis(i).set_point().position);
-  const host::Time end = bus.now() + duration;
+  const master::Time end = bus.now() + duration;
   for (bool out = true; bus.now() < end; out = !out) {
     std::vector<double> targets = home;
     for (std::size_t i = 0; out && i < targets.size(); ++i) targets[i] += turns_each_way * turn[i];
@@ -78,7 +78,7 @@ int run(const char* link, seconds duration, microseconds period) {
     group.wait_until([&] { return group.all_done(); }, seconds(10));
   }
   group.on_cycle({});
-  const host::CyclicStatistics counters = operation.exchange().statistics();
+  const master::CyclicStatistics counters = operation.exchange().statistics();
   bus.check();
 
   const auto count = [](std::uint64_t value) { return static_cast<unsigned long long>(value); };

@@ -4,10 +4,10 @@
 #include <vector>
 
 #include "ethercat/slave/slave.hpp"
-#include "host/ethercat/operation.hpp"
 #include "line/line.hpp"
 #include "line/line_file.hpp"
 #include "links/ethercat/memory_client.hpp"
+#include "master/ethercat/operation.hpp"
 
 // A line of generic402-ec drives in virtual time, their master in the same process, and the frames of a cycle, to be
 // sent again and again without it.

@@ -10,7 +10,7 @@
 #include "controller_line.hpp"
 #include "drive/drive.hpp"
 #include "drive_line.hpp"
-#include "host/ethercat/coe_objects.hpp"
+#include "master/ethercat/coe_objects.hpp"
 
 namespace {
 
@@ -45,7 +45,7 @@ double controllers_ns(std::size_t slaves) {
          cycles / static_cast<double>(slaves * frames);  // each frame passes all of them
 }
 
-void map_sixteen_bytes(host::CoeClient& coe) {
+void map_sixteen_bytes(master::CoeClient& coe) {
   for (const std::uint16_t pdo : {std::uint16_t{0x1600}, std::uint16_t{0x1A00}}) {
     coe.write<std::uint8_t>(pdo, 0, 0);
     coe.write<std::uint32_t>(pdo, 7, 0x00000010);
@@ -58,20 +58,20 @@ double drives_ns(std::size_t slaves) {
   constexpr int cycles = 200;
   line::Line line = bench::make_drive_line(slaves);
   links::EthercatBus& bus = line.ethercat_buses().front()->bus;
-  host::EthercatMaster master(std::make_unique<links::MemoryEthercatClient>(bus, line));
-  const auto found = host::scan_slaves(master);
-  std::vector<std::unique_ptr<host::EthercatSlave>> owned;
-  std::vector<host::EthercatSlave*> all;
-  for (const host::FoundSlave& slave : found) {
-    owned.push_back(std::make_unique<host::EthercatSlave>(master, slave));
+  master::EthercatMaster master(std::make_unique<links::MemoryEthercatClient>(bus, line));
+  const auto found = master::scan_slaves(master);
+  std::vector<std::unique_ptr<master::EthercatSlave>> owned;
+  std::vector<master::EthercatSlave*> all;
+  for (const master::FoundSlave& slave : found) {
+    owned.push_back(std::make_unique<master::EthercatSlave>(master, slave));
     all.push_back(owned.back().get());
     all.back()->to_pre_operational();
     map_sixteen_bytes(all.back()->coe());
   }
   bench::Cycle cycle;
   bus.add_observer(cycle);
-  host::EthercatOperation operation(master, found, all, {.cyclic = {.period = 1ms}, .distributed_clocks = true});
-  host::CyclicExchange& exchange = operation.exchange();
+  master::EthercatOperation operation(master, found, all, {.cyclic = {.period = 1ms}, .distributed_clocks = true});
+  master::CyclicExchange& exchange = operation.exchange();
   for (const std::uint16_t word : {std::uint16_t{0x06}, std::uint16_t{0x07}, std::uint16_t{0x0F}}) {
     for (std::size_t i = 0; i < slaves; ++i) {
       exchange.output(i, {0x6060, 0})->set<std::int8_t>(8);

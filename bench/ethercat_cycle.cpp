@@ -23,9 +23,9 @@
 #include <vector>
 
 #include "frame_witness.hpp"
-#include "host/ethercat/operation.hpp"
 #include "links/ethercat/client.hpp"
 #include "links/ethercat/link_name.hpp"
+#include "master/ethercat/operation.hpp"
 
 namespace {
 
@@ -179,20 +179,20 @@ int main(int argc, char** argv) {
       turnarounds.print();
       return 0;
     }
-    const auto master = host::EthercatMaster::open(argv[1]);
-    const std::vector<host::FoundSlave> found = host::scan_slaves(*master);
-    std::vector<std::unique_ptr<host::EthercatSlave>> slaves;
-    std::vector<host::EthercatSlave*> members;
-    for (const host::FoundSlave& slave : found) {
-      slaves.push_back(std::make_unique<host::EthercatSlave>(*master, slave));
+    const auto master = master::EthercatMaster::open(argv[1]);
+    const std::vector<master::FoundSlave> found = master::scan_slaves(*master);
+    std::vector<std::unique_ptr<master::EthercatSlave>> slaves;
+    std::vector<master::EthercatSlave*> members;
+    for (const master::FoundSlave& slave : found) {
+      slaves.push_back(std::make_unique<master::EthercatSlave>(*master, slave));
       slaves.back()->to_pre_operational();
       members.push_back(slaves.back().get());
     }
-    host::OperationOptions options;
+    master::OperationOptions options;
     options.cyclic.period = microseconds(std::atoi(argv[3]));
     options.cyclic.tolerated_losses = 1'000'000;
-    host::EthercatOperation operation(*master, found, members, options);
-    host::CyclicExchange& exchange = operation.exchange();
+    master::EthercatOperation operation(*master, found, members, options);
+    master::CyclicExchange& exchange = operation.exchange();
     std::optional<Turnarounds> turnarounds;
     std::uint64_t lost_before = 0;
     if (argc == 6) {
@@ -207,7 +207,7 @@ int main(int argc, char** argv) {
     }
     exchange.forget_statistics();
     master->wait(std::chrono::seconds(std::atoi(argv[2])));
-    const host::CyclicStatistics statistics = exchange.statistics();
+    const master::CyclicStatistics statistics = exchange.statistics();
     exchange.stop();
     std::printf(
         "%zu slaves, %zu frames a cycle: %llu cycles, %llu lost, %llu with wrong counters, %llu skipped, worst "
@@ -221,9 +221,9 @@ int main(int argc, char** argv) {
       turnarounds->print();
     }
     for (std::size_t i = 0; i < found.size(); ++i) {
-      const host::AlStatus status = exchange.status(i);
+      const master::AlStatus status = exchange.status(i);
       if (status.state() == ethercat::AlState::operational && !status.error()) continue;
-      std::printf("  slave %zu left Operational: %s\n", i + 1, host::text_of(status).c_str());
+      std::printf("  slave %zu left Operational: %s\n", i + 1, master::text_of(status).c_str());
       return 1;
     }
     const std::uint64_t lost = turnarounds ? turnarounds->ours() : statistics.lost;

@@ -11,8 +11,8 @@
 
 #include "ethercat/esc/registers.hpp"
 #include "ethercat/frame/frame_writer.hpp"
-#include "host/ethercat/operation.hpp"
 #include "links/ethercat/client.hpp"
+#include "master/ethercat/operation.hpp"
 
 namespace {
 
@@ -31,9 +31,9 @@ struct ProcessImage {
 
 class Line {
  public:
-  explicit Line(const char* link) : master_(host::EthercatMaster::open(link)), found_(host::scan_slaves(*master_)) {
-    for (const host::FoundSlave& found : found_) {
-      slaves_.push_back(std::make_unique<host::EthercatSlave>(*master_, found));
+  explicit Line(const char* link) : master_(master::EthercatMaster::open(link)), found_(master::scan_slaves(*master_)) {
+    for (const master::FoundSlave& found : found_) {
+      slaves_.push_back(std::make_unique<master::EthercatSlave>(*master_, found));
       slaves_.back()->to_pre_operational();
       members_.push_back(slaves_.back().get());
     }
@@ -76,11 +76,11 @@ class Line {
   }
 
  private:
-  std::unique_ptr<host::EthercatMaster> master_;
-  std::vector<host::FoundSlave> found_;
-  std::vector<std::unique_ptr<host::EthercatSlave>> slaves_;
-  std::vector<host::EthercatSlave*> members_;
-  std::optional<host::EthercatOperation> operation_;
+  std::unique_ptr<master::EthercatMaster> master_;
+  std::vector<master::FoundSlave> found_;
+  std::vector<std::unique_ptr<master::EthercatSlave>> slaves_;
+  std::vector<master::EthercatSlave*> members_;
+  std::optional<master::EthercatOperation> operation_;
 };
 
 // Counts of round trips by their length.

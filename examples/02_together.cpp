@@ -2,9 +2,9 @@
 // same, along trajectories that this program computes, a set-point each 2 ms.
 //
 //   02_together [LINK]                                  nodes 1 and 2, as on the line that ./run starts
+#include "axis/cyclic/can_cyclic_bus.hpp"
+#include "axis/cyclic/motion_group.hpp"
 #include "connection.hpp"
-#include "host/cyclic/can_cyclic_bus.hpp"
-#include "host/cyclic/motion_group.hpp"
 
 using namespace servodrome;
 using namespace std::chrono_literals;
@@ -13,14 +13,14 @@ int main(int argc, char** argv) {
   return examples::run(argc, argv, "usage: 02_together [LINK]", [](std::string_view link) {
     examples::Can can(link, "default.toml");
     // Maps PDOs, starts the nodes and SYNC; puts all back at the end of its life.
-    host::CanCyclicBus bus(can.bus(), {host::synchronous_position_drive(1), host::synchronous_position_drive(2)},
-                           {.period = 2ms});
-    host::MotionGroup axes(bus);
+    master::CanCyclicBus bus(can.bus(), {master::synchronous_position_drive(1), master::synchronous_position_drive(2)},
+                             {.period = 2ms});
+    master::MotionGroup axes(bus);
     axes.enable();
 
     constexpr double revolution = 131072;
     // Velocity, acceleration, deceleration, jerk: counts and seconds.
-    const host::MotionLimits limits{5 * revolution, 40 * revolution, 40 * revolution, 1000 * revolution};
+    const master::MotionLimits limits{5 * revolution, 40 * revolution, 40 * revolution, 1000 * revolution};
     const double home[] = {axes.axis(0).set_point().position, axes.axis(1).set_point().position};
     const double targets[] = {home[0] + 5 * revolution, home[1] - 1 * revolution};
     const double duration = axes.start_together(targets, std::span(&limits, 1));

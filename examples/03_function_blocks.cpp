@@ -2,30 +2,30 @@
 // geared to it.
 //
 //   03_function_blocks [LINK]                           servodrome up lines/cyclic-axes.toml: its axes 5 and 6
+#include "axis/cyclic/ethercat_cyclic_bus.hpp"
+#include "axis/plcopen/controller.hpp"
 #include "connection.hpp"
-#include "host/cyclic/ethercat_cyclic_bus.hpp"
-#include "host/plcopen/controller.hpp"
 
 using namespace servodrome;
-using namespace servodrome::host::plcopen;
+using namespace servodrome::master::plcopen;
 using namespace std::chrono_literals;
 
 int main(int argc, char** argv) {
   return examples::run(argc, argv, "usage: 03_function_blocks [LINK]", [](std::string_view link) {
     examples::Ethercat ethercat(link, "cyclic-axes.toml");
-    host::EthercatMaster& master = ethercat.master();
-    const std::vector<host::FoundSlave> found = host::scan_slaves(master);
+    master::EthercatMaster& master = ethercat.master();
+    const std::vector<master::FoundSlave> found = master::scan_slaves(master);
     if (found.size() < 6) throw std::runtime_error("there are not six slaves; start lines/cyclic-axes.toml");
-    host::EthercatSlave first(master, found[4]);
-    host::EthercatSlave second(master, found[5]);
-    host::EthercatSlave* const slaves[] = {&first, &second};
-    for (host::EthercatSlave* slave : slaves) {
+    master::EthercatSlave first(master, found[4]);
+    master::EthercatSlave second(master, found[5]);
+    master::EthercatSlave* const slaves[] = {&first, &second};
+    for (master::EthercatSlave* slave : slaves) {
       slave->to_pre_operational();
-      host::set_up_cyclic_axis(*slave, {.period = 2ms});
+      master::set_up_cyclic_axis(*slave, {.period = 2ms});
       slave->coe().write<std::int8_t>(0x6098, 0, 35);  // homing: home is here
     }
-    host::EthercatOperation operation(master, found, slaves, {.cyclic = {.period = 2ms}});
-    host::EthercatCyclicBus bus(master, operation);
+    master::EthercatOperation operation(master, found, slaves, {.cyclic = {.period = 2ms}});
+    master::EthercatCyclicBus bus(master, operation);
 
     const AxisConfiguration in_revolutions[] = {{.counts_per_unit = 131072.0}};
     Controller controller(bus, in_revolutions);

@@ -7,13 +7,13 @@
 #include <cstring>
 #include <fmt/format.h>
 
+#include "axis/cyclic/ethercat_cyclic_bus.hpp"
+#include "axis/plcopen/controller.hpp"
 #include "connection.hpp"
-#include "host/cyclic/ethercat_cyclic_bus.hpp"
-#include "host/plcopen/controller.hpp"
 #include "routine.hpp"
 
 using namespace servodrome;
-using namespace servodrome::host::plcopen;
+using namespace servodrome::master::plcopen;
 using namespace std::chrono_literals;
 using examples::Routine;
 
@@ -21,7 +21,7 @@ namespace {
 
 constexpr double turn = 4000.0;  // counts, as these drives leave the factory
 constexpr double tolerance_turns = 8.0 / turn;
-constexpr host::Time patience = 120s;
+constexpr master::Time patience = 120s;
 
 // As the manual's machine stands: the index at whole turns, switches where the routine looks for them.
 std::string line_of(const Routine& routine) {
@@ -46,16 +46,16 @@ home = {{ from = 2.0, to = 3.0 }}
                      routine.model, homes_at_positive_limit ? routine.home : 19.0);
 }
 
-void map(host::EthercatSlave& slave, std::uint16_t assignment, std::uint16_t index,
+void map(master::EthercatSlave& slave, std::uint16_t assignment, std::uint16_t index,
          const std::vector<std::uint32_t>& words) {
   if (words.empty()) return;
-  host::Pdo pdo{.index = index};
+  master::Pdo pdo{.index = index};
   for (const std::uint32_t word : words) {
     pdo.entries.push_back({.object = {static_cast<std::uint16_t>(word >> 16), static_cast<std::uint8_t>(word >> 8)},
                            .bits = static_cast<std::uint8_t>(word)});
   }
-  host::map_pdo(slave.coe(), pdo);
-  host::assign_pdos(slave.coe(), assignment, std::array{index});
+  master::map_pdo(slave.coe(), pdo);
+  master::assign_pdos(slave.coe(), assignment, std::array{index});
 }
 
 // The program's blocks, one at a time, as a sequence in the controller calls them.
@@ -229,19 +229,19 @@ class Sequence {
 void carry_out(const Routine& routine, std::string_view link) {
   std::printf("%s\n", routine.title.c_str());
   examples::Ethercat ethercat = examples::Ethercat::on_line(link, line_of(routine));
-  host::EthercatMaster& master = ethercat.master();
-  const std::vector<host::FoundSlave> found = host::scan_slaves(master);
+  master::EthercatMaster& master = ethercat.master();
+  const std::vector<master::FoundSlave> found = master::scan_slaves(master);
   if (found.empty()) throw std::runtime_error("there is no slave; check cable and power");
-  host::EthercatSlave drive(master, found.front());
+  master::EthercatSlave drive(master, found.front());
   drive.to_pre_operational();
-  map(drive, host::rx_assignment, 0x1600, routine.outputs);
-  map(drive, host::tx_assignment, 0x1A00, routine.inputs);
+  map(drive, master::rx_assignment, 0x1600, routine.outputs);
+  map(drive, master::tx_assignment, 0x1A00, routine.inputs);
   for (const Routine::StartUp& one : routine.start_up) {
     drive.coe().download({one.index, one.sub}, std::as_bytes(std::span(&one.value, 1)).first(one.bits / 8));
   }
-  host::EthercatSlave* const slaves[] = {&drive};
-  host::EthercatOperation operation(master, found, slaves, {.cyclic = {.period = 4ms}, .distributed_clocks = true});
-  host::EthercatCyclicBus bus(master, operation);
+  master::EthercatSlave* const slaves[] = {&drive};
+  master::EthercatOperation operation(master, found, slaves, {.cyclic = {.period = 4ms}, .distributed_clocks = true});
+  master::EthercatCyclicBus bus(master, operation);
   const AxisConfiguration configuration[] = {{.counts_per_unit = routine.counts_per_unit}};
   Controller controller(bus, configuration);
   Sequence(controller, routine, ethercat.line()).run();

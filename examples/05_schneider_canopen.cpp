@@ -3,11 +3,11 @@
 // 100000 counts relative at 1000000 counts/s, ten times (ch. 6, 'Program modification and debugging').
 //
 //   05_schneider_canopen [LINK]                         node 1, as on the line that ./run starts
+#include "axis/axis402.hpp"
 #include "connection.hpp"
-#include "host/axis402.hpp"
-#include "host/canopen/master.hpp"
-#include "host/canopen/pdo_set_up.hpp"
-#include "host/canopen/sdo_client.hpp"
+#include "master/canopen/master.hpp"
+#include "master/canopen/pdo_set_up.hpp"
+#include "master/canopen/sdo_client.hpp"
 
 using namespace servodrome;
 using namespace std::chrono_literals;
@@ -16,24 +16,24 @@ int main(int argc, char** argv) {
   return examples::run(argc, argv, "usage: 05_schneider_canopen [LINK]", [](std::string_view link) {
     constexpr std::uint8_t node = 1;
     examples::Can can(link, "default.toml");
-    host::Master master(can.bus());
-    host::SdoClient drive(can.bus(), node);
+    master::Master master(can.bus());
+    master::SdoClient drive(can.bus(), node);
     const examples::QuickStopOnFailure stop_on_failure(drive);
 
     // Expert mode: event-driven PDOs, type 255.
-    master.command(host::NmtCommand::enter_pre_operational, node);
-    const host::PdoParameters pdos[] = {
+    master.command(master::NmtCommand::enter_pre_operational, node);
+    const master::PdoParameters pdos[] = {
         {false, 0, 0x200u + node, 255, {0x60400010, 0x60600008, 0x607A0020}},  // controlword, mode, target position
         {false, 1, 0x300u + node, 255, {0x60FF0020, 0x60810020}},              // target velocity, profile velocity
         {true, 0, 0x180u + node, 255, {0x60410010, 0x60610008, 0x60640020}},   // statusword, mode, position
         {true, 1, 0x280u + node, 255, {0x606C0020, 0x60780010}},               // velocity, current
     };
-    for (const host::PdoParameters& pdo : pdos) host::write_pdo(drive, pdo);
-    master.command(host::NmtCommand::start, node);
+    for (const master::PdoParameters& pdo : pdos) master::write_pdo(drive, pdo);
+    master.command(master::NmtCommand::start, node);
 
     // What the drive last said, as the PLC's input variables.
     std::uint16_t statusword = 0;
-    const auto listening = can.bus().listen([&](const host::Frame& frame) {
+    const auto listening = can.bus().listen([&](const master::Frame& frame) {
       if (frame.id == 0x180u + node) statusword = static_cast<std::uint16_t>(frame.data[0] | frame.data[1] << 8);
     });
     const auto send = [&](std::uint8_t controlword) {
@@ -42,7 +42,7 @@ int main(int argc, char** argv) {
     };
     const auto wait_for = [&](const char* what, std::uint16_t mask, std::uint16_t value) {
       const bool came = can.bus().run_until(can.bus().now() + 3s, [&] { return (statusword & mask) == value; });
-      if (!came) throw std::runtime_error(std::string("no ") + what + ": " + host::text_of_statusword(statusword));
+      if (!came) throw std::runtime_error(std::string("no ") + what + ": " + master::text_of_statusword(statusword));
     };
     master.send_pdo(0x300u + node, std::array<std::uint8_t, 8>{0, 0, 0, 0, 0x40, 0x42, 0x0F, 0x00});  // 1000000
     send(0x06);
@@ -63,6 +63,6 @@ int main(int argc, char** argv) {
     examples::expect_near("counts in ten runs", drive.read<std::int32_t>(0x6064) - begin, 1'000'000, 30);
     send(0x06);
     wait_for("ready to switch on", 0x6F, 0x21);
-    master.command(host::NmtCommand::enter_pre_operational, node);
+    master.command(master::NmtCommand::enter_pre_operational, node);
   });
 }

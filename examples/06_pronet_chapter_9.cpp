@@ -2,10 +2,10 @@
 // interpolated position in step with SYNC (ch. 9.4), homing (ch. 9.5).
 //
 //   06_pronet_chapter_9 [LINK]                          node 3, as on the line that ./run starts
+#include "axis/axis402.hpp"
+#include "axis/cyclic/can_cyclic_bus.hpp"
+#include "axis/cyclic/motion_group.hpp"
 #include "connection.hpp"
-#include "host/axis402.hpp"
-#include "host/cyclic/can_cyclic_bus.hpp"
-#include "host/cyclic/motion_group.hpp"
 
 using namespace servodrome;
 using namespace std::chrono_literals;
@@ -14,16 +14,16 @@ namespace {
 
 constexpr std::uint8_t node = 3;
 
-void wait_for(host::SdoClient& drive, const char* what, std::uint16_t mask, std::uint16_t value) {
+void wait_for(master::SdoClient& drive, const char* what, std::uint16_t mask, std::uint16_t value) {
   for (int i = 0; i < 1000; ++i) {
     if ((drive.read<std::uint16_t>(0x6041) & mask) == value) return;
     drive.wait(5ms);
   }
   throw std::runtime_error(std::string("no ") + what + ": " +
-                           host::text_of_statusword(drive.read<std::uint16_t>(0x6041)));
+                           master::text_of_statusword(drive.read<std::uint16_t>(0x6041)));
 }
 
-void enable(host::SdoClient& drive) {
+void enable(master::SdoClient& drive) {
   drive.write<std::uint16_t>(0x6040, 0, 0x06);
   wait_for(drive, "ready to switch on", 0x6F, 0x21);
   drive.write<std::uint16_t>(0x6040, 0, 0x07);
@@ -33,7 +33,7 @@ void enable(host::SdoClient& drive) {
 }
 
 // 9.1: Pn304 (3022h) is -1000, FC18h.
-void parameter(host::SdoClient& drive) {
+void parameter(master::SdoClient& drive) {
   const auto before = drive.read<std::int16_t>(0x3022);
   drive.write<std::int16_t>(0x3022, 0, -1000);
   examples::expect_near("Pn304", drive.read<std::int16_t>(0x3022), -1000, 0);
@@ -42,11 +42,11 @@ void parameter(host::SdoClient& drive) {
 
 // 9.2: RPDO1 is the controlword, RPDO2 target position and velocity. 50000 position units at 30 rpm, absolute,
 // relative, and back.
-void profile_position(host::Master& master, host::SdoClient& drive) {
-  master.command(host::NmtCommand::enter_pre_operational, node);
-  host::write_pdo(drive, {false, 0, 0x200u + node, 255, {0x60400010}});
-  host::write_pdo(drive, {false, 1, 0x300u + node, 255, {0x607A0020, 0x60810020}});
-  master.command(host::NmtCommand::start, node);
+void profile_position(master::Master& master, master::SdoClient& drive) {
+  master.command(master::NmtCommand::enter_pre_operational, node);
+  master::write_pdo(drive, {false, 0, 0x200u + node, 255, {0x60400010}});
+  master::write_pdo(drive, {false, 1, 0x300u + node, 255, {0x607A0020, 0x60810020}});
+  master.command(master::NmtCommand::start, node);
   drive.write<std::int8_t>(0x6060, 0, 1);
   enable(drive);
   const auto control = [&](std::uint8_t word) {
@@ -78,16 +78,16 @@ void profile_position(host::Master& master, host::SdoClient& drive) {
 
 // 9.3: synchronous PDOs, 60C2h and 2105h with the SYNC's period, controlword and 60C1h each time. The manual's host
 // sends 16 and leaves the path to the reader; here it is a jerk-limited trajectory over a revolution.
-void interpolated_position(host::Bus& bus) {
-  host::CanDrive drive = host::interpolated_position_drive(node);
+void interpolated_position(master::Bus& bus) {
+  master::CanDrive drive = master::interpolated_position_drive(node);
   drive.values.push_back({{0x2105, 0}, 10'000, 4});  // us (ch. 7.5.4)
-  host::CanCyclicBus cyclic(bus, {drive}, {.period = 10ms});
-  const host::MotionAxisOptions options[] = {{.position_mode = host::OperationMode::interpolated_position}};
-  host::MotionGroup axes(cyclic, options);
+  master::CanCyclicBus cyclic(bus, {drive}, {.period = 10ms});
+  const master::MotionAxisOptions options[] = {{.position_mode = master::OperationMode::interpolated_position}};
+  master::MotionGroup axes(cyclic, options);
   axes.enable();
   const double begin = axes.axis(0).set_point().position;
   constexpr double revolution = 131072;
-  const host::MotionLimits limits{2 * revolution, 20 * revolution, 20 * revolution, 500 * revolution};
+  const master::MotionLimits limits{2 * revolution, 20 * revolution, 20 * revolution, 500 * revolution};
   axes.axis(0).move_to(begin + revolution, 0.0, limits);
   axes.wait_until([&] { return axes.all_done(); }, 10s);
   axes.wait(200ms);
@@ -97,8 +97,8 @@ void interpolated_position(host::Bus& bus) {
 
 // 9.4, with method 35: the manual's 4 needs a home switch and an index; both speeds are written, which the manual
 // forgets for 6099h sub 1.
-void homing(host::SdoClient& drive) {
-  host::Axis402 axis(drive, {.dialect = host::dialect_of("pronet")});
+void homing(master::SdoClient& drive) {
+  master::Axis402 axis(drive, {.dialect = master::dialect_of("pronet")});
   axis.enable();
   axis.home({.method = 35, .switch_speed = 1000, .zero_speed = 100}, 30s);
   examples::expect_near("home", axis.position(), 0, 20);
@@ -110,8 +110,8 @@ void homing(host::SdoClient& drive) {
 int main(int argc, char** argv) {
   return examples::run(argc, argv, "usage: 06_pronet_chapter_9 [LINK]", [](std::string_view link) {
     examples::Can can(link, "default.toml");
-    host::Master master(can.bus());
-    host::SdoClient drive(can.bus(), node);
+    master::Master master(can.bus());
+    master::SdoClient drive(can.bus(), node);
     const examples::QuickStopOnFailure stop_on_failure(drive);
     parameter(drive);
     profile_position(master, drive);

@@ -2,9 +2,9 @@
 // 33, position mode absolute and relative, speed mode. What is written is the manual's, number by number.
 //
 //   07_ismk [LINK]                                      node 4, as on the line that ./run starts
+#include "axis/axis402.hpp"
 #include "connection.hpp"
-#include "host/axis402.hpp"
-#include "host/canopen/sdo_client.hpp"
+#include "master/canopen/sdo_client.hpp"
 
 using namespace servodrome;
 using namespace std::chrono_literals;
@@ -34,21 +34,21 @@ constexpr Write absolute[] = {{0x6040, 0, 0x2F, 2}, {0x6040, 0, 0x3F, 2}};
 constexpr Write relative[] = {{0x6040, 0, 0x4F, 2}, {0x6040, 0, 0x5F, 2}};
 constexpr Write speed[] = {{0x6060, 0, 3, 1}, {0x60FF, 0, -rpm_100, 4}, {0x6040, 0, 0x2F, 2}};
 
-void write(host::ObjectClient& drive, std::span<const Write> list) {
+void write(master::ObjectClient& drive, std::span<const Write> list) {
   for (const Write& one : list) {
     drive.download({one.index, one.sub}, std::as_bytes(std::span(&one.value, 1)).first(one.bytes));
     drive.wait(10ms);
   }
 }
 
-void wait_for(host::ObjectClient& drive, const char* what, std::uint16_t bit) {
+void wait_for(master::ObjectClient& drive, const char* what, std::uint16_t bit) {
   drive.wait(50ms);
   for (int i = 0; i < 4000; ++i) {
     if ((drive.read<std::uint16_t>(0x6041) & bit) != 0) return;
     drive.wait(5ms);
   }
   throw std::runtime_error(std::string("no ") + what + ": " +
-                           host::text_of_statusword(drive.read<std::uint16_t>(0x6041)));
+                           master::text_of_statusword(drive.read<std::uint16_t>(0x6041)));
 }
 
 }  // namespace
@@ -58,7 +58,7 @@ int main(int argc, char** argv) {
     constexpr std::uint16_t target_reached = 1U << 10;
     constexpr std::uint16_t reference_found = 1U << 15;
     examples::Can can(link, "default.toml");
-    host::SdoClient drive(can.bus(), 4);
+    master::SdoClient drive(can.bus(), 4);
     const examples::QuickStopOnFailure stop_on_failure(drive);
 
     write(drive, home);

@@ -10,10 +10,10 @@
 #include <fstream>
 #include <iterator>
 
-#include "host/error.hpp"
 #include "line/line_file.hpp"
 #include "line/registry.hpp"
 #include "links/ethercat/memory_client.hpp"
+#include "master/error.hpp"
 
 namespace examples {
 
@@ -44,7 +44,7 @@ void throw_if_interrupted() {
   if (interrupt_seen.exchange(false)) throw std::runtime_error("interrupted");
 }
 
-QuickStopOnFailure::QuickStopOnFailure(host::ObjectClient& drive)
+QuickStopOnFailure::QuickStopOnFailure(master::ObjectClient& drive)
     : drive_(drive), exceptions_(std::uncaught_exceptions()) {}
 
 QuickStopOnFailure::~QuickStopOnFailure() {
@@ -52,30 +52,30 @@ QuickStopOnFailure::~QuickStopOnFailure() {
   constexpr std::uint16_t quick_stop = 0x0002;
   try {
     drive_.write<std::uint16_t>(0x6040, 0, quick_stop);
-  } catch (const host::HostError&) {
+  } catch (const master::MasterError&) {
     // It is gone. What went wrong first is what is told.
   }
 }
 
 Can::Can(std::string_view link, std::string_view line_file) {
   if (!link.empty()) {
-    bus_ = host::Bus::open(link);
+    bus_ = master::Bus::open(link);
     watching_ = bus_->every(std::chrono::milliseconds(20), throw_if_interrupted);
     return;
   }
   line_ = line_of(text_of(line_file), std::string(line_file));
   auto client = std::make_unique<links::MemoryCanClient>(line_->buses().front()->bus, *line_);
-  bus_ = std::make_unique<host::Bus>(std::move(client), "mem:", line_.get());
+  bus_ = std::make_unique<master::Bus>(std::move(client), "mem:", line_.get());
   bus_->run_for(std::chrono::milliseconds(500));  // drives boot
 }
 
 void Ethercat::open(std::string_view link, std::string_view text, const std::string& name) {
   if (!link.empty()) {
-    master_ = host::EthercatMaster::open(link);
+    master_ = master::EthercatMaster::open(link);
     return;
   }
   line_ = line_of(text, name);
-  master_ = std::make_unique<host::EthercatMaster>(
+  master_ = std::make_unique<master::EthercatMaster>(
       std::make_unique<links::MemoryEthercatClient>(line_->ethercat_buses().front()->bus, *line_));
 }
 

@@ -6,10 +6,10 @@
 #include <string>
 #include <string_view>
 
-#include "host/canopen/bus.hpp"
-#include "host/ethercat/master.hpp"
-#include "host/object_client.hpp"
 #include "line/line.hpp"
+#include "master/canopen/bus.hpp"
+#include "master/ethercat/master.hpp"
+#include "master/object_client.hpp"
 
 // Where a program's drives are: behind the link that its command line names, or, without one, on a line in the
 // program's own process, in virtual time. What comes after is the same.
@@ -20,12 +20,12 @@ class Can {
   // `link`: empty for the line in `line_file` (of lines/).
   Can(std::string_view link, std::string_view line_file);
 
-  servodrome::host::Bus& bus() { return *bus_; }
+  servodrome::master::Bus& bus() { return *bus_; }
 
  private:
   std::unique_ptr<servodrome::line::Line> line_;
-  std::unique_ptr<servodrome::host::Bus> bus_;
-  servodrome::host::Bus::Subscription watching_;  // for Ctrl-C, while the bus runs
+  std::unique_ptr<servodrome::master::Bus> bus_;
+  servodrome::master::Bus::Subscription watching_;  // for Ctrl-C, while the bus runs
 };
 
 class Ethercat {
@@ -34,7 +34,7 @@ class Ethercat {
   // A line of one's own, as a line file has it.
   static Ethercat on_line(std::string_view link, std::string_view line_text);
 
-  servodrome::host::EthercatMaster& master() { return *master_; }
+  servodrome::master::EthercatMaster& master() { return *master_; }
   // The line in this process, with the true shafts; nullptr behind a link.
   servodrome::line::Line* line() { return line_.get(); }
 
@@ -43,7 +43,7 @@ class Ethercat {
   void open(std::string_view link, std::string_view text, const std::string& name);
 
   std::unique_ptr<servodrome::line::Line> line_;
-  std::unique_ptr<servodrome::host::EthercatMaster> master_;
+  std::unique_ptr<servodrome::master::EthercatMaster> master_;
 };
 
 // Ctrl-C was pressed. A program that waits by itself asks for it; what stops the axis is said where it is used.
@@ -53,13 +53,13 @@ void throw_if_interrupted();
 // For programs that write controlwords themselves: a quick stop when they are left by an exception, Ctrl-C among them.
 class QuickStopOnFailure {
  public:
-  explicit QuickStopOnFailure(servodrome::host::ObjectClient& drive);
+  explicit QuickStopOnFailure(servodrome::master::ObjectClient& drive);
   ~QuickStopOnFailure();
   QuickStopOnFailure(const QuickStopOnFailure&) = delete;
   QuickStopOnFailure& operator=(const QuickStopOnFailure&) = delete;
 
  private:
-  servodrome::host::ObjectClient& drive_;
+  servodrome::master::ObjectClient& drive_;
   int exceptions_;
 };
 

@@ -2,10 +2,10 @@
 #include <algorithm>
 #include <cstdlib>
 
-#include "host/script/script.hpp"
+#include "tools/script/script.hpp"
 
 extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
-  using namespace servodrome::host;
+  using namespace servodrome::master;
   const std::string_view text(reinterpret_cast<const char*>(data), size);
   const auto lines = static_cast<std::size_t>(std::count(text.begin(), text.end(), '\n')) + 1;
   try {

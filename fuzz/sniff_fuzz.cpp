@@ -5,12 +5,12 @@
 #include <sstream>
 
 #include "describe/device_file.hpp"
-#include "host/error.hpp"
-#include "host/sniff/can_decoder.hpp"
-#include "host/sniff/capture_file.hpp"
-#include "host/sniff/ethercat_decoder.hpp"
-#include "host/sniff/modbus_tcp_decoder.hpp"
-#include "host/sniff/serial_decoder.hpp"
+#include "master/error.hpp"
+#include "tools/sniff/can_decoder.hpp"
+#include "tools/sniff/capture_file.hpp"
+#include "tools/sniff/ethercat_decoder.hpp"
+#include "tools/sniff/modbus_tcp_decoder.hpp"
+#include "tools/sniff/serial_decoder.hpp"
 
 using namespace servodrome;
 
@@ -20,33 +20,33 @@ void decode_capture(const std::uint8_t* data, std::size_t size) {
   const std::unique_ptr<std::FILE, int (*)(std::FILE*)> file(::fmemopen(const_cast<std::uint8_t*>(data), size, "rb"),
                                                              &std::fclose);
   if (!file) return;
-  host::CanDecoder can;
-  host::EthercatDecoder ethercat;
+  master::CanDecoder can;
+  master::EthercatDecoder ethercat;
   ethercat.show_sent(true);
-  host::SerialDecoder serial;
-  host::ModbusTcpDecoder modbus_tcp;
+  master::SerialDecoder serial;
+  master::ModbusTcpDecoder modbus_tcp;
   try {
-    host::CaptureFile capture(file.get(), "fuzz");
+    master::CaptureFile capture(file.get(), "fuzz");
     while (const auto frame = capture.next()) {
       if (const auto* on_can = std::get_if<canopen::Frame>(&frame->content)) can.decode(*on_can, frame->time);
-      if (const auto* bytes = std::get_if<host::EthernetBytes>(&frame->content)) {
+      if (const auto* bytes = std::get_if<master::EthernetBytes>(&frame->content)) {
         ethercat.decode(*bytes, frame->time);
         modbus_tcp.decode(*bytes, frame->time);
       }
-      if (const auto* piece = std::get_if<host::SerialBytes>(&frame->content)) {
+      if (const auto* piece = std::get_if<master::SerialBytes>(&frame->content)) {
         serial.decode(piece->bytes, frame->time, piece->sender);
         modbus_tcp.decode_message(piece->bytes, frame->time, piece->sender == links::SerialSender::master, 0);
       }
     }
     serial.finish();
-  } catch (const host::HostError&) {
+  } catch (const master::MasterError&) {
   }
 }
 
 void read_data_sheet(const std::uint8_t* data, std::size_t size) {
   std::istringstream text(std::string(reinterpret_cast<const char*>(data), size));
   try {
-    host::DeviceModel::of(describe::read_eds(text, "fuzz"));
+    master::DeviceModel::of(describe::read_eds(text, "fuzz"));
   } catch (const describe::DeviceFileError&) {
   }
 }

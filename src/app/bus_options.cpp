@@ -20,7 +20,7 @@ void note_interrupt(int signal) {
   if (interrupt_seen == 0) interrupt_seen = signal;
 }
 
-constexpr host::Time progress_period = std::chrono::milliseconds(100);
+constexpr master::Time progress_period = std::chrono::milliseconds(100);
 
 }  // namespace
 
@@ -80,7 +80,7 @@ BusKindAndLink bus_kind(const BusOptions& options) {
   return {BusKind::can, options.link};
 }
 
-std::unique_ptr<host::Bus> open_bus(const BusOptions& options) {
+std::unique_ptr<master::Bus> open_bus(const BusOptions& options) {
   if (bus_kind(options).kind != BusKind::can) {
     throw Failure::wrong_use(fmt::format("--bus {}: this needs a CAN bus", options.link));
   }
@@ -90,15 +90,15 @@ std::unique_ptr<host::Bus> open_bus(const BusOptions& options) {
   } catch (const links::LinkError& error) {
     throw Failure::wrong_use(fmt::format("--bus: {}", error.what()));
   }
-  return host::Bus::open(options.link, options.heard);
+  return master::Bus::open(options.link, options.heard);
 }
 
-std::uint8_t choose_node(host::Bus& bus, const BusOptions& options, bool drives) {
+std::uint8_t choose_node(master::Bus& bus, const BusOptions& options, bool drives) {
   if (options.node_id != 0) return static_cast<std::uint8_t>(options.node_id);
   std::string list;
   std::uint8_t chosen = 0;
   unsigned count = 0;
-  for (const host::FoundNode& node : host::scan(bus)) {
+  for (const master::FoundNode& node : master::scan(bus)) {
     if (drives && !node.is_drive()) continue;
     ++count;
     chosen = node.node_id;
@@ -139,10 +139,10 @@ bool InterruptGuard::interrupted() { return interrupting_signal() != 0; }
 
 int interrupting_signal() { return interrupt_seen; }
 
-host::Axis402::Progress motion_progress(host::Axis402& axis, bool quiet, const host::UnitScale& scale) {
+master::Axis402::Progress motion_progress(master::Axis402& axis, bool quiet, const master::UnitScale& scale) {
   const bool shown = !quiet && on_terminal();
-  return [&axis, shown, scale, next = host::Time{}](const host::AxisStatus& status) mutable {
-    const host::Time now = axis.objects().now();
+  return [&axis, shown, scale, next = master::Time{}](const master::AxisStatus& status) mutable {
+    const master::Time now = axis.objects().now();
     if (!shown || now < next) return;
     next = now + progress_period;
     fmt::print("\r  position {:>12}  velocity {:>10}\x1B[K", scale.position(status.position),

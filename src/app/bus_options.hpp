@@ -6,11 +6,11 @@
 #include <memory>
 #include <string>
 
-#include "host/axis402.hpp"
-#include "host/axis_units.hpp"
-#include "host/canopen/bus.hpp"
-#include "host/canopen/scan.hpp"
-#include "host/canopen/sdo_client.hpp"
+#include "axis/axis402.hpp"
+#include "axis/axis_units.hpp"
+#include "master/canopen/bus.hpp"
+#include "master/canopen/scan.hpp"
+#include "master/canopen/sdo_client.hpp"
 
 // Options and functions shared by the commands that talk to a bus.
 namespace servodrome::app {
@@ -35,10 +35,12 @@ struct BusOptions {
   // Not an option: callback for the traffic on the link.
   links::Heard heard{};
 
-  host::Time timeout() const {
-    return std::chrono::duration_cast<host::Time>(std::chrono::duration<double>(timeout_s));
+  master::Time timeout() const {
+    return std::chrono::duration_cast<master::Time>(std::chrono::duration<double>(timeout_s));
   }
-  host::Time answer_timeout() const { return timeout_is_for_motion ? host::Time(std::chrono::seconds(1)) : timeout(); }
+  master::Time answer_timeout() const {
+    return timeout_is_for_motion ? master::Time(std::chrono::seconds(1)) : timeout();
+  }
 };
 
 enum class BusKind : std::uint8_t { can, modbus, serial10, ethercat };
@@ -61,12 +63,12 @@ void add_watch_option(CLI::App& command, BusOptions& options);
 // Adds --cycle and --clocks, for commands that take EtherCAT slaves to OP.
 void add_cycle_options(CLI::App& command, BusOptions& options);
 
-// Opens --bus, which must be a CAN link. Throws Failure for another kind, HostError if the link cannot be opened.
-std::unique_ptr<host::Bus> open_bus(const BusOptions& options);
+// Opens --bus, which must be a CAN link. Throws Failure for another kind, MasterError if the link cannot be opened.
+std::unique_ptr<master::Bus> open_bus(const BusOptions& options);
 
 // Returns the node of --node, or the only node that answers (`drives`: the only CiA 402 drive). Throws Failure if there
 // is none, or more than one.
-std::uint8_t choose_node(host::Bus& bus, const BusOptions& options, bool drives);
+std::uint8_t choose_node(master::Bus& bus, const BusOptions& options, bool drives);
 
 // Returns true if standard output is a terminal, where a line can be rewritten.
 bool on_terminal();
@@ -89,7 +91,7 @@ class InterruptGuard {
 };
 
 // Progress output of a motion: shows position and velocity on a terminal.
-host::Axis402::Progress motion_progress(host::Axis402& axis, bool quiet, const host::UnitScale& scale = {});
+master::Axis402::Progress motion_progress(master::Axis402& axis, bool quiet, const master::UnitScale& scale = {});
 // Ends the line that motion_progress() rewrites.
 void end_progress(bool quiet);
 

@@ -14,15 +14,15 @@ namespace {
 class OpenGroup final : public studio::OpenBus {
  public:
   OpenGroup(const BusOptions& options, const std::vector<DriveGroup::Member>& members) : group_(options, members) {}
-  std::vector<host::ObjectClient*> drives() override {
-    std::vector<host::ObjectClient*> drives;
-    for (host::Axis402* axis : group_.axes()) drives.push_back(&axis->objects());
+  std::vector<master::ObjectClient*> drives() override {
+    std::vector<master::ObjectClient*> drives;
+    for (master::Axis402* axis : group_.axes()) drives.push_back(&axis->objects());
     return drives;
   }
   void back(std::size_t drive) override { group_.renew_watch(drive); }
   // All drives share the bus, so any of them can wait.
-  void wait(host::Time span) override { group_.axes().front()->objects().wait(span); }
-  Cyclic open_cyclic(std::size_t drive, const host::CanDrive& exchanged) override {
+  void wait(master::Time span) override { group_.axes().front()->objects().wait(span); }
+  Cyclic open_cyclic(std::size_t drive, const master::CanDrive& exchanged) override {
     return {group_.open_cyclic(exchanged), group_.operates() ? drive : 0};
   }
   void configure(std::size_t drive, const Action& action, const Action& undo) override {
@@ -71,10 +71,10 @@ std::string product_name(const line::Product* product) {
 
 std::vector<studio::DrivePlan> drives_on_can(const Named& named) {
   const auto bus = open_bus(named.options);
-  host::ScanOptions scan;
+  master::ScanOptions scan;
   std::vector<studio::DrivePlan> drives;
-  const std::vector<host::FoundNode> found = host::scan(*bus, scan);
-  for (const host::FoundNode& node : found) {
+  const std::vector<master::FoundNode> found = master::scan(*bus, scan);
+  for (const master::FoundNode& node : found) {
     const bool wanted = std::find(named.nodes.begin(), named.nodes.end(), node.node_id) != named.nodes.end();
     if (named.nodes.empty() ? node.is_drive() : wanted) {
       drives.push_back({{}, product_name(product_of(node)), node.node_id});
@@ -91,19 +91,19 @@ std::vector<studio::DrivePlan> drives_on_can(const Named& named) {
 
 std::vector<studio::DrivePlan> drives_on_ethercat(const Named& named) {
   const auto master = open_ethercat_master(named.options);
-  const std::vector<host::FoundSlave> slaves = scan_segment(*master);
+  const std::vector<master::FoundSlave> slaves = scan_segment(*master);
   std::vector<studio::DrivePlan> drives;
   if (!named.nodes.empty()) {
     for (const unsigned node : named.nodes) {
       BusOptions one = named.options;
       one.node_id = node;
-      const host::FoundSlave& slave = choose_slave(*master, slaves, one);
+      const master::FoundSlave& slave = choose_slave(*master, slaves, one);
       drives.push_back({{}, product_name(product_of(slave)), slave.position});
     }
     return drives;
   }
-  for (const host::FoundSlave& found : slaves) {
-    host::EthercatSlave slave(*master, found, named.options.answer_timeout());
+  for (const master::FoundSlave& found : slaves) {
+    master::EthercatSlave slave(*master, found, named.options.answer_timeout());
     if (is_drive(slave)) drives.push_back({{}, product_name(product_of(found)), found.position});
   }
   return drives;
@@ -111,7 +111,7 @@ std::vector<studio::DrivePlan> drives_on_ethercat(const Named& named) {
 
 // A serial line is not scanned, because every missing station costs one second.
 std::vector<studio::DrivePlan> drives_on_modbus(const Named& named, const std::string& link) {
-  host::ModbusClient client = open_modbus_client(named.options, link, {.timeout = named.options.answer_timeout()});
+  master::ModbusClient client = open_modbus_client(named.options, link, {.timeout = named.options.answer_timeout()});
   std::vector<unsigned> nodes = named.nodes;
   if (nodes.empty()) nodes.push_back(0);  // the only one behind a TCP address
   std::vector<studio::DrivePlan> drives;

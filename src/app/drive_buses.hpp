@@ -8,7 +8,7 @@
 namespace servodrome::app {
 
 // Finds the drives behind several --bus LINK[=NODE,NODE..]: those that are named, otherwise all. `common` holds the
-// options for all buses. Throws Failure for an invalid link or a bus without drives, HostError if a bus cannot be
+// options for all buses. Throws Failure for an invalid link or a bus without drives, MasterError if a bus cannot be
 // opened.
 std::vector<studio::BusPlan> find_drives(const std::vector<std::string>& buses, const BusOptions& common);
 

@@ -32,14 +32,15 @@ DriveGroup::DriveGroup(const BusOptions& options, const std::vector<Member>& mem
   for (const auto& axis : axes_) pointers_.push_back(axis.get());
 }
 
-void DriveGroup::add_axis(std::unique_ptr<host::ObjectClient> objects, const line::Product* product) {
+void DriveGroup::add_axis(std::unique_ptr<master::ObjectClient> objects, const line::Product* product) {
   if (product == nullptr) {
     product = product_of(objects->read_if_present<std::uint32_t>(0x1018, 1),
                          objects->read_if_present<std::uint32_t>(0x1018, 2));
   }
-  axes_.push_back(std::make_unique<host::Axis402>(
-      *objects, host::AxisOptions{.dialect = host::dialect_of(product != nullptr ? product->name : std::string_view{}),
-                                  .cancelled = InterruptGuard::interrupted}));
+  axes_.push_back(std::make_unique<master::Axis402>(
+      *objects,
+      master::AxisOptions{.dialect = master::dialect_of(product != nullptr ? product->name : std::string_view{}),
+                          .cancelled = InterruptGuard::interrupted}));
   objects_.push_back(std::move(objects));
 }
 
@@ -48,40 +49,40 @@ void DriveGroup::open_can(const BusOptions& options, const std::vector<Member>& 
   for (const Member& member : members) {
     const BusOptions own = options_of(options, member);
     if (own.node_id > 127) throw Failure::wrong_use(fmt::format("node {}: node-IDs are 1..127", own.node_id));
-    add_axis(std::make_unique<host::SdoClient>(*bus_, choose_node(*bus_, own, true),
-                                               host::SdoOptions{.timeout = options.answer_timeout()}),
+    add_axis(std::make_unique<master::SdoClient>(*bus_, choose_node(*bus_, own, true),
+                                                 master::SdoOptions{.timeout = options.answer_timeout()}),
              named_product(own));
   }
   if (options.no_watch) return;
-  std::vector<host::ObjectClient*> drives;
+  std::vector<master::ObjectClient*> drives;
   for (const auto& objects : objects_) drives.push_back(objects.get());
   watch_.emplace(*bus_, drives, warn);
 }
 
 void DriveGroup::operate() {
-  std::vector<host::EthercatSlave*> slaves;
+  std::vector<master::EthercatSlave*> slaves;
   for (const auto& slave : slaves_) slaves.push_back(slave.get());
   operation_.emplace(*ethercat_, segment_, slaves, operation_options_);
 }
 
-std::unique_ptr<host::CyclicBus> DriveGroup::open_cyclic(const host::CanDrive& on_can) {
-  constexpr host::Time period = std::chrono::milliseconds(1);
-  if (operation_) return std::make_unique<host::EthercatCyclicBus>(*ethercat_, *operation_);
-  if (!bus_) throw host::HostError("there are no process data", "this bus", "use the drive's CAN or EtherCAT port");
+std::unique_ptr<master::CyclicBus> DriveGroup::open_cyclic(const master::CanDrive& on_can) {
+  constexpr master::Time period = std::chrono::milliseconds(1);
+  if (operation_) return std::make_unique<master::EthercatCyclicBus>(*ethercat_, *operation_);
+  if (!bus_) throw master::MasterError("there are no process data", "this bus", "use the drive's CAN or EtherCAT port");
   // Some drives answer a SYNC in their next tick, which may be more than half a period later.
-  return std::make_unique<host::CanCyclicBus>(*bus_, std::vector{on_can},
-                                              host::CanCyclicOptions{.period = period, .waits_whole_period = true});
+  return std::make_unique<master::CanCyclicBus>(*bus_, std::vector{on_can},
+                                                master::CanCyclicOptions{.period = period, .waits_whole_period = true});
 }
 
 void DriveGroup::configure(std::size_t axis, const Action& action, const Action& undo) {
   if (!operation_) return action(*objects_[axis]);
   operation_.reset();  // all slaves go to PREOP
-  host::EthercatSlave& slave = *slaves_[axis];
-  host::CoeObjects objects(slave);
+  master::EthercatSlave& slave = *slaves_[axis];
+  master::CoeObjects objects(slave);
   action(objects);
   try {
     operate();
-  } catch (const host::HostError&) {
+  } catch (const master::MasterError&) {
     slave.to_pre_operational();
     undo(objects);
     throw;
@@ -104,21 +105,21 @@ void DriveGroup::renew_watch(std::size_t axis) {
   if (watch_) watch_->renew(*objects_[axis]);
 }
 
-std::optional<host::Time> DriveGroup::watched_within(std::size_t axis) const {
+std::optional<master::Time> DriveGroup::watched_within(std::size_t axis) const {
   if (operation_) return operation_->exchange().watchdog(axis);
-  if (watch_ && watch_->is_watching(*objects_[axis])) return host::MasterWatch::longest_silence;
+  if (watch_ && watch_->is_watching(*objects_[axis])) return master::MasterWatch::longest_silence;
   return std::nullopt;
 }
 
 void DriveGroup::open_modbus(const BusOptions& options, const std::vector<Member>& members, const std::string& link) {
-  const host::ModbusOptions modbus_options{.timeout = options.answer_timeout()};
-  modbus_ = std::make_unique<host::ModbusClient>(open_modbus_client(options, link, modbus_options));
+  const master::ModbusOptions modbus_options{.timeout = options.answer_timeout()};
+  modbus_ = std::make_unique<master::ModbusClient>(open_modbus_client(options, link, modbus_options));
   for (const Member& member : members) {
     const BusOptions own = options_of(options, member);
     const std::uint8_t unit = modbus_unit(own, link);
     const line::Product* product = named_product(own);
     if (product == nullptr) product = &modbus_product(*modbus_, unit);
-    add_axis(std::make_unique<host::ModbusObjects>(*modbus_, unit, register_list_of(*product)), product);
+    add_axis(std::make_unique<master::ModbusObjects>(*modbus_, unit, register_list_of(*product)), product);
   }
 }
 
@@ -128,8 +129,8 @@ void DriveGroup::open_ethercat(const BusOptions& options, const std::vector<Memb
   std::vector<const line::Product*> products;
   for (const Member& member : members) {
     const BusOptions own = options_of(options, member);
-    const host::FoundSlave& found = choose_slave(*ethercat_, segment_, own);
-    slaves_.push_back(std::make_unique<host::EthercatSlave>(*ethercat_, found, options.answer_timeout()));
+    const master::FoundSlave& found = choose_slave(*ethercat_, segment_, own);
+    slaves_.push_back(std::make_unique<master::EthercatSlave>(*ethercat_, found, options.answer_timeout()));
     products.push_back(own.product.empty() ? product_of(found) : named_product(own));
     if (!is_drive(*slaves_.back())) {
       throw Failure::wrong_use(fmt::format("{}: it is not a CiA 402 drive", slaves_.back()->where()));
@@ -138,7 +139,7 @@ void DriveGroup::open_ethercat(const BusOptions& options, const std::vector<Memb
   operation_options_ = operation_options(options);
   operate();
   for (std::size_t i = 0; i < slaves_.size(); ++i) {
-    add_axis(std::make_unique<host::CoeObjects>(*slaves_[i], operation_->exchange(), i), products[i]);
+    add_axis(std::make_unique<master::CoeObjects>(*slaves_[i], operation_->exchange(), i), products[i]);
   }
 }
 

@@ -13,27 +13,27 @@ class DriveGroup {
   };
 
   // EtherCAT slaves go to OP together, and stay there as long as this object lives and waits. CANopen drives monitor
-  // this program's heartbeat for the same time (host::MasterWatch), unless the options disable it. Throws Failure if a
-  // drive cannot be determined, HostError if the link cannot be opened or a drive does not answer.
+  // this program's heartbeat for the same time (master::MasterWatch), unless the options disable it. Throws Failure if
+  // a drive cannot be determined, MasterError if the link cannot be opened or a drive does not answer.
   DriveGroup(const BusOptions& options, const std::vector<Member>& members);
 
-  const std::vector<host::Axis402*>& axes() const { return pointers_; }
+  const std::vector<master::Axis402*>& axes() const { return pointers_; }
   // Call it when a drive has come back, maybe from a reset: a CANopen drive monitors the heartbeat again. Throws
-  // HostError.
+  // MasterError.
   void renew_watch(std::size_t axis);
   // Time without this program after which the axis begins to stop by itself; empty: it does not stop.
-  std::optional<host::Time> watched_within(std::size_t axis) const;
+  std::optional<master::Time> watched_within(std::size_t axis) const;
   // True for EtherCAT slaves in OP. A slave that leaves OP while its motor is on goes to fault, so disable it before.
   bool operates() const { return operation_.has_value(); }
   // Exchanges process data at a fixed rate: on CANopen those of the drive in `on_can`, every millisecond; on EtherCAT
-  // those that all slaves map. Throws HostError on a bus without process data.
-  std::unique_ptr<host::CyclicBus> open_cyclic(const host::CanDrive& on_can);
+  // those that all slaves map. Throws MasterError on a bus without process data.
+  std::unique_ptr<master::CyclicBus> open_cyclic(const master::CanDrive& on_can);
   // Runs `action` in a state in which the drive accepts changes of its process data: all EtherCAT slaves go to PREOP
   // for it. Then they operate with the change. If they cannot, runs `undo` and throws the reason. Afterwards the axes
   // on EtherCAT must not be used any more.
-  using Action = std::function<void(host::ObjectClient& objects)>;
+  using Action = std::function<void(master::ObjectClient& objects)>;
   void configure(std::size_t axis, const Action& action, const Action& undo);
-  // Calls `show` with the FMMUs and sync managers of the slaves; does nothing on other buses. Throws HostError.
+  // Calls `show` with the FMMUs and sync managers of the slaves; does nothing on other buses. Throws MasterError.
   using Registers = std::function<void(std::size_t axis, std::uint16_t station, std::uint16_t offset,
                                        std::span<const std::uint8_t> bytes)>;
   void show_process_data(const Registers& show);
@@ -44,20 +44,20 @@ class DriveGroup {
   void open_ethercat(const BusOptions& options, const std::vector<Member>& members);
   void operate();
   // If `product` is nullptr, reads the identity from the drive.
-  void add_axis(std::unique_ptr<host::ObjectClient> objects, const line::Product* product);
+  void add_axis(std::unique_ptr<master::ObjectClient> objects, const line::Product* product);
 
   std::unique_ptr<DriveLink> single_;  // for a protocol with a single drive
-  std::unique_ptr<host::Bus> bus_;
-  std::unique_ptr<host::ModbusClient> modbus_;
-  std::unique_ptr<host::EthercatMaster> ethercat_;
-  std::vector<host::FoundSlave> segment_;
-  std::vector<std::unique_ptr<host::EthercatSlave>> slaves_;
-  host::OperationOptions operation_options_{};
-  std::optional<host::EthercatOperation> operation_;
-  std::vector<std::unique_ptr<host::ObjectClient>> objects_;
-  std::optional<host::MasterWatch> watch_;
-  std::vector<std::unique_ptr<host::Axis402>> axes_;
-  std::vector<host::Axis402*> pointers_;
+  std::unique_ptr<master::Bus> bus_;
+  std::unique_ptr<master::ModbusClient> modbus_;
+  std::unique_ptr<master::EthercatMaster> ethercat_;
+  std::vector<master::FoundSlave> segment_;
+  std::vector<std::unique_ptr<master::EthercatSlave>> slaves_;
+  master::OperationOptions operation_options_{};
+  std::optional<master::EthercatOperation> operation_;
+  std::vector<std::unique_ptr<master::ObjectClient>> objects_;
+  std::optional<master::MasterWatch> watch_;
+  std::vector<std::unique_ptr<master::Axis402>> axes_;
+  std::vector<master::Axis402*> pointers_;
 };
 
 }  // namespace servodrome::app

@@ -82,43 +82,43 @@ const line::Product* product_of(std::optional<std::uint32_t> vendor_id, std::opt
   return nullptr;
 }
 
-const line::Product* product_of(const host::FoundNode& node) {
+const line::Product* product_of(const master::FoundNode& node) {
   return node.identity ? product_of(node.identity->vendor_id, node.identity->product_code) : nullptr;
 }
 
-const line::Product* product_of(const host::FoundSlave& slave) {
+const line::Product* product_of(const master::FoundSlave& slave) {
   return product_of(slave.sii.identity.vendor_id, slave.sii.identity.product_code);
 }
 
-std::string name_of(const host::FoundNode& node) {
+std::string name_of(const master::FoundNode& node) {
   if (!node.name.empty()) return node.name;
   const line::Product* product = product_of(node);
   return product != nullptr ? std::string(product->name) : "-";
 }
 
-int name_width(const std::vector<host::FoundNode>& nodes) {
+int name_width(const std::vector<master::FoundNode>& nodes) {
   std::size_t longest = std::string_view("product").size();
-  for (const host::FoundNode& node : nodes) longest = std::max(longest, name_of(node).size());
+  for (const master::FoundNode& node : nodes) longest = std::max(longest, name_of(node).size());
   return static_cast<int>(longest) + 2;
 }
 
-host::ModbusClient open_modbus_client(const BusOptions& options, const std::string& link,
-                                      const host::ModbusOptions& modbus_options) {
+master::ModbusClient open_modbus_client(const BusOptions& options, const std::string& link,
+                                        const master::ModbusOptions& modbus_options) {
   check_link(options, link);
-  host::ModbusOptions complete = modbus_options;
+  master::ModbusOptions complete = modbus_options;
   complete.format = format_of(options);
   complete.heard = options.heard;
-  return host::ModbusClient::open(link, complete);
+  return master::ModbusClient::open(link, complete);
 }
 
-host::Serial10Client open_serial10_client(const BusOptions& options, const std::string& link,
-                                          const host::Serial10Options& serial10_options) {
+master::Serial10Client open_serial10_client(const BusOptions& options, const std::string& link,
+                                            const master::Serial10Options& serial10_options) {
   check_link(options, link);
   if (is_tcp(link)) throw Failure::wrong_use(fmt::format("--bus {}: this protocol is for serial lines", options.link));
-  host::Serial10Options complete = serial10_options;
+  master::Serial10Options complete = serial10_options;
   complete.format = format_of(options);
   complete.heard = options.heard;
-  return host::Serial10Client::open(link, complete);
+  return master::Serial10Client::open(link, complete);
 }
 
 DriveLink::DriveLink(const BusOptions& options, bool drives) : product_(named_product(options)) {
@@ -133,18 +133,18 @@ DriveLink::DriveLink(const BusOptions& options, bool drives) : product_(named_pr
 
 void DriveLink::open_can(const BusOptions& options, bool drives) {
   bus_ = open_bus(options);
-  auto sdo = std::make_unique<host::SdoClient>(*bus_, choose_node(*bus_, options, drives),
-                                               host::SdoOptions{.timeout = options.answer_timeout()});
+  auto sdo = std::make_unique<master::SdoClient>(*bus_, choose_node(*bus_, options, drives),
+                                                 master::SdoOptions{.timeout = options.answer_timeout()});
   sdo_ = sdo.get();
   objects_ = std::move(sdo);
 }
 
 void DriveLink::open_modbus(const BusOptions& options, const std::string& link) {
-  const host::ModbusOptions modbus_options{.timeout = options.answer_timeout()};
-  modbus_ = std::make_unique<host::ModbusClient>(open_modbus_client(options, link, modbus_options));
+  const master::ModbusOptions modbus_options{.timeout = options.answer_timeout()};
+  modbus_ = std::make_unique<master::ModbusClient>(open_modbus_client(options, link, modbus_options));
   const std::uint8_t unit = modbus_unit(options, link);
   if (product_ == nullptr) product_ = &modbus_product(*modbus_, unit);
-  objects_ = std::make_unique<host::ModbusObjects>(*modbus_, unit, register_list_of(*product_));
+  objects_ = std::make_unique<master::ModbusObjects>(*modbus_, unit, register_list_of(*product_));
 }
 
 std::uint8_t modbus_unit(const BusOptions& options, const std::string& link) {
@@ -162,7 +162,7 @@ std::uint8_t modbus_unit(const BusOptions& options, const std::string& link) {
   return unit;
 }
 
-host::RegisterList register_list_of(const line::Product& product) {
+master::RegisterList register_list_of(const line::Product& product) {
   if (product.serial == nullptr) {
     throw Failure::wrong_use(fmt::format("--product {}: it has no Modbus registers", product.name));
   }
@@ -171,18 +171,18 @@ host::RegisterList register_list_of(const line::Product& product) {
           .word_order = product.serial->profile->word_order};
 }
 
-host::RegisterList DriveLink::register_list() const { return register_list_of(*product_); }
+master::RegisterList DriveLink::register_list() const { return register_list_of(*product_); }
 
 // A station without identification may be any product, and register addresses differ between products.
-const line::Product& modbus_product(host::ModbusClient& client, std::uint8_t unit) {
+const line::Product& modbus_product(master::ModbusClient& client, std::uint8_t unit) {
   std::string name;
   try {
     constexpr std::uint8_t product_code = 1;
     name = client.read_device_identification(unit)[product_code];
-  } catch (const host::ModbusError& error) {
+  } catch (const master::ModbusError& error) {
     const bool gateway = error.exception() == Exception::gateway_path_unavailable ||
                          error.exception() == Exception::gateway_target_failed_to_respond;
-    if (error.kind() != host::ModbusError::Kind::refused || gateway) throw;
+    if (error.kind() != master::ModbusError::Kind::refused || gateway) throw;
   }
   const line::Product* product = line::find_product(line::all_products(), name);
   if (product != nullptr && product->serial != nullptr) return *product;
@@ -200,27 +200,27 @@ const line::Product& modbus_product(host::ModbusClient& client, std::uint8_t uni
 }
 
 void DriveLink::open_serial10(const BusOptions& options, const std::string& link) {
-  const host::Serial10Options serial10_options{.timeout = options.answer_timeout()};
-  serial10_ = std::make_unique<host::Serial10Client>(open_serial10_client(options, link, serial10_options));
+  const master::Serial10Options serial10_options{.timeout = options.answer_timeout()};
+  serial10_ = std::make_unique<master::Serial10Client>(open_serial10_client(options, link, serial10_options));
   if (options.node_id > 127) throw Failure::wrong_use(fmt::format("--node {}: ids are 1..127", options.node_id));
   const auto id = static_cast<std::uint8_t>(options.node_id != 0 ? options.node_id : serial10::universal_id);
   if (product_ == nullptr) product_ = product_that_speaks(products::SerialProtocol::serial10);
-  objects_ = std::make_unique<host::Serial10Objects>(*serial10_, id);
+  objects_ = std::make_unique<master::Serial10Objects>(*serial10_, id);
 }
 
 // ---- EtherCAT ----
 
-std::unique_ptr<host::EthercatMaster> open_ethercat_master(const BusOptions& options) {
+std::unique_ptr<master::EthercatMaster> open_ethercat_master(const BusOptions& options) {
   try {
     links::parse_ethercat_link(options.link);
   } catch (const links::LinkError& error) {
     throw Failure::wrong_use(fmt::format("--bus: {}", error.what()));
   }
-  return host::EthercatMaster::open(options.link, {.heard = options.heard});
+  return master::EthercatMaster::open(options.link, {.heard = options.heard});
 }
 
-std::vector<host::FoundSlave> scan_segment(host::EthercatMaster& master) {
-  auto slaves = host::scan_slaves(master);
+std::vector<master::FoundSlave> scan_segment(master::EthercatMaster& master) {
+  auto slaves = master::scan_slaves(master);
   if (!slaves.empty()) return slaves;
   throw Failure::did_not_work(
       fmt::format("{}: no slave answers; check that `servodrome up` runs there, or cable and "
@@ -228,11 +228,11 @@ std::vector<host::FoundSlave> scan_segment(host::EthercatMaster& master) {
                   master.name()));
 }
 
-const host::FoundSlave& choose_slave(const host::EthercatMaster& master, const std::vector<host::FoundSlave>& slaves,
-                                     const BusOptions& options) {
+const master::FoundSlave& choose_slave(const master::EthercatMaster& master,
+                                       const std::vector<master::FoundSlave>& slaves, const BusOptions& options) {
   if (options.node_id == 0 && slaves.size() == 1) return slaves.front();
   std::string list;
-  for (const host::FoundSlave& slave : slaves) {
+  for (const master::FoundSlave& slave : slaves) {
     const bool by_position = slave.position == options.node_id;
     const bool by_alias = options.node_id > slaves.size() && slave.alias == options.node_id;
     if (by_position || by_alias) return slave;
@@ -244,15 +244,15 @@ const host::FoundSlave& choose_slave(const host::EthercatMaster& master, const s
   throw Failure::wrong_use(fmt::format("{}: {}: {}; choose one with --node", master.name(), problem, list));
 }
 
-bool is_drive(host::EthercatSlave& slave) {
+bool is_drive(master::EthercatSlave& slave) {
   constexpr std::uint32_t drive_profile = 402;
   if (!slave.has_coe()) return false;
   return (slave.coe().read<std::uint32_t>(0x1000) & 0xFFFF) == drive_profile;
 }
 
-host::OperationOptions operation_options(const BusOptions& options) {
+master::OperationOptions operation_options(const BusOptions& options) {
   const auto period =
-      std::chrono::duration_cast<host::Time>(std::chrono::duration<double, std::milli>(options.cycle_ms));
+      std::chrono::duration_cast<master::Time>(std::chrono::duration<double, std::milli>(options.cycle_ms));
   // Between two computers or under load a frame may take longer than a cycle; such a late frame does not count as lost.
   constexpr std::uint16_t any = 0;  // check() counts lost cycles; this computer is no real-time system
   return {.cyclic = {.period = period, .tolerated_losses = 50},
@@ -263,43 +263,43 @@ host::OperationOptions operation_options(const BusOptions& options) {
 void DriveLink::open_ethercat(const BusOptions& options, bool drives) {
   ethercat_ = open_ethercat_master(options);
   line_ = scan_segment(*ethercat_);
-  const host::FoundSlave& found = choose_slave(*ethercat_, line_, options);
-  if (found.status.state() == host::AlState::operational) {
+  const master::FoundSlave& found = choose_slave(*ethercat_, line_, options);
+  if (found.status.state() == master::AlState::operational) {
     warn(
         fmt::format("{}, slave {}: it is in OP, so another master is active: two masters read each other's answers "
                     "from its one mailbox; stop the other master first",
                     ethercat_->name(), found.position));
   }
-  slave_ = std::make_unique<host::EthercatSlave>(*ethercat_, found, options.answer_timeout());
+  slave_ = std::make_unique<master::EthercatSlave>(*ethercat_, found, options.answer_timeout());
   if (product_ == nullptr) product_ = product_of(found);
   if (drives && !is_drive(*slave_)) {
     throw Failure::wrong_use(
         fmt::format("{}: it is not a CiA 402 drive; choose another slave with --node", slave_->where()));
   }
-  objects_ = std::make_unique<host::CoeObjects>(*slave_);
+  objects_ = std::make_unique<master::CoeObjects>(*slave_);
 }
 
 void DriveLink::be_watched(const BusOptions& options) {
   if (!bus_ || options.no_watch) return;
-  host::ObjectClient* const drives[] = {objects_.get()};
+  master::ObjectClient* const drives[] = {objects_.get()};
   watch_.emplace(*bus_, drives, warn);
 }
 
 void DriveLink::operate(const BusOptions& options) {
   be_watched(options);
   if (!slave_) return;
-  host::EthercatSlave* const slaves[] = {slave_.get()};
+  master::EthercatSlave* const slaves[] = {slave_.get()};
   operation_.emplace(*ethercat_, line_, slaves, operation_options(options));
-  objects_ = std::make_unique<host::CoeObjects>(*slave_, operation_->exchange(), 0);
+  objects_ = std::make_unique<master::CoeObjects>(*slave_, operation_->exchange(), 0);
 }
 
-std::unique_ptr<host::CyclicBus> DriveLink::open_cyclic(const host::CanDrive& on_can, const BusOptions& options) {
-  if (operation_) return std::make_unique<host::EthercatCyclicBus>(*ethercat_, *operation_);
+std::unique_ptr<master::CyclicBus> DriveLink::open_cyclic(const master::CanDrive& on_can, const BusOptions& options) {
+  if (operation_) return std::make_unique<master::EthercatCyclicBus>(*ethercat_, *operation_);
   if (!bus_) throw Failure::wrong_use(fmt::format("--bus {}: it has no process data", options.link));
   // Some drives answer a SYNC in their next tick, which may be more than half a period later.
-  return std::make_unique<host::CanCyclicBus>(
+  return std::make_unique<master::CanCyclicBus>(
       *bus_, std::vector{on_can},
-      host::CanCyclicOptions{.period = operation_options(options).cyclic.period, .waits_whole_period = true});
+      master::CanCyclicOptions{.period = operation_options(options).cyclic.period, .waits_whole_period = true});
 }
 
 const line::Product* DriveLink::product() {
@@ -310,25 +310,25 @@ const line::Product* DriveLink::product() {
   return product_;
 }
 
-const host::ObjectCatalogue& DriveLink::catalogue() {
-  if (product() == nullptr) return host::ObjectCatalogue::standard();
+const master::ObjectCatalogue& DriveLink::catalogue() {
+  if (product() == nullptr) return master::ObjectCatalogue::standard();
   if (!catalogue_) {
     const describe::Description description = product()->describe();
-    catalogue_ = host::ObjectCatalogue::of(modbus_ || serial10_ ? description.service_table : description.table);
+    catalogue_ = master::ObjectCatalogue::of(modbus_ || serial10_ ? description.service_table : description.table);
   }
   return *catalogue_;
 }
 
-std::unique_ptr<host::scope::Sampler> DriveLink::open_sampler(std::vector<host::scope::Channel> channels,
-                                                              const host::scope::SamplerOptions& options) {
-  if (sdo_ != nullptr) return host::scope::open_can_sampler(*bus_, *sdo_, std::move(channels), options);
-  if (slave_) return host::scope::open_ethercat_sampler(*ethercat_, line_, *slave_, std::move(channels), options);
-  return host::scope::open_polled_sampler(*objects_, std::move(channels), options,
-                                          modbus_ ? "Modbus requests" : "requests of the 10-byte protocol");
+std::unique_ptr<master::scope::Sampler> DriveLink::open_sampler(std::vector<master::scope::Channel> channels,
+                                                                const master::scope::SamplerOptions& options) {
+  if (sdo_ != nullptr) return master::scope::open_can_sampler(*bus_, *sdo_, std::move(channels), options);
+  if (slave_) return master::scope::open_ethercat_sampler(*ethercat_, line_, *slave_, std::move(channels), options);
+  return master::scope::open_polled_sampler(*objects_, std::move(channels), options,
+                                            modbus_ ? "Modbus requests" : "requests of the 10-byte protocol");
 }
 
 void check_that_it_moves(const line::Product& product, const std::string& where) {
-  const host::RegisterList list = register_list_of(product);
+  const master::RegisterList list = register_list_of(product);
   const bool has_statusword = std::any_of(list.registers.begin(), list.registers.end(),
                                           [](const auto& row) { return row.index == 0x6041 && row.sub == 0; });
   if (has_statusword) return;
@@ -338,25 +338,25 @@ void check_that_it_moves(const line::Product& product, const std::string& where)
                   where, product.name, product.fieldbus == line::Fieldbus::ethercat ? "EtherCAT" : "CAN bus"));
 }
 
-std::unique_ptr<host::Axis402> DriveLink::open_axis(host::ObjectClient& objects, host::AxisOptions options) {
-  if (product() != nullptr) options.dialect = host::dialect_of(product()->name);
+std::unique_ptr<master::Axis402> DriveLink::open_axis(master::ObjectClient& objects, master::AxisOptions options) {
+  if (product() != nullptr) options.dialect = master::dialect_of(product()->name);
   if (modbus_) check_that_it_moves(*product_, objects_->where());
   if (!options.cancelled) options.cancelled = InterruptGuard::interrupted;
-  return std::make_unique<host::Axis402>(objects, options);
+  return std::make_unique<master::Axis402>(objects, options);
 }
 
-std::unique_ptr<host::conform::Subject> DriveLink::open_subject(const host::conform::SubjectSettings& settings,
-                                                                const BusOptions& options) {
-  using host::conform::Subject;
-  if (sdo_ != nullptr) return std::make_unique<Subject>(host::conform::CanAccess{*bus_, *sdo_}, settings);
+std::unique_ptr<master::conform::Subject> DriveLink::open_subject(const master::conform::SubjectSettings& settings,
+                                                                  const BusOptions& options) {
+  using master::conform::Subject;
+  if (sdo_ != nullptr) return std::make_unique<Subject>(master::conform::CanAccess{*bus_, *sdo_}, settings);
   if (slave_) {
     return std::make_unique<Subject>(
-        host::conform::EthercatAccess{*ethercat_, line_, *slave_, operation_options(options)}, settings);
+        master::conform::EthercatAccess{*ethercat_, line_, *slave_, operation_options(options)}, settings);
   }
   if (modbus_) {
     check_that_it_moves(*product_, objects_->where());
     return std::make_unique<Subject>(
-        host::conform::ModbusAccess{*modbus_, static_cast<std::uint8_t>(objects_->address()), register_list()},
+        master::conform::ModbusAccess{*modbus_, static_cast<std::uint8_t>(objects_->address()), register_list()},
         settings);
   }
   throw Failure::wrong_use(

@@ -3,15 +3,15 @@
 #include <memory>
 
 #include "app/bus_options.hpp"
-#include "host/canopen/master_watch.hpp"
-#include "host/conform/subject.hpp"
-#include "host/cyclic/can_cyclic_bus.hpp"
-#include "host/cyclic/ethercat_cyclic_bus.hpp"
-#include "host/ethercat/coe_objects.hpp"
-#include "host/modbus/objects.hpp"
-#include "host/scope/sampler.hpp"
-#include "host/serial10/objects.hpp"
+#include "axis/cyclic/can_cyclic_bus.hpp"
+#include "axis/cyclic/ethercat_cyclic_bus.hpp"
+#include "axis/master_watch.hpp"
 #include "line/registry.hpp"
+#include "master/ethercat/coe_objects.hpp"
+#include "master/modbus/objects.hpp"
+#include "master/serial10/objects.hpp"
+#include "tools/conform/subject.hpp"
+#include "tools/scope/sampler.hpp"
 
 namespace servodrome::app {
 
@@ -19,12 +19,12 @@ namespace servodrome::app {
 class DriveLink {
  public:
   // Opens the drive of --node, or the only one (`drives`: the only CiA 402 drive of a CAN bus). Throws Failure if that
-  // is not unique, HostError if the link cannot be opened.
+  // is not unique, MasterError if the link cannot be opened.
   DriveLink(const BusOptions& options, bool drives);
 
-  host::ObjectClient& objects() { return *objects_; }
+  master::ObjectClient& objects() { return *objects_; }
   // The same objects for a CANopen node; nullptr on other buses.
-  host::SdoClient* sdo() { return sdo_; }
+  master::SdoClient* sdo() { return sdo_; }
   // The product of --product, or the one that the drive reports; nullptr: unknown.
   const line::Product* product();
   // "node", "station", "slave" or "drive", the usual word for its bus.
@@ -34,48 +34,48 @@ class DriveLink {
   // this object lives and waits. Does nothing on other buses. Axes that were opened before must not be used any more.
   void operate(const BusOptions& options);
   bool operates() const { return operation_.has_value(); }
-  // Lets a CANopen drive monitor this program's heartbeat as long as this object lives (host::MasterWatch), unless the
-  // options disable it.
+  // Lets a CANopen drive monitor this program's heartbeat as long as this object lives (master::MasterWatch), unless
+  // the options disable it.
   void be_watched(const BusOptions& options);
   // Exchanges the process data of the drive with the cycle of the options: on CANopen those in `on_can`, on EtherCAT
   // those that the slave maps; the slave must operate. A CANopen drive receives this program's heartbeat as long as the
   // result lives. Throws Failure on a bus without process data.
-  std::unique_ptr<host::CyclicBus> open_cyclic(const host::CanDrive& on_can, const BusOptions& options);
+  std::unique_ptr<master::CyclicBus> open_cyclic(const master::CanDrive& on_can, const BusOptions& options);
   // Uses the product's dialect. Ctrl-C cancels its waits if an InterruptGuard lives. Throws Failure if this port of the
   // drive has parameters only.
-  std::unique_ptr<host::Axis402> open_axis(host::AxisOptions options) { return open_axis(*objects_, options); }
+  std::unique_ptr<master::Axis402> open_axis(master::AxisOptions options) { return open_axis(*objects_, options); }
   // The same with other objects of the same drive.
-  std::unique_ptr<host::Axis402> open_axis(host::ObjectClient& objects, host::AxisOptions options);
+  std::unique_ptr<master::Axis402> open_axis(master::ObjectClient& objects, master::AxisOptions options);
   // Object names of its product, or of the standard.
-  const host::ObjectCatalogue& catalogue();
+  const master::ObjectCatalogue& catalogue();
   // The quickest sampler on this bus; `channels` must be complete. The result must not outlive this object.
-  std::unique_ptr<host::scope::Sampler> open_sampler(std::vector<host::scope::Channel> channels,
-                                                     const host::scope::SamplerOptions& options);
+  std::unique_ptr<master::scope::Sampler> open_sampler(std::vector<master::scope::Channel> channels,
+                                                       const master::scope::SamplerOptions& options);
   // The drive as `conform` checks it: its objects and the frames of its bus. Throws Failure on a bus for which there
   // are no checks.
-  std::unique_ptr<host::conform::Subject> open_subject(const host::conform::SubjectSettings& settings,
-                                                       const BusOptions& options);
+  std::unique_ptr<master::conform::Subject> open_subject(const master::conform::SubjectSettings& settings,
+                                                         const BusOptions& options);
 
  private:
   void open_can(const BusOptions& options, bool drives);
   void open_modbus(const BusOptions& options, const std::string& link);
   void open_serial10(const BusOptions& options, const std::string& link);
   void open_ethercat(const BusOptions& options, bool drives);
-  host::RegisterList register_list() const;
+  master::RegisterList register_list() const;
 
-  std::unique_ptr<host::Bus> bus_;
-  std::unique_ptr<host::ModbusClient> modbus_;
-  std::unique_ptr<host::Serial10Client> serial10_;
-  std::unique_ptr<host::EthercatMaster> ethercat_;
-  std::vector<host::FoundSlave> line_;  // all slaves of the segment
-  std::unique_ptr<host::EthercatSlave> slave_;
-  std::optional<host::EthercatOperation> operation_;
-  std::unique_ptr<host::ObjectClient> objects_;
-  std::optional<host::MasterWatch> watch_;
-  host::SdoClient* sdo_ = nullptr;
+  std::unique_ptr<master::Bus> bus_;
+  std::unique_ptr<master::ModbusClient> modbus_;
+  std::unique_ptr<master::Serial10Client> serial10_;
+  std::unique_ptr<master::EthercatMaster> ethercat_;
+  std::vector<master::FoundSlave> line_;  // all slaves of the segment
+  std::unique_ptr<master::EthercatSlave> slave_;
+  std::optional<master::EthercatOperation> operation_;
+  std::unique_ptr<master::ObjectClient> objects_;
+  std::optional<master::MasterWatch> watch_;
+  master::SdoClient* sdo_ = nullptr;
   const line::Product* product_ = nullptr;
   bool asked_product_ = false;
-  std::optional<host::ObjectCatalogue> catalogue_;
+  std::optional<master::ObjectCatalogue> catalogue_;
 };
 
 // The product that speaks the protocol; nullptr if several products do.
@@ -85,36 +85,36 @@ const line::Product* named_product(const BusOptions& options);
 // The product with this identity (1018h); nullptr: unknown product.
 const line::Product* product_of(std::optional<std::uint32_t> vendor_id, std::optional<std::uint32_t> product_code);
 
-const line::Product* product_of(const host::FoundNode& node);
-const line::Product* product_of(const host::FoundSlave& slave);
+const line::Product* product_of(const master::FoundNode& node);
+const line::Product* product_of(const master::FoundSlave& slave);
 // The name that the node reports (1008h); otherwise the product of its identity; otherwise "-".
-std::string name_of(const host::FoundNode& node);
+std::string name_of(const master::FoundNode& node);
 // Width of a table column of names: the longest name and a gap.
-int name_width(const std::vector<host::FoundNode>& nodes);
+int name_width(const std::vector<master::FoundNode>& nodes);
 
 // An EtherCAT master for --bus; throws Failure for an invalid link.
-std::unique_ptr<host::EthercatMaster> open_ethercat_master(const BusOptions& options);
+std::unique_ptr<master::EthercatMaster> open_ethercat_master(const BusOptions& options);
 // Returns all slaves; throws Failure if there are none.
-std::vector<host::FoundSlave> scan_segment(host::EthercatMaster& master);
+std::vector<master::FoundSlave> scan_segment(master::EthercatMaster& master);
 // The slave at position --node, or with that alias; without --node the only one. Throws Failure.
-const host::FoundSlave& choose_slave(const host::EthercatMaster& master, const std::vector<host::FoundSlave>& slaves,
-                                     const BusOptions& options);
+const master::FoundSlave& choose_slave(const master::EthercatMaster& master,
+                                       const std::vector<master::FoundSlave>& slaves, const BusOptions& options);
 // Returns true if the slave has the objects of a CiA 402 drive. Reads them in PREOP.
-bool is_drive(host::EthercatSlave& slave);
-host::OperationOptions operation_options(const BusOptions& options);
+bool is_drive(master::EthercatSlave& slave);
+master::OperationOptions operation_options(const BusOptions& options);
 
 // A Modbus master for --bus modbus:LINK, without a drive.
-host::ModbusClient open_modbus_client(const BusOptions& options, const std::string& link,
-                                      const host::ModbusOptions& modbus_options);
+master::ModbusClient open_modbus_client(const BusOptions& options, const std::string& link,
+                                        const master::ModbusOptions& modbus_options);
 // The unit of --node, or the only one behind a TCP address. Throws Failure.
 std::uint8_t modbus_unit(const BusOptions& options, const std::string& link);
 // The product that a station reports. Throws Failure if it reports none, or an unknown one.
-const line::Product& modbus_product(host::ModbusClient& client, std::uint8_t unit);
+const line::Product& modbus_product(master::ModbusClient& client, std::uint8_t unit);
 // Throws Failure if the product's Modbus has no statusword: the port of a PC program may have parameters only.
 void check_that_it_moves(const line::Product& product, const std::string& where);
 // Throws Failure if the product has no Modbus registers.
-host::RegisterList register_list_of(const line::Product& product);
-host::Serial10Client open_serial10_client(const BusOptions& options, const std::string& link,
-                                          const host::Serial10Options& serial10_options);
+master::RegisterList register_list_of(const line::Product& product);
+master::Serial10Client open_serial10_client(const BusOptions& options, const std::string& link,
+                                            const master::Serial10Options& serial10_options);
 
 }  // namespace servodrome::app

@@ -21,15 +21,15 @@ void add_motion_options(CLI::App& command, MotionOptions& options, const std::st
 }
 
 void run_motion(const MotionOptions& options, const std::function<Motion(const Units&)>& plan) {
-  const host::UnitChoice choice = options.units.choice();
+  const master::UnitChoice choice = options.units.choice();
   DriveLink link(options.bus, true);
   link.operate(options.bus);
   const auto opened = link.open_axis({});
-  host::Axis402& axis = *opened;
-  const host::UnitScale scale = scale_of(axis, choice);
+  master::Axis402& axis = *opened;
+  const master::UnitScale scale = scale_of(axis, choice);
   const Motion motion = plan(Units(scale));
   const InterruptGuard guard;
-  host::Time start{};
+  master::Time start{};
   MotionResult result;
   double seconds = 0.0;
   std::int32_t position = 0;
@@ -49,13 +49,13 @@ void run_motion(const MotionOptions& options, const std::function<Motion(const U
   }
   end_progress(options.bus.json);
   if (options.bus.json) {
-    const bool in_others = scale.system != host::UnitSystem::drive;
+    const bool in_others = scale.system != master::UnitSystem::drive;
     nlohmann::ordered_json json{{"node", axis.address()}, {"result", result.done}};
     const auto add = [&](const std::string& name, const std::optional<std::int32_t>& value) {
       json[name] = value ? nlohmann::ordered_json(*value) : nullptr;
       if (in_others) json[name + "_in_units"] = value ? nlohmann::ordered_json(*value / scale.drive.position) : nullptr;
     };
-    if (in_others) json["units"] = host::names_of(scale.system).word;
+    if (in_others) json["units"] = master::names_of(scale.system).word;
     add("position", position);
     json["seconds"] = seconds;
     json["state"] = drive::name(axis.state());

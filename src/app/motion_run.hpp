@@ -23,7 +23,7 @@ void add_motion_options(CLI::App& command, MotionOptions& options, const std::st
 // Converts the user's numbers to the drive's units, rounded. Throws Failure if the result is out of range.
 class Units {
  public:
-  explicit Units(const host::UnitScale& scale) : units_(scale.drive) {}
+  explicit Units(const master::UnitScale& scale) : units_(scale.drive) {}
 
   // `name` is used in error messages.
   template <typename T>
@@ -49,7 +49,7 @@ class Units {
   }
 
  private:
-  host::AxisUnits units_;
+  master::AxisUnits units_;
 };
 
 // Result of a motion: a word for it ("moved"), and further values to print.
@@ -58,7 +58,7 @@ struct MotionResult {
   std::vector<std::pair<std::string, std::optional<std::int32_t>>> positions{};  // in the drive's units
   nlohmann::ordered_json details = nlohmann::ordered_json::object();
 };
-using Motion = std::function<MotionResult(host::Axis402&, const host::Axis402::Progress&)>;
+using Motion = std::function<MotionResult(master::Axis402&, const master::Axis402::Progress&)>;
 
 // Calls `plan` to create a motion from the options, enables the drive, runs the motion, and prints the final position.
 // Invalid options leave the drive unchanged; after a later error the axis stands and is disabled.

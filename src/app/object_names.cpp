@@ -7,7 +7,7 @@
 
 #include "app/commands.hpp"
 #include "describe/words.hpp"
-#include "host/error.hpp"
+#include "master/error.hpp"
 
 namespace servodrome::app {
 
@@ -15,33 +15,33 @@ using dictionary::Type;
 
 namespace {
 
-host::ObjectCatalogue read_catalogue(const std::string& eds) {
-  if (eds.empty()) return host::ObjectCatalogue::standard();
+master::ObjectCatalogue read_catalogue(const std::string& eds) {
+  if (eds.empty()) return master::ObjectCatalogue::standard();
   std::ifstream file(eds);
   if (!file) throw Failure::wrong_use(fmt::format("--eds {}: cannot be read; check the path", eds));
-  return host::ObjectCatalogue::read_eds(file, eds);
+  return master::ObjectCatalogue::read_eds(file, eds);
 }
 
 }  // namespace
 
 ObjectNames::ObjectNames(const std::string& eds) : has_eds_(!eds.empty()), given_(read_catalogue(eds)) {}
 
-const host::ObjectCatalogue& ObjectNames::of(DriveLink& link) const {
+const master::ObjectCatalogue& ObjectNames::of(DriveLink& link) const {
   return has_eds_ || link.product() == nullptr ? given_ : link.catalogue();
 }
 
-host::ObjectAddress resolve(const host::ObjectCatalogue& catalogue, const std::string& text) {
+master::ObjectAddress resolve(const master::ObjectCatalogue& catalogue, const std::string& text) {
   try {
     return catalogue.resolve(text);
-  } catch (const host::HostError& error) {
+  } catch (const master::MasterError& error) {
     throw Failure::wrong_use(error.what());
   }
 }
 
-bool knows(const host::ObjectCatalogue& catalogue, const std::string& text) {
+bool knows(const master::ObjectCatalogue& catalogue, const std::string& text) {
   try {
     return catalogue.find(catalogue.resolve(text)) != nullptr;
-  } catch (const host::HostError&) {
+  } catch (const master::MasterError&) {
     return false;
   }
 }
@@ -69,15 +69,16 @@ nlohmann::ordered_json value_json(std::span<const std::byte> bytes, std::optiona
   return nullptr;
 }
 
-nlohmann::ordered_json object_json(const host::ObjectCatalogue& catalogue, unsigned node_id, host::ObjectAddress object,
-                                   std::span<const std::byte> bytes, std::optional<Type> type) {
-  const host::NamedObject* known = catalogue.find(object);
+nlohmann::ordered_json object_json(const master::ObjectCatalogue& catalogue, unsigned node_id,
+                                   master::ObjectAddress object, std::span<const std::byte> bytes,
+                                   std::optional<Type> type) {
+  const master::NamedObject* known = catalogue.find(object);
   nlohmann::ordered_json json{
       {"node", node_id}, {"object", text_of(object)}, {"index", object.index}, {"sub", object.sub}};
   json["name"] = known == nullptr ? "" : known->name;
   json["type"] = type ? nlohmann::ordered_json(describe::word(*type)) : nullptr;
   if (auto value = value_json(bytes, type); !value.is_null()) json["value"] = std::move(value);
-  json["bytes"] = host::text_of_value(bytes, Type::octet_string);
+  json["bytes"] = master::text_of_value(bytes, Type::octet_string);
   return json;
 }
 

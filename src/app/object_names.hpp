@@ -6,21 +6,22 @@
 #include <string>
 
 #include "app/drive_link.hpp"
-#include "host/object_catalogue.hpp"
+#include "axis/object_catalogue.hpp"
 
 // Object names on the command line, and objects as JSON.
 namespace servodrome::app {
 
 // Calls ObjectCatalogue::resolve; throws Failure, since the name comes from the user.
-host::ObjectAddress resolve(const host::ObjectCatalogue& catalogue, const std::string& text);
+master::ObjectAddress resolve(const master::ObjectCatalogue& catalogue, const std::string& text);
 // Returns true if the catalogue contains an object with this name or address.
-bool knows(const host::ObjectCatalogue& catalogue, const std::string& text);
+bool knows(const master::ObjectCatalogue& catalogue, const std::string& text);
 
 // A number, a text, true or false; null if the type is unknown, or is none of these.
 nlohmann::ordered_json value_json(std::span<const std::byte> bytes, std::optional<dictionary::Type> type);
 // {"node", "object", "index", "sub", "name", "type", "value", "bytes"}; "value" is omitted if it would be null.
-nlohmann::ordered_json object_json(const host::ObjectCatalogue& catalogue, unsigned node_id, host::ObjectAddress object,
-                                   std::span<const std::byte> bytes, std::optional<dictionary::Type> type);
+nlohmann::ordered_json object_json(const master::ObjectCatalogue& catalogue, unsigned node_id,
+                                   master::ObjectAddress object, std::span<const std::byte> bytes,
+                                   std::optional<dictionary::Type> type);
 
 // The source of object names for a command line: --eds, or the standard, or the drive's product.
 class ObjectNames {
@@ -28,14 +29,14 @@ class ObjectNames {
   // `eds`: the given path, or "". Throws Failure if it cannot be read.
   explicit ObjectNames(const std::string& eds);
 
-  const host::ObjectCatalogue& without_drive() const { return given_; }
+  const master::ObjectCatalogue& without_drive() const { return given_; }
   bool has_eds() const { return has_eds_; }
   // Asks the drive for its product, since names, types and units may be specific to it.
-  const host::ObjectCatalogue& of(DriveLink& link) const;
+  const master::ObjectCatalogue& of(DriveLink& link) const;
 
  private:
   bool has_eds_;
-  host::ObjectCatalogue given_;
+  master::ObjectCatalogue given_;
 };
 
 }  // namespace servodrome::app

@@ -82,7 +82,7 @@ std::vector<const dictionary::Entry*> signature_of(const line::Product& product)
   return some_of(own, signature_objects);
 }
 
-const line::Product* product_by_objects(host::ObjectClient& objects, line::Fieldbus bus) {
+const line::Product* product_by_objects(master::ObjectClient& objects, line::Fieldbus bus) {
   const line::Product* found = nullptr;
   for (const line::Product& product : line::all_products()) {
     if (product.fieldbus != bus) continue;
@@ -90,7 +90,7 @@ const line::Product* product_by_objects(host::ObjectClient& objects, line::Field
     const bool fits = !signature.empty() && std::all_of(signature.begin(), signature.end(), [&](const auto* entry) {
       try {
         return objects.upload({entry->index, entry->sub}).size() == dictionary::size_of(entry->type);
-      } catch (const host::ObjectError& error) {
+      } catch (const master::ObjectError& error) {
         if (!error.answered()) throw;
         return false;
       }
@@ -102,7 +102,7 @@ const line::Product* product_by_objects(host::ObjectClient& objects, line::Field
   return found;
 }
 
-const line::Product* product_by_registers(host::ModbusClient& client, std::uint8_t unit) {
+const line::Product* product_by_registers(master::ModbusClient& client, std::uint8_t unit) {
   const line::Product* found = nullptr;
   for (const line::Product& product : line::all_products()) {
     if (product.serial == nullptr) continue;
@@ -112,8 +112,8 @@ const line::Product* product_by_registers(host::ModbusClient& client, std::uint8
     const bool fits = !tried.empty() && std::all_of(tried.begin(), tried.end(), [&](const modbus::Register& row) {
       try {
         return client.read_holding_registers(unit, row.address, row.words).size() == row.words;
-      } catch (const host::ModbusError& error) {
-        if (error.kind() != host::ModbusError::Kind::refused) throw;
+      } catch (const master::ModbusError& error) {
+        if (error.kind() != master::ModbusError::Kind::refused) throw;
         return false;
       }
     });

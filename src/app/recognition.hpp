@@ -5,9 +5,9 @@
 #include <vector>
 
 #include "describe/esi_reader.hpp"
-#include "host/modbus/client.hpp"
-#include "host/object_client.hpp"
 #include "line/registry.hpp"
+#include "master/modbus/client.hpp"
+#include "master/object_client.hpp"
 
 // Recognises the product of a drive: by its identity, by description files, or by its objects.
 namespace servodrome::app {
@@ -31,10 +31,10 @@ class Descriptions {
 std::vector<const dictionary::Entry*> signature_of(const line::Product& product);
 
 // The product whose signature the drive has; nullptr: none, or more than one. Reads some objects, writes none.
-const line::Product* product_by_objects(host::ObjectClient& objects, line::Fieldbus bus);
+const line::Product* product_by_objects(master::ObjectClient& objects, line::Fieldbus bus);
 
 // The product of which the station has all registers that are tried; nullptr: none, or more than one (such a station
 // answers at any address). Variants of one product have the same registers: returns the first variant.
-const line::Product* product_by_registers(host::ModbusClient& client, std::uint8_t unit);
+const line::Product* product_by_registers(master::ModbusClient& client, std::uint8_t unit);
 
 }  // namespace servodrome::app

@@ -5,12 +5,12 @@
 
 namespace servodrome::app {
 
-using host::UnitSystem;
+using master::UnitSystem;
 
-host::UnitChoice UnitOptions::choice() const {
-  const host::UnitChoice choice{.system = revolutions ? UnitSystem::revolutions : *host::unit_system_named(name),
-                                .units_per_revolution = units_per_revolution,
-                                .feed_mm = feed_mm};
+master::UnitChoice UnitOptions::choice() const {
+  const master::UnitChoice choice{.system = revolutions ? UnitSystem::revolutions : *master::unit_system_named(name),
+                                  .units_per_revolution = units_per_revolution,
+                                  .feed_mm = feed_mm};
   const bool in_millimetres = choice.system == UnitSystem::millimetres;
   if (in_millimetres && !feed_mm) {
     throw Failure::wrong_use("--units mm: give the feed per motor revolution in mm with --feed");
@@ -23,8 +23,8 @@ host::UnitChoice UnitOptions::choice() const {
   return choice;
 }
 
-host::UnitScale scale_of(host::Axis402& axis, const host::UnitChoice& choice) {
-  return host::UnitScale::of(axis, choice, "give them with --units-per-revolution NUMBER");
+master::UnitScale scale_of(master::Axis402& axis, const master::UnitChoice& choice) {
+  return master::UnitScale::of(axis, choice, "give them with --units-per-revolution NUMBER");
 }
 
 void add_unit_options(CLI::App& command, UnitOptions& options) {
@@ -35,7 +35,7 @@ void add_unit_options(CLI::App& command, UnitOptions& options) {
               "Units of positions, velocities (per s) and accelerations (per s2): drive (the drive's user-defined "
               "units), counts (of the encoder), revolutions, rpm (revolutions, rpm, rpm/s), degrees, or mm with --feed")
           ->check([](const std::string& word) {
-            return host::unit_system_named(word) ? std::string() : "units are " + host::list_of_unit_systems();
+            return master::unit_system_named(word) ? std::string() : "units are " + master::list_of_unit_systems();
           })
           ->capture_default_str();
   command.add_flag("--revolutions", options.revolutions, "Short for --units revolutions")->excludes(units);

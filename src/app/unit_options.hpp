@@ -4,7 +4,7 @@
 #include <optional>
 #include <string>
 
-#include "host/axis_units.hpp"
+#include "axis/axis_units.hpp"
 
 // --units and related options: the units in which commands that move or show an axis read and print numbers.
 namespace servodrome::app {
@@ -16,11 +16,11 @@ struct UnitOptions {
   std::optional<double> feed_mm{};
 
   // Throws Failure if the options contradict each other; needs no drive.
-  host::UnitChoice choice() const;
+  master::UnitChoice choice() const;
 };
 
-// Throws HostError if neither the drive nor the options give the size of a revolution.
-host::UnitScale scale_of(host::Axis402& axis, const host::UnitChoice& choice);
+// Throws MasterError if neither the drive nor the options give the size of a revolution.
+master::UnitScale scale_of(master::Axis402& axis, const master::UnitChoice& choice);
 
 void add_unit_options(CLI::App& command, UnitOptions& options);
 

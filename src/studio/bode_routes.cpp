@@ -6,13 +6,13 @@
 #include <fmt/format.h>
 
 #include "drive/drive.hpp"
-#include "host/tuning/loop.hpp"
-#include "host/tuning/spectrum.hpp"
+#include "tools/tuning/loop.hpp"
+#include "tools/tuning/spectrum.hpp"
 
 namespace servodrome::studio {
 namespace {
 
-namespace tuning = host::tuning;
+namespace tuning = master::tuning;
 using line::bench::ApiError;
 using line::bench::Call;
 using line::bench::Json;

@@ -33,11 +33,11 @@ Subjects& line_subjects() {
   return subjects;
 }
 
-host::ParameterList Subject::parameters(bool with_connection) const {
-  return host::ParameterList::of_dictionary(table, host::parameter_rules_of(product), with_connection);
+master::ParameterList Subject::parameters(bool with_connection) const {
+  return master::ParameterList::of_dictionary(table, master::parameter_rules_of(product), with_connection);
 }
 
-ApiError api_error(const host::HostError& error, unsigned status) {
+ApiError api_error(const master::MasterError& error, unsigned status) {
   return {status, error.happened(), error.where(), error.remedy()};
 }
 

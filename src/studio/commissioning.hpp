@@ -3,32 +3,32 @@
 #include <memory>
 #include <vector>
 
-#include "host/error.hpp"
-#include "host/parameters/list.hpp"
-#include "host/parameters/values.hpp"
 #include "line/bench/routes.hpp"
+#include "master/error.hpp"
 #include "studio/service_objects.hpp"
+#include "tools/parameters/list.hpp"
+#include "tools/parameters/values.hpp"
 
-// Access to an axis for commissioning, besides its jobs. It uses the host library: for a virtual drive over its service
-// port between two ticks, for a drive on a bus over that bus. docs/bench-api.md, "Parameters" and the sections after
-// it.
+// Access to an axis for commissioning, besides its jobs. It uses an `ObjectClient`: for a virtual drive over its
+// service port between two ticks, for a drive on a bus over that bus. docs/bench-api.md, "Parameters" and the sections
+// after it.
 namespace servodrome::studio {
 
 // An axis as the commissioning routes use it.
 struct Subject {
-  std::unique_ptr<host::ObjectClient> client;
-  host::ObjectClient& objects = *client;
-  host::NodeId node_id{};  // of a CANopen drive
+  std::unique_ptr<master::ObjectClient> client;
+  master::ObjectClient& objects = *client;
+  master::NodeId node_id{};  // of a CANopen drive
   std::string product;
   std::span<const dictionary::Entry> table{};  // objects of its bus; without a fieldbus all objects
   bool has_process_data = true;
   // Runs `action` in a state in which the drive accepts changes of its process data. Runs `undo` if the bus does not
   // operate with the change. Both may run in another thread, and after the caller has left, so they must own their
   // data. Empty: the drive accepts such changes through `objects` at any time.
-  using Action = std::function<void(host::ObjectClient& objects)>;
+  using Action = std::function<void(master::ObjectClient& objects)>;
   std::function<void(const Action& action, const Action& undo)> configure{};
   // The parameters that `servodrome params` lists: those of `table`.
-  host::ParameterList parameters(bool with_connection = false) const;
+  master::ParameterList parameters(bool with_connection = false) const;
 };
 
 // Provides the subjects of a server.
@@ -51,7 +51,7 @@ line::bench::RouteGroup pdo_routes(Subjects& subjects);
 std::vector<line::bench::RouteGroup> commissioning_routes();
 
 // Converts an error to the API's form: `status`, what happened, where, and what to do.
-line::bench::ApiError api_error(const host::HostError& error, unsigned status = 409);
+line::bench::ApiError api_error(const master::MasterError& error, unsigned status = 409);
 
 // A flag of the query: absent or "false" is false, "true" is true. Throws ApiError 400.
 bool flag(const line::bench::Call& call, std::string_view key);

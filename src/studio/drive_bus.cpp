@@ -19,7 +19,7 @@ constexpr std::uint16_t fault_or_warning = 1U << 3 | 1U << 7;
 constexpr double not_read = std::numeric_limits<double>::quiet_NaN();
 
 JobError error_of(const std::exception& error, const std::string& where) {
-  if (const auto* known = dynamic_cast<const host::HostError*>(&error)) {
+  if (const auto* known = dynamic_cast<const master::MasterError*>(&error)) {
     return {known->happened(), known->where(), known->remedy()};
   }
   return {error.what(), where, "check that the bus and its drives have power and are connected"};
@@ -28,7 +28,7 @@ JobError error_of(const std::exception& error, const std::string& where) {
 // Answers an access or work item with the error of the bus.
 template <typename Waiting>
 void refuse(Waiting& waiting, const JobError& problem) {
-  waiting.error = std::make_exception_ptr(host::HostError(problem.what, problem.where, problem.hint));
+  waiting.error = std::make_exception_ptr(master::MasterError(problem.what, problem.where, problem.hint));
   waiting.done = true;
 }
 
@@ -160,8 +160,8 @@ void DriveBus::lose(const std::exception& error) {
 bool DriveBus::serve(OpenBus& open) {
   axes_.clear();
   for (std::size_t i = 0; i < plan_.drives.size(); ++i) {
-    host::AxisOptions options;
-    options.dialect = host::dialect_of(plan_.drives[i].product);
+    master::AxisOptions options;
+    options.dialect = master::dialect_of(plan_.drives[i].product);
     axes_.emplace_back(*open.drives()[i], options);
     next_poll_[i] = {};
     silent_[i] = false;
@@ -224,7 +224,7 @@ void DriveBus::carry_out(OpenBus& open, const std::shared_ptr<Work>& work) {
   };
   work->begun = true;
   try {
-    if (work->cancelled) throw host::Cancelled("interrupted", plan_.link, "nothing was done");
+    if (work->cancelled) throw master::Cancelled("interrupted", plan_.link, "nothing was done");
     work->carry_out(open, is_to_end);
   } catch (const std::exception&) {
     work->error = std::current_exception();
@@ -266,7 +266,7 @@ void DriveBus::note_access(bool answered, Clock::duration took) {
 // An error of the object goes to the caller; an error of the bus is thrown, because it concerns all callers.
 void DriveBus::carry_out(OpenBus& open, Access& access) {
   const auto began = Clock::now();
-  host::ObjectClient& objects = *open.drives()[access.drive];
+  master::ObjectClient& objects = *open.drives()[access.drive];
   try {
     if (access.writes) {
       objects.download(access.object, access.bytes);
@@ -275,7 +275,7 @@ void DriveBus::carry_out(OpenBus& open, Access& access) {
     }
     note_access(true, Clock::now() - began);
     access.done = true;
-  } catch (const host::ObjectError& error) {
+  } catch (const master::ObjectError& error) {
     note_access(error.answered(), Clock::now() - began);
     if (!error.answered()) next_poll_[access.drive] = {};  // read its state soon, to find the reason
     access.error = std::current_exception();
@@ -305,7 +305,7 @@ bool DriveBus::sample_one(OpenBus& open) {
     const auto ended = Clock::now();
     most_due->note(tick_of(began + (ended - began) / 2), bytes);
     note_access(true, ended - began);
-  } catch (const host::ObjectError& error) {
+  } catch (const master::ObjectError& error) {
     note_access(error.answered(), Clock::now() - began);
     if (!error.answered()) next_poll_[most_due->drive()] = {};
     most_due->skip(tick_of(Clock::now()));
@@ -322,7 +322,7 @@ bool DriveBus::poll_one(OpenBus& open, bool silent_too) {
     if (i == next_poll_.size() || next_poll_[k] < next_poll_[i]) i = k;
   }
   if (i == next_poll_.size()) return false;
-  host::ObjectClient& objects = *open.drives()[i];
+  master::ObjectClient& objects = *open.drives()[i];
   DriveState seen;
   bool stop = false;
   {
@@ -341,7 +341,7 @@ bool DriveBus::poll_one(OpenBus& open, bool silent_too) {
     seen.error_code = asks_why ? objects.read_if_present<std::uint16_t>(0x603F).value_or(0) : std::uint16_t{0};
     seen.watch = open.watch_of(i);
     seen.problem.reset();
-  } catch (const host::ObjectError& error) {
+  } catch (const master::ObjectError& error) {
     seen.problem = error_of(error, plan_.link);
     silent_[i] = silent_[i] || !error.answered();
     const std::lock_guard lock(mutex_);

@@ -13,12 +13,12 @@
 #include <thread>
 #include <vector>
 
-#include "host/axis402.hpp"
+#include "axis/axis402.hpp"
 #include "line/tap.hpp"
 #include "studio/bus_traffic.hpp"
 #include "studio/drives.hpp"
 
-// Drives on a bus. The calls of the host library block, so each bus has its own thread.
+// Drives on a bus. The calls of `master` and `axis` block, so each bus has its own thread.
 namespace servodrome::studio {
 
 // An open bus and the drives on it.
@@ -26,23 +26,23 @@ class OpenBus {
  public:
   virtual ~OpenBus() = default;
   // In the order of the plan.
-  virtual std::vector<host::ObjectClient*> drives() = 0;
-  // Call it when a drive answers again after a silence, maybe after a reset. Throws HostError.
+  virtual std::vector<master::ObjectClient*> drives() = 0;
+  // Call it when a drive answers again after a silence, maybe after a reset. Throws MasterError.
   virtual void back(std::size_t drive) = 0;
-  // Lets the bus run for `span`. Throws HostError if the bus is lost.
-  virtual void wait(host::Time span) = 0;
+  // Lets the bus run for `span`. Throws MasterError if the bus is lost.
+  virtual void wait(master::Time span) = 0;
 
   // The exchange of a drive's process data; it runs as long as this object lives. On CAN it exchanges the given data,
   // on EtherCAT the data that the slave maps.
   struct Cyclic {
-    std::unique_ptr<host::CyclicBus> bus;
+    std::unique_ptr<master::CyclicBus> bus;
     std::size_t drive;  // index of the drive in `bus`
   };
-  virtual Cyclic open_cyclic(std::size_t drive, const host::CanDrive& exchanged) = 0;
+  virtual Cyclic open_cyclic(std::size_t drive, const master::CanDrive& exchanged) = 0;
 
   // Runs `action` in a state in which the drive accepts changes of its process data. An EtherCAT bus must be reopened
   // afterwards. If its slaves no longer operate with the change, runs `undo` and throws the reason.
-  using Action = std::function<void(host::ObjectClient& objects)>;
+  using Action = std::function<void(master::ObjectClient& objects)>;
   virtual void configure(std::size_t drive, const Action& action, const Action& undo) = 0;
 
   // Calls `show` with the registers of the EtherCAT slave controllers that define the positions of process data. Does
@@ -77,7 +77,7 @@ struct BusPlan {
 // One access to an object. The thread of the bus carries it out.
 struct Access {
   std::size_t drive = 0;
-  host::ObjectAddress object{};
+  master::ObjectAddress object{};
   bool writes = false;
   bool urgent = false;             // comes before everything that waits
   std::vector<std::byte> bytes{};  // data to write, or data read
@@ -108,7 +108,7 @@ class PolledSamples final : public line::Samples {
   // Decodes the bytes of the object to a number.
   using Decode = std::function<double(std::span<const std::byte> bytes)>;
 
-  PolledSamples(std::size_t drive, host::ObjectAddress object, Decode decode, std::int64_t stride, std::int64_t first)
+  PolledSamples(std::size_t drive, master::ObjectAddress object, Decode decode, std::int64_t stride, std::int64_t first)
       : Samples(rows_),
         rows_(stride, first, 1),
         drive_(drive),
@@ -117,7 +117,7 @@ class PolledSamples final : public line::Samples {
         next_(first) {}
 
   std::size_t drive() const { return drive_; }
-  host::ObjectAddress object() const { return object_; }
+  master::ObjectAddress object() const { return object_; }
 
   // --- Called by the thread of the bus
   std::int64_t wanted() const { return next_; }  // tick at which the next read is due
@@ -136,7 +136,7 @@ class PolledSamples final : public line::Samples {
 
   line::SampleRows rows_;
   std::size_t drive_;
-  host::ObjectAddress object_;
+  master::ObjectAddress object_;
   Decode decode_;
   std::int64_t next_;
   std::mutex mutex_;
@@ -153,7 +153,7 @@ class DriveBus {
 
   struct DriveState {
     std::optional<JobError> problem;  // why the drive does not communicate
-    host::AxisStatus status{};
+    master::AxisStatus status{};
     std::uint16_t controlword = 0;
     std::uint16_t error_code = 0;
     std::optional<OpenBus::Watch> watch{};
@@ -214,7 +214,7 @@ class DriveBus {
   State state_;
 
   // Used only by the thread of the bus
-  std::vector<host::Axis402> axes_;
+  std::vector<master::Axis402> axes_;
   std::vector<Clock::time_point> next_poll_;
   std::vector<bool> silent_;
   std::vector<bool> stop_when_back_;

@@ -6,10 +6,10 @@
 #include <string>
 #include <vector>
 
-#include "host/axis402.hpp"
-#include "host/canopen/pdo_set_up.hpp"
-#include "host/cyclic/can_cyclic_bus.hpp"
+#include "axis/axis402.hpp"
+#include "axis/cyclic/can_cyclic_bus.hpp"
 #include "line/bench/routes.hpp"
+#include "master/canopen/pdo_set_up.hpp"
 
 namespace servodrome::studio {
 
@@ -22,9 +22,9 @@ struct JobError {
 
 // The periodic exchange of an axis' process data at a fixed rate, for work that needs it.
 struct CyclicAccess {
-  host::CyclicBus& bus;
-  std::size_t drive;            // index in the bus
-  host::ObjectClient& objects;  // objects of the same drive
+  master::CyclicBus& bus;
+  std::size_t drive;              // index in the bus
+  master::ObjectClient& objects;  // objects of the same drive
   std::function<bool()> cancelled;
   std::function<void(const char* doing, double share)> progress;
 };
@@ -33,18 +33,18 @@ struct CyclicAccess {
 class Drives {
  public:
   // Waits until the time `until`; may throw to leave the caller.
-  using Wait = std::function<void(host::Time until)>;
+  using Wait = std::function<void(master::Time until)>;
 
   virtual ~Drives() = default;
 
-  virtual host::Time now() const = 0;
+  virtual master::Time now() const = 0;
   virtual std::vector<std::string> names() const = 0;
   // Throws ApiError 409 if the axis cannot answer now. `axis` here and below is one of names().
   virtual void require_ready(const std::string& axis) const = 0;
   // The drive's objects for a caller that waits with `wait`. The result must not outlive this object.
-  virtual std::unique_ptr<host::ObjectClient> open(const std::string& axis, Wait wait) = 0;
-  // Options with which a host operates this axis.
-  virtual host::AxisOptions options(const std::string& axis) const = 0;
+  virtual std::unique_ptr<master::ObjectClient> open(const std::string& axis, Wait wait) = 0;
+  // Options with which a master operates this axis.
+  virtual master::AxisOptions options(const std::string& axis) const = 0;
   // As `servodrome products` lists it; "": unknown product.
   virtual std::string product(const std::string& axis) const = 0;
   // Returns true if the process data of the axis, or its objects instead, can be exchanged every millisecond or two.
@@ -54,14 +54,14 @@ class Drives {
   using Work = std::function<line::bench::Json(CyclicAccess& access)>;
   // Runs `work` during the periodic exchange (on CAN of `exchanged`, on EtherCAT of the data that the slave maps).
   // Waits with `objects`, which `open` returned for the axis. Calls `cancelled` and `progress` meanwhile. Throws what
-  // `work` throws; HostError without has_cycles.
-  virtual line::bench::Json in_cycles(const std::string& axis, host::ObjectClient& objects,
-                                      const host::CanDrive& exchanged, const std::function<bool()>& cancelled,
+  // `work` throws; MasterError without has_cycles.
+  virtual line::bench::Json in_cycles(const std::string& axis, master::ObjectClient& objects,
+                                      const master::CanDrive& exchanged, const std::function<bool()>& cancelled,
                                       const std::function<void(const char* doing, double share)>& progress,
                                       const Work& work) = 0;
-  // A revolution in the drive's units; empty if the drive has no such information. Throws HostError if the access
+  // A revolution in the drive's units; empty if the drive has no such information. Throws MasterError if the access
   // fails.
-  virtual std::optional<host::AxisUnits> units(const std::string& axis) = 0;
+  virtual std::optional<master::AxisUnits> units(const std::string& axis) = 0;
   // Quick stop of every enabled axis, at once. Returns the errors in the order of names(); empty: the axis stands or is
   // stopping.
   virtual std::vector<std::optional<JobError>> stop_all() = 0;

@@ -10,16 +10,16 @@
 namespace servodrome::studio {
 namespace {
 
-using host::OperationMode;
-using host::PowerState;
+using master::OperationMode;
+using master::PowerState;
 using std::chrono::duration;
 using std::chrono::duration_cast;
 
-constexpr host::Time period = std::chrono::milliseconds(1);  // of the targets; a slow bus makes it longer
+constexpr master::Time period = std::chrono::milliseconds(1);  // of the targets; a slow bus makes it longer
 constexpr std::uint16_t enabled_word = 0x000F;
 constexpr double ramp_margin = 20.0;  // ramps are steeper than the excitation by this factor
 
-bool has_mode(host::Axis402& axis, OperationMode mode) {
+bool has_mode(master::Axis402& axis, OperationMode mode) {
   const auto supported = axis.objects().read_if_present<std::uint32_t>(0x6502);
   return supported && (*supported >> (static_cast<int>(mode) - 1) & 1U) != 0;
 }
@@ -28,7 +28,7 @@ bool has_mode(host::Axis402& axis, OperationMode mode) {
 class SteepRamp {
  public:
   // Sets `wanted` or, if the drive refuses it, the steepest ramp that it accepts; never less than the old value.
-  SteepRamp(host::ObjectClient& objects, std::uint16_t index, double wanted) : objects_(objects), index_(index) {
+  SteepRamp(master::ObjectClient& objects, std::uint16_t index, double wanted) : objects_(objects), index_(index) {
     before_ = objects_.read_if_present<std::uint32_t>(index);
     if (!before_) return;
     constexpr double most = std::numeric_limits<std::int32_t>::max();
@@ -36,7 +36,7 @@ class SteepRamp {
       try {
         objects_.write<std::uint32_t>(index_, 0, static_cast<std::uint32_t>(ramp));
         return;
-      } catch (const host::ObjectError& error) {
+      } catch (const master::ObjectError& error) {
         if (!error.answered()) throw;
       }
     }
@@ -44,7 +44,7 @@ class SteepRamp {
   ~SteepRamp() {
     try {
       if (before_) objects_.write<std::uint32_t>(index_, 0, *before_);
-    } catch (const host::HostError&) {
+    } catch (const master::MasterError&) {
       // The original error is reported instead.
     } catch (...) {
       // Ignore that the task is ending.
@@ -54,12 +54,12 @@ class SteepRamp {
   SteepRamp& operator=(const SteepRamp&) = delete;
 
  private:
-  host::ObjectClient& objects_;
+  master::ObjectClient& objects_;
   std::uint16_t index_;
   std::optional<std::uint32_t> before_{};
 };
 
-void come_to_rest(host::Axis402& axis) {
+void come_to_rest(master::Axis402& axis) {
   axis.objects().write<std::int32_t>(0x60FF, 0, 0);
   axis.set_mode(OperationMode::profile_velocity);
   axis.stop();
@@ -68,9 +68,9 @@ void come_to_rest(host::Axis402& axis) {
 // Writes one target. Uses the cyclic synchronous mode, which has no trajectory generator, if the drive has it.
 class Target {
  public:
-  Target(host::Axis402& axis, const Excitation& excitation)
+  Target(master::Axis402& axis, const Excitation& excitation)
       : axis_(axis), of_(excitation.of), amplitude_(excitation.amplitude) {
-    host::ObjectClient& objects = axis_.objects();
+    master::ObjectClient& objects = axis_.objects();
     switch (of_) {
       case Excitation::Of::velocity: {
         const bool cyclic = has_mode(axis_, OperationMode::cyclic_synchronous_velocity);
@@ -100,7 +100,7 @@ class Target {
 
   void write(double share) {
     const double value = amplitude_ * share;
-    host::ObjectClient& objects = axis_.objects();
+    master::ObjectClient& objects = axis_.objects();
     switch (of_) {
       case Excitation::Of::velocity: return objects.write<std::int32_t>(0x60FF, 0, whole<std::int32_t>(value));
       case Excitation::Of::torque: return objects.write<std::int16_t>(0x6071, 0, whole<std::int16_t>(value));
@@ -116,7 +116,7 @@ class Target {
                                      static_cast<double>(std::numeric_limits<T>::max())));
   }
 
-  host::Axis402& axis_;
+  master::Axis402& axis_;
   Excitation::Of of_;
   double amplitude_;
   std::int32_t origin_ = 0;
@@ -124,23 +124,23 @@ class Target {
   std::optional<SteepRamp> down_{};
 };
 
-void follow(host::Axis402& axis, const Excitation& excitation, const std::function<bool()>& cancelled) {
-  host::ObjectClient& objects = axis.objects();
+void follow(master::Axis402& axis, const Excitation& excitation, const std::function<bool()>& cancelled) {
+  master::ObjectClient& objects = axis.objects();
   const std::int64_t origin = axis.position();
   Target target(axis, excitation);
-  const host::Time began = objects.now();
-  for (host::Time next = began;;) {
+  const master::Time began = objects.now();
+  for (master::Time next = began;;) {
     const double seconds = duration<double>(objects.now() - began).count();
     if (seconds >= excitation.seconds) break;
-    if (cancelled && cancelled()) throw host::Cancelled("cancelled", objects.where(), "start the job again");
+    if (cancelled && cancelled()) throw master::Cancelled("cancelled", objects.where(), "start the job again");
     target.write(excitation.shape(seconds));
     if (axis.state() != PowerState::operation_enabled) {
-      throw host::HostError("the drive left operation enabled", objects.where(),
-                            "look at the error code; then reset the fault and enable again");
+      throw master::MasterError("the drive left operation enabled", objects.where(),
+                                "look at the error code; then reset the fault and enable again");
     }
     const std::int64_t distance = axis.position() - origin;
     if (std::abs(static_cast<double>(distance)) > excitation.travel) {
-      throw host::HostError(
+      throw master::MasterError(
           fmt::format("the axis moved {} units from its start, but only {:g} are allowed", distance, excitation.travel),
           objects.where(), "take a smaller amplitude or a higher frequency, or allow more travel");
     }
@@ -167,16 +167,16 @@ std::function<double(double)> step(double seconds) {
   return [=](double t) { return t < seconds / 2 ? 1.0 : 0.0; };
 }
 
-void excite(host::Axis402& axis, const Excitation& excitation, const std::function<bool()>& cancelled) {
+void excite(master::Axis402& axis, const Excitation& excitation, const std::function<bool()>& cancelled) {
   if (axis.state() != PowerState::operation_enabled) {
-    throw host::HostError("the drive is not enabled", axis.objects().where(), "enable it first");
+    throw master::MasterError("the drive is not enabled", axis.objects().where(), "enable it first");
   }
   try {
     follow(axis, excitation, cancelled);
   } catch (...) {
     try {
       come_to_rest(axis);
-    } catch (const host::HostError&) {
+    } catch (const master::MasterError&) {
       // The original error is reported instead.
     }
     throw;

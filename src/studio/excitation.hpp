@@ -2,7 +2,7 @@
 
 #include <functional>
 
-#include "host/axis402.hpp"
+#include "axis/axis402.hpp"
 
 // Moves an axis so that a recording shows the response of its control loops: with a sine sweep or a step of velocity,
 // torque or position.
@@ -27,8 +27,8 @@ std::function<double(double)> sine_sweep(double from_hz, double to_hz, double se
 std::function<double(double)> step(double seconds);
 
 // Excites an enabled axis. Afterwards the axis stands in mode profile velocity, even after a fault, after `cancelled`
-// (throws host::Cancelled), or after leaving the permitted travel, which is an error. Restores the ramps. Throws
-// host::HostError.
-void excite(host::Axis402& axis, const Excitation& excitation, const std::function<bool()>& cancelled);
+// (throws master::Cancelled), or after leaving the permitted travel, which is an error. Restores the ramps. Throws
+// master::MasterError.
+void excite(master::Axis402& axis, const Excitation& excitation, const std::function<bool()>& cancelled);
 
 }  // namespace servodrome::studio

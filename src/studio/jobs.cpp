@@ -12,7 +12,7 @@ namespace {
 
 using line::bench::ApiError;
 
-JobError error_of(const host::HostError& error) { return {error.happened(), error.where(), error.remedy()}; }
+JobError error_of(const master::MasterError& error) { return {error.happened(), error.where(), error.remedy()}; }
 
 }  // namespace
 
@@ -48,10 +48,10 @@ const Job& Jobs::begin(const std::string& name, const std::string& body) {
   try {
     job.order = read_order(body, [&] {
       if (const auto units = drives_.units(name)) return *units;
-      throw host::HostError("the drive does not report its units per revolution", name,
-                            "give numbers in its own units: \"units\": \"drive\"");
+      throw master::MasterError("the drive does not report its units per revolution", name,
+                                "give numbers in its own units: \"units\": \"drive\"");
     });
-  } catch (const host::HostError& error) {
+  } catch (const master::MasterError& error) {
     throw ApiError{409, error.happened(), error.where(), error.remedy()};
   }
   Job* const other = running_job(name);
@@ -82,18 +82,18 @@ void Jobs::tell(const Job& job) const {
 
 // The body of a job's task.
 void Jobs::carry_out(Job& job) {
-  const auto wait = [this, &job](host::Time until) {
+  const auto wait = [this, &job](master::Time until) {
     job.due = until;
     do {
       job.task->pause();
     } while (drives_.now() < until);
   };
-  const std::unique_ptr<host::ObjectClient> objects = drives_.open(job.axis, wait);
-  host::AxisOptions options = drives_.options(job.axis);
+  const std::unique_ptr<master::ObjectClient> objects = drives_.open(job.axis, wait);
+  master::AxisOptions options = drives_.options(job.axis);
   options.cancelled = [&job] { return job.cancelled; };
   options.longest_halt = longest_halt;
-  host::Axis402 host_axis(*objects, options);
-  const host::Time began = drives_.now();
+  master::Axis402 master_axis(*objects, options);
+  const master::Time began = drives_.now();
   try {
     Conduct conduct;
     conduct.released = [this, &job] {
@@ -102,25 +102,25 @@ void Jobs::carry_out(Job& job) {
     };
     conduct.progress = [this, &job](const char* doing, double share) { note_progress(job, doing, share); };
     conduct.product = drives_.product(job.axis);
-    conduct.in_cycles = [&](const host::CanDrive& exchanged, const Drives::Work& work) {
+    conduct.in_cycles = [&](const master::CanDrive& exchanged, const Drives::Work& work) {
       return drives_.in_cycles(job.axis, *objects, exchanged, conduct.released, conduct.progress, work);
     };
-    job.order.carry_out(host_axis, conduct);
+    job.order.carry_out(master_axis, conduct);
     job.found = std::move(conduct.found);
     const std::chrono::duration<double> took = drives_.now() - began;
-    job.result = JobResult{host_axis.position() / job.order.scale.units().position, took.count()};
+    job.result = JobResult{master_axis.position() / job.order.scale.units().position, took.count()};
     job.state = JobState::done;
-  } catch (const host::Cancelled& cancelled) {
+  } catch (const master::Cancelled& cancelled) {
     job.error = error_of(cancelled);
     job.state = JobState::cancelled;
-  } catch (const host::HostError& error) {
+  } catch (const master::MasterError& error) {
     job.error = error_of(error);
     job.state = JobState::failed;
   } catch (const std::exception& error) {
     job.error = JobError{error.what(), job.axis, "start the job again"};
     job.state = JobState::failed;
   }
-  if (host_axis.became_quick_stop()) {
+  if (master_axis.became_quick_stop()) {
     job.note = fmt::format("the axis was not at rest {} ms after the halt, which became a quick stop",
                            longest_halt / std::chrono::milliseconds(1));
   }
@@ -182,7 +182,7 @@ std::vector<Jobs::Stopped> Jobs::stop_all() {
   return stopped;
 }
 
-void Jobs::reached(host::Time now) {
+void Jobs::reached(master::Time now) {
   next_deadline_ = links::never;
   for (Job& job : jobs_) {
     if (job.state == JobState::running && job.due <= now) resume(job);

@@ -41,14 +41,14 @@ struct Job {
   };
   std::optional<Progress> progress{};
 
-  host::Time due{};  // time at which it continues
+  master::Time due{};  // time at which it continues
   std::unique_ptr<Task> task{};
 };
 
 // The form of GET /api/v1/jobs/{id}; the list of jobs omits `found`.
 line::bench::Json view_of(const Job& job, bool with_found = true);
 
-// The jobs of axes for clients of the API, at most one per axis. The host library carries them out in the drives' time.
+// The jobs of axes for clients of the API, at most one per axis. They run in the drives' time, by `Axis402`.
 // Everything runs in one thread, which calls `reached`; between two such calls every job waits.
 class Jobs {
  public:
@@ -97,9 +97,9 @@ class Jobs {
   Drives& drives() { return drives_; }
 
   // Time at which the next job continues, or earlier; then `reached` does nothing.
-  host::Time next_deadline() const { return next_deadline_; }
+  master::Time next_deadline() const { return next_deadline_; }
   // The time is `now`: continues the jobs that are due.
-  void reached(host::Time now);
+  void reached(master::Time now);
 
   // Returns nullptr if the axis has no running job.
   Job* running(const std::string& axis) { return running_job(axis); }
@@ -121,7 +121,7 @@ class Jobs {
   Publish publish_;
   std::uint64_t last_id_ = 0;
   std::list<Job> jobs_;  // oldest first
-  host::Time next_deadline_ = links::never;
+  master::Time next_deadline_ = links::never;
 };
 
 // The jobs of a line, in the line's time.

@@ -1,7 +1,7 @@
 #include "studio/line_drives.hpp"
 
+#include "axis/cyclic/object_cyclic_bus.hpp"
 #include "drive/drive.hpp"
-#include "host/cyclic/object_cyclic_bus.hpp"
 #include "line/bench/error.hpp"
 #include "studio/service_objects.hpp"
 
@@ -20,25 +20,25 @@ void LineDrives::require_ready(const std::string& axis) const {
   throw line::bench::ApiError{409, "the axis has no power", axis, "switch it on: POST .../power {\"action\": \"on\"}"};
 }
 
-std::unique_ptr<host::ObjectClient> LineDrives::open(const std::string& axis, Wait wait) {
+std::unique_ptr<master::ObjectClient> LineDrives::open(const std::string& axis, Wait wait) {
   return std::make_unique<ServiceObjects>(line_, find(axis), std::move(wait));
 }
 
-host::AxisOptions LineDrives::options(const std::string& axis) const { return options_for(find(axis)); }
+master::AxisOptions LineDrives::options(const std::string& axis) const { return options_for(find(axis)); }
 
 std::string LineDrives::product(const std::string& axis) const {
   return std::string(find(axis).settings().product->name);
 }
 
-std::optional<host::AxisUnits> LineDrives::units(const std::string& axis) { return units_of(line_, find(axis)); }
+std::optional<master::AxisUnits> LineDrives::units(const std::string& axis) { return units_of(line_, find(axis)); }
 
 // Uses object accesses: at the service port they are as quick as process data.
-line::bench::Json LineDrives::in_cycles(const std::string&, host::ObjectClient& objects,
-                                        const host::CanDrive& exchanged, const std::function<bool()>& cancelled,
+line::bench::Json LineDrives::in_cycles(const std::string&, master::ObjectClient& objects,
+                                        const master::CanDrive& exchanged, const std::function<bool()>& cancelled,
                                         const std::function<void(const char* doing, double share)>& progress,
                                         const Work& work) {
-  constexpr host::Time period = std::chrono::milliseconds(1);
-  host::ObjectCyclicBus bus(objects, exchanged.rpdos.front(), exchanged.tpdos.front(), period);
+  constexpr master::Time period = std::chrono::milliseconds(1);
+  master::ObjectCyclicBus bus(objects, exchanged.rpdos.front(), exchanged.tpdos.front(), period);
   CyclicAccess access{bus, 0, objects, cancelled, progress};
   return work(access);
 }
@@ -55,8 +55,8 @@ std::vector<std::optional<JobError>> LineDrives::stop_all() {
       ServiceObjects objects(line_, *axis);
       objects.write<std::uint16_t>(0x6040, 0, quick_stop);
       if (enabled()) wrong = JobError{"the drive did not execute the quick stop", name, "switch its power off"};
-      host::Axis402(objects, options_for(*axis)).take_back_targets();  // or another master's enabling starts them
-    } catch (const host::HostError& error) {
+      master::Axis402(objects, options_for(*axis)).take_back_targets();  // or another master's enabling starts them
+    } catch (const master::MasterError& error) {
       wrong = JobError{error.happened(), error.where(), error.remedy()};
     }
   }

@@ -11,18 +11,18 @@ class LineDrives final : public Drives {
   // The line must outlive this object.
   explicit LineDrives(line::Line& line) : line_(line) {}
 
-  host::Time now() const override { return line_.now(); }
+  master::Time now() const override { return line_.now(); }
   std::vector<std::string> names() const override;
   void require_ready(const std::string& axis) const override;
-  std::unique_ptr<host::ObjectClient> open(const std::string& axis, Wait wait) override;
-  host::AxisOptions options(const std::string& axis) const override;
+  std::unique_ptr<master::ObjectClient> open(const std::string& axis, Wait wait) override;
+  master::AxisOptions options(const std::string& axis) const override;
   std::string product(const std::string& axis) const override;
   bool has_cycles(const std::string&) const override { return true; }
-  line::bench::Json in_cycles(const std::string& axis, host::ObjectClient& objects, const host::CanDrive& exchanged,
+  line::bench::Json in_cycles(const std::string& axis, master::ObjectClient& objects, const master::CanDrive& exchanged,
                               const std::function<bool()>& cancelled,
                               const std::function<void(const char* doing, double share)>& progress,
                               const Work& work) override;
-  std::optional<host::AxisUnits> units(const std::string& axis) override;
+  std::optional<master::AxisUnits> units(const std::string& axis) override;
   std::vector<std::optional<JobError>> stop_all() override;
 
  private:

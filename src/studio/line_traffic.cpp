@@ -7,11 +7,11 @@ namespace servodrome::studio {
 namespace {
 
 // The objects of a drive, with its present PDO mappings.
-host::DeviceModel model_of(line::Axis& axis) {
+master::DeviceModel model_of(line::Axis& axis) {
   const dictionary::Dictionary& dictionary = axis.device().dictionary();
-  host::DeviceModel model = host::DeviceModel::of(dictionary.table());
+  master::DeviceModel model = master::DeviceModel::of(dictionary.table());
   if (!axis.powered()) return model;
-  for (host::DeviceModel::Default& one : model.pdo_defaults) {
+  for (master::DeviceModel::Default& one : model.pdo_defaults) {
     const dictionary::Entry* entry = dictionary.find(one.object.index, one.object.sub);
     dictionary::ReadValue value;
     if (entry == nullptr || dictionary.read(*entry, value) != dictionary::AbortCode::none) continue;
@@ -79,8 +79,8 @@ void LineTraffic::introduce(TrafficDecoders& decoders) {
       if (line_.serial_buses()[its.serial->bus].get() != *serial || axis->device().serial_port() == nullptr) continue;
       const line::SerialInterface* interface = its.product->serial;
       const auto table = axis->device().dictionary().table();
-      const auto model = interface != nullptr ? host::SerialModel::of(table, interface->registers, interface->profile)
-                                              : host::SerialModel::of(table, {}, nullptr);
+      const auto model = interface != nullptr ? master::SerialModel::of(table, interface->registers, interface->profile)
+                                              : master::SerialModel::of(table, {}, nullptr);
       decoders.serial.set_model(axis->device().serial_port()->station(), model);
       decoders.modbus_tcp.set_model(axis->device().serial_port()->station(), model);
     }

@@ -15,7 +15,7 @@ namespace {
 
 using line::bench::ApiError;
 using line::bench::BodyReader;
-using CarryOut = std::function<void(host::Axis402&, Conduct&)>;
+using CarryOut = std::function<void(master::Axis402&, Conduct&)>;
 
 constexpr double longest_timeout_s = 3600.0;
 constexpr double usual_timeout_s = 60.0;
@@ -23,7 +23,7 @@ constexpr double usual_timeout_s = 60.0;
 // Reads the numbers of one request, converted to the drive's units.
 class Numbers {
  public:
-  using Units = std::function<host::AxisUnits()>;
+  using Units = std::function<master::AxisUnits()>;
   Numbers(BodyReader& body, const Scale& scale, const Units& units) : body_(body), scale_(scale), units_(units) {}
 
   template <typename T>
@@ -65,21 +65,21 @@ class Numbers {
     body_.required(key);
     return (this->*read)(key).value_or(T{});
   }
-  host::MotionProfile profile(bool with_velocity) {
-    host::MotionProfile profile;
+  master::MotionProfile profile(bool with_velocity) {
+    master::MotionProfile profile;
     if (with_velocity) profile.velocity = velocity<std::uint32_t>("velocity");
     profile.acceleration = acceleration("acceleration");
     profile.deceleration = acceleration("deceleration");
     if (!profile.deceleration) profile.deceleration = profile.acceleration;
     return profile;
   }
-  host::Time timeout() {
+  master::Time timeout() {
     const double seconds = body_.number("timeout_s", 0.0, longest_timeout_s).value_or(usual_timeout_s);
-    return std::chrono::duration_cast<host::Time>(std::chrono::duration<double>(seconds));
+    return std::chrono::duration_cast<master::Time>(std::chrono::duration<double>(seconds));
   }
   BodyReader& body() { return body_; }
   const Scale& scale() const { return scale_; }
-  host::AxisUnits revolution() const { return units_(); }  // in the drive's units, whatever units the request uses
+  master::AxisUnits revolution() const { return units_(); }  // in the drive's units, whatever units the request uses
 
  private:
   BodyReader& body_;
@@ -88,29 +88,29 @@ class Numbers {
 };
 
 CarryOut enable(Numbers&) {
-  return [](host::Axis402& axis, Conduct&) { axis.enable(); };
+  return [](master::Axis402& axis, Conduct&) { axis.enable(); };
 }
 CarryOut disable(Numbers&) {
-  return [](host::Axis402& axis, Conduct&) { axis.disable(); };
+  return [](master::Axis402& axis, Conduct&) { axis.disable(); };
 }
 CarryOut reset_fault(Numbers&) {
-  return [](host::Axis402& axis, Conduct&) { axis.reset_fault(); };
+  return [](master::Axis402& axis, Conduct&) { axis.reset_fault(); };
 }
 CarryOut quick_stop(Numbers&) {
-  return [](host::Axis402& axis, Conduct&) { axis.quick_stop(); };
+  return [](master::Axis402& axis, Conduct&) { axis.quick_stop(); };
 }
 CarryOut stop(Numbers&) {
-  return [](host::Axis402& axis, Conduct&) { axis.stop(); };
+  return [](master::Axis402& axis, Conduct&) { axis.stop(); };
 }
 
 CarryOut home(Numbers& numbers) {
-  host::HomingRequest request;
+  master::HomingRequest request;
   request.method = numbers.counted<std::int8_t>("method");
   request.switch_speed = numbers.velocity<std::uint32_t>("speed");
   request.zero_speed = numbers.velocity<std::uint32_t>("zero_speed");
   request.acceleration = numbers.acceleration("acceleration");
   request.offset = numbers.position<std::int32_t>("offset");
-  return [request, timeout = numbers.timeout()](host::Axis402& axis, Conduct&) { axis.home(request, timeout); };
+  return [request, timeout = numbers.timeout()](master::Axis402& axis, Conduct&) { axis.home(request, timeout); };
 }
 
 CarryOut move(Numbers& numbers) {
@@ -120,8 +120,8 @@ CarryOut move(Numbers& numbers) {
     throw ApiError{400, to ? "both to and by are given" : "neither to nor by is given", "to",
                    "give the target position under \"to\", or the distance under \"by\""};
   }
-  const host::MotionProfile profile = numbers.profile(true);
-  return [to, by, profile, timeout = numbers.timeout()](host::Axis402& axis, Conduct&) {
+  const master::MotionProfile profile = numbers.profile(true);
+  return [to, by, profile, timeout = numbers.timeout()](master::Axis402& axis, Conduct&) {
     if (to) {
       axis.move_to(*to, profile, timeout);
     } else {
@@ -132,8 +132,8 @@ CarryOut move(Numbers& numbers) {
 
 CarryOut velocity(Numbers& numbers) {
   const auto target = numbers.required<std::int32_t>("velocity", &Numbers::velocity<std::int32_t>);
-  const host::MotionProfile profile = numbers.profile(false);
-  return [target, profile, timeout = numbers.timeout()](host::Axis402& axis, Conduct&) {
+  const master::MotionProfile profile = numbers.profile(false);
+  return [target, profile, timeout = numbers.timeout()](master::Axis402& axis, Conduct&) {
     axis.run_at(target, profile, timeout);
   };
 }
@@ -142,17 +142,17 @@ CarryOut torque(Numbers& numbers) {
   constexpr double permille_per_percent = 10.0;
   numbers.body().required("percent");
   const auto target = numbers.whole<std::int16_t>("percent", permille_per_percent).value_or(std::int16_t{});
-  const host::TorqueProfile profile{.slope = numbers.whole<std::uint32_t>("slope", permille_per_percent)};
-  return [target, profile, timeout = numbers.timeout()](host::Axis402& axis, Conduct&) {
+  const master::TorqueProfile profile{.slope = numbers.whole<std::uint32_t>("slope", permille_per_percent)};
+  return [target, profile, timeout = numbers.timeout()](master::Axis402& axis, Conduct&) {
     axis.run_torque(target, profile, timeout);
   };
 }
 
 CarryOut jog(Numbers& numbers) {
   const auto target = numbers.required<std::int32_t>("velocity", &Numbers::velocity<std::int32_t>);
-  const host::MotionProfile profile = numbers.profile(false);
-  return [target, profile](host::Axis402& axis, Conduct& conduct) {
-    axis.jog(profile, [&](const host::AxisStatus&) -> std::optional<std::int32_t> {
+  const master::MotionProfile profile = numbers.profile(false);
+  return [target, profile](master::Axis402& axis, Conduct& conduct) {
+    axis.jog(profile, [&](const master::AxisStatus&) -> std::optional<std::int32_t> {
       if (conduct.released()) return std::nullopt;
       return target;
     });
@@ -175,8 +175,8 @@ Excitation excitation(Numbers& numbers) {
     throw ApiError{422, fmt::format("of is \"{}\"", of.substr(0, 40)), "of",
                    "send \"velocity\", \"torque\" or \"position\""};
   }
-  const host::AxisUnits revolution = numbers.revolution();
-  const host::AxisUnits& scale = numbers.scale().units();
+  const master::AxisUnits revolution = numbers.revolution();
+  const master::AxisUnits& scale = numbers.scale().units();
   const std::array factors{scale.velocity, permille_per_percent, scale.position};
   numbers.body().required("amplitude");
   Excitation excitation{.of = choice->of};
@@ -191,7 +191,7 @@ Excitation excitation(Numbers& numbers) {
 }
 
 CarryOut excited_by(Excitation excitation) {
-  return [excitation = std::move(excitation)](host::Axis402& axis, Conduct& conduct) {
+  return [excitation = std::move(excitation)](master::Axis402& axis, Conduct& conduct) {
     excite(axis, excitation, conduct.released);
   };
 }
@@ -232,12 +232,12 @@ CarryOut tune(Numbers& numbers) {
   order.session.apply = body.boolean("apply").value_or(false);
   order.tuner.torque_limit = body.number("torque_percent", 1.0, 300.0).value_or(60.0) / 100.0;
   order.tuner.seconds = body.number("seconds", 4.0, 600.0).value_or(order.tuner.seconds);
-  return [order](host::Axis402& axis, Conduct& conduct) { tune_axis(axis, order, conduct); };
+  return [order](master::Axis402& axis, Conduct& conduct) { tune_axis(axis, order, conduct); };
 }
 
 CarryOut tune_itself(Numbers& numbers) {
   const TuningOrder order = tuning_order(numbers);
-  return [order](host::Axis402& axis, Conduct& conduct) { let_axis_tune_itself(axis, order, conduct); };
+  return [order](master::Axis402& axis, Conduct& conduct) { let_axis_tune_itself(axis, order, conduct); };
 }
 
 struct Kind {
@@ -272,7 +272,7 @@ const Kind& kind_of(const std::string& name) {
   throw ApiError{422, fmt::format("there is no job \"{}\"", name.substr(0, 40)), "do", line::suggestion(name, names)};
 }
 
-Scale scale_of(const std::string& name, const std::function<host::AxisUnits()>& units) {
+Scale scale_of(const std::string& name, const std::function<master::AxisUnits()>& units) {
   if (name == "drive") return Scale();
   if (name == "revolutions") return Scale(units());
   throw ApiError{422, fmt::format("there are no units \"{}\"", name.substr(0, 40)), "units",
@@ -281,7 +281,7 @@ Scale scale_of(const std::string& name, const std::function<host::AxisUnits()>& 
 
 }  // namespace
 
-Order read_order(const std::string& text, const std::function<host::AxisUnits()>& units) {
+Order read_order(const std::string& text, const std::function<master::AxisUnits()>& units) {
   BodyReader body(text);
   body.required("do");
   const Kind& kind = kind_of(body.string("do").value_or(""));

@@ -4,7 +4,7 @@
 #include <optional>
 #include <string>
 
-#include "host/axis402.hpp"
+#include "axis/axis402.hpp"
 #include "line/bench/body_reader.hpp"
 #include "studio/drives.hpp"
 
@@ -16,11 +16,11 @@ class Scale {
  public:
   // Factor 1 everywhere: the drive's units.
   Scale() = default;
-  explicit Scale(const host::AxisUnits& units) : units_(units) {}
-  const host::AxisUnits& units() const { return units_; }
+  explicit Scale(const master::AxisUnits& units) : units_(units) {}
+  const master::AxisUnits& units() const { return units_; }
 
  private:
-  host::AxisUnits units_{1.0, 1.0, 1.0};
+  master::AxisUnits units_{1.0, 1.0, 1.0};
 };
 
 // Callbacks and results of the execution of an order.
@@ -29,7 +29,7 @@ struct Conduct {
   std::function<void(const char* doing, double share)> progress{};
   std::string product{};  // as `servodrome products` lists it; "": unknown
   // Calls Drives::in_cycles for the axis.
-  std::function<line::bench::Json(const host::CanDrive& exchanged, const Drives::Work& work)> in_cycles{};
+  std::function<line::bench::Json(const master::CanDrive& exchanged, const Drives::Work& work)> in_cycles{};
   line::bench::Json found{};  // result of an order that measures something
 };
 
@@ -39,11 +39,11 @@ struct Order {
   bool lives_on_signs = false;  // needs signs of life to go on (dead man's switch)
   bool in_revolutions = false;
   Scale scale{};
-  std::function<void(host::Axis402& axis, Conduct& conduct)> carry_out{};
+  std::function<void(master::Axis402& axis, Conduct& conduct)> carry_out{};
 };
 
 // Calls `units` for the size of a revolution if the request's numbers are in revolutions. Throws ApiError for an
 // invalid request, and what `units` throws.
-Order read_order(const std::string& body, const std::function<host::AxisUnits()>& units);
+Order read_order(const std::string& body, const std::function<master::AxisUnits()>& units);
 
 }  // namespace servodrome::studio

@@ -2,10 +2,10 @@
 #include <fmt/format.h>
 #include <sstream>
 
-#include "host/object_catalogue.hpp"
-#include "host/parameters/loader.hpp"
+#include "axis/object_catalogue.hpp"
 #include "line/bench/body_reader.hpp"
 #include "studio/commissioning.hpp"
+#include "tools/parameters/loader.hpp"
 
 // The parameters of an axis as in `servodrome params`: shown as text, loaded, compared, stored.
 namespace servodrome::studio {
@@ -25,32 +25,32 @@ template <typename Act>
 auto said(unsigned status, Act act) {
   try {
     return act();
-  } catch (const host::HostError& error) {
+  } catch (const master::MasterError& error) {
     throw api_error(error, status);
   }
 }
 
-host::ParameterFile parameters_in(const Call& call) {
+master::ParameterFile parameters_in(const Call& call) {
   std::istringstream text(call.body);
-  return said(400, [&text] { return host::ParameterFile::read(text, body_name); });
+  return said(400, [&text] { return master::ParameterFile::read(text, body_name); });
 }
 
 Json show_parameters(Call& call) {
   Subject subject = subject_of(call);
-  const host::ParameterList list = subject.parameters(flag(call, "connection"));
+  const master::ParameterList list = subject.parameters(flag(call, "connection"));
   said(409, [&] {
-    host::ParameterFile file{.identity = host::DriveIdentity::read(subject.objects, subject.product)};
-    file.values = host::read_parameters(subject.objects, list, subject.node_id).values;
+    master::ParameterFile file{.identity = master::DriveIdentity::read(subject.objects, subject.product)};
+    file.values = master::read_parameters(subject.objects, list, subject.node_id).values;
     call.content = Content{"text/plain; charset=utf-8", file.text()};
   });
   return nullptr;
 }
 
 // Addresses together with the names of the parameters.
-Json view_of(std::span<const host::ObjectAddress> addresses, const host::ParameterList& list) {
+Json view_of(std::span<const master::ObjectAddress> addresses, const master::ParameterList& list) {
   Json view = Json::array();
-  for (const host::ObjectAddress address : addresses) {
-    const host::Parameter* parameter = list.find(address);
+  for (const master::ObjectAddress address : addresses) {
+    const master::Parameter* parameter = list.find(address);
     view.push_back({{"object", text_of(address)}, {"name", parameter != nullptr ? parameter->name : ""}});
   }
   return view;
@@ -59,20 +59,20 @@ Json view_of(std::span<const host::ObjectAddress> addresses, const host::Paramet
 Json load_parameter_text(Call& call) {
   Subject subject = subject_of(call);
   const bool store = flag(call, "store");
-  const host::LoadOptions options{
+  const master::LoadOptions options{
       .node_id = subject.node_id, .force = flag(call, "force"), .skip_absent = flag(call, "skip_absent")};
-  const host::ParameterList list = subject.parameters(flag(call, "connection"));
-  const host::ParameterFile file = parameters_in(call);
-  host::LoadReport report;
+  const master::ParameterList list = subject.parameters(flag(call, "connection"));
+  const master::ParameterFile file = parameters_in(call);
+  master::LoadReport report;
   try {
-    const host::DriveIdentity drive = host::DriveIdentity::read(subject.objects, subject.product);
-    report = host::load_parameters(subject.objects, file, body_name, list, drive, options);
-  } catch (const host::LoadError& error) {
+    const master::DriveIdentity drive = master::DriveIdentity::read(subject.objects, subject.product);
+    report = master::load_parameters(subject.objects, file, body_name, list, drive, options);
+  } catch (const master::LoadError& error) {
     throw api_error(error, 409);  // the drive refused it; the remedy lists what was restored
-  } catch (const host::HostError& error) {
+  } catch (const master::MasterError& error) {
     throw api_error(error, 422);  // nothing was written
   }
-  const bool stored = store && said(409, [&] { return host::store_parameters(subject.objects, list.rules()); });
+  const bool stored = store && said(409, [&] { return master::store_parameters(subject.objects, list.rules()); });
   return Json{{"compared", report.compared},
               {"written", view_of(report.written, list)},
               {"skipped", view_of(report.skipped, list)},
@@ -82,18 +82,18 @@ Json load_parameter_text(Call& call) {
               {"lost_with_power", view_of(report.volatile_ones, list)}};
 }
 
-Json differences_of(std::span<const host::ParameterValue> left, std::span<const host::ParameterValue> right,
+Json differences_of(std::span<const master::ParameterValue> left, std::span<const master::ParameterValue> right,
                     const Subject& subject, std::size_t compared, bool only_common) {
-  const auto text = [](const host::ParameterValue* value) {
-    return value != nullptr ? Json(host::text_of(*value)) : Json(nullptr);
+  const auto text = [](const master::ParameterValue* value) {
+    return value != nullptr ? Json(master::text_of(*value)) : Json(nullptr);
   };
   Json rows = Json::array();
-  for (const host::ParameterDifference& one : host::compare(left, right, subject.node_id, only_common)) {
+  for (const master::ParameterDifference& one : master::compare(left, right, subject.node_id, only_common)) {
     // The drive's table has priority, because a person may have written the file.
-    const host::ParameterValue& known = one.right != nullptr ? *one.right : *one.left;
+    const master::ParameterValue& known = one.right != nullptr ? *one.right : *one.left;
     rows.push_back({{"object", text_of(one.address)},
                     {"name", known.name},
-                    {"type", host::short_word(known.type)},
+                    {"type", master::short_word(known.type)},
                     {"unit", known.unit},
                     {"left", text(one.left)},
                     {"right", text(one.right)}});
@@ -103,10 +103,10 @@ Json differences_of(std::span<const host::ParameterValue> left, std::span<const 
 
 Json compare_with_factory(Call& call) {
   Subject subject = subject_of(call);
-  const host::ParameterList list = subject.parameters();
+  const master::ParameterList list = subject.parameters();
   return said(409, [&] {
-    const auto left = host::factory_parameters(list);
-    const auto right = host::read_parameters(subject.objects, list, subject.node_id).values;
+    const auto left = master::factory_parameters(list);
+    const auto right = master::read_parameters(subject.objects, list, subject.node_id).values;
     return differences_of(left, right, subject, std::min(left.size(), right.size()), true);
   });
 }
@@ -114,11 +114,11 @@ Json compare_with_factory(Call& call) {
 // Compares only the parameters that the file contains: it may hold just a few.
 Json compare_with_file(Call& call) {
   Subject subject = subject_of(call);
-  const host::ParameterFile file = parameters_in(call);
-  const host::ParameterList list = subject.parameters(true);
+  const master::ParameterFile file = parameters_in(call);
+  const master::ParameterList list = subject.parameters(true);
   return said(409, [&] {
-    auto right = host::read_parameters(subject.objects, list, subject.node_id).values;
-    std::erase_if(right, [&file](const host::ParameterValue& value) { return file.find(value.address) == nullptr; });
+    auto right = master::read_parameters(subject.objects, list, subject.node_id).values;
+    std::erase_if(right, [&file](const master::ParameterValue& value) { return file.find(value.address) == nullptr; });
     return differences_of(file.values, right, subject, file.values.size(), false);
   });
 }
@@ -126,8 +126,8 @@ Json compare_with_file(Call& call) {
 Json store_now(Call& call) {
   Subject subject = subject_of(call);
   BodyReader(call.body, true).finish();
-  const host::ParameterRules& rules = host::parameter_rules_of(subject.product);
-  const bool stored = said(409, [&] { return host::store_parameters(subject.objects, rules); });
+  const master::ParameterRules& rules = master::parameter_rules_of(subject.product);
+  const bool stored = said(409, [&] { return master::store_parameters(subject.objects, rules); });
   return Json{{"stored", stored}, {"keeps_at_once", rules.store.empty()}};
 }
 

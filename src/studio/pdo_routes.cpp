@@ -5,23 +5,23 @@
 #include <sstream>
 
 #include "dictionary/dictionary.hpp"
-#include "host/parameters/loader.hpp"
 #include "line/bench/body_reader.hpp"
 #include "studio/commissioning.hpp"
+#include "tools/parameters/loader.hpp"
 
 // The PDO mappings of an axis as lists: CiA 301 clauses 7.5.2.35 to 38, and 1C12h and 1C13h of ETG.1000.6. The
 // parameter loader changes them: it knows the order of writes and restores everything if the drive refuses.
 namespace servodrome::studio {
 namespace {
 
-using host::ObjectAddress;
-using host::ParameterList;
 using line::bench::ApiError;
 using line::bench::BodyReader;
 using line::bench::Call;
 using line::bench::Json;
 using line::bench::Method;
 using line::bench::Route;
+using master::ObjectAddress;
+using master::ParameterList;
 
 constexpr std::uint32_t unused_bit = 0x80000000U;  // of a PDO's COB-ID
 constexpr std::uint32_t can_id_mask = 0x7FFU;
@@ -91,9 +91,9 @@ class PdoTable {
   }
 
   // The requested parameters as a parameter file. Throws ApiError.
-  host::ParameterFile wanted(const std::string& body_text) {
+  master::ParameterFile wanted(const std::string& body_text) {
     BodyReader body(body_text);
-    host::ParameterFile file;
+    master::ParameterFile file;
     if (body.has("pdos")) {
       const Json& pdos = body.required("pdos");
       if (!pdos.is_array()) wrong("pdos is not a list", "pdos", "write [{\"index\": \"0x1600\", \"objects\": [...]}]");
@@ -109,9 +109,9 @@ class PdoTable {
   }
 
   // The present values in the drive of the lists in `file`.
-  host::ParameterFile before(const host::ParameterFile& file) const {
-    host::ParameterFile now;
-    for (const host::ParameterValue& value : file.values) {
+  master::ParameterFile before(const master::ParameterFile& file) const {
+    master::ParameterFile now;
+    for (const master::ParameterValue& value : file.values) {
       if (value.address.sub != 0) continue;
       const std::uint16_t index = value.address.index;
       const auto count = subject_.objects.read<std::uint8_t>(index, 0);
@@ -149,7 +149,7 @@ class PdoTable {
   Json mapped_view(std::uint32_t entry) const {
     const ObjectAddress address{static_cast<std::uint16_t>(entry >> 16U), static_cast<std::uint8_t>(entry >> 8U)};
     const std::string name = address.index == 0 ? "padding" : name_of(address);
-    return {{"object", host::text_of(address)}, {"name", name}, {"bits", entry & 0xFFU}};
+    return {{"object", master::text_of(address)}, {"name", name}, {"bits", entry & 0xFFU}};
   }
 
   Json mappable_in(const Direction& direction) const {
@@ -158,7 +158,7 @@ class PdoTable {
       const bool fits = (static_cast<unsigned>(entry.pdo) & static_cast<unsigned>(direction.mappable)) != 0;
       if (!fits || !entry.fixed_size()) continue;
       const ObjectAddress address{entry.index, entry.sub};
-      list.push_back({{"object", host::text_of(address)},
+      list.push_back({{"object", master::text_of(address)},
                       {"name", name_of(address)},
                       {"bits", dictionary::size_of(entry.type) * 8U}});
     }
@@ -251,19 +251,19 @@ class PdoTable {
   }
 
   // Adds a value with the parameter's type; throws if the drive does not permit writing it.
-  void add(host::ParameterFile& file, ObjectAddress address, std::uint64_t number) const {
-    const host::Parameter* parameter = list_.find(address);
+  void add(master::ParameterFile& file, ObjectAddress address, std::uint64_t number) const {
+    const master::Parameter* parameter = list_.find(address);
     if (parameter == nullptr) {
-      wrong(fmt::format("{} cannot be written", host::text_of(address)), host::text_of(address),
+      wrong(fmt::format("{} cannot be written", master::text_of(address)), master::text_of(address),
             "it is fixed in this drive, or the drive does not have it");
     }
     const auto bytes = dictionary::encode_number(static_cast<std::int64_t>(number));
-    host::ParameterValue value{.address = address, .type = parameter->type, .name = parameter->name};
+    master::ParameterValue value{.address = address, .type = parameter->type, .name = parameter->name};
     value.bytes.assign(bytes.begin(), bytes.begin() + dictionary::size_of(parameter->type));
     file.values.push_back(std::move(value));
   }
 
-  void add_list(host::ParameterFile& file, std::uint16_t index, const std::vector<std::uint32_t>& entries) const {
+  void add_list(master::ParameterFile& file, std::uint16_t index, const std::vector<std::uint32_t>& entries) const {
     const std::uint8_t most = highest_sub(index);
     if (entries.size() > most) {
       wrong(fmt::format("{} entries do not fit: {:04X}h has at most {}", entries.size(), index, most),
@@ -275,7 +275,7 @@ class PdoTable {
     }
   }
 
-  void add_pdo(host::ParameterFile& file, const Json& part) {
+  void add_pdo(master::ParameterFile& file, const Json& part) {
     BodyReader pdo(part);
     const std::uint16_t mapping = pdo_index(pdo.required("index"), "index");
     const std::uint16_t communication = communication_of(*direction_of(mapping), mapping);
@@ -305,7 +305,7 @@ class PdoTable {
     pdo.finish();
   }
 
-  void add_assignment(host::ParameterFile& file, const Direction& direction, const Json& list) const {
+  void add_assignment(master::ParameterFile& file, const Direction& direction, const Json& list) const {
     if (!list.is_array()) {
       wrong(fmt::format("{} is not a list", direction.word), direction.word, "write [\"0x1600\", ...]");
     }
@@ -330,7 +330,7 @@ Json show_pdos(Call& call) {
   require_process_data(subject);
   try {
     return PdoTable(subject).view();
-  } catch (const host::HostError& error) {
+  } catch (const master::MasterError& error) {
     throw api_error(error);
   }
 }
@@ -340,20 +340,20 @@ Json change_pdos(Call& call) {
   require_process_data(subject);
   PdoTable pdos(subject);
   try {
-    const host::ParameterFile file = pdos.wanted(call.body);
-    const auto load = [list = subject.parameters(true), node_id = subject.node_id](host::ObjectClient& objects,
-                                                                                   const host::ParameterFile& values) {
+    const master::ParameterFile file = pdos.wanted(call.body);
+    const auto load = [list = subject.parameters(true), node_id = subject.node_id](
+                          master::ObjectClient& objects, const master::ParameterFile& values) {
       // The values are for this drive, so the product check is skipped.
-      host::load_parameters(objects, values, "body", list, {}, {.node_id = node_id, .force = true});
+      master::load_parameters(objects, values, "body", list, {}, {.node_id = node_id, .force = true});
     };
     if (subject.configure) {
-      subject.configure([load, file](host::ObjectClient& objects) { load(objects, file); },
-                        [load, before = pdos.before(file)](host::ObjectClient& objects) { load(objects, before); });
+      subject.configure([load, file](master::ObjectClient& objects) { load(objects, file); },
+                        [load, before = pdos.before(file)](master::ObjectClient& objects) { load(objects, before); });
     } else {
       load(subject.objects, file);
     }
     return pdos.view();
-  } catch (const host::HostError& error) {
+  } catch (const master::MasterError& error) {
     throw api_error(error);
   }
 }

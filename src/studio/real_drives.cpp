@@ -7,8 +7,8 @@
 #include <fmt/format.h>
 #include <limits>
 
+#include "axis/fault_report.hpp"
 #include "drive/drive.hpp"
-#include "host/fault_report.hpp"
 #include "line/axis.hpp"
 #include "line/bench/axis_view.hpp"
 #include "line/bench/scope/channel_list.hpp"
@@ -45,7 +45,7 @@ struct Signal {
 };
 using State = DriveBus::DriveState;
 double as_it_is(double number) { return number; }
-double state_of_word(double word) { return static_cast<double>(host::state_of(static_cast<std::uint16_t>(word))); }
+double state_of_word(double word) { return static_cast<double>(master::state_of(static_cast<std::uint16_t>(word))); }
 constexpr std::array signals{
     Signal{"position_counts", "units", 0x6064, dictionary::Type::integer32, as_it_is,
            [](const State& state) { return static_cast<double>(state.status.position); }},
@@ -64,22 +64,22 @@ constexpr std::array signals{
 };
 
 // A slave that leaves OP while its motor is on goes to fault.
-void require_no_torque(host::ObjectClient& objects) {
+void require_no_torque(master::ObjectClient& objects) {
   std::uint16_t statusword = 0;
   try {
     statusword = objects.read<std::uint16_t>(0x6041);
-  } catch (const host::ObjectError& error) {
+  } catch (const master::ObjectError& error) {
     if (!error.answered()) return;  // the drive is silent: no check is possible
     throw;
   }
   using enum drive::PowerState;
-  const drive::PowerState state = host::state_of(statusword);
+  const drive::PowerState state = master::state_of(statusword);
   if (state != switched_on && state != operation_enabled && state != quick_stop_active &&
       state != fault_reaction_active) {
     return;
   }
-  throw host::HostError("the axis has torque, but its bus must leave operation to change process data", objects.where(),
-                        "disable the axis first");
+  throw master::MasterError("the axis has torque, but its bus must leave operation to change process data",
+                            objects.where(), "disable the axis first");
 }
 
 const line::Product& tables_of(const std::string& product) {
@@ -131,15 +131,15 @@ void RealDrives::require_ready(const std::string& axis) const {
   }
 }
 
-std::unique_ptr<host::ObjectClient> RealDrives::open(const std::string& name, Wait wait) {
+std::unique_ptr<master::ObjectClient> RealDrives::open(const std::string& name, Wait wait) {
   const Axis& axis = axis_of(name);
   return std::make_unique<RemoteObjects>(
       *buses_[axis.bus], axis.drive, axis.name, [this] { return now(); }, std::move(wait));
 }
 
-host::AxisOptions RealDrives::options(const std::string& axis) const {
-  host::AxisOptions options;
-  options.dialect = host::dialect_of(axis_of(axis).product);
+master::AxisOptions RealDrives::options(const std::string& axis) const {
+  master::AxisOptions options;
+  options.dialect = master::dialect_of(axis_of(axis).product);
   return options;
 }
 
@@ -156,19 +156,19 @@ void RealDrives::carry_out(const Axis& axis, const std::shared_ptr<studio::Work>
   work->drive = axis.drive;
   buses_[axis.bus]->submit(work);
   while (!work->done) {
-    if (work->cancelled && !work->begun) throw host::Cancelled("interrupted", axis.name, "nothing was done");
+    if (work->cancelled && !work->begun) throw master::Cancelled("interrupted", axis.name, "nothing was done");
     wait();
   }
   if (work->error) std::rethrow_exception(work->error);
 }
 
-Json RealDrives::in_cycles(const std::string& name, host::ObjectClient& objects, const host::CanDrive& exchanged,
+Json RealDrives::in_cycles(const std::string& name, master::ObjectClient& objects, const master::CanDrive& exchanged,
                            const std::function<bool()>& cancelled,
                            const std::function<void(const char* doing, double share)>& progress, const Work& work) {
   const Axis& axis = axis_of(name);
   if (!has_cycles(name)) {
-    throw host::HostError("a frequency response needs samples at a fixed rate, which this bus does not give", name,
-                          "use the drive's CAN or EtherCAT port");
+    throw master::MasterError("a frequency response needs samples at a fixed rate, which this bus does not give", name,
+                              "use the drive's CAN or EtherCAT port");
   }
   // Data shared by both threads. It lives as long as either uses it.
   struct Shared {
@@ -194,7 +194,7 @@ Json RealDrives::in_cycles(const std::string& name, host::ObjectClient& objects,
     shared->found = std::move(found);
   };
   carry_out(axis, task, [&] {
-    constexpr host::Time look_period = std::chrono::milliseconds(5);
+    constexpr master::Time look_period = std::chrono::milliseconds(5);
     if (cancelled()) task->cancelled = true;
     std::string doing;
     double share = 0.0;
@@ -209,9 +209,9 @@ Json RealDrives::in_cycles(const std::string& name, host::ObjectClient& objects,
   return std::move(shared->found);
 }
 
-std::optional<host::AxisUnits> RealDrives::units(const std::string& name) {
+std::optional<master::AxisUnits> RealDrives::units(const std::string& name) {
   const auto objects = open(name, wait_);
-  return host::Axis402(*objects, options(name)).units();
+  return master::Axis402(*objects, options(name)).units();
 }
 
 // Resets the targets, so that they do not take effect when another master enables the drive. The axis has already
@@ -219,8 +219,8 @@ std::optional<host::AxisUnits> RealDrives::units(const std::string& name) {
 void RealDrives::take_back_targets(const Axis& axis, const Wait& wait) {
   try {
     const auto objects = open(axis.name, wait);
-    host::Axis402(*objects, options(axis.name)).take_back_targets();
-  } catch (const host::HostError&) {
+    master::Axis402(*objects, options(axis.name)).take_back_targets();
+  } catch (const master::MasterError&) {
     // The next request to the drive reports the error.
   }
 }
@@ -262,7 +262,7 @@ std::vector<std::optional<JobError>> RealDrives::stop_all() {
     buses_[axes_[i].bus]->stop_when_back(axes_[i].drive);
     try {
       std::rethrow_exception(accesses[i]->error);
-    } catch (const host::HostError& error) {
+    } catch (const master::MasterError& error) {
       wrong = JobError{error.happened(), error.where(),
                        "use its emergency stop; the quick stop is sent as soon as the drive answers"};
     } catch (const std::exception& error) {
@@ -289,7 +289,7 @@ std::vector<RealDrives::ProcessDataRegisters> RealDrives::process_data_of(std::s
   const Wait wait = wait_;
   try {
     carry_out(*first, task, [&] { wait(now() + std::chrono::milliseconds(1)); });
-  } catch (const host::HostError&) {
+  } catch (const master::MasterError&) {
     found->clear();  // the bus is lost: frames are decoded without this information
   }
   return std::move(*found);
@@ -313,7 +313,7 @@ Subject RealDrives::open(line::bench::Call& call) {
       task->reopens = true;
       task->carry_out = [action, undo, drive = axis.drive](OpenBus& open, const studio::Work::IsToEnd&) {
         // read the present state, not the last polled one
-        for (host::ObjectClient* objects : open.drives()) require_no_torque(*objects);
+        for (master::ObjectClient* objects : open.drives()) require_no_torque(*objects);
         open.configure(drive, action, undo);
       };
       const Wait wait = wait_;
@@ -325,9 +325,9 @@ Subject RealDrives::open(line::bench::Call& call) {
 
 // ---- Observation
 
-std::int64_t RealDrives::tick() const { return (now() - host::Time(latency)) / line::tick_length; }
+std::int64_t RealDrives::tick() const { return (now() - master::Time(latency)) / line::tick_length; }
 
-NamedChannel RealDrives::channel(const Axis& axis, host::ObjectAddress object, PolledSamples::Decode decode,
+NamedChannel RealDrives::channel(const Axis& axis, master::ObjectAddress object, PolledSamples::Decode decode,
                                  const std::string& key, Json view, std::function<double()> value) {
   const auto open = [this, bus = axis.bus, drive = axis.drive, object, decode,
                      key](std::int64_t stride) -> std::shared_ptr<line::Samples> {
@@ -425,8 +425,8 @@ Json RealDrives::view(const Axis& axis) const {
   }
   view["faults"] = Json::array();
   if (!state.problem && state.error_code != 0) {
-    const host::ReportedFault fault = host::fault_of_code(state.error_code, {0x603F, 0}, axis.product);
-    const std::string text = host::text_of(fault, axis.product);
+    const master::ReportedFault fault = master::fault_of_code(state.error_code, {0x603F, 0}, axis.product);
+    const std::string text = master::text_of(fault, axis.product);
     view["faults"].push_back({{"code", fmt::format("0x{:04X}", state.error_code)},
                               {"name", text.substr(std::min(text.find(' ') + 1, text.size()))}});
   }

@@ -53,7 +53,7 @@ class RealDrives final : public Drives, public line::bench::Source, public Subje
   };
   std::vector<ProcessDataRegisters> process_data_of(std::size_t bus);
   // Waits with the present wait.
-  std::unique_ptr<host::ObjectClient> open(const Axis& axis) { return open(axis.name, wait_); }
+  std::unique_ptr<master::ObjectClient> open(const Axis& axis) { return open(axis.name, wait_); }
   line::bench::Json view(const Axis& axis) const;
 
   // Fetches the values that the threads of the buses have read. Returns the events of the stream since the last call.
@@ -62,21 +62,21 @@ class RealDrives final : public Drives, public line::bench::Source, public Subje
   static std::vector<std::string_view> signal_names();
 
   // --- Drives
-  host::Time now() const override { return DriveBus::Clock::now() - start_; }
+  master::Time now() const override { return DriveBus::Clock::now() - start_; }
   // Wall-clock time of its time 0.
-  host::Time wall_epoch() const { return wall_epoch_; }
+  master::Time wall_epoch() const { return wall_epoch_; }
   std::vector<std::string> names() const override;
   void require_ready(const std::string& axis) const override;
-  std::unique_ptr<host::ObjectClient> open(const std::string& axis, Wait wait) override;
-  host::AxisOptions options(const std::string& axis) const override;
+  std::unique_ptr<master::ObjectClient> open(const std::string& axis, Wait wait) override;
+  master::AxisOptions options(const std::string& axis) const override;
   std::string product(const std::string& axis) const override { return axis_of(axis).product; }
   // True on CAN and EtherCAT.
   bool has_cycles(const std::string& axis) const override;
-  line::bench::Json in_cycles(const std::string& axis, host::ObjectClient& objects, const host::CanDrive& exchanged,
+  line::bench::Json in_cycles(const std::string& axis, master::ObjectClient& objects, const master::CanDrive& exchanged,
                               const std::function<bool()>& cancelled,
                               const std::function<void(const char* doing, double share)>& progress,
                               const Work& work) override;
-  std::optional<host::AxisUnits> units(const std::string& axis) override;
+  std::optional<master::AxisUnits> units(const std::string& axis) override;
   std::vector<std::optional<JobError>> stop_all() override;
 
   // --- Subjects
@@ -107,11 +107,11 @@ class RealDrives final : public Drives, public line::bench::Source, public Subje
   // threw.
   void carry_out(const Axis& axis, const std::shared_ptr<studio::Work>& work, const std::function<void()>& wait);
   void take_back_targets(const Axis& axis, const Wait& wait);
-  line::bench::NamedChannel channel(const Axis& axis, host::ObjectAddress object, PolledSamples::Decode decode,
+  line::bench::NamedChannel channel(const Axis& axis, master::ObjectAddress object, PolledSamples::Decode decode,
                                     const std::string& key, Json view, std::function<double()> value);
 
   DriveBus::Clock::time_point start_;
-  host::Time wall_epoch_;
+  master::Time wall_epoch_;
   std::vector<std::unique_ptr<DriveBus>> buses_;
   std::vector<Axis> axes_;
   std::vector<Told> told_;

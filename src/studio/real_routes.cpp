@@ -1,15 +1,15 @@
 #include <array>
 #include <fmt/format.h>
 
+#include "axis/fault_report.hpp"
 #include "drive/drive.hpp"
-#include "host/canopen/sdo_client.hpp"
-#include "host/ethercat/coe_client.hpp"
-#include "host/fault_report.hpp"
-#include "host/serial10/client.hpp"
 #include "line/bench/axis_view.hpp"
 #include "line/bench/body_reader.hpp"
 #include "line/bench/object_values.hpp"
 #include "line/nearest_name.hpp"
+#include "master/canopen/sdo_client.hpp"
+#include "master/ethercat/coe_client.hpp"
+#include "master/serial10/client.hpp"
 #include "studio/real_drives.hpp"
 #include "studio/real_server.hpp"
 
@@ -38,18 +38,18 @@ const RealDrives::Axis& axis_of_call(const Call& call) {
                  line::suggestion(name, {names.begin(), names.end()})};
 }
 
-// Converts an error of the host library to the API's form, with the drive's own abort code if there is one.
+// Converts an error of the master's side to the API's form, with the drive's own abort code if there is one.
 template <typename Action>
 auto asking(const std::string& where, const Action& action) {
   try {
     return action();
-  } catch (const host::HostError& error) {
+  } catch (const master::MasterError& error) {
     AbortCode abort = AbortCode::none;
-    if (const auto* sdo = dynamic_cast<const host::SdoError*>(&error); sdo != nullptr && sdo->from_node()) {
+    if (const auto* sdo = dynamic_cast<const master::SdoError*>(&error); sdo != nullptr && sdo->from_node()) {
       abort = sdo->code();
-    } else if (const auto* coe = dynamic_cast<const host::CoeError*>(&error); coe != nullptr && coe->from_slave()) {
+    } else if (const auto* coe = dynamic_cast<const master::CoeError*>(&error); coe != nullptr && coe->from_slave()) {
       abort = coe->code();
-    } else if (const auto* serial = dynamic_cast<const host::Serial10Error*>(&error);
+    } else if (const auto* serial = dynamic_cast<const master::Serial10Error*>(&error);
                serial != nullptr && serial->from_drive()) {
       abort = serial->code();
     }
@@ -155,7 +155,7 @@ Json read_values(Call& call) {
     try {
       const auto bytes = drives_of(call).open(axis)->upload({address.index, address.sub});
       value = line::bench::shown(*entry, bytes)["value"];
-    } catch (const host::HostError&) {
+    } catch (const master::MasterError&) {
       // The object does not exist, or the drive is silent; then its state shows that.
     }
   }
@@ -175,8 +175,8 @@ Json write_object(Call& call) {
   return nullptr;
 }
 
-Json view_of(const host::ReportedFault& fault, const RealDrives::Axis& axis) {
-  const std::string text = host::text_of(fault, axis.product);
+Json view_of(const master::ReportedFault& fault, const RealDrives::Axis& axis) {
+  const std::string text = master::text_of(fault, axis.product);
   Json view{{"code", fmt::format("0x{:04X}", fault.code)},
             {"name", fault.code == 0 ? text : text.substr(std::min(text.find(' ') + 1, text.size()))}};
   if (fault.alarm != 0) view["alarm"] = describe::alarm_name(axis.product, fault.alarm);
@@ -193,14 +193,14 @@ Json show_faults(Call& call) {
   drives_of(call).require_ready(axis.name);
   return asking(axis.name, [&] {
     const auto objects = drives_of(call).open(axis);
-    const host::FaultReport report = host::read_faults(*objects, host::dialect_of(axis.product));
+    const master::FaultReport report = master::read_faults(*objects, master::dialect_of(axis.product));
     Json active = Json::array();
     for (const auto* list : {&report.active, &report.warnings}) {
-      for (const host::ReportedFault& fault : *list) active.push_back(view_of(fault, axis));
+      for (const master::ReportedFault& fault : *list) active.push_back(view_of(fault, axis));
     }
     Json history = Json::array();
     for (const auto* list : {&report.history, &report.log}) {
-      for (const host::ReportedFault& fault : *list) history.push_back(view_of(fault, axis));
+      for (const master::ReportedFault& fault : *list) history.push_back(view_of(fault, axis));
     }
     return Json{{"active", std::move(active)},
                 {"history", std::move(history)},

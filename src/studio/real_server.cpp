@@ -16,10 +16,10 @@ using namespace std::chrono_literals;
 using line::bench::Request;
 using line::bench::Response;
 
-constexpr host::Time shortest_sleep = 200us;
-constexpr host::Time view_period = 10ms;       // period of updates from the drives
-constexpr host::Time attention_period = 20ms;  // period of time-based messages to clients
-constexpr host::Time longest_stop = 2s;        // longest time to stop an axis at the end
+constexpr master::Time shortest_sleep = 200us;
+constexpr master::Time view_period = 10ms;       // period of updates from the drives
+constexpr master::Time attention_period = 20ms;  // period of time-based messages to clients
+constexpr master::Time longest_stop = 2s;        // longest time to stop an axis at the end
 
 line::LineSettings nothing() {
   line::LineSettings settings;
@@ -93,7 +93,7 @@ void RealServer::carry_out(Pending& pending) {
 }
 
 void RealServer::resume(Pending& pending) {
-  drives_.set_wait([this, &pending](host::Time until) {
+  drives_.set_wait([this, &pending](master::Time until) {
     pending.due = until;
     do {
       pending.task->pause();
@@ -114,9 +114,9 @@ void RealServer::resume(Pending& pending) {
 }
 
 void RealServer::schedule() {
-  const host::Time now = drives_.now();
+  const master::Time now = drives_.now();
   // Relative to the last look, not to now: otherwise requests in quick succession would postpone it for ever.
-  host::Time next = std::min(next_view_, jobs_.next_deadline());
+  master::Time next = std::min(next_view_, jobs_.next_deadline());
   for (const Pending& pending : pending_) next = std::min(next, pending.due);
   timer_.expires_after(std::max(next, looked_ + shortest_sleep) - now);
   timer_.async_wait([this](const boost::system::error_code& code) {
@@ -127,7 +127,7 @@ void RealServer::schedule() {
 }
 
 void RealServer::look() {
-  const host::Time now = drives_.now();
+  const master::Time now = drives_.now();
   looked_ = now;
   jobs_.reached(now);
   std::vector<Pending*> due;
@@ -170,8 +170,9 @@ void RealServer::note_events() {
 }
 
 void RealServer::shut_down() {
-  drives_.set_wait(
-      [this](host::Time until) { std::this_thread::sleep_for(std::max<host::Time>(until - drives_.now(), 100us)); });
+  drives_.set_wait([this](master::Time until) {
+    std::this_thread::sleep_for(std::max<master::Time>(until - drives_.now(), 100us));
+  });
   const auto has_torque = [this](const RealDrives::Axis& axis) {
     const DriveBus::DriveState state = drives_.state_of(axis);
     return !state.problem && (state.status.state() == drive::PowerState::operation_enabled ||
@@ -186,11 +187,11 @@ void RealServer::shut_down() {
     if (Job* job = jobs_.running(axis->name)) jobs_.end(*job, "the server was stopped");
     try {
       const auto objects = drives_.open(*axis);
-      host::AxisOptions options = drives_.options(axis->name);
+      master::AxisOptions options = drives_.options(axis->name);
       options.state_timeout = longest_stop;
-      host::Axis402 host_axis(*objects, options);
-      host_axis.quick_stop();
-      host_axis.disable();
+      master::Axis402 master_axis(*objects, options);
+      master_axis.quick_stop();
+      master_axis.disable();
     } catch (const std::exception&) {
       // The drive does not answer, or has stopped for another reason. No client is left for a report.
     }

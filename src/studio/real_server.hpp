@@ -50,7 +50,7 @@ class RealServer {
     line::bench::Request request;
     line::bench::HttpHandlers::Reply reply;
     line::bench::Response response{};
-    host::Time due{};
+    master::Time due{};
     std::unique_ptr<Task> task{};
   };
 
@@ -76,9 +76,9 @@ class RealServer {
   Traffic traffic_;
   std::vector<line::bench::RouteGroup> groups_;
   std::list<Pending> pending_;
-  host::Time looked_{};  // time of the last look()
-  host::Time next_view_{};
-  host::Time next_attention_{};
+  master::Time looked_{};  // time of the last look()
+  master::Time next_view_{};
+  master::Time next_attention_{};
   std::unique_ptr<line::bench::HttpServer> http_;
 };
 

@@ -5,8 +5,8 @@
 #include <cctype>
 #include <fmt/format.h>
 
-#include "host/scope/export.hpp"
 #include "line/axis.hpp"
+#include "tools/scope/export.hpp"
 
 namespace servodrome::studio {
 namespace {
@@ -35,8 +35,8 @@ std::string field_name(const Json& channel) {
 }
 
 // One topic for each axis; its channels are the fields of the messages.
-host::scope::Table table_of(std::shared_ptr<const Recording> recording, std::int64_t epoch_ns) {
-  host::scope::Table table;
+master::scope::Table table_of(std::shared_ptr<const Recording> recording, std::int64_t epoch_ns) {
+  master::scope::Table table;
   std::vector<std::string> axes;
   for (const line::bench::NamedChannel& channel : recording->plan().channels) {
     const auto known = std::find(axes.begin(), axes.end(), channel.axis);
@@ -62,7 +62,7 @@ host::scope::Table table_of(std::shared_ptr<const Recording> recording, std::int
 Json RecordingExport::show_mcap(Call& call) {
   const auto& own = *static_cast<const RecordingExport*>(call.context);
   auto table = table_of(ended_recording(call, own.find_), own.epoch_().count());
-  call.content = line::bench::Content{"application/octet-stream", {}, host::scope::mcap_parts_of(std::move(table))};
+  call.content = line::bench::Content{"application/octet-stream", {}, master::scope::mcap_parts_of(std::move(table))};
   return nullptr;
 }
 

@@ -19,7 +19,7 @@ class Wanted {
 
 }  // namespace
 
-std::vector<std::byte> RemoteObjects::access(host::ObjectAddress object, bool writes, std::vector<std::byte> bytes) {
+std::vector<std::byte> RemoteObjects::access(master::ObjectAddress object, bool writes, std::vector<std::byte> bytes) {
   const auto access = std::make_shared<Access>();
   access->drive = drive_;
   access->object = object;

@@ -5,25 +5,25 @@
 namespace servodrome::studio {
 
 // Access to the objects of a drive from a thread other than that of its bus. Waiting lets other tasks run.
-class RemoteObjects final : public host::ObjectClient {
+class RemoteObjects final : public master::ObjectClient {
  public:
-  using Now = std::function<host::Time()>;
+  using Now = std::function<master::Time()>;
 
   // `bus` must outlive this object.
   RemoteObjects(DriveBus& bus, std::size_t drive, std::string name, Now now, Drives::Wait wait)
       : bus_(bus), drive_(drive), name_(std::move(name)), now_(std::move(now)), wait_(std::move(wait)) {}
 
-  std::vector<std::byte> upload(host::ObjectAddress object) override { return access(object, false, {}); }
-  void download(host::ObjectAddress object, std::span<const std::byte> data) override {
+  std::vector<std::byte> upload(master::ObjectAddress object) override { return access(object, false, {}); }
+  void download(master::ObjectAddress object, std::span<const std::byte> data) override {
     access(object, true, {data.begin(), data.end()});
   }
-  host::Time now() const override { return now_(); }
-  void wait(host::Time span) override { wait_(now_() + span); }
+  master::Time now() const override { return now_(); }
+  void wait(master::Time span) override { wait_(now_() + span); }
   std::uint16_t address() const override { return static_cast<std::uint16_t>(bus_.plan().drives[drive_].address); }
   std::string where() const override { return name_; }
 
  private:
-  std::vector<std::byte> access(host::ObjectAddress object, bool writes, std::vector<std::byte> bytes);
+  std::vector<std::byte> access(master::ObjectAddress object, bool writes, std::vector<std::byte> bytes);
 
   DriveBus& bus_;
   std::size_t drive_;

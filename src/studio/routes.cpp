@@ -3,10 +3,10 @@
 #include <charconv>
 #include <fmt/format.h>
 
-#include "host/tuning/drive_gains.hpp"
-#include "host/tuning/gain_guide.hpp"
 #include "line/nearest_name.hpp"
 #include "studio/jobs.hpp"
+#include "tools/tuning/drive_gains.hpp"
+#include "tools/tuning/gain_guide.hpp"
 
 // The calls of the API that move axes.
 namespace servodrome::studio {
@@ -91,11 +91,11 @@ Json show_units(Call& call) {
   const std::string axis = axis_name(call);
   try {
     const auto units = jobs_of(call).drives().units(axis);
-    const auto per_revolution = [&](double host::AxisUnits::*part) { return units ? Json((*units).*part) : Json(); };
-    return Json{{"position_per_revolution", per_revolution(&host::AxisUnits::position)},
-                {"velocity_per_rps", per_revolution(&host::AxisUnits::velocity)},
-                {"acceleration_per_rps2", per_revolution(&host::AxisUnits::acceleration)}};
-  } catch (const host::HostError& error) {
+    const auto per_revolution = [&](double master::AxisUnits::*part) { return units ? Json((*units).*part) : Json(); };
+    return Json{{"position_per_revolution", per_revolution(&master::AxisUnits::position)},
+                {"velocity_per_rps", per_revolution(&master::AxisUnits::velocity)},
+                {"acceleration_per_rps2", per_revolution(&master::AxisUnits::acceleration)}};
+  } catch (const master::MasterError& error) {
     throw ApiError{409, error.happened(), error.where(), error.remedy()};
   }
 }
@@ -105,9 +105,9 @@ Json show_gains(Call& call) {
   const std::string axis = axis_name(call);
   const Drives& drives = jobs_of(call).drives();
   const std::string product = drives.product(axis);
-  const host::tuning::TuningDialect& dialect = host::tuning::tuning_dialect_of(product);
+  const master::tuning::TuningDialect& dialect = master::tuning::tuning_dialect_of(product);
   Json gains = Json::array();
-  for (const host::tuning::GainLine& line : host::tuning::gain_guide_of(product)) {
+  for (const master::tuning::GainLine& line : master::tuning::gain_guide_of(product)) {
     gains.push_back({{"object", text_of(line.object)}, {"set", line.set}, {"does", line.does}});
   }
   return Json{{"gains", std::move(gains)},

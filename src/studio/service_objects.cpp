@@ -4,21 +4,21 @@
 #include <fmt/format.h>
 #include <numeric>
 
-#include "host/abort_text.hpp"
+#include "master/abort_text.hpp"
 #include "studio/task.hpp"
 
 namespace servodrome::studio {
 namespace {
 
 // Duration of an access: so time passes even for a caller that only reads.
-constexpr host::Time access_time = line::tick_length;
+constexpr master::Time access_time = line::tick_length;
 
 }  // namespace
 
 // Returns false if no time can pass any more, because a task is being ended.
-bool ServiceObjects::pass(host::Time span) {
+bool ServiceObjects::pass(master::Time span) {
   if (!wait_) return false;
-  const host::Time until = line_.now() + std::max(span, access_time);
+  const master::Time until = line_.now() + std::max(span, access_time);
   if (std::uncaught_exceptions() == 0) {
     wait_(until);
     return true;
@@ -32,22 +32,22 @@ bool ServiceObjects::pass(host::Time span) {
   }
 }
 
-void ServiceObjects::wait(host::Time span) {
-  if (wait_ && !pass(span)) throw host::HostError("the job has ended", where(), "start the job again");
+void ServiceObjects::wait(master::Time span) {
+  if (wait_ && !pass(span)) throw master::MasterError("the job has ended", where(), "start the job again");
 }
 
 void ServiceObjects::require_power() const {
   if (axis_.powered()) return;
-  throw host::ObjectError("the axis has no power", where(), "switch it on", false);
+  throw master::ObjectError("the axis has no power", where(), "switch it on", false);
 }
 
-void ServiceObjects::refuse(host::ObjectAddress object, dictionary::AbortCode abort, bool upload) const {
-  throw host::ObjectError(host::text_of_failed_access(upload, abort, true),
-                          fmt::format("{}, {}", where(), host::text_of(object)),
-                          host::remedy_of_failed_access(abort, true), host::is_absent(abort));
+void ServiceObjects::refuse(master::ObjectAddress object, dictionary::AbortCode abort, bool upload) const {
+  throw master::ObjectError(master::text_of_failed_access(upload, abort, true),
+                            fmt::format("{}, {}", where(), master::text_of(object)),
+                            master::remedy_of_failed_access(abort, true), master::is_absent(abort));
 }
 
-const dictionary::Entry& ServiceObjects::find(host::ObjectAddress object, bool upload) const {
+const dictionary::Entry& ServiceObjects::find(master::ObjectAddress object, bool upload) const {
   require_power();
   dictionary::AbortCode abort{};
   const dictionary::Entry* entry = axis_.device().dictionary().find(object.index, object.sub, abort);
@@ -55,26 +55,26 @@ const dictionary::Entry& ServiceObjects::find(host::ObjectAddress object, bool u
   return *entry;
 }
 
-std::vector<std::byte> ServiceObjects::upload(host::ObjectAddress object) {
+std::vector<std::byte> ServiceObjects::upload(master::ObjectAddress object) {
   pass(access_time);
   return read_now(object);
 }
 
 std::vector<std::vector<std::size_t>> ServiceObjects::read_together(
-    std::span<const host::ObjectAddress> objects) const {
+    std::span<const master::ObjectAddress> objects) const {
   std::vector<std::size_t> all(objects.size());
   std::iota(all.begin(), all.end(), std::size_t{0});
   return {std::move(all)};
 }
 
-std::vector<std::vector<std::byte>> ServiceObjects::upload_together(std::span<const host::ObjectAddress> objects) {
+std::vector<std::vector<std::byte>> ServiceObjects::upload_together(std::span<const master::ObjectAddress> objects) {
   pass(access_time);
   std::vector<std::vector<std::byte>> values;
-  for (const host::ObjectAddress object : objects) values.push_back(read_now(object));
+  for (const master::ObjectAddress object : objects) values.push_back(read_now(object));
   return values;
 }
 
-std::vector<std::byte> ServiceObjects::read_now(host::ObjectAddress object) {
+std::vector<std::byte> ServiceObjects::read_now(master::ObjectAddress object) {
   const dictionary::Entry& entry = find(object, true);
   dictionary::ReadValue value;
   const dictionary::AbortCode abort = axis_.device().dictionary().read(entry, value);
@@ -82,7 +82,7 @@ std::vector<std::byte> ServiceObjects::read_now(host::ObjectAddress object) {
   return {value.bytes.begin(), value.bytes.end()};
 }
 
-void ServiceObjects::download(host::ObjectAddress object, std::span<const std::byte> data) {
+void ServiceObjects::download(master::ObjectAddress object, std::span<const std::byte> data) {
   pass(access_time);
   const dictionary::Entry& entry = find(object, false);
   const dictionary::AbortCode abort = axis_.device().dictionary().write(entry, data);
@@ -90,18 +90,18 @@ void ServiceObjects::download(host::ObjectAddress object, std::span<const std::b
   axis_.send_waiting(line_.now());
 }
 
-host::AxisOptions options_for(const line::Axis& axis) {
-  host::AxisOptions options;
-  options.dialect = host::dialect_of(axis.settings().product->name);
+master::AxisOptions options_for(const line::Axis& axis) {
+  master::AxisOptions options;
+  options.dialect = master::dialect_of(axis.settings().product->name);
   return options;
 }
 
-host::AxisUnits units_of(line::Line& line, line::Axis& axis) {
+master::AxisUnits units_of(line::Line& line, line::Axis& axis) {
   ServiceObjects objects(line, axis);
-  host::Axis402 host_axis(objects, options_for(axis));
-  if (const auto units = host_axis.units()) return *units;
+  master::Axis402 master_axis(objects, options_for(axis));
+  if (const auto units = master_axis.units()) return *units;
   const double counts = axis.plant().parameters().encoder.counts_per_revolution;
-  return host_axis.units(counts).value_or(host::AxisUnits{counts, counts, counts});
+  return master_axis.units(counts).value_or(master::AxisUnits{counts, counts, counts});
 }
 
 }  // namespace servodrome::studio

@@ -7,13 +7,13 @@
 #include <cstring>
 #include <fmt/format.h>
 
-#include "host/error.hpp"
-#include "host/sniff/summary.hpp"
 #include "line/bench/body_reader.hpp"
 #include "links/can/log.hpp"
 #include "links/pcap.hpp"
 #include "links/serial/log.hpp"
+#include "master/error.hpp"
 #include "studio/line_traffic.hpp"
+#include "tools/sniff/summary.hpp"
 
 namespace servodrome::studio {
 namespace {
@@ -58,7 +58,7 @@ std::string lower(std::string_view text) {
 
 // Selects the rows that a request wants.
 struct RowFilter {
-  host::SniffFilter words{};
+  master::SniffFilter words{};
   std::string text{};  // in lower case
   bool errors = false;
 
@@ -68,8 +68,9 @@ struct RowFilter {
       const auto value = query_value(call, key);
       if (!value || value->empty()) continue;
       try {
-        filter.words.add(fmt::format("{}={}", key, line::bench::unescaped(*value)), host::ObjectCatalogue::standard());
-      } catch (const host::HostError& error) {
+        filter.words.add(fmt::format("{}={}", key, line::bench::unescaped(*value)),
+                         master::ObjectCatalogue::standard());
+      } catch (const master::MasterError& error) {
         throw ApiError{400, error.happened(), error.where(), error.remedy()};
       }
     }
@@ -78,7 +79,7 @@ struct RowFilter {
     return filter;
   }
   bool passes(const TrafficRow& row) const {
-    const host::Decoded& decoded = row.decoded;
+    const master::Decoded& decoded = row.decoded;
     if (errors && !decoded.error) return false;
     if (!words.passes(decoded)) return false;
     if (text.empty()) return true;
@@ -89,16 +90,16 @@ struct RowFilter {
 };
 
 std::string row_text(const TrafficRow& row) {
-  const host::Decoded& decoded = row.decoded;
+  const master::Decoded& decoded = row.decoded;
   Json json{{"number", row.number},  {"time_ns", decoded.time.count()},
-            {"from", row.from},      {"kind", host::name(decoded.kind)},
+            {"from", row.from},      {"kind", master::name(decoded.kind)},
             {"node", nullptr},       {"about", decoded.source},
             {"bytes", decoded.raw},  {"text", decoded.text},
             {"error", decoded.error}};
   if (decoded.node) json["node"] = *decoded.node;
   json["values"] = Json::array();
-  for (const host::DecodedValue& value : decoded.values) {
-    json["values"].push_back({{"object", host::text_of(value.object)}, {"name", value.name}, {"value", value.text}});
+  for (const master::DecodedValue& value : decoded.values) {
+    json["values"].push_back({{"object", master::text_of(value.object)}, {"name", value.name}, {"value", value.text}});
   }
   return line::bench::to_text(json);
 }

@@ -5,20 +5,20 @@
 #include <memory>
 #include <string>
 
-#include "host/sniff/can_decoder.hpp"
-#include "host/sniff/ethercat_decoder.hpp"
-#include "host/sniff/modbus_tcp_decoder.hpp"
-#include "host/sniff/serial_decoder.hpp"
 #include "line/traffic.hpp"
+#include "tools/sniff/can_decoder.hpp"
+#include "tools/sniff/ethercat_decoder.hpp"
+#include "tools/sniff/modbus_tcp_decoder.hpp"
+#include "tools/sniff/serial_decoder.hpp"
 
 namespace servodrome::studio {
 
 // Decoders that convert frames to text.
 struct TrafficDecoders {
-  host::CanDecoder can{};
-  host::EthercatDecoder ethercat{};
-  host::SerialDecoder serial{};
-  host::ModbusTcpDecoder modbus_tcp{};
+  master::CanDecoder can{};
+  master::EthercatDecoder ethercat{};
+  master::SerialDecoder serial{};
+  master::ModbusTcpDecoder modbus_tcp{};
 };
 
 enum class Medium : std::uint8_t { can, serial, ethercat };

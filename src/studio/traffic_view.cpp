@@ -61,7 +61,7 @@ std::string TrafficView::sender_of(const line::TrafficFrame& frame) const {
   return sender.empty() ? "master" : sender;
 }
 
-void TrafficView::add(const line::TrafficFrame& frame, host::Decoded decoded) {
+void TrafficView::add(const line::TrafficFrame& frame, master::Decoded decoded) {
   rows_.push_back({frame.number, sender_of(frame), std::move(decoded)});
   if (rows_.size() <= most_rows) return;
   // Removes all rows of a frame together.
@@ -76,7 +76,7 @@ void TrafficView::decode(const line::TrafficFrame& frame) {
   switch (frame.kind) {
     case line::TrafficKind::can:
     case line::TrafficKind::can_dropped: {
-      host::Decoded decoded = decoders_.can.decode(frame_of(frame.bytes), frame.at);
+      master::Decoded decoded = decoders_.can.decode(frame_of(frame.bytes), frame.at);
       if (frame.kind == line::TrafficKind::can_dropped) {
         decoded.error = true;
         decoded.text += " (lost: no node received it)";
@@ -85,22 +85,22 @@ void TrafficView::decode(const line::TrafficFrame& frame) {
       break;
     }
     case line::TrafficKind::can_error: {
-      host::Decoded decoded;
+      master::Decoded decoded;
       decoded.time = frame.at;
-      decoded.kind = host::FrameKind::error;
+      decoded.kind = master::FrameKind::error;
       decoded.error = true;
-      decoded.raw = host::raw_text(frame_of(frame.bytes));
+      decoded.raw = master::raw_text(frame_of(frame.bytes));
       decoded.text = "error frame: the frame is repeated";
       add(frame, std::move(decoded));
       break;
     }
     case line::TrafficKind::ethernet_out:
     case line::TrafficKind::ethernet_in:
-      for (host::Decoded& one : decoders_.ethercat.decode(frame.bytes, frame.at)) add(frame, std::move(one));
+      for (master::Decoded& one : decoders_.ethercat.decode(frame.bytes, frame.at)) add(frame, std::move(one));
       break;
     case line::TrafficKind::serial: {
       const auto side = frame.from_master ? links::SerialSender::master : links::SerialSender::drive;
-      for (host::Decoded& one : decoders_.serial.decode(frame.bytes, frame.at, side)) add(frame, std::move(one));
+      for (master::Decoded& one : decoders_.serial.decode(frame.bytes, frame.at, side)) add(frame, std::move(one));
       break;
     }
     case line::TrafficKind::modbus_tcp:

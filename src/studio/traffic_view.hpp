@@ -12,7 +12,7 @@ namespace servodrome::studio {
 struct TrafficRow {
   std::uint64_t number = 0;  // number of the frame
   std::string from{};        // axis name, "master" or "slaves"
-  host::Decoded decoded{};
+  master::Decoded decoded{};
 };
 
 // The recorded traffic of one bus. It is decoded lazily, when clients request it, and in small pieces (decode_some),
@@ -51,7 +51,7 @@ class TrafficView {
 
  private:
   void decode(const line::TrafficFrame& frame);
-  void add(const line::TrafficFrame& frame, host::Decoded decoded);
+  void add(const line::TrafficFrame& frame, master::Decoded decoded);
   std::string sender_of(const line::TrafficFrame& frame) const;
 
   std::unique_ptr<TrafficSource> source_;

@@ -1,11 +1,11 @@
 #include "studio/tuning_json.hpp"
 
-#include "host/tuning/loop.hpp"
+#include "tools/tuning/loop.hpp"
 
 namespace servodrome::studio {
 namespace {
 
-namespace tuning = host::tuning;
+namespace tuning = master::tuning;
 using line::bench::Json;
 
 Json number_or_null(const std::optional<double>& value) { return value ? Json(*value) : Json(nullptr); }

@@ -1,18 +1,18 @@
 #pragma once
 
-#include "host/tuning/own_tuning.hpp"
-#include "host/tuning/session.hpp"
 #include "line/bench/error.hpp"
+#include "tools/tuning/own_tuning.hpp"
+#include "tools/tuning/session.hpp"
 
 // The results of tuning as JSON, for `servodrome tune --json` and for the bench API.
 namespace servodrome::studio {
 
-line::bench::Json json_of(const std::vector<host::tuning::GainValue>& before,
-                          const std::vector<host::tuning::GainValue>& after);
-line::bench::Json json_of(const host::tuning::Measurement& measured, const host::tuning::TuningUnits& units);
-line::bench::Json json_of(const host::tuning::StepResponse& step);
+line::bench::Json json_of(const std::vector<master::tuning::GainValue>& before,
+                          const std::vector<master::tuning::GainValue>& after);
+line::bench::Json json_of(const master::tuning::Measurement& measured, const master::tuning::TuningUnits& units);
+line::bench::Json json_of(const master::tuning::StepResponse& step);
 // The result of a whole session: "result" is "proposed" or "applied".
-line::bench::Json json_of(const host::tuning::SessionResult& result, const host::tuning::TuningUnits& units);
-line::bench::Json json_of(const host::tuning::OwnTuningResult& result);
+line::bench::Json json_of(const master::tuning::SessionResult& result, const master::tuning::TuningUnits& units);
+line::bench::Json json_of(const master::tuning::OwnTuningResult& result);
 
 }  // namespace servodrome::studio

@@ -1,17 +1,17 @@
 #include "studio/tuning_order.hpp"
 
-#include "host/tuning/own_tuning.hpp"
 #include "studio/tuning_json.hpp"
+#include "tools/tuning/own_tuning.hpp"
 
 namespace servodrome::studio {
 namespace {
 
-namespace tuning = host::tuning;
+namespace tuning = master::tuning;
 
 }  // namespace
 
-void tune_axis(host::Axis402& axis, const TuningOrder& order, Conduct& conduct) {
-  host::ObjectClient& objects = axis.objects();
+void tune_axis(master::Axis402& axis, const TuningOrder& order, Conduct& conduct) {
+  master::ObjectClient& objects = axis.objects();
   const tuning::TuningDialect& dialect = tuning::tuning_dialect_of(conduct.product);
   const tuning::TuningUnits units = tuning::tuning_units_of(objects, dialect, order.revolution);
   const auto work = [&dialect, units, order](CyclicAccess& access) {
@@ -25,7 +25,7 @@ void tune_axis(host::Axis402& axis, const TuningOrder& order, Conduct& conduct) 
   conduct.found = conduct.in_cycles(tuning::tuning_drive(objects, dialect), work);
 }
 
-void let_axis_tune_itself(host::Axis402& axis, const TuningOrder& order, Conduct& conduct) {
+void let_axis_tune_itself(master::Axis402& axis, const TuningOrder& order, Conduct& conduct) {
   conduct.found = json_of(
       tuning::tune_by_itself(axis, tuning::tuning_dialect_of(conduct.product), order.revolution,
                              {.travel_revolutions = order.tuner.travel_revolutions, .progress = conduct.progress}));

@@ -1,22 +1,22 @@
 #pragma once
 
-#include "host/tuning/session.hpp"
 #include "studio/order.hpp"
+#include "tools/tuning/session.hpp"
 
 namespace servodrome::studio {
 
 struct TuningOrder {
-  host::tuning::SessionRequest session{};
-  host::tuning::TunerOptions tuner{};
-  host::AxisUnits revolution{1.0, 1.0, 1.0};  // size of a revolution in the drive's units
+  master::tuning::SessionRequest session{};
+  master::tuning::TunerOptions tuner{};
+  master::AxisUnits revolution{1.0, 1.0, 1.0};  // size of a revolution in the drive's units
 };
 
 // Measures the axis' velocity loop, proposes gains and, if requested, writes them and measures their effect. The result
-// is in conduct.found, in the form of `servodrome tune --json`. Disables the axis at the end. Throws HostError after
+// is in conduct.found, in the form of `servodrome tune --json`. Disables the axis at the end. Throws MasterError after
 // restoring the old gains.
-void tune_axis(host::Axis402& axis, const TuningOrder& order, Conduct& conduct);
+void tune_axis(master::Axis402& axis, const TuningOrder& order, Conduct& conduct);
 
 // Runs the drive's own automatic tuning.
-void let_axis_tune_itself(host::Axis402& axis, const TuningOrder& order, Conduct& conduct);
+void let_axis_tune_itself(master::Axis402& axis, const TuningOrder& order, Conduct& conduct);
 
 }  // namespace servodrome::studio

@@ -6,10 +6,10 @@
 #include <memory>
 #include <random>
 
-#include "app/axis_rig.hpp"
+#include "axis/axis_rig.hpp"
 #include "fit/fit.hpp"
-#include "host/script/run.hpp"
 #include "line/tap.hpp"
+#include "tools/script/run.hpp"
 
 // A drive in virtual time that carries out a motion script while signals of it are kept, as the bench API records them.
 namespace servodrome::fit::test {
@@ -132,7 +132,7 @@ struct Kept {
 
 inline Kept record(const Truth& truth, const std::vector<std::string>& names) {
   const std::string axis_text = truth.axis_text();
-  host::test::AxisRig rig({.product = "generic402", .axis_text = axis_text.c_str()});
+  master::test::AxisRig rig({.product = "generic402", .axis_text = axis_text.c_str()});
   std::vector<line::Channel> channels;
   for (const std::string& name : names) channels.push_back(line::signal_channel(rig.drive(), name));
   line::Tap tap(channels, 1);
@@ -146,16 +146,16 @@ inline Kept record(const Truth& truth, const std::vector<std::string>& names) {
     }
     return false;
   };
-  host::AxisOptions axis_options = rig.options();
+  master::AxisOptions axis_options = rig.options();
   axis_options.cancelled = take;
-  host::Axis402 axis(rig.objects(), axis_options);
-  host::Axis402* const axes[] = {&axis};
-  const host::script::Script script =
-      host::script::parse(excitation(truth), "excitation", host::ObjectCatalogue::standard());
-  host::script::RunOptions options;
+  master::Axis402 axis(rig.objects(), axis_options);
+  master::Axis402* const axes[] = {&axis};
+  const master::script::Script script =
+      master::script::parse(excitation(truth), "excitation", master::ObjectCatalogue::standard());
+  master::script::RunOptions options;
   options.cancelled = take;
-  options.done = [&](const host::script::Step&, host::Time, const std::string&) { take(); };
-  host::script::run(script, axes, options);
+  options.done = [&](const master::script::Step&, master::Time, const std::string&) { take(); };
+  master::script::run(script, axes, options);
   return kept;
 }
 

@@ -7,7 +7,7 @@
 
 #include "fit/error.hpp"
 #include "fit/signals.hpp"
-#include "host/scope/export.hpp"
+#include "tools/scope/export.hpp"
 
 namespace servodrome::fit {
 namespace fit_table_test {
@@ -16,7 +16,7 @@ namespace {
 using namespace std::chrono_literals;
 using testing::ElementsAre;
 using testing::HasSubstr;
-namespace scope = host::scope;
+namespace scope = master::scope;
 
 template <typename Call>
 std::string problem_of(Call call) {
@@ -29,8 +29,8 @@ std::string problem_of(Call call) {
 }
 
 scope::Recording recording() {
-  scope::Recording made{.channels = {scope::named_channel("position", host::ObjectCatalogue::standard()),
-                                     scope::named_channel("torque", host::ObjectCatalogue::standard())},
+  scope::Recording made{.channels = {scope::named_channel("position", master::ObjectCatalogue::standard()),
+                                     scope::named_channel("torque", master::ObjectCatalogue::standard())},
                         .groups = {0, 1},
                         .group_count = 2};
   for (int row = 0; row < 4; ++row) {

@@ -44,12 +44,12 @@ SHORT_MAILBOX = ethercat(5, 0x1000, b"\4" + MAILBOX[1:])
 @pytest.mark.parametrize(
     "kind, link, frames, says",
     [
-        ("can", CAN, [can(*BOOT_UP), can(*SHORT_SDO)], "tshark objects"),
-        ("can", CAN, [can(*BOOT_UP)], "never seen"),
+        ("can", CAN, [can(*BOOT_UP), can(*SHORT_SDO)], "reports errors or warnings"),
+        ("can", CAN, [can(*BOOT_UP)], "no frame of this service"),
         ("can", CAN, None, "no captures"),
-        ("ethercat", ETHERNET, [GOOD, LONG_DATAGRAM], "tshark objects"),
-        ("ethercat", ETHERNET, [GOOD, SHORT_MAILBOX], "tshark objects"),
-        ("ethercat", ETHERNET, [GOOD], "never seen"),
+        ("ethercat", ETHERNET, [GOOD, LONG_DATAGRAM], "reports errors or warnings"),
+        ("ethercat", ETHERNET, [GOOD, SHORT_MAILBOX], "reports errors or warnings"),
+        ("ethercat", ETHERNET, [GOOD], "no frame of this service"),
         ("ethercat", ETHERNET, None, "no captures"),
     ],
 )

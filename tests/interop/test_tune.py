@@ -1,6 +1,6 @@
 """`servodrome tune` in real time, over CAN and EtherCAT in UDP.
 
-How good the gains are is measured in virtual time (tests/app/tuning_test.cpp). A computer that is busy loses cycles,
+How good the gains are is measured in virtual time (tests/tools/tuning/tuning_test.cpp). A computer that is busy loses cycles,
 and `tune` says so and measures nothing: then it is told to try again, and if it never succeeds the drive is as it was.
 """
 

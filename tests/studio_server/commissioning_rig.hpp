@@ -4,11 +4,11 @@
 #include <gtest/gtest.h>
 #include <nlohmann/json.hpp>
 
-#include "host/ethercat/scan.hpp"
-#include "host/ethercat/slave.hpp"
 #include "line/bench/api.hpp"
 #include "line/support.hpp"
 #include "links/ethercat/memory_client.hpp"
+#include "master/ethercat/scan.hpp"
+#include "master/ethercat/slave.hpp"
 #include "studio/commissioning.hpp"
 #include "studio/jobs.hpp"
 
@@ -50,9 +50,9 @@ class CommissioningRig : public testing::Test {
   }
   // All slaves, as a master does.
   void to_pre_operational() {
-    host::EthercatMaster master(std::make_unique<links::MemoryEthercatClient>(line_.ethercat_buses()[0]->bus, line_));
-    for (const host::FoundSlave& found : host::scan_slaves(master)) {
-      host::EthercatSlave(master, found).to_pre_operational();
+    master::EthercatMaster master(std::make_unique<links::MemoryEthercatClient>(line_.ethercat_buses()[0]->bus, line_));
+    for (const master::FoundSlave& found : master::scan_slaves(master)) {
+      master::EthercatSlave(master, found).to_pre_operational();
     }
   }
   void pass(line::Time span) { line_.run_until(line_.now() + span); }

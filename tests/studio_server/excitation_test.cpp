@@ -4,7 +4,7 @@
 #include <gmock/gmock.h>
 
 #include "commissioning_rig.hpp"
-#include "host/tuning/spectrum.hpp"
+#include "tools/tuning/spectrum.hpp"
 
 namespace servodrome::studio {
 namespace excitation_test {
@@ -63,8 +63,8 @@ TEST_P(ExcitationOf, ASweepShowsTheVelocityLoop) {
   const Samples samples =
       sampled(R"({"do": "sweep", "amplitude": 1, "from_hz": 2, "to_hz": 150, "seconds": 3, "units": "revolutions"})");
   ASSERT_EQ(samples.job["state"], "done") << samples.job.dump();
-  const auto points = host::tuning::response_of_signals(samples.target, samples.velocity, 500e-6,
-                                                        {.lowest_hz = 3.0, .highest_hz = 120.0});
+  const auto points = master::tuning::response_of_signals(samples.target, samples.velocity, 500e-6,
+                                                          {.lowest_hz = 3.0, .highest_hz = 120.0});
   ASSERT_GT(points.size(), 20U);
   EXPECT_NEAR(std::abs(points.front().response), 1.0, 0.1);  // a loop follows what is slow
   EXPECT_GT(points.front().coherence, 0.9);

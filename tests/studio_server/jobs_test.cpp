@@ -5,8 +5,8 @@
 #include <gtest/gtest.h>
 #include <nlohmann/json.hpp>
 
+#include "axis/dialect.hpp"
 #include "drive/drive.hpp"
-#include "host/dialect.hpp"
 #include "line/bench/api.hpp"
 #include "line/support.hpp"
 
@@ -151,7 +151,7 @@ constexpr const char* profile = R"("acceleration": 50, "units": "revolutions")";
 TEST_P(EveryProduct, IsEnabledHomedMovedAndDisabled) {
   make_ready(axis_);
   expect_done(axis_, fmt::format(R"({{"do": "home", "method": {}, "speed": 2, "zero_speed": 1, "offset": 0, {}}})",
-                                 host::dialect_of(axis_).cautious_homing_method, profile));
+                                 master::dialect_of(axis_).cautious_homing_method, profile));
   EXPECT_EQ(view(axis_)["homed"], true);
   const json moved = finish(begin(axis_, fmt::format(R"({{"do": "move", "to": 3, "velocity": 3, {}}})", profile)));
   EXPECT_EQ(moved["state"], "done") << moved.dump();

@@ -9,7 +9,7 @@
 #include <gmock/gmock.h>
 #include <thread>
 
-#include "app/axis_rig.hpp"
+#include "axis/axis_rig.hpp"
 
 namespace servodrome::studio {
 namespace real_server_test {
@@ -20,22 +20,22 @@ using namespace std::chrono_literals;
 // One virtual drive, whose time passes while its bus waits.
 class BusOfOne final : public OpenBus {
  public:
-  explicit BusOfOne(host::test::AxisRig& rig) : rig_(rig) {}
-  std::vector<host::ObjectClient*> drives() override { return {&rig_.objects()}; }
+  explicit BusOfOne(master::test::AxisRig& rig) : rig_(rig) {}
+  std::vector<master::ObjectClient*> drives() override { return {&rig_.objects()}; }
   void back(std::size_t) override {}
-  void wait(host::Time span) override {
+  void wait(master::Time span) override {
     rig_.objects().wait(span);
     std::this_thread::sleep_for(span);
   }
-  Cyclic open_cyclic(std::size_t, const host::CanDrive&) override {
-    throw host::HostError("there are no process data", "mem:", "");
+  Cyclic open_cyclic(std::size_t, const master::CanDrive&) override {
+    throw master::MasterError("there are no process data", "mem:", "");
   }
   void configure(std::size_t, const Action& action, const Action&) override { action(rig_.objects()); }
   void show_process_data(const Registers&) override {}
   std::optional<Watch> watch_of(std::size_t) override { return std::nullopt; }
 
  private:
-  host::test::AxisRig& rig_;
+  master::test::AxisRig& rig_;
 };
 
 std::string ask(std::uint16_t port, const std::string& method, const std::string& target, const std::string& body) {
@@ -67,7 +67,7 @@ INSTANTIATE_TEST_SUITE_P(Ways, EndingServer, testing::Bool(),
                          [](const auto& by_exception) { return by_exception.param ? "exception" : "stop"; });
 
 TEST_P(EndingServer, BringsItsAxesToRest) {
-  host::test::AxisRig rig{{"generic402"}};
+  master::test::AxisRig rig{{"generic402"}};
   std::string problem;
   {
     RealDrives drives({BusPlan{
@@ -97,7 +97,7 @@ TEST_P(EndingServer, BringsItsAxesToRest) {
     thread.join();
   }
   EXPECT_EQ(problem, GetParam() ? "a handler's mistake" : "");
-  EXPECT_NE(host::Axis402(rig.objects(), rig.options()).state(), host::PowerState::operation_enabled);
+  EXPECT_NE(master::Axis402(rig.objects(), rig.options()).state(), master::PowerState::operation_enabled);
   const double stood = rig.shaft_counts();
   rig.line.run_until(rig.line.now() + 1s);
   EXPECT_NEAR(rig.shaft_counts(), stood, 100.0);

@@ -5,11 +5,11 @@
 #include <gtest/gtest.h>
 #include <nlohmann/json.hpp>
 
-#include "host/sniff/capture_file.hpp"
 #include "line/bench/api.hpp"
 #include "line/support.hpp"
 #include "links/serial/client.hpp"
 #include "modbus/rtu_server.hpp"
+#include "tools/sniff/capture_file.hpp"
 
 namespace servodrome::studio {
 namespace traffic_test {
@@ -180,15 +180,15 @@ TEST_F(TrafficTest, AnRs485LineInWordsAndAsCaptures) {
     std::FILE* file = std::tmpfile();
     std::fwrite(capture.body.data(), 1, capture.body.size(), file);
     std::rewind(file);
-    host::CaptureFile reader(file, "capture");
-    std::vector<host::CapturedFrame> frames;
+    master::CaptureFile reader(file, "capture");
+    std::vector<master::CapturedFrame> frames;
     while (auto frame = reader.next()) frames.push_back(std::move(*frame));
     std::fclose(file);
     ASSERT_EQ(frames.size(), 5U) << format;
-    const auto& first = std::get<host::SerialBytes>(frames[0].content);
-    EXPECT_EQ(host::hex_text(first.bytes), all["rows"][0]["bytes"]);
+    const auto& first = std::get<master::SerialBytes>(frames[0].content);
+    EXPECT_EQ(master::hex_text(first.bytes), all["rows"][0]["bytes"]);
     EXPECT_EQ(first.sender, links::SerialSender::master);
-    EXPECT_EQ(std::get<host::SerialBytes>(frames[1].content).sender, links::SerialSender::drive);
+    EXPECT_EQ(std::get<master::SerialBytes>(frames[1].content).sender, links::SerialSender::drive);
     EXPECT_NEAR(static_cast<double>(frames[0].time.count()) - 1e12, all["rows"][0]["time_ns"].get<double>(), 1000.0);
   }
   EXPECT_EQ(ask(Method::get, "rs/capture?format=candump").status, 400U);
@@ -203,7 +203,7 @@ TEST_F(TrafficTest, CapturesOfACanBusAreReadAgain) {
     std::FILE* file = std::tmpfile();
     std::fwrite(capture.body.data(), 1, capture.body.size(), file);
     std::rewind(file);
-    host::CaptureFile reader(file, "capture");
+    master::CaptureFile reader(file, "capture");
     std::uint64_t read = 0;
     bool found = false;
     while (auto frame = reader.next()) {

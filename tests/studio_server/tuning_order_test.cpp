@@ -1,8 +1,8 @@
 // Jobs "tune" and "tune_itself" of every product, in virtual time over the service port, and what is said of gains.
 #include <gmock/gmock.h>
 
+#include "axis/object_catalogue.hpp"
 #include "commissioning_rig.hpp"
-#include "host/object_catalogue.hpp"
 
 namespace servodrome::studio {
 namespace tuning_order_test {

@@ -1,4 +1,4 @@
-#include "host/clone/clone.hpp"
+#include "tools/clone/clone.hpp"
 
 #include <filesystem>
 #include <fmt/format.h>
@@ -21,12 +21,12 @@ struct Options {
   std::string eds;
 };
 
-host::CloneProgress progress_of(const Options& options) {
+master::CloneProgress progress_of(const Options& options) {
   const bool shown = on_terminal() && !options.bus.json;
   return [shown](const char* doing, std::size_t done, std::size_t of) {
     if (InterruptGuard::interrupted()) {
-      throw host::HostError("interrupted", fmt::format("{} {} of {}", doing, done, of),
-                            "nothing was written; start the command again");
+      throw master::MasterError("interrupted", fmt::format("{} {} of {}", doing, done, of),
+                                "nothing was written; start the command again");
     }
     if (shown && done % 16 == 0) fmt::print(stderr, "\r  {} {} of {}\x1B[K", doing, done + 1, of);
   };
@@ -44,11 +44,11 @@ describe::DeviceFile read_sheet(const std::string& text, const std::string& name
 }
 
 // Reads the data sheet that a drive may store in 1021h. Empty if there is none that can be read.
-std::optional<describe::DeviceFile> sheet_in_drive(host::ObjectClient& objects) {
+std::optional<describe::DeviceFile> sheet_in_drive(master::ObjectClient& objects) {
   try {
     const std::vector<std::byte> bytes = objects.upload({0x1021, 0});
     return read_sheet(std::string(reinterpret_cast<const char*>(bytes.data()), bytes.size()), "1021h");
-  } catch (const host::ObjectError& error) {
+  } catch (const master::ObjectError& error) {
     if (!error.answered()) throw;
   } catch (const describe::DeviceFileError&) {
   }
@@ -67,7 +67,7 @@ Known objects_of(DriveLink& link, const Options& options) {
     return {std::move(*sheet), "the data sheet stored in the drive, 1021h"};
   if (const line::Product* product = link.product()) {
     const describe::Description description = product->describe();
-    describe::DeviceFile device = host::objects_of_table(description.table);
+    describe::DeviceFile device = master::objects_of_table(description.table);
     device.vendor_name = description.vendor_name;
     device.product_name = description.product_name;
     device.order_code = description.order_code;
@@ -75,7 +75,7 @@ Known objects_of(DriveLink& link, const Options& options) {
     device.lss_supported = description.lss_supported;
     return {std::move(device), fmt::format("the dictionary of `{}`", product->name)};
   }
-  return {host::objects_that_answer(link.objects(), progress_of(options)),
+  return {master::objects_that_answer(link.objects(), progress_of(options)),
           "the objects from 1000h to 67FFh that answer; --eds FILE adds names, types and PDO mapping"};
 }
 
@@ -91,22 +91,22 @@ void clone(const Options& options) {
   const auto end_line = [&options] {
     if (on_terminal() && !options.bus.json) fmt::print(stderr, "\r\x1B[K");
   };
-  host::Clone read;
+  master::Clone read;
   std::string text;
   std::string from;
   try {
-    if (auto* coe = dynamic_cast<host::CoeObjects*>(&link.objects())) {
-      host::EthercatSlave& slave = coe->slave();
+    if (auto* coe = dynamic_cast<master::CoeObjects*>(&link.objects())) {
+      master::EthercatSlave& slave = coe->slave();
       from = "the slave's SDO information";
-      read = host::read_clone(link.objects(), host::objects_of_slave(slave.coe(), progress), 0, progress);
+      read = master::read_clone(link.objects(), master::objects_of_slave(slave.coe(), progress), 0, progress);
       if (const line::Product* product = link.product()) read.device.vendor_name = product->describe().vendor_name;
-      text = host::slave_information(read, slave.found().sii);
+      text = master::slave_information(read, slave.found().sii);
     } else {
       Known known = objects_of(link, options);
       from = known.from;
       const auto node = static_cast<std::uint8_t>(link.objects().address());
-      read = host::read_clone(link.objects(), std::move(known.device), node, progress);
-      text = host::configuration_file(read, std::filesystem::path(options.file).filename().string(), node);
+      read = master::read_clone(link.objects(), std::move(known.device), node, progress);
+      text = master::configuration_file(read, std::filesystem::path(options.file).filename().string(), node);
     }
   } catch (...) {
     end_line();
@@ -119,7 +119,7 @@ void clone(const Options& options) {
   write_whole_file(options.file, text);
   if (options.bus.json) {
     ordered_json unread = ordered_json::array();
-    for (const host::UnreadObject& one : read.unread)
+    for (const master::UnreadObject& one : read.unread)
       unread.push_back({{"object", text_of(one.address)}, {"why", one.why}});
     fmt::print("{}\n", ordered_json{{"file", options.file},
                                     {"objects_from", from},
@@ -130,7 +130,7 @@ void clone(const Options& options) {
     return;
   }
   fmt::print("{}: {} objects (from {}), {} values\n", options.file, read.device.entries.size(), from, read.values);
-  for (const host::UnreadObject& one : read.unread) fmt::print("not read: {}: {}\n", text_of(one.address), one.why);
+  for (const master::UnreadObject& one : read.unread) fmt::print("not read: {}: {}\n", text_of(one.address), one.why);
   const bool on_ethercat = kind == BusKind::ethercat;
   fmt::print("`servodrome up {} {}` runs it\n", on_ethercat ? "--esi" : "--eds", options.file);
 }

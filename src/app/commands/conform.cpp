@@ -9,13 +9,13 @@
 #include "app/commands.hpp"
 #include "app/drive_link.hpp"
 #include "app/number_options.hpp"
-#include "host/conform/report.hpp"
 #include "line/nearest_name.hpp"
+#include "tools/conform/report.hpp"
 
 namespace servodrome::app {
 namespace conform_command {
 
-namespace conform = host::conform;
+namespace conform = master::conform;
 using conform::Check;
 using conform::Outcome;
 using conform::Verdict;
@@ -143,7 +143,7 @@ void run(const Options& options) {
   const line::Product* product = link.product();
   conform::SubjectSettings settings{
       .revolutions = options.revolutions, .foe_file = options.foe_file, .cancelled = InterruptGuard::interrupted};
-  if (product != nullptr) settings.dialect = host::dialect_of(product->name);
+  if (product != nullptr) settings.dialect = master::dialect_of(product->name);
   if (options.units_per_revolution > 0) settings.units_per_revolution = options.units_per_revolution;
   const auto subject = link.open_subject(settings, options.bus);
   conform::RunOptions run_options{.safe = options.safe, .only = options.only};

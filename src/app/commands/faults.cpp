@@ -5,7 +5,7 @@
 #include "app/bus_options.hpp"
 #include "app/commands.hpp"
 #include "app/drive_link.hpp"
-#include "host/fault_report.hpp"
+#include "axis/fault_report.hpp"
 
 namespace servodrome::app {
 namespace faults_command {
@@ -16,11 +16,11 @@ struct Options {
   bool clear_history = false;
 };
 
-using Faults = std::vector<host::ReportedFault>;
+using Faults = std::vector<master::ReportedFault>;
 
 nlohmann::ordered_json json_of(const Faults& faults, std::string_view product) {
   nlohmann::ordered_json list = nlohmann::ordered_json::array();
-  for (const host::ReportedFault& fault : faults) {
+  for (const master::ReportedFault& fault : faults) {
     nlohmann::ordered_json meanings = nlohmann::ordered_json::array();
     for (const describe::FaultText* meaning : fault.meanings) {
       meanings.push_back({{"alarm", describe::alarm_name(product, meaning->alarm)},
@@ -40,7 +40,7 @@ nlohmann::ordered_json json_of(const Faults& faults, std::string_view product) {
 void print_explained(const char* title, const Faults& faults, std::string_view product) {
   if (faults.empty()) return;
   fmt::print("{}:\n", title);
-  for (const host::ReportedFault& fault : faults) {
+  for (const master::ReportedFault& fault : faults) {
     fmt::print("  {}\n", text_of(fault, product));
     for (const describe::FaultText* meaning : fault.meanings) {
       if (fault.meanings.size() > 1) fmt::print("  {}\n", meaning->text);
@@ -52,7 +52,7 @@ void print_explained(const char* title, const Faults& faults, std::string_view p
 void print_list(const char* title, const Faults& faults, std::string_view product) {
   if (faults.empty()) return;
   fmt::print("{}, newest first:\n", title);
-  for (const host::ReportedFault& fault : faults) {
+  for (const master::ReportedFault& fault : faults) {
     fmt::print("  {}  {}\n", text_of(fault.source), text_of(fault, product));
   }
 }
@@ -62,21 +62,21 @@ void run(const Options& options) {
   const auto axis = link.open_axis({});
   const std::string_view product = link.product() != nullptr ? link.product()->name : std::string_view{};
   const InterruptGuard guard;
-  if (options.clear_history) host::clear_fault_history(link.objects());
+  if (options.clear_history) master::clear_fault_history(link.objects());
   std::string refusal;
   if (options.reset) {
     try {
       axis->reset_fault();
-    } catch (const host::HostError& error) {
+    } catch (const master::MasterError& error) {
       refusal = error.what();  // first show the faults that are still active
     }
   }
-  const host::FaultReport report = host::read_faults(link.objects(), host::dialect_of(product));
+  const master::FaultReport report = master::read_faults(link.objects(), master::dialect_of(product));
   const std::uint16_t word = report.statusword;
   if (options.bus.json) {
     nlohmann::ordered_json json{{"node", axis->address()},
                                 {"product", product},
-                                {"state", drive::name(host::state_of(word))},
+                                {"state", drive::name(master::state_of(word))},
                                 {"statusword", word},
                                 {"error_register", nullptr},
                                 {"active", json_of(report.active, product)},
@@ -86,11 +86,11 @@ void run(const Options& options) {
     if (report.error_register) json["error_register"] = *report.error_register;
     fmt::print("{}\n", json.dump(2));
   } else {
-    fmt::print("{} {}: {}, statusword {}", link.noun(), axis->address(), drive::name(host::state_of(word)),
-               host::text_of_statusword(word));
+    fmt::print("{} {}: {}, statusword {}", link.noun(), axis->address(), drive::name(master::state_of(word)),
+               master::text_of_statusword(word));
     if (report.error_register.value_or(0) != 0) {
       fmt::print(", error register {:02X}h ({})", *report.error_register,
-                 host::text_of_error_register(*report.error_register));
+                 master::text_of_error_register(*report.error_register));
     }
     fmt::print("\n");
     print_explained("active", report.active, product);

@@ -6,7 +6,7 @@
 
 #include "app/commands.hpp"
 #include "app/motion_run.hpp"
-#include "host/jog_keys.hpp"
+#include "axis/jog_keys.hpp"
 
 namespace servodrome::app {
 namespace jog_command {
@@ -64,21 +64,21 @@ void jog(const JogOptions& options) {
   run_motion(options, [&](const Units& units) -> Motion {
     const auto velocity = units.velocity<std::int32_t>(options.velocity, "--velocity");
     const auto acceleration = units.acceleration(options.acceleration, "--acceleration");
-    const host::MotionProfile profile{.acceleration = acceleration, .deceleration = acceleration};
-    return [&options, velocity, profile](host::Axis402& axis, const host::Axis402::Progress& progress) {
+    const master::MotionProfile profile{.acceleration = acceleration, .deceleration = acceleration};
+    return [&options, velocity, profile](master::Axis402& axis, const master::Axis402::Progress& progress) {
       const auto now = [&axis] { return axis.objects().now(); };
       if (options.seconds) {
-        const host::Time end =
-            now() + std::chrono::duration_cast<host::Time>(std::chrono::duration<double>(*options.seconds));
-        axis.jog(profile, [&](const host::AxisStatus& status) -> std::optional<std::int32_t> {
+        const master::Time end =
+            now() + std::chrono::duration_cast<master::Time>(std::chrono::duration<double>(*options.seconds));
+        axis.jog(profile, [&](const master::AxisStatus& status) -> std::optional<std::int32_t> {
           progress(status);
           return now() < end ? std::optional(velocity) : std::nullopt;
         });
       } else {
         fmt::print("hold the right or left arrow key to move; up, down: faster, slower; space: stop; q: end\n");
         const RawTerminal terminal;
-        host::JogKeys keys(velocity);
-        axis.jog(profile, [&](const host::AxisStatus& status) {
+        master::JogKeys keys(velocity);
+        axis.jog(profile, [&](const master::AxisStatus& status) {
           keys.feed(RawTerminal::typed(), now());
           progress(status);
           return keys.velocity(now());
@@ -91,16 +91,16 @@ void jog(const JogOptions& options) {
 
 void torque(const TorqueOptions& options) {
   const auto permille = whole_units<std::int16_t>(options.percent * 10.0, "--percent", options.percent);
-  host::TorqueProfile profile;
+  master::TorqueProfile profile;
   if (options.slope) profile.slope = whole_units<std::uint32_t>(*options.slope * 10.0, "--slope", *options.slope);
   run_motion(options, [&](const Units&) -> Motion {
-    return [&options, permille, profile](host::Axis402& axis, const host::Axis402::Progress& progress) {
-      const auto seconds = std::chrono::duration_cast<host::Time>(std::chrono::duration<double>(options.seconds));
-      const host::Time end = axis.objects().now() + seconds;
+    return [&options, permille, profile](master::Axis402& axis, const master::Axis402::Progress& progress) {
+      const auto seconds = std::chrono::duration_cast<master::Time>(std::chrono::duration<double>(options.seconds));
+      const master::Time end = axis.objects().now() + seconds;
       std::optional<double> most_percent;
       try {
         axis.run_torque(permille, profile, options.bus.timeout(), progress);
-        axis.hold_for(std::max(end - axis.objects().now(), host::Time{}), [&](const host::AxisStatus& status) {
+        axis.hold_for(std::max(end - axis.objects().now(), master::Time{}), [&](const master::AxisStatus& status) {
           if (status.has_torque) most_percent = std::max(most_percent.value_or(0), std::abs(status.torque) / 10.0);
           progress(status);
         });

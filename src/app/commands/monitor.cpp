@@ -9,7 +9,7 @@
 #include "app/number_options.hpp"
 #include "app/object_names.hpp"
 #include "app/unit_options.hpp"
-#include "host/sniff/can_decoder.hpp"
+#include "tools/sniff/can_decoder.hpp"
 
 namespace servodrome::app {
 namespace monitor_command {
@@ -24,12 +24,14 @@ struct Options {
   UnitOptions units{};
 };
 
-double seconds_between(host::Time start, host::Time end) { return std::chrono::duration<double>(end - start).count(); }
+double seconds_between(master::Time start, master::Time end) {
+  return std::chrono::duration<double>(end - start).count();
+}
 
 // Calls `step`, which lets the bus run for a while, until the time is over or Ctrl-C.
 template <typename Clock, typename Step>
 void repeat(const Clock& clock, const Options& options, const Step& step) {
-  const host::Time start = clock.now();
+  const master::Time start = clock.now();
   while (!InterruptGuard::interrupted() &&
          (options.seconds <= 0 || seconds_between(start, clock.now()) < options.seconds)) {
     step();
@@ -37,12 +39,12 @@ void repeat(const Clock& clock, const Options& options, const Step& step) {
 }
 
 // Waits until the next poll of the drive, or the end.
-void wait_for_next(host::ObjectClient& objects, const Options& options, host::Time start) {
-  constexpr host::Time slice = std::chrono::milliseconds(50);
+void wait_for_next(master::ObjectClient& objects, const Options& options, master::Time start) {
+  constexpr master::Time slice = std::chrono::milliseconds(50);
   const auto duration = [](double seconds) {
-    return std::chrono::duration_cast<host::Time>(std::chrono::duration<double>(seconds));
+    return std::chrono::duration_cast<master::Time>(std::chrono::duration<double>(seconds));
   };
-  host::Time end = objects.now() + duration(options.interval_s);
+  master::Time end = objects.now() + duration(options.interval_s);
   if (options.seconds > 0) end = std::min(end, start + duration(options.seconds));
   while (!InterruptGuard::interrupted() && objects.now() < end) objects.wait(std::min(slice, end - objects.now()));
 }
@@ -53,11 +55,11 @@ void monitor_bus(const Options& options) {
         "monitor: a second participant cannot listen to this bus; give --axis, or objects of a drive");
   }
   const auto bus = open_bus(options.bus);
-  const host::Time start = bus->now();
-  host::CanDecoder decoder;
-  const auto listening = bus->listen([&](const host::Frame& frame) {
+  const master::Time start = bus->now();
+  master::CanDecoder decoder;
+  const auto listening = bus->listen([&](const master::Frame& frame) {
     const double at = seconds_between(start, bus->now());
-    const host::Decoded decoded = decoder.decode(frame, bus->now());
+    const master::Decoded decoded = decoder.decode(frame, bus->now());
     if (options.bus.node_id != 0 && decoded.node != options.bus.node_id) return;
     const std::string meaning = decoded.source.empty() ? decoded.text : decoded.source + " " + decoded.text;
     if (options.bus.json) {
@@ -79,14 +81,14 @@ void monitor_bus(const Options& options) {
 constexpr double moved_revolutions = 0.001;
 constexpr double default_units_per_revolution = 131072.0;  // for drives that do not report it
 
-bool is_news(const host::AxisStatus& before, const host::AxisStatus& now, double moved_units) {
+bool is_news(const master::AxisStatus& before, const master::AxisStatus& now, double moved_units) {
   const std::int64_t moved = std::abs(std::int64_t{now.position} - before.position);
   return now.statusword != before.statusword || now.mode != before.mode || static_cast<double>(moved) > moved_units;
 }
 
-void print_axis(const Options& options, const host::UnitScale& scale, double at, const host::AxisStatus& status,
+void print_axis(const Options& options, const master::UnitScale& scale, double at, const master::AxisStatus& status,
                 const std::string& emergency) {
-  const auto mode = static_cast<host::OperationMode>(status.mode);
+  const auto mode = static_cast<master::OperationMode>(status.mode);
   // Some drives have neither 606Ch nor 6077h.
   const std::string velocity = status.has_velocity ? scale.velocity(status.velocity) : "-";
   const std::string torque = status.has_torque ? fmt::format("{:.1f} %", status.torque / 10.0) : "-";
@@ -101,8 +103,8 @@ void print_axis(const Options& options, const host::UnitScale& scale, double at,
                                 {"emergency", emergency}};
     if (status.has_velocity) json["velocity"] = status.velocity;
     if (status.has_torque) json["torque"] = status.torque;
-    if (scale.system != host::UnitSystem::drive) {
-      json["units"] = host::names_of(scale.system).word;
+    if (scale.system != master::UnitSystem::drive) {
+      json["units"] = master::names_of(scale.system).word;
       json["position_in_units"] = status.position / scale.drive.position;
       if (status.has_velocity) json["velocity_in_units"] = status.velocity / scale.drive.velocity;
     }
@@ -111,32 +113,32 @@ void print_axis(const Options& options, const host::UnitScale& scale, double at,
     fmt::print(
         "\x1B[H\x1B[Jstate       {}\nstatusword  {}\nmode        {} ({})\nposition    {}\nvelocity    {}\n"
         "torque      {}\nlatest EMCY {}\n",
-        drive::name(status.state()), host::text_of_statusword(status.statusword), status.mode, host::name(mode),
+        drive::name(status.state()), master::text_of_statusword(status.statusword), status.mode, master::name(mode),
         scale.position(status.position), velocity, torque, emergency.empty() ? "-" : emergency);
   } else {
     fmt::print("{:10.3f}  {}, mode {}, position {}, velocity {}, torque {}, statusword {}{}\n", at,
                drive::name(status.state()), status.mode, scale.position(status.position), velocity, torque,
-               host::text_of_statusword(status.statusword), emergency.empty() ? "" : ", " + emergency);
+               master::text_of_statusword(status.statusword), emergency.empty() ? "" : ", " + emergency);
   }
   std::fflush(stdout);
 }
 
 void monitor_axis(const Options& options) {
-  const host::UnitChoice choice = options.units.choice();
+  const master::UnitChoice choice = options.units.choice();
   DriveLink link(options.bus, true);
   const auto opened = link.open_axis({});
-  host::Axis402& axis = *opened;
-  host::ObjectClient& objects = link.objects();
-  const host::UnitScale scale = scale_of(axis, choice);
-  const host::Time start = objects.now();
+  master::Axis402& axis = *opened;
+  master::ObjectClient& objects = link.objects();
+  const master::UnitScale scale = scale_of(axis, choice);
+  const master::Time start = objects.now();
   const auto units = axis.units();
   const double moved_units = (units ? units->position : default_units_per_revolution) * moved_revolutions;
-  std::optional<host::AxisStatus> last;
+  std::optional<master::AxisStatus> last;
   std::string last_emergency;
   repeat(objects, options, [&] {
-    const host::AxisStatus now = axis.status();
+    const master::AxisStatus now = axis.status();
     const auto latest = axis.latest_emergency();
-    const std::string emergency = latest ? host::text_of(*latest) : "";
+    const std::string emergency = latest ? master::text_of(*latest) : "";
     const bool live = on_terminal() && !options.bus.json;
     if (live || !last || is_news(*last, now, moved_units) || emergency != last_emergency) {
       print_axis(options, scale, seconds_between(start, objects.now()), now, emergency);
@@ -148,7 +150,7 @@ void monitor_axis(const Options& options) {
 }
 
 struct Watched {
-  host::ObjectAddress address;
+  master::ObjectAddress address;
   std::string name;
   std::string title;
   std::string unit;
@@ -158,7 +160,7 @@ struct Watched {
   bool changed = false;
 
   std::string text() const {
-    return fmt::format("{}{}{}", host::text_of_value(value, type), unit.empty() ? "" : " ", unit);
+    return fmt::format("{}{}{}", master::text_of_value(value, type), unit.empty() ? "" : " ", unit);
   }
 };
 
@@ -170,14 +172,14 @@ void note(Watched& one, std::vector<std::byte> value) {
 
 // First poll: reports each object that the drive refuses, and drops it. Throws if the drive is silent, or no object is
 // left.
-void look_first(host::ObjectClient& objects, std::vector<Watched>& all) {
+void look_first(master::ObjectClient& objects, std::vector<Watched>& all) {
   std::string refusal;
   std::vector<Watched> readable;
   for (Watched& one : all) {
     try {
       note(one, objects.upload(one.address));
       readable.push_back(std::move(one));
-    } catch (const host::ObjectError& error) {
+    } catch (const master::ObjectError& error) {
       if (!error.answered()) throw;
       if (!refusal.empty()) warn(refusal);
       refusal = error.what();
@@ -189,11 +191,11 @@ void look_first(host::ObjectClient& objects, std::vector<Watched>& all) {
 }
 
 // Reads all objects with as few requests as the bus allows. Throws ObjectError.
-void look(host::ObjectClient& objects, std::vector<Watched>& all) {
-  std::vector<host::ObjectAddress> addresses;
+void look(master::ObjectClient& objects, std::vector<Watched>& all) {
+  std::vector<master::ObjectAddress> addresses;
   for (const Watched& one : all) addresses.push_back(one.address);
   for (const auto& set : objects.read_together(addresses)) {
-    std::vector<host::ObjectAddress> together;
+    std::vector<master::ObjectAddress> together;
     for (const std::size_t i : set) together.push_back(addresses[i]);
     auto values = objects.upload_together(together);
     for (std::size_t k = 0; k < set.size(); ++k) note(all[set[k]], std::move(values[k]));
@@ -209,9 +211,9 @@ void print_objects(const Options& options, double at, const std::vector<Watched>
     for (const Watched& one : all) {
       if (!one.changed) continue;
       if (options.bus.json) {
-        nlohmann::ordered_json json{{"seconds", at}, {"object", host::text_of(one.address)}, {"name", one.name}};
+        nlohmann::ordered_json json{{"seconds", at}, {"object", master::text_of(one.address)}, {"name", one.name}};
         json["value"] = value_json(one.value, one.type);
-        json["bytes"] = host::text_of_value(one.value, dictionary::Type::octet_string);
+        json["bytes"] = master::text_of_value(one.value, dictionary::Type::octet_string);
         json["unit"] = one.unit;
         fmt::print("{}\n", json.dump(-1, ' ', false, nlohmann::ordered_json::error_handler_t::replace));
       } else {
@@ -226,11 +228,11 @@ void monitor_objects(const Options& options) {
   const ObjectNames names(options.eds);
   DriveLink link(options.bus, false);
   if (link.sdo() != nullptr) link.sdo()->cancel_when(InterruptGuard::interrupted);
-  const host::ObjectCatalogue& catalogue = names.of(link);
+  const master::ObjectCatalogue& catalogue = names.of(link);
   std::vector<Watched> all;
   for (const std::string& text : options.objects) {
-    const host::ObjectAddress address = resolve(catalogue, text);
-    const host::NamedObject* known = catalogue.find(address);
+    const master::ObjectAddress address = resolve(catalogue, text);
+    const master::NamedObject* known = catalogue.find(address);
     Watched one{.address = address, .name = {}, .title = catalogue.title(address), .unit = {}, .type = {}};
     if (known != nullptr) {
       one.name = known->name;
@@ -239,8 +241,8 @@ void monitor_objects(const Options& options) {
     }
     all.push_back(std::move(one));
   }
-  host::ObjectClient& objects = link.objects();
-  const host::Time start = objects.now();
+  master::ObjectClient& objects = link.objects();
+  const master::Time start = objects.now();
   look_first(objects, all);
   repeat(objects, options, [&] {
     print_objects(options, seconds_between(start, objects.now()), all);
@@ -253,7 +255,7 @@ void run(const Options& options) {
   if (!options.objects.empty() && options.axis) {
     throw Failure::wrong_use("monitor: it shows an axis or objects, not both; leave out --axis, or the objects");
   }
-  if (!options.objects.empty() && options.units.choice().system != host::UnitSystem::drive) {
+  if (!options.objects.empty() && options.units.choice().system != master::UnitSystem::drive) {
     throw Failure::wrong_use("--units: objects are shown in the drive's own units; leave it out, or write --axis");
   }
   if (options.objects.empty() && !options.eds.empty()) {
@@ -266,7 +268,7 @@ void run(const Options& options) {
     } else {
       options.axis ? monitor_axis(options) : monitor_bus(options);
     }
-  } catch (const host::HostError&) {
+  } catch (const master::MasterError&) {
     if (!InterruptGuard::interrupted()) throw;  // an access that Ctrl-C cut off is no failure
   }
 }

@@ -26,13 +26,13 @@ struct MoveOptions : MotionOptions {
 
 void home(const HomeOptions& options) {
   run_motion(options, [&](const Units& units) -> Motion {
-    host::HomingRequest request;
+    master::HomingRequest request;
     if (options.method) request.method = static_cast<std::int8_t>(*options.method);
     request.switch_speed = units.velocity(options.speed, "--speed");
     request.zero_speed = units.velocity(options.zero_speed, "--zero-speed");
     request.acceleration = units.acceleration(options.acceleration, "--acceleration");
     request.offset = units.position(options.offset, "--offset");
-    return [&options, request](host::Axis402& axis, const host::Axis402::Progress& progress) {
+    return [&options, request](master::Axis402& axis, const master::Axis402::Progress& progress) {
       axis.home(request, options.bus.timeout(), progress);
       return MotionResult{"homed"};
     };
@@ -44,14 +44,14 @@ void move(const MoveOptions& options) {
     throw Failure::wrong_use("move: give --to POSITION or --by DISTANCE, one of them");
   }
   run_motion(options, [&](const Units& units) -> Motion {
-    const host::MotionProfile profile{
+    const master::MotionProfile profile{
         .velocity = units.velocity(options.velocity, "--velocity"),
         .acceleration = units.acceleration(options.acceleration, "--acceleration"),
         .deceleration =
             units.acceleration(options.deceleration ? options.deceleration : options.acceleration, "--deceleration")};
     const auto to = units.position(options.to, "--to");
     const auto by = units.position(options.by, "--by");
-    return [&options, profile, to, by](host::Axis402& axis, const host::Axis402::Progress& progress) {
+    return [&options, profile, to, by](master::Axis402& axis, const master::Axis402::Progress& progress) {
       if (to) {
         axis.move_to(*to, profile, options.bus.timeout(), progress);
       } else {

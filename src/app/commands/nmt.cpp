@@ -4,7 +4,7 @@
 
 #include "app/bus_options.hpp"
 #include "app/commands.hpp"
-#include "host/canopen/master.hpp"
+#include "master/canopen/master.hpp"
 
 namespace servodrome::app {
 namespace nmt_command {
@@ -16,17 +16,17 @@ struct Options {
   bool wait = false;
 };
 
-const std::map<std::string, host::NmtCommand> words{{"start", host::NmtCommand::start},
-                                                    {"stop", host::NmtCommand::stop},
-                                                    {"pre-operational", host::NmtCommand::enter_pre_operational},
-                                                    {"reset-node", host::NmtCommand::reset_node},
-                                                    {"reset-communication", host::NmtCommand::reset_communication}};
+const std::map<std::string, master::NmtCommand> words{{"start", master::NmtCommand::start},
+                                                      {"stop", master::NmtCommand::stop},
+                                                      {"pre-operational", master::NmtCommand::enter_pre_operational},
+                                                      {"reset-node", master::NmtCommand::reset_node},
+                                                      {"reset-communication", master::NmtCommand::reset_communication}};
 
 void run(const Options& options) {
   if (options.all == (options.bus.node_id != 0)) throw Failure::wrong_use("nmt: give --node N or --all, one of them");
   if (options.all && options.wait) throw Failure::wrong_use("nmt: --wait is for one node; give --node N");
   const auto bus = open_bus(options.bus);
-  host::Master master(*bus);
+  master::Master master(*bus);
   const auto node_id = static_cast<std::uint8_t>(options.bus.node_id);
   if (options.wait) {
     master.command_and_wait(words.at(options.command), node_id, options.bus.timeout());

@@ -24,7 +24,7 @@ struct Options {
 
 std::optional<Type> given_type(const Options& options) {
   if (options.type.empty()) return std::nullopt;
-  const auto type = host::parse_type(options.type);
+  const auto type = master::parse_type(options.type);
   if (!type) {
     throw Failure::wrong_use(
         fmt::format("--type {}: unknown; write i8 .. i64, u8 .. u64, bool, f32, string or bytes", options.type));
@@ -32,39 +32,39 @@ std::optional<Type> given_type(const Options& options) {
   return type;
 }
 
-std::optional<Type> type_of(const Options& options, const host::ObjectCatalogue& catalogue,
-                            host::ObjectAddress object) {
+std::optional<Type> type_of(const Options& options, const master::ObjectCatalogue& catalogue,
+                            master::ObjectAddress object) {
   if (const auto type = given_type(options)) return type;
-  const host::NamedObject* known = catalogue.find(object);
+  const master::NamedObject* known = catalogue.find(object);
   return known == nullptr ? std::nullopt : known->type;
 }
 
 // For features that only CANopen has.
-host::SdoClient& sdo_of(DriveLink& link) {
+master::SdoClient& sdo_of(DriveLink& link) {
   if (link.sdo() == nullptr) throw Failure::wrong_use("--block: only CANopen has the SDO block protocol");
   return *link.sdo();
 }
 
-std::vector<std::byte> upload(DriveLink& link, host::ObjectAddress object, const Options& options) {
-  return options.block ? sdo_of(link).upload(object, host::SdoProtocol::block) : link.objects().upload(object);
+std::vector<std::byte> upload(DriveLink& link, master::ObjectAddress object, const Options& options) {
+  return options.block ? sdo_of(link).upload(object, master::SdoProtocol::block) : link.objects().upload(object);
 }
 
 void get(const Options& options) {
   const ObjectNames names(options.eds);
   given_type(options);
   DriveLink link(options.bus, false);
-  const host::ObjectCatalogue& catalogue = names.of(link);
-  std::vector<host::ObjectAddress> objects;
+  const master::ObjectCatalogue& catalogue = names.of(link);
+  std::vector<master::ObjectAddress> objects;
   for (const std::string& text : options.objects) objects.push_back(resolve(catalogue, text));
   nlohmann::ordered_json list = nlohmann::ordered_json::array();
   std::vector<std::string> problems;
-  for (const host::ObjectAddress object : objects) {
+  for (const master::ObjectAddress object : objects) {
     try {
       const std::vector<std::byte> bytes = upload(link, object, options);
       const auto type = type_of(options, catalogue, object);
       list.push_back(object_json(catalogue, link.objects().address(), object, bytes, type));
-      if (!options.bus.json) fmt::print("{} = {}\n", catalogue.title(object), host::text_of_value(bytes, type));
-    } catch (const host::ObjectError& error) {
+      if (!options.bus.json) fmt::print("{} = {}\n", catalogue.title(object), master::text_of_value(bytes, type));
+    } catch (const master::ObjectError& error) {
       // If the drive refuses an object, the others are still read; if it is silent, the command ends.
       problems.emplace_back(error.what());
       list.push_back({{"node", link.objects().address()},
@@ -86,8 +86,8 @@ void get(const Options& options) {
 }
 
 // An object of unknown type is written as an integer of its present size.
-Type type_to_write(const Options& options, const host::ObjectCatalogue& catalogue, host::ObjectAddress object,
-                   host::ObjectClient& objects) {
+Type type_to_write(const Options& options, const master::ObjectCatalogue& catalogue, master::ObjectAddress object,
+                   master::ObjectClient& objects) {
   if (const auto type = type_of(options, catalogue, object)) return *type;
   const bool negative = !options.value.empty() && options.value.front() == '-';
   switch (objects.upload(object).size()) {
@@ -104,14 +104,14 @@ void set(const Options& options) {
   const ObjectNames names(options.eds);
   const auto value_as = [&options](Type type, const std::string& title) {
     try {
-      return host::parse_value(options.value, type);
-    } catch (const host::HostError& error) {
+      return master::parse_value(options.value, type);
+    } catch (const master::MasterError& error) {
       throw Failure::wrong_use(fmt::format("{}: {}", title, error.what()));
     }
   };
-  const host::ObjectCatalogue& given = names.without_drive();
+  const master::ObjectCatalogue& given = names.without_drive();
   if (knows(given, options.object)) {  // report wrong use before the bus is opened
-    const host::ObjectAddress object = given.resolve(options.object);
+    const master::ObjectAddress object = given.resolve(options.object);
     auto type = type_of(options, given, object);
     // The drive's own type may be wider.
     const bool is_sure = names.has_eds() || given_type(options);
@@ -122,20 +122,20 @@ void set(const Options& options) {
   }
   given_type(options);
   DriveLink link(options.bus, false);
-  const host::ObjectCatalogue& catalogue = names.of(link);
-  const host::ObjectAddress object = resolve(catalogue, options.object);
+  const master::ObjectCatalogue& catalogue = names.of(link);
+  const master::ObjectAddress object = resolve(catalogue, options.object);
   const auto value_of = [&](Type type) { return value_as(type, catalogue.title(object)); };
   const Type type = type_to_write(options, catalogue, object, link.objects());
   const std::vector<std::byte> bytes = value_of(type);
   if (options.block) {
-    sdo_of(link).download(object, bytes, host::SdoProtocol::block);
+    sdo_of(link).download(object, bytes, master::SdoProtocol::block);
   } else {
     link.objects().download(object, bytes);
   }
   if (options.bus.json) {
     fmt::print("{}\n", object_json(catalogue, link.objects().address(), object, bytes, type).dump(2));
   } else {
-    fmt::print("{} = {}\n", catalogue.title(object), host::text_of_value(bytes, type));
+    fmt::print("{} = {}\n", catalogue.title(object), master::text_of_value(bytes, type));
   }
 }
 

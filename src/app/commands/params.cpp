@@ -11,9 +11,9 @@
 #include "app/commands.hpp"
 #include "app/drive_link.hpp"
 #include "app/whole_file.hpp"
-#include "host/canopen/pre_operational.hpp"
-#include "host/parameters/loader.hpp"
 #include "line/nearest_name.hpp"
+#include "master/canopen/pre_operational.hpp"
+#include "tools/parameters/loader.hpp"
 
 namespace servodrome::app {
 namespace params_command {
@@ -33,15 +33,15 @@ struct Options {
   bool factory = false;      // diff
 };
 
-host::ObjectCatalogue read_sheet(const std::string& path) {
+master::ObjectCatalogue read_sheet(const std::string& path) {
   std::ifstream file(path);
   if (!file) throw Failure::wrong_use(fmt::format("--eds {}: cannot be read; check the path", path));
-  return host::ObjectCatalogue::read_eds(file, path);
+  return master::ObjectCatalogue::read_eds(file, path);
 }
 
-host::ParameterFile read_file(const std::string& path) {
+master::ParameterFile read_file(const std::string& path) {
   std::istringstream file(read_text_file(path, fmt::format("\"{}\", a file of parameters", path)));
-  return host::ParameterFile::read(file, path);
+  return master::ParameterFile::read(file, path);
 }
 
 // The drive behind --bus and its parameter list: from --eds, from its product's dictionary, or from the drive
@@ -55,23 +55,23 @@ struct Drive {
 
   DriveLink link;
   BusKind kind;
-  host::NodeId node_id{};
-  host::ParameterList list;
+  master::NodeId node_id{};
+  master::ParameterList list;
 
  private:
-  host::ParameterList list_of(const Options& options) {
-    const host::ParameterRules& rules = host::parameter_rules_of(product());
+  master::ParameterList list_of(const Options& options) {
+    const master::ParameterRules& rules = master::parameter_rules_of(product());
     if (!options.eds.empty()) {
-      return host::ParameterList::of_data_sheet(read_sheet(options.eds), rules, options.connection);
+      return master::ParameterList::of_data_sheet(read_sheet(options.eds), rules, options.connection);
     }
     if (link.product() != nullptr) {
       const describe::Description description = link.product()->describe();
       const bool serial = kind == BusKind::modbus || kind == BusKind::serial10;
-      return host::ParameterList::of_dictionary(serial ? description.service_table : description.table, rules,
-                                                options.connection);
+      return master::ParameterList::of_dictionary(serial ? description.service_table : description.table, rules,
+                                                  options.connection);
     }
-    if (auto* coe = dynamic_cast<host::CoeObjects*>(&link.objects())) {
-      return host::ParameterList::of_slave(coe->slave().coe(), rules, options.connection);
+    if (auto* coe = dynamic_cast<master::CoeObjects*>(&link.objects())) {
+      return master::ParameterList::of_slave(coe->slave().coe(), rules, options.connection);
     }
     throw Failure::wrong_use(fmt::format(
         "{}: the parameters of this drive are not known; give its data sheet with --eds", link.objects().where()));
@@ -79,7 +79,7 @@ struct Drive {
 };
 
 // The parameters of a product, without access to a drive.
-host::ParameterList list_of_product(const std::string& name, const Options& options) {
+master::ParameterList list_of_product(const std::string& name, const Options& options) {
   const line::Product* product = line::find_product(line::all_products(), name);
   if (product == nullptr) {
     throw Failure::wrong_use(
@@ -87,15 +87,15 @@ host::ParameterList list_of_product(const std::string& name, const Options& opti
                     "not one of them",
                     name));
   }
-  return host::ParameterList::of_dictionary(product->describe().table, host::parameter_rules_of(name),
-                                            options.connection);
+  return master::ParameterList::of_dictionary(product->describe().table, master::parameter_rules_of(name),
+                                              options.connection);
 }
 
-host::ParameterProgress progress_of(const Options& options) {
+master::ParameterProgress progress_of(const Options& options) {
   const bool shown = on_terminal() && !options.bus.json;
   return [shown](const char* doing, std::size_t done, std::size_t of) {
     if (InterruptGuard::interrupted()) {
-      throw host::HostError("interrupted", fmt::format("{} {} of {}", doing, done, of), "start the command again");
+      throw master::MasterError("interrupted", fmt::format("{} {} of {}", doing, done, of), "start the command again");
     }
     if (!shown) return;
     fmt::print(stderr, "\r  {} {} of {}\x1B[K", doing, done + 1, of);
@@ -106,9 +106,9 @@ void end_line(const Options& options) {
   if (on_terminal() && !options.bus.json) fmt::print(stderr, "\r\x1B[K");
 }
 
-ordered_json json_of(std::span<const host::ObjectAddress> objects) {
+ordered_json json_of(std::span<const master::ObjectAddress> objects) {
   ordered_json list = ordered_json::array();
-  for (const host::ObjectAddress object : objects) list.push_back(text_of(object));
+  for (const master::ObjectAddress object : objects) list.push_back(text_of(object));
   return list;
 }
 
@@ -118,9 +118,9 @@ void save(const Options& options) {
   }
   const InterruptGuard guard;
   Drive drive(options);
-  host::ParameterFile file{.identity = host::DriveIdentity::read(drive.link.objects(), drive.product())};
-  host::ReadParameters read =
-      host::read_parameters(drive.link.objects(), drive.list, drive.node_id, progress_of(options));
+  master::ParameterFile file{.identity = master::DriveIdentity::read(drive.link.objects(), drive.product())};
+  master::ReadParameters read =
+      master::read_parameters(drive.link.objects(), drive.list, drive.node_id, progress_of(options));
   end_line(options);
   file.values = std::move(read.values);
   if (options.date) file.date = fmt::format("{:%Y-%m-%dT%H:%M:%SZ}", fmt::gmtime(std::time(nullptr)));
@@ -138,7 +138,7 @@ void save(const Options& options) {
   }
   fmt::print("{}: {} parameters of {}\n", path, file.values.size(), file.identity.text());
   if (!read.absent.empty()) {
-    fmt::print("not in the drive, or not accessible on this bus: {}\n", host::text_of(read.absent));
+    fmt::print("not in the drive, or not accessible on this bus: {}\n", master::text_of(read.absent));
   }
 }
 
@@ -147,33 +147,33 @@ void load(const Options& options) {
     throw Failure::wrong_use("params load: give FILE, or --factory for the factory values of the product");
   }
   const std::string path = options.factory ? "factory" : options.files.front();
-  host::ParameterFile file;
+  master::ParameterFile file;
   if (!options.factory) file = read_file(path);
   const InterruptGuard guard;
   Drive drive(options);
-  host::ObjectClient& objects = drive.link.objects();
-  const host::DriveIdentity identity = host::DriveIdentity::read(objects, drive.product());
+  master::ObjectClient& objects = drive.link.objects();
+  const master::DriveIdentity identity = master::DriveIdentity::read(objects, drive.product());
   if (options.factory) {
-    file = {.identity = identity, .values = host::factory_parameters(drive.list)};
+    file = {.identity = identity, .values = master::factory_parameters(drive.list)};
     if (file.values.empty()) {
       throw Failure::wrong_use(fmt::format(
           "--factory: {} has no factory values; give a data sheet with default values with --eds", objects.where()));
     }
   }
-  std::optional<host::PreOperational> state;
-  host::LoadOptions load_options{.node_id = drive.node_id,
-                                 .force = options.force,
-                                 .skip_absent = options.skip_absent || options.factory,
-                                 .progress = progress_of(options)};
-  if (host::SdoClient* sdo = drive.link.sdo()) {
+  std::optional<master::PreOperational> state;
+  master::LoadOptions load_options{.node_id = drive.node_id,
+                                   .force = options.force,
+                                   .skip_absent = options.skip_absent || options.factory,
+                                   .progress = progress_of(options)};
+  if (master::SdoClient* sdo = drive.link.sdo()) {
     load_options.before_communication = [&state, sdo] { state.emplace(sdo->bus(), sdo->node_id(), *sdo); };
   }
-  host::LoadReport report;
+  master::LoadReport report;
   try {
-    report = host::load_parameters(objects, file, path, drive.list, identity, load_options);
-  } catch (const host::LoadError& error) {
+    report = master::load_parameters(objects, file, path, drive.list, identity, load_options);
+  } catch (const master::LoadError& error) {
     end_line(options);
-    if (state && error.outcome() != host::LoadError::Outcome::bus_lost) state->leave();
+    if (state && error.outcome() != master::LoadError::Outcome::bus_lost) state->leave();
     throw;
   } catch (...) {
     end_line(options);
@@ -181,7 +181,7 @@ void load(const Options& options) {
   }
   end_line(options);
   if (state) state->leave();
-  const bool stored = options.store && host::store_parameters(objects, drive.list.rules());
+  const bool stored = options.store && master::store_parameters(objects, drive.list.rules());
   const bool stores_at_once = drive.list.rules().store.empty();
   const bool left_there = state && state->was_unknown();
   if (options.bus.json) {
@@ -196,7 +196,7 @@ void load(const Options& options) {
   }
   fmt::print("{} {}: {} parameters as in {}, {} of them written\n", drive.link.noun(), objects.address(),
              report.compared, path, report.written.size());
-  if (!report.skipped.empty()) fmt::print("skipped: {}\n", host::text_of(report.skipped));
+  if (!report.skipped.empty()) fmt::print("skipped: {}\n", master::text_of(report.skipped));
   if (stored) {
     fmt::print("stored\n");
   } else if (options.store) {
@@ -205,10 +205,11 @@ void load(const Options& options) {
     fmt::print("not stored: lost at power-off (--store stores them)\n");
   }
   if (!report.volatile_ones.empty()) {
-    fmt::print("cannot be stored in the drive, lost at power-off: {}\n", host::text_of(report.volatile_ones));
+    fmt::print("cannot be stored in the drive, lost at power-off: {}\n", master::text_of(report.volatile_ones));
   }
   if (!report.after_restart.empty()) {
-    fmt::print("restart the drive: these take effect at the next power-on: {}\n", host::text_of(report.after_restart));
+    fmt::print("restart the drive: these take effect at the next power-on: {}\n",
+               master::text_of(report.after_restart));
   }
   if (left_there) {
     fmt::print(
@@ -218,18 +219,20 @@ void load(const Options& options) {
 }
 
 // The side that has name and unit: the other one may come from a file that a person wrote.
-const host::ParameterValue& named(const host::ParameterDifference& one) {
+const master::ParameterValue& named(const master::ParameterDifference& one) {
   if (one.left == nullptr) return *one.right;
   return one.right != nullptr && one.left->name.empty() ? *one.right : *one.left;
 }
 
 void print_differences(const Options& options, const std::string& left, const std::string& right,
-                       const std::vector<host::ParameterDifference>& differences, std::size_t compared) {
-  const auto text = [](const host::ParameterValue* value) { return value != nullptr ? host::text_of(*value) : "-"; };
+                       const std::vector<master::ParameterDifference>& differences, std::size_t compared) {
+  const auto text = [](const master::ParameterValue* value) {
+    return value != nullptr ? master::text_of(*value) : "-";
+  };
   if (options.bus.json) {
     ordered_json list = ordered_json::array();
-    for (const host::ParameterDifference& one : differences) {
-      const host::ParameterValue& known = named(one);
+    for (const master::ParameterDifference& one : differences) {
+      const master::ParameterValue& known = named(one);
       ordered_json json{{"object", text_of(one.address)}, {"name", known.name}, {"unit", known.unit}};
       json["left"] = one.left != nullptr ? ordered_json(text(one.left)) : ordered_json(nullptr);
       json["right"] = one.right != nullptr ? ordered_json(text(one.right)) : ordered_json(nullptr);
@@ -244,8 +247,8 @@ void print_differences(const Options& options, const std::string& left, const st
     return;
   }
   fmt::print("{:<8} {:>14}    {:<14} {}\n", "object", "left", "right", "name");
-  for (const host::ParameterDifference& one : differences) {
-    const host::ParameterValue& known = named(one);
+  for (const master::ParameterDifference& one : differences) {
+    const master::ParameterValue& known = named(one);
     const std::string unit = known.unit.empty() ? "" : fmt::format(" [{}]", known.unit);
     fmt::print("{:<8} {:>14} -> {:<14} {}{}\n", text_of(one.address), text(one.left), text(one.right), known.name,
                unit);
@@ -254,11 +257,12 @@ void print_differences(const Options& options, const std::string& left, const st
 }
 
 // Compares only the parameters that the file contains: it may hold just a few.
-host::ReadParameters read_those_of(Drive& drive, const host::ParameterFile& file, const Options& options) {
-  host::ReadParameters all =
-      host::read_parameters(drive.link.objects(), drive.list, drive.node_id, progress_of(options));
+master::ReadParameters read_those_of(Drive& drive, const master::ParameterFile& file, const Options& options) {
+  master::ReadParameters all =
+      master::read_parameters(drive.link.objects(), drive.list, drive.node_id, progress_of(options));
   end_line(options);
-  std::erase_if(all.values, [&file](const host::ParameterValue& value) { return file.find(value.address) == nullptr; });
+  std::erase_if(all.values,
+                [&file](const master::ParameterValue& value) { return file.find(value.address) == nullptr; });
   return all;
 }
 
@@ -267,29 +271,29 @@ void diff(const Options& options) {
     throw Failure::wrong_use("params diff: give FILE (against the drive), FILE FILE, FILE --factory, or --factory");
   }
   const InterruptGuard guard;
-  std::vector<host::ParameterFile> files;
+  std::vector<master::ParameterFile> files;
   for (const std::string& path : options.files) files.push_back(read_file(path));
-  std::vector<host::ParameterValue> left;
-  std::vector<host::ParameterValue> right;
+  std::vector<master::ParameterValue> left;
+  std::vector<master::ParameterValue> right;
   std::string left_name;
   std::string right_name;
-  host::NodeId node_id;
+  master::NodeId node_id;
   const bool needs_drive = files.size() + (options.factory ? 1U : 0U) < 2;
   bool only_common = options.factory;
   if (!needs_drive) {
     left = files[0].values;
     left_name = options.files[0];
     right_name = options.factory ? "factory" : options.files[1];
-    right = options.factory ? host::factory_parameters(list_of_product(files[0].identity.product, options))
+    right = options.factory ? master::factory_parameters(list_of_product(files[0].identity.product, options))
                             : files[1].values;
   } else {
     Drive drive(options);
     node_id = drive.node_id;
     right_name = drive.link.objects().where();
     if (files.empty()) {
-      left = host::factory_parameters(drive.list);
+      left = master::factory_parameters(drive.list);
       left_name = "factory";
-      right = host::read_parameters(drive.link.objects(), drive.list, node_id, progress_of(options)).values;
+      right = master::read_parameters(drive.link.objects(), drive.list, node_id, progress_of(options)).values;
       end_line(options);
     } else {
       left = files[0].values;
@@ -297,7 +301,7 @@ void diff(const Options& options) {
       right = read_those_of(drive, files[0], options).values;
     }
   }
-  const auto differences = host::compare(left, right, node_id, only_common);
+  const auto differences = master::compare(left, right, node_id, only_common);
   const std::size_t compared = only_common ? std::min(left.size(), right.size()) : std::max(left.size(), right.size());
   print_differences(options, left_name, right_name, differences, compared);
   if (!differences.empty()) {

@@ -15,7 +15,7 @@ struct Options : MotionOptions {
   std::optional<double> velocity;
 };
 
-using Request = host::ProbeRequest;
+using Request = master::ProbeRequest;
 
 void run(const Options& options) {
   if (options.velocity && !options.by) throw Failure::wrong_use("probe: --velocity goes with --by DISTANCE");
@@ -25,10 +25,10 @@ void run(const Options& options) {
                         .negative_edge = options.edge != "positive"};
   run_motion(options, [&](const Units& units) -> Motion {
     const auto by = units.position(options.by, "--by");
-    const host::MotionProfile profile{.velocity = units.velocity(options.velocity, "--velocity")};
-    return [&options, request, by, profile](host::Axis402& axis, const host::Axis402::Progress& progress) {
+    const master::MotionProfile profile{.velocity = units.velocity(options.velocity, "--velocity")};
+    return [&options, request, by, profile](master::Axis402& axis, const master::Axis402::Progress& progress) {
       axis.arm_probe(request);
-      host::ProbePositions seen;
+      master::ProbePositions seen;
       try {
         if (by) axis.start_move_by(*by, profile);
         seen = axis.wait_for_probe(request, options.bus.timeout(), progress);

@@ -30,7 +30,7 @@ constexpr double zero_speed_factor = 0.1;
 // The axis must be within this fraction of a revolution of its target ...
 constexpr double tolerance_revolutions = 0.001;
 // ... at most this long after target reached, which may refer to the demand position: the shaft follows it later.
-constexpr host::Time settling_time = std::chrono::milliseconds(500);
+constexpr master::Time settling_time = std::chrono::milliseconds(500);
 
 // A drive to test, on any kind of bus.
 struct Drive {
@@ -75,11 +75,11 @@ std::map<unsigned, std::int8_t> methods_of(const Options& options) {
   return methods;
 }
 
-void move_and_check(host::Axis402& axis, std::int32_t target, const host::MotionProfile& profile,
+void move_and_check(master::Axis402& axis, std::int32_t target, const master::MotionProfile& profile,
                     std::int32_t tolerance, const Options& options) {
   axis.move_to(target, profile, options.bus.timeout(), motion_progress(axis, options.bus.json));
-  host::ObjectClient& objects = axis.objects();
-  const host::Time deadline = objects.now() + settling_time;
+  master::ObjectClient& objects = axis.objects();
+  const master::Time deadline = objects.now() + settling_time;
   std::int32_t position = axis.position();
   while (std::abs(std::int64_t{position} - target) > tolerance) {
     if (objects.now() >= deadline) {
@@ -91,34 +91,34 @@ void move_and_check(host::Axis402& axis, std::int32_t target, const host::Motion
   }
 }
 
-void prove(host::Axis402& axis, Outcome& outcome, const Options& options) {
+void prove(master::Axis402& axis, Outcome& outcome, const Options& options) {
   const bool given = options.units_per_revolution > 0;
   const auto told = axis.units(given ? std::optional(options.units_per_revolution) : std::nullopt);
-  const host::AxisUnits units = told ? *told : axis.units(usual_units_per_revolution).value();
+  const master::AxisUnits units = told ? *told : axis.units(usual_units_per_revolution).value();
   const auto speed = [&](double factor) {
     return whole_units<std::uint32_t>(options.speed_rps * factor * units.velocity, "--speed", options.speed_rps);
   };
   const auto acceleration = whole_units<std::uint32_t>(options.acceleration_rps2 * units.acceleration, "--acceleration",
                                                        options.acceleration_rps2);
-  const host::HomingRequest homing{.method = static_cast<std::int8_t>(outcome.method),
-                                   .switch_speed = speed(homing_speed_factor),
-                                   .zero_speed = speed(zero_speed_factor),
-                                   .acceleration = acceleration};
+  const master::HomingRequest homing{.method = static_cast<std::int8_t>(outcome.method),
+                                     .switch_speed = speed(homing_speed_factor),
+                                     .zero_speed = speed(zero_speed_factor),
+                                     .acceleration = acceleration};
   // 607Fh may be lower, and some drives then go to fault instead of clipping the velocity.
   const auto greatest = axis.objects().read_if_present<std::uint32_t>(0x607F).value_or(0);
   const std::uint32_t velocity = greatest != 0 ? std::min(speed(1.0), greatest) : speed(1.0);
-  const host::MotionProfile profile{.velocity = velocity, .acceleration = acceleration, .deceleration = acceleration};
+  const master::MotionProfile profile{.velocity = velocity, .acceleration = acceleration, .deceleration = acceleration};
   const auto far =
       whole_units<std::int32_t>(options.revolutions * units.position, "--revolutions", options.revolutions);
   const auto tolerance = static_cast<std::int32_t>(std::lround(units.position * tolerance_revolutions));
   axis.reset_fault();
   axis.enable();
-  host::ObjectClient& objects = axis.objects();
-  const auto seconds_since = [&](host::Time since) {
+  master::ObjectClient& objects = axis.objects();
+  const auto seconds_since = [&](master::Time since) {
     return std::chrono::duration<double>(objects.now() - since).count();
   };
 
-  host::Time start = objects.now();
+  master::Time start = objects.now();
   axis.home(homing, options.bus.timeout(), motion_progress(axis, options.bus.json));
   outcome.homing_seconds = seconds_since(start);
 
@@ -136,7 +136,7 @@ void prove(host::Axis402& axis, Outcome& outcome, const Options& options) {
 template <typename Open>
 Outcome outcome_of(const Drive& drive, const std::map<unsigned, std::int8_t>& methods, const Options& options,
                    const Open& open) {
-  const host::Dialect& dialect = host::dialect_of(drive.product != nullptr ? drive.product->name : "");
+  const master::Dialect& dialect = master::dialect_of(drive.product != nullptr ? drive.product->name : "");
   auto method = methods.find(drive.node);
   if (method == methods.end()) method = methods.find(0);
   Outcome outcome{.drive = drive, .method = method != methods.end() ? method->second : dialect.cautious_homing_method};
@@ -149,7 +149,7 @@ Outcome outcome_of(const Drive& drive, const std::map<unsigned, std::int8_t>& me
   };
   note([&] {
     const auto opened = open();
-    host::Axis402 axis(opened->objects(), {.dialect = dialect, .cancelled = InterruptGuard::interrupted});
+    master::Axis402 axis(opened->objects(), {.dialect = dialect, .cancelled = InterruptGuard::interrupted});
     note([&] { prove(axis, outcome, options); });
     if (!outcome.problem.empty()) axis.try_to_switch_off();
     note([&] { axis.disable(); });  // in any case, also after an error
@@ -189,11 +189,11 @@ nlohmann::ordered_json json_of(const Outcome& outcome) {
 
 // Retries with a longer timeout, so that a slow bit rate or a busy computer hides no drive: the requests to 127 nodes
 // take 1.4 s at 10 kbit/s.
-std::vector<host::FoundNode> drives_on(host::Bus& bus) {
-  std::vector<host::FoundNode> nodes;
-  for (const host::Time answer_time : {std::chrono::seconds(1), std::chrono::seconds(5)}) {
-    nodes = host::scan(bus, {.timeout = answer_time});
-    if (std::any_of(nodes.begin(), nodes.end(), [](const host::FoundNode& node) { return node.is_drive(); })) break;
+std::vector<master::FoundNode> drives_on(master::Bus& bus) {
+  std::vector<master::FoundNode> nodes;
+  for (const master::Time answer_time : {std::chrono::seconds(1), std::chrono::seconds(5)}) {
+    nodes = master::scan(bus, {.timeout = answer_time});
+    if (std::any_of(nodes.begin(), nodes.end(), [](const master::FoundNode& node) { return node.is_drive(); })) break;
   }
   return nodes;
 }
@@ -237,20 +237,20 @@ class Report {
 void prove_can(const Options& options, const std::map<unsigned, std::int8_t>& methods) {
   const auto bus = open_bus(options.bus);
   std::vector<Drive> drives;
-  for (const host::FoundNode& node : drives_on(*bus)) {
+  for (const master::FoundNode& node : drives_on(*bus)) {
     if (node.is_drive()) drives.push_back({node.node_id, node.name, product_of(node)});
   }
   Report report(options, drives);
   struct Node {
-    Node(host::Bus& bus, const Drive& drive, const Options& options)
+    Node(master::Bus& bus, const Drive& drive, const Options& options)
         : client(bus, static_cast<std::uint8_t>(drive.node)) {
-      host::ObjectClient* const drives[] = {&client};
+      master::ObjectClient* const drives[] = {&client};
       if (!options.bus.no_watch) watch.emplace(bus, drives, warn);
     }
-    host::ObjectClient& objects() { return client; }
+    master::ObjectClient& objects() { return client; }
 
-    host::SdoClient client;
-    std::optional<host::MasterWatch> watch;
+    master::SdoClient client;
+    std::optional<master::MasterWatch> watch;
   };
   for (const Drive& drive : drives) {
     if (InterruptGuard::interrupted()) break;
@@ -262,25 +262,25 @@ void prove_can(const Options& options, const std::map<unsigned, std::int8_t>& me
 // Each drive goes to OP only for its own test.
 void prove_ethercat(const Options& options, const std::map<unsigned, std::int8_t>& methods) {
   const auto master = open_ethercat_master(options.bus);
-  const std::vector<host::FoundSlave> line = scan_segment(*master);
+  const std::vector<master::FoundSlave> line = scan_segment(*master);
   std::vector<Drive> drives;
-  for (const host::FoundSlave& found : line) {
-    host::EthercatSlave slave(*master, found);
+  for (const master::FoundSlave& found : line) {
+    master::EthercatSlave slave(*master, found);
     if (is_drive(slave)) drives.push_back({found.position, found.sii.name, product_of(found)});
   }
   Report report(options, drives);
   struct Operated {
-    Operated(host::EthercatMaster& master, const std::vector<host::FoundSlave>& line, const Drive& drive,
+    Operated(master::EthercatMaster& master, const std::vector<master::FoundSlave>& line, const Drive& drive,
              const Options& options)
         : slave(master, line[drive.node - 1]),
           operation(master, line, slaves, operation_options(options.bus)),
           client(slave, operation.exchange(), 0) {}
-    host::ObjectClient& objects() { return client; }
+    master::ObjectClient& objects() { return client; }
 
-    host::EthercatSlave slave;
-    std::array<host::EthercatSlave*, 1> slaves{&slave};
-    host::EthercatOperation operation;
-    host::CoeObjects client;
+    master::EthercatSlave slave;
+    std::array<master::EthercatSlave*, 1> slaves{&slave};
+    master::EthercatOperation operation;
+    master::CoeObjects client;
   };
   for (const Drive& drive : drives) {
     if (InterruptGuard::interrupted()) break;

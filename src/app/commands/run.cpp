@@ -1,5 +1,5 @@
 // `run`: carries out a motion script.
-#include "host/script/run.hpp"
+#include "tools/script/run.hpp"
 
 #include <filesystem>
 #include <fmt/format.h>
@@ -17,8 +17,8 @@
 namespace servodrome::app {
 namespace run_command {
 
-using host::script::Script;
-using host::script::Step;
+using master::script::Script;
+using master::script::Step;
 
 struct Options {
   BusOptions bus{.timeout_is_for_motion = true};
@@ -40,21 +40,21 @@ class Catalogues {
     const BusKind kind = bus_kind(options).kind;
     serial_ = kind == BusKind::modbus || kind == BusKind::serial10;
   }
-  const host::ObjectCatalogue* of(const std::string& name) {
+  const master::ObjectCatalogue* of(const std::string& name) {
     const line::Product* const product = line::find_product(line::all_products(), name);
     if (product == nullptr) return nullptr;
     auto& place = made_[name];
     if (!place) {
       const describe::Description description = product->describe();
-      place = std::make_unique<host::ObjectCatalogue>(
-          host::ObjectCatalogue::of(serial_ ? description.service_table : description.table));
+      place = std::make_unique<master::ObjectCatalogue>(
+          master::ObjectCatalogue::of(serial_ ? description.service_table : description.table));
     }
     return place.get();
   }
 
  private:
   bool serial_ = false;
-  std::map<std::string, std::unique_ptr<host::ObjectCatalogue>> made_;
+  std::map<std::string, std::unique_ptr<master::ObjectCatalogue>> made_;
 };
 
 Script parsed(const Options& options) {
@@ -63,25 +63,25 @@ Script parsed(const Options& options) {
     if (options.eds.empty()) {
       Catalogues catalogues(options.bus);
       named_product(options.bus);  // throws if there is no such product
-      const host::ObjectCatalogue* const own = catalogues.of(options.bus.product);
-      return host::script::parse(text_of(options), name, own != nullptr ? *own : host::ObjectCatalogue::standard(),
-                                 [&catalogues](const std::string& product) { return catalogues.of(product); });
+      const master::ObjectCatalogue* const own = catalogues.of(options.bus.product);
+      return master::script::parse(text_of(options), name, own != nullptr ? *own : master::ObjectCatalogue::standard(),
+                                   [&catalogues](const std::string& product) { return catalogues.of(product); });
     }
     std::ifstream file(options.eds);
     if (!file) throw Failure::wrong_use(fmt::format("--eds {}: cannot be read; check the path", options.eds));
-    return host::script::parse(text_of(options), name, host::ObjectCatalogue::read_eds(file, options.eds));
-  } catch (const host::script::ScriptMistakes& mistakes) {
+    return master::script::parse(text_of(options), name, master::ObjectCatalogue::read_eds(file, options.eds));
+  } catch (const master::script::ScriptMistakes& mistakes) {
     throw Failure::wrong_use(fmt::format("the script has mistakes, and nothing was moved:\n{}", mistakes.what()));
   }
 }
 
 // Checks the axes before anything moves: a port that has parameters only cannot command motion.
-void check_axes(const Script& script, const std::vector<Step>& steps, const std::vector<host::Axis402*>& axes) {
+void check_axes(const Script& script, const std::vector<Step>& steps, const std::vector<master::Axis402*>& axes) {
   for (const Step& step : steps) {
     check_axes(script, step.body, axes);
-    if (!host::script::needs_axis(step)) continue;
-    host::ObjectClient& objects = axes[step.axis]->objects();
-    const bool is_modbus = dynamic_cast<host::ModbusObjects*>(&objects) != nullptr;
+    if (!master::script::needs_axis(step)) continue;
+    master::ObjectClient& objects = axes[step.axis]->objects();
+    const bool is_modbus = dynamic_cast<master::ModbusObjects*>(&objects) != nullptr;
     if (!is_modbus || objects.read_if_present<std::uint16_t>(0x6041)) continue;
     throw Failure::wrong_use(
         fmt::format("{}:{}:{}: `{}`: {}: this port has parameters and monitoring items, and neither controlword nor "
@@ -92,26 +92,26 @@ void check_axes(const Script& script, const std::vector<Step>& steps, const std:
 
 void carry_out(const Options& options, const Script& script, nlohmann::ordered_json& steps) {
   std::vector<DriveGroup::Member> members;
-  for (const host::script::AxisDeclaration& axis : script.axes) members.push_back({axis.node, axis.product});
+  for (const master::script::AxisDeclaration& axis : script.axes) members.push_back({axis.node, axis.product});
   const InterruptGuard guard;
   DriveGroup group(options.bus, members);
   check_axes(script, script.steps, group.axes());
-  host::script::RunOptions run_options;
+  master::script::RunOptions run_options;
   run_options.cancelled = InterruptGuard::interrupted;
   run_options.progress = [shown = motion_progress(*group.axes().front(), options.bus.json || options.quiet)](
-                             const host::AxisStatus& status) mutable { shown(status); };
-  run_options.done = [&](const Step& step, host::Time took, const std::string& said) {
+                             const master::AxisStatus& status) mutable { shown(status); };
+  run_options.done = [&](const Step& step, master::Time took, const std::string& said) {
     const double seconds = std::chrono::duration<double>(took).count();
     if (options.bus.json) {
       steps.push_back({{"line", step.place.line}, {"text", step.source}, {"seconds", seconds}, {"said", said}});
       return;
     }
     end_progress(options.quiet);
-    const bool speaks = step.verb == host::script::Verb::print || step.verb == host::script::Verb::get ||
-                        step.verb == host::script::Verb::wait_probe;
+    const bool speaks = step.verb == master::script::Verb::print || step.verb == master::script::Verb::get ||
+                        step.verb == master::script::Verb::wait_probe;
     if (options.quiet) {
       if (speaks) fmt::print("{}\n", said);
-    } else if (step.verb == host::script::Verb::print) {
+    } else if (step.verb == master::script::Verb::print) {
       fmt::print("{:>5}  {}\n", step.place.line, said);
     } else {
       fmt::print("{:>5}  {:<50} {:8.3f} s{}{}\n", step.place.line, step.source, seconds, said.empty() ? "" : "  ",
@@ -121,14 +121,14 @@ void carry_out(const Options& options, const Script& script, nlohmann::ordered_j
     if (std::fflush(stdout) != 0) throw Failure::lost_output();
   };
   try {
-    host::script::run(script, group.axes(), run_options);
+    master::script::run(script, group.axes(), run_options);
   } catch (...) {
     end_progress(options.bus.json || options.quiet);
-    for (host::Axis402* axis : group.axes()) axis->try_to_switch_off();
+    for (master::Axis402* axis : group.axes()) axis->try_to_switch_off();
     throw;
   }
   if (!group.operates() && !options.disable) return;
-  for (host::Axis402* axis : group.axes()) axis->try_to_switch_off();
+  for (master::Axis402* axis : group.axes()) axis->try_to_switch_off();
 }
 
 void run(const Options& options) {
@@ -151,7 +151,7 @@ void run(const Options& options) {
   std::string problem;
   try {
     carry_out(options, script, steps);
-  } catch (const host::script::ScriptFailure& failure) {
+  } catch (const master::script::ScriptFailure& failure) {
     problem = failure.what();
     json["passed"] = false;
     json["failure"] = {

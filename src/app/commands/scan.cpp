@@ -1,4 +1,4 @@
-#include "host/canopen/scan.hpp"
+#include "master/canopen/scan.hpp"
 
 #include <fmt/format.h>
 #include <nlohmann/json.hpp>
@@ -8,9 +8,9 @@
 #include "app/drive_link.hpp"
 #include "app/number_options.hpp"
 #include "app/recognition.hpp"
-#include "host/ethercat/scan.hpp"
-#include "host/modbus/scan.hpp"
 #include "links/local_buses.hpp"
+#include "master/ethercat/scan.hpp"
+#include "master/modbus/scan.hpp"
 
 namespace servodrome::app {
 namespace scan_command {
@@ -64,20 +64,20 @@ Recognised by_objects(const line::Product* product) {
 }
 
 // If the identity of a drive is unknown, looks for objects that only one product has.
-Recognised recognise(host::Bus& bus, const host::FoundNode& node, const Descriptions& descriptions) {
-  const auto identity = node.identity.value_or(host::LssAddress{});
+Recognised recognise(master::Bus& bus, const master::FoundNode& node, const Descriptions& descriptions) {
+  const auto identity = node.identity.value_or(master::LssAddress{});
   Recognised recognised = recognise(product_of(node), identity.vendor_id, identity.product_code, descriptions);
   if (recognised.by != nullptr || !node.is_drive()) return recognised;
   try {
-    host::SdoClient objects(bus, node.node_id);
+    master::SdoClient objects(bus, node.node_id);
     return by_objects(product_by_objects(objects, line::Fieldbus::can));
-  } catch (const host::ObjectError&) {
+  } catch (const master::ObjectError&) {
     return {};  // the drive has left the bus meanwhile
   }
 }
 
-nlohmann::ordered_json json_of(const host::FoundNode& node, const Recognised& recognised) {
-  nlohmann::ordered_json json{{"node", node.node_id}, {"name", node.name}, {"kind", host::kind_of(node)}};
+nlohmann::ordered_json json_of(const master::FoundNode& node, const Recognised& recognised) {
+  nlohmann::ordered_json json{{"node", node.node_id}, {"name", node.name}, {"kind", master::kind_of(node)}};
   recognised.add_to(json);
   json["device_type"] = node.device_type ? nlohmann::ordered_json(*node.device_type) : nullptr;
   if (node.identity) {
@@ -87,15 +87,15 @@ nlohmann::ordered_json json_of(const host::FoundNode& node, const Recognised& re
     json["serial_number"] = node.identity->serial_number;
   }
   json["software_version"] = node.software_version;
-  json["state"] = node.state ? nlohmann::ordered_json(host::name(*node.state)) : nullptr;
+  json["state"] = node.state ? nlohmann::ordered_json(master::name(*node.state)) : nullptr;
   return json;
 }
 
-void print(const host::FoundNode& node, int width, const Recognised& recognised) {
-  const auto identity = node.identity.value_or(host::LssAddress{});
+void print(const master::FoundNode& node, int width, const Recognised& recognised) {
+  const auto identity = node.identity.value_or(master::LssAddress{});
   fmt::print("{:<6}{:<{}}{:<26}{:08X}h  {:08X}h  {:08X}h  {:<11}{:<17}{}\n", node.node_id, name_of(node), width,
-             node.device_type ? host::kind_of(node) : "answers no SDO", identity.vendor_id, identity.product_code,
-             identity.revision_number, identity.serial_number, node.state ? host::name(*node.state) : "",
+             node.device_type ? master::kind_of(node) : "answers no SDO", identity.vendor_id, identity.product_code,
+             identity.revision_number, identity.serial_number, node.state ? master::name(*node.state) : "",
              recognised.text());
 }
 
@@ -114,10 +114,11 @@ void check_range(const Options& options) {
 }
 
 std::vector<Station> scan_modbus(const Options& options, const std::string& link) {
-  host::ModbusClient client = open_modbus_client(options.bus, link, {.timeout = options.bus.timeout(), .retries = 0});
+  master::ModbusClient client = open_modbus_client(options.bus, link, {.timeout = options.bus.timeout(), .retries = 0});
   const auto last = static_cast<std::uint8_t>(options.last != 0 ? options.last : modbus::highest_station);
   std::vector<Station> stations;
-  for (const host::FoundStation& found : host::scan_stations(client, static_cast<std::uint8_t>(options.first), last)) {
+  for (const master::FoundStation& found :
+       master::scan_stations(client, static_cast<std::uint8_t>(options.first), last)) {
     constexpr std::uint8_t vendor_name = 0;
     constexpr std::uint8_t product_code = 1;
     const std::string name = found.text(product_code);
@@ -134,14 +135,14 @@ std::vector<Station> scan_modbus(const Options& options, const std::string& link
 }
 
 std::vector<Station> scan_serial10(const Options& options, const std::string& link) {
-  host::Serial10Client client =
+  master::Serial10Client client =
       open_serial10_client(options.bus, link, {.timeout = options.bus.timeout(), .retries = 0});
   const unsigned last = options.last != 0 ? options.last : serial10::universal_id - 1U;
   std::vector<Station> stations;
   for (unsigned id = options.first; id <= last; ++id) {
     try {
       client.upload(static_cast<std::uint8_t>(id), {0x6041, 0});
-    } catch (const host::Serial10Error& error) {
+    } catch (const master::Serial10Error& error) {
       if (!error.from_drive()) continue;
     }
     stations.push_back({id, "", "drive with the 10-byte protocol",
@@ -176,19 +177,19 @@ void scan_serial(Options options, BusKind kind, const std::string& link) {
   }
 }
 
-Recognised recognise(const host::FoundSlave& slave, const Descriptions& descriptions) {
-  const host::EthercatIdentity& identity = slave.sii.identity;
+Recognised recognise(const master::FoundSlave& slave, const Descriptions& descriptions) {
+  const master::EthercatIdentity& identity = slave.sii.identity;
   return recognise(product_of(slave), identity.vendor_id, identity.product_code, descriptions);
 }
 
-nlohmann::ordered_json json_of(const host::FoundSlave& slave, const Recognised& recognised) {
+nlohmann::ordered_json json_of(const master::FoundSlave& slave, const Recognised& recognised) {
   nlohmann::ordered_json json{{"node", slave.position}, {"alias", slave.alias}, {"name", slave.sii.name}};
   recognised.add_to(json);
   json["vendor_id"] = slave.sii.identity.vendor_id;
   json["product_code"] = slave.sii.identity.product_code;
   json["revision_number"] = slave.sii.identity.revision_number;
   json["serial_number"] = slave.sii.identity.serial_number;
-  json["state"] = host::short_name(slave.status.state());
+  json["state"] = master::short_name(slave.status.state());
   json["error"] = slave.status.error();
   json["al_status_code"] = static_cast<unsigned>(slave.status.code);
   json["al_status_text"] = text(slave.status.code);
@@ -197,8 +198,8 @@ nlohmann::ordered_json json_of(const host::FoundSlave& slave, const Recognised& 
     if (slave.link(port)) json["links"].push_back(port);
   }
   json["distributed_clock"] = slave.has_clock();
-  json["coe"] = slave.sii.has(host::mailbox_protocol::coe);
-  json["foe"] = slave.sii.has(host::mailbox_protocol::foe);
+  json["coe"] = slave.sii.has(master::mailbox_protocol::coe);
+  json["foe"] = slave.sii.has(master::mailbox_protocol::foe);
   json["sii_checksum_right"] = slave.sii.checksum_right;
   return json;
 }
@@ -206,17 +207,17 @@ nlohmann::ordered_json json_of(const host::FoundSlave& slave, const Recognised& 
 void scan_ethercat(const Options& options) {
   const Descriptions descriptions(options.eds, options.esi);
   const auto master = open_ethercat_master(options.bus);
-  const std::vector<host::FoundSlave> slaves = scan_segment(*master);
+  const std::vector<master::FoundSlave> slaves = scan_segment(*master);
   if (options.bus.json) {
     nlohmann::ordered_json list = nlohmann::ordered_json::array();
-    for (const host::FoundSlave& slave : slaves) list.push_back(json_of(slave, recognise(slave, descriptions)));
+    for (const master::FoundSlave& slave : slaves) list.push_back(json_of(slave, recognise(slave, descriptions)));
     fmt::print("{}\n", nlohmann::ordered_json{{"bus", options.bus.link}, {"nodes", std::move(list)}}.dump(2));
     return;
   }
   std::vector<Recognised> recognised;
   std::size_t width = std::string_view("name").size();
   std::size_t product_width = std::string_view("recognised as").size();
-  for (const host::FoundSlave& slave : slaves) {
+  for (const master::FoundSlave& slave : slaves) {
     recognised.push_back(recognise(slave, descriptions));
     width = std::max(width, slave.sii.name.size());
     product_width = std::max(product_width, recognised.back().text().size());
@@ -226,8 +227,8 @@ void scan_ethercat(const Options& options) {
   fmt::print("{:<10}{:<7}{:<{}}{:<{}}{:<11}{:<11}{:<11}{:<11}{:<7}{}\n", "position", "alias", "name", width,
              "recognised as", product_width, "vendor", "code", "revision", "serial", "links", "state");
   for (std::size_t i = 0; i < slaves.size(); ++i) {
-    const host::FoundSlave& slave = slaves[i];
-    const host::EthercatIdentity& identity = slave.sii.identity;
+    const master::FoundSlave& slave = slaves[i];
+    const master::EthercatIdentity& identity = slave.sii.identity;
     fmt::print("{:<10}{:<7}{:<{}}{:<{}}{:08X}h  {:08X}h  {:08X}h  {:08X}h  {:<7}{}{}\n", slave.position,
                slave.alias != 0 ? std::to_string(slave.alias) : "-", slave.sii.name, width, recognised[i].text(),
                product_width, identity.vendor_id, identity.product_code, identity.revision_number,
@@ -249,23 +250,23 @@ struct Bus {
 std::vector<Bus> buses_of_default_line() {
   std::vector<Bus> buses;
   try {
-    host::Bus::open(default_bus);
+    master::Bus::open(default_bus);
     buses.push_back({default_bus, "CANopen", "answers", "socketcand"});
-  } catch (const host::HostError&) {
+  } catch (const master::MasterError&) {
   }
   constexpr const char* ethercat = "udp:127.0.0.1:34980";
   try {
-    const auto master = host::EthercatMaster::open(ethercat, {});
-    if (const unsigned count = host::count_slaves(*master); count != 0) {
+    const auto master = master::EthercatMaster::open(ethercat, {});
+    if (const unsigned count = master::count_slaves(*master); count != 0) {
       buses.push_back({ethercat, "EtherCAT", "answers", fmt::format("{} {}", count, count == 1 ? "slave" : "slaves")});
     }
-  } catch (const host::HostError&) {
+  } catch (const master::MasterError&) {
   }
   constexpr const char* modbus = "tcp:127.0.0.1:1502";
   try {
-    host::ModbusClient::open(modbus, {});
+    master::ModbusClient::open(modbus, {});
     buses.push_back({fmt::format("modbus:{}", modbus), "Modbus TCP", "answers", ""});
-  } catch (const host::HostError&) {
+  } catch (const master::MasterError&) {
   }
   return buses;
 }
@@ -319,17 +320,17 @@ void run(const Options& given) {
   if (options.bus.timeout_s <= 0) options.bus.timeout_s = can_timeout_s;
   const Descriptions descriptions(options.eds, options.esi);
   const auto bus = open_bus(options.bus);
-  const auto listen = std::chrono::duration_cast<host::Time>(std::chrono::duration<double>(options.listen_s));
-  const auto nodes = host::scan(*bus, {.timeout = options.bus.timeout(), .listen = listen});
+  const auto listen = std::chrono::duration_cast<master::Time>(std::chrono::duration<double>(options.listen_s));
+  const auto nodes = master::scan(*bus, {.timeout = options.bus.timeout(), .listen = listen});
   if (options.bus.json) {
     nlohmann::ordered_json list = nlohmann::ordered_json::array();
-    for (const host::FoundNode& node : nodes) list.push_back(json_of(node, recognise(*bus, node, descriptions)));
+    for (const master::FoundNode& node : nodes) list.push_back(json_of(node, recognise(*bus, node, descriptions)));
     fmt::print("{}\n", nlohmann::ordered_json{{"bus", options.bus.link}, {"nodes", std::move(list)}}.dump(2));
   } else if (!nodes.empty()) {
     const int width = name_width(nodes);
     fmt::print("{:<6}{:<{}}{:<26}{:<11}{:<11}{:<11}{:<11}{:<17}{}\n", "node", "name", width, "kind", "vendor",
                "product", "revision", "serial", "NMT state", "recognised as");
-    for (const host::FoundNode& node : nodes) print(node, width, recognise(*bus, node, descriptions));
+    for (const master::FoundNode& node : nodes) print(node, width, recognise(*bus, node, descriptions));
   }
   if (nodes.empty()) {
     throw Failure::did_not_work(

@@ -11,16 +11,16 @@
 #include "app/drive_link.hpp"
 #include "app/number_options.hpp"
 #include "app/whole_file.hpp"
-#include "host/scope/export.hpp"
-#include "host/scope/measurements.hpp"
-#include "host/scope/recorder.hpp"
-#include "host/script/run.hpp"
+#include "tools/scope/export.hpp"
+#include "tools/scope/measurements.hpp"
+#include "tools/scope/recorder.hpp"
+#include "tools/script/run.hpp"
 
 namespace servodrome::app {
 namespace scope_command {
 
 using nlohmann::ordered_json;
-namespace scope = host::scope;
+namespace scope = master::scope;
 
 struct Options {
   BusOptions bus{.timeout_s = 60.0, .timeout_is_for_motion = true};
@@ -41,10 +41,10 @@ struct Options {
 };
 
 constexpr double usual_duration_s = 1.0;
-constexpr host::Time patience = std::chrono::milliseconds(10);  // period of checks for Ctrl-C
+constexpr master::Time patience = std::chrono::milliseconds(10);  // period of checks for Ctrl-C
 
-host::Time time_of(double seconds) {
-  return std::chrono::duration_cast<host::Time>(std::chrono::duration<double>(seconds));
+master::Time time_of(double seconds) {
+  return std::chrono::duration_cast<master::Time>(std::chrono::duration<double>(seconds));
 }
 
 // ---- Before the bus is opened ----
@@ -64,11 +64,11 @@ const FileFormat& format_of(const std::string& file) {
   throw Failure::wrong_use(fmt::format("-o {}: unknown file type; the name must end in .csv, .mcap or .svg", file));
 }
 
-std::optional<host::ObjectCatalogue> data_sheet(const Options& options) {
+std::optional<master::ObjectCatalogue> data_sheet(const Options& options) {
   if (options.eds.empty()) return std::nullopt;
   std::ifstream file(options.eds);
   if (!file) throw Failure::wrong_use(fmt::format("--eds {}: cannot be read; check the path", options.eds));
-  return host::ObjectCatalogue::read_eds(file, options.eds);
+  return master::ObjectCatalogue::read_eds(file, options.eds);
 }
 
 std::string script_text(const Options& options) {
@@ -79,16 +79,16 @@ std::string script_text(const Options& options) {
 }
 
 // The axis of the script may give the node and the product of the drive.
-std::optional<host::script::Script> parsed_script(Options& options, const host::ObjectCatalogue& catalogue) {
+std::optional<master::script::Script> parsed_script(Options& options, const master::ObjectCatalogue& catalogue) {
   if (!options.moves()) return std::nullopt;
   const std::string name = options.script.empty() ? "--do" : options.script;
   try {
-    host::script::Script script = host::script::parse(script_text(options), name, catalogue);
+    master::script::Script script = master::script::parse(script_text(options), name, catalogue);
     if (script.axes.size() != 1) {
       throw Failure::wrong_use(
           fmt::format("{}: it has {} axes, but only one drive is recorded and can be moved", name, script.axes.size()));
     }
-    const host::script::AxisDeclaration& axis = script.axes.front();
+    const master::script::AxisDeclaration& axis = script.axes.front();
     if (axis.node != 0 && options.bus.node_id != 0 && axis.node != options.bus.node_id) {
       throw Failure::wrong_use(
           fmt::format("{}: its axis is node {}, but --node {} is recorded", name, axis.node, options.bus.node_id));
@@ -96,34 +96,34 @@ std::optional<host::script::Script> parsed_script(Options& options, const host::
     if (axis.node != 0) options.bus.node_id = axis.node;
     if (!axis.product.empty()) options.bus.product = axis.product;
     return script;
-  } catch (const host::script::ScriptMistakes& mistakes) {
+  } catch (const master::script::ScriptMistakes& mistakes) {
     throw Failure::wrong_use(fmt::format("the script has mistakes, and nothing was moved:\n{}", mistakes.what()));
   }
 }
 
 // ---- Channels ----
 
-scope::Channel channel_of(const std::string& text, const host::ObjectCatalogue& own) {
+scope::Channel channel_of(const std::string& text, const master::ObjectCatalogue& own) {
   try {
     return scope::named_channel(text, own);
-  } catch (const host::HostError&) {
+  } catch (const master::MasterError&) {
     try {
-      return scope::named_channel(text, host::ObjectCatalogue::standard());
-    } catch (const host::HostError& error) {
+      return scope::named_channel(text, master::ObjectCatalogue::standard());
+    } catch (const master::MasterError& error) {
       throw Failure::wrong_use(error.what());
     }
   }
 }
 
 // The channels if none are given: those of the usual ones that the drive has on this bus.
-std::vector<scope::Channel> usual_channels(DriveLink& link, const host::ObjectCatalogue& catalogue) {
+std::vector<scope::Channel> usual_channels(DriveLink& link, const master::ObjectCatalogue& catalogue) {
   std::vector<scope::Channel> channels;
   const auto add_if_present = [&](const char* name) {
     scope::Channel channel = channel_of(name, catalogue);
     try {
       scope::complete(channel, link.objects());
       scope::add_channel(channels, std::move(channel));
-    } catch (const host::ObjectError& error) {
+    } catch (const master::ObjectError& error) {
       if (!error.object_is_absent()) throw;
     }
   };
@@ -138,7 +138,7 @@ std::vector<scope::Channel> usual_channels(DriveLink& link, const host::ObjectCa
 std::size_t put(std::vector<scope::Channel>& channels, scope::Channel channel) {
   try {
     return scope::add_channel(channels, std::move(channel));
-  } catch (const host::HostError& error) {
+  } catch (const master::MasterError& error) {
     throw Failure::wrong_use(error.what());
   }
 }
@@ -158,9 +158,9 @@ struct Outcome {
 class Session {
  public:
   Session(const Options& options, const std::optional<scope::TriggerText>& trigger,
-          const std::optional<host::script::Script>& script, const std::optional<host::ObjectCatalogue>& sheet)
+          const std::optional<master::script::Script>& script, const std::optional<master::ObjectCatalogue>& sheet)
       : options_(options), script_(script), link_(options.bus, options.moves()) {
-    const host::ObjectCatalogue& catalogue = sheet ? *sheet : link_.catalogue();
+    const master::ObjectCatalogue& catalogue = sheet ? *sheet : link_.catalogue();
     std::vector<scope::Channel> channels;
     for (const std::string& text : options.channels) put(channels, channel_of(text, catalogue));
     if (options.channels.empty()) channels = usual_channels(link_, catalogue);
@@ -197,7 +197,7 @@ class Session {
         outcome.problems.emplace_back("the recording ended early: it reached its limit of 160 MB");
     }
     // Wall-clock time of the trigger.
-    const host::Time ago = link_.objects().now() - outcome.recording.zero;
+    const master::Time ago = link_.objects().now() - outcome.recording.zero;
     const auto wall = std::chrono::system_clock::now().time_since_epoch();
     outcome.recording.zero_unix_ns = (std::chrono::duration_cast<std::chrono::nanoseconds>(wall) - ago).count();
     attempt([&] { sampler_->close(); });
@@ -206,7 +206,7 @@ class Session {
 
  private:
   void look(scope::Recorder& recorder, Outcome& outcome) {
-    const host::Time give_up = link_.objects().now() + options_.bus.timeout();
+    const master::Time give_up = link_.objects().now() + options_.bus.timeout();
     while (!recorder.done()) {
       if ((outcome.interrupted = InterruptGuard::interrupted())) return;
       if (recorder.waits_for_trigger() && link_.objects().now() >= give_up) {
@@ -222,18 +222,18 @@ class Session {
   void move(scope::Recorder& recorder, Outcome& outcome) {
     link_.be_watched(options_.bus);
     const auto axis = link_.open_axis(sampler_->objects(), {});
-    host::Axis402* const axes[] = {axis.get()};
-    host::script::RunOptions run_options;
+    master::Axis402* const axes[] = {axis.get()};
+    master::script::RunOptions run_options;
     run_options.cancelled = InterruptGuard::interrupted;
-    run_options.done = [&](const host::script::Step& step, host::Time, const std::string& said) {
-      const bool speaks = step.verb == host::script::Verb::print || step.verb == host::script::Verb::get ||
-                          step.verb == host::script::Verb::wait_probe;
+    run_options.done = [&](const master::script::Step& step, master::Time, const std::string& said) {
+      const bool speaks = step.verb == master::script::Verb::print || step.verb == master::script::Verb::get ||
+                          step.verb == master::script::Verb::wait_probe;
       if (speaks) outcome.said.push_back(said);
     };
     // A slave that leaves OP while its motor is on goes to fault.
     const bool ends_operation = bus_kind(options_.bus).kind == BusKind::ethercat;
     try {
-      host::script::run(*script_, axes, run_options);
+      master::script::run(*script_, axes, run_options);
       if (recorder.waits_for_trigger()) {
         throw std::runtime_error(
             fmt::format("the trigger \"{}\" did not occur while the script ran", options_.trigger));
@@ -248,7 +248,7 @@ class Session {
   }
 
   const Options& options_;
-  const std::optional<host::script::Script>& script_;
+  const std::optional<master::script::Script>& script_;
   DriveLink link_;
   scope::RecorderOptions recorder_options_;
   std::unique_ptr<scope::Sampler> sampler_;
@@ -302,8 +302,8 @@ std::string text_of(const Options& options, const Outcome& outcome) {
 ordered_json json_of_channel(const scope::Recording& recording, std::size_t i, bool samples) {
   const scope::Channel& channel = recording.channels[i];
   ordered_json json{{"name", channel.name},
-                    {"object", host::text_of(channel.object)},
-                    {"type", host::short_word(*channel.type)},
+                    {"object", master::text_of(channel.object)},
+                    {"type", master::short_word(*channel.type)},
                     {"unit", channel.unit}};
   if (recording.rows() == 0) return json;
   const scope::Measurement measured = scope::measure(recording, i);
@@ -359,11 +359,11 @@ void record(Options options) {
   std::optional<scope::TriggerText> trigger;
   try {
     if (!options.trigger.empty()) trigger = scope::parse_trigger(options.trigger);
-  } catch (const host::HostError& error) {
+  } catch (const master::MasterError& error) {
     throw Failure::wrong_use(error.what());
   }
   const auto sheet = data_sheet(options);
-  const auto script = parsed_script(options, sheet ? *sheet : host::ObjectCatalogue::standard());
+  const auto script = parsed_script(options, sheet ? *sheet : master::ObjectCatalogue::standard());
 
   const InterruptGuard guard;
   Outcome outcome = Session(options, trigger, script, sheet).run();

@@ -12,12 +12,6 @@
 #include "app/commands.hpp"
 #include "app/number_options.hpp"
 #include "describe/device_file.hpp"
-#include "host/sniff/can_decoder.hpp"
-#include "host/sniff/capture_file.hpp"
-#include "host/sniff/ethercat_decoder.hpp"
-#include "host/sniff/modbus_tcp_decoder.hpp"
-#include "host/sniff/serial_decoder.hpp"
-#include "host/sniff/summary.hpp"
 #include "line/nearest_name.hpp"
 #include "line/registry.hpp"
 #include "links/can/frame_length.hpp"
@@ -26,6 +20,12 @@
 #include "links/link_error.hpp"
 #include "links/serial/client.hpp"
 #include "links/serial/format_text.hpp"
+#include "tools/sniff/can_decoder.hpp"
+#include "tools/sniff/capture_file.hpp"
+#include "tools/sniff/ethercat_decoder.hpp"
+#include "tools/sniff/modbus_tcp_decoder.hpp"
+#include "tools/sniff/serial_decoder.hpp"
+#include "tools/sniff/summary.hpp"
 
 namespace servodrome::app {
 namespace sniff_command {
@@ -56,13 +56,13 @@ constexpr unsigned error_frame_bits = 20;  // at most 12 bits of flags, 8 of del
 class Sniffer {
  public:
   explicit Sniffer(const Options& options) : options_(options) {
-    host::ObjectCatalogue names = host::ObjectCatalogue::standard();
+    master::ObjectCatalogue names = master::ObjectCatalogue::standard();
     for (const std::string& option : options.eds) add_eds(option, names);
     for (const std::string& option : options.products) add_product(option, names);
     for (const std::string& word : options.filters) {
       try {
         filter_.add(word, names);
-      } catch (const host::HostError& error) {
+      } catch (const master::MasterError& error) {
         throw Failure::wrong_use(error.what());
       }
     }
@@ -74,34 +74,34 @@ class Sniffer {
     character_bits_ = format->bits();
   }
 
-  void take(const canopen::Frame& frame, host::Time time) {
+  void take(const canopen::Frame& frame, master::Time time) {
     can_seen_ = true;
     summary_.count_frame(time, links::frame_length_bits(frame) + links::interframe_space_bits);
     show(can_.decode(frame, time));
   }
-  void take(const host::CanErrorFrame& error, host::Time time) {
+  void take(const master::CanErrorFrame& error, master::Time time) {
     can_seen_ = true;
     summary_.count_frame(time, error_frame_bits);
-    host::Decoded decoded;
+    master::Decoded decoded;
     decoded.time = time;
-    decoded.kind = host::FrameKind::error;
+    decoded.kind = master::FrameKind::error;
     decoded.error = true;
     decoded.raw = "error frame";
     decoded.text = fmt::format("error on the wire, class {:08X}h", error.error_class);
     show(decoded);
   }
-  void take(const host::EthernetBytes& bytes, host::Time time) { take(std::span<const std::uint8_t>(bytes), time); }
-  void take(std::span<const std::uint8_t> frame, host::Time time) {
+  void take(const master::EthernetBytes& bytes, master::Time time) { take(std::span<const std::uint8_t>(bytes), time); }
+  void take(std::span<const std::uint8_t> frame, master::Time time) {
     const std::size_t bytes = std::max<std::size_t>(frame.size(), least_ethernet_bytes) + ethernet_overhead_bytes;
     summary_.count_frame(time, static_cast<unsigned>(bytes) * 8);
     if (modbus_tcp_.takes(frame)) {
-      for (const host::Decoded& decoded : modbus_tcp_.decode(frame, time)) show(decoded);
+      for (const master::Decoded& decoded : modbus_tcp_.decode(frame, time)) show(decoded);
       return;
     }
-    for (const host::Decoded& decoded : ethercat_.decode(frame, time)) show(decoded);
+    for (const master::Decoded& decoded : ethercat_.decode(frame, time)) show(decoded);
   }
 
-  void take(const host::SerialBytes& piece, host::Time time) {
+  void take(const master::SerialBytes& piece, master::Time time) {
     if (piece.is_tcp) {
       summary_.count_frame(time, 0);
       show(modbus_tcp_.decode_message(piece.bytes, time, piece.sender == links::SerialSender::master, 0));
@@ -110,11 +110,11 @@ class Sniffer {
     serial_seen_ = true;
     summary_.count_frame(time, static_cast<unsigned>(piece.bytes.size()) * character_bits_);
     --summary_.frames;  // a piece may be part of a frame, or several frames
-    for (const host::Decoded& decoded : serial_.decode(piece.bytes, time, piece.sender)) take_serial(decoded);
+    for (const master::Decoded& decoded : serial_.decode(piece.bytes, time, piece.sender)) take_serial(decoded);
   }
   // No more bytes follow: decodes unfinished frames as they are.
   void end_of_bytes() {
-    for (const host::Decoded& decoded : serial_.finish()) take_serial(decoded);
+    for (const master::Decoded& decoded : serial_.finish()) take_serial(decoded);
   }
 
   void finish() const {
@@ -133,36 +133,36 @@ class Sniffer {
     return {node, option.substr(equals + 1)};
   }
 
-  void take_serial(const host::Decoded& decoded) {
+  void take_serial(const master::Decoded& decoded) {
     ++summary_.frames;
     show(decoded);
   }
 
-  void add_serial_model(unsigned station, const host::SerialModel& model) {
+  void add_serial_model(unsigned station, const master::SerialModel& model) {
     serial_.set_model(station, model);
     modbus_tcp_.set_model(station, model);
   }
 
-  void add_model(unsigned node, const host::DeviceModel& model) {
+  void add_model(unsigned node, const master::DeviceModel& model) {
     if (node <= 127) can_.set_model(static_cast<std::uint8_t>(node), model);
     ethercat_.set_model(node, model);
   }
 
-  void add_eds(const std::string& option, host::ObjectCatalogue& names) {
+  void add_eds(const std::string& option, master::ObjectCatalogue& names) {
     const auto [node, path] = of_node(option);
     std::ifstream file(path);
     if (!file) throw Failure::wrong_use(fmt::format("--eds {}: cannot be read; check the path", path));
     try {
       const describe::DeviceFile device = describe::read_eds(file, path);
-      add_model(node, host::DeviceModel::of(device));
-      names = host::ObjectCatalogue::of(device);
+      add_model(node, master::DeviceModel::of(device));
+      names = master::ObjectCatalogue::of(device);
       add_serial_model(node, {.catalogue = names});
     } catch (const describe::DeviceFileError& error) {
       throw Failure::wrong_use(fmt::format("--eds {}", error.what()));
     }
   }
 
-  void add_product(const std::string& option, host::ObjectCatalogue& names) {
+  void add_product(const std::string& option, master::ObjectCatalogue& names) {
     const auto [node, name] = of_node(option);
     const line::Product* product = line::find_product(line::all_products(), name);
     if (product == nullptr) {
@@ -172,14 +172,14 @@ class Sniffer {
           fmt::format("--product {}: there is no such product; {}", name, line::suggestion(name, known)));
     }
     const auto table = product->describe().table;
-    add_model(node, host::DeviceModel::of(table));
-    names = host::ObjectCatalogue::of(table);
+    add_model(node, master::DeviceModel::of(table));
+    names = master::ObjectCatalogue::of(table);
     const line::SerialInterface* serial = product->serial;
-    add_serial_model(node, serial != nullptr ? host::SerialModel::of(table, serial->registers, serial->profile)
-                                             : host::SerialModel::of(table, {}, nullptr));
+    add_serial_model(node, serial != nullptr ? master::SerialModel::of(table, serial->registers, serial->profile)
+                                             : master::SerialModel::of(table, {}, nullptr));
   }
 
-  void show(const host::Decoded& decoded) {
+  void show(const master::Decoded& decoded) {
     summary_.count(decoded);
     if (options_.quiet || !filter_.passes(decoded)) return;
     const double at = std::chrono::duration<double>(decoded.time - *summary_.first).count();
@@ -192,16 +192,17 @@ class Sniffer {
     std::fflush(stdout);
   }
 
-  static void print_json(const host::Decoded& decoded, double at) {
-    nlohmann::ordered_json json{{"seconds", at}, {"kind", host::name(decoded.kind)}, {"node", nullptr}};
+  static void print_json(const master::Decoded& decoded, double at) {
+    nlohmann::ordered_json json{{"seconds", at}, {"kind", master::name(decoded.kind)}, {"node", nullptr}};
     if (decoded.node) json["node"] = *decoded.node;
     json["source"] = decoded.source;
     json["raw"] = decoded.raw;
     json["text"] = decoded.text;
     json["error"] = decoded.error;
     json["values"] = nlohmann::ordered_json::array();
-    for (const host::DecodedValue& value : decoded.values) {
-      json["values"].push_back({{"object", host::text_of(value.object)}, {"name", value.name}, {"value", value.text}});
+    for (const master::DecodedValue& value : decoded.values) {
+      json["values"].push_back(
+          {{"object", master::text_of(value.object)}, {"name", value.name}, {"value", value.text}});
     }
     fmt::print("{}\n", json.dump(-1, ' ', false, nlohmann::json::error_handler_t::replace));
   }
@@ -212,9 +213,9 @@ class Sniffer {
 
   void print_summary() const {
     fmt::print("\n{} frames in {:.6f} s, {} errors\n", summary_.frames, summary_.seconds(), summary_.errors);
-    for (std::size_t kind = 0; kind < host::frame_kinds; ++kind) {
+    for (std::size_t kind = 0; kind < master::frame_kinds; ++kind) {
       if (summary_.kinds[kind] == 0) continue;
-      fmt::print("  {:<14}{:>10}\n", host::name(static_cast<host::FrameKind>(kind)), summary_.kinds[kind]);
+      fmt::print("  {:<14}{:>10}\n", master::name(static_cast<master::FrameKind>(kind)), summary_.kinds[kind]);
     }
     for (const auto& [source, count] : summary_.sources) fmt::print("  {:<14}{:>10}\n", source, count);
     if (const auto load = summary_.bus_load(bit_rate())) {
@@ -232,9 +233,9 @@ class Sniffer {
                                 {"seconds", summary_.seconds()},
                                 {"errors", summary_.errors}};
     json["kinds"] = nlohmann::ordered_json::object();
-    for (std::size_t kind = 0; kind < host::frame_kinds; ++kind) {
+    for (std::size_t kind = 0; kind < master::frame_kinds; ++kind) {
       if (summary_.kinds[kind] != 0) {
-        json["kinds"][std::string(host::name(static_cast<host::FrameKind>(kind)))] = summary_.kinds[kind];
+        json["kinds"][std::string(master::name(static_cast<master::FrameKind>(kind)))] = summary_.kinds[kind];
       }
     }
     json["sources"] = summary_.sources;
@@ -247,18 +248,18 @@ class Sniffer {
   }
 
   const Options& options_;
-  host::CanDecoder can_;
-  host::EthercatDecoder ethercat_;
-  host::SerialDecoder serial_;
-  host::ModbusTcpDecoder modbus_tcp_;
-  host::SniffFilter filter_;
-  host::SniffSummary summary_;
+  master::CanDecoder can_;
+  master::EthercatDecoder ethercat_;
+  master::SerialDecoder serial_;
+  master::ModbusTcpDecoder modbus_tcp_;
+  master::SniffFilter filter_;
+  master::SniffSummary summary_;
   bool can_seen_ = false;
   bool serial_seen_ = false;
   unsigned character_bits_ = 10;
 };
 
-bool is_over(const Options& options, host::Time start, host::Time now) {
+bool is_over(const Options& options, master::Time start, master::Time now) {
   return InterruptGuard::interrupted() ||
          (options.seconds > 0 && std::chrono::duration<double>(now - start).count() >= options.seconds);
 }
@@ -284,14 +285,14 @@ void sniff_file(const Options& options, Sniffer& sniffer) {
   }
   const InterruptGuard guard(InterruptGuard::Command::only_looks);
   try {
-    host::CaptureFile capture(file.get(), options.source);
-    std::optional<host::Time> start;
+    master::CaptureFile capture(file.get(), options.source);
+    std::optional<master::Time> start;
     while (const auto frame = capture.next()) {
       if (!start) start = frame->time;
       if (is_over(options, *start, frame->time)) break;
       std::visit([&](const auto& content) { sniffer.take(content, frame->time); }, frame->content);
     }
-  } catch (const host::HostError&) {
+  } catch (const master::MasterError&) {
     sniffer.end_of_bytes();
     sniffer.finish();
     throw;
@@ -304,9 +305,9 @@ void sniff_can(const Options& options, Sniffer& sniffer) {
   BusOptions bus_options;
   bus_options.link = options.source;
   const auto bus = open_bus(bus_options);
-  const auto listening = bus->listen([&](const host::Frame& frame) { sniffer.take(frame, bus->now()); });
+  const auto listening = bus->listen([&](const master::Frame& frame) { sniffer.take(frame, bus->now()); });
   const InterruptGuard guard(InterruptGuard::Command::only_looks);
-  const host::Time start = bus->now();
+  const master::Time start = bus->now();
   while (!is_over(options, start, bus->now())) bus->run_for(std::chrono::milliseconds(50));
   sniffer.finish();
 }
@@ -320,8 +321,8 @@ void sniff_ethercat(const Options& options, Sniffer& sniffer) {
   }
   links::PacketSocket socket(raw->interface, options.source);
   const InterruptGuard guard(InterruptGuard::Command::only_looks);
-  const auto now = [] { return host::Time(std::chrono::steady_clock::now().time_since_epoch()); };
-  const host::Time start = now();
+  const auto now = [] { return master::Time(std::chrono::steady_clock::now().time_since_epoch()); };
+  const master::Time start = now();
   while (!is_over(options, start, now())) {
     pollfd wanted{socket.descriptor(), POLLIN, 0};
     ::poll(&wanted, 1, 50);
@@ -342,9 +343,9 @@ void sniff_serial(const Options& options, Sniffer& sniffer) {
   const auto format = links::parse_character_format(options.format, options.bit_rate.value_or(serial_bit_rate));
   const InterruptGuard guard(InterruptGuard::Command::only_looks);
   const auto client = links::open_byte_client(links::parse_serial_link(options.source), *format);
-  const host::Time start = client->now();
-  host::Time heard = start;
-  host::SerialBytes piece;
+  const master::Time start = client->now();
+  master::Time heard = start;
+  master::SerialBytes piece;
   const auto end = [&sniffer] {
     sniffer.end_of_bytes();
     sniffer.finish();
@@ -361,7 +362,7 @@ void sniff_serial(const Options& options, Sniffer& sniffer) {
     if (any) {
       heard = client->now();
       sniffer.take(piece, heard);
-    } else if (client->now() - heard > host::SerialDecoder::longest_gap) {
+    } else if (client->now() - heard > master::SerialDecoder::longest_gap) {
       sniffer.end_of_bytes();
     }
   }

@@ -10,7 +10,7 @@
 namespace servodrome::app {
 namespace state_command {
 
-using host::AlState;
+using master::AlState;
 
 struct Options {
   BusOptions bus{.link = "udp:127.0.0.1:34980"};
@@ -18,23 +18,23 @@ struct Options {
   double seconds = 0.0;  // 0: until Ctrl-C
 };
 
-constexpr host::Time look_interval = std::chrono::milliseconds(20);
+constexpr master::Time look_interval = std::chrono::milliseconds(20);
 
-void print(const Options& options, std::vector<host::EthercatSlave*>& slaves,
-           const host::CyclicStatistics* statistics) {
+void print(const Options& options, std::vector<master::EthercatSlave*>& slaves,
+           const master::CyclicStatistics* statistics) {
   nlohmann::ordered_json list = nlohmann::ordered_json::array();
-  for (host::EthercatSlave* slave : slaves) {
-    const host::AlStatus status = slave->status();
+  for (master::EthercatSlave* slave : slaves) {
+    const master::AlStatus status = slave->status();
     if (options.bus.json) {
       list.push_back({{"node", slave->found().position},
                       {"name", slave->found().sii.name},
-                      {"state", host::short_name(status.state())},
+                      {"state", master::short_name(status.state())},
                       {"error", status.error()},
                       {"al_status_code", static_cast<unsigned>(status.code)},
                       {"al_status_text", text(status.code)}});
     } else {
       fmt::print("slave {}: {}{}\n", slave->found().position, text_of(status),
-                 status.error() ? fmt::format("; {}", host::remedy_of(status.code)) : "");
+                 status.error() ? fmt::format("; {}", master::remedy_of(status.code)) : "");
     }
   }
   if (options.bus.json) {
@@ -55,33 +55,33 @@ void print(const Options& options, std::vector<host::EthercatSlave*>& slaves,
 }
 
 // Holds OP, which lasts only as long as the master sends process data.
-void operate(const Options& options, host::EthercatMaster& master, const std::vector<host::FoundSlave>& line,
-             std::vector<host::EthercatSlave*>& slaves) {
+void operate(const Options& options, master::EthercatMaster& master, const std::vector<master::FoundSlave>& line,
+             std::vector<master::EthercatSlave*>& slaves) {
   const InterruptGuard guard;
-  host::EthercatOperation operation(master, line, slaves, operation_options(options.bus));
-  const host::Time start = master.now();
-  const auto lasts = std::chrono::duration_cast<host::Time>(std::chrono::duration<double>(options.seconds));
+  master::EthercatOperation operation(master, line, slaves, operation_options(options.bus));
+  const master::Time start = master.now();
+  const auto lasts = std::chrono::duration_cast<master::Time>(std::chrono::duration<double>(options.seconds));
   if (!options.bus.json) print(options, slaves, nullptr);
   while (!InterruptGuard::interrupted() && (options.seconds <= 0 || master.now() - start < lasts)) {
     master.wait(look_interval);
     operation.exchange().check();
   }
-  const host::CyclicStatistics statistics = operation.exchange().statistics();
+  const master::CyclicStatistics statistics = operation.exchange().statistics();
   print(options, slaves, &statistics);
 }
 
-void to_safe_operational(host::EthercatMaster& master, const std::vector<host::EthercatSlave*>& slaves) {
-  std::vector<host::CyclicExchange::Member> members;
-  for (host::EthercatSlave* slave : slaves) {
+void to_safe_operational(master::EthercatMaster& master, const std::vector<master::EthercatSlave*>& slaves) {
+  std::vector<master::CyclicExchange::Member> members;
+  for (master::EthercatSlave* slave : slaves) {
     slave->to_pre_operational();
     set_synchronisation(*slave, false);
     members.push_back({slave, read_process_data(*slave)});
   }
-  host::CyclicExchange(master, std::move(members)).to_safe_operational();
+  master::CyclicExchange(master, std::move(members)).to_safe_operational();
 }
 
 void run(const Options& options) {
-  const auto wanted = host::parse_al_state(options.state);
+  const auto wanted = master::parse_al_state(options.state);
   if (!options.state.empty() && !wanted) {
     throw Failure::wrong_use(
         fmt::format("state: \"{}\" is not a state; write init, preop, boot, safeop or op", options.state));
@@ -91,24 +91,24 @@ void run(const Options& options) {
         fmt::format("--bus {}: only EtherCAT has these states; on CAN use `servodrome nmt`", options.bus.link));
   }
   const auto master = open_ethercat_master(options.bus);
-  const std::vector<host::FoundSlave> line = scan_segment(*master);
-  std::vector<std::unique_ptr<host::EthercatSlave>> opened;
-  std::vector<host::EthercatSlave*> slaves;
-  const auto open = [&](const host::FoundSlave& found) {
-    opened.push_back(std::make_unique<host::EthercatSlave>(*master, found, options.bus.timeout()));
+  const std::vector<master::FoundSlave> line = scan_segment(*master);
+  std::vector<std::unique_ptr<master::EthercatSlave>> opened;
+  std::vector<master::EthercatSlave*> slaves;
+  const auto open = [&](const master::FoundSlave& found) {
+    opened.push_back(std::make_unique<master::EthercatSlave>(*master, found, options.bus.timeout()));
     slaves.push_back(opened.back().get());
   };
   if (options.bus.node_id != 0) {
     open(choose_slave(*master, line, options.bus));
   } else {
-    for (const host::FoundSlave& found : line) open(found);
+    for (const master::FoundSlave& found : line) open(found);
   }
   if (wanted == AlState::operational) {
     operate(options, *master, line, slaves);
     return;
   }
   if (wanted == AlState::safe_operational) to_safe_operational(*master, slaves);
-  for (host::EthercatSlave* slave : slaves) {
+  for (master::EthercatSlave* slave : slaves) {
     if (wanted == AlState::init) slave->to_init();
     if (wanted == AlState::pre_operational) slave->to_pre_operational();
     if (wanted == AlState::bootstrap) slave->to_bootstrap();

@@ -7,17 +7,17 @@
 #include "app/commands.hpp"
 #include "app/drive_link.hpp"
 #include "app/number_options.hpp"
-#include "host/parameters/loader.hpp"
-#include "host/tuning/bode_plot.hpp"
-#include "host/tuning/own_tuning.hpp"
-#include "host/tuning/session.hpp"
 #include "studio/tuning_json.hpp"
+#include "tools/parameters/loader.hpp"
+#include "tools/tuning/bode_plot.hpp"
+#include "tools/tuning/own_tuning.hpp"
+#include "tools/tuning/session.hpp"
 
 namespace servodrome::app {
 namespace tune_command {
 
 using nlohmann::ordered_json;
-namespace tuning = host::tuning;
+namespace tuning = master::tuning;
 
 struct Options {
   BusOptions bus{.cycle_ms = 1.0};
@@ -85,7 +85,7 @@ void write_plot(const std::string& path, const tuning::SessionResult& result, co
 // Returns true if the drive keeps the gains after power-off.
 bool store(DriveLink& link) {
   const std::string_view name = link.product() != nullptr ? link.product()->name : std::string_view{};
-  return host::store_parameters(link.objects(), host::parameter_rules_of(name));
+  return master::store_parameters(link.objects(), master::parameter_rules_of(name));
 }
 
 void print_storing(const Options& options, bool stored, bool written) {
@@ -108,7 +108,7 @@ void run_itself(const Options& options) {
   if (options.reset_fault) axis->reset_fault();
   const bool shown = on_terminal() && !options.bus.json;
   const tuning::OwnTuningResult result = tuning::tune_by_itself(
-      *axis, dialect, units.value_or(host::AxisUnits{1.0, 1.0, 1.0}),
+      *axis, dialect, units.value_or(master::AxisUnits{1.0, 1.0, 1.0}),
       {.travel_revolutions = options.travel_revolutions, .progress = [&](const char* doing, double share) {
          if (shown) fmt::print(stderr, "\r  {} {:.0f} %\x1B[K", doing, 100.0 * share);
        }});
@@ -140,7 +140,7 @@ void run(const Options& options) {
   DriveLink link(options.bus, true);
   link.operate(options.bus);
   const InterruptGuard guard;
-  host::ObjectClient& objects = link.objects();
+  master::ObjectClient& objects = link.objects();
   const auto& dialect =
       tuning::tuning_dialect_of(link.product() != nullptr ? link.product()->name : std::string_view{});
   const auto axis = link.open_axis({});
@@ -154,7 +154,7 @@ void run(const Options& options) {
   const tuning::TuningUnits units = tuning::tuning_units_of(objects, dialect, *axis_units);
   if (options.reset_fault) axis->reset_fault();
   const auto cyclic =
-      link.open_cyclic(kind == BusKind::can ? tuning::tuning_drive(objects, dialect) : host::CanDrive{}, options.bus);
+      link.open_cyclic(kind == BusKind::can ? tuning::tuning_drive(objects, dialect) : master::CanDrive{}, options.bus);
   const bool shown = on_terminal() && !options.bus.json;
   tuning::SessionResult result;
   {

@@ -1,0 +1,339 @@
+// Status and power state of an axis. Motion is in axis402_motion.cpp.
+#include "axis/axis402.hpp"
+
+#include <algorithm>
+#include <array>
+#include <fmt/format.h>
+
+#include "axis/fault_report.hpp"
+
+namespace servodrome::master {
+namespace {
+
+namespace controlword = drive::controlword;
+
+// Controlwords of the commands (CiA 402-2 table 24).
+constexpr std::uint16_t shutdown = 0x0006;
+constexpr std::uint16_t switch_on = 0x0007;
+constexpr std::uint16_t enable_operation = 0x000F;
+constexpr std::uint16_t quick_stop_command = 0x0002;
+constexpr std::uint16_t disable_voltage = 0x0000;
+
+struct StatusBit {
+  std::uint16_t mask;
+  const char* name;
+};
+// Bit 5 is 0 during a quick stop, so the name of the set bit is "no quick stop".
+constexpr auto status_bits = std::to_array<StatusBit>({{1U << 0, "ready to switch on"},
+                                                       {1U << 1, "switched on"},
+                                                       {1U << 2, "operation enabled"},
+                                                       {1U << 3, "fault"},
+                                                       {1U << 4, "voltage enabled"},
+                                                       {1U << 5, "no quick stop"},
+                                                       {1U << 6, "switch on disabled"},
+                                                       {1U << 7, "warning"},
+                                                       {1U << 8, "bit 8"},
+                                                       {1U << 9, "remote"},
+                                                       {1U << 10, "target reached"},
+                                                       {1U << 11, "internal limit active"},
+                                                       {1U << 12, "bit 12"},
+                                                       {1U << 13, "bit 13"},
+                                                       {1U << 14, "bit 14"},
+                                                       {1U << 15, "bit 15"}});
+
+}  // namespace
+
+PowerState state_of(std::uint16_t statusword) {
+  constexpr std::uint16_t without_quick_stop = 0x4F;
+  constexpr std::uint16_t with_quick_stop = 0x6F;
+  for (const PowerState state : {PowerState::not_ready_to_switch_on, PowerState::switch_on_disabled,
+                                 PowerState::fault_reaction_active, PowerState::fault}) {
+    if ((statusword & without_quick_stop) == (drive::state_bits(state) & without_quick_stop)) return state;
+  }
+  for (const PowerState state : {PowerState::ready_to_switch_on, PowerState::switched_on, PowerState::operation_enabled,
+                                 PowerState::quick_stop_active}) {
+    if ((statusword & with_quick_stop) == drive::state_bits(state)) return state;
+  }
+  return PowerState::not_ready_to_switch_on;  // none of the standard's bit patterns
+}
+
+std::string text_of_statusword(std::uint16_t statusword) {
+  std::string names;
+  for (const StatusBit& bit : status_bits) {
+    if ((statusword & bit.mask) == 0) continue;
+    if (!names.empty()) names += ", ";
+    names += bit.name;
+  }
+  return fmt::format("{:04X}h ({})", statusword, names.empty() ? "no bit set" : names);
+}
+
+const char* name(OperationMode mode) {
+  switch (mode) {
+    case OperationMode::none: return "no mode";
+    case OperationMode::profile_position: return "profile position";
+    case OperationMode::velocity: return "velocity";
+    case OperationMode::profile_velocity: return "profile velocity";
+    case OperationMode::profile_torque: return "profile torque";
+    case OperationMode::homing: return "homing";
+    case OperationMode::interpolated_position: return "interpolated position";
+    case OperationMode::cyclic_synchronous_position: return "cyclic synchronous position";
+    case OperationMode::cyclic_synchronous_velocity: return "cyclic synchronous velocity";
+    case OperationMode::cyclic_synchronous_torque: return "cyclic synchronous torque";
+  }
+  return static_cast<std::int8_t>(mode) < 0 ? "manufacturer-specific mode" : "reserved mode";
+}
+
+std::int32_t Axis402::position() {
+  if (has_position_) {
+    if (const auto value = objects_.read_if_present<std::int32_t>(0x6064)) return *value;
+    has_position_ = false;
+  }
+  return objects_.read<std::int32_t>(0x6063);
+}
+
+std::int8_t Axis402::mode() {
+  if (has_mode_display_) {
+    if (const auto value = objects_.read_if_present<std::int8_t>(0x6061)) return *value;
+    has_mode_display_ = false;
+  }
+  return objects_.read<std::int8_t>(0x6060);
+}
+
+AxisStatus Axis402::status() {
+  AxisStatus status;
+  status.statusword = statusword();
+  status.mode = mode();
+  status.position = position();
+  if (has_velocity_) {
+    const auto value = objects_.read_if_present<std::int32_t>(0x606C);
+    has_velocity_ = value.has_value();
+    status.velocity = value.value_or(0);
+  }
+  status.has_velocity = has_velocity_;
+  if (has_torque_) {
+    const auto value = objects_.read_if_present<std::int16_t>(0x6077);
+    has_torque_ = value.has_value();
+    status.torque = value.value_or(0);
+  }
+  status.has_torque = has_torque_;
+  return status;
+}
+
+void Axis402::fail(const std::string& happened, const std::string& remedy) {
+  const std::uint16_t word = statusword();
+  std::string shown = fmt::format("state {}, statusword {}", drive::name(state_of(word)), text_of_statusword(word));
+  std::string to_do = remedy;
+  if (const auto code = objects_.read_if_present<std::uint16_t>(0x603F); code && *code != 0) {
+    const ReportedFault fault = fault_of_code(*code, {0x603F, 0}, options_.dialect.product);
+    shown += ", error code 603Fh " + text_of(fault, options_.dialect.product);
+    for (const describe::FaultText* meaning : fault.meanings) {
+      to_do += fmt::format(". {}: {} {}", meaning->text, meaning->cause, meaning->remedy);
+    }
+  }
+  if (const auto emergency = latest_emergency()) shown += ", latest " + text_of(*emergency);
+  throw MasterError(fmt::format("{} [{}]", happened, shown), objects_.where(), to_do);
+}
+
+void Axis402::leave_if_cancelled(const std::string& doing) {
+  if (comes_to_rest_ || !options_.cancelled || !options_.cancelled()) return;
+  if (state() == PowerState::operation_enabled) stop();
+  throw Cancelled(fmt::format("{} was cancelled; the axis stands at position {}", doing, position()), objects_.where(),
+                  "start it anew");
+}
+
+void Axis402::pause() {
+  leave_if_cancelled("waiting for the drive");
+  objects_.wait(options_.poll_interval);
+}
+
+void Axis402::write_number(ObjectAddress object, std::int64_t value) {
+  const std::size_t bytes = std::min(objects_.upload(object).size(), sizeof value);
+  objects_.download(object, std::as_bytes(std::span(&value, 1)).first(bytes));
+}
+
+void Axis402::write_controlword(std::uint16_t word) {
+  objects_.write<std::uint16_t>(0x6040, 0, word);
+  controlword_ = word;
+}
+
+bool Axis402::wait_for_bits(std::uint16_t mask, std::uint16_t value, Time timeout) {
+  const Time deadline = objects_.now() + timeout;
+  while ((statusword() & mask) != value) {
+    if (objects_.now() >= deadline) return false;
+    pause();
+  }
+  return true;
+}
+
+void Axis402::wait_for_state(std::initializer_list<PowerState> wanted, const char* doing) {
+  const Time deadline = objects_.now() + options_.state_timeout;
+  for (;;) {
+    const PowerState present = state();
+    if (std::find(wanted.begin(), wanted.end(), present) != wanted.end()) return;
+    if (present == PowerState::fault)
+      fail(fmt::format("the drive has a fault and cannot {}", doing), "remove its cause and reset it");
+    if (objects_.now() >= deadline) {
+      fail(fmt::format("the drive did not {} within {} ms", doing,
+                       options_.state_timeout / std::chrono::milliseconds(1)),
+           "check its supply, enable input and safety input, and whether another master commands it");
+    }
+    pause();
+  }
+}
+
+void Axis402::step(std::uint16_t word, PowerState to, const char* doing) {
+  write_controlword(word);
+  wait_for_state({to}, doing);
+}
+
+void Axis402::reset_fault() {
+  const Time deadline = objects_.now() + options_.state_timeout;
+  PowerState present = state();
+  while (present == PowerState::fault_reaction_active && objects_.now() < deadline) {
+    pause();
+    present = state();
+  }
+  if (present != PowerState::fault) return;
+  write_controlword(disable_voltage);  // the drive resets the fault at the rising edge of bit 7
+  write_controlword(controlword::fault_reset);
+  while (state() == PowerState::fault) {
+    if (objects_.now() >= deadline) {
+      write_controlword(disable_voltage);
+      fail("the fault cannot be reset", "remove its cause; some faults need power off and on");
+    }
+    pause();
+  }
+  write_controlword(disable_voltage);
+}
+
+void Axis402::enable() {
+  for (;;) {
+    switch (state()) {
+      case PowerState::not_ready_to_switch_on:
+        wait_for_state({PowerState::switch_on_disabled, PowerState::ready_to_switch_on, PowerState::switched_on,
+                        PowerState::operation_enabled},
+                       "initialise");
+        break;
+      case PowerState::switch_on_disabled:
+        step(shutdown, PowerState::ready_to_switch_on, "get ready to switch on");
+        break;
+      case PowerState::ready_to_switch_on: step(switch_on, PowerState::switched_on, "switch on"); break;
+      case PowerState::switched_on:
+        take_back_targets_before_enabling();
+        step(enable_operation, PowerState::operation_enabled, "enable operation");
+        break;
+      case PowerState::quick_stop_active:
+        // Goes through switch on disabled, because transition 16 is optional.
+        step(disable_voltage, PowerState::switch_on_disabled, "leave quick stop");
+        break;
+      case PowerState::operation_enabled: return;
+      case PowerState::fault_reaction_active:
+      case PowerState::fault: fail("the drive cannot be enabled: it has a fault", "remove its cause and reset it");
+    }
+  }
+}
+
+void Axis402::disable() {
+  const PowerState present = state();
+  if (present == PowerState::fault || present == PowerState::fault_reaction_active ||
+      present == PowerState::not_ready_to_switch_on || present == PowerState::switch_on_disabled) {
+    return;
+  }
+  const ComingToRest rest(comes_to_rest_);
+  halted_ = false;
+  write_controlword(disable_voltage);
+  wait_for_state({PowerState::switch_on_disabled}, "switch off");
+  take_back_targets();
+}
+
+// Option code 605Ah decides: the drive stays in quick stop active or goes on to switch on disabled.
+void Axis402::quick_stop() {
+  const PowerState present = state();
+  if (present != PowerState::operation_enabled && present != PowerState::quick_stop_active) return;
+  const ComingToRest rest(comes_to_rest_);
+  halted_ = false;
+  if (present == PowerState::operation_enabled) write_controlword(quick_stop_command);
+  wait_for_state({PowerState::quick_stop_active, PowerState::switch_on_disabled}, "quick stop");
+  take_back_targets();
+  rests_within(options_.state_timeout);
+}
+
+void Axis402::set_mode(OperationMode mode) {
+  const auto number = static_cast<std::int8_t>(mode);
+  if (this->mode() == number) return;
+  if (number > 0) {
+    const auto supported = objects_.read_if_present<std::uint32_t>(0x6502);
+    if (supported && (*supported >> (number - 1) & 1U) == 0) {
+      fail(fmt::format("the drive does not have mode {} ({}); 6502h is {:08X}h", number, name(mode), *supported),
+           "choose another mode");
+    }
+  }
+  objects_.write<std::int8_t>(0x6060, 0, number);
+  const Time deadline = objects_.now() + options_.state_timeout;
+  while (this->mode() != number) {
+    if (objects_.now() >= deadline) {
+      fail(fmt::format("the drive did not accept mode {} ({}); 6061h is {}", number, name(mode), this->mode()),
+           "stop or disable the drive first, and check that no other master writes 6060h");
+    }
+    pause();
+  }
+}
+
+std::optional<double> Axis402::ratio(std::uint16_t index) {
+  const auto dividend = objects_.read_if_present<std::uint32_t>(index, 1);
+  const auto divisor = objects_.read_if_present<std::uint32_t>(index, 2);
+  if (!dividend || !divisor || *dividend == 0 || *divisor == 0) return std::nullopt;
+  return static_cast<double>(*dividend) / static_cast<double>(*divisor);
+}
+
+std::optional<AxisUnits> Axis402::units_per_count() {
+  const auto revolution = units();
+  const auto counts = counts_per_revolution();
+  if (revolution && counts) {
+    return AxisUnits{revolution->position / *counts, revolution->velocity / *counts,
+                     revolution->acceleration / *counts};
+  }
+  if (ratio(0x6092)) return std::nullopt;
+  return AxisUnits{1.0, 1.0, 1.0};
+}
+
+// If the drive's units come from its manual (dialect), position units before the factors are encoder increments.
+std::optional<double> Axis402::counts_per_revolution() {
+  const Dialect& dialect = options_.dialect;
+  if (!dialect.units) return ratio(0x608F);
+  if (!dialect.encoder_counts) return dialect.units->position;
+  const auto counts =
+      objects_.read_if_present<std::uint32_t>(dialect.encoder_counts->index, dialect.encoder_counts->sub);
+  if (!counts || *counts == 0) return std::nullopt;
+  return static_cast<double>(*counts);
+}
+
+std::optional<AxisUnits> Axis402::units(std::optional<double> position) {
+  const Dialect& dialect = options_.dialect;
+  if (dialect.units) {
+    AxisUnits units = *dialect.units;
+    if (!position) {
+      const auto counts = counts_per_revolution();
+      if (!counts) return std::nullopt;
+      units.position = *counts;
+    }
+    if (dialect.has_old_factors) {
+      units.position /= ratio(0x6093).value_or(1.0);
+      units.velocity /= ratio(0x6094).value_or(1.0);
+      units.acceleration /= ratio(0x6097).value_or(1.0);
+    }
+    if (position) units.position = *position;
+    return units;
+  }
+  if (!position) {
+    if (const auto feed = ratio(0x6092)) {
+      position = *feed / ratio(0x6091).value_or(1.0);
+    } else {
+      position = ratio(0x608F);
+    }
+  }
+  if (!position) return std::nullopt;
+  return AxisUnits{*position, *position, *position};
+}
+
+}  // namespace servodrome::master

@@ -1,0 +1,298 @@
+#pragma once
+
+#include <functional>
+#include <initializer_list>
+#include <utility>
+
+#include "axis/dialect.hpp"
+#include "drive/power/power_state.hpp"
+#include "master/object_client.hpp"
+
+namespace servodrome::master {
+
+using drive::PowerState;
+
+// The power state that a statusword encodes (CiA 402-2 table 27).
+PowerState state_of(std::uint16_t statusword);
+// For example "0237h (ready to switch on, switched on, ...)": the names of the bits that are set. Bits 12 and 13 appear
+// as "bit 12" and "bit 13", because their meaning depends on the mode.
+std::string text_of_statusword(std::uint16_t statusword);
+
+// Modes of operation (6060h).
+enum class OperationMode : std::int8_t {
+  none = 0,
+  profile_position = 1,
+  velocity = 2,
+  profile_velocity = 3,
+  profile_torque = 4,
+  homing = 6,
+  interpolated_position = 7,
+  cyclic_synchronous_position = 8,
+  cyclic_synchronous_velocity = 9,
+  cyclic_synchronous_torque = 10,
+};
+// For example "profile position"; "manufacturer's mode" for negative numbers.
+const char* name(OperationMode mode);
+
+// A call ended early because AxisOptions::cancelled returned true; the axis has been brought to rest.
+class Cancelled : public MasterError {
+ public:
+  using MasterError::MasterError;
+};
+
+struct AxisOptions {
+  Time state_timeout = std::chrono::seconds(2);       // for each state transition, mode change and handshake
+  Time poll_interval = std::chrono::milliseconds(5);  // between two reads of the statusword
+  Dialect dialect{};
+  // If the halt by stop() lasts longer than this, stop() changes to a quick stop. nullopt: no such limit; the halt may
+  // last as long as the axis keeps slowing down.
+  std::optional<Time> longest_halt{};
+  // Cancellation callback, called at each poll of every wait; true ends the wait: the axis is halted first, then the
+  // call throws Cancelled. stop(), disable() and quick_stop() do not call it, because they bring the axis to rest.
+  std::function<bool()> cancelled{};
+};
+
+// In the drive's own units (increments, unless the drive's factors define others). A value that is nullopt is not
+// written.
+struct MotionProfile {
+  std::optional<std::uint32_t> velocity{};      // 6081h
+  std::optional<std::uint32_t> acceleration{};  // 6083h
+  std::optional<std::uint32_t> deceleration{};  // 6084h
+};
+
+// The slope is in 0.1 % of the rated torque per second.
+struct TorqueProfile {
+  std::optional<std::uint32_t> slope{};  // 6087h
+};
+
+struct HomingRequest {
+  std::optional<std::int8_t> method{};          // 6098h
+  std::optional<std::uint32_t> switch_speed{};  // 6099h sub 1
+  std::optional<std::uint32_t> zero_speed{};    // 6099h sub 2
+  std::optional<std::uint32_t> acceleration{};  // 609Ah
+  std::optional<std::int32_t> offset{};         // 607Ch
+};
+
+// Limits of the axis, in the drive's units. nullopt in the result of limits(): the drive does not have the object;
+// nullopt in the argument of set_limits(): the object stays unchanged.
+struct AxisLimits {
+  std::optional<std::int32_t> lowest_position{};            // 607Dh
+  std::optional<std::int32_t> highest_position{};           // 607Dh; with most drives both limits 0 mean: no limits
+  std::optional<std::uint32_t> profile_velocity{};          // 607Fh
+  std::optional<std::uint32_t> motor_speed_rpm{};           // 6080h
+  std::optional<std::uint32_t> acceleration{};              // 60C5h
+  std::optional<std::uint32_t> deceleration{};              // 60C6h
+  std::optional<std::uint16_t> torque_permille{};           // 6072h
+  std::optional<std::uint16_t> positive_torque_permille{};  // 60E0h
+  std::optional<std::uint16_t> negative_torque_permille{};  // 60E1h
+};
+
+// Set-up of a touch probe (60B8h). The probe latches the position at an edge of its input or of the encoder's index.
+struct ProbeRequest {
+  enum class Source : std::uint8_t { input, index };
+  std::uint8_t probe = 1;  // 1 or 2
+  Source source = Source::input;
+  bool positive_edge = true;
+  bool negative_edge = false;
+  bool continuous = false;  // true: each edge overwrites the latched position; false: the first edge's stays
+};
+// nullopt: no such edge since the probe was armed.
+struct ProbePositions {
+  std::optional<std::int32_t> positive{};  // 60BAh, 60BCh
+  std::optional<std::int32_t> negative{};  // 60BBh, 60BDh
+};
+
+struct AxisStatus {
+  std::uint16_t statusword = 0;
+  std::int8_t mode = 0;       // 6061h
+  std::int32_t position = 0;  // 6064h
+  std::int32_t velocity = 0;  // 606Ch, 0 if the drive does not have it
+  std::int16_t torque = 0;    // 6077h, 0.1 % of rated torque; 0 if the drive does not have it
+  bool has_velocity = true;
+  bool has_torque = true;
+
+  PowerState state() const { return state_of(statusword); }
+};
+
+// Drives one CiA 402 axis through its objects over any bus, as a commissioning tool does. Every call blocks, with the
+// bus running, until the drive has carried the command out. Otherwise it throws MasterError, which names state,
+// statusword, 603Fh with its cause and remedy, and the latest EMCY. An access that fails throws ObjectError.
+class Axis402 {
+ public:
+  // Callback at each poll of a motion. It may call halt() and resume(), change the velocity, or throw to leave the
+  // motion; it may call stop() before it throws.
+  using Progress = std::function<void(const AxisStatus&)>;
+  // Returns the velocity wanted now; nullopt ends the jog, and the axis stops.
+  using JogDemand = std::function<std::optional<std::int32_t>(const AxisStatus&)>;
+
+  // `objects` must outlive this.
+  explicit Axis402(ObjectClient& objects, const AxisOptions& options = {}) : options_(options), objects_(objects) {}
+
+  std::uint16_t statusword() { return objects_.read<std::uint16_t>(0x6041); }
+  PowerState state() { return state_of(statusword()); }
+  std::int32_t position();  // 6064h, or 6063h if the drive does not have 6064h
+  std::int32_t velocity() { return objects_.read<std::int32_t>(0x606C); }
+  AxisStatus status();
+
+  // Power state. Each call returns at once if the drive is in the wanted state already.
+  void reset_fault();
+  // Enables without a motion: targets that would act at once (60FFh, 6042h, 6071h, 607Ah, depending on the mode) are
+  // first set to 0 or to the present position. Throws, with the axis still disabled, if the drive does not keep one of
+  // these values. A fault is an error: call reset_fault() first.
+  void enable();
+  void disable();
+  void quick_stop();  // returns when the quick stop is active or over and the axis stands; clears the targets
+  // Writes 0 into every velocity and torque target that the drive has; a write that the drive refuses is ignored.
+  void take_back_targets();
+
+  // Writes 6060h and waits until 6061h shows the mode. Also throws if 6502h shows that the drive does not support it.
+  void set_mode(OperationMode mode);
+
+  // Runs the homing method; the drive must be enabled. Returns when homing is attained and the axis is at rest.
+  void home(const HomingRequest& request, Time timeout, const Progress& progress = {});
+
+  // Profile position; the drive must be enabled. Returns when the target is reached. move_by() counts from the last
+  // target, or, after stop(), from the present position, because stop() drops the move. Without a velocity the drive
+  // uses its own 6081h; the call throws if that is 0.
+  void move_to(std::int32_t position, const MotionProfile& profile, Time timeout, const Progress& progress = {});
+  void move_by(std::int32_t distance, const MotionProfile& profile, Time timeout, const Progress& progress = {});
+  // The same in two steps: start_move...() returns when the drive has accepted the set-point, wait_for_target() when
+  // the move is complete.
+  void start_move_to(std::int32_t position, const MotionProfile& profile);
+  void start_move_by(std::int32_t distance, const MotionProfile& profile);
+  void wait_for_target(Time timeout, const Progress& progress = {});
+
+  // Profile velocity; returns when the velocity is reached. The axis keeps on running.
+  void run_at(std::int32_t velocity, const MotionProfile& profile, Time timeout, const Progress& progress = {});
+  // Lets the present motion run for `span`; throws if the drive leaves operation enabled during that time.
+  void hold_for(Time span, const Progress& progress = {});
+  // Changes the velocity of the present motion: 60FFh in profile velocity, 6081h of a move.
+  void change_velocity(std::int32_t velocity);
+  // Profile velocity: each poll sets the velocity that `demand` returns, until it returns nullopt or throws; then
+  // stop(). The axis is commanded to stop however the function ends.
+  void jog(const MotionProfile& profile, const JogDemand& demand);
+  // Profile torque, in 0.1 % of the rated torque; returns when it is reached. The torque stays on and the speed is not
+  // limited: set limits first.
+  void run_torque(std::int16_t torque_permille, const TorqueProfile& profile, Time timeout,
+                  const Progress& progress = {});
+
+  // Halts (option code 605Dh) and waits for standstill; aborts homing and drops a move. In profile torque the axis is
+  // braked by a velocity of 0 and the mode changes to profile velocity, because a halt would let the axis coast. A halt
+  // longer than AxisOptions::longest_halt becomes a quick stop.
+  void stop();
+  // True if at least one stop() changed to a quick stop.
+  bool became_quick_stop() const { return became_quick_stop_; }
+  // stop() for error handling, where the first error is reported anyway: returns "" or the reason why the axis could
+  // not be stopped.
+  std::string try_to_stop();
+  // For error handling, where the first error is reported anyway: stops the axis, by a quick stop if stop() fails, and
+  // switches the motor off. Errors of its own are ignored.
+  void try_to_switch_off();
+  // Halts the axis as stop() does, but resume() lets the motion go on. Between the two only disable() and stop() are
+  // allowed. Throws in profile torque.
+  void halt();
+  void resume();
+  bool halted() const { return halted_; }
+
+  AxisLimits limits();
+  // Writes the limits that have a value. If the drive refuses one, those written before it are restored.
+  void set_limits(const AxisLimits& limits);
+
+  // Clears the latched positions and arms the probe for the next edges.
+  void arm_probe(const ProbeRequest& request);
+  void disarm_probe(std::uint8_t probe);
+  ProbePositions probe_positions(std::uint8_t probe);
+  // Returns when every edge of the request has occurred.
+  ProbePositions wait_for_probe(const ProbeRequest& request, Time timeout, const Progress& progress = {});
+
+  // The drive's units in a motor revolution, from the dialect and the drive's factors. `position`, if given, replaces
+  // the position units of a revolution. nullopt if neither source defines the position unit.
+  std::optional<AxisUnits> units(std::optional<double> position = {});
+  // The drive's units in one encoder count, one count/s and one count/s2. nullopt: the drive has factors, but no 608Fh.
+  std::optional<AxisUnits> units_per_count();
+
+  ObjectClient& objects() { return objects_; }
+  const Dialect& dialect() const { return options_.dialect; }
+  std::uint16_t address() const { return objects_.address(); }  // node-ID, station, unit or position on the bus
+  std::optional<Emergency> latest_emergency() { return objects_.latest_emergency(); }
+
+ private:
+  // Switches cancellation off as long as an object of this class exists.
+  class ComingToRest {
+   public:
+    explicit ComingToRest(bool& flag) : flag_(flag), before_(std::exchange(flag, true)) {}
+    ~ComingToRest() { flag_ = before_; }
+    ComingToRest(const ComingToRest&) = delete;
+    ComingToRest& operator=(const ComingToRest&) = delete;
+
+   private:
+    bool& flag_;
+    bool before_;
+  };
+
+  void write_controlword(std::uint16_t word);
+  // Writes 0 or the present position into a target and reads it back. Returns nullopt if the drive keeps the value or
+  // does not have the object, otherwise the reason why not.
+  std::optional<std::string> take_back(std::uint16_t index, bool to_present_position);
+  void take_back_targets_before_enabling();
+  // True if the shaft comes to rest, judged by its position, within `span`.
+  bool rests_within(Time span);
+  // Of the encoder. nullopt: the drive does not report them.
+  std::optional<double> counts_per_revolution();
+  // Sub-index 1 divided by sub-index 2; nullopt if the object is absent or one of the two is 0.
+  std::optional<double> ratio(std::uint16_t index);
+  std::int8_t mode();  // 6061h, or 6060h if the drive does not have 6061h
+  template <typename T>
+  void write_if_given(std::uint16_t index, std::uint8_t sub, const std::optional<T>& value) {
+    if (value) objects_.write<T>(index, sub, *value);
+  }
+  void write_profile(const MotionProfile& profile);
+  // Writes the number in the size that the drive's object has, because products differ in it.
+  void write_number(ObjectAddress object, std::int64_t value);
+  // Polls until the drive is in one of the states `wanted`; a fault meanwhile is an error.
+  void wait_for_state(std::initializer_list<PowerState> wanted, const char* doing);
+  void step(std::uint16_t controlword, PowerState to, const char* doing);
+  void require_enabled(const char* doing);
+  bool wait_for_bits(std::uint16_t mask, std::uint16_t value, Time timeout);
+  // Waits for one poll interval. Throws Cancelled.
+  void pause();
+  void leave_if_cancelled(const std::string& doing);
+  void start_move(std::int32_t target, bool relative, const MotionProfile& profile);
+  // The handshake for a set-point (CiA 402-2 figure 15).
+  void hand_over(std::int32_t target, std::uint16_t order);
+  std::int32_t position_demand();  // 6062h, or the actual position if the drive does not have 6062h
+  void begin_velocity(const MotionProfile& profile);
+  // False: standstill took longer than `longest`.
+  bool wait_for_standstill(std::optional<Time> longest = {});
+  // Called at each poll of a motion: true if the position has not changed for 0.5 s.
+  bool stands();
+  // True if the drive reports target reached and the position is near the goal. Throws if the axis stands elsewhere.
+  bool has_arrived(std::uint16_t statusword, const std::string& doing);
+  bool is_near(std::int32_t goal);
+  // Throws if the limit switch in the direction of motion is active (60FDh).
+  void leave_if_at_limit(bool forward, const std::string& doing);
+  // Polls a motion until `done` returns true; throws if the drive leaves operation enabled or `timeout` elapses.
+  void follow(Time timeout, const Progress& progress, const std::string& doing,
+              const std::function<bool(std::uint16_t statusword)>& done);
+  [[noreturn]] void fail(const std::string& happened, const std::string& remedy);
+
+  AxisOptions options_;
+  ObjectClient& objects_;
+  std::uint16_t controlword_ = 0;
+  std::optional<std::int32_t> goal_{};  // target of the last move
+  std::string order_{};                 // the last move, as text for messages
+  bool halted_ = false;                 // halted by halt()
+  bool became_quick_stop_ = false;
+  bool comes_to_rest_ = false;           // true: cancellation is off
+  Time ordered_{};                       // time of the last motion command
+  std::optional<std::int32_t> place_{};  // position since `stands_since_`, for stands()
+  Time stands_since_{};
+  Time next_look_{};
+  std::optional<std::int64_t> near_{};  // tolerance around the goal, within which the axis has arrived
+  bool has_position_ = true;
+  bool has_mode_display_ = true;
+  bool has_velocity_ = true;
+  bool has_torque_ = true;
+};
+
+}  // namespace servodrome::master

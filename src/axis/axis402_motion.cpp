@@ -1,0 +1,245 @@
+// Homing and profile position.
+#include <algorithm>
+#include <cmath>
+#include <cstdlib>
+#include <fmt/format.h>
+#include <limits>
+
+#include "axis/axis402.hpp"
+#include "axis/axis402_words.hpp"
+
+namespace servodrome::master {
+namespace {
+
+constexpr std::uint16_t new_set_point = controlword::mode_bit_4;
+constexpr std::uint16_t relative_move = controlword::mode_bit_6;
+constexpr std::uint16_t set_point_acknowledge = statusword_bit::mode_bit_12;
+
+}  // namespace
+
+void Axis402::require_enabled(const char* doing) {
+  if (state() != PowerState::operation_enabled) {
+    fail(fmt::format("the drive is not enabled and cannot {}", doing), "enable it first");
+  }
+  // Another master may have left the halt bit set; it would hold back this move. controlword_ keeps the bit so that
+  // hand_over() replaces the halted move.
+  if (controlword_ == 0) controlword_ = objects_.read<std::uint16_t>(0x6040);
+}
+
+void Axis402::write_profile(const MotionProfile& profile) {
+  // A ramp of 0 never ends: some drives fault; others accept the set-point and report the target as reached.
+  if (profile.acceleration == 0U || profile.deceleration == 0U) {
+    fail(fmt::format("with {} of 0 the axis cannot reach its target",
+                     profile.acceleration == 0U ? "an acceleration" : "a deceleration"),
+         "give a value above 0, or none to keep the drive's value");
+  }
+  write_if_given(0x6081, 0, profile.velocity);
+  write_if_given(0x6083, 0, profile.acceleration);
+  write_if_given(0x6084, 0, profile.deceleration);
+}
+
+void Axis402::follow(Time timeout, const Progress& progress, const std::string& doing,
+                     const std::function<bool(std::uint16_t)>& done) {
+  Time deadline = objects_.now() + timeout;
+  ordered_ = objects_.now();
+  for (Time last = ordered_;; objects_.wait(options_.poll_interval)) {
+    leave_if_cancelled(doing);
+    std::uint16_t word = 0;
+    if (progress) {
+      const AxisStatus present = status();
+      progress(present);
+      word = present.statusword;
+    } else {
+      word = statusword();
+    }
+    const Time now = objects_.now();
+    if (halted_) deadline += now - last;  // a halted motion is not late
+    last = now;
+    if (state_of(word) != PowerState::operation_enabled) {
+      fail(fmt::format("the drive left operation enabled while {}", doing),
+           "look at the error code; then reset the fault and enable again");
+    }
+    if (!halted_ && now - ordered_ >= settling && done(word)) return;
+    if (now >= deadline) {
+      const std::int32_t at = position();
+      const std::string problem = try_to_stop();
+      fail(fmt::format("{} took longer than {:g} s and {}; position was {}", doing,
+                       std::chrono::duration<double>(timeout).count(),
+                       problem.empty() ? "was stopped" : fmt::format("could not be stopped ({})", problem), at),
+           "check speeds, limits and load, or give a longer timeout");
+    }
+  }
+}
+
+void Axis402::home(const HomingRequest& request, Time timeout, const Progress& progress) {
+  require_enabled("home");
+  write_controlword(enabled);  // clears the bits of a former command
+  set_mode(OperationMode::homing);
+  write_if_given(0x6098, 0, request.method);
+  write_if_given(0x6099, 1, request.switch_speed);
+  write_if_given(0x6099, 2, request.zero_speed);
+  write_if_given(0x609A, 0, request.acceleration);
+  write_if_given(0x607C, 0, request.offset);
+  write_controlword(enabled | controlword::mode_bit_4);
+  const HomingSignals& signals = options_.dialect.homing_signals;
+  const std::string doing = fmt::format("homing by method {}", objects_.read<std::int8_t>(0x6098));
+  follow(timeout, progress, doing, [&](std::uint16_t word) {
+    if ((word & signals.error) != 0) {
+      write_controlword(enabled);
+      fail(doing + " ended with an error",
+           "check that the switches of the method are present and wired, and that homing speeds and acceleration are "
+           "not 0");
+    }
+    const std::uint16_t done =
+        static_cast<std::uint16_t>(signals.attained | (signals.target_reached ? statusword_bit::target_reached : 0U));
+    return (word & done) == done;
+  });
+  write_controlword(enabled);
+  // A drive may report homing attained within a window of position and speed, while the shaft still moves. The next
+  // read must return the final position.
+  if (!rests_within(options_.state_timeout)) {
+    fail(doing + " is attained, but the shaft does not come to rest", "check homing speeds, gains and load");
+  }
+}
+
+std::int32_t Axis402::position_demand() {
+  if (const auto demand = objects_.read_if_present<std::int32_t>(0x6062)) return *demand;
+  return position();
+}
+
+void Axis402::hand_over(std::int32_t target, std::uint16_t order) {
+  // Releasing halt would resume the halted move, so the same write replaces it.
+  const std::uint16_t halt = controlword_ & controlword::halt;
+  if (halt != 0) order |= change_immediately;
+  halted_ = false;
+  write_controlword(order | halt);
+  if (!wait_for_bits(set_point_acknowledge, 0, options_.state_timeout)) {
+    fail("the drive accepts no further set-point (statusword bit 12 stays set)", "stop the present motion first");
+  }
+  objects_.write<std::int32_t>(0x607A, 0, target);
+  write_controlword(order | new_set_point);
+  // Some drives clear the acknowledgement by themselves; a cleared target reached also proves that they accepted the
+  // set-point.
+  constexpr Time between_looks = std::chrono::milliseconds(1);  // long enough for a statusword in process data to be
+                                                                // refreshed
+  const Time deadline = objects_.now() + options_.state_timeout;
+  for (;; objects_.wait(between_looks)) {
+    const std::uint16_t word = statusword();
+    if ((word & set_point_acknowledge) != 0 || (word & statusword_bit::target_reached) == 0) break;
+    if (objects_.now() >= deadline) {
+      write_controlword(order);
+      fail(fmt::format("the drive did not take over target position {}", target),
+           "check that target, profile velocity and accelerations are within the drive's limits and not 0");
+    }
+  }
+  write_controlword(order);
+  ordered_ = objects_.now();
+}
+
+void Axis402::start_move(std::int32_t target, bool relative, const MotionProfile& profile) {
+  require_enabled("move");
+  // Several drives have a factory setting of 0: they accept the set-point and never move.
+  const auto velocity = profile.velocity ? profile.velocity : objects_.read_if_present<std::uint32_t>(0x6081);
+  if (velocity == 0U) {
+    fail("the profile velocity (6081h) is 0: the axis would not move", "give a velocity for the move");
+  }
+  set_mode(OperationMode::profile_position);
+  write_profile(profile);
+  const std::int64_t goal = relative ? std::int64_t{position_demand()} + target : target;
+  goal_ = goal == static_cast<std::int32_t>(goal) ? std::optional(static_cast<std::int32_t>(goal)) : std::nullopt;
+  order_ = relative ? fmt::format("moving by {}", target) : fmt::format("moving to {}", target);
+  hand_over(target, static_cast<std::uint16_t>(enabled | (relative ? relative_move : 0U)));
+}
+
+void Axis402::start_move_to(std::int32_t position, const MotionProfile& profile) {
+  start_move(position, false, profile);
+}
+
+void Axis402::start_move_by(std::int32_t distance, const MotionProfile& profile) {
+  require_enabled("move");
+  if ((controlword_ & controlword::halt) == 0) return start_move(distance, true, profile);
+  // The drive would add the distance to the abandoned target, so the absolute target is computed here.
+  const std::int64_t target = std::int64_t{position()} + distance;
+  if (target != static_cast<std::int32_t>(target)) {
+    fail(fmt::format("{} is not a position", target), "move by less, or home the axis");
+  }
+  start_move(static_cast<std::int32_t>(target), false, profile);
+}
+
+bool Axis402::stands() {
+  constexpr Time between_looks = std::chrono::milliseconds(100);
+  constexpr Time standing = std::chrono::milliseconds(500);
+  const Time now = objects_.now();
+  if (halted_) place_.reset();
+  if (halted_ || now < next_look_) return false;
+  next_look_ = now + between_looks;
+  const std::int32_t at = position();
+  if (!place_ || std::abs(std::int64_t{at} - *place_) > 1) {
+    place_ = at;
+    stands_since_ = now;
+  }
+  return now - stands_since_ >= standing;
+}
+
+bool Axis402::is_near(std::int32_t goal) {
+  if (!near_) {
+    constexpr std::int64_t least = 2000;  // used if the units of a revolution are unknown
+    constexpr std::uint32_t no_window = 1U << 30;
+    const std::uint32_t window = objects_.read_if_present<std::uint32_t>(0x6067).value_or(0);
+    const auto revolution = units();
+    near_ = std::max<std::int64_t>(window < no_window ? window : 0,
+                                   revolution ? std::llround(revolution->position / 50) + 1 : least);
+    // Outside the range 607Bh the position wraps around, so goal and position cannot be compared.
+    const auto lowest = objects_.read_if_present<std::int32_t>(0x607B, 1);
+    const auto highest = objects_.read_if_present<std::int32_t>(0x607B, 2);
+    if (lowest && highest && *lowest < *highest && (goal < *lowest || goal > *highest)) {
+      near_ = std::numeric_limits<std::int64_t>::max();
+    }
+  }
+  return std::abs(std::int64_t{goal} - position()) <= *near_;
+}
+
+void Axis402::leave_if_at_limit(bool forward, const std::string& doing) {
+  constexpr std::uint32_t negative_limit = 1U << 0;
+  constexpr std::uint32_t positive_limit = 1U << 1;
+  const std::uint32_t inputs = objects_.read_if_present<std::uint32_t>(0x60FD).value_or(0);
+  if ((inputs & (forward ? positive_limit : negative_limit)) == 0) return;
+  const std::int32_t at = position();
+  const std::string problem = try_to_stop();
+  fail(fmt::format("{} ended at position {}, where the {} limit switch is active (60FDh){}", doing, at,
+                   forward ? "positive" : "negative", problem.empty() ? "" : "; " + problem),
+       "move the other way; or check switch, wiring and polarity of the input");
+}
+
+bool Axis402::has_arrived(std::uint16_t statusword, const std::string& doing) {
+  const bool reached = (statusword & statusword_bit::target_reached) != 0;
+  if (!goal_ || (reached && is_near(*goal_))) return reached;
+  if (!stands()) return false;
+  leave_if_at_limit(*goal_ > *place_, doing);
+  if (!reached) return false;
+  const std::int32_t goal = *goal_;
+  const std::string problem = try_to_stop();
+  fail(fmt::format("{}: the drive shows the target as reached, but the axis stands at {} instead of {}{}", doing,
+                   *place_, goal, problem.empty() ? "" : "; " + problem),
+       "check what blocks it (a hard stop, a brake, a torque limit), and whether the following error window (6065h) is "
+       "switched off");
+}
+
+void Axis402::wait_for_target(Time timeout, const Progress& progress) {
+  const std::string doing = order_.empty() ? "moving" : order_;
+  place_.reset();
+  near_.reset();
+  follow(timeout, progress, doing, [&](std::uint16_t word) { return has_arrived(word, doing); });
+}
+
+void Axis402::move_to(std::int32_t position, const MotionProfile& profile, Time timeout, const Progress& progress) {
+  start_move_to(position, profile);
+  wait_for_target(timeout, progress);
+}
+
+void Axis402::move_by(std::int32_t distance, const MotionProfile& profile, Time timeout, const Progress& progress) {
+  start_move_by(distance, profile);
+  wait_for_target(timeout, progress);
+}
+
+}  // namespace servodrome::master

@@ -1,0 +1,213 @@
+// Motions that last until they are stopped (velocity, jog, torque), and stop, halt and resume.
+#include <cstdlib>
+#include <fmt/format.h>
+#include <limits>
+
+#include "axis/axis402.hpp"
+#include "axis/axis402_words.hpp"
+
+namespace servodrome::master {
+namespace {
+
+bool reached(std::uint16_t word) { return (word & statusword_bit::target_reached) != 0; }
+
+bool is_cyclic(OperationMode mode) {
+  return mode == OperationMode::cyclic_synchronous_position || mode == OperationMode::cyclic_synchronous_velocity ||
+         mode == OperationMode::cyclic_synchronous_torque;
+}
+
+}  // namespace
+
+// Sets the target velocity to 0 before the mode changes, so that the target of a former run does not act.
+void Axis402::begin_velocity(const MotionProfile& profile) {
+  halted_ = false;
+  if (mode() != static_cast<std::int8_t>(OperationMode::profile_velocity)) {
+    objects_.write<std::int32_t>(0x60FF, 0, 0);
+    set_mode(OperationMode::profile_velocity);
+  }
+  write_profile(profile);
+}
+
+void Axis402::run_at(std::int32_t velocity, const MotionProfile& profile, Time timeout, const Progress& progress) {
+  require_enabled("run");
+  begin_velocity(profile);
+  objects_.write<std::int32_t>(0x60FF, 0, velocity);
+  write_controlword(enabled);
+  const std::string doing = fmt::format("running up to velocity {}", velocity);
+  place_.reset();
+  follow(timeout, progress, doing, [&](std::uint16_t word) {
+    if (reached(word)) return true;
+    if (velocity != 0 && stands()) leave_if_at_limit(velocity > 0, doing);
+    return false;
+  });
+}
+
+void Axis402::change_velocity(std::int32_t velocity) {
+  require_enabled("change its velocity");
+  const auto present = static_cast<OperationMode>(mode());
+  if (present == OperationMode::profile_velocity) return objects_.write<std::int32_t>(0x60FF, 0, velocity);
+  if (present != OperationMode::profile_position || !goal_ || velocity <= 0) {
+    fail(fmt::format("the velocity of this motion ({}) cannot be changed to {}", name(present), velocity),
+         "it can be changed during a move (to a value above 0) and in profile velocity");
+  }
+  objects_.write<std::uint32_t>(0x6081, 0, static_cast<std::uint32_t>(velocity));
+  // The drive applies 6081h with the next set-point, so the same target is sent again, to act at once.
+  if (!halted_) hand_over(*goal_, enabled | change_immediately);
+}
+
+void Axis402::hold_for(Time span, const Progress& progress) {
+  const Time end = objects_.now() + span;
+  follow(span + options_.state_timeout, progress, "keeping on", [&](std::uint16_t) { return objects_.now() >= end; });
+}
+
+void Axis402::jog(const MotionProfile& profile, const JogDemand& demand) {
+  require_enabled("jog");
+  begin_velocity(profile);
+  objects_.write<std::int32_t>(0x60FF, 0, 0);
+  write_controlword(enabled);
+  std::int32_t asked = 0;
+  try {
+    for (;; objects_.wait(options_.poll_interval)) {
+      leave_if_cancelled("jogging");
+      const AxisStatus present = status();
+      if (present.state() != PowerState::operation_enabled) {
+        fail("the drive left operation enabled while jogging",
+             "look at the error code; then reset the fault and enable again");
+      }
+      const std::optional<std::int32_t> wanted = demand(present);
+      if (!wanted) break;
+      if (*wanted != asked) objects_.write<std::int32_t>(0x60FF, 0, *wanted);
+      asked = *wanted;
+    }
+  } catch (...) {
+    try_to_stop();
+    throw;
+  }
+  stop();
+}
+
+void Axis402::run_torque(std::int16_t torque_permille, const TorqueProfile& profile, Time timeout,
+                         const Progress& progress) {
+  require_enabled("give torque");
+  halted_ = false;
+  if (mode() != static_cast<std::int8_t>(OperationMode::profile_torque)) {
+    objects_.write<std::int16_t>(0x6071, 0, 0);
+    set_mode(OperationMode::profile_torque);
+  }
+  write_if_given(0x6087, 0, profile.slope);
+  objects_.write<std::int16_t>(0x6071, 0, torque_permille);
+  objects_.wait(options_.poll_interval);
+  if (const auto kept = objects_.read<std::int16_t>(0x6071); kept != torque_permille) {
+    fail(fmt::format("the target torque (6071h) is {} after {} was written", kept, torque_permille),
+         "something else writes it: another target in the process data, an input, or another master");
+  }
+  write_controlword(enabled);
+  follow(timeout, progress, fmt::format("applying {:g} % of rated torque", torque_permille / 10.0), reached);
+}
+
+// With halt set, target reached means standstill (CiA 402-2 table 29). Some drives (iSMK) do not report this in homing;
+// for them an unchanged position for 200 ms counts as standstill. A ramp may be long, so the timeout restarts whenever
+// the axis gets slower.
+bool Axis402::wait_for_standstill(std::optional<Time> longest) {
+  constexpr Time standing = std::chrono::milliseconds(200);
+  const Time began = objects_.now();
+  objects_.wait(settling);
+  std::optional<std::int32_t> place;
+  Time since{};
+  std::int64_t slowest = std::numeric_limits<std::int64_t>::max();
+  Time deadline = objects_.now() + options_.state_timeout;
+  for (;;) {
+    const AxisStatus present = status();
+    if (reached(present.statusword) || present.state() != PowerState::operation_enabled) return true;
+    const Time now = objects_.now();
+    if (!place || std::abs(std::int64_t{present.position} - *place) > 1) {
+      place = present.position;
+      since = now;
+    } else if (now - since >= standing) {
+      return true;
+    }
+    if (longest && now - began >= *longest) return false;
+    if (const std::int64_t speed = std::abs(std::int64_t{present.velocity}); speed < slowest) {
+      slowest = speed;
+      deadline = objects_.now() + options_.state_timeout;
+    }
+    if (objects_.now() >= deadline) {
+      fail("the axis does not come to rest on halt", "use quick stop, and check halt option code and decelerations");
+    }
+    objects_.wait(options_.poll_interval);
+  }
+}
+
+void Axis402::stop() {
+  if (state() != PowerState::operation_enabled) return;
+  const ComingToRest rest(comes_to_rest_);
+  halted_ = false;
+  goal_.reset();
+  auto mode = static_cast<OperationMode>(this->mode());
+  if (mode == OperationMode::profile_torque || is_cyclic(mode)) {
+    // In torque modes a halt at best removes the torque, and the axis coasts; a velocity of 0 brakes it. In the cyclic
+    // modes not every drive reports standstill.
+    if (mode == OperationMode::profile_torque) objects_.write<std::int16_t>(0x6071, 0, 0);
+    begin_velocity({});
+    mode = OperationMode::profile_velocity;
+  }
+  write_controlword(enabled | controlword::halt);
+  if (!wait_for_standstill(options_.longest_halt)) {
+    became_quick_stop_ = true;
+    return quick_stop();
+  }
+  if (mode == OperationMode::profile_velocity) {
+    objects_.write<std::int32_t>(0x60FF, 0, 0);
+    write_controlword(enabled);
+  } else if (mode == OperationMode::homing) {
+    write_controlword(enabled);  // bit 4 is 0: homing is aborted
+  }
+}
+
+std::string Axis402::try_to_stop() {
+  try {
+    stop();
+    return {};
+  } catch (const MasterError& error) {
+    return error.what();
+  }
+}
+
+void Axis402::try_to_switch_off() {
+  const auto ignoring_errors = [](const auto& call) {
+    try {
+      call();
+    } catch (const MasterError&) {
+      // The first error is reported by the caller; this one is ignored.
+    }
+  };
+  const ComingToRest rest(comes_to_rest_);
+  if (!try_to_stop().empty()) ignoring_errors([this] { quick_stop(); });
+  ignoring_errors([this] { disable(); });
+}
+
+void Axis402::halt() {
+  if (state() != PowerState::operation_enabled || halted_) return;
+  if (mode() == static_cast<std::int8_t>(OperationMode::profile_torque)) {
+    fail("an axis in a torque mode cannot be halted: it would coast", "stop it");
+  }
+  const ComingToRest rest(comes_to_rest_);
+  write_controlword(controlword_ | controlword::halt);
+  halted_ = true;
+  wait_for_standstill();
+}
+
+void Axis402::resume() {
+  if (!halted_) return;
+  require_enabled("go on");
+  const bool moves = mode() == static_cast<std::int8_t>(OperationMode::profile_position);
+  if (moves && options_.dialect.halt_drops_target) {
+    if (!goal_) fail("the drive has dropped the halted move", "order it anew");
+    return hand_over(*goal_, enabled);
+  }
+  halted_ = false;
+  write_controlword(static_cast<std::uint16_t>(controlword_ & ~unsigned{controlword::halt}));
+  ordered_ = objects_.now();
+}
+
+}  // namespace servodrome::master

@@ -1,0 +1,92 @@
+#include "axis/cyclic/ethercat_cyclic_bus.hpp"
+
+#include <array>
+#include <fmt/format.h>
+
+#include "axis/cyclic/interpolation_time.hpp"
+
+namespace servodrome::master {
+
+EthercatCyclicBus::EthercatCyclicBus(EthercatMaster& master, EthercatOperation& operation)
+    : master_(master), exchange_(operation.exchange()) {
+  for (std::size_t i = 0; i < exchange_.members().size(); ++i) images_.push_back(exchange_.image(i));
+}
+
+CycleCounters EthercatCyclicBus::counters() const {
+  const CyclicStatistics& statistics = exchange_.statistics();
+  return {.cycles = statistics.cycles,
+          .missed = statistics.lost + statistics.late + statistics.wrong_counters,
+          .skipped = statistics.skipped,
+          .longest_miss = statistics.longest_loss,
+          .worst_lateness = statistics.worst_lateness};
+}
+
+namespace {
+
+constexpr std::array<std::uint16_t, 5> outputs{0x6040, 0x6060, 0x607A, 0x60FF, 0x6071};
+constexpr std::array<std::uint16_t, 8> inputs{0x6041, 0x6061, 0x6064, 0x606C, 0x6077, 0x60F4, 0x603F, 0x60FD};
+constexpr std::array<std::uint16_t, 1> probe_outputs{0x60B8};
+constexpr std::array<std::uint16_t, 3> probe_inputs{0x60B9, 0x60BA, 0x60BB};
+
+// True if the slave's object dictionary allows the mapping. Also true for a slave without SDO information: it is
+// assumed to map every object that it has.
+bool can_map(EthercatSlave& slave, std::uint16_t index, std::uint16_t direction) {
+  try {
+    return (slave.coe().describe(ObjectAddress{index, 0}).access & direction) != 0;
+  } catch (const CoeError& error) {
+    if (!error.from_slave()) throw;
+    return true;
+  }
+}
+
+// Adds only the objects that the slave has and can map, because a slave refuses the whole mapping for one wrong object.
+// The length is that of the uploaded value.
+void add_those_there_are(EthercatSlave& slave, std::span<const std::uint16_t> wanted, std::uint16_t direction,
+                         Pdo& pdo) {
+  for (const std::uint16_t index : wanted) {
+    try {
+      const std::size_t bytes = slave.coe().upload({index, 0}).size();
+      if (!can_map(slave, index, direction)) continue;
+      pdo.entries.push_back({.object = {index, 0}, .bits = static_cast<std::uint8_t>(8 * bytes)});
+    } catch (const CoeError& error) {
+      if (!error.from_slave()) throw;
+    }
+  }
+}
+
+void set_interpolation_time(EthercatSlave& slave, Time period) {
+  try {
+    slave.coe().read<std::uint8_t>(0x60C2, 1);
+  } catch (const CoeError& error) {
+    if (!error.from_slave()) throw;
+    return;
+  }
+  const auto time = interpolation_time_of(period);
+  if (!time) {
+    throw EthercatError(EthercatError::Kind::unsupported,
+                        fmt::format("a period of {} us cannot be written to 60C2h", period.count() / 1000),
+                        slave.where(), periods_that_can_be_written);
+  }
+  slave.coe().write<std::uint8_t>(0x60C2, 1, time->value);
+  slave.coe().write<std::int8_t>(0x60C2, 2, time->index);
+}
+
+}  // namespace
+
+void set_up_cyclic_axis(EthercatSlave& slave, const EthercatAxisSetUp& set_up) {
+  Pdo rx{.index = 0x1600};
+  Pdo tx{.index = 0x1A00};
+  add_those_there_are(slave, outputs, entry_access::rx_pdo, rx);
+  add_those_there_are(slave, inputs, entry_access::tx_pdo, tx);
+  if (set_up.touch_probe) {
+    add_those_there_are(slave, probe_outputs, entry_access::rx_pdo, rx);
+    add_those_there_are(slave, probe_inputs, entry_access::tx_pdo, tx);
+  }
+  map_pdo(slave.coe(), rx);
+  map_pdo(slave.coe(), tx);
+  assign_pdos(slave.coe(), rx_assignment, std::array{rx.index});
+  assign_pdos(slave.coe(), tx_assignment, std::array{tx.index});
+  if (set_up.period) set_interpolation_time(slave, *set_up.period);
+}
+
+}  // namespace servodrome::master

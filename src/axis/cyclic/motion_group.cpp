@@ -1,0 +1,124 @@
+#include "axis/cyclic/motion_group.hpp"
+
+#include <algorithm>
+#include <fmt/format.h>
+
+#include "master/emergency.hpp"
+
+namespace servodrome::master {
+
+MotionGroup::MotionGroup(CyclicBus& bus, std::span<const MotionAxisOptions> options) : bus_(bus) {
+  for (std::size_t i = 0; i < bus.size(); ++i) {
+    const MotionAxisOptions own = options.empty() ? MotionAxisOptions{} : options[std::min(i, options.size() - 1)];
+    axes_.emplace_back(CyclicAxis(bus.image(i)), bus.period(), own);
+  }
+  bus_.on_cycle([this] { cycle(); });
+}
+
+void MotionGroup::cycle() {
+  for (std::size_t i = 0; i < axes_.size(); ++i) axes_[i].read(bus_.is_fresh(i));
+  if (program_) program_();
+  if (watch_ && !seen_) seen_ = watch_();
+  for (MotionAxis& axis : axes_) axis.advance();
+  if (on_set_points_) on_set_points_();
+  for (MotionAxis& axis : axes_) axis.write();
+}
+
+void MotionGroup::throw_faults() const {
+  for (const MotionAxis& axis : axes_) {
+    if (!axis.is_switched_on() || axis.is_resetting() || axis.fault() == AxisFault::none) continue;
+    std::string happened = name(axis.fault());
+    if (axis.error_code() != 0) {
+      happened += fmt::format(", 603Fh is {:04X}h {}", axis.error_code(), text_of_error_code(axis.error_code()));
+    }
+    throw MasterError(happened, axis.axis().where(), remedy_of(axis.fault()));
+  }
+}
+
+bool MotionGroup::wait_until(const std::function<bool()>& done, Time timeout) {
+  const Time end = bus_.now() + timeout;
+  seen_ = false;
+  watch_ = done;
+  struct Unwatch {
+    std::function<bool()>& watch;
+    ~Unwatch() { watch = {}; }
+  } const unwatch{watch_};
+  while (!seen_ && bus_.now() < end) {
+    bus_.wait(std::min(bus_.period(), end - bus_.now()));
+    throw_faults();
+  }
+  return seen_;
+}
+
+void MotionGroup::wait(Time span) {
+  wait_until([] { return false; }, span);
+}
+
+void MotionGroup::enable(Time timeout) {
+  for (MotionAxis& axis : axes_) axis.switch_on(true);
+  const auto enabled = [](const MotionAxis& axis) { return axis.is_enabled(); };
+  if (wait_until([&] { return std::all_of(axes_.begin(), axes_.end(), enabled); }, timeout)) return;
+  MotionAxis& late = *std::find_if_not(axes_.begin(), axes_.end(), enabled);
+  throw MasterError(fmt::format("it is not enabled: it is in state {}, mode {}", drive::name(late.axis().state()),
+                                late.axis().mode()),
+                    late.axis().where(), "check its supply, enable and safety inputs, and the modes it has (6502h)");
+}
+
+void MotionGroup::disable(const MotionLimits& limits, Time timeout) {
+  for (MotionAxis& axis : axes_) {
+    // With a fault the axis is stopped already, or set-points cannot stop it.
+    if (axis.fault() != AxisFault::none) axis.switch_on(false);
+    axis.abort_homing();
+    axis.run_at(0.0, limits);
+  }
+  const auto stands = [](const MotionAxis& axis) {
+    return !axis.is_enabled() || (!axis.is_homing() && axis.generator().done());
+  };
+  wait_until([&] { return std::all_of(axes_.begin(), axes_.end(), stands); }, timeout);
+  for (MotionAxis& axis : axes_) axis.switch_on(false);
+  const auto off = [](MotionAxis& axis) { return axis.axis().state() != PowerState::operation_enabled; };
+  if (wait_until([&] { return std::all_of(axes_.begin(), axes_.end(), off); }, timeout)) return;
+  MotionAxis& late = *std::find_if_not(axes_.begin(), axes_.end(), off);
+  throw MasterError("it stays in operation enabled", late.axis().where(), "check the bus; switch its power off");
+}
+
+void MotionGroup::reset_faults(Time timeout) {
+  for (MotionAxis& axis : axes_) {
+    if (axis.fault() != AxisFault::none) axis.reset_fault();
+  }
+  const auto sound = [](const MotionAxis& axis) { return axis.fault() == AxisFault::none; };
+  if (wait_until([&] { return std::all_of(axes_.begin(), axes_.end(), sound); }, timeout)) return;
+  MotionAxis& late = *std::find_if_not(axes_.begin(), axes_.end(), sound);
+  throw MasterError(fmt::format("the fault cannot be reset: {}", name(late.fault())), late.axis().where(),
+                    "remove its cause; some faults need power off and on");
+}
+
+double MotionGroup::start_together(std::span<const double> targets, std::span<const MotionLimits> limits) {
+  const auto limits_of = [&](std::size_t axis) { return limits[std::min(axis, limits.size() - 1)]; };
+  std::vector<double> durations;
+  for (std::size_t i = 0; i < axes_.size(); ++i) {
+    SetPointGenerator alone(axes_[i].generator().period_s());
+    alone.reset(axes_[i].set_point());
+    alone.move_to(targets[i], 0.0, limits_of(i));
+    durations.push_back(alone.duration_s());
+  }
+  const double longest = *std::max_element(durations.begin(), durations.end());
+  for (std::size_t i = 0; i < axes_.size(); ++i) {
+    if (durations[i] == 0.0) continue;
+    // Stretching a profile in time by the factor k divides velocities by k, accelerations by k^2 and jerks by k^3.
+    const double k = longest / durations[i];
+    MotionLimits own = limits_of(i);
+    own.velocity /= k;
+    own.acceleration /= k * k;
+    own.deceleration /= k * k;
+    own.jerk /= k * k * k;
+    axes_[i].move_to(targets[i], 0.0, own);
+  }
+  return longest;
+}
+
+bool MotionGroup::all_done() const {
+  return std::all_of(axes_.begin(), axes_.end(), [](const MotionAxis& axis) { return axis.generator().done(); });
+}
+
+}  // namespace servodrome::master

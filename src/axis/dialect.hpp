@@ -1,0 +1,74 @@
+#pragma once
+
+#include <cstdint>
+#include <optional>
+#include <span>
+#include <string_view>
+
+#include "links/time.hpp"
+#include "master/object_address.hpp"
+
+// Differences of a product's drives from CiA 402, as far as a master must know them to move the axes.
+namespace servodrome::master {
+
+// Statusword bits that report the result of homing.
+struct HomingSignals {
+  std::uint16_t attained = 1U << 12;
+  std::uint16_t error = 1U << 13;
+  bool target_reached = true;  // homing is complete only when bit 10 (target reached) is set as well
+};
+
+// One motor revolution, one revolution/s and one revolution/s2, in the drive's units.
+struct AxisUnits {
+  double position;
+  double velocity;
+  double acceleration;
+};
+
+// Sub-indices of 607Dh.
+struct SoftwareLimitSubs {
+  std::uint8_t lowest = 1;
+  std::uint8_t highest = 2;
+};
+
+// A word whose bits are the active alarms: bit n is the product's alarm number `first_alarm` + n.
+struct AlarmWord {
+  ObjectAddress object;
+  std::uint16_t first_alarm;
+};
+
+// An object that a master writes in addition to 60C2h before it sends targets in a fixed period.
+struct CycleObject {
+  ObjectAddress object;
+  std::uint8_t bytes = 0;
+  std::int64_t (*value_of)(links::Time period) = nullptr;
+};
+
+struct Dialect {
+  std::string_view product{};  // name in the list of `servodrome products`
+  HomingSignals homing_signals{};
+  // nullopt: the drive reports its position unit (6091h and 6092h, or 608Fh), and velocities are position units/s.
+  std::optional<AxisUnits> units{};
+  // The object with the counts of the encoder in a revolution, which replace `units.position`. If the drive does not
+  // have the object, the unit is unknown.
+  std::optional<ObjectAddress> encoder_counts{};
+  // `units` apply before the factors 6093h, 6094h and 6097h (1998 edition of CiA 402).
+  bool has_old_factors = false;
+  // A homing method that turns the motor by at most one revolution and needs no switch.
+  std::int8_t cautious_homing_method = 34;
+  SoftwareLimitSubs software_limits{};
+  // A halt drops the target; to continue the move, the master sends the target again.
+  bool halt_drops_target = false;
+  std::span<const CycleObject> cycle_objects{};
+  std::string_view foe_file{};  // a file that FoE can read
+  std::span<const AlarmWord> alarm_words{};
+  // Alarm log: `alarm_log_length` consecutive objects from this index, each with an alarm number or error code, the
+  // newest first.
+  std::uint16_t alarm_log = 0;
+  std::uint8_t alarm_log_length = 0;
+};
+
+// By the product's name. For an unknown name: the dialect of CiA 402.
+const Dialect& dialect_of(std::string_view product);
+
+}  // namespace servodrome::master

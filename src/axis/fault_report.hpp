@@ -1,0 +1,47 @@
+#pragma once
+
+#include <vector>
+
+#include "axis/dialect.hpp"
+#include "describe/fault_texts.hpp"
+#include "drive/power/power_state.hpp"
+#include "master/object_client.hpp"
+
+// Reads the faults of a drive from all objects that report them, and finds their texts.
+namespace servodrome::master {
+
+struct ReportedFault {
+  std::uint16_t code = 0;   // 0: the drive reports no code
+  std::uint16_t alarm = 0;  // the product's own number, if the source object has one; see describe::FaultText
+  ObjectAddress source;
+  // Possible meanings: several if the code alone does not distinguish the alarms. Empty: unknown.
+  std::vector<const describe::FaultText*> meanings{};
+
+  friend bool operator==(const ReportedFault&, const ReportedFault&) = default;
+};
+
+struct FaultReport {
+  std::uint16_t statusword = 0;
+  std::optional<std::uint8_t> error_register{};  // 1001h
+  std::vector<ReportedFault> active{};           // the cause of the fault state; never empty in fault and fault
+                                                 // reaction active
+  std::vector<ReportedFault> warnings{};         // with statusword bit 7 set, outside of these two states
+  std::vector<ReportedFault> history{};          // 1003h, the newest first
+  std::vector<ReportedFault> log{};              // the product's own log, which survives power-off; the newest first
+};
+
+ReportedFault fault_of_code(std::uint16_t code, ObjectAddress source, std::string_view product);
+
+// Only reads. Throws ObjectError.
+FaultReport read_faults(ObjectClient& objects, const Dialect& dialect);
+
+// Clears 1003h. Throws ObjectError, also if the drive does not have the object.
+void clear_fault_history(ObjectClient& objects);
+
+// For example "3210h over-voltage" or "5003h AL.051 EEPROM parameters damaged or AL.062 parameters not stored".
+std::string text_of(const ReportedFault& fault, std::string_view product);
+
+// Names of the bits of 1001h that are set: "generic, voltage".
+std::string text_of_error_register(std::uint8_t value);
+
+}  // namespace servodrome::master

@@ -1,0 +1,116 @@
+#include "master/canopen/sdo_client.hpp"
+
+#include <algorithm>
+#include <fmt/format.h>
+
+#include "master/abort_text.hpp"
+#include "master/canopen/emergency.hpp"
+
+namespace servodrome::master {
+namespace {
+
+constexpr std::uint32_t request_base = 0x600;
+constexpr std::uint32_t response_base = 0x580;
+constexpr Time look_whether_cancelled = std::chrono::milliseconds(50);
+
+std::string what_to_do(AbortCode code, bool from_node) {
+  const char* remedy = remedy_of_failed_access(code, from_node);
+  if (remedy != nullptr) return remedy;
+  return "check the node-ID and the bit rate (`servodrome scan`), that the node is powered and not in NMT state "
+         "stopped, or give a longer --timeout";
+}
+
+}  // namespace
+
+SdoError::SdoError(const std::string& bus, std::uint8_t node_id, ObjectAddress object, bool upload, AbortCode code,
+                   bool from_node)
+    : ObjectError(text_of_failed_access(upload, code, from_node),
+                  fmt::format("{}, node {}, {}", bus, node_id, text_of(object)), what_to_do(code, from_node),
+                  is_absent(code), from_node),
+      node_id_(node_id),
+      object_(object),
+      code_(code),
+      from_node_(from_node) {}
+
+SdoClient::SdoClient(Bus& bus, std::uint8_t node_id, const SdoOptions& options)
+    : bus_(bus), node_id_(node_id), options_(options) {
+  if (node_id < 1 || node_id > 127) {
+    throw MasterError(fmt::format("{} is not a node-ID", node_id), bus.name(), "give one from 1 to 127");
+  }
+  listening_ = bus_.listen([this](const Frame& frame) {
+    const auto emergency = parse_emergency(frame);
+    if (emergency && emergency->node_id == node_id_) emergency_ = *emergency;
+  });
+}
+
+void SdoClient::send_waiting(SdoTransfer& transfer) {
+  Frame frame;
+  while (transfer.take(frame)) {
+    frame.id = request_base + node_id_;
+    bus_.send(frame);
+  }
+}
+
+void SdoClient::run(SdoTransfer& transfer) {
+  bus_.drain();  // discards late answers to an abandoned transfer
+  Time deadline{};
+  unsigned retries = options_.retries;
+  // If ask_again() can help, the deadline is half the timeout, so that the client asks again before the server's own
+  // timeout.
+  const auto expect_answer = [&] {
+    const bool early = retries != 0 && transfer.can_ask_again();
+    deadline = bus_.now() + (early ? options_.timeout / 2 : options_.timeout);
+  };
+  const Bus::Subscription listening = bus_.listen([&](const Frame& frame) {
+    if (frame.id != response_base + node_id_ || frame.extended || frame.remote) return;
+    if (transfer.receive(frame)) expect_answer();
+    send_waiting(transfer);
+  });
+  send_waiting(transfer);
+  expect_answer();
+  while (!transfer.finished()) {
+    // Each answer extends the deadline. With a cancellation callback the wait is cut into short pieces, so that
+    // cancelling also works with a silent drive.
+    const Time until = cancelled_ ? std::min(deadline, bus_.now() + look_whether_cancelled) : deadline;
+    bus_.run_until(until, [&] { return transfer.finished() || is_cancelled(); });
+    if (!transfer.finished() && is_cancelled()) {
+      transfer.abort(AbortCode::general_error);
+      send_waiting(transfer);
+      throw MasterError("interrupted", where(), "the transfer was aborted");
+    }
+    if (transfer.finished() || bus_.now() < deadline) continue;
+    if (retries != 0 && transfer.can_ask_again()) {
+      --retries;
+      transfer.ask_again();
+    } else {
+      transfer.abort(AbortCode::protocol_timed_out);
+    }
+    send_waiting(transfer);
+    expect_answer();
+  }
+}
+
+std::vector<std::byte> SdoClient::upload(ObjectAddress object, SdoProtocol protocol) {
+  for (unsigned attempt = 0;; ++attempt) {
+    SdoTransfer transfer = SdoTransfer::upload(object, protocol);
+    run(transfer);
+    if (transfer.result() == AbortCode::none) return transfer.data();
+    // The timeout may have occurred at the client or at the server.
+    const bool timed_out = transfer.result() == AbortCode::protocol_timed_out;
+    if (!timed_out || attempt >= options_.retries) {
+      throw SdoError(bus_.name(), node_id_, object, true, transfer.result(), transfer.aborted_by_server());
+    }
+  }
+}
+
+void SdoClient::download(ObjectAddress object, std::span<const std::byte> data, SdoProtocol protocol) {
+  SdoTransfer transfer = SdoTransfer::download(object, data, protocol);
+  run(transfer);
+  if (transfer.result() != AbortCode::none) {
+    throw SdoError(bus_.name(), node_id_, object, false, transfer.result(), transfer.aborted_by_server());
+  }
+}
+
+std::string SdoClient::where() const { return fmt::format("{}, node {}", bus_.name(), node_id_); }
+
+}  // namespace servodrome::master

@@ -1,0 +1,79 @@
+#pragma once
+
+#include <functional>
+
+#include "master/canopen/bus.hpp"
+#include "master/canopen/sdo_transfer.hpp"
+#include "master/object_client.hpp"
+
+namespace servodrome::master {
+
+// An SDO transfer failed: the node refused it (from_node), or the client gave up (protocol_timed_out and others).
+class SdoError : public ObjectError {
+ public:
+  SdoError(const std::string& bus, std::uint8_t node_id, ObjectAddress object, bool upload, AbortCode code,
+           bool from_node);
+
+  std::uint8_t node_id() const { return node_id_; }
+  std::uint16_t index() const { return object_.index; }
+  std::uint8_t sub() const { return object_.sub; }
+  AbortCode code() const { return code_; }
+  bool from_node() const { return from_node_; }
+
+ private:
+  std::uint8_t node_id_;
+  ObjectAddress object_;
+  AbortCode code_;
+  bool from_node_;
+};
+
+struct SdoOptions {
+  Time timeout = std::chrono::seconds(1);  // for each answer
+  // How often an upload without answer is repeated. A download is never repeated, because it may have taken effect. In
+  // a block transfer it is also how often the acknowledgement of a sub-block is repeated.
+  unsigned retries = 1;
+};
+
+// SDO client of one node, over the default channel (600h and 580h + node-ID). One transfer at a time; frames to other
+// listeners are delivered meanwhile. All calls throw SdoError, or MasterError if the link is lost.
+class SdoClient final : public ObjectClient {
+ public:
+  SdoClient(Bus& bus, std::uint8_t node_id, const SdoOptions& options = {});
+  SdoClient(const SdoClient&) = delete;
+  SdoClient& operator=(const SdoClient&) = delete;
+
+  std::vector<std::byte> upload(ObjectAddress object) override { return upload(object, SdoProtocol::ordinary); }
+  void download(ObjectAddress object, std::span<const std::byte> data) override {
+    download(object, data, SdoProtocol::ordinary);
+  }
+  std::vector<std::byte> upload(ObjectAddress object, SdoProtocol protocol);
+  void download(ObjectAddress object, std::span<const std::byte> data, SdoProtocol protocol);
+
+  Time now() const override { return bus_.now(); }
+  void wait(Time span) override { bus_.run_for(span); }
+  std::uint16_t address() const override { return node_id_; }
+  std::string where() const override;
+  // Receives the node's EMCYs as long as this object exists.
+  std::optional<Emergency> latest_emergency() override { return emergency_; }
+
+  std::uint8_t node_id() const { return node_id_; }
+  Bus& bus() { return bus_; }
+  // Cancellation callback, called after each frame and at intervals during a transfer; true aborts the transfer, which
+  // throws MasterError. Meant for long transfers. A caller that moves an axis must cancel between transfers, because it
+  // needs transfers to stop the axis.
+  void cancel_when(std::function<bool()> cancelled) { cancelled_ = std::move(cancelled); }
+
+ private:
+  void run(SdoTransfer& transfer);
+  void send_waiting(SdoTransfer& transfer);
+  bool is_cancelled() const { return cancelled_ && cancelled_(); }
+
+  Bus& bus_;
+  std::uint8_t node_id_;
+  SdoOptions options_;
+  std::function<bool()> cancelled_;
+  std::optional<Emergency> emergency_;
+  Bus::Subscription listening_;
+};
+
+}  // namespace servodrome::master

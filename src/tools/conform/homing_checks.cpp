@@ -1,0 +1,177 @@
+// The homing mode: bits 10, 12 and 13, and the home offset. Uses methods that do not move the axis.
+#include <cmath>
+
+#include "tools/conform/check_tables.hpp"
+#include "tools/conform/trial.hpp"
+
+namespace servodrome::master::conform {
+namespace {
+
+using namespace std::chrono_literals;
+
+constexpr std::uint16_t target_reached = 0x0400;
+
+// Method 35; or 37 if 60E3h lists it or 35 is refused: the present position becomes home. Skips the check if the drive
+// has neither.
+std::int8_t choose_method(Trial& trial) {
+  const auto listed = [&](std::int8_t method) {
+    const auto count = trial.objects().read_if_present<std::uint8_t>(0x60E3, 0).value_or(0);
+    for (unsigned sub = 1; sub <= count; ++sub) {
+      if (trial.objects().read<std::int8_t>(0x60E3, static_cast<std::uint8_t>(sub)) == method) return true;
+    }
+    return false;
+  };
+  const bool has_37 = listed(37);
+  for (const std::int8_t method : {std::int8_t{35}, std::int8_t{37}}) {
+    if (method == 35 && has_37) continue;
+    if (!Trial::refusal_of([&] { trial.objects().write<std::int8_t>(0x6098, 0, method); })) return method;
+  }
+  Trial::skip("it has neither homing method 37 nor 35, which do not move the axis");
+}
+
+// Enables homing mode with speeds and acceleration above 0, because some drives treat 0 as an error.
+void prepare(Trial& trial) {
+  trial.units();
+  trial.enable(OperationMode::homing);
+  choose_method(trial);
+  const AxisUnits unit = trial.units();
+  for (const std::uint8_t sub : {std::uint8_t{1}, std::uint8_t{2}}) {
+    if (trial.objects().read_if_present<std::uint32_t>(0x6099, sub).value_or(1) != 0) continue;
+    trial.objects().write<std::uint32_t>(0x6099, sub, static_cast<std::uint32_t>(Trial::whole(unit.velocity * 0.2)));
+  }
+  if (trial.objects().read_if_present<std::uint32_t>(0x609A).value_or(1) == 0) {
+    trial.objects().write<std::uint32_t>(0x609A, 0, static_cast<std::uint32_t>(Trial::whole(unit.acceleration)));
+  }
+  trial.control(0x000F);
+}
+
+struct Bits {
+  std::uint16_t attained;
+  std::uint16_t error;
+};
+Bits bits_of(Trial& trial) {
+  const HomingSignals& signals = trial.settings().dialect.homing_signals;
+  return {signals.attained, signals.error};
+}
+
+// The position cannot simply be written back, so the axis is homed again where it stands, with an offset that restores
+// the former position.
+void put_position_back(Trial& trial, std::int32_t before) {
+  for (const std::int32_t sign : {1, -1}) {
+    trial.control(0x000F);
+    if (Trial::refusal_of([&] { trial.objects().write<std::int32_t>(0x607C, 0, sign * before); })) return;
+    trial.control(0x001F);
+    trial.wait_for(bits_of(trial).attained, bits_of(trial).attained);
+    trial.wait(50ms);
+    if (std::abs(static_cast<double>(trial.position()) - before) <= trial.units().position / 100.0) break;
+  }
+  trial.control(0x000F);
+}
+
+void attained(Trial& trial, int) {
+  prepare(trial);
+  const std::int32_t before = trial.position();
+  const Bits bits = bits_of(trial);
+  trial.objects().write<std::int32_t>(0x607C, 0, 0);
+  trial.control(0x001F);
+  const bool done = trial.wait_for(bits.attained | bits.error, bits.attained);
+  const std::uint16_t word = trial.statusword();
+  trial.require(done, fmt::format("6098h = {}, 6040h = 001Fh", trial.objects().read<std::int8_t>(0x6098)),
+                fmt::format("homing attained, bit {} of 6041h = 1, without error", bits.attained == 0x8000 ? 15 : 12),
+                fmt::format("{:04X}h", word));
+  trial.expect(bits.attained == 0x1000, "homed", "homing attained is bit 12 of 6041h",
+               bits.attained == 0x1000 ? "bit 12" : "bit 15, and bit 12 is an error");
+  trial.expect(trial.wait_for(target_reached, target_reached, 500ms), "homing attained", "bit 10 of 6041h = 1 as well",
+               fmt::format("{:04X}h", trial.statusword()));
+  const std::int32_t position = trial.position();
+  trial.expect(std::abs(static_cast<double>(position)) <= trial.units().position / 50.0, "607Ch = 0, homed",
+               "6064h = 0 there", fmt::format("{}", position));
+  put_position_back(trial, before);
+}
+
+void not_by_itself(Trial& trial, int) {
+  prepare(trial);
+  const Bits bits = bits_of(trial);
+  const std::int32_t before = trial.position();
+  trial.wait(200ms);
+  const std::int32_t after = trial.position();
+  trial.expect(std::abs(static_cast<double>(after) - before) <= trial.units().position / 100.0,
+               "homing mode, bit 4 of 6040h = 0", fmt::format("6064h = {}, no homing", before),
+               fmt::format("{}", after));
+  trial.expect((trial.statusword() & bits.error) == 0, "homing mode, bit 4 of 6040h = 0", "no homing error",
+               fmt::format("{:04X}h", trial.statusword()));
+}
+
+// Starting a new homing clears the old result: a search for a switch that does not exist continues or fails.
+void not_attained_while_searching(Trial& trial, int) {
+  trial.units();
+  trial.enable(OperationMode::homing);
+  if (Trial::refusal_of([&] { trial.objects().write<std::int8_t>(0x6098, 0, 19); })) {
+    Trial::skip("it has no homing method 19, a search for the home switch");
+  }
+  const AxisUnits unit = trial.units();
+  const auto slow = static_cast<std::uint32_t>(std::max(1, Trial::whole(unit.velocity * 0.1)));
+  const auto ramp = static_cast<std::uint32_t>(std::max(1, Trial::whole(unit.acceleration * 5.0)));
+  trial.objects().write<std::uint32_t>(0x6099, 1, slow);
+  trial.objects().write<std::uint32_t>(0x6099, 2, slow);
+  trial.write_if_present<std::uint32_t>(0x609A, 0, ramp);
+  const Bits bits = bits_of(trial);
+  const std::int32_t start = trial.position();
+  trial.control(0x000F);
+  trial.control(0x001F);
+  // Moves at most a tenth of a revolution and takes at most 0.3 s.
+  const Time end = trial.now() + 300ms;
+  bool told = false;
+  bool moved = false;
+  while (trial.now() < end && !told) {
+    trial.wait(trial.settings().poll_interval);
+    const std::uint16_t word = trial.statusword();
+    moved = moved || std::abs(static_cast<double>(trial.position()) - start) > unit.position / 200.0;
+    told = moved && (word & bits.attained) != 0 && (word & target_reached) != 0 &&
+           std::abs(trial.velocity()) > unit.velocity / 50.0;
+  }
+  trial.control(0x010F);
+  trial.wait_for_rest();
+  trial.control(0x000F);
+  if (!moved && !told) Trial::skip("the axis did not move: its home switch may be active, or the method needs more");
+  trial.expect(!told, "6098h = 19, 6040h = 001Fh, while the axis moves", "homing is not attained",
+               told ? fmt::format("6041h = {:04X}h", trial.statusword()) : "not attained");
+}
+
+void offset(Trial& trial, int) {
+  prepare(trial);
+  const std::int32_t before = trial.position();
+  const std::int32_t wanted = trial.distance() / 10;
+  const Bits bits = bits_of(trial);
+  trial.objects().write<std::int32_t>(0x607C, 0, wanted);
+  trial.control(0x001F);
+  trial.require(trial.wait_for(bits.attained, bits.attained), fmt::format("607Ch = {}, homed", wanted),
+                "homing attained", fmt::format("{:04X}h", trial.statusword()));
+  trial.wait(50ms);
+  const std::int32_t position = trial.position();
+  const double tolerance = trial.units().position / 50.0;
+  // CiA 402-2 figure "home offset": zero is the offset away from home; editions and makers differ in the sign.
+  trial.expect(std::abs(std::abs(static_cast<double>(position)) - wanted) <= tolerance,
+               fmt::format("607Ch = {}, homed", wanted), fmt::format("6064h = {0} or -{0}", wanted),
+               fmt::format("{}", position));
+  put_position_back(trial, before);
+}
+
+constexpr auto contract = "CiA 402-2, homing mode, statusword";
+
+constexpr std::array rows{
+    Check{"homing.not-by-itself", "CiA 402-2, homing mode, controlword bit 4", "Homing does not start without bit 4",
+          Demand::enable, buses::all, not_by_itself},
+    Check{"homing.attained", contract, "Homing attained and target reached are set, and the position is zero",
+          Demand::enable, buses::all, attained},
+    Check{"homing.offset", "CiA 402-2, object 607Ch", "The home offset shifts the zero position", Demand::motion,
+          buses::all, offset},
+    Check{"homing.not-attained-while-searching", contract, "Homing attained is not set during the search",
+          Demand::motion, buses::all, not_attained_while_searching},
+};
+
+}  // namespace
+
+std::span<const Check> homing_checks() { return rows; }
+
+}  // namespace servodrome::master::conform

@@ -1,0 +1,243 @@
+#include "tools/conform/subject.hpp"
+
+#include <algorithm>
+#include <fmt/format.h>
+
+#include "axis/object_catalogue.hpp"
+
+namespace servodrome::master::conform {
+
+using namespace std::chrono_literals;
+
+namespace {
+
+constexpr std::uint16_t controlword = 0x6040;
+constexpr std::uint16_t statusword = 0x6041;
+
+// True for objects that a reset of the node returns to their stored values: configuration, as opposed to values that
+// the drive itself changes.
+bool is_configuration(std::uint16_t index) {
+  const bool communication = index >= 0x1005 && index <= 0x1029 && index != 0x1010 && index != 0x1011;
+  const bool profile = index >= 0x6000 && index != controlword;
+  return communication || profile;
+}
+
+}  // namespace
+
+// ---- KeptObjects ----
+
+std::vector<std::byte> KeptObjects::upload(ObjectAddress object) { return target_->upload(object); }
+
+void KeptObjects::keep(ObjectAddress object) {
+  if (object.index == controlword || kept_.contains(object)) return;
+  try {
+    before_.emplace_back(object, target_->upload(object));
+    kept_.insert(object);
+  } catch (const ObjectError&) {
+    // Absent or write-only: there is nothing to restore.
+  }
+}
+
+void KeptObjects::download(ObjectAddress object, std::span<const std::byte> data) {
+  keep(object);
+  target_->download(object, data);
+}
+
+void KeptObjects::wait(Time span) {
+  if (cancelled_ && cancelled_()) throw Cancelled{};
+  target_->wait(span);
+}
+
+std::vector<ObjectAddress> KeptObjects::put_back() {
+  std::vector<ObjectAddress> refused;
+  for (auto one = before_.rbegin(); one != before_.rend(); ++one) {
+    try {
+      if (target_->upload(one->first) != one->second) target_->download(one->first, one->second);
+    } catch (const ObjectError&) {
+      refused.push_back(one->first);
+    }
+  }
+  before_.clear();
+  kept_.clear();
+  return refused;
+}
+
+// ---- Subject ----
+
+Subject::Subject(const CanAccess& access, const SubjectSettings& settings)
+    : kind_(buses::can), settings_(settings), can_(access), kept_(settings.cancelled) {
+  master_.emplace(access.bus);
+  kept_.set_target(&access.sdo);
+  remember();
+}
+
+Subject::Subject(const EthercatAccess& access, const SubjectSettings& settings)
+    : kind_(buses::ethercat), settings_(settings), ethercat_(access), kept_(settings.cancelled) {
+  al_state_ = access.slave.status().state();
+  by_service_ = std::make_unique<CoeObjects>(access.slave);
+  kept_.set_target(by_service_.get());
+}
+
+Subject::Subject(const ModbusAccess& access, const SubjectSettings& settings)
+    : kind_(buses::modbus), settings_(settings), modbus_(access), kept_(settings.cancelled) {
+  by_service_ = std::make_unique<ModbusObjects>(access.client, access.unit, access.list);
+  kept_.set_target(by_service_.get());
+}
+
+std::string Subject::where() const { return kept_.where(); }
+
+ObjectClient& Subject::services() { return can_ ? can_->sdo : *by_service_; }
+
+KeptObjects& Subject::objects() {
+  if (lost_operation()) leave_operation();
+  if (ethercat_ && !operation_) {
+    EthercatSlave* const slaves[] = {&ethercat_->slave};
+    operation_.emplace(ethercat_->master, ethercat_->line, slaves, ethercat_->options);
+    by_process_data_ = std::make_unique<CoeObjects>(ethercat_->slave, operation_->exchange(), 0);
+    kept_.set_target(by_process_data_.get());
+  }
+  return kept_;
+}
+
+bool Subject::lost_operation() const {
+  if (!operation_) return false;
+  const AlStatus status = operation_->exchange().status(0);
+  return !operation_->exchange().runs() || status.error() || status.state() != AlState::operational;
+}
+
+void Subject::leave_operation() {
+  if (!ethercat_ || !operation_) return;
+  kept_.set_target(by_service_.get());
+  by_process_data_.reset();
+  operation_.reset();
+}
+
+std::optional<AxisUnits> Subject::units() {
+  if (!units_) units_ = Axis402(objects(), {.dialect = settings_.dialect}).units(settings_.units_per_revolution);
+  return units_;
+}
+
+// Reads the configuration objects of the standards that a reset would lose. One SDO each; takes one to two seconds.
+void Subject::remember() {
+  SdoClient& sdo = can_->sdo;
+  for (const NamedObject& object : ObjectCatalogue::standard().objects()) {
+    if (!is_configuration(object.address.index)) continue;
+    try {
+      snapshot_[object.address] = sdo.upload(object.address);
+    } catch (const SdoError& error) {
+      if (!error.from_node()) throw;
+    }
+  }
+  for (const unsigned first : {0x1400U, 0x1800U}) {
+    for (unsigned number = 0; number < 512; ++number) {
+      const auto pdo = read_pdo(sdo, static_cast<std::uint16_t>(first + number));
+      if (!pdo) break;
+      pdos_.push_back(*pdo);
+    }
+  }
+  // Only a heartbeat shows the NMT state; a drive without heartbeat is assumed to be pre-operational.
+  const auto period = sdo.read_if_present<std::uint16_t>(0x1017);
+  if (!period) return;
+  if (*period == 0) sdo.write<std::uint16_t>(0x1017, 0, 50);
+  can_->bus.run_until(can_->bus.now() + std::max<Time>(2 * std::chrono::milliseconds(*period), 200ms),
+                      [&] { return master_->health(sdo.node_id()).state.has_value(); });
+  nmt_state_ = master_->health(sdo.node_id()).state;
+  if (*period == 0) sdo.write<std::uint16_t>(0x1017, 0, 0);
+}
+
+void Subject::refuse_if_enabled() {
+  const auto word = services().read_if_present<std::uint16_t>(statusword);
+  if (!word || (*word & 0x6F) != 0x27) return;
+  throw MasterError("the axis is enabled, by another master or from before", where(),
+                    "stop and disable it first; the checks begin with an axis at rest");
+}
+
+// Brings the axis to rest in this order: halt, fault reset, power off.
+void Subject::to_rest() {
+  ObjectClient& objects = kept_;
+  if (lost_operation()) leave_operation();
+  if (ethercat_ && !operation_) return;  // without process data its power stage is off
+  const auto state = [&] { return state_of(objects.read<std::uint16_t>(statusword)); };
+  const auto wait_until = [&](const auto& done) {
+    const Time deadline = objects.now() + settings_.patience;
+    while (!done() && objects.now() < deadline) objects.wait(settings_.poll_interval);
+  };
+  if (state() == PowerState::operation_enabled) {
+    objects.write<std::uint16_t>(controlword, 0, 0x010F);
+    // Only waits for the end of the halt (ramp 6084h), so two nearly equal positions in a row are sufficient.
+    auto last = objects.read_if_present<std::int32_t>(0x6064);
+    wait_until([&] {
+      objects.wait(20ms);
+      const auto present = objects.read_if_present<std::int32_t>(0x6064);
+      const bool rests = !present || std::abs(std::int64_t{*present} - last.value_or(0)) <= 8;
+      last = present;
+      return rests;
+    });
+  }
+  if (state() == PowerState::fault) {
+    // The cause of the fault may persist until the axis stands, so the reset is repeated.
+    wait_until([&] {
+      objects.write<std::uint16_t>(controlword, 0, 0x0000);
+      objects.wait(20ms);
+      objects.write<std::uint16_t>(controlword, 0, 0x0080);
+      objects.wait(50ms);
+      return state() != PowerState::fault;
+    });
+  }
+  objects.write<std::uint16_t>(controlword, 0, 0x0000);
+  wait_until([&] {
+    const PowerState now = state();
+    return now == PowerState::switch_on_disabled || now == PowerState::fault;
+  });
+}
+
+std::string Subject::settle() {
+  std::string problems;
+  const auto note = [&](const auto& action) {
+    try {
+      action();
+    } catch (const MasterError& error) {
+      problems += std::string(error.what()) + "\n";
+    }
+  };
+  note([&] { to_rest(); });
+  note([&] {
+    for (const ObjectAddress object : kept_.put_back()) {
+      problems += fmt::format("{}, {}: it does not take back the value from before\n", where(), text_of(object));
+    }
+  });
+  return problems;
+}
+
+std::string Subject::restore() {
+  kept_.ignore_cancellation();
+  std::string problems = settle();
+  if (ethercat_) {
+    leave_operation();
+    try {
+      if (al_state_ == AlState::init) ethercat_->slave.to_init();
+    } catch (const MasterError& error) {
+      problems += std::string(error.what()) + "\n";
+    }
+  }
+  if (!can_) return problems;
+  for (const PdoConfiguration& pdo : pdos_) {
+    try {
+      if (read_pdo(can_->sdo, pdo.index) != pdo) write_pdo(can_->sdo, pdo);
+    } catch (const MasterError& error) {
+      problems += std::string(error.what()) + "\n";
+    }
+  }
+  for (const auto& [object, value] : snapshot_) {
+    try {
+      if (can_->sdo.upload(object) != value) can_->sdo.download(object, value);
+    } catch (const MasterError&) {
+      // The object is read-only, or the drive computes it: it is no configuration after all.
+    }
+  }
+  if (nmt_state_ == NmtState::operational) master_->command(NmtCommand::start, can_->sdo.node_id());
+  if (nmt_state_ == NmtState::stopped) master_->command(NmtCommand::stop, can_->sdo.node_id());
+  return problems;
+}
+
+}  // namespace servodrome::master::conform

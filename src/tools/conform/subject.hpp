@@ -1,0 +1,140 @@
+#pragma once
+
+#include <functional>
+#include <map>
+#include <optional>
+#include <set>
+
+#include "axis/axis402.hpp"
+#include "master/canopen/master.hpp"
+#include "master/canopen/sdo_client.hpp"
+#include "master/ethercat/coe_objects.hpp"
+#include "master/modbus/objects.hpp"
+#include "tools/conform/check.hpp"
+#include "tools/conform/pdo_configuration.hpp"
+
+// The drive under test.
+namespace servodrome::master::conform {
+
+// Access to the drive's bus, besides its objects. All references must outlive the Subject.
+struct CanAccess {
+  Bus& bus;
+  SdoClient& sdo;
+};
+struct EthercatAccess {
+  EthercatMaster& master;
+  std::span<const FoundSlave> line;  // all slaves of the segment
+  EthercatSlave& slave;
+  OperationOptions options{};
+};
+struct ModbusAccess {
+  ModbusClient& client;
+  std::uint8_t unit;
+  RegisterList list;
+};
+
+struct SubjectSettings {
+  Dialect dialect{};                             // of the drive's product
+  std::optional<double> units_per_revolution{};  // used if neither the dialect nor the drive's factors define it
+  double revolutions = 0.5;                      // size of a motion in either direction
+  std::string foe_file{};                        // a file that the slave offers; empty: the dialect's
+  Time patience = std::chrono::seconds(3);       // timeout of a transition, a mode change or a handshake
+  Time poll_interval = std::chrono::milliseconds(2);
+  std::function<bool()> cancelled{};  // called at each wait; true ends all checks by throwing Cancelled
+};
+
+// Thrown through a check when the user cancels.
+struct Cancelled {};
+
+// Access to the drive's objects that restores them afterwards: it remembers the value before the first write.
+class KeptObjects final : public ObjectClient {
+ public:
+  explicit KeptObjects(std::function<bool()> cancelled) : cancelled_(std::move(cancelled)) {}
+
+  // All accesses go to `target` from now on.
+  void set_target(ObjectClient* target) { target_ = target; }
+  void ignore_cancellation() { cancelled_ = nullptr; }
+
+  std::vector<std::byte> upload(ObjectAddress object) override;
+  void download(ObjectAddress object, std::span<const std::byte> data) override;
+  Time now() const override { return target_->now(); }
+  void wait(Time span) override;
+  std::uint16_t address() const override { return target_->address(); }
+  std::string where() const override { return target_->where(); }
+  std::optional<Emergency> latest_emergency() override { return target_->latest_emergency(); }
+
+  // Remembers the value of an object that will be written by raw frames, past this client.
+  void keep(ObjectAddress object);
+  // Restores the remembered values, the latest first. Returns the objects that the drive refused.
+  std::vector<ObjectAddress> put_back();
+
+ private:
+  ObjectClient* target_ = nullptr;
+  std::function<bool()> cancelled_;
+  std::vector<std::pair<ObjectAddress, std::vector<std::byte>>> before_;
+  std::set<ObjectAddress> kept_;
+};
+
+class Subject {
+ public:
+  Subject(const CanAccess& access, const SubjectSettings& settings);
+  Subject(const EthercatAccess& access, const SubjectSettings& settings);
+  Subject(const ModbusAccess& access, const SubjectSettings& settings);
+  Subject(const Subject&) = delete;
+  Subject& operator=(const Subject&) = delete;
+
+  unsigned bus_kind() const { return kind_; }
+  const SubjectSettings& settings() const { return settings_; }
+  std::string where() const;
+
+  // The objects as an application accesses them. On EtherCAT this brings the slave to OP first; mapped objects are then
+  // accessed by process data.
+  KeptObjects& objects();
+  // Access by SDO or register only, in any state of the bus.
+  ObjectClient& services();
+  void leave_operation();
+  // True if the slave was in OP and is not any more: this computer sent too late, or the slave left it.
+  bool lost_operation() const;
+
+  CanAccess& can() { return *can_; }
+  Master& master() { return *master_; }  // NMT master of the CAN bus
+  EthercatAccess& ethercat() { return *ethercat_; }
+  EthercatOperation& operation() { return *operation_; }
+  ModbusAccess& modbus() { return *modbus_; }
+
+  // One motor revolution, one revolution/s and one revolution/s2 in the drive's units; nullopt: neither the drive nor
+  // the settings define them.
+  std::optional<AxisUnits> units();
+
+  // Throws MasterError if the axis is enabled: another master may be moving it, and the checks would interfere.
+  void refuse_if_enabled();
+
+  // After a check: brings the axis to rest, resets a fault, switches power off and restores the objects. Returns the
+  // problems, one per line.
+  std::string settle();
+  // After all checks: settle(), and restores the bus state and the objects that a reset of the node has lost. Returns
+  // the problems, one per line.
+  std::string restore();
+
+ private:
+  void remember();
+  void to_rest();
+
+  unsigned kind_;
+  SubjectSettings settings_;
+  std::optional<CanAccess> can_;
+  std::optional<Master> master_;
+  std::optional<EthercatAccess> ethercat_;
+  std::optional<ModbusAccess> modbus_;
+  std::unique_ptr<ObjectClient> by_service_;  // on EtherCAT and Modbus
+  std::unique_ptr<CoeObjects> by_process_data_;
+  std::optional<EthercatOperation> operation_;
+  KeptObjects kept_;
+  std::map<ObjectAddress, std::vector<std::byte>> snapshot_;
+  std::vector<PdoConfiguration> pdos_;
+  std::optional<NmtState> nmt_state_;
+  std::optional<AlState> al_state_;
+  std::optional<AxisUnits> units_;
+};
+
+}  // namespace servodrome::master::conform

@@ -1,0 +1,98 @@
+#pragma once
+
+#include <optional>
+#include <span>
+#include <vector>
+
+#include "tools/tuning/frequency_response.hpp"
+
+// Frequency domain figures of a control loop, and a model of a drive's velocity loop.
+namespace servodrome::master::tuning {
+
+struct BodePoint {
+  double frequency_hz = 0.0;
+  double gain_db = 0.0;
+  double phase_deg = 0.0;  // without jumps; the first is in -270 .. 90
+};
+std::vector<BodePoint> bode(std::span<const double> frequencies_hz, std::span<const Complex> response);
+
+// Margins of an open loop L in 1 + L, for ascending frequencies. A figure is nullopt if the frequencies do not reach
+// it.
+struct Margins {
+  std::optional<double> crossover_hz{};      // first frequency at which |L| falls below 1
+  std::optional<double> phase_margin_deg{};  // smallest of all crossovers: angle between L and -1
+  std::optional<double> gain_margin_hz{};    // first beyond the crossover where L is real and negative
+  std::optional<double> gain_margin_db{};
+  double greatest_sensitivity = 0.0;  // maximum of |1 / (1 + L)|
+};
+Margins margins_of(std::span<const double> frequencies_hz, std::span<const Complex> open_loop);
+
+// -3 dB bandwidth: the frequency at which the magnitude of a closed loop first falls below -3 dB. A single point below
+// is ignored.
+std::optional<double> bandwidth_of(std::span<const double> frequencies_hz, std::span<const Complex> closed_loop);
+
+// Mechanics between torque and velocity: an inertia, with an elastic coupling if there is one. The unit of torque
+// follows from the inertia (Nm, or A for a drive that reports only its current); velocity in rad/s.
+struct Resonance {
+  double antiresonance_hz = 0.0;
+  double antiresonance_damping = 0.0;
+  double resonance_hz = 0.0;
+  double resonance_damping = 0.0;
+};
+struct Mechanics {
+  double inertia = 0.0;  // rotor and load: torque per rad/s^2
+  std::optional<Resonance> resonance{};
+  double misfit = 0.0;  // relative rms error of this model against the measured response
+
+  double rotor_inertia() const;  // moving inertia above the resonance; the whole inertia if rigid
+  Complex response(double frequency_hz) const;
+};
+// Identifies the mechanics from the response velocity/torque. Points with low coherence have little weight. nullopt: no
+// model fits.
+std::optional<Mechanics> identify_mechanics(std::span<const ResponsePoint> velocity_by_torque);
+
+struct NotchSetting {
+  double frequency_hz = 0.0;
+  double width_hz = 0.0;
+  double depth = 0.0;  // gain at the centre
+
+  Complex response(double frequency_hz) const;
+};
+
+// Torque = (kp + ki / s) times the velocity error, through a notch filter and a delay, which stands for sampling,
+// filters and current loop together.
+struct VelocityController {
+  double kp = 0.0;  // torque per rad/s
+  double ki = 0.0;  // torque per rad
+  double delay_s = 0.0;
+  std::optional<NotchSetting> notch{};
+
+  Complex response(double frequency_hz) const;
+};
+
+struct IdentifiedController {
+  VelocityController controller{};
+  double command_delay_s = 0.0;  // from the master's command to the loop
+  double misfit = 0.0;           // relative rms error
+};
+// Identifies gains and delays from the responses of torque and velocity to the velocity command; the units of the
+// drive's gains need not be known. `notch`: the notch filter that is active in the drive.
+std::optional<IdentifiedController> identify_controller(std::span<const ResponsePoint> velocity_by_command,
+                                                        std::span<const ResponsePoint> torque_by_command,
+                                                        double sample_s, const std::optional<NotchSetting>& notch);
+
+// Controller and mechanics of a loop measured with a command that is held between samples. A sampled torque is then not
+// the torque that moves the shaft: the steps of the held command have images that alias onto the measured frequencies.
+// So the sampled torque identifies the controller only; the torque that moves the shaft is computed as the controller's
+// response to the command without images.
+struct IdentifiedLoop {
+  IdentifiedController controller{};
+  Mechanics mechanics{};
+  double effective_delay_s = 0.0;  // delay of the held command up to the torque; half a sample of it is due to the hold
+  std::vector<ResponsePoint> velocity_by_torque{};
+};
+std::optional<IdentifiedLoop> identify_loop(std::span<const ResponsePoint> velocity_by_command,
+                                            std::span<const ResponsePoint> torque_by_command, double sample_s,
+                                            const std::optional<NotchSetting>& notch);
+
+}  // namespace servodrome::master::tuning

@@ -1,0 +1,27 @@
+#pragma once
+
+#include "axis/axis402.hpp"
+#include "tools/tuning/drive_gains.hpp"
+
+// The drive's own automatic tuning. It only needs access to objects, so it works on any bus.
+namespace servodrome::master::tuning {
+
+struct OwnTuningOptions {
+  double travel_revolutions = 4.0;
+  double seconds = 30.0;  // maximum time to learn the inertia
+  std::function<void(const char* doing, double share)> progress{};
+};
+
+struct OwnTuningResult {
+  std::vector<GainValue> before;
+  std::vector<GainValue> after;
+};
+
+// iSMK (manual, ch. 6.1 and 6.2.1): the drive learns the inertia (2340h sub 10h bits 0 and 1) while the axis moves
+// back and forth in profile velocity, and adjusts kvp. Then it searches for resonances (60F9h sub 4 bit 7) and sets
+// notch filters. The bandwidth is the drive's setting (2FF0h sub 0Ah). On failure the old gains are restored; in any
+// case the axis is stopped and disabled. Throws MasterError, or Cancelled by the options of the axis.
+OwnTuningResult tune_by_itself(Axis402& axis, const TuningDialect& dialect, const AxisUnits& units,
+                               const OwnTuningOptions& options);
+
+}  // namespace servodrome::master::tuning

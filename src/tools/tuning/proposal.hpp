@@ -1,0 +1,40 @@
+#pragma once
+
+#include <string>
+
+#include "tools/tuning/loop.hpp"
+
+// Computes gains for a requested bandwidth.
+namespace servodrome::master::tuning {
+
+// Notch filter of a drive: width and depth may be fixed, relative to its frequency and to 1.
+struct NotchAbility {
+  double relative_width = 0.5;
+  double depth = 0.1;
+  double highest_hz = 1000.0;
+};
+
+struct Request {
+  double bandwidth_hz = 50.0;  // -3 dB of the closed velocity loop
+  double delay_s = 0.0;        // VelocityController::delay_s of the present drive
+  std::optional<NotchAbility> notch{};
+};
+
+struct Proposal {
+  VelocityController velocity{};
+  double position_kp = 0.0;   // 1/s
+  double bandwidth_hz = 0.0;  // -3 dB of the closed velocity loop
+  Margins margins{};
+};
+
+// Predicts the result of a controller on these mechanics.
+Proposal predict(const VelocityController& controller, const Mechanics& mechanics);
+
+// Gains for the requested bandwidth with a phase margin of at least 45 degrees and a sensitivity of at most 2; nullopt
+// if there are none. The integral is as fast as these allow; a notch is used only if it is necessary. The gain of the
+// position loop is a fifth of the crossover.
+std::optional<Proposal> propose(const Mechanics& mechanics, const Request& request);
+// The greatest bandwidth, at most the requested one, that has a proposal; 0: none down to 1 Hz.
+double greatest_bandwidth(const Mechanics& mechanics, const Request& request);
+
+}  // namespace servodrome::master::tuning

@@ -1,0 +1,144 @@
+#include "tools/tuning/session.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <fmt/format.h>
+
+namespace servodrome::master::tuning {
+namespace {
+
+constexpr double first_bandwidth_hz = 50.0;  // for the first measurement if no bandwidth is requested
+constexpr double most_bandwidth_hz = 400.0;
+constexpr double share_of_possible = 0.6;
+constexpr double close_enough = 0.05;
+constexpr int most_corrections = 3;
+
+Request request_of(double bandwidth_hz, double delay_s, const TuningDialect& dialect) {
+  return {.bandwidth_hz = bandwidth_hz, .delay_s = delay_s, .notch = dialect.notch};
+}
+
+Proposal proposal_for(const Measurement& measured, const Request& request, const std::string& where) {
+  const auto proposal = propose(measured.mechanics, request);
+  if (proposal) return *proposal;
+  const double possible = greatest_bandwidth(measured.mechanics, request);
+  std::string why = fmt::format("the loop delay of {:.2f} ms", 1e3 * request.delay_s);
+  if (measured.mechanics.resonance) {
+    why += fmt::format(" and the resonance at {:.0f} Hz", measured.mechanics.resonance->resonance_hz);
+  }
+  if (possible < 1.0)
+    throw MasterError(fmt::format("no bandwidth is possible with {}", why), where, "check the coupling");
+  throw MasterError(
+      fmt::format("{:g} Hz are not possible with 45 degrees of phase margin, because of {}", request.bandwidth_hz, why),
+      where, fmt::format("choose --bandwidth {:.0f} or less", std::floor(possible)));
+}
+
+}  // namespace
+
+std::string put_back_gains(ObjectClient& objects, std::span<const GainValue> gains) {
+  std::string left;
+  for (const GainValue& gain : gains) {
+    try {
+      write_gains(objects, std::span(&gain, 1));
+    } catch (const MasterError&) {
+      left += fmt::format("{}{} {} was {}", left.empty() ? "" : ", ", master::text_of(gain.gain->object),
+                          gain.gain->name, gain.number);
+    }
+  }
+  if (left.empty()) return "the old gains are restored";
+  return fmt::format("the old gains could not be restored, and the new ones may be active until the drive restarts: {}",
+                     left);
+}
+
+std::string text_of(const GainValue& before, const GainValue& after) {
+  return fmt::format("{} {}: {} -> {} {}", master::text_of(after.gain->object), after.gain->name, before.number,
+                     after.number, after.gain->unit_text);
+}
+
+SessionResult tune(Tuner& tuner, ObjectClient& objects, const TuningDialect& dialect, const TuningUnits& units,
+                   const SessionRequest& request) {
+  SessionResult result;
+  result.gains_before = read_gains(objects, dialect);
+  const auto notch = controller_of(result.gains_before, dialect, units, 0.0).notch;
+  result.before = tuner.measure(request.bandwidth_hz.value_or(first_bandwidth_hz), notch);
+  const double delay_s = result.before.controller.controller.delay_s;
+  result.bandwidth_hz = request.bandwidth_hz.value_or(
+      share_of_possible * greatest_bandwidth(result.before.mechanics, request_of(most_bandwidth_hz, delay_s, dialect)));
+  result.proposal = proposal_for(result.before, request_of(result.bandwidth_hz, delay_s, dialect), objects.where());
+  result.predicted = result.proposal;
+  if (dialect.gains.empty()) {
+    if (request.apply) {
+      throw MasterError("its gain objects are not known", objects.where(),
+                        "set them by hand as --propose gives them, in SI units");
+    }
+    return result;
+  }
+  const auto round = [&](const Proposal& proposal) {
+    result.gains = numbers_of(proposal, dialect, units, objects.where());
+    result.predicted = predict(controller_of(result.gains, dialect, units, delay_s), result.before.mechanics);
+  };
+  round(result.proposal);
+  if (!request.apply) return result;
+  if (request.steps) result.step_before = tuner.step();
+
+  std::string back;  // result of restoring the old gains
+  // Restores the old gains on every exit, unless the result was as promised.
+  struct PuttingBack {
+    ObjectClient& objects;
+    std::span<const GainValue> gains;
+    std::string& outcome;
+    bool kept = false;
+    ~PuttingBack() {
+      try {
+        if (!kept) outcome = put_back_gains(objects, gains);
+      } catch (...) {
+        // The caller wants to end, and cannot wait for the drive.
+      }
+    }
+  };
+  try {
+    PuttingBack putting_back{objects, result.gains_before, back};
+    Proposal aimed = result.proposal;
+    for (int correction = 0;; ++correction) {
+      write_gains(objects, result.gains);
+      result.after = tuner.measure(result.bandwidth_hz, aimed.velocity.notch);
+      const Measurement& after = *result.after;
+      const double ratio = after.bandwidth_hz.value_or(0.0) / result.bandwidth_hz;
+      if (std::abs(ratio - 1.0) < close_enough || correction == most_corrections) break;
+      if (ratio <= 0.0) break;
+      // The bandwidth is about proportional to the gain.
+      const auto before = result.gains;
+      const double factor = std::clamp(1.0 / ratio, 0.5, 2.0);
+      aimed.velocity.kp *= factor;
+      aimed.velocity.ki *= factor;
+      round(aimed);
+      const bool same = std::equal(before.begin(), before.end(), result.gains.begin(),
+                                   [](const GainValue& a, const GainValue& b) { return a.number == b.number; });
+      if (same) break;
+    }
+    if (!result.after->bandwidth_hz) {
+      const auto& heard = result.after->frequencies_hz;
+      throw MasterError(
+          fmt::format("the measurement with the new gains shows no bandwidth: the axis responds at {} frequencies{}",
+                      heard.size(), heard.empty() ? "" : fmt::format(" up to {:.0f} Hz", heard.back())),
+          objects.where(), "measure with longer --seconds" + text_of_losses(result.after->lost_cycles));
+    }
+    const double measured = *result.after->bandwidth_hz;
+    const double margin = result.after->margins.phase_margin_deg.value_or(0.0);
+    if (std::abs(measured / result.bandwidth_hz - 1.0) > promised_tolerance || margin < promised_phase_margin) {
+      throw MasterError(
+          fmt::format(
+              "measured with the new gains: bandwidth {:.1f} Hz instead of {:.1f} Hz, phase margin {:.0f} degrees",
+              measured, result.bandwidth_hz, margin),
+          objects.where(), "choose a lower --bandwidth" + text_of_losses(result.after->lost_cycles));
+    }
+    if (request.steps) result.step_after = tuner.step();
+    putting_back.kept = true;
+  } catch (const Cancelled&) {
+    throw Cancelled("interrupted", objects.where(), back);
+  } catch (const MasterError& error) {
+    throw MasterError(error.happened(), error.where(), fmt::format("{}; {}", error.remedy(), back));
+  }
+  return result;
+}
+
+}  // namespace servodrome::master::tuning

@@ -1,0 +1,42 @@
+#pragma once
+
+#include "tools/tuning/tuner.hpp"
+
+// Tuning session: measure, propose, write, measure again.
+namespace servodrome::master::tuning {
+
+struct SessionRequest {
+  std::optional<double> bandwidth_hz{};  // nullopt: 0.6 of what is possible
+  bool apply = false;                    // false: nothing is written
+  bool steps = true;                     // also measure step responses
+};
+
+struct SessionResult {
+  double bandwidth_hz = 0.0;  // promised bandwidth
+  Measurement before{};
+  std::vector<GainValue> gains_before{};
+  std::vector<GainValue> gains{};  // proposed, and written if requested; empty for a drive whose gains are unknown
+  Proposal proposal{};             // in SI units
+  Proposal predicted{};            // prediction for the rounded numbers
+  std::optional<Measurement> after{};
+  std::optional<StepResponse> step_before{};
+  std::optional<StepResponse> step_after{};
+};
+
+inline constexpr double promised_tolerance = 0.15;     // relative tolerance of the bandwidth
+inline constexpr double promised_phase_margin = 40.0;  // degrees
+
+// With `apply`, the measurement after writing must match the promised bandwidth within promised_tolerance and have at
+// least promised_phase_margin. To get there, the gains are corrected up to three times by what was measured. On failure
+// or cancellation the old gains are restored. Throws MasterError or Cancelled, whose text says so or lists the gains
+// that could not be restored.
+SessionResult tune(Tuner& tuner, ObjectClient& objects, const TuningDialect& dialect, const TuningUnits& units,
+                   const SessionRequest& request);
+
+// Writes the old gains as far as the drive accepts them. Returns the result as text for the end of a message.
+std::string put_back_gains(ObjectClient& objects, std::span<const GainValue> gains);
+
+// For example "60F9:01 Kvp[0]: 4 -> 11 DEC".
+std::string text_of(const GainValue& before, const GainValue& after);
+
+}  // namespace servodrome::master::tuning

@@ -1,0 +1,352 @@
+// The master's own trajectories with complete drives, in virtual time: EtherCAT and CAN, with the same code above both.
+#include <cmath>
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include "axis/cyclic/can_cyclic_bus.hpp"
+#include "axis/cyclic/ethercat_cyclic_bus.hpp"
+#include "axis/cyclic/motion_group.hpp"
+#include "line/line.hpp"
+#include "line/support.hpp"
+#include "links/ethercat/memory_client.hpp"
+#include "source_dir.hpp"
+
+namespace servodrome::master {
+namespace cyclic_bus_test {
+namespace {
+
+using namespace std::chrono_literals;
+using testing::HasSubstr;
+
+constexpr double revolution = 131072;
+constexpr MotionLimits gentle{5 * revolution, 40 * revolution, 40 * revolution, 1000 * revolution};
+
+template <typename Call>
+std::string problem_of(Call call) {
+  try {
+    call();
+  } catch (const MasterError& error) {
+    return error.what();
+  }
+  return "";
+}
+
+MotionLimits in_counts(double counts_per_revolution) {
+  const double scale = counts_per_revolution / revolution;
+  return {gentle.velocity * scale, gentle.acceleration * scale, gentle.deceleration * scale, gentle.jerk * scale};
+}
+
+// Moves all axes by the same number of revolutions. The set-points must equal the closed form in each cycle. Returns
+// the worst following error of each axis in revolutions.
+std::vector<double> follow_a_profile(MotionGroup& group, double revolutions,
+                                     std::span<const double> counts_per_revolution) {
+  const auto counts = [&](std::size_t i) {
+    return counts_per_revolution[std::min(i, counts_per_revolution.size() - 1)];
+  };
+  std::vector<double> start;
+  std::vector<double> targets;
+  std::vector<MotionLimits> limits;
+  std::vector<drive::Trajectory> exact(group.size());
+  for (std::size_t i = 0; i < group.size(); ++i) {
+    start.push_back(group.axis(i).set_point().position);
+    targets.push_back(start.back() + revolutions * counts(i));
+    limits.push_back(in_counts(counts(i)));
+    exact[i].plan_position({0.0, 0.0, 0.0}, revolutions * counts(i), 0.0, limits[i], drive::RampShape::jerk_limited);
+  }
+  const double period_s = std::chrono::duration<double>(group.bus().period()).count();
+  unsigned cycle = 0;
+  std::vector<double> worst(group.size());
+  group.start_together(targets, limits);
+  group.on_cycle([&] {
+    for (std::size_t i = 0; i < group.size(); ++i) {
+      const double expected = start[i] + exact[i].at(cycle * period_s).position;
+      EXPECT_NEAR(group.axis(i).set_point().position, expected, 1e-6) << "axis " << i << " cycle " << cycle;
+      worst[i] = std::max(worst[i], std::abs(group.axis(i).following_error()) / counts(i));
+    }
+    ++cycle;
+  });
+  EXPECT_TRUE(group.wait_until([&] { return group.all_done(); }, 10s));
+  group.wait(300ms);
+  group.on_cycle({});
+  for (std::size_t i = 0; i < group.size(); ++i) {
+    EXPECT_EQ(group.axis(i).set_point().position, targets[i]);
+    EXPECT_NEAR(static_cast<double>(group.axis(i).position()), targets[i], 1e-3 * counts(i)) << i;
+  }
+  return worst;
+}
+
+constexpr std::array same{revolution};
+constexpr std::array different{revolution, 4000.0};  // counts per revolution of the axes of the ring
+
+constexpr const char* ring = R"(
+clock = "virtual"
+[[bus]]
+name = "ring"
+type = "ethercat"
+[[axis]]
+name = "x"
+product = "generic402-ec"
+bus = "ring"
+[[axis]]
+name = "y"
+product = "jmc_ec"
+bus = "ring"
+)";
+
+class EthercatMotion : public testing::TestWithParam<int> {
+ protected:
+  void start(Time period) {
+    for (const FoundSlave& one : found) slaves.push_back(std::make_unique<EthercatSlave>(master, one));
+    for (const auto& slave : slaves) {
+      all.push_back(slave.get());
+      slave->to_pre_operational();
+      set_up_cyclic_axis(*slave, {.period = period});
+    }
+    operation.emplace(master, found, all, OperationOptions{.cyclic = {.period = period}});
+    bus.emplace(master, *operation);
+  }
+
+  line::Line line{line::test::settings_of(ring)};
+  EthercatMaster master{std::make_unique<links::MemoryEthercatClient>(line.ethercat_buses()[0]->bus, line)};
+  std::vector<FoundSlave> found = scan_slaves(master);
+  std::vector<std::unique_ptr<EthercatSlave>> slaves;
+  std::vector<EthercatSlave*> all;
+  std::optional<EthercatOperation> operation;
+  std::optional<EthercatCyclicBus> bus;
+};
+// Periods in us, up to 4 kHz.
+INSTANTIATE_TEST_SUITE_P(Periods, EthercatMotion, testing::Values(250, 1000, 2000));
+
+TEST_P(EthercatMotion, ProfilesInPosition) {
+  start(std::chrono::microseconds(GetParam()));
+  MotionGroup group(*bus);
+  group.enable();
+  const std::vector<double> worst = follow_a_profile(group, 3.0, different);
+  EXPECT_LT(worst[0], 0.005);
+  EXPECT_LT(worst[1], 0.2);  // no feed-forward in its position loop by default
+  std::printf("%d us: following within %.5f and %.5f revolutions\n", GetParam(), worst[0], worst[1]);
+  EXPECT_EQ(bus->counters().missed + bus->counters().skipped, 0U);
+  bus->check();
+  group.disable(gentle);
+}
+
+TEST_P(EthercatMotion, VelocityAndTorque) {
+  start(std::chrono::microseconds(GetParam()));
+  MotionGroup group(*bus);
+  group.enable();
+  ASSERT_TRUE(group.axis(0).run_in_velocity_mode(2 * revolution, gentle));
+  ASSERT_TRUE(group.axis(0).axis().can_command(OperationMode::cyclic_synchronous_torque));
+  group.wait(1s);
+  EXPECT_EQ(group.axis(0).axis().mode(), 9);
+  EXPECT_NEAR(group.axis(0).velocity() / revolution, 2.0, 0.1);
+  ASSERT_TRUE(group.axis(0).apply_torque(30.0, 500.0, 4 * revolution));
+  group.wait(2s);
+  EXPECT_EQ(group.axis(0).axis().mode(), 10);
+  EXPECT_NEAR(group.axis(0).torque_set_point(), 30.0, 1e-9);
+  EXPECT_LT(group.axis(0).velocity() / revolution, 4.5);
+  group.axis(0).run_at(0.0, gentle);
+  ASSERT_TRUE(group.wait_until([&] { return group.all_done(); }, 5s));
+  group.wait(200ms);
+  EXPECT_EQ(group.axis(0).axis().mode(), 8);
+  EXPECT_NEAR(group.axis(0).velocity() / revolution, 0.0, 0.05);
+}
+
+TEST(EthercatMotionFaults, AFaultOfTheDriveIsNamed) {
+  line::Line line{line::test::settings_of(ring)};
+  EthercatMaster master{std::make_unique<links::MemoryEthercatClient>(line.ethercat_buses()[0]->bus, line)};
+  const std::vector<FoundSlave> found = scan_slaves(master);
+  EthercatSlave slave(master, found[0]);
+  const std::array<EthercatSlave*, 1> all{&slave};
+  set_up_cyclic_axis(slave, {.period = 1ms});
+  EthercatOperation operation(master, found, all, {.cyclic = {.period = 1ms}});
+  EthercatCyclicBus bus(master, operation);
+  MotionGroup group(bus);
+  group.enable();
+  group.axis(0).run_at(revolution, gentle);
+  group.wait(100ms);
+  line.axes()[0]->inject(drive::Cause::over_voltage, true);
+  EXPECT_THAT(problem_of([&] { group.wait(100ms); }), HasSubstr("the drive has a fault, 603Fh is 3210h"));
+  line.axes()[0]->inject(drive::Cause::over_voltage, false);
+  group.reset_faults();
+  group.enable();
+}
+
+// The line of bench/cyclic_axes, in virtual time: every cycle is exactly on time, none is missed, and two runs are
+// identical to the last bit.
+std::vector<double> run_eight_axes(std::vector<std::int64_t>& shafts) {
+  line::LineFile file = line::load_line_file(SERVODROME_SOURCE_DIR "/lines/cyclic-axes.toml", line::all_products());
+  EXPECT_TRUE(file.diagnostics.empty());
+  line::Line line{file.settings};
+  EthercatMaster master{std::make_unique<links::MemoryEthercatClient>(line.ethercat_buses()[0]->bus, line)};
+  const std::vector<FoundSlave> found = scan_slaves(master);
+  EXPECT_EQ(found.size(), 8U);
+  std::vector<std::unique_ptr<EthercatSlave>> slaves;
+  std::vector<EthercatSlave*> all;
+  std::vector<double> turn;
+  for (const FoundSlave& one : found) {
+    slaves.push_back(std::make_unique<EthercatSlave>(master, one));
+    all.push_back(slaves.back().get());
+    slaves.back()->to_pre_operational();
+    set_up_cyclic_axis(*slaves.back(), {.period = 1ms});
+  }
+  for (const auto& axis : line.axes()) {
+    const std::string_view product = axis->settings().product->name;
+    turn.push_back(product == "jmc_ec" ? 4000.0 : revolution);
+  }
+  EthercatOperation operation(master, found, all, {.cyclic = {.period = 1ms}});
+  EthercatCyclicBus bus(master, operation);
+  MotionGroup group(bus);
+  group.enable();
+  operation.exchange().forget_statistics();
+  const std::vector<double> worst = follow_a_profile(group, 5.0, turn);
+  EXPECT_EQ(bus.counters().missed + bus.counters().skipped, 0U);
+  EXPECT_EQ(bus.counters().worst_lateness, Time{0});
+  EXPECT_GT(bus.counters().cycles, 1000U);
+  for (std::size_t i = 0; i < turn.size(); ++i) EXPECT_LT(worst[i], turn[i] == revolution ? 0.005 : 0.2) << i;
+  for (const auto& axis : line.axes()) shafts.push_back(axis->plant().position_counts());
+  return worst;
+}
+
+TEST(EightAxes, AtOneKilohertzMissNothingAndRepeatToTheLastBit) {
+  std::vector<std::int64_t> shafts, shafts_again;
+  const std::vector<double> worst = run_eight_axes(shafts);
+  EXPECT_EQ(run_eight_axes(shafts_again), worst);
+  EXPECT_EQ(shafts, shafts_again);
+}
+
+constexpr const char* can_line = R"(
+clock = "virtual"
+[[bus]]
+name = "can0"
+[[axis]]
+name = "reference"
+product = "generic402"
+node = 1
+[[axis]]
+name = "ismc"
+product = "ismc"
+node = 2
+[[axis]]
+name = "pronet"
+product = "pronet"
+node = 3
+)";
+
+class CanMotion : public testing::Test {
+ protected:
+  void SetUp() override { bus.run_for(500ms); }
+  // Configuration of a node's PDOs, word by word.
+  std::vector<std::uint32_t> pdos_of(std::uint8_t node) {
+    SdoClient objects(bus, node);
+    std::vector<std::uint32_t> all;
+    for (const bool transmit : {false, true}) {
+      for (std::uint8_t number = 0; number < 8; ++number) {
+        const auto pdo = read_pdo(objects, transmit, number);
+        if (!pdo) break;
+        all.insert(all.end(), {pdo->cob_id, pdo->transmission_type});
+        all.insert(all.end(), pdo->mapping.begin(), pdo->mapping.end());
+      }
+    }
+    all.push_back(objects.read_if_present<std::uint8_t>(0x60C2, 1).value_or(0));
+    all.push_back(objects.read_if_present<std::uint32_t>(0x2105).value_or(0));
+    return all;
+  }
+
+  line::Line line{line::test::settings_of(can_line)};
+  Bus bus{std::make_unique<links::MemoryCanClient>(line.buses()[0]->bus, line), "mem:", &line};
+};
+
+TEST_F(CanMotion, SynchronousPositionInStepWithSync) {
+  const auto before = std::array{pdos_of(1), pdos_of(2)};
+  {
+    CanCyclicBus cyclic(bus, {synchronous_drive(1), synchronous_position_drive(2)}, {.period = 2ms});
+    MotionGroup group(cyclic);
+    group.enable();
+    const std::vector<double> worst = follow_a_profile(group, 3.0, same);
+    EXPECT_LT(worst[0], 0.005);
+    EXPECT_LT(worst[1], 0.005);
+    std::printf("SYNC at 2 ms: following within %.5f and %.5f revolutions\n", worst[0], worst[1]);
+    EXPECT_EQ(cyclic.counters().missed + cyclic.counters().skipped, 0U);
+    EXPECT_EQ(cyclic.counters().worst_lateness, Time{0});
+    group.disable(gentle);
+  }
+  EXPECT_EQ(pdos_of(1), before[0]);
+  EXPECT_EQ(pdos_of(2), before[1]);
+}
+
+TEST_F(CanMotion, InterpolatedPositionOfADriveWithoutSynchronousModes) {
+  const auto before = pdos_of(3);
+  {
+    CanDrive drive = interpolated_position_drive(3);
+    drive.values.push_back({{0x2105, 0}, 2000, 4});  // the same period in us (ProNet manual, ch. 7.5.4)
+    CanCyclicBus cyclic(bus, {drive}, {.period = 2ms});
+    const std::array options{MotionAxisOptions{.position_mode = OperationMode::interpolated_position}};
+    MotionGroup group(cyclic, options);
+    group.enable();
+    const std::vector<double> worst = follow_a_profile(group, 3.0, same);
+    EXPECT_LT(worst[0], 0.01);
+    std::printf("interpolated position: following within %.5f revolutions\n", worst[0]);
+    EXPECT_EQ(cyclic.counters().missed, 0U);
+    group.disable(gentle);
+  }
+  EXPECT_EQ(pdos_of(3), before);
+}
+
+TEST_F(CanMotion, VelocityAndTorqueOverCan) {
+  CanCyclicBus cyclic(bus, {synchronous_drive(1)}, {.period = 2ms});
+  MotionGroup group(cyclic);
+  group.enable();
+  ASSERT_TRUE(group.axis(0).run_in_velocity_mode(-2 * revolution, gentle));
+  group.wait(1s);
+  EXPECT_NEAR(group.axis(0).velocity() / revolution, -2.0, 0.1);
+  ASSERT_TRUE(group.axis(0).apply_torque(-30.0, 500.0, 4 * revolution));
+  group.wait(1s);
+  EXPECT_EQ(group.axis(0).axis().mode(), 10);
+  EXPECT_LT(group.axis(0).velocity() / revolution, -2.0);
+}
+
+// The drive's supply fails in motion: the message must name the node; objects cannot be restored then, and no call may
+// hang.
+TEST_F(CanMotion, ANodeThatFallsSilentStopsTheAxis) {
+  CanCyclicBus cyclic(bus, {synchronous_drive(1), synchronous_position_drive(2)}, {.period = 2ms, .sdo = {50ms, 0}});
+  MotionGroup group(cyclic);
+  group.enable();
+  group.axis(0).run_at(revolution, gentle);
+  group.axis(1).run_at(revolution, gentle);
+  group.wait(200ms);
+  line.axes()[1]->power_off(line.now());
+  EXPECT_THAT(problem_of([&] { group.wait(500ms); }),
+              testing::AllOf(HasSubstr("its process data were not received"), HasSubstr("node 2")));
+  EXPECT_THAT(problem_of([&] { cyclic.check(); }), HasSubstr("node 2"));
+  EXPECT_GT(cyclic.counters().longest_miss, 10U);
+  EXPECT_TRUE(group.axis(0).is_enabled());
+}
+
+TEST_F(CanMotion, LeavingTheLoopStopsTheDrives) {
+  {
+    CanCyclicBus cyclic(bus, {synchronous_drive(1)}, {.period = 2ms});
+    MotionGroup group(cyclic);
+    group.enable();
+    group.axis(0).run_at(2 * revolution, gentle);
+    group.wait(500ms);
+  }
+  bus.run_for(1s);
+  SdoClient objects(bus, 1);
+  EXPECT_NE(state_of(objects.read<std::uint16_t>(0x6041)), PowerState::operation_enabled);
+  EXPECT_NEAR(objects.read<std::int32_t>(0x606C) / revolution, 0.0, 0.01);
+}
+
+TEST_F(CanMotion, WhatCannotBeMappedIsRefusedAndPutBack) {
+  const auto before = pdos_of(2);
+  CanDrive drive = synchronous_drive(2);
+  drive.rpdos.push_back({{{0x5FFF, 0}, 32}});
+  EXPECT_THAT(problem_of([&] { CanCyclicBus cyclic(bus, {drive}, {.period = 2ms}); }), HasSubstr("node 2"));
+  EXPECT_EQ(pdos_of(2), before);
+  EXPECT_THAT(problem_of([&] { CanCyclicBus cyclic(bus, {synchronous_position_drive(2)}, {.period = 300ms}); }),
+              HasSubstr("cannot be written to 60C2h"));
+  EXPECT_EQ(pdos_of(2), before);
+}
+
+}  // namespace
+}  // namespace cyclic_bus_test
+}  // namespace servodrome::master

@@ -1,0 +1,172 @@
+// Enabling must not move the axis, whatever targets remain from before; with every product on every bus it has.
+#include <gmock/gmock.h>
+
+#include "axis/axis_rig.hpp"
+
+namespace servodrome::master::test {
+namespace enable_test {
+namespace {
+
+using testing::HasSubstr;
+
+constexpr std::uint16_t quick_stop_word = 0x0002;
+
+class Enabling : public testing::TestWithParam<RigCase> {
+ protected:
+  static constexpr double nothing = 0.01;  // tolerance in revolutions, for the change from brake to control loop
+
+  double shaft() { return rig.shaft_counts() / rig.drive().plant().parameters().encoder.counts_per_revolution; }
+  std::int32_t revolutions(double number) const { return static_cast<std::int32_t>(number * units.position); }
+  std::int32_t speed(double rps) const { return static_cast<std::int32_t>(rps * units.velocity); }
+  MotionProfile profile() const {
+    const auto ramp = static_cast<std::uint32_t>(50 * units.acceleration);
+    return {.velocity = static_cast<std::uint32_t>(speed(2)), .acceleration = ramp, .deceleration = ramp};
+  }
+  bool has_mode(OperationMode mode) {
+    return problem_of([&] { axis.set_mode(mode); }).empty();
+  }
+  // Like the STOP button of the page: writes only the controlword, and then waits until the axis stands.
+  void big_stop() {
+    rig.objects().write<std::uint16_t>(0x6040, 0, quick_stop_word);
+    rig.objects().wait(2s);
+  }
+  void expect_enabling_moves_nothing(const char* after) {
+    const double before = shaft();
+    axis.enable();
+    rig.objects().wait(1s);
+    EXPECT_EQ(axis.state(), PowerState::operation_enabled) << after;
+    EXPECT_NEAR(shaft(), before, nothing) << after;
+    axis.disable();
+  }
+
+  AxisRig rig{GetParam()};
+  Axis402 axis{rig.objects(), rig.options()};
+  AxisUnits units = axis.units().value_or(AxisUnits{131072, 131072, 131072});
+};
+INSTANTIATE_TEST_SUITE_P(Every, Enabling, testing::ValuesIn(every_product),
+                         [](const auto& row) { return row.param.name(); });
+
+TEST_P(Enabling, ARunThatWasStoppedIsNotRevived) {
+  axis.enable();
+  axis.run_at(speed(2), profile(), 5s);
+  big_stop();
+  expect_enabling_moves_nothing("STOP");
+}
+
+TEST_P(Enabling, ARunThatLostItsPowerIsNotRevived) {
+  axis.enable();
+  axis.run_at(speed(2), profile(), 5s);
+  rig.objects().write<std::uint16_t>(0x6040, 0, 0);
+  rig.objects().wait(5s);
+  expect_enabling_moves_nothing("disable voltage");
+}
+
+TEST_P(Enabling, AMoveThatWasStoppedIsNotRevived) {
+  axis.enable();
+  axis.start_move_by(revolutions(20), profile());
+  rig.objects().wait(1s);
+  big_stop();
+  expect_enabling_moves_nothing("STOP in a move");
+}
+
+TEST_P(Enabling, ATorqueThatWasStoppedIsNotRevived) {
+  if (!has_mode(OperationMode::profile_torque)) return;
+  axis.enable();
+  axis.set_mode(OperationMode::profile_torque);
+  rig.objects().write<std::int16_t>(0x6071, 0, 200);
+  rig.objects().wait(50ms);
+  big_stop();
+  expect_enabling_moves_nothing("STOP with torque");
+}
+
+// Targets that another master or a user has left in a drive that is off.
+TEST_P(Enabling, TargetsLeftInADisabledDriveDoNotAct) {
+  struct Left {
+    OperationMode mode;
+    std::uint16_t index;
+    std::int32_t value;
+  };
+  const std::int32_t far = axis.position() + revolutions(3);
+  const Left all[] = {{OperationMode::profile_position, 0x607A, far},
+                      {OperationMode::velocity, 0x6042, 300},
+                      {OperationMode::profile_velocity, 0x60FF, speed(2)},
+                      {OperationMode::profile_torque, 0x6071, 200},
+                      {OperationMode::cyclic_synchronous_position, 0x607A, far},
+                      {OperationMode::cyclic_synchronous_velocity, 0x60FF, speed(2)},
+                      {OperationMode::cyclic_synchronous_torque, 0x6071, 200}};
+  for (const Left& left : all) {
+    if (!has_mode(left.mode)) continue;
+    axis.set_mode(left.mode);
+    if (left.index == 0x6071 || left.index == 0x6042) {
+      rig.objects().write<std::int16_t>(left.index, 0, static_cast<std::int16_t>(left.value));
+    } else {
+      rig.objects().write<std::int32_t>(left.index, 0, left.value);
+    }
+    expect_enabling_moves_nothing(name(left.mode));
+  }
+}
+
+// After a quick stop or halt by the master, no target remains, even if another master enables the drive.
+TEST_P(Enabling, WhatStopsLeavesNoTarget) {
+  for (const bool quick : {true, false}) {
+    axis.enable();
+    axis.run_at(speed(2), profile(), 5s);
+    if (quick) {
+      axis.quick_stop();
+    } else {
+      axis.stop();
+    }
+    EXPECT_EQ(rig.objects().read<std::int32_t>(0x60FF), 0) << (quick ? "quick stop" : "halt");
+    axis.disable();
+  }
+}
+
+// A drive with one object that misbehaves.
+class Odd final : public ObjectClient {
+ public:
+  Odd(ObjectClient& drive, std::uint16_t index, bool refuses) : drive_(drive), index_(index), refuses_(refuses) {}
+
+  std::vector<std::byte> upload(ObjectAddress object) override {
+    std::vector<std::byte> bytes = drive_.upload(object);
+    if (object.index == index_) std::fill(bytes.begin(), bytes.end(), std::byte{1});
+    return bytes;
+  }
+  void download(ObjectAddress object, std::span<const std::byte> data) override {
+    if (refuses_ && object.index == index_) throw ObjectError("the object is read-only", where(), "", false);
+    drive_.download(object, data);
+  }
+  Time now() const override { return drive_.now(); }
+  void wait(Time span) override { drive_.wait(span); }
+  std::uint16_t address() const override { return drive_.address(); }
+  std::string where() const override { return drive_.where(); }
+
+ private:
+  ObjectClient& drive_;
+  std::uint16_t index_;
+  bool refuses_;
+};
+
+// A cyclic master or an input writes this target (iSMK manual, ch. 5.2.1.1), so it does not keep the value written.
+TEST(EnablingIsRefused, WhereATargetCannotBeTakenBack) {
+  AxisRig rig{{"generic402"}};
+  Odd objects(rig.objects(), 0x60FF, false);
+  Axis402 axis(objects, rig.options());
+  axis.set_mode(OperationMode::profile_velocity);
+  EXPECT_THAT(problem_of([&] { axis.enable(); }), HasSubstr("60FFh"));
+  EXPECT_NE(axis.state(), PowerState::operation_enabled);
+  axis.set_mode(OperationMode::profile_position);
+  axis.enable();  // that target does not act in this mode
+}
+
+TEST(EnablingIsRefused, WhereTheDriveRefusesTheTarget) {
+  AxisRig rig{{"generic402"}};
+  Odd objects(rig.objects(), 0x6071, true);
+  Axis402 axis(objects, rig.options());
+  axis.set_mode(OperationMode::profile_torque);
+  EXPECT_THAT(problem_of([&] { axis.enable(); }), testing::AllOf(HasSubstr("6071h"), HasSubstr("read-only")));
+  EXPECT_NE(axis.state(), PowerState::operation_enabled);
+}
+
+}  // namespace
+}  // namespace enable_test
+}  // namespace servodrome::master::test

@@ -1,0 +1,212 @@
+// Mailbox services: SDO, SDO information, emergencies, files.
+#include <gmock/gmock.h>
+
+#include "ethercat_line.hpp"
+#include "master/ethercat/coe_objects.hpp"
+
+namespace servodrome::master::test {
+namespace ethercat_master_coe_test {
+namespace {
+
+using dictionary::AbortCode;
+using testing::HasSubstr;
+
+std::vector<std::byte> counting(std::size_t size) {
+  std::vector<std::byte> bytes(size);
+  for (std::size_t i = 0; i < size; ++i) bytes[i] = static_cast<std::byte>(i * 7 + 1);
+  return bytes;
+}
+
+class CoeTest : public testing::Test {
+ protected:
+  CoeTest() { slave.to_pre_operational(); }
+  AbortCode code_of(const std::function<void()>& call) {
+    try {
+      call();
+    } catch (const CoeError& error) {
+      return error.code();
+    }
+    return AbortCode::none;
+  }
+
+  EthercatLine line;
+  EthercatSlave& slave = *line.open()[0];
+  EthercatDevice& device = line.device(0);
+};
+
+TEST_F(CoeTest, SdosOfEverySize) {
+  slave.coe().write<std::int16_t>(0x2006, 0, -42);
+  EXPECT_EQ(device.objects.ranged, -42);
+  EXPECT_EQ(slave.coe().read<std::int16_t>(0x2006), -42);
+  slave.coe().write<std::uint64_t>(0x2003, 0, 0x1122334455667788);  // normal transfer
+  EXPECT_EQ(slave.coe().read<std::uint64_t>(0x2003), 0x1122334455667788U);
+  // Around the sizes at which a transfer becomes normal or segmented, or has a segment of less than 7 bytes.
+  for (const std::size_t size :
+       {1U, 4U, 5U, 239U, 240U, 241U, 242U, 246U, 247U, 248U, 249U, 486U, 487U, 488U, 2999U, 3000U}) {
+    slave.coe().download({0x2002, 0}, counting(size));
+    EXPECT_EQ(slave.coe().upload({0x2002, 0}), counting(size)) << size;
+  }
+  EXPECT_EQ(slave.coe().upload({0x1008, 0}).size(), std::string_view("Servodrome EtherCAT test device").size());
+}
+
+TEST_F(CoeTest, CompleteAccess) {
+  std::vector<std::byte> record{std::byte{3}, std::byte{0}};
+  for (const unsigned value : {0x1111U, 0x2222U, 0x3333U}) {
+    record.push_back(static_cast<std::byte>(value));
+    record.push_back(static_cast<std::byte>(value >> 8));
+  }
+  slave.coe().download_complete(0x2010, record);
+  EXPECT_EQ(device.objects.record16, (std::array<std::uint16_t, 3>{0x1111, 0x2222, 0x3333}));
+  EXPECT_EQ(slave.coe().upload_complete(0x2010), record);
+  EXPECT_EQ(slave.coe().upload_complete(0x2010, false), std::vector<std::byte>(record.begin() + 2, record.end()));
+  EXPECT_EQ(code_of([&] { slave.coe().upload_complete(0x6041); }), AbortCode::complete_access_not_supported);
+}
+
+TEST_F(CoeTest, AbortsCarryObjectCodeAndWords) {
+  EXPECT_EQ(code_of([&] { slave.coe().upload({0x5555, 0}); }), AbortCode::object_does_not_exist);
+  EXPECT_EQ(code_of([&] { slave.coe().upload({0x1018, 9}); }), AbortCode::sub_index_does_not_exist);
+  EXPECT_EQ(code_of([&] { slave.coe().write<std::uint16_t>(0x6041, 0, 1); }), AbortCode::read_only);
+  EXPECT_EQ(code_of([&] { slave.coe().write<std::int16_t>(0x2006, 0, 101); }), AbortCode::value_too_high);
+  EXPECT_EQ(code_of([&] { slave.coe().download({0x2002, 0}, counting(3001)); }), AbortCode::length_too_high);
+  EXPECT_THAT(problem_of([&] { slave.coe().write<std::int16_t>(0x2006, 0, 101); }),
+              HasSubstr("mem:, slave 1001h, 2006:00: write refused: "));
+  CoeObjects objects(slave);
+  EXPECT_EQ(objects.read_if_present<std::uint16_t>(0x5555), std::nullopt);
+  EXPECT_EQ(objects.read_text(0x1008), "Servodrome EtherCAT test device");
+  EXPECT_EQ(objects.address(), 1U);
+}
+
+TEST_F(CoeTest, EveryListIsWhole) {
+  const auto lengths = slave.coe().list_lengths();
+  const auto all = slave.coe().list(ObjectList::all);
+  std::vector<std::uint16_t> expected;
+  for (const dictionary::Entry& entry : ethercat::test::device_table) {
+    if (expected.empty() || expected.back() != entry.index) expected.push_back(entry.index);
+  }
+  EXPECT_EQ(all, expected);
+  EXPECT_EQ(lengths[0], all.size());
+  EXPECT_EQ(slave.coe().list(ObjectList::rx_pdo).size(), lengths[1]);
+  EXPECT_EQ(slave.coe().list(ObjectList::tx_pdo).size(), lengths[2]);
+  EXPECT_EQ(slave.coe().list(ObjectList::stored), std::vector<std::uint16_t>{0x2003});
+}
+
+TEST_F(CoeTest, DescriptionsOfObjectsAndEntries) {
+  const ObjectDescription object = slave.coe().describe(0x1018);
+  EXPECT_EQ(object.name, "Identity object");
+  EXPECT_EQ(object.type, 0x0023);
+  EXPECT_EQ(object.highest_sub, 4);
+  EXPECT_EQ(object.code, 9);
+  const EntryDescription entry = slave.coe().describe(ObjectAddress{0x2006, 0});
+  EXPECT_EQ(entry.name, "Ranged");
+  EXPECT_EQ(entry.type, 0x0003);
+  EXPECT_EQ(entry.bits, 16);
+  EXPECT_EQ(entry.unit, 0x00B44700U);
+  EXPECT_EQ(entry.default_value, (std::vector<std::uint8_t>{7, 0}));
+  EXPECT_EQ(entry.minimum, (std::vector<std::uint8_t>{0x9C, 0xFF}));
+  EXPECT_EQ(entry.maximum, (std::vector<std::uint8_t>{100, 0}));
+  EXPECT_EQ(entry.access, entry_access::read | entry_access::write | entry_access::rx_pdo | entry_access::tx_pdo);
+  EXPECT_EQ(code_of([&] { slave.coe().describe(0x5555); }), AbortCode::object_does_not_exist);
+  EXPECT_EQ(code_of([&] { slave.coe().describe(ObjectAddress{0x1018, 9}); }), AbortCode::sub_index_does_not_exist);
+}
+
+TEST_F(CoeTest, EmergenciesBetweenAnswersAreKept) {
+  device.slave.emergency(0x3210, 0x05, {1, 2, 3, 4, 5});
+  EXPECT_EQ(slave.coe().read<std::int16_t>(0x2006), 7);
+  ASSERT_EQ(slave.mailbox().emergencies().size(), 1U);
+  EXPECT_EQ(text_of(slave.mailbox().emergencies()[0]),
+            "EMCY 3210h DC link over-voltage, error register 05h, vendor 01 02 03 04 05");
+  device.slave.emergency(0x0000, 0x00, {});
+  CoeObjects objects(slave);
+  ASSERT_TRUE(objects.latest_emergency().has_value());
+  EXPECT_EQ(objects.latest_emergency()->code, 0);
+}
+
+// Each frame may be lost in either direction. A repeated request must act once, and no answer may be matched to another
+// request.
+TEST_F(CoeTest, LostFramesDoNotShow) {
+  std::uint32_t seed = 3;
+  const auto lost = [&seed] {
+    seed = seed * 1664525U + 1013904223U;
+    return seed >> 24 < 26;  // one in ten
+  };
+  slave.coe();
+  line.lost_out = lost;
+  line.lost_back = lost;
+  for (int i = 0; i < 60; ++i) {
+    const auto value = static_cast<std::int16_t>(i - 30);
+    slave.coe().write<std::int16_t>(0x2006, 0, value);
+    ASSERT_EQ(slave.coe().read<std::int16_t>(0x2006), value);
+    const std::size_t size = 100 + 25U * static_cast<std::size_t>(i);
+    slave.coe().download({0x2002, 0}, counting(size));
+    ASSERT_EQ(slave.coe().upload({0x2002, 0}), counting(size));
+  }
+  EXPECT_GT(line.master->lost_frames(), 100U);
+}
+
+TEST_F(CoeTest, AnotherProgramGoesOnWithTheMailboxAsItIs) {
+  slave.coe().write<std::int16_t>(0x2006, 0, 5);
+  for (int i = 0; i < 9; ++i) {
+    // Each iteration uses a new client, whose mailbox counter the slave does not know.
+    EthercatSlave again(*line.master, line.found[0]);
+    EXPECT_EQ(again.coe().read<std::int16_t>(0x2006), 5);
+    EXPECT_EQ(again.coe().read<std::int16_t>(0x2006), 5);
+  }
+  EXPECT_EQ(device.events.changes.size(), 1U);  // to PREOP, once
+}
+
+TEST_F(CoeTest, NoAnswerSaysSo) {
+  slave.coe();
+  line.segment->set_powered(0, false, line.now);
+  EXPECT_THAT(problem_of([&] { slave.coe().upload({0x1000, 0}); }), HasSubstr("frames do not come back"));
+}
+
+class File final : public ethercat::FoeFiles {
+ public:
+  ethercat::FoeError open(std::string_view name, std::uint32_t password, bool writes) override {
+    if (name != "parameters.csv") return ethercat::FoeError::not_found;
+    if (password != 0x1234) return ethercat::FoeError::no_rights;
+    if (writes) content.clear();
+    return ethercat::FoeError::none;
+  }
+  ethercat::FoeError read(std::uint32_t position, std::span<std::uint8_t> into, std::size_t& count) override {
+    count = std::min(into.size(), content.size() - position);
+    std::copy_n(content.begin() + position, count, into.begin());
+    return ethercat::FoeError::none;
+  }
+  ethercat::FoeError write(std::uint32_t, std::span<const std::uint8_t> data, bool last) override {
+    content.insert(content.end(), data.begin(), data.end());
+    complete = last;
+    return ethercat::FoeError::none;
+  }
+  std::vector<std::uint8_t> content;
+  bool complete = false;
+};
+
+TEST(EthercatFoe, FilesOfEverySizeAroundThePackets) {
+  EthercatLine line({.profile = {.file_access = true}});
+  File file;
+  line.device(0).slave.set_files(&file);
+  EthercatSlave& slave = *line.open()[0];
+  EXPECT_TRUE(slave.has_foe());
+  for (const std::size_t size : {0U, 1U, 243U, 244U, 245U, 488U, 5000U}) {
+    std::vector<std::uint8_t> content(size);
+    for (std::size_t i = 0; i < size; ++i) content[i] = static_cast<std::uint8_t>(i * 3);
+    slave.foe().write("parameters.csv", content, 0x1234);
+    EXPECT_TRUE(file.complete);
+    EXPECT_EQ(file.content, content);
+    EXPECT_EQ(slave.foe().read("parameters.csv", 0x1234), content) << size;
+  }
+  EXPECT_THAT(problem_of([&] { slave.foe().read("other", 0x1234); }),
+              HasSubstr("file other: refused: file not found (8001h); check the name"));
+  EXPECT_THAT(problem_of([&] { slave.foe().read("parameters.csv"); }), HasSubstr("no rights (800Ah)"));
+}
+
+TEST(EthercatFoe, ASlaveWithoutItSaysSoByAMailboxError) {
+  EthercatLine line;
+  EthercatSlave& slave = *line.open()[0];
+  EXPECT_THAT(problem_of([&] { slave.foe().read("file"); }), HasSubstr("mailbox error 0002h: protocol not supported"));
+}
+
+}  // namespace
+}  // namespace ethercat_master_coe_test
+}  // namespace servodrome::master::test
