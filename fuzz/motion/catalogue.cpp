@@ -37,7 +37,7 @@ Variant variant_of(const line::Product& product, std::string_view model) {
   return variant;
 }
 
-// A product without sizes may have another encoder: "encoder-10000" is one of 10000 counts per revolution.
+// In place of a size, a product without sizes may have an encoder: "encoder-10000" has 10000 counts per revolution.
 constexpr std::string_view encoder_size = "encoder-";
 
 std::int32_t encoder_of(std::string_view size) {
@@ -67,7 +67,7 @@ line::AxisSettings axis_settings(const AxisSetup& setup, std::size_t number) {
   plant::Parameters& plant = axis.plant;
   plant.supply.charged_at_start = true;
   plant.load.inertia_kgm2 *= static_cast<double>(setup.inertia_percent) / 100.0;
-  // As much as the factory's load would have on a motor of this size.
+  // Friction in the same proportion to the rated torque as that of the default load to the default motor.
   const double rated = plant.motor.rated_torque_nm;
   plant.load.coulomb_friction_nm = 0.008 * rated * static_cast<double>(setup.friction_percent) / 100.0;
   plant.load.static_friction_nm = 1.5 * plant.load.coulomb_friction_nm;
@@ -106,7 +106,7 @@ std::vector<Variant> variants(std::string_view only) {
   for (const line::Product& product : line::all_products()) {
     if (!only.empty() && product.name != only) continue;
     if (product.models.empty()) all.push_back(variant_of(product, {}));
-    // Of its encoders the incremental one begins at 0 with each power-on, and has an index.
+    // A variant with the incremental encoder, which starts at 0 after each power-on and has an index.
     if (product.name == "pronet") all.push_back(variant_of(product, "encoder-10000"));
     for (const products::Model& model : product.models) all.push_back(variant_of(product, model.name));
   }

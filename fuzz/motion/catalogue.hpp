@@ -10,8 +10,8 @@
 #include "line/registry.hpp"
 #include "sequence.hpp"
 
-// What there is to be tried: every product in every size, and what a master has to know of each to give it sensible
-// numbers.
+// The variants that are tested: every product in every size, with the data that a master needs to choose sensible
+// numbers for it.
 namespace servodrome::motion {
 
 struct Variant {
@@ -22,14 +22,14 @@ struct Variant {
   std::uint32_t modes = 0;  // drive::mode_bit()
   bool records = false;     // interpolated position follows 60C1h, not 607Ah
   std::vector<std::uint16_t> homing_methods;
-  std::vector<std::uint16_t> objects;  // which it has of those that not every product has
+  std::vector<std::uint16_t> objects;  // those of the optional objects that it has
 
   bool has(drive::Mode mode) const { return (modes & drive::mode_bit(mode)) != 0; }
   bool has_object(std::uint16_t index) const {
     return std::find(objects.begin(), objects.end(), index) != objects.end();
   }
   bool on_ethercat() const { return product->fieldbus == line::Fieldbus::ethercat; }
-  // Units of the drive for motor revolutions, and for revolutions per s and per s^2.
+  // Convert motor revolutions, revolutions per s and revolutions per s^2 to units of the drive.
   double position(double revolutions) const {
     return revolutions * units.counts_per_revolution / units.position.value();
   }
@@ -41,10 +41,10 @@ struct Variant {
   }
 };
 
-// All of them, or those of one product.
+// All variants, or those of one product.
 std::vector<Variant> variants(std::string_view product = {});
 
-// The variants with the fieldbus of the product of `first`, so that they can share a line.
+// The settings of the line on which a sequence runs: its axes, and a bus of each kind that they need.
 line::LineSettings line_settings(const Sequence& sequence);
 
 }  // namespace servodrome::motion

@@ -15,7 +15,7 @@ const char* mode_text(std::size_t mode) {
 const char* state_text(std::size_t state) { return drive::name(static_cast<drive::PowerState>(state)); }
 
 bool possible(const Variant& variant, std::size_t state, Kind kind) {
-  if (state == 0) return false;  // passed at once
+  if (state == 0) return false;  // the drive leaves it at once
   if (kind == Kind::al) return variant.on_ethercat();
   if (kind == Kind::nmt || kind == Kind::heartbeat || kind == Kind::cut) return !variant.on_ethercat();
   return true;
@@ -42,7 +42,7 @@ CoverageBook::CoverageBook(const std::vector<Variant>& variants) {
   void* memory =
       mmap(nullptr, sizeof(Coverage) * index_.size(), PROT_READ | PROT_WRITE, MAP_SHARED | MAP_ANONYMOUS, -1, 0);
   if (memory == MAP_FAILED) throw std::runtime_error("no memory for the coverage");
-  pages_ = static_cast<Coverage*>(memory);  // of zeros
+  pages_ = static_cast<Coverage*>(memory);  // mmap fills it with zeros
 }
 
 CoverageBook::~CoverageBook() { munmap(pages_, sizeof(Coverage) * index_.size()); }

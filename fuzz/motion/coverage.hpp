@@ -25,7 +25,7 @@ inline constexpr std::array<drive::Mode, 12> all_modes{drive::Mode::pulse,
                                                        drive::Mode::cyclic_sync_velocity,
                                                        drive::Mode::cyclic_sync_torque};
 
-// How often each kind of event came in each power state and mode.
+// Counts how often each kind of event occurred in each power state and mode.
 struct Coverage {
   std::array<std::array<std::array<std::uint32_t, all_modes.size()>, kinds>, power_states> counts{};
 
@@ -33,7 +33,7 @@ struct Coverage {
   void add(const Coverage& other);
 };
 
-// Of the products of some variants, in memory that is shared with the processes that are forked later.
+// The coverage of each product, in memory that is shared with the processes that are forked later.
 class CoverageBook {
  public:
   explicit CoverageBook(const std::vector<Variant>& variants);
@@ -49,7 +49,7 @@ class CoverageBook {
   Coverage* pages_ = nullptr;
 };
 
-// Tables of all products, and what was never reached of what their modes allow.
+// A table for each product, and a list of the combinations that are possible in its modes but were never reached.
 std::string report(const std::map<std::string, Coverage>& by_product, const std::vector<Variant>& variants);
 
 }  // namespace servodrome::motion

@@ -37,7 +37,8 @@ Drawn Generator::draw() {
   for (std::int64_t n = random_.within(least_steps, 14); n > 0; --n) {
     if (n <= static_cast<std::int64_t>(tree_.levels)) fork(tree_.levels - static_cast<unsigned>(n));
     axis_ = static_cast<std::uint8_t>(random_.below(axes));
-    // Where a beginning is shared, the rest is most of the work: seldom a long story, and a look at what follows.
+    // If sequences share a beginning, most of the work is in their ends, so the ends are short: rarely a theme, and
+    // less time after the last event.
     const bool alone = tree_.levels > 0 && n == 1;
     if (random_.chance(alone ? 5 : 15)) {
       theme();
@@ -54,12 +55,12 @@ Drawn Generator::draw() {
   return {std::move(sequence_), std::move(forks_)};
 }
 
-// Several steps that belong together, with time for what follows from them.
+// Draws a theme: several related steps, with waiting times.
 void Generator::theme() {
   struct Row {
     Theme draws;
     int weight;
-    std::uint16_t needs = 0;  // an object; 0: none
+    std::uint16_t needs = 0;  // an object that the product must have; 0: none
   };
   static constexpr std::array rows{
       Row{&Generator::ramp_of_zero, 2},
@@ -99,7 +100,7 @@ void Generator::theme() {
   }
 }
 
-// From here on the numbers are those of this part of the tree.
+// From here on the random numbers are those of this branch of the tree.
 void Generator::fork(unsigned level) {
   random_ = Random(seed_ + (level + 1) * 0x9E3779B97F4A7C15ULL, number_ / tree_.leaves(level + 1));
   forks_.push_back(now_);
@@ -118,13 +119,13 @@ void Generator::add_axis(const Variant& variant) {
   axis.model = variant.model;
   const double turn = variant.units.counts_per_revolution;
   if (random_.chance(60)) axis.start_counts = std::llround(turn * (random_.unit() * 8.0 - 4.0));
-  if (random_.chance(4)) {  // about an end of the 32 bits of 6064h
+  if (random_.chance(4)) {  // near an end of the 32-bit range of 6064h
     const double half = 2147483648.0 * variant.units.position.value();
     axis.start_counts +=
         std::llround(half * static_cast<double>(random_.within(-2, 1) * 2 + 1) / (random_.chance(80) ? 1.0 : 2.0));
   }
-  // A drive that is not told of the load's inertia has loops for one like its own: a much greater one makes them
-  // swing.
+  // `told`: the drive knows the load's inertia. Otherwise its loops are set for a load like its own rotor, and would
+  // oscillate with a much greater one.
   const bool told = variant.model.empty();
   static constexpr std::array<std::int64_t, 6> inertias{100, 100, 100, 20, 300, 1000};
   static constexpr std::array<std::int64_t, 5> frictions{100, 100, 0, 300, 1000};
@@ -132,7 +133,7 @@ void Generator::add_axis(const Variant& variant) {
   axis.friction_percent = random_.of(frictions);
   if (random_.chance(25)) axis.travel_counts = std::llround(turn * (4.0 + random_.unit() * 8.0));
   if (axis.travel_counts != 0 ? random_.chance(30)
-                              : random_.chance(8)) {  // hard stops, behind the switches if there are any
+                              : random_.chance(8)) {  // hard stops, beyond the limit switches if there are any
     const auto least = axis.travel_counts != 0 ? axis.travel_counts : std::llround(turn * 4.0);
     axis.stop_counts = least + std::llround(turn * (0.1 + 3.0 * random_.unit()));
   }
@@ -237,7 +238,7 @@ void Generator::begin(std::uint8_t axis) {
   axis_ = axis;
   now_ = std::max<std::int64_t>(now_, 16);
   if (is("ismk")) wire_switches();
-  if (random_.chance(92)) {  // quick enough to see something
+  if (random_.chance(92)) {  // speeds and ramps that give visible motion within the sequence
     write(0x6081, velocity(variant().max_speed_rpm / 60.0 * (0.1 + 0.5 * random_.unit())));
     const double gain = 100.0 + 900.0 * random_.unit();
     write(0x6083, acceleration(gain));
@@ -261,7 +262,7 @@ void Generator::begin(std::uint8_t axis) {
   }
 }
 
-// The iSMK's inputs have no function from the factory, and its limit switches are active when open.
+// By default the iSMK's inputs have no functions, and its limit switches are active when open.
 void Generator::wire_switches() {
   struct Row {
     std::uint8_t sub;
@@ -272,7 +273,7 @@ void Generator::wire_switches() {
     add({.kind = Kind::write, .via = Via::direct, .index = 0x2010, .sub = row.sub, .value = row.value});
 }
 
-// 60C2h as it is right for the master's cycle; one of 3.333 ms is rounded.
+// Writes the master's cycle to 60C2h; 3.333 ms is rounded.
 void Generator::interpolation_period() {
   std::int64_t value = sequence_.cycle_us;
   std::int64_t exponent = -6;
@@ -352,7 +353,8 @@ void Generator::move() {
   }
 }
 
-// vl velocity mode: bits 4 to 6 let the ramp run, lock it, or lead it to 0; its ramps are its own, in rpm and s.
+// vl velocity mode: bits 4 to 6 of the controlword let the ramp run, lock it, or ramp down to 0. The mode has its own
+// ramps, in rpm and s.
 void Generator::move_vl() {
   if (random_.chance(30)) {
     static constexpr std::array<std::uint16_t, 3> ramps{0x6048, 0x6049, 0x604A};
@@ -369,7 +371,7 @@ void Generator::set_point() {
   if (random_.chance(10)) write(0x6081, speed());
   if (variant().has_object(0x60F2) && random_.chance(10)) write(0x60F2, random_.below(3) | random_.below(4) << 6);
   std::uint16_t word = 0x0F;
-  if (random_.chance(50)) word |= 0x20;  // at once
+  if (random_.chance(50)) word |= 0x20;  // change set immediately
   if (random_.chance(40)) {
     word |= 0x40;
     write(0x607A, distance());
@@ -386,7 +388,8 @@ void Generator::set_point() {
   if (random_.chance(50)) now_ += random_.within(5, 200) * ticks_per_ms;
 }
 
-// So many revolutions away, in either direction. Process data have to carry bit 4 for a cycle.
+// A set-point with immediate effect, at this distance in either direction. Bit 4 stays set for more than a cycle, so
+// that process data carry it.
 void Generator::set_point_at_once(double revolutions) {
   const std::int64_t cycle = (sequence_.cycle_us * ticks_per_ms + 999) / 1000 + 16;
   const double way = random_.chance(50) ? revolutions : -revolutions;
@@ -456,7 +459,7 @@ void Generator::stop() {
     case 5:
     case 6:
     case 7: control(0x10F); break;  // halt
-    case 8: control(0x0F); break;   // and on
+    case 8: control(0x0F); break;   // end of the halt
     case 9: control(static_cast<std::uint16_t>(0x80 | (random_.chance(50) ? 0x0F : 0x00))); break;
     case 10: control(static_cast<std::uint16_t>(random_.below(0x200))); break;
     default:
@@ -478,7 +481,7 @@ void Generator::limit() {
     case 6: return write(0x607F, speed());
     case 7: return write(0x6080, random_.chance(20) ? 0 : random_.within(50, 6000));
     case 8:
-    case 9: {  // around where it is, beside it, or swapped
+    case 9: {  // limits around the axis, beside it, or exchanged
       const std::int64_t one = distance();
       const std::int64_t other = distance();
       const bool swapped = random_.chance(8);
@@ -602,7 +605,7 @@ void Generator::network() {
   if (random_.chance(20)) add({.kind = Kind::cycle, .value = random_.below(2)});
 }
 
-// A value that no master should write, to an object that moves the axis.
+// Writes a value that no master should write, to an object that affects motion.
 void Generator::anything() {
   static constexpr std::array<std::uint16_t, 26> objects{
       0x6040, 0x6060, 0x607A, 0x60FF, 0x6071, 0x6081, 0x6082, 0x6083, 0x6084, 0x6085, 0x6086, 0x607F, 0x6080,

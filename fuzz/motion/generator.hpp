@@ -4,9 +4,9 @@
 
 namespace servodrome::motion {
 
-// Draws one sequence: mostly what masters do in a sensible order, mixed with what none should do. What is drawn lies
-// behind `now_`, which goes on with it. Steps are in generate.cpp, themes (steps that belong together) in themes.cpp
-// and themes_objects.cpp.
+// Draws one sequence: mostly sensible actions of masters in a sensible order, mixed with actions that no master should
+// do. An event gets the time `now_`, which advances from event to event. Steps are in generate.cpp, themes (groups of
+// related steps) in themes.cpp and themes_objects.cpp.
 class Generator {
  public:
   Generator(std::uint64_t seed, std::uint64_t number, const std::vector<Variant>& variants, Tree tree);
@@ -41,7 +41,7 @@ class Generator {
   void write_here(std::uint16_t index, std::int64_t value, std::uint8_t sub = 0, Via via = Via::sdo);
   void control(std::uint16_t word) { write(0x6040, word); }
   bool set_mode(drive::Mode wanted);
-  // Enable, and so long until the axis is.
+  // Lets the master enable the axis, and waits.
   void enable();
 
   // --- Values, in the drive's units

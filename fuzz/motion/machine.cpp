@@ -17,7 +17,7 @@ constexpr std::int64_t enable_limit = 600 * ticks_per_ms;
 constexpr std::int64_t master_period = ticks_per_ms;
 constexpr int longest_braking = 10'000 * ticks_per_ms;
 constexpr std::int64_t crowd_window = 4 * ticks_per_ms;
-constexpr std::int64_t stop_linger = ticks_per_ms;  // a shaft springs back from a hard stop for a little while
+constexpr std::int64_t stop_linger = ticks_per_ms;  // time for which a shaft may rebound from a hard stop
 constexpr std::int64_t load_window = 50 * ticks_per_ms;
 
 }  // namespace
@@ -78,12 +78,12 @@ class Life::Machine final : public FrameListener {
   struct AxisState {
     Surroundings around;
     Stream stream;
-    bool held = false;                    // the rotor, by the bench
-    std::int64_t touched = -stop_linger;  // tick, of a hard stop
+    bool held = false;                    // the bench holds the rotor
+    std::int64_t touched = -stop_linger;  // tick of the last contact with a hard stop
     bool enabling = false;
     std::int64_t enabling_until = 0;
     bool set_up = false;
-    std::int64_t set_up_at = 0;  // after power-on
+    std::int64_t set_up_at = 0;  // tick at which the master sets the axis up again; 0: never
   };
 
   line::Axis& axis(std::size_t i) { return *line_.axes()[i]; }
@@ -94,7 +94,7 @@ class Life::Machine final : public FrameListener {
     ProcessValues& values = master_->values(i);
     values = {};
     dictionary::Dictionary& objects = axis(i).device().bus_dictionary();
-    // As a careful master begins: with the targets at what is there.
+    // Starts with the actual position as the target, as a careful master does.
     values.position = static_cast<std::int32_t>(objects.number(0x6064));
     values.mode = static_cast<std::int8_t>(objects.number(0x6060));
     line_.changed();
@@ -130,7 +130,7 @@ class Life::Machine final : public FrameListener {
     return true;
   }
 
-  // A hard stop holds the shaft as a locked rotor does, and springs it back, which may be over within a tick.
+  // A hard stop holds the shaft like a locked rotor, and the shaft rebounds from it, perhaps within one tick.
   void look_at_stops(std::size_t i) {
     AxisState& state = axes_[i];
     const plant::Plant& plant = axis(i).plant();
@@ -143,7 +143,7 @@ class Life::Machine final : public FrameListener {
     state.around.locked = state.held || touches;
   }
 
-  // A bus with more frames than it can carry, by what the master maps and sends, keeps any frame waiting.
+  // The frames that the master maps and sends may overload the bus. Then any frame may have to wait.
   void look_for_crowds() {
     const links::CanBus& bus = line_.buses().front()->bus;
     const std::uint64_t bits = bus.counters().bits;
@@ -152,13 +152,14 @@ class Life::Machine final : public FrameListener {
     for (AxisState& one : axes_) one.around.quiet_bus = quiet;
   }
 
-  // The master's own frames are few where it maps nothing and sends no SYNC.
+  // Drives must not overload the bus. Checked only while the master itself sends few frames: it maps nothing and sends
+  // no SYNC.
   bool look_at_load() {
     const links::CanBus& bus = line_.buses().front()->bus;
     const std::uint64_t bits = bus.counters().bits;
     const double share = static_cast<double>(bits - bits_) / (62.5e-6 * load_window * bus.bit_rate());
     bits_ = bits;
-    const bool streamed = streamed_;  // by SDO, which is the master's own crowd
+    const bool streamed = streamed_;  // by SDO: a load that the master causes
     streamed_ = false;
     const bool whole = !streamed && std::none_of(axes_.begin(), axes_.end(), [this](const AxisState& one) {
       return one.around.cut || tick_ - one.around.joined < 2 * load_window || one.stream.left > 0;
@@ -213,7 +214,7 @@ class Life::Machine final : public FrameListener {
       value = static_cast<std::int32_t>(static_cast<std::uint32_t>(static_cast<std::uint64_t>(value)));
     }
     values.set(stream.index, value);
-    if (stream.gap > 0 && stream.sent % stream.gap == 0) return;  // lost
+    if (stream.gap > 0 && stream.sent % stream.gap == 0) return;  // this value is not sent
     if (stream.index == 0x60C1) {
       write(i, stream.index, 1, value, Via::direct);
     } else if (on_can()) {
@@ -245,7 +246,7 @@ class Life::Machine final : public FrameListener {
     axes_[i].around.commanded = tick_;
   }
 
-  // A master on its way to Operation enabled.
+  // The master brings an axis to Operation enabled, step by step.
   void poll_axis(std::size_t i) {
     AxisState& state = axes_[i];
     if (state.set_up_at != 0 && tick_ >= state.set_up_at) {
@@ -258,7 +259,7 @@ class Life::Machine final : public FrameListener {
       return;
     }
     switch (axis(i).device().drive().state()) {
-      case drive::PowerState::fault:  // each level for two cycles: process data have room for one value
+      case drive::PowerState::fault:  // each level for two cycles, because process data carry only one value per cycle
         control(i, tick_ / (2 * std::max(cycle_ticks_, master_period)) % 2 == 0 ? 0x80 : 0x00);
         break;
       case drive::PowerState::switch_on_disabled: control(i, 0x06); break;
@@ -321,7 +322,7 @@ class Life::Machine final : public FrameListener {
       case Kind::heartbeat:
         master_->command(i, event.kind, event.value);
         state.around.commanded = tick_;
-        if (event.kind == Kind::nmt && event.value >= 0x81) {  // it forgets its mapping
+        if (event.kind == Kind::nmt && event.value >= 0x81) {  // the node loses its mapping
           state.set_up_at = tick_ + 4 * ticks_per_ms;
           state.enabling = false;
         }
@@ -343,7 +344,7 @@ class Life::Machine final : public FrameListener {
     plant::Plant& plant = axis(i).plant();
     Surroundings& around = state.around;
     switch (event.kind) {
-      case Kind::input:  // what is told by a switch is no motion
+      case Kind::input:  // a switch does not move the shaft
         axis(i).force_input(static_cast<int>(event.count),
                             event.value == 2 ? std::nullopt : std::optional<bool>(event.value != 0));
         return;
@@ -400,9 +401,10 @@ class Life::Machine final : public FrameListener {
     around.disturbed = tick_;
   }
 
-  // --- The way back
+  // --- Recovery
 
-  // Nothing is broken any more and the shaft rests: first by the bus alone, then with the power off and on.
+  // Removes all disturbances. Then every axis must get back to Operation enabled: first by commands over the bus, then
+  // after a power cycle.
   void recover() {
     heal();
     if (!run_for(20) || !back_by_the_bus() || !run_for(1)) return;
@@ -445,7 +447,7 @@ class Life::Machine final : public FrameListener {
       state.enabling = true;
       state.enabling_until = tick_ + (milliseconds + 600) * ticks_per_ms + longest_braking;
     }
-    int braking = 0;  // ticks: a stop takes as long as its ramp
+    int braking = 0;  // ticks; a stop may take as long as its ramp
     for (int t = 0; t < milliseconds * ticks_per_ms && !all_enabled(); ++t) {
       if (brakes() && braking < longest_braking) --t, ++braking;
       if (!one_tick()) return false;
@@ -461,8 +463,8 @@ class Life::Machine final : public FrameListener {
     });
   }
 
-  // A master that starts the node, takes back its commands and resets the fault. What only the supply takes back is
-  // left.
+  // The master starts the node, clears its commands and resets the fault. A fault that only a power cycle resets may
+  // stay.
   bool back_by_the_bus() {
     for (std::size_t i = 0; i < axes_.size(); ++i) {
       if (!axes_[i].around.powered) carry_out_benchs(i, {.kind = Kind::power, .value = 1});
@@ -470,7 +472,7 @@ class Life::Machine final : public FrameListener {
     }
     if (!run_for(60)) return false;
     for (std::size_t i = 0; i < axes_.size(); ++i) {
-      set_up(i);  // again: a reset that waited for a cut bus has come since
+      set_up(i);  // again, because a reset that waited for the cut bus may have been carried out since
       control(i, 0);
     }
     if (!run_for(60)) return false;
@@ -479,7 +481,7 @@ class Life::Machine final : public FrameListener {
       if (!run_for(20)) return false;
     }
     for (std::size_t i = 0; i < axes_.size(); ++i) {
-      // What may be wrong with the objects is not the drive's to forgive.
+      // Sets mode and targets to valid values, because a fault that wrong values cause would come back.
       const auto mode = static_cast<std::int64_t>(Mode::profile_position);
       carry_out_masters(i, {.kind = Kind::write, .via = Via::pdo, .index = 0x6060, .value = mode});
       for (const std::uint16_t index : std::to_array<std::uint16_t>({0x60FF, 0x6071, 0x60B0, 0x60B1, 0x60B2})) {
@@ -488,14 +490,14 @@ class Life::Machine final : public FrameListener {
       }
     }
     if (!run_for(100) || !enable_all(1500)) return false;
-    if (!enable_all(300)) return false;  // one whose fault has only just gone is on its way
+    if (!enable_all(300)) return false;  // for an axis whose fault has only just ended
     const auto is_on_its_way = [](const auto& one) { return one->device().drive().axis().objects.error_code == 0; };
     if (std::any_of(line_.axes().begin(), line_.axes().end(), is_on_its_way) && !enable_all(300)) return false;
     for (std::size_t i = 0; i < axes_.size(); ++i) {
       const drive::Drive& drive = axis(i).device().drive();
       if (drive.state() == drive::PowerState::operation_enabled) continue;
       if (std::abs(axis(i).plant().velocity_rpm()) > 5.0 || drive.axis().demand.velocity != 0.0F)
-        continue;  // it still brakes, which the stop's invariants watch
+        continue;  // it still brakes; the invariants of stops check that
       const bool by_power =
           std::any_of(drive.policy().faults.begin(), drive.policy().faults.end(), [&](const auto& row) {
             return drive.is_active(row.cause) &&
@@ -510,11 +512,12 @@ class Life::Machine final : public FrameListener {
     return true;
   }
 
-  // What takes longer to go than is waited for: heat, and a DC link that nothing discharges.
+  // Returns true for causes that last longer than recovery waits: heat, and the voltage of a DC link that nothing
+  // discharges.
   bool lasts(std::size_t i, drive::Cause cause) {
     const drive::Drive& drive = axis(i).device().drive();
     switch (cause) {
-      case drive::Cause::over_voltage: {  // or it has only just gone
+      case drive::Cause::over_voltage: {  // also if it has only just ended
         constexpr double just_gone = 0.98;
         return axis(i).plant().dc_link_v() >
                just_gone * static_cast<double>(drive.configuration().monitors.over_voltage_v);
@@ -531,11 +534,11 @@ class Life::Machine final : public FrameListener {
     for (std::size_t i = 0; i < axes_.size(); ++i) {
       axes_[i].enabling = false;
       carry_out_benchs(i, {.kind = Kind::power, .value = 0});
-      carry_out_benchs(i, {.kind = Kind::lock, .value = 1});  // so that it rests
+      carry_out_benchs(i, {.kind = Kind::lock, .value = 1});  // so that the shaft rests
     }
     if (!run_for(20)) return;
     for (std::size_t i = 0; i < axes_.size(); ++i) {
-      // Where the switches of its travel do not speak.
+      // The start position, where no switch is active.
       if (axis(i).plant().position_counts() != sequence_.axes[i].start_counts)
         axis(i).place(sequence_.axes[i].start_counts);
       carry_out_benchs(i, {.kind = Kind::lock, .value = 0});
@@ -552,7 +555,7 @@ class Life::Machine final : public FrameListener {
     }
   }
 
-  // --- For people
+  // --- Log
 
   void tell() {
     for (std::size_t i = 0; i < axes_.size(); ++i) {
@@ -579,7 +582,7 @@ class Life::Machine final : public FrameListener {
   }
 
   Sequence sequence_;
-  std::size_t next_ = 0;  // event
+  std::size_t next_ = 0;  // index of the next event
   RunOptions options_;
   line::Line line_;
   std::vector<AxisState> axes_;

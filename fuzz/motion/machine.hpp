@@ -13,30 +13,30 @@ namespace servodrome::motion {
 
 struct Outcome {
   std::optional<Finding> finding;
-  std::uint64_t fingerprint = 0;  // of all that was seen
+  std::uint64_t fingerprint = 0;  // hash of everything observed
   std::int64_t ticks = 0;
 };
 
-// Where a run tells what happens, for people: a line for each change of state and each millisecond or so.
+// The log of a run, for people: a line for each change of statusword or mode, and one at regular intervals.
 using Story = std::string;
 
 struct RunOptions {
   CoverageBook* coverage = nullptr;
   Story* story = nullptr;
-  std::int64_t story_ticks = 10 * ticks_per_ms;  // between two lines of it, where nothing happens
-  bool recover = false;                          // at the end every axis is to be led back to Operation enabled
+  std::int64_t story_ticks = 10 * ticks_per_ms;  // interval of its lines if nothing changes
+  bool recover = false;                          // at the end every axis must get back to Operation enabled
 };
 
-// A sequence that is carried out on a line of its own, in virtual time, with every tick watched.
+// One run of a sequence on a line of its own, in virtual time. The invariants are checked after every tick.
 class Life {
  public:
   Life(const Sequence& sequence, const RunOptions& options);
   ~Life();
-  // Up to this tick of the sequence. False: something was found.
+  // Runs up to this tick of the sequence. Returns false if an invariant is broken.
   bool run_to(std::int64_t tick);
-  // What comes from now on, out of a sequence that is equal up to now.
+  // Continues with the rest of this sequence, which must be equal to the present one up to now.
   void go_on_with(const Sequence& sequence);
-  // The rest, and the way back to Operation enabled where the options ask for it.
+  // Runs the rest of the sequence. With `recover`, brings the axes back to Operation enabled afterwards.
   Outcome end(bool recover);
   std::int64_t ticks() const;
 
@@ -45,10 +45,10 @@ class Life {
   std::unique_ptr<Machine> machine_;
 };
 
-// A whole sequence.
+// Runs a whole sequence.
 Outcome run(const Sequence& sequence, const RunOptions& options = {});
 
-// The same, and once more where that is asked for: nothing may differ.
+// The same. With `twice` it runs the sequence a second time; a different result is a finding.
 Outcome run_checked(const Sequence& sequence, const RunOptions& options, bool twice);
 
 }  // namespace servodrome::motion

@@ -1,4 +1,5 @@
-// Random lives of whole drives in virtual time, each tick watched: see README.md of this folder.
+// Runs random sequences on whole drives in virtual time and checks invariants after each tick: see README.md of this
+// folder.
 #include <algorithm>
 #include <array>
 #include <atomic>
@@ -191,8 +192,8 @@ Options parse(int argc, char** argv) {
   return options;
 }
 
-// One in so many is led back to Operation enabled at its end, and one is run twice. Either takes as long as many leaves
-// of a tree.
+// One sequence in 16 must get back to Operation enabled at its end, and one in 16 is run twice. With trees both are
+// rarer, because either takes as long as many leaves.
 bool recovers(std::uint64_t number, Tree tree) { return number % std::max<std::uint64_t>(16, tree.leaves()) == 5; }
 bool runs_twice(std::uint64_t number, Tree tree) { return number % (16 * tree.leaves()) == 9; }
 
@@ -222,12 +223,12 @@ struct Shared {
   std::atomic<std::uint64_t> done{0};
   std::atomic<std::uint64_t> ticks{0};
   std::atomic<std::uint64_t> current{0};
-  std::atomic<std::uint64_t> next{0};  // all of this job below it are done
+  std::atomic<std::uint64_t> next{0};  // all sequences of this job with lower numbers are done
   std::atomic<bool> found{false};
 };
 
-// The share of one process and of those that it forks. Records as lines: "F number invariant product text", "X number
-// signal" of a process that ended by one, "C product ..." at the end.
+// The work of one process and of those that it forks. It reports in lines: "F number invariant product text" for a
+// finding, "X number signal" for a process that a signal ended, "C product ..." for the coverage at the end.
 class Worker {
  public:
   Worker(const Options& options, const std::vector<Variant>& variants, int job, int out, std::span<Shared> all,
@@ -271,8 +272,8 @@ class Worker {
            std::any_of(all_.begin(), all_.end(), [](const Shared& one) { return one.found.load(); });
   }
 
-  // A life that has come to the level's fork, or before it, goes on in each way: in processes of its own, and the last
-  // way in this one.
+  // Runs `life` up to the fork of this level and then each continuation: the last one in this process, the others in
+  // processes of their own.
   void live(Life& life, std::uint64_t number, const Drawn& drawn, unsigned level) {
     const std::int64_t began = life.ticks();
     const bool whole = level < drawn.forks.size();
@@ -304,7 +305,7 @@ class Worker {
     }
   }
 
-  // Some leaves are carried out from their beginning as well: both ways have to agree to the last bit.
+  // Runs some leaves from their beginning as well. Both results must agree to the last bit.
   Outcome again(std::uint64_t number, const Sequence& sequence, Outcome outcome) {
     if (outcome.finding || !runs_twice(number, options_.tree)) return outcome;
     const Outcome alone = run(sequence, {.recover = recovers(number, options_.tree)});
@@ -334,7 +335,7 @@ class Worker {
     }
   }
 
-  // A line at once, whichever process writes it.
+  // Writes a line with one call, so that the lines of several processes do not mix.
   void tell(const std::string& line) const {
     if (write(out_, line.data(), line.size()) < 0) std::_Exit(1);
   }
@@ -355,7 +356,7 @@ struct Result {
   std::map<std::string, Coverage> coverage;
   std::uint64_t done = 0;
   std::uint64_t ticks = 0;
-  std::uint64_t next = 0;  // all before it are done
+  std::uint64_t next = 0;  // all sequences with lower numbers are done
   double seconds = 0;
   std::vector<std::string> crashes;
 };
@@ -412,7 +413,7 @@ Result explore(const Options& options, const std::vector<Variant>& variants) {
     if (process < 0) wrong_usage("no process");
     if (process == 0) {
       close(ends[0]);
-      std::signal(SIGINT, SIG_IGN);  // the first process tells the others
+      std::signal(SIGINT, SIG_IGN);  // the first process ends the others
       std::signal(SIGTERM, SIG_DFL);
       Worker(options, variants, static_cast<int>(job), ends[1], std::span(shared, jobs), end).work();
       std::_Exit(0);
@@ -471,7 +472,7 @@ Result explore(const Options& options, const std::vector<Variant>& variants) {
   return result;
 }
 
-// A finding as the text of a case that replays it.
+// Returns a finding as the text of a case file that replays it.
 std::string case_text(const Options& options, const std::pair<std::string, std::string>& group, const Found& found,
                       const std::vector<Variant>& variants) {
   Sequence sequence = draw(options.seed, found.number, variants, options.tree).sequence;

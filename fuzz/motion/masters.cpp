@@ -27,7 +27,7 @@ unsigned size_of(dictionary::Dictionary& objects, std::uint16_t index, std::uint
   return entry == nullptr ? 0 : static_cast<unsigned>(dictionary::size_of(entry->type));
 }
 
-// A mapping with those of the objects that the device lets be mapped. How many bytes it has.
+// Maps those of the objects that the device allows to be mapped. Returns the number of bytes.
 std::size_t map(dictionary::Dictionary& objects, std::uint16_t mapping, std::span<const std::uint16_t> wanted,
                 std::vector<std::uint16_t>* taken = nullptr) {
   objects.set_number(mapping, 0, 0);
@@ -83,8 +83,8 @@ CanMaster::CanMaster(line::Line& line, FrameListener& listener)
 
 CanMaster::~CanMaster() { bus_.detach(port_); }
 
-// RPDO 1 the controlword with the mode, 2 to 4 the targets; TPDO 1 the statusword with mode and error code, 2 position
-// and speed. Written without frames: configuration is not what is tried here.
+// RPDO 1: controlword and mode; RPDOs 2 to 4: targets; TPDO 1: statusword, mode and error code; TPDO 2: position and
+// velocity. Written without frames, because configuration is not tested here.
 void CanMaster::set_up(std::size_t axis, bool mapped) {
   Node& node = nodes_[axis];
   node.id = line_.axes()[axis]->device().node_id();
@@ -259,7 +259,7 @@ void EthercatMaster::channel(std::size_t axis, unsigned number, std::uint16_t st
   put(axis, static_cast<std::uint16_t>(reg::sync_manager + 8 * number), settings);
 }
 
-// Mailbox, mapping (written without frames), SYNC0; the states are asked for step by step in poll().
+// Sets up mailbox, mapping (without frames) and SYNC0. poll() then requests the states step by step.
 void EthercatMaster::set_up(std::size_t axis, bool mapped) {
   Slave& slave = slaves_[axis];
   slave = {};
@@ -292,7 +292,6 @@ void EthercatMaster::set_up(std::size_t axis, bool mapped) {
   };
   slave.output_bytes = layout(0x1C12, &slave.outputs);
   slave.input_bytes = layout(0x1C13, nullptr);
-  // Objects that are mapped and none of the master's own keep the values they have.
   if (sync0_) {
     std::array<std::uint8_t, 8> bytes{};
     const std::int64_t cycle_ns = cycle_us_ * 1000;
@@ -322,7 +321,7 @@ void EthercatMaster::lead(std::size_t axis) {
   }
   std::uint8_t next = slave.wanted;
   if (slave.wanted > state) next = state == 1 ? 2 : state == 2 ? 4 : 8;
-  if (next == slave.asked && next == 8) return;  // it waits for outputs or SYNC0
+  if (next == slave.asked && next == 8) return;  // already requested: the slave waits for outputs or SYNC0
   slave.asked = next;
   const std::array<std::uint8_t, 2> control{static_cast<std::uint8_t>(next | 0x10), 0};
   put(axis, reg::al_control, control);
@@ -332,7 +331,7 @@ bool EthercatMaster::poll() {
   for (std::size_t i = 0; i < slaves_.size(); ++i) {
     lead(i);
     if (slaves_[i].wanted <= 1) continue;
-    // A mail that waits is fetched, so that the mailbox has room again.
+    // Reads a waiting message, so that the mailbox is free again.
     constexpr std::uint16_t mailbox_status = reg::sync_manager + 8 + 5;
     constexpr std::uint8_t mailbox_full = 0x08;
     const std::array<std::uint8_t, 1> status{};
@@ -369,7 +368,7 @@ void EthercatMaster::write(std::size_t axis, std::uint16_t index, std::uint8_t s
   mail[11] = sub;
   store(&mail[12], value, bytes);
   const std::array<std::uint8_t, mailbox_bytes> empty{};
-  for (int i = 0; i < 9; ++i) {  // emergencies that wait
+  for (int i = 0; i < 9; ++i) {  // reads waiting emergencies
     if (send(Command::aprd, ethercat::address_of(address(axis), 0x1100), empty) == 0) break;
   }
   put(axis, 0x1000, mail);
@@ -383,6 +382,7 @@ void EthercatMaster::cycle(bool) {
     if (slave.output_bytes != 0) {
       const auto out = writer.add(Command::apwr, 0, ethercat::address_of(address(i), 0x1200), slave.output_bytes);
       dictionary::Dictionary& objects = line_.axes()[i]->device().bus_dictionary();
+      // Mapped objects that the master does not set keep their present values.
       for (const Mapped& one : slave.outputs) {
         const bool own = std::find(process_objects.begin(), process_objects.end(), one.index) != process_objects.end();
         const std::int64_t value = own ? values_[i].get(one.index) : objects.number(one.index, 0);

@@ -10,25 +10,25 @@
 #include "line/line.hpp"
 #include "sequence.hpp"
 
-// The masters of a line in virtual time: what they send are frames.
+// The masters of a line in virtual time. They act by frames, except that they map PDOs directly.
 namespace servodrome::motion {
 
-// Values that go in process data.
+// Values that the master sends in process data.
 struct ProcessValues {
   std::uint16_t controlword = 0;
   std::int8_t mode = 0;
   std::int32_t position = 0;
   std::int32_t velocity = 0;
   std::int16_t torque = 0;
-  std::int32_t record = 0;  // 60C1h sub 1, which is mapped in none of them
+  std::int32_t record = 0;  // 60C1h sub 1, which is not mapped
 
-  // False: the object is none of them.
+  // Returns false if the object is none of these.
   bool set(std::uint16_t index, std::int64_t value);
   std::int64_t get(std::uint16_t index) const;
 };
 inline constexpr std::array<std::uint16_t, 5> process_objects{0x6040, 0x6060, 0x607A, 0x60FF, 0x6071};
 
-// Hears what the axes send.
+// Receives the frames that the axes send.
 class FrameListener {
  public:
   virtual void heard(std::size_t axis, const canopen::Frame& frame, line::Time at) = 0;
@@ -40,7 +40,7 @@ class FrameListener {
 class Master {
  public:
   virtual ~Master() = default;
-  // From power-on to where process data go, as far as that can be asked for at once.
+  // Sets an axis up after power-on, up to the exchange of process data, as far as that is possible in one step.
   virtual void set_up(std::size_t axis, bool mapped) = 0;
   virtual void write(std::size_t axis, std::uint16_t index, std::uint8_t sub, std::int64_t value, unsigned bytes,
                      bool pdo) = 0;
@@ -48,9 +48,9 @@ class Master {
   virtual void command(std::size_t axis, Kind kind, std::int64_t value) = 0;
   // One cycle of process data with or without SYNC.
   virtual void cycle(bool sync) = 0;
-  // Between cycles, every ms. True: a heartbeat went out.
+  // Called every ms between cycles. Returns true if a heartbeat was sent.
   virtual bool poll() = 0;
-  // The axis has no power any more, until it is set up again.
+  // The axis has lost its power; set_up() follows after power-on.
   virtual void lost(std::size_t) {}
   ProcessValues& values(std::size_t axis) { return values_[axis]; }
 
@@ -86,7 +86,7 @@ class CanMaster final : public Master, public links::Receiver {
   struct Node {
     std::uint8_t id = 0;
     std::array<bool, process_objects.size()> mapped{};
-    std::array<Request, 16> requests{};  // SDOs that wait, in a ring
+    std::array<Request, 16> requests{};  // ring buffer of waiting SDO requests
     std::size_t first = 0;
     std::size_t waiting = 0;
     bool busy = false;
@@ -130,10 +130,10 @@ class EthercatMaster final : public Master {
     std::size_t output_bytes = 0;
     std::size_t input_bytes = 0;
     unsigned mail = 0;
-    std::uint8_t wanted = 8;  // AL state that the master leads it to
+    std::uint8_t wanted = 8;  // AL state that the master brings it to; 0: none
     std::uint8_t asked = 0;
   };
-  // One datagram in a frame of its own; the working counter.
+  // Sends one datagram in a frame of its own. Returns the working counter.
   unsigned send(ethercat::Command command, std::uint32_t address, std::span<const std::uint8_t> data);
   unsigned put(std::size_t axis, std::uint16_t offset, std::span<const std::uint8_t> data);
   void channel(std::size_t axis, unsigned number, std::uint16_t start, std::size_t length, std::uint8_t control);

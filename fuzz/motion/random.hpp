@@ -5,12 +5,12 @@
 
 namespace servodrome::motion {
 
-// A small generator of pseudo-random numbers (splitmix64): the same on every machine, and begun anew for each sequence
-// at no cost.
+// A generator of pseudo-random numbers (splitmix64): the same on every machine, and cheap to seed anew for each
+// sequence.
 class Random {
  public:
   explicit Random(std::uint64_t seed) : state_(seed) {}
-  // The stream of one sequence out of a run's seed.
+  // The numbers for sequence `number` of a run with this seed.
   Random(std::uint64_t seed, std::uint64_t number) : state_(seed * 0xD1342543DE82EF95ULL + number) {
     next();
     next();

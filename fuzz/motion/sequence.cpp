@@ -106,7 +106,7 @@ void read_object(Words& words, Event& event) {
   event.sub = static_cast<std::uint8_t>(sub);
 }
 
-// A number, or a hexadecimal one with 0x.
+// Reads a decimal number, or a hexadecimal one with 0x.
 std::int64_t read_value(Words& words) {
   const std::string text = words.word();
   try {

@@ -83,7 +83,7 @@ class Shrinker {
     return better;
   }
 
-  // Earlier where that is possible, and at whole milliseconds.
+  // Shortens the times between events, to whole milliseconds.
   bool simplify_times() {
     bool better = false;
     for (std::size_t i = 0; i < best_.events.size(); ++i) {

@@ -6,8 +6,9 @@
 
 namespace servodrome::motion {
 
-// The shortest sequence found that still breaks what `breaks` looks for: events are taken out (by halves, quarters ...
-// and one by one), then arguments and times made simpler, as long as that helps. At most `most_runs` runs.
+// Returns the shortest sequence found for which `breaks` still returns true. Removes axes and events (halves, quarters
+// ... and single events), then simplifies set-up, times and values, and repeats this while it helps. Calls `breaks` at
+// most `most_runs` times.
 Sequence shrink(Sequence sequence, const std::function<bool(const Sequence&)>& breaks, int most_runs = 2000);
 
 }  // namespace servodrome::motion

@@ -8,7 +8,7 @@ namespace servodrome::motion {
 
 using drive::Mode;
 
-// A ramp of zero, a motion, and the ramp restored.
+// Sets a ramp or the profile velocity to 0, commands a motion or a stop, and perhaps sets another value.
 void Generator::ramp_of_zero() {
   static constexpr std::array<std::uint16_t, 5> ramps{0x6081, 0x6083, 0x6084, 0x6085, 0x609A};
   const std::uint16_t index = random_.of(ramps);
@@ -33,7 +33,7 @@ void Generator::ramp_of_zero() {
   wait(50, 300);
 }
 
-// A speed, then none.
+// A target velocity, then 0.
 void Generator::speed_and_none() {
   if (!set_mode(Mode::profile_velocity)) return;
   enable();
@@ -44,7 +44,7 @@ void Generator::speed_and_none() {
   wait(300, 700);
 }
 
-// A limit switch that is met and opens again.
+// The axis meets a limit switch, which opens again later.
 void Generator::switch_that_opens_again() {
   enable();
   move();
@@ -54,7 +54,7 @@ void Generator::switch_that_opens_again() {
   add({.kind = Kind::input, .value = 1, .count = wire});
   wait(200, 450);
   if (random_.chance(30)) move();
-  if (mode() == Mode::profile_position && random_.chance(60)) {  // and a way off it
+  if (mode() == Mode::profile_position && random_.chance(60)) {  // and a motion away from it
     wait(5, 50);
     const double way = (wire == wiring.negative_limit ? 1.0 : -1.0) * (0.4 + 4.0 * random_.unit());
     write(0x607A, position(way));
@@ -68,12 +68,12 @@ void Generator::switch_that_opens_again() {
   wait(50, 300);
 }
 
-// Software limits around a running motion.
+// Sets software limits around the axis while it moves.
 void Generator::software_limits_around() {
   static constexpr std::array modes{Mode::profile_position,     Mode::profile_position,      Mode::profile_velocity,
                                     Mode::cyclic_sync_position, Mode::interpolated_position, Mode::cyclic_sync_velocity,
                                     Mode::profile_torque,       Mode::cyclic_sync_torque};
-  // Records that are buffered have limits of their own kind.
+  // Software limits act on buffered records in a way of their own, so this mode is drawn more often.
   const bool buffers = variant().records && variant().has(Mode::interpolated_position);
   if (!set_mode(buffers && random_.chance(30) ? Mode::interpolated_position : random_.of(modes))) return;
   enable();
@@ -81,7 +81,7 @@ void Generator::software_limits_around() {
   if (mode() == Mode::profile_torque || mode() == Mode::cyclic_sync_torque) {
     write(0x6071, random_.within(20, 200) * (random_.chance(50) ? 1 : -1));
   } else if (record) {
-    write(0x60C2, random_.within(100, 250), 1);  // a record that is long under way
+    write(0x60C2, random_.within(100, 250), 1);  // a long period for the record
     write(0x60C2, -3, 2);
     wait(2, 10);
     control(0x1F);
@@ -102,7 +102,7 @@ void Generator::software_limits_around() {
   const double room = record ? 0.2 + random_.unit() : 0.5 + 4.0 * random_.unit();
   write_here(0x607D, position(-room), low_limit());
   write_here(0x607D, position(room), high_limit());
-  if (random_.chance(40)) {  // and a gentle stop before them
+  if (random_.chance(40)) {  // and a slow stop before the limits
     write(0x6084, acceleration(10.0 + 90.0 * random_.unit()));
     wait(1, 60);
     static constexpr std::array<std::uint16_t, 3> words{0x10F, 0x07, 0x06};
@@ -111,7 +111,7 @@ void Generator::software_limits_around() {
   wait(200, 600);
 }
 
-// A jump in a cyclic mode, and a stop at once.
+// A jump of the target in a cyclic mode, and a stop shortly after it.
 void Generator::jump_and_stop() {
   if (!set_mode(random_.chance(70) ? Mode::cyclic_sync_position : Mode::interpolated_position)) return;
   target_here(0);
@@ -125,7 +125,7 @@ void Generator::jump_and_stop() {
   wait(100, 500);
 }
 
-// A halt in the middle of a stream.
+// A halt or a limit switch in the middle of a stream of targets.
 void Generator::halt_in_stream() {
   if (!set_mode(random_.chance(70) ? Mode::cyclic_sync_position : Mode::interpolated_position)) return;
   target_here(0);
@@ -150,7 +150,7 @@ void Generator::halt_in_stream() {
     const std::int64_t wire = (step < 0) ? wiring.negative_limit : wiring.positive_limit;
     add({.kind = Kind::input, .value = 1, .count = wire});
     wait(20, 300);
-    if (random_.chance(50)) {  // and back off it
+    if (random_.chance(50)) {  // and a stream away from it
       const std::int64_t back = step < 0 ? 1 : -1;
       target_here(back * std::abs(position(0.2)));
       add({.kind = Kind::stream,
@@ -164,7 +164,7 @@ void Generator::halt_in_stream() {
   wait(50, 300);
 }
 
-// A set-point that is met alone.
+// A single set-point, with time to reach it.
 void Generator::lone_set_point() {
   if (!set_mode(Mode::profile_position)) return;
   add({.kind = Kind::enable});
@@ -173,7 +173,7 @@ void Generator::lone_set_point() {
   wait(100, 600);
 }
 
-// A torque, and a stop while it turns the axis.
+// A target torque, and a stop while it turns the axis.
 void Generator::torque_and_stop() {
   if (!set_mode(random_.chance(70) ? Mode::profile_torque : Mode::cyclic_sync_torque)) return;
   enable();
@@ -187,7 +187,7 @@ void Generator::torque_and_stop() {
   wait(50, 150);
 }
 
-// A halt that is taken back before the axis rests.
+// A halt that ends before the axis stands.
 void Generator::halt_taken_back() {
   if (!set_mode(random_.chance(50) ? Mode::profile_position : Mode::profile_velocity)) return;
   write(0x605D, random_.within(1, 4));
@@ -206,7 +206,7 @@ void Generator::halt_taken_back() {
   wait(50, 200);
 }
 
-// Enable after enable.
+// Enables the axis again after a motion and a stop.
 void Generator::enable_twice() {
   move();
   wait(10, 200);
@@ -216,7 +216,7 @@ void Generator::enable_twice() {
   wait(100, 400);
 }
 
-// A speed, and a limit of it that is lower: while the axis turns, or already before.
+// A speed limit below the commanded speed, written while the axis turns or before.
 void Generator::lowered_speed() {
   static constexpr std::array modes{Mode::profile_velocity, Mode::cyclic_sync_velocity, Mode::cyclic_sync_velocity,
                                     Mode::cyclic_sync_position, Mode::profile_position};
@@ -252,7 +252,7 @@ void Generator::lowered_speed() {
   if (random_.chance(30)) control(0x10F);
 }
 
-// The target that a cyclic mode begins with lies where the old one was: a fast axis could be there in one period.
+// A cyclic mode begins with a target away from the axis, so near that a fast axis could reach it in one period.
 void Generator::far_first_target() {
   if (!set_mode(random_.chance(70) ? Mode::cyclic_sync_position : Mode::interpolated_position)) return;
   interpolation_period();
@@ -270,8 +270,8 @@ void Generator::far_first_target() {
   wait(50, 150);
 }
 
-// A master's way from rest to rest in a cyclic mode, by steeper ramps than the profile's. A pause of its targets,
-// late or lost, has the drive catch up with them.
+// A master moves the axis from rest to rest in a cyclic mode, by steeper ramps than the profile's. At one point
+// its targets pause (they are late or lost), and the drive must catch up with them.
 void Generator::interrupted_travel() {
   if (!set_mode(random_.chance(70) ? Mode::cyclic_sync_position : Mode::interpolated_position)) return;
   const std::int64_t gentle = acceleration(5.0 + 45.0 * random_.unit());

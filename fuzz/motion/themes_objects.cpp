@@ -3,12 +3,14 @@
 #include "generator.hpp"
 #include "plant/injection.hpp"
 
-// Themes of objects and situations that are seldom met: ranges, directions, lost masters, hard stops, odd orders.
+// Themes of rare objects and situations: position ranges, polarity, lost masters, hard stops, unusual orders of
+// commands.
 namespace servodrome::motion {
 
 using drive::Mode;
 
-// A range 607Bh that positions go round in, with each way to a target that 60F2h knows, over its ends and back.
+// A range 607Bh in which positions wrap around, with each direction to a target that 60F2h can select, across the ends
+// of the range and back.
 void Generator::position_range() {
   if (is("jmc_ec")) return position_change();
   const double below = random_.chance(30) ? 0.0 : 0.3 + 6.0 * random_.unit();
@@ -17,7 +19,7 @@ void Generator::position_range() {
   write(0x607B, position(swapped ? above : -below), 1);
   write(0x607B, position(swapped ? -below : above), 2);
   if (variant().has_object(0x60F2)) write(0x60F2, random_.below(4) << 6 | random_.below(3));
-  if (random_.chance(25)) {  // limits within the range
+  if (random_.chance(25)) {  // software limits within the range
     write(0x607D, position(-below * (0.3 + 0.6 * random_.unit())), low_limit());
     write(0x607D, position(above * (0.3 + 0.6 * random_.unit())), high_limit());
   }
@@ -56,7 +58,7 @@ void Generator::position_range() {
   wait(50, 300);
 }
 
-// jmc_ec has the step from one cyclic target to the next in 607Bh.
+// In jmc_ec, 607Bh limits the step from one cyclic target to the next.
 void Generator::position_change() {
   if (!set_mode(Mode::cyclic_sync_position)) return;
   target_here(0);
@@ -75,7 +77,8 @@ void Generator::position_change() {
   write(0x607B, 2147483647, 2);
 }
 
-// The other direction of positions, of speeds, or of both; written while the motor has no power, or has.
+// Reverses the direction of positions, of velocities, or of both (607Eh), while the motor has no power or while it
+// has.
 void Generator::polarity() {
   if (random_.chance(75)) {
     control(random_.chance(50) ? 0x06 : 0x00);
@@ -114,7 +117,7 @@ void Generator::polarity() {
   wait(50, 300);
 }
 
-// Targets that are passed with a speed of their own, one after the other, there and back, and what ends such a motion.
+// Targets with an end velocity, one after the other in both directions, and events that end such a motion.
 void Generator::end_velocity() {
   if (!set_mode(Mode::profile_position)) return;
   enable();
@@ -142,7 +145,7 @@ void Generator::end_velocity() {
   wait(50, 300);
 }
 
-// A master whose heartbeat (1016h) stops while the axis moves, and comes again.
+// The master's heartbeat (1016h) stops while the axis moves, and starts again.
 void Generator::lost_master() {
   constexpr std::int64_t master = 127;
   const std::int64_t period = random_.within(5, 20);
@@ -168,7 +171,7 @@ void Generator::lost_master() {
   }
 }
 
-// 6007h, and a bus that is left while the axis moves.
+// 6007h, and a change of the bus state while the axis moves.
 void Generator::aborted_connection() {
   write(0x6007, random_.within(0, 3));
   if (random_.chance(30)) write(0x605E, random_.within(0, 4));
@@ -185,7 +188,7 @@ void Generator::aborted_connection() {
   wait(50, 200);
 }
 
-// Positions near the ends of the 32 bits of 6064h, by a preset with homing on the spot, and a way over the end.
+// Homing without motion presets a position near an end of the 32-bit range of 6064h; motions then cross that end.
 void Generator::far_positions() {
   static constexpr std::array<std::int8_t, 2> on_the_spot{35, 37};
   std::int64_t method = 0;
@@ -226,7 +229,7 @@ void Generator::far_positions() {
   wait(20, 200);
 }
 
-// Against the end of the travel, with whatever leads there, and away again.
+// Drives the axis against a hard stop in different modes, and away again.
 void Generator::into_hard_stop() {
   static constexpr std::array modes{Mode::profile_position,    Mode::profile_position, Mode::profile_velocity,
                                     Mode::profile_torque,      Mode::homing,           Mode::cyclic_sync_position,
@@ -256,16 +259,16 @@ void Generator::into_hard_stop() {
   wait(50, 200);
 }
 
-// Probes armed once or for ever, for either edge of an input or of the index, while the axis moves.
+// Arms touch probes, once or continuously, for edges of an input or of the index, while the axis moves.
 void Generator::touch_probes() {
-  const std::int64_t first_wire = 3;  // of two probe inputs
+  const std::int64_t first_wire = 3;  // the first of two probe inputs
   if (is("generic402") && random_.chance(70)) {
     write(0x2030, static_cast<std::int64_t>(drive::Signal::probe_1), static_cast<std::uint8_t>(first_wire + 1));
     write(0x2030, static_cast<std::int64_t>(drive::Signal::probe_2), static_cast<std::uint8_t>(first_wire + 2));
   }
   add({.kind = Kind::enable});
   const auto arm = [&] {
-    // On, once or continuously, by input or index, either edge; each probe has a byte.
+    // The byte of a probe in 60B8h: on, once or continuously, input or index, edges.
     const auto one = [&] {
       return 1 | random_.below(2) << 1 | (random_.chance(40) ? 1 : 0) << 2 | random_.below(4) << 4;
     };
@@ -286,12 +289,12 @@ void Generator::touch_probes() {
   wait(10, 100);
 }
 
-// The same objects again and again, before the drive has a cycle for what was there first.
+// Writes the same objects several times within a cycle of the drive.
 void Generator::several_writes() {
   if (random_.chance(60)) add({.kind = Kind::enable});
   if (random_.chance(60)) wait(20, 140);
   for (std::int64_t rounds = random_.within(1, 4); rounds > 0; --rounds) {
-    if (random_.chance(50)) now_ += 8 - now_ % 8;  // a position loop's cycle, or in the middle of one
+    if (random_.chance(50)) now_ += 8 - now_ % 8;  // at a position-loop cycle, or between two
     for (std::int64_t n = random_.within(2, 6); n > 0; --n) {
       static constexpr std::array<std::uint16_t, 12> words{0x0F, 0x1F, 0x3F, 0x0F, 0x10F, 0x07,
                                                            0x06, 0x02, 0x1F, 0x5F, 0x00,  0x8F};
@@ -311,7 +314,7 @@ void Generator::several_writes() {
   wait(20, 200);
 }
 
-// Bit 4 is there before the axis has power, with the word that enables it, or a word before that.
+// Bit 4 of the controlword is set before the axis has power: with the word that enables it, or with an earlier one.
 void Generator::bit_4_before_enabling() {
   static constexpr std::array modes{Mode::profile_position, Mode::profile_position, Mode::homing,
                                     Mode::interpolated_position};
@@ -340,7 +343,7 @@ void Generator::bit_4_before_enabling() {
   wait(20, 150);
 }
 
-// Homing is selected while the axis moves, and not started: it comes to rest, within what limits it.
+// Homing mode is selected while the axis moves, and not started. The axis must come to rest within its limits.
 void Generator::homing_not_started() {
   static constexpr std::array modes{Mode::profile_position, Mode::profile_velocity, Mode::profile_velocity,
                                     Mode::cyclic_sync_velocity, Mode::profile_torque};
@@ -369,7 +372,7 @@ void Generator::homing_not_started() {
   wait(20, 200);
 }
 
-// No mode while the axis moves, and one again before it rests, or after.
+// Mode 0 while the axis moves, and another mode before or after the axis stands.
 void Generator::mode_of_none() {
   if (mode() == Mode::none || random_.chance(40)) change_mode();
   enable();
@@ -390,7 +393,7 @@ void Generator::mode_of_none() {
   wait(20, 200);
 }
 
-// A fault whose reaction takes its time, and the supply of the electronics fails meanwhile.
+// A fault with a long reaction, during which the supply of the electronics or of the motor fails.
 void Generator::power_cut_in_reaction() {
   using plant::Injection;
   static constexpr std::array modes{Mode::profile_velocity, Mode::profile_position, Mode::cyclic_sync_velocity};
@@ -406,7 +409,7 @@ void Generator::power_cut_in_reaction() {
   const auto fault = static_cast<std::int64_t>(random_.of(faults));
   add({.kind = Kind::inject, .value = 1, .count = fault});
   wait(1, 60);
-  const bool whole = random_.chance(40);  // of the fault, before the power goes
+  const bool whole = random_.chance(40);  // the fault ends before the supply fails
   if (whole) add({.kind = Kind::inject, .value = 0, .count = fault});
   if (random_.chance(30)) add({.kind = Kind::enable});
   wait(0, 20);

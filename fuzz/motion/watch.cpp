@@ -112,8 +112,8 @@ double Watch::torque_acceleration() const {
   return left * rated_acceleration_;
 }
 
-// The shaft may brake hard, and be known late or by few lines of the encoder: a share of the motor's nameplate speed,
-// whatever 6080h makes of it.
+// The measured speed is late while the shaft brakes hard, and coarse with few encoder lines. The tolerance is a
+// fraction of the motor's nameplate speed, independent of 6080h.
 double Watch::unsure_speed() const {
   return 0.02 * static_cast<double>(drive_.configuration().motor.max_speed_rpm) * counts_per_s_per_rpm_;
 }
@@ -121,19 +121,19 @@ double Watch::unsure_speed() const {
 Watch::Ramp Watch::gentlest() const {
   const drive::Units& units = drive_.axis().units;
   constexpr std::uint32_t none = 0xFFFFFFFF;
-  std::uint32_t least = none;  // less 1, so that 0 is none
+  std::uint32_t least = none;  // values less 1, so that 0 (no ramp) becomes the greatest number
   const auto take = [&least](std::uint32_t value) { least = std::min(least, value - 1); };
   take(objects_.profile_deceleration);
   take(objects_.quick_stop_deceleration);
   take(objects_.max_deceleration);
   take(objects_.max_acceleration);
   take(objects_.profile_acceleration);
-  if (mode_ == Mode::homing) {  // under way it may keep one of before
+  if (mode_ == Mode::homing) {  // a homing in progress may keep an earlier ramp
     take(objects_.homing_acceleration);
     take(around_->gentlest_homing_ramp);
   }
   double slope = least == none ? 0.0 : (static_cast<double>(least) + 1.0) * units.acceleration;
-  if (mode_ == Mode::velocity) {  // it has its own, in rpm and s; in 0 s: at once
+  if (mode_ == Mode::velocity) {  // it has its own ramps, in rpm and s; 0 s: no ramp
     const auto own = [&](std::uint32_t speed, std::uint16_t seconds) {
       if (speed != 0 && seconds != 0) slope = Ramp::lower(slope, speed * counts_per_s_per_rpm_ / seconds);
     };
@@ -143,16 +143,17 @@ Watch::Ramp Watch::gentlest() const {
   return {slope, objects_.profile_jerk[0] * units.jerk, objects_.motion_profile_type != 0};
 }
 
-// What moves keeps the ramp that it was planned with, and a set-point the one that it was given with.
+// Collects the ramps since the last standstill, because a motion keeps the ramp with which it was planned, and a
+// set-point the one with which it was given.
 void Watch::ramps() {
   const bool stands = drive_.axis().demand.velocity == 0.0F && mode_ != Mode::profile_position;
   const Ramp now = gentlest();
-  // The drive may have begun with what was written a tick ago.
+  // The drive may have begun with the ramp of the previous tick.
   ramp_set_ = !pwm_ || stands || mode_ != mode_before_ ? now.gentler(gentlest_before_) : ramp_set_.gentler(now);
   gentlest_before_ = now;
   steepest_given_ = mode_ == mode_before_ ? std::max(steepest_given_, steepest()) : 0.0;
   const double end = objects_.end_velocity * drive_.axis().units.velocity;
-  // A halted set-point goes on with it, and so does one that waits.
+  // A halted or waiting set-point still has its end velocity.
   const bool done = !drive_.in_motion() && (objects_.controlword & controlword::halt) == 0 &&
                     (objects_.statusword & drive::statusword::mode_bit_12) == 0 &&
                     (objects_.statusword & drive::statusword::target_reached) != 0;
@@ -169,9 +170,9 @@ double Watch::steepest() const {
   return most * drive_.axis().units.acceleration;
 }
 
-// A limit is kept by the quick stop's ramp, unless the one of the motion is steeper.
+// The drive stops before a limit with the quick stop's ramp, unless the ramp of the motion is steeper.
 double Watch::limit_slope() const {
-  if (mode_ == Mode::velocity) {  // which has a ramp of its own for it, 604Ah in rpm and s
+  if (mode_ == Mode::velocity) {  // it has its own ramp for that, 604Ah in rpm and s
     const double rpm_per_s =
         objects_.vl_quick_stop_delta_speed / std::max(1.0, static_cast<double>(objects_.vl_quick_stop_delta_time_s));
     return rpm_per_s * counts_per_s_per_rpm_;
@@ -180,8 +181,8 @@ double Watch::limit_slope() const {
   return quick > 0.0 ? quick : slope();
 }
 
-// The torque that flows when a stop begins acts for some time yet. What a loop holds for a ramp is in its integral;
-// `slope` below 0: that is not meant.
+// When a stop begins, the present torque still acts for a short time. The torque that a loop needed for a ramp is in
+// its integral and acts for longer; `slope` below 0 leaves that part out.
 double Watch::overshoot(double slope) const {
   const double inertia = inertia_kgm2_ + load_inertia_kgm2_ * around_->inertia_factor;
   const double torque = std::abs(axis_.plant().torque_nm()) + std::abs(around_->load_share) * rated_torque_nm_;
@@ -200,12 +201,13 @@ std::int64_t Watch::demand_cycle() const {
   return own != 0 ? own : drive_.policy().position_loop_ticks;
 }
 
-// What a change of speed by `speed` (counts/s) takes longer than with a linear ramp, in s. A jerk-limited one goes on
-// with the acceleration that the demand has when it begins, and gains speed until the jerk has taken that away.
+// The additional time, in s, that a change of speed by `speed` (counts/s) takes compared with a linear ramp. A
+// jerk-limited ramp begins with the present acceleration of the demand, and gains speed until the jerk has reduced it
+// to 0.
 double Watch::jerk_delay(double speed, double ramp, double acceleration) const {
   if (!ramp_set_.shaped) return 0.0;
   const double jerk = ramp_set_.jerk;
-  if (jerk <= 0.0) return speed / ramp;  // a sin2 ramp of the same peak
+  if (jerk <= 0.0) return speed / ramp;  // a sin2 ramp, whose mean slope is lower
   const double begun = std::min(std::abs(acceleration), std::max(steepest(), ramp));
   const double gained = 0.5 * begun * begun / jerk;
   return (speed + 2.0 * gained) / ramp + begun / jerk + std::min(ramp / jerk, 2.0 * std::sqrt((speed + gained) / jerk));
@@ -225,7 +227,7 @@ Watch::Stopping Watch::stopping(double velocity, double slope) const {
   return {0.5 * speed * seconds + speed * lag_s + place_revolutions * counts_per_revolution_, seconds + lag_s};
 }
 
-// The motor does what it is told: nothing was done to it for a while that moves it by itself.
+// Returns true if the motor can follow its commands: for a while nothing has disturbed its motion.
 bool Watch::motion_can_be_judged() const {
   return around_->powered && !around_->locked && (around_->injected & spoils_motion) == 0 &&
          std::abs(around_->load_share) + std::abs(objects_.torque_offset) * 0.001 <= heavy_load &&
@@ -246,7 +248,8 @@ void Watch::look() {
     spoilt_ = true;
     spoiled_ = tick_;
   }
-  // A motor whose own voltage is that of the DC link is out of the current loop's hands, unless a stop made it so fast.
+  // The current loop cannot control a motor whose back-EMF reaches the DC link's voltage. That does not excuse a shaft
+  // that became so fast during a stop.
   constexpr double spent_share = 0.9;
   const double available = axis_.plant().dc_link_v() * voltage_share_;
   const bool runs_away = told_to_stop() && judgeable_ && acceleration_ > 0.0 &&
@@ -285,7 +288,7 @@ void Watch::look() {
   if (pwm_ != had_pwm_) pwm_before_ = std::exchange(pwm_since_, tick_);
   coasting();
   if (around_->powered) {
-    // A frame may wait for the bus: the command comes when the objects have it.
+    // A frame may wait for the bus, so a command counts from when it has reached the objects.
     const std::uint64_t asked = static_cast<std::uint64_t>(objects_.controlword) << 48 ^
                                 static_cast<std::uint64_t>(static_cast<std::uint8_t>(objects_.modes_of_operation))
                                     << 40 ^
@@ -312,7 +315,7 @@ void Watch::look() {
     unasked();
     torque();
     errors();
-    constexpr std::int64_t bits_every = 4;  // ticks: what these judge lasts for some milliseconds, and a drive's cycle
+    constexpr std::int64_t bits_every = 4;  // ticks; these conditions must last for some milliseconds anyway
     if (tick_ % bits_every == 0) {
       bits();
       limit_bit();

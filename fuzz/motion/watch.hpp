@@ -12,8 +12,9 @@
 #include "line/line.hpp"
 #include "sequence.hpp"
 
-// What must hold after every tick of an axis, whatever was done to it. Judged by the true shaft, which is the plant's,
-// by what the power stage is told, and by the frames on the wire; limits come from the objects, by CiA 402.
+// Invariants that must hold after every tick of an axis, whatever was done to it. They are judged by the true shaft
+// (that of the plant), by the commands to the power stage, and by the frames on the bus. The limits come from the
+// objects, as CiA 402 defines them.
 namespace servodrome::motion {
 
 struct Finding {
@@ -29,28 +30,28 @@ struct InvariantRow {
 };
 std::span<const InvariantRow> invariants();
 
-// What the bench does to an axis now, and when the master and the bench last did something.
+// The present actions of the bench on an axis, and the times of the last actions of master and bench.
 struct Surroundings {
   std::int64_t commanded = 0;           // tick of the last write that could ask for motion
   std::int64_t disturbed = -1'000'000;  // ... of the last change of load, supply, rotor, faults or power
-  double load_share = 0.0;              // external torque, of the rated one
+  double load_share = 0.0;              // external torque, fraction of the rated torque
   double supply_share = 1.0;
   double inertia_factor = 1.0;
-  std::uint32_t injected = 0;              // bit plant::Injection
-  std::uint32_t gentlest_homing_ramp = 0;  // 609Ah that was ever written, without those of 0
-  std::int64_t last_heartbeat = -1;        // tick of the master's; -1: none
-  std::int64_t joined = -1000;             // when its bus was put together again
+  std::uint32_t injected = 0;              // bit n: plant::Injection n is active
+  std::uint32_t gentlest_homing_ramp = 0;  // lowest value other than 0 that was ever written to 609Ah
+  std::int64_t last_heartbeat = -1;        // tick of the master's last one; -1: none
+  std::int64_t joined = -1000;             // tick at which its bus was last reconnected
   bool locked = false;
   bool powered = true;
   bool cut = false;
-  bool quiet_bus = true;  // nothing that could crowd the frames out
+  bool quiet_bus = true;  // the bus has room for all frames
 };
 
 class Watch {
  public:
   Watch(line::Axis& axis, std::size_t number);
 
-  // After each tick. Nothing: all is well.
+  // To be called after each tick. Returns false if an invariant is broken.
   bool tick(std::int64_t tick, const Surroundings& around) {
     tick_ = tick;
     around_ = &around;
@@ -58,15 +59,15 @@ class Watch {
     return !finding_;
   }
   void heard(const canopen::Frame& frame, line::Time at);
-  // After the last tick.
+  // To be called after the last tick. Returns false if an invariant is broken.
   bool end();
-  // The mapping of PDOs may have changed.
+  // To be called when the mapping of PDOs may have changed.
   void pdos_mapped();
   const std::optional<Finding>& finding() const { return finding_; }
   void fail(const char* invariant, std::string text);
 
  private:
-  // How far and how long a stop takes at most from `velocity` (counts/s), as the objects are now.
+  // Greatest distance and duration of a stop from `velocity` (counts/s), with the present objects.
   struct Stopping {
     double counts;
     double seconds;
@@ -76,7 +77,7 @@ class Watch {
     double position = 0.0;
     double velocity = 0.0;
   };
-  struct Ramp {          // by which a demand comes down
+  struct Ramp {          // that slows a demand down
     double slope = 0.0;  // counts/s^2; 0: none is set
     double jerk = 0.0;   // counts/s^3; 0: none
     bool shaped = false;
@@ -86,7 +87,7 @@ class Watch {
       return {lower(slope, other.slope), lower(jerk, other.jerk), shaped || other.shaped};
     }
   };
-  Ramp gentlest() const;  // that is set
+  Ramp gentlest() const;  // of the ramps that are set
   void ramps();
   Stopping stopping(double velocity) const { return stopping(velocity, slope()); }
   Stopping stopping(double velocity, double slope) const;
@@ -94,13 +95,14 @@ class Watch {
   double jerk_delay(double speed, double ramp) const {
     return jerk_delay(speed, ramp, drive_.axis().generator.acceleration());
   }
-  double overshoot(double slope) const;  // counts/s that a stop gains before the loops have taken their torque back
-  double lag(double velocity) const;     // counts, of the shaft behind a demand of the position loop
-  std::int64_t demand_cycle() const;     // ticks
-  double torque_acceleration() const;    // counts/s^2 that the motor can give for certain; 0: none
-  // The gentlest ramp that a stop may take, counts/s^2; 0: none is set.
+  // counts/s that the shaft may gain in a stop until the loops have reduced their torque
+  double overshoot(double slope) const;
+  double lag(double velocity) const;   // counts, of the shaft behind a demand of the position loop
+  std::int64_t demand_cycle() const;   // ticks
+  double torque_acceleration() const;  // counts/s^2 that the motor certainly reaches; 0: none
+  // The lowest ramp that a stop may use, counts/s^2; 0: none is set.
   double slope() const { return ramp_set_.slope; }
-  double unsure_speed() const;    // how far the drive may be wrong about the shaft's speed, counts/s
+  double unsure_speed() const;    // greatest error of the speed that the drive measures, counts/s
   double steepest() const;        // the steepest ramp that is set, counts/s^2
   double limit_slope() const;     // ... before a limit
   double greatest_speed() const;  // counts/s
@@ -125,7 +127,8 @@ class Watch {
   void limit_switches();
   bool swings_about_rest() const;
   bool commands_no_velocity() const;
-  // The drive may have had a controlword between this look and the one before that is gone.
+  // Returns true if the drive may have received two controlwords since the last tick, of which only the second is
+  // still visible.
   bool two_words() const { return asked_ == tick_ && around_->commanded >= tick_ - 1; }
   void software_limits();
   void set_points();
@@ -154,15 +157,15 @@ class Watch {
   double rated_torque_nm_;
   double emf_per_speed_ = 0.0;  // of a phase, V s/count
   double voltage_share_ = 0.0;  // of the DC link, amplitude of a phase
-  double peak_torque_share_;    // of the rated one
+  double peak_torque_share_;    // fraction of the rated torque
   double inertia_factor_ = 0.0;
-  double rated_acceleration_ = 0.0;  // counts/s^2 by the rated torque, with this factor
+  double rated_acceleration_ = 0.0;  // counts/s^2 by the rated torque, with inertia_factor_
   double inertia_kgm2_;
   double load_inertia_kgm2_;
   std::uint32_t negative_wire_;
   std::uint32_t positive_wire_;
 
-  // As of this tick.
+  // Values of this tick.
   std::int64_t tick_ = 0;
   bool judgeable_ = false;     // motion_can_be_judged()
   double acceleration_ = 0.0;  // torque_acceleration()
@@ -179,9 +182,10 @@ class Watch {
     bool following_error = false;
   } shown_bits_;
 
-  // As of the one before.
+  // Values of the previous tick.
   bool first_ = true;
-  bool spoilt_ = false;  // a phase was open or shorted at some time: the energy book does not close then
+  // an injection of spoils_motion was active at some time: the energy balance is then not checked
+  bool spoilt_ = false;
   bool had_pwm_ = false;
   bool was_powered_ = true;
   drive::PowerState before_{};
@@ -189,48 +193,49 @@ class Watch {
   std::int64_t disturbed_ = 0;
   std::int64_t state_since_ = 0;
   std::int64_t mode_since_ = 0;
-  std::int64_t pwm_since_ = 0;   // tick of the last change of the stage
+  std::int64_t pwm_since_ = 0;   // tick of the last change of pwm_
   std::int64_t pwm_before_ = 0;  // ... and of the one before
 
-  std::array<double, 2> fastest_{};  // of the shaft, in this torque_in_flight_s and in the one before
-  std::int64_t stood_ = -1'000'000;  // when the shaft last rested where it was demanded to
-  double slowest_ = 0.0;             // since the stage is off
+  // greatest speed of the shaft in this interval of torque_in_flight_s and in the previous one
+  std::array<double, 2> fastest_{};
+  std::int64_t stood_ = -1'000'000;  // tick at which the shaft and the demand last stood
+  double slowest_ = 0.0;             // lowest speed since the stage is off
   std::int64_t unpowered_ticks_ = 0;
 
   Demand demand_before_;
-  bool halted_ = false;                // with the demand of before
-  std::int64_t spoiled_ = -1'000'000;  // tick of the last injection that spoils what the encoder says
-  Ramp ramp_set_{};                    // the gentlest that was set since the demand stood
+  bool halted_ = false;                // at the previous change of the demand
+  std::int64_t spoiled_ = -1'000'000;  // last tick with an active injection of spoils_motion
+  Ramp ramp_set_{};                    // lowest ramp that was set since the demand stood
   Ramp gentlest_before_{};
-  double ramp_ = 0.0;                // the steepest that was set since the demand stood
+  double ramp_ = 0.0;                // steepest ramp that was set since the demand stood
   double steepest_given_ = 0.0;      // counts/s^2, since the mode was entered: a set-point keeps its ramps
   double end_velocity_given_ = 0.0;  // counts/s, the greatest 6082h since the demand stood: a set-point keeps its own
-  std::int64_t done_ticks_ = 0;      // so long the last set-point is done
+  std::int64_t done_ticks_ = 0;      // ticks for which the last set-point has been done
   std::int64_t demand_tick_ = -1;
 
   enum class StopKind : std::uint8_t { none, halt, leave, quick, fault, velocity, homing, no_target, no_mode };
   struct Stop {
     StopKind kind = StopKind::none;
-    std::int64_t began = 0;  // tick
-    std::int64_t since = 0;  // ... from when on it is judged: what disturbs it, or changes its ramp, is a new beginning
+    std::int64_t began = 0;  // tick of its beginning
+    std::int64_t since = 0;  // tick from which it is judged: a disturbance or a change of its ramp restarts that
     double from = 0.0;
     double counts = 0.0;
     double seconds = 0.0;
     double slope = 0.0;
-    double speed = 0.0;      // of the shaft when it began, counts/s
-    double direction = 0.0;  // ... in which it turned; 0: hardly
-    double furthest = 0.0;   // times the direction, counts
-    bool shaped = false;     // its ramp, once since it began
+    double speed = 0.0;      // speed of the shaft when it began, counts/s
+    double direction = 0.0;  // direction of the shaft then; 0: it hardly turned
+    double furthest = 0.0;   // greatest position times the direction, counts
+    bool shaped = false;     // its ramp was not linear at some time since it began
   } stop_;
 
   struct Limit {
     bool active = false;
-    double furthest = 0.0;  // times the direction
-    double slope = 0.0;     // the gentlest since the switch is active
-    double from = 0.0;      // where the shaft was then, times the direction
-    double speed = 0.0;     // of the shaft then, times the direction, counts/s
-    bool leads = false;     // the demand, towards the switch
-    bool swings = false;    // the shaft, about a demand that rests
+    double furthest = 0.0;  // bound of the position, times the direction
+    double slope = 0.0;     // lowest ramp since the switch is active
+    double from = 0.0;      // position of the shaft when the switch became active, times the direction
+    double speed = 0.0;     // speed of the shaft then, times the direction, counts/s
+    bool leads = false;     // the demand leads towards the switch
+    bool swings = false;    // the shaft swings about a demand that stands
   };
   std::array<Limit, 2> limits_{};
   struct Border {
@@ -239,60 +244,61 @@ class Watch {
     std::int64_t at = 0;
     double slope = 0.0;
     double bound = 0.0;
-    double own = 0.0;    // the demand's velocity towards the limit in its cycle before, counts/s
-    bool moves = false;  // the demand, a tick before
+    double own = 0.0;    // velocity of the demand towards the limit in its previous cycle, counts/s
+    bool moves = false;  // the demand moved in the previous tick
   };
   std::array<Border, 2> borders_{};
-  struct Targets {  // of cyclic position: what lies between them, and between them and where the demand began, counts
+  // of cyclic position, counts: the range from `low` to `high` contains them and the place where the demand began
+  struct Targets {
     bool active = false;
     double low = 0.0;
     double high = 0.0;
     double newest = 0.0;
     double slope = 0.0;
-    bool round = false;  // the shorter way to one of them is round the 32 bits
+    bool round = false;  // one of them is so far away that the product chooses its direction
   } given_;
   bool told_to_stop() const { return stop_.kind != StopKind::none && stop_.kind < StopKind::no_target; }
   std::int64_t two_words_at_ = -1'000'000;
-  unsigned stops_before_ = 0;  // what stopped the axis: a command, a switch
+  unsigned stops_before_ = 0;  // bits of what stops the axis: a command, a switch
   std::int64_t stopped_since_ = 0;
-  bool has_target_ = false;         // a set-point of profile position, since the mode or the operation began
-  StopKind told_ = StopKind::none;  // as `stop_`, also while a torque is released first
+  bool has_target_ = false;         // a set-point was given in profile position since the mode or the operation began
+  StopKind told_ = StopKind::none;  // kind of the stop that is commanded now
 
-  std::int64_t voltage_spent_ = -1'000'000;  // when the DC link last had no voltage left against the motor's
-  double demand_speed_ = 0.0;                // counts/s, out of the demanded positions
-  struct Excess {                            // of the demand over its greatest speed
+  std::int64_t voltage_spent_ = -1'000'000;  // tick at which the back-EMF last used up the voltage of the DC link
+  double demand_speed_ = 0.0;                // counts/s, calculated from the positions of the demand
+  struct Excess {                            // speed of the demand above its limit
     std::int64_t since = 0;
     double most = 0.0;
-    double over = 0.0;     // counts/s to come down
-    double gaining = 0.0;  // counts/s^2 when it began
-    double done = 0.0;     // share of the time that is enough
+    double over = 0.0;     // counts/s above the limit at the beginning
+    double gaining = 0.0;  // acceleration of the demand at the beginning, counts/s^2
+    double done = 0.0;     // fraction of the permitted time that has passed
     bool begun = false;
   } excess_;
-  std::int64_t targets_ = 0;  // of a cyclic mode, since its demand begins anew
+  std::int64_t targets_ = 0;  // number of targets of a cyclic mode since its demand last began
   std::uint64_t cyclic_target_ = 0;
   struct SetPoint {
     bool active = false;
     bool taken = false;
-    bool leaves = false;  // a limit switch
+    bool leaves = false;  // the set-point leads away from a limit switch
     double from = 0.0;
     double direction = 0.0;
     std::int64_t since = 0;
-    std::int64_t alone = 0;  // since when there is no other
+    std::int64_t alone = 0;  // tick since which there is no other set-point
     std::int64_t reached = 0;
     double target = 0.0;
-    double range = 0.0;   // counts, where the target may be that of another turn of 607Bh; 0: it may not
-    int side = 0;         // of the range, from which 60F2h has it come: its bits 6 and 7
-    bool passes = false;  // its target, with 6082h
-    double speed = 0.0;   // that 6081h and the limits leave, counts/s
+    double range = 0.0;   // length of the range 607Bh in counts, if the target may lie in any of its turns; otherwise 0
+    int side = 0;         // bits 6 and 7 of 60F2h: the direction within the range
+    bool passes = false;  // it passes its target with the end velocity 6082h
+    double speed = 0.0;   // that 6081h and the limits allow, counts/s
     double seconds = 0.0;
   } set_point_;
-  struct Away {  // the target that leads off a limit switch
+  struct Away {  // a cyclic target that leads away from a limit switch
     int targets = 0;
     std::int64_t since = 0;
     double from = 0.0;
     double target = 0.0;
   } away_;
-  unsigned held_by_ = 0;  // bit 0, 1: the switch below, above, since the axis moved
+  unsigned held_by_ = 0;  // switches that hold the axis: bit 0 negative, bit 1 positive
   struct AtOnce {         // a set-point with bit 5 of the controlword
     bool active = false;
     bool taken = false;
@@ -301,10 +307,10 @@ class Watch {
   } at_once_;
   std::uint32_t profile_velocity_before_ = 0;
   std::uint16_t word_before_ = 0;
-  bool reached_ = false;  // bit 10, where it has that meaning
-  bool ready_ = false;    // for a set-point: bit 12 is clear
+  bool reached_ = false;  // bit 10 of the statusword, in modes where it means target reached
+  bool ready_ = false;    // for a set-point: bit 12 of the statusword is 0
   std::int32_t target_before_ = 0;
-  std::int64_t asked_ = 0;  // when a command or a set-point changed in the drive
+  std::int64_t asked_ = 0;  // tick at which a command or a target last changed in the objects
   std::uint64_t asked_before_ = 0;
 
   struct Frame {
@@ -322,11 +328,11 @@ class Watch {
     double low = 0.0;
     double high = 0.0;
   };
-  std::array<Way, 2> way_{};  // of the shaft, in these 2 ms and in those before
+  std::array<Way, 2> way_{};  // range of the shaft in the present 2 ms and in the 2 ms before
   std::array<drive::Counts, drive::TouchProbe::slots> latched_{};
   std::uint32_t consumer_ = 0;  // 1016h:01
   std::int64_t consumer_since_ = 0;
-  bool lost_by_fault_only_;  // 6007h has 0 and 1
+  bool lost_by_fault_only_;  // 6007h has the values 0 and 1 only
 
   double rest_ = 0.0;
   std::int64_t rest_since_ = 0;
@@ -344,7 +350,7 @@ class Watch {
   std::int64_t failed_since_ = 0;
   std::int64_t obey_since_ = 0;
 
-  // The wire.
+  // Frames on the bus.
   struct Shown {
     std::int64_t tick;
     std::uint16_t statusword;
@@ -353,9 +359,9 @@ class Watch {
   std::size_t shown_count_ = 0;
   std::array<int, 4> statusword_at_{};  // byte of the TPDO; -1: not in it
   std::int64_t mapped_since_ = 0;
-  std::uint16_t told_code_ = 0;  // of the last EMCY
+  std::uint16_t told_code_ = 0;  // code of the last EMCY
   std::int64_t told_at_ = -1;
-  std::int64_t fault_since_ = -1;  // an EMCY is due
+  std::int64_t fault_since_ = -1;  // tick of a fault whose EMCY is due; -1: none
   canopen::NmtState nmt_{};
   std::int64_t nmt_since_ = 0;
 };

@@ -3,14 +3,15 @@
 
 #include "watch_terms.hpp"
 
-// What the bits of the statusword say, against the shaft.
+// Checks the bits of the statusword against the shaft.
 namespace servodrome::motion {
 
 void Watch::bits() {
   const std::uint16_t word = objects_.statusword;
   const bool judged = state_ == PowerState::operation_enabled && pwm_ && judgeable_ &&
                       tick_ - std::max(state_since_, mode_since_) > ms(20);
-  const std::uint16_t commanded = drive_.axis().controlword;  // a word with bit 7 commands nothing
+  // the last word without bit 7, because a word with bit 7 commands nothing
+  const std::uint16_t commanded = drive_.axis().controlword;
   const bool halt = (commanded & controlword::halt) != 0;
   bool lies = false;
   double expected = 0.0;
@@ -21,25 +22,26 @@ void Watch::bits() {
       const bool windowed = objects_.velocity_window != 0xFFFF;
       expected = axis.units.velocity_to_counts(objects_.target_velocity);
       if (axis.active(drive::Signal::invert_direction)) expected = -expected;
-      // Whatever 607Fh and 6080h make of it: 60FFh itself is compared with 606Ch (CiA 402-2, profile velocity).
+      // 606Ch is compared with 60FFh itself, not with its value clipped to 607Fh and 6080h (CiA 402-2, profile
+      // velocity).
       const double window = std::max(windowed ? objects_.velocity_window * axis.units.velocity : 0.0,
                                      axis.configuration.speed_windows.reached_counts_per_s);
       const double tolerance = window + 0.05 * std::abs(expected) + 3.0 * still_rpm / 60.0 * counts_per_revolution_;
       lies = windowed && std::abs(velocity_ - expected) > tolerance;
     } else if (mode_ == Mode::profile_position || (mode_ == Mode::profile_velocity && halt)) {
-      // With 6067h off bit 10 is the demand's, which a motor without torque does not follow.
+      // With 6067h off, bit 10 shows that the demand has arrived, even if the motor has too little torque to follow.
       const bool window_off = mode_ == Mode::profile_position && objects_.position_window == 0xFFFFFFFF;
       const bool gives_its_best = (objects_.statusword & drive::statusword::internal_limit_active) != 0;
       lies = std::abs(velocity_) > 4.0 * still_rpm / 60.0 * counts_per_revolution_ && end_velocity_given_ == 0.0 &&
              acceleration_ > 0.0 && !(window_off && gives_its_best);
     }
   }
-  // In profile position the demand rests at the target then.
+  // In profile position, with bit 10 set, the shaft must be near the demand, which then stands at the target ...
   const std::uint32_t window = objects_.position_window;
   if (judged && !halt && !lies && mode_ == Mode::profile_position && !drive_.in_motion() && window < 0x7FFFFFFF &&
       (word & drive::statusword::target_reached) != 0 && drive_.axis().demand.loop == Loop::position) {
     const auto most = std::abs(static_cast<double>(drive_.axis().units.to_counts(static_cast<std::int32_t>(window))));
-    // ... or rests elsewhere after a halt, and the shaft comes by the target.
+    // ... or near the target: after a halt the demand stands elsewhere, and the shaft may pass the target.
     const auto target = static_cast<double>(drive_.axis().units.to_counts(objects_.target_position)) -
                         static_cast<double>(drive_.position_offset());
     const double beside = std::min(std::abs(static_cast<double>(drive_.axis().demand.position) - position_),
@@ -51,7 +53,7 @@ void Watch::bits() {
     return fail("reached-is-untrue", fmt::format("bit 10 at {:.0f} rpm, {:.0f} are wanted, mode {}", rpm(velocity_),
                                                  rpm(expected), static_cast<int>(mode_)));
   }
-  // A stop that is under way has reached nothing. A load may make an axis swing that rests.
+  // Bit 10 must be 0 during a stop. Excepted is an axis that a load lets swing about its standing demand.
   const bool reached = (word & drive::statusword::target_reached) != 0;
   const bool stopping = told_ != StopKind::none && told_ < StopKind::velocity && pwm_ && judgeable_ &&
                         acceleration_ > 0.0 && !swings_about_rest() &&
@@ -81,7 +83,7 @@ void Watch::bits() {
   }
 }
 
-// Which of the judged meanings the bits of the statusword have in the present mode.
+// Looks up which bits of the statusword have the meanings that are checked here, in the present mode.
 void Watch::look_up_bits() {
   using enum drive::StatusSource;
   const auto shows = [this](unsigned bit, drive::StatusSource source) {
@@ -113,12 +115,12 @@ void Watch::limit_bit() {
   double most = greatest_speed();
   if (objects_.max_profile_velocity != 0) most = std::min(most, objects_.max_profile_velocity * axis.units.velocity);
   const bool shown = (objects_.statusword & drive::statusword::internal_limit_active) != 0;
-  // At the wanted speed, without a torque or voltage that is spent on it; a stop at a switch comes by it.
+  // The axis turns at the wanted speed with little torque. A stop at a switch only passes this speed.
   const bool steady =
       drive_.axis().generator.acceleration() == 0.0 &&
       std::abs(std::abs(velocity_) - wanted) < 0.02 * wanted + still_rpm / 60.0 * counts_per_revolution_ &&
       std::abs(axis_.plant().torque_nm()) < 0.5 * rated_torque_nm_;
-  // A switch that has opened again holds the axis until the next command, and bit 11 says so.
+  // A limit switch holds the axis until the next command even after it has opened, and bit 11 shows that.
   const bool held = axis.demand.velocity == 0.0F && wanted != 0.0;
   const bool lies = shown ? wanted < 0.9 * most && steady && !held : wanted > 1.05 * most;
   if (!lies) limit_lie_since_ = tick_;
@@ -141,7 +143,7 @@ void Watch::following_error_bit() {
   const double error = std::abs(static_cast<double>(axis.demand.position) - position_);
   const bool off = objects_.following_error_window == 0xFFFFFFFF;
   const auto window = std::abs(static_cast<double>(axis.units.to_counts(objects_.following_error_window)));
-  // As the drive sees it, a cycle late, to a count.
+  // The drive measures the error a cycle late and to one count.
   const double slack = std::abs(velocity_) * 2.0 * cycle_ticks * tick_s + 2.0;
   const bool lies = shown ? off || error + slack < 0.9 * window : !off && error > 1.1 * window + slack;
   if (!lies) following_lie_since_ = tick_;

@@ -4,7 +4,7 @@
 
 #include "watch_terms.hpp"
 
-// What the drive demands of its loops, and how fast.
+// Checks the demand that the drive gives its loops, and its speed.
 namespace servodrome::motion {
 
 void Watch::demand() {
@@ -20,7 +20,8 @@ void Watch::demand() {
     return;
   }
   demand_before_ = demand;
-  // A command that comes between two cycles may change the velocity of a demand that moves with the next one only.
+  // A command between two cycles may change the velocity of the demand at once, but its position only in the next
+  // cycle.
   const bool between = demand_tick_ >= 0 && tick_ - demand_tick_ < demand_cycle();
   if (between && now.loop == before.loop && demand.position == before.position) return;
   const std::int64_t passed = demand_tick_ < 0 ? cycle_ticks : std::max(tick_ - demand_tick_, demand_cycle());
@@ -29,24 +30,25 @@ void Watch::demand() {
                       : demand.velocity;
   const std::int64_t cycle = std::min(passed, cycle_ticks);
   demand_tick_ = tick_;
-  // An encoder that fails, and the place that it shows again afterwards, moves what begins with the shaft.
+  // A failed encoder, and its position when it works again, shifts a demand that begins at the shaft.
   if (!pwm_ || !had_pwm_ || tick_ - spoiled_ < ms(150)) {
     ramp_ = 0.0;
     return;
   }
   const double seconds = static_cast<double>(cycle) * tick_s;
-  // Where the shaft is, a position loop's lag before it. The speed that the drive measures is late.
+  // `near`: a demand may be set to the shaft's position plus the lag of the position loop, by a speed that is measured
+  // late.
   const double speed = std::abs(velocity_) + overshoot(-1.0);
   const bool caught = tick_ - around_->disturbed < ms(10);  // a locked rotor stands at once, from any speed
   const double near = speed * 4.0 * cycle_ticks * tick_s + lag(speed) + 0.004 * counts_per_revolution_ + 3.0;
   if (demand.loop == Loop::position && before.loop == Loop::position) {
     const double moved = std::abs(demand.position - before.position);
-    // The nameplate's, since a demand comes down to a 6080h that was lowered by its ramps, and to the nameplate's from
-    // a shaft that was faster.
+    // The limit is the nameplate's speed, because a demand comes down to a lowered 6080h by its ramps. The demand
+    // before may have been faster, if it began at a faster shaft.
     const double nameplate =
         static_cast<double>(drive_.configuration().motor.max_speed_rpm) / 60.0 * counts_per_revolution_;
     const double most = std::max(nameplate, std::abs(before.velocity)) * 1.02 * seconds + 2.0;
-    // What comes half way back to the shaft, or nearer, moves nothing that is faster than it was.
+    // A jump by which the demand comes back at least half way to the shaft does not drive the shaft.
     const bool back = std::abs(demand.position - position_) < 0.5 * std::abs(before.position - position_);
     if (moved > most && !caught && !back && std::abs(demand.position - position_) > near) {
       const bool cyclic = mode_ == Mode::cyclic_sync_position || mode_ == Mode::interpolated_position;
@@ -57,8 +59,8 @@ void Watch::demand() {
   }
   if (demand.loop == Loop::position && before.loop == Loop::position)
     first_target(before.velocity, demand.velocity, seconds);
-  if (!between) after_halt(demand, seconds);  // till the next cycle the loops have not heard of it
-  // Profile modes: no speed is gained faster than by the steepest ramp.
+  if (!between) after_halt(demand, seconds);  // the loops get the change with the next cycle
+  // In profile modes the demand must not accelerate faster than by the steepest ramp.
   const bool profiled = state_ == PowerState::operation_enabled && tick_ - mode_since_ > 2 * cycle_ticks &&
                         tick_ - state_since_ > 2 * cycle_ticks && judgeable_ &&
                         (mode_ == Mode::profile_position || mode_ == Mode::profile_velocity);
@@ -73,16 +75,16 @@ void Watch::demand() {
   const bool turns = demand.velocity * before.velocity < 0.0;
   const bool gains = std::abs(demand.velocity) > std::abs(before.velocity) || turns;
   if (!gains) return;
-  // From rest it may begin with the 6082h that its set-point was given with.
+  // From rest the demand may begin with the 6082h of its set-point.
   const double begins_with =
       drive_.policy().end_velocity_is_start && before.velocity == 0.0 ? end_velocity_given_ : 0.0;
-  // Where no ramp is left to brake with, the current limit does it: only what follows it is a ramp.
+  // Without any ramp to brake, the axis brakes at the current limit, and only the acceleration after that is a ramp.
   const drive::Axis& axis = drive_.axis();
   const bool turns_at_once = turns && axis.profile_deceleration() <= 0.0 && axis.quick_stop_ramp() <= 0.0;
   const double change = std::abs(demand.velocity - (turns_at_once ? 0.0 : before.velocity));
-  // The cycle in which a plan begins, and rounding of a float.
+  // Allows for the cycle in which a plan begins, and for the rounding of a float.
   const double allowance = ramp_ * 2.0 * seconds * 1.02 + 1e-4 * greatest_speed() + begins_with;
-  // From the shaft's speed, a ramp's step further.
+  // The demand was set to the shaft's speed plus one step of a ramp.
   const bool taken_over =
       std::abs(demand.velocity - velocity_) < 0.05 * std::abs(velocity_) + unsure_speed() + overshoot(-1.0) + allowance;
   const bool smoothed = drive_.configuration().smoothing_ms != 0 || drive_.configuration().position_lag_ms > 0.0F;
@@ -100,8 +102,8 @@ void Watch::demand() {
   }
 }
 
-// Where the demand of a cyclic mode begins, with the mode, with its power, after a halt, the target that is there may
-// be far away.
+// Counts the targets since the demand of a cyclic mode last began: with the mode, with power, or after a halt. The
+// first target may be far away.
 void Watch::count_targets() {
   const bool cyclic = mode_ == Mode::cyclic_sync_position || mode_ == Mode::interpolated_position;
   if (!cyclic) {  // with the mode the count begins anew
@@ -114,9 +116,10 @@ void Watch::count_targets() {
       static_cast<std::uint64_t>(static_cast<std::uint32_t>(objects_.position_offset)) * 5 ^
       static_cast<std::uint64_t>(static_cast<std::uint32_t>(objects_.interpolation_data_record)) * 3 ^
       static_cast<std::uint64_t>(static_cast<std::uint32_t>(objects_.min_position_limit)) *
-          7 ^  // it is clipped to them
+          7 ^  // targets are clipped to these limits
       static_cast<std::uint64_t>(static_cast<std::uint32_t>(objects_.max_position_limit)) * 11 ^
-      static_cast<std::uint64_t>(static_cast<std::uint32_t>(step.least)) * 13 ^  // so is it to the step from the last
+      static_cast<std::uint64_t>(static_cast<std::uint32_t>(step.least)) *
+          13 ^  // and to the greatest step from the last target
       static_cast<std::uint64_t>(static_cast<std::uint32_t>(step.greatest)) * 17;
   if (state_ != PowerState::operation_enabled || !pwm_ || stop_.kind != StopKind::none || mode_since_ == tick_) {
     targets_ = 0;
@@ -135,7 +138,7 @@ void Watch::first_target(double from, double to, double seconds) {
   constexpr double jump_share = 0.13;
   const double greatest =
       static_cast<double>(drive_.configuration().motor.max_speed_rpm) / 60.0 * counts_per_revolution_;
-  // From the demand, or from the shaft that a mode takes over.
+  // Compared with the demand before, or with the shaft from which a mode begins.
   const double gained = std::abs(to) - std::max(std::abs(from), std::abs(velocity_));
   const drive::MotionLimits limits = drive_.axis().catch_up_limits();
   const double most =
@@ -146,7 +149,7 @@ void Watch::first_target(double from, double to, double seconds) {
   }
 }
 
-// With the first demand after a halt, which may have ended anywhere on its ramp.
+// Checks the first demand after a halt, which may have ended anywhere on its ramp.
 void Watch::after_halt(const Demand& demand, double seconds) {
   const std::uint16_t word = drive_.axis().controlword;
   const bool runs = state_ == PowerState::operation_enabled && state_ == before_ && mode_since_ != tick_ &&
@@ -157,7 +160,8 @@ void Watch::after_halt(const Demand& demand, double seconds) {
   const bool ended = std::exchange(halted_, runs && halt) && runs && !halt;
   const drive::Axis& axis = drive_.axis();
   const bool held =
-      axis.at_limit_switch() || (axis.limited && axis.software_limits_active());  // a limit stops by a ramp of its own
+      // a limit stops the axis by a ramp of its own
+      axis.at_limit_switch() || (axis.limited && axis.software_limits_active());
   if (!ended || held || !judgeable_ || acceleration_ <= 0.0) return;
   // The drive's speed is a cycle old, and a shaft that follows its demand does so within 5 %.
   const double off = std::abs(demand.velocity - velocity_);
@@ -186,14 +190,14 @@ void Watch::speed_limits() {
   const double over = speed - most;
   const bool within = over <= 0.02 * most + 0.002 * greatest_speed();
   if (within || !excess_.begun || most != excess_.most) {
-    // A demand that is taken over from the shaft comes down from the speed that the drive measures.
+    // A demand that begins at the shaft comes down from the speed that the drive measures.
     const double shaft = std::abs(velocity_) - most;
     const double measured = most != excess_.most ? over : std::min(over, shaft + unsure_speed());
     excess_ = {tick_, most, std::max({measured, shaft, 0.0}), drive_.axis().generator.acceleration(), 0.0, !within};
     return;
   }
-  // A motor without the torque for the ramp takes the demand along: then its torque is the ramp, and without any there
-  // is no end.
+  // If the motor has too little torque for the ramp, the demand follows the shaft. The torque then determines the
+  // time, and without torque there is no limit for it.
   const double ramp = slope() > 0.0 ? std::min(slope(), acceleration_) : acceleration_;
   if (ramp <= 0.0) return;
   const drive::Configuration& own = drive_.configuration();

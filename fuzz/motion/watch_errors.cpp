@@ -6,7 +6,7 @@
 #include "ethercat/slave/slave.hpp"
 #include "watch_terms.hpp"
 
-// Faults as the registers and the wire tell them; the end of a sequence.
+// Checks how registers and frames show faults, and the energy balance at the end of a sequence.
 namespace servodrome::motion {
 
 void Watch::error_registers() {
@@ -49,7 +49,7 @@ void Watch::errors() {
       constexpr std::uint32_t phases = bit(plant::Injection::open_phase_u) | bit(plant::Injection::open_phase_v) |
                                        bit(plant::Injection::open_phase_w) | bit(plant::Injection::short_phase_u) |
                                        bit(plant::Injection::short_phase_v) | bit(plant::Injection::short_phase_w);
-      // What was seen while one was broken is told a little later.
+      // The drive may report what it measured while a phase was broken a little later.
       if ((around_->injected & phases) == 0 && tick_ - std::max(spoiled_, around_->disturbed) > ms(20)) {
         fail("false-alarm", fmt::format("motor phase lost ({:04X}h) with all phases whole, {:.0f} rpm, link {:.0f} V",
                                         row->code, rpm(velocity_), axis_.plant().dc_link_v()));
@@ -70,7 +70,7 @@ void Watch::errors() {
                         around_->quiet_bus;
     if (!speaks || !failed) fault_since_ = fault_since_ == tick_ ? tick_ : -1;
     if (!speaks) fault_since_ = -1;
-    // Whether the bus is too full is seen every 4 ms.
+    // An overload of the bus is detected every 4 ms only.
     if (fault_since_ >= 0 && tick_ - fault_since_ > ms(10)) {
       if (told_at_ < fault_since_ - ms(1)) {
         return fail("emergency-missing", fmt::format("603Fh is {:04X}h for 10 ms", objects_.error_code));
@@ -119,23 +119,23 @@ void Watch::heard(const canopen::Frame& frame, line::Time at) {
                                                   static_cast<double>(now - nmt_since_) / ticks_per_ms));
   }
   if (around_->cut || now - around_->joined < ms(1))
-    return;  // one frame may wait in the controller while the cable is away
+    return;  // one frame may wait in the controller while the cable is cut
   const int place = statusword_at_[(function - 0x180) / 0x100];
   if (place < 0 || place + 2 > frame.length) return;
   const auto word = static_cast<std::uint16_t>(frame.data[static_cast<std::size_t>(place)] |
                                                frame.data[static_cast<std::size_t>(place) + 1] << 8);
-  // True at some time within the last 3 ms?
+  // The statusword must have had this value within the last 3 ms.
   for (std::size_t back = 0; back < std::min(shown_count_, shown_.size()); ++back) {
     const Shown& shown = shown_[(shown_count_ - 1 - back) % shown_.size()];
     if (shown.statusword == word) return;
-    // A command acts when it comes, bit 4, a warning and the bits of the mode follow with the next cycle: between the
-    // two a TPDO may have shown what no tick ends with.
+    // A command acts at once; bit 4, a warning and the bits of the mode follow in the next cycle. In between a TPDO
+    // may show a combination that no tick ends with.
     const bool lately = std::max(shown.tick, asked_) >= now - ms(1);
     if (lately && ((shown.statusword ^ word) & 0x006F) == 0) return;
-    // A quick stop of an axis that rests may be over before the tick is.
+    // A quick stop of a standing axis may begin and end within one tick.
     if (lately && (word & 0x006F) == 0x0007 && drive::command_of(objects_.controlword) == drive::Command::quick_stop)
       return;
-    // Operation enabled may end by a fault in the very tick in which it begins.
+    // A fault may end Operation enabled in the same tick in which it began.
     const bool failed = (shown.statusword & 0x0048) == 0x0008;
     if (lately && failed && (word & 0x006F) == 0x0027 &&
         drive::command_of(objects_.controlword) == drive::Command::enable_operation)

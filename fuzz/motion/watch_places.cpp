@@ -5,10 +5,10 @@
 
 #include "watch_terms.hpp"
 
-// What user positions mean, what is shown and latched of them, and a master that is no longer there.
+// Checks shown and latched positions, and the reaction to a lost master.
 namespace servodrome::motion {
 
-// Whatever changes which place a user position stands for: home, direction, range, unit.
+// Detects changes of the user coordinates: home, direction, range, unit.
 void Watch::look_at_frame() {
   const drive::Units& units = drive_.axis().units;
   const Frame frame{drive_.position_offset(),
@@ -24,7 +24,8 @@ void Watch::look_at_frame() {
   way_[0].high = std::max(way_[0].high, position_);
 }
 
-// Counts from the shaft's zero of a cyclic target: the nearer of the two ways round the 32 bits from the demand.
+// The position of a cyclic target in counts of the shaft: of all positions with these 32 bits the one nearest to the
+// demand.
 double Watch::nearest_place_of(std::int64_t user) const {
   const drive::Axis& axis = drive_.axis();
   const std::int64_t now = axis.units.to_user(axis.demand.position + drive_.position_offset());
@@ -33,7 +34,7 @@ double Watch::nearest_place_of(std::int64_t user) const {
   return static_cast<double>(axis.units.to_counts(now + way) - drive_.position_offset());
 }
 
-// 6064h against the shaft, as the product's units have it.
+// Checks 6064h against the shaft, in the product's units.
 void Watch::shown_position() {
   if (tick_ % ms(1) != 0 || tick_ - frame_since_ < ms(5) || tick_ - spoiled_ < ms(20)) return;
   const drive::Units& units = drive_.axis().units;
@@ -47,12 +48,12 @@ void Watch::shown_position() {
     return fail("position-is-untrue", fmt::format("6064h is {}, out of 607Bh", shown));
   const double counts = (position_ + static_cast<double>(frame_.offset)) * (units.position_inverted ? -1.0 : 1.0);
   const double round = range != 0 ? static_cast<double>(range) : 4294967296.0;
-  // A shaft that a load drives faster than any motor goes round a range within a cycle.
+  // Does not judge a shaft that a load drives so fast that it passes most of the range within a cycle.
   if (std::max(way_[0].high, way_[1].high) - std::min(way_[0].low, way_[1].low) > 0.4 * round * units.position.value())
     return;
   const double off = std::remainder(static_cast<double>(shown) - counts / units.position.value(), round) *
                      units.position.value() * (units.position_inverted ? -1.0 : 1.0);
-  // It is as old as the drive's cycle.
+  // 6064h may be as old as a cycle of the drive.
   const double slack = 3.0 + units.position.value();
   const double low = std::min(way_[0].low, way_[1].low) - slack;
   const double high = std::max(way_[0].high, way_[1].high) + slack;
@@ -60,7 +61,7 @@ void Watch::shown_position() {
     fail("position-is-untrue", fmt::format("6064h is {}, {:.1f} counts beside the shaft", shown, off));
 }
 
-// What a touch probe latches is a place where the shaft has just been, or the index.
+// A touch probe must latch a position where the shaft has just been.
 void Watch::touch_probes() {
   const drive::TouchProbe& probe = drive_.touch_probe();
   if (tick_ - spoiled_ < ms(20) || !was_powered_) {
@@ -68,7 +69,8 @@ void Watch::touch_probes() {
     return;
   }
   const bool deviation =
-      probe.capability().index_value == drive::TouchProbeCapability::IndexValue::deviation;  // a value, no place
+      // the latched value is no position
+      probe.capability().index_value == drive::TouchProbeCapability::IndexValue::deviation;
   const double low = std::min(way_[0].low, way_[1].low) - 2.0;
   const double high = std::max(way_[0].high, way_[1].high) + 2.0;
   for (std::size_t slot = 0; slot < latched_.size(); ++slot) {
@@ -82,7 +84,8 @@ void Watch::touch_probes() {
   }
 }
 
-// A master that was heard and is lost ends the operation, as 6007h has it (CiA 301 7.2.8.3.2.2, CiA 402-2 6007h).
+// The loss of a master whose heartbeat was received must end the operation, as 6007h says (CiA 301 7.2.8.3.2.2, CiA
+// 402-2 6007h).
 void Watch::lost_master() {
   const canopen::Node* node = axis_.device().can_node();
   if (node == nullptr || around_->last_heartbeat < 0) return;
@@ -98,7 +101,7 @@ void Watch::lost_master() {
   const std::int64_t since = std::max({consumer_since_, left ? 0 : nmt_since_, around_->joined}) + ms(5);
   const bool watched = consumer_ >> 16 == of_master && (consumer_ & 0xFFFF) != 0 && !around_->cut &&
                        around_->quiet_bus && hears && around_->last_heartbeat > since;
-  // Exactly when it is due, so that an operation that begins afterwards is one of its own.
+  // Checked exactly when the reaction is due, because an operation that begins later is a new one.
   const std::int64_t due = around_->last_heartbeat + ms(static_cast<double>(consumer_ & 0xFFFF) + 5.0);
   if (!watched || tick_ != due) return;
   const bool has_option = axis_.device().bus_dictionary().find(0x6007, 0) != nullptr;

@@ -3,12 +3,13 @@
 
 #include "watch_terms.hpp"
 
-// Power stage, power states and torque.
+// Checks power stage, power states and torque.
 namespace servodrome::motion {
 
 namespace {
 
-// One step of the automaton of CiA 402 (with the way of some makers out of Quick stop active).
+// Returns true for one transition of the CiA 402 state machine (with the additional one of some makers out of Quick
+// stop active).
 bool step_allowed(PowerState from, PowerState to) {
   using enum PowerState;
   if (from == to || to == not_ready_to_switch_on) return true;
@@ -27,7 +28,7 @@ bool step_allowed(PowerState from, PowerState to) {
   return false;
 }
 
-// More than one command may come within a tick.
+// Up to three transitions may happen within a tick, because more than one command may come.
 bool allowed(PowerState from, PowerState to) {
   if (step_allowed(from, to)) return true;
   for (std::uint8_t one = 0; one < 8; ++one) {
@@ -47,14 +48,14 @@ bool allowed(PowerState from, PowerState to) {
 void Watch::power() {
   const bool allowed_here =
       has_stage(state_) || (state_ == PowerState::switched_on && drive_.policy().energised_in_switched_on) ||
-      // a brake closes before power goes
+      // the brake closes before the power is switched off
       (drive_.configuration().has_brake() && tick_ - state_since_ < ms(drive_.configuration().brake_engage_ms + 2.0));
   unpowered_ticks_ = (pwm_ || shorted_) && !allowed_here ? unpowered_ticks_ + 1 : 0;
   if (unpowered_ticks_ > cycle_ticks) {
     fail("torque-without-operation", fmt::format("the stage is on in {}, {:.2f} Nm at {:.1f} rpm", drive::name(state_),
                                                  axis_.plant().torque_nm(), rpm(velocity_)));
   }
-  // The end of a stop.
+  // The power is switched off at the end of a stop.
   if (had_pwm_ && !pwm_ && !shorted_ && was_powered_ && judgeable_ && acceleration_ > 0.0 &&
       axis_.feedback().hardware_faults == 0) {
     const drive::FaultRow* fault = drive_.shown_fault();
@@ -81,18 +82,18 @@ void Watch::power() {
         break;
       default: judged = false;
     }
-    // As long as a brake opens, it still holds the axis, and nothing has begun that could be ended by a ramp.
+    // While the brake opens it still holds the axis, so there is no motion that a ramp could end.
     if (tick_ - pwm_before_ <= ms(drive_.configuration().brake_release_ms)) judged = false;
-    // By hand, a second time: disable voltage waits for no ramp.
+    // Disable voltage does not wait for the end of a ramp.
     if (drive::command_of(objects_.controlword) == drive::Command::disable_voltage) judged = false;
     const bool ramp = code == 1 || code == 2 || code == 3 || code == 5 || code == 6 || code == 7;
-    // Or before a stop could be seen to begin.
+    // The stop may have begun and ended within this tick.
     const std::int64_t began = told_to_stop() ? stop_.began : tick_;
     const double passed = static_cast<double>(tick_ - began) * tick_s;
     const bool in_time = !told_to_stop() || (stop_.seconds < 1e9 && passed < stop_.seconds + 0.5);
-    // A stop that has come to rest is over. What moves the shaft while its brake closes is a load.
+    // A stop that came to rest is over. If the shaft moves while the brake closes, a load moves it.
     const bool rested = stood_ >= began - ms(drive_.configuration().brake_engage_ms + 5.0);
-    // Writes of the option code while the stop runs leave open which of them counts.
+    // Judges a stop with a ramp that did not come to rest, unless its time is over.
     if (judged && ramp && in_time && !rested && std::abs(velocity_) > 3.0 * still_rpm / 60.0 * counts_per_revolution_) {
       fail("let-go-in-motion", fmt::format("power goes at {:.0f} rpm, {:.1f} ms after the stop began in {}",
                                            rpm(velocity_), 1000.0 * passed, drive::name(before_)));
@@ -103,14 +104,14 @@ void Watch::power() {
 void Watch::coasting() {
   const bool free = !pwm_ && !shorted_ && around_->load_share == 0.0 && !around_->locked;
   const double speed = std::abs(velocity_);
-  // The current that flows on through the diodes may still push.
+  // The current that still flows through the diodes may drive the shaft.
   const bool current = std::abs(axis_.plant().torque_nm()) > 0.02 * rated_torque_nm_;
   if (!free || current || pwm_ != had_pwm_) {
     slowest_ = speed;
     return;
   }
   slowest_ = std::min(slowest_, speed);
-  // A cogging torque gives back what it took.
+  // A cogging torque may accelerate the shaft again after it has braked it.
   if (speed > slowest_ + 60.0 / 60.0 * counts_per_revolution_) {
     fail("coasting-gains-speed", fmt::format("{:.1f} rpm, after {:.1f} rpm", rpm(speed), rpm(slowest_)));
   }
@@ -146,7 +147,8 @@ void Watch::torque() {
                                 std::min(objects_.max_torque, objects_.negative_torque_limit)) *
                        0.001;
   const double share = std::abs(axis_.plant().torque_nm()) / rated_torque_nm_;
-  // The current loop overshoots, and the nameplate's torque constant is that of a cold motor.
+  // Allows for the overshoot of the current loop, and for the nameplate's torque constant, which is that of a cold
+  // motor.
   const bool over = share > 1.15 * limit + 0.3 && (around_->injected & spoils_motion) == 0 &&
                     std::abs(velocity_) < greatest_speed() && around_->supply_share >= 0.8;
   torque_over_ = over && tick_ - voltage_spent_ > ms(50) ? torque_over_ + 1 : 0;

@@ -5,13 +5,13 @@
 
 #include "watch_terms.hpp"
 
-// Stops, limit switches and software limits: where the shaft may still be.
+// Checks stops, limit switches and software limits: how far the shaft may still move.
 namespace servodrome::motion {
 
 void Watch::stops() {
   StopKind kind = StopKind::none;
   const drive::Command command = drive::command_of(objects_.controlword);
-  // A set-point that is given while the DC link charges counts with Operation enabled.
+  // A set-point that is given while the DC link charges takes effect with Operation enabled.
   const bool operates = state_ == PowerState::operation_enabled;
   if (two_words()) two_words_at_ = tick_;
   const drive::Generator& generator = drive_.axis().generator;
@@ -51,28 +51,28 @@ void Watch::stops() {
   if (!pwm_ || (around_->injected & spoils_motion) != 0 || around_->locked) kind = StopKind::none;
   told_ = kind;
   if (kind == StopKind::none && stop_.kind == StopKind::none) return;
-  // A limit switch releases what it holds, and homing goes on where it was.
+  // Ticks since the stop began or was last disturbed, for the message.
   const std::int64_t settled = tick_ - std::max({stop_.since, around_->disturbed, mode_since_});
   if (kind != stop_.kind || around_->disturbed > stop_.since || mode_since_ > stop_.since || !judgeable_) {
     if (kind == StopKind::none) {
       stop_ = {};
       return;
     }
-    // A stop that goes on in another mode keeps the ramp that it began with.
+    // A stop that continues in another mode keeps the ramp with which it began.
     const bool goes_on = kind == stop_.kind && stop_.slope > 0.0 && slope() > 0.0;
     const double gentlest = goes_on ? std::min(slope(), stop_.slope) : slope();
-    // A shaft that lags behind the stop's ramp meanwhile may become as fast again. What the drive begins with is what
-    // its filter shows, a little late.
+    // A shaft that lags behind the ramp of a stop that continues may become as fast again as at its beginning. A new
+    // stop begins with the speed that the drive's filter shows, a little late.
     double speed = goes_on ? std::max(std::abs(velocity_), stop_.speed) : std::max(fastest_[0], fastest_[1]);
-    // Homing that is given up goes on with a ramp to rest that runs already, about which the shaft may swing.
+    // Homing that is aborted continues a ramp to rest that already runs; the shaft may swing about its demand.
     const bool brakes = generator.acceleration() * generator.velocity() < 0.0;
     const double off = std::abs(position_ - static_cast<double>(drive_.axis().demand.position));
     if (kind == StopKind::homing && brakes && off < swing_revolutions * counts_per_revolution_)
       speed = std::max(speed, std::abs(generator.velocity()));
     const Stopping stopping = this->stopping(speed, gentlest);
-    // What the drive measures is late, and a shaft that swings may have turned meanwhile.
+    // The measured speed is late, and a swinging shaft may have reversed meanwhile.
     const double unsure = 4.0 * still_rpm * counts_per_s_per_rpm_ + overshoot(-1.0);
-    // A hard stop may have thrown it back from a stop whose demand still leads there.
+    // The shaft may have rebounded from a hard stop towards which the demand still leads.
     const bool thrown_back = kind == stop_.kind && static_cast<double>(drive_.axis().demand.velocity) * velocity_ < 0.0;
     const bool turns = std::abs(velocity_) > unsure && !swings_about_rest() && !thrown_back;
     const double direction = turns ? std::copysign(1.0, velocity_) : 0.0;
@@ -91,13 +91,13 @@ void Watch::stops() {
     return;
   }
   if (kind == StopKind::none) return;
-  if (acceleration_ <= 0.0) {  // the torque that a stop needs was taken from it
+  if (acceleration_ <= 0.0) {  // without torque it cannot brake: judge it from here on
     stop_.since = tick_;
     stop_.from = position_;
   }
   const bool shaped = stop_.shaped || ramp_set_.shaped;
   if (const double ramp = slope(); ramp != stop_.slope || shaped != stop_.shaped) {
-    // Written while it runs: the stop may have been planned with the one of before, the loops' lag with either.
+    // The ramp was written during the stop, which may have been planned with the old one or the new one.
     const double gentler = ramp > 0.0 && stop_.slope > 0.0 ? std::min(ramp, stop_.slope) : std::max(ramp, stop_.slope);
     if (gentler != stop_.slope || shaped != stop_.shaped) {
       const Stopping stopping = this->stopping(velocity_, gentler);
@@ -113,14 +113,14 @@ void Watch::stops() {
                                     "no mode"};
   const char* name = names[static_cast<std::size_t>(kind)];
   const double way = std::abs(position_ - stop_.from);
-  constexpr double rounding = 1.005;  // of ways of many revolutions
+  constexpr double rounding = 1.005;  // for distances of many revolutions
   if (way > rounding * stop_.counts) {
     return fail("stop-runs-away",
                 fmt::format("{}: {:.2f} revolutions after {:.1f} ms, at {:.0f} rpm; {:.2f} are enough for it", name,
                             way / counts_per_revolution_, static_cast<double>(settled) / ticks_per_ms, rpm(velocity_),
                             stop_.counts / counts_per_revolution_));
   }
-  // While a brake opens the axis is held where it is, whatever it did before.
+  // While the brake opens it holds the axis.
   const bool held = stop_.since - pwm_since_ <= ms(drive_.configuration().brake_release_ms);
   if (kind < StopKind::velocity && !held && acceleration_ > 0.0 && drive_.axis().demand.loop == Loop::position &&
       stop_.furthest - place > swing_revolutions * counts_per_revolution_ + 0.1 * way) {
@@ -137,7 +137,8 @@ void Watch::stops() {
   if (late > 2.0 && kind == StopKind::fault) fail("stop-never-ends", "fault reaction active does not end");
 }
 
-// Of vl velocity mode: bits 4 to 6 of the controlword ramp down, or 6042h is 0; a locked ramp holds what it has.
+// Returns true if vl velocity mode commands velocity 0: by bits 4 to 6 of the controlword, or by 6042h = 0. A locked
+// ramp keeps its velocity.
 bool Watch::commands_no_velocity() const {
   const std::uint16_t word = drive_.axis().controlword;
   if ((word & controlword::mode_bit_4) == 0) return true;
@@ -145,7 +146,7 @@ bool Watch::commands_no_velocity() const {
   return (word & controlword::mode_bit_6) == 0 || objects_.vl_target_velocity == 0;
 }
 
-// A soft loop may swing for long about a demand that rests at the end of its ramp.
+// Returns true if the shaft swings about a demand that stands. With a soft loop that may last long.
 bool Watch::swings_about_rest() const {
   const drive::LoopDemand& demand = drive_.axis().demand;
   return demand.loop == Loop::position && demand.velocity == 0.0F &&
@@ -165,48 +166,50 @@ void Watch::limit_switches() {
     const double direction = i == 0 ? -1.0 : 1.0;
     const bool closed = (inputs & (i == 0 ? negative_wire_ : positive_wire_)) != 0;
     const bool signal = drive_.axis().active(i == 0 ? drive::Signal::negative_limit : drive::Signal::positive_limit);
-    // Under torque the switch bounds the speed, which a load on the axis has for as long as the loop's integral needs.
+    // In torque control the switch limits the speed. A load may still move the axis until the loop's integral has
+    // built up.
     const bool loaded = drive_.axis().demand.loop == Loop::torque && around_->load_share != 0.0;
     const bool active = closed && signal && pwm_ && has_stage(state_) && !drive_.homes() && !loaded;
     Limit& limit = limits_[i];
-    if (!active) {  // a bounce lets a stop go on with the ramp that it has
+    if (!active) {  // after a bounce of the switch a stop continues with its ramp
       limit = {.slope = moves ? limit.slope : 0.0};
       continue;
     }
-    // In the position loop the shaft comes to where the demand stands, though it may have swung back from there.
+    // In the position loop the shaft comes to the place of the demand, even if it has swung back from there.
     const bool demanded = drive_.axis().demand.loop == Loop::position;
     const double led = direction * static_cast<double>(drive_.axis().demand.velocity);
-    // ... and in the velocity loop to the demand's speed, which was that of the shaft when the stop began.
+    // ... and in the velocity loop to the speed of the demand, which was at most that of the shaft when the stop
+    // began.
     const double speed = std::max({0.0, direction * velocity_, demanded ? led : std::min(led, limit.speed)});
     const double place =
         demanded ? std::max(direction * position_, direction * static_cast<double>(drive_.axis().demand.position))
-                 : direction * position_ + lag(speed);  // a stop may go on in the position loop
+                 : direction * position_ + lag(speed);  // a stop may continue in the position loop
     // 605Ah and 605Eh choose the ramp of a quick stop and of a fault.
     const bool chosen = one_of(state_, {PowerState::quick_stop_active, PowerState::fault_reaction_active});
     double ramp = chosen && stop_.slope > 0.0 ? std::min(slope(), stop_.slope) : limit_slope();
     if (limit.slope > 0.0)
-      ramp = ramp > 0.0 ? std::min(ramp, limit.slope) : limit.slope;  // it may have begun with that
+      ramp = ramp > 0.0 ? std::min(ramp, limit.slope) : limit.slope;  // the stop may have begun with that
     const double reach = place + stopping(speed, ramp).counts;
-    const bool unknown = chosen && stop_.kind == StopKind::none;  // which ramp it is
-    // Without torque nothing brakes. A gentler ramp that is written meanwhile is that of the next stop.
+    const bool unknown = chosen && stop_.kind == StopKind::none;  // the ramp is not known
+    // Without torque nothing brakes. A lower ramp restarts the judgement.
     if (!limit.active || (chosen && stop_.since == tick_) || unknown || !judgeable_ || mode_since_ == tick_ ||
         acceleration_ <= 0.0 || ramp < limit.slope) {
-      // The ramp of a stop goes on while the bench holds the shaft, which has its speed again afterwards.
+      // The ramp of a stop continues while the bench holds the shaft; afterwards the shaft gets that speed again.
       const double began = !demanded && limit.active ? limit.speed : 0.0;
       limit = {true, reach, ramp, direction * position_, std::max(direction * velocity_, began)};
       continue;
     }
     limit.slope = ramp;
-    constexpr double rounding = 0.005;  // of ways of many revolutions
+    constexpr double rounding = 0.005;  // for distances of many revolutions
     const drive::LoopDemand& demand = drive_.axis().demand;
     const double still = still_rpm * counts_per_s_per_rpm_;
-    // The end of a filter's lag is no motion. Without a position loop the shaft swings back when the integral of a hard
-    // stop unwinds.
+    // The last part of a filter's lag counts as standstill. Without a position loop the shaft swings back when the
+    // integral decreases after an abrupt stop.
     const bool swings = led < still && (demanded || led > -still) &&
                         (!demanded || direction * static_cast<double>(demand.position) <= limit.furthest);
-    // A shaft that swings about a demand which leads nowhere comes back as far as it was.
+    // A shaft that swings about a standing demand may come back to where it was.
     if (!swings) limit.furthest = std::min(limit.furthest, reach);
-    // A demand that moves again, or turns towards the switch, begins with what the shaft does, which may swing.
+    // A demand that moves again, or turns towards the switch, begins with the motion of the shaft, which may swing.
     const bool begins = (limit.swings && !swings) || (!limit.leads && led > 0.0);
     limit.swings = swings;
     limit.leads = led > 0.0;
@@ -223,7 +226,7 @@ void Watch::limit_switches() {
   }
 }
 
-// What a demand at `speed` needs to rest by the ramps alone.
+// The distance that a demand at `speed` needs to stop by its ramp alone.
 double Watch::ramp_way(double speed, double ramp) const {
   if (ramp <= 0.0) return speed * 0.1;
   const double seconds = speed / ramp + jerk_delay(speed, ramp) + 0.002 + 0.001 * drive_.configuration().smoothing_ms +
@@ -233,8 +236,8 @@ double Watch::ramp_way(double speed, double ramp) const {
 
 void Watch::software_limits() {
   const drive::Axis& axis = drive_.axis();
-  // Behind an end of the range 607Bh lie the positions of its other end. What 607Dh leaves of the range is allowed,
-  // unless that is all of it.
+  // Positions wrap around at the ends of the range 607Bh. The limits are 607Dh within the range; if it allows the
+  // whole range, there is no limit.
   std::int64_t least = objects_.min_position_limit;
   std::int64_t greatest = objects_.max_position_limit;
   bool bounds = true;
@@ -243,21 +246,21 @@ void Watch::software_limits() {
     least = std::max<std::int64_t>(least, objects_.min_position_range_limit);
     greatest = std::min<std::int64_t>(greatest, objects_.max_position_range_limit);
   }
-  // A demand that the motor has no torque to follow is taken along by the shaft.
+  // Not judged if the motor has too little torque to follow the demand, because the demand then follows the shaft.
   const bool applies = bounds && least < greatest && pwm_ && state_ == PowerState::operation_enabled &&
                        axis.software_limits_active() && acceleration_ > 0.0 && !drive_.homes();
-  // A cyclic target may end at a limit at any speed; a stop that begins there needs its way.
+  // Cyclic targets may reach a limit at any speed. A stop that begins there needs its braking distance.
   const bool at_switch = axis.at_limit_switch();
   const unsigned stops = (told_to_stop() ? 1u : 0u) | (axis.active(drive::Signal::negative_limit) ? 2u : 0u) |
                          (axis.active(drive::Signal::positive_limit) ? 4u : 0u) | (at_switch && axis.limited ? 8u : 0u);
   if ((stops & ~std::exchange(stops_before_, stops)) != 0) stopped_since_ = tick_;
-  const bool begins = stops != 0 && tick_ - stopped_since_ <= demand_cycle();  // the drive hears of it with its cycle
+  const bool begins = stops != 0 && tick_ - stopped_since_ <= demand_cycle();  // the drive reacts in its next cycle
   if (!applies) {
     borders_ = {};
     return;
   }
   const double asked = limit_slope();
-  // As 6064h shows it.
+  // From counts of the shaft to the position that 6064h shows.
   const auto offset =
       static_cast<double>(drive_.position_offset()) - static_cast<double>(axis.units.to_counts(axis.turn_of_demand()));
   // In the position loop the demand is judged, which has no lag; else the shaft.
@@ -270,15 +273,15 @@ void Watch::software_limits() {
     Border& border = borders_[i];
     const double at = direction * static_cast<double>(axis.units.to_counts(limit));
     const double place = direction * place_now;
-    // A demand that is taken over by a stop moves back, and goes on with its velocity.
+    // When a stop begins, the demand may move back to the shaft and continue with the shaft's velocity.
     const double shaft = direction * velocity_;
     const double led = std::max(direction * demand_speed_, direction * static_cast<double>(axis.demand.velocity));
-    // A demand that moves again goes on with what the shaft does, which may swing about where it rested.
+    // A demand that moves again begins with the motion of the shaft, which may swing about its place of rest.
     const bool moves = axis.demand.velocity != 0.0F;
     const bool wakes = demanded && border.active && moves && !border.moves;
     border.moves = moves;
     const double speed = std::max({0.0, demanded ? led : shaft, begins || wakes ? shaft : 0.0});
-    // A stop keeps the ramp that it began with when a steeper one is written.
+    // A stop keeps the ramp with which it began if a steeper one is written.
     const double slope = border.active && speed > 0.0 && border.slope > 0.0 ? std::min(asked, border.slope) : asked;
     const double way = demanded ? ramp_way(speed, slope) : stopping(speed, slope).counts;
     const double reach = place + way + slack;
@@ -288,14 +291,14 @@ void Watch::software_limits() {
       border = {true, demanded, limit, slope, std::max(at + slack, reach), 0.0, moves};
       continue;
     }
-    // A demand in the velocity loop is braked when the shaft is there; a fault brakes from there as well.
+    // In the velocity loop the drive brakes when the shaft is at the limit, and a fault also brakes from there.
     const double tolerance = demanded ? slack + 0.002 * speed : way + slack;
     border.slope = slope;
     border.bound = std::max(at + tolerance, std::min(border.bound, reach));
-    // A demand that comes to a shaft which is already there leads it nowhere. One that the shaft takes along may rest
-    // there.
+    // A demand that only comes up to a shaft beyond the limit does not lead the shaft there. A demand that follows the
+    // shaft may rest there.
     const bool leads = !demanded || place > direction * (offset + position_);
-    if (demand_tick_ == tick_) {  // the last step of a line has the velocity of the one before
+    if (demand_tick_ == tick_) {  // the last step of a line has the velocity of the step before it
       const double own = std::max(0.0, direction * static_cast<double>(axis.demand.velocity));
       const bool taken_along =
           !leads && direction * demand_speed_ > 1.05 * std::max(own, std::exchange(border.own, own));

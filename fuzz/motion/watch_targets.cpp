@@ -5,16 +5,17 @@
 
 #include "watch_terms.hpp"
 
-// Set-points and cyclic targets that have to be met, and motion that was not asked for.
+// Checks that set-points and cyclic targets are reached, and that an axis does not move without a command.
 namespace servodrome::motion {
 
-// A set-point of profile position that stood alone: from its edge to rest.
+// Checks a single set-point of profile position, from the edge of bit 4 to rest.
 void Watch::set_points() {
   const std::uint16_t word = objects_.controlword;
   const bool edge = (word & controlword::mode_bit_4) != 0 && (word_before_ & controlword::mode_bit_4) == 0;
   const bool working = state_ == PowerState::operation_enabled && mode_ == Mode::profile_position && pwm_ &&
                        (word & (controlword::halt | controlword::fault_reset)) == 0 && judgeable_ &&
-                       drive::command_of(word) == drive::Command::enable_operation;  // any other gives the set-point up
+                       // any other command cancels the set-point
+                       drive::command_of(word) == drive::Command::enable_operation;
   const std::uint16_t word_before = std::exchange(word_before_, word);
   const bool reached_before =
       std::exchange(reached_, (objects_.statusword & drive::statusword::target_reached) != 0 && shown_bits_.reached);
@@ -32,12 +33,13 @@ void Watch::set_points() {
   const bool bounded = axis.software_limits_active() && drive_.policy().out_of_limits != drive::OutOfLimits::fault;
   const bool limited = at_switch || (axis.software_limits_active() && !bounded);
   if (edge) {
-    // Its 6081h counts from the next cycle on, whatever was under way before.
+    // Its 6081h may be the present one or that of the previous tick.
     const double asked = std::max(velocity_before, objects_.profile_velocity) * axis.units.velocity;
     const bool at_once = (word & controlword::mode_bit_5) != 0 && ready_before;
     at_once_ = {at_once && !drive_.policy().end_velocity_is_start, false, tick_, asked};
     const bool relative = (word & controlword::mode_bit_6) != 0;
-    // Bits 2 to 5 of 60F2h are other times to begin. 6082h is a speed to begin with, or to pass the target with.
+    // Other bits of 60F2h (2 to 5) change when the motion begins. 6082h is the speed at its beginning in some
+    // products, at its target in others.
     constexpr int plain_options = 0xC3;
     const bool passes = objects_.end_velocity != 0 && !drive_.policy().end_velocity_is_start;
     const bool usual = (word & controlword::mode_bit_9) == 0 &&
@@ -48,12 +50,12 @@ void Watch::set_points() {
                           axis.demand.loop == Loop::position &&
                           std::abs(velocity_) < still_rpm / 60.0 * counts_per_revolution_;
     const double target = static_cast<double>(axis.units.to_counts(objects_.target_position));
-    // A relative one counts from the target before, where an axis rests that has reached it.
+    // A relative set-point counts from the previous target, so the axis must have reached that one.
     const bool based = !relative || (reached_before && (word_before & controlword::halt) == 0);
     set_point_.active = usual && standing && based && !limited && !changed && acceleration_ > 0.0;
     set_point_.taken = false;
     set_point_.reached = 0;
-    // Away from the one switch that holds it.
+    // The set-point leads away from the one limit switch that is active.
     const bool below = axis.active(drive::Signal::negative_limit);
     const bool above = axis.active(drive::Signal::positive_limit);
     const double least = 0.3 * counts_per_revolution_;
@@ -65,7 +67,7 @@ void Watch::set_points() {
     set_point_.since = tick_;
     resolve(relative, bounded);
     set_point_.passes = passes;
-    if (passes && bounded) set_point_.active = false;  // at a limit it is the end of the way
+    if (passes && bounded) set_point_.active = false;  // a motion ends at a software limit
     set_point_.alone = tick_;
     const double way = std::max(std::abs(set_point_.target - position_), set_point_.range);
     double speed = objects_.profile_velocity * axis.units.velocity;
@@ -102,7 +104,7 @@ void Watch::set_points() {
     if (drive_.in_motion()) set_point_.alone = tick_;
     return;
   }
-  // Anything else that is written may change the plan, and of two words the first may have stopped the axis.
+  // Any other write may change the plan, and of two controlwords the first may have stopped the axis.
   if (limited || two_words() || around_->commanded > set_point_.since + ms(10)) {
     set_point_.active = false;
     set_point_.alone = tick_;
@@ -118,7 +120,7 @@ void Watch::set_points() {
   double beside = std::abs(position_ - set_point_.target);
   if (set_point_.range > 0.0) beside = std::abs(std::remainder(position_ - set_point_.target, set_point_.range));
   const double went = (position_ - set_point_.from) * (axis.units.position_inverted ? -1.0 : 1.0);
-  constexpr double unsure_revolutions = 0.2;  // where the demand was, and a soft loop's swing
+  constexpr double unsure_revolutions = 0.2;  // for the place of the demand, and for the swing of a soft loop
   const double most = 0.5 * set_point_.range + unsure_revolutions * counts_per_revolution_;
   const double back = unsure_revolutions * counts_per_revolution_;
   if ((set_point_.side == 1 && went > back) || (set_point_.side == 2 && went < -back) ||
@@ -128,14 +130,14 @@ void Watch::set_points() {
                 fmt::format("{:.2f} revolutions, 60F2h is {:02X}h, the range has {:.2f}", went / counts_per_revolution_,
                             objects_.positioning_option_code, set_point_.range / counts_per_revolution_));
   }
-  if (set_point_.passes) {  // it goes on behind its target
+  if (set_point_.passes) {  // it continues beyond its target
     const double way = set_point_.target - set_point_.from;
     const bool there =
         (position_ - set_point_.target) * way >= 0.0 || beside < place_revolutions * counts_per_revolution_;
     if (there) set_point_.active = false;
     if (there || seconds <= set_point_.seconds) return;
   }
-  // A motor without the torque for its ramps comes later than its demand.
+  // A motor with too little torque for its ramps arrives later than its demand.
   const bool rests = std::abs(velocity_) < still_rpm * counts_per_s_per_rpm_;
   set_point_.reached = reached && rests ? set_point_.reached + 1 : 0;
   if (set_point_.reached > ms(80) || seconds > set_point_.seconds) {
@@ -155,7 +157,7 @@ void Watch::set_points() {
   }
 }
 
-// Where a set-point that is given to an axis at rest leads.
+// Computes the target of a set-point that is given to an axis at rest.
 void Watch::resolve(bool relative, bool bounded) {
   const drive::Axis& axis = drive_.axis();
   const std::int64_t demand = axis.demand.position + drive_.position_offset();
@@ -164,9 +166,9 @@ void Watch::resolve(bool relative, bool bounded) {
   set_point_.side = 0;
   set_point_.range = 0.0;
   if (const std::int64_t range = axis.position_range(); range != 0 && !relative) {
-    const std::int64_t within = (asked - objects_.min_position_range_limit) % range;  // beyond an end: in at the other
+    const std::int64_t within = (asked - objects_.min_position_range_limit) % range;  // wraps around at the ends
     asked = objects_.min_position_range_limit + (within < 0 ? within + range : within);
-    const bool bound = axis.limits_bound_range();  // the other way round is forbidden
+    const bool bound = axis.limits_bound_range();  // the other direction is forbidden
     if (!bound) set_point_.side = objects_.positioning_option_code >> 6 & 3;
     if (set_point_.side != 0) set_point_.range = static_cast<double>(range) * axis.units.position.value();
   }
@@ -180,7 +182,8 @@ void Watch::resolve(bool relative, bool bounded) {
   set_point_.target = static_cast<double>(axis.units.to_counts(user) - drive_.position_offset());
 }
 
-// A cyclic target that lies away from the one limit switch that is active, and came while it was.
+// Checks that the axis follows a cyclic target that leads away from the one active limit switch and came while it was
+// active.
 void Watch::off_limit() {
   if (mode_ != Mode::cyclic_sync_position) {
     held_by_ = 0;
@@ -190,7 +193,8 @@ void Watch::off_limit() {
   const drive::Axis& axis = drive_.axis();
   const bool below = axis.active(drive::Signal::negative_limit);
   const bool above = axis.active(drive::Signal::positive_limit);
-  // A switch holds the axis until it is commanded away from it, also when it is gone and the other one is active.
+  // A switch holds the axis until the axis is commanded away from it, even if the switch has opened and the other one
+  // is active.
   const double still = still_rpm / 60.0 * counts_per_revolution_;
   const auto led = static_cast<double>(axis.demand.velocity);
   if (state_ != PowerState::operation_enabled || mode_since_ == tick_) held_by_ = 0;
@@ -223,7 +227,7 @@ void Watch::off_limit() {
   }
   const double moved = direction * (position_ - away_.from);
   if (direction * (target - away_.from) < least_revolutions * counts_per_revolution_ || away_.targets < 3) return;
-  if (std::abs(target - away_.from) > 0x40000000) return;  // which way round it is near is the product's choice
+  if (std::abs(target - away_.from) > 0x40000000) return;  // the product chooses the direction of such a distance
   const double ramp = slope() > 0.0 ? std::min(slope(), acceleration_) : acceleration_;
   const double passed = static_cast<double>(tick_ - away_.since) * tick_s;
   const double period = objects_.interpolation_time_period_value * std::pow(10.0, objects_.interpolation_time_index);
@@ -235,7 +239,7 @@ void Watch::off_limit() {
   }
 }
 
-// A demand that catches up with its targets passes none of them. One target that does not come is bridged.
+// A demand that catches up with its targets must not go beyond them. The drive bridges one missing target.
 void Watch::beyond_targets() {
   if (mode_ != Mode::cyclic_sync_position) {
     given_.active = false;
@@ -251,7 +255,7 @@ void Watch::beyond_targets() {
   const double target = nearest_place_of(std::int64_t{objects_.target_position} + objects_.position_offset);
   const bool begins =
       !given_.active || stops || tick_ - std::max({mode_since_, state_since_, frame_since_}) < 2 * cycle_ticks;
-  constexpr double half_way_round = 0x40000000;  // which of the two ways is nearer is the product's choice
+  constexpr double half_way_round = 0x40000000;  // beyond this distance the product chooses the direction
   if (begins) given_.round = false;
   given_.round |= std::abs(target - place) > half_way_round;
   if (!judged || given_.round) {
@@ -271,15 +275,15 @@ void Watch::beyond_targets() {
   }
   const bool gentler = ramp > 0.0 && (given_.slope <= 0.0 || ramp < given_.slope);  // 0: the current limit
   if (begins || turns || gentler) {
-    // It may begin with the shaft, and brakes by the ramp of this moment.
+    // The demand may begin at the shaft, and brakes by the present ramp.
     const double way = ramp_way(speed, slope()) + lag(speed) + place_revolutions * counts_per_revolution_;
     given_.low = std::min({given_.low, place - way, position_ - way});
     given_.high = std::max({given_.high, place + way, position_ + way});
   }
   given_.slope = ramp;
   if (step != 0.0) {
-    // One period is bridged, after a cycle or two that the target may be late. A target that is written between two
-    // others makes a speed that none of them has.
+    // A missing target is bridged for one period, after a tolerance of one or two cycles. A target that is written
+    // between two others causes a speed of its own.
     const double period = objects_.interpolation_time_period_value * std::pow(10.0, objects_.interpolation_time_index);
     const double bridge = std::max(2.0 * std::abs(step), speed * (1.1 * period + 0.002));
     given_.low = std::min(given_.low, target - bridge);
@@ -294,11 +298,11 @@ void Watch::beyond_targets() {
 }
 
 void Watch::unasked() {
-  // It waits for a line that comes towards it, which takes as long as the master says.
+  // The axis may wait for targets that come towards it, which takes as long as the master needs.
   constexpr std::uint16_t follows = drive::statusword::mode_bit_12 | drive::statusword::internal_limit_active;
   const std::uint16_t axis_word = drive_.axis().controlword;
   const bool awaits_line = mode_ == Mode::cyclic_sync_position && (objects_.statusword & follows) == 0;
-  // Without its bit 4 neither homing nor interpolation has anything to do.
+  // Homing and interpolation move the axis only with bit 4.
   const bool started = (mode_ == Mode::homing || mode_ == Mode::interpolated_position) &&
                        (((axis_word | objects_.controlword) & controlword::mode_bit_4) != 0 || drive_.homes());
   const bool open = started || mode_ == Mode::profile_torque || mode_ == Mode::cyclic_sync_torque ||
@@ -330,7 +334,7 @@ void Watch::unasked() {
     rest_ = position_;
     rest_since_ = tick_;
   }
-  if (std::max(around_->commanded, asked_) >= rest_since_) {  // asked for something
+  if (std::max(around_->commanded, asked_) >= rest_since_) {  // there was a command
     rest_ = position_;
     rest_since_ = tick_;
   }

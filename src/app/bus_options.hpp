@@ -70,7 +70,7 @@ std::unique_ptr<master::Bus> open_bus(const BusOptions& options);
 // is none, or more than one.
 std::uint8_t choose_node(master::Bus& bus, const BusOptions& options, bool drives);
 
-// Is standard output a terminal, so that a line can be rewritten?
+// Returns true if standard output is a terminal, where a line can be rewritten.
 bool on_terminal();
 
 // While an object of this class lives, Ctrl-C, SIGTERM and the loss of the terminal (SIGHUP, unless nohup makes it

@@ -99,7 +99,7 @@ std::vector<master::FoundSlave> scan_segment(master::EthercatMaster& master);
 // The slave at position --node, or with that alias; without --node the only one. Throws Failure.
 const master::FoundSlave& choose_slave(const master::EthercatMaster& master,
                                        const std::vector<master::FoundSlave>& slaves, const BusOptions& options);
-// Does the slave have the objects of a CiA 402 drive? Reads them in PREOP.
+// Returns true if the slave has the objects of a CiA 402 drive. Reads them in PREOP.
 bool is_drive(master::EthercatSlave& slave);
 master::OperationOptions operation_options(const BusOptions& options);
 

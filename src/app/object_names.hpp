@@ -13,7 +13,7 @@ namespace servodrome::app {
 
 // Calls ObjectCatalogue::resolve; throws Failure, since the name comes from the user.
 master::ObjectAddress resolve(const master::ObjectCatalogue& catalogue, const std::string& text);
-// Does the catalogue contain an object with this name or address?
+// Returns true if the catalogue contains an object with this name or address.
 bool knows(const master::ObjectCatalogue& catalogue, const std::string& text);
 
 // A number, a text, true or false; null if the type is unknown, or is none of these.

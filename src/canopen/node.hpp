@@ -84,7 +84,7 @@ class Node final : private dictionary::Listener {
     emergency_.clear(remaining, vendor);
   }
   std::uint8_t error_register() const { return emergency_.error_register(); }
-  // Is one of the errors active that the node itself detects (CiA 301 table 26, 81xxh and 82xxh)?
+  // Returns true if one of the errors is active that the node itself detects (CiA 301 table 26, 81xxh and 82xxh).
   bool communication_error() const { return emergency_.communication_error(); }
 
   // State of the CAN controller's fault confinement. Bus-off is a communication error; EMCY 8140h follows on recovery.

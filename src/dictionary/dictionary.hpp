@@ -89,8 +89,8 @@ class Dictionary {
   // and calls the owner's `written`. Nothing changes unless the result is `none`.
   AbortCode write(const Entry& entry, std::span<const std::byte> value);
 
-  // Whether `write` would accept the value, a number or a string. It calls the owner's check, so it must not be used
-  // for entries whose check has effects (1010h, 1011h).
+  // Returns the result that `write` would have for the value, a number or a string, without writing it. It calls the
+  // owner's check, so it must not be used for entries whose check has effects (1010h, 1011h).
   AbortCode check(const Entry& entry, std::span<const std::byte> value) const;
 
   // `write` without the access check: for a device's own use and for restoring saved values.

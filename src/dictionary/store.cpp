@@ -79,7 +79,7 @@ Banks inspect(Medium& medium) {
   return {capacity, first.readable && second.readable, second_is_newer ? second.image : first.image};
 }
 
-// Whether the medium is as manufactured, so that no save has ever begun. False for a medium that does not respond.
+// Returns true if the medium is as manufactured, so that no save has ever begun. Returns false if it does not respond.
 bool is_erased(Medium& medium) {
   Chunk chunk;
   std::byte first{};
@@ -203,7 +203,7 @@ void put_identity(RecordWriter& writer, const Dictionary& dictionary) {
   }
 }
 
-// Whether a product of this type saved the values; true for an image without identity. Empty: the medium does not
+// Returns true if a product of this type saved the values, or if the image has no identity. Empty: the medium does not
 // respond.
 std::optional<bool> is_own(Medium& medium, const Image& image, const Dictionary& dictionary) {
   RecordReader reader(medium, image);

@@ -88,7 +88,7 @@ double Axis::approach_velocity(double velocity, double deceleration) const {
 bool Axis::too_fast_for_software_limit(double deceleration) const {
   if (deceleration <= 0.0 || !software_limits_active()) return false;
   const MotionState next = generator.after(cycle_s);
-  constexpr double least = 1.0;  // counts: tolerance for the rounding of a planned way that ends at a limit
+  constexpr double least = 1.0;  // counts: tolerance for the rounding of a planned motion that ends at a limit
   constexpr double most = 1e15;  // counts, farther than any limit
   const double way = std::clamp(next.velocity * next.velocity / (2.0 * deceleration) - least, 0.0, most);
   const Counts end = generator.nearest_position() + round_to_integer(next.position + std::copysign(way, next.velocity));

@@ -39,8 +39,8 @@ struct Monitors {
   // Currents of the power stage as amplitude, if its overload is monitored separately from the motor's; 0: it is not.
   float stage_rated_current_a = 0.0F;
   float stage_peak_current_a = 0.0F;
-  bool limit_switches = false;          // reaching one after homing, outside of homing, is a fault
-  bool limit_switch_levels = false;     // ... so is an active one, outside of homing
+  bool limit_switches = false;          // once home is known, reaching one is a fault, except during homing
+  bool limit_switch_levels = false;     // an active one is a fault, except during homing
   Counts index_deviation = 0;           // between successive index pulses
   std::uint32_t power_failure_ms = 20;  // shorter failures of the mains are ignored
   std::uint32_t brake_resistor_ms = 0;  // longest time that it may conduct without a break; 0: no limit
@@ -88,16 +88,16 @@ struct Configuration {
   bool brake_forced = false;                       // ... or forced on for commissioning
   std::uint32_t brake_release_ms = 0;              // from power on to the first motion
   std::uint32_t brake_engage_ms = 0;               // from brake command to power off
-  // If the axis is faster than this when power goes off, the brake closes when it is this slow, or after the wait. 0:
-  // at once.
+  // If the axis is faster than this when power goes off, the brake stays open until the axis is this slow, at most for
+  // `brake_wait_ms`. 0: it closes at once.
   float brake_speed_rpm = 0.0F;
   std::uint32_t brake_wait_ms = 0;
   std::int16_t velocity_stop_shape = 0;        // ramp type of stops in the velocity modes, a value of 6086h
   double torque_mode_velocity_positive = 0.0;  // counts/s, 0: the motor's greatest speed
   double torque_mode_velocity_negative = 0.0;
   SpeedWindows speed_windows{};
-  // In profile position, from target reached to the next motion, this direct current holds the motor instead of the
-  // position loop. A, amplitude; 0: the position loop holds it.
+  // Direct current (A, amplitude) that holds the motor in profile position, instead of the position loop, from target
+  // reached to the next motion. 0: the position loop holds it.
   float standstill_current_a = 0.0F;
   // Limits of the change from one cyclic position target to the next, in user units; a greater change is clipped.
   struct PositionChange {
@@ -171,7 +171,7 @@ struct Axis {
   double cycle_s = 500e-6;
   double cycles_per_ms = 2.0;
   Counts encoder_position = 0;
-  Counts counts_per_ms = 0;  // motion in the last whole millisecond, the measure of the slowest speeds
+  Counts counts_per_ms = 0;  // motion in the last whole millisecond, for zero-speed conditions
   Counts offset = 0;
   bool homed = false;
   std::uint32_t signals = 0;            // bit(Signal)
@@ -200,12 +200,12 @@ struct Axis {
     return static_cast<std::uint32_t>(std::min(milliseconds * cycles_per_ms + 0.5, 4294967295.0));
   }
 
-  // Whether `condition` has held for this time.
+  // Returns true if `condition` has held for this time.
   bool lasts(bool condition, Dwell& dwell, std::uint32_t milliseconds) const {
     return dwell.update(condition, condition ? cycles(milliseconds) : 0);
   }
 
-  // Whether the product has the fault.
+  // Returns true if the product has the fault.
   bool monitors(Cause cause) const {
     return std::any_of(policy.faults.begin(), policy.faults.end(),
                        [cause](const FaultRow& row) { return row.cause == cause; });
@@ -316,7 +316,7 @@ struct Axis {
     constexpr double static_turns = 0.002;
     return margin * std::abs(even_lag(counts_per_s)) + static_turns * units.counts_per_revolution;
   }
-  // Whether the shaft follows the demand of the loops, apart from a normal lag.
+  // Returns true if the shaft follows the demand of the loops, apart from a normal lag.
   bool follows_demand() const {
     if (demand.loop != Loop::position && demand.loop != Loop::velocity) return false;
     constexpr double followed_share = 0.05;
@@ -366,7 +366,7 @@ struct Axis {
   UserLimits software_limits() const;
   bool software_limits_active() const;
   bool range_set() const;  // 607Bh is set, whether in force or not
-  // Whether 607Dh allows less than the whole range 607Bh.
+  // Returns true if 607Dh allows less than the whole range 607Bh.
   bool limits_bound_range() const;
   // The beginning, in user units, of the turn that contains a position: a turn of the range 607Bh, or of the 32 bits of
   // 6064h. A position outside the software limits belongs to the turn of the nearer limit.
@@ -380,7 +380,8 @@ struct Axis {
     const UserLimits limits = software_limits();
     return user <= limits.least || user >= limits.greatest;
   }
-  // Whether a target in counts is within the software limits in the present turn of the demand, or they are off.
+  // Returns true if a target in counts is within the software limits in the present turn of the demand, or if the
+  // limits are off.
   bool within_software_limits(Counts target) const { return nearest_within_software_limits(target) == target; }
   Counts nearest_within_software_limits(Counts target) const;
   // A limit switch is active, or the demand is at or beyond a software limit. (The shaft itself may swing about it by a
@@ -388,8 +389,8 @@ struct Axis {
   bool at_position_limit() const;
   // ... and the demand does not move away from it.
   bool held_by_position_limit() const;
-  // The direction of the demand. The last step of a line has no velocity but still moves the shaft; its direction is
-  // that from the demand `before`.
+  // The direction of the demand. The last step of a line has no velocity but still moves the shaft. The direction is
+  // then that of the step from the demand `before`, if the shaft still has to move that way; otherwise 0.
   double demand_direction(Counts before) const {
     const double velocity = generator.velocity();
     if (velocity != 0.0 || demand.loop != Loop::position) return velocity;
@@ -398,7 +399,7 @@ struct Axis {
     return moved * ahead > 0.0 ? moved : 0.0;
   }
   bool at_limit_switch() const { return active(Signal::negative_limit) || active(Signal::positive_limit); }
-  // Whether a motion in this direction leads towards an active limit switch.
+  // Returns true if a motion in this direction leads towards an active limit switch.
   bool runs_into_limit_switch(double direction) const {
     return (active(Signal::negative_limit) && direction < 0.0) || (active(Signal::positive_limit) && direction > 0.0);
   }
@@ -412,8 +413,8 @@ struct Axis {
   bool keeps_software_limits() const;  // instead of raising a fault there
   Room room_from(Counts place) const;
   Room room() const { return room_from(position()); }  // of the shaft
-  // Whether the demand can just come to rest before the software limit ahead with this deceleration (counts/s^2; 0: at
-  // once).
+  // Returns true if the demand can just come to rest before the software limit ahead with this deceleration
+  // (counts/s^2; 0: at once).
   bool near_software_limit(double deceleration) const;
   // The greatest speed, counts/s, from which a demand in the direction of `velocity` can stop before the software limit
   // ahead with this deceleration (counts/s^2), accurate to one cycle; 0 if the demand is beyond that limit already.
@@ -425,18 +426,18 @@ struct Axis {
     return near_software_limit(steepest) ? steepest : deceleration;
   }
   // Keeps a demand that comes to rest without a target (come_to_rest) within the software limits, if possible. The
-  // shape of its ramp may need up to twice the way of a linear ramp.
+  // shape of its ramp may need up to twice the distance of a linear ramp.
   void rest_within_limits() {
     const double steepest = std::max(profile_deceleration(), quick_stop_ramp());
     if (!has_to_brake_for_limit(steepest)) return;
     limited = true;
     come_to_rest(RampShape::linear, steepest);
   }
-  // Whether, after one more cycle of the planned motion, this deceleration (counts/s^2) is too low to stop the demand
-  // before the software limit ahead.
+  // Returns true if, after one more cycle of the planned motion, this deceleration (counts/s^2) is too low to stop the
+  // demand before the software limit ahead.
   bool too_fast_for_software_limit(double deceleration) const;
-  // Whether this is the last cycle in which a linear ramp of this deceleration (counts/s^2) ends before the limit
-  // ahead.
+  // Returns true if this is the last cycle in which a linear ramp of this deceleration (counts/s^2) ends before the
+  // limit ahead.
   bool has_to_brake_for_limit(double deceleration) const {
     if (generator.standing() || !keeps_software_limits()) return false;
     return demand.loop == Loop::position ? too_fast_for_software_limit(deceleration)

@@ -77,7 +77,7 @@ class Drive final : public dictionary::Listener {
 
   // --- Events from the bus
   void synchronise();
-  // the reaction is that of 6007h, or always the fault
+  // the reaction is that of 6007h or, for some products, always the fault `cause`
   void communication_lost(Cause cause = Cause::communication_lost);
   // a warning of the device around the drive, for bit 7
   void show_warning(bool present) { outside_warning_ = present; }
@@ -108,7 +108,8 @@ class Drive final : public dictionary::Listener {
 
   // --- State of the drive
   PowerState state() const { return state_; }
-  // Whether this row of Policy::transitions could happen now. False for a row that does not begin in the present state.
+  // Returns true if this row of Policy::transitions could happen now; false if the row does not begin in the present
+  // state.
   bool accepts(const Transition& transition) const;
   Mode mode() const { return mode_; }
   std::uint16_t statusword() const;
@@ -224,8 +225,8 @@ class Drive final : public dictionary::Listener {
   void smooth_demand(std::optional<std::int64_t> from);
   float known_load();  // torque, fraction of rated
   void hold_by_current();
-  // True in nearly all cycles: the limit in force is the one set, it was not changed, and the shaft does not turn
-  // without power.
+  // Returns true if update_greatest_velocity() has nothing to do, as in nearly all cycles: 6080h has not changed, the
+  // limit in force is the one that is set, and the shaft does not turn without power.
   bool holds_greatest_velocity() const {
     return axis_.objects.max_motor_speed_rpm == greatest_of_rpm_ && axis_.greatest_velocity == set_greatest_velocity_ &&
            (energised() || axis_.velocity() == 0.0);
@@ -300,7 +301,7 @@ class Drive final : public dictionary::Listener {
 
   CauseSet active_{};  // latched faults
   CauseSet injected_{};
-  CauseSet latched_{};  // the failed part remembers them until it loses its supply
+  CauseSet latched_{};  // faults that the failed part itself keeps until it loses its supply
   CauseSet warned_{};   // warnings that were reported
   bool outside_warning_ = false;
   bool units_valid_ = true;

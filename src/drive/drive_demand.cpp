@@ -12,8 +12,8 @@ constexpr std::uint32_t lagging_modes =
 
 }  // namespace
 
-// Whether the demand leads towards an active limit switch: by its velocity, in torque control by its torque. A position
-// demand that returns to a standing shaft, as at the end of a stream of targets, does not count.
+// Returns true if the demand leads towards an active limit switch: by its velocity, in torque control by its torque. A
+// position demand that returns to a standing shaft, as at the end of a stream of targets, does not count.
 bool Drive::pushes_limit_switch(Counts before) const {
   if (!axis_.at_limit_switch()) return false;
   const LoopDemand& demand = axis_.demand;
@@ -91,9 +91,9 @@ std::optional<std::int64_t> Drive::standing_demand() const {
          round_to_integer(generator.fraction() * static_cast<double>(smoothed_unit));
 }
 
-// A filter delays the demand and never moves it by itself: it begins when the demand stands, and so do changes of the
-// filter that are written in motion. A stop is not delayed; it continues from the smoothed demand (take_over_shaft).
-// `from`: the demand, if it stood before this cycle.
+// A filter delays the demand and must never move it by itself. Therefore a filter starts only while the demand stands,
+// and a filter setting that is written in motion takes effect only then. A stop is not delayed; it continues from the
+// smoothed demand (take_over_shaft). `from`: the demand, if it stood before this cycle.
 void Drive::smooth_demand(std::optional<std::int64_t> from) {
   LoopDemand& demand = axis_.demand;
   const bool runs = smoothed_loop_ == demand.loop && smoothing_pending_;
@@ -172,8 +172,8 @@ void Drive::update_greatest_velocity() {
   } else if (now > set) [[unlikely]] {
     double ramp = with_mode(*this, [&](const auto& mode) { return mode.deceleration(axis_); });
     if (ramp <= 0.0) ramp = quick_stop_deceleration();
-    // A demand that the shaft does not follow, as with targets that come less often than 60C2h says, is no speed to
-    // slow down from. The limit itself then applies at once.
+    // If the shaft does not follow the demand, for example because targets come less often than 60C2h says, the speed
+    // of the demand is not that of the axis. The ramp then begins at the speed of the shaft.
     const double shaft = std::abs(axis_.velocity());
     const bool lowered = set < set_greatest_velocity_;
     const bool moves = !lowered || axis_.follows_demand();

@@ -163,7 +163,8 @@ struct Policy {
   std::uint8_t ramp_shapes = 0b1111;  // 6086h: bit n for type n
   std::array<RampShape, 4> shape_of_type{RampShape::linear, RampShape::sin2, RampShape::jerk_free,
                                          RampShape::jerk_limited};  // the ramp shape of each type
-  // A jerk-limited profile decelerates as it accelerates, ends at rest, and accepts no set-point before its end.
+  // A jerk-limited profile decelerates with the same ramp as it accelerates, ends at rest, and accepts no set-point
+  // before its end.
   bool jerk_limited_single_symmetric = false;
   bool acknowledge_blocks_change = false;  // while statusword bit 12 is set, controlword bit 5 is ignored too
   bool zero_values_are_faults = false;     // zero profile values raise the planning causes

@@ -107,7 +107,7 @@ bool TouchProbe::capture(Probe& probe, const SignalEdge& edge) {
     probe.index_known = true;
     probe.last_index = edge.position;
     if (first) return false;
-    // Also right if the axis reversed and met the same index again: no revolution, no deviation.
+    // This is also right if the axis reversed and met the same index again: revolutions and deviation are then 0.
     const Counts distance = travelled < 0 ? -travelled : travelled;
     const Counts revolutions = (distance + counts_per_revolution_ / 2) / counts_per_revolution_;
     value = distance - revolutions * counts_per_revolution_;

@@ -25,14 +25,14 @@ namespace {
 constexpr std::uint8_t locally_administered = 0x02;  // bit in the first byte of the source address
 }
 
-// Where does a frame go that leaves a slave by port 1? `next` is nullptr behind the last slave.
+// Returns where a frame goes that leaves a slave by port 1. `next` is nullptr behind the last slave.
 inline Segment::Way Segment::way_behind(const Esc& esc, const Esc* next) const {
   if (esc.loop_closed(1)) return Way::turns;
   const bool goes_on = next != nullptr ? next->takes_frames() : ring_cable_;
   return goes_on ? Way::open : Way::ends;
 }
 
-// Where does a frame go that leaves `slave` by port 0?
+// Returns where a frame goes that leaves `slave` by port 0.
 Segment::Way Segment::way_before(std::size_t slave) const {
   if (slaves_[slave].esc->loop_closed(0)) return Way::turns;
   if (!slaves_[slave].cable) return Way::ends;
@@ -89,7 +89,7 @@ Segment::Travel Segment::run_damaged(FrameKind kind, Travel travel) {
   }
 }
 
-// Runs the frame through the line from slave `first`, where it arrives at `time`.
+// Runs the frame through the segment from slave `first`, where it arrives at `time`.
 [[gnu::always_inline]] inline Segment::Travel Segment::run_forward(Frame& frame, FrameKind kind, std::size_t first,
                                                                    Time time) {
   const bool executed = kind == FrameKind::ethercat;

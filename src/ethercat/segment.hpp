@@ -6,8 +6,8 @@
 
 namespace servodrome::ethercat {
 
-// A line of slave controllers and the cables between them: the path of a frame, its delay, and the port at which it
-// returns (ETG.1000.3 clause 4). A cable from the last slave to a second port of the master makes the line a ring,
+// Slave controllers in series and the cables between them: the path of a frame, its delay, and the port at which it
+// returns (ETG.1000.3 clause 4). A cable from the last slave to a second port of the master makes the segment a ring,
 // which still works with one break.
 class Segment {
  public:
@@ -36,7 +36,7 @@ class Segment {
   // Does not own the slaves; they must outlive the segment. Controllers need a power_on before their first frame.
   explicit Segment(std::span<Slave> slaves) : slaves_(slaves) { update_links(); }
 
-  // Sends a frame into the line at `now`; changes it in place. Exit `lost`: the frame does not return.
+  // Sends a frame into the segment at `now`; changes it in place. Exit `lost`: the frame does not return.
   Passage process(std::span<std::uint8_t> bytes, Time now, Port entry = Port::primary,
                   Encapsulation encapsulation = Encapsulation::ethernet);
 

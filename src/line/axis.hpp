@@ -28,14 +28,14 @@ struct AxisBuses {
   links::CanBus* can = nullptr;
   links::EthercatBus* ethercat = nullptr;
   links::SerialLine* serial = nullptr;
-  Time serial_silence{};  // ends a Modbus frame; the RS485 drives are set up for it
+  Time serial_silence{};  // pause that ends a Modbus frame, as set in the drives of the RS485 line
 };
 
-// A drive and its plant, connected to a CAN bus or an EtherCAT segment, and perhaps to an RS485 line. Tick n is the
-// instant n * tick_length. In each tick the plant advances to it, then the drive samples its inputs and sets its
-// outputs. A position-loop cycle that ends in a tick may send frames on a CAN bus at that instant. An EtherCAT slave
-// sends nothing by itself, so it need not catch up before a frame comes. Its own clock may cause events between ticks
-// (SYNC0).
+// A drive and its plant, connected to a CAN bus or an EtherCAT segment, and perhaps to an RS485 line. Tick n ends at
+// the time n * tick_length. In each tick the plant advances to that time, then the drive samples its inputs and sets
+// its outputs. A position-loop cycle that ends in a tick may send frames on a CAN bus at the end of the tick. An
+// EtherCAT slave sends nothing by itself, so it need not catch up before a frame comes. Its own clock may cause events
+// between ticks (SYNC0).
 class Axis final : public links::Receiver {
  public:
   // The drive has power from the start. Throws std::runtime_error when the store file cannot be used.

@@ -72,7 +72,7 @@ struct AxisSettings {
   std::uint32_t serial_number = 1;  // 1018h:04
   std::string store;                // file of the non-volatile memory; empty: in memory, until the line ends
   plant::Parameters plant;
-  drive::MotorData motor_data;  // the drive's motor parameters, which need not be true
+  drive::MotorData motor_data;  // the motor parameters set in the drive; they may differ from the real motor
 };
 
 struct ApiSettings {
@@ -91,7 +91,7 @@ struct LineSettings {
   std::vector<AxisSettings> axes;
 };
 
-// The nameplate data of the motor of `parameters`, in the terms of a drive: the parameters of a correctly set drive.
+// Returns the motor parameters of a drive that is set correctly for the motor in `parameters`.
 drive::MotorData motor_data_of(const plant::Parameters& parameters);
 
 // Reads "ADDRESS:PORT" or "[IPV6]:PORT" into `api`. Returns a description of the error, empty if there is none.

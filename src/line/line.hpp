@@ -25,7 +25,7 @@ struct NamedBus {
   explicit NamedBus(const BusSettings& its_settings);
 };
 
-// An RS485 bus of the line and its name.
+// An RS485 line of the simulated line and its name.
 struct NamedSerialBus {
   SerialBusSettings settings;
   links::SerialLine line;
@@ -110,7 +110,8 @@ class Line final : public links::VirtualClock {
   modbus::Server* find_unit(const NamedSerialBus& bus, std::uint8_t unit) const;
   ClockMode clock_mode() const { return clock_mode_; }
 
-  // In virtual time: the factor of real time at which it passes by itself, 0 .. most_speed. A LineServer lets it pass.
+  // The speed at which virtual time advances without requests, as a factor of real time, 0 .. most_speed. A LineServer
+  // advances it.
   static constexpr double most_speed = 1000;
   double speed() const { return speed_; }
   void set_speed(double speed) { speed_ = speed; }

@@ -155,8 +155,9 @@ class LineServer final : private links::LineHost {
   bool stopped_ = false;
   bool woken_ = false;  // catch_up() is already posted
   bool attending_ = false;
-  bool takes_turns_ = false;  // serve_frames() waits for frames instead of Asio, and also keeps up with time
-  double pace_ = 0;           // speed of virtual time that passes by itself, as a factor of real time
+  // serve_frames() waits for frames in place of Asio and also lets the line keep up with time
+  bool takes_turns_ = false;
+  double pace_ = 0;  // speed of virtual time that passes by itself, as a factor of real time
   std::chrono::steady_clock::time_point paced_at_{};  // when virtual time last advanced by itself
 };
 

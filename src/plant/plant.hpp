@@ -111,7 +111,7 @@ class Plant {
   void step_machine(const drive::Actuation& actuation, drive::Feedback& feedback);
   void step_imperfect(const drive::Actuation& actuation, drive::Feedback& feedback);
   Turn foresee(double speed_rad_s) const { return {speed_rad_s, angle_per_speed_ * speed_rad_s}; }
-  // Does the real speed differ from the predicted speed by more than the windings tolerate?
+  // Returns true if the real speed differs from the predicted speed by more than the windings tolerate.
   bool astray(const WindingTick& tick) const {
     constexpr double most_rad = 1.0e-3;  // electrical
     return std::abs(angle_per_speed_ * tick.unforeseen_rad_s) > most_rad;

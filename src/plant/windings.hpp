@@ -62,7 +62,7 @@ class Windings {
   void set_resistance_ohm(double resistance_ohm);
   double resistance_ohm() const { return resistance_; }
 
-  // Is the angle small enough for driven()?
+  // Returns true if the angle is small enough for driven().
   bool turns_little(const Turn& turn) const { return std::abs(turn.angle) < small_angle_; }
 
   // The inverter applies a voltage, given in the rotor frame at the start of the tick.

@@ -18,7 +18,7 @@ struct NodeSizes {
 // A CANopen servo drive put together from a product's tables. In addition to what ServoDevice requires, `Product`
 // provides
 //   profile, factory_node_id, factory_bit_rate
-//   std::uint8_t chosen_node_id() const, std::uint32_t chosen_bit_rate() const     what the objects ask for
+//   std::uint8_t chosen_node_id() const, std::uint32_t chosen_bit_rate() const     as the objects request
 template <typename Product, typename ProductObjects, std::size_t SdoBufferBytes = 64>
 class CanDevice : public ServoDevice<Product, ProductObjects>, protected canopen::DeviceEvents {
  private:

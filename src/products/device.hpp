@@ -76,11 +76,11 @@ struct PastFault {
   bool power_stage_on = false;
 };
 
-// The life of a device: `power_on`; then, for every base tick, the board calls `drive().tick(feedback, actuation)` and,
-// when that completed a position-loop cycle (Drive::tick returns true), `cycle(now)`. `poll` is due at `next_deadline`.
-// A device is on one fieldbus. CAN: `receive` gets the frames that arrive, in time order with the ticks; `take` returns
-// the frames to send. EtherCAT: frames pass the controller (ethercat::Segment), and `poll` is due after each frame that
-// the slave asks for. An RS485 port receives its characters in the same time order.
+// The life of a device: `power_on`; then, for every base tick, the board calls `drive().tick(feedback, actuation)`
+// and, when that completed a position-loop cycle (Drive::tick returns true), `cycle(now)`. `poll` is due at
+// `next_deadline`. A device is on one fieldbus. CAN: `receive` gets the frames that arrive, in time order with the
+// ticks; `take` returns the frames to send. EtherCAT: frames pass the controller (ethercat::Segment), and `poll` is
+// due after each frame for which the slave requests it. An RS485 port receives its characters in the same time order.
 class Device {
  public:
   virtual void power_on(const drive::Feedback& feedback,

@@ -20,7 +20,7 @@ struct EthercatSizes {
 // An EtherCAT servo drive put together from a product's tables. In addition to what ServoDevice requires, `Product`
 // provides
 //   ethercat_profile                                                what the slave offers
-//   static ethercat::SiiDescription sii_description(const Settings&)    what its information memory says beyond that
+//   static ethercat::SiiDescription sii_description(const Settings&)    further content of its information memory
 template <typename Product, typename ProductObjects, EthercatSizes Sizes = EthercatSizes{}>
 class EthercatDevice : public ServoDevice<Product, ProductObjects>, protected ethercat::SlaveEvents {
  private:

@@ -177,7 +177,7 @@ class DriveBus {
   const BusPlan& plan() const { return plan_; }
   BusTraffic& traffic() { return traffic_; }
   State state() const;
-  // Does a work item with this drive wait or run? Then its state may change at any moment.
+  // Returns true if a work item for this drive waits or runs. The state of the drive may then change at any moment.
   bool is_worked_with(std::size_t drive) const;
   // Queues an access or a work item. An urgent access goes to the front, and cancels a running work item of its drive.
   void submit(std::shared_ptr<Access> access);

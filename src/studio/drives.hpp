@@ -47,7 +47,7 @@ class Drives {
   virtual master::AxisOptions options(const std::string& axis) const = 0;
   // As `servodrome products` lists it; "": unknown product.
   virtual std::string product(const std::string& axis) const = 0;
-  // Can the process data of the axis, or its objects in their place, be exchanged every millisecond or two?
+  // Returns true if the process data of the axis, or its objects instead, can be exchanged every millisecond or two.
   virtual bool has_cycles(const std::string& axis) const = 0;
   // Work that runs during the periodic exchange, and returns its result. It may run in another thread, and may still
   // run after in_cycles was left by an exception, so it must own its data.

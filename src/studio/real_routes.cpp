@@ -93,7 +93,7 @@ Json show_homing(Call& call) {
   return line::bench::homing_view(axis.device->drive().policy(), false);
 }
 
-// Can the object be accessed over the drive's bus?
+// Returns true if the object can be accessed over the drive's bus.
 bool is_on_bus(const RealDrives::Axis& axis, const DriveBus& bus, const dictionary::Entry& entry) {
   if (bus.plan().type != "rs485") return !entry.local;
   if (bus.plan().link.starts_with("serial10:")) return entry.fixed_size() && dictionary::size_of(entry.type) <= 4;

@@ -148,7 +148,7 @@ void RealServer::look() {
   }
 }
 
-// Was the last job of the axis one that moves it?
+// Returns true if the last job of the axis was one that moves it.
 bool RealServer::moved(const std::string& axis) const {
   static constexpr std::array motions{"home", "move",  "velocity", "torque",     "jog",
                                       "step", "sweep", "tune",     "tune_itself"};

@@ -56,7 +56,7 @@ class Emergency {
   void poll();
 
   std::uint8_t error_register() const { return error_register_; }
-  bool communication_error() const;  // is one of the node's own errors active?
+  bool communication_error() const;  // one of the node's own errors is active
 
  private:
   void update_register();

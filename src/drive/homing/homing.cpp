@@ -82,7 +82,8 @@ std::uint8_t Homing::first_leg(const HomingInputs& inputs) const {
   return is_active(Signal::home, inputs) ? method_.start_active : std::uint8_t{0};
 }
 
-// The position at the home offset may be beyond a limit switch. The way back to a latch at the switch itself is not.
+// Returns true if the axis moves in the direction from the latch to the home offset and the limit switch there is
+// active. A motion against that direction is not checked, because the latch may be at a switch itself.
 bool Homing::offset_leads_into_limit(const HomingInputs& inputs) const {
   if (end_ == latch_ || (end_ > latch_) != (end_ > inputs.position)) return false;
   return is_active(limit_ahead(), inputs);

@@ -81,8 +81,8 @@ class Homing {
   // Once per position-loop cycle, but not while the axis is halted (605Dh), because standstill means the end of a ramp
   // here. Returns `keep` while not active.
   HomingCommand step(const HomingInputs& inputs);
-  // Instead of step() while the axis is halted: edges on the ramp to rest count, and the command is for the end of the
-  // halt.
+  // To be called instead of step() while the axis is halted. Edges on the ramp to rest count; the returned command is
+  // for the end of the halt.
   HomingCommand step_halted(HomingInputs inputs);
 
   // Discards the homing; the caller must stop the axis.

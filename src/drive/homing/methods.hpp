@@ -105,7 +105,7 @@ constexpr bool uses_index(const Method& method) {
   return false;
 }
 
-// Whether a leg runs at that speed. Without a retraction distance (`retracts`) its leg does not run.
+// Returns true if a leg runs at that speed. Without a retraction distance (`retracts`) its leg does not run.
 constexpr bool uses_speed(const Method& method, HomingSpeed speed, bool retracts) {
   for (std::size_t i = 0; i < method.leg_count; ++i) {
     if (method.legs[i].speed == speed && (retracts || method.legs[i].until != Until::retracted)) return true;

@@ -15,15 +15,15 @@ constexpr float tick_s = static_cast<float>(tick_seconds);
 // The filtered velocity of a standing encoder is set to 0 below this fraction of one count per period.
 constexpr float standstill_share = 1.0e-3F;
 
-// Rest rule: an axis without a count for this time stands; off its target, the torque rises by the rated one within
-// push_s.
+// Rest rule: an axis stands if its encoder has not counted for this time. If it stands off its target, the torque
+// rises by the rated torque in push_s.
 constexpr float standstill_s = 5.0e-3F;
 constexpr float push_s = 1.0F;
 
-// The speed limiter of the torque loop: its gain has at least this bandwidth on the bare rotor, less where the velocity
-// is measured late, so that it reduces the torque only near the limit, even with a soft velocity loop. It finds its
-// load with this fraction of velocity_ki, so that the integral is still small when the axis reaches the limit, and the
-// speed hardly overshoots.
+// The speed limiter of the torque loop. `limiter_hz`: bandwidth on the bare rotor of the least gain, which is lower if
+// the velocity is measured late; with it the limiter acts only near the limit, even with a soft velocity loop.
+// `limiter_share`: integral gain as a fraction of velocity_ki; it is low so that the integral is still small when the
+// axis reaches the limit, and the speed hardly overshoots.
 constexpr float limiter_hz = 100.0F;
 constexpr float limiter_share = 0.25F;
 constexpr float held_load_hz = 20.0F;  // filter of the load torque in the torque loop
@@ -376,7 +376,7 @@ void Cascade::run_position_loop(Counts position) {
   position_velocity_ = position_kp_ * error + velocity_feed_forward_ * forward_velocity_;
 }
 
-// While the axis rests, friction absorbs the torque, so it says nothing about the load.
+// While the axis rests, friction absorbs the torque, so the torque does not show the load.
 void Cascade::observe_disturbance() {
   const float velocity = state_.velocity_counts_per_s;
   if (rest_.at_rest()) {

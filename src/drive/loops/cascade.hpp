@@ -82,7 +82,7 @@ class Cascade {
   void set_demand(const LoopDemand& demand);
   const LoopDemand& demand() const { return demand_; }
 
-  // Whether the next tick runs the position loop, so that set_demand is due.
+  // Returns true if the next tick runs the position loop, so that set_demand is due.
   bool position_loop_due() const { return (tick_ & position_mask_) == 0; }
   // Ticks until then; 0: now.
   std::uint32_t ticks_to_position_loop() const { return (0u - tick_) & position_mask_; }
@@ -109,7 +109,7 @@ class Cascade {
     const auto& [u, v, w] = feedback.phase_current_a;
     return u != 0.0F || v != 0.0F || w != 0.0F;
   }
-  // Whether another tick at this position, without power and current, would certainly change nothing.
+  // Returns true if another tick at this position, without power and current, would certainly change nothing.
   bool at_rest(Counts position) const;
   void clear_controllers();
   void measure_velocity(Counts position);
@@ -129,7 +129,7 @@ class Cascade {
   void run_tick(const Feedback& feedback, Actuation& actuation);
   template <unsigned Phases>
   void run_locked(const Feedback& feedback, Phase phase, Actuation& actuation);
-  // In a frame that rotates at `rad_per_s`; the voltage is applied at `angle` of that frame.
+  // Currents are in a frame that rotates at `rad_per_s`; the voltage is applied at `angle` of that frame.
   template <unsigned Phases>
   void run_current_loop(DirectQuadrature current, DirectQuadrature reference, float rad_per_s, SinCos angle,
                         float dc_link_v, Actuation& actuation);
@@ -201,7 +201,7 @@ class Cascade {
   float braking_v_per_rad_s_ = 0.0F;
   float velocity_periods_per_s_ = 8000.0F;  // also: the velocity of one count per period
   float electrical_rad_per_count_ = 0.0F;
-  float ahead_turns_ = 0.0F;  // electrical turns until then per counts/s
+  float ahead_turns_ = 0.0F;  // electrical turns until the middle of the voltage's tick, per counts/s
   float velocity_kp_ = 0.0F;  // fraction of rated torque per counts/s
   float velocity_ki_ = 0.0F;  // likewise, per velocity period
   float setpoint_weight_ = 1.0F;

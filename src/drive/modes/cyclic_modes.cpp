@@ -188,7 +188,8 @@ void InterpolatedPosition::take_record(Axis& axis) {
     line_.go(target, period);
   } else if (!line_.ends_in_next_cycle()) {
     // If a bridge runs, this is the missing record: the axis reaches it in the time that was left, plus a small share
-    // of the period for the records after it. On the way back after a bridge: as after any pause.
+    // of the period for the records after it. If the axis is already returning after a bridge, the record counts as
+    // the first one after a pause.
     line_.go(target, bridging_ ? line_.remaining() + late_share * (period - line_.remaining()) : period);
   } else {
     line_.chain(target, period);

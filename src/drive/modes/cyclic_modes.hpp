@@ -100,7 +100,7 @@ class InterpolatedPosition {
   LineDemand demand_{};
   Counts target_ = 0;       // the last record that was used
   bool enabled_ = false;    // controlword bit 4
-  bool given_up_ = false;   // it was taken away: ramp to rest
+  bool given_up_ = false;   // bit 4 was cleared: ramp to rest
   bool following_ = false;  // a record was used since the mode was entered
   bool waited_ = false;     // the line ended without another record
   bool regular_ = false;    // the last record came before the previous line ended
@@ -135,7 +135,7 @@ class SynchronousInterpolation {
 
   SetPointFollower follower_{};
   bool enabled_ = false;         // controlword bit 4
-  bool given_up_ = false;        // it was taken away: ramp to rest
+  bool given_up_ = false;        // bit 4 was cleared: ramp to rest
   bool fresh_ = false;           // a set-point waits for the SYNC
   bool armed_ = false;           // a SYNC has come since bit 4
   unsigned stale_syncs_ = 0;     // SYNCs without a set-point since the last one

@@ -22,7 +22,7 @@ Cause cause_of(HomingError error) {
   }
 }
 
-// Whether the switches that the method needs are assigned to inputs.
+// Returns true if the switches that the method needs are assigned to inputs.
 bool has_inputs_for(const Axis& axis, const Method& method) {
   const auto has = [&axis](Signal signal) {
     const InputMap& inputs = axis.configuration.inputs;
@@ -38,7 +38,7 @@ bool has_inputs_for(const Axis& axis, const Method& method) {
   return !needs_home_switch(method) || has(Signal::home);
 }
 
-// Whether the ramp and the speeds that the method uses are set. The way back to home uses the slow speed.
+// Returns true if the ramp and the speeds that the method uses are set. The way back to home uses the slow speed.
 bool can_run(const Method& method, const HomingConfig& config) {
   const bool retracts = config.retraction != 0;
   const bool returns = method.returns_to_latch || config.end != HomingEnd::as_method;

@@ -53,7 +53,7 @@ class HomingMode {
   double acceleration_ = 0.0;
   double allowed_ = 0.0;  // the greatest speed when the leg was planned, counts/s
   bool start_requested_ = false;
-  bool given_up_ = false;  // the start bit was taken away: ramp to zero
+  bool given_up_ = false;  // controlword bit 4 was cleared: ramp to zero
   bool pressed_ = false;   // ... while the axis pressed against a hard stop
   bool active_ = false;
   bool halted_ = false;

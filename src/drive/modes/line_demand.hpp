@@ -22,7 +22,7 @@ class LineDemand {
   // The demand is on the line: it neither catches up with it nor is held at a limit.
   bool on_line() const { return !catching_up_ && held_ == 0; }
 
-  // Whether a step of the speed, counts/s, is a jump and not the beginning of a motion.
+  // Returns true if a step of the speed, counts/s, is a jump and not the beginning of a motion.
   static bool jumps(const Axis& axis, double step) {
     return step != 0.0 && std::abs(step) > jump_share * axis.max_velocity(false);
   }

@@ -80,7 +80,7 @@ ProfilePosition::SetPoint ProfilePosition::pop() {
   return set_point;
 }
 
-// Whether the waiting set-point may begin after the one whose demand has just ended.
+// Returns true if the waiting set-point may begin after the one whose demand has just ended.
 bool ProfilePosition::may_chain(const Axis& axis) {
   if (!axis.policy.set_points_start_from_rest || running_set_point_.end_velocity > 0.0 || passing_) return true;
   const bool slow = std::abs(axis.velocity()) < axis.rpm_to_counts_per_s(standing_rpm);
@@ -317,9 +317,10 @@ void ProfilePosition::keep_to_limits(Axis& axis) {
   interrupt(axis, 0);
 }
 
-// For a set-point with an end velocity, or one given in motion whose way would cross the limit and come back: the axis
-// brakes as late as possible, by the steeper of the motion's ramp and the quick stop's. From rest it continues to its
-// target, or to the next one if it only had to pass the first. An end velocity is dropped.
+// A motion may cross the software limit although its target lies before it: with an end velocity, or if the set-point
+// was given in motion and the axis would have to come back. The axis then brakes as late as possible, by the steeper
+// of the motion's ramp and the quick stop's. From rest it continues to its target, or to the next target if it only
+// had to pass the first one. A motion with an end velocity ends there instead.
 void ProfilePosition::brake_before_limit(Axis& axis) {
   if (!running_ || axis.generator.standing() || !axis.software_limits_active()) return;
   const double own = axis.ramp(running_set_point_.deceleration, axis.objects.max_deceleration);
@@ -334,7 +335,8 @@ void ProfilePosition::brake_before_limit(Axis& axis) {
   braking_ = true;
 }
 
-// Continues that braking; true while the axis brakes. A set-point with immediate effect ends it.
+// Continues the braking that brake_before_limit() began. Returns true while the axis brakes. A set-point with
+// immediate effect ends the braking.
 bool ProfilePosition::brakes_before_limit(Axis& axis) {
   if (!braking_) return false;
   if (!immediate_pending_ && !axis.generator.standing()) {

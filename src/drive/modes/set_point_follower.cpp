@@ -53,7 +53,7 @@ Counts resolve_cyclic_target(Axis& axis, std::int64_t user, Counts last) {
     std::int64_t distance = (user - now) % range;
     if (distance > range / 2) distance -= range;
     if (distance < -(range / 2)) distance += range;
-    // Round the other way lies what 607Dh forbids.
+    // The other direction leads through positions that 607Dh forbids.
     user = axis.limits_bound_range() ? axis.turn_of(last) + user : now + distance;
   } else if (limits) {  // the limits forbid wrapping around the 32 bits
     user += axis.turn_of_demand();
@@ -111,7 +111,8 @@ void SetPointFollower::keep_to_limits(Axis& axis) {
   if (following_ && given_up_at_limits(axis, target_)) stop();
 }
 
-// Whether the line continues from the previous target; false: a new line begins, to reach the target in `cycles`.
+// Returns true if the line continues from the previous target. False: a new line begins, to reach the target in
+// `cycles`.
 bool SetPointFollower::begin(Axis& axis, std::int64_t user, double cycles) {
   keep_to_limits(axis);
   // A target that comes long before the next one is due is the missing one, late.

@@ -82,15 +82,16 @@ class SetPointFollower {
 
 // The speed, counts per cycle, with which an axis runs on if the target after a line of speed `rate` is missing;
 // `before` is the speed of the line before that. It is `rate` less the deceleration from `before`, so that a motion
-// that was about to end goes no further. Not for a jump, whose speed differs widely from that of the previous line.
+// that was about to end goes no further. Must not be used for a jump, whose speed differs widely from that of the
+// previous line.
 double bridging_rate(double before, double rate);
 // Ends such a bridge: the axis stands, and returns to `target` on `line` in `cycles`, or by catching up.
 void end_bridge(Axis& axis, Line& line, LineDemand& demand, Counts target, double cycles);
-// Whether a line that replaces a missing set-point leaves the software limits in the next cycle.
+// Returns true if a line that replaces a missing set-point leaves the software limits in the next cycle.
 bool runs_beyond_limits(const Axis& axis, Line line);
 
-// Whether 607Dh was changed in motion so that it excludes an accepted target. The axis then brakes at once, and the
-// target is dropped. Raises the fault for it, if the product has one.
+// Returns true if 607Dh was changed in motion so that it excludes an accepted target. The axis then brakes at once,
+// and the target is dropped. Raises the fault for it, if the product has one.
 bool given_up_at_limits(Axis& axis, Counts target);
 
 // Shared by the interpolating modes: targets in counts, and coming to rest before the first target.

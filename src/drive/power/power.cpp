@@ -16,7 +16,7 @@ constexpr std::uint32_t rest_wait_ms = 2000;
 // millisecond. The precharge resistor, through which a motor could not be supplied, is bridged by then.
 constexpr double charged_rise_per_ms = 0.001;
 
-// Whether an option code is in a set of them (OptionCodes).
+// Returns true if an option code is in a set of them (OptionCodes).
 bool has(std::uint32_t codes, std::int16_t code) {
   return code >= 0 && code < 32 && (codes >> static_cast<unsigned>(code) & 1u) != 0;
 }
@@ -216,9 +216,9 @@ void Drive::switch_power(bool on) {
   }
 }
 
-// The next motion begins from the actual motion of the shaft, unless the shaft follows its demand. It does not follow
-// it under torque control, in a stop without a ramp, or after a demand that no motor can follow, such as a cyclic
-// set-point that jumps.
+// Lets the next motion begin from the actual motion of the shaft if the shaft does not follow its demand: under torque
+// control, in a stop without a ramp, or after a demand that no motor can follow, such as a cyclic set-point that
+// jumps.
 void Drive::take_over_shaft() {
   const Loop loop = axis_.demand.loop;
   if (loop == Loop::off) return;
@@ -237,8 +237,9 @@ void Drive::take_over_shaft() {
   smoothed_loop_ = Loop::off;
 }
 
-// An axis that cannot brake as its ramp demands runs past the demand. The demand then follows the shaft, so that the
-// axis is not pulled back. If the shaft turns back, the demand stays and holds the axis, which may swing about it.
+// An axis that cannot brake as fast as its ramp runs past the demand. The demand then follows the shaft, so that the
+// position loop does not pull the axis back. If the shaft turns back, the demand stays where it is and holds the axis,
+// which may swing about it.
 void Drive::keep_near_shaft() {
   if (axis_.velocity() * stop_direction_ < 0.0 && axis_.generator.standing()) stop_direction_ = 0.0;
   if (moved_demand_) return;  // the following error belongs to an earlier demand

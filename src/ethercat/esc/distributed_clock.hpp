@@ -40,8 +40,9 @@ class DistributedClock {
 
   // Compares the own system time with the reference clock's time (its low 32 bits, which the standard compares).
   void compare(std::uint32_t received, Time now);
-  // Mean difference in the format of 092Ch: bit 31 is set when the own time is not behind, bits 30..0 are the amount in
-  // ns. 0 before the first comparison.
+  // Mean difference in the format of 092Ch: bit 31 is 1 if the own time is not behind the received time, bits 30..0
+  // are the amount in ns. This is the meaning in the controllers' data sheet since its version 2.8; earlier versions
+  // describe bit 31 the other way round by mistake. 0 before the first comparison.
   std::uint32_t difference() const;
 
   // 0930h: limits the compensation, 0080h..3FFFh; restarts the filter.

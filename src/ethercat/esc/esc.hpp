@@ -72,7 +72,8 @@ class alignas(64) Esc {
   static constexpr std::uint32_t attention_reset = 0x80000000;  // the controller was reset over the bus
   std::uint32_t attention() const { return attention_; }
   void settle(std::uint32_t events) { attention_ &= ~events; }
-  // Is there anything for the application to do at `now`? Deferred events (put_off) count again from `quiet_until` on.
+  // Returns true if the application has something to do at `now`. Deferred events (put_off) count again from
+  // `quiet_until` on.
   bool calls(Time now) const { return (attention_ & ~put_off_) != 0 || (attention_ != 0 && now >= quiet_until_); }
   // Quick check, mostly true: no event is pending except deferred ones, and no deadline is reached.
   bool quiet(Time now) const { return (attention_ & ~put_off_) == 0 && now < quiet_until_; }
@@ -80,7 +81,8 @@ class alignas(64) Esc {
   // that was deferred before.
   void put_off(std::uint32_t events) { put_off_ = events; }
   // Nothing is due before this time, neither in the controller nor in the application, which calculates it. A write to
-  // a register resets it to `unknown`, since it may create an earlier deadline; so does the application.
+  // a register resets it to `unknown`, since it may create an earlier deadline; the application resets it in the same
+  // way.
   static constexpr Time unknown = Time::min();
   Time quiet_until() const { return quiet_until_; }
   void set_quiet_until(Time time) { quiet_until_ = time; }

@@ -329,7 +329,7 @@ void Esc::configure_mappings() {
   reach_.end = std::max(end(writing_[0]), end(reading_[0]));
 }
 
-// Does the datagram contain both buffers completely? If so, caches their positions in `fit_`.
+// Returns true if the datagram contains both buffers completely. Then it caches their positions in `fit_`.
 bool Esc::fit(const Datagram& datagram) {
   if (!one_buffer_each_) return false;
   const std::uint32_t logical = datagram.logical();

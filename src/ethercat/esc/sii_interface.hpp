@@ -29,7 +29,7 @@ class SiiInterface {
   bool load();
   bool loaded() const { return loaded_; }
   std::span<std::uint8_t> memory() const { return memory_; }
-  // Has a word been written since the last call? For a caller that stores the memory permanently.
+  // Returns true if a word has been written since the last call. For a caller that stores the memory permanently.
   bool take_written() {
     const bool written = written_;
     written_ = false;
@@ -45,7 +45,7 @@ class SiiInterface {
   bool byte_written(std::uint8_t offset, std::uint8_t value, Side side, Time now);
   // Call it after an access that wrote 0503h: starts the command.
   void run(Side side, Time now);
-  // Has a reload command finished since the last call?
+  // Returns true if a reload command has finished since the last call.
   bool take_reloaded() {
     const bool reloaded = reloaded_;
     reloaded_ = false;

@@ -29,8 +29,8 @@ struct alignas(32) SyncManager {  // aligned so that both process data channels 
     return active && address >= start && address + bytes <= std::uint32_t{start} + length;
   }
 
-  // May the writing (reading) side access `bytes` at `offset` now? Returns the address in the memory, or -1 if it may
-  // not. Call `wrote` (`read`) after the access.
+  // Returns the address in the memory if the writing (reading) side may access `offset` now, otherwise -1. Call
+  // `wrote` (`read`) after the access.
   std::int32_t writing_at(std::uint32_t offset);
   std::int32_t reading_at(std::uint32_t offset);
   // Returns true if this access closed the buffer.

@@ -31,11 +31,11 @@ struct ObjectLayout {
   std::uint32_t bytes() const { return (bit + 7) / 8; }
 };
 
-// Is the entry a mapping, an assignment or a synchronisation type? They are fixed from Safe-Operational on (ETG.1020
-// clause 12).
+// Returns true if the entry is a mapping, an assignment or a synchronisation type. These are fixed from
+// Safe-Operational on (ETG.1020 clause 12).
 bool written_only_in_pre_operational(const dictionary::Entry& entry);
 
-// Is it one of the profile's start-up parameters?
+// Returns true if the entry is one of the profile's start-up parameters.
 bool is_start_up_parameter(const Profile& profile, const dictionary::Entry& entry);
 
 // Object access bits of ETG.1000.6 table 49: readable in Pre-Operational, Safe-Operational, Operational; writable in

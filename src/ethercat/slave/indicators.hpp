@@ -33,8 +33,8 @@ constexpr Blink error_indicator(bool error, AlStatusCode code) {
   }
 }
 
-// Is the lamp lit at `time`? Its origin does not matter. Flickering is 50 ms on and off, blinking 200 ms; a flash lasts
-// 200 ms, flashes are 200 ms apart, and a pause of 1 s follows the last.
+// Returns true if the lamp is lit at `time`, whose origin does not matter. Flickering is 50 ms on and off, blinking
+// 200 ms; a flash lasts 200 ms, flashes are 200 ms apart, and a pause of 1 s follows the last.
 constexpr bool is_lit(Blink blink, Time time) {
   constexpr Time flash = std::chrono::milliseconds(200);
   constexpr Time flicker = std::chrono::milliseconds(50);

@@ -156,7 +156,7 @@ void SdoInformation::describe_object(std::span<const std::uint8_t> data, Message
   reply.bytes(std::span(name.data(), std::min(name.size(), reply.left())));
 }
 
-// Does the object lack this sub-index but have a higher one?
+// Returns true if the object has a higher sub-index than this one.
 bool SdoInformation::is_gap(std::uint16_t index, std::uint8_t sub) const {
   AbortCode code{};
   const Entry* first = dictionary_.find(index, 0, code);

@@ -49,7 +49,7 @@ class Slave final : dictionary::Listener {
 
   // Call it after every frame, and no later than `next_deadline`.
   void poll(Time now);
-  // Has `poll` anything to do since a frame passed? Saves calls for a caller with many slaves.
+  // Returns true if a frame has left `poll` something to do. Saves calls for a caller with many slaves.
   bool wants_poll(Time now) const { return esc_.calls(now); }
   Time next_deadline(Time now) {
     const Time own = std::min(operational_until_, std::min(shifted_at_, sampled_at_));
@@ -63,7 +63,7 @@ class Slave final : dictionary::Listener {
 
   // Switches on the sampling of process data: as in an application that polls its inputs, a frame's process data are
   // handled at the next multiple of `cycle`, not at once. If frames come closer together than 1C32h:05, their data are
-  // handled just before each control loop. All other events are handled at once, together with the process data that
+  // handled just before each control cycle. All other events are handled at once, together with the process data that
   // came before them. Sampling saves time, and changes results, only for frames closer together than `cycle`. 0
   // switches it off.
   void sample_process_data_every(Time cycle) {
@@ -73,8 +73,9 @@ class Slave final : dictionary::Listener {
   // Only process data that wait for sampling have come, and nothing is due: `poll` does nothing.
   bool puts_off(Time now);
 
-  // Call it after a control loop, when the objects have new values. In free run it copies them into the inputs, because
-  // no bus signal triggers the copying. The time between two calls is taken as the length of the next loop.
+  // Call it after each control cycle of the device, when the objects have new values. In free run it copies them into
+  // the inputs, because no bus signal triggers the copying. The time between two calls is taken as the length of the
+  // next control cycle.
   void process_image_updated(Time now);
 
   AlState state() const { return state_; }
@@ -181,9 +182,9 @@ class Slave final : dictionary::Listener {
 
   Time sampling_cycle_{0};
   Time sampled_at_ = never;  // when the waiting process data are handled
-  bool overrun_ = false;     // frames come too fast for sampling: handle them before the next control loop
-  Time loop_at_ = never;     // time of the last control loop
-  Time loop_{0};             // time between two control loops; 0: unknown
+  bool overrun_ = false;     // frames come too fast for sampling: handle them before the next control cycle
+  Time loop_at_ = never;     // time of the last control cycle
+  Time loop_{0};             // time between two control cycles; 0: unknown
 
   bool sync_error_ = false;      // 1C32h:20
   bool measures_cycle_ = false;  // 1C32h:08

@@ -149,7 +149,7 @@ void Slave::count(std::uint16_t index, std::uint8_t counter) {
 
 // Handles one event of the sync manager that times the exchange, or several that were deferred. Events closer together
 // than 1C32h:05 leave the application too little time: in Operational 1C32h:0C counts them (1C33h:0C without outputs).
-// With sampling, the following process data are then handled just before the next control loop, and the inputs are
+// With sampling, the following process data are then handled just before the next control cycle, and the inputs are
 // copied after it.
 void Slave::exchange_event(std::uint16_t index, Time now) {
   const Time events = std::max(1U, esc_.sync_manager(2).unread) * profile_.least_cycle;

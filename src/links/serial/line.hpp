@@ -89,8 +89,8 @@ class SerialLine {
   // Sets a station's format. Characters between stations with different formats arrive garbled.
   void set_format(SerialPortId port, const modbus::CharacterFormat& format);
 
-  // Appends characters to the port's queue. If the queue is empty, the first one is sent at `at`, or at the line's time
-  // if that is later. Characters are sent without gaps, even if the line is not free.
+  // Appends characters to the port's queue. If the queue is empty, the first one is sent at `at`, or at now() if that
+  // is later. Characters are sent without gaps, even if another station is sending.
   void transmit(SerialPortId port, std::span<const std::uint8_t> characters, Time at);
   // Clears the port's queue, and the character in progress is not received: the station has lost its power.
   void discard(SerialPortId port);

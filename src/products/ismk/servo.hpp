@@ -99,7 +99,7 @@ class Servo {
 // 2F81h (Table 9-26); 0: no such code.
 std::uint32_t can_bit_rate_of(std::uint8_t code);
 
-// Whether the RS485 port supports a format: 8N1 at one of four bit rates (ch. 4.1.2.1).
+// Returns true if the RS485 port supports a format: 8N1 at one of four bit rates (ch. 4.1.2.1).
 bool supports(const modbus::CharacterFormat& format);
 
 }  // namespace servodrome::products::ismk

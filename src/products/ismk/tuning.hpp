@@ -54,7 +54,7 @@ class LoopTuning {
   // so that an axis that oscillates by itself becomes quiet.
   void configure(const ServoObjects& objects, drive::Configuration& configuration) const;
 
-  // Whether an object of this class' groups may take a value in the present state.
+  // Returns `none` if an object of this class' groups may take a value in the present state.
   static dictionary::AbortCode check(const dictionary::Entry& entry, std::int64_t value, const drive::Drive& drive);
   // Keeps objects with the same meaning equal.
   void written(const dictionary::Entry& entry, ServoObjects& objects, drive::Drive& drive);
@@ -85,7 +85,7 @@ class LoopTuning {
 
   double rotor_inertia_kgm2_ = 1e-5;
   double inertia_kgm2_ = 1e-5;
-  double bandwidth_hz_ = 24.0;  // Velocity_BW, before rounding: what kvp is kept to when the inertia changes
+  double bandwidth_hz_ = 24.0;  // Velocity_BW before rounding; kvp follows a new inertia so that this stays
   drive::InertiaEstimate estimate_{};
   std::uint32_t windows_ = 0;  // of the estimator at the last call
   drive::InertiaEstimator estimator_{};

@@ -92,7 +92,7 @@ class Monitor {
   // Once per position-loop cycle, after the drive's own.
   void cycle(drive::Drive& drive);
 
-  // Whether a function may be started.
+  // Returns true if a function may be started.
   static bool may_start(const drive::Drive& drive);
   void start_recognition(drive::Drive& drive);
   void start_search(drive::Drive& drive);

@@ -35,7 +35,7 @@ class PanelControl {
   // gains are those of the set in use.
   void configure(const Panel& panel, drive::Configuration& configuration) const;
 
-  // Whether a parameter may be written now; the range has been checked.
+  // Returns `none` if a parameter may be written now; the range has been checked before.
   static dictionary::AbortCode check(const dictionary::Entry& entry, const drive::Drive& drive);
   // Real-time adjustment overwrites the parameters that it sets (P01-02 and P01-03, ch. 7 and 8.2.2).
   static void written(Panel& panel);
@@ -47,7 +47,7 @@ class PanelControl {
   float over_voltage_v(float rating_v) const { return active_.over_voltage_v != 0 ? active_.over_voltage_v : rating_v; }
   // P03-15 in command units: a greater deviation is AL.501. 0: no limit.
   static std::uint32_t excessive_deviation(const Panel& panel) { return 10U * panel.position_deviation; }
-  // Whether a parameter differs from the value in force since power-on: AL.941, 13 flashes.
+  // Returns true if a parameter differs from the value in force since power-on: AL.941, 13 flashes.
   bool power_cycle_needed(const Panel& panel) const;
   // The parameters at power-on, for those that act from power-on.
   const Panel& active() const { return active_; }

@@ -7,8 +7,8 @@
 
 namespace servodrome::line::bench {
 
-// Shares taps: if several clients sample the same channel, there is only one tap for it, so ten pages cost a line no
-// more than one.
+// Shares taps: if several clients sample the same channel, there is only one tap for it, so ten open pages take no
+// more time than one.
 class TapTable {
  public:
   // Limit for the values per tick of all taps, which take some microseconds of the 62.5.
