@@ -242,6 +242,7 @@ class Watch {
     bool active = false;
     bool demanded = false;
     std::int64_t at = 0;
+    std::int64_t turn = 0;  // in which 6064h is shown; in another turn the limits lie elsewhere
     double slope = 0.0;
     double bound = 0.0;
     double own = 0.0;    // velocity of the demand towards the limit in its previous cycle, counts/s

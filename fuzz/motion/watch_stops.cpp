@@ -261,8 +261,8 @@ void Watch::software_limits() {
   }
   const double asked = limit_slope();
   // From counts of the shaft to the position that 6064h shows.
-  const auto offset =
-      static_cast<double>(drive_.position_offset()) - static_cast<double>(axis.units.to_counts(axis.turn_of_demand()));
+  const std::int64_t turn = axis.turn_of_demand();
+  const auto offset = static_cast<double>(drive_.position_offset()) - static_cast<double>(axis.units.to_counts(turn));
   // In the position loop the demand is judged, which has no lag; else the shaft.
   const bool demanded = axis.demand.loop == Loop::position;
   const double place_now = offset + (demanded ? static_cast<double>(axis.demand.position) : position_);
@@ -285,10 +285,10 @@ void Watch::software_limits() {
     const double slope = border.active && speed > 0.0 && border.slope > 0.0 ? std::min(asked, border.slope) : asked;
     const double way = demanded ? ramp_way(speed, slope) : stopping(speed, slope).counts;
     const double reach = place + way + slack;
-    if (!border.active || border.at != limit || border.demanded != demanded || slope < border.slope || begins ||
-        wakes || !judgeable_ || tick_ - frame_since_ < 2 * cycle_ticks || tick_ - mode_since_ < 2 * cycle_ticks ||
-        tick_ - state_since_ < 2 * cycle_ticks) {
-      border = {true, demanded, limit, slope, std::max(at + slack, reach), 0.0, moves};
+    if (!border.active || border.at != limit || border.turn != turn || border.demanded != demanded ||
+        slope < border.slope || begins || wakes || !judgeable_ || tick_ - frame_since_ < 2 * cycle_ticks ||
+        tick_ - mode_since_ < 2 * cycle_ticks || tick_ - state_since_ < 2 * cycle_ticks) {
+      border = {true, demanded, limit, turn, slope, std::max(at + slack, reach), 0.0, moves};
       continue;
     }
     // In the velocity loop the drive brakes when the shaft is at the limit, and a fault also brakes from there.
