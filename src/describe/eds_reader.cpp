@@ -6,8 +6,10 @@
 #include <map>
 
 #include "describe/device_file.hpp"
+#include "describe/eds_sections.hpp"
+#include "describe/eds_values.hpp"
 
-namespace servodrome::describe {
+namespace servodrome::describe::eds_file {
 namespace {
 
 using dictionary::Access;
@@ -15,86 +17,19 @@ using dictionary::ObjectCode;
 using dictionary::Pdo;
 using dictionary::Type;
 
-char lower(char c) { return c >= 'A' && c <= 'Z' ? static_cast<char>(c - 'A' + 'a') : c; }
-
-std::string lower(std::string_view text) {
-  std::string result(text);
-  std::transform(result.begin(), result.end(), result.begin(), [](char c) { return lower(c); });
-  return result;
-}
-
-std::string_view trim(std::string_view text) {
-  constexpr std::string_view blank = " \t\r\n";
-  const std::size_t first = text.find_first_not_of(blank);
-  if (first == std::string_view::npos) return {};
-  return text.substr(first, text.find_last_not_of(blank) - first + 1);
-}
-
-// Removes a comment behind a number, although the standard permits only whole lines as comments.
-std::string_view before_comment(std::string_view text) { return trim(text.substr(0, text.find(';'))); }
-
-struct Value {
-  std::string text;
-  unsigned line = 0;
-};
-
-struct Section {
-  std::string name;  // as in the file
-  unsigned line = 0;
-  std::map<std::string, Value> values;  // keys in lower case
-
-  const Value* find(const std::string& key) const {
-    const auto found = values.find(key);
-    return found != values.end() && !found->second.text.empty() ? &found->second : nullptr;
-  }
-};
-
-// Size in bytes of values of CiA 301 table 44 and ETG.1020 table 98 whose types a dictionary does not support.
-std::optional<std::uint32_t> bytes_of_other_type(std::int64_t number) {
-  switch (number) {
-    case 0x0B: return 0U;  // UNICODE_STRING
-    case 0x0C:
-    case 0x0D: return 6U;  // TIME_OF_DAY, TIME_DIFFERENCE
-    case 0x10:
-    case 0x16: return 3U;
-    case 0x11: return 8U;  // REAL64
-    case 0x12:
-    case 0x18: return 5U;
-    case 0x13:
-    case 0x19: return 6U;
-    case 0x14:
-    case 0x1A: return 7U;
-    default: return std::nullopt;
-  }
-}
-
-std::optional<Type> type_of(std::int64_t number) {
-  switch (number) {
-    case 0x1E: return Type::unsigned8;  // BYTE, WORD, DWORD of ETG.1020
-    case 0x1F: return Type::unsigned16;
-    case 0x20: return Type::unsigned32;
-    default: break;
-  }
-  constexpr auto types =
-      std::to_array({Type::boolean, Type::integer8, Type::integer16, Type::integer32, Type::unsigned8, Type::unsigned16,
-                     Type::unsigned32, Type::real32, Type::visible_string, Type::octet_string, Type::domain,
-                     Type::integer64, Type::unsigned64});
-  for (const Type type : types) {
-    if (number == static_cast<std::int64_t>(type)) return type;
-  }
-  return std::nullopt;
-}
-
-// Limits. A short file may describe very many objects (CompactSubObj), or a large one may be filled with useless lines.
-// More than any device has is refused before it takes memory.
+// Limits. A short file may describe very many objects (CompactSubObj). More than any device has is refused before it
+// takes memory.
 constexpr std::size_t most_entries = 65536;
-constexpr std::size_t most_lines_kept = 400'000;                // sections and keys
 constexpr std::size_t most_text_bytes = std::size_t{32} << 20;  // names and values of all entries together
 constexpr std::size_t most_notes = 1000;
 
 class EdsReader {
  public:
-  EdsReader(std::istream& in, const std::string& file) { device_.file = file, read_sections(read_text(in, file)); }
+  EdsReader(std::istream& in, const std::string& file) {
+    device_.file = file;
+    sections_ =
+        read_sections(read_text(in, file), file, [this](unsigned line, const std::string& what) { note(line, what); });
+  }
 
   DeviceFile read() {
     read_device();
@@ -125,51 +60,12 @@ class EdsReader {
     if (what != nullptr) throw DeviceFileError(device_.file, entry.line, "", what, "give the file of one device");
     device_.entries.push_back(std::move(entry));
   }
-  void count_line(unsigned line) {
-    if (++lines_kept_ <= most_lines_kept) return;
-    throw DeviceFileError(device_.file, line, "", fmt::format("it has more than {} sections and keys", most_lines_kept),
-                          "give the file of one device");
-  }
   void note(unsigned line, const std::string& what) {
     if (device_.notes.size() == most_notes) {
       device_.notes.push_back(fmt::format("{}:{}: further messages like this are not shown", device_.file, line));
     }
     if (device_.notes.size() > most_notes) return;
     device_.notes.push_back(fmt::format("{}:{}: {}", device_.file, line, what));
-  }
-
-  void read_sections(std::string_view text) {
-    Section* present = nullptr;
-    unsigned number = 0;
-    while (!text.empty()) {
-      const std::size_t end = text.find('\n');
-      const std::string_view line = trim(text.substr(0, end));
-      text = end == std::string_view::npos ? std::string_view{} : text.substr(end + 1);
-      ++number;
-      if (line.empty() || line.front() == ';' || line.front() == '#') continue;
-      if (line.front() == '[') {
-        const std::size_t close = line.find(']');
-        if (close == std::string_view::npos) {
-          throw DeviceFileError(device_.file, number, std::string(line.substr(0, 40)), "the section's name has no end",
-                                "close it with ]");
-        }
-        const std::string_view name = trim(line.substr(1, close - 1));
-        count_line(number);
-        const auto [place, is_new] = sections_.try_emplace(lower(name));
-        if (!is_new) note(number, fmt::format("[{}]: the section exists twice; their keys are merged", name));
-        present = &place->second;
-        if (is_new) present->name = name, present->line = number;
-        continue;
-      }
-      const std::size_t equals = line.find('=');
-      if (equals == std::string_view::npos) {
-        note(number, fmt::format("\"{}\" is neither a section nor a key; ignored", line.substr(0, 40)));
-        continue;
-      }
-      if (present == nullptr) continue;  // text before the first section
-      count_line(number);
-      present->values[lower(trim(line.substr(0, equals)))] = {std::string(trim(line.substr(equals + 1))), number};
-    }
   }
 
   const Section* section(const std::string& name) const {
@@ -421,14 +317,6 @@ class EdsReader {
     return std::nullopt;
   }
 
-  // Hexadecimal limits of a signed type are bit patterns: 0x8000 is the lowest INTEGER16.
-  static std::int64_t of_type(Type type, std::int64_t value) {
-    const unsigned bits = dictionary::size_of(type) * 8U;
-    if (!dictionary::is_signed(type) || bits == 64 || value <= dictionary::maximum_of(type)) return value;
-    if (value >> bits != 0) return value;
-    return value - (std::int64_t{1} << bits);
-  }
-
   void read_default(FileEntry& entry, const Section& section, const Value& value, const std::string& key) {
     if (dictionary::size_of(entry.type) == 0) {
       entry.content = value.text;
@@ -463,26 +351,6 @@ class EdsReader {
     entry.default_value = of_type(entry.type, *number);
   }
 
-  // Reads bytes from "0x01 0x02", "01 02" or plain text.
-  static std::string octets(std::string_view text) {
-    std::string bytes;
-    std::string digits;
-    for (std::string_view rest = text; !rest.empty();) {
-      const std::size_t end = std::min(rest.find(' '), rest.size());
-      std::string_view word = rest.substr(0, end);
-      rest = trim(rest.substr(end));
-      if (word.starts_with("0x") || word.starts_with("0X")) word.remove_prefix(2);
-      digits += word;
-    }
-    for (std::size_t i = 0; i + 1 < digits.size(); i += 2) {
-      unsigned byte = 0;
-      const auto [end, error] = std::from_chars(&digits[i], &digits[i] + 2, byte, 16);
-      if (error != std::errc{} || end != &digits[i] + 2) return std::string(text);
-      bytes += static_cast<char>(byte);
-    }
-    return digits.size() % 2 == 0 ? bytes : std::string(text);
-  }
-
   void read_values(FileEntry& entry, const Section& section, bool is_count) {
     entry.name = text_of(&section, "parametername");
     if (entry.object_name.empty()) entry.object_name = entry.name;
@@ -510,12 +378,14 @@ class EdsReader {
 
   DeviceFile device_;
   std::size_t text_bytes_ = 0;
-  std::size_t lines_kept_ = 0;
-  std::map<std::string, Section> sections_;  // by name in lower case
+  Sections sections_;
 };
 
 }  // namespace
+}  // namespace servodrome::describe::eds_file
 
-DeviceFile read_eds(std::istream& in, const std::string& file) { return EdsReader(in, file).read(); }
+namespace servodrome::describe {
+
+DeviceFile read_eds(std::istream& in, const std::string& file) { return eds_file::EdsReader(in, file).read(); }
 
 }  // namespace servodrome::describe

@@ -190,12 +190,14 @@ class Drive final : public dictionary::Listener {
   bool stop_finished() const;
   void step_stop();
   void step_power();
+  void switch_power(bool on);
+
+  // fault_reactions.cpp
   void show_fault(const FaultRow& row);
   void react_to_fault(const FaultRow& row);
   bool reset_faults();
   void collect_faults();
   CauseSet present_causes() const;
-  void switch_power(bool on);
 
   // drive.cpp
   void cycle(const Feedback& feedback);

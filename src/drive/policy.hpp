@@ -6,10 +6,10 @@
 
 #include "drive/faults.hpp"
 #include "drive/homing/methods.hpp"
-#include "drive/io/signals.hpp"
 #include "drive/loops/motor_data.hpp"
 #include "drive/objects.hpp"
 #include "drive/power/power_state.hpp"
+#include "drive/signals.hpp"
 #include "drive/trajectory/trajectory.hpp"
 #include "drive/units.hpp"
 

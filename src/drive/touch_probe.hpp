@@ -4,7 +4,7 @@
 #include <cstddef>
 #include <cstdint>
 
-#include "drive/io/signals.hpp"
+#include "drive/signals.hpp"
 #include "drive/units.hpp"
 
 // The touch probe function of CiA 402-2 (objects 60B8h to 60BDh, 60D0h, 60D5h to 60D8h): positions captured at edges of

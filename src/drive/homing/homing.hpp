@@ -4,7 +4,7 @@
 #include <span>
 
 #include "drive/homing/methods.hpp"
-#include "drive/io/signals.hpp"
+#include "drive/signals.hpp"
 #include "drive/units.hpp"
 
 // Executes homing methods. It decides where to move and when home is found. The caller makes the motion: ramps with the

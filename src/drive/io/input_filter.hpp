@@ -3,7 +3,7 @@
 #include <array>
 #include <cstdint>
 
-#include "drive/io/signals.hpp"
+#include "drive/signals.hpp"
 
 namespace servodrome::drive {
 

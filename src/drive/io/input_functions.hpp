@@ -3,7 +3,7 @@
 #include <cstdint>
 #include <span>
 
-#include "drive/io/signals.hpp"
+#include "drive/signals.hpp"
 
 // Functions of the input terminals, for products whose inputs have a function code each. A function for the drive
 // itself is a signal; a function that writes objects as a bus master would is an action (input_commands.hpp).

@@ -1,6 +1,6 @@
 #include "drive/with_mode.hpp"
 
-// The effects of the power state machine's transitions on motor, brake and faults.
+// The effects of the power state machine's transitions on motor and brake.
 namespace servodrome::drive {
 
 namespace {
@@ -374,130 +374,6 @@ void Drive::step_power() {
   if (stage_ == Stage::engaging_brake && stage_cycles_-- == 0) switch_power(false);
   if (stage_ == Stage::releasing_brake) switch_power(false);
   if (!energised()) enter_state(pending_.to);
-}
-
-// --- Faults
-
-const FaultRow* Drive::row(Cause cause) const {
-  for (const FaultRow& row : policy_.faults) {
-    if (row.cause == cause) return &row;
-  }
-  return nullptr;
-}
-
-void Drive::raise(Cause cause) {
-  const FaultRow* fault = row(cause);
-  if (fault == nullptr || active_.test(cause) || axis_.configuration.ignored.test(cause)) return;
-  if (fault->reaction == Reaction::none) return;
-  active_.set(cause);
-  if (fault->reset == ResetRule::clear_multi_turn) multi_turn_cleared_ = false;
-  if (fault->reset == ResetRule::power_off) latched_.set(cause);
-  if (shown_fault_ == nullptr || !policy_.first_fault_is_shown) show_fault(*fault);
-  // the callback sees the drive's state at the time of the fault
-  if (events_ != nullptr) events_->fault_raised(*fault);
-  react_to_fault(*fault);
-}
-
-void Drive::show_fault(const FaultRow& fault) {
-  shown_fault_ = &fault;
-  axis_.objects.error_code = fault.code;
-}
-
-void Drive::inject(Cause cause, bool present) { injected_.set(cause, present); }
-
-void Drive::react_to_fault(const FaultRow& fault) {
-  if (state_ == PowerState::fault) return;
-  Stop stop = fault.reaction == Reaction::power_off ? Stop::power_off
-                                                    : stop_of_option_code(axis_.objects.fault_reaction_option_code);
-  if (fault.reaction == Reaction::angle_lost && stop != Stop::voltage_limit) stop = Stop::power_off;
-  const bool reacting = state_ == PowerState::fault_reaction_active;
-  state_ = PowerState::fault_reaction_active;
-  awaits_dc_link_ = false;
-  homing_mode_.fault();
-  identification_.abort();
-  const bool controlled = fault.reaction == Reaction::option_code;
-  if (stop == Stop::power_off && controlled && hold_for_brake()) {
-    // the brake holds the axis
-  } else if (stop == Stop::power_off || !energised()) {
-    switch_power(false);
-  } else if (!reacting) {
-    begin_stop(stop);
-  }
-  pending_ = {true, PowerState::fault};  // transition 14 follows in step_power
-}
-
-void Drive::collect_faults() {
-  const CauseSet present = present_causes();
-  warnings_ = supervision_.warning();
-  if (!present.any() && !warned_.any()) return;
-  bool gone = false;
-  for (const FaultRow& fault : policy_.faults) {
-    const bool is_present = present.test(fault.cause);
-    if (fault.reaction == Reaction::none) {
-      warnings_ |= is_present;
-      gone |= !is_present && warned_.test(fault.cause);
-      const bool tell = is_present && !warned_.test(fault.cause) && events_ != nullptr;
-      warned_.set(fault.cause, is_present);
-      if (tell) events_->warning_raised(fault);
-    } else if (is_present) {
-      raise(fault.cause);
-    }
-  }
-  if (gone && events_ != nullptr) events_->errors_gone(error_register());
-}
-
-CauseSet Drive::present_causes() const {
-  CauseSet present = supervision_.present();
-  present |= injected_;
-  present |= latched_;
-  if (!units_valid_) present.set(Cause::factor_group);
-  if (axis_.velocity_clipped) present.set(Cause::velocity_clipped);
-  if (axis_.position_change_clipped) present.set(Cause::position_change_clipped);
-  if (buffers_records() && interpolated_position_.lost_record()) present.set(Cause::interpolation_overrun);
-  return present;
-}
-
-// The bits of 1001h of all faults and warnings that are present.
-std::uint8_t Drive::error_register() const {
-  std::uint8_t bits = 0;
-  for (const FaultRow& fault : policy_.faults) {
-    if (active_.test(fault.cause) || warned_.test(fault.cause)) bits |= fault.error_register;
-  }
-  return bits;
-}
-
-// Returns whether faults were present and all are reset.
-bool Drive::reset_faults() {
-  if (state_ != PowerState::fault) return false;
-  const CauseSet present = present_causes();
-  for (const FaultRow& fault : policy_.faults) {
-    if (!active_.test(fault.cause)) continue;
-    if (fault.reset == ResetRule::clear_multi_turn && multi_turn_cleared_ && !present.test(fault.cause)) continue;
-    if (fault.reset != ResetRule::when_cause_gone || present.test(fault.cause)) {
-      if (policy_.first_fault_is_shown) show_fault(fault);  // the fault that prevents the reset
-      return false;
-    }
-  }
-  active_.clear();
-  shown_fault_ = nullptr;
-  axis_.objects.error_code = 0;
-  axis_.raised = Cause::none;
-  enter_state(PowerState::switch_on_disabled);
-  if (events_ != nullptr) events_->errors_gone(error_register());
-  return true;
-}
-
-void Drive::communication_lost(Cause cause) {
-  if (policy_.communication_loss_is_always_fault) return raise(cause);
-  switch (axis_.objects.abort_connection_option_code) {
-    case 1:
-      awaits_dc_link_ = false;
-      if (energised()) raise(cause);
-      break;
-    case 2: handle_command(Command::disable_voltage); break;
-    case 3: handle_command(Command::quick_stop); break;
-    default: break;
-  }
 }
 
 }  // namespace servodrome::drive

@@ -1,70 +1,17 @@
 #include <algorithm>
-#include <charconv>
 #include <cmath>
 #include <fmt/format.h>
 
 #include "drive/power/power_state.hpp"
 #include "master/error.hpp"
 #include "tools/script/grammar.hpp"
+#include "tools/script/words.hpp"
 
 namespace servodrome::master::script {
 namespace {
 
 constexpr double default_timeout_s = 60.0;
-constexpr double longest_s = 1e6;
 constexpr unsigned most_repeats = 1'000'000;
-
-struct Word {
-  std::string text;
-  unsigned column;
-  bool quoted = false;
-};
-
-// Thrown within a line; parsing continues with the next line.
-struct LineMistake {
-  unsigned column;
-  std::string message;
-};
-
-std::string_view trimmed(std::string_view text) {
-  constexpr std::string_view blanks = " \t\r";
-  const std::size_t first = text.find_first_not_of(blanks);
-  if (first == std::string_view::npos) return {};
-  return text.substr(first, text.find_last_not_of(blanks) - first + 1);
-}
-
-// Replaces control characters, so that a binary file or another encoding cannot disturb the terminal.
-std::string shown(std::string_view word) {
-  std::string text;
-  for (const char character : word.substr(0, 40)) {
-    const auto byte = static_cast<unsigned char>(character);
-    text += byte >= 0x20 && byte != 0x7F ? character : '?';
-  }
-  return text;
-}
-
-std::vector<Word> words_of(std::string_view line, std::size_t& end) {
-  std::vector<Word> words;
-  std::size_t at = 0;
-  for (;;) {
-    while (at < line.size() && (line[at] == ' ' || line[at] == '\t' || line[at] == '\r')) ++at;
-    end = at;
-    if (at == line.size() || line[at] == '#') return words;
-    Word word{.text = {}, .column = static_cast<unsigned>(at + 1)};
-    if (line[at] == '"') {
-      const std::size_t close = line.find('"', at + 1);
-      if (close == std::string_view::npos) throw LineMistake{word.column, "a quote that does not end"};
-      word.text = line.substr(at + 1, close - at - 1);
-      word.quoted = true;
-      at = close + 1;
-    } else {
-      const std::size_t start = at;
-      while (at < line.size() && line[at] != ' ' && line[at] != '\t' && line[at] != '\r' && line[at] != '#') ++at;
-      word.text = line.substr(start, at - start);
-    }
-    words.push_back(std::move(word));
-  }
-}
 
 template <typename Rows>
 std::string list_of(const Rows& rows) {
@@ -132,32 +79,6 @@ class Parser {
   void expect_end() const {
     if (!at_end())
       throw LineMistake{words_[next_].column, fmt::format("unexpected word \"{}\"", shown(words_[next_].text))};
-  }
-
-  static double number_in(const Word& word, const char* what) {
-    double value = 0;
-    const char* const end = word.text.data() + word.text.size();
-    const char* begin = word.text.data();
-    if (word.text.starts_with('+')) ++begin;
-    const auto [stop, error] = std::from_chars(begin, end, value);
-    if (word.quoted || error != std::errc{} || stop != end || !std::isfinite(value)) {
-      throw LineMistake{word.column, fmt::format("\"{}\" is not a number; {} is needed", shown(word.text), what)};
-    }
-    return value;
-  }
-  double seconds(const Word& word) const {
-    const double value = number_in(word, "a time in seconds");
-    if (value < 0 || value > longest_s) {
-      throw LineMistake{word.column, fmt::format("{} s is not a time from 0 to {:g} s", value, longest_s)};
-    }
-    return value;
-  }
-  static unsigned whole(const Word& word, const char* what, unsigned least, unsigned most) {
-    const double value = number_in(word, what);
-    if (value != std::floor(value) || value < least || value > most) {
-      throw LineMistake{word.column, fmt::format("{} is not {}, {} to {}", shown(word.text), what, least, most)};
-    }
-    return static_cast<unsigned>(value);
   }
 
   void read_line(std::string_view line) {
@@ -463,53 +384,11 @@ class Parser {
   double timeout_s_ = default_timeout_s;
 };
 
-std::string text_of(const std::string& file, const std::vector<Mistake>& mistakes) {
-  std::string text;
-  for (const Mistake& mistake : mistakes) {
-    text += fmt::format("{}{}:{}:{}: {}", text.empty() ? "" : "\n", file, mistake.place.line, mistake.place.column,
-                        mistake.message);
-  }
-  return text;
-}
-
-std::size_t count(const std::vector<Step>& steps) {
-  std::size_t sum = 0;
-  for (const Step& step : steps) sum += 1 + count(step.body);
-  return sum;
-}
-
 }  // namespace
-
-ScriptMistakes::ScriptMistakes(const std::string& file, std::vector<Mistake> mistakes)
-    : std::runtime_error(text_of(file, mistakes)), mistakes_(std::move(mistakes)) {}
-
-std::size_t Script::count_steps() const { return count(steps); }
 
 Script parse(std::string_view text, const std::string& file, const ObjectCatalogue& catalogue,
              const CatalogueOf& catalogue_of) {
   return Parser(file, catalogue, catalogue_of).parse(text);
-}
-
-bool needs_axis(const Step& step) {
-  switch (step.verb) {
-    case Verb::set:
-    case Verb::get:
-    case Verb::expect: return step.subject.kind != Subject::Kind::object;
-    case Verb::wait:
-    case Verb::print:
-    case Verb::repeat: return false;
-    default: return true;
-  }
-}
-
-Quantity quantity_of(Verb verb, std::string_view keyword) {
-  for (const VerbRow& row : verbs) {
-    if (row.verb != verb) continue;
-    for (const Argument& argument : row.arguments) {
-      if (argument.keyword == keyword) return argument.quantity;
-    }
-  }
-  return Quantity::plain;
 }
 
 }  // namespace servodrome::master::script

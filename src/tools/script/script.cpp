@@ -1,0 +1,55 @@
+#include "tools/script/script.hpp"
+
+#include <fmt/format.h>
+#include <utility>
+
+#include "tools/script/grammar.hpp"
+
+namespace servodrome::master::script {
+namespace {
+
+std::string text_of(const std::string& file, const std::vector<Mistake>& mistakes) {
+  std::string text;
+  for (const Mistake& mistake : mistakes) {
+    text += fmt::format("{}{}:{}:{}: {}", text.empty() ? "" : "\n", file, mistake.place.line, mistake.place.column,
+                        mistake.message);
+  }
+  return text;
+}
+
+std::size_t count(const std::vector<Step>& steps) {
+  std::size_t sum = 0;
+  for (const Step& step : steps) sum += 1 + count(step.body);
+  return sum;
+}
+
+}  // namespace
+
+ScriptMistakes::ScriptMistakes(const std::string& file, std::vector<Mistake> mistakes)
+    : std::runtime_error(text_of(file, mistakes)), mistakes_(std::move(mistakes)) {}
+
+std::size_t Script::count_steps() const { return count(steps); }
+
+bool needs_axis(const Step& step) {
+  switch (step.verb) {
+    case Verb::set:
+    case Verb::get:
+    case Verb::expect: return step.subject.kind != Subject::Kind::object;
+    case Verb::wait:
+    case Verb::print:
+    case Verb::repeat: return false;
+    default: return true;
+  }
+}
+
+Quantity quantity_of(Verb verb, std::string_view keyword) {
+  for (const VerbRow& row : verbs) {
+    if (row.verb != verb) continue;
+    for (const Argument& argument : row.arguments) {
+      if (argument.keyword == keyword) return argument.quantity;
+    }
+  }
+  return Quantity::plain;
+}
+
+}  // namespace servodrome::master::script
