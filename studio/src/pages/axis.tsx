@@ -216,6 +216,7 @@ function Prediction({ names, distance, velocity, acceleration }: { names: UnitNa
   let text = 'Enter all values to see the predicted motion.';
   if (given) {
     const way = distance === undefined ? '' : `, ${amount(Math.abs(distance), names.position)} in ${seconds(given.total_s ?? 0)}`;
+    // The server's Jobs::longest_halt is 250 ms.
     text = `Reaches ${amount(given.top, names.velocity)} in ${seconds(given.ramp_s)}${way}; a halt takes ${seconds(given.ramp_s)} and ${amount(given.braking, names.position)} (a halt longer than 250 ms becomes a quick stop).`;
   }
   return (
