@@ -110,8 +110,10 @@ void read_object(Words& words, Event& event) {
 std::int64_t read_value(Words& words) {
   const std::string text = words.word();
   try {
+    const std::string_view digits = std::string_view(text).substr(text.starts_with('-') ? 1 : 0);
+    const int base = digits.starts_with("0x") ? 16 : 10;  // not 0, with which "010" would be octal
     std::size_t used = 0;
-    const std::int64_t value = std::stoll(text, &used, 0);
+    const std::int64_t value = std::stoll(text, &used, base);
     if (used == text.size()) return value;
   } catch (const std::exception&) {
   }

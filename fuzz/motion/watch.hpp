@@ -262,8 +262,7 @@ class Watch {
   std::int64_t two_words_at_ = -1'000'000;
   unsigned stops_before_ = 0;  // bits of what stops the axis: a command, a switch
   std::int64_t stopped_since_ = 0;
-  bool has_target_ = false;         // a set-point was given in profile position since the mode or the operation began
-  StopKind told_ = StopKind::none;  // kind of the stop that is commanded now
+  bool has_target_ = false;  // a set-point was given in profile position since the mode or the operation began
 
   std::int64_t voltage_spent_ = -1'000'000;  // tick at which the back-EMF last used up the voltage of the DC link
   double demand_speed_ = 0.0;                // counts/s, calculated from the positions of the demand

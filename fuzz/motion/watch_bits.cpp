@@ -55,7 +55,7 @@ void Watch::bits() {
   }
   // Bit 10 must be 0 during a stop. Excepted is an axis that a load lets swing about its standing demand.
   const bool reached = (word & drive::statusword::target_reached) != 0;
-  const bool stopping = told_ != StopKind::none && told_ < StopKind::velocity && pwm_ && judgeable_ &&
+  const bool stopping = stop_.kind != StopKind::none && stop_.kind < StopKind::velocity && pwm_ && judgeable_ &&
                         acceleration_ > 0.0 && !swings_about_rest() &&
                         std::abs(velocity_) > 4.0 * still_rpm / 60.0 * counts_per_revolution_;
   if (!stopping || !reached || !shown_bits_.reached) stop_lie_since_ = tick_;
@@ -105,7 +105,7 @@ void Watch::limit_bit() {
                       (axis.controlword & controlword::halt) == 0 &&  // a word with bit 7 keeps the halt before it
                       shown_bits_.limit && acceleration_ > 0.0 && !axis.software_limits_active() &&
                       !axis.active(drive::Signal::negative_limit) && !axis.active(drive::Signal::positive_limit) &&
-                      objects_.profile_acceleration != 0 && (axis.controlword & drive::controlword::halt) == 0 &&
+                      objects_.profile_acceleration != 0 &&
                       tick_ - std::max({state_since_, mode_since_, around_->commanded, asked_}) > ms(300);
   if (!judged) {
     limit_lie_since_ = tick_;

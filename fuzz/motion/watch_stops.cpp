@@ -49,7 +49,6 @@ void Watch::stops() {
     }
   }
   if (!pwm_ || (around_->injected & spoils_motion) != 0 || around_->locked) kind = StopKind::none;
-  told_ = kind;
   if (kind == StopKind::none && stop_.kind == StopKind::none) return;
   // Ticks since the stop began or was last disturbed, for the message.
   const std::int64_t settled = tick_ - std::max({stop_.since, around_->disturbed, mode_since_});

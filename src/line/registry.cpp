@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <array>
 #include <map>
+#include <mutex>
 #include <string>
 #include <utility>
 #include <vector>
@@ -223,8 +224,10 @@ const std::array products{
 std::span<const Product> all_products() { return products; }
 
 std::span<const std::byte> data_sheet(const Product& product) {
+  static std::mutex mutex;  // several threads may build lines at the same time
   static std::map<std::string_view, std::string> sheets;
   if (product.describe == nullptr || product.fieldbus != Fieldbus::can || product.blueprint != nullptr) return {};
+  const std::lock_guard lock(mutex);
   std::string& sheet = sheets[product.name];
   if (sheet.empty()) sheet = describe::eds(product.describe());
   return std::as_bytes(std::span(sheet));

@@ -54,8 +54,8 @@ struct Product {
 
 std::span<const Product> all_products();
 
-// The product's EDS as the device stores it (1021h), made at the first call. Empty for a product that is not on CAN,
-// has no `describe` or comes from a maker's description.
+// The product's EDS as the device stores it (1021h), made at the first call. Thread-safe. Empty for a product that is
+// not on CAN, has no `describe` or comes from a maker's description.
 std::span<const std::byte> data_sheet(const Product& product);
 
 // The protocol's name in line files and commands: "modbus", "serial10".

@@ -55,7 +55,7 @@ class Jobs {
   using WallClock = std::function<std::chrono::steady_clock::time_point()>;
   using Publish = std::function<void(const line::bench::Json& event)>;
   static constexpr std::size_t most_remembered = 64;
-  // Longest halt before it becomes a quick stop. So the axis rests or has stopped within 300 ms of the request.
+  // A halt that has not brought the axis to rest within this time becomes a quick stop.
   static constexpr auto longest_halt = std::chrono::milliseconds(250);
   static constexpr auto longest_silence = std::chrono::milliseconds(500);  // longest time without a sign of life
 

@@ -41,7 +41,7 @@ export function App() {
     document.title = `${axis || title} · Servodrome`;
   }, [axis, title]);
 
-  // An axis's pages keep the axis from one to the next.
+  // A link between pages of an axis keeps the axis.
   const present = axis || order[0] || '';
   const addressOf = (path: string) => (ofAxis.includes(path) && present ? `/${path}/${encodeURIComponent(present)}` : `/${path}`);
 

@@ -13,7 +13,7 @@ export interface ObjectAnswer {
 const objectPath = (axis: string, index: number, sub: number) => `${axisPath(axis)}/objects/${index.toString(16).padStart(4, '0')}/${sub.toString(16)}`;
 
 export const readObject = async (axis: string, index: number, sub = 0) => (await get<ObjectAnswer>(objectPath(axis, index, sub))).value;
-// Of many objects, by address ("60FD:00"); null: it cannot be read now.
+// Reads many objects, by address ("60FD:00"). A value is null if it cannot be read now.
 export const readValues = async (axis: string, objects: string[]) =>
   (await get<{ values: Record<string, ObjectValue> }>(`${axisPath(axis)}/values?objects=${objects.join(',')}`)).values;
 export const writeObject = (axis: string, index: number, sub: number, value: ObjectValue) => put(objectPath(axis, index, sub), { value });
@@ -26,9 +26,9 @@ export async function startJob(axis: string, request: { do: string } & Record<st
   return job;
 }
 
-const ask_ms = 3000; // when the stream is silent
+const ask_ms = 3000; // interval of polling the job, in case the stream reports nothing
 
-// Until the job is over, however long it lasts.
+// Waits until the job is over. There is no timeout.
 export async function finish(job: Job): Promise<Job> {
   let now = job;
   while (now.state === 'running') {
@@ -39,7 +39,7 @@ export async function finish(job: Job): Promise<Job> {
   return now;
 }
 
-// Starts the job, and says so if it is refused or fails.
+// Runs a job to its end, and shows a notice if it is refused or fails.
 export async function runJob(axis: string, request: { do: string } & Record<string, unknown>): Promise<Job | null> {
   try {
     const job = await finish(await startJob(axis, request));

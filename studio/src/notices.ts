@@ -3,7 +3,7 @@ import { problemOf } from './api/client';
 import type { Problem } from './api/types';
 import { shownOf } from './model/problem';
 
-// What went wrong, or well, at the foot of the page until it is read or some seconds are over.
+// Notices at the foot of the page, about errors and successes. They disappear when dismissed, or after some seconds.
 
 export interface Notice extends Problem {
   id: number;
@@ -30,7 +30,7 @@ function add(notice: Omit<Notice, 'id'>, seconds: number) {
 export const complain = (error: unknown) => add({ ...shownOf(problemOf(error)), bad: true }, 15);
 export const tell = (what: string) => add({ what, bad: false }, 4);
 
-// Runs what a button does, and says so if the server refuses it.
+// Runs the action of a button, and shows a notice if it fails.
 export function attempt(action: () => Promise<unknown>): void {
   action().catch(complain);
 }

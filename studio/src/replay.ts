@@ -1,15 +1,15 @@
 import { useEffect, useRef, useState } from 'react';
 import type { AxisView } from './api/types';
 
-// What an axis did while something lasted, to be seen again.
+// Records the motion of an axis while `lasts` is true, and replays it.
 interface Moment {
-  at: number; // ms of the wall
+  at: number; // wall time in ms
   position: number; // counts
   velocity: number; // rpm
 }
 
 const most = 20_000;
-const longest = 6000; // ms of a replay; what took longer is shown faster
+const longest = 6000; // longest replay in ms; a longer motion is replayed faster
 
 export function useReplay(axis: AxisView, lasts: boolean) {
   const trail = useRef<Moment[]>([]);
@@ -48,7 +48,7 @@ export function useReplay(axis: AxisView, lasts: boolean) {
     return () => cancelAnimationFrame(frame);
   }, [playing]);
   return {
-    // The axis as it is, or as it was at the moment that is shown again.
+    // The present axis, or during a replay the axis at the replayed moment.
     axis: shown ? { ...axis, position_counts: shown.position, velocity_rpm: shown.velocity, in_motion: true } : axis,
     playing,
     ready: !lasts && trail.current.length > 1,

@@ -9,7 +9,8 @@ export interface Resource<T> {
   again: () => void;
 }
 
-// What a GET answers; asked again every `every_ms` if given, after again(), and when the server was started anew.
+// The answer of a GET. The request is repeated every `every_ms` if that is given, after again(), and after a restart of the
+// server.
 export function useResource<T>(path: string | null, every_ms = 0): Resource<T> {
   const epoch = useLine((line) => line.epoch);
   const [answer, setAnswer] = useState<{ path: string; value?: T; problem?: Problem }>();
@@ -24,7 +25,7 @@ export function useResource<T>(path: string | null, every_ms = 0): Resource<T> {
       get<T>(path)
         .then(
           (value) => {
-            // An unchanged answer draws nothing anew.
+            // An unchanged answer causes no rendering.
             const text = path + JSON.stringify(value);
             if (!over && text !== latest.current) {
               latest.current = text;

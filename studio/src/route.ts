@@ -1,6 +1,6 @@
 import { useSyncExternalStore } from 'react';
 
-// The address is the page's state: what a reload, a bookmark or a colleague's click brings back.
+// The address contains the state of the page, so a reload, a bookmark or a copied link restores it.
 
 const listeners = new Set<() => void>();
 const tell = () => listeners.forEach((listener) => listener());
@@ -21,12 +21,12 @@ export function go(address: string) {
 }
 
 export interface Route {
-  page: string; // first part of the path: '' is the line
+  page: string; // first part of the path; '': the page of the line
   name: string; // second part
   query: URLSearchParams;
 }
 
-// An address that somebody has cut off in the middle of an escape is an address of nothing.
+// If a part of the path has an incomplete escape, for example in a truncated link, it is used without decoding.
 function plain(segment: string): string {
   try {
     return decodeURIComponent(segment);
@@ -42,7 +42,7 @@ export function useRoute(): Route {
   return { page, name, query: url.searchParams };
 }
 
-// Keeps `values` in the query without a step in the history; null takes a key away.
+// Sets `values` in the query without a new entry in the history. Null or an empty text removes a key.
 export function keep(values: Record<string, string | null>) {
   const url = new URL(location.href);
   for (const [key, value] of Object.entries(values)) {

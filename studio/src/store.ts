@@ -4,21 +4,21 @@ import { Stream, type ServerEvent } from './api/stream';
 import { setToken, subprotocols, token } from './api/token';
 import type { AxisView, Clock, Job, LineView, Missing } from './api/types';
 
-// What the page knows of the line, in one place: filled from the stream, read by every part.
+// The state of the line as the page knows it. The stream updates it, and all parts of the page read it.
 
 export interface State {
-  // 'locked': it takes this page only with its token; 'full': it answers, but has no stream for this page
+  // 'locked': the server requires its token; 'full': the server answers, but has no stream left for this page
   link: 'connecting' | 'up' | 'lost' | 'locked' | 'full';
-  wrongToken: boolean; // somebody has given one that it does not take
+  wrongToken: boolean; // the server did not accept the token
   version: string;
-  start: string; // of the server's run
-  epoch: number; // counts the server's runs that this page has seen: what was fetched before is old
-  restarted: boolean; // and nobody has read the banner yet
+  start: string; // identifies this run of the server
+  epoch: number; // number of restarts of the server that this page has seen; data of an earlier run are out of date
+  restarted: boolean; // the server has restarted, and the user has not dismissed the banner yet
   order: string[];
   axes: Record<string, AxisView>;
   clock: Clock | null;
   line: LineView | null;
-  jobs: Record<string, Job>; // the latest of each axis
+  jobs: Record<string, Job>; // the latest job of each axis
   lastEvent: (ServerEvent & { serial: number }) | null;
 }
 
@@ -41,27 +41,27 @@ function listen(listener: () => void) {
   };
 }
 
-// `select` answers a value that stays the same (===) while nothing of it changed.
+// `select` must return the same value (===) as long as nothing in it has changed.
 export function useLine<T>(select: (state: State) => T): T {
   return useSyncExternalStore(listen, () => select(state));
 }
 
 export const useAxis = (name: string) => useLine((line) => line.axes[name] as AxisView | undefined);
 
-// Of an axis only that: who needs no more is not drawn anew each time that something moves.
+// Only this value of an axis, so that a component that needs nothing else is not rendered at every motion.
 export const usePowered = (name: string) => useLine((line) => line.axes[name]?.powered ?? false);
 
-// Why there is no such thing here; undefined: there is; null: not known yet.
+// The reason why the server does not have `what`; undefined: it has it; null: not known yet.
 export const useMissing = (what: Missing) => useLine(({ line }) => (line === null ? null : line.missing[what]));
 
-// News may come by two ways, and the older one later.
+// Jobs arrive by the stream and by requests, so an older state may arrive later. It is ignored.
 export function noteJob(job: Job) {
   const known = state.jobs[job.axis];
   if (known && (known.id > job.id || (known.id === job.id && known.state !== 'running'))) return;
   update({ jobs: { ...state.jobs, [job.axis]: job } });
 }
 
-// The job when the stream has said that it is over; null: not within that time, or another took its place.
+// Waits until the stream reports that the job is over. Null: after `ms`, or if another job has replaced it.
 export function overWithin(job: Job, ms: number): Promise<Job | null> {
   return new Promise((resolve) => {
     const look = () => {
@@ -81,7 +81,7 @@ export function overWithin(job: Job, ms: number): Promise<Job | null> {
 }
 
 let serial = 0;
-let fresh = true; // the next views are of another run of the server: they replace those of the last
+let fresh = true; // the next views are the first of a run of the server and replace all earlier ones
 
 function takeAxes(views: AxisView[], clock?: Clock) {
   const axes = fresh ? {} : { ...state.axes };
@@ -91,7 +91,8 @@ function takeAxes(views: AxisView[], clock?: Clock) {
   update({ link: 'up', axes, order: same ? state.order : Object.keys(axes), ...(clock ? { clock } : {}) });
 }
 
-// The latest of each axis, those of other pages and of scripts as well. Once a connection; then the stream tells.
+// Requests the latest job of each axis, including jobs of other pages and of scripts. Needed once for each connection; later
+// the stream reports jobs.
 async function takeJobs() {
   const { jobs } = await get<{ jobs: Job[] }>('/jobs');
   const latest: Record<string, Job> = {};
@@ -106,17 +107,18 @@ async function takeLine() {
 function begin({ start, version = '' }: { start: string; version?: string }) {
   const other = state.start !== '' && state.start !== start;
   fresh ||= other;
-  if (other || state.line === null) takeLine().catch(() => undefined); // asked again with the next greeting
+  if (other || state.line === null) takeLine().catch(() => undefined); // requested again with the next greeting
   update({
     link: 'up',
     start,
     version,
     ...(other ? { restarted: true, epoch: state.epoch + 1, jobs: {}, lastEvent: null } : {}),
   });
-  takeJobs().catch(() => undefined); // the banner says it
+  takeJobs().catch(() => undefined); // if this fails, the banner already reports the lost connection
 }
 
-// Why a stream did not even begin, which a browser does not tell: asked by a request that the same people may make.
+// Finds out why the stream was refused, since the browser does not report the reason. It sends a request that needs the same
+// permission as the stream.
 async function probe(): Promise<State['link']> {
   try {
     await post('/jobs/0/alive');
@@ -130,7 +132,7 @@ async function probe(): Promise<State['link']> {
 async function explain() {
   let link = await probe();
   if (link === 'locked' && token() !== '') {
-    // One of an earlier run of the server, or mistyped. Perhaps none is needed.
+    // The token is wrong: mistyped, or of an earlier run of the server. The server may accept the page without one.
     setToken('');
     update({ wrongToken: true });
     link = await probe();

@@ -1,8 +1,8 @@
 import type { ChannelRequest } from './api/types';
 import { snapshot, stream } from './store';
 
-// How far each driven axis has to go, in its own units: target minus actual position. All axes of the line page share
-// subscriptions, eight axes each, since a connection has only some.
+// The remaining distance of each driven axis in its own units: target minus actual position. The axes share subscriptions,
+// eight axes each, because the number of subscriptions of a connection is limited.
 
 const axesPerSubscription = 8;
 const mostSubscriptions = 6;
@@ -23,7 +23,7 @@ export function watchTarget(axis: string, tell: (left: number | null) => void): 
   };
 }
 
-// Once for all the axes that come or go at the same time.
+// Renews the subscriptions once, 50 ms later, for all axes that are added or removed until then.
 function plan() {
   if (planned) return;
   planned = true;

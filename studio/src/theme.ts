@@ -1,13 +1,13 @@
 import { useState } from 'react';
 
-// Light and dark as the system says, or as the reader has chosen here.
+// The light or dark theme: of the system (auto), or as chosen on this page.
 export type Theme = 'auto' | 'light' | 'dark';
 const key = 'servodrome.theme';
 
 export function applyTheme(theme: Theme = stored()) {
   if (theme === 'auto') document.documentElement.removeAttribute('data-theme');
   else document.documentElement.dataset.theme = theme;
-  // Canvases do not follow style sheets.
+  // Style sheets do not change drawn canvases, so they must be drawn again.
   dispatchEvent(new Event('theme'));
 }
 
@@ -28,7 +28,7 @@ export function useTheme(): [Theme, (theme: Theme) => void] {
   ];
 }
 
-// What a token of style.css is at the moment.
+// The present value of a colour of style.css.
 export function color(token: string): string {
   const probe = document.createElement('span');
   probe.style.color = `var(--${token})`;

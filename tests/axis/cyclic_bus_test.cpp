@@ -232,6 +232,36 @@ product = "pronet"
 node = 3
 )";
 
+// A client that does not receive the frames for which `loses` returns true.
+class LossyCanClient final : public links::CanClient {
+ public:
+  LossyCanClient(links::CanBus& bus, links::VirtualClock& clock, std::function<bool(const canopen::Frame&)> loses)
+      : client_(bus, clock), loses_(std::move(loses)) {}
+  void send(const canopen::Frame& frame) override { client_.send(frame); }
+  std::optional<canopen::Frame> receive(Time timeout) override {
+    const auto frame = client_.receive(timeout);
+    return frame && loses_(*frame) ? std::nullopt : frame;
+  }
+
+ private:
+  links::MemoryCanClient client_;
+  std::function<bool(const canopen::Frame&)> loses_;
+};
+
+// Answers of node 1 to downloads of one object that get lost.
+struct LostAnswers {
+  ObjectAddress object;
+  unsigned left = 0;
+
+  bool operator()(const canopen::Frame& frame) {
+    constexpr std::uint8_t download_response = 0x60;
+    const bool is_one = left > 0 && frame.id == 0x581 && frame.data[0] == download_response &&
+                        (frame.data[1] | frame.data[2] << 8) == object.index && frame.data[3] == object.sub;
+    if (is_one) --left;
+    return is_one;
+  }
+};
+
 class CanMotion : public testing::Test {
  protected:
   void SetUp() override { bus.run_for(500ms); }
@@ -249,8 +279,18 @@ class CanMotion : public testing::Test {
     }
     all.push_back(objects.read_if_present<std::uint8_t>(0x60C2, 1).value_or(0));
     all.push_back(objects.read_if_present<std::uint32_t>(0x2105).value_or(0));
+    all.push_back(objects.read_if_present<std::uint32_t>(0x6081).value_or(0));
     return all;
   }
+  Bus lossy_bus(LostAnswers& lost) {
+    return Bus(std::make_unique<LossyCanClient>(line.buses()[0]->bus, line, std::ref(lost)), "mem:", &line);
+  }
+  static CanDrive drive_with_a_value() {
+    CanDrive drive = synchronous_drive(1);
+    drive.values.push_back({{0x6081, 0}, 4711, 4});
+    return drive;
+  }
+  static constexpr CanCyclicOptions impatient{.period = 2ms, .sdo = {50ms, 0}};
 
   line::Line line{line::test::settings_of(can_line)};
   Bus bus{std::make_unique<links::MemoryCanClient>(line.buses()[0]->bus, line), "mem:", &line};
@@ -345,6 +385,55 @@ TEST_F(CanMotion, WhatCannotBeMappedIsRefusedAndPutBack) {
   EXPECT_THAT(problem_of([&] { CanCyclicBus cyclic(bus, {synchronous_position_drive(2)}, {.period = 300ms}); }),
               HasSubstr("cannot be written to 60C2h"));
   EXPECT_EQ(pdos_of(2), before);
+}
+
+TEST_F(CanMotion, AValueWhoseAnswerWasLostIsPutBack) {
+  const auto before = pdos_of(1);
+  for (const ObjectAddress object : {ObjectAddress{0x6081, 0}, ObjectAddress{0x60C2, 1}}) {
+    LostAnswers lost{object, 1};
+    Bus lossy = lossy_bus(lost);
+    EXPECT_THAT(problem_of([&] { CanCyclicBus cyclic(lossy, {drive_with_a_value()}, impatient); }),
+                HasSubstr("node 1"));
+    EXPECT_EQ(lost.left, 0U);
+    EXPECT_EQ(pdos_of(1), before);
+  }
+}
+
+// Objects are put back last first: 60C2h, 6081h, the TPDOs, the RPDOs.
+TEST_F(CanMotion, AnObjectThatCannotBePutBackHindersNoOther) {
+  const auto before = pdos_of(1);
+  for (const ObjectAddress object : {ObjectAddress{0x60C2, 1}, ObjectAddress{0x6081, 0}}) {
+    LostAnswers lost{object};
+    Bus lossy = lossy_bus(lost);
+    CanCyclicBus cyclic(lossy, {drive_with_a_value()}, impatient);
+    EXPECT_NE(pdos_of(1), before);
+    lost.left = 100;
+    EXPECT_THAT(problem_of([&] { cyclic.close(); }), HasSubstr("node 1"));
+    EXPECT_LT(lost.left, 100U);
+    EXPECT_EQ(pdos_of(1), before);
+  }
+}
+
+TEST_F(CanMotion, APdoWhoseAnswerWasLostIsPutBackCompletely) {
+  const auto before = pdos_of(1);
+  for (const ObjectAddress object : {ObjectAddress{0x1800, 1}, ObjectAddress{0x1600, 0}}) {
+    LostAnswers lost{object};
+    Bus lossy = lossy_bus(lost);
+    CanCyclicBus cyclic(lossy, {drive_with_a_value()}, impatient);
+    lost.left = 1;
+    cyclic.close();
+    EXPECT_EQ(lost.left, 0U);
+    EXPECT_EQ(pdos_of(1), before);
+  }
+}
+
+// The restored objects are many more than the unanswered requests.
+TEST_F(CanMotion, ASilentNodeIsGivenUp) {
+  CanCyclicBus cyclic(bus, {drive_with_a_value()}, {.period = 2ms, .sdo = {50ms, 0}, .stops_drives = false});
+  line.axes()[0]->power_off(line.now());
+  const Time begin = bus.now();
+  EXPECT_THAT(problem_of([&] { cyclic.close(); }), HasSubstr("node 1"));
+  EXPECT_LE(bus.now() - begin, 200ms) << "three timeouts";
 }
 
 }  // namespace

@@ -27,6 +27,7 @@ class Fake final : public ObjectClient {
   }
   void download(ObjectAddress object, std::span<const std::byte> data) override {
     access(object);
+    if (silent_writes) throw ObjectError("no answer", "fake", "see whether it lives", false, false);
     std::uint64_t value = 0;
     std::memcpy(&value, data.data(), data.size());
     values[object.index] = value;
@@ -46,6 +47,7 @@ class Fake final : public ObjectClient {
   Time time{5s};
   Time access_time = 50us;
   bool silent = false;
+  bool silent_writes = false;  // reads are answered
   std::uint16_t refused = 0;
   std::map<std::uint16_t, std::uint64_t> values{{0x60FF, 7}, {0x6040, 0xF}, {0x6064, 1000}, {0x6041, 0x237}};
   std::vector<std::pair<Time, std::uint16_t>> written;
@@ -113,6 +115,25 @@ TEST(ObjectCyclicBus, ASilentDriveIsLost) {
   drive.silent = false;
   bus.wait(2ms);
   EXPECT_TRUE(bus.is_fresh(0));
+  bus.check();
+}
+
+TEST(ObjectCyclicBus, ADriveThatAnswersOnlyReadsIsLost) {
+  Fake drive;
+  ObjectCyclicBus bus(drive, {target}, {position}, 1ms);
+  bus.wait(10ms);
+  drive.silent_writes = true;
+  int cycles = 0;
+  bus.on_cycle([&] { ++cycles; });
+  bus.wait(5ms);
+  bus.check();
+  bus.wait(20ms);
+  EXPECT_TRUE(bus.is_fresh(0));
+  EXPECT_THROW(bus.check(), MasterError);
+  EXPECT_GE(bus.counters().longest_miss, 20U);
+  EXPECT_NEAR(cycles, 25, 1) << "one call in each cycle";
+  drive.silent_writes = false;
+  bus.wait(2ms);
   bus.check();
 }
 

@@ -322,6 +322,28 @@ INSTANTIATE_TEST_SUITE_P(
                          false}),
     [](const auto& which) { return which.param.name; });
 
+TEST_F(EthercatRaw, ARingHasAClientAsLongAsOneInterfaceIsThere) {
+  shell("ip link add spare type veth peer name spare0 && ip link set spare up && ip link set spare0 up");
+  open("raw:plug+spare");
+  EXPECT_EQ(link->counters().clients, 1U);
+  std::size_t reports = 0;
+  const auto after = [&](const char* command) {
+    shell(command);
+    ++reports;
+    EXPECT_TRUE(until([&] { return rig.reports.size() == reports; })) << command;
+    return link->counters().clients;
+  };
+  EXPECT_EQ(after("ip link set plug down"), 1U);
+  EXPECT_EQ(after("ip link set spare down"), 0U);
+  EXPECT_EQ(after("ip link set plug up"), 1U);
+  EXPECT_EQ(after("ip link set plug down"), 0U);
+  EXPECT_EQ(after("ip link set spare up"), 1U);
+  EXPECT_EQ(after("ip link set plug up"), 1U);
+  EXPECT_EQ(after("ip link set spare down"), 1U);
+  link.reset();
+  shell("ip link delete spare");
+}
+
 TEST_F(EthercatRaw, AMasterWhoseInterfaceGoesDownIsTold) {
   const auto client = open_ethercat_client("raw:socket");
   shell("ip link set socket down");

@@ -51,6 +51,20 @@ TEST(MotionReplay, AHeartbeatAndHardStopsAreReadAsTheyAreWritten) {
   EXPECT_EQ(parse_sequence(to_text(sequence)).sequence, sequence);
 }
 
+TEST(MotionReplay, AValueIsDecimalOrHexadecimalWithAPrefix) {
+  const auto value_of = [](const std::string& text) {
+    const ParsedSequence parsed = parse_sequence("axis ismc\n1.0 a0 heartbeat " + text + "\n");
+    return parsed.error.empty() ? parsed.sequence.events.at(0).value : -1;
+  };
+  EXPECT_EQ(value_of("010"), 10);
+  EXPECT_EQ(value_of("-010"), -10);
+  EXPECT_EQ(value_of("09"), 9);
+  EXPECT_EQ(value_of("0x10"), 16);
+  EXPECT_EQ(value_of("-0x10"), -16);
+  EXPECT_EQ(parse_sequence("axis ismc\n1.0 a0 heartbeat 0x\n").error, "2: \"0x\" is no number");
+  EXPECT_EQ(parse_sequence("axis ismc\n1.0 a0 heartbeat 1F\n").error, "2: \"1F\" is no number");
+}
+
 TEST(MotionReplay, AMistakeIsToldWithItsLine) {
   EXPECT_EQ(parse_sequence("axis ismc\n1.0 a0 jump 3\n").error, "2: there is no event \"jump\"");
   EXPECT_EQ(parse_sequence("axis ismc\n1.0 a1 enable\n").error, "2: \"a1\" is none of the axes; the first is a0");

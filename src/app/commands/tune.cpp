@@ -226,6 +226,7 @@ void add_tune(CLI::App& app) {
   add_serial_options(*command, options->bus);
   add_watch_option(*command, options->bus);
   add_cycle_options(*command, options->bus);
+  command->get_option("--cycle")->description("Period in milliseconds of SYNC (CAN) or of the process data (EtherCAT)");
   command
       ->add_option("--bandwidth", options->bandwidth_hz,
                    "Target bandwidth of the closed velocity loop (-3 dB) in Hz; if not given 60 % of the maximum")

@@ -16,6 +16,8 @@ constexpr std::uint8_t most_pdos = 8;
 constexpr std::uint16_t quick_stop = 0x0002;
 constexpr Time stopping = std::chrono::seconds(2);
 constexpr Time polling = std::chrono::milliseconds(5);
+constexpr unsigned most_attempts = 2;    // to restore one object
+constexpr unsigned most_unanswered = 3;  // attempts in a row before a node is regarded as silent
 
 constexpr PdoObject controlword{{0x6040, 0}, 16};
 constexpr PdoObject mode{{0x6060, 0}, 8};
@@ -106,7 +108,7 @@ CanCyclicBus::~CanCyclicBus() {
   try {
     close();
   } catch (const MasterError&) {
-    // The node does not answer any more; its objects cannot be restored.
+    // Some objects could not be restored, for example because the node does not answer any more.
   }
 }
 
@@ -116,8 +118,9 @@ void CanCyclicBus::set_value(Station& station, const CanDrive::Value& value) {
   std::int64_t old = 0;
   if (!before.empty()) std::memcpy(&old, before.data(), std::min(before.size(), sizeof old));
   const auto bytes = std::as_bytes(std::span(&value.value, 1)).first(std::min<std::size_t>(value.bytes, 8));
-  objects.download(value.object, bytes);
+  // Before the download: without an answer to it the object may have the new value all the same.
   station.values_before.push_back({value.object, old, value.bytes});
+  objects.download(value.object, bytes);
 }
 
 void CanCyclicBus::set_interpolation_time(Station& station) {
@@ -188,18 +191,36 @@ void CanCyclicBus::set_up(Station& station) {
   }
 }
 
+// The last changed object is restored first. Each restore that gets no answer is repeated once. An error does not end
+// the restoring of the other objects, unless the node has not answered `most_unanswered` attempts in a row: then it is
+// regarded as silent, and the wait for more timeouts is avoided. Throws the first error at the end.
 void CanCyclicBus::put_back(Station& station) {
   master_.command(NmtCommand::enter_pre_operational, station.drive.node_id);
-  while (!station.values_before.empty()) {
-    const CanDrive::Value value = station.values_before.back();
-    station.values_before.pop_back();
-    station.objects.download(value.object, std::as_bytes(std::span(&value.value, 1)).first(value.bytes));
+  unsigned unanswered = 0;  // attempts in a row
+  std::exception_ptr problem;
+  const auto restore = [&](const auto& write) {
+    for (unsigned attempt = 1; unanswered < most_unanswered; ++attempt) {
+      try {
+        write();
+        unanswered = 0;
+        return;
+      } catch (const ObjectError& error) {
+        unanswered = error.answered() ? 0 : unanswered + 1;
+        if (!error.answered() && attempt < most_attempts && unanswered < most_unanswered) continue;
+        if (!problem) problem = std::current_exception();
+        return;
+      }
+    }
+  };
+  for (; !station.values_before.empty(); station.values_before.pop_back()) {
+    const CanDrive::Value& value = station.values_before.back();
+    restore(
+        [&] { station.objects.download(value.object, std::as_bytes(std::span(&value.value, 1)).first(value.bytes)); });
   }
-  while (!station.pdos_before.empty()) {
-    const PdoParameters pdo = station.pdos_before.back();
-    station.pdos_before.pop_back();
-    write_pdo(station.objects, pdo);
+  for (; !station.pdos_before.empty(); station.pdos_before.pop_back()) {
+    restore([&] { write_pdo(station.objects, station.pdos_before.back()); });
   }
+  if (problem) std::rethrow_exception(problem);
 }
 
 // Uses SDO, because the cycle that writes controlwords may have ended already.

@@ -63,11 +63,11 @@ void ObjectCyclicBus::cycle() {
   try {
     for (const std::vector<std::size_t>& places : together_) read(places);
     fresh_ = true;
-    lost_in_a_row_ = 0;
     if (action_) action_();
     for (const Value& value : outputs_) {
       objects_.download(value.object.object, std::as_bytes(std::span(value.bytes)).first(value.object.bits / 8U));
     }
+    lost_in_a_row_ = 0;  // the drive has answered all reads and writes
   } catch (const ObjectError& error) {
     if (error.answered()) {
       refused_ = std::current_exception();

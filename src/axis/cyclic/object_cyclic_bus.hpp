@@ -23,8 +23,8 @@ class ObjectCyclicBus final : public CyclicBus {
   ProcessImage& image(std::size_t) override { return image_; }
   bool is_fresh(std::size_t) const override { return fresh_; }
   void on_cycle(std::function<void()> action) override { action_ = std::move(action); }
-  // Rethrows the drive's ObjectError if it refused an access; throws MasterError after too many cycles in a row without
-  // an answer.
+  // Rethrows the drive's ObjectError if it refused an access; throws MasterError after too many cycles in a row in
+  // which an access, a read or a write, had no answer.
   void check() const override;
   CycleCounters counters() const override { return counters_; }
   Time inputs_taken() const override { return inputs_taken_; }
@@ -64,7 +64,7 @@ class ObjectCyclicBus final : public CyclicBus {
   Time next_;
   Time inputs_taken_{};
   bool fresh_ = false;
-  unsigned lost_in_a_row_ = 0;
+  unsigned lost_in_a_row_ = 0;  // cycles in which an access had no answer
   std::function<void()> action_{};
   std::exception_ptr refused_{};
   CycleCounters counters_{};

@@ -9,7 +9,6 @@
 #include "links/link_error.hpp"
 
 namespace servodrome::links {
-namespace {}  // namespace
 
 SocketcanClient::SocketcanClient(const SocketcanName& name) : name_(name), socket_(open_socketcan(name.interface)) {}
 

@@ -1,5 +1,6 @@
 #include "links/ethercat/raw_link.hpp"
 
+#include <algorithm>
 #include <cerrno>
 #include <fmt/format.h>
 
@@ -30,7 +31,6 @@ RawLink::RawLink(const RawName& name, EthercatBus& bus, boost::asio::io_context&
     throw;
   }
   if (name.secondary) bus.set_cable(bus.size(), true);
-  counters_.clients = 1;
 }
 
 RawLink::~RawLink() {
@@ -40,6 +40,7 @@ RawLink::~RawLink() {
 
 void RawLink::open(Side& side) {
   side.socket.emplace(side.interface, name());
+  counters_.clients = 1;
   if (name_.busy) return;
   watch_.add(side.socket->descriptor(), [this, &side] {
     if (serve(side) == 0) check(side);
@@ -49,6 +50,8 @@ void RawLink::open(Side& side) {
 void RawLink::close(Side& side) {
   if (side.socket) watch_.remove(side.socket->descriptor());
   side.socket.reset();
+  const auto is_open = [](const auto& one) { return one->socket.has_value(); };
+  counters_.clients = std::any_of(sides_.begin(), sides_.end(), is_open) ? 1 : 0;
 }
 
 void RawLink::check(Side& side) {
@@ -135,7 +138,6 @@ void RawLink::send_later(Side& side, std::span<const std::uint8_t> frame, Time d
 
 void RawLink::lose(Side& side, int reason) {
   close(side);
-  counters_.clients = 0;
   host_.report(fmt::format("EtherCAT link \"{}\": interface \"{}\" is lost ({}); waiting for it to come back", name(),
                            side.interface, std::error_code(reason, std::generic_category()).message()));
   try_again(side);
@@ -151,7 +153,6 @@ void RawLink::try_again(Side& side) {
       close(side);
       return try_again(side);
     }
-    counters_.clients = 1;
     host_.report(fmt::format("EtherCAT link \"{}\": interface \"{}\" is back", name(), side.interface));
   });
 }

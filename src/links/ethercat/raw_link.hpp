@@ -62,7 +62,7 @@ class RawLink final : public EthercatLink {
   std::vector<std::unique_ptr<Side>> sides_;
   std::shared_ptr<bool> alive_ = std::make_shared<bool>(true);
   std::size_t waiting_ = 0;  // frames delayed by a disturbance
-  LinkCounters counters_;
+  LinkCounters counters_;    // `clients` is 1 while at least one side has a socket, else 0
 };
 
 }  // namespace servodrome::links

@@ -1,7 +1,7 @@
 import { fields } from './token';
 import type { Problem } from './types';
 
-// A refusal of the server, or its silence, as an error that can be shown: what, where, what to do.
+// A request that the server refused or did not answer. `problem` has the text for the user: what, where, what to do.
 export class ApiError extends Error {
   constructor(
     readonly status: number,
@@ -27,7 +27,7 @@ export const put = <T = unknown>(path: string, body: unknown) => call<T>('PUT', 
 export const post = <T = unknown>(path: string, body: unknown = {}) => call<T>('POST', path, body);
 export const remove = <T = unknown>(path: string, body?: unknown) => call<T>('DELETE', path, body);
 
-// A text as it is, a parameter file for example.
+// Sends `text` as text/plain, for example a parameter file.
 export async function callText<T>(method: string, path: string, text: string): Promise<T> {
   return (await (await send(method, path, text, 'text/plain')).json()) as T;
 }

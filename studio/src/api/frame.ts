@@ -1,10 +1,10 @@
-// The binary frame of the stream and of a recording's data, little endian:
-// u32 id, u32 stride, u64 tick, u32 samples, u32 channels, then channels * samples f64, channel by channel.
+// The binary frame of the stream and of a recording's data. Layout, little endian: u32 id, u32 stride, u64 tick,
+// u32 samples, u32 channels, then channels * samples f64, channel by channel.
 
 export interface Frame {
   id: number;
   stride: number; // ticks from one sample to the next
-  tick: number; // of the first sample
+  tick: number; // tick of the first sample
   channels: Float64Array[];
 }
 
@@ -24,7 +24,7 @@ export function decodeFrame(buffer: ArrayBuffer): Frame {
   for (let channel = 0; channel < count; ++channel) {
     channels.push(float64(buffer, header_bytes + 8 * samples * channel, samples));
   }
-  // 2^53 ticks are 17,000 years: a double holds it.
+  // A double is exact up to 2^53 ticks, which are 17,000 years.
   return { id: view.getUint32(0, true), stride: view.getUint32(4, true), tick: Number(view.getBigUint64(8, true)), channels };
 }
 

@@ -1,7 +1,7 @@
 import { afterEach, beforeEach, expect, test, vi } from 'vitest';
 import { Stream, type StreamListener } from './stream';
 
-// A server's end of the WebSocket, in the page's own process.
+// Replaces the browser's WebSocket; the test plays the server.
 class FakeSocket {
   static all: FakeSocket[] = [];
   sent: Record<string, unknown>[] = [];

@@ -1,19 +1,19 @@
 import { decodeFrame, type Frame } from './frame';
 import type { AxisView, Channel, ChannelRequest, Clock, Job, Problem } from './types';
 
-// The WebSocket /api/v1/stream: one for the page. It comes back by itself, and then asks again for all it was asked for.
+// The WebSocket /api/v1/stream; the page has one. After a loss it reconnects by itself and renews all subscriptions.
 
 export interface ServerEvent {
   kind: string;
   axis?: string;
   tick?: number;
-  job?: Job; // of "job"
+  job?: Job; // in events of the kind "job"
   [key: string]: unknown;
 }
 
 export interface StreamListener {
   connected(hello: { version?: string; start: string; tick?: number }): void;
-  lost(wasOpen: boolean): void; // and is tried again, unless it is told to rest
+  lost(wasOpen: boolean): void; // the stream reconnects, unless rest() is called
   axes(views: AxisView[], clock?: Clock): void;
   event(event: ServerEvent): void;
 }
@@ -38,9 +38,9 @@ interface Message {
 
 const retry_ms = [250, 500, 1000, 2000];
 const look_ms = 1000;
-const silence_ms = 3000; // then the server is asked whether it is there
-const patience_ms = 4000; // for its answer, and for a connection to open
-const nobody = 0; // no subscription has this id: to end it is answered, and ends nothing
+const silence_ms = 3000; // without a message; then the page sends a request as a keepalive
+const patience_ms = 4000; // timeout of the keepalive's answer, and of opening a connection
+const nobody = 0; // id of no subscription: the server answers its end and does nothing, so it serves as a keepalive
 
 export class Stream {
   private socket: WebSocket | null = null;
@@ -48,9 +48,9 @@ export class Stream {
   private nextId = 1;
   private attempts = 0;
   private open = false;
-  private heard = 0; // ms, when something last came
+  private heard = 0; // time of the last message, in ms
   private again: ReturnType<typeof setTimeout> | undefined;
-  private asked: number | null = null; // since when it has not answered
+  private asked: number | null = null; // time of the unanswered keepalive or connection attempt, in ms; null: none
 
   constructor(
     private readonly address: string,
@@ -62,7 +62,7 @@ export class Stream {
     setInterval(() => this.look(), look_ms);
   }
 
-  // Answers how to end it.
+  // Returns the function that ends the subscription.
   subscribe(subscription: Subscription): () => void {
     const id = this.nextId++;
     this.subscriptions.set(id, subscription);
@@ -109,8 +109,9 @@ export class Stream {
     this.asked = null;
   }
 
-  // A cable that was pulled, or a server that hangs, closes nothing: who is silent is asked, and given up if he does not
-  // answer. After the computer has slept as well: what came meanwhile is not to be mistaken for silence.
+  // The browser reports no close when a cable is pulled or the server hangs. So after `silence_ms` without a message the
+  // page sends a keepalive, and reconnects if no answer comes within `patience_ms`. Silence alone does not end the
+  // connection: after the computer has slept, received messages may still wait to be read.
   private look() {
     const now = performance.now();
     if (this.asked === null) {
@@ -136,7 +137,7 @@ export class Stream {
     this.listener.lost(open);
   }
 
-  // Does not try again until retry().
+  // Stops reconnecting until retry() is called.
   rest() {
     clearTimeout(this.again);
   }

@@ -1,5 +1,6 @@
-// The token that a server asks of pages from another machine: typed by a person, or behind the address
-// (http://HOST:8402/#token=TOKEN), which servers are not told and which goes away at once.
+// The token that the server requires from pages on another machine. The user types it or opens an address that contains
+// it (http://HOST:8402/#token=TOKEN). Browsers do not send the part after '#' to the server, and the page removes it from
+// the address at once.
 
 const key = 'servodrome.token';
 const mark = '#token=';
@@ -19,8 +20,8 @@ export function setToken(to: string) {
 
 export const fields = (): Record<string, string> => (token() === '' ? {} : { Authorization: `Bearer ${token()}` });
 
-// What stands for the field in the handshake of a WebSocket, where a page can add none: subprotocols, whose names have
-// no parentheses.
+// The token as WebSocket subprotocols, because a page cannot add header fields to a WebSocket's handshake. Names of
+// subprotocols must not contain parentheses, so these are escaped.
 export function subprotocols(): string[] {
   if (token() === '') return [];
   const escaped = encodeURIComponent(token()).replace(/[()]/g, (c) => `%${c.charCodeAt(0).toString(16)}`);

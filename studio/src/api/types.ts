@@ -1,4 +1,4 @@
-// What the bench API answers (docs/bench-api.md), as far as the page uses it.
+// The answers of the bench API (docs/bench-api.md) that the page uses.
 
 export interface Fault {
   code: string;
@@ -39,7 +39,7 @@ export interface AxisView {
   warnings?: Fault[];
   faults?: Fault[];
   position_counts: number;
-  // Of a drive on a bus nothing but what its objects say is known.
+  // These are null for a drive on a bus, of which only the objects are known.
   velocity_rpm: number | null;
   torque_nm: number | null;
   current_a: number | null;
@@ -47,18 +47,18 @@ export interface AxisView {
   stage_temperature_c: number | null;
   supply_v: number | null;
   brake_engaged?: boolean;
-  velocity?: number; // in its own units
+  velocity?: number; // in the drive's own units
   torque_percent?: number; // of the rated torque
-  problem?: Problem; // why it cannot be spoken to
-  watch?: { by: string; within_s: number } | null; // what stops it when the server dies; null: nothing
+  problem?: Problem; // why the drive does not answer
+  watch?: { by: string; within_s: number } | null; // the monitoring that stops the drive when the server fails; null: none
 }
 
-// What stands behind the page.
+// The server behind the page: a simulated line or real drives.
 export interface LineView {
   kind: 'virtual' | 'real';
   buses: string[];
   signals: string[];
-  missing: Partial<Record<Missing, string>>; // with the reason
+  missing: Partial<Record<Missing, string>>; // functions that the server does not have, with the reason
 }
 export type Missing = 'plant' | 'inputs' | 'power' | 'fault_injection' | 'disturbance' | 'geometry' | 'virtual_time';
 
@@ -109,7 +109,7 @@ export interface ObjectEntry {
   text?: string;
   enumeration?: unknown;
   bits?: unknown;
-  terminal?: string; // the set of terminals that it belongs to
+  terminal?: string; // the set of terminals to which the object belongs
 }
 
 export type ObjectValue = number | string | boolean | null;
@@ -171,17 +171,17 @@ export interface Job {
   id: number;
   axis: string;
   do: string;
-  units?: 'drive' | 'revolutions'; // of the request, and so of result.position
+  units?: 'drive' | 'revolutions'; // units of the request and of result.position
   state: 'running' | 'done' | 'failed' | 'cancelled';
   began_tick?: number;
-  note?: string; // what else there is to say of it
+  note?: string; // a remark, for example that a halt became a quick stop
   error?: Problem;
   result?: { position?: number; seconds?: number };
   progress?: { doing: string; share: number };
-  found?: unknown; // of a job that finds something out
+  found?: unknown; // the result of a job that measures
 }
 
-// A channel is asked for by signal or object; the server answers with a name and a unit.
+// A request names a channel by its signal or object; the answer adds a name and a unit.
 export interface ChannelRequest {
   axis: string;
   signal?: string;

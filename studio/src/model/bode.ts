@@ -1,6 +1,6 @@
 import type { Channel, ChannelRequest } from '../api/types';
 
-// Frequency responses as the server computes them from a recording (docs/bench-api.md, "Bode plots").
+// Frequency responses that the server computes from a recording (docs/bench-api.md, "Bode plots").
 
 export interface BodePoint {
   hz: number;
@@ -14,7 +14,7 @@ export interface Bode {
   input: Channel;
   output: Channel;
   points: BodePoint[];
-  bandwidth_hz?: number | null; // of a closed loop: the same unit at both ends
+  bandwidth_hz?: number | null; // of a closed loop, which is one whose input and output have the same unit
   open_loop?: {
     points: BodePoint[];
     crossover_hz: number | null;
@@ -24,7 +24,7 @@ export interface Bode {
   };
 }
 
-// The response at a frequency, on the line between its neighbours over the logarithm; null outside.
+// The response at a frequency: linear interpolation over log(frequency). Null outside the points.
 export function at(points: BodePoint[], hz: number): BodePoint | null {
   const after = points.findIndex((point) => point.hz >= hz);
   if (after < 0 || points.length === 0) return null;
@@ -43,7 +43,8 @@ export function at(points: BodePoint[], hz: number): BodePoint | null {
 
 export type Excited = 'velocity' | 'torque' | 'position';
 
-// The target that is excited comes first, so that it can trigger; then what answers, as far as the drive has it.
+// Channels of a recording. The excited target is first, because the trigger uses the first channel. The others, which show
+// the response, are used if the drive has them.
 const wanted: Record<Excited, string[]> = {
   velocity: ['60FF:00', '606B:00', '606C:00', '6077:00', '6078:00'],
   torque: ['6071:00', '6074:00', '6077:00', '6078:00', '606C:00'],
@@ -55,7 +56,7 @@ export function channelsOf(axis: string, of: Excited, has: (object: string) => b
   return wanted[of].filter(has).map((object) => ({ axis, object }));
 }
 
-// Which of a recording's channels a plot begins with: the excited target and its answer, or the first two.
+// The channels that a plot shows at first: the excited target and its response, or else the recording's first two.
 export function firstPlot(channels: ChannelRequest[]): [number, number] {
   for (const of of ['velocity', 'torque', 'position'] as const) {
     const input = channels.findIndex(({ object }) => object === wanted[of][0]);
@@ -65,7 +66,7 @@ export function firstPlot(channels: ChannelRequest[]): [number, number] {
   return [0, Math.min(1, channels.length - 1)];
 }
 
-// A row for each frequency; the coherence where there is one.
+// One row for each frequency; a column for the coherence if any point has one.
 export function csvOf(points: BodePoint[]): string {
   const coherent = points.some(({ coherence }) => coherence !== undefined);
   const rows = points.map(({ hz, gain_db, phase_deg, coherence }) => [hz, gain_db, phase_deg, ...(coherent ? [coherence ?? ''] : [])].join(','));

@@ -1,4 +1,4 @@
-// CiA 402-2 (IEC 61800-7-201): power states and what the bits of the two words are called.
+// CiA 402-2 (IEC 61800-7-201): power states and the names of the bits of controlword and statusword.
 
 export const states = [
   'not ready to switch on',
@@ -16,10 +16,10 @@ export interface Edge {
   number: number;
   from: State | 'start';
   to: State;
-  name: string; // of the command; empty: the drive goes by itself
+  name: string; // name of the command; empty: a transition that the drive makes by itself
 }
 
-// Figure "State machine of the power drive system". 15 is the fault reset; 12 also by the drive itself.
+// Figure "State machine of the power drive system". Transition 15 is the fault reset; the drive also makes 12 by itself.
 export const edges: Edge[] = [
   { number: 0, from: 'start', to: 'not ready to switch on', name: '' },
   { number: 1, from: 'not ready to switch on', to: 'switch on disabled', name: '' },
@@ -57,7 +57,7 @@ const controlNames = [
   'switch on', 'enable voltage', 'quick stop (0: stop)', 'enable operation', modeSpecific, modeSpecific, modeSpecific, 'fault reset', 'halt', modeSpecific, 'reserved',
 ];
 
-// Bits 12 and 13 of the statusword and 4 to 6 and 9 of the controlword mean what the mode says.
+// The mode of operation determines the meaning of bits 12 and 13 of the statusword, and 4 to 6 and 9 of the controlword.
 const statusOfMode: Record<number, [string, string]> = {
   1: ['set-point acknowledge', 'following error'],
   3: ['speed zero', 'max slippage error'],
@@ -111,7 +111,7 @@ export const modeText = (mode: number | undefined) =>
 
 export const hex = (value: number, digits: number) => value.toString(16).toUpperCase().padStart(digits, '0') + 'h';
 
-// What a state asks of who sees it: the only use of colour.
+// How urgent a state is for the user. Colour has no other meaning on the page.
 export type Tone = 'quiet' | 'ready' | 'live' | 'warn' | 'bad';
 export function toneOf(state: string | undefined): Tone {
   switch (state) {

@@ -1,4 +1,4 @@
-// uPlot leaves out what is null, and takes its scale from what is not a number: one such value and nothing is drawn.
+// Replaces NaN by null. uPlot draws a gap for null, but a single NaN spoils its scale, so that it draws nothing.
 export function gaps(values: ArrayLike<number>): ArrayLike<number | null> {
   for (let i = 0; i < values.length; ++i) {
     if (Number.isNaN(values[i])) return Array.from(values, (value) => (Number.isNaN(value) ? null : value));

@@ -10,7 +10,7 @@ const geometry: Geometry = {
 const leg = (direction: HomingLeg['direction'], speed: HomingLeg['speed'], until: string, then: string, next?: number, on_limit?: number): HomingLeg =>
   ({ direction, speed, until, then, ...(next === undefined ? {} : { next }), ...(on_limit === undefined ? {} : { on_limit }) });
 
-// Method 7 as the standard draws it: towards the cam in positive direction, back out of it, first index outside.
+// Method 7 of the standard: in positive direction to the home switch, back off the switch, first index outside it.
 const method7: HomingMethod = {
   method: 7, supported: true, start_active: 2,
   legs: [
@@ -49,8 +49,8 @@ test('ends where the geometry has no such switch', () => {
 test('an axis is followed from leg to leg', () => {
   const path = homingPath(method7, geometry, 3000);
   expect(followLeg(path, 0, 5000, 100)).toBe(0);
-  expect(followLeg(path, 0, 9900, -10)).toBe(1); // it has turned round
+  expect(followLeg(path, 0, 9900, -10)).toBe(1); // the axis has reversed
   expect(followLeg(path, 1, 2000, -100)).toBe(1);
-  expect(followLeg(path, 1, 400, -100)).toBe(2); // past the edge
+  expect(followLeg(path, 1, 400, -100)).toBe(2); // the axis has passed the edge
   expect(followLeg(path, 3, -1000, 0)).toBe(3);
 });

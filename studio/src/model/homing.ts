@@ -1,15 +1,16 @@
 import type { Geometry, HomingLeg, HomingMethod } from '../api/types';
 
-// A homing method's path over the travel, leg by leg, from where the axis starts: what the figures of the standard draw.
+// The path of a homing method over the travel, leg by leg from the start of the axis, as in the figures of the standard.
 
 export interface PathLeg {
   from: number; // counts
   to: number;
   leg: HomingLeg;
-  index: number; // of the method's legs
+  index: number; // index of the leg in the method
 }
 
-// Stops where the geometry has no such edge ahead: the method would fail there too, or the switch is not wired.
+// The path ends where the geometry has no edge ahead that the leg could reach. The homing would fail there as well, or the
+// switch is not wired.
 export function homingPath(method: HomingMethod, geometry: Geometry, start: number): PathLeg[] {
   const { legs } = method;
   const path: PathLeg[] = [];
@@ -63,8 +64,8 @@ function endOf(leg: HomingLeg, geometry: Geometry, at: number, sign: number): nu
   }
 }
 
-// Which leg of the path an axis is on that was on leg `k` before: on to the next once it has come to the end of its
-// leg, or has turned round.
+// The present leg of an axis that was on leg `k`. It is the next leg if the axis has passed the end of its leg, or, if the
+// next leg has the other direction, if the axis has reversed.
 export function followLeg(path: PathLeg[], k: number, position: number, velocity: number): number {
   const leg = path[k];
   const next = path[k + 1];

@@ -1,5 +1,5 @@
-// Jogging while a key or pointer is pressed. Whatever happens between, a released jog ends: also one whose start the
-// server answers after the release. The server halts the axis by itself when `alive` stays away.
+// Jogs while a key or the pointer is pressed. After the release the jog always ends, even if the server answers its start
+// later. `alive` is the keepalive of the server's dead man's switch: without it the server halts the axis.
 
 export interface JogDoes<Handle> {
   start(): Promise<Handle>;
@@ -51,7 +51,7 @@ export class Jog<Handle> {
       if (run === this.run) this.pressed = false;
       this.does.failed(error);
     } finally {
-      await this.does.stop(handle).catch(() => undefined); // over already
+      await this.does.stop(handle).catch(() => undefined); // the job may be over already
     }
   }
 }

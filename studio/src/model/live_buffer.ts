@@ -1,7 +1,7 @@
 import { ticksPerSecond, type Frame } from '../api/frame';
 
-// The last seconds of a subscription. Frames follow each other, but under back pressure their stride doubles: so each
-// sample keeps its tick. Ticks that step back are a server started anew: what was before is forgotten.
+// The last seconds of a subscription. Under backpressure the server doubles the stride of the frames, so each sample is
+// stored with its tick. Ticks that go back mean that the server has restarted; then the older samples are discarded.
 export class LiveBuffer {
   private ticks: Float64Array;
   private readonly values: Float64Array[];
@@ -42,7 +42,7 @@ export class LiveBuffer {
     this.end = keep;
   }
 
-  // Seconds before the newest sample (0), and the values.
+  // `x`: seconds relative to the newest sample, so at most 0.
   view(): { x: Float64Array; values: Float64Array[] } {
     const newest = this.end > 0 ? this.ticks[this.end - 1] : 0;
     const x = this.ticks.slice(this.begin, this.end).map((tick) => (tick - newest) / ticksPerSecond);

@@ -1,4 +1,4 @@
-// What a scope reads off a curve: plain statistics, and a step's figures as control engineers define them.
+// Measurements on a curve: statistics, and the figures of a step response as in control engineering.
 
 export interface Statistics {
   minimum: number;
@@ -31,14 +31,15 @@ export interface Step {
   from: number;
   to: number;
   rise_s: number | null; // 10 % to 90 % of the step
-  overshoot_percent: number; // beyond the end value, of the step's height
-  settling_s: number | null; // from the 10 % crossing until it stays within the band
+  overshoot_percent: number; // how far the curve exceeds the end value, in percent of the step's height
+  settling_s: number | null; // from the 10 % crossing until the curve stays within `settlingBand`
 }
 
-export const settlingBand = 0.02; // of the step's height
+export const settlingBand = 0.02; // of the step's height, to each side of the end value
 
-// The step from the first samples' level to the last samples' level (means of a twentieth of the range each), or null
-// where there is none: too few samples, or no more height than the noise of the two ends.
+// The step from the level at the begin to the level at the end; each level is the mean of a twentieth of the samples. Null
+// if there are fewer than 10 samples, or if the step is not higher than twice the noise (peak to
+// peak) of an end.
 export function stepResponse(values: ArrayLike<number>, interval_s: number, from = 0, to = values.length): Step | null {
   const samples = to - from;
   if (samples < 10) return null;
@@ -71,14 +72,14 @@ export function stepResponse(values: ArrayLike<number>, interval_s: number, from
   };
 }
 
-// Where between the samples i-1 and i the curve crosses `level`, as a fraction of a sample.
+// The place between the samples i-1 and i, as a fractional index, at which the curve crosses `level`.
 function between(i: number, p: number, level: number, part: (i: number) => number, from: number): number {
   if (i === from) return i;
   const before = part(i - 1);
   return p === before ? i : i - (p - level) / (p - before);
 }
 
-// The value at `x` of samples that begin at `x0` and lie `step` apart, on the line between its neighbours; NaN outside.
+// The value at `x`, linearly interpolated, of samples that begin at `x0` at intervals of `step`. NaN outside.
 export function valueAt(values: ArrayLike<number>, x0: number, step: number, x: number): number {
   const at = (x - x0) / step;
   const i = Math.floor(at + 1e-9);

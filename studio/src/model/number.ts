@@ -1,4 +1,4 @@
-// Numbers as people type them. What is not understood is said, never replaced.
+// Reads numbers that a user types. An invalid number gives an error text; it is never replaced by another number.
 
 export interface Limits {
   minimum?: number | undefined;
@@ -8,7 +8,7 @@ export interface Limits {
 export type Typed = { value: number } | { problem: string };
 
 const shape = /^[+-]?(\d+([.,]\d*)?|[.,]\d+)(e[+-]?\d+)?$/i;
-// In English a thousand and a half, in German one and a half.
+// For example 1,500: in English one thousand five hundred, in German one and a half.
 const ambiguous = /^[+-]?[1-9]\d{0,2},\d{3}$/;
 
 const hexadecimal = /^(?:0x)?([0-9a-f]+)h?$/i;
@@ -36,7 +36,7 @@ function within(value: number, { minimum, maximum }: Limits, isHexadecimal: bool
   return { value };
 }
 
-// As a field shows it; nothing of what is no number.
+// The text of a number in a field. Empty for NaN and infinity.
 export function showNumber(value: number, isHexadecimal = false): string {
   if (!Number.isFinite(value)) return '';
   if (isHexadecimal) return `${value.toString(16).toUpperCase()}h`;

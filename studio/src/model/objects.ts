@@ -1,6 +1,6 @@
 import type { ObjectEntry, ObjectValue } from '../api/types';
 
-// The dictionary as the page lists it: groups by index range, search, and values as they are typed and shown.
+// The dictionary on the page: groups of objects, search, and the conversion of values from and to text.
 
 export const groups = ['All', 'Changed', 'Communication', 'Maker', 'CiA 402', 'Storage'] as const;
 export type Group = (typeof groups)[number];
@@ -20,7 +20,7 @@ export function inGroup(entry: ObjectEntry, group: Group, isChanged: (entry: Obj
   }
 }
 
-// Every word of the search is in the address, name, unit or explanation.
+// True if the entry's address, name, unit and explanation together contain every word of the search.
 export function matches(entry: ObjectEntry, search: string): boolean {
   const text = `${addressOf(entry)} ${entry.index.replace('0x', '')}h ${entry.name} ${entry.unit} ${entry.text ?? ''}`.toLowerCase();
   return search.toLowerCase().split(/\s+/).every((word) => text.includes(word));
@@ -28,13 +28,13 @@ export function matches(entry: ObjectEntry, search: string): boolean {
 
 export const isReadable = ({ access }: ObjectEntry) => access !== 'wo';
 export const isWritable = ({ access }: ObjectEntry) => access.includes('w');
-// An entry that a master sets, and that has a default to differ from.
+// True for a readable and writable entry with a default value, so that a comparison with the default is possible.
 export const hasDefault = (entry: ObjectEntry) => isWritable(entry) && isReadable(entry) && entry.default !== undefined && entry.default !== null && Number(entry.index) >= 0x1000;
 export const differs = (entry: ObjectEntry, value: ObjectValue | undefined) => value !== undefined && hasDefault(entry) && value !== entry.default;
 
 const isText = (type: string) => type === 'VISIBLE_STRING' || type === 'OCTET_STRING' || type === 'DOMAIN';
 
-// What was typed, as a value of the object's type: decimal, hexadecimal (0x1F or 1Fh); undefined if it is none.
+// Converts typed text to a value of the object's type: decimal, or hexadecimal as 0x1F or 1Fh. Undefined if invalid.
 export function parseValue(entry: ObjectEntry, typed: string): ObjectValue | undefined {
   if (isText(entry.type)) return typed;
   const text = typed.trim().replace('\u2212', '-');
@@ -61,7 +61,8 @@ export interface Named {
   name: string;
 }
 
-// Names of bits or of values, however the server writes them: {"3": "name"}, [{"bit"|"value": 3, "name": ".."}] or ["name of 0", ..].
+// Names of bits or of values. Accepts each form that the server uses: {"3": "name"}, [{"bit"|"value": 3, "name": ".."}],
+// ["name of 0", ..].
 export function namedOf(source: unknown): Named[] {
   if (Array.isArray(source)) {
     return source.flatMap((each: unknown, i) => {

@@ -1,15 +1,15 @@
-// Parameters as `servodrome params` writes them (docs/params.md), as far as the page makes such a text itself.
+// The part of the parameter file format of `servodrome params` (docs/params.md) that the page writes itself.
 
 export interface Difference {
   object: string; // "6083:00"
   name: string;
   unit: string;
-  type: string; // as the text has it: u32
-  left: string | null; // null: it is not there
+  type: string; // type as in the file, for example u32
+  left: string | null; // null: the left side does not have the object
   right: string | null;
 }
 
-// A text with the left side's values of some differences, for a drive of `product`.
+// A parameter file with the left side's values of these differences, for a drive of `product`.
 export function textOf(product: string, differences: Difference[]): string {
   const lines = differences.filter(({ left }) => left !== null).map(({ object, type, left }) => `${object} ${type} ${left}`);
   return ['# servodrome parameters 1', `product: ${product}`, ...lines, 'end', ''].join('\n');

@@ -1,4 +1,4 @@
-// The PDOs of an axis as the server lists them, and what was changed of them (docs/bench-api.md, "PDOs").
+// The PDOs of an axis as the server lists them, and their changes (docs/bench-api.md, "PDOs").
 
 export interface Mapped {
   object: string; // "607A:00"; "0000:00" is padding
@@ -11,9 +11,9 @@ export interface Pdo {
   direction: 'receive' | 'transmit';
   number: number;
   fixed: boolean;
-  most: number; // objects
+  most: number; // greatest number of objects
   objects: Mapped[];
-  enabled?: boolean; // CAN
+  enabled?: boolean; // this and the following: CAN only
   can_id?: number;
   transmission_type?: number;
   inhibit_time_us?: number;
@@ -23,7 +23,7 @@ export interface Pdo {
 
 export interface Pdos {
   bus: 'can' | 'ethercat';
-  receive?: string[]; // EtherCAT: assigned, in this order
+  receive?: string[]; // EtherCAT only: assigned PDOs, in order
   transmit?: string[];
   receive_fixed?: boolean;
   transmit_fixed?: boolean;
@@ -34,11 +34,11 @@ export interface Pdos {
 export const bitsOf = (objects: Mapped[]) => objects.reduce((sum, { bits }) => sum + bits, 0);
 
 const settings = ['enabled', 'can_id', 'transmission_type', 'inhibit_time_us', 'event_timer_ms', 'sync_start'] as const;
-// Padding has no object that would say how long it is.
+// Padding needs its length, since it has no object that determines the length.
 const textOf = ({ object, bits }: Mapped) => (object.startsWith('0000') ? `${object}/${bits}` : object);
 const same = (a: unknown, b: unknown) => JSON.stringify(a) === JSON.stringify(b);
 
-// What is to be sent so that `before` becomes `after`; null: nothing.
+// The body of the request that changes `before` to `after`. Null if nothing differs.
 export function changesOf(before: Pdos, after: Pdos): Record<string, unknown> | null {
   const pdos = after.pdos.flatMap((pdo) => {
     const was = before.pdos.find(({ index }) => index === pdo.index);
@@ -54,7 +54,7 @@ export function changesOf(before: Pdos, after: Pdos): Record<string, unknown> | 
   return Object.keys(change).length > 0 ? change : null;
 }
 
-// The list with the object at `from` moved by `step` places.
+// The list with the elements at `from` and `from + step` exchanged; unchanged if the second is outside the list.
 export function moved<T>(list: T[], from: number, step: number): T[] {
   const to = from + step;
   if (to < 0 || to >= list.length) return list;

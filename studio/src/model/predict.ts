@@ -1,19 +1,19 @@
 import { significant } from './units';
 
-// What a motion will be, from the numbers of its form: before its button is pressed, and without the drive's own limits.
+// Predicts a motion from the numbers of its form, before it starts. The drive's own limits are not taken into account.
 
 export interface Planned {
-  distance?: number; // of a move by a distance
+  distance?: number; // position units; none for a velocity without a target
   velocity: number; // position units per second, times `velocity_scale`
-  acceleration: number; // the same, per second squared
-  velocity_scale?: number; // of one position unit per second, in units of the velocity: 60 where it is in rpm
+  acceleration: number; // position units per second squared
+  velocity_scale?: number; // the velocity that equals one position unit per second: 60 for a velocity in rpm
 }
 
 export interface Predicted {
-  ramp_s: number; // from standstill to the velocity, and back
-  braking: number; // position units, from the velocity to rest
-  top: number; // the velocity that is reached, in its own units
-  total_s?: number; // of a move by a distance
+  ramp_s: number; // duration from standstill to the velocity, and also back
+  braking: number; // distance from the velocity to rest, in position units
+  top: number; // greatest velocity of the motion, in units of the velocity
+  total_s?: number; // duration of a move by a distance
 }
 
 export function predict({ distance, velocity, acceleration, velocity_scale = 1 }: Planned): Predicted | null {

@@ -1,7 +1,7 @@
 import type { Problem } from '../api/types';
 
-// The server writes its advice for the users of its API. The page shows advice in its own words, and leaves out advice that
-// names requests, JSON keys, files or commands.
+// The server's hints are for users of its API. The page replaces some by its own texts, and omits hints that name requests,
+// JSON keys, files or commands.
 
 const advice: [RegExp, string][] = [
   [/^the axis has a job/, 'wait until the job has ended, or cancel it on the Axis page'],
@@ -11,7 +11,7 @@ const advice: [RegExp, string][] = [
   [/^no memory is left for another recording/, 'stop or delete a recording'],
 ];
 const technical = /\/api\/|\b(GET|PUT|POST|DELETE)\b|`servodrome|--[a-z]|[{}]|\.md\b|^(send|write) /;
-// Parts of a request.
+// Values of `where` that are parts of a request; the page does not show them.
 const places = ['address', 'body', 'header', 'server', 'message', 'Host', 'Origin', 'Authorization', 'do', 'units', 'channels', 'clock', 'jobs', 'recordings', 'subscribe'];
 
 export function shownOf({ what, where, hint }: Problem): Problem {

@@ -3,7 +3,7 @@ import { ticksPerSecond } from '../api/frame';
 import type { Channel, ChannelRequest, Recording, Trigger } from '../api/types';
 import { valueAt } from './measure';
 
-// How a recording is set up; all of it in the address, so that a reload or a colleague has the same scope.
+// The settings of a recording. All are in the address of the page, so a reload or a copied link gives the same settings.
 
 export interface Setup {
   channels: ChannelRequest[];
@@ -13,7 +13,7 @@ export interface Setup {
   trigger: Trigger;
 }
 
-// Of a trigger, in the address: every axis, every state.
+// Stands in the address for every axis or every state of a trigger.
 export const any = '*';
 export const mostChannels = 16;
 export const rates = [100, 500, 1000, 2000, 4000, 8000, 16000];
@@ -69,7 +69,7 @@ export function queryOf({ channels, rate_hz, duration_ms, pre_ms, trigger }: Set
   };
 }
 
-// A trigger goes on looking at the channel it looked at, as long as that is there.
+// Removes the channel `gone`. The trigger keeps its channel; if that is the removed one, it uses channel 0.
 export function without(setup: Setup, gone: number): Setup {
   const { channels, trigger } = setup;
   const { channel } = trigger;
@@ -77,8 +77,8 @@ export function without(setup: Setup, gone: number): Setup {
   return { ...setup, channels: channels.filter((_, i) => i !== gone), trigger: { ...trigger, ...moved } };
 }
 
-// What is shown when `range` of `x` (null: all of it) is made `factor` as long about its middle, or moved on by `share` of
-// its length. Never more than there is; null again, when that is all.
+// The new visible range of `x` if `range` (null: all of `x`) becomes `factor` times as long about its middle and moves by
+// `share` of its new length. The result stays within `x`; null if it is all of `x`.
 export function zoomed(x: ArrayLike<number>, range: [number, number] | null, factor: number, share = 0): [number, number] | null {
   if (x.length < 2) return null;
   const [first, last] = [x[0], x[x.length - 1]];
@@ -89,7 +89,7 @@ export function zoomed(x: ArrayLike<number>, range: [number, number] | null, fac
   return [begin, begin + length];
 }
 
-// A recording's samples with their times, in ms after the trigger (after its begin if it had none).
+// A recording's samples. `x` has their times in ms after the trigger, or after the begin of a recording without one.
 export interface Samples {
   recording: Recording;
   x: Float64Array;
@@ -108,12 +108,12 @@ export function samplesOf(recording: Recording, frame: Frame): Samples {
 export const same = (a: Channel, b: Channel) => a.axis === b.axis && a.name === b.name;
 export const labelOf = ({ axis, name }: Channel) => `${axis} ${name}`;
 
-// An earlier recording's curve at the times of another, so that both lie over each other; NaN where it has none.
+// The values of another recording, interpolated at the times `x`, for an overlay. NaN outside that recording.
 export function alongside(x: Float64Array, other: Samples, values: Float64Array): Float64Array {
   return x.map((at) => valueAt(values, other.x[0], other.interval_ms, at));
 }
 
-// The samples from..to (not included) that lie between two times.
+// The indices of the samples between two times: the first, and the one after the last.
 export function span(x: Float64Array, from: number, to: number): [number, number] {
   const first = lowerBound(x, Math.min(from, to));
   return [first, Math.max(first, lowerBound(x, Math.max(from, to) + 1e-9))];

@@ -2,7 +2,7 @@ import type { ObjectEntry } from '../api/types';
 
 const order = ['Inputs', 'Functions of the inputs', 'Outputs', 'Functions of the outputs', 'Touch probes'];
 
-// Objects of a set together; the sets as people look for them, unknown ones last.
+// Groups objects by their set of terminals. The sets are in the order of `order`, unknown ones last.
 export function setsOfTerminals(entries: ObjectEntry[]): [string, ObjectEntry[]][] {
   const sets = new Map<string, ObjectEntry[]>();
   for (const entry of entries) {

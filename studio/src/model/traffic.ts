@@ -1,4 +1,4 @@
-// What the table of a bus's traffic shows: rows in words, and gaps where there is less than there was.
+// The table of a bus's traffic: decoded frames, and gap rows where frames are missing.
 
 export interface TrafficRow {
   number: number;
@@ -16,9 +16,9 @@ export interface TrafficRow {
 export interface TrafficAnswer {
   rows: TrafficRow[];
   next: number;
-  left_out: number; // fit the filter, but are more than were asked for
-  lost: number; // were not there any more
-  missed: number; // of all, since the server was started: came faster than they were put into words
+  left_out: number; // matching rows that are not in the answer because of its limit
+  lost: number; // frames after `since` whose rows the server no longer has
+  missed: number; // since the server's start: frames that it did not decode, because they came too fast
   frames: number;
   recording: boolean;
 }
@@ -41,9 +41,9 @@ export const mostShown = 10_000;
 
 export interface Table {
   rows: Shown[];
-  keys: number; // given so far
-  trimmed: number; // rows that have gone at the top
-  absent: number; // what the gaps stand for, also those that have gone at the top
+  keys: number; // number of keys assigned so far
+  trimmed: number; // rows removed at the top, because the table was full
+  absent: number; // missing frames of all gaps, including gaps removed at the top
   next: number;
   missed: number | null;
 }
@@ -52,7 +52,7 @@ export const emptyTable = (next = 0, missed: number | null = null): Table => ({ 
 
 const count = (n: number, what: string) => `${n.toLocaleString('en')} ${what}`;
 
-// The table with what an answer brings. Gaps stand where the rows are missing: before those that came.
+// The table with an answer's rows added. Gap rows for missing frames come before the new rows.
 export function withAnswer(table: Table, answer: TrafficAnswer): Table {
   const gaps: string[] = [];
   const missed = table.missed === null ? 0 : answer.missed - table.missed;
@@ -79,7 +79,7 @@ export function queryOf(filter: TrafficFilter, since: number, limit: number): st
 // Seconds of line time, to the microsecond.
 export const secondsOf = (time_ns: number) => (time_ns / 1e9).toFixed(6);
 
-// The kinds that a bus of a type can have, as the server names them.
+// The kinds of frames on each type of bus, with the server's names.
 export const kindsOf: Record<'can' | 'ethercat' | 'rs485', string[]> = {
   can: ['nmt', 'sync', 'time', 'emcy', 'pdo', 'sdo', 'heartbeat', 'guarding', 'lss', 'can', 'error'],
   ethercat: ['state', 'register', 'mailbox', 'sdo', 'emcy', 'process-data', 'garbage'],

@@ -1,6 +1,6 @@
 import type { Geometry } from '../api/types';
 
-// The drawing of an axis's travel: which counts it shows, and where a count lies on it (0 .. 1).
+// The scale of the drawing of an axis's travel: its range in counts, and the place of a position in it (0 .. 1).
 
 export interface Scale {
   from: number;
@@ -10,7 +10,7 @@ export interface Scale {
 
 export function travelScale(geometry: Geometry | undefined, position: number): Scale {
   const marks = marksOf(geometry);
-  // An axis without ends turns: the revolution around it is shown, so that the picture stands still while it turns.
+  // An axis without limits is a rotary one. The drawing shows its present revolution, so the scale does not move with it.
   let from = Math.min(...marks);
   let to = Math.max(...marks);
   if (marks.length < 2 || !(to > from)) {
@@ -32,7 +32,7 @@ function marksOf(geometry: Geometry | undefined): number[] {
   return [negative_stop, negative_limit, positive_limit, positive_stop].filter((mark): mark is number => mark !== null);
 }
 
-// The indexes that a drawing can show: all between `from` and `to`, or none where they would lie closer than `most` allows.
+// The index pulses within the scale; none if there were more than `most`.
 export function indexes(geometry: Geometry | undefined, scale: Scale, most = 64): number[] {
   const every = geometry?.index_every;
   if (!every || (scale.to - scale.from) / every > most) return [];

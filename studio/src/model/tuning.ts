@@ -1,6 +1,6 @@
 import type { BodePoint } from './bode';
 
-// What the server's jobs "tune" and "tune_itself" find (docs/bench-api.md, "Tuning").
+// The results of the server's jobs "tune" and "tune_itself" (docs/bench-api.md, "Jobs").
 
 export interface GainLine {
   object: string; // "60F9:01"
@@ -11,7 +11,7 @@ export interface GainLine {
 export interface Gains {
   gains: GainLine[];
   measures: boolean; // the server can sample this drive at a fixed rate
-  writes: boolean; // and knows where a proposal goes
+  writes: boolean; // the server can write the proposed gains into this drive
   tunes_itself: boolean;
 }
 
@@ -65,7 +65,7 @@ export const placeOf = (object: string): [number, number] => {
   return [parseInt(index, 16), parseInt(sub, 16)];
 };
 
-// Lines of a set together, sets in the order in which they come.
+// Groups gains by their set; the sets are in the order of their first gain.
 export function setsOf(gains: GainLine[]): [string, GainLine[]][] {
   const sets = new Map<string, GainLine[]>();
   for (const gain of gains) sets.set(gain.set, [...(sets.get(gain.set) ?? []), gain]);
@@ -81,7 +81,7 @@ export interface Figure {
   after: number | null | undefined;
 }
 
-// What is compared of before and after; a row without any number is left out.
+// The rows of the comparison of before and after. Rows without any number are omitted.
 export function figuresOf({ before, after, step_before, step_after, predicted, promised_bandwidth_hz }: Tuned): Figure[] {
   const rows: Figure[] = [
     { label: 'Bandwidth, closed loop, -3 dB', unit: 'Hz', digits: 1, before: before?.bandwidth_hz, promised: promised_bandwidth_hz, after: after?.bandwidth_hz },

@@ -1,6 +1,6 @@
 import type { Units } from '../api/types';
 
-// Positions and speeds as people say them (revolutions, rpm, revolutions per s^2) and as the drive counts them.
+// Converts positions and velocities between revolutions, rpm and rev/s^2 and the drive's own units; formats numbers.
 
 export const toDrivePosition = (units: Units | undefined, revolutions: number) => scale(revolutions, units?.position_per_revolution);
 export const toDriveVelocity = (units: Units | undefined, rpm: number) => scale(rpm / 60, units?.velocity_per_rps);
@@ -15,7 +15,7 @@ function unscale(value: number, factor: number | null | undefined): number | nul
   return factor ? value / factor : null;
 }
 
-// Digits as an instrument has them: always as many places, a true minus, thin spaces between thousands.
+// A fixed number of decimal places, a minus sign (U+2212), and thin spaces between thousands.
 export function fixed(value: number | null | undefined, places: number): string {
   if (value === null || value === undefined || !Number.isFinite(value)) return '–';
   const [whole = '', fraction] = Math.abs(value).toFixed(places).split('.');
@@ -24,7 +24,7 @@ export function fixed(value: number | null | undefined, places: number): string 
   return (value < 0 && !zero ? '\u2212' : '') + grouped + (fraction ? `.${fraction}` : '');
 }
 
-// As few digits as tell the value to about five places: for cursors and measurements of any unit.
+// About five significant digits without trailing zeros, for cursors and measurements in any unit.
 export function significant(value: number | null | undefined): string {
   if (value === null || value === undefined || !Number.isFinite(value)) return '–';
   const size = Math.abs(value);
@@ -41,7 +41,7 @@ export function duration(ns: number): string {
   return hours > 0 ? `${hours}:${String(minutes).padStart(2, '0')}:${seconds}` : `${minutes}:${seconds}`;
 }
 
-// The ticks of an axis, with as many places as tell them apart; null is one that has no text.
+// Texts of the tick marks of a plot's axis, with enough decimal places to distinguish them. A null tick gets no text.
 export function ticksText(ticks: readonly (number | null)[]): string[] {
   const there = ticks.filter((tick): tick is number => tick !== null);
   const steps = there.slice(1).map((tick, i) => Math.abs(tick - there[i])).filter((step) => step > 0);

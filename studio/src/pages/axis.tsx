@@ -54,11 +54,11 @@ export function AxisPage() {
 
 function Power({ axis }: { axis: AxisView }) {
   const { name, state, powered } = axis;
-  // What a master may ask for depends on the state alone: asked again when it changes.
+  // The possible transitions depend on the state only, so they are requested again when it changes (`now` in the address).
   const { value } = useResource<StatesView>(powered ? `${axisPath(name)}/states?now=${encodeURIComponent(state ?? '')}` : null);
   const transitions = value && value.state === state ? value.transitions : [];
   const missing = useMissing('power');
-  // Jobs where the bare word is not enough: enabling takes back old targets first.
+  // A job, not only a controlword, enables and resets faults: for example, it clears old targets before it enables.
   const ask = (command: string, to: string, controlword: number) => {
     if (command.includes('reset')) return runJob(name, { do: 'reset_fault' });
     if (to === 'operation enabled') return runJob(name, { do: 'enable' });
@@ -170,16 +170,16 @@ function JobLine({ job, units }: { job: ReturnType<typeof useJob>; units: Units 
 
 const useJob = (name: string) => useLine((line) => (line.jobs[name] as (typeof line.jobs)[string] | undefined));
 
-// Revolutions, rpm and revolutions per s^2 where the drive's units are known, else its own units: of those no number can
-// be proposed.
+// Revolutions, rpm and rev/s^2 if the size of the drive's units is known, else the drive's own units. The page proposes no
+// numbers in units of unknown size.
 interface UnitNames {
   units: 'revolutions' | 'drive';
   known: boolean;
   position: string;
   velocity: string;
   acceleration: string;
-  speed: (value: number) => number; // of what was typed, as the job wants it
-  velocity_scale: number; // of a position unit per second
+  speed: (value: number) => number; // converts a typed velocity to the units of the job
+  velocity_scale: number; // the velocity that equals one position unit per second
 }
 
 function useUnitNames(name: string, units: Units | undefined): UnitNames {
@@ -187,14 +187,14 @@ function useUnitNames(name: string, units: Units | undefined): UnitNames {
   const objects = useResource<{ objects: ObjectEntry[] }>(units && !known ? `${axisPath(name)}/objects` : null).value?.objects;
   if (known) return { units: 'revolutions', known, position: 'rev', velocity: 'rpm', acceleration: 'rev/s²', speed: (rpm) => rpm / 60, velocity_scale: 60 };
   const position = objects?.find((entry) => addressOf(entry) === '607A:00')?.unit || 'units';
-  // Of drives that are not known otherwise, the profile says so: per second, and per second squared.
+  // CiA 402 defines velocities as position units per second, accelerations as position units per second squared.
   return { units: 'drive', known, position, velocity: `${position}/s`, acceleration: `${position}/s²`, speed: (value) => value, velocity_scale: 1 };
 }
 
 interface MoveProps {
   name: string;
   names: UnitNames;
-  isFree: boolean; // the axis can be asked, and does nothing
+  isFree: boolean; // the axis answers and no job runs
 }
 
 async function enableAnd(name: string, request: { do: string } & Record<string, unknown>) {
@@ -202,7 +202,7 @@ async function enableAnd(name: string, request: { do: string } & Record<string, 
   if (enabled?.state === 'done') await runJob(name, request);
 }
 
-// What is typed, or else the usual number, where the unit is known.
+// The typed number; before typing `usual` if the unit is known, else NaN.
 function useNumber(usual: number, names: UnitNames): [number, (to: number) => void] {
   const [typed, setTyped] = useState<number | null>(null);
   return [typed ?? (names.known ? usual : NaN), setTyped];
@@ -216,6 +216,7 @@ function Prediction({ names, distance, velocity, acceleration }: { names: UnitNa
   let text = 'Enter all values to see the predicted motion.';
   if (given) {
     const way = distance === undefined ? '' : `, ${amount(Math.abs(distance), names.position)} in ${seconds(given.total_s ?? 0)}`;
+    // The server's Jobs::longest_halt is 250 ms.
     text = `Reaches ${amount(given.top, names.velocity)} in ${seconds(given.ramp_s)}${way}; a halt takes ${seconds(given.ramp_s)} and ${amount(given.braking, names.position)} (a halt longer than 250 ms becomes a quick stop).`;
   }
   return (

@@ -12,7 +12,7 @@ export function FaultsPage() {
   const axis = useAxis(name);
   const { value, problem } = useResource<FaultList>(axis?.problem ? null : `${axisPath(name)}/faults`, 1000);
   const moments = useMoments(name);
-  const real = useMissing('fault_injection') ?? undefined; // the reason, in front of drives on a bus
+  const real = useMissing('fault_injection') ?? undefined; // for drives on a bus: why no fault can be injected
   if (!axis) return null;
   const active = value?.active ?? [];
   const isFault = axis.state === 'fault' || axis.state === 'fault reaction active';

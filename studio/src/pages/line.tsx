@@ -85,7 +85,7 @@ const AxisCard = memo(function AxisCard({ name }: { name: string }) {
   );
 });
 
-// Of a virtual axis the true shaft; of a drive on a bus what it says, in its own units.
+// For a simulated axis these show the true shaft; for a drive on a bus the values of its objects, in its own units.
 export const unitOf = (axis: AxisView) => (axis.velocity === undefined ? 'counts' : 'units');
 
 export const Speed = ({ axis }: { axis: AxisView }) =>
@@ -98,7 +98,7 @@ export const Torque = ({ axis }: { axis: AxisView }) =>
     ? <Readout label="torque" value={fixed(axis.torque_nm, 3)} unit="Nm" />
     : <Readout label="torque" value={fixed(axis.torque_percent, 1)} unit="% of rated" />;
 
-// The usual commands, as far as the axis's state allows them.
+// The usual commands that the axis's state permits.
 export function Commands({ axis }: { axis: AxisView }) {
   const { name, state } = axis;
   if (axis.problem) return <span className="quiet">no answer</span>;

@@ -41,7 +41,7 @@ function DictionaryView({ name }: { name: string }) {
     () => all.filter((entry) => inGroup(entry, group, (each) => differs(each, values.of(each))) && matches(entry, search)),
     [all, group, search, values],
   );
-  // What has changed is known when everything has been read once: a drive that is just starting is asked again.
+  // The group "Changed" needs every value once. Reads that fail, for example while the drive starts, are repeated.
   const { readAll } = values;
   const unread = useRef<ObjectEntry[]>([]);
   unread.current = all.filter((entry) => hasDefault(entry) && values.of(entry) === undefined);
@@ -91,7 +91,7 @@ interface Values {
 const refresh_ms = 1000;
 const atATime = 8;
 
-// Values are read as they come into view, some at a time, and again as long as they are in view.
+// Values are read lazily: when their row is in view, `atATime` of them at once, and again as long as it is in view.
 function useValues(axis: string): Values {
   const [known, setKnown] = useState<ReadonlyMap<string, ObjectValue>>(new Map());
   const [reading, setReading] = useState(false);
@@ -112,7 +112,7 @@ function useValues(axis: string): Values {
           });
         }
       };
-      // Not at the end of drain: with nothing to read that comes before there is anything to forget.
+      // The reset is not at the end of drain(): if the queue is empty, drain() ends before `busy` is assigned.
       return (busy.current ??= drain().finally(() => {
         busy.current = null;
       }));
@@ -137,7 +137,7 @@ function useValues(axis: string): Values {
 const rowHeight = 26;
 const beyond = 8;
 
-// Only the rows in view are in the page: a dictionary has more than a thousand.
+// The page contains only the rows in view, because a dictionary has more than a thousand.
 function ObjectList({ entries, values, selected, onSelect }: {
   entries: ObjectEntry[];
   values: Values;
@@ -196,7 +196,7 @@ function ObjectList({ entries, values, selected, onSelect }: {
         {rows.map((entry, i) => {
           const value = values.of(entry);
           return (
-            // The list box has the keyboard for all of its options.
+            // The list box handles the keyboard for its options.
             // eslint-disable-next-line jsx-a11y/click-events-have-key-events
             <div
               key={addressOf(entry)}
@@ -231,7 +231,7 @@ function Editor({ axis, entry, values }: { axis: string; entry: ObjectEntry; val
   const enumeration = namedOf(entry.enumeration);
   const writable = isWritable(entry);
 
-  // The value in view is kept up to date.
+  // Polls the value of the selected object.
   const latest = useRef(values);
   latest.current = values;
   useEffect(() => {

@@ -32,7 +32,7 @@ interface Text {
   text: string;
 }
 
-// What happened last: a comparison, a load, or a refusal.
+// The result of the last action: a comparison, a load, or an error.
 interface Outcome {
   comparison?: Comparison & { left: string };
   report?: LoadReport;
@@ -59,7 +59,7 @@ export function ParametersView({ name }: { name: string }) {
   const compareWith = async ({ name: left, text }: Text) => ({ comparison: { ...(await callText<Comparison>('POST', `${path}/diff`, text)), left } });
   const load = async (text: string, query = '') => ({ report: await callText<LoadReport>('PUT', `${path}${query}`, text) });
   const again = (left: string) => (left === 'factory' ? compareWithFactory() : file ? compareWith(file) : Promise.resolve({}));
-  // The left side's values of a comparison into the drive; what then still differs is shown.
+  // Loads the left side's values of a comparison into the drive, and compares again.
   const take = (left: string, differences: Difference[]) =>
     run(async () => {
       const { report } = await load(textOf(product, differences));

@@ -11,7 +11,7 @@ import { useAxis } from '../store';
 
 const directions = [['receive', 'Receive PDOs, to the drive'], ['transmit', 'Transmit PDOs, from the drive']] as const;
 
-// Who else may be using the PDOs now.
+// A warning if another master may be using the PDOs now.
 function masterOf(axis: AxisView | undefined): string | null {
   if (axis?.nmt_state === 'operational') return 'The node is in NMT state Operational: a master may be exchanging these PDOs now and does not notice a change.';
   if (axis?.al_state === 'Operational' || axis?.al_state === 'Safe-Operational') return `The slave is in ${axis.al_state}: a master is exchanging these PDOs now. They can be changed in Pre-Operational only.`;
@@ -23,7 +23,7 @@ export function PdoView({ name }: { name: string }) {
   const axis = useAxis(name);
   const path = `${axisPath(name)}/pdos`;
   const { value, problem, again } = useResource<Pdos>(axis?.powered ? path : null, 2000);
-  // What is being changed, and what it was when that began.
+  // The edited PDOs, and the PDOs when the editing began.
   const [draft, setDraft] = useState<{ before: Pdos; after: Pdos } | null>(null);
   const [refusal, setRefusal] = useState<Problem | undefined>();
   const [busy, setBusy] = useState(false);
@@ -123,7 +123,7 @@ function PdoPanel({ pdo, pdos, onPdo, onAssigned }: { pdo: Pdo; pdos: Pdos; onPd
       </div>
       <ol className="mapped" aria-label={`Objects of ${title}`}>
         {pdo.objects.map((mapped, i) => (
-          // The same object may be there twice.
+          // The key contains the position, since the same object may be mapped twice.
           <li key={`${i} ${mapped.object}`}>
             <span className="mono">{mapped.object}</span>
             <span className="name">{mapped.name}</span>
@@ -157,7 +157,7 @@ function AddObject({ title, offered, onAdd }: { title: string; offered: Mapped[]
   const typed = what.trim().toUpperCase();
   const padding = /^0000:00\/(8|16|32)$/.exec(typed);
   const found: Mapped | undefined = padding ? { object: '0000:00', name: 'padding', bits: Number(padding[1]) } : offered.find(({ object }) => object === typed);
-  // What cannot be mapped may be asked of the drive all the same: then it says why.
+  // An object that is not listed as mappable is accepted all the same: the drive refuses it and gives the reason.
   const asked = /^([0-9A-F]{4}:[0-9A-F]{2})\/(8|16|32)$/.exec(typed);
   const mapped = found ?? (asked ? { object: `${asked[1]}/${asked[2]}`, name: 'not listed as mappable', bits: Number(asked[2]) } : undefined);
   const id = `mappable ${title}`.replaceAll(' ', '-');

@@ -6,11 +6,11 @@ import { emptyTable, isGap, kindsOf, queryOf, secondsOf, type Shown, type Table,
 import { keep, useRoute } from '../route';
 
 const row_px = 24;
-const rows_beyond = 8; // drawn above and below what is seen
+const rows_beyond = 8; // rows drawn above and below the visible part
 const ask_every_ms = 250;
 const most_per_answer = 500;
 
-// What passes on a bus, in words, as it passes.
+// The frames of a bus in words, live.
 export function Traffic({ bus }: { bus: BusView }) {
   const { query } = useRoute();
   const filter: TrafficFilter = {
@@ -30,7 +30,7 @@ export function Traffic({ bus }: { bus: BusView }) {
   const record = (on: boolean) => {
     put(path, { record: on }).then(() => setRefused(undefined), (error: unknown) => setRefused(problemOf(error)));
   };
-  // Who opens the page wants to see something.
+  // Opening the page starts the recording.
   useEffect(() => {
     put(path, { record: true }).then(() => setRefused(undefined), (error: unknown) => setRefused(problemOf(error)));
   }, [path]);
@@ -113,7 +113,7 @@ function useTraffic(path: string, filter: TrafficFilter, paused: boolean) {
           (answer) => {
             if (over) return;
             setProblem(undefined);
-            // "Clear" may have come in between.
+            // The table may have been cleared since the request.
             const present = latest.current.wanted === wanted ? latest.current.table : before;
             setState({ wanted, table: withAnswer(present, before.next === 0 ? { ...answer, left_out: 0 } : answer), answer });
           },
@@ -125,7 +125,7 @@ function useTraffic(path: string, filter: TrafficFilter, paused: boolean) {
           if (!over) timer = setTimeout(ask, document.hidden ? 4 * ask_every_ms : ask_every_ms);
         });
     };
-    // A filter is typed letter by letter.
+    // Debounce: a filter changes with each letter that the user types.
     timer = setTimeout(ask, latest.current.wanted === wanted ? 0 : ask_every_ms);
     return () => {
       over = true;
@@ -138,7 +138,7 @@ function useTraffic(path: string, filter: TrafficFilter, paused: boolean) {
   return { table, answer: state.answer, problem, clear };
 }
 
-// Only the rows that are seen are drawn, so that it does not matter how many there are.
+// Draws only the visible rows, so that the time to draw does not depend on the number of rows.
 function Rows({ table, chosen, onChoose, follow, onFollow }: {
   table: Table;
   chosen: number | null;
@@ -155,7 +155,7 @@ function Rows({ table, chosen, onChoose, follow, onFollow }: {
     const element = box.current;
     if (!element) return;
     if (follow) element.scrollTop = element.scrollHeight;
-    // What is looked at stays where it is when rows go at the top.
+    // The visible rows keep their place when rows are removed at the top.
     else if (table.trimmed > trimmed.current) element.scrollTop -= (table.trimmed - trimmed.current) * row_px;
     trimmed.current = table.trimmed;
     setView({ top: element.scrollTop, height: element.clientHeight });
@@ -207,7 +207,7 @@ function RowLine({ row, place, total, isChosen, onChoose }: { row: Shown; place:
   const common = { id: `frame-${row.key}`, 'aria-posinset': place, 'aria-setsize': total } as const;
   if (isGap(row)) return <div role="option" aria-selected={isChosen} {...common} className="gap">{row.gap}</div>;
   return (
-    // The list has the keyboard (aria-activedescendant).
+    // The list handles the keyboard (aria-activedescendant).
     // eslint-disable-next-line jsx-a11y/click-events-have-key-events, jsx-a11y/interactive-supports-focus
     <div role="option" aria-selected={isChosen} {...common} className={row.error ? 'wrong' : ''} onClick={() => onChoose(row.key)}>
       <span className="mono time-of">{secondsOf(row.time_ns)}</span>

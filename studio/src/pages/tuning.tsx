@@ -39,7 +39,7 @@ export function TuningPage() {
   );
 }
 
-// The axis' latest job that tunes: one that the server remembers, or that has begun since.
+// The axis's latest tuning job: from the server's list, or from the stream if it began later.
 function useTuningJob(axis: string): Job | undefined {
   const known = useResource<{ jobs: Job[] }>('/jobs').value?.jobs.filter((job) => job.axis === axis && tunes.includes(job.do)).at(-1);
   const latest = useLine((line) => line.jobs[axis] as Job | undefined);
@@ -48,7 +48,7 @@ function useTuningJob(axis: string): Job | undefined {
     if (latest && tunes.includes(latest.do)) setSeen(latest);
   }, [latest]);
   const job = seen?.axis === axis && seen.id >= (known?.id ?? 0) ? seen : known;
-  // Lists leave out what was found.
+  // The list of jobs does not contain `found`, so the job is requested by itself.
   const whole = useResource<Job>(job?.state === 'done' && job.found === undefined ? `/jobs/${job.id}` : null).value;
   return whole !== undefined && whole.id === job?.id ? whole : job;
 }
@@ -215,13 +215,13 @@ function StepPlot({ before, after }: { before: StepMeasured; after: StepMeasured
 
 const refresh_ms = 2000;
 
-// Everything that is turned, in the drive's units, as the drive has it now.
+// All gains with their present values, in the drive's units.
 function GainTable({ axis, gains, changed }: { axis: string; gains: GainLine[]; changed: string }) {
   const objects = useResource<{ objects: ObjectEntry[] }>(gains.length > 0 ? `${axisPath(axis)}/objects` : null).value?.objects;
   const [values, setValues] = useState<Record<string, ObjectValue>>({});
   const reading = useRef(false);
   const read = useCallback(async () => {
-    if (reading.current) return; // a slow bus is not asked again before it has answered
+    if (reading.current) return; // one request at a time, for a slow bus
     reading.current = true;
     const now = await readValues(axis, gains.map(({ object }) => object)).catch(() => undefined);
     reading.current = false;

@@ -3,7 +3,7 @@ import { go } from '../route';
 import { useLine } from '../store';
 import { Choice, Link } from './controls';
 
-// Which axis a page shows: links as long as they fit, else a list.
+// Selects the axis of a page: links for up to 10 axes, a list for more.
 export function AxisTabs({ page, name }: { page: string; name: string }) {
   const order = useLine((line) => line.order);
   const to = (axis: string) => `/${page}/${encodeURIComponent(axis)}`;
@@ -26,7 +26,7 @@ function Dot({ axis }: { axis: string }) {
   return <span className={`dot ${toneOf(state)}`} aria-hidden="true" />;
 }
 
-// The axis of the address, or the line's first.
+// The axis `name` of the address if the line has it, else the line's first axis.
 export function usePageAxis(name: string): string {
   return useLine((line) => (line.order.includes(name) ? name : line.order[0]));
 }

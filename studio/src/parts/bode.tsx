@@ -9,7 +9,8 @@ import { NumberInput } from './number_input';
 import { Lanes, type Curve } from './lanes';
 import { savePicture, saveText } from './save';
 
-// The frequency response between two channels of a recording, over it that of an earlier one with the same channels.
+// The frequency response between two channels of a recording, with that of an earlier recording of the same channels as an
+// overlay.
 export function BodePlot({ recording, earlier }: { recording: Recording; earlier: Recording | undefined }) {
   const [first, second] = firstPlot(recording.channels);
   const [input, setInput] = useState(first);

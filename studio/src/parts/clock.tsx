@@ -6,7 +6,7 @@ import { Button, Choice } from './controls';
 
 const speeds = [[0, 'stopped'], [0.1, '× 0.1'], [1, '× 1'], [2, '× 2'], [5, '× 5'], [10, '× 10'], [100, '× 100']] as const;
 
-// The line's time. Virtual time can be started, stopped, hurried and stepped; real time only tells whether it keeps pace.
+// The line's time. The user can start, stop, step and change the speed of virtual time. In real time it shows the lag.
 export function ClockPanel() {
   const clock = useLine((line) => line.clock);
   if (!clock) return <div className="clock" />;

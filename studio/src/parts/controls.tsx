@@ -5,7 +5,7 @@ import {
 import { shownOf } from '../model/problem';
 import { go } from '../route';
 
-// The controls of the page: react-aria's behaviour, our looks.
+// The controls of the page: the behaviour of react-aria with the style of the page.
 
 export function Button({ kind = 'plain', ...props }: ButtonProps & { kind?: 'plain' | 'main' | 'bad' | 'bare' }) {
   return <AriaButton {...props} className={`button ${kind} ${typeof props.className === 'string' ? props.className : ''}`} />;
@@ -71,7 +71,8 @@ export function Toggle({ children, isSelected, onChange, isDisabled = false }: {
   );
 }
 
-// A link within the page: an ordinary one for the browser, without loading everything again.
+// A link to another part of the page that does not reload the page. With Ctrl, Shift or another mouse button the browser
+// handles it as an ordinary link.
 export function Link({ to, ...props }: { to: string } & ComponentProps<'a'>) {
   const follow = (event: MouseEvent) => {
     if (event.metaKey || event.ctrlKey || event.shiftKey || event.button !== 0) return;
@@ -121,10 +122,10 @@ export function Trouble({ problem }: { problem: { what: string; where?: string; 
   );
 }
 
-// What may be wider than the page, moved by the pointer or with the arrow keys.
+// A box for contents that may be wider than the page. The pointer or the arrow keys scroll it.
 export function Scroll({ label, className = '', children }: { label: string; className?: string; children: ReactNode }) {
   return (
-    // Without a place in the order of tabs the keyboard could not move it.
+    // The box must be in the tab order, so that the keyboard can scroll it.
     // eslint-disable-next-line jsx-a11y/no-noninteractive-tabindex
     <div className={`scroll ${className}`} role="group" aria-label={label} tabIndex={0}>
       {children}

@@ -17,7 +17,8 @@ const excited = [['velocity', 'velocity'], ['torque', 'torque'], ['position', 'p
 const unitsOf: Record<Excited, string> = { velocity: 'rpm', torque: '% of rated', position: 'rev' };
 const usual: Record<Excited, number> = { velocity: 60, torque: 20, position: 0.01 };
 
-// Moves an axis by a sweep or a step, and records how it answers: one click. What it does, two requests of a script do.
+// Excites an axis with a sweep or a step and records the response. A script does the same with two requests: the recording
+// and the job.
 export function Excite({ first }: { first: string | undefined }) {
   const order = useLine((line) => line.order);
   const [axis, setAxis] = useState(first ?? order[0]);
@@ -44,7 +45,7 @@ export function Excite({ first }: { first: string | undefined }) {
       rate_hz: 4000,
       duration_ms: Math.round(1000 * long_s) + 250,
       pre_ms: 50,
-      // A position begins anywhere: its recording begins at once.
+      // The start position is arbitrary, so no level can trigger: the recording begins at once.
       trigger: of === 'position' ? { kind: 'now' } : { kind: 'edge', channel: 0, level: Math.abs(target[of]) / 100, slope: 'rising' },
     };
     const recording = await post<Recording>('/recordings', { name: `${kind} of the ${of}, ${axis}`, channels, rate_hz: setup.rate_hz, duration_ms: setup.duration_ms, pre_ms: setup.trigger.kind === 'now' ? 0 : setup.pre_ms, trigger: setup.trigger });

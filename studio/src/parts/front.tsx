@@ -1,7 +1,7 @@
 import type { AxisView, Lamp } from '../api/types';
 import { Panel } from './controls';
 
-// The drive's front, as somebody sees it who stands there: its lamps, the levels of its outputs, and what it warns of.
+// The front of the drive: its lamps, the levels of its outputs, and its warnings.
 export function Front({ axis }: { axis: AxisView }) {
   const { lamps = [], outputs = {}, warnings = [] } = axis;
   const levels = Object.entries(outputs);

@@ -2,19 +2,19 @@ import { useEffect, useRef } from 'react';
 import type { AxisView, Geometry, HomingMethod } from '../api/types';
 import { followLeg, homingPath } from '../model/homing';
 
-// A homing method as the standard's figures draw it: the path leg by leg, and below it where the switches are active
-// and where the indexes lie. While the axis homes, its place is on the path.
+// A homing method as in the figures of the standard: the path leg by leg, and below it the ranges in which the switches are
+// active, and the index pulses. The present position of the axis is on the path.
 
 const width = 640;
 const legHeight = 22;
 const margin = 16;
-const names = 80; // on the left, what the levels are
+const names = 80; // width of the labels at the left
 
 export function HomingFigure({ method, geometry, axis, start }: {
   method: HomingMethod;
   geometry: Geometry;
   axis: AxisView;
-  start: number; // counts where the homing began, or would begin
+  start: number; // position in counts at which the homing began or would begin
 }) {
   const path = homingPath(method, geometry, start);
   const leg = useRef(0);
@@ -48,7 +48,7 @@ export function HomingFigure({ method, geometry, axis, start }: {
       </g>
     );
   };
-  // Without legs home is where the axis stands.
+  // A method without legs makes the present position the home position.
   const end = path[path.length - 1] as (typeof path)[number] | undefined;
   const found = method.legs.length === 0 ? start : end && (end.leg.then === undefined || end.leg.then === 'latch') ? end.to : null;
   const foundAt = pathTop + (Math.max(1, path.length) - 0.5) * legHeight;

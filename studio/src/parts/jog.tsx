@@ -5,7 +5,7 @@ import { cancelJob, startJob } from '../commands';
 import { Jog } from '../model/jog';
 import { complain } from '../notices';
 
-// Runs while it is pressed, with the pointer or with space or enter.
+// Jogs while it is pressed with the pointer, Space or Enter.
 export function JogButton({ axis, velocity, isDisabled, children, label }: {
   axis: string;
   velocity: Record<string, unknown>;

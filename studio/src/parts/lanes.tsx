@@ -5,26 +5,26 @@ import { gaps } from '../model/gaps';
 import { ticksText } from '../model/units';
 import { color } from '../theme';
 
-// Curves over one time axis, a lane for each unit, so that each is read on a scale of its own.
+// Curves over a common x axis, with a lane and a scale for each unit.
 
 export interface Curve {
   name: string;
   unit: string;
-  tone: number; // which of the palette's colours
+  tone: number; // index of the colour in the palette
   values: ArrayLike<number>;
-  faint?: boolean; // of an earlier recording
+  faint?: boolean; // true: a curve of an earlier recording
 }
 
 export interface LanesProps {
   x: ArrayLike<number>;
   curves: Curve[];
-  range: [number, number] | null; // of x; null: all of it
+  range: [number, number] | null; // visible range of x; null: all
   onRange?: (range: [number, number] | null) => void;
   cursors?: [number | null, number | null];
   onCursor?: (which: 0 | 1, x: number) => void;
   laneHeight?: number;
-  unit?: string; // of x
-  logarithmic?: boolean; // x, which is above 0
+  unit?: string; // unit of x
+  logarithmic?: boolean; // logarithmic x axis; x must be positive
   label: string;
 }
 
@@ -70,7 +70,7 @@ export function Lanes(props: LanesProps) {
   );
 }
 
-// A following error has the position's unit, and not its size.
+// A following error has the unit of the position but is much smaller, so it gets a lane of its own.
 const laneOf = ({ unit, name }: Curve) => (/error|deviation/.test(name) ? `${unit}, error` : unit);
 
 const font = '11px system-ui, sans-serif';
@@ -79,7 +79,7 @@ function Lane({ x, curves, range, onRange, cursors, onCursor, laneHeight = 150, 
   const box = useRef<HTMLDivElement>(null);
   const plot = useRef<uPlot | null>(null);
   const look = useLooks();
-  // uPlot calls back long after it was made: what it then needs is here.
+  // The latest properties, for the callbacks of a uPlot that was created earlier.
   const now = useRef({ range, onRange, cursors, onCursor, x });
   now.current = { range, onRange, cursors, onCursor, x };
   const shape = JSON.stringify(curves.map(({ name, tone, faint }) => [name, tone, faint]));
@@ -87,8 +87,8 @@ function Lane({ x, curves, range, onRange, cursors, onCursor, laneHeight = 150, 
   useEffect(() => {
     const element = box.current!;
     const asked = JSON.parse(shape) as [string, number, boolean?][];
-    // Lines of a pixel are drawn as such, wider ones are shapes to be filled: without a GPU sixteen noisy ones would be drawn
-    // 13 times a second.
+    // With many curves the lines are one pixel wide, because the browser draws these faster: it fills wider lines as shapes.
+    // Without a GPU, sixteen noisy curves with wide lines reach only 13 frames per second.
     const many = asked.length > tones;
     const series = asked.map(([name, tone, faint]) => ({
       label: name,

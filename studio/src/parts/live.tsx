@@ -16,7 +16,7 @@ interface Live {
 const redraw_ms = 33;
 const nothing: Live = { channels: [], x: new Float64Array(), values: [] };
 
-// The last seconds of some channels, renewed at most 30 times a second.
+// The last seconds of some channels, updated at most 30 times a second.
 export function useLive(channels: ChannelRequest[], rate_hz: number, seconds: number, running = true): Live {
   const [live, setLive] = useState<Live>(nothing);
   const asked = JSON.stringify(channels);

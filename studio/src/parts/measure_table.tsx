@@ -4,7 +4,7 @@ import { significant } from '../model/units';
 import { Scroll } from './controls';
 import { swatchOf } from './lanes';
 
-// What is read off each channel: between the cursors if both are set, else over what is shown.
+// Measurements of each channel: between the cursors if both are set, else over the visible range.
 export function MeasureTable({ samples, a, b, range }: { samples: Samples; a: number | null; b: number | null; range: [number, number] | null }) {
   const { recording, x, values, interval_ms } = samples;
   if (x.length === 0) return null;

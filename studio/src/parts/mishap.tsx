@@ -1,6 +1,6 @@
 import { Component, type ReactNode } from 'react';
 
-// An error in one page takes that page away and nothing else: the big stop, the clock and the other pages stay.
+// An error boundary: an error in one page replaces only that page; the stop button, the clock and other pages work.
 export class Mishap extends Component<{ children: ReactNode }, { error: Error | null }> {
   override state: { error: Error | null } = { error: null };
 

@@ -3,8 +3,8 @@ import { FieldError, Group, Input, Label, TextField, type ButtonProps } from 're
 import { readNumber, showNumber } from '../model/number';
 import { Button } from './controls';
 
-// Fields of numbers, and the buttons that do something with them. What is not understood is marked with the reason, and
-// the buttons are dead until it is put right.
+// Number fields and the buttons that use them. An invalid number is marked with the reason, and the buttons of its form are
+// disabled until it is corrected.
 
 interface Form {
   isRight: boolean;
@@ -27,17 +27,17 @@ export function NumberForm({ children }: { children: ReactNode }) {
   return <FormContext.Provider value={form}>{children}</FormContext.Provider>;
 }
 
-// Every number of the form is given and understood.
+// True if every number of the form is present and valid.
 export const useNumbersAreRight = () => useContext(FormContext).isRight;
 
-// A button that acts on the numbers of its form.
+// A button that uses the numbers of its form.
 export function NumbersButton({ isDisabled = false, ...props }: ButtonProps & { kind?: 'plain' | 'main' | 'bad' | 'bare' }) {
   const isRight = useNumbersAreRight();
   return <Button {...props} isDisabled={isDisabled || !isRight} />;
 }
 
-// `value` NaN: none is given yet. `onChange` hears understood numbers only: with each key, or, with `whenLeft`, when the
-// field is left or Enter pressed. `mayBeEmpty`: then an empty field is NaN.
+// `value` NaN: no number yet. `onChange` gets valid numbers only: after each key, or with `whenLeft` when the field loses
+// the focus or Enter is pressed. With `mayBeEmpty` an empty field is valid and gives NaN.
 export function NumberInput({ label, unit, value, onChange, minimum, maximum, step = 1, hideLabel = false, isDisabled = false, whenLeft = false, mayBeEmpty = false, isHexadecimal = false }: {
   label: string;
   unit?: string | undefined;
@@ -54,12 +54,12 @@ export function NumberInput({ label, unit, value, onChange, minimum, maximum, st
 }) {
   const id = useId();
   const { note } = useContext(FormContext);
-  const [typed, setTyped] = useState<string | null>(null); // until it is taken, or the value becomes another
+  const [typed, setTyped] = useState<string | null>(null); // the typed text, until the number is accepted or `value` changes; null: none
   const [told, setTold] = useState(value);
   const limits = { minimum, maximum };
   const read = (text: string) => (mayBeEmpty && text.trim() === '' ? { value: NaN } : readNumber(text, limits, isHexadecimal));
   if (!Object.is(told, value)) {
-    // From elsewhere, unless it is what was just typed.
+    // `value` has changed. If it is not the typed number, the change comes from outside and replaces the typed text.
     const now = typed === null ? null : read(typed);
     if (now && 'value' in now && !Object.is(now.value, value)) setTyped(null);
     setTold(value);

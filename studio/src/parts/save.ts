@@ -1,12 +1,12 @@
 import { color } from '../theme';
 
-// What the page itself has made, saved as a file.
+// Saves texts and pictures that the page generates as files.
 
 export function saveText(text: string, name: string) {
   saveBlob(new Blob([text], { type: 'text/plain' }), name);
 }
 
-// The canvases in `box`, one below the other.
+// Saves the canvases in `box` as one picture, one below the other.
 export function savePicture(box: HTMLElement, name: string) {
   const lanes = [...box.querySelectorAll('canvas')];
   const canvas = document.createElement('canvas');

@@ -1,8 +1,8 @@
 import type { Transition } from '../api/types';
 import { edges, states, toneOf, type State } from '../model/cia402';
 
-// CiA 402-2, figure "State machine of the power drive system", with the present state lit and the ways out of it that
-// a master may ask for.
+// CiA 402-2, figure "State machine of the power drive system". The present state and the transitions that a master may
+// request now are highlighted.
 
 const width = 172;
 const height = 36;
@@ -17,7 +17,7 @@ const places: Record<State, [number, number]> = {
   fault: [340, 110],
 };
 
-// Line of each transition, and where its number stands.
+// For each transition: the path of its line, and the x and y of its number.
 const routes: Record<number, [string, number, number]> = {
   0: ['M126 6 V28', 126, 6],
   1: ['M126 66 V108', 126, 88],
@@ -40,7 +40,7 @@ const routes: Record<number, [string, number, number]> = {
 
 export function StateDiagram({ state, transitions }: { state: string | undefined; transitions: Transition[] }) {
   const open = new Set(transitions.map(({ number }) => number));
-  // The lines that matter now are drawn last, over the others.
+  // The transitions that are possible now are drawn last, over the others.
   const inOrder = [...edges].sort((a, b) => Number(open.has(a.number)) - Number(open.has(b.number)));
   return (
     <svg className="states" viewBox="0 -8 556 432" role="img" aria-label={`CiA 402 state machine, now: ${state ?? 'not known'}`}>

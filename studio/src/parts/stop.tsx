@@ -16,12 +16,12 @@ async function stopAll() {
   tell('all axes stopped');
 }
 
-// Quick stop of every axis: the button, or Ctrl and space from anywhere.
+// Quick stop of all axes, by the button or by Ctrl+Space anywhere on the page.
 export function StopButton() {
   useEffect(() => {
     const onKey = (event: KeyboardEvent) => {
       if (!event.ctrlKey || event.code !== 'Space') return;
-      // Before the control that has the focus: the space would press it, and come no further.
+      // The listener runs in the capture phase, before the focused control, which would react to Space and stop the event.
       event.preventDefault();
       event.stopPropagation();
       if (event.type === 'keydown' && !event.repeat) stopAll().catch(complain);

@@ -4,8 +4,8 @@ import { axisPath } from '../commands';
 import { useResource } from '../resource';
 import { watchTarget } from '../targets';
 
-// Where the drive is told to go, in counts: the true position and what the drive says is left. So it holds whatever
-// the drive's zero is. Only while the axis is driven in a mode with a target position.
+// The target position in counts of the shaft: the true position plus the remaining distance that the drive reports. So it
+// does not depend on the drive's zero. Null unless the axis is enabled in profile position.
 export function useTarget(axis: AxisView | undefined, geometry: Geometry | undefined): number | null {
   const name = axis?.name ?? '';
   const driven = axis?.state === 'operation enabled' && axis.mode === 1;

@@ -11,7 +11,7 @@ import { NumberInput } from './number_input';
 
 const refresh_ms = 500;
 
-// A drive's terminals as the drive has them: what its inputs and outputs do, how they stand, and its touch probes.
+// A drive's terminals by its objects: functions and levels of the inputs and outputs, and the touch probes.
 export function Terminals({ axis }: { axis: string }) {
   const powered = usePowered(axis);
   const { value, problem } = useResource<{ objects: ObjectEntry[] }>(powered ? `${axisPath(axis)}/objects` : null);
@@ -19,7 +19,7 @@ export function Terminals({ axis }: { axis: string }) {
   const [values, setValues] = useState<Record<string, ObjectValue>>({});
   const reading = useRef(false);
   const read = useCallback(async () => {
-    if (reading.current) return; // a slow bus is not asked again before it has answered
+    if (reading.current) return; // one request at a time, for a slow bus
     reading.current = true;
     const now = await readValues(axis, entries.map(addressOf)).catch(() => undefined);
     reading.current = false;

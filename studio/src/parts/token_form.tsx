@@ -2,7 +2,7 @@ import { useState } from 'react';
 import { unlock, useLine } from '../store';
 import { Button, Panel } from './controls';
 
-// From another machine, a page may command drives only with the server's token.
+// A page on another machine may command drives only with the server's token.
 export function TokenForm() {
   const wrong = useLine((line) => line.wrongToken);
   const [typed, setTyped] = useState('');

@@ -13,7 +13,8 @@ export function useGeometry(axis: string): Geometry | undefined {
 
 const percent = (share: number) => `${(100 * share).toFixed(3)}%`;
 
-// The travel as seen from above: hard stops, the stretches on which limit and home switches are active, the indexes, the target, the axis.
+// The travel seen from above: hard stops, the ranges in which limit and home switches are active, the index pulses, the
+// target, and the axis.
 export function Travel({ axis, target, geometry }: { axis: AxisView; target?: number | null; geometry: Geometry | undefined }) {
   const scale = travelScale(geometry, axis.position_counts);
   const turns = geometry?.index_every ? fixed(axis.position_counts / geometry.index_every, 2) : null;

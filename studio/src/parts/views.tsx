@@ -1,7 +1,7 @@
 import { Link } from './controls';
 import { useRoute } from '../route';
 
-// The parts that a page is divided into, as links: `view` in the address says which; the first has none.
+// Links to the views of a page. `view` in the address selects one; without it the page shows the first.
 export function Views({ views, label }: { views: readonly (readonly [string, string])[]; label: string }) {
   const { page, name, query } = useRoute();
   const present = query.get('view') ?? '';

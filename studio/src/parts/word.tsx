@@ -1,6 +1,6 @@
 import { hex, type Bit } from '../model/cia402';
 
-// A controlword or statusword, bit by bit, the highest first as the standard prints it.
+// The bits of a controlword or statusword, the highest first as in the standard.
 export function Word({ name, value, bits }: { name: string; value: number | undefined; bits: Bit[] }) {
   return (
     <div className="word">
