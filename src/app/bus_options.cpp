@@ -10,6 +10,7 @@
 #include "app/number_options.hpp"
 #include "links/can/link_name.hpp"
 #include "links/link_error.hpp"
+#include "links/link_scheme.hpp"
 
 namespace servodrome::app {
 namespace {
@@ -25,7 +26,7 @@ constexpr master::Time progress_period = std::chrono::milliseconds(100);
 }  // namespace
 
 void add_bus_options(CLI::App& command, BusOptions& options, const std::string& timeout_help) {
-  command.add_option("--bus", options.link, "CAN link: socketcand:HOST:PORT/BUS, slcan:PATH or socketcan:INTERFACE")
+  command.add_option("--bus", options.link, "CAN link: " + links::client_forms(links::can_schemes, " or "))
       ->capture_default_str();
   command.add_option("--timeout", options.timeout_s, timeout_help)
       ->check(number_within(0.001, 1e6))
@@ -38,10 +39,14 @@ void add_node_option(CLI::App& command, BusOptions& options) {
       ->check(CLI::Range(1, 65535).description(""));
 }
 
+std::string serial_link_help() {
+  return "modbus:LINK or serial10:LINK with " + links::client_forms(links::serial_schemes, " or (modbus) ");
+}
+
 void add_serial_options(CLI::App& command, BusOptions& options) {
   command.get_option("--bus")->description(
-      "CAN link: socketcand:HOST:PORT/BUS, slcan:PATH or socketcan:INTERFACE; EtherCAT: udp:HOST[:PORT] or "
-      "raw:INTERFACE; or modbus:LINK or serial10:LINK with pty:PATH, serial:DEVICE or (modbus) tcp:HOST:PORT");
+      fmt::format("CAN link: {}; EtherCAT: {}; or {}", links::client_forms(links::can_schemes, " or "),
+                  links::client_forms(links::ethercat_schemes_easiest_first, " or "), serial_link_help()));
   if (CLI::Option* node = command.get_option_no_throw("--node")) {
     node->description(
         "Node-ID, 1..127, or Modbus station, 1..247, or on EtherCAT position behind the master, 1.., or (a number "
@@ -75,7 +80,7 @@ BusKindAndLink bus_kind(const BusOptions& options) {
   constexpr std::string_view modbus = "modbus:";
   constexpr std::string_view serial10 = "serial10:";
   if (options.link.starts_with(modbus)) return {BusKind::modbus, options.link.substr(modbus.size())};
-  if (options.link.starts_with("udp:") || options.link.starts_with("raw:")) return {BusKind::ethercat, options.link};
+  if (links::is_any_of(links::ethercat_schemes, options.link)) return {BusKind::ethercat, options.link};
   if (options.link.starts_with(serial10)) return {BusKind::serial10, options.link.substr(serial10.size())};
   return {BusKind::can, options.link};
 }

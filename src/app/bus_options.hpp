@@ -8,6 +8,7 @@
 
 #include "axis/axis402.hpp"
 #include "axis/axis_units.hpp"
+#include "links/link_scheme.hpp"
 #include "master/canopen/bus.hpp"
 #include "master/canopen/scan.hpp"
 #include "master/canopen/sdo_client.hpp"
@@ -15,10 +16,10 @@
 // Options and functions shared by the commands that talk to a bus.
 namespace servodrome::app {
 
-inline constexpr const char* default_bus = "socketcand:127.0.0.1:29536/can0";
+inline constexpr std::string_view default_bus = links::scheme::socketcand.example;
 
 struct BusOptions {
-  std::string link = default_bus;
+  std::string link{default_bus};
   unsigned node_id = 0;  // 0: the only one found
   double timeout_s = 1.0;
   bool timeout_is_for_motion = false;  // and not for each answer
@@ -56,6 +57,8 @@ BusKindAndLink bus_kind(const BusOptions& options);
 // Adds --bus, --json, and --timeout with its meaning for this command; `options` holds the defaults.
 void add_bus_options(CLI::App& command, BusOptions& options, const std::string& timeout_help);
 void add_node_option(CLI::App& command, BusOptions& options);
+// "modbus:LINK or serial10:LINK with ...": the links of serial lines, for the help of --bus.
+std::string serial_link_help();
 // For commands that also work on other buses: adds --bit-rate, --format and --product, and extends the help of --bus.
 void add_serial_options(CLI::App& command, BusOptions& options);
 // Adds --no-watch, for commands that move an axis.

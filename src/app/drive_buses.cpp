@@ -1,11 +1,11 @@
 #include "app/drive_buses.hpp"
 
 #include <algorithm>
-#include <charconv>
 #include <fmt/format.h>
 
 #include "app/commands.hpp"
 #include "app/drive_group.hpp"
+#include "links/number_text.hpp"
 
 namespace servodrome::app {
 namespace {
@@ -51,10 +51,9 @@ Named read_bus(const std::string& text, BusOptions options) {
   if (equals == std::string::npos) return bus;
   for (std::string_view rest = std::string_view(text).substr(equals + 1);;) {
     const std::string_view number = rest.substr(0, rest.find(','));
-    unsigned node = 0;
-    const auto [end, error] = std::from_chars(number.data(), number.data() + number.size(), node);
+    const unsigned node = links::number_of_text<unsigned>(number).value_or(0);
     const bool known = std::find(bus.nodes.begin(), bus.nodes.end(), node) != bus.nodes.end();
-    if (error != std::errc() || end != number.data() + number.size() || node == 0 || node > 65535 || known) {
+    if (node == 0 || node > 65535 || known) {
       throw Failure::wrong_use(fmt::format(
           "--bus {}: \"{}\" {}; write node-IDs, stations or positions behind the link, as socketcan:can0=1,3", text,
           number, known ? "is given twice" : "is not a drive number"));

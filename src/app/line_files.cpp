@@ -6,6 +6,7 @@
 #include "described/blueprint.hpp"
 #include "line/described_product.hpp"
 #include "line/line_file.hpp"
+#include "links/link_scheme.hpp"
 
 namespace servodrome::app {
 
@@ -46,10 +47,11 @@ line::LineSettings line_of_descriptions(const DescriptionFiles& descriptions) {
   constexpr auto usual_encoder = static_cast<std::uint32_t>(plant::Encoder{}.counts_per_revolution);
   std::string text;
   if (!descriptions.data_sheets.empty()) {
-    text += "[[bus]]\nname = \"can0\"\nlinks = [\"socketcand:127.0.0.1:29536/can0\"]\n";
+    text += fmt::format("[[bus]]\nname = \"can0\"\nlinks = [\"{}\"]\n", links::scheme::socketcand.example);
   }
   if (!descriptions.slaves.empty()) {
-    text += "[[bus]]\nname = \"ecat\"\ntype = \"ethercat\"\nlinks = [\"udp:127.0.0.1:34980\"]\n";
+    text +=
+        fmt::format("[[bus]]\nname = \"ecat\"\ntype = \"ethercat\"\nlinks = [\"{}\"]\n", links::scheme::udp.example);
   }
   unsigned number = 0;
   const auto add = [&](const std::string& file, const std::string& device, line::Fieldbus wanted, const char* option) {

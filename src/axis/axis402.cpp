@@ -5,19 +5,11 @@
 #include <array>
 #include <fmt/format.h>
 
+#include "axis/cia402_words.hpp"
 #include "axis/fault_report.hpp"
 
 namespace servodrome::master {
 namespace {
-
-namespace controlword = drive::controlword;
-
-// Controlwords of the commands (CiA 402-2 table 24).
-constexpr std::uint16_t shutdown = 0x0006;
-constexpr std::uint16_t switch_on = 0x0007;
-constexpr std::uint16_t enable_operation = 0x000F;
-constexpr std::uint16_t quick_stop_command = 0x0002;
-constexpr std::uint16_t disable_voltage = 0x0000;
 
 struct StatusBit {
   std::uint16_t mask;
@@ -194,16 +186,16 @@ void Axis402::reset_fault() {
     present = state();
   }
   if (present != PowerState::fault) return;
-  write_controlword(disable_voltage);  // the drive resets the fault at the rising edge of bit 7
-  write_controlword(controlword::fault_reset);
+  write_controlword(command_word::disable_voltage);  // the drive resets the fault at the rising edge of bit 7
+  write_controlword(command_word::fault_reset);
   while (state() == PowerState::fault) {
     if (objects_.now() >= deadline) {
-      write_controlword(disable_voltage);
+      write_controlword(command_word::disable_voltage);
       fail("the fault cannot be reset", "remove its cause; some faults need power off and on");
     }
     pause();
   }
-  write_controlword(disable_voltage);
+  write_controlword(command_word::disable_voltage);
 }
 
 void Axis402::enable() {
@@ -215,16 +207,16 @@ void Axis402::enable() {
                        "initialise");
         break;
       case PowerState::switch_on_disabled:
-        step(shutdown, PowerState::ready_to_switch_on, "get ready to switch on");
+        step(command_word::shutdown, PowerState::ready_to_switch_on, "get ready to switch on");
         break;
-      case PowerState::ready_to_switch_on: step(switch_on, PowerState::switched_on, "switch on"); break;
+      case PowerState::ready_to_switch_on: step(command_word::switch_on, PowerState::switched_on, "switch on"); break;
       case PowerState::switched_on:
         take_back_targets_before_enabling();
-        step(enable_operation, PowerState::operation_enabled, "enable operation");
+        step(command_word::enable_operation, PowerState::operation_enabled, "enable operation");
         break;
       case PowerState::quick_stop_active:
         // Goes through switch on disabled, because transition 16 is optional.
-        step(disable_voltage, PowerState::switch_on_disabled, "leave quick stop");
+        step(command_word::disable_voltage, PowerState::switch_on_disabled, "leave quick stop");
         break;
       case PowerState::operation_enabled: return;
       case PowerState::fault_reaction_active:
@@ -241,7 +233,7 @@ void Axis402::disable() {
   }
   const ComingToRest rest(comes_to_rest_);
   halted_ = false;
-  write_controlword(disable_voltage);
+  write_controlword(command_word::disable_voltage);
   wait_for_state({PowerState::switch_on_disabled}, "switch off");
   take_back_targets();
 }
@@ -252,7 +244,7 @@ void Axis402::quick_stop() {
   if (present != PowerState::operation_enabled && present != PowerState::quick_stop_active) return;
   const ComingToRest rest(comes_to_rest_);
   halted_ = false;
-  if (present == PowerState::operation_enabled) write_controlword(quick_stop_command);
+  if (present == PowerState::operation_enabled) write_controlword(command_word::quick_stop);
   wait_for_state({PowerState::quick_stop_active, PowerState::switch_on_disabled}, "quick stop");
   take_back_targets();
   rests_within(options_.state_timeout);

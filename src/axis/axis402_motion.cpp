@@ -6,17 +6,9 @@
 #include <limits>
 
 #include "axis/axis402.hpp"
-#include "axis/axis402_words.hpp"
+#include "axis/cia402_words.hpp"
 
 namespace servodrome::master {
-namespace {
-
-constexpr std::uint16_t new_set_point = controlword::mode_bit_4;
-constexpr std::uint16_t relative_move = controlword::mode_bit_6;
-constexpr std::uint16_t set_point_acknowledge = statusword_bit::mode_bit_12;
-
-}  // namespace
-
 void Axis402::require_enabled(const char* doing) {
   if (state() != PowerState::operation_enabled) {
     fail(fmt::format("the drive is not enabled and cannot {}", doing), "enable it first");
@@ -73,28 +65,28 @@ void Axis402::follow(Time timeout, const Progress& progress, const std::string& 
 
 void Axis402::home(const HomingRequest& request, Time timeout, const Progress& progress) {
   require_enabled("home");
-  write_controlword(enabled);  // clears the bits of a former command
+  write_controlword(command_word::enable_operation);  // clears the bits of a former command
   set_mode(OperationMode::homing);
   write_if_given(0x6098, 0, request.method);
   write_if_given(0x6099, 1, request.switch_speed);
   write_if_given(0x6099, 2, request.zero_speed);
   write_if_given(0x609A, 0, request.acceleration);
   write_if_given(0x607C, 0, request.offset);
-  write_controlword(enabled | controlword::mode_bit_4);
+  write_controlword(command_word::enable_operation | start_homing);
   const HomingSignals& signals = options_.dialect.homing_signals;
   const std::string doing = fmt::format("homing by method {}", objects_.read<std::int8_t>(0x6098));
   follow(timeout, progress, doing, [&](std::uint16_t word) {
     if ((word & signals.error) != 0) {
-      write_controlword(enabled);
+      write_controlword(command_word::enable_operation);
       fail(doing + " ended with an error",
            "check that the switches of the method are present and wired, and that homing speeds and acceleration are "
            "not 0");
     }
     const std::uint16_t done =
-        static_cast<std::uint16_t>(signals.attained | (signals.target_reached ? statusword_bit::target_reached : 0U));
+        static_cast<std::uint16_t>(signals.attained | (signals.target_reached ? status_bit::target_reached : 0U));
     return (word & done) == done;
   });
-  write_controlword(enabled);
+  write_controlword(command_word::enable_operation);
   // A drive may report homing attained within a window of position and speed, while the shaft still moves. The next
   // read must return the final position.
   if (!rests_within(options_.state_timeout)) {
@@ -109,7 +101,7 @@ std::int32_t Axis402::position_demand() {
 
 void Axis402::hand_over(std::int32_t target, std::uint16_t order) {
   // Releasing halt would resume the halted move, so the same write replaces it.
-  const std::uint16_t halt = controlword_ & controlword::halt;
+  const std::uint16_t halt = controlword_ & control_bit::halt;
   if (halt != 0) order |= change_immediately;
   halted_ = false;
   write_controlword(order | halt);
@@ -125,7 +117,7 @@ void Axis402::hand_over(std::int32_t target, std::uint16_t order) {
   const Time deadline = objects_.now() + options_.state_timeout;
   for (;; objects_.wait(between_looks)) {
     const std::uint16_t word = statusword();
-    if ((word & set_point_acknowledge) != 0 || (word & statusword_bit::target_reached) == 0) break;
+    if ((word & set_point_acknowledge) != 0 || (word & status_bit::target_reached) == 0) break;
     if (objects_.now() >= deadline) {
       write_controlword(order);
       fail(fmt::format("the drive did not take over target position {}", target),
@@ -148,7 +140,7 @@ void Axis402::start_move(std::int32_t target, bool relative, const MotionProfile
   const std::int64_t goal = relative ? std::int64_t{position_demand()} + target : target;
   goal_ = goal == static_cast<std::int32_t>(goal) ? std::optional(static_cast<std::int32_t>(goal)) : std::nullopt;
   order_ = relative ? fmt::format("moving by {}", target) : fmt::format("moving to {}", target);
-  hand_over(target, static_cast<std::uint16_t>(enabled | (relative ? relative_move : 0U)));
+  hand_over(target, static_cast<std::uint16_t>(command_word::enable_operation | (relative ? relative_move : 0U)));
 }
 
 void Axis402::start_move_to(std::int32_t position, const MotionProfile& profile) {
@@ -157,7 +149,7 @@ void Axis402::start_move_to(std::int32_t position, const MotionProfile& profile)
 
 void Axis402::start_move_by(std::int32_t distance, const MotionProfile& profile) {
   require_enabled("move");
-  if ((controlword_ & controlword::halt) == 0) return start_move(distance, true, profile);
+  if ((controlword_ & control_bit::halt) == 0) return start_move(distance, true, profile);
   // The drive would add the distance to the abandoned target, so the absolute target is computed here.
   const std::int64_t target = std::int64_t{position()} + distance;
   if (target != static_cast<std::int32_t>(target)) {
@@ -212,7 +204,7 @@ void Axis402::leave_if_at_limit(bool forward, const std::string& doing) {
 }
 
 bool Axis402::has_arrived(std::uint16_t statusword, const std::string& doing) {
-  const bool reached = (statusword & statusword_bit::target_reached) != 0;
+  const bool reached = (statusword & status_bit::target_reached) != 0;
   if (!goal_ || (reached && is_near(*goal_))) return reached;
   if (!stands()) return false;
   leave_if_at_limit(*goal_ > *place_, doing);

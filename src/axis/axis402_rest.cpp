@@ -5,7 +5,7 @@
 #include <fmt/format.h>
 
 #include "axis/axis402.hpp"
-#include "axis/axis402_words.hpp"
+#include "axis/cia402_words.hpp"
 
 namespace servodrome::master {
 namespace {

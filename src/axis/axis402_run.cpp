@@ -4,12 +4,12 @@
 #include <limits>
 
 #include "axis/axis402.hpp"
-#include "axis/axis402_words.hpp"
+#include "axis/cia402_words.hpp"
 
 namespace servodrome::master {
 namespace {
 
-bool reached(std::uint16_t word) { return (word & statusword_bit::target_reached) != 0; }
+bool reached(std::uint16_t word) { return (word & status_bit::target_reached) != 0; }
 
 bool is_cyclic(OperationMode mode) {
   return mode == OperationMode::cyclic_synchronous_position || mode == OperationMode::cyclic_synchronous_velocity ||
@@ -32,7 +32,7 @@ void Axis402::run_at(std::int32_t velocity, const MotionProfile& profile, Time t
   require_enabled("run");
   begin_velocity(profile);
   objects_.write<std::int32_t>(0x60FF, 0, velocity);
-  write_controlword(enabled);
+  write_controlword(command_word::enable_operation);
   const std::string doing = fmt::format("running up to velocity {}", velocity);
   place_.reset();
   follow(timeout, progress, doing, [&](std::uint16_t word) {
@@ -52,7 +52,7 @@ void Axis402::change_velocity(std::int32_t velocity) {
   }
   objects_.write<std::uint32_t>(0x6081, 0, static_cast<std::uint32_t>(velocity));
   // The drive applies 6081h with the next set-point, so the same target is sent again, to act at once.
-  if (!halted_) hand_over(*goal_, enabled | change_immediately);
+  if (!halted_) hand_over(*goal_, command_word::enable_operation | change_immediately);
 }
 
 void Axis402::hold_for(Time span, const Progress& progress) {
@@ -64,7 +64,7 @@ void Axis402::jog(const MotionProfile& profile, const JogDemand& demand) {
   require_enabled("jog");
   begin_velocity(profile);
   objects_.write<std::int32_t>(0x60FF, 0, 0);
-  write_controlword(enabled);
+  write_controlword(command_word::enable_operation);
   std::int32_t asked = 0;
   try {
     for (;; objects_.wait(options_.poll_interval)) {
@@ -101,7 +101,7 @@ void Axis402::run_torque(std::int16_t torque_permille, const TorqueProfile& prof
     fail(fmt::format("the target torque (6071h) is {} after {} was written", kept, torque_permille),
          "something else writes it: another target in the process data, an input, or another master");
   }
-  write_controlword(enabled);
+  write_controlword(command_word::enable_operation);
   follow(timeout, progress, fmt::format("applying {:g} % of rated torque", torque_permille / 10.0), reached);
 }
 
@@ -151,16 +151,16 @@ void Axis402::stop() {
     begin_velocity({});
     mode = OperationMode::profile_velocity;
   }
-  write_controlword(enabled | controlword::halt);
+  write_controlword(command_word::enable_operation | control_bit::halt);
   if (!wait_for_standstill(options_.longest_halt)) {
     became_quick_stop_ = true;
     return quick_stop();
   }
   if (mode == OperationMode::profile_velocity) {
     objects_.write<std::int32_t>(0x60FF, 0, 0);
-    write_controlword(enabled);
+    write_controlword(command_word::enable_operation);
   } else if (mode == OperationMode::homing) {
-    write_controlword(enabled);  // bit 4 is 0: homing is aborted
+    write_controlword(command_word::enable_operation);  // bit 4 is 0: homing is aborted
   }
 }
 
@@ -192,7 +192,7 @@ void Axis402::halt() {
     fail("an axis in a torque mode cannot be halted: it would coast", "stop it");
   }
   const ComingToRest rest(comes_to_rest_);
-  write_controlword(controlword_ | controlword::halt);
+  write_controlword(controlword_ | control_bit::halt);
   halted_ = true;
   wait_for_standstill();
 }
@@ -203,10 +203,10 @@ void Axis402::resume() {
   const bool moves = mode() == static_cast<std::int8_t>(OperationMode::profile_position);
   if (moves && options_.dialect.halt_drops_target) {
     if (!goal_) fail("the drive has dropped the halted move", "order it anew");
-    return hand_over(*goal_, enabled);
+    return hand_over(*goal_, command_word::enable_operation);
   }
   halted_ = false;
-  write_controlword(static_cast<std::uint16_t>(controlword_ & ~unsigned{controlword::halt}));
+  write_controlword(static_cast<std::uint16_t>(controlword_ & ~unsigned{control_bit::halt}));
   ordered_ = objects_.now();
 }
 

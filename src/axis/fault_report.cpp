@@ -5,11 +5,10 @@
 #include <fmt/format.h>
 
 #include "axis/axis402.hpp"
+#include "axis/cia402_words.hpp"
 
 namespace servodrome::master {
 namespace {
-
-constexpr std::uint16_t warning_bit = 1U << 7;
 
 // Bits of 1001h (CiA 301 table 48).
 constexpr std::array register_bits{"generic",       "current",        "voltage", "temperature",
@@ -69,7 +68,7 @@ FaultReport read_faults(ObjectClient& objects, const Dialect& dialect) {
   report.error_register = objects.read_if_present<std::uint8_t>(0x1001);
   const PowerState state = state_of(report.statusword);
   const bool faulty = state == PowerState::fault || state == PowerState::fault_reaction_active;
-  const bool warns = (report.statusword & warning_bit) != 0;
+  const bool warns = (report.statusword & status_bit::warning) != 0;
   std::vector<ReportedFault> present;
   read_alarm_words(objects, dialect, present);
   // 603Fh keeps the last error even after it is gone, so it is read only while the drive reports a fault or a warning.

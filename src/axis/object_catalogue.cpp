@@ -2,12 +2,12 @@
 
 #include <algorithm>
 #include <array>
-#include <charconv>
 #include <fmt/format.h>
 
 #include "canopen/301/communication_section.hpp"
 #include "describe/device_file.hpp"
 #include "drive/cia402_section.hpp"
+#include "links/number_text.hpp"
 #include "master/canopen/sdo_client.hpp"
 #include "master/error.hpp"
 
@@ -37,10 +37,7 @@ bool starts_with_0x(std::string_view text) { return text.size() > 2 && text[0] =
 std::optional<std::uint32_t> parse_hex(std::string_view text) {
   if (starts_with_0x(text)) text.remove_prefix(2);
   if (!text.empty() && lower(text.back()) == 'h') text.remove_suffix(1);
-  std::uint32_t value = 0;
-  const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), value, 16);
-  if (text.empty() || error != std::errc{} || end != text.data() + text.size()) return std::nullopt;
-  return value;
+  return links::number_of_text<std::uint32_t>(text, 16);
 }
 
 std::optional<ObjectAddress> parse_address(std::string_view text) {
@@ -301,18 +298,16 @@ std::vector<std::byte> parse_value(std::string_view text, Type type) {
     std::string digits = plain(text);
     if (digits.size() % 2 != 0) refuse_value(text, "an odd number of hexadecimal digits does not give whole bytes");
     for (std::size_t i = 0; i < digits.size(); i += 2) {
-      unsigned byte = 0;
-      const auto [end, error] = std::from_chars(&digits[i], &digits[i] + 2, byte, 16);
-      if (error != std::errc{} || end != &digits[i] + 2) refuse_value(text, "bytes are written in hexadecimal");
-      bytes.push_back(static_cast<std::byte>(byte));
+      const auto byte = links::number_of_text<std::uint8_t>(std::string_view(digits).substr(i, 2), 16);
+      if (!byte) refuse_value(text, "bytes are written in hexadecimal");
+      bytes.push_back(static_cast<std::byte>(*byte));
     }
     return bytes;
   }
   if (type == Type::real32) {
-    float number = 0;
-    const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), number);
-    if (error != std::errc{} || end != text.data() + text.size()) refuse_value(text, "it is not a number");
-    return bytes_of(&number, sizeof number);
+    const auto number = links::number_of_text<float>(text);
+    if (!number) refuse_value(text, "it is not a number");
+    return bytes_of(&*number, sizeof *number);
   }
   if (type == Type::boolean && (plain(text) == "true" || plain(text) == "false")) {
     const bool value = plain(text) == "true";
@@ -329,11 +324,9 @@ std::vector<std::byte> parse_value(std::string_view text, Type type) {
     digits.remove_suffix(1);
     base = 16;
   }
-  std::uint64_t magnitude = 0;
-  const auto [end, error] = std::from_chars(digits.data(), digits.data() + digits.size(), magnitude, base);
-  if (digits.empty() || error != std::errc{} || end != digits.data() + digits.size()) {
-    refuse_value(text, "it is not a whole number");
-  }
+  const auto read = links::number_of_text<std::uint64_t>(digits, base);
+  if (!read) refuse_value(text, "it is not a whole number");
+  const std::uint64_t magnitude = *read;
   // Hexadecimal input is the bit pattern; decimal input is the number, which must be within the type's range.
   const unsigned bits = static_cast<unsigned>(size * 8);
   const std::uint64_t all_ones = ~std::uint64_t{0} >> (64 - bits);

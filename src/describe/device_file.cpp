@@ -8,6 +8,8 @@
 #include <fmt/format.h>
 #include <fstream>
 
+#include "describe/description.hpp"
+
 namespace servodrome::describe {
 namespace {
 
@@ -53,6 +55,18 @@ DeviceFileError::DeviceFileError(std::string where, std::string problem, std::st
       where_(std::move(where)),
       problem_(std::move(problem)),
       remedy_(std::move(remedy)) {}
+
+Description description_of(const DeviceFile& device) {
+  Description description;
+  description.vendor_name = device.vendor_name;
+  description.product_name = device.product_name;
+  description.order_code = device.order_code;
+  description.bit_rates_kbit = device.bit_rates_kbit;
+  if (description.bit_rates_kbit.empty()) description.bit_rates_kbit = {10, 20, 50, 125, 250, 500, 800, 1000};
+  description.lss_supported = device.lss_supported;
+  description.dummy_usage = device.dummy_usage;
+  return description;
+}
 
 const FileEntry* DeviceFile::find(std::uint16_t index, std::uint8_t sub) const {
   const std::uint32_t key = static_cast<std::uint32_t>(index) << 8 | sub;

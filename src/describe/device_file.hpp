@@ -14,6 +14,8 @@
 // the reader accepts what it can interpret, and lists the deviations in `notes`.
 namespace servodrome::describe {
 
+struct Description;
+
 // A file that cannot be used: location, problem and remedy.
 class DeviceFileError : public std::runtime_error {
  public:
@@ -73,6 +75,9 @@ struct DeviceFile {
 
   const FileEntry* find(std::uint16_t index, std::uint8_t sub) const;
 };
+
+// Describes the device of the file for its documents, without object tables and EtherCAT data.
+Description description_of(const DeviceFile& device);
 
 // Size limit: a larger file is no device description.
 inline constexpr std::size_t most_file_bytes = std::size_t{32} << 20;

@@ -109,21 +109,13 @@ std::shared_ptr<const Blueprint> read_blueprint(const std::string& path, const s
 }
 
 describe::Description description_of(const Blueprint& blueprint) {
-  describe::Description description;
-  const describe::DeviceFile& device = blueprint.device;
-  description.vendor_name = device.vendor_name;
-  description.product_name = device.product_name;
-  description.order_code = device.order_code;
-  description.bit_rates_kbit = device.bit_rates_kbit;
-  if (description.bit_rates_kbit.empty()) description.bit_rates_kbit = {10, 20, 50, 125, 250, 500, 800, 1000};
-  description.lss_supported = device.lss_supported;
-  description.dummy_usage = device.dummy_usage;
+  describe::Description description = describe::description_of(blueprint.device);
   description.table = blueprint.table;
   description.service_table = blueprint.table;
   if (blueprint.ethercat != nullptr) {
     description.ethercat = {&blueprint.ethercat->profile, blueprint.ethercat->sii, ethercat_sii_bytes};
   }
-  description.file.name = device.file;
+  description.file.name = blueprint.device.file;
   description.file.created_by = "servodrome";
   description.file.modified_by = "servodrome";
   return description;

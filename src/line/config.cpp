@@ -1,8 +1,9 @@
 #include "line/config.hpp"
 
-#include <charconv>
 #include <fmt/format.h>
 #include <numbers>
+
+#include "links/number_text.hpp"
 
 namespace servodrome::line {
 
@@ -36,11 +37,10 @@ std::string parse_api_address(std::string_view text, ApiSettings& api) {
   std::string_view host = text.substr(0, colon);
   if (host.front() == '[' && host.back() == ']') host = host.substr(1, host.size() - 2);
   const std::string_view digits = text.substr(colon + 1);
-  std::uint16_t port = 0;
-  const auto [end, error] = std::from_chars(digits.data(), digits.data() + digits.size(), port);
-  if (error != std::errc() || end != digits.data() + digits.size()) return fmt::format("\"{}\" is not a port", digits);
+  const auto port = links::number_of_text<std::uint16_t>(digits);
+  if (!port) return fmt::format("\"{}\" is not a port", digits);
   api.address = host;
-  api.port = port;
+  api.port = *port;
   return {};
 }
 

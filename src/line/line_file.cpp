@@ -20,6 +20,7 @@
 #include "links/can/link_name.hpp"
 #include "links/ethercat/link_name.hpp"
 #include "links/link_error.hpp"
+#include "links/link_scheme.hpp"
 #include "links/serial/format_text.hpp"
 #include "links/serial/link_name.hpp"
 
@@ -31,9 +32,10 @@ constexpr std::size_t most_buses = 16;
 constexpr std::size_t most_axes = 1000;
 constexpr std::size_t largest_file = 1 << 20;
 
-constexpr const char* can_link_forms = "a link is socketcand:HOST:PORT/BUS, slcan:PATH, socketcan:INTERFACE or mem:";
-constexpr const char* ethercat_link_forms = "a link of an EtherCAT segment is udp:HOST:PORT, raw:INTERFACE or mem:";
-constexpr const char* serial_link_forms = "a link of an RS485 line is pty:PATH, serial:DEVICE, tcp:HOST:PORT or mem:";
+// For example "a link is slcan:PATH, socketcan:INTERFACE or mem:".
+std::string link_forms(const char* link, links::LinkSchemes schemes) {
+  return fmt::format("{} is {} or {}", link, links::forms(schemes), links::scheme::mem.form);
+}
 
 // Names are part of URLs, file names and log lines, so few characters are allowed.
 bool is_name(std::string_view text) {
@@ -130,14 +132,15 @@ class LineFileReader {
     bus.name = std::move(name);
     reader.read("bit_rate", bus.bit_rate, 10'000, 1'000'000);
     reader.read("ideal", bus.ideal);
-    read_links(reader, bus.links, can_link_forms, [](const std::string& text) { links::parse_can_link(text); });
+    read_links(reader, bus.links, link_forms("a link", links::can_schemes),
+               [](const std::string& text) { links::parse_can_link(text); });
     settings_.buses.push_back(std::move(bus));
   }
 
   void read_ethercat_bus(TableReader& reader, std::string name) {
     EthercatBusSettings bus;
     bus.name = std::move(name);
-    read_links(reader, bus.links, ethercat_link_forms,
+    read_links(reader, bus.links, link_forms("a link of an EtherCAT segment", links::ethercat_schemes_easiest_first),
                [](const std::string& text) { links::parse_ethercat_link(text); });
     settings_.ethercat_buses.push_back(std::move(bus));
   }
@@ -158,13 +161,14 @@ class LineFileReader {
     std::int64_t silence_ms = 0;
     reader.read("silence_ms", silence_ms, 0, 1'000);
     bus.silence = std::chrono::milliseconds(silence_ms);
-    read_links(reader, bus.links, serial_link_forms, [](const std::string& text) { links::parse_serial_link(text); });
+    read_links(reader, bus.links, link_forms("a link of an RS485 line", links::serial_schemes),
+               [](const std::string& text) { links::parse_serial_link(text); });
     settings_.serial_buses.push_back(std::move(bus));
   }
 
   // `parse` must throw LinkError if its text is no link of this kind of bus.
   template <typename Parse>
-  void read_links(TableReader& reader, std::vector<std::string>& links, const char* forms, const Parse& parse) {
+  void read_links(TableReader& reader, std::vector<std::string>& links, const std::string& forms, const Parse& parse) {
     const toml::node* node = reader.node("links");
     if (node == nullptr) return;
     const toml::array* array = node->as_array();

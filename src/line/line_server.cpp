@@ -44,12 +44,10 @@ void attach_log(Logs& logs, std::shared_ptr<File> file, Bus& bus, std::function<
                   [file, &bus] { bus.remove_observer(*file); }, std::move(on_failure)});
 }
 
-Time wall_clock() { return std::chrono::system_clock::now().time_since_epoch(); }
-
 }  // namespace
 
 LineServer::LineServer(const LineSettings& settings)
-    : epoch_(wall_clock()),
+    : epoch_(links::wall_now()),
       timer_(io_),
       attention_(io_),
       pacer_(io_),
@@ -138,7 +136,7 @@ void LineServer::log(NamedSerialBus& bus, const std::string& path, std::function
 
 void LineServer::run() {
   real_pace_.begin(std::chrono::steady_clock::now(), line_.now());
-  epoch_ = wall_clock() - line_.now();
+  epoch_ = links::wall_now() - line_.now();
   real_ = line_.clock_mode() == ClockMode::real;
   const auto looks = [](const auto& link) { return link->busy(); };
   takes_turns_ = !watch_.empty() ||

@@ -2,13 +2,13 @@
 
 #include <array>
 #include <bit>
-#include <charconv>
 #include <cmath>
 #include <limits>
 
 #include "drive/drive.hpp"
 #include "drive/transforms.hpp"
 #include "line/axis.hpp"
+#include "links/number_text.hpp"
 
 namespace servodrome::line {
 namespace {
@@ -103,11 +103,9 @@ Channel signal_channel(Axis& axis, std::string_view name) {
   const Product& product = *axis.settings().product;
   for (const Wires& wires :
        {Wires{"DI", product.input_wires, read_input}, Wires{"DO", product.output_wires, read_output}}) {
-    unsigned wire = 0;
     if (!name.starts_with(wires.prefix) || name.size() > 4) continue;
-    const auto [end, error] = std::from_chars(name.data() + 2, name.data() + name.size(), wire);
-    const bool is_number = error == std::errc() && end == name.data() + name.size();
-    if (is_number && wire < wires.count) return {&axis, wires.read, nullptr, wire};
+    const auto wire = links::number_of_text<unsigned>(std::string_view(name).substr(2));
+    if (wire && *wire < wires.count) return {&axis, wires.read, nullptr, *wire};
   }
   return {};
 }

@@ -5,6 +5,8 @@
 #include <string>
 #include <string_view>
 
+#include "links/link_scheme.hpp"
+
 // The common part of reading link names of all buses.
 namespace servodrome::links {
 
@@ -21,9 +23,13 @@ struct LinkText {
   std::optional<std::string_view> rest() const;
 
   // Throw LinkError (std::errc::invalid_argument) with the error and the form to write.
-  [[noreturn]] void refuse(std::string_view what, std::string_view form) const;
-  [[noreturn]] void refuse_scheme(std::string_view forms) const;
+  [[noreturn]] void refuse(std::string_view what, const LinkScheme& scheme) const;
+  [[noreturn]] void refuse_scheme(LinkSchemes schemes) const;
 };
+
+// Read the text behind the colon of a `mem:` link, or a path. Throw like `link.refuse`.
+MemName parse_mem(const LinkText& link, std::string_view rest);
+std::string parse_path(const LinkText& link, std::string_view rest, const LinkScheme& scheme);
 
 struct Endpoint {
   std::string host;
@@ -31,9 +37,15 @@ struct Endpoint {
 };
 
 // Reads `HOST`, `HOST:PORT` or `[ADDRESS]:PORT`. Throws like `link.refuse`.
-Endpoint parse_endpoint(const LinkText& link, std::string_view text, std::uint16_t default_port, std::string_view form);
+Endpoint parse_endpoint(const LinkText& link, std::string_view text, std::uint16_t default_port,
+                        const LinkScheme& scheme);
 // Returns the text that parse_endpoint() reads.
 std::string to_string(const Endpoint& endpoint);
+
+// Throw LinkError for a `mem:` link of `bus` ("CAN") that outside programs are to reach, or that a client is to open
+// from another process. `schemes` are the alternatives.
+[[noreturn]] void refuse_mem_link(const char* bus, LinkSchemes schemes);
+[[noreturn]] void refuse_mem_client(const char* bus, LinkSchemes schemes);
 
 // Returns true if the word is not empty and has no spaces, control characters, angle brackets or slashes.
 bool is_plain_word(std::string_view word);

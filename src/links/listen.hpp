@@ -2,7 +2,6 @@
 
 #include <boost/asio/io_context.hpp>
 #include <boost/asio/ip/tcp.hpp>
-#include <chrono>
 #include <string>
 
 #include "links/link_text.hpp"
@@ -20,8 +19,5 @@ void serve_promptly(boost::asio::ip::tcp::socket& socket);
 // Must be called again after each receive and send, which switch the immediate acknowledge off. A client that uses
 // Nagle's algorithm sends its next small frame only after the acknowledge, which would otherwise come 40 ms later.
 void acknowledge_at_once(boost::asio::ip::tcp::socket& socket);
-
-// When all places are in use, a new client replaces one that has been silent for at least this time.
-inline constexpr auto client_patience = std::chrono::seconds(2);
 
 }  // namespace servodrome::links

@@ -5,6 +5,8 @@
 #include <fstream>
 #include <map>
 
+#include "links/link_scheme.hpp"
+
 namespace servodrome::links {
 namespace {
 
@@ -45,9 +47,9 @@ void add_interfaces(const fs::path& root, std::vector<LocalBus>& buses) {
     const std::string type = first_line(interface / "type");
     const std::string name = interface.filename().string();
     if (type == arphrd_can) {
-      buses.push_back({LocalBus::Kind::can, "socketcan:" + name, state_of(interface), {}});
+      buses.push_back({LocalBus::Kind::can, scheme::socketcan.with(name), state_of(interface), {}});
     } else if (type == arphrd_ether && !fs::exists(interface / "bridge") && !fs::exists(interface / "wireless")) {
-      buses.push_back({LocalBus::Kind::ethernet, "raw:" + name, state_of(interface), {}});
+      buses.push_back({LocalBus::Kind::ethernet, scheme::raw.with(name), state_of(interface), {}});
     }
   }
 }
@@ -63,7 +65,7 @@ void add_serial_ports(const fs::path& root, std::vector<LocalBus>& buses) {
   for (const fs::path& tty : entries_of(root / "sys/class/tty")) {
     const std::string name = tty.filename().string();
     if (!fs::exists(tty / "device") || !fs::exists(root / "dev" / name) || first_line(tty / "type") == "0") continue;
-    buses.push_back({LocalBus::Kind::serial, "serial:/dev/" + name, {}, adapters[name]});
+    buses.push_back({LocalBus::Kind::serial, scheme::serial.with("/dev/" + name), {}, adapters[name]});
   }
 }
 

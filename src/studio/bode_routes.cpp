@@ -1,11 +1,11 @@
 #include "studio/bode_routes.hpp"
 
 #include <array>
-#include <charconv>
 #include <cmath>
 #include <fmt/format.h>
 
 #include "drive/drive.hpp"
+#include "links/number_text.hpp"
 #include "tools/tuning/loop.hpp"
 #include "tools/tuning/spectrum.hpp"
 
@@ -27,9 +27,8 @@ constexpr double believed = 0.7;  // least coherence of the points used for band
 double number_in_query(const Call& call, std::string_view key, double otherwise, double least, double most) {
   const auto text = query_value(call, key);
   if (!text) return otherwise;
-  double number = 0.0;
-  const auto [end, error] = std::from_chars(text->data(), text->data() + text->size(), number);
-  if (error == std::errc() && end == text->data() + text->size() && number >= least && number <= most) return number;
+  const auto number = links::number_of_text<double>(*text);
+  if (number && *number >= least && *number <= most) return *number;
   throw ApiError{422, fmt::format("{} is \"{}\"", key, text->substr(0, 40)), std::string(key),
                  fmt::format("write a number of {:g} .. {:g}", least, most)};
 }

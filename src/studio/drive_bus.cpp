@@ -5,6 +5,7 @@
 #include <fmt/format.h>
 #include <limits>
 
+#include "axis/cia402_words.hpp"
 #include "line/axis.hpp"
 
 namespace servodrome::studio {
@@ -12,10 +13,9 @@ namespace {
 
 using namespace std::chrono_literals;
 
-constexpr auto idle_time = 1ms;                    // sleep when nothing is to be done
-constexpr auto time_for_others = 8ms;              // longest time that a work item gives to other accesses at once
-constexpr std::uint16_t quick_stop_word = 0x0002;  // CiA 402-2 table 24
-constexpr std::uint16_t fault_or_warning = 1U << 3 | 1U << 7;
+constexpr auto idle_time = 1ms;        // sleep when nothing is to be done
+constexpr auto time_for_others = 8ms;  // longest time that a work item gives to other accesses at once
+constexpr std::uint16_t fault_or_warning = 1U << 3 | master::status_bit::warning;
 constexpr double not_read = std::numeric_limits<double>::quiet_NaN();
 
 JobError error_of(const std::exception& error, const std::string& where) {
@@ -332,7 +332,7 @@ bool DriveBus::poll_one(OpenBus& open, bool silent_too) {
     stop_when_back_[i] = false;
   }
   try {
-    if (stop) objects.write<std::uint16_t>(0x6040, 0, quick_stop_word);
+    if (stop) objects.write<std::uint16_t>(0x6040, 0, master::command_word::quick_stop);
     if (silent_[i]) open.back(i);
     silent_[i] = false;
     seen.status = axes_[i].status();

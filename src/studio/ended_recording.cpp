@@ -1,7 +1,8 @@
 #include "studio/ended_recording.hpp"
 
-#include <charconv>
 #include <fmt/format.h>
+
+#include "links/number_text.hpp"
 
 namespace servodrome::studio {
 
@@ -10,10 +11,8 @@ using line::bench::ApiError;
 std::shared_ptr<const line::bench::Recording> ended_recording(const line::bench::Call& call,
                                                               const FindRecording& find) {
   const std::string_view text = call.arguments.front();
-  std::uint32_t id = 0;
-  const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), id);
-  const bool number = error == std::errc() && end == text.data() + text.size();
-  auto recording = number ? find(id) : nullptr;
+  const auto id = links::number_of_text<std::uint32_t>(text);
+  auto recording = id ? find(*id) : nullptr;
   if (recording == nullptr) {
     throw ApiError{404, fmt::format("there is no recording \"{}\"", text.substr(0, 40)), "address",
                    "GET /api/v1/recordings lists them; the oldest make room for new ones"};

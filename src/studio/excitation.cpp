@@ -7,6 +7,8 @@
 #include <numbers>
 #include <optional>
 
+#include "axis/cia402_words.hpp"
+
 namespace servodrome::studio {
 namespace {
 
@@ -16,8 +18,7 @@ using std::chrono::duration;
 using std::chrono::duration_cast;
 
 constexpr master::Time period = std::chrono::milliseconds(1);  // of the targets; a slow bus makes it longer
-constexpr std::uint16_t enabled_word = 0x000F;
-constexpr double ramp_margin = 20.0;  // ramps are steeper than the excitation by this factor
+constexpr double ramp_margin = 20.0;                           // ramps are steeper than the excitation by this factor
 
 bool has_mode(master::Axis402& axis, OperationMode mode) {
   const auto supported = axis.objects().read_if_present<std::uint32_t>(0x6502);
@@ -95,7 +96,7 @@ class Target {
         write(0.0);
         break;
     }
-    objects.write<std::uint16_t>(0x6040, 0, enabled_word);
+    objects.write<std::uint16_t>(0x6040, 0, master::command_word::enable_operation);
   }
 
   void write(double share) {

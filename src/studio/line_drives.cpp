@@ -1,5 +1,6 @@
 #include "studio/line_drives.hpp"
 
+#include "axis/cia402_words.hpp"
 #include "axis/cyclic/object_cyclic_bus.hpp"
 #include "drive/drive.hpp"
 #include "line/bench/error.hpp"
@@ -44,7 +45,6 @@ line::bench::Json LineDrives::in_cycles(const std::string&, master::ObjectClient
 }
 
 std::vector<std::optional<JobError>> LineDrives::stop_all() {
-  constexpr std::uint16_t quick_stop = 0x0002;  // CiA 402-2 table 24
   std::vector<std::optional<JobError>> errors;
   for (const auto& axis : line_.axes()) {
     const std::string& name = axis->settings().name;
@@ -53,7 +53,7 @@ std::vector<std::optional<JobError>> LineDrives::stop_all() {
     if (!axis->powered() || !enabled()) continue;
     try {
       ServiceObjects objects(line_, *axis);
-      objects.write<std::uint16_t>(0x6040, 0, quick_stop);
+      objects.write<std::uint16_t>(0x6040, 0, master::command_word::quick_stop);
       if (enabled()) wrong = JobError{"the drive did not execute the quick stop", name, "switch its power off"};
       master::Axis402(objects, options_for(*axis)).take_back_targets();  // or another master's enabling starts them
     } catch (const master::MasterError& error) {

@@ -3,21 +3,15 @@
 #include <sstream>
 
 #include "axis/object_catalogue.hpp"
-#include "line/bench/body_reader.hpp"
 #include "studio/commissioning.hpp"
+#include "studio/route_names.hpp"
 #include "tools/parameters/loader.hpp"
 
 // The parameters of an axis as in `servodrome params`: shown as text, loaded, compared, stored.
 namespace servodrome::studio {
 namespace {
 
-using line::bench::ApiError;
-using line::bench::BodyReader;
-using line::bench::Call;
 using line::bench::Content;
-using line::bench::Json;
-using line::bench::Method;
-using line::bench::Route;
 
 constexpr const char* body_name = "body";  // replaces a file name in messages
 

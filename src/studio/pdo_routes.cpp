@@ -1,12 +1,12 @@
 #include <algorithm>
 #include <array>
-#include <charconv>
 #include <fmt/format.h>
 #include <sstream>
 
 #include "dictionary/dictionary.hpp"
-#include "line/bench/body_reader.hpp"
+#include "links/number_text.hpp"
 #include "studio/commissioning.hpp"
+#include "studio/route_names.hpp"
 #include "tools/parameters/loader.hpp"
 
 // The PDO mappings of an axis as lists: CiA 301 clauses 7.5.2.35 to 38, and 1C12h and 1C13h of ETG.1000.6. The
@@ -14,12 +14,6 @@
 namespace servodrome::studio {
 namespace {
 
-using line::bench::ApiError;
-using line::bench::BodyReader;
-using line::bench::Call;
-using line::bench::Json;
-using line::bench::Method;
-using line::bench::Route;
 using master::ObjectAddress;
 using master::ParameterList;
 
@@ -210,12 +204,11 @@ class PdoTable {
   static std::uint32_t hexadecimal(std::string_view text, const char* where) {
     std::string_view digits = text;
     if (digits.starts_with("0x") || digits.starts_with("0X")) digits.remove_prefix(2);
-    std::uint32_t value = 0;
-    const auto [end, error] = std::from_chars(digits.data(), digits.data() + digits.size(), value, 16);
-    if (error != std::errc() || end != digits.data() + digits.size() || value > 0xFFFFU) {
+    const auto value = links::number_of_text<std::uint32_t>(digits, 16);
+    if (!value || *value > 0xFFFFU) {
       wrong(fmt::format("\"{}\" is not an index", text.substr(0, 40)), where, "write it in hexadecimal: \"0x1600\"");
     }
-    return value;
+    return *value;
   }
 
   std::uint16_t pdo_index(const Json& value, const char* where) const {

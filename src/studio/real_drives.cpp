@@ -89,8 +89,7 @@ const line::Product& tables_of(const std::string& product) {
 
 }  // namespace
 
-RealDrives::RealDrives(std::vector<BusPlan> plans)
-    : start_(DriveBus::Clock::now()), wall_epoch_(std::chrono::system_clock::now().time_since_epoch()) {
+RealDrives::RealDrives(std::vector<BusPlan> plans) : start_(DriveBus::Clock::now()), wall_epoch_(links::wall_now()) {
   for (BusPlan& plan : plans) {
     for (std::size_t i = 0; i < plan.drives.size(); ++i) {
       const DrivePlan& drive = plan.drives[i];

@@ -4,7 +4,6 @@
 #include "axis/fault_report.hpp"
 #include "drive/drive.hpp"
 #include "line/bench/axis_view.hpp"
-#include "line/bench/body_reader.hpp"
 #include "line/bench/object_values.hpp"
 #include "line/nearest_name.hpp"
 #include "master/canopen/sdo_client.hpp"
@@ -12,6 +11,7 @@
 #include "master/serial10/client.hpp"
 #include "studio/real_drives.hpp"
 #include "studio/real_server.hpp"
+#include "studio/route_names.hpp"
 
 // The API for real drives: a line reads the answers from its virtual drives, here the drives are asked over their
 // buses.
@@ -19,12 +19,6 @@ namespace servodrome::studio {
 namespace {
 
 using dictionary::AbortCode;
-using line::bench::ApiError;
-using line::bench::BodyReader;
-using line::bench::Call;
-using line::bench::Json;
-using line::bench::Method;
-using line::bench::Route;
 
 constexpr const char* no_plant = "these are drives on a bus, and the program can only use what the bus offers";
 

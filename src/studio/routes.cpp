@@ -1,23 +1,17 @@
 #include <algorithm>
 #include <array>
-#include <charconv>
 #include <fmt/format.h>
 
 #include "line/nearest_name.hpp"
+#include "links/number_text.hpp"
 #include "studio/jobs.hpp"
+#include "studio/route_names.hpp"
 #include "tools/tuning/drive_gains.hpp"
 #include "tools/tuning/gain_guide.hpp"
 
 // The calls of the API that move axes.
 namespace servodrome::studio {
 namespace {
-
-using line::bench::ApiError;
-using line::bench::BodyReader;
-using line::bench::Call;
-using line::bench::Json;
-using line::bench::Method;
-using line::bench::Route;
 
 Jobs& jobs_of(const Call& call) { return *static_cast<Jobs*>(call.context); }
 
@@ -35,10 +29,8 @@ Json view_of(const JobError& error) { return Json{{"what", error.what}, {"where"
 
 Job& job_argument(Call& call) {
   const std::string_view text = call.arguments.front();
-  std::uint64_t id = 0;
-  const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), id);
-  Job* job = nullptr;
-  if (error == std::errc() && end == text.data() + text.size()) job = jobs_of(call).find(id);
+  const auto id = links::number_of_text<std::uint64_t>(text);
+  Job* job = id ? jobs_of(call).find(*id) : nullptr;
   if (job != nullptr) return *job;
   throw ApiError{404, fmt::format("there is no job \"{}\"", text.substr(0, 40)), "address",
                  fmt::format("GET /api/v1/jobs lists the last {}", Jobs::most_remembered)};

@@ -3,27 +3,20 @@
 #include <algorithm>
 #include <array>
 #include <cctype>
-#include <charconv>
 #include <cstring>
 #include <fmt/format.h>
 
-#include "line/bench/body_reader.hpp"
 #include "links/can/log.hpp"
+#include "links/number_text.hpp"
 #include "links/pcap.hpp"
 #include "links/serial/log.hpp"
 #include "master/error.hpp"
 #include "studio/line_traffic.hpp"
+#include "studio/route_names.hpp"
 #include "tools/sniff/summary.hpp"
 
 namespace servodrome::studio {
 namespace {
-
-using line::bench::ApiError;
-using line::bench::BodyReader;
-using line::bench::Call;
-using line::bench::Json;
-using line::bench::Method;
-using line::bench::Route;
 
 // Limits per piece of an answer; the line continues between two pieces.
 constexpr unsigned frames_at_once = 32;
@@ -40,13 +33,12 @@ std::shared_ptr<TrafficView> view_argument(Call& call) { return traffic_of(call)
 std::uint64_t number_in_query(const Call& call, std::string_view key, std::uint64_t usual, std::uint64_t most) {
   const auto text = query_value(call, key);
   if (!text) return usual;
-  std::uint64_t value = 0;
-  const auto [end, error] = std::from_chars(text->data(), text->data() + text->size(), value);
-  if (text->empty() || error != std::errc() || end != text->data() + text->size() || value > most) {
+  const auto value = links::number_of_text<std::uint64_t>(*text);
+  if (!value || *value > most) {
     throw ApiError{400, fmt::format("\"{}\" is not a number up to {}", text->substr(0, 40), most), std::string(key),
                    "write a whole number"};
   }
-  return value;
+  return *value;
 }
 
 std::string lower(std::string_view text) {

@@ -315,8 +315,8 @@ void add_prove(CLI::App& app) {
       app.add_subcommand("prove", "Home every drive of a bus, move it there and back, and print the results");
   add_bus_options(*command, options->bus, "Seconds to wait until each motion is complete");
   command->get_option("--bus")->description(
-      "CAN link: socketcand:HOST:PORT/BUS, slcan:PATH or socketcan:INTERFACE; or EtherCAT: udp:HOST[:PORT] or "
-      "raw:INTERFACE");
+      fmt::format("CAN link: {}; or EtherCAT: {}", links::client_forms(links::can_schemes, " or "),
+                  links::client_forms(links::ethercat_schemes_easiest_first, " or ")));
   add_watch_option(*command, options->bus);
   add_cycle_options(*command, options->bus);
   command

@@ -8,6 +8,7 @@
 #include "app/drive_link.hpp"
 #include "app/number_options.hpp"
 #include "app/recognition.hpp"
+#include "links/link_scheme.hpp"
 #include "links/local_buses.hpp"
 #include "master/ethercat/scan.hpp"
 #include "master/modbus/scan.hpp"
@@ -251,10 +252,10 @@ std::vector<Bus> buses_of_default_line() {
   std::vector<Bus> buses;
   try {
     master::Bus::open(default_bus);
-    buses.push_back({default_bus, "CANopen", "answers", "socketcand"});
+    buses.push_back({std::string(default_bus), "CANopen", "answers", "socketcand"});
   } catch (const master::MasterError&) {
   }
-  constexpr const char* ethercat = "udp:127.0.0.1:34980";
+  const std::string ethercat(links::scheme::udp.example);
   try {
     const auto master = master::EthercatMaster::open(ethercat, {});
     if (const unsigned count = master::count_slaves(*master); count != 0) {

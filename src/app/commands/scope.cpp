@@ -198,8 +198,7 @@ class Session {
     }
     // Wall-clock time of the trigger.
     const master::Time ago = link_.objects().now() - outcome.recording.zero;
-    const auto wall = std::chrono::system_clock::now().time_since_epoch();
-    outcome.recording.zero_unix_ns = (std::chrono::duration_cast<std::chrono::nanoseconds>(wall) - ago).count();
+    outcome.recording.zero_unix_ns = (links::wall_now() - ago).count();
     attempt([&] { sampler_->close(); });
     return outcome;
   }

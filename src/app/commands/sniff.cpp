@@ -1,4 +1,5 @@
 // `sniff`: decodes a capture, or the traffic of a live bus, to text.
+#include <array>
 #include <cerrno>
 #include <cstdio>
 #include <cstring>
@@ -18,6 +19,7 @@
 #include "links/ethercat/link_name.hpp"
 #include "links/ethercat/packet_socket.hpp"
 #include "links/link_error.hpp"
+#include "links/link_scheme.hpp"
 #include "links/serial/client.hpp"
 #include "links/serial/format_text.hpp"
 #include "tools/sniff/can_decoder.hpp"
@@ -44,6 +46,14 @@ struct Options {
   bool quiet = false;
   bool json = false;
 };
+
+constexpr std::array live_can{links::scheme::socketcand, links::scheme::socketcan, links::scheme::slcan};
+constexpr std::array live_serial{links::scheme::serial, links::scheme::pty, links::scheme::tcp};
+
+std::string prefixes_of_live_buses() {
+  return fmt::format("{}, {}:, {}", links::prefixes(live_can, ", "), links::scheme::raw.name,
+                     links::prefixes(live_serial, ", "));
+}
 
 constexpr unsigned can_bit_rate = 1'000'000;
 constexpr unsigned serial_bit_rate = 115'200;
@@ -278,10 +288,8 @@ void sniff_file(const Options& options, Sniffer& sniffer) {
   const std::unique_ptr<std::FILE, Close> file(options.source == "-" ? stdin
                                                                      : std::fopen(options.source.c_str(), "rb"));
   if (!file) {
-    throw Failure::wrong_use(
-        fmt::format("{}: {}; give a capture file, - for standard input, or a live bus (socketcand:, socketcan:, "
-                    "slcan:, raw:, serial:, pty:, tcp:)",
-                    options.source, std::strerror(errno)));
+    throw Failure::wrong_use(fmt::format("{}: {}; give a capture file, - for standard input, or a live bus ({})",
+                                         options.source, std::strerror(errno), prefixes_of_live_buses()));
   }
   const InterruptGuard guard(InterruptGuard::Command::only_looks);
   try {
@@ -321,13 +329,12 @@ void sniff_ethercat(const Options& options, Sniffer& sniffer) {
   }
   links::PacketSocket socket(raw->interface, options.source);
   const InterruptGuard guard(InterruptGuard::Command::only_looks);
-  const auto now = [] { return master::Time(std::chrono::steady_clock::now().time_since_epoch()); };
-  const master::Time start = now();
-  while (!is_over(options, start, now())) {
+  const master::Time start = links::steady_now();
+  while (!is_over(options, start, links::steady_now())) {
     pollfd wanted{socket.descriptor(), POLLIN, 0};
     ::poll(&wanted, 1, 50);
     for (auto frame = socket.frame(0); !frame.empty(); frame = socket.frame(0)) {
-      sniffer.take(std::span<const std::uint8_t>(frame), now());
+      sniffer.take(std::span<const std::uint8_t>(frame), links::steady_now());
       socket.release(1);
     }
     if (const int reason = socket.take_error(); reason != 0) {
@@ -369,18 +376,14 @@ void sniff_serial(const Options& options, Sniffer& sniffer) {
   end();
 }
 
-bool begins_with_any(const std::string& text, std::initializer_list<std::string_view> beginnings) {
-  return std::any_of(beginnings.begin(), beginnings.end(), [&](std::string_view one) { return text.starts_with(one); });
-}
-
 void run(const Options& options) {
   Sniffer sniffer(options);
-  if (begins_with_any(options.source, {"socketcand:", "socketcan:", "slcan:"})) {
+  if (links::is_any_of(links::can_schemes, options.source)) {
     sniff_can(options, sniffer);
-  } else if (begins_with_any(options.source, {"raw:", "udp:", "serial:", "pty:", "tcp:"})) {
+  } else if (const bool is_ethercat = links::is_any_of(links::ethercat_schemes, options.source);
+             is_ethercat || links::is_any_of(links::serial_schemes, options.source)) {
     try {
-      begins_with_any(options.source, {"raw:", "udp:"}) ? sniff_ethercat(options, sniffer)
-                                                        : sniff_serial(options, sniffer);
+      is_ethercat ? sniff_ethercat(options, sniffer) : sniff_serial(options, sniffer);
     } catch (const links::LinkError& error) {
       throw Failure::wrong_use(error.what());
     }
@@ -398,10 +401,11 @@ void add_sniff(CLI::App& app) {
       "sniff", "Decode a capture or a live bus: services, objects by name with values, states, errors");
   command
       ->add_option("SOURCE", options->source,
-                   "Capture (candump or serial log, pcap or pcapng of CAN, EtherCAT, Modbus TCP or serial lines; - is "
-                   "standard input), or a live bus: socketcand:HOST:PORT/BUS, socketcan:INTERFACE, slcan:PATH, "
-                   "raw:INTERFACE for EtherCAT, serial:DEVICE, pty:PATH or tcp:HOST:PORT (a converter "
-                   "that sends the bytes) for RS485")
+                   fmt::format("Capture (candump or serial log, pcap or pcapng of CAN, EtherCAT, Modbus TCP or serial "
+                               "lines; - is standard input), or a live bus: {}, {} for EtherCAT, {} (a converter that "
+                               "sends the bytes) for RS485",
+                               links::client_forms(live_can), links::scheme::raw.client_form,
+                               links::client_forms(live_serial, " or ")))
       ->required();
   command
       ->add_option(

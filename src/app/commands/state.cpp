@@ -13,7 +13,7 @@ namespace state_command {
 using master::AlState;
 
 struct Options {
-  BusOptions bus{.link = "udp:127.0.0.1:34980"};
+  BusOptions bus{.link = std::string(links::scheme::udp.example)};
   std::string state;
   double seconds = 0.0;  // 0: until Ctrl-C
 };
@@ -125,7 +125,7 @@ void add_state(CLI::App& app) {
       "state", "Show or change the state of EtherCAT slaves; process data are exchanged while OP is held");
   command->add_option("STATE", options->state, "init, preop, boot, safeop or op; the states are shown if not given");
   add_bus_options(*command, options->bus, "Seconds to wait for each answer of a slave");
-  command->get_option("--bus")->description("udp:HOST[:PORT] or raw:INTERFACE");
+  command->get_option("--bus")->description(links::client_forms(links::ethercat_schemes_easiest_first, " or "));
   add_node_option(*command, options->bus);
   command->get_option("--node")->description("Position behind the master, or station alias; all slaves if not given");
   add_cycle_options(*command, options->bus);

@@ -4,10 +4,12 @@
 #include <fmt/format.h>
 #include <nlohmann/json.hpp>
 
+#include "app/bus_options.hpp"
 #include "app/commands.hpp"
 #include "app/drive_buses.hpp"
 #include "app/page_folder.hpp"
 #include "line/config.hpp"
+#include "links/link_scheme.hpp"
 #include "studio/real_server.hpp"
 
 namespace servodrome::app {
@@ -90,10 +92,11 @@ void add_studio(CLI::App& app) {
   command->remove_option(command->get_option("--bus"));
   command
       ->add_option("--bus", options->buses,
-                   "LINK or LINK=NODE,NODE..: a bus, and optionally the node-IDs, stations or positions of its drives "
-                   "(all drives found if not given); may be given several times. CAN: socketcan:INTERFACE, "
-                   "socketcand:HOST:PORT/BUS, slcan:PATH; EtherCAT: raw:INTERFACE, udp:HOST[:PORT]; modbus:LINK or "
-                   "serial10:LINK with pty:PATH, serial:DEVICE or (modbus) tcp:HOST:PORT")
+                   fmt::format("LINK or LINK=NODE,NODE..: a bus, and optionally the node-IDs, stations or positions of "
+                               "its drives (all drives found if not given); may be given several times. CAN: {}; "
+                               "EtherCAT: {}; {}",
+                               links::client_forms(links::can_schemes_hardware_first),
+                               links::client_forms(links::ethercat_schemes), serial_link_help()))
       ->required()
       ->allow_extra_args(false);
   command->add_option("--api", options->api, "ADDRESS:PORT of the server (127.0.0.1:8402); port 0: the system chooses");

@@ -20,6 +20,7 @@
 #include "links/can/link_name.hpp"
 #include "links/ethercat/link_name.hpp"
 #include "links/link_error.hpp"
+#include "links/link_scheme.hpp"
 #include "links/serial/link_name.hpp"
 #include "studio/bode_routes.hpp"
 #include "studio/commissioning.hpp"
@@ -341,9 +342,10 @@ void add_up(CLI::App& app) {
                       "Type, name or product code of the device, if the ESI file has several");
   command
       ->add_option("--bus", options->buses,
-                   "NAME=LINK or LINK: link of a bus, instead of the one in the line file (socketcand:HOST:PORT/BUS, "
-                   "slcan:PATH, socketcan:INTERFACE; udp:HOST:PORT, raw:INTERFACE for EtherCAT; pty:PATH, "
-                   "serial:DEVICE, tcp:HOST:PORT for an RS485 line)")
+                   fmt::format("NAME=LINK or LINK: link of a bus, instead of the one in the line file ({}; {} for "
+                               "EtherCAT; {} for an RS485 line)",
+                               links::forms(links::can_schemes), links::forms(links::ethercat_schemes_easiest_first),
+                               links::forms(links::serial_schemes)))
       ->allow_extra_args(false);
   command->add_option(
       "--log", options->log,

@@ -4,6 +4,7 @@
 #include <fmt/format.h>
 
 #include "axis/axis402.hpp"
+#include "axis/cia402_words.hpp"
 #include "axis/cyclic/interpolation_time.hpp"
 
 namespace servodrome::master {
@@ -13,7 +14,6 @@ namespace {
 constexpr std::uint32_t not_in_use = 0x80000000U;
 constexpr std::uint8_t every_sync = 1;
 constexpr std::uint8_t most_pdos = 8;
-constexpr std::uint16_t quick_stop = 0x0002;
 constexpr Time stopping = std::chrono::seconds(2);
 constexpr Time polling = std::chrono::milliseconds(5);
 constexpr unsigned most_attempts = 2;    // to restore one object
@@ -227,7 +227,7 @@ void CanCyclicBus::put_back(Station& station) {
 void CanCyclicBus::stop_drives() {
   for (const auto& station : stations_) {
     if (state_of(station->objects.read<std::uint16_t>(0x6041)) != PowerState::operation_enabled) continue;
-    station->objects.write<std::uint16_t>(0x6040, 0, quick_stop);
+    station->objects.write<std::uint16_t>(0x6040, 0, command_word::quick_stop);
     const Time end = bus_.now() + stopping;
     const auto state = [&] { return state_of(station->objects.read<std::uint16_t>(0x6041)); };
     while (state() == PowerState::operation_enabled && bus_.now() < end) bus_.run_for(polling);

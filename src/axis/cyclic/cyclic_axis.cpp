@@ -2,16 +2,11 @@
 
 #include <fmt/format.h>
 
+#include "axis/cia402_words.hpp"
+
 namespace servodrome::master {
 
 namespace {
-
-// Controlwords of the commands (CiA 402-2 table 24).
-constexpr std::uint16_t disable_voltage = 0x0000;
-constexpr std::uint16_t shutdown = 0x0006;
-constexpr std::uint16_t switch_on = 0x0007;
-constexpr std::uint16_t enable_operation = 0x000F;
-constexpr std::uint16_t fault_reset = 0x0080;
 
 [[noreturn]] void not_mapped(const std::string& where, std::uint16_t index, const char* pdo) {
   throw MasterError(fmt::format("{:04X}h is not among its process data", index), where,
@@ -91,10 +86,10 @@ void CyclicAxis::hold() {
 bool CyclicAxis::enable() {
   switch (state()) {
     case PowerState::operation_enabled: return true;
-    case PowerState::switched_on: set_controlword(enable_operation); break;
-    case PowerState::ready_to_switch_on: set_controlword(switch_on); break;
-    case PowerState::switch_on_disabled: set_controlword(shutdown); break;
-    case PowerState::quick_stop_active: set_controlword(disable_voltage); break;
+    case PowerState::switched_on: set_controlword(command_word::enable_operation); break;
+    case PowerState::ready_to_switch_on: set_controlword(command_word::switch_on); break;
+    case PowerState::switch_on_disabled: set_controlword(command_word::shutdown); break;
+    case PowerState::quick_stop_active: set_controlword(command_word::disable_voltage); break;
     default: break;
   }
   hold();
@@ -102,16 +97,17 @@ bool CyclicAxis::enable() {
 }
 
 bool CyclicAxis::disable() {
-  set_controlword(disable_voltage);
+  set_controlword(command_word::disable_voltage);
   return state() == PowerState::switch_on_disabled;
 }
 
 bool CyclicAxis::reset_fault() {
   if (state() != PowerState::fault) {
-    if (controlword_.get<std::uint16_t>() == fault_reset) set_controlword(disable_voltage);
+    if (controlword_.get<std::uint16_t>() == command_word::fault_reset) set_controlword(command_word::disable_voltage);
     return state() != PowerState::fault_reaction_active;
   }
-  set_controlword(controlword_.get<std::uint16_t>() == fault_reset ? disable_voltage : fault_reset);
+  set_controlword(controlword_.get<std::uint16_t>() == command_word::fault_reset ? command_word::disable_voltage
+                                                                                 : command_word::fault_reset);
   return false;
 }
 

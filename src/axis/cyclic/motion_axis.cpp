@@ -4,21 +4,12 @@
 #include <cmath>
 #include <fmt/format.h>
 
+#include "axis/cia402_words.hpp"
+
 namespace servodrome::master {
 
 namespace {
 
-constexpr std::uint16_t enable_operation = 0x000F;
-constexpr std::uint16_t quick_stop = 0x0002;
-constexpr std::uint16_t start_homing = drive::controlword::mode_bit_4;
-constexpr std::uint16_t enable_interpolation = drive::controlword::mode_bit_4;
-constexpr std::uint16_t halt = drive::controlword::halt;
-constexpr std::uint16_t target_reached = 1U << 10;
-constexpr std::uint16_t follows_target = 1U << 12;  // in cyclic synchronous position: the drive follows the target
-
-// A drive clears "homing attained" of the last run some cycles after it accepts the command; until then the bits are
-// ignored.
-constexpr Time settling = std::chrono::milliseconds(20);
 // Fraction of the velocity limit over which the torque falls linearly to 0.
 constexpr double torque_taper = 0.1;
 
@@ -193,14 +184,15 @@ void MotionAxis::run_homing() {
       if (homing_cycles_ < settling_cycles_) break;
       if ((word & signals.error) != 0) {
         fail(AxisFault::homing_failed);
-      } else if ((word & signals.attained) != 0 && (!signals.target_reached || (word & target_reached) != 0)) {
+      } else if ((word & signals.attained) != 0 &&
+                 (!signals.target_reached || (word & status_bit::target_reached) != 0)) {
         homed_ = true;
         end_homing();
       }
       break;
     case Homing::breaking_off:
       if (homing_cycles_ < settling_cycles_) break;
-      if ((word & target_reached) != 0 || std::abs(velocity_) < 1.0) end_homing();
+      if ((word & status_bit::target_reached) != 0 || std::abs(velocity_) < 1.0) end_homing();
       break;
   }
 }
@@ -262,12 +254,12 @@ double MotionAxis::limited_torque() const {
 
 std::uint16_t MotionAxis::enabled_controlword() const {
   if (task_ == Task::homing) {
-    if (homing_ == Homing::breaking_off) return enable_operation | start_homing | halt;
-    return homing_ == Homing::running ? enable_operation | start_homing : enable_operation;
+    if (homing_ == Homing::breaking_off) return command_word::enable_operation | start_homing | control_bit::halt;
+    return homing_ == Homing::running ? command_word::enable_operation | start_homing : command_word::enable_operation;
   }
   const bool interpolates = task_ == Task::position && options_.position_mode == OperationMode::interpolated_position &&
                             mode_is(OperationMode::interpolated_position);
-  return interpolates ? enable_operation | enable_interpolation : enable_operation;
+  return interpolates ? command_word::enable_operation | enable_interpolation : command_word::enable_operation;
 }
 
 void MotionAxis::write_targets() {
@@ -302,7 +294,7 @@ void MotionAxis::write() {
     task_ = Task::position;
     if (resetting_) return;
     if (fault_ != AxisFault::none) {
-      if (axis_.state() == PowerState::operation_enabled) axis_.set_controlword(quick_stop);
+      if (axis_.state() == PowerState::operation_enabled) axis_.set_controlword(command_word::quick_stop);
     } else if (!switched_on_) {
       axis_.disable();
     } else if (has_position_ && !waits_for_mode() && axis_.enable() && mode_is(mode_of(Task::position)) && follows()) {

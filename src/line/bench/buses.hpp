@@ -28,5 +28,11 @@ void calm(const Line& line, NamedSerialBus& named);
 void calm(const Line& line, NamedEthercatBus& named);
 
 Json view_of_link(const std::string& name, const links::LinkCounters& traffic);
+template <typename Links>
+Json view_of_links(const Links& links) {
+  Json view = Json::array();
+  for (const auto& link : links) view.push_back(view_of_link(link->name(), link->counters()));
+  return view;
+}
 
 }  // namespace servodrome::line::bench

@@ -78,8 +78,7 @@ Json view_of(const Line& line, const NamedBus& named) {
       view["axes"][axis->settings().name] = view_of_port(bus, axis->port());
     }
   }
-  view["links"] = Json::array();
-  for (const auto& link : named.links) view["links"].push_back(view_of_link(link->name(), link->counters()));
+  view["links"] = view_of_links(named.links);
   return view;
 }
 

@@ -61,8 +61,7 @@ Json view_of(const Line& line, const NamedEthercatBus& named) {
                                                {"error", slave.error()},
                                                {"status_code", static_cast<unsigned>(slave.status_code())}};
   }
-  view["links"] = Json::array();
-  for (const auto& link : named.links) view["links"].push_back(view_of_link(link->name(), link->counters()));
+  view["links"] = view_of_links(named.links);
   return view;
 }
 

@@ -1,6 +1,5 @@
 #include <algorithm>
 #include <array>
-#include <charconv>
 #include <cstring>
 #include <fmt/format.h>
 #include <optional>
@@ -11,6 +10,7 @@
 #include "line/bench/body_reader.hpp"
 #include "line/bench/routes.hpp"
 #include "line/nearest_name.hpp"
+#include "links/number_text.hpp"
 
 namespace servodrome::line::bench {
 namespace {
@@ -37,8 +37,7 @@ Injectable injectable(Axis& axis, const std::string& name) {
   if (const auto injection = plant::injection_from_name(name)) return {injection};
   unsigned code = 0;
   if (name.starts_with("0x")) {
-    const auto [end, error] = std::from_chars(name.data() + 2, name.data() + name.size(), code, 16);
-    if (error != std::errc() || end != name.data() + name.size()) code = 0;
+    code = links::number_of_text<unsigned>(std::string_view(name).substr(2), 16).value_or(0);
   }
   for (const drive::FaultRow* row : rows_of(axis)) {
     if ((code != 0 && row->code == code) || name == drive::name(row->cause)) return {std::nullopt, row->cause};

@@ -15,6 +15,7 @@ namespace {
 using boost::asio::ip::tcp;
 using boost::system::error_code;
 
+// Usually there are no file descriptors left: the server frees one and accepts again after this time.
 constexpr auto retry_time = std::chrono::milliseconds(100);
 
 [[noreturn]] void cannot_listen(const std::string& address, std::uint16_t port, const error_code& code) {
@@ -29,33 +30,35 @@ constexpr auto retry_time = std::chrono::milliseconds(100);
                                      links::advice_for(code.value(), advice)));
 }
 
-}  // namespace
-
-HttpServer::HttpServer(boost::asio::io_context& io, const std::string& address, std::uint16_t port, Access access,
-                       HttpHandlers handlers)
-    : acceptor_(io), retry_(io), access_(std::move(access)), handlers_(std::move(handlers)) {
+tcp::acceptor listen_at(boost::asio::io_context& io, const std::string& address, std::uint16_t port) {
   error_code code;
   const auto host = boost::asio::ip::make_address(address == "localhost" ? "127.0.0.1" : address, code);
   if (code) cannot_listen(address, port, code);
   const tcp::endpoint endpoint(host, port);
-  acceptor_.open(endpoint.protocol(), code);
-  if (!code) acceptor_.set_option(tcp::acceptor::reuse_address(true), code);
-  if (!code) acceptor_.bind(endpoint, code);
-  if (!code) acceptor_.listen(boost::asio::socket_base::max_listen_connections, code);
+  tcp::acceptor acceptor(io);
+  acceptor.open(endpoint.protocol(), code);
+  if (!code) acceptor.set_option(tcp::acceptor::reuse_address(true), code);
+  if (!code) acceptor.bind(endpoint, code);
+  if (!code) acceptor.listen(tcp::acceptor::max_listen_connections, code);
   if (code) cannot_listen(address, port, code);
-  accept();
+  return acceptor;
+}
+
+}  // namespace
+
+HttpServer::HttpServer(boost::asio::io_context& io, const std::string& address, std::uint16_t port, Access access,
+                       HttpHandlers handlers)
+    : accept_loop_(listen_at(io, address, port), retry_time),
+      access_(std::move(access)),
+      handlers_(std::move(handlers)) {
+  accept_loop_.start([this](tcp::socket&& socket) { accept(std::move(socket)); },
+                     [this](const error_code& why) {
+                       if (why == boost::asio::error::no_descriptors) make_room();
+                     });
 }
 
 HttpServer::~HttpServer() {
-  error_code ignored;
-  acceptor_.close(ignored);
-  retry_.cancel();
   for (const auto& connection : connections_) connection->disconnect();
-}
-
-std::uint16_t HttpServer::port() const {
-  error_code ignored;
-  return acceptor_.local_endpoint(ignored).port();
 }
 
 // Makes room for a new connection by ending one whose client sends nothing or does not receive its response. A download
@@ -94,32 +97,11 @@ void HttpServer::charge(std::chrono::steady_clock::duration spent) {
   next_turn_ = std::max(next_turn_, std::chrono::steady_clock::now() - burst) + (share * spent - turn);
 }
 
-void HttpServer::accept() {
-  acceptor_.async_accept([this](error_code code, tcp::socket socket) {
-    if (code == boost::asio::error::operation_aborted) return;
-    if (code) {
-      accept_later(code);
-      return;
-    }
-    if (connections_.size() == most_connections && !make_room()) {
-      accept();
-      return;  // the destructor closes `socket`
-    }
-    const auto connection = std::make_shared<HttpConnection>(*this, std::move(socket));
-    connections_.insert(connection);
-    connection->read();
-    accept();
-  });
-}
-
-// Usually there are no file descriptors left. Frees one and accepts again after retry_time, instead of retrying without
-// end.
-void HttpServer::accept_later(const error_code& why) {
-  if (why == boost::asio::error::no_descriptors) make_room();
-  retry_.expires_after(retry_time);
-  retry_.async_wait([this](const error_code& code) {
-    if (!code) accept();
-  });
+void HttpServer::accept(tcp::socket&& socket) {
+  if (connections_.size() == most_connections && !make_room()) return;  // the caller closes the socket
+  const auto connection = std::make_shared<HttpConnection>(*this, std::move(socket));
+  connections_.insert(connection);
+  connection->read();
 }
 
 }  // namespace servodrome::line::bench

@@ -2,7 +2,6 @@
 
 #include <boost/asio/io_context.hpp>
 #include <boost/asio/ip/tcp.hpp>
-#include <boost/asio/steady_timer.hpp>
 #include <chrono>
 #include <functional>
 #include <memory>
@@ -12,6 +11,7 @@
 
 #include "line/bench/access.hpp"
 #include "line/bench/http.hpp"
+#include "links/accept_loop.hpp"
 
 namespace servodrome::line::bench {
 
@@ -47,7 +47,7 @@ class HttpServer {
   HttpServer& operator=(const HttpServer&) = delete;
 
   // The actual port, also if the requested port was 0.
-  std::uint16_t port() const;
+  std::uint16_t port() const { return accept_loop_.port(); }
   // Counts a connection, or a WebSocket, that an exception has ended. Reports the 1st, 2nd, 4th, 8th ... of them, so
   // that a client that causes them repeatedly does not fill the log.
   void count_failure(const std::exception& error);
@@ -60,8 +60,7 @@ class HttpServer {
   static constexpr auto turn = std::chrono::microseconds(500);
   static constexpr auto burst = 200 * turn;  // requests that need not wait after a pause
 
-  void accept();
-  void accept_later(const boost::system::error_code& why);
+  void accept(boost::asio::ip::tcp::socket&& socket);
   // Returns false if all requests are being carried out.
   bool make_room();
   // Returns how long a new request has to wait because of the rate limit.
@@ -70,8 +69,7 @@ class HttpServer {
   // half of the thread's time.
   void charge(std::chrono::steady_clock::duration spent);
 
-  boost::asio::ip::tcp::acceptor acceptor_;
-  boost::asio::steady_timer retry_;
+  links::AcceptLoop accept_loop_;
   Access access_;
   HttpHandlers handlers_;
   std::set<std::shared_ptr<HttpConnection>> connections_;

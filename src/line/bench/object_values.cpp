@@ -1,7 +1,6 @@
 #include "line/bench/object_values.hpp"
 
 #include <bit>
-#include <charconv>
 #include <cmath>
 #include <fmt/format.h>
 #include <limits>
@@ -9,6 +8,7 @@
 #include "describe/words.hpp"
 #include "drive/drive.hpp"
 #include "line/bench/object_words.hpp"
+#include "links/number_text.hpp"
 
 namespace servodrome::line::bench {
 namespace {
@@ -21,13 +21,12 @@ using dictionary::Type;
 unsigned hexadecimal(std::string_view text, unsigned maximum, std::string_view what) {
   std::string_view digits = text;
   if (digits.starts_with("0x") || digits.starts_with("0X")) digits.remove_prefix(2);
-  unsigned value = 0;
-  const auto [end, error] = std::from_chars(digits.data(), digits.data() + digits.size(), value, 16);
-  if (error != std::errc() || end != digits.data() + digits.size() || value > maximum) {
+  const auto value = links::number_of_text<unsigned>(digits, 16);
+  if (!value || *value > maximum) {
     throw ApiError{400, fmt::format("\"{}\" is not {}", text.substr(0, 40), what), "address",
                    "write index and sub-index in hexadecimal: objects/6041/0"};
   }
-  return value;
+  return *value;
 }
 
 std::string hex_of(std::span<const std::byte> bytes) {
@@ -77,12 +76,9 @@ Bytes bytes_of_hex(const Place& object, const std::string& text) {
   Bytes bytes;
   if (text.size() % 2 != 0) wrong_value(object, "two hexadecimal digits for each byte, as a string");
   for (std::size_t i = 0; i < text.size(); i += 2) {
-    unsigned byte = 0;
-    const auto [end, error] = std::from_chars(text.data() + i, text.data() + i + 2, byte, 16);
-    if (error != std::errc() || end != text.data() + i + 2) {
-      wrong_value(object, "two hexadecimal digits for each byte, as a string");
-    }
-    bytes.push_back(static_cast<std::byte>(byte));
+    const auto byte = links::number_of_text<std::uint8_t>(std::string_view(text).substr(i, 2), 16);
+    if (!byte) wrong_value(object, "two hexadecimal digits for each byte, as a string");
+    bytes.push_back(static_cast<std::byte>(*byte));
   }
   return bytes;
 }

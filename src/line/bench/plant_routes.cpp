@@ -1,11 +1,11 @@
 #include <algorithm>
 #include <array>
-#include <charconv>
 #include <fmt/format.h>
 #include <optional>
 
 #include "line/bench/body_reader.hpp"
 #include "line/bench/routes.hpp"
+#include "links/number_text.hpp"
 
 namespace servodrome::line::bench {
 namespace {
@@ -13,10 +13,7 @@ namespace {
 // Returns the number of an input wire: "DI3" is wire 3.
 int wire_of(const Axis& axis, std::string_view name) {
   int wire = -1;
-  if (name.starts_with("DI")) {
-    const auto [end, error] = std::from_chars(name.data() + 2, name.data() + name.size(), wire);
-    if (error != std::errc() || end != name.data() + name.size()) wire = -1;
-  }
+  if (name.starts_with("DI")) wire = links::number_of_text<int>(name.substr(2)).value_or(-1);
   if (wire < 0 || wire >= axis.settings().product->input_wires) {
     throw ApiError{400, fmt::format("there is no input \"{}\"", name.substr(0, 40)), axis.settings().name,
                    fmt::format("inputs are DI0 .. DI{}", axis.settings().product->input_wires - 1)};

@@ -30,8 +30,7 @@ Json view_of(const Line& line, const NamedSerialBus& named) {
                                                {"bit_rate", port.format().bit_rate},
                                                {"format", links::to_string(port.format())}};
   }
-  view["links"] = Json::array();
-  for (const auto& link : named.links) view["links"].push_back(view_of_link(link->name(), link->counters()));
+  view["links"] = view_of_links(named.links);
   return view;
 }
 

@@ -21,11 +21,7 @@ struct Open {
   std::unique_ptr<CanClient> operator()(const SocketcanName& name) const {
     return std::make_unique<SocketcanClient>(name);
   }
-  std::unique_ptr<CanClient> operator()(const MemName&) const {
-    throw LinkError(std::make_error_code(std::errc::invalid_argument),
-                    "CAN link \"mem:\" reaches a line in the same process only; name the line's socketcand:, slcan: or "
-                    "socketcan: link");
-  }
+  std::unique_ptr<CanClient> operator()(const MemName&) const { refuse_mem_client("CAN", can_schemes); }
 };
 
 }  // namespace

@@ -2,35 +2,13 @@
 
 #include <cerrno>
 #include <fmt/format.h>
-#include <netdb.h>
-#include <netinet/in.h>
-#include <netinet/tcp.h>
 #include <sys/socket.h>
 
 #include "links/descriptor_advice.hpp"
 #include "links/link_error.hpp"
+#include "links/socket_addresses.hpp"
 
 namespace servodrome::links {
-namespace {
-
-struct AddressDeleter {
-  void operator()(addrinfo* list) const { ::freeaddrinfo(list); }
-};
-
-// Returns 0, or the error that prevented the connection.
-int connect_one(const addrinfo& address, FileDescriptor& socket, Deadline deadline) {
-  socket.reset(::socket(address.ai_family, address.ai_socktype | SOCK_NONBLOCK | SOCK_CLOEXEC, address.ai_protocol));
-  if (!socket.is_open()) return errno;
-  if (::connect(socket.get(), address.ai_addr, address.ai_addrlen) == 0) return 0;
-  if (errno != EINPROGRESS) return errno;
-  if (!wait_writable(socket.get(), deadline)) return ETIMEDOUT;
-  int reason = 0;
-  socklen_t size = sizeof reason;
-  ::getsockopt(socket.get(), SOL_SOCKET, SO_ERROR, &reason, &size);
-  return reason;
-}
-
-}  // namespace
 
 SocketcandClient::SocketcandClient(const SocketcandName& name, std::chrono::milliseconds timeout) : name_(name) {
   const Deadline deadline = std::chrono::steady_clock::now() + timeout;
@@ -43,25 +21,15 @@ SocketcandClient::SocketcandClient(const SocketcandName& name, std::chrono::mill
 }
 
 void SocketcandClient::connect(Deadline deadline) {
-  addrinfo hints{};
-  hints.ai_socktype = SOCK_STREAM;
-  addrinfo* list = nullptr;
-  const int failure = ::getaddrinfo(name_.host.c_str(), std::to_string(name_.port).c_str(), &hints, &list);
-  const std::unique_ptr<addrinfo, AddressDeleter> addresses(list);
-  if (failure != 0) {
+  const SocketAddresses addresses = resolve({name_.host, name_.port}, SOCK_STREAM);
+  if (addresses.unknown != nullptr) {
     throw LinkError(std::make_error_code(std::errc::address_not_available),
                     fmt::format("cannot connect to \"{}\": host \"{}\" is unknown ({}); check the link name",
-                                to_string(name_), name_.host, ::gai_strerror(failure)));
+                                to_string(name_), name_.host, addresses.unknown));
   }
   int reason = 0;
-  for (const addrinfo* address = list; address != nullptr; address = address->ai_next) {
-    reason = connect_one(*address, socket_, deadline);
-    if (reason == 0) {
-      const int on = 1;
-      ::setsockopt(socket_.get(), IPPROTO_TCP, TCP_NODELAY, &on, sizeof on);
-      return;
-    }
-  }
+  socket_ = connect_tcp(addresses, deadline, reason);
+  if (socket_.is_open()) return;
   const std::error_code code(reason, std::generic_category());
   throw LinkError(code, fmt::format("cannot connect to \"{}\": {}; {}", to_string(name_), code.message(),
                                     advice_for(reason, "is the line up (servodrome up) and the port right?")));

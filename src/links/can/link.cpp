@@ -3,7 +3,6 @@
 #include "links/can/slcan_link.hpp"
 #include "links/can/socketcan_link.hpp"
 #include "links/can/socketcand_server.hpp"
-#include "links/link_error.hpp"
 
 namespace servodrome::links {
 namespace {
@@ -22,11 +21,7 @@ struct OpenCanLink {
   std::unique_ptr<CanLink> operator()(const SocketcanName& name) const {
     return std::make_unique<SocketcanLink>(name, bus, io, host);
   }
-  std::unique_ptr<CanLink> operator()(const MemName&) const {
-    throw LinkError(std::make_error_code(std::errc::invalid_argument),
-                    "CAN link \"mem:\" is for a master in the same process and cannot be opened for others; choose "
-                    "socketcand:, slcan: or socketcan: to let other programs in");
-  }
+  std::unique_ptr<CanLink> operator()(const MemName&) const { refuse_mem_link("CAN", can_schemes); }
 };
 
 }  // namespace

@@ -5,9 +5,6 @@
 namespace servodrome::links {
 namespace {
 
-constexpr std::string_view socketcand_form = "socketcand:HOST:PORT/BUS, for example socketcand:127.0.0.1:29536/can0";
-constexpr std::string_view slcan_form = "slcan:PATH, for example slcan:/run/servodrome/can0";
-constexpr std::string_view socketcan_form = "socketcan:INTERFACE, for example socketcan:vcan0";
 constexpr std::uint16_t default_port = 29536;
 constexpr std::size_t longest_bus_name = 16;
 constexpr std::size_t longest_interface_name = 15;  // IFNAMSIZ less the terminating zero
@@ -18,20 +15,20 @@ SocketcandName parse_socketcand(const LinkText& link, std::string_view rest) {
     bus = std::string(rest.substr(slash + 1));
     rest = rest.substr(0, slash);
     if (!is_plain_word(bus) || bus.size() > longest_bus_name) {
-      link.refuse("the bus after \"/\" must be a word of 1 to 16 characters", socketcand_form);
+      link.refuse("the bus after \"/\" must be a word of 1 to 16 characters", scheme::socketcand);
     }
   }
-  const Endpoint endpoint = parse_endpoint(link, rest, default_port, socketcand_form);
+  const Endpoint endpoint = parse_endpoint(link, rest, default_port, scheme::socketcand);
   return {endpoint.host, endpoint.port, bus};
 }
 
 struct ToString {
   std::string operator()(const SocketcandName& name) const {
-    return fmt::format("socketcand:{}/{}", links::to_string(Endpoint{name.host, name.port}), name.bus);
+    return scheme::socketcand.with(fmt::format("{}/{}", links::to_string(Endpoint{name.host, name.port}), name.bus));
   }
-  std::string operator()(const SlcanName& name) const { return "slcan:" + name.path; }
-  std::string operator()(const SocketcanName& name) const { return "socketcan:" + name.interface; }
-  std::string operator()(const MemName&) const { return "mem:"; }
+  std::string operator()(const SlcanName& name) const { return scheme::slcan.with(name.path); }
+  std::string operator()(const SocketcanName& name) const { return scheme::socketcan.with(name.interface); }
+  std::string operator()(const MemName&) const { return scheme::mem.with(""); }
 };
 
 }  // namespace
@@ -39,24 +36,17 @@ struct ToString {
 CanLinkName parse_can_link(std::string_view text) {
   const LinkText link{"CAN", text};
   if (const auto rest = link.rest()) {
-    if (link.scheme() == "socketcand") return parse_socketcand(link, *rest);
-    if (link.scheme() == "slcan") {
-      if (rest->empty()) link.refuse("there is no path", slcan_form);
-      if (rest->find('\0') != std::string_view::npos) link.refuse("the path contains a zero byte", slcan_form);
-      return SlcanName{std::string(*rest)};
-    }
-    if (link.scheme() == "socketcan") {
+    if (link.scheme() == scheme::socketcand.name) return parse_socketcand(link, *rest);
+    if (link.scheme() == scheme::slcan.name) return SlcanName{parse_path(link, *rest, scheme::slcan)};
+    if (link.scheme() == scheme::socketcan.name) {
       if (!is_plain_word(*rest) || rest->size() > longest_interface_name) {
-        link.refuse("the interface must be a word of 1 to 15 characters", socketcan_form);
+        link.refuse("the interface must be a word of 1 to 15 characters", scheme::socketcan);
       }
       return SocketcanName{std::string(*rest)};
     }
-    if (link.scheme() == "mem") {
-      if (!rest->empty()) link.refuse("nothing may follow the colon", "mem:");
-      return MemName{};
-    }
+    if (link.scheme() == scheme::mem.name) return parse_mem(link, *rest);
   }
-  link.refuse_scheme("socketcand:HOST:PORT/BUS, slcan:PATH, socketcan:INTERFACE, mem:");
+  link.refuse_scheme(can_schemes);
 }
 
 std::string to_string(const CanLinkName& name) { return std::visit(ToString{}, name); }

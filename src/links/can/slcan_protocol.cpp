@@ -1,7 +1,8 @@
 #include "links/can/slcan_protocol.hpp"
 
-#include <charconv>
 #include <fmt/format.h>
+
+#include "links/number_text.hpp"
 
 namespace servodrome::links::slcan {
 namespace {
@@ -12,13 +13,7 @@ constexpr std::string_view serial_number = "NSD01";
 constexpr std::uint32_t timing_clock_hz = 8'000'000;  // SJA1000 at 16 MHz
 constexpr std::int64_t timestamp_period_ms = 60'000;
 
-std::optional<std::uint32_t> hex_number(std::string_view digits) {
-  std::uint32_t value = 0;
-  const char* end = digits.data() + digits.size();
-  const auto [stop, error] = std::from_chars(digits.data(), end, value, 16);
-  if (digits.empty() || error != std::errc{} || stop != end) return std::nullopt;
-  return value;
-}
+std::optional<std::uint32_t> hex_number(std::string_view digits) { return number_of_text<std::uint32_t>(digits, 16); }
 
 bool equal_where_it_matters(std::uint32_t value, std::uint32_t code, std::uint32_t do_not_care) {
   return ((value ^ code) & ~do_not_care) == 0;

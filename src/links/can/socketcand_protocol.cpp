@@ -1,18 +1,15 @@
 #include "links/can/socketcand_protocol.hpp"
 
-#include <charconv>
 #include <fmt/format.h>
+
+#include "links/number_text.hpp"
 
 namespace servodrome::links::socketcand {
 namespace {
 
 std::optional<std::uint32_t> hex_number(std::string_view digits, std::size_t most_digits) {
-  std::uint32_t value = 0;
-  const char* end = digits.data() + digits.size();
-  if (digits.empty() || digits.size() > most_digits) return std::nullopt;
-  const auto [stop, error] = std::from_chars(digits.data(), end, value, 16);
-  if (error != std::errc{} || stop != end) return std::nullopt;
-  return value;
+  if (digits.size() > most_digits) return std::nullopt;
+  return number_of_text<std::uint32_t>(digits, 16);
 }
 
 bool read_identifier(std::string_view digits, canopen::Frame& frame) {

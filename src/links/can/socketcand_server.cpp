@@ -22,8 +22,6 @@ using boost::system::error_code;
 // same read. So frames are held back until the client's next command shows that it has read the answer, or for this
 // time.
 constexpr auto rawmode_quiet_time = std::chrono::milliseconds(50);
-// The server accepts again after this time when the system had no descriptor for a new client.
-constexpr auto accept_retry_time = std::chrono::milliseconds(200);
 // Limits the system's buffer, so that a slow reader receives recent frames.
 constexpr int socket_send_buffer_bytes = 64 * 1024;
 // Limit for each client, beside the frame in the controller.
@@ -258,54 +256,38 @@ SocketcandServer::SocketcandServer(const SocketcandName& name, CanBus& bus, boos
     : name_(name),
       bus_(bus),
       host_(host),
-      acceptor_(listen_at(io, {name.host, name.port}, to_string(name))),
-      accept_retry_(io),
+      accept_loop_(listen_at(io, {name.host, name.port}, to_string(name)), accept_retry_time),
       port_(bus.attach(*this)) {
-  name_.port = acceptor_.local_endpoint().port();
-  accept();
+  name_.port = accept_loop_.port();
+  accept_loop_.start([this](tcp::socket&& socket) { accept(std::move(socket)); });
 }
 
 SocketcandServer::~SocketcandServer() {
-  *alive_ = false;
   for (const auto& client : clients_) client->disconnect();
   bus_.detach(port_);
 }
 
-void SocketcandServer::accept() {
-  acceptor_.async_accept([this, alive = alive_](error_code code, tcp::socket socket) {
-    if (!*alive || code == boost::asio::error::operation_aborted) return;
-    if (code) {
-      accept_retry_.expires_after(accept_retry_time);
-      accept_retry_.async_wait([this, alive](error_code cancelled) {
-        if (*alive && !cancelled) accept();
-      });
-      return;
-    }
-    error_code ignored;
-    serve_promptly(socket);
-    socket.set_option(boost::asio::socket_base::send_buffer_size(socket_send_buffer_bytes), ignored);
-    if (clients_.size() == most_clients && !make_room()) {
-      socket.non_blocking(true, ignored);
-      socket.write_some(boost::asio::buffer(std::string_view("< error too many clients >")), ignored);
-    } else {
-      if (++last_client_number_ == 0) ++last_client_number_;
-      queues_.push_back(std::make_shared<Queue>(last_client_number_));
-      clients_.push_back(std::make_shared<Client>(*this, std::move(socket), queues_.back()));
-      counters_.clients = static_cast<std::uint32_t>(clients_.size());
-      clients_.back()->start();
-      host_.wake();  // drives' frames now have a receiver, so the line sleeps less
-    }
-    accept();
-  });
+void SocketcandServer::accept(tcp::socket&& socket) {
+  error_code ignored;
+  serve_promptly(socket);
+  socket.set_option(boost::asio::socket_base::send_buffer_size(socket_send_buffer_bytes), ignored);
+  if (clients_.size() == most_clients && !make_room()) {
+    socket.non_blocking(true, ignored);
+    socket.write_some(boost::asio::buffer(std::string_view("< error too many clients >")), ignored);
+    return;  // the caller closes the socket
+  }
+  if (++last_client_number_ == 0) ++last_client_number_;
+  queues_.push_back(std::make_shared<Queue>(last_client_number_));
+  clients_.push_back(std::make_shared<Client>(*this, std::move(socket), queues_.back()));
+  counters_.clients = static_cast<std::uint32_t>(clients_.size());
+  clients_.back()->start();
+  host_.wake();  // drives' frames now have a receiver, so the line sleeps less
 }
 
 bool SocketcandServer::make_room() {
-  const auto silent_longer = [](const auto& a, const auto& b) { return a->silent_since() < b->silent_since(); };
-  const auto client = std::min_element(clients_.begin(), clients_.end(), silent_longer);
-  if (std::chrono::steady_clock::now() - (*client)->silent_since() < client_patience) return false;
-  const std::shared_ptr<Client> kept = *client;
-  remove(*kept);
-  return true;
+  const std::shared_ptr<Client> client = find_silent(clients_);
+  if (client) remove(*client);
+  return client != nullptr;
 }
 
 void SocketcandServer::remove(Client& client) {

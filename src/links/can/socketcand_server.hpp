@@ -1,11 +1,11 @@
 #pragma once
 
 #include <boost/asio/ip/tcp.hpp>
-#include <boost/asio/steady_timer.hpp>
 #include <memory>
 #include <string>
 #include <vector>
 
+#include "links/accept_loop.hpp"
 #include "links/can/link.hpp"
 
 namespace servodrome::links {
@@ -49,17 +49,15 @@ class SocketcandServer final : public CanLink, private Receiver {
   void queue(Queue& queue, const canopen::Frame& frame);
   void feed();
   void show(const canopen::Frame& frame, Time at, std::uint32_t except);
-  void accept();
+  void accept(boost::asio::ip::tcp::socket&& socket);
   bool make_room();
   void remove(Client& client);
 
   SocketcandName name_;
   CanBus& bus_;
   LineHost& host_;
-  boost::asio::ip::tcp::acceptor acceptor_;
-  boost::asio::steady_timer accept_retry_;
+  AcceptLoop accept_loop_;
   PortId port_;
-  std::shared_ptr<bool> alive_ = std::make_shared<bool>(true);
   std::vector<std::shared_ptr<Client>> clients_;
   std::vector<std::shared_ptr<Queue>> queues_;
   std::size_t turn_ = 0;                  // index of the queue that sent last

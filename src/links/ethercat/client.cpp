@@ -16,11 +16,7 @@ struct Open {
   std::unique_ptr<EthercatClient> operator()(const EthercatUdpName& name) const {
     return std::make_unique<UdpEthercatClient>(name);
   }
-  std::unique_ptr<EthercatClient> operator()(const MemName&) const {
-    throw LinkError(
-        std::make_error_code(std::errc::invalid_argument),
-        "EtherCAT link \"mem:\" reaches a line in the same process only; name the line's raw: or udp: link");
-  }
+  std::unique_ptr<EthercatClient> operator()(const MemName&) const { refuse_mem_client("EtherCAT", ethercat_schemes); }
 };
 
 }  // namespace

@@ -90,7 +90,7 @@ std::size_t RawEthercatClient::receive(std::span<std::uint8_t> into, Time timeou
   }
 }
 
-Time RawEthercatClient::now() const { return std::chrono::steady_clock::now().time_since_epoch(); }
+Time RawEthercatClient::now() const { return steady_now(); }
 
 void RawEthercatClient::wait(Time span) { std::this_thread::sleep_for(span); }
 

@@ -39,7 +39,7 @@ std::size_t UdpEthercatClient::receive(std::span<std::uint8_t> into, Time timeou
   }
 }
 
-Time UdpEthercatClient::now() const { return std::chrono::steady_clock::now().time_since_epoch(); }
+Time UdpEthercatClient::now() const { return steady_now(); }
 
 void UdpEthercatClient::wait(Time span) { std::this_thread::sleep_for(span); }
 

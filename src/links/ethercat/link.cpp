@@ -2,7 +2,6 @@
 
 #include "links/ethercat/raw_link.hpp"
 #include "links/ethercat/udp_link.hpp"
-#include "links/link_error.hpp"
 
 namespace servodrome::links {
 namespace {
@@ -19,12 +18,7 @@ struct OpenEthercatLink {
   std::unique_ptr<EthercatLink> operator()(const EthercatUdpName& name) const {
     return std::make_unique<EthercatUdpLink>(name, bus, io, host);
   }
-  std::unique_ptr<EthercatLink> operator()(const MemName&) const {
-    throw LinkError(
-        std::make_error_code(std::errc::invalid_argument),
-        "EtherCAT link \"mem:\" is for a master in the same process and cannot be opened for others; choose "
-        "raw: or udp: to let other programs in");
-  }
+  std::unique_ptr<EthercatLink> operator()(const MemName&) const { refuse_mem_link("EtherCAT", ethercat_schemes); }
 };
 
 }  // namespace

@@ -5,42 +5,39 @@
 namespace servodrome::links {
 namespace {
 
-constexpr std::string_view raw_form =
-    "raw:INTERFACE, for example raw:eth1, or raw:INTERFACE+INTERFACE for a ring; \",busy\" may follow";
-constexpr std::string_view udp_form = "udp:HOST:PORT, for example udp:127.0.0.1:34980; \",busy\" may follow";
 constexpr std::size_t longest_interface_name = 15;  // IFNAMSIZ less the terminating zero
 
 std::string interface_name(const LinkText& link, std::string_view text) {
   if (!is_plain_word(text) || text.size() > longest_interface_name) {
-    link.refuse("an interface must be a word of 1 to 15 characters", raw_form);
+    link.refuse("an interface must be a word of 1 to 15 characters", scheme::raw);
   }
   return std::string(text);
 }
 
 // Removes the word behind the last comma from `rest`. Returns true if it is "busy", false if there is no comma.
-bool take_busy(const LinkText& link, std::string_view& rest, std::string_view form) {
+bool take_busy(const LinkText& link, std::string_view& rest, const LinkScheme& scheme) {
   const auto comma = rest.rfind(',');
   if (comma == std::string_view::npos) return false;
-  if (rest.substr(comma + 1) != "busy") link.refuse("only \"busy\" may follow a comma", form);
+  if (rest.substr(comma + 1) != "busy") link.refuse("only \"busy\" may follow a comma", scheme);
   rest = rest.substr(0, comma);
   return true;
 }
 
 RawName parse_raw(const LinkText& link, std::string_view rest) {
   RawName name;
-  name.busy = take_busy(link, rest, raw_form);
+  name.busy = take_busy(link, rest, scheme::raw);
   const auto plus = rest.find('+');
   name.interface = interface_name(link, rest.substr(0, plus));
   if (plus == std::string_view::npos) return name;
   name.secondary = interface_name(link, rest.substr(plus + 1));
-  if (*name.secondary == name.interface) link.refuse("a ring has two interfaces", raw_form);
+  if (*name.secondary == name.interface) link.refuse("a ring has two interfaces", scheme::raw);
   return name;
 }
 
 EthercatUdpName parse_udp(const LinkText& link, std::string_view rest) {
   EthercatUdpName name;
-  name.busy = take_busy(link, rest, udp_form);
-  const Endpoint endpoint = parse_endpoint(link, rest, ethercat_udp_port, udp_form);
+  name.busy = take_busy(link, rest, scheme::udp);
+  const Endpoint endpoint = parse_endpoint(link, rest, ethercat_udp_port, scheme::udp);
   name.host = endpoint.host;
   name.port = endpoint.port;
   return name;
@@ -48,13 +45,13 @@ EthercatUdpName parse_udp(const LinkText& link, std::string_view rest) {
 
 struct ToString {
   std::string operator()(const RawName& name) const {
-    return fmt::format("raw:{}{}{}{}", name.interface, name.secondary ? "+" : "", name.secondary.value_or(""),
-                       suffix(name.busy));
+    return scheme::raw.with(fmt::format("{}{}{}{}", name.interface, name.secondary ? "+" : "",
+                                        name.secondary.value_or(""), suffix(name.busy)));
   }
   std::string operator()(const EthercatUdpName& name) const {
-    return fmt::format("udp:{}{}", links::to_string(Endpoint{name.host, name.port}), suffix(name.busy));
+    return scheme::udp.with(links::to_string(Endpoint{name.host, name.port}) + suffix(name.busy));
   }
-  std::string operator()(const MemName&) const { return "mem:"; }
+  std::string operator()(const MemName&) const { return scheme::mem.with(""); }
   static const char* suffix(bool busy) { return busy ? ",busy" : ""; }
 };
 
@@ -63,14 +60,11 @@ struct ToString {
 EthercatLinkName parse_ethercat_link(std::string_view text) {
   const LinkText link{"EtherCAT", text};
   if (const auto rest = link.rest()) {
-    if (link.scheme() == "raw") return parse_raw(link, *rest);
-    if (link.scheme() == "udp") return parse_udp(link, *rest);
-    if (link.scheme() == "mem") {
-      if (!rest->empty()) link.refuse("nothing may follow the colon", "mem:");
-      return MemName{};
-    }
+    if (link.scheme() == scheme::raw.name) return parse_raw(link, *rest);
+    if (link.scheme() == scheme::udp.name) return parse_udp(link, *rest);
+    if (link.scheme() == scheme::mem.name) return parse_mem(link, *rest);
   }
-  link.refuse_scheme("raw:INTERFACE, udp:HOST:PORT, mem:");
+  link.refuse_scheme(ethercat_schemes);
 }
 
 std::string to_string(const EthercatLinkName& name) { return std::visit(ToString{}, name); }

@@ -2,31 +2,21 @@
 
 #include <cerrno>
 #include <fmt/format.h>
-#include <memory>
-#include <netdb.h>
 #include <netinet/in.h>
 
 #include "links/descriptor_advice.hpp"
 #include "links/link_error.hpp"
+#include "links/socket_addresses.hpp"
 
 namespace servodrome::links {
 namespace {
 
-using Addresses = std::unique_ptr<addrinfo, decltype(&::freeaddrinfo)>;
-
-Addresses resolve(const Endpoint& endpoint, int flags, const std::string& link) {
-  addrinfo hints{};
-  hints.ai_family = AF_UNSPEC;
-  hints.ai_socktype = SOCK_DGRAM;
-  hints.ai_flags = flags | AI_NUMERICSERV;
-  addrinfo* found = nullptr;
-  const int failure = ::getaddrinfo(endpoint.host.c_str(), std::to_string(endpoint.port).c_str(), &hints, &found);
-  if (failure != 0) {
-    throw LinkError(std::make_error_code(std::errc::address_not_available),
-                    fmt::format("cannot open \"{}\": host \"{}\" is unknown ({}); write an address, such as 127.0.0.1",
-                                link, endpoint.host, ::gai_strerror(failure)));
-  }
-  return {found, &::freeaddrinfo};
+SocketAddresses addresses_of(const Endpoint& endpoint, int flags, const std::string& link) {
+  SocketAddresses addresses = resolve(endpoint, SOCK_DGRAM, flags | AI_NUMERICSERV);
+  if (addresses.unknown == nullptr) return addresses;
+  throw LinkError(std::make_error_code(std::errc::address_not_available),
+                  fmt::format("cannot open \"{}\": host \"{}\" is unknown ({}); write an address, such as 127.0.0.1",
+                              link, endpoint.host, addresses.unknown));
 }
 
 FileDescriptor open_socket(const addrinfo& address) {
@@ -42,9 +32,9 @@ FileDescriptor open_socket(const addrinfo& address) {
 }  // namespace
 
 FileDescriptor udp_listen(const Endpoint& endpoint, const std::string& link) {
-  const Addresses addresses = resolve(endpoint, AI_PASSIVE, link);
-  FileDescriptor socket = open_socket(*addresses);
-  if (!socket.is_open() || ::bind(socket.get(), addresses->ai_addr, addresses->ai_addrlen) != 0) {
+  const auto addresses = addresses_of(endpoint, AI_PASSIVE, link);
+  FileDescriptor socket = open_socket(*addresses.list);
+  if (!socket.is_open() || ::bind(socket.get(), addresses.list->ai_addr, addresses.list->ai_addrlen) != 0) {
     if (errno == EADDRINUSE) {
       fail_udp(link, fmt::format("another program has UDP port {}; stop it or choose another port", endpoint.port));
     }
@@ -55,9 +45,9 @@ FileDescriptor udp_listen(const Endpoint& endpoint, const std::string& link) {
 }
 
 FileDescriptor udp_connect(const Endpoint& endpoint, const std::string& link) {
-  const Addresses addresses = resolve(endpoint, 0, link);
-  FileDescriptor socket = open_socket(*addresses);
-  if (!socket.is_open() || ::connect(socket.get(), addresses->ai_addr, addresses->ai_addrlen) != 0) {
+  const auto addresses = addresses_of(endpoint, 0, link);
+  FileDescriptor socket = open_socket(*addresses.list);
+  if (!socket.is_open() || ::connect(socket.get(), addresses.list->ai_addr, addresses.list->ai_addrlen) != 0) {
     fail_udp(link, "check that there is a route to this address (ip route)");
   }
   return socket;

@@ -5,14 +5,13 @@
 #include <cstring>
 #include <fcntl.h>
 #include <fmt/format.h>
-#include <netdb.h>
-#include <netinet/tcp.h>
 #include <sys/socket.h>
 #include <thread>
 
 #include "links/descriptor_advice.hpp"
 #include "links/link_error.hpp"
 #include "links/serial/tty.hpp"
+#include "links/socket_addresses.hpp"
 
 namespace servodrome::links {
 namespace {
@@ -47,7 +46,7 @@ class DescriptorClient final : public ByteClient {
     return true;
   }
 
-  Time now() const override { return std::chrono::steady_clock::now().time_since_epoch(); }
+  Time now() const override { return steady_now(); }
   void wait(Time span) override { std::this_thread::sleep_for(span); }
 
  private:
@@ -59,37 +58,15 @@ class DescriptorClient final : public ByteClient {
 
 FileDescriptor connect_to(const ModbusTcpName& name, std::chrono::milliseconds timeout) {
   const std::string text = to_string(name);
-  addrinfo hints{};
-  hints.ai_socktype = SOCK_STREAM;
-  addrinfo* found = nullptr;
-  const std::string port = std::to_string(name.endpoint.port);
-  if (const int error = ::getaddrinfo(name.endpoint.host.c_str(), port.c_str(), &hints, &found); error != 0) {
+  const SocketAddresses addresses = resolve(name.endpoint, SOCK_STREAM);
+  if (addresses.unknown != nullptr) {
     throw LinkError(std::make_error_code(std::errc::host_unreachable),
                     fmt::format("\"{}\": host \"{}\" is unknown ({}); check its name", text, name.endpoint.host,
-                                ::gai_strerror(error)));
+                                addresses.unknown));
   }
-  const std::unique_ptr<addrinfo, decltype(&::freeaddrinfo)> addresses(found, &::freeaddrinfo);
-  const Deadline deadline = std::chrono::steady_clock::now() + timeout;
-  int reason = ECONNREFUSED;
-  for (const addrinfo* address = found; address != nullptr; address = address->ai_next) {
-    FileDescriptor socket(::socket(address->ai_family, SOCK_STREAM | SOCK_NONBLOCK | SOCK_CLOEXEC, 0));
-    if (!socket.is_open()) {
-      reason = errno;
-      continue;
-    }
-    if (::connect(socket.get(), address->ai_addr, address->ai_addrlen) != 0) {
-      reason = errno;
-      if (reason != EINPROGRESS) continue;
-      reason = ETIMEDOUT;
-      if (!wait_writable(socket.get(), deadline)) continue;
-      socklen_t length = sizeof reason;
-      ::getsockopt(socket.get(), SOL_SOCKET, SO_ERROR, &reason, &length);
-      if (reason != 0) continue;
-    }
-    const int on = 1;
-    ::setsockopt(socket.get(), IPPROTO_TCP, TCP_NODELAY, &on, sizeof on);
-    return socket;
-  }
+  int reason = 0;
+  FileDescriptor socket = connect_tcp(addresses, std::chrono::steady_clock::now() + timeout, reason);
+  if (socket.is_open()) return socket;
   fail(reason, text, "cannot connect", "is the device or the line up, and does it listen at this address?");
 }
 
@@ -106,12 +83,7 @@ struct Open {
   std::unique_ptr<ByteClient> operator()(const ModbusTcpName& name) const {
     return std::make_unique<DescriptorClient>(connect_to(name, connect_timeout), to_string(name));
   }
-  std::unique_ptr<ByteClient> operator()(const MemName&) const {
-    throw LinkError(
-        std::make_error_code(std::errc::invalid_argument),
-        "serial link \"mem:\" reaches a line in the same process only; name the line's pty:, serial: or tcp: "
-        "link");
-  }
+  std::unique_ptr<ByteClient> operator()(const MemName&) const { refuse_mem_client("serial", serial_schemes); }
 };
 
 }  // namespace

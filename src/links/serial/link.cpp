@@ -1,6 +1,5 @@
 #include "links/serial/link.hpp"
 
-#include "links/link_error.hpp"
 #include "links/serial/modbus_tcp_listener.hpp"
 #include "links/serial/stream_link.hpp"
 
@@ -22,11 +21,7 @@ struct OpenSerialLink {
   std::unique_ptr<SerialLink> operator()(const ModbusTcpName& name) const {
     return std::make_unique<ModbusTcpListener>(name, line, units, io, host);
   }
-  std::unique_ptr<SerialLink> operator()(const MemName&) const {
-    throw LinkError(std::make_error_code(std::errc::invalid_argument),
-                    "serial link \"mem:\" is for a master in the same process and cannot be opened for others; choose "
-                    "pty:, serial: or tcp: to let other programs in");
-  }
+  std::unique_ptr<SerialLink> operator()(const MemName&) const { refuse_mem_link("serial", serial_schemes); }
 };
 
 }  // namespace

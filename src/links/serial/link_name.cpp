@@ -3,21 +3,11 @@
 namespace servodrome::links {
 namespace {
 
-constexpr std::string_view pty_form = "pty:PATH, for example pty:/run/servodrome/axis3";
-constexpr std::string_view serial_form = "serial:DEVICE, for example serial:/dev/ttyUSB0";
-constexpr std::string_view tcp_form = "tcp:HOST:PORT, for example tcp:127.0.0.1:1502";
-
-std::string parse_path(const LinkText& link, std::string_view rest, std::string_view form) {
-  if (rest.empty()) link.refuse("there is no path", form);
-  if (rest.find('\0') != std::string_view::npos) link.refuse("the path contains a zero byte", form);
-  return std::string(rest);
-}
-
 struct ToString {
-  std::string operator()(const PtyName& name) const { return "pty:" + name.path; }
-  std::string operator()(const TtyName& name) const { return "serial:" + name.device; }
-  std::string operator()(const ModbusTcpName& name) const { return "tcp:" + links::to_string(name.endpoint); }
-  std::string operator()(const MemName&) const { return "mem:"; }
+  std::string operator()(const PtyName& name) const { return scheme::pty.with(name.path); }
+  std::string operator()(const TtyName& name) const { return scheme::serial.with(name.device); }
+  std::string operator()(const ModbusTcpName& name) const { return scheme::tcp.with(links::to_string(name.endpoint)); }
+  std::string operator()(const MemName&) const { return scheme::mem.with(""); }
 };
 
 }  // namespace
@@ -25,15 +15,13 @@ struct ToString {
 SerialLinkName parse_serial_link(std::string_view text) {
   const LinkText link{"serial", text};
   if (const auto rest = link.rest()) {
-    if (link.scheme() == "pty") return PtyName{parse_path(link, *rest, pty_form)};
-    if (link.scheme() == "serial") return TtyName{parse_path(link, *rest, serial_form)};
-    if (link.scheme() == "tcp") return ModbusTcpName{parse_endpoint(link, *rest, default_modbus_tcp_port, tcp_form)};
-    if (link.scheme() == "mem") {
-      if (!rest->empty()) link.refuse("nothing may follow the colon", "mem:");
-      return MemName{};
-    }
+    if (link.scheme() == scheme::pty.name) return PtyName{parse_path(link, *rest, scheme::pty)};
+    if (link.scheme() == scheme::serial.name) return TtyName{parse_path(link, *rest, scheme::serial)};
+    if (link.scheme() == scheme::tcp.name)
+      return ModbusTcpName{parse_endpoint(link, *rest, default_modbus_tcp_port, scheme::tcp)};
+    if (link.scheme() == scheme::mem.name) return parse_mem(link, *rest);
   }
-  link.refuse_scheme("pty:PATH, serial:DEVICE, tcp:HOST:PORT, mem:");
+  link.refuse_scheme(serial_schemes);
 }
 
 std::string to_string(const SerialLinkName& name) { return std::visit(ToString{}, name); }

@@ -9,15 +9,9 @@
 #include "links/listen.hpp"
 
 namespace servodrome::links {
-namespace {
 
 using boost::asio::ip::tcp;
 using boost::system::error_code;
-
-// The listener accepts again after this time when the system had no descriptor for a new client.
-constexpr auto accept_retry_time = std::chrono::milliseconds(200);
-
-}  // namespace
 
 class ModbusTcpListener::Client : public std::enable_shared_from_this<Client> {
  public:
@@ -141,43 +135,27 @@ ModbusTcpListener::ModbusTcpListener(const ModbusTcpName& name, SerialLine& line
       line_(line),
       units_(units),
       host_(host),
-      acceptor_(listen_at(io, name.endpoint, to_string(name))),
-      accept_retry_(io) {
-  name_.endpoint.port = acceptor_.local_endpoint().port();
-  accept();
+      accept_loop_(listen_at(io, name.endpoint, to_string(name)), accept_retry_time) {
+  name_.endpoint.port = accept_loop_.port();
+  accept_loop_.start([this](tcp::socket&& socket) { accept(std::move(socket)); });
 }
 
 ModbusTcpListener::~ModbusTcpListener() {
-  *alive_ = false;
   for (const auto& client : clients_) client->disconnect();
 }
 
-void ModbusTcpListener::accept() {
-  acceptor_.async_accept([this, alive = alive_](error_code code, tcp::socket socket) {
-    if (!*alive || code == boost::asio::error::operation_aborted) return;
-    if (code) {
-      accept_retry_.expires_after(accept_retry_time);
-      accept_retry_.async_wait([this, alive](error_code cancelled) {
-        if (*alive && !cancelled) accept();
-      });
-      return;
-    }
-    if (clients_.size() < most_clients || make_room()) {  // else the destructor closes the socket
-      serve_promptly(socket);
-      clients_.push_back(std::make_shared<Client>(*this, std::move(socket)));
-      counters_.clients = static_cast<std::uint32_t>(clients_.size());
-      clients_.back()->read();
-    }
-    accept();
-  });
+void ModbusTcpListener::accept(tcp::socket&& socket) {
+  if (clients_.size() == most_clients && !make_room()) return;  // the caller closes the socket
+  serve_promptly(socket);
+  clients_.push_back(std::make_shared<Client>(*this, std::move(socket)));
+  counters_.clients = static_cast<std::uint32_t>(clients_.size());
+  clients_.back()->read();
 }
 
 bool ModbusTcpListener::make_room() {
-  const auto silent_longer = [](const auto& a, const auto& b) { return a->silent_since() < b->silent_since(); };
-  const auto client = std::min_element(clients_.begin(), clients_.end(), silent_longer);
-  if (std::chrono::steady_clock::now() - (*client)->silent_since() < client_patience) return false;
-  remove(**client);
-  return true;
+  const std::shared_ptr<Client> client = find_silent(clients_);
+  if (client) remove(*client);
+  return client != nullptr;
 }
 
 bool ModbusTcpListener::settled() {

@@ -1,10 +1,10 @@
 #pragma once
 
 #include <boost/asio/ip/tcp.hpp>
-#include <boost/asio/steady_timer.hpp>
 #include <memory>
 #include <vector>
 
+#include "links/accept_loop.hpp"
 #include "links/serial/link.hpp"
 
 namespace servodrome::links {
@@ -34,7 +34,7 @@ class ModbusTcpListener final : public SerialLink {
   class Client;
   using Moment = std::chrono::steady_clock::time_point;
 
-  void accept();
+  void accept(boost::asio::ip::tcp::socket&& socket);
   bool make_room();
   void remove(const Client& client);
 
@@ -42,9 +42,7 @@ class ModbusTcpListener final : public SerialLink {
   SerialLine& line_;
   modbus::Units& units_;
   LineHost& host_;
-  boost::asio::ip::tcp::acceptor acceptor_;
-  boost::asio::steady_timer accept_retry_;
-  std::shared_ptr<bool> alive_ = std::make_shared<bool>(true);
+  AcceptLoop accept_loop_;
   std::vector<std::shared_ptr<Client>> clients_;
   LinkCounters counters_;
 };

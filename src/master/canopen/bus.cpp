@@ -1,8 +1,10 @@
 #include "master/canopen/bus.hpp"
 
 #include <algorithm>
+#include <fmt/format.h>
 
 #include "links/link_error.hpp"
+#include "links/link_scheme.hpp"
 #include "master/error.hpp"
 
 namespace servodrome::master {
@@ -29,15 +31,13 @@ std::unique_ptr<Bus> Bus::open(std::string_view link, links::Heard heard) {
     if (nobody)
       throw MasterError("no server listens there", std::string(link), "start `servodrome up` or give --bus LINK");
     if (error.code() == std::errc::invalid_argument) {
-      throw MasterError(error.what(), "--bus", "give for example socketcand:127.0.0.1:29536/can0");
+      throw MasterError(error.what(), "--bus", fmt::format("give for example {}", links::scheme::socketcand.example));
     }
     throw MasterError(error.what(), std::string(link), "check --bus LINK");
   }
 }
 
-Time Bus::now() const {
-  return clock_ != nullptr ? clock_->now() : Time(std::chrono::steady_clock::now().time_since_epoch());
-}
+Time Bus::now() const { return clock_ != nullptr ? clock_->now() : links::steady_now(); }
 
 std::optional<Frame> Bus::receive(Time until) {
   const Time left = std::max(Time{0}, until - now());

@@ -115,15 +115,7 @@ class CloneTable {
 };
 
 describe::Description description_of(const Clone& clone, const CloneTable& table) {
-  describe::Description description;
-  const describe::DeviceFile& device = clone.device;
-  description.vendor_name = device.vendor_name;
-  description.product_name = device.product_name;
-  description.order_code = device.order_code;
-  description.bit_rates_kbit = device.bit_rates_kbit;
-  if (description.bit_rates_kbit.empty()) description.bit_rates_kbit = {10, 20, 50, 125, 250, 500, 800, 1000};
-  description.lss_supported = device.lss_supported;
-  description.dummy_usage = device.dummy_usage;
+  describe::Description description = describe::description_of(clone.device);
   description.table = table.entries();
   description.file.description = "Configuration of one device, read from it";
   description.file.created_by = "servodrome clone";

@@ -2,6 +2,7 @@
 #include <array>
 #include <cmath>
 
+#include "axis/cia402_words.hpp"
 #include "axis/cyclic/set_point_generator.hpp"
 #include "tools/conform/check_tables.hpp"
 #include "tools/conform/cyclic_run.hpp"
@@ -11,8 +12,6 @@ namespace {
 
 using namespace std::chrono_literals;
 
-constexpr std::uint16_t follows = 0x1000;  // bit 12; in interpolated position: the mode is active
-constexpr std::uint16_t halt = 0x0100;
 constexpr double torque_window = 5.0;  // in 0.1 % of rated torque
 constexpr double slow = 0.5;           // revolutions per second, for motions that are stopped on the way
 constexpr double acceleration = 10.0;  // revolutions per second squared
@@ -32,7 +31,7 @@ constexpr std::array modes{
                .target = {{0x60C1, 1}, 32},
                .is_position = true,
                .other_target = PdoObject{{0x607A, 0}, 32},
-               .enable_bits = 0x0010},
+               .enable_bits = enable_interpolation},
 };
 enum Row : int { csp, csv, cst, ip };
 
@@ -56,20 +55,20 @@ MotionLimits limits_of(Trial& trial, double speed) {
 
 void follows_when_enabled(Trial& trial, int row) {
   CyclicRun axis(trial, mode_of(row));
-  trial.expect((axis.statusword() & follows) == 0, "not enabled", "bit 12 of 6041h = 0", text_of_bit(axis));
+  trial.expect((axis.statusword() & follows_target) == 0, "not enabled", "bit 12 of 6041h = 0", text_of_bit(axis));
   axis.enable();
-  const bool came = axis.run(500ms, [&] { return (axis.statusword() & follows) != 0; });
+  const bool came = axis.run(500ms, [&] { return (axis.statusword() & follows_target) != 0; });
   trial.expect(came, "operation enabled, a target in each cycle", "bit 12 of 6041h = 1", text_of_bit(axis));
-  const bool went = axis.run(200ms, [&] { return (axis.statusword() & follows) == 0; });
+  const bool went = axis.run(200ms, [&] { return (axis.statusword() & follows_target) == 0; });
   trial.expect(!came || !went, "the same for 200 ms", "bit 12 of 6041h stays 1", text_of_bit(axis));
   if (mode_of(row).enable_bits != 0) {
-    axis.control(0x000F);
-    const bool inactive = axis.run(500ms, [&] { return (axis.statusword() & follows) == 0; });
+    axis.control(command_word::enable_operation);
+    const bool inactive = axis.run(500ms, [&] { return (axis.statusword() & follows_target) == 0; });
     trial.expect(inactive, "6040h = 000Fh, bit 4 taken away", "bit 12 of 6041h = 0", text_of_bit(axis));
   }
   axis.control(0x0000);
   axis.run(trial.settings().patience, [&] { return axis.state() == PowerState::switch_on_disabled; });
-  trial.expect((axis.statusword() & follows) == 0, text_of_controlword(0x0000), "bit 12 of 6041h = 0",
+  trial.expect((axis.statusword() & follows_target) == 0, text_of_controlword(0x0000), "bit 12 of 6041h = 0",
                text_of_bit(axis));
 }
 
@@ -107,7 +106,8 @@ void waits(Trial& trial, int row) {
     if (mode.other_target) trial.write_if_present<std::int32_t>(mode.other_target->object.index, 0, value);
   }
   trial.bring_to(PowerState::operation_enabled);
-  if (mode.enable_bits != 0) trial.control(static_cast<std::uint16_t>(0x000F | mode.enable_bits));
+  if (mode.enable_bits != 0)
+    trial.control(static_cast<std::uint16_t>(command_word::enable_operation | mode.enable_bits));
   double furthest = 0.0;
   const double allowed = trial.units().position * trial.settings().revolutions;
   for (const Time end = trial.now() + 500ms; trial.now() < end && furthest <= allowed;) {
@@ -363,16 +363,17 @@ void halts(Trial& trial, int row) {
   CyclicRun axis(trial, mode_of(row));
   axis.enable();
   Motion motion = set_off(trial, axis, row, 1.0);
-  axis.control(axis.enabled_word() | halt);
+  axis.control(axis.enabled_word() | control_bit::halt);
   const bool stopped = go_on(trial, axis, row, motion, trial.settings().patience);
   const std::uint16_t word = axis.statusword();
-  trial.expect(stopped, fmt::format("6040h = {:04X}h under way, targets go on", axis.enabled_word() | halt),
+  trial.expect(stopped,
+               fmt::format("6040h = {:04X}h under way, targets go on", axis.enabled_word() | control_bit::halt),
                "the axis stops", fmt::format("6064h = {} from {}", axis.position(), motion.start));
   if (!stopped) return;
   trial.expect(state_of(word) == PowerState::operation_enabled, "halted", "operation enabled, as before",
                text_of_state(word));
   if (row == ip) return;
-  trial.expect((word & follows) == 0, "halted", "bit 12 of 6041h = 0, the target is ignored",
+  trial.expect((word & follows_target) == 0, "halted", "bit 12 of 6041h = 0, the target is ignored",
                fmt::format("{:04X}h", word));
 }
 
@@ -383,7 +384,7 @@ void leaves(Trial& trial, int row) {
   Motion motion = set_off(trial, axis, row, -1.0);
   // Clears bit 4 first: in profile position it would be a new set-point.
   if (mode_of(row).enable_bits != 0) {
-    axis.control(0x000F);
+    axis.control(command_word::enable_operation);
     go_on(trial, axis, row, motion, 50ms);
   }
   const std::string sent = fmt::format("6060h = {} under way", static_cast<int>(refuge));

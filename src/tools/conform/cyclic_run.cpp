@@ -17,8 +17,6 @@ constexpr PdoObject controlword{{0x6040, 0}, 16};
 constexpr PdoObject statusword_entry{{0x6041, 0}, 16};
 constexpr PdoObject position_entry{{0x6064, 0}, 32};
 constexpr PdoObject internal_position_entry{{0x6063, 0}, 32};
-constexpr std::uint16_t quick_stop = 0x0002;
-constexpr std::uint16_t disable_voltage = 0x0000;
 constexpr std::uint16_t own_rx_pdo = 0x1600;
 constexpr std::uint16_t own_tx_pdo = 0x1A00;
 
@@ -246,11 +244,11 @@ bool CyclicRun::comes_to_rest(Time patience) {
 
 void CyclicRun::stop() {
   if (state() == PowerState::operation_enabled) {
-    control(quick_stop);
+    control(command_word::quick_stop);
     run(2s,
         [this] { return state() != PowerState::operation_enabled && std::abs(speed_) < trial_.units().position / 50; });
   }
-  control(disable_voltage);
+  control(command_word::disable_voltage);
   run(2s, [this] { return state() == PowerState::switch_on_disabled || state() == PowerState::fault; });
 }
 

@@ -6,6 +6,7 @@
 #include <optional>
 #include <vector>
 
+#include "axis/cia402_words.hpp"
 #include "axis/cyclic/cyclic_axis.hpp"
 #include "axis/cyclic/cyclic_bus.hpp"
 #include "master/canopen/pdo_set_up.hpp"
@@ -42,7 +43,9 @@ class CyclicRun {
   // must not block.
   bool run(Time span, const std::function<bool()>& each = {});
   void control(std::uint16_t word) { control_ = word; }
-  std::uint16_t enabled_word() const { return static_cast<std::uint16_t>(0x000F | mode_.enable_bits); }
+  std::uint16_t enabled_word() const {
+    return static_cast<std::uint16_t>(command_word::enable_operation | mode_.enable_bits);
+  }
   void set_target(double value) { target_ = static_cast<std::int32_t>(std::lround(value)); }
   std::int32_t target() const { return target_; }
   // Waits until the position stays the same for some cycles; false after `patience`.

@@ -1,5 +1,6 @@
 // Faults: reaction, reset, error objects, emergencies. The fault used is a following error, because a master can cause
 // it.
+#include "axis/cia402_words.hpp"
 #include "tools/conform/check_tables.hpp"
 #include "tools/conform/trial.hpp"
 
@@ -18,7 +19,7 @@ void need_fault(Trial& trial) {
 void reaction(Trial& trial, int) {
   need_fault(trial);
   const std::uint16_t word = trial.statusword();
-  trial.expect((word & 0x4F) == 0x08, "a fault is caused", "fault: bits 004Fh of 6041h are 0008h",
+  trial.expect(state_of(word) == PowerState::fault, "a fault is caused", "fault: bits 004Fh of 6041h are 0008h",
                fmt::format("{:04X}h", word));
 }
 
@@ -49,7 +50,7 @@ void reset_by_edge(Trial& trial, int) {
   trial.wait(200ms);
   trial.control(0x0000);
   trial.wait(20ms);
-  trial.control(0x0080);
+  trial.control(command_word::fault_reset);
   const bool reset = trial.wait_for(PowerState::switch_on_disabled);
   trial.require(reset, "6040h = 0000h, then 0080h (fault reset) in fault", "switch on disabled",
                 text_of_state(trial.statusword()));
@@ -105,7 +106,7 @@ void emergency(Trial& trial, int) {
     trial.wait(200ms);
     trial.control(0x0000);
     trial.wait(20ms);
-    trial.control(0x0080);
+    trial.control(command_word::fault_reset);
     trial.wait_for(PowerState::switch_on_disabled);
     trial.wait(100ms);
     const bool reset = !came.empty() && came.back().code == 0;

@@ -1,6 +1,7 @@
 // The homing mode: bits 10, 12 and 13, and the home offset. Uses methods that do not move the axis.
 #include <cmath>
 
+#include "axis/cia402_words.hpp"
 #include "tools/conform/check_tables.hpp"
 #include "tools/conform/trial.hpp"
 
@@ -8,8 +9,6 @@ namespace servodrome::master::conform {
 namespace {
 
 using namespace std::chrono_literals;
-
-constexpr std::uint16_t target_reached = 0x0400;
 
 // Method 35; or 37 if 60E3h lists it or 35 is refused: the present position becomes home. Skips the check if the drive
 // has neither.
@@ -42,7 +41,7 @@ void prepare(Trial& trial) {
   if (trial.objects().read_if_present<std::uint32_t>(0x609A).value_or(1) == 0) {
     trial.objects().write<std::uint32_t>(0x609A, 0, static_cast<std::uint32_t>(Trial::whole(unit.acceleration)));
   }
-  trial.control(0x000F);
+  trial.control(command_word::enable_operation);
 }
 
 struct Bits {
@@ -58,14 +57,14 @@ Bits bits_of(Trial& trial) {
 // the former position.
 void put_position_back(Trial& trial, std::int32_t before) {
   for (const std::int32_t sign : {1, -1}) {
-    trial.control(0x000F);
+    trial.control(command_word::enable_operation);
     if (Trial::refusal_of([&] { trial.objects().write<std::int32_t>(0x607C, 0, sign * before); })) return;
-    trial.control(0x001F);
+    trial.control(command_word::enable_operation | start_homing);
     trial.wait_for(bits_of(trial).attained, bits_of(trial).attained);
     trial.wait(50ms);
     if (std::abs(static_cast<double>(trial.position()) - before) <= trial.units().position / 100.0) break;
   }
-  trial.control(0x000F);
+  trial.control(command_word::enable_operation);
 }
 
 void attained(Trial& trial, int) {
@@ -73,7 +72,7 @@ void attained(Trial& trial, int) {
   const std::int32_t before = trial.position();
   const Bits bits = bits_of(trial);
   trial.objects().write<std::int32_t>(0x607C, 0, 0);
-  trial.control(0x001F);
+  trial.control(command_word::enable_operation | start_homing);
   const bool done = trial.wait_for(bits.attained | bits.error, bits.attained);
   const std::uint16_t word = trial.statusword();
   trial.require(done, fmt::format("6098h = {}, 6040h = 001Fh", trial.objects().read<std::int8_t>(0x6098)),
@@ -81,8 +80,8 @@ void attained(Trial& trial, int) {
                 fmt::format("{:04X}h", word));
   trial.expect(bits.attained == 0x1000, "homed", "homing attained is bit 12 of 6041h",
                bits.attained == 0x1000 ? "bit 12" : "bit 15, and bit 12 is an error");
-  trial.expect(trial.wait_for(target_reached, target_reached, 500ms), "homing attained", "bit 10 of 6041h = 1 as well",
-               fmt::format("{:04X}h", trial.statusword()));
+  trial.expect(trial.wait_for(status_bit::target_reached, status_bit::target_reached, 500ms), "homing attained",
+               "bit 10 of 6041h = 1 as well", fmt::format("{:04X}h", trial.statusword()));
   const std::int32_t position = trial.position();
   trial.expect(std::abs(static_cast<double>(position)) <= trial.units().position / 50.0, "607Ch = 0, homed",
                "6064h = 0 there", fmt::format("{}", position));
@@ -117,8 +116,8 @@ void not_attained_while_searching(Trial& trial, int) {
   trial.write_if_present<std::uint32_t>(0x609A, 0, ramp);
   const Bits bits = bits_of(trial);
   const std::int32_t start = trial.position();
-  trial.control(0x000F);
-  trial.control(0x001F);
+  trial.control(command_word::enable_operation);
+  trial.control(command_word::enable_operation | start_homing);
   // Moves at most a tenth of a revolution and takes at most 0.3 s.
   const Time end = trial.now() + 300ms;
   bool told = false;
@@ -127,12 +126,12 @@ void not_attained_while_searching(Trial& trial, int) {
     trial.wait(trial.settings().poll_interval);
     const std::uint16_t word = trial.statusword();
     moved = moved || std::abs(static_cast<double>(trial.position()) - start) > unit.position / 200.0;
-    told = moved && (word & bits.attained) != 0 && (word & target_reached) != 0 &&
+    told = moved && (word & bits.attained) != 0 && (word & status_bit::target_reached) != 0 &&
            std::abs(trial.velocity()) > unit.velocity / 50.0;
   }
   trial.control(0x010F);
   trial.wait_for_rest();
-  trial.control(0x000F);
+  trial.control(command_word::enable_operation);
   if (!moved && !told) Trial::skip("the axis did not move: its home switch may be active, or the method needs more");
   trial.expect(!told, "6098h = 19, 6040h = 001Fh, while the axis moves", "homing is not attained",
                told ? fmt::format("6041h = {:04X}h", trial.statusword()) : "not attained");
@@ -144,7 +143,7 @@ void offset(Trial& trial, int) {
   const std::int32_t wanted = trial.distance() / 10;
   const Bits bits = bits_of(trial);
   trial.objects().write<std::int32_t>(0x607C, 0, wanted);
-  trial.control(0x001F);
+  trial.control(command_word::enable_operation | start_homing);
   trial.require(trial.wait_for(bits.attained, bits.attained), fmt::format("607Ch = {}, homed", wanted),
                 "homing attained", fmt::format("{:04X}h", trial.statusword()));
   trial.wait(50ms);

@@ -1,4 +1,5 @@
 // The power state machine: transitions by command, invalid commands, statuswords.
+#include "axis/cia402_words.hpp"
 #include "tools/conform/check_tables.hpp"
 #include "tools/conform/trial.hpp"
 
@@ -16,17 +17,17 @@ struct Step {
 
 // Commands and transitions of the state machine (CiA 402-2), in the order of the checks below.
 constexpr std::array steps{
-    Step{PowerState::switch_on_disabled, 0x0006, PowerState::ready_to_switch_on},
-    Step{PowerState::ready_to_switch_on, 0x0007, PowerState::switched_on},
-    Step{PowerState::switched_on, 0x000F, PowerState::operation_enabled},
-    Step{PowerState::operation_enabled, 0x0007, PowerState::switched_on},
-    Step{PowerState::switched_on, 0x0006, PowerState::ready_to_switch_on},
-    Step{PowerState::ready_to_switch_on, 0x0000, PowerState::switch_on_disabled},
-    Step{PowerState::ready_to_switch_on, 0x0002, PowerState::switch_on_disabled},
-    Step{PowerState::operation_enabled, 0x0006, PowerState::ready_to_switch_on},
-    Step{PowerState::operation_enabled, 0x0000, PowerState::switch_on_disabled},
-    Step{PowerState::switched_on, 0x0000, PowerState::switch_on_disabled},
-    Step{PowerState::switched_on, 0x0002, PowerState::switch_on_disabled},
+    Step{PowerState::switch_on_disabled, command_word::shutdown, PowerState::ready_to_switch_on},
+    Step{PowerState::ready_to_switch_on, command_word::switch_on, PowerState::switched_on},
+    Step{PowerState::switched_on, command_word::enable_operation, PowerState::operation_enabled},
+    Step{PowerState::operation_enabled, command_word::switch_on, PowerState::switched_on},
+    Step{PowerState::switched_on, command_word::shutdown, PowerState::ready_to_switch_on},
+    Step{PowerState::ready_to_switch_on, command_word::disable_voltage, PowerState::switch_on_disabled},
+    Step{PowerState::ready_to_switch_on, command_word::quick_stop, PowerState::switch_on_disabled},
+    Step{PowerState::operation_enabled, command_word::shutdown, PowerState::ready_to_switch_on},
+    Step{PowerState::operation_enabled, command_word::disable_voltage, PowerState::switch_on_disabled},
+    Step{PowerState::switched_on, command_word::disable_voltage, PowerState::switch_on_disabled},
+    Step{PowerState::switched_on, command_word::quick_stop, PowerState::switch_on_disabled},
 };
 
 void transition(Trial& trial, int row) {
@@ -45,7 +46,7 @@ void quick_stop(Trial& trial, int) {
   const auto option = trial.objects().read_if_present<std::int16_t>(0x605A);
   const bool stays = option && !Trial::refusal_of([&] { trial.objects().write<std::int16_t>(0x605A, 0, 6); });
   trial.bring_to(PowerState::operation_enabled);
-  trial.control(0x0002);
+  trial.control(command_word::quick_stop);
   if (stays) {
     const bool arrived = trial.wait_for(PowerState::quick_stop_active);
     const std::uint16_t seen = trial.statusword();
@@ -71,7 +72,7 @@ void quick_stop_leaves(Trial& trial, int) {
     Trial::skip("it does not take 605Ah = 2: " + refusal->text);
   }
   trial.bring_to(PowerState::operation_enabled);
-  trial.control(0x0002);
+  trial.control(command_word::quick_stop);
   const bool arrived = trial.wait_for(PowerState::switch_on_disabled);
   trial.expect(arrived, "605Ah = 2, then 6040h = 0002h (quick stop) in operation enabled",
                "switch on disabled once it stands", text_of_state(trial.statusword()));
@@ -90,8 +91,12 @@ void from_quick_stop(Trial& trial, std::uint16_t word, PowerState to) {
   trial.expect(arrived, fmt::format("{} in quick stop active, 605Ah = 6", text_of_controlword(word)), drive::name(to),
                text_of_state(trial.statusword()));
 }
-void disable_in_quick_stop(Trial& trial, int) { from_quick_stop(trial, 0x0000, PowerState::switch_on_disabled); }
-void enable_in_quick_stop(Trial& trial, int) { from_quick_stop(trial, 0x000F, PowerState::operation_enabled); }
+void disable_in_quick_stop(Trial& trial, int) {
+  from_quick_stop(trial, command_word::disable_voltage, PowerState::switch_on_disabled);
+}
+void enable_in_quick_stop(Trial& trial, int) {
+  from_quick_stop(trial, command_word::enable_operation, PowerState::operation_enabled);
+}
 
 // Sends commands that are invalid in this state: it must not change.
 void no_effect(Trial& trial, PowerState state, std::initializer_list<std::uint16_t> words) {
@@ -184,7 +189,7 @@ void disable_operation_option(Trial& trial, int) {
     trial.bring_to(PowerState::switch_on_disabled);
     if (Trial::refusal_of([&] { trial.objects().write<std::int16_t>(0x605C, 0, option); })) continue;
     trial.bring_to(PowerState::operation_enabled);
-    trial.control(0x0007);
+    trial.control(command_word::switch_on);
     const bool arrived = trial.wait_for(PowerState::switched_on);
     trial.expect(arrived, fmt::format("605Ch = {}, then 6040h = 0007h (disable operation)", option), "switched on",
                  text_of_state(trial.statusword()));

@@ -1,6 +1,7 @@
 // Profile position mode: set-point handshake, target reached, halt.
 #include <cmath>
 
+#include "axis/cia402_words.hpp"
 #include "tools/conform/check_tables.hpp"
 #include "tools/conform/trial.hpp"
 
@@ -9,29 +10,21 @@ namespace {
 
 using namespace std::chrono_literals;
 
-constexpr std::uint16_t enabled = 0x000F;
-constexpr std::uint16_t new_set_point = 0x0010;
-constexpr std::uint16_t at_once = 0x0020;
-constexpr std::uint16_t relative = 0x0040;
-constexpr std::uint16_t halt = 0x0100;
-constexpr std::uint16_t acknowledged = 0x1000;
-constexpr std::uint16_t target_reached = 0x0400;
-
 // Enables the axis at rest, with a profile of `speed_factor` revolutions per second.
 void prepare(Trial& trial, double speed_factor = 1.0) {
   trial.units();
   trial.enable(OperationMode::profile_position);
   trial.gentle_profile(speed_factor);
-  trial.control(enabled);
+  trial.control(command_word::enable_operation);
 }
 
-void set_point(Trial& trial, std::int32_t target, std::uint16_t bits = at_once) {
+void set_point(Trial& trial, std::int32_t target, std::uint16_t bits = change_immediately) {
   trial.objects().write<std::int32_t>(0x607A, 0, target);
-  trial.control(enabled | new_set_point | bits);
+  trial.control(command_word::enable_operation | new_set_point | bits);
 }
 
 std::string text_of_set_point(std::int32_t target, std::uint16_t bits) {
-  return fmt::format("607Ah = {}, 6040h = {:04X}h", target, enabled | new_set_point | bits);
+  return fmt::format("607Ah = {}, 6040h = {:04X}h", target, command_word::enable_operation | new_set_point | bits);
 }
 
 // Without 6067h the position window is specific to the maker; a hundredth of a revolution is used instead.
@@ -44,25 +37,25 @@ bool close_to(Trial& trial, std::int32_t position, std::int32_t target) {
 
 // Waits until bit 10 is cleared, and then until it is set; it may still be set from the motion before.
 bool arrives(Trial& trial) {
-  trial.wait_for(target_reached, 0, 100ms);
+  trial.wait_for(status_bit::target_reached, 0, 100ms);
   const Time patience =
       trial.settings().patience +
       std::chrono::duration_cast<Time>(std::chrono::duration<double>(2.0 * trial.settings().revolutions));
-  return trial.wait_for(target_reached, target_reached, patience);
+  return trial.wait_for(status_bit::target_reached, status_bit::target_reached, patience);
 }
 
 void acknowledge(Trial& trial, int) {
   prepare(trial);
   const std::uint16_t before = trial.statusword();
-  trial.expect((before & acknowledged) == 0, "operation enabled, bit 4 of 6040h = 0", "bit 12 of 6041h = 0",
+  trial.expect((before & set_point_acknowledge) == 0, "operation enabled, bit 4 of 6040h = 0", "bit 12 of 6041h = 0",
                fmt::format("{:04X}h", before));
   const std::int32_t target = trial.position() + trial.distance();
   set_point(trial, target);
-  const bool came = trial.wait_for(acknowledged, acknowledged, 500ms);
-  trial.expect(came, text_of_set_point(target, at_once), "bit 12 of 6041h = 1, set-point acknowledged",
+  const bool came = trial.wait_for(set_point_acknowledge, set_point_acknowledge, 500ms);
+  trial.expect(came, text_of_set_point(target, change_immediately), "bit 12 of 6041h = 1, set-point acknowledged",
                fmt::format("{:04X}h", trial.statusword()));
-  trial.control(enabled);
-  const bool went = trial.wait_for(acknowledged, 0, 500ms);
+  trial.control(command_word::enable_operation);
+  const bool went = trial.wait_for(set_point_acknowledge, 0, 500ms);
   trial.expect(went, "6040h = 000Fh, bit 4 taken away", "bit 12 of 6041h = 0",
                fmt::format("{:04X}h", trial.statusword()));
 }
@@ -73,17 +66,17 @@ void moves_to_target(Trial& trial, int) {
   set_point(trial, target);
   const bool arrived = arrives(trial);
   const std::int32_t position = trial.position();
-  trial.require(arrived, text_of_set_point(target, at_once), "bit 10 of 6041h = 1, target reached",
+  trial.require(arrived, text_of_set_point(target, change_immediately), "bit 10 of 6041h = 1, target reached",
                 fmt::format("{:04X}h at position {}", trial.statusword(), position));
-  trial.expect(close_to(trial, position, target), text_of_set_point(target, at_once),
+  trial.expect(close_to(trial, position, target), text_of_set_point(target, change_immediately),
                fmt::format("6064h = {} when bit 10 comes", target), fmt::format("{}", position));
-  trial.control(enabled);
+  trial.control(command_word::enable_operation);
   trial.wait_for_rest();
   trial.expect(close_to(trial, trial.position(), target), "afterwards", fmt::format("6064h = {}", target),
                fmt::format("{}", trial.position()));
   set_point(trial, target - trial.distance());
-  trial.expect(arrives(trial), text_of_set_point(target - trial.distance(), at_once), "and back: bit 10 of 6041h = 1",
-               fmt::format("{:04X}h", trial.statusword()));
+  trial.expect(arrives(trial), text_of_set_point(target - trial.distance(), change_immediately),
+               "and back: bit 10 of 6041h = 1", fmt::format("{:04X}h", trial.statusword()));
 }
 
 // Only a rising edge of bit 4 starts a new set-point.
@@ -91,7 +84,7 @@ void edge_only(Trial& trial, int) {
   prepare(trial);
   const std::int32_t start = trial.position();
   set_point(trial, start + trial.distance());
-  trial.require(arrives(trial), text_of_set_point(start + trial.distance(), at_once), "bit 10 of 6041h = 1",
+  trial.require(arrives(trial), text_of_set_point(start + trial.distance(), change_immediately), "bit 10 of 6041h = 1",
                 fmt::format("{:04X}h", trial.statusword()));
   trial.wait_for_rest();
   const std::int32_t before = trial.position();
@@ -100,7 +93,7 @@ void edge_only(Trial& trial, int) {
   const std::int32_t after = trial.position();
   trial.expect(close_to(trial, after, before), fmt::format("607Ah = {} while bit 4 stays 1", start),
                fmt::format("6064h = {}, no motion", before), fmt::format("{}", after));
-  trial.control(enabled);
+  trial.control(command_word::enable_operation);
   set_point(trial, start);
   trial.expect(arrives(trial), "bit 4 0, then 1", "the motion begins and ends: bit 10 of 6041h = 1",
                fmt::format("{:04X}h", trial.statusword()));
@@ -110,15 +103,16 @@ void relative_motion(Trial& trial, int) {
   prepare(trial);
   const std::int32_t start = trial.position();
   set_point(trial, start + trial.distance());
-  trial.require(arrives(trial), text_of_set_point(start + trial.distance(), at_once), "bit 10 of 6041h = 1",
+  trial.require(arrives(trial), text_of_set_point(start + trial.distance(), change_immediately), "bit 10 of 6041h = 1",
                 fmt::format("{:04X}h", trial.statusword()));
-  trial.control(enabled);
+  trial.control(command_word::enable_operation);
   trial.wait_for_rest();
-  set_point(trial, -trial.distance(), at_once | relative);
+  set_point(trial, -trial.distance(), change_immediately | relative_move);
   const bool arrived = arrives(trial);
   trial.wait_for_rest();
   const std::int32_t position = trial.position();
-  trial.expect(arrived && close_to(trial, position, start), text_of_set_point(-trial.distance(), at_once | relative),
+  trial.expect(arrived && close_to(trial, position, start),
+               text_of_set_point(-trial.distance(), change_immediately | relative_move),
                fmt::format("6064h = {}, the target counts from the last one", start), fmt::format("{}", position));
 }
 
@@ -128,13 +122,13 @@ void queue(Trial& trial, int) {
   const std::int32_t start = trial.position();
   const std::int32_t first = start + trial.distance();
   set_point(trial, first, 0);
-  trial.wait_for(acknowledged, acknowledged, 500ms);
-  trial.control(enabled);
-  trial.require(trial.wait_for(acknowledged, 0, 500ms), text_of_set_point(first, 0) + ", then bit 4 = 0",
+  trial.wait_for(set_point_acknowledge, set_point_acknowledge, 500ms);
+  trial.control(command_word::enable_operation);
+  trial.require(trial.wait_for(set_point_acknowledge, 0, 500ms), text_of_set_point(first, 0) + ", then bit 4 = 0",
                 "bit 12 of 6041h = 0, there is room for another", fmt::format("{:04X}h", trial.statusword()));
   set_point(trial, start, 0);
-  trial.wait_for(acknowledged, acknowledged, 500ms);
-  trial.control(enabled);
+  trial.wait_for(set_point_acknowledge, set_point_acknowledge, 500ms);
+  trial.control(command_word::enable_operation);
   std::int32_t furthest = start;
   const Time end = trial.now() + trial.settings().patience + 2s;
   while (trial.now() < end) {
@@ -155,9 +149,9 @@ void change_at_once(Trial& trial, int) {
   const std::int32_t start = trial.position();
   const std::int32_t first = start + trial.distance();
   set_point(trial, first);
-  trial.wait_for(acknowledged, acknowledged, 500ms);
-  trial.control(enabled);
-  trial.wait_for(acknowledged, 0, 500ms);
+  trial.wait_for(set_point_acknowledge, set_point_acknowledge, 500ms);
+  trial.control(command_word::enable_operation);
+  trial.wait_for(set_point_acknowledge, 0, 500ms);
   const Time deadline = trial.now() + trial.settings().patience;
   while (trial.position() < start + trial.distance() / 4 && trial.now() < deadline) trial.wait(2ms);
   set_point(trial, start);
@@ -169,7 +163,7 @@ void change_at_once(Trial& trial, int) {
   } while (!close_to(trial, trial.position(), start) && trial.now() < end);
   const std::int32_t position = trial.position();
   trial.expect(!close_to(trial, furthest, first) && close_to(trial, position, start),
-               text_of_set_point(start, at_once) + " on the way to another target",
+               text_of_set_point(start, change_immediately) + " on the way to another target",
                fmt::format("it turns round before {} and goes to {}", first, start),
                fmt::format("{} at most, then {}", furthest, position));
 }
@@ -183,11 +177,11 @@ void not_reached_under_way(Trial& trial, int) {
   while (trial.position() < start + trial.distance() / 2 && trial.now() < deadline) trial.wait(2ms);
   const std::uint16_t word = trial.statusword();
   const std::int32_t position = trial.position();
-  trial.expect((word & target_reached) == 0,
-               fmt::format("{}, halfway at {}", text_of_set_point(target, at_once), position), "bit 10 of 6041h = 0",
-               fmt::format("{:04X}h", word));
+  trial.expect((word & status_bit::target_reached) == 0,
+               fmt::format("{}, halfway at {}", text_of_set_point(target, change_immediately), position),
+               "bit 10 of 6041h = 0", fmt::format("{:04X}h", word));
   arrives(trial);
-  trial.control(enabled);
+  trial.control(command_word::enable_operation);
   set_point(trial, start);
   arrives(trial);
 }
@@ -199,8 +193,8 @@ void halts(Trial& trial, int) {
   set_point(trial, target);
   const Time deadline = trial.now() + trial.settings().patience;
   while (trial.position() < start + trial.distance() / 4 && trial.now() < deadline) trial.wait(2ms);
-  trial.control(enabled | new_set_point | at_once | halt);
-  const bool reached = trial.wait_for(target_reached, target_reached);
+  trial.control(command_word::enable_operation | new_set_point | change_immediately | control_bit::halt);
+  const bool reached = trial.wait_for(status_bit::target_reached, status_bit::target_reached);
   trial.wait_for_rest();
   const std::int32_t position = trial.position();
   const std::uint16_t word = trial.statusword();

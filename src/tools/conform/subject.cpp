@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <fmt/format.h>
 
+#include "axis/cia402_words.hpp"
 #include "axis/object_catalogue.hpp"
 
 namespace servodrome::master::conform {
@@ -147,7 +148,7 @@ void Subject::remember() {
 
 void Subject::refuse_if_enabled() {
   const auto word = services().read_if_present<std::uint16_t>(statusword);
-  if (!word || (*word & 0x6F) != 0x27) return;
+  if (!word || state_of(*word) != PowerState::operation_enabled) return;
   throw MasterError("the axis is enabled, by another master or from before", where(),
                     "stop and disable it first; the checks begin with an axis at rest");
 }
@@ -179,7 +180,7 @@ void Subject::to_rest() {
     wait_until([&] {
       objects.write<std::uint16_t>(controlword, 0, 0x0000);
       objects.wait(20ms);
-      objects.write<std::uint16_t>(controlword, 0, 0x0080);
+      objects.write<std::uint16_t>(controlword, 0, command_word::fault_reset);
       objects.wait(50ms);
       return state() != PowerState::fault;
     });

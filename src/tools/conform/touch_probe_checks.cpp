@@ -2,6 +2,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "axis/cia402_words.hpp"
 #include "tools/conform/check_tables.hpp"
 #include "tools/conform/trial.hpp"
 
@@ -65,13 +66,13 @@ void prepare(Trial& trial) {
   trial.units();
   trial.enable(OperationMode::profile_position);
   trial.gentle_profile(0.5);
-  trial.control(0x000F);
+  trial.control(command_word::enable_operation);
 }
 
 // Moves to `target` and calls `look` at each poll.
 void move(Trial& trial, std::int32_t target, const std::function<void()>& look) {
   trial.objects().write<std::int32_t>(0x607A, 0, target);
-  trial.control(0x003F);
+  trial.control(command_word::enable_operation | new_set_point | change_immediately);
   const Time end = trial.now() + trial.settings().patience +
                    std::chrono::duration_cast<Time>(std::chrono::duration<double>(8.0 * trial.settings().revolutions));
   const double close = trial.units().position / 100.0;
@@ -81,7 +82,7 @@ void move(Trial& trial, std::int32_t target, const std::function<void()>& look) 
   } while (std::abs(static_cast<double>(trial.position()) - target) > close && trial.now() < end);
   trial.wait_for_rest();
   look();
-  trial.control(0x000F);
+  trial.control(command_word::enable_operation);
 }
 
 // Moves back and forth around the present position by the distance that the user permits. With at least half a

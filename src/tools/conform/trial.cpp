@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <cmath>
 
+#include "axis/cia402_words.hpp"
+
 namespace servodrome::master::conform {
 
 using namespace std::chrono_literals;
@@ -142,7 +144,7 @@ void Trial::bring_to(PowerState wanted) {
     do {
       control(0x0000);
       wait(20ms);
-      control(0x0080);
+      control(command_word::fault_reset);
     } while (!wait_for(PowerState::switch_on_disabled, 200ms) && now() < deadline);
     if (state() == PowerState::fault) {
       skip(fmt::format("the drive is in fault, 603Fh = {:04X}h, and cannot be reset: remove its cause first",
@@ -152,15 +154,15 @@ void Trial::bring_to(PowerState wanted) {
   if (state() == wanted) return;
   step(state(), 0x0000, PowerState::switch_on_disabled);
   if (wanted == PowerState::switch_on_disabled) return;
-  step(PowerState::switch_on_disabled, 0x0006, PowerState::ready_to_switch_on);
+  step(PowerState::switch_on_disabled, command_word::shutdown, PowerState::ready_to_switch_on);
   if (wanted == PowerState::ready_to_switch_on) return;
-  step(PowerState::ready_to_switch_on, 0x0007, PowerState::switched_on);
+  step(PowerState::ready_to_switch_on, command_word::switch_on, PowerState::switched_on);
   if (wanted == PowerState::switched_on) return;
-  step(PowerState::switched_on, 0x000F, PowerState::operation_enabled);
+  step(PowerState::switched_on, command_word::enable_operation, PowerState::operation_enabled);
   if (wanted == PowerState::operation_enabled) return;
   // The drive stays in quick stop active only with 605Ah = 5 to 8.
   write_if_present<std::int16_t>(0x605A, 0, 6);
-  step(PowerState::operation_enabled, 0x0002, PowerState::quick_stop_active);
+  step(PowerState::operation_enabled, command_word::quick_stop, PowerState::quick_stop_active);
 }
 
 void Trial::enable(OperationMode mode) {
@@ -242,7 +244,7 @@ bool Trial::cause_following_error() {
     if (refusal_of([&] { objects().write<std::uint16_t>(0x6066, 0, 0); })) return false;
   }
   objects().write<std::int32_t>(0x607A, 0, target);
-  control(0x003F);
+  control(command_word::enable_operation | new_set_point | change_immediately);
   return wait_for(PowerState::fault, 1s);
 }
 

@@ -1,6 +1,7 @@
 // Profile velocity and profile torque mode.
 #include <cmath>
 
+#include "axis/cia402_words.hpp"
 #include "tools/conform/check_tables.hpp"
 #include "tools/conform/trial.hpp"
 
@@ -9,15 +10,12 @@ namespace {
 
 using namespace std::chrono_literals;
 
-constexpr std::uint16_t target_reached = 0x0400;
-constexpr std::uint16_t speed_is_zero = 0x1000;
-
 void prepare(Trial& trial) {
   trial.units();
   trial.enable(OperationMode::profile_velocity);
   trial.gentle_profile();
   trial.objects().write<std::int32_t>(0x60FF, 0, 0);
-  trial.control(0x000F);
+  trial.control(command_word::enable_operation);
 }
 
 std::int32_t half_a_turn_per_second(Trial& trial) { return Trial::whole(trial.units().velocity * 0.5); }
@@ -38,8 +36,8 @@ void velocity_reached(Trial& trial, int) {
   for (const std::int32_t sign : {1, -1}) {
     const std::int32_t wanted = sign * half_a_turn_per_second(trial);
     trial.objects().write<std::int32_t>(0x60FF, 0, wanted);
-    trial.wait_for(target_reached, 0, 50ms);
-    const bool reached = trial.wait_for(target_reached, target_reached, 1s);
+    trial.wait_for(status_bit::target_reached, 0, 50ms);
+    const bool reached = trial.wait_for(status_bit::target_reached, status_bit::target_reached, 1s);
     const bool runs = runs_at(trial, wanted, 500ms);
     trial.expect(reached, fmt::format("60FFh = {}", wanted), "bit 10 of 6041h = 1, velocity reached",
                  fmt::format("{:04X}h", trial.statusword()));
@@ -81,7 +79,7 @@ void torque_mode(Trial& trial, int) {
   trial.set_mode(OperationMode::profile_torque);
   trial.objects().write<std::int16_t>(0x6071, 0, 0);
   trial.bring_to(PowerState::operation_enabled);
-  const bool reached = trial.wait_for(target_reached, target_reached, 1s);
+  const bool reached = trial.wait_for(status_bit::target_reached, status_bit::target_reached, 1s);
   trial.expect(reached, "6071h = 0 in profile torque", "bit 10 of 6041h = 1, torque reached",
                fmt::format("{:04X}h", trial.statusword()));
   const auto demand = trial.objects().read_if_present<std::int16_t>(0x6074);

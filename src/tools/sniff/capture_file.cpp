@@ -3,11 +3,11 @@
 #include <algorithm>
 #include <array>
 #include <bit>
-#include <charconv>
 #include <cstring>
 #include <fmt/format.h>
 #include <string_view>
 
+#include "links/number_text.hpp"
 #include "master/error.hpp"
 
 namespace servodrome::master {
@@ -64,8 +64,9 @@ std::variant<canopen::Frame, CanErrorFrame> frame_of(std::uint32_t id, std::uint
 
 template <typename T>
 bool number(std::string_view text, T& value, int base) {
-  const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), value, base);
-  return !text.empty() && error == std::errc{} && end == text.data() + text.size();
+  const auto read = links::number_of_text<T>(text, base);
+  if (read) value = *read;
+  return read.has_value();
 }
 
 // A candump line such as "(1436509052.249713) can0 123#1122"; nullopt for any other line.

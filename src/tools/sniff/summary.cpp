@@ -1,9 +1,9 @@
 #include "tools/sniff/summary.hpp"
 
 #include <algorithm>
-#include <charconv>
 #include <fmt/format.h>
 
+#include "links/number_text.hpp"
 #include "master/error.hpp"
 
 namespace servodrome::master {
@@ -41,12 +41,11 @@ void SniffFilter::add(std::string_view word, const ObjectCatalogue& catalogue) {
     more = comma != std::string_view::npos;
     rest = more ? rest.substr(comma + 1) : std::string_view{};
     if (key == "node") {
-      unsigned node = 0;
-      const auto [end, error] = std::from_chars(one.data(), one.data() + one.size(), node);
-      if (one.empty() || error != std::errc{} || end != one.data() + one.size()) {
+      const auto node = links::number_of_text<unsigned>(one);
+      if (!node) {
         throw MasterError(fmt::format("\"{}\" is not a node-ID or position", one), where, "write a decimal number");
       }
-      nodes.push_back(node);
+      nodes.push_back(*node);
     } else if (key == "kind") {
       const auto kind = parse_frame_kind(one);
       if (!kind) {

@@ -6,6 +6,8 @@
 #include <numbers>
 #include <utility>
 
+#include "axis/cia402_words.hpp"
+
 namespace servodrome::master::tuning {
 namespace {
 
@@ -115,7 +117,7 @@ void Tuner::cycle() {
   }
   if (!controls_) return;
   if (!problem_.empty()) {
-    axis_.set_controlword(0x0002);
+    axis_.set_controlword(command_word::quick_stop);
     target_velocity_.set(0);
     return;
   }

@@ -1,10 +1,10 @@
 #include "line/bench/scope/channel_list.hpp"
 
-#include <charconv>
 #include <cmath>
 #include <fmt/format.h>
 
 #include "drive/hardware.hpp"
+#include "links/number_text.hpp"
 
 namespace servodrome::line::bench {
 namespace {
@@ -12,8 +12,9 @@ namespace {
 // Reads "6064:00" or "6064": index and sub-index in hexadecimal.
 bool parse_object(std::string_view text, std::uint16_t& index, std::uint8_t& sub) {
   const auto parse = [](std::string_view digits, auto& value) {
-    const auto [end, error] = std::from_chars(digits.data(), digits.data() + digits.size(), value, 16);
-    return error == std::errc() && end == digits.data() + digits.size();
+    const auto read = links::number_of_text<std::decay_t<decltype(value)>>(digits, 16);
+    if (read) value = *read;
+    return read.has_value();
   };
   if (text.starts_with("0x")) text.remove_prefix(2);
   const std::size_t colon = std::min(text.find(':'), text.size());

@@ -1,10 +1,10 @@
 #include <array>
-#include <charconv>
 #include <cmath>
 #include <fmt/format.h>
 
 #include "line/bench/scope/frame.hpp"
 #include "line/bench/scope/scope.hpp"
+#include "links/number_text.hpp"
 
 namespace servodrome::line::bench {
 namespace {
@@ -16,10 +16,8 @@ Scope& scope_of(Call& call) { return *static_cast<Scope*>(call.context); }
 
 std::shared_ptr<Recording> recording_argument(Call& call) {
   const std::string_view text = call.arguments.front();
-  std::uint32_t id = 0;
-  const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), id);
-  if (error == std::errc() && end == text.data() + text.size()) {
-    if (auto recording = scope_of(call).recordings().find(id)) return recording;
+  if (const auto id = links::number_of_text<std::uint32_t>(text)) {
+    if (auto recording = scope_of(call).recordings().find(*id)) return recording;
   }
   throw ApiError{404, fmt::format("there is no recording \"{}\"", text.substr(0, 40)), "address",
                  "GET /api/v1/recordings lists them; the oldest make room for new ones"};

@@ -1,0 +1,44 @@
+#include "links/link_scheme.hpp"
+
+#include <algorithm>
+#include <fmt/format.h>
+
+namespace servodrome::links {
+namespace {
+
+template <typename Text>
+std::string list(LinkSchemes schemes, std::string_view last, Text text) {
+  std::string all;
+  for (const LinkScheme& scheme : schemes) {
+    if (!all.empty()) all += &scheme == &schemes.back() ? last : ", ";
+    all += text(scheme);
+  }
+  return all;
+}
+
+}  // namespace
+
+std::string LinkScheme::help() const {
+  if (example.empty()) return std::string(form);
+  return fmt::format("{}, for example {}{}", form, example, also);
+}
+
+std::string LinkScheme::with(std::string_view rest) const { return fmt::format("{}:{}", name, rest); }
+
+bool is_any_of(LinkSchemes schemes, std::string_view link) {
+  return std::any_of(schemes.begin(), schemes.end(), [&](const LinkScheme& scheme) { return scheme.is_of(link); });
+}
+
+std::string forms(LinkSchemes schemes, std::string_view last) {
+  return list(schemes, last, [](const LinkScheme& scheme) { return scheme.form; });
+}
+
+std::string client_forms(LinkSchemes schemes, std::string_view last) {
+  return list(schemes, last, [](const LinkScheme& scheme) { return scheme.client_form; });
+}
+
+std::string prefixes(LinkSchemes schemes, std::string_view last) {
+  return list(schemes, last, [](const LinkScheme& scheme) { return scheme.with(""); });
+}
+
+}  // namespace servodrome::links
