@@ -159,7 +159,7 @@ Json json_of(std::string_view text, const std::string& source) {
   }
 }
 
-// Appends the numbers of a channel's array. `what`: "time" or "value".
+// The numbers of a channel's array; NaN for a missing one. `what`: "time" or "value", for messages.
 std::vector<double> numbers_of(const Json& array, const char* what, bool may_be_missing, const std::string& where) {
   std::vector<double> numbers;
   numbers.reserve(array.size());
