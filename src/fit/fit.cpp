@@ -4,6 +4,7 @@
 #include <cmath>
 #include <fmt/format.h>
 #include <fmt/ranges.h>
+#include <limits>
 #include <numbers>
 
 #include "fit/error.hpp"
@@ -46,6 +47,11 @@ void require_motion(const Signals& signals) {
     throw Error(signals.source, fmt::format("{} samples are too few", signals.seconds.size()),
                 fmt::format("record at least {}, better some seconds at the highest rate", fewest_samples));
   }
+  constexpr double slowest_hz = 10.0;
+  if (signals.rate_hz() < slowest_hz) {
+    throw Error(signals.source, fmt::format("the samples are {:.3g} s apart", 1.0 / signals.rate_hz()),
+                "record at 50 Hz or more for the mechanics, at some kHz for the windings");
+  }
   const bool by_position = signals.has(Role::position);
   if (!by_position && !signals.has(Role::velocity)) {
     throw Error(
@@ -57,14 +63,19 @@ void require_motion(const Signals& signals) {
   double high = 0.0;
   const std::vector<double>& seconds = signals.seconds;
   if (by_position) {
-    const std::vector<double>& position = signals.of(Role::position);
-    const auto [least, most] = std::minmax_element(position.begin(), position.end());
-    low = *least;
-    high = *most;
+    low = std::numeric_limits<double>::infinity();
+    high = -low;
+    for (const double position : signals.of(Role::position)) {
+      if (!std::isfinite(position)) continue;
+      low = std::min(low, position);
+      high = std::max(high, position);
+    }
+    if (low > high) low = high = 0.0;
   } else {
     const std::vector<double>& velocity = signals.of(Role::velocity);
     for (std::size_t i = 1; i < seconds.size(); ++i) {
-      if (std::isfinite(velocity[i])) high += std::abs(velocity[i]) * (seconds[i] - seconds[i - 1]);
+      const double step = seconds[i] - seconds[i - 1];
+      if (std::isfinite(velocity[i]) && step <= gap_s) high += std::abs(velocity[i]) * step;
     }
   }
   constexpr double least_way = 0.5;  // rad
@@ -116,6 +127,21 @@ class Report {
   Result& result_;
   double closest_delay_s_;
 };
+
+// Parameters that are positive in every axis. Their line file's keys have limits, so toml_of changes negative values.
+void remark_negative_values(Result& result) {
+  using enum Parameter;
+  for (const Parameter parameter :
+       {resistance, direct_inductance, quadrature_inductance, coulomb_friction, viscous_friction}) {
+    const Figure& figure = result.of(parameter);
+    if (!figure.value || *figure.value + figure.half_width >= 0.0) continue;
+    const ParameterText& about = text_of(parameter);
+    result.remarks.push_back(fmt::format(
+        "{} is negative beyond its uncertainty, {:.3g} +-{:.2g} {}, which no axis has: the sign of a channel "
+        "or a unit may be wrong; correct it with --signal ROLE=COLUMN@UNIT (the unit -1Nm inverts a torque)",
+        about.text, *figure.value, figure.half_width, about.unit));
+  }
+}
 
 constexpr const char* more_changes = "record more changes of speed and of its direction (docs/fit.md)";
 
@@ -218,6 +244,7 @@ Result fit(const Signals& signals, const Motor& motor) {
     if (found.inertia && found.inertia->value + found.inertia->half_width <= 0.0) {
       report.miss(mechanical_parameters, "the torque does not rise where the axis speeds up",
                   "its sign may be wrong: --signal torque=COLUMN@-1Nm inverts it");
+      remark_negative_values(result);
       return result;
     }
     const char* together = "this motion does not separate it from the other parameters";
@@ -227,6 +254,7 @@ Result fit(const Signals& signals, const Motor& motor) {
     put(weight, found.weight, together, "record motion both ways");
     put(torque_delay, found.delay_s, together, more_changes);
   }
+  remark_negative_values(result);
   return result;
 }
 

@@ -84,8 +84,9 @@ class McapTable {
     std::string axis;
     std::size_t clock;
     std::map<std::string, std::size_t> columns;  // by their name in the message
-    nlohmann::json properties;
+    unsigned schema;
   };
+  using Units = std::map<std::string, std::string>;  // by the name in the message
 
   void read_chunk(Reader& record) {
     record.number<std::uint64_t>();  // skip first and last time, size, checksum
@@ -101,8 +102,20 @@ class McapTable {
     const auto id = record.number<std::uint16_t>();
     record.string();
     record.string();
-    const auto json = nlohmann::json::parse(record.string(), nullptr, false);
-    if (json.is_object() && json.contains("properties")) properties_[id] = json["properties"];
+    const auto json = parsed(record, record.string());
+    Units& units = units_[id];
+    if (!json.is_object() || !json.contains("properties") || !json["properties"].is_object()) return;
+    for (const auto& [name, property] : json["properties"].items()) {
+      const auto description = property.is_object() ? property.find("description") : property.end();
+      if (description != property.end() && description->is_string()) units[name] = description->get<std::string>();
+    }
+  }
+
+  // Discarded if it is no JSON. A text of this length has more than `most_columns` values.
+  static nlohmann::json parsed(Reader& record, std::string_view text) {
+    constexpr std::size_t most_bytes = std::size_t{1} << 20;
+    if (text.size() > most_bytes) record.refuse("a message or schema of this MCAP file is longer than 1 MiB");
+    return nlohmann::json::parse(text, nullptr, false);
   }
 
   void read_channel(Reader& record) {
@@ -115,16 +128,16 @@ class McapTable {
     topics_.emplace(id, Topic{.axis = std::string(of_scope ? "" : topic.substr(topic.empty() ? 0 : 1)),
                               .clock = table_.clocks.size(),
                               .columns = {},
-                              .properties = properties_[schema]});
+                              .schema = schema});
     table_.clocks.emplace_back();
   }
 
   void read_message(Reader& record) {
     const auto found = topics_.find(record.number<std::uint16_t>());
     record.number<std::uint32_t>();
-    const auto log_ns = static_cast<std::int64_t>(record.number<std::uint64_t>());
+    const auto log_ns = record.number<std::uint64_t>();
     record.number<std::uint64_t>();
-    const auto json = nlohmann::json::parse(record.rest(), nullptr, false);
+    const auto json = parsed(record, record.rest());
     if (found == topics_.end() || !json.is_object()) record.refuse("a message of this MCAP file cannot be read");
     Topic& topic = found->second;
     if (!first_ns_) first_ns_ = log_ns;
@@ -132,26 +145,30 @@ class McapTable {
     for (const auto& [name, value] : json.items()) {
       const auto [place, is_new] = topic.columns.try_emplace(name, table_.columns.size());
       if (is_new) {
-        std::string unit;
-        const nlohmann::json description =
-            topic.properties.is_object() && topic.properties.contains(name) && topic.properties[name].is_object()
-                ? topic.properties[name].value("description", nlohmann::json())
-                : nlohmann::json();
-        if (description.is_string()) unit = description.get<std::string>();
-        table_.columns.push_back({topic.axis, plain_name(name), unit, topic.clock,
+        if (table_.columns.size() == most_columns) {
+          record.refuse(fmt::format("the MCAP file has more than {} columns", most_columns));
+        }
+        values_ += clock.size();
+        table_.columns.push_back({topic.axis, plain_name(name), units_[topic.schema][name], topic.clock,
                                   std::vector<double>(clock.size(), std::numeric_limits<double>::quiet_NaN())});
       }
       std::vector<double>& values = table_.columns[place->second].values;
       values.resize(clock.size(), std::numeric_limits<double>::quiet_NaN());
+      if (!value.is_number() && !value.is_null()) {
+        record.refuse(fmt::format("\"{}\" in a message is not a number", name.substr(0, 60)));
+      }
       values.push_back(value.is_number() ? value.get<double>() : std::numeric_limits<double>::quiet_NaN());
     }
-    clock.push_back(static_cast<double>(log_ns - *first_ns_) * 1e-9);
+    values_ += topic.columns.size() + 1;
+    if (values_ > most_values) record.refuse(fmt::format("the MCAP file has more than {} values", most_values));
+    clock.push_back(static_cast<double>(static_cast<std::int64_t>(log_ns - *first_ns_)) * 1e-9);
   }
 
   Table table_;
-  std::map<unsigned, nlohmann::json> properties_;
+  std::map<unsigned, Units> units_;
+  std::size_t values_ = 0;  // in the table, with the times
   std::map<unsigned, Topic> topics_;
-  std::optional<std::int64_t> first_ns_;
+  std::optional<std::uint64_t> first_ns_;
 };
 
 }  // namespace

@@ -157,7 +157,9 @@ Estimate regress(const Windows& windows, const std::vector<Equation>& equations,
     Unknown& unknown = estimate.unknowns[i];
     for (std::size_t j = 0; j < unknowns; ++j) unknown.value += inverse.at(i, j) * right[j];
     unknown.independent_share = 1.0 / (inverse.at(i, i) * normal.at(i, i));
+    if (!std::isfinite(unknown.value)) estimate.solved = false;
   }
+  if (!estimate.solved) return Estimate{.unknowns = std::vector<Unknown>(unknowns), .windows = good.size()};
 
   // Residuals of each window times its instruments: half from each half of the samples.
   std::vector<std::vector<double>> scores(good.size(), std::vector<double>(unknowns, 0.0));
@@ -202,6 +204,7 @@ Estimate regress(const Windows& windows, const std::vector<Equation>& equations,
       for (std::size_t k = 0; k < unknowns; ++k) variance += inverse.at(i, j) * spread.at(j, k) * inverse.at(i, k);
     }
     estimate.unknowns[i].half_width = critical * std::sqrt(std::max(0.0, correction * variance));
+    if (!std::isfinite(estimate.unknowns[i].half_width)) estimate.solved = false;
   }
   return estimate;
 }

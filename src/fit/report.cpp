@@ -79,6 +79,8 @@ std::string table_of(const Result& result) {
 
 std::string toml_of(const Result& result, const Motor& motor) {
   using enum Parameter;
+  std::string remarks;
+  for (const std::string& remark : result.remarks) remarks += fmt::format("# remark: {}\n", remark);
   Keys keys(result);
   keys.group("motor");
   if (motor.phases == 2) keys.line("phases", "2", "");
@@ -126,7 +128,7 @@ std::string toml_of(const Result& result, const Motor& motor) {
   }
   if (result.turns_backwards.value_or(false))
     keys.line("direction", "-1", "it counts against the direction of the phases");
-  return keys.take();
+  return remarks + keys.take();
 }
 
 }  // namespace servodrome::fit

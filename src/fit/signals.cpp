@@ -90,15 +90,36 @@ struct Found {
   std::string unit;
 };
 
+// The factor before a unit's word, and the word.
+struct FactorAndWord {
+  double factor = 1.0;
+  std::string_view word;
+  bool is_usable = true;  // the factor is finite, not 0, and of a sensible magnitude
+};
+
+FactorAndWord split_unit(std::string_view text) {
+  FactorAndWord parts;
+  const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), parts.factor);
+  if (error != std::errc::invalid_argument) text.remove_prefix(static_cast<std::size_t>(end - text.data()));
+  while (text.starts_with(' ')) text.remove_prefix(1);
+  parts.word = text;
+  const double magnitude = std::abs(parts.factor);
+  parts.is_usable = error != std::errc::result_out_of_range && magnitude >= 1e-15 && magnitude <= 1e15;
+  return parts;
+}
+
+constexpr const char* what_a_factor_is = "the factor before a unit is a number from 1e-15 to 1e15, or its negative";
+
 // Returns the factor to SI units; 0 if the conversion needs a value that is not given, which `why` names.
 double factor_of(Role role, std::string_view text, const Motor& motor, std::string& why) {
-  double number = 1.0;
-  const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), number);
-  std::string_view word = text;
-  if (error == std::errc()) word.remove_prefix(static_cast<std::size_t>(end - text.data()));
-  while (word.starts_with(' ')) word.remove_prefix(1);
+  const auto [number, word, is_usable] = split_unit(text);
   const RoleText& about = roles[static_cast<std::size_t>(role)];
-  const auto scaled = [&](const std::optional<double>& base, double share, const char* missing) {
+  if (!is_usable) {
+    why = fmt::format("its unit is \"{}\", and {}: give it with --signal {}=COLUMN@UNIT", text, what_a_factor_is,
+                      about.word);
+    return 0.0;
+  }
+  const auto scaled = [&, number = number](const std::optional<double>& base, double share, const char* missing) {
     if (!base) why = fmt::format("it is in \"{}\", and {}", text, missing);
     return base ? number * share * *base : 0.0;
   };
@@ -154,8 +175,12 @@ std::vector<double> resampled(const std::vector<double>& times, const std::vecto
 std::string choose_axis(const Table& table, const std::string& axis) {
   std::set<std::string> axes;
   for (const Column& column : table.columns) axes.insert(column.axis);
-  if (axes.size() == 1 && (axis.empty() || axes.contains(axis) || axes.contains(""))) return *axes.begin();
+  if (axes.size() == 1 && axis.empty()) return *axes.begin();
   if (axes.contains(axis) && !axis.empty()) return axis;
+  if (axes.size() == 1 && axes.contains("")) {
+    throw Error(table.source, fmt::format("--axis {}: the channels of this recording have no axis name", axis),
+                "omit --axis");
+  }
   throw Error(table.source,
               axis.empty() ? fmt::format("the recording is of {} axes", axes.size())
                            : fmt::format("the recording has no axis \"{}\"", axis),
@@ -206,7 +231,9 @@ void compare_velocity(Signals& signals) {
   for (std::size_t begin = 0; begin + stride < signals.seconds.size(); begin += stride) {
     double integral = 0.0;
     for (std::size_t i = begin; i < begin + stride; ++i) {
-      integral += 0.5 * (velocity[i] + velocity[i + 1]) * (signals.seconds[i + 1] - signals.seconds[i]);
+      const double step = signals.seconds[i + 1] - signals.seconds[i];
+      integral +=
+          step > gap_s ? std::numeric_limits<double>::quiet_NaN() : 0.5 * (velocity[i] + velocity[i + 1]) * step;
     }
     const double moved = position[begin + stride] - position[begin];
     if (!std::isfinite(integral + moved)) continue;
@@ -218,6 +245,97 @@ void compare_velocity(Signals& signals) {
   for (double& value : velocity) value *= factor;
   signals.remarks.push_back(
       fmt::format("the velocity does not match the position; it was multiplied by {:.5g} to match", factor));
+}
+
+// Converts the values to SI units. Magnitudes that no axis has would overflow in the sums of the fit.
+void scale(Signals& signals, Role role, const Column& column, double factor) {
+  constexpr double greatest = 1e20;
+  std::vector<double>& values = signals.values[static_cast<std::size_t>(role)];
+  for (std::size_t i = 0; i < values.size(); ++i) {
+    const double value = values[i] * factor;
+    if (std::abs(value) > greatest) {
+      throw Error(signals.source, fmt::format("column {} is {:g} at sample {}", column.name, values[i], i + 1),
+                  "such a magnitude is no measurement: leave the field empty, or correct the unit with --signal");
+    }
+    values[i] = value;
+  }
+}
+
+std::string span_of(const std::vector<double>& seconds) {
+  return seconds.empty() ? "no sample" : fmt::format("{:g} to {:g} s", seconds.front(), seconds.back());
+}
+
+// `values`: those of `column` at the times of the column `first`.
+void require_common_times(const Table& table, const Column& first, const Column& column,
+                          const std::vector<double>& values) {
+  const auto is_number = [](double value) { return std::isfinite(value); };
+  if (std::any_of(values.begin(), values.end(), is_number)) return;
+  if (std::none_of(column.values.begin(), column.values.end(), is_number)) {
+    throw Error(table.source, fmt::format("column {} has no sample", column.name),
+                "record it again, or select another column with --signal ROLE=COLUMN");
+  }
+  throw Error(table.source,
+              fmt::format("the times of the columns {} ({}) and {} ({}) do not overlap", first.name,
+                          span_of(table.clocks[first.clock]), column.name, span_of(table.clocks[column.clock])),
+              "record both at the same time");
+}
+
+// A temperature changes slowly, so it may be sampled more rarely than the other signals.
+void hold_temperature(Signals& signals) {
+  std::vector<double>& values = signals.values[static_cast<std::size_t>(Role::temperature)];
+  const auto first = std::find_if(values.begin(), values.end(), [](double value) { return std::isfinite(value); });
+  if (first == values.end()) return;
+  double latest = *first;
+  for (double& value : values) {
+    if (std::isfinite(value)) latest = value;
+    value = latest;
+  }
+}
+
+// A window with one missing value is unusable. So rows that lack a value are removed: samples need not be equidistant.
+void keep_whole_rows(Signals& signals) {
+  const std::size_t rows = signals.seconds.size();
+  std::vector<char> whole(rows, 1);
+  std::vector<std::string_view> names;
+  for (std::size_t role = 0; role < role_count; ++role) {
+    const std::vector<double>& values = signals.values[role];
+    if (!values.empty()) names.push_back(signals.columns[role]);
+    for (std::size_t i = 0; i < values.size(); ++i) {
+      if (!std::isfinite(values[i])) whole[i] = 0;
+    }
+  }
+  const auto kept = static_cast<std::size_t>(std::count(whole.begin(), whole.end(), 1));
+  if (kept == rows) return;
+  if (kept == 0) {
+    throw Error(signals.source, fmt::format("no sample has a value of all columns {}", fmt::join(names, ", ")),
+                "record them at the same time");
+  }
+  const auto reduce = [&](std::vector<double>& values) {
+    if (values.empty()) return;
+    std::size_t next = 0;
+    for (std::size_t i = 0; i < rows; ++i) {
+      if (whole[i] != 0) values[next++] = values[i];
+    }
+    values.resize(next);
+  };
+  reduce(signals.seconds);
+  for (std::vector<double>& values : signals.values) reduce(values);
+  constexpr double remarkable = 0.05;
+  const std::size_t removed = rows - kept;
+  if (static_cast<double>(removed) < remarkable * static_cast<double>(rows)) return;
+  signals.remarks.push_back(
+      fmt::format("{} of {} samples lack a value of {}; they are left out", removed, rows, fmt::join(names, ", ")));
+}
+
+void remark_gaps(Signals& signals) {
+  for (std::size_t i = 1; i < signals.seconds.size(); ++i) {
+    const double step = signals.seconds[i] - signals.seconds[i - 1];
+    if (step <= gap_s) continue;
+    signals.remarks.push_back(
+        fmt::format("a gap of {:.3g} s begins at {:.6g} s; the samples before and after it are used", step,
+                    signals.seconds[i - 1]));
+    if (signals.remarks.size() >= 8) return;
+  }
 }
 
 }  // namespace
@@ -233,6 +351,10 @@ Assignment parse_assignment(std::string_view text) {
     const std::string_view rest = text.substr(equals + 1);
     const std::size_t at = std::min(rest.rfind('@'), rest.size());
     if (at == 0) break;
+    if (!split_unit(rest.substr(std::min(at + 1, rest.size()))).is_usable) {
+      throw Error(fmt::format("--signal {}", text), "its factor cannot be used",
+                  fmt::format("{}, for example 0.1{}", what_a_factor_is, roles[role].units.front().word));
+    }
     return {.role = static_cast<Role>(role),
             .column = std::string(rest.substr(0, at)),
             .unit = std::string(rest.substr(std::min(at + 1, rest.size())))};
@@ -275,8 +397,12 @@ Signals signals_of(const Table& table, const Motor& motor, std::span<const Assig
     signals.values[role] = column.clock == first.column->clock
                                ? column.values
                                : resampled(table.clocks[column.clock], column.values, signals.seconds);
-    for (double& value : signals.values[role]) value *= factor;
+    scale(signals, static_cast<Role>(role), column, factor);
+    require_common_times(table, *first.column, column, signals.values[role]);
   }
+  hold_temperature(signals);
+  keep_whole_rows(signals);
+  remark_gaps(signals);
   compare_velocity(signals);
   return signals;
 }

@@ -6,6 +6,7 @@
 #include <span>
 
 #include "fit/table.hpp"
+#include "fit/windows.hpp"
 
 // The signals of an axis from the columns of a recording, in SI units on a common time axis.
 namespace servodrome::fit {
@@ -44,7 +45,8 @@ struct Assignment {
   std::string column;  // name as in the recording, or as from plain_name
   std::string unit;    // empty: the recording's unit
 };
-// "ROLE=COLUMN" or "ROLE=COLUMN@UNIT", e.g. "iq=current_actual_value@0.1A". Throws Error.
+// "ROLE=COLUMN" or "ROLE=COLUMN@UNIT", e.g. "iq=current_actual_value@0.1A". Throws Error for any other text, and for a
+// unit whose factor is 0, not finite, or outside of 1e-15 to 1e15.
 Assignment parse_assignment(std::string_view text);
 
 struct Signals {
@@ -57,14 +59,13 @@ struct Signals {
 
   bool has(Role role) const { return !values[static_cast<std::size_t>(role)].empty(); }
   const std::vector<double>& of(Role role) const { return values[static_cast<std::size_t>(role)]; }
-  double rate_hz() const {
-    if (seconds.size() < 2) return 0.0;
-    return static_cast<double>(seconds.size() - 1) / (seconds.back() - seconds.front());
-  }
+  // Samples per second outside of the gaps of `period_of`.
+  double rate_hz() const { return seconds.size() < 2 ? 0.0 : 1.0 / period_of(seconds); }
 };
 
-// `axis` selects the axis if the table has several. Throws Error if no column has a role, or an axis or a column does
-// not exist.
+// `axis` selects the axis if the table has several. Keeps only the rows in which every signal besides the temperature
+// has a number; a temperature is held until the next one. Throws Error if no column has a role, an axis or a column
+// does not exist, a column has no sample or one beyond 1e20 in SI units, or the columns have no time in common.
 Signals signals_of(const Table& table, const Motor& motor, std::span<const Assignment> assignments,
                    const std::string& axis);
 

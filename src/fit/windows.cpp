@@ -32,11 +32,29 @@ double twice_integrated(double s, unsigned derivative) {
 
 }  // namespace
 
+double period_of(const std::vector<double>& seconds) {
+  if (seconds.size() < 2) return 0.0;
+  double gaps = 0.0;
+  std::size_t steps = seconds.size() - 1;
+  for (std::size_t i = 1; i < seconds.size(); ++i) {
+    const double step = seconds[i] - seconds[i - 1];
+    if (step <= gap_s) continue;
+    gaps += step;
+    --steps;
+  }
+  const double whole = seconds.back() - seconds.front();
+  return steps > 0 ? (whole - gaps) / static_cast<double>(steps) : whole / static_cast<double>(seconds.size() - 1);
+}
+
 Windows::Windows(const std::vector<double>& seconds, double length_s) : seconds_(seconds), length_(length_s) {
-  const double period = (seconds.back() - seconds.front()) / static_cast<double>(seconds.size() - 1);
+  const double period = period_of(seconds);
   longest_gap_ = std::max(4.0 * period, 0.1 * length_s);
+  if (seconds.size() < 2 || 4.0 * period > length_s) return;
+  std::size_t next = 0;  // the first sample after the start
   for (double start = seconds.front(); start + length_s <= seconds.back(); start += length_s / overlap) {
-    starts_.push_back(start);
+    while (seconds[next] <= start) ++next;
+    if (start + length_s < seconds[next]) start = seconds[next];  // skips the windows inside of a gap
+    if (start + length_s <= seconds.back()) starts_.push_back(start);
   }
 }
 

@@ -10,12 +10,19 @@
 // of the signal moves the bump, not the samples.
 namespace servodrome::fit {
 
+// Samples further apart have a gap between them, which counts for no sampling rate: the recording was interrupted.
+inline constexpr double gap_s = 1.0;
+// Mean time between two samples, without the gaps; with nothing but gaps, the mean of all. 0 for fewer than two
+// samples.
+double period_of(const std::vector<double>& seconds);
+
 // Selects samples. Even and odd samples contain the same signal with independent noise.
 enum class Half : std::uint8_t { all, even, odd };
 
 class Windows {
  public:
-  // Windows of `length_s`, each shifted by a quarter of it. `seconds` must outlive this object.
+  // Windows of `length_s`, each shifted by a quarter of it. No window is without a sample. There is none at all if a
+  // window would be shorter than four samples. `seconds` must outlive this object.
   Windows(const std::vector<double>& seconds, double length_s);
 
   static constexpr double overlap = 4.0;  // number of windows that cover a moment

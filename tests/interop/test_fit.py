@@ -113,5 +113,11 @@ def test_what_is_no_recording(tmp_path):
         said = servodrome("fit", file, status=status)
         assert str(file) in said and says in said, said
     assert "roles are position" in servodrome("fit", short, "--signal", "speed=x", status=2)
+    assert "factor" in servodrome("fit", short, "--signal", "velocity=velocity_actual_value@0rpm", status=2)
+    assert "omit --axis" in servodrome("fit", short, "--axis", "x", status=2)
+    # With a line file, --axis selects the axis of that file.
+    line_file = DOCS.parent / "lines/default.toml"
+    axis = tomllib.loads(line_file.read_text())["axis"][0]["name"]
+    assert "50 samples are too few" in servodrome("fit", short, "--line", line_file, "--axis", axis, status=1)
     assert "choose one with --axis" in servodrome("fit", short, "--line", DOCS.parent / "lines/default.toml", status=2)
     assert "--torque-constant" in servodrome("fit", "--help")

@@ -1,4 +1,5 @@
 // `fit`: estimates the parameters of an axis from a recording of its motion.
+#include <algorithm>
 #include <filesystem>
 #include <fmt/format.h>
 #include <fmt/ranges.h>
@@ -120,7 +121,12 @@ void run(const Options& options) {
   try {
     std::vector<fit::Assignment> assignments;
     for (const std::string& text : options.signals) assignments.push_back(fit::parse_assignment(text));
-    signals = signals_of(fit::read_table(bytes_of(options.file), options.file), motor, assignments, options.axis);
+    const fit::Table table = fit::read_table(bytes_of(options.file), options.file);
+    // With --line, --axis may be meant for the line file alone: recordings of one drive do not name their axis.
+    const bool is_for_line =
+        !options.line_file.empty() && std::all_of(table.columns.begin(), table.columns.end(),
+                                                  [](const fit::Column& column) { return column.axis.empty(); });
+    signals = signals_of(table, motor, assignments, is_for_line ? "" : options.axis);
   } catch (const fit::Error& error) {
     throw Failure::wrong_use(error.what());
   }
