@@ -201,12 +201,13 @@ void Watch::speed_limits() {
   const double ramp = slope() > 0.0 ? std::min(slope(), acceleration_) : acceleration_;
   if (ramp <= 0.0) return;
   const drive::Configuration& own = drive_.configuration();
-  // A sin2 ramp to rest begins more gently than one that ends at the limit.
+  // A sin2 or jerk-free ramp is one piece. One that leads to rest begins more gently than one that ends at the limit:
+  // its first part grows at most with the third power of time.
+  const bool one_piece = objects_.motion_profile_type == 1 || objects_.motion_profile_type == 2;
   const double fastest = excess_.most + excess_.over;
-  const double gentle = ramp_set_.shaped && ramp_set_.jerk <= 0.0
-                            ? 4.0 / pi * fastest / ramp * std::asin(std::sqrt(excess_.over / fastest))
-                            : 0.0;
-  const double fall = std::max(excess_.over / ramp + jerk_delay(excess_.over, ramp, excess_.gaining), gentle);
+  const double gentle = one_piece ? 2.0 * fastest / ramp * 1.15 * std::cbrt(0.1 * excess_.over / fastest) : 0.0;
+  const double fall = std::max({excess_.over / ramp + jerk_delay(excess_.over, ramp, excess_.gaining),
+                                one_piece ? 2.0 * excess_.over / ramp : 0.0, gentle});
   const double enough =
       1.1 * fall + lag_s + 0.001 * own.smoothing_ms + 0.003 * static_cast<double>(own.position_lag_ms);
   excess_.done += tick_s / enough;  // ramps and torque may change meanwhile

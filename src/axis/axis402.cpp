@@ -1,4 +1,4 @@
-// Status and power state of an axis. Motion is in axis402_motion.cpp.
+// Status and power state of an axis. Motion is in axis402_motion.cpp and axis402_run.cpp.
 #include "axis/axis402.hpp"
 
 #include <algorithm>

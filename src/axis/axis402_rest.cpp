@@ -1,4 +1,4 @@
-// Bringing an axis to rest and keeping it there: standstill of the shaft, and targets that remain in the drive.
+// Standstill of the shaft, and targets that remain in the drive. Stops are in axis402_run.cpp.
 #include <algorithm>
 #include <array>
 #include <cstdlib>
