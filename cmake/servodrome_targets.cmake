@@ -84,12 +84,13 @@ function(servodrome_library name)
   set_property(GLOBAL APPEND PROPERTY servodrome_libraries servodrome_${name})
 endfunction()
 
-# servodrome_tests_in_folder([DEPENDS ...] [ALONE NAME ...]): all *_test.cpp of the current folder become one program,
+# servodrome_tests_in_folder([DEPENDS ...] [ALONE NAME ...] [COMPUTES]): all *_test.cpp of the current folder become one program,
 # FOLDER_tests, and each file becomes one ctest entry of its name. Where SERVODROME_UNITY is on, several files are compiled
 # at a time, since their headers cost more than they do: what a file declares is in a namespace of the file's name.
-# A file under ALONE becomes a program of its own, because it replaces something in the whole program.
+# A file under ALONE becomes a program of its own, because it replaces something in the whole program. COMPUTES: with
+# sanitizers the tests run for longer than it takes to optimise them.
 function(servodrome_tests_in_folder)
-  cmake_parse_arguments(arg "" "" "DEPENDS;ALONE" ${ARGN})
+  cmake_parse_arguments(arg "COMPUTES" "" "DEPENDS;ALONE" ${ARGN})
   get_filename_component(folder ${CMAKE_CURRENT_SOURCE_DIR} NAME)
   file(GLOB sources CONFIGURE_DEPENDS *_test.cpp)
   set(together)
@@ -123,7 +124,7 @@ function(servodrome_test_program name sources)
   add_executable(${name} ${sources})
   target_link_libraries(${name} PRIVATE servodrome::options ${ARGN} servodrome_test_main)
   target_include_directories(${name} PRIVATE ${PROJECT_SOURCE_DIR}/tests ${PROJECT_BINARY_DIR}/generated)
-  if(SERVODROME_SANITIZE)
+  if(SERVODROME_SANITIZE AND NOT arg_COMPUTES)
     servodrome_optimise_less(${name} 0)
   else()
     servodrome_optimise_less(${name} 1)
