@@ -20,7 +20,7 @@ struct DescriptionFiles {
 };
 
 // A line with one axis for each description, with a travel of 20 revolutions and with limit and home switches. Throws
-// Failure likewise.
+// Failure if a description cannot be used.
 line::LineSettings line_of_descriptions(const DescriptionFiles& descriptions);
 
 }  // namespace servodrome::app

@@ -188,7 +188,7 @@ bool Drive::tick(const Feedback& feedback, Actuation& actuation) {
   return cycle_due;
 }
 
-// Not inlined, to save registers in the tick; the search for an open phase likewise.
+// Not inlined, to save registers in the tick.
 [[gnu::noinline]] void Drive::trip(std::uint32_t faults, bool cycle_due, Actuation& actuation) {
   if (tripped_ == 0) tripped_ = faults & comparators_;  // the first comparator counts; later ones are its consequence
   if (tripped_ != 0 && !cycle_due && outputs_.pwm_enabled) {

@@ -67,7 +67,7 @@ class Plant {
   double position_fraction() const;       // of a count, [0, 1): true position = counts + fraction
   double velocity_rpm() const;            // of the rotor
   double load_velocity_rpm() const;       // differs from the rotor's with an elastic coupling
-  double load_position_counts() const;    // likewise; in counts of the encoder
+  double load_position_counts() const;    // also differs then; in counts of the encoder
   double coupling_twist_rad() const;      // rotor minus load
   double torque_nm() const;               // electromagnetic, average of the last tick
   double current_a() const;               // torque-producing (q), amplitude, signed

@@ -109,7 +109,7 @@ TEST(IsmkAutoTuning, DoesWhatItsBitsSay) {  // Table 6-1
   EXPECT_EQ(after_moves(0x21, -1)[0], 0);
 }
 
-// Velocity_BW stays, kvp follows the load; and what it means is told by the load known (Table 6-2).
+// The bandwidth (Velocity_BW) stays, and the gain kvp follows the identified load (Table 6-2).
 TEST(IsmkAutoTuning, FollowsALoadThatChanges) {
   TuningRig rig(loaded(1.0));
   rig.set(0x2FF0, 0x0A, 30);

@@ -129,7 +129,7 @@ std::vector<Case> cases() {
        .within_ms = 600.0},
       hardware_only(0x5421, Cause::brake_resistor_short),
       hardware_only(0x5581, Cause::memory),        // and by its cause below
-      hardware_only(0x5582, Cause::factor_group),  // likewise
+      hardware_only(0x5582, Cause::factor_group),  // and by its cause below
       hardware_only(0x5583, Cause::motor_mismatch),
       hardware_only(0x6100, Cause::unknown_error),
       hardware_only(0x6300, Cause::bus_settings),  // and by its cause below

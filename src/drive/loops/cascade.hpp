@@ -160,7 +160,7 @@ class Cascade {
   LowPass command_filter_;  // applied only with command_filter_on_
   bool command_filter_on_ = false;
   OptionalLowPass velocity_forward_;      // of the demand's velocity, with its output
-  OptionalLowPass acceleration_forward_;  // likewise
+  OptionalLowPass acceleration_forward_;  // of its acceleration, with its output
   float forward_velocity_ = 0.0F;         // counts/s
   float forward_acceleration_ = 0.0F;     // counts/s^2
   VelocityFeedback velocity_feedback_ = VelocityFeedback::first_order;

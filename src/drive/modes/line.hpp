@@ -61,7 +61,7 @@ class Line {
   Counts from_ = 0;
   Counts to_ = 0;
   double start_ = 0.0;  // relative to from_
-  double place_ = 0.0;  // likewise
+  double place_ = 0.0;  // relative to from_
   double rate_ = 0.0;
   double elapsed_ = 0.0;  // cycles
   double duration_ = 0.0;

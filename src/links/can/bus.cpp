@@ -256,7 +256,7 @@ void CanBus::end_transmission() {
 
 void CanBus::deliver(const Transmission& done) {
   ++counters_.frames;
-  // First count for all ports, then call the receivers, because a call may change who is on the wire and who sends.
+  // All ports are counted before the first receiver is called: a receiver may connect or disconnect ports and send.
   for (const auto& port : ports_) {
     if (on_wire(*port)) count_success(*port, port->sending, done.end);
   }

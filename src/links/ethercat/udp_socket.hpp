@@ -10,7 +10,7 @@ namespace servodrome::links {
 
 // Nonblocking UDP sockets. Both functions throw LinkError; `link` is the name in messages.
 //
-// Opens a socket that receives what is sent to an address of this computer.
+// Opens a socket that receives the datagrams sent to `endpoint`, an address of this computer.
 FileDescriptor udp_listen(const Endpoint& endpoint, const std::string& link);
 // Opens a socket that sends to an address and receives only from there.
 FileDescriptor udp_connect(const Endpoint& endpoint, const std::string& link);

@@ -32,7 +32,7 @@ std::vector<ParameterValue> factory_parameters(const ParameterList& list);
 struct ParameterDifference {
   ObjectAddress address;
   const ParameterValue* left = nullptr;   // nullptr: absent; points into the compared values
-  const ParameterValue* right = nullptr;  // likewise
+  const ParameterValue* right = nullptr;  // nullptr: absent
 };
 
 // Sorted by address. `only_common`: ignores values that exist on one side only.

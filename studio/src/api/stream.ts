@@ -40,7 +40,8 @@ const retry_ms = [250, 500, 1000, 2000];
 const look_ms = 1000;
 const silence_ms = 3000; // without a message; then the page sends a request as a keepalive
 const patience_ms = 4000; // timeout of the keepalive's answer, and of opening a connection
-const nobody = 0; // id of no subscription: the server answers its end and does nothing, so it serves as a keepalive
+// No subscription has this id. The server answers the request to end it and does nothing else: a keepalive.
+const unused_id = 0;
 
 export class Stream {
   private socket: WebSocket | null = null;
@@ -117,7 +118,7 @@ export class Stream {
     if (this.asked === null) {
       if (this.open && now - this.heard >= silence_ms) {
         this.asked = now;
-        this.send({ unsubscribe: { id: nobody } });
+        this.send({ unsubscribe: { id: unused_id } });
       }
     } else if (now - this.asked >= patience_ms) {
       const socket = this.socket;
