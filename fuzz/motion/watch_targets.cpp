@@ -104,8 +104,10 @@ void Watch::set_points() {
     if (drive_.in_motion()) set_point_.alone = tick_;
     return;
   }
-  // Any other write may change the plan, and of two controlwords the first may have stopped the axis.
-  if (limited || two_words() || around_->commanded > set_point_.since + ms(10)) {
+  // Any other write may change the plan, and of two controlwords the first may have stopped the axis. A limit that is
+  // written with the set-point may come by a later frame.
+  if (limited || two_words() || set_point_.limits != software_limits_set() ||
+      around_->commanded > set_point_.since + ms(10)) {
     set_point_.active = false;
     set_point_.alone = tick_;
     return;
@@ -165,6 +167,7 @@ void Watch::resolve(bool relative, bool bounded) {
   std::int64_t asked = objects_.target_position;
   set_point_.side = 0;
   set_point_.range = 0.0;
+  set_point_.limits = software_limits_set();
   if (const std::int64_t range = axis.position_range(); range != 0 && !relative) {
     const std::int64_t within = (asked - objects_.min_position_range_limit) % range;  // wraps around at the ends
     asked = objects_.min_position_range_limit + (within < 0 ? within + range : within);
