@@ -32,6 +32,7 @@ void Watch::demand() {
   demand_tick_ = tick_;
   // A failed encoder, and its position when it works again, shifts a demand that begins at the shaft.
   if (!pwm_ || !had_pwm_ || tick_ - spoiled_ < ms(150)) {
+    halted_ = false;  // when the halt ends is not seen
     ramp_ = 0.0;
     return;
   }

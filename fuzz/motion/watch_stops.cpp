@@ -254,13 +254,17 @@ void Watch::software_limits() {
                          (axis.active(drive::Signal::positive_limit) ? 4u : 0u) | (at_switch && axis.limited ? 8u : 0u);
   if ((stops & ~std::exchange(stops_before_, stops)) != 0) stopped_since_ = tick_;
   const bool begins = stops != 0 && tick_ - stopped_since_ <= demand_cycle();  // the drive reacts in its next cycle
-  if (!applies) {
+  // Beyond an end of the range 6064h shows the other end. By 6064h the axis is then beyond one limit, by its way beyond
+  // the other one, and may leave in both directions.
+  const std::int64_t turn = axis.turn_of_demand();
+  const drive::Counts demand = axis.generator.nearest_position();
+  const bool round = axis.units.to_user(demand) - turn != axis.to_user_position(demand);
+  if (!applies || round) {
     borders_ = {};
     return;
   }
   const double asked = limit_slope();
   // From counts of the shaft to the position that 6064h shows.
-  const std::int64_t turn = axis.turn_of_demand();
   const auto offset = static_cast<double>(drive_.position_offset()) - static_cast<double>(axis.units.to_counts(turn));
   // In the position loop the demand is judged, which has no lag; else the shaft.
   const bool demanded = axis.demand.loop == Loop::position;

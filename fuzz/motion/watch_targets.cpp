@@ -252,8 +252,10 @@ void Watch::beyond_targets() {
   const bool judged = state_ == PowerState::operation_enabled && pwm_ && judgeable_ && acceleration_ > 0.0 &&
                       axis.demand.loop == Loop::position && objects_.velocity_offset == 0 &&
                       objects_.min_position_range_limit == objects_.max_position_range_limit;
-  const bool stops = stop_.kind != StopKind::none || axis.active(drive::Signal::negative_limit) ||
-                     axis.active(drive::Signal::positive_limit) || axis.software_limits_active();
+  constexpr std::uint16_t halts = controlword::halt | controlword::fault_reset;  // a halt is obeyed beside bit 7, too
+  const bool stops = stop_.kind != StopKind::none || (objects_.controlword & halts) == halts ||
+                     axis.active(drive::Signal::negative_limit) || axis.active(drive::Signal::positive_limit) ||
+                     axis.software_limits_active();
   const auto place = static_cast<double>(axis.demand.position);
   const double target = nearest_place_of(std::int64_t{objects_.target_position} + objects_.position_offset);
   const bool begins =
