@@ -106,7 +106,7 @@ void Watch::set_points() {
   }
   // Any other write may change the plan, and of two controlwords the first may have stopped the axis. A limit that is
   // written with the set-point may come by a later frame.
-  if (limited || two_words() || set_point_.limits != software_limits_set() ||
+  if (limited || two_words() || set_point_.limits != set_point_limits() ||
       around_->commanded > set_point_.since + ms(10)) {
     set_point_.active = false;
     set_point_.alone = tick_;
@@ -167,7 +167,7 @@ void Watch::resolve(bool relative, bool bounded) {
   std::int64_t asked = objects_.target_position;
   set_point_.side = 0;
   set_point_.range = 0.0;
-  set_point_.limits = software_limits_set();
+  set_point_.limits = set_point_limits();
   if (const std::int64_t range = axis.position_range(); range != 0 && !relative) {
     const std::int64_t within = (asked - objects_.min_position_range_limit) % range;  // wraps around at the ends
     asked = objects_.min_position_range_limit + (within < 0 ? within + range : within);
