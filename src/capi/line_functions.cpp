@@ -131,6 +131,17 @@ int servodrome_line_run_until(servodrome_handle handle, int64_t time_ns) {
   });
 }
 
+int servodrome_line_advance(servodrome_handle handle, int64_t span_ns, int64_t* now_ns) {
+  return guarded([&] {
+    const LockedLine line(handle);
+    line.itself();
+    within(span_ns, 0, longest_advance_ns, "span_ns");
+    line->line.run_until(line->line.now() + Time(span_ns));
+    if (now_ns != nullptr) *now_ns = line->line.now().count();
+    return SERVODROME_OK;
+  });
+}
+
 int servodrome_line_run_ticks(servodrome_handle handle, int64_t ticks) {
   return guarded([&] {
     const LockedLine line(handle);

@@ -78,6 +78,8 @@ SERVODROME_API int servodrome_line_now(servodrome_handle line, int64_t* now_ns);
 
 /* Runs the line up to `time_ns`, at most an hour of line time later. A time in the past is SERVODROME_BAD_ARGUMENT. */
 SERVODROME_API int servodrome_line_run_until(servodrome_handle line, int64_t time_ns);
+/* Advances by `span_ns`, 0 .. an hour. `now_ns` gets the time afterwards; it may be NULL. */
+SERVODROME_API int servodrome_line_advance(servodrome_handle line, int64_t span_ns, int64_t* now_ns);
 /* Advances to the end of a tick: `ticks` (0 .. 57600000) after the last tick that has ended. Between two ticks 0 does nothing. */
 SERVODROME_API int servodrome_line_run_ticks(servodrome_handle line, int64_t ticks);
 

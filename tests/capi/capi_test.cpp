@@ -89,11 +89,17 @@ TEST_F(LineOfThreeAxes, TimePassesInTicksAndNeverBack) {
   EXPECT_EQ(now(), 200'000);
   EXPECT_EQ(servodrome_line_run_ticks(line, 1), SERVODROME_OK);  // tick 3 was the last that has ended
   EXPECT_EQ(now(), 4 * SERVODROME_TICK_NS);
+  std::int64_t after = 0;
+  EXPECT_EQ(servodrome_line_advance(line, 0, &after), SERVODROME_OK);
+  EXPECT_EQ(after, now());
+  EXPECT_EQ(servodrome_line_advance(line, SERVODROME_TICK_NS, nullptr), SERVODROME_OK);
+  EXPECT_EQ(now(), 5 * SERVODROME_TICK_NS);
+  EXPECT_EQ(servodrome_line_advance(line, -1, &after), SERVODROME_BAD_ARGUMENT);
   EXPECT_EQ(servodrome_line_run_until(line, 1), SERVODROME_BAD_ARGUMENT);
   EXPECT_THAT(last_error()["where"], "time_ns");
   EXPECT_EQ(servodrome_line_run_ticks(line, -1), SERVODROME_BAD_ARGUMENT);
   EXPECT_EQ(servodrome_line_run_until(line, INT64_MAX), SERVODROME_BAD_ARGUMENT);
-  EXPECT_EQ(now(), 4 * SERVODROME_TICK_NS);
+  EXPECT_EQ(now(), 5 * SERVODROME_TICK_NS);
 }
 
 TEST_F(LineOfThreeAxes, AClosedHandleIsAnErrorEverywhere) {
