@@ -176,7 +176,10 @@ void Watch::limit_switches() {
     }
     // In the position loop the shaft comes to the place of the demand, even if it has swung back from there.
     const bool demanded = drive_.axis().demand.loop == Loop::position;
-    const double led = direction * static_cast<double>(drive_.axis().demand.velocity);
+    // Under torque the velocity of the demand means nothing.
+    const double led = drive_.axis().demand.loop == Loop::torque
+                           ? 0.0
+                           : direction * static_cast<double>(drive_.axis().demand.velocity);
     // ... and in the velocity loop to the speed of the demand, which was at most that of the shaft when the stop
     // began.
     const double speed = std::max({0.0, direction * velocity_, demanded ? led : std::min(led, limit.speed)});
