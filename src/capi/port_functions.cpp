@@ -87,6 +87,15 @@ int servodrome_can_receive(servodrome_handle handle, int64_t timeout_ns, servodr
   });
 }
 
+int servodrome_can_state(servodrome_handle handle, unsigned* state) {
+  return guarded([&] {
+    require(state, "state");
+    const LockedLine line(handle);
+    *state = static_cast<unsigned>(line.item<CanPort>().state());
+    return SERVODROME_OK;
+  });
+}
+
 int servodrome_serial_open(servodrome_handle handle, const char* bus, servodrome_handle* port) {
   return guarded([&] {
     require(port, "port");

@@ -44,16 +44,18 @@ class Recorder final : public Item, private line::Follower {
 
 class CanPort final : public Port {
  public:
-  explicit CanPort(links::CanBus& bus) : port_(bus, most_waiting) {}
+  explicit CanPort(links::CanBus& bus) : bus_(bus), port_(bus, most_waiting) {}
 
   bool ready(Time) const override { return port_.waiting() > 0; }
   bool send(const canopen::Frame& frame, Time now) { return port_.send(frame, now); }
+  links::ErrorState state() const { return bus_.error_state(port_.port()); }
   // There must be a frame (ready). `lost`: frames before it were lost.
   links::TimedFrame take(bool& lost);
 
  private:
   static constexpr std::size_t most_waiting = 16384;
 
+  const links::CanBus& bus_;
   links::MemoryPort port_;
   std::uint64_t lost_ = 0;  // frames whose loss was reported
 };

@@ -150,6 +150,9 @@ SERVODROME_API int servodrome_can_open(servodrome_handle line, const char* bus, 
 SERVODROME_API int servodrome_can_send(servodrome_handle port, const servodrome_can_frame* frame);
 SERVODROME_API int servodrome_can_receive(servodrome_handle port, int64_t timeout_ns, servodrome_can_frame* frame);
 
+/* The error state of the port's controller (ISO 11898-1 clause 12.1.4): 0 error active, 1 error passive, 2 bus-off. */
+SERVODROME_API int servodrome_can_state(servodrome_handle port, unsigned* state);
+
 SERVODROME_API int servodrome_serial_open(servodrome_handle line, const char* bus, servodrome_handle* port);
 /* The format of the port's characters; at first that of the bus. `parity` is 'N', 'E' or 'O'. */
 SERVODROME_API int servodrome_serial_configure(servodrome_handle port, uint32_t bit_rate, unsigned data_bits, char parity,

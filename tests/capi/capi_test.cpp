@@ -221,6 +221,9 @@ TEST_F(LineOfThreeAxes, CanFramesTakeTheirTimeOnTheBus) {
   const std::int64_t end = now() + 10'000'000;
   EXPECT_EQ(servodrome_can_receive(can, 10'000'000, &frame), SERVODROME_NOTHING);
   EXPECT_EQ(now(), end);
+  unsigned state = 99;
+  EXPECT_EQ(servodrome_can_state(can, &state), SERVODROME_OK);
+  EXPECT_EQ(state, 0U) << "error active";
   upload.id = 0x800;
   EXPECT_EQ(servodrome_can_send(can, &upload), SERVODROME_BAD_ARGUMENT);
   upload.id = 0x601;
