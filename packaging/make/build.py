@@ -89,6 +89,16 @@ def page(context):
         raise Failed("the web page was not built: tools/build-studio says why")
 
 
+def libgcc(architecture):
+    """Debian's libgcc.a for an architecture."""
+    triplet = ARCHITECTURES[architecture][1]
+    folders = [f"/usr/lib/gcc/{triplet}/12", f"/usr/lib/gcc-cross/{triplet}/12"]
+    for folder in folders:
+        if Path(folder, "libgcc.a").is_file():
+            return Path(folder, "libgcc.a")
+    raise Failed(f"{' and '.join(folders)} have no libgcc.a; run tools/install-dependencies --packages")
+
+
 def options(context, architecture):
     """CMake's options for an architecture."""
     return {
@@ -97,16 +107,17 @@ def options(context, architecture):
         "SERVODROME_ZIG": context.zig() / "zig",
         "SERVODROME_ZIG_TARGET": f"{architecture}-linux-gnu.{OLDEST_GLIBC}",
         "SERVODROME_DEPENDENCIES": context.dependencies,
+        "SERVODROME_LIBGCC": libgcc(architecture),
         "SERVODROME_VERSION": context.version,
         "SERVODROME_TESTS": "OFF",
         "SERVODROME_BENCH": "OFF",
         "SERVODROME_WERROR": "OFF",
         "CMAKE_BUILD_TYPE": "Release",
         # No path of this machine gets into the programs, so that every folder gives the same ones.
-        "CMAKE_CXX_FLAGS_RELEASE": f"-O2 -DNDEBUG -ffile-prefix-map={ROOT}/= -ffile-prefix-map={context.dependencies}/=",
+        "CMAKE_CXX_FLAGS_RELEASE": f"-O2 -DNDEBUG -ffile-prefix-map={ROOT}/=",
         "CMAKE_POSITION_INDEPENDENT_CODE": "ON",
-        "CMAKE_EXE_LINKER_FLAGS": "-s -pie -Wl,-z,now",
-        "CMAKE_SHARED_LINKER_FLAGS": "-s -Wl,-z,now",
+        "CMAKE_EXE_LINKER_FLAGS": "-rtlib=none -s -pie -Wl,-z,now",
+        "CMAKE_SHARED_LINKER_FLAGS": "-rtlib=none -s -Wl,-z,now",
         "CMAKE_INSTALL_LIBDIR": "lib",
     }
 
@@ -117,7 +128,8 @@ def compile_for(context, architecture):
     context.say(f"compiling for {architecture}; this takes some minutes the first time")
     settings = [f"-D{name}={value}" for name, value in options(context, architecture).items()]
     context.run("cmake", "-S", ROOT, "-B", folder, "-G", "Ninja", *settings)
-    context.run("cmake", "--build", folder, "--parallel", context.jobs, "--target", "servodrome", "servodrome_capi")
+    context.run("cmake", "--build", folder, "--parallel", context.jobs, "--target", "servodrome",
+                *(["servodrome_capi"] if (ROOT / "src/capi/CMakeLists.txt").is_file() else []))
     stage = fresh(context.stage(architecture))
     for component in ("program", "interface"):
         context.run("cmake", "--install", folder, "--component", component, "--prefix", stage)

@@ -27,7 +27,7 @@ def packages(context, architecture):
     shutil.copytree(stage, tree / "stage", symlinks=True)
     # Debian has libraries in a folder for each architecture.
     library = tree / "stage/lib" / libraries
-    library.mkdir()
+    library.mkdir(parents=True)
     for part in list((tree / "stage/lib").iterdir()):
         if part != library:
             part.rename(library / part.name)

@@ -24,8 +24,7 @@ def version_of(context, component):
 
 def text_of(context, component):
     if "ziglang" in component:
-        folder = context.zig() if component["ziglang"] == "." else context.zig() / "lib" / component["ziglang"]
-        return next(folder / name for name in ("LICENSE.TXT", "LICENSE") if (folder / name).is_file()).read_text()
+        return (context.zig() / "lib" / component["ziglang"] / "LICENSE.TXT").read_text()
     with open(f"/usr/share/doc/{component['debian']}/copyright", encoding="utf-8") as file:
         return file.read()
 

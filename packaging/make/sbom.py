@@ -23,7 +23,7 @@ def components(context):
     for name, component in sorted(context.components.items()):
         version = version_of(context, component)
         if "ziglang" in component:
-            purl = f"pkg:pypi/ziglang@{version}#{component['ziglang']}" if component["ziglang"] != "." else f"pkg:pypi/ziglang@{version}"
+            purl = f"pkg:pypi/ziglang@{version}#{component['ziglang']}"
             where = "part of the compiler's package, linked statically"
         else:
             package = component.get("source", {}).get("package") or component["debian"]
