@@ -28,7 +28,10 @@ def tarball(context, architecture):
     """Packs the stage, sorted, with one owner and one time, so that the same stage gives the same bytes."""
     name = name_of(context, architecture)
     stage = context.stage(architecture)
-    texts = {"README.md": (ROOT / "packaging/tarball.md").read_text().replace("VERSION", context.version)}
+    readme = stage.parent / "tarball.md"
+    readme.write_text((ROOT / "packaging/tarball.md").read_text().replace("VERSION", context.version))
+    for old in context.dist.glob(f"servodrome-*-linux-{architecture}.tar.gz"):
+        old.unlink()
     path = context.dist / f"{name}.tar.gz"
 
     def plain(entry):
@@ -42,9 +45,6 @@ def tarball(context, architecture):
         for source in [stage, *sorted(stage.rglob("*"))]:
             inside = f"{name}/{source.relative_to(stage)}" if source != stage else name
             archive.add(source, inside, recursive=False, filter=plain)
-        for text in sorted(texts):
-            shutil.copy(ROOT / "LICENSE", stage.parent / text)
-            (stage.parent / text).write_text(texts[text])
-            archive.add(stage.parent / text, f"{name}/{text}", filter=plain)
+        archive.add(readme, f"{name}/README.md", filter=plain)
         archive.add(ROOT / "LICENSE", f"{name}/LICENSE", filter=plain)
     return path

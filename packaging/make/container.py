@@ -31,7 +31,8 @@ def image(context):
     buildah(context, "bud", *common, "--build-arg", "BASE=localhost/servodrome-base", "--file", ROOT / "packaging/container/Containerfile",
             "--tag", f"servodrome:{tag}", folder)
     path = context.dist / f"servodrome-{context.version}-container-x86_64.tar"
-    path.unlink(missing_ok=True)
+    for old in context.dist.glob("servodrome-*-container-x86_64.tar"):
+        old.unlink()
     buildah(context, "push", f"localhost/servodrome:{tag}", f"docker-archive:{path}:servodrome:{tag}")
     if not path.is_file():
         raise Failed(f"buildah wrote no {path}")

@@ -35,7 +35,9 @@ def packages(context, architecture):
         file.write_text(file.read_text().replace("${pcfiledir}/../..", "/usr").replace("/lib\n", f"/lib/{libraries}\n"))
     context.run("dpkg-buildpackage", "--build=binary", "--no-sign", f"--host-arch={name}", "--no-check-builddeps", cwd=tree)
     built = sorted(tree.parent.glob("*.deb"))
+    for old in context.dist.glob(f"*_{name}.deb"):
+        old.unlink()
     for file in built:
         shutil.copy(file, context.dist / file.name)
-    context.run("lintian", "--fail-on", "error,warning", "--suppress-tags-from-file", "/dev/null", *built)
+    context.run("lintian", "--allow-root", "--fail-on", "error,warning", *built)
     return built

@@ -55,6 +55,8 @@ def sbom(context):
         "components": parts,
         "dependencies": [{"ref": own, "dependsOn": [part["bom-ref"] for part in parts]}],
     }
+    for old in context.dist.glob("servodrome-*.cdx.json"):
+        old.unlink()
     path = context.dist / f"servodrome-{context.version}.cdx.json"
     path.write_text(json.dumps(document, indent=2) + "\n")
     check = ("import sys; from cyclonedx.schema import SchemaVersion; from cyclonedx.validation.json import JsonStrictValidator; "
