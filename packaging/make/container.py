@@ -1,9 +1,10 @@
 """The container image: buildah builds packaging/container/Containerfile on a base that is made of Debian's packages."""
+import gzip
 import platform
 import shutil
 
 from make.build import debian_sources
-from make.context import ROOT, WORK, Failed, fresh
+from make.context import ROOT, WORK, fresh
 
 
 def buildah(context, *arguments):
@@ -24,16 +25,18 @@ def image(context):
     shutil.copy(deb, folder / deb.name)
     (folder / "Base").write_text("FROM scratch\nADD base.tar /\n")
     fresh(WORK / "containers")
-    common = ["--isolation", "chroot", "--network", "none", "--timestamp", context.epoch, "--pull-never", "--format", "docker"]
+    common = ["--isolation", "chroot", "--network", "host", "--timestamp", context.epoch, "--pull-never", "--format", "docker"]
     buildah(context, "bud", *common, "--file", folder / "Base", "--tag", "servodrome-base", folder)
     (folder / "base.tar").unlink()
     tag = context.version.replace("+", "-")
     buildah(context, "bud", *common, "--build-arg", "BASE=localhost/servodrome-base", "--file", ROOT / "packaging/container/Containerfile",
             "--tag", f"servodrome:{tag}", folder)
-    path = context.dist / f"servodrome-{context.version}-container-x86_64.tar"
-    for old in context.dist.glob("servodrome-*-container-x86_64.tar"):
+    path = context.dist / f"servodrome-{context.version}-container-x86_64.tar.gz"
+    for old in context.dist.glob("servodrome-*-container-x86_64.tar*"):
         old.unlink()
-    buildah(context, "push", f"localhost/servodrome:{tag}", f"docker-archive:{path}:servodrome:{tag}")
-    if not path.is_file():
-        raise Failed(f"buildah wrote no {path}")
+    plain = folder / "image.tar"
+    buildah(context, "push", f"localhost/servodrome:{tag}", f"docker-archive:{plain}:servodrome:{tag}")
+    with plain.open("rb") as unpacked, path.open("wb") as file, gzip.GzipFile("", "wb", 9, file, mtime=0) as packed:
+        shutil.copyfileobj(unpacked, packed)
+    plain.unlink()
     return path

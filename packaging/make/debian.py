@@ -1,6 +1,7 @@
 """Debian's packages, from the stage: the same programs as in the tarball."""
 import datetime
 import email.utils
+import re
 import shutil
 
 from make.context import ARCHITECTURES, ROOT, WORK, fresh
@@ -32,7 +33,8 @@ def packages(context, architecture):
         if part != library:
             part.rename(library / part.name)
     for file in library.rglob("*.pc"):
-        file.write_text(file.read_text().replace("${pcfiledir}/../..", "/usr").replace("/lib\n", f"/lib/{libraries}\n"))
+        text = re.sub(r"(?m)^prefix=.*", "prefix=/usr", file.read_text())
+        file.write_text(re.sub(r"(?m)^libdir=.*", f"libdir=${{prefix}}/lib/{libraries}", text))
     context.run("dpkg-buildpackage", "--build=binary", "--no-sign", f"--host-arch={name}", "--no-check-builddeps", cwd=tree)
     built = sorted(tree.parent.glob("*.deb"))
     for old in context.dist.glob(f"*_{name}.deb"):
