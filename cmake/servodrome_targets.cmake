@@ -68,6 +68,9 @@ function(servodrome_library name)
     add_library(servodrome_${name} SHARED ${arg_SOURCES})
   else()
     add_library(servodrome_${name} STATIC ${arg_SOURCES})
+    # For src/capi, a shared library made of these.
+    set_target_properties(servodrome_${name} PROPERTIES POSITION_INDEPENDENT_CODE ON CXX_VISIBILITY_PRESET hidden
+      VISIBILITY_INLINES_HIDDEN ON)
   endif()
   if(arg_HEAVY)
     servodrome_compile_together(servodrome_${name})

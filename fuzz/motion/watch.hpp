@@ -112,8 +112,8 @@ class Watch {
   void look_at_frame();
   double nearest_place_of(std::int64_t user) const;
   void resolve(bool relative, bool bounded);
-  std::array<std::int32_t, 2> software_limits_set() const {
-    return {objects_.min_position_limit, objects_.max_position_limit};
+  std::array<std::int64_t, 3> set_point_limits() const {
+    return {objects_.min_position_limit, objects_.max_position_limit, objects_.max_profile_velocity};
   }
   void shown_position();
   void touch_probes();
@@ -289,7 +289,7 @@ class Watch {
     std::int64_t alone = 0;  // tick since which there is no other set-point
     std::int64_t reached = 0;
     double target = 0.0;
-    std::array<std::int32_t, 2> limits{};  // 607Dh, by which `target` is limited
+    std::array<std::int64_t, 3> limits{};  // 607Dh and 607Fh, by which target and speed are limited
     double range = 0.0;   // length of the range 607Bh in counts, if the target may lie in any of its turns; otherwise 0
     int side = 0;         // bits 6 and 7 of 60F2h: the direction within the range
     bool passes = false;  // it passes its target with the end velocity 6082h

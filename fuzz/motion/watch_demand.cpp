@@ -32,6 +32,7 @@ void Watch::demand() {
   demand_tick_ = tick_;
   // A failed encoder, and its position when it works again, shifts a demand that begins at the shaft.
   if (!pwm_ || !had_pwm_ || tick_ - spoiled_ < ms(150)) {
+    halted_ = false;  // when the halt ends is not seen
     ramp_ = 0.0;
     return;
   }
@@ -142,7 +143,8 @@ void Watch::first_target(double from, double to, double seconds) {
   const double gained = std::abs(to) - std::max(std::abs(from), std::abs(velocity_));
   const drive::MotionLimits limits = drive_.axis().catch_up_limits();
   const double most =
-      std::max(jump_share * greatest, 1.1 * std::max(limits.acceleration, limits.deceleration) * seconds);
+      // A mode that begins between two cycles makes its first step at once.
+      std::max(jump_share * greatest, 2.2 * std::max(limits.acceleration, limits.deceleration) * seconds);
   if (gained > most && objects_.velocity_offset == 0) {
     fail("first-target-jumps", fmt::format("from {:.0f} to {:.0f} rpm in {:.3f} ms, mode {}", rpm(from), rpm(to),
                                            1000.0 * seconds, static_cast<int>(mode_)));

@@ -176,7 +176,10 @@ void Watch::limit_switches() {
     }
     // In the position loop the shaft comes to the place of the demand, even if it has swung back from there.
     const bool demanded = drive_.axis().demand.loop == Loop::position;
-    const double led = direction * static_cast<double>(drive_.axis().demand.velocity);
+    // Under torque the velocity of the demand means nothing.
+    const double led = drive_.axis().demand.loop == Loop::torque
+                           ? 0.0
+                           : direction * static_cast<double>(drive_.axis().demand.velocity);
     // ... and in the velocity loop to the speed of the demand, which was at most that of the shaft when the stop
     // began.
     const double speed = std::max({0.0, direction * velocity_, demanded ? led : std::min(led, limit.speed)});
@@ -254,13 +257,17 @@ void Watch::software_limits() {
                          (axis.active(drive::Signal::positive_limit) ? 4u : 0u) | (at_switch && axis.limited ? 8u : 0u);
   if ((stops & ~std::exchange(stops_before_, stops)) != 0) stopped_since_ = tick_;
   const bool begins = stops != 0 && tick_ - stopped_since_ <= demand_cycle();  // the drive reacts in its next cycle
-  if (!applies) {
+  // Beyond an end of the range 6064h shows the other end. By 6064h the axis is then beyond one limit, by its way beyond
+  // the other one, and may leave in both directions.
+  const std::int64_t turn = axis.turn_of_demand();
+  const drive::Counts demand = axis.generator.nearest_position();
+  const bool round = axis.units.to_user(demand) - turn != axis.to_user_position(demand);
+  if (!applies || round) {
     borders_ = {};
     return;
   }
   const double asked = limit_slope();
   // From counts of the shaft to the position that 6064h shows.
-  const std::int64_t turn = axis.turn_of_demand();
   const auto offset = static_cast<double>(drive_.position_offset()) - static_cast<double>(axis.units.to_counts(turn));
   // In the position loop the demand is judged, which has no lag; else the shaft.
   const bool demanded = axis.demand.loop == Loop::position;

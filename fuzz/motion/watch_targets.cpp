@@ -106,7 +106,7 @@ void Watch::set_points() {
   }
   // Any other write may change the plan, and of two controlwords the first may have stopped the axis. A limit that is
   // written with the set-point may come by a later frame.
-  if (limited || two_words() || set_point_.limits != software_limits_set() ||
+  if (limited || two_words() || set_point_.limits != set_point_limits() ||
       around_->commanded > set_point_.since + ms(10)) {
     set_point_.active = false;
     set_point_.alone = tick_;
@@ -167,7 +167,7 @@ void Watch::resolve(bool relative, bool bounded) {
   std::int64_t asked = objects_.target_position;
   set_point_.side = 0;
   set_point_.range = 0.0;
-  set_point_.limits = software_limits_set();
+  set_point_.limits = set_point_limits();
   if (const std::int64_t range = axis.position_range(); range != 0 && !relative) {
     const std::int64_t within = (asked - objects_.min_position_range_limit) % range;  // wraps around at the ends
     asked = objects_.min_position_range_limit + (within < 0 ? within + range : within);
@@ -252,8 +252,10 @@ void Watch::beyond_targets() {
   const bool judged = state_ == PowerState::operation_enabled && pwm_ && judgeable_ && acceleration_ > 0.0 &&
                       axis.demand.loop == Loop::position && objects_.velocity_offset == 0 &&
                       objects_.min_position_range_limit == objects_.max_position_range_limit;
-  const bool stops = stop_.kind != StopKind::none || axis.active(drive::Signal::negative_limit) ||
-                     axis.active(drive::Signal::positive_limit) || axis.software_limits_active();
+  constexpr std::uint16_t halts = controlword::halt | controlword::fault_reset;  // a halt is obeyed beside bit 7, too
+  const bool stops = stop_.kind != StopKind::none || (objects_.controlword & halts) == halts ||
+                     axis.active(drive::Signal::negative_limit) || axis.active(drive::Signal::positive_limit) ||
+                     axis.software_limits_active();
   const auto place = static_cast<double>(axis.demand.position);
   const double target = nearest_place_of(std::int64_t{objects_.target_position} + objects_.position_offset);
   const bool begins =

@@ -13,6 +13,8 @@
  * Threads. Calls may come from any thread. Calls on the same line run one after the other; calls on different lines run at the same
  * time.
  *
+ * After fork() the child may open lines of its own. The lines of its parent are not usable if another thread was in a call on them.
+ *
  * Times are in nanoseconds of line time, 0 at the start of the line. A tick is 62500 ns.
  */
 #ifndef SERVODROME_H
@@ -76,7 +78,9 @@ SERVODROME_API int servodrome_line_now(servodrome_handle line, int64_t* now_ns);
 
 /* Runs the line up to `time_ns`, at most an hour of line time later. A time in the past is SERVODROME_BAD_ARGUMENT. */
 SERVODROME_API int servodrome_line_run_until(servodrome_handle line, int64_t time_ns);
-/* Advances by so many ticks, 0 .. 57600000. */
+/* Advances by `span_ns`, 0 .. an hour. `now_ns` gets the time afterwards; it may be NULL. */
+SERVODROME_API int servodrome_line_advance(servodrome_handle line, int64_t span_ns, int64_t* now_ns);
+/* Advances to the end of a tick: `ticks` (0 .. 57600000) after the last tick that has ended. Between two ticks 0 does nothing. */
 SERVODROME_API int servodrome_line_run_ticks(servodrome_handle line, int64_t ticks);
 
 /*
@@ -126,8 +130,8 @@ SERVODROME_API int servodrome_recorder_close(servodrome_handle recorder);
 /* ---- Ports: a master in this process ---- */
 
 /*
- * A port waits for what comes to it: CAN frames (the latest 16384), bytes, or Ethernet frames. The receive functions advance the
- * line until something is there, or by `timeout_ns` (0: they do not advance it; at most an hour).
+ * A port keeps what comes to it until it is read: CAN frames (at most 16384; further ones are lost), bytes, or Ethernet frames. The
+ * receive functions advance the line until something is there, or by `timeout_ns` (0: they do not advance it; at most an hour).
  */
 SERVODROME_API int servodrome_port_close(servodrome_handle port);
 

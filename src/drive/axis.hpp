@@ -333,11 +333,12 @@ struct Axis {
   }
   // As take_over_actual, but without a step for the position loop: it keeps the part of its lag that fits the shaft's
   // speed. After another loop it gets the lag that the position loop would have.
-  void take_over_lagging() {
-    if (demand.loop != Loop::position) return lead_shaft(turning_velocity());
-    const double most = lag(turning_velocity());
+  void take_over_lagging() { take_over_lagging(turning_velocity()); }
+  void take_over_lagging(double velocity) {
+    if (demand.loop != Loop::position) return lead_shaft(velocity);
+    const double most = lag(velocity);
     const auto error = static_cast<double>(loops->following_error_counts);
-    generator.start_from(position() + static_cast<Counts>(std::clamp(error, -most, most)), turning_velocity());
+    generator.start_from(position() + static_cast<Counts>(std::clamp(error, -most, most)), velocity);
   }
   // Sets the generator to the demand that a position loop has for a shaft at this speed, counts/s.
   void lead_shaft(double velocity) { generator.start_from(position() + std::llround(even_lag(velocity)), velocity); }

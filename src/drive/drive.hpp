@@ -185,6 +185,7 @@ class Drive final : public dictionary::Listener {
   void keep_stop_within_limits();
   void take_over_shaft();
   void keep_near_shaft();
+  void slow_down_with_shaft();
   void watch_standstill();
   double quick_stop_deceleration() const;  // counts/s^2
   bool stop_finished() const;
@@ -298,6 +299,7 @@ class Drive final : public dictionary::Listener {
   bool shaft_stands_ = true;
   std::uint32_t rest_wait_cycles_ = 0;  // since the end of a stop's ramp
   Dwell braked_{};                      // time braked by short circuit
+  Dwell outrun_{};                      // time for which the ramp of a stop was much faster than the shaft
   bool braked_to_rest_ = false;
   bool zero_speed_ = false;  // held at once, without a ramp, until the brake has closed
 

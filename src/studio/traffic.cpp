@@ -60,13 +60,12 @@ struct RowFilter {
       const auto value = query_value(call, key);
       if (!value || value->empty()) continue;
       try {
-        filter.words.add(fmt::format("{}={}", key, line::bench::unescaped(*value)),
-                         master::ObjectCatalogue::standard());
+        filter.words.add(fmt::format("{}={}", key, *value), master::ObjectCatalogue::standard());
       } catch (const master::MasterError& error) {
         throw ApiError{400, error.happened(), error.where(), error.remedy()};
       }
     }
-    if (const auto value = query_value(call, "text")) filter.text = lower(line::bench::unescaped(*value));
+    if (const auto value = query_value(call, "text")) filter.text = lower(*value);
     if (const auto value = query_value(call, "errors")) filter.errors = *value == "true" || *value == "1";
     return filter;
   }
@@ -289,7 +288,7 @@ Json show_capture(Call& call) {
   const auto view = view_argument(call);
   const bool is_ethercat = view->source().medium() == Medium::ethercat;
   const bool is_can = view->source().medium() == Medium::can;
-  const std::string_view format = query_value(call, "format").value_or("pcap");
+  const std::string format = query_value(call, "format").value_or("pcap");
   const std::string_view text_format = is_can ? "candump" : "text";
   if (format != "pcap" && (is_ethercat || format != text_format)) {
     throw ApiError{400, fmt::format("there is no capture in the format \"{}\" of this bus", format.substr(0, 40)),

@@ -22,11 +22,7 @@
 #include "links/link_error.hpp"
 #include "links/link_scheme.hpp"
 #include "links/serial/link_name.hpp"
-#include "studio/bode_routes.hpp"
-#include "studio/commissioning.hpp"
-#include "studio/jobs.hpp"
-#include "studio/recording_export.hpp"
-#include "studio/traffic.hpp"
+#include "studio/line_routes.hpp"
 
 namespace servodrome::app {
 namespace up_command {
@@ -278,17 +274,11 @@ void run(const Options& options) {
   std::signal(SIGPIPE, SIG_IGN);  // if the reader of our output ends, symbolic links must not be left behind
   const std::unique_ptr<line::LineServer> opened = open_line(settings);
   line::LineServer& server = *opened;
-  studio::LineJobs jobs(server.line());
-  server.add_routes(jobs.routes());
-  jobs.jobs().on_event([&server](const line::bench::Json& event) { server.publish(event); });
-  studio::BodePlots bode_plots([&server](std::uint32_t id) { return server.recording(id); });
-  server.add_routes(bode_plots.routes());
-  studio::RecordingExport recording_export([&server](std::uint32_t id) { return server.recording(id); },
-                                           [&server] { return server.wall_epoch(); });
-  server.add_routes(recording_export.routes());
-  for (const line::bench::RouteGroup& group : studio::commissioning_routes()) server.add_routes(group);
-  studio::Traffic traffic(studio::find_line_traffic, [&server] { return server.wall_epoch(); });
-  server.add_routes(traffic.routes());
+  studio::LineRoutes routes(
+      server.line(), [&server](std::uint32_t id) { return server.recording(id); },
+      [&server] { return server.wall_epoch(); });
+  routes.jobs().on_event([&server](const line::bench::Json& event) { server.publish(event); });
+  for (const line::bench::RouteGroup& group : routes.groups()) server.add_routes(group);
   boost::asio::signal_set signals(server.io(), SIGINT, SIGTERM);
   if (!is_ignored(SIGHUP)) signals.add(SIGHUP);  // the terminal is gone, unless nohup was used
   signals.async_wait([&server](const boost::system::error_code& code, int) {

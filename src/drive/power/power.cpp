@@ -250,6 +250,26 @@ void Drive::keep_near_shaft() {
   smoothed_loop_ = Loop::off;
 }
 
+// The ramp of a stop continues from the shaft if something has slowed the shaft down far below the ramp, such as a jam:
+// the stop must not speed it up again. A shaft that swings about a slow demand, or has turned back, is not meant.
+void Drive::slow_down_with_shaft() {
+  constexpr double least_share = 0.5;      // of the ramp's speed
+  constexpr double slow_ramp_share = 0.1;  // of the motor's greatest speed
+  constexpr double unsure_rpm = 30.0;
+  constexpr std::uint32_t least_ms = 2;
+  const double wanted = axis_.generator.velocity();
+  const double shaft = axis_.velocity() * std::copysign(1.0, wanted);
+  const bool fast =
+      std::abs(wanted) >
+      slow_ramp_share * axis_.rpm_to_counts_per_s(static_cast<double>(axis_.configuration.motor.max_speed_rpm));
+  const bool slower = shaft < least_share * std::abs(wanted) && shaft > -axis_.rpm_to_counts_per_s(unsure_rpm);
+  if (!axis_.lasts(fast && slower, outrun_, least_ms)) return;
+  outrun_.reset();
+  axis_.take_over_lagging(std::copysign(std::max(0.0, shaft), wanted));
+  moved_demand_ = true;
+  begin_ramp();
+}
+
 void Drive::begin_stop(Stop stop) {
   take_over_shaft();
   identification_.abort();
@@ -259,6 +279,7 @@ void Drive::begin_stop(Stop stop) {
   short_circuit_ = stop == Stop::voltage_limit;
   braked_.reset();
   braked_to_rest_ = false;
+  outrun_.reset();
   rest_wait_cycles_ = 0;
   begin_ramp();
   axis_.follow_generator(stop_loop_);  // takes effect in this cycle
@@ -350,6 +371,7 @@ void Drive::step_stop() {
   if (stop_ == Stop::current_limit || stop_ == Stop::voltage_limit) {
     axis_.generator.start_from(axis_.position(), 0.0);
   } else {
+    slow_down_with_shaft();
     axis_.generator.step(axis_.cycle_s);
     if (stop_loop_ == Loop::position && axis_.demand.loop == Loop::position) keep_near_shaft();
     rest_wait_cycles_ = axis_.generator.standing() ? rest_wait_cycles_ + 1 : 0;

@@ -145,12 +145,12 @@ std::string unescaped(std::string_view text) {
   return plain;
 }
 
-std::optional<std::string_view> query_value(const Call& call, std::string_view key) {
+std::optional<std::string> query_value(const Call& call, std::string_view key) {
   for (std::string_view rest = call.query; !rest.empty();) {
     const std::string_view pair = rest.substr(0, rest.find('&'));
     rest.remove_prefix(std::min(pair.size() + 1, rest.size()));
     const std::size_t equals = std::min(pair.find('='), pair.size());
-    if (pair.substr(0, equals) == key) return pair.substr(std::min(equals + 1, pair.size()));
+    if (pair.substr(0, equals) == key) return unescaped(pair.substr(std::min(equals + 1, pair.size())));
   }
   return std::nullopt;
 }

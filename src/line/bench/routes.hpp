@@ -59,9 +59,9 @@ std::span<const Route> clock_routes();
 // Returns the axis that the first argument names. Throws ApiError 404.
 Axis& axis_argument(Call& call);
 
-// Returns the value of a key in the query, as sent: for "?after=12" the value of "after" is "12". Returns nothing if
+// Returns the value of a key in the query, decoded: for "?after=12" the value of "after" is "12". Returns nothing if
 // the key is not there.
-std::optional<std::string_view> query_value(const Call& call, std::string_view key);
+std::optional<std::string> query_value(const Call& call, std::string_view key);
 // Decodes an argument or a value of the query: %XX becomes a byte, + becomes a space.
 std::string unescaped(std::string_view text);
 

@@ -1,0 +1,32 @@
+#pragma once
+
+#include <functional>
+#include <vector>
+
+#include "studio/bode_routes.hpp"
+#include "studio/jobs.hpp"
+#include "studio/recording_export.hpp"
+#include "studio/traffic.hpp"
+
+namespace servodrome::studio {
+
+// All routes of this library for a line: jobs, parameters, PDO mappings, traffic, frequency responses and recordings as
+// files.
+class LineRoutes {
+ public:
+  // `line` must outlive this object. `epoch` returns the wall-clock time of the line's time 0.
+  LineRoutes(line::Line& line, const FindRecording& find, const std::function<line::Time()>& epoch)
+      : jobs_(line), bode_plots_(find), recording_export_(find, epoch), traffic_(find_line_traffic, epoch) {}
+
+  Jobs& jobs() { return jobs_.jobs(); }
+  // The groups refer to this object.
+  std::vector<line::bench::RouteGroup> groups();
+
+ private:
+  LineJobs jobs_;
+  BodePlots bode_plots_;
+  RecordingExport recording_export_;
+  Traffic traffic_;
+};
+
+}  // namespace servodrome::studio
