@@ -1,4 +1,11 @@
-# cmake --install installs the libraries, their headers and the program; find_package(servodrome) finds them.
+# cmake --install installs the program, the C interface, and the C++ libraries with their headers, which find_package(servodrome)
+# finds. tools/package installs only the components `program` and `interface`.
+install(DIRECTORY build/studio/ DESTINATION ${CMAKE_INSTALL_DATADIR}/servodrome/studio COMPONENT program OPTIONAL
+  PATTERN .built EXCLUDE)
+install(DIRECTORY lines DESTINATION ${CMAKE_INSTALL_DATADIR}/servodrome COMPONENT program)
+if(SKBUILD)
+  include(servodrome_wheel)
+endif()
 include(CMakePackageConfigHelpers)
 get_property(libraries GLOBAL PROPERTY servodrome_libraries)
 install(TARGETS servodrome_options ${libraries} EXPORT servodrome-targets ARCHIVE DESTINATION ${CMAKE_INSTALL_LIBDIR})

@@ -8,6 +8,7 @@
 #include "app/interrupt_status.hpp"
 #include "app/reference_commands.hpp"
 #include "line/nearest_name.hpp"
+#include "line/version.hpp"
 
 namespace {
 
@@ -68,7 +69,7 @@ void servodrome::app::warn(const std::string& message) { fmt::print(stderr, "ser
 
 int main(int argc, char** argv) {
   CLI::App app("Software servo drives on real field buses, and the tools to commission them.", "servodrome");
-  app.set_version_flag("--version", "servodrome " SERVODROME_VERSION);
+  app.set_version_flag("--version", fmt::format("servodrome {}", servodrome::line::version()));
   app.require_subcommand(1);
   app.failure_message(CLI::FailureMessage::simple);
   app.formatter(std::make_shared<HelpFormatter>());

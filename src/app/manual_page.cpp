@@ -2,6 +2,8 @@
 
 #include <fmt/format.h>
 
+#include "line/version.hpp"
+
 namespace servodrome::app {
 namespace {
 
@@ -71,11 +73,11 @@ Folder with the web page that \fBservodrome up\fR serves.
 
 std::string manual_page(const CommandNode& root) {
   std::string page = fmt::format(
-      ".TH SERVODROME 1 \"\" \"servodrome " SERVODROME_VERSION
-      "\" \"User Commands\"\n.SH NAME\nservodrome \\- {}\n.SH SYNOPSIS\n.B servodrome\n\\fICOMMAND\\fR [OPTIONS]\n"
+      ".TH SERVODROME 1 \"\" \"servodrome {}\" \"User Commands\"\n.SH NAME\nservodrome \\- {}\n.SH SYNOPSIS\n.B "
+      "servodrome\n\\fICOMMAND\\fR [OPTIONS]\n"
       ".SH DESCRIPTION\n{}\n.PP\n\\fBservodrome\\fR \\fICOMMAND\\fR \\fB\\-\\-help\\fR shows a command's options.\n"
       ".SH COMMANDS\n",
-      roff("software servo drives and the tools to commission them"), roff(root.description));
+      roff(line::version()), roff("software servo drives and the tools to commission them"), roff(root.description));
   for (const CommandNode* command : all_commands(root)) {
     if (command == &root) continue;
     page += fmt::format(".SS {} {}\n{}.\n", roff(command->path), roff(usage_of(*command)), roff(command->description));

@@ -8,6 +8,7 @@
 #include "line/bench/api.hpp"
 #include "line/bench/scope/channel_list.hpp"
 #include "line/line_file.hpp"
+#include "line/version.hpp"
 
 // The functions of servodrome.h for lines and values of axes.
 namespace servodrome::capi {
@@ -59,7 +60,7 @@ line::bench::NamedChannel channel_named(OpenLine& line, const std::string& axis,
 using namespace servodrome;        // NOLINT(google-build-using-namespace)
 using namespace servodrome::capi;  // NOLINT(google-build-using-namespace)
 
-const char* servodrome_version(void) { return SERVODROME_VERSION; }
+const char* servodrome_version(void) { return servodrome::line::version(); }
 
 int servodrome_interface(void) { return 1; }
 

@@ -6,6 +6,7 @@
 #include "line/bench/axis_view.hpp"
 #include "line/bench/object_values.hpp"
 #include "line/nearest_name.hpp"
+#include "line/version.hpp"
 #include "master/canopen/sdo_client.hpp"
 #include "master/ethercat/coe_client.hpp"
 #include "master/serial10/client.hpp"
@@ -233,7 +234,7 @@ Json list_buses(Call& call) {
 
 Json show_clock(Call& call) { return drives_of(call).clock(); }
 
-Json show_version(Call&) { return Json{{"name", "servodrome"}, {"version", SERVODROME_VERSION}, {"api", 1}}; }
+Json show_version(Call&) { return Json{{"name", "servodrome"}, {"version", line::version()}, {"api", 1}}; }
 
 Json refuse(Call&) {
   throw ApiError{409, "this is possible with simulated drives only", "address",

@@ -5,6 +5,7 @@
 #include "line/bench/axis_view.hpp"
 #include "line/bench/body_reader.hpp"
 #include "line/bench/routes.hpp"
+#include "line/version.hpp"
 
 namespace servodrome::line::bench {
 namespace {
@@ -62,7 +63,7 @@ Json set_speed(Call& call) {
   return clock_view(call.line);
 }
 
-Json show_version(Call&) { return Json{{"name", "servodrome"}, {"version", SERVODROME_VERSION}, {"api", 1}}; }
+Json show_version(Call&) { return Json{{"name", "servodrome"}, {"version", version()}, {"api", 1}}; }
 
 Json show_line(Call& call) {
   Json buses = Json::array();

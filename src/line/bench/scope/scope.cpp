@@ -4,6 +4,8 @@
 #include <fmt/format.h>
 #include <random>
 
+#include "line/version.hpp"
+
 namespace servodrome::line::bench {
 namespace {
 
@@ -23,7 +25,7 @@ Scope::Scope(Source& source)
         publish(event);
       }) {}
 
-Json Scope::greeting() const { return {{"version", SERVODROME_VERSION}, {"start", start_}, {"tick", source_.tick()}}; }
+Json Scope::greeting() const { return {{"version", version()}, {"start", start_}, {"tick", source_.tick()}}; }
 
 void Scope::publish(const Json& event) {
   if (sessions_.empty()) return;

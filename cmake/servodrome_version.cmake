@@ -1,0 +1,15 @@
+# SERVODROME_VERSION: the version with all that tools/version says of the working tree. SERVODROME_VERSION_NUMBER: its number.
+set(SERVODROME_VERSION "" CACHE STRING "Version that the programs show; empty: as tools/version says")
+set(version "${SERVODROME_VERSION}")
+if(NOT version)
+  execute_process(COMMAND ${CMAKE_CURRENT_LIST_DIR}/../tools/version OUTPUT_VARIABLE version OUTPUT_STRIP_TRAILING_WHITESPACE
+    RESULT_VARIABLE failed)
+  if(failed)
+    file(STRINGS ${CMAKE_CURRENT_LIST_DIR}/../VERSION version)
+  endif()
+endif()
+set(SERVODROME_VERSION "${version}")
+string(REGEX MATCH "^[0-9]+\\.[0-9]+\\.[0-9]+" SERVODROME_VERSION_NUMBER "${version}")
+if(NOT SERVODROME_VERSION_NUMBER)
+  message(FATAL_ERROR "The version \"${version}\" does not begin with three numbers. Correct the file VERSION, the tag, or SERVODROME_VERSION.")
+endif()
