@@ -35,12 +35,12 @@ from typing import Any, Callable, Dict, List, NamedTuple, Optional, Tuple, Type
 from . import _forks
 from .errors import (
     BadValue,
-    Closed,
     Error,
     LibraryError,
     LineFileError,
     Refused,
     UnknownName,
+    closed,
     diagnostics_of,
 )
 
@@ -206,7 +206,7 @@ class Handle:
         """The exception for the use of this handle after its end."""
         if self._was_forked:
             return _forks.forked()
-        return Closed("the line is closed", "", "use it before close(), or inside its `with` block")
+        return closed()
 
     def __del__(self) -> None:
         self.close()

@@ -31,6 +31,11 @@ class Closed(Error):
     """The line, or something that was opened on it, is closed."""
 
 
+def closed() -> Closed:
+    """The exception for the use of a line after its end."""
+    return Closed("the line is closed", "", "use it before close(), or inside its `with` block")
+
+
 class Forked(Error):
     """The line belongs to the parent process: this process was forked from it."""
 

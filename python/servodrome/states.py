@@ -6,7 +6,17 @@ import enum
 from typing import Union
 
 
-class PowerState(enum.IntEnum):
+class _Number(enum.IntEnum):
+    """A number that prints as its name, in every version of Python."""
+
+    def __str__(self) -> str:
+        return self.name
+
+    def __format__(self, spec: str) -> str:
+        return format(int(self), spec) if spec else self.name
+
+
+class PowerState(_Number):
     """CiA 402 power states. The numbers are those of the signal "state"."""
 
     NO_POWER = -1
@@ -26,7 +36,7 @@ class PowerState(enum.IntEnum):
         return self.name.lower().replace("_", " ")
 
 
-class Mode(enum.IntEnum):
+class Mode(_Number):
     """Modes of operation (6060h, 6061h). A maker's mode that is not in this list is a plain int."""
 
     PULSE = -4
@@ -51,7 +61,7 @@ def mode_of(number: int) -> Union[Mode, int]:
         return number
 
 
-class NmtState(enum.IntEnum):
+class NmtState(_Number):
     """NMT states of a node on CAN, with the numbers of its heartbeat (CiA 301 7.2.8.3.2.2)."""
 
     INITIALISING = 0
@@ -60,7 +70,7 @@ class NmtState(enum.IntEnum):
     PRE_OPERATIONAL = 127
 
 
-class AlState(enum.IntEnum):
+class AlState(_Number):
     """States of a slave on EtherCAT, with the numbers of its AL status (ETG.1000.6)."""
 
     INIT = 1
