@@ -24,6 +24,7 @@ How to call it from another module of this package:
 
 from __future__ import annotations
 
+import _thread
 import ctypes
 import json
 import os
@@ -258,7 +259,7 @@ class Answer(NamedTuple):
 
 
 class _Busy(threading.local):
-    requests = 0
+    is_requesting = False
 
 
 _busy = _Busy()
@@ -277,27 +278,31 @@ def request(handle: Handle, method: bytes, target: bytes, body: bytes = b"") -> 
     The answer in C is valid until the next request of this thread. A signal handler, or a finalizer of the garbage collector, may
     make a request before the answer has been copied, so such a request gets a thread of its own.
     """
-    if _busy.requests:
+    if _busy.is_requesting:
         return _in_thread(lambda: _request(handle, method, target, body))
-    _busy.requests += 1
     try:
+        _busy.is_requesting = True
         return _request(handle, method, target, body)
     finally:
-        _busy.requests -= 1
+        _busy.is_requesting = False
 
 
 def _in_thread(act: Callable[[], Answer]) -> Answer:
+    """Without the class threading.Thread: a signal handler must not wait for its locks."""
     results: List[Tuple[Optional[Answer], Optional[BaseException]]] = []
+    running = _thread.allocate_lock()
+    running.acquire()
 
     def run() -> None:
         try:
             results.append((act(), None))
         except BaseException as error:
             results.append((None, error))
+        finally:
+            running.release()
 
-    thread = threading.Thread(target=run, name="servodrome-request")
-    thread.start()
-    thread.join()
+    _thread.start_new_thread(run, ())
+    running.acquire()
     answer, error = results[0]
     if answer is None:
         raise error if error is not None else RuntimeError("no answer")

@@ -261,7 +261,7 @@ def test_the_usual_jobs(x, line):
     assert result.position == pytest.approx(3, abs=1e-3)
     begin = x.position
     x.move(by=-1000)
-    assert x.position == pytest.approx(begin - 1000, abs=5)
+    assert x.position == pytest.approx(begin - 1000, abs=50)
     x.velocity(-2, units="revolutions", acceleration=20)
     assert x.velocity_rpm == pytest.approx(-120, rel=0.05)
     x.stop()
