@@ -18,7 +18,7 @@ from .errors import BadValue, Diagnostic, Timeout, WrongType, refusal
 
 TICKS_PER_SECOND = 16_000
 NS_PER_SECOND = 1_000_000_000
-_LONGEST_S = 9e9  # some 285 years: 64 bits of nanoseconds
+LONGEST_S = 9e9  # some 285 years: 64 bits of nanoseconds
 
 T = TypeVar("T")
 
@@ -168,7 +168,7 @@ def seconds(value: Union[float, int], name: str) -> float:
     if isinstance(value, bool) or not isinstance(value, numbers.Real):
         raise WrongType(f"{name} is of type {type(value).__name__}", name, "give a number of seconds")
     number = float(value)
-    if not (0 <= number < _LONGEST_S):
+    if not (0 <= number < LONGEST_S):
         reason = "not a finite number" if not math.isfinite(number) else "negative" if number < 0 else "too large"
         raise BadValue(f"{name} is {number:g}, {reason}", name, "give a finite number of seconds, at least 0")
     return number
@@ -176,8 +176,6 @@ def seconds(value: Union[float, int], name: str) -> float:
 
 def nanoseconds(value: Union[float, int], name: str) -> int:
     """A duration or time in seconds as whole nanoseconds."""
-    if type(value) is float and 0.0 <= value < _LONGEST_S:  # the usual case, without the checks
-        return round(value * 1e9)
     return round(seconds(value, name) * 1e9)
 
 

@@ -77,8 +77,12 @@ class InProcess(Backend):
         self._run_ticks = c.servodrome_line_run_ticks
         self._now = c.servodrome_line_now
         self._read = c.servodrome_read
+        # Threads share this place: C writes it with the line's lock held, so a thread reads its own time or a later one.
+        self._time = ctypes.c_int64()
+        self._to_time = ctypes.byref(self._time)
         self._slice_ns = _FIRST_SLICE_NS
-        self._channels: Dict[Tuple[str, str], ctypes.c_uint32] = {}
+        self._channels: Dict[Tuple[str, str], int] = {}
+        self._numbers: Dict[Tuple[str, str], Tuple[Any, ctypes.c_double, Any]] = {}
         self._recorders: "weakref.WeakSet[LibraryRecorder]" = weakref.WeakSet()
         self._all_positions: Any = None
         self._buffer = _Buffer()
@@ -92,11 +96,10 @@ class InProcess(Backend):
     # ---- Time ----
 
     def now_ns(self) -> int:
-        now = ctypes.c_int64()
-        result = self._now(self.handle.value, ctypes.byref(now))
+        result = self._now(self.handle.value, self._to_time)
         if result:
             raise error_of(result, self.handle)
-        return now.value
+        return self._time.value
 
     def run_until_ns(self, end: int) -> None:
         now = self.now_ns()
@@ -106,7 +109,8 @@ class InProcess(Backend):
 
     def advance_ns(self, duration: int) -> None:
         now = self.now_ns()
-        self._run(now, now + duration)
+        if duration > self._slice_ns or self._run_until(self.handle.value, now + duration):
+            self._run(now, now + duration)
 
     def _run(self, now: int, end: int) -> None:
         """In slices, because Python handles Ctrl-C between two calls."""
@@ -152,16 +156,13 @@ class InProcess(Backend):
     # ---- Values ----
 
     def channel(self, axis: str, value: str) -> int:
-        return self._channel(axis, value).value
-
-    def _channel(self, axis: str, value: str) -> ctypes.c_uint32:
-        channel = self._channels.get((axis, value))
-        if channel is None:
+        known = self._channels.get((axis, value))
+        if known is None:
             channel = ctypes.c_uint32()
             function = _library.library().servodrome_channel
             call(function, self.handle, axis.encode(), value.encode(), ctypes.byref(channel))
-            self._channels[axis, value] = channel
-        return channel
+            known = self._channels[axis, value] = channel.value
+        return known
 
     def read(self, channels: Sequence[int]) -> List[float]:
         count = len(channels)
@@ -172,8 +173,12 @@ class InProcess(Backend):
         return list(values)
 
     def number(self, axis: str, signal: str) -> float:
-        value = ctypes.c_double()
-        result = self._read(self.handle.value, ctypes.byref(self._channel(axis, signal)), 1, ctypes.byref(value))
+        known = self._numbers.get((axis, signal))
+        if known is None:
+            channel, place = ctypes.c_uint32(self.channel(axis, signal)), ctypes.c_double()
+            known = self._numbers[axis, signal] = ctypes.byref(channel), place, ctypes.byref(place)
+        to_channel, value, to_value = known
+        result = self._read(self.handle.value, to_channel, 1, to_value)
         if result:
             raise error_of(result, self.handle)
         return value.value

@@ -6,7 +6,8 @@ import os
 from types import TracebackType
 from typing import TYPE_CHECKING, Any, Callable, Dict, Iterator, List, Mapping, Optional, Sequence, Type, TypeVar, Union
 
-from ._backend import NS_PER_SECOND, Backend, nanoseconds, stride_of, ticks_of, whole
+from ._backend import LONGEST_S, NS_PER_SECOND, Backend, nanoseconds, stride_of, ticks_of, whole
+from ._backend import seconds as checked_seconds
 from ._in_process import InProcess
 from ._library import Handle
 from .axis import LiveAxis
@@ -205,7 +206,9 @@ class Line:
 
         Ctrl-C ends it after at most some 50 ms with KeyboardInterrupt; the line then stands at the time that it has reached.
         """
-        self._backend.advance_ns(nanoseconds(seconds, "seconds"))
+        if type(seconds) is not float or not 0.0 <= seconds < LONGEST_S:  # otherwise without a call, which counts for a tick
+            seconds = checked_seconds(seconds, "seconds")
+        self._backend.advance_ns(round(seconds * 1e9))
 
     def run_until(self, time: float) -> None:
         """Runs the line up to a line time in seconds; in real time waits for it. Raises BadValue for a time in the past."""
