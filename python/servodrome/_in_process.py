@@ -8,11 +8,11 @@ import threading
 import time
 import weakref
 from array import array
-from typing import Any, Dict, List, Optional, Sequence, Tuple
+from typing import Any, Callable, Dict, List, Optional, Sequence, Tuple
 
-from . import _library
+from . import _forks, _library
 from ._backend import Backend, Recorder, Samples
-from ._library import BAD_ARGUMENT, TICK_NS, Answer, Handle, call, error_of
+from ._library import BAD_ARGUMENT, CLOSED, TICK_NS, Answer, Handle, call, error_of
 from ._numpy import numpy
 from .errors import BadValue, NotInVirtualTime, diagnostics_of
 
@@ -21,7 +21,12 @@ _SHORTEST_SLICE_NS = 8 * TICK_NS
 _FIRST_SLICE_NS = 80 * TICK_NS
 _FAST_S = 0.012  # a slice that takes less of the machine's time is followed by a longer one
 _SLOW_S = 0.025  # and one that takes more by a shorter one
+_TURN_S = 0.0001  # long enough for a thread that waits for the line to wake up
 _PAUSE_TICKS = 16  # a millisecond
+
+
+def _is_closed(*arguments: Any) -> int:
+    return CLOSED
 
 
 class LibraryRecorder(Recorder):
@@ -73,10 +78,10 @@ class InProcess(Backend):
     def __init__(self, text: Optional[bytes], name: str) -> None:
         self.handle = _library.open_line(text, name.encode("utf-8", "surrogateescape"))
         c = _library.library()
-        self._run_until = c.servodrome_line_run_until
-        self._run_ticks = c.servodrome_line_run_ticks
-        self._now = c.servodrome_line_now
-        self._read = c.servodrome_read
+        self._run_until: Callable[..., int] = c.servodrome_line_run_until
+        self._run_ticks: Callable[..., int] = c.servodrome_line_run_ticks
+        self._now: Callable[..., int] = c.servodrome_line_now
+        self._read: Callable[..., int] = c.servodrome_read
         # Threads share this place: C writes it with the line's lock held, so a thread reads its own time or a later one.
         self._time = ctypes.c_int64()
         self._to_time = ctypes.byref(self._time)
@@ -89,6 +94,10 @@ class InProcess(Backend):
         text_of_warnings = ctypes.c_char_p()
         call(c.servodrome_line_warnings, self.handle, ctypes.byref(text_of_warnings))
         self.warnings = diagnostics_of(json.loads(text_of_warnings.value or b"[]"))
+        _forks.register(self)
+
+    def after_fork(self) -> None:
+        self._run_until = self._run_ticks = self._now = self._read = _is_closed
 
     def request(self, method: str, target: str, body: bytes = b"") -> Answer:
         return _library.request(self.handle, method.encode(), target.encode(), body)
@@ -126,21 +135,24 @@ class InProcess(Backend):
                     raise error
             if not is_whole:
                 return
-            self._adapt(length, time.perf_counter() - begin)
+            self._after_slice(length, time.perf_counter() - begin)
             now = to
 
-    def _adapt(self, length: int, took_s: float) -> None:
+    def _after_slice(self, length: int, took_s: float) -> None:
+        """Adapts the next slice to the machine, and lets other threads use the line: its lock in C is not fair."""
         if took_s < _FAST_S:
             self._slice_ns = min(2 * length, _LONGEST_SLICE_NS)
         elif took_s > _SLOW_S:
             self._slice_ns = max(length // 2, _SHORTEST_SLICE_NS)
+        if threading.active_count() > 1:
+            time.sleep(_TURN_S)
 
     def run_ticks(self, ticks: int) -> None:
         length = self._slice_ns // TICK_NS
         while ticks > length:
             begin = time.perf_counter()
             self._ticks(length)
-            self._adapt(length * TICK_NS, time.perf_counter() - begin)
+            self._after_slice(length * TICK_NS, time.perf_counter() - begin)
             ticks -= length
             length = self._slice_ns // TICK_NS
         self._ticks(ticks)

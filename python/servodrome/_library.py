@@ -16,7 +16,8 @@ How to call it from another module of this package:
 - Pass a `Handle` where the C function takes a handle, as its first argument. Text is bytes (UTF-8).
 - `call` returns OK or NOTHING, and raises the exception of errors.py for a negative result.
 - Where 200 ns count, call the C function itself: `result = function(handle.value, ...)`, then `if result < 0: raise
-  error_of(result, handle)`. `handle.value` is 0, which is never valid, once it is closed or the process was forked.
+  error_of(result, handle)`. `handle.value` is 0, which is never valid, once it is closed or the process was forked. After a fork do not
+  call the library with it (_forks.register; `_in_process.py` does so).
 - ctypes releases the GIL during a call. A call that advances the line by a long time must do so in pieces (at most some 50 ms of the
   machine's time), because Python handles Ctrl-C only between two calls; `Line.run_until` does.
 - In real time a line has no handle: `Line._handle` raises NotInRealTime.
@@ -229,10 +230,13 @@ def error_of(result: int, handle: Optional[Handle] = None) -> Error:
 
 def call(function: Callable[..., int], *arguments: Any) -> int:
     """Calls a function of the library that returns a result: OK or NOTHING. Raises the exception for a negative one."""
+    first = arguments[0] if arguments else None
+    handle = first if isinstance(first, Handle) else None
+    if handle is not None and not handle.is_open:
+        raise handle.error()  # not by the library: after a fork its locks are those of the parent's threads
     result = function(*arguments)
     if result < 0:
-        first = arguments[0] if arguments else None
-        raise error_of(result, first if isinstance(first, Handle) else None)
+        raise error_of(result, handle)
     return result
 
 

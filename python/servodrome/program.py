@@ -10,7 +10,7 @@ import signal
 import subprocess
 import time
 import weakref
-from typing import Any, Dict, List, Optional, Sequence, Union
+from typing import Any, Dict, List, Optional, Sequence, Tuple, Union
 
 from .errors import ProgramError
 
@@ -18,9 +18,9 @@ _READY_DEADLINE_S = 60.0  # for what never happens
 _END_DEADLINE_S = 20.0
 _POLL_S = 0.005
 
-# Waits for the end of its standard input, which is the end of this process, and ends the program. It does not use prctl(PR_SET_PDEATHSIG):
+# Waits for the end of its standard input, which is the end of this process; then ends the program and deletes its folder. It does not use prctl(PR_SET_PDEATHSIG):
 # that signal comes at the end of the thread that started the program.
-_WATCHER = 'read -r ignored; kill -TERM "$1" 2>/dev/null'
+_WATCHER = 'read -r ignored; kill -TERM "$1" 2>/dev/null; rm -rf -- "$2"'
 
 
 def program_path(program: Optional["Union[str, os.PathLike[str]]"]) -> str:
@@ -51,10 +51,11 @@ class Program:
         command = [program, "up", *arguments, "--api", "127.0.0.1:0", "--ready-file", ready_file, "--json"]
         children: List["subprocess.Popen[bytes]"] = []
         self._children = children
+        self._end: Optional[Tuple[str, str]] = None  # of a program that has ended by itself: what, and what it printed
         self._finalizer = weakref.finalize(self, _end, children, folder, os.getpid())
         try:
             children.append(_start(command, self._output))
-            children.append(_watch(children[0].pid))
+            children.append(_watch(children[0].pid, folder))
             self.ready = self._wait_until_ready(ready_file)
         except BaseException:
             self._finalizer()
@@ -83,9 +84,10 @@ class Program:
         """Raises ProgramError if it has ended."""
         status = self._children[0].poll() if self._children else None
         if status is not None:
-            said = self.said()
+            self._end = f"servodrome has ended with {status}", self.said() or "it printed nothing"
             self._finalizer()
-            raise ProgramError(f"servodrome has ended with {status}", "program", said or "it printed nothing")
+        if self._end is not None:
+            raise ProgramError(self._end[0], "program", self._end[1])
 
     def end(self) -> None:
         """Ends it, as Ctrl-C does; once more does nothing."""
@@ -112,9 +114,9 @@ def _start(command: List[str], output: str) -> "subprocess.Popen[bytes]":
         raise ProgramError(f"cannot be started: {error.strerror}", command[0], "give the program servodrome") from error
 
 
-def _watch(pid: int) -> "subprocess.Popen[bytes]":
+def _watch(pid: int, folder: str) -> "subprocess.Popen[bytes]":
     return subprocess.Popen(
-        ["/bin/sh", "-c", _WATCHER, "servodrome-watcher", str(pid)],
+        ["/bin/sh", "-c", _WATCHER, "servodrome-watcher", str(pid), folder],
         stdin=subprocess.PIPE,
         stdout=subprocess.DEVNULL,
         stderr=subprocess.DEVNULL,

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import http.client
 import os
 import shutil
@@ -16,7 +17,7 @@ from typing import Any, Dict, List, Mapping, Optional, Sequence, Tuple, Union
 from urllib.parse import urlsplit
 
 from . import _forks
-from ._backend import TICKS_PER_SECOND, Backend, Recorder, Samples, path
+from ._backend import TICKS_PER_SECOND, Backend, Recorder, Samples, path, ticks_of
 from ._in_process import InProcess
 from ._library import Answer
 from ._numpy import numpy
@@ -79,6 +80,9 @@ class Http:
         """In a forked child: closes the descriptor, without the lock."""
         self._drop()
 
+    def __del__(self) -> None:
+        self._drop()
+
 
 class RemoteRecorder(Recorder):
     """A recording of the program."""
@@ -99,11 +103,20 @@ class RemoteRecorder(Recorder):
 
     def close(self) -> None:
         if self._kept is None:
+            self._wait_for_ticks(ticks_of(self._line.now_ns()))
             view = self._line.json("POST", path("recordings", self._id, "stop"))
             self._kept = self._line.take_recording(self._id, view["state"] == "done")
             if self._kept.full:
                 text = f"the recording was full after {self._kept.rows} samples; choose a lower rate, or less time or signals"
                 warnings.warn(text, RuntimeWarning, stacklevel=3)
+
+    def _wait_for_ticks(self, tick: int) -> None:
+        """Until the recording has the samples up to a tick: the program takes them each 10 ms."""
+        while True:
+            view = self._line.json("GET", path("recordings", self._id))
+            if view["state"] == "done" or view["samples"] * view["stride"] + (view["first_tick"] or 0) > tick:
+                return
+            self._line.pause()
 
 
 class Remote(Backend):
@@ -144,7 +157,8 @@ class Remote(Backend):
             raise
         finally:
             if written is not None:
-                os.unlink(written)
+                with contextlib.suppress(FileNotFoundError):
+                    os.unlink(written)
         ready = self._program.ready
         self._http = Http(ready["api"], ready["token"])
         self._links: Dict[str, List[str]] = {bus["name"]: list(bus["links"]) for bus in ready["buses"]}
@@ -160,9 +174,9 @@ class Remote(Backend):
         try:
             return self._http.request(method, target, body)
         except (OSError, http.client.HTTPException) as error:
-            if self._program is not None:
-                program.check()
             self._running()
+            time.sleep(_POLL_S)  # a program that has just ended closes its sockets first
+            program.check()
             raise ProgramError(f"no answer: {error or type(error).__name__}", "bench API", "see the cause") from error
 
     def _running(self) -> Program:
