@@ -34,7 +34,9 @@ def _after_fork() -> None:
 def forked() -> Forked:
     """The exception for the use of such an object in the child."""
     return Forked(
-        "the line belongs to the parent process; this process was forked from it", f"process {os.getpid()}", "make a line here"
+        "the line belongs to the parent process; this process was forked from it",
+        f"process {os.getpid()}",
+        "make a line in this process",
     )
 
 

@@ -14,7 +14,7 @@ from . import _forks, _library
 from ._backend import Backend, Recorder, Samples
 from ._library import BAD_ARGUMENT, CLOSED, TICK_NS, Answer, Handle, call, error_of
 from ._numpy import numpy
-from .errors import BadValue, NotInVirtualTime, diagnostics_of
+from .errors import BadValue, Diagnostic, NotInVirtualTime, diagnostics_of
 
 _LONGEST_SLICE_NS = 1_000_000_000  # of line time
 _SHORTEST_SLICE_NS = 8 * TICK_NS
@@ -88,12 +88,13 @@ class InProcess(Backend):
         self._slice_ns = _FIRST_SLICE_NS
         self._channels: Dict[Tuple[str, str], int] = {}
         self._numbers: Dict[Tuple[str, str], Tuple[Any, ctypes.c_double, Any]] = {}
+        self._lock = threading.Lock()
         self._recorders: "weakref.WeakSet[LibraryRecorder]" = weakref.WeakSet()
         self._all_positions: Any = None
         self._buffer = _Buffer()
         text_of_warnings = ctypes.c_char_p()
         call(c.servodrome_line_warnings, self.handle, ctypes.byref(text_of_warnings))
-        self.warnings = diagnostics_of(json.loads(text_of_warnings.value or b"[]"))
+        self.warnings: List[Diagnostic] = diagnostics_of(json.loads(text_of_warnings.value or b"[]"))
         _forks.register(self)
 
     def after_fork(self) -> None:
@@ -212,19 +213,24 @@ class InProcess(Backend):
 
     def recorder(self, channels: Sequence[int], stride: int) -> Recorder:
         recorder = LibraryRecorder(self.handle, channels, stride)
-        self._recorders.add(recorder)
+        with self._lock:
+            self._recorders.add(recorder)
         return recorder
 
     # ---- The rest ----
 
     def links(self, bus: str) -> List[str]:
         raise NotInVirtualTime(
-            "a line in this process has no links to other programs", bus, 'start it with clock="real", or open a port in this process'
+            "a line in this process has no links to other programs",
+            bus,
+            'start it with clock="real", or open a port in this process',
         )
 
     def close(self) -> None:
         if self.handle.is_open:
-            for recorder in list(self._recorders):
+            with self._lock:
+                recorders = list(self._recorders)
+            for recorder in recorders:
                 recorder.close()
         self.handle.close()
 

@@ -16,10 +16,10 @@ How to call it from another module of this package:
 - Pass a `Handle` where the C function takes a handle, as its first argument. Text is bytes (UTF-8).
 - `call` returns OK or NOTHING, and raises the exception of errors.py for a negative result.
 - Where 200 ns count, call the C function itself: `result = function(handle.value, ...)`, then `if result < 0: raise
-  error_of(result, handle)`. `handle.value` is 0, which is never valid, once it is closed or the process was forked. After a fork do not
-  call the library with it (_forks.register; `_in_process.py` does so).
-- ctypes releases the GIL during a call. A call that advances the line by a long time must do so in pieces (at most some 50 ms of the
-  machine's time), because Python handles Ctrl-C only between two calls; `Line.run_until` does.
+  error_of(result, handle)`. `handle.value` is 0, which is never valid, once it is closed or the process was forked. After a
+  fork do not call the library with it (_forks.register; `_in_process.py` does so).
+- ctypes releases the GIL during a call. A call that advances the line by a long time must do so in pieces (at most some 50
+  ms of the machine's time), because Python handles Ctrl-C only between two calls; `Line.run_until` does.
 - In real time a line has no handle: `Line._handle` raises NotInRealTime.
 """
 
@@ -88,6 +88,13 @@ class CanFrame(ctypes.Structure):
 
 
 class _Answer(ctypes.Structure):
+    """struct servodrome_answer"""
+
+    status: int
+    content_type: Optional[bytes]
+    body: Optional[int]
+    size: int
+
     _fields_ = [
         ("status", ctypes.c_uint),
         ("content_type", ctypes.c_char_p),
@@ -272,15 +279,15 @@ _busy = _Busy()
 def _request(handle: Handle, method: bytes, target: bytes, body: bytes) -> Answer:
     answer = _Answer()
     call(library().servodrome_line_request, handle, method, target, body, len(body), ctypes.byref(answer))
-    text = ctypes.string_at(answer.body, answer.size) if answer.size else b""
+    text = ctypes.string_at(answer.body, answer.size) if answer.body and answer.size else b""
     return Answer(answer.status, (answer.content_type or b"").decode(), text)
 
 
 def request(handle: Handle, method: bytes, target: bytes, body: bytes = b"") -> Answer:
     """A request of the bench API, `target` is the path with its query.
 
-    The answer in C is valid until the next request of this thread. A signal handler, or a finalizer of the garbage collector, may
-    make a request before the answer has been copied, so such a request gets a thread of its own.
+    The answer in C is valid until the next request of this thread. A signal handler, or a finalizer of the garbage
+    collector, may make a request before the answer has been copied, so such a request gets a thread of its own.
     """
     if _busy.is_requesting:
         return _in_thread(lambda: _request(handle, method, target, body))

@@ -19,7 +19,8 @@ _ROOM_FOR_STOPPING_S = 30.0  # a job that takes longer than its timeout stops th
 
 
 class LiveAxis:
-    """An axis of a line. Positions are encoder counts; the true values are those of the machine, independent of the drive's sensors.
+    """An axis of a line. Positions are encoder counts; the true values are those of the machine, independent of the drive's
+    sensors.
 
     Attributes that the drive must be switched on for raise Refused without power.
     """
@@ -166,7 +167,10 @@ class LiveAxis:
         return [Lamp(one["name"], one["colour"], one["light"], one.get("flashes", 0)) for one in self._of_drive("lamps")]
 
     def power(self, action: str) -> None:
-        """Switches the drive "off" or "on", or off and on ("cycle"). What is not stored is lost; the shaft keeps its position."""
+        """Switches the drive "off" or "on", or off and on ("cycle").
+
+        What is not stored is lost; the shaft keeps its position.
+        """
         self._backend.json("POST", path("axes", self.name, "power"), {"action": action})
 
     # ---- Faults ----
@@ -198,9 +202,9 @@ class LiveAxis:
         return Injectable(list(able["plant"]), {one["cause"]: int(one["code"], 16) for one in able["drive"]})
 
     def inject(self, fault: Union[str, int]) -> None:
-        """Breaks something: "encoder_loss", or the cause of a fault code of the drive: 0x7380. It stays through a power cycle.
+        """Breaks something: "encoder_loss", or the cause of a fault code of the drive: 0x7380.
 
-        Raises BadValue for a fault that the axis does not have.
+        It stays through a power cycle. Raises BadValue for a fault that the axis does not have.
         """
         self._backend.json("POST", path("axes", self.name, "faults"), {"inject": _fault_name(fault)})
 
@@ -214,8 +218,8 @@ class LiveAxis:
     # ---- Signals ----
 
     def signal(self, value: ObjectKey) -> Signal:
-        """A value to read or record: a signal of docs/bench-api.md ("velocity_rpm"), an input or output ("DI0"), or an object ("6064:00",
-        0x6064, (0x607D, 1), or its name). Raises UnknownName.
+        """A value to read or record: a signal of docs/bench-api.md ("velocity_rpm"), an input or output ("DI0"), or an
+        object ("6064:00", 0x6064, (0x607D, 1), or its name). Raises UnknownName.
         """
         if not isinstance(value, str) or ":" in value:
             return Signal(self._backend, self.name, object_text(self.objects.address(value)))
@@ -231,8 +235,9 @@ class LiveAxis:
     def job(self, do: str, *, wait: bool = True, timeout: float = _TIMEOUT_S, **keys: Any) -> Job:
         """Begins any job of docs/bench-api.md ("Jobs") with its keys: `x.job("sweep", amplitude=1, units="revolutions")`.
 
-        With `wait` line time passes until it is over, at most `timeout` seconds; JobFailed then has the reason of a failure. Without
-        it returns at once. Keys that are None are left out. Raises Refused if the axis has a job or no power.
+        With `wait` line time passes until it is over, at most `timeout` seconds; JobFailed then has the reason of a
+        failure. Without it returns at once. Keys that are None are left out. Raises Refused if the axis has a job or no
+        power.
         """
         seconds(timeout, "timeout")
         given = {key: value for key, value in keys.items() if value is not None}

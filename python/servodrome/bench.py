@@ -56,7 +56,9 @@ class Inputs(Mapping[str, bool]):
     def __setitem__(self, name: str, level: bool) -> None:
         """Forces an input, until release(). Raises UnknownName, WrongType."""
         if not isinstance(level, bool):
-            raise WrongType(f"{name} is of type {type(level).__name__}", self._axis, "give True or False; release() ends the forcing")
+            raise WrongType(
+                f"{name} is of type {type(level).__name__}", self._axis, "give True or False; release() ends the forcing"
+            )
         self._backend.json("PUT", self._path, {self._known(name): level})
 
     def __iter__(self) -> Iterator[str]:
@@ -68,7 +70,7 @@ class Inputs(Mapping[str, bool]):
     def release(self, *names: str) -> None:
         """Connects inputs to the switches of the travel again; without a name all."""
         wanted = [self._known(name) for name in names] or list(self._views())
-        self._backend.json("PUT", self._path, {name: None for name in wanted})
+        self._backend.json("PUT", self._path, dict.fromkeys(wanted))
 
     @property
     def forced(self) -> List[str]:

@@ -147,7 +147,10 @@ class LiveBus:
 
     @property
     def links(self) -> List[str]:
-        """The names by which masters in other programs reach the bus: "socketcand:127.0.0.1:40123/can0". Raises NotInVirtualTime."""
+        """The names by which masters in other programs reach the bus: "socketcand:127.0.0.1:40123/can0".
+
+        Raises NotInVirtualTime.
+        """
         return self._backend.links(self.name)
 
     @property
@@ -175,12 +178,26 @@ class LiveBus:
     ) -> Disturbance:
         """Disturbs the bus from now on, in place of the present disturbance; calm(), or the end of a `with` block, ends it.
 
-        `drop`, `delay`, `corrupt` and `drop_answer` are probabilities, 0 .. 1. docs/bench-api.md ("Buses") has which keys each type of bus
-        accepts. Equal seeds and equal traffic give an equal disturbance. Raises BadValue, WrongType.
+        `drop`, `delay`, `corrupt` and `drop_answer` are probabilities, 0 .. 1. docs/bench-api.md ("Buses") has which keys
+        each type of bus accepts. Equal seeds and equal traffic give an equal disturbance. Raises BadValue, WrongType.
         """
-        keys = dict(drop=drop, delay=delay, delay_ms=delay_ms, corrupt=corrupt, seed=seed, id=id, id_mask=id_mask, axis=axis)
-        more = dict(limit=limit, cut=cut, drop_answer=drop_answer, position=position, unplug=unplug, ring=ring)
-        given = {key: value for key, value in {**keys, **more}.items() if value is not None}
+        keys = {
+            "drop": drop,
+            "delay": delay,
+            "delay_ms": delay_ms,
+            "corrupt": corrupt,
+            "seed": seed,
+            "id": id,
+            "id_mask": id_mask,
+            "axis": axis,
+            "limit": limit,
+            "cut": cut,
+            "drop_answer": drop_answer,
+            "position": position,
+            "unplug": unplug,
+            "ring": ring,
+        }
+        given = {key: value for key, value in keys.items() if value is not None}
         self._backend.json("POST", path("buses", self.name, "disturb"), given)
         return Disturbance(self)
 

@@ -72,8 +72,9 @@ class Job:
     def wait(self, timeout: float = 60.0) -> "Job":
         """Lets line time pass until the job is over, at most `timeout` seconds. Returns the job itself.
 
-        Raises JobFailed with the reason if it failed or was ended. If it takes longer than `timeout`, ends it and raises JobTimeout.
-        If the wait itself is interrupted (Ctrl-C), the job is told to end as well, so that no axis moves on unattended.
+        Raises JobFailed with the reason if it failed or was ended. If it takes longer than `timeout`, ends it and raises
+        JobTimeout. If the wait itself is interrupted (Ctrl-C), the job is told to end as well, so that no axis moves on
+        unattended.
         """
         seconds(timeout, "timeout")
         try:

@@ -55,13 +55,13 @@ class _Named(Mapping[str, Item]):
 class Line:
     """A running line: `Line()` is the built-in line of five drives, `Line(axes=[Axis("x", "jmc_ec")])` one without a file.
 
-    `clock="virtual"`: the line is in this process, and its time passes only in calls that say so, as fast as the processor allows; equal
-    calls give equal results to the last bit. `clock="real"`: the program `servodrome up` runs it as a child process on free ports;
-    `bus.link` is what masters connect to. `program` is that program (default: $SERVODROME, the one of the package, or the one in
-    PATH), and `links` replaces the links of buses: {"can0": "socketcan:vcan0"}.
+    `clock="virtual"`: the line is in this process, and its time passes only in calls that say so, as fast as the processor
+    allows; equal calls give equal results to the last bit. `clock="real"`: the program `servodrome up` runs it as a child
+    process on free ports; `bus.link` is what masters connect to. `program` is that program (default: $SERVODROME, the one
+    of the package, or the one in PATH), and `links` replaces the links of buses: {"can0": "socketcan:vcan0"}.
 
-    A line is usable from several threads. It ends at close(), at the end of its `with` block, or when it is collected; a child of
-    `os.fork` cannot use it (Forked). Times are seconds of line time, 0 at its start; a tick is 62.5 us.
+    A line is usable from several threads. It ends at close(), at the end of its `with` block, or when it is collected; a
+    child of `os.fork` cannot use it (Forked). Times are seconds of line time, 0 at its start; a tick is 62.5 us.
 
     Raises LineFileError with all errors of the description, LibraryError, ProgramError.
     """
@@ -112,7 +112,10 @@ class Line:
         program: Optional[Path] = None,
         links: Optional[Links] = None,
     ) -> "Line":
-        """A line from the text of a line file. `name` is its file in messages, and relative paths in the text start at its folder."""
+        """A line from the text of a line file.
+
+        `name` is its file in messages, and relative paths in the text start at the folder of `name`.
+        """
         _check_clock(clock)
         if not isinstance(text, str):
             raise WrongType(f"text is of type {type(text).__name__}", "from_text", "give the text of a line file")
@@ -136,7 +139,7 @@ class Line:
             self._backend: Backend = Remote(text, name, file, program, links or {})
         else:
             if program is not None or links:
-                raise WrongType("program and links are for clock=\"real\"", "Line", "leave them out in virtual time")
+                raise WrongType('program and links are for clock="real"', "Line", "leave them out in virtual time")
             self._backend = InProcess(text, name)
         backend = self._backend
         axes = {view["name"]: LiveAxis(backend, view) for view in backend.json("GET", "axes")["axes"]}
@@ -148,7 +151,7 @@ class Line:
 
     @property
     def clock(self) -> str:
-        """"virtual" or "real"."""
+        """The clock, "virtual" or "real"."""
         return "real" if self._backend.is_real else "virtual"
 
     @property
@@ -223,7 +226,8 @@ class Line:
     def wait_for(self, condition: Callable[[], T], timeout: float = 60.0, what: str = "the condition") -> T:
         """Lets time pass until `condition()` is true, and returns its value: `line.wait_for(lambda: x.homed)`.
 
-        It is called each millisecond of line time. Raises Timeout after `timeout` seconds of line time; `what` is for its message.
+        It is called each millisecond of line time. Raises Timeout after `timeout` seconds of line time; `what` is for its
+        message.
         """
         return self._backend.wait_for(condition, timeout, what)
 
@@ -232,9 +236,9 @@ class Line:
     def record(self, signals: Mapping[str, Signal], rate: float = 1000.0) -> Recording:
         """Records signals from the next tick on: `line.record({"v": x.signal("velocity_rpm")}, rate=4000)`.
 
-        `rate` is in Hz of line time: 16000 divided by a whole number. In virtual time samples are kept in this process without a limit;
-        in real time the program has room for some 1000000 values of a recording, of at most 16 signals (`Recording.is_full`).
-        Raises WrongType, BadValue.
+        `rate` is in Hz of line time: 16000 divided by a whole number. In virtual time samples are kept in this process
+        without a limit; in real time the program has room for some 1000000 values of a recording, of at most 16 signals
+        (`Recording.is_full`). Raises WrongType, BadValue.
         """
         if not isinstance(signals, Mapping) or not signals:
             raise WrongType("no signals", "record", 'give a dict: {"v": x.signal("velocity_rpm")}')
@@ -268,7 +272,10 @@ class Line:
         self._backend.json("POST", "stop")
 
     def request(self, method: str, path: str, body: Optional[Mapping[str, Any]] = None) -> Any:
-        """A request of the bench API (docs/bench-api.md): `line.request("GET", "axes/x/geometry")`. Returns the JSON of the answer."""
+        """A request of the bench API (docs/bench-api.md): `line.request("GET", "axes/x/geometry")`.
+
+        Returns the JSON of the answer, None if it has no body.
+        """
         return self._backend.json(method, path, None if body is None else dict(body))
 
 

@@ -89,8 +89,9 @@ def _info_of(row: Mapping[str, Any]) -> ObjectInfo:
 class Objects(Mapping[ObjectKey, ObjectValue]):
     """The objects of an axis: `x.objects["Target position"] = 1000`, `x.objects[0x607D, 1]`, `x.objects["607D:01"]`.
 
-    Access is that of the drive's service port: it needs no bus and no line time, and the drive refuses what it would refuse over its
-    bus (ObjectError, with the abort code). Iteration gives (index, sub) of all objects. Units are those of the drive.
+    Access is that of the drive's service port: it needs no bus and no line time, and the drive refuses what it would refuse
+    over its bus (ObjectError, with the abort code). Iteration gives (index, sub) of all objects. Units are those of the
+    drive.
     """
 
     def __init__(self, backend: Backend, axis: str) -> None:

@@ -18,13 +18,16 @@ _READY_DEADLINE_S = 60.0  # for what never happens
 _END_DEADLINE_S = 20.0
 _POLL_S = 0.005
 
-# Waits for the end of its standard input, which is the end of this process; then ends the program and deletes its folder. It does not use prctl(PR_SET_PDEATHSIG):
-# that signal comes at the end of the thread that started the program.
+# Waits for the end of its standard input, which is the end of this process; then ends the program and deletes its folder.
+# It does not use prctl(PR_SET_PDEATHSIG): that signal comes at the end of the thread that started the program.
 _WATCHER = 'read -r ignored; kill -TERM "$1" 2>/dev/null; rm -rf -- "$2"'
 
 
 def program_path(program: Optional["Union[str, os.PathLike[str]]"]) -> str:
-    """The program: `program`, $SERVODROME, `_bin/servodrome` beside this module, or `servodrome` in PATH. Raises ProgramError."""
+    """The program: `program`, $SERVODROME, `_bin/servodrome` beside this module, or `servodrome` in PATH.
+
+    Raises ProgramError.
+    """
     name = program if program is not None else os.environ.get("SERVODROME")
     if name is None:
         own = pathlib.Path(__file__).parent / "_bin" / "servodrome"

@@ -18,17 +18,17 @@ if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
-    FloatArray = NDArray[np.float64]
-    IntArray = NDArray[np.int64]
+    _Floats = NDArray[np.float64]
+    _Ints = NDArray[np.int64]
 
 Path = Union[str, "os.PathLike[str]"]
 
 
-class Recording(Mapping[str, "FloatArray"]):
+class Recording(Mapping[str, "_Floats"]):
     """Values of axes at a fixed rate: `recording["v"]` is a numpy array, `recording.time` their times.
 
-    It records until stop(), or to the end of its `with` block, or until the line is closed. A value is the state after its tick; NaN:
-    the axis had no power. Before it is stopped, the values so far can be read.
+    It records until stop(), or to the end of its `with` block, or until the line is closed. A value is the state after its
+    tick; NaN: the axis had no power. Before it is stopped, the values so far can be read.
     """
 
     signals: Dict[str, Signal]
@@ -60,30 +60,33 @@ class Recording(Mapping[str, "FloatArray"]):
     # ---- With numpy ----
 
     @property
-    def time(self) -> "FloatArray":
+    def time(self) -> "_Floats":
         """Line time of each sample, in seconds."""
         np = numpy("Recording.time")
         samples = self._recorder.samples()
-        result: FloatArray = (samples.first_tick + np.arange(samples.rows) * samples.stride) / TICKS_PER_SECOND
+        result: _Floats = (samples.first_tick + np.arange(samples.rows) * samples.stride) / TICKS_PER_SECOND
         return result
 
     @property
-    def ticks(self) -> "IntArray":
+    def ticks(self) -> "_Ints":
         """The tick of each sample."""
         np = numpy("Recording.ticks")
         samples = self._recorder.samples()
-        result: IntArray = samples.first_tick + np.arange(samples.rows, dtype="int64") * samples.stride
+        result: _Ints = samples.first_tick + np.arange(samples.rows, dtype="int64") * samples.stride
         return result
 
-    def numpy(self) -> "FloatArray":
+    def numpy(self) -> "_Floats":
         """All values: a row for each sample, a column for each signal."""
         np = numpy("Recording.numpy()")
         return self._matrix(np, self._recorder.samples())
 
-    def __getitem__(self, name: str) -> "FloatArray":
+    def __getitem__(self, name: str) -> "_Floats":
         """The values of a column. Raises UnknownName."""
+        np = numpy("Recording")
         column = self._column(name)
-        return self.numpy()[:, column]
+        samples = self._recorder.samples()
+        result: _Floats = np.array(samples.values[column :: samples.columns], dtype=np.float64)
+        return result
 
     def __iter__(self) -> Iterator[str]:
         return iter(self.signals)
@@ -93,9 +96,9 @@ class Recording(Mapping[str, "FloatArray"]):
         return len(self.signals)
 
     @staticmethod
-    def _matrix(np: Any, samples: Samples) -> "FloatArray":
-        flat: FloatArray = np.frombuffer(samples.values, dtype=np.float64)
-        return flat.reshape(samples.rows, samples.columns)
+    def _matrix(np: Any, samples: Samples) -> "_Floats":
+        flat: _Floats = np.frombuffer(samples.values, dtype=np.float64)
+        return flat.reshape(samples.rows, samples.columns).copy()  # the caller may change it
 
     # ---- Without it ----
 

@@ -21,7 +21,7 @@ from ._backend import TICKS_PER_SECOND, Backend, Recorder, Samples, path, ticks_
 from ._in_process import InProcess
 from ._library import Answer
 from ._numpy import numpy
-from .errors import BadValue, Error, NotInRealTime, ProgramError, Refused, UnknownName, closed
+from .errors import BadValue, Diagnostic, Error, LineFileError, NotInRealTime, ProgramError, Refused, UnknownName, closed
 from .program import Program, program_path
 
 _TIMEOUT_S = 60.0  # for an answer
@@ -90,7 +90,9 @@ class RemoteRecorder(Recorder):
     def __init__(self, line: "Remote", channels: Sequence[int], stride: int) -> None:
         rate = TICKS_PER_SECOND / stride
         if TICKS_PER_SECOND % stride:
-            raise BadValue(f"{rate:g} Hz in real time", "rate", "give a divider of 16000: 16000, 8000, 4000, 3200, 2000, 1000 ...")
+            raise BadValue(
+                f"{rate:g} Hz in real time", "rate", "give a divider of 16000: 16000, 8000, 4000, 3200, 2000, 1000 ..."
+            )
         self._line = line
         duration = min(_LONGEST_MS, _MOST_VALUES // len(channels) * 1000 // rate)
         self._id = line.start_recording(channels, rate, duration)
@@ -98,7 +100,9 @@ class RemoteRecorder(Recorder):
 
     def samples(self) -> Samples:
         if self._kept is None:
-            raise Refused("the recording has not ended", "recording", "stop() it first; in real time its values are in the program")
+            raise Refused(
+                "the recording has not ended", "recording", "stop() it first; in real time its values are in the program"
+            )
         return self._kept
 
     def close(self) -> None:
@@ -135,15 +139,11 @@ class Remote(Backend):
         self._was_forked = False
         self._program: Optional[Program] = None
         executable = program_path(program)
-        # The parser of the C library has the errors of the file with their places, and the names of the buses.
-        parsed = InProcess(text, name)
-        self.warnings = parsed.warnings
-        buses: List[Dict[str, Any]] = parsed.json("GET", "buses")["buses"]
-        parsed.close()
-        _check_links(links, [bus["name"] for bus in buses])
         folder = tempfile.mkdtemp(prefix="servodrome-")
         written: Optional[str] = None
         try:
+            self.warnings, buses = _parse(text, name, name if os.path.dirname(name) else os.path.join(folder, name))
+            _check_links(links, [bus["name"] for bus in buses])
             if text is not None and file is None:
                 file = written = _write(text, os.path.dirname(name) or folder)
             arguments = [] if file is None else [file]
@@ -164,6 +164,7 @@ class Remote(Backend):
         self._links: Dict[str, List[str]] = {bus["name"]: list(bus["links"]) for bus in ready["buses"]}
         self._channels: List[Dict[str, str]] = []
         self._channel_numbers: Dict[Tuple[str, str], int] = {}
+        self._lock = threading.Lock()
         self._recorders: "weakref.WeakSet[RemoteRecorder]" = weakref.WeakSet()
         _forks.register(self)
 
@@ -221,9 +222,10 @@ class Remote(Backend):
         except (UnknownName, BadValue) as error:
             raise UnknownName(error.what, error.where, error.hint) from None
         self.json("DELETE", path("recordings", recording["id"]))
-        self._channels.append(one)
-        number = len(self._channels) - 1
-        self._channel_numbers[axis, value] = number
+        with self._lock:
+            number = len(self._channels)
+            self._channels.append(one)
+            self._channel_numbers[axis, value] = number
         return number
 
     def start_recording(self, channels: Sequence[int], rate: float, duration_ms: float) -> int:
@@ -263,7 +265,8 @@ class Remote(Backend):
 
     def recorder(self, channels: Sequence[int], stride: int) -> Recorder:
         recorder = RemoteRecorder(self, channels, stride)
-        self._recorders.add(recorder)
+        with self._lock:
+            self._recorders.add(recorder)
         return recorder
 
     # ---- The rest ----
@@ -276,7 +279,9 @@ class Remote(Backend):
         program, http_connection = self._program, self._http
         if program is None:
             return
-        for recorder in list(self._recorders):
+        with self._lock:
+            recorders = list(self._recorders)
+        for recorder in recorders:
             try:
                 recorder.close()
             except Error:  # the program has ended
@@ -296,6 +301,23 @@ class Remote(Backend):
         self._was_forked = True
         self._http.forget()
         program.forget()
+
+
+def _parse(text: Optional[bytes], name: str, place: str) -> Tuple[List[Diagnostic], List[Dict[str, Any]]]:
+    """The warnings and the buses of a line file at `place`. The parser of the C library has the places of its errors."""
+
+    def named(diagnostics: Sequence[Diagnostic]) -> List[Diagnostic]:
+        return [one._replace(file=name) if one.file == place else one for one in diagnostics]
+
+    try:
+        line = InProcess(text, place)
+    except LineFileError as error:
+        raise LineFileError(named(error.diagnostics)) from None
+    try:
+        buses: List[Dict[str, Any]] = line.json("GET", "buses")["buses"]
+        return named(line.warnings), buses
+    finally:
+        line.close()
 
 
 def _write(text: bytes, folder: str) -> str:

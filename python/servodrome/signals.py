@@ -12,6 +12,8 @@ class Signal:
 
     axis: str
     name: str
+    channel: int
+    """Its number in the line."""
 
     def __init__(self, backend: Backend, axis: str, name: str) -> None:
         self._backend = backend

@@ -21,10 +21,10 @@ _DEFAULT_NAMES = {"can": "can0", "ethercat": "ecat", "rs485": "rs485"}
 class Axis:
     """The description of an axis: `Axis("x", "jmc_ec", bus="ecat", travel={"counts_per_unit": 4000, "low_stop": -11})`.
 
-    The keywords are the keys of `[[axis]]` in docs/line-file.md, and its tables (`travel`, `motor`, `load` ...) are dicts. A wrong one
-    raises LineFileError when the line is made. Files (`store`, `description`) are relative to the working folder. `product` is left
-    out if there is a `description`. Without `bus` and `serial`, the axis is on the line's only bus of the kind it needs; a line without
-    buses gets one: "can0" or "ecat".
+    The keywords are the keys of `[[axis]]` in docs/line-file.md, and its tables (`travel`, `motor`, `load` ...) are dicts.
+    A wrong one raises LineFileError when the line is made. Files (`store`, `description`) are relative to the working
+    folder. `product` is left out if there is a `description`. Without `bus` and `serial`, the axis is on the line's only
+    bus of the kind it needs; a line without buses gets one: "can0" or "ecat".
     """
 
     name: str

@@ -222,7 +222,13 @@ def test_a_closed_line(program):
     line.close()
     assert line.closed and not is_alive(pid) and not os.path.exists(folder)
     assert recording.samples > 50
-    for use in (lambda: line.advance(1), lambda: line.now, lambda: x.position, lambda: line.buses["can0"].link, lambda: x.enable()):
+    for use in (
+        lambda: line.advance(1),
+        lambda: line.now,
+        lambda: x.position,
+        lambda: line.buses["can0"].link,
+        lambda: x.enable(),
+    ):
         with pytest.raises(servodrome.Closed):
             use()
 
@@ -256,14 +262,20 @@ def test_two_lines_of_a_file_at_once(program):
             assert all(axis.powered for axis in two.axes.values())
 
 
-def test_relative_paths_of_a_text_start_at_the_folder_of_its_name(program, tmp_path):
+def test_relative_paths_of_a_text_start_at_the_folder_of_its_name(program, tmp_path, monkeypatch):
+    (tmp_path / "elsewhere").mkdir()
     text = '[[bus]]\nname = "can0"\n[[axis]]\nname = "x"\nproduct = "ismc"\nstore = "x.bin"\n'
     with servodrome.Line.from_text(text, name=str(tmp_path / "cell.toml"), clock="real", program=program) as line:
-        assert set(tmp_path.iterdir()) <= {tmp_path / "x.bin"}
+        assert set(tmp_path.iterdir()) <= {tmp_path / "x.bin", tmp_path / "elsewhere"}
         line.axes["x"].objects["1010:01"] = 0x65766173  # "save"
         wait_until((tmp_path / "x.bin").exists, "the store")
+    monkeypatch.chdir(tmp_path / "elsewhere")
     with servodrome.Line.from_text(text, clock="real", program=program) as line:
         assert line.now >= 0
+    assert list((tmp_path / "elsewhere").iterdir()) == []
+    with pytest.raises(servodrome.LineFileError) as caught:
+        servodrome.Line.from_text("[[axis]]", clock="real", program=program)
+    assert caught.value.file == "line.toml"
 
 
 def test_links_of_the_caller(program, tmp_path):

@@ -54,6 +54,10 @@ def test_a_stopped_recording_keeps_its_values(moved, line):
     assert moved.samples == before
     line.close()
     assert len(moved["v"]) == before
+    column, matrix = moved["v"], moved.numpy()
+    column += 1
+    matrix += 1
+    assert moved["v"].tolist() == (column - 1).tolist() == moved.numpy()[:, 0].tolist()  # copies
 
 
 def test_values_so_far(line, x):
@@ -185,10 +189,12 @@ def test_without_numpy(tmp_path):
 def test_rates_that_are_no_whole_number_of_ticks(line, x, rate):
     with pytest.raises(servodrome.BadValue) as caught:
         line.record({"v": x.signal("velocity_rpm")}, rate=rate)
-    assert caught.value.where == "rate" and "16000" in caught.value.hint + caught.value.what or "1 .. 16000" in caught.value.hint
+    assert caught.value.where == "rate" and "16000" in caught.value.hint
 
 
-@pytest.mark.parametrize("rate, stride", [(16000, 1), (1, 16000), (16000 / 3, 3), (numpy.float64(2000), 8), (16000 / 7001, 7001)])
+@pytest.mark.parametrize(
+    "rate, stride", [(16000, 1), (1, 16000), (16000 / 3, 3), (numpy.float64(2000), 8), (16000 / 7001, 7001)]
+)
 def test_rates(line, x, rate, stride):
     recording = line.record({"v": x.signal("velocity_rpm")}, rate=rate)
     line.run_ticks(2 * stride)

@@ -14,7 +14,7 @@ Axis, Bus = servodrome.Axis, servodrome.Bus
 def test_the_text_is_that_of_a_line_file():
     axes = [
         Axis("x", "ismc", bus="can0", node=3, travel={"counts_per_unit": 10, "home": {"from": -1.5, "to": 2}}, stage={}),
-        Axis("y", description="a \"b\"\\\n.eds", device=None, bus="can0", ratio=[1, 2.5, {"a": True}]),
+        Axis("y", description='a "b"\\\n.eds', device=None, bus="can0", ratio=[1, 2.5, {"a": True}]),
     ]
     folder = pathlib.Path.cwd()
     assert line_text(axes, [Bus("can0", bit_rate=500_000)]) == (
