@@ -78,7 +78,9 @@ class Recording(Mapping[str, "_Floats"]):
     def numpy(self) -> "_Floats":
         """All values: a row for each sample, a column for each signal."""
         np = numpy("Recording.numpy()")
-        return self._matrix(np, self._recorder.samples())
+        samples = self._recorder.samples()
+        flat: _Floats = np.frombuffer(samples.values, dtype=np.float64)
+        return flat.reshape(samples.rows, samples.columns).copy()  # the caller may change it
 
     def __getitem__(self, name: str) -> "_Floats":
         """The values of a column. Raises UnknownName."""
@@ -94,11 +96,6 @@ class Recording(Mapping[str, "_Floats"]):
     def __len__(self) -> int:
         """The number of columns; `samples` is that of the rows."""
         return len(self.signals)
-
-    @staticmethod
-    def _matrix(np: Any, samples: Samples) -> "_Floats":
-        flat: _Floats = np.frombuffer(samples.values, dtype=np.float64)
-        return flat.reshape(samples.rows, samples.columns).copy()  # the caller may change it
 
     # ---- Without it ----
 
