@@ -8,6 +8,7 @@ import threading
 import time
 import weakref
 from array import array
+from ctypes import c_int64
 from typing import Any, Callable, Dict, List, Optional, Sequence, Tuple
 
 from . import _forks, _library
@@ -21,6 +22,7 @@ _SHORTEST_SLICE_NS = 8 * TICK_NS
 _FIRST_SLICE_NS = 80 * TICK_NS
 _FAST_S = 0.012  # a slice that takes less of the machine's time is followed by a longer one
 _SLOW_S = 0.025  # and one that takes more by a shorter one
+_ONE = ctypes.c_size_t(1)
 _TURN_S = 0.0001  # long enough for a thread that waits for the line to wake up
 _PAUSE_TICKS = 16  # a millisecond
 
@@ -48,7 +50,7 @@ class LibraryRecorder(Recorder):
             return self._kept
         c = _library.library()
         rows = ctypes.c_uint64()
-        first_tick = ctypes.c_int64()
+        first_tick = c_int64()
         call(c.servodrome_recorder_rows, self._handle, ctypes.byref(rows), ctypes.byref(first_tick))
         count = rows.value
         values = array("d", bytes(8 * count * self._columns))
@@ -78,12 +80,14 @@ class InProcess(Backend):
     def __init__(self, text: Optional[bytes], name: str) -> None:
         self.handle = _library.open_line(text, name.encode("utf-8", "surrogateescape"))
         c = _library.library()
-        self._run_until: Callable[..., int] = c.servodrome_line_run_until
-        self._run_ticks: Callable[..., int] = c.servodrome_line_run_ticks
-        self._now: Callable[..., int] = c.servodrome_line_now
-        self._read: Callable[..., int] = c.servodrome_read
+        # c["..."] has no types of arguments, so their conversion, half of a call's time, is left out: all are objects of ctypes.
+        self._run_until: Callable[..., int] = c["servodrome_line_run_until"]
+        self._run_ticks: Callable[..., int] = c["servodrome_line_run_ticks"]
+        self._now: Callable[..., int] = c["servodrome_line_now"]
+        self._read: Callable[..., int] = c["servodrome_read"]
+        self._number = ctypes.c_uint64(self.handle.value)  # once it is closed, the C library says so
         # Threads share this place: C writes it with the line's lock held, so a thread reads its own time or a later one.
-        self._time = ctypes.c_int64()
+        self._time = c_int64()
         self._to_time = ctypes.byref(self._time)
         self._slice_ns = _FIRST_SLICE_NS
         self._channels: Dict[Tuple[str, str], int] = {}
@@ -106,7 +110,7 @@ class InProcess(Backend):
     # ---- Time ----
 
     def now_ns(self) -> int:
-        result = self._now(self.handle.value, self._to_time)
+        result = self._now(self._number, self._to_time)
         if result:
             raise error_of(result, self.handle)
         return self._time.value
@@ -119,7 +123,7 @@ class InProcess(Backend):
 
     def advance_ns(self, duration: int) -> None:
         now = self.now_ns()
-        if duration > self._slice_ns or self._run_until(self.handle.value, now + duration):
+        if duration > self._slice_ns or self._run_until(self._number, c_int64(now + duration)):
             self._run(now, now + duration)
 
     def _run(self, now: int, end: int) -> None:
@@ -129,7 +133,7 @@ class InProcess(Backend):
             is_whole = end - now > length
             to = now + length if is_whole else end
             begin = time.perf_counter() if is_whole else 0.0
-            result = self._run_until(self.handle.value, to)
+            result = self._run_until(self._number, c_int64(to))
             if result:
                 error = error_of(result, self.handle)
                 if result != BAD_ARGUMENT or self.now_ns() < to:  # otherwise another thread has run the line further
@@ -159,7 +163,7 @@ class InProcess(Backend):
         self._ticks(ticks)
 
     def _ticks(self, ticks: int) -> None:
-        result = self._run_ticks(self.handle.value, ticks)
+        result = self._run_ticks(self._number, c_int64(ticks))
         if result:
             raise error_of(result, self.handle)
 
@@ -180,7 +184,7 @@ class InProcess(Backend):
     def read(self, channels: Sequence[int]) -> List[float]:
         count = len(channels)
         values = (ctypes.c_double * count)()
-        result = self._read(self.handle.value, (ctypes.c_uint32 * count)(*channels), count, values)
+        result = self._read(self._number, (ctypes.c_uint32 * count)(*channels), ctypes.c_size_t(count), values)
         if result:
             raise error_of(result, self.handle)
         return list(values)
@@ -191,7 +195,7 @@ class InProcess(Backend):
             channel, place = ctypes.c_uint32(self.channel(axis, signal)), ctypes.c_double()
             known = self._numbers[axis, signal] = ctypes.byref(channel), place, ctypes.byref(place)
         to_channel, value, to_value = known
-        result = self._read(self.handle.value, to_channel, 1, to_value)
+        result = self._read(self._number, to_channel, _ONE, to_value)
         if result:
             raise error_of(result, self.handle)
         return value.value
@@ -206,7 +210,7 @@ class InProcess(Backend):
         if buffer.values is None:
             buffer.values = (ctypes.c_double * len(channels))()
             buffer.view = numpy("positions()").frombuffer(buffer.values)
-        result = self._read(self.handle.value, channels, len(channels), buffer.values)
+        result = self._read(self._number, channels, ctypes.c_size_t(len(channels)), buffer.values)
         if result:
             raise error_of(result, self.handle)
         return buffer.view.astype("int64")
