@@ -40,12 +40,14 @@ class VirtualLock:
 
     def acquire(self, blocking: bool = True, timeout: float = -1) -> bool:
         lock = self._lock
+        if timeout != -1 and (timeout < 0 or not blocking):
+            return bool(lock.acquire(blocking, timeout))  # it has the error
         ident = _get_ident()
         if lock.acquire(False):
             self._holder = ident
             return True
-        if not blocking or (timeout < 0 and timeout != -1):
-            return bool(lock.acquire(blocking, timeout))  # False, or the error of a lock
+        if not blocking:
+            return False
         me = running.get(ident)
         if me is None or self._holder not in running:
             if lock.acquire(True, timeout if me is None else _FOREIGN_S):

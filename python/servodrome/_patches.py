@@ -80,8 +80,8 @@ _OBJECTS += [
 ]
 _REPLACEMENTS: Dict[int, Any] = {id(original): replacement for original, replacement in _OBJECTS}
 _ORIGINALS: Dict[int, Any] = {id(replacement): original for original, replacement in _OBJECTS}
-# The import system and the C modules themselves keep theirs; so does this package, which measures real time.
-_KEPT = ("_thread", "_queue", "_frozen_importlib", "_frozen_importlib_external", __package__)
+# The import system and the C modules themselves keep theirs; so do this package and pytest, which measure real time.
+_KEPT = ("_thread", "_queue", "_frozen_importlib", "_frozen_importlib_external", "_pytest", __package__)
 
 
 # ---- Conditions, and so queues, events, semaphores, barriers ----

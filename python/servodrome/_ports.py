@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import _thread
 import ctypes
-import weakref
 from typing import TYPE_CHECKING, Any, Callable, Optional
 
 from ._library import NOTHING, Handle, call, error_of, library
+from ._open_lines import open_lines
 from ._scheduler import running
 from .errors import BadValue, Refused
 from .virtual_time import active_line, active_scheduler
@@ -18,16 +18,13 @@ if TYPE_CHECKING:
 _SLICE_NS = 250_000_000  # of line time, outside of virtual_time: Ctrl-C is handled between two calls
 _get_ident = _thread.get_ident
 
-open_lines: "weakref.WeakSet[Line]" = weakref.WeakSet()
-"""The lines of this process in virtual time; each adds itself."""
-
 
 def line_of(bus: str, kind: str) -> "Line":
     """The line of the present virtual_time(), or else the only open one that has a bus of this name and type."""
     line = active_line()
     if line is not None:
         return line
-    found = [one for one in list(open_lines) if not one.closed and bus in one.buses and one.buses[bus].type == kind]
+    found = [one for one in open_lines() if bus in one.buses and one.buses[bus].type == kind]
     if len(found) == 1:
         return found[0]
     what = "no open line has" if not found else f"{len(found)} open lines have"
@@ -43,6 +40,7 @@ class Port:
         call(getattr(c, open_function), line._handle, *arguments, ctypes.byref(number))
         self.line = line
         self.handle = Handle(number.value, c.servodrome_port_close)
+        self._is_cancelled = False
 
     def receive(self, attempt: Callable[[int, int], int], timeout: Optional[float]) -> bool:
         """Calls `attempt(handle, timeout_ns)` until something has come: True, or for at most `timeout` seconds of line time: False.
@@ -60,23 +58,34 @@ class Port:
                 scheduler.sleep(me, 0)
                 return self._try(attempt, 0)
             until = scheduler.deadline(me, timeout)
+            self._is_cancelled = False
             while True:
                 is_woken = scheduler.wait(me, until, self.handle.value)
                 if self._try(attempt, 0):
                     return True
-                if not is_woken:
+                if not is_woken or self._is_cancelled:
                     return False
         other = active_scheduler()
         if other is not None and other.line is self.line:
             hint = "make it in the block: can.Bus, can.Notifier and the like start their threads when they are made"
             raise Refused("a thread that does not participate in virtual_time receives at a port of its line", "port", hint)
         left = None if timeout is None else max(0, round(timeout * 1e9))
+        self._is_cancelled = False
         while left is None or left > _SLICE_NS:
             if self._try(attempt, _SLICE_NS):
                 return True
+            if self._is_cancelled:
+                return False
             if left is not None:
                 left -= _SLICE_NS
         return self._try(attempt, left)
+
+    def cancel(self) -> None:
+        """Ends a `receive` of another thread: it returns False."""
+        self._is_cancelled = True
+        scheduler = active_scheduler()
+        if scheduler is not None:
+            scheduler.wake_readers(self.handle.value)
 
     def _try(self, attempt: Callable[[int, int], int], timeout_ns: int) -> bool:
         result = attempt(self.handle.value, timeout_ns)

@@ -283,6 +283,7 @@ class Scheduler:
                 return participant
             if result != NOTHING:
                 return self._fail(error_of(result, self._handle))
+            self._now.value = end
             if is_deadline:
                 return heapq.heappop(timed)[2]
 

@@ -17,7 +17,8 @@ import can.util
 
 from . import _library
 from ._library import CanFrame, error_of
-from ._ports import Port, line_of, open_lines
+from ._open_lines import open_lines
+from ._ports import Port, line_of
 from .errors import Error, Refused
 
 if TYPE_CHECKING:
@@ -128,7 +129,7 @@ class ServodromeBus(can.BusABC):
 
     @staticmethod
     def _detect_available_configs() -> List[Any]:
-        buses = [(line, bus) for line in list(open_lines) if not line.closed for bus in line.buses.values()]
+        buses = [(line, bus) for line in open_lines() for bus in line.buses.values()]
         return [{"interface": "servodrome", "channel": bus.name, "line": line} for line, bus in buses if bus.type == "can"]
 
 

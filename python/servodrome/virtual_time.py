@@ -34,9 +34,10 @@ from __future__ import annotations
 
 import _thread
 from types import TracebackType
-from typing import TYPE_CHECKING, Any, Optional, Type
+from typing import TYPE_CHECKING, Any, Callable, List, Optional, Type
 
 from . import _patches
+from ._backend import TICKS_PER_SECOND
 from ._library import TICK_NS
 from ._patches import RealTime
 from ._scheduler import Scheduler, VirtualDeadlock, VirtualTimeEnded, running
@@ -115,30 +116,34 @@ class virtual_time:  # noqa: N801
             _active = None
 
 
+_MEANS = ("run_until_ns", "advance_ns", "run_ticks", "pause")  # of Backend: what makes line time pass
+
+
 def _redirect(line: "Line", scheduler: Scheduler) -> None:
     """Makes Line.advance and the like of a participant a wait."""
     backend: Any = line._backend
-    run_until, run_ticks = backend._run_until, backend._run_ticks
 
-    def wait_until(handle: int, time_ns: int) -> int:
-        me = running.get(_thread.get_ident())
-        if me is None or time_ns <= scheduler.now():
-            return int(run_until(handle, time_ns))
-        scheduler.wait(me, time_ns)
-        return 0
+    def wait(name: str, until: Callable[[int], int]) -> Callable[..., None]:
+        original = getattr(backend, name)
 
-    def wait_ticks(handle: int, ticks: int) -> int:
-        me = running.get(_thread.get_ident())
-        if me is None or ticks <= 0:
-            return int(run_ticks(handle, ticks))
-        scheduler.wait(me, (scheduler.now() // TICK_NS + ticks) * TICK_NS)
-        return 0
+        def waits(*arguments: int) -> None:
+            me = running.get(_thread.get_ident())
+            end = until(*arguments) if me is not None else 0
+            if me is None or end <= scheduler.now():
+                original(*arguments)  # it has the errors
+            else:
+                scheduler.wait(me, end)
 
-    backend._servodrome_real = run_until, run_ticks
-    backend._run_until, backend._run_ticks = wait_until, wait_ticks
+        return waits
+
+    def after_ticks(ticks: int = TICKS_PER_SECOND // 1000) -> int:
+        return (scheduler.now() // TICK_NS + ticks) * TICK_NS
+
+    ends: List[Callable[..., int]] = [lambda end: end, lambda duration: scheduler.now() + duration, after_ticks, after_ticks]
+    for name, until in zip(_MEANS, ends):
+        setattr(backend, name, wait(name, until))
 
 
 def _restore(line: "Line") -> None:
-    backend: Any = line._backend
-    backend._run_until, backend._run_ticks = backend._servodrome_real
-    del backend._servodrome_real
+    for name in _MEANS:
+        delattr(line._backend, name)
