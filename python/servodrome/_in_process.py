@@ -8,7 +8,6 @@ import threading
 import time
 import weakref
 from array import array
-from ctypes import c_int64
 from typing import Any, Callable, Dict, List, Optional, Sequence, Tuple
 
 from . import _forks, _library
@@ -50,7 +49,7 @@ class LibraryRecorder(Recorder):
             return self._kept
         c = _library.library()
         rows = ctypes.c_uint64()
-        first_tick = c_int64()
+        first_tick = ctypes.c_int64()
         call(c.servodrome_recorder_rows, self._handle, ctypes.byref(rows), ctypes.byref(first_tick))
         count = rows.value
         values = array("d", bytes(8 * count * self._columns))
@@ -80,14 +79,14 @@ class InProcess(Backend):
     def __init__(self, text: Optional[bytes], name: str) -> None:
         self.handle = _library.open_line(text, name.encode("utf-8", "surrogateescape"))
         c = _library.library()
+        self._run_until: Callable[..., int] = c.servodrome_line_run_until
+        self._run_ticks: Callable[..., int] = c.servodrome_line_run_ticks
         # c["..."] has no types of arguments, so their conversion, half of a call's time, is left out: all are objects of ctypes.
-        self._run_until: Callable[..., int] = c["servodrome_line_run_until"]
-        self._run_ticks: Callable[..., int] = c["servodrome_line_run_ticks"]
         self._now: Callable[..., int] = c["servodrome_line_now"]
         self._read: Callable[..., int] = c["servodrome_read"]
         self._number = ctypes.c_uint64(self.handle.value)  # once it is closed, the C library says so
         # Threads share this place: C writes it with the line's lock held, so a thread reads its own time or a later one.
-        self._time = c_int64()
+        self._time = ctypes.c_int64()
         self._to_time = ctypes.byref(self._time)
         self._slice_ns = _FIRST_SLICE_NS
         self._channels: Dict[Tuple[str, str], int] = {}
@@ -123,7 +122,7 @@ class InProcess(Backend):
 
     def advance_ns(self, duration: int) -> None:
         now = self.now_ns()
-        if duration > self._slice_ns or self._run_until(self._number, c_int64(now + duration)):
+        if duration > self._slice_ns or self._run_until(self._number, now + duration):
             self._run(now, now + duration)
 
     def _run(self, now: int, end: int) -> None:
@@ -133,7 +132,7 @@ class InProcess(Backend):
             is_whole = end - now > length
             to = now + length if is_whole else end
             begin = time.perf_counter() if is_whole else 0.0
-            result = self._run_until(self._number, c_int64(to))
+            result = self._run_until(self._number, to)
             if result:
                 error = error_of(result, self.handle)
                 if result != BAD_ARGUMENT or self.now_ns() < to:  # otherwise another thread has run the line further
@@ -163,7 +162,7 @@ class InProcess(Backend):
         self._ticks(ticks)
 
     def _ticks(self, ticks: int) -> None:
-        result = self._run_ticks(self._number, c_int64(ticks))
+        result = self._run_ticks(self._number, ticks)
         if result:
             raise error_of(result, self.handle)
 
