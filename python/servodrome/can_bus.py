@@ -2,7 +2,7 @@
 
 The interface is an entry point of the package (`can.interface`). Where the package is not installed, importing this module registers
 it. In `servodrome.virtual_time` everything that python-can and packages on it do is in line time: Notifier, send_periodic, timeouts.
-Outside of it, recv() lets line time pass while it waits.
+Outside of it, recv() lets line time pass while it waits: python-can's other timeouts are real there.
 """
 
 from __future__ import annotations
@@ -69,6 +69,22 @@ class ServodromeBus(can.BusABC):
         its = line.buses[name].view().get("bit_rate")
         if its != int(bitrate):
             raise Refused(f"the bit rate of {name} is {its}, not {bitrate}", "can.Bus", "leave out bitrate, or give that of the bus")
+
+    def recv(self, timeout: Optional[float] = None) -> Optional[can.Message]:
+        """The next message that a filter lets through; None after `timeout` seconds of line time (None: without a limit)."""
+        if timeout is None:
+            while True:
+                message, _ = self._recv_internal(None)
+                if message is not None and self._matches_filters(message):
+                    return message
+        line = self._port.line
+        end = line.now_ns + round(timeout * 1e9)
+        left = timeout
+        while True:
+            message, _ = self._recv_internal(left)
+            if message is None or self._matches_filters(message):
+                return message
+            left = max(0, end - line.now_ns) / 1e9
 
     def _recv_internal(self, timeout: Optional[float]) -> Tuple[Optional[can.Message], bool]:
         frame = CanFrame()

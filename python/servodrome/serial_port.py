@@ -104,7 +104,7 @@ class SerialPort(serial.SerialBase):  # type: ignore[misc]
         configure = _library.library().servodrome_serial_configure
         _library.call(configure, link.handle, self._baudrate, self._bytesize, self._parity.encode(), int(self._stopbits))
         bits = 1 + self._bytesize + (self._parity != "N") + self._stopbits
-        self._character_ns = bits * 1_000_000_000 // self._baudrate
+        self._character_ns = -(-bits * 1_000_000_000 // self._baudrate)
 
     # ---- Reading ----
 
