@@ -80,7 +80,9 @@ class InProcess(Backend):
         self.handle = _library.open_line(text, name.encode("utf-8", "surrogateescape"))
         c = _library.library()
         self._run_until: Callable[..., int] = c.servodrome_line_run_until
+        self._own_run_until: Callable[..., int] = self._run_until
         self._run_ticks: Callable[..., int] = c.servodrome_line_run_ticks
+        self._advance: Callable[..., int] = c.servodrome_line_advance
         # c["..."] has no types of arguments, so their conversion, half of a call's time, is left out: all are objects of ctypes.
         self._now: Callable[..., int] = c["servodrome_line_now"]
         self._read: Callable[..., int] = c["servodrome_read"]
@@ -101,7 +103,7 @@ class InProcess(Backend):
         _forks.register(self)
 
     def after_fork(self) -> None:
-        self._run_until = self._run_ticks = self._now = self._read = _is_closed
+        self._run_until = self._own_run_until = self._run_ticks = self._advance = self._now = self._read = _is_closed
 
     def request(self, method: str, target: str, body: bytes = b"") -> Answer:
         return _library.request(self.handle, method.encode(), target.encode(), body)
@@ -121,9 +123,21 @@ class InProcess(Backend):
         self._run(now, end)
 
     def advance_ns(self, duration: int) -> None:
-        now = self.now_ns()
-        if duration > self._slice_ns or self._run_until(self._number, now + duration):
-            self._run(now, now + duration)
+        if self._run_until is not self._own_run_until:  # virtual_time.py has put its own in this place: a wait of a thread
+            self.run_until_ns(self.now_ns() + duration)
+            return
+        while duration > self._slice_ns:
+            length = self._slice_ns
+            begin = time.perf_counter()
+            self._advance_at_once(length)
+            self._after_slice(length, time.perf_counter() - begin)
+            duration -= length
+        self._advance_at_once(duration)
+
+    def _advance_at_once(self, duration: int) -> None:
+        result = self._advance(self._number, duration, None)
+        if result:
+            raise error_of(result, self.handle)
 
     def _run(self, now: int, end: int) -> None:
         """In slices, because Python handles Ctrl-C between two calls."""

@@ -117,6 +117,7 @@ _SIGNATURES: Dict[str, List[Any]] = {
     "servodrome_line_warnings": [_handle, _to(_text)],
     "servodrome_line_now": [_handle, _to(_time)],
     "servodrome_line_run_until": [_handle, _time],
+    "servodrome_line_advance": [_handle, _time, _to(_time)],
     "servodrome_line_run_ticks": [_handle, _time],
     "servodrome_line_wait": [_handle, _time, _to(_handle), _size, _to(_size)],
     "servodrome_line_request": [_handle, _text, _text, _bytes, _size, _to(_Answer)],
@@ -151,6 +152,7 @@ def _load() -> ctypes.CDLL:
     try:
         loaded = ctypes.CDLL(path)
         version = loaded.servodrome_interface()
+        functions = {name: getattr(loaded, name) for name in _SIGNATURES}
     except (OSError, AttributeError) as error:
         hint = "set SERVODROME_LIBRARY to the built libservodrome.so, or install the package's wheel"
         raise LibraryError(f"the C library cannot be loaded: {error}", path, hint) from error
@@ -162,9 +164,8 @@ def _load() -> ctypes.CDLL:
     loaded.servodrome_last_error.restype = ctypes.c_char_p
     loaded.servodrome_last_error.argtypes = []
     for name, arguments in _SIGNATURES.items():
-        function = getattr(loaded, name)
-        function.restype = ctypes.c_int
-        function.argtypes = arguments
+        functions[name].restype = ctypes.c_int
+        functions[name].argtypes = arguments
     return loaded
 
 
