@@ -57,13 +57,14 @@ def pytest_runtest_makereport(item, call):
 def pytest_collection_modifyitems(config, items):
     keep, drop = [], []
     for item in items:
-        if "line" not in item.fixturenames and "start_line" not in item.fixturenames:
+        has_line = "line" in item.fixturenames or "start_line" in item.fixturenames
+        if not has_line:
             item.add_marker("once")
         here = KIND != "socketcand" or not item.get_closest_marker("remote_frames")
         if marker := item.get_closest_marker("link"):
             here = here and marker.args[0] == KIND
         if KIND == "memory":
-            here = here and not (item.get_closest_marker("once") or item.get_closest_marker("program"))
+            here = here and has_line and not item.get_closest_marker("program")
         (keep if here else drop).append(item)
     items[:] = keep
     config.hook.pytest_deselected(items=drop)
