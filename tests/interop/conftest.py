@@ -1,7 +1,8 @@
 """Fixtures: a line of two drives on the link of SERVODROME_LINK, and clients of it.
 
 Environment: SERVODROME, the built program; SERVODROME_LINK: socketcand (default), slcan,
-socketcan:INTERFACE, or socketcan for vcan0, vcan1 ... of as many workers (pytest -n);
+socketcan:INTERFACE, or socketcan for vcan0, vcan1 ... of as many workers (pytest -n), or memory:
+the line is in this process (SERVODROME_LIBRARY), and the clients are in its virtual time;
 SERVODROME_CAPTURES: a folder that keeps the capture (pcap) of every test's bus.
 """
 
@@ -56,11 +57,14 @@ def pytest_runtest_makereport(item, call):
 def pytest_collection_modifyitems(config, items):
     keep, drop = [], []
     for item in items:
-        if "line" not in item.fixturenames and "start_line" not in item.fixturenames:
+        has_line = "line" in item.fixturenames or "start_line" in item.fixturenames
+        if not has_line:
             item.add_marker("once")
         here = KIND != "socketcand" or not item.get_closest_marker("remote_frames")
         if marker := item.get_closest_marker("link"):
             here = here and marker.args[0] == KIND
+        if KIND == "memory":
+            here = here and has_line and not item.get_closest_marker("program")
         (keep if here else drop).append(item)
     items[:] = keep
     config.hook.pytest_deselected(items=drop)
@@ -87,7 +91,12 @@ def start_line(request, tmp_path):
         if captures and "log" not in options:
             name = re.sub(r"[^A-Za-z0-9_]+", "-", f"{KIND}-{request.node.nodeid.rpartition('/')[2]}-{len(lines)}")
             options["log"] = f"{captures}/{name}.pcap"
-        line = Line(folder, text, [bus_option(folder)], **options)
+        if KIND == "memory":
+            from memory_line import MemoryLine
+
+            line = MemoryLine(folder, text, **options)
+        else:
+            line = Line(folder, text, [bus_option(folder)], **options)
         lines.append(line)
         return line
 

@@ -11,6 +11,8 @@ import can
 import pytest
 from line import COUNTS, PROGRAM, TWO_DRIVES, ApiError, servodrome, wait_for
 
+pytestmark = pytest.mark.program("the commands of the program connect to the line")
+
 
 @pytest.fixture
 def client(line):
