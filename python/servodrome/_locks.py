@@ -94,6 +94,12 @@ class VirtualLock:
         return f"<{'locked' if self.locked() else 'unlocked'} VirtualLock at {id(self):#x}>"
 
 
+class AllocatedLock(VirtualLock):
+    """In place of _thread.allocate_lock, where that is not threading.Lock. Each replacement has one original."""
+
+    __slots__ = ()
+
+
 class VirtualRLock:
     """In place of threading.RLock. A participant's is that of the standard library in Python, which is made of a Lock."""
 

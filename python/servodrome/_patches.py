@@ -18,7 +18,7 @@ import time
 from typing import Any, Callable, Dict, List, Tuple
 
 from . import _scheduler
-from ._locks import VirtualLock, VirtualRLock, VirtualSimpleQueue
+from ._locks import AllocatedLock, VirtualLock, VirtualRLock, VirtualSimpleQueue
 from ._scheduler import Participant, Waiter, running
 
 EPOCH_NS = 1_767_225_600_000_000_000
@@ -74,10 +74,12 @@ _CLOCK_NAMES = ("sleep", "time", "time_ns", "monotonic", "monotonic_ns", "perf_c
 # Objects that modules have by name, and what replaces them.
 _OBJECTS: List[Tuple[Any, Any]] = [(_real[name], getattr(_clock, name)) for name in _CLOCK_NAMES]
 _OBJECTS += [
-    (_thread.allocate_lock, VirtualLock),
+    (threading.Lock, VirtualLock),
     (threading.RLock, VirtualRLock),
     (queue.SimpleQueue, VirtualSimpleQueue),
 ]
+if _thread.allocate_lock is not threading.Lock:  # from Python 3.13 on
+    _OBJECTS.append((_thread.allocate_lock, AllocatedLock))
 _REPLACEMENTS: Dict[int, Any] = {id(original): replacement for original, replacement in _OBJECTS}
 _ORIGINALS: Dict[int, Any] = {id(replacement): original for original, replacement in _OBJECTS}
 # The import system and the C modules themselves keep theirs; so do this package and pytest, which measure real time.

@@ -10,7 +10,7 @@ import subprocess
 import pytest
 from line import COUNTS, PROGRAM, TRAVEL, Line, wait_for
 
-pytestmark = pytest.mark.once
+pytestmark = [pytest.mark.once, pytest.mark.program("the program is the master")]
 
 LINE = f"""
 [[bus]]

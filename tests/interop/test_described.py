@@ -9,7 +9,7 @@ import pytest
 from drive402 import Drive402
 from line import COUNTS, TWO_DRIVES, servodrome, wait_for
 
-pytestmark = pytest.mark.once  # what drives do, whatever the link
+pytestmark = [pytest.mark.once, pytest.mark.program("the program is the master")]  # what drives do, whatever the link
 
 DATA = pathlib.Path(__file__).parents[1] / "data/described"
 ENCODERS = {

@@ -50,6 +50,7 @@ def figures_of(*arguments):
 
 
 @pytest.mark.once
+@pytest.mark.program("the program is the master")
 def test_an_axis_is_found_again(start_line, tmp_path):
     line = start_line(AXIS)
     script = tmp_path / "fit.script"

@@ -10,7 +10,7 @@ from foreign_drive import PRODUCT, SERIAL, UNITS, VENDOR, CanopenDrive, DurandDr
 from line import PROGRAM, servodrome, wait_for
 
 # The device and the commands are two programs on one bus, and a serial line has one at its other end.
-pytestmark = pytest.mark.once
+pytestmark = [pytest.mark.once, pytest.mark.program("the program is the master")]
 
 NODE = 5
 

@@ -25,7 +25,7 @@ DRIVES = (
 AXES = {"ismc": ("ismc-1", COUNTS, 3.0), "reference": ("generic402-2", None, 3.0), "jmc": ("jmc_ec-1", None, 1.5)}
 ROUNDS = 4
 
-pytestmark = pytest.mark.once
+pytestmark = [pytest.mark.once, pytest.mark.program("the program is the master")]
 
 
 @pytest.fixture

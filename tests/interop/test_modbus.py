@@ -338,6 +338,7 @@ def test_mbpoll_reads_the_reference_drive(serial_line, link):
     assert mbpoll(serial_line, link, 2, velocity, words=2) == [1, 2]
 
 
+@pytest.mark.program("the RS485 line is on a pty")
 def test_four_drives_on_a_serial_line_and_a_can_bus(start_line, connect, tmp_path):
     """One client moves two of them over the serial line while another moves the other two over CAN."""
     line = start_line(FOUR_DRIVES, arguments=["--bus", f"rs=pty:{tmp_path}/rs"])

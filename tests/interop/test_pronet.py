@@ -308,6 +308,7 @@ def test_parameters_outlive_the_power(drive):
     assert drive.read(0x6081) == 0
 
 
+@pytest.mark.program("the program moves the axis")
 def test_revolutions_are_those_of_the_encoder(drive, pronets):
     """Ch. 4: the command line reads what the motor at hand has."""
     before = drive.true_position

@@ -12,7 +12,7 @@ import pytest
 from line import COUNTS, PROGRAM, servodrome, wait_for
 from mcap.reader import make_reader
 
-pytestmark = pytest.mark.once  # what drives do, whatever the link
+pytestmark = [pytest.mark.once, pytest.mark.program("the program is the master")]  # what drives do, whatever the link
 
 
 @pytest.fixture

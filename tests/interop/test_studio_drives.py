@@ -23,7 +23,7 @@ DRIVES = (
 # What the studio calls them, and the line.
 NAMES = {"ismc-1": "ismc", "jmc_ec-1": "jmc", "generic402": "reference"}
 
-pytestmark = pytest.mark.once
+pytestmark = [pytest.mark.once, pytest.mark.program("the program is the master")]
 
 
 def turns(axis, **numbers):

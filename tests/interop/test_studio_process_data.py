@@ -11,7 +11,7 @@ from line import TRAVEL, ApiError, Line, wait_for
 from studio import Studio, patiently
 from test_tune import ATTEMPTS, TOO_BUSY, UNEVEN, WATCHDOG
 
-pytestmark = pytest.mark.once
+pytestmark = [pytest.mark.once, pytest.mark.program("the program is the master")]
 
 DRIVES = f"""
 [[bus]]

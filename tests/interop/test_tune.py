@@ -12,7 +12,7 @@ import xml.etree.ElementTree
 import pytest
 from line import PROGRAM, TRAVEL, Line, servodrome, wait_for
 
-pytestmark = pytest.mark.once
+pytestmark = [pytest.mark.once, pytest.mark.program("the program is the master")]
 
 LINE = f"""
 [[bus]]
