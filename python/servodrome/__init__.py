@@ -38,6 +38,7 @@ from .errors import (
     UnknownObject,
     WrongType,
 )
+from .ethercat import EthercatPort
 from .jobs import Job, JobResult, JobState
 from .line import Line
 from .objects import ObjectInfo, ObjectKey, Objects, ObjectValue
@@ -45,6 +46,7 @@ from .recording import Recording
 from .signals import Signal
 from .states import AlState, Mode, NmtState, PowerState
 from .tables import Axis, Bus
+from .virtual_time import VirtualDeadlock, VirtualTimeEnded, real_time, virtual_time
 
 __all__ = [
     "AlState",
@@ -55,6 +57,7 @@ __all__ = [
     "Diagnostic",
     "Disturbance",
     "Error",
+    "EthercatPort",
     "Fault",
     "Forked",
     "Frame",
@@ -92,6 +95,10 @@ __all__ = [
     "TrafficRecording",
     "UnknownName",
     "UnknownObject",
+    "VirtualDeadlock",
+    "VirtualTimeEnded",
     "WrongType",
     "library_version",
+    "real_time",
+    "virtual_time",
 ]

@@ -6,6 +6,7 @@ import os
 from types import TracebackType
 from typing import TYPE_CHECKING, Any, Callable, Dict, Iterator, List, Mapping, Optional, Sequence, Type, TypeVar, Union
 
+from . import _open_lines
 from ._backend import LONGEST_S, NS_PER_SECOND, Backend, nanoseconds, stride_of, ticks_of, whole
 from ._backend import seconds as checked_seconds
 from ._in_process import InProcess
@@ -18,6 +19,8 @@ from .signals import Signal
 from .tables import Axis, Bus, line_text
 
 if TYPE_CHECKING:
+    from .ethercat import EthercatPort
+    from .virtual_time import virtual_time
     import numpy as np
     from numpy.typing import NDArray
 
@@ -123,6 +126,18 @@ class Line:
         line._begin(text.encode("utf-8", "surrogateescape"), name, None, clock, program, links)
         return line
 
+    def virtual_time(self) -> "virtual_time":
+        """`with line.virtual_time():` this thread and those that it starts wait in line time (see `virtual_time`)."""
+        from .virtual_time import virtual_time
+
+        return virtual_time(self)
+
+    def ethercat(self, bus: str = "ecat", second: bool = False) -> "EthercatPort":
+        """A master's port of an EtherCAT segment; `second`: the one at the end of a ring."""
+        from .ethercat import EthercatPort
+
+        return EthercatPort(self, bus, second)
+
     def _begin(
         self,
         text: Optional[bytes],
@@ -146,6 +161,8 @@ class Line:
         buses = {view["name"]: LiveBus(backend, view) for view in backend.json("GET", "buses")["buses"]}
         self.axes = _Named("axis", axes)
         self.buses = _Named("bus", buses)
+        if clock != "real":
+            _open_lines.add(self)
 
     # ---- Its life ----
 
