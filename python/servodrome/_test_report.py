@@ -1,0 +1,169 @@
+"""What a test leaves of its line: captures of the buses, pictures of the axes, the line's text, and a script that repeats it."""
+
+from __future__ import annotations
+
+import json
+import pathlib
+import pprint
+from typing import Any, Callable, Dict, List, Mapping, NamedTuple, Optional, Tuple
+
+from ._library import Answer
+from ._plot import SIGNALS, svg_of
+from .errors import Error
+from .line import Line
+from .recording import Recording
+
+RATE_HZ = 1000
+LAST_S = 1.0
+SCRIPT = "replay.py"
+LINE_TEXT = "line.toml"
+_SUFFIXES = {
+    "can": {"candump": ".candump.log", "pcap": ".pcap"},
+    "ethercat": {"pcap": ".pcap"},
+    "rs485": {"pcap": ".pcapng", "text": ".txt"},
+}
+_ROOT = "/api/v1/"
+_NOT_REPEATED = ("recordings", "clock")  # besides the traffic of buses: they change nothing in the drives
+
+_REPLAY = '''"""Repeats what a test did with a line: {test}
+
+Each request that the test made through the package servodrome (jobs, objects, inputs, injected faults, plant, power, disturbances) is made
+again at the same line time, in virtual time. After a test in virtual time that used nothing else, every value is equal to the last bit;
+after a test in real time the times are approximate.
+
+Not repeated are frames that the test's own master (python-can, canopen, pysoem, a serial port) sent: they are in the captures, and
+the program of that master is needed to send them again.
+"""
+
+import servodrome
+
+TEXT = {text}
+NAME = {name}  # relative paths in the text start at its folder
+END_NS = {end}
+REQUESTS = {requests}  # (line time in ns, method, path, body), as in docs/bench-api.md
+
+
+def replay(line, until_ns=END_NS):
+    """Repeats the requests before a line time, and runs the line to it."""
+    for time_ns, method, path, body in REQUESTS:
+        if time_ns > until_ns:
+            break
+        line.run_until(time_ns / 1e9)
+        try:
+            line.request(method, path, body)
+        except servodrome.Error as error:
+            print(f"{{time_ns / 1e9:.6f}} s: {{method}} {{path}}: {{error}}")
+    line.run_until(until_ns / 1e9)
+
+
+if __name__ == "__main__":
+    with servodrome.Line() if TEXT is None else servodrome.Line.from_text(TEXT, name=NAME) as line:
+        replay(line)  # an earlier until_ns shows the line before the failure
+        print(f"{{line.now:.6f}} s")
+        for axis in line.axes.values():
+            print(f"{{axis.name}}: {{axis.position}} counts, {{axis.state.text}}")
+'''
+
+
+class Description(NamedTuple):
+    """A line of a test."""
+
+    text: Optional[str]
+    """The text of its line file; None: the built-in line."""
+    name: str
+    """The name of its file."""
+
+
+class Request(NamedTuple):
+    """A request that changed something."""
+
+    time_ns: int
+    method: str
+    path: str
+    body: Optional[Dict[str, Any]]
+
+
+class Watch:
+    """Follows a line from its start. With `record`, it records every bus, and four signals of each axis at 1 kHz: in virtual time that is
+    32 kB of memory for an axis and second of line time; in real time a recording ends after some 260 s."""
+
+    def __init__(self, line: Line, description: Description, record: bool) -> None:
+        self.line = line
+        self.description = description
+        self.record = record
+        self.requests: List[Request] = []
+        self._recordings: Dict[str, Recording] = {}
+        if record:
+            for bus in line.buses.values():
+                bus.record()
+            for name, axis in line.axes.items():
+                self._recordings[name] = line.record({signal: axis.signal(signal) for signal in SIGNALS}, rate=RATE_HZ)
+        self._follow()
+
+    def _follow(self) -> None:
+        """Notes the requests from now on."""
+        backend: Any = self.line._backend
+        original: Callable[[str, str, bytes], Answer] = backend.request
+
+        def request(method: str, target: str, body: bytes = b"") -> Answer:
+            path = target[len(_ROOT) :]
+            if method != "GET" and not path.endswith("/traffic") and path.split("/")[0] not in _NOT_REPEATED:
+                self.requests.append(Request(backend.now_ns(), method, path, json.loads(body) if body else None))
+            return original(method, target, body)
+
+        backend.request = request
+
+    def write(self, folder: pathlib.Path, test: str) -> List[str]:
+        """Writes the files into a folder, and returns lines of text about them and the axes.
+
+        What cannot be written, for example because the test has closed the line, is named in these lines.
+        """
+        folder.mkdir(parents=True, exist_ok=True)
+        about: List[str] = []
+
+        def attempt(what: str, action: Callable[[], None]) -> None:
+            try:
+                action()
+            except (Error, OSError) as error:
+                about.append(f"{what}: {error}")
+
+        for name, recording in self._recordings.items():
+            attempt(f"{name}.svg", lambda: self._write_picture(folder, name, recording))  # noqa: B023
+        for bus in self.line.buses.values() if self.record else ():
+            for format, suffix in _SUFFIXES[bus.type].items():
+                file = folder / (bus.name + suffix)
+                attempt(file.name, lambda: _write(file, bus.capture(format)))  # noqa: B023
+        if self.description.text is not None:
+            attempt(LINE_TEXT, lambda: _write(folder / LINE_TEXT, (self.description.text or "").encode("utf-8", "surrogateescape")))
+        attempt(SCRIPT, lambda: _write(folder / SCRIPT, self._script(test).encode()))
+        attempt("axes", lambda: about.extend(self._axes()))
+        return about
+
+    def _write_picture(self, folder: pathlib.Path, name: str, recording: Recording) -> None:
+        recording.stop()
+        columns: Mapping[str, Any] = recording.columns()
+        if columns["time_s"]:
+            last = {key: values[-int(LAST_S * RATE_HZ) :] for key, values in columns.items()}
+            _write(folder / f"{name}.svg", svg_of(name, last).encode())
+
+    def _script(self, test: str) -> str:
+        end = self.requests[-1].time_ns if self.line.closed and self.requests else 0 if self.line.closed else self.line.now_ns
+        requests: List[Tuple[Any, ...]] = [tuple(request) for request in self.requests]
+        shown = pprint.pformat(requests, width=130, sort_dicts=False)
+        title = test.replace("\\", "/").replace('"', "'")
+        return _REPLAY.format(
+            test=title, text=repr(self.description.text), name=repr(self.description.name), end=end, requests=shown
+        )
+
+    def _axes(self) -> List[str]:
+        lines = [f"at {self.line.now:.6f} s of line time ({self.line.clock})"]
+        for name, axis in self.line.axes.items():
+            view = axis.view()
+            state = view["state"] if view["powered"] else "no power"
+            faults = "".join(f"; fault {fault}" for fault in axis.faults) if view["powered"] else ""
+            lines.append(f"{name}: {axis.position} counts, {axis.velocity_rpm:.1f} rpm, {axis.torque_nm:.3f} Nm, {state}{faults}")
+        return lines
+
+
+def _write(file: pathlib.Path, content: bytes) -> None:
+    file.write_bytes(content)
