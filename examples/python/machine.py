@@ -10,7 +10,8 @@ HEARTBEAT_MS = 50
 HEARTBEAT_TIMEOUT_S = 0.2
 POLL_S = 0.005
 DOOR = 1 << 19  # of 60FDh in the left drive: its input DI3, high while the door is closed
-FAULT, TARGET_REACHED, ATTAINED, HOMING_ERROR, LIMIT = 1 << 3, 1 << 10, 1 << 12, 1 << 13, 1 << 11
+FAULT, TARGET_REACHED, ATTAINED = 1 << 3, 1 << 10, 1 << 12
+LIMIT_SWITCHES = 0b11  # of 60FDh
 ENABLE, NEW_SETPOINT, HOME, QUICK_STOP, RESET = 0x0F, 0x3F, 0x1F, 0x02, 0x80  # controlwords
 
 
@@ -160,6 +161,6 @@ class Gantry:
             status = drive.statusword
             if status & FAULT:
                 raise Stopped(f"{drive.name}: fault {drive.read(0x603F):04X}h")
-            if status & LIMIT:
-                raise Stopped(f"{drive.name}: at a limit")
+            if drive.read(0x60FD) & LIMIT_SWITCHES:
+                raise Stopped(f"{drive.name}: at a limit switch")
         self._check_door()
