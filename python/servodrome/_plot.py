@@ -14,7 +14,7 @@ _CURVES = (
     ("velocity_rpm", "velocity, rpm", "#2a7d2e"),
     ("torque_nm", "torque, Nm", "#b0440c"),
 )
-_WIDTH, _LEFT, _RIGHT, _TOP, _CURVE, _GAP, _BAND = 720, 100, 20, 40, 110, 28, 22  # pixels
+_WIDTH, _LEFT, _RIGHT, _TOP, _CURVE, _GAP, _BAND = 720, 100, 20, 52, 110, 28, 22  # pixels
 _STYLE = "text{font:12px sans-serif;fill:#222}.frame{fill:none;stroke:#bbb}.curve{fill:none;stroke-width:1.4}"
 
 
@@ -56,7 +56,7 @@ def _curve(across: Sequence[float], values: Sequence[float], top: int, title: st
     ]
     if known:
         labels = [(high, top + 10), (low, top + _CURVE)] if span else [(low, top + _CURVE / 2 + 4)]
-        parts += [_text(_LEFT - 6, y, f"{value:.6g}", "end") for value, y in labels]
+        parts += [_text(_LEFT - 6, y, f"{value:.0f}" if abs(value) >= 1e4 else f"{value:.4g}", "end") for value, y in labels]
     points: List[Tuple[float, float]] = []
     for index, value in enumerate([*values, math.nan]):
         if not math.isnan(value):

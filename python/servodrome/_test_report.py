@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import json
 import pathlib
-import pprint
-from typing import Any, Callable, Dict, List, Mapping, NamedTuple, Optional, Tuple
+from typing import Any, Callable, Dict, List, Mapping, NamedTuple, Optional
 
 from ._library import Answer
 from ._plot import SIGNALS, svg_of
@@ -25,14 +24,14 @@ _SUFFIXES = {
 _ROOT = "/api/v1/"
 _NOT_REPEATED = ("recordings", "clock")  # besides the traffic of buses: they change nothing in the drives
 
+_MOST_ACTIONS = 100_000  # of a script; 8 MB of text
+
 _REPLAY = '''"""Repeats what a test did with a line: {test}
 
-Each request that the test made through the package servodrome (jobs, objects, inputs, injected faults, plant, power, disturbances) is made
-again at the same line time, in virtual time. After a test in virtual time that used nothing else, every value is equal to the last bit;
-after a test in real time the times are approximate.
-
-Not repeated are frames that the test's own master (python-can, canopen, pysoem, a serial port) sent: they are in the captures, and
-the program of that master is needed to send them again.
+ACTIONS has the requests that the test made through the package servodrome (jobs, objects, inputs, injected faults, plant, power,
+disturbances), and the frames that it sent through can.Bus(interface="servodrome"). They are repeated at the same line time, in virtual
+time, all frames of a bus from one port. After a test in real time the times are approximate, and frames of masters that were connected
+to a link are not known. What a test sent through a serial port or an EtherCAT port is not repeated: the captures have it.
 """
 
 import servodrome
@@ -40,20 +39,38 @@ import servodrome
 TEXT = {text}
 NAME = {name}  # relative paths in the text start at its folder
 END_NS = {end}
-REQUESTS = {requests}  # (line time in ns, method, path, body), as in docs/bench-api.md
+# Line time in ns, and: method, path and body of a request, as in docs/bench-api.md; or "frame", bus and message.
+ACTIONS = [
+{actions}]
 
 
 def replay(line, until_ns=END_NS):
-    """Repeats the requests before a line time, and runs the line to it."""
-    for time_ns, method, path, body in REQUESTS:
+    """Repeats the actions before a line time, and runs the line to it."""
+    ports = {{}}
+    for time_ns, method, where, what in ACTIONS:
         if time_ns > until_ns:
             break
         line.run_until(time_ns / 1e9)
         try:
-            line.request(method, path, body)
+            if method == "frame":
+                send(line, ports, where, what)
+            else:
+                line.request(method, where, what)
         except servodrome.Error as error:
-            print(f"{{time_ns / 1e9:.6f}} s: {{method}} {{path}}: {{error}}")
+            print(f"{{time_ns / 1e9:.6f}} s: {{method}} {{where}}: {{error}}")
     line.run_until(until_ns / 1e9)
+    for port in ports.values():
+        port.shutdown()
+
+
+def send(line, ports, bus, message):
+    """Sends a frame through the port of a bus, which the first frame opens."""
+    import can
+    import servodrome.can_bus
+
+    if bus not in ports:
+        ports[bus] = servodrome.can_bus.ServodromeBus(bus, line=line)
+    ports[bus].send(can.Message(**message))
 
 
 if __name__ == "__main__":
@@ -74,13 +91,14 @@ class Description(NamedTuple):
     """The name of its file."""
 
 
-class Request(NamedTuple):
-    """A request that changed something."""
+class Action(NamedTuple):
+    """A request that changes something, or a frame that a can.Bus sent."""
 
     time_ns: int
     method: str
-    path: str
-    body: Optional[Dict[str, Any]]
+    """"frame" for a frame."""
+    where: str
+    what: Optional[Dict[str, Any]]
 
 
 class Watch:
@@ -91,7 +109,7 @@ class Watch:
         self.line = line
         self.description = description
         self.record = record
-        self.requests: List[Request] = []
+        self.actions: List[Action] = []
         self._recordings: Dict[str, Recording] = {}
         if record:
             for bus in line.buses.values():
@@ -101,17 +119,24 @@ class Watch:
         self._follow()
 
     def _follow(self) -> None:
-        """Notes the requests from now on."""
+        """Notes requests and frames from now on."""
         backend: Any = self.line._backend
         original: Callable[[str, str, bytes], Answer] = backend.request
 
         def request(method: str, target: str, body: bytes = b"") -> Answer:
             path = target[len(_ROOT) :]
             if method != "GET" and not path.endswith("/traffic") and path.split("/")[0] not in _NOT_REPEATED:
-                self.requests.append(Request(backend.now_ns(), method, path, json.loads(body) if body else None))
+                self._note(method, path, json.loads(body) if body else None)
             return original(method, target, body)
 
         backend.request = request
+        if self.record:
+            backend.on_frame = lambda bus, message: self._note("frame", bus, _frame(message))
+
+    def _note(self, method: str, where: str, what: Optional[Dict[str, Any]]) -> None:
+        """Notes an action; one more than a script has, which says where the script must end."""
+        if len(self.actions) <= _MOST_ACTIONS:
+            self.actions.append(Action(self.line._backend.now_ns(), method, where, what))
 
     def write(self, folder: pathlib.Path, test: str) -> List[str]:
         """Writes the files into a folder, and returns lines of text about them and the axes.
@@ -147,12 +172,13 @@ class Watch:
             _write(folder / f"{name}.svg", svg_of(name, last).encode())
 
     def _script(self, test: str) -> str:
-        end = self.requests[-1].time_ns if self.line.closed and self.requests else 0 if self.line.closed else self.line.now_ns
-        requests: List[Tuple[Any, ...]] = [tuple(request) for request in self.requests]
-        shown = pprint.pformat(requests, width=130, sort_dicts=False)
+        is_cut = len(self.actions) > _MOST_ACTIONS
+        known = self.actions[-1].time_ns if self.actions else 0
+        end = known if is_cut or self.line.closed else self.line.now_ns
+        actions = "".join(f"    {tuple(action)!r},\n" for action in self.actions[:_MOST_ACTIONS])
         title = test.replace("\\", "/").replace('"', "'")
         return _REPLAY.format(
-            test=title, text=repr(self.description.text), name=repr(self.description.name), end=end, requests=shown
+            test=title, text=repr(self.description.text), name=repr(self.description.name), end=end, actions=actions
         )
 
     def _axes(self) -> List[str]:
@@ -163,6 +189,14 @@ class Watch:
             faults = "".join(f"; fault {fault}" for fault in axis.faults) if view["powered"] else ""
             lines.append(f"{name}: {axis.position} counts, {axis.velocity_rpm:.1f} rpm, {axis.torque_nm:.3f} Nm, {state}{faults}")
         return lines
+
+
+def _frame(message: Any) -> Dict[str, Any]:
+    """The keywords of a can.Message."""
+    frame: Dict[str, Any] = {"arbitration_id": message.arbitration_id, "is_extended_id": message.is_extended_id}
+    if message.is_remote_frame:
+        return {**frame, "is_remote_frame": True, "dlc": message.dlc}
+    return {**frame, "data": bytes(message.data)}
 
 
 def _write(file: pathlib.Path, content: bytes) -> None:
