@@ -5,6 +5,7 @@ import time
 import canopen
 
 COUNTS_PER_REVOLUTION = 131072
+ACCELERATION = 20  # revolutions per second squared
 MASTER_NODE = 100
 HEARTBEAT_MS = 50
 HEARTBEAT_TIMEOUT_S = 0.2
@@ -51,6 +52,8 @@ class Drive:
         self.write(0x1017, HEARTBEAT_MS, 2)
         self.write(0x1016, MASTER_NODE << 16 | int(HEARTBEAT_TIMEOUT_S * 1000), 4, sub=1)  # without the master it stops
         self.write(0x1400, 1, 1, sub=2)  # a controlword acts at SYNC: both drives start in the same moment
+        for index in (0x6083, 0x6084):
+            self.write(index, ACCELERATION * COUNTS_PER_REVOLUTION, 4)
         self.write(0x6065, COUNTS_PER_REVOLUTION // 4, 4)  # following error: a quarter of a revolution
         self.write(0x6066, 10, 2)  # for 10 ms
         self.heard = time.monotonic()

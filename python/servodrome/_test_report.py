@@ -161,6 +161,8 @@ class Watch:
         if self.description.text is not None:
             attempt(LINE_TEXT, lambda: _write(folder / LINE_TEXT, (self.description.text or "").encode("utf-8", "surrogateescape")))
         attempt(SCRIPT, lambda: _write(folder / SCRIPT, self._script(test).encode()))
+        if len(self.actions) > _MOST_ACTIONS:
+            about.append(f"replay.py ends at {self.actions[-1].time_ns / 1e9:.6f} s, after {_MOST_ACTIONS} requests and frames")
         attempt("axes", lambda: about.extend(self._axes()))
         return about
 

@@ -9,6 +9,7 @@ import xml.etree.ElementTree as xml
 
 import pytest
 import servodrome
+import servodrome._test_report as test_report  # before pytester runs, which forget what they import
 
 pytest_plugins = "pytester"
 
@@ -106,6 +107,24 @@ def test_replay_repeats_the_requests(pytester, run):
     assert lines[0] == f"{int(ends[2]) / 1e9:.6f} s"
     assert f"reference: {ends[3]} counts, fault" in lines
     assert abs(int(ends[3])) > 100_000, "the axis has moved"
+
+
+def test_a_script_has_the_first_actions_of_a_long_test(pytester, run, monkeypatch):
+    monkeypatch.setattr(test_report, "_MOST_ACTIONS", 3)
+    pytester.makepyfile(
+        """
+        def test_it(servodrome_line):
+            x = servodrome_line.axes["reference"]
+            for number in range(10):
+                x.plant.load_torque_nm = number / 100
+                servodrome_line.advance(0.25)
+            assert False
+        """
+    )
+    result = run()
+    result.stdout.fnmatch_lines(["*replay.py ends at 0.750000 s*"])
+    script = next((pytester.path / "servodrome-reports").glob("*/replay.py")).read_text()
+    assert script.count("load_torque_nm") == 3 and "END_NS = 750000000" in script
 
 
 def test_a_later_pass_deletes_the_files(pytester, run):
