@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import json
 import pathlib
+import warnings
 from typing import Any, Callable, Dict, List, Mapping, NamedTuple, Optional
 
 from ._library import Answer
 from ._plot import SIGNALS, svg_of
-from .errors import Error
+from .errors import Error, Refused
 from .line import Line
 from .recording import Recording
 
@@ -115,7 +116,10 @@ class Watch:
             for bus in line.buses.values():
                 bus.record()
             for name, axis in line.axes.items():
-                self._recordings[name] = line.record({signal: axis.signal(signal) for signal in SIGNALS}, rate=RATE_HZ)
+                try:
+                    self._recordings[name] = line.record({signal: axis.signal(signal) for signal in SIGNALS}, rate=RATE_HZ)
+                except Refused:  # in real time the program has room for some recordings only: these axes get no picture
+                    break
         self._follow()
 
     def _follow(self) -> None:
@@ -137,6 +141,11 @@ class Watch:
         """Notes an action; one more than a script has, which says where the script must end."""
         if len(self.actions) <= _MOST_ACTIONS:
             self.actions.append(Action(self.line._backend.now_ns(), method, where, what))
+
+    def end(self) -> None:
+        """Ends the recordings, before the line ends."""
+        for recording in self._recordings.values():
+            _stop(recording)
 
     def write(self, folder: pathlib.Path, test: str) -> List[str]:
         """Writes the files into a folder, and returns lines of text about them and the axes.
@@ -167,7 +176,7 @@ class Watch:
         return about
 
     def _write_picture(self, folder: pathlib.Path, name: str, recording: Recording) -> None:
-        recording.stop()
+        _stop(recording)
         columns: Mapping[str, Any] = recording.columns()
         if columns["time_s"]:
             last = {key: values[-int(LAST_S * RATE_HZ) :] for key, values in columns.items()}
@@ -191,6 +200,13 @@ class Watch:
             faults = "".join(f"; fault {fault}" for fault in axis.faults) if view["powered"] else ""
             lines.append(f"{name}: {axis.position} counts, {axis.velocity_rpm:.1f} rpm, {axis.torque_nm:.3f} Nm, {state}{faults}")
         return lines
+
+
+def _stop(recording: Recording) -> None:
+    """Without the warning about a recording that was full: the time in its picture says when it ended."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", RuntimeWarning)
+        recording.stop()
 
 
 def _frame(message: Any) -> Dict[str, Any]:

@@ -73,9 +73,11 @@ def servodrome_line(request: pytest.FixtureRequest) -> Iterator[Line]:
     except Error as error:
         pytest.fail(f"servodrome_line: {error}", pytrace=False)
     with line:
-        item.stash[_watch_key] = Watch(line, description, keys.get("record", True))
+        watch = item.stash[_watch_key] = Watch(line, description, keys.get("record", True))
         yield line
         del item.stash[_watch_key]
+        if not line.closed:
+            watch.end()
 
 
 @pytest.hookimpl(hookwrapper=True)

@@ -9,6 +9,7 @@ import xml.etree.ElementTree as xml
 
 import pytest
 import servodrome
+import servodrome.remote
 import servodrome._test_report as test_report  # before pytester runs, which forget what they import
 
 pytest_plugins = "pytester"
@@ -284,6 +285,28 @@ def test_real_time(pytester, run, program, monkeypatch):
     result = run()
     result.assert_outcomes(failed=2)
     result.stdout.fnmatch_lines(["*'virtual' == 'real'*"])
+
+
+def test_a_full_recording_in_real_time_is_no_error(pytester, run, program, monkeypatch):
+    monkeypatch.setenv("SERVODROME", program)
+    monkeypatch.setattr("servodrome.remote._MOST_VALUES", 4 * 100)  # 0.1 s
+    pytester.makepyfile(
+        """
+        import pytest
+
+        pytestmark = pytest.mark.servodrome(clock="real")
+
+        def test_passes(servodrome_line):
+            servodrome_line.advance(0.3)
+
+        def test_fails(servodrome_line):
+            servodrome_line.advance(0.3)
+            assert False
+        """
+    )
+    run("-W", "error").assert_outcomes(passed=1, failed=1)
+    picture = next((pytester.path / "servodrome-reports").glob("*/reference.svg"))
+    assert "line time 0." in "".join(xml.parse(picture).getroot().itertext())
 
 
 def test_without_the_library(pytester, run_apart, monkeypatch):
