@@ -4,14 +4,15 @@ from __future__ import annotations
 
 import json
 import pathlib
-import warnings
-from typing import Any, Callable, Dict, List, Mapping, NamedTuple, Optional
+from array import array
+from typing import Any, Callable, Dict, List, NamedTuple, Optional
 
+from ._backend import TICKS_PER_SECOND, path
 from ._library import Answer
 from ._plot import SIGNALS, svg_of
 from .errors import Error, Refused
 from .line import Line
-from .recording import Recording
+from .remote import _HEAD as RECORDING_HEAD
 
 RATE_HZ = 1000
 LAST_S = 1.0
@@ -103,22 +104,22 @@ class Action(NamedTuple):
 
 
 class Watch:
-    """Follows a line from its start. With `record`, it records every bus, and four signals of each axis at 1 kHz: in virtual time that is
-    32 kB of memory for an axis and second of line time; in real time a recording ends after some 260 s."""
+    """Follows a line from its start. With `record`, it records every bus (4 MiB of memory each), and the last second of each axis: the line
+    keeps four signals at 1 kHz in a ring buffer of 32 kB."""
 
     def __init__(self, line: Line, description: Description, record: bool) -> None:
         self.line = line
         self.description = description
         self.record = record
         self.actions: List[Action] = []
-        self._recordings: Dict[str, Recording] = {}
+        self._last: Dict[str, int] = {}  # the recording of each axis
         if record:
             for bus in line.buses.values():
                 bus.record()
-            for name, axis in line.axes.items():
+            for name in line.axes:
                 try:
-                    self._recordings[name] = line.record({signal: axis.signal(signal) for signal in SIGNALS}, rate=RATE_HZ)
-                except Refused:  # in real time the program has room for some recordings only: these axes get no picture
+                    self._last[name] = _record_last(line, name)
+                except Refused:  # a line samples at most 512 values: these axes get no picture
                     break
         self._follow()
 
@@ -128,9 +129,9 @@ class Watch:
         original: Callable[[str, str, bytes], Answer] = backend.request
 
         def request(method: str, target: str, body: bytes = b"") -> Answer:
-            path = target[len(_ROOT) :]
-            if method != "GET" and not path.endswith("/traffic") and path.split("/")[0] not in _NOT_REPEATED:
-                self._note(method, path, json.loads(body) if body else None)
+            where = target[len(_ROOT) :]
+            if method != "GET" and not where.endswith("/traffic") and where.split("/")[0] not in _NOT_REPEATED:
+                self._note(method, where, json.loads(body) if body else None)
             return original(method, target, body)
 
         backend.request = request
@@ -141,11 +142,6 @@ class Watch:
         """Notes an action; one more than a script has, which says where the script must end."""
         if len(self.actions) <= _MOST_ACTIONS:
             self.actions.append(Action(self.line._backend.now_ns(), method, where, what))
-
-    def end(self) -> None:
-        """Ends the recordings, before the line ends."""
-        for recording in self._recordings.values():
-            _stop(recording)
 
     def write(self, folder: pathlib.Path, test: str) -> List[str]:
         """Writes the files into a folder, and returns lines of text about them and the axes.
@@ -161,8 +157,9 @@ class Watch:
             except (Error, OSError) as error:
                 about.append(f"{what}: {error}")
 
-        for name, recording in self._recordings.items():
-            attempt(f"{name}.svg", lambda: self._write_picture(folder, name, recording))  # noqa: B023
+        for name, number in self._last.items():
+            attempt(f"{name}.svg", lambda: self._write_picture(folder / f"{name}.svg", name, number))  # noqa: B023
+        self._last.clear()
         for bus in self.line.buses.values() if self.record else ():
             for format, suffix in _SUFFIXES[bus.type].items():
                 file = folder / (bus.name + suffix)
@@ -175,12 +172,10 @@ class Watch:
         attempt("axes", lambda: about.extend(self._axes()))
         return about
 
-    def _write_picture(self, folder: pathlib.Path, name: str, recording: Recording) -> None:
-        _stop(recording)
-        columns: Mapping[str, Any] = recording.columns()
+    def _write_picture(self, file: pathlib.Path, axis: str, recording: int) -> None:
+        columns = _take_last(self.line, recording)
         if columns["time_s"]:
-            last = {key: values[-int(LAST_S * RATE_HZ) :] for key, values in columns.items()}
-            _write(folder / f"{name}.svg", svg_of(name, last).encode())
+            _write(file, svg_of(axis, columns).encode())
 
     def _script(self, test: str) -> str:
         is_cut = len(self.actions) > _MOST_ACTIONS
@@ -202,11 +197,29 @@ class Watch:
         return lines
 
 
-def _stop(recording: Recording) -> None:
-    """Without the warning about a recording that was full: the time in its picture says when it ended."""
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", RuntimeWarning)
-        recording.stop()
+def _record_last(line: Line, axis: str) -> int:
+    """Begins a recording that waits for a trigger that never comes: until then it keeps the last second."""
+    body = {
+        "name": "pytest",
+        "channels": [{"axis": axis, "signal": signal} for signal in SIGNALS],
+        "rate_hz": RATE_HZ,
+        "duration_ms": LAST_S * 1000,
+        "trigger": {"kind": "level", "channel": 0, "level": 1e300},
+    }
+    return int(line.request("POST", "recordings", body)["id"])
+
+
+def _take_last(line: Line, number: int) -> Dict[str, "array[float]"]:
+    """Ends the recording: "time_s" and the values of each signal."""
+    address = path("recordings", number)
+    line.request("POST", address + "/stop")
+    data = line._backend.content(address + "/data")
+    line.request("DELETE", address)
+    _, stride, first_tick, rows, _ = RECORDING_HEAD.unpack_from(data)
+    values = array("d", data[RECORDING_HEAD.size :])
+    columns = {signal: values[place * rows : (place + 1) * rows] for place, signal in enumerate(SIGNALS)}
+    columns["time_s"] = array("d", [(first_tick + row * stride) / TICKS_PER_SECOND for row in range(rows)])
+    return columns
 
 
 def _frame(message: Any) -> Dict[str, Any]:

@@ -73,11 +73,9 @@ def servodrome_line(request: pytest.FixtureRequest) -> Iterator[Line]:
     except Error as error:
         pytest.fail(f"servodrome_line: {error}", pytrace=False)
     with line:
-        watch = item.stash[_watch_key] = Watch(line, description, keys.get("record", True))
+        item.stash[_watch_key] = Watch(line, description, keys.get("record", True))
         yield line
         del item.stash[_watch_key]
-        if not line.closed:
-            watch.end()
 
 
 @pytest.hookimpl(hookwrapper=True)

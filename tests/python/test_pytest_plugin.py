@@ -3,13 +3,13 @@
 import importlib.metadata
 import os
 import pathlib
+import re
 import subprocess
 import sys
 import xml.etree.ElementTree as xml
 
 import pytest
 import servodrome
-import servodrome.remote
 import servodrome._test_report as test_report  # before pytester runs, which forget what they import
 
 pytest_plugins = "pytester"
@@ -287,26 +287,24 @@ def test_real_time(pytester, run, program, monkeypatch):
     result.stdout.fnmatch_lines(["*'virtual' == 'real'*"])
 
 
-def test_a_full_recording_in_real_time_is_no_error(pytester, run, program, monkeypatch):
+def test_a_picture_has_the_last_second(pytester, run, program, monkeypatch):
     monkeypatch.setenv("SERVODROME", program)
-    monkeypatch.setattr("servodrome.remote._MOST_VALUES", 4 * 100)  # 0.1 s
     pytester.makepyfile(
         """
         import pytest
 
-        pytestmark = pytest.mark.servodrome(clock="real")
-
-        def test_passes(servodrome_line):
-            servodrome_line.advance(0.3)
-
-        def test_fails(servodrome_line):
-            servodrome_line.advance(0.3)
-            assert False
+        @pytest.mark.parametrize("clock", ["virtual", pytest.param("real", marks=pytest.mark.servodrome(clock="real"))])
+        def test_it(servodrome_line, clock):
+            servodrome_line.advance(1.5)
+            assert servodrome_line.clock != clock
         """
     )
-    run("-W", "error").assert_outcomes(passed=1, failed=1)
-    picture = next((pytester.path / "servodrome-reports").glob("*/reference.svg"))
-    assert "line time 0." in "".join(xml.parse(picture).getroot().itertext())
+    run().assert_outcomes(failed=2)
+    pictures = sorted((pytester.path / "servodrome-reports").glob("*/reference.svg"))
+    texts = ["".join(xml.parse(picture).getroot().itertext()) for picture in pictures]
+    times = [[float(word) for word in re.search(r"time (\S+) s to (\S+) s", text).groups()] for text in texts]
+    assert len(times) == 2 and [0.501, 1.5] in times
+    assert all(end >= 1.4 and end - begin == pytest.approx(1, abs=0.01) for begin, end in times)
 
 
 def test_without_the_library(pytester, run_apart, monkeypatch):
