@@ -71,9 +71,7 @@ def _curve(across: Sequence[float], values: Sequence[float], top: int, title: st
 
 def _bends(points: List[Tuple[float, float]]) -> List[Tuple[float, float]]:
     """The points without those in the middle of a horizontal line."""
-    inner = [
-        point for before, point, after in zip(points, points[1:], points[2:]) if not before[1] == point[1] == after[1]
-    ]
+    inner = [point for before, point, after in zip(points, points[1:], points[2:]) if not before[1] == point[1] == after[1]]
     return [points[0], *inner, points[-1]]
 
 

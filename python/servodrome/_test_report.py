@@ -165,7 +165,9 @@ class Watch:
                 file = folder / (bus.name + suffix)
                 attempt(file.name, lambda: _write(file, bus.capture(format)))  # noqa: B023
         if self.description.text is not None:
-            attempt(LINE_TEXT, lambda: _write(folder / LINE_TEXT, (self.description.text or "").encode("utf-8", "surrogateescape")))
+            attempt(
+                LINE_TEXT, lambda: _write(folder / LINE_TEXT, (self.description.text or "").encode("utf-8", "surrogateescape"))
+            )
         attempt(SCRIPT, lambda: _write(folder / SCRIPT, self._script(test).encode()))
         if len(self.actions) > _MOST_ACTIONS:
             about.append(f"replay.py ends at {self.actions[-1].time_ns / 1e9:.6f} s, after {_MOST_ACTIONS} requests and frames")

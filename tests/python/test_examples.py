@@ -37,9 +37,17 @@ def test_its_tests_pass_in_a_copy(tmp_path):
     [
         ("self._check_door()", "pass", "test_an_open_door_stops_the_bridge"),
         ("MASTER_NODE << 16 | int(HEARTBEAT_TIMEOUT_S * 1000)", "0", "test_a_cable_breaks"),
-        ("self.write(0x6065, COUNTS_PER_REVOLUTION // 4, 4)", "self.write(0x6065, 2**32 - 1, 4)", "test_a_blocked_end_stops_the_other"),
+        (
+            "self.write(0x6065, COUNTS_PER_REVOLUTION // 4, 4)",
+            "self.write(0x6065, 2**32 - 1, 4)",
+            "test_a_blocked_end_stops_the_other",
+        ),
         ("drive.write(0x6072, permille, 2)", "pass", "test_overload_does_not_exceed_the_torque_limit"),
-        ("round(speed * COUNTS_PER_REVOLUTION)", "round(speed * COUNTS_PER_REVOLUTION) + drive.node.id * 1000", "test_both_ends_move_in_step"),
+        (
+            "round(speed * COUNTS_PER_REVOLUTION)",
+            "round(speed * COUNTS_PER_REVOLUTION) + drive.node.id * 1000",
+            "test_both_ends_move_in_step",
+        ),
         ("self.homed = False", "self.homed = True", "test_after_a_restart_it_must_be_homed"),
     ],
 )

@@ -81,7 +81,9 @@ def test_a_failed_test_has_captures_and_pictures(pytester, run):
     result.assert_outcomes(failed=1)
     assert reports(pytester) == ["test_cell-test_fails"]
     folder = pytester.path / "servodrome-reports" / "test_cell-test_fails"
-    result.stdout.fnmatch_lines(["*test_cell-test_fails has can0.candump.log, *reference.svg, replay.py, *", "*reference: * fault*"])
+    result.stdout.fnmatch_lines(
+        ["*test_cell-test_fails has can0.candump.log, *reference.svg, replay.py, *", "*reference: * fault*"]
+    )
     names = ["can0.candump.log", "can0.pcap", "ecat.pcap", "ismc.svg", "ismk.svg", "jmc.svg", "pronet.svg", "reference.svg"]
     assert sorted(path.name for path in folder.iterdir()) == [*names, "replay.py", "rs485.pcapng", "rs485.txt"]
     assert "702#00" in (folder / "can0.candump.log").read_text(), "the boot-up of node 2"
