@@ -51,6 +51,7 @@ class Backend(abc.ABC):
 
     is_real: bool
     warnings: List[Diagnostic]  # about the line file; the line runs with them
+    on_frame: Optional[Callable[[str, Any], None]] = None  # gets each message (can.Message) that can.Bus sends, with the bus
 
     @abc.abstractmethod
     def request(self, method: str, target: str, body: bytes = b"") -> Answer:

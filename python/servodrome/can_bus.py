@@ -122,9 +122,12 @@ class ServodromeBus(can.BusABC):
             ctypes.memmove(frame.data, data, len(data))
         handle = self._port.handle
         left = timeout or 0.0
+        on_frame = self._port.line._backend.on_frame
         while True:
             result = self._send(handle.value, ctypes.byref(frame))
             if result == 0:
+                if on_frame is not None:
+                    on_frame(str(self.channel), msg)
                 return
             if result != _library.REFUSED or left <= 0:
                 error = error_of(result, handle)
