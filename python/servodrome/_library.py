@@ -131,6 +131,7 @@ _SIGNATURES: Dict[str, List[Any]] = {
     "servodrome_can_open": [_handle, _text, _to(_handle)],
     "servodrome_can_send": [_handle, _to(CanFrame)],
     "servodrome_can_receive": [_handle, _time, _to(CanFrame)],
+    "servodrome_can_state": [_handle, _to(ctypes.c_uint)],
     "servodrome_serial_open": [_handle, _text, _to(_handle)],
     "servodrome_serial_configure": [_handle, ctypes.c_uint32, ctypes.c_uint, ctypes.c_char, ctypes.c_uint],
     "servodrome_serial_send": [_handle, _bytes, _size],

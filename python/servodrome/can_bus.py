@@ -25,6 +25,7 @@ if TYPE_CHECKING:
     from .line import Line
 
 _log = logging.getLogger("can.servodrome")
+_STATES = (can.BusState.ACTIVE, can.BusState.PASSIVE, can.BusState.ERROR)
 _FULL_PAUSE_S = 0.001  # of line time, between two attempts to send while the port's queue is full
 
 
@@ -32,7 +33,7 @@ class ServodromeBus(can.BusABC):
     """A port on a CAN bus of a line. Timestamps of messages are line time in seconds: the end of the frame on the bus.
 
     `channel` is the name of the bus, `line` the line: by default that of the present virtual_time(), or else the only open line that has
-    such a bus. CAN FD is refused. The state of the port's error counters is not available: `state` is always ACTIVE.
+    such a bus. CAN FD is refused. `state` is that of the port's controller: active, passive, or ERROR for bus-off.
     Raises can.CanInitializationError, and can.CanOperationError in later calls.
     """
 
@@ -141,6 +142,15 @@ class ServodromeBus(can.BusABC):
         port = getattr(self, "_port", None)
         if port is not None:
             port.close()
+
+    @property
+    def state(self) -> can.BusState:
+        number = ctypes.c_uint()
+        result = _library.library().servodrome_can_state(self._port.handle.value, ctypes.byref(number))
+        if result < 0:
+            error = error_of(result, self._port.handle)
+            raise can.CanOperationError(f"servodrome: {error}") from error
+        return _STATES[number.value]
 
     def fileno(self) -> int:
         """-1: a Notifier reads the bus in a thread."""

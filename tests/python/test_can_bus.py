@@ -14,7 +14,6 @@ can = pytest.importorskip("can")
 canopen = pytest.importorskip("canopen")
 
 import servodrome.can_bus  # noqa: E402
-from servodrome._open_lines import add as make_known  # noqa: E402
 from servodrome._scheduler import Scheduler  # noqa: E402
 from servodrome.virtual_time import real_time, virtual_time  # noqa: E402
 
@@ -111,6 +110,7 @@ def test_filters(line, bus):
 
 def test_a_full_queue(line, bus):
     frame = message(0x7F0, bytes(8))
+    assert bus.state is can.BusState.ACTIVE
     with pytest.raises(can.CanOperationError, match="no more frames"):
         for _ in range(100_000):
             bus.send(frame)
@@ -128,6 +128,7 @@ def test_a_full_queue(line, bus):
             with pytest.raises(can.CanOperationError):
                 bus.send(frame, timeout=0.05)
             assert line.now == pytest.approx(begin + 0.05)
+        assert bus.state is can.BusState.PASSIVE, "no node acknowledges"
 
 
 def test_frames_that_were_not_read_in_time_are_logged(line, bus, caplog):
@@ -190,13 +191,11 @@ def test_the_line_by_default():
     with two_drives() as first:
         with virtual_time(first), can.Bus(interface="servodrome", channel="can0") as bus:
             assert bus._port.line is first, "that of virtual_time"
-        make_known(first)
         with can.Bus(interface="servodrome", channel="can0") as bus:
             assert bus._port.line is first, "the only one with this bus"
         found = [one for one in can.detect_available_configs("servodrome") if one["line"] is first]
         assert [one["channel"] for one in found] == ["can0"]
         with two_drives() as second:
-            make_known(second)
             with pytest.raises(can.CanInitializationError, match="2 open lines"):
                 can.Bus(interface="servodrome", channel="can0")
             with virtual_time(second), pytest.raises(can.CanOperationError, match="another line"):

@@ -376,7 +376,7 @@ except servodrome.LibraryError as error:
 
 
 def test_every_exception_is_an_error():
-    for name in servodrome.__all__:
+    for name in set(servodrome.__all__) - {"VirtualTimeEnded"}:  # that ends a thread, and is a SystemExit
         thing = getattr(servodrome, name)
         if isinstance(thing, type) and issubclass(thing, BaseException):
             assert issubclass(thing, servodrome.Error), name

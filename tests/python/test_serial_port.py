@@ -9,7 +9,6 @@ import servodrome
 serial = pytest.importorskip("serial")
 
 import serial.threaded  # noqa: E402
-from servodrome._open_lines import add as make_known  # noqa: E402
 from servodrome.serial_port import SerialPort  # noqa: E402
 from servodrome.virtual_time import virtual_time  # noqa: E402
 
@@ -206,9 +205,6 @@ def test_what_cannot_be_opened(line, keys, error, text):
 
 
 def test_the_line_by_default(plain):
-    with pytest.raises(serial.SerialException, match="no open line"):
-        serial.serial_for_url("servodrome://rs485")
-    make_known(plain)
     serial.serial_for_url("servodrome://rs485").close()
     with a_line() as other, virtual_time(other), serial.serial_for_url("servodrome://field") as port:
         assert port._link.line is other
