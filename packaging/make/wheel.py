@@ -8,9 +8,9 @@ from make.context import OLDEST_GLIBC, ROOT, WORK, Failed, fresh
 def wheel(context):
     """Builds the wheel with scikit-build-core in the x86_64 build folder, whose objects it finds there."""
     raw = fresh(WORK / "wheel")
-    settings = [f"-Ccmake.define.{name}={value}" for name, value in options(context, "x86_64").items()]
+    settings = [f"--config-settings=cmake.define.{name}={value}" for name, value in options(context, "x86_64").items()]
     context.run(context.python, "-m", "pip", "wheel", "--quiet", "--disable-pip-version-check", "--no-deps", "--no-build-isolation",
-                "--no-cache-dir", f"-Cbuild-dir={WORK / 'wheel-build'}", *settings, "--wheel-dir", raw, ROOT)
+                "--no-cache-dir", f"--config-settings=build-dir={WORK / 'x86_64'}", *settings, "--wheel-dir", raw, ROOT)
     (built,) = raw.glob("*.whl")
     platform = f"manylinux_{OLDEST_GLIBC.replace('.', '_')}_x86_64"
     repaired = fresh(WORK / "wheel-repaired")
