@@ -36,6 +36,7 @@ class Context:
         self.epoch = os.environ.get("SOURCE_DATE_EPOCH") or output_of("git", "log", "-1", "--format=%ct")
         self.environment = os.environ | {
             "SOURCE_DATE_EPOCH": self.epoch,
+            "PATH": f"{WORK / 'venv/bin'}:{os.environ['PATH']}",
             "LC_ALL": "C.UTF-8",
             "TZ": "UTC",
             "PYTHONDONTWRITEBYTECODE": "1",
