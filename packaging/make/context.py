@@ -1,4 +1,5 @@
 """What all steps of tools/package share: folders, the version, the time of the commit, and how a command runs."""
+import fcntl
 import os
 import shutil
 import subprocess
@@ -48,6 +49,12 @@ class Context:
         os.umask(0o022)  # the modes of files in the packages
         WORK.mkdir(parents=True, exist_ok=True)
         dist.mkdir(parents=True, exist_ok=True)
+        # Two runs would replace each other's files. The lock ends with the process.
+        self.lock = (WORK / "lock").open("w")
+        try:
+            fcntl.flock(self.lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except OSError:
+            raise Failed("another tools/package runs in this folder; wait for its end") from None
 
     @property
     def python(self):
