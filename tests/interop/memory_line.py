@@ -46,7 +46,7 @@ class MemoryLine:
         if log:
             for name in self.links:
                 self.line.buses[name].record()
-        self.line.advance(1.0)  # drives that have booted, as those of a program are when a master comes
+        self.line.advance(1.0)  # the drives boot first, as they have when a master connects to the program
         self.time = virtual_time(self.line)
         self.time.__enter__()
 

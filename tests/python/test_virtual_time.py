@@ -148,7 +148,7 @@ def test_computing_costs_no_time_and_is_not_interrupted(line):
     assert "".join(changes) == "ababa" and line.now == pytest.approx(0.03)
 
 
-# ---- What is made of Condition ----
+# ---- Event, Semaphore and others that use a Condition ----
 
 
 def test_events(line):
