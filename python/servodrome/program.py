@@ -8,6 +8,7 @@ import pathlib
 import shutil
 import signal
 import subprocess
+import sysconfig
 import time
 import weakref
 from typing import Any, Dict, List, Optional, Sequence, Tuple, Union
@@ -24,13 +25,13 @@ _WATCHER = 'read -r ignored; kill -TERM "$1" 2>/dev/null; rm -rf -- "$2"'
 
 
 def program_path(program: Optional["Union[str, os.PathLike[str]]"]) -> str:
-    """The program: `program`, $SERVODROME, `_bin/servodrome` beside this module, or `servodrome` in PATH.
+    """The program: `program`, $SERVODROME, `servodrome` among the scripts of this Python environment, or in PATH.
 
     Raises ProgramError.
     """
     name = program if program is not None else os.environ.get("SERVODROME")
     if name is None:
-        own = pathlib.Path(__file__).parent / "_bin" / "servodrome"
+        own = pathlib.Path(sysconfig.get_path("scripts")) / "servodrome"  # the environment may not be activated
         name = str(own) if own.exists() else shutil.which("servodrome")
     if name is None:
         hint = "give program=PATH, set SERVODROME, or put it into PATH"

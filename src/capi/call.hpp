@@ -54,6 +54,12 @@ inline std::int64_t within(std::int64_t value, std::int64_t least, std::int64_t 
   return value;
 }
 
+inline void size_within(std::size_t size, std::size_t least, std::size_t most, const char* name) {
+  if (size < least || size > most) {
+    refuse_argument(fmt::format("{} is out of range", size), name, fmt::format("give {} .. {}", least, most));
+  }
+}
+
 template <typename Kind>
 int close_item(servodrome_handle handle) {
   return guarded([&] {

@@ -183,7 +183,7 @@ int servodrome_line_request(servodrome_handle handle, const char* method, const 
     require(target, "target");
     require(answer, "answer");
     if (size > 0) require(body, "body");
-    within(static_cast<std::int64_t>(std::min<std::size_t>(size, INT64_MAX)), 0, largest_request, "size");
+    size_within(size, 0, largest_request, "size");
     line::bench::Request request;
     request.method = method_of(method);
     request.target = target;
@@ -238,7 +238,7 @@ int servodrome_recorder_open(servodrome_handle handle, const uint32_t* channels,
   return guarded([&] {
     require(channels, "channels");
     require(recorder, "recorder");
-    within(static_cast<std::int64_t>(std::min<std::size_t>(count, INT64_MAX)), 1, 4096, "count");
+    size_within(count, 1, 4096, "count");
     within(stride, 1, 16000, "stride");
     const LockedLine line(handle);
     line.itself();

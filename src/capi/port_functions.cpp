@@ -126,7 +126,7 @@ int servodrome_serial_send(servodrome_handle handle, const uint8_t* bytes, size_
   return guarded([&] {
     constexpr std::size_t most = 65536;
     if (size > 0) require(bytes, "bytes");
-    within(static_cast<std::int64_t>(std::min<std::size_t>(size, INT64_MAX)), 0, most, "size");
+    size_within(size, 0, most, "size");
     const LockedLine line(handle);
     line.item<BytePort>().send({bytes, size}, line->line.now());
     return SERVODROME_OK;
@@ -183,8 +183,7 @@ int servodrome_ethercat_open(servodrome_handle handle, const char* bus, int seco
 int servodrome_ethercat_send(servodrome_handle handle, const uint8_t* frame, size_t size) {
   return guarded([&] {
     require(frame, "frame");
-    within(static_cast<std::int64_t>(std::min<std::size_t>(size, INT64_MAX)), smallest_frame, ethercat::max_frame,
-           "size");
+    size_within(size, smallest_frame, ethercat::max_frame, "size");
     const LockedLine line(handle);
     auto& port = line.item<EthernetPort>();
     port.send({frame, size}, line->line.now(), port_at(*line, port.bus(), other_side(port.side())));
