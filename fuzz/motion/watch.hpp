@@ -239,6 +239,7 @@ class Watch {
     double speed = 0.0;     // speed of the shaft then, times the direction, counts/s
     bool leads = false;     // the demand leads towards the switch
     bool swings = false;    // the shaft swings about a demand that stands
+    double swung = 0.0;     // the furthest that the shaft was on the other side of that demand, in counts
   };
   std::array<Limit, 2> limits_{};
   struct Border {

@@ -215,11 +215,15 @@ void Watch::limit_switches() {
     const bool begins = (limit.swings && !swings) || (!limit.leads && led > 0.0);
     limit.swings = swings;
     limit.leads = led > 0.0;
+    // A shaft that swings, at the limit of its torque, goes at most as far beyond a standing demand as it comes from.
+    limit.swung = swings && demanded
+                      ? std::max(limit.swung, direction * (static_cast<double>(demand.position) - position_))
+                      : 0.0;
     if (begins && (direction * velocity_ > 4.0 * still || direction * position_ > limit.furthest))
       limit.furthest =
           std::max(limit.furthest, direction * position_ + stopping(std::max(0.0, direction * velocity_), ramp).counts);
     const double beyond = rounding * std::max(0.0, limit.furthest - limit.from) +
-                          (swings ? swing_revolutions * counts_per_revolution_ : 0.0);
+                          (swings ? std::max(swing_revolutions * counts_per_revolution_, limit.swung) : 0.0);
     if (direction * position_ > limit.furthest + beyond) {
       fail("limit-switch-passed", fmt::format("{:.2f} revolutions beyond, at {:.0f} rpm, mode {}",
                                               (direction * position_ - limit.furthest) / counts_per_revolution_,
