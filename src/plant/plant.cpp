@@ -40,9 +40,24 @@ const Parameters& valid(const Parameters& parameters) {
   cosine_ = static_cast<double>(angle.cosine);
 }
 
-[[gnu::always_inline]] inline void Plant::fill(drive::Feedback& feedback) const {
+[[gnu::always_inline]] inline void Plant::fill_without_current(drive::Feedback& feedback) const {
   feedback.position_counts = position_;
   feedback.single_turn_counts = static_cast<std::uint32_t>(single_turn_);
+  feedback.phase_current_a = {};
+  feedback.dc_link_v = static_cast<float>(dc_link_.volts());
+  feedback.inputs = travel_.inputs();
+  feedback.index_level = travel_.index();
+  feedback.encoder_faults = encoder_faults_;
+  feedback.hardware_faults = hardware_faults_;
+  feedback.supply_present = !injected(Injection::supply_loss);
+  feedback.winding_temperature_c = winding_reading_c_;
+  feedback.power_stage_temperature_c = stage_reading_c_;
+  feedback.encoder_temperature_c = encoder_reading_c_;
+  feedback.ambient_temperature_c = ambient_reading_c_;
+}
+
+[[gnu::always_inline]] inline void Plant::fill(drive::Feedback& feedback) const {
+  fill_without_current(feedback);
   const auto direct = windings_.direct_a;
   const auto quadrature = windings_.quadrature_a;
   const double alpha = direct * cosine_ - quadrature * sine_;
@@ -51,21 +66,11 @@ const Parameters& valid(const Parameters& parameters) {
   feedback.phase_current_a[0] = static_cast<float>(alpha);
   feedback.phase_current_a[1] = static_cast<float>(across - 0.5 * alpha);
   feedback.phase_current_a[2] = static_cast<float>(-0.5 * alpha - across);
-  feedback.dc_link_v = static_cast<float>(dc_link_.volts());
-  feedback.inputs = travel_.inputs();
-  feedback.index_level = travel_.index();
-  feedback.encoder_faults = encoder_faults_;
-  feedback.hardware_faults = hardware_faults_;
-  feedback.supply_present = !injected(Injection::supply_loss);
   if ((unusual_ & seen_otherwise) != 0) [[unlikely]]
     fill_unusual({alpha, beta}, feedback);
   if (alpha * alpha + beta * beta > overcurrent_squared_) [[unlikely]] {
     feedback.hardware_faults |= overcurrent_bits(feedback);
   }
-  feedback.winding_temperature_c = winding_reading_c_;
-  feedback.power_stage_temperature_c = stage_reading_c_;
-  feedback.encoder_temperature_c = encoder_reading_c_;
-  feedback.ambient_temperature_c = ambient_reading_c_;
 }
 
 Plant::Plant(const Parameters& parameters)
@@ -104,11 +109,6 @@ void Plant::place(std::int64_t position_counts) {
   measurement_.place({position_, fraction_});
   wrap_single_turn();
   update_angle(electrical_phase());
-}
-
-void Plant::step(const drive::Actuation& actuation, drive::Feedback& feedback) {
-  if (imperfect_) return step_imperfect(actuation, feedback);
-  step_machine(actuation, feedback);
 }
 
 void Plant::step_imperfect(const drive::Actuation& actuation, drive::Feedback& feedback) {
@@ -231,7 +231,9 @@ void Plant::rest(const drive::Actuation& actuation, drive::Feedback& feedback) {
                 actuation.dc_link_connected && !injected(Injection::supply_loss));
   if (--heat_countdown_ == 0) [[unlikely]]
     update_heat(false);
-  fill(feedback);
+  fill_without_current(feedback);
+  if ((unusual_ & seen_otherwise) != 0) [[unlikely]]
+    fill_unusual({}, feedback);
 }
 
 void Plant::sample(drive::Feedback& feedback) const {

@@ -40,7 +40,9 @@ class Plant {
   explicit Plant(const Parameters& parameters);
 
   // Advances by one base tick (62.5 us) with `actuation` held, then samples `feedback` at its end.
-  void step(const drive::Actuation& actuation, drive::Feedback& feedback);
+  void step(const drive::Actuation& actuation, drive::Feedback& feedback) {
+    imperfect_ ? step_imperfect(actuation, feedback) : step_machine(actuation, feedback);
+  }
 
   // Fills `feedback` with the present state without advancing; without edges. For a drive that was just switched on.
   void sample(drive::Feedback& feedback) const;
@@ -148,6 +150,7 @@ class Plant {
   void place(std::int64_t position_counts);
   std::uint32_t overcurrent_bits(const drive::Feedback& feedback) const;
   void fill(drive::Feedback& feedback) const;
+  void fill_without_current(drive::Feedback& feedback) const;
   void fill_unusual(Stationary current, drive::Feedback& feedback) const;
 
   // Used in every tick, in the order of use.
