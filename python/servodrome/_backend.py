@@ -142,9 +142,9 @@ class Backend(abc.ABC):
 
 def path(*parts: object, **query: object) -> str:
     """A path of the bench API from its parts, with a query of the values that are not None."""
-    text = "/".join(quote(str(part), safe="") for part in parts)
+    text = "/".join(quote(str(part), safe="", errors="replace") for part in parts)
     given = {key: value for key, value in query.items() if value is not None}
-    return f"{text}?{urlencode(given, safe=':,')}" if given else text
+    return f"{text}?{urlencode(given, safe=':,', errors='replace')}" if given else text
 
 
 def _plain(value: Any) -> Any:

@@ -12,7 +12,7 @@ from typing import Any, Callable, Dict, List, Optional, Sequence, Tuple
 
 from . import _forks, _library
 from ._backend import Backend, Recorder, Samples
-from ._library import BAD_ARGUMENT, CLOSED, TICK_NS, Answer, Handle, call, error_of
+from ._library import BAD_ARGUMENT, CLOSED, TICK_NS, Answer, Handle, call, error_of, text_of
 from ._numpy import numpy
 from .errors import BadValue, Diagnostic, NotInVirtualTime, diagnostics_of
 
@@ -77,7 +77,7 @@ class InProcess(Backend):
     is_real = False
 
     def __init__(self, text: Optional[bytes], name: str) -> None:
-        self.handle = _library.open_line(text, name.encode("utf-8", "surrogateescape"))
+        self.handle = _library.open_line(text, text_of(name, "name"))
         c = _library.library()
         self._run_until: Callable[..., int] = c.servodrome_line_run_until
         self._own_run_until: Callable[..., int] = self._run_until
@@ -106,7 +106,7 @@ class InProcess(Backend):
         self._run_until = self._own_run_until = self._run_ticks = self._advance = self._now = self._read = _is_closed
 
     def request(self, method: str, target: str, body: bytes = b"") -> Answer:
-        return _library.request(self.handle, method.encode(), target.encode(), body)
+        return _library.request(self.handle, text_of(method, "method"), text_of(target, "path"), body)
 
     # ---- Time ----
 
@@ -190,7 +190,7 @@ class InProcess(Backend):
         if known is None:
             channel = ctypes.c_uint32()
             function = _library.library().servodrome_channel
-            call(function, self.handle, axis.encode(), value.encode(), ctypes.byref(channel))
+            call(function, self.handle, text_of(axis, "axis"), text_of(value, "signal"), ctypes.byref(channel))
             known = self._channels[axis, value] = channel.value
         return known
 

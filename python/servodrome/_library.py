@@ -42,6 +42,7 @@ from .errors import (
     LineFileError,
     Refused,
     UnknownName,
+    WrongType,
     closed,
     diagnostics_of,
 )
@@ -253,6 +254,28 @@ def version() -> str:
     """The version of the C library, such as "0.1.0"."""
     text: bytes = library().servodrome_version()
     return text.decode()
+
+
+def file_bytes(text: str) -> bytes:
+    """A line file's text as it is in a file. A character that UTF-8 does not have becomes bytes that the parser refuses, with
+    their place."""
+    try:
+        return text.encode("utf-8", "surrogateescape")
+    except UnicodeEncodeError:
+        return text.encode("utf-8", "surrogatepass")
+
+
+def text_of(value: Any, name: str) -> bytes:
+    """A text for the C library: UTF-8 without a zero. Raises WrongType, BadValue; `name` says which text it is."""
+    if not isinstance(value, str):
+        raise WrongType(f"{name} is of type {type(value).__name__}", name, "give a text")
+    try:
+        encoded = value.encode("utf-8", "surrogateescape")  # bytes of file names that are no UTF-8 stay what they are
+    except UnicodeEncodeError:
+        raise BadValue(f"{name} has a character that is no text: {value!r}", name, "give a text of Unicode characters") from None
+    if b"\0" in encoded:
+        raise BadValue(f"{name} has a zero character: {value!r}", name, "give a text without it")
+    return encoded
 
 
 def open_line(text: Optional[bytes], name: bytes) -> Handle:

@@ -83,7 +83,7 @@ class Inputs(Mapping[str, bool]):
 
     def _known(self, name: str) -> str:
         names = self._views()
-        if name not in names:
+        if not isinstance(name, str) or name not in names:
             raise UnknownName(f'there is no input "{name}"', self._axis, f"the inputs are {', '.join(names)}")
         return name
 

@@ -16,7 +16,7 @@ import can.interfaces
 import can.util
 
 from . import _library
-from ._library import CanFrame, error_of
+from ._library import CanFrame, error_of, text_of
 from ._open_lines import open_lines
 from ._ports import Port, line_of
 from .errors import Error, Refused
@@ -39,7 +39,7 @@ class ServodromeBus(can.BusABC):
 
     def __init__(
         self,
-        channel: Any,
+        channel: Any = None,
         can_filters: Any = None,
         line: "Optional[Line]" = None,
         fd: bool = False,
@@ -49,11 +49,13 @@ class ServodromeBus(can.BusABC):
         """`bitrate`: if given, it must be that of the bus (bit/s)."""
         if fd:
             raise can.CanInitializationError("servodrome: the buses of a line are classic CAN; leave out fd=True")
+        if channel is None:
+            raise can.CanInitializationError('servodrome: no channel; give the name of a bus: channel="can0"')
         try:
             name = str(channel)
             its_line = line if line is not None else line_of(name, "can")
             self._check_rate(its_line, name, bitrate)
-            self._port = Port(its_line, "servodrome_can_open", name.encode())
+            self._port = Port(its_line, "servodrome_can_open", text_of(name, "channel"))
         except Error as error:
             raise can.CanInitializationError(f"servodrome: {error}") from error
         c = _library.library()

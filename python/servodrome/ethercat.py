@@ -11,7 +11,7 @@ from types import TracebackType
 from typing import TYPE_CHECKING, Optional, Type
 
 from . import _library
-from ._library import call
+from ._library import call, text_of
 from ._ports import Port
 from .errors import BadValue, Timeout, WrongType
 
@@ -32,7 +32,7 @@ class EthercatPort:
         c = _library.library()
         self._send = c.servodrome_ethercat_send
         self._receive = c.servodrome_ethercat_receive
-        self._port = Port(line, "servodrome_ethercat_open", bus.encode(), int(second))
+        self._port = Port(line, "servodrome_ethercat_open", text_of(bus, "bus"), 1 if second else 0)
         self._place = ctypes.create_string_buffer(_CAPACITY)
         self._size = ctypes.c_size_t()
 

@@ -10,7 +10,7 @@ from . import _open_lines
 from ._backend import LONGEST_S, NS_PER_SECOND, Backend, nanoseconds, stride_of, ticks_of, whole
 from ._backend import seconds as checked_seconds
 from ._in_process import InProcess
-from ._library import Handle
+from ._library import Handle, file_bytes
 from .axis import LiveAxis
 from .bus import LiveBus
 from .errors import BadValue, Diagnostic, LineFileError, NotInRealTime, UnknownName, WrongType
@@ -84,7 +84,7 @@ class Line:
         _check_clock(clock)
         if axes is None and buses:
             raise WrongType("buses without axes", "Line", "give axes=[servodrome.Axis(...)] as well")
-        text = None if axes is None else line_text(axes, buses).encode("utf-8", "surrogateescape")
+        text = None if axes is None else file_bytes(line_text(axes, buses))
         name = "line.toml" if text is not None else "default.toml"
         self._begin(text, name, None, clock, program, links)
 
@@ -123,7 +123,7 @@ class Line:
         if not isinstance(text, str):
             raise WrongType(f"text is of type {type(text).__name__}", "from_text", "give the text of a line file")
         line = cls.__new__(cls)
-        line._begin(text.encode("utf-8", "surrogateescape"), name, None, clock, program, links)
+        line._begin(file_bytes(text), name, None, clock, program, links)
         return line
 
     def virtual_time(self) -> "virtual_time":

@@ -13,7 +13,7 @@ import ctypes
 from typing import TYPE_CHECKING, Any, Optional
 
 from . import _library
-from ._library import error_of
+from ._library import error_of, text_of
 from ._ports import Port, line_of
 from .errors import Error, MissingPackage
 
@@ -66,7 +66,7 @@ class SerialPort(serial.SerialBase):  # type: ignore[misc]
             name = name[len(_SCHEME) :].rstrip("/")
         try:
             line = self._line if self._line is not None else line_of(name, "rs485")
-            self._link = Port(line, "servodrome_serial_open", name.encode())
+            self._link = Port(line, "servodrome_serial_open", text_of(name, "bus"))
             self._reconfigure_port()
         except Error as error:
             self._close_link()

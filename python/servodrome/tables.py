@@ -117,13 +117,13 @@ def _bus_for(axis: Axis, tables: Dict[str, Bus], can_add: bool) -> Optional[str]
 
 def kind_of(axis: Axis) -> Optional[str]:
     """The kind of fieldbus that the axis's product needs: the one with which the parser accepts it. None: neither."""
-    from ._library import open_line  # the library is needed only here
+    from ._library import file_bytes, open_line  # the library is needed only here
 
     keys = {key: axis.keys.get(key) for key in ("description", "device", "model")}
     for kind in ("can", "ethercat"):
         probe = Axis("probe", axis.product, bus="probe", **keys)
         try:
-            open_line(line_text([probe], [Bus("probe", kind)]).encode(), b"probe").close()
+            open_line(file_bytes(line_text([probe], [Bus("probe", kind)])), b"probe").close()
         except Error:
             continue
         return kind
