@@ -154,6 +154,10 @@ class ServodromeBus(can.BusABC):
             raise can.CanOperationError(f"servodrome: {error}") from error
         return _STATES[number.value]
 
+    @state.setter
+    def state(self, new_state: can.BusState) -> None:
+        raise NotImplementedError("the state of a port follows from its errors; disturb the bus: line.buses[...].disturb()")
+
     def fileno(self) -> int:
         """-1: a Notifier reads the bus in a thread."""
         return -1

@@ -30,7 +30,7 @@ _CAPACITY = 4096  # bytes of one call
 _MOST_SENT = 65536  # bytes of one call
 
 
-class SerialPort(serial.SerialBase):  # type: ignore[misc]
+class SerialPort(serial.SerialBase):
     """A port on an RS485 line; what pyserial's Serial does.
 
     `port` is the URL "servodrome://BUS" or the name of the bus, `line` the line: by default that of the present virtual_time(), or else
@@ -59,9 +59,9 @@ class SerialPort(serial.SerialBase):  # type: ignore[misc]
         """Opens the port. Raises SerialException."""
         if self.is_open:
             raise serial.SerialException("the port is already open")
-        if self._port is None:
+        name = self.port
+        if name is None:
             raise serial.SerialException('set `port` before: "servodrome://rs485"')
-        name = self._port
         if name.lower().startswith(_SCHEME):
             name = name[len(_SCHEME) :].rstrip("/")
         try:
@@ -97,14 +97,14 @@ class SerialPort(serial.SerialBase):  # type: ignore[misc]
 
     def _reconfigure_port(self) -> None:
         link = self._opened()
-        if self._parity not in ("N", "E", "O"):
-            raise ValueError(f"parity {self._parity!r}: an RS485 line of servodrome has N, E and O")
-        if self._stopbits not in (1, 2):
-            raise ValueError(f"{self._stopbits} stop bits: an RS485 line of servodrome has 1 and 2")
+        if self.parity not in ("N", "E", "O"):
+            raise ValueError(f"parity {self.parity!r}: an RS485 line of servodrome has N, E and O")
+        if self.stopbits not in (1, 2):
+            raise ValueError(f"{self.stopbits} stop bits: an RS485 line of servodrome has 1 and 2")
         configure = _library.library().servodrome_serial_configure
-        _library.call(configure, link.handle, self._baudrate, self._bytesize, self._parity.encode(), int(self._stopbits))
-        bits = 1 + self._bytesize + (self._parity != "N") + self._stopbits
-        self._character_ns = -(-bits * 1_000_000_000 // self._baudrate)
+        _library.call(configure, link.handle, self.baudrate, self.bytesize, self.parity.encode(), int(self.stopbits))
+        bits = 1 + self.bytesize + (self.parity != "N") + int(self.stopbits)
+        self._character_ns = -(-bits * 1_000_000_000 // self.baudrate)
 
     # ---- Reading ----
 
@@ -140,11 +140,11 @@ class SerialPort(serial.SerialBase):  # type: ignore[misc]
         """Up to `size` bytes: fewer after `timeout`, or after a gap of `inter_byte_timeout`, seconds of line time."""
         line = self._opened().line
         self._drain()
-        end = None if self._timeout is None else line.now_ns + round(self._timeout * 1e9)
+        end = None if self.timeout is None else line.now_ns + round(self.timeout * 1e9)
         while len(self._buffer) < size:
             wait = None if end is None else max(0, end - line.now_ns) / 1e9
-            if self._inter_byte_timeout and self._buffer:
-                wait = self._inter_byte_timeout if wait is None else min(wait, self._inter_byte_timeout)
+            if self.inter_byte_timeout and self._buffer:
+                wait = self.inter_byte_timeout if wait is None else min(wait, self.inter_byte_timeout)
             if not self._fill(wait):
                 break
         data = bytes(self._buffer[:size])
@@ -165,7 +165,9 @@ class SerialPort(serial.SerialBase):  # type: ignore[misc]
     def write(self, data: Any) -> int:
         """Queues bytes; they go out in line time, without a gap. Returns their number."""
         link = self._opened()
-        sent = serial.to_bytes(data)
+        if isinstance(data, str):
+            raise TypeError(f"text cannot be sent, give bytes: {data!r}")
+        sent = bytes(data)
         self._sent_ns = max(self._sent_ns, link.line.now_ns) + len(sent) * self._character_ns
         for begin in range(0, len(sent), _MOST_SENT):
             part = sent[begin : begin + _MOST_SENT]
