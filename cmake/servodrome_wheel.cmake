@@ -7,3 +7,9 @@ if(TARGET servodrome_capi)
   install(FILES $<TARGET_FILE:servodrome_capi> RENAME libservodrome.so DESTINATION ${SKBUILD_PLATLIB_DIR}/servodrome/_lib
     COMPONENT wheel)
 endif()
+
+# The licences of what is linked into the program and bundled in its page; tools/package collects them.
+set(SERVODROME_LICENCES "" CACHE FILEPATH "A text of third-party licences for the wheel")
+if(SERVODROME_LICENCES)
+  install(FILES ${SERVODROME_LICENCES} DESTINATION ${SKBUILD_METADATA_DIR}/licenses COMPONENT wheel)
+endif()

@@ -8,7 +8,8 @@ from make.context import OLDEST_GLIBC, ROOT, WORK, Failed, fresh
 def wheel(context):
     """Builds the wheel with scikit-build-core in the x86_64 build folder, whose objects it finds there."""
     raw = fresh(WORK / "wheel")
-    settings = [f"--config-settings=cmake.define.{name}={value}" for name, value in options(context, "x86_64").items()]
+    wanted = options(context, "x86_64") | {"SERVODROME_LICENCES": context.stage("x86_64") / "share/doc/servodrome/THIRD-PARTY.txt"}
+    settings = [f"--config-settings=cmake.define.{name}={value}" for name, value in wanted.items()]
     context.run(context.python, "-m", "pip", "wheel", "--quiet", "--disable-pip-version-check", "--no-deps", "--no-build-isolation",
                 "--no-cache-dir", f"--config-settings=build-dir={WORK / 'x86_64'}", *settings, "--wheel-dir", raw, ROOT)
     (built,) = raw.glob("*.whl")
