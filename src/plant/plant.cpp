@@ -167,22 +167,28 @@ void Plant::step_machine(const drive::Actuation& actuation, drive::Feedback& fee
   WindingTick windings;
   ShaftTick shaft;
   if (shaft_.elastic()) {
-    windings.torque_nm = torque_nm_;
-    shaft = solve_general(excitation(), rotor_torque, windings);
+    const Motion both = solve_general(excitation(), rotor_torque, torque_nm_);
+    windings = both.windings;
+    shaft = both.shaft;
     stop_j_ += shaft.stop_j;
   } else {
     windings = windings_.driven(direct_v, quadrature_v, turn, response);
     if (!usual || astray(windings)) [[unlikely]]
       windings = solve_windings(excitation(), response);
-    if (!shaft_.slide(windings.torque_nm + other_torque, shaft)) [[unlikely]]
-      shaft = solve_turning(excitation(), other_torque, windings, shaft);
+    if (!shaft_.slide(windings.torque_nm + other_torque, shaft)) [[unlikely]] {
+      const Motion both = solve_turning(excitation(), other_torque, {windings, shaft});
+      windings = both.windings;
+      shaft = both.shaft;
+    }
   }
   double moved = fraction_ + shaft.mean * counts_per_speed_;
   double whole = floor_of(moved);
   std::int64_t position = position_ + static_cast<std::int64_t>(whole);
   if (!travel_.quiet(position)) [[unlikely]] {
     if (!shaft_.elastic() && (travel_.beyond_stop(position) || travel_.beyond_stop(position_))) {
-      shaft = solve_general(excitation(), rotor_torque, windings);
+      const Motion both = solve_general(excitation(), rotor_torque, windings.torque_nm);
+      windings = both.windings;
+      shaft = both.shaft;
       stop_j_ += shaft.stop_j;
       moved = fraction_ + shaft.mean * counts_per_speed_;
       whole = floor_of(moved);
@@ -362,33 +368,31 @@ WindingTick Plant::solve_bracketed(const Excitation& excitation, MeanSpeed mean_
 // Solves windings and shaft together if the shaft has several states: linearises the shaft at the known torque, solves
 // the currents with it, and repeats if contact or friction has changed.
 template <typename SolveShaft>
-ShaftTick Plant::settle(const Excitation& excitation, WindingTick& windings, ShaftTick tick,
-                        SolveShaft solve_shaft) const {
-  double torque = windings.torque_nm;
+Plant::Motion Plant::settle(const Excitation& excitation, double torque, ShaftTick tick, SolveShaft solve_shaft) const {
+  WindingTick windings;
   for (int pass = 0; pass < 6; ++pass) {
     const ShaftResponse response{tick.mean - tick.slope * torque, tick.slope};
     windings = solve_windings(excitation, response);
     torque = windings.torque_nm;
     const double expected = response.offset_rad_s + response.slope * torque;
     tick = solve_shaft(torque, false);
-    if (std::abs(tick.mean - expected) <= 1.0e-9 * (1.0 + std::abs(expected))) return tick;
+    if (std::abs(tick.mean - expected) <= 1.0e-9 * (1.0 + std::abs(expected))) return {windings, tick};
   }
   windings = solve_bracketed(excitation, [&](double trial) { return solve_shaft(trial, true).mean; });
-  return solve_shaft(windings.torque_nm, true);
+  return {windings, solve_shaft(windings.torque_nm, true)};
 }
 
-ShaftTick Plant::solve_turning(const Excitation& excitation, double other_torque_nm, WindingTick& windings,
-                               const ShaftTick& tick) const {
-  return settle(excitation, windings, tick,
+Plant::Motion Plant::solve_turning(const Excitation& excitation, double other_torque_nm, const Motion& first) const {
+  return settle(excitation, first.windings.torque_nm, first.shaft,
                 [&](double torque, bool) { return shaft_.slide_freely(torque + other_torque_nm); });
 }
 
-ShaftTick Plant::solve_general(const Excitation& excitation, double rotor_torque_nm, WindingTick& windings) const {
+Plant::Motion Plant::solve_general(const Excitation& excitation, double rotor_torque_nm, double torque_nm) const {
   const StopDistance stops = stop_distance();
   const auto solve_shaft = [&](double torque, bool freely) {
     return shaft_.solve(torque, rotor_torque_nm, stops, freely);
   };
-  return settle(excitation, windings, solve_shaft(windings.torque_nm, false), solve_shaft);
+  return settle(excitation, torque_nm, solve_shaft(torque_nm, false), solve_shaft);
 }
 
 // Voltage of the bridges across the windings, limited by the DC link and by shorted outputs; for a star relative to its

@@ -110,6 +110,12 @@ class Plant {
     bool blocked = false;  // open_phase: freewheeling
   };
 
+  // Windings and shaft at the end of a tick.
+  struct Motion {
+    WindingTick windings{};
+    ShaftTick shaft{};
+  };
+
   void step_machine(const drive::Actuation& actuation, drive::Feedback& feedback);
   void step_imperfect(const drive::Actuation& actuation, drive::Feedback& feedback);
   Turn foresee(double speed_rad_s) const { return {speed_rad_s, angle_per_speed_ * speed_rad_s}; }
@@ -128,10 +134,9 @@ class Plant {
   template <typename MeanSpeed>
   WindingTick solve_bracketed(const Excitation& excitation, MeanSpeed mean_speed) const;
   template <typename SolveShaft>
-  ShaftTick settle(const Excitation& excitation, WindingTick& windings, ShaftTick tick, SolveShaft solve_shaft) const;
-  ShaftTick solve_turning(const Excitation& excitation, double other_torque_nm, WindingTick& windings,
-                          const ShaftTick& tick) const;
-  ShaftTick solve_general(const Excitation& excitation, double rotor_torque_nm, WindingTick& windings) const;
+  Motion settle(const Excitation& excitation, double torque, ShaftTick tick, SolveShaft solve_shaft) const;
+  Motion solve_turning(const Excitation& excitation, double other_torque_nm, const Motion& first) const;
+  Motion solve_general(const Excitation& excitation, double rotor_torque_nm, double torque_nm) const;
   void apply_load();
   void queue_edge(int wire);
   StopDistance stop_distance() const;

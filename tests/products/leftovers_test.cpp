@@ -7,10 +7,10 @@
 #include "products/ismc/ismc.hpp"
 #include "rig.hpp"
 
-// Corners of CiA 402 that are easy to get wrong: what is left behind when a mode, a stop, a power cycle or a polarity
-// gets in the way of something else.
+// The state that a mode, a stop, a power cycle or a polarity leaves behind must not act on what comes next (reference
+// drive, CiA 402).
 namespace servodrome {
-namespace review_test {
+namespace leftovers_test {
 namespace {
 
 using drive::PowerState;
@@ -21,7 +21,7 @@ constexpr std::uint16_t target_reached = 1u << 10;
 constexpr std::uint16_t internal_limit = 1u << 11;
 constexpr std::uint16_t bit_12 = 1u << 12;
 
-class Review : public ::testing::Test {
+class Leftovers : public ::testing::Test {
  protected:
   PowerState state() { return rig.device.drive().state(); }
   std::int64_t counts() const { return rig.plant.position_counts(); }
@@ -35,7 +35,7 @@ class Review : public ::testing::Test {
   Rig<Generic402> rig;
 };
 
-TEST_F(Review, HomingThatWasGivenUpInHaltDoesNotGoOn) {
+TEST_F(Leftovers, HomingThatWasGivenUpInHaltDoesNotGoOn) {
   rig.set(0x6060, 0, 6);
   rig.set(0x6098, 0, 34);
   ASSERT_TRUE(rig.enable());
@@ -53,7 +53,7 @@ TEST_F(Review, HomingThatWasGivenUpInHaltDoesNotGoOn) {
   EXPECT_EQ(rig.status() & (target_reached | bit_12), target_reached) << "interrupted";
 }
 
-TEST_F(Review, HaltAndReleaseWithoutHomingMovesNothing) {
+TEST_F(Leftovers, HaltAndReleaseWithoutHomingMovesNothing) {
   rig.set(0x6060, 0, 6);
   rig.set(0x6098, 0, 34);
   ASSERT_TRUE(rig.enable());
@@ -72,7 +72,7 @@ TEST_F(Review, HaltAndReleaseWithoutHomingMovesNothing) {
   EXPECT_NEAR(static_cast<double>(counts()), static_cast<double>(stood), 2.0);
 }
 
-TEST_F(Review, AMotorWithoutBrakeMayCoast) {
+TEST_F(Leftovers, AMotorWithoutBrakeMayCoast) {
   run_in_profile_velocity(2000000, 1600);
   ASSERT_GT(rig.get(0x606C), 1900000);
   rig.control(0x00);
@@ -83,7 +83,7 @@ TEST_F(Review, AMotorWithoutBrakeMayCoast) {
   EXPECT_EQ(rig.get(0x603F), 0);
 }
 
-TEST_F(Review, NothingIsDemandedOfAMotorWithoutPower) {
+TEST_F(Leftovers, NothingIsDemandedOfAMotorWithoutPower) {
   run_in_profile_velocity(2000000, 1600);
   rig.control(0x00);
   rig.run_ms(50);
@@ -92,7 +92,7 @@ TEST_F(Review, NothingIsDemandedOfAMotorWithoutPower) {
   EXPECT_EQ(rig.get(0x6062), rig.get(0x6064)) << "the demand follows the shaft";
 }
 
-TEST_F(Review, QuickStopThatEndsInSwitchOnDisabledIsNotCalledOff) {
+TEST_F(Leftovers, QuickStopThatEndsInSwitchOnDisabledIsNotCalledOff) {
   rig.set(0x605A, 0, 2);
   run_in_profile_velocity(2000000, 1600);
   rig.control(0x0B);
@@ -105,7 +105,7 @@ TEST_F(Review, QuickStopThatEndsInSwitchOnDisabledIsNotCalledOff) {
   EXPECT_EQ(state(), PowerState::switch_on_disabled);
 }
 
-TEST_F(Review, QuickStopThatStaysMayBeLeftAtOnce) {
+TEST_F(Leftovers, QuickStopThatStaysMayBeLeftAtOnce) {
   rig.set(0x605A, 0, 6);
   run_in_profile_velocity(2000000, 1600);
   rig.control(0x0B);
@@ -116,7 +116,7 @@ TEST_F(Review, QuickStopThatStaysMayBeLeftAtOnce) {
 }
 
 // Methods 1 to 14 and 17 to 37 of CiA 402-2 without 31 and 32, which are reserved; below 0 the maker's: onto a stop.
-TEST_F(Review, EveryHomingMethodOfferedIsAccepted) {
+TEST_F(Leftovers, EveryHomingMethodOfferedIsAccepted) {
   std::set<std::int64_t> methods{-4, -3, -2, -1};
   for (std::int64_t method = 1; method <= 37; ++method) {
     if (method != 15 && method != 16 && method != 31 && method != 32 && method != 36) methods.insert(method);
@@ -131,7 +131,7 @@ TEST_F(Review, EveryHomingMethodOfferedIsAccepted) {
   }
 }
 
-TEST_F(Review, ALossOfTheMasterIsNamedAlikeInEmergencyAndErrorCode) {
+TEST_F(Leftovers, ALossOfTheMasterIsNamedAlikeInEmergencyAndErrorCode) {
   rig.set(0x1400, 5, 10);  // event timer: deadline of the RPDO
   rig.set(0x1400, 2, 255);
   ASSERT_TRUE(rig.enable());
@@ -147,7 +147,7 @@ TEST_F(Review, ALossOfTheMasterIsNamedAlikeInEmergencyAndErrorCode) {
   EXPECT_EQ(rig.get(0x603F), 0x8250);
 }
 
-TEST_F(Review, ResettingTheNodeClearsTheErrorRegister) {
+TEST_F(Leftovers, ResettingTheNodeClearsTheErrorRegister) {
   ASSERT_TRUE(rig.enable());
   rig.device.drive().inject(drive::Cause::external, true);
   rig.run_ms(2);
@@ -161,7 +161,7 @@ TEST_F(Review, ResettingTheNodeClearsTheErrorRegister) {
   EXPECT_EQ(rig.get(0x1001), 0);
 }
 
-TEST(ReviewIsmc, LimitsOfTheCurrentActWhenTheyAreWritten) {
+TEST(LeftoversIsmc, LimitsOfTheCurrentActWhenTheyAreWritten) {
   Rig<products::Ismc> rig;
   rig.set(0x2017, 0, 2);
   rig.set(0x6060, 0, 4);
@@ -174,7 +174,7 @@ TEST(ReviewIsmc, LimitsOfTheCurrentActWhenTheyAreWritten) {
   EXPECT_LT(ticks, 200 * 16);
 }
 
-TEST_F(Review, StartBitTakenAwayInHaltLeavesTheHaltsRamp) {
+TEST_F(Leftovers, StartBitTakenAwayInHaltLeavesTheHaltsRamp) {
   rig.set(0x605D, 0, 2);
   rig.set(0x609A, 0, 1000000);  // the quick stop ramp 5242880 is steeper
   rig.set(0x6099, 1, 1000000);
@@ -193,7 +193,7 @@ TEST_F(Review, StartBitTakenAwayInHaltLeavesTheHaltsRamp) {
 
 // 5 turns of the motor are 2 of the shaft; a turn of the shaft is 360000 units; the encoder's 131072 counts written as
 // 262144 in 2 turns.
-TEST_F(Review, FactorGroupWithEveryDivisor) {
+TEST_F(Leftovers, FactorGroupWithEveryDivisor) {
   for (const auto& [index, sub, value] : std::initializer_list<std::tuple<std::uint16_t, std::uint8_t, int>>{
            {0x608F, 1, 262144}, {0x608F, 2, 2}, {0x6091, 1, 5}, {0x6091, 2, 2}, {0x6092, 1, 720000}, {0x6092, 2, 2}}) {
     ASSERT_EQ(rig.set(index, sub, value), dictionary::AbortCode::none);
@@ -215,7 +215,7 @@ TEST_F(Review, FactorGroupWithEveryDivisor) {
 }
 
 // Velocity in rpm and acceleration in turns per second squared by the factors alone.
-TEST_F(Review, VelocityAndAccelerationFactorsLeadToTheUsersUnit) {
+TEST_F(Leftovers, VelocityAndAccelerationFactorsLeadToTheUsersUnit) {
   rig.set(0x6096, 1, 60);
   rig.set(0x6096, 2, 131072);
   rig.set(0x6097, 2, 60);
@@ -229,7 +229,7 @@ TEST_F(Review, VelocityAndAccelerationFactorsLeadToTheUsersUnit) {
 
 // The rounding of units to counts must not add up: moves by a unit that is
 // 1/7 of a turn.
-TEST_F(Review, RelativeMovesInUnitsThatAreNoWholeCountsDoNotDrift) {
+TEST_F(Leftovers, RelativeMovesInUnitsThatAreNoWholeCountsDoNotDrift) {
   rig.set(0x6092, 1, 7);
   rig.set(0x6081, 0, 100);
   rig.set(0x6083, 0, 10000);
@@ -246,7 +246,7 @@ TEST_F(Review, RelativeMovesInUnitsThatAreNoWholeCountsDoNotDrift) {
   EXPECT_EQ(rig.get(0x60FC), std::llround(100.0 * 131072.0 / 7.0));
 }
 
-TEST_F(Review, ParametersAreSavedAndProcessDataAreNot) {
+TEST_F(Leftovers, ParametersAreSavedAndProcessDataAreNot) {
   const std::set<std::uint32_t> process_data{0x6040'00, 0x6042'00, 0x6060'00, 0x6071'00, 0x607A'00,
                                              0x60B0'00, 0x60B1'00, 0x60B2'00, 0x60B8'00, 0x60C1'01,
                                              0x60C4'04, 0x60C4'05, 0x60C4'06, 0x60FE'01, 0x60FF'00};
@@ -260,13 +260,13 @@ TEST_F(Review, ParametersAreSavedAndProcessDataAreNot) {
   }
 }
 
-TEST_F(Review, LongTimesDoNotOverflow) {
+TEST_F(Leftovers, LongTimesDoNotOverflow) {
   drive::Axis axis = rig.device.drive().axis();
   EXPECT_EQ(axis.cycles(1), 2u);
   EXPECT_EQ(axis.cycles(4294967295u), 4294967295u);
 }
 
-TEST_F(Review, VelocityUnitActsWhenItIsWritten) {
+TEST_F(Leftovers, VelocityUnitActsWhenItIsWritten) {
   rig.set(0x60A9, 0, 0x00B44700);  // rpm
   run_in_profile_velocity(60, 1000);
   EXPECT_NEAR(static_cast<double>(rig.get(0x606C)), 60.0, 1.0);
@@ -276,7 +276,7 @@ TEST_F(Review, VelocityUnitActsWhenItIsWritten) {
   EXPECT_EQ(rig.set(0x60A9, 0, 0), dictionary::AbortCode::device_state);
 }
 
-TEST_F(Review, PolarityTurnsTheVelocityModeRoundEverywhere) {
+TEST_F(Leftovers, PolarityTurnsTheVelocityModeRoundEverywhere) {
   rig.set(0x607E, 0, 0x40);
   rig.set(0x6060, 0, 2);
   ASSERT_TRUE(rig.enable());
@@ -290,7 +290,7 @@ TEST_F(Review, PolarityTurnsTheVelocityModeRoundEverywhere) {
   EXPECT_EQ(rig.get(0x6043), 300);
 }
 
-TEST_F(Review, VelocityModeLimitsAreInItsOwnUnit) {
+TEST_F(Leftovers, VelocityModeLimitsAreInItsOwnUnit) {
   rig.set(0x604C, 2, 10);  // ten user units per rpm
   rig.set(0x6046, 2, 2000);
   rig.set(0x6060, 0, 2);
@@ -307,7 +307,7 @@ TEST_F(Review, VelocityModeLimitsAreInItsOwnUnit) {
   EXPECT_EQ(rig.set(0x604B, 2, 0), dictionary::AbortCode::value_invalid);
 }
 
-TEST_F(Review, ASetPointGivenInHaltIsRunAfterwards) {
+TEST_F(Leftovers, ASetPointGivenInHaltIsRunAfterwards) {
   rig.set(0x6060, 0, 1);
   ASSERT_TRUE(rig.enable());
   rig.control(0x10F);
@@ -324,7 +324,7 @@ TEST_F(Review, ASetPointGivenInHaltIsRunAfterwards) {
   EXPECT_EQ(rig.get(0x6062), 10000);
 }
 
-TEST_F(Review, StopWithoutAJerkIsLinear) {
+TEST_F(Leftovers, StopWithoutAJerkIsLinear) {
   rig.set(0x6086, 0, 3);
   rig.set(0x6081, 0, 1000000);
   rig.set(0x607A, 0, 100000000);
@@ -341,7 +341,7 @@ TEST_F(Review, StopWithoutAJerkIsLinear) {
   EXPECT_NEAR(static_cast<double>(rig.get(0x606C)), 0.0, 3000.0);
 }
 
-TEST_F(Review, QuickStopInTheCycleOfEnablingHoldsTheAxis) {
+TEST_F(Leftovers, QuickStopInTheCycleOfEnablingHoldsTheAxis) {
   rig.set(0x605A, 0, 6);
   rig.run_ms(1);
   rig.control(0x06);
@@ -355,7 +355,7 @@ TEST_F(Review, QuickStopInTheCycleOfEnablingHoldsTheAxis) {
   EXPECT_NE(rig.device.drive().axis().demand.loop, drive::Loop::off);
 }
 
-TEST_F(Review, PowerCycleForgetsThatHomingWasAttained) {
+TEST_F(Leftovers, PowerCycleForgetsThatHomingWasAttained) {
   rig.set(0x6060, 0, 6);
   rig.set(0x6098, 0, 37);
   ASSERT_TRUE(rig.enable());
@@ -368,7 +368,7 @@ TEST_F(Review, PowerCycleForgetsThatHomingWasAttained) {
   EXPECT_EQ(rig.status() & bit_12, 0);
 }
 
-TEST_F(Review, PowerCycleLeavesNothingOfTheLifeBefore) {
+TEST_F(Leftovers, PowerCycleLeavesNothingOfTheLifeBefore) {
   Rig<Generic402> other;
   for (int i = 0; i < 3; ++i) other.tick();
   other.device.power_on(other.feedback, other.now());
@@ -385,7 +385,7 @@ TEST_F(Review, PowerCycleLeavesNothingOfTheLifeBefore) {
   }
 }
 
-TEST_F(Review, ShortCircuitEndsWithTheHaltItBelongedTo) {
+TEST_F(Leftovers, ShortCircuitEndsWithTheHaltItBelongedTo) {
   rig.set(0x605D, 0, 4);
   run_in_profile_velocity(500000, 800);
   rig.control(0x10F);
@@ -398,7 +398,7 @@ TEST_F(Review, ShortCircuitEndsWithTheHaltItBelongedTo) {
   EXPECT_TRUE(rig.actuation.pwm_enabled);
 }
 
-TEST_F(Review, TorqueModeTakesTheTorqueOverUnderInvertedPolarity) {
+TEST_F(Leftovers, TorqueModeTakesTheTorqueOverUnderInvertedPolarity) {
   rig.set(0x607E, 0, 0x40);
   rig.set(0x6087, 0, 100);  // 10 % per second
   rig.set(0x6071, 0, 300);
@@ -412,7 +412,7 @@ TEST_F(Review, TorqueModeTakesTheTorqueOverUnderInvertedPolarity) {
   EXPECT_NEAR(static_cast<double>(rig.get(0x6074)), static_cast<double>(before), 10.0);
 }
 
-TEST_F(Review, HaltOnARotaryAxisDoesNotShortenTheWay) {
+TEST_F(Leftovers, HaltOnARotaryAxisDoesNotShortenTheWay) {
   rig.set(0x607B, 1, 0);
   rig.set(0x607B, 2, 131071);
   rig.set(0x6060, 0, 1);
@@ -429,7 +429,7 @@ TEST_F(Review, HaltOnARotaryAxisDoesNotShortenTheWay) {
   EXPECT_EQ(rig.get(0x6062), 1000);
 }
 
-TEST_F(Review, PositionsBeyond32BitsAreAddressedInTheirTurn) {
+TEST_F(Leftovers, PositionsBeyond32BitsAreAddressedInTheirTurn) {
   rig.device.drive().set_position_offset(std::int64_t{1} << 32);
   rig.set(0x6060, 0, 1);
   ASSERT_TRUE(rig.enable());
@@ -442,7 +442,7 @@ TEST_F(Review, PositionsBeyond32BitsAreAddressedInTheirTurn) {
 }
 
 // 6007h: reset communication takes the master away like a stopped node does.
-TEST(ReviewConnection, ResetCommunicationIsALossOfConnection) {
+TEST(LeftoversConnection, ResetCommunicationIsALossOfConnection) {
   for (const std::int64_t option : {0, 1, 2, 3}) {
     Rig<Generic402> rig;
     rig.set(0x6060, 0, 3);
@@ -460,5 +460,5 @@ TEST(ReviewConnection, ResetCommunicationIsALossOfConnection) {
 }
 
 }  // namespace
-}  // namespace review_test
+}  // namespace leftovers_test
 }  // namespace servodrome
