@@ -28,6 +28,7 @@ if(SERVODROME_SANITIZE)
     target_compile_options(servodrome_options INTERFACE $<BUILD_INTERFACE:-fno-sanitize=function>)
   endif()
   target_link_options(servodrome_options INTERFACE $<BUILD_INTERFACE:-fsanitize=${SERVODROME_SANITIZE}>)
+  target_compile_definitions(servodrome_options INTERFACE $<BUILD_INTERFACE:SERVODROME_SANITIZED>)
 endif()
 
 # For sources whose headers (JSON, HTTP, command line) take longer to compile than the sources themselves: compiles several

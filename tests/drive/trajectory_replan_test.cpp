@@ -6,6 +6,7 @@
 #include <cstdio>
 #include <gtest/gtest.h>
 
+#include "draws.hpp"
 #include "drive/trajectory/trajectory.hpp"
 #include "drive/trajectory_support.hpp"
 
@@ -185,7 +186,7 @@ MotionLimits draw_limits(Random& random, Symmetry symmetry) {
   return l;
 }
 
-constexpr int plans = 100000;
+constexpr int plans = servodrome::test::draws(100'000);
 constexpr double travel_range = 8589934592.0;  // 2^33 counts
 
 /// A chain of plans, each from a random moment of the one before; `examined(start, target, limits, trajectory)` sees

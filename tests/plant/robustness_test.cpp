@@ -3,6 +3,7 @@
 #include <gtest/gtest.h>
 #include <random>
 
+#include "draws.hpp"
 #include "plant/energy_balance.hpp"
 #include "plant/rig.hpp"
 
@@ -109,8 +110,8 @@ bool sensible(const Plant& plant, const drive::Feedback& f) {
 }
 
 TEST(Robustness, AnyMachineStaysFiniteUnderAnyActuation) {
-  for (std::uint64_t seed = 0; seed < 100'000; ++seed) {
-    RandomMachine machine(seed);
+  for (int seed = 0; seed < servodrome::test::draws(100'000); ++seed) {
+    RandomMachine machine(static_cast<std::uint64_t>(seed));
     const Parameters p = machine.parameters();
     ASSERT_EQ(validate(p), std::vector<std::string>{}) << seed;
     Rig rig(p);
@@ -131,8 +132,8 @@ TEST(Robustness, AnyMachineStaysFiniteUnderAnyActuation) {
 // Nothing feeds the machine: relay open, no torque from outside, bridge off or shorting. What moves, twists or is
 // charged may only fade. (Cogging trades energy with the rotor and is left out, as is the supply.)
 TEST(Robustness, EnergyNeverGrowsByItself) {
-  for (std::uint64_t seed = 0; seed < 100'000; ++seed) {
-    RandomMachine machine(seed ^ 0x5eedu);
+  for (int seed = 0; seed < servodrome::test::draws(100'000); ++seed) {
+    RandomMachine machine(static_cast<std::uint64_t>(seed) ^ 0x5eedu);
     Parameters p = machine.parameters();
     p.load.gravity_torque_nm = 0.0;
     p.motor.cogging_torque_nm = 0.0;
@@ -166,10 +167,10 @@ TEST(Robustness, EnergyNeverGrowsByItself) {
 }
 
 TEST(Robustness, TheSameRunGivesTheSameBits) {
-  for (std::uint64_t seed = 0; seed < 200; ++seed) {
+  for (int seed = 0; seed < servodrome::test::draws(200); ++seed) {
     drive::Feedback last[2];
     for (drive::Feedback& feedback : last) {
-      RandomMachine machine(seed);
+      RandomMachine machine(static_cast<std::uint64_t>(seed));
       Rig rig(machine.parameters());
       for (int tick = 0; tick < 2000; ++tick) {
         if (tick % 20 == 0) machine.actuate(rig.actuation);
