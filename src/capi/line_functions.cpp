@@ -5,7 +5,7 @@
 #include "capi/call.hpp"
 #include "capi/ports.hpp"
 #include "capi/servodrome.h"
-#include "line/bench/api.hpp"
+#include "line/bench/line_bench.hpp"
 #include "line/bench/scope/channel_list.hpp"
 #include "line/line_file.hpp"
 #include "line/version.hpp"

@@ -5,7 +5,7 @@
 #include <fmt/format.h>
 #include <thread>
 
-#include "line/bench/api.hpp"
+#include "line/bench/line_bench.hpp"
 #include "line/bench/upgrade.hpp"
 #include "links/can/link_name.hpp"
 #include "links/can/log.hpp"
@@ -53,7 +53,9 @@ LineServer::LineServer(const LineSettings& settings)
       pacer_(io_),
       access_{bench::make_token()},
       line_(settings),
-      page_(settings.api.page) {
+      page_(settings.api.page),
+      bench_(line_),
+      routes_{bench::bench_routes(bench_)} {
   for (const auto& bus : line_.buses()) {
     for (const std::string& link : bus->settings.links) {
       const links::CanLinkName name = links::parse_can_link(link);
@@ -73,7 +75,7 @@ LineServer::LineServer(const LineSettings& settings)
     scope_ = std::make_unique<bench::LineScope>(line_);
     web_sockets_ = std::make_unique<bench::WebSockets>(
         scope_->scope(), [this](const std::exception& error) { http_->count_failure(error); });
-    more_routes_.push_back({bench::recording_routes(), &scope_->scope()});
+    routes_.push_back({bench::recording_routes(), &scope_->scope()});
     bench::HttpHandlers handlers;
     handlers.answer = [this](bench::Request&& request, const bench::HttpHandlers::Reply& reply) {
       const auto response = std::make_shared<bench::Response>(answer(request));
@@ -329,7 +331,7 @@ bench::Response LineServer::answer(const bench::Request& request) {
   const std::string_view target = request.target;
   if (!target.starts_with("/api/") && target.substr(0, target.find('?')) != api) return page_.answer(request);
   catch_up();
-  bench::Response response = bench::begin(line_, request, more_routes_);
+  bench::Response response = bench::begin(request, routes_);
   if (real_) {
     wake();
   } else {

@@ -12,7 +12,7 @@
 
 #include "line/bench/access.hpp"
 #include "line/bench/http_server.hpp"
-#include "line/bench/routes.hpp"
+#include "line/bench/line_bench.hpp"
 #include "line/bench/scope/line_scope.hpp"
 #include "line/bench/scope/web_sockets.hpp"
 #include "line/bench/static_files.hpp"
@@ -47,7 +47,7 @@ class LineServer final : private links::LineHost {
   void log(NamedSerialBus& bus, const std::string& path, std::function<void()> on_failure = {});
 
   // Adds routes to the API, beside the line's own. The group's context must outlive the server.
-  void add_routes(const bench::RouteGroup& group) { more_routes_.push_back(group); }
+  void add_routes(const bench::RouteGroup& group) { routes_.push_back(group); }
 
   // Sends {"event": event} to all clients of the stream.
   void publish(const bench::Json& event) {
@@ -143,7 +143,8 @@ class LineServer final : private links::LineHost {
   bench::StaticFiles page_;
   std::unique_ptr<bench::LineScope> scope_;
   std::unique_ptr<bench::WebSockets> web_sockets_;
-  std::vector<bench::RouteGroup> more_routes_;
+  bench::LineBench bench_;
+  std::vector<bench::RouteGroup> routes_;
   std::unique_ptr<bench::HttpServer> http_;
   RealPace real_pace_;
   std::optional<RealPace::Moment> looks_at_;  // the clock, read just before the poll of the links that is in progress

@@ -2,35 +2,25 @@
 
 #include <fmt/format.h>
 
+#include "line/bench/line_bench.hpp"
+
 namespace servodrome::studio {
 
 using line::bench::ApiError;
 
-namespace {
-
-class LineSubjects final : public Subjects {
- public:
-  Subject open(line::bench::Call& call) override {
-    line::Axis& axis = axis_argument(call);
-    if (!axis.powered()) {
-      throw ApiError{409, "the axis has no power", axis.settings().name,
-                     "switch it on: POST .../power {\"action\": \"on\"}"};
-    }
-    products::Device& device = axis.device();
-    const bool on_fieldbus = axis.settings().bus || axis.settings().ethercat;
-    Subject subject{.client = std::make_unique<ServiceObjects>(call.line, axis),
-                    .product = std::string(axis.settings().product->name),
-                    .table = on_fieldbus ? device.bus_dictionary().table() : device.dictionary().table()};
-    if (axis.settings().bus) subject.node_id = device.node_id();
-    return subject;
+Subject LineSubjects::open(line::bench::Call& call) {
+  line::Axis& axis = line::bench::axis_argument(line_, call);
+  if (!axis.powered()) {
+    throw ApiError{409, "the axis has no power", axis.settings().name,
+                   "switch it on: POST .../power {\"action\": \"on\"}"};
   }
-};
-
-}  // namespace
-
-Subjects& line_subjects() {
-  static LineSubjects subjects;
-  return subjects;
+  products::Device& device = axis.device();
+  const bool on_fieldbus = axis.settings().bus || axis.settings().ethercat;
+  Subject subject{.client = std::make_unique<ServiceObjects>(line_, axis),
+                  .product = std::string(axis.settings().product->name),
+                  .table = on_fieldbus ? device.bus_dictionary().table() : device.dictionary().table()};
+  if (axis.settings().bus) subject.node_id = device.node_id();
+  return subject;
 }
 
 master::ParameterList Subject::parameters(bool with_connection) const {
@@ -47,10 +37,6 @@ bool flag(const line::bench::Call& call, std::string_view key) {
   if (value == "true") return true;
   throw ApiError{400, fmt::format("{} is \"{}\"", key, value->substr(0, 40)), "address",
                  fmt::format("write {}=true, or leave it out", key)};
-}
-
-std::vector<line::bench::RouteGroup> commissioning_routes() {
-  return {parameter_routes(line_subjects()), pdo_routes(line_subjects())};
 }
 
 }  // namespace servodrome::studio

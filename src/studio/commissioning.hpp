@@ -1,7 +1,6 @@
 #pragma once
 
 #include <memory>
-#include <vector>
 
 #include "line/bench/routes.hpp"
 #include "master/error.hpp"
@@ -38,17 +37,23 @@ class Subjects {
   // Opens the axis that the first argument names. Throws ApiError: 404, or 409 if the drive does not communicate.
   virtual Subject open(line::bench::Call& call) = 0;
 };
-// The subjects of the call's line.
-Subjects& line_subjects();
+
+// The axes of a line.
+class LineSubjects final : public Subjects {
+ public:
+  // `line` must outlive this object.
+  explicit LineSubjects(line::Line& line) : line_(line) {}
+  Subject open(line::bench::Call& call) override;
+
+ private:
+  line::Line& line_;
+};
 
 inline Subject subject_of(line::bench::Call& call) { return static_cast<Subjects*>(call.context)->open(call); }
 
 // `subjects` must outlive the group.
 line::bench::RouteGroup parameter_routes(Subjects& subjects);
 line::bench::RouteGroup pdo_routes(Subjects& subjects);
-
-// All commissioning routes for a line.
-std::vector<line::bench::RouteGroup> commissioning_routes();
 
 // Converts an error to the API's form: `status`, what happened, where, and what to do.
 line::bench::ApiError api_error(const master::MasterError& error, unsigned status = 409);

@@ -1,13 +1,10 @@
 #include "studio/line_routes.hpp"
 
-#include "studio/commissioning.hpp"
-
 namespace servodrome::studio {
 
 std::vector<line::bench::RouteGroup> LineRoutes::groups() {
-  std::vector<line::bench::RouteGroup> groups = commissioning_routes();
-  groups.insert(groups.end(), {jobs_.routes(), bode_plots_.routes(), recording_export_.routes(), traffic_.routes()});
-  return groups;
+  return {jobs_.routes(),       parameter_routes(subjects_), pdo_routes(subjects_),
+          bode_plots_.routes(), recording_export_.routes(),  traffic_.routes()};
 }
 
 }  // namespace servodrome::studio

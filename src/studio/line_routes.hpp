@@ -4,6 +4,7 @@
 #include <vector>
 
 #include "studio/bode_routes.hpp"
+#include "studio/commissioning.hpp"
 #include "studio/jobs.hpp"
 #include "studio/recording_export.hpp"
 #include "studio/traffic.hpp"
@@ -16,7 +17,11 @@ class LineRoutes {
  public:
   // `line` must outlive this object. `epoch` returns the wall-clock time of the line's time 0.
   LineRoutes(line::Line& line, const FindRecording& find, const std::function<line::Time()>& epoch)
-      : jobs_(line), bode_plots_(find), recording_export_(find, epoch), traffic_(find_line_traffic, epoch) {}
+      : jobs_(line),
+        subjects_(line),
+        bode_plots_(find),
+        recording_export_(find, epoch),
+        traffic_([&line](const line::bench::Call& call) { return find_line_traffic(line, call); }, epoch) {}
 
   Jobs& jobs() { return jobs_.jobs(); }
   // The groups refer to this object.
@@ -24,6 +29,7 @@ class LineRoutes {
 
  private:
   LineJobs jobs_;
+  LineSubjects subjects_;
   BodePlots bode_plots_;
   RecordingExport recording_export_;
   Traffic traffic_;

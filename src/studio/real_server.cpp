@@ -21,17 +21,11 @@ constexpr master::Time view_period = 10ms;       // period of updates from the d
 constexpr master::Time attention_period = 20ms;  // period of time-based messages to clients
 constexpr master::Time longest_stop = 2s;        // longest time to stop an axis at the end
 
-line::LineSettings nothing() {
-  line::LineSettings settings;
-  settings.api.enabled = false;
-  return settings;
-}
-
 }  // namespace
 
 RealServer::RealServer(RealDrives& drives, const Settings& settings)
     : drives_(drives),
-      no_line_(nothing()),
+      bench_(drives),
       timer_(io_),
       access_{line::bench::make_token()},
       page_(settings.page),
@@ -42,7 +36,7 @@ RealServer::RealServer(RealDrives& drives, const Settings& settings)
                         [&drives] { return drives.wall_epoch(); }),
       traffic_([&drives](const line::bench::Call& call) { return find_real_traffic(drives, call); },
                [&drives] { return drives.wall_epoch(); }),
-      groups_{real_routes(drives),
+      groups_{line::bench::bench_routes(bench_),
               jobs_.routes(),
               recording_export_.routes(),
               parameter_routes(drives),
@@ -88,7 +82,7 @@ void RealServer::answer(Request&& request, line::bench::HttpHandlers::Reply repl
 }
 
 void RealServer::carry_out(Pending& pending) {
-  Response response = line::bench::begin_in(no_line_, pending.request, groups_);
+  Response response = line::bench::begin(pending.request, groups_);
   pending.response = std::move(response);
 }
 

@@ -11,14 +11,11 @@
 #include "line/bench/scope/web_sockets.hpp"
 #include "line/bench/static_files.hpp"
 #include "studio/jobs.hpp"
-#include "studio/real_drives.hpp"
+#include "studio/real_bench.hpp"
 #include "studio/recording_export.hpp"
 #include "studio/traffic.hpp"
 
 namespace servodrome::studio {
-
-// The calls of the API that need an answer from the drives; their context is `drives`.
-line::bench::RouteGroup real_routes(RealDrives& drives);
 
 // Serves the web page, and those parts of the bench API that need no plant, for drives on buses. Requests and jobs that
 // wait for a drive are tasks: one thread serves all clients, and each bus has its own thread.
@@ -64,7 +61,7 @@ class RealServer {
   void shut_down();
 
   RealDrives& drives_;
-  line::Line no_line_;
+  RealBench bench_;
   boost::asio::io_context io_;
   boost::asio::steady_timer timer_;
   line::bench::Access access_;

@@ -1,9 +1,8 @@
 #include "studio/real_traffic.hpp"
 
-#include <array>
 #include <fmt/format.h>
 
-#include "line/nearest_name.hpp"
+#include "studio/real_bench.hpp"
 
 namespace servodrome::studio {
 namespace {
@@ -89,14 +88,7 @@ class RealTraffic final : public TrafficSource {
 }  // namespace
 
 std::unique_ptr<TrafficSource> find_real_traffic(RealDrives& drives, const line::bench::Call& call) {
-  const std::string name = line::bench::unescaped(call.arguments.front());
-  std::vector<std::string_view> known;
-  for (std::size_t i = 0; i < drives.buses().size(); ++i) {
-    if (drives.buses()[i]->plan().link == name) return std::make_unique<RealTraffic>(drives, i);
-    known.emplace_back(drives.buses()[i]->plan().link);
-  }
-  throw line::bench::ApiError{404, fmt::format("there is no bus \"{}\"", name.substr(0, 80)), "address",
-                              line::suggestion(name, known)};
+  return std::make_unique<RealTraffic>(drives, bus_argument(drives, call));
 }
 
 }  // namespace servodrome::studio

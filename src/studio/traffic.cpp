@@ -323,8 +323,8 @@ void Traffic::flush() {
   for (const auto& [name, view] : views_) view->flush();
 }
 
-std::unique_ptr<TrafficSource> find_line_traffic(Call& call) {
-  return std::make_unique<LineTraffic>(call.line, line::bench::bus_argument(call));
+std::unique_ptr<TrafficSource> find_line_traffic(line::Line& line, const Call& call) {
+  return std::make_unique<LineTraffic>(line, line::bench::bus_argument(line, call));
 }
 
 }  // namespace servodrome::studio

@@ -14,7 +14,7 @@ namespace servodrome::studio {
 class Traffic {
  public:
   // Finds the bus that the first argument of a call names. Throws ApiError 404.
-  using Find = std::function<std::unique_ptr<TrafficSource>(line::bench::Call& call)>;
+  using Find = std::function<std::unique_ptr<TrafficSource>(const line::bench::Call& call)>;
 
   // `epoch` returns the wall-clock time of the frames' time 0, for captures.
   Traffic(Find find, std::function<line::Time()> epoch) : find_(std::move(find)), epoch_(std::move(epoch)) {}
@@ -34,7 +34,7 @@ class Traffic {
   std::map<std::string, std::shared_ptr<TrafficView>> views_;
 };
 
-// Finds a bus in the line of the call.
-std::unique_ptr<TrafficSource> find_line_traffic(line::bench::Call& call);
+// Finds the bus of a line that the first argument of a call names. Throws ApiError 404.
+std::unique_ptr<TrafficSource> find_line_traffic(line::Line& line, const line::bench::Call& call);
 
 }  // namespace servodrome::studio

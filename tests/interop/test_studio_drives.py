@@ -6,6 +6,7 @@ import subprocess
 import time
 import urllib.error
 import urllib.request
+from urllib.parse import quote
 
 import pytest
 from line import COUNTS, PROGRAM, ApiError, Line, axis_text, bus_text, servodrome, wait_for
@@ -65,6 +66,32 @@ def test_finds_the_drives_of_all_buses(studio):
         lambda: [axis for axis in studio.bench.get("axes")["axes"] if axis["powered"]], "an answer"
     ):
         assert axis["state"] in ("switch on disabled", "ready to switch on", "not ready to switch on")
+
+
+def test_what_only_simulated_drives_have_is_refused_with_the_reason(studio):
+    axis = f"axes/{next(iter(NAMES))}"
+    bus = quote(studio.bench.get("buses")["buses"][0]["name"], safe="")
+    calls = [
+        ("POST", f"{axis}/power", {"action": "off"}),
+        ("GET", f"{axis}/geometry", None),
+        ("GET", f"{axis}/inputs", None),
+        ("PUT", f"{axis}/inputs", {"DI0": True}),
+        ("GET", f"{axis}/plant", None),
+        ("PUT", f"{axis}/plant", {"locked_rotor": True}),
+        ("POST", f"{axis}/faults", {"inject": "encoder_loss"}),
+        ("DELETE", f"{axis}/faults", None),
+        ("POST", f"buses/{bus}/disturb", {"drop": 1}),
+        ("DELETE", f"buses/{bus}/disturb", None),
+        ("PUT", "clock", {"speed": 2}),
+        ("POST", "clock/advance", {"ms": 1}),
+    ]
+    for method, path, body in calls:
+        with pytest.raises(ApiError) as refusal:
+            studio.bench.call(method, path, body)
+        assert refusal.value.status == 409 and "simulated drives only" in str(refusal.value), (method, path)
+    assert studio.bench.get(f"buses/{bus}")["connected"]
+    with pytest.raises(ApiError, match="there is no bus"):
+        studio.bench.get("buses/nothing")
 
 
 @pytest.mark.parametrize("axis", NAMES)

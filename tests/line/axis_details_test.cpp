@@ -5,7 +5,7 @@
 
 #include "describe/object_texts.hpp"
 #include "drive/drive.hpp"
-#include "line/bench/api.hpp"
+#include "line/bench/line_bench.hpp"
 #include "support.hpp"
 
 namespace servodrome::line::bench {

@@ -16,7 +16,7 @@
 #include <thread>
 #include <unistd.h>
 
-#include "line/bench/api.hpp"
+#include "line/bench/line_bench.hpp"
 #include "line/bench/scope/frame.hpp"
 #include "line/bench/scope/stream_session.hpp"
 #include "line/line_server.hpp"

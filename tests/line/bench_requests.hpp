@@ -4,7 +4,7 @@
 #include <random>
 #include <string>
 
-#include "line/bench/api.hpp"
+#include "line/bench/line_bench.hpp"
 
 namespace servodrome::line::test {
 

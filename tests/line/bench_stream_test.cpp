@@ -5,7 +5,7 @@
 #include <map>
 #include <nlohmann/json.hpp>
 
-#include "line/bench/api.hpp"
+#include "line/bench/line_bench.hpp"
 #include "line/bench/scope/frame.hpp"
 #include "line/bench/scope/line_scope.hpp"
 #include "support.hpp"

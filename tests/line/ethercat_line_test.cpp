@@ -3,8 +3,8 @@
 
 #include "ethercat/frame/frame_writer.hpp"
 #include "ethercat/slave/slave.hpp"
-#include "line/bench/api.hpp"
 #include "line/bench/error.hpp"
+#include "line/bench/line_bench.hpp"
 #include "links/ethercat/memory_client.hpp"
 #include "support.hpp"
 

@@ -5,7 +5,7 @@
 #include "bench_requests.hpp"
 #include "draws.hpp"
 #include "line/bench/access.hpp"
-#include "line/bench/api.hpp"
+#include "line/bench/line_bench.hpp"
 #include "support.hpp"
 
 namespace servodrome::line::bench {

@@ -3,7 +3,7 @@
 #include <gtest/gtest.h>
 #include <nlohmann/json.hpp>
 
-#include "line/bench/api.hpp"
+#include "line/bench/line_bench.hpp"
 #include "links/serial/client.hpp"
 #include "modbus/rtu_server.hpp"
 #include "support.hpp"

@@ -1,10 +1,11 @@
 #pragma once
 
 #include <algorithm>
+#include <array>
 #include <gtest/gtest.h>
 #include <nlohmann/json.hpp>
 
-#include "line/bench/api.hpp"
+#include "line/bench/line_bench.hpp"
 #include "line/support.hpp"
 #include "links/ethercat/memory_client.hpp"
 #include "master/ethercat/scan.hpp"
@@ -34,8 +35,7 @@ class CommissioningRig : public testing::Test {
   }
 
   line::bench::Response ask(line::bench::Method method, const std::string& target, const std::string& body = {}) {
-    std::vector<line::bench::RouteGroup> groups = commissioning_routes();
-    groups.push_back(jobs_.routes());
+    const std::array groups{parameter_routes(subjects_), pdo_routes(subjects_), jobs_.routes()};
     return line::bench::handle(line_, {.method = method, .target = "/api/v1/" + target, .body = body}, groups);
   }
   // The answer of a request that is to succeed.
@@ -67,6 +67,7 @@ class CommissioningRig : public testing::Test {
 
   line::Line line_;
   LineJobs jobs_{line_};
+  LineSubjects subjects_{line_};
 };
 
 // What GoogleTest takes for a name of such a test.

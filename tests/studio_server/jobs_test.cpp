@@ -7,7 +7,7 @@
 
 #include "axis/dialect.hpp"
 #include "drive/drive.hpp"
-#include "line/bench/api.hpp"
+#include "line/bench/line_bench.hpp"
 #include "line/support.hpp"
 
 namespace servodrome::studio {

@@ -5,7 +5,7 @@
 #include <gtest/gtest.h>
 #include <nlohmann/json.hpp>
 
-#include "line/bench/api.hpp"
+#include "line/bench/line_bench.hpp"
 #include "line/support.hpp"
 #include "links/serial/client.hpp"
 #include "modbus/rtu_server.hpp"
@@ -58,7 +58,8 @@ class TrafficTest : public testing::Test {
   }
 
   line::Line line{line::test::settings_of(line::test::two_axes_and_rs485)};
-  Traffic traffic{find_line_traffic, [] { return line::Time(1'000'000'000'000); }};
+  Traffic traffic{[this](const line::bench::Call& call) { return find_line_traffic(line, call); },
+                  [] { return line::Time(1'000'000'000'000); }};
   links::MemoryPort port{line.find_bus("can0")->bus};
   std::size_t pieces = 0;
   std::size_t longest_piece = 0;

@@ -7,13 +7,9 @@
 #include <optional>
 
 #include "line/bench/routes.hpp"
-#include "line/nearest_name.hpp"
 
 namespace servodrome::line::bench {
 namespace {
-
-constexpr std::array line_groups{axis_routes,   object_routes, plant_routes, fault_routes, geometry_routes,
-                                 homing_routes, state_routes,  bus_routes,   clock_routes};
 
 std::string_view word(Method method) {
   switch (method) {
@@ -67,7 +63,6 @@ Response answer_of(Call& call, const Route& route) {
 
 // The search for a request's route, and its result.
 struct Search {
-  Line& line;
   const Request& request;
   std::string_view path;
   std::string_view query;
@@ -80,7 +75,7 @@ void search(Search& search, const RouteGroup& group) {
     auto arguments = match(route.pattern, search.path);
     if (!arguments) continue;
     if (route.method == search.request.method) {
-      Call call{search.line, std::move(*arguments), search.request.body, search.query, group.context};
+      Call call{std::move(*arguments), search.request.body, search.query, group.context};
       search.response = answer_of(call, route);
       return;
     }
@@ -102,10 +97,10 @@ Response answered(Act act) {
   }
 }
 
-Response dispatch(Line& line, const Request& request, std::span<const RouteGroup> groups) {
+Response dispatch(const Request& request, std::span<const RouteGroup> groups) {
   const std::string_view target = request.target;
   const std::size_t end = std::min(target.find('?'), target.size());
-  Search wanted{line, request, target.substr(0, end), target.substr(std::min(end + 1, target.size()))};
+  Search wanted{request, target.substr(0, end), target.substr(std::min(end + 1, target.size()))};
   for (const RouteGroup& group : groups) {
     search(wanted, group);
     if (wanted.response) return std::move(*wanted.response);
@@ -121,14 +116,6 @@ Response dispatch(Line& line, const Request& request, std::span<const RouteGroup
 }
 
 }  // namespace
-
-Axis& axis_argument(Call& call) {
-  const std::string_view name = call.arguments.front();
-  if (Axis* axis = call.line.find_axis(name)) return *axis;
-  std::vector<std::string_view> names;
-  for (const auto& axis : call.line.axes()) names.push_back(axis->settings().name);
-  throw ApiError{404, fmt::format("there is no axis \"{}\"", name.substr(0, 40)), "address", suggestion(name, names)};
-}
 
 std::string unescaped(std::string_view text) {
   std::string plain;
@@ -155,15 +142,8 @@ std::optional<std::string> query_value(const Call& call, std::string_view key) {
   return std::nullopt;
 }
 
-Response begin(Line& line, const Request& request, std::span<const RouteGroup> more) {
-  std::vector<RouteGroup> groups;
-  for (const auto group : line_groups) groups.push_back({group()});
-  groups.insert(groups.end(), more.begin(), more.end());
-  return begin_in(line, request, groups);
-}
-
-Response begin_in(Line& line, const Request& request, std::span<const RouteGroup> groups) {
-  return answered([&] { return dispatch(line, request, groups); });
+Response begin(const Request& request, std::span<const RouteGroup> groups) {
+  return answered([&] { return dispatch(request, groups); });
 }
 
 void carry_out_piece(Response& response) {
@@ -175,8 +155,7 @@ void carry_out_piece(Response& response) {
   });
 }
 
-Response handle(Line& line, const Request& request, std::span<const RouteGroup> more) {
-  Response response = begin(line, request, more);
+Response completed(Response response) {
   while (response.piece) carry_out_piece(response);
   if (const More rest = std::exchange(response.more, {})) {
     for (std::string part = rest(); !part.empty(); part = rest()) response.body += part;

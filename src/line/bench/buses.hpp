@@ -4,6 +4,7 @@
 #include <variant>
 
 #include "line/bench/routes.hpp"
+#include "line/line.hpp"
 
 // The views and disturbances of buses in the API, for each kind of bus.
 namespace servodrome::line::bench {
@@ -11,16 +12,16 @@ namespace servodrome::line::bench {
 using AnyBus = std::variant<NamedBus*, NamedSerialBus*, NamedEthercatBus*>;
 
 // Returns the bus that the argument names. Throws ApiError 404.
-AnyBus bus_argument(Call& call);
+AnyBus bus_argument(Line& line, const Call& call);
 
 Json view_of(const Line& line, const NamedBus& named);
 Json view_of(const Line& line, const NamedSerialBus& named);
 Json view_of(const Line& line, const NamedEthercatBus& named);
 
 // Replaces the previous disturbance. On an error throws ApiError and changes nothing.
-void disturb(Call& call, NamedBus& named);
-void disturb(Call& call, NamedSerialBus& named);
-void disturb(Call& call, NamedEthercatBus& named);
+void disturb(const Line& line, const Call& call, NamedBus& named);
+void disturb(const Line& line, const Call& call, NamedSerialBus& named);
+void disturb(const Line& line, const Call& call, NamedEthercatBus& named);
 
 // Ends all disturbances and reconnects the cables.
 void calm(const Line& line, NamedBus& named);

@@ -90,7 +90,7 @@ void calm(const Line& line, NamedBus& named) {
   }
 }
 
-void disturb(Call& call, NamedBus& named) {
+void disturb(const Line& line, const Call& call, NamedBus& named) {
   constexpr double longest_delay_ms = 60'000;
   BodyReader body(call.body);
   links::Disturbance disturbance;
@@ -105,10 +105,10 @@ void disturb(Call& call, NamedBus& named) {
   disturbance.id_mask = static_cast<std::uint32_t>(body.integer("id_mask", 0x1FFFFFFF).value_or(whole_id));
   disturbance.limit = static_cast<std::uint32_t>(body.integer("limit", UINT32_MAX).value_or(0));
   const bool cut = body.boolean("cut").value_or(false);
-  const Axis* axis = named_axis(call.line, named, body);
+  const Axis* axis = named_axis(line, named, body);
   body.finish();
 
-  calm(call.line, named);
+  calm(line, named);
   if (axis != nullptr) disturbance.port = static_cast<std::uint16_t>(axis->port());
   if (cut && axis != nullptr) named.bus.cut(axis->port(), true);
   if (cut && axis == nullptr) named.bus.cut_bus(true);

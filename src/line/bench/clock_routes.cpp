@@ -1,10 +1,9 @@
 #include <algorithm>
-#include <array>
 #include <cmath>
 
 #include "line/bench/axis_view.hpp"
 #include "line/bench/body_reader.hpp"
-#include "line/bench/routes.hpp"
+#include "line/bench/line_bench.hpp"
 #include "line/version.hpp"
 
 namespace servodrome::line::bench {
@@ -29,20 +28,18 @@ Json clock_view(const Line& line) {
   return clock;
 }
 
-namespace {
+Json LineBench::show_clock(Call&) { return clock_view(line_); }
 
-Json show_clock(Call& call) { return clock_view(call.line); }
-
-Json advance(Call& call) {
+Json LineBench::advance(Call& call) {
   BodyReader body(call.body);
   body.required("ms");
   const double ms = body.number("ms", 0, longest_advance_ms).value_or(0);
   body.finish();
-  if (call.line.clock_mode() == ClockMode::real) {
+  if (line_.clock_mode() == ClockMode::real) {
     throw ApiError{409, "the line runs in real time", "clock", "start it with `servodrome up --virtual`"};
   }
   // In pieces, so that each client of a stream receives the samples so far before there are more.
-  call.piece = [&line = call.line, left = Time(std::llround(ms * 1e6))]() mutable -> Json {
+  call.piece = [&line = line_, left = Time(std::llround(ms * 1e6))]() mutable -> Json {
     const Time piece = std::min(left, piece_of_advance);
     line.run_until(line.now() + piece);
     left -= piece;
@@ -51,41 +48,29 @@ Json advance(Call& call) {
   return nullptr;
 }
 
-Json set_speed(Call& call) {
+Json LineBench::set_speed(Call& call) {
   BodyReader body(call.body);
   body.required("speed");
   const double speed = body.number("speed", 0, Line::most_speed).value_or(0);
   body.finish();
-  if (call.line.clock_mode() == ClockMode::real) {
+  if (line_.clock_mode() == ClockMode::real) {
     throw ApiError{409, "the line runs in real time", "clock", "start it with `servodrome up --virtual`"};
   }
-  call.line.set_speed(speed);
-  return clock_view(call.line);
+  line_.set_speed(speed);
+  return clock_view(line_);
 }
 
-Json show_version(Call&) { return Json{{"name", "servodrome"}, {"version", version()}, {"api", 1}}; }
-
-Json show_line(Call& call) {
+Json LineBench::show_line(Call&) {
   Json buses = Json::array();
-  for (const auto& bus : call.line.buses()) buses.push_back(bus->settings.name);
-  for (const auto& bus : call.line.serial_buses()) buses.push_back(bus->settings.name);
-  for (const auto& bus : call.line.ethercat_buses()) buses.push_back(bus->settings.name);
+  for (const auto& bus : line_.buses()) buses.push_back(bus->settings.name);
+  for (const auto& bus : line_.serial_buses()) buses.push_back(bus->settings.name);
+  for (const auto& bus : line_.ethercat_buses()) buses.push_back(bus->settings.name);
   Json names = Json::array();
   for (const Signal& signal : signals()) names.push_back(signal.name);
   Json missing = Json::object();
-  if (call.line.clock_mode() == ClockMode::real) missing["virtual_time"] = "the line runs in real time";
+  if (line_.clock_mode() == ClockMode::real) missing["virtual_time"] = "the line runs in real time";
   return Json{
       {"kind", "virtual"}, {"buses", std::move(buses)}, {"signals", std::move(names)}, {"missing", std::move(missing)}};
 }
-
-constexpr std::array clock_table{
-    Route{Method::get, "/api/v1/line", show_line},       Route{Method::get, "/api/v1/clock", show_clock},
-    Route{Method::put, "/api/v1/clock", set_speed},      Route{Method::post, "/api/v1/clock/advance", advance},
-    Route{Method::get, "/api/v1/version", show_version},
-};
-
-}  // namespace
-
-std::span<const Route> clock_routes() { return clock_table; }
 
 }  // namespace servodrome::line::bench

@@ -65,7 +65,7 @@ Json view_of(const Line& line, const NamedEthercatBus& named) {
   return view;
 }
 
-void disturb(Call& call, NamedEthercatBus& named) {
+void disturb(const Line& line, const Call& call, NamedEthercatBus& named) {
   BodyReader body(call.body);
   links::EthercatDisturbance disturbance;
   disturbance.drop = body.number("drop", 0, 1).value_or(0);
@@ -81,7 +81,7 @@ void disturb(Call& call, NamedEthercatBus& named) {
   const bool ring = body.boolean("ring").value_or(named.bus.cable(named.bus.size()));
   body.finish();
 
-  calm(call.line, named);
+  calm(line, named);
   if (unplugged) named.bus.set_cable(*unplugged, false);  // the cable in front of the slave
   named.bus.set_cable(named.bus.size(), ring);
   const double any = disturbance.drop + disturbance.drop_answer + disturbance.corrupt + disturbance.delay;

@@ -1,5 +1,4 @@
 #include <algorithm>
-#include <array>
 #include <cstring>
 #include <fmt/format.h>
 #include <optional>
@@ -8,7 +7,7 @@
 #include "drive/drive.hpp"
 #include "line/bench/axis_view.hpp"
 #include "line/bench/body_reader.hpp"
-#include "line/bench/routes.hpp"
+#include "line/bench/line_bench.hpp"
 #include "line/nearest_name.hpp"
 #include "links/number_text.hpp"
 
@@ -114,8 +113,18 @@ Json past_faults(Axis& axis) {
   return history;
 }
 
-Json show_faults(Call& call) {
-  Axis& axis = axis_argument(call);
+void apply(Axis& axis, const Injectable& what, bool on) {
+  if (what.plant) {
+    axis.plant().inject(*what.plant, on);
+  } else {
+    axis.inject(what.cause, on);
+  }
+}
+
+}  // namespace
+
+Json LineBench::show_faults(Call& call) {
+  Axis& axis = axis_of(call);
   Json injected = Json::array();
   for (const plant::InjectionName& known : plant::injection_names) {
     if (axis.plant().injected(known.injection)) injected.push_back(known.name);
@@ -136,16 +145,8 @@ Json show_faults(Call& call) {
               {"injectable", {{"plant", std::move(plant_faults)}, {"drive", std::move(drive_faults)}}}};
 }
 
-void apply(Axis& axis, const Injectable& what, bool on) {
-  if (what.plant) {
-    axis.plant().inject(*what.plant, on);
-  } else {
-    axis.inject(what.cause, on);
-  }
-}
-
-Json inject(Call& call) {
-  Axis& axis = axis_argument(call);
+Json LineBench::inject(Call& call) {
+  Axis& axis = axis_of(call);
   BodyReader body(call.body);
   body.required("inject");
   const Injectable what = injectable(axis, body.string("inject").value_or(""));
@@ -154,8 +155,8 @@ Json inject(Call& call) {
   return show_faults(call);
 }
 
-Json take_back(Call& call) {
-  Axis& axis = axis_argument(call);
+Json LineBench::take_back(Call& call) {
+  Axis& axis = axis_of(call);
   BodyReader body(call.body, true);
   const auto name = body.string("inject");
   std::optional<Injectable> what;
@@ -169,15 +170,5 @@ Json take_back(Call& call) {
   }
   return show_faults(call);
 }
-
-constexpr std::array fault_table{
-    Route{Method::get, "/api/v1/axes/{}/faults", show_faults},
-    Route{Method::post, "/api/v1/axes/{}/faults", inject},
-    Route{Method::delete_, "/api/v1/axes/{}/faults", take_back},
-};
-
-}  // namespace
-
-std::span<const Route> fault_routes() { return fault_table; }
 
 }  // namespace servodrome::line::bench

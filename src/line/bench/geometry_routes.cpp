@@ -1,7 +1,6 @@
-#include <array>
 #include <fmt/format.h>
 
-#include "line/bench/routes.hpp"
+#include "line/bench/line_bench.hpp"
 
 // The positions of stops, switches and index along the travel of an axis.
 namespace servodrome::line::bench {
@@ -19,8 +18,10 @@ std::string_view purpose_of(const plant::Switch& fitted, const Product& product)
   return fitted.wire == product.wiring.home ? "home" : "switch";
 }
 
-Json show_geometry(Call& call) {
-  const Axis& axis = axis_argument(call);
+}  // namespace
+
+Json LineBench::show_geometry(Call& call) {
+  const Axis& axis = axis_of(call);
   const plant::Parameters& parameters = axis.plant().parameters();
   Json geometry{{"negative_stop", counts_or_null(parameters.load.low_stop_counts)},
                 {"positive_stop", counts_or_null(parameters.load.high_stop_counts)},
@@ -60,11 +61,5 @@ Json show_geometry(Call& call) {
   geometry["switches"] = std::move(switches);
   return geometry;
 }
-
-constexpr std::array geometry_table{Route{Method::get, "/api/v1/axes/{}/geometry", show_geometry}};
-
-}  // namespace
-
-std::span<const Route> geometry_routes() { return geometry_table; }
 
 }  // namespace servodrome::line::bench

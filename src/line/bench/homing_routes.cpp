@@ -4,7 +4,7 @@
 #include "drive/drive.hpp"
 #include "drive/homing/cia402_methods.hpp"
 #include "line/bench/axis_view.hpp"
-#include "line/bench/routes.hpp"
+#include "line/bench/line_bench.hpp"
 
 // The homing methods of a drive, leg by leg, from the table that its homing uses.
 namespace servodrome::line::bench {
@@ -100,14 +100,12 @@ Json view_of(const drive::Method& method) {
               {"needs", std::move(needs)}};
 }
 
-Json show_homing(Call& call) {
-  const drive::Drive& drive = axis_argument(call).device().drive();
+}  // namespace
+
+Json LineBench::show_homing(Call& call) {
+  const drive::Drive& drive = axis_of(call).device().drive();
   return homing_view(drive.policy(), drive.axis().units.position_inverted);
 }
-
-constexpr std::array homing_table{Route{Method::get, "/api/v1/axes/{}/homing", show_homing}};
-
-}  // namespace
 
 Json homing_view(const drive::Policy& policy, bool reversed) {
   const std::span<const drive::Method> table = policy.homing_methods;
@@ -122,7 +120,5 @@ Json homing_view(const drive::Policy& policy, bool reversed) {
   }
   return Json{{"reversed", reversed}, {"methods", std::move(methods)}};
 }
-
-std::span<const Route> homing_routes() { return homing_table; }
 
 }  // namespace servodrome::line::bench

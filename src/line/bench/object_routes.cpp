@@ -1,10 +1,9 @@
 #include <algorithm>
-#include <array>
 #include <fmt/format.h>
 
 #include "line/bench/body_reader.hpp"
+#include "line/bench/line_bench.hpp"
 #include "line/bench/object_values.hpp"
-#include "line/bench/routes.hpp"
 
 namespace servodrome::line::bench {
 namespace {
@@ -18,8 +17,7 @@ struct Object {
   std::string where;
 };
 
-Object object_argument(Call& call) {
-  Axis& axis = axis_argument(call);
+Object object_argument(Axis& axis, const Call& call) {
   const auto [index, sub] = object_address(call.arguments[1], call.arguments[2]);
   std::string where = fmt::format("{}, {:04X}h:{:02X}", axis.settings().name, index, sub);
   if (!axis.powered()) {
@@ -31,10 +29,12 @@ Object object_argument(Call& call) {
   return {axis, *entry, std::move(where)};
 }
 
+}  // namespace
+
 // A list of a thousand objects takes some milliseconds, so it is generated in parts, with other events in between.
-Json list_objects(Call& call) {
+Json LineBench::list_objects(Call& call) {
   constexpr std::size_t objects_at_once = 16;
-  const auto part = [&axis = axis_argument(call), at = std::size_t{0}, ended = false]() mutable -> std::string {
+  const auto part = [&axis = axis_of(call), at = std::size_t{0}, ended = false]() mutable -> std::string {
     if (ended) return {};
     const auto table = axis.device().dictionary().table();
     std::string text = at == 0 ? R"({"objects":[)" : "";
@@ -50,8 +50,8 @@ Json list_objects(Call& call) {
   return nullptr;
 }
 
-Json read_object(Call& call) {
-  const Object object = object_argument(call);
+Json LineBench::read_object(Call& call) {
+  const Object object = object_argument(axis_of(call), call);
   dictionary::ReadValue value;
   const AbortCode abort = object.axis.device().dictionary().read(object.entry, value);
   if (abort != AbortCode::none) refuse_access(abort, object.where);
@@ -59,8 +59,8 @@ Json read_object(Call& call) {
 }
 
 // Reads several objects at once, for clients that poll them. The value is null if an object cannot be read now.
-Json read_values(Call& call) {
-  Axis& axis = axis_argument(call);
+Json LineBench::read_values(Call& call) {
+  Axis& axis = axis_of(call);
   Json values = Json::object();
   for (const auto& [text, address] : object_list(query_value(call, "objects").value_or(""))) {
     Json& value = values[text] = nullptr;
@@ -74,27 +74,16 @@ Json read_values(Call& call) {
   return Json{{"values", std::move(values)}};
 }
 
-Json write_object(Call& call) {
-  const Object object = object_argument(call);
+Json LineBench::write_object(Call& call) {
+  const Object object = object_argument(axis_of(call), call);
   BodyReader body(call.body);
   const Json& value = body.required("value");
   body.finish();
   const std::vector<std::byte> bytes = bytes_of(object.entry, value, object.where);
   const AbortCode abort = object.axis.device().dictionary().write(object.entry, bytes);
   if (abort != AbortCode::none) refuse_access(abort, object.where);
-  object.axis.send_waiting(call.line.now());
+  object.axis.send_waiting(line_.now());
   return nullptr;
 }
-
-constexpr std::array object_table{
-    Route{Method::get, "/api/v1/axes/{}/objects", list_objects},
-    Route{Method::get, "/api/v1/axes/{}/objects/{}/{}", read_object},
-    Route{Method::get, "/api/v1/axes/{}/values", read_values},
-    Route{Method::put, "/api/v1/axes/{}/objects/{}/{}", write_object},
-};
-
-}  // namespace
-
-std::span<const Route> object_routes() { return object_table; }
 
 }  // namespace servodrome::line::bench

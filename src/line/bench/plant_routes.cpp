@@ -4,7 +4,7 @@
 #include <optional>
 
 #include "line/bench/body_reader.hpp"
-#include "line/bench/routes.hpp"
+#include "line/bench/line_bench.hpp"
 #include "links/number_text.hpp"
 
 namespace servodrome::line::bench {
@@ -21,8 +21,10 @@ int wire_of(const Axis& axis, std::string_view name) {
   return wire;
 }
 
-Json show_inputs(Call& call) {
-  const Axis& axis = axis_argument(call);
+}  // namespace
+
+Json LineBench::show_inputs(Call& call) {
+  const Axis& axis = axis_of(call);
   Json inputs = Json::object();
   for (int wire = 0; wire < axis.settings().product->input_wires; ++wire) {
     const auto forced = axis.forced_inputs().find(wire);
@@ -33,8 +35,8 @@ Json show_inputs(Call& call) {
   return Json{{"inputs", std::move(inputs)}};
 }
 
-Json force_inputs(Call& call) {
-  Axis& axis = axis_argument(call);
+Json LineBench::force_inputs(Call& call) {
+  Axis& axis = axis_of(call);
   const BodyReader body(call.body);
   std::vector<std::pair<int, std::optional<bool>>> wanted;
   for (const auto& [name, value] : body.object().items()) {
@@ -49,8 +51,8 @@ Json force_inputs(Call& call) {
   return show_inputs(call);
 }
 
-Json show_plant(Call& call) {
-  const Axis& axis = axis_argument(call);
+Json LineBench::show_plant(Call& call) {
+  const Axis& axis = axis_of(call);
   const plant::Parameters& parameters = axis.plant().parameters();
   return Json{{"locked_rotor", axis.plant().rotor_locked()},
               {"load_torque_nm", parameters.load.external_torque_nm},
@@ -60,6 +62,8 @@ Json show_plant(Call& call) {
               {"ambient_c", parameters.thermal.ambient_c},
               {"position_counts", axis.plant().position_counts()}};
 }
+
+namespace {
 
 // A number of the plant that may change while it runs. `change` changes the parameters, which plant::validate checks;
 // `set` changes the plant.
@@ -106,8 +110,10 @@ void check(const plant::Plant& plant, const std::array<std::optional<double>, qu
   judge(changed);
 }
 
-Json change_plant(Call& call) {
-  Axis& axis = axis_argument(call);
+}  // namespace
+
+Json LineBench::change_plant(Call& call) {
+  Axis& axis = axis_of(call);
   plant::Plant& plant = axis.plant();
   BodyReader body(call.body);
   std::array<std::optional<double>, quantities.size()> values;
@@ -126,16 +132,5 @@ Json change_plant(Call& call) {
   if (locked) plant.lock_rotor(*locked);
   return show_plant(call);
 }
-
-constexpr std::array plant_table{
-    Route{Method::get, "/api/v1/axes/{}/inputs", show_inputs},
-    Route{Method::put, "/api/v1/axes/{}/inputs", force_inputs},
-    Route{Method::get, "/api/v1/axes/{}/plant", show_plant},
-    Route{Method::put, "/api/v1/axes/{}/plant", change_plant},
-};
-
-}  // namespace
-
-std::span<const Route> plant_routes() { return plant_table; }
 
 }  // namespace servodrome::line::bench

@@ -7,10 +7,9 @@
 #include <vector>
 
 #include "line/bench/error.hpp"
-#include "line/line.hpp"
 
-// The tables of all operations of the API, in groups; each group is a file. Libraries above this one add their own
-// groups (LineServer::add_routes).
+// The operations of the API, in tables: those of a bench (bench.hpp), and those that libraries above this one add
+// (LineServer::add_routes).
 namespace servodrome::line::bench {
 
 // A response body that is not JSON.
@@ -24,7 +23,6 @@ struct Content {
 using JsonPiece = std::function<Json()>;
 
 struct Call {
-  Line& line;                               // has no axes if the server has real drives only
   std::vector<std::string_view> arguments;  // the parts of the address in the places of {}
   const std::string& body;
   std::string_view query{};          // the part of the address behind the ?, as sent
@@ -40,24 +38,11 @@ struct Route {
   unsigned status = 200;     // of a response with a body, such as 201 for a new object
 };
 
-// Routes and the data that their handlers need in addition to the line. `context` must outlive the requests.
+// Routes and the data that their handlers need. `context` must outlive the requests.
 struct RouteGroup {
   std::span<const Route> routes;
   void* context = nullptr;
 };
-
-std::span<const Route> axis_routes();
-std::span<const Route> object_routes();
-std::span<const Route> plant_routes();
-std::span<const Route> fault_routes();
-std::span<const Route> geometry_routes();
-std::span<const Route> homing_routes();
-std::span<const Route> state_routes();
-std::span<const Route> bus_routes();
-std::span<const Route> clock_routes();
-
-// Returns the axis that the first argument names. Throws ApiError 404.
-Axis& axis_argument(Call& call);
 
 // Returns the value of a key in the query, decoded: for "?after=12" the value of "after" is "12". Returns nothing if
 // the key is not there.

@@ -34,7 +34,7 @@ Json view_of(const Line& line, const NamedSerialBus& named) {
   return view;
 }
 
-void disturb(Call& call, NamedSerialBus& named) {
+void disturb(const Line&, const Call& call, NamedSerialBus& named) {
   BodyReader body(call.body);
   links::SerialDisturbance disturbance;
   disturbance.drop = body.number("drop", 0, 1).value_or(0);

@@ -2,7 +2,7 @@
 
 #include "drive/drive.hpp"
 #include "line/bench/axis_view.hpp"
-#include "line/bench/routes.hpp"
+#include "line/bench/line_bench.hpp"
 
 // The state of a drive's power state machine, and the transitions that a master can command from there.
 namespace servodrome::line::bench {
@@ -33,8 +33,10 @@ bool is_the_usual(const drive::Transition& transition) {
   return transition.command != Command::enable_operation || transition.from != PowerState::ready_to_switch_on;
 }
 
-Json show_states(Call& call) {
-  Axis& axis = axis_argument(call);
+}  // namespace
+
+Json LineBench::show_states(Call& call) {
+  Axis& axis = axis_of(call);
   if (!axis.powered()) {
     throw ApiError{409, "the axis has no power", axis.settings().name,
                    "switch it on: POST .../power {\"action\": \"on\"}"};
@@ -42,10 +44,6 @@ Json show_states(Call& call) {
   const drive::Drive& drive = axis.device().drive();
   return states_view(drive.state(), drive.policy(), [&drive](const auto& its) { return drive.accepts(its); });
 }
-
-constexpr std::array state_table{Route{Method::get, "/api/v1/axes/{}/states", show_states}};
-
-}  // namespace
 
 Json states_view(PowerState state, const drive::Policy& policy,
                  const std::function<bool(const drive::Transition&)>& accepts) {
@@ -68,7 +66,5 @@ Json states_view(PowerState state, const drive::Policy& policy,
   }
   return Json{{"state", drive::name(state)}, {"transitions", std::move(transitions)}};
 }
-
-std::span<const Route> state_routes() { return state_table; }
 
 }  // namespace servodrome::line::bench

@@ -1,0 +1,39 @@
+#pragma once
+
+#include "line/bench/bench.hpp"
+#include "studio/real_drives.hpp"
+
+namespace servodrome::studio {
+
+// Drives on buses as a bench of the API: a line reads the answers from its virtual drives, here the drives are asked
+// over their buses. It has no plant, no inputs, no power switch, no faults on request, and real time only.
+class RealBench final : public line::bench::Bench {
+ public:
+  using Call = line::bench::Call;
+  using Json = line::bench::Json;
+
+  // `drives` must outlive this object.
+  explicit RealBench(RealDrives& drives) : drives_(drives) {}
+
+  Json show_line(Call& call) override;
+  Json list_axes(Call& call) override;
+  Json show_axis(Call& call) override;
+  Json show_states(Call& call) override;
+  Json show_homing(Call& call) override;
+  Json list_objects(Call& call) override;
+  Json read_object(Call& call) override;
+  Json write_object(Call& call) override;
+  Json read_values(Call& call) override;
+  Json show_faults(Call& call) override;
+  Json list_buses(Call& call) override;
+  Json show_bus(Call& call) override;
+  Json show_clock(Call& call) override;
+
+ private:
+  RealDrives& drives_;
+};
+
+// Returns the index of the bus that the first argument of a call names. Throws ApiError 404.
+std::size_t bus_argument(const RealDrives& drives, const line::bench::Call& call);
+
+}  // namespace servodrome::studio
