@@ -124,27 +124,27 @@ master::Serial10Client open_serial10_client(const BusOptions& options, const std
 DriveLink::DriveLink(const BusOptions& options, bool drives) : product_(named_product(options)) {
   const auto [kind, link] = bus_kind(options);
   switch (kind) {
-    case BusKind::can: open_can(options, drives); break;
-    case BusKind::modbus: open_modbus(options, link); break;
-    case BusKind::serial10: open_serial10(options, link); break;
-    case BusKind::ethercat: open_ethercat(options, drives); break;
+    case BusKind::can: open(bus_.emplace<Can>(), options, drives); break;
+    case BusKind::modbus: open(bus_.emplace<Modbus>(), options, link); break;
+    case BusKind::serial10: open(bus_.emplace<Serial10>(), options, link); break;
+    case BusKind::ethercat: open(bus_.emplace<Ethercat>(), options, drives); break;
   }
 }
 
-void DriveLink::open_can(const BusOptions& options, bool drives) {
-  bus_ = open_bus(options);
-  auto sdo = std::make_unique<master::SdoClient>(*bus_, choose_node(*bus_, options, drives),
+void DriveLink::open(Can& can, const BusOptions& options, bool drives) {
+  can.bus = open_bus(options);
+  auto sdo = std::make_unique<master::SdoClient>(*can.bus, choose_node(*can.bus, options, drives),
                                                  master::SdoOptions{.timeout = options.answer_timeout()});
-  sdo_ = sdo.get();
+  can.sdo = sdo.get();
   objects_ = std::move(sdo);
 }
 
-void DriveLink::open_modbus(const BusOptions& options, const std::string& link) {
+void DriveLink::open(Modbus& modbus, const BusOptions& options, const std::string& link) {
   const master::ModbusOptions modbus_options{.timeout = options.answer_timeout()};
-  modbus_ = std::make_unique<master::ModbusClient>(open_modbus_client(options, link, modbus_options));
+  modbus.client = std::make_unique<master::ModbusClient>(open_modbus_client(options, link, modbus_options));
   const std::uint8_t unit = modbus_unit(options, link);
-  if (product_ == nullptr) product_ = &modbus_product(*modbus_, unit);
-  objects_ = std::make_unique<master::ModbusObjects>(*modbus_, unit, register_list_of(*product_));
+  if (product_ == nullptr) product_ = &modbus_product(*modbus.client, unit);
+  objects_ = std::make_unique<master::ModbusObjects>(*modbus.client, unit, register_list_of(*product_));
 }
 
 std::uint8_t modbus_unit(const BusOptions& options, const std::string& link) {
@@ -170,8 +170,6 @@ master::RegisterList register_list_of(const line::Product& product) {
           .table = product.describe().service_table,
           .word_order = product.serial->profile->word_order};
 }
-
-master::RegisterList DriveLink::register_list() const { return register_list_of(*product_); }
 
 // A station without identification may be any product, and register addresses differ between products.
 const line::Product& modbus_product(master::ModbusClient& client, std::uint8_t unit) {
@@ -199,13 +197,14 @@ const line::Product& modbus_product(master::ModbusClient& client, std::uint8_t u
       fmt::format("{}, unit {}: {}; give its product with --product ({})", client.name(), unit, said, known));
 }
 
-void DriveLink::open_serial10(const BusOptions& options, const std::string& link) {
+void DriveLink::open(Serial10& serial10, const BusOptions& options, const std::string& link) {
   const master::Serial10Options serial10_options{.timeout = options.answer_timeout()};
-  serial10_ = std::make_unique<master::Serial10Client>(open_serial10_client(options, link, serial10_options));
+  serial10.client = std::make_unique<master::Serial10Client>(open_serial10_client(options, link, serial10_options));
   if (options.node_id > 127) throw Failure::wrong_use(fmt::format("--node {}: ids are 1..127", options.node_id));
-  const auto id = static_cast<std::uint8_t>(options.node_id != 0 ? options.node_id : serial10::universal_id);
+  const auto id =
+      static_cast<std::uint8_t>(options.node_id != 0 ? options.node_id : servodrome::serial10::universal_id);
   if (product_ == nullptr) product_ = product_that_speaks(products::SerialProtocol::serial10);
-  objects_ = std::make_unique<master::Serial10Objects>(*serial10_, id);
+  objects_ = std::make_unique<master::Serial10Objects>(*serial10.client, id);
 }
 
 // ---- EtherCAT ----
@@ -260,45 +259,49 @@ master::OperationOptions operation_options(const BusOptions& options) {
           .sync_error_limit = any};
 }
 
-void DriveLink::open_ethercat(const BusOptions& options, bool drives) {
-  ethercat_ = open_ethercat_master(options);
-  line_ = scan_segment(*ethercat_);
-  const master::FoundSlave& found = choose_slave(*ethercat_, line_, options);
+void DriveLink::open(Ethercat& ethercat, const BusOptions& options, bool drives) {
+  ethercat.master = open_ethercat_master(options);
+  ethercat.line = scan_segment(*ethercat.master);
+  const master::FoundSlave& found = choose_slave(*ethercat.master, ethercat.line, options);
   if (found.status.state() == master::AlState::operational) {
     warn(
         fmt::format("{}, slave {}: it is in OP, so another master is active: two masters read each other's answers "
                     "from its one mailbox; stop the other master first",
-                    ethercat_->name(), found.position));
+                    ethercat.master->name(), found.position));
   }
-  slave_ = std::make_unique<master::EthercatSlave>(*ethercat_, found, options.answer_timeout());
+  ethercat.slave = std::make_unique<master::EthercatSlave>(*ethercat.master, found, options.answer_timeout());
   if (product_ == nullptr) product_ = product_of(found);
-  if (drives && !is_drive(*slave_)) {
+  if (drives && !is_drive(*ethercat.slave)) {
     throw Failure::wrong_use(
-        fmt::format("{}: it is not a CiA 402 drive; choose another slave with --node", slave_->where()));
+        fmt::format("{}: it is not a CiA 402 drive; choose another slave with --node", ethercat.slave->where()));
   }
-  objects_ = std::make_unique<master::CoeObjects>(*slave_);
+  objects_ = std::make_unique<master::CoeObjects>(*ethercat.slave);
 }
 
 void DriveLink::be_watched(const BusOptions& options) {
-  if (!bus_ || options.no_watch) return;
+  const Can* can = on<Can>();
+  if (can == nullptr || options.no_watch) return;
   master::ObjectClient* const drives[] = {objects_.get()};
-  watch_.emplace(*bus_, drives, warn);
+  watch_.emplace(*can->bus, drives, warn);
 }
 
 void DriveLink::operate(const BusOptions& options) {
   be_watched(options);
-  if (!slave_) return;
-  master::EthercatSlave* const slaves[] = {slave_.get()};
-  operation_.emplace(*ethercat_, line_, slaves, operation_options(options));
-  objects_ = std::make_unique<master::CoeObjects>(*slave_, operation_->exchange(), 0);
+  Ethercat* ethercat = on<Ethercat>();
+  if (ethercat == nullptr) return;
+  master::EthercatSlave* const slaves[] = {ethercat->slave.get()};
+  ethercat->operation.emplace(*ethercat->master, ethercat->line, slaves, operation_options(options));
+  objects_ = std::make_unique<master::CoeObjects>(*ethercat->slave, ethercat->operation->exchange(), 0);
 }
 
 std::unique_ptr<master::CyclicBus> DriveLink::open_cyclic(const master::CanDrive& on_can, const BusOptions& options) {
-  if (operation_) return std::make_unique<master::EthercatCyclicBus>(*ethercat_, *operation_);
-  if (!bus_) throw Failure::wrong_use(fmt::format("--bus {}: it has no process data", options.link));
+  if (operates()) {
+    return std::make_unique<master::EthercatCyclicBus>(*on<Ethercat>()->master, *on<Ethercat>()->operation);
+  }
+  if (on<Can>() == nullptr) throw Failure::wrong_use(fmt::format("--bus {}: it has no process data", options.link));
   // Some drives answer a SYNC in their next tick, which may be more than half a period later.
   return std::make_unique<master::CanCyclicBus>(
-      *bus_, std::vector{on_can},
+      *on<Can>()->bus, std::vector{on_can},
       master::CanCyclicOptions{.period = operation_options(options).cyclic.period, .waits_whole_period = true});
 }
 
@@ -314,17 +317,24 @@ const master::ObjectCatalogue& DriveLink::catalogue() {
   if (product() == nullptr) return master::ObjectCatalogue::standard();
   if (!catalogue_) {
     const describe::Description description = product()->describe();
-    catalogue_ = master::ObjectCatalogue::of(modbus_ || serial10_ ? description.service_table : description.table);
+    const bool service = on<Modbus>() != nullptr || on<Serial10>() != nullptr;
+    catalogue_ = master::ObjectCatalogue::of(service ? description.service_table : description.table);
   }
   return *catalogue_;
 }
 
 std::unique_ptr<master::scope::Sampler> DriveLink::open_sampler(std::vector<master::scope::Channel> channels,
                                                                 const master::scope::SamplerOptions& options) {
-  if (sdo_ != nullptr) return master::scope::open_can_sampler(*bus_, *sdo_, std::move(channels), options);
-  if (slave_) return master::scope::open_ethercat_sampler(*ethercat_, line_, *slave_, std::move(channels), options);
-  return master::scope::open_polled_sampler(*objects_, std::move(channels), options,
-                                            modbus_ ? "Modbus requests" : "requests of the 10-byte protocol");
+  if (Can* can = on<Can>()) {
+    return master::scope::open_can_sampler(*can->bus, *can->sdo, std::move(channels), options);
+  }
+  if (Ethercat* on_it = on<Ethercat>()) {
+    return master::scope::open_ethercat_sampler(*on_it->master, on_it->line, *on_it->slave, std::move(channels),
+                                                options);
+  }
+  return master::scope::open_polled_sampler(
+      *objects_, std::move(channels), options,
+      on<Modbus>() != nullptr ? "Modbus requests" : "requests of the 10-byte protocol");
 }
 
 void check_that_it_moves(const line::Product& product, const std::string& where) {
@@ -340,7 +350,7 @@ void check_that_it_moves(const line::Product& product, const std::string& where)
 
 std::unique_ptr<master::Axis402> DriveLink::open_axis(master::ObjectClient& objects, master::AxisOptions options) {
   if (product() != nullptr) options.dialect = master::dialect_of(product()->name);
-  if (modbus_) check_that_it_moves(*product_, objects_->where());
+  if (on<Modbus>() != nullptr) check_that_it_moves(*product_, objects_->where());
   if (!options.cancelled) options.cancelled = InterruptGuard::interrupted;
   return std::make_unique<master::Axis402>(objects, options);
 }
@@ -348,15 +358,19 @@ std::unique_ptr<master::Axis402> DriveLink::open_axis(master::ObjectClient& obje
 std::unique_ptr<master::conform::Subject> DriveLink::open_subject(const master::conform::SubjectSettings& settings,
                                                                   const BusOptions& options) {
   using master::conform::Subject;
-  if (sdo_ != nullptr) return std::make_unique<Subject>(master::conform::CanAccess{*bus_, *sdo_}, settings);
-  if (slave_) {
-    return std::make_unique<Subject>(
-        master::conform::EthercatAccess{*ethercat_, line_, *slave_, operation_options(options)}, settings);
+  if (Can* can = on<Can>()) {
+    return std::make_unique<Subject>(master::conform::CanAccess{*can->bus, *can->sdo}, settings);
   }
-  if (modbus_) {
+  if (Ethercat* on_it = on<Ethercat>()) {
+    return std::make_unique<Subject>(
+        master::conform::EthercatAccess{*on_it->master, on_it->line, *on_it->slave, operation_options(options)},
+        settings);
+  }
+  if (Modbus* modbus = on<Modbus>()) {
     check_that_it_moves(*product_, objects_->where());
     return std::make_unique<Subject>(
-        master::conform::ModbusAccess{*modbus_, static_cast<std::uint8_t>(objects_->address()), register_list()},
+        master::conform::ModbusAccess{*modbus->client, static_cast<std::uint8_t>(objects_->address()),
+                                      register_list_of(*product_)},
         settings);
   }
   throw Failure::wrong_use(

@@ -1,6 +1,7 @@
 #pragma once
 
 #include <memory>
+#include <variant>
 
 #include "app/bus_options.hpp"
 #include "axis/cyclic/can_cyclic_bus.hpp"
@@ -24,16 +25,21 @@ class DriveLink {
 
   master::ObjectClient& objects() { return *objects_; }
   // The same objects for a CANopen node; nullptr on other buses.
-  master::SdoClient* sdo() { return sdo_; }
+  master::SdoClient* sdo() { return on<Can>() != nullptr ? on<Can>()->sdo : nullptr; }
   // The product of --product, or the one that the drive reports; nullptr: unknown.
   const line::Product* product();
   // "node", "station", "slave" or "drive", the usual word for its bus.
-  const char* noun() const { return bus_ ? "node" : modbus_ ? "station" : slave_ ? "slave" : "drive"; }
+  const char* noun() const {
+    return std::visit([](const auto& bus) { return bus.noun; }, bus_);
+  }
 
   // Call it before an axis is moved: does be_watched(), and takes an EtherCAT slave to OP, where it stays as long as
   // this object lives and waits. Does nothing on other buses. Axes that were opened before must not be used any more.
   void operate(const BusOptions& options);
-  bool operates() const { return operation_.has_value(); }
+  bool operates() const {
+    const auto* ethercat = std::get_if<Ethercat>(&bus_);
+    return ethercat != nullptr && ethercat->operation;
+  }
   // Lets a CANopen drive monitor this program's heartbeat as long as this object lives (master::MasterWatch), unless
   // the options disable it.
   void be_watched(const BusOptions& options);
@@ -57,22 +63,39 @@ class DriveLink {
                                                          const BusOptions& options);
 
  private:
-  void open_can(const BusOptions& options, bool drives);
-  void open_modbus(const BusOptions& options, const std::string& link);
-  void open_serial10(const BusOptions& options, const std::string& link);
-  void open_ethercat(const BusOptions& options, bool drives);
-  master::RegisterList register_list() const;
+  struct Can {
+    static constexpr const char* noun = "node";
+    std::unique_ptr<master::Bus> bus;
+    master::SdoClient* sdo;  // objects_
+  };
+  struct Modbus {
+    static constexpr const char* noun = "station";
+    std::unique_ptr<master::ModbusClient> client;
+  };
+  struct Serial10 {
+    static constexpr const char* noun = "drive";
+    std::unique_ptr<master::Serial10Client> client;
+  };
+  struct Ethercat {
+    static constexpr const char* noun = "slave";
+    std::unique_ptr<master::EthercatMaster> master;
+    std::vector<master::FoundSlave> line;  // all slaves of the segment
+    std::unique_ptr<master::EthercatSlave> slave;
+    std::optional<master::EthercatOperation> operation;
+  };
+  // Each opens its bus, and objects_ on it.
+  void open(Can& can, const BusOptions& options, bool drives);
+  void open(Modbus& modbus, const BusOptions& options, const std::string& link);
+  void open(Serial10& serial10, const BusOptions& options, const std::string& link);
+  void open(Ethercat& ethercat, const BusOptions& options, bool drives);
+  template <typename Kind>
+  Kind* on() {
+    return std::get_if<Kind>(&bus_);
+  }
 
-  std::unique_ptr<master::Bus> bus_;
-  std::unique_ptr<master::ModbusClient> modbus_;
-  std::unique_ptr<master::Serial10Client> serial10_;
-  std::unique_ptr<master::EthercatMaster> ethercat_;
-  std::vector<master::FoundSlave> line_;  // all slaves of the segment
-  std::unique_ptr<master::EthercatSlave> slave_;
-  std::optional<master::EthercatOperation> operation_;
+  std::variant<Can, Modbus, Serial10, Ethercat> bus_;
   std::unique_ptr<master::ObjectClient> objects_;
   std::optional<master::MasterWatch> watch_;
-  master::SdoClient* sdo_ = nullptr;
   const line::Product* product_ = nullptr;
   bool asked_product_ = false;
   std::optional<master::ObjectCatalogue> catalogue_;
