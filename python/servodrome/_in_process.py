@@ -21,7 +21,7 @@ _SHORTEST_SLICE_NS = 8 * TICK_NS
 _FIRST_SLICE_NS = 80 * TICK_NS
 _FAST_S = 0.012  # a slice that takes less of the machine's time is followed by a longer one
 _SLOW_S = 0.025  # and one that takes more by a shorter one
-_ONE = ctypes.c_size_t(1)
+_ONE: Any = ctypes.c_size_t(1)
 _TURN_S = 0.0001  # long enough for a thread that waits for the line to wake up
 _PAUSE_TICKS = 16  # a millisecond
 

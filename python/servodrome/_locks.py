@@ -13,9 +13,9 @@ from typing import Any, Deque
 
 from ._scheduler import Waiter, running
 
-_real_lock = _thread.allocate_lock
-_real_rlock = threading.RLock
-_real_simple_queue = queue.SimpleQueue
+_real_lock: Any = _thread.allocate_lock
+_real_rlock: Any = threading.RLock
+_real_simple_queue: Any = queue.SimpleQueue
 _get_ident = _thread.get_ident
 _FOREIGN_S = 1.0  # a thread outside of virtual time holds a lock for a moment only
 

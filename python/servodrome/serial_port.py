@@ -19,8 +19,8 @@ from .errors import Error, MissingPackage
 
 try:
     import serial
-except ImportError as missing:
-    raise MissingPackage("pyserial is not installed", "servodrome.serial_port", "install it: pip install pyserial") from missing
+except ImportError as _missing:
+    raise MissingPackage("pyserial is not installed", "servodrome.serial_port", "install it: pip install pyserial") from _missing
 
 if TYPE_CHECKING:
     from .line import Line
