@@ -152,7 +152,7 @@ def _folder_of(item: pytest.Item) -> pathlib.Path:
     name = re.sub(r"[^\w.\[\]-]", "_", "-".join(parts))
     if len(name) > _LONGEST_NAME or name != "-".join(parts).replace("/", "_"):
         name = f"{name[:_LONGEST_NAME]}-{zlib.crc32(item.nodeid.encode()):08x}"
-    return pathlib.Path(item.config.rootpath, item.config.getoption("servodrome_reports"), name)
+    return pathlib.Path(item.config.rootpath, str(item.config.getoption("servodrome_reports")), name)
 
 
 def _remove_old(folder: pathlib.Path) -> None:
