@@ -5,6 +5,7 @@
 #include "line/bench/line_bench.hpp"
 
 namespace servodrome::line::bench {
+
 Json LineBench::list_axes(Call&) {
   Json axes = Json::array();
   for (const auto& axis : line_.axes()) {

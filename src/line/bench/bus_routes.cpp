@@ -6,6 +6,7 @@
 #include "line/nearest_name.hpp"
 
 namespace servodrome::line::bench {
+
 Json LineBench::list_buses(Call&) {
   Json buses = Json::array();
   for (const auto& bus : line_.buses()) buses.push_back(view_of(line_, *bus));
