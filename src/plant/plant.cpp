@@ -172,7 +172,8 @@ void Plant::step_machine(const drive::Actuation& actuation, drive::Feedback& fee
     shaft = both.shaft;
     stop_j_ += shaft.stop_j;
   } else {
-    windings = windings_.driven(direct_v, quadrature_v, turn, response);
+    windings = shaft_.held() ? windings_.driven_at_rest(direct_v, quadrature_v)
+                             : windings_.driven(direct_v, quadrature_v, turn, response);
     if (!usual || astray(windings)) [[unlikely]]
       windings = solve_windings(excitation(), response);
     if (!shaft_.slide(windings.torque_nm + other_torque, shaft)) [[unlikely]] {

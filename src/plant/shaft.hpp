@@ -89,7 +89,8 @@ class Shaft {
   void stop();  // stops the shaft and relaxes the coupling
 
   bool elastic() const { return elastic_; }
-  bool at_rest() const { return direction_ == 0 && speed_ == 0.0 && !elastic_; }  // a rigid shaft held by friction
+  bool held() const { return direction_ == 0 && speed_ == 0.0; }  // the rotor, by friction
+  bool at_rest() const { return held() && !elastic_; }            // a rigid shaft
   double load_torque_nm() const { return load_torque_; }  // gravity and external torque, with sign
   double speed_rad_s() const { return speed_; }
   double load_speed_rad_s() const { return elastic_ ? load_speed_ : speed_; }

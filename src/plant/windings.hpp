@@ -102,6 +102,18 @@ class Windings {
             .unforeseen_rad_s = unforeseen};
   }
 
+  // The same while the shaft is held: the rotor does not turn, and no torque changes that. Equal to driven() to the bit.
+  WindingTick driven_at_rest(double direct_v, double quadrature_v) const {
+    const double mean_d = kept_.zeroth * direct_a + pushed_.zeroth * direct_v;
+    const double mean_q = kept_.zeroth * quadrature_a + pushed_.zeroth * quadrature_v;
+    return {.mean_direct_a = mean_d,
+            .mean_quadrature_a = mean_q,
+            .end_direct_a = direct_a + (direct_v * per_volt_ - decay_ * mean_d),
+            .end_quadrature_a = quadrature_a + (quadrature_v * per_volt_ - decay_ * mean_q),
+            .power_w = phase_factor_ * (direct_v * mean_d + quadrature_v * mean_q),
+            .torque_nm = torque_constant_ * mean_q};
+  }
+
   // As driven(), for any rotor at any speed.
   WindingTick driven_in_pieces(double direct_v, double quadrature_v, const Turn& turn) const;
 
