@@ -1,7 +1,11 @@
 """The container image: buildah builds packaging/container/Containerfile on a base that is made of Debian's packages."""
 import gzip
+import hashlib
+import io
+import json
 import platform
 import shutil
+import tarfile
 
 from make.build import debian_sources
 from make.context import ROOT, WORK, fresh
@@ -11,6 +15,35 @@ def buildah(context, *arguments):
     """buildah with a store of its own. vfs and chroot need neither a file system nor a kernel's namespace of their own."""
     store = WORK / "containers"
     context.run("buildah", "--root", store / "root", "--runroot", store / "run", "--storage-driver", "vfs", *arguments)
+
+
+def write_plain(built, path, epoch):
+    """Copies the layers and the configuration of an image of buildah into an archive for docker and podman, without what is
+    random: the names of the containers in which buildah has worked."""
+    with tarfile.open(built) as source, path.open("wb") as file, gzip.GzipFile("", "wb", 9, file, mtime=0) as packed, tarfile.open(
+            fileobj=packed, mode="w", format=tarfile.GNU_FORMAT) as archive:
+
+        def add(name, size, content):
+            entry = tarfile.TarInfo(name)
+            entry.size, entry.mtime = size, int(epoch)
+            archive.addfile(entry, content)
+
+        def add_json(value, name=None):
+            text = json.dumps(value, sort_keys=True).encode()
+            name = name or f"{hashlib.sha256(text).hexdigest()}.json"
+            add(name, len(text), io.BytesIO(text))
+            return name
+
+        (manifest,) = json.load(source.extractfile("manifest.json"))
+        configuration = json.load(source.extractfile(manifest["Config"]))
+        for name in ("container", "parent"):
+            configuration.pop(name, None)
+        for part in ("config", "container_config"):
+            configuration[part]["Hostname"] = ""
+        manifest["Config"] = add_json(configuration)
+        for layer in manifest["Layers"]:
+            add(layer, source.getmember(layer).size, source.extractfile(layer))
+        add_json([manifest], "manifest.json")
 
 
 def image(context):
@@ -34,9 +67,8 @@ def image(context):
     path = context.dist / f"servodrome-{context.version}-container-x86_64.tar.gz"
     for old in context.dist.glob("servodrome-*-container-x86_64.tar*"):
         old.unlink()
-    plain = folder / "image.tar"
-    buildah(context, "push", f"localhost/servodrome:{tag}", f"docker-archive:{plain}:servodrome:{tag}")
-    with plain.open("rb") as unpacked, path.open("wb") as file, gzip.GzipFile("", "wb", 9, file, mtime=0) as packed:
-        shutil.copyfileobj(unpacked, packed)
-    plain.unlink()
+    built = folder / "image.tar"
+    buildah(context, "push", f"localhost/servodrome:{tag}", f"docker-archive:{built}:servodrome:{tag}")
+    write_plain(built, path, context.epoch)
+    built.unlink()
     return path
