@@ -490,7 +490,12 @@ class Life::Machine final : public FrameListener {
       }
     }
     if (!run_for(100) || !enable_all(1500)) return false;
+    const auto brakes = [](const auto& one) {
+      return one->device().drive().state() == drive::PowerState::fault_reaction_active;
+    };
+    const bool braked = std::any_of(line_.axes().begin(), line_.axes().end(), brakes);
     if (!enable_all(300)) return false;  // for an axis whose fault has only just ended
+    if (braked && !enable_all(1500)) return false;
     const auto is_on_its_way = [](const auto& one) { return one->device().drive().axis().objects.error_code == 0; };
     if (std::any_of(line_.axes().begin(), line_.axes().end(), is_on_its_way) && !enable_all(300)) return false;
     for (std::size_t i = 0; i < axes_.size(); ++i) {
