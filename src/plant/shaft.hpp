@@ -91,7 +91,7 @@ class Shaft {
   bool elastic() const { return elastic_; }
   bool held() const { return direction_ == 0 && speed_ == 0.0; }  // the rotor, by friction
   bool at_rest() const { return held() && !elastic_; }            // a rigid shaft
-  double load_torque_nm() const { return load_torque_; }  // gravity and external torque, with sign
+  double load_torque_nm() const { return load_torque_; }          // gravity and external torque, with sign
   double speed_rad_s() const { return speed_; }
   double load_speed_rad_s() const { return elastic_ ? load_speed_ : speed_; }
   double twist_rad() const { return twist_; }

@@ -102,7 +102,8 @@ class Windings {
             .unforeseen_rad_s = unforeseen};
   }
 
-  // The same while the shaft is held: the rotor does not turn, and no torque changes that. Equal to driven() to the bit.
+  // The same while the shaft is held: the rotor does not turn, and no torque changes that. Equal to driven() to the
+  // bit.
   WindingTick driven_at_rest(double direct_v, double quadrature_v) const {
     const double mean_d = kept_.zeroth * direct_a + pushed_.zeroth * direct_v;
     const double mean_q = kept_.zeroth * quadrature_a + pushed_.zeroth * quadrature_v;

@@ -235,6 +235,27 @@ TEST(Windings, BackEmfAboveTheLinkFeedsIt) {
   EXPECT_LT(rig.plant.velocity_rpm(), 3000.0);
 }
 
+// A held shaft has its own function, which leaves the rotation out: the results are equal to the bit.
+TEST(Windings, AHeldShaftNeedsNoRotation) {
+  Windings windings(bare_motor().motor, 1);
+  for (int i = 0; i < 1000; ++i) {
+    windings.direct_a = 3.0 * std::sin(0.7 * i);
+    windings.quadrature_a = 5.0 * std::cos(1.3 * i);
+    const double direct_v = 40.0 * std::sin(2.1 * i);
+    const double quadrature_v = 90.0 * std::cos(0.3 * i);
+    const WindingTick rotated = windings.driven(direct_v, quadrature_v, {0.0, 0.0}, {0.0, 0.0});
+    const WindingTick held = windings.driven_at_rest(direct_v, quadrature_v);
+    ASSERT_EQ(held.mean_direct_a, rotated.mean_direct_a) << i;
+    ASSERT_EQ(held.mean_quadrature_a, rotated.mean_quadrature_a) << i;
+    ASSERT_EQ(held.end_direct_a, rotated.end_direct_a) << i;
+    ASSERT_EQ(held.end_quadrature_a, rotated.end_quadrature_a) << i;
+    ASSERT_EQ(held.more_heat_a2, rotated.more_heat_a2) << i;
+    ASSERT_EQ(held.power_w, rotated.power_w) << i;
+    ASSERT_EQ(held.torque_nm, rotated.torque_nm) << i;
+    ASSERT_EQ(held.unforeseen_rad_s, rotated.unforeseen_rad_s) << i;
+  }
+}
+
 }  // namespace
 }  // namespace windings_test
 }  // namespace servodrome::plant::test
