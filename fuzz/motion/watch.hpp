@@ -262,6 +262,7 @@ class Watch {
     double slope = 0.0;
     bool round = false;  // one of them is so far away that the product chooses its direction
   } given_;
+  double clipped_target_ = 0.0;  // place of the last cyclic target, within the software limits at its time
   bool told_to_stop() const { return stop_.kind != StopKind::none && stop_.kind < StopKind::no_target; }
   std::int64_t two_words_at_ = -1'000'000;
   unsigned stops_before_ = 0;  // bits of what stops the axis: a command, a switch

@@ -84,6 +84,8 @@ void Watch::power() {
     }
     // While the brake opens it still holds the axis, so there is no motion that a ramp could end.
     if (tick_ - pwm_before_ <= ms(drive_.configuration().brake_release_ms)) judged = false;
+    // Of two controlwords the first one may have ended the operation with another option code.
+    if (before_ == PowerState::operation_enabled && two_words()) judged = false;
     // Disable voltage does not wait for the end of a ramp.
     if (drive::command_of(objects_.controlword) == drive::Command::disable_voltage) judged = false;
     const bool ramp = code == 1 || code == 2 || code == 3 || code == 5 || code == 6 || code == 7;

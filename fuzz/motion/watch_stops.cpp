@@ -119,10 +119,10 @@ void Watch::stops() {
                             way / counts_per_revolution_, static_cast<double>(settled) / ticks_per_ms, rpm(velocity_),
                             stop_.counts / counts_per_revolution_));
   }
-  // While the brake opens it holds the axis.
+  // While the brake opens it holds the axis. A shaft that swings about its place of rest goes back in each swing.
   const bool held = stop_.since - pwm_since_ <= ms(drive_.configuration().brake_release_ms);
   if (kind < StopKind::velocity && !held && acceleration_ > 0.0 && drive_.axis().demand.loop == Loop::position &&
-      stop_.furthest - place > swing_revolutions * counts_per_revolution_ + 0.1 * way) {
+      !swings_about_rest() && stop_.furthest - place > swing_revolutions * counts_per_revolution_ + 0.1 * way) {
     return fail("stop-goes-back", fmt::format("{}: {:.2f} revolutions back, at {:.0f} rpm", name,
                                               (stop_.furthest - place) / counts_per_revolution_, rpm(velocity_)));
   }

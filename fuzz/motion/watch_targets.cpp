@@ -260,6 +260,14 @@ void Watch::beyond_targets() {
   const double target = nearest_place_of(std::int64_t{objects_.target_position} + objects_.position_offset);
   const bool begins =
       !given_.active || stops || tick_ - std::max({mode_since_, state_since_, frame_since_}) < 2 * cycle_ticks;
+  // A target that software limits clip stays clipped when they are switched off, until the next one.
+  if (axis.software_limits_active()) {
+    const drive::Axis::UserLimits limits = axis.software_limits();
+    const std::int64_t user = std::int64_t{objects_.target_position} + objects_.position_offset;
+    clipped_target_ = nearest_place_of(std::clamp(user, limits.least, limits.greatest));
+  } else if (!given_.active || target != given_.newest) {
+    clipped_target_ = target;
+  }
   constexpr double half_way_round = 0x40000000;  // beyond this distance the product chooses the direction
   if (begins) given_.round = false;
   given_.round |= std::abs(target - place) > half_way_round;
@@ -273,8 +281,8 @@ void Watch::beyond_targets() {
   const bool turns = step * static_cast<double>(axis.demand.velocity) < 0.0;
   if (begins) {
     given_ = {.active = true,
-              .low = std::min(place, target),
-              .high = std::max(place, target),
+              .low = std::min({place, target, clipped_target_}),
+              .high = std::max({place, target, clipped_target_}),
               .newest = target,
               .slope = ramp};
   }
