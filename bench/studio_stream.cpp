@@ -13,11 +13,12 @@
 
 namespace {
 
+using namespace servodrome;
 using namespace servodrome::line;
 using namespace std::chrono_literals;
 
 // Reads everything at once and forgets it.
-class Reader final : public bench::Outbox {
+class Reader final : public api::Outbox {
  public:
   void text(std::string) override {}
   void binary(std::string message) override { bytes += message.size(); }
@@ -64,11 +65,11 @@ Cost measure(bool watched, int pages, bool shared) {
   Line line(parse_line_file(eight_axes(), "eight.toml", all_products()).settings);
   std::unique_ptr<bench::LineScope> scope;
   std::vector<std::unique_ptr<Reader>> readers;
-  std::vector<std::unique_ptr<bench::StreamSession>> sessions;
+  std::vector<std::unique_ptr<api::StreamSession>> sessions;
   if (watched) scope = std::make_unique<bench::LineScope>(line);
   for (int page = 0; page < pages; ++page) {
     readers.push_back(std::make_unique<Reader>());
-    sessions.push_back(std::make_unique<bench::StreamSession>(scope->scope(), *readers.back()));
+    sessions.push_back(std::make_unique<api::StreamSession>(scope->scope(), *readers.back()));
     sessions.back()->receive(subscription(page, shared), std::chrono::steady_clock::now());
   }
   line.run_until(100ms);

@@ -14,19 +14,19 @@
 
 #include "../tests/line/bench_requests.hpp"
 #include "../tests/line/support.hpp"
-#include "line/bench/scope/frame.hpp"
+#include "api/scope/frame.hpp"
 #include "line/bench/scope/line_scope.hpp"
 
 namespace {
 
 // Reads everything at once.
-class Reader final : public servodrome::line::bench::Outbox {
+class Reader final : public servodrome::api::Outbox {
  public:
   void text(std::string message) override {
     if (!nlohmann::json::accept(message)) error = "no JSON: " + message;
   }
   void binary(std::string message) override {
-    servodrome::line::bench::FrameHeader header;
+    servodrome::api::FrameHeader header;
     if (message.size() < sizeof header) {
       error = "a frame without head";
       return;
@@ -44,19 +44,20 @@ class Reader final : public servodrome::line::bench::Outbox {
 }  // namespace
 
 int main(int argc, char** argv) {
+  using namespace servodrome;
   using namespace servodrome::line;
   const std::uint64_t count = argc > 1 ? std::strtoull(argv[1], nullptr, 10) : 1'000'000;
   const std::uint64_t seed = argc > 2 ? std::strtoull(argv[2], nullptr, 10) : 1;
   test::RequestGenerator generator(seed);
   Line line(test::settings_of(test::two_axes_and_rs485));
   bench::LineScope looking(line);
-  const bench::RouteGroup recordings{bench::recording_routes(), &looking.scope()};
+  const api::RouteGroup recordings{api::recording_routes(), &looking.scope()};
   Reader reader;
-  auto session = std::make_unique<bench::StreamSession>(looking.scope(), reader);
+  auto session = std::make_unique<api::StreamSession>(looking.scope(), reader);
   std::array<std::uint64_t, 600> answers{};
   for (std::uint64_t i = 0; i < count; ++i) {
-    const bench::Request request = generator.next();
-    bench::Response response = bench::handle(line, request, {&recordings, 1});
+    const api::Request request = generator.next();
+    api::Response response = bench::handle(line, request, {&recordings, 1});
     const bool has_body = response.status != 204;
     const bool is_json = response.content_type == "application/json";
     if (response.more) {  // of a recording: a part of it will do
@@ -77,7 +78,7 @@ int main(int argc, char** argv) {
                   static_cast<unsigned long long>(seed), reader.error.c_str());
       return 1;
     }
-    if (i % 256 == 0) session = std::make_unique<bench::StreamSession>(looking.scope(), reader);
+    if (i % 256 == 0) session = std::make_unique<api::StreamSession>(looking.scope(), reader);
     if (i % 64 == 0) line.run_until(line.now() + std::chrono::microseconds(700));
     if (i % 4096 == 0) {  // something to work on again
       for (const auto& axis : line.axes()) axis->power_on(line.now());

@@ -6,9 +6,9 @@
 #include "app/commands.hpp"
 #include "app/recognition.hpp"
 #include "describe/words.hpp"
-#include "line/nearest_name.hpp"
 #include "links/ethercat/link_name.hpp"
 #include "links/link_error.hpp"
+#include "links/nearest_name.hpp"
 #include "links/serial/format_text.hpp"
 #include "modbus/tcp_connection.hpp"
 
@@ -62,7 +62,7 @@ const line::Product* named_product(const BusOptions& options) {
   std::vector<std::string_view> names;
   for (const line::Product& known : line::all_products()) names.push_back(known.name);
   throw Failure::wrong_use(fmt::format("--product {}: there is no such product; {}", options.product,
-                                       line::suggestion(options.product, names)));
+                                       links::suggestion(options.product, names)));
 }
 
 const line::Product* product_of(std::optional<std::uint32_t> vendor_id, std::optional<std::uint32_t> product_code) {

@@ -3,12 +3,12 @@
 #include <fmt/format.h>
 #include <iostream>
 
+#include "api/version.hpp"
 #include "app/commands.hpp"
 #include "app/help_formatter.hpp"
 #include "app/interrupt_status.hpp"
 #include "app/reference_commands.hpp"
-#include "line/nearest_name.hpp"
-#include "line/version.hpp"
+#include "links/nearest_name.hpp"
 
 namespace {
 
@@ -60,7 +60,7 @@ void refuse_unknown_command(const CLI::App& app, int argc, char** argv) {
   if (std::find(names.begin(), names.end(), argv[1]) != names.end()) return;
   const std::vector<std::string_view> views(names.begin(), names.end());
   throw Failure::wrong_use(
-      fmt::format("there is no command \"{}\"; {}", argv[1], servodrome::line::suggestion(argv[1], views)));
+      fmt::format("there is no command \"{}\"; {}", argv[1], servodrome::links::suggestion(argv[1], views)));
 }
 
 }  // namespace
@@ -69,7 +69,7 @@ void servodrome::app::warn(const std::string& message) { fmt::print(stderr, "ser
 
 int main(int argc, char** argv) {
   CLI::App app("Software servo drives on real field buses, and the tools to commission them.", "servodrome");
-  app.set_version_flag("--version", fmt::format("servodrome {}", servodrome::line::version()));
+  app.set_version_flag("--version", fmt::format("servodrome {}", servodrome::api::version()));
   app.require_subcommand(1);
   app.failure_message(CLI::FailureMessage::simple);
   app.formatter(std::make_shared<HelpFormatter>());

@@ -2,7 +2,7 @@
 
 #include <fmt/format.h>
 
-#include "line/version.hpp"
+#include "api/version.hpp"
 
 namespace servodrome::app {
 namespace {
@@ -77,7 +77,7 @@ std::string manual_page(const CommandNode& root) {
       "servodrome\n\\fICOMMAND\\fR [OPTIONS]\n"
       ".SH DESCRIPTION\n{}\n.PP\n\\fBservodrome\\fR \\fICOMMAND\\fR \\fB\\-\\-help\\fR shows a command's options.\n"
       ".SH COMMANDS\n",
-      roff(line::version()), roff("software servo drives and the tools to commission them"), roff(root.description));
+      roff(api::version()), roff("software servo drives and the tools to commission them"), roff(root.description));
   for (const CommandNode* command : all_commands(root)) {
     if (command == &root) continue;
     page += fmt::format(".SS {} {}\n{}.\n", roff(command->path), roff(usage_of(*command)), roff(command->description));

@@ -9,8 +9,8 @@
 // What all functions of servodrome.h do: they make a result of every exception and check their arguments.
 namespace servodrome::capi {
 
-using line::bench::ApiError;
-using line::bench::Json;
+using api::ApiError;
+using api::Json;
 
 inline constexpr std::int64_t longest_advance_ns = 3'600'000'000'000;  // an hour
 

@@ -40,7 +40,7 @@ Failure failure(int result, std::string what, std::string where, std::string hin
   return {result, {{"what", std::move(what)}, {"where", std::move(where)}, {"hint", std::move(hint)}}};
 }
 
-void keep_reason(const line::bench::Json& json) { reason() = line::bench::to_text(json); }
+void keep_reason(const api::Json& json) { reason() = api::to_text(json); }
 
 const std::string& last_reason() { return reason(); }
 

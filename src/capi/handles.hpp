@@ -11,14 +11,14 @@ namespace servodrome::capi {
 // A failure of a call: its result, and its reason for servodrome_last_error.
 struct Failure {
   int result = SERVODROME_FAILED;
-  line::bench::Json reason;
+  api::Json reason;
 };
 
 // {"what", "where", "hint"}
 Failure failure(int result, std::string what, std::string where, std::string hint);
 
 // Keeps the reason for servodrome_last_error in this thread.
-void keep_reason(const line::bench::Json& reason);
+void keep_reason(const api::Json& reason);
 const std::string& last_reason();
 
 servodrome_handle new_handle();

@@ -2,13 +2,13 @@
 #include <fmt/format.h>
 #include <string_view>
 
+#include "api/scope/channel_list.hpp"
+#include "api/version.hpp"
 #include "capi/call.hpp"
 #include "capi/ports.hpp"
 #include "capi/servodrome.h"
 #include "line/bench/line_bench.hpp"
-#include "line/bench/scope/channel_list.hpp"
 #include "line/line_file.hpp"
-#include "line/version.hpp"
 
 // The functions of servodrome.h for lines and values of axes.
 namespace servodrome::capi {
@@ -25,9 +25,8 @@ Json json_of(const std::vector<line::Diagnostic>& diagnostics) {
   return list;
 }
 
-std::vector<const line::bench::NamedChannel*> channels_of(OpenLine& line, const std::uint32_t* numbers,
-                                                          std::size_t count) {
-  std::vector<const line::bench::NamedChannel*> channels;
+std::vector<const api::NamedChannel*> channels_of(OpenLine& line, const std::uint32_t* numbers, std::size_t count) {
+  std::vector<const api::NamedChannel*> channels;
   for (std::size_t i = 0; i < count; ++i) {
     if (numbers[i] >= line.channels.size()) {
       refuse_argument(fmt::format("there is no channel {}", numbers[i]), "channels",
@@ -38,8 +37,8 @@ std::vector<const line::bench::NamedChannel*> channels_of(OpenLine& line, const 
   return channels;
 }
 
-line::bench::Method method_of(std::string_view word) {
-  using line::bench::Method;
+api::Method method_of(std::string_view word) {
+  using api::Method;
   if (word == "GET") return Method::get;
   if (word == "PUT") return Method::put;
   if (word == "POST") return Method::post;
@@ -49,9 +48,9 @@ line::bench::Method method_of(std::string_view word) {
 
 // The channel of a signal, an input, an output or an object. Objects begin with a digit of their index and have a
 // colon.
-line::bench::NamedChannel channel_named(OpenLine& line, const std::string& axis, const std::string& value) {
+api::NamedChannel channel_named(OpenLine& line, const std::string& axis, const std::string& value) {
   const char* key = value.find(':') != std::string::npos ? "object" : "signal";
-  return line::bench::read_channels(line.scope.source(), Json::array({{{"axis", axis}, {key, value}}})).front();
+  return api::read_channels(line.scope.source(), Json::array({{{"axis", axis}, {key, value}}})).front();
 }
 
 }  // namespace
@@ -60,7 +59,7 @@ line::bench::NamedChannel channel_named(OpenLine& line, const std::string& axis,
 using namespace servodrome;        // NOLINT(google-build-using-namespace)
 using namespace servodrome::capi;  // NOLINT(google-build-using-namespace)
 
-const char* servodrome_version(void) { return servodrome::line::version(); }
+const char* servodrome_version(void) { return servodrome::api::version(); }
 
 int servodrome_interface(void) { return 1; }
 
@@ -87,7 +86,7 @@ int servodrome_line_open(const char* text, size_t size, const char* name, servod
     }
     line::LineSettings settings = file.settings;
     settings.clock = line::ClockMode::virtual_time;
-    const auto opened = std::make_shared<OpenLine>(settings, line::bench::to_text(json_of(file.warnings)));
+    const auto opened = std::make_shared<OpenLine>(settings, api::to_text(json_of(file.warnings)));
     *handle = new_handle();
     add_handle(*handle, opened);
     return SERVODROME_OK;
@@ -184,11 +183,11 @@ int servodrome_line_request(servodrome_handle handle, const char* method, const 
     require(answer, "answer");
     if (size > 0) require(body, "body");
     size_within(size, 0, largest_request, "size");
-    line::bench::Request request;
+    api::Request request;
     request.method = method_of(method);
     request.target = target;
     if (size > 0) request.body.assign(body, size);
-    thread_local line::bench::Response response;
+    thread_local api::Response response;
     const LockedLine line(handle);
     line.itself();
     response = line::bench::handle(line->line, request, line->groups);
@@ -228,7 +227,7 @@ int servodrome_read(servodrome_handle handle, const uint32_t* channels, size_t c
     const LockedLine line(handle);
     line.itself();
     const auto found = channels_of(*line, channels, count);
-    for (const line::bench::NamedChannel* channel : found) *values++ = channel->value();
+    for (const api::NamedChannel* channel : found) *values++ = channel->value();
     return SERVODROME_OK;
   });
 }

@@ -10,7 +10,7 @@ OpenLine::OpenLine(const line::LineSettings& settings, std::string its_warnings)
       routes(
           line, [this](std::uint32_t id) { return scope.scope().recordings().find(id); }, [] { return Time{}; }),
       groups(routes.groups()) {
-  groups.push_back({line::bench::recording_routes(), &scope.scope()});
+  groups.push_back({api::recording_routes(), &scope.scope()});
 }
 
 std::size_t OpenLine::run_until_ready(Time end, const std::vector<Port*>& ports) {

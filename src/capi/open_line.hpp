@@ -47,8 +47,8 @@ struct OpenLine {
   line::Line line;
   line::bench::LineScope scope{line};
   studio::LineRoutes routes;
-  std::vector<line::bench::RouteGroup> groups;
-  std::vector<line::bench::NamedChannel> channels;
+  std::vector<api::RouteGroup> groups;
+  std::vector<api::NamedChannel> channels;
   std::map<std::string, std::uint32_t> channel_numbers;  // by "axis/value"
   std::map<servodrome_handle, std::unique_ptr<Item>> items;
 };

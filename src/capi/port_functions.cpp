@@ -5,7 +5,7 @@
 #include "capi/call.hpp"
 #include "capi/ports.hpp"
 #include "capi/servodrome.h"
-#include "line/nearest_name.hpp"
+#include "links/nearest_name.hpp"
 
 // The functions of servodrome.h for the ports of a master.
 namespace servodrome::capi {
@@ -23,7 +23,7 @@ auto& bus_named(const Buses& buses, const char* name, const char* kind) {
     names.push_back(bus->settings.name);
   }
   throw failure(SERVODROME_UNKNOWN, fmt::format("there is no {} \"{}\"", kind, std::string_view(name).substr(0, 40)),
-                "bus", names.empty() ? fmt::format("the line has no {}", kind) : line::suggestion(name, names));
+                "bus", names.empty() ? fmt::format("the line has no {}", kind) : links::suggestion(name, names));
 }
 
 // Runs the line until the port has something, at the latest for `timeout_ns`. Returns false if nothing came.

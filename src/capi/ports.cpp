@@ -4,9 +4,9 @@
 
 namespace servodrome::capi {
 
-Recorder::Recorder(line::Line& line, const std::vector<const line::bench::NamedChannel*>& channels, std::int64_t stride)
+Recorder::Recorder(line::Line& line, const std::vector<const api::NamedChannel*>& channels, std::int64_t stride)
     : line_(line), stride_(stride) {
-  for (const line::bench::NamedChannel* channel : channels) samples_.push_back(channel->open(stride));
+  for (const api::NamedChannel* channel : channels) samples_.push_back(channel->open(stride));
   for (const auto& samples : samples_) first_ = std::max(first_, samples->due());
   next_ = first_;
   fetch(line_.now());
@@ -28,7 +28,7 @@ void Recorder::fetch(Time now) {
   for (; next_ <= end; next_ += stride_) {
     for (const auto& samples : samples_) values_.push_back(samples->at(next_));
   }
-  const auto ticks = static_cast<std::int64_t>(line::SampleRows::kept / 2) * stride_;
+  const auto ticks = static_cast<std::int64_t>(api::SampleRows::kept / 2) * stride_;
   next_fetch_ = (end + ticks) * line::tick_length;
 }
 

@@ -5,8 +5,8 @@
 #include <span>
 #include <vector>
 
+#include "api/scope/source.hpp"
 #include "capi/open_line.hpp"
-#include "line/bench/scope/source.hpp"
 #include "links/can/memory_port.hpp"
 
 // What a caller opens on a line, beside the line itself.
@@ -15,8 +15,8 @@ namespace servodrome::capi {
 // The rows of a recording that never ends.
 class Recorder final : public Item, private line::Follower {
  public:
-  // Throws bench::ApiError if too many values are sampled per tick. `channels` is not empty.
-  Recorder(line::Line& line, const std::vector<const line::bench::NamedChannel*>& channels, std::int64_t stride);
+  // Throws api::ApiError if too many values are sampled per tick. `channels` is not empty.
+  Recorder(line::Line& line, const std::vector<const api::NamedChannel*>& channels, std::int64_t stride);
   ~Recorder() override;
 
   std::size_t columns() const { return samples_.size(); }
@@ -34,7 +34,7 @@ class Recorder final : public Item, private line::Follower {
   void fetch(Time now);
 
   line::Line& line_;
-  std::vector<std::shared_ptr<line::Samples>> samples_;
+  std::vector<std::shared_ptr<api::Samples>> samples_;
   std::int64_t stride_;
   std::int64_t first_ = 0;  // tick of the first row
   std::int64_t next_ = 0;   // tick of the next row

@@ -4,8 +4,8 @@
 #include <cmath>
 #include <fmt/format.h>
 
-#include "line/nearest_name.hpp"
 #include "line/registry.hpp"
+#include "links/nearest_name.hpp"
 
 namespace servodrome::line {
 namespace {
@@ -66,7 +66,7 @@ class AxisAddressReader {
       reader.complain("serial", "is missing", "name the RS485 line of the axis: serial = \"NAME\"");
     } else if (!all.empty()) {
       reader.complain("bus", bus.empty() ? "is missing" : fmt::format("there is no bus \"{}\"", bus),
-                      names.empty() ? no_such_bus(axis) : suggestion(bus, names));
+                      names.empty() ? no_such_bus(axis) : links::suggestion(bus, names));
     }
     return std::nullopt;
   }
@@ -162,7 +162,7 @@ class AxisAddressReader {
       std::vector<std::string_view> names;
       for (const SerialBusSettings& known : settings_.serial_buses) names.push_back(known.name);
       reader.complain("serial", fmt::format("there is no RS485 line \"{}\"", bus),
-                      names.empty() ? "add one: [[bus]] with type = \"rs485\"" : suggestion(bus, names));
+                      names.empty() ? "add one: [[bus]] with type = \"rs485\"" : links::suggestion(bus, names));
       return;
     }
     serial.bus = *found;
@@ -197,7 +197,7 @@ class AxisAddressReader {
       }
       if (!serial.protocol) {
         reader.complain("serial_protocol", fmt::format("a `{}` does not speak \"{}\"", axis.product->name, protocol),
-                        suggestion(protocol, names));
+                        links::suggestion(protocol, names));
       }
     }
     const unsigned station = serial.station != 0 ? serial.station : node_in_force(axis);

@@ -14,13 +14,13 @@
 #include "line/axis_plant.hpp"
 #include "line/described_product.hpp"
 #include "line/model_plant.hpp"
-#include "line/nearest_name.hpp"
 #include "line/table_reader.hpp"
 #include "line/toml_guard.hpp"
 #include "links/can/link_name.hpp"
 #include "links/ethercat/link_name.hpp"
 #include "links/link_error.hpp"
 #include "links/link_scheme.hpp"
+#include "links/nearest_name.hpp"
 #include "links/serial/format_text.hpp"
 #include "links/serial/link_name.hpp"
 
@@ -237,7 +237,7 @@ class LineFileReader {
     std::vector<std::string_view> names;
     for (const Product& known : products_) names.push_back(known.name);
     reader.complain("product", product.empty() ? "is missing" : fmt::format("there is no product \"{}\"", product),
-                    suggestion(product, names));
+                    links::suggestion(product, names));
   }
 
   // Reads a drive from a maker's description. Axes with the same file and device share one product.
@@ -283,7 +283,7 @@ class LineFileReader {
     std::vector<std::string_view> names;
     for (const products::Model& known : axis.product->models) names.push_back(known.name);
     reader.complain("model", fmt::format("{} has no model \"{}\"", axis.product->name, axis.model),
-                    suggestion(axis.model, names));
+                    links::suggestion(axis.model, names));
   }
 
   std::filesystem::path folder_;

@@ -5,8 +5,8 @@
 #include <fmt/format.h>
 #include <thread>
 
+#include "api/upgrade.hpp"
 #include "line/bench/line_bench.hpp"
-#include "line/bench/upgrade.hpp"
 #include "links/can/link_name.hpp"
 #include "links/can/log.hpp"
 #include "links/ethercat/link_name.hpp"
@@ -51,11 +51,11 @@ LineServer::LineServer(const LineSettings& settings)
       timer_(io_),
       attention_(io_),
       pacer_(io_),
-      access_{bench::make_token()},
+      access_{api::make_token()},
       line_(settings),
       page_(settings.api.page),
       bench_(line_),
-      routes_{bench::bench_routes(bench_)} {
+      routes_{api::bench_routes(bench_)} {
   for (const auto& bus : line_.buses()) {
     for (const std::string& link : bus->settings.links) {
       const links::CanLinkName name = links::parse_can_link(link);
@@ -73,27 +73,27 @@ LineServer::LineServer(const LineSettings& settings)
   }
   if (settings.api.enabled) {
     scope_ = std::make_unique<bench::LineScope>(line_);
-    web_sockets_ = std::make_unique<bench::WebSockets>(
+    web_sockets_ = std::make_unique<api::WebSockets>(
         scope_->scope(), [this](const std::exception& error) { http_->count_failure(error); });
-    routes_.push_back({bench::recording_routes(), &scope_->scope()});
-    bench::HttpHandlers handlers;
-    handlers.answer = [this](bench::Request&& request, const bench::HttpHandlers::Reply& reply) {
-      const auto response = std::make_shared<bench::Response>(answer(request));
+    routes_.push_back({api::recording_routes(), &scope_->scope()});
+    api::HttpHandlers handlers;
+    handlers.answer = [this](api::Request&& request, const api::HttpHandlers::Reply& reply) {
+      const auto response = std::make_shared<api::Response>(answer(request));
       if (response->piece) {
         when_settled([this, response, reply] { carry_out(response, reply); });
       } else {
         carry_out(response, reply);
       }
     };
-    handlers.upgrade_address = bench::WebSockets::address;
+    handlers.upgrade_address = api::WebSockets::address;
     handlers.refuse_upgrade = [this] { return web_sockets_->refuse(); };
-    handlers.upgrade = [this](bench::Upgrade&& upgrade) {
+    handlers.upgrade = [this](api::Upgrade&& upgrade) {
       web_sockets_->accept(std::move(upgrade));
       if (!attending_) attend();
     };
     handlers.report = [this](const std::string& message) { report(message); };
     http_ =
-        std::make_unique<bench::HttpServer>(io_, settings.api.address, settings.api.port, access_, std::move(handlers));
+        std::make_unique<api::HttpServer>(io_, settings.api.address, settings.api.port, access_, std::move(handlers));
   }
 }
 
@@ -326,12 +326,12 @@ void LineServer::note_lateness(RealPace::Moment due, RealPace::Moment present) {
   if (const Time late = present - due; late > most_late && late <= RealPace::most_behind + nap_) line_.add_lag(late);
 }
 
-bench::Response LineServer::answer(const bench::Request& request) {
+api::Response LineServer::answer(const api::Request& request) {
   constexpr std::string_view api = "/api";
   const std::string_view target = request.target;
   if (!target.starts_with("/api/") && target.substr(0, target.find('?')) != api) return page_.answer(request);
   catch_up();
-  bench::Response response = bench::begin(request, routes_);
+  api::Response response = api::begin(request, routes_);
   if (real_) {
     wake();
   } else {
@@ -378,7 +378,7 @@ void LineServer::when_settled(std::function<void()> then, unsigned looks, bool w
 
 // Carries out a long request piece by piece, and handles other events between the pieces. If readers of the stream have
 // not received the last piece yet, it waits for them before the next one.
-void LineServer::carry_out(std::shared_ptr<bench::Response> response, const bench::HttpHandlers::Reply& reply) {
+void LineServer::carry_out(std::shared_ptr<api::Response> response, const api::HttpHandlers::Reply& reply) {
   if (!response->piece) {
     reply(std::move(*response));
     return;
@@ -390,7 +390,7 @@ void LineServer::carry_out(std::shared_ptr<bench::Response> response, const benc
     });
     return;
   }
-  bench::carry_out_piece(*response);
+  api::carry_out_piece(*response);
   flush_logs();
   boost::asio::post(io_, [this, response, reply] { carry_out(response, reply); });
 }

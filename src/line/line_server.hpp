@@ -10,12 +10,12 @@
 #include <utility>
 #include <vector>
 
-#include "line/bench/access.hpp"
-#include "line/bench/http_server.hpp"
+#include "api/access.hpp"
+#include "api/http_server.hpp"
+#include "api/scope/web_sockets.hpp"
+#include "api/static_files.hpp"
 #include "line/bench/line_bench.hpp"
 #include "line/bench/scope/line_scope.hpp"
-#include "line/bench/scope/web_sockets.hpp"
-#include "line/bench/static_files.hpp"
 #include "line/line.hpp"
 #include "line/real_pace.hpp"
 #include "line/vigil.hpp"
@@ -47,14 +47,14 @@ class LineServer final : private links::LineHost {
   void log(NamedSerialBus& bus, const std::string& path, std::function<void()> on_failure = {});
 
   // Adds routes to the API, beside the line's own. The group's context must outlive the server.
-  void add_routes(const bench::RouteGroup& group) { routes_.push_back(group); }
+  void add_routes(const api::RouteGroup& group) { routes_.push_back(group); }
 
   // Sends {"event": event} to all clients of the stream.
-  void publish(const bench::Json& event) {
+  void publish(const api::Json& event) {
     if (scope_) scope_->scope().publish(event);
   }
   // Returns nullptr if there is no recording with this number.
-  std::shared_ptr<const bench::Recording> recording(std::uint32_t id) const {
+  std::shared_ptr<const api::Recording> recording(std::uint32_t id) const {
     return scope_ ? scope_->scope().recordings().find(id) : nullptr;
   }
   // The server has a studio page to serve.
@@ -109,10 +109,10 @@ class LineServer final : private links::LineHost {
   };
 
   void open_serial_links();
-  bench::Response answer(const bench::Request& request);
+  api::Response answer(const api::Request& request);
   bool settled();
   void when_settled(std::function<void()> then, unsigned looks = 0, bool was_settled = false);
-  void carry_out(std::shared_ptr<bench::Response> response, const bench::HttpHandlers::Reply& reply);
+  void carry_out(std::shared_ptr<api::Response> response, const api::HttpHandlers::Reply& reply);
   void serve_frames();
   void stay_awake(const std::vector<links::EthercatLink*>& links, Vigil& vigil, RealPace::Moment& next_turn);
   void serve_busy(const std::vector<links::EthercatLink*>& busy, bool alone);
@@ -136,16 +136,16 @@ class LineServer final : private links::LineHost {
   boost::asio::steady_timer timer_;
   boost::asio::steady_timer attention_;
   boost::asio::steady_timer pacer_;
-  bench::Access access_;
+  api::Access access_;
   std::vector<std::unique_ptr<Units>> units_;  // must outlive the links, which belong to the line
   Line line_;
   std::vector<Log> logs_;
-  bench::StaticFiles page_;
+  api::StaticFiles page_;
   std::unique_ptr<bench::LineScope> scope_;
-  std::unique_ptr<bench::WebSockets> web_sockets_;
+  std::unique_ptr<api::WebSockets> web_sockets_;
   bench::LineBench bench_;
-  std::vector<bench::RouteGroup> routes_;
-  std::unique_ptr<bench::HttpServer> http_;
+  std::vector<api::RouteGroup> routes_;
+  std::unique_ptr<api::HttpServer> http_;
   RealPace real_pace_;
   std::optional<RealPace::Moment> looks_at_;  // the clock, read just before the poll of the links that is in progress
   Time frame_at_{};                           // line time of the last frame that was answered immediately

@@ -3,7 +3,7 @@
 #include <cmath>
 #include <fmt/format.h>
 
-#include "line/nearest_name.hpp"
+#include "links/nearest_name.hpp"
 
 namespace servodrome::line {
 namespace {
@@ -144,7 +144,7 @@ void TableReader::finish() {
     report_.complain(key.source().begin,
                      path_.empty() ? fmt::format("unknown key `{}`", key.str())
                                    : fmt::format("unknown key `{}` in {}", key.str(), path_),
-                     suggestion(key.str(), names));
+                     links::suggestion(key.str(), names));
   }
 }
 

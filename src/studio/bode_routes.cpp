@@ -13,12 +13,12 @@ namespace servodrome::studio {
 namespace {
 
 namespace tuning = master::tuning;
-using line::bench::ApiError;
-using line::bench::Call;
-using line::bench::Json;
-using line::bench::Method;
-using line::bench::Recording;
-using line::bench::Route;
+using api::ApiError;
+using api::Call;
+using api::Json;
+using api::Method;
+using api::Recording;
+using api::Route;
 
 // A transform of this many samples blocks the line for about 20 ms.
 constexpr std::int64_t most_samples = 131'072;
@@ -121,6 +121,6 @@ constexpr std::array bode_table{Route{Method::get, "/api/v1/recordings/{}/bode",
 
 }  // namespace
 
-line::bench::RouteGroup BodePlots::routes() { return {bode_table, this}; }
+api::RouteGroup BodePlots::routes() { return {bode_table, this}; }
 
 }  // namespace servodrome::studio

@@ -10,7 +10,7 @@ class BodePlots {
   explicit BodePlots(FindRecording find) : find_(std::move(find)) {}
 
   // The returned group refers to this object.
-  line::bench::RouteGroup routes();
+  api::RouteGroup routes();
   const FindRecording& find() const { return find_; }
 
  private:

@@ -6,9 +6,9 @@
 
 namespace servodrome::studio {
 
-using line::bench::ApiError;
+using api::ApiError;
 
-Subject LineSubjects::open(line::bench::Call& call) {
+Subject LineSubjects::open(api::Call& call) {
   line::Axis& axis = line::bench::axis_argument(line_, call);
   if (!axis.powered()) {
     throw ApiError{409, "the axis has no power", axis.settings().name,
@@ -31,8 +31,8 @@ ApiError api_error(const master::MasterError& error, unsigned status) {
   return {status, error.happened(), error.where(), error.remedy()};
 }
 
-bool flag(const line::bench::Call& call, std::string_view key) {
-  const auto value = line::bench::query_value(call, key);
+bool flag(const api::Call& call, std::string_view key) {
+  const auto value = api::query_value(call, key);
   if (!value || value == "false") return false;
   if (value == "true") return true;
   throw ApiError{400, fmt::format("{} is \"{}\"", key, value->substr(0, 40)), "address",

@@ -2,7 +2,7 @@
 
 #include <memory>
 
-#include "line/bench/routes.hpp"
+#include "api/routes.hpp"
 #include "master/error.hpp"
 #include "studio/service_objects.hpp"
 #include "tools/parameters/list.hpp"
@@ -35,7 +35,7 @@ class Subjects {
  public:
   virtual ~Subjects() = default;
   // Opens the axis that the first argument names. Throws ApiError: 404, or 409 if the drive does not communicate.
-  virtual Subject open(line::bench::Call& call) = 0;
+  virtual Subject open(api::Call& call) = 0;
 };
 
 // The axes of a line.
@@ -43,22 +43,22 @@ class LineSubjects final : public Subjects {
  public:
   // `line` must outlive this object.
   explicit LineSubjects(line::Line& line) : line_(line) {}
-  Subject open(line::bench::Call& call) override;
+  Subject open(api::Call& call) override;
 
  private:
   line::Line& line_;
 };
 
-inline Subject subject_of(line::bench::Call& call) { return static_cast<Subjects*>(call.context)->open(call); }
+inline Subject subject_of(api::Call& call) { return static_cast<Subjects*>(call.context)->open(call); }
 
 // `subjects` must outlive the group.
-line::bench::RouteGroup parameter_routes(Subjects& subjects);
-line::bench::RouteGroup pdo_routes(Subjects& subjects);
+api::RouteGroup parameter_routes(Subjects& subjects);
+api::RouteGroup pdo_routes(Subjects& subjects);
 
 // Converts an error to the API's form: `status`, what happened, where, and what to do.
-line::bench::ApiError api_error(const master::MasterError& error, unsigned status = 409);
+api::ApiError api_error(const master::MasterError& error, unsigned status = 409);
 
 // A flag of the query: absent or "false" is false, "true" is true. Throws ApiError 400.
-bool flag(const line::bench::Call& call, std::string_view key);
+bool flag(const api::Call& call, std::string_view key);
 
 }  // namespace servodrome::studio

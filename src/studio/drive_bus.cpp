@@ -38,7 +38,7 @@ void PolledSamples::note(std::int64_t tick, std::span<const std::byte> bytes) {
   const std::int64_t at = (tick + stride() / 2) / stride() * stride();
   const std::lock_guard lock(mutex_);
   if (read_.empty() || read_.back().tick < at) read_.push_back({at, decode_(bytes)});
-  if (read_.size() > line::SampleRows::kept) read_.pop_front();
+  if (read_.size() > api::SampleRows::kept) read_.pop_front();
   next_ = std::max(at, tick) / stride() * stride() + stride();
 }
 

@@ -13,8 +13,8 @@
 #include <thread>
 #include <vector>
 
+#include "api/scope/samples.hpp"
 #include "axis/axis402.hpp"
-#include "line/tap.hpp"
 #include "studio/bus_traffic.hpp"
 #include "studio/drives.hpp"
 
@@ -103,7 +103,7 @@ struct Work {
 
 // Values of an object that the thread of a bus polls by the wall clock. For each multiple of the stride it keeps the
 // value read nearest to it; NaN if none was read in time.
-class PolledSamples final : public line::Samples {
+class PolledSamples final : public api::Samples {
  public:
   // Decodes the bytes of the object to a number.
   using Decode = std::function<double(std::span<const std::byte> bytes)>;
@@ -134,7 +134,7 @@ class PolledSamples final : public line::Samples {
     double value;
   };
 
-  line::SampleRows rows_;
+  api::SampleRows rows_;
   std::size_t drive_;
   master::ObjectAddress object_;
   Decode decode_;

@@ -6,9 +6,9 @@
 #include <string>
 #include <vector>
 
+#include "api/routes.hpp"
 #include "axis/axis402.hpp"
 #include "axis/cyclic/can_cyclic_bus.hpp"
-#include "line/bench/routes.hpp"
 #include "master/canopen/pdo_set_up.hpp"
 
 namespace servodrome::studio {
@@ -51,14 +51,14 @@ class Drives {
   virtual bool has_cycles(const std::string& axis) const = 0;
   // Work that runs during the periodic exchange, and returns its result. It may run in another thread, and may still
   // run after in_cycles was left by an exception, so it must own its data.
-  using Work = std::function<line::bench::Json(CyclicAccess& access)>;
+  using Work = std::function<api::Json(CyclicAccess& access)>;
   // Runs `work` during the periodic exchange (on CAN of `exchanged`, on EtherCAT of the data that the slave maps).
   // Waits with `objects`, which `open` returned for the axis. Calls `cancelled` and `progress` meanwhile. Throws what
   // `work` throws; MasterError without has_cycles.
-  virtual line::bench::Json in_cycles(const std::string& axis, master::ObjectClient& objects,
-                                      const master::CanDrive& exchanged, const std::function<bool()>& cancelled,
-                                      const std::function<void(const char* doing, double share)>& progress,
-                                      const Work& work) = 0;
+  virtual api::Json in_cycles(const std::string& axis, master::ObjectClient& objects, const master::CanDrive& exchanged,
+                              const std::function<bool()>& cancelled,
+                              const std::function<void(const char* doing, double share)>& progress,
+                              const Work& work) = 0;
   // A revolution in the drive's units; empty if the drive has no such information. Throws MasterError if the access
   // fails.
   virtual std::optional<master::AxisUnits> units(const std::string& axis) = 0;

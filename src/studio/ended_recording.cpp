@@ -6,10 +6,9 @@
 
 namespace servodrome::studio {
 
-using line::bench::ApiError;
+using api::ApiError;
 
-std::shared_ptr<const line::bench::Recording> ended_recording(const line::bench::Call& call,
-                                                              const FindRecording& find) {
+std::shared_ptr<const api::Recording> ended_recording(const api::Call& call, const FindRecording& find) {
   const std::string_view text = call.arguments.front();
   const auto id = links::number_of_text<std::uint32_t>(text);
   auto recording = id ? find(*id) : nullptr;

@@ -10,7 +10,7 @@
 namespace servodrome::studio {
 namespace {
 
-using line::bench::ApiError;
+using api::ApiError;
 
 JobError error_of(const master::MasterError& error) { return {error.happened(), error.where(), error.remedy()}; }
 

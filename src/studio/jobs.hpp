@@ -8,7 +8,7 @@
 #include <optional>
 #include <string>
 
-#include "line/bench/routes.hpp"
+#include "api/routes.hpp"
 #include "studio/drives.hpp"
 #include "studio/line_drives.hpp"
 #include "studio/order.hpp"
@@ -33,8 +33,8 @@ struct Job {
   std::chrono::steady_clock::time_point sign_of_life{};
   std::optional<JobError> error{};
   std::optional<JobResult> result{};
-  std::string note{};         // additional information for the user
-  line::bench::Json found{};  // result of a job that measures something
+  std::string note{};  // additional information for the user
+  api::Json found{};   // result of a job that measures something
   struct Progress {
     std::string doing{};
     double share = 0.0;  // 0 .. 1
@@ -46,14 +46,14 @@ struct Job {
 };
 
 // The form of GET /api/v1/jobs/{id}; the list of jobs omits `found`.
-line::bench::Json view_of(const Job& job, bool with_found = true);
+api::Json view_of(const Job& job, bool with_found = true);
 
 // The jobs of axes for clients of the API, at most one per axis. They run in the drives' time, by `Axis402`.
 // Everything runs in one thread, which calls `reached`; between two such calls every job waits.
 class Jobs {
  public:
   using WallClock = std::function<std::chrono::steady_clock::time_point()>;
-  using Publish = std::function<void(const line::bench::Json& event)>;
+  using Publish = std::function<void(const api::Json& event)>;
   static constexpr std::size_t most_remembered = 64;
   // A halt that has not brought the axis to rest within this time becomes a quick stop.
   static constexpr auto longest_halt = std::chrono::milliseconds(250);
@@ -72,7 +72,7 @@ class Jobs {
   void on_event(Publish publish) { publish_ = std::move(publish); }
 
   // The calls of docs/bench-api.md, "Jobs"; the returned group refers to this object.
-  line::bench::RouteGroup routes();
+  api::RouteGroup routes();
 
   // Begins the job in the body of a request; the first access to the drive follows one tick later. Throws ApiError
   // without any change: 409 if the axis does not communicate, or has a job that the new one does not replace. `axis` is
@@ -137,7 +137,7 @@ class LineJobs final : private line::Follower {
   LineJobs& operator=(const LineJobs&) = delete;
 
   Jobs& jobs() { return jobs_; }
-  line::bench::RouteGroup routes() { return jobs_.routes(); }
+  api::RouteGroup routes() { return jobs_.routes(); }
 
  private:
   line::Time next_deadline() const override { return jobs_.next_deadline(); }

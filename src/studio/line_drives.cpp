@@ -1,9 +1,9 @@
 #include "studio/line_drives.hpp"
 
+#include "api/error.hpp"
 #include "axis/cia402_words.hpp"
 #include "axis/cyclic/object_cyclic_bus.hpp"
 #include "drive/drive.hpp"
-#include "line/bench/error.hpp"
 #include "studio/service_objects.hpp"
 
 namespace servodrome::studio {
@@ -18,7 +18,7 @@ line::Axis& LineDrives::find(const std::string& axis) const { return *line_.find
 
 void LineDrives::require_ready(const std::string& axis) const {
   if (find(axis).powered()) return;
-  throw line::bench::ApiError{409, "the axis has no power", axis, "switch it on: POST .../power {\"action\": \"on\"}"};
+  throw api::ApiError{409, "the axis has no power", axis, "switch it on: POST .../power {\"action\": \"on\"}"};
 }
 
 std::unique_ptr<master::ObjectClient> LineDrives::open(const std::string& axis, Wait wait) {
@@ -34,10 +34,10 @@ std::string LineDrives::product(const std::string& axis) const {
 std::optional<master::AxisUnits> LineDrives::units(const std::string& axis) { return units_of(line_, find(axis)); }
 
 // Uses object accesses: at the service port they are as quick as process data.
-line::bench::Json LineDrives::in_cycles(const std::string&, master::ObjectClient& objects,
-                                        const master::CanDrive& exchanged, const std::function<bool()>& cancelled,
-                                        const std::function<void(const char* doing, double share)>& progress,
-                                        const Work& work) {
+api::Json LineDrives::in_cycles(const std::string&, master::ObjectClient& objects, const master::CanDrive& exchanged,
+                                const std::function<bool()>& cancelled,
+                                const std::function<void(const char* doing, double share)>& progress,
+                                const Work& work) {
   constexpr master::Time period = std::chrono::milliseconds(1);
   master::ObjectCyclicBus bus(objects, exchanged.rpdos.front(), exchanged.tpdos.front(), period);
   CyclicAccess access{bus, 0, objects, cancelled, progress};

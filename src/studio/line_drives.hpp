@@ -18,10 +18,9 @@ class LineDrives final : public Drives {
   master::AxisOptions options(const std::string& axis) const override;
   std::string product(const std::string& axis) const override;
   bool has_cycles(const std::string&) const override { return true; }
-  line::bench::Json in_cycles(const std::string& axis, master::ObjectClient& objects, const master::CanDrive& exchanged,
-                              const std::function<bool()>& cancelled,
-                              const std::function<void(const char* doing, double share)>& progress,
-                              const Work& work) override;
+  api::Json in_cycles(const std::string& axis, master::ObjectClient& objects, const master::CanDrive& exchanged,
+                      const std::function<bool()>& cancelled,
+                      const std::function<void(const char* doing, double share)>& progress, const Work& work) override;
   std::optional<master::AxisUnits> units(const std::string& axis) override;
   std::vector<std::optional<JobError>> stop_all() override;
 

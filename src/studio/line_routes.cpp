@@ -2,7 +2,7 @@
 
 namespace servodrome::studio {
 
-std::vector<line::bench::RouteGroup> LineRoutes::groups() {
+std::vector<api::RouteGroup> LineRoutes::groups() {
   return {jobs_.routes(),       parameter_routes(subjects_), pdo_routes(subjects_),
           bode_plots_.routes(), recording_export_.routes(),  traffic_.routes()};
 }

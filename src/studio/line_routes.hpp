@@ -21,11 +21,11 @@ class LineRoutes {
         subjects_(line),
         bode_plots_(find),
         recording_export_(find, epoch),
-        traffic_([&line](const line::bench::Call& call) { return find_line_traffic(line, call); }, epoch) {}
+        traffic_([&line](const api::Call& call) { return find_line_traffic(line, call); }, epoch) {}
 
   Jobs& jobs() { return jobs_.jobs(); }
   // The groups refer to this object.
-  std::vector<line::bench::RouteGroup> groups();
+  std::vector<api::RouteGroup> groups();
 
  private:
   LineJobs jobs_;

@@ -6,15 +6,15 @@
 #include <fmt/format.h>
 #include <numbers>
 
-#include "line/nearest_name.hpp"
+#include "links/nearest_name.hpp"
 #include "studio/excitation.hpp"
 #include "studio/tuning_order.hpp"
 
 namespace servodrome::studio {
 namespace {
 
-using line::bench::ApiError;
-using line::bench::BodyReader;
+using api::ApiError;
+using api::BodyReader;
 using CarryOut = std::function<void(master::Axis402&, Conduct&)>;
 
 constexpr double longest_timeout_s = 3600.0;
@@ -269,7 +269,7 @@ const Kind& kind_of(const std::string& name) {
   }
   std::vector<std::string_view> names;
   for (const Kind& kind : kinds) names.push_back(kind.name);
-  throw ApiError{422, fmt::format("there is no job \"{}\"", name.substr(0, 40)), "do", line::suggestion(name, names)};
+  throw ApiError{422, fmt::format("there is no job \"{}\"", name.substr(0, 40)), "do", links::suggestion(name, names)};
 }
 
 Scale scale_of(const std::string& name, const std::function<master::AxisUnits()>& units) {

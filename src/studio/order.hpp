@@ -4,8 +4,8 @@
 #include <optional>
 #include <string>
 
+#include "api/body_reader.hpp"
 #include "axis/axis402.hpp"
-#include "line/bench/body_reader.hpp"
 #include "studio/drives.hpp"
 
 // The order of a job: the body of a request, read and checked before anything moves.
@@ -29,8 +29,8 @@ struct Conduct {
   std::function<void(const char* doing, double share)> progress{};
   std::string product{};  // as `servodrome products` lists it; "": unknown
   // Calls Drives::in_cycles for the axis.
-  std::function<line::bench::Json(const master::CanDrive& exchanged, const Drives::Work& work)> in_cycles{};
-  line::bench::Json found{};  // result of an order that measures something
+  std::function<api::Json(const master::CanDrive& exchanged, const Drives::Work& work)> in_cycles{};
+  api::Json found{};  // result of an order that measures something
 };
 
 struct Order {

@@ -11,7 +11,7 @@
 namespace servodrome::studio {
 namespace {
 
-using line::bench::Content;
+using api::Content;
 
 constexpr const char* body_name = "body";  // replaces a file name in messages
 
@@ -135,6 +135,6 @@ constexpr std::array parameter_table{
 
 }  // namespace
 
-line::bench::RouteGroup parameter_routes(Subjects& subjects) { return {parameter_table, &subjects}; }
+api::RouteGroup parameter_routes(Subjects& subjects) { return {parameter_table, &subjects}; }
 
 }  // namespace servodrome::studio

@@ -358,6 +358,6 @@ constexpr std::array pdo_table{
 
 }  // namespace
 
-line::bench::RouteGroup pdo_routes(Subjects& subjects) { return {pdo_table, &subjects}; }
+api::RouteGroup pdo_routes(Subjects& subjects) { return {pdo_table, &subjects}; }
 
 }  // namespace servodrome::studio

@@ -6,7 +6,7 @@
 #include "drive/drive.hpp"
 #include "line/bench/axis_view.hpp"
 #include "line/bench/object_values.hpp"
-#include "line/nearest_name.hpp"
+#include "links/nearest_name.hpp"
 #include "master/canopen/sdo_client.hpp"
 #include "master/ethercat/coe_client.hpp"
 #include "master/serial10/client.hpp"
@@ -22,7 +22,7 @@ const RealDrives::Axis& axis_argument(const RealDrives& drives, const Call& call
   if (const RealDrives::Axis* axis = drives.find(name)) return *axis;
   const std::vector<std::string> names = drives.names();
   throw ApiError{404, fmt::format("there is no axis \"{}\"", name.substr(0, 40)), "address",
-                 line::suggestion(name, {names.begin(), names.end()})};
+                 links::suggestion(name, {names.begin(), names.end()})};
 }
 
 // Converts an error of the master's side to the API's form, with the drive's own abort code if there is one.
@@ -113,14 +113,14 @@ Json view_of(const RealDrives& drives, std::size_t index) {
 }  // namespace
 
 std::size_t bus_argument(const RealDrives& drives, const Call& call) {
-  const std::string name = line::bench::unescaped(call.arguments.front());
+  const std::string name = api::unescaped(call.arguments.front());
   std::vector<std::string_view> known;
   for (std::size_t i = 0; i < drives.buses().size(); ++i) {
     if (drives.buses()[i]->plan().link == name) return i;
     known.emplace_back(drives.buses()[i]->plan().link);
   }
   throw ApiError{404, fmt::format("there is no bus \"{}\"", name.substr(0, 80)), "address",
-                 line::suggestion(name, known)};
+                 links::suggestion(name, known)};
 }
 
 Json RealBench::show_line(Call&) {

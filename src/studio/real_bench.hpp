@@ -1,16 +1,16 @@
 #pragma once
 
-#include "line/bench/bench.hpp"
+#include "api/bench.hpp"
 #include "studio/real_drives.hpp"
 
 namespace servodrome::studio {
 
 // Drives on buses as a bench of the API: a line reads the answers from its virtual drives, here the drives are asked
 // over their buses. It has no plant, no inputs, no power switch, no faults on request, and real time only.
-class RealBench final : public line::bench::Bench {
+class RealBench final : public api::Bench {
  public:
-  using Call = line::bench::Call;
-  using Json = line::bench::Json;
+  using Call = api::Call;
+  using Json = api::Json;
 
   // `drives` must outlive this object.
   explicit RealBench(RealDrives& drives) : drives_(drives) {}
@@ -34,6 +34,6 @@ class RealBench final : public line::bench::Bench {
 };
 
 // Returns the index of the bus that the first argument of a call names. Throws ApiError 404.
-std::size_t bus_argument(const RealDrives& drives, const line::bench::Call& call);
+std::size_t bus_argument(const RealDrives& drives, const api::Call& call);
 
 }  // namespace servodrome::studio

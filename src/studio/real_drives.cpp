@@ -7,20 +7,20 @@
 #include <fmt/format.h>
 #include <limits>
 
+#include "api/scope/channel_list.hpp"
 #include "axis/fault_report.hpp"
 #include "drive/drive.hpp"
 #include "line/axis.hpp"
 #include "line/bench/axis_view.hpp"
-#include "line/bench/scope/channel_list.hpp"
-#include "line/nearest_name.hpp"
+#include "links/nearest_name.hpp"
 #include "studio/remote_objects.hpp"
 
 namespace servodrome::studio {
 namespace {
 
-using line::bench::ApiError;
-using line::bench::Json;
-using line::bench::NamedChannel;
+using api::ApiError;
+using api::Json;
+using api::NamedChannel;
 
 constexpr double no_value = std::numeric_limits<double>::quiet_NaN();
 
@@ -111,7 +111,7 @@ const RealDrives::Axis& RealDrives::axis_of(std::string_view name) const {
   if (const Axis* axis = find(name)) return *axis;
   const std::vector<std::string> known = names();
   throw ApiError{404, fmt::format("there is no axis \"{}\"", name.substr(0, 40)), "axis",
-                 line::suggestion(name, {known.begin(), known.end()})};
+                 links::suggestion(name, {known.begin(), known.end()})};
 }
 
 std::vector<std::string> RealDrives::names() const {
@@ -294,7 +294,7 @@ std::vector<RealDrives::ProcessDataRegisters> RealDrives::process_data_of(std::s
   return std::move(*found);
 }
 
-Subject RealDrives::open(line::bench::Call& call) {
+Subject RealDrives::open(api::Call& call) {
   const Axis& axis = axis_of(call.arguments.front());
   require_ready(axis.name);
   const BusPlan& bus = buses_[axis.bus]->plan();
@@ -329,7 +329,7 @@ std::int64_t RealDrives::tick() const { return (now() - master::Time(latency)) /
 NamedChannel RealDrives::channel(const Axis& axis, master::ObjectAddress object, PolledSamples::Decode decode,
                                  const std::string& key, Json view, std::function<double()> value) {
   const auto open = [this, bus = axis.bus, drive = axis.drive, object, decode,
-                     key](std::int64_t stride) -> std::shared_ptr<line::Samples> {
+                     key](std::int64_t stride) -> std::shared_ptr<api::Samples> {
     std::weak_ptr<PolledSamples>& known = polled_[fmt::format("{}/{}", key, stride)];
     if (auto samples = known.lock()) return samples;
     const std::int64_t first = (tick() / stride + 1) * stride;
@@ -357,7 +357,7 @@ NamedChannel RealDrives::signal(const std::string& name, std::string_view signal
                    [this, &axis, &row] { return row.present(state_of(axis)); });
   }
   throw ApiError{422, fmt::format("a drive on a bus has no signal \"{}\"", signal.substr(0, 40)), name,
-                 line::suggestion(signal, signal_names()) + "; or give an object"};
+                 links::suggestion(signal, signal_names()) + "; or give an object"};
 }
 
 NamedChannel RealDrives::object(const std::string& name, std::uint16_t index, std::uint8_t sub) {
@@ -383,7 +383,7 @@ std::int64_t RealDrives::stride_of(double rate_hz, const std::vector<NamedChanne
   }
   const double longest_s = *std::max_element(busy_s.begin(), busy_s.end());
   const double rate = std::min(rate_hz, 0.5 / longest_s);
-  return std::max(finest_stride, line::bench::stride_of_rate(std::max(rate, 1.0)));
+  return std::max(finest_stride, api::stride_of_rate(std::max(rate, 1.0)));
 }
 
 Json RealDrives::clock() {

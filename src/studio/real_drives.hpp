@@ -7,7 +7,7 @@
 #include <string>
 #include <vector>
 
-#include "line/bench/scope/source.hpp"
+#include "api/scope/source.hpp"
 #include "line/registry.hpp"
 #include "studio/commissioning.hpp"
 #include "studio/drive_bus.hpp"
@@ -17,7 +17,7 @@ namespace servodrome::studio {
 
 // Drives on buses, for jobs, streams and the API. Its time is the wall clock's, counted from construction. All calls
 // come from the server's thread, and from tasks that run in its place.
-class RealDrives final : public Drives, public line::bench::Source, public Subjects {
+class RealDrives final : public Drives, public api::Source, public Subjects {
  public:
   // After this delay all recorded values of a moment are available, or missed.
   static constexpr auto latency = std::chrono::milliseconds(40);
@@ -54,10 +54,10 @@ class RealDrives final : public Drives, public line::bench::Source, public Subje
   std::vector<ProcessDataRegisters> process_data_of(std::size_t bus);
   // Waits with the present wait.
   std::unique_ptr<master::ObjectClient> open(const Axis& axis) { return open(axis.name, wait_); }
-  line::bench::Json view(const Axis& axis) const;
+  api::Json view(const Axis& axis) const;
 
   // Fetches the values that the threads of the buses have read. Returns the events of the stream since the last call.
-  std::vector<line::bench::Json> advance();
+  std::vector<api::Json> advance();
 
   static std::vector<std::string_view> signal_names();
 
@@ -72,28 +72,27 @@ class RealDrives final : public Drives, public line::bench::Source, public Subje
   std::string product(const std::string& axis) const override { return axis_of(axis).product; }
   // True on CAN and EtherCAT.
   bool has_cycles(const std::string& axis) const override;
-  line::bench::Json in_cycles(const std::string& axis, master::ObjectClient& objects, const master::CanDrive& exchanged,
-                              const std::function<bool()>& cancelled,
-                              const std::function<void(const char* doing, double share)>& progress,
-                              const Work& work) override;
+  api::Json in_cycles(const std::string& axis, master::ObjectClient& objects, const master::CanDrive& exchanged,
+                      const std::function<bool()>& cancelled,
+                      const std::function<void(const char* doing, double share)>& progress, const Work& work) override;
   std::optional<master::AxisUnits> units(const std::string& axis) override;
   std::vector<std::optional<JobError>> stop_all() override;
 
   // --- Subjects
-  Subject open(line::bench::Call& call) override;
+  Subject open(api::Call& call) override;
 
   // --- Source
   std::int64_t tick() const override;
   std::vector<std::string> axes() const override { return names(); }
-  line::bench::NamedChannel signal(const std::string& axis, std::string_view name) override;
-  line::bench::NamedChannel object(const std::string& axis, std::uint16_t index, std::uint8_t sub) override;
-  std::int64_t stride_of(double rate_hz, const std::vector<line::bench::NamedChannel>& channels) const override;
+  api::NamedChannel signal(const std::string& axis, std::string_view name) override;
+  api::NamedChannel object(const std::string& axis, std::uint16_t index, std::uint8_t sub) override;
+  std::int64_t stride_of(double rate_hz, const std::vector<api::NamedChannel>& channels) const override;
   std::int64_t trigger_stride(std::int64_t stride) const override { return stride; }
-  std::vector<line::bench::Json> views() override;
-  line::bench::Json clock() override;
+  std::vector<api::Json> views() override;
+  api::Json clock() override;
 
  private:
-  using Json = line::bench::Json;
+  using Json = api::Json;
 
   // The last published state of an axis or bus.
   struct Told {
@@ -107,8 +106,8 @@ class RealDrives final : public Drives, public line::bench::Source, public Subje
   // threw.
   void carry_out(const Axis& axis, const std::shared_ptr<studio::Work>& work, const std::function<void()>& wait);
   void take_back_targets(const Axis& axis, const Wait& wait);
-  line::bench::NamedChannel channel(const Axis& axis, master::ObjectAddress object, PolledSamples::Decode decode,
-                                    const std::string& key, Json view, std::function<double()> value);
+  api::NamedChannel channel(const Axis& axis, master::ObjectAddress object, PolledSamples::Decode decode,
+                            const std::string& key, Json view, std::function<double()> value);
 
   DriveBus::Clock::time_point start_;
   master::Time wall_epoch_;

@@ -5,16 +5,16 @@
 #include <fmt/format.h>
 #include <system_error>
 
-#include "line/bench/api.hpp"
-#include "line/bench/upgrade.hpp"
+#include "api/request.hpp"
+#include "api/upgrade.hpp"
 #include "studio/real_traffic.hpp"
 
 namespace servodrome::studio {
 namespace {
 
 using namespace std::chrono_literals;
-using line::bench::Request;
-using line::bench::Response;
+using api::Request;
+using api::Response;
 
 constexpr master::Time shortest_sleep = 200us;
 constexpr master::Time view_period = 10ms;       // period of updates from the drives
@@ -27,32 +27,27 @@ RealServer::RealServer(RealDrives& drives, const Settings& settings)
     : drives_(drives),
       bench_(drives),
       timer_(io_),
-      access_{line::bench::make_token()},
+      access_{api::make_token()},
       page_(settings.page),
       scope_(drives),
       web_sockets_(scope_, [this](const std::exception& error) { http_->count_failure(error); }),
       jobs_(drives),
       recording_export_([this](std::uint32_t id) { return scope_.recordings().find(id); },
                         [&drives] { return drives.wall_epoch(); }),
-      traffic_([&drives](const line::bench::Call& call) { return find_real_traffic(drives, call); },
+      traffic_([&drives](const api::Call& call) { return find_real_traffic(drives, call); },
                [&drives] { return drives.wall_epoch(); }),
-      groups_{line::bench::bench_routes(bench_),
-              jobs_.routes(),
-              recording_export_.routes(),
-              parameter_routes(drives),
-              pdo_routes(drives),
-              traffic_.routes(),
-              {line::bench::recording_routes(), &scope_}} {
-  jobs_.on_event([this](const line::bench::Json& event) { scope_.publish(event); });
-  line::bench::HttpHandlers handlers;
-  handlers.answer = [this](Request&& request, line::bench::HttpHandlers::Reply reply) {
+      groups_{api::bench_routes(bench_), jobs_.routes(),    recording_export_.routes(),        parameter_routes(drives),
+              pdo_routes(drives),        traffic_.routes(), {api::recording_routes(), &scope_}} {
+  jobs_.on_event([this](const api::Json& event) { scope_.publish(event); });
+  api::HttpHandlers handlers;
+  handlers.answer = [this](Request&& request, api::HttpHandlers::Reply reply) {
     answer(std::move(request), std::move(reply));
   };
-  handlers.upgrade_address = line::bench::WebSockets::address;
+  handlers.upgrade_address = api::WebSockets::address;
   handlers.refuse_upgrade = [this] { return web_sockets_.refuse(); };
-  handlers.upgrade = [this](line::bench::Upgrade&& upgrade) { web_sockets_.accept(std::move(upgrade)); };
+  handlers.upgrade = [this](api::Upgrade&& upgrade) { web_sockets_.accept(std::move(upgrade)); };
   handlers.report = [](const std::string& message) { fmt::print(stderr, "servodrome: {}\n", message); };
-  http_ = std::make_unique<line::bench::HttpServer>(io_, settings.address, settings.port, access_, std::move(handlers));
+  http_ = std::make_unique<api::HttpServer>(io_, settings.address, settings.port, access_, std::move(handlers));
 }
 
 RealServer::~RealServer() { pending_.clear(); }
@@ -69,7 +64,7 @@ void RealServer::run() {
 }
 
 // Answers requests for pages at once, and requests to the API when the drive has answered.
-void RealServer::answer(Request&& request, line::bench::HttpHandlers::Reply reply) {
+void RealServer::answer(Request&& request, api::HttpHandlers::Reply reply) {
   const std::string_view target = request.target;
   if (!target.starts_with("/api/") && target.substr(0, target.find('?')) != "/api") {
     reply(page_.answer(request));
@@ -82,7 +77,7 @@ void RealServer::answer(Request&& request, line::bench::HttpHandlers::Reply repl
 }
 
 void RealServer::carry_out(Pending& pending) {
-  Response response = line::bench::begin(pending.request, groups_);
+  Response response = api::begin(pending.request, groups_);
   pending.response = std::move(response);
 }
 
@@ -96,12 +91,12 @@ void RealServer::resume(Pending& pending) {
   try {
     pending.task->resume();
   } catch (const std::system_error&) {
-    pending.response = line::bench::error_response({503, "no thread could be created", pending.request.target,
-                                                    "stop other programs, or raise the limit of threads"});
+    pending.response = api::error_response({503, "no thread could be created", pending.request.target,
+                                            "stop other programs, or raise the limit of threads"});
     pending.task->end();
   }
   if (!pending.task->over()) return;
-  const line::bench::HttpHandlers::Reply reply = std::move(pending.reply);
+  const api::HttpHandlers::Reply reply = std::move(pending.reply);
   Response response = std::move(pending.response);
   pending_.remove_if([&pending](const Pending& its) { return &its == &pending; });
   reply(std::move(response));
@@ -154,7 +149,7 @@ bool RealServer::moved(const std::string& axis) const {
 }
 
 void RealServer::note_events() {
-  for (const line::bench::Json& event : drives_.advance()) {
+  for (const api::Json& event : drives_.advance()) {
     scope_.publish(event);
     if (event["kind"] != "power" || event["powered"] != false) continue;
     const auto name = event["axis"].get<std::string>();

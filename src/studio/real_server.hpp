@@ -6,10 +6,10 @@
 #include <memory>
 #include <string>
 
-#include "line/bench/http_server.hpp"
-#include "line/bench/scope/scope.hpp"
-#include "line/bench/scope/web_sockets.hpp"
-#include "line/bench/static_files.hpp"
+#include "api/http_server.hpp"
+#include "api/scope/scope.hpp"
+#include "api/scope/web_sockets.hpp"
+#include "api/static_files.hpp"
 #include "studio/jobs.hpp"
 #include "studio/real_bench.hpp"
 #include "studio/recording_export.hpp"
@@ -44,14 +44,14 @@ class RealServer {
 
  private:
   struct Pending {
-    line::bench::Request request;
-    line::bench::HttpHandlers::Reply reply;
-    line::bench::Response response{};
+    api::Request request;
+    api::HttpHandlers::Reply reply;
+    api::Response response{};
     master::Time due{};
     std::unique_ptr<Task> task{};
   };
 
-  void answer(line::bench::Request&& request, line::bench::HttpHandlers::Reply reply);
+  void answer(api::Request&& request, api::HttpHandlers::Reply reply);
   void carry_out(Pending& pending);
   void resume(Pending& pending);
   void look();
@@ -64,19 +64,19 @@ class RealServer {
   RealBench bench_;
   boost::asio::io_context io_;
   boost::asio::steady_timer timer_;
-  line::bench::Access access_;
-  line::bench::StaticFiles page_;
-  line::bench::Scope scope_;
-  line::bench::WebSockets web_sockets_;
+  api::Access access_;
+  api::StaticFiles page_;
+  api::Scope scope_;
+  api::WebSockets web_sockets_;
   Jobs jobs_;
   RecordingExport recording_export_;
   Traffic traffic_;
-  std::vector<line::bench::RouteGroup> groups_;
+  std::vector<api::RouteGroup> groups_;
   std::list<Pending> pending_;
   master::Time looked_{};  // time of the last look()
   master::Time next_view_{};
   master::Time next_attention_{};
-  std::unique_ptr<line::bench::HttpServer> http_;
+  std::unique_ptr<api::HttpServer> http_;
 };
 
 }  // namespace servodrome::studio

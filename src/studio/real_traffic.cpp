@@ -87,7 +87,7 @@ class RealTraffic final : public TrafficSource {
 
 }  // namespace
 
-std::unique_ptr<TrafficSource> find_real_traffic(RealDrives& drives, const line::bench::Call& call) {
+std::unique_ptr<TrafficSource> find_real_traffic(RealDrives& drives, const api::Call& call) {
   return std::make_unique<RealTraffic>(drives, bus_argument(drives, call));
 }
 

@@ -11,11 +11,11 @@
 namespace servodrome::studio {
 namespace {
 
-using line::bench::Call;
-using line::bench::Json;
-using line::bench::Method;
-using line::bench::Recording;
-using line::bench::Route;
+using api::Call;
+using api::Json;
+using api::Method;
+using api::Recording;
+using api::Route;
 
 // "following_error" for a signal; "following_error_actual_value_60F4_00" for an object.
 std::string field_name(const Json& channel) {
@@ -38,7 +38,7 @@ std::string field_name(const Json& channel) {
 master::scope::Table table_of(std::shared_ptr<const Recording> recording, std::int64_t epoch_ns) {
   master::scope::Table table;
   std::vector<std::string> axes;
-  for (const line::bench::NamedChannel& channel : recording->plan().channels) {
+  for (const api::NamedChannel& channel : recording->plan().channels) {
     const auto known = std::find(axes.begin(), axes.end(), channel.axis);
     table.groups.push_back(static_cast<std::size_t>(known - axes.begin()));
     if (known == axes.end()) axes.push_back(channel.axis);
@@ -62,11 +62,11 @@ master::scope::Table table_of(std::shared_ptr<const Recording> recording, std::i
 Json RecordingExport::show_mcap(Call& call) {
   const auto& own = *static_cast<const RecordingExport*>(call.context);
   auto table = table_of(ended_recording(call, own.find_), own.epoch_().count());
-  call.content = line::bench::Content{"application/octet-stream", {}, master::scope::mcap_parts_of(std::move(table))};
+  call.content = api::Content{"application/octet-stream", {}, master::scope::mcap_parts_of(std::move(table))};
   return nullptr;
 }
 
-line::bench::RouteGroup RecordingExport::routes() {
+api::RouteGroup RecordingExport::routes() {
   static constexpr std::array table{Route{Method::get, "/api/v1/recordings/{}/data.mcap", show_mcap}};
   return {table, this};
 }

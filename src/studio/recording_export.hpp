@@ -13,10 +13,10 @@ class RecordingExport {
       : find_(std::move(find)), epoch_(std::move(epoch)) {}
 
   // The returned group refers to this object.
-  line::bench::RouteGroup routes();
+  api::RouteGroup routes();
 
  private:
-  static line::bench::Json show_mcap(line::bench::Call& call);
+  static api::Json show_mcap(api::Call& call);
 
   FindRecording find_;
   std::function<links::Time()> epoch_;

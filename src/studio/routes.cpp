@@ -2,7 +2,7 @@
 #include <array>
 #include <fmt/format.h>
 
-#include "line/nearest_name.hpp"
+#include "links/nearest_name.hpp"
 #include "links/number_text.hpp"
 #include "studio/jobs.hpp"
 #include "studio/route_names.hpp"
@@ -41,7 +41,7 @@ std::string axis_name(Call& call) {
   const std::string_view name = call.arguments.front();
   if (std::find(names.begin(), names.end(), name) != names.end()) return std::string(name);
   throw ApiError{404, fmt::format("there is no axis \"{}\"", name.substr(0, 40)), "address",
-                 line::suggestion(name, {names.begin(), names.end()})};
+                 links::suggestion(name, {names.begin(), names.end()})};
 }
 
 Json begin_job(Call& call) { return view_of(jobs_of(call).begin(axis_name(call), call.body)); }
@@ -139,6 +139,6 @@ Json view_of(const Job& job, bool with_found) {
   return view;
 }
 
-line::bench::RouteGroup Jobs::routes() { return {table, this}; }
+api::RouteGroup Jobs::routes() { return {table, this}; }
 
 }  // namespace servodrome::studio

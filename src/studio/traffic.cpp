@@ -92,7 +92,7 @@ std::string row_text(const TrafficRow& row) {
   for (const master::DecodedValue& value : decoded.values) {
     json["values"].push_back({{"object", master::text_of(value.object)}, {"name", value.name}, {"value", value.text}});
   }
-  return line::bench::to_text(json);
+  return api::to_text(json);
 }
 
 // Makes the answer to GET .../traffic piece by piece: first decodes the new frames, then selects the wanted rows, then
@@ -310,7 +310,7 @@ constexpr std::array traffic_table{
 
 }  // namespace
 
-line::bench::RouteGroup Traffic::routes() { return {traffic_table, this}; }
+api::RouteGroup Traffic::routes() { return {traffic_table, this}; }
 
 const std::shared_ptr<TrafficView>& Traffic::view_of(Call& call) {
   std::unique_ptr<TrafficSource> source = find_(call);

@@ -5,7 +5,7 @@
 #include <memory>
 #include <string>
 
-#include "line/bench/routes.hpp"
+#include "api/routes.hpp"
 #include "studio/traffic_view.hpp"
 
 namespace servodrome::studio {
@@ -14,16 +14,16 @@ namespace servodrome::studio {
 class Traffic {
  public:
   // Finds the bus that the first argument of a call names. Throws ApiError 404.
-  using Find = std::function<std::unique_ptr<TrafficSource>(const line::bench::Call& call)>;
+  using Find = std::function<std::unique_ptr<TrafficSource>(const api::Call& call)>;
 
   // `epoch` returns the wall-clock time of the frames' time 0, for captures.
   Traffic(Find find, std::function<line::Time()> epoch) : find_(std::move(find)), epoch_(std::move(epoch)) {}
   Traffic(const Traffic&) = delete;
   Traffic& operator=(const Traffic&) = delete;
 
-  line::bench::RouteGroup routes();
+  api::RouteGroup routes();
   // The view of the bus that a call names. It is created lazily.
-  const std::shared_ptr<TrafficView>& view_of(line::bench::Call& call);
+  const std::shared_ptr<TrafficView>& view_of(api::Call& call);
   // Makes all frames up to now readable.
   void flush();
   line::Time epoch() const { return epoch_(); }
@@ -35,6 +35,6 @@ class Traffic {
 };
 
 // Finds the bus of a line that the first argument of a call names. Throws ApiError 404.
-std::unique_ptr<TrafficSource> find_line_traffic(line::Line& line, const line::bench::Call& call);
+std::unique_ptr<TrafficSource> find_line_traffic(line::Line& line, const api::Call& call);
 
 }  // namespace servodrome::studio

@@ -6,7 +6,7 @@ namespace servodrome::studio {
 namespace {
 
 namespace tuning = master::tuning;
-using line::bench::Json;
+using api::Json;
 
 Json number_or_null(const std::optional<double>& value) { return value ? Json(*value) : Json(nullptr); }
 

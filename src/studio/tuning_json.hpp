@@ -1,18 +1,18 @@
 #pragma once
 
-#include "line/bench/error.hpp"
+#include "api/error.hpp"
 #include "tools/tuning/own_tuning.hpp"
 #include "tools/tuning/session.hpp"
 
 // The results of tuning as JSON, for `servodrome tune --json` and for the bench API.
 namespace servodrome::studio {
 
-line::bench::Json json_of(const std::vector<master::tuning::GainValue>& before,
-                          const std::vector<master::tuning::GainValue>& after);
-line::bench::Json json_of(const master::tuning::Measurement& measured, const master::tuning::TuningUnits& units);
-line::bench::Json json_of(const master::tuning::StepResponse& step);
+api::Json json_of(const std::vector<master::tuning::GainValue>& before,
+                  const std::vector<master::tuning::GainValue>& after);
+api::Json json_of(const master::tuning::Measurement& measured, const master::tuning::TuningUnits& units);
+api::Json json_of(const master::tuning::StepResponse& step);
 // The result of a whole session: "result" is "proposed" or "applied".
-line::bench::Json json_of(const master::tuning::SessionResult& result, const master::tuning::TuningUnits& units);
-line::bench::Json json_of(const master::tuning::OwnTuningResult& result);
+api::Json json_of(const master::tuning::SessionResult& result, const master::tuning::TuningUnits& units);
+api::Json json_of(const master::tuning::OwnTuningResult& result);
 
 }  // namespace servodrome::studio

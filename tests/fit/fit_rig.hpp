@@ -139,8 +139,7 @@ inline Kept record(const Truth& truth, const std::vector<std::string>& names) {
   Kept kept{.names = names, .values = std::vector<std::vector<double>>(names.size())};
   std::int64_t next = tap.due();
   const auto take = [&] {
-    if (tap.due() - next > static_cast<std::int64_t>(line::SampleRows::kept))
-      throw std::runtime_error("rows were lost");
+    if (tap.due() - next > static_cast<std::int64_t>(api::SampleRows::kept)) throw std::runtime_error("rows were lost");
     for (; next < tap.due(); ++next) {
       for (std::size_t i = 0; i < names.size(); ++i) kept.values[i].push_back(tap.samples()[i].at(next));
     }

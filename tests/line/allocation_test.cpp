@@ -96,22 +96,22 @@ TEST(Allocation, NothingIsAllocatedWhileALineIsLookedAt) {
   Line line(file.settings);
   bench::LineScope looking(line);
   bench::LineSource source(line);
-  bench::Recordings& recordings = looking.scope().recordings();
+  api::Recordings& recordings = looking.scope().recordings();
   const std::string axis = line.axes()[0]->settings().name;
-  const auto recording = [&](const std::string& what, const std::string& trigger) -> const bench::Recording& {
+  const auto recording = [&](const std::string& what, const std::string& trigger) -> const api::Recording& {
     return recordings.add(source, R"({"channels": [{"axis": ")" + axis + R"(", )" + what +
                                       R"(}], "duration_ms": 400,)" + R"("pre_ms": 100, "trigger": )" + trigger + "}");
   };
   const auto& done = recording(R"("signal": "velocity_rpm")", R"({"kind": "now"})");
   const auto& armed = recording(R"("object": "6041:00")", R"({"kind": "level", "level": 1e9})");
-  const std::shared_ptr<Samples> tap = source.signal(axis, "position_counts").open(1);
+  const std::shared_ptr<api::Samples> tap = source.signal(axis, "position_counts").open(1);
   line.run_until(std::chrono::milliseconds(300));  // the drives have started, and these events were published
 
   const std::uint64_t before = allocations;
   line.run_until(std::chrono::milliseconds(1300));
   EXPECT_EQ(allocations - before, 0U);
-  EXPECT_EQ(done.state(), bench::RecordingState::done);
-  EXPECT_EQ(armed.state(), bench::RecordingState::armed);
+  EXPECT_EQ(done.state(), api::RecordingState::done);
+  EXPECT_EQ(armed.state(), api::RecordingState::armed);
   EXPECT_EQ(tap->due(), 1300 * 16 + 1);
 }
 

@@ -13,6 +13,7 @@ namespace axis_details_test {
 namespace {
 
 using namespace test;
+using namespace api;
 using nlohmann::json;
 using testing::HasSubstr;
 

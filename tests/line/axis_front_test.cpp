@@ -13,7 +13,7 @@ namespace axis_front_test {
 namespace {
 
 using namespace test;
-using bench::Json;
+using api::Json;
 
 class Front {
  public:

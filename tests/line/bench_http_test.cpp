@@ -16,9 +16,9 @@
 #include <thread>
 #include <unistd.h>
 
+#include "api/scope/frame.hpp"
+#include "api/scope/stream_session.hpp"
 #include "line/bench/line_bench.hpp"
-#include "line/bench/scope/frame.hpp"
-#include "line/bench/scope/stream_session.hpp"
 #include "line/line_server.hpp"
 #include "support.hpp"
 
@@ -28,6 +28,7 @@ namespace bench_http_test {
 namespace {
 
 using namespace test;
+using namespace api;
 using boost::asio::ip::tcp;
 using boost::system::error_code;
 using nlohmann::json;
@@ -77,9 +78,9 @@ class Page {
 
 class Running {
  public:
-  explicit Running(const std::string& page = {}, const std::vector<bench::RouteGroup>& more = {})
+  explicit Running(const std::string& page = {}, const std::vector<api::RouteGroup>& more = {})
       : server_(settings(page)) {
-    for (const bench::RouteGroup& group : more) server_.add_routes(group);
+    for (const api::RouteGroup& group : more) server_.add_routes(group);
     thread_ = std::thread([this] { server_.run(); });
   }
   ~Running() {
@@ -271,22 +272,22 @@ TEST(BenchHttp, ATrailerOfAnyLengthEndsNothing) {
 
 // If a handler throws, its request is refused or its connection ends. The server and the other connections continue.
 TEST(BenchHttp, AnExceptionEndsItsConnectionAndNothingElse) {
-  using bench::Call;
-  using bench::Json;
-  using bench::Method;
+  using api::Call;
+  using api::Json;
+  using api::Method;
   static constexpr std::array routes{
-      bench::Route{Method::get, "/api/v1/test/throws", [](Call&) -> Json { throw std::runtime_error("of a route"); }},
-      bench::Route{Method::get, "/api/v1/test/piece",
-                   [](Call& call) -> Json {
-                     call.piece = []() -> Json { throw std::runtime_error("of a piece"); };
-                     return nullptr;
-                   }},
-      bench::Route{Method::get, "/api/v1/test/more",
-                   [](Call& call) -> Json {
-                     call.content = bench::Content{
-                         "text/csv", "begin", []() -> std::string { throw std::runtime_error("of what follows"); }};
-                     return nullptr;
-                   }},
+      api::Route{Method::get, "/api/v1/test/throws", [](Call&) -> Json { throw std::runtime_error("of a route"); }},
+      api::Route{Method::get, "/api/v1/test/piece",
+                 [](Call& call) -> Json {
+                   call.piece = []() -> Json { throw std::runtime_error("of a piece"); };
+                   return nullptr;
+                 }},
+      api::Route{Method::get, "/api/v1/test/more",
+                 [](Call& call) -> Json {
+                   call.content = api::Content{"text/csv", "begin",
+                                               []() -> std::string { throw std::runtime_error("of what follows"); }};
+                   return nullptr;
+                 }},
   };
   Running running({}, {{routes}});
   Client other(running.port());
@@ -356,11 +357,10 @@ TEST(BenchHttp, AListOfObjectsIsMadeInParts) {
 
 // Requests use at most half of the time: the time of a request beyond its turn delays those that follow.
 TEST(BenchRates, RequestsThatTakeLongWaitLonger) {
-  static constexpr std::array routes{
-      bench::Route{bench::Method::get, "/api/v1/test/slow", [](bench::Call&) -> bench::Json {
-                     std::this_thread::sleep_for(20ms);
-                     return bench::Json::object();
-                   }}};
+  static constexpr std::array routes{api::Route{api::Method::get, "/api/v1/test/slow", [](api::Call&) -> api::Json {
+                                                  std::this_thread::sleep_for(20ms);
+                                                  return api::Json::object();
+                                                }}};
   constexpr int many = 20;
   Running running({}, {{routes}});
   const auto begin = std::chrono::steady_clock::now();
@@ -429,7 +429,7 @@ TEST(BenchHttp, DataInPartsIsEachChannelInOrder) {
              R"({"axis":"x","object":"6041:00"}],"rate_hz":16000,"duration_ms":1000})");
   client.ask("POST", "/api/v1/clock/advance", {}, R"({"ms":1100})");
   const std::string data = client.ask("GET", "/api/v1/recordings/1/data").body();
-  bench::FrameHeader header;
+  api::FrameHeader header;
   ASSERT_GE(data.size(), sizeof header);
   std::memcpy(&header, data.data(), sizeof header);
   EXPECT_EQ(header.samples, 16000U);
@@ -588,7 +588,7 @@ TEST(BenchSocket, StreamsToItsClient) {
     const std::string frame = socket.read();
     ASSERT_FALSE(socket.code) << socket.code.message();
     if (socket.is_text()) continue;
-    bench::FrameHeader header;
+    api::FrameHeader header;
     std::memcpy(&header, frame.data(), sizeof header);
     EXPECT_EQ(header.id, 5U);
     EXPECT_EQ(header.first_tick, expected);
@@ -749,7 +749,7 @@ TEST(BenchSocket, AClientThatReadsNothingDelaysNobody) {
     const std::string frame = stuck.read();
     ASSERT_FALSE(stuck.code) << stuck.code.message();
     if (stuck.is_text()) continue;
-    bench::FrameHeader header;
+    api::FrameHeader header;
     std::memcpy(&header, frame.data(), sizeof header);
     ASSERT_GE(header.first_tick, next);
     next = header.first_tick + std::uint64_t{header.samples - 1} * header.stride + 1;
@@ -773,7 +773,7 @@ TEST(BenchSocket, ALongAdvanceIsSeenInFullByWhoReadsIt) {
     const std::string frame = socket.read();
     if (socket.code) break;
     if (socket.is_text()) continue;
-    bench::FrameHeader header;
+    api::FrameHeader header;
     std::memcpy(&header, frame.data(), sizeof header);
     EXPECT_EQ(header.stride, 1U);
     if (header.first_tick != next || header.stride != 1) break;

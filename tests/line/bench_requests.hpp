@@ -13,8 +13,8 @@ class RequestGenerator {
  public:
   explicit RequestGenerator(std::uint64_t seed) : random_(seed) {}
 
-  bench::Request next() {
-    bench::Request request;
+  api::Request next() {
+    api::Request request;
     if (pick(2) == 0) {
       request = near_right();
     } else {
@@ -78,30 +78,30 @@ class RequestGenerator {
   }
 
   // An address with a method that it supports, and a body with keys that it accepts.
-  bench::Request near_right() {
+  api::Request near_right() {
     struct Example {
-      bench::Method method;
+      api::Method method;
       const char* target;
       std::array<const char*, 4> keys;
     };
     static constexpr std::array examples{
-        Example{bench::Method::put, "/axes/right/objects/6081/0", {"value", "value", "value", "value"}},
-        Example{bench::Method::put, "/axes/left/objects/6040/0", {"value", "value", "value", "value"}},
-        Example{bench::Method::put, "/axes/right/objects/6060/0", {"value", "value", "value", "value"}},
-        Example{bench::Method::put, "/axes/left/inputs", {"DI0", "DI1", "DI2", "DI5"}},
+        Example{api::Method::put, "/axes/right/objects/6081/0", {"value", "value", "value", "value"}},
+        Example{api::Method::put, "/axes/left/objects/6040/0", {"value", "value", "value", "value"}},
+        Example{api::Method::put, "/axes/right/objects/6060/0", {"value", "value", "value", "value"}},
+        Example{api::Method::put, "/axes/left/inputs", {"DI0", "DI1", "DI2", "DI5"}},
         Example{
-            bench::Method::put, "/axes/right/plant", {"locked_rotor", "load_torque_nm", "supply_v", "position_counts"}},
-        Example{bench::Method::post, "/axes/right/faults", {"inject", "inject", "inject", "inject"}},
-        Example{bench::Method::delete_, "/axes/right/faults", {"inject", "inject", "inject", "inject"}},
-        Example{bench::Method::post, "/axes/left/power", {"action", "action", "action", "action"}},
-        Example{bench::Method::post, "/buses/can0/disturb", {"drop", "seed", "axis", "cut"}},
-        Example{bench::Method::delete_, "/buses/can0/disturb", {"drop", "drop", "drop", "drop"}},
-        Example{bench::Method::post, "/buses/rs/disturb", {"drop", "seed", "corrupt", "cut"}},
-        Example{bench::Method::post, "/recordings", {"channels", "rate_hz", "duration_ms", "trigger"}},
+            api::Method::put, "/axes/right/plant", {"locked_rotor", "load_torque_nm", "supply_v", "position_counts"}},
+        Example{api::Method::post, "/axes/right/faults", {"inject", "inject", "inject", "inject"}},
+        Example{api::Method::delete_, "/axes/right/faults", {"inject", "inject", "inject", "inject"}},
+        Example{api::Method::post, "/axes/left/power", {"action", "action", "action", "action"}},
+        Example{api::Method::post, "/buses/can0/disturb", {"drop", "seed", "axis", "cut"}},
+        Example{api::Method::delete_, "/buses/can0/disturb", {"drop", "drop", "drop", "drop"}},
+        Example{api::Method::post, "/buses/rs/disturb", {"drop", "seed", "corrupt", "cut"}},
+        Example{api::Method::post, "/recordings", {"channels", "rate_hz", "duration_ms", "trigger"}},
     };
-    if (pick(16) == 0) return {.method = bench::Method::post, .target = "/api/v1/recordings", .body = recording()};
+    if (pick(16) == 0) return {.method = api::Method::post, .target = "/api/v1/recordings", .body = recording()};
     const Example& example = examples[pick(examples.size())];
-    bench::Request request{.method = example.method, .target = std::string("/api/v1") + example.target};
+    api::Request request{.method = example.method, .target = std::string("/api/v1") + example.target};
     if (pick(8) != 0) request.body = "{\"" + one_of(example.keys) + "\":" + value() + "}";
     return request;
   }
@@ -211,8 +211,8 @@ class RequestGenerator {
     victim = static_cast<char>(random_());
   }
 
-  static constexpr std::array methods_{bench::Method::get,     bench::Method::put, bench::Method::post,
-                                       bench::Method::delete_, bench::Method::put, bench::Method::other};
+  static constexpr std::array methods_{api::Method::get,     api::Method::put, api::Method::post,
+                                       api::Method::delete_, api::Method::put, api::Method::other};
   std::mt19937_64 random_;
 };
 

@@ -5,8 +5,8 @@
 #include <map>
 #include <nlohmann/json.hpp>
 
+#include "api/scope/frame.hpp"
 #include "line/bench/line_bench.hpp"
-#include "line/bench/scope/frame.hpp"
 #include "line/bench/scope/line_scope.hpp"
 #include "support.hpp"
 
@@ -15,6 +15,7 @@ namespace bench_stream_test {
 namespace {
 
 using namespace test;
+using namespace api;
 using nlohmann::json;
 using testing::HasSubstr;
 

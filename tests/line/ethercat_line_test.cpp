@@ -1,9 +1,9 @@
 #include <fmt/format.h>
 #include <gtest/gtest.h>
 
+#include "api/error.hpp"
 #include "ethercat/frame/frame_writer.hpp"
 #include "ethercat/slave/slave.hpp"
-#include "line/bench/error.hpp"
 #include "line/bench/line_bench.hpp"
 #include "links/ethercat/memory_client.hpp"
 #include "support.hpp"
@@ -126,7 +126,7 @@ TEST_F(EthercatLine, HowTimeIsCutIntoCallsChangesNothing) {
 
 TEST_F(EthercatLine, TheBenchUnplugsCablesAndClosesTheRing) {
   const auto disturb = [this](const std::string& body) {
-    return bench::handle(line, {bench::Method::post, "/api/v1/buses/ecat/disturb", body}).status;
+    return bench::handle(line, {api::Method::post, "/api/v1/buses/ecat/disturb", body}).status;
   };
   EXPECT_EQ(disturb(R"({"unplug": 2})"), 200U);
   EXPECT_EQ(count(), 1U);
@@ -136,10 +136,10 @@ TEST_F(EthercatLine, TheBenchUnplugsCablesAndClosesTheRing) {
   EXPECT_EQ(count(), 1U);  // unchanged
   EXPECT_EQ(disturb(R"({"drop": 1})"), 200U);
   EXPECT_EQ(count(), 0U);
-  EXPECT_EQ(bench::handle(line, {bench::Method::delete_, "/api/v1/buses/ecat/disturb", ""}).status, 200U);
+  EXPECT_EQ(bench::handle(line, {api::Method::delete_, "/api/v1/buses/ecat/disturb", ""}).status, 200U);
   EXPECT_EQ(count(), 3U);
 
-  const auto view = bench::Json::parse(bench::handle(line, {bench::Method::get, "/api/v1/buses/ecat", ""}).body);
+  const auto view = api::Json::parse(bench::handle(line, {api::Method::get, "/api/v1/buses/ecat", ""}).body);
   EXPECT_EQ(view["type"], "ethercat");
   EXPECT_EQ(view["frames"], 4);
   EXPECT_EQ(view["dropped"], 1);

@@ -2,9 +2,9 @@
 #include <gtest/gtest.h>
 #include <nlohmann/json.hpp>
 
+#include "api/access.hpp"
 #include "bench_requests.hpp"
 #include "draws.hpp"
-#include "line/bench/access.hpp"
 #include "line/bench/line_bench.hpp"
 #include "support.hpp"
 
@@ -13,6 +13,7 @@ namespace line_bench_api_test {
 namespace {
 
 using namespace test;
+using namespace api;
 using nlohmann::json;
 using testing::HasSubstr;
 

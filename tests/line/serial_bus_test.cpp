@@ -59,10 +59,9 @@ class SerialBus : public testing::Test {
     return answer;
   }
   json bench(const std::string& target, const std::string& body = {}) {
-    const bench::Response response =
-        bench::handle(line_, {.method = body.empty() ? bench::Method::get : bench::Method::post,
-                              .target = "/api/v1" + target,
-                              .body = body});
+    const api::Response response = bench::handle(
+        line_,
+        {.method = body.empty() ? api::Method::get : api::Method::post, .target = "/api/v1" + target, .body = body});
     EXPECT_EQ(response.status, 200U) << response.body;
     return json::parse(response.body);
   }
@@ -182,12 +181,12 @@ TEST_F(SerialBus, TheBenchShowsAndDisturbsIt) {
   EXPECT_EQ(bench("/buses/rs")["disturbed"], 8);
   EXPECT_EQ(bench("/buses/rs/disturb", R"({"cut": true})")["cut"], true);
   EXPECT_EQ(ask({2, 3, 1, 0, 0, 1}), Bytes{});
-  const bench::Response calmed =
-      bench::handle(line_, {.method = bench::Method::delete_, .target = "/api/v1/buses/rs/disturb", .body = {}});
+  const api::Response calmed =
+      bench::handle(line_, {.method = api::Method::delete_, .target = "/api/v1/buses/rs/disturb", .body = {}});
   EXPECT_EQ(calmed.status, 200U);
   EXPECT_EQ(ask({2, 3, 1, 0, 0, 1}), (Bytes{2, 3, 2, 0x02, 0x50}));
-  const bench::Response refused = bench::handle(
-      line_, {.method = bench::Method::post, .target = "/api/v1/buses/rs/disturb", .body = R"({"delay": 1})"});
+  const api::Response refused = bench::handle(
+      line_, {.method = api::Method::post, .target = "/api/v1/buses/rs/disturb", .body = R"({"delay": 1})"});
   EXPECT_EQ(refused.status, 400U);
 }
 

@@ -34,17 +34,17 @@ class CommissioningRig : public testing::Test {
     pass(std::chrono::milliseconds(300));
   }
 
-  line::bench::Response ask(line::bench::Method method, const std::string& target, const std::string& body = {}) {
+  api::Response ask(api::Method method, const std::string& target, const std::string& body = {}) {
     const std::array groups{parameter_routes(subjects_), pdo_routes(subjects_), jobs_.routes()};
     return line::bench::handle(line_, {.method = method, .target = "/api/v1/" + target, .body = body}, groups);
   }
   // The answer of a request that is to succeed.
-  nlohmann::json json_of(line::bench::Method method, const std::string& target, const std::string& body = {}) {
-    const line::bench::Response response = ask(method, target, body);
+  nlohmann::json json_of(api::Method method, const std::string& target, const std::string& body = {}) {
+    const api::Response response = ask(method, target, body);
     EXPECT_LT(response.status, 300U) << target << " " << response.body;
     return response.body.empty() ? nlohmann::json() : nlohmann::json::parse(response.body);
   }
-  nlohmann::json get(const std::string& target) { return json_of(line::bench::Method::get, target); }
+  nlohmann::json get(const std::string& target) { return json_of(api::Method::get, target); }
   nlohmann::json value(const std::string& axis, const std::string& object) {
     return get("axes/" + axis + "/objects/" + object)["value"];
   }

@@ -10,7 +10,7 @@ namespace servodrome::studio {
 namespace excitation_test {
 namespace {
 
-using line::bench::Method;
+using api::Method;
 using nlohmann::json;
 using testing::HasSubstr;
 using namespace std::chrono_literals;

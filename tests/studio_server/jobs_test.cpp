@@ -15,8 +15,8 @@ namespace jobs_test {
 namespace {
 
 using namespace std::chrono_literals;
-using line::bench::Method;
-using line::bench::Response;
+using api::Method;
+using api::Response;
 using nlohmann::json;
 using testing::HasSubstr;
 
@@ -50,7 +50,7 @@ class JobsTest : public testing::Test {
   JobsTest() : JobsTest(line_of_all()) {}
 
   Response ask(Method method, const std::string& target, const std::string& body = {}) {
-    const line::bench::RouteGroup group = jobs_.routes();
+    const api::RouteGroup group = jobs_.routes();
     return line::bench::handle(line_, {.method = method, .target = "/api/v1/" + target, .body = body}, {&group, 1});
   }
   json get(const std::string& target) {
@@ -119,7 +119,7 @@ INSTANTIATE_TEST_SUITE_P(Jobs, EveryProduct, testing::ValuesIn(product_names()),
 
 TEST_F(JobsTest, AreToldAsTheyGo) {
   std::vector<json> told;
-  jobs_.jobs().on_event([&told](const line::bench::Json& event) { told.push_back(event); });
+  jobs_.jobs().on_event([&told](const api::Json& event) { told.push_back(event); });
   const std::uint64_t enabling = begin("ismc", R"({"do": "enable"})");
   ASSERT_EQ(told.size(), 1U);
   EXPECT_EQ(told[0]["kind"], "job");

@@ -12,8 +12,8 @@ namespace servodrome::studio {
 namespace recording_export_test {
 namespace {
 
-using line::bench::Method;
-using line::bench::Response;
+using api::Method;
+using api::Response;
 using testing::HasSubstr;
 using namespace std::chrono_literals;
 
@@ -24,8 +24,7 @@ constexpr unsigned chunk_record = 0x06;
 class Export : public CommissioningRig {
  protected:
   Response ask_here(Method method, const std::string& target, const std::string& body = {}) {
-    const std::vector groups{line::bench::RouteGroup{line::bench::recording_routes(), &scope_.scope()},
-                             export_.routes()};
+    const std::vector groups{api::RouteGroup{api::recording_routes(), &scope_.scope()}, export_.routes()};
     return line::bench::begin(line_, {.method = method, .target = "/api/v1/" + target, .body = body}, groups);
   }
   std::string record(const std::string& channels, double ms, double rate_hz = 1000) {

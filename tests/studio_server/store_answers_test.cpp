@@ -12,7 +12,7 @@ namespace store_answers_test {
 namespace {
 
 namespace fs = std::filesystem;
-using line::bench::Method;
+using api::Method;
 using nlohmann::json;
 using testing::HasSubstr;
 using namespace std::chrono_literals;
@@ -61,12 +61,12 @@ class StoreAnswers : private Folder, public CommissioningRig, public testing::Wi
     fs::rename(path / "copy", store());
   }
 
-  line::bench::Response write_and_store(int value) {
+  api::Response write_and_store(int value) {
     json_of(Method::put, fmt::format("axes/axis/objects/{}", GetParam().kept),
             fmt::format(R"({{"value": {}}})", value));
     return ask(Method::post, "axes/axis/parameters/store");
   }
-  line::bench::Response load_and_store() {
+  api::Response load_and_store() {
     return ask(Method::put, "axes/axis/parameters?store=true",
                fmt::format("# servodrome parameters 1\nproduct: {}\n6083:00 u32 77\nend\n", GetParam().product));
   }

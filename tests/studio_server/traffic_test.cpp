@@ -16,18 +16,18 @@ namespace traffic_test {
 namespace {
 
 using namespace std::chrono_literals;
-using line::bench::Method;
-using line::bench::Response;
+using api::Method;
+using api::Response;
 using nlohmann::json;
 using testing::HasSubstr;
 
 class TrafficTest : public testing::Test {
  protected:
   Response ask(Method method, const std::string& target, const std::string& body = {}) {
-    const line::bench::RouteGroup group = traffic.routes();
+    const api::RouteGroup group = traffic.routes();
     Response response =
         line::bench::begin(line, {.method = method, .target = "/api/v1/buses/" + target, .body = body}, {&group, 1});
-    while (response.piece) line::bench::carry_out_piece(response);
+    while (response.piece) api::carry_out_piece(response);
     if (response.more) {
       for (std::string part = response.more(); !part.empty(); part = response.more()) {
         ++pieces;
@@ -58,7 +58,7 @@ class TrafficTest : public testing::Test {
   }
 
   line::Line line{line::test::settings_of(line::test::two_axes_and_rs485)};
-  Traffic traffic{[this](const line::bench::Call& call) { return find_line_traffic(line, call); },
+  Traffic traffic{[this](const api::Call& call) { return find_line_traffic(line, call); },
                   [] { return line::Time(1'000'000'000'000); }};
   links::MemoryPort port{line.find_bus("can0")->bus};
   std::size_t pieces = 0;

@@ -8,7 +8,7 @@ namespace servodrome::studio {
 namespace tuning_order_test {
 namespace {
 
-using line::bench::Method;
+using api::Method;
 using nlohmann::json;
 using testing::HasSubstr;
 using namespace std::chrono_literals;

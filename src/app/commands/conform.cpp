@@ -9,7 +9,7 @@
 #include "app/commands.hpp"
 #include "app/drive_link.hpp"
 #include "app/number_options.hpp"
-#include "line/nearest_name.hpp"
+#include "links/nearest_name.hpp"
 #include "tools/conform/report.hpp"
 
 namespace servodrome::app {
@@ -77,7 +77,7 @@ void refuse_unknown(const std::vector<std::string>& words) {
       }
     }
     throw Failure::wrong_use(fmt::format("--only {}: there is no such check or group; {}; --list shows all", word,
-                                         line::suggestion(word, known)));
+                                         links::suggestion(word, known)));
   }
 }
 

@@ -5,8 +5,8 @@
 #include "app/commands.hpp"
 #include "app/whole_file.hpp"
 #include "describe/description.hpp"
-#include "line/nearest_name.hpp"
 #include "line/registry.hpp"
+#include "links/nearest_name.hpp"
 
 namespace servodrome::app {
 namespace export_command {
@@ -56,7 +56,7 @@ void run(const Options& options) {
     std::vector<std::string_view> names;
     for (const line::Product& known : line::all_products()) names.push_back(known.name);
     throw Failure::wrong_use(fmt::format("export: there is no product \"{}\"; {}", options.product,
-                                         line::suggestion(options.product, names)));
+                                         links::suggestion(options.product, names)));
   }
   const std::string text = document(options.format, *product);
   if (options.output.empty() || options.output == "-") {

@@ -11,7 +11,7 @@
 #include "app/commands.hpp"
 #include "app/drive_link.hpp"
 #include "app/whole_file.hpp"
-#include "line/nearest_name.hpp"
+#include "links/nearest_name.hpp"
 #include "master/canopen/pre_operational.hpp"
 #include "tools/parameters/loader.hpp"
 

@@ -13,13 +13,13 @@
 #include "app/commands.hpp"
 #include "app/number_options.hpp"
 #include "describe/device_file.hpp"
-#include "line/nearest_name.hpp"
 #include "line/registry.hpp"
 #include "links/can/frame_length.hpp"
 #include "links/ethercat/link_name.hpp"
 #include "links/ethercat/packet_socket.hpp"
 #include "links/link_error.hpp"
 #include "links/link_scheme.hpp"
+#include "links/nearest_name.hpp"
 #include "links/serial/client.hpp"
 #include "links/serial/format_text.hpp"
 #include "tools/sniff/can_decoder.hpp"
@@ -179,7 +179,7 @@ class Sniffer {
       std::vector<std::string_view> known;
       for (const line::Product& one : line::all_products()) known.push_back(one.name);
       throw Failure::wrong_use(
-          fmt::format("--product {}: there is no such product; {}", name, line::suggestion(name, known)));
+          fmt::format("--product {}: there is no such product; {}", name, links::suggestion(name, known)));
     }
     const auto table = product->describe().table;
     add_model(node, master::DeviceModel::of(table));

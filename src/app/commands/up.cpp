@@ -15,12 +15,12 @@
 #include "app/page_folder.hpp"
 #include "described/blueprint.hpp"
 #include "line/line_server.hpp"
-#include "line/nearest_name.hpp"
 #include "line/registry.hpp"
 #include "links/can/link_name.hpp"
 #include "links/ethercat/link_name.hpp"
 #include "links/link_error.hpp"
 #include "links/link_scheme.hpp"
+#include "links/nearest_name.hpp"
 #include "links/serial/link_name.hpp"
 #include "studio/line_routes.hpp"
 
@@ -67,7 +67,7 @@ Reach& bus_of(std::vector<Reach>& buses, const std::string& option, const std::s
   }
   if (!name.empty() && found.empty()) {
     throw Failure::wrong_use(
-        fmt::format("--bus {}: there is no bus \"{}\"; {}", option, name, line::suggestion(name, names)));
+        fmt::format("--bus {}: there is no bus \"{}\"; {}", option, name, links::suggestion(name, names)));
   }
   if (found.size() > 1) {
     throw Failure::wrong_use(fmt::format("--bus {}: the line has {} buses; write --bus NAME=LINK with one of {}",
@@ -277,8 +277,8 @@ void run(const Options& options) {
   studio::LineRoutes routes(
       server.line(), [&server](std::uint32_t id) { return server.recording(id); },
       [&server] { return server.wall_epoch(); });
-  routes.jobs().on_event([&server](const line::bench::Json& event) { server.publish(event); });
-  for (const line::bench::RouteGroup& group : routes.groups()) server.add_routes(group);
+  routes.jobs().on_event([&server](const api::Json& event) { server.publish(event); });
+  for (const api::RouteGroup& group : routes.groups()) server.add_routes(group);
   boost::asio::signal_set signals(server.io(), SIGINT, SIGTERM);
   if (!is_ignored(SIGHUP)) signals.add(SIGHUP);  // the terminal is gone, unless nohup was used
   signals.async_wait([&server](const boost::system::error_code& code, int) {

@@ -1,7 +1,6 @@
 #include <fmt/format.h>
 
 #include "line/bench/axis_view.hpp"
-#include "line/bench/body_reader.hpp"
 #include "line/bench/line_bench.hpp"
 
 namespace servodrome::line::bench {

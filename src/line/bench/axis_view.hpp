@@ -5,7 +5,7 @@
 
 #include "drive/faults.hpp"
 #include "drive/policy.hpp"
-#include "line/bench/error.hpp"
+#include "line/bench/api_names.hpp"
 #include "line/line.hpp"
 
 namespace servodrome::line::bench {

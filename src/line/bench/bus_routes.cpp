@@ -1,9 +1,8 @@
 #include <fmt/format.h>
 
-#include "line/bench/body_reader.hpp"
 #include "line/bench/buses.hpp"
 #include "line/bench/line_bench.hpp"
-#include "line/nearest_name.hpp"
+#include "links/nearest_name.hpp"
 
 namespace servodrome::line::bench {
 
@@ -47,7 +46,8 @@ AnyBus bus_argument(Line& line, const Call& call) {
   for (const auto& bus : line.buses()) names.push_back(bus->settings.name);
   for (const auto& bus : line.serial_buses()) names.push_back(bus->settings.name);
   for (const auto& bus : line.ethercat_buses()) names.push_back(bus->settings.name);
-  throw ApiError{404, fmt::format("there is no bus \"{}\"", name.substr(0, 40)), "address", suggestion(name, names)};
+  throw ApiError{404, fmt::format("there is no bus \"{}\"", name.substr(0, 40)), "address",
+                 links::suggestion(name, names)};
 }
 
 Json view_of_link(const std::string& name, const links::LinkCounters& traffic) {

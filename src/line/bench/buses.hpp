@@ -3,7 +3,7 @@
 #include <string>
 #include <variant>
 
-#include "line/bench/routes.hpp"
+#include "line/bench/api_names.hpp"
 #include "line/line.hpp"
 
 // The views and disturbances of buses in the API, for each kind of bus.

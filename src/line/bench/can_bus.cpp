@@ -1,8 +1,7 @@
 #include <fmt/format.h>
 
-#include "line/bench/body_reader.hpp"
 #include "line/bench/buses.hpp"
-#include "line/nearest_name.hpp"
+#include "links/nearest_name.hpp"
 
 namespace servodrome::line::bench {
 namespace {
@@ -57,7 +56,7 @@ const Axis* named_axis(const Line& line, const NamedBus& named, BodyReader& body
     names.push_back(axis->settings().name);
   }
   throw ApiError{422, fmt::format("there is no axis \"{}\" on this bus", name->substr(0, 40)), "axis",
-                 suggestion(*name, names)};
+                 links::suggestion(*name, names)};
 }
 
 }  // namespace

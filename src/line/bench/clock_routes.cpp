@@ -1,10 +1,9 @@
 #include <algorithm>
 #include <cmath>
 
+#include "api/version.hpp"
 #include "line/bench/axis_view.hpp"
-#include "line/bench/body_reader.hpp"
 #include "line/bench/line_bench.hpp"
-#include "line/version.hpp"
 
 namespace servodrome::line::bench {
 namespace {

@@ -1,7 +1,6 @@
 #include <fmt/format.h>
 
 #include "ethercat/slave/slave.hpp"
-#include "line/bench/body_reader.hpp"
 #include "line/bench/buses.hpp"
 
 namespace servodrome::line::bench {

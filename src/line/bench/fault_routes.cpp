@@ -6,9 +6,8 @@
 #include "describe/fault_texts.hpp"
 #include "drive/drive.hpp"
 #include "line/bench/axis_view.hpp"
-#include "line/bench/body_reader.hpp"
 #include "line/bench/line_bench.hpp"
-#include "line/nearest_name.hpp"
+#include "links/nearest_name.hpp"
 #include "links/number_text.hpp"
 
 namespace servodrome::line::bench {
@@ -45,7 +44,7 @@ Injectable injectable(Axis& axis, const std::string& name) {
   names.reserve(plant::injection_names.size());
   for (const plant::InjectionName& known : plant::injection_names) names.push_back(known.name);
   throw ApiError{422, fmt::format("there is no fault \"{}\" to inject", name.substr(0, 40)), "inject",
-                 suggestion(name, names) + "; or give a fault code of the drive such as \"0x2310\""};
+                 links::suggestion(name, names) + "; or give a fault code of the drive such as \"0x2310\""};
 }
 
 // Adds text, cause and remedy of the fault: those of its alarm if it has one, otherwise those of its code.

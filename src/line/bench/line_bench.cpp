@@ -2,7 +2,7 @@
 
 #include <fmt/format.h>
 
-#include "line/nearest_name.hpp"
+#include "links/nearest_name.hpp"
 
 namespace servodrome::line::bench {
 
@@ -11,21 +11,22 @@ Axis& axis_argument(Line& line, const Call& call) {
   if (Axis* axis = line.find_axis(name)) return *axis;
   std::vector<std::string_view> names;
   for (const auto& axis : line.axes()) names.push_back(axis->settings().name);
-  throw ApiError{404, fmt::format("there is no axis \"{}\"", name.substr(0, 40)), "address", suggestion(name, names)};
+  throw ApiError{404, fmt::format("there is no axis \"{}\"", name.substr(0, 40)), "address",
+                 links::suggestion(name, names)};
 }
 
 Axis& LineBench::axis_of(const Call& call) const { return axis_argument(line_, call); }
 
 // No response refers to the bench itself.
-Response begin(Line& line, const Request& request, std::span<const RouteGroup> more) {
+api::Response begin(Line& line, const api::Request& request, std::span<const api::RouteGroup> more) {
   LineBench bench(line);
-  std::vector<RouteGroup> groups{bench_routes(bench)};
+  std::vector<api::RouteGroup> groups{api::bench_routes(bench)};
   groups.insert(groups.end(), more.begin(), more.end());
   return begin(request, groups);
 }
 
-Response handle(Line& line, const Request& request, std::span<const RouteGroup> more) {
-  return completed(begin(line, request, more));
+api::Response handle(Line& line, const api::Request& request, std::span<const api::RouteGroup> more) {
+  return api::completed(begin(line, request, more));
 }
 
 }  // namespace servodrome::line::bench

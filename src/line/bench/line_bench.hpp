@@ -1,13 +1,14 @@
 #pragma once
 
-#include "line/bench/api.hpp"
-#include "line/bench/bench.hpp"
+#include "api/bench.hpp"
+#include "api/request.hpp"
+#include "line/bench/api_names.hpp"
 #include "line/line.hpp"
 
 namespace servodrome::line::bench {
 
 // A line of virtual drives as a bench: it has every capability.
-class LineBench final : public Bench {
+class LineBench final : public api::Bench {
  public:
   // `line` must outlive this object, and all pieces of its responses.
   explicit LineBench(Line& line) : line_(line) {}
@@ -48,7 +49,7 @@ class LineBench final : public Bench {
 Axis& axis_argument(Line& line, const Call& call);
 
 // begin() and handle() of api.hpp on a line, with `more` groups of routes in addition to the line's own.
-Response begin(Line& line, const Request& request, std::span<const RouteGroup> more = {});
-Response handle(Line& line, const Request& request, std::span<const RouteGroup> more = {});
+api::Response begin(Line& line, const api::Request& request, std::span<const api::RouteGroup> more = {});
+api::Response handle(Line& line, const api::Request& request, std::span<const api::RouteGroup> more = {});
 
 }  // namespace servodrome::line::bench

@@ -1,7 +1,6 @@
 #include <algorithm>
 #include <fmt/format.h>
 
-#include "line/bench/body_reader.hpp"
 #include "line/bench/line_bench.hpp"
 #include "line/bench/object_values.hpp"
 
@@ -40,13 +39,13 @@ Json LineBench::list_objects(Call& call) {
     std::string text = at == 0 ? R"({"objects":[)" : "";
     for (const std::size_t end = std::min(at + objects_at_once, table.size()); at < end; ++at) {
       if (at > 0) text += ',';
-      text += to_text(listed(table[at], axis.device(), axis.settings().product->name));
+      text += api::to_text(listed(table[at], axis.device(), axis.settings().product->name));
     }
     ended = at >= table.size();
     if (ended) text += "]}";
     return text;
   };
-  call.content = Content{"application/json", {}, part};
+  call.content = api::Content{"application/json", {}, part};
   return nullptr;
 }
 
@@ -62,7 +61,7 @@ Json LineBench::read_object(Call& call) {
 Json LineBench::read_values(Call& call) {
   Axis& axis = axis_of(call);
   Json values = Json::object();
-  for (const auto& [text, address] : object_list(query_value(call, "objects").value_or(""))) {
+  for (const auto& [text, address] : object_list(api::query_value(call, "objects").value_or(""))) {
     Json& value = values[text] = nullptr;
     if (!axis.powered()) continue;
     AbortCode abort{};

@@ -7,7 +7,7 @@
 #include <vector>
 
 #include "dictionary/entry.hpp"
-#include "line/bench/error.hpp"
+#include "line/bench/api_names.hpp"
 #include "products/device.hpp"
 
 // The objects of a drive in the form of the API.

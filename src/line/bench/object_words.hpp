@@ -4,7 +4,7 @@
 
 #include "dictionary/entry.hpp"
 #include "drive/policy.hpp"
-#include "line/bench/error.hpp"
+#include "line/bench/api_names.hpp"
 
 namespace servodrome::line::bench {
 

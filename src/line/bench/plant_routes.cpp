@@ -3,7 +3,6 @@
 #include <fmt/format.h>
 #include <optional>
 
-#include "line/bench/body_reader.hpp"
 #include "line/bench/line_bench.hpp"
 #include "links/number_text.hpp"
 

@@ -1,4 +1,3 @@
-#include "line/bench/body_reader.hpp"
 #include "line/bench/buses.hpp"
 #include "links/serial/format_text.hpp"
 

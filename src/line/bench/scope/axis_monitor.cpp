@@ -9,7 +9,7 @@
 namespace servodrome::line::bench {
 namespace {
 
-static_assert(AxisMonitor::samples_before + 1 <= static_cast<std::int64_t>(SampleRows::kept));
+static_assert(AxisMonitor::samples_before + 1 <= static_cast<std::int64_t>(api::SampleRows::kept));
 
 // The drive's position demand and actual position, if it has these objects.
 constexpr std::array<std::uint16_t, 2> positions{0x6062, 0x6064};
@@ -42,11 +42,11 @@ AxisMonitor::AxisMonitor(Axis& axis, LineSource& source, Publish publish)
   if (known_power_) known_state_ = static_cast<int>(axis.device().drive().state());
 }
 
-void AxisMonitor::take(std::int64_t end, Recordings& recordings) {
+void AxisMonitor::take(std::int64_t end, api::Recordings& recordings) {
   for (; next_ < end; next_ += stride) look(next_, recordings);
 }
 
-void AxisMonitor::look(std::int64_t tick, Recordings& recordings) {
+void AxisMonitor::look(std::int64_t tick, api::Recordings& recordings) {
   const double state = state_->at(tick);
   const bool power = !std::isnan(state);
   if (power != known_power_) {
@@ -71,8 +71,8 @@ void AxisMonitor::look(std::int64_t tick, Recordings& recordings) {
   known_fault_ = code;
 }
 
-void AxisMonitor::keep_moment(std::int64_t tick, unsigned code, Recordings& recordings) {
-  Recording::Plan plan;
+void AxisMonitor::keep_moment(std::int64_t tick, unsigned code, api::Recordings& recordings) {
+  api::Recording::Plan plan;
   plan.name = fmt::format("fault 0x{:04X} of {}", code, axis_.settings().name);
   plan.channels = channels_;
   plan.stride = stride;

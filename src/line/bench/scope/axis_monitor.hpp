@@ -5,8 +5,8 @@
 #include <optional>
 #include <vector>
 
+#include "api/scope/recordings.hpp"
 #include "line/bench/scope/line_source.hpp"
-#include "line/bench/scope/recordings.hpp"
 
 namespace servodrome::line::bench {
 
@@ -22,19 +22,19 @@ class AxisMonitor {
   AxisMonitor(Axis& axis, LineSource& source, Publish publish);
 
   // Processes all samples before tick `end`.
-  void take(std::int64_t end, Recordings& recordings);
+  void take(std::int64_t end, api::Recordings& recordings);
 
  private:
-  void look(std::int64_t tick, Recordings& recordings);
-  void keep_moment(std::int64_t tick, unsigned code, Recordings& recordings);
+  void look(std::int64_t tick, api::Recordings& recordings);
+  void keep_moment(std::int64_t tick, unsigned code, api::Recordings& recordings);
   void tell(const char* kind, std::int64_t tick, Json details);
 
   Axis& axis_;
   Publish publish_;
-  std::shared_ptr<Samples> state_;
-  std::shared_ptr<Samples> fault_code_;
-  std::vector<NamedChannel> channels_;          // of a recording of a fault
-  std::vector<std::shared_ptr<Samples>> taps_;  // of a recording of a fault
+  std::shared_ptr<api::Samples> state_;
+  std::shared_ptr<api::Samples> fault_code_;
+  std::vector<api::NamedChannel> channels_;          // of a recording of a fault
+  std::vector<std::shared_ptr<api::Samples>> taps_;  // of a recording of a fault
   std::int64_t first_;
   std::int64_t next_;
   std::optional<int> known_state_;  // none: no power

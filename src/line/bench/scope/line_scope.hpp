@@ -3,9 +3,9 @@
 #include <memory>
 #include <vector>
 
+#include "api/scope/scope.hpp"
 #include "line/bench/scope/axis_monitor.hpp"
 #include "line/bench/scope/line_source.hpp"
-#include "line/bench/scope/scope.hpp"
 
 namespace servodrome::line::bench {
 
@@ -21,7 +21,7 @@ class LineScope final : private Follower {
   LineScope(const LineScope&) = delete;
   LineScope& operator=(const LineScope&) = delete;
 
-  Scope& scope() { return scope_; }
+  api::Scope& scope() { return scope_; }
   LineSource& source() { return source_; }
 
  private:
@@ -31,7 +31,7 @@ class LineScope final : private Follower {
 
   Line& line_;
   LineSource source_;
-  Scope scope_;
+  api::Scope scope_;
   std::vector<std::unique_ptr<AxisMonitor>> monitors_;
   Time next_look_;
 };

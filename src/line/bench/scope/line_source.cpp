@@ -2,9 +2,9 @@
 
 #include <fmt/format.h>
 
+#include "api/scope/channel_list.hpp"
 #include "line/bench/axis_view.hpp"
-#include "line/bench/scope/channel_list.hpp"
-#include "line/nearest_name.hpp"
+#include "links/nearest_name.hpp"
 
 namespace servodrome::line::bench {
 
@@ -18,12 +18,13 @@ Axis& LineSource::find(std::string_view name) const {
   if (Axis* axis = line_.find_axis(name)) return *axis;
   std::vector<std::string_view> names;
   for (const auto& axis : line_.axes()) names.push_back(axis->settings().name);
-  throw ApiError{404, fmt::format("there is no axis \"{}\"", name.substr(0, 40)), "axis", suggestion(name, names)};
+  throw ApiError{404, fmt::format("there is no axis \"{}\"", name.substr(0, 40)), "axis",
+                 links::suggestion(name, names)};
 }
 
-NamedChannel LineSource::channel(const Channel& channel, Json view) {
+api::NamedChannel LineSource::channel(const Channel& channel, Json view) {
   return {channel.axis->settings().name, std::move(view),
-          [this, channel](std::int64_t stride) -> std::shared_ptr<Samples> { return taps_.open(channel, stride); },
+          [this, channel](std::int64_t stride) -> std::shared_ptr<api::Samples> { return taps_.open(channel, stride); },
           [channel] { return channel.value(); }};
 }
 
@@ -38,13 +39,13 @@ std::string wires_of(const Product& product) {
 
 }  // namespace
 
-NamedChannel LineSource::signal(Axis& axis, std::string_view name) {
+api::NamedChannel LineSource::signal(Axis& axis, std::string_view name) {
   const Channel found = signal_channel(axis, name);
   if (found.read == nullptr) {
     std::vector<std::string_view> names;
     for (const line::Signal& signal : line::signals()) names.push_back(signal.name);
     throw ApiError{422, fmt::format("there is no signal \"{}\"", name.substr(0, 40)), axis.settings().name,
-                   suggestion(name, names) + "; inputs and outputs are " + wires_of(*axis.settings().product)};
+                   links::suggestion(name, names) + "; inputs and outputs are " + wires_of(*axis.settings().product)};
   }
   std::string_view unit;
   for (const line::Signal& signal : line::signals()) {
@@ -53,7 +54,7 @@ NamedChannel LineSource::signal(Axis& axis, std::string_view name) {
   return channel(found, {{"axis", axis.settings().name}, {"signal", name}, {"name", name}, {"unit", unit}});
 }
 
-NamedChannel LineSource::object(Axis& axis, std::uint16_t index, std::uint8_t sub) {
+api::NamedChannel LineSource::object(Axis& axis, std::uint16_t index, std::uint8_t sub) {
   const std::string text = fmt::format("{:04X}:{:02X}", index, sub);
   const dictionary::Entry* entry = axis.device().dictionary().find(index, sub);
   const Channel found = entry != nullptr ? object_channel(axis, *entry) : Channel{};
@@ -65,8 +66,8 @@ NamedChannel LineSource::object(Axis& axis, std::uint16_t index, std::uint8_t su
                  {{"axis", axis.settings().name}, {"object", text}, {"name", entry->name}, {"unit", entry->unit}});
 }
 
-std::int64_t LineSource::stride_of(double rate_hz, const std::vector<NamedChannel>&) const {
-  return stride_of_rate(rate_hz);
+std::int64_t LineSource::stride_of(double rate_hz, const std::vector<api::NamedChannel>&) const {
+  return api::stride_of_rate(rate_hz);
 }
 
 std::vector<Json> LineSource::views() {

@@ -2,11 +2,11 @@
 
 #include <algorithm>
 
-#include "line/bench/error.hpp"
+#include "api/error.hpp"
 
 namespace servodrome::line::bench {
 
-std::shared_ptr<Samples> TapTable::open(const Channel& channel, std::int64_t stride) {
+std::shared_ptr<api::Samples> TapTable::open(const Channel& channel, std::int64_t stride) {
   for (const auto& weak : taps_) {
     const auto tap = weak.lock();
     if (!tap || tap->stride() != stride) continue;
@@ -17,7 +17,7 @@ std::shared_ptr<Samples> TapTable::open(const Channel& channel, std::int64_t str
   return open(std::vector{channel}, stride).front();
 }
 
-std::vector<std::shared_ptr<Samples>> TapTable::open(std::vector<Channel> channels, std::int64_t stride) {
+std::vector<std::shared_ptr<api::Samples>> TapTable::open(std::vector<Channel> channels, std::int64_t stride) {
   std::erase_if(taps_, [](const auto& tap) { return tap.expired(); });
   if (load() + static_cast<double>(channels.size()) / static_cast<double>(stride) > most_values_per_tick) {
     throw ApiError{409, "the line cannot be sampled more", "channels",
@@ -25,8 +25,8 @@ std::vector<std::shared_ptr<Samples>> TapTable::open(std::vector<Channel> channe
   }
   const auto tap = std::make_shared<Tap>(std::move(channels), stride);
   taps_.push_back(tap);
-  std::vector<std::shared_ptr<Samples>> samples;
-  for (Samples& column : tap->samples()) samples.emplace_back(tap, &column);
+  std::vector<std::shared_ptr<api::Samples>> samples;
+  for (api::Samples& column : tap->samples()) samples.emplace_back(tap, &column);
   return samples;
 }
 

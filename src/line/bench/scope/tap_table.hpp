@@ -15,9 +15,9 @@ class TapTable {
   static constexpr double most_values_per_tick = 512;
 
   // Returns the samples of a channel. Throws ApiError 409 if that would exceed most_values_per_tick.
-  std::shared_ptr<Samples> open(const Channel& channel, std::int64_t stride);
+  std::shared_ptr<api::Samples> open(const Channel& channel, std::int64_t stride);
   // Returns the samples of several channels of one axis. They share a new tap, which costs less than one tap each.
-  std::vector<std::shared_ptr<Samples>> open(std::vector<Channel> channels, std::int64_t stride);
+  std::vector<std::shared_ptr<api::Samples>> open(std::vector<Channel> channels, std::int64_t stride);
 
  private:
   double load() const;  // values per tick

@@ -1,0 +1,149 @@
+#include "api/body_reader.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <fmt/format.h>
+
+#include "links/nearest_name.hpp"
+
+namespace servodrome::api {
+namespace {
+
+// Shortens a value for a message.
+std::string excerpt(const Json& value) {
+  constexpr std::size_t longest = 40;
+  if (value.is_structured()) return value.is_array() ? "an array" : "an object";
+  std::string text = to_text(value);
+  return text.size() <= longest ? text : text.substr(0, longest) + "...";
+}
+
+// Limits the nesting: copying, printing and destroying nested values uses stack for each level.
+constexpr int deepest_body = 32;
+
+bool nests_deeper_than(int most, std::string_view text) {
+  int depth = 0;
+  bool quoted = false;
+  for (std::size_t i = 0; i < text.size(); ++i) {
+    const char c = text[i];
+    if (quoted) {
+      if (c == '\\') ++i;
+      if (c == '"') quoted = false;
+    } else if (c == '"') {
+      quoted = true;
+    } else if (c == '[' || c == '{') {
+      if (++depth > most) return true;
+    } else if (c == ']' || c == '}') {
+      --depth;
+    }
+  }
+  return false;
+}
+
+}  // namespace
+
+BodyReader::BodyReader(const Json& part) : json_(part) {
+  if (!json_.is_object()) {
+    throw ApiError{400, fmt::format("{} was sent instead of an object", excerpt(json_)), "body",
+                   "docs/bench-api.md has examples"};
+  }
+}
+
+BodyReader::BodyReader(const std::string& body, bool empty_is_object) {
+  if (body.empty() && empty_is_object) {
+    json_ = Json::object();
+    return;
+  }
+  if (nests_deeper_than(deepest_body, body)) {
+    throw ApiError{400, fmt::format("the body is nested deeper than {} levels", deepest_body), "body",
+                   "send an object such as {\"value\": 1}"};
+  }
+  try {
+    json_ = Json::parse(body);
+  } catch (const nlohmann::json::parse_error& error) {
+    throw ApiError{400, "the body is not JSON", fmt::format("body, byte {}", error.byte),
+                   "send an object such as {\"value\": 1}"};
+  } catch (const nlohmann::json::exception&) {
+    throw ApiError{400, "the body contains a number that is too large", "body",
+                   "send an object such as {\"value\": 1}"};
+  }
+  if (!json_.is_object()) {
+    throw ApiError{400, fmt::format("the body is {}", excerpt(json_)), "body", "send an object such as {\"value\": 1}"};
+  }
+}
+
+const Json* BodyReader::find(std::string_view key) {
+  known_.push_back(key);
+  const auto found = json_.find(std::string(key));
+  return found == json_.end() ? nullptr : &*found;
+}
+
+bool BodyReader::has(std::string_view key) { return find(key) != nullptr; }
+
+void BodyReader::wrong_type(std::string_view key, const Json& value, std::string_view expected) const {
+  throw ApiError{400, fmt::format("{} is {}", key, excerpt(value)), std::string(key), fmt::format("send {}", expected)};
+}
+
+std::optional<double> BodyReader::number(std::string_view key, double minimum, double maximum) {
+  const Json* value = find(key);
+  if (value == nullptr) return std::nullopt;
+  if (!value->is_number()) wrong_type(key, *value, "a number");
+  const double number = value->get<double>();
+  if (!(number >= minimum && number <= maximum)) {
+    throw ApiError{422, fmt::format("{} is {}", key, excerpt(*value)), std::string(key),
+                   fmt::format("send a number from {} to {}", minimum, maximum)};
+  }
+  return number;
+}
+
+std::optional<std::uint64_t> BodyReader::integer(std::string_view key, std::uint64_t maximum) {
+  const Json* value = find(key);
+  if (value == nullptr) return std::nullopt;
+  if (!value->is_number_integer()) wrong_type(key, *value, "an integer");
+  if (!value->is_number_unsigned() || value->get<std::uint64_t>() > maximum) {
+    throw ApiError{422, fmt::format("{} is {}", key, excerpt(*value)), std::string(key),
+                   fmt::format("send an integer from 0 to {}", maximum)};
+  }
+  return value->get<std::uint64_t>();
+}
+
+std::optional<std::int64_t> BodyReader::signed_integer(std::string_view key) {
+  const Json* value = find(key);
+  if (value == nullptr) return std::nullopt;
+  if (!value->is_number_integer()) wrong_type(key, *value, "an integer");
+  if (value->is_number_unsigned() && value->get<std::uint64_t>() > INT64_MAX) {
+    throw ApiError{422, fmt::format("{} is {}", key, excerpt(*value)), std::string(key),
+                   "send an integer of 64 bits with sign"};
+  }
+  return value->get<std::int64_t>();
+}
+
+std::optional<bool> BodyReader::boolean(std::string_view key) {
+  const Json* value = find(key);
+  if (value == nullptr) return std::nullopt;
+  if (!value->is_boolean()) wrong_type(key, *value, "true or false");
+  return value->get<bool>();
+}
+
+std::optional<std::string> BodyReader::string(std::string_view key) {
+  const Json* value = find(key);
+  if (value == nullptr) return std::nullopt;
+  if (!value->is_string()) wrong_type(key, *value, "a string");
+  return value->get<std::string>();
+}
+
+const Json& BodyReader::required(std::string_view key) {
+  const Json* value = find(key);
+  if (value == nullptr) {
+    throw ApiError{400, fmt::format("{} is missing", key), "body", fmt::format("send {{\"{}\": ...}}", key)};
+  }
+  return *value;
+}
+
+void BodyReader::finish() const {
+  for (const auto& [key, value] : json_.items()) {
+    if (std::find(known_.begin(), known_.end(), key) != known_.end()) continue;
+    throw ApiError{400, fmt::format("unknown key \"{}\"", key.substr(0, 40)), "body", links::suggestion(key, known_)};
+  }
+}
+
+}  // namespace servodrome::api

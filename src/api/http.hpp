@@ -1,0 +1,43 @@
+#pragma once
+
+#include <cstdint>
+#include <functional>
+#include <string>
+#include <utility>
+#include <vector>
+
+namespace servodrome::api {
+
+enum class Method : std::uint8_t { get, put, post, delete_, other };
+
+struct Request {
+  Method method = Method::get;
+  std::string target{};  // path, perhaps with ?query
+  std::string body{};
+  // The fields that decide whether the request is allowed (access.hpp).
+  std::string host{};
+  std::string origin{};
+  std::string authorization{};
+  std::string if_none_match{};
+  bool has_origin = false;
+  bool from_loopback = true;
+};
+
+// Returns the next part of a body that is generated while it is sent; empty: the body is complete.
+using More = std::function<std::string()>;
+
+struct Response {
+  // Carries out a piece of a long request, so that other events are handled between the pieces. Returns true after the
+  // last piece, when the response is complete.
+  using Piece = std::function<bool(Response&)>;
+
+  unsigned status = 200;
+  std::string body;                                           // empty for 204
+  std::string allow{};                                        // of a 405: the methods of the address
+  std::string content_type{"application/json"};               // of the body
+  More more{};                                                // generates the rest of the body behind `body`
+  std::vector<std::pair<std::string, std::string>> fields{};  // additional header fields
+  Piece piece{};                                              // set while the request is not complete
+};
+
+}  // namespace servodrome::api

@@ -1,0 +1,53 @@
+#pragma once
+
+#include <optional>
+#include <span>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "api/error.hpp"
+
+// The operations of the API, in tables: those of a bench (bench.hpp), and those that libraries above this one add
+// (LineServer::add_routes).
+namespace servodrome::api {
+
+// A response body that is not JSON.
+struct Content {
+  std::string type;  // "text/csv; charset=utf-8"
+  std::string bytes;
+  More more{};  // generates the rest of a long body
+};
+
+// Carries out a piece of a request. Returns null if there are more pieces.
+using JsonPiece = std::function<Json()>;
+
+struct Call {
+  std::vector<std::string_view> arguments;  // the parts of the address in the places of {}
+  const std::string& body;
+  std::string_view query{};          // the part of the address behind the ?, as sent
+  void* context = nullptr;           // of the route's group
+  std::optional<Content> content{};  // if set by the handler, sent instead of the JSON
+  JsonPiece piece{};                 // if set by the handler, its last result is sent instead of the handler's
+};
+
+struct Route {
+  Method method;
+  std::string_view pattern;  // "/api/v1/axes/{}"
+  Json (*act)(Call& call);   // throws ApiError; null: 204 without a body
+  unsigned status = 200;     // of a response with a body, such as 201 for a new object
+};
+
+// Routes and the data that their handlers need. `context` must outlive the requests.
+struct RouteGroup {
+  std::span<const Route> routes;
+  void* context = nullptr;
+};
+
+// Returns the value of a key in the query, decoded: for "?after=12" the value of "after" is "12". Returns nothing if
+// the key is not there.
+std::optional<std::string> query_value(const Call& call, std::string_view key);
+// Decodes an argument or a value of the query: %XX becomes a byte, + becomes a space.
+std::string unescaped(std::string_view text);
+
+}  // namespace servodrome::api

@@ -1,0 +1,109 @@
+#include "api/scope/recording.hpp"
+
+#include <algorithm>
+#include <array>
+#include <fmt/format.h>
+#include <limits>
+
+#include "drive/hardware.hpp"
+
+namespace servodrome::api {
+namespace {
+
+constexpr std::int64_t never_ends = std::numeric_limits<std::int64_t>::max();
+
+const char* word(RecordingState state) {
+  constexpr std::array words{"armed", "running", "done", "stopped"};
+  return words[static_cast<std::size_t>(state)];
+}
+
+}  // namespace
+
+Recording::Recording(Plan plan, Trigger trigger)
+    : plan_(std::move(plan)),
+      trigger_(std::move(trigger)),
+      values_(static_cast<std::size_t>(plan_.samples) * plan_.channels.size()),
+      begin_(0),
+      end_(never_ends) {
+  for (const NamedChannel& channel : plan_.channels) taps_.push_back(channel.open(plan_.stride));
+  first_ = next_ = taps_.front()->due();
+}
+
+Recording::Recording(Plan plan, std::vector<std::shared_ptr<Samples>> taps, std::int64_t first, std::int64_t trigger,
+                     Fault fault)
+    : plan_(std::move(plan)),
+      taps_(std::move(taps)),
+      values_(static_cast<std::size_t>(plan_.samples) * plan_.channels.size()),
+      fault_(std::move(fault)),
+      first_(first),
+      next_(first),
+      begin_(0),
+      end_(never_ends) {
+  trigger_at(trigger);
+}
+
+void Recording::trigger_at(std::int64_t tick) {
+  trigger_tick_ = tick;
+  state_ = RecordingState::running;
+  const std::int64_t at = (tick + plan_.stride - 1) / plan_.stride * plan_.stride;
+  begin_ = at - plan_.before * plan_.stride;
+  end_ = begin_ + plan_.samples * plan_.stride;
+}
+
+bool Recording::take(std::int64_t end) {
+  if (ended()) return false;
+  const RecordingState before = state_;
+  if (state_ == RecordingState::armed) {
+    if (const auto hit = trigger_->find(end)) {
+      trigger_at(hit->tick);
+      if (trigger_->is_fault()) fault_ = Fault{hit->axis, static_cast<unsigned>(hit->value)};
+      trigger_.reset();
+    }
+  }
+  const auto size = static_cast<std::size_t>(plan_.samples);
+  for (; next_ < std::min(end, end_); next_ += plan_.stride) {
+    const std::size_t at = slot(next_);
+    for (std::size_t i = 0; i < taps_.size(); ++i) values_[i * size + at] = taps_[i]->at(next_);
+  }
+  if (next_ >= end_) {
+    state_ = RecordingState::done;
+    taps_.clear();
+  }
+  return state_ != before;
+}
+
+void Recording::stop() {
+  if (ended()) return;
+  state_ = RecordingState::stopped;
+  trigger_.reset();
+  taps_.clear();
+}
+
+std::int64_t Recording::first_shown() const {
+  const std::int64_t kept = next_ - plan_.samples * plan_.stride;
+  return std::max({first_, trigger_tick_ ? begin_ : kept, kept});
+}
+
+std::int64_t Recording::samples() const { return std::max<std::int64_t>(0, (next_ - first_shown()) / plan_.stride); }
+
+double Recording::value(std::size_t channel, std::int64_t sample) const {
+  return values_[channel * static_cast<std::size_t>(plan_.samples) + slot(tick(sample))];
+}
+
+Json Recording::view() const {
+  Json view{{"id", plan_.id},
+            {"name", plan_.name},
+            {"state", word(state_)},
+            {"rate_hz", static_cast<double>(drive::ticks_per_second) / static_cast<double>(plan_.stride)},
+            {"stride", plan_.stride},
+            {"trigger_tick", trigger_tick_ ? Json(*trigger_tick_) : Json(nullptr)},
+            {"first_tick", first_shown()},
+            {"samples", samples()},
+            {"samples_wanted", plan_.samples},
+            {"bytes", bytes()},
+            {"channels", views_of(plan_.channels)}};
+  if (fault_) view["fault"] = {{"axis", fault_->axis}, {"code", fmt::format("0x{:04X}", fault_->code)}};
+  return view;
+}
+
+}  // namespace servodrome::api

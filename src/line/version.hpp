@@ -1,8 +1,0 @@
-#pragma once
-
-namespace servodrome::line {
-
-// The version of this build: a number, and for a build between two releases the commit: "0.1.0", "0.1.0+5.g1a2b3c4d5".
-const char* version() noexcept;
-
-}  // namespace servodrome::line
