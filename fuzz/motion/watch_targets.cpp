@@ -32,6 +32,9 @@ void Watch::set_points() {
   const bool at_switch = axis.at_limit_switch();
   const bool bounded = axis.software_limits_active() && drive_.policy().out_of_limits != drive::OutOfLimits::fault;
   const bool limited = at_switch || (axis.software_limits_active() && !bounded);
+  // The stop at a limit switch ends with the shaft's rest. Until then an earlier set-point waits, and if that one leads
+  // into the limit, the stop discards the later ones.
+  if (at_switch && std::abs(velocity_) > still_rpm * counts_per_s_per_rpm_) set_point_.alone = tick_;
   if (edge) {
     // Its 6081h may be the present one or that of the previous tick.
     const double asked = std::max(velocity_before, objects_.profile_velocity) * axis.units.velocity;
