@@ -535,6 +535,14 @@ class Life::Machine final : public FrameListener {
     }
   }
 
+  // A motor that a load drove far beyond its speed is heated by the current through the diodes, and takes minutes to
+  // cool. A power cycle does not change that.
+  bool is_hot(std::size_t i) {
+    const drive::Drive& drive = axis(i).device().drive();
+    constexpr double hot_c = 100.0;
+    return drive.is_active(drive::Cause::motor_hot) && axis(i).plant().winding_temperature_c() > hot_c;
+  }
+
   void back_by_power() {
     for (std::size_t i = 0; i < axes_.size(); ++i) {
       axes_[i].enabling = false;
@@ -553,6 +561,7 @@ class Life::Machine final : public FrameListener {
     for (std::size_t i = 0; i < axes_.size(); ++i) {
       const drive::Drive& drive = axis(i).device().drive();
       if (drive.state() == drive::PowerState::operation_enabled) continue;
+      if (is_hot(i)) continue;
       finding_ = Finding{"no-way-back", i, tick_,
                          fmt::format("{} after a power cycle with everything whole, 603Fh {:04X}h",
                                      drive::name(drive.state()), drive.axis().objects.error_code)};
