@@ -51,7 +51,11 @@ void Watch::demand() {
     const double most = std::max(nameplate, std::abs(before.velocity)) * 1.02 * seconds + 2.0;
     // A jump by which the demand comes back at least half way to the shaft does not drive the shaft.
     const bool back = std::abs(demand.position - position_) < 0.5 * std::abs(before.position - position_);
-    if (moved > most && !caught && !back && std::abs(demand.position - position_) > near) {
+    // The demand of a stop follows a shaft that runs past it, and never overtakes the shaft.
+    const double ahead = before.position - position_;
+    const double left = demand.position - position_;
+    const bool follows = told_to_stop() && left * ahead >= 0.0 && std::abs(left) < std::abs(ahead);
+    if (moved > most && !caught && !back && !follows && std::abs(demand.position - position_) > near) {
       const bool cyclic = mode_ == Mode::cyclic_sync_position || mode_ == Mode::interpolated_position;
       return fail(cyclic ? "cyclic-demand-jumps" : "demand-jumps",
                   fmt::format("by {:.0f} counts in {:.3f} ms (at most {:.0f}), shaft {:.0f} counts behind, mode {}",
