@@ -8,8 +8,7 @@
 
 #include "api/error.hpp"
 
-// The operations of the API, in tables: those of a bench (bench.hpp), and those that libraries above this one add
-// (LineServer::add_routes).
+// The operations of the API, in tables: those of a bench (bench.hpp), and those that libraries above this one add.
 namespace servodrome::api {
 
 // A response body that is not JSON.
