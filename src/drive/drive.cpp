@@ -288,6 +288,7 @@ void Drive::cycle(const Feedback& feedback) {
   }
   axis_.objects.statusword = statusword();
   axis_.synchronised = false;
+  axis_.demand.from_shaft = false;
   moved_demand_ = false;
   edge_count_ = 0;
   tripped_ = 0;

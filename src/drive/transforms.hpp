@@ -23,18 +23,22 @@ constexpr Phase phase_of(Real turns) {
   return static_cast<Phase>(static_cast<std::int64_t>(turns * Real{0x1p32}));
 }
 
-// Absolute error below 2e-7. The angle is reduced to +-1/8 turn and evaluated as a polynomial without branches, with
-// identical bits on every machine with IEEE floats. Independent partial products keep the latency low, as this runs in
-// every tick.
+// Of an angle x in -pi/4 .. pi/4, rad. Absolute error below 2e-7. The polynomials have no branches, and give identical
+// bits on every machine with IEEE floats. Independent partial products keep the latency low, as this runs in every
+// tick.
+constexpr SinCos sin_cos_near_zero(float x) {
+  const float x2 = x * x;
+  const float x4 = x2 * x2;
+  return {
+      x + x * x2 * ((-1.6666654611e-1F + x2 * 8.3321608736e-3F) + x4 * -1.9515295891e-4F),
+      (1.0F - 0.5F * x2) + x4 * ((4.166664568298827e-2F + x2 * -1.388731625493765e-3F) + x4 * 2.443315711809948e-5F)};
+}
+
+// The same of any angle, which is reduced to +-1/8 turn.
 constexpr SinCos sin_cos(Phase phase) {
   const std::uint32_t quadrant = (phase + 0x2000'0000U) >> 30;
-  const float x =
-      static_cast<float>(static_cast<std::int32_t>(phase - (quadrant << 30))) * (6.2831853071795864F * 0x1p-32F);
-  const float x2 = x * x;  // x is in -pi/4 .. pi/4
-  const float x4 = x2 * x2;
-  const float s = x + x * x2 * ((-1.6666654611e-1F + x2 * 8.3321608736e-3F) + x4 * -1.9515295891e-4F);
-  const float c =
-      (1.0F - 0.5F * x2) + x4 * ((4.166664568298827e-2F + x2 * -1.388731625493765e-3F) + x4 * 2.443315711809948e-5F);
+  const auto [s, c] = sin_cos_near_zero(static_cast<float>(static_cast<std::int32_t>(phase - (quadrant << 30))) *
+                                        (6.2831853071795864F * 0x1p-32F));
   constexpr std::array<SinCos, 4> quarters{{{0.0F, 1.0F}, {1.0F, 0.0F}, {0.0F, -1.0F}, {-1.0F, 0.0F}}};
   const SinCos turn = quarters[quadrant];
   return {s * turn.cosine + c * turn.sine, c * turn.cosine - s * turn.sine};

@@ -166,12 +166,12 @@ void Plant::discharge_dc_link() { dc_link_.discharge(); }
 
 const Parameters& Plant::parameters() const { return parameters_; }
 std::int64_t Plant::position_counts() const { return position_; }
-double Plant::position_fraction() const { return fraction_; }
+double Plant::position_fraction() const { return fraction(); }
 double Plant::velocity_rpm() const { return shaft_.speed_rad_s() * rpm_per_rad_s; }
 double Plant::load_velocity_rpm() const { return shaft_.load_speed_rad_s() * rpm_per_rad_s; }
 double Plant::coupling_twist_rad() const { return shaft_.twist_rad(); }
 double Plant::load_position_counts() const {
-  return static_cast<double>(position_) + fraction_ -
+  return static_cast<double>(position_) + fraction() -
          shaft_.twist_rad() * counts_per_revolution_ / (2.0 * std::numbers::pi);
 }
 double Plant::torque_nm() const { return torque_nm_; }
@@ -194,10 +194,10 @@ Energy Plant::energy() const {
           .chopped_j = dc_link_.chopped_j(),
           .standby_j = dc_link_.standby_j(),
           .stage_j = dc_link_.stage_j(),
-          .to_motor_j = to_motor_j_,
+          .to_motor_j = drive::tick_seconds * motor_power_sum_w_,
           .copper_j = copper_j_ + windings_.phase_factor() * drive::tick_seconds * windings_.resistance_ohm() *
                                       current_squared_sum_,
-          .shaft_j = shaft_j_,
+          .shaft_j = drive::tick_seconds * shaft_power_sum_w_,
           .link_stored_j = dc_link_.stored_j(),
           .magnetic_j = windings_.magnetic_j(),
           .kinetic_j = shaft_.kinetic_j(),

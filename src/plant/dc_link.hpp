@@ -24,7 +24,7 @@ class DcLink {
       set_connected(connected);
     if (volts_ < empty_v) [[unlikely]]
       stage_w = 0.0;
-    stage_j_ += stage_w * drive::tick_seconds;
+    stage_power_sum_w_ += stage_w;
     power_w += stage_w;
     if (volts_ > source_v_) [[unlikely]]
       return step_alone(power_w, chopper_on);
@@ -38,7 +38,7 @@ class DcLink {
   double supplied_j() const { return supplied_j_; }
   double chopped_j() const { return chopped_j_; }
   double standby_j() const { return standby_j_; }
-  double stage_j() const { return stage_j_; }
+  double stage_j() const { return drive::tick_seconds * stage_power_sum_w_; }
   double stored_j() const { return half_capacitance_ * volts_ * volts_; }
 
  private:
@@ -106,8 +106,8 @@ class DcLink {
   bool connected_ = false;
   bool precharging_ = false;
 
-  double stage_j_ = 0.0;
-  double standby_j_ = 0.0;  // energy of the electronics, from the capacitor
+  double stage_power_sum_w_ = 0.0;  // of all ticks
+  double standby_j_ = 0.0;          // energy of the electronics, from the capacitor
   double supply_v_;
   double standby_w_;
   double source_resistance_;

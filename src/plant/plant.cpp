@@ -11,18 +11,16 @@ namespace {
 
 constexpr double h = drive::tick_seconds;
 constexpr double two_pi = 2.0 * std::numbers::pi;
-constexpr double largest_fraction = 0x1.fffffffffffffp-1;
+constexpr double most_off_middle = 0x1.ffffffffffffep-2;  // plus 0.5: the greatest value below 1
 constexpr double close_share = 1.0e-10;  // share of the speed within which windings in pieces and shaft must agree
 
 constexpr std::uint32_t bit(drive::HardwareFault fault) { return static_cast<std::uint32_t>(fault); }
 
-// Largest integer not above a value within +-2^51 that is not -0. Without SSE 4.1, std::floor is a call, and a
-// conversion to an integer and back takes three times as long, on the critical path of the tick. It has no branch,
-// because the fraction of a count would be mispredicted randomly.
-double floor_of(double value) {
+// Nearest integer to a value within +-2^51. Without SSE 4.1, std::nearbyint is a call, and a conversion to an integer
+// and back takes three times as long, on the critical path of the tick.
+double nearest_integer(double value) {
   constexpr double no_fraction = 0x1.8p52;  // adding it rounds to an integer
-  const double nearest = (value + no_fraction) - no_fraction;
-  return (nearest - 0.5) + std::copysign(0.5, value - nearest);
+  return (value + no_fraction) - no_fraction;
 }
 
 const Parameters& valid(const Parameters& parameters) {
@@ -79,7 +77,7 @@ Plant::Plant(const Parameters& parameters)
       counts_per_speed_(h * parameters.encoder.counts_per_revolution / two_pi),
       phase_per_count_(phases_in_turn * windings_.pole_pairs() / parameters.encoder.counts_per_revolution),
       phase_per_speed_(counts_per_speed_ * phase_per_count_),
-      commutation_phase_(phases_in_turn * parameters.encoder.commutation_offset_turns),
+      middle_phase_(phases_in_turn * parameters.encoder.commutation_offset_turns + 0.5 * phase_per_count_),
       overcurrent_squared_(parameters.supply.overcurrent_a * parameters.supply.overcurrent_a),
       bus_overcurrent_a_(parameters.supply.bus_overcurrent_a),
       stage_factor_(windings_.phase_factor() * parameters.thermal.stage_resistance_ohm),
@@ -104,9 +102,9 @@ Plant::Plant(const Parameters& parameters)
 
 void Plant::place(std::int64_t position_counts) {
   position_ = position_counts;
-  fraction_ = 0.0;
+  off_middle_ = -0.5;
   travel_.place(position_);
-  measurement_.place({position_, fraction_});
+  measurement_.place({position_, fraction()});
   wrap_single_turn();
   update_angle(electrical_phase());
 }
@@ -119,7 +117,7 @@ void Plant::step_imperfect(const drive::Actuation& actuation, drive::Feedback& f
     switch_j_ += stage_.loss_w() * h;
   }
   current_a_ = feedback.phase_current_a;
-  if (!measurement_.ideal()) measurement_.measure({position_, fraction_}, (unusual_ & encoder_frozen) != 0, feedback);
+  if (!measurement_.ideal()) measurement_.measure({position_, fraction()}, (unusual_ & encoder_frozen) != 0, feedback);
 }
 
 void Plant::step_machine(const drive::Actuation& actuation, drive::Feedback& feedback) {
@@ -149,10 +147,10 @@ void Plant::step_machine(const drive::Actuation& actuation, drive::Feedback& fee
   const double v = static_cast<double>(actuation.phase_voltage_v[1]);
   const double w = static_cast<double>(actuation.phase_voltage_v[2]);
   const double range = std::max(u, std::max(v, w)) - std::min(u, std::min(v, w));
-  const double sum = u + v + w;
+  const double sum = u + (v + w);
   const bool usual = actuation.pwm_enabled && !actuation.short_circuit && (unusual_ & ~encoder_frozen) == 0 &&
                      range <= link_v && sum - sum == 0.0 && windings_.turns_little(turn);  // finite
-  const double alpha = (2.0 * u - (v + w)) * (1.0 / 3.0);
+  const double alpha = u - sum * (1.0 / 3.0);
   const double beta = (v - w) * 0.57735026918962576;
   const double direct_v = alpha * cosine_ + beta * sine_;
   const double quadrature_v = beta * cosine_ - alpha * sine_;
@@ -176,14 +174,14 @@ void Plant::step_machine(const drive::Actuation& actuation, drive::Feedback& fee
                              : windings_.driven(direct_v, quadrature_v, turn, response);
     if (!usual || astray(windings)) [[unlikely]]
       windings = solve_windings(excitation(), response);
-    if (!shaft_.slide(windings.torque_nm + other_torque, shaft)) [[unlikely]] {
+    if (!shaft_.slide(response, windings.torque_nm, other_torque, shaft)) [[unlikely]] {
       const Motion both = solve_turning(excitation(), other_torque, {windings, shaft});
       windings = both.windings;
       shaft = both.shaft;
     }
   }
-  double moved = fraction_ + shaft.mean * counts_per_speed_;
-  double whole = floor_of(moved);
+  double moved = off_middle_ + shaft.mean * counts_per_speed_;
+  double whole = nearest_integer(moved);
   std::int64_t position = position_ + static_cast<std::int64_t>(whole);
   if (!travel_.quiet(position)) [[unlikely]] {
     if (!shaft_.elastic() && (travel_.beyond_stop(position) || travel_.beyond_stop(position_))) {
@@ -191,8 +189,8 @@ void Plant::step_machine(const drive::Actuation& actuation, drive::Feedback& fee
       windings = both.windings;
       shaft = both.shaft;
       stop_j_ += shaft.stop_j;
-      moved = fraction_ + shaft.mean * counts_per_speed_;
-      whole = floor_of(moved);
+      moved = off_middle_ + shaft.mean * counts_per_speed_;
+      whole = nearest_integer(moved);
       position = position_ + static_cast<std::int64_t>(whole);
     }
     travel_.move(position_, position, feedback);
@@ -201,10 +199,9 @@ void Plant::step_machine(const drive::Actuation& actuation, drive::Feedback& fee
   torque_nm_ = windings.torque_nm;
   shaft_.elastic() ? shaft_.commit_general(shaft) : shaft_.commit(shaft);
   position_ = position;
-  // A tiny negative fraction plus one rounds to one.
-  const double fraction = std::min(moved - whole, largest_fraction);
-  if (whole != 0.0 || fraction != fraction_) {
-    fraction_ = fraction;
+  const double off_middle = std::min(moved - whole, most_off_middle);  // a tie rounds to the even integer
+  if (whole != 0.0 || off_middle != off_middle_) {
+    off_middle_ = off_middle;
     update_angle(phase + shaft.mean * phase_per_speed_);
     single_turn_ += whole;
     if (single_turn_ < 0.0 || single_turn_ >= counts_per_revolution_) wrap_single_turn();
@@ -217,8 +214,8 @@ void Plant::step_machine(const drive::Actuation& actuation, drive::Feedback& fee
   const double stage_w = square_a2 * stage_factor_ + (actuation.pwm_enabled ? stage_standby_w_ : 0.0) + stage_.loss_w();
   dc_link_.step(windings.power_w, stage_w, actuation.chopper_on && !injected(Injection::chopper_broken),
                 actuation.dc_link_connected && !injected(Injection::supply_loss));
-  to_motor_j_ += windings.power_w * h;
-  shaft_j_ += windings.torque_nm * shaft.mean * h;
+  motor_power_sum_w_ += windings.power_w;
+  shaft_power_sum_w_ += windings.torque_nm * shaft.mean;
   if (--heat_countdown_ == 0) [[unlikely]]
     update_heat(actuation.pwm_enabled);
 
@@ -453,17 +450,17 @@ StopDistance Plant::stop_distance() const {
   constexpr double far = -1.0e12;
   StopDistance distance{far, far};
   if (load.low_stop_counts != no_low_limit) {
-    distance.low = (static_cast<double>(load.low_stop_counts - position_) - fraction_ + twist_counts) / counts_per_rad;
+    distance.low = (static_cast<double>(load.low_stop_counts - position_) - fraction() + twist_counts) / counts_per_rad;
   }
   if (load.high_stop_counts != no_high_limit) {
     distance.high =
-        (static_cast<double>(position_ - load.high_stop_counts) + fraction_ - twist_counts) / counts_per_rad;
+        (static_cast<double>(position_ - load.high_stop_counts) + fraction() - twist_counts) / counts_per_rad;
   }
   return distance;
 }
 
 double Plant::cogging_torque_nm() const {
-  const double counts = single_turn_ + fraction_ + 0.5 * counts_per_speed_ * shaft_.speed_rad_s();
+  const double counts = single_turn_ + fraction() + 0.5 * counts_per_speed_ * shaft_.speed_rad_s();
   const double turns = counts / counts_per_revolution_ * parameters_.motor.cogging_periods_per_revolution;
   return -parameters_.motor.cogging_torque_nm * static_cast<double>(drive::sin_cos(drive::phase_of(turns)).sine);
 }

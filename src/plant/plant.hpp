@@ -146,8 +146,9 @@ class Plant {
   void update_heat(bool pwm);
   void update_resistance();
   void update_readings();
+  double fraction() const { return off_middle_ + 0.5; }
   // The electrical angle in units of drive::Phase.
-  double electrical_phase() const { return (single_turn_ + fraction_) * phase_per_count_ + commutation_phase_; }
+  double electrical_phase() const { return (single_turn_ + off_middle_) * phase_per_count_ + middle_phase_; }
   void update_angle(double phase);
   bool at_rest() const;
   void rest(const drive::Actuation& actuation, drive::Feedback& feedback);
@@ -164,20 +165,20 @@ class Plant {
   double sine_ = 0.0;  // of the electrical angle at the end of the last tick
   double cosine_ = 1.0;
   double angle_per_speed_;     // electrical rad in a tick per rad/s
-  std::int64_t position_ = 0;  // counts; true position = position_ + fraction_
-  double fraction_ = 0.0;
-  double single_turn_ = 0.0;  // whole counts
-  double counts_per_speed_;   // counts per tick per rad/s
-  double phase_per_count_;    // drive::Phase per count
-  double phase_per_speed_;    // drive::Phase per tick per rad/s
-  double commutation_phase_;
+  std::int64_t position_ = 0;  // counts; true position = position_ + fraction()
+  double off_middle_ = -0.5;   // the shaft's place from the middle of the count, [-0.5, 0.5)
+  double single_turn_ = 0.0;   // whole counts
+  double counts_per_speed_;    // counts per tick per rad/s
+  double phase_per_count_;     // drive::Phase per count
+  double phase_per_speed_;     // drive::Phase per tick per rad/s
+  double middle_phase_;        // at the middle of the count 0
   double overcurrent_squared_;
   double bus_overcurrent_a_;
   double stage_factor_;               // W in the power stage per square of the current amplitude
   double stage_standby_w_;            // while the PWM runs
   double current_squared_sum_ = 0.0;  // since the last heat step
-  double to_motor_j_ = 0.0;
-  double shaft_j_ = 0.0;
+  double motor_power_sum_w_ = 0.0;    // of all ticks
+  double shaft_power_sum_w_ = 0.0;
   double stop_j_ = 0.0;
   int heat_countdown_ = Heat::ticks_per_step;
   bool cogging_;

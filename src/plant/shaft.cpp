@@ -76,6 +76,7 @@ void Shaft::prepare() {
   const double viscous = rotor_viscous_ + load_.viscous_friction_nms;
   new_weight_ = fitted_weight(viscous * h / inertia);
   old_weight_ = 1.0 - new_weight_;
+  per_new_weight_ = 1.0 / new_weight_;
   momentum_ = inertia / h - viscous * old_weight_;
   admittance_ = 1.0 / (inertia / h + viscous * new_weight_);
   // Friction opposes the new speed. If that has the opposite sign of the old one, only backward Euler guarantees that
@@ -107,7 +108,9 @@ void Shaft::prepare() {
 
 void Shaft::set_direction(std::int8_t direction) {
   direction_ = direction;
+  sign_ = direction;
   mobility_ = direction == 0 ? 0.0 : new_weight_ * admittance_;
+  carried_ = old_weight_ + mobility_ * momentum_;
   friction_nm_ = direction * total_friction_.sliding_nm;
 }
 

@@ -45,24 +45,27 @@ class Shaft {
 
   // Response of the rigid shaft to this tick's torque, in the friction state of the last tick.
   ShaftResponse response(double other_torque_nm) const {
-    return {old_weight_ * speed_ + mobility_ * (momentum_ * speed_ + other_torque_nm - friction_nm_), mobility_};
+    return {carried_ * speed_ + mobility_ * (other_torque_nm - friction_nm_), mobility_};
   }
 
-  // Solves the rigid shaft away from its stops; `torque_nm` is the sum of all torques except friction. Returns true if
-  // the friction state is that of the last tick, as response() assumed. Returns false if friction starts or stops
-  // holding; then the torque found with that response is not valid.
-  bool slide(double torque_nm, ShaftTick& tick) const {
+  // Solves the rigid shaft away from its stops, for the response to the torque of everything but motor and friction.
+  // Returns true if the friction state is that of the last tick, as response() assumed. Returns false if friction
+  // starts or stops holding; then the torque found with that response is not valid.
+  bool slide(const ShaftResponse& response, double motor_torque_nm, double other_torque_nm, ShaftTick& tick) const {
     if (direction_ != 0) [[likely]] {
-      const double end = (momentum_ * speed_ - friction_nm_ + torque_nm) * admittance_;
-      if (end * direction_ > 0.0) [[likely]] {
-        tick.end = limited(end);
-        tick.mean = old_weight_ * speed_ + new_weight_ * tick.end;
+      const double mean = response.offset_rad_s + response.slope * motor_torque_nm;
+      const double end = (mean - old_weight_ * speed_) * per_new_weight_;
+      const double forward = end * sign_;
+      if (forward > 0.0 && forward < largest_speed_rad_s) [[likely]] {
+        tick.end = end;
+        tick.mean = mean;
         tick.slope = mobility_;
         tick.direction = direction_;
         return true;
       }
     }
-    return slide_anew(torque_nm, direction_ == 0 ? total_friction_.held_nm : total_friction_.sliding_nm, tick);
+    const double holding_nm = direction_ == 0 ? total_friction_.held_nm : total_friction_.sliding_nm;
+    return slide_anew(motor_torque_nm + other_torque_nm, holding_nm, tick);
   }
   // The same without static friction: only the sliding friction can hold the shaft. So the speed is a continuous
   // function of the torque.
@@ -189,10 +192,11 @@ class Shaft {
   double speed_ = 0.0;
   double old_weight_ = 0.5;  // mean = old_weight * w0 + new_weight * w1
   double new_weight_ = 0.5;
-  double momentum_ = 0.0;     // J / h minus the share of viscous friction in the old speed
-  double admittance_ = 0.0;   // new speed per torque
+  double per_new_weight_ = 2.0;
+  double carried_ = 0.0;      // share of the old speed in the mean, in the friction state of the last tick
   double mobility_ = 0.0;     // mean speed per torque: 0 while held
   double friction_nm_ = 0.0;  // sliding friction with its present sign
+  double sign_ = 0.0;         // direction_
   double load_torque_ = 0.0;
   std::int8_t direction_ = 0;
   bool elastic_ = false;
@@ -204,6 +208,8 @@ class Shaft {
   double load_speed_ = 0.0;
   double twist_ = 0.0;
   Friction total_friction_{};
+  double momentum_ = 0.0;        // J / h minus the share of viscous friction in the old speed
+  double admittance_ = 0.0;      // new speed per torque
   double turning_weight_ = 1.0;  // new_weight_ and derived values for a tick in which the friction reverses
   double turning_momentum_ = 0.0;
   double turning_admittance_ = 0.0;

@@ -80,7 +80,7 @@ class Windings {
     const double per_speed_nm = opposed.re * per_speed_nm_;
     const double share = 1.0 / (1.0 + per_speed_nm * shaft.slope);  // independent of the voltage, so calculated early
     const double ahead = shaft.offset_rad_s - turn.speed;
-    const double torque_nm = torque_constant_ * free_q * share - per_speed_nm * ahead * share;
+    const double torque_nm = (torque_constant_ * free_q - per_speed_nm * ahead) * share;
     const double unforeseen = ahead + shaft.slope * torque_nm;
     const double emf = angle * flux_by_inductance_ + unforeseen * emf_per_speed_;
 

@@ -328,6 +328,59 @@ TEST(VelocityLoop, WithoutPowerIsMeasuredBackToWhereItBegan) {
   EXPECT_LT(stands_for(began, 16), 0.0F);
 }
 
+// A load of 150 rotors swings about the demand, as the gains are those of the rotor alone. Where it turns, the integral
+// balances the proportional part.
+TEST(VelocityLoop, ANewBeginningDropsTheIntegralThatBalancedASwing) {
+  plant::Parameters parameters = frictionless(1 << 17);
+  Axis axis(parameters);
+  parameters.load.inertia_kgm2 = 150.0 * parameters.motor.rotor_inertia_kgm2;
+  axis.plant = plant::Plant(parameters);
+  axis.demand.loop = Loop::velocity;
+  axis.demand.velocity = static_cast<float>(axis.counts_per_s(100.0));
+  double before = 0.0;
+  do {
+    before = axis.plant.velocity_rpm();
+    axis.run_seconds(0.002);
+  } while (axis.plant.velocity_rpm() >= before);
+  ASSERT_GT(before, 130.0);  // it overshoots
+  axis.demand.velocity = axis.cascade.state().velocity_counts_per_s;
+  const auto changed_rpm = [&](bool from_shaft) {
+    Axis tried = axis;
+    tried.demand.from_shaft = from_shaft;
+    tried.run_seconds(static_cast<double>(tried.cascade.ticks_to_position_loop() + 1) * tick_seconds);
+    tried.demand.from_shaft = false;
+    tried.run_seconds(0.02);
+    return tried.plant.velocity_rpm() - before;
+  };
+  EXPECT_GT(changed_rpm(false), 5.0);
+  EXPECT_LT(std::abs(changed_rpm(true)), 0.4 * changed_rpm(false));
+}
+
+// What holds a weight is the load's part, also while a jump of the demand saturates the torque. A weight that is not
+// held makes a difference of 130 rpm.
+TEST(VelocityLoop, ANewBeginningKeepsTheTorqueThatHoldsAWeight) {
+  plant::Parameters parameters = frictionless(1 << 17);
+  parameters.load.gravity_torque_nm = 0.5 * parameters.motor.rated_torque_nm;
+  Axis axis(parameters);
+  axis.demand.loop = Loop::velocity;
+  axis.run_seconds(0.5);
+  for (const double jump_rpm : {3000.0, -3000.0}) {
+    Axis jumped = axis;
+    jumped.demand.velocity = static_cast<float>(axis.counts_per_s(jump_rpm));
+    jumped.run_seconds(0.002);
+    ASSERT_TRUE(jumped.cascade.state().torque_limited);
+    jumped.demand.velocity = jumped.cascade.state().velocity_counts_per_s;
+    Axis anew = jumped;
+    anew.demand.from_shaft = true;
+    for (int ms = 0; ms < 50; ++ms) {
+      jumped.run_seconds(0.001);
+      anew.run_seconds(0.001);
+      anew.demand.from_shaft = false;
+      EXPECT_NEAR(anew.plant.velocity_rpm(), jumped.plant.velocity_rpm(), 60.0) << "after " << ms << " ms";
+    }
+  }
+}
+
 // 0 switches the filter of the command off, and nothing else does: the lowest corner filters most.
 TEST(VelocityLoop, ACommandFilterMayBeAsSlowAsItLikes) {
   Axis axis(frictionless(1 << 17));

@@ -15,6 +15,9 @@ constexpr float standstill_share = 1.0e-3F;
 // The torque that fades after a change of gains is dropped below this fraction of rated torque.
 constexpr float handover_end = 1.0e-5F;
 
+constexpr float pi = 3.14159265358979F;
+constexpr float quarter_pi = 0.25F * pi;
+
 // A braking current is at least this fraction of the peak current.
 constexpr float least_braking_share = 0.1F;
 
@@ -78,6 +81,9 @@ void Cascade::set_demand(const LoopDemand& demand) {
   forward_acceleration_ = acceleration_forward_.apply(demand.acceleration);
   const float feed_forward = demand.torque + forward_acceleration_ * inertia_torque_;
   feed_forward_ = feed_forward;
+  load_.update(late_torque_.apply(state_.mean_torque), state_.velocity_counts_per_s);
+  if (demand.from_shaft) [[unlikely]]
+    keep_load();
   if (demand.loop == previous) return;
   velocity_forward_.settle(demand.velocity);
   // After the torque loop the integral of the velocity controller starts with the load's part of the torque. The part
@@ -87,13 +93,11 @@ void Cascade::set_demand(const LoopDemand& demand) {
   if (!has_controllers(demand.loop) || !has_controllers(previous)) clear_controllers();
   feed_forward_ = feed_forward;
   if (demand.loop == Loop::torque) {
-    held_load_.load = previous == Loop::velocity || previous == Loop::position ? integral_ : 0.0F;
-    held_load_.velocity = state_.velocity_counts_per_s;
     integral_ = 0.0F;
     handover_ = 0.0F;
   } else if (previous == Loop::torque) {
     forget_disturbance();
-    integral_ = held_load_.load - feed_forward;
+    integral_ = load_.load - feed_forward;
     handover_ = 0.0F;
     command_filter_.value = state_.velocity_counts_per_s;
   }
@@ -101,6 +105,16 @@ void Cascade::set_demand(const LoopDemand& demand) {
   rest_.leave();
   last_demand_position_ = demand.position;
   last_demand_fraction_ = demand.position_fraction;
+}
+
+// The integral of a shaft that swings about its demand can be far above the load, because the proportional part
+// balances it. The proportional part vanishes if the demand begins anew, and the integral alone would drive the shaft.
+void Cascade::keep_load() {
+  // The integral also balances the proportional part that a weight of the set-point below 1 leaves in even motion.
+  const float even = velocity_kp_ * (1.0F - setpoint_weight_) * state_.velocity_counts_per_s;
+  const float load = load_.load - demand_.torque - compensation_;
+  const float present = integral_ - even;
+  integral_ = even + clip(load, std::min(0.0F, present), std::max(0.0F, present));
 }
 
 template <unsigned Phases>
@@ -178,8 +192,12 @@ void Cascade::measure_velocity(Counts position) {
     ahead_ = {0.0F, 1.0F};
     return;
   }
-  const float turns = clip(velocity * ahead_turns_, -0.25F, 0.25F);
-  ahead_ = sin_cos(phase_of(turns));
+  const float ahead_rad = velocity * ahead_rad_;
+  if (std::fabs(ahead_rad) < quarter_pi) [[likely]] {
+    ahead_ = sin_cos_near_zero(ahead_rad);
+  } else {
+    ahead_ = sin_cos(phase_of(clip(ahead_rad * (0.5F / pi), -0.25F, 0.25F)));
+  }
 }
 
 float Cascade::filtered_velocity(float measured) {
@@ -327,7 +345,6 @@ float Cascade::torque_controller() {
     integral_ -= limiter_decay_ * integral_;
   }
   integral_ = clip(integral_, low, high);
-  held_load_.update(state_.torque_reference, state_.velocity_counts_per_s);
   return torque;
 }
 

@@ -36,6 +36,9 @@ struct LoopDemand {
   float velocity_limit_positive = 0.0F;
   float velocity_limit_negative = 0.0F;
   bool integral_off = false;  // the velocity controller is proportional only
+  // The demand begins anew from a shaft that did not follow the demand before: the velocity controller keeps the load's
+  // part of its integral only. For one position-loop cycle.
+  bool from_shaft = false;
 };
 
 struct CascadeState {
@@ -122,6 +125,7 @@ class Cascade {
   float proportional_torque() const;
   void observe_disturbance();
   void forget_disturbance();
+  void keep_load();
   void hand_over(float proportional_before);
   float velocity_controller();
   float torque_controller();
@@ -201,7 +205,7 @@ class Cascade {
   float braking_v_per_rad_s_ = 0.0F;
   float velocity_periods_per_s_ = 8000.0F;  // also: the velocity of one count per period
   float electrical_rad_per_count_ = 0.0F;
-  float ahead_turns_ = 0.0F;  // electrical turns until the middle of the voltage's tick, per counts/s
+  float ahead_rad_ = 0.0F;    // electrical rad until the middle of the voltage's tick, per counts/s
   float velocity_kp_ = 0.0F;  // fraction of rated torque per counts/s
   float velocity_ki_ = 0.0F;  // likewise, per velocity period
   float setpoint_weight_ = 1.0F;
@@ -220,7 +224,8 @@ class Cascade {
   Biquad velocity_low_pass_{};                  // VelocityFeedback::second_order
   VelocityObserver observer_{};
   DisturbanceObserver disturbance_{};
-  DisturbanceObserver held_load_{};  // observes the load in the torque loop, for the next loop
+  LowPass late_torque_;         // the measured torque, as late as the measured velocity
+  DisturbanceObserver load_{};  // observes the load once per position-loop cycle, for a demand that begins anew
   ResonanceAnalysis* analysis_ = nullptr;
 };
 

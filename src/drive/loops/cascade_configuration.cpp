@@ -23,7 +23,7 @@ constexpr float push_s = 1.0F;
 // axis reaches the limit, and the speed hardly overshoots.
 constexpr float limiter_hz = 100.0F;
 constexpr float limiter_share = 0.25F;
-constexpr float held_load_hz = 20.0F;  // filter of the load torque in the torque loop
+constexpr float load_hz = 50.0F;  // filter of the load torque that a demand from the shaft begins with
 
 // Second-order velocity feedback: maximally flat (Butterworth).
 constexpr float velocity_low_pass_damping = 0.70710678F;
@@ -60,7 +60,7 @@ void Cascade::configure(const MotorData& motor, const Gains& gains, Rates rates)
   flux_linkage_vs_ = motor.torque_constant_nm_per_a / (phase_factor(motor.phases) * pole_pairs);
   electrical_rad_per_count_ = sense * 2.0F * pi * pole_pairs / counts;
   const float middle_ticks = 0.5F + static_cast<float>(motor.voltage_delay_ticks);
-  ahead_turns_ = sense * middle_ticks * tick_s * pole_pairs / counts;
+  ahead_rad_ = sense * middle_ticks * tick_s * pole_pairs / counts * 2.0F * pi;
 
   // The winding, v held for a tick: i' = a i + (1 - a) v / R, a = exp(-R T / L). With the zero of the PI on a, the
   // closed loop is i' = p i + (1 - p) reference, p = exp(-bandwidth T): a first order without overshoot.
@@ -95,8 +95,9 @@ void Cascade::configure(const MotorData& motor, const Gains& gains, Rates rates)
   if (disturbance_share_ == 0.0F) forget_disturbance();
   disturbance_share_ = gains.disturbance_share;
   disturbance_.gain = low_pass_gain(gains.disturbance_filter_hz, velocity_period_s);
-  held_load_.gain = low_pass_gain(held_load_hz, velocity_period_s);
-  held_load_.inertia = disturbance_.inertia = rotor_torque * velocity_periods_per_s_;
+  disturbance_.inertia = rotor_torque * velocity_periods_per_s_;
+  load_.gain = low_pass_gain(load_hz, position_period_s);
+  load_.inertia = rotor_torque / position_period_s;
   rest_.window_counts = gains.rest_window_counts;
   rest_.still_periods = static_cast<std::uint16_t>(standstill_s * velocity_periods_per_s_);
   rest_.least_push = velocity_period_s / push_s;
@@ -123,6 +124,7 @@ void Cascade::configure(const MotorData& motor, const Gains& gains, Rates rates)
                             : feedback == VelocityFeedback::first_order ? 1.0F
                                                                         : 0.0F;
   const float late_s = velocity_period_s + (filtered ? filter_lags / (2.0F * pi * gains.velocity_filter_hz) : 0.0F);
+  late_torque_.gain = -std::expm1(-position_period_s / late_s);
   constexpr float limiter_rad_per_s = 2.0F * pi * limiter_hz;
   limiter_kp_ = std::max(velocity_kp_, rotor_torque * limiter_rad_per_s / (1.0F + limiter_rad_per_s * late_s));
   limiter_ki_ = limiter_share * velocity_ki_;

@@ -232,6 +232,7 @@ void Drive::take_over_shaft() {
     axis_.generator.start_from(place, static_cast<double>(smoothed_velocity_));
   } else {
     without_ramp ? axis_.take_over_actual() : axis_.take_over_lagging();
+    axis_.demand.from_shaft = true;
   }
   moved_demand_ = true;
   smoothed_loop_ = Loop::off;
@@ -266,6 +267,7 @@ void Drive::slow_down_with_shaft() {
   if (!axis_.lasts(fast && slower, outrun_, least_ms)) return;
   outrun_.reset();
   axis_.take_over_lagging(std::copysign(std::max(0.0, shaft), wanted));
+  axis_.demand.from_shaft = true;
   moved_demand_ = true;
   begin_ramp();
 }
