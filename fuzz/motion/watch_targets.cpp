@@ -217,6 +217,7 @@ void Watch::off_limit() {
                       !axis.software_limits_active() && tick_ - frame_since_ > 2 * cycle_ticks &&
                       (axis.controlword & controlword::halt) == 0 &&
                       objects_.min_position_range_limit == objects_.max_position_range_limit &&
+                      !drive_.configuration().position_change.limited &&  // may allow no step away from the switch
                       rpm(greatest_speed()) > slowest_rpm && mode_since_ != tick_;
   const double direction = below ? 1.0 : -1.0;
   const double target = nearest_place_of(std::int64_t{objects_.target_position} + objects_.position_offset);
