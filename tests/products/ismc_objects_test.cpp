@@ -81,6 +81,13 @@ TEST(IsmcObjects, AreThoseOfTheManual) {
   EXPECT_EQ(test::compare_objects(rig.device.dictionary(), 1, test::read_csv("ismc_od.csv"), differences), 204U);
 }
 
+// The settings of the maker's tool, and what CiA 402 requires beside the manual's objects. Each is in the README.
+TEST(IsmcObjects, NoOthers) {
+  EXPECT_EQ(test::unlisted_objects(Ismc::table, test::read_csv("ismc_od.csv")),
+            "2F10h:0 2F11h:0 2F12h:0 2F12h:1 2F12h:2 2F12h:3 2F12h:4 2F12h:5 2F12h:6 2F13h:0 2F14h:0 2F15h:0 2F16h:0 "
+            "2F17h:0 2F18h:0 603Fh:0 60C2h:0 60C2h:2 6502h:0");
+}
+
 // Every object that may be written takes its limits, and nothing beyond them.
 TEST(IsmcObjects, RangesHoldAtTheirEnds) {
   test::Rig<Ismc> rig;

@@ -27,6 +27,13 @@ TEST(IsmkObjects, AreThoseOfTheManual) {
   EXPECT_EQ(test::compare_objects(rig.device.dictionary(), 1, rows, differences, {"HEX"}), 177U);
 }
 
+// The numbers of entries of records, and three objects of CiA 402.
+TEST(IsmkObjects, NoOthers) {
+  EXPECT_EQ(test::unlisted_objects(Ismk::table, test::read_csv("ismk_od.csv")),
+            "2010h:0 2020h:0 2340h:0 2502h:0 2508h:0 250Ah:0 250Bh:0 2605h:0 2FF0h:0 2FF1h:0 3011h:0 3041h:0 6061h:0 "
+            "6064h:0 607Dh:0 6099h:0 60F5h:0 60F6h:0 60F9h:0 60FBh:0 6410h:0 6502h:0 6510h:0");
+}
+
 TEST(IsmkObjects, RangesHoldAtTheirEnds) {
   for (const dictionary::Entry& entry : Ismk::table) {
     if (entry.index < 0x2000 || !entry.writable() || !entry.has_range) continue;

@@ -2,6 +2,8 @@
 
 #include <algorithm>
 #include <cctype>
+#include <set>
+#include <sstream>
 
 #include "csv.hpp"
 #include "products/device.hpp"
@@ -143,6 +145,24 @@ inline std::size_t compare_objects(const dictionary::Dictionary& dictionary, std
                          << differences[i].column;
   }
   return rows.size();
+}
+
+// The objects of a drive's table from 2000h on that the manual's file does not list, in the form "6502h:0 6503h:0". The
+// communication objects below are those of CiA 301.
+template <typename Table>
+std::string unlisted_objects(const Table& table, const std::vector<CsvRow>& rows) {
+  std::set<std::uint32_t> listed;
+  for (const CsvRow& row : rows) {
+    listed.insert(static_cast<std::uint32_t>(std::stoul(row.at("index"), nullptr, 16) << 8 |
+                                             std::stoul(row.at("sub"), nullptr, 16)));
+  }
+  std::ostringstream unlisted;
+  for (const dictionary::Entry& entry : table) {
+    if (entry.index < 0x2000 || listed.contains(entry.key())) continue;
+    if (unlisted.tellp() > 0) unlisted << ' ';
+    unlisted << std::hex << std::uppercase << entry.index << "h:" << std::dec << int{entry.sub};
+  }
+  return unlisted.str();
 }
 
 }  // namespace servodrome::test
