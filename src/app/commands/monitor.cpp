@@ -256,10 +256,10 @@ void run(const Options& options) {
     throw Failure::wrong_use("monitor: it shows an axis or objects, not both; leave out --axis, or the objects");
   }
   if (!options.objects.empty() && options.units.choice().system != master::UnitSystem::drive) {
-    throw Failure::wrong_use("--units: objects are shown in the drive's own units; leave it out, or write --axis");
+    throw Failure::wrong_use("--units: objects are shown in the drive's own units; leave out --units, or write --axis");
   }
   if (options.objects.empty() && !options.eds.empty()) {
-    throw Failure::wrong_use("--eds: it gives names to objects; give the objects to show");
+    throw Failure::wrong_use("--eds: the file only gives names to objects; give the objects to show");
   }
   const InterruptGuard guard(InterruptGuard::Command::only_looks);
   try {
