@@ -44,8 +44,8 @@ std::string_view nearest_name(std::string_view name, const std::vector<std::stri
 }
 
 std::string suggestion(std::string_view name, const std::vector<std::string_view>& candidates) {
-  if (const std::string_view near = nearest_name(name, candidates); !near.empty()) {
-    return fmt::format("did you mean `{}`?", near);
+  if (const std::string_view nearest = nearest_name(name, candidates); !nearest.empty()) {
+    return fmt::format("did you mean `{}`?", nearest);
   }
   return fmt::format("known here: {}", fmt::join(candidates, ", "));
 }

@@ -4,6 +4,7 @@
 
 #include "api/scope/frame.hpp"
 #include "api/scope/scope.hpp"
+#include "drive/hardware.hpp"
 #include "links/number_text.hpp"
 
 namespace servodrome::api {

@@ -108,7 +108,7 @@ void prove(master::Axis402& axis, Outcome& outcome, const Options& options) {
   const auto greatest = axis.objects().read_if_present<std::uint32_t>(0x607F).value_or(0);
   const std::uint32_t velocity = greatest != 0 ? std::min(speed(1.0), greatest) : speed(1.0);
   const master::MotionProfile profile{.velocity = velocity, .acceleration = acceleration, .deceleration = acceleration};
-  const auto far =
+  const auto farthest =
       whole_units<std::int32_t>(options.revolutions * units.position, "--revolutions", options.revolutions);
   const auto tolerance = static_cast<std::int32_t>(std::lround(units.position * tolerance_revolutions));
   axis.reset_fault();
@@ -123,7 +123,7 @@ void prove(master::Axis402& axis, Outcome& outcome, const Options& options) {
   outcome.homing_seconds = seconds_since(start);
 
   start = objects.now();
-  for (const std::int32_t target : {0, far, 0}) {
+  for (const std::int32_t target : {0, farthest, 0}) {
     move_and_check(axis, target, profile, tolerance, options);
     outcome.distance += target;
   }

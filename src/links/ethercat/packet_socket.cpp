@@ -102,13 +102,13 @@ std::uint32_t status_of(std::uint8_t* slot) { return __atomic_load_n(&header_of(
 
 // The kernel has removed the VLAN tag from the frame. This puts it back, in the space in front of the frame.
 std::span<std::uint8_t> with_vlan_tag(std::span<std::uint8_t> bytes, const tpacket2_hdr& header) {
-  constexpr std::size_t addresses_size = 2 * ETH_ALEN;
+  constexpr std::size_t address_bytes = 2 * ETH_ALEN;
   std::uint8_t* start = bytes.data() - vlan_tag_size;
-  std::memmove(start, bytes.data(), addresses_size);
+  std::memmove(start, bytes.data(), address_bytes);
   const bool has_type = (header.tp_status & TP_STATUS_VLAN_TPID_VALID) != 0;
   const std::uint16_t tag[] = {htons(has_type ? header.tp_vlan_tpid : std::uint16_t{ETH_P_8021Q}),
                                htons(header.tp_vlan_tci)};
-  std::memcpy(start + addresses_size, tag, vlan_tag_size);
+  std::memcpy(start + address_bytes, tag, vlan_tag_size);
   return {start, bytes.size() + vlan_tag_size};
 }
 
