@@ -10,7 +10,7 @@
 #include "api/error.hpp"
 #include "api/routes.hpp"
 #include "api/upgrade.hpp"
-#include "links/listen.hpp"
+#include "links/socket_options.hpp"
 
 namespace servodrome::api {
 namespace {

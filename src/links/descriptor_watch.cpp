@@ -34,7 +34,7 @@ DescriptorWatch::DescriptorWatch()
   watch(epoll_.get(), timer_.get(), EPOLLIN, nullptr);
 }
 
-void DescriptorWatch::add(int descriptor, Ready ready) {
+void DescriptorWatch::add(Descriptor descriptor, Ready ready) {
   auto entry = std::make_unique<Entry>(Entry{descriptor, std::move(ready)});
   if (!paused_) hear(*entry);
   entries_.push_back(std::move(entry));
@@ -52,7 +52,7 @@ void DescriptorWatch::resume() {
   for (const auto& entry : entries_) hear(*entry);
 }
 
-void DescriptorWatch::remove(int descriptor) {
+void DescriptorWatch::remove(Descriptor descriptor) {
   const auto found = std::find_if(entries_.begin(), entries_.end(),
                                   [descriptor](const auto& entry) { return entry->descriptor == descriptor; });
   if (found == entries_.end()) return;

@@ -21,8 +21,8 @@ class DescriptorWatch {
   DescriptorWatch();
 
   // While the descriptor is readable or has an error, wait() calls `ready`. Throws LinkError.
-  void add(int descriptor, Ready ready);
-  void remove(int descriptor);
+  void add(Descriptor descriptor, Ready ready);
+  void remove(Descriptor descriptor);
   bool empty() const { return entries_.empty(); }
   // pause() takes all descriptors out of the epoll, so that the kernel need not notify it of each frame: for callers
   // that poll the descriptors themselves. Events that came meanwhile are reported after resume(), which throws
@@ -39,7 +39,7 @@ class DescriptorWatch {
 
  private:
   struct Entry {
-    int descriptor;
+    Descriptor descriptor;
     Ready ready;
   };
   void hear(Entry& entry);

@@ -4,11 +4,13 @@
 #include <cerrno>
 #include <ctime>
 #include <poll.h>
+#include <sys/socket.h>
+#include <unistd.h>
 
 namespace servodrome::links {
 namespace {
 
-bool wait_for(int descriptor, short events, Deadline deadline) {
+bool wait_for(Descriptor descriptor, short events, Deadline deadline) {
   using std::chrono::nanoseconds;
   constexpr nanoseconds longest = std::chrono::hours(1);
   for (;;) {
@@ -25,15 +27,17 @@ bool wait_for(int descriptor, short events, Deadline deadline) {
 
 }  // namespace
 
-bool is_readable(int descriptor) {
+void close_descriptor(Descriptor descriptor) { ::close(descriptor); }
+
+bool is_readable(Descriptor descriptor) {
   pollfd entry{descriptor, POLLIN, 0};
   return ::poll(&entry, 1, 0) > 0 && (entry.revents & POLLIN) != 0;
 }
 
-bool wait_readable(int descriptor, Deadline deadline) { return wait_for(descriptor, POLLIN, deadline); }
-bool wait_writable(int descriptor, Deadline deadline) { return wait_for(descriptor, POLLOUT, deadline); }
+bool wait_readable(Descriptor descriptor, Deadline deadline) { return wait_for(descriptor, POLLIN, deadline); }
+bool wait_writable(Descriptor descriptor, Deadline deadline) { return wait_for(descriptor, POLLOUT, deadline); }
 
-bool write_all(int descriptor, std::string_view bytes, Deadline deadline) {
+bool write_all(Descriptor descriptor, std::string_view bytes, Deadline deadline) {
   while (!bytes.empty()) {
     const ssize_t written = ::write(descriptor, bytes.data(), bytes.size());
     if (written > 0) {
@@ -46,6 +50,12 @@ bool write_all(int descriptor, std::string_view bytes, Deadline deadline) {
     }
   }
   return true;
+}
+
+std::ptrdiff_t read_some(Descriptor descriptor, void* into, std::size_t size) { return ::read(descriptor, into, size); }
+
+std::ptrdiff_t send_some(Descriptor socket, const void* bytes, std::size_t size) {
+  return ::send(socket, bytes, size, MSG_NOSIGNAL);
 }
 
 }  // namespace servodrome::links

@@ -3,6 +3,7 @@
 #include <string>
 
 #include "dictionary/medium.hpp"
+#include "links/file_descriptor.hpp"
 
 namespace servodrome::links {
 
@@ -27,7 +28,7 @@ class FileMedium final : public dictionary::Medium {
   bool in_place() const;
 
   std::string path_;  // absolute
-  int file_;
+  Descriptor file_;
   std::uint32_t size_;
 };
 

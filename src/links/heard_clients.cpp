@@ -17,7 +17,7 @@ class HeardCanClient final : public CanClient {
     if (frame) tell(false, *frame);
     return frame;
   }
-  int native_handle() const override { return client_->native_handle(); }
+  Descriptor native_handle() const override { return client_->native_handle(); }
 
  private:
   void tell(bool sent, const canopen::Frame& frame) const {

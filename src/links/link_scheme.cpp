@@ -2,15 +2,22 @@
 
 #include <algorithm>
 #include <fmt/format.h>
+#include <iterator>
+#include <vector>
+
+#include "links/system_schemes.hpp"
 
 namespace servodrome::links {
 namespace {
 
 template <typename Text>
 std::string list(LinkSchemes schemes, std::string_view last, Text text) {
+  std::vector<LinkScheme> here;
+  std::copy_if(schemes.begin(), schemes.end(), std::back_inserter(here),
+               [](const LinkScheme& scheme) { return absence_of(scheme.name).empty(); });
   std::string all;
-  for (const LinkScheme& scheme : schemes) {
-    if (!all.empty()) all += &scheme == &schemes.back() ? last : ", ";
+  for (const LinkScheme& scheme : here) {
+    if (!all.empty()) all += &scheme == &here.back() ? last : ", ";
     all += text(scheme);
   }
   return all;
@@ -20,7 +27,7 @@ std::string list(LinkSchemes schemes, std::string_view last, Text text) {
 
 std::string LinkScheme::help() const {
   if (example.empty()) return std::string(form);
-  return fmt::format("{}, for example {}{}", form, example, also);
+  return fmt::format("{}, for example {}{}", form, example_here(*this), also);
 }
 
 std::string LinkScheme::with(std::string_view rest) const { return fmt::format("{}:{}", name, rest); }

@@ -51,7 +51,8 @@ inline constexpr std::array serial_schemes{scheme::pty, scheme::serial, scheme::
 // True if `link` has one of the schemes.
 bool is_any_of(LinkSchemes schemes, std::string_view link);
 
-// The forms as a list, with ", " between them and `last` before the last one.
+// The forms of the schemes that this system has (system_schemes.hpp) as a list, with ", " between them and `last`
+// before the last one.
 std::string forms(LinkSchemes schemes, std::string_view last = ", ");
 std::string client_forms(LinkSchemes schemes, std::string_view last = ", ");
 // The same for the names, each with its colon: "pty:, serial: or tcp:".

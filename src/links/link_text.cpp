@@ -4,6 +4,7 @@
 
 #include "links/link_error.hpp"
 #include "links/number_text.hpp"
+#include "links/system_schemes.hpp"
 
 namespace servodrome::links {
 namespace {
@@ -21,6 +22,13 @@ std::optional<std::string_view> LinkText::rest() const {
   const auto colon = text.find(':');
   if (colon == std::string_view::npos) return std::nullopt;
   return text.substr(colon + 1);
+}
+
+void LinkText::refuse_absent() const {
+  const std::string_view absence = absence_of(scheme());
+  if (absence.empty()) return;
+  throw LinkError(std::make_error_code(std::errc::invalid_argument),
+                  fmt::format("{} link {:?}: {}", bus, text, absence));
 }
 
 void LinkText::refuse(std::string_view what, const LinkScheme& scheme) const {

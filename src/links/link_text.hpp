@@ -22,6 +22,8 @@ struct LinkText {
   // The text behind the first colon; nothing if there is no colon.
   std::optional<std::string_view> rest() const;
 
+  // Throws LinkError if this system has no links of the scheme.
+  void refuse_absent() const;
   // Throw LinkError (std::errc::invalid_argument) with the error and the form to write.
   [[noreturn]] void refuse(std::string_view what, const LinkScheme& scheme) const;
   [[noreturn]] void refuse_scheme(LinkSchemes schemes) const;

@@ -1,6 +1,7 @@
 #include "links/socket_addresses.hpp"
 
 #include <cerrno>
+#include <netdb.h>
 #include <netinet/in.h>
 #include <netinet/tcp.h>
 #include <string>
@@ -24,10 +25,12 @@ int connect_one(const addrinfo& address, FileDescriptor& socket, Deadline deadli
 
 }  // namespace
 
-SocketAddresses resolve(const Endpoint& endpoint, int type, int flags) {
+void SocketAddresses::Free::operator()(addrinfo* list) const { ::freeaddrinfo(list); }
+
+SocketAddresses resolve(const Endpoint& endpoint, Transport transport, bool listens) {
   addrinfo hints{};
-  hints.ai_socktype = type;
-  hints.ai_flags = flags;
+  hints.ai_socktype = transport == Transport::tcp ? SOCK_STREAM : SOCK_DGRAM;
+  hints.ai_flags = AI_NUMERICSERV | (listens ? AI_PASSIVE : 0);
   addrinfo* found = nullptr;
   SocketAddresses addresses;
   const int failure = ::getaddrinfo(endpoint.host.c_str(), std::to_string(endpoint.port).c_str(), &hints, &found);

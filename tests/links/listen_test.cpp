@@ -20,6 +20,7 @@
 #include "links/pty.hpp"
 #include "links/serial/client.hpp"
 #include "links/serial/tty.hpp"
+#include "links/socket_options.hpp"
 
 namespace servodrome::links {
 namespace listen_test {

@@ -7,7 +7,6 @@
 #include <fmt/format.h>
 #include <fstream>
 #include <nlohmann/json.hpp>
-#include <poll.h>
 
 #include "app/bus_options.hpp"
 #include "app/commands.hpp"
@@ -16,7 +15,7 @@
 #include "line/registry.hpp"
 #include "links/can/frame_length.hpp"
 #include "links/ethercat/link_name.hpp"
-#include "links/ethercat/packet_socket.hpp"
+#include "links/ethercat/system_links.hpp"
 #include "links/link_error.hpp"
 #include "links/link_scheme.hpp"
 #include "links/nearest_name.hpp"
@@ -47,12 +46,18 @@ struct Options {
   bool json = false;
 };
 
+constexpr std::array live_buses{links::scheme::socketcand, links::scheme::socketcan, links::scheme::slcan,
+                                links::scheme::raw,        links::scheme::serial,    links::scheme::pty,
+                                links::scheme::tcp};
 constexpr std::array live_can{links::scheme::socketcand, links::scheme::socketcan, links::scheme::slcan};
+constexpr std::array live_ethercat{links::scheme::raw};
 constexpr std::array live_serial{links::scheme::serial, links::scheme::pty, links::scheme::tcp};
 
-std::string prefixes_of_live_buses() {
-  return fmt::format("{}, {}:, {}", links::prefixes(live_can, ", "), links::scheme::raw.name,
-                     links::prefixes(live_serial, ", "));
+std::string prefixes_of_live_buses() { return links::prefixes(live_buses, ", "); }
+
+std::string help_of_live_ethercat() {
+  const std::string form = links::client_forms(live_ethercat);
+  return form.empty() ? form : form + " for EtherCAT, ";
 }
 
 constexpr unsigned can_bit_rate = 1'000'000;
@@ -327,20 +332,12 @@ void sniff_ethercat(const Options& options, Sniffer& sniffer) {
     throw Failure::wrong_use(fmt::format(
         "{}: a UDP connection cannot be monitored; capture it with tcpdump, or `servodrome up --log`", options.source));
   }
-  links::PacketSocket socket(raw->interface, options.source);
   const InterruptGuard guard(InterruptGuard::Command::only_looks);
   const master::Time start = links::steady_now();
-  while (!is_over(options, start, links::steady_now())) {
-    pollfd wanted{socket.descriptor(), POLLIN, 0};
-    ::poll(&wanted, 1, 50);
-    for (auto frame = socket.frame(0); !frame.empty(); frame = socket.frame(0)) {
-      sniffer.take(std::span<const std::uint8_t>(frame), links::steady_now());
-      socket.release(1);
-    }
-    if (const int reason = socket.take_error(); reason != 0) {
-      throw Failure::did_not_work(fmt::format("{}: {}", options.source, std::strerror(reason)));
-    }
-  }
+  const int reason = links::monitor_interface(
+      *raw, [&] { return is_over(options, start, links::steady_now()); },
+      [&sniffer](std::span<const std::uint8_t> frame) { sniffer.take(frame, links::steady_now()); });
+  if (reason != 0) throw Failure::did_not_work(fmt::format("{}: {}", options.source, std::strerror(reason)));
   sniffer.finish();
 }
 
@@ -400,12 +397,12 @@ void add_sniff(CLI::App& app) {
   CLI::App* command = app.add_subcommand(
       "sniff", "Decode a capture or a live bus: services, objects by name with values, states, errors");
   command
-      ->add_option("SOURCE", options->source,
-                   fmt::format("Capture (candump or serial log, pcap or pcapng of CAN, EtherCAT, Modbus TCP or serial "
-                               "lines; - is standard input), or a live bus: {}, {} for EtherCAT, {} (a converter that "
-                               "sends the bytes) for RS485",
-                               links::client_forms(live_can), links::scheme::raw.client_form,
-                               links::client_forms(live_serial, " or ")))
+      ->add_option(
+          "SOURCE", options->source,
+          fmt::format("Capture (candump or serial log, pcap or pcapng of CAN, EtherCAT, Modbus TCP or serial "
+                      "lines; - is standard input), or a live bus: {}, {}{} (a converter that sends the bytes) "
+                      "for RS485",
+                      links::client_forms(live_can), help_of_live_ethercat(), links::client_forms(live_serial, " or ")))
       ->required();
   command
       ->add_option(

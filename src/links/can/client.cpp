@@ -1,9 +1,9 @@
 #include "links/can/client.hpp"
 
 #include "links/can/client_slcan.hpp"
-#include "links/can/client_socketcan.hpp"
 #include "links/can/client_socketcand.hpp"
 #include "links/can/link_name.hpp"
+#include "links/can/system_links.hpp"
 #include "links/link_error.hpp"
 
 namespace servodrome::links {
@@ -18,9 +18,7 @@ struct Open {
   std::unique_ptr<CanClient> operator()(const SlcanName& name) const {
     return std::make_unique<SlcanClient>(name, options);
   }
-  std::unique_ptr<CanClient> operator()(const SocketcanName& name) const {
-    return std::make_unique<SocketcanClient>(name);
-  }
+  std::unique_ptr<CanClient> operator()(const SocketcanName& name) const { return open_socketcan_client(name); }
   std::unique_ptr<CanClient> operator()(const MemName&) const { refuse_mem_client("CAN", can_schemes); }
 };
 

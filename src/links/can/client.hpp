@@ -8,6 +8,7 @@
 
 #include "canopen/frame.hpp"
 #include "links/can/memory_port.hpp"
+#include "links/file_descriptor.hpp"
 #include "links/virtual_clock.hpp"
 
 namespace servodrome::links {
@@ -24,9 +25,9 @@ class CanClient {
   // Waits at most `timeout` (0: does not wait) for the next frame. Skips error frames and everything else that is no
   // classical CAN frame. Throws LinkError if the link is lost.
   virtual std::optional<canopen::Frame> receive(Time timeout) = 0;
-  // Returns a file descriptor that is readable when receive(0) may return a frame, or -1 (`mem:`). When it is readable,
-  // call receive(0) until it returns nothing, because several frames may be buffered.
-  virtual int native_handle() const { return -1; }
+  // Returns a file descriptor that is readable when receive(0) may return a frame, or no_descriptor (`mem:`). When it
+  // is readable, call receive(0) until it returns nothing, because several frames may be buffered.
+  virtual Descriptor native_handle() const { return no_descriptor; }
 };
 
 struct CanClientOptions {

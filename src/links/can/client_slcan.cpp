@@ -2,9 +2,7 @@
 
 #include <algorithm>
 #include <cerrno>
-#include <fcntl.h>
 #include <fmt/format.h>
-#include <termios.h>
 
 #include "links/can/slcan_protocol.hpp"
 #include "links/descriptor_advice.hpp"
@@ -49,24 +47,6 @@ void SlcanClient::fail(std::error_code code, std::string_view what, std::string_
                   fmt::format("\"{}\": {}; {}", to_string(CanLinkName(name_)), what, advice_for(code.value(), advice)));
 }
 
-void SlcanClient::open_tty() {
-  tty_.reset(::open(name_.path.c_str(), O_RDWR | O_NOCTTY | O_NONBLOCK | O_CLOEXEC));
-  if (!tty_.is_open()) {
-    const auto code = system_error(errno);
-    fail(code, fmt::format("cannot be opened ({})", code.message()),
-         code.value() == EACCES ? "your user must belong to the port's group, usually dialout" : "check the path");
-  }
-  termios settings{};
-  if (::tcgetattr(tty_.get(), &settings) != 0) {
-    fail(system_error(errno), "is not a serial port", "name a tty or the line's slcan: path");
-  }
-  ::cfmakeraw(&settings);
-  settings.c_cflag |= CLOCAL | CREAD;
-  ::cfsetspeed(&settings, B115200);
-  ::tcsetattr(tty_.get(), TCSANOW, &settings);
-  ::tcflush(tty_.get(), TCIOFLUSH);
-}
-
 // Sends a command that the adapter answers with CR or BEL only.
 void SlcanClient::command(std::string_view line, Deadline deadline) {
   write(fmt::format("{}\r", line));
@@ -104,7 +84,7 @@ bool SlcanClient::next_line(Deadline deadline) {
       }
       if (line_.size() < longest_line) line_ += byte;
     }
-    const ssize_t size = ::read(tty_.get(), input_.data(), input_.size());
+    const std::ptrdiff_t size = read_some(tty_.get(), input_.data(), input_.size());
     if (size > 0) {
       unread_ = std::string_view(input_.data(), static_cast<std::size_t>(size));
     } else if (size == 0 || (errno != EAGAIN && errno != EINTR)) {

@@ -19,7 +19,7 @@ class SlcanClient final : public CanClient {
 
   void send(const canopen::Frame& frame) override;
   std::optional<canopen::Frame> receive(Time timeout) override;
-  int native_handle() const override { return tty_.get(); }
+  Descriptor native_handle() const override { return tty_.get(); }
 
  private:
   void open_tty();

@@ -6,6 +6,7 @@
 #include <poll.h>
 
 #include "links/can/socketcan.hpp"
+#include "links/can/system_links.hpp"
 #include "links/link_error.hpp"
 
 namespace servodrome::links {
@@ -42,6 +43,10 @@ std::optional<canopen::Frame> SocketcanClient::receive(Time timeout) {
     if (errno != EAGAIN) lost(errno);
     if (!wait_readable(socket_.get(), deadline)) return std::nullopt;
   }
+}
+
+std::unique_ptr<CanClient> open_socketcan_client(const SocketcanName& name) {
+  return std::make_unique<SocketcanClient>(name);
 }
 
 }  // namespace servodrome::links

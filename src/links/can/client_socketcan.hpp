@@ -13,7 +13,7 @@ class SocketcanClient final : public CanClient {
 
   void send(const canopen::Frame& frame) override;
   std::optional<canopen::Frame> receive(Time timeout) override;
-  int native_handle() const override { return socket_.get(); }
+  Descriptor native_handle() const override { return socket_.get(); }
 
  private:
   [[noreturn]] void lost(int reason) const;

@@ -2,7 +2,6 @@
 
 #include <cerrno>
 #include <fmt/format.h>
-#include <sys/socket.h>
 
 #include "links/descriptor_advice.hpp"
 #include "links/link_error.hpp"
@@ -21,7 +20,7 @@ SocketcandClient::SocketcandClient(const SocketcandName& name, std::chrono::mill
 }
 
 void SocketcandClient::connect(Deadline deadline) {
-  const SocketAddresses addresses = resolve({name_.host, name_.port}, SOCK_STREAM);
+  const SocketAddresses addresses = resolve({name_.host, name_.port}, Transport::tcp);
   if (addresses.unknown != nullptr) {
     throw LinkError(std::make_error_code(std::errc::address_not_available),
                     fmt::format("cannot connect to \"{}\": host \"{}\" is unknown ({}); check the link name",
@@ -42,10 +41,9 @@ void SocketcandClient::lost(int reason) const {
 }
 
 void SocketcandClient::write(std::string_view text) {
-  // MSG_NOSIGNAL: if the peer is gone, the result must be an error and not a SIGPIPE.
   const Deadline deadline = std::chrono::steady_clock::now() + send_timeout;
   while (!text.empty()) {
-    const ssize_t sent = ::send(socket_.get(), text.data(), text.size(), MSG_NOSIGNAL);
+    const std::ptrdiff_t sent = send_some(socket_.get(), text.data(), text.size());
     if (sent > 0) {
       text.remove_prefix(static_cast<std::size_t>(sent));
     } else if (errno != EAGAIN && errno != EINTR) {
@@ -63,7 +61,7 @@ bool SocketcandClient::next_element(Deadline deadline) {
       unread_.remove_prefix(reader_.feed(unread_));
       if (reader_.ready()) return true;
     }
-    const ssize_t size = ::recv(socket_.get(), input_.data(), input_.size(), 0);
+    const std::ptrdiff_t size = read_some(socket_.get(), input_.data(), input_.size());
     if (size > 0) {
       unread_ = std::string_view(input_.data(), static_cast<std::size_t>(size));
     } else if (size == 0) {

@@ -16,7 +16,7 @@ class SocketcandClient final : public CanClient {
 
   void send(const canopen::Frame& frame) override;
   std::optional<canopen::Frame> receive(Time timeout) override;
-  int native_handle() const override { return socket_.get(); }
+  Descriptor native_handle() const override { return socket_.get(); }
 
  private:
   void connect(Deadline deadline);

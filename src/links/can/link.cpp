@@ -1,8 +1,8 @@
 #include "links/can/link.hpp"
 
 #include "links/can/slcan_link.hpp"
-#include "links/can/socketcan_link.hpp"
 #include "links/can/socketcand_server.hpp"
+#include "links/can/system_links.hpp"
 
 namespace servodrome::links {
 namespace {
@@ -19,7 +19,7 @@ struct OpenCanLink {
     return std::make_unique<SlcanLink>(name, bus, io, host);
   }
   std::unique_ptr<CanLink> operator()(const SocketcanName& name) const {
-    return std::make_unique<SocketcanLink>(name, bus, io, host);
+    return open_socketcan_link(name, bus, io, host);
   }
   std::unique_ptr<CanLink> operator()(const MemName&) const { refuse_mem_link("CAN", can_schemes); }
 };

@@ -35,6 +35,7 @@ struct ToString {
 
 CanLinkName parse_can_link(std::string_view text) {
   const LinkText link{"CAN", text};
+  link.refuse_absent();
   if (const auto rest = link.rest()) {
     if (link.scheme() == scheme::socketcand.name) return parse_socketcand(link, *rest);
     if (link.scheme() == scheme::slcan.name) return SlcanName{parse_path(link, *rest, scheme::slcan)};

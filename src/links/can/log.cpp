@@ -7,6 +7,7 @@
 
 #include "links/descriptor_advice.hpp"
 #include "links/link_error.hpp"
+#include "links/log_file.hpp"
 #include "links/pcap.hpp"
 
 namespace servodrome::links {
@@ -83,7 +84,7 @@ CanLog::CanLog(const std::string& path, Format format, std::string interface_nam
     : format_(format),
       interface_name_(std::move(interface_name)),
       epoch_(epoch),
-      file_(std::fopen(path.c_str(), "wb"), &std::fclose) {
+      file_(open_log_file(path), &std::fclose) {
   if (!file_) {
     const std::error_code code(errno, std::generic_category());
     throw LinkError(code, fmt::format("cannot create the CAN log \"{}\": {}; {}", path, code.message(),

@@ -26,12 +26,12 @@ constexpr std::uint16_t error_warning_limit = 96;
 
 SlcanLink::SlcanLink(const SlcanName& name, CanBus& bus, boost::asio::io_context& io, LineHost& host)
     : name_(name),
-      pty_(name.path),
+      adapter_port_(name.path, io),
       bus_(bus),
       host_(host),
       port_(bus.attach(*this, link_queue_depth)),
       adapter_(*this),
-      stream_(io, ::dup(pty_.master())),
+      stream_(adapter_port_.stream()),
       client_poll_(io) {
   bus_.set_participation(port_, Participation::off);
   wait_for_client();
@@ -44,17 +44,17 @@ SlcanLink::~SlcanLink() {
 
 // A client that has just opened the pty may already have written to it.
 bool SlcanLink::settled() {
-  if (counters_.clients == 0 && pty_.has_client()) wait_for_client();
-  return counters_.clients == 0 || !reading_ || !pty_.has_input();
+  if (counters_.clients == 0 && adapter_port_.has_client()) wait_for_client();
+  return counters_.clients == 0 || !reading_ || !adapter_port_.has_input();
 }
 
 void SlcanLink::wait_for_client() {
   if (counters_.clients != 0) return;  // settled() has already found the client
-  if (pty_.has_client()) {
+  if (adapter_port_.has_client()) {
     counters_.clients = 1;
     host_.wake();  // drives' frames now have a receiver, so the line sleeps less
     read();
-    watch_input();
+    if (stream_may_miss_input) watch_input();
     return;
   }
   client_poll_.expires_after(client_poll_time);
@@ -63,13 +63,12 @@ void SlcanLink::wait_for_client() {
   });
 }
 
-// Asio uses edge-triggered epoll, which can miss that a pty has become readable, because the kernel moves the bytes
-// through a work queue. While a read is pending, this polls the pty periodically. A pending write is not disturbed.
+// While a read is pending, this polls the port periodically. A pending write is not disturbed.
 void SlcanLink::watch_input() {
   client_poll_.expires_after(input_poll_time);
   client_poll_.async_wait([this, alive = alive_](error_code code) {
     if (!*alive || code || counters_.clients == 0) return;
-    if (reading_ && !is_writing_ && pty_.has_input()) {
+    if (reading_ && !is_writing_ && adapter_port_.has_input()) {
       error_code ignored;
       stream_.cancel(ignored);  // the read starts again and finds the bytes
     }
@@ -87,7 +86,7 @@ void SlcanLink::lose_client() {
   counters_.clients = 0;
   error_code ignored;
   stream_.cancel(ignored);
-  pty_.reset();
+  adapter_port_.reset();
   wait_for_client();
 }
 

@@ -1,22 +1,21 @@
 #pragma once
 
 #include <array>
-#include <boost/asio/posix/stream_descriptor.hpp>
 #include <boost/asio/steady_timer.hpp>
 #include <memory>
 #include <string>
 
+#include "links/adapter_port.hpp"
 #include "links/can/link.hpp"
 #include "links/can/slcan_protocol.hpp"
-#include "links/pty.hpp"
 
 namespace servodrome::links {
 
-// `slcan:PATH`: a serial CAN adapter with the LAWICEL protocol, on a pty at PATH. The adapter takes part in the bus
-// while its channel is open. The commands S and s set its bit rate. If that differs from the bus, the adapter neither
-// sends nor receives, like a real one. A host that opens the channel without S gets the bus' bit rate. When the client
-// closes the port, the channel closes and the client's settings are lost. A client that does not read loses frames when
-// more than 64 KiB wait for it.
+// `slcan:PATH`: a serial CAN adapter with the LAWICEL protocol, on a pty at PATH, or on Windows on a COM port. The
+// adapter takes part in the bus while its channel is open. The commands S and s set its bit rate. If that differs from
+// the bus, the adapter neither sends nor receives, like a real one. A host that opens the channel without S gets the
+// bus' bit rate. When the client closes the port, the channel closes and the client's settings are lost. A client that
+// does not read loses frames when more than 64 KiB wait for it.
 class SlcanLink final : public CanLink, private Receiver, private slcan::Controller {
  public:
   static constexpr std::size_t most_waiting_bytes = 64 * 1024;
@@ -51,12 +50,12 @@ class SlcanLink final : public CanLink, private Receiver, private slcan::Control
   void lose_client();
 
   SlcanName name_;
-  Pty pty_;
+  AdapterPort adapter_port_;
   CanBus& bus_;
   LineHost& host_;
   PortId port_;
   slcan::Adapter adapter_;
-  boost::asio::posix::stream_descriptor stream_;
+  SerialStream& stream_;
   boost::asio::steady_timer client_poll_;
   std::shared_ptr<bool> alive_ = std::make_shared<bool>(true);
   std::array<char, 1024> input_{};

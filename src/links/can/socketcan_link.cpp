@@ -6,6 +6,7 @@
 #include <unistd.h>
 
 #include "links/can/socketcan.hpp"
+#include "links/can/system_links.hpp"
 #include "links/file_descriptor.hpp"
 
 namespace servodrome::links {
@@ -116,6 +117,11 @@ void SocketcanLink::write() {
     ++(size < 0 ? counters_.dropped : counters_.from_bus);
     waiting_.pop_front();
   }
+}
+
+std::unique_ptr<CanLink> open_socketcan_link(const SocketcanName& name, CanBus& bus, boost::asio::io_context& io,
+                                             LineHost& host) {
+  return std::make_unique<SocketcanLink>(name, bus, io, host);
 }
 
 }  // namespace servodrome::links

@@ -11,6 +11,7 @@
 #include "links/can/socketcand_protocol.hpp"
 #include "links/guarded.hpp"
 #include "links/listen.hpp"
+#include "links/socket_options.hpp"
 
 namespace servodrome::links {
 namespace {

@@ -2,17 +2,15 @@
 
 #include <fmt/format.h>
 
-#include "links/ethercat/client_raw.hpp"
 #include "links/ethercat/client_udp.hpp"
+#include "links/ethercat/system_links.hpp"
 #include "links/link_error.hpp"
 
 namespace servodrome::links {
 namespace {
 
 struct Open {
-  std::unique_ptr<EthercatClient> operator()(const RawName& name) const {
-    return std::make_unique<RawEthercatClient>(name);
-  }
+  std::unique_ptr<EthercatClient> operator()(const RawName& name) const { return open_raw_client(name); }
   std::unique_ptr<EthercatClient> operator()(const EthercatUdpName& name) const {
     return std::make_unique<UdpEthercatClient>(name);
   }

@@ -6,6 +6,7 @@
 #include <random>
 #include <thread>
 
+#include "links/ethercat/system_links.hpp"
 #include "links/link_error.hpp"
 
 namespace servodrome::links {
@@ -98,6 +99,25 @@ void RawEthercatClient::lost(int reason) const {
   const std::error_code code(reason, std::generic_category());
   throw LinkError(code,
                   fmt::format("lost \"{}\": {}; see \"ip link show {}\"", name(), code.message(), name_.interface));
+}
+
+std::unique_ptr<EthercatClient> open_raw_client(const RawName& name) {
+  return std::make_unique<RawEthercatClient>(name);
+}
+
+int monitor_interface(const RawName& name, const std::function<bool()>& over,
+                      const std::function<void(std::span<const std::uint8_t> frame)>& take) {
+  constexpr auto look_time = std::chrono::milliseconds(50);
+  PacketSocket socket(name.interface, to_string(EthercatLinkName(name)));
+  while (!over()) {
+    wait_readable(socket.descriptor(), std::chrono::steady_clock::now() + look_time);
+    for (auto frame = socket.frame(0); !frame.empty(); frame = socket.frame(0)) {
+      take(frame);
+      socket.release(1);
+    }
+    if (const int reason = socket.take_error(); reason != 0) return reason;
+  }
+  return 0;
 }
 
 }  // namespace servodrome::links

@@ -20,7 +20,7 @@ UdpEthercatClient::UdpEthercatClient(const EthercatUdpName& name)
 void UdpEthercatClient::send(std::span<const std::uint8_t> content) {
   check_content_size(content.size(), name());
   const Deadline deadline = std::chrono::steady_clock::now() + udp_send_timeout;
-  while (::send(socket_.get(), content.data(), content.size(), 0) < 0) {
+  while (send_some(socket_.get(), content.data(), content.size()) < 0) {
     if (errno == EINTR) continue;
     if (errno != EAGAIN || !wait_writable(socket_.get(), deadline)) lost(errno);
   }
@@ -29,7 +29,7 @@ void UdpEthercatClient::send(std::span<const std::uint8_t> content) {
 std::size_t UdpEthercatClient::receive(std::span<std::uint8_t> into, Time timeout) {
   const Deadline deadline = std::chrono::steady_clock::now() + timeout;
   for (bool late = false;;) {
-    const ssize_t size = ::recv(socket_.get(), into.data(), into.size(), 0);
+    const std::ptrdiff_t size = read_some(socket_.get(), into.data(), into.size());
     if (size > 0) return static_cast<std::size_t>(size);
     if (size == 0) continue;  // a packet without content
     if (errno == EINTR) continue;

@@ -1,7 +1,6 @@
 #include "links/ethercat/link.hpp"
 
-#include "links/ethercat/raw_link.hpp"
-#include "links/ethercat/udp_link.hpp"
+#include "links/ethercat/system_links.hpp"
 
 namespace servodrome::links {
 namespace {
@@ -13,10 +12,10 @@ struct OpenEthercatLink {
   LineHost& host;
 
   std::unique_ptr<EthercatLink> operator()(const RawName& name) const {
-    return std::make_unique<RawLink>(name, bus, io, watch, host);
+    return open_raw_link(name, bus, io, watch, host);
   }
   std::unique_ptr<EthercatLink> operator()(const EthercatUdpName& name) const {
-    return std::make_unique<EthercatUdpLink>(name, bus, io, host);
+    return open_udp_link(name, bus, io, host);
   }
   std::unique_ptr<EthercatLink> operator()(const MemName&) const { refuse_mem_link("EtherCAT", ethercat_schemes); }
 };

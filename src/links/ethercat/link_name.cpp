@@ -59,6 +59,7 @@ struct ToString {
 
 EthercatLinkName parse_ethercat_link(std::string_view text) {
   const LinkText link{"EtherCAT", text};
+  link.refuse_absent();
   if (const auto rest = link.rest()) {
     if (link.scheme() == scheme::raw.name) return parse_raw(link, *rest);
     if (link.scheme() == scheme::udp.name) return parse_udp(link, *rest);

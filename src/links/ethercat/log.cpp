@@ -6,6 +6,7 @@
 
 #include "links/descriptor_advice.hpp"
 #include "links/link_error.hpp"
+#include "links/log_file.hpp"
 #include "links/pcap.hpp"
 
 namespace servodrome::links {
@@ -22,7 +23,7 @@ constexpr EthernetHeader from_slaves{0xFF, 0xFF, 0xFF, 0xFF, 0xFF, 0xFF, 0x12,
 }  // namespace
 
 EthercatLog::EthercatLog(const std::string& path, Time epoch)
-    : epoch_(epoch), file_(std::fopen(path.c_str(), "wb"), &std::fclose) {
+    : epoch_(epoch), file_(open_log_file(path), &std::fclose) {
   if (!file_) {
     const std::error_code code(errno, std::generic_category());
     throw LinkError(code, fmt::format("cannot create the EtherCAT log \"{}\": {}; {}", path, code.message(),

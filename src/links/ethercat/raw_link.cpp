@@ -4,6 +4,7 @@
 #include <cerrno>
 #include <fmt/format.h>
 
+#include "links/ethercat/system_links.hpp"
 #include "links/link_error.hpp"
 
 namespace servodrome::links {
@@ -155,6 +156,11 @@ void RawLink::try_again(Side& side) {
     }
     host_.report(fmt::format("EtherCAT link \"{}\": interface \"{}\" is back", name(), side.interface));
   });
+}
+
+std::unique_ptr<EthercatLink> open_raw_link(const RawName& name, EthercatBus& bus, boost::asio::io_context& io,
+                                            DescriptorWatch& watch, LineHost& host) {
+  return std::make_unique<RawLink>(name, bus, io, watch, host);
 }
 
 }  // namespace servodrome::links

@@ -3,6 +3,7 @@
 #include <boost/asio/steady_timer.hpp>
 #include <cerrno>
 
+#include "links/ethercat/system_links.hpp"
 #include "links/ethercat/udp_socket.hpp"
 
 namespace servodrome::links {
@@ -111,6 +112,11 @@ void EthercatUdpLink::send_later(const mmsghdr& answer, Time delay) {
         message.msg_hdr.msg_iovlen = 1;
         send(std::span(&message, 1));
       });
+}
+
+std::unique_ptr<EthercatLink> open_udp_link(const EthercatUdpName& name, EthercatBus& bus, boost::asio::io_context& io,
+                                            LineHost& host) {
+  return std::make_unique<EthercatUdpLink>(name, bus, io, host);
 }
 
 }  // namespace servodrome::links

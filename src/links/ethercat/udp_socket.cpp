@@ -2,7 +2,9 @@
 
 #include <cerrno>
 #include <fmt/format.h>
+#include <netdb.h>
 #include <netinet/in.h>
+#include <sys/socket.h>
 
 #include "links/descriptor_advice.hpp"
 #include "links/link_error.hpp"
@@ -11,8 +13,8 @@
 namespace servodrome::links {
 namespace {
 
-SocketAddresses addresses_of(const Endpoint& endpoint, int flags, const std::string& link) {
-  SocketAddresses addresses = resolve(endpoint, SOCK_DGRAM, flags | AI_NUMERICSERV);
+SocketAddresses addresses_of(const Endpoint& endpoint, bool listens, const std::string& link) {
+  SocketAddresses addresses = resolve(endpoint, Transport::udp, listens);
   if (addresses.unknown == nullptr) return addresses;
   throw LinkError(std::make_error_code(std::errc::address_not_available),
                   fmt::format("cannot open \"{}\": host \"{}\" is unknown ({}); write an address, such as 127.0.0.1",
@@ -32,7 +34,7 @@ FileDescriptor open_socket(const addrinfo& address) {
 }  // namespace
 
 FileDescriptor udp_listen(const Endpoint& endpoint, const std::string& link) {
-  const auto addresses = addresses_of(endpoint, AI_PASSIVE, link);
+  const auto addresses = addresses_of(endpoint, true, link);
   FileDescriptor socket = open_socket(*addresses.list);
   if (!socket.is_open() || ::bind(socket.get(), addresses.list->ai_addr, addresses.list->ai_addrlen) != 0) {
     if (errno == EADDRINUSE) {
@@ -45,7 +47,7 @@ FileDescriptor udp_listen(const Endpoint& endpoint, const std::string& link) {
 }
 
 FileDescriptor udp_connect(const Endpoint& endpoint, const std::string& link) {
-  const auto addresses = addresses_of(endpoint, 0, link);
+  const auto addresses = addresses_of(endpoint, false, link);
   FileDescriptor socket = open_socket(*addresses.list);
   if (!socket.is_open() || ::connect(socket.get(), addresses.list->ai_addr, addresses.list->ai_addrlen) != 0) {
     fail_udp(link, "check that there is a route to this address (ip route)");

@@ -1,7 +1,6 @@
 #pragma once
 
 #include <string>
-#include <sys/socket.h>
 
 #include "links/file_descriptor.hpp"
 #include "links/link_text.hpp"

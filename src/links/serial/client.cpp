@@ -3,9 +3,7 @@
 #include <array>
 #include <cerrno>
 #include <cstring>
-#include <fcntl.h>
 #include <fmt/format.h>
-#include <sys/socket.h>
 #include <thread>
 
 #include "links/descriptor_advice.hpp"
@@ -36,7 +34,7 @@ class DescriptorClient final : public ByteClient {
   bool receive(std::vector<std::uint8_t>& bytes, Time timeout) override {
     if (!wait_readable(descriptor_.get(), std::chrono::steady_clock::now() + timeout)) return false;
     std::array<std::uint8_t, 512> buffer{};
-    const ssize_t size = ::read(descriptor_.get(), buffer.data(), buffer.size());
+    const std::ptrdiff_t size = read_some(descriptor_.get(), buffer.data(), buffer.size());
     if (size == 0) lost(ECONNRESET);
     if (size < 0) {
       if (errno == EAGAIN || errno == EINTR) return false;
@@ -58,7 +56,7 @@ class DescriptorClient final : public ByteClient {
 
 FileDescriptor connect_to(const ModbusTcpName& name, std::chrono::milliseconds timeout) {
   const std::string text = to_string(name);
-  const SocketAddresses addresses = resolve(name.endpoint, SOCK_STREAM);
+  const SocketAddresses addresses = resolve(name.endpoint, Transport::tcp);
   if (addresses.unknown != nullptr) {
     throw LinkError(std::make_error_code(std::errc::host_unreachable),
                     fmt::format("\"{}\": host \"{}\" is unknown ({}); check its name", text, name.endpoint.host,

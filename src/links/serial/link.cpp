@@ -2,6 +2,7 @@
 
 #include "links/serial/modbus_tcp_listener.hpp"
 #include "links/serial/stream_link.hpp"
+#include "links/serial/system_links.hpp"
 
 namespace servodrome::links {
 namespace {
@@ -12,9 +13,7 @@ struct OpenSerialLink {
   boost::asio::io_context& io;
   LineHost& host;
 
-  std::unique_ptr<SerialLink> operator()(const PtyName& name) const {
-    return std::make_unique<PtyLink>(name, line, io, host);
-  }
+  std::unique_ptr<SerialLink> operator()(const PtyName& name) const { return open_pty_link(name, line, io, host); }
   std::unique_ptr<SerialLink> operator()(const TtyName& name) const {
     return std::make_unique<TtyLink>(name, line, io, host);
   }

@@ -14,6 +14,7 @@ struct ToString {
 
 SerialLinkName parse_serial_link(std::string_view text) {
   const LinkText link{"serial", text};
+  link.refuse_absent();
   if (const auto rest = link.rest()) {
     if (link.scheme() == scheme::pty.name) return PtyName{parse_path(link, *rest, scheme::pty)};
     if (link.scheme() == scheme::serial.name) return TtyName{parse_path(link, *rest, scheme::serial)};

@@ -5,6 +5,7 @@
 
 #include "links/descriptor_advice.hpp"
 #include "links/link_error.hpp"
+#include "links/log_file.hpp"
 #include "links/pcap.hpp"
 
 namespace servodrome::links {
@@ -145,7 +146,7 @@ SerialLog::SerialLog(const std::string& path, Format format, std::string name, S
     : format_(format),
       name_(std::move(name)),
       epoch_(epoch),
-      file_(std::fopen(path.c_str(), "wb"), &std::fclose),
+      file_(open_log_file(path), &std::fclose),
       messages_(line, [this](const SerialMessage& message) {
         const Time at = message.at + epoch_;
         write(format_ == Format::text ? serial_log_line(message, at, name_) + "\n" : pcapng_.packet(message, at));

@@ -7,6 +7,7 @@
 
 #include "links/guarded.hpp"
 #include "links/listen.hpp"
+#include "links/socket_options.hpp"
 
 namespace servodrome::links {
 

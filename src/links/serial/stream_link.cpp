@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <boost/asio/write.hpp>
-#include <unistd.h>
 
 #include "links/file_descriptor.hpp"
 #include "links/serial/tty.hpp"
@@ -12,16 +11,19 @@ namespace {
 
 using boost::system::error_code;
 
-// A pty gives no event when a client opens it again, so it is polled at this interval.
-constexpr auto client_poll_time = std::chrono::milliseconds(10);
 constexpr auto input_poll_time = std::chrono::milliseconds(2);
 // Retry interval while the port's queue on the line is full.
 constexpr auto full_line_wait = std::chrono::milliseconds(5);
 
 }  // namespace
 
-StreamLink::StreamLink(int descriptor, SerialLine& line, boost::asio::io_context& io, LineHost& host)
-    : line_(line), host_(host), port_(line.attach(*this)), stream_(io, descriptor), timer_(io), watch_(io) {}
+StreamLink::StreamLink(Descriptor descriptor, SerialLine& line, boost::asio::io_context& io, LineHost& host)
+    : line_(line),
+      host_(host),
+      port_(line.attach(*this)),
+      stream_(serial_stream(io, descriptor)),
+      timer_(io),
+      watch_(io) {}
 
 StreamLink::~StreamLink() {
   *alive_ = false;
@@ -31,23 +33,21 @@ StreamLink::~StreamLink() {
 // A client that has just opened the pty may already have written to it.
 bool StreamLink::settled() {
   if (!is_open()) look_for_client();
-  return !is_open() || !is_reading_ || !is_readable(stream_.native_handle());
+  return !is_open() || !is_reading_ || !is_readable(descriptor_of(stream_));
 }
 
 void StreamLink::open() {
   counters_.clients = 1;
   read();
-  watch_input();
+  if (stream_may_miss_input) watch_input();
 }
 
-// Asio uses edge-triggered epoll, which can miss that a pty has become readable, because the kernel moves the bytes
-// through a work queue. While a read is pending, this polls the descriptor periodically. A pending write is not
-// disturbed.
+// While a read is pending, this polls the descriptor periodically. A pending write is not disturbed.
 void StreamLink::watch_input() {
   watch_.expires_after(input_poll_time);
   watch_.async_wait([this, alive = alive_](error_code code) {
     if (!*alive || code || !is_open()) return;
-    if (is_reading_ && !is_writing_ && is_readable(stream_.native_handle())) {
+    if (is_reading_ && !is_writing_ && is_readable(descriptor_of(stream_))) {
       error_code ignored;
       stream_.cancel(ignored);  // the read starts again and finds the bytes
     }
@@ -110,36 +110,6 @@ void StreamLink::write() {
                              writing_.clear();
                              if (!code) write();  // otherwise the pending read fails as well and handles it
                            });
-}
-
-PtyLink::PtyLink(const PtyName& name, SerialLine& line, boost::asio::io_context& io, LineHost& host)
-    : PtyLink(name, std::make_unique<Pty>(name.path), line, io, host) {}
-
-PtyLink::PtyLink(const PtyName& name, std::unique_ptr<Pty> pty, SerialLine& line, boost::asio::io_context& io,
-                 LineHost& host)
-    : StreamLink(::dup(pty->master()), line, io, host), name_(name), pty_(std::move(pty)) {
-  wait_for_client();
-}
-
-void PtyLink::look_for_client() {
-  if (pty_->has_client()) wait_for_client();
-}
-
-void PtyLink::wait_for_client() {
-  if (is_open()) return;  // settled() has already found the client
-  if (pty_->has_client()) {
-    open();
-    return;
-  }
-  timer().expires_after(client_poll_time);
-  timer().async_wait([this, alive = alive()](error_code code) {
-    if (*alive && !code) wait_for_client();
-  });
-}
-
-void PtyLink::lost() {
-  pty_->reset();
-  wait_for_client();
 }
 
 TtyLink::TtyLink(const TtyName& name, SerialLine& line, boost::asio::io_context& io, LineHost& host)

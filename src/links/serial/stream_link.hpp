@@ -1,13 +1,13 @@
 #pragma once
 
 #include <array>
-#include <boost/asio/posix/stream_descriptor.hpp>
 #include <boost/asio/steady_timer.hpp>
 #include <memory>
 #include <string>
 
-#include "links/pty.hpp"
+#include "links/file_descriptor.hpp"
 #include "links/serial/link.hpp"
+#include "links/serial_stream.hpp"
 
 namespace servodrome::links {
 
@@ -28,7 +28,7 @@ class StreamLink : public SerialLink, private SerialStation {
 
  protected:
   // The link takes ownership of `descriptor`.
-  StreamLink(int descriptor, SerialLine& line, boost::asio::io_context& io, LineHost& host);
+  StreamLink(Descriptor descriptor, SerialLine& line, boost::asio::io_context& io, LineHost& host);
 
   void open();
   bool is_open() const { return counters_.clients > 0; }
@@ -49,7 +49,7 @@ class StreamLink : public SerialLink, private SerialStation {
   SerialLine& line_;
   LineHost& host_;
   SerialPortId port_;
-  boost::asio::posix::stream_descriptor stream_;
+  SerialStream stream_;
   boost::asio::steady_timer timer_;
   boost::asio::steady_timer watch_;
   std::shared_ptr<bool> alive_ = std::make_shared<bool>(true);
@@ -59,24 +59,6 @@ class StreamLink : public SerialLink, private SerialStation {
   bool is_reading_ = false;
   bool is_writing_ = false;
   LinkCounters counters_;
-};
-
-// `pty:PATH`: a pty at PATH. Programs may open it one after the other.
-class PtyLink final : public StreamLink {
- public:
-  PtyLink(const PtyName& name, SerialLine& line, boost::asio::io_context& io, LineHost& host);
-
-  std::string name() const override { return to_string(name_); }
-
- private:
-  PtyLink(const PtyName& name, std::unique_ptr<Pty> pty, SerialLine& line, boost::asio::io_context& io, LineHost& host);
-
-  void lost() override;
-  void look_for_client() override;
-  void wait_for_client();
-
-  PtyName name_;
-  std::unique_ptr<Pty> pty_;
 };
 
 // `serial:DEVICE`: a serial port of this computer, with the line's format. If it is lost (unplugged), it is not opened
