@@ -1,12 +1,9 @@
 #include "app/bus_options.hpp"
 
 #include <algorithm>
-#include <csignal>
 #include <fmt/format.h>
-#include <unistd.h>
 
 #include "app/commands.hpp"
-#include "app/interrupt_status.hpp"
 #include "app/number_options.hpp"
 #include "links/can/link_name.hpp"
 #include "links/link_error.hpp"
@@ -14,12 +11,6 @@
 
 namespace servodrome::app {
 namespace {
-
-volatile std::sig_atomic_t interrupt_seen = 0;
-
-void note_interrupt(int signal) {
-  if (interrupt_seen == 0) interrupt_seen = signal;
-}
 
 constexpr master::Time progress_period = std::chrono::milliseconds(100);
 
@@ -117,32 +108,6 @@ std::uint8_t choose_node(master::Bus& bus, const BusOptions& options, bool drive
   }
   throw Failure::wrong_use(fmt::format("{}: several {}s answer: {}; choose one with --node", bus.name(), what, list));
 }
-
-bool on_terminal() { return ::isatty(STDOUT_FILENO) == 1; }
-
-namespace {
-constexpr std::array guarded{SIGINT, SIGTERM, SIGHUP, SIGPIPE};
-}
-
-InterruptGuard::InterruptGuard(Command command) {
-  interrupt_seen = 0;
-  for (std::size_t i = 0; i < guarded.size(); ++i) {
-    ::sigaction(guarded[i], nullptr, &before_[i]);
-    struct sigaction action {};
-    action.sa_handler = guarded[i] == SIGPIPE ? SIG_IGN : note_interrupt;
-    const bool is_left = (guarded[i] == SIGHUP && before_[i].sa_handler == SIG_IGN) ||
-                         (guarded[i] == SIGPIPE && command == Command::only_looks);
-    if (!is_left) ::sigaction(guarded[i], &action, nullptr);
-  }
-}
-
-InterruptGuard::~InterruptGuard() {
-  for (std::size_t i = 0; i < guarded.size(); ++i) ::sigaction(guarded[i], &before_[i], nullptr);
-}
-
-bool InterruptGuard::interrupted() { return interrupting_signal() != 0; }
-
-int interrupting_signal() { return interrupt_seen; }
 
 master::Axis402::Progress motion_progress(master::Axis402& axis, bool quiet, const master::UnitScale& scale) {
   const bool shown = !quiet && on_terminal();

@@ -1,11 +1,11 @@
 #pragma once
 
 #include <CLI/CLI.hpp>
-#include <array>
-#include <csignal>
 #include <memory>
 #include <string>
 
+#include "app/interrupt_guard.hpp"
+#include "app/terminal.hpp"
 #include "axis/axis402.hpp"
 #include "axis/axis_units.hpp"
 #include "links/link_scheme.hpp"
@@ -72,26 +72,6 @@ std::unique_ptr<master::Bus> open_bus(const BusOptions& options);
 // Returns the node of --node, or the only node that answers (`drives`: the only CiA 402 drive). Throws Failure if there
 // is none, or more than one.
 std::uint8_t choose_node(master::Bus& bus, const BusOptions& options, bool drives);
-
-// Returns true if standard output is a terminal, where a line can be rewritten.
-bool on_terminal();
-
-// While an object of this class lives, Ctrl-C, SIGTERM and the loss of the terminal (SIGHUP, unless nohup makes it
-// ignored) do not kill the program: they only set interrupted(), and the command ends itself. If the reader of the
-// output ends (SIGPIPE), the command continues, because an axis may be moving; a command that only looks ends.
-class InterruptGuard {
- public:
-  enum class Command : std::uint8_t { acts, only_looks };
-
-  explicit InterruptGuard(Command command = Command::acts);
-  ~InterruptGuard();
-  InterruptGuard(const InterruptGuard&) = delete;
-  InterruptGuard& operator=(const InterruptGuard&) = delete;
-  static bool interrupted();
-
- private:
-  std::array<struct sigaction, 4> before_{};
-};
 
 // Progress output of a motion: shows position and velocity on a terminal.
 master::Axis402::Progress motion_progress(master::Axis402& axis, bool quiet, const master::UnitScale& scale = {});

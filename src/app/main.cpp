@@ -7,6 +7,7 @@
 #include "app/commands.hpp"
 #include "app/help_formatter.hpp"
 #include "app/interrupt_status.hpp"
+#include "app/process.hpp"
 #include "app/reference_commands.hpp"
 #include "links/nearest_name.hpp"
 
@@ -68,6 +69,7 @@ void refuse_unknown_command(const CLI::App& app, int argc, char** argv) {
 void servodrome::app::warn(const std::string& message) { fmt::print(stderr, "servodrome: {}\n", message); }
 
 int main(int argc, char** argv) {
+  begin_process();
   CLI::App app("Software servo drives on real field buses, and the tools to commission them.", "servodrome");
   app.set_version_flag("--version", fmt::format("servodrome {}", servodrome::api::version()));
   app.require_subcommand(1);

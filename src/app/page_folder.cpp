@@ -5,6 +5,7 @@
 #include <fmt/format.h>
 
 #include "app/commands.hpp"
+#include "app/process.hpp"
 
 namespace servodrome::app {
 namespace {
@@ -27,10 +28,9 @@ std::string page_folder(const std::string& wanted) {
     throw Failure::wrong_use(fmt::format(
         "SERVODROME_STUDIO={}: there is no index.html; name the folder that the studio was built into", folder));
   }
-  std::error_code error;
-  const std::filesystem::path program = std::filesystem::read_symlink("/proc/self/exe", error);
+  const std::filesystem::path program = program_file();
   for (std::filesystem::path at = program.parent_path(); at.has_relative_path(); at = at.parent_path()) {
-    if (at.filename() == "build" && has_page(at / "studio")) return at / "studio";
+    if (at.filename() == "build" && has_page(at / "studio")) return (at / "studio").string();
   }
   const std::filesystem::path installed = program.parent_path().parent_path() / "share" / "servodrome" / "studio";
   return has_page(installed) ? installed.string() : std::string();

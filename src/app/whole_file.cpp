@@ -6,7 +6,6 @@
 #include <fmt/format.h>
 #include <fstream>
 #include <iostream>
-#include <unistd.h>
 
 #include "app/commands.hpp"
 
@@ -63,8 +62,7 @@ void require_writable(const std::string& path) {
   if (std::filesystem::is_directory(path, error)) throw Failure::wrong_use(fmt::format("{}: it is a folder", path));
   const bool is_there = std::filesystem::exists(path, error) && !std::filesystem::is_regular_file(path, error);
   const std::filesystem::path folder = std::filesystem::absolute(path, error).parent_path();
-  const std::string checked = is_there ? path : folder.string();
-  if (::access(checked.c_str(), is_there ? W_OK : W_OK | X_OK) == 0) return;
+  if (is_there ? may_write(path) : may_create_in(folder.string())) return;
   throw Failure::wrong_use(fmt::format("{}: cannot be written; check path and rights", path));
 }
 

@@ -1,8 +1,5 @@
 // `jog` and `torque`: motions that last as long as the user wants.
 #include <fmt/format.h>
-#include <sys/select.h>
-#include <termios.h>
-#include <unistd.h>
 
 #include "app/commands.hpp"
 #include "app/motion_run.hpp"
@@ -23,41 +20,8 @@ struct TorqueOptions : MotionOptions {
   double seconds = 0.0;
 };
 
-// While it lives, the terminal delivers single characters without echo.
-class RawTerminal {
- public:
-  RawTerminal() {
-    ::tcgetattr(STDIN_FILENO, &before_);
-    termios raw = before_;
-    raw.c_lflag &= ~static_cast<tcflag_t>(ICANON | ECHO);
-    raw.c_cc[VMIN] = 0;
-    raw.c_cc[VTIME] = 0;
-    ::tcsetattr(STDIN_FILENO, TCSANOW, &raw);
-  }
-  ~RawTerminal() { ::tcsetattr(STDIN_FILENO, TCSANOW, &before_); }
-  RawTerminal(const RawTerminal&) = delete;
-  RawTerminal& operator=(const RawTerminal&) = delete;
-
-  // Returns the characters typed since the last call; the loss of the terminal ends the jog.
-  static std::string typed() {
-    fd_set ready;
-    FD_ZERO(&ready);
-    FD_SET(STDIN_FILENO, &ready);
-    timeval now{};
-    if (::select(STDIN_FILENO + 1, &ready, nullptr, nullptr, &now) <= 0) return {};
-    std::array<char, 64> characters{};
-    const ssize_t count = ::read(STDIN_FILENO, characters.data(), characters.size());
-    return count > 0 ? std::string(characters.data(), static_cast<std::size_t>(count)) : "q";
-  }
-
- private:
-  termios before_{};
-};
-
-bool has_keyboard() { return ::isatty(STDIN_FILENO) == 1 && on_terminal(); }
-
 void jog(const JogOptions& options) {
-  if (!options.seconds && !has_keyboard()) {
+  if (!options.seconds && !(has_keyboard() && on_terminal())) {
     throw Failure::wrong_use(
         "jog: standard input is not a terminal, so keys cannot be read; give the duration with --seconds");
   }
@@ -76,10 +40,10 @@ void jog(const JogOptions& options) {
         });
       } else {
         fmt::print("hold the right or left arrow key to move; up, down: faster, slower; space: stop; q: end\n");
-        const RawTerminal terminal;
+        const Keyboard keyboard;
         master::JogKeys keys(velocity);
         axis.jog(profile, [&](const master::AxisStatus& status) {
-          keys.feed(RawTerminal::typed(), now());
+          keys.feed(Keyboard::typed(), now());
           progress(status);
           return keys.velocity(now());
         });

@@ -4,8 +4,6 @@
 #include <fstream>
 #include <iterator>
 #include <nlohmann/json.hpp>
-#include <sys/ioctl.h>
-#include <unistd.h>
 
 #include "app/commands.hpp"
 #include "app/drive_link.hpp"
@@ -256,9 +254,8 @@ class Session {
 // ---- Results ----
 
 unsigned terminal_columns() {
-  winsize size{};
-  const bool known = ::ioctl(STDOUT_FILENO, TIOCGWINSZ, &size) == 0 && size.ws_col > 30;
-  return known ? size.ws_col : 80;
+  const unsigned width = terminal_width();
+  return width > 30 ? width : 80;
 }
 
 std::string step_text(const std::string& name, const scope::StepResponse& step) {

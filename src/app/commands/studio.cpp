@@ -1,6 +1,5 @@
 // `studio`: the web page, and the bench API without a plant, for drives on buses.
 #include <boost/asio/signal_set.hpp>
-#include <csignal>
 #include <fmt/format.h>
 #include <nlohmann/json.hpp>
 
@@ -8,6 +7,7 @@
 #include "app/commands.hpp"
 #include "app/drive_buses.hpp"
 #include "app/page_folder.hpp"
+#include "app/process.hpp"
 #include "line/config.hpp"
 #include "links/link_scheme.hpp"
 #include "studio/real_server.hpp"
@@ -61,10 +61,11 @@ void run(const Options& options) {
     }
   }
   const std::string page = page_folder(options.page);
-  std::signal(SIGPIPE, SIG_IGN);  // if the reader of our output ends, the axes must not be left moving
+  ignore_broken_pipes();  // if the reader of our output ends, the axes must not be left moving
   studio::RealDrives drives(find_drives(options.buses, options.bus));
   studio::RealServer server(drives, {api.address, api.port, page});
-  boost::asio::signal_set signals(server.io(), SIGINT, SIGTERM, SIGHUP);
+  boost::asio::signal_set signals(server.io());
+  for (const int signal : ending_signals()) signals.add(signal);
   signals.async_wait([&server](const boost::system::error_code& code, int) {
     if (!code) server.stop();
   });

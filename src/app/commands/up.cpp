@@ -1,18 +1,15 @@
 #include <algorithm>
 #include <boost/asio/signal_set.hpp>
-#include <cerrno>
-#include <csignal>
 #include <cstdio>
-#include <cstring>
-#include <fcntl.h>
 #include <fmt/format.h>
 #include <memory>
 #include <nlohmann/json.hpp>
-#include <unistd.h>
 
 #include "app/commands.hpp"
 #include "app/line_files.hpp"
 #include "app/page_folder.hpp"
+#include "app/process.hpp"
+#include "app/whole_file.hpp"
 #include "described/blueprint.hpp"
 #include "line/line_server.hpp"
 #include "line/registry.hpp"
@@ -240,26 +237,6 @@ void print_table(std::FILE* out, const nlohmann::ordered_json& ready) {
   fmt::print(out, "ready, {} time; Ctrl-C ends it\n", ready["clock"].get<std::string>());
 }
 
-// Writes the file completely, then renames it; only the user can read it, because it contains the token.
-void write_ready_file(const std::string& path, const std::string& text) {
-  // A new unique name, so that no other user can have created it, or linked it to another file, before.
-  std::string part = path + ".XXXXXX";
-  const int file = ::mkostemp(part.data(), O_CLOEXEC);
-  const bool written = file >= 0 && ::write(file, text.data(), text.size()) == static_cast<ssize_t>(text.size());
-  int reason = written ? 0 : errno;
-  if (file >= 0 && ::close(file) != 0 && reason == 0) reason = errno;
-  if (reason == 0 && std::rename(part.c_str(), path.c_str()) != 0) reason = errno;
-  if (reason == 0) return;
-  if (file >= 0) ::unlink(part.c_str());
-  throw Failure::did_not_work(fmt::format("cannot write {}: {}; choose a folder that exists and may be written to",
-                                          path, std::strerror(reason)));
-}
-
-bool is_ignored(int signal) {
-  struct sigaction present {};
-  return ::sigaction(signal, nullptr, &present) == 0 && present.sa_handler == SIG_IGN;
-}
-
 // A port in use, or a missing interface or parameter file, counts as wrong use, because nothing has been started.
 std::unique_ptr<line::LineServer> open_line(const line::LineSettings& settings) {
   try {
@@ -271,7 +248,7 @@ std::unique_ptr<line::LineServer> open_line(const line::LineSettings& settings) 
 
 void run(const Options& options) {
   const line::LineSettings settings = settings_of(options);
-  std::signal(SIGPIPE, SIG_IGN);  // if the reader of our output ends, symbolic links must not be left behind
+  ignore_broken_pipes();  // if the reader of our output ends, symbolic links must not be left behind
   const std::unique_ptr<line::LineServer> opened = open_line(settings);
   line::LineServer& server = *opened;
   studio::LineRoutes routes(
@@ -279,8 +256,8 @@ void run(const Options& options) {
       [&server] { return server.wall_epoch(); });
   routes.jobs().on_event([&server](const api::Json& event) { server.publish(event); });
   for (const api::RouteGroup& group : routes.groups()) server.add_routes(group);
-  boost::asio::signal_set signals(server.io(), SIGINT, SIGTERM);
-  if (!is_ignored(SIGHUP)) signals.add(SIGHUP);  // the terminal is gone, unless nohup was used
+  boost::asio::signal_set signals(server.io());
+  for (const int signal : ending_signals()) signals.add(signal);
   signals.async_wait([&server](const boost::system::error_code& code, int) {
     if (!code) server.stop();
   });
@@ -298,7 +275,9 @@ void run(const Options& options) {
     for (const auto& bus : server.line().serial_buses()) log(*bus);
   }
   const nlohmann::ordered_json ready = describe(server, settings);
-  if (!options.ready_file.empty()) write_ready_file(options.ready_file, ready.dump(2) + "\n");
+  if (!options.ready_file.empty())
+    write_private_file(options.ready_file,  // it contains the token
+                       ready.dump(2) + "\n");
   std::FILE* out = options.log == "-" ? stderr : stdout;
   if (options.json) {
     fmt::print(out, "{}\n", ready.dump());

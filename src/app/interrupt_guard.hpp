@@ -1,0 +1,27 @@
+#pragma once
+
+#include <cstdint>
+#include <memory>
+
+namespace servodrome::app {
+
+// While an object of this class lives, Ctrl-C, SIGTERM and the loss of the terminal (SIGHUP, unless nohup makes it
+// ignored) do not kill the program: they only set interrupted(), and the command ends itself. If the reader of the
+// output ends (SIGPIPE), the command continues, because an axis may be moving; a command that only looks ends.
+// Windows has no SIGHUP and no SIGPIPE; Ctrl-Break and the end of the console count as an interrupt there.
+class InterruptGuard {
+ public:
+  enum class Command : std::uint8_t { acts, only_looks };
+
+  explicit InterruptGuard(Command command = Command::acts);
+  ~InterruptGuard();
+  InterruptGuard(const InterruptGuard&) = delete;
+  InterruptGuard& operator=(const InterruptGuard&) = delete;
+  static bool interrupted();
+
+ private:
+  struct Before;  // the signals' handlers before
+  std::unique_ptr<Before> before_;
+};
+
+}  // namespace servodrome::app
