@@ -9,6 +9,10 @@ target_compile_options(servodrome_options INTERFACE
   -Wnon-virtual-dtor -Woverloaded-virtual -Wnull-dereference -Wdouble-promotion -Wimplicit-fallthrough $<$<BOOL:${SERVODROME_WERROR}>:-Werror>>
   # Results must be reproducible to the last bit: no contraction into fused multiply-add, no unsafe maths.
   -ffp-contract=off)
+if(WIN32)
+  # Windows 10 or newer; of the system's headers only what is included, and no macros `min` and `max`.
+  target_compile_definitions(servodrome_options INTERFACE _WIN32_WINNT=0x0a00 WIN32_LEAN_AND_MEAN NOMINMAX)
+endif()
 if(CMAKE_CXX_COMPILER_ID STREQUAL "GNU")
   # GCC 12 gives false warnings of these kinds for inlined standard-library code. They depend on its inlining decisions, and
   # even on the length of the source folder's path. So they are shown, but are not errors.
@@ -59,6 +63,25 @@ function(servodrome_optimise_ticks target)
   if(NOT SERVODROME_SANITIZE AND NOT SERVODROME_SHARED)
     target_compile_options(${target} PRIVATE $<$<CONFIG:Release,RelWithDebInfo>:-O3 -fno-tree-slp-vectorize>)
   endif()
+endfunction()
+
+# servodrome_sources_here(VARIABLE [LINUX_ONLY FILE ...]): every .cpp of the current folder and its subfolders that the target's
+# system needs. A file in the folder `windows` is for Windows, where it takes the place of the file with the same path beside
+# that folder. LINUX_ONLY: files that have no counterpart on Windows.
+function(servodrome_sources_here variable)
+  cmake_parse_arguments(arg "" "" "LINUX_ONLY" ${ARGN})
+  file(GLOB_RECURSE sources RELATIVE ${CMAKE_CURRENT_SOURCE_DIR} CONFIGURE_DEPENDS *.cpp)
+  set(windows_sources ${sources})
+  list(FILTER windows_sources INCLUDE REGEX "^windows/")
+  list(FILTER sources EXCLUDE REGEX "^windows/")
+  if(WIN32)
+    list(TRANSFORM windows_sources REPLACE "^windows/" "" OUTPUT_VARIABLE replaced)
+    list(REMOVE_ITEM sources ${replaced} ${arg_LINUX_ONLY})
+    list(APPEND sources ${windows_sources})
+    set_source_files_properties(${windows_sources} PROPERTIES SKIP_UNITY_BUILD_INCLUSION ON)  # for the macros of the system's headers
+  endif()
+  list(TRANSFORM sources PREPEND ${CMAKE_CURRENT_SOURCE_DIR}/)
+  set(${variable} ${sources} PARENT_SCOPE)
 endfunction()
 
 # servodrome_library(NAME [PORTABLE | HEAVY] SOURCES ... [DEPENDS ...])
