@@ -7,13 +7,17 @@ from make.context import ROOT
 from make.licenses import third_party
 
 
-def documents(context, stage):
-    """Adds to the stage what every package has: licences, what changed, and the script for continuous integration."""
-    folder = stage / "share/doc/servodrome"
+def licences(context, folder, system):
+    """Copies the licences and what changed into a folder."""
     folder.mkdir(parents=True, exist_ok=True)
     for name in ("LICENSE", "CHANGELOG.md"):
         shutil.copy(ROOT / name, folder / name)
-    (folder / "THIRD-PARTY.txt").write_text(third_party(context))
+    (folder / "THIRD-PARTY.txt").write_text(third_party(context, system))
+
+
+def documents(context, stage):
+    """Adds to the stage what every package has: licences, what changed, and the script for continuous integration."""
+    licences(context, stage / "share/doc/servodrome", "linux")
     tools = stage / "share/servodrome"
     tools.mkdir(parents=True, exist_ok=True)
     shutil.copy(ROOT / "packaging/ci/servodrome-ci", tools / "servodrome-ci")

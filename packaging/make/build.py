@@ -99,15 +99,14 @@ def libgcc(architecture):
     raise Failed(f"{' and '.join(folders)} have no libgcc.a; run tools/install-dependencies --packages")
 
 
-def options(context, architecture):
-    """CMake's options for an architecture."""
+def common_options(context, target):
+    """CMake's options for a target of zig."""
     return {
         "CMAKE_TOOLCHAIN_FILE": ROOT / "cmake/toolchains/zig.cmake",
         "CMAKE_PROJECT_TOP_LEVEL_INCLUDES": ROOT / "cmake/toolchains/dependencies.cmake",
         "SERVODROME_ZIG": context.zig() / "zig",
-        "SERVODROME_ZIG_TARGET": f"{architecture}-linux-gnu.{OLDEST_GLIBC}",
+        "SERVODROME_ZIG_TARGET": target,
         "SERVODROME_DEPENDENCIES": context.dependencies,
-        "SERVODROME_LIBGCC": libgcc(architecture),
         "SERVODROME_VERSION": context.version,
         "SERVODROME_TESTS": "OFF",
         "SERVODROME_BENCH": "OFF",
@@ -115,6 +114,13 @@ def options(context, architecture):
         "CMAKE_BUILD_TYPE": "Release",
         # No path of this machine gets into the programs, so that every folder gives the same ones.
         "CMAKE_CXX_FLAGS_RELEASE": f"-O2 -DNDEBUG -ffile-prefix-map={ROOT}/=",
+    }
+
+
+def options(context, architecture):
+    """CMake's options for an architecture of Linux."""
+    return common_options(context, f"{architecture}-linux-gnu.{OLDEST_GLIBC}") | {
+        "SERVODROME_LIBGCC": libgcc(architecture),
         "CMAKE_POSITION_INDEPENDENT_CODE": "ON",
         "CMAKE_EXE_LINKER_FLAGS": "-rtlib=none -s -pie -Wl,-z,now",
         "CMAKE_SHARED_LINKER_FLAGS": "-rtlib=none -s -Wl,-z,now",
@@ -122,17 +128,22 @@ def options(context, architecture):
     }
 
 
-def compile_for(context, architecture):
-    """Compiles for an architecture and installs into its stage."""
-    folder = WORK / architecture
-    context.say(f"compiling for {architecture}; this takes some minutes the first time")
-    settings = [f"-D{name}={value}" for name, value in options(context, architecture).items()]
-    context.run("cmake", "-S", ROOT, "-B", folder, "-G", "Ninja", *settings)
-    context.run("cmake", "--build", folder, "--parallel", context.jobs, "--target", "servodrome",
-                "servodrome_capi")
-    stage = fresh(context.stage(architecture))
-    for component in ("program", "interface"):
+def compile_and_install(context, name, settings, targets, components):
+    """Compiles targets in the folder build/package/NAME and installs components into the stage of that name."""
+    folder = WORK / name
+    context.say(f"compiling for {name}; this takes some minutes the first time")
+    context.run("cmake", "-S", ROOT, "-B", folder, "-G", "Ninja", *[f"-D{key}={value}" for key, value in settings.items()])
+    context.run("cmake", "--build", folder, "--parallel", context.jobs, "--target", *targets)
+    stage = fresh(context.stage(name))
+    for component in components:
         context.run("cmake", "--install", folder, "--component", component, "--prefix", stage)
+    return stage
+
+
+def compile_for(context, architecture):
+    """Compiles for an architecture of Linux and installs into its stage."""
+    stage = compile_and_install(context, architecture, options(context, architecture), ("servodrome", "servodrome_capi"),
+                                ("program", "interface"))
     if ARCHITECTURES[architecture][2]:
         # A program for another processor does not run here to write its manual page; the texts are the same.
         for text in ("man", "bash-completion", "zsh", "fish"):

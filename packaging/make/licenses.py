@@ -24,16 +24,16 @@ def version_of(context, component):
 
 def text_of(context, component):
     if "ziglang" in component:
-        return (context.zig() / "lib" / component["ziglang"] / "LICENSE.TXT").read_text()
+        return (context.zig() / "lib" / component["ziglang"] / component.get("file", "LICENSE.TXT")).read_text()
     with open(f"/usr/share/doc/{component['debian']}/copyright", encoding="utf-8") as file:
         return file.read()
 
 
-def third_party(context):
-    """The licences of all parts that ask for a notice, as one text."""
+def third_party(context, system):
+    """The licences of all parts of a system's programs that ask for a notice, as one text."""
     texts = ["Servodrome's programs and its web page contain parts of other projects, under these licences.\n"]
     for name, component in sorted(context.components.items()):
-        if component.get("notice", True):
+        if component.get("notice", True) and component.get("system", system) == system:
             texts.append(heading(name, version_of(context, component), component["license"]) + text_of(context, component))
     for name, entry in parts_of_the_page():
         folder = ROOT / "studio/node_modules" / name
