@@ -130,6 +130,9 @@ class Line:
             self.process = subprocess.Popen(
                 [str(word) for word in command], stdin=subprocess.DEVNULL, stdout=output, stderr=subprocess.STDOUT
             )
+        self.wait_until_ready(ready)
+
+    def wait_until_ready(self, ready):
         wait_for(lambda: ready.exists() or self.process.poll() is not None, lambda: f"the line: {self.said()}")
         assert ready.exists(), f"the line ended with {self.process.returncode}: {self.said()}"
         self.ready = json.loads(ready.read_text())
