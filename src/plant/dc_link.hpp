@@ -58,8 +58,12 @@ class DcLink {
     const double kept_v = start_v * leak.keep;
     double current_a = 0.0;
     double free_v = kept_v;
-    if (power_w != 0.0) {  // avoids a division in the common case
-      const double per_volt = 1.0 / std::max(kept_v, 1.0e-9);
+    if (power_w != 0.0) {           // avoids a division in the common case
+      if (kept_v != inverted_v_) {  // equal while the drive stands
+        inverted_v_ = kept_v;
+        per_volt_ = 1.0 / std::max(kept_v, 1.0e-9);
+      }
+      const double per_volt = per_volt_;
       current_a = power_w * per_volt;
       const double used = current_a * tick_over_capacitance_ * per_volt;  // half the share of the energy that is taken
       if (std::abs(used) < 0.01) [[likely]] {
@@ -99,6 +103,8 @@ class DcLink {
   double source_v_ = 0.0;                  // 0 while the relay is open
   double source_resistance_in_use_ = 0.0;  // of the source or of the precharge
   std::array<Leak, 2> leaks_{};            // bleeder alone; with the brake resistor
+  double inverted_v_ = 0.0;                // the voltage of the last division, and its result
+  double per_volt_ = 1.0e9;
   double tick_over_capacitance_;
   double half_capacitance_;
   double supplied_j_ = 0.0;

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <cmath>
 #include <cstdint>
 
 #include "drive/hardware.hpp"
@@ -63,6 +64,10 @@ class Shaft {
         tick.direction = direction_;
         return true;
       }
+    }
+    if (held() && std::abs(motor_torque_nm + other_torque_nm) <= total_friction_.held_nm) [[unlikely]] {
+      tick = {};
+      return true;
     }
     const double holding_nm = direction_ == 0 ? total_friction_.held_nm : total_friction_.sliding_nm;
     return slide_anew(motor_torque_nm + other_torque_nm, holding_nm, tick);

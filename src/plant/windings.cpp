@@ -49,6 +49,7 @@ Windings::Windings(const Motor& motor, int direction)
       flux_(flux_linkage_vs(motor)),
       torque_constant_(torque_per_flux_ * flux_),
       torque_saliency_(torque_per_flux_ * (motor.direct_inductance_h - motor.quadrature_inductance_h)),
+      ampere_per_nm_(1.0 / torque_constant_),
       direct_inductance_(motor.direct_inductance_h),
       quadrature_inductance_(motor.quadrature_inductance_h),
       saliency_(motor.direct_inductance_h - motor.quadrature_inductance_h),

@@ -84,7 +84,7 @@ class Windings {
     const double unforeseen = ahead + shaft.slope * torque_nm;
     const double emf = angle * flux_by_inductance_ + unforeseen * emf_per_speed_;
 
-    const double mean_q = free_q - opposed.re * (unforeseen * emf_per_speed_);
+    const double mean_q = torque_nm * ampere_per_nm_;  // known earlier than by way of the speed
     const double mean_d = (kept.re * direct_a - kept.im * quadrature_a) +
                           ((pushed.re * direct_v - pushed.im * quadrature_v) + opposed.im * emf);
     const double mean_direct_v = seen.re * direct_v - seen.im * quadrature_v;
@@ -102,8 +102,8 @@ class Windings {
             .unforeseen_rad_s = unforeseen};
   }
 
-  // The same while the shaft is held: the rotor does not turn, and no torque changes that. Equal to driven() to the
-  // bit.
+  // The same while the shaft is held: the rotor does not turn, and no torque changes that. Equal to driven() but for
+  // rounding.
   WindingTick driven_at_rest(double direct_v, double quadrature_v) const {
     const double mean_d = kept_.zeroth * direct_a + pushed_.zeroth * direct_v;
     const double mean_q = kept_.zeroth * quadrature_a + pushed_.zeroth * quadrature_v;
@@ -190,6 +190,7 @@ class Windings {
   double flux_;
   double torque_constant_;  // Nm per A of amplitude, and its change per A of direct current
   double torque_saliency_;
+  double ampere_per_nm_;  // without direct current
   double direct_inductance_;
   double quadrature_inductance_;
   double saliency_;     // Ld - Lq
