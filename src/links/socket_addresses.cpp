@@ -1,26 +1,20 @@
 #include "links/socket_addresses.hpp"
 
 #include <cerrno>
-#include <netdb.h>
-#include <netinet/in.h>
-#include <netinet/tcp.h>
 #include <string>
-#include <sys/socket.h>
+
+#include "links/sockets.hpp"
 
 namespace servodrome::links {
 namespace {
 
 // Returns 0, or the error that prevented the connection.
 int connect_one(const addrinfo& address, FileDescriptor& socket, Deadline deadline) {
-  socket.reset(::socket(address.ai_family, address.ai_socktype | SOCK_NONBLOCK | SOCK_CLOEXEC, address.ai_protocol));
+  socket = open_socket(address);
   if (!socket.is_open()) return errno;
-  if (::connect(socket.get(), address.ai_addr, address.ai_addrlen) == 0) return 0;
-  if (errno != EINPROGRESS) return errno;
-  if (!wait_writable(socket.get(), deadline)) return ETIMEDOUT;
-  int reason = 0;
-  socklen_t size = sizeof reason;
-  ::getsockopt(socket.get(), SOL_SOCKET, SO_ERROR, &reason, &size);
-  return reason;
+  const int begun = begin_connection(socket.get(), address);
+  if (begun != EINPROGRESS) return begun;
+  return wait_writable(socket.get(), deadline) ? connection_error(socket.get()) : ETIMEDOUT;
 }
 
 }  // namespace
@@ -28,6 +22,7 @@ int connect_one(const addrinfo& address, FileDescriptor& socket, Deadline deadli
 void SocketAddresses::Free::operator()(addrinfo* list) const { ::freeaddrinfo(list); }
 
 SocketAddresses resolve(const Endpoint& endpoint, Transport transport, bool listens) {
+  begin_sockets();
   addrinfo hints{};
   hints.ai_socktype = transport == Transport::tcp ? SOCK_STREAM : SOCK_DGRAM;
   hints.ai_flags = AI_NUMERICSERV | (listens ? AI_PASSIVE : 0);
@@ -48,8 +43,7 @@ FileDescriptor connect_tcp(const SocketAddresses& addresses, Deadline deadline, 
     FileDescriptor socket;
     reason = connect_one(*address, socket, deadline);
     if (reason != 0) continue;
-    const int on = 1;
-    ::setsockopt(socket.get(), IPPROTO_TCP, TCP_NODELAY, &on, sizeof on);
+    set_option(socket.get(), IPPROTO_TCP, TCP_NODELAY, 1);
     return socket;
   }
   return {};

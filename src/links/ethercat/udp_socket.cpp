@@ -2,13 +2,11 @@
 
 #include <cerrno>
 #include <fmt/format.h>
-#include <netdb.h>
-#include <netinet/in.h>
-#include <sys/socket.h>
 
 #include "links/descriptor_advice.hpp"
 #include "links/link_error.hpp"
 #include "links/socket_addresses.hpp"
+#include "links/sockets.hpp"
 
 namespace servodrome::links {
 namespace {
@@ -19,10 +17,6 @@ SocketAddresses addresses_of(const Endpoint& endpoint, bool listens, const std::
   throw LinkError(std::make_error_code(std::errc::address_not_available),
                   fmt::format("cannot open \"{}\": host \"{}\" is unknown ({}); write an address, such as 127.0.0.1",
                               link, endpoint.host, addresses.unknown));
-}
-
-FileDescriptor open_socket(const addrinfo& address) {
-  return FileDescriptor(::socket(address.ai_family, SOCK_DGRAM | SOCK_NONBLOCK | SOCK_CLOEXEC, 0));
 }
 
 [[noreturn]] void fail_udp(const std::string& link, const std::string& advice) {

@@ -3,12 +3,10 @@
 
 #include <cerrno>
 #include <fmt/format.h>
-#include <mswsock.h>
-#include <ws2tcpip.h>
 
 #include "links/link_error.hpp"
 #include "links/socket_addresses.hpp"
-#include "links/windows/socket_error.hpp"
+#include "links/sockets.hpp"
 
 namespace servodrome::links {
 
@@ -20,11 +18,10 @@ FileDescriptor udp_connect(const Endpoint& endpoint, const std::string& link) {
                                 link, endpoint.host, addresses.unknown));
   }
   const addrinfo& address = *addresses.list;
-  FileDescriptor socket(::socket(address.ai_family, SOCK_DGRAM, 0));
-  unsigned long on = 1;
-  if (!socket.is_open() || ::ioctlsocket(socket.get(), static_cast<long>(FIONBIO), &on) != 0 ||
-      ::connect(socket.get(), address.ai_addr, static_cast<int>(address.ai_addrlen)) != 0) {
-    const std::error_code code(error_number(static_cast<unsigned long>(::WSAGetLastError())), std::generic_category());
+  FileDescriptor socket = open_socket(address);
+  const int reason = socket.is_open() ? begin_connection(socket.get(), address) : errno;
+  if (reason != 0) {
+    const std::error_code code(reason, std::generic_category());
     throw LinkError(
         code, fmt::format("cannot open \"{}\": {}; check that there is a route to this address (route print)", link,
                           code.message()));
