@@ -14,7 +14,7 @@ import time
 import pytest
 from bus import Network
 from drive402 import Drive402
-from line import TWO_DRIVES, Line, servodrome, wait_for
+from line import TWO_DRIVES, Line, servodrome, stopped_at_the_end, wait_for
 
 LINK = os.environ.get("SERVODROME_LINK", "socketcand")
 KIND = LINK.partition(":")[0]
@@ -80,9 +80,15 @@ def bus_option(folder, bus="can0"):
 
 
 @pytest.fixture
-def start_line(request, tmp_path):
+def lines():
+    """The lines of a test, which are stopped after it."""
+    with stopped_at_the_end() as lines:
+        yield lines
+
+
+@pytest.fixture
+def start_line(request, tmp_path, lines):
     """start_line(TOML, ...): a line whose bus can0 is on the link under test. Ended, orderly, after the test."""
-    lines = []
 
     def start(text=TWO_DRIVES, **options):
         folder = tmp_path / f"line{len(lines)}"
@@ -100,9 +106,7 @@ def start_line(request, tmp_path):
         lines.append(line)
         return line
 
-    yield start
-    for line in lines:
-        line.stop()
+    return start
 
 
 @pytest.fixture

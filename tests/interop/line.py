@@ -1,5 +1,6 @@
 """A line of drives in a process of its own, and its bench API."""
 
+import contextlib
 import json
 import os
 import pathlib
@@ -110,6 +111,15 @@ class Bench:
 
     def true_position(self, name):
         return self.axis(name)["position_counts"]
+
+
+@contextlib.contextmanager
+def stopped_at_the_end():
+    """A list for lines, which are stopped at the end of the block."""
+    lines = []
+    yield lines
+    for line in lines:
+        line.stop()
 
 
 class Line:

@@ -73,9 +73,8 @@ def reference_registers():
 
 
 @pytest.fixture
-def start_serial_line(tmp_path):
+def start_serial_line(tmp_path, lines):
     """start_serial_line(TOML): its RS485 line `rs` is on a pty and on a TCP port."""
-    lines = []
 
     def start(text=FOUR_DRIVES, buses=()):
         folder = tmp_path / f"serial{len(lines)}"
@@ -84,9 +83,7 @@ def start_serial_line(tmp_path):
         lines.append(line)
         return line
 
-    yield start
-    for line in lines:
-        line.stop()
+    return start
 
 
 @pytest.fixture

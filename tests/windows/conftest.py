@@ -8,7 +8,7 @@ import pytest
 sys.path.append(str(pathlib.Path(__file__).parents[1] / "interop"))
 
 import wine as windows  # noqa: E402  (needs the path above)
-from line import axis_text, bus_text  # noqa: E402
+from line import axis_text, bus_text, stopped_at_the_end  # noqa: E402
 
 LINE = (
     bus_text("can0")
@@ -41,17 +41,21 @@ def wine(tmp_path_factory):
 
 
 @pytest.fixture
-def start_line(wine, tmp_path):
+def lines():
+    """The lines of a test, which are stopped after it."""
+    with stopped_at_the_end() as lines:
+        yield lines
+
+
+@pytest.fixture
+def start_line(wine, tmp_path, lines):
     """start_line(TOML): a line, ended orderly after the test."""
-    lines = []
 
     def start(text=LINE):
         lines.append(windows.WindowsLine(wine, tmp_path, text))
         return lines[-1]
 
-    yield start
-    for line in lines:
-        line.stop()
+    return start
 
 
 @pytest.fixture
