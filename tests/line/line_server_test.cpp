@@ -4,6 +4,7 @@
 #include <gtest/gtest.h>
 #include <nlohmann/json.hpp>
 #include <thread>
+#include <unistd.h>
 #include <vector>
 
 #include "links/can/client.hpp"
@@ -18,6 +19,11 @@ namespace {
 
 using namespace test;
 using testing::HasSubstr;
+
+// A path in the folder for temporary files that no other process uses.
+std::string own_path(const char* name) {
+  return testing::TempDir() + "servodrome_line_server_test_" + std::to_string(::getpid()) + name;
+}
 
 constexpr std::string_view open_line = R"(
 clock = "virtual"
@@ -105,7 +111,7 @@ TEST(LineServer, BoundsWhatItReads) {
 
 TEST(LineServer, ABusyPortLeavesNothingOpen) {
   LineServer first(settings_of(open_line));
-  const std::string pty = testing::TempDir() + "servodrome_line_server_test_pty";
+  const std::string pty = own_path("pty");
   LineSettings settings = settings_of(open_line);
   settings.buses[0].links = {"slcan:" + pty};
   settings.api.port = first.api_port();
@@ -297,7 +303,7 @@ TEST(LineServer, ServesModbusTcpInBothTimes) {
 }
 
 TEST(LineServer, ServesAPtyInRealTime) {
-  const std::string path = testing::TempDir() + "servodrome_line_server_test_rs485";
+  const std::string path = own_path("rs485");
   LineSettings settings = settings_of(serial_line);
   settings.clock = ClockMode::real;
   settings.serial_buses[0].links = {"pty:" + path};
@@ -318,7 +324,7 @@ TEST(LineServer, ServesAPtyInRealTime) {
 }
 
 TEST(LineServer, ALogHasEveryFrame) {
-  const std::string path = testing::TempDir() + "servodrome_line_server_test.log";
+  const std::string path = own_path("log");
   LineSettings settings = settings_of(open_line);
   {
     LineServer server(settings);

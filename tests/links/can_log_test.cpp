@@ -5,6 +5,7 @@
 #include <gtest/gtest.h>
 #include <iterator>
 #include <string>
+#include <unistd.h>
 
 #include "links/can/log.hpp"
 #include "links/can/memory_port.hpp"
@@ -23,7 +24,7 @@ std::string read_file(const std::filesystem::path& path) {
 }
 
 std::filesystem::path temporary(const char* name) {
-  return std::filesystem::path(testing::TempDir()) / (std::string("servodrome_can_log_") + name);
+  return std::filesystem::path(testing::TempDir()) / ("servodrome_can_log_" + std::to_string(::getpid()) + name);
 }
 
 // The example line of can-utils' candump -L.

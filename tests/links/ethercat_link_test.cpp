@@ -5,6 +5,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 #include <iterator>
+#include <unistd.h>
 
 #include "links/ethercat/client.hpp"
 #include "links/ethercat/log.hpp"
@@ -176,7 +177,8 @@ TEST_F(EthercatMem, DelayedFramesAreOvertaken) {
 // ---- Captures ----
 
 TEST(EthercatLog, FramesWithAndWithoutTheirEthernetHeader) {
-  const auto path = std::filesystem::path(testing::TempDir()) / "servodrome_ethercat_log.pcap";
+  const auto path =
+      std::filesystem::path(testing::TempDir()) / ("servodrome_ethercat_log" + std::to_string(::getpid()));
   {
     EthercatRig rig(1, {100ns, 50ns});
     EthercatLog log(path.string(), 1000s);
