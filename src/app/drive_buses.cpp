@@ -54,9 +54,9 @@ Named read_bus(const std::string& text, BusOptions options) {
     const unsigned node = links::number_of_text<unsigned>(number).value_or(0);
     const bool known = std::find(bus.nodes.begin(), bus.nodes.end(), node) != bus.nodes.end();
     if (node == 0 || node > 65535 || known) {
-      throw Failure::wrong_use(fmt::format(
-          "--bus {}: \"{}\" {}; write node-IDs, stations or positions behind the link, as socketcan:can0=1,3", text,
-          number, known ? "is given twice" : "is not a drive number"));
+      throw Failure::wrong_use(
+          fmt::format("--bus {}: \"{}\" {}; write node-IDs, stations or positions behind the link, as LINK=1,3", text,
+                      number, known ? "is given twice" : "is not a drive number"));
     }
     bus.nodes.push_back(node);
     if (number.size() == rest.size()) return bus;

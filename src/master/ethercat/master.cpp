@@ -39,7 +39,7 @@ std::unique_ptr<EthercatMaster> EthercatMaster::open(std::string_view link, cons
       throw MasterError(error.what(), std::string(link),
                         "raw Ethernet needs CAP_NET_RAW: run it with sudo, or in a user namespace (tools/with-veth)");
     }
-    throw MasterError(error.what(), std::string(link), "check --bus LINK, for example udp:127.0.0.1:34980 or raw:eth0");
+    throw MasterError(error.what(), std::string(link), "check --bus LINK, for example udp:127.0.0.1:34980");
   }
 }
 
