@@ -6,6 +6,7 @@
 #include <chrono>
 #include <sys/epoll.h>
 #include <sys/timerfd.h>
+#include <unistd.h>
 
 #include "links/link_error.hpp"
 

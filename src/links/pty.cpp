@@ -13,6 +13,7 @@
 #include <sys/stat.h>
 #include <sys/un.h>
 #include <termios.h>
+#include <unistd.h>
 
 #include "links/descriptor_advice.hpp"
 #include "links/link_error.hpp"

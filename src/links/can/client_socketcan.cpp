@@ -4,6 +4,7 @@
 #include <fmt/format.h>
 #include <linux/can.h>
 #include <poll.h>
+#include <unistd.h>
 
 #include "links/can/socketcan.hpp"
 #include "links/can/system_links.hpp"
