@@ -3,6 +3,7 @@
 #include <algorithm>
 
 #include "api/error.hpp"
+#include "line/bench/api_names.hpp"
 
 namespace servodrome::line::bench {
 
