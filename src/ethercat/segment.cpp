@@ -122,8 +122,7 @@ void Segment::count_returning_error(const Slave* slave) {
 
 Segment::Passage Segment::process(std::span<std::uint8_t> bytes, Time now, Port entry, Encapsulation encapsulation) {
   Frame frame;
-  const bool whole = encapsulation == Encapsulation::ethernet;
-  const FrameKind kind = whole ? parse_ethernet(bytes, frame) : parse_payload(bytes, frame);
+  const FrameKind kind = parse(bytes, encapsulation, frame);
   Passage passage;
   if (!slaves_.empty()) {
     passage = entry == Port::primary ? enter_front(frame, kind, now) : enter_back(frame, kind, now);

@@ -33,6 +33,11 @@ class Segment {
     FrameKind kind = FrameKind::ethercat;  // kind of the frame that entered
   };
 
+  // Parses a frame of either encapsulation: parse_ethernet or parse_payload.
+  static FrameKind parse(std::span<std::uint8_t> bytes, Encapsulation encapsulation, Frame& frame) {
+    return encapsulation == Encapsulation::ethernet ? parse_ethernet(bytes, frame) : parse_payload(bytes, frame);
+  }
+
   // Does not own the slaves; they must outlive the segment. Controllers need a power_on before their first frame.
   explicit Segment(std::span<Slave> slaves) : slaves_(slaves) { update_links(); }
 

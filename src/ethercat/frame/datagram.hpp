@@ -47,12 +47,15 @@ constexpr unsigned gain(bool read, bool written, bool both_wanted) {
   return (read ? 1U : 0U) + (written ? both_wanted ? 2U : 1U : 0U);
 }
 
+// Points into the bytes of a frame; the setters change the frame. `command` and `length` are copies.
 struct Datagram {
   std::uint8_t* header;
   std::uint16_t length;  // bytes of data
   Command command;
 
   std::uint8_t* data() const { return header + datagram_header_size; }
+  std::span<std::uint8_t> content() const { return {data(), length}; }
+  std::uint8_t index() const { return header[1]; }                 // a number of the master's choice
   std::uint16_t position() const { return load_u16(header + 2); }  // ADP
   void set_position(unsigned value) { store_u16(header + 2, value); }
   std::uint16_t offset() const { return load_u16(header + 4); }  // ADO
@@ -62,7 +65,8 @@ struct Datagram {
   std::uint16_t interrupt() const { return load_u16(header + 8); }
   void raise_interrupt(unsigned events) { store_u16(header + 8, interrupt() | events); }
   std::uint16_t working_counter() const { return load_u16(data() + length); }
-  void count(unsigned step) { store_u16(data() + length, working_counter() + step); }
+  void count(unsigned step) { set_working_counter(working_counter() + step); }
+  void set_working_counter(unsigned value) { store_u16(data() + length, value); }  // the low 16 bits of `value`
 };
 
 enum class FrameKind : std::uint8_t {

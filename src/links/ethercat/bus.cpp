@@ -25,16 +25,21 @@ EthercatBus::Passage EthercatBus::pass(std::span<std::uint8_t> frame, Time at, P
   for (EthercatObserver* observer : observers_) {
     observer->on_frame(frame, encapsulation, EthercatObserver::Direction::in, at);
   }
-  const Blow blow = disturbance_ ? draw() : Blow{};
+  Blow blow = disturbance_ ? draw() : Blow{};
+  if (interposer_ != nullptr) enter_interposed(blow, frame, encapsulation, at);
   Passage passage;
   if (!blow.drop) {
     if (blow.corrupts_at) slaves_[*blow.corrupts_at].corrupts_next = true;
     passage = {segment_.process(frame, at, entry, encapsulation), blow.delay};
+    for (unsigned n = 1; n < blow.passes && passage.exit != Exit::lost; ++n) {
+      passage = {segment_.process(frame, passage.leaves, entry, encapsulation), blow.delay};
+    }
     passage.leaves += blow.delay;
     // If the frame did not reach the slave, for instance because a cable is cut, nothing was corrupted.
     if (blow.corrupts_at && !std::exchange(slaves_[*blow.corrupts_at].corrupts_next, false)) ++counters_.corrupted;
   }
   if (blow.drop_answer) passage.exit = Exit::lost;
+  if (interposer_ != nullptr && passage.exit != Exit::lost) return_interposed(passage, frame, encapsulation);
   count(passage);
   if (passage.exit != Exit::lost) {
     for (EthercatObserver* observer : observers_) {
@@ -42,6 +47,25 @@ EthercatBus::Passage EthercatBus::pass(std::span<std::uint8_t> frame, Time at, P
     }
   }
   return passage;
+}
+
+void EthercatBus::enter_interposed(Blow& blow, std::span<std::uint8_t> frame, Encapsulation encapsulation, Time at) {
+  const EthercatInterposer::Entry entry = interposer_->enters(frame, encapsulation, at);
+  if (entry.lost && !blow.drop && !blow.drop_answer) ++counters_.dropped;
+  blow.drop = blow.drop || entry.lost;
+  blow.passes = entry.passes;
+}
+
+void EthercatBus::return_interposed(Passage& passage, std::span<std::uint8_t> frame, Encapsulation encapsulation) {
+  const EthercatInterposer::Return back = interposer_->returns(frame, encapsulation, passage.leaves);
+  if (back.lost) {
+    passage.exit = Exit::lost;
+    ++counters_.dropped;
+  } else if (back.delay > Time{}) {
+    if (passage.delay == Time{}) ++counters_.delayed;
+    passage.delay += back.delay;
+    passage.leaves += back.delay;
+  }
 }
 
 Time EthercatBus::settle(Time at) {

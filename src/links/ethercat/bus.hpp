@@ -9,6 +9,7 @@
 #include "ethercat/segment.hpp"
 #include "links/disturbance_generator.hpp"
 #include "links/ethercat/disturbance.hpp"
+#include "links/ethercat/interposer.hpp"
 #include "links/time.hpp"
 
 namespace servodrome::links {
@@ -35,7 +36,7 @@ class EthercatObserver {
  public:
   enum class Direction : std::uint8_t { in, out };  // in: to the first slave; out: back to the master
   virtual ~EthercatObserver() = default;
-  // `bytes` is the frame as the master sent it, or as it comes back. A lost frame does not come back.
+  // `bytes` is the frame as the master sent it, or as the master gets it back. A lost frame does not come back.
   virtual void on_frame(std::span<const std::uint8_t> bytes, ethercat::Segment::Encapsulation encapsulation,
                         Direction direction, Time at) = 0;
 };
@@ -45,7 +46,7 @@ struct EthercatCounters {
   std::uint64_t lost = 0;       // of these, did not come back: dropped, corrupted, cut off, or destroyed by a slave
   std::uint64_t malformed = 0;  // EtherCAT frames whose datagrams do not fit into them
   std::uint64_t foreign = 0;    // frames of another protocol
-  std::uint64_t dropped = 0;    // lost because of a disturbance
+  std::uint64_t dropped = 0;    // lost because of a disturbance or an interposer
   std::uint64_t delayed = 0;
   std::uint64_t corrupted = 0;
 };
@@ -61,7 +62,7 @@ class EthercatBus {
   using Encapsulation = ethercat::Segment::Encapsulation;
 
   struct Passage : ethercat::Segment::Passage {
-    Time delay{};  // added to `leaves` by a disturbance
+    Time delay{};  // added to `leaves` by a disturbance or an interposer
   };
 
   EthercatBus() = default;
@@ -103,20 +104,26 @@ class EthercatBus {
   void clear_disturbance() { disturbance_.reset(); }
   const std::optional<EthercatDisturbance>& disturbance() const { return disturbance_; }
 
+  // The interposer sees every frame from now on; nullptr: none. It must outlive the bus or be removed.
+  void interpose(EthercatInterposer* interposer) { interposer_ = interposer; }
+
   const EthercatCounters& counters() const { return counters_; }
 
   void add_observer(EthercatObserver& observer);
   void remove_observer(EthercatObserver& observer);
 
  private:
-  // The effect of a disturbance on one frame.
+  // The effect of a disturbance or an interposer on one frame.
   struct Blow {
     bool drop = false;
     bool drop_answer = false;
     Time delay{};
     std::optional<std::size_t> corrupts_at;
+    unsigned passes = 1;
   };
   Blow draw();
+  void enter_interposed(Blow& blow, std::span<std::uint8_t> frame, Encapsulation encapsulation, Time at);
+  void return_interposed(Passage& passage, std::span<std::uint8_t> frame, Encapsulation encapsulation);
   void count(const ethercat::Segment::Passage& passage);
 
   std::vector<EthercatStation*> stations_;
@@ -124,6 +131,7 @@ class EthercatBus {
   ethercat::Segment segment_{slaves_};
   ethercat::Esc absent_{{}};  // in place of a detached station's controller
   std::vector<EthercatObserver*> observers_;
+  EthercatInterposer* interposer_ = nullptr;
   std::optional<EthercatDisturbance> disturbance_;
   std::uint32_t disturbed_frames_ = 0;
   DisturbanceGenerator drop_draws_{0};
