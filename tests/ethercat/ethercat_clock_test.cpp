@@ -336,6 +336,86 @@ TEST(DcStartup, AStepOfTheOscillatorIsRegained) {
   EXPECT_LE(worst_difference(line), 20);
 }
 
+// ---- A clock with a fault ----
+
+TEST(FaultyClock, StandsAndGoesOn) {
+  DistributedClock clock;
+  clock.reset(1ms);
+  clock.set_oscillator(250'000'000, 1ms);
+  EXPECT_EQ(clock.local_time(2ms), 1'250'000U);
+  clock.stop(true, 2ms);
+  EXPECT_EQ(clock.local_time(10s), 1'250'000U);
+  EXPECT_EQ(clock.when(1'250'000, 3ms), 3ms);
+  EXPECT_EQ(clock.when(1'250'001, 3ms), never);
+  clock.stop(true, 4s);
+  clock.stop(false, 5s);
+  EXPECT_EQ(clock.local_time(5s + 1ms), 2'500'000U);
+  EXPECT_EQ(clock.when(2'500'000, 5s), 5s + 1ms);
+  clock.stop(true, 6s);
+  clock.set_oscillator(0, 7s);
+  EXPECT_EQ(clock.local_time(7s + 1ms), clock.local_time(7s) + 1'000'000);
+}
+
+TEST(FaultyClock, ComparisonsDoNotMoveAClockThatStands) {
+  DistributedClock clock;
+  clock.reset(0ms);
+  clock.stop(true, 1ms);
+  for (int i = 1; i < 1000; ++i) clock.compare(static_cast<std::uint32_t>(i * 1'000'000), i * 1ms);
+  EXPECT_EQ(clock.local_time(2s), 1'000'000U);
+  EXPECT_EQ(clock.speed_counter_difference(), 0);
+  EXPECT_GT(clock.difference(), 500'000'000U);
+  EXPECT_LT(clock.difference(), 0x80000000U);  // behind
+  // It regains the time afterwards, as fast as it can.
+  clock.stop(false, 2s);
+  EXPECT_GT(clock.local_time(3s), 1'000'000'000U + 1'000'000U);
+}
+
+TEST(FaultyClock, JumpsInBothDirections) {
+  DistributedClock clock;
+  clock.reset(0ms);
+  clock.jump(-3s, 1ms);
+  EXPECT_EQ(clock.local_time(1ms), static_cast<std::uint64_t>(1'000'000 - 3'000'000'000));
+  EXPECT_EQ(clock.when(0, 1ms), 3s);
+  clock.jump(3s, 2ms);
+  EXPECT_EQ(clock.local_time(2ms), 2'000'000U);
+  clock.compare(2'000'000, 2ms);
+  clock.jump(-1ms, 3ms);
+  clock.compare(2'100'000, 3ms);  // its local time is not after the last comparison
+  EXPECT_EQ(clock.speed_counter_difference(), 0);
+}
+
+TEST(FaultyClock, WhenIsExactAtAnyRate) {
+  for (const int ppb : {-400'000'000, -5'000'000, -1, 5'000'000, 400'000'000}) {
+    DistributedClock clock;
+    clock.reset(0ms);
+    clock.set_oscillator(ppb, 0ms);
+    for (const std::uint64_t system : {1ULL, 999'999ULL, 1'000'000'000ULL, 100'000'000'000'000ULL}) {
+      const Time at = clock.when(system, 0ms);
+      EXPECT_GE(clock.local_time(at), system) << ppb;
+      EXPECT_LT(clock.local_time(at - 1ns), system) << ppb;
+    }
+  }
+  DistributedClock clock;
+  clock.reset(0ms);
+  clock.set_oscillator(2'000'000'000, 0ms);  // limited
+  EXPECT_NEAR(static_cast<double>(clock.local_time(1s)), 1.4e9, 1.0);
+  clock.set_oscillator(-2'000'000'000, 1s);
+  EXPECT_NEAR(static_cast<double>(clock.local_time(2s)), 2.0e9, 1.0);
+}
+
+TEST(FaultyClock, ADriftBeyondTheLimitStays) {
+  Line line(2, 400ns);
+  DcMaster master(line);
+  master.start();
+  line.escs[1]->set_oscillator(2'000'000, line.now);  // 2000 ppm; the filter makes up for 763
+  master.cycle(1000);
+  const double ppm = (2000.0 - 763.0) / 1000.0;
+  EXPECT_GT(worst_difference(line), static_cast<std::int64_t>(ppm * 100'000));
+  line.escs[1]->set_oscillator(0, line.now);
+  master.cycle(20'000);
+  EXPECT_LE(worst_difference(line), 20);
+}
+
 // ---- SYNC ----
 
 class SyncUnit : public testing::Test {
@@ -517,6 +597,39 @@ TEST_F(SyncUnit, AbsurdCyclesDoNotTakeTheProcessor) {
   activate(system() + 1000, 1, 0, 0x03);
   EXPECT_LE(pulses(10ms).size(), 1000U);
   EXPECT_GT(esc.clock().sync(0).count, 9'900'000U);
+}
+
+TEST_F(SyncUnit, AClockThatStandsMakesNoPulse) {
+  activate(system() + 1'000'000, 1'000'000, 0, 0x03);
+  EXPECT_EQ(pulses(2500us).size(), 2U);
+  esc.stop_clock(true, line.now);
+  EXPECT_EQ(esc.next_deadline(line.now), never);
+  EXPECT_TRUE(pulses(1s).empty());
+  esc.stop_clock(false, line.now);
+  EXPECT_EQ(esc.next_deadline(line.now), line.now + 500us);
+  EXPECT_EQ(pulses(10ms).size(), 10U);
+}
+
+TEST_F(SyncUnit, AJumpMovesThePulses) {
+  activate(system() + 1'000'000, 1'000'000, 0, 0x03);
+  EXPECT_EQ(pulses(2500us).size(), 2U);
+  esc.jump_clock(-700us, line.now);
+  EXPECT_EQ(esc.next_deadline(line.now), line.now + 1200us);
+  esc.jump_clock(1s, line.now);
+  EXPECT_EQ(esc.next_deadline(line.now), line.now);
+  EXPECT_EQ(pulses(1ms).size(), 2U);  // the ones that were jumped over are one
+  EXPECT_EQ(esc.clock().sync(0).count, 1002U);
+}
+
+// The local time passes 2^64 with the pulses.
+TEST_F(SyncUnit, PulsesGoOnWhereTheTimeWraps) {
+  for (const auto before : {5us, 15us, 995us}) {
+    esc.jump_clock(Time{static_cast<std::int64_t>(0 - system())} - before, line.now);
+    EXPECT_GT(system(), std::uint64_t{1} << 63);
+    activate(system() + 1000, 1'000'000, 0, 0x03);
+    EXPECT_EQ(pulses(10ms).size(), 10U);
+    EXPECT_LT(system(), std::uint64_t{1} << 63);
+  }
 }
 
 TEST_F(SyncUnit, TheApplicationMayControlIt) {

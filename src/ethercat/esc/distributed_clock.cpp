@@ -12,7 +12,8 @@ constexpr std::uint16_t least_speed_counter_start = 0x0080;
 constexpr std::uint16_t greatest_speed_counter_start = 0x3FFF;
 constexpr std::uint16_t speed_counter_margin = 0x007F;  // the difference stays at least this far below the start value
 
-constexpr std::uint64_t closest_deadlines = 10'000;  // ns
+constexpr std::uint64_t closest_deadlines = 10'000;       // ns
+constexpr std::int32_t greatest_error_ppb = 400'000'000;  // keeps rates below 2^31, see scaled()
 
 // (x * rate + fraction) / 2^32, rounded down; `fraction` returns the remainder. Does not overflow for any x that fits
 // and |rate| < 2^31.
@@ -37,14 +38,16 @@ std::int64_t limit_of(std::uint16_t start) {
 
 void DistributedClock::reset(Time now) {
   const std::int64_t oscillator = oscillator_;
+  const bool stopped = stopped_;
   *this = {};
   oscillator_ = rate_ = oscillator;
+  stopped_ = stopped;
   anchor_ = now;
   slew_ = limit_of(speed_counter_start_);
 }
 
 void DistributedClock::anchor(Time now) {
-  const std::int64_t delta = (now - anchor_).count();
+  const std::int64_t delta = elapsed(now).count();
   const std::uint64_t local = local_time(now);
   scaled(delta, rate_, anchor_fraction_);
   std::uint32_t none = 0;
@@ -57,12 +60,23 @@ void DistributedClock::anchor(Time now) {
 
 void DistributedClock::set_oscillator(std::int32_t error_ppb, Time now) {
   anchor(now);
-  oscillator_ = std::int64_t{error_ppb} * one / 1'000'000'000;
+  stopped_ = false;
+  oscillator_ = std::int64_t{std::clamp(error_ppb, -greatest_error_ppb, greatest_error_ppb)} * one / 1'000'000'000;
   rate_ = oscillator_ + compensation_ + oscillator_ * compensation_ / one;
 }
 
+void DistributedClock::stop(bool stopped, Time now) {
+  anchor(now);
+  stopped_ = stopped;
+}
+
+void DistributedClock::jump(Time by, Time now) {
+  anchor(now);
+  anchor_local_ += static_cast<std::uint64_t>(by.count());
+}
+
 std::uint64_t DistributedClock::local_time(Time now) const {
-  const std::int64_t delta = (now - anchor_).count();
+  const std::int64_t delta = elapsed(now).count();
   std::uint32_t fraction = anchor_fraction_;
   std::int64_t local = static_cast<std::int64_t>(anchor_local_) + delta + scaled(delta, rate_, fraction);
   if (phase_ != 0) {
@@ -78,11 +92,13 @@ Time DistributedClock::when(std::uint64_t system, Time now) const {
   const auto missing = [&](Time at) { return static_cast<std::int64_t>(system - system_time(at)); };
   std::int64_t left = missing(now);
   if (left <= 0) return now;
-  if (left >= beyond) return never;
-  // The clock's rate differs from the caller's by less than 1/1000, so each step reduces the remaining distance to
-  // 1/1000.
+  if (left >= beyond || stopped_) return never;
+  // A phase correction changes the speed by less than 1/1000, so each step reduces the remaining distance to 1/1000.
+  const double speed = 1.0 + static_cast<double>(rate_) / static_cast<double>(one);
   Time at = now;
-  for (int i = 0; i < 8 && left != 0; ++i, left = missing(at)) at = std::max(now, at + Time{left});
+  for (int i = 0; i < 8 && left != 0; ++i, left = missing(at)) {
+    at = std::max(now, at + Time{std::llround(static_cast<double>(left) / speed)});
+  }
   // Search the first nanosecond that shows the wanted time; it is at most a few away.
   while (missing(at) > 0) at += Time{1};
   while (at > now && missing(at - Time{1}) <= 0) at -= Time{1};
@@ -233,7 +249,8 @@ void DistributedClock::find_next_sync(Time now) {
   for (const Sync& sync : sync_) {
     if (!sync.pending) continue;
     // A cycle of a few nanoseconds is a master's mistake: deadlines are at least `closest_deadlines` apart.
-    const std::uint64_t soonest = sync.count == 0 ? sync.next : std::max(sync.next, sync.last + closest_deadlines);
+    const bool close = sync.count != 0 && static_cast<std::int64_t>(sync.next - sync.last - closest_deadlines) < 0;
+    const std::uint64_t soonest = close ? sync.last + closest_deadlines : sync.next;
     next = std::min(next, when(soonest, now));
   }
   next_ = next;

@@ -22,13 +22,21 @@ class DistributedClock {
   // Power-on: sets the local time to 0 at `now`, without any compensation.
   void reset(Time now);
 
-  // Frequency error of the oscillator in parts per billion; +100000 means 100 ppm too fast.
+  // Frequency error of the oscillator in parts per billion, +-400'000'000 at most; +100000 means 100 ppm too fast. The
+  // drift compensation makes up for 763 ppm by default (0930h). Starts a clock that stands.
   void set_oscillator(std::int32_t error_ppb, Time now);
+  // Lets the clock stand, or go on from where it stood. A clock that stands makes no pulses; comparisons with the
+  // reference clock do not move it.
+  void stop(bool stopped, Time now);
+  // Moves the local time, also backwards; it wraps at 0. A jump over several pulses makes one of them at the next poll.
+  // After a jump backwards the next pulse comes later by the same time.
+  void jump(Time by, Time now);
 
   std::uint64_t local_time(Time now) const;
   std::uint64_t system_time(Time now) const { return local_time(now) + offset_; }
 
-  // The earliest time at which the system time reaches `system`; returns `now` if it has already reached it.
+  // The earliest time at which the system time reaches `system`; returns `now` if it has already reached it, `never` if
+  // the clock stands before it.
   Time when(std::uint64_t system, Time now) const;
 
   void set_offset(std::uint64_t offset) {
@@ -93,6 +101,7 @@ class DistributedClock {
  private:
   void find_next_sync(Time now);
   void anchor(Time now);
+  Time elapsed(Time now) const { return stopped_ ? Time{0} : now - anchor_; }
 
   // Between two anchors, local time is linear in the caller's time, except for the phase correction, which ends.
   Time anchor_{0};
@@ -103,6 +112,8 @@ class DistributedClock {
   std::int64_t rate_ = 0;              // sum of oscillator error and compensation, 2^-32
   std::int64_t phase_ = 0;             // ns of phase still to remove, at rate `slew_` at most
   std::int64_t slew_ = 0;              // 2^-32
+
+  bool stopped_ = false;
 
   std::uint64_t offset_ = 0;
   std::uint32_t delay_ = 0;

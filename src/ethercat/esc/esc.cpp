@@ -235,7 +235,7 @@ void Esc::set_al_status(std::uint16_t status, std::uint16_t code) {
   ecat_events_ |= reg::ecat_event::al_status;
 }
 
-std::span<const std::uint8_t> Esc::open_for_reading(unsigned n) {
+std::span<std::uint8_t> Esc::open_for_reading(unsigned n) {
   SyncManager& channel = sync_managers_[n];
   if (!channel.active || !channel.master_writes) return {};
   const std::int32_t place = channel.reading_at(0);

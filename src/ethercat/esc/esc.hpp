@@ -97,8 +97,9 @@ class alignas(64) Esc {
   const SyncManager& sync_manager(unsigned n) const { return sync_managers_[n]; }
   const Fmmu& fmmu(unsigned n) const { return fmmus_[n]; }
   // Opens the buffer to be read (mailbox: empty if there is no message; buffered mode: the newest complete buffer) or
-  // the buffer to be written. The caller closes each buffer that it opened.
-  std::span<const std::uint8_t> open_for_reading(unsigned n);
+  // the buffer to be written. The caller closes each buffer that it opened. The bytes to be read may be changed until
+  // then.
+  std::span<std::uint8_t> open_for_reading(unsigned n);
   void close_reading(unsigned n);
   std::span<std::uint8_t> open_for_writing(unsigned n);
   void close_writing(unsigned n);
@@ -109,8 +110,26 @@ class alignas(64) Esc {
   // PDI control bit 0: the application disables or enables a channel.
   void disable_sync_manager(unsigned n, bool disabled);
 
+  // Faults of the clock, for tests of masters; DistributedClock describes them. These functions bring the next deadline
+  // forward where the clock does.
+  void set_oscillator(std::int32_t error_ppb, Time now) {
+    clock_.set_oscillator(error_ppb, now);
+    quiet_until_ = unknown;
+  }
+  void stop_clock(bool stopped, Time now) {
+    clock_.stop(stopped, now);
+    quiet_until_ = unknown;
+  }
+  void jump_clock(Time by, Time now) {
+    clock_.jump(by, now);
+    quiet_until_ = unknown;
+  }
+
   DistributedClock& clock() { return clock_; }
   const DistributedClock& clock() const { return clock_; }
+  // sii().memory() is the content of the slave information memory. A caller may change it at any time: a master reads
+  // the new bytes at once, the controller takes its own from them at power-on or a reload command. The checksum is not
+  // corrected (sii_checksum); with a wrong one the slave refuses Pre-Operational with 0051h.
   SiiInterface& sii() { return sii_; }
   const Watchdog& process_data_watchdog() const { return process_data_watchdog_; }
   void pdi_alive(Time now) {

@@ -2,6 +2,7 @@
 
 #include "ethercat/esc/esc.hpp"
 #include "ethercat/slave/mailbox_wire.hpp"
+#include "ethercat/slave/slave_interposer.hpp"
 
 namespace servodrome::ethercat {
 
@@ -15,6 +16,9 @@ class Mailbox {
   Mailbox(Esc& esc, std::span<std::uint8_t> waiting, std::span<std::uint8_t> last_read)
       : esc_(esc), waiting_memory_(waiting), last_read_memory_(last_read) {}
 
+  // The interposer sees all messages from now on; nullptr: none.
+  void interpose(SlaveInterposer* interposer) { interposer_ = interposer; }
+
   void reset();
 
   // Call it first in a poll: detects that the master has read a message, or requests the last one again.
@@ -24,8 +28,8 @@ class Mailbox {
     MailboxType type = MailboxType::error;
     std::span<const std::uint8_t> data;  // data behind the mailbox header
   };
-  // Returns the next message, which stays valid until `done`; false if there is none. Skips a message with the same
-  // counter as the one before, because it is a repetition.
+  // Returns the next message, which stays valid until `done`; false if there is none, or the interposer keeps it. Skips
+  // a message with the same counter as the one before, because it is a repetition.
   bool receive(Request& request);
   void done();
 
@@ -34,17 +38,32 @@ class Mailbox {
   void send(const Message& message);
   void send_error(MailboxError error);
 
+  // Puts a message of at least a header into the mailbox that did not come from the slave; it is not repeated on
+  // request. `numbered`: with the next counter of the slave. Returns false if it does not fit or the mailbox is full.
+  bool post(std::span<const std::uint8_t> message, bool numbered);
+  // Sends the message that the interposer held.
+  void release();
+
  private:
   void place(std::span<const std::uint8_t> bytes);
+  void place_waiting();
+  void send_interposed();
+  std::size_t size() const { return std::min<std::size_t>(esc_.sync_manager(in).length, waiting_memory_.size()); }
+  std::uint8_t next_counter() {
+    return counter_ = counter_ == 7 ? std::uint8_t{1} : static_cast<std::uint8_t>(counter_ + 1);
+  }
 
   Esc& esc_;
+  SlaveInterposer* interposer_ = nullptr;
   std::span<std::uint8_t> waiting_memory_;
   std::span<std::uint8_t> last_read_memory_;
   std::size_t waiting_length_ = 0;    // length of the message in `waiting_`, also during a repeat
   std::size_t last_read_length_ = 0;  // length of the message that the master read last
   bool occupied_ = false;             // the sync manager holds a message the master has not read
-  bool repeating_ = false;            // that message is the repeated one
-  bool send_again_ = false;           // the repeat replaced the message in `waiting_`, which must be sent again
+  bool repeating_ = false;            // that message is not the one in `waiting_`, but a repeated or posted one
+  bool send_again_ = false;           // the message in `waiting_` must be put into the sync manager when it is empty
+  bool held_ = false;                 // the interposer holds the message in `waiting_`
+  unsigned copies_ = 0;               // how often the message in `waiting_` is still sent after it was read
   std::uint8_t counter_ = 0;          // counter of the last message sent, 1..7
   std::uint8_t last_counter_ = 0;     // counter of the last message received; 0: none
 };

@@ -35,7 +35,7 @@ void Slave::start(Time now) {
   state_ = AlState::init;
   error_ = identifies_ = false;
   code_ = AlStatusCode::none;
-  operational_until_ = outputs_at_ = inputs_at_ = shifted_at_ = sampled_at_ = never;
+  operational_until_ = outputs_at_ = inputs_at_ = late_sync0_at_ = shifted_at_ = sampled_at_ = never;
   measures_cycle_ = false;
   loop_at_ = never;
   reset_mailbox();
@@ -70,7 +70,8 @@ void Slave::poll(Time now) {
   // Process data come before a state request, because they arrived in the old state.
   if ((events & reg::al_event::sync_manager0 << 2) != 0) outputs_arrived(now);
   if (now >= shifted_at_) exchange_shifted(now);  // shifts of the previous SYNC0
-  if ((events & reg::al_event::sync0) != 0) sync0_arrived(now);
+  if ((events & reg::al_event::sync0) != 0) sync0_came(now);
+  if ((events & reg::al_event::sync_manager0 << 2) != 0) miss_sync0(now);
   if ((events & reg::al_event::sync_manager0 << 3) != 0 && inputs_run() && sync_type_ == SyncType::sync_manager &&
       outputs_.bytes() == 0) {
     exchange_event(0x1C33, now);  // without outputs, the reading of the inputs is the event
@@ -101,6 +102,12 @@ void Slave::emergency(std::uint16_t error_code, std::uint8_t error_register, con
   if (!mailbox_runs() || emergency_count_ == emergencies_.size()) return;
   emergencies_[emergency_count_++] = {error_code, error_register, data};
   if (!serves_mailbox_) serve_mailbox();  // otherwise it follows the answer to the request that caused it
+}
+
+void Slave::release_mail() {
+  if (!mailbox_runs()) return;
+  mailbox_.release();
+  if (!serves_mailbox_) serve_mailbox();
 }
 
 void Slave::written(const Entry& entry) {

@@ -12,6 +12,7 @@
 #include "ethercat/slave/sdo_information.hpp"
 #include "ethercat/slave/sdo_server.hpp"
 #include "ethercat/slave/slave_events.hpp"
+#include "ethercat/slave/slave_interposer.hpp"
 
 namespace servodrome::ethercat {
 
@@ -82,11 +83,31 @@ class Slave final : dictionary::Listener {
   AlStatusCode status_code() const { return code_; }
   bool error() const { return error_; }
 
-  // For a device that cannot keep its state: falls back to `state`, which is not above the present one, with `code`.
-  void fall_back(AlState state, AlStatusCode code, Time now);
+  // For a device that cannot keep its state: falls back to `state` with `code`. With the present state, only the code
+  // is shown. Returns false, and does nothing, if `state` is above the present one or cannot be reached from it
+  // (ETG.1000.6 table 102).
+  bool fall_back(AlState state, AlStatusCode code, Time now);
 
   // Sends an emergency (ETG.1000.6 clause 5.6.4) if the mailbox is active. Up to 8 wait until the master reads them.
   void emergency(std::uint16_t error_code, std::uint8_t error_register, const std::array<std::uint8_t, 5>& data);
+
+  // ---- Misbehaviour on purpose ----
+
+  // The interposer is asked from now on; nullptr: none. It must outlive the slave or be removed. A message that it held
+  // stays held.
+  void interpose(SlaveInterposer* interposer) {
+    interposer_ = interposer;
+    mailbox_.interpose(interposer);
+  }
+  // Puts a message into the mailbox that the slave did not make, with its 6 bytes of header, and not longer than the
+  // mailbox. `numbered`: the slave's next counter replaces the one in the header. The message comes before those that
+  // wait or are held, and is not repeated on request. Returns false if it does not fit, if the mailbox is not active,
+  // or if it is full.
+  bool post(std::span<const std::uint8_t> message, bool numbered = true) {
+    return mailbox_runs() && mailbox_.post(message, numbered);
+  }
+  // Sends the message that the interposer held, and asks again about a message that it kept in the mailbox.
+  void release_mail();
 
  private:
   struct Emergency {
@@ -120,7 +141,9 @@ class Slave final : dictionary::Listener {
   AlStatusCode choose_synchronisation();
   void start_exchange();
   void outputs_arrived(Time now);
+  void sync0_came(Time now);
   void sync0_arrived(Time now);
+  void miss_sync0(Time now);
   void exchange_shifted(Time now);
   void exchange_event(std::uint16_t index, Time now);
   void measure_cycle(Time now);
@@ -152,6 +175,7 @@ class Slave final : dictionary::Listener {
   dictionary::Dictionary& dictionary_;
   const Profile& profile_;
   SlaveEvents& events_;
+  SlaveInterposer* interposer_ = nullptr;
   Mailbox mailbox_;
   SdoServer sdo_;
   SdoInformation information_;
@@ -178,7 +202,10 @@ class Slave final : dictionary::Listener {
   Time input_shift_{0};
   Time outputs_at_ = never;  // when the delayed outputs become valid
   Time inputs_at_ = never;
-  Time shifted_at_ = never;  // the earlier of the two
+  Time late_sync0_at_ = never;  // when the application sees a pulse that the interposer delayed
+  unsigned late_pulses_ = 0;    // how often it then sees the pulse
+  Time shifted_at_ = never;     // the earliest of the three
+  Time last_sync0_ = never;     // when the application saw the last pulse
 
   Time sampling_cycle_{0};
   Time sampled_at_ = never;  // when the waiting process data are handled

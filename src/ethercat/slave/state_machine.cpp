@@ -80,6 +80,7 @@ AlStatusCode Slave::change_state(AlState to, Time now) {
   }
   AlStatusCode code = check_transition(to);
   if (code == AlStatusCode::none) code = events_.may_change(state_, to);
+  if (code == AlStatusCode::none && interposer_ != nullptr) code = interposer_->refuses(state_, to);
   if (code != AlStatusCode::none) return code;
   if (to == AlState::operational) {
     open_process_data(true, true);
@@ -152,21 +153,23 @@ void Slave::enter(AlState to, AlStatusCode cause, Time now) {
   }
   if (to == AlState::safe_operational && cause != AlStatusCode::none) hold_process_data_back();
   operational_until_ = never;
-  if (!inputs_run()) outputs_at_ = inputs_at_ = shifted_at_ = never;
+  if (!inputs_run()) outputs_at_ = inputs_at_ = late_sync0_at_ = shifted_at_ = never;
   report();
   events_.state_changed(from, to, cause, now);
 }
 
-void Slave::fall_back(AlState state, AlStatusCode code, Time now) {
+bool Slave::fall_back(AlState state, AlStatusCode code, Time now) {
+  if (state > state_ || !exists(state_, state)) return false;
   error_ = true;
   code_ = code;
   if (state == state_) {
     operational_until_ = never;
     if (state == AlState::safe_operational) hold_process_data_back();
     report();
-    return;
+    return true;
   }
   enter(state, code, now);
+  return true;
 }
 
 // The application enables sync managers 2 and 3 only while their process data are exchanged. So a master sees by its

@@ -14,6 +14,7 @@ constexpr std::uint16_t error_settings = 0x10F1;
 constexpr std::uint8_t local_error_reaction = 1;
 constexpr std::uint8_t sync_error_limit = 2;
 constexpr std::uint32_t missed_step = 3;  // ETG.1020, object 10F1h
+constexpr Time least_sync0_patience = std::chrono::milliseconds(1);
 // 1C32h:08
 constexpr unsigned measure_bit = 0x01;
 constexpr unsigned reset_counters_bit = 0x02;
@@ -90,7 +91,7 @@ void Slave::forget_synchronisation() {
 void Slave::start_exchange() {
   outputs_seen_ = sync_seen_ = outputs_fresh_ = overrun_ = false;
   missed_ = 0;
-  outputs_at_ = inputs_at_ = shifted_at_ = last_exchange_ = last_event_ = never;
+  outputs_at_ = inputs_at_ = late_sync0_at_ = shifted_at_ = last_exchange_ = last_event_ = never;
   set_sync_parameter(sync_parameter::events_missed, 0);
   set_sync_parameter(sync_parameter::cycle_too_short, 0);
   set_sync_parameter(sync_parameter::shift_too_short, 0);
@@ -111,13 +112,16 @@ void Slave::take_outputs(Time now) {
 }
 
 void Slave::give_inputs() {
+  // Without inputs of a cycle before, the master would read nothing.
+  const bool can_keep = interposer_ != nullptr && esc_.sync_manager(3).valid;
+  if (can_keep && interposer_->keeps_inputs(esc_.now())) return;
   const std::span<std::uint8_t> image = esc_.open_for_writing(3);
   if (image.empty()) return;
   inputs_.read_objects(image);
   esc_.close_writing(3);
 }
 
-// Exchanges that 1C32h:03 and 1C33h:03 delay after SYNC0.
+// Exchanges that 1C32h:03 and 1C33h:03 delay after SYNC0, and a SYNC0 that the interposer delays.
 void Slave::exchange_shifted(Time now) {
   if (now >= outputs_at_) {
     outputs_at_ = never;
@@ -127,7 +131,10 @@ void Slave::exchange_shifted(Time now) {
     inputs_at_ = never;
     give_inputs();
   }
-  shifted_at_ = std::min(outputs_at_, inputs_at_);
+  const unsigned pulses = now >= late_sync0_at_ ? late_pulses_ : 0;
+  if (pulses != 0) late_sync0_at_ = never;
+  shifted_at_ = std::min(late_sync0_at_, std::min(outputs_at_, inputs_at_));
+  for (unsigned n = 0; n < pulses; ++n) sync0_arrived(now);
 }
 
 // 1C32h:08 and 1C33h:08 act as one: bit 0 starts measuring the cycle, bit 1 resets the event counters.
@@ -192,9 +199,33 @@ void Slave::outputs_arrived(Time now) {
   exchange_event(output_parameter, now);
 }
 
+void Slave::sync0_came(Time now) {
+  if (interposer_ == nullptr || !inputs_run() || sync_type_ != SyncType::dc_sync0) {
+    sync0_arrived(now);
+    return;
+  }
+  const SlaveInterposer::Pulse pulse = interposer_->sync0(now);
+  if (pulse.delay <= Time{0}) {
+    for (unsigned n = 0; n < pulse.times; ++n) sync0_arrived(now);
+  } else if (pulse.times != 0 && late_sync0_at_ == never) {
+    late_sync0_at_ = now + pulse.delay;
+    late_pulses_ = pulse.times;
+    shifted_at_ = std::min(shifted_at_, late_sync0_at_);
+  }
+}
+
+// A frame came: have the pulses ended, although the controller's unit still runs? Its clock may stand or have jumped.
+void Slave::miss_sync0(Time now) {
+  if (sync_type_ != SyncType::dc_sync0 || state_ != AlState::operational) return;
+  const Time two_cycles{static_cast<std::int64_t>(2 * esc_.clock().sync(0).step)};
+  if (now - last_sync0_ <= std::max(two_cycles, least_sync0_patience)) return;
+  fall_back(AlState::safe_operational, AlStatusCode::fatal_sync_error, now);
+}
+
 void Slave::sync0_arrived(Time now) {
   if (!inputs_run() || sync_type_ != SyncType::dc_sync0) return;
   sync_seen_ = true;
+  last_sync0_ = now;
   esc_.clock().acknowledge_sync(0);
   if (state_ == AlState::operational && outputs_.bytes() != 0) {
     if (outputs_fresh_) {
