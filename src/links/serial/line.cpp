@@ -1,6 +1,8 @@
 #include "links/serial/line.hpp"
 
 #include <algorithm>
+#include <iterator>
+#include <utility>
 
 namespace servodrome::links {
 namespace {
@@ -42,11 +44,19 @@ void SerialLine::discard(SerialPortId id) {
   port.queue.clear();
   port.sent = 0;
   port.is_lost = true;
+  port.pieces.clear();
+  port.piece_at = never;
+}
+
+void SerialLine::interpose(SerialPortId port, SerialInterposer* interposer) {
+  ports_[index_of(port)].interposer = interposer;
 }
 
 std::size_t SerialLine::pending(SerialPortId id) const {
   const Port& port = ports_[index_of(id)];
-  return port.queue.size() - port.sent + (port.is_sending ? 1U : 0U);
+  std::size_t count = port.queue.size() - port.sent + (port.is_sending ? 1U : 0U);
+  for (const SerialPiece& piece : port.pieces) count += piece.characters.size();
+  return count;
 }
 
 void SerialLine::begin_character(Port& port, Time at) {
@@ -92,7 +102,10 @@ void SerialLine::end_character(Port& sender) {
   for (std::size_t i = 0; i < ports_.size() && !sender.is_lost; ++i) {
     Port& receiver = ports_[i];
     if (&receiver == &sender || receiver.station == nullptr) continue;
-    receiver.station->receive(sender.character, !sender.is_garbled && sender.format == receiver.format, now_);
+    std::uint8_t character = sender.character;
+    bool intact = !sender.is_garbled && sender.format == receiver.format;
+    if (receiver.interposer != nullptr && !receiver.interposer->receives(character, intact, now_)) continue;
+    receiver.station->receive(character, intact, now_);
   }
   if (!sender.is_sending && sender.sent < sender.queue.size()) begin_character(sender, now_);
 }
@@ -101,7 +114,7 @@ Time SerialLine::next_event() const {
   Time next = never;
   for (const Port& port : ports_) {
     if (port.station == nullptr) continue;
-    if (port.is_sending) next = std::min(next, port.end);
+    next = std::min(next, port.is_sending ? port.end : port.piece_at);
     next = std::min(next, port.station->next_deadline());
   }
   return next == never ? never : std::max(next, now_);
@@ -109,9 +122,31 @@ Time SerialLine::next_event() const {
 
 void SerialLine::collect() {
   for (std::size_t i = 0; i < ports_.size(); ++i) {
-    if (ports_[i].station == nullptr) continue;
-    const auto characters = ports_[i].station->take();
-    if (!characters.empty()) transmit(static_cast<SerialPortId>(i), characters, now_);
+    Port& port = ports_[i];
+    if (port.station == nullptr) continue;
+    const auto id = static_cast<SerialPortId>(i);
+    const auto characters = port.station->take();
+    if (!characters.empty() && (port.interposer != nullptr || !port.pieces.empty())) {
+      std::vector<SerialPiece> pieces{{Time{}, {characters.begin(), characters.end()}}};
+      if (port.interposer != nullptr) pieces = port.interposer->answers(characters, now_);
+      std::move(pieces.begin(), pieces.end(), std::back_inserter(port.pieces));
+    } else if (!characters.empty()) {
+      transmit(id, characters, now_);
+    }
+    if (!port.pieces.empty()) send_pieces(id);
+  }
+}
+
+// Sends the pieces that are due. The pause before a piece begins when the port has sent everything before it.
+void SerialLine::send_pieces(SerialPortId id) {
+  Port& port = ports_[index_of(id)];
+  while (!port.pieces.empty() && !port.is_sending) {
+    if (port.piece_at == never) port.piece_at = now_ + port.pieces.front().pause;
+    if (port.piece_at > now_) return;
+    port.piece_at = never;
+    const SerialPiece piece = std::move(port.pieces.front());
+    port.pieces.erase(port.pieces.begin());
+    transmit(id, piece.characters, now_);
   }
 }
 

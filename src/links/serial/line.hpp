@@ -5,6 +5,7 @@
 #include <vector>
 
 #include "links/disturbance_generator.hpp"
+#include "links/serial/interposer.hpp"
 #include "links/serial/sender.hpp"
 #include "links/time.hpp"
 #include "modbus/character_format.hpp"
@@ -94,11 +95,18 @@ class SerialLine {
   void transmit(SerialPortId port, std::span<const std::uint8_t> characters, Time at);
   // Clears the port's queue, and the character in progress is not received: the station has lost its power.
   void discard(SerialPortId port);
-  // The number of the port's characters that have not been received yet.
+  // The number of the port's characters that have not been received yet, pieces of an interposer included.
   std::size_t pending(SerialPortId port) const;
 
   void disturb(const SerialDisturbance& disturbance);
   const SerialDisturbance& disturbance() const { return disturbance_; }
+
+  // The interposer sees what the port's station sends and receives from now on; nullptr: none. Pieces that wait are
+  // still sent. It must outlive the port or be removed.
+  void interpose(SerialPortId port, SerialInterposer* interposer);
+  // The same for the answers of the line's drives over Modbus TCP. The links ask it; nullptr: none.
+  void interpose_tcp(ModbusTcpInterposer* interposer) { tcp_interposer_ = interposer; }
+  ModbusTcpInterposer* tcp_interposer() const { return tcp_interposer_; }
 
   void add_observer(SerialObserver& observer) { observers_.push_back(&observer); }
   void remove_observer(SerialObserver& observer) { std::erase(observers_, &observer); }
@@ -127,16 +135,21 @@ class SerialLine {
     std::uint8_t character = 0;
     Time begin{};
     Time end{};
+    SerialInterposer* interposer = nullptr;
+    std::vector<SerialPiece> pieces;  // of the interposer, to be sent behind `queue`
+    Time piece_at = never;            // when the first of them is sent; never while a character is
   };
 
   void begin_character(Port& port, Time at);
   void disturb_character(Port& port);
   void end_character(Port& port);
   void collect();
+  void send_pieces(SerialPortId port);
 
   modbus::CharacterFormat format_;
   std::vector<Port> ports_;
   std::vector<SerialObserver*> observers_;
+  ModbusTcpInterposer* tcp_interposer_ = nullptr;
   Time now_{};
   SerialLineCounters counters_;
   SerialDisturbance disturbance_;

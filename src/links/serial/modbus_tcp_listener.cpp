@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <array>
+#include <boost/asio/steady_timer.hpp>
 #include <boost/asio/write.hpp>
 #include <fmt/format.h>
 
@@ -17,7 +18,7 @@ using boost::system::error_code;
 class ModbusTcpListener::Client : public std::enable_shared_from_this<Client> {
  public:
   Client(ModbusTcpListener& listener, tcp::socket socket)
-      : listener_(&listener), socket_(std::move(socket)), connection_(listener.units_) {}
+      : listener_(&listener), socket_(std::move(socket)), connection_(listener.units_), late_(socket_.get_executor()) {}
 
   void read() {
     is_reading_ = true;
@@ -53,6 +54,7 @@ class ModbusTcpListener::Client : public std::enable_shared_from_this<Client> {
   // The client must not use the listener after this.
   void disconnect() {
     listener_ = nullptr;
+    late_.cancel();
     error_code ignored;
     socket_.close(ignored);
   }
@@ -61,24 +63,31 @@ class ModbusTcpListener::Client : public std::enable_shared_from_this<Client> {
   // Processes the bytes that have been read. It pauses while the client does not read its responses, and reads more
   // when all bytes are processed.
   void work() {
+    if (is_late_) return;
     LinkCounters& counters = listener_->counters_;
-    while (!unread_.empty() && waiting_.size() < most_waiting_bytes && !connection_.is_broken()) {
+    while (!unread_.empty() && waiting_.size() < most_waiting_bytes && !connection_.is_broken() && !is_closing_) {
       const std::size_t taken = connection_.receive(unread_);
+      ModbusTcpInterposer* const interposer = listener_->line_.tcp_interposer();
       const bool is_observed = listener_->line_.is_observed();
-      if (is_observed)
+      if (is_observed || interposer != nullptr)
         request_.insert(request_.end(), unread_.begin(), unread_.begin() + static_cast<std::ptrdiff_t>(taken));
       unread_ = unread_.subspan(taken);
       const auto response = connection_.take();
       if (response.empty()) continue;
-      if (is_observed) {
-        listener_->line_.passed_by(SerialSender::master, request_);
-        listener_->line_.passed_by(SerialSender::drive, response);
-      }
-      request_.clear();
+      if (is_observed) listener_->line_.passed_by(SerialSender::master, request_);
       ++counters.to_bus;
-      ++counters.from_bus;
-      waiting_.insert(waiting_.end(), response.begin(), response.end());
       listener_->host_.wake();
+      if (interposer != nullptr) {
+        reply_ = interposer->answers(std::exchange(request_, {}), response, listener_->line_.now());
+        if (reply_.delay > Time{}) {
+          reply_later();
+          return;
+        }
+        give_reply();
+      } else {
+        request_.clear();
+        give(response);
+      }
     }
     if (connection_.is_broken() && !is_closing_) {
       ++counters.malformed;
@@ -87,6 +96,29 @@ class ModbusTcpListener::Client : public std::enable_shared_from_this<Client> {
     const bool is_done = unread_.empty() && !is_closing_;
     write();
     if (is_done && listener_ != nullptr) read();
+  }
+
+  void give(std::span<const std::uint8_t> response) {
+    if (response.empty()) return;
+    if (listener_->line_.is_observed()) listener_->line_.passed_by(SerialSender::drive, response);
+    ++listener_->counters_.from_bus;
+    waiting_.insert(waiting_.end(), response.begin(), response.end());
+  }
+  void give_reply() {
+    give(reply_.bytes);
+    is_closing_ = is_closing_ || reply_.closes;
+  }
+  // Until the reply is due, no request of the client is processed and nothing is read.
+  void reply_later() {
+    is_late_ = true;
+    write();
+    late_.expires_after(reply_.delay);
+    late_.async_wait(guarded(shared_from_this(), [this](error_code code) {
+      if (code) return;
+      is_late_ = false;
+      give_reply();
+      work();
+    }));
   }
 
   void write() {
@@ -121,13 +153,16 @@ class ModbusTcpListener::Client : public std::enable_shared_from_this<Client> {
   modbus::TcpConnection connection_;
   std::array<std::uint8_t, 4096> input_{};
   std::span<const std::uint8_t> unread_;
-  std::vector<std::uint8_t> request_;  // the request received so far, for observers
+  std::vector<std::uint8_t> request_;  // the request received so far, for observers and the interposer
+  TcpReply reply_;                     // of the interposer
+  boost::asio::steady_timer late_;     // until `reply_` is due
   std::vector<std::uint8_t> writing_;
   std::vector<std::uint8_t> waiting_;
   Moment silent_since_ = std::chrono::steady_clock::now();
   bool is_reading_ = false;
   bool is_writing_ = false;
   bool is_closing_ = false;
+  bool is_late_ = false;
 };
 
 ModbusTcpListener::ModbusTcpListener(const ModbusTcpName& name, SerialLine& line, modbus::Units& units,
@@ -147,10 +182,19 @@ ModbusTcpListener::~ModbusTcpListener() {
 
 void ModbusTcpListener::accept(tcp::socket&& socket) {
   if (clients_.size() == most_clients && !make_room()) return;  // the caller closes the socket
+  using Admission = ModbusTcpInterposer::Admission;
+  ModbusTcpInterposer* const interposer = line_.tcp_interposer();
+  const Admission admission = interposer != nullptr ? interposer->connects() : Admission::serve;
+  if (admission == Admission::reset) {
+    error_code ignored;
+    socket.set_option(boost::asio::socket_base::linger(true, 0), ignored);
+    socket.close(ignored);  // resets the connection; the destructor would not
+  }
+  if (admission == Admission::close || admission == Admission::reset) return;
   serve_promptly(socket);
   clients_.push_back(std::make_shared<Client>(*this, std::move(socket)));
   counters_.clients = static_cast<std::uint32_t>(clients_.size());
-  clients_.back()->read();
+  if (admission == Admission::serve) clients_.back()->read();
 }
 
 bool ModbusTcpListener::make_room() {
