@@ -9,7 +9,7 @@
 namespace servodrome::ethercat {
 
 // Makes a slave misbehave on purpose, to test how a master bears it: a function for each thing that can go wrong, which
-// by default lets it pass. All calls come from within Slave::poll, Slave::emergency, Slave::fall_back and
+// by default lets it pass. All calls come from within the functions of Slave that the device calls, and from
 // Slave::release_mail. In a call the interposer may use Slave::post, but no other function that changes the slave.
 class SlaveInterposer {
  public:
