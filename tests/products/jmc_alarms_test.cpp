@@ -752,6 +752,33 @@ TEST(JmcAlarms, EveryCommunicationAlarm) {
   EXPECT_EQ(real, bus_causes.size());
 }
 
+// The drive reports what its application sees of SYNC0: no pulse, or a second one in each cycle.
+TEST(JmcAlarms, FollowThePulsesThatTheDriveSees) {
+  struct Pulses final : ethercat::SlaveInterposer {
+    Pulse sync0(ethercat::Time) override { return pulse; }
+    Pulse pulse;
+  };
+  struct Sight {
+    unsigned times;
+    AlStatusCode code;
+    const char* alarm;
+  };
+  for (const Sight& one :
+       {Sight{0, AlStatusCode::fatal_sync_error, "E620"}, Sight{2, AlStatusCode::synchronization_error, "E61F"}}) {
+    SCOPED_TRACE(one.alarm);
+    Pulses pulses;
+    JmcBus rig;
+    rig.connect(1'000'000);
+    rig.device.slave().interpose(&pulses);
+    rig.run_cycles(10, 1.0);
+    EXPECT_EQ(rig.al_status(), JmcBus::good(8));
+    pulses.pulse.times = one.times;
+    rig.run_cycles(10, 1.0);
+    EXPECT_EQ(rig.al_status().code, one.code);
+    EXPECT_STREQ(rig.device.alarm().data(), one.alarm);
+  }
+}
+
 // With the motor enabled 6007h says what the loss of the outputs does (Table 150).
 TEST(JmcAlarms, LossOfOutputsWhileEnabled) {
   for (const int option : {0, 1, 2, 3}) {
