@@ -43,6 +43,7 @@ from .jobs import Job, JobResult, JobState
 from .line import Line
 from .objects import ObjectInfo, ObjectKey, Objects, ObjectValue
 from .recording import Recording
+from .scenario import Outcome, RuleState, Scenario, Verdict
 from .signals import Signal
 from .states import AlState, Mode, NmtState, PowerState
 from .tables import Axis, Bus
@@ -84,17 +85,21 @@ __all__ = [
     "ObjectKey",
     "ObjectValue",
     "Objects",
+    "Outcome",
     "Plant",
     "PowerState",
     "ProgramError",
     "Recording",
     "Refused",
+    "RuleState",
+    "Scenario",
     "Signal",
     "Timeout",
     "Traffic",
     "TrafficRecording",
     "UnknownName",
     "UnknownObject",
+    "Verdict",
     "VirtualDeadlock",
     "VirtualTimeEnded",
     "WrongType",

@@ -15,6 +15,7 @@ from .axis import LiveAxis
 from .bus import LiveBus
 from .errors import BadValue, Diagnostic, LineFileError, NotInRealTime, UnknownName, WrongType
 from .recording import Path, Recording
+from .scenario import Scenario
 from .signals import Signal
 from .tables import Axis, Bus, line_text
 
@@ -281,6 +282,19 @@ class Line:
                 raise BadValue(f"{signal!r} is of another line", "signals", "make signals from the axes of this line")
             channels.append(signal.channel)
         return channels
+
+    # ---- Scenarios ----
+
+    def scenario(self, file: Path = "", text: str = "") -> Scenario:
+        """Begins a scenario from a file or a text (docs/scenario.md), in place of the present one.
+
+        The line is this one, whatever the scenario's key `line` says. Raises BadValue with file, line and column of the
+        first error.
+        """
+        if not text:
+            with open(file, encoding="utf-8") as opened:
+                text = opened.read()
+        return Scenario(self._backend, text, os.fspath(file) or "scenario")
 
     # ---- The rest ----
 

@@ -54,5 +54,6 @@ void add_scope(CLI::App& app);
 void add_tune(CLI::App& app);
 void add_clone(CLI::App& app);
 void add_fit(CLI::App& app);
+void add_trial(CLI::App& app);
 
 }  // namespace servodrome::app

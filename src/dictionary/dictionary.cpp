@@ -46,6 +46,14 @@ const Entry* Dictionary::find(std::uint16_t index, std::uint8_t sub, AbortCode& 
 }
 
 AbortCode Dictionary::read(const Entry& entry, ReadValue& value) const {
+  const AbortCode abort = read_object(entry, value);
+  if (view_ != nullptr && abort == AbortCode::none && entry.fixed_size()) {
+    view_->show(entry, std::span(value.number).first(size_of(entry.type)));
+  }
+  return abort;
+}
+
+AbortCode Dictionary::read_object(const Entry& entry, ReadValue& value) const {
   if (!entry.readable()) return AbortCode::write_only;
   if (Listener* owner = listener(entry)) owner->refresh(entry);
   if (entry.fixed_size()) {
@@ -77,7 +85,12 @@ AbortCode Dictionary::check_range(const Entry& entry, std::span<const std::byte>
 
 AbortCode Dictionary::write(const Entry& entry, std::span<const std::byte> value) {
   if (!entry.writable()) return AbortCode::read_only;
-  return write_any(entry, value);
+  if (view_ == nullptr || !entry.fixed_size()) return write_any(entry, value);
+  if (const AbortCode abort = check_value(entry, value); abort != AbortCode::none) return abort;
+  std::array<std::byte, 8> number{};
+  std::copy(value.begin(), value.end(), number.begin());
+  const std::span changed = std::span(number).first(value.size());
+  return view_->take(entry, changed) ? write_any(entry, changed) : AbortCode::none;
 }
 
 AbortCode Dictionary::check(const Entry& entry, std::span<const std::byte> value) const {
@@ -114,7 +127,7 @@ AbortCode Dictionary::write_any(const Entry& entry, std::span<const std::byte> v
 
 std::int64_t Dictionary::number(const Entry& entry) const {
   ReadValue value;
-  if (read(entry, value) != AbortCode::none) return 0;
+  if (read_object(entry, value) != AbortCode::none) return 0;
   return decode_number(entry.type, value.bytes);
 }
 
@@ -127,8 +140,9 @@ AbortCode Dictionary::set_number(std::uint16_t index, std::uint8_t sub, std::int
   AbortCode abort{};
   const Entry* entry = find(index, sub, abort);
   if (entry == nullptr) return abort;
+  if (!entry->writable()) return AbortCode::read_only;
   const auto bytes = encode_number(value);
-  return write(*entry, std::span(bytes).first(size_of(entry->type)));
+  return write_any(*entry, std::span(bytes).first(size_of(entry->type)));
 }
 
 void Dictionary::load_defaults(Area areas, std::uint8_t node_id) {

@@ -47,6 +47,20 @@ class Listener {
   ~Listener() = default;
 };
 
+// Stands between a bus and the objects and changes the values that pass. The bus then sees a device that is not as it
+// should be, as tests of masters need it; the objects and the device that uses them keep the true values.
+class View {
+ public:
+  // A number that the bus is about to read, little endian, after the owner refreshed it. May be changed.
+  virtual void show(const Entry& entry, std::span<std::byte> value) = 0;
+  // A number that the bus writes, little endian. May be changed. Returns false if the device shall not get it: the
+  // write then succeeds without an effect.
+  virtual bool take(const Entry& entry, std::span<std::byte> value) = 0;
+
+ protected:
+  ~View() = default;
+};
+
 // Abort codes for a wrong length; products differ in them.
 struct LengthAborts {
   AbortCode too_long = AbortCode::length_too_high;
@@ -71,6 +85,10 @@ class Dictionary {
       : table_(table), objects_(objects), length_aborts_(length_aborts) {}
 
   void set_listener(Owner owner, Listener* listener) { listeners_[static_cast<std::size_t>(owner)] = listener; }
+
+  // All accesses of the bus (read, write, PDOs) pass `view` from now on; nullptr: none. Accesses by numbers do not.
+  void set_view(View* view) { view_ = view; }
+  View* view() const { return view_; }
 
   std::span<const Entry> table() const { return table_; }
   const LengthAborts& length_aborts() const { return length_aborts_; }
@@ -117,10 +135,12 @@ class Dictionary {
 
  private:
   AbortCode check_value(const Entry& entry, std::span<const std::byte> value) const;
+  AbortCode read_object(const Entry& entry, ReadValue& value) const;
 
   std::span<const Entry> table_;
   std::span<std::byte> objects_;
   LengthAborts length_aborts_;
+  View* view_ = nullptr;
   std::array<Listener*, owner_count> listeners_{};
 };
 

@@ -123,6 +123,8 @@ class Drive final : public dictionary::Listener {
   bool homed() const { return axis_.homed; }
   // Homing handles limit switches itself; homing mode without an active homing does not.
   bool homes() const { return mode_ == Mode::homing && homing_mode_.active(); }
+  // The leg of the homing that runs, from 0; -1: none.
+  int homing_leg() const { return homes() ? homing_mode_.leg() : -1; }
   bool homing_running() const { return mode_ == Mode::homing && homing_mode_.running(); }
   // Homing::index_distance of the last homing, in counts.
   Counts homing_index_distance() const { return homing_mode_.index_distance(); }

@@ -194,11 +194,23 @@ void Axis::send_waiting(Time now) {
     while (device_->take(frame)) {
     }
   } else {
-    const canopen::WaitingFrame* next = device_->next_frame();
+    const canopen::WaitingFrame* next = next_frame(now);
     bus_->offer(port_, next != nullptr ? &next->frame : nullptr, next != nullptr ? next->since : now);
     follow_bit_rate();
   }
   if (serial_ != nullptr) follow_serial_format();
+}
+
+// The frame that the drive sends next, without those that the interposer takes. The frame on the wire has passed it.
+const canopen::WaitingFrame* Axis::next_frame(Time now) {
+  const canopen::WaitingFrame* next = device_->next_frame();
+  if (can_interposer_ == nullptr || bus_->sending(port_)) return next;
+  while (next != nullptr && !can_interposer_->lets_out(next->frame, now)) {
+    const canopen::Frame taken = next->frame;
+    device_->frame_sent(taken);
+    next = device_->next_frame();
+  }
+  return next;
 }
 
 void Axis::follow_bit_rate() {
@@ -240,12 +252,19 @@ void Axis::power_off(Time now) {
 }
 
 void Axis::on_frame(const canopen::Frame& frame, Time at) {
-  device_->receive(frame, at);
-  send_waiting(at);
+  canopen::Frame received = frame;
+  if (can_interposer_ == nullptr || can_interposer_->lets_in(received, at)) deliver(received, at);
+}
+
+void Axis::deliver(const canopen::Frame& frame, Time now) {
+  if (!powered_) return;
+  device_->receive(frame, now);
+  send_waiting(now);
 }
 
 void Axis::on_sent(const canopen::Frame& frame, std::uint32_t, Time at) {
   device_->frame_sent(frame);
+  if (can_interposer_ != nullptr) can_interposer_->sent(frame, at);
   send_waiting(at);
 }
 

@@ -13,6 +13,7 @@
 #include "line/registry.hpp"
 #include "line/tap.hpp"
 #include "links/can/bus.hpp"
+#include "links/can/interposer.hpp"
 #include "links/ethercat/bus.hpp"
 #include "links/serial/line.hpp"
 #include "plant/plant.hpp"
@@ -95,6 +96,11 @@ class Axis final : public links::Receiver {
   void inject(drive::Cause cause, bool present);
   bool injected(drive::Cause cause) const { return injected_.contains(cause); }
 
+  // Puts `interposer` between the drive and its CAN bus; nullptr: none. It must outlive the axis or be removed.
+  void interpose(links::CanInterposer* interposer) { can_interposer_ = interposer; }
+  // The drive receives a frame that the interposer has kept back or made.
+  void deliver(const canopen::Frame& frame, Time now);
+
  private:
   static constexpr std::int64_t unknown = -1;
   static constexpr std::int64_t no_tick = std::numeric_limits<std::int64_t>::max();
@@ -129,6 +135,7 @@ class Axis final : public links::Receiver {
   void poll_slave(Time until);
   void poll_due_slave(Time until);
   void poll_node(Time now);
+  const canopen::WaitingFrame* next_frame(Time now);
   void follow_bit_rate();
   void follow_serial_format();
 
@@ -145,6 +152,7 @@ class Axis final : public links::Receiver {
   EthercatStation ethercat_station_{*this};
   ethercat::Slave* ethercat_slave_ = nullptr;
   std::size_t slave_ = 0;  // place on the EtherCAT segment, from 0
+  links::CanInterposer* can_interposer_ = nullptr;
   std::uint32_t port_bit_rate_ = 0;
   Station station_{*this};
   links::SerialPortId serial_port_{};

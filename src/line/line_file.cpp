@@ -2,11 +2,8 @@
 
 #include <algorithm>
 #include <cctype>
-#include <cerrno>
-#include <cstring>
 #include <filesystem>
 #include <fmt/format.h>
-#include <fstream>
 #include <map>
 #include <set>
 
@@ -15,7 +12,7 @@
 #include "line/described_product.hpp"
 #include "line/model_plant.hpp"
 #include "line/table_reader.hpp"
-#include "line/toml_guard.hpp"
+#include "line/toml_text.hpp"
 #include "links/can/link_name.hpp"
 #include "links/ethercat/link_name.hpp"
 #include "links/link_error.hpp"
@@ -30,7 +27,6 @@ namespace {
 constexpr std::size_t longest_name = 16;  // bus: limit of socketcand; axis: fits a table
 constexpr std::size_t most_buses = 16;
 constexpr std::size_t most_axes = 1000;
-constexpr std::size_t largest_file = 1 << 20;
 
 // For example "a link is slcan:PATH, socketcan:INTERFACE or mem:".
 std::string link_forms(const char* link, links::LinkSchemes schemes) {
@@ -297,44 +293,15 @@ class LineFileReader {
 }  // namespace
 
 LineFile parse_line_file(std::string_view text, const std::string& file, std::span<const Product> products) {
-  if (auto refusal = refuse_toml(text)) {
-    LineFile failed;
-    failed.diagnostics.push_back(
-        {file, static_cast<std::uint32_t>(refusal->line), 1, std::move(refusal->what), std::move(refusal->hint)});
-    return failed;
-  }
-  try {
-    const toml::table root = toml::parse(text, file);
-    return LineFileReader(file, products).read(root);
-  } catch (const toml::parse_error& error) {
-    const toml::source_position at = error.source().begin;
-    LineFile failed;
-    failed.diagnostics.push_back({file, at.line, at.column, std::string(error.description()), "correct the TOML here"});
-    return failed;
-  }
+  LineFile failed;
+  const auto root = parse_toml(text, file, failed.diagnostics);
+  return root ? LineFileReader(file, products).read(*root) : failed;
 }
 
 LineFile load_line_file(const std::string& path, std::span<const Product> products) {
   LineFile failed;
-  std::error_code error;
-  if (std::filesystem::is_directory(path, error)) {
-    failed.diagnostics.push_back({path, 0, 0, "is a folder", "give the name of a line file"});
-    return failed;
-  }
-  std::ifstream file(path, std::ios::binary);
-  if (!file) {
-    failed.diagnostics.push_back({path, 0, 0, fmt::format("cannot be read: {}", std::strerror(errno)),
-                                  "give the name of a line file, or none for the built-in line"});
-    return failed;
-  }
-  std::string text(largest_file + 1, '\0');
-  file.read(text.data(), static_cast<std::streamsize>(text.size()));
-  text.resize(static_cast<std::size_t>(file.gcount()));
-  if (text.size() > largest_file) {
-    failed.diagnostics.push_back({path, 0, 0, "is longer than 1 MiB", "give a line file"});
-    return failed;
-  }
-  return parse_line_file(text, path, products);
+  const auto text = read_text_file(path, "a line file", failed.diagnostics);
+  return text ? parse_line_file(*text, path, products) : failed;
 }
 
 }  // namespace servodrome::line

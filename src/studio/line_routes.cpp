@@ -4,7 +4,8 @@ namespace servodrome::studio {
 
 std::vector<api::RouteGroup> LineRoutes::groups() {
   return {jobs_.routes(),       parameter_routes(subjects_), pdo_routes(subjects_),
-          bode_plots_.routes(), recording_export_.routes(),  traffic_.routes()};
+          bode_plots_.routes(), recording_export_.routes(),  traffic_.routes(),
+          scenario_.group()};
 }
 
 }  // namespace servodrome::studio

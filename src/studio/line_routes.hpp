@@ -3,6 +3,7 @@
 #include <functional>
 #include <vector>
 
+#include "scenario/routes.hpp"
 #include "studio/bode_routes.hpp"
 #include "studio/commissioning.hpp"
 #include "studio/jobs.hpp"
@@ -11,8 +12,8 @@
 
 namespace servodrome::studio {
 
-// All routes of this library for a line: jobs, parameters, PDO mappings, traffic, frequency responses and recordings as
-// files.
+// All routes of this library for a line: jobs, parameters, PDO mappings, traffic, frequency responses, recordings as
+// files, and scenarios.
 class LineRoutes {
  public:
   // `line` must outlive this object. `epoch` returns the wall-clock time of the line's time 0.
@@ -21,6 +22,7 @@ class LineRoutes {
         subjects_(line),
         bode_plots_(find),
         recording_export_(find, epoch),
+        scenario_(line),
         traffic_([&line](const api::Call& call) { return find_line_traffic(line, call); }, epoch) {}
 
   Jobs& jobs() { return jobs_.jobs(); }
@@ -32,6 +34,7 @@ class LineRoutes {
   LineSubjects subjects_;
   BodePlots bode_plots_;
   RecordingExport recording_export_;
+  scenario::Routes scenario_;
   Traffic traffic_;
 };
 

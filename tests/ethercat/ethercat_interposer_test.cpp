@@ -6,9 +6,9 @@ namespace ethercat_interposer_test {
 namespace {
 
 struct Meddler final : SlaveInterposer {
-  AlStatusCode refuses(AlState, AlState to) override {
+  std::optional<AlStatusCode> refuses(AlState, AlState to) override {
     asked.push_back(to);
-    return to == refused ? refusal : AlStatusCode::none;
+    return to == refused && refusal != AlStatusCode::none ? std::optional(refusal) : std::nullopt;
   }
   Dispatch sends(Mail& mail) override {
     if (on_send) on_send(mail);

@@ -70,6 +70,15 @@ AbortCode resolve_all(const dictionary::Dictionary& dictionary, const Profile& p
   return AbortCode::none;
 }
 
+std::uint64_t shown(dictionary::View& view, const MappedObject& object, std::uint64_t value) {
+  view.show(*object.entry, std::as_writable_bytes(std::span(&value, 1)).first(object.bytes));
+  return value;
+}
+
+bool taken(dictionary::View& view, const MappedObject& object, std::uint64_t& value) {
+  return view.take(*object.entry, std::as_writable_bytes(std::span(&value, 1)).first(object.bytes));
+}
+
 bool store_checked(dictionary::Dictionary& dictionary, const MappedObject& object, std::uint64_t value) {
   const auto bytes = std::as_bytes(std::span(&value, 1)).first(object.bytes);
   const Entry& entry = *object.entry;

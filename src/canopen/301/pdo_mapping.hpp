@@ -55,6 +55,10 @@ inline void store(std::byte* place, std::uint64_t value, unsigned bytes) {
   }
 }
 
+// The value of an object as the bus sees it, and as it shall be written (dictionary::View).
+std::uint64_t shown(dictionary::View& view, const MappedObject& object, std::uint64_t value);
+bool taken(dictionary::View& view, const MappedObject& object, std::uint64_t& value);
+
 // Packs the data of a TPDO from its objects.
 inline std::uint64_t pack(const dictionary::Dictionary& dictionary, std::span<const MappedObject> objects) {
   std::uint64_t word = 0;
@@ -62,8 +66,9 @@ inline std::uint64_t pack(const dictionary::Dictionary& dictionary, std::span<co
     if (!object.plain) {
       if (dictionary::Listener* owner = dictionary.listener(*object.entry)) owner->refresh(*object.entry);
     }
-    const std::uint64_t value = object.place != nullptr ? load(object.place, object.bytes)
-                                                        : static_cast<std::uint64_t>(object.entry->default_value);
+    std::uint64_t value = object.place != nullptr ? load(object.place, object.bytes)
+                                                  : static_cast<std::uint64_t>(object.entry->default_value);
+    if (dictionary::View* view = dictionary.view()) value = shown(*view, object, value);
     word |= (value & object.mask) << object.shift;
   }
   return word;
@@ -79,8 +84,10 @@ inline std::uint64_t unpack(dictionary::Dictionary& dictionary, std::span<const 
   std::uint64_t to_tell = 0;  // a PDO has at most 64 objects
   std::uint64_t bit = 1;
   for (const MappedObject& object : objects) {
-    const std::uint64_t value = word >> object.shift & object.mask;
-    if (!object.plain) {
+    std::uint64_t value = word >> object.shift & object.mask;
+    if (dictionary.view() != nullptr && !taken(*dictionary.view(), object, value)) {
+      // The device does not get it.
+    } else if (!object.plain) {
       if (store_checked(dictionary, object, value)) to_tell |= bit;
     } else if (object.place != nullptr) {
       store(object.place, value, object.bytes);

@@ -88,6 +88,7 @@ class Homing {
   // Discards the homing; the caller must stop the axis.
   void abort() { *this = Homing{}; }
 
+  std::uint8_t present_leg() const { return leg_; }      // while active, from 0
   bool active() const { return phase_ != Phase::idle; }  // from start until finished or failed
   bool latched() const { return latched_; }              // home is known (statusword bit 12); the axis may still move
   Counts latch() const { return latch_; }                // position of home, if latched()

@@ -35,6 +35,7 @@ class HomingMode {
   bool pressing() const { return homing_.pressing(); }
   bool active() const { return active_; }
   Counts index_distance() const { return homing_.index_distance(); }
+  int leg() const { return homing_.present_leg(); }
 
  private:
   static double homing_acceleration(const Axis& axis);  // counts/s^2

@@ -149,8 +149,9 @@ AbortCode ProcessImage::resolve() {
 
 void ProcessImage::write_objects(std::span<const std::uint8_t> image) {
   if (image.size() < bytes()) return;
+  const bool viewed = dictionary_.view() != nullptr;
   for (MappedObject& object : objects_.first(count_)) {
-    if (object.plain && object.whole) {
+    if (object.plain && object.whole && !viewed) {
       copy_number(object.place, image.data() + object.byte, object.bytes);
     } else {
       object.tell = store_checked(object, image.subspan(object.byte)) && object.act != nullptr;
@@ -172,6 +173,11 @@ bool ProcessImage::store_checked(const MappedObject& object, std::span<const std
     if (!holds(entry.type, apart)) return false;
     from = reinterpret_cast<const std::uint8_t*>(&apart);
   }
+  if (dictionary::View* view = dictionary_.view()) {
+    std::memcpy(&apart, from, object.bytes);
+    if (!view->take(entry, std::as_writable_bytes(std::span(&apart, 1)).first(object.bytes))) return false;
+    from = reinterpret_cast<const std::uint8_t*>(&apart);
+  }
   const auto value = std::as_bytes(std::span(from, object.bytes));
   if (entry.has_range && dictionary_.check_range(entry, value) != AbortCode::none) return false;
   if (object.owner != nullptr && object.owner->check(entry, value) != AbortCode::none) return false;
@@ -182,9 +188,10 @@ bool ProcessImage::store_checked(const MappedObject& object, std::span<const std
 void ProcessImage::read_objects(std::span<std::uint8_t> image) {
   if (image.size() < bytes()) return;
   std::fill(image.begin(), image.end(), std::uint8_t{0});
+  dictionary::View* view = dictionary_.view();
   for (const MappedObject& object : objects_.first(count_)) {
     if (object.act != nullptr) object.act(*object.owner, *object.entry);
-    if (object.whole) {
+    if (object.whole && view == nullptr) {
       copy_number(image.data() + object.byte, object.place, object.bytes);
       continue;
     }
@@ -194,6 +201,7 @@ void ProcessImage::read_objects(std::span<std::uint8_t> image) {
     } else {
       value = static_cast<std::uint64_t>(object.entry->default_value);
     }
+    if (view != nullptr) view->show(*object.entry, std::as_writable_bytes(std::span(&value, 1)).first(object.bytes));
     if (dictionary::is_signed(object.entry->type)) value = sign_extended(value, object.bytes * 8U);
     put_bits(image.subspan(object.byte), object.bit, object.bits, value);
   }

@@ -1,6 +1,7 @@
 #pragma once
 
 #include <cstdint>
+#include <optional>
 #include <span>
 
 #include "ethercat/slave/al_status.hpp"
@@ -13,10 +14,10 @@ namespace servodrome::ethercat {
 // Slave::release_mail. In a call the interposer may use Slave::post, but no other function that changes the slave.
 class SlaveInterposer {
  public:
-  // A master requests another state, and all checks of the stack and the device have passed. A code other than `none`
-  // refuses the change, also one to Init: the slave keeps its state and shows the code with the error bit (ETG.1000.6
-  // clause 6.4).
-  virtual AlStatusCode refuses(AlState /*from*/, AlState /*to*/) { return AlStatusCode::none; }
+  // A master requests another state, and all checks of the stack and the device have passed. A code refuses
+  // the change, also one to Init: the slave keeps its state and shows the code with the error bit (ETG.1000.6 clause
+  // 6.4).
+  virtual std::optional<AlStatusCode> refuses(AlState /*from*/, AlState /*to*/) { return std::nullopt; }
 
   // A message of the slave to the master with its header: length, address, channel, type and counter (ETG.1000.4 clause
   // 5.6). The first `length` bytes are put into the mailbox as they are. `mailbox` has the mailbox's whole length, so a

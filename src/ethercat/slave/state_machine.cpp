@@ -80,8 +80,13 @@ AlStatusCode Slave::change_state(AlState to, Time now) {
   }
   AlStatusCode code = check_transition(to);
   if (code == AlStatusCode::none) code = events_.may_change(state_, to);
-  if (code == AlStatusCode::none && interposer_ != nullptr) code = interposer_->refuses(state_, to);
   if (code != AlStatusCode::none) return code;
+  if (interposer_ != nullptr) {
+    if (const auto refusal = interposer_->refuses(state_, to)) {
+      refuse(*refusal);
+      return AlStatusCode::none;
+    }
+  }
   if (to == AlState::operational) {
     open_process_data(true, true);
     operational_until_ = now + profile_.operational_timeout;

@@ -101,6 +101,7 @@ void CanBus::offer(PortId port, const canopen::Frame* frame, Time since) {
 }
 
 std::size_t CanBus::pending(PortId port) const { return at(port).count; }
+bool CanBus::sending(PortId port) const { return at(port).sending; }
 std::size_t CanBus::queue_space(PortId port) const { return at(port).queue.size() - at(port).count; }
 
 Time CanBus::next_event() const {

@@ -119,6 +119,7 @@ class CanBus {
   // one that is on the wire: that one ends with Receiver::on_sent() or is repeated.
   void offer(PortId port, const canopen::Frame* frame, Time since);
   std::size_t pending(PortId port) const;      // frames queued or being sent
+  bool sending(PortId port) const;             // its oldest frame is on the wire
   std::size_t queue_space(PortId port) const;  // frames that transmit() would still accept
 
   // The earliest time at which advance() has something to do; `never` if nothing is in progress.
@@ -142,6 +143,8 @@ class CanBus {
   void set_automatic_recovery(PortId port, bool automatic);
   void recover(PortId port, Time now);
   ErrorState error_state(PortId port) const;
+  // Sets a port's error counters to those with which its controller enters `state`, as after a series of errors.
+  void force_error_state(PortId port, ErrorState state, Time now);
 
   void disturb(const Disturbance& disturbance);  // replaces the previous one
   void clear_disturbance();                      // also ends the delay of frames that wait

@@ -1,6 +1,7 @@
 // Fault confinement (ISO 11898-1, clause 12): error counters, error passive, bus-off, and senders without acknowledge.
 
 #include <algorithm>
+#include <array>
 
 #include "links/can/bus_port.hpp"
 
@@ -52,6 +53,17 @@ void CanBus::update_error_state(Port& port, Time when) {
     if (port.automatic_recovery) port.recovers_at = when + duration(recovery_bits);
   }
   port.receiver->on_error_state(state, when);
+}
+
+void CanBus::force_error_state(PortId id, ErrorState state, Time now) {
+  constexpr std::array counts{std::uint16_t{0}, std::uint16_t{error_passive_above + 1},
+                              std::uint16_t{bus_off_above + 1}};
+  Port& port = at(id);
+  port.counters.transmit_errors = counts[static_cast<std::size_t>(state)];
+  port.counters.receive_errors = 0;
+  if (state != ErrorState::bus_off) port.recovers_at = never;
+  update_error_state(port, now);
+  review_private_attempts();
 }
 
 void CanBus::set_automatic_recovery(PortId port, bool automatic) { at(port).automatic_recovery = automatic; }

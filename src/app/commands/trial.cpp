@@ -1,0 +1,203 @@
+// `trial`: runs a master through scenarios in which drives and buses misbehave.
+#include <algorithm>
+#include <atomic>
+#include <filesystem>
+#include <fmt/format.h>
+#include <memory>
+#include <mutex>
+#include <nlohmann/json.hpp>
+#include <set>
+#include <thread>
+
+#include "app/commands.hpp"
+#include "app/interrupt_guard.hpp"
+#include "app/trial_run.hpp"
+#include "app/whole_file.hpp"
+#include "scenario/parse.hpp"
+
+namespace servodrome::app {
+namespace trial_command {
+
+namespace fs = std::filesystem;
+using scenario::TrialResult;
+
+struct Options {
+  std::vector<std::string> scenarios;
+  std::vector<std::string> master;
+  std::string only;
+  std::string junit;
+  std::string html;
+  double after_s = 3;
+  unsigned jobs = 4;
+  bool list = false;
+  bool json = false;
+};
+
+// The scenario files of folders and files, in alphabetical order. Line files lie in folders called `lines`.
+std::vector<std::string> files_of(const Options& options) {
+  std::set<std::string> files;
+  for (const std::string& place : options.scenarios) {
+    if (!fs::is_directory(place)) {
+      files.insert(place);
+      continue;
+    }
+    for (const auto& entry : fs::recursive_directory_iterator(place)) {
+      const fs::path& path = entry.path();
+      if (path.extension() == ".toml" && path.parent_path().filename() != "lines") files.insert(path.string());
+    }
+  }
+  if (!options.only.empty()) {
+    std::erase_if(files, [&options](const std::string& file) { return file.find(options.only) == std::string::npos; });
+  }
+  if (files.empty()) {
+    throw Failure::wrong_use("there are no scenarios; name a folder or files with --scenarios, and check --only");
+  }
+  return {files.begin(), files.end()};
+}
+
+// A folder for temporary files, which disappears with this object.
+class TemporaryFolder {
+ public:
+  TemporaryFolder() {
+    std::string name = (fs::temp_directory_path() / "servodrome-trial-").string();
+    for (unsigned n = 0;; ++n) {
+      path_ = fmt::format("{}{:x}-{}", name, std::hash<std::thread::id>{}(std::this_thread::get_id()), n);
+      if (fs::create_directory(path_)) return;
+    }
+  }
+  ~TemporaryFolder() {
+    std::error_code ignored;
+    fs::remove_all(path_, ignored);
+  }
+  TemporaryFolder(const TemporaryFolder&) = delete;
+  TemporaryFolder& operator=(const TemporaryFolder&) = delete;
+  const fs::path& path() const { return path_; }
+
+ private:
+  fs::path path_;
+};
+
+nlohmann::ordered_json json_of(const TrialResult& result) {
+  const auto seconds = [](links::Time time) { return std::chrono::duration<double>(time).count(); };
+  nlohmann::ordered_json view{{"scenario", result.path},
+                              {"title", result.scenario.title},
+                              {"outcome", word_of(result.outcome)},
+                              {"reason", result.reason},
+                              {"exit_status", result.exit_status},
+                              {"was_ended", result.was_ended},
+                              {"seconds", seconds(result.duration)},
+                              {"expectations", nlohmann::ordered_json::array()},
+                              {"rules", nlohmann::ordered_json::array()}};
+  constexpr std::array outcomes{"passed", "failed", "not reached"};
+  for (const scenario::Verdict& verdict : result.verdicts) {
+    view["expectations"].push_back({{"name", verdict.name},
+                                    {"outcome", outcomes[static_cast<std::size_t>(verdict.outcome)]},
+                                    {"at_s", seconds(verdict.at)},
+                                    {"found", verdict.found}});
+  }
+  for (const scenario::RuleReport& rule : result.rules)
+    view["rules"].push_back({{"name", rule.name}, {"acts", rule.acts}});
+  return view;
+}
+
+void print(const TrialResult& result, std::size_t done, std::size_t of) {
+  fmt::print("{:>4}/{} {:<12} {}\n", done, of, word_of(result.outcome), result.path);
+  if (result.outcome == TrialResult::Outcome::passed) return;
+  if (!result.reason.empty()) fmt::print("              {}\n", result.reason);
+  for (const scenario::Verdict& verdict : result.verdicts) {
+    if (verdict.outcome != scenario::Outcome::failed) continue;
+    fmt::print("              {}: at {:.3f} s {}\n", verdict.name, std::chrono::duration<double>(verdict.at).count(),
+               verdict.found);
+  }
+  std::fflush(stdout);
+}
+
+std::vector<TrialResult> run_all(const Options& options, const std::vector<std::string>& files) {
+  const TemporaryFolder temporary;
+  std::vector<TrialResult> results(files.size());
+  std::atomic<std::size_t> next{0};
+  std::mutex printing;
+  std::size_t done = 0;
+  const auto work = [&] {
+    for (std::size_t n = next++; n < files.size() && !InterruptGuard::interrupted(); n = next++) {
+      TrialRun run;
+      run.master = options.master;
+      run.folder = temporary.path() / std::to_string(n);
+      run.after = std::chrono::duration_cast<links::Time>(std::chrono::duration<double>(options.after_s));
+      fs::create_directory(run.folder);
+      results[n] = run_trial(run, files[n]);
+      const std::lock_guard lock(printing);
+      if (!options.json) print(results[n], ++done, files.size());
+    }
+  };
+  std::vector<std::thread> threads;
+  for (unsigned n = 0; n < std::min<std::size_t>(options.jobs, files.size()); ++n) threads.emplace_back(work);
+  for (std::thread& thread : threads) thread.join();
+  return results;
+}
+
+void list(const std::vector<std::string>& files) {
+  for (const std::string& file : files) {
+    const auto loaded = scenario::load_scenario(file);
+    fmt::print("{:<60} {}\n", file, loaded.scenario.title);
+  }
+}
+
+void run(const Options& options) {
+  const std::vector<std::string> files = files_of(options);
+  if (options.list) return list(files);
+  if (options.master.empty()) {
+    throw Failure::wrong_use(
+        "no master is given; write its command behind --: servodrome trial ... -- ./my-master {link}");
+  }
+  for (const std::string* path : {&options.junit, &options.html}) {
+    if (!path->empty()) require_writable(*path);
+  }
+  const InterruptGuard guard;
+  const std::vector<TrialResult> results = run_all(options, files);
+  const std::string master = fmt::format("{}", fmt::join(options.master, " "));
+  if (!options.junit.empty()) write_whole_file(options.junit, junit_of(results, master));
+  if (!options.html.empty()) write_whole_file(options.html, html_of(results, master));
+  const auto count = [&results](TrialResult::Outcome outcome) {
+    return std::count_if(results.begin(), results.end(), [outcome](const auto& one) { return one.outcome == outcome; });
+  };
+  const auto failed = count(TrialResult::Outcome::failed);
+  const auto errors = count(TrialResult::Outcome::error);
+  if (options.json) {
+    nlohmann::ordered_json all = nlohmann::ordered_json::array();
+    for (const TrialResult& result : results) all.push_back(json_of(result));
+    fmt::print("{}\n", all.dump(2, ' ', false, nlohmann::ordered_json::error_handler_t::replace));
+  } else {
+    fmt::print("{} passed, {} failed, {} not reached, {} errors\n", count(TrialResult::Outcome::passed), failed,
+               count(TrialResult::Outcome::not_reached), errors);
+  }
+  if (failed + errors > 0) throw Failure::did_not_work("the master does not pass all scenarios");
+}
+
+}  // namespace trial_command
+
+void add_trial(CLI::App& app) {
+  using namespace trial_command;  // NOLINT(google-build-using-namespace)
+  const auto options = std::make_shared<Options>();
+  CLI::App* command =
+      app.add_subcommand("trial", "Run your master through scenarios in which drives and buses misbehave");
+  command->add_option("--scenarios", options->scenarios, "Folders with scenario files, or scenario files")
+      ->required()
+      ->allow_extra_args(false);
+  command->add_option(
+      "MASTER", options->master,
+      "Command of the master, behind --; {link}, {host}, {port}, {api} and {scenario} are replaced, and "
+      "the same are in SERVODROME_LINK and so on");
+  command->add_option("--only", options->only, "Only scenarios whose path contains this text");
+  command->add_option("--jobs", options->jobs, "So many trials at once, each with a line of its own")
+      ->check(CLI::Range(1, 64));
+  command->add_option("--after", options->after_s, "The line runs on so many seconds after the master has ended")
+      ->check(CLI::Range(0.0, 60.0));
+  command->add_option("--junit", options->junit, "Write the outcomes to this file, as JUnit XML");
+  command->add_option("--html", options->html, "Write a page with all outcomes and pictures of the shafts");
+  command->add_flag("--list", options->list, "List the scenarios and run nothing");
+  command->add_flag("--json", options->json, "Print JSON");
+  command->callback([options] { run(*options); });
+}
+
+}  // namespace servodrome::app

@@ -1,0 +1,245 @@
+#include "app/trial_run.hpp"
+
+#include <algorithm>
+#include <boost/asio/steady_timer.hpp>
+#include <fmt/format.h>
+#include <fstream>
+#include <functional>
+
+#include "app/child_process.hpp"
+#include "app/commands.hpp"
+#include "app/interrupt_guard.hpp"
+#include "line/line_file.hpp"
+#include "line/line_server.hpp"
+#include "scenario/director.hpp"
+#include "scenario/parse.hpp"
+#include "scenario/shaft_log.hpp"
+#include "studio/line_routes.hpp"
+#include "tools/scope/export.hpp"
+
+namespace servodrome::app {
+namespace {
+
+using scenario::TrialResult;
+
+constexpr auto look_period = std::chrono::milliseconds(5);
+constexpr auto time_to_terminate = std::chrono::seconds(2);
+constexpr std::size_t most_output = 4000;
+
+// The names under which the master finds the line.
+struct Places {
+  std::string link, host, port, api, token, scenario;
+  std::vector<std::pair<std::string, std::string>> links;  // by bus
+};
+
+void replace_all(std::string& text, std::string_view from, const std::string& to) {
+  for (std::size_t at = text.find(from); at != std::string::npos; at = text.find(from, at + to.size())) {
+    text.replace(at, from.size(), to);
+  }
+}
+
+// Ports are chosen by the system, and ptys are in the folder of the run, so that trials run side by side.
+void make_private(line::LineSettings& settings, const std::filesystem::path& folder) {
+  settings.clock = line::ClockMode::real;
+  settings.api.address = "127.0.0.1";
+  settings.api.port = 0;
+  settings.api.enabled = true;
+  for (line::AxisSettings& axis : settings.axes) axis.store.clear();
+  for (line::SerialBusSettings& bus : settings.serial_buses) {
+    for (std::string& link : bus.links) {
+      if (link.starts_with("pty:"))
+        link = "pty:" + (folder / std::filesystem::path(link.substr(4)).filename()).string();
+    }
+  }
+}
+
+Places places_of(line::LineServer& server, const std::string& scenario_path) {
+  Places places;
+  places.scenario = scenario_path;
+  places.api = fmt::format("http://127.0.0.1:{}", server.api_port());
+  places.token = server.token();
+  const auto add = [&places](const auto& buses) {
+    for (const auto& bus : buses) {
+      for (const auto& link : bus->links) places.links.emplace_back(bus->settings.name, link->name());
+    }
+  };
+  add(server.line().buses());
+  add(server.line().ethercat_buses());
+  add(server.line().serial_buses());
+  if (places.links.empty()) return places;
+  places.link = places.links.front().second;
+  // "socketcand:127.0.0.1:29536/can0", "udp:127.0.0.1:34980"
+  const std::size_t scheme = places.link.find(':');
+  const std::size_t colon = places.link.find(':', scheme + 1);
+  if (colon != std::string::npos) {
+    places.host = places.link.substr(scheme + 1, colon - scheme - 1);
+    places.port = places.link.substr(colon + 1, places.link.find('/', colon) - colon - 1);
+  }
+  return places;
+}
+
+std::vector<std::string> command_of(std::vector<std::string> command, const Places& places) {
+  for (std::string& word : command) {
+    replace_all(word, "{link}", places.link);
+    replace_all(word, "{host}", places.host);
+    replace_all(word, "{port}", places.port);
+    replace_all(word, "{api}", places.api);
+    replace_all(word, "{scenario}", places.scenario);
+  }
+  return command;
+}
+
+std::vector<std::pair<std::string, std::string>> environment_of(const Places& places) {
+  std::vector<std::pair<std::string, std::string>> variables{
+      {"SERVODROME_LINK", places.link}, {"SERVODROME_HOST", places.host},   {"SERVODROME_PORT", places.port},
+      {"SERVODROME_API", places.api},   {"SERVODROME_TOKEN", places.token}, {"SERVODROME_SCENARIO", places.scenario}};
+  for (const auto& [bus, link] : places.links) {
+    std::string name = "SERVODROME_LINK_" + bus;
+    for (char& c : name)
+      c = std::isalnum(static_cast<unsigned char>(c)) != 0 ? static_cast<char>(std::toupper(c)) : '_';
+    variables.emplace_back(name, link);
+  }
+  return variables;
+}
+
+std::string end_of_file(const std::filesystem::path& path) {
+  std::ifstream file(path, std::ios::binary);
+  std::string text((std::istreambuf_iterator<char>(file)), std::istreambuf_iterator<char>());
+  if (text.size() > most_output) text = "...\n" + text.substr(text.size() - most_output);
+  return text;
+}
+
+// Two panels, rpm and revolutions, with a channel for each axis.
+std::string picture_of(const line::Line& line, const scenario::ShaftLog& log) {
+  if (log.times().size() < 2) return {};
+  master::scope::Recording recording;
+  for (const auto& axis : line.axes()) {
+    for (const auto& [name, unit] :
+         {std::pair{"speed", "rpm"}, std::pair{"position", "revolutions"}, std::pair{"state", ""}}) {
+      master::scope::Channel channel;
+      channel.name = fmt::format("{} {}", axis->settings().name, name);
+      channel.unit = unit;
+      recording.channels.push_back(channel);
+    }
+  }
+  recording.groups.assign(recording.channels.size(), 0);
+  // A picture is some thousand pixels wide.
+  const std::size_t stride = std::max<std::size_t>(1, log.times().size() / 4000);
+  for (std::size_t row = 0; row < log.times().size(); row += stride) {
+    recording.times.push_back(log.times()[row]);
+    for (std::size_t axis = 0; axis < line.axes().size(); ++axis) {
+      const auto& sample = log.sample(row, axis);
+      recording.values.insert(recording.values.end(),
+                              {sample.velocity_rpm, sample.revolutions, static_cast<double>(sample.state)});
+    }
+  }
+  return master::scope::svg_of(recording);
+}
+
+// Looks at the master every few milliseconds while the line runs, ends it when its time is over, and stops the line
+// some time after its end.
+class Supervisor {
+ public:
+  Supervisor(line::LineServer& server, scenario::Director& director, ChildProcess& master, TrialResult& result,
+             links::Time after)
+      : server_(server), director_(director), master_(master), result_(result), after_(after), timer_(server.io()) {
+    look();
+  }
+
+ private:
+  using Clock = std::chrono::steady_clock;
+
+  void look() {
+    const auto now = Clock::now();
+    if (InterruptGuard::interrupted()) return server_.stop();
+    if (!ended_) {
+      if (const auto status = master_.poll()) {
+        ended_ = now;
+        result_.exit_status = *status;
+        director_.master_ended(*status == 0 && !result_.was_ended);
+      } else if (now >= begun_ + result_.scenario.duration) {
+        if (!result_.was_ended) master_.terminate();
+        if (now >= begun_ + result_.scenario.duration + time_to_terminate) master_.kill();
+        result_.was_ended = true;
+      }
+    } else if (now >= *ended_ + after_) {
+      return server_.stop();
+    }
+    timer_.expires_after(look_period);
+    timer_.async_wait([this](const boost::system::error_code& error) {
+      if (!error) look();
+    });
+  }
+
+  line::LineServer& server_;
+  scenario::Director& director_;
+  ChildProcess& master_;
+  TrialResult& result_;
+  links::Time after_;
+  boost::asio::steady_timer timer_;
+  Clock::time_point begun_ = Clock::now();
+  std::optional<Clock::time_point> ended_;
+};
+
+void run(const TrialRun& trial, TrialResult& result, line::LineSettings settings) {
+  make_private(settings, trial.folder);
+  line::LineServer server(settings);
+  studio::LineRoutes routes(
+      server.line(), [&server](std::uint32_t id) { return server.recording(id); },
+      [&server] { return server.wall_epoch(); });
+  for (const api::RouteGroup& group : routes.groups()) server.add_routes(group);
+  scenario::Scenario scenario = result.scenario;
+  std::vector<std::string> axes;
+  for (const line::AxisSettings& axis : settings.axes) axes.push_back(axis.name);
+  for (scenario::Expectation& standard : scenario::standard_expectations(axes)) {
+    scenario.expectations.push_back(std::move(standard));
+  }
+  scenario::Director director(server.line(), std::move(scenario));
+  director.begin();
+  scenario::ShaftLog log(server.line(), result.scenario.duration + trial.after + time_to_terminate);
+  const Places places = places_of(server, result.path);
+  const std::filesystem::path output = trial.folder / "master.log";
+  {
+    ChildProcess master(command_of(trial.master, places), environment_of(places), output);
+    const Supervisor supervisor(server, director, master, result, trial.after);
+    server.run();
+  }
+  director.finish();
+  result.verdicts = director.verdicts();
+  result.rules = director.rules();
+  result.duration = server.line().now();
+  result.master_output = end_of_file(output);
+  result.picture = picture_of(server.line(), log);
+  scenario::judge(result);
+}
+
+}  // namespace
+
+scenario::TrialResult run_trial(const TrialRun& trial, const std::string& scenario_path) {
+  TrialResult result;
+  result.path = scenario_path;
+  scenario::ScenarioFile file = scenario::load_scenario(scenario_path);
+  result.scenario = std::move(file.scenario);
+  if (!file.diagnostics.empty()) {
+    result.reason = to_string(file.diagnostics.front());
+    return result;
+  }
+  const line::LineFile line = line::load_line_file(result.scenario.line, line::all_products());
+  if (!line.diagnostics.empty()) {
+    result.reason = to_string(line.diagnostics.front());
+    return result;
+  }
+  if (const auto problems = scenario::rehearse(line.settings, result.scenario); !problems.empty()) {
+    result.reason = fmt::format("{}: {}", scenario_path, problems.front());
+    return result;
+  }
+  try {
+    run(trial, result, line.settings);
+  } catch (const std::exception& error) {
+    result.outcome = TrialResult::Outcome::error;
+    result.reason = error.what();
+  }
+  return result;
+}
+
+}  // namespace servodrome::app

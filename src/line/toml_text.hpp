@@ -1,0 +1,22 @@
+#pragma once
+
+#include <optional>
+#include <string>
+#include <string_view>
+#include <toml++/toml.h>
+#include <vector>
+
+#include "line/diagnostic.hpp"
+
+namespace servodrome::line {
+
+// Parses the text of a TOML file. Returns nothing and adds a diagnostic if it is not valid or cannot be handled safely.
+std::optional<toml::table> parse_toml(std::string_view text, const std::string& file,
+                                      std::vector<Diagnostic>& diagnostics);
+
+// Reads a text of at most 1 MiB. Returns nothing and adds a diagnostic if that fails. `what` is the kind of file that
+// the messages ask for: "a line file".
+std::optional<std::string> read_text_file(const std::string& path, std::string_view what,
+                                          std::vector<Diagnostic>& diagnostics);
+
+}  // namespace servodrome::line

@@ -1,0 +1,98 @@
+#include "scenario/can_stage.hpp"
+
+#include <algorithm>
+
+#include "scenario/director.hpp"
+#include "scenario/packets.hpp"
+
+namespace servodrome::scenario {
+namespace {
+
+canopen::Frame frame_of(const Packet& packet) {
+  canopen::Frame frame;
+  frame.id = packet.id;
+  frame.extended = packet.id > 0x7FF;
+  frame.length = static_cast<std::uint8_t>(std::min<std::size_t>(packet.bytes.size(), frame.data.size()));
+  std::copy_n(packet.bytes.begin(), frame.length, frame.data.begin());
+  return frame;
+}
+
+}  // namespace
+
+RulePort::RulePort(links::CanBus& bus) : bus_(bus), port_(bus.attach(*this, depth)) {
+  bus_.set_participation(port_, links::Participation::listen_only);
+}
+
+RulePort::~RulePort() { bus_.detach(port_); }
+
+void RulePort::send(const canopen::Frame& frame, Time now) {
+  bus_.set_participation(port_, links::Participation::normal);
+  bus_.transmit(port_, frame, now);
+}
+
+void RulePort::on_sent(const canopen::Frame&, std::uint32_t, Time) {
+  if (bus_.pending(port_) == 0) bus_.set_participation(port_, links::Participation::listen_only);
+}
+
+CanStage::CanStage(Director& director, line::Axis& axis, RulePort& port, links::CanBus& bus)
+    : director_(director), axis_(axis), port_(port), bus_(bus), messages_(axis.device()) {
+  axis.interpose(this);
+}
+
+bool CanStage::lets_out(const canopen::Frame& frame, Time now) {
+  if (frame.remote || frame.extended) return true;
+  const Message message = messages_.outgoing(frame);
+  Packets packets(message, director_.seed());
+  if (!director_.carry_out(&axis_, message, packets)) return true;
+  for (const Packet& packet : packets.all()) {
+    const canopen::Frame made = frame_of(packet);
+    if (packet.late == Time{}) {
+      speak(made, now);
+    } else {
+      director_.at(now + packet.late, [this, made] { speak(made, director_.now()); });
+    }
+  }
+  return false;
+}
+
+void CanStage::sent(const canopen::Frame& frame, Time) {
+  if (!frame.remote && !frame.extended) director_.passed(&axis_, messages_.outgoing(frame));
+}
+
+bool CanStage::lets_in(canopen::Frame& frame, Time at) {
+  if (frame.remote || frame.extended) return true;
+  const Message message = messages_.incoming(frame);
+  Packets packets(message, director_.seed());
+  if (!director_.carry_out(&axis_, message, packets)) {
+    director_.passed(&axis_, message);
+    return true;
+  }
+  if (packets.aborts()) {  // the drive does not get the request, and the client gets an abort
+    for (Packet answer : packets.all()) {
+      answer.id = cob_id::sdo_answer + axis_.device().node_id();
+      const canopen::Frame made = frame_of(answer);
+      director_.at(at + answer.late, [this, made] { speak(made, director_.now()); });
+    }
+    return false;
+  }
+  bool passes = false;
+  for (const Packet& packet : packets.all()) {
+    const canopen::Frame made = frame_of(packet);
+    if (packet.late == Time{} && !passes) {
+      frame = made;
+      passes = true;
+    } else {
+      director_.at(at + packet.late, [this, made] { axis_.deliver(made, director_.now()); });
+    }
+  }
+  return passes;
+}
+
+void CanStage::speak(const canopen::Frame& frame, Time now) {
+  if (!axis_.powered() || bus_.is_cut(axis_.port()) || bus_.error_state(axis_.port()) == links::ErrorState::bus_off) {
+    return;
+  }
+  port_.send(frame, now);
+}
+
+}  // namespace servodrome::scenario

@@ -1,0 +1,51 @@
+#pragma once
+
+#include <deque>
+
+#include "links/can/interposer.hpp"
+#include "scenario/rule_run.hpp"
+
+namespace servodrome::scenario {
+
+class Director;
+
+// A port of a CAN bus that sends the frames of the rules. It acknowledges frames only while it sends.
+class RulePort final : public links::Receiver {
+ public:
+  explicit RulePort(links::CanBus& bus);
+  ~RulePort() override;
+
+  // Sends the frame as soon as the bus is free.
+  void send(const canopen::Frame& frame, Time now);
+
+  void on_frame(const canopen::Frame&, Time) override {}
+  void on_sent(const canopen::Frame& frame, std::uint32_t tag, Time at) override;
+
+ private:
+  static constexpr std::size_t depth = 256;
+
+  links::CanBus& bus_;
+  links::PortId port_;
+};
+
+// Lets the rules act on the CANopen messages of one drive.
+class CanStage final : public links::CanInterposer {
+ public:
+  CanStage(Director& director, line::Axis& axis, RulePort& port, links::CanBus& bus);
+
+  bool lets_out(const canopen::Frame& frame, Time now) override;
+  void sent(const canopen::Frame& frame, Time at) override;
+  bool lets_in(canopen::Frame& frame, Time at) override;
+
+  // Sends a frame in the drive's name, if the drive is connected and has power.
+  void speak(const canopen::Frame& frame, Time now);
+
+ private:
+  Director& director_;
+  line::Axis& axis_;
+  RulePort& port_;
+  links::CanBus& bus_;
+  CanopenMessages messages_;
+};
+
+}  // namespace servodrome::scenario

@@ -1,0 +1,256 @@
+// What an action does when its rule begins, and how that is taken back when the rule ends.
+
+#include <cmath>
+#include <fmt/format.h>
+#include <nlohmann/json.hpp>
+
+#include "ethercat/slave/slave.hpp"
+#include "line/bench/line_bench.hpp"
+#include "scenario/director.hpp"
+
+namespace servodrome::scenario {
+namespace {
+
+// The kinds of messages by the bus on which they occur.
+bool is_of_can(MessageKind kind) { return kind <= MessageKind::to_drive; }
+bool is_of_serial(MessageKind kind) { return kind == MessageKind::answer || kind == MessageKind::request; }
+
+// The rule acts each time that a drive, a slave or a link asks.
+bool acts_when_asked(const Action& action) {
+  return std::holds_alternative<Ignore>(action) || std::holds_alternative<Hold>(action) ||
+         std::holds_alternative<RefuseState>(action) || std::holds_alternative<DisturbSync0>(action) ||
+         std::holds_alternative<StaleInputs>(action);
+}
+
+bool needs_slave(const Action& action) {
+  return std::holds_alternative<RefuseState>(action) || std::holds_alternative<DropState>(action) ||
+         std::holds_alternative<PatchSii>(action) || std::holds_alternative<DisturbClock>(action) ||
+         std::holds_alternative<DisturbSync0>(action) || std::holds_alternative<StaleInputs>(action) ||
+         std::holds_alternative<WatchdogOff>(action);
+}
+
+api::Method method_of(const std::string& name) {
+  if (name == "PUT") return api::Method::put;
+  return name == "POST" ? api::Method::post : api::Method::delete_;
+}
+
+}  // namespace
+
+// Carries out a request to the bench API for the axis. Returns the error, empty if there is none.
+std::string Director::request(line::Axis& axis, const std::string& method, const std::string& path,
+                              const std::string& body) {
+  api::Request request;
+  request.method = method_of(method);
+  request.target = fmt::format("/api/v1/axes/{}{}", axis.settings().name, path);
+  request.body = body;
+  const api::Response response = line::bench::handle(line_, request);
+  if (response.status < 400) return {};
+  const auto answer = nlohmann::json::parse(response.body, nullptr, false);
+  if (!answer.is_object() || !answer.contains("error")) return response.body;
+  return fmt::format("{}; {}", answer["error"].value("what", ""), answer["error"].value("hint", ""));
+}
+
+links::CanBus* Director::can_bus(const RuleRun& rule) const {
+  if (rule.axis != nullptr) {
+    const auto& bus = rule.axis->settings().bus;
+    return bus ? &line_.buses()[*bus]->bus : nullptr;
+  }
+  line::NamedBus* bus = line_.find_bus(rule.rule->bus);
+  return bus != nullptr ? &bus->bus : nullptr;
+}
+
+void Director::check(const RuleRun& run) const {
+  const Rule& rule = *run.rule;
+  const auto refuse = [&rule](const std::string& what, const std::string& hint) {
+    throw ScenarioError(what, rule.name, hint);
+  };
+  if (const ObjectAddress* object = object_of(rule.action); object != nullptr && run.axis != nullptr) {
+    if (run.axis->device().bus_dictionary().find(object->index, object->sub.value_or(0)) == nullptr) {
+      refuse(fmt::format("the drive has no object {:04X}h:{:02X}", object->index, object->sub.value_or(0)),
+             "`servodrome export` writes a list of its objects");
+    }
+  }
+  const auto* frames = std::get_if<Send>(&rule.action);
+  if (frames != nullptr && frames->data.size() > 8 && can_bus(run) != nullptr) {
+    refuse("the data are longer than 8 bytes", "a CAN frame has at most 8");
+  }
+  if (run.axis == nullptr) {
+    const bool known = line_.find_bus(rule.bus) != nullptr || line_.find_ethercat_bus(rule.bus) != nullptr ||
+                       line_.find_serial_bus(rule.bus) != nullptr;
+    if (!known) refuse(fmt::format("there is no bus \"{}\"", rule.bus), "name a bus of the line");
+    if (object_of(rule.action) != nullptr || std::holds_alternative<Request>(rule.action) ||
+        std::holds_alternative<Emergency>(rule.action)) {
+      refuse("the action needs an axis", "write axis = \"NAME\" in place of `bus`");
+    }
+    return;
+  }
+  const auto& settings = run.axis->settings();
+  if (needs_slave(rule.action) && !settings.ethercat) {
+    refuse("the axis is not on an EtherCAT segment", "choose an axis that is");
+  }
+  const bool needs_can = std::holds_alternative<ForceErrorState>(rule.action) ||
+                         (rule.on && is_of_can(rule.on->kind) && !settings.ethercat);
+  if (needs_can && !settings.bus) refuse("the axis is not on a CAN bus", "choose an axis that is");
+  if (rule.on && is_of_serial(rule.on->kind) && !settings.serial) {
+    refuse("the axis is not on an RS485 line", "choose an axis that is");
+  }
+}
+
+void Director::send(RuleRun& rule, const Send& send) {
+  links::CanBus* bus = can_bus(rule);
+  if (rule.phase != RuleRun::Phase::active || bus == nullptr) return;
+  canopen::Frame frame;
+  frame.id = send.id;
+  frame.extended = send.id > 0x7FF;
+  frame.length = static_cast<std::uint8_t>(send.data.size());
+  std::copy(send.data.begin(), send.data.end(), frame.data.begin());
+  ports_.at(bus)->send(frame, now());
+  act(rule);
+  if (rule.rule->on) return;
+  if (send.continuous || rule.acts < rule.rule->times.value_or(1)) {
+    at(now() + send.period, [this, &rule, &send] { this->send(rule, send); });
+  }
+}
+
+void Director::do_deed(RuleRun& rule, Time now) {
+  const Action& action = rule.rule->action;
+  if (acts_on_messages(action)) return;
+  if (acts_when_asked(action)) return;
+  if (!makes_messages(action)) act(rule);
+  if (const auto* wanted = std::get_if<Request>(&action)) {
+    rule.error = request(*rule.axis, wanted->method, wanted->path, wanted->body);
+  } else if (const auto* frames = std::get_if<Send>(&action)) {
+    send(rule, *frames);
+  } else if (const auto* cable = std::get_if<Cable>(&action)) {
+    connect(rule, cable->connected);
+  } else if (const auto* forced = std::get_if<ForceErrorState>(&action)) {
+    can_bus(rule)->force_error_state(rule.axis->port(), forced->state, now);
+  } else if (const auto* set = std::get_if<SetObject>(&action)) {
+    write_own(*rule.axis, *set);
+  } else if (const auto* drop = std::get_if<DropState>(&action)) {
+    drop_state(*rule.axis, *drop);
+  } else if (const auto* sii = std::get_if<PatchSii>(&action)) {
+    patch(*rule.axis, *sii);
+  } else if (const auto* clock = std::get_if<DisturbClock>(&action)) {
+    disturb(*rule.axis, *clock, false);
+  } else if (const auto* emergency = std::get_if<Emergency>(&action)) {
+    raise(rule, *emergency);
+  }
+}
+
+void Director::undo_deed(RuleRun& rule, Time now) {
+  const Action& action = rule.rule->action;
+  if (const auto* wanted = std::get_if<Request>(&action); wanted != nullptr && !wanted->undo_method.empty()) {
+    request(*rule.axis, wanted->undo_method, wanted->undo_path, wanted->undo_body);
+  } else if (const auto* cable = std::get_if<Cable>(&action)) {
+    connect(rule, !cable->connected);
+  } else if (const auto* clock = std::get_if<DisturbClock>(&action)) {
+    disturb(*rule.axis, *clock, true);
+  } else if (std::holds_alternative<ForceErrorState>(action)) {
+    can_bus(rule)->force_error_state(rule.axis->port(), links::ErrorState::active, now);
+  }
+}
+
+void Director::connect(const RuleRun& rule, bool connected) {
+  if (rule.axis == nullptr) {
+    if (line::NamedBus* bus = line_.find_bus(rule.rule->bus)) bus->bus.cut_bus(!connected);
+    if (line::NamedEthercatBus* bus = line_.find_ethercat_bus(rule.rule->bus)) bus->bus.set_cable(0, connected);
+    if (line::NamedSerialBus* bus = line_.find_serial_bus(rule.rule->bus)) cut(bus->line, !connected);
+    return;
+  }
+  const auto& settings = rule.axis->settings();
+  if (settings.bus) line_.buses()[*settings.bus]->bus.cut(rule.axis->port(), !connected);
+  if (settings.ethercat) {
+    line_.ethercat_buses()[settings.ethercat->bus]->bus.set_cable(rule.axis->position() - 1, connected);
+  }
+  if (settings.serial) cut(line_.serial_buses()[settings.serial->bus]->line, !connected);
+}
+
+void Director::cut(links::SerialLine& line, bool is_cut) {
+  links::SerialDisturbance disturbance = line.disturbance();
+  disturbance.cut = is_cut;
+  line.disturb(disturbance);
+}
+
+void Director::write_own(line::Axis& axis, const SetObject& set) {
+  dictionary::Dictionary& objects = axis.device().dictionary();
+  const dictionary::Entry* entry = objects.find(set.object.index, set.object.sub.value_or(0));
+  if (!axis.powered() || entry == nullptr) return;
+  const auto bytes = dictionary::encode_number(set.value);
+  objects.write_any(*entry, std::span(bytes).first(dictionary::size_of(entry->type)));
+  axis.send_waiting(now());
+}
+
+void Director::drop_state(line::Axis& axis, const DropState& drop) {
+  if (!axis.powered()) return;
+  axis.device().ethercat_slave()->fall_back(drop.to, static_cast<ethercat::AlStatusCode>(drop.code), now());
+}
+
+void Director::patch(line::Axis& axis, const PatchSii& patch) {
+  constexpr std::size_t checksum_word = 7;
+  const std::span<std::uint8_t> memory = axis.device().ethercat_controller()->sii().memory();
+  const std::size_t place = std::size_t{patch.word} * 2;
+  if (place + 2 > memory.size()) return;
+  memory[place] = static_cast<std::uint8_t>(patch.value);
+  memory[place + 1] = static_cast<std::uint8_t>(patch.value >> 8);
+  if (patch.word < checksum_word) {
+    memory[2 * checksum_word] = ethercat::sii_checksum(memory.first(2 * checksum_word));
+  }
+}
+
+void Director::disturb(line::Axis& axis, const DisturbClock& clock, bool ends) {
+  ethercat::Esc& esc = *axis.device().ethercat_controller();
+  constexpr double ppb = 1000;
+  if (clock.stop) esc.stop_clock(!ends, now());
+  if (clock.ppm) {
+    const double ppm = ends ? axis.settings().ethercat->oscillator_ppm : *clock.ppm;
+    esc.set_oscillator(static_cast<std::int32_t>(std::lround(ppm * ppb)), now());
+  }
+  if (clock.jump_ns != 0 && !ends) esc.jump_clock(Time(clock.jump_ns), now());
+}
+
+// An EMCY of the drive without the fault (CiA 301 7.2.7.3.1, ETG.1000.6 clause 5.6.4).
+void Director::raise(RuleRun& rule, const Emergency& emergency) {
+  if (rule.phase != RuleRun::Phase::active) return;
+  act(rule);
+  if (!rule.rule->on && rule.acts < rule.rule->times.value_or(1)) {
+    at(now() + emergency.period, [this, &rule, &emergency] { raise(rule, emergency); });
+  }
+  line::Axis& axis = *rule.axis;
+  if (!axis.powered()) return;
+  if (ethercat::Slave* slave = axis.device().ethercat_slave()) {
+    slave->emergency(emergency.code, emergency.error_register, {});
+    return;
+  }
+  canopen::Frame frame;
+  frame.id = cob_id::emergency + axis.device().node_id();
+  frame.length = 8;
+  frame.data = {static_cast<std::uint8_t>(emergency.code), static_cast<std::uint8_t>(emergency.code >> 8),
+                emergency.error_register};
+  if (parts(axis).can) parts(axis).can->speak(frame, now());
+}
+
+std::vector<std::string> Director::try_requests() {
+  std::vector<std::string> errors;
+  for (const auto& rule : rules_) {
+    const auto* wanted = std::get_if<Request>(&rule->rule->action);
+    if (wanted == nullptr) continue;
+    const std::string error = request(*rule->axis, wanted->method, wanted->path, wanted->body);
+    if (!error.empty()) errors.push_back(fmt::format("{}: {}", rule->rule->name, error));
+  }
+  return errors;
+}
+
+std::vector<std::string> rehearse(line::LineSettings settings, const Scenario& scenario) {
+  for (line::AxisSettings& axis : settings.axes) axis.store.clear();
+  line::Line line(settings);
+  try {
+    Director director(line, scenario);
+    director.begin();
+    return director.try_requests();
+  } catch (const ScenarioError& error) {
+    return {fmt::format("{}: {}; {}", error.where(), error.what(), error.hint())};
+  }
+}
+
+}  // namespace servodrome::scenario

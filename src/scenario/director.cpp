@@ -1,0 +1,305 @@
+#include "scenario/director.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <fmt/format.h>
+
+#include "ethercat/slave/slave.hpp"
+#include "links/nearest_name.hpp"
+
+namespace servodrome::scenario {
+namespace {
+
+// Other actions have one act, and their effect lasts. An Ignore of single bits ends with the act after its last one.
+bool ends_with_its_acts(const Rule& rule) {
+  const auto* ignore = std::get_if<Ignore>(&rule.action);
+  return rule.on || std::holds_alternative<Hold>(rule.action) || (ignore != nullptr && ignore->mask == -1);
+}
+
+}  // namespace
+
+Director::Director(line::Line& line, Scenario scenario) : line_(line), scenario_(std::move(scenario)) {
+  for (const Rule& rule : scenario_.rules) set_up(rule);
+  for (const Expectation& expectation : scenario_.expectations) set_up(expectation);
+}
+
+void Director::begin() {
+  begun_ = true;
+  place_stages();
+  looks_at_ = now();
+  reached(now());  // rules without a condition act from the first frame on, also on the boot-up of a new line
+  for (const auto& axis : line_.axes()) axis->send_waiting(now());
+  line_.add_follower(*this);
+  line_.changed();
+}
+
+Director::~Director() {
+  if (!begun_) return;
+  finish();
+  line_.remove_follower(*this);
+  for (auto& [axis, parts] : parts_) {
+    axis->interpose(nullptr);
+    if (parts.slave) axis->device().ethercat_slave()->interpose(nullptr);
+    axis->device().bus_dictionary().set_view(nullptr);
+  }
+}
+
+line::Axis* Director::axis_named(const std::string& name, const std::string& where) const {
+  if (name.empty()) {
+    if (line_.axes().size() == 1) return line_.axes().front().get();
+    throw ScenarioError("the line has several axes", where, "name one: axis = \"NAME\"");
+  }
+  if (line::Axis* axis = line_.find_axis(name)) return axis;
+  std::vector<std::string_view> names;
+  for (const auto& axis : line_.axes()) names.emplace_back(axis->settings().name);
+  throw ScenarioError(fmt::format("there is no axis \"{}\"", name), where, links::suggestion(name, names));
+}
+
+line::Axis* Director::axis_for(const std::string& name, const std::string& where, bool needed) const {
+  if (name.empty() && !needed) return line_.axes().size() == 1 ? line_.axes().front().get() : nullptr;
+  return axis_named(name, where);
+}
+
+void Director::set_up(const Rule& rule) {
+  const bool about_bus = !rule.bus.empty();
+  const bool needed = !about_bus || needs_axis(rule.when) || (rule.until && needs_axis(*rule.until));
+  const bool named = !rule.when.axis.empty();
+  line::Axis* axis = axis_for(named ? rule.when.axis : rule.axis, rule.name, needed);
+  rules_.push_back(std::make_unique<RuleRun>(rule, about_bus ? nullptr : axis_for(rule.axis, rule.name, !named), axis,
+                                             rules_.size()));
+  facts_.first_acts[rule.name] = std::nullopt;
+  rules_.back()->when.begin();
+  check(*rules_.back());
+}
+
+void Director::set_up(const Expectation& expectation) {
+  const auto axis = [&](const Condition& condition) {
+    return axis_for(condition.axis.empty() ? expectation.axis : condition.axis, expectation.name,
+                    needs_axis(condition));
+  };
+  expectations_.emplace_back(expectation, axis(expectation.when), axis(expectation.what),
+                             axis(expectation.until.value_or(Condition{})));
+}
+
+void Director::place_stages() {
+  for (const auto& bus : line_.ethercat_buses()) segments_.push_back(std::make_unique<SegmentStage>(*this, *bus));
+  for (const auto& bus : line_.serial_buses()) tcp_stages_.push_back(std::make_unique<TcpStage>(*this, *bus));
+  for (const auto& axis : line_.axes()) {
+    const auto& bus = axis->settings().bus;
+    if (bus) {
+      links::CanBus& can = line_.buses()[*bus]->bus;
+      auto& port = ports_[&can];
+      if (!port) port = std::make_unique<RulePort>(can);
+      parts(*axis).can = std::make_unique<CanStage>(*this, *axis, *port, can);
+    }
+    if (axis->device().ethercat_slave() != nullptr) parts(*axis).slave = std::make_unique<SlaveStage>(*this, *axis);
+    if (const auto& serial = axis->settings().serial) {
+      parts(*axis).serial = std::make_unique<SerialStage>(*this, *axis, *line_.serial_buses()[serial->bus]);
+    }
+    auto view = std::make_unique<ObjectView>(*this, *axis);
+    for (const auto& rule : rules_) {
+      if (acts_on_view(rule->rule->action) && rule->axis == axis.get()) view->add(*rule);
+    }
+    if (view->empty()) continue;
+    axis->device().bus_dictionary().set_view(view.get());
+    parts(*axis).view = std::move(view);
+  }
+}
+
+Time Director::next_deadline() const {
+  if (finished_) return links::never;
+  return queue_.empty() ? looks_at_ : std::min(looks_at_, queue_.begin()->first);
+}
+
+void Director::reached(Time now) {
+  while (!queue_.empty() && queue_.begin()->first <= now) {
+    const auto due = queue_.extract(queue_.begin());
+    due.mapped()();
+  }
+  if (now < looks_at_) return;
+  looks_at_ = (now / line::tick_length + 1) * line::tick_length;
+  constexpr Time record_period = std::chrono::milliseconds(1);
+  if (now % record_period == Time{}) {
+    for (auto& [axis, parts] : parts_) {
+      if (parts.view) parts.view->record(now);
+    }
+  }
+  measure_travel();
+  for (const auto& rule : rules_) look(*rule, now);
+  for (ExpectationWatch& expectation : expectations_) {
+    if (!expectation.decided()) expectation.look(now, facts_);
+  }
+}
+
+void Director::measure_travel() {
+  for (const auto& axis : line_.axes()) {
+    const double position = revolutions(*axis);
+    const auto [before, is_first] = revolutions_.try_emplace(axis.get(), position);
+    facts_.travelled[axis.get()] += std::abs(position - before->second);
+    before->second = position;
+  }
+}
+
+void Director::master_ended(bool success) {
+  facts_.master_ended = now();
+  facts_.master_succeeded = success;
+}
+
+void Director::look(RuleRun& rule, Time now) {
+  switch (rule.phase) {
+    case RuleRun::Phase::waiting: {
+      const bool wanted = rule.when.holds(now, facts_);
+      const bool due = rule.rule->period && rule.begun && now >= rule.began + *rule.rule->period;
+      if (wanted && (rule.ready || due)) begin(rule, now);
+      rule.ready = rule.ready || !wanted;
+      break;
+    }
+    case RuleRun::Phase::active: {
+      const bool over = (rule.rule->lasts && now >= rule.began + *rule.rule->lasts) ||
+                        (rule.rule->until && rule.until.holds(now, facts_)) ||
+                        (ends_with_its_acts(*rule.rule) && rule.exhausted());
+      if (over) end(rule);
+      break;
+    }
+    case RuleRun::Phase::over: break;
+  }
+}
+
+void Director::begin(RuleRun& rule, Time now) {
+  rule.phase = RuleRun::Phase::active;
+  rule.began = now;
+  rule.ready = false;
+  rule.begun = true;
+  rule.all_acts += rule.acts;
+  rule.acts = rule.seen = 0;
+  rule.until.begin();
+  if (AxisParts* with = rule.axis != nullptr ? &parts(*rule.axis) : nullptr; with != nullptr && with->view) {
+    with->view->begin(rule);
+  }
+  if (!rule.rule->on) do_deed(rule, now);
+}
+
+void Director::end(RuleRun& rule) {
+  if (rule.phase != RuleRun::Phase::active) return;
+  undo_deed(rule, now());
+  const bool again = rule.rule->again || rule.rule->period;
+  rule.phase = again && !finished_ ? RuleRun::Phase::waiting : RuleRun::Phase::over;
+  rule.when.begin();
+}
+
+void Director::act(RuleRun& rule) {
+  rule.passed(true);
+  auto& first = facts_.first_acts[rule.rule->name];
+  if (!first) first = now();
+}
+
+bool Director::concerns(const RuleRun& rule, line::Axis* axis, const Message& message) const {
+  if (rule.phase != RuleRun::Phase::active || !rule.rule->on || !matches(*rule.rule->on, message)) return false;
+  if (message.bus.empty()) return rule.axis == nullptr || rule.axis == axis;
+  if (rule.axis == nullptr) return rule.rule->bus == message.bus;
+  const auto& slave = rule.axis->settings().ethercat;
+  return slave && line_.ethercat_buses()[slave->bus]->settings.name == message.bus;
+}
+
+bool Director::carry_out(line::Axis* axis, const Message& message, Packets& packets, std::vector<RuleRun*>* acting) {
+  for (const auto& rule : rules_) {
+    if (!concerns(*rule, axis, message) || !rule->fires(seed())) continue;
+    packets.apply(*rule);
+    if (acting != nullptr) acting->push_back(rule.get());
+  }
+  if (packets.unchanged()) return false;
+  for (const auto& rule : rules_) {
+    if (!concerns(*rule, axis, message)) continue;
+    if (!rule->fires(seed())) {
+      rule->passed(false);
+    } else if (makes_messages(rule->rule->action)) {
+      do_deed(*rule, now());
+    } else {
+      act(*rule);
+    }
+  }
+  notice(axis, message);
+  return true;
+}
+
+void Director::carry_out(std::span<const Message> datagrams, std::vector<RuleRun*>& acting) {
+  for (const auto& rule : rules_) {
+    const bool is_concerned = std::any_of(datagrams.begin(), datagrams.end(),
+                                          [&](const Message& datagram) { return concerns(*rule, nullptr, datagram); });
+    if (!is_concerned) continue;
+    if (!rule->fires(seed())) {
+      rule->passed(false);
+      continue;
+    }
+    act(*rule);
+    acting.push_back(rule.get());
+  }
+  for (const Message& datagram : datagrams) notice(nullptr, datagram);
+}
+
+bool Director::refuses_connections(std::string_view bus) const {
+  return std::any_of(rules_.begin(), rules_.end(), [bus](const auto& rule) {
+    const auto* accept = std::get_if<Accept>(&rule->rule->action);
+    return accept != nullptr && !accept->on && rule->phase == RuleRun::Phase::active && rule->rule->bus == bus;
+  });
+}
+
+line::Axis* Director::axis_of_unit(const line::NamedSerialBus& bus, std::uint8_t unit) const {
+  const modbus::Server* server = line_.find_unit(bus, unit);
+  for (const auto& axis : line_.axes()) {
+    products::SerialPort* port = axis->serial_port();
+    if (server != nullptr && port != nullptr && port->modbus() == server) {
+      return axis.get();
+    }
+  }
+  return nullptr;
+}
+
+void Director::passed(line::Axis* axis, const Message& message) {
+  for (const auto& rule : rules_) {
+    if (concerns(*rule, axis, message)) rule->passed(false);
+  }
+  notice(axis, message);
+}
+
+void Director::notice(line::Axis* axis, const Message& message) {
+  for (const auto& rule : rules_) {
+    rule->when.notice(axis, message);
+    rule->until.notice(axis, message);
+  }
+  for (ExpectationWatch& expectation : expectations_) expectation.notice(axis, message);
+}
+
+void Director::write_later(line::Axis& axis, const dictionary::Entry& entry, std::span<const std::byte> value,
+                           Time delay) {
+  std::array<std::byte, 8> kept{};
+  std::copy(value.begin(), value.end(), kept.begin());
+  at(now() + delay, [&axis, &entry, kept, size = value.size()] {
+    if (axis.powered()) axis.device().bus_dictionary().write_any(entry, std::span(kept).first(size));
+  });
+}
+
+void Director::finish() {
+  if (finished_) return;
+  finished_ = true;
+  for (const auto& rule : rules_) end(*rule);
+  for (ExpectationWatch& expectation : expectations_) expectation.finish(now());
+  queue_.clear();
+}
+
+std::vector<RuleReport> Director::rules() const {
+  std::vector<RuleReport> reports;
+  for (const auto& rule : rules_) {
+    reports.push_back(
+        {rule->rule->name, rule->acts + rule->all_acts, facts_.first_acts.find(rule->rule->name)->second, rule->error});
+  }
+  return reports;
+}
+
+std::vector<Verdict> Director::verdicts() const {
+  std::vector<Verdict> verdicts;
+  for (const ExpectationWatch& expectation : expectations_) verdicts.push_back(expectation.verdict());
+  return verdicts;
+}
+
+}  // namespace servodrome::scenario

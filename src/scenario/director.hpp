@@ -1,0 +1,153 @@
+#pragma once
+
+#include <functional>
+#include <map>
+#include <memory>
+#include <stdexcept>
+
+#include "line/line.hpp"
+#include "scenario/can_stage.hpp"
+#include "scenario/expectation_watch.hpp"
+#include "scenario/object_view.hpp"
+#include "scenario/packets.hpp"
+#include "scenario/segment_stage.hpp"
+#include "scenario/serial_stage.hpp"
+#include "scenario/slave_stage.hpp"
+
+namespace servodrome::scenario {
+
+// A scenario does not fit its line: what is wrong, in which rule or expectation, and what to do.
+class ScenarioError : public std::runtime_error {
+ public:
+  ScenarioError(const std::string& what, std::string where, std::string hint)
+      : std::runtime_error(what), where_(std::move(where)), hint_(std::move(hint)) {}
+  const std::string& where() const { return where_; }
+  const std::string& hint() const { return hint_; }
+
+ private:
+  std::string where_;
+  std::string hint_;
+};
+
+// Carries out a scenario on a line: stands between the drives and their buses, begins and ends rules in every tick, and
+// watches the expectations. All of it happens in line time, so that a run is repeated to the last bit.
+class Director final : public line::Follower {
+ public:
+  // `line` must outlive this object. Throws ScenarioError if a rule or an expectation does not fit the line. Nothing
+  // changes before begin().
+  Director(line::Line& line, Scenario scenario);
+  ~Director();
+  Director(const Director&) = delete;
+  Director& operator=(const Director&) = delete;
+
+  // The scenario begins at the line's present time. Must be called once, while no other scenario runs on the line.
+  void begin();
+  // The master has ended; the line may run on.
+  void master_ended(bool success);
+  // Ends all rules and decides what is left of the expectations.
+  void finish();
+  std::vector<RuleReport> rules() const;
+  std::vector<Verdict> verdicts() const;
+  // Makes the requests of all rules at once, and returns their errors.
+  std::vector<std::string> try_requests();
+  const Scenario& scenario() const { return scenario_; }
+  bool finished() const { return finished_; }
+
+  // line::Follower
+  Time next_deadline() const override;
+  void reached(Time now) override;
+
+  // ---- For the parts that stand between drives and buses
+
+  std::uint64_t seed() const { return scenario_.seed; }
+  Time now() const { return line_.now(); }
+  // Lets the rules that act on this message change `packets`. Returns false if there are none; passed() must then be
+  // called once when the message has passed. `axis` is nullptr for a message of a bus.
+  // `acting` gets these rules, if it is not nullptr.
+  bool carry_out(line::Axis* axis, const Message& message, Packets& packets, std::vector<RuleRun*>* acting = nullptr);
+  // The same for the datagrams of a frame of a segment: a rule acts if one of them matches. Counts the frame once.
+  void carry_out(std::span<const Message> datagrams, std::vector<RuleRun*>& acting);
+  void passed(line::Axis* axis, const Message& message);
+  // Calls `what` at the line's time `when`.
+  void at(Time when, std::function<void()> what) { queue_.emplace(std::max(when, now()), std::move(what)); }
+  // The rule of this kind that acts now on the axis; it counts as an act. nullptr: none.
+  template <typename Kind, typename Fits>
+  RuleRun* firing(const line::Axis& axis, Fits fits) {
+    for (const auto& rule : rules_) {
+      const Kind* kind = std::get_if<Kind>(&rule->rule->action);
+      if (kind == nullptr || rule->axis != &axis || rule->phase != RuleRun::Phase::active || !fits(*kind)) continue;
+      if (!rule->fires(seed())) {
+        rule->passed(false);
+        continue;
+      }
+      act(*rule);
+      return rule.get();
+    }
+    return nullptr;
+  }
+  bool refuses_connections(std::string_view bus) const;
+  // The axis that answers for a Modbus unit of the line; nullptr: none, or any.
+  line::Axis* axis_of_unit(const line::NamedSerialBus& bus, std::uint8_t unit) const;
+  // A rule without messages has acted.
+  void act(RuleRun& rule);
+  void end(RuleRun& rule);
+  void write_later(line::Axis& axis, const dictionary::Entry& entry, std::span<const std::byte> value, Time delay);
+
+ private:
+  struct AxisParts {
+    std::unique_ptr<CanStage> can;
+    std::unique_ptr<SlaveStage> slave;
+    std::unique_ptr<SerialStage> serial;
+    std::unique_ptr<ObjectView> view;
+  };
+
+  line::Axis* axis_named(const std::string& name, const std::string& where) const;
+  // The axis of a rule or an expectation, or nullptr if its conditions need none.
+  line::Axis* axis_for(const std::string& name, const std::string& where, bool needed) const;
+  void set_up(const Rule& rule);
+  void set_up(const Expectation& expectation);
+  void place_stages();
+  AxisParts& parts(line::Axis& axis) { return parts_[&axis]; }
+
+  void measure_travel();
+  void look(RuleRun& rule, Time now);
+  void begin(RuleRun& rule, Time now);
+  void notice(line::Axis* axis, const Message& message);
+  bool concerns(const RuleRun& rule, line::Axis* axis, const Message& message) const;
+
+  // deeds.cpp: what an action does when its rule begins, and how that is taken back.
+  void check(const RuleRun& rule) const;
+  void do_deed(RuleRun& rule, Time now);
+  void undo_deed(RuleRun& rule, Time now);
+  std::string request(line::Axis& axis, const std::string& method, const std::string& path, const std::string& body);
+  void send(RuleRun& rule, const Send& send);
+  links::CanBus* can_bus(const RuleRun& rule) const;
+  void connect(const RuleRun& rule, bool connected);
+  static void cut(links::SerialLine& line, bool is_cut);
+  void write_own(line::Axis& axis, const SetObject& set);
+  void drop_state(line::Axis& axis, const DropState& drop);
+  void patch(line::Axis& axis, const PatchSii& patch);
+  void disturb(line::Axis& axis, const DisturbClock& clock, bool ends);
+  void raise(RuleRun& rule, const Emergency& emergency);
+
+  line::Line& line_;
+  Scenario scenario_;
+  std::vector<std::unique_ptr<RuleRun>> rules_;
+  std::vector<ExpectationWatch> expectations_;
+  std::map<links::CanBus*, std::unique_ptr<RulePort>> ports_;
+  std::map<line::Axis*, AxisParts> parts_;
+  std::vector<std::unique_ptr<SegmentStage>> segments_;
+  std::vector<std::unique_ptr<TcpStage>> tcp_stages_;
+  Facts facts_;
+  std::map<line::Axis*, double> revolutions_;  // at the last tick
+  std::multimap<Time, std::function<void()>> queue_;
+  Time looks_at_{};  // the next tick in which rules and expectations are looked at
+  bool begun_ = false;
+  bool finished_ = false;
+};
+
+// Tries a scenario on a line of its own, without links and stores, and returns what does not fit: the errors of the
+// constructor, and of the requests to the bench that the rules will make.
+std::vector<std::string> rehearse(line::LineSettings settings, const Scenario& scenario);
+
+}  // namespace servodrome::scenario

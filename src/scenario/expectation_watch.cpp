@@ -1,0 +1,81 @@
+#include "scenario/expectation_watch.hpp"
+
+#include <fmt/format.h>
+#include <utility>
+
+namespace servodrome::scenario {
+namespace {
+
+double ms(Time time) { return std::chrono::duration<double, std::milli>(time).count(); }
+
+}  // namespace
+
+ExpectationWatch::ExpectationWatch(const Expectation& expectation, line::Axis* when, line::Axis* what,
+                                   line::Axis* until)
+    : expectation_(&expectation),
+      when_(expectation.when, when),
+      until_(expectation.until ? *expectation.until : expectation.when, until),
+      what_(expectation.what, what) {
+  verdict_.name = expectation.name;
+  verdict_.found = "the moment at which the watch begins never came";
+  when_.begin();
+}
+
+void ExpectationWatch::notice(const line::Axis* axis, const Message& message) {
+  if (phase_ == Phase::waiting) when_.notice(axis, message);
+  if (phase_ == Phase::watching) {
+    until_.notice(axis, message);
+    what_.notice(axis, message);
+  }
+}
+
+void ExpectationWatch::decide(Outcome outcome, Time now, std::string found) {
+  phase_ = Phase::decided;
+  verdict_.outcome = outcome;
+  verdict_.at = now;
+  verdict_.found = std::move(found);
+}
+
+void ExpectationWatch::look(Time now, const Facts& facts) {
+  using Kind = Expectation::Kind;
+  if (phase_ == Phase::waiting && when_.holds(now, facts)) {
+    phase_ = Phase::watching;
+    began_ = now;
+    verdict_.at = now;
+    until_.begin();
+    what_.begin();
+  }
+  if (phase_ != Phase::watching) return;
+  const bool holds = what_.holds(now, facts);
+  switch (expectation_->kind) {
+    case Kind::eventually:
+      if (holds) {
+        return decide(Outcome::passed, now, fmt::format("after {:.1f} ms", ms(now - began_)));
+      }
+      if (expectation_->within && now > began_ + *expectation_->within) {
+        return decide(Outcome::failed, now,
+                      fmt::format("not within {:.0f} ms: {}", ms(*expectation_->within), what_.present()));
+      }
+      break;
+    case Kind::always:
+      if (!holds) return decide(Outcome::failed, now, what_.present());
+      break;
+    case Kind::never:
+      if (holds) return decide(Outcome::failed, now, what_.present());
+      break;
+  }
+  const bool over = (expectation_->until && until_.holds(now, facts)) ||
+                    (expectation_->lasts && now >= began_ + *expectation_->lasts);
+  if (over) finish(now);
+}
+
+void ExpectationWatch::finish(Time now) {
+  if (phase_ != Phase::watching) return;
+  if (expectation_->kind == Expectation::Kind::eventually) {
+    decide(Outcome::failed, now, "not by the end: " + what_.present());
+  } else {
+    decide(Outcome::passed, now, "");
+  }
+}
+
+}  // namespace servodrome::scenario

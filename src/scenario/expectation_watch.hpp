@@ -1,0 +1,35 @@
+#pragma once
+
+#include "scenario/verdict.hpp"
+#include "scenario/watch.hpp"
+
+namespace servodrome::scenario {
+
+// Judges one expectation while time passes.
+class ExpectationWatch {
+ public:
+  // The axes that its conditions are about; nullptr: none.
+  ExpectationWatch(const Expectation& expectation, line::Axis* when, line::Axis* what, line::Axis* until);
+
+  void notice(const line::Axis* axis, const Message& message);
+  // To be called in every tick.
+  void look(Time now, const Facts& facts);
+  bool decided() const { return phase_ == Phase::decided; }
+  // The trial ends: what has not been decided is decided now.
+  void finish(Time now);
+  const Verdict& verdict() const { return verdict_; }
+
+ private:
+  enum class Phase : std::uint8_t { waiting, watching, decided };
+  void decide(Outcome outcome, Time now, std::string found);
+
+  const Expectation* expectation_;
+  Watch when_;
+  Watch until_;
+  Watch what_;
+  Phase phase_ = Phase::waiting;
+  Time began_{};
+  Verdict verdict_;
+};
+
+}  // namespace servodrome::scenario

@@ -1,0 +1,60 @@
+#pragma once
+
+#include <span>
+
+#include "canopen/frame.hpp"
+#include "products/device.hpp"
+#include "scenario/scenario.hpp"
+
+namespace servodrome::scenario {
+
+// COB-IDs of the predefined connection set (CiA 301 7.3.5); those of a node are relative to its node-ID.
+namespace cob_id {
+inline constexpr std::uint32_t nmt = 0x000;
+inline constexpr std::uint32_t sync = 0x080;
+inline constexpr std::uint32_t emergency = 0x080;
+inline constexpr std::uint32_t time = 0x100;
+inline constexpr std::uint32_t sdo_answer = 0x580;
+inline constexpr std::uint32_t sdo_request = 0x600;
+inline constexpr std::uint32_t error_control = 0x700;
+inline constexpr std::uint32_t lss_answer = 0x7E4;
+inline constexpr std::uint32_t lss_request = 0x7E5;
+
+}  // namespace cob_id
+
+// A message that passes between a drive and its bus, as the rules see it.
+struct Message {
+  MessageKinds kinds;
+  std::string_view bus{};               // of a message that belongs to no axis: the bus' name
+  std::optional<ObjectAddress> object;  // of the SDO transfer that it belongs to
+  std::uint32_t id = 0;                 // CAN identifier
+  std::span<const std::uint8_t> bytes;
+  std::optional<std::uint8_t> function;
+  std::optional<std::uint8_t> command;
+  std::optional<std::uint16_t> address;
+
+  void add(MessageKind kind) { kinds.set(static_cast<std::size_t>(kind)); }
+};
+
+bool matches(const MessagePattern& pattern, const Message& message);
+
+// Recognises the CANopen messages of one drive by the predefined connection set and the COB-IDs of its PDOs. It
+// remembers the object of the SDO transfer in progress, for segments do not name it.
+class CanopenMessages {
+ public:
+  explicit CanopenMessages(products::Device& device) : device_(device) {}
+
+  // The frame that the drive sends. `begins` of an SDO transfer are remembered by pass_in only, so this changes
+  // nothing.
+  Message outgoing(const canopen::Frame& frame) const;
+  // The frame that the drive receives, from a master or another drive.
+  Message incoming(const canopen::Frame& frame);
+
+ private:
+  std::optional<std::uint32_t> pdo_id(std::uint16_t parameter) const;
+
+  products::Device& device_;
+  std::optional<ObjectAddress> transfer_;
+};
+
+}  // namespace servodrome::scenario

@@ -1,0 +1,35 @@
+#pragma once
+
+#include "dictionary/dictionary.hpp"
+#include "scenario/rule_run.hpp"
+
+namespace servodrome::scenario {
+
+class Director;
+
+// Applies the rules about the objects of one drive: show, ignore, hold.
+class ObjectView final : public dictionary::View {
+ public:
+  ObjectView(Director& director, line::Axis& axis) : director_(director), axis_(axis) {}
+
+  void add(RuleRun& rule) { rules_.push_back(&rule); }
+  bool empty() const { return rules_.empty(); }
+
+  // The rule begins: remembers the value that `freeze` shows.
+  void begin(RuleRun& rule) const;
+  // Records the values that `late` shows later. To be called once a millisecond.
+  void record(Time now) const;
+
+  void show(const dictionary::Entry& entry, std::span<std::byte> value) override;
+  bool take(const dictionary::Entry& entry, std::span<std::byte> value) override;
+
+ private:
+  std::int64_t shown(const RuleRun& rule, const Show& show, std::int64_t value) const;
+  std::int64_t present(const ObjectAddress& object) const;
+
+  Director& director_;
+  line::Axis& axis_;
+  std::vector<RuleRun*> rules_;
+};
+
+}  // namespace servodrome::scenario

@@ -1,0 +1,52 @@
+#pragma once
+
+#include "scenario/rule_run.hpp"
+
+namespace servodrome::scenario {
+
+// A message that leaves an interposer.
+struct Packet {
+  std::vector<std::uint8_t> bytes;
+  std::uint32_t id = 0;  // CAN identifier
+  Time late{};           // is sent so much later
+};
+
+// What becomes of a message: any number of packets. Each act changes them in place.
+class Packets {
+ public:
+  // `object`: of the SDO transfer that the message belongs to, for an abort.
+  Packets(const Message& message, std::uint64_t seed);
+
+  void apply(const RuleRun& rule);
+
+  const std::vector<Packet>& all() const { return packets_; }
+  // The message passes as it was, at once.
+  bool unchanged() const { return !acted_; }
+  // The packets are SDO aborts.
+  bool aborts() const { return aborts_; }
+  std::uint32_t abort_code() const { return abort_code_; }
+
+ private:
+  void change(const Withhold&, const RuleRun&) { packets_.clear(); }
+  void change(const Delay& delay, const RuleRun& rule);
+  void change(const Repeat& repeat, const RuleRun&);
+  void change(const Alter& alter, const RuleRun&) {
+    for (Packet& packet : packets_) change(alter, packet);
+  }
+  static void change(const Alter& alter, Packet& packet);
+  void change(const Replace& replace, const RuleRun&);
+  void change(const Truncate& truncate, const RuleRun&);
+  void change(const Extend& extend, const RuleRun&);
+  void change(const Abort& abort, const RuleRun&);
+  template <typename Other>
+  void change(const Other&, const RuleRun&) {}  // does not act on packets
+
+  std::vector<Packet> packets_;
+  ObjectAddress object_;
+  std::uint64_t seed_;
+  bool acted_ = false;
+  bool aborts_ = false;
+  std::uint32_t abort_code_ = 0;
+};
+
+}  // namespace servodrome::scenario

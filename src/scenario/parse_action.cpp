@@ -1,0 +1,363 @@
+#include <cmath>
+#include <fmt/format.h>
+#include <nlohmann/json.hpp>
+
+#include "scenario/parse_parts.hpp"
+#include "scenario/words.hpp"
+
+namespace servodrome::scenario {
+namespace {
+
+using line::TableReader;
+using nlohmann::json;
+
+constexpr auto target_state_words = std::to_array<Word<ethercat::AlState>>({
+    {"init", ethercat::AlState::init},
+    {"pre_operational", ethercat::AlState::pre_operational},
+    {"safe_operational", ethercat::AlState::safe_operational},
+    {"operational", ethercat::AlState::operational},
+});
+constexpr auto error_state_words = std::to_array<Word<links::ErrorState>>({
+    {"active", links::ErrorState::active},
+    {"passive", links::ErrorState::passive},
+    {"bus_off", links::ErrorState::bus_off},
+});
+
+// Reads one of the keys of `words`, all integers. Returns which one it is, and its value.
+template <typename How, std::size_t Count>
+std::optional<std::pair<How, std::int64_t>> read_one(TableReader& reader, const std::array<Word<How>, Count>& words) {
+  std::optional<std::pair<How, std::int64_t>> found;
+  std::string names;
+  for (const auto& word : words) {
+    names += (names.empty() ? "" : ", ") + std::string(word.name);
+    if (reader.node(word.name) == nullptr) continue;
+    if (found) {
+      reader.complain(word.name, "comes with another key of its kind", "give one of them");
+      return std::nullopt;
+    }
+    std::int64_t number = 0;
+    reader.read(word.name, number);
+    found = {word.value, number};
+  }
+  if (!found) reader.complain("do", "does not say what it does", fmt::format("give one of {}", names));
+  return found;
+}
+
+bool flag(TableReader& reader, std::string_view key, bool otherwise) {
+  bool value = otherwise;
+  reader.read(key, value);
+  return value;
+}
+
+ObjectAddress required_object(TableReader& reader) {
+  if (reader.node("object") == nullptr) {
+    reader.complain("object", "is missing", "name it: object = \"6041\" or \"1018:01\"");
+  }
+  return read_object(reader, "object").value_or(ObjectAddress{});
+}
+
+Time required_time(TableReader& reader, std::string_view key) {
+  if (reader.node(key) == nullptr) reader.complain(key, "is missing", "give the time in milliseconds");
+  return read_time_ms(reader, key).value_or(Time{});
+}
+
+std::vector<std::uint8_t> plain_bytes(TableReader& reader, std::string_view key, bool required) {
+  std::vector<std::uint8_t> bytes;
+  if (reader.node(key) == nullptr) {
+    if (required) reader.complain(key, "is missing", "give the bytes: \"80 40 60\"");
+    return bytes;
+  }
+  for (const auto& byte : read_bytes(reader, key, false).value_or(std::vector<std::optional<std::uint8_t>>{})) {
+    bytes.push_back(byte.value_or(0));
+  }
+  return bytes;
+}
+
+Alter read_alter(TableReader& reader, bool required) {
+  constexpr auto hows =
+      std::to_array<Word<Alter::How>>({{"set", Alter::How::set}, {"xor", Alter::How::flip}, {"add", Alter::How::add}});
+  Alter alter;
+  if (reader.node("byte") != nullptr) {
+    int byte = 0;
+    reader.read("byte", byte, -1500, 1500);
+    alter.byte = byte;
+    if (const auto one = read_one(reader, hows)) {
+      alter.how = one->first;
+      alter.value = static_cast<std::uint8_t>(one->second);
+    }
+  }
+  if (auto bytes = read_bytes(reader, "bytes", true)) alter.bytes = std::move(*bytes);
+  if (reader.node("id") != nullptr) {
+    std::uint32_t id = 0;
+    reader.read("id", id, 0, 0x1FFFFFFF);
+    alter.id = id;
+  }
+  if (required && !alter.byte && alter.bytes.empty() && !alter.id) {
+    reader.complain("do", "does not say what it changes", "give byte with set, xor or add, or bytes, or id");
+  }
+  return alter;
+}
+
+Action read_send(TableReader& reader) {
+  Send send;
+  reader.read("id", send.id, 0, 0x1FFFFFFF);
+  send.data = plain_bytes(reader, "data", false);
+  send.period = read_time_ms(reader, "period_ms").value_or(std::chrono::milliseconds(1));
+  if (send.period < std::chrono::microseconds(50)) {
+    reader.complain("period_ms", "is too short", "expected 0.05 or more");
+  }
+  return send;
+}
+
+Action read_babble(TableReader& reader) {
+  Send send;
+  reader.read("id", send.id, 0, 0x1FFFFFFF);
+  send.period = std::chrono::microseconds(50);
+  send.continuous = true;
+  return send;
+}
+
+Action read_set(TableReader& reader) {
+  SetObject set{required_object(reader), 0};
+  reader.read("value", set.value);
+  return set;
+}
+
+Action read_show(TableReader& reader) {
+  using How = Show::How;
+  constexpr auto numbers = std::to_array<Word<How>>({{"value", How::value},
+                                                     {"set_bits", How::set_bits},
+                                                     {"clear_bits", How::clear_bits},
+                                                     {"flip_bits", How::flip_bits},
+                                                     {"add", How::add},
+                                                     {"drift_per_s", How::drift}});
+  Show show;
+  show.object = required_object(reader);
+  if (flag(reader, "freeze", false)) {
+    show.how = How::freeze;
+  } else if (flag(reader, "negate", false)) {
+    show.how = How::negate;
+  } else if (const auto late = read_time_ms(reader, "late_ms")) {
+    show.how = How::late;
+    show.time = *late;
+  } else if (const auto one = read_one(reader, numbers)) {
+    show.how = one->first;
+    show.number = one->second;
+    if (show.how == How::flip_bits) show.time = required_time(reader, "period_ms");
+    if (show.how == How::flip_bits && show.time <= Time{}) reader.complain("period_ms", "is 0", "give a longer one");
+  }
+  reader.read("mask", show.mask);
+  return show;
+}
+
+Action read_hold(TableReader& reader) {
+  const ObjectAddress object = required_object(reader);
+  return Hold{object, required_time(reader, "ms")};
+}
+
+Action read_ignore(TableReader& reader) {
+  Ignore ignore{required_object(reader)};
+  reader.read("mask", ignore.mask);
+  return ignore;
+}
+
+Action read_power(TableReader& reader) {
+  const auto request = [](bool on) { return json{{"action", on ? "on" : "off"}}.dump(); };
+  const bool on = flag(reader, "on", false);
+  return Request{"POST", "/power", request(on), "POST", "/power", request(!on)};
+}
+
+Action read_inject(TableReader& reader) {
+  std::string fault;
+  reader.read("fault", fault);
+  if (fault.empty()) reader.complain("fault", "is missing", "`servodrome faults` lists the names");
+  const std::string body = json{{"inject", fault}}.dump();
+  return Request{"POST", "/faults", body, "DELETE", "/faults", body};
+}
+
+Action read_input(TableReader& reader) {
+  std::string wire;
+  reader.read("wire", wire);
+  if (wire.empty()) reader.complain("wire", "is missing", "name an input: wire = \"DI0\"");
+  const bool level = flag(reader, "level", true);
+  return Request{"PUT", "/inputs", json{{wire, level}}.dump(), "PUT", "/inputs", json{{wire, nullptr}}.dump()};
+}
+
+Action read_plant(TableReader& reader) {
+  std::string key;
+  reader.read("key", key);
+  if (key.empty()) reader.complain("key", "is missing", "for example key = \"load_torque_nm\"");
+  if (key == "locked_rotor") {
+    const bool value = flag(reader, "value", true);
+    return Request{"PUT", "/plant", json{{key, value}}.dump(), "PUT", "/plant", json{{key, !value}}.dump()};
+  }
+  double value = 0;
+  reader.read("value", value);
+  return Request{"PUT", "/plant", json{{key, value}}.dump(), "", "", ""};
+}
+
+std::uint16_t al_code(TableReader& reader) {
+  std::uint16_t code = 0;
+  reader.read("code", code, 0, 0xFFFF);
+  if (reader.node("code") == nullptr) reader.complain("code", "is missing", "give an AL status code: 0x001E");
+  return code;
+}
+
+template <typename StateAction>
+Action read_state(TableReader& reader) {
+  StateAction action;
+  if (const auto to = read_word(reader, "to", target_state_words)) action.to = *to;
+  action.code = al_code(reader);
+  return action;
+}
+
+Action read_clock(TableReader& reader) {
+  DisturbClock clock;
+  reader.read("jump_ns", clock.jump_ns);
+  if (reader.node("ppm") != nullptr) {
+    double ppm = 0;
+    reader.read("ppm", ppm);
+    if (std::abs(ppm) > 100'000) reader.complain("ppm", "is out of range", "expected -100000 .. 100000");
+    clock.ppm = ppm;
+  }
+  reader.read("stop", clock.stop);
+  return clock;
+}
+
+Action read_sync0(TableReader& reader) {
+  DisturbSync0 sync0;
+  constexpr auto hows = std::to_array<Word<DisturbSync0::How>>({{"missing", DisturbSync0::How::missing},
+                                                                {"twice", DisturbSync0::How::twice},
+                                                                {"late", DisturbSync0::How::late}});
+  if (const auto how = read_word(reader, "how", hows)) sync0.how = *how;
+  std::int64_t late_us = 0;
+  reader.read("late_us", late_us, 0, 1'000'000);
+  sync0.late = std::chrono::microseconds(late_us);
+  return sync0;
+}
+
+// Where an action acts.
+enum class Scope : std::uint8_t { messages, bus, axis };
+
+struct ActionRow {
+  std::string_view name;
+  Scope scope;
+  Action (*read)(TableReader& reader);
+};
+
+constexpr auto action_table = std::to_array<ActionRow>({
+    {"withhold", Scope::messages, [](TableReader&) -> Action { return Withhold{}; }},
+    {"delay", Scope::messages,
+     [](TableReader& reader) -> Action {
+       Delay delay;
+       reader.read("frames", delay.frames, 1, 1000);
+       if (delay.frames == 0) delay.time = required_time(reader, "ms");
+       delay.jitter = read_time_ms(reader, "jitter_ms").value_or(Time{});
+       return delay;
+     }},
+    {"repeat", Scope::messages,
+     [](TableReader& reader) -> Action {
+       Repeat repeat;
+       reader.read("copies", repeat.copies, 1, 1000);
+       repeat.gap = read_time_ms(reader, "gap_ms").value_or(Time{});
+       repeat.alter = read_alter(reader, false);
+       return repeat;
+     }},
+    {"alter", Scope::messages, [](TableReader& reader) -> Action { return read_alter(reader, true); }},
+    {"replace", Scope::messages,
+     [](TableReader& reader) -> Action { return Replace{plain_bytes(reader, "data", true)}; }},
+    {"truncate", Scope::messages,
+     [](TableReader& reader) -> Action {
+       Truncate truncate;
+       reader.read("length", truncate.length, 0, 1500);
+       return truncate;
+     }},
+    {"extend", Scope::messages,
+     [](TableReader& reader) -> Action { return Extend{plain_bytes(reader, "data", true)}; }},
+    {"abort", Scope::messages,
+     [](TableReader& reader) -> Action {
+       Abort abort;
+       reader.read("code", abort.code, 0, UINT32_MAX);
+       if (reader.node("code") == nullptr) reader.complain("code", "is missing", "give an abort code: 0x08000022");
+       return abort;
+     }},
+    {"withhold_answer", Scope::messages, [](TableReader&) -> Action { return WithholdAnswer{}; }},
+    {"twice", Scope::messages, [](TableReader&) -> Action { return Twice{}; }},
+    {"working_counter", Scope::messages,
+     [](TableReader& reader) -> Action {
+       WorkingCounter counter;
+       reader.read("add", counter.add, -65535, 65535);
+       return counter;
+     }},
+    {"stale", Scope::messages, [](TableReader&) -> Action { return Stale{}; }},
+    {"slow", Scope::messages, [](TableReader& reader) -> Action { return Slow{required_time(reader, "gap_ms")}; }},
+    {"close", Scope::messages,
+     [](TableReader& reader) -> Action {
+       Close close;
+       reader.read("length", close.length, 0, 1500);
+       return close;
+     }},
+    {"send", Scope::bus, read_send},
+    {"babble", Scope::bus, read_babble},
+    {"accept", Scope::bus, [](TableReader& reader) -> Action { return Accept{flag(reader, "on", false)}; }},
+    {"cable", Scope::axis,
+     [](TableReader& reader) -> Action {
+       Cable cable;
+       reader.read("connected", cable.connected);
+       return cable;
+     }},
+    {"error_state", Scope::axis,
+     [](TableReader& reader) -> Action {
+       return ForceErrorState{read_word(reader, "state", error_state_words).value_or(links::ErrorState::passive)};
+     }},
+    {"show", Scope::axis, read_show},
+    {"ignore", Scope::axis, read_ignore},
+    {"hold", Scope::axis, read_hold},
+    {"set", Scope::axis, read_set},
+    {"power", Scope::axis, read_power},
+    {"inject", Scope::axis, read_inject},
+    {"input", Scope::axis, read_input},
+    {"plant", Scope::axis, read_plant},
+    {"emergency", Scope::axis,
+     [](TableReader& reader) -> Action {
+       Emergency emergency;
+       reader.read("code", emergency.code, 0, 0xFFFF);
+       reader.read("register", emergency.error_register, 0, 255);
+       emergency.period = read_time_ms(reader, "period_ms").value_or(std::chrono::milliseconds(1));
+       return emergency;
+     }},
+    {"al_refuse", Scope::axis, read_state<RefuseState>},
+    {"al_drop", Scope::axis, read_state<DropState>},
+    {"sii", Scope::axis,
+     [](TableReader& reader) -> Action {
+       PatchSii patch;
+       reader.read("word", patch.word, 0, 0xFFFF);
+       reader.read("value", patch.value, 0, 0xFFFF);
+       return patch;
+     }},
+    {"clock", Scope::axis, read_clock},
+    {"sync0", Scope::axis, read_sync0},
+    {"stale_inputs", Scope::axis, [](TableReader&) -> Action { return StaleInputs{}; }},
+    {"watchdog", Scope::axis,
+     [](TableReader& reader) -> Action {
+       if (flag(reader, "on", false)) reader.complain("on", "is true", "only false has an effect");
+       return WatchdogOff{};
+     }},
+});
+
+}  // namespace
+
+std::optional<Action> read_action(TableReader& rule) {
+  std::string name;
+  rule.read("do", name);
+  std::vector<std::string_view> names;
+  for (const ActionRow& row : action_table) {
+    if (row.name == name) return row.read(rule);
+    names.push_back(row.name);
+  }
+  rule.complain("do", name.empty() ? "is missing" : fmt::format("there is no action \"{}\"", name),
+                links::suggestion(name, names));
+  return std::nullopt;
+}
+
+}  // namespace servodrome::scenario

@@ -1,0 +1,38 @@
+#pragma once
+
+#include <memory>
+
+#include "api/routes.hpp"
+#include "line/line.hpp"
+
+namespace servodrome::scenario {
+
+class Director;
+
+// The routes of the API for a scenario on a running line: GET, PUT and DELETE /api/v1/scenario,
+// and POST .../master.
+class Routes {
+ public:
+  explicit Routes(line::Line& line);
+  ~Routes();
+  Routes(const Routes&) = delete;
+  Routes& operator=(const Routes&) = delete;
+
+  // The group refers to this object.
+  api::RouteGroup group();
+
+  // Begins a scenario in place of the present one. Throws ApiError with line and column of the first error.
+  api::Json begin(const std::string& body);
+  // The rules and verdicts of the present scenario, or of the last one. Throws ApiError 404 before the first.
+  api::Json show() const;
+  // The master has ended: {"success": true}.
+  api::Json master_ended(const std::string& body);
+  // Ends the scenario and decides its expectations.
+  api::Json end();
+
+ private:
+  line::Line& line_;
+  std::unique_ptr<Director> director_;
+};
+
+}  // namespace servodrome::scenario

@@ -1,0 +1,314 @@
+#pragma once
+
+#include <bitset>
+#include <cstdint>
+#include <optional>
+#include <string>
+#include <variant>
+#include <vector>
+
+#include "canopen/node.hpp"
+#include "drive/power/power_state.hpp"
+#include "ethercat/slave/al_status.hpp"
+#include "links/can/bus.hpp"
+#include "links/time.hpp"
+
+// A scenario: rules by which the drives and buses of a line misbehave, and what a master is expected to do about it.
+// docs/scenario.md describes the file. All values here; `Director` carries them out.
+namespace servodrome::scenario {
+
+using links::Time;
+
+enum class MessageKind : std::uint8_t {
+  sdo_answer,
+  sdo_request,
+  tpdo,
+  tpdo1,
+  tpdo2,
+  tpdo3,
+  tpdo4,
+  rpdo,
+  rpdo1,
+  rpdo2,
+  rpdo3,
+  rpdo4,
+  heartbeat,
+  boot_up,
+  emergency,
+  nmt,
+  sync,
+  time,
+  lss_answer,
+  lss_request,
+  from_drive,
+  to_drive,
+  mailbox_answer,
+  mailbox_request,
+  cycle,
+  frame,
+  answer,
+  request,
+  count
+};
+using MessageKinds = std::bitset<static_cast<std::size_t>(MessageKind::count)>;
+
+struct ObjectAddress {
+  std::uint16_t index = 0;
+  std::optional<std::uint8_t> sub;  // none: all sub-indices
+
+  bool contains(std::uint16_t its_index, std::uint8_t its_sub) const {
+    return index == its_index && (!sub || *sub == its_sub);
+  }
+};
+
+// Selects messages: all that is given must fit.
+struct MessagePattern {
+  MessageKind kind = MessageKind::from_drive;
+  std::optional<ObjectAddress> object;            // of an SDO transfer
+  std::optional<std::uint32_t> id;                // CAN identifier
+  std::uint32_t id_mask = 0x1FFFFFFF;             // the bits of the identifier that are compared
+  std::vector<std::optional<std::uint8_t>> data;  // first bytes; no value: any byte
+  std::vector<std::uint8_t> data_mask;            // the bits of `data` that are compared; a missing byte: all
+  std::optional<std::uint8_t> function;           // Modbus function code
+  std::optional<std::uint8_t> command;            // of an EtherCAT datagram
+  std::optional<std::uint16_t> address;           // register address of an EtherCAT datagram
+};
+
+// Is true while all that is given holds for the axis.
+struct Condition {
+  std::string axis;          // the axis that it is about; empty: that of the rule or expectation
+  std::optional<Time> time;  // line time is not before it
+  std::string after;         // the rule of this name has acted
+  Time after_delay{};        // so long ago
+  std::optional<drive::PowerState> state;
+  std::optional<canopen::NmtState> nmt;
+  std::optional<ethercat::AlState> al;
+  std::optional<int> mode;                               // as 6061h shows it
+  std::optional<unsigned> homing_leg;                    // the drive runs this leg of its homing, from 0
+  std::optional<bool> at_rest;                           // the shaft turns slower than `rest_rpm`
+  std::optional<double> position_above, position_below;  // motor revolutions, the true shaft
+  std::optional<double> speed_above, speed_below;        // rpm, amount
+  std::optional<double> moved_above;                     // motor revolutions from where it was at the beginning, amount
+  std::optional<double> travelled_above;  // motor revolutions since the line began, both directions added
+  std::optional<double> torque_above;     // fraction of the rated torque, amount
+  std::optional<ObjectAddress> object;    // (value & mask) == value_wanted
+  std::int64_t mask = -1;
+  std::int64_t value = 0;
+  std::optional<bool> powered;
+  std::optional<MessagePattern> message;  // `count` such messages have passed since the watch began
+  unsigned count = 1;
+  std::optional<Time> ended;    // the master ended so long ago
+  std::optional<bool> success;  // the master has ended with this result
+
+  static constexpr double rest_rpm = 1;
+};
+
+// ---- Actions on messages
+
+struct Withhold {};
+struct Delay {
+  Time time{};
+  Time jitter{};        // a draw from 0 to this is added
+  unsigned frames = 0;  // on EtherCAT in place of a time: until so many later frames have come back
+};
+struct Alter {
+  enum class How : std::uint8_t { set, flip, add };
+  std::optional<int> byte;  // from 0; negative: from the end, -1 is the last
+  How how = How::set;
+  std::uint8_t value = 0;
+  std::vector<std::optional<std::uint8_t>> bytes;  // from byte 0 on; no value: unchanged
+  std::optional<std::uint32_t> id;                 // the CAN identifier
+};
+struct Repeat {
+  unsigned copies = 1;  // in addition to the message itself
+  Time gap{};           // between two of them
+  Alter alter;          // of the copies
+};
+struct Replace {
+  std::vector<std::uint8_t> data;
+};
+struct Truncate {
+  unsigned length = 0;  // bytes that remain
+};
+struct Extend {
+  std::vector<std::uint8_t> data;  // is appended
+};
+struct Abort {
+  std::uint32_t code = 0;  // of the SDO abort that takes the message's place
+};
+// On frames of an EtherCAT segment.
+struct WithholdAnswer {};
+struct Twice {};
+struct WorkingCounter {
+  int add = -1;
+};
+struct Stale {};
+// On answers of serial servers.
+struct Slow {
+  Time gap{};  // between two characters
+};
+struct Close {
+  unsigned length = 0;  // so many bytes are sent before the TCP connection closes
+};
+
+// ---- Actions on a bus
+
+struct Send {
+  std::uint32_t id = 0;
+  std::vector<std::uint8_t> data;
+  Time period{};
+  bool continuous = false;  // until the rule ends, as close together as the bus allows
+};
+// The cable in front of an EtherCAT slave, a drive's stub on CAN or RS485; for a bus: the master's cable.
+struct Cable {
+  bool connected = false;
+};
+struct Accept {
+  bool on = false;  // false: TCP connections to the bus are refused, and existing ones end
+};
+struct ForceErrorState {
+  links::ErrorState state = links::ErrorState::passive;
+};
+
+// ---- Actions on objects, as the bus sees them
+
+struct Show {
+  enum class How : std::uint8_t { value, freeze, set_bits, clear_bits, flip_bits, add, negate, late, drift };
+  ObjectAddress object;
+  How how = How::freeze;
+  std::int64_t number = 0;  // value, bits, amount, or drift per second
+  std::int64_t mask = -1;   // of value, freeze and late: only these bits
+  Time time{};              // period of flip_bits, lateness
+};
+struct Ignore {
+  ObjectAddress object;
+  std::int64_t mask = -1;  // only these bits keep their old value
+};
+struct Hold {
+  ObjectAddress object;
+  Time time{};
+};
+
+// ---- Actions on a drive
+
+// A request to the bench API for the axis, and the request that takes it back; empty: it is not taken back.
+struct Request {
+  std::string method;  // "PUT", "POST", "DELETE"
+  std::string path;    // behind /api/v1/axes/NAME
+  std::string body;
+  std::string undo_method;
+  std::string undo_path;
+  std::string undo_body;
+};
+// The drive writes its own object once, also a read-only one.
+struct SetObject {
+  ObjectAddress object;
+  std::int64_t value = 0;
+};
+struct Emergency {
+  std::uint16_t code = 0;
+  std::uint8_t error_register = 1;
+  Time period{};
+};
+
+// ---- Actions on an EtherCAT slave
+
+struct RefuseState {
+  ethercat::AlState to = ethercat::AlState::operational;
+  std::uint16_t code = 0;
+};
+struct DropState {
+  ethercat::AlState to = ethercat::AlState::safe_operational;
+  std::uint16_t code = 0;
+};
+struct PatchSii {
+  unsigned word = 0;
+  std::uint16_t value = 0;
+};
+struct DisturbClock {
+  std::int64_t jump_ns = 0;
+  std::optional<double> ppm;
+  bool stop = false;
+};
+struct DisturbSync0 {
+  enum class How : std::uint8_t { missing, twice, late };
+  How how = How::missing;
+  Time late{};
+};
+struct StaleInputs {};
+struct WatchdogOff {};
+
+using Action = std::variant<Withhold, Delay, Repeat, Alter, Replace, Truncate, Extend, Abort, WithholdAnswer, Twice,
+                            WorkingCounter, Stale, Slow, Close, Send, Cable, Accept, ForceErrorState, Show, Ignore,
+                            Hold, Request, SetObject, Emergency, RefuseState, DropState, PatchSii, DisturbClock,
+                            DisturbSync0, StaleInputs, WatchdogOff>;
+
+// The action changes messages that `Rule::on` selects.
+inline bool acts_on_messages(const Action& action) { return action.index() <= Action(Close{}).index(); }
+// The action makes a message: when its rule begins, or before each message that `Rule::on` selects.
+inline bool makes_messages(const Action& action) {
+  return std::holds_alternative<Send>(action) || std::holds_alternative<Emergency>(action);
+}
+// The action changes what the bus sees of an object.
+inline bool acts_on_view(const Action& action) {
+  return std::holds_alternative<Show>(action) || std::holds_alternative<Ignore>(action) ||
+         std::holds_alternative<Hold>(action);
+}
+
+// The object of an action; nullptr: it has none.
+inline const ObjectAddress* object_of(const Action& action) {
+  if (const auto* show = std::get_if<Show>(&action)) return &show->object;
+  if (const auto* ignore = std::get_if<Ignore>(&action)) return &ignore->object;
+  if (const auto* hold = std::get_if<Hold>(&action)) return &hold->object;
+  if (const auto* set = std::get_if<SetObject>(&action)) return &set->object;
+  return nullptr;
+}
+
+struct Rule {
+  std::string name;
+  std::string axis;  // empty: the only axis
+  std::string bus;   // in place of an axis, for actions on a bus
+  Condition when;
+  std::optional<Condition> until;
+  bool again = false;                // begins anew each time `when` becomes true
+  std::optional<Time> period;        // begins anew so long after its last beginning, if `when` holds
+  std::optional<MessagePattern> on;  // for actions on messages
+  Action action;
+  bool checksum = false;          // of a serial message is computed again after the change
+  std::optional<unsigned> times;  // of messages it acts on or sends; ends after so many acts
+  unsigned skip = 0;              // lets so many matching messages pass first
+  unsigned every = 1;             // then acts on every n-th
+  double chance = 1;              // of these with this probability
+  std::optional<Time> lasts;      // ends so long after its beginning
+};
+
+struct Expectation {
+  enum class Kind : std::uint8_t { eventually, always, never };
+  std::string name;
+  std::string axis;
+  Kind kind = Kind::eventually;
+  Condition when;                  // the watch begins when it is true
+  std::optional<Condition> until;  // and ends
+  Condition what;
+  std::optional<Time> within;  // of `eventually`, from the beginning of the watch
+  std::optional<Time> lasts;   // the watch of `always` and `never` ends so long after it began
+};
+
+enum class MasterStatus : std::uint8_t { any, success, failure };
+
+struct Scenario {
+  std::string title;
+  std::string breaks;
+  std::string clause;
+  std::string good_master;
+  std::string why;
+  std::string source;
+  std::string line;  // path of the line file, from the current folder
+  std::uint64_t seed = 1;
+  MasterStatus master = MasterStatus::any;
+  Time duration = std::chrono::seconds(10);
+  std::vector<Rule> rules;
+  std::vector<Expectation> expectations;
+};
+
+}  // namespace servodrome::scenario

@@ -1,0 +1,42 @@
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include "scenario/scenario.hpp"
+#include "scenario/verdict.hpp"
+
+namespace servodrome::scenario {
+
+// The outcome of one scenario with one master.
+struct TrialResult {
+  // `error`: the scenario could not be run. `not_reached`: no rule acted, so the master met no mishap.
+  enum class Outcome : std::uint8_t { passed, failed, not_reached, error };
+
+  std::string path;  // of the scenario file
+  Scenario scenario;
+  Outcome outcome = Outcome::error;
+  std::string reason;  // of an error or a failure without a verdict; empty: see the verdicts
+  std::vector<Verdict> verdicts;
+  std::vector<RuleReport> rules;
+  int exit_status = 0;
+  bool was_ended = false;     // the trial ended the master, because its time was over
+  Time duration{};            // line time
+  std::string master_output;  // its last lines
+  std::string picture;        // SVG of the shafts; may be empty
+};
+
+std::string_view word_of(TrialResult::Outcome outcome);
+
+// Judges from verdicts, rules and exit status, and sets `outcome` and `reason`.
+void judge(TrialResult& result);
+
+// The expectations that every trial has in addition to its scenario's: a master that has ended leaves no axis moving.
+std::vector<Expectation> standard_expectations(const std::vector<std::string>& axes);
+
+// A JUnit report: a test suite for each folder, a test case for each scenario. "not reached" counts as skipped.
+std::string junit_of(const std::vector<TrialResult>& results, const std::string& master);
+// A page with a table of all, and the details and pictures of each.
+std::string html_of(const std::vector<TrialResult>& results, const std::string& master);
+
+}  // namespace servodrome::scenario

@@ -1,0 +1,27 @@
+#pragma once
+
+#include <string>
+
+#include "links/time.hpp"
+
+namespace servodrome::scenario {
+
+enum class Outcome : std::uint8_t { passed, failed, not_reached };
+
+// The judgement of one expectation.
+struct Verdict {
+  std::string name;
+  Outcome outcome = Outcome::not_reached;
+  links::Time at{};   // when it was decided, or when the watch began
+  std::string found;  // what was found instead, in words
+};
+
+// What became of a rule.
+struct RuleReport {
+  std::string name;
+  std::uint64_t acts = 0;
+  std::optional<links::Time> first_act;
+  std::string error;  // why it could not act; empty: no error
+};
+
+}  // namespace servodrome::scenario

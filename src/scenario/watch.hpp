@@ -1,0 +1,49 @@
+#pragma once
+
+#include "line/axis.hpp"
+#include "scenario/message.hpp"
+
+namespace servodrome::scenario {
+
+// What conditions ask for beyond the present state of an axis.
+struct Facts {
+  std::map<std::string, std::optional<Time>, std::less<>> first_acts;  // of each rule; none: it has not acted
+  std::map<const line::Axis*, double> travelled;                       // motor revolutions, both directions added
+  std::optional<Time> master_ended;
+  bool master_succeeded = false;
+};
+
+// Watches whether a condition holds for an axis.
+class Watch {
+ public:
+  // `axis` may be nullptr if the condition asks for nothing of an axis (see needs_axis).
+  Watch(const Condition& condition, line::Axis* axis) : condition_(&condition), axis_(axis) {}
+
+  // The watch begins: messages and distances count from now on.
+  void begin();
+  // A message has passed between this axis, or a bus (nullptr), and the master.
+  void notice(const line::Axis* axis, const Message& message);
+  bool holds(Time now, const Facts& facts) const;
+  // What the condition asks for, as it is now: "state fault, position 1.25".
+  std::string present() const;
+
+ private:
+  bool drive_fits() const;
+  bool shaft_fits() const;
+  bool has_travelled(const Facts& facts) const;
+  bool master_fits(Time now, const Facts& facts) const;
+  bool bus_fits() const;
+
+  const Condition* condition_;
+  line::Axis* axis_;
+  unsigned messages_ = 0;
+  double start_revolutions_ = 0;
+};
+
+// The condition is about an axis.
+bool needs_axis(const Condition& condition);
+
+// The position of the true shaft in motor revolutions.
+double revolutions(const line::Axis& axis);
+
+}  // namespace servodrome::scenario

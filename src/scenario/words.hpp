@@ -1,0 +1,47 @@
+#pragma once
+
+#include <array>
+#include <fmt/format.h>
+#include <fmt/ranges.h>
+#include <optional>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "line/table_reader.hpp"
+#include "links/nearest_name.hpp"
+
+namespace servodrome::scenario {
+
+// A word of the scenario file and what it stands for.
+template <typename Value>
+struct Word {
+  std::string_view name;
+  Value value;
+};
+
+template <typename Value, std::size_t Count>
+std::string_view word_of(const std::array<Word<Value>, Count>& words, Value value) {
+  for (const auto& word : words) {
+    if (word.value == value) return word.name;
+  }
+  return "?";
+}
+
+// Reads a key whose value is one of `words`. Reports an error if it is another.
+template <typename Value, std::size_t Count>
+std::optional<Value> read_word(line::TableReader& reader, std::string_view key,
+                               const std::array<Word<Value>, Count>& words) {
+  std::string text;
+  reader.read(key, text);
+  if (text.empty()) return std::nullopt;
+  std::vector<std::string_view> names;
+  for (const auto& word : words) {
+    if (word.name == text) return word.value;
+    names.push_back(word.name);
+  }
+  reader.complain(key, fmt::format("there is no \"{}\"", text), links::suggestion(text, names));
+  return std::nullopt;
+}
+
+}  // namespace servodrome::scenario

@@ -1,0 +1,223 @@
+// Rules on the messages of a CANopen drive, as a master on the bus sees them.
+#include "scenario/support.hpp"
+
+namespace servodrome::scenario::test {
+namespace {
+
+using line::test::number_in;
+using line::test::sdo_read;
+using line::test::sdo_write;
+
+TEST(CanRules, AnAnswerIsWithheldOnce) {
+  Stage stage(R"(
+[[rule]]
+on = { message = "sdo_answer" }
+do = "withhold"
+times = 1
+)");
+  EXPECT_TRUE(stage.sdo(sdo_read(1, 0x1000, 0)).empty());
+  EXPECT_EQ(stage.sdo(sdo_read(1, 0x1000, 0)).size(), 1U);
+  EXPECT_EQ(stage.director.rules().front().acts, 1U);
+}
+
+TEST(CanRules, AnAnswerAboutOneObjectComesLate) {
+  Stage stage(R"(
+[[rule]]
+on = { message = "sdo_answer", object = "6041" }
+do = "delay"
+ms = 100
+)");
+  EXPECT_EQ(stage.sdo(sdo_read(1, 0x1000, 0)).size(), 1U);
+  EXPECT_TRUE(stage.sdo(sdo_read(1, 0x6041, 0), 99ms).empty());
+  stage.run(3ms);
+  EXPECT_EQ(stage.received(0x581).size(), 1U);
+}
+
+TEST(CanRules, TheThirdWriteIsAborted) {
+  Stage stage(R"(
+[[rule]]
+on = { message = "sdo_answer", object = "6081", data = "60" }
+do = "abort"
+code = 0x08000022
+skip = 2
+times = 1
+)");
+  for (const unsigned n : {1U, 2U, 3U, 4U}) {
+    const auto answer = stage.sdo(sdo_write(1, 0x6081, 0, n, 4));
+    ASSERT_EQ(answer.size(), 1U);
+    EXPECT_EQ(answer[0].data[0], n == 3 ? 0x80 : 0x60) << n;
+    if (n == 3) {
+      EXPECT_EQ(number_in(answer[0]), 0x08000022U);
+    }
+  }
+  EXPECT_EQ(stage.read(0x6081), 4U) << "the write before had been carried out";
+}
+
+TEST(CanRules, ARequestThatIsAbortedIsNotCarriedOut) {
+  Stage stage(R"(
+[[rule]]
+on = { message = "sdo_request", object = "6081" }
+do = "abort"
+code = 0x06010000
+times = 1
+)");
+  const std::int64_t before = stage.x().device().dictionary().number(0x6081);
+  const auto answer = stage.sdo(sdo_write(1, 0x6081, 0, 77, 4));
+  ASSERT_EQ(answer.size(), 1U);
+  EXPECT_EQ(answer[0].data[0], 0x80);
+  EXPECT_EQ(stage.x().device().dictionary().number(0x6081), before);
+}
+
+TEST(CanRules, BytesAndLengthsAreChanged) {
+  Stage stage(R"(
+[[rule]]
+on = { message = "sdo_answer", object = "1000" }
+do = "alter"
+byte = 0
+xor = 0x10
+times = 1
+[[rule]]
+when = { time_ms = 30 }
+on = { message = "sdo_answer", object = "1000" }
+do = "truncate"
+length = 7
+times = 1
+[[rule]]
+when = { time_ms = 60 }
+on = { message = "sdo_answer", object = "1000" }
+do = "alter"
+id = 0x582
+times = 1
+)");
+  EXPECT_EQ(stage.sdo(sdo_read(1, 0x1000, 0), 30ms).at(0).data[0], 0x43 ^ 0x10);
+  EXPECT_EQ(stage.sdo(sdo_read(1, 0x1000, 0), 30ms).at(0).length, 7);
+  EXPECT_EQ(stage.answers(sdo_read(1, 0x1000, 0), 0x582).size(), 1U);
+}
+
+TEST(CanRules, AHeartbeatStopsWhileTheDriveIsEnabled) {
+  Stage stage(R"(
+[[rule]]
+when = { state = "operation_enabled" }
+until = { state = "switch_on_disabled" }
+again = true
+on = { message = "heartbeat" }
+do = "withhold"
+)");
+  stage.write(0x1017, 10, 2);
+  stage.received(0x701);
+  stage.run(100ms);
+  EXPECT_GE(stage.received(0x701).size(), 9U);
+  for (int n = 0; n < 2; ++n) {
+    stage.enable();
+    stage.received(0x701);
+    stage.run(100ms);
+    EXPECT_TRUE(stage.received(0x701).empty()) << n;
+    stage.write(0x6040, 0, 2);
+    stage.run(200ms);
+    EXPECT_FALSE(stage.received(0x701).empty()) << n;
+  }
+}
+
+TEST(CanRules, TheBootUpComesTwice) {
+  Stage stage(R"(
+[[rule]]
+on = { message = "boot_up" }
+do = "repeat"
+copies = 1
+gap_ms = 5
+)");
+  stage.run(2s);
+  EXPECT_EQ(stage.received(0x701).size(), 2U) << "a rule acts on the first frame of a new line";
+  EXPECT_EQ(stage.answers(line::test::nmt(0x81, 1), 0x701, 2s).size(), 2U);
+}
+
+TEST(CanRules, ANodeIgnoresCommandsOfTheNetworkManagement) {
+  Stage stage(R"(
+[[rule]]
+on = { message = "nmt", data = "01" }
+do = "withhold"
+)");
+  stage.run(10ms);
+  stage.send(line::test::nmt(1, 1));
+  stage.run(10ms);
+  EXPECT_EQ(stage.x().device().can_node()->nmt_state(), canopen::NmtState::pre_operational);
+}
+
+TEST(CanRules, AnEmergencyStorm) {
+  Stage stage(R"(
+[[rule]]
+when = { time_ms = 10 }
+bus = "can0"
+do = "send"
+id = 0x81
+data = "10 43 09 00 00 00 00 00"
+period_ms = 0.5
+times = 100
+)");
+  stage.run(200ms);
+  EXPECT_EQ(stage.received(0x81).size(), 100U);
+}
+
+TEST(CanRules, ADriveWithoutPowerSaysNothing) {
+  Stage stage(R"(
+[[rule]]
+on = { message = "sdo_answer" }
+do = "delay"
+ms = 50
+[[rule]]
+when = { time_ms = 30 }
+do = "power"
+on = false
+)");
+  EXPECT_TRUE(stage.sdo(sdo_read(1, 0x1000, 0), 100ms).empty());
+  EXPECT_FALSE(stage.x().powered());
+  stage.director.finish();
+  EXPECT_TRUE(stage.x().powered()) << "the rule takes its effect back when it ends";
+}
+
+TEST(CanRules, BusOffAndRecovery) {
+  Stage stage(R"(
+[[rule]]
+when = { time_ms = 10 }
+for_ms = 1
+do = "error_state"
+state = "bus_off"
+)");
+  stage.run(11ms - 62500ns);
+  EXPECT_EQ(stage.line.buses().front()->bus.error_state(stage.x().port()), links::ErrorState::bus_off);
+  stage.run(100ms);
+  EXPECT_EQ(stage.line.buses().front()->bus.error_state(stage.x().port()), links::ErrorState::active);
+  EXPECT_EQ(stage.sdo(sdo_read(1, 0x1000, 0)).size(), 1U);
+}
+
+// The same scenario and the same traffic give the same frames at the same nanoseconds.
+TEST(CanRules, DrawsAreRepeated) {
+  const auto run = [] {
+    Stage stage(R"(
+seed = 7
+[[rule]]
+on = { message = "sdo_answer" }
+do = "delay"
+ms = 1
+jitter_ms = 5
+chance = 0.5
+[[rule]]
+on = { message = "sdo_answer" }
+do = "withhold"
+chance = 0.2
+)");
+    line::test::Recorder recorder(stage.line.buses().front()->bus);
+    for (int n = 0; n < 200; ++n) {
+      stage.send(sdo_read(1, 0x6041, 0));
+      stage.run(10ms);
+    }
+    return std::pair(recorder.text(), stage.director.rules().at(1).acts);
+  };
+  const auto first = run();
+  EXPECT_EQ(first, run());
+  EXPECT_GT(first.second, 15U);
+  EXPECT_LT(first.second, 70U);
+}
+
+}  // namespace
+}  // namespace servodrome::scenario::test

@@ -1,0 +1,135 @@
+// Rules on objects: what the bus sees differs from what the drive does.
+#include "scenario/support.hpp"
+
+namespace servodrome::scenario::test {
+namespace {
+
+TEST(ObjectRules, ABitOfTheStatuswordIsFrozen) {
+  Stage stage(R"(
+[[rule]]
+do = "show"
+object = "6041"
+clear_bits = 0x0400
+)");
+  stage.enable();
+  EXPECT_EQ(stage.read(0x6041) & 0x0400U, 0U);
+  EXPECT_NE(stage.x().device().drive().statusword() & 0x0400, 0) << "the drive itself has it";
+  EXPECT_EQ(stage.state(), drive::PowerState::operation_enabled);
+}
+
+TEST(ObjectRules, ProcessDataShowTheSame) {
+  Stage stage(R"(
+[[rule]]
+do = "show"
+object = "6041"
+set_bits = 0x4000
+)");
+  stage.write(0x1400, 0xFF, 1, 2);
+  stage.send(line::test::nmt(1, 1));
+  stage.run(100ms);
+  const auto frames = stage.received(0x181);
+  ASSERT_FALSE(frames.empty());
+  EXPECT_NE(frames.back().data[1] & 0x40, 0);
+}
+
+TEST(ObjectRules, APositionFreezesAndTheShaftGoesOn) {
+  Stage stage(R"(
+[[rule]]
+name = "freeze"
+when = { speed_above_rpm = 50 }
+for_ms = 500
+do = "show"
+object = "6064"
+freeze = true
+)");
+  stage.enable(3);
+  stage.write(0x6083, 1'000'000, 4);
+  stage.write(0x60FF, 200'000, 4);
+  stage.run(300ms);
+  ASSERT_TRUE(stage.director.rules().front().first_act.has_value());
+  const std::uint32_t shown = stage.read(0x6064);
+  const double before = revolutions(stage.x());
+  stage.run(100ms);
+  EXPECT_EQ(stage.read(0x6064), shown);
+  EXPECT_GT(revolutions(stage.x()), before);
+  stage.run(500ms);
+  EXPECT_NE(stage.read(0x6064), shown);
+}
+
+TEST(ObjectRules, AValueComesLate) {
+  Stage stage(R"(
+[[rule]]
+do = "show"
+object = "6081"
+late_ms = 50
+)");
+  stage.run(100ms);
+  const std::uint32_t old = stage.read(0x6081);
+  stage.write(0x6081, old + 5, 4);
+  EXPECT_EQ(stage.read(0x6081), old);
+  stage.run(50ms);
+  EXPECT_EQ(stage.read(0x6081), old + 5);
+}
+
+TEST(ObjectRules, AModeThatIsNotShown) {
+  Stage stage(R"(
+[[rule]]
+do = "show"
+object = "6061"
+value = 0
+)");
+  stage.write(0x6060, 3, 1);
+  EXPECT_EQ(stage.read(0x6061) & 0xFFU, 0U);
+  EXPECT_EQ(stage.x().device().drive().mode(), drive::Mode::profile_velocity);
+}
+
+TEST(ObjectRules, TwoResetsAreIgnored) {
+  Stage stage(R"(
+[[rule]]
+do = "ignore"
+object = "6040"
+mask = 0x80
+times = 2
+[[rule]]
+when = { time_ms = 10 }
+for_ms = 10
+do = "inject"
+fault = "0x2310"
+)");
+  stage.run(50ms);
+  ASSERT_EQ(stage.state(), drive::PowerState::fault);
+  for (const int n : {1, 2, 3}) {
+    stage.write(0x6040, 0, 2);
+    stage.write(0x6040, 0x80, 2);
+    stage.write(0x6040, 0x80, 2);
+    stage.run(20ms);
+    EXPECT_EQ(stage.state() == drive::PowerState::fault, n < 3) << n;
+  }
+}
+
+TEST(ObjectRules, AnEnableThatIsSlow) {
+  Stage stage(R"(
+[[rule]]
+when = { state = "switched_on" }
+do = "hold"
+object = "6040"
+ms = 300
+times = 1
+)");
+  for (const std::uint32_t word : {0x06U, 0x07U}) stage.write(0x6040, word, 2);
+  stage.run(1s);
+  ASSERT_EQ(stage.state(), drive::PowerState::switched_on);
+  stage.write(0x6040, 0x0F, 2);
+  stage.run(250ms);
+  EXPECT_EQ(stage.state(), drive::PowerState::switched_on);
+  stage.run(600ms);
+  EXPECT_EQ(stage.state(), drive::PowerState::operation_enabled);
+}
+
+TEST(ObjectRules, AnObjectThatTheDriveDoesNotHaveIsRefused) {
+  line::Line line(line::test::settings_of(one_axis));
+  EXPECT_THROW(Director(line, scenario_of("[[rule]]\ndo = \"show\"\nobject = \"5FFF\"\nvalue = 1")), ScenarioError);
+}
+
+}  // namespace
+}  // namespace servodrome::scenario::test

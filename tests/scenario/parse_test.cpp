@@ -1,0 +1,74 @@
+// Errors in scenario files, with their places.
+#include <gmock/gmock.h>
+
+#include "scenario/support.hpp"
+
+namespace servodrome::scenario::test {
+namespace {
+
+using testing::HasSubstr;
+
+std::string first_error(const std::string& text) {
+  const ScenarioFile file = parse_scenario(text, "s.toml");
+  return file.diagnostics.empty() ? "" : to_string(file.diagnostics.front());
+}
+
+TEST(ScenarioFileErrors, AreToldWithLineAndColumn) {
+  struct Case {
+    const char* text;
+    const char* error;
+  };
+  const Case cases[] = {
+      {"", "s.toml:1:1: title: is missing"},
+      {"title = 3", "s.toml:1:9: title: is an integer; expected a string"},
+      {"title = \"t\"\n[[rule]]\ndo = \"withold\"\n", "s.toml:3:6: rule 1.do: there is no action \"withold\""},
+      {"title = \"t\"\n[[rule]]\n", "rule 1.do: is missing"},
+      {"title = \"t\"\n[[rule]]\ndo = \"withhold\"\n", "rule 1.on: is missing"},
+      {"title = \"t\"\n[[rule]]\ndo = \"power\"\non = { message = \"nmt\" }\n", "rule 1.on"},
+      {"title = \"t\"\n[[rule]]\ndo = \"delay\"\non = { message = \"sdo_answer\" }\nms = -1\n",
+       "rule 1.ms: -1 is out of"},
+      {"title = \"t\"\n[[rule]]\ndo = \"withhold\"\non = { message = \"sdo\" }\n",
+       "there is no \"sdo\"; known here: sdo_answer"},
+      {"title = \"t\"\n[[rule]]\ndo = \"show\"\nobject = \"60G1\"\nfreeze = true\n", "\"60G1\" is no object"},
+      {"title = \"t\"\n[[rule]]\ndo = \"show\"\nobject = \"6041\"\n", "give one of value, set_bits"},
+      {"title = \"t\"\n[[rule]]\ndo = \"withhold\"\nstep = 3\non = { message = \"nmt\" }\n",
+       "unknown key `step` in rule 1"},
+      {"title = \"t\"\n[[expect]]\nwhen = { after = \"x\" }\nalways = { at_rest = true }\n",
+       "s.toml:3:8: after: there is no rule \"x\""},
+      {"title = \"t\"\n[[expect]]\n", "give one of eventually, always and never"},
+      {"title = \"t\"\n[[expect]]\nalways = { state = \"on\" }\n", "there is no \"on\""},
+      {"title = \"t\"\n[[rule]]\nname = \"a\"\ndo = \"power\"\n[[rule]]\nname = \"a\"\ndo = \"power\"\n",
+       "there is a rule \"a\" already"},
+      {"title = \"t\"\nchance = 1\n", "unknown key `chance`"},
+      {"title = \"t\"\nduration_s = 0\n", "duration_s: is out of range"},
+      {"title = \"t\n", "correct the TOML here"},
+  };
+  for (const Case& each : cases) EXPECT_THAT(first_error(each.text), HasSubstr(each.error)) << each.text;
+}
+
+TEST(ScenarioFileErrors, AxesAndBusesAreCheckedWithTheLine) {
+  line::Line line(line::test::settings_of(line::test::two_axes));
+  const auto where = [&line](const std::string& text) -> std::string {
+    try {
+      const Director director(line, scenario_of(text));
+    } catch (const ScenarioError& error) {
+      return error.where() + ": " + error.what() + "; " + error.hint();
+    }
+    return "";
+  };
+  EXPECT_EQ(where("[[rule]]\ndo = \"power\"\n"), "rule 1: the line has several axes; name one: axis = \"NAME\"");
+  EXPECT_THAT(where("[[rule]]\naxis = \"lefd\"\ndo = \"power\"\n"), HasSubstr("did you mean `left`?"));
+  EXPECT_THAT(where("[[rule]]\nbus = \"can7\"\ndo = \"send\"\nid = 1\n"), HasSubstr("there is no bus \"can7\""));
+  EXPECT_EQ(where("[[rule]]\naxis = \"left\"\ndo = \"power\"\n"), "");
+}
+
+TEST(ScenarioFiles, HaveDefaults) {
+  const Scenario scenario = scenario_of("[[rule]]\ndo = \"power\"\n");
+  EXPECT_EQ(scenario.seed, 1U);
+  EXPECT_EQ(scenario.duration, 10s);
+  EXPECT_EQ(scenario.rules.front().name, "rule 1");
+  EXPECT_EQ(scenario.rules.front().every, 1U);
+}
+
+}  // namespace
+}  // namespace servodrome::scenario::test
