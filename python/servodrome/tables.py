@@ -133,6 +133,25 @@ def kind_of(axis: Axis) -> Optional[str]:
 # ---- TOML ----
 
 
+def toml_text(content: Mapping[str, Any]) -> str:
+    """The text of a TOML file with arrays of tables at its top, as line files have them."""
+    lines: List[str] = []
+    for key, value in content.items():
+        if not isinstance(value, Mapping) and not _is_tables(value):
+            lines.append(f"{_key(key)} = {_value(value, key)}")
+    for key, value in content.items():
+        if isinstance(value, Mapping):
+            lines += [f"[{_key(key)}]", *_table(key, value)]
+        elif _is_tables(value):
+            for table in value:
+                lines += [f"[[{_key(key)}]]", *_table(key, table)]
+    return "\n".join(lines) + "\n"
+
+
+def _is_tables(value: Any) -> bool:
+    return isinstance(value, list) and bool(value) and all(isinstance(one, Mapping) for one in value)
+
+
 def _table(path: str, table: Mapping[str, TomlValue]) -> Iterator[str]:
     """The rows of a table, then its tables with their heads."""
     for key, value in table.items():

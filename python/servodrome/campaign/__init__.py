@@ -1,0 +1,11 @@
+"""Campaigns: many runs of a program on lines in virtual time, over scenarios, seeds and parameters (docs/campaign.md).
+
+    python -m servodrome campaign run PLAN.toml --out DIR
+    python -m servodrome campaign report DIR
+"""
+
+from .plan import Plan, Run, load_plan
+from .store import Store
+from .work import execute
+
+__all__ = ["Plan", "Run", "Store", "execute", "load_plan"]

@@ -1,0 +1,112 @@
+"""The results of a campaign: a folder with its plan and Parquet files, each written at once."""
+
+from __future__ import annotations
+
+import json
+import os
+import uuid
+from typing import Any, Dict, List, Optional, Sequence, Set
+
+from ..errors import BadValue, MissingPackage
+from .plan import Plan
+
+DICTIONARY = {
+    "run": "number of the run in its plan, from 0",
+    "scenario": "file name of the scenario; empty: none",
+    "seed": "seed of the run",
+    "outcome": "passed, failed, not reached (no rule of the scenario acted), or error (the run could not be made)",
+    "failed": "names of the expectations that failed",
+    "error": "exception of the program, or of servodrome",
+    "acts": "acts of the scenario's rules",
+    "line_time_s": "line time at the end, in seconds",
+}
+"""The columns that each campaign has. Others are parameters, and figures of the program (figure_NAME)."""
+
+
+def arrow() -> Any:
+    """The package pyarrow."""
+    try:
+        import pyarrow
+        import pyarrow.parquet  # noqa: F401
+    except ImportError as error:
+        raise MissingPackage("pyarrow is not installed", "campaign", "pip install servodrome[campaign]") from error
+    return pyarrow
+
+
+class Store:
+    """A folder of results. A kill at any moment loses the runs of the file that is being written, and no others."""
+
+    def __init__(self, folder: str, plan: Optional[Plan] = None) -> None:
+        """Opens the folder; with a plan, makes it for this plan. Raises BadValue if it belongs to another plan."""
+        self.folder = folder
+        self.parts = os.path.join(folder, "parts")
+        about = os.path.join(folder, "campaign.json")
+        if plan is not None:
+            os.makedirs(self.parts, exist_ok=True)
+            if not os.path.exists(about):
+                self._write(about, json.dumps(self._about(plan), indent=2) + "\n")
+        if not os.path.exists(about):
+            raise BadValue(f"{folder} has no campaign.json", folder, "give the folder of `campaign run --out`")
+        with open(about, encoding="utf-8") as file:
+            self.about: Dict[str, Any] = json.load(file)
+        if plan is not None and self.about["fingerprint"] != plan.fingerprint:
+            raise BadValue(f"{folder} has results of another plan", folder, "give another folder with --out")
+
+    @staticmethod
+    def _about(plan: Plan) -> Dict[str, Any]:
+        columns = {**DICTIONARY, **{name: "parameter" for name in plan.parameters}}
+        return {
+            "title": plan.title,
+            "fingerprint": plan.fingerprint,
+            "runs": plan.count,
+            "program": plan.program,
+            "parameters": plan.parameters,
+            "columns": columns,
+        }
+
+    @staticmethod
+    def _write(path: str, text: str) -> None:
+        temporary = f"{path}.{uuid.uuid4().hex}.tmp"
+        with open(temporary, "w", encoding="utf-8") as file:
+            file.write(text)
+        os.replace(temporary, path)
+
+    def add(self, rows: Sequence[Dict[str, Any]]) -> None:
+        """Writes rows to a file of their own; it appears whole or not at all."""
+        pyarrow = arrow()
+        names = list(dict.fromkeys(name for row in rows for name in row))
+        table = pyarrow.table({name: [row.get(name) for row in rows] for name in names})
+        path = os.path.join(self.parts, f"{rows[0]['run']:012d}-{uuid.uuid4().hex}.parquet")
+        pyarrow.parquet.write_table(table, path + ".tmp")
+        os.replace(path + ".tmp", path)
+
+    def files(self) -> List[str]:
+        """The files of results."""
+        return sorted(os.path.join(self.parts, name) for name in os.listdir(self.parts) if name.endswith(".parquet"))
+
+    def done(self) -> Set[int]:
+        """The numbers of the runs that are in the files."""
+        pyarrow = arrow()
+        numbers: Set[int] = set()
+        for file in self.files():
+            numbers.update(pyarrow.parquet.read_table(file, columns=["run"]).column("run").to_pylist())
+        return numbers
+
+    def table(self) -> Any:
+        """All results as one pyarrow table, in the order of the runs."""
+        pyarrow = arrow()
+        tables = [pyarrow.parquet.read_table(file) for file in self.files()]
+        if not tables:
+            raise BadValue("there are no results yet", self.folder, "run the campaign first")
+        return pyarrow.concat_tables(tables, promote_options="permissive").sort_by("run")
+
+    def merge(self) -> str:
+        """Writes all results to runs.parquet, with the meaning of each column, and returns its path."""
+        pyarrow = arrow()
+        table = self.table()
+        about = {name: self.about["columns"].get(name, "figure of the program") for name in table.column_names}
+        metadata = {**(table.schema.metadata or {}), b"servodrome.columns": json.dumps(about).encode()}
+        path = os.path.join(self.folder, "runs.parquet")
+        pyarrow.parquet.write_table(table.replace_schema_metadata(metadata), path + ".tmp")
+        os.replace(path + ".tmp", path)
+        return path
