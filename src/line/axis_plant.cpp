@@ -19,6 +19,24 @@ void read_group(TableReader& axis, std::string_view key, Struct& target, const s
   }
 }
 
+void read_motor(TableReader& axis, plant::Motor& motor) {
+  const toml::table* table = axis.table("motor");
+  if (table == nullptr) return;
+  TableReader reader(*table, axis.name_of("motor"), axis.report());
+  reader.read(motor, motor_keys);
+  for (const toml::table* harmonic : reader.tables("cogging")) {
+    if (motor.cogging_count == motor.cogging.size()) {
+      axis.report().complain(harmonic->source().begin, reader.name_of("cogging") + ": one table too many",
+                             fmt::format("at most {}", motor.cogging.size()));
+      break;
+    }
+    TableReader harmonic_reader(*harmonic, reader.name_of("cogging"), axis.report());
+    harmonic_reader.read(motor.cogging[motor.cogging_count++], cogging_keys);
+    harmonic_reader.finish();
+  }
+  reader.finish();
+}
+
 void read_nameplate(TableReader& axis, drive::MotorData& motor) {
   const std::size_t complaints = axis.report().diagnostics.size();
   read_group(axis, "nameplate", motor, nameplate_keys);
@@ -57,7 +75,13 @@ PlantMessage place_message(TableReader& axis, const std::string& message, const 
   toml::source_position at = axis.place(group);
   const toml::table* table = axis.table(group);
   if (table != nullptr && group.size() < name.size()) {
-    if (const toml::node* node = table->get(name.substr(group.size() + 1))) at = node->source().begin;
+    const std::string key = name.substr(group.size() + 1);
+    // "key", or "key[number].member" in an array of tables
+    if (const auto node = table->at_path(key)) {
+      at = node.node()->source().begin;
+    } else if (const auto element = table->at_path(key.substr(0, key.rfind('.')))) {
+      at = element.node()->source().begin;
+    }
   }
   return {at, fmt::format("axis.{}: {}", name, what)};
 }
@@ -66,7 +90,7 @@ PlantMessage place_message(TableReader& axis, const std::string& message, const 
 
 void read_axis_plant(TableReader& reader, AxisSettings& axis) {
   const std::size_t complaints = reader.report().diagnostics.size();
-  read_group(reader, "motor", axis.plant.motor, motor_keys);
+  read_motor(reader, axis.plant.motor);
   read_group(reader, "load", axis.plant.load, load_keys);
   read_group(reader, "supply", axis.plant.supply, supply_keys);
   read_group(reader, "encoder", axis.plant.encoder, encoder_keys);
@@ -76,6 +100,9 @@ void read_axis_plant(TableReader& reader, AxisSettings& axis) {
   if (reader.table("sensors") != nullptr) axis.plant.sensors.ideal = false;
   read_group(reader, "stage", axis.plant.stage, stage_keys);
   read_group(reader, "sensors", axis.plant.sensors, sensors_keys);
+  bool ideal = false;
+  reader.read("ideal", ideal);
+  if (ideal) plant::remove_imperfections(axis.plant);
   std::vector<std::string> switches;
   const toml::table* travel = reader.table("travel");
   if (travel != nullptr && axis.product != nullptr) {

@@ -32,16 +32,30 @@ inline constexpr std::array motor_keys{
     SERVODROME_KEY(plant::Motor, resistance_ohm),
     SERVODROME_KEY(plant::Motor, direct_inductance_h),
     SERVODROME_KEY(plant::Motor, quadrature_inductance_h),
+    SERVODROME_KEY(plant::Motor, quadrature_saturation_a),
+    SERVODROME_KEY(plant::Motor, saturated_inductance_share),
     SERVODROME_KEY(plant::Motor, torque_constant_nm_per_a),
+    SERVODROME_KEY(plant::Motor, magnet_temperature_coefficient),
     SERVODROME_KEY(plant::Motor, rotor_inertia_kgm2),
     SERVODROME_KEY(plant::Motor, viscous_friction_nms),
     SERVODROME_KEY(plant::Motor, coulomb_friction_nm),
+    SERVODROME_KEY(plant::Motor, iron_hysteresis_nm),
+    SERVODROME_KEY(plant::Motor, iron_eddy_nms),
     SERVODROME_KEY(plant::Motor, cogging_torque_nm),
     SERVODROME_KEY(plant::Motor, cogging_periods_per_revolution),
     SERVODROME_KEY(plant::Motor, copper_temperature_coefficient),
     SERVODROME_KEY(plant::Motor, brake_torque_nm),
     SERVODROME_KEY(plant::Motor, brake_release_ms),
     SERVODROME_KEY(plant::Motor, brake_engage_ms),
+    SERVODROME_KEY(plant::Motor, brake_rise_ms),
+    SERVODROME_KEY(plant::Motor, brake_half_torque_j),
+};
+
+// Of each table [[axis.motor.cogging]].
+inline constexpr std::array cogging_keys{
+    SERVODROME_KEY(plant::CoggingHarmonic, torque_nm),
+    SERVODROME_KEY(plant::CoggingHarmonic, periods),
+    SERVODROME_KEY(plant::CoggingHarmonic, phase_turns),
 };
 
 inline constexpr std::array load_keys{
@@ -49,18 +63,29 @@ inline constexpr std::array load_keys{
     SERVODROME_KEY(plant::Load, viscous_friction_nms),
     SERVODROME_KEY(plant::Load, coulomb_friction_nm),
     SERVODROME_KEY(plant::Load, static_friction_nm),
+    SERVODROME_KEY(plant::Load, stribeck_speed_rad_s),
     SERVODROME_KEY(plant::Load, gravity_torque_nm),
     SERVODROME_KEY(plant::Load, external_torque_nm),
+    SERVODROME_KEY(plant::Load, cycle_revolutions),
+    SERVODROME_KEY(plant::Load, cycle_offset_turns),
+    SERVODROME_KEY(plant::Load, arm_torque_nm),
+    SERVODROME_KEY(plant::Load, crank_inertia_kgm2),
+    SERVODROME_KEY(plant::Load, crank_torque_nm),
+    SERVODROME_KEY(plant::Load, crank_ratio),
     SERVODROME_KEY(plant::Load, elastic),
     SERVODROME_KEY(plant::Load, stiffness_nm_per_rad),
     SERVODROME_KEY(plant::Load, damping_nms),
     SERVODROME_KEY(plant::Load, backlash_rad),
+    SERVODROME_KEY(plant::Load, belt_length_revolutions),
+    SERVODROME_KEY(plant::Load, belt_middle_revolutions),
     SERVODROME_KEY(plant::Load, stop_stiffness_nm_per_rad),
     SERVODROME_KEY(plant::Load, stop_damping_nms),
 };
 
 inline constexpr std::array supply_keys{
     SERVODROME_KEY(plant::Supply, volts),
+    SERVODROME_KEY(plant::Supply, mains_phases),
+    SERVODROME_KEY(plant::Supply, mains_hz),
     SERVODROME_KEY(plant::Supply, source_resistance_ohm),
     SERVODROME_KEY(plant::Supply, capacitance_f),
     SERVODROME_KEY(plant::Supply, precharge_time_constant_s),

@@ -59,6 +59,11 @@ void accept_wire(int wire) {
 
 void Plant::apply_load() {
   shaft_.set_load(parameters_.load);
+  const Motor& motor = parameters_.motor;
+  uneven_ = motor.cogging_torque_nm > 0.0 || motor.cogging_count > 0 || shaft_.varies();
+  books_ =
+      motor.iron_hysteresis_nm > 0.0 || motor.iron_eddy_nms > 0.0 || motor.brake_torque_nm > 0.0 || shaft_.varies();
+  if (shaft_.varies()) shaft_.place(load_revolutions());
   rests_ = false;
 }
 
@@ -112,6 +117,7 @@ void Plant::set_position_counts(std::int64_t position_counts) {
   accept(changed);  // checks the range and the hard stops
   shaft_.stop();
   place(position_counts);
+  apply_load();
   rests_ = false;
 }
 
@@ -197,11 +203,15 @@ Energy Plant::energy() const {
           .to_motor_j = drive::tick_seconds * motor_power_sum_w_,
           .copper_j = copper_j_ + windings_.phase_factor() * drive::tick_seconds * windings_.resistance_ohm() *
                                       current_squared_sum_,
+          .iron_j = iron_j_ + iron_since_j_,
+          .brake_j = brake_j_,
           .shaft_j = drive::tick_seconds * shaft_power_sum_w_,
           .link_stored_j = dc_link_.stored_j(),
           .magnetic_j = windings_.magnetic_j(),
           .kinetic_j = shaft_.kinetic_j(),
           .elastic_j = shaft_.elastic_j(stop_distance()),
+          .weight_j = shaft_.weight_j(load_revolutions()),
+          .cogging_j = cogging_j(),
           .stop_j = stop_j_};
 }
 

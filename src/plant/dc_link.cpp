@@ -1,5 +1,7 @@
 #include "plant/dc_link.hpp"
 
+#include <cmath>
+
 #include "drive/hardware.hpp"
 
 namespace servodrome::plant {
@@ -12,6 +14,9 @@ constexpr double precharge_complete = 0.97;  // share of the supply voltage at w
 DcLink::DcLink(const Supply& supply)
     : tick_over_capacitance_(h / supply.capacitance_f),
       half_capacitance_(0.5 * supply.capacitance_f),
+      mains_phases_(supply.mains_phases),
+      mains_step_(drive::phase_of(supply.mains_hz * h)),
+      mains_(0U - mains_step_ / 2U),
       supply_v_(supply.volts),
       standby_w_(supply.standby_w),
       source_resistance_(supply.source_resistance_ohm),
@@ -48,10 +53,22 @@ void DcLink::set_connected(bool connected) {
 }
 
 void DcLink::end_precharge() {
-  if (volts_ < precharge_complete * source_v_) return;
+  if (volts_ < precharge_complete * supply_v_) return;
   precharging_ = false;
   source_resistance_in_use_ = source_resistance_;
   prepare();
+}
+
+// The rectified mains: the greatest of the voltages between its wires, at mid-tick.
+void DcLink::follow_mains() {
+  mains_ += mains_step_;
+  if (!connected_) return;
+  // Of three phases, the nearest of six peaks in a period lies within 30 degrees.
+  constexpr drive::Phase sixth = 0x2AAAAAABU;
+  const drive::SinCos angle = drive::sin_cos(mains_phases_ == 3 ? mains_ % sixth - sixth / 2 : mains_);
+  const double share = static_cast<double>(mains_phases_ == 3 ? angle.cosine : std::abs(angle.sine));
+  source_v_ = supply_v_ * share;
+  for (Leak& leak : leaks_) leak.fed_v = source_v_ * leak.fed_ohm / source_resistance_in_use_;
 }
 
 void DcLink::prepare() {

@@ -5,6 +5,7 @@
 #include <cmath>
 
 #include "drive/hardware.hpp"
+#include "drive/transforms.hpp"
 #include "plant/parameters.hpp"
 
 // The DC link: a source behind a rectifier and a resistance, the drive's relay with its precharge, a capacitor, brake
@@ -22,6 +23,8 @@ class DcLink {
   void step(double power_w, double stage_w, bool chopper_on, bool connected) {
     if (connected != connected_) [[unlikely]]
       set_connected(connected);
+    if (mains_phases_ != 0) [[unlikely]]
+      follow_mains();
     if (volts_ < empty_v) [[unlikely]]
       stage_w = 0.0;
     stage_power_sum_w_ += stage_w;
@@ -91,6 +94,7 @@ class DcLink {
   }
   void step_alone(double power_w, bool chopper_on);  // link above the source's voltage: the source feeds nothing
   void set_connected(bool connected);
+  void follow_mains();
   double standby_power() {  // power in this tick, W; limited to the stored energy
     const double energy_j = std::min(standby_w_ * drive::tick_seconds, stored_j());
     standby_j_ += energy_j;
@@ -107,6 +111,9 @@ class DcLink {
   double per_volt_ = 1.0e9;
   double tick_over_capacitance_;
   double half_capacitance_;
+  int mains_phases_;         // 0: the source has a constant voltage
+  drive::Phase mains_step_;  // of the mains in a tick
+  drive::Phase mains_;       // at the middle of the last tick
   double supplied_j_ = 0.0;
   double chopped_j_ = 0.0;
   bool connected_ = false;

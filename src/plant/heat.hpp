@@ -13,7 +13,7 @@ class Heat {
   explicit Heat(const Thermal& thermal);
 
   // Mean losses in W since the last step.
-  void step(double copper_w, double stage_w);
+  void step(double copper_w, double stage_w, double iron_w = 0.0);
   void set_ambient_c(double temperature_c) { ambient_c = temperature_c; }
 
   double winding_c;
@@ -28,6 +28,7 @@ class Heat {
   double loss_rate_;      // conductance case to ambient * step / heat capacity of the case
   double inverse_;        // 1 / determinant
   double winding_per_w_;  // K per W in a step
+  double case_per_w_;
   double stage_per_w_;
   double stage_loss_rate_;
   double stage_inverse_;

@@ -11,6 +11,9 @@ namespace servodrome::plant {
 
 namespace {
 
+constexpr double coldest_c = -60.0;
+const double below_one = std::nextafter(1.0, 0.0);
+
 struct Check {
   std::string_view name;
   double value;
@@ -32,6 +35,11 @@ void check(std::vector<std::string>& messages, std::string_view name, double val
 
 bool is_position(std::int64_t counts) {
   return counts >= -largest_position_counts && counts <= largest_position_counts;
+}
+
+// Returns true if an inertia oscillates against a stiffness slowly compared with the tick.
+bool is_slow(double stiffness_nm_per_rad, double inertia_kgm2) {
+  return stiffness_nm_per_rad == 0.0 || drive::tick_seconds * std::sqrt(stiffness_nm_per_rad / inertia_kgm2) <= 1.0;
 }
 
 void check_load(std::vector<std::string>& messages, const Parameters& p) {
@@ -56,8 +64,10 @@ void check_motor(std::vector<std::string>& messages, const Parameters& p) {
         motor.quadrature_inductance_h / motor.direct_inductance_h, 0.1, 10.0);
   // The rotor oscillates against the field of the winding with p flux sqrt(phases / 2 / (J L)): about 500 to 4000 rad/s
   // in real motors. An oscillation too fast for the tick would simulate a different motor.
-  const double flux = flux_linkage_vs(motor) * motor.pole_pairs;
-  const double inductance = std::min(motor.direct_inductance_h, motor.quadrature_inductance_h);
+  const double coldest = 1.0 + motor.magnet_temperature_coefficient * (25.0 - coldest_c);
+  const double flux = flux_linkage_vs(motor) * coldest * motor.pole_pairs;
+  const double saturated = motor.quadrature_saturation_a > 0.0 ? motor.saturated_inductance_share : 1.0;
+  const double inductance = std::min(motor.direct_inductance_h, saturated * motor.quadrature_inductance_h);
   if (!(drive::tick_seconds * flux * std::sqrt(0.5 * motor.phases / (motor.rotor_inertia_kgm2 * inductance)) <= 1.0)) {
     messages.emplace_back(
         "motor.torque_constant_nm_per_a: too large for this rotor inertia and inductance (together they would "
@@ -65,11 +75,38 @@ void check_motor(std::vector<std::string>& messages, const Parameters& p) {
         "faster than the base tick shows)");
   }
   // Cogging is evaluated at mid-tick, so its own oscillation must be slow compared with the tick.
-  const double rate = drive::tick_seconds * std::sqrt(motor.cogging_torque_nm * motor.cogging_periods_per_revolution /
-                                                      motor.rotor_inertia_kgm2);
-  if (!(rate <= 1.0)) {
+  double stiffness = motor.cogging_torque_nm * motor.cogging_periods_per_revolution;
+  for (std::size_t i = 0; i < motor.cogging_count; ++i) {
+    stiffness += motor.cogging[i].torque_nm * motor.cogging[i].periods;
+  }
+  if (!is_slow(stiffness, motor.rotor_inertia_kgm2)) {
     messages.emplace_back("motor.cogging_torque_nm: the rotor would oscillate in it faster than the base tick shows");
   }
+}
+
+void check_cogging(std::vector<std::string>& messages, const Motor& motor) {
+  if (motor.cogging_count > most_cogging_harmonics) {
+    messages.emplace_back("motor.cogging_count: at most " + std::to_string(most_cogging_harmonics));
+    return;
+  }
+  for (std::size_t i = 0; i < motor.cogging_count; ++i) {
+    const std::string name = "motor.cogging[" + std::to_string(i) + "].";
+    check(messages, name + "torque_nm", motor.cogging[i].torque_nm, 0.0, 1.0e3);
+    check(messages, name + "periods", motor.cogging[i].periods, 1.0, 1000.0);
+    check(messages, name + "phase_turns", motor.cogging[i].phase_turns, 0.0, below_one);
+  }
+}
+
+// The weight of arm and crank is evaluated at mid-tick too.
+void check_weight(std::vector<std::string>& messages, const Parameters& p) {
+  const Load& load = p.load;
+  const double stiffness = (std::abs(load.arm_torque_nm) + (1.0 + load.crank_ratio) * std::abs(load.crank_torque_nm)) /
+                           load.cycle_revolutions;
+  const double inertia = load.inertia_kgm2 + (load.elastic ? 0.0 : p.motor.rotor_inertia_kgm2);
+  if (is_slow(stiffness, inertia)) return;
+  messages.emplace_back(load.arm_torque_nm != 0.0
+                            ? "load.arm_torque_nm: the arm would swing faster than the base tick shows"
+                            : "load.crank_torque_nm: the crank would swing faster than the base tick shows");
 }
 
 void check_switches(std::vector<std::string>& messages, const Parameters& p) {
@@ -101,6 +138,17 @@ void check_switches(std::vector<std::string>& messages, const Parameters& p) {
 
 }  // namespace
 
+void remove_imperfections(Parameters& parameters) {
+  parameters.stage.ideal = parameters.sensors.ideal = true;
+  parameters.supply.mains_phases = 0;
+  Motor& motor = parameters.motor;
+  motor.quadrature_saturation_a = motor.magnet_temperature_coefficient = 0.0;
+  motor.iron_hysteresis_nm = motor.iron_eddy_nms = motor.cogging_torque_nm = 0.0;
+  motor.cogging_count = 0;
+  motor.brake_rise_ms = motor.brake_half_torque_j = 0.0;
+  parameters.load.stribeck_speed_rad_s = parameters.load.belt_length_revolutions = 0.0;
+}
+
 std::vector<std::string> validate(const Parameters& p) {
   std::vector<std::string> messages;
   const Motor& m = p.motor;
@@ -120,28 +168,45 @@ std::vector<std::string> validate(const Parameters& p) {
       Check{"motor.resistance_ohm", m.resistance_ohm, 1.0e-3, 1.0e3},
       Check{"motor.direct_inductance_h", m.direct_inductance_h, 1.0e-6, 1.0},
       Check{"motor.quadrature_inductance_h", m.quadrature_inductance_h, 1.0e-6, 1.0},
+      Check{"motor.quadrature_saturation_a", m.quadrature_saturation_a, 0.0, 1.0e5},
+      Check{"motor.saturated_inductance_share", m.saturated_inductance_share, 0.1, 1.0},
       Check{"motor.torque_constant_nm_per_a", m.torque_constant_nm_per_a, 1.0e-4, 1.0e3},
+      Check{"motor.magnet_temperature_coefficient", m.magnet_temperature_coefficient, 0.0, 0.005},
       Check{"motor.rotor_inertia_kgm2", m.rotor_inertia_kgm2, 1.0e-8, 10.0},
       Check{"motor.viscous_friction_nms", m.viscous_friction_nms, 0.0, 1.0e3},
       Check{"motor.coulomb_friction_nm", m.coulomb_friction_nm, 0.0, 1.0e5},
+      Check{"motor.iron_hysteresis_nm", m.iron_hysteresis_nm, 0.0, 1.0e5},
+      Check{"motor.iron_eddy_nms", m.iron_eddy_nms, 0.0, 1.0e3},
       Check{"motor.cogging_torque_nm", m.cogging_torque_nm, 0.0, 1.0e3},
       Check{"motor.cogging_periods_per_revolution", static_cast<double>(m.cogging_periods_per_revolution), 1.0, 1000.0},
       Check{"motor.copper_temperature_coefficient", m.copper_temperature_coefficient, 0.0, 0.01},
       Check{"motor.brake_torque_nm", m.brake_torque_nm, 0.0, 1.0e5},
       Check{"motor.brake_release_ms", m.brake_release_ms, 0.0, 1.0e4},
       Check{"motor.brake_engage_ms", m.brake_engage_ms, 0.0, 1.0e4},
+      Check{"motor.brake_rise_ms", m.brake_rise_ms, 0.0, m.brake_engage_ms},
+      Check{"motor.brake_half_torque_j", m.brake_half_torque_j, 0.0, 1.0e12},
       Check{"load.inertia_kgm2", l.inertia_kgm2, 0.0, 1.0e3},
       Check{"load.viscous_friction_nms", l.viscous_friction_nms, 0.0, 1.0e3},
       Check{"load.coulomb_friction_nm", l.coulomb_friction_nm, 0.0, 1.0e5},
       Check{"load.static_friction_nm", l.static_friction_nm, l.coulomb_friction_nm, 1.0e5},
+      Check{"load.stribeck_speed_rad_s", l.stribeck_speed_rad_s, 0.0, 1.0e5},
+      Check{"load.cycle_revolutions", l.cycle_revolutions, 1.0e-3, 1.0e6},
+      Check{"load.cycle_offset_turns", l.cycle_offset_turns, 0.0, below_one},
+      Check{"load.arm_torque_nm", l.arm_torque_nm, -1.0e5, 1.0e5},
+      Check{"load.crank_inertia_kgm2", l.crank_inertia_kgm2, 0.0, 1.0e3},
+      Check{"load.crank_torque_nm", l.crank_torque_nm, -1.0e5, 1.0e5},
+      Check{"load.crank_ratio", l.crank_ratio, 0.0, 0.9},
       Check{"load.gravity_torque_nm", l.gravity_torque_nm, -1.0e5, 1.0e5},
       Check{"load.external_torque_nm", l.external_torque_nm, -1.0e5, 1.0e5},
       Check{"load.stiffness_nm_per_rad", l.stiffness_nm_per_rad, 1.0e-3, 1.0e8},
       Check{"load.damping_nms", l.damping_nms, 0.0, 1.0e4},
       Check{"load.backlash_rad", l.backlash_rad, 0.0, 6.3},
+      Check{"load.belt_length_revolutions", l.belt_length_revolutions, 0.0, 1.0e6},
+      Check{"load.belt_middle_revolutions", l.belt_middle_revolutions, -1.0e6, 1.0e6},
       Check{"load.stop_stiffness_nm_per_rad", l.stop_stiffness_nm_per_rad, 1.0e-3, 1.0e9},
       Check{"load.stop_damping_nms", l.stop_damping_nms, 0.0, 1.0e5},
       Check{"supply.volts", s.volts, 0.0, 2000.0},
+      Check{"supply.mains_hz", s.mains_hz, 1.0, 1000.0},
       Check{"supply.source_resistance_ohm", s.source_resistance_ohm, 1.0e-4, 1.0e3},
       Check{"supply.capacitance_f", s.capacitance_f, 1.0e-6, 10.0},
       Check{"supply.precharge_time_constant_s", s.precharge_time_constant_s, 0.0, 10.0},
@@ -151,7 +216,7 @@ std::vector<std::string> validate(const Parameters& p) {
       Check{"supply.overcurrent_a", s.overcurrent_a, 0.01, 1.0e5},
       Check{"supply.bus_overcurrent_a", s.bus_overcurrent_a, 0.01, 1.0e5},
       Check{"encoder.counts_per_revolution", static_cast<double>(e.counts_per_revolution), 1.0, 16777216.0},
-      Check{"encoder.commutation_offset_turns", e.commutation_offset_turns, 0.0, std::nextafter(1.0, 0.0)},
+      Check{"encoder.commutation_offset_turns", e.commutation_offset_turns, 0.0, below_one},
       Check{"encoder.index_position_counts", static_cast<double>(e.index_position_counts), 0.0, last_count},
       Check{"encoder.index_width_counts", static_cast<double>(e.index_width_counts), 0.0, last_count},
       Check{"thermal.ambient_c", t.ambient_c, -60.0, 150.0},
@@ -183,7 +248,14 @@ std::vector<std::string> validate(const Parameters& p) {
   for (const Check& one : checks) check(messages, one.name, one.value, one.least, one.most);
   if (e.direction != 1 && e.direction != -1) messages.emplace_back("encoder.direction: must be 1 or -1");
   if (!is_position(e.start_position_counts)) messages.emplace_back("encoder.start_position_counts: beyond 2^61");
-  if (messages.empty()) check_motor(messages, p);  // checks of several parameters together
+  if (s.mains_phases != 0 && s.mains_phases != 1 && s.mains_phases != 3) {
+    messages.emplace_back("supply.mains_phases: must be 0, 1 or 3");
+  }
+  check_cogging(messages, m);
+  if (messages.empty()) {  // checks of several parameters together
+    check_motor(messages, p);
+    check_weight(messages, p);
+  }
   check_load(messages, p);
   check_switches(messages, p);
   return messages;

@@ -13,6 +13,15 @@
 // torque are given as the torque that the motor has to hold: a positive value pulls towards smaller counts.
 namespace servodrome::plant {
 
+// A harmonic of the cogging torque: -torque_nm * sin(2 pi (periods * turns of the rotor + phase_turns)).
+struct CoggingHarmonic {
+  double torque_nm = 0.0;    // [0, 1e3] amplitude
+  int periods = 1;           // [1, 1000] per revolution
+  double phase_turns = 0.0;  // [0, 1) of the harmonic's own period
+};
+
+inline constexpr std::size_t most_cogging_harmonics = 6;
+
 // Permanent-magnet synchronous motor with three phases, or a hybrid stepper with two. Values per phase are line to
 // neutral (half the line-to-line value of a data sheet); with two phases they are those of one winding, as in its data
 // sheet.
@@ -26,16 +35,25 @@ struct Motor {
   double resistance_ohm = 1.1;              // [1e-3, 1e3] at 25 degC
   double direct_inductance_h = 4.5e-3;      // [1e-6, 1]
   double quadrature_inductance_h = 4.5e-3;  // [1e-6, 1], ratio to the direct one within [0.1, 10]
+  double quadrature_saturation_a = 0.0;     // [0, 1e5] amplitude: scale of the saturation of Lq; 0: none
+  double saturated_inductance_share = 0.4;  // [0.1, 1] of Lq: what remains of it at very high current
   double torque_constant_nm_per_a = 0.47;   // [1e-4, 1e3] per A rms; limited by inertia and inductance: see validate
-  double rotor_inertia_kgm2 = 0.28e-4;      // [1e-8, 10]
-  double viscous_friction_nms = 0.0;        // [0, 1e3] Nm per rad/s, bearings
-  double coulomb_friction_nm = 0.0;         // [0, 1e5] bearings
-  double cogging_torque_nm = 0.0;           // [0, 1e3] amplitude
-  int cogging_periods_per_revolution = 30;  // [1, 1000]; with the amplitude: see validate
-  double copper_temperature_coefficient = 3.93e-3;  // [0, 0.01] per K
-  double brake_torque_nm = 0.0;                     // [0, 1e5] static holding torque; 0: no brake
-  double brake_release_ms = 30.0;                   // [0, 1e4] from command until the torque is gone
-  double brake_engage_ms = 20.0;                    // [0, 1e4] from command to full torque
+  double magnet_temperature_coefficient = 0.0;  // [0, 0.005] per K: the flux falls with the temperature of the case
+  double rotor_inertia_kgm2 = 0.28e-4;          // [1e-8, 10]
+  double viscous_friction_nms = 0.0;            // [0, 1e3] Nm per rad/s, bearings
+  double coulomb_friction_nm = 0.0;             // [0, 1e5] bearings
+  double iron_hysteresis_nm = 0.0;              // [0, 1e5] drag torque by hysteresis; its heat goes to the case
+  double iron_eddy_nms = 0.0;                   // [0, 1e3] Nm per rad/s by eddy currents, likewise
+  double cogging_torque_nm = 0.0;               // [0, 1e3] amplitude
+  int cogging_periods_per_revolution = 30;      // [1, 1000]; with the amplitude: see validate
+  std::array<CoggingHarmonic, most_cogging_harmonics> cogging{};  // more harmonics
+  std::size_t cogging_count = 0;                                  // number of them in use, at the start of the array
+  double copper_temperature_coefficient = 3.93e-3;                // [0, 0.01] per K
+  double brake_torque_nm = 0.0;                                   // [0, 1e5] static holding torque; 0: no brake
+  double brake_release_ms = 30.0;                                 // [0, 1e4] from command until the torque is gone
+  double brake_engage_ms = 20.0;                                  // [0, 1e4] from command to full torque
+  double brake_rise_ms = 0.0;        // [0, brake_engage_ms] last part of that time, in which the torque grows
+  double brake_half_torque_j = 0.0;  // [0, 1e12] friction work that halves the torque by wear; 0: no wear
 };
 
 // Amplitude of the flux linkage per phase: torque = phases / 2 * pole pairs * flux * q current (amplitude).
@@ -51,13 +69,26 @@ struct Load {
   double viscous_friction_nms = 1.0e-5;  // [0, 1e3] Nm per rad/s
   double coulomb_friction_nm = 0.01;     // [0, 1e5] while sliding
   double static_friction_nm = 0.015;     // [coulomb, 1e5] breakaway
+  double stribeck_speed_rad_s = 0.0;     // [0, 1e5] scale of the decrease from static to sliding; 0: at once
   double gravity_torque_nm = 0.0;        // [-1e5, 1e5] constant, as from a hanging load
   double external_torque_nm = 0.0;       // [-1e5, 1e5] changed by the bench while running
+
+  // Weight and inertia that depend on the place in a cycle, as in an arm or a crank. The angle of the cycle is
+  // 2 pi (motor revolutions / cycle_revolutions + cycle_offset_turns).
+  double cycle_revolutions = 1.0;   // [0.001, 1e6] motor revolutions in a turn of the arm or crank
+  double cycle_offset_turns = 0.0;  // [0, 1) place in the cycle at encoder count 0
+  double arm_torque_nm = 0.0;       // [-1e5, 1e5] weight of the arm times the cosine of the angle: 0 is horizontal
+  double crank_inertia_kgm2 = 0.0;  // [0, 1e3] slider's mass * (crank radius)^2, referred to the motor shaft
+  double crank_torque_nm = 0.0;     // [-1e5, 1e5] slider's weight * crank radius, likewise
+  double crank_ratio = 0.0;         // [0, 0.9] crank radius / length of the rod
 
   bool elastic = false;                 // false: the load is rigid with the rotor
   double stiffness_nm_per_rad = 500.0;  // [1e-3, 1e8] of the coupling
   double damping_nms = 0.01;            // [0, 1e4] of the coupling
   double backlash_rad = 0.0;            // [0, 6.3] total play of the coupling
+  // A belt axis: the coupling is two spans of a belt, and stiffness_nm_per_rad is that in the middle of the travel.
+  double belt_length_revolutions = 0.0;  // [0, 1e6] distance of the pulleys in motor revolutions; 0: no belt
+  double belt_middle_revolutions = 0.0;  // [-1e6, 1e6] place of the middle, from encoder count 0
 
   std::int64_t low_stop_counts = no_low_limit;    // hard stops; no_low_limit, no_high_limit: none
   std::int64_t high_stop_counts = no_high_limit;  // at least two counts above the low stop
@@ -67,7 +98,9 @@ struct Load {
 
 // Supply, DC link and protection of the power stage.
 struct Supply {
-  double volts = 310.0;                     // [0, 2000] rectified, no load
+  double volts = 310.0;                     // [0, 2000] rectified, no load: the peak of the mains
+  int mains_phases = 0;                     // 0: a constant voltage; 1 or 3: rectified mains with their ripple
+  double mains_hz = 50.0;                   // [1, 1000]
   double source_resistance_ohm = 0.3;       // [1e-4, 1e3]
   double capacitance_f = 680.0e-6;          // [1e-6, 10]
   double precharge_time_constant_s = 0.03;  // [0, 10]: charging after the relay closed; then direct
@@ -151,6 +184,11 @@ struct Parameters {
   Stage stage;
   Sensors sensors;
 };
+
+// Switches off everything in which a real machine differs from an ideal one: errors of power stage and sensors, ripple
+// of the mains, saturation, warm magnets, iron loss, cogging, Stribeck friction, the brake's rise and wear, the change
+// of a belt's stiffness. The machine itself stays: its friction, elastic coupling, backlash, arm and crank.
+void remove_imperfections(Parameters& parameters);
 
 // Returns one message for each error in `parameters`, beginning with the name of the parameter ("motor.pole_pairs:
 // ..."). If it is empty, a Plant can be constructed.

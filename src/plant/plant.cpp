@@ -82,7 +82,6 @@ Plant::Plant(const Parameters& parameters)
       bus_overcurrent_a_(parameters.supply.bus_overcurrent_a),
       stage_factor_(windings_.phase_factor() * parameters.thermal.stage_resistance_ohm),
       stage_standby_w_(parameters.thermal.stage_standby_w),
-      cogging_(parameters.motor.cogging_torque_nm > 0.0),
       unusual_(parameters.motor.phases == 2 ? two_phases : 0),
       imperfect_(!parameters.stage.ideal || !parameters.sensors.ideal),
       counts_per_revolution_(parameters.encoder.counts_per_revolution),
@@ -95,8 +94,10 @@ Plant::Plant(const Parameters& parameters)
       parameters_(parameters) {
   travel_.set_stops(parameters.load.low_stop_counts, parameters.load.high_stop_counts);
   place(parameters.encoder.start_position_counts);
+  apply_load();
   update_brake();
   update_resistance();
+  update_flux();
   update_readings();
 }
 
@@ -135,7 +136,7 @@ void Plant::step_machine(const drive::Actuation& actuation, drive::Feedback& fee
   // If a tick without power begins and ends at rest, every further tick has the same result.
   const bool rested = idle && at_rest();
 
-  const double rotor_torque = cogging_ ? cogging_torque_nm() : 0.0;
+  const double rotor_torque = uneven_ ? adapt() : 0.0;
   const double other_torque = rotor_torque + shaft_.load_torque_nm();
   const ShaftResponse response = shaft_.response(other_torque);
 
@@ -207,6 +208,8 @@ void Plant::step_machine(const drive::Actuation& actuation, drive::Feedback& fee
     if (single_turn_ < 0.0 || single_turn_ >= counts_per_revolution_) wrap_single_turn();
   }
   rests_ = rested && at_rest();
+  if (books_) [[unlikely]]
+    book(shaft);
 
   const double square_a2 = windings.mean_direct_a * windings.mean_direct_a +
                            windings.mean_quadrature_a * windings.mean_quadrature_a + windings.more_heat_a2;
@@ -459,29 +462,9 @@ StopDistance Plant::stop_distance() const {
   return distance;
 }
 
-double Plant::cogging_torque_nm() const {
-  const double counts = single_turn_ + fraction() + 0.5 * counts_per_speed_ * shaft_.speed_rad_s();
-  const double turns = counts / counts_per_revolution_ * parameters_.motor.cogging_periods_per_revolution;
-  return -parameters_.motor.cogging_torque_nm * static_cast<double>(drive::sin_cos(drive::phase_of(turns)).sine);
-}
-
 void Plant::wrap_single_turn() {
   const std::int64_t remainder = position_ % counts_per_revolution_;
   single_turn_ = static_cast<double>(remainder < 0 ? remainder + counts_per_revolution_ : remainder);
 }
-
-void Plant::operate_brake(bool released) {
-  rests_ = false;
-  if (released != brake_command_released_) {
-    brake_command_released_ = released;
-    const double ms = released ? parameters_.motor.brake_release_ms : parameters_.motor.brake_engage_ms;
-    brake_countdown_ = 1 + static_cast<std::int32_t>(std::lround(ms * 1.0e-3 / h));
-  }
-  if (--brake_countdown_ > 0) return;
-  brake_engaged_ = !released || (brake_engaged_ && injected(Injection::brake_stuck));
-  update_brake();
-}
-
-void Plant::update_brake() { shaft_.set_brake(brake_engaged_ ? parameters_.motor.brake_torque_nm : 0.0); }
 
 }  // namespace servodrome::plant

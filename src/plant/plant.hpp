@@ -24,11 +24,15 @@ struct Energy {
   double stage_j = 0.0;        // from the DC link into the power stage's heat
   double to_motor_j = 0.0;     // from the DC link into the phases; negative while regenerating
   double copper_j = 0.0;       // into the windings' heat
+  double iron_j = 0.0;         // into the iron's heat, by hysteresis and eddy currents
+  double brake_j = 0.0;        // friction work of the brake
   double shaft_j = 0.0;        // work of the electromagnetic torque
   double link_stored_j = 0.0;  // now in the DC link's capacitor
   double magnetic_j = 0.0;     // now in the windings
   double kinetic_j = 0.0;      // now in rotor and load
   double elastic_j = 0.0;      // now in coupling and hard stops
+  double weight_j = 0.0;       // now in the height of arm or crank
+  double cogging_j = 0.0;      // now in the attraction of magnets and teeth
   double stop_j = 0.0;         // into the damping of the hard stops
 };
 
@@ -79,6 +83,7 @@ class Plant {
   double winding_temperature_c() const;
   double case_temperature_c() const;
   double power_stage_temperature_c() const;
+  double brake_torque_nm() const;  // friction of the brake at present
   bool brake_engaged() const;
   bool rotor_locked() const;
   Energy energy() const;
@@ -141,10 +146,15 @@ class Plant {
   void queue_edge(int wire);
   StopDistance stop_distance() const;
   double cogging_torque_nm() const;
+  double cogging_j() const;
+  double adapt();
+  void book(const ShaftTick& shaft);
+  double load_revolutions() const { return load_position_counts() / counts_per_revolution_; }
   void operate_brake(bool released);
   void update_brake();
   void update_heat(bool pwm);
   void update_resistance();
+  void update_flux();
   void update_readings();
   double fraction() const { return off_middle_ + 0.5; }
   // The electrical angle in units of drive::Phase.
@@ -181,7 +191,8 @@ class Plant {
   double shaft_power_sum_w_ = 0.0;
   double stop_j_ = 0.0;
   int heat_countdown_ = Heat::ticks_per_step;
-  bool cogging_;
+  bool uneven_ = false;  // cogging, or a load that depends on its place or speed
+  bool books_ = false;   // book() has something to do
   bool brake_engaged_ = true;
   bool brake_command_released_ = false;
   std::int32_t brake_countdown_ = 0;  // ticks until the command takes effect; 0: settled
@@ -207,7 +218,12 @@ class Plant {
   std::array<float, 3> current_a_{};  // true currents of the phases, kept because the feedback holds measured ones
   double switch_j_ = 0.0;             // loss in switches and diodes since the last heat step
   double copper_j_ = 0.0;
+  double iron_j_ = 0.0;
+  double iron_since_j_ = 0.0;  // since the last heat step
+  double brake_j_ = 0.0;
+  double brake_share_ = 1.0;       // of the torque, while it builds up
   double resistance_at_c_ = 25.0;  // winding temperature for which the present resistance was calculated
+  double flux_at_c_ = 25.0;        // likewise of the case and the magnets' flux
   std::int64_t frozen_position_ = 0;
   std::uint32_t injections_ = 0;
   bool locked_ = false;

@@ -19,15 +19,49 @@ int sign_of(double value) { return (value > 0.0) - (value < 0.0); }
 
 Shaft::Shaft(const Motor& motor, const Load& load)
     : rotor_inertia_(motor.rotor_inertia_kgm2),
-      rotor_viscous_(motor.viscous_friction_nms),
-      rotor_coulomb_(motor.coulomb_friction_nm),
-      load_(load) {
-  prepare();
+      rotor_viscous_(motor.viscous_friction_nms + motor.iron_eddy_nms),
+      rotor_coulomb_(motor.coulomb_friction_nm + motor.iron_hysteresis_nm),
+      geometry_(load) {
+  set_load(load);
 }
 
 void Shaft::set_load(const Load& load) {
   load_ = load;
+  geometry_ = Geometry(load);
+  weight_nm_ = 0.0;
+  sliding_nm_ = load.coulomb_friction_nm;
+  stribeck_nm_ = load.static_friction_nm - load.coulomb_friction_nm;
+  stribeck_per_speed_ = load.stribeck_speed_rad_s > 0.0 ? 1.0 / load.stribeck_speed_rad_s : 0.0;
   prepare();
+}
+
+void Shaft::adapt(double load_revolutions) {
+  const Geometry::Point point = geometry_.at(load_revolutions);
+  take_inertia(point.inertia_kgm2);
+  load_.stiffness_nm_per_rad = point.stiffness_nm_per_rad;
+  weight_nm_ = point.weight_nm;
+  if (elastic_) {
+    const double deflection = coupling_of(twist_).engaged ? coupling_of(twist_).deflection_rad : 0.0;
+    weight_nm_ += 0.5 * point.stiffness_slope * deflection * deflection;
+  }
+  if (stribeck_per_speed_ > 0.0) {
+    const double ratio = load_speed_rad_s() * stribeck_per_speed_;
+    load_.coulomb_friction_nm = sliding_nm_ + stribeck_nm_ * std::exp(-ratio * ratio);
+  }
+  prepare();
+}
+
+void Shaft::take_inertia(double load_kgm2) {
+  if (load_kgm2 == load_.inertia_kgm2) return;
+  const double rigid = elastic_ ? 0.0 : rotor_inertia_;
+  double& speed = elastic_ ? load_speed_ : speed_;
+  speed = limited(speed * std::sqrt((rigid + load_.inertia_kgm2) / (rigid + load_kgm2)));
+  load_.inertia_kgm2 = load_kgm2;
+}
+
+void Shaft::place(double load_revolutions) {
+  load_.inertia_kgm2 = geometry_.at(load_revolutions).inertia_kgm2;
+  adapt(load_revolutions);
 }
 
 void Shaft::set_brake(double torque_nm) {
@@ -67,7 +101,7 @@ Shaft::Step Shaft::step_of(double seconds, double weight) const {
 void Shaft::prepare() {
   elastic_ = load_.elastic;
   stops_ = load_.low_stop_counts != no_low_limit || load_.high_stop_counts != no_high_limit;
-  load_torque_ = -(load_.gravity_torque_nm + load_.external_torque_nm);
+  load_torque_ = -(load_.gravity_torque_nm + load_.external_torque_nm + weight_nm_);
   const double held = locked_ ? locked_nm : rotor_coulomb_ + brake_torque_;
   rotor_friction_nm_ = held;
   total_friction_ = {held + load_.static_friction_nm, held + load_.coulomb_friction_nm};

@@ -4,6 +4,7 @@
 #include <cstdint>
 
 #include "drive/hardware.hpp"
+#include "plant/geometry.hpp"
 #include "plant/parameters.hpp"
 #include "plant/windings.hpp"
 
@@ -91,6 +92,14 @@ class Shaft {
   }
   void commit_general(const ShaftTick& tick);
 
+  // A load that depends on its place and its speed. `adapt` gives the shaft the values at mid-tick, `arrive` the
+  // inertia at the end of the tick; both keep the kinetic energy. `place` puts a load there without a motion.
+  bool varies() const { return geometry_.varies() || stribeck_per_speed_ > 0.0; }
+  void adapt(double load_revolutions);
+  void arrive(double load_revolutions) { take_inertia(geometry_.at(load_revolutions).inertia_kgm2); }
+  void place(double load_revolutions);
+  double weight_j(double load_revolutions) const { return geometry_.at(load_revolutions).weight_j; }
+
   void set_load(const Load& load);
   void set_brake(double torque_nm);
   void set_locked(bool locked);
@@ -140,6 +149,7 @@ class Shaft {
     return speed > largest_speed_rad_s ? largest_speed_rad_s
                                        : (speed < -largest_speed_rad_s ? -largest_speed_rad_s : speed);
   }
+  void take_inertia(double load_kgm2);
   bool slide_anew(double torque_nm, double holding_nm, ShaftTick& tick) const;
   void set_direction(std::int8_t direction);
   void prepare();
@@ -228,7 +238,12 @@ class Shaft {
   Step loose_{};
   double piece_s_ = 0.0;       // length of the pieces of a tick with contacts
   double piece_weight_ = 0.5;  // weight of the new speed in a piece
-  Load load_;
+  Load load_;                  // with the inertia, stiffness and sliding friction of the present place and speed
+  Geometry geometry_;
+  double weight_nm_ = 0.0;           // of the present place, with the force of a belt whose stiffness changes
+  double sliding_nm_ = 0.0;          // of the load at high speed
+  double stribeck_nm_ = 0.0;         // additional sliding friction at standstill
+  double stribeck_per_speed_ = 0.0;  // 1 / scale of the speed; 0: no Stribeck friction
 };
 
 }  // namespace servodrome::plant

@@ -46,20 +46,28 @@ Windings::Windings(const Motor& motor, int direction)
     : phase_factor_(0.5 * motor.phases),
       pole_pairs_(direction * motor.pole_pairs),
       torque_per_flux_(phase_factor_ * pole_pairs_),
-      flux_(flux_linkage_vs(motor)),
-      torque_constant_(torque_per_flux_ * flux_),
-      torque_saliency_(torque_per_flux_ * (motor.direct_inductance_h - motor.quadrature_inductance_h)),
-      ampere_per_nm_(1.0 / torque_constant_),
       direct_inductance_(motor.direct_inductance_h),
       quadrature_inductance_(motor.quadrature_inductance_h),
+      quadrature_{motor.quadrature_inductance_h, 0.0, 1.0},
       saliency_(motor.direct_inductance_h - motor.quadrature_inductance_h),
-      small_angle_(saliency_ == 0.0 ? small_angle : 0.0),
-      flux_by_inductance_(flux_ / motor.quadrature_inductance_h),
+      small_angle_(saliency_ == 0.0 && motor.quadrature_saturation_a == 0.0 ? small_angle : 0.0),
       per_volt_(h / motor.quadrature_inductance_h),
-      emf_per_speed_(h * pole_pairs_ * flux_by_inductance_),
-      per_speed_nm_(emf_per_speed_ * torque_constant_),
       bridge_share_(motor.phases == 2 ? 1.0 : one_over_sqrt3) {
+  if (motor.quadrature_saturation_a > 0.0) {
+    const double saturated_h = motor.saturated_inductance_share * motor.quadrature_inductance_h;
+    quadrature_ = {saturated_h, motor.quadrature_inductance_h - saturated_h, motor.quadrature_saturation_a};
+  }
+  set_flux_vs(flux_linkage_vs(motor));
   set_resistance_ohm(motor.resistance_ohm);
+}
+
+void Windings::set_flux_vs(double flux_vs) {
+  flux_ = flux_vs;
+  torque_constant_ = torque_per_flux_ * flux_;
+  ampere_per_nm_ = 1.0 / torque_constant_;
+  flux_by_inductance_ = flux_ / quadrature_inductance_;
+  emf_per_speed_ = h * pole_pairs_ * flux_by_inductance_;
+  per_speed_nm_ = emf_per_speed_ * torque_constant_;
 }
 
 // Series of exp(-j angle s) in powers of the angle, from the moments of a weight function.
@@ -97,13 +105,15 @@ WindingTick Windings::along(Axis axis, double voltage_v, bool freewheeling, cons
   // + Lq nq^2 and changes as the rotor turns.
   const double speed = pole_pairs_ * (shaft.offset_rad_s + shaft.slope * torque_nm);
   const double product = axis.direct * axis.quadrature;
+  const double quadrature_h = quadrature_.inductance_h(quadrature_a);
+  const double saliency = direct_inductance_ - quadrature_h;
   const double inductance =
-      direct_inductance_ * axis.direct * axis.direct + quadrature_inductance_ * axis.quadrature * axis.quadrature;
+      direct_inductance_ * axis.direct * axis.direct + quadrature_h * axis.quadrature * axis.quadrature;
   const double old = axis.direct * direct_a + axis.quadrature * quadrature_a;
-  const double flux_q = axis.quadrature * (flux_ + saliency_ * guess.direct_a);
+  const double flux_q = axis.quadrature * (flux_ + saliency * guess.direct_a);
   const double coupling = pole_pairs_ * shaft.slope * flux_q;
   const double memory = inductance / h;
-  const double impedance = std::max(memory + resistance_ + 2.0 * speed * product * saliency_, resistance_) +
+  const double impedance = std::max(memory + resistance_ + 2.0 * speed * product * saliency, resistance_) +
                            coupling * torque_per_flux_ * flux_q;
   double source = memory * old - speed * flux_ * axis.quadrature + coupling * torque_nm;
   double voltage = voltage_v;
@@ -117,7 +127,7 @@ WindingTick Windings::along(Axis axis, double voltage_v, bool freewheeling, cons
           .end_direct_a = d,
           .end_quadrature_a = q,
           .power_w = phase_factor_ * voltage * y,
-          .torque_nm = torque_nm_of(d, q)};
+          .torque_nm = torque_per_flux_ * (flux_ + saliency * d) * q};
 }
 
 }  // namespace servodrome::plant

@@ -61,6 +61,7 @@ class Windings {
 
   void set_resistance_ohm(double resistance_ohm);
   double resistance_ohm() const { return resistance_; }
+  void set_flux_vs(double flux_vs);  // flux linkage of the magnets, amplitude
 
   // Returns true if the angle is small enough for driven().
   bool turns_little(const Turn& turn) const { return std::abs(turn.angle) < small_angle_; }
@@ -135,12 +136,8 @@ class Windings {
     quadrature_a = tick.end_quadrature_a;
   }
 
-  double torque_nm_of(double direct, double quadrature) const {
-    return (torque_constant_ + torque_saliency_ * direct) * quadrature;
-  }
   double magnetic_j() const {
-    return 0.5 * phase_factor_ *
-           (direct_inductance_ * direct_a * direct_a + quadrature_inductance_ * quadrature_a * quadrature_a);
+    return phase_factor_ * (0.5 * direct_inductance_ * direct_a * direct_a + quadrature_.magnetic_j(quadrature_a));
   }
   double pole_pairs() const { return pole_pairs_; }  // negative if the encoder counts in the other direction
   // Half the number of phases: the factor on products of amplitudes for power and heat.
@@ -170,6 +167,25 @@ class Windings {
     return {series.zeroth + square * series.second, angle * (series.first + square * series.third)};
   }
 
+  // The flux linkage of a q current i: inductance * i, or with saturation (saturated + (inductance - saturated) / (1 +
+  // i / scale)) * i.
+  struct Quadrature {
+    double saturated_h;
+    double unsaturated_h;  // the part that falls with the current; 0: no saturation
+    double scale_a;
+
+    double inductance_h(double current_a) const {
+      return saturated_h + unsaturated_h * scale_a / (scale_a + std::abs(current_a));
+    }
+    double flux_vs(double current_a) const { return inductance_h(current_a) * current_a; }
+    double slope_h(double current_a) const {  // of the flux
+      const double share = scale_a / (scale_a + std::abs(current_a));
+      return saturated_h + unsaturated_h * share * share;
+    }
+    double current_a(double flux_vs) const;
+    double magnetic_j(double current_a) const;  // integral of current over flux
+  };
+
   static Series series_of(std::span<const double> moments);
 
   // Parameters of a tick that is divided into pieces.
@@ -182,29 +198,31 @@ class Windings {
   };
   template <typename Voltage>
   WindingTick in_pieces(const Pieces& pieces, const Turn& turn, bool passive, const Voltage& voltage) const;
+  template <typename Voltage>
+  WindingTick in_saturated_pieces(const Pieces& pieces, const Turn& turn, bool passive, const Voltage& voltage) const;
   void prepare_pieces();
 
   double phase_factor_;
   double pole_pairs_;
   double torque_per_flux_;  // n/2 p
-  double flux_;
-  double torque_constant_;  // Nm per A of amplitude, and its change per A of direct current
-  double torque_saliency_;
-  double ampere_per_nm_;  // without direct current
+  double flux_ = 0.0;
+  double torque_constant_ = 0.0;  // Nm per A of amplitude
+  double ampere_per_nm_ = 0.0;    // without direct current
   double direct_inductance_;
   double quadrature_inductance_;
-  double saliency_;     // Ld - Lq
-  double small_angle_;  // 0 for a salient rotor
-  double flux_by_inductance_;
+  Quadrature quadrature_;
+  double saliency_;     // Ld - Lq, without saturation
+  double small_angle_;  // 0 for a salient rotor and with saturation
+  double flux_by_inductance_ = 0.0;
   double per_volt_;  // h / L
   double resistance_ = 0.0;
-  double decay_ = 0.0;    // R h / L
-  Series kept_;           // shares of the mean current (round rotor): from the initial current,
-  Series pushed_;         // from the voltage,
-  Series opposed_;        // and from the back-EMF; the last two times volts * h / L
-  Series seen_;           // the voltage itself
-  double emf_per_speed_;  // EMF per speed as input of `opposed_`
-  double per_speed_nm_;   // torque of the current that this EMF makes in h / L
+  double decay_ = 0.0;          // R h / L
+  Series kept_;                 // shares of the mean current (round rotor): from the initial current,
+  Series pushed_;               // from the voltage,
+  Series opposed_;              // and from the back-EMF; the last two times volts * h / L
+  Series seen_;                 // the voltage itself
+  double emf_per_speed_ = 0.0;  // EMF per speed as input of `opposed_`
+  double per_speed_nm_ = 0.0;   // torque of the current that this EMF makes in h / L
   double bridge_share_;
   Pieces whole_;
   Pieces pieces_;

@@ -11,6 +11,7 @@ namespace servodrome::plant {
 namespace {
 
 constexpr int most_pieces = 16;
+constexpr int saturated_pieces = 4;  // of a tick at low speed: within one piece turning and voltage follow each other
 
 // The vector in the frame of the rotor after it has turned.
 Vector turned(Vector a, double sine, double cosine) { return {cosine * a.d + sine * a.q, cosine * a.q - sine * a.d}; }
@@ -19,7 +20,7 @@ Vector turned(Vector a, double sine, double cosine) { return {cosine * a.d + sin
 
 void Windings::prepare_pieces() {
   for (Pieces* pieces : {&whole_, &pieces_}) {
-    pieces->count = pieces == &whole_ ? 1 : most_pieces;
+    pieces->count = pieces == &pieces_ ? most_pieces : quadrature_.unsaturated_h != 0.0 ? saturated_pieces : 1;
     pieces->direct_rate = direct_inductance_ * pieces->count / drive::tick_seconds;
     pieces->quadrature_rate = quadrature_inductance_ * pieces->count / drive::tick_seconds;
     pieces->direct_weight = fitted_weight(resistance_ / pieces->direct_rate);
@@ -33,6 +34,7 @@ void Windings::prepare_pieces() {
 // with the mean current of the piece, the piece is repeated with backward Euler, for which it does not.
 template <typename Voltage>
 WindingTick Windings::in_pieces(const Pieces& pieces, const Turn& turn, bool passive, const Voltage& voltage) const {
+  if (quadrature_.unsaturated_h != 0.0) return in_saturated_pieces(pieces, turn, passive, voltage);
   const double angle = turn.angle / pieces.count;
   const double sine = std::sin(angle);
   const double cosine = std::cos(angle);
@@ -79,6 +81,119 @@ WindingTick Windings::in_pieces(const Pieces& pieces, const Turn& turn, bool pas
           .mean_quadrature_a = mean.q,
           .end_direct_a = current.d,
           .end_quadrature_a = current.q,
+          .more_heat_a2 = share * square_a2 - dot(mean, mean),
+          .power_w = phase_factor_ * share * power_w,
+          .torque_nm = torque_per_flux_ * share * torque_vs};
+}
+
+double Windings::Quadrature::magnetic_j(double current_a) const {
+  const double share = std::abs(current_a) / scale_a;
+  const double saturable = unsaturated_h == 0.0 ? 0.0 : scale_a * scale_a * (std::log1p(share) - share / (1.0 + share));
+  return 0.5 * saturated_h * current_a * current_a + unsaturated_h * saturable;
+}
+
+double Windings::Quadrature::current_a(double flux_vs) const {
+  // The positive root of saturated i^2 + ((saturated + unsaturated) scale - flux) i - flux scale = 0.
+  const double flux = std::abs(flux_vs);
+  const double linear = (saturated_h + unsaturated_h) * scale_a - flux;
+  const double root = std::sqrt(linear * linear + 4.0 * saturated_h * flux * scale_a);
+  return std::copysign(linear > 0.0 ? 2.0 * flux * scale_a / (linear + root) : (root - linear) / (2.0 * saturated_h),
+                       flux_vs);
+}
+
+// A piece with saturation: the rotor turns by half of the angle, the voltage acts, the rotor turns by the other half.
+// Turning keeps the flux linkage of the stator, so its work is what the windings lose. In between, the mean current is
+// that of the energy: change of the energy / change of the flux. So the energy balance is exact here too.
+template <typename Voltage>
+WindingTick Windings::in_saturated_pieces(const Pieces& pieces, const Turn& turn, bool passive,
+                                          const Voltage& voltage) const {
+  const double rate = pieces.count / drive::tick_seconds;
+  const double angle = turn.angle / pieces.count;
+  const double sine_half = std::sin(0.5 * angle);
+  const double cosine_half = std::cos(0.5 * angle);
+  const auto current_of = [this](Vector linkage) {
+    return Vector{(linkage.d - flux_) / direct_inductance_, quadrature_.current_a(linkage.q)};
+  };
+  const auto stored = [this](Vector current) {
+    return 0.5 * direct_inductance_ * current.d * current.d + quadrature_.magnetic_j(current.q);
+  };
+  Vector linkage{direct_inductance_ * direct_a + flux_, quadrature_.flux_vs(quadrature_a)};
+  Vector mean;
+  double square_a2 = 0.0;
+  double power_w = 0.0;
+  double torque_vs = 0.0;
+  const auto turn_half = [&] {
+    const Vector from = linkage;
+    linkage = turned(from, sine_half, cosine_half);
+    if (std::abs(angle) > 1.0e-8) {
+      torque_vs += (stored(current_of(from)) - stored(current_of(linkage))) / angle;
+    } else {
+      const Vector middle = 0.5 * (from + linkage);
+      const Vector current = current_of(middle);
+      torque_vs += 0.5 * (middle.d * current.q - middle.q * current.d);
+    }
+  };
+  for (int i = 0; i < pieces.count; ++i) {
+    turn_half();
+    const Vector old = current_of(linkage);
+    const double old_j = quadrature_.magnetic_j(old.q);
+    const auto step = [&](double direct_weight, double quadrature_weight, bool again) {
+      // Mean q current for a flux at the end, and its derivative.
+      double mean_q = 0.0;
+      double mean_q_slope = 0.0;
+      const auto look = [&](double end_vs, double end_a) {
+        const double change_vs = end_vs - linkage.q;
+        const double per_flux = 1.0 / quadrature_.slope_h(end_a);
+        const bool little = std::abs(change_vs) < 1.0e-6 * (std::abs(linkage.q) + std::abs(end_vs));
+        mean_q = little ? 0.5 * (old.q + end_a) : (quadrature_.magnetic_j(end_a) - old_j) / change_vs;
+        mean_q_slope = little ? 0.5 * per_flux : (end_a - mean_q) / change_vs;
+        if (change_vs == 0.0) mean_q = old.q;
+        mean_q += (quadrature_weight - 0.5) * (end_a - old.q);
+        mean_q_slope += (quadrature_weight - 0.5) * per_flux;
+      };
+      look(0.0, 0.0);
+      const Vector kept{rate * (linkage.d - flux_) - resistance_ * (1.0 - direct_weight) * old.d,
+                        rate * linkage.q - resistance_ * mean_q};
+      const Vector impedance{pieces.direct_rate + resistance_ * direct_weight,
+                             rate * quadrature_.inductance_h(old.q) + resistance_ * quadrature_weight};
+      const Vector volts = i == 0 ? voltage(sine_half, cosine_half, kept, impedance, again)
+                                  : voltage(2.0 * sine_half * cosine_half,
+                                            cosine_half * cosine_half - sine_half * sine_half, kept, impedance, again);
+      Vector current{(kept.d + volts.d) / impedance.d, 0.0};
+      double end_vs = 0.0;
+      if (volts.q != -kept.q) {
+        end_vs = (kept.q + volts.q) / impedance.q * quadrature_.inductance_h(old.q);
+        for (int pass = 0; pass < 20; ++pass) {
+          current.q = quadrature_.current_a(end_vs);
+          look(end_vs, current.q);
+          const double missed = rate * (end_vs - linkage.q) - volts.q + resistance_ * mean_q;
+          const double correction = missed / (rate + resistance_ * mean_q_slope);
+          end_vs -= correction;
+          if (std::abs(correction) <= 1.0e-15 * (std::abs(end_vs) + std::abs(linkage.q))) break;
+        }
+      }
+      const Vector change = current - old;
+      const Vector through{old.d + direct_weight * change.d, mean_q};
+      const double power = dot(volts, through);
+      if (passive && !again && power > 0.0) return false;
+      mean = mean + through;
+      square_a2 += dot(through, through) + (pieces.direct_rate * (direct_weight - 0.5) * change.d * change.d +
+                                            rate * (quadrature_weight - 0.5) * change.q * (end_vs - linkage.q)) /
+                                               resistance_;
+      power_w += power;
+      linkage = {direct_inductance_ * current.d + flux_, end_vs};
+      return true;
+    };
+    if (!step(pieces.direct_weight, pieces.quadrature_weight, false)) step(1.0, 1.0, true);
+    turn_half();
+  }
+  const double share = 1.0 / pieces.count;
+  mean = share * mean;
+  const Vector end = current_of(linkage);
+  return {.mean_direct_a = mean.d,
+          .mean_quadrature_a = mean.q,
+          .end_direct_a = end.d,
+          .end_quadrature_a = end.q,
           .more_heat_a2 = share * square_a2 - dot(mean, mean),
           .power_w = phase_factor_ * share * power_w,
           .torque_nm = torque_per_flux_ * share * torque_vs};

@@ -335,6 +335,20 @@ const std::vector<Mistake> mistakes{
     {"api_port", "[api]\naddress='localhost:99999'\n" AXIS, 2, 9, "api.address: \"99999\" is not a port", "8402"},
     {"plant_range", AXIS "[axis.motor]\npole_pairs=0\n", 7, 12, "axis.motor.pole_pairs: 0 is not within 1 .. 100",
      "docs/line-file.md"},
+    {"harmonic_range", AXIS "[[axis.motor.cogging]]\nperiods=6\n[[axis.motor.cogging]]\nperiods=0\n", 9, 9,
+     "axis.motor.cogging[1].periods: 0 is not within 1 .. 1000", "docs/line-file.md"},
+    {"harmonic_key", AXIS "[[axis.motor.cogging]]\nperiod=6\n", 7, 1, "unknown key `period` in axis.motor.cogging",
+     "periods"},
+    {"harmonics_shape", AXIS "[axis.motor]\ncogging=5\n", 7, 9, "axis.motor.cogging: is an integer", "[[cogging]]"},
+    {"harmonics_many",
+     AXIS "[axis.motor]\n[[axis.motor.cogging]]\n[[axis.motor.cogging]]\n[[axis.motor.cogging]]\n"
+          "[[axis.motor.cogging]]\n[[axis.motor.cogging]]\n[[axis.motor.cogging]]\n[[axis.motor.cogging]]\n",
+     13, 1, "axis.motor.cogging: one table too many", "at most 6"},
+    {"brake_rise", AXIS "[axis.motor]\nbrake_engage_ms=20\nbrake_rise_ms=21\n", 8, 15,
+     "axis.motor.brake_rise_ms: 21 is not within 0 .. 20", ""},
+    {"mains", AXIS "[axis.supply]\nmains_phases=2\n", 7, 14, "axis.supply.mains_phases: must be 0, 1 or 3", ""},
+    {"arm_swings", AXIS "[axis.load]\narm_torque_nm=1e5\n", 7, 15, "axis.load.arm_torque_nm: the arm would swing", ""},
+    {"axis_ideal", AXIS "ideal=1\n", 6, 7, "axis.ideal: is an integer", "true or false"},
     {"plant_cross", AXIS "[axis.load]\nstatic_friction_nm=0\n", 7, 20, "axis.load.static_friction_nm", ""},
     {"not_finite", AXIS "[axis.load]\ninertia_kgm2=nan\n", 7, 14, "axis.load.inertia_kgm2: is not finite", ""},
     {"stops", AXIS "[axis.travel]\nstart=5\nlow_stop=5\nhigh_stop=5\n", 9, 11, "axis.travel.high_stop", ""},
@@ -410,12 +424,44 @@ TEST(LineFile, AStageAndSensorsAreIdealUnlessTheyAreNamed) {
   EXPECT_EQ(off.motor_data.voltage_delay_ticks, 0);
 }
 
+TEST(LineFile, AnIdealAxisHasNoImperfection) {
+  constexpr const char* imperfect =
+      "[axis.stage]\n[axis.sensors]\n[axis.motor]\nquadrature_saturation_a=10\nmagnet_temperature_coefficient=0.001\n"
+      "iron_hysteresis_nm=0.01\niron_eddy_nms=1e-5\ncogging_torque_nm=0.01\nbrake_rise_ms=5\nbrake_half_torque_j=1e5\n"
+      "[[axis.motor.cogging]]\ntorque_nm=0.002\nperiods=60\nphase_turns=0.25\n[axis.load]\nstribeck_speed_rad_s=3\n"
+      "belt_length_revolutions=20\narm_torque_nm=0.2\ncrank_inertia_kgm2=1e-5\n[axis.supply]\nmains_phases=3\n";
+  const auto plant_of = [&](const std::string& begin) {
+    const LineFile file = parse_line_file(begin + imperfect, "line.toml", all_products());
+    EXPECT_TRUE(file.diagnostics.empty());
+    return file.settings.axes.at(0).plant;
+  };
+  const plant::Parameters real = plant_of(AXIS);
+  EXPECT_FALSE(real.stage.ideal);
+  ASSERT_EQ(real.motor.cogging_count, 1U);
+  EXPECT_EQ(real.motor.cogging[0].periods, 60);
+  EXPECT_EQ(real.motor.cogging[0].phase_turns, 0.25);
+  EXPECT_EQ(real.supply.mains_phases, 3);
+  plant::Parameters ideal = plant_of(AXIS "ideal=true\n");
+  EXPECT_TRUE(ideal.stage.ideal && ideal.sensors.ideal);
+  for (const double value :
+       {ideal.motor.quadrature_saturation_a, ideal.motor.magnet_temperature_coefficient, ideal.motor.iron_hysteresis_nm,
+        ideal.motor.iron_eddy_nms, ideal.motor.cogging_torque_nm, ideal.motor.brake_rise_ms,
+        ideal.motor.brake_half_torque_j, ideal.load.stribeck_speed_rad_s, ideal.load.belt_length_revolutions}) {
+    EXPECT_EQ(value, 0.0);
+  }
+  EXPECT_EQ(ideal.motor.cogging_count, 0U);
+  EXPECT_EQ(ideal.supply.mains_phases, 0);
+  EXPECT_EQ(ideal.load.arm_torque_nm, 0.2);  // part of the machine
+  EXPECT_EQ(ideal.load.crank_inertia_kgm2, 1.0e-5);
+}
+
 TEST(LineFile, TheReferenceHasEveryKey) {
   const std::string reference = text_of(source_dir + "/docs/line-file.md");
   const auto expect = [&reference](std::string_view key) {
     EXPECT_THAT(reference, HasSubstr("`" + std::string(key) + "`"));
   };
   for (const auto& key : motor_keys) expect(key.name);
+  for (const auto& key : cogging_keys) expect(key.name);
   for (const auto& key : load_keys) expect(key.name);
   for (const auto& key : supply_keys) expect(key.name);
   for (const auto& key : encoder_keys) expect(key.name);

@@ -119,6 +119,71 @@ TEST(DcLink, RegenerationRaisesItAndTheChopperHoldsIt) {
   }
 }
 
+// Without load the link has the peak of the mains. With load it falls between two peaks, by power / (C V) times the
+// time from one peak to the meeting with the next half wave: 100 peaks a second with one phase, 300 with three.
+TEST(DcLink, MainsHaveARipple) {
+  for (const int phases : {1, 3}) {
+    for (const double hz : {50.0, 60.0}) {
+      Parameters p = bare_motor();
+      p.supply.mains_phases = phases;
+      p.supply.mains_hz = hz;
+      p.supply.source_resistance_ohm = 1.0e-3;
+      p.supply.capacitance_f = 200.0e-6;
+      p.supply.bleeder_resistance_ohm = 1.0e9;
+      p.supply.bus_overcurrent_a = 1.0e3;
+      p.thermal.stage_standby_w = 0.0;
+      p.thermal.stage_resistance_ohm = 0.0;
+      Rig rig(p);
+      rig.plant.lock_rotor(true);
+      rig.run(1600);
+      EXPECT_NEAR(rig.plant.dc_link_v(), 310.0, 0.02);
+      for (int i = 0; i < 1600; ++i) rig.step_voltage(0.0, 11.0);  // 10 A: 165 W
+      double least = 1.0e9;
+      double most = 0.0;
+      int peaks = 0;
+      bool falls = false;
+      for (int i = 0; i < 16000; ++i) {
+        const double before = rig.plant.dc_link_v();
+        rig.step_voltage(0.0, 11.0);
+        const double now = rig.plant.dc_link_v();
+        if (!falls && now < before) ++peaks;
+        falls = now < before;
+        least = std::min(least, now);
+        most = std::max(most, now);
+      }
+      // After a peak the link follows the mains until these fall faster, and then alone to the next half wave.
+      const double power = 1.5 * 11.0 * 10.0;
+      const double w = 2.0 * std::numbers::pi * hz;
+      double t = 0.0;
+      while (310.0 * w * std::sin(w * t) < power / (200.0e-6 * 310.0 * std::cos(w * t))) t += 1.0e-6;
+      double volts = 310.0 * std::cos(w * t);
+      const double next = 1.0 / (phases == 1 ? 2.0 * hz : 6.0 * hz);
+      while (t < next && volts > 310.0 * std::cos(w * (next - t))) {
+        t += 1.0e-6;
+        volts -= power / (200.0e-6 * volts) * 1.0e-6;
+      }
+      SCOPED_TRACE(testing::Message() << phases << " phases, " << hz << " Hz");
+      EXPECT_NEAR(peaks, phases == 1 ? 2.0 * hz : 6.0 * hz, 1.0);
+      EXPECT_NEAR(310.0 - least, 310.0 - volts, 0.03 * (310.0 - volts) + 0.2);
+      EXPECT_NEAR(most, 310.0, 0.2);
+    }
+  }
+}
+
+TEST(DcLink, MainsPrechargeItToTheirPeak) {
+  Parameters p = bare_motor();
+  p.supply.charged_at_start = false;
+  p.supply.mains_phases = 1;
+  Rig rig(p);
+  rig.run(16000);
+  EXPECT_NEAR(rig.plant.dc_link_v(), 310.0, 1.0);
+  rig.actuation.dc_link_connected = false;
+  rig.run(16);
+  const double before = rig.plant.dc_link_v();
+  rig.run(1600);
+  EXPECT_LT(rig.plant.dc_link_v(), before);
+}
+
 TEST(DcLink, BrokenChopperAndLostSupply) {
   Rig rig(bare_motor());
   rig.plant.inject(Injection::supply_loss, true);

@@ -6,22 +6,58 @@
 
 namespace servodrome::plant::test {
 
+// Work of friction and coupling in a tick, from the way of rotor and load.
+class Dissipation {
+ public:
+  explicit Dissipation(const Plant& plant) : p_(plant.parameters()) { note(plant); }
+  void add(const Plant& plant) {
+    const double rotor = rotor_;
+    const double load = load_;
+    note(plant);
+    const double rotor_rad_s = (rotor_ - rotor) * rad_s_per_count_tick();
+    const double load_rad_s = (load_ - load) * rad_s_per_count_tick();
+    const double twist_rad_s = rotor_rad_s - load_rad_s;
+    double sliding_nm = p_.load.coulomb_friction_nm;
+    if (p_.load.stribeck_speed_rad_s > 0.0) {
+      const double ratio = load_rad_s / p_.load.stribeck_speed_rad_s;
+      sliding_nm += (p_.load.static_friction_nm - sliding_nm) * std::exp(-ratio * ratio);
+    }
+    sum_j_ += h * (p_.motor.coulomb_friction_nm * std::abs(rotor_rad_s) + sliding_nm * std::abs(load_rad_s) +
+                   p_.motor.viscous_friction_nms * rotor_rad_s * rotor_rad_s +
+                   p_.load.viscous_friction_nms * load_rad_s * load_rad_s);
+    if (p_.load.elastic) sum_j_ += h * p_.load.damping_nms * twist_rad_s * twist_rad_s;
+  }
+  double sum_j() const { return sum_j_; }
+
+ private:
+  double rad_s_per_count_tick() const { return 2.0 * std::numbers::pi / p_.encoder.counts_per_revolution / h; }
+  void note(const Plant& plant) {
+    rotor_ = static_cast<double>(plant.position_counts()) + plant.position_fraction();
+    load_ = plant.load_position_counts();
+  }
+
+  Parameters p_;
+  double rotor_ = 0.0;
+  double load_ = 0.0;
+  double sum_j_ = 0.0;
+};
+
 // The book of three seconds: what the supply gave is found as heat, friction and what is still stored. `step` makes one
 // tick, at an angle of the command (0.8 Hz); at least `least_j` go through the motor.
 template <typename Step>
 void expect_energy_balance(const Parameters& parameters, double least_j, const Step& step) {
   Rig rig(parameters);
   const Energy start = rig.plant.energy();
-  double friction = 0.0;
+  Dissipation friction(rig.plant);
   for (int tick = 0; tick < 48000; ++tick) {
-    const double before = rig.speed_rad_s();
     step(rig, tick, 2.0 * std::numbers::pi * 0.8 * tick * h);
-    const double mean = 0.5 * (before + rig.speed_rad_s());
-    friction += parameters.load.viscous_friction_nms * mean * mean * h;
+    friction.add(rig.plant);
   }
   const Energy end = rig.plant.energy();
+  const auto stored_j = [](const Energy& e) { return e.kinetic_j + e.elastic_j + e.weight_j + e.cogging_j; };
   const double electric = end.to_motor_j - end.copper_j - end.shaft_j - (end.magnetic_j - start.magnetic_j);
-  const double mechanic = end.shaft_j - friction - (end.kinetic_j - start.kinetic_j);
+  const double mechanic =
+      end.shaft_j - friction.sum_j() - end.iron_j - end.brake_j - end.stop_j - (stored_j(end) - stored_j(start));
   const double link = end.supplied_j - end.chopped_j - end.standby_j - end.stage_j - end.to_motor_j -
                       (end.link_stored_j - start.link_stored_j);
   EXPECT_GT(end.to_motor_j, least_j);

@@ -57,6 +57,33 @@ TEST(Heat, WarmCopperResistsMore) {
   EXPECT_NEAR(rig.feedback.winding_temperature_c, rig.plant.winding_temperature_c(), 1e-4);
 }
 
+// The magnets have the temperature of the case: at 65 degC, 0.11 % per K take 4.4 % of torque and back-EMF.
+TEST(Heat, WarmMagnetsAreWeaker) {
+  Parameters p = bare_motor();
+  p.motor.magnet_temperature_coefficient = 1.1e-3;
+  p.thermal.case_heat_capacity_j_per_k = p.thermal.winding_heat_capacity_j_per_k = 0.1;
+  p.load.inertia_kgm2 = 1.0e-3;
+  for (const double ambient_c : {25.0, 65.0}) {
+    const double share = 1.0 - 1.1e-3 * (ambient_c - 25.0);
+    p.thermal.ambient_c = 25.0;
+    Rig standing(p);
+    standing.plant.lock_rotor(true);
+    standing.plant.set_ambient_c(ambient_c);
+    standing.run(48000);  // without current
+    for (int i = 0; i < 400; ++i) standing.step_voltage(0.0, 0.01);
+    // Without reluctance the torque is the constant times the current.
+    const double per_a = standing.plant.torque_nm() / standing.plant.current_a();
+    EXPECT_NEAR(per_a, share * 0.47 / std::sqrt(2.0), 3.0e-4 * per_a);
+    p.thermal.ambient_c = ambient_c;  // from the start
+    Rig turning(p);
+    turning.spin_up(1000.0);
+    turning.step_voltage(0.0, 0.0);
+    const double emf_v = turning.speed_rad_s() * 5.0 * flux_linkage_vs(p.motor) * share;
+    EXPECT_NEAR(turning.plant.current_a(), -emf_v * h / 4.5e-3 * (1.0 - 0.5 * 1.1 * h / 4.5e-3),
+                0.01 * emf_v * h / 4.5e-3);
+  }
+}
+
 TEST(Heat, AmbientIsFollowed) {
   Parameters p = bare_motor();
   p.thermal.case_heat_capacity_j_per_k = p.thermal.winding_heat_capacity_j_per_k = 0.1;

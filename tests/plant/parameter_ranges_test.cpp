@@ -78,6 +78,30 @@ TEST(ParameterRanges, EndWhereTheySay) {
            {"supply.overcurrent_a", [](Parameters& p) -> double& { return p.supply.overcurrent_a; }, 0.01, 1.0e5},
            {"supply.bus_overcurrent_a", [](Parameters& p) -> double& { return p.supply.bus_overcurrent_a; }, 0.01,
             1.0e5},
+           {"motor.quadrature_saturation_a", [](Parameters& p) -> double& { return p.motor.quadrature_saturation_a; },
+            0.0, 1.0e5},
+           {"motor.saturated_inductance_share",
+            [](Parameters& p) -> double& { return p.motor.saturated_inductance_share; }, 0.1, 1.0},
+           {"motor.magnet_temperature_coefficient",
+            [](Parameters& p) -> double& { return p.motor.magnet_temperature_coefficient; }, 0.0, 0.005},
+           {"motor.iron_hysteresis_nm", [](Parameters& p) -> double& { return p.motor.iron_hysteresis_nm; }, 0.0,
+            1.0e5},
+           {"motor.iron_eddy_nms", [](Parameters& p) -> double& { return p.motor.iron_eddy_nms; }, 0.0, 1.0e3},
+           {"motor.brake_rise_ms", [](Parameters& p) -> double& { return p.motor.brake_rise_ms; }, 0.0, 20.0},
+           {"motor.brake_half_torque_j", [](Parameters& p) -> double& { return p.motor.brake_half_torque_j; }, 0.0,
+            1.0e12},
+           {"load.stribeck_speed_rad_s", [](Parameters& p) -> double& { return p.load.stribeck_speed_rad_s; }, 0.0,
+            1.0e5},
+           {"load.cycle_revolutions", [](Parameters& p) -> double& { return p.load.cycle_revolutions; }, 1.0e-3, 1.0e6},
+           {"load.arm_torque_nm", [](Parameters& p) -> double& { return p.load.arm_torque_nm; }, -1.0e5, 1.0e5},
+           {"load.crank_inertia_kgm2", [](Parameters& p) -> double& { return p.load.crank_inertia_kgm2; }, 0.0, 1.0e3},
+           {"load.crank_torque_nm", [](Parameters& p) -> double& { return p.load.crank_torque_nm; }, -1.0e5, 1.0e5},
+           {"load.crank_ratio", [](Parameters& p) -> double& { return p.load.crank_ratio; }, 0.0, 0.9},
+           {"load.belt_length_revolutions", [](Parameters& p) -> double& { return p.load.belt_length_revolutions; },
+            0.0, 1.0e6},
+           {"load.belt_middle_revolutions", [](Parameters& p) -> double& { return p.load.belt_middle_revolutions; },
+            -1.0e6, 1.0e6},
+           {"supply.mains_hz", [](Parameters& p) -> double& { return p.supply.mains_hz; }, 1.0, 1000.0},
            {"thermal.ambient_c", [](Parameters& p) -> double& { return p.thermal.ambient_c; }, -60.0, 150.0},
            {"thermal.winding_heat_capacity_j_per_k",
             [](Parameters& p) -> double& { return p.thermal.winding_heat_capacity_j_per_k; }, 0.01, 1.0e7},
@@ -141,6 +165,15 @@ TEST(ParameterRanges, OfWholeNumbers) {
     EXPECT_EQ(
         takes("encoder.commutation_offset_turns", [&](Parameters& p) { p.encoder.commutation_offset_turns = turns; }),
         turns >= 0.0 && turns < 1.0);
+  }
+  for (const int phases : {-1, 0, 1, 2, 3, 4}) {
+    Parameters parameters;
+    parameters.supply.mains_phases = phases;
+    EXPECT_EQ(validate(parameters).empty(), phases == 0 || phases == 1 || phases == 3);
+  }
+  for (const double turns : {-1.0e-9, 0.0, 1.0 - 1.0e-9, 1.0}) {
+    EXPECT_EQ(takes("load.cycle_offset_turns", [&](Parameters& p) { p.load.cycle_offset_turns = turns; }),
+              turns >= 0.0 && turns < 1.0);
   }
   for (const int direction : {-2, -1, 0, 1, 2}) {
     EXPECT_EQ(takes("encoder.direction", [&](Parameters& p) { p.encoder.direction = direction; }),
@@ -258,6 +291,54 @@ TEST(ParameterRanges, OfWhatHasToFitTogether) {
   };
   EXPECT_EQ(complaint(cogging(0.999)), "");
   EXPECT_EQ(complaint(cogging(1.001)), "motor.cogging_torque_nm");
+  // The same with harmonics: amplitudes times periods add up.
+  const auto harmonics = [&](double share) {
+    return [=](Parameters& p) {
+      p.motor.rotor_inertia_kgm2 = inertia;
+      p.motor.cogging[0] = {.torque_nm = 0.5 * share * inertia / 100.0 / (62.5e-6 * 62.5e-6), .periods = 100};
+      p.motor.cogging[1] = {.torque_nm = share * inertia / 100.0 / (62.5e-6 * 62.5e-6), .periods = 50};
+      p.motor.cogging_count = 2;
+    };
+  };
+  EXPECT_EQ(complaint(harmonics(0.999)), "");
+  EXPECT_EQ(complaint(harmonics(1.001)), "motor.cogging_torque_nm");
+  EXPECT_EQ(complaint([](Parameters& p) { p.motor.cogging_count = 7; }), "motor.cogging_count");
+  EXPECT_EQ(complaint([](Parameters& p) {
+              p.motor.cogging_count = 2;
+              p.motor.cogging[1].phase_turns = 1.0;
+            }),
+            "motor.cogging[1].phase_turns");
+  // h sqrt(weight / revolutions of the cycle / J) = 1, with J of rotor and load, or of an elastic load alone.
+  for (const bool elastic : {false, true}) {
+    const auto weight = [&](double arm_share, double crank_share) {
+      return [=](Parameters& p) {
+        p.load.elastic = elastic;
+        p.load.inertia_kgm2 = 2.0e-4;
+        p.load.cycle_revolutions = 3.0;
+        const double greatest = (elastic ? 2.0e-4 : 2.28e-4) * 3.0 / (62.5e-6 * 62.5e-6);
+        p.load.arm_torque_nm = -arm_share * greatest;
+        p.load.crank_ratio = 0.25;
+        p.load.crank_torque_nm = crank_share * greatest / 1.25;
+      };
+    };
+    EXPECT_EQ(complaint(weight(0.5, 0.499)), "");
+    EXPECT_EQ(complaint(weight(0.5, 0.501)), "load.arm_torque_nm");
+    EXPECT_EQ(complaint(weight(0.0, 1.001)), "load.crank_torque_nm");
+  }
+  // Saturated windings and cold magnets make the rotor oscillate faster.
+  const auto saturated = [&](double share) {
+    return [=](Parameters& p) {
+      const double greatest = 1.5 * std::sqrt(2.0) * std::sqrt(inertia * 0.25 * henry / 1.5) / 62.5e-6;
+      p.motor.rotor_inertia_kgm2 = inertia;
+      p.motor.direct_inductance_h = p.motor.quadrature_inductance_h = henry;
+      p.motor.quadrature_saturation_a = 5.0;
+      p.motor.saturated_inductance_share = 0.25;
+      p.motor.magnet_temperature_coefficient = 1.0e-3;
+      p.motor.torque_constant_nm_per_a = share * greatest / 1.085;  // at -60 degC
+    };
+  };
+  EXPECT_EQ(complaint(saturated(0.999)), "");
+  EXPECT_EQ(complaint(saturated(1.001)), "motor.torque_constant_nm_per_a");
   // An elastic load has an inertia.
   EXPECT_EQ(complaint([](Parameters& p) { p.load.inertia_kgm2 = 0.0; }), "");
   for (const double load : {0.9e-8, 1.0e-8}) {

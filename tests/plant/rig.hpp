@@ -90,10 +90,15 @@ struct ReferenceMotor {
     const double vq = beta_v * std::cos(angle) - alpha_v * std::sin(angle);
     const double we = m.pole_pairs * s[2];
     const double ld = m.direct_inductance_h;
-    const double lq = m.quadrature_inductance_h;
-    const double torque = 0.5 * m.phases * m.pole_pairs * (flux + (ld - lq) * s[0]) * s[1];
-    return {(vd - m.resistance_ohm * s[0] + we * lq * s[1]) / ld,
-            (vq - m.resistance_ohm * s[1] - we * (ld * s[0] + flux)) / lq,
+    // With saturation the flux of the q axis is (saturated + rest / (1 + |i| / scale)) i.
+    const double scale = m.quadrature_saturation_a > 0.0 ? m.quadrature_saturation_a : 1.0e30;
+    const double saturated = m.saturated_inductance_share * m.quadrature_inductance_h;
+    const double share = 1.0 / (1.0 + std::abs(s[1]) / scale);
+    const double flux_q = (saturated + (m.quadrature_inductance_h - saturated) * share) * s[1];
+    const double slope_q = saturated + (m.quadrature_inductance_h - saturated) * share * share;
+    const double torque = 0.5 * m.phases * m.pole_pairs * ((flux + ld * s[0]) * s[1] - flux_q * s[0]);
+    return {(vd - m.resistance_ohm * s[0] + we * flux_q) / ld,
+            (vq - m.resistance_ohm * s[1] - we * (ld * s[0] + flux)) / slope_q,
             locked ? 0.0 : (torque - viscous * s[2] - p.load.external_torque_nm) / inertia, s[2]};
   }
 

@@ -45,12 +45,35 @@ class RandomMachine {
       const double most = m.rotor_inertia_kgm2 / (h * h * m.cogging_periods_per_revolution);
       m.cogging_torque_nm = between(0.0, std::min(1000.0, 0.99 * most));
     }
+    if (chance(3)) {
+      m.quadrature_saturation_a = decades(0.01, 1e3);
+      m.saturated_inductance_share = between(0.1, 1.0);
+      m.quadrature_inductance_h /= m.saturated_inductance_share;  // so that the rotor's oscillation stays as slow
+      if (m.quadrature_inductance_h > 9.9 * m.direct_inductance_h) m.quadrature_inductance_h = m.direct_inductance_h;
+      if (m.quadrature_inductance_h == m.direct_inductance_h) m.saturated_inductance_share = 1.0;
+    }
+    m.iron_hysteresis_nm = chance(3) ? maybe(1e-6, 1e3) : 0.0;
+    m.iron_eddy_nms = chance(3) ? maybe(1e-9, 1e2) : 0.0;
+    m.brake_rise_ms = chance(3) ? m.brake_engage_ms : 0.0;
+    m.brake_half_torque_j = chance(3) ? decades(1e-6, 1e6) : 0.0;
     Load& l = p.load;
     l.elastic = chance(2);
     l.inertia_kgm2 = l.elastic ? decades(1e-8, 1e3) : maybe(1e-8, 1e3);
     l.viscous_friction_nms = maybe(1e-9, 1e3);
     l.coulomb_friction_nm = maybe(1e-6, 1e4);
     l.static_friction_nm = l.coulomb_friction_nm * (chance(2) ? 1.0 : between(1.0, 3.0));
+    if (chance(3)) l.stribeck_speed_rad_s = decades(1e-6, 1e4);
+    l.cycle_revolutions = decades(1e-3, 1e6);
+    l.cycle_offset_turns = between(0.0, 0.999);
+    if (chance(3)) l.crank_inertia_kgm2 = decades(1e-8, 1e3);
+    l.crank_ratio = between(0.0, 0.9);
+    if (chance(4)) {
+      const double inertia = l.inertia_kgm2 + (l.elastic ? 0.0 : m.rotor_inertia_kgm2);
+      const double most = std::min(1e5, 0.3 * inertia * l.cycle_revolutions / (h * h));
+      l.arm_torque_nm = between(-most, most);
+      l.crank_torque_nm = between(-most, most);
+    }
+    if (chance(3)) l.belt_length_revolutions = decades(0.1, 1e3);
     l.gravity_torque_nm = between(-1.0, 1.0) * maybe(1e-6, 1e5);
     l.external_torque_nm = between(-1.0, 1.0) * maybe(1e-6, 1e5);
     l.stiffness_nm_per_rad = decades(1e-3, 1e8);
@@ -62,6 +85,8 @@ class RandomMachine {
     l.stop_damping_nms = maybe(1e-6, 1e5);
     Supply& s = p.supply;
     s.volts = decades(1.0, 2000.0);
+    if (chance(4)) s.mains_phases = chance(2) ? 1 : 3;
+    s.mains_hz = decades(1.0, 1000.0);
     s.source_resistance_ohm = decades(1e-4, 1e3);
     s.capacitance_f = decades(1e-6, 10.0);
     s.precharge_time_constant_s = maybe(1e-5, 10.0);
@@ -130,12 +155,14 @@ TEST(Robustness, AnyMachineStaysFiniteUnderAnyActuation) {
 }
 
 // Nothing feeds the machine: relay open, no torque from outside, bridge off or shorting. What moves, twists or is
-// charged may only fade. (Cogging trades energy with the rotor and is left out, as is the supply.)
+// charged may only fade. (Cogging and weights trade energy with the rotor, a belt misses a little of it along its
+// travel, and the supply feeds: they are left out.)
 TEST(Robustness, EnergyNeverGrowsByItself) {
   for (int seed = 0; seed < servodrome::test::draws(100'000); ++seed) {
     RandomMachine machine(static_cast<std::uint64_t>(seed) ^ 0x5eedu);
     Parameters p = machine.parameters();
-    p.load.gravity_torque_nm = 0.0;
+    p.load.gravity_torque_nm = p.load.arm_torque_nm = p.load.crank_torque_nm = 0.0;
+    p.load.belt_length_revolutions = 0.0;
     p.motor.cogging_torque_nm = 0.0;
     Rig rig(p);
     // A start with something to lose.
@@ -171,7 +198,10 @@ TEST(Robustness, TheSameRunGivesTheSameBits) {
     drive::Feedback last[2];
     for (drive::Feedback& feedback : last) {
       RandomMachine machine(static_cast<std::uint64_t>(seed));
-      Rig rig(machine.parameters());
+      Parameters p = machine.parameters();
+      p.stage.ideal = p.sensors.ideal = false;
+      p.sensors.seed = static_cast<std::uint32_t>(seed);
+      Rig rig(p);
       for (int tick = 0; tick < 2000; ++tick) {
         if (tick % 20 == 0) machine.actuate(rig.actuation);
         rig.step();
@@ -192,6 +222,45 @@ TEST(Robustness, EnergyBalances) {
   expect_energy_balance(p, 50.0, [](Rig& rig, int, double angle) {
     rig.step_voltage(-3.0 * std::sin(angle), 60.0 * std::sin(angle) + 5.0 * std::sin(11.0 * angle));
   });
+}
+
+// Every effect that docs/line-file.md lists, with a rigid and with an elastic load.
+TEST(Robustness, EnergyBalancesWithEveryEffect) {
+  for (const bool elastic : {false, true}) {
+    Parameters p = bare_motor();
+    p.motor.quadrature_saturation_a = 12.0;
+    p.motor.magnet_temperature_coefficient = 1.1e-3;
+    p.motor.copper_temperature_coefficient = 3.93e-3;
+    p.motor.iron_hysteresis_nm = 0.01;
+    p.motor.iron_eddy_nms = 5.0e-5;
+    p.motor.cogging_torque_nm = 0.01;
+    p.motor.cogging[0] = {.torque_nm = 0.004, .periods = 60, .phase_turns = 0.3};
+    p.motor.cogging_count = 1;
+    p.motor.brake_torque_nm = 0.4;
+    p.motor.brake_rise_ms = 10.0;
+    p.motor.brake_half_torque_j = 500.0;
+    p.load.inertia_kgm2 = 2.0e-4;
+    p.load.viscous_friction_nms = 1.0e-4;
+    p.load.coulomb_friction_nm = 0.02;
+    p.load.static_friction_nm = 0.05;
+    p.load.stribeck_speed_rad_s = 3.0;
+    p.load.cycle_revolutions = 3.0;
+    p.load.arm_torque_nm = 0.1;
+    p.load.crank_inertia_kgm2 = 1.0e-4;
+    p.load.crank_torque_nm = 0.05;
+    p.load.crank_ratio = 0.2;
+    p.load.elastic = elastic;
+    p.load.stiffness_nm_per_rad = 100.0;
+    p.load.damping_nms = 0.02;
+    p.load.belt_length_revolutions = 40.0;
+    p.supply.mains_phases = 1;
+    p.stage.ideal = p.sensors.ideal = false;
+    SCOPED_TRACE(elastic ? "elastic" : "rigid");
+    expect_energy_balance(p, 40.0, [](Rig& rig, int tick, double angle) {
+      rig.actuation.brake_released = tick % 8000 < 7000;
+      rig.step_voltage(-3.0 * std::sin(angle), 60.0 * std::sin(angle) + 5.0 * std::sin(11.0 * angle));
+    });
+  }
 }
 
 }  // namespace

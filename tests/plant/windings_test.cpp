@@ -35,12 +35,14 @@ TEST(Windings, TorqueConstantIsPerAmpereRms) {
   EXPECT_NEAR(rig.plant.torque_nm(), 2.7 * 0.47, 1e-4);
 }
 
-// A stationary-frame voltage that turns and swells; free rotor. Salient and round rotors, both encoder directions.
+// A stationary-frame voltage that turns and swells; free rotor. Salient and round rotors, with saturation and without,
+// both encoder directions.
 TEST(Windings, FollowsTheContinuousEquations) {
-  for (const double ratio : {1.0, 1.6}) {
+  for (const auto& [ratio, saturation_a] : {std::pair{1.0, 0.0}, std::pair{1.6, 0.0}, std::pair{1.2, 2.0}}) {
     for (const int direction : {1, -1}) {
       Parameters p = bare_motor();
       p.motor.quadrature_inductance_h = ratio * p.motor.direct_inductance_h;
+      p.motor.quadrature_saturation_a = saturation_a;
       p.load.inertia_kgm2 = 0.28e-4;
       p.load.viscous_friction_nms = 1.0e-4;
       p.supply.source_resistance_ohm = 1.0e-4;
@@ -233,6 +235,59 @@ TEST(Windings, BackEmfAboveTheLinkFeedsIt) {
   EXPECT_GT(rig.plant.dc_link_v(), 0.98 * emf_peak);
   EXPECT_LT(rig.plant.dc_link_v(), 1.01 * emf_peak);
   EXPECT_LT(rig.plant.velocity_rpm(), 3000.0);
+}
+
+// Lq falls with the current: the current rises faster the higher it is, and the reluctance torque is that of the
+// inductance that is left.
+TEST(Windings, TheQuadratureInductanceSaturates) {
+  Parameters p = bare_motor();
+  p.motor.quadrature_saturation_a = 8.0;
+  p.motor.saturated_inductance_share = 0.3;
+  p.supply.source_resistance_ohm = 1.0e-4;
+  Rig rig(p);
+  rig.plant.lock_rotor(true);
+  ReferenceMotor reference(p);
+  reference.locked = true;
+  for (int tick = 1; tick <= 400; ++tick) {
+    rig.step_voltage(-3.3, 16.5);  // -3 A and 15 A
+    reference.advance(h, -3.3, 16.5);
+    ASSERT_NEAR(rig.plant.current_a(), reference.state[1], 0.002 * 15.0) << tick;
+    ASSERT_NEAR(rig.plant.direct_current_a(), reference.state[0], 0.002 * 15.0) << tick;
+  }
+  rig.run(1600);
+  const double left_h = 4.5e-3 * (0.3 + 0.7 / (1.0 + 15.0 / 8.0));
+  EXPECT_NEAR(rig.plant.current_a(), 15.0, 0.001);
+  EXPECT_NEAR(rig.plant.torque_nm(), 7.5 * (flux_linkage_vs(p.motor) - 3.0 * (4.5e-3 - left_h)) * 15.0, 0.001);
+  // What is in the windings heats the copper after a short circuit.
+  const Energy start = rig.plant.energy();
+  rig.actuation.short_circuit = true;
+  rig.run(1600);
+  const Energy end = rig.plant.energy();
+  EXPECT_NEAR(end.copper_j - start.copper_j, start.magnetic_j, 1.0e-6 * start.magnetic_j);
+  double stored = 0.0;  // integral of current over flux, by the midpoint rule
+  for (double i = 0.0005; i < 15.0; i += 0.001) {
+    const double share = 1.0 / (1.0 + i / 8.0);
+    stored += 1.5 * i * 4.5e-3 * (0.3 + 0.7 * share * share) * 0.001;
+  }
+  EXPECT_NEAR(start.magnetic_j, stored + 0.75 * 4.5e-3 * 9.0, 1.0e-4 * stored);
+}
+
+// Switched off at a high current, the windings give their energy to the link.
+TEST(Windings, ASaturatedMotorGivesItsEnergyBack) {
+  Parameters p = bare_motor();
+  p.motor.quadrature_saturation_a = 5.0;
+  p.supply.bleeder_resistance_ohm = 1.0e9;
+  Rig rig(p);
+  rig.plant.lock_rotor(true);
+  for (int tick = 0; tick < 400; ++tick) rig.step_voltage(0.0, 13.2);
+  const Energy start = rig.plant.energy();
+  rig.actuation.pwm_enabled = false;
+  rig.run(400);
+  const Energy end = rig.plant.energy();
+  EXPECT_EQ(rig.plant.current_a(), 0.0);
+  EXPECT_NEAR(start.to_motor_j - end.to_motor_j + end.copper_j - start.copper_j, start.magnetic_j,
+              1.0e-6 * start.magnetic_j);
+  EXPECT_GT(start.to_motor_j - end.to_motor_j, 0.9 * start.magnetic_j);
 }
 
 // A held shaft has its own function, which leaves the rotation out: the results are equal but for rounding.

@@ -71,6 +71,22 @@ def salient_step():
     return runs
 
 
+def saturated_step():
+    """A step to twice the rated current, with a direct current, at a speed."""
+    speed = rad_s(2000.0)
+    changes = {"motor.quadrature_saturation_a": 6.0, "load.inertia_kgm2": FLYWHEEL_KGM2}
+    left_h = HENRY * (0.4 + 0.6 / (1.0 + 8.0 / 6.0))
+    direct_v, quadrature_v = for_current(8.0, POLE_PAIRS * speed, quadrature_h=left_h)
+    steps = synchronous(400, speed, direct_v - OHM * 3.0, quadrature_v - POLE_PAIRS * speed * HENRY * 3.0)
+    return [Run(changes, [spin(speed), *steps])]
+
+
+def warm_magnets():
+    """A short circuit, which the back-EMF drives, with magnets of 85 degC."""
+    changes = {"motor.magnet_temperature_coefficient": 1.1e-3, "thermal.ambient_c": 85.0}
+    return [Run(run.changes | changes, run.holds) for run in short_circuit()]
+
+
 def torque_step(ticks=400, inertia=5.0e-4):
     """A torque and then the opposite one, with the voltages of the course that the shaft takes under them: the current
     approaches each exponentially, which gives speed and angle in closed form."""
@@ -186,6 +202,12 @@ def precharge():
 def sag():
     changes = {"locked": 1, "supply.source_resistance_ohm": 5.0}
     return [Run(changes, [Hold(400, vector(OHM * 15.0, 0.0), pwm=True), Hold(100, pwm=True)])]
+
+
+def mains(phases):
+    """The link between the peaks of the mains, first without load and then with 370 W."""
+    changes = {"locked": 1, "supply.mains_phases": phases}
+    return [Run(changes, [Hold(160), Hold(640, vector(OHM * 15.0, 0.0), pwm=True)], longest_step_ticks=0.5)]
 
 
 CHOPPER_FROM = 300  # ticks after the spin-up

@@ -1,5 +1,7 @@
 """Dry friction of the rotor, of the load, or of both as one shaft: it slides, or it stands and is held."""
 
+import math
+
 from state import sign
 
 
@@ -11,6 +13,8 @@ class Mass:
         self.direction = 0
         self.sliding_nm = 0.0
         self.static_nm = 0.0
+        self.stribeck_nm = 0.0  # what the sliding friction is greater by at standstill
+        self.stribeck_rad_s = 1.0
 
     def settle(self, speed, torque_nm):
         """The mode that goes with the speed and the torque of everything else."""
@@ -22,5 +26,10 @@ class Mass:
         self.stands = False
         self.direction = sign(torque_nm)
 
-    def acceleration(self, torque_nm, inertia):
-        return 0.0 if self.stands else (torque_nm - self.direction * self.sliding_nm) / inertia
+    def acceleration(self, torque_nm, inertia, speed):
+        if self.stands:
+            return 0.0
+        sliding_nm = self.sliding_nm
+        if self.stribeck_nm > 0.0:
+            sliding_nm += self.stribeck_nm * math.exp(-((speed / self.stribeck_rad_s) ** 2))
+        return (torque_nm - self.direction * sliding_nm) / inertia

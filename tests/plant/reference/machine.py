@@ -11,6 +11,7 @@ import numpy
 from contacts import Flanks, Stops
 from diode_bridge import DiodeBridge
 from friction import Mass
+from load_place import LoadPlace
 from state import ANGLE, CASE, LINK, LOAD_ANGLE, LOAD_SPEED, SPEED, STAGE, STATES, WINDING, Event
 
 EMPTY_V = 10.0  # of the link: below, nothing in the drive switches
@@ -25,15 +26,15 @@ def flux_linkage_vs(p):
 class Machine:
     def __init__(self, parameters):
         p = self.p = parameters
-        self.flux = flux_linkage_vs(p)
+        self.flux = self.flux_at_25_c = flux_linkage_vs(p)
         self.half_phases = 0.5 * p["motor.phases"]
         self.pole_pairs = p["motor.pole_pairs"] * p["encoder.direction"]
         self.direct_h = p["motor.direct_inductance_h"]
         self.quadrature_h = p["motor.quadrature_inductance_h"]
         self.elastic = bool(p["load.elastic"])
-        self.load_inertia = p["load.inertia_kgm2"]
-        self.rotor_inertia = p["motor.rotor_inertia_kgm2"] + (0.0 if self.elastic else self.load_inertia)
-        self.rotor_viscous = p["motor.viscous_friction_nms"]
+        self.place = LoadPlace(p)
+        self.rotor_inertia = p["motor.rotor_inertia_kgm2"]
+        self.rotor_viscous = p["motor.viscous_friction_nms"] + p["motor.iron_eddy_nms"]
         self.load_viscous = p["load.viscous_friction_nms"]
         self.rad_per_count = 2.0 * math.pi / p["encoder.counts_per_revolution"]
         self.precharge_ohm = max(
@@ -66,8 +67,12 @@ class Machine:
 
     def set_brake(self, engaged):
         p = self.p
-        rotor = p["motor.coulomb_friction_nm"] + (p["motor.brake_torque_nm"] if engaged else 0.0)
+        rotor = p["motor.coulomb_friction_nm"] + p["motor.iron_hysteresis_nm"]
+        rotor += p["motor.brake_torque_nm"] if engaged else 0.0
         load = p["load.coulomb_friction_nm"], p["load.static_friction_nm"]
+        if p["load.stribeck_speed_rad_s"] > 0.0:
+            carried = self.load if self.elastic else self.rotor
+            carried.stribeck_nm, carried.stribeck_rad_s = load[1] - load[0], p["load.stribeck_speed_rad_s"]
         if self.elastic:
             self.rotor.sliding_nm = self.rotor.static_nm = rotor
             self.load.sliding_nm, self.load.static_nm = load
@@ -114,36 +119,68 @@ class Machine:
         p = self.p
         return p["motor.resistance_ohm"] * (1.0 + p["motor.copper_temperature_coefficient"] * (winding_c - 25.0))
 
+    def warm_magnets(self, case_c):
+        cooler = self.p["motor.magnet_temperature_coefficient"] * (case_c - 25.0)
+        self.flux = self.flux_at_25_c * (1.0 - cooler)
+
+    def saturable(self):
+        """The part of Lq that falls with the current, and the scale of the current."""
+        scale = self.p["motor.quadrature_saturation_a"]
+        if scale == 0.0:
+            return 0.0, 1.0
+        return (1.0 - self.p["motor.saturated_inductance_share"]) * self.quadrature_h, scale
+
+    def quadrature_flux(self, quadrature):
+        part, scale = self.saturable()
+        return (self.quadrature_h - part * abs(quadrature) / (scale + abs(quadrature))) * quadrature
+
+    def quadrature_slope_h(self, quadrature):
+        part, scale = self.saturable()
+        return self.quadrature_h - part * (1.0 - (scale / (scale + abs(quadrature))) ** 2)
+
     def torque_nm(self, direct, quadrature):
-        reluctance = (self.direct_h - self.quadrature_h) * direct
-        return self.half_phases * self.pole_pairs * (self.flux + reluctance) * quadrature
+        along = (self.flux + self.direct_h * direct) * quadrature
+        return self.half_phases * self.pole_pairs * (along - self.quadrature_flux(quadrature) * direct)
 
     def current_slopes(self, direct, quadrature, direct_v, quadrature_v, resistance, electrical):
         """Voltage = resistance * current + change of the flux, whose turning is seen from the rotor."""
-        back_d = -electrical * self.quadrature_h * quadrature
+        back_d = -electrical * self.quadrature_flux(quadrature)
         back_q = electrical * (self.direct_h * direct + self.flux)
         return (
             (direct_v - resistance * direct - back_d) / self.direct_h,
-            (quadrature_v - resistance * quadrature - back_q) / self.quadrature_h,
+            (quadrature_v - resistance * quadrature - back_q) / self.quadrature_slope_h(quadrature),
         )
 
     def torques(self, direct, quadrature, speed, angle, load_speed, load_angle):
         """On the rotor (with a rigid load: the shaft) and on the load, of everything but dry friction."""
         rotor = self.torque_nm(direct, quadrature) - self.rotor_viscous * speed
         load = self.load_nm - self.load_viscous * load_speed - self.stops.torque_nm(load_speed, load_angle)
+        load -= self.place.weight_nm(load_angle) + 0.5 * self.place.inertia_slope(load_angle) * load_speed**2
         if not self.elastic:
             return rotor + load, 0.0
+        self.flanks.stiffness = self.place.stiffness(load_angle)
         coupling = self.flanks.torque_nm(speed - load_speed, angle - load_angle)
+        load -= 0.5 * self.place.stiffness_slope(load_angle) * (angle - load_angle) ** 2
         return rotor - coupling, load + coupling
 
     def torques_of(self, state):
         return self.torques(*state.tolist()[: LOAD_ANGLE + 1])
 
-    def derivative(self, _, state):
+    def supply_v(self, time_s):
+        """Of a rectifier: the greatest voltage between two of its wires."""
+        peak, phases = self.p["supply.volts"], self.p["supply.mains_phases"]
+        if phases == 0:
+            return peak
+        angle = 2.0 * math.pi * self.p["supply.mains_hz"] * time_s
+        wires = [math.sin(angle + math.pi / 6.0 + 2.0 * math.pi / 3.0 * n) / math.sqrt(3.0) for n in range(3)]
+        return peak * (abs(math.sin(angle)) if phases == 1 else max(wires) - min(wires))
+
+    def derivative(self, time_s, state):
         p = self.p
         values = state.tolist()
         direct, quadrature, speed, angle, load_speed, load_angle, link_v, winding_c, case_c, stage_c = values[:10]
         resistance = self.resistance_ohm(winding_c)
+        self.warm_magnets(case_c)
         electrical = self.pole_pairs * speed
         if self.open:
             d_direct, d_quadrature, power = self.bridge.derivative(values, resistance)
@@ -158,10 +195,15 @@ class Machine:
 
         torque = self.torque_nm(direct, quadrature)
         on_rotor, on_load = self.torques(direct, quadrature, speed, angle, load_speed, load_angle)
-        acceleration = self.rotor.acceleration(on_rotor, self.rotor_inertia)
-        load_acceleration = self.load.acceleration(on_load, self.load_inertia) if self.elastic else acceleration
+        load_inertia = self.place.inertia(load_angle)
+        moved_inertia = self.rotor_inertia + (0.0 if self.elastic else load_inertia)
+        acceleration = self.rotor.acceleration(on_rotor, moved_inertia, speed)
+        load_acceleration = acceleration
+        if self.elastic:
+            load_acceleration = self.load.acceleration(on_load, load_inertia, load_speed)
+        iron_w = p["motor.iron_hysteresis_nm"] * abs(speed) + p["motor.iron_eddy_nms"] * speed * speed
 
-        supply_v = p["supply.volts"] if self.connected else 0.0
+        supply_v = self.supply_v(time_s) if self.connected else 0.0
         source_ohm = self.precharge_ohm if self.precharging else p["supply.source_resistance_ohm"]
         source_a = max(0.0, supply_v - link_v) / source_ohm  # the rectifier lets nothing back
         standby_w = p["supply.standby_w"] if link_v > supply_v else 0.0  # else the source carries the electronics
@@ -185,7 +227,7 @@ class Machine:
             load_speed,
             (source_a - drawn_a) / p["supply.capacitance_f"],
             (copper_w - to_case_w) / p["thermal.winding_heat_capacity_j_per_k"],
-            (to_case_w - from_case_w) / p["thermal.case_heat_capacity_j_per_k"],
+            (to_case_w + iron_w - from_case_w) / p["thermal.case_heat_capacity_j_per_k"],
             (stage_w - from_stage_w) / p["thermal.stage_heat_capacity_j_per_k"],
             torque,
             power,
@@ -235,10 +277,13 @@ class Machine:
         """In the DC link, the windings, the moving masses, and in coupling and stops."""
         direct, quadrature, speed, angle, load_speed, load_angle, link_v = state.tolist()[: LINK + 1]
         link = 0.5 * self.p["supply.capacitance_f"] * link_v * link_v
-        magnetic = 0.5 * self.half_phases * (self.direct_h * direct**2 + self.quadrature_h * quadrature**2)
-        kinetic = 0.5 * self.rotor_inertia * speed * speed
+        part, scale = self.saturable()
+        share = abs(quadrature) / scale
+        spared = part * (0.5 * quadrature**2 - scale**2 * (math.log1p(share) - share / (1.0 + share)))
+        magnetic = self.half_phases * (0.5 * self.direct_h * direct**2 + 0.5 * self.quadrature_h * quadrature**2 - spared)
+        kinetic = 0.5 * self.rotor_inertia * speed**2 + 0.5 * self.place.inertia(load_angle) * load_speed**2
         elastic = self.stops.stored_j(load_angle)
         if self.elastic:
-            kinetic += 0.5 * self.load_inertia * load_speed * load_speed
+            self.flanks.stiffness = self.place.stiffness(load_angle)
             elastic += self.flanks.stored_j(angle - load_angle)
         return link, magnetic, kinetic, elastic

@@ -86,6 +86,11 @@ def switch_off(name, current_a):
     return Scenario(f"switch-off, {name} current", functools.partial(electric.switch_off, current_a), quantities)
 
 
+def mains(word, phases):
+    runs = functools.partial(electric.mains, phases)
+    return Scenario(f"link, {word}-phase mains", runs, courses("link, change", "supplied", target=1.0))
+
+
 def rotating(rad_per_tick):
     runs = functools.partial(electric.rotating, rad_per_tick)
     return Scenario(f"rotating, {rad_per_tick:g} rad/tick", runs, courses("current", target=1.0))
@@ -97,12 +102,14 @@ SCENARIOS = [
     turning(3000),
     turning(6000),
     Scenario("current step, salient", electric.salient_step, courses("current", "torque")),
+    Scenario("current step, saturated", electric.saturated_step, courses("current", "torque")),
     rotating(0.2),
     rotating(0.5),
     rotating(1.0),
     Scenario("stepper, full step", electric.stepper, courses("current", "speed", "position")),
     Scenario("torque step", electric.torque_step, courses("current", "torque", "speed")),
     Scenario("short circuit", electric.short_circuit, courses("current", "torque", "speed")),
+    Scenario("short circuit, 85 degC", electric.warm_magnets, courses("current", "torque", "speed")),
     Scenario("viscous spin-down", shaft.spin_down, courses("speed", "position")),
     Scenario("viscous rotor, rigid", functools.partial(shaft.stiff_viscous, False), courses("speed", "position")),
     Scenario(
@@ -116,6 +123,13 @@ SCENARIOS = [
     Scenario("two masses, ring-down", shaft.ring_down, courses("speed", "load speed")),
     Scenario("two masses, driven", shaft.elastic_driven, courses("current", "speed", "load speed")),
     Scenario("stick-slip", shaft.stick_slip, courses("speed", "load speed")),
+    Scenario("arm", shaft.arm, courses("speed", "position")),
+    Scenario("crank, rigid", functools.partial(shaft.crank, False), courses("speed", "position")),
+    Scenario("crank, elastic", functools.partial(shaft.crank, True), courses("speed", "load speed", "position")),
+    Scenario("Stribeck, rigid", functools.partial(shaft.stribeck, False), courses("speed", "position")),
+    Scenario("Stribeck, elastic", functools.partial(shaft.stribeck, True), courses("speed", "load speed", "position")),
+    Scenario("belt", shaft.belt, courses("speed", "load speed", "position")),
+    Scenario("iron loss", shaft.iron_loss, courses("speed", "case, rise")),
     play("play, 10 reversals", 1.0e-4, 0.1),
     play("play, light load", 1.0e-6, 0.01, {"load speed": 9}),
     *(hit(elastic, ticks) for elastic in (False, True) for ticks in HIT_TICKS),
@@ -130,6 +144,8 @@ SCENARIOS = [
     switch_off("peak", electric.PEAK_A),
     Scenario("link, charge", electric.charge, courses("link, change")),
     Scenario("link, precharge", electric.precharge, courses("link, change")),
+    mains("one", 1),
+    mains("three", 3),
     Scenario("link, motoring sag", electric.sag, courses("link, change", "supplied", "stage losses")),
     Scenario("link, regenerating", electric.regeneration, courses("link, change")),
     Scenario(

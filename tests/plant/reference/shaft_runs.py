@@ -94,3 +94,71 @@ def play(load_kgm2, damping):
         amplitude = (0.5 if half == 0 else 1.0) * OHM * current_a * (-1) ** half
         holds.append(Hold(REVERSAL_TICKS, vector(amplitude, 0.5 * math.pi), pwm=True))
     return [Run(changes, holds, longest_step_ticks=1.0)]
+
+
+# --- Loads that depend on their place or speed.
+
+
+def arm():
+    """An arm behind a gear falls out of its friction, swings, and comes to rest where friction holds it again."""
+    changes = {
+        "load.inertia_kgm2": 5.0e-4,
+        "load.cycle_revolutions": 2.0,
+        "load.arm_torque_nm": 0.5,
+        "load.coulomb_friction_nm": 0.03,
+        "load.static_friction_nm": 0.05,
+        "encoder.start_position_counts": 40000,
+    }
+    return [Run(changes, [Hold(100, external_nm=-0.3), Hold(2400)])]
+
+
+def crank(elastic):
+    """A slider with weight, thrown round by a flywheel of its own."""
+    changes = {
+        "load.inertia_kgm2": 2.0e-4,
+        "load.crank_inertia_kgm2": 4.0e-4,
+        "load.crank_torque_nm": 0.1,
+        "load.crank_ratio": 0.3,
+        "load.cycle_offset_turns": 0.1,
+    }
+    if elastic:
+        changes |= {"load.elastic": 1, "load.stiffness_nm_per_rad": 200.0, "load.damping_nms": 0.01}
+    return [Run(changes, [Hold(8, external_nm=-50.0), Hold(1200)])]
+
+
+def stribeck(elastic):
+    """Breaks loose under a torque that would not keep it moving without the fall of the friction, and stops again."""
+    changes = {
+        "load.inertia_kgm2": 1.0e-3,
+        "load.coulomb_friction_nm": 0.05,
+        "load.static_friction_nm": 0.15,
+        "load.stribeck_speed_rad_s": 2.0,
+    }
+    if elastic:
+        changes |= {"load.elastic": 1, "load.stiffness_nm_per_rad": 200.0, "load.damping_nms": 0.05}
+    torques = (-0.149, -0.16, -0.1, -0.04, 0.02)
+    return [Run(changes, [Hold(300, external_nm=torque) for torque in torques])]
+
+
+def belt():
+    """A carriage that vibrates on a belt which becomes stiffer along the way."""
+    changes = {
+        "load.elastic": 1,
+        "load.inertia_kgm2": 5.0e-4,
+        "load.stiffness_nm_per_rad": 20.0,
+        "load.damping_nms": 0.002,
+        "load.belt_length_revolutions": 6.0,
+        "load.belt_middle_revolutions": -1.0,
+    }
+    return [Run(changes, [Hold(8, external_nm=-20.0), Hold(1600)])]
+
+
+def iron_loss():
+    """Coasting; the drag of the iron heats a small case."""
+    changes = {
+        "load.inertia_kgm2": 1.0e-3,
+        "motor.iron_hysteresis_nm": 0.02,
+        "motor.iron_eddy_nms": 1.0e-4,
+        "thermal.case_heat_capacity_j_per_k": 20.0,
+    }
+    return [Run(changes, [Hold(16, external_nm=-200.0), Hold(7984)], every=64, longest_step_ticks=64.0)]
