@@ -101,7 +101,8 @@ double Windings::Quadrature::current_a(double flux_vs) const {
                        flux_vs);
 }
 
-// A piece with saturation: the rotor turns by half of the angle, the voltage acts, the rotor turns by the other half.
+// A piece with saturation: the rotor turns by half of the angle, the voltage acts, the rotor turns by the other half
+// (together with the first half of the next piece).
 // Turning keeps the flux linkage of the stator, so its work is what the windings lose. In between, the mean current is
 // that of the energy: change of the energy / change of the flux. So the energy balance is exact here too.
 template <typename Voltage>
@@ -111,89 +112,93 @@ WindingTick Windings::in_saturated_pieces(const Pieces& pieces, const Turn& turn
   const double angle = turn.angle / pieces.count;
   const double sine_half = std::sin(0.5 * angle);
   const double cosine_half = std::cos(0.5 * angle);
-  const auto current_of = [this](Vector linkage) {
-    return Vector{(linkage.d - flux_) / direct_inductance_, quadrature_.current_a(linkage.q)};
-  };
-  const auto stored = [this](Vector current) {
-    return 0.5 * direct_inductance_ * current.d * current.d + quadrature_.magnetic_j(current.q);
-  };
+  const double sine = 2.0 * sine_half * cosine_half;
+  const double cosine = cosine_half * cosine_half - sine_half * sine_half;
+  Vector current{direct_a, quadrature_a};
   Vector linkage{direct_inductance_ * direct_a + flux_, quadrature_.flux_vs(quadrature_a)};
+  double direct_j = 0.5 * direct_inductance_ * direct_a * direct_a;  // stored, per half phase
+  double quadrature_j = quadrature_.magnetic_j(quadrature_a);
   Vector mean;
   double square_a2 = 0.0;
   double power_w = 0.0;
   double torque_vs = 0.0;
-  const auto turn_half = [&] {
-    const Vector from = linkage;
-    linkage = turned(from, sine_half, cosine_half);
+  const auto turn_by = [&](double turn_sine, double turn_cosine, double pieces_turned) {
+    const Vector old_linkage = linkage;
+    const Vector old = current;
+    const double before_j = direct_j + quadrature_j;
+    linkage = turned(linkage, turn_sine, turn_cosine);
+    current = {(linkage.d - flux_) / direct_inductance_, quadrature_.current_a(linkage.q)};
+    direct_j = 0.5 * direct_inductance_ * current.d * current.d;
+    quadrature_j = quadrature_.magnetic_j(current.q);
     if (std::abs(angle) > 1.0e-8) {
-      torque_vs += (stored(current_of(from)) - stored(current_of(linkage))) / angle;
+      torque_vs += (before_j - (direct_j + quadrature_j)) / angle;
     } else {
-      const Vector middle = 0.5 * (from + linkage);
-      const Vector current = current_of(middle);
-      torque_vs += 0.5 * (middle.d * current.q - middle.q * current.d);
+      const Vector twice_linkage = old_linkage + linkage;
+      const Vector twice_current = old + current;
+      torque_vs += 0.25 * pieces_turned * (twice_linkage.d * twice_current.q - twice_linkage.q * twice_current.d);
     }
   };
   for (int i = 0; i < pieces.count; ++i) {
-    turn_half();
-    const Vector old = current_of(linkage);
-    const double old_j = quadrature_.magnetic_j(old.q);
+    const bool first = i == 0;
+    const double turn_sine = first ? sine_half : sine;
+    const double turn_cosine = first ? cosine_half : cosine;
+    turn_by(turn_sine, turn_cosine, first ? 0.5 : 1.0);
+    const Vector old = current;
+    const double old_slope = 1.0 / quadrature_.slope_h(old.q);
     const auto step = [&](double direct_weight, double quadrature_weight, bool again) {
-      // Mean q current for a flux at the end, and its derivative.
-      double mean_q = 0.0;
-      double mean_q_slope = 0.0;
-      const auto look = [&](double end_vs, double end_a) {
-        const double change_vs = end_vs - linkage.q;
-        const double per_flux = 1.0 / quadrature_.slope_h(end_a);
-        const bool little = std::abs(change_vs) < 1.0e-6 * (std::abs(linkage.q) + std::abs(end_vs));
-        mean_q = little ? 0.5 * (old.q + end_a) : (quadrature_.magnetic_j(end_a) - old_j) / change_vs;
-        mean_q_slope = little ? 0.5 * per_flux : (end_a - mean_q) / change_vs;
-        if (change_vs == 0.0) mean_q = old.q;
-        mean_q += (quadrature_weight - 0.5) * (end_a - old.q);
-        mean_q_slope += (quadrature_weight - 0.5) * per_flux;
-      };
-      look(0.0, 0.0);
+      const double more_weight = quadrature_weight - 0.5;
+      const double zero_mean_q = (linkage.q == 0.0 ? 0.0 : quadrature_j / linkage.q) - more_weight * old.q;
       const Vector kept{rate * (linkage.d - flux_) - resistance_ * (1.0 - direct_weight) * old.d,
-                        rate * linkage.q - resistance_ * mean_q};
+                        rate * linkage.q - resistance_ * zero_mean_q};
       const Vector impedance{pieces.direct_rate + resistance_ * direct_weight,
                              rate * quadrature_.inductance_h(old.q) + resistance_ * quadrature_weight};
-      const Vector volts = i == 0 ? voltage(sine_half, cosine_half, kept, impedance, again)
-                                  : voltage(2.0 * sine_half * cosine_half,
-                                            cosine_half * cosine_half - sine_half * sine_half, kept, impedance, again);
-      Vector current{(kept.d + volts.d) / impedance.d, 0.0};
+      const Vector volts = voltage(turn_sine, turn_cosine, kept, impedance, again);
+      Vector found{(kept.d + volts.d) / impedance.d, 0.0};
       double end_vs = 0.0;
+      double end_j = 0.0;
+      double mean_q = zero_mean_q;
       if (volts.q != -kept.q) {
-        end_vs = (kept.q + volts.q) / impedance.q * quadrature_.inductance_h(old.q);
+        // Newton's method for the flux at the end, from an estimate with the present slope.
+        end_vs = linkage.q + (volts.q - resistance_ * old.q) / (rate + resistance_ * quadrature_weight * old_slope);
         for (int pass = 0; pass < 20; ++pass) {
-          current.q = quadrature_.current_a(end_vs);
-          look(end_vs, current.q);
-          const double missed = rate * (end_vs - linkage.q) - volts.q + resistance_ * mean_q;
-          const double correction = missed / (rate + resistance_ * mean_q_slope);
+          found.q = quadrature_.current_a(end_vs);
+          end_j = quadrature_.magnetic_j(found.q);
+          const double change_vs = end_vs - linkage.q;
+          const double per_flux = 1.0 / quadrature_.slope_h(found.q);
+          const bool little = std::abs(change_vs) <= 1.0e-6 * (std::abs(linkage.q) + std::abs(end_vs));
+          mean_q = little ? 0.5 * (old.q + found.q) : (end_j - quadrature_j) / change_vs;
+          const double slope = (little ? 0.5 * per_flux : (found.q - mean_q) / change_vs) + more_weight * per_flux;
+          mean_q += more_weight * (found.q - old.q);
+          const double missed = rate * change_vs - volts.q + resistance_ * mean_q;
+          const double correction = missed / (rate + resistance_ * slope);
+          if (std::abs(correction) <= 1.0e-12 * (std::abs(end_vs) + std::abs(linkage.q))) break;
           end_vs -= correction;
-          if (std::abs(correction) <= 1.0e-15 * (std::abs(end_vs) + std::abs(linkage.q))) break;
         }
       }
-      const Vector change = current - old;
+      const Vector change = found - old;
       const Vector through{old.d + direct_weight * change.d, mean_q};
       const double power = dot(volts, through);
       if (passive && !again && power > 0.0) return false;
       mean = mean + through;
       square_a2 += dot(through, through) + (pieces.direct_rate * (direct_weight - 0.5) * change.d * change.d +
-                                            rate * (quadrature_weight - 0.5) * change.q * (end_vs - linkage.q)) /
+                                            rate * more_weight * change.q * (end_vs - linkage.q)) /
                                                resistance_;
       power_w += power;
-      linkage = {direct_inductance_ * current.d + flux_, end_vs};
+      current = found;
+      linkage = {direct_inductance_ * found.d + flux_, end_vs};
+      direct_j = 0.5 * direct_inductance_ * found.d * found.d;
+      quadrature_j = end_j;
       return true;
     };
     if (!step(pieces.direct_weight, pieces.quadrature_weight, false)) step(1.0, 1.0, true);
-    turn_half();
   }
+  turn_by(sine_half, cosine_half, 0.5);
   const double share = 1.0 / pieces.count;
   mean = share * mean;
-  const Vector end = current_of(linkage);
   return {.mean_direct_a = mean.d,
           .mean_quadrature_a = mean.q,
-          .end_direct_a = end.d,
-          .end_quadrature_a = end.q,
+          .end_direct_a = current.d,
+          .end_quadrature_a = current.q,
           .more_heat_a2 = share * square_a2 - dot(mean, mean),
           .power_w = phase_factor_ * share * power_w,
           .torque_nm = torque_per_flux_ * share * torque_vs};
