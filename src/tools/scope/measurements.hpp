@@ -24,7 +24,7 @@ struct Measurement {
   double mean = 0;
   double rms = 0;
   // Set if the recording begins and ends at rest (for a twentieth of its rows each, at least 3), and the difference
-  // between the two is more than 20 times the remaining noise.
+  // between the two is more than 20 times the remaining noise and at least half of the curve's range.
   std::optional<StepResponse> step{};
 };
 

@@ -249,6 +249,15 @@ TEST(ScopeMeasurements, WhatMovesAtTheEndIsNoStep) {
   EXPECT_FALSE(measure(made_of({1}, 1ms), 0).step);
 }
 
+// It ends a little beside its start: that difference is no step, and the way there is no overshoot.
+TEST(ScopeMeasurements, ThereAndBackIsNoStep) {
+  std::vector<double> way(100, 0.0);
+  for (int i = 0; i <= 100; ++i) way.push_back(131072.0 * i / 100);
+  for (int i = 100; i >= 0; --i) way.push_back(131072.0 * i / 100 + 230);
+  way.insert(way.end(), 100, 230.0);
+  EXPECT_FALSE(measure(made_of(way, 1ms), 0).step);
+}
+
 // ---- Files ----
 
 Recording of_two_groups() {
