@@ -21,6 +21,12 @@ inline CLI::Validator number_within(double low, double high) {
           ""};
 }
 
+// The duration of a command, which has the same name in all commands.
+template <typename T>
+CLI::Option* add_seconds_option(CLI::App& command, T& seconds, const std::string& description) {
+  return command.add_option("--seconds", seconds, description);
+}
+
 // Rounds `units` to the type of a drive's object. Throws Failure if the type cannot hold it; the message begins with
 // `option` and the given `number`.
 template <std::integral T>

@@ -7,33 +7,9 @@
 
 #include "axis/cia402_words.hpp"
 #include "axis/fault_report.hpp"
+#include "describe/status_words.hpp"
 
 namespace servodrome::master {
-namespace {
-
-struct StatusBit {
-  std::uint16_t mask;
-  const char* name;
-};
-// Bit 5 is 0 during a quick stop, so the name of the set bit is "no quick stop".
-constexpr auto status_bits = std::to_array<StatusBit>({{1U << 0, "ready to switch on"},
-                                                       {1U << 1, "switched on"},
-                                                       {1U << 2, "operation enabled"},
-                                                       {1U << 3, "fault"},
-                                                       {1U << 4, "voltage enabled"},
-                                                       {1U << 5, "no quick stop"},
-                                                       {1U << 6, "switch on disabled"},
-                                                       {1U << 7, "warning"},
-                                                       {1U << 8, "bit 8"},
-                                                       {1U << 9, "remote"},
-                                                       {1U << 10, "target reached"},
-                                                       {1U << 11, "internal limit active"},
-                                                       {1U << 12, "bit 12"},
-                                                       {1U << 13, "bit 13"},
-                                                       {1U << 14, "bit 14"},
-                                                       {1U << 15, "bit 15"}});
-
-}  // namespace
 
 PowerState state_of(std::uint16_t statusword) {
   constexpr std::uint16_t without_quick_stop = 0x4F;
@@ -49,30 +25,18 @@ PowerState state_of(std::uint16_t statusword) {
   return PowerState::not_ready_to_switch_on;  // none of the standard's bit patterns
 }
 
-std::string text_of_statusword(std::uint16_t statusword) {
+std::string text_of_statusword(std::uint16_t statusword, std::string_view product, std::int8_t mode) {
   std::string names;
-  for (const StatusBit& bit : status_bits) {
-    if ((statusword & bit.mask) == 0) continue;
-    if (!names.empty()) names += ", ";
-    names += bit.name;
+  for (unsigned bit = 0; bit < 16; ++bit) {
+    if ((unsigned{statusword} >> bit & 1U) == 0) continue;
+    const std::string_view name = describe::status_bit_name(product, bit, mode);
+    names += fmt::format("{}{}", names.empty() ? "" : ", ", name.empty() ? fmt::format("bit {}", bit) : name);
   }
   return fmt::format("{:04X}h ({})", statusword, names.empty() ? "no bit set" : names);
 }
 
-const char* name(OperationMode mode) {
-  switch (mode) {
-    case OperationMode::none: return "no mode";
-    case OperationMode::profile_position: return "profile position";
-    case OperationMode::velocity: return "velocity";
-    case OperationMode::profile_velocity: return "profile velocity";
-    case OperationMode::profile_torque: return "profile torque";
-    case OperationMode::homing: return "homing";
-    case OperationMode::interpolated_position: return "interpolated position";
-    case OperationMode::cyclic_synchronous_position: return "cyclic synchronous position";
-    case OperationMode::cyclic_synchronous_velocity: return "cyclic synchronous velocity";
-    case OperationMode::cyclic_synchronous_torque: return "cyclic synchronous torque";
-  }
-  return static_cast<std::int8_t>(mode) < 0 ? "manufacturer-specific mode" : "reserved mode";
+std::string_view name(OperationMode mode, std::string_view product) {
+  return describe::mode_name(product, static_cast<std::int8_t>(mode));
 }
 
 std::int32_t Axis402::position() {
@@ -113,11 +77,13 @@ AxisStatus Axis402::status() {
 
 void Axis402::fail(const std::string& happened, const std::string& remedy) {
   const std::uint16_t word = statusword();
-  std::string shown = fmt::format("state {}, statusword {}", drive::name(state_of(word)), text_of_statusword(word));
+  const std::string_view product = options_.dialect.product;
+  std::string shown =
+      fmt::format("state {}, statusword {}", drive::name(state_of(word)), text_of_statusword(word, product, mode()));
   std::string to_do = remedy;
   if (const auto code = objects_.read_if_present<std::uint16_t>(0x603F); code && *code != 0) {
-    const ReportedFault fault = fault_of_code(*code, {0x603F, 0}, options_.dialect.product);
-    shown += ", error code 603Fh " + text_of(fault, options_.dialect.product);
+    const ReportedFault fault = fault_of_code(*code, {0x603F, 0}, product);
+    shown += ", error code 603Fh " + text_of(fault, product);
     for (const describe::FaultText* meaning : fault.meanings) {
       to_do += fmt::format(". {}: {} {}", meaning->text, meaning->cause, meaning->remedy);
     }
@@ -188,8 +154,9 @@ void Axis402::reset_fault() {
   if (present != PowerState::fault) return;
   write_controlword(command_word::disable_voltage);  // the drive resets the fault at the rising edge of bit 7
   write_controlword(command_word::fault_reset);
+  const Time reset_deadline = objects_.now() + options_.reset_timeout;
   while (state() == PowerState::fault) {
-    if (objects_.now() >= deadline) {
+    if (objects_.now() >= reset_deadline) {
       write_controlword(command_word::disable_voltage);
       fail("the fault cannot be reset", "remove its cause; some faults need power off and on");
     }
@@ -256,7 +223,8 @@ void Axis402::set_mode(OperationMode mode) {
   if (number > 0) {
     const auto supported = objects_.read_if_present<std::uint32_t>(0x6502);
     if (supported && (*supported >> (number - 1) & 1U) == 0) {
-      fail(fmt::format("the drive does not have mode {} ({}); 6502h is {:08X}h", number, name(mode), *supported),
+      fail(fmt::format("the drive does not have mode {} ({}); 6502h is {:08X}h", number,
+                       name(mode, options_.dialect.product), *supported),
            "choose another mode");
     }
   }
@@ -264,7 +232,8 @@ void Axis402::set_mode(OperationMode mode) {
   const Time deadline = objects_.now() + options_.state_timeout;
   while (this->mode() != number) {
     if (objects_.now() >= deadline) {
-      fail(fmt::format("the drive did not accept mode {} ({}); 6061h is {}", number, name(mode), this->mode()),
+      fail(fmt::format("the drive did not accept mode {} ({}); 6061h is {}", number,
+                       name(mode, options_.dialect.product), this->mode()),
            "stop or disable the drive first, and check that no other master writes 6060h");
     }
     pause();

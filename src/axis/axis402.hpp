@@ -14,9 +14,9 @@ using drive::PowerState;
 
 // The power state that a statusword encodes (CiA 402-2 table 27).
 PowerState state_of(std::uint16_t statusword);
-// For example "0237h (ready to switch on, switched on, ...)": the names of the bits that are set. Bits 12 and 13 appear
-// as "bit 12" and "bit 13", because their meaning depends on the mode.
-std::string text_of_statusword(std::uint16_t statusword);
+// For example "0237h (ready to switch on, switched on, ...)": the names of the bits that are set, as the product uses
+// them in this mode (6061h). A bit without a meaning there appears as "bit 12".
+std::string text_of_statusword(std::uint16_t statusword, std::string_view product = {}, std::int8_t mode = 0);
 
 // Modes of operation (6060h).
 enum class OperationMode : std::int8_t {
@@ -31,8 +31,8 @@ enum class OperationMode : std::int8_t {
   cyclic_synchronous_velocity = 9,
   cyclic_synchronous_torque = 10,
 };
-// For example "profile position"; "manufacturer's mode" for negative numbers.
-const char* name(OperationMode mode);
+// For example "profile position"; a product may have modes with negative numbers.
+std::string_view name(OperationMode mode, std::string_view product = {});
 
 // A call ended early because AxisOptions::cancelled returned true; the axis has been brought to rest.
 class Cancelled : public MasterError {
@@ -42,6 +42,7 @@ class Cancelled : public MasterError {
 
 struct AxisOptions {
   Time state_timeout = std::chrono::seconds(2);       // for each state transition, mode change and handshake
+  Time reset_timeout = std::chrono::seconds(2);       // for a fault reset, from the edge of the controlword's bit
   Time poll_interval = std::chrono::milliseconds(5);  // between two reads of the statusword
   Dialect dialect{};
   // If the halt by stop() lasts longer than this, stop() changes to a quick stop. nullopt: no such limit; the halt may
@@ -164,15 +165,17 @@ class Axis402 {
 
   // Profile velocity; returns when the velocity is reached. The axis keeps on running.
   void run_at(std::int32_t velocity, const MotionProfile& profile, Time timeout, const Progress& progress = {});
-  // Lets the present motion run for `span`; throws if the drive leaves operation enabled during that time.
+  // Lets the present motion run for `span`; throws if the drive leaves operation enabled during that time, or the axis
+  // rests at an active limit switch in the direction of its motion.
   void hold_for(Time span, const Progress& progress = {});
   // Changes the velocity of the present motion: 60FFh in profile velocity, 6081h of a move.
   void change_velocity(std::int32_t velocity);
   // Profile velocity: each poll sets the velocity that `demand` returns, until it returns nullopt or throws; then
-  // stop(). The axis is commanded to stop however the function ends.
-  void jog(const MotionProfile& profile, const JogDemand& demand);
+  // stop(). The axis is commanded to stop however the function ends. If the axis rests at an active limit switch in the
+  // direction of the velocity, the call throws, or with `waits_at_limit` goes on, so that `demand` can reverse.
+  void jog(const MotionProfile& profile, const JogDemand& demand, bool waits_at_limit = false);
   // Profile torque, in 0.1 % of the rated torque; returns when it is reached. The torque stays on and the speed is not
-  // limited: set limits first.
+  // limited: set limits first. Throws if the axis rests at an active limit switch in the direction of the torque.
   void run_torque(std::int16_t torque_permille, const TorqueProfile& profile, Time timeout,
                   const Progress& progress = {});
 
@@ -269,8 +272,12 @@ class Axis402 {
   // True if the drive reports target reached and the position is near the goal. Throws if the axis stands elsewhere.
   bool has_arrived(std::uint16_t statusword, const std::string& doing);
   bool is_near(std::int32_t goal);
-  // Throws if the limit switch in the direction of motion is active (60FDh).
-  void leave_if_at_limit(bool forward, const std::string& doing);
+  // True if the limit switch in the direction of motion is active (60FDh); false if the axis has no direction.
+  bool at_limit();
+  // Throws if at_limit().
+  void leave_if_at_limit(const std::string& doing);
+  // At the end of a motion of a given duration: leave_if_at_limit() if the shaft rests since the last look of stands().
+  void leave_if_rests_at_limit(const std::string& doing);
   // Polls a motion until `done` returns true; throws if the drive leaves operation enabled or `timeout` elapses.
   void follow(Time timeout, const Progress& progress, const std::string& doing,
               const std::function<bool(std::uint16_t statusword)>& done);
@@ -281,6 +288,7 @@ class Axis402 {
   std::uint16_t controlword_ = 0;
   std::optional<std::int32_t> goal_{};  // target of the last move
   std::string order_{};                 // the last move, as text for messages
+  int direction_ = 0;                   // -1, 0, +1: of the last motion command; 0: none
   bool halted_ = false;                 // halted by halt()
   bool became_quick_stop_ = false;
   bool comes_to_rest_ = false;           // true: cancellation is off

@@ -139,6 +139,8 @@ void Axis402::start_move(std::int32_t target, bool relative, const MotionProfile
   write_profile(profile);
   const std::int64_t goal = relative ? std::int64_t{position_demand()} + target : target;
   goal_ = goal == static_cast<std::int32_t>(goal) ? std::optional(static_cast<std::int32_t>(goal)) : std::nullopt;
+  const std::int64_t distance = goal - position();
+  direction_ = distance == 0 ? 0 : distance > 0 ? 1 : -1;
   order_ = relative ? fmt::format("moving by {}", target) : fmt::format("moving to {}", target);
   hand_over(target, static_cast<std::uint16_t>(command_word::enable_operation | (relative ? relative_move : 0U)));
 }
@@ -191,23 +193,33 @@ bool Axis402::is_near(std::int32_t goal) {
   return std::abs(std::int64_t{goal} - position()) <= *near_;
 }
 
-void Axis402::leave_if_at_limit(bool forward, const std::string& doing) {
+bool Axis402::at_limit() {
   constexpr std::uint32_t negative_limit = 1U << 0;
   constexpr std::uint32_t positive_limit = 1U << 1;
+  if (direction_ == 0) return false;
   const std::uint32_t inputs = objects_.read_if_present<std::uint32_t>(0x60FD).value_or(0);
-  if ((inputs & (forward ? positive_limit : negative_limit)) == 0) return;
+  return (inputs & (direction_ > 0 ? positive_limit : negative_limit)) != 0;
+}
+
+void Axis402::leave_if_at_limit(const std::string& doing) {
+  if (!at_limit()) return;
+  const char* const side = direction_ > 0 ? "positive" : "negative";
   const std::int32_t at = position();
   const std::string problem = try_to_stop();
-  fail(fmt::format("{} ended at position {}, where the {} limit switch is active (60FDh){}", doing, at,
-                   forward ? "positive" : "negative", problem.empty() ? "" : "; " + problem),
+  fail(fmt::format("{} ended at position {}, where the {} limit switch is active (60FDh){}", doing, at, side,
+                   problem.empty() ? "" : "; " + problem),
        "move the other way; or check switch, wiring and polarity of the input");
+}
+
+void Axis402::leave_if_rests_at_limit(const std::string& doing) {
+  if (place_ && std::abs(std::int64_t{position()} - *place_) <= 1) leave_if_at_limit(doing);
 }
 
 bool Axis402::has_arrived(std::uint16_t statusword, const std::string& doing) {
   const bool reached = (statusword & status_bit::target_reached) != 0;
   if (!goal_ || (reached && is_near(*goal_))) return reached;
   if (!stands()) return false;
-  leave_if_at_limit(*goal_ > *place_, doing);
+  leave_if_at_limit(doing);
   if (!reached) return false;
   const std::int32_t goal = *goal_;
   const std::string problem = try_to_stop();

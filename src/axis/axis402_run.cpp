@@ -11,6 +11,8 @@ namespace {
 
 bool reached(std::uint16_t word) { return (word & status_bit::target_reached) != 0; }
 
+int sign_of(std::int32_t number) { return number == 0 ? 0 : number > 0 ? 1 : -1; }
+
 bool is_cyclic(OperationMode mode) {
   return mode == OperationMode::cyclic_synchronous_position || mode == OperationMode::cyclic_synchronous_velocity ||
          mode == OperationMode::cyclic_synchronous_torque;
@@ -35,9 +37,10 @@ void Axis402::run_at(std::int32_t velocity, const MotionProfile& profile, Time t
   write_controlword(command_word::enable_operation);
   const std::string doing = fmt::format("running up to velocity {}", velocity);
   place_.reset();
+  direction_ = sign_of(velocity);
   follow(timeout, progress, doing, [&](std::uint16_t word) {
     if (reached(word)) return true;
-    if (velocity != 0 && stands()) leave_if_at_limit(velocity > 0, doing);
+    if (stands()) leave_if_at_limit(doing);
     return false;
   });
 }
@@ -47,7 +50,8 @@ void Axis402::change_velocity(std::int32_t velocity) {
   const auto present = static_cast<OperationMode>(mode());
   if (present == OperationMode::profile_velocity) return objects_.write<std::int32_t>(0x60FF, 0, velocity);
   if (present != OperationMode::profile_position || !goal_ || velocity <= 0) {
-    fail(fmt::format("the velocity of this motion ({}) cannot be changed to {}", name(present), velocity),
+    fail(fmt::format("the velocity of this motion ({}) cannot be changed to {}",
+                     name(present, options_.dialect.product), velocity),
          "it can be changed during a move (to a value above 0) and in profile velocity");
   }
   objects_.write<std::uint32_t>(0x6081, 0, static_cast<std::uint32_t>(velocity));
@@ -57,18 +61,26 @@ void Axis402::change_velocity(std::int32_t velocity) {
 
 void Axis402::hold_for(Time span, const Progress& progress) {
   const Time end = objects_.now() + span;
-  follow(span + options_.state_timeout, progress, "keeping on", [&](std::uint16_t) { return objects_.now() >= end; });
+  const std::string doing = "keeping on";
+  place_.reset();
+  follow(span + options_.state_timeout, progress, doing, [&](std::uint16_t) {
+    if (stands()) leave_if_at_limit(doing);
+    return objects_.now() >= end;
+  });
+  leave_if_rests_at_limit(doing);
 }
 
-void Axis402::jog(const MotionProfile& profile, const JogDemand& demand) {
+void Axis402::jog(const MotionProfile& profile, const JogDemand& demand, bool waits_at_limit) {
   require_enabled("jog");
+  const std::string doing = "jogging";
   begin_velocity(profile);
   objects_.write<std::int32_t>(0x60FF, 0, 0);
   write_controlword(command_word::enable_operation);
   std::int32_t asked = 0;
+  direction_ = 0;
   try {
     for (;; objects_.wait(options_.poll_interval)) {
-      leave_if_cancelled("jogging");
+      leave_if_cancelled(doing);
       const AxisStatus present = status();
       if (present.state() != PowerState::operation_enabled) {
         fail("the drive left operation enabled while jogging",
@@ -76,9 +88,15 @@ void Axis402::jog(const MotionProfile& profile, const JogDemand& demand) {
       }
       const std::optional<std::int32_t> wanted = demand(present);
       if (!wanted) break;
-      if (*wanted != asked) objects_.write<std::int32_t>(0x60FF, 0, *wanted);
-      asked = *wanted;
+      if (*wanted != asked) {
+        objects_.write<std::int32_t>(0x60FF, 0, *wanted);
+        asked = *wanted;
+        direction_ = sign_of(asked);
+        place_.reset();
+      }
+      if (!waits_at_limit && stands()) leave_if_at_limit(doing);
     }
+    if (!waits_at_limit) leave_if_rests_at_limit(doing);
   } catch (...) {
     try_to_stop();
     throw;
@@ -102,7 +120,15 @@ void Axis402::run_torque(std::int16_t torque_permille, const TorqueProfile& prof
          "something else writes it: another target in the process data, an input, or another master");
   }
   write_controlword(command_word::enable_operation);
-  follow(timeout, progress, fmt::format("applying {:g} % of rated torque", torque_permille / 10.0), reached);
+  const std::string doing = fmt::format("applying {:g} % of rated torque", torque_permille / 10.0);
+  place_.reset();
+  direction_ = sign_of(torque_permille);
+  const std::int32_t start = position();
+  follow(timeout, progress, doing, [&](std::uint16_t word) {
+    if (stands()) leave_if_at_limit(doing);
+    // At an active limit switch a drive may report a target that it does not apply: only motion shows that it does.
+    return reached(word) && (std::abs(std::int64_t{position()} - start) > 1 || !at_limit());
+  });
 }
 
 // With halt set, target reached means standstill (CiA 402-2 table 29). Some drives (iSMK) do not report this in homing;

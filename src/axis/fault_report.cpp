@@ -65,6 +65,7 @@ ReportedFault fault_of_code(std::uint16_t code, ObjectAddress source, std::strin
 FaultReport read_faults(ObjectClient& objects, const Dialect& dialect) {
   FaultReport report;
   report.statusword = objects.read<std::uint16_t>(0x6041);
+  report.mode = objects.read_if_present<std::int8_t>(0x6061).value_or(0);
   report.error_register = objects.read_if_present<std::uint8_t>(0x1001);
   const PowerState state = state_of(report.statusword);
   const bool faulty = state == PowerState::fault || state == PowerState::fault_reaction_active;

@@ -22,6 +22,7 @@ struct ReportedFault {
 
 struct FaultReport {
   std::uint16_t statusword = 0;
+  std::int8_t mode = 0;                          // 6061h; 0 if the drive does not have it
   std::optional<std::uint8_t> error_register{};  // 1001h
   std::vector<ReportedFault> active{};           // the cause of the fault state; never empty in fault and fault
                                                  // reaction active

@@ -39,6 +39,8 @@ class Drives {
 
   virtual master::Time now() const = 0;
   virtual std::vector<std::string> names() const = 0;
+  // The faults that the test bench injects, by name; they hold until they are removed.
+  virtual std::vector<std::string> injected(const std::string&) const { return {}; }
   // Throws ApiError 409 if the axis cannot answer now. `axis` here and below is one of names().
   virtual void require_ready(const std::string& axis) const = 0;
   // The drive's objects for a caller that waits with `wait`. The result must not outlive this object.
@@ -62,6 +64,8 @@ class Drives {
   // A revolution in the drive's units; empty if the drive has no such information. Throws MasterError if the access
   // fails.
   virtual std::optional<master::AxisUnits> units(const std::string& axis) = 0;
+  // The limits that the drive's objects contain now. Throws MasterError if the access fails.
+  virtual master::AxisLimits limits(const std::string& axis) = 0;
   // Quick stop of every enabled axis, at once. Returns the errors in the order of names(); empty: the axis stands or is
   // stopping.
   virtual std::vector<std::optional<JobError>> stop_all() = 0;

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <fmt/format.h>
+#include <fmt/ranges.h>
 #include <system_error>
 
 #include "line/axis.hpp"
@@ -116,6 +117,7 @@ void Jobs::carry_out(Job& job) {
   } catch (const master::MasterError& error) {
     job.error = error_of(error);
     job.state = JobState::failed;
+    if (job.order.what == "reset_fault") explain_by_injection(job);
   } catch (const std::exception& error) {
     job.error = JobError{error.what(), job.axis, "start the job again"};
     job.state = JobState::failed;
@@ -124,6 +126,15 @@ void Jobs::carry_out(Job& job) {
     job.note = fmt::format("the axis was not at rest {} ms after the halt, which became a quick stop",
                            longest_halt / std::chrono::milliseconds(1));
   }
+}
+
+// A fault that the bench injects holds: nothing that a master does resets it.
+void Jobs::explain_by_injection(Job& job) const {
+  const std::vector<std::string> injected = drives_.injected(job.axis);
+  if (injected.empty()) return;
+  job.error->what =
+      fmt::format("the fault cannot be reset, because an injected fault holds: {}", fmt::join(injected, ", "));
+  job.error->hint = fmt::format("remove it: DELETE /api/v1/axes/{}/faults", job.axis);
 }
 
 // Publishes progress when `doing` changes, and at every step of 5 %.

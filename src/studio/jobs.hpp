@@ -114,6 +114,7 @@ class Jobs {
   // Ends a job without touching the drive.
   void abandon(Job& job, std::string reason);
   void tell(const Job& job) const;
+  void explain_by_injection(Job& job) const;
   void note_progress(Job& job, const char* doing, double share) const;
 
   Drives& drives_;

@@ -21,6 +21,19 @@ void LineDrives::require_ready(const std::string& axis) const {
   throw api::ApiError{409, "the axis has no power", axis, "switch it on: POST .../power {\"action\": \"on\"}"};
 }
 
+std::vector<std::string> LineDrives::injected(const std::string& name) const {
+  line::Axis& axis = find(name);
+  std::vector<std::string> names;
+  for (const plant::InjectionName& known : plant::injection_names) {
+    if (axis.plant().injected(known.injection)) names.emplace_back(known.name);
+  }
+  for (unsigned cause = 1; cause < 256; ++cause) {
+    const drive::FaultRow* row = axis.device().drive().row(static_cast<drive::Cause>(cause));
+    if (row != nullptr && axis.injected(row->cause)) names.emplace_back(drive::name(row->cause));
+  }
+  return names;
+}
+
 std::unique_ptr<master::ObjectClient> LineDrives::open(const std::string& axis, Wait wait) {
   return std::make_unique<ServiceObjects>(line_, find(axis), std::move(wait));
 }
@@ -32,6 +45,11 @@ std::string LineDrives::product(const std::string& axis) const {
 }
 
 std::optional<master::AxisUnits> LineDrives::units(const std::string& axis) { return units_of(line_, find(axis)); }
+
+master::AxisLimits LineDrives::limits(const std::string& axis) {
+  ServiceObjects objects(line_, find(axis));
+  return master::Axis402(objects, options_for(find(axis))).limits();
+}
 
 // Uses object accesses: at the service port they are as quick as process data.
 api::Json LineDrives::in_cycles(const std::string&, master::ObjectClient& objects, const master::CanDrive& exchanged,

@@ -21,7 +21,9 @@ class LineDrives final : public Drives {
   api::Json in_cycles(const std::string& axis, master::ObjectClient& objects, const master::CanDrive& exchanged,
                       const std::function<bool()>& cancelled,
                       const std::function<void(const char* doing, double share)>& progress, const Work& work) override;
+  std::vector<std::string> injected(const std::string& axis) const override;
   std::optional<master::AxisUnits> units(const std::string& axis) override;
+  master::AxisLimits limits(const std::string& axis) override;
   std::vector<std::optional<JobError>> stop_all() override;
 
  private:

@@ -117,12 +117,28 @@ Json compare_with_file(Call& call) {
   });
 }
 
+// The parameters that the drive cannot store and whose present value is not the factory's.
+std::vector<master::ObjectAddress> changed_volatile_ones(Subject& subject, const master::ParameterList& list) {
+  const auto factory = master::factory_parameters(list);
+  const auto present = master::read_parameters(subject.objects, list, subject.node_id).values;
+  std::vector<master::ObjectAddress> changed;
+  for (const master::ParameterDifference& one : master::compare(factory, present, subject.node_id, true)) {
+    if (!list.find(one.address)->retained) changed.push_back(one.address);
+  }
+  return changed;
+}
+
 Json store_now(Call& call) {
   Subject subject = subject_of(call);
   BodyReader(call.body, true).finish();
   const master::ParameterRules& rules = master::parameter_rules_of(subject.product);
-  const bool stored = said(409, [&] { return master::store_parameters(subject.objects, rules); });
-  return Json{{"stored", stored}, {"keeps_at_once", rules.store.empty()}};
+  const master::ParameterList list = subject.parameters();
+  return said(409, [&] {
+    const bool stored = master::store_parameters(subject.objects, rules);
+    return Json{{"stored", stored},
+                {"keeps_at_once", rules.store.empty()},
+                {"lost_with_power", view_of(changed_volatile_ones(subject, list), list)}};
+  });
 }
 
 constexpr std::array parameter_table{

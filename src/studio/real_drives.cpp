@@ -213,6 +213,11 @@ std::optional<master::AxisUnits> RealDrives::units(const std::string& name) {
   return master::Axis402(*objects, options(name)).units();
 }
 
+master::AxisLimits RealDrives::limits(const std::string& name) {
+  const auto objects = open(name, wait_);
+  return master::Axis402(*objects, options(name)).limits();
+}
+
 // Resets the targets, so that they do not take effect when another master enables the drive. The axis has already
 // stopped, so errors are ignored.
 void RealDrives::take_back_targets(const Axis& axis, const Wait& wait) {

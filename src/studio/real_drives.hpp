@@ -76,6 +76,7 @@ class RealDrives final : public Drives, public api::Source, public Subjects {
                       const std::function<bool()>& cancelled,
                       const std::function<void(const char* doing, double share)>& progress, const Work& work) override;
   std::optional<master::AxisUnits> units(const std::string& axis) override;
+  master::AxisLimits limits(const std::string& axis) override;
   std::vector<std::optional<JobError>> stop_all() override;
 
   // --- Subjects

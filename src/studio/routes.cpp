@@ -1,7 +1,10 @@
 #include <algorithm>
 #include <array>
 #include <fmt/format.h>
+#include <limits>
+#include <optional>
 
+#include "describe/status_words.hpp"
 #include "links/nearest_name.hpp"
 #include "links/number_text.hpp"
 #include "studio/jobs.hpp"
@@ -92,6 +95,57 @@ Json show_units(Call& call) {
   }
 }
 
+// The names of modes and of the statusword's bits, as the axis's product uses them.
+Json show_words(Call& call) {
+  const std::string product = jobs_of(call).drives().product(axis_name(call));
+  Json modes = Json::object();
+  for (const describe::ModeName& row : describe::mode_names(product)) modes[std::to_string(row.mode)] = row.name;
+  Json bits = Json::array();
+  for (const describe::StatusWord& row : describe::status_words(product)) {
+    bits.push_back({{"bit", row.bit}, {"name", row.name}});
+    if (row.mode != describe::every_mode) bits.back()["mode"] = row.mode;
+  }
+  return Json{{"modes", std::move(modes)}, {"statusword", std::move(bits)}};
+}
+
+// A limit of 0 or of the greatest number means: no limit.
+template <typename T>
+std::optional<double> limit_of(const std::optional<T>& object) {
+  if (!object || *object == 0 || *object == std::numeric_limits<T>::max()) return std::nullopt;
+  return *object;
+}
+
+std::optional<double> lower(const std::optional<double>& one, const std::optional<double>& other) {
+  return one && other ? std::min(*one, *other) : one ? one : other;
+}
+
+// The limits of the drive's objects that apply to a motion, in the drive's units.
+Json show_limits(Call& call) {
+  const std::string axis = axis_name(call);
+  Drives& drives = jobs_of(call).drives();
+  drives.require_ready(axis);
+  try {
+    const master::AxisLimits limits = drives.limits(axis);
+    const auto units = drives.units(axis);
+    constexpr double seconds_of_minute = 60.0;
+    std::optional<double> motor_velocity;
+    if (const auto rpm = limit_of(limits.motor_speed_rpm); rpm && units) {
+      motor_velocity = *rpm / seconds_of_minute * units->velocity;
+    }
+    const auto json_of = [](const auto& value) { return value ? Json(*value) : Json(); };
+    const bool ends = limits.lowest_position && limits.highest_position &&
+                      *limits.lowest_position < *limits.highest_position &&
+                      (*limits.lowest_position > -INT32_MAX || *limits.highest_position < INT32_MAX);
+    return Json{{"velocity", json_of(lower(limit_of(limits.profile_velocity), motor_velocity))},
+                {"acceleration", json_of(limit_of(limits.acceleration))},
+                {"deceleration", json_of(limit_of(limits.deceleration))},
+                {"lowest_position", ends ? Json(*limits.lowest_position) : Json()},
+                {"highest_position", ends ? Json(*limits.highest_position) : Json()}};
+  } catch (const master::MasterError& error) {
+    throw ApiError{409, error.happened(), error.where(), error.remedy()};
+  }
+}
+
 // The gains that a user sets, in the order of the manual; values, units and ranges are those of the objects.
 Json show_gains(Call& call) {
   const std::string axis = axis_name(call);
@@ -111,6 +165,8 @@ Json show_gains(Call& call) {
 constexpr std::array table{
     Route{Method::post, "/api/v1/axes/{}/jobs", begin_job, 201},
     Route{Method::get, "/api/v1/axes/{}/units", show_units},
+    Route{Method::get, "/api/v1/axes/{}/limits", show_limits},
+    Route{Method::get, "/api/v1/axes/{}/words", show_words},
     Route{Method::get, "/api/v1/axes/{}/gains", show_gains},
     Route{Method::get, "/api/v1/jobs", list_jobs},
     Route{Method::get, "/api/v1/jobs/{}", show_job},

@@ -93,6 +93,8 @@ void ServiceObjects::download(master::ObjectAddress object, std::span<const std:
 master::AxisOptions options_for(const line::Axis& axis) {
   master::AxisOptions options;
   options.dialect = master::dialect_of(axis.settings().product->name);
+  // A simulated drive resets a fault within some cycles.
+  options.reset_timeout = std::chrono::milliseconds(200);
   return options;
 }
 

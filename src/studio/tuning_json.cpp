@@ -74,7 +74,10 @@ Json json_of(const tuning::SessionResult& result, const tuning::TuningUnits& uni
             {"predicted",
              {{"bandwidth_hz", result.predicted.bandwidth_hz},
               {"phase_margin_deg", number_or_null(result.predicted.margins.phase_margin_deg)}}}};
-  if (result.after) json["after"] = json_of(*result.after, units);
+  if (result.after) {
+    json["after"] = json_of(*result.after, units);
+    json["changes"] = tuning::text_of_changes(result);
+  }
   if (result.step_before) json["step_before"] = json_of(*result.step_before);
   if (result.step_after) json["step_after"] = json_of(*result.step_after);
   return json;

@@ -277,6 +277,56 @@ TEST_P(AxisAtALimit, AMoveThatALimitSwitchStopsIsNotWaitedForTillItsTimeIsUp) {
   EXPECT_NEAR(shaft_speed(), 0, 0.02);
 }
 
+TEST_P(AxisAtALimit, AJogIntoAnActiveSwitchFailsAndOneAwayFromItDoesNot) {
+  axis.enable();
+  const std::uint8_t input = line::find_product(line::all_products(), GetParam().product)->wiring.positive_limit;
+  rig.drive().force_input(input, true);
+  rig.objects().wait(100ms);
+  const auto jog = [&](double rps, Time span, bool waits = false) {
+    const Time end = rig.objects().now() + span;
+    return problem_of([&] {
+      axis.jog(
+          profile(1),
+          [&](const AxisStatus&) -> std::optional<std::int32_t> {
+            if (rig.objects().now() >= end) return std::nullopt;
+            return static_cast<std::int32_t>(rps * units.velocity);
+          },
+          waits);
+    });
+  };
+  EXPECT_THAT(jog(1, 5s), HasSubstr("jogging ended at position"));
+  EXPECT_THAT(jog(1, 300ms), HasSubstr("where the positive limit switch is active (60FDh)"));
+  EXPECT_EQ(jog(1, 1s, true), "") << "keys may reverse it";
+  EXPECT_EQ(jog(-1, 1s), "");
+  EXPECT_LT(shaft(), -0.3);
+}
+
+TEST_P(AxisAtALimit, TorqueAndARunIntoAnActiveSwitchFail) {
+  axis.enable();
+  const std::uint8_t input = line::find_product(line::all_products(), GetParam().product)->wiring.positive_limit;
+  axis.run_at(static_cast<std::int32_t>(units.velocity), profile(1), 3s);
+  rig.drive().force_input(input, true);
+  EXPECT_THAT(problem_of([&] { axis.hold_for(3s); }), HasSubstr("where the positive limit switch is active (60FDh)"));
+  if (std::string_view(GetParam().product) == "pronet") return;  // it has no torque mode
+  EXPECT_THAT(problem_of([&] { axis.run_torque(100, {.slope = 1000U}, 5s); }),
+              HasSubstr("applying 10 % of rated torque ended at position"));
+}
+
+// The quick stop ramp is slower than that of the move, so the switch stops the axis behind its target.
+TEST(AxisBehindItsTarget, IsAtTheLimitSwitchThatStoppedIt) {
+  AxisRig rig(RigCase{"generic402", RigCase::BusKind::can,
+                      "[axis.travel]\ncounts_per_unit = 131072\nlow_stop = -11\nhigh_stop = 11\npositive_limit = 2\n"});
+  Axis402 axis(rig.objects(), rig.options());
+  rig.objects().write<std::uint32_t>(0x6085, 0, 10 * 131072);
+  axis.enable();
+  const Time start = rig.objects().now();
+  const MotionProfile profile{.velocity = 5U * 131072, .acceleration = 500U * 131072, .deceleration = 500U * 131072};
+  const std::string problem = problem_of([&] { axis.move_to(2 * 131072 + 3000, profile, 60s); });
+  EXPECT_GT(rig.shaft_counts(), 2 * 131072 + 10000);
+  EXPECT_THAT(problem, HasSubstr("where the positive limit switch is active (60FDh)"));
+  EXPECT_LT(rig.objects().now() - start, 4s);
+}
+
 // An ISMC reports target reached when its demand is at the target, and by default does not monitor the following error.
 TEST(AxisAtAHardStop, IsNotTakenForAnAxisAtItsTarget) {
   AxisRig rig(RigCase{"ismc", RigCase::BusKind::can,

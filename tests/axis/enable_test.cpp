@@ -102,7 +102,7 @@ TEST_P(Enabling, TargetsLeftInADisabledDriveDoNotAct) {
     } else {
       rig.objects().write<std::int32_t>(left.index, 0, left.value);
     }
-    expect_enabling_moves_nothing(name(left.mode));
+    expect_enabling_moves_nothing(std::string(name(left.mode)).c_str());
   }
 }
 

@@ -74,9 +74,9 @@ MOVING = {
     "tune": ["tune", "--propose", "--seconds", "4"],
 }
 TALKING = {
-    "monitor": ["monitor", "--axis", "--for", "600"],
-    "monitor objects": ["monitor", "statusword", "6064", "--for", "600"],
-    "scope": ["scope", "position", "--do", f"set 6083 {MARK}", "--duration", "600", "-o", "{recording}"],
+    "monitor": ["monitor", "--axis", "--seconds", "600"],
+    "monitor objects": ["monitor", "statusword", "6064", "--seconds", "600"],
+    "scope": ["scope", "position", "--do", f"set 6083 {MARK}", "--seconds", "600", "-o", "{recording}"],
 }
 # What is over too soon to be broken in the middle finds it broken.
 AT_ONCE = {
@@ -248,7 +248,7 @@ def test_prove_is_broken(broken_line, tmp_path, axis, how):
 
 
 def test_held_slaves_go_away(broken_line, tmp_path):
-    process = start(broken_line, "ecat", ["state", "op", "--for", "600"], tmp_path)
+    process = start(broken_line, "ecat", ["state", "op", "--seconds", "600"], tmp_path)
     wait_for(lambda: broken_line.bench.axis("ecat")["al_state"] == "Operational" or process.poll() is not None, "OP")
     pull_cable(broken_line, "ecat")
     ends_with_a_message(process)

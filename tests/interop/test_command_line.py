@@ -89,16 +89,16 @@ def test_objects_have_the_types_and_units_of_the_product(start_line):
     assert json.loads(client("get", *drive, "6080", "--json"))["type"] == "UNSIGNED16"
     client("set", *drive, "6080", "40000000", status=2)
     assert "abc" in client("set", *drive, "6080", "abc", status=2)
-    alone, beside = (client("monitor", *drive, *objects, "--for", "0.1") for objects in (["6064"], ["6064", "2601"]))
+    alone, beside = (client("monitor", *drive, *objects, "--seconds", "0.1") for objects in (["6064"], ["6064", "2601"]))
     assert " inc" in alone and " inc" in beside
 
 
 def test_monitor_shows_objects(line, client, tmp_path):
     command = [PROGRAM, "monitor", "--bus", line.links["can0"][0], "--timeout", "30", "--node", "2"]
-    done = subprocess.run([*command, "6040", "5FFF", "6041", "--for", "0.2"], capture_output=True, text=True, timeout=120)
+    done = subprocess.run([*command, "6040", "5FFF", "6041", "--seconds", "0.2"], capture_output=True, text=True, timeout=120)
     assert done.returncode == 0 and "5FFF:00" in done.stderr
     assert ["6040:00" in done.stdout, "6041:00" in done.stdout] == [True, True]
-    assert "5FFF" in client("monitor", "--timeout", "30", "--node", "2", "5FFF", "--for", "0.2", status=1)
+    assert "5FFF" in client("monitor", "--timeout", "30", "--node", "2", "5FFF", "--seconds", "0.2", status=1)
     assert "--units" in client("monitor", "--node", "2", "6064", "--units", "rpm", status=2)
     assert "not both" in client("monitor", "--node", "2", "6064", "--axis", status=2)
     shown = tmp_path / "monitor.txt"
@@ -121,7 +121,7 @@ def test_home_and_move(client, bench):
     wait_for(lambda: abs(bench.true_position("reference") - before - 3 * COUNTS) <= 3, "two revolutions more")
     assert moved["units"] == "mm" and abs(moved["position_in_units"] - 5 * moved["position"] / COUNTS) < 1e-9
     assert " mm" in client("move", "--node", "2", "--by", "-10", "--units", "mm", "--feed", "5")
-    assert " deg" in client("monitor", "--axis", "--node", "2", "--units", "degrees", "--for", "0.2")
+    assert " deg" in client("monitor", "--axis", "--node", "2", "--units", "degrees", "--seconds", "0.2")
     for wrong in (["--units", "mm"], ["--feed", "5"], ["--units", "miles"], ["--units", "rpm", "--revolutions"],
                   ["--units-per-revolution", "5"], ["--units", "mm", "--feed", "0"], ["--units", "mm", "--feed", "nan"]):
         client("move", "--node", "2", "--by", "1", *wrong, status=2)
@@ -155,6 +155,29 @@ def test_jog_for_some_time_and_faults(client, bench):
     wait_for(lambda: bench.get("axes/reference")["state"] == "fault", "the fault")
     said = client("faults", "--node", "2", status=1)
     assert "fault is active" in said, said
+
+
+@pytest.mark.once
+@pytest.mark.parametrize("command", ["jog", "torque", "monitor", "sniff", "state", "scope", "tune"])
+def test_a_duration_has_the_same_name_in_every_command(command):
+    text = servodrome(command, "--help")
+    assert re.search(r"--seconds\b", text) and not re.search(r"--(for|duration)\b", text), text
+
+
+def test_jog_and_torque_into_an_active_limit_switch_fail(client, bench):
+    bench.put("axes/reference/inputs", {"DI1": True})
+    for command in (["jog", "--velocity", 1], ["torque", "--percent", 5]):
+        said = client(*command, "--node", 2, "--revolutions", "--seconds", 1, status=1)
+        assert "where the positive limit switch is active (60FDh)" in said, said
+
+
+def test_the_words_of_an_ismk_are_its_own(start_line):
+    line = start_line('[[bus]]\nname = "can0"\n[[axis]]\nname = "ismk"\nproduct = "ismk"\nbus = "can0"\nnode = 4\n')
+    drive = ["--bus", line.links["can0"][0], "--node", 4]
+    said = servodrome("home", *drive, "--method", 17, "--speed", 1, "--zero-speed", 1, "--acceleration", 20, "--revolutions", status=1)
+    assert "homing error" in said and "homing attained" not in said, said
+    servodrome("set", *drive, 6060, -4)
+    assert "commutation found" in servodrome("monitor", *drive, "--axis", "--seconds", 0.2)
 
 
 @pytest.mark.once

@@ -390,14 +390,14 @@ def test_the_commands_work_over_modbus(serial_line, link):
     assert "moved" in servodrome("move", *reference, "--by", 50000)
     assert "moved" in servodrome("move", *ismk, "--by", 30000, "--velocity", round(300 * RPM))
     wait_for(lambda: abs(serial_line.bench.true_position("k1") - 30000) < 100, "position 30000")
-    assert "operation enabled" in servodrome("monitor", *ismk, "--axis", "--for", 0.2)
+    assert "operation enabled" in servodrome("monitor", *ismk, "--axis", "--seconds", 0.2)
     scope = json.loads(servodrome("scope", *ismk, "--json", "--do", "enable", "--do", f"velocity {round(60 * RPM)}", "--do", "wait 0.5"))
     assert scope["way"] == "Modbus requests" and scope["rows"] > 3 and scope["problems"] == [], scope
     assert scope["channels"][0]["name"] == "position_actual_internal_value"
     positions = scope["channels"][0]["values"]
     assert max(positions) > positions[0] + 10000
     assert "give --product ismk" in servodrome("get", "--bus", bus, "--node", 1, "6041", status=2)
-    watched = servodrome("monitor", *reference, "Target velocity", "6081", "--for", 0.3).splitlines()
+    watched = servodrome("monitor", *reference, "Target velocity", "6081", "--seconds", 0.3).splitlines()
     assert len(watched) == 2 and "6081:00 Profile velocity = 200000" in watched[1], watched
     assert "needs a CAN bus" in servodrome("nmt", "start", *reference, status=2)
 
@@ -415,7 +415,7 @@ def test_the_service_port_of_a_jmc_drive(start_serial_line, tmp_path):
     ]
     servodrome("set", *drive, "p01-03", 15)
     assert json.loads(servodrome("get", *drive, "2001:04", "--json"))["value"] == 15
-    seen = [json.loads(row) for row in servodrome("monitor", *drive, "P01-03", "d08", "--json", "--for", 0.3).splitlines()]
+    seen = [json.loads(row) for row in servodrome("monitor", *drive, "P01-03", "d08", "--json", "--seconds", 0.3).splitlines()]
     assert [(row["object"], row["value"], row["unit"]) for row in seen] == [("2001:04", 15, ""), ("200D:09", 0, "rpm")]
     for words in (["faults"], ["move", "--by", 1], ["home"], ["conform"], ["monitor", "--axis"]):
         said = servodrome(*words, *drive, status=2)
@@ -443,5 +443,5 @@ def test_the_commands_work_with_the_ten_byte_protocol(start_serial_line):
     wait_for(lambda: abs(line.bench.true_position("k1") - 30000) < 100, "position 30000")
     assert "homed" in servodrome("home", *bus, "--method", 35), "by the status bits of the product that has this protocol"
     assert "refused" in servodrome("get", *bus, "5555", status=1)
-    scope = json.loads(servodrome("scope", *bus, "position", "--rate", 20, "--duration", 0.5, "--json"))
+    scope = json.loads(servodrome("scope", *bus, "position", "--rate", 20, "--seconds", 0.5, "--json"))
     assert scope["way"] == "requests of the 10-byte protocol" and scope["rows"] > 3

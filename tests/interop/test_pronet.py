@@ -314,7 +314,7 @@ def test_revolutions_are_those_of_the_encoder(drive, pronets):
     before = drive.true_position
     servodrome("move", "--bus", pronets.links["can0"][0], "--node", 1, "--by", 1.5, "--revolutions", "--velocity", 5)
     wait_for(lambda: abs(drive.true_position - before - 1.5 * TURN) <= CLOSE, "one and a half turns")
-    shown = servodrome("monitor", "--bus", pronets.links["can0"][0], "--node", 1, "--axis", "--units", "degrees", "--for", "0.2")
+    shown = servodrome("monitor", "--bus", pronets.links["can0"][0], "--node", 1, "--axis", "--units", "degrees", "--seconds", "0.2")
     assert "540.0" in shown or "539.9" in shown
 
 

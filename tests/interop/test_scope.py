@@ -35,11 +35,11 @@ def rows_of(file):
 
 
 def test_what_it_prints(scope):
-    said = scope("position", "statusword", "--duration", "0.3")
+    said = scope("position", "statusword", "--seconds", "0.3")
     assert "node 2: " in said and "samples of 2 channels" in said and "TPDOs on SYNC" in said, said
     assert "position_actual_value" in said and "statusword" in said
     assert not dots_of(said), "no plot in a pipe"
-    assert dots_of(scope("position", "--duration", "0.2", "--plot"))
+    assert dots_of(scope("position", "--seconds", "0.2", "--plot"))
 
 
 def test_a_move_as_csv_mcap_and_svg(scope, bench, tmp_path):
@@ -86,8 +86,8 @@ def test_a_move_as_csv_mcap_and_svg(scope, bench, tmp_path):
 
 def test_the_trigger_and_what_was_before_it(scope, tmp_path):
     file = tmp_path / "part.csv"
-    start = int(json.loads(scope("6064", "--duration", "0.05", "--json"))["channels"][0]["values"][0])
-    scope("position", "--trigger", f"position_actual rises {start + COUNTS // 2}", "--pre", "0.1", "--duration", "0.1", *MOVE, "-o", file)
+    start = int(json.loads(scope("6064", "--seconds", "0.05", "--json"))["channels"][0]["values"][0])
+    scope("position", "--trigger", f"position_actual rises {start + COUNTS // 2}", "--pre", "0.1", "--seconds", "0.1", *MOVE, "-o", file)
     rows = rows_of(file)
     before = [int(row["position_actual_value [pos]"]) for row in rows if float(row["seconds"]) < 0]
     after = [int(row["position_actual_value [pos]"]) for row in rows if float(row["seconds"]) >= 0]
@@ -97,7 +97,7 @@ def test_the_trigger_and_what_was_before_it(scope, tmp_path):
 
 def test_another_program_moves_the_axis(scope, line):
     link = line.links["can0"][0]
-    command = [PROGRAM, "scope", "--bus", link, "--node", "2", "position", "--json", "--trigger", "fault", "--pre", "1", "--duration", "0.2"]
+    command = [PROGRAM, "scope", "--bus", link, "--node", "2", "position", "--json", "--trigger", "fault", "--pre", "1", "--seconds", "0.2"]
     recording = subprocess.Popen(command, stdout=subprocess.PIPE, text=True)
     servodrome("move", "--bus", link, "--node", "2", "--by", "65536")
     line.bench.post("axes/reference/faults", {"inject": "over_voltage"})
@@ -117,13 +117,13 @@ def test_pdos_are_put_back(scope, line):
         ]
 
     before = set_up()
-    scope("position", "velocity", "torque", "--duration", "0.1")
+    scope("position", "velocity", "torque", "--seconds", "0.1")
     assert set_up() == before
 
 
 def test_ctrl_c_keeps_what_there_is(line, tmp_path):
     file = tmp_path / "kept.csv"
-    command = [PROGRAM, "scope", "--bus", line.links["can0"][0], "--node", "2", "position", "--duration", "600", "-o", file]
+    command = [PROGRAM, "scope", "--bus", line.links["can0"][0], "--node", "2", "position", "--seconds", "600", "-o", file]
     recording = subprocess.Popen(command, stdout=subprocess.PIPE, text=True)
     sync = line.bench
     wait_for(lambda: sync.get("axes/reference/objects/1A00/1")["value"] >> 16 == 0x6064, "the mapping")
@@ -152,13 +152,13 @@ def test_wrong_use_is_told_before_anything_is_done(scope, tmp_path):
 def test_a_full_disk_is_told_and_leaves_no_cut_file(scope, tmp_path):
     full = tmp_path / "full.csv"
     full.symlink_to("/dev/full")
-    assert "cannot be written" in scope("position", "--duration", "0.1", "-o", full, status=1)
+    assert "cannot be written" in scope("position", "--seconds", "0.1", "-o", full, status=1)
     assert {path.name for path in tmp_path.iterdir()} == {"line0", "full.csv"}
 
 
 def test_a_drive_that_loses_its_supply_ends_it_with_what_there_is(line, tmp_path):
     file = tmp_path / "until.csv"
-    command = [PROGRAM, "scope", "--bus", line.links["can0"][0], "--node", "2", "position", "--duration", "600", "-o", file]
+    command = [PROGRAM, "scope", "--bus", line.links["can0"][0], "--node", "2", "position", "--seconds", "600", "-o", file]
     recording = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
     wait_for(lambda: line.bench.get("axes/reference/objects/1A00/1")["value"] >> 16 == 0x6064, "the mapping")
     with pytest.raises(subprocess.TimeoutExpired):

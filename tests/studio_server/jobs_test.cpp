@@ -197,6 +197,76 @@ TEST_P(EveryProduct, GivesTorqueAndStops) {
   EXPECT_NEAR(view(axis_)["velocity_rpm"].get<double>(), 0.0, 2.0);
 }
 
+TEST_F(JobsTest, TheLimitsOfADriveAreThoseOfItsObjects) {
+  const json jmc = get("axes/jmc_ec/limits");
+  EXPECT_EQ(jmc["velocity"], 14400.0) << "607Fh from the factory; 6080h is higher";
+  EXPECT_EQ(jmc["acceleration"], 100000.0);
+  EXPECT_EQ(jmc["lowest_position"], nullptr);
+  const json before = get("axes/generic402/limits");
+  for (const char* none : {"velocity", "acceleration", "deceleration", "lowest_position", "highest_position"}) {
+    EXPECT_EQ(before[none], nullptr) << none;
+  }
+  ask(Method::put, "axes/generic402/objects/6080/0", R"({"value": 600})");
+  ask(Method::put, "axes/generic402/objects/607d/1", R"({"value": -1000})");
+  const json limits = get("axes/generic402/limits");
+  EXPECT_NEAR(limits["velocity"].get<double>(), 10 * get("axes/generic402/units")["velocity_per_rps"].get<double>(), 1);
+  EXPECT_EQ(limits["lowest_position"], -1000);
+  EXPECT_EQ(limits["highest_position"], 0);
+}
+
+TEST_F(JobsTest, TheWordsAreThoseOfTheProduct) {
+  const auto name = [&](const std::string& axis, int bit, int mode) {
+    const json rows = get("axes/" + axis + "/words")["statusword"];
+    for (const json& row : rows) {
+      if (row["bit"] == bit && row.value("mode", mode) == mode) return row["name"].get<std::string>();
+    }
+    return std::string();
+  };
+  EXPECT_EQ(name("ismk", 12, 6), "homing error");
+  EXPECT_EQ(name("generic402", 12, 6), "homing attained");
+  EXPECT_EQ(get("axes/ismk/words")["modes"]["-4"], "pulse");
+  EXPECT_FALSE(get("axes/generic402/words")["modes"].contains("-4"));
+}
+
+// Two relative moves: the target of each is a position of the shaft, and so it is after homing with an offset.
+TEST_P(EveryProduct, ShowsItsTargetAsAPositionOfTheShaft) {
+  make_ready(axis_);
+  expect_done(axis_, fmt::format(R"({{"do": "home", "method": {}, "speed": 2, "zero_speed": 1, "offset": 3, {}}})",
+                                 master::dialect_of(axis_).cautious_homing_method, profile));
+  for (const int by : {2, -1}) {
+    const double before = view(axis_)["position_counts"];
+    const std::uint64_t moving =
+        begin(axis_, fmt::format(R"({{"do": "move", "by": {}, "velocity": 3, {}}})", by, profile));
+    pass(200ms);
+    EXPECT_NEAR((view(axis_)["target_counts"].get<double>() - before) / encoder_turn(axis_), by, 0.01) << axis_;
+    EXPECT_EQ(finish(moving)["state"], "done");
+    EXPECT_NEAR(view(axis_)["target_counts"].get<double>(), view(axis_)["position_counts"].get<double>(),
+                0.01 * encoder_turn(axis_));
+  }
+  EXPECT_EQ(view(axis_)["position_actual"], object(axis_, "6064/0"));
+}
+
+TEST_F(JobsTest, AResetThatAnInjectedFaultPreventsSaysSoAtOnce) {
+  make_ready("generic402");
+  line_.find_axis("generic402")->plant().inject(plant::Injection::encoder_loss, true);
+  pass(100ms);
+  const line::Time start = line_.now();
+  const json over = finish(begin("generic402", R"({"do": "reset_fault"})"));
+  EXPECT_LT(line_.now() - start, 500ms);
+  EXPECT_EQ(over["error"]["what"], "the fault cannot be reset, because an injected fault holds: encoder_loss");
+  line_.find_axis("generic402")->plant().inject(plant::Injection::encoder_loss, false);
+  pass(100ms);
+  expect_done("generic402", R"({"do": "reset_fault"})");
+}
+
+TEST_F(JobsTest, OverSpeedOfAJmcNamesTheLimits) {
+  make_ready("jmc_ec");
+  const json over =
+      finish(begin("jmc_ec", R"({"do": "move", "by": 1, "velocity": 5, "acceleration": 20, "units": "revolutions"})"));
+  EXPECT_EQ(over["state"], "failed");
+  EXPECT_THAT(over["error"]["hint"].get<std::string>(), testing::AllOf(HasSubstr("607Fh"), HasSubstr("6080h")));
+}
+
 // A job that takes over ends the jog where it stands: the jog's own end, a halt, must not act any more.
 TEST_P(EveryProduct, WhatTakesOverFromAJogStopsTheAxis) {
   make_ready(axis_);

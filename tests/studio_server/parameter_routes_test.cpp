@@ -203,11 +203,16 @@ TEST_F(Parameters, AreStored) {
   EXPECT_EQ(value("ismc", "6081/0"), 77);
   json_of(Method::put, "axes/ismc/objects/6081/0", R"({"value": 78})");
   EXPECT_EQ(json_of(Method::post, "axes/ismc/parameters/store"),
-            json::parse(R"({"stored": true, "keeps_at_once": false})"));
+            json::parse(R"({"stored": true, "keeps_at_once": false, "lost_with_power": []})"));
   json_of(Method::post, "axes/ismc/power", R"({"action": "cycle"})");
   pass(1s);
   EXPECT_EQ(value("ismc", "6081/0"), 78);
-  EXPECT_EQ(json_of(Method::post, "axes/pronet/parameters/store")["keeps_at_once"], true);
+  EXPECT_EQ(json_of(Method::post, "axes/pronet/parameters/store"),
+            json::parse(R"({"stored": false, "keeps_at_once": true, "lost_with_power": []})"));
+  json_of(Method::put, "axes/pronet/objects/6083/0", R"({"value": 4711})");
+  const json lost = json_of(Method::post, "axes/pronet/parameters/store")["lost_with_power"];
+  ASSERT_EQ(lost.size(), 1U) << lost.dump();
+  EXPECT_EQ(lost[0]["object"], "6083:00") << "the manual has no memory for it";
 }
 
 // A value that only the drive itself can refuse: what was written before it is taken back, and the refusal is told.

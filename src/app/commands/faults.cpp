@@ -68,7 +68,9 @@ void run(const Options& options) {
     try {
       axis->reset_fault();
     } catch (const master::MasterError& error) {
-      refusal = error.what();  // first show the faults that are still active
+      // First show the faults that are still active.
+      refusal = fmt::format("{}. A fault injected by the bench API holds until it is removed there (docs/bench-api.md)",
+                            error.what());
     }
   }
   const master::FaultReport report = master::read_faults(link.objects(), master::dialect_of(product));
@@ -87,7 +89,7 @@ void run(const Options& options) {
     fmt::print("{}\n", json.dump(2));
   } else {
     fmt::print("{} {}: {}, statusword {}", link.noun(), axis->address(), drive::name(master::state_of(word)),
-               master::text_of_statusword(word));
+               master::text_of_statusword(word, product, report.mode));
     if (report.error_register.value_or(0) != 0) {
       fmt::print(", error register {:02X}h ({})", *report.error_register,
                  master::text_of_error_register(*report.error_register));

@@ -42,11 +42,14 @@ void jog(const JogOptions& options) {
         fmt::print("hold the right or left arrow key to move; up, down: faster, slower; space: stop; q: end\n");
         const Keyboard keyboard;
         master::JogKeys keys(velocity);
-        axis.jog(profile, [&](const master::AxisStatus& status) {
-          keys.feed(Keyboard::typed(), now());
-          progress(status);
-          return keys.velocity(now());
-        });
+        axis.jog(
+            profile,
+            [&](const master::AxisStatus& status) {
+              keys.feed(Keyboard::typed(), now());
+              progress(status);
+              return keys.velocity(now());
+            },
+            true);
       }
       return MotionResult{"jogged"};
     };
@@ -92,7 +95,7 @@ void add_jog(CLI::App& app) {
       ->required();
   command->add_option("--acceleration", options->acceleration,
                       "Acceleration and deceleration (6083h, 6084h); the drive's if not given");
-  command->add_option("--seconds", options->seconds, "Duration in seconds; no keys are read")
+  add_seconds_option(*command, options->seconds, "Duration in seconds; no keys are read")
       ->check(number_within(0.001, 1e6));
   add_motion_options(*command, *options, "Not used: jogging ends after --seconds or with a key");
   command->remove_option(command->get_option("--timeout"));
@@ -110,9 +113,7 @@ void add_torque(CLI::App& app) {
       ->check(number_within(-1000.0, 1000.0));
   command->add_option("--slope", options->slope, "Torque slope (6087h) in % of the rated torque per second")
       ->check(number_within(0.1, 1e6));
-  command->add_option("--seconds", options->seconds, "Duration in seconds")
-      ->required()
-      ->check(number_within(0.001, 1e6));
+  add_seconds_option(*command, options->seconds, "Duration in seconds")->required()->check(number_within(0.001, 1e6));
   add_motion_options(*command, *options, "Seconds to wait until the torque is reached");
   command->callback([options] { torque(*options); });
 }

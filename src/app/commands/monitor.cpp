@@ -87,8 +87,8 @@ bool is_news(const master::AxisStatus& before, const master::AxisStatus& now, do
 }
 
 void print_axis(const Options& options, const master::UnitScale& scale, double at, const master::AxisStatus& status,
-                const std::string& emergency) {
-  const auto mode = static_cast<master::OperationMode>(status.mode);
+                std::string_view product, const std::string& emergency) {
+  const std::string statusword = master::text_of_statusword(status.statusword, product, status.mode);
   // Some drives have neither 606Ch nor 6077h.
   const std::string velocity = status.has_velocity ? scale.velocity(status.velocity) : "-";
   const std::string torque = status.has_torque ? fmt::format("{:.1f} %", status.torque / 10.0) : "-";
@@ -113,12 +113,13 @@ void print_axis(const Options& options, const master::UnitScale& scale, double a
     fmt::print(
         "\x1B[H\x1B[Jstate       {}\nstatusword  {}\nmode        {} ({})\nposition    {}\nvelocity    {}\n"
         "torque      {}\nlatest EMCY {}\n",
-        drive::name(status.state()), master::text_of_statusword(status.statusword), status.mode, master::name(mode),
-        scale.position(status.position), velocity, torque, emergency.empty() ? "-" : emergency);
+        drive::name(status.state()), statusword, status.mode,
+        master::name(static_cast<master::OperationMode>(status.mode), product), scale.position(status.position),
+        velocity, torque, emergency.empty() ? "-" : emergency);
   } else {
     fmt::print("{:10.3f}  {}, mode {}, position {}, velocity {}, torque {}, statusword {}{}\n", at,
-               drive::name(status.state()), status.mode, scale.position(status.position), velocity, torque,
-               master::text_of_statusword(status.statusword), emergency.empty() ? "" : ", " + emergency);
+               drive::name(status.state()), status.mode, scale.position(status.position), velocity, torque, statusword,
+               emergency.empty() ? "" : ", " + emergency);
   }
   std::fflush(stdout);
 }
@@ -141,7 +142,7 @@ void monitor_axis(const Options& options) {
     const std::string emergency = latest ? master::text_of(*latest) : "";
     const bool live = on_terminal() && !options.bus.json;
     if (live || !last || is_news(*last, now, moved_units) || emergency != last_emergency) {
-      print_axis(options, scale, seconds_between(start, objects.now()), now, emergency);
+      print_axis(options, scale, seconds_between(start, objects.now()), now, axis.dialect().product, emergency);
       last = now;
       last_emergency = emergency;
     }
@@ -288,7 +289,7 @@ void add_monitor(CLI::App& app) {
   command->add_option("--eds", options->eds, "Electronic data sheet with the drive's own objects, names and types");
   command->add_flag("--axis", options->axis, "Show state, mode, position, velocity and torque of one axis");
   add_unit_options(*command, options->units);
-  command->add_option("--for", options->seconds, "Duration in seconds; until Ctrl-C if not given")
+  add_seconds_option(*command, options->seconds, "Duration in seconds; until Ctrl-C if not given")
       ->check(number_within(0.001, 1e9));
   command->add_option("--interval", options->interval_s, "Seconds between two readings of the drive")
       ->check(number_within(0.001, 3600.0))

@@ -414,10 +414,9 @@ void add_scope(CLI::App& app) {
                    "Samples per second: up to 4000 on EtherCAT (500 if not given), up to 1000 on CAN (250), otherwise "
                    "as fast as the drive answers")
       ->check(number_within(0.01, 1e4));
-  command
-      ->add_option("--duration", options->duration_s,
-                   "Duration in seconds, from the trigger if there is one; if not given 1, or with --run and --do "
-                   "until the script ends")
+  add_seconds_option(*command, options->duration_s,
+                     "Duration in seconds, from the trigger if there is one; if not given 1, or with --run and --do "
+                     "until the script ends")
       ->check(number_within(0.001, 1e6));
   command->add_option(
       "--trigger", options->trigger,

@@ -129,7 +129,7 @@ void add_state(CLI::App& app) {
   add_node_option(*command, options->bus);
   command->get_option("--node")->description("Position behind the master, or station alias; all slaves if not given");
   add_cycle_options(*command, options->bus);
-  command->add_option("--for", options->seconds, "Duration of OP in seconds; until Ctrl-C if not given")
+  add_seconds_option(*command, options->seconds, "Duration of OP in seconds; until Ctrl-C if not given")
       ->check(number_within(0.001, 1e9));
   command->callback([options] { run(*options); });
 }

@@ -209,6 +209,7 @@ void run(const Options& options) {
     fmt::print("{}\n", options.apply ? "written:" : "proposed, not written (--apply writes):");
     print_gains(result.gains_before, result.gains);
   }
+  if (result.after) fmt::print("{}\n", tuning::text_of_changes(result));
   print_storing(options, stored, options.apply);
 }
 
@@ -228,8 +229,10 @@ void add_tune(CLI::App& app) {
   add_cycle_options(*command, options->bus);
   command->get_option("--cycle")->description("Period in milliseconds of SYNC (CAN) or of the process data (EtherCAT)");
   command
-      ->add_option("--bandwidth", options->bandwidth_hz,
-                   "Target bandwidth of the closed velocity loop (-3 dB) in Hz; if not given 60 % of the maximum")
+      ->add_option(
+          "--bandwidth", options->bandwidth_hz,
+          "Target bandwidth of the closed velocity loop (-3 dB) in Hz; if not given 60 % of the maximum, or the "
+          "present bandwidth if that is greater")
       ->check(number_within(1.0, 1000.0));
   command->add_flag("--propose,--dry-run", options->propose, "Write nothing (the default without --apply)");
   command->add_flag("--apply", options->apply,
@@ -247,9 +250,8 @@ void add_tune(CLI::App& app) {
                    "Torque limit in % of rated torque (iSMK: of the peak current) that ends the measurement")
       ->check(number_within(1.0, 300.0))
       ->capture_default_str();
-  command
-      ->add_option("--seconds", options->seconds,
-                   "Duration of each measurement in seconds; a longer one is more accurate on a noisy axis")
+  add_seconds_option(*command, options->seconds,
+                     "Duration of each measurement in seconds; a longer one is more accurate on a noisy axis")
       ->check(number_within(4.0, 600.0))
       ->capture_default_str();
   command

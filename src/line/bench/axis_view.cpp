@@ -1,6 +1,7 @@
 #include "line/bench/axis_view.hpp"
 
 #include <fmt/format.h>
+#include <optional>
 
 #include "canopen/node.hpp"
 #include "drive/drive.hpp"
@@ -38,6 +39,15 @@ Json lamps_view(products::Device& device, Time now) {
     if (lamp.light == products::Light::flashes) lamps.back()["flashes"] = lamp.flashes;
   }
   return lamps;
+}
+
+// The target of profile position as a position of the shaft. nullopt: none was given since the mode was chosen.
+std::optional<std::int64_t> target_counts(const drive::Drive& drive) {
+  const drive::Axis& axis = drive.axis();
+  if (drive.mode() != drive::Mode::profile_position || !axis.commanded) return std::nullopt;
+  std::int64_t user = *axis.commanded + axis.turn_of_demand();
+  if (axis.software_limits_active()) user = axis.within_limits_of_turn(user);
+  return axis.units.to_counts(user) - axis.offset;
 }
 
 }  // namespace
@@ -123,6 +133,9 @@ Json view_of(const Line& line, Axis& axis) {
     view["controlword"] = device.dictionary().number(0x6040);
     view["error_code"] = device.dictionary().number(0x603F);
     view["homed"] = drive.homed();
+    const std::optional<std::int64_t> target = target_counts(drive);
+    view["target_counts"] = target ? Json(*target) : Json();
+    if (device.dictionary().find(0x6064, 0) != nullptr) view["position_actual"] = device.dictionary().number(0x6064);
     view["in_motion"] = drive.in_motion();
     view["outputs"] = Json::object();
     for (unsigned wire = 0; wire < settings.product->output_wires; ++wire) {

@@ -92,6 +92,10 @@ Json view_of(const drive::Method& method) {
   if (needs_limit_switch(method, Direction::positive)) needs.push_back("positive_limit");
   if (needs_home_switch(method)) needs.push_back("home");
   if (uses_index(method)) needs.push_back("index");
+  for (std::size_t i = 0; i < method.leg_count; ++i) {
+    if (method.legs[i].until != Until::stalled) continue;
+    needs.push_back(method.legs[i].direction == Direction::negative ? "negative_stop" : "positive_stop");
+  }
   return Json{{"method", method.number},
               {"supported", !method.idle},
               {"legs", std::move(legs)},
@@ -104,7 +108,9 @@ Json view_of(const drive::Method& method) {
 
 Json LineBench::show_homing(Call& call) {
   const drive::Drive& drive = axis_of(call).device().drive();
-  return homing_view(drive.policy(), drive.axis().units.position_inverted);
+  Json view = homing_view(drive.policy(), drive.axis().units.position_inverted);
+  view["index_available"] = drive.axis().configuration.index_available;
+  return view;
 }
 
 Json homing_view(const drive::Policy& policy, bool reversed) {

@@ -28,7 +28,7 @@ std::string meaning(ObjectAddress object, std::span<const std::byte> bytes) {
     return drive::name(state_of(static_cast<std::uint16_t>(number)));
   }
   if ((object == ObjectAddress{0x6060, 0} || object == ObjectAddress{0x6061, 0}) && bytes.size() == 1) {
-    return name(static_cast<OperationMode>(number));
+    return std::string(name(static_cast<OperationMode>(number)));
   }
   if (object == ObjectAddress{0x603F, 0} && number != 0) return text_of_error_code(static_cast<std::uint16_t>(number));
   return {};

@@ -1,6 +1,7 @@
 #include "tools/tuning/session.hpp"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <fmt/format.h>
 
@@ -54,6 +55,49 @@ std::string text_of(const GainValue& before, const GainValue& after) {
                      after.number, after.gain->unit_text);
 }
 
+std::string text_of_changes(const SessionResult& result) {
+  struct Figure {
+    const char* name;
+    const char* unit;
+    std::optional<double> before;
+    std::optional<double> after;
+    bool more_is_better;
+    double negligible;  // difference
+  };
+  if (!result.after) return {};
+  const auto of = [](const std::optional<StepResponse>& step, double StepResponse::*part, double scale) {
+    return step ? std::optional(scale * (*step).*part) : std::nullopt;
+  };
+  const Measurement& before = result.before;
+  const Measurement& after = *result.after;
+  const std::array figures{
+      Figure{"bandwidth", "Hz", before.bandwidth_hz, after.bandwidth_hz, true,
+             close_enough * before.bandwidth_hz.value_or(0.0)},
+      Figure{"phase margin", "deg", before.margins.phase_margin_deg, after.margins.phase_margin_deg, true, 3.0},
+      Figure{"rise time", "ms", of(result.step_before, &StepResponse::rise_s, 1e3),
+             of(result.step_after, &StepResponse::rise_s, 1e3), false, 0.5},
+      Figure{"overshoot", "%", of(result.step_before, &StepResponse::overshoot, 100.0),
+             of(result.step_after, &StepResponse::overshoot, 100.0), false, 2.0},
+      Figure{"settling time", "ms", of(result.step_before, &StepResponse::settling_s, 1e3),
+             of(result.step_after, &StepResponse::settling_s, 1e3), false, 2.0}};
+  std::array<std::string, 3> lists;  // better, worse, unchanged
+  for (const Figure& figure : figures) {
+    if (!figure.before || !figure.after) continue;
+    const double change = *figure.after - *figure.before;
+    const std::size_t which = std::abs(change) <= figure.negligible     ? 2
+                              : (change > 0.0) == figure.more_is_better ? 0
+                                                                        : 1;
+    lists[which] += fmt::format("{}{} {:.1f} -> {:.1f} {}", lists[which].empty() ? "" : ", ", figure.name,
+                                *figure.before, *figure.after, figure.unit);
+  }
+  constexpr std::array words{"better: ", "worse: ", "about the same: "};
+  std::string text;
+  for (std::size_t i = 0; i < lists.size(); ++i) {
+    if (!lists[i].empty()) text += fmt::format("{}{}{}", text.empty() ? "" : "; ", words[i], lists[i]);
+  }
+  return text;
+}
+
 SessionResult tune(Tuner& tuner, ObjectClient& objects, const TuningDialect& dialect, const TuningUnits& units,
                    const SessionRequest& request) {
   SessionResult result;
@@ -61,8 +105,16 @@ SessionResult tune(Tuner& tuner, ObjectClient& objects, const TuningDialect& dia
   const auto notch = controller_of(result.gains_before, dialect, units, 0.0).notch;
   result.before = tuner.measure(request.bandwidth_hz.value_or(first_bandwidth_hz), notch);
   const double delay_s = result.before.controller.controller.delay_s;
-  result.bandwidth_hz = request.bandwidth_hz.value_or(
-      share_of_possible * greatest_bandwidth(result.before.mechanics, request_of(most_bandwidth_hz, delay_s, dialect)));
+  const double possible = greatest_bandwidth(result.before.mechanics, request_of(most_bandwidth_hz, delay_s, dialect));
+  const double present = result.before.bandwidth_hz.value_or(0.0);
+  result.bandwidth_hz =
+      request.bandwidth_hz.value_or(std::max(share_of_possible * possible, std::min(present, possible)));
+  if (request.apply && !request.bandwidth_hz && present > possible) {
+    throw MasterError(fmt::format("the loop is not made slower: it has a bandwidth of {:.1f} Hz, and {:.1f} Hz are "
+                                  "possible with 45 degrees of phase margin",
+                                  present, possible),
+                      objects.where(), fmt::format("choose --bandwidth {:.0f} or less", std::floor(possible)));
+  }
   result.proposal = proposal_for(result.before, request_of(result.bandwidth_hz, delay_s, dialect), objects.where());
   result.predicted = result.proposal;
   if (dialect.gains.empty()) {
@@ -130,6 +182,12 @@ SessionResult tune(Tuner& tuner, ObjectClient& objects, const TuningDialect& dia
               "measured with the new gains: bandwidth {:.1f} Hz instead of {:.1f} Hz, phase margin {:.0f} degrees",
               measured, result.bandwidth_hz, margin),
           objects.where(), "choose a lower --bandwidth" + text_of_losses(result.after->lost_cycles));
+    }
+    if (!request.bandwidth_hz && measured < (1.0 - close_enough) * present) {
+      throw MasterError(fmt::format("measured with the new gains: bandwidth {:.1f} Hz, less than the {:.1f} Hz before",
+                                    measured, present),
+                        objects.where(),
+                        "give --bandwidth to make the loop slower" + text_of_losses(result.after->lost_cycles));
     }
     if (request.steps) result.step_after = tuner.step();
     putting_back.kept = true;

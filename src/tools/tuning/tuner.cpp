@@ -22,6 +22,8 @@ constexpr double ramp_s = 0.3;
 constexpr double good_coherence = 0.9;
 constexpr std::size_t fewest_frequencies = 12;  // minimum of frequencies with a good coherence
 constexpr double travel_slack = 0.25;           // revolutions
+constexpr double look_s = 0.5;                  // period of the check whether the axis follows
+constexpr double least_look = 0.005;            // revolutions; a shorter command is not checked
 constexpr unsigned step_repeats = 8;
 const Time slice = std::chrono::milliseconds(20);
 
@@ -98,7 +100,7 @@ void Tuner::cycle() {
     torque_now_ = torque * units_.torque_unit;
     if (controls_) {
       if (axis_.state() != PowerState::operation_enabled) {
-        stop_because(fmt::format("the drive left operation enabled, {}", text_of_statusword(axis_.statusword())),
+        stop_because(fmt::format("the drive left operation enabled, {}", shown_statusword()),
                      "see `servodrome faults`");
       }
       over_torque_ = std::abs(torque) > options_.torque_limit * dialect_.full_torque ? over_torque_ + 1 : 0;
@@ -106,6 +108,15 @@ void Tuner::cycle() {
         stop_because(fmt::format("more than {:.0f} % of {} for {} cycles", 100.0 * options_.torque_limit,
                                  dialect_.full_torque_text, over_torque_cycles),
                      "the axis is blocked or oscillates: check it, or raise the torque limit with --torque");
+      }
+      asked_ += command_ * sample_s_;
+      moved_ += step;
+      if (++looked_cycles_ * sample_s_ >= look_s) {
+        if (std::abs(asked_) > least_look * turn && std::abs(moved_) < 0.1 * std::abs(asked_)) {
+          stop_because("the axis stands although it has a velocity command", "check what blocks it");
+        }
+        asked_ = moved_ = 0.0;
+        looked_cycles_ = 0;
       }
       const double slack = travel_slack * turn;
       if (travelled_ < -slack || travelled_ > options_.travel_revolutions * turn + slack) {
@@ -127,6 +138,25 @@ void Tuner::cycle() {
   command_ = number / units_.velocity_per_rad_s;
 }
 
+// A limit switch holds the axis, whatever problem the cycle noticed.
+void Tuner::explain_by_limit_switch() {
+  constexpr std::uint32_t negative_limit = 1U << 0;
+  constexpr std::uint32_t positive_limit = 1U << 1;
+  try {
+    const std::uint32_t inputs = objects_.read_if_present<std::uint32_t>(0x60FD).value_or(0);
+    if ((inputs & (negative_limit | positive_limit)) == 0) return;
+    problem_ = fmt::format("the {} limit switch is active (60FDh), {:.2f} revolutions from the start",
+                           (inputs & positive_limit) != 0 ? "positive" : "negative", travelled_ / turn);
+    remedy_ = "start farther away from it, or permit less travel with --travel";
+  } catch (const MasterError&) {
+    // The first problem is reported.
+  }
+}
+
+std::string Tuner::shown_statusword() const {
+  return text_of_statusword(axis_.statusword(), dialect_.product, dialect_.velocity_mode);
+}
+
 std::uint64_t Tuner::lost_cycles() const {
   const CycleCounters counters = bus_.counters();
   return counters.missed + counters.skipped;
@@ -140,6 +170,7 @@ void Tuner::wait(double seconds) {
       bus_.wait(std::chrono::milliseconds(30));  // waits for an EMCY that may follow
       const auto emergency = objects_.latest_emergency();
       const bool tells = emergency && emergency->code != 0;
+      explain_by_limit_switch();
       fail(tells ? fmt::format("{}, latest EMCY {:04X}h {}", problem_, emergency->code,
                                text_of_error_code(emergency->code))
                  : problem_,
@@ -155,7 +186,7 @@ template <typename Done>
 void Tuner::wait_until(const Done& done, double timeout_s, const std::string& what) {
   for (double waited = 0.0; !done(); waited += sample_s_) {
     if (waited > timeout_s) {
-      fail(fmt::format("{} took longer than {:g} s; {}", what, timeout_s, text_of_statusword(axis_.statusword())),
+      fail(fmt::format("{} took longer than {:g} s; {}", what, timeout_s, shown_statusword()),
            "see `servodrome faults`");
     }
     wait(sample_s_);
@@ -174,7 +205,8 @@ void Tuner::enable() {
   axis_.set_mode(static_cast<OperationMode>(dialect_.velocity_mode));
   wait_until([this] { return axis_.enable(); }, 5.0, "enabling");
   wait(0.1);
-  travelled_ = 0.0;
+  travelled_ = asked_ = moved_ = 0.0;
+  looked_cycles_ = 0;
   controls_ = true;
 }
 

@@ -86,6 +86,8 @@ class Tuner {
   void move_at(double velocity_rad_s);
   Record record(const Multisine& excitation, unsigned periods, double bias_rad_s);
   std::uint64_t lost_cycles() const;  // since the start of the bus
+  std::string shown_statusword() const;
+  void explain_by_limit_switch();
   // Throws; the text mentions cycles lost since the axis was enabled.
   [[noreturn]] void fail(const std::string& happened, const std::string& remedy) const;
 
@@ -107,7 +109,10 @@ class Tuner {
   bool has_position_ = false;
   std::int32_t last_position_ = 0;
   double travelled_ = 0.0;  // rad, since it was enabled
-  double velocity_ = 0.0;   // rad/s, mean over the last period
+  double asked_ = 0.0;      // rad, commanded since the last check whether the axis follows
+  double moved_ = 0.0;      // rad, since the same time
+  unsigned looked_cycles_ = 0;
+  double velocity_ = 0.0;  // rad/s, mean over the last period
   double torque_now_ = 0.0;
   unsigned over_torque_ = 0;
   unsigned losses_ = 0;            // consecutive lost cycles

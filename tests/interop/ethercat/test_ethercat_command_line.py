@@ -46,7 +46,7 @@ def test_get_and_set_by_position_and_alias(client, bench):
 
 
 def test_scope_looks_and_moves(client, bench):
-    looked = json.loads(client("scope", "--node", "2", "position", "statusword", "--duration", "0.2", "--json"))
+    looked = json.loads(client("scope", "--node", "2", "position", "statusword", "--seconds", "0.2", "--json"))
     assert looked["way"] == "process data in SAFEOP" and looked["rows"] + looked["missed"] >= 99, looked
     assert states(client) == ["INIT", "PREOP"]
     script = ["--do", "units revolutions", "--do", "enable", "--do", "move by 1 velocity 4", "--do", "wait 0.2"]
@@ -61,7 +61,7 @@ def test_states(client):
     client("state", "preop")
     client("state", "safeop", "--node", "2")
     assert states(client) == ["PREOP", "SAFEOP"]
-    held = json.loads(client("state", "op", "--for", "0.5", "--cycle", "10", "--json"))
+    held = json.loads(client("state", "op", "--seconds", "0.5", "--cycle", "10", "--json"))
     assert {node["state"] for node in held["nodes"]} == {"OP"}
     assert held["cycles"] > 10
     assert states(client) == ["PREOP", "PREOP"]

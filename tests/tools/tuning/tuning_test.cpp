@@ -284,6 +284,26 @@ TEST(TuneLimits, ABandwidthThatIsNotPossible) {
   EXPECT_EQ(read_gains(rig.objects(), rig.dialect)[0].number, 4);
 }
 
+// The drive has a fast loop already: a proposal of 60 % of the maximum would be slower.
+TEST(TuneLimits, WithoutABandwidthTheLoopDoesNotBecomeSlower) {
+  TuningRig rig({"generic402", BusKind::can, rigid});
+  const auto tuner = rig.tuner();
+  const double usual = tune(*tuner, rig.objects(), rig.dialect, rig.units, {}).bandwidth_hz;
+  const double fast = 1.3 * usual;
+  tune(*tuner, rig.objects(), rig.dialect, rig.units, {.bandwidth_hz = fast, .apply = true, .steps = false});
+  const SessionResult result = tune(*tuner, rig.objects(), rig.dialect, rig.units, {.apply = true});
+  EXPECT_GT(*result.before.bandwidth_hz, 1.2 * usual);
+  EXPECT_GT(*result.after->bandwidth_hz, 0.95 * *result.before.bandwidth_hz);
+  EXPECT_THAT(text_of_changes(result), HasSubstr("bandwidth "));
+  EXPECT_EQ(text_of_changes(result).find("worse: bandwidth"), std::string::npos) << text_of_changes(result);
+
+  // What is asked is done, also if it is slower, and the text says it.
+  const SessionResult slower =
+      tune(*tuner, rig.objects(), rig.dialect, rig.units, {.bandwidth_hz = 0.5 * usual, .apply = true});
+  EXPECT_LT(*slower.after->bandwidth_hz, 0.7 * usual);
+  EXPECT_THAT(text_of_changes(slower), HasSubstr("worse: bandwidth "));
+}
+
 TEST(TuneLimits, AProposalWritesNothing) {
   TuningRig rig({"generic402", BusKind::can, rigid});
   const auto tuner = rig.tuner();
@@ -291,6 +311,16 @@ TEST(TuneLimits, AProposalWritesNothing) {
   EXPECT_GT(result.gains[0].number, 0);
   EXPECT_FALSE(result.after);
   EXPECT_EQ(numbers(read_gains(rig.objects(), rig.dialect)), numbers(result.gains_before));
+}
+
+TEST(TuneLimits, ALimitSwitchIsNamed) {
+  TuningRig rig({"generic402", BusKind::can,
+                 "[axis.travel]\ncounts_per_unit = 131072\nlow_stop = -11\nhigh_stop = 11\n"
+                 "negative_limit = -3\npositive_limit = 3\nstart = 2.0\n"});
+  const auto tuner = rig.tuner();
+  const std::string problem = master::test::problem_of([&] { tuner->measure(60.0, {}); });
+  EXPECT_THAT(problem, HasSubstr("the positive limit switch is active (60FDh), 1.0"));
+  EXPECT_NE(rig.servo().state(), PowerState::operation_enabled);
 }
 
 TEST(TuneLimits, ABlockedAxis) {
