@@ -36,6 +36,8 @@ export function App() {
   const link = useLine((line) => line.link);
   const [, title, Page] = pages.find(([path]) => path === page) ?? pages[0];
   const axis = ofAxis.includes(page) && order.includes(name) ? name : '';
+  const known = pages.some(([path]) => path === page);
+  const lacks = !known ? `page "${page}"` : ofAxis.includes(page) && name !== '' && axis === '' ? `axis "${name}"` : '';
 
   useEffect(() => {
     document.title = `${axis || title} · Servodrome`;
@@ -65,20 +67,34 @@ export function App() {
         <StopButton />
       </header>
       <Banner />
-      <main id="content" tabIndex={-1}>
-        <h1 className="unseen">{axis ? `${title}: ${axis}` : title}</h1>
-        {link === 'locked' ? (
-          <TokenForm />
-        ) : order.length === 0 ? (
-          <p className="empty">{link === 'up' ? 'This line has no axes.' : 'Waiting for the server.'}</p>
-        ) : (
-          <Mishap key={`${epoch}/${page}/${axis}`}>
-            <Page />
-          </Mishap>
-        )}
-      </main>
+      <div className="page">
+        <main id="content" tabIndex={-1}>
+          <h1 className="unseen">{axis ? `${title}: ${axis}` : title}</h1>
+          {link === 'locked' ? (
+            <TokenForm />
+          ) : order.length === 0 ? (
+            <p className="empty">{link === 'up' ? 'This line has no axes.' : 'Waiting for the server.'}</p>
+          ) : lacks ? (
+            <Lost what={lacks} page={known ? page : ''} order={order} />
+          ) : (
+            <Mishap key={`${epoch}/${page}/${axis}`}>
+              <Page />
+            </Mishap>
+          )}
+        </main>
+      </div>
       <Notices />
     </>
+  );
+}
+
+// For an address that names a page or an axis that does not exist.
+function Lost({ what, page, order }: { what: string; page: string; order: string[] }) {
+  return (
+    <p className="empty" role="alert">
+      There is no {what}.{' '}
+      {page === '' ? <Link to="/">To the line</Link> : order.map((each) => <Link key={each} className="button" to={`/${page}/${encodeURIComponent(each)}`}>{each}</Link>)}
+    </p>
   );
 }
 

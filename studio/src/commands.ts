@@ -1,7 +1,7 @@
 import { get, post, put, remove, segment } from './api/client';
 import type { Job, ObjectValue } from './api/types';
 import { shownOf } from './model/problem';
-import { complain, tell } from './notices';
+import { complain, forget, tell } from './notices';
 import { noteJob, overWithin } from './store';
 
 export const axisPath = (axis: string) => `/axes/${segment(axis)}`;
@@ -21,6 +21,7 @@ export const writeObject = (axis: string, index: number, sub: number, value: Obj
 export const power = (axis: string, action: 'on' | 'off' | 'cycle') => post(`${axisPath(axis)}/power`, { action });
 
 export async function startJob(axis: string, request: { do: string } & Record<string, unknown>): Promise<Job> {
+  forget(axis);
   const job = await post<Job>(`${axisPath(axis)}/jobs`, request);
   noteJob(job);
   return job;

@@ -27,6 +27,9 @@ function add(notice: Omit<Notice, 'id'>, seconds: number) {
   setTimeout(() => dismiss(id), seconds * 1000);
 }
 
+// Removes the notices about an axis, since a new command of the axis makes them out of date.
+export const forget = (axis: string) => set(notices.filter(({ what, where }) => where !== axis && !what.startsWith(`${axis}: `)));
+
 export const complain = (error: unknown) => add({ ...shownOf(problemOf(error)), bad: true }, 15);
 export const tell = (what: string) => add({ what, bad: false }, 4);
 

@@ -9,8 +9,10 @@ export interface Resource<T> {
   again: () => void;
 }
 
-// The answer of a GET. The request is repeated every `every_ms` if that is given, after again(), and after a restart of the
-// server.
+const retry_ms = 5000;
+
+// The answer of a GET. The request is repeated every `every_ms` if that is given, after again(), after a restart of the
+// server, and as long as it fails, so that a problem disappears when its cause is gone.
 export function useResource<T>(path: string | null, every_ms = 0): Resource<T> {
   const epoch = useLine((line) => line.epoch);
   const [answer, setAnswer] = useState<{ path: string; value?: T; problem?: Problem }>();
@@ -38,7 +40,8 @@ export function useResource<T>(path: string | null, every_ms = 0): Resource<T> {
           },
         )
         .finally(() => {
-          if (!over && every_ms > 0) timer = setTimeout(ask, document.hidden ? 4 * every_ms : every_ms);
+          const wait_ms = every_ms > 0 ? every_ms : latest.current === '' ? retry_ms : 0;
+          if (!over && wait_ms > 0) timer = setTimeout(ask, document.hidden ? 4 * wait_ms : wait_ms);
         });
     };
     ask();

@@ -17,7 +17,7 @@ function listen(listener: () => void) {
 export function go(address: string) {
   history.pushState(null, '', address);
   tell();
-  scrollTo(0, 0);
+  document.querySelector('.page')?.scrollTo(0, 0);
 }
 
 export interface Route {

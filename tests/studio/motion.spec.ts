@@ -39,6 +39,84 @@ for (const { name, home } of axes) {
   });
 }
 
+for (const { name, counts } of axes) {
+  test(`makes the first move of ${name} with the proposed numbers`, async ({ page, open, line }) => {
+    await open(`/axis/${name}`);
+    const before = (await line.call<View>('GET', `/axes/${name}`)).position_counts;
+    await page.getByRole('button', { name: 'Move +' }).click();
+    await expect(page.getByText(/move: (done|failed)/)).toBeVisible();
+    const { position_counts, state } = await line.call<View>('GET', `/axes/${name}`);
+    expect(state).toBe('operation enabled');
+    expect(Math.abs(position_counts - before - counts)).toBeLessThan(counts / 100);
+  });
+}
+
+test('says which limit of the drive applies', async ({ page, open }) => {
+  await open('/axis/jmc');
+  await expect(page.getByRole('textbox', { name: 'Velocity', exact: true })).toHaveValue('210'); // 607Fh: 216 rpm
+  await expect(page.getByRole('textbox', { name: 'Acceleration', exact: true })).toHaveValue('25');
+  await type(page, 'Velocity', 300);
+  await expect(panel(page, 'Motion').getByRole('note')).toContainText('limit (607Fh, 6080h) is 216 rpm');
+});
+
+test('a move is drawn before it starts, and one that is too long is refused with the reason', async ({ page, open, line }) => {
+  await open('/axis/reference');
+  const motion = panel(page, 'Motion');
+  await type(page, 'Distance', 5);
+  await expect(motion.locator('.ghost text')).toHaveText('300 rpm, 1.1 s');
+  const before = (await line.call<View>('GET', '/axes/reference')).position_counts;
+  await type(page, 'Distance', 1000);
+  await expect(motion.getByRole('alert')).toContainText('The move of 1\u2009000.00 rev is longer than the 10.00 rev to the positive limit switch.');
+  for (const name of ['Move +', '− Back', 'There and back']) await expect(motion.getByRole('button', { name })).toBeDisabled();
+  await line.call('PUT', '/axes/reference/objects/607d/1', { value: -2 * 131072 });
+  await line.call('PUT', '/axes/reference/objects/607d/2', { value: 3 * 131072 });
+  await type(page, 'Distance', 4);
+  await expect(motion.getByRole('alert')).toContainText('3.00 rev to the software limit (607Dh)');
+  await type(page, 'Distance', 2.5);
+  await expect(motion.getByRole('alert')).toHaveCount(0);
+  await expect(motion.getByRole('button', { name: 'Move +' })).toBeEnabled();
+  await expect(motion.getByRole('button', { name: '− Back' })).toBeDisabled();
+  expect((await line.call<View>('GET', '/axes/reference')).position_counts - before).toBeLessThan(100);
+});
+
+test('goes there and back, repeats that until it is halted, and goes to zero', async ({ page, open, line }) => {
+  await open('/axis/reference');
+  const motion = panel(page, 'Motion');
+  const place = async () => (await line.call<View>('GET', '/axes/reference')).position_counts / 131072;
+  await type(page, 'Distance', 0.5);
+  await motion.getByRole('button', { name: 'There and back' }).click();
+  await expect.poll(place).toBeGreaterThan(0.45);
+  await expect.poll(place).toBeLessThan(0.05);
+  await motion.getByText('repeat there and back').click();
+  await motion.getByRole('button', { name: 'There and back' }).click();
+  for (const times of [1, 2, 3]) {
+    await expect.poll(place, { message: `time ${times}`, intervals: [20] }).toBeGreaterThan(0.4);
+    await expect.poll(place, { message: `time ${times}`, intervals: [20] }).toBeLessThan(0.1);
+  }
+  await motion.getByRole('button', { name: 'Halt' }).first().click();
+  await expect.poll(async () => Math.abs((await line.call<View>('GET', '/axes/reference')).velocity_rpm)).toBeLessThan(1);
+  await page.waitForTimeout(200);
+  const halted = await place();
+  await page.waitForTimeout(1500); // of the line's time, in which another move would begin
+  expect(Math.abs((await place()) - halted)).toBeLessThan(0.02);
+  await motion.getByRole('button', { name: 'Move +' }).click();
+  await expect(motion.getByText(/move: done/)).toBeVisible();
+  await motion.getByRole('button', { name: 'Go to zero' }).click();
+  await expect.poll(async () => Math.abs(await place())).toBeLessThan(0.01);
+});
+
+test('all axes are enabled and halted together', async ({ page, open, line }) => {
+  await open('/');
+  const states = async () => (await line.call<{ axes: View[] }>('GET', '/axes')).axes.map(({ state }) => state);
+  await page.getByRole('button', { name: 'Enable all' }).click();
+  await expect.poll(states).toEqual(axes.map(() => 'operation enabled'));
+  for (const name of ['reference', 'ismc']) await line.call('POST', `/axes/${name}/jobs`, { do: 'velocity', units: 'revolutions', velocity: 1, acceleration: 20 });
+  await expect.poll(async () => (await line.call<View>('GET', '/axes/ismc')).velocity_rpm).toBeGreaterThan(50);
+  await page.getByRole('button', { name: 'Halt all' }).click();
+  for (const name of ['reference', 'ismc']) await expect.poll(async () => Math.abs((await line.call<View>('GET', `/axes/${name}`)).velocity_rpm)).toBeLessThan(1);
+  expect(await states()).toEqual(axes.map(() => 'operation enabled'));
+});
+
 test('moves one revolution, and says where it is', async ({ page, open, line, picture }) => {
   await open('/axis/reference');
   await type(page, 'Distance', 2.5);

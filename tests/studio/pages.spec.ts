@@ -20,7 +20,7 @@ for (const [name, path] of Object.entries(pages)) {
 
         await accessible(page);
 
-        const overhang = await page.evaluate(() => document.documentElement.scrollWidth - innerWidth);
+        const overhang = await page.evaluate(() => Math.max(...[document.documentElement, document.querySelector('.page')!].map(({ scrollWidth, clientWidth }) => scrollWidth - clientWidth)));
         expect(overhang).toBeLessThanOrEqual(0);
         await picture(`${name}-${scheme}-${width}`);
       });

@@ -1,6 +1,6 @@
 import { readFileSync } from 'node:fs';
 import type { Page } from '@playwright/test';
-import { expect, panel, test, type } from './fixtures';
+import { choose, expect, panel, test, type } from './fixtures';
 
 const setup = '?ch=reference/velocity_rpm,reference/following_error,reference/torque_nm&rate=4000&ms=1200&pre=20';
 
@@ -126,4 +126,28 @@ test('zooms from the keyboard', async ({ page, open }) => {
   await expect.poll(shown).toEqual([300, 600]);
   await zoom.getByRole('button', { name: 'All' }).press('Enter');
   await expect.poll(shown).toEqual([0, 0]);
+});
+
+const channels = (page: Page) => panel(page, 'Channels').locator('.channels .name');
+
+test('another axis takes over the channels, and a sweep leaves them', async ({ page, open }) => {
+  await open('/scope?ch=reference/velocity_rpm,reference/6064:00&trigger=edge&tch=0&level=5&ms=700&rate=2000');
+  await choose(page, 'Axis', 'ismc', panel(page, 'Record'));
+  await expect(channels(page)).toHaveText(['ismc velocity_rpm', 'ismc 6064:00']);
+  await choose(page, 'Axis', 'reference', panel(page, 'Record'));
+  await expect(channels(page)).toHaveText(['reference velocity_rpm', 'reference 6064:00']);
+  await type(page, 'Sweep duration', 1);
+  await page.getByRole('button', { name: 'Sweep and record' }).click();
+  await expect(page.getByRole('table', { name: 'Response' })).toBeVisible({ timeout: 60_000 });
+  await page.getByRole('button', { name: 'Live', exact: true }).click();
+  await expect(channels(page)).toHaveText(['reference velocity_rpm', 'reference 6064:00']);
+  await expect(page.getByRole('button', { name: /^edge Trigger|Trigger/ })).toContainText('edge');
+  await expect(page.getByRole('textbox', { name: 'Duration', exact: true })).toHaveValue('700');
+});
+
+test('an object is added by its bare index', async ({ page, open }) => {
+  await open('/scope?ch=reference/velocity_rpm');
+  await page.getByLabel('Signal or object').fill('6064');
+  await panel(page, 'Channels').getByRole('button', { name: 'Add' }).click();
+  await expect(channels(page)).toHaveText(['reference velocity_rpm', 'reference 6064:00']);
 });

@@ -38,7 +38,9 @@ export interface AxisView {
   lamps?: Lamp[];
   warnings?: Fault[];
   faults?: Fault[];
-  position_counts: number;
+  position_counts: number; // of the true shaft; for a drive on a bus 6064h, in its own units
+  position_actual?: number; // 6064h in the drive's own units, of a simulated drive
+  target_counts?: number | null; // of profile position, as a position of the shaft
   // These are null for a drive on a bus, of which only the objects are known.
   velocity_rpm: number | null;
   torque_nm: number | null;
@@ -132,6 +134,21 @@ export interface Units {
   acceleration_per_rps2: number | null;
 }
 
+// The product's names of its modes (6061h) and of the bits of the statusword. A bit with a mode has this name in that mode.
+export interface Words {
+  modes: Record<string, string | undefined>;
+  statusword: { bit: number; name: string; mode?: number }[];
+}
+
+// Limits of the drive, in its own units; null: none.
+export interface Limits {
+  velocity: number | null;
+  acceleration: number | null;
+  deceleration: number | null;
+  lowest_position: number | null;
+  highest_position: number | null;
+}
+
 export interface HomingLeg {
   direction: 'positive' | 'negative';
   speed: 'switch' | 'zero';
@@ -147,6 +164,7 @@ export interface HomingMethod {
   legs: HomingLeg[];
   start_active?: number;
   returns?: boolean;
+  needs?: string[]; // keys of the geometry: 'home', 'negative_limit', 'positive_stop' ...
 }
 
 export interface Transition {

@@ -1,5 +1,5 @@
 import { describe, expect, it } from 'vitest';
-import { at, channelsOf, firstPlot, type BodePoint } from './bode';
+import { at, channelsOf, firstPlot, isCoherent, type BodePoint } from './bode';
 
 const points: BodePoint[] = [
   { hz: 1, gain_db: 0, phase_deg: 0, coherence: 1 },
@@ -7,6 +7,10 @@ const points: BodePoint[] = [
 ];
 
 describe('a Bode plot', () => {
+  it('shows what is coherent', () => {
+    expect(points.map(isCoherent)).toEqual([true, false]);
+    expect(isCoherent({ hz: 1, gain_db: 0, phase_deg: 0 })).toBe(true);
+  });
   it('is read between its points over the logarithm of the frequency', () => {
     expect(at(points, 10)).toEqual({ hz: 10, gain_db: -20, phase_deg: -90, coherence: 0.75 });
     expect(at(points, 1)?.gain_db).toBe(0);

@@ -24,6 +24,10 @@ export interface Bode {
   };
 }
 
+// A response is believed from this coherence on, as by the server for bandwidth and margins.
+export const leastCoherence = 0.7;
+export const isCoherent = ({ coherence }: BodePoint) => coherence === undefined || coherence >= leastCoherence;
+
 // The response at a frequency: linear interpolation over log(frequency). Null outside the points.
 export function at(points: BodePoint[], hz: number): BodePoint | null {
   const after = points.findIndex((point) => point.hz >= hz);

@@ -1,4 +1,5 @@
 // CiA 402-2 (IEC 61800-7-201): power states and the names of the bits of controlword and statusword.
+import type { Words } from '../api/types';
 
 export const states = [
   'not ready to switch on',
@@ -49,24 +50,11 @@ export interface Bit {
 export const manufacturerSpecific = 'manufacturer-specific';
 export const modeSpecific = 'mode-specific';
 
-const statusNames = [
-  'ready to switch on', 'switched on', 'operation enabled', 'fault', 'voltage enabled', 'quick stop (0: active)',
-  'switch on disabled', 'warning', manufacturerSpecific, 'remote', 'target reached', 'internal limit active',
-];
 const controlNames = [
   'switch on', 'enable voltage', 'quick stop (0: stop)', 'enable operation', modeSpecific, modeSpecific, modeSpecific, 'fault reset', 'halt', modeSpecific, 'reserved',
 ];
 
-// The mode of operation determines the meaning of bits 12 and 13 of the statusword, and 4 to 6 and 9 of the controlword.
-const statusOfMode: Record<number, [string, string]> = {
-  1: ['set-point acknowledge', 'following error'],
-  3: ['speed zero', 'max slippage error'],
-  6: ['homing attained', 'homing error'],
-  7: ['interpolation active', ''],
-  8: ['drive follows the command value', 'following error'],
-  9: ['drive follows the command value', ''],
-  10: ['drive follows the command value', ''],
-};
+// The mode of operation determines the meaning of bits 4 to 6 and 9 of the controlword.
 const controlOfMode: Record<number, [string, string, string, string]> = {
   1: ['new set-point', 'change immediately', 'relative', 'change on set-point'],
   2: ['enable ramp', 'unlock ramp', 'reference ramp', ''],
@@ -74,9 +62,12 @@ const controlOfMode: Record<number, [string, string, string, string]> = {
   7: ['enable interpolation', '', '', ''],
 };
 
-export function statusBits(word: number, mode = 0): Bit[] {
-  const [bit12, bit13] = statusOfMode[mode] ?? ['', ''];
-  return bits(word, [...statusNames, bit12 || modeSpecific, bit13 || modeSpecific, manufacturerSpecific, manufacturerSpecific]);
+// `words`: the product's names, undefined until they are known.
+export function statusBits(word: number, mode = 0, words?: Words): Bit[] {
+  const rows = words?.statusword ?? [];
+  const nameOf = (bit: number) =>
+    rows.find((row) => row.bit === bit && (row.mode === mode || row.mode === undefined))?.name || (bit === 12 || bit === 13 ? modeSpecific : manufacturerSpecific);
+  return bits(word, Array.from({ length: 16 }, (_, bit) => nameOf(bit)));
 }
 
 export function controlBits(word: number, mode = 0): Bit[] {
@@ -93,21 +84,8 @@ function bits(word: number, names: string[]): Bit[] {
   return names.map((name, bit) => ({ bit, name, on: ((word >> bit) & 1) === 1 }));
 }
 
-export const modes: Record<number, string> = {
-  0: 'none',
-  1: 'profile position',
-  2: 'velocity',
-  3: 'profile velocity',
-  4: 'profile torque',
-  6: 'homing',
-  7: 'interpolated position',
-  8: 'cyclic synchronous position',
-  9: 'cyclic synchronous velocity',
-  10: 'cyclic synchronous torque',
-};
-
-export const modeText = (mode: number | undefined) =>
-  mode === undefined ? '' : (modes[mode] ?? (mode < 0 ? `manufacturer-specific mode −${-mode}` : `mode ${mode}`));
+export const modeText = (mode: number | undefined, words?: Words) =>
+  mode === undefined ? '' : (words?.modes[mode] ?? (mode < 0 ? `manufacturer-specific mode −${-mode}` : `mode ${mode}`));
 
 export const hex = (value: number, digits: number) => value.toString(16).toUpperCase().padStart(digits, '0') + 'h';
 

@@ -1,6 +1,6 @@
 import { describe, expect, test } from 'vitest';
 import type { Geometry, HomingLeg, HomingMethod } from '../api/types';
-import { followLeg, homingPath } from './homing';
+import { cannotHome, followLeg, homingPath, proposedMethod } from './homing';
 
 const turn = 1000;
 const geometry: Geometry = {
@@ -53,4 +53,23 @@ test('an axis is followed from leg to leg', () => {
   expect(followLeg(path, 1, 2000, -100)).toBe(1);
   expect(followLeg(path, 1, 400, -100)).toBe(2); // the axis has passed the edge
   expect(followLeg(path, 3, -1000, 0)).toBe(3);
+});
+
+describe('the methods that the wiring permits', () => {
+  const method = (number: number, needs: string[], legs = method7.legs): HomingMethod => ({ method: number, supported: true, legs, needs });
+  const methods = [method(-1, ['negative_stop']), method(1, ['negative_limit', 'index']), method(7, ['home', 'index']), method(17, ['negative_limit']), method(33, ['index']), method(35, [], [])];
+  const bare: Geometry = { ...geometry, negative_limit: null, positive_limit: null, home_from: null, home_to: null };
+  test('without switches only methods without them are left', () => {
+    expect(methods.map((each) => cannotHome(each, bare))).toEqual(['', 'no negative limit switch', 'no home switch', 'no negative limit switch', '', '']);
+    expect(proposedMethod(methods, bare)?.method).toBe(33);
+  });
+  test('7 is proposed if everything is there, and if nothing is known', () => {
+    expect(proposedMethod(methods, geometry)?.method).toBe(7);
+    expect(proposedMethod(methods, undefined)?.method).toBe(7);
+  });
+  test('an encoder without an index leaves out its methods', () => {
+    expect(proposedMethod(methods, geometry, false)?.method).toBe(17);
+    expect(cannotHome(methods[2], geometry, false)).toBe('no index of this encoder');
+    expect(proposedMethod(methods, bare, false)?.method).toBe(35);
+  });
 });

@@ -9,6 +9,28 @@ export interface PathLeg {
   index: number; // index of the leg in the method
 }
 
+const needed: Record<string, [keyof Geometry, string]> = {
+  home: ['home_from', 'no home switch'],
+  index: ['index_every', 'no index'],
+  negative_limit: ['negative_limit', 'no negative limit switch'],
+  positive_limit: ['positive_limit', 'no positive limit switch'],
+  negative_stop: ['negative_stop', 'no stop at the negative end'],
+  positive_stop: ['positive_stop', 'no stop at the positive end'],
+};
+
+// Why the axis cannot home by this method; empty: it can, or its wiring is not known.
+export function cannotHome({ needs = [] }: HomingMethod, geometry: Geometry | undefined, hasIndex = true): string {
+  const reasons = needs.filter((need) => geometry && need in needed && geometry[needed[need][0]] === null).map((need) => needed[need][1]);
+  if (!hasIndex && needs.includes('index')) reasons.push('no index of this encoder');
+  return reasons.join(', ');
+}
+
+// The method that the page proposes: 7 (home switch and index), or the first one that searches, if the wiring permits it.
+export function proposedMethod(methods: HomingMethod[], geometry: Geometry | undefined, hasIndex = true): HomingMethod | undefined {
+  const possible = methods.filter((method) => cannotHome(method, geometry, hasIndex) === '');
+  return possible.find(({ method }) => method === 7) ?? possible.find(({ legs, method }) => legs.length > 0 && method > 0) ?? possible.find(({ method }) => method > 0) ?? possible[0] ?? methods[0];
+}
+
 // The path ends where the geometry has no edge ahead that the leg could reach. The homing would fail there as well, or the
 // switch is not wired.
 export function homingPath(method: HomingMethod, geometry: Geometry, start: number): PathLeg[] {

@@ -47,6 +47,10 @@ describe('step response', () => {
     expect(stepResponse([0, 1, 1], interval)).toBeNull();
   });
 
+  test('there is none in a move there and back, which ends a little beside its start', () => {
+    expect(stepResponse(Float64Array.from({ length: 3000 }, (_, i) => (i < 1000 ? 0 : i < 2000 ? 131072 : 230)), interval)).toBeNull();
+  });
+
   test('is of the part between the cursors only', () => {
     const two = Float64Array.from({ length: 3000 }, (_, i) => (i < 500 ? 0 : i < 1500 ? 1 : 5));
     expect(stepResponse(two, interval, 0, 1000)).toMatchObject({ from: 0, to: 1 });

@@ -39,16 +39,19 @@ export const settlingBand = 0.02; // of the step's height, to each side of the e
 
 // The step from the level at the begin to the level at the end; each level is the mean of a twentieth of the samples. Null
 // if there are fewer than 10 samples, or if the step is not higher than twice the noise (peak to
-// peak) of an end.
+// peak) of an end, or lower than half of the curve's range.
 export function stepResponse(values: ArrayLike<number>, interval_s: number, from = 0, to = values.length): Step | null {
   const samples = to - from;
   if (samples < 10) return null;
   const end = Math.max(1, Math.floor(samples / 20));
   const first = statistics(values, from, from + end);
   const last = statistics(values, to - end, to);
-  if (!first || !last) return null;
+  const all = statistics(values, from, to);
+  if (!first || !last || !all) return null;
   const height = last.mean - first.mean;
   if (Math.abs(height) <= 2 * Math.max(first.peakToPeak, last.peakToPeak) || height === 0) return null;
+  // An oscillation overshoots by less than the height; a curve with a wider range went there and back.
+  if (2 * Math.abs(height) < all.peakToPeak) return null;
 
   const part = (i: number) => (values[i] - first.mean) / height;
   let crossed10 = -1;

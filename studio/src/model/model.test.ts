@@ -1,12 +1,12 @@
 import { describe, expect, test, vi } from 'vitest';
-import type { Geometry, ObjectEntry, Recording, Units } from '../api/types';
+import type { Geometry, Limits, ObjectEntry, Recording, Units, Words } from '../api/types';
 import { controlBits, edges, modeText, statusBits, toneOf } from './cia402';
 import { Jog } from './jog';
 import { LiveBuffer } from './live_buffer';
-import { differs, hexValue, inGroup, matches, namedOf, parseValue } from './objects';
-import { alongside, channelOf, queryOf, samplesOf, setupOf, span, textOfChannel, without, zoomed } from './scope';
+import { differs, hexValue, inGroup, matches, namedOf, parseValue, rankOf, showValue } from './objects';
+import { alongside, channelOf, objectOf, ofAxis, queryOf, samplesOf, setupOf, span, textOfChannel, without, zoomed } from './scope';
 import { indexes, travelScale } from './travel';
-import { duration, fixed, fromDrivePosition, significant, ticksText, toDriveAcceleration, toDrivePosition, toDriveVelocity } from './units';
+import { duration, fixed, fromDrivePosition, greatestOf, proposed, significant, ticksText, toDriveAcceleration, toDrivePosition, toDriveVelocity } from './units';
 
 describe('units', () => {
   const units: Units = { position_per_revolution: 131072, velocity_per_rps: 131072, acceleration_per_rps2: 10 };
@@ -35,19 +35,35 @@ describe('units', () => {
 
 describe('CiA 402', () => {
   test('statusword 0237h is operation enabled', () => {
-    const names = statusBits(0x0237, 1).filter(({ on }) => on).map(({ name }) => name);
-    expect(names).toEqual(['ready to switch on', 'switched on', 'operation enabled', 'voltage enabled', 'quick stop (0: active)', 'remote']);
+    expect(statusBits(0x0237, 1).filter(({ on }) => on).map(({ bit }) => bit)).toEqual([0, 1, 2, 4, 5, 9]);
   });
-  test('bits 12 and 13 mean what the mode says', () => {
-    expect([1, 6, 3].map((mode) => statusBits(0, mode)[12].name)).toEqual(['set-point acknowledge', 'homing attained', 'speed zero']);
+  const words: Words = {
+    modes: { '-4': 'pulse', 6: 'homing' },
+    statusword: [{ bit: 12, name: 'homing error', mode: 6 }, { bit: 12, name: 'set-point acknowledge', mode: 1 }, { bit: 13, name: 'following error' }],
+  };
+  test('bits have the names of the product, and those of their mode', () => {
+    expect([1, 6, 3].map((mode) => statusBits(0, mode, words)[12].name)).toEqual(['set-point acknowledge', 'homing error', 'mode-specific']);
+    expect([13, 14].map((bit) => statusBits(0, 1, words)[bit].name)).toEqual(['following error', 'manufacturer-specific']);
     expect(controlBits(0x5f, 1).filter(({ on }) => on).map(({ name }) => name).slice(-2)).toEqual(['new set-point', 'relative']);
   });
   test('has sixteen transitions and the start, each once', () => {
     expect(edges.map(({ number }) => number)).toEqual(Array.from({ length: 17 }, (_, i) => i));
   });
   test('modes and tones have names', () => {
-    expect([modeText(6), modeText(-4), modeText(99)]).toEqual(['homing', 'manufacturer-specific mode −4', 'mode 99']);
+    expect([modeText(6, words), modeText(-4, words), modeText(-3, words), modeText(99, words)]).toEqual(['homing', 'pulse', 'manufacturer-specific mode −3', 'mode 99']);
     expect([toneOf('fault'), toneOf('operation enabled'), toneOf(undefined)]).toEqual(['bad', 'live', 'quiet']);
+  });
+});
+
+describe('limits of the drive', () => {
+  const units: Units = { position_per_revolution: 4000, velocity_per_rps: 4000, acceleration_per_rps2: 4000 };
+  test('bound the proposed numbers', () => {
+    const limits: Limits = { velocity: 14400, acceleration: 100000, deceleration: null, lowest_position: null, highest_position: null };
+    const { velocity, acceleration } = greatestOf(units, limits);
+    expect([velocity, acceleration]).toEqual([216, 25]);
+    expect([proposed(300, velocity), proposed(50, acceleration), proposed(120, velocity)]).toEqual([210, 25, 120]);
+    expect(proposed(300, greatestOf(units, undefined).velocity)).toBe(300);
+    expect(proposed(300, 0.0123)).toBe(0.012);
   });
 });
 
@@ -143,6 +159,19 @@ describe('objects', () => {
     expect(['6081', '6081h', 'profile VEL', 'inc/s 6081:00', ''].map((search) => matches(entry, search))).toEqual([true, true, true, true, true]);
     expect(matches(entry, 'torque')).toBe(false);
   });
+  test('whose name is searched come first', () => {
+    const position = { ...entry, index: '0x6064', name: 'Position actual value' };
+    const named = { ...entry, index: '0x607A', name: 'Target position' };
+    const explained = { ...entry, index: '0x2000', name: 'Gain', text: 'of the position loop' };
+    const addressed = { ...entry, index: '0x6065' };
+    const found = (search: string) => [explained, named, position, addressed].filter((each) => matches(each, search)).sort((a, b) => rankOf(a, search) - rankOf(b, search)).map(({ index }) => index);
+    expect(found('position')).toEqual(['0x6064', '0x607A', '0x2000']);
+    expect(found('6065h')).toEqual(['0x6065']);
+  });
+  test('show CAN identifiers in hexadecimal, other numbers in decimal', () => {
+    expect(showValue(0x40000181, { ...entry, name: 'COB-ID used by TPDO 1' })).toBe('40000181h');
+    expect([showValue(385, entry), showValue(385)]).toEqual(['385', '385']);
+  });
   test('are changed when they differ from their default', () => {
     expect([differs(entry, 1001), differs(entry, 1000), differs(entry, undefined), differs({ ...entry, access: 'ro' }, 5)]).toEqual([true, false, false, false]);
     expect(inGroup(entry, 'CiA 402', () => false)).toBe(true);
@@ -183,6 +212,20 @@ describe('scope', () => {
     const setup = setupOf(new URLSearchParams('ch=a/torque_nm,a/current_a,a/supply_v&trigger=edge&tch=2&level=1'), 'a');
     expect(without(setup, 0)).toMatchObject({ channels: [{ signal: 'current_a' }, { signal: 'supply_v' }], trigger: { channel: 1 } });
     expect(without(setup, 2)).toMatchObject({ channels: [{ signal: 'torque_nm' }, { signal: 'current_a' }], trigger: { channel: 0 } });
+  });
+  test('moves to another axis with its signals and trigger, and leaves out objects of the maker', () => {
+    const setup = setupOf(new URLSearchParams('ch=a/torque_nm,a/2010:01,a/6064:00,b/torque_nm,b/supply_v&trigger=edge&tch=2&level=1'), 'a');
+    expect(ofAxis(setup, 'a', 'b')).toMatchObject({
+      channels: [{ axis: 'b', signal: 'torque_nm' }, { axis: 'b', object: '6064:00' }, { axis: 'b', signal: 'supply_v' }],
+      trigger: { kind: 'edge', channel: 1, level: 1 },
+    });
+    const state = setupOf(new URLSearchParams('ch=a/2010:01&trigger=state&taxis=a'), 'a');
+    expect(ofAxis(state, 'a', 'b')).toMatchObject({ channels: [{ axis: 'b', signal: 'position_counts' }], trigger: { axis: 'b' } });
+  });
+  test('an address is an object with and without its marks', () => {
+    expect(['6064', '6064h', '0x6064', '6064:00', ' 6064:0 '].map(objectOf)).toEqual(Array(5).fill('6064:00'));
+    expect(['60FE:1', '60feh:01'].map(objectOf)).toEqual(['60FE:01', '60FE:01']);
+    expect(['velocity_rpm', '606', '60644', 'DI0'].map(objectOf)).toEqual([null, null, null, null]);
   });
   test('zooms about the middle, within what there is', () => {
     const x = Float64Array.from({ length: 101 }, (_, i) => i);

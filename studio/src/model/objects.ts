@@ -26,6 +26,16 @@ export function matches(entry: ObjectEntry, search: string): boolean {
   return search.toLowerCase().split(/\s+/).every((word) => text.includes(word));
 }
 
+// How well an entry fits a search: 0 its address, 1 a name that begins so, 2 a name that contains it, 3 unit or explanation.
+export function rankOf(entry: ObjectEntry, search: string): number {
+  const text = search.trim().toLowerCase();
+  const name = entry.name.toLowerCase();
+  if (text === '') return 0;
+  if (addressOf(entry).toLowerCase().startsWith(text.replace(/^0x|h$/g, ''))) return 0;
+  if (name.startsWith(text)) return 1;
+  return text.split(/\s+/).every((word) => name.includes(word)) ? 2 : 3;
+}
+
 export const isReadable = ({ access }: ObjectEntry) => access !== 'wo';
 export const isWritable = ({ access }: ObjectEntry) => access.includes('w');
 // True for a readable and writable entry with a default value, so that a comparison with the default is possible.
@@ -47,7 +57,11 @@ export function parseValue(entry: ObjectEntry, typed: string): ObjectValue | und
 
 const digits: Record<string, number> = { UNSIGNED8: 2, UNSIGNED16: 4, UNSIGNED32: 8 };
 
-export function showValue(value: ObjectValue | undefined): string {
+// CAN identifiers are hexadecimal, as everywhere in CANopen.
+const isCanId = ({ name, type }: ObjectEntry) => type === 'UNSIGNED32' && /\bCOB-?ID\b/i.test(name);
+
+export function showValue(value: ObjectValue | undefined, entry?: ObjectEntry): string {
+  if (entry && isCanId(entry) && typeof value === 'number') return hexValue(entry, value);
   return value === undefined ? '' : value === null ? 'not a number' : String(value);
 }
 

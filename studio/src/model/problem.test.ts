@@ -8,5 +8,10 @@ test('problems are shown without the words of the API and of the command line', 
   expect(shownOf({ what: 'there is no job "7"', where: 'address', hint: 'GET /api/v1/jobs lists the last 200' })).toEqual({ what: 'there is no job "7"' });
   expect(shownOf({ what: 'the server does not answer', where: '/jobs/7' })).toEqual({ what: 'the server does not answer' });
   expect(shownOf({ what: 'no', where: 'can0', hint: '`servodrome up` runs simulated drives' })).toEqual({ what: 'no', where: 'can0' });
+  // What happened to the gains is said, without the name of an option.
+  expect(shownOf({ what: 'measured with the new gains: bandwidth 20.0 Hz instead of 40.0 Hz, phase margin 30 degrees', hint: 'choose a lower --bandwidth; the old gains are restored' })).toEqual({
+    what: 'measured with the new gains: bandwidth 20.0 Hz instead of 40.0 Hz, phase margin 30 degrees', hint: 'choose a lower target bandwidth; the old gains are restored',
+  });
+  expect(shownOf({ what: 'the fault cannot be reset, because an injected fault holds: encoder_loss', hint: 'remove it: DELETE /api/v1/axes/ismc/faults' }).hint).toBe('remove the injected fault on the page "I/O and plant"');
   expect(shownOf({ what: 'the drive is not enabled', where: 'ismc', hint: 'enable it first' })).toEqual({ what: 'the drive is not enabled', where: 'ismc', hint: 'enable it first' });
 });

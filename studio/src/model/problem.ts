@@ -5,10 +5,17 @@ import type { Problem } from '../api/types';
 
 const advice: [RegExp, string][] = [
   [/^the axis has a job/, 'wait until the job has ended, or cancel it on the Axis page'],
+  [/an injected fault holds/, 'remove the injected fault on the page "I/O and plant"'],
   [/has no power$/, 'switch its power on'],
   [/^the drive has no object/, 'choose an object of the list, or add its length in bits, for example 607A:00/32'],
   [/^the recording has not ended/, 'wait until it has ended, or stop it'],
   [/^no memory is left for another recording/, 'stop or delete a recording'],
+  // Tuning.
+  [/limit switch is active \(60FDh\), .* revolutions from the start/, 'start farther away from the switch, or permit less travel'],
+  [/revolutions from its start/, 'permit more travel'],
+  [/^more than .* for .* cycles/, 'the axis is blocked or oscillates: check it, or raise the torque limit'],
+  [/are not possible with|instead of .* Hz, phase margin/, 'choose a lower target bandwidth'],
+  [/is not made slower|less than the .* before/, 'enter a target bandwidth to make the loop slower'],
 ];
 const technical = /\/api\/|\b(GET|PUT|POST|DELETE)\b|`servodrome|--[a-z]|[{}]|\.md\b|^(send|write) /;
 // Values of `where` that are parts of a request; the page does not show them.
@@ -16,7 +23,9 @@ const places = ['address', 'body', 'header', 'server', 'message', 'Host', 'Origi
 
 export function shownOf({ what, where, hint }: Problem): Problem {
   const plain = what.startsWith('the axis has a job: ') ? what.replaceAll('_', ' ') : what;
-  const own = advice.find(([pattern]) => pattern.test(what))?.[1] ?? (hint && !technical.test(hint) ? hint : undefined);
+  const advised = advice.find(([pattern]) => pattern.test(what))?.[1];
+  const clauses = hint?.split('; ') ?? [];
+  const own = [advised, ...clauses.slice(advised ? 1 : 0).filter((clause) => !technical.test(clause))].filter(Boolean).join('; ');
   return {
     what: plain,
     ...(where && !where.startsWith('/') && !places.includes(where) ? { where } : {}),

@@ -69,6 +69,29 @@ export function queryOf({ channels, rate_hz, duration_ms, pre_ms, trigger }: Set
   };
 }
 
+// The same channels and trigger for another axis. Objects of the maker (below 6000h) exist on one product only: they are left
+// out, and so are channels that would be there twice.
+export function ofAxis(setup: Setup, from: string, to: string): Setup {
+  const isLeftOut = ({ axis, object }: ChannelRequest) => axis === from && object !== undefined && object < '6000';
+  const channels: ChannelRequest[] = [];
+  const places = setup.channels.map((channel) => {
+    const moved = channel.axis === from ? { ...channel, axis: to } : channel;
+    const text = textOfChannel(moved);
+    const known = channels.findIndex((each) => textOfChannel(each) === text);
+    if (isLeftOut(channel)) return 0;
+    return known >= 0 ? known : channels.push(moved) - 1;
+  });
+  const { channel, axis } = setup.trigger;
+  const trigger = { ...setup.trigger, ...(channel === undefined ? {} : { channel: places[channel] ?? 0 }), ...(axis === from ? { axis: to } : {}) };
+  return { ...setup, channels: channels.length > 0 ? channels : [{ axis: to, signal: 'position_counts' }], trigger };
+}
+
+// The object of a typed address: "6064", "6064h", "0x6064", "6064:0". Null if the text is no address.
+export function objectOf(text: string): string | null {
+  const found = /^(?:0x)?([0-9a-f]{4})h?(?::([0-9a-f]{1,2})h?)?$/i.exec(text.trim());
+  return found ? `${found[1].toUpperCase()}:${(found[2] ?? '0').toUpperCase().padStart(2, '0')}` : null;
+}
+
 // Removes the channel `gone`. The trigger keeps its channel; if that is the removed one, it uses channel 0.
 export function without(setup: Setup, gone: number): Setup {
   const { channels, trigger } = setup;

@@ -49,6 +49,7 @@ export interface StepMeasured {
 }
 
 export interface Tuned {
+  changes?: string; // what became better and what became worse
   result: 'proposed' | 'applied' | 'tuned by the drive itself';
   gains: GainChange[];
   promised_bandwidth_hz?: number;

@@ -1,4 +1,4 @@
-import type { Units } from '../api/types';
+import type { Limits, Units } from '../api/types';
 
 // Converts positions and velocities between revolutions, rpm and rev/s^2 and the drive's own units; formats numbers.
 
@@ -6,6 +6,28 @@ export const toDrivePosition = (units: Units | undefined, revolutions: number) =
 export const toDriveVelocity = (units: Units | undefined, rpm: number) => scale(rpm / 60, units?.velocity_per_rps);
 export const toDriveAcceleration = (units: Units | undefined, rps2: number) => scale(rps2, units?.acceleration_per_rps2);
 export const fromDrivePosition = (units: Units | undefined, value: number) => unscale(value, units?.position_per_revolution);
+
+export const isKnown = (units: Units | undefined) => Boolean(units?.position_per_revolution && units.velocity_per_rps && units.acceleration_per_rps2);
+
+// The greatest velocity in rpm and acceleration in rev/s^2 that the drive's limits permit; Infinity: no limit.
+export interface Greatest {
+  velocity: number;
+  acceleration: number;
+}
+export function greatestOf(units: Units | undefined, limits: Limits | undefined): Greatest {
+  const least = Math.min(limits?.acceleration ?? Infinity, limits?.deceleration ?? Infinity);
+  return {
+    velocity: (60 * (limits?.velocity ?? Infinity)) / (units?.velocity_per_rps ?? 1),
+    acceleration: least / (units?.acceleration_per_rps2 ?? 1),
+  };
+}
+
+// The usual value, or if it is above the greatest, that one, rounded down to two digits.
+export function proposed(usual: number, greatest: number): number {
+  if (!(greatest < usual)) return usual;
+  const step = 10 ** (Math.floor(Math.log10(greatest)) - 1);
+  return Number((Math.floor(greatest / step + 1e-9) * step).toPrecision(2));
+}
 
 function scale(value: number, factor: number | null | undefined): number | null {
   return factor ? Math.round(value * factor) : null;

@@ -1,9 +1,9 @@
-import { useState } from 'react';
+import { useEffect, useRef, useState } from 'react';
 import { Tab, TabList, TabPanel, Tabs } from 'react-aria-components';
-import type { AxisView, Geometry, HomingMethod, ObjectEntry, StatesView, Units } from '../api/types';
+import type { AxisView, Geometry, HomingMethod, Limits, ObjectEntry, StatesView, Units } from '../api/types';
 import { axisPath, cancelJob, power, runJob, writeObject } from '../commands';
 import { AxisTabs, usePageAxis } from '../parts/axis_tabs';
-import { Button, Choice, Panel, Readout } from '../parts/controls';
+import { Button, Choice, Panel, Readout, Toggle } from '../parts/controls';
 import { Front } from '../parts/front';
 import { NumberForm, NumberInput, NumbersButton, useNumbersAreRight } from '../parts/number_input';
 import { HomingFigure } from '../parts/homing_figure';
@@ -12,22 +12,24 @@ import { JogButton } from '../parts/jog';
 import { LiveLanes } from '../parts/live';
 import { StateChip } from '../parts/state';
 import { StateDiagram } from '../parts/state_diagram';
-import { useTarget } from '../parts/target';
 import { Travel, useGeometry } from '../parts/travel';
 import { Word } from '../parts/word';
 import { controlBits, modeText, statusBits } from '../model/cia402';
+import { cannotHome, proposedMethod } from '../model/homing';
 import { addressOf } from '../model/objects';
+import { endOf, hindrance, type Ghost } from '../model/plan';
 import { predict, seconds } from '../model/predict';
-import { fixed, fromDrivePosition, significant } from '../model/units';
+import { fixed, fromDrivePosition, greatestOf, isKnown, proposed, significant, type Greatest } from '../model/units';
 import { attempt } from '../notices';
 import { useResource } from '../resource';
 import { keep, useRoute } from '../route';
-import { useAxis, useLine, useMissing } from '../store';
-import { Commands, Speed, Torque, unitOf } from './line';
+import { snapshot, useAxis, useLine, useMissing } from '../store';
+import { Commands, Speed, Torque, unitOf, useWords } from './line';
 
 export function AxisPage() {
   const name = usePageAxis(useRoute().name);
   const axis = useAxis(name);
+  const words = useWords(name);
   if (!axis) return null;
   return (
     <>
@@ -42,7 +44,7 @@ export function AxisPage() {
           <Panel title="Words">
             <div className="words">
               <Word name="Controlword" value={axis.controlword} bits={controlBits(axis.controlword ?? 0, axis.mode)} />
-              <Word name="Statusword" value={axis.statusword} bits={statusBits(axis.statusword ?? 0, axis.mode)} />
+              <Word name="Statusword" value={axis.statusword} bits={statusBits(axis.statusword ?? 0, axis.mode, words)} />
             </div>
           </Panel>
           <Front axis={axis} />
@@ -109,26 +111,35 @@ function Curves({ name, powered }: { name: string; powered: boolean }) {
 
 const kinds = [['position', 'Position'], ['velocity', 'Velocity'], ['torque', 'Torque'], ['jog', 'Jog'], ['home', 'Homing']] as const;
 
+const limits_ms = 3000; // interval of reading the drive's limits
+
 function Motion({ axis }: { axis: AxisView }) {
   const { name } = axis;
   const kind = useRoute().query.get('do') ?? 'position';
+  const words = useWords(name);
+  const [ghost, setGhost] = useState<Ghost | null>(null);
   const geometry = useGeometry(name);
   const units = useResource<Units>(axis.powered ? `${axisPath(name)}/units` : null).value;
   const job = useLine((line) => line.jobs[name]);
-  const target = useTarget(axis, geometry);
   const turns = geometry?.index_every ? axis.position_counts / geometry.index_every : axis.velocity === undefined ? null : fromDrivePosition(units, axis.position_counts);
   const enabled = axis.powered && axis.state === 'operation enabled';
-  const isFree = axis.powered && !axis.problem && job?.state !== 'running';
-  const move = { name, names: useUnitNames(name, units), isFree };
+  const limits = useResource<Limits>(axis.powered && !axis.problem ? `${axisPath(name)}/limits` : null, limits_ms);
+  // The proposed numbers depend on the limits, so no motion starts before these are known.
+  const isFree = axis.powered && !axis.problem && job?.state !== 'running' && Boolean(limits.value ?? limits.problem);
+  const move = { name, names: useUnitNames(name, units, limits.value), isFree };
   return (
-    <Panel title="Motion" aside={<span className="quiet">{axis.product}, {axis.mode === 0 ? 'no mode' : modeText(axis.mode)}</span>}>
-      <Travel axis={axis} geometry={geometry} target={target} />
+    <Panel title="Motion" aside={<span className="quiet">{axis.product}, {modeText(axis.mode, words)}</span>}>
+      <Travel axis={axis} geometry={geometry} ghost={ghost} />
       <dl className="readouts">
-        <Readout label="position" {...(turns === null ? { value: fixed(axis.position_counts, 0), unit: unitOf(axis) } : { value: fixed(turns, 4), unit: 'rev' })} title={`${axis.position_counts} counts`} />
+        <Readout label={axis.position_actual === undefined ? 'position (6064h)' : 'true position'} {...(turns === null ? { value: fixed(axis.position_counts, 0), unit: unitOf(axis) } : { value: fixed(turns, 4), unit: 'rev' })} title={`${axis.position_counts} counts`} />
+        {axis.position_actual !== undefined && <Readout label="drive's position (6064h)" value={units?.position_per_revolution ? fixed(fromDrivePosition(units, axis.position_actual), 4) : fixed(axis.position_actual, 0)} unit={units?.position_per_revolution ? 'rev' : 'units'} title={`${axis.position_actual} units of the drive`} />}
         <Speed axis={axis} />
         <Torque axis={axis} />
         {axis.current_a !== null && <Readout label="current" value={fixed(axis.current_a, 2)} unit="A" />}
       </dl>
+      {axis.position_actual !== undefined && (
+        <p className="quiet note">The true position is that of the simulated shaft from its start; 6064h counts from the drive's zero, which homing sets. Targets are positions of 6064h.</p>
+      )}
       {axis.watch === null && (
         <p className="warning" role="note">The drive does not monitor this connection: if the program ends or the cable fails while the axis moves, the axis keeps moving. Keep the emergency stop within reach.</p>
       )}
@@ -142,7 +153,7 @@ function Motion({ axis }: { axis: AxisView }) {
             <Tab key={id} id={id} className="tab">{text}</Tab>
           ))}
         </TabList>
-        <TabPanel id="position"><NumberForm><PositionMove {...move} /></NumberForm></TabPanel>
+        <TabPanel id="position"><NumberForm><PositionMove {...move} axis={axis} geometry={geometry} unitsOf={units} limits={limits.value} onPlan={setGhost} /></NumberForm></TabPanel>
         <TabPanel id="velocity"><NumberForm><VelocityMove {...move} /></NumberForm></TabPanel>
         <TabPanel id="torque"><NumberForm><TorqueMove {...move} /></NumberForm></TabPanel>
         <TabPanel id="jog"><NumberForm><JogMove {...move} enabled={enabled} /></NumberForm></TabPanel>
@@ -180,15 +191,17 @@ interface UnitNames {
   acceleration: string;
   speed: (value: number) => number; // converts a typed velocity to the units of the job
   velocity_scale: number; // the velocity that equals one position unit per second
+  greatest: Greatest; // what the drive's limits permit, in the units of the form
 }
 
-function useUnitNames(name: string, units: Units | undefined): UnitNames {
-  const known = Boolean(units?.position_per_revolution && units.velocity_per_rps && units.acceleration_per_rps2);
+function useUnitNames(name: string, units: Units | undefined, limits: Limits | undefined): UnitNames {
+  const known = isKnown(units);
+  const greatest = greatestOf(units, limits);
   const objects = useResource<{ objects: ObjectEntry[] }>(units && !known ? `${axisPath(name)}/objects` : null).value?.objects;
-  if (known) return { units: 'revolutions', known, position: 'rev', velocity: 'rpm', acceleration: 'rev/s²', speed: (rpm) => rpm / 60, velocity_scale: 60 };
+  if (known) return { units: 'revolutions', known, position: 'rev', velocity: 'rpm', acceleration: 'rev/s²', speed: (rpm) => rpm / 60, velocity_scale: 60, greatest };
   const position = objects?.find((entry) => addressOf(entry) === '607A:00')?.unit || 'units';
   // CiA 402 defines velocities as position units per second, accelerations as position units per second squared.
-  return { units: 'drive', known, position, velocity: `${position}/s`, acceleration: `${position}/s²`, speed: (value) => value, velocity_scale: 1 };
+  return { units: 'drive', known, position, velocity: `${position}/s`, acceleration: `${position}/s²`, speed: (value) => value, velocity_scale: 1, greatest: { velocity: limits?.velocity ?? Infinity, acceleration: limits?.acceleration ?? Infinity } };
 }
 
 interface MoveProps {
@@ -202,17 +215,18 @@ async function enableAnd(name: string, request: { do: string } & Record<string, 
   if (enabled?.state === 'done') await runJob(name, request);
 }
 
-// The typed number; before typing `usual` if the unit is known, else NaN.
-function useNumber(usual: number, names: UnitNames): [number, (to: number) => void] {
+// The typed number; before typing `usual`, or the drive's limit if that is lower. NaN if the unit is not known.
+function useNumber(usual: number, names: UnitNames, limit?: keyof Greatest): [number, (to: number) => void] {
   const [typed, setTyped] = useState<number | null>(null);
-  return [typed ?? (names.known ? usual : NaN), setTyped];
+  return [typed ?? (names.known ? proposed(usual, limit ? names.greatest[limit] : Infinity) : NaN), setTyped];
 }
 
 const amount = (value: number, unit: string) => `${significant(value)} ${unit}`;
 
 function Prediction({ names, distance, velocity, acceleration }: { names: UnitNames; distance?: number; velocity: number; acceleration: number }) {
-  const { known, velocity_scale } = names;
-  const given = predict({ velocity, acceleration, velocity_scale, ...(distance === undefined ? {} : { distance }) });
+  const { known, velocity_scale, greatest } = names;
+  const limited = Math.sign(velocity) * Math.min(Math.abs(velocity), greatest.velocity);
+  const given = predict({ velocity: limited, acceleration: Math.min(acceleration, greatest.acceleration), velocity_scale, ...(distance === undefined ? {} : { distance }) });
   let text = 'Enter all values to see the predicted motion.';
   if (given) {
     const way = distance === undefined ? '' : `, ${amount(Math.abs(distance), names.position)} in ${seconds(given.total_s ?? 0)}`;
@@ -222,23 +236,58 @@ function Prediction({ names, distance, velocity, acceleration }: { names: UnitNa
   return (
     <p className="quiet note" role="note">
       {text}
+      {Math.abs(velocity) > greatest.velocity && ` The drive's limit (607Fh, 6080h) is ${amount(greatest.velocity, names.velocity)}.`}
+      {acceleration > greatest.acceleration && ` The drive's limit (60C5h, 60C6h) is ${amount(greatest.acceleration, names.acceleration)}.`}
       {!known && ' The drive does not report its units per revolution: begin with small values.'}
     </p>
   );
 }
 
-function PositionMove({ name, names, isFree }: MoveProps) {
+function PositionMove({ name, names, isFree, axis, geometry, unitsOf, limits, onPlan }: MoveProps & {
+  axis: AxisView;
+  geometry: Geometry | undefined;
+  unitsOf: Units | undefined;
+  limits: Limits | undefined;
+  onPlan: (ghost: Ghost | null) => void;
+}) {
   const [how, setHow] = useState<'by' | 'to'>('by');
   const [distance, setDistance] = useNumber(1, names);
-  const [velocity, setVelocity] = useNumber(300, names);
-  const [acceleration, setAcceleration] = useNumber(50, names);
-  const start = (sign: number) =>
-    attempt(() =>
-      enableAnd(name, {
-        do: 'move', units: names.units, [how]: sign * distance, velocity: names.speed(velocity), acceleration, deceleration: acceleration,
-      }),
-    );
+  const [velocity, setVelocity] = useNumber(300, names, 'velocity');
+  const [acceleration, setAcceleration] = useNumber(50, names, 'acceleration');
+  const [repeats, setRepeats] = useState(false);
+  const repeating = useRef(false);
+  repeating.current = repeats;
+  const { greatest, velocity_scale, known } = names;
+  const request = { do: 'move', units: names.units, velocity: names.speed(velocity), acceleration, deceleration: acceleration };
+  const start = (where: { by: number } | { to: number }) => attempt(() => enableAnd(name, { ...request, ...where }));
+  // There and back, again as long as the switch is on, every move succeeds and the axis gets no other command.
+  const thereAndBack = () =>
+    attempt(async () => {
+      if ((await runJob(name, { do: 'enable' }))?.state !== 'done') return;
+      do {
+        for (const by of [distance, -distance]) {
+          const job = await runJob(name, { ...request, by });
+          if (job?.state !== 'done' || snapshot().jobs[name]?.id !== job.id) return;
+        }
+      } while (repeating.current);
+    });
   const cannot = !isFree || !(velocity > 0) || !(acceleration > 0);
+  const endAt = (value: number, kind = how) => (known ? endOf(axis, geometry, unitsOf, kind, value) : null);
+  const reasonFor = (to: number | null) => (to === null ? '' : hindrance(axis, geometry, unitsOf, limits, to));
+  const forward = endAt(distance);
+  const [ahead, behind, zero] = [reasonFor(forward), how === 'by' ? reasonFor(endAt(-distance)) : '', reasonFor(endAt(0, 'to'))];
+  const turn = geometry?.index_every;
+  const given = forward !== null && turn ? predict({ velocity: Math.min(velocity, greatest.velocity), acceleration: Math.min(acceleration, greatest.acceleration), velocity_scale, distance: (forward - axis.position_counts) / turn }) : null;
+  const text = given ? `${amount(given.top, names.velocity)}, ${seconds(given.total_s ?? 0)}` : '';
+  // A shaft that holds its position moves by some counts: they do not draw the plan anew.
+  const shown = forward === null || text === '' || axis.in_motion || !turn ? null : (Math.round((1000 * forward) / turn) * turn) / 1000;
+  useEffect(() => {
+    onPlan(shown === null ? null : { to: shown, text });
+    return () => onPlan(null);
+  }, [onPlan, shown, text]);
+  useEffect(() => () => {
+    repeating.current = false; // the page was left
+  }, []);
   return (
     <div className="form">
       <Choice label="Move" value={how} options={[['by', 'by a distance'], ['to', 'to a position']]} onChange={setHow} />
@@ -246,17 +295,21 @@ function PositionMove({ name, names, isFree }: MoveProps) {
       <NumberInput label="Velocity" unit={names.velocity} value={velocity} onChange={setVelocity} minimum={0} />
       <NumberInput label="Acceleration" unit={names.acceleration} value={acceleration} onChange={setAcceleration} minimum={0} />
       <div className="buttons">
-        {how === 'by' && <NumbersButton isDisabled={cannot} onPress={() => start(-1)}>− Back</NumbersButton>}
-        <NumbersButton kind="main" isDisabled={cannot} onPress={() => start(1)}>{how === 'by' ? 'Move +' : 'Move'}</NumbersButton>
+        {how === 'by' && <NumbersButton isDisabled={cannot || behind !== ''} onPress={() => start({ by: -distance })}>− Back</NumbersButton>}
+        <NumbersButton kind="main" isDisabled={cannot || ahead !== ''} onPress={() => start(how === 'by' ? { by: distance } : { to: distance })}>{how === 'by' ? 'Move +' : 'Move'}</NumbersButton>
+        {how === 'by' && <NumbersButton isDisabled={cannot || ahead !== ''} onPress={thereAndBack}>There and back</NumbersButton>}
+        <NumbersButton isDisabled={cannot || zero !== ''} onPress={() => start({ to: 0 })}>Go to zero</NumbersButton>
+        {how === 'by' && <Toggle isSelected={repeats} onChange={setRepeats}>repeat there and back</Toggle>}
       </div>
+      {ahead !== '' && <p className="trouble" role="alert">{ahead}</p>}
       <Prediction names={names} velocity={velocity} acceleration={acceleration} {...(how === 'by' ? { distance } : {})} />
     </div>
   );
 }
 
 function VelocityMove({ name, names, isFree }: MoveProps) {
-  const [velocity, setVelocity] = useNumber(120, names);
-  const [acceleration, setAcceleration] = useNumber(20, names);
+  const [velocity, setVelocity] = useNumber(120, names, 'velocity');
+  const [acceleration, setAcceleration] = useNumber(20, names, 'acceleration');
   return (
     <div className="form">
       <NumberInput label="Velocity" unit={names.velocity} value={velocity} onChange={setVelocity} />
@@ -292,8 +345,8 @@ function TorqueMove({ name, isFree }: MoveProps) {
 }
 
 function JogMove({ name, names, enabled }: MoveProps & { enabled: boolean }) {
-  const [velocity, setVelocity] = useNumber(60, names);
-  const [acceleration, setAcceleration] = useNumber(20, names);
+  const [velocity, setVelocity] = useNumber(60, names, 'velocity');
+  const [acceleration, setAcceleration] = useNumber(20, names, 'acceleration');
   const right = useNumbersAreRight();
   const request = (sign: number) => ({ units: names.units, velocity: sign * names.speed(velocity), acceleration, deceleration: acceleration });
   const cannot = !enabled || !right || !(acceleration > 0);
@@ -312,21 +365,22 @@ function JogMove({ name, names, enabled }: MoveProps & { enabled: boolean }) {
 }
 
 function HomeMove({ name, names, isFree, axis, geometry }: MoveProps & { axis: AxisView; geometry: Geometry | undefined }) {
-  const methods = (useResource<{ methods: HomingMethod[] }>(`${axisPath(name)}/homing`).value?.methods ?? []).filter(({ supported }) => supported);
+  const homingOf = useResource<{ methods: HomingMethod[]; index_available?: boolean }>(axis.powered ? `${axisPath(name)}/homing` : null).value;
+  const methods = (homingOf?.methods ?? []).filter(({ supported }) => supported);
   const [chosen, setChosen] = useState<number | null>(null);
-  const [fast, setFast] = useNumber(120, names);
-  const [slow, setSlow] = useNumber(30, names);
-  const [acceleration, setAcceleration] = useNumber(20, names);
+  const [fast, setFast] = useNumber(120, names, 'velocity');
+  const [slow, setSlow] = useNumber(30, names, 'velocity');
+  const [acceleration, setAcceleration] = useNumber(20, names, 'acceleration');
   const [start, setStart] = useState<number | null>(null);
-  const method = methods.find((each) => each.method === (chosen ?? 7)) ?? methods.find(({ legs }) => legs.length > 0) ?? methods[0];
+  const method = methods.find((each) => each.method === chosen) ?? proposedMethod(methods, geometry, homingOf?.index_available);
   const job = useJob(name);
   const homing = job?.do === 'home' && job.state === 'running';
   const replay = useReplay(axis, homing);
-  if (!method) return <p className="empty">This drive supports no homing method.</p>;
+  if (!method) return <p className="empty">{homingOf ? 'This drive supports no homing method.' : 'The methods are not known yet.'}</p>;
   return (
     <>
       <div className="form">
-        <Choice label="Method" isLong value={method.method} options={methods.map(({ method: number, legs }) => [number, `${number}: ${textOf(legs)}`] as const)} onChange={setChosen} />
+        <Choice label="Method" isLong value={method.method} options={methods.map((each) => [each.method, `${each.method}: ${textOf(each.legs)}`, cannotHome(each, geometry, homingOf?.index_available)] as const)} onChange={setChosen} />
         <NumberInput label="Speed during search for switch" unit={names.velocity} value={fast} onChange={setFast} minimum={0} />
         <NumberInput label="Speed during search for zero" unit={names.velocity} value={slow} onChange={setSlow} minimum={0} />
         <NumberInput label="Acceleration" unit={names.acceleration} value={acceleration} onChange={setAcceleration} minimum={0} />

@@ -1,11 +1,12 @@
 import type { Fault, FaultList, Recording } from '../api/types';
-import { axisPath, runJob } from '../commands';
+import { axisPath } from '../commands';
 import { AxisTabs, usePageAxis } from '../parts/axis_tabs';
-import { Button, Link, Panel, Trouble } from '../parts/controls';
+import { Link, Panel, Trouble } from '../parts/controls';
 import { fixed } from '../model/units';
 import { useResource } from '../resource';
 import { useRoute } from '../route';
 import { useAxis, useLine, useMissing } from '../store';
+import { ClearFault } from './line';
 
 export function FaultsPage() {
   const name = usePageAxis(useRoute().name);
@@ -22,7 +23,7 @@ export function FaultsPage() {
       <Trouble problem={problem} />
       <Panel
         title="Active"
-        aside={isFault && <Button kind="main" onPress={() => void runJob(name, { do: 'reset_fault' })}>Clear fault</Button>}
+        aside={isFault && <ClearFault name={name} />}
       >
         {active.length === 0 ? (
           <p className="empty">{isFault ? 'The cause is gone: the fault can be cleared.' : 'No fault.'}</p>
@@ -37,7 +38,7 @@ export function FaultsPage() {
         )}
         {(value?.injected.length ?? 0) > 0 && (
           <p className="note">
-            Injected: {value?.injected.map((fault) => fault.replaceAll('_', ' ')).join(', ')}. <Link to={`/plant/${encodeURIComponent(name)}`}>Remove the injected fault</Link> before clearing.
+            Injected, and held until it is removed: {value?.injected.map((fault) => fault.replaceAll('_', ' ')).join(', ')}. <Link to={`/plant/${encodeURIComponent(name)}`}>Remove the injected fault</Link> before clearing.
           </p>
         )}
       </Panel>

@@ -1,9 +1,8 @@
-import { memo } from 'react';
-import type { AxisView, BusView } from '../api/types';
-import { power, runJob } from '../commands';
+import { memo, useState } from 'react';
+import type { AxisView, BusView, Words } from '../api/types';
+import { axisPath, power, runJob } from '../commands';
 import { Button, Link, Panel, Readout, Scroll } from '../parts/controls';
 import { StateChip } from '../parts/state';
-import { useTarget } from '../parts/target';
 import { Travel, useGeometry } from '../parts/travel';
 import { hex, manufacturerSpecific, modeSpecific, modeText, statusBits } from '../model/cia402';
 import { fixed } from '../model/units';
@@ -13,8 +12,15 @@ import { useAxis, useLine } from '../store';
 
 export function LinePage() {
   const order = useLine((line) => line.order);
+  // An axis that fails keeps no other from its command.
+  const all = (request: string) => () => void Promise.all(order.map((name) => runJob(name, { do: request })));
   return (
     <>
+      <div className="buttons" role="group" aria-label="All axes">
+        <Button onPress={all('enable')}>Enable all</Button>
+        <Button onPress={all('stop')}>Halt all</Button>
+        <Button onPress={all('disable')}>Disable all</Button>
+      </div>
       <div className="cards">
         {order.map((name) => (
           <AxisCard key={name} name={name} />
@@ -24,6 +30,8 @@ export function LinePage() {
     </>
   );
 }
+
+export const useWords = (axis: string) => useResource<Words>(`${axisPath(axis)}/words`).value;
 
 const isNamed = (text: string) => text !== manufacturerSpecific && text !== modeSpecific;
 
@@ -38,12 +46,12 @@ const address = (axis: AxisView) =>
 const AxisCard = memo(function AxisCard({ name }: { name: string }) {
   const axis = useAxis(name);
   const geometry = useGeometry(name);
-  const target = useTarget(axis, geometry);
   const job = useLine((line) => line.jobs[name]);
+  const words = useWords(name);
   if (!axis) return null;
   const turns = geometry?.index_every ? axis.position_counts / geometry.index_every : null;
   const faults = axis.faults ?? [];
-  const set = statusBits(axis.statusword ?? 0, axis.mode).filter(({ on, name: text }) => on && isNamed(text));
+  const set = statusBits(axis.statusword ?? 0, axis.mode, words).filter(({ on, name: text }) => on && isNamed(text));
   return (
     <article className="panel card" aria-label={name}>
       <header>
@@ -53,7 +61,7 @@ const AxisCard = memo(function AxisCard({ name }: { name: string }) {
         <span className="quiet">{axis.product}</span>
         <StateChip state={axis.state} powered={axis.powered} />
       </header>
-      <Travel axis={axis} target={target} geometry={geometry} />
+      <Travel axis={axis} geometry={geometry} />
       <dl className="readouts">
         <Readout label="position" title={`${fixed(axis.position_counts, 0)} counts`} {...(turns === null ? { value: fixed(axis.position_counts, 0), unit: unitOf(axis) } : { value: fixed(turns, 3), unit: 'rev' })} />
         <Speed axis={axis} />
@@ -63,10 +71,10 @@ const AxisCard = memo(function AxisCard({ name }: { name: string }) {
         {axis.supply_v !== null && <Readout label="supply" value={fixed(axis.supply_v, 1)} unit="V" />}
       </dl>
       <p className="bits" title={`statusword ${hex(axis.statusword ?? 0, 4)}`}>
-        {axis.powered && <span className="chip plain">{axis.mode === 0 ? 'no mode' : modeText(axis.mode)}</span>}
+        {axis.powered && <span className="chip plain">{modeText(axis.mode, words)}</span>}
         {axis.homed && <span className="chip plain">homed</span>}
         {set.map(({ bit, name: text }) => (
-          <span key={bit} className={text === 'fault' ? 'bit bad' : text === 'warning' ? 'bit warn' : 'bit'}>{text.replace(' (0: active)', ' inactive')}</span>
+          <span key={bit} className={text === 'fault' ? 'bit bad' : text === 'warning' ? 'bit warn' : 'bit'}>{text}</span>
         ))}
       </p>
       {faults.length > 0 && (
@@ -98,13 +106,23 @@ export const Torque = ({ axis }: { axis: AxisView }) =>
     ? <Readout label="torque" value={fixed(axis.torque_nm, 3)} unit="Nm" />
     : <Readout label="torque" value={fixed(axis.torque_percent, 1)} unit="% of rated" />;
 
+// The button shows at once that it was pressed: a drive may need some time to reset its fault.
+export function ClearFault({ name }: { name: string }) {
+  const [busy, setBusy] = useState(false);
+  const press = () => {
+    setBusy(true);
+    void runJob(name, { do: 'reset_fault' }).finally(() => setBusy(false));
+  };
+  return <Button kind="main" isDisabled={busy} onPress={press}>{busy ? 'Clearing' : 'Clear fault'}</Button>;
+}
+
 // The usual commands that the axis's state permits.
 export function Commands({ axis }: { axis: AxisView }) {
   const { name, state } = axis;
   if (axis.problem) return <span className="quiet">no answer</span>;
   if (!axis.powered) return <Button onPress={() => attempt(() => power(name, 'on'))}>Power on</Button>;
   if (state === 'fault' || state === 'fault reaction active') {
-    return <Button kind="main" onPress={() => void runJob(name, { do: 'reset_fault' })}>Clear fault</Button>;
+    return <ClearFault name={name} />;
   }
   if (state === 'operation enabled' || state === 'quick stop active') {
     return (

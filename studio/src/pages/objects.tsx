@@ -3,7 +3,7 @@ import type { ObjectEntry, ObjectValue } from '../api/types';
 import { axisPath, readObject, writeObject } from '../commands';
 import { AxisTabs, usePageAxis } from '../parts/axis_tabs';
 import { Button, Choice, Panel, Search, Toggle, Trouble } from '../parts/controls';
-import { addressOf, differs, groups, hasDefault, hexValue, inGroup, isReadable, isWritable, matches, namedOf, parseValue, showValue, type Group } from '../model/objects';
+import { addressOf, differs, groups, hasDefault, hexValue, inGroup, isReadable, isWritable, matches, namedOf, parseValue, rankOf, showValue, type Group } from '../model/objects';
 import { Views } from '../parts/views';
 import { attempt, tell } from '../notices';
 import { useResource } from '../resource';
@@ -38,7 +38,10 @@ function DictionaryView({ name }: { name: string }) {
   const group = (groups.find((each) => each === query.get('group')) ?? 'All');
   const values = useValues(name);
   const shown = useMemo(
-    () => all.filter((entry) => inGroup(entry, group, (each) => differs(each, values.of(each))) && matches(entry, search)),
+    () =>
+      all
+        .filter((entry) => inGroup(entry, group, (each) => differs(each, values.of(each))) && matches(entry, search))
+        .sort((a, b) => rankOf(a, search) - rankOf(b, search)),
     [all, group, search, values],
   );
   // The group "Changed" needs every value once. Reads that fail, for example while the drive starts, are repeated.
@@ -212,7 +215,7 @@ function ObjectList({ entries, values, selected, onSelect }: {
             >
               <span className="mono">{addressOf(entry)}</span>
               <span className="name">{entry.name}</span>
-              <span className="value">{showValue(value)}</span>
+              <span className="value">{showValue(value, entry)}</span>
               <span className="unit">{entry.unit}</span>
               <span className="access">{entry.access}</span>
             </div>
@@ -263,8 +266,8 @@ function Editor({ axis, entry, values }: { axis: string; entry: ObjectEntry; val
       {entry.text && <p className="note">{entry.text}</p>}
       <dl className="facts">
         <dt>value</dt>
-        <dd className={differs(entry, value) ? 'changed' : ''}>{showValue(value)} {entry.unit} <span className="quiet mono">{hexValue(entry, value)}</span></dd>
-        {entry.default !== undefined && <><dt>default</dt><dd>{showValue(entry.default)}</dd></>}
+        <dd className={differs(entry, value) ? 'changed' : ''}>{showValue(value, entry)} {entry.unit} <span className="quiet mono">{hexValue(entry, value)}</span></dd>
+        {entry.default !== undefined && <><dt>default</dt><dd>{showValue(entry.default, entry)}</dd></>}
         {(entry.minimum ?? entry.maximum) !== undefined && <><dt>range</dt><dd>{entry.minimum ?? '–'} … {entry.maximum ?? '–'}</dd></>}
         <dt>type</dt>
         <dd>{entry.type}, {entry.access}{entry.pdo && entry.pdo !== 'none' ? `, PDO ${entry.pdo}` : ''}{entry.saved ? ', can be stored' : ''}</dd>
@@ -281,7 +284,7 @@ function Editor({ axis, entry, values }: { axis: string; entry: ObjectEntry; val
             <span>New value</span>
             <input
               className="input"
-              value={typed ?? showValue(value)}
+              value={typed ?? showValue(value, entry)}
               onChange={(event) => setTyped(event.target.value)}
               aria-invalid={typed !== null && parsed === undefined}
               spellCheck={false}

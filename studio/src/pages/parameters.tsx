@@ -4,7 +4,7 @@ import type { Problem } from '../api/types';
 import { axisPath } from '../commands';
 import { Button, Link, Panel, Scroll, Toggle, Trouble } from '../parts/controls';
 import { textOf, type Difference } from '../model/parameters';
-import { attempt, tell } from '../notices';
+import { attempt } from '../notices';
 import { useAxis } from '../store';
 
 interface Comparison {
@@ -27,6 +27,12 @@ interface LoadReport {
   lost_with_power: Named[];
 }
 
+interface StoreReport {
+  stored: boolean;
+  keeps_at_once: boolean;
+  lost_with_power: Named[];
+}
+
 interface Text {
   name: string;
   text: string;
@@ -36,6 +42,7 @@ interface Text {
 interface Outcome {
   comparison?: Comparison & { left: string };
   report?: LoadReport;
+  storing?: StoreReport;
   problem?: Problem;
 }
 
@@ -77,7 +84,7 @@ export function ParametersView({ name }: { name: string }) {
         <div className="toolbar">
           <a className="button" href={`/api/v1${path}`} download={`${name}.par`}>Save as a file</a>
           <Button isDisabled={busy} onPress={() => run(compareWithFactory)}>Compare with factory defaults</Button>
-          <Button isDisabled={busy} onPress={() => attempt(async () => tell(await storeAll(path)))}>Store in the drive</Button>
+          <Button isDisabled={busy} onPress={() => run(async () => ({ storing: await post<StoreReport>(`${path}/store`) }))}>Store in the drive</Button>
         </div>
         <div className="toolbar">
           <label className="field file">
@@ -100,15 +107,31 @@ export function ParametersView({ name }: { name: string }) {
         </div>
         <Trouble problem={outcome.problem} />
         {outcome.report && <Report report={outcome.report} />}
+        {outcome.storing && <Stored storing={outcome.storing} />}
       </Panel>
       {outcome.comparison && <Differences axis={name} comparison={outcome.comparison} onTake={(some) => take(outcome.comparison!.left, some)} busy={busy} />}
     </div>
   );
 }
 
-async function storeAll(path: string): Promise<string> {
-  const { stored } = await post<{ stored: boolean }>(`${path}/store`);
-  return stored ? 'stored in non-volatile memory' : 'this drive has no store command: it keeps non-volatile parameters as soon as they are written';
+function Stored({ storing }: { storing: StoreReport }) {
+  const { stored, lost_with_power } = storing;
+  return (
+    <div className="report" role="status">
+      <p>{stored ? 'Stored in non-volatile memory.' : 'This drive has no store command: it keeps a non-volatile parameter as soon as it is written.'}</p>
+      <List objects={lost_with_power} title="This drive cannot store these changed values, they are lost at power-off" />
+    </div>
+  );
+}
+
+function List({ objects, title }: { objects: Named[]; title: string }) {
+  if (objects.length === 0) return null;
+  return (
+    <details>
+      <summary>{title}: {objects.length}</summary>
+      <ul className="plain-list">{objects.map(({ object, name }) => <li key={object}><span className="mono">{object}</span> {name}</li>)}</ul>
+    </details>
+  );
 }
 
 function Report({ report }: { report: LoadReport }) {
@@ -124,12 +147,7 @@ function Report({ report }: { report: LoadReport }) {
         {report.compared} parameters are as in the file, {report.written.length} of them were written.{' '}
         {report.stored ? 'Stored.' : report.keeps_at_once ? '' : report.written.length > 0 ? 'Not stored: lost at power-off.' : ''}
       </p>
-      {lists.filter(([objects]) => objects.length > 0).map(([objects, title]) => (
-        <details key={title}>
-          <summary>{title}: {objects.length}</summary>
-          <ul className="plain-list">{objects.map(({ object, name }) => <li key={object}><span className="mono">{object}</span> {name}</li>)}</ul>
-        </details>
-      ))}
+      {lists.map(([objects, title]) => <List key={title} objects={objects} title={title} />)}
     </div>
   );
 }

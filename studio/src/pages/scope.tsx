@@ -1,7 +1,7 @@
 import { useEffect, useMemo, useRef, useState } from 'react';
 import { getBytes, post, remove } from '../api/client';
 import { decodeFrame } from '../api/frame';
-import type { Recording, Units } from '../api/types';
+import type { Limits, Recording, Units } from '../api/types';
 import { axisPath, runJob } from '../commands';
 import { Button, Choice, Panel, Toggle } from '../parts/controls';
 import { NumberForm, NumberInput, NumbersButton } from '../parts/number_input';
@@ -12,12 +12,12 @@ import { LiveLanes } from '../parts/live';
 import { MeasureTable } from '../parts/measure_table';
 import { savePicture } from '../parts/save';
 import { ScopeSetup } from '../parts/scope_setup';
-import { alongside, labelOf, queryOf, same, samplesOf, setupOf, zoomed, type Samples, type Setup } from '../model/scope';
-import { fixed, significant } from '../model/units';
+import { alongside, labelOf, ofAxis, queryOf, same, samplesOf, setupOf, zoomed, type Samples, type Setup } from '../model/scope';
+import { fixed, greatestOf, isKnown, proposed, significant } from '../model/units';
 import { attempt, complain } from '../notices';
 import { useResource } from '../resource';
 import { keep, useRoute } from '../route';
-import { useLine } from '../store';
+import { useLine, usePowered } from '../store';
 
 export function ScopePage() {
   const { query } = useRoute();
@@ -108,13 +108,22 @@ function Record({ setup }: { setup: Setup }) {
   const order = useLine((line) => line.order);
   const [axis, setAxis] = useState(setup.channels[0]?.axis ?? order[0]);
   const [turns, setTurns] = useState(1);
-  const [rpm, setRpm] = useState(600);
-  const [acceleration, setAcceleration] = useState(200);
+  const [typedRpm, setRpm] = useState<number | null>(null);
+  const [typedAcceleration, setAcceleration] = useState<number | null>(null);
   const [withMove, setWithMove] = useState(true);
-  const units = useResource<Units>(withMove ? `${axisPath(axis)}/units` : null).value;
-  const known = Boolean(units?.position_per_revolution && units.velocity_per_rps && units.acceleration_per_rps2);
+  const powered = usePowered(axis);
+  const units = useResource<Units>(withMove && powered ? `${axisPath(axis)}/units` : null).value;
+  const limits = useResource<Limits>(withMove && powered ? `${axisPath(axis)}/limits` : null, 3000).value;
+  const known = isKnown(units);
+  const greatest = greatestOf(units, limits);
+  const rpm = typedRpm ?? proposed(600, greatest.velocity);
+  const acceleration = typedAcceleration ?? proposed(200, greatest.acceleration);
   const { channels, rate_hz, duration_ms, pre_ms, trigger } = setup;
 
+  const choose = (to: string) => {
+    setAxis(to);
+    keep(queryOf(ofAxis(setup, axis, to)));
+  };
   const record = async () => {
     if (withMove && (await runJob(axis, { do: 'enable' }))?.state !== 'done') return;
     const { id } = await post<Recording>('/recordings', { channels, rate_hz, duration_ms, pre_ms, trigger });
@@ -128,7 +137,7 @@ function Record({ setup }: { setup: Setup }) {
       <Toggle isSelected={withMove} onChange={setWithMove}>with a move</Toggle>
       {withMove && (
         <div className="form">
-          <Choice label="Axis" value={axis} options={order.map((each) => [each, each] as const)} onChange={setAxis} />
+          <Choice label="Axis" value={axis} options={order.map((each) => [each, each] as const)} onChange={choose} />
           <NumberInput label="Distance" unit="rev" value={turns} onChange={setTurns} />
           <NumberInput label="Velocity" unit="rpm" value={rpm} onChange={setRpm} minimum={0} />
           <NumberInput label="Acceleration" unit="rev/s²" value={acceleration} onChange={setAcceleration} minimum={0} />

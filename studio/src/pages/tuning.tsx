@@ -138,6 +138,7 @@ function Found({ axis, found }: { axis: string; found: Tuned }) {
           {loop.resonance_hz !== undefined && <Readout label="Resonance" value={fixed(loop.resonance_hz, 0)} unit="Hz" title={`antiresonance ${fixed(loop.antiresonance_hz ?? 0, 0)} Hz`} />}
         </dl>
       )}
+      {found.changes && <p className="note" role="note">{found.changes}</p>}
       {figures.length > 0 && (
         <Scroll label="Before and after">
           <table className="table" aria-label="Before and after">

@@ -1,6 +1,6 @@
 import { useMemo, useRef, useState } from 'react';
 import type { Recording } from '../api/types';
-import { at, csvOf, firstPlot, type Bode, type BodePoint } from '../model/bode';
+import { at, csvOf, firstPlot, isCoherent, leastCoherence, type Bode, type BodePoint } from '../model/bode';
 import { labelOf } from '../model/scope';
 import { fixed, significant } from '../model/units';
 import { useResource } from '../resource';
@@ -29,16 +29,16 @@ export function BodePlot({ recording, earlier }: { recording: Recording; earlier
   const x = useMemo(() => points.map(({ hz }) => hz), [points]);
   const curves: Curve[] = useMemo(() => {
     const own: Curve[] = [
-      { name: 'gain', unit: 'dB', tone: 0, values: points.map((point) => point.gain_db) },
-      { name: 'phase', unit: '°', tone: 1, values: points.map((point) => point.phase_deg) },
+      { name: 'gain', unit: 'dB', tone: 0, values: points.map((point) => (isCoherent(point) ? point.gain_db : NaN)) },
+      { name: 'phase', unit: '°', tone: 1, values: points.map((point) => (isCoherent(point) ? point.phase_deg : NaN)) },
       ...(points[0]?.coherence === undefined ? [] : [{ name: 'coherence', unit: 'coherence', tone: 2, values: points.map((point) => point.coherence ?? NaN) }]),
     ];
     if (earlierPoints.length === 0) return own;
     const beside = x.map((hz) => at(earlierPoints, hz));
     return [
       ...own,
-      { name: `gain, recording ${before?.recording}`, unit: 'dB', tone: 0, values: beside.map((point) => point?.gain_db ?? NaN), faint: true },
-      { name: `phase, recording ${before?.recording}`, unit: '°', tone: 1, values: beside.map((point) => point?.phase_deg ?? NaN), faint: true },
+      { name: `gain, recording ${before?.recording}`, unit: 'dB', tone: 0, values: beside.map((point) => (point && isCoherent(point) ? point.gain_db : NaN)), faint: true },
+      { name: `phase, recording ${before?.recording}`, unit: '°', tone: 1, values: beside.map((point) => (point && isCoherent(point) ? point.phase_deg : NaN)), faint: true },
     ];
   }, [points, earlierPoints, x, before]);
 
@@ -65,6 +65,7 @@ export function BodePlot({ recording, earlier }: { recording: Recording; earlier
         </div>
       )}
       {value && points.length <= 1 && <p className="empty">The input signal has no excitation: record a sweep or a step.</p>}
+      {points.some((point) => !isCoherent(point)) && <p className="quiet note">Gain and phase are shown where the coherence is at least {leastCoherence}: elsewhere noise dominates.</p>}
       {value?.open_loop && <Margins bode={value} before={before} />}
       <Scroll label="Values at the cursors">
         <table className="table" aria-label="Response">
@@ -72,7 +73,8 @@ export function BodePlot({ recording, earlier }: { recording: Recording; earlier
           <thead><tr><th scope="col">cursor</th><th scope="col">frequency, Hz</th><th scope="col">gain, dB</th><th scope="col">gain</th><th scope="col">phase, °</th><th scope="col">coherence</th></tr></thead>
           <tbody>
             {cursors.map(([label, hz]) => {
-              const point = hz === null ? null : at(points, hz);
+              const there = hz === null ? null : at(points, hz);
+              const point = there && isCoherent(there) ? there : null;
               return (
                 <tr key={label}>
                   <th scope="row">{label.slice(-1)}</th>
@@ -80,7 +82,7 @@ export function BodePlot({ recording, earlier }: { recording: Recording; earlier
                   <td>{point ? fixed(point.gain_db, 2) : '–'}</td>
                   <td>{point ? significant(10 ** (point.gain_db / 20)) : '–'}</td>
                   <td>{point ? fixed(point.phase_deg, 1) : '–'}</td>
-                  <td>{point?.coherence === undefined ? '–' : fixed(point.coherence, 3)}</td>
+                  <td>{there?.coherence === undefined ? '–' : fixed(there.coherence, 3)}</td>
                 </tr>
               );
             })}

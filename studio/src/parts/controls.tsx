@@ -15,7 +15,7 @@ export function Choice<T extends string | number>({ label, value, options, onCha
   label: string;
   value: T;
   isLong?: boolean;
-  options: readonly (readonly [T, string])[];
+  options: readonly (readonly [T, string, string?])[]; // value, text, and if it cannot be chosen, why not
   onChange: (value: T) => void;
   hideLabel?: boolean;
   isDisabled?: boolean;
@@ -24,6 +24,7 @@ export function Choice<T extends string | number>({ label, value, options, onCha
     <AriaSelect
       className="field"
       isDisabled={isDisabled}
+      disabledKeys={options.filter(([, , reason]) => reason).map(([option]) => String(option))}
       value={String(value)}
       onChange={(key) => {
         const chosen = options.find(([option]) => String(option) === String(key));
@@ -38,9 +39,10 @@ export function Choice<T extends string | number>({ label, value, options, onCha
       </AriaButton>
       <Popover className="popover">
         <ListBox className="options">
-          {options.map(([option, text]) => (
+          {options.map(([option, text, reason]) => (
             <ListBoxItem key={String(option)} id={String(option)} textValue={text} className="option">
               {text}
+              {reason && <span className="reason"> · {reason}</span>}
             </ListBoxItem>
           ))}
         </ListBox>

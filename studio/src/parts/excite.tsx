@@ -4,11 +4,11 @@ import type { ObjectEntry, Recording, Units } from '../api/types';
 import { axisPath, runJob } from '../commands';
 import { channelsOf, type Excited } from '../model/bode';
 import { addressOf } from '../model/objects';
-import { queryOf, type Setup } from '../model/scope';
+import type { Setup } from '../model/scope';
 import { attempt } from '../notices';
 import { useResource } from '../resource';
 import { keep } from '../route';
-import { useLine } from '../store';
+import { useLine, usePowered } from '../store';
 import { Choice, Panel, Trouble } from './controls';
 import { NumberInput, NumbersButton } from './number_input';
 
@@ -31,7 +31,8 @@ export function Excite({ first }: { first: string | undefined }) {
   const [step_ms, setStep] = useState(200);
   const [travel, setTravel] = useState(1);
   const [busy, setBusy] = useState(false);
-  const { value: units, problem } = useResource<Units>(`${axisPath(axis)}/units`);
+  const powered = usePowered(axis);
+  const { value: units, problem } = useResource<Units>(powered ? `${axisPath(axis)}/units` : null);
   const objects = useResource<{ objects: ObjectEntry[] }>(`${axisPath(axis)}/objects`).value?.objects;
 
   const run = async () => {
@@ -49,7 +50,8 @@ export function Excite({ first }: { first: string | undefined }) {
       trigger: of === 'position' ? { kind: 'now' } : { kind: 'edge', channel: 0, level: Math.abs(target[of]) / 100, slope: 'rising' },
     };
     const recording = await post<Recording>('/recordings', { name: `${kind} of the ${of}, ${axis}`, channels, rate_hz: setup.rate_hz, duration_ms: setup.duration_ms, pre_ms: setup.trigger.kind === 'now' ? 0 : setup.pre_ms, trigger: setup.trigger });
-    keep({ rec: String(recording.id), a: null, b: null, from: null, to: null, ...queryOf(setup), plot: kind === 'sweep' ? 'bode' : null });
+    // The address keeps the page's own channels and trigger: the recording has its own.
+    keep({ rec: String(recording.id), a: null, b: null, from: null, to: null, plot: kind === 'sweep' ? 'bode' : null });
     await runJob(axis, {
       do: kind, of, units: 'revolutions', amplitude: of === 'velocity' ? amplitude / 60 : amplitude, travel,
       ...(kind === 'sweep' ? { from_hz, to_hz, seconds } : { seconds: step_ms / 1000 }),

@@ -3,7 +3,7 @@ import type { ObjectEntry, Trigger } from '../api/types';
 import { axisPath } from '../commands';
 import { states } from '../model/cia402';
 import { addressOf, isReadable } from '../model/objects';
-import { any, mostChannels, rates, textOfChannel, without, type Setup } from '../model/scope';
+import { any, mostChannels, objectOf, rates, textOfChannel, without, type Setup } from '../model/scope';
 import { useResource } from '../resource';
 import { useLine, useMissing } from '../store';
 import { Button, Choice, Panel } from './controls';
@@ -49,8 +49,9 @@ function AddChannel({ setup, onChange }: { setup: Setup; onChange: (to: Setup) =
     ...[...signals, ...Object.keys(inputs)].map((signal) => [signal, ''] as const),
     ...objects.filter((entry) => Number(entry.index) >= 0x1000 && isReadable(entry) && numeric.test(entry.type)).map((entry) => [addressOf(entry), entry.name] as const),
   ];
-  const known = offered.some(([id]) => id === what.trim());
-  const channel = what.includes(':') ? { axis, object: what.trim() } : { axis, signal: what.trim() };
+  const object = objectOf(what);
+  const known = offered.some(([id]) => id === (object ?? what.trim()));
+  const channel = object ? { axis, object } : { axis, signal: what.trim() };
   const taken = setup.channels.some((each) => textOfChannel(each) === textOfChannel(channel));
   return (
     <form

@@ -1,6 +1,7 @@
 import { memo } from 'react';
 import type { AxisView, Geometry } from '../api/types';
 import { axisPath } from '../commands';
+import type { Ghost } from '../model/plan';
 import { indexes, travelScale, type Scale } from '../model/travel';
 import { fixed } from '../model/units';
 import { useResource } from '../resource';
@@ -14,14 +15,25 @@ export function useGeometry(axis: string): Geometry | undefined {
 const percent = (share: number) => `${(100 * share).toFixed(3)}%`;
 
 // The travel seen from above: hard stops, the ranges in which limit and home switches are active, the index pulses, the
-// target, and the axis.
-export function Travel({ axis, target, geometry }: { axis: AxisView; target?: number | null; geometry: Geometry | undefined }) {
+// target of an enabled axis, and the axis.
+export function Travel({ axis, geometry, ghost }: { axis: AxisView; geometry: Geometry | undefined; ghost?: Ghost | null }) {
+  const target = axis.state === 'operation enabled' ? axis.target_counts : null;
   const scale = travelScale(geometry, axis.position_counts);
   const turns = geometry?.index_every ? fixed(axis.position_counts / geometry.index_every, 2) : null;
   const text = turns ? `${turns} revolutions` : `${axis.position_counts} counts`;
+  const [from, to] = [scale.at(axis.position_counts), ghost ? scale.at(ghost.to) : 0];
   return (
-    <svg className="travel" role="img" aria-label={`${axis.name} is at ${text}`} height="34" width="100%">
+    <svg className="travel" role="img" aria-label={`${axis.name} is at ${text}${ghost ? `, the move: ${ghost.text}` : ''}`} height={ghost ? 48 : 34} width="100%">
       <Fixed geometry={geometry} from={scale.from} to={scale.to} />
+      {ghost && (
+        <g className="ghost">
+          <line x1={percent(from)} x2={percent(to)} y1="11" y2="11" />
+          <svg x={percent(to)} overflow="visible">
+            <path d="M-6 4 h12 v8 l-6 6 l-6 -6 z" />
+          </svg>
+          <text x={percent((from + to) / 2)} y="44" textAnchor={(from + to) / 2 < 0.15 ? 'start' : (from + to) / 2 > 0.85 ? 'end' : 'middle'}>{ghost.text}</text>
+        </g>
+      )}
       {target !== null && target !== undefined && (
         <svg x={percent(scale.at(target))} overflow="visible">
           <path className="target" d="M0 19 l-5 9 h10 z" />

@@ -1,0 +1,100 @@
+import { card, choose, expect, panel, test, type } from './fixtures';
+
+// What the page says of a drive is what its product does.
+
+interface View {
+  state: string;
+  position_counts: number;
+  target_counts: number | null;
+}
+
+test('a failed homing of an iSMK is shown as a homing error, by the names of the product', async ({ page, open, line }) => {
+  await open('/axis/ismk?do=home');
+  await expect(panel(page, 'Motion').locator('header')).toContainText('pulse');
+  await panel(page, 'Motion').getByRole('button', { name: 'Enable' }).click();
+  await expect.poll(async () => (await line.call<View>('GET', '/axes/ismk')).state).toBe('operation enabled');
+  await line.call('POST', '/axes/ismk/jobs', { do: 'home', units: 'revolutions', method: 17, speed: 1, zero_speed: 1, acceleration: 20 });
+  await expect(page.getByText(/home: failed/)).toBeVisible();
+  const bits = panel(page, 'Words').getByRole('list', { name: 'Bits of the statusword' });
+  await expect(bits.getByRole('listitem').filter({ hasText: 'homing error' })).toHaveClass('on');
+  await expect(bits).not.toContainText('homing attained');
+  await expect(page.getByText(/home: failed/)).toContainText('homing error');
+});
+
+test('only the homing methods that the wiring permits can be chosen', async ({ page, open }) => {
+  await open('/axis/ismk?do=home');
+  await expect(page.getByRole('button', { name: /Method/ })).toContainText('33:');
+  await page.getByRole('button', { name: /Method/ }).click();
+  await expect(page.getByRole('option', { name: /^7: / })).toBeDisabled();
+  await expect(page.getByRole('option', { name: /^7: / })).toContainText('no home switch');
+  await page.keyboard.press('Escape');
+  await open('/axis/pronet?do=home'); // its serial encoder has no index for homing
+  await expect(page.getByRole('button', { name: /Method/ })).toContainText('17:');
+});
+
+test('the target of a relative move is where the axis goes', async ({ page, open, line }) => {
+  await open('/axis/reference');
+  await type(page, 'Distance', 2);
+  for (const times of [1, 2]) {
+    await page.getByRole('button', { name: 'Move +' }).click();
+    await expect(page.getByText(/move: done/)).toBeVisible();
+    await expect.poll(async () => Math.round((await line.call<View>('GET', '/axes/reference')).target_counts! / 131072)).toBe(2 * times);
+  }
+  const [target, axis] = await Promise.all(['path.target', 'path.carriage'].map((path) => page.locator(`.travel ${path}`).boundingBox()));
+  expect(Math.abs(target!.x + target!.width / 2 - axis!.x - axis!.width / 2)).toBeLessThan(3);
+});
+
+test('the true position and 6064h have a name each', async ({ page, open, line }) => {
+  await line.call('PUT', '/axes/reference/objects/607c/0', { value: 131072 });
+  await open('/axis/reference?do=home');
+  await choose(page, 'Method', /^35: /);
+  await page.getByRole('button', { name: 'Home', exact: true }).click();
+  await expect(page.getByText(/home: done/)).toBeVisible();
+  const readout = (label: string) => panel(page, 'Motion').locator('.readout').filter({ hasText: label });
+  await expect(readout('true position')).toContainText(/−?0\.00/);
+  await expect(readout("drive's position (6064h)")).toContainText(/1\.00|0\.99/);
+});
+
+test('an address without such an axis or page says so', async ({ page, open }) => {
+  await open('/axis/ismc');
+  await page.goto(page.url().replace('/axis/ismc', '/axis/nope'));
+  await expect(page.getByRole('alert')).toContainText('There is no axis "nope"');
+  await page.getByRole('alert').getByRole('link', { name: 'ismc' }).click();
+  await expect(panel(page, 'Motion')).toBeVisible();
+  await page.goto(page.url().replace('/axis/ismc', '/nope'));
+  await expect(page.getByRole('alert')).toContainText('There is no page "nope"');
+});
+
+test('an injected fault holds, which Clear fault says at once', async ({ page, open, line }) => {
+  await line.call('POST', '/axes/reference/jobs', { do: 'enable' });
+  await expect.poll(async () => (await line.call<View>('GET', '/axes/reference')).state).toBe('operation enabled');
+  await line.call('POST', '/axes/reference/faults', { inject: 'encoder_loss' });
+  await open('/');
+  await card(page, 'reference').getByRole('button', { name: 'Clear fault' }).click();
+  const notice = page.locator('.notice.bad');
+  await expect(notice).toContainText('an injected fault holds: encoder_loss', { timeout: 1500 });
+  await expect(notice).toContainText('remove the injected fault on the page "I/O and plant"');
+  await expect(notice).not.toContainText('DELETE');
+  // No control lies below the notice, and it goes with the next command of the axis.
+  const [box, below] = [await notice.boundingBox(), await page.locator('.page').boundingBox()];
+  expect(box!.y).toBeGreaterThanOrEqual(below!.y + below!.height);
+  await line.call('DELETE', '/axes/reference/faults');
+  await card(page, 'reference').getByRole('button', { name: 'Clear fault' }).click();
+  await expect(notice).toHaveCount(0);
+  await expect(card(page, 'reference')).toContainText('switch on disabled');
+});
+
+test('storing on a drive without a store command names what is lost', async ({ page, open, line }) => {
+  await line.call('PUT', '/axes/pronet/objects/6083/0', { value: 77777 });
+  await open('/objects/pronet?view=parameters');
+  await page.getByRole('button', { name: 'Store in the drive' }).click();
+  const report = panel(page, 'Parameters').locator('.report');
+  await expect(report).toContainText('no store command');
+  await report.getByText(/cannot store these changed values/).click();
+  await expect(report).toContainText('6083:00');
+});
+
+test('a CAN identifier is shown in hexadecimal', async ({ page, open }) => {
+  await open('/objects/reference?q=cob-id&object=1014:00');
+  await expect(page.getByRole('option', { name: /^1014:00/ })).toContainText('00000082h');
+});
