@@ -105,7 +105,7 @@ TEST(Allocation, NothingIsAllocatedWhileALineIsLookedAt) {
   const auto& done = recording(R"("signal": "velocity_rpm")", R"({"kind": "now"})");
   const auto& armed = recording(R"("object": "6041:00")", R"({"kind": "level", "level": 1e9})");
   const std::shared_ptr<api::Samples> tap = source.signal(axis, "position_counts").open(1);
-  line.run_until(std::chrono::milliseconds(300));  // the drives have started, and these events were published
+  line.run_until(std::chrono::milliseconds(500));  // the drives have started, the first recording is done
 
   const std::uint64_t before = allocations;
   line.run_until(std::chrono::milliseconds(1300));

@@ -447,7 +447,7 @@ TEST(BenchRecordings, ASlowRecordingIsTriggeredToTheTickToo) {
   EXPECT_EQ(done["first_tick"], (trigger + 159) / 160 * 160 - 5 * 160);
 }
 
-TEST(BenchRecordings, WhatWasBeforeTheBeginningIsNotThere) {
+TEST(BenchRecordings, WhatWasBeforeTheBeginningIsNotThereAndTheLengthIsKept) {
   Bench bench;
   bench.pass(10ms);
   bench.ask(Method::post, "/recordings",
@@ -457,7 +457,7 @@ TEST(BenchRecordings, WhatWasBeforeTheBeginningIsNotThere) {
   EXPECT_EQ(done["state"], "done");
   EXPECT_EQ(done["trigger_tick"], 161);
   EXPECT_EQ(done["first_tick"], 161);
-  EXPECT_EQ(done["samples"], 80) << "5 ms after the trigger";
+  EXPECT_EQ(done["samples"], 160) << "10 ms, all after the trigger";
 }
 
 TEST(BenchRecordings, LevelsAndStatesTrigger) {

@@ -63,7 +63,7 @@ const AxisCard = memo(function AxisCard({ name }: { name: string }) {
       </header>
       <Travel axis={axis} geometry={geometry} />
       <dl className="readouts">
-        <Readout label="position" title={`${fixed(axis.position_counts, 0)} counts`} {...(turns === null ? { value: fixed(axis.position_counts, 0), unit: unitOf(axis) } : { value: fixed(turns, 3), unit: 'rev' })} />
+        <Readout label={axis.position_actual === undefined ? 'position (6064h)' : 'true position'} title={`${fixed(axis.position_counts, 0)} counts`} {...(turns === null ? { value: fixed(axis.position_counts, 0), unit: unitOf(axis) } : { value: fixed(turns, 3), unit: 'rev' })} />
         <Speed axis={axis} />
         <Torque axis={axis} />
         {axis.current_a !== null && <Readout label="current" value={fixed(axis.current_a, 2)} unit="A" />}
