@@ -111,7 +111,7 @@ function Curves({ name, powered }: { name: string; powered: boolean }) {
 
 const kinds = [['position', 'Position'], ['velocity', 'Velocity'], ['torque', 'Torque'], ['jog', 'Jog'], ['home', 'Homing']] as const;
 
-const limits_ms = 3000; // interval of reading the drive's limits
+const limits_ms = 3000; // interval of reading the limits of a simulated drive; a bus has no time for that
 
 function Motion({ axis }: { axis: AxisView }) {
   const { name } = axis;
@@ -123,7 +123,8 @@ function Motion({ axis }: { axis: AxisView }) {
   const job = useLine((line) => line.jobs[name]);
   const turns = geometry?.index_every ? axis.position_counts / geometry.index_every : axis.velocity === undefined ? null : fromDrivePosition(units, axis.position_counts);
   const enabled = axis.powered && axis.state === 'operation enabled';
-  const limits = useResource<Limits>(axis.powered && !axis.problem ? `${axisPath(name)}/limits` : null, limits_ms);
+  const isVirtual = useLine(({ line }) => line?.kind === 'virtual');
+  const limits = useResource<Limits>(axis.powered && !axis.problem ? `${axisPath(name)}/limits` : null, isVirtual ? limits_ms : 0);
   // The proposed numbers depend on the limits, so no motion starts before these are known.
   const isFree = axis.powered && !axis.problem && job?.state !== 'running' && Boolean(limits.value ?? limits.problem);
   const move = { name, names: useUnitNames(name, units, limits.value), isFree };
@@ -365,7 +366,7 @@ function JogMove({ name, names, enabled }: MoveProps & { enabled: boolean }) {
 }
 
 function HomeMove({ name, names, isFree, axis, geometry }: MoveProps & { axis: AxisView; geometry: Geometry | undefined }) {
-  const homingOf = useResource<{ methods: HomingMethod[]; index_available?: boolean }>(axis.powered ? `${axisPath(name)}/homing` : null).value;
+  const homingOf = useResource<{ methods: HomingMethod[]; index_available?: boolean }>(`${axisPath(name)}/homing`).value;
   const methods = (homingOf?.methods ?? []).filter(({ supported }) => supported);
   const [chosen, setChosen] = useState<number | null>(null);
   const [fast, setFast] = useNumber(120, names, 'velocity');
