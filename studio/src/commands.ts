@@ -1,7 +1,7 @@
 import { get, post, put, remove, segment } from './api/client';
 import type { Job, ObjectValue } from './api/types';
 import { shownOf } from './model/problem';
-import { complain, forget, tell } from './notices';
+import { complain, complainOf, forget, tell } from './notices';
 import { noteJob, overWithin } from './store';
 
 export const axisPath = (axis: string) => `/axes/${segment(axis)}`;
@@ -47,7 +47,7 @@ export async function runJob(axis: string, request: { do: string } & Record<stri
     if (job.note) tell(`${axis}: ${job.note}`);
     if (job.state === 'failed') {
       const { what, hint } = shownOf(job.error ?? { what: `${job.do.replaceAll('_', ' ')} failed` });
-      complain(new Error(`${axis}: ${what}${hint ? ` · ${hint}` : ''}`));
+      complainOf({ what: `${axis}: ${what}`, ...(hint ? { hint } : {}) });
     }
     return job;
   } catch (error) {

@@ -31,6 +31,7 @@ function add(notice: Omit<Notice, 'id'>, seconds: number) {
 export const forget = (axis: string) => set(notices.filter(({ what, where }) => where !== axis && !what.startsWith(`${axis}: `)));
 
 export const complain = (error: unknown) => add({ ...shownOf(problemOf(error)), bad: true }, 15);
+export const complainOf = (problem: Problem) => add({ ...problem, bad: true }, 15);
 export const tell = (what: string) => add({ what, bad: false }, 4);
 
 // Runs the action of a button, and shows a notice if it fails.

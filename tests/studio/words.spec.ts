@@ -27,6 +27,7 @@ test('only the homing methods that the wiring permits can be chosen', async ({ p
   await page.getByRole('button', { name: /Method/ }).click();
   await expect(page.getByRole('option', { name: /^7: / })).toBeDisabled();
   await expect(page.getByRole('option', { name: /^7: / })).toContainText('no home switch');
+  await expect(page.getByRole('option').first()).toBeEnabled();
   await page.keyboard.press('Escape');
   await open('/axis/pronet?do=home'); // its serial encoder has no index for homing
   await expect(page.getByRole('button', { name: /Method/ })).toContainText('17:');
@@ -75,6 +76,7 @@ test('an injected fault holds, which Clear fault says at once', async ({ page, o
   await expect(notice).toContainText('an injected fault holds: encoder_loss', { timeout: 1500 });
   await expect(notice).toContainText('remove the injected fault on the page "I/O and plant"');
   await expect(notice).not.toContainText('DELETE');
+  expect(((await notice.textContent()) ?? '').split('remove the injected').length).toBe(2); // it is said once
   // No control lies below the notice, and it goes with the next command of the axis.
   const [box, below] = [await notice.boundingBox(), await page.locator('.page').boundingBox()];
   expect(box!.y).toBeGreaterThanOrEqual(below!.y + below!.height);

@@ -367,7 +367,9 @@ function JogMove({ name, names, enabled }: MoveProps & { enabled: boolean }) {
 
 function HomeMove({ name, names, isFree, axis, geometry }: MoveProps & { axis: AxisView; geometry: Geometry | undefined }) {
   const homingOf = useResource<{ methods: HomingMethod[]; index_available?: boolean }>(`${axisPath(name)}/homing`).value;
-  const methods = (homingOf?.methods ?? []).filter(({ supported }) => supported);
+  // Those that the wiring permits come first.
+  const reasonOf = (each: HomingMethod) => cannotHome(each, geometry, homingOf?.index_available);
+  const methods = (homingOf?.methods ?? []).filter(({ supported }) => supported).sort((a, b) => Number(reasonOf(a) !== '') - Number(reasonOf(b) !== ''));
   const [chosen, setChosen] = useState<number | null>(null);
   const [fast, setFast] = useNumber(120, names, 'velocity');
   const [slow, setSlow] = useNumber(30, names, 'velocity');
@@ -381,7 +383,7 @@ function HomeMove({ name, names, isFree, axis, geometry }: MoveProps & { axis: A
   return (
     <>
       <div className="form">
-        <Choice label="Method" isLong value={method.method} options={methods.map((each) => [each.method, `${each.method}: ${textOf(each.legs)}`, cannotHome(each, geometry, homingOf?.index_available)] as const)} onChange={setChosen} />
+        <Choice label="Method" isLong value={method.method} options={methods.map((each) => [each.method, `${each.method}: ${textOf(each.legs)}`, reasonOf(each)] as const)} onChange={setChosen} />
         <NumberInput label="Speed during search for switch" unit={names.velocity} value={fast} onChange={setFast} minimum={0} />
         <NumberInput label="Speed during search for zero" unit={names.velocity} value={slow} onChange={setSlow} minimum={0} />
         <NumberInput label="Acceleration" unit={names.acceleration} value={acceleration} onChange={setAcceleration} minimum={0} />
