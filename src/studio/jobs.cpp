@@ -42,6 +42,16 @@ void Jobs::make_room() {
   jobs_.erase(over);
 }
 
+// A command that continues another must not follow a halt or a stop that came between the two.
+void Jobs::require_last(const std::string& axis, std::uint64_t id) const {
+  const auto later = std::find_if(jobs_.begin(), jobs_.end(), [&](const Job& job) { return job.axis == axis && job.id > id; });
+  const auto before = std::find_if(jobs_.begin(), jobs_.end(), [&](const Job& job) { return job.axis == axis && job.id == id; });
+  const bool is_last = id > stopped_at_ && later == jobs_.end() && before != jobs_.end();
+  if (is_last && before->state == JobState::done) return;
+  throw ApiError{409, fmt::format("job {} is not the last command of the axis, or is not done", id), axis,
+                 "begin again if the axis shall move"};
+}
+
 const Job& Jobs::begin(const std::string& name, const std::string& body) {
   drives_.require_ready(name);
   Job job;
@@ -55,6 +65,7 @@ const Job& Jobs::begin(const std::string& name, const std::string& body) {
   } catch (const master::MasterError& error) {
     throw ApiError{409, error.happened(), error.where(), error.remedy()};
   }
+  if (job.order.after) require_last(name, *job.order.after);
   Job* const other = running_job(name);
   if (other != nullptr && !job.order.takes_over) {
     throw ApiError{409, fmt::format("the axis has a job: {}", other->order.what), name,
@@ -183,6 +194,7 @@ void Jobs::sign_of_life(Job& job) {
 }
 
 std::vector<Jobs::Stopped> Jobs::stop_all() {
+  stopped_at_ = last_id_;
   const std::vector<std::string> names = drives_.names();
   for (const std::string& name : names) {
     if (Job* job = running_job(name)) abandon(*job, "all axes were stopped");

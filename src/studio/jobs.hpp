@@ -108,6 +108,7 @@ class Jobs {
 
  private:
   Job* running_job(const std::string& axis);
+  void require_last(const std::string& axis, std::uint64_t id) const;
   void make_room();
   void carry_out(Job& job);
   void resume(Job& job);
@@ -121,6 +122,7 @@ class Jobs {
   WallClock wall_clock_;
   Publish publish_;
   std::uint64_t last_id_ = 0;
+  std::uint64_t stopped_at_ = 0;  // the last job before the last stop of all axes
   std::list<Job> jobs_;  // oldest first
   master::Time next_deadline_ = links::never;
 };

@@ -292,6 +292,7 @@ Order read_order(const std::string& text, const std::function<master::AxisUnits(
               .in_revolutions = name_of_units == "revolutions",
               .scale = scale_of(name_of_units, units)};
   Numbers numbers(body, order.scale, units);
+  order.after = body.integer("after", UINT64_MAX);
   order.carry_out = kind.read(numbers);
   body.finish();
   return order;

@@ -38,6 +38,7 @@ struct Order {
   bool takes_over = false;      // ends a running job of the axis, instead of being refused
   bool lives_on_signs = false;  // needs signs of life to go on (dead man's switch)
   bool in_revolutions = false;
+  std::optional<std::uint64_t> after{};  // begins only if this job was the axis' last command, and is done
   Scale scale{};
   std::function<void(master::Axis402& axis, Conduct& conduct)> carry_out{};
 };

@@ -197,6 +197,32 @@ TEST_P(EveryProduct, GivesTorqueAndStops) {
   EXPECT_NEAR(view(axis_)["velocity_rpm"].get<double>(), 0.0, 2.0);
 }
 
+// There and back: the second move must not begin after a halt or a stop that came in between.
+TEST_F(JobsTest, ASequenceDoesNotGoOnAfterAStop) {
+  const std::string axis = "generic402";
+  const auto start = [&](const std::string& body, unsigned status) {
+    const Response response = ask(Method::post, "axes/" + axis + "/jobs", body);
+    EXPECT_EQ(response.status, status) << response.body;
+    return json::parse(response.body);
+  };
+  const auto done = [&](const std::string& body) {
+    const json job = start(body, 201);
+    pass(2s);
+    return std::to_string(job["id"].get<int>());
+  };
+  const std::string move = R"({"do": "move", "by": 1, "velocity": 5, "acceleration": 100, "units": "revolutions", "after": )";
+  std::string last = done(R"({"do": "enable"})");
+  last = done(move + last + "}");
+  last = done(move + last + "}");
+  EXPECT_EQ(start(move + "1000000}", 409)["error"]["where"], axis);
+  ask(Method::post, "stop", "");
+  start(move + last + "}", 409);
+  last = done(R"({"do": "enable"})");
+  const std::string halt = done(R"({"do": "stop"})");
+  start(move + last + "}", 409);
+  done(move + halt + "}");
+}
+
 TEST_F(JobsTest, TheLimitsOfADriveAreThoseOfItsObjects) {
   const json jmc = get("axes/jmc_ec/limits");
   EXPECT_EQ(jmc["velocity"], 14400.0) << "607Fh from the factory; 6080h is higher";

@@ -213,7 +213,7 @@ interface MoveProps {
 
 async function enableAnd(name: string, request: { do: string } & Record<string, unknown>) {
   const enabled = await runJob(name, { do: 'enable' });
-  if (enabled?.state === 'done') await runJob(name, request);
+  if (enabled?.state === 'done') await runJob(name, { ...request, after: enabled.id });
 }
 
 // The typed number; before typing `usual`, or the drive's limit if that is lower. NaN if the unit is not known.
@@ -264,11 +264,11 @@ function PositionMove({ name, names, isFree, axis, geometry, unitsOf, limits, on
   // There and back, again as long as the switch is on, every move succeeds and the axis gets no other command.
   const thereAndBack = () =>
     attempt(async () => {
-      if ((await runJob(name, { do: 'enable' }))?.state !== 'done') return;
+      let last = await runJob(name, { do: 'enable' });
       do {
         for (const by of [distance, -distance]) {
-          const job = await runJob(name, { ...request, by });
-          if (job?.state !== 'done' || snapshot().jobs[name]?.id !== job.id) return;
+          if (last?.state !== 'done' || snapshot().jobs[name]?.id !== last.id) return;
+          last = await runJob(name, { ...request, by, after: last.id }); // refused after any other command
         }
       } while (repeating.current);
     });
