@@ -89,4 +89,7 @@ int main() {
   plant::Parameters imperfect = test::default_plant();
   imperfect.stage.ideal = imperfect.sensors.ideal = false;
   measure<products::Generic402>("generic402 imperfect", bare, imperfect);
+  plant::Parameters elastic = test::default_plant();
+  elastic.load.elastic = true;
+  measure<products::Generic402>("generic402 elastic", bare, elastic);
 }

@@ -13,13 +13,16 @@ namespace {
 constexpr double arcsec_per_turn = 360.0 * 3600.0;
 constexpr double tick_us = drive::tick_seconds * 1.0e6;
 
-drive::SinCos at(double turns) { return drive::sin_cos(drive::phase_of(turns)); }
-
-// Coefficients of sin x and cos x in amplitude * sin(x + phase).
-std::array<double, 2> shares(double amplitude, double phase_turns) {
-  const drive::SinCos phase = at(phase_turns);
-  return {amplitude * static_cast<double>(phase.cosine), amplitude * static_cast<double>(phase.sine)};
-}
+// A turn of the sine in steps. Linear interpolation between them has an error below 5e-6.
+constexpr unsigned step_bits = 22;
+constexpr std::size_t steps = std::size_t{1} << (32 - step_bits);
+constexpr auto sine_steps = [] {
+  std::array<float, steps + 1> sines{};
+  for (std::size_t i = 0; i < sines.size(); ++i) {
+    sines[i] = drive::sin_cos(static_cast<drive::Phase>(i << step_bits)).sine;
+  }
+  return sines;
+}();
 
 }  // namespace
 
@@ -27,10 +30,15 @@ Measurement::Measurement(const Sensors& sensors, std::int32_t counts_per_revolut
     : ideal_(sensors.ideal),
       noise_(sensors.seed),
       counts_per_revolution_(counts_per_revolution),
-      turns_per_count_(1.0 / counts_per_revolution),
-      latency_ticks_(sensors.encoder_latency_us / tick_us),
-      eccentricity_phase_(noise_.even()),
-      lines_(sensors.encoder_lines) {
+      phase_per_count_(0x1p32 / counts_per_revolution),
+      whole_latency_(static_cast<std::size_t>(sensors.encoder_latency_us / tick_us)),
+      latency_fraction_(sensors.encoder_latency_us / tick_us - static_cast<double>(whole_latency_)),
+      lines_(static_cast<std::uint32_t>(sensors.encoder_lines)) {
+  const double counts_per_arcsec = counts_per_revolution / arcsec_per_turn;
+  const auto ripple = [&](double arcsec) {
+    return Ripple{.amplitude = static_cast<float>(arcsec * counts_per_arcsec), .phase = drive::phase_of(noise_.even())};
+  };
+  eccentricity_ = ripple(sensors.eccentricity_arcsec);
   const double range = sensors.current_range_a > 0.0 ? sensors.current_range_a : range_a;
   const double step = sensors.current_bits > 0 ? std::ldexp(2.0 * range, -sensors.current_bits) : 0.0;
   range_a_ = static_cast<float>(range);
@@ -41,68 +49,81 @@ Measurement::Measurement(const Sensors& sensors, std::int32_t counts_per_revolut
     sensor.offset_a = static_cast<float>(noise_.even() * sensors.current_offset * range);
     sensor.gain = static_cast<float>(1.0 + noise_.even() * sensors.current_gain_error);
   }
-  const double counts_per_arcsec = counts_per_revolution / arcsec_per_turn;
-  position_noise_counts_ = sensors.encoder_noise_arcsec * counts_per_arcsec;
-  eccentricity_counts_ = sensors.eccentricity_arcsec * counts_per_arcsec;
-  if (sensors.encoder_lines > 0) {
-    once_counts_ = shares(sensors.interpolation_arcsec * counts_per_arcsec, noise_.even());
-    twice_counts_ = shares(sensors.interpolation_second_arcsec * counts_per_arcsec, noise_.even());
+  position_noise_counts_ = static_cast<float>(sensors.encoder_noise_arcsec * counts_per_arcsec);
+  if (lines_ > 0) {
+    once_ = ripple(sensors.interpolation_arcsec);
+    twice_ = ripple(sensors.interpolation_second_arcsec);
   }
 }
 
-void Measurement::measure(const ShaftPlace& place, bool frozen, drive::Feedback& feedback) {
+void Measurement::measure(ShaftPlace place, bool frozen, drive::Feedback& feedback) {
   const std::array<float, 4> noise = noise_.four();
   past_[++tick_ % past_ticks] = place;
   measure_currents(noise, feedback);
-  if (!frozen) measure_position(place, static_cast<double>(noise[3]), feedback);
+  if (!frozen) measure_position(place, noise[3], feedback);
 }
 
-void Measurement::measure_currents(const std::array<float, 4>& noise, drive::Feedback& feedback) const {
+[[gnu::always_inline]] inline void Measurement::measure_currents(const std::array<float, 4>& noise,
+                                                                 drive::Feedback& feedback) const {
   constexpr float no_fraction = 0x1.8p23F;  // adding and subtracting it rounds to an integer
+  const float range = range_a_;
+  const float noise_a = current_noise_a_;
+  const float steps_per_a = steps_per_a_;
+  const float least_step = least_step_a_;
   for (std::size_t phase = 0; phase < 3; ++phase) {
     const CurrentSensor& sensor = currents_[phase];
-    float current = feedback.phase_current_a[phase] * sensor.gain + sensor.offset_a + current_noise_a_ * noise[phase];
-    current = std::clamp(current, -range_a_, range_a_);
-    const float steps = (current * steps_per_a_ + no_fraction) - no_fraction;
-    feedback.phase_current_a[phase] = least_step_a_ > 0.0F ? steps * least_step_a_ : current;
+    float current = feedback.phase_current_a[phase] * sensor.gain + sensor.offset_a + noise_a * noise[phase];
+    current = std::clamp(current, -range, range);
+    const float whole = (current * steps_per_a + no_fraction) - no_fraction;
+    feedback.phase_current_a[phase] = least_step > 0.0F ? whole * least_step : current;
   }
 }
 
-// Distance that the shaft has moved since the encoder sampled it.
-double Measurement::latency_counts(const ShaftPlace& place) const {
-  const auto since = [&](std::size_t ticks) {
-    const ShaftPlace& then = past_[(tick_ + past_ticks - ticks) % past_ticks];
-    return static_cast<double>(place.counts - then.counts) + (place.fraction - then.fraction);
-  };
-  const auto whole = static_cast<std::size_t>(latency_ticks_);
-  const double newer = since(whole);
-  return newer + (latency_ticks_ - static_cast<double>(whole)) * (since(whole + 1) - newer);
+// Distance that the shaft has moved in the last ticks.
+[[gnu::always_inline]] inline double Measurement::moved_counts(ShaftPlace place, std::size_t ticks) const {
+  const ShaftPlace& then = past_[(tick_ - ticks) % past_ticks];
+  return static_cast<double>(place.counts - then.counts) + (place.fraction - then.fraction);
 }
 
-double Measurement::encoder_error_counts(double turns) const {
-  double error = eccentricity_counts_ * static_cast<double>(at(turns + eccentricity_phase_).sine);
-  if (lines_ > 0.0) {
-    const drive::SinCos signal = at(lines_ * turns);
-    const auto sine = static_cast<double>(signal.sine);
-    const auto cosine = static_cast<double>(signal.cosine);
-    error += once_counts_[0] * sine + once_counts_[1] * cosine + twice_counts_[0] * 2.0 * sine * cosine +
-             twice_counts_[1] * (cosine - sine) * (cosine + sine);
+[[gnu::always_inline]] inline float Measurement::Ripple::at(drive::Phase angle) const {
+  const drive::Phase sum = angle + phase;
+  const std::size_t step = sum >> step_bits;
+  const float share =
+      static_cast<float>(static_cast<std::int32_t>(sum & ((1U << step_bits) - 1U))) * (1.0F / (1U << step_bits));
+  return amplitude * (sine_steps[step] + share * (sine_steps[step + 1] - sine_steps[step]));
+}
+
+[[gnu::always_inline]] inline void Measurement::measure_position(ShaftPlace place, float noise,
+                                                                 drive::Feedback& feedback) {
+  const double step = moved_counts(place, 1);
+  double late = latency_fraction_ * step;  // distance that the shaft has moved since the encoder sampled it
+  if (whole_latency_ != 0) {
+    const double newer = moved_counts(place, whole_latency_);
+    late = newer + latency_fraction_ * (moved_counts(place, whole_latency_ + 1) - newer);
   }
-  return error;
-}
-
-void Measurement::measure_position(const ShaftPlace& place, double noise, drive::Feedback& feedback) const {
-  const double late = latency_counts(place);
   const double off = place.fraction - late;
-  const double turns = (static_cast<double>(feedback.single_turn_counts) + off) * turns_per_count_;
+  const auto true_single = static_cast<std::int64_t>(feedback.single_turn_counts);
   const std::int64_t counts =
-      drive::floor_to_integer(off + encoder_error_counts(turns) + position_noise_counts_ * noise);
+      drive::floor_to_integer(off + static_cast<double>(error_counts_ + position_noise_counts_ * noise));
   feedback.position_counts += counts;
-  const auto turn = static_cast<std::int64_t>(counts_per_revolution_);
-  std::int64_t single = static_cast<std::int64_t>(feedback.single_turn_counts) + counts;
-  if (single < 0 || single >= turn) [[unlikely]]
-    single = (single % turn + turn) % turn;
+  std::int64_t single = true_single + counts;
+  if (single < 0 || single >= counts_per_revolution_) [[unlikely]]
+    single = (single % counts_per_revolution_ + counts_per_revolution_) % counts_per_revolution_;
   feedback.single_turn_counts = static_cast<std::uint32_t>(single);
+  expect(static_cast<double>(true_single) + off + step);
+}
+
+// The encoder's error in the next tick is that of the place which the present speed leads to. The processor computes it
+// while it solves the machine; the error of the true place would be known only after that.
+[[gnu::always_inline]] inline void Measurement::expect(double single_turn) {
+  const auto angle = static_cast<drive::Phase>(static_cast<std::int64_t>(single_turn * phase_per_count_));
+  const drive::Phase signal = angle * lines_;
+  error_counts_ = eccentricity_.at(angle) + (once_.at(signal) + twice_.at(2 * signal));
+}
+
+void Measurement::place(const ShaftPlace& place) {
+  past_.fill(place);
+  expect(static_cast<double>(place.counts % counts_per_revolution_) + place.fraction);
 }
 
 }  // namespace servodrome::plant

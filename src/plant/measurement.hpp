@@ -5,6 +5,7 @@
 #include <cstdint>
 
 #include "drive/hardware.hpp"
+#include "drive/transforms.hpp"
 #include "plant/noise.hpp"
 #include "plant/parameters.hpp"
 
@@ -26,9 +27,9 @@ class Measurement {
   bool ideal() const { return ideal_; }
   // Replaces the true currents in `feedback` by measured ones, and the position too unless the encoder is `frozen`.
   // Call it once per tick.
-  void measure(const ShaftPlace& place, bool frozen, drive::Feedback& feedback);
+  void measure(ShaftPlace place, bool frozen, drive::Feedback& feedback);
   // The shaft was placed elsewhere without moving: resets the history.
-  void place(const ShaftPlace& place) { past_.fill(place); }
+  void place(const ShaftPlace& place);
 
  private:
   struct CurrentSensor {
@@ -37,10 +38,18 @@ class Measurement {
   };
   static constexpr std::size_t past_ticks = 8;  // a power of two above the longest latency in ticks
 
+  // A sine of the angle, in counts.
+  struct Ripple {
+    float amplitude = 0.0F;
+    drive::Phase phase = 0;
+
+    float at(drive::Phase angle) const;
+  };
+
   void measure_currents(const std::array<float, 4>& noise, drive::Feedback& feedback) const;
-  void measure_position(const ShaftPlace& place, double noise, drive::Feedback& feedback) const;
-  double latency_counts(const ShaftPlace& place) const;
-  double encoder_error_counts(double turns) const;
+  void measure_position(ShaftPlace place, float noise, drive::Feedback& feedback);
+  double moved_counts(ShaftPlace place, std::size_t ticks) const;
+  void expect(double single_turn);
 
   bool ideal_;
   Noise noise_;
@@ -49,16 +58,16 @@ class Measurement {
   float least_step_a_;  // 0: none
   float steps_per_a_;
   float current_noise_a_;
-  double counts_per_revolution_;
-  double turns_per_count_;
-  double latency_ticks_;
-  double position_noise_counts_;
-  double eccentricity_counts_;
-  double eccentricity_phase_;  // in turns
-  double lines_;
-  // Amplitudes of sine and cosine, once and twice per signal period.
-  std::array<double, 2> once_counts_{};
-  std::array<double, 2> twice_counts_{};
+  std::int64_t counts_per_revolution_;
+  double phase_per_count_;
+  std::size_t whole_latency_;  // in ticks; the sum of both is the latency
+  double latency_fraction_;
+  float position_noise_counts_;
+  std::uint32_t lines_;
+  Ripple eccentricity_;
+  Ripple once_;  // per signal period
+  Ripple twice_;
+  float error_counts_ = 0.0F;  // of the next measurement
   std::size_t tick_ = 0;
   std::array<ShaftPlace, past_ticks> past_{};  // the entry of tick n is at n modulo the size
 };

@@ -117,7 +117,8 @@ void Plant::step_imperfect(const drive::Actuation& actuation, drive::Feedback& f
     step_machine(stage_.apply(actuation, current_a_, dc_link_.volts()), feedback);
     switch_j_ += stage_.loss_w() * h;
   }
-  current_a_ = feedback.phase_current_a;
+  for (std::size_t phase = 0; phase < 3; ++phase)
+    current_a_[phase] = static_cast<double>(feedback.phase_current_a[phase]);
   if (!measurement_.ideal()) measurement_.measure({position_, fraction()}, (unusual_ & encoder_frozen) != 0, feedback);
 }
 

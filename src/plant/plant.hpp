@@ -215,8 +215,8 @@ class Plant {
   Heat heat_;
   PowerStage stage_;
   Measurement measurement_;
-  std::array<float, 3> current_a_{};  // true currents of the phases, kept because the feedback holds measured ones
-  double switch_j_ = 0.0;             // loss in switches and diodes since the last heat step
+  std::array<double, 3> current_a_{};  // true currents of the phases, kept because the feedback holds measured ones
+  double switch_j_ = 0.0;              // loss in switches and diodes since the last heat step
   double copper_j_ = 0.0;
   double iron_j_ = 0.0;
   double iron_since_j_ = 0.0;  // since the last heat step

@@ -22,39 +22,51 @@ PowerStage::PowerStage(const Stage& stage, int phases, double range_a)
       modulation_limit_(stage.modulation_limit),
       per_soft_current_(1.0 / (soft_share * range_a)) {}
 
-drive::Actuation PowerStage::apply(const drive::Actuation& commanded, const std::array<float, 3>& current_a,
+drive::Actuation PowerStage::apply(const drive::Actuation& commanded, const std::array<double, 3>& current_a,
                                    double link_v) {
-  drive::Actuation acting = commanded;
+  // Member by member: the phase voltages were written one by one just now, and a load of several of them at once would
+  // have to wait until they are in the cache.
+  drive::Actuation acting{.pwm_enabled = commanded.pwm_enabled,
+                          .short_circuit = commanded.short_circuit,
+                          .brake_released = commanded.brake_released,
+                          .dc_link_connected = commanded.dc_link_connected,
+                          .chopper_on = commanded.chopper_on,
+                          .outputs = commanded.outputs};
   loss_w_ = 0.0;
   if (!commanded.pwm_enabled || commanded.short_circuit) {  // both act at once; the PWM then restarts from zero
     waiting_ = {};
+    acting.phase_voltage_v = commanded.phase_voltage_v;
     return acting;
   }
   newest_ = (newest_ + 1) % waiting_.size();
-  waiting_[newest_] = commanded.phase_voltage_v;
-  const std::array<float, 3>& due = waiting_[(newest_ + waiting_.size() - delay_) % waiting_.size()];
-
-  std::array<double, 3> volts{};
   for (std::size_t phase = 0; phase < 3; ++phase) {
-    const auto wanted = static_cast<double>(due[phase]);
-    volts[phase] = std::isfinite(wanted) ? wanted : 0.0;
+    const float wanted = commanded.phase_voltage_v[phase];
+    waiting_[newest_][phase] = std::isfinite(wanted) ? static_cast<double>(wanted) : 0.0;
   }
+  std::array<double, 3> volts = waiting_[(newest_ + waiting_.size() - delay_) % waiting_.size()];
+
   const double most = modulation_limit_ * link_v;
   // A winding in quadrature lies between two half bridges; a winding of a star is on one.
   const double bridges = two_phases_ ? 2.0 : 1.0;
-  double scale = 1.0;
-  if (!two_phases_) {
-    const auto [low, high] = std::minmax({volts[0], volts[1], volts[2]});
-    if (high - low > most) scale = most / (high - low);
+  const std::size_t phases = two_phases_ ? 2 : 3;
+  if (two_phases_) {
+    for (double& voltage : volts) voltage = std::clamp(voltage, -most, most);
+  } else {
+    const double high = std::max(volts[0], std::max(volts[1], volts[2]));
+    const double low = std::min(volts[0], std::min(volts[1], volts[2]));
+    if (high - low > most) {
+      for (double& voltage : volts) voltage *= most / (high - low);
+    }
   }
   const double lost_v = bridges * (dead_share_ * link_v + drop_v_);
-  for (std::size_t phase = 0; phase < (two_phases_ ? 2U : 3U); ++phase) {
-    const auto current = static_cast<double>(current_a[phase]);
-    const double way = std::clamp(current * per_soft_current_, -1.0, 1.0);
-    volts[phase] = two_phases_ ? std::clamp(volts[phase], -most, most) : scale * volts[phase];
+  double loss_a = 0.0;
+  for (std::size_t phase = 0; phase < phases; ++phase) {
+    const double current = current_a[phase];
+    const double way = std::max(-1.0, std::min(current * per_soft_current_, 1.0));
     acting.phase_voltage_v[phase] = static_cast<float>(volts[phase] - way * lost_v);
-    loss_w_ += bridges * drop_v_ * current * way;
+    loss_a += current * way;
   }
+  loss_w_ = bridges * drop_v_ * loss_a;
   return acting;
 }
 

@@ -17,7 +17,7 @@ class PowerStage {
 
   bool ideal() const { return ideal_; }
   // What acts in the next tick. `current_a`: phase currents at its beginning; `link_v`: voltage of the DC link.
-  drive::Actuation apply(const drive::Actuation& commanded, const std::array<float, 3>& current_a, double link_v);
+  drive::Actuation apply(const drive::Actuation& commanded, const std::array<double, 3>& current_a, double link_v);
   // Loss in the switches in that tick in W, for constant currents.
   double loss_w() const { return loss_w_; }
 
@@ -32,7 +32,7 @@ class PowerStage {
   double modulation_limit_;
   double per_soft_current_;  // 1/A
   double loss_w_ = 0.0;
-  std::array<std::array<float, 3>, longest_delay + 1> waiting_{};  // ring buffer; the newest entry is at `newest_`
+  std::array<std::array<double, 3>, longest_delay + 1> waiting_{};  // ring buffer; the newest entry is at `newest_`
   std::size_t newest_ = 0;
 };
 

@@ -157,6 +157,31 @@ TEST(Measurement, ErrorsOfTheEncoderHaveTheirAmplitudesAndPeriods) {
   EXPECT_LT(amplitude(errors, 33), 0.1);
 }
 
+// The errors are computed ahead, from the speed: they still are those of the place where the shaft is.
+TEST(Measurement, ErrorsOfAMovingShaftAreThoseOfItsPlace) {
+  Sensors sensors = perfect();
+  sensors.encoder_lines = 32;
+  sensors.eccentricity_arcsec = 3000.0;
+  sensors.interpolation_arcsec = 1000.0;
+  sensors.interpolation_second_arcsec = 500.0;
+  Measurement at_rest(sensors, turn, range_a);
+  for (const double per_tick : {1000.3, -3333.3}) {
+    Measurement moving(sensors, turn, range_a);
+    moving.place(place_of(-per_tick));
+    for (int i = 0; i < 2000; ++i) {
+      const double position = per_tick * i;
+      drive::Feedback told = truth(0.0, position);
+      moving.measure(place_of(position), false, told);
+      if (i == 0) continue;  // the shaft just began to move
+      drive::Feedback expected = truth(0.0, position);
+      at_rest.place(place_of(position));
+      at_rest.measure(place_of(position), false, expected);
+      ASSERT_NEAR(static_cast<double>(told.position_counts - expected.position_counts), 0.0, 1.0) << i;
+      ASSERT_NEAR(std::remainder(told.single_turn_counts - told.position_counts, turn), 0.0, 0.0);
+    }
+  }
+}
+
 TEST(Measurement, PositionNoiseHasItsDeviation) {
   Sensors sensors = perfect();
   sensors.encoder_noise_arcsec = 10.0;
