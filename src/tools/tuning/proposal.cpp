@@ -17,6 +17,11 @@ struct Demand {
 };
 constexpr std::array demands{Demand{52.0, 0.7}, Demand{45.0, 0.7}, Demand{45.0, 10.0}};
 constexpr double most_sensitivity = 2.0;
+// What must remain if the inertia is wrong by this share, in both directions: the load of an axis may change, and an
+// identified inertia is not exact.
+constexpr double inertia_error = 0.2;
+constexpr double least_margin_then = 40.0;
+constexpr double most_sensitivity_then = 2.5;
 constexpr double position_share = 0.2;  // of the crossover frequency
 // Corner frequency of the integral part, relative to the crossover; the fastest first.
 constexpr std::array integral_ratios{0.25, 0.2, 0.15, 0.1, 0.06};
@@ -70,6 +75,18 @@ std::optional<Proposal> with_ratio(const Mechanics& mechanics, const Request& re
   return found;
 }
 
+bool holds_with_error(const VelocityController& controller, const Mechanics& mechanics) {
+  for (const double factor : {1.0 - inertia_error, 1.0 + inertia_error}) {
+    Mechanics other = mechanics;
+    other.inertia *= factor;
+    const std::vector<Complex> open_loop = open_loop_of(controller, other);
+    const Margins margins = margins_of(frequencies(), open_loop);
+    if (margins.phase_margin_deg.value_or(0.0) < least_margin_then) return false;
+    if (margins.greatest_sensitivity > most_sensitivity_then || !is_stable(open_loop)) return false;
+  }
+  return true;
+}
+
 bool is_good(const Proposal& proposal, const Mechanics& mechanics, const Demand& demand) {
   if (proposal.margins.phase_margin_deg.value_or(0.0) < demand.phase_margin) return false;
   if (proposal.margins.greatest_sensitivity > most_sensitivity) return false;
@@ -79,7 +96,7 @@ bool is_good(const Proposal& proposal, const Mechanics& mechanics, const Demand&
   for (std::size_t i = 0; i < open_loop.size(); ++i) {
     if (frequencies()[i] > beyond_hz && std::abs(open_loop[i]) > demand.gain_beyond) return false;
   }
-  return is_stable(open_loop);
+  return is_stable(open_loop) && holds_with_error(proposal.velocity, mechanics);
 }
 
 }  // namespace

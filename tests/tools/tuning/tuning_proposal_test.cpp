@@ -152,6 +152,33 @@ TEST(Propose, WhatIsPromisedIsPredicted) {
   }
 }
 
+// No proposal loses its margins by a fifth of the inertia more or less.
+TEST(Propose, HoldsWithAnotherInertia) {
+  std::vector<Mechanics> loads{{.inertia = 2e-4}};
+  for (const double antiresonance_hz : {150.0, 250.0}) {
+    for (const double ratio : {1.2, 1.41}) {
+      const Resonance resonance{antiresonance_hz, 0.02, antiresonance_hz * ratio, 0.03};
+      loads.push_back({.inertia = 3e-4, .resonance = resonance});
+    }
+  }
+  int proposals = 0;
+  for (const Mechanics& load : loads) {
+    for (const double hz : {20.0, 60.0, 100.0}) {
+      const auto proposal = propose(load, {.bandwidth_hz = hz, .delay_s = 2e-3, .notch = NotchAbility{}});
+      if (!proposal) continue;
+      ++proposals;
+      for (const double factor : {0.8, 0.9, 1.1, 1.2}) {
+        Mechanics other = load;
+        other.inertia *= factor;
+        const Proposal then = predict(proposal->velocity, other);
+        EXPECT_GE(then.margins.phase_margin_deg.value_or(0.0), 40.0);
+        EXPECT_LE(then.margins.greatest_sensitivity, 2.5);
+      }
+    }
+  }
+  EXPECT_GE(proposals, 8);
+}
+
 TEST(Propose, ADelaySetsTheLimit) {
   const Request request{.bandwidth_hz = 400.0, .delay_s = 2e-3};
   EXPECT_FALSE(propose({.inertia = 2e-4}, request));
