@@ -36,6 +36,8 @@ struct Monitors {
   std::uint32_t velocity_error_ms = 1000;
   bool i2t = true;
   float i2t_peak_time_s = 3.0F;  // time for which the peak current may flow
+  // Reduces the torque before the overload and the temperatures of winding and power stage reach their limits.
+  bool overload_limits_torque = false;
   // Currents of the power stage as amplitude, if its overload is monitored separately from the motor's; 0: it is not.
   float stage_rated_current_a = 0.0F;
   float stage_peak_current_a = 0.0F;

@@ -1,6 +1,8 @@
 #include "drive/drive.hpp"
 
+#include <algorithm>
 #include <bit>
+#include <cmath>
 
 #include "drive/with_mode.hpp"
 
@@ -9,6 +11,8 @@ namespace servodrome::drive {
 namespace {
 
 constexpr std::uint32_t precharge_ms = 300;  // longest time for the DC link to reach its voltage
+// A current sensor with a greater offset than this fraction of the peak current has failed.
+constexpr float greatest_current_offset = 0.05F;
 
 }  // namespace
 
@@ -117,6 +121,8 @@ void Drive::power_on(const Feedback& feedback) {
   cascade_ = {};
   look_at_ = 0;
   cascade_.forget_motion();
+  current_offset_ = {};
+  current_offset_great_ = false;
   axis_.velocity_display.forget();
   axis_.greatest_velocity = 0.0;
   restart();
@@ -201,7 +207,7 @@ bool Drive::tick(const Feedback& feedback, Actuation& actuation) {
 [[gnu::noinline]] void Drive::look_for_open_phase(const Feedback& feedback, const Actuation& actuation) {
   look_at_ += supervision_.open_phase().next_look();
   if (!outputs_.pwm_enabled) return;
-  supervision_.open_phase().look({.current_a = feedback.phase_current_a,
+  supervision_.open_phase().look({.current_a = cascade_.current_of(feedback),
                                   .voltage_v = actuation.phase_voltage_v,
                                   .angle = cascade_.electrical_angle(),
                                   .position = feedback.position_counts,
@@ -223,6 +229,7 @@ void Drive::cycle(const Feedback& feedback) {
   winding_temperature_c_ = feedback.winding_temperature_c;
   power_stage_temperature_c_ = feedback.power_stage_temperature_c;
   watch_standstill();
+  if (!current_offset_.done()) calibrate_currents(feedback);
   update_inputs(feedback);
   axis_.edges = std::span(edges_.data(), edge_count_);
 
@@ -292,6 +299,17 @@ void Drive::cycle(const Feedback& feedback) {
   moved_demand_ = false;
   edge_count_ = 0;
   tripped_ = 0;
+}
+
+void Drive::calibrate_currents(const Feedback& feedback) {
+  const bool open = !outputs_.pwm_enabled && !outputs_.short_circuit;
+  const bool stands = shaft_stands_ && feedback.encoder_faults == 0;
+  if (!current_offset_.cycle(feedback.phase_current_a, open, stands)) return;
+  cascade_.set_current_offset(current_offset_.offset_a());
+  if (!current_offset_.done()) return;
+  const float greatest = greatest_current_offset * axis_.configuration.motor.peak_current_a;
+  current_offset_great_ = std::any_of(current_offset_.offset_a().begin(), current_offset_.offset_a().end(),
+                                      [greatest](float offset_a) { return std::abs(offset_a) > greatest; });
 }
 
 void Drive::set_mode(Mode mode) {

@@ -9,6 +9,7 @@
 #include "drive/cause_set.hpp"
 #include "drive/hardware.hpp"
 #include "drive/io/input_filter.hpp"
+#include "drive/loops/current_offset.hpp"
 #include "drive/modes/cyclic_modes.hpp"
 #include "drive/modes/homing_mode.hpp"
 #include "drive/modes/no_mode.hpp"
@@ -134,6 +135,7 @@ class Drive final : public dictionary::Listener {
   Counts position_offset() const { return axis_.offset; }
   void set_position_offset(Counts offset) { axis_.offset = offset; }
   const CascadeState& loops() const { return cascade_.state(); }
+  const CurrentOffset& current_offset() const { return current_offset_; }
   const Axis& axis() const { return axis_; }
   double i2t_utilisation_percent() const { return supervision_.i2t_utilisation_percent(); }
   double stage_utilisation_percent() const { return supervision_.stage_utilisation_percent(); }
@@ -207,6 +209,7 @@ class Drive final : public dictionary::Listener {
   void trip(std::uint32_t faults, bool cycle_due, Actuation& actuation);
   void look_for_open_phase(const Feedback& feedback, const Actuation& actuation);
   void update_inputs(const Feedback& feedback);
+  void calibrate_currents(const Feedback& feedback);
   void capture_edges(const Feedback& feedback);
   void note_edge(const SignalEdge& edge);
   void note_level_edges(std::uint32_t changed);
@@ -259,6 +262,7 @@ class Drive final : public dictionary::Listener {
   Axis axis_;
   Cascade cascade_{};
   Supervision supervision_;
+  CurrentOffset current_offset_{};
   TouchProbe touch_probe_;
 
   NoMode no_mode_{};
@@ -311,6 +315,7 @@ class Drive final : public dictionary::Listener {
   CauseSet warned_{};   // warnings that were reported
   bool outside_warning_ = false;
   bool units_valid_ = true;
+  bool current_offset_great_ = false;
   const FaultRow* shown_fault_ = nullptr;
   bool multi_turn_cleared_ = false;
 

@@ -192,7 +192,8 @@ void Drive::set_limits() {
   LoopDemand& demand = axis_.demand;
   const float by_current = static_cast<float>(objects.max_current * axis_.units.current) * motor.rated_current_a *
                            motor.torque_constant_nm_per_a / motor.rated_torque_nm;
-  const float common = std::min(static_cast<float>(objects.max_torque) * 0.001F, by_current);
+  const float common =
+      std::min({static_cast<float>(objects.max_torque) * 0.001F, by_current, supervision_.allowed_torque()});
   demand.torque_limit_positive = std::min(static_cast<float>(objects.positive_torque_limit) * 0.001F, common);
   demand.torque_limit_negative = std::min(static_cast<float>(objects.negative_torque_limit) * 0.001F, common);
   if (axis_.units.velocity_inverted) std::swap(demand.torque_limit_positive, demand.torque_limit_negative);

@@ -79,6 +79,7 @@ void Supervision::cycle(Axis& axis, const Feedback& feedback, const Situation& s
   if (situation.energised && axis.active(Signal::enable_refused)) present_.set(Cause::enable_refused);
   supply(axis, feedback, situation);
   temperatures(axis, feedback);
+  limit_torque(axis, feedback);
   if (!situation.energised) open_phase_.reset();
   if (open_phase_.open()) present_.set(Cause::phase_loss);
   motion(axis, situation);
@@ -141,6 +142,33 @@ void Supervision::temperatures(const Axis& axis, const Feedback& feedback) {
   hot(feedback.encoder_temperature_c, monitors.encoder_hot_c, Cause::encoder_hot);
   hot(feedback.ambient_temperature_c, monitors.ambient_hot_c, Cause::ambient_hot);
   if (feedback.ambient_temperature_c < monitors.ambient_cold_c) present_.set(Cause::ambient_cold);
+}
+
+// From the peak current to the rated one while the overload rises from 90 to 98 %, and further down above, so that it
+// settles at 98 %; to nothing while a temperature rises by the last 10 K below its limit.
+void Supervision::limit_torque(const Axis& axis, const Feedback& feedback) {
+  const Monitors& monitors = axis.configuration.monitors;
+  allowed_torque_ = std::numeric_limits<float>::max();
+  if (!monitors.overload_limits_torque) return;
+  constexpr double begins = 0.90;
+  constexpr double ends = 0.98;
+  constexpr float range_c = 10.0F;
+  const auto by_overload = [](const I2t& overload, float rated_a, float peak_a) {
+    const double room = std::min((ends - overload.heat) / (ends - begins), 1.0);
+    return std::max(rated_a + (peak_a - rated_a) * static_cast<float>(room), 0.0F);
+  };
+  const auto by_temperature = [](float now_c, float limit_c) {
+    return limit_c > 0.0F ? std::clamp((limit_c - now_c) / range_c, 0.0F, 1.0F) : 1.0F;
+  };
+  const MotorData& motor = axis.configuration.motor;
+  float current_a = by_overload(i2t_, motor.rated_current_a, motor.peak_current_a);
+  if (monitors.stage_rated_current_a > 0.0F) {
+    current_a =
+        std::min(current_a, by_overload(stage_i2t_, monitors.stage_rated_current_a, monitors.stage_peak_current_a));
+  }
+  const float cool = std::min(by_temperature(feedback.winding_temperature_c, monitors.motor_hot_c),
+                              by_temperature(feedback.power_stage_temperature_c, monitors.power_stage_hot_c));
+  allowed_torque_ = cool * current_a * motor.torque_constant_nm_per_a / motor.rated_torque_nm;
 }
 
 void Supervision::motion(Axis& axis, const Situation& situation) {

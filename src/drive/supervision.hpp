@@ -1,5 +1,7 @@
 #pragma once
 
+#include <limits>
+
 #include "drive/axis.hpp"
 #include "drive/cause_set.hpp"
 #include "drive/loops/i2t.hpp"
@@ -35,10 +37,13 @@ class Supervision {
   bool chopper() const { return chopper_; }
   double i2t_utilisation_percent() const { return i2t_.utilisation_percent(); }
   double stage_utilisation_percent() const { return stage_i2t_.utilisation_percent(); }
+  // Fraction of rated torque that the overload allows, with Monitors::overload_limits_torque.
+  float allowed_torque() const { return allowed_torque_; }
 
  private:
   void supply(const Axis& axis, const Feedback& feedback, const Situation& situation);
   void temperatures(const Axis& axis, const Feedback& feedback);
+  void limit_torque(const Axis& axis, const Feedback& feedback);
   void motion(Axis& axis, const Situation& situation);
   void limit_switches(const Axis& axis, const Situation& situation);
 
@@ -48,6 +53,7 @@ class Supervision {
   std::uint32_t encoder_cycles_ = 0;  // remaining cycles of that time
   I2t i2t_{};
   I2t stage_i2t_{};
+  float allowed_torque_ = std::numeric_limits<float>::max();
   bool warning_ = false;
   bool chopper_ = false;
   Dwell following_{};

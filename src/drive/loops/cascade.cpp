@@ -18,6 +18,11 @@ constexpr float handover_end = 1.0e-5F;
 constexpr float pi = 3.14159265358979F;
 constexpr float quarter_pi = 0.25F * pi;
 
+// Field weakening keeps the voltage at this share of what the DC link allows, by an integrator that has this bandwidth
+// at the lowest speed that needs it.
+constexpr float weakening_share = 0.95F;
+constexpr float weakening_rad_per_tick = 2.0F * pi * 100.0F * static_cast<float>(tick_seconds);
+
 // A braking current is at least this fraction of the peak current.
 constexpr float least_braking_share = 0.1F;
 
@@ -53,6 +58,7 @@ void Cascade::clear_controllers() {
   feed_forward_ = 0.0F;
   forget_disturbance();
   current_reference_a_ = 0.0F;
+  direct_reference_a_ = 0.0F;
   direct_.integral_v = 0.0F;
   quadrature_.integral_v = 0.0F;
   torque_filter_.value = 0.0F;
@@ -135,7 +141,7 @@ void Cascade::run_tick(const Feedback& feedback, Actuation& actuation) {
     angle_ = sin_cos(phase);
   }
   const SinCos angle = angle_;
-  const DirectQuadrature current = to_rotor_frame<Phases>(feedback.phase_current_a, angle);
+  const DirectQuadrature current = to_rotor_frame<Phases>(current_of(feedback), angle);
   state_.current_d_a = current.d;
   state_.current_q_a = current.q * sense_;
   state_.torque = current.q * torque_per_ampere_;
@@ -151,8 +157,8 @@ void Cascade::run_tick(const Feedback& feedback, Actuation& actuation) {
     // The voltage acts for one tick, so it is rotated to the rotor angle in the middle of the tick.
     const SinCos ahead{angle.sine * ahead_.cosine + angle.cosine * ahead_.sine,
                        angle.cosine * ahead_.cosine - angle.sine * ahead_.sine};
-    run_current_loop<Phases>(current, {0.0F, current_reference_a_}, electrical_rad_per_s_, ahead, feedback.dc_link_v,
-                             actuation);
+    const DirectQuadrature reference{direct_reference_a_, quadrature_reference()};
+    run_current_loop<Phases>(current, reference, electrical_rad_per_s_, ahead, feedback.dc_link_v, actuation);
   } else {
     actuation.phase_voltage_v = {};
     rests_ = at_rest(feedback.position_counts) && !carries_current(feedback);
@@ -246,7 +252,7 @@ void Cascade::observe_disturbance() {
 // Without this limit a hard stop from a high speed ends in overcurrent.
 [[gnu::noinline]] void Cascade::limit_braking(float dc_link_v) {
   const float available = braking_voltage_share * voltage_share_ * dc_link_v;
-  const float emf = electrical_rad_per_s_ * flux_linkage_vs_;
+  const float emf = electrical_rad_per_s_ * (flux_linkage_vs_ + direct_.inductance_h * direct_reference_a_);
   const float reactance = electrical_rad_per_s_ * quadrature_.inductance_h;
   const float peak_drop = reactance * peak_torque_ * ampere_per_torque_;
   const float room = available * available - emf * emf;
@@ -258,6 +264,25 @@ void Cascade::observe_disturbance() {
   } else {
     torque_high_ = std::min(torque_high_, limit);
   }
+}
+
+// The direct current lowers the flux linkage until the voltage is within its limit. A direct current changes the
+// voltage by the reactance, here that at the speed at which the back-EMF alone has the whole voltage.
+[[gnu::noinline]] void Cascade::weaken_field(float wanted_v, float available_v) {
+  if (available_v <= 0.0F) return;
+  const float reactance_ohm = available_v / flux_linkage_vs_ * direct_.inductance_h;
+  const float room_v = weakening_share * available_v - wanted_v;
+  direct_reference_a_ =
+      clip(direct_reference_a_ + weakening_rad_per_tick / reactance_ohm * room_v, -field_weakening_a_, 0.0F);
+}
+
+// Both currents together stay within the peak current.
+float Cascade::quadrature_reference() const {
+  if (direct_reference_a_ == 0.0F) [[likely]]
+    return current_reference_a_;
+  const float rest_a =
+      std::sqrt(std::max(0.0F, peak_current_a_ * peak_current_a_ - direct_reference_a_ * direct_reference_a_));
+  return clip(current_reference_a_, -rest_a, rest_a);
 }
 
 void Cascade::run_velocity_loop(const Feedback& feedback) {
@@ -354,8 +379,8 @@ template <unsigned Phases>
   if (!locked_) lock_phase_ = phase;
   locked_ = true;
   const SinCos angle = sin_cos(lock_phase_);
-  run_current_loop<Phases>(to_rotor_frame<Phases>(feedback.phase_current_a, angle), {demand_.lock_current_a, 0.0F},
-                           0.0F, angle, feedback.dc_link_v, actuation);
+  run_current_loop<Phases>(to_rotor_frame<Phases>(current_of(feedback), angle), {demand_.lock_current_a, 0.0F}, 0.0F,
+                           angle, feedback.dc_link_v, actuation);
 }
 
 template <unsigned Phases>
@@ -371,7 +396,10 @@ void Cascade::run_current_loop(DirectQuadrature current, DirectQuadrature refere
   // orientation.
   const float available = dc_link_v * voltage_share(Phases);
   DirectQuadrature voltage{wanted_d, wanted_q};
-  state_.voltage_limited = wanted_d * wanted_d + wanted_q * wanted_q > available * available;
+  const float wanted_squared = wanted_d * wanted_d + wanted_q * wanted_q;
+  state_.voltage_limited = wanted_squared > available * available;
+  if (field_weakening_a_ != 0.0F) [[unlikely]]
+    weaken_field(std::sqrt(wanted_squared), available);
   if (state_.voltage_limited) {
     voltage.d = clip(wanted_d, -available, available);
     const float rest = std::sqrt(available * available - voltage.d * voltage.d);

@@ -78,6 +78,13 @@ class Cascade {
     state_.velocity_counts_per_s = 0.0F;
   }
 
+  // The offsets of the current sensors, which tick() subtracts from what they show.
+  void set_current_offset(const std::array<float, 3>& offset_a) { current_offset_a_ = offset_a; }
+  std::array<float, 3> current_of(const Feedback& feedback) const {
+    const auto& [u, v, w] = feedback.phase_current_a;
+    return {u - current_offset_a_[0], v - current_offset_a_[1], w - current_offset_a_[2]};
+  }
+
   // Adds the excitation of the analysis to the torque and passes the response to it, once per velocity period, while
   // the velocity loop runs. nullptr: ends that.
   void set_analysis(ResonanceAnalysis* analysis) { analysis_ = analysis; }
@@ -119,6 +126,8 @@ class Cascade {
   void run_position_loop(Counts position);
   void run_velocity_loop(const Feedback& feedback);
   void limit_braking(float dc_link_v);
+  void weaken_field(float wanted_v, float available_v);
+  float quadrature_reference() const;
   float filtered_velocity(float measured);
   void settle_velocity(float velocity);
   // The torque of the present gains for the present errors, without the integral.
@@ -174,10 +183,12 @@ class Cascade {
   float handover_ = 0.0F;           // likewise: torque of earlier gains that fades out
   float feed_forward_ = 0.0F;       // torque, fraction of rated
   float current_reference_a_ = 0.0F;
+  float direct_reference_a_ = 0.0F;  // <= 0: of the field weakening
   float electrical_rad_per_s_ = 0.0F;
   SinCos ahead_{0.0F, 1.0F};  // rotation of the rotor until the middle of the voltage's tick
   Phase phase_ = 0;           // the electrical angle, with its sine and cosine
   SinCos angle_{0.0F, 1.0F};
+  std::array<float, 3> current_offset_a_{};
   CurrentController direct_;
   CurrentController quadrature_;
   CascadeState state_;
@@ -200,6 +211,8 @@ class Cascade {
   float peak_torque_ = 0.0F;  // fraction of rated at the peak current
   float torque_low_ = 0.0F;   // limits of the torque in this velocity period, fractions of rated
   float torque_high_ = 0.0F;
+  float peak_current_a_ = 0.0F;
+  float field_weakening_a_ = 0.0F;
   float voltage_share_ = 0.0F;  // of the DC link, amplitude of a phase
   // DC link voltage per electrical rad/s that braking with the peak current needs
   float braking_v_per_rad_s_ = 0.0F;

@@ -78,6 +78,9 @@ void Cascade::configure(const MotorData& motor, const Gains& gains, Rates rates)
   torque_per_ampere_ = sense * torque_per_ampere;
   ampere_per_torque_ = 1.0F / torque_per_ampere_;
   peak_torque_ = motor.peak_current_a * torque_per_ampere;
+  peak_current_a_ = motor.peak_current_a;
+  field_weakening_a_ = std::min(gains.field_weakening_a, motor.peak_current_a);
+  direct_reference_a_ = std::max(direct_reference_a_, -field_weakening_a_);
   const float peak_flux_vs = motor.inductance_q_h * motor.peak_current_a;
   braking_v_per_rad_s_ = std::sqrt(flux_linkage_vs_ * flux_linkage_vs_ + peak_flux_vs * peak_flux_vs) *
                          rounding_margin / (braking_voltage_share * voltage_share_);

@@ -53,6 +53,9 @@ struct Gains {
   // a low pass, and this fraction of it is added to the torque. 0: off.
   float disturbance_share = 0.0F;
   float disturbance_filter_hz = 0.0F;
+  // Field weakening: greatest direct current (amplitude) against the magnet's flux, for speeds at which the DC link's
+  // voltage is too low otherwise. 0: none.
+  float field_weakening_a = 0.0F;
   float rest_window_counts = 1.0F;  // position errors that are ignored at rest: see RestRule
   std::array<Notch, most_notches> notches{};
 };

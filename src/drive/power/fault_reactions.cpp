@@ -76,6 +76,7 @@ CauseSet Drive::present_causes() const {
   present |= injected_;
   present |= latched_;
   if (!units_valid_) present.set(Cause::factor_group);
+  if (current_offset_great_) present.set(Cause::current_sensor);
   if (axis_.velocity_clipped) present.set(Cause::velocity_clipped);
   if (axis_.position_change_clipped) present.set(Cause::position_change_clipped);
   if (buffers_records() && interpolated_position_.lost_record()) present.set(Cause::interpolation_overrun);

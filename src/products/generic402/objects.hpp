@@ -24,7 +24,8 @@ struct Manufacturer {
   // 2011h
   std::uint16_t current_bandwidth_hz = 1000;
   std::uint16_t velocity_bandwidth_hz = 100;
-  std::uint32_t inertia_ratio = 1000;  // 2012h: load and rotor to nameplate, 0.1 %
+  std::uint32_t inertia_ratio = 1000;          // 2012h: load and rotor to nameplate, 0.1 %
+  std::uint16_t field_weakening_permille = 0;  // 2013h: direct current, 0.1 % of the rated current
   // 2020h
   std::uint16_t brake_release_ms = 0;
   std::uint16_t brake_engage_ms = 0;
@@ -36,6 +37,7 @@ struct Manufacturer {
   std::int16_t motor_hot_c = 130;
   std::int16_t power_stage_hot_c = 95;
   std::uint32_t over_speed_rpm = 0;
+  std::uint8_t overload_reaction = 0;  // 2041h: 0 fault, 1 the torque is limited
   // 2050h
   std::uint16_t stall_torque = 500;  // 0.1 % of rated torque
   std::uint16_t stall_time_ms = 50;
@@ -111,6 +113,8 @@ inline constexpr auto manufacturer_section = [] {
               {.default_value = 100, .minimum = 1, .maximum = 500, .unit = "Hz", .saved = true, .owner = mine}),
       var(0x2012, "Inertia ratio", SERVODROME_FIELD(M, inertia_ratio), rw, none,
           {.default_value = 1000, .minimum = 100, .maximum = 100000, .unit = "0.1%", .saved = true, .owner = mine}),
+      var(0x2013, "Field weakening current", SERVODROME_FIELD(M, field_weakening_permille), rw, none,
+          {.maximum = 3000, .unit = "0.1%", .saved = true, .owner = mine}),
       highest_sub(0x2020, array, "Brake delays", 2),
       element(0x2020, 1, array, "Brake release delay", SERVODROME_FIELD(M, brake_release_ms), rw, none,
               {.maximum = 10000, .unit = "ms", .saved = true, .owner = mine}),
@@ -146,6 +150,8 @@ inline constexpr auto manufacturer_section = [] {
               {.default_value = 95, .unit = "degC", .saved = true, .owner = mine}),
       element(0x2040, 5, record, "Over-speed", SERVODROME_FIELD(M, over_speed_rpm), rw, none,
               {.default_value = 0, .unit = "rpm", .saved = true, .owner = mine}),
+      var(0x2041, "Overload reaction", SERVODROME_FIELD(M, overload_reaction), rw, none,
+          {.maximum = 1, .saved = true, .owner = mine}),
       highest_sub(0x2050, record, "Hard-stop homing", 4),
       element(0x2050, 1, record, "Stall torque", SERVODROME_FIELD(M, stall_torque), rw, none,
               {.default_value = 500, .minimum = 10, .maximum = 3000, .unit = "0.1%", .saved = true, .owner = mine}),

@@ -98,12 +98,14 @@ drive::Configuration configuration(const Manufacturer& own, const drive::MotorDa
                         .width_hz = static_cast<float>(own.notch_width_hz[i]),
                         .depth = static_cast<float>(own.notch_depth[i]) * 0.001F};
   }
+  gains.field_weakening_a = static_cast<float>(own.field_weakening_permille) * 0.001F * motor.rated_current_a;
   configuration.gains = gains;
   configuration.monitors.over_voltage_v = own.over_voltage_v;
   configuration.monitors.under_voltage_v = own.under_voltage_v;
   configuration.monitors.motor_hot_c = own.motor_hot_c;
   configuration.monitors.power_stage_hot_c = own.power_stage_hot_c;
   configuration.monitors.over_speed_rpm = static_cast<float>(own.over_speed_rpm);
+  configuration.monitors.overload_limits_torque = own.overload_reaction != 0;
   for (std::size_t i = 0; i < own.input_function.size(); ++i) {
     configuration.inputs[i] = {static_cast<drive::Signal>(own.input_function[i]), (own.input_polarity >> i & 1) != 0};
   }
