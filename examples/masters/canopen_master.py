@@ -126,6 +126,7 @@ def run(network):
         if b"[FileInfo]" not in sheet.read():
             raise MachineError("the drive's data sheet is damaged")
     axis.write(0x1017, 100, 2)
+    axis.heard_at = time.monotonic()
     node.nmt.state = "OPERATIONAL"
     node.nmt.wait_for_heartbeat(1)
     axis.write(0x6060, 1, 1)

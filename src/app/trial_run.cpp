@@ -6,6 +6,7 @@
 #include <fstream>
 #include <functional>
 
+#include "app/bus_links.hpp"
 #include "app/child_process.hpp"
 #include "app/commands.hpp"
 #include "app/interrupt_guard.hpp"
@@ -28,7 +29,7 @@ constexpr std::size_t most_output = 4000;
 
 // The names under which the master finds the line.
 struct Places {
-  std::string link, host, port, api, token, scenario;
+  std::string link, host, port, api, token, scenario, job;
   std::vector<std::pair<std::string, std::string>> links;  // by bus
 };
 
@@ -53,9 +54,10 @@ void make_private(line::LineSettings& settings, const std::filesystem::path& fol
   }
 }
 
-Places places_of(line::LineServer& server, const std::string& scenario_path) {
+Places places_of(line::LineServer& server, const TrialRun& trial, const std::string& scenario_path) {
   Places places;
   places.scenario = scenario_path;
+  places.job = std::to_string(trial.job);
   places.api = fmt::format("http://127.0.0.1:{}", server.api_port());
   places.token = server.token();
   const auto add = [&places](const auto& buses) {
@@ -85,6 +87,7 @@ std::vector<std::string> command_of(std::vector<std::string> command, const Plac
     replace_all(word, "{port}", places.port);
     replace_all(word, "{api}", places.api);
     replace_all(word, "{scenario}", places.scenario);
+    replace_all(word, "{job}", places.job);
   }
   return command;
 }
@@ -92,7 +95,8 @@ std::vector<std::string> command_of(std::vector<std::string> command, const Plac
 std::vector<std::pair<std::string, std::string>> environment_of(const Places& places) {
   std::vector<std::pair<std::string, std::string>> variables{
       {"SERVODROME_LINK", places.link}, {"SERVODROME_HOST", places.host},   {"SERVODROME_PORT", places.port},
-      {"SERVODROME_API", places.api},   {"SERVODROME_TOKEN", places.token}, {"SERVODROME_SCENARIO", places.scenario}};
+      {"SERVODROME_API", places.api},   {"SERVODROME_TOKEN", places.token}, {"SERVODROME_SCENARIO", places.scenario},
+      {"SERVODROME_JOB", places.job}};
   for (const auto& [bus, link] : places.links) {
     std::string name = "SERVODROME_LINK_" + bus;
     for (char& c : name)
@@ -183,6 +187,9 @@ class Supervisor {
 
 void run(const TrialRun& trial, TrialResult& result, line::LineSettings settings) {
   make_private(settings, trial.folder);
+  std::vector<std::string> links = trial.links;
+  for (std::string& link : links) replace_all(link, "{job}", std::to_string(trial.job));
+  override_links(settings, links);
   line::LineServer server(settings);
   studio::LineRoutes routes(
       server.line(), [&server](std::uint32_t id) { return server.recording(id); },
@@ -197,7 +204,7 @@ void run(const TrialRun& trial, TrialResult& result, line::LineSettings settings
   scenario::Director director(server.line(), std::move(scenario));
   director.begin();
   scenario::ShaftLog log(server.line(), result.scenario.duration + trial.after + time_to_terminate);
-  const Places places = places_of(server, result.path);
+  const Places places = places_of(server, trial, result.path);
   const std::filesystem::path output = trial.folder / "master.log";
   {
     ChildProcess master(command_of(trial.master, places), environment_of(places), output);

@@ -10,8 +10,11 @@ namespace servodrome::app {
 
 // Runs a master against a line under a scenario, in real time.
 struct TrialRun {
-  std::vector<std::string> master;  // the command; {link}, {host}, {port}, {api} and {scenario} are replaced
-  std::filesystem::path folder;     // for the files of this run; must exist
+  // The command; {link}, {host}, {port}, {api}, {scenario} and {job} are replaced.
+  std::vector<std::string> master;
+  std::vector<std::string> links;               // values of --bus, which replace links of the line; {job} is replaced
+  unsigned job = 0;                             // number of this run among those at the same time
+  std::filesystem::path folder;                 // for the files of this run; must exist
   links::Time after = std::chrono::seconds(3);  // the line runs on so long after the master has ended
 };
 

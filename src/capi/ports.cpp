@@ -61,6 +61,7 @@ void EthernetPort::send(std::span<const std::uint8_t> frame, Time now, EthernetP
   std::vector<std::uint8_t> bytes(frame.begin(), frame.end());
   const links::EthercatBus::Passage passage = bus_.exchange(bytes, now, side_);
   if (passage.exit == links::EthercatBus::Exit::lost) return;
+  bytes.resize(passage.length);
   const bool leaves_second = passage.exit == links::EthercatBus::Exit::secondary;
   const bool here = leaves_second == (side_ == links::EthercatBus::Port::secondary) || other == nullptr;
   std::vector<Returning>& returning = here ? returning_ : other->returning_;

@@ -72,4 +72,15 @@ std::vector<std::uint8_t> coe_abort(std::span<const std::uint8_t> message, const
   return bytes;
 }
 
+std::vector<std::uint8_t> coe_emergency(std::uint16_t code, std::uint8_t error_register) {
+  constexpr auto service = static_cast<unsigned>(ethercat::CoeService::emergency) << 12;
+  std::vector<std::uint8_t> bytes(command_byte + sdo_bytes);
+  ethercat::store_u16(bytes.data(), static_cast<unsigned>(bytes.size() - ethercat::mailbox_header_size));
+  bytes[type_byte] = static_cast<std::uint8_t>(ethercat::MailboxType::coe);
+  ethercat::store_u16(bytes.data() + ethercat::mailbox_header_size, service);
+  ethercat::store_u16(bytes.data() + command_byte, code);
+  bytes[command_byte + 2] = error_register;
+  return bytes;
+}
+
 }  // namespace servodrome::scenario

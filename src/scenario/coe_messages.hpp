@@ -20,4 +20,7 @@ class CoeMessages {
 std::vector<std::uint8_t> coe_abort(std::span<const std::uint8_t> message, const ObjectAddress& object,
                                     std::uint32_t code);
 
+// An emergency with its header (ETG.1000.6 clause 5.6.4), without the counter.
+std::vector<std::uint8_t> coe_emergency(std::uint16_t code, std::uint8_t error_register);
+
 }  // namespace servodrome::scenario

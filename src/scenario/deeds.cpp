@@ -59,6 +59,27 @@ links::CanBus* Director::can_bus(const RuleRun& rule) const {
   return bus != nullptr ? &bus->bus : nullptr;
 }
 
+line::NamedSerialBus* Director::serial_bus(const RuleRun& rule) const {
+  if (rule.axis == nullptr) return line_.find_serial_bus(rule.rule->bus);
+  const auto& serial = rule.axis->settings().serial;
+  return serial ? line_.serial_buses()[serial->bus].get() : nullptr;
+}
+
+// What only some messages of serial lines know.
+void Director::check_serial(const Rule& rule) {
+  const bool of_answers = std::holds_alternative<Slow>(rule.action) || std::holds_alternative<Close>(rule.action);
+  if (of_answers && rule.on && rule.on->kind != MessageKind::answer) {
+    throw ScenarioError("the action is for answers on serial lines", rule.name, "write on = { message = \"answer\" }");
+  }
+  if (!rule.on || rule.on->kind != MessageKind::request) return;
+  if (std::holds_alternative<Delay>(rule.action) || std::holds_alternative<Repeat>(rule.action)) {
+    throw ScenarioError("a serial request is neither delayed nor repeated", rule.name, "act on its answer");
+  }
+  if (rule.checksum) {
+    throw ScenarioError("a serial request that is changed has a wrong checksum", rule.name, "leave `checksum` out");
+  }
+}
+
 void Director::check(const RuleRun& run) const {
   const Rule& rule = *run.rule;
   const auto refuse = [&rule](const std::string& what, const std::string& hint) {
@@ -70,6 +91,7 @@ void Director::check(const RuleRun& run) const {
              "`servodrome export` writes a list of its objects");
     }
   }
+  check_serial(rule);
   const auto* frames = std::get_if<Send>(&rule.action);
   if (frames != nullptr && frames->data.size() > 8 && can_bus(run) != nullptr) {
     refuse("the data are longer than 8 bytes", "a CAN frame has at most 8");
@@ -88,6 +110,13 @@ void Director::check(const RuleRun& run) const {
   if (needs_slave(rule.action) && !settings.ethercat) {
     refuse("the axis is not on an EtherCAT segment", "choose an axis that is");
   }
+  // Of a frame's passage through one slave, only what follows can be changed.
+  const bool is_frame = rule.on && (rule.on->kind == MessageKind::cycle || rule.on->kind == MessageKind::frame);
+  const bool is_passage = std::holds_alternative<Withhold>(rule.action) ||
+                          std::holds_alternative<WorkingCounter>(rule.action) || makes_messages(rule.action);
+  if (is_frame && !rule.axis.empty() && !is_passage) {
+    refuse("the action is about the whole frame", "leave out `axis`, or name the bus");
+  }
   const bool needs_can = std::holds_alternative<ForceErrorState>(rule.action) ||
                          (rule.on && is_of_can(rule.on->kind) && !settings.ethercat);
   if (needs_can && !settings.bus) refuse("the axis is not on a CAN bus", "choose an axis that is");
@@ -96,19 +125,32 @@ void Director::check(const RuleRun& run) const {
   }
 }
 
-void Director::send(RuleRun& rule, const Send& send) {
+// Sends the frame on the rule's CAN bus, or the characters on its RS485 line. Returns false if it has neither.
+bool Director::speak(const RuleRun& rule, const Send& send) {
   links::CanBus* bus = can_bus(rule);
-  if (rule.phase != RuleRun::Phase::active || bus == nullptr) return;
+  line::NamedSerialBus* serial = serial_bus(rule);
+  if (serial != nullptr && (bus == nullptr || (rule.rule->on && is_of_serial(rule.rule->on->kind)))) {
+    stations_.at(serial)->send(send.data, now());
+    return true;
+  }
+  if (bus == nullptr) return false;
   canopen::Frame frame;
   frame.id = send.id;
   frame.extended = send.id > 0x7FF;
   frame.length = static_cast<std::uint8_t>(send.data.size());
   std::copy(send.data.begin(), send.data.end(), frame.data.begin());
   ports_.at(bus)->send(frame, now());
+  return true;
+}
+
+void Director::send(RuleRun& rule, const Send& send) {
+  if (rule.phase != RuleRun::Phase::active || !speak(rule, send)) return;
   act(rule);
   if (rule.rule->on) return;
   if (send.continuous || rule.acts < rule.rule->times.value_or(1)) {
-    at(now() + send.period, [this, &rule, &send] { this->send(rule, send); });
+    const line::NamedSerialBus* serial = can_bus(rule) == nullptr ? serial_bus(rule) : nullptr;
+    const Time lasts = serial != nullptr ? serial->line.format().character_time() * std::ssize(send.data) : Time{};
+    at(now() + std::max(send.period, lasts), [this, &rule, &send] { this->send(rule, send); });
   }
 }
 
@@ -123,6 +165,8 @@ void Director::do_deed(RuleRun& rule, Time now) {
     send(rule, *frames);
   } else if (const auto* cable = std::get_if<Cable>(&action)) {
     connect(rule, cable->connected);
+  } else if (const auto* accept = std::get_if<Accept>(&action)) {
+    if (!accept->on) end_connections(rule);
   } else if (const auto* forced = std::get_if<ForceErrorState>(&action)) {
     can_bus(rule)->force_error_state(rule.axis->port(), forced->state, now);
   } else if (const auto* set = std::get_if<SetObject>(&action)) {
@@ -135,6 +179,8 @@ void Director::do_deed(RuleRun& rule, Time now) {
     disturb(*rule.axis, *clock, false);
   } else if (const auto* emergency = std::get_if<Emergency>(&action)) {
     raise(rule, *emergency);
+  } else if (std::holds_alternative<WatchdogOff>(action)) {
+    rule.axis->device().ethercat_controller()->set_watchdog_dead(true);
   }
 }
 
@@ -148,6 +194,8 @@ void Director::undo_deed(RuleRun& rule, Time now) {
     disturb(*rule.axis, *clock, true);
   } else if (std::holds_alternative<ForceErrorState>(action)) {
     can_bus(rule)->force_error_state(rule.axis->port(), links::ErrorState::active, now);
+  } else if (std::holds_alternative<WatchdogOff>(action)) {
+    rule.axis->device().ethercat_controller()->set_watchdog_dead(false);
   }
 }
 
@@ -163,7 +211,12 @@ void Director::connect(const RuleRun& rule, bool connected) {
   if (settings.ethercat) {
     line_.ethercat_buses()[settings.ethercat->bus]->bus.set_cable(rule.axis->position() - 1, connected);
   }
-  if (settings.serial) cut(line_.serial_buses()[settings.serial->bus]->line, !connected);
+  if (settings.serial) parts(*rule.axis).serial->cut(!connected);
+}
+
+void Director::end_connections(const RuleRun& rule) {
+  line::NamedSerialBus* bus = serial_bus(rule);
+  for (std::size_t i = 0; bus != nullptr && i < bus->links.size(); ++i) bus->links[i]->end_connections();
 }
 
 void Director::cut(links::SerialLine& line, bool is_cut) {
@@ -193,9 +246,11 @@ void Director::patch(line::Axis& axis, const PatchSii& patch) {
   if (place + 2 > memory.size()) return;
   memory[place] = static_cast<std::uint8_t>(patch.value);
   memory[place + 1] = static_cast<std::uint8_t>(patch.value >> 8);
+  if (patch.word > checksum_word) return;
   if (patch.word < checksum_word) {
     memory[2 * checksum_word] = ethercat::sii_checksum(memory.first(2 * checksum_word));
   }
+  axis.device().ethercat_controller()->load_sii_anew();
 }
 
 void Director::disturb(line::Axis& axis, const DisturbClock& clock, bool ends) {
@@ -219,7 +274,9 @@ void Director::raise(RuleRun& rule, const Emergency& emergency) {
   line::Axis& axis = *rule.axis;
   if (!axis.powered()) return;
   if (ethercat::Slave* slave = axis.device().ethercat_slave()) {
-    slave->emergency(emergency.code, emergency.error_register, {});
+    // In answer to a message it comes before what the slave itself answers.
+    const bool posted = rule.rule->on && slave->post(coe_emergency(emergency.code, emergency.error_register));
+    if (!posted) slave->emergency(emergency.code, emergency.error_register, {});
     return;
   }
   canopen::Frame frame;

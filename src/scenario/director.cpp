@@ -41,6 +41,7 @@ Director::~Director() {
     axis->interpose(nullptr);
     if (parts.slave) axis->device().ethercat_slave()->interpose(nullptr);
     axis->device().bus_dictionary().set_view(nullptr);
+    axis->device().dictionary().set_view(nullptr);
   }
 }
 
@@ -83,7 +84,10 @@ void Director::set_up(const Expectation& expectation) {
 
 void Director::place_stages() {
   for (const auto& bus : line_.ethercat_buses()) segments_.push_back(std::make_unique<SegmentStage>(*this, *bus));
-  for (const auto& bus : line_.serial_buses()) tcp_stages_.push_back(std::make_unique<TcpStage>(*this, *bus));
+  for (const auto& bus : line_.serial_buses()) {
+    tcp_stages_.push_back(std::make_unique<TcpStage>(*this, *bus));
+    stations_.emplace(bus.get(), std::make_unique<RuleStation>(bus->line));
+  }
   for (const auto& axis : line_.axes()) {
     const auto& bus = axis->settings().bus;
     if (bus) {
@@ -102,6 +106,8 @@ void Director::place_stages() {
     }
     if (view->empty()) continue;
     axis->device().bus_dictionary().set_view(view.get());
+    // RS485 ports read the drive's own dictionary. So does the bench API, which then sees what the bus sees.
+    if (axis->settings().serial) axis->device().dictionary().set_view(view.get());
     parts(*axis).view = std::move(view);
   }
 }
@@ -195,10 +201,18 @@ void Director::act(RuleRun& rule) {
 
 bool Director::concerns(const RuleRun& rule, line::Axis* axis, const Message& message) const {
   if (rule.phase != RuleRun::Phase::active || !rule.rule->on || !matches(*rule.rule->on, message)) return false;
-  if (message.bus.empty()) return rule.axis == nullptr || rule.axis == axis;
+  if (rule.axis == nullptr && message.bus.empty()) return axis != nullptr && is_on(*axis, rule.rule->bus);
+  if (message.bus.empty()) return rule.axis == axis;
   if (rule.axis == nullptr) return rule.rule->bus == message.bus;
   const auto& slave = rule.axis->settings().ethercat;
   return slave && line_.ethercat_buses()[slave->bus]->settings.name == message.bus;
+}
+
+bool Director::is_on(const line::Axis& axis, std::string_view bus) const {
+  const line::AxisSettings& on = axis.settings();
+  return (on.bus && line_.buses()[*on.bus]->settings.name == bus) ||
+         (on.serial && line_.serial_buses()[on.serial->bus]->settings.name == bus) ||
+         (on.ethercat && line_.ethercat_buses()[on.ethercat->bus]->settings.name == bus);
 }
 
 bool Director::carry_out(line::Axis* axis, const Message& message, Packets& packets, std::vector<RuleRun*>* acting) {
@@ -231,16 +245,20 @@ void Director::carry_out(std::span<const Message> datagrams, std::vector<RuleRun
       rule->passed(false);
       continue;
     }
+    if (makes_messages(rule->rule->action)) {
+      do_deed(*rule, now());
+      continue;
+    }
     act(*rule);
     acting.push_back(rule.get());
   }
   for (const Message& datagram : datagrams) notice(nullptr, datagram);
 }
 
-bool Director::refuses_connections(std::string_view bus) const {
-  return std::any_of(rules_.begin(), rules_.end(), [bus](const auto& rule) {
+bool Director::refuses_connections(const line::NamedSerialBus& bus) const {
+  return std::any_of(rules_.begin(), rules_.end(), [&](const auto& rule) {
     const auto* accept = std::get_if<Accept>(&rule->rule->action);
-    return accept != nullptr && !accept->on && rule->phase == RuleRun::Phase::active && rule->rule->bus == bus;
+    return accept != nullptr && !accept->on && rule->phase == RuleRun::Phase::active && serial_bus(*rule) == &bus;
   });
 }
 

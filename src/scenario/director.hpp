@@ -13,6 +13,7 @@
 #include "scenario/segment_stage.hpp"
 #include "scenario/serial_stage.hpp"
 #include "scenario/slave_stage.hpp"
+#include "scenario/tcp_stage.hpp"
 
 namespace servodrome::scenario {
 
@@ -85,7 +86,7 @@ class Director final : public line::Follower {
     }
     return nullptr;
   }
-  bool refuses_connections(std::string_view bus) const;
+  bool refuses_connections(const line::NamedSerialBus& bus) const;
   // The axis that answers for a Modbus unit of the line; nullptr: none, or any.
   line::Axis* axis_of_unit(const line::NamedSerialBus& bus, std::uint8_t unit) const;
   // A rule without messages has acted.
@@ -114,15 +115,20 @@ class Director final : public line::Follower {
   void begin(RuleRun& rule, Time now);
   void notice(line::Axis* axis, const Message& message);
   bool concerns(const RuleRun& rule, line::Axis* axis, const Message& message) const;
+  bool is_on(const line::Axis& axis, std::string_view bus) const;
 
   // deeds.cpp: what an action does when its rule begins, and how that is taken back.
+  static void check_serial(const Rule& rule);
   void check(const RuleRun& rule) const;
   void do_deed(RuleRun& rule, Time now);
   void undo_deed(RuleRun& rule, Time now);
   std::string request(line::Axis& axis, const std::string& method, const std::string& path, const std::string& body);
   void send(RuleRun& rule, const Send& send);
   links::CanBus* can_bus(const RuleRun& rule) const;
+  line::NamedSerialBus* serial_bus(const RuleRun& rule) const;
+  bool speak(const RuleRun& rule, const Send& send);
   void connect(const RuleRun& rule, bool connected);
+  void end_connections(const RuleRun& rule);
   static void cut(links::SerialLine& line, bool is_cut);
   void write_own(line::Axis& axis, const SetObject& set);
   void drop_state(line::Axis& axis, const DropState& drop);
@@ -138,6 +144,7 @@ class Director final : public line::Follower {
   std::map<line::Axis*, AxisParts> parts_;
   std::vector<std::unique_ptr<SegmentStage>> segments_;
   std::vector<std::unique_ptr<TcpStage>> tcp_stages_;
+  std::map<line::NamedSerialBus*, std::unique_ptr<RuleStation>> stations_;
   Facts facts_;
   std::map<line::Axis*, double> revolutions_;  // at the last tick
   std::multimap<Time, std::function<void()>> queue_;

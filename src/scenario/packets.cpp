@@ -1,17 +1,26 @@
 #include "scenario/packets.hpp"
 
 #include <algorithm>
+#include <utility>
 
 namespace servodrome::scenario {
 
-Packets::Packets(const Message& message, std::uint64_t seed)
+Packets::Packets(const Message& message, std::uint64_t seed, const Framing* framing)
     : packets_{{{message.bytes.begin(), message.bytes.end()}, message.id, Time{}}},
       object_(message.object.value_or(ObjectAddress{})),
-      seed_(seed) {}
+      seed_(seed),
+      framing_(framing) {}
 
 void Packets::apply(const RuleRun& rule) {
   acted_ = true;
+  const bool seals = framing_ != nullptr && (rule.rule->checksum || std::holds_alternative<Abort>(rule.rule->action));
+  for (Packet& packet : packets_) {
+    if (seals) packet.bytes.resize(packet.bytes.size() - std::min(packet.bytes.size(), framing_->checksum_bytes));
+  }
   std::visit([&](const auto& action) { change(action, rule); }, rule.rule->action);
+  for (Packet& packet : packets_) {
+    if (seals) framing_->seal(packet.bytes);
+  }
 }
 
 void Packets::change(const Delay& delay, const RuleRun& rule) {
@@ -45,6 +54,9 @@ void Packets::change(const Alter& alter, Packet& packet) {
     case Alter::How::set: byte = alter.value; break;
     case Alter::How::flip: byte = static_cast<std::uint8_t>(byte ^ alter.value); break;
     case Alter::How::add: byte = static_cast<std::uint8_t>(byte + alter.value); break;
+    case Alter::How::swap:
+      if (alter.value < size) std::swap(byte, packet.bytes[alter.value]);
+      break;
   }
 }
 
@@ -57,9 +69,18 @@ void Packets::change(const Truncate& truncate, const RuleRun&) {
 }
 
 void Packets::change(const Extend& extend, const RuleRun&) {
-  for (Packet& packet : packets_) {
-    packet.bytes.insert(packet.bytes.end(), extend.data.begin(), extend.data.end());
+  std::vector<Packet> parts;
+  for (Packet& packet : std::exchange(packets_, {})) {
+    if (extend.before && extend.gap > Time{}) {
+      parts.push_back({extend.data, packet.id, packet.late});
+      packet.late += extend.gap;
+    } else {
+      packet.bytes.insert(extend.before ? packet.bytes.begin() : packet.bytes.end(), extend.data.begin(),
+                          extend.data.end());
+    }
+    parts.push_back(std::move(packet));
   }
+  packets_ = std::move(parts);
 }
 
 // SDO abort transfer (CiA 301 7.2.4.3.17).
@@ -68,6 +89,10 @@ void Packets::change(const Abort& abort, const RuleRun&) {
   aborts_ = true;
   abort_code_ = abort.code;
   for (Packet& packet : packets_) {
+    if (framing_ != nullptr) {
+      packet.bytes = framing_->refusal(packet.bytes, abort.code);
+      continue;
+    }
     packet.bytes = {0x80, byte(object_.index, 0), byte(object_.index, 1), object_.sub.value_or(0)};
     for (unsigned n = 0; n < 4; ++n) packet.bytes.push_back(byte(abort.code, n));
   }

@@ -11,18 +11,26 @@ struct Packet {
   Time late{};           // is sent so much later
 };
 
+// How a protocol of a serial line frames its messages.
+struct Framing {
+  std::size_t checksum_bytes = 0;                  // at the end of a message
+  void (*seal)(std::vector<std::uint8_t>& bytes);  // appends the checksum, or corrects a length in the header
+  // A refusal with this code in place of a message; both without checksum.
+  std::vector<std::uint8_t> (*refusal)(std::span<const std::uint8_t> message, std::uint32_t code);
+};
+
 // What becomes of a message: any number of packets. Each act changes them in place.
 class Packets {
  public:
-  // `object`: of the SDO transfer that the message belongs to, for an abort.
-  Packets(const Message& message, std::uint64_t seed);
+  // Without `framing` an abort is that of an SDO transfer, of the message's object. `framing` must outlive this object.
+  Packets(const Message& message, std::uint64_t seed, const Framing* framing = nullptr);
 
   void apply(const RuleRun& rule);
 
   const std::vector<Packet>& all() const { return packets_; }
   // The message passes as it was, at once.
   bool unchanged() const { return !acted_; }
-  // The packets are SDO aborts.
+  // The packets are aborts: of an SDO transfer, or refusals of a serial protocol.
   bool aborts() const { return aborts_; }
   std::uint32_t abort_code() const { return abort_code_; }
 
@@ -44,6 +52,7 @@ class Packets {
   std::vector<Packet> packets_;
   ObjectAddress object_;
   std::uint64_t seed_;
+  const Framing* framing_;
   bool acted_ = false;
   bool aborts_ = false;
   std::uint32_t abort_code_ = 0;

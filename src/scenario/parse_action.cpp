@@ -74,8 +74,8 @@ std::vector<std::uint8_t> plain_bytes(TableReader& reader, std::string_view key,
 }
 
 Alter read_alter(TableReader& reader, bool required) {
-  constexpr auto hows =
-      std::to_array<Word<Alter::How>>({{"set", Alter::How::set}, {"xor", Alter::How::flip}, {"add", Alter::How::add}});
+  constexpr auto hows = std::to_array<Word<Alter::How>>(
+      {{"set", Alter::How::set}, {"xor", Alter::How::flip}, {"add", Alter::How::add}, {"swap", Alter::How::swap}});
   Alter alter;
   if (reader.node("byte") != nullptr) {
     int byte = 0;
@@ -93,7 +93,7 @@ Alter read_alter(TableReader& reader, bool required) {
     alter.id = id;
   }
   if (required && !alter.byte && alter.bytes.empty() && !alter.id) {
-    reader.complain("do", "does not say what it changes", "give byte with set, xor or add, or bytes, or id");
+    reader.complain("do", "does not say what it changes", "give byte with set, xor, add or swap, or bytes, or id");
   }
   return alter;
 }
@@ -230,8 +230,14 @@ Action read_sync0(TableReader& reader) {
                                                                 {"twice", DisturbSync0::How::twice},
                                                                 {"late", DisturbSync0::How::late}});
   if (const auto how = read_word(reader, "how", hows)) sync0.how = *how;
+  if (reader.node("late_us") == nullptr) {
+    if (sync0.how == DisturbSync0::How::late) reader.complain("late_us", "is missing", "give the time in microseconds");
+    return sync0;
+  }
+  if (reader.node("how") != nullptr) reader.complain("late_us", "comes with how", "give one of them");
   std::int64_t late_us = 0;
-  reader.read("late_us", late_us, 0, 1'000'000);
+  reader.read("late_us", late_us, 1, 1'000'000);
+  sync0.how = DisturbSync0::How::late;
   sync0.late = std::chrono::microseconds(late_us);
   return sync0;
 }
@@ -273,7 +279,16 @@ constexpr auto action_table = std::to_array<ActionRow>({
        return truncate;
      }},
     {"extend", Scope::messages,
-     [](TableReader& reader) -> Action { return Extend{plain_bytes(reader, "data", true)}; }},
+     [](TableReader& reader) -> Action {
+       Extend extend;
+       extend.data = plain_bytes(reader, "data", true);
+       extend.before = flag(reader, "before", false);
+       extend.gap = read_time_ms(reader, "gap_ms").value_or(Time{});
+       if (extend.gap > Time{} && !extend.before) {
+         reader.complain("gap_ms", "is for data in front of the message", "add before = true");
+       }
+       return extend;
+     }},
     {"abort", Scope::messages,
      [](TableReader& reader) -> Action {
        Abort abort;

@@ -13,7 +13,7 @@ namespace {
 using api::ApiError;
 using api::Json;
 
-constexpr const char* place = "scenario";
+constexpr const char* api_place = "scenario";
 
 double seconds(Time time) { return std::chrono::duration<double>(time).count(); }
 
@@ -60,7 +60,7 @@ Json Routes::begin(const std::string& body) {
 }
 
 Json Routes::show() const {
-  if (!director_) throw ApiError{404, "no scenario has begun", place, "begin one: PUT {\"text\": \"title = ...\"}"};
+  if (!director_) throw ApiError{404, "no scenario has begun", api_place, "begin one: PUT {\"text\": \"title = ...\"}"};
   Json rules = Json::array();
   for (const RuleReport& rule : director_->rules()) {
     rules.push_back({{"name", rule.name},

@@ -47,6 +47,7 @@ struct RuleRun {
   std::uint64_t acts = 0;      // since the beginning
   std::uint64_t all_acts = 0;  // of ended runs of the rule
   std::int64_t frozen = 0;     // of Show::How::freeze
+  Time held_until{};           // of Hold: when the write that it holds has its effect
   std::uint64_t raised = 0;    // of Ignore: masked bits of the last write
   std::deque<PastValue> history;
   std::string error;  // the reason why the rule could not act

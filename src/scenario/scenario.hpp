@@ -112,10 +112,10 @@ struct Delay {
   unsigned frames = 0;  // on EtherCAT in place of a time: until so many later frames have come back
 };
 struct Alter {
-  enum class How : std::uint8_t { set, flip, add };
+  enum class How : std::uint8_t { set, flip, add, swap };
   std::optional<int> byte;  // from 0; negative: from the end, -1 is the last
   How how = How::set;
-  std::uint8_t value = 0;
+  std::uint8_t value = 0;                          // of swap: the place of the other byte
   std::vector<std::optional<std::uint8_t>> bytes;  // from byte 0 on; no value: unchanged
   std::optional<std::uint32_t> id;                 // the CAN identifier
 };
@@ -131,7 +131,9 @@ struct Truncate {
   unsigned length = 0;  // bytes that remain
 };
 struct Extend {
-  std::vector<std::uint8_t> data;  // is appended
+  std::vector<std::uint8_t> data;
+  bool before = false;  // the data are put in front of the message in place of behind it
+  Time gap{};           // pause between the data in front and the message
 };
 struct Abort {
   std::uint32_t code = 0;  // of the SDO abort that takes the message's place
@@ -213,6 +215,7 @@ struct Emergency {
 
 // ---- Actions on an EtherCAT slave
 
+// Also refuses that an error is acknowledged in this state.
 struct RefuseState {
   ethercat::AlState to = ethercat::AlState::operational;
   std::uint16_t code = 0;
@@ -249,6 +252,12 @@ inline bool acts_on_messages(const Action& action) { return action.index() <= Ac
 inline bool makes_messages(const Action& action) {
   return std::holds_alternative<Send>(action) || std::holds_alternative<Emergency>(action);
 }
+// The action changes the bytes of messages, their length or their number.
+inline bool changes_bytes(const Action& action) {
+  return std::holds_alternative<Alter>(action) || std::holds_alternative<Repeat>(action) ||
+         std::holds_alternative<Replace>(action) || std::holds_alternative<Truncate>(action) ||
+         std::holds_alternative<Extend>(action);
+}
 // The action changes what the bus sees of an object.
 inline bool acts_on_view(const Action& action) {
   return std::holds_alternative<Show>(action) || std::holds_alternative<Ignore>(action) ||
@@ -274,7 +283,7 @@ struct Rule {
   std::optional<Time> period;        // begins anew so long after its last beginning, if `when` holds
   std::optional<MessagePattern> on;  // for actions on messages
   Action action;
-  bool checksum = false;          // of a serial message is computed again after the change
+  bool checksum = false;          // the change is made before the checksum of a serial message is computed
   std::optional<unsigned> times;  // of messages it acts on or sends; ends after so many acts
   unsigned skip = 0;              // lets so many matching messages pass first
   unsigned every = 1;             // then acts on every n-th

@@ -1,7 +1,7 @@
 #pragma once
 
 #include "line/line.hpp"
-#include "scenario/rule_run.hpp"
+#include "scenario/packets.hpp"
 
 namespace servodrome::scenario {
 
@@ -11,7 +11,7 @@ class Director;
 class SegmentStage final : public links::EthercatInterposer {
  public:
   SegmentStage(Director& director, line::NamedEthercatBus& bus);
-  ~SegmentStage() { bus_.bus.interpose(nullptr); }
+  ~SegmentStage();
   SegmentStage(const SegmentStage&) = delete;
   SegmentStage& operator=(const SegmentStage&) = delete;
 
@@ -19,16 +19,26 @@ class SegmentStage final : public links::EthercatInterposer {
   Return returns(std::span<std::uint8_t> frame, Encapsulation encapsulation, Time at) override;
 
  private:
-  void change(std::span<std::uint8_t> frame, Encapsulation encapsulation, Return& result);
-  void keep(std::span<const std::uint8_t> frame) { before_.assign(frame.begin(), frame.end()); }
+  // A frame that comes back behind later ones.
+  struct HeldFrame {
+    std::vector<std::uint8_t> bytes;
+    unsigned later = 0;  // so many must still come back before it
+  };
+
+  void connect_all();
+  void change_datagrams(const RuleRun& rule, std::span<std::uint8_t> frame, ethercat::Frame& parsed) const;
+  void change_bytes(std::span<std::uint8_t> frame, Encapsulation encapsulation, Return& result);
+  void hold_back(std::span<const std::uint8_t> frame, unsigned frames, Return& result);
+  void release_held();
 
   Director& director_;
   line::NamedEthercatBus& bus_;
   std::vector<RuleRun*> acting_;      // on the frame that is under way
+  std::vector<ethercat::Esc*> deaf_;  // slaves that it passes without effect
   std::vector<std::uint8_t> before_;  // the cycle that came back last, for Stale
+  std::vector<HeldFrame> held_;
+  std::vector<std::vector<std::uint8_t>> behind_;  // come back with the frame that is under way
   bool is_cycle_ = false;
-  Time last_entry_{};
-  Time period_{};  // between the last two frames
 };
 
 }  // namespace servodrome::scenario

@@ -8,6 +8,29 @@ namespace servodrome::scenario {
 
 class Director;
 
+// A station of an RS485 line that sends the characters of the rules, also while another station sends.
+class RuleStation final : public links::SerialStation {
+ public:
+  explicit RuleStation(links::SerialLine& line)
+      : line_(line), port_(line.attach(*this, links::SerialSender::unknown)) {}
+  ~RuleStation() override { line_.detach(port_); }
+  RuleStation(const RuleStation&) = delete;
+  RuleStation& operator=(const RuleStation&) = delete;
+
+  // Begins at `now`, or when the characters that wait have been sent.
+  void send(std::span<const std::uint8_t> characters, Time now);
+
+  void receive(std::uint8_t, bool, Time) override {}
+  Time next_deadline() const override { return waiting_.empty() ? links::never : due_; }
+  std::span<const std::uint8_t> take() override;
+
+ private:
+  links::SerialLine& line_;
+  links::SerialPortId port_;
+  std::vector<std::uint8_t> waiting_, taken_;
+  Time due_{};
+};
+
 // Lets the rules act on the answers of one drive on an RS485 line, and on the requests to it.
 class SerialStage final : public links::SerialInterposer {
  public:
@@ -16,35 +39,26 @@ class SerialStage final : public links::SerialInterposer {
   SerialStage(const SerialStage&) = delete;
   SerialStage& operator=(const SerialStage&) = delete;
 
+  // Cuts the drive's stub: it neither receives nor is received.
+  void cut(bool is_cut);
+
   std::vector<links::SerialPiece> answers(std::span<const std::uint8_t> answer, Time at) override;
   bool receives(std::uint8_t& character, bool& intact, Time at) override;
 
  private:
-  Message message(std::span<const std::uint8_t> bytes) const;
-  bool completes_request() const;
+  const Framing& framing() const;
+  // The drive says something that it would not say by itself.
+  void speak(std::span<const std::uint8_t> characters, Time at);
 
   Director& director_;
   line::Axis& axis_;
   line::NamedSerialBus& bus_;
   std::vector<std::uint8_t> request_;  // characters since the last pause
   Time heard_at_{};
+  bool is_cut_ = false;
 };
 
-// Lets the rules act on the answers of a line's drives over Modbus TCP.
-class TcpStage final : public links::ModbusTcpInterposer {
- public:
-  TcpStage(Director& director, line::NamedSerialBus& bus);
-  ~TcpStage() { bus_.line.interpose_tcp(nullptr); }
-  TcpStage(const TcpStage&) = delete;
-  TcpStage& operator=(const TcpStage&) = delete;
-
-  Admission connects() override;
-  links::TcpReply answers(std::span<const std::uint8_t> request, std::span<const std::uint8_t> answer,
-                          Time at) override;
-
- private:
-  Director& director_;
-  line::NamedSerialBus& bus_;
-};
+// What a message has become, with the pauses that the acting rules put between its characters.
+std::vector<links::SerialPiece> pieces_of(const Packets& packets, const std::vector<RuleRun*>& acting);
 
 }  // namespace servodrome::scenario

@@ -17,8 +17,18 @@ std::optional<ethercat::AlStatusCode> SlaveStage::refuses(ethercat::AlState, eth
   return static_cast<ethercat::AlStatusCode>(std::get<RefuseState>(rule->rule->action).code);
 }
 
+bool SlaveStage::acknowledges() {
+  const ethercat::AlState present = axis_.device().ethercat_slave()->state();
+  const auto fits = [present](const RefuseState& refuse) { return refuse.to == present; };
+  return director_.firing<RefuseState>(axis_, fits) == nullptr;
+}
+
 void SlaveStage::release_later(Time late) {
-  director_.at(director_.now() + late, [this] { axis_.device().ethercat_slave()->release_mail(); });
+  release_at_ = director_.now() + late;
+  director_.at(release_at_, [this] {
+    // The master may have reset the mailbox, and a later message may wait.
+    if (director_.now() >= release_at_) axis_.device().ethercat_slave()->release_mail();
+  });
 }
 
 // The copies of a repetition come one after the other when the master reads them, so their times do not matter.
@@ -43,11 +53,15 @@ ethercat::SlaveInterposer::Dispatch SlaveStage::sends(Mail& mail) {
 }
 
 ethercat::SlaveInterposer::Receipt SlaveStage::receives(std::span<std::uint8_t> mailbox) {
-  if (kept_until_ != links::never) {  // asked again about the message that was kept
-    if (director_.now() < kept_until_) return Receipt::keep;
-    kept_until_ = links::never;
-    return Receipt::serve;
-  }
+  const bool asked_again = !kept_.empty() && std::equal(kept_.begin(), kept_.end(), mailbox.begin(), mailbox.end());
+  if (!asked_again) return receives_anew(mailbox);
+  if (director_.now() < release_at_) return Receipt::keep;
+  kept_.clear();
+  return Receipt::serve;
+}
+
+ethercat::SlaveInterposer::Receipt SlaveStage::receives_anew(std::span<std::uint8_t> mailbox) {
+  kept_.clear();
   const Message message = messages_.incoming(mailbox);
   Packets packets(message, director_.seed());
   if (!director_.carry_out(&axis_, message, packets)) {
@@ -63,7 +77,7 @@ ethercat::SlaveInterposer::Receipt SlaveStage::receives(std::span<std::uint8_t> 
   const Packet& first = packets.all().front();
   std::copy_n(first.bytes.begin(), std::min(first.bytes.size(), mailbox.size()), mailbox.begin());
   if (first.late == Time{}) return Receipt::serve;
-  kept_until_ = director_.now() + first.late;
+  kept_.assign(mailbox.begin(), mailbox.end());
   release_later(first.late);
   return Receipt::keep;
 }

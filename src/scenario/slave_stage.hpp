@@ -14,6 +14,7 @@ class SlaveStage final : public ethercat::SlaveInterposer {
   SlaveStage(Director& director, line::Axis& axis);
 
   std::optional<ethercat::AlStatusCode> refuses(ethercat::AlState from, ethercat::AlState to) override;
+  bool acknowledges() override;
   Dispatch sends(Mail& mail) override;
   Receipt receives(std::span<std::uint8_t> mailbox) override;
   Pulse sync0(Time now) override;
@@ -21,11 +22,13 @@ class SlaveStage final : public ethercat::SlaveInterposer {
 
  private:
   void release_later(Time late);
+  Receipt receives_anew(std::span<std::uint8_t> mailbox);
 
   Director& director_;
   line::Axis& axis_;
   CoeMessages messages_;
-  Time kept_until_ = links::never;  // a request stays in the mailbox until then; never: none does
+  std::vector<std::uint8_t> kept_;  // the request that stays in the mailbox; empty: none does
+  Time release_at_{};               // of the message that is kept or held last
 };
 
 }  // namespace servodrome::scenario

@@ -44,8 +44,10 @@ void Jobs::make_room() {
 
 // A command that continues another must not follow a halt or a stop that came between the two.
 void Jobs::require_last(const std::string& axis, std::uint64_t id) const {
-  const auto later = std::find_if(jobs_.begin(), jobs_.end(), [&](const Job& job) { return job.axis == axis && job.id > id; });
-  const auto before = std::find_if(jobs_.begin(), jobs_.end(), [&](const Job& job) { return job.axis == axis && job.id == id; });
+  const auto later =
+      std::find_if(jobs_.begin(), jobs_.end(), [&](const Job& job) { return job.axis == axis && job.id > id; });
+  const auto before =
+      std::find_if(jobs_.begin(), jobs_.end(), [&](const Job& job) { return job.axis == axis && job.id == id; });
   const bool is_last = id > stopped_at_ && later == jobs_.end() && before != jobs_.end();
   if (is_last && before->state == JobState::done) return;
   throw ApiError{409, fmt::format("job {} is not the last command of the axis, or is not done", id), axis,

@@ -123,7 +123,7 @@ class Jobs {
   Publish publish_;
   std::uint64_t last_id_ = 0;
   std::uint64_t stopped_at_ = 0;  // the last job before the last stop of all axes
-  std::list<Job> jobs_;  // oldest first
+  std::list<Job> jobs_;           // oldest first
   master::Time next_deadline_ = links::never;
 };
 

@@ -126,6 +126,24 @@ times = 1
   EXPECT_EQ(stage.state(), drive::PowerState::operation_enabled);
 }
 
+// A master that gives up and disables the drive must not find it enabled by the write that was held.
+TEST(ObjectRules, AWriteDoesNotOvertakeOneThatIsHeld) {
+  Stage stage(R"(
+[[rule]]
+when = { state = "switched_on" }
+do = "hold"
+object = "6040"
+ms = 300
+times = 1
+)");
+  for (const std::uint32_t word : {0x06U, 0x07U}) stage.write(0x6040, word, 2);
+  stage.run(1s);
+  stage.write(0x6040, 0x0F, 2);
+  stage.write(0x6040, 0x00, 2);
+  stage.run(2s);
+  EXPECT_EQ(stage.state(), drive::PowerState::switch_on_disabled);
+}
+
 TEST(ObjectRules, AnObjectThatTheDriveDoesNotHaveIsRefused) {
   line::Line line(line::test::settings_of(one_axis));
   EXPECT_THROW(Director(line, scenario_of("[[rule]]\ndo = \"show\"\nobject = \"5FFF\"\nvalue = 1")), ScenarioError);

@@ -210,7 +210,8 @@ TEST_F(JobsTest, ASequenceDoesNotGoOnAfterAStop) {
     pass(2s);
     return std::to_string(job["id"].get<int>());
   };
-  const std::string move = R"({"do": "move", "by": 1, "velocity": 5, "acceleration": 100, "units": "revolutions", "after": )";
+  const std::string move =
+      R"({"do": "move", "by": 1, "velocity": 5, "acceleration": 100, "units": "revolutions", "after": )";
   std::string last = done(R"({"do": "enable"})");
   last = done(move + last + "}");
   last = done(move + last + "}");

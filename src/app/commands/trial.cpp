@@ -24,6 +24,7 @@ using scenario::TrialResult;
 struct Options {
   std::vector<std::string> scenarios;
   std::vector<std::string> master;
+  std::vector<std::string> links;
   std::string only;
   std::string junit;
   std::string html;
@@ -97,11 +98,13 @@ nlohmann::ordered_json json_of(const TrialResult& result) {
   }
   for (const scenario::RuleReport& rule : result.rules)
     view["rules"].push_back({{"name", rule.name}, {"acts", rule.acts}});
+  view["output"] = result.master_output;
   return view;
 }
 
 void print(const TrialResult& result, std::size_t done, std::size_t of) {
   fmt::print("{:>4}/{} {:<12} {}\n", done, of, word_of(result.outcome), result.path);
+  std::fflush(stdout);
   if (result.outcome == TrialResult::Outcome::passed) return;
   if (!result.reason.empty()) fmt::print("              {}\n", result.reason);
   for (const scenario::Verdict& verdict : result.verdicts) {
@@ -118,10 +121,12 @@ std::vector<TrialResult> run_all(const Options& options, const std::vector<std::
   std::atomic<std::size_t> next{0};
   std::mutex printing;
   std::size_t done = 0;
-  const auto work = [&] {
+  const auto work = [&](unsigned job) {
     for (std::size_t n = next++; n < files.size() && !InterruptGuard::interrupted(); n = next++) {
       TrialRun run;
       run.master = options.master;
+      run.links = options.links;
+      run.job = job;
       run.folder = temporary.path() / std::to_string(n);
       run.after = std::chrono::duration_cast<links::Time>(std::chrono::duration<double>(options.after_s));
       fs::create_directory(run.folder);
@@ -131,7 +136,7 @@ std::vector<TrialResult> run_all(const Options& options, const std::vector<std::
     }
   };
   std::vector<std::thread> threads;
-  for (unsigned n = 0; n < std::min<std::size_t>(options.jobs, files.size()); ++n) threads.emplace_back(work);
+  for (unsigned n = 0; n < std::min<std::size_t>(options.jobs, files.size()); ++n) threads.emplace_back(work, n);
   for (std::thread& thread : threads) thread.join();
   return results;
 }
@@ -184,10 +189,14 @@ void add_trial(CLI::App& app) {
   command->add_option("--scenarios", options->scenarios, "Folders with scenario files, or scenario files")
       ->required()
       ->allow_extra_args(false);
-  command->add_option(
-      "MASTER", options->master,
-      "Command of the master, behind --; {link}, {host}, {port}, {api} and {scenario} are replaced, and "
-      "the same are in SERVODROME_LINK and so on");
+  command->add_option("MASTER", options->master,
+                      "Command of the master, behind --; {link}, {host}, {port}, {api}, {scenario} and {job} are "
+                      "replaced, and the same are in SERVODROME_LINK and so on");
+  command
+      ->add_option("--bus", options->links,
+                   "NAME=LINK: the masters reach this bus by this link in place of those of the scenario's line; {job} "
+                   "is replaced by the number of the job, from 0")
+      ->allow_extra_args(false);
   command->add_option("--only", options->only, "Only scenarios whose path contains this text");
   command->add_option("--jobs", options->jobs, "So many trials at once, each with a line of its own")
       ->check(CLI::Range(1, 64));

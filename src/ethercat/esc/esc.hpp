@@ -125,12 +125,27 @@ class alignas(64) Esc {
     quiet_until_ = unknown;
   }
 
+  // Further faults. Without process data, datagrams with logical addresses pass the slave without effect. With a dead
+  // watchdog the process data watchdog never expires, whatever a master writes to it. Both last until they are taken
+  // back, also over power_on.
+  void set_without_process_data(bool without) {
+    without_process_data_ = without;
+    configure_mappings();
+  }
+  void set_watchdog_dead(bool dead) {
+    watchdog_dead_ = dead;
+    configure_watchdogs();
+    quiet_until_ = unknown;
+  }
+
   DistributedClock& clock() { return clock_; }
   const DistributedClock& clock() const { return clock_; }
   // sii().memory() is the content of the slave information memory. A caller may change it at any time: a master reads
   // the new bytes at once, the controller takes its own from them at power-on or a reload command. The checksum is not
   // corrected (sii_checksum); with a wrong one the slave refuses Pre-Operational with 0051h.
   SiiInterface& sii() { return sii_; }
+  // Takes the controller's part of the SII as at power-on: the alias, and whether the checksum is right.
+  void load_sii_anew();
   const Watchdog& process_data_watchdog() const { return process_data_watchdog_; }
   void pdi_alive(Time now) {
     pdi_watchdog_.check(now);
@@ -282,6 +297,8 @@ class alignas(64) Esc {
   DistributedClock clock_;
   SiiInterface sii_;
   Watchdog pdi_watchdog_;
+  bool without_process_data_ = false;
+  bool watchdog_dead_ = false;
 
   bool al_control_pending_ = false;
   bool sync_active_ = false;         // 0981h bit 0 as it was applied last

@@ -295,7 +295,7 @@ void Esc::configure_mappings() {
   // Highest number first: if two FMMUs read the same byte, the one with the lowest number is executed last and wins.
   for (unsigned n = fmmus; n-- > 0;) {
     const Fmmu& fmmu = fmmus_[n];
-    if (!fmmu.active) continue;
+    if (!fmmu.active || without_process_data_) continue;
     whole_bytes_ = whole_bytes_ && fmmu.whole_bytes();
     Mapping mapping{fmmu.logical, clipped(fmmu.logical, fmmu.length), fmmu.physical, no_sync_manager};
     for (unsigned channel = 0; channel < sync_managers; ++channel) {

@@ -110,13 +110,17 @@ void Esc::power_on(Time now) {
   process_data_watchdog_ = {};
   pdi_watchdog_ = {};
   clock_.reset(now);
-  sii_.power_on();
-  load_from_sii();
-  if (sii_.loaded()) store_u16(&memory_[reg::station_alias], load_u16(&sii_.memory()[8]));
+  load_sii_anew();
   configure_mappings();
   configure_watchdogs();
   configure_ports();
   ecat_events_ = 0;
+}
+
+void Esc::load_sii_anew() {
+  sii_.power_on();
+  load_from_sii();
+  store_u16(&memory_[reg::station_alias], sii_.loaded() ? load_u16(&sii_.memory()[8]) : 0U);
 }
 
 // ETG.1000.6 table 16: PDI control and configuration, SYNC pulse length. The station alias is loaded at power-on only.
@@ -383,7 +387,8 @@ void Esc::configure_sync_manager(unsigned n) {
 
 void Esc::configure_watchdogs() {
   const std::uint16_t divider = load_u16(&memory_[reg::watchdog_divider]);
-  process_data_watchdog_.set_period(Watchdog::period_of(divider, load_u16(&memory_[reg::watchdog_process_data])));
+  const std::uint16_t time = watchdog_dead_ ? 0 : load_u16(&memory_[reg::watchdog_process_data]);
+  process_data_watchdog_.set_period(Watchdog::period_of(divider, time));
   pdi_watchdog_.set_period(Watchdog::period_of(divider, load_u16(&memory_[reg::watchdog_pdi])));
 }
 

@@ -19,6 +19,9 @@ class SlaveInterposer {
   // 6.4).
   virtual std::optional<AlStatusCode> refuses(AlState /*from*/, AlState /*to*/) { return std::nullopt; }
 
+  // A master acknowledges an error in the state in which the slave is. False: the error and its code stay.
+  virtual bool acknowledges() { return true; }
+
   // A message of the slave to the master with its header: length, address, channel, type and counter (ETG.1000.4 clause
   // 5.6). The first `length` bytes are put into the mailbox as they are. `mailbox` has the mailbox's whole length, so a
   // message can become longer, and its header can contradict its length.

@@ -47,7 +47,7 @@ void Slave::report() {
 }
 
 void Slave::refuse(AlStatusCode code) {
-  error_ = true;
+  error_ = code != AlStatusCode::none;
   code_ = code;
   report();
 }
@@ -58,13 +58,14 @@ void Slave::al_control_written(Time now) {
   const bool acknowledges = (control & acknowledge_bit) != 0;
   // While an error is active, only its acknowledgement and Init (the first request of every master) are accepted.
   if (error_ && !acknowledges && wanted != static_cast<unsigned>(AlState::init)) return;
-  error_ = false;
-  code_ = AlStatusCode::none;
+  const bool had_error = std::exchange(error_, false);
+  const AlStatusCode code_before = std::exchange(code_, AlStatusCode::none);
   identifies_ = (control & identification_bit) != 0;
   const Time awaited_until = std::exchange(operational_until_, never);
   if (!is_state(wanted)) return refuse(AlStatusCode::unknown_requested_state);
   const auto to = static_cast<AlState>(wanted);
   if (!exists(state_, to)) return refuse(AlStatusCode::invalid_requested_state_change);
+  if (had_error && to == state_ && interposer_ != nullptr && !interposer_->acknowledges()) return refuse(code_before);
   // A master may have started pulses and assigned them to the application; they must not run on for the next master.
   if (to == AlState::init) esc_.stop_own_pulses();
   if (const AlStatusCode code = change_state(to, now); code != AlStatusCode::none) refuse(code);
@@ -165,7 +166,7 @@ void Slave::enter(AlState to, AlStatusCode cause, Time now) {
 
 bool Slave::fall_back(AlState state, AlStatusCode code, Time now) {
   if (state > state_ || !exists(state_, state)) return false;
-  error_ = true;
+  error_ = code != AlStatusCode::none;
   code_ = code;
   if (state == state_) {
     operational_until_ = never;

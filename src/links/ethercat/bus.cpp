@@ -38,12 +38,18 @@ EthercatBus::Passage EthercatBus::pass(std::span<std::uint8_t> frame, Time at, P
     // If the frame did not reach the slave, for instance because a cable is cut, nothing was corrupted.
     if (blow.corrupts_at && !std::exchange(slaves_[*blow.corrupts_at].corrupts_next, false)) ++counters_.corrupted;
   }
+  passage.length = frame.size();
   if (blow.drop_answer) passage.exit = Exit::lost;
   if (interposer_ != nullptr && passage.exit != Exit::lost) return_interposed(passage, frame, encapsulation);
   count(passage);
   if (passage.exit != Exit::lost) {
     for (EthercatObserver* observer : observers_) {
-      observer->on_frame(frame, encapsulation, EthercatObserver::Direction::out, passage.leaves);
+      observer->on_frame(frame.first(passage.length), encapsulation, EthercatObserver::Direction::out, passage.leaves);
+    }
+  }
+  for (const std::vector<std::uint8_t>& extra : passage.behind) {
+    for (EthercatObserver* observer : observers_) {
+      observer->on_frame(extra, encapsulation, EthercatObserver::Direction::out, passage.leaves);
     }
   }
   return passage;
@@ -58,6 +64,8 @@ void EthercatBus::enter_interposed(Blow& blow, std::span<std::uint8_t> frame, En
 
 void EthercatBus::return_interposed(Passage& passage, std::span<std::uint8_t> frame, Encapsulation encapsulation) {
   const EthercatInterposer::Return back = interposer_->returns(frame, encapsulation, passage.leaves);
+  passage.length = std::min(back.length.value_or(frame.size()), frame.size());
+  passage.behind = back.behind;
   if (back.lost) {
     passage.exit = Exit::lost;
     ++counters_.dropped;

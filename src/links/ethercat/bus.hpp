@@ -62,7 +62,11 @@ class EthercatBus {
   using Encapsulation = ethercat::Segment::Encapsulation;
 
   struct Passage : ethercat::Segment::Passage {
-    Time delay{};  // added to `leaves` by a disturbance or an interposer
+    Time delay{};            // added to `leaves` by a disturbance or an interposer
+    std::size_t length = 0;  // bytes that come back
+    // Frames of an interposer that come back behind this one, also if it is lost. They stay in place until the next
+    // frame.
+    std::span<const std::vector<std::uint8_t>> behind{};
   };
 
   EthercatBus() = default;

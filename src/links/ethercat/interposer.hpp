@@ -1,7 +1,9 @@
 #pragma once
 
 #include <cstdint>
+#include <optional>
 #include <span>
+#include <vector>
 
 #include "ethercat/segment.hpp"
 #include "links/time.hpp"
@@ -9,8 +11,8 @@
 namespace servodrome::links {
 
 // Changes or loses frames on their way, to test how a master bears it. EthercatBus::pass() makes all calls; they must
-// not send frames. An interposer changes the bytes of a frame in place; it cannot change its length. To walk through
-// the datagrams of a frame: ethercat::Segment::parse(). A frame whose datagrams no longer fit into it is malformed.
+// not send frames. An interposer changes the bytes of a frame in place. To walk through the datagrams of a frame:
+// ethercat::Segment::parse(). A frame whose datagrams no longer fit into it is malformed.
 class EthercatInterposer {
  public:
   using Encapsulation = ethercat::Segment::Encapsulation;
@@ -26,8 +28,12 @@ class EthercatInterposer {
   };
   // What happens to a frame on its way back.
   struct Return {
-    bool lost = false;  // every slave has seen it, the master does not get it
-    Time delay{};       // the frame comes back so much later; frames sent after it may overtake it
+    bool lost = false;                    // every slave has seen it, the master does not get it
+    Time delay{};                         // the frame comes back so much later; frames sent after it may overtake it
+    std::optional<std::size_t> length{};  // only so many of its bytes come back
+    // Whole frames that come back directly behind this one, or in its place if it is lost. They must stay in place
+    // until the next call.
+    std::span<const std::vector<std::uint8_t>> behind{};
   };
 
   // A frame that a master sent, before the first slave; `at` is the time at which it enters the segment.

@@ -11,10 +11,15 @@ void MemoryEthercatClient::send(std::span<const std::uint8_t> content) {
   check_content_size(content.size(), name());
   std::vector<std::uint8_t> bytes(content.begin(), content.end());
   const EthercatBus::Passage passage = bus_.exchange(bytes, now(), port_, EthercatBus::Encapsulation::payload);
-  if (passage.exit == EthercatBus::Exit::lost) return;
-  const auto later = std::upper_bound(returning_.begin(), returning_.end(), passage.leaves,
-                                      [](Time at, const Returning& frame) { return at < frame.at; });
-  returning_.insert(later, {passage.leaves, std::move(bytes)});
+  bytes.resize(passage.length);
+  if (passage.exit != EthercatBus::Exit::lost) keep(passage.leaves, std::move(bytes));
+  for (const std::vector<std::uint8_t>& extra : passage.behind) keep(passage.leaves, extra);
+}
+
+void MemoryEthercatClient::keep(Time at, std::vector<std::uint8_t> bytes) {
+  const auto later = std::upper_bound(returning_.begin(), returning_.end(), at,
+                                      [](Time time, const Returning& frame) { return time < frame.at; });
+  returning_.insert(later, {at, std::move(bytes)});
 }
 
 std::size_t MemoryEthercatClient::receive(std::span<std::uint8_t> into, Time timeout) {

@@ -22,6 +22,8 @@ class MemoryEthercatClient final : public EthercatClient {
   std::string name() const override { return "mem:"; }
 
  private:
+  void keep(Time at, std::vector<std::uint8_t> bytes);
+
   struct Returning {
     Time at;
     std::vector<std::uint8_t> content;

@@ -87,11 +87,12 @@ std::size_t RawLink::serve(Side& side) {
       if (passage.exit != EthercatBus::Exit::lost) {
         Side& exit = side_of(passage.exit);
         if (passage.delay > Time{}) {
-          send_later(exit, frame, passage.delay);
+          send_later(exit, frame.first(passage.length), passage.delay);
         } else {
-          exit.outgoing[exit.outgoing_count++] = {frame.data(), frame.size()};
+          exit.outgoing[exit.outgoing_count++] = {frame.data(), passage.length};
         }
       }
+      for (const auto& extra : passage.behind) send_later(side, extra, passage.delay);
       ++count;
       frame = count == most_at_once ? std::span<std::uint8_t>() : side.socket->frame(count);
       if (frame.empty()) break;

@@ -61,10 +61,11 @@ std::size_t EthercatUdpLink::serve() {
     const auto passage = bus_.pass(std::span(packets_[i].bytes).first(size), at, EthercatBus::Port::primary,
                                    EthercatBus::Encapsulation::payload);
     if (passage.kind != ethercat::FrameKind::ethercat) ++counters_.malformed;
+    packets_[i].memory.iov_len = passage.length;
+    for (const auto& extra : passage.behind) send_later(incoming_[i], extra, passage.delay);
     if (passage.exit == EthercatBus::Exit::lost) continue;
-    packets_[i].memory.iov_len = size;
     if (passage.delay > Time{}) {
-      send_later(incoming_[i], passage.delay);
+      send_later(incoming_[i], std::span(packets_[i].bytes).first(passage.length), passage.delay);
     } else {
       outgoing_[answers++] = incoming_[i];
     }
@@ -90,28 +91,26 @@ void EthercatUdpLink::send(std::span<mmsghdr> answers) {
   }
 }
 
-void EthercatUdpLink::send_later(const mmsghdr& answer, Time delay) {
+void EthercatUdpLink::send_later(const mmsghdr& answer, std::span<const std::uint8_t> content, Time delay) {
   if (waiting_ == most_delayed_packets) {
     ++counters_.dropped;
     return;
   }
   ++waiting_;
-  const auto* packet = static_cast<const std::uint8_t*>(answer.msg_hdr.msg_iov->iov_base);
   const auto* sender = static_cast<const sockaddr_storage*>(answer.msg_hdr.msg_name);
   const auto timer = std::make_shared<boost::asio::steady_timer>(io_, delay);
-  timer->async_wait(
-      [this, timer, alive = alive_, to = *sender, to_size = answer.msg_hdr.msg_namelen,
-       bytes = std::vector<std::uint8_t>(packet, packet + answer.msg_hdr.msg_iov->iov_len)](error_code code) mutable {
-        if (!*alive || code) return;
-        --waiting_;
-        iovec memory{bytes.data(), bytes.size()};
-        mmsghdr message{};
-        message.msg_hdr.msg_name = &to;
-        message.msg_hdr.msg_namelen = to_size;
-        message.msg_hdr.msg_iov = &memory;
-        message.msg_hdr.msg_iovlen = 1;
-        send(std::span(&message, 1));
-      });
+  timer->async_wait([this, timer, alive = alive_, to = *sender, to_size = answer.msg_hdr.msg_namelen,
+                     bytes = std::vector<std::uint8_t>(content.begin(), content.end())](error_code code) mutable {
+    if (!*alive || code) return;
+    --waiting_;
+    iovec memory{bytes.data(), bytes.size()};
+    mmsghdr message{};
+    message.msg_hdr.msg_name = &to;
+    message.msg_hdr.msg_namelen = to_size;
+    message.msg_hdr.msg_iov = &memory;
+    message.msg_hdr.msg_iovlen = 1;
+    send(std::span(&message, 1));
+  });
 }
 
 std::unique_ptr<EthercatLink> open_udp_link(const EthercatUdpName& name, EthercatBus& bus, boost::asio::io_context& io,

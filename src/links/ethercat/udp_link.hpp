@@ -38,7 +38,7 @@ class EthercatUdpLink final : public EthercatLink {
   void wait_for_frames();
   std::size_t serve();
   void send(std::span<mmsghdr> answers);
-  void send_later(const mmsghdr& answer, Time delay);
+  void send_later(const mmsghdr& answer, std::span<const std::uint8_t> content, Time delay);
 
   EthercatUdpName name_;
   EthercatBus& bus_;

@@ -37,7 +37,8 @@ class SerialInterposer {
 struct TcpReply {
   std::vector<std::uint8_t> bytes;  // sent to the client; empty: nothing
   Time delay{};                     // of bytes and close, in real time; later requests of the client wait behind it
-  bool closes = false;              // the server closes the connection when the bytes are sent
+  bool closes = false;              // the server closes the connection when everything is sent
+  std::vector<SerialPiece> then{};  // sent behind `bytes`, each after its pause, in real time
 };
 
 // Changes how a line's drives answer over Modbus TCP, to test how a master bears it. Its calls come from the links.

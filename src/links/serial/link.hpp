@@ -21,6 +21,8 @@ class SerialLink {
   virtual const LinkCounters& counters() const = 0;
   // Returns true if all that clients have written is on the line or answered, as far as there is room.
   virtual bool settled() { return true; }
+  // Ends the connections of all clients soon after the call.
+  virtual void end_connections() {}
 };
 
 // Opens the link with this name, served by `io`. `pty:` and `serial:` are another station on `line`. `tcp:` answers for

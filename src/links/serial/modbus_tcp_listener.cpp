@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <array>
+#include <boost/asio/post.hpp>
 #include <boost/asio/steady_timer.hpp>
 #include <boost/asio/write.hpp>
 #include <fmt/format.h>
@@ -51,6 +52,11 @@ class ModbusTcpListener::Client : public std::enable_shared_from_this<Client> {
     close();
   }
 
+  // Not at once: the client may be processing a request.
+  void end_soon() {
+    boost::asio::post(socket_.get_executor(), guarded(shared_from_this(), [this] { close(); }));
+  }
+
   // The client must not use the listener after this.
   void disconnect() {
     listener_ = nullptr;
@@ -84,6 +90,7 @@ class ModbusTcpListener::Client : public std::enable_shared_from_this<Client> {
           return;
         }
         give_reply();
+        if (is_late_) return;
       } else {
         request_.clear();
         give(response);
@@ -106,7 +113,14 @@ class ModbusTcpListener::Client : public std::enable_shared_from_this<Client> {
   }
   void give_reply() {
     give(reply_.bytes);
-    is_closing_ = is_closing_ || reply_.closes;
+    if (reply_.then.empty()) {
+      is_closing_ = is_closing_ || reply_.closes;
+      return;
+    }
+    reply_.bytes = std::move(reply_.then.front().characters);
+    reply_.delay = reply_.then.front().pause;
+    reply_.then.erase(reply_.then.begin());
+    reply_later();
   }
   // Until the reply is due, no request of the client is processed and nothing is read.
   void reply_later() {
@@ -205,6 +219,10 @@ bool ModbusTcpListener::make_room() {
 
 bool ModbusTcpListener::settled() {
   return std::all_of(clients_.begin(), clients_.end(), [](const auto& client) { return client->settled(); });
+}
+
+void ModbusTcpListener::end_connections() {
+  for (const auto& client : clients_) client->end_soon();
 }
 
 void ModbusTcpListener::remove(const Client& client) {

@@ -29,6 +29,7 @@ class ModbusTcpListener final : public SerialLink {
   std::uint16_t port() const { return name_.endpoint.port; }
   const LinkCounters& counters() const override { return counters_; }
   bool settled() override;
+  void end_connections() override;
 
  private:
   class Client;

@@ -107,11 +107,12 @@ class EthercatUdpLink final : public EthercatLink {
     if (passage.kind != ethercat::FrameKind::ethercat) ++counters_.malformed;
     if (passage.exit != EthercatBus::Exit::lost) {
       if (passage.delay > Time{}) {
-        send_later(frame, passage.delay);
+        send_later(frame.first(passage.length), passage.delay);
       } else {
-        send(frame, sender_);
+        send(frame.first(passage.length), sender_);
       }
     }
+    for (const auto& extra : passage.behind) send_later(extra, passage.delay);
     host_.expect(bus_.settle(at));
     ++counters_.to_bus;
   }
