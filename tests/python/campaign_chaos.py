@@ -65,7 +65,7 @@ def main(plan_path, out):
     loop = campaign.Store(str(pathlib.Path(out) / "loop"), plan)
     begin = time.monotonic()
     distribute.run_here(plan, loop)
-    print(f"loop: {plan.count / (time.monotonic() - begin):.0f} runs/s")
+    print(f"loop: {plan.size / (time.monotonic() - begin):.0f} runs/s")
 
     store = campaign.Store(str(pathlib.Path(out) / "cluster"), plan)
     cluster = Cluster()
@@ -82,11 +82,11 @@ def main(plan_path, out):
     try:
         begin = time.monotonic()
         distribute.run_on_dask(plan, store, scheduler=cluster.address, progress=disturb)
-        print(f"cluster, with both killed: {plan.count / (time.monotonic() - begin):.0f} runs/s")
+        print(f"cluster, with both killed: {plan.size / (time.monotonic() - begin):.0f} runs/s")
     finally:
         cluster.close()
     table = store.table()
-    once = table.column("run").to_pylist() == list(range(plan.count))
+    once = table.column("run").to_pylist() == list(range(plan.size))
     equal = table.equals(loop.table())
     print(f"killed: {', '.join(killed)}; every run once: {once}; equal to the loop: {equal}")
     return 0 if once and equal and killed == ["worker", "scheduler"] else 1

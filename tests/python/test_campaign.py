@@ -45,7 +45,7 @@ SMALL = 'line = "cell.toml"\nprogram = "program.py:figures"\nseeds = 5\n[paramet
 
 def test_runs_are_all_combinations(tmp_path):
     plan = campaign.load_plan(written(tmp_path, SMALL))
-    assert plan.count == 30
+    assert plan.size == 30
     runs = [plan.run(number) for number in range(30)]
     assert len({(run.seed, *run.parameters.values()) for run in runs}) == 30
     assert runs[0].seed == 1 and runs[4].seed == 5 and runs[5].parameters["axis.x.load.inertia_kgm2"] == pytest.approx(1e-4)
@@ -120,10 +120,10 @@ def test_it_goes_on_after_a_kill(tmp_path):
     process.wait()
     store = campaign.Store(str(tmp_path / "out"), plan)
     before = len(store.done())
-    assert 0 < before < plan.count
+    assert 0 < before < plan.size
     files = store.files()
     distribute.run_here(plan, store)
-    assert store.table().column("run").to_pylist() == list(range(plan.count)), "each run once"
+    assert store.table().column("run").to_pylist() == list(range(plan.size)), "each run once"
     assert store.files()[: len(files)] != [] and set(files) <= set(store.files()), "nothing is computed again"
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import concurrent.futures
+import importlib
 import itertools
 import sys
 import time
@@ -39,7 +40,7 @@ class Counter:
 
     def missing(self) -> Iterator[int]:
         """The runs that are not in the store, in order."""
-        return (number for number in range(self.plan.count) if number not in self.done)
+        return (number for number in range(self.plan.size) if number not in self.done)
 
     def take(self, rows: Sequence[Any]) -> None:
         """Stores the rows of runs that are not stored yet."""
@@ -50,7 +51,7 @@ class Counter:
         self.done.update(row["run"] for row in new)
         self.failed += sum(row["outcome"] in ("failed", "error") for row in new)
         if self.progress is not None:
-            self.progress(len(self.done), self.plan.count, self.failed)
+            self.progress(len(self.done), self.plan.size, self.failed)
 
 
 def run_here(plan: Plan, store: Store, progress: Optional[Progress] = None, batch: int = _BATCH) -> None:
@@ -74,18 +75,18 @@ def run_on_dask(
     it and goes on with the runs that are missing.
     """
     try:
-        import distributed
+        distributed = importlib.import_module("distributed")
     except ImportError as error:
         raise MissingPackage("distributed is not installed", "campaign", "pip install servodrome[campaign]") from error
     counter = Counter(plan, store, progress)
-    if len(counter.done) >= plan.count:
+    if len(counter.done) >= plan.size:
         return
     if not scheduler:
         with distributed.LocalCluster(n_workers=workers, threads_per_worker=1, dashboard_address=None) as cluster:
             with distributed.Client(cluster) as client:
                 _feed(distributed, client, counter, batch)
         return
-    while len(counter.done) < plan.count:
+    while len(counter.done) < plan.size:
         try:
             with distributed.Client(scheduler, timeout="5s") as client:
                 _feed(distributed, client, counter, batch)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import glob
 import hashlib
+import importlib
 import json
 import math
 import os
@@ -43,12 +44,12 @@ class Plan(NamedTuple):
     parameters: Dict[str, List[Value]]
 
     @property
-    def count(self) -> int:
+    def size(self) -> int:
         """The number of runs."""
-        count = max(len(self.scenarios), 1) * self.seeds
+        size = max(len(self.scenarios), 1) * self.seeds
         for values in self.parameters.values():
-            count *= len(values)
-        return count
+            size *= len(values)
+        return size
 
     def run(self, number: int) -> Run:
         """The run with this number: the seed varies fastest, then the last parameter, at last the scenario."""
@@ -72,15 +73,10 @@ class Plan(NamedTuple):
 
 
 def _toml() -> Any:
-    if sys.version_info >= (3, 11):
-        import tomllib
-
-        return tomllib
     try:
-        import tomli
+        return importlib.import_module("tomllib" if sys.version_info >= (3, 11) else "tomli")
     except ImportError as error:
         raise MissingPackage("tomli is not installed", "campaign", "pip install tomli") from error
-    return tomli
 
 
 def read_toml(path: str) -> Dict[str, Any]:
@@ -124,8 +120,8 @@ def load_plan(path: str) -> Plan:
     line = read_toml(os.path.join(folder, content["line"]))
     title = content.get("title", os.path.basename(path))
     plan = Plan(title, line, program, scenarios, seeds, content.get("first_seed", 1), parameters)
-    if plan.count > _MOST_RUNS:
-        raise BadValue(f"the plan has {plan.count} runs", path, f"give fewer values; {_MOST_RUNS} is the limit")
+    if plan.size > _MOST_RUNS:
+        raise BadValue(f"the plan has {plan.size} runs", path, f"give fewer values; {_MOST_RUNS} is the limit")
     changed_line(plan, plan.run(0))  # raises for a parameter that the line does not have
     return plan
 

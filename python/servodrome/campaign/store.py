@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib
 import json
 import os
 import uuid
@@ -26,11 +27,10 @@ DICTIONARY = {
 def arrow() -> Any:
     """The package pyarrow."""
     try:
-        import pyarrow
-        import pyarrow.parquet  # noqa: F401
+        importlib.import_module("pyarrow.parquet")
+        return importlib.import_module("pyarrow")
     except ImportError as error:
         raise MissingPackage("pyarrow is not installed", "campaign", "pip install servodrome[campaign]") from error
-    return pyarrow
 
 
 class Store:
@@ -58,7 +58,7 @@ class Store:
         return {
             "title": plan.title,
             "fingerprint": plan.fingerprint,
-            "runs": plan.count,
+            "runs": plan.size,
             "program": plan.program,
             "parameters": plan.parameters,
             "columns": columns,
