@@ -87,6 +87,9 @@ def test_rows_have_outcomes(tmp_path):
     assert campaign.execute(bad, 0)["outcome"] == "error"
     alone = plan._replace(scenarios=[])
     assert [campaign.execute(alone, number)["outcome"] for number in range(3)] == ["passed", "passed", "failed"]
+    store = campaign.Store(str(tmp_path / "out"), alone)
+    distribute.run_here(alone, store)
+    assert "1 times: RuntimeError: as asked" in report.text_of(store)
 
 
 def test_a_folder_belongs_to_one_plan(tmp_path):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections import Counter
 from html import escape
 from typing import Any, Dict, List, Sequence, Tuple
 
@@ -48,6 +49,8 @@ def text_of(store: Store) -> str:
     lines = [f"{store.about['title']}: {len(rows)} of {store.about['runs']} runs", ""]
     for outcome, _, of in rates(rows, "outcome"):
         lines.append(f"  {outcome:<12} {of:>8}  {100 * of / len(rows):6.2f} %")
+    for error, count in Counter(row["error"] for row in rows if row["error"]).most_common(_WORST):
+        lines.append(f"  {count:>8} times: {error}")
     for column in ["scenario", *varied(store)]:
         table = rates(rows, column)
         if len(table) < 2:
@@ -57,7 +60,7 @@ def text_of(store: Store) -> str:
     for figure in figures_of(rows):
         known = [row for row in rows if row.get(figure) is not None and math.isfinite(row[figure])]
         worst = sorted(known, key=lambda row: -abs(row[figure]))[:_WORST]
-        lines += ["", f"{figure.removeprefix('figure_') if hasattr(str, 'removeprefix') else figure[7:]}, greatest amounts"]
+        lines += ["", f"{figure[len('figure_') :]}, greatest amounts"]
         for row in worst:
             settings = ", ".join(f"{name} = {row[name]}" for name in varied(store))
             lines.append(f"  run {row['run']:<8} {row[figure]:<14.6g} {row['scenario']} seed {row['seed']} {settings}".rstrip())
