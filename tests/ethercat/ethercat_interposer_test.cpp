@@ -12,7 +12,9 @@ struct Meddler final : SlaveInterposer {
   }
   Dispatch sends(Mail& mail) override {
     if (on_send) on_send(mail);
-    sent.emplace_back(mail.mailbox.begin(), mail.mailbox.begin() + static_cast<std::ptrdiff_t>(mail.length));
+    const auto bytes =
+        mail.mailbox.first(std::min(mail.length, mail.mailbox.size()));  // a test makes the length too great
+    sent.emplace_back(bytes.begin(), bytes.end());
     return std::exchange(dispatch, {});
   }
   Receipt receives(std::span<std::uint8_t> mailbox) override {
