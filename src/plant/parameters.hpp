@@ -43,7 +43,7 @@ struct Motor {
   double viscous_friction_nms = 0.0;            // [0, 1e3] Nm per rad/s, bearings
   double coulomb_friction_nm = 0.0;             // [0, 1e5] bearings
   double iron_hysteresis_nm = 0.0;              // [0, 1e5] drag torque by hysteresis; its heat goes to the case
-  double iron_eddy_nms = 0.0;                   // [0, 1e3] Nm per rad/s by eddy currents, likewise
+  double iron_eddy_nms = 0.0;                   // [0, 1e3] Nm per rad/s by eddy currents; its heat goes to the case
   double cogging_torque_nm = 0.0;               // [0, 1e3] amplitude
   int cogging_periods_per_revolution = 30;      // [1, 1000]; with the amplitude: see validate
   std::array<CoggingHarmonic, most_cogging_harmonics> cogging{};  // more harmonics
@@ -79,7 +79,7 @@ struct Load {
   double cycle_offset_turns = 0.0;  // [0, 1) place in the cycle at encoder count 0
   double arm_torque_nm = 0.0;       // [-1e5, 1e5] weight of the arm times the cosine of the angle: 0 is horizontal
   double crank_inertia_kgm2 = 0.0;  // [0, 1e3] slider's mass * (crank radius)^2, referred to the motor shaft
-  double crank_torque_nm = 0.0;     // [-1e5, 1e5] slider's weight * crank radius, likewise
+  double crank_torque_nm = 0.0;     // [-1e5, 1e5] slider's weight * crank radius, referred to the motor shaft
   double crank_ratio = 0.0;         // [0, 0.9] crank radius / length of the rod
 
   bool elastic = false;                 // false: the load is rigid with the rotor

@@ -223,7 +223,7 @@ class Plant {
   double brake_j_ = 0.0;
   double brake_share_ = 1.0;       // of the torque, while it builds up
   double resistance_at_c_ = 25.0;  // winding temperature for which the present resistance was calculated
-  double flux_at_c_ = 25.0;        // likewise of the case and the magnets' flux
+  double flux_at_c_ = 25.0;        // case temperature for which the magnets' present flux was calculated
   std::int64_t frozen_position_ = 0;
   std::uint32_t injections_ = 0;
   bool locked_ = false;

@@ -45,7 +45,7 @@ class Director final : public line::Follower {
   void begin();
   // The master has ended; the line may run on.
   void master_ended(bool success);
-  // Ends all rules and decides what is left of the expectations.
+  // Ends all rules, takes their effects back, and judges the expectations that are still watched.
   void finish();
   std::vector<RuleReport> rules() const;
   std::vector<Verdict> verdicts() const;
