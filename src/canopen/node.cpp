@@ -2,15 +2,12 @@
 
 #include <algorithm>
 
+#include "canopen/connection_set.hpp"
 #include "canopen/object_access.hpp"
 
 namespace servodrome::canopen {
 
 namespace {
-constexpr std::uint16_t sdo_request_base = 0x600;
-constexpr std::uint16_t sdo_response_base = 0x580;
-constexpr std::uint16_t heartbeat_base = 0x700;
-constexpr std::uint16_t time_default = 0x100;
 constexpr std::uint16_t overrun_code = 0x8110;
 constexpr std::uint16_t error_passive_code = 0x8120;
 constexpr std::uint16_t bus_off_recovered_code = 0x8140;
@@ -76,8 +73,10 @@ void Node::configure() {
   rpdos_.configure();
   tpdos_.configure();
   sync_.configure();
-  const auto request = value_of<std::uint32_t>(dictionary_, 0x1200, 1, sdo_request_base + std::uint32_t{node_id_});
-  const auto response = value_of<std::uint32_t>(dictionary_, 0x1200, 2, sdo_response_base + std::uint32_t{node_id_});
+  const auto request =
+      value_of<std::uint32_t>(dictionary_, 0x1200, 1, connection_set::sdo_request + std::uint32_t{node_id_});
+  const auto response =
+      value_of<std::uint32_t>(dictionary_, 0x1200, 2, connection_set::sdo_response + std::uint32_t{node_id_});
   sdo_.configure(request & cob_id::can_id_mask, response & cob_id::can_id_mask);
   error_control_.configure(node_id_);
   heartbeat_consumers_.configure();
@@ -134,9 +133,9 @@ void Node::rebuild_dispatch() {
   for (std::size_t i = 0; i < heartbeat_consumers_.capacity(); ++i) {
     const std::uint8_t watched = heartbeat_consumers_[i].node_id;
     if (watched == 0) continue;
-    dispatch(heartbeat_base + watched, Service::heartbeat, static_cast<unsigned>(i));
+    dispatch(connection_set::error_control + watched, Service::heartbeat, static_cast<unsigned>(i));
   }
-  const auto time = value_of<std::uint32_t>(dictionary_, 0x1012, 0, cob_id::invalid | time_default);
+  const auto time = value_of<std::uint32_t>(dictionary_, 0x1012, 0, cob_id::invalid | connection_set::time);
   if (profile_.time_consumer && (time & cob_id::invalid) != 0) dispatch(time & cob_id::can_id_mask, Service::time);
   for (std::uint8_t sub = 1; sub < 128; ++sub) {
     const dictionary::Entry* entry = dictionary_.find(0x1028, sub);

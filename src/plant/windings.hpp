@@ -200,6 +200,8 @@ class Windings {
   WindingTick in_pieces(const Pieces& pieces, const Turn& turn, bool passive, const Voltage& voltage) const;
   template <typename Voltage>
   WindingTick in_saturated_pieces(const Pieces& pieces, const Turn& turn, bool passive, const Voltage& voltage) const;
+  struct PieceSums;
+  WindingTick mean_of(const PieceSums& sums, int pieces) const;
   void prepare_pieces();
 
   double phase_factor_;

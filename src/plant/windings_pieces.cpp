@@ -28,6 +28,27 @@ void Windings::prepare_pieces() {
   }
 }
 
+// Sums over the pieces of a tick, and the currents at its end.
+struct Windings::PieceSums {
+  Vector current;
+  Vector end;
+  double square_a2;
+  double power_w;
+  double torque_vs;
+};
+
+WindingTick Windings::mean_of(const PieceSums& sums, int pieces) const {
+  const double share = 1.0 / pieces;
+  const Vector mean = share * sums.current;
+  return {.mean_direct_a = mean.d,
+          .mean_quadrature_a = mean.q,
+          .end_direct_a = sums.end.d,
+          .end_quadrature_a = sums.end.q,
+          .more_heat_a2 = share * sums.square_a2 - dot(mean, mean),
+          .power_w = phase_factor_ * share * sums.power_w,
+          .torque_nm = torque_per_flux_ * share * sums.torque_vs};
+}
+
 // The stator's flux linkage changes by the voltage minus the resistive drop, independent of the rotor: the rotation
 // only turns the initial linkage. Torque and heat are calculated so that the energy balance of a piece is exact for
 // every saliency and angle; so no oscillation can grow. `passive`: the voltage source cannot give energy. If it would
@@ -75,15 +96,7 @@ WindingTick Windings::in_pieces(const Pieces& pieces, const Turn& turn, bool pas
     };
     if (!step(pieces.direct_weight, pieces.quadrature_weight, false)) step(1.0, 1.0, true);
   }
-  const double share = 1.0 / pieces.count;
-  mean = share * mean;
-  return {.mean_direct_a = mean.d,
-          .mean_quadrature_a = mean.q,
-          .end_direct_a = current.d,
-          .end_quadrature_a = current.q,
-          .more_heat_a2 = share * square_a2 - dot(mean, mean),
-          .power_w = phase_factor_ * share * power_w,
-          .torque_nm = torque_per_flux_ * share * torque_vs};
+  return mean_of({mean, current, square_a2, power_w, torque_vs}, pieces.count);
 }
 
 double Windings::Quadrature::magnetic_j(double current_a) const {
@@ -193,15 +206,7 @@ WindingTick Windings::in_saturated_pieces(const Pieces& pieces, const Turn& turn
     if (!step(pieces.direct_weight, pieces.quadrature_weight, false)) step(1.0, 1.0, true);
   }
   turn_by(sine_half, cosine_half, 0.5);
-  const double share = 1.0 / pieces.count;
-  mean = share * mean;
-  return {.mean_direct_a = mean.d,
-          .mean_quadrature_a = mean.q,
-          .end_direct_a = current.d,
-          .end_quadrature_a = current.q,
-          .more_heat_a2 = share * square_a2 - dot(mean, mean),
-          .power_w = phase_factor_ * share * power_w,
-          .torque_nm = torque_per_flux_ * share * torque_vs};
+  return mean_of({mean, current, square_a2, power_w, torque_vs}, pieces.count);
 }
 
 WindingTick Windings::driven_in_pieces(double direct_v, double quadrature_v, const Turn& turn) const {

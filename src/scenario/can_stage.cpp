@@ -2,6 +2,7 @@
 
 #include <algorithm>
 
+#include "canopen/connection_set.hpp"
 #include "scenario/director.hpp"
 #include "scenario/packets.hpp"
 
@@ -69,7 +70,7 @@ bool CanStage::lets_in(canopen::Frame& frame, Time at) {
   }
   if (packets.aborts()) {  // the drive does not get the request, and the client gets an abort
     for (Packet answer : packets.all()) {
-      answer.id = cob_id::sdo_answer + axis_.device().node_id();
+      answer.id = canopen::connection_set::sdo_response + axis_.device().node_id();
       const canopen::Frame made = frame_of(answer);
       director_.at(at + answer.late, [this, made] { speak(made, director_.now()); });
     }

@@ -4,6 +4,7 @@
 #include <fmt/format.h>
 #include <nlohmann/json.hpp>
 
+#include "canopen/connection_set.hpp"
 #include "ethercat/slave/slave.hpp"
 #include "line/bench/line_bench.hpp"
 #include "scenario/director.hpp"
@@ -280,7 +281,7 @@ void Director::raise(RuleRun& rule, const Emergency& emergency) {
     return;
   }
   canopen::Frame frame;
-  frame.id = cob_id::emergency + axis.device().node_id();
+  frame.id = canopen::connection_set::emergency + axis.device().node_id();
   frame.length = 8;
   frame.data = {static_cast<std::uint8_t>(emergency.code), static_cast<std::uint8_t>(emergency.code >> 8),
                 emergency.error_register};

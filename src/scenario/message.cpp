@@ -1,9 +1,14 @@
 #include "scenario/message.hpp"
 
-#include <algorithm>
+#include "canopen/301/sdo_wire.hpp"
+#include "canopen/connection_set.hpp"
+#include "canopen/object_access.hpp"
 
 namespace servodrome::scenario {
 namespace {
+
+namespace connection_set = canopen::connection_set;
+namespace sdo = canopen::sdo;
 
 constexpr unsigned pdos = 4;
 
@@ -11,19 +16,17 @@ MessageKind numbered(MessageKind first, unsigned number) {
   return static_cast<MessageKind>(static_cast<unsigned>(first) + number);
 }
 
-ObjectAddress object_in(const canopen::Frame& frame) {
-  return {static_cast<std::uint16_t>(frame.data[1] | frame.data[2] << 8), frame.data[3]};
-}
+ObjectAddress object_in(const canopen::Frame& frame) { return {sdo::multiplexer_index(frame), frame.data[3]}; }
 
 // A request that begins a transfer names its object: initiate of download, upload, block download and block upload
 // (CiA 301 7.2.4.3).
 bool begins_transfer(const canopen::Frame& frame) {
-  const unsigned command = frame.data[0];
-  switch (command >> 5) {
-    case 1:
-    case 2: return true;
-    case 5: return (command & 3) == 0;  // block upload
-    case 6: return (command & 1) == 0;  // block download
+  const unsigned subcommand = frame.data[0] & sdo::subcommand_mask;
+  switch (sdo::specifier(frame.data[0])) {
+    case sdo::client::initiate_download:
+    case sdo::client::initiate_upload: return true;
+    case sdo::client::block_upload: return subcommand == sdo::block_upload_subcommand::initiate;
+    case sdo::client::block_download: return (subcommand & 1U) == sdo::block_download_subcommand::initiate;
     default: return false;
   }
 }
@@ -49,13 +52,20 @@ bool matches(const MessagePattern& pattern, const Message& message) {
 }
 
 std::optional<std::uint32_t> CanopenMessages::pdo_id(std::uint16_t parameter) const {
-  constexpr std::int64_t invalid = 1LL << 31;
   const dictionary::Dictionary& objects = device_.dictionary();
   const dictionary::Entry* entry = objects.find(parameter, 1);
   if (entry == nullptr) return std::nullopt;
   const std::int64_t id = objects.number(*entry);
-  if ((id & invalid) != 0) return std::nullopt;
-  return static_cast<std::uint32_t>(id & 0x7FF);
+  if ((id & canopen::cob_id::invalid) != 0) return std::nullopt;
+  return static_cast<std::uint32_t>(id & canopen::cob_id::can_id_mask);
+}
+
+void CanopenMessages::add_pdo(Message& message, std::uint16_t parameter, MessageKind any, MessageKind first) const {
+  for (unsigned n = 0; n < pdos; ++n) {
+    if (pdo_id(static_cast<std::uint16_t>(parameter + n)) != message.id) continue;
+    message.add(any);
+    message.add(numbered(first, n));
+  }
 }
 
 Message CanopenMessages::outgoing(const canopen::Frame& frame) const {
@@ -64,21 +74,17 @@ Message CanopenMessages::outgoing(const canopen::Frame& frame) const {
   message.bytes = std::span(frame.data).first(frame.length);
   message.add(MessageKind::from_drive);
   const std::uint32_t node = device_.node_id();
-  if (frame.id == cob_id::sdo_answer + node) {
+  if (frame.id == connection_set::sdo_response + node) {
     message.add(MessageKind::sdo_answer);
     message.object = transfer_;
-  } else if (frame.id == cob_id::emergency + node) {
+  } else if (frame.id == connection_set::emergency + node) {
     message.add(MessageKind::emergency);
-  } else if (frame.id == cob_id::error_control + node) {
+  } else if (frame.id == connection_set::error_control + node) {
     message.add(frame.length > 0 && frame.data[0] == 0 ? MessageKind::boot_up : MessageKind::heartbeat);
-  } else if (frame.id == cob_id::lss_answer) {
+  } else if (frame.id == connection_set::lss_response) {
     message.add(MessageKind::lss_answer);
   }
-  for (unsigned n = 0; n < pdos; ++n) {
-    if (pdo_id(static_cast<std::uint16_t>(0x1800 + n)) != frame.id) continue;
-    message.add(MessageKind::tpdo);
-    message.add(numbered(MessageKind::tpdo1, n));
-  }
+  add_pdo(message, 0x1800, MessageKind::tpdo, MessageKind::tpdo1);
   return message;
 }
 
@@ -88,24 +94,20 @@ Message CanopenMessages::incoming(const canopen::Frame& frame) {
   message.bytes = std::span(frame.data).first(frame.length);
   message.add(MessageKind::to_drive);
   const std::uint32_t node = device_.node_id();
-  if (frame.id == cob_id::sdo_request + node) {
+  if (frame.id == connection_set::sdo_request + node) {
     message.add(MessageKind::sdo_request);
     if (frame.length == 8 && begins_transfer(frame)) transfer_ = object_in(frame);
     message.object = transfer_;
-  } else if (frame.id == cob_id::nmt && frame.length == 2 && (frame.data[1] == 0 || frame.data[1] == node)) {
+  } else if (frame.id == connection_set::nmt && frame.length == 2 && (frame.data[1] == 0 || frame.data[1] == node)) {
     message.add(MessageKind::nmt);
-  } else if (frame.id == cob_id::sync) {
+  } else if (frame.id == connection_set::sync) {
     message.add(MessageKind::sync);
-  } else if (frame.id == cob_id::time) {
+  } else if (frame.id == connection_set::time) {
     message.add(MessageKind::time);
-  } else if (frame.id == cob_id::lss_request) {
+  } else if (frame.id == connection_set::lss_request) {
     message.add(MessageKind::lss_request);
   }
-  for (unsigned n = 0; n < pdos; ++n) {
-    if (pdo_id(static_cast<std::uint16_t>(0x1400 + n)) != frame.id) continue;
-    message.add(MessageKind::rpdo);
-    message.add(numbered(MessageKind::rpdo1, n));
-  }
+  add_pdo(message, 0x1400, MessageKind::rpdo, MessageKind::rpdo1);
   return message;
 }
 

@@ -8,20 +8,6 @@
 
 namespace servodrome::scenario {
 
-// COB-IDs of the predefined connection set (CiA 301 7.3.5); those of a node are relative to its node-ID.
-namespace cob_id {
-inline constexpr std::uint32_t nmt = 0x000;
-inline constexpr std::uint32_t sync = 0x080;
-inline constexpr std::uint32_t emergency = 0x080;
-inline constexpr std::uint32_t time = 0x100;
-inline constexpr std::uint32_t sdo_answer = 0x580;
-inline constexpr std::uint32_t sdo_request = 0x600;
-inline constexpr std::uint32_t error_control = 0x700;
-inline constexpr std::uint32_t lss_answer = 0x7E4;
-inline constexpr std::uint32_t lss_request = 0x7E5;
-
-}  // namespace cob_id
-
 // A message that passes between a drive and its bus, as the rules see it.
 struct Message {
   MessageKinds kinds;
@@ -52,6 +38,8 @@ class CanopenMessages {
 
  private:
   std::optional<std::uint32_t> pdo_id(std::uint16_t parameter) const;
+  // Adds `any` and the kind of its number, from `first` on, to a PDO with the parameters from `parameter` on.
+  void add_pdo(Message& message, std::uint16_t parameter, MessageKind any, MessageKind first) const;
 
   products::Device& device_;
   std::optional<ObjectAddress> transfer_;

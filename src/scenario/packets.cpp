@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <utility>
 
+#include "canopen/301/sdo_wire.hpp"
+
 namespace servodrome::scenario {
 
 Packets::Packets(const Message& message, std::uint64_t seed, const Framing* framing)
@@ -93,7 +95,8 @@ void Packets::change(const Abort& abort, const RuleRun&) {
       packet.bytes = framing_->refusal(packet.bytes, abort.code);
       continue;
     }
-    packet.bytes = {0x80, byte(object_.index, 0), byte(object_.index, 1), object_.sub.value_or(0)};
+    packet.bytes = {canopen::sdo::abort_transfer, byte(object_.index, 0), byte(object_.index, 1),
+                    object_.sub.value_or(0)};
     for (unsigned n = 0; n < 4; ++n) packet.bytes.push_back(byte(abort.code, n));
   }
 }

@@ -200,13 +200,12 @@ TEST(EthercatClockRules, TheClockStands) {
   EXPECT_NEAR(static_cast<double>(counted_in_a_second(segment)), -200e6, 200e3);
 }
 
+std::string sync0_in_operational(const std::string& how) {
+  return "[[rule]]\nwhen = { al = \"operational\" }\ndo = \"sync0\"\n" + how + "\n";
+}
+
 TEST(EthercatClockRules, Sync0IsMissing) {
-  SegmentUnderRules segment(R"(
-[[rule]]
-when = { al = "operational" }
-do = "sync0"
-how = "missing"
-)");
+  SegmentUnderRules segment(sync0_in_operational("how = \"missing\""));
   segment.operate_until_rules(true);
   segment.master.wait(20ms);
   EXPECT_EQ(segment.slave().state(), AlState::safe_operational);
@@ -220,12 +219,7 @@ TEST(EthercatClockRules, Sync0IsMissingFromTheStart) {
 }
 
 TEST(EthercatClockRules, Sync0ComesTwice) {
-  SegmentUnderRules segment(R"(
-[[rule]]
-when = { al = "operational" }
-do = "sync0"
-how = "twice"
-)");
+  SegmentUnderRules segment(sync0_in_operational("how = \"twice\""));
   segment.operate_until_rules(true);
   segment.master.wait(50ms);
   EXPECT_EQ(segment.slave().state(), AlState::safe_operational);
@@ -234,12 +228,7 @@ how = "twice"
 
 // The outputs still act, and the slave stays in Operational.
 TEST(EthercatClockRules, Sync0ComesLate) {
-  SegmentUnderRules segment(R"(
-[[rule]]
-when = { al = "operational" }
-do = "sync0"
-late_us = 300
-)");
+  SegmentUnderRules segment(sync0_in_operational("late_us = 300"));
   master::CyclicExchange& exchange = segment.operate_until_rules(true);
   segment.master.wait(50ms);
   EXPECT_EQ(segment.slave().state(), AlState::operational);

@@ -107,17 +107,23 @@ fault = "0x2310"
   }
 }
 
-TEST(ObjectRules, AnEnableThatIsSlow) {
-  Stage stage(R"(
+constexpr const char* held_enable = R"(
 [[rule]]
 when = { state = "switched_on" }
 do = "hold"
 object = "6040"
 ms = 300
 times = 1
-)");
+)";
+
+void switch_on(Stage& stage) {
   for (const std::uint32_t word : {0x06U, 0x07U}) stage.write(0x6040, word, 2);
   stage.run(1s);
+}
+
+TEST(ObjectRules, AnEnableThatIsSlow) {
+  Stage stage(held_enable);
+  switch_on(stage);
   ASSERT_EQ(stage.state(), drive::PowerState::switched_on);
   stage.write(0x6040, 0x0F, 2);
   stage.run(250ms);
@@ -128,16 +134,8 @@ times = 1
 
 // A master that gives up and disables the drive must not find it enabled by the write that was held.
 TEST(ObjectRules, AWriteDoesNotOvertakeOneThatIsHeld) {
-  Stage stage(R"(
-[[rule]]
-when = { state = "switched_on" }
-do = "hold"
-object = "6040"
-ms = 300
-times = 1
-)");
-  for (const std::uint32_t word : {0x06U, 0x07U}) stage.write(0x6040, word, 2);
-  stage.run(1s);
+  Stage stage(held_enable);
+  switch_on(stage);
   stage.write(0x6040, 0x0F, 2);
   stage.write(0x6040, 0x00, 2);
   stage.run(2s);

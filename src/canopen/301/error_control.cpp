@@ -1,16 +1,16 @@
 #include "canopen/301/error_control.hpp"
 
+#include "canopen/connection_set.hpp"
 #include "canopen/object_access.hpp"
 
 namespace servodrome::canopen {
 
 namespace {
-constexpr std::uint16_t error_control_base = 0x700;
 constexpr std::uint8_t toggle_bit = 0x80;
 }  // namespace
 
 void ErrorControl::configure(std::uint8_t node_id) {
-  can_id_ = static_cast<std::uint16_t>(error_control_base + node_id);
+  can_id_ = static_cast<std::uint16_t>(connection_set::error_control + node_id);
   toggle_ = false;
   lost_ = false;
   heartbeat_time_ = Time{0};

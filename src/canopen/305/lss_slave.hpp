@@ -2,6 +2,7 @@
 
 #include <array>
 
+#include "canopen/connection_set.hpp"
 #include "canopen/device_events.hpp"
 #include "canopen/link.hpp"
 #include "dictionary/dictionary.hpp"
@@ -16,8 +17,8 @@ class LssSlave {
   LssSlave(Link& link, dictionary::Dictionary& dictionary, DeviceEvents& events)
       : link_(link), dictionary_(dictionary), events_(events) {}
 
-  static constexpr std::uint16_t request_can_id = 0x7E5;
-  static constexpr std::uint16_t response_can_id = 0x7E4;
+  static constexpr std::uint16_t request_can_id = connection_set::lss_request;
+  static constexpr std::uint16_t response_can_id = connection_set::lss_response;
 
   enum class Mode : std::uint8_t { waiting, configuration };
 

@@ -3,14 +3,13 @@
 #include <algorithm>
 #include <fmt/format.h>
 
+#include "canopen/connection_set.hpp"
 #include "master/error.hpp"
 
 namespace servodrome::master {
 namespace {
 
-constexpr std::uint32_t nmt_id = 0x000;
-constexpr std::uint32_t sync_id = 0x080;
-constexpr std::uint32_t error_control_base = 0x700;
+namespace connection_set = canopen::connection_set;
 
 constexpr NmtState expected_after(NmtCommand command) {
   switch (command) {
@@ -39,8 +38,9 @@ void Master::receive(const Frame& frame) {
   if (const auto emergency = parse_emergency(frame)) {
     nodes_[emergency->node_id].emergency = *emergency;
     if (on_emergency_) on_emergency_(*emergency);
-  } else if (frame.id > error_control_base && frame.id <= error_control_base + 127 && frame.length == 1) {
-    receive_error_control(static_cast<std::uint8_t>(frame.id - error_control_base), frame);
+  } else if (frame.id > connection_set::error_control && frame.id <= connection_set::error_control + 127 &&
+             frame.length == 1) {
+    receive_error_control(static_cast<std::uint8_t>(frame.id - connection_set::error_control), frame);
   }
 }
 
@@ -60,7 +60,7 @@ void Master::receive_error_control(std::uint8_t node_id, const Frame& frame) {
 }
 
 void Master::command(NmtCommand command, std::uint8_t node_id) {
-  bus_.send(nmt_id, {static_cast<std::uint8_t>(command), node_id});
+  bus_.send(connection_set::nmt, {static_cast<std::uint8_t>(command), node_id});
 }
 
 void Master::command_and_wait(NmtCommand nmt_command, std::uint8_t node_id, Time timeout) {
@@ -91,20 +91,20 @@ bool Master::wait_for_boot_up(std::uint8_t node_id, Time timeout) {
   return bus_.run_until(bus_.now() + timeout, [&] { return nodes_[node_id & 0x7F].boot_ups != before; });
 }
 
-void Master::send_sync() { bus_.send(sync_id, {}); }
+void Master::send_sync() { bus_.send(connection_set::sync, {}); }
 
 Bus::Subscription Master::produce_sync(Time period, std::uint8_t counter_overflow) {
   sync_counter_ = 0;
   return bus_.every(period, [this, counter_overflow] {
     if (counter_overflow == 0) return send_sync();
     sync_counter_ = static_cast<std::uint8_t>(sync_counter_ % counter_overflow + 1);
-    bus_.send(sync_id, {sync_counter_});
+    bus_.send(connection_set::sync, {sync_counter_});
   });
 }
 
 Bus::Subscription Master::produce_heartbeat(std::uint8_t own_node_id, Time period, NmtState state) {
   const auto beat = [this, own_node_id, state] {
-    bus_.send(error_control_base + own_node_id, {static_cast<std::uint8_t>(state)});
+    bus_.send(connection_set::error_control + own_node_id, {static_cast<std::uint8_t>(state)});
   };
   beat();
   return bus_.every(period, beat);
@@ -141,8 +141,8 @@ std::optional<Frame> Master::wait_for_pdo(std::uint32_t can_id, Time timeout) {
 
 std::optional<Master::GuardAnswer> Master::guard(std::uint8_t node_id, Time timeout) {
   bus_.drain();
-  request_pdo(error_control_base + node_id, 1);
-  const auto answer = wait_for_pdo(error_control_base + node_id, timeout);
+  request_pdo(connection_set::error_control + node_id, 1);
+  const auto answer = wait_for_pdo(connection_set::error_control + node_id, timeout);
   if (!answer || answer->length != 1) return std::nullopt;
   return GuardAnswer{(answer->data[0] & 0x80) != 0, static_cast<NmtState>(answer->data[0] & 0x7F)};
 }

@@ -4,13 +4,13 @@
 #include <fmt/format.h>
 #include <list>
 
+#include "canopen/connection_set.hpp"
 #include "master/canopen/sdo_transfer.hpp"
 
 namespace servodrome::master {
 namespace {
 
-constexpr std::uint32_t request_base = 0x600;
-constexpr std::uint32_t response_base = 0x580;
+namespace connection_set = canopen::connection_set;
 
 // Read from each node in this order; a node that does not answer the first request is absent.
 constexpr auto questions = std::to_array<ObjectAddress>(
@@ -72,7 +72,7 @@ class Interview {
   void send() {
     Frame frame;
     while (transfer_.take(frame)) {
-      frame.id = request_base + node_.node_id;
+      frame.id = connection_set::sdo_request + node_.node_id;
       bus_.send(frame);
     }
   }
@@ -121,9 +121,11 @@ std::vector<FoundNode> scan(Bus& bus, const ScanOptions& options) {
   Master listener(bus);
   std::list<Interview> interviews;
   const Bus::Subscription listening = bus.listen([&](const Frame& frame) {
-    if (frame.extended || frame.remote || frame.id <= response_base || frame.id > response_base + 127) return;
+    if (frame.extended || frame.remote || frame.id <= connection_set::sdo_response ||
+        frame.id > connection_set::sdo_response + 127)
+      return;
     for (Interview& interview : interviews) {
-      if (interview.node().node_id == frame.id - response_base) interview.receive(frame);
+      if (interview.node().node_id == frame.id - connection_set::sdo_response) interview.receive(frame);
     }
   });
   const Time listen_until = bus.now() + options.listen;

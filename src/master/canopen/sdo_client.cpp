@@ -3,14 +3,15 @@
 #include <algorithm>
 #include <fmt/format.h>
 
+#include "canopen/connection_set.hpp"
 #include "master/abort_text.hpp"
 #include "master/canopen/emergency.hpp"
 
 namespace servodrome::master {
 namespace {
 
-constexpr std::uint32_t request_base = 0x600;
-constexpr std::uint32_t response_base = 0x580;
+namespace connection_set = canopen::connection_set;
+
 constexpr Time look_whether_cancelled = std::chrono::milliseconds(50);
 
 std::string what_to_do(AbortCode code, bool from_node) {
@@ -46,7 +47,7 @@ SdoClient::SdoClient(Bus& bus, std::uint8_t node_id, const SdoOptions& options)
 void SdoClient::send_waiting(SdoTransfer& transfer) {
   Frame frame;
   while (transfer.take(frame)) {
-    frame.id = request_base + node_id_;
+    frame.id = connection_set::sdo_request + node_id_;
     bus_.send(frame);
   }
 }
@@ -62,7 +63,7 @@ void SdoClient::run(SdoTransfer& transfer) {
     deadline = bus_.now() + (early ? options_.timeout / 2 : options_.timeout);
   };
   const Bus::Subscription listening = bus_.listen([&](const Frame& frame) {
-    if (frame.id != response_base + node_id_ || frame.extended || frame.remote) return;
+    if (frame.id != connection_set::sdo_response + node_id_ || frame.extended || frame.remote) return;
     if (transfer.receive(frame)) expect_answer();
     send_waiting(transfer);
   });

@@ -297,7 +297,7 @@ TEST(TuneLimits, WithoutABandwidthTheLoopDoesNotBecomeSlower) {
   EXPECT_THAT(text_of_changes(result), HasSubstr("bandwidth "));
   EXPECT_EQ(text_of_changes(result).find("worse: bandwidth"), std::string::npos) << text_of_changes(result);
 
-  // What is asked is done, also if it is slower, and the text says it.
+  // With a bandwidth given, `tune` sets it even if the loop becomes slower, and its text says so.
   const SessionResult slower =
       tune(*tuner, rig.objects(), rig.dialect, rig.units, {.bandwidth_hz = 0.5 * usual, .apply = true});
   EXPECT_LT(*slower.after->bandwidth_hz, 0.7 * usual);
