@@ -162,7 +162,7 @@ void Director::look(RuleRun& rule, Time now) {
     }
     case RuleRun::Phase::active: {
       const bool over = (rule.rule->lasts && now >= rule.began + *rule.rule->lasts) ||
-                        (rule.rule->until && rule.until.holds(now, facts_)) ||
+                        (rule.until && rule.until->holds(now, facts_)) ||
                         (ends_with_its_acts(*rule.rule) && rule.exhausted());
       if (over) end(rule);
       break;
@@ -178,7 +178,7 @@ void Director::begin(RuleRun& rule, Time now) {
   rule.begun = true;
   rule.all_acts += rule.acts;
   rule.acts = rule.seen = 0;
-  rule.until.begin();
+  if (rule.until) rule.until->begin();
   if (AxisParts* with = rule.axis != nullptr ? &parts(*rule.axis) : nullptr; with != nullptr && with->view) {
     with->view->begin(rule);
   }
@@ -283,7 +283,7 @@ void Director::passed(line::Axis* axis, const Message& message) {
 void Director::notice(line::Axis* axis, const Message& message) {
   for (const auto& rule : rules_) {
     rule->when.notice(axis, message);
-    rule->until.notice(axis, message);
+    if (rule->until) rule->until->notice(axis, message);
   }
   for (ExpectationWatch& expectation : expectations_) expectation.notice(axis, message);
 }

@@ -12,10 +12,8 @@ double ms(Time time) { return std::chrono::duration<double, std::milli>(time).co
 
 ExpectationWatch::ExpectationWatch(const Expectation& expectation, line::Axis* when, line::Axis* what,
                                    line::Axis* until)
-    : expectation_(&expectation),
-      when_(expectation.when, when),
-      until_(expectation.until ? *expectation.until : expectation.when, until),
-      what_(expectation.what, what) {
+    : expectation_(&expectation), when_(expectation.when, when), what_(expectation.what, what) {
+  if (expectation.until) until_.emplace(*expectation.until, until);
   verdict_.name = expectation.name;
   verdict_.found = "the moment at which the watch begins never came";
   when_.begin();
@@ -24,7 +22,7 @@ ExpectationWatch::ExpectationWatch(const Expectation& expectation, line::Axis* w
 void ExpectationWatch::notice(const line::Axis* axis, const Message& message) {
   if (phase_ == Phase::waiting) when_.notice(axis, message);
   if (phase_ == Phase::watching) {
-    until_.notice(axis, message);
+    if (until_) until_->notice(axis, message);
     what_.notice(axis, message);
   }
 }
@@ -42,7 +40,7 @@ void ExpectationWatch::look(Time now, const Facts& facts) {
     phase_ = Phase::watching;
     began_ = now;
     verdict_.at = now;
-    until_.begin();
+    if (until_) until_->begin();
     what_.begin();
   }
   if (phase_ != Phase::watching) return;
@@ -64,8 +62,8 @@ void ExpectationWatch::look(Time now, const Facts& facts) {
       if (holds) return decide(Outcome::failed, now, what_.present());
       break;
   }
-  const bool over = (expectation_->until && until_.holds(now, facts)) ||
-                    (expectation_->lasts && now >= began_ + *expectation_->lasts);
+  const bool over =
+      (until_ && until_->holds(now, facts)) || (expectation_->lasts && now >= began_ + *expectation_->lasts);
   if (over) finish(now);
 }
 

@@ -25,7 +25,7 @@ class ExpectationWatch {
 
   const Expectation* expectation_;
   Watch when_;
-  Watch until_;
+  std::optional<Watch> until_;
   Watch what_;
   Phase phase_ = Phase::waiting;
   Time began_{};

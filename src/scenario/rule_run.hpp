@@ -18,11 +18,9 @@ struct RuleRun {
 
   // `condition_axis` is the axis that its conditions are about.
   RuleRun(const Rule& its_rule, line::Axis* its_axis, line::Axis* condition_axis, std::size_t its_number)
-      : rule(&its_rule),
-        axis(its_axis),
-        number(its_number),
-        when(its_rule.when, condition_axis),
-        until(its_rule.until ? *its_rule.until : its_rule.when, condition_axis) {}
+      : rule(&its_rule), axis(its_axis), number(its_number), when(its_rule.when, condition_axis) {
+    if (its_rule.until) until.emplace(*its_rule.until, condition_axis);
+  }
 
   // The rule acts on the message that matches as the next one. Changes nothing, so it may be asked again for the same
   // message.
@@ -38,7 +36,7 @@ struct RuleRun {
   line::Axis* axis;  // nullptr: the rule is about a bus
   std::size_t number;
   Watch when;
-  Watch until;
+  std::optional<Watch> until;
   Phase phase = Phase::waiting;
   bool begun = false;  // at least once
   bool ready = true;   // `when` was false since the last beginning
