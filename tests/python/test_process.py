@@ -330,11 +330,13 @@ def test_closed_lines_leave_nothing():
         gc.collect()
         return resident_bytes()
 
-    before = many(30)
+    def system_threads():
+        return len(os.listdir("/proc/self/task"))
+
+    before, threads = many(30), system_threads()
     after = many(200)
     assert after - before < 20_000_000  # 100 kB of each would be kept
-    threads = threading.active_count()
-    assert threads == 1
+    assert system_threads() <= threads  # a line's threads would add up; pytest-xdist has threads of its own
 
 
 def test_a_line_that_is_not_closed_is_collected():

@@ -15,7 +15,8 @@ export function useGeometry(axis: string): Geometry | undefined {
 const percent = (share: number) => `${(100 * share).toFixed(3)}%`;
 
 // The travel seen from above: hard stops, the ranges in which limit and home switches are active, the index pulses, the
-// target of an enabled axis, and the axis.
+// target of an enabled axis, and the axis. `ghost` is null where a move is drawn at times: its text has its place all the
+// time, because the buttons below must not move while somebody wants to press Halt.
 export function Travel({ axis, geometry, ghost }: { axis: AxisView; geometry: Geometry | undefined; ghost?: Ghost | null }) {
   const target = axis.state === 'operation enabled' ? axis.target_counts : null;
   const scale = travelScale(geometry, axis.position_counts);
@@ -23,7 +24,7 @@ export function Travel({ axis, geometry, ghost }: { axis: AxisView; geometry: Ge
   const text = turns ? `${turns} revolutions` : `${axis.position_counts} counts`;
   const [from, to] = [scale.at(axis.position_counts), ghost ? scale.at(ghost.to) : 0];
   return (
-    <svg className="travel" role="img" aria-label={`${axis.name} is at ${text}${ghost ? `, the move: ${ghost.text}` : ''}`} height={ghost ? 48 : 34} width="100%">
+    <svg className="travel" role="img" aria-label={`${axis.name} is at ${text}${ghost ? `, the move: ${ghost.text}` : ''}`} height={ghost === undefined ? 34 : 48} width="100%">
       <Fixed geometry={geometry} from={scale.from} to={scale.to} />
       {ghost && (
         <g className="ghost">
