@@ -95,9 +95,7 @@ void read_axis_plant(TableReader& reader, AxisSettings& axis) {
   read_group(reader, "supply", axis.plant.supply, supply_keys);
   read_group(reader, "encoder", axis.plant.encoder, encoder_keys);
   read_group(reader, "thermal", axis.plant.thermal, thermal_keys);
-  // The presence of either group switches its imperfections on, unless the group sets ideal = true.
-  if (reader.table("stage") != nullptr) axis.plant.stage.ideal = false;
-  if (reader.table("sensors") != nullptr) axis.plant.sensors.ideal = false;
+  axis.plant.stage.ideal = axis.plant.sensors.ideal = false;  // unless the file says otherwise
   read_group(reader, "stage", axis.plant.stage, stage_keys);
   read_group(reader, "sensors", axis.plant.sensors, sensors_keys);
   bool ideal = false;

@@ -219,6 +219,7 @@ class LineFileReader {
         reader.complain("store", "another axis uses this file", "give each axis a file of its own");
       }
     }
+    axis.plant.sensors.seed = static_cast<std::uint32_t>(settings_.axes.size() + 1);  // no two axes alike
     read_axis_plant(reader, axis);
     reader.finish();
     settings_.axes.push_back(std::move(axis));

@@ -35,6 +35,9 @@ inline void fit_model(const products::Model& model, plant::Parameters& parameter
   parameters.thermal.winding_to_case_k_per_w = static_cast<double>(model.winding_to_case_k_per_w);
   parameters.thermal.case_to_ambient_k_per_w = static_cast<double>(model.case_to_ambient_k_per_w);
   parameters.thermal.stage_resistance_ohm = static_cast<double>(model.stage_resistance_ohm);
+  // All models have a supply of at most 72 V, for which power stages are built of MOSFETs.
+  parameters.stage.switch_drop_v = 0.0;
+  parameters.stage.dead_time_us = 0.5;
 }
 
 }  // namespace servodrome::line

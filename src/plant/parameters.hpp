@@ -28,16 +28,16 @@ inline constexpr std::size_t most_cogging_harmonics = 6;
 struct Motor {
   // [2, 3]; 3: a star on three half bridges; 2: windings in quadrature, U and V, each on its own full bridge
   int phases = 3;
-  double rated_torque_nm = 1.27;            // (0, 1e5]: for users' per-unit values; the step does not use it
-  double rated_current_a = 2.7;             // (0, 1e4] A rms: likewise
-  double rated_speed_rpm = 3000.0;          // (0, 1e5]: likewise
-  int pole_pairs = 5;                       // [1, 100]
-  double resistance_ohm = 1.1;              // [1e-3, 1e3] at 25 degC
-  double direct_inductance_h = 4.5e-3;      // [1e-6, 1]
-  double quadrature_inductance_h = 4.5e-3;  // [1e-6, 1], ratio to the direct one within [0.1, 10]
-  double quadrature_saturation_a = 0.0;     // [0, 1e5] amplitude: scale of the saturation of Lq; 0: none
-  double saturated_inductance_share = 0.4;  // [0.1, 1] of Lq: what remains of it at very high current
-  double torque_constant_nm_per_a = 0.47;   // [1e-4, 1e3] per A rms; limited by inertia and inductance: see validate
+  double rated_torque_nm = 1.27;              // (0, 1e5]: for users' per-unit values; the step does not use it
+  double rated_current_a = 2.7;               // (0, 1e4] A rms: likewise
+  double rated_speed_rpm = 3000.0;            // (0, 1e5]: likewise
+  int pole_pairs = 5;                         // [1, 100]
+  double resistance_ohm = 0.775;              // [1e-3, 1e3] at 25 degC
+  double direct_inductance_h = 3.355e-3;      // [1e-6, 1]
+  double quadrature_inductance_h = 3.355e-3;  // [1e-6, 1], ratio to the direct one within [0.1, 10]
+  double quadrature_saturation_a = 0.0;       // [0, 1e5] amplitude: scale of the saturation of Lq; 0: none
+  double saturated_inductance_share = 0.4;    // [0.1, 1] of Lq: what remains of it at very high current
+  double torque_constant_nm_per_a = 0.47;     // [1e-4, 1e3] per A rms; limited by inertia and inductance: see validate
   double magnet_temperature_coefficient = 0.0;  // [0, 0.005] per K: the flux falls with the temperature of the case
   double rotor_inertia_kgm2 = 0.28e-4;          // [1e-8, 10]
   double viscous_friction_nms = 0.0;            // [0, 1e3] Nm per rad/s, bearings

@@ -2,6 +2,7 @@
 #include <cmath>
 #include <gtest/gtest.h>
 #include <numbers>
+#include <string>
 
 #include "axis_rig.hpp"
 #include "line/tap.hpp"
@@ -15,7 +16,8 @@ using test::AxisRig;
 double value_of(AxisRig& rig, const char* name) { return line::signal_channel(rig.drive(), name).value(); }
 
 void expect_equations_hold(const char* product, const char* axis_text, double phases_half) {
-  AxisRig rig({.product = product, .axis_text = axis_text});
+  const std::string text = std::string("ideal = true\n") + axis_text;
+  AxisRig rig({.product = product, .axis_text = text.c_str()});
   EXPECT_TRUE(std::isnan(value_of(rig, "quadrature_voltage_v"))) << "no switch works";
   EXPECT_TRUE(std::isnan(value_of(rig, "direct_voltage_v")));
   Axis402 axis(rig.objects(), rig.options());

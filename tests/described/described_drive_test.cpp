@@ -172,9 +172,9 @@ TEST(CapitalAccess, ObjectsOfAnotherSizeReachTheDrive) {
   rig.enable(3);
   ASSERT_EQ(rig.write(0x60FF, 0, 10), AbortCode::none);
   rig.enable(1);
-  // With a window of 5 increments a quick start is a following error.
-  rig.set(0x6083, 40'000'000);
-  rig.set(0x6084, 40'000'000);
+  // With a window of 5 increments a start that lasts longer than the time-out is a following error.
+  rig.set(0x6083, 20'000'000);
+  rig.set(0x6084, 20'000'000);
   rig.set(0x6081, 4'000'000);
   rig.set(0x607A, 500'000);
   rig.set(0x6040, 0x1F);

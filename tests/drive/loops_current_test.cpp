@@ -33,7 +33,7 @@ TEST(Transforms, PhasesWrap) {
 // With the zero of the PI on the winding's pole, the samples of the closed loop are those of a first order:
 // i(k) = I (1 - p^k), p = exp(-bandwidth * tick), from the first tick after the step, whatever the winding.
 TEST(CurrentLoop, StepResponseIsTheDesignedFirstOrder) {
-  for (const double inductance_h : {1.0e-3, 4.5e-3, 20.0e-3}) {
+  for (const double inductance_h : {1.0e-3, 3.355e-3, 20.0e-3}) {
     for (const float bandwidth_hz : {300.0F, 1000.0F, 2000.0F}) {
       plant::Parameters parameters = frictionless(131072);
       parameters.motor.direct_inductance_h = parameters.motor.quadrature_inductance_h = inductance_h;
@@ -142,8 +142,8 @@ TEST(CurrentLoop, VoltageLimitsTheSpeed) {
     const double speed = 0.5 * (low + high);
     const double current_a = 1.0e-4 * speed / (1.5 * 5.0 * flux);
     const double electrical = 5.0 * speed;
-    const double volts =
-        std::hypot(electrical * 4.5e-3 * current_a, parameters.motor.resistance_ohm * current_a + electrical * flux);
+    const double volts = std::hypot(electrical * parameters.motor.quadrature_inductance_h * current_a,
+                                    parameters.motor.resistance_ohm * current_a + electrical * flux);
     (volts < available_v ? low : high) = speed;
   }
   EXPECT_TRUE(axis.cascade.state().voltage_limited);

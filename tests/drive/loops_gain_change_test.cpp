@@ -160,7 +160,7 @@ TEST(VelocityFeedback, FiltersAreWhatTheyAreCalled) {
   const std::complex<double> first = response(VelocityFeedback::first_order, 240.0F, 0.0F);
   EXPECT_LT(std::abs(first - expected(1.0 / ((1.0 + s) * measurement))), 0.04);
   const std::complex<double> second = response(VelocityFeedback::second_order, 240.0F, 0.0F);
-  EXPECT_LT(std::abs(second - expected(1.0 / (1.0 + std::sqrt(2.0) * s + s * s))), 0.04);
+  EXPECT_LT(std::abs(second - expected(1.0 / (1.0 + std::sqrt(2.0) * s + s * s))), 0.05);
   const std::complex<double> observer = response(VelocityFeedback::observer, 240.0F, 0.0F);
   EXPECT_LT(std::abs(observer - bare), 0.5 * std::abs(first - bare));
   const std::complex<double> command = response(VelocityFeedback::first_order, 0.0F, 240.0F);

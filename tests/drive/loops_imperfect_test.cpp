@@ -3,6 +3,7 @@
 #include <vector>
 
 #include "loops_support.hpp"
+#include "velocity_margin.hpp"
 
 // The loops behind a power stage that answers late, and with sensors that are not ideal.
 namespace servodrome::drive::test {
@@ -78,56 +79,6 @@ TEST(LateStage, VoltagesAreTurnedByTheDelay) {
   EXPECT_LT(direct_share(2), 0.6 * untold) << "the rest is what the axes couple while the voltage is on its way";
 }
 
-// Crossover and phase margin of the velocity loop, opened at the measured velocity: a sine is added to the demand, and
-// what the loop makes of it is compared with what was added.
-struct Margin {
-  double crossover_hz = 0.0;
-  double degrees = 0.0;
-};
-Margin velocity_margin(Axis& axis) {
-  axis.demand.loop = Loop::velocity;
-  axis.run_seconds(0.2);
-  const double amplitude = axis.counts_per_s(20.0);
-  Margin margin;
-  double gain_before = 0.0;
-  double frequency_before = 0.0;
-  double phase_before = 0.0;
-  for (double frequency = 20.0; frequency < 400.0; frequency *= 1.05) {
-    double demand_sine = 0.0, demand_cosine = 0.0, sine = 0.0, cosine = 0.0;
-    const auto ticks_of = [](double seconds) { return std::lround(seconds / tick_seconds); };
-    const auto periods = std::ceil(0.2 * frequency);
-    const auto settle = ticks_of(std::ceil(0.1 * frequency) / frequency);
-    const auto total = settle + ticks_of(periods / frequency);
-    for (long k = 0; k < total; ++k) {
-      const double angle = 2.0 * pi * frequency * static_cast<double>(k) * tick_seconds;
-      axis.demand.velocity = static_cast<float>(amplitude * std::sin(angle));
-      axis.cascade.set_demand(axis.demand);
-      axis.cascade.tick(axis.feedback, axis.actuation);
-      axis.plant.step(axis.actuation, axis.feedback);
-      if (k < settle) continue;
-      const double reference = static_cast<double>(axis.cascade.state().velocity_reference_counts_per_s);
-      const double error = reference - static_cast<double>(axis.cascade.state().velocity_counts_per_s);
-      const double measured = static_cast<double>(axis.cascade.state().velocity_counts_per_s);
-      demand_sine += error * std::sin(angle), demand_cosine += error * std::cos(angle);
-      sine += measured * std::sin(angle), cosine += measured * std::cos(angle);
-    }
-    const double gain = std::hypot(sine, cosine) / std::hypot(demand_sine, demand_cosine);
-    double phase = std::atan2(cosine, sine) - std::atan2(demand_cosine, demand_sine);
-    while (phase > 0.0) phase -= 2.0 * pi;
-    while (phase < -2.0 * pi) phase += 2.0 * pi;
-    if (gain < 1.0 && gain_before >= 1.0) {
-      const double share = std::log(gain_before) / std::log(gain_before / gain);
-      margin.crossover_hz = frequency_before * std::pow(frequency / frequency_before, share);
-      margin.degrees = 180.0 + (phase_before + share * (phase - phase_before)) * 180.0 / pi;
-      return margin;
-    }
-    gain_before = gain;
-    frequency_before = frequency;
-    phase_before = phase;
-  }
-  return margin;
-}
-
 // The gains promise 55 degrees with all delays, that of the stage among them; sampled, at 8 kHz, it is up to 2 less.
 TEST(LateStage, VelocityLoopKeepsItsPhaseMargin) {
   for (int delay = 0; delay <= 2; ++delay) {
@@ -140,7 +91,7 @@ TEST(LateStage, VelocityLoopKeepsItsPhaseMargin) {
       axis.motor = told_of_delay(axis.motor, delay);
       axis.gains = default_gains(axis.motor, axis.rates, {.velocity_hz = wanted_hz});
       axis.configure();
-      const Margin margin = velocity_margin(axis);
+      const Margin margin = velocity_margin(axis, 20.0, 400.0);
       EXPECT_GT(margin.crossover_hz, 20.0);
       EXPECT_GT(margin.degrees, 53.0);
       EXPECT_LT(margin.degrees, 75.0);

@@ -202,7 +202,7 @@ TEST_F(Monitored, Temperatures) {
 TEST_F(Monitored, Overload) {
   monitors.overload_near_percent = 50.0F;
   loops.current_d_a = 3.0F;
-  loops.current_q_a = 4.0F;  // 5 A of 3.8 A
+  loops.current_q_a = 4.0F;  // 5 A of 3.82 A
   int near = 0, warned = 0, tripped = 0;
   for (int i = 1; i < 100000 && tripped == 0; ++i) {
     cycle();
@@ -211,7 +211,9 @@ TEST_F(Monitored, Overload) {
     if (present(Cause::i2t)) tripped = i;
   }
   // -tau ln(1 - share (rated / i)^2), tau = -3 s / ln(1 - (rated / peak)^2), 0.5 ms a cycle.
-  const double rated = 3.8, peak = 11.5, i = 5.0;
+  const double rated = static_cast<double>(axis.configuration.motor.rated_current_a);
+  const double peak = static_cast<double>(axis.configuration.motor.peak_current_a);
+  const double i = 5.0;
   const double tau = -3.0 / std::log(1.0 - rated * rated / (peak * peak));
   const auto cycles = [&](double share) { return -tau * std::log(1.0 - share * rated * rated / (i * i)) / 0.5e-3; };
   EXPECT_NEAR(near, cycles(0.5), 2.0);

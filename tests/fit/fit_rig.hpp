@@ -60,6 +60,7 @@ struct Truth {
 
   std::string axis_text() const {
     return fmt::format(
+        "[axis.stage]\nideal = true\n"  // its drop is part of R where one current does not separate the two
         "[axis.motor]\nphases = {}\nrated_torque_nm = {}\nrated_current_a = {}\npole_pairs = {}\nresistance_ohm = {}\n"
         "direct_inductance_h = {}\nquadrature_inductance_h = {}\ntorque_constant_nm_per_a = {}\n"
         "rotor_inertia_kgm2 = {}\nbrake_torque_nm = {}\n[axis.load]\ninertia_kgm2 = {}\nviscous_friction_nms = {}\n"

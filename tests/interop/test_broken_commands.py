@@ -165,7 +165,7 @@ def assert_recording_is_kept(tmp_path):
 
 
 def turns(line, axis):
-    return abs(line.bench.axis(axis)["velocity_rpm"]) > 5
+    return abs(line.bench.axis(axis)["velocity_rpm"]) > 0.3  # the iSMK's units make it slow: 2 rpm
 
 
 @on_its_buses(MOVING)

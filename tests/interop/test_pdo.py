@@ -226,4 +226,5 @@ def test_the_client_maps_by_name(reference, network):
     network.seen.wait(0x2A2)
     wait_for(lambda: node.tpdo[5].is_received, "the PDO")
     assert node.tpdo[5]["Statusword"].raw == reference.statusword
-    assert node.tpdo[5]["Position actual value"].raw == reference.position
+    # Two moments: the encoder has noise.
+    assert abs(node.tpdo[5]["Position actual value"].raw - reference.position) < 4

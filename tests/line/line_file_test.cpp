@@ -198,7 +198,7 @@ resistance_ohm = 9.5
   EXPECT_EQ(line.axes[0].motor_data.pole_pairs, 7);
   EXPECT_FLOAT_EQ(line.axes[0].motor_data.rated_current_a, 2.828427F);  // peak of 2 A rms
   EXPECT_FLOAT_EQ(line.axes[0].motor_data.resistance_ohm, 9.5F);
-  EXPECT_DOUBLE_EQ(line.axes[0].plant.motor.resistance_ohm, 1.1);
+  EXPECT_DOUBLE_EQ(line.axes[0].plant.motor.resistance_ohm, 0.775);
 }
 
 TEST(LineFile, TheNameplateMayBeWrongButNotAbsurd) {
@@ -405,15 +405,15 @@ TEST(LineFile, StoresLieBesideTheFile) {
   EXPECT_EQ(file.settings.axes[0].store, "/some/where/drives/x.bin");
 }
 
-TEST(LineFile, AStageAndSensorsAreIdealUnlessTheyAreNamed) {
+TEST(LineFile, AStageAndSensorsAreRealUnlessTheFileSaysIdeal) {
   const auto axis_of = [](const char* text) {
     const LineFile file = parse_line_file(text, "line.toml", all_products());
     EXPECT_TRUE(file.diagnostics.empty());
     return file.settings.axes.at(0);
   };
-  EXPECT_TRUE(axis_of(AXIS).plant.stage.ideal);
-  EXPECT_TRUE(axis_of(AXIS).plant.sensors.ideal);
-  EXPECT_EQ(axis_of(AXIS).motor_data.voltage_delay_ticks, 0);
+  EXPECT_FALSE(axis_of(AXIS).plant.stage.ideal);
+  EXPECT_FALSE(axis_of(AXIS).plant.sensors.ideal);
+  EXPECT_EQ(axis_of(AXIS).motor_data.voltage_delay_ticks, 1);
   const AxisSettings real = axis_of(AXIS "[axis.stage]\ndelay_ticks=2\n[axis.sensors]\n");
   EXPECT_FALSE(real.plant.stage.ideal);
   EXPECT_FALSE(real.plant.sensors.ideal);

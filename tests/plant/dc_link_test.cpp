@@ -74,9 +74,9 @@ TEST(DcLink, SagsByTheSourceResistance) {
   p.supply.bus_overcurrent_a = 1.0e3;
   Rig rig(p);
   rig.plant.lock_rotor(true);
-  for (int i = 0; i < 8000; ++i) rig.step_voltage(0.0, 16.5);  // 15 A: 371 W
+  for (int i = 0; i < 8000; ++i) rig.step_voltage(0.0, 15.0 * p.motor.resistance_ohm);
   // With the power stage: 5 W of the PWM, 0.1 ohm in each phase.
-  const double power = 1.5 * 16.5 * 15.0 + 5.0 + 1.5 * 15.0 * 15.0 * 0.1;
+  const double power = 1.5 * p.motor.resistance_ohm * 15.0 * 15.0 + 5.0 + 1.5 * 15.0 * 15.0 * 0.1;
   const double current = (310.0 - std::sqrt(310.0 * 310.0 - 4.0 * 5.0 * power)) / 10.0;
   EXPECT_NEAR(rig.plant.dc_link_v(), 310.0 - 5.0 * current, 0.02);
 }
@@ -95,7 +95,7 @@ TEST(DcLink, RegenerationRaisesItAndTheChopperHoldsIt) {
       // A plain current law: enough for about -4 A.
       const double we = 5.0 * rig.speed_rad_s();
       const double flux = flux_linkage_vs(p.motor);
-      rig.step_voltage(we * 4.5e-3 * 4.0, we * flux - 1.1 * 4.0);
+      rig.step_voltage(we * p.motor.quadrature_inductance_h * 4.0, we * flux - p.motor.resistance_ohm * 4.0);
       highest = std::max(highest, rig.plant.dc_link_v());
       if (with_chopper) {
         if (rig.plant.dc_link_v() > 380.0) chopping = true;
@@ -137,14 +137,15 @@ TEST(DcLink, MainsHaveARipple) {
       rig.plant.lock_rotor(true);
       rig.run(1600);
       EXPECT_NEAR(rig.plant.dc_link_v(), 310.0, 0.02);
-      for (int i = 0; i < 1600; ++i) rig.step_voltage(0.0, 11.0);  // 10 A: 165 W
+      const double v = 10.0 * p.motor.resistance_ohm;  // 10 A
+      for (int i = 0; i < 1600; ++i) rig.step_voltage(0.0, v);
       double least = 1.0e9;
       double most = 0.0;
       int peaks = 0;
       bool falls = false;
       for (int i = 0; i < 16000; ++i) {
         const double before = rig.plant.dc_link_v();
-        rig.step_voltage(0.0, 11.0);
+        rig.step_voltage(0.0, v);
         const double now = rig.plant.dc_link_v();
         if (!falls && now < before) ++peaks;
         falls = now < before;
@@ -152,7 +153,7 @@ TEST(DcLink, MainsHaveARipple) {
         most = std::max(most, now);
       }
       // After a peak the link follows the mains until these fall faster, and then alone to the next half wave.
-      const double power = 1.5 * 11.0 * 10.0;
+      const double power = 1.5 * v * 10.0;
       const double w = 2.0 * std::numbers::pi * hz;
       double t = 0.0;
       while (310.0 * w * std::sin(w * t) < power / (200.0e-6 * 310.0 * std::cos(w * t))) t += 1.0e-6;
@@ -207,9 +208,10 @@ TEST(DcLink, BusComparator) {
   p.supply.bus_overcurrent_a = 0.5;
   Rig rig(p);
   rig.plant.lock_rotor(true);
-  for (int i = 0; i < 2000; ++i) rig.step_voltage(0.0, 11.0);  // 165 W: 0.53 A
+  const auto volts_of = [&](double watts) { return std::sqrt(watts * p.motor.resistance_ohm / 1.5); };
+  for (int i = 0; i < 2000; ++i) rig.step_voltage(0.0, volts_of(165.0));  // 0.53 A
   EXPECT_EQ(rig.feedback.hardware_faults, static_cast<std::uint32_t>(drive::HardwareFault::bus_overcurrent));
-  for (int i = 0; i < 2000; ++i) rig.step_voltage(0.0, 10.0);
+  for (int i = 0; i < 2000; ++i) rig.step_voltage(0.0, volts_of(136.0));
   EXPECT_EQ(rig.feedback.hardware_faults, 0u);
 }
 

@@ -42,8 +42,25 @@ class Dissipation {
   double sum_j_ = 0.0;
 };
 
-// The book of three seconds: what the supply gave is found as heat, friction and what is still stored. `step` makes one
-// tick, at an angle of the command (0.8 Hz); at least `least_j` go through the motor.
+// What the supply gave between two moments is found as heat, friction and what is still stored. At least `least_j` went
+// through the motor.
+inline void expect_energy_balance(const Energy& start, const Energy& end, const Dissipation& friction, double least_j) {
+  const auto stored_j = [](const Energy& e) { return e.kinetic_j + e.elastic_j + e.weight_j + e.cogging_j; };
+  const auto during = [&](double Energy::*which) { return end.*which - start.*which; };
+  const double to_motor_j = during(&Energy::to_motor_j);
+  const double electric =
+      to_motor_j - during(&Energy::copper_j) - during(&Energy::shaft_j) - during(&Energy::magnetic_j);
+  const double mechanic = during(&Energy::shaft_j) - friction.sum_j() - during(&Energy::iron_j) -
+                          during(&Energy::brake_j) - during(&Energy::stop_j) - (stored_j(end) - stored_j(start));
+  const double link = during(&Energy::supplied_j) - during(&Energy::chopped_j) - during(&Energy::standby_j) -
+                      during(&Energy::stage_j) - to_motor_j - during(&Energy::link_stored_j);
+  EXPECT_GT(to_motor_j, least_j);
+  EXPECT_NEAR(electric, 0.0, 1.0e-3 * to_motor_j);
+  EXPECT_NEAR(mechanic, 0.0, 1.0e-4 * to_motor_j);
+  EXPECT_NEAR(link, 0.0, 1.0e-5 * to_motor_j);
+}
+
+// The same of three seconds. `step` makes one tick, at an angle of the command (0.8 Hz).
 template <typename Step>
 void expect_energy_balance(const Parameters& parameters, double least_j, const Step& step) {
   Rig rig(parameters);
@@ -53,17 +70,7 @@ void expect_energy_balance(const Parameters& parameters, double least_j, const S
     step(rig, tick, 2.0 * std::numbers::pi * 0.8 * tick * h);
     friction.add(rig.plant);
   }
-  const Energy end = rig.plant.energy();
-  const auto stored_j = [](const Energy& e) { return e.kinetic_j + e.elastic_j + e.weight_j + e.cogging_j; };
-  const double electric = end.to_motor_j - end.copper_j - end.shaft_j - (end.magnetic_j - start.magnetic_j);
-  const double mechanic =
-      end.shaft_j - friction.sum_j() - end.iron_j - end.brake_j - end.stop_j - (stored_j(end) - stored_j(start));
-  const double link = end.supplied_j - end.chopped_j - end.standby_j - end.stage_j - end.to_motor_j -
-                      (end.link_stored_j - start.link_stored_j);
-  EXPECT_GT(end.to_motor_j, least_j);
-  EXPECT_NEAR(electric, 0.0, 1.0e-3 * end.to_motor_j);
-  EXPECT_NEAR(mechanic, 0.0, 1.0e-4 * end.to_motor_j);
-  EXPECT_NEAR(link, 0.0, 1.0e-5 * end.to_motor_j);
+  expect_energy_balance(start, rig.plant.energy(), friction, least_j);
 }
 
 }  // namespace servodrome::plant::test

@@ -49,11 +49,11 @@ TEST(Heat, WarmCopperResistsMore) {
   Rig rig(p);
   rig.plant.lock_rotor(true);
   for (int i = 0; i < 16 * 16000; ++i) rig.step_voltage(0.0, 5.5);
-  // Steady: power = 1.5 V^2 / R, R = 1.1 (1 + alpha dT), dT = 2 power.
+  // Steady: power = 1.5 V^2 / R, R = R25 (1 + alpha dT), dT = 2 power.
   double rise = 0.0;
-  for (int i = 0; i < 100; ++i) rise = 2.0 * 1.5 * 5.5 * 5.5 / (1.1 * (1.0 + 3.93e-3 * rise));
+  for (int i = 0; i < 100; ++i) rise = 2.0 * 1.5 * 5.5 * 5.5 / (p.motor.resistance_ohm * (1.0 + 3.93e-3 * rise));
   EXPECT_NEAR(rig.plant.winding_temperature_c(), 25.0 + rise, 0.1);
-  EXPECT_NEAR(rig.plant.current_a(), 5.5 / (1.1 * (1.0 + 3.93e-3 * rise)), 0.005);
+  EXPECT_NEAR(rig.plant.current_a(), 5.5 / (p.motor.resistance_ohm * (1.0 + 3.93e-3 * rise)), 0.005);
   EXPECT_NEAR(rig.feedback.winding_temperature_c, rig.plant.winding_temperature_c(), 1e-4);
 }
 
@@ -79,8 +79,8 @@ TEST(Heat, WarmMagnetsAreWeaker) {
     turning.spin_up(1000.0);
     turning.step_voltage(0.0, 0.0);
     const double emf_v = turning.speed_rad_s() * 5.0 * flux_linkage_vs(p.motor) * share;
-    EXPECT_NEAR(turning.plant.current_a(), -emf_v * h / 4.5e-3 * (1.0 - 0.5 * 1.1 * h / 4.5e-3),
-                0.01 * emf_v * h / 4.5e-3);
+    const auto [r, l] = std::pair(p.motor.resistance_ohm, p.motor.quadrature_inductance_h);
+    EXPECT_NEAR(turning.plant.current_a(), -emf_v * h / l * (1.0 - 0.5 * r * h / l), 0.01 * emf_v * h / l);
   }
 }
 

@@ -28,9 +28,10 @@ TEST(Windings, LockedRotorCurrentRisesExponentially) {
 }
 
 TEST(Windings, TorqueConstantIsPerAmpereRms) {
-  Rig rig(bare_motor());
+  const Parameters p = bare_motor();
+  Rig rig(p);
   rig.plant.lock_rotor(true);
-  for (int i = 0; i < 2000; ++i) rig.step_voltage(0.0, 1.1 * 2.7 * std::sqrt(2.0));
+  for (int i = 0; i < 2000; ++i) rig.step_voltage(0.0, p.motor.resistance_ohm * 2.7 * std::sqrt(2.0));
   EXPECT_NEAR(rig.plant.current_a() / std::sqrt(2.0), 2.7, 1e-4);
   EXPECT_NEAR(rig.plant.torque_nm(), 2.7 * 0.47, 1e-4);
 }
@@ -112,7 +113,8 @@ TEST(Windings, ShortCircuitBrakesAsTheEquationsSay) {
       const double we = 5.0 * shorted.speed_rad_s();
       const double x = we * p.motor.direct_inductance_h;
       const double flux = flux_linkage_vs(p.motor);
-      const double exact = -1.5 * 5.0 * flux * flux * we * 1.1 / (1.1 * 1.1 + x * x);
+      const double r = p.motor.resistance_ohm;
+      const double exact = -1.5 * 5.0 * flux * flux * we * r / (r * r + x * x);
       EXPECT_NEAR(shorted.plant.torque_nm(), exact, 0.01 * std::abs(exact));
     }
   }
@@ -132,12 +134,13 @@ TEST(Windings, OpenPhaseCarriesNothing) {
       rig.step();
       ASSERT_EQ(rig.feedback.phase_current_a[phase], 0.0F);
     }
-    // The two others in series: half the voltage between them over the resistance of one.
+    // The two others in series.
+    const auto both_ohm = static_cast<float>(2.0 * bare_motor().motor.resistance_ohm);
     const std::size_t a = (phase + 1) % 3;
     const std::size_t b = (phase + 2) % 3;
     const float between = rig.actuation.phase_voltage_v[a] - rig.actuation.phase_voltage_v[b];
-    EXPECT_NEAR(rig.feedback.phase_current_a[a], between / 2.2F, 1e-3);
-    EXPECT_NEAR(rig.feedback.phase_current_a[b], -between / 2.2F, 1e-3);
+    EXPECT_NEAR(rig.feedback.phase_current_a[a], between / both_ohm, 1e-3);
+    EXPECT_NEAR(rig.feedback.phase_current_a[b], -between / both_ohm, 1e-3);
     rig.plant.inject(open[(phase + 1) % 3], true);
     rig.step();
     for (const float current : rig.feedback.phase_current_a) EXPECT_EQ(current, 0.0F);
@@ -153,8 +156,8 @@ TEST(Windings, ShortedPhaseTripsItsComparator) {
   rig.plant.inject(Injection::short_phase_u, true);
   int ticks = 0;
   while (rig.feedback.hardware_faults == 0 && ++ticks < 100) rig.step();
-  // 103 V across 4.5 mH: 20 A within 0.9 ms, out of phase U first.
-  EXPECT_NEAR(ticks, 14, 2);
+  // 103 V across 3.4 mH: 20 A within 0.7 ms, out of phase U first.
+  EXPECT_NEAR(ticks, 11, 2);
   EXPECT_EQ(rig.feedback.hardware_faults, static_cast<std::uint32_t>(drive::HardwareFault::overcurrent_u));
   EXPECT_LT(rig.feedback.phase_current_a[0], -20.0F);
 }
@@ -162,19 +165,20 @@ TEST(Windings, ShortedPhaseTripsItsComparator) {
 TEST(Windings, CurrentsDieThroughTheDiodes) {
   Parameters p = bare_motor();
   p.supply.capacitance_f = 0.1;
+  const auto [r, l] = std::pair(p.motor.resistance_ohm, p.motor.quadrature_inductance_h);
   Rig rig(p);
   rig.plant.lock_rotor(true);
-  for (int i = 0; i < 2000; ++i) rig.step_voltage(0.0, 11.0);
+  for (int i = 0; i < 2000; ++i) rig.step_voltage(0.0, 10.0 * r);
   EXPECT_NEAR(rig.plant.current_a(), 10.0, 1e-3);
   const double before = rig.plant.energy().to_motor_j;
   rig.actuation.pwm_enabled = false;
   // L di/dt = -R i - Vdc / sqrt(3): 10 A in 0.25 ms.
   rig.run(2);
-  const double bridge_a = 310.0 / std::sqrt(3.0) / 1.1;
-  EXPECT_NEAR(rig.plant.current_a(), (10.0 + bridge_a) * std::exp(-2.0 * h * 1.1 / 4.5e-3) - bridge_a, 0.05);
+  const double bridge_a = 310.0 / std::sqrt(3.0) / r;
+  EXPECT_NEAR(rig.plant.current_a(), (10.0 + bridge_a) * std::exp(-2.0 * h * r / l) - bridge_a, 0.05);
   rig.run(4);
   EXPECT_EQ(rig.plant.current_a(), 0.0);
-  EXPECT_LT(rig.plant.energy().to_motor_j, before - 0.2);  // most of 0.34 J went back to the link
+  EXPECT_LT(rig.plant.energy().to_motor_j, before - 0.6 * 0.75 * l * 100.0);  // most of it went back to the link
 }
 
 // Also of a current that ends in the middle of a tick, again and again.
@@ -242,6 +246,7 @@ TEST(Windings, BackEmfAboveTheLinkFeedsIt) {
 TEST(Windings, TheQuadratureInductanceSaturates) {
   Parameters p = bare_motor();
   p.motor.quadrature_saturation_a = 8.0;
+  const auto [r, l] = std::pair(p.motor.resistance_ohm, p.motor.quadrature_inductance_h);
   p.motor.saturated_inductance_share = 0.3;
   p.supply.source_resistance_ohm = 1.0e-4;
   Rig rig(p);
@@ -249,15 +254,15 @@ TEST(Windings, TheQuadratureInductanceSaturates) {
   ReferenceMotor reference(p);
   reference.locked = true;
   for (int tick = 1; tick <= 400; ++tick) {
-    rig.step_voltage(-3.3, 16.5);  // -3 A and 15 A
-    reference.advance(h, -3.3, 16.5);
+    rig.step_voltage(-3.0 * r, 15.0 * r);
+    reference.advance(h, -3.0 * r, 15.0 * r);
     ASSERT_NEAR(rig.plant.current_a(), reference.state[1], 0.002 * 15.0) << tick;
     ASSERT_NEAR(rig.plant.direct_current_a(), reference.state[0], 0.002 * 15.0) << tick;
   }
   rig.run(1600);
-  const double left_h = 4.5e-3 * (0.3 + 0.7 / (1.0 + 15.0 / 8.0));
+  const double left_h = l * (0.3 + 0.7 / (1.0 + 15.0 / 8.0));
   EXPECT_NEAR(rig.plant.current_a(), 15.0, 0.001);
-  EXPECT_NEAR(rig.plant.torque_nm(), 7.5 * (flux_linkage_vs(p.motor) - 3.0 * (4.5e-3 - left_h)) * 15.0, 0.001);
+  EXPECT_NEAR(rig.plant.torque_nm(), 7.5 * (flux_linkage_vs(p.motor) - 3.0 * (l - left_h)) * 15.0, 0.001);
   // What is in the windings heats the copper after a short circuit.
   const Energy start = rig.plant.energy();
   rig.actuation.short_circuit = true;
@@ -267,9 +272,9 @@ TEST(Windings, TheQuadratureInductanceSaturates) {
   double stored = 0.0;  // integral of current over flux, by the midpoint rule
   for (double i = 0.0005; i < 15.0; i += 0.001) {
     const double share = 1.0 / (1.0 + i / 8.0);
-    stored += 1.5 * i * 4.5e-3 * (0.3 + 0.7 * share * share) * 0.001;
+    stored += 1.5 * i * l * (0.3 + 0.7 * share * share) * 0.001;
   }
-  EXPECT_NEAR(start.magnetic_j, stored + 0.75 * 4.5e-3 * 9.0, 1.0e-4 * stored);
+  EXPECT_NEAR(start.magnetic_j, stored + 0.75 * l * 9.0, 1.0e-4 * stored);
 }
 
 // Switched off at a high current, the windings give their energy to the link.

@@ -98,7 +98,8 @@ void find_home_from_every_start() {
         // The drive's position is the true one, counted from home.
         ASSERT_EQ(rig.get(0x6064), rig.plant.position_counts() - home);
         if (method.returns_to_latch) {
-          ASSERT_NEAR(static_cast<double>(rig.get(0x6064)), 0.0, 1.0);
+          // Friction may end the last step some counts behind the target (drive::RestRule).
+          ASSERT_NEAR(static_cast<double>(rig.get(0x6064)), 0.0, 4.0);
         } else if (figure.approach != 0 && !drive::test::is_hard_stop(figure.number) &&
                    !drive::test::uses_home(figure.number)) {
           // Past home by v^2 / 2a and at most a cycle's way: the edge is met at the slow speed.
