@@ -14,9 +14,8 @@
 #include "line/line_server.hpp"
 #include "scenario/director.hpp"
 #include "scenario/parse.hpp"
-#include "scenario/shaft_log.hpp"
 #include "studio/line_routes.hpp"
-#include "tools/scope/export.hpp"
+#include "studio/trial_record.hpp"
 
 namespace servodrome::app {
 namespace {
@@ -113,31 +112,26 @@ std::string end_of_file(const std::filesystem::path& path) {
   return text;
 }
 
-// Two panels, rpm and revolutions, with a channel for each axis.
-std::string picture_of(const line::Line& line, const scenario::ShaftLog& log) {
-  if (log.times().size() < 2) return {};
-  master::scope::Recording recording;
-  for (const auto& axis : line.axes()) {
-    for (const auto& [name, unit] :
-         {std::pair{"speed", "rpm"}, std::pair{"position", "revolutions"}, std::pair{"state", ""}}) {
-      master::scope::Channel channel;
-      channel.name = fmt::format("{} {}", axis->settings().name, name);
-      channel.unit = unit;
-      recording.channels.push_back(channel);
+// The name of the file with the traffic of a bus: "canopen-boot-up-late.can0.log".
+std::string capture_path(const std::filesystem::path& folder, const std::string& scenario_path, const std::string& bus,
+                         std::string_view extension) {
+  const std::filesystem::path path(scenario_path);
+  const std::string place = path.parent_path().filename().string();
+  return (folder / fmt::format("{}{}{}.{}.{}", place, place.empty() ? "" : "-", path.stem().string(), bus, extension))
+      .string();
+}
+
+void keep_traffic(line::LineServer& server, const TrialRun& trial, TrialResult& result) {
+  if (trial.keep.empty()) return;
+  const auto log = [&](const auto& buses, std::string_view extension) {
+    for (const auto& bus : buses) {
+      result.captures.push_back(capture_path(trial.keep, result.path, bus->settings.name, extension));
+      server.log(*bus, result.captures.back());
     }
-  }
-  recording.groups.assign(recording.channels.size(), 0);
-  // A picture is some thousand pixels wide.
-  const std::size_t stride = std::max<std::size_t>(1, log.times().size() / 4000);
-  for (std::size_t row = 0; row < log.times().size(); row += stride) {
-    recording.times.push_back(log.times()[row]);
-    for (std::size_t axis = 0; axis < line.axes().size(); ++axis) {
-      const auto& sample = log.sample(row, axis);
-      recording.values.insert(recording.values.end(),
-                              {sample.velocity_rpm, sample.revolutions, static_cast<double>(sample.state)});
-    }
-  }
-  return master::scope::svg_of(recording);
+  };
+  log(server.line().buses(), "log");
+  log(server.line().ethercat_buses(), "pcap");
+  log(server.line().serial_buses(), "log");
 }
 
 // Looks at the master every few milliseconds while the line runs, ends it when its time is over, and stops the line
@@ -202,8 +196,9 @@ void run(const TrialRun& trial, TrialResult& result, line::LineSettings settings
     scenario.expectations.push_back(std::move(standard));
   }
   scenario::Director director(server.line(), std::move(scenario));
+  keep_traffic(server, trial, result);
+  studio::TrialRecord record(server.line(), result.scenario.duration + trial.after + time_to_terminate);
   director.begin();
-  scenario::ShaftLog log(server.line(), result.scenario.duration + trial.after + time_to_terminate);
   const Places places = places_of(server, trial, result.path);
   const std::filesystem::path output = trial.folder / "master.log";
   {
@@ -212,12 +207,8 @@ void run(const TrialRun& trial, TrialResult& result, line::LineSettings settings
     server.run();
   }
   director.finish();
-  result.verdicts = director.verdicts();
-  result.rules = director.rules();
-  result.duration = server.line().now();
   result.master_output = end_of_file(output);
-  result.picture = picture_of(server.line(), log);
-  scenario::judge(result);
+  record.complete(result, director);
 }
 
 }  // namespace

@@ -193,8 +193,9 @@ void Director::end(RuleRun& rule) {
   rule.when.begin();
 }
 
-void Director::act(RuleRun& rule) {
+void Director::act(RuleRun& rule, const Message* message, const Packets* packets) {
   rule.passed(true);
+  acts_.add(rule, now(), message, packets);
   auto& first = facts_.first_acts[rule.rule->name];
   if (!first) first = now();
 }
@@ -229,7 +230,7 @@ bool Director::carry_out(line::Axis* axis, const Message& message, Packets& pack
     } else if (makes_messages(rule->rule->action)) {
       do_deed(*rule, now());
     } else {
-      act(*rule);
+      act(*rule, &message, &packets);
     }
   }
   notice(axis, message);
@@ -249,7 +250,7 @@ void Director::carry_out(std::span<const Message> datagrams, std::vector<RuleRun
       do_deed(*rule, now());
       continue;
     }
-    act(*rule);
+    act(*rule, &datagrams.front());
     acting.push_back(rule.get());
   }
   for (const Message& datagram : datagrams) notice(nullptr, datagram);

@@ -6,6 +6,7 @@
 #include <stdexcept>
 
 #include "line/line.hpp"
+#include "scenario/act_log.hpp"
 #include "scenario/can_stage.hpp"
 #include "scenario/expectation_watch.hpp"
 #include "scenario/object_view.hpp"
@@ -49,6 +50,9 @@ class Director final : public line::Follower {
   void finish();
   std::vector<RuleReport> rules() const;
   std::vector<Verdict> verdicts() const;
+  std::vector<ActRecord> acts() const { return acts_.records(); }
+  // When the master ended; none: it has not.
+  std::optional<Time> master_end() const { return facts_.master_ended; }
   // Makes the requests of all rules at once, and returns their errors.
   std::vector<std::string> try_requests();
   const Scenario& scenario() const { return scenario_; }
@@ -89,8 +93,8 @@ class Director final : public line::Follower {
   bool refuses_connections(const line::NamedSerialBus& bus) const;
   // The axis that answers for a Modbus unit of the line; nullptr: none, or any.
   line::Axis* axis_of_unit(const line::NamedSerialBus& bus, std::uint8_t unit) const;
-  // A rule without messages has acted.
-  void act(RuleRun& rule);
+  // A rule has acted: on this message, with this result, if it acts on messages.
+  void act(RuleRun& rule, const Message* message = nullptr, const Packets* packets = nullptr);
   void end(RuleRun& rule);
   void write_later(line::Axis& axis, const dictionary::Entry& entry, std::span<const std::byte> value, Time delay);
 
@@ -146,6 +150,7 @@ class Director final : public line::Follower {
   std::vector<std::unique_ptr<TcpStage>> tcp_stages_;
   std::map<line::NamedSerialBus*, std::unique_ptr<RuleStation>> stations_;
   Facts facts_;
+  ActLog acts_;
   std::map<line::Axis*, double> revolutions_;  // at the last tick
   std::multimap<Time, std::function<void()>> queue_;
   Time looks_at_{};  // the next tick in which rules and expectations are looked at

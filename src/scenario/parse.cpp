@@ -97,6 +97,7 @@ class Reader {
     read_limits(reader, rule);
     const auto action = read_action(reader);
     if (action) {
+      reader.read("do", rule.word);
       rule.action = *action;
       if (acts_on_messages(*action) && !rule.on) {
         reader.complain("on", "is missing", "say on which messages it acts: on = { message = \"sdo_answer\" }");

@@ -112,6 +112,8 @@ void read_integer(line::TableReader& reader, std::string_view key, std::optional
 
 }  // namespace
 
+std::string_view name_of(MessageKind kind) { return word_of(message_words, kind); }
+
 std::optional<Time> read_time_ms(line::TableReader& reader, std::string_view key) {
   if (reader.node(key) == nullptr) return std::nullopt;
   double ms = 0;

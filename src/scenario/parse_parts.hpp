@@ -9,6 +9,9 @@ namespace servodrome::scenario {
 Condition read_condition(const toml::table& table, const std::string& path, line::FileReport& report);
 MessagePattern read_pattern(const toml::table& table, const std::string& path, line::FileReport& report);
 
+// The name of a kind of message in the file.
+std::string_view name_of(MessageKind kind);
+
 // Reads `do` and the keys of that action. Returns nothing after an error.
 std::optional<Action> read_action(line::TableReader& rule);
 // A time in milliseconds under `key`, not negative.

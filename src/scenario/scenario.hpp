@@ -283,6 +283,7 @@ struct Rule {
   std::optional<Time> period;        // begins anew so long after its last beginning, if `when` holds
   std::optional<MessagePattern> on;  // for actions on messages
   Action action;
+  std::string word;               // the action's name in the file
   bool checksum = false;          // the change is made before the checksum of a serial message is computed
   std::optional<unsigned> times;  // of messages it acts on or sends; ends after so many acts
   unsigned skip = 0;              // lets so many matching messages pass first

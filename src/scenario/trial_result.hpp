@@ -3,6 +3,7 @@
 #include <string>
 #include <vector>
 
+#include "scenario/excerpt.hpp"
 #include "scenario/scenario.hpp"
 #include "scenario/verdict.hpp"
 
@@ -23,7 +24,10 @@ struct TrialResult {
   bool was_ended = false;     // the trial ended the master, because its time was over
   Time duration{};            // line time
   std::string master_output;  // its last lines
-  std::string picture;        // SVG of the shafts; may be empty
+  std::string picture;        // SVG of the shafts and states; may be empty
+  // Of each bus: the traffic around the failures and the first acts of the rules.
+  std::vector<BusExcerpt> traffic;
+  std::vector<std::string> captures;  // files with the whole traffic
 };
 
 std::string_view word_of(TrialResult::Outcome outcome);
@@ -33,10 +37,5 @@ void judge(TrialResult& result);
 
 // The expectations that every trial has in addition to its scenario's: a master that has ended leaves no axis moving.
 std::vector<Expectation> standard_expectations(const std::vector<std::string>& axes);
-
-// A JUnit report: a test suite for each folder, a test case for each scenario. "not reached" counts as skipped.
-std::string junit_of(const std::vector<TrialResult>& results, const std::string& master);
-// A page with a table of all, and the details and pictures of each.
-std::string html_of(const std::vector<TrialResult>& results, const std::string& master);
 
 }  // namespace servodrome::scenario

@@ -50,6 +50,17 @@ bool TrafficView::decode_some(unsigned frames) {
   return true;
 }
 
+std::optional<line::Time> TrafficView::next_time() const {
+  line::TrafficRing::Cursor cursor = cursor_;
+  const auto frame = ring_.next(cursor);
+  return frame ? std::optional(frame->at) : std::nullopt;
+}
+
+master::Decoded TrafficView::decoded_aside(const canopen::Frame& frame, line::Time at) const {
+  master::CanDecoder copy = decoders_.can;
+  return copy.decode(frame, at);
+}
+
 std::string TrafficView::sender_of(const line::TrafficFrame& frame) const {
   switch (frame.kind) {
     case line::TrafficKind::ethernet_out: return "master";

@@ -22,7 +22,8 @@ class TrafficView {
   static constexpr std::size_t ring_bytes = std::size_t{4} * 1024 * 1024;
   static constexpr std::size_t most_rows = 10'000;
 
-  explicit TrafficView(std::unique_ptr<TrafficSource> source) : source_(std::move(source)) {}
+  explicit TrafficView(std::unique_ptr<TrafficSource> source, std::size_t bytes = ring_bytes)
+      : source_(std::move(source)), ring_(bytes) {}
 
   // Starts or stops recording. Starting presets the decoders with the present data of the drives. Earlier records are
   // kept.
@@ -38,6 +39,10 @@ class TrafficView {
   }
   // Decodes at most this many frames; returns false if there are no more.
   bool decode_some(unsigned frames);
+  // The time of the frame that decode_some decodes next; none: all are decoded.
+  std::optional<line::Time> next_time() const;
+  // A frame that did not pass on this CAN bus, decoded as if it passed now.
+  master::Decoded decoded_aside(const canopen::Frame& frame, line::Time at) const;
   // Number of decoded frames; the next frame has the number decoded() + 1.
   std::uint64_t decoded() const { return cursor_.number - 1; }
   const std::deque<TrafficRow>& rows() const { return rows_; }
@@ -55,7 +60,7 @@ class TrafficView {
   std::string sender_of(const line::TrafficFrame& frame) const;
 
   std::unique_ptr<TrafficSource> source_;
-  line::TrafficRing ring_{ring_bytes};
+  line::TrafficRing ring_;
   std::unique_ptr<line::TrafficTap> tap_;
   line::TrafficRing::Cursor cursor_{1, 0};
   TrafficDecoders decoders_;

@@ -60,7 +60,38 @@ def test_outcomes_and_reports(tmp_path):
         "skipped": "1",
     }
     page = html.read_text()
-    assert page.count("<svg") == 4 and "rests after the master has ended" in page
+    # Of each of four trials a picture of the shaft and one of the states.
+    assert page.count("<svg") == 8 and "rests after the master has ended" in page
+    assert "operation enabled" in page and "Statusword" in page
+
+
+def test_the_traffic_around_a_failure_is_shown_in_words(tmp_path):
+    scenarios, kept = tmp_path / "scenarios", tmp_path / "kept"
+    scenarios.mkdir()
+    html = tmp_path / "trial.html"
+    done = trial(scenarios, {"missing": MISSING}, options=["--json", "--html", str(html), "--keep", str(kept)])
+    (result,) = json.loads(done.stdout)
+    (bus,) = result["traffic"]
+    assert bus["bus"] == "can0"
+    lines = bus["lines"]
+    (act,) = [line for line in lines if line["kind"] == "act"]
+    assert act["from"] == "x" and act["raw"].startswith("581 [8] 60 40 60 00")
+    assert act["text"] == 'rule "rule 1": withhold sdo_answer 6040h:00 (SDO written 6040:00 Controlword); nothing passes'
+    place = lines.index(act)
+    assert lines[place - 1]["text"] == "SDO write 6040:00 Controlword = 6 (0006h)" and lines[place - 1]["from"] == "master"
+    moments = [line["text"] for line in lines if line["kind"] == "moment"]
+    assert moments == ['first act of the rule "rule 1"', "failed: the master ended with status 1"]
+    # A frame is there once; what lies between is left out, and said so.
+    assert [line["at_s"] for line in lines] == sorted(line["at_s"] for line in lines)
+    assert sum(line["kind"] in ("frame", "error") for line in lines) <= 2 * (40 + 20)
+    assert all(line["text"].endswith("lines are left out") for line in lines if line["kind"] == "gap")
+    # The withheld answer is not in the capture, which has the request.
+    (capture,) = result["captures"]
+    assert pathlib.Path(capture).parent == kept and pathlib.Path(capture).name == "scenarios-missing.can0.log"
+    text = pathlib.Path(capture).read_text()
+    assert "601#2B40600006000000" in text and text.count("581#6040600000000000") == text.count("601#2B406000") - 1
+    page = html.read_text()
+    assert "withhold sdo_answer" in page and f"servodrome sniff {capture}" in page
 
 
 def test_a_master_that_leaves_its_axis_moving_is_told_so(tmp_path):

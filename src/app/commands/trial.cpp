@@ -14,6 +14,7 @@
 #include "app/trial_run.hpp"
 #include "app/whole_file.hpp"
 #include "scenario/parse.hpp"
+#include "scenario/trial_report.hpp"
 
 namespace servodrome::app {
 namespace trial_command {
@@ -28,6 +29,7 @@ struct Options {
   std::string only;
   std::string junit;
   std::string html;
+  std::string keep;
   double after_s = 3;
   unsigned jobs = 4;
   bool list = false;
@@ -78,30 +80,6 @@ class TemporaryFolder {
   fs::path path_;
 };
 
-nlohmann::ordered_json json_of(const TrialResult& result) {
-  const auto seconds = [](links::Time time) { return std::chrono::duration<double>(time).count(); };
-  nlohmann::ordered_json view{{"scenario", result.path},
-                              {"title", result.scenario.title},
-                              {"outcome", word_of(result.outcome)},
-                              {"reason", result.reason},
-                              {"exit_status", result.exit_status},
-                              {"was_ended", result.was_ended},
-                              {"seconds", seconds(result.duration)},
-                              {"expectations", nlohmann::ordered_json::array()},
-                              {"rules", nlohmann::ordered_json::array()}};
-  constexpr std::array outcomes{"passed", "failed", "not reached"};
-  for (const scenario::Verdict& verdict : result.verdicts) {
-    view["expectations"].push_back({{"name", verdict.name},
-                                    {"outcome", outcomes[static_cast<std::size_t>(verdict.outcome)]},
-                                    {"at_s", seconds(verdict.at)},
-                                    {"found", verdict.found}});
-  }
-  for (const scenario::RuleReport& rule : result.rules)
-    view["rules"].push_back({{"name", rule.name}, {"acts", rule.acts}});
-  view["output"] = result.master_output;
-  return view;
-}
-
 void print(const TrialResult& result, std::size_t done, std::size_t of) {
   fmt::print("{:>4}/{} {:<12} {}\n", done, of, word_of(result.outcome), result.path);
   std::fflush(stdout);
@@ -115,9 +93,16 @@ void print(const TrialResult& result, std::size_t done, std::size_t of) {
   std::fflush(stdout);
 }
 
-std::vector<TrialResult> run_all(const Options& options, const std::vector<std::string>& files) {
+// What remains of a trial: the pictures and the traffic of many trials would fill the memory.
+struct Done {
+  TrialResult::Outcome outcome = TrialResult::Outcome::error;
+  scenario::TrialJson view;
+  std::string section;
+};
+
+std::vector<Done> run_all(const Options& options, const std::vector<std::string>& files) {
   const TemporaryFolder temporary;
-  std::vector<TrialResult> results(files.size());
+  std::vector<Done> results(files.size());
   std::atomic<std::size_t> next{0};
   std::mutex printing;
   std::size_t done = 0;
@@ -127,12 +112,15 @@ std::vector<TrialResult> run_all(const Options& options, const std::vector<std::
       run.master = options.master;
       run.links = options.links;
       run.job = job;
+      run.keep = options.keep;
       run.folder = temporary.path() / std::to_string(n);
       run.after = std::chrono::duration_cast<links::Time>(std::chrono::duration<double>(options.after_s));
       fs::create_directory(run.folder);
-      results[n] = run_trial(run, files[n]);
+      const TrialResult result = run_trial(run, files[n]);
+      results[n] = {result.outcome, scenario::json_of(result),
+                    options.html.empty() ? "" : scenario::html_section_of(result)};
       const std::lock_guard lock(printing);
-      if (!options.json) print(results[n], ++done, files.size());
+      if (!options.json) print(result, ++done, files.size());
     }
   };
   std::vector<std::thread> threads;
@@ -159,18 +147,24 @@ void run(const Options& options) {
     if (!path->empty()) require_writable(*path);
   }
   const InterruptGuard guard;
-  const std::vector<TrialResult> results = run_all(options, files);
+  if (!options.keep.empty()) fs::create_directories(options.keep);
+  const std::vector<Done> results = run_all(options, files);
+  scenario::TrialJson all = scenario::TrialJson::array();
+  std::vector<std::string> sections;
+  for (const Done& one : results) {
+    if (one.view.is_null()) continue;  // the trials were interrupted
+    all.push_back(one.view);
+    sections.push_back(one.section);
+  }
   const std::string master = fmt::format("{}", fmt::join(options.master, " "));
-  if (!options.junit.empty()) write_whole_file(options.junit, junit_of(results, master));
-  if (!options.html.empty()) write_whole_file(options.html, html_of(results, master));
+  if (!options.junit.empty()) write_whole_file(options.junit, scenario::junit_of(all, master));
+  if (!options.html.empty()) write_whole_file(options.html, scenario::html_of(all, sections, master));
   const auto count = [&results](TrialResult::Outcome outcome) {
     return std::count_if(results.begin(), results.end(), [outcome](const auto& one) { return one.outcome == outcome; });
   };
   const auto failed = count(TrialResult::Outcome::failed);
   const auto errors = count(TrialResult::Outcome::error);
   if (options.json) {
-    nlohmann::ordered_json all = nlohmann::ordered_json::array();
-    for (const TrialResult& result : results) all.push_back(json_of(result));
     fmt::print("{}\n", all.dump(2, ' ', false, nlohmann::ordered_json::error_handler_t::replace));
   } else {
     fmt::print("{} passed, {} failed, {} not reached, {} errors\n", count(TrialResult::Outcome::passed), failed,
@@ -203,7 +197,9 @@ void add_trial(CLI::App& app) {
   command->add_option("--after", options->after_s, "The line runs on so many seconds after the master has ended")
       ->check(CLI::Range(0.0, 60.0));
   command->add_option("--junit", options->junit, "Write the outcomes to this file, as JUnit XML");
-  command->add_option("--html", options->html, "Write a page with all outcomes and pictures of the shafts");
+  command->add_option("--html", options->html,
+                      "Write a page with all outcomes, pictures of the shafts, and the traffic around failures");
+  command->add_option("--keep", options->keep, "Keep the whole traffic of each trial as captures in this folder");
   command->add_flag("--list", options->list, "List the scenarios and run nothing");
   command->add_flag("--json", options->json, "Print JSON");
   command->callback([options] { run(*options); });
