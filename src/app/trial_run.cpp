@@ -14,6 +14,7 @@
 #include "line/line_server.hpp"
 #include "scenario/director.hpp"
 #include "scenario/parse.hpp"
+#include "scenario/standard.hpp"
 #include "studio/line_routes.hpp"
 #include "studio/trial_record.hpp"
 
@@ -192,7 +193,7 @@ void run(const TrialRun& trial, TrialResult& result, line::LineSettings settings
   scenario::Scenario scenario = result.scenario;
   std::vector<std::string> axes;
   for (const line::AxisSettings& axis : settings.axes) axes.push_back(axis.name);
-  for (scenario::Expectation& standard : scenario::standard_expectations(axes)) {
+  for (scenario::Expectation& standard : scenario::standard_expectations(scenario, axes)) {
     scenario.expectations.push_back(std::move(standard));
   }
   scenario::Director director(server.line(), std::move(scenario));

@@ -18,7 +18,8 @@ bool ends_with_its_acts(const Rule& rule) {
 
 }  // namespace
 
-Director::Director(line::Line& line, Scenario scenario) : line_(line), scenario_(std::move(scenario)) {
+Director::Director(line::Line& line, Scenario scenario) : line_(line), scenario_(std::move(scenario)), master_(line) {
+  facts_.master = &master_;
   for (const Rule& rule : scenario_.rules) set_up(rule);
   for (const Expectation& expectation : scenario_.expectations) set_up(expectation);
 }
@@ -131,6 +132,7 @@ void Director::reached(Time now) {
     }
   }
   measure_travel();
+  master_.look(now);
   for (const auto& rule : rules_) look(*rule, now);
   for (ExpectationWatch& expectation : expectations_) {
     if (!expectation.decided()) expectation.look(now, facts_);
@@ -302,7 +304,7 @@ void Director::finish() {
   if (finished_) return;
   finished_ = true;
   for (const auto& rule : rules_) end(*rule);
-  for (ExpectationWatch& expectation : expectations_) expectation.finish(now());
+  for (ExpectationWatch& expectation : expectations_) expectation.finish(now(), facts_);
   queue_.clear();
 }
 

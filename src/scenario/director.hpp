@@ -9,6 +9,7 @@
 #include "scenario/act_log.hpp"
 #include "scenario/can_stage.hpp"
 #include "scenario/expectation_watch.hpp"
+#include "scenario/master_watch.hpp"
 #include "scenario/object_view.hpp"
 #include "scenario/packets.hpp"
 #include "scenario/segment_stage.hpp"
@@ -149,6 +150,7 @@ class Director final : public line::Follower {
   std::vector<std::unique_ptr<SegmentStage>> segments_;
   std::vector<std::unique_ptr<TcpStage>> tcp_stages_;
   std::map<line::NamedSerialBus*, std::unique_ptr<RuleStation>> stations_;
+  MasterWatch master_;
   Facts facts_;
   ActLog acts_;
   std::map<line::Axis*, double> revolutions_;  // at the last tick

@@ -52,25 +52,25 @@ void ExpectationWatch::look(Time now, const Facts& facts) {
       }
       if (expectation_->within && now > began_ + *expectation_->within) {
         return decide(Outcome::failed, now,
-                      fmt::format("not within {:.0f} ms: {}", ms(*expectation_->within), what_.present()));
+                      fmt::format("not within {:.0f} ms: {}", ms(*expectation_->within), what_.present(facts)));
       }
       break;
     case Kind::always:
-      if (!holds) return decide(Outcome::failed, now, what_.present());
+      if (!holds) return decide(Outcome::failed, now, what_.present(facts));
       break;
     case Kind::never:
-      if (holds) return decide(Outcome::failed, now, what_.present());
+      if (holds) return decide(Outcome::failed, now, what_.present(facts));
       break;
   }
   const bool over =
       (until_ && until_->holds(now, facts)) || (expectation_->lasts && now >= began_ + *expectation_->lasts);
-  if (over) finish(now);
+  if (over) finish(now, facts);
 }
 
-void ExpectationWatch::finish(Time now) {
+void ExpectationWatch::finish(Time now, const Facts& facts) {
   if (phase_ != Phase::watching) return;
   if (expectation_->kind == Expectation::Kind::eventually) {
-    decide(Outcome::failed, now, "not by the end: " + what_.present());
+    decide(Outcome::failed, now, "not by the end: " + what_.present(facts));
   } else {
     decide(Outcome::passed, now, "");
   }

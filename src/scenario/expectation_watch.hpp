@@ -16,7 +16,7 @@ class ExpectationWatch {
   void look(Time now, const Facts& facts);
   bool decided() const { return phase_ == Phase::decided; }
   // The trial ends: what has not been decided is decided now.
-  void finish(Time now);
+  void finish(Time now, const Facts& facts);
   const Verdict& verdict() const { return verdict_; }
 
  private:

@@ -7,6 +7,7 @@
 
 #include "line/toml_text.hpp"
 #include "scenario/parse_parts.hpp"
+#include "scenario/standard.hpp"
 #include "scenario/words.hpp"
 
 namespace servodrome::scenario {
@@ -52,6 +53,7 @@ class Reader {
     } else {
       scenario_.duration = std::chrono::duration_cast<Time>(std::chrono::duration<double>(seconds));
     }
+    if (const toml::table* waive = reader.table("waive")) read_waived(*waive);
     for (const toml::table* rule : reader.tables("rule")) read_rule(*rule);
     for (const toml::table* expectation : reader.tables("expect")) read_expectation(*expectation);
     reader.finish();
@@ -63,6 +65,19 @@ class Reader {
   }
 
  private:
+  void read_waived(const toml::table& table) {
+    line::TableReader reader(table, "waive", report_);
+    for (const Standard& standard : standards()) {
+      if (reader.node(standard.word) == nullptr) continue;
+      std::string reason;
+      reader.read(standard.word, reason);
+      if (reason.empty())
+        reader.complain(standard.word, "has no reason", "say why: ends = \"it waits for the operator\"");
+      scenario_.waived.emplace(standard.word, reason);
+    }
+    reader.finish();
+  }
+
   void read_rule(const toml::table& table) {
     Rule rule;
     rule.name = fmt::format("rule {}", scenario_.rules.size() + 1);

@@ -217,6 +217,9 @@ Condition read_condition(const toml::table& table, const std::string& path, line
   read_flag(reader, "powered", condition.powered);
   reader.read("axis", condition.axis);
   condition.ended = read_time_ms(reader, "ended_ms");
+  read_integer(reader, "fault_resets_above", condition.fault_resets_above, 0, 1'000'000);
+  read_integer(reader, "repeats_above", condition.repeats_above, 0, 1'000'000);
+  read_flag(reader, "set_point_jumped", condition.set_point_jumped);
   condition.success = read_word(reader, "exit", exit_words);
   if (const toml::table* message = reader.table("message")) {
     condition.message = read_pattern(*message, path + ".message", report);

@@ -2,6 +2,7 @@
 
 #include <bitset>
 #include <cstdint>
+#include <map>
 #include <optional>
 #include <string>
 #include <variant>
@@ -99,6 +100,10 @@ struct Condition {
   unsigned count = 1;
   std::optional<Time> ended;    // the master ended so long ago
   std::optional<bool> success;  // the master has ended with this result
+  // What the master does to the axis: MasterDeeds.
+  std::optional<unsigned> fault_resets_above;  // so many in the last second
+  std::optional<unsigned> repeats_above;  // so many SDO requests without an answer were repeated in the last second
+  std::optional<bool> set_point_jumped;   // the first set-point of a cyclic mode lay out of reach
 
   static constexpr double rest_rpm = 1;
 };
@@ -315,6 +320,7 @@ struct Scenario {
   std::string source;
   std::string line;  // path of the line file, from the current folder
   std::uint64_t seed = 1;
+  std::map<std::string, std::string, std::less<>> waived;  // word of a standard expectation, reason
   MasterStatus master = MasterStatus::any;
   Time duration = std::chrono::seconds(10);
   std::vector<Rule> rules;

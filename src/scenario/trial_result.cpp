@@ -4,6 +4,8 @@
 #include <array>
 #include <fmt/format.h>
 
+#include "scenario/standard.hpp"
+
 namespace servodrome::scenario {
 
 std::string_view word_of(TrialResult::Outcome outcome) {
@@ -19,6 +21,18 @@ void judge(TrialResult& result) {
     result.reason = fmt::format("{}: {}", rule.name, rule.error);
     return;
   }
+  const bool ends = !result.scenario.waived.contains(ends_by_itself);
+  if (ends) {
+    Verdict& verdict = result.verdicts.emplace_back();
+    verdict.name = standards().back().name;
+    verdict.outcome = result.was_ended ? Outcome::failed : Outcome::passed;
+    verdict.at = result.master_end;
+    if (result.was_ended) {
+      verdict.found =
+          fmt::format("the trial ended it after {} s", std::chrono::duration<double>(result.scenario.duration).count());
+    }
+  }
+  for (Verdict& waived : waived_verdicts(result.scenario)) result.verdicts.push_back(std::move(waived));
   const bool acted =
       std::any_of(result.rules.begin(), result.rules.end(), [](const auto& rule) { return rule.acts > 0; });
   if (!acted && !result.rules.empty()) {
@@ -38,20 +52,6 @@ void judge(TrialResult& result) {
     result.outcome = Result::failed;
     result.reason = "the master ended with status 0, as if nothing had happened";
   }
-}
-
-std::vector<Expectation> standard_expectations(const std::vector<std::string>& axes) {
-  std::vector<Expectation> expectations;
-  for (const std::string& axis : axes) {
-    Expectation rest;
-    rest.name = fmt::format("{} rests after the master has ended", axis);
-    rest.axis = axis;
-    rest.kind = Expectation::Kind::always;
-    rest.when.ended = std::chrono::seconds(2);
-    rest.what.at_rest = true;
-    expectations.push_back(std::move(rest));
-  }
-  return expectations;
 }
 
 }  // namespace servodrome::scenario

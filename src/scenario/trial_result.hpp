@@ -22,6 +22,7 @@ struct TrialResult {
   std::vector<RuleReport> rules;
   int exit_status = 0;
   bool was_ended = false;     // the trial ended the master, because its time was over
+  Time master_end{};          // line time at which the master ended
   Time duration{};            // line time
   std::string master_output;  // its last lines
   std::string picture;        // SVG of the shafts and states; may be empty
@@ -32,10 +33,8 @@ struct TrialResult {
 
 std::string_view word_of(TrialResult::Outcome outcome);
 
-// Judges from verdicts, rules and exit status, and sets `outcome` and `reason`.
+// Judges from verdicts, rules and exit status, and sets `outcome` and `reason`. Adds the verdict whether the master has
+// ended by itself, and what the scenario waives.
 void judge(TrialResult& result);
-
-// The expectations that every trial has in addition to its scenario's: a master that has ended leaves no axis moving.
-std::vector<Expectation> standard_expectations(const std::vector<std::string>& axes);
 
 }  // namespace servodrome::scenario

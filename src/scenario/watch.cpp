@@ -18,7 +18,7 @@ double revolutions(const line::Axis& axis) {
 bool needs_axis(const Condition& c) {
   return c.state || c.nmt || c.al || c.mode || c.homing_leg || c.at_rest || c.position_above || c.position_below ||
          c.speed_above || c.speed_below || c.moved_above || c.travelled_above || c.torque_above || c.object ||
-         c.powered;
+         c.powered || c.fault_resets_above || c.repeats_above || c.set_point_jumped;
 }
 
 void Watch::begin() {
@@ -43,6 +43,7 @@ bool Watch::holds(Time now, const Facts& facts) const {
   if (!master_fits(now, facts)) return false;
   if (!needs_axis(c)) return true;
   if (c.travelled_above && !has_travelled(facts)) return false;
+  if (!deeds_fit(facts)) return false;
   return (!c.powered || *c.powered == axis_->powered()) && shaft_fits() && drive_fits() && bus_fits();
 }
 
@@ -55,6 +56,15 @@ bool Watch::master_fits(Time now, const Facts& facts) const {
   const Condition& c = *condition_;
   if (c.ended && (!facts.master_ended || now < *facts.master_ended + *c.ended)) return false;
   return !c.success || (facts.master_ended && facts.master_succeeded == *c.success);
+}
+
+bool Watch::deeds_fit(const Facts& facts) const {
+  const Condition& c = *condition_;
+  if (!c.fault_resets_above && !c.repeats_above && !c.set_point_jumped) return true;
+  const MasterDeeds& deeds = facts.master->of(axis_);
+  if (c.fault_resets_above && deeds.fault_resets.count() <= *c.fault_resets_above) return false;
+  if (c.repeats_above && deeds.repeats.count() <= *c.repeats_above) return false;
+  return !c.set_point_jumped || deeds.jumped == *c.set_point_jumped;
 }
 
 bool Watch::shaft_fits() const {
@@ -94,12 +104,18 @@ bool Watch::bus_fits() const {
   return !c.al || (device.ethercat_slave() != nullptr && device.ethercat_slave()->state() == *c.al);
 }
 
-std::string Watch::present() const {
+std::string Watch::present(const Facts& facts) const {
   const Condition& c = *condition_;
   std::string text;
   const auto say = [&text](const std::string& what) { text += (text.empty() ? "" : ", ") + what; };
   if (c.message) say(fmt::format("{} of {} messages", messages_, c.count));
   if (axis_ == nullptr) return text;
+  const MasterDeeds& deeds = facts.master->of(axis_);
+  if (c.fault_resets_above) say(fmt::format("{} fault resets in a second", deeds.fault_resets.count()));
+  if (c.repeats_above) say(fmt::format("{} requests repeated in a second", deeds.repeats.count()));
+  if (c.set_point_jumped) {
+    say(fmt::format("the first set-point is {:.3f} revolutions from the shaft", deeds.jump_revolutions));
+  }
   if (c.state) say(axis_->powered() ? drive::name(axis_->device().drive().state()) : "no power");
   say(fmt::format("{:.1f} rpm at {:.3f} revolutions", axis_->plant().velocity_rpm(), revolutions(*axis_)));
   if (c.object && axis_->powered()) {

@@ -1,6 +1,7 @@
 #pragma once
 
 #include "line/axis.hpp"
+#include "scenario/master_watch.hpp"
 #include "scenario/message.hpp"
 
 namespace servodrome::scenario {
@@ -9,6 +10,7 @@ namespace servodrome::scenario {
 struct Facts {
   std::map<std::string, std::optional<Time>, std::less<>> first_acts;  // of each rule; none: it has not acted
   std::map<const line::Axis*, double> travelled;                       // motor revolutions, both directions added
+  const MasterWatch* master = nullptr;
   std::optional<Time> master_ended;
   bool master_succeeded = false;
 };
@@ -25,7 +27,7 @@ class Watch {
   void notice(const line::Axis* axis, const Message& message);
   bool holds(Time now, const Facts& facts) const;
   // What the condition asks for, as it is now: "state fault, position 1.25".
-  std::string present() const;
+  std::string present(const Facts& facts) const;
 
  private:
   bool drive_fits() const;
@@ -33,6 +35,7 @@ class Watch {
   bool has_travelled(const Facts& facts) const;
   bool master_fits(Time now, const Facts& facts) const;
   bool bus_fits() const;
+  bool deeds_fit(const Facts& facts) const;
 
   const Condition* condition_;
   line::Axis* axis_;

@@ -26,14 +26,14 @@ std::string shortened(std::string text) {
   return fmt::format("{} ... ({} characters)", text.substr(0, end), text.size());
 }
 
-std::vector<scenario::Moment> moments_of(const TrialResult& result, const scenario::Director& director) {
+std::vector<scenario::Moment> moments_of(const TrialResult& result) {
   std::vector<scenario::Moment> moments;
   for (const scenario::Verdict& verdict : result.verdicts) {
     if (verdict.outcome != scenario::Outcome::failed) continue;
     moments.push_back({verdict.at, fmt::format("failed: {}: {}", verdict.name, verdict.found)});
   }
   if (result.outcome == TrialResult::Outcome::failed && !result.reason.empty()) {
-    moments.push_back({director.master_end().value_or(result.duration), "failed: " + result.reason});
+    moments.push_back({result.master_end, "failed: " + result.reason});
   }
   std::size_t rules = 0;
   for (const scenario::RuleReport& rule : result.rules) {
@@ -145,9 +145,10 @@ void TrialRecord::complete(TrialResult& result, const scenario::Director& direct
   result.verdicts = director.verdicts();
   result.rules = director.rules();
   result.duration = line_.now();
+  result.master_end = director.master_end().value_or(line_.now());
   result.picture = picture();
   scenario::judge(result);
-  const std::vector<scenario::Moment> moments = moments_of(result, director);
+  const std::vector<scenario::Moment> moments = moments_of(result);
   const std::vector<scenario::ActRecord> acts = director.acts();
   for (const auto& view : buses_) {
     std::vector<scenario::ActRecord> of_bus;

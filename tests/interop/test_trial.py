@@ -121,6 +121,17 @@ network.disconnect()
     assert "x rests after the master has ended: at" in done.stdout
 
 
+def test_a_master_that_does_not_end_fails_unless_the_scenario_waives_it(tmp_path):
+    waits = HANGS.replace('master = "success"', 'master = "any"')
+    waived = waits.replace("[[rule]]", '[waive]\nends = "it waits for the operator"\n[[rule]]')
+    done = trial(tmp_path, {"waits": waits, "waived": waived}, ["sleep", "30"], options=["--json"])
+    outcomes = {pathlib.Path(one["scenario"]).stem: one for one in json.loads(done.stdout)}
+    assert outcomes["waits"]["outcome"] == "failed" and outcomes["waived"]["outcome"] == "passed"
+    verdicts = {stem: {one["name"]: one for one in result["expectations"]} for stem, result in outcomes.items()}
+    assert verdicts["waits"]["the master ends by itself"]["found"] == "the trial ended it after 1 s"
+    assert verdicts["waived"]["the master ends by itself"]["found"] == "waived: it waits for the operator"
+
+
 def test_wrong_use_is_explained(tmp_path):
     assert "write its command behind --" in subprocess.run(
         [PROGRAM, "trial", "--scenarios", str(ROOT / "scenarios/canopen")], capture_output=True, text=True

@@ -31,7 +31,9 @@ inline Scenario scenario_of(const std::string& text) {
 class Stage {
  public:
   explicit Stage(const std::string& rules, std::string_view line_text = one_axis)
-      : line(line::test::settings_of(line_text)), port(line.buses().front()->bus), director(line, scenario_of(rules)) {
+      : Stage(scenario_of(rules), line_text) {}
+  explicit Stage(Scenario scenario, std::string_view line_text = one_axis)
+      : line(line::test::settings_of(line_text)), port(line.buses().front()->bus), director(line, std::move(scenario)) {
     director.begin();
   }
 

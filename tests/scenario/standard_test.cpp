@@ -1,0 +1,152 @@
+// What every decent master does, whatever breaks: each standard expectation has a master that breaks it and one that
+// does not.
+#include "scenario/standard.hpp"
+
+#include "scenario/support.hpp"
+#include "scenario/trial_result.hpp"
+
+namespace servodrome::scenario::test {
+namespace {
+
+// A stage with the standard expectations.
+class StandardStage : public Stage {
+ public:
+  explicit StandardStage(const std::string& rules = "") : Stage(with_standards(scenario_of(rules))) {}
+
+  Verdict verdict(std::string_view name) {
+    director.finish();
+    for (const Verdict& one : director.verdicts()) {
+      if (one.name == name) return one;
+    }
+    ADD_FAILURE() << name;
+    return {};
+  }
+
+ private:
+  static Scenario with_standards(Scenario scenario) {
+    for (Expectation& one : standard_expectations(scenario, {"x"})) scenario.expectations.push_back(std::move(one));
+    return scenario;
+  }
+};
+
+constexpr std::string_view resets = "x has no storm of fault resets";
+constexpr std::string_view set_point = "x begins to follow where it is";
+constexpr std::string_view repeats = "x is not asked again and again without an answer";
+
+void reset_fault(Stage& stage) {
+  stage.write(0x6040, 0x80, 2);
+  stage.write(0x6040, 0x00, 2);
+}
+
+TEST(StandardExpectations, SixFaultResetsInASecondAreAStorm) {
+  StandardStage stage;
+  for (int n = 0; n < 6; ++n) reset_fault(stage);
+  const Verdict verdict = stage.verdict(resets);
+  EXPECT_EQ(verdict.outcome, Outcome::failed);
+  EXPECT_EQ(verdict.found.substr(0, 26), "6 fault resets in a second");
+}
+
+TEST(StandardExpectations, FaultResetsOverALongerTimeAreNoStorm) {
+  StandardStage stage;
+  for (int n = 0; n < 20; ++n) {
+    reset_fault(stage);
+    stage.run(200ms);
+  }
+  EXPECT_EQ(stage.verdict(resets).outcome, Outcome::passed);
+}
+
+TEST(StandardExpectations, BitSevenThatStaysIsOneFaultReset) {
+  StandardStage stage;
+  for (int n = 0; n < 20; ++n) stage.write(0x6040, 0x80, 2);
+  EXPECT_EQ(stage.verdict(resets).outcome, Outcome::passed);
+}
+
+// One revolution is out of reach in a millisecond.
+TEST(StandardExpectations, AFirstSetPointFarAwayIsAJump) {
+  StandardStage stage;
+  stage.enable(8);
+  ASSERT_EQ(stage.state(), drive::PowerState::operation_enabled);
+  stage.write(0x607A, stage.read(0x6064) + 131072, 4);
+  const Verdict verdict = stage.verdict(set_point);
+  EXPECT_EQ(verdict.outcome, Outcome::failed);
+  EXPECT_NE(verdict.found.find("1.000 revolutions from the shaft"), std::string::npos) << verdict.found;
+}
+
+TEST(StandardExpectations, AFirstSetPointAtTheShaftIsNone) {
+  StandardStage stage;
+  stage.enable(8);
+  stage.write(0x607A, stage.read(0x6064), 4);
+  stage.run(100ms);
+  EXPECT_EQ(stage.verdict(set_point).outcome, Outcome::passed);
+}
+
+// A target that stands in 607Ah without having been sent in this mode is not followed.
+TEST(StandardExpectations, AnEnabledAxisWithoutASetPointDoesNotJump) {
+  StandardStage stage;
+  stage.write(0x607A, 500'000, 4);
+  stage.enable(8);
+  stage.run(100ms);
+  EXPECT_EQ(stage.verdict(set_point).outcome, Outcome::passed);
+}
+
+TEST(StandardExpectations, ARequestRepeatedAtOnceIsAStorm) {
+  constexpr const char* deaf = "[[rule]]\non = { message = \"sdo_answer\" }\ndo = \"withhold\"\n";
+  StandardStage storm(deaf);
+  for (int n = 0; n < 22; ++n) storm.sdo(line::test::sdo_read(1, 0x6041, 0), 10ms);
+  const Verdict verdict = storm.verdict(repeats);
+  EXPECT_EQ(verdict.outcome, Outcome::failed);
+  EXPECT_EQ(verdict.found.substr(0, 31), "21 requests repeated in a secon");
+  StandardStage patient(deaf);
+  for (int n = 0; n < 30; ++n) patient.sdo(line::test::sdo_read(1, 0x6041, 0), 100ms);
+  EXPECT_EQ(patient.verdict(repeats).outcome, Outcome::passed);
+}
+
+TEST(StandardExpectations, AnsweredRequestsAreNoStorm) {
+  StandardStage stage;
+  for (int n = 0; n < 100; ++n) stage.sdo(line::test::sdo_read(1, 0x6041, 0), 1ms);
+  EXPECT_EQ(stage.verdict(repeats).outcome, Outcome::passed);
+}
+
+TEST(StandardExpectations, AMasterThatDoesNotEndFails) {
+  TrialResult result;
+  result.exit_status = 1;
+  result.scenario.master = MasterStatus::failure;
+  judge(result);
+  EXPECT_EQ(result.outcome, TrialResult::Outcome::passed);
+  TrialResult ended = result;
+  ended.verdicts.clear();
+  ended.was_ended = true;
+  judge(ended);
+  EXPECT_EQ(ended.outcome, TrialResult::Outcome::failed);
+  ASSERT_EQ(ended.verdicts.size(), 1U);
+  EXPECT_EQ(ended.verdicts[0].name, "the master ends by itself");
+  EXPECT_EQ(ended.verdicts[0].found, "the trial ended it after 10 s");
+}
+
+TEST(StandardExpectations, AScenarioWaivesOneByItsWordWithAReason) {
+  const Scenario scenario = scenario_of("[waive]\nfault_resets = \"it counts them\"\nends = \"it waits\"\n");
+  const auto left = standard_expectations(scenario, {"x", "y"});
+  EXPECT_EQ(left.size(), 2 * (standards().size() - 2));
+  for (const Expectation& one : left) EXPECT_EQ(one.name.find("fault resets"), std::string::npos);
+  TrialResult ended;
+  ended.scenario = scenario;
+  ended.was_ended = true;
+  judge(ended);
+  EXPECT_EQ(ended.outcome, TrialResult::Outcome::passed);
+  ASSERT_EQ(ended.verdicts.size(), 2U);
+  EXPECT_EQ(ended.verdicts[0].found, "waived: it counts them");
+  EXPECT_EQ(ended.verdicts[0].outcome, Outcome::not_reached);
+}
+
+TEST(StandardExpectations, AWaiverNeedsAKnownWordAndAReason) {
+  const auto first_error = [](const std::string& text) {
+    const ScenarioFile file = parse_scenario("title = \"t\"\n" + text, "t.toml");
+    return file.diagnostics.empty() ? std::string() : to_string(file.diagnostics.front());
+  };
+  EXPECT_NE(first_error("[waive]\nrest = \"x\"\n").find("rest"), std::string::npos);
+  EXPECT_NE(first_error("[waive]\nends = \"\"\n").find("has no reason"), std::string::npos);
+  EXPECT_NE(first_error("[waive]\nends = true\n").find("expected a string"), std::string::npos);
+}
+
+}  // namespace
+}  // namespace servodrome::scenario::test
