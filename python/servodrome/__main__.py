@@ -1,17 +1,16 @@
-"""`python -m servodrome campaign ...`: the commands of the package that the program servodrome does not have."""
+"""`python -m servodrome campaign ...` and `python -m servodrome trial ...`: the commands of the package that the program servodrome does not have."""
 
 from __future__ import annotations
 
 import argparse
+import json
 import os
 import sys
 import time
-from typing import List, Optional
+from typing import Any, Dict, List, Optional
 
-from .campaign import Store, load_plan
-from .campaign.distribute import run_here, run_on_dask
-from .campaign.report import html_of, text_of
 from .errors import Error
+from .trial import Trial, files_of, html_of, junit_of, run_trials
 
 
 def _progress() -> "object":
@@ -31,6 +30,9 @@ def _progress() -> "object":
 
 
 def _run(options: argparse.Namespace) -> int:
+    from .campaign import Store, load_plan
+    from .campaign.distribute import run_here, run_on_dask
+
     plan = load_plan(options.plan)
     store = Store(options.out, plan)
     progress = None if options.quiet else _progress()
@@ -43,12 +45,54 @@ def _run(options: argparse.Namespace) -> int:
 
 
 def _report(options: argparse.Namespace) -> int:
+    from .campaign import Store
+    from .campaign.report import html_of as campaign_html_of
+    from .campaign.report import text_of
+
     store = Store(options.folder)
     print(text_of(store), end="")
     if options.html:
         with open(options.html, "w", encoding="utf-8") as file:
-            file.write(html_of(store))
+            file.write(campaign_html_of(store))
     return 0
+
+
+def _print_trial(view: Dict[str, Any], done: int, of: int) -> None:
+    print(f"{done:>4}/{of} {view['outcome']:<12} {view['scenario']}", flush=True)
+    if view["outcome"] == "passed":
+        return
+    if view["reason"]:
+        print(f"              {view['reason']}")
+    for verdict in view["expectations"]:
+        if verdict["outcome"] == "failed":
+            print(f"              {verdict['name']}: at {verdict['at_s']:.3f} s {verdict['found']}")
+
+
+def _trial(options: argparse.Namespace) -> int:
+    scenarios = files_of(options.scenarios, options.only)
+    if options.list:
+        print("\n".join(scenarios))
+        return 0
+    if options.keep:
+        os.makedirs(options.keep, exist_ok=True)
+    trial = Trial(options.master, options.arguments, options.after, options.keep)
+    reports = []
+    for report in run_trials(trial, scenarios, options.jobs):
+        reports.append(report)
+        if not options.json:
+            _print_trial(report.view, len(reports), len(scenarios))
+    name = " ".join([options.master, *options.arguments])
+    for path, text_of in ((options.junit, junit_of), (options.html, html_of)):
+        if path:
+            with open(path, "w", encoding="utf-8") as file:
+                file.write(text_of(reports, name))
+    outcomes = [report.view["outcome"] for report in reports]
+    if options.json:
+        print(json.dumps([report.view for report in reports], indent=2))
+    else:
+        words = {"passed": "passed", "failed": "failed", "not reached": "not reached", "error": "errors"}
+        print(", ".join(f"{outcomes.count(outcome)} {word}" for outcome, word in words.items()))
+    return 1 if "failed" in outcomes or "error" in outcomes else 0
 
 
 def main(arguments: Optional[List[str]] = None) -> int:
@@ -68,6 +112,19 @@ def main(arguments: Optional[List[str]] = None) -> int:
     report.add_argument("folder", help="the folder of `campaign run --out`")
     report.add_argument("--html", default="", help="write a page with plots to this file")
     report.set_defaults(act=_report)
+    trial = commands.add_parser("trial", help="a master in Python through scenarios, in this process and in virtual time")
+    trial.add_argument("master", help="the file of the program; it opens the buses of the line by python-can and the like")
+    trial.add_argument("arguments", nargs="*", help="its arguments; {link}, {host}, {port} and {scenario} are replaced")
+    trial.add_argument("--scenarios", action="append", required=True, help="folders with scenario files, or scenario files")
+    trial.add_argument("--only", default="", help="only scenarios whose path contains this text")
+    trial.add_argument("--jobs", type=int, default=os.cpu_count() or 1, help="so many trials at once")
+    trial.add_argument("--after", type=float, default=3.0, help="the line runs on so many seconds after the master has ended")
+    trial.add_argument("--junit", default="", help="write the outcomes to this file, as JUnit XML")
+    trial.add_argument("--html", default="", help="write a page with all outcomes, the motion and the traffic")
+    trial.add_argument("--keep", default="", help="keep the traffic of each trial as captures in this folder")
+    trial.add_argument("--json", action="store_true", help="print JSON")
+    trial.add_argument("--list", action="store_true", help="list the scenarios and run nothing")
+    trial.set_defaults(act=_trial)
     options = parser.parse_args(arguments)
     try:
         return int(options.act(options))

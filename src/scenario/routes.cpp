@@ -6,6 +6,7 @@
 #include "api/body_reader.hpp"
 #include "scenario/director.hpp"
 #include "scenario/parse.hpp"
+#include "scenario/standard.hpp"
 
 namespace servodrome::scenario {
 namespace {
@@ -42,10 +43,22 @@ Json Routes::begin(const std::string& body) {
   const std::string text = reader.string("text").value_or("");
   const std::string file = reader.string("file").value_or("scenario.toml");
   reader.finish();
+  begin(text, file, Extra::none);
+  return show();
+}
+
+Director& Routes::begin(const std::string& text, const std::string& file, Extra extra) {
   ScenarioFile parsed = parse_scenario(text, file);
   if (!parsed.diagnostics.empty()) {
     const line::Diagnostic& first = parsed.diagnostics.front();
     throw ApiError{422, first.what, fmt::format("{}:{}:{}", first.file, first.line, first.column), first.hint};
+  }
+  if (extra == Extra::standard_expectations) {
+    std::vector<std::string> axes;
+    for (const auto& axis : line_.axes()) axes.push_back(axis->settings().name);
+    for (Expectation& one : standard_expectations(parsed.scenario, axes)) {
+      parsed.scenario.expectations.push_back(std::move(one));
+    }
   }
   std::unique_ptr<Director> next;
   try {
@@ -56,7 +69,7 @@ Json Routes::begin(const std::string& body) {
   director_.reset();
   director_ = std::move(next);
   director_->begin();
-  return show();
+  return *director_;
 }
 
 Json Routes::show() const {

@@ -21,6 +21,13 @@ class Routes {
   // The group refers to this object.
   api::RouteGroup group();
 
+  enum class Extra : std::uint8_t { none, standard_expectations };
+  // Begins a scenario in place of the present one, and returns what carries it out until the next one begins. Throws
+  // ApiError with line and column of the first error.
+  Director& begin(const std::string& text, const std::string& file, Extra extra);
+  // Of the present scenario, or of the last one; nullptr: there was none.
+  Director* director() const { return director_.get(); }
+
   // Begins a scenario in place of the present one. Throws ApiError with line and column of the first error.
   api::Json begin(const std::string& body);
   // The rules and verdicts of the present scenario, or of the last one. Throws ApiError 404 before the first.

@@ -3,9 +3,14 @@
 namespace servodrome::studio {
 
 std::vector<api::RouteGroup> LineRoutes::groups() {
-  return {jobs_.routes(),       parameter_routes(subjects_), pdo_routes(subjects_),
-          bode_plots_.routes(), recording_export_.routes(),  traffic_.routes(),
-          scenario_.group()};
+  return {jobs_.routes(),
+          parameter_routes(subjects_),
+          pdo_routes(subjects_),
+          bode_plots_.routes(),
+          recording_export_.routes(),
+          traffic_.routes(),
+          scenario_.group(),
+          trial_.group()};
 }
 
 }  // namespace servodrome::studio

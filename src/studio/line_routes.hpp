@@ -9,6 +9,7 @@
 #include "studio/jobs.hpp"
 #include "studio/recording_export.hpp"
 #include "studio/traffic.hpp"
+#include "studio/trial_routes.hpp"
 
 namespace servodrome::studio {
 
@@ -23,6 +24,7 @@ class LineRoutes {
         bode_plots_(find),
         recording_export_(find, epoch),
         scenario_(line),
+        trial_(line, scenario_),
         traffic_([&line](const api::Call& call) { return find_line_traffic(line, call); }, epoch) {}
 
   Jobs& jobs() { return jobs_.jobs(); }
@@ -35,6 +37,7 @@ class LineRoutes {
   BodePlots bode_plots_;
   RecordingExport recording_export_;
   scenario::Routes scenario_;
+  TrialRoutes trial_;
   Traffic traffic_;
 };
 

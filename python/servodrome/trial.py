@@ -1,0 +1,200 @@
+"""`python -m servodrome trial`: a master in Python through scenarios, in this process and in virtual time (docs/scenario.md).
+
+Each trial is a child process of its own (fork), so that no trial sees what another one has left behind, and runs in the time of its line:
+a program that needs a minute takes some seconds at most, and two runs are equal to the last bit.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import io
+import json
+import multiprocessing
+import os
+import pathlib
+import random
+import re
+import runpy
+import sys
+import threading
+import traceback
+from typing import Any, Dict, Iterator, List, NamedTuple, Sequence
+
+from .errors import BadValue, Error
+from .line import Line
+from .virtual_time import virtual_time
+
+_MOST_OUTPUT = 4000
+_PLACES = ("link", "host", "port", "scenario", "job")  # replaced in the arguments
+_CAN_INTERFACES = ("socketcand", "socketcan", "slcan", "virtual")
+
+
+class Trial(NamedTuple):
+    """What to run, and how."""
+
+    master: str
+    """The file of the program."""
+    arguments: Sequence[str] = ()
+    after_s: float = 3.0
+    """The line runs on so long after the end of the master."""
+    keep: str = ""
+    """Folder for captures; empty: none are kept."""
+
+
+class Report(NamedTuple):
+    """The outcome of a trial."""
+
+    view: Dict[str, Any]
+    """As `servodrome trial --json` has it."""
+    section: str
+    """Its part of the page."""
+
+
+def files_of(places: Sequence[str], only: str = "") -> List[str]:
+    """The scenario files of folders and files, in alphabetical order. Line files are in folders called `lines`."""
+    files = set()
+    for place in places:
+        if os.path.isdir(place):
+            found = pathlib.Path(place).rglob("*.toml")
+            files.update(str(file) for file in found if file.parent.name != "lines")
+        else:
+            files.add(place)
+    chosen = sorted(file for file in files if only in file)
+    if not chosen:
+        raise BadValue("there are no scenarios", "--scenarios", "name a folder or files, and check --only")
+    return chosen
+
+
+class _Overtime(Exception):
+    """The time of the master is over."""
+
+
+class _Ending(threading.Thread):
+    """The master as a thread: its exit status and its output."""
+
+    def __init__(self, trial: Trial) -> None:
+        super().__init__(name="master", daemon=True)
+        self._trial = trial
+        self.status = 1
+
+    def run(self) -> None:
+        """Runs the program as `python FILE ARGUMENTS` does."""
+        try:
+            runpy.run_path(self._trial.master, run_name="__main__")
+            self.status = 0
+        except SystemExit as ended:
+            if ended.code is not None and not isinstance(ended.code, int):
+                print(ended.code, file=sys.stderr)
+            self.status = 0 if ended.code is None else ended.code if isinstance(ended.code, int) else 1
+        except BaseException:  # noqa: BLE001 (whatever the program raises ends it, as in a process of its own)
+            traceback.print_exc()
+
+
+@contextlib.contextmanager
+def _as_program(trial: Trial, line: Line, output: io.StringIO) -> Iterator[None]:
+    """The arguments, the module path and the output of a program of its own; other CAN interfaces open buses of the line."""
+    names = {"scenario": "", "job": "0", "host": "servodrome", "port": "29536", "link": next(iter(line.buses), "")}
+    arguments = list(trial.arguments)
+    for name in _PLACES:
+        arguments = [one.replace("{" + name + "}", names[name]) for one in arguments]
+    sys.argv = [trial.master, *arguments]
+    sys.path.insert(0, str(pathlib.Path(trial.master).resolve().parent))
+    try:
+        import can.interfaces
+
+        for interface in _CAN_INTERFACES:
+            can.interfaces.BACKENDS[interface] = ("servodrome.can_bus", "ServodromeBus")
+    except ImportError:
+        pass  # a master without python-can
+    with contextlib.redirect_stdout(output), contextlib.redirect_stderr(output):
+        yield
+
+
+def _run_master(trial: Trial, line: Line, duration_s: float, output: io.StringIO) -> "tuple[int, bool]":
+    """Returns the exit status, and whether the trial has ended the master."""
+    master = _Ending(trial)
+    with _as_program(trial, line, output):
+        try:
+            with virtual_time(line):
+                master = _Ending(trial)
+                master.start()
+                master.join(duration_s)
+                if master.is_alive():
+                    raise _Overtime
+        except _Overtime:
+            return 1, True
+    return master.status, False
+
+
+def _captures(line: Line, folder: str, scenario: pathlib.Path) -> List[str]:
+    files = []
+    for name, bus in line.buses.items():
+        place = scenario.parent.name
+        file = pathlib.Path(folder) / f"{place}{'-' if place else ''}{scenario.stem}.{name}.pcap"
+        file.write_bytes(bus.capture())
+        files.append(str(file))
+    return files
+
+
+def run_trial(trial: Trial, scenario: str) -> Report:
+    """Runs the master through one scenario in this process. The process should end afterwards: see the module's text."""
+    try:
+        with open(scenario, encoding="utf-8") as file:
+            text = file.read()
+        found = re.search(r'^line\s*=\s*"([^"]*)"', text, re.MULTILINE)
+        if found is None:
+            raise BadValue("the scenario names no line", scenario, 'write line = "FILE.toml"')
+        line_file = pathlib.Path(scenario).parent / found.group(1)
+        with Line.from_file(line_file) as line:
+            begun = line.request("PUT", "trial", {"text": text, "file": scenario, "after_s": trial.after_s})
+            random.seed(begun["seed"])
+            output = io.StringIO()
+            if trial.keep:
+                for bus in line.buses.values():
+                    bus.record()
+            status, was_ended = _run_master(trial, line, begun["duration_s"], output)
+            said = output.getvalue()
+            said = said if len(said) <= _MOST_OUTPUT else "...\n" + said[-_MOST_OUTPUT:]
+            line.request("POST", "trial/master", {"exit_status": status, "was_ended": was_ended, "output": said})
+            line.advance(trial.after_s)
+            ended = line.request("DELETE", "trial")
+            view = json.loads(ended["trial"])
+            if trial.keep:
+                view["captures"] = _captures(line, trial.keep, pathlib.Path(scenario))
+            return Report(view, ended["section"])
+    except (Error, OSError) as error:
+        view = {"scenario": scenario, "title": "", "outcome": "error", "reason": str(error), "expectations": [], "rules": []}
+        return Report(view, "")
+
+
+def _in_child(task: "tuple[Trial, str]") -> Report:
+    return run_trial(*task)
+
+
+def run_trials(trial: Trial, scenarios: Sequence[str], jobs: int = 1) -> Iterator[Report]:
+    """The outcomes in the order of the scenarios, each from a process of its own."""
+    with multiprocessing.get_context("fork").Pool(jobs, maxtasksperchild=1) as pool:
+        yield from pool.imap(_in_child, [(trial, scenario) for scenario in scenarios], chunksize=1)
+
+
+def _report(line: Line, reports: Sequence[Report], master: str, form: str) -> str:
+    trials = [{key: value for key, value in report.view.items() if key not in ("traffic", "output")} for report in reports]
+    body = {"trials": trials, "master": master, "format": form}
+    answer = line._backend.request("POST", "/api/v1/trial/report", json.dumps(body).encode())
+    if answer.status != 200:
+        raise BadValue("the report cannot be written", "report", answer.body.decode(errors="replace"))
+    return answer.body.decode()
+
+
+def junit_of(reports: Sequence[Report], master: str) -> str:
+    """A JUnit report, as `servodrome trial --junit` writes it."""
+    with Line() as line:
+        return _report(line, reports, master, "junit")
+
+
+def html_of(reports: Sequence[Report], master: str) -> str:
+    """A page, as `servodrome trial --html` writes it."""
+    with Line() as line:
+        page = _report(line, reports, master, "html")
+    head, end = page.rsplit("</html>", 1)
+    return head + "".join(report.section for report in reports) + "</html>" + end

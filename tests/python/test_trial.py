@@ -1,0 +1,110 @@
+"""`python -m servodrome trial`: an unmodified master through scenarios, in virtual time."""
+
+import json
+import os
+import pathlib
+import subprocess
+import sys
+import xml.etree.ElementTree as ET
+
+import pytest
+import servodrome
+from conftest import ROOT
+from servodrome.trial import Trial, files_of, run_trials
+
+MASTER = str(ROOT / "examples/masters/canopen_master.py")
+LINE = f'line = "{ROOT / "scenarios/lines/can.toml"}"\n'
+GOOD = 'title = "good"\n' + LINE + 'master = "success"\n[[rule]]\non = { message = "sdo_answer", object = "6041" }\ndo = "delay"\nms = 2\n'
+MISSING = 'title = "missing"\n' + LINE + 'master = "success"\n[[rule]]\non = { message = "sdo_answer", object = "6040" }\ndo = "withhold"\ntimes = 1\n'
+ELSEWHERE = 'title = "elsewhere"\n' + LINE + '[[rule]]\non = { message = "lss_request" }\ndo = "withhold"\n'
+BROKEN = GOOD + '[[rule]]\ndo = "fly"\n'
+
+
+def command(folder, *options, master=MASTER, arguments=("{host}", "{port}"), hash_seed="1"):
+    environment = {**os.environ, "PYTHONPATH": str(pathlib.Path(servodrome.__file__).parents[1]), "PYTHONHASHSEED": hash_seed}
+    words = [sys.executable, "-m", "servodrome", "trial", "--scenarios", str(folder), *options, str(master), *arguments]
+    return subprocess.run(words, capture_output=True, text=True, timeout=300, env=environment)
+
+
+@pytest.fixture
+def scenarios(tmp_path):
+    folder = tmp_path / "scenarios"
+    folder.mkdir()
+    for name, text in {"good": GOOD, "missing": MISSING, "elsewhere": ELSEWHERE, "broken": BROKEN}.items():
+        (folder / f"{name}.toml").write_text(text)
+    return folder
+
+
+def test_outcomes_and_reports_are_those_of_the_program(scenarios, tmp_path):
+    junit, html, kept = tmp_path / "t.xml", tmp_path / "t.html", tmp_path / "kept"
+    done = command(scenarios, "--json", "--junit", str(junit), "--html", str(html), "--keep", str(kept))
+    assert done.returncode == 1, done.stderr
+    outcomes = {pathlib.Path(one["scenario"]).stem: one for one in json.loads(done.stdout)}
+    assert {name: one["outcome"] for name, one in outcomes.items()} == {
+        "good": "passed",
+        "missing": "failed",
+        "elsewhere": "not reached",
+        "broken": "error",
+    }
+    assert outcomes["missing"]["reason"] == "the master ended with status 1"
+    assert 'there is no action "fly"' in outcomes["broken"]["reason"]
+    assert outcomes["good"]["rules"][0]["acts"] > 10 and outcomes["good"]["output"].endswith("done\n")
+    assert "x rests after the master has ended" in [one["name"] for one in outcomes["good"]["expectations"]]
+    (bus,) = outcomes["missing"]["traffic"]
+    assert any(line["kind"] == "act" and "SDO written 6040:00 Controlword" in line["text"] for line in bus["lines"])
+    suite = ET.parse(junit).getroot().find("testsuite")
+    assert [suite.get(key) for key in ("tests", "failures", "errors", "skipped")] == ["4", "1", "1", "1"]
+    page = html.read_text()
+    assert page.count("<svg") == 6 and "withhold sdo_answer" in page and page.rstrip().endswith("</html>")
+    assert sorted(file.name for file in kept.iterdir()) == [
+        "scenarios-elsewhere.can0.pcap",
+        "scenarios-good.can0.pcap",
+        "scenarios-missing.can0.pcap",
+    ]
+
+
+def test_two_runs_are_equal(scenarios):
+    first = command(scenarios, "--json", "--jobs", "1", hash_seed="1")
+    second = command(scenarios, "--json", "--jobs", "4", hash_seed="2")
+    assert first.stdout == second.stdout and json.loads(first.stdout)
+
+
+def test_a_master_that_does_not_end_is_ended(scenarios, tmp_path):
+    master = tmp_path / "hangs.py"
+    master.write_text("import time\nprint('begun')\nwhile True:\n    time.sleep(1)\n")
+    (scenarios / "hangs.toml").write_text('title = "hangs"\n' + LINE + 'duration_s = 300\n[[rule]]\ndo = "show"\nobject = "6041"\nvalue = 0\n')
+    done = command(scenarios, "--json", "--only", "hangs", master=master, arguments=())
+    (result,) = json.loads(done.stdout)
+    assert result["was_ended"] and result["outcome"] == "failed" and result["output"] == "begun\n"
+    verdicts = {one["name"]: one for one in result["expectations"]}
+    assert verdicts["the master ends by itself"]["found"] == "the trial ended it after 300 s"
+    assert result["seconds"] == 303.0
+
+
+def test_exit_status_and_exceptions_are_those_of_a_process(scenarios, tmp_path):
+    (scenarios / "quiet.toml").write_text('title = "quiet"\n' + LINE + '[[rule]]\ndo = "show"\nobject = "6041"\nvalue = 0\n')
+    cases = {
+        "import sys\nsys.exit(3)\n": (3, ""),
+        "import sys\nsys.exit('no drive')\n": (1, "no drive\n"),
+        "import sys\nprint(sys.argv[1:])\n": (0, "['can0', 'x']\n"),
+        "raise KeyError('a')\n": (1, "KeyError: 'a'\n"),
+    }
+    for text, (status, output) in cases.items():
+        master = tmp_path / "master.py"
+        master.write_text(text)
+        (result,) = json.loads(command(scenarios, "--json", "--only", "quiet", master=master, arguments=("{link}", "x")).stdout)
+        assert result["exit_status"] == status and result["output"].endswith(output), text
+
+
+def test_the_library_of_canopen_runs_in_seconds_and_equally():
+    files = files_of([str(ROOT / "scenarios/canopen")], "sdo-answer")
+    trial = Trial(MASTER, ("{host}", "{port}"))
+    outcomes = [[report.view for report in run_trials(trial, files, jobs=2)] for _ in range(2)]
+    assert outcomes[0] == outcomes[1] and len(files) > 8
+    found = {pathlib.Path(one["scenario"]).stem: one["outcome"] for one in outcomes[0]}
+    assert found["sdo-answer-missing-once"] == "failed" and found["sdo-answer-missing-forever"] == "passed"
+
+
+def test_wrong_use_is_explained(tmp_path):
+    done = command(tmp_path)
+    assert done.returncode == 2 and "there are no scenarios" in done.stderr
