@@ -48,11 +48,20 @@ void TableReader::complain(std::string_view key, std::string what, std::string h
   report_.complain(place(key), fmt::format("{}: {}", name_of(key), what), std::move(hint));
 }
 
+void TableReader::note(KeyNote note) {
+  if (report_.notes != nullptr) report_.notes->push_back(std::move(note));
+}
+
+void TableReader::note_words(std::string_view key, const std::vector<std::string_view>& words) {
+  note({std::string(key), KeyNote::Kind::string, {}, {}, {words.begin(), words.end()}});
+}
+
 void TableReader::wrong_type(std::string_view key, const toml::node& node, std::string_view expected) {
   complain(key, fmt::format("is {}", type_name(node)), fmt::format("expected {}", expected));
 }
 
 void TableReader::read(std::string_view key, std::string& target) {
+  note({std::string(key), KeyNote::Kind::string});
   const toml::node* value = node(key);
   if (value == nullptr) return;
   if (const auto* text = value->as_string()) {
@@ -63,6 +72,7 @@ void TableReader::read(std::string_view key, std::string& target) {
 }
 
 void TableReader::read(std::string_view key, bool& target) {
+  note({std::string(key), KeyNote::Kind::boolean});
   const toml::node* value = node(key);
   if (value == nullptr) return;
   if (const auto* flag = value->as_boolean()) {
@@ -73,6 +83,7 @@ void TableReader::read(std::string_view key, bool& target) {
 }
 
 void TableReader::read(std::string_view key, double& target) {
+  note({std::string(key), KeyNote::Kind::number});
   const toml::node* value = node(key);
   if (value == nullptr) return;
   const auto number = value->is_number() ? value->value<double>() : std::nullopt;
@@ -96,6 +107,7 @@ void TableReader::read_member(std::string_view key, float& target) {
 }
 
 std::optional<std::int64_t> TableReader::integer(std::string_view key, std::int64_t minimum, std::int64_t maximum) {
+  note({std::string(key), KeyNote::Kind::integer, minimum, maximum});
   const toml::node* value = node(key);
   if (value == nullptr) return std::nullopt;
   const auto* number = value->as_integer();
@@ -110,14 +122,16 @@ std::optional<std::int64_t> TableReader::integer(std::string_view key, std::int6
   return number->get();
 }
 
-const toml::table* TableReader::table(std::string_view key) {
+const toml::table* TableReader::table(std::string_view key, std::string_view definition) {
+  note({std::string(key), KeyNote::Kind::table, {}, {}, {}, std::string(definition)});
   const toml::node* value = node(key);
   if (value == nullptr) return nullptr;
   if (!value->is_table()) wrong_type(key, *value, fmt::format("a table [{}]", key));
   return value->as_table();
 }
 
-std::vector<const toml::table*> TableReader::tables(std::string_view key) {
+std::vector<const toml::table*> TableReader::tables(std::string_view key, std::string_view definition) {
+  note({std::string(key), KeyNote::Kind::tables, {}, {}, {}, std::string(definition)});
   std::vector<const toml::table*> result;
   const toml::node* value = node(key);
   if (value == nullptr) return result;

@@ -14,11 +14,22 @@
 
 namespace servodrome::line {
 
+// A key that a parser asked for, for the description of a file format.
+struct KeyNote {
+  enum class Kind : std::uint8_t { string, boolean, number, integer, table, tables };
+  std::string key;
+  Kind kind = Kind::string;
+  std::optional<std::int64_t> minimum{}, maximum{};  // of an integer
+  std::vector<std::string> words{};                  // the only values of a string; empty: any
+  std::string definition{};                          // name of the description of a table
+};
+
 // Collects the errors and warnings about a file.
 struct FileReport {
   std::string file;
   std::vector<Diagnostic> diagnostics;
   std::vector<Diagnostic> warnings;
+  std::vector<KeyNote>* notes = nullptr;  // if given, gets each key that a parser asks for
 
   void complain(const toml::source_position& at, std::string what, std::string hint);
   void warn(const toml::source_position& at, std::string what, std::string hint);
@@ -41,6 +52,13 @@ class TableReader {
             std::int64_t maximum = static_cast<std::int64_t>(std::numeric_limits<Integer>::max())) {
     if (const auto value = integer(key, minimum, maximum)) target = static_cast<Integer>(*value);
   }
+  // A key that may be left out. After an error it has a value, too.
+  template <typename Value, typename... Range>
+  void read(std::string_view key, std::optional<Value>& target, Range... range) {
+    Value value = target.value_or(Value{});
+    read(key, value, range...);
+    if (table_.get(key) != nullptr) target = value;
+  }
   template <typename Struct, std::size_t Count>
   void read(Struct& target, const std::array<Key<Struct>, Count>& keys) {
     for (const Key<Struct>& key : keys) {
@@ -51,9 +69,12 @@ class TableReader {
   // Returns the node under `key`, or nullptr. Marks the key as known.
   const toml::node* node(std::string_view key);
   // The same for a table. Reports an error if the node is no table.
-  const toml::table* table(std::string_view key);
+  // `definition` names the description of the table.
+  const toml::table* table(std::string_view key, std::string_view definition = {});
   // Returns the tables of an array of tables ([[key]]); empty if the key is not there.
-  std::vector<const toml::table*> tables(std::string_view key);
+  std::vector<const toml::table*> tables(std::string_view key, std::string_view definition = {});
+  // The only values of a string that the caller reads.
+  void note_words(std::string_view key, const std::vector<std::string_view>& words);
 
   // Reports unknown keys. Must be called after all known keys have been read.
   void finish();
@@ -67,6 +88,7 @@ class TableReader {
 
  private:
   std::optional<std::int64_t> integer(std::string_view key, std::int64_t minimum, std::int64_t maximum);
+  void note(KeyNote note);
   void wrong_type(std::string_view key, const toml::node& node, std::string_view expected);
 
   void read_member(std::string_view key, double& target) { read(key, target); }

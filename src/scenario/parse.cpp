@@ -32,7 +32,42 @@ class Reader {
  public:
   explicit Reader(const std::string& file) : folder_(std::filesystem::path(file).parent_path()) { report_.file = file; }
 
+  // The keys of a table, by reading one without them.
+  static std::vector<line::KeyNote> notes(void (Reader::*read)(const toml::table&), const toml::table& table) {
+    std::vector<line::KeyNote> notes;
+    Reader reader("");
+    reader.report_.notes = &notes;
+    (reader.*read)(table);
+    return notes;
+  }
+  static FormatKeys format() {
+    FormatKeys keys;
+    keys.tables["waive"] = notes(&Reader::read_waived, {});
+    keys.tables["expect"] = notes(&Reader::read_expectation, {});
+    keys.tables["rule"] = notes(&Reader::read_rule, {});
+    for (const std::string_view action : action_names()) {
+      keys.actions[std::string(action)] = notes(&Reader::read_rule, toml::table{{"do", action}});
+    }
+    keys.tables[""] = notes(&Reader::read_root, {});
+    line::FileReport report;
+    report.notes = &keys.tables["condition"];
+    read_condition({}, "", report);
+    report.notes = &keys.tables["message"];
+    read_pattern({}, "", report);
+    return keys;
+  }
+
   ScenarioFile read(const toml::table& root) {
+    read_root(root);
+    check_references();
+    std::stable_sort(report_.diagnostics.begin(), report_.diagnostics.end(), [](const auto& a, const auto& b) {
+      return std::pair(a.line, a.column) < std::pair(b.line, b.column);
+    });
+    return {std::move(scenario_), std::move(report_.diagnostics)};
+  }
+
+ private:
+  void read_root(const toml::table& root) {
     line::TableReader reader(root, "", report_);
     reader.read("title", scenario_.title);
     if (scenario_.title.empty()) reader.complain("title", "is missing", "say in a few words what goes wrong");
@@ -53,27 +88,21 @@ class Reader {
     } else {
       scenario_.duration = std::chrono::duration_cast<Time>(std::chrono::duration<double>(seconds));
     }
-    if (const toml::table* waive = reader.table("waive")) read_waived(*waive);
-    for (const toml::table* rule : reader.tables("rule")) read_rule(*rule);
-    for (const toml::table* expectation : reader.tables("expect")) read_expectation(*expectation);
+    if (const toml::table* waive = reader.table("waive", "waive")) read_waived(*waive);
+    for (const toml::table* rule : reader.tables("rule", "rule")) read_rule(*rule);
+    for (const toml::table* expectation : reader.tables("expect", "expect")) read_expectation(*expectation);
     reader.finish();
-    check_references();
-    std::stable_sort(report_.diagnostics.begin(), report_.diagnostics.end(), [](const auto& a, const auto& b) {
-      return std::pair(a.line, a.column) < std::pair(b.line, b.column);
-    });
-    return {std::move(scenario_), std::move(report_.diagnostics)};
   }
 
- private:
   void read_waived(const toml::table& table) {
     line::TableReader reader(table, "waive", report_);
     for (const Standard& standard : standards()) {
-      if (reader.node(standard.word) == nullptr) continue;
-      std::string reason;
+      std::optional<std::string> reason;
       reader.read(standard.word, reason);
-      if (reason.empty())
+      if (!reason) continue;
+      if (reason->empty())
         reader.complain(standard.word, "has no reason", "say why: ends = \"it waits for the operator\"");
-      scenario_.waived.emplace(standard.word, reason);
+      scenario_.waived.emplace(standard.word, *reason);
     }
     reader.finish();
   }
@@ -93,8 +122,8 @@ class Reader {
     reader.read("axis", rule.axis);
     reader.read("bus", rule.bus);
     if (!rule.axis.empty() && !rule.bus.empty()) reader.complain("bus", "comes with `axis`", "give one of them");
-    if (const toml::table* when = reader.table("when")) rule.when = condition(*when, rule.name + ".when");
-    if (const toml::table* until = reader.table("until")) {
+    if (const toml::table* when = reader.table("when", "condition")) rule.when = condition(*when, rule.name + ".when");
+    if (const toml::table* until = reader.table("until", "condition")) {
       rule.until = condition(*until, rule.name + ".until");
     }
     reader.read("again", rule.again);
@@ -103,8 +132,8 @@ class Reader {
       reader.complain("every_ms", "needs `for_ms`", "say how long each run of the rule lasts");
     }
     // `on` selects messages; for actions that switch something it is a flag, which read_action reads.
-    if (const toml::node* on = table.get("on"); on != nullptr && !on->is_boolean()) {
-      if (const toml::table* pattern = reader.table("on")) {
+    if (const toml::node* on = table.get("on"); on == nullptr || !on->is_boolean()) {
+      if (const toml::table* pattern = reader.table("on", "message")) {
         rule.on = read_pattern(*pattern, rule.name + ".on", report_);
       }
     }
@@ -125,11 +154,7 @@ class Reader {
   }
 
   static void read_limits(line::TableReader& reader, Rule& rule) {
-    if (reader.node("times") != nullptr) {
-      unsigned times = 1;
-      reader.read("times", times, 1, 1'000'000'000);
-      rule.times = times;
-    }
+    reader.read("times", rule.times, 1, 1'000'000'000);
     reader.read("skip", rule.skip, 0, 1'000'000'000);
     reader.read("every", rule.every, 1, 1'000'000'000);
     reader.read("chance", rule.chance);
@@ -143,15 +168,15 @@ class Reader {
     line::TableReader reader(table, expectation.name, report_);
     reader.read("name", expectation.name);
     reader.read("axis", expectation.axis);
-    if (const toml::table* when = reader.table("when")) {
+    if (const toml::table* when = reader.table("when", "condition")) {
       expectation.when = condition(*when, expectation.name + ".when");
     }
-    if (const toml::table* until = reader.table("until")) {
+    if (const toml::table* until = reader.table("until", "condition")) {
       expectation.until = condition(*until, expectation.name + ".until");
     }
     unsigned kinds = 0;
     for (const auto& word : kind_words) {
-      const toml::table* what = reader.table(word.name);
+      const toml::table* what = reader.table(word.name, "condition");
       if (what == nullptr) continue;
       ++kinds;
       expectation.kind = word.value;
@@ -197,6 +222,8 @@ class Reader {
 };
 
 }  // namespace
+
+FormatKeys format_keys() { return Reader::format(); }
 
 ScenarioFile parse_scenario(std::string_view text, const std::string& file) {
   ScenarioFile failed;

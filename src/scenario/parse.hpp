@@ -1,10 +1,12 @@
 #pragma once
 
+#include <map>
 #include <string>
 #include <string_view>
 #include <vector>
 
 #include "line/diagnostic.hpp"
+#include "line/table_reader.hpp"
 #include "scenario/scenario.hpp"
 
 namespace servodrome::scenario {
@@ -21,5 +23,12 @@ ScenarioFile parse_scenario(std::string_view text, const std::string& file);
 
 // Reads a scenario file from disk. If that fails, the result has a diagnostic.
 ScenarioFile load_scenario(const std::string& path);
+
+// The keys that the parser knows.
+struct FormatKeys {
+  std::map<std::string, std::vector<line::KeyNote>> tables;   // "" is the file; "rule", "condition" ...
+  std::map<std::string, std::vector<line::KeyNote>> actions;  // of a rule, by the word of its action
+};
+FormatKeys format_keys();
 
 }  // namespace servodrome::scenario

@@ -25,21 +25,22 @@ constexpr auto error_state_words = std::to_array<Word<links::ErrorState>>({
 
 // Reads one of the keys of `words`, all integers. Returns which one it is, and its value.
 template <typename How, std::size_t Count>
-std::optional<std::pair<How, std::int64_t>> read_one(TableReader& reader, const std::array<Word<How>, Count>& words) {
+std::optional<std::pair<How, std::int64_t>> read_one(TableReader& reader, const std::array<Word<How>, Count>& words,
+                                                     bool required) {
   std::optional<std::pair<How, std::int64_t>> found;
   std::string names;
   for (const auto& word : words) {
     names += (names.empty() ? "" : ", ") + std::string(word.name);
-    if (reader.node(word.name) == nullptr) continue;
+    std::optional<std::int64_t> number;
+    reader.read(word.name, number);
+    if (!number) continue;
     if (found) {
       reader.complain(word.name, "comes with another key of its kind", "give one of them");
       return std::nullopt;
     }
-    std::int64_t number = 0;
-    reader.read(word.name, number);
-    found = {word.value, number};
+    found = {word.value, *number};
   }
-  if (!found) reader.complain("do", "does not say what it does", fmt::format("give one of {}", names));
+  if (!found && required) reader.complain("do", "does not say what it does", fmt::format("give one of {}", names));
   return found;
 }
 
@@ -50,10 +51,11 @@ bool flag(TableReader& reader, std::string_view key, bool otherwise) {
 }
 
 ObjectAddress required_object(TableReader& reader) {
+  const auto object = read_object(reader, "object");
   if (reader.node("object") == nullptr) {
     reader.complain("object", "is missing", "name it: object = \"6041\" or \"1018:01\"");
   }
-  return read_object(reader, "object").value_or(ObjectAddress{});
+  return object.value_or(ObjectAddress{});
 }
 
 Time required_time(TableReader& reader, std::string_view key) {
@@ -63,11 +65,9 @@ Time required_time(TableReader& reader, std::string_view key) {
 
 std::vector<std::uint8_t> plain_bytes(TableReader& reader, std::string_view key, bool required) {
   std::vector<std::uint8_t> bytes;
-  if (reader.node(key) == nullptr) {
-    if (required) reader.complain(key, "is missing", "give the bytes: \"80 40 60\"");
-    return bytes;
-  }
-  for (const auto& byte : read_bytes(reader, key, false).value_or(std::vector<std::optional<std::uint8_t>>{})) {
+  const auto read = read_bytes(reader, key, false);
+  if (required && reader.node(key) == nullptr) reader.complain(key, "is missing", "give the bytes: \"80 40 60\"");
+  for (const auto& byte : read.value_or(std::vector<std::optional<std::uint8_t>>{})) {
     bytes.push_back(byte.value_or(0));
   }
   return bytes;
@@ -77,21 +77,14 @@ Alter read_alter(TableReader& reader, bool required) {
   constexpr auto hows = std::to_array<Word<Alter::How>>(
       {{"set", Alter::How::set}, {"xor", Alter::How::flip}, {"add", Alter::How::add}, {"swap", Alter::How::swap}});
   Alter alter;
-  if (reader.node("byte") != nullptr) {
-    int byte = 0;
-    reader.read("byte", byte, -1500, 1500);
-    alter.byte = byte;
-    if (const auto one = read_one(reader, hows)) {
-      alter.how = one->first;
-      alter.value = static_cast<std::uint8_t>(one->second);
-    }
+  reader.read("byte", alter.byte, -1500, 1500);
+  if (const auto one = read_one(reader, hows, alter.byte.has_value())) {
+    alter.how = one->first;
+    alter.value = static_cast<std::uint8_t>(one->second);
+    if (!alter.byte) reader.complain("byte", "is missing", "say which byte is changed, from 0");
   }
   if (auto bytes = read_bytes(reader, "bytes", true)) alter.bytes = std::move(*bytes);
-  if (reader.node("id") != nullptr) {
-    std::uint32_t id = 0;
-    reader.read("id", id, 0, 0x1FFFFFFF);
-    alter.id = id;
-  }
+  reader.read("id", alter.id, 0, 0x1FFFFFFF);
   if (required && !alter.byte && alter.bytes.empty() && !alter.id) {
     reader.complain("do", "does not say what it changes", "give byte with set, xor, add or swap, or bytes, or id");
   }
@@ -133,18 +126,28 @@ Action read_show(TableReader& reader) {
                                                      {"drift_per_s", How::drift}});
   Show show;
   show.object = required_object(reader);
-  if (flag(reader, "freeze", false)) {
-    show.how = How::freeze;
-  } else if (flag(reader, "negate", false)) {
-    show.how = How::negate;
-  } else if (const auto late = read_time_ms(reader, "late_ms")) {
+  const bool freeze = flag(reader, "freeze", false);
+  const bool negate = flag(reader, "negate", false);
+  const auto late = read_time_ms(reader, "late_ms");
+  const auto period = read_time_ms(reader, "period_ms");
+  const int others = (freeze ? 1 : 0) + (negate ? 1 : 0) + (late ? 1 : 0);
+  const auto one = read_one(reader, numbers, others == 0);
+  if (others + (one ? 1 : 0) > 1) reader.complain("do", "shows several things", "give one of them");
+  if (freeze) show.how = How::freeze;
+  if (negate) show.how = How::negate;
+  if (late) {
     show.how = How::late;
     show.time = *late;
-  } else if (const auto one = read_one(reader, numbers)) {
+  }
+  if (one) {
     show.how = one->first;
     show.number = one->second;
-    if (show.how == How::flip_bits) show.time = required_time(reader, "period_ms");
-    if (show.how == How::flip_bits && show.time <= Time{}) reader.complain("period_ms", "is 0", "give a longer one");
+  }
+  if (show.how == How::flip_bits) {
+    show.time = period.value_or(Time{});
+    if (show.time <= Time{}) reader.complain("period_ms", "is missing, or 0", "give the time in milliseconds");
+  } else if (period) {
+    reader.complain("period_ms", "belongs to flip_bits", "leave it out");
   }
   reader.read("mask", show.mask);
   return show;
@@ -187,9 +190,10 @@ Action read_plant(TableReader& reader) {
   std::string key;
   reader.read("key", key);
   if (key.empty()) reader.complain("key", "is missing", "for example key = \"load_torque_nm\"");
-  if (key == "locked_rotor") {
+  if (key.empty() || key == "locked_rotor") {
     const bool value = flag(reader, "value", true);
-    return Request{"PUT", "/plant", json{{key, value}}.dump(), "PUT", "/plant", json{{key, !value}}.dump()};
+    const auto body = [&key](bool flag_value) { return json{{key, flag_value}}.dump(); };
+    if (!key.empty()) return Request{"PUT", "/plant", body(value), "PUT", "/plant", body(!value)};
   }
   double value = 0;
   reader.read("value", value);
@@ -214,11 +218,9 @@ Action read_state(TableReader& reader) {
 Action read_clock(TableReader& reader) {
   DisturbClock clock;
   reader.read("jump_ns", clock.jump_ns);
-  if (reader.node("ppm") != nullptr) {
-    double ppm = 0;
-    reader.read("ppm", ppm);
-    if (std::abs(ppm) > 100'000) reader.complain("ppm", "is out of range", "expected -100000 .. 100000");
-    clock.ppm = ppm;
+  reader.read("ppm", clock.ppm);
+  if (std::abs(clock.ppm.value_or(0)) > 100'000) {
+    reader.complain("ppm", "is out of range", "expected -100000 .. 100000");
   }
   reader.read("stop", clock.stop);
   return clock;
@@ -230,15 +232,15 @@ Action read_sync0(TableReader& reader) {
                                                                 {"twice", DisturbSync0::How::twice},
                                                                 {"late", DisturbSync0::How::late}});
   if (const auto how = read_word(reader, "how", hows)) sync0.how = *how;
-  if (reader.node("late_us") == nullptr) {
+  std::optional<std::int64_t> late_us;
+  reader.read("late_us", late_us, 1, 1'000'000);
+  if (!late_us) {
     if (sync0.how == DisturbSync0::How::late) reader.complain("late_us", "is missing", "give the time in microseconds");
     return sync0;
   }
   if (reader.node("how") != nullptr) reader.complain("late_us", "comes with how", "give one of them");
-  std::int64_t late_us = 0;
-  reader.read("late_us", late_us, 1, 1'000'000);
   sync0.how = DisturbSync0::How::late;
-  sync0.late = std::chrono::microseconds(late_us);
+  sync0.late = std::chrono::microseconds(*late_us);
   return sync0;
 }
 
@@ -362,13 +364,19 @@ constexpr auto action_table = std::to_array<ActionRow>({
 
 }  // namespace
 
+std::vector<std::string_view> action_names() {
+  std::vector<std::string_view> names;
+  for (const ActionRow& row : action_table) names.push_back(row.name);
+  return names;
+}
+
 std::optional<Action> read_action(TableReader& rule) {
+  const std::vector<std::string_view> names = action_names();
+  rule.note_words("do", names);
   std::string name;
   rule.read("do", name);
-  std::vector<std::string_view> names;
   for (const ActionRow& row : action_table) {
     if (row.name == name) return row.read(rule);
-    names.push_back(row.name);
   }
   rule.complain("do", name.empty() ? "is missing" : fmt::format("there is no action \"{}\"", name),
                 links::suggestion(name, names));

@@ -87,37 +87,14 @@ constexpr auto command_words = std::to_array<Word<std::uint8_t>>({
 
 constexpr auto exit_words = std::to_array<Word<bool>>({{"success", true}, {"failure", false}});
 
-void read_number(line::TableReader& reader, std::string_view key, std::optional<double>& target) {
-  if (reader.node(key) == nullptr) return;
-  double number = 0;
-  reader.read(key, number);
-  target = number;
-}
-
-void read_flag(line::TableReader& reader, std::string_view key, std::optional<bool>& target) {
-  if (reader.node(key) == nullptr) return;
-  bool flag = false;
-  reader.read(key, flag);
-  target = flag;
-}
-
-template <typename Integer>
-void read_integer(line::TableReader& reader, std::string_view key, std::optional<Integer>& target, std::int64_t minimum,
-                  std::int64_t maximum) {
-  if (reader.node(key) == nullptr) return;
-  Integer number{};
-  reader.read(key, number, minimum, maximum);
-  target = number;
-}
-
 }  // namespace
 
 std::string_view name_of(MessageKind kind) { return word_of(message_words, kind); }
 
 std::optional<Time> read_time_ms(line::TableReader& reader, std::string_view key) {
-  if (reader.node(key) == nullptr) return std::nullopt;
   double ms = 0;
   reader.read(key, ms);
+  if (reader.node(key) == nullptr) return std::nullopt;
   if (ms < 0 || ms > 1e9) {
     reader.complain(key, fmt::format("{} is out of range", ms), "expected 0 .. 1e9 milliseconds");
     return std::nullopt;
@@ -173,15 +150,15 @@ MessagePattern read_pattern(const toml::table& table, const std::string& path, l
     reader.complain("message", "is missing", "name a kind of message, such as \"sdo_answer\" or \"cycle\"");
   }
   pattern.object = read_object(reader, "object");
-  read_integer(reader, "id", pattern.id, 0, 0x1FFFFFFF);
+  reader.read("id", pattern.id, 0, 0x1FFFFFFF);
   reader.read("id_mask", pattern.id_mask, 0, 0x1FFFFFFF);
   if (auto data = read_bytes(reader, "data", true)) pattern.data = std::move(*data);
   for (const auto& byte : read_bytes(reader, "data_mask", false).value_or(std::vector<std::optional<std::uint8_t>>{})) {
     pattern.data_mask.push_back(byte.value_or(0xFF));
   }
-  read_integer(reader, "function", pattern.function, 0, 255);
+  reader.read("function", pattern.function, 0, 255);
   pattern.command = read_word(reader, "command", command_words);
-  read_integer(reader, "address", pattern.address, 0, 0xFFFF);
+  reader.read("address", pattern.address, 0, 0xFFFF);
   reader.finish();
   return pattern;
 }
@@ -198,33 +175,40 @@ Condition read_condition(const toml::table& table, const std::string& path, line
   condition.state = read_word(reader, "state", state_words);
   condition.nmt = read_word(reader, "nmt", nmt_words);
   condition.al = read_word(reader, "al", al_words);
-  read_integer(reader, "mode", condition.mode, -128, 127);
-  read_integer(reader, "homing_leg", condition.homing_leg, 0, 255);
-  read_flag(reader, "at_rest", condition.at_rest);
-  read_number(reader, "position_above", condition.position_above);
-  read_number(reader, "position_below", condition.position_below);
-  read_number(reader, "speed_above_rpm", condition.speed_above);
-  read_number(reader, "speed_below_rpm", condition.speed_below);
-  read_number(reader, "moved_above", condition.moved_above);
-  read_number(reader, "travelled_above", condition.travelled_above);
-  read_number(reader, "torque_above", condition.torque_above);
+  reader.read("mode", condition.mode, -128, 127);
+  reader.read("homing_leg", condition.homing_leg, 0, 255);
+  reader.read("at_rest", condition.at_rest);
+  reader.read("position_above", condition.position_above);
+  reader.read("position_below", condition.position_below);
+  reader.read("speed_above_rpm", condition.speed_above);
+  reader.read("speed_below_rpm", condition.speed_below);
+  reader.read("moved_above", condition.moved_above);
+  reader.read("travelled_above", condition.travelled_above);
+  reader.read("torque_above", condition.torque_above);
   condition.object = read_object(reader, "object");
-  if (condition.object) {
-    reader.read("mask", condition.mask);
-    reader.read("value", condition.value);
-    if (reader.node("value") == nullptr) reader.complain("value", "is missing", "give the value of the object");
+  std::optional<std::int64_t> mask, value;
+  reader.read("mask", mask);
+  reader.read("value", value);
+  if (condition.object && !value) reader.complain("value", "is missing", "give the value of the object");
+  if (!condition.object && (mask || value)) {
+    reader.complain(mask ? "mask" : "value", "needs `object`", "name one: object = \"6041\"");
   }
-  read_flag(reader, "powered", condition.powered);
+  condition.mask = mask.value_or(-1);
+  condition.value = value.value_or(0);
+  reader.read("powered", condition.powered);
   reader.read("axis", condition.axis);
   condition.ended = read_time_ms(reader, "ended_ms");
-  read_integer(reader, "fault_resets_above", condition.fault_resets_above, 0, 1'000'000);
-  read_integer(reader, "repeats_above", condition.repeats_above, 0, 1'000'000);
-  read_flag(reader, "set_point_jumped", condition.set_point_jumped);
+  reader.read("fault_resets_above", condition.fault_resets_above, 0, 1'000'000);
+  reader.read("repeats_above", condition.repeats_above, 0, 1'000'000);
+  reader.read("set_point_jumped", condition.set_point_jumped);
   condition.success = read_word(reader, "exit", exit_words);
-  if (const toml::table* message = reader.table("message")) {
+  if (const toml::table* message = reader.table("message", "message")) {
     condition.message = read_pattern(*message, path + ".message", report);
-    reader.read("count", condition.count, 1, 1'000'000'000);
   }
+  std::optional<unsigned> count;
+  reader.read("count", count, 1, 1'000'000'000);
+  if (count && !condition.message) reader.complain("count", "needs `message`", "say which messages it counts");
+  condition.count = count.value_or(1);
   reader.finish();
   return condition;
 }

@@ -12,6 +12,9 @@ MessagePattern read_pattern(const toml::table& table, const std::string& path, l
 // The name of a kind of message in the file.
 std::string_view name_of(MessageKind kind);
 
+// The words of all actions.
+std::vector<std::string_view> action_names();
+
 // Reads `do` and the keys of that action. Returns nothing after an error.
 std::optional<Action> read_action(line::TableReader& rule);
 // A time in milliseconds under `key`, not negative.

@@ -32,13 +32,14 @@ std::string_view word_of(const std::array<Word<Value>, Count>& words, Value valu
 template <typename Value, std::size_t Count>
 std::optional<Value> read_word(line::TableReader& reader, std::string_view key,
                                const std::array<Word<Value>, Count>& words) {
+  std::vector<std::string_view> names;
+  for (const auto& word : words) names.push_back(word.name);
+  reader.note_words(key, names);
   std::string text;
   reader.read(key, text);
   if (text.empty()) return std::nullopt;
-  std::vector<std::string_view> names;
   for (const auto& word : words) {
     if (word.name == text) return word.value;
-    names.push_back(word.name);
   }
   reader.complain(key, fmt::format("there is no \"{}\"", text), links::suggestion(text, names));
   return std::nullopt;

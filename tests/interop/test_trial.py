@@ -5,6 +5,7 @@ import os
 import pathlib
 import subprocess
 import sys
+import tomllib
 import xml.etree.ElementTree as ET
 
 import pytest
@@ -130,6 +131,65 @@ def test_a_master_that_does_not_end_fails_unless_the_scenario_waives_it(tmp_path
     verdicts = {stem: {one["name"]: one for one in result["expectations"]} for stem, result in outcomes.items()}
     assert verdicts["waits"]["the master ends by itself"]["found"] == "the trial ended it after 1 s"
     assert verdicts["waived"]["the master ends by itself"]["found"] == "waived: it waits for the operator"
+
+
+def test_a_failing_scenario_is_made_smaller(tmp_path):
+    """Of three rules only one makes the master fail; neither its condition nor its second act is needed."""
+    rules = """
+[[rule]]
+name = "late"
+on = { message = "sdo_answer", object = "1000" }
+do = "delay"
+ms = 5
+
+[[rule]]
+name = "culprit"
+when = { powered = true, time_ms = 1 }
+on = { message = "sdo_answer", object = "6040" }
+do = "withhold"
+times = 2
+
+[[rule]]
+name = "lie"
+do = "show"
+object = "6078"
+value = 3
+"""
+    text = 'title = "t"\nline = "LINE"\nmaster = "success"\nduration_s = 20\n' + rules
+    done = trial(tmp_path, {"big": text}, options=["--minimise", "--runs", "40"], after="0.2")
+    assert done.returncode == 0, done.stdout + done.stderr
+    assert 'without the rule "late": still fails' in done.stdout and "does not fail so" in done.stdout
+    small = tmp_path / "big.minimal.toml"
+    assert f"the same again: servodrome trial --scenarios {small} -- " in done.stdout
+    content = tomllib.loads(small.read_text())
+    (rule,) = content["rule"]
+    assert rule == {"name": "culprit", "on": {"message": "sdo_answer", "object": "6040"}, "do": "withhold", "times": 1}
+    assert content["seed"] == 1 and content["line"] == str(ROOT / "scenarios/lines/can.toml")
+    assert (tmp_path / "big.toml").read_text() == text.replace("LINE", content["line"])
+    # It fails in the same way, and what cannot be made smaller is not written again.
+    again = trial(tmp_path, {}, options=["--only", "minimal", "--json"], after="0.2")
+    assert json.loads(again.stdout)[0]["reason"] == "the master ended with status 1"
+    passes = trial(tmp_path, {"good": GOOD}, options=["--only", "good.toml", "--minimise"])
+    assert passes.returncode == 1 and "does not fail with this master" in passes.stderr
+    both = trial(tmp_path, {}, options=["--minimise"])
+    assert both.returncode == 2 and "choose one with --only" in both.stderr
+
+
+def test_random_scenarios_are_drawn_by_their_seed(tmp_path):
+    def drawn(folder, *options):
+        command = [PROGRAM, "trial", "--scenarios", str(ROOT / "scenarios/canopen"), "--random", "3", "--keep", str(folder), *options, "--", "true"]
+        subprocess.run(command, capture_output=True, text=True, check=True)
+        return {file.name: file.read_text() for file in sorted(folder.iterdir())}
+
+    first, second = drawn(tmp_path / "a", "--list"), drawn(tmp_path / "b", "--list")
+    assert first == second and list(first) == ["random-1-1.toml", "random-1-2.toml", "random-1-3.toml"]
+    assert drawn(tmp_path / "c", "--list", "--seed", "2") != first
+    for text in first.values():
+        content = tomllib.loads(text)
+        assert len(content["rule"]) >= 2 and (tmp_path / "a" / content["line"]).exists()
+    done = trial(tmp_path / "a", {}, ["sleep", "0.2"], ["--json", "--only", "random-1-2"])
+    (result,) = json.loads(done.stdout)
+    assert result["outcome"] in ("passed", "not reached") and len(result["expectations"]) >= 5
 
 
 def test_wrong_use_is_explained(tmp_path):

@@ -11,9 +11,13 @@
 
 #include "app/commands.hpp"
 #include "app/interrupt_guard.hpp"
+#include "app/temporary_folder.hpp"
+#include "app/trial_minimise.hpp"
 #include "app/trial_run.hpp"
 #include "app/whole_file.hpp"
 #include "scenario/parse.hpp"
+#include "scenario/random_scenario.hpp"
+#include "scenario/schema.hpp"
 #include "scenario/trial_report.hpp"
 
 namespace servodrome::app {
@@ -30,9 +34,14 @@ struct Options {
   std::string junit;
   std::string html;
   std::string keep;
+  unsigned random = 0;
+  std::uint64_t seed = 1;
+  unsigned runs = 100;
   double after_s = 3;
   unsigned jobs = 4;
   bool list = false;
+  bool schema = false;
+  bool minimise = false;
   bool json = false;
 };
 
@@ -49,7 +58,7 @@ std::vector<std::string> files_of(const Options& options) {
       if (path.extension() == ".toml" && path.parent_path().filename() != "lines") files.insert(path.string());
     }
   }
-  if (!options.only.empty()) {
+  if (!options.only.empty() && options.random == 0) {
     std::erase_if(files, [&options](const std::string& file) { return file.find(options.only) == std::string::npos; });
   }
   if (files.empty()) {
@@ -58,27 +67,16 @@ std::vector<std::string> files_of(const Options& options) {
   return {files.begin(), files.end()};
 }
 
-// A folder for temporary files, which disappears with this object.
-class TemporaryFolder {
- public:
-  TemporaryFolder() {
-    std::string name = (fs::temp_directory_path() / "servodrome-trial-").string();
-    for (unsigned n = 0;; ++n) {
-      path_ = fmt::format("{}{:x}-{}", name, std::hash<std::thread::id>{}(std::this_thread::get_id()), n);
-      if (fs::create_directory(path_)) return;
-    }
+// Scenarios that combine rules of the files, in `folder`. The same seed draws the same ones.
+std::vector<std::string> drawn_from(const Options& options, std::vector<std::string> files, const fs::path& folder) {
+  std::vector<std::string> drawn;
+  for (unsigned n = 1; n <= options.random; ++n) {
+    const fs::path path = folder / fmt::format("random-{}-{}.toml", options.seed, n);
+    write_whole_file(path.string(), scenario::random_scenario(files, options.seed, n, fs::absolute(folder)));
+    drawn.push_back(path.string());
   }
-  ~TemporaryFolder() {
-    std::error_code ignored;
-    fs::remove_all(path_, ignored);
-  }
-  TemporaryFolder(const TemporaryFolder&) = delete;
-  TemporaryFolder& operator=(const TemporaryFolder&) = delete;
-  const fs::path& path() const { return path_; }
-
- private:
-  fs::path path_;
-};
+  return drawn;
+}
 
 void print(const TrialResult& result, std::size_t done, std::size_t of) {
   fmt::print("{:>4}/{} {:<12} {}\n", done, of, word_of(result.outcome), result.path);
@@ -100,6 +98,15 @@ struct Done {
   std::string section;
 };
 
+TrialRun run_of(const Options& options) {
+  TrialRun run;
+  run.master = options.master;
+  run.links = options.links;
+  run.keep = options.keep;
+  run.after = std::chrono::duration_cast<links::Time>(std::chrono::duration<double>(options.after_s));
+  return run;
+}
+
 std::vector<Done> run_all(const Options& options, const std::vector<std::string>& files) {
   const TemporaryFolder temporary;
   std::vector<Done> results(files.size());
@@ -108,13 +115,9 @@ std::vector<Done> run_all(const Options& options, const std::vector<std::string>
   std::size_t done = 0;
   const auto work = [&](unsigned job) {
     for (std::size_t n = next++; n < files.size() && !InterruptGuard::interrupted(); n = next++) {
-      TrialRun run;
-      run.master = options.master;
-      run.links = options.links;
+      TrialRun run = run_of(options);
       run.job = job;
-      run.keep = options.keep;
       run.folder = temporary.path() / std::to_string(n);
-      run.after = std::chrono::duration_cast<links::Time>(std::chrono::duration<double>(options.after_s));
       fs::create_directory(run.folder);
       const TrialResult result = run_trial(run, files[n]);
       results[n] = {result.outcome, scenario::json_of(result),
@@ -136,18 +139,52 @@ void list(const std::vector<std::string>& files) {
   }
 }
 
+void run_minimise(const Options& options, const std::vector<std::string>& files) {
+  if (files.size() != 1) {
+    throw Failure::wrong_use(
+        fmt::format("--minimise is for one scenario, and there are {}; choose one with --only", files.size()));
+  }
+  const InterruptGuard guard;
+  const Minimised done = minimise(run_of(options), files.front(), options.runs, options.jobs, !options.json);
+  std::string words;
+  for (const std::string& word : options.master) words += " " + word;
+  const std::string again = fmt::format("servodrome trial --scenarios {} --{}", done.path, words);
+  if (options.json) {
+    const nlohmann::ordered_json view{{"path", done.path}, {"failure", done.failure}, {"runs", done.runs}};
+    fmt::print("{}\n", view.dump(2));
+  } else if (done.path.empty()) {
+    fmt::print("nothing can be left out\n");
+  } else {
+    fmt::print("{}\nthe same again: {}\n", done.path, again);
+  }
+}
+
 void run(const Options& options) {
-  const std::vector<std::string> files = files_of(options);
+  if (options.schema) return fmt::print("{}\n", scenario::json_schema().dump(2));
+  if (options.scenarios.empty())
+    throw Failure::wrong_use("no scenarios are given; name a folder or files with --scenarios");
+  std::vector<std::string> files = files_of(options);
+  if (!options.keep.empty()) fs::create_directories(options.keep);
+  const TemporaryFolder temporary;
+  if (options.random > 0) {
+    const fs::path folder = options.keep.empty() ? temporary.path() : fs::path(options.keep);
+    try {
+      files = drawn_from(options, files, folder);
+    } catch (const std::runtime_error& error) {
+      throw Failure::wrong_use(error.what());
+    }
+    std::erase_if(files, [&options](const std::string& file) { return file.find(options.only) == std::string::npos; });
+  }
   if (options.list) return list(files);
   if (options.master.empty()) {
     throw Failure::wrong_use(
         "no master is given; write its command behind --: servodrome trial ... -- ./my-master {link}");
   }
+  if (options.minimise) return run_minimise(options, files);
   for (const std::string* path : {&options.junit, &options.html}) {
     if (!path->empty()) require_writable(*path);
   }
   const InterruptGuard guard;
-  if (!options.keep.empty()) fs::create_directories(options.keep);
   const std::vector<Done> results = run_all(options, files);
   scenario::TrialJson all = scenario::TrialJson::array();
   std::vector<std::string> sections;
@@ -181,7 +218,6 @@ void add_trial(CLI::App& app) {
   CLI::App* command =
       app.add_subcommand("trial", "Run your master through scenarios in which drives and buses misbehave");
   command->add_option("--scenarios", options->scenarios, "Folders with scenario files, or scenario files")
-      ->required()
       ->allow_extra_args(false);
   command->add_option("MASTER", options->master,
                       "Command of the master, behind --; {link}, {host}, {port}, {api}, {scenario} and {job} are "
@@ -200,6 +236,14 @@ void add_trial(CLI::App& app) {
   command->add_option("--html", options->html,
                       "Write a page with all outcomes, pictures of the shafts, and the traffic around failures");
   command->add_option("--keep", options->keep, "Keep the whole traffic of each trial as captures in this folder");
+  command->add_option("--random", options->random, "Run so many scenarios drawn from the rules of those of --scenarios")
+      ->check(CLI::Range(1, 100'000));
+  command->add_option("--seed", options->seed, "Of --random: the same seed draws the same scenarios");
+  command->add_flag("--minimise", options->minimise,
+                    "Leave out of one failing scenario what its failure does not need, and write the rest beside it");
+  command->add_option("--runs", options->runs, "Of --minimise: at most so many trials")->check(CLI::Range(2, 100'000));
+  command->add_flag("--schema", options->schema,
+                    "Print a JSON Schema of scenario files, for editors that complete and check TOML");
   command->add_flag("--list", options->list, "List the scenarios and run nothing");
   command->add_flag("--json", options->json, "Print JSON");
   command->callback([options] { run(*options); });

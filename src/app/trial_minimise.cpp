@@ -1,0 +1,157 @@
+#include "app/trial_minimise.hpp"
+
+#include <algorithm>
+#include <atomic>
+#include <fmt/format.h>
+#include <fstream>
+#include <iterator>
+#include <set>
+#include <thread>
+
+#include "app/commands.hpp"
+#include "app/interrupt_guard.hpp"
+#include "app/temporary_folder.hpp"
+#include "app/whole_file.hpp"
+#include "scenario/parse.hpp"
+#include "scenario/reduce.hpp"
+
+namespace servodrome::app {
+namespace {
+
+namespace fs = std::filesystem;
+using scenario::TrialResult;
+
+std::string content_of(const std::string& path) {
+  std::ifstream file(path);
+  return {std::istreambuf_iterator<char>(file), {}};
+}
+
+// What is compared between two runs: the first expectation that failed, or else the reason.
+std::set<std::string> failures_of(const TrialResult& result) {
+  std::set<std::string> failures;
+  if (result.outcome != TrialResult::Outcome::failed) return failures;
+  for (const scenario::Verdict& verdict : result.verdicts) {
+    if (verdict.outcome == scenario::Outcome::failed) failures.insert(verdict.name);
+  }
+  if (failures.empty()) failures.insert(result.reason);
+  return failures;
+}
+
+class Minimiser {
+ public:
+  Minimiser(const TrialRun& run, const std::string& path, unsigned most_runs, unsigned jobs, bool talks)
+      : run_(run), path_(path), text_(content_of(path)), most_runs_(most_runs), jobs_(jobs), talks_(talks) {
+    line_ = fs::absolute(scenario::load_scenario(path).scenario.line).lexically_normal().generic_string();
+  }
+
+  Minimised minimise() {
+    const std::set<std::string> failures = failures_of(run_text(text_, 0));
+    if (failures.empty()) throw Failure::did_not_work(fmt::format("{} does not fail with this master", path_));
+    failure_ = *failures.begin();
+    say(fmt::format("fails: {}", failure_));
+    fix_seed();
+    while (step()) {
+    }
+    Minimised result{"", failure_, runs_.load()};
+    if (text_ != content_of(path_)) result.path = write();
+    return result;
+  }
+
+ private:
+  void say(const std::string& what) const {
+    if (!talks_) return;
+    fmt::print("{:>4}/{} {}\n", runs_.load(), most_runs_, what);
+    std::fflush(stdout);
+  }
+
+  // The line keeps its place, and the text gets a folder of its own.
+  TrialResult run_text(const std::string& text, unsigned job) {
+    TrialRun run = run_;
+    run.job = job;
+    run.keep.clear();
+    run.folder = temporary_.path() / std::to_string(job);
+    fs::remove_all(run.folder);
+    fs::create_directory(run.folder);
+    std::string moved;
+    std::string_view rest = text;
+    while (!rest.empty()) {
+      const std::size_t end = std::min(rest.find('\n'), rest.size());
+      const std::string_view one = rest.substr(0, end);
+      rest.remove_prefix(std::min(end + 1, rest.size()));
+      moved += one.starts_with("line =") || one.starts_with("line=") ? fmt::format("line = \"{}\"\n", line_)
+                                                                     : fmt::format("{}\n", one);
+    }
+    const std::string path = (run.folder / fs::path(path_).filename()).string();
+    write_whole_file(path, moved);
+    ++runs_;
+    return run_trial(run, path);
+  }
+
+  // A file without a seed has the default one; the smallest file says it.
+  void fix_seed() {
+    if (text_.starts_with("seed") || text_.find("\nseed") != std::string::npos) return;
+    text_ = fmt::format("seed = {}\n{}", scenario::load_scenario(path_).scenario.seed, text_);
+  }
+
+  bool is_valid(const std::string& text) const { return scenario::parse_scenario(text, path_).diagnostics.empty(); }
+
+  // Takes over the first reduction that fails in the same way. Returns false if there is none, or no run is left.
+  bool step() {
+    std::vector<scenario::Reduction> left = scenario::reductions(text_, failure_);
+    std::erase_if(left, [this](const auto& one) { return tried_.contains(one.text) || !is_valid(one.text); });
+    for (std::size_t begin = 0; begin < left.size() && runs_ < most_runs_; begin += jobs_) {
+      if (InterruptGuard::interrupted()) return false;
+      const std::size_t end = std::min({begin + jobs_, left.size(), begin + most_runs_ - runs_});
+      std::vector<TrialResult> results(end - begin);
+      std::vector<std::thread> threads;
+      for (std::size_t i = begin; i < end; ++i) {
+        threads.emplace_back([&, i] { results[i - begin] = run_text(left[i].text, static_cast<unsigned>(i - begin)); });
+      }
+      for (std::thread& thread : threads) thread.join();
+      for (std::size_t i = begin; i < end; ++i) {
+        tried_.insert(left[i].text);
+        if (!failures_of(results[i - begin]).contains(failure_)) {
+          say(fmt::format("{}: does not fail so", left[i].what));
+          continue;
+        }
+        say(fmt::format("{}: still fails", left[i].what));
+        text_ = left[i].text;
+        return true;
+      }
+    }
+    return false;
+  }
+
+  std::string write() const {
+    const fs::path path(path_);
+    fs::path target;
+    for (unsigned n = 1; n == 1 || fs::exists(target); ++n) {
+      target = path;
+      target.replace_filename(
+          fmt::format("{}.minimal{}.toml", path.stem().string(), n == 1 ? "" : fmt::format("-{}", n)));
+    }
+    write_whole_file(target.string(), fmt::format("# {}, made smaller in {} runs while this failed: {}\n{}",
+                                                  path.filename().string(), runs_.load(), failure_, text_));
+    return target.string();
+  }
+
+  TrialRun run_;
+  std::string path_;
+  std::string text_;
+  std::string line_;
+  unsigned most_runs_;
+  unsigned jobs_;
+  bool talks_;
+  std::string failure_;
+  std::atomic<unsigned> runs_{0};
+  std::set<std::string> tried_;
+  TemporaryFolder temporary_;
+};
+
+}  // namespace
+
+Minimised minimise(const TrialRun& run, const std::string& path, unsigned most_runs, unsigned jobs, bool talks) {
+  return Minimiser(run, path, most_runs, jobs, talks).minimise();
+}
+
+}  // namespace servodrome::app

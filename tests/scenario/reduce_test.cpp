@@ -1,0 +1,115 @@
+// A scenario is made smaller step by step; random ones combine the rules of files.
+#include "scenario/reduce.hpp"
+
+#include <algorithm>
+#include <filesystem>
+#include <set>
+
+#include "scenario/random_scenario.hpp"
+#include "scenario/support.hpp"
+#include "source_dir.hpp"
+
+namespace servodrome::scenario::test {
+namespace {
+
+constexpr const char* big = R"(title = "big"
+line = "can.toml"
+seed = 3
+duration_s = 20
+
+[[rule]]
+name = "first"
+when = { state = "operation_enabled", speed_above_rpm = 60 }
+on = { message = "sdo_answer", object = "6041" }
+do = "delay"
+ms = 40
+jitter_ms = 5
+chance = 0.5
+skip = 2
+
+[[rule]]
+name = "second"
+on = { message = "heartbeat" }
+do = "withhold"
+times = 9
+
+[[expect]]
+name = "kept"
+always = { at_rest = true }
+
+[[expect]]
+name = "other"
+always = { powered = true }
+)";
+
+std::vector<std::string> steps(const std::string& text) {
+  std::vector<std::string> all;
+  for (const Reduction& one : reductions(text, "kept")) all.push_back(one.what);
+  return all;
+}
+
+TEST(Reductions, TheLargestStepsComeFirst) {
+  const std::vector<std::string> expected{
+      "without the other expectations",        "without the rule \"first\"",
+      "without the rule \"second\"",           "the rule \"first\" without when",
+      "the rule \"first\" without when.state", "the rule \"first\" without when.speed_above_rpm",
+      "the rule \"first\" without jitter_ms",  "the rule \"first\" without chance",
+      "the rule \"first\" without skip",       "the rule \"first\" with times = 1",
+      "the rule \"first\" with ms = 1",        "the rule \"first\" with ms = 20",
+      "the rule \"second\" with times = 1",    "the rule \"second\" with times = 4",
+  };
+  std::vector<std::string> found = steps(big);
+  // The times of the whole scenario are a step as well; its place does not matter.
+  EXPECT_NE(std::find(found.begin(), found.end(), "with duration_s = 10"), found.end());
+  std::erase_if(found, [](const std::string& one) { return one.starts_with("with duration_s"); });
+  EXPECT_EQ(found, expected);
+}
+
+TEST(Reductions, EachIsAValidScenarioThatDiffers) {
+  const Scenario whole = parse_scenario(big, "big.toml").scenario;
+  for (const Reduction& one : reductions(big, "kept")) {
+    SCOPED_TRACE(one.what);
+    const ScenarioFile file = parse_scenario(one.text, "big.toml");
+    for (const auto& diagnostic : file.diagnostics) ADD_FAILURE() << to_string(diagnostic);
+    EXPECT_NE(one.text, big);
+    const bool has_kept = std::any_of(file.scenario.expectations.begin(), file.scenario.expectations.end(),
+                                      [](const Expectation& its) { return its.name == "kept"; });
+    EXPECT_TRUE(has_kept);
+    EXPECT_FALSE(file.scenario.rules.empty());
+  }
+}
+
+TEST(Reductions, EndWhenNothingCanBeLeftOut) {
+  std::string text = big;
+  unsigned taken = 0;
+  for (auto all = reductions(text, "kept"); !all.empty(); all = reductions(text, "kept")) {
+    text = all.front().text;
+    ASSERT_LT(++taken, 50U);
+  }
+  EXPECT_EQ(parse_scenario(text, "t.toml").scenario.rules.size(), 1U);
+  EXPECT_EQ(parse_scenario(text, "t.toml").scenario.rules.front().times, 1U);
+}
+
+TEST(RandomScenarios, CombineRulesAndDependOnTheirSeedOnly) {
+  std::vector<std::string> files;
+  const std::filesystem::path folder = std::filesystem::path(SERVODROME_SOURCE_DIR) / "scenarios/canopen";
+  for (const auto& entry : std::filesystem::directory_iterator(folder)) files.push_back(entry.path().string());
+  std::sort(files.begin(), files.end());
+  std::set<std::string> titles;
+  for (std::uint64_t n = 1; n <= 40; ++n) {
+    const std::string text = random_scenario(files, 7, n, folder);
+    SCOPED_TRACE(text);
+    EXPECT_EQ(text, random_scenario(files, 7, n, folder));
+    const ScenarioFile file = parse_scenario(text, (folder / "random.toml").string());
+    for (const auto& diagnostic : file.diagnostics) ADD_FAILURE() << to_string(diagnostic);
+    EXPECT_TRUE(std::filesystem::exists(file.scenario.line)) << file.scenario.line;
+    EXPECT_GE(file.scenario.rules.size(), 2U);
+    EXPECT_TRUE(file.scenario.expectations.empty());
+    titles.insert(file.scenario.title);
+  }
+  EXPECT_GT(titles.size(), 35U);
+  EXPECT_NE(random_scenario(files, 7, 1, folder), random_scenario(files, 8, 1, folder));
+}
+
+}  // namespace
+}  // namespace servodrome::scenario::test
