@@ -1,6 +1,6 @@
 """`python -m servodrome trial`: a master in Python through scenarios, in this process and in virtual time (docs/scenario.md).
 
-Each trial is a child process of its own (fork), so that no trial sees what another one has left behind, and runs in the time of its line:
+Each trial is a process of its own, so that no trial sees what another one has left behind, and runs in the time of its line:
 a program that needs a minute takes some seconds at most, and two runs are equal to the last bit.
 """
 
@@ -9,15 +9,17 @@ from __future__ import annotations
 import contextlib
 import io
 import json
-import multiprocessing
 import os
 import pathlib
 import random
 import re
 import runpy
+import subprocess
 import sys
+import tempfile
 import threading
 import traceback
+from concurrent.futures import ThreadPoolExecutor
 from typing import Any, Dict, Iterator, List, NamedTuple, Sequence
 
 from .errors import BadValue, Error
@@ -163,18 +165,40 @@ def run_trial(trial: Trial, scenario: str) -> Report:
                 view["captures"] = _captures(line, trial.keep, pathlib.Path(scenario))
             return Report(view, ended["section"])
     except (Error, OSError) as error:
-        view = {"scenario": scenario, "title": "", "outcome": "error", "reason": str(error), "expectations": [], "rules": []}
-        return Report(view, "")
+        return _error(scenario, str(error))
 
 
-def _in_child(task: "tuple[Trial, str]") -> Report:
-    return run_trial(*task)
+def _error(scenario: str, reason: str) -> Report:
+    view = {"scenario": scenario, "title": "", "outcome": "error", "reason": reason, "expectations": [], "rules": []}
+    return Report(view, "")
+
+
+def _in_child(trial: Trial, scenario: str) -> Report:
+    """Runs a trial in a new process, so that no trial sees what another one has left behind."""
+    package = str(pathlib.Path(__file__).resolve().parents[1])
+    path = os.pathsep.join(filter(None, [package, os.environ.get("PYTHONPATH", "")]))
+    environment = {**os.environ, "PYTHONPATH": path, "PYTHONHASHSEED": "0"}
+    with tempfile.TemporaryDirectory() as folder:
+        result = os.path.join(folder, "result.json")
+        command = [sys.executable, "-m", "servodrome.trial", json.dumps(trial._asdict()), scenario, result]
+        done = subprocess.run(command, capture_output=True, text=True, errors="replace", env=environment, check=False)
+        if not os.path.exists(result):
+            return _error(scenario, f"the process ended with status {done.returncode}: {done.stderr[-_MOST_OUTPUT:]}")
+        with open(result, encoding="utf-8") as file:
+            return Report(*json.load(file))
 
 
 def run_trials(trial: Trial, scenarios: Sequence[str], jobs: int = 1) -> Iterator[Report]:
-    """The outcomes in the order of the scenarios, each from a process of its own."""
-    with multiprocessing.get_context("fork").Pool(jobs, maxtasksperchild=1) as pool:
-        yield from pool.imap(_in_child, [(trial, scenario) for scenario in scenarios], chunksize=1)
+    """The outcomes in the order of the scenarios."""
+    with ThreadPoolExecutor(jobs) as pool:
+        yield from pool.map(lambda scenario: _in_child(trial, scenario), scenarios)
+
+
+def _main(trial: str, scenario: str, result: str) -> None:
+    report = run_trial(Trial(**json.loads(trial)), scenario)
+    with open(result + ".part", "w", encoding="utf-8") as file:
+        json.dump(report, file)
+    os.replace(result + ".part", result)
 
 
 def _report(line: Line, reports: Sequence[Report], master: str, form: str) -> str:
@@ -198,3 +222,9 @@ def html_of(reports: Sequence[Report], master: str) -> str:
         page = _report(line, reports, master, "html")
     head, end = page.rsplit("</html>", 1)
     return head + "".join(report.section for report in reports) + "</html>" + end
+
+
+if __name__ == "__main__":
+    _main(*sys.argv[1:])
+    sys.stdout.flush()
+    os._exit(0)  # threads that the master has left behind do not hold up the end

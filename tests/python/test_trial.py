@@ -96,11 +96,11 @@ def test_exit_status_and_exceptions_are_those_of_a_process(scenarios, tmp_path):
         assert result["exit_status"] == status and result["output"].endswith(output), text
 
 
-def test_the_library_of_canopen_runs_in_seconds_and_equally():
-    files = files_of([str(ROOT / "scenarios/canopen")], "sdo-answer")
+def test_files_of_the_library_run_equally():
+    files = files_of([str(ROOT / "scenarios/canopen")], "sdo-answer-missing")
     trial = Trial(MASTER, ("{host}", "{port}"))
     outcomes = [[report.view for report in run_trials(trial, files, jobs=2)] for _ in range(2)]
-    assert outcomes[0] == outcomes[1] and len(files) > 8
+    assert outcomes[0] == outcomes[1] and len(files) == 2
     found = {pathlib.Path(one["scenario"]).stem: one["outcome"] for one in outcomes[0]}
     assert found["sdo-answer-missing-once"] == "failed" and found["sdo-answer-missing-forever"] == "passed"
 
