@@ -6,9 +6,9 @@ Both sides are told all of it, so that no default of the plant is taken on trust
 BARE_MACHINE = {
     "motor.phases": 3,
     "motor.pole_pairs": 5,
-    "motor.resistance_ohm": 0.775,
-    "motor.direct_inductance_h": 3.355e-3,
-    "motor.quadrature_inductance_h": 3.355e-3,
+    "motor.resistance_ohm": 1.1,
+    "motor.direct_inductance_h": 4.5e-3,
+    "motor.quadrature_inductance_h": 4.5e-3,
     "motor.quadrature_saturation_a": 0.0,
     "motor.saturated_inductance_share": 0.4,
     "motor.torque_constant_nm_per_a": 0.47,  # per A rms
