@@ -50,6 +50,10 @@ class ObjectClient {
   // Reads the values of one such set.
   virtual std::vector<std::vector<std::byte>> upload_together(std::span<const ObjectAddress> objects);
 
+  // Whether the answer to the last upload() indicated its size. An expedited answer of CANopen need not (CiA 301
+  // 7.2.4.3.6): it has four bytes, and the first ones are the value.
+  virtual bool size_is_known() const { return true; }
+
   // Time on the bus's clock.
   virtual Time now() const = 0;
   // Waits for `span` and keeps the bus running.
@@ -63,10 +67,11 @@ class ObjectClient {
   virtual std::optional<Emergency> latest_emergency() { return std::nullopt; }
 
   // Integers and floating-point numbers. If the drive sends fewer bytes than T has, the value is sign- or
-  // zero-extended; more bytes are an error.
+  // zero-extended; more bytes are an error, unless the drive does not say how many of them count.
   template <typename T>
   requires std::is_arithmetic_v<T> T read(std::uint16_t index, std::uint8_t sub = 0) {
-    const std::vector<std::byte> bytes = upload({index, sub});
+    std::vector<std::byte> bytes = upload({index, sub});
+    if (!size_is_known() && bytes.size() > sizeof(T)) bytes.resize(sizeof(T));
     check_size(bytes, sizeof(T), {index, sub});
     const bool negative = std::is_signed_v<T> && !bytes.empty() && std::to_integer<unsigned>(bytes.back()) >= 0x80;
     T value{};

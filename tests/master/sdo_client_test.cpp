@@ -56,6 +56,32 @@ TEST_F(SdoClientTest, ShortValuesAreExtendedLongOnesRefused) {
   EXPECT_THROW(client.read<std::int16_t>(0x607A), MasterError);
 }
 
+// A server with the "size indicated" bit cleared: the client takes as many bytes as the value has.
+TEST_F(SdoClientTest, AnExpeditedAnswerMayHideItsSize) {
+  SdoTransfer transfer = SdoTransfer::upload({0x6041, 0});
+  Frame frame;
+  ASSERT_TRUE(transfer.take(frame));
+  EXPECT_TRUE(transfer.receive({.id = 0x585, .length = 8, .data = {0x42, 0x41, 0x60, 0, 0x37, 0x02, 0xAA, 0xBB}}));
+  EXPECT_EQ(transfer.result(), AbortCode::none);
+  EXPECT_FALSE(transfer.size_is_known());
+  EXPECT_EQ(transfer.data().size(), 4U);
+
+  class Unsized final : public ObjectClient {
+   public:
+    std::vector<std::byte> upload(ObjectAddress) override {
+      return {std::byte{0x37}, std::byte{0x02}, std::byte{0xAA}, std::byte{0xBB}};
+    }
+    void download(ObjectAddress, std::span<const std::byte>) override {}
+    bool size_is_known() const override { return false; }
+    Time now() const override { return {}; }
+    void wait(Time) override {}
+    std::uint16_t address() const override { return 5; }
+    std::string where() const override { return ""; }
+  } unsized;
+  EXPECT_EQ(unsized.read<std::uint16_t>(0x6041), 0x0237);
+  EXPECT_EQ(unsized.read<std::uint32_t>(0x6041), 0xBBAA0237U);
+}
+
 TEST_F(SdoClientTest, SegmentedOfEverySizeAroundTheSegments) {
   for (const std::size_t size : {0U, 5U, 6U, 7U, 8U, 13U, 14U, 15U, 21U, 5999U, 6000U}) {
     const auto sent = pattern(size);

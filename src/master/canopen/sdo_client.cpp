@@ -95,6 +95,7 @@ std::vector<std::byte> SdoClient::upload(ObjectAddress object, SdoProtocol proto
   for (unsigned attempt = 0;; ++attempt) {
     SdoTransfer transfer = SdoTransfer::upload(object, protocol);
     run(transfer);
+    size_is_known_ = transfer.size_is_known();
     if (transfer.result() == AbortCode::none) return transfer.data();
     // The timeout may have occurred at the client or at the server.
     const bool timed_out = transfer.result() == AbortCode::protocol_timed_out;

@@ -47,6 +47,7 @@ class SdoClient final : public ObjectClient {
     download(object, data, SdoProtocol::ordinary);
   }
   std::vector<std::byte> upload(ObjectAddress object, SdoProtocol protocol);
+  bool size_is_known() const override { return size_is_known_; }
   void download(ObjectAddress object, std::span<const std::byte> data, SdoProtocol protocol);
 
   Time now() const override { return bus_.now(); }
@@ -73,6 +74,7 @@ class SdoClient final : public ObjectClient {
   SdoOptions options_;
   std::function<bool()> cancelled_;
   std::optional<Emergency> emergency_;
+  bool size_is_known_ = true;
   Bus::Subscription listening_;
 };
 

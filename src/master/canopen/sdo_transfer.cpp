@@ -156,6 +156,7 @@ bool SdoTransfer::receive_initiated_upload(const Frame& answer) {
   const bool sized = (command & sdo::size_indicated) != 0;
   if ((command & sdo::expedited) != 0) {
     const std::size_t size = sized ? expedited_bytes - (command >> 2 & 3U) : expedited_bytes;
+    size_is_known_ = sized;
     if (append(std::span(answer.data).subspan(4, size))) finish();
     return true;
   }

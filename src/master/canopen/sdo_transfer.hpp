@@ -44,6 +44,8 @@ class SdoTransfer {
   bool aborted_by_server() const { return aborted_by_server_; }
   ObjectAddress object() const { return object_; }
   bool is_upload() const { return is_upload_; }
+  // False if the server sent four bytes of which it did not say how many count.
+  bool size_is_known() const { return size_is_known_; }
   // The uploaded data, or the data to download.
   const std::vector<std::byte>& data() const { return data_; }
 
@@ -101,6 +103,7 @@ class SdoTransfer {
   std::optional<std::uint32_t> announced_;  // size announced by the server
   std::size_t position_ = 0;                // download: bytes acknowledged (block: confirmed)
   std::size_t in_flight_ = 0;               // download: bytes of the segment not yet acknowledged
+  bool size_is_known_ = true;
   bool toggle_ = false;
   bool crc_used_ = false;
   std::uint8_t block_size_ = 0;
