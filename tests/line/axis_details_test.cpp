@@ -101,13 +101,44 @@ TEST_F(AxisDetails, GeometryIsTheLineFiles) {
       {"name": "negative_limit", "input": "DI0", "from": null, "to": -10000, "hysteresis": 0, "normally_closed": false},
       {"name": "positive_limit", "input": "DI1", "from": 10000, "to": null, "hysteresis": 1000, "normally_closed": true},
       {"name": "home", "input": "DI2", "from": -5000, "to": 5000, "hysteresis": 0, "normally_closed": false},
-      {"name": "switch", "input": "DI4", "from": 7000, "to": 8000, "hysteresis": 0, "normally_closed": false}]})"));
+      {"name": "switch", "input": "DI4", "from": 7000, "to": 8000, "hysteresis": 0, "normally_closed": false}],
+    "mechanics": {"kind": "linear", "counts_per_revolution": 131072, "cycle_revolutions": 1.0,
+                  "cycle_offset_turns": 0.0, "crank_ratio": 0.0, "hangs": false, "belt": false, "elastic": false}})"));
   const json open = get("generic402/geometry");
   for (const char* key :
        {"negative_stop", "positive_stop", "negative_limit", "positive_limit", "home_from", "home_to"}) {
     EXPECT_TRUE(open.at(key).is_null()) << key;
   }
   EXPECT_EQ(open["switches"], json::array());
+  EXPECT_EQ(open["mechanics"]["kind"], "rotary");
+}
+
+// The mechanics of an axis whose group [axis.load] is `load`.
+json mechanics_with(const std::string& load) {
+  Line line(
+      settings_of("clock = \"virtual\"\n[[bus]]\nname = \"can0\"\n[[axis]]\nname = \"x\"\nproduct = \"ismc\"\n"
+                  "[axis.travel]\nlow_stop = -5\nhigh_stop = 5\n[axis.load]\n" +
+                  load));
+  const Response response = handle(line, {.method = Method::get, .target = "/api/v1/axes/x/geometry", .body = {}});
+  EXPECT_EQ(response.status, 200U) << response.body;
+  return json::parse(response.body)["mechanics"];
+}
+
+TEST_F(AxisDetails, TheLineFileSaysWhatTheLoadIs) {
+  const struct {
+    const char* load;
+    const char* kind;
+  } rows[] = {{"arm_torque_nm = 0.2", "arm"},
+              {"crank_inertia_kgm2 = 0.0001", "crank"},
+              {"crank_torque_nm = 0.1", "crank"},
+              {"gravity_torque_nm = 0.2", "linear"}};
+  for (const auto& [load, kind] : rows) EXPECT_EQ(mechanics_with(load)["kind"], kind) << load;
+  const json crank =
+      mechanics_with("crank_torque_nm = 0.1\ncrank_ratio = 0.25\ncycle_revolutions = 12.0\ncycle_offset_turns = 0.5");
+  EXPECT_EQ(crank["crank_ratio"], 0.25);
+  EXPECT_EQ(crank["cycle_revolutions"], 12.0);
+  EXPECT_EQ(crank["cycle_offset_turns"], 0.5);
+  EXPECT_EQ(mechanics_with("gravity_torque_nm = 0.2")["hangs"], true);
 }
 
 TEST_F(AxisDetails, HomingLegsAreThoseOfTheStandardsFigures) {

@@ -496,6 +496,29 @@ TEST(BenchRecordings, LevelsAndStatesTrigger) {
   EXPECT_EQ(bench.ask(Method::get, "/recordings")["recordings"].size(), 2U);
 }
 
+TEST(BenchRecordings, NameAndNoteCanBeChanged) {
+  Bench bench;
+  Inbox inbox;
+  StreamSession session(bench.scope->scope(), inbox);
+  const json made =
+      bench.ask(Method::post, "/recordings",
+                R"({"name":"push","note":"before","channels":[{"axis":"left","signal":"supply_v"}]})", 201);
+  EXPECT_EQ(made["note"], "before");
+  const json named = bench.ask(Method::put, "/recordings/1", R"({"name":"gr\u00f6\u00dfer"})");
+  EXPECT_EQ(named["name"], "gr\u00f6\u00dfer");
+  EXPECT_EQ(named["note"], "before") << "what the body does not name stays";
+  EXPECT_EQ(bench.ask(Method::put, "/recordings/1", R"({"note":""})")["note"], "");
+  bench.ask(Method::put, "/recordings/1", R"({"name":"x","colour":"red"})", 400);
+  bench.ask(Method::put, "/recordings/1", R"({"name":7})", 400);
+  bench.ask(Method::put, "/recordings/1", json{{"name", "x"}, {"note", std::string(4001, 'a')}}.dump(), 422);
+  bench.ask(Method::post, "/recordings",
+            json{{"name", std::string(101, 'a')}, {"channels", {{{"axis", "left"}, {"signal", "supply_v"}}}}}.dump(),
+            422);
+  EXPECT_EQ(bench.ask(Method::get, "/recordings/1")["name"], "gr\u00f6\u00dfer") << "a refusal changes nothing";
+  EXPECT_EQ(bench.ask(Method::get, "/recordings")["recordings"].size(), 1U);
+  bench.ask(Method::put, "/recordings/2", R"({"name":"x"})", 404);
+}
+
 TEST(BenchRecordings, AFaultLeavesItsMomentBehind) {
   Bench bench;
   Inbox inbox;

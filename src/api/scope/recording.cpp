@@ -93,6 +93,7 @@ double Recording::value(std::size_t channel, std::int64_t sample) const {
 Json Recording::view() const {
   Json view{{"id", plan_.id},
             {"name", plan_.name},
+            {"note", plan_.note},
             {"state", word(state_)},
             {"rate_hz", static_cast<double>(drive::ticks_per_second) / static_cast<double>(plan_.stride)},
             {"stride", plan_.stride},

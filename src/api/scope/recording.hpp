@@ -23,6 +23,7 @@ class Recording {
   struct Plan {
     std::uint32_t id = 0;
     std::string name;
+    std::string note;
     std::vector<NamedChannel> channels;
     std::int64_t stride = 1;    // ticks
     std::int64_t samples = 0;   // in total, for each channel
@@ -40,6 +41,8 @@ class Recording {
   bool take(std::int64_t end);
   // Ends the recording with the samples so far.
   void stop();
+  void set_name(std::string name) { plan_.name = std::move(name); }
+  void set_note(std::string note) { plan_.note = std::move(note); }
 
   const Plan& plan() const { return plan_; }
   RecordingState state() const { return state_; }

@@ -46,6 +46,12 @@ Json list_recordings(Call& call) {
 
 Json show_recording(Call& call) { return recording_argument(call)->view(); }
 
+Json describe_recording(Call& call) {
+  const auto recording = recording_argument(call);
+  scope_of(call).recordings().describe(*recording, call.body);
+  return recording->view();
+}
+
 Json stop_recording(Call& call) {
   const auto recording = recording_argument(call);
   recording->stop();
@@ -126,6 +132,7 @@ constexpr std::array recording_table{
     Route{Method::post, "/api/v1/recordings", start_recording, 201},
     Route{Method::get, "/api/v1/recordings", list_recordings},
     Route{Method::get, "/api/v1/recordings/{}", show_recording},
+    Route{Method::put, "/api/v1/recordings/{}", describe_recording},
     Route{Method::delete_, "/api/v1/recordings/{}", delete_recording},
     Route{Method::post, "/api/v1/recordings/{}/stop", stop_recording},
     Route{Method::get, "/api/v1/recordings/{}/data", show_data},

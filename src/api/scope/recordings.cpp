@@ -12,6 +12,7 @@ namespace {
 constexpr auto ticks_per_second = static_cast<double>(drive::ticks_per_second);
 constexpr double longest_ms = 3'600'000;
 constexpr std::size_t longest_name = 100;
+constexpr std::size_t longest_note = 4000;
 
 [[noreturn]] void too_large(std::size_t channels) {
   throw ApiError{422,
@@ -20,12 +21,22 @@ constexpr std::size_t longest_name = 100;
                  "duration_ms", "choose a shorter time, a lower rate or fewer channels"};
 }
 
+std::optional<std::string> text_of(BodyReader& reader, std::string_view key, std::size_t longest) {
+  std::optional<std::string> text = reader.string(key);
+  if (text && text->size() > longest) {
+    throw ApiError{422, fmt::format("the text has {} bytes, more than {}", text->size(), longest), std::string(key),
+                   "give a shorter text"};
+  }
+  return text;
+}
+
 }  // namespace
 
 const Recording& Recordings::add(Source& source, const std::string& body) {
   BodyReader reader(body);
   Recording::Plan plan;
-  plan.name = reader.string("name").value_or("").substr(0, longest_name);
+  plan.name = text_of(reader, "name", longest_name).value_or("");
+  plan.note = text_of(reader, "note", longest_note).value_or("");
   plan.channels = read_channels(source, reader.required("channels"));
   plan.stride =
       source.stride_of(reader.number("rate_hz", 1, ticks_per_second).value_or(ticks_per_second), plan.channels);
@@ -71,6 +82,16 @@ void Recordings::add_moment(Recording::Plan plan, std::vector<std::shared_ptr<Sa
   recordings_.push_back(
       std::make_shared<Recording>(std::move(plan), std::move(taps), first, trigger, std::move(fault)));
   changed_(*recordings_.back());
+}
+
+void Recordings::describe(Recording& recording, const std::string& body) {
+  BodyReader reader(body);
+  std::optional<std::string> name = text_of(reader, "name", longest_name);
+  std::optional<std::string> note = text_of(reader, "note", longest_note);
+  reader.finish();
+  if (name) recording.set_name(std::move(*name));
+  if (note) recording.set_note(std::move(*note));
+  changed_(recording);
 }
 
 void Recordings::take(std::int64_t end) {

@@ -32,6 +32,8 @@ class Recordings {
 
   const std::vector<std::shared_ptr<Recording>>& all() const { return recordings_; }
   std::shared_ptr<Recording> find(std::uint32_t id) const;  // nullptr: there is none
+  // Changes name and note as the body of PUT /api/v1/recordings/{id} says. On an error throws and changes nothing.
+  void describe(Recording& recording, const std::string& body);
   void remove(std::uint32_t id);
   std::size_t bytes() const;
 

@@ -18,6 +18,22 @@ std::string_view purpose_of(const plant::Switch& fitted, const Product& product)
   return fitted.wire == product.wiring.home ? "home" : "switch";
 }
 
+// Returns what the load is, for a drawing. A load with two ends of its travel is linear, one without ends turns.
+Json mechanics_of(const plant::Parameters& parameters, bool has_ends) {
+  const plant::Load& load = parameters.load;
+  const bool is_crank = load.crank_inertia_kgm2 > 0 || load.crank_torque_nm != 0;
+  const bool is_arm = load.arm_torque_nm != 0;
+  const char* kind = is_crank ? "crank" : is_arm ? "arm" : has_ends ? "linear" : "rotary";
+  return {{"kind", kind},
+          {"counts_per_revolution", parameters.encoder.counts_per_revolution},
+          {"cycle_revolutions", load.cycle_revolutions},
+          {"cycle_offset_turns", load.cycle_offset_turns},
+          {"crank_ratio", load.crank_ratio},
+          {"hangs", load.gravity_torque_nm != 0},
+          {"belt", load.belt_length_revolutions > 0},
+          {"elastic", load.elastic}};
+}
+
 }  // namespace
 
 Json LineBench::show_geometry(Call& call) {
@@ -59,6 +75,9 @@ Json LineBench::show_geometry(Call& call) {
   }
   geometry["inputs"] = std::move(inputs);
   geometry["switches"] = std::move(switches);
+  const auto is_there = [&geometry](const char* end) { return !geometry[end].is_null(); };
+  geometry["mechanics"] = mechanics_of(parameters, (is_there("negative_stop") || is_there("negative_limit")) &&
+                                                       (is_there("positive_stop") || is_there("positive_limit")));
   return geometry;
 }
 

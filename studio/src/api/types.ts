@@ -126,6 +126,19 @@ export interface Geometry {
   index_every: number | null;
   index_at: number | null;
   inputs?: Record<string, unknown>;
+  mechanics?: Mechanics;
+}
+
+// What the motor drives, as far as the line file describes it.
+export interface Mechanics {
+  kind: 'linear' | 'rotary' | 'arm' | 'crank';
+  counts_per_revolution: number;
+  cycle_revolutions: number; // motor revolutions in a turn of the arm or crank
+  cycle_offset_turns: number;
+  crank_ratio: number; // radius divided by length of the rod
+  hangs: boolean;
+  belt: boolean;
+  elastic: boolean;
 }
 
 export interface Units {
@@ -223,6 +236,7 @@ export interface Trigger {
 export interface Recording {
   id: number;
   name: string;
+  note?: string;
   state: 'armed' | 'running' | 'done' | 'stopped';
   rate_hz: number;
   trigger_tick: number | null;

@@ -1,5 +1,5 @@
 import { describe, expect, test } from 'vitest';
-import { statistics, stepResponse, valueAt } from './measure';
+import { eventful, findStep, statistics, stepResponse, valueAt } from './measure';
 
 describe('statistics', () => {
   test('of a sine are those of the textbook', () => {
@@ -63,4 +63,72 @@ test('a value between two samples lies on the line between them', () => {
   expect(valueAt([0, 10, 20], 5, 2, 9)).toBe(20);
   expect(valueAt([0, 10, 20], 5, 2, 4)).toBeNaN();
   expect(valueAt([0, 10, 20], 5, 2, 9.5)).toBeNaN();
+});
+
+describe('the step of a curve without cursors', () => {
+  const interval = 1e-3;
+  const noise = (i: number) => (((i * 7919) % 101) / 101 - 0.5) * 2;
+  // A move at 600 rpm: at rest, up in 50 ms, on, down, at rest.
+  const move = (before: number, on: number, after: number) =>
+    Float64Array.from({ length: before + 50 + on + 50 + after }, (_, i) => 600 * Math.max(0, Math.min(1, (i - before) / 50, (before + 100 + on - i) / 50)) + noise(i));
+
+  test.each([[20, 300, 800], [200, 100, 40], [100, 2000, 100]])('that begins and ends at rest (%d, %d, %d samples)', (before, on, after) => {
+    const values = move(before, on, after);
+    expect(stepResponse(values, interval)).toBeNull();
+    const step = findStep(values, interval)!;
+    expect(Math.abs(step.from)).toBeLessThan(5);
+    expect(step.to / 600).toBeCloseTo(1, 2);
+    expect(step.rise_s).toBeCloseTo(0.04, 2);
+    expect(step.overshoot_percent).toBeLessThan(1);
+    expect(step.settling_s).toBeCloseTo(0.044, 2);
+    expect(step.begin).toBe(0);
+    expect(step.end).toBeGreaterThan(before + 50 + on - 10);
+    expect(step.end).toBeLessThan(before + 50 + on + 10);
+  });
+
+  test('has the overshoot of a second-order system', () => {
+    const damping = 0.5;
+    const omega = 100;
+    const damped = omega * Math.sqrt(1 - damping ** 2);
+    const up = (t: number) => (t < 0 ? 0 : 1 - Math.exp(-damping * omega * t) * (Math.cos(damped * t) + (damping / Math.sqrt(1 - damping ** 2)) * Math.sin(damped * t)));
+    const there = Float64Array.from({ length: 2000 }, (_, i) => 50 * (up((i - 300) * interval) - up((i - 1300) * interval)));
+    const step = findStep(there, interval)!;
+    expect([step.from, step.to].map(Math.round)).toEqual([0, 50]);
+    expect(step.overshoot_percent).toBeCloseTo(16.3, 0);
+    expect(step.end).toBeLessThan(1320);
+  });
+
+  test('is that of the whole curve if it has one only', () => {
+    const once = Float64Array.from({ length: 1000 }, (_, i) => (i < 400 ? 1 : 3));
+    expect(findStep(once, interval)).toMatchObject({ from: 1, to: 3, begin: 0, end: 1000, overshoot_percent: 0 });
+  });
+
+  test('is none in a sine, noise, and nothing', () => {
+    expect(findStep(Float64Array.from({ length: 1000 }, (_, i) => Math.sin(i / 20)), interval)).toBeNull();
+    expect(findStep(Float64Array.from({ length: 1000 }, (_, i) => noise(i)), interval)).toBeNull();
+    expect(findStep(new Float64Array(1000), interval)).toBeNull();
+    expect(findStep(new Float64Array(1000).fill(NaN), interval)).toBeNull();
+  });
+
+  test('is found beside a gap', () => {
+    const values = move(100, 300, 200);
+    values.fill(NaN, 0, 60);
+    expect(findStep(values, interval)!.rise_s).toBeCloseTo(0.04, 2);
+  });
+
+  test('does not take seconds for a long curve', () => {
+    const long = Float64Array.from({ length: 262144 }, (_, i) => (i > 80000 && i < 160000 ? 600 : 0) + noise(i));
+    expect(findStep(long, interval)!.to / 600).toBeCloseTo(1, 2);
+  });
+
+  test('what happens is fitted, with a margin', () => {
+    const values = move(500, 300, 1500);
+    const [from, to] = eventful([values, new Float64Array(values.length)])!;
+    expect(from).toBeGreaterThan(420);
+    expect(from).toBeLessThan(500);
+    expect(to).toBeGreaterThan(900);
+    expect(to).toBeLessThan(980);
+    expect(eventful([new Float64Array(100)])).toBeNull();
+    expect(eventful([])).toBeNull();
+  });
 });

@@ -35,6 +35,8 @@ export interface Step {
   settling_s: number | null; // from the 10 % crossing until the curve stays within `settlingBand`
 }
 
+type Span = [number, number]; // indices: the first, and the one after the last
+
 export const settlingBand = 0.02; // of the step's height, to each side of the end value
 
 // The step from the level at the begin to the level at the end; each level is the mean of a twentieth of the samples. Null
@@ -44,8 +46,14 @@ export function stepResponse(values: ArrayLike<number>, interval_s: number, from
   const samples = to - from;
   if (samples < 10) return null;
   const end = Math.max(1, Math.floor(samples / 20));
-  const first = statistics(values, from, from + end);
-  const last = statistics(values, to - end, to);
+  return stepBetween(values, interval_s, [from, from + end], [to - end, to]);
+}
+
+// The step from the level of the samples `before` to that of the samples `after`.
+function stepBetween(values: ArrayLike<number>, interval_s: number, before: Span, after: Span): Step | null {
+  const [from, to] = [before[0], after[1]];
+  const first = statistics(values, ...before);
+  const last = statistics(values, ...after);
   const all = statistics(values, from, to);
   if (!first || !last || !all) return null;
   const height = last.mean - first.mean;
@@ -73,6 +81,123 @@ export function stepResponse(values: ArrayLike<number>, interval_s: number, from
     overshoot_percent: (highest - 1) * 100,
     settling_s: risen && outside + 1 < to ? Math.max(0, outside + 1 - crossed10) * interval_s : null,
   };
+}
+
+export interface FoundStep extends Step {
+  begin: number; // the samples from which the step was read
+  end: number;
+}
+
+const band = 0.04; // of the range of the curve: a level stays within it
+const steady = 0.2; // of the slope from end to end: a level rises more slowly
+
+// The highest step of a curve, without cursors: of the whole part if that is one step, else between two neighbouring levels,
+// as of a move that begins and ends at rest. Null if the curve has no levels, for example if it only rises.
+export function findStep(values: ArrayLike<number>, interval_s: number, from = 0, to = values.length): FoundStep | null {
+  const whole = stepResponse(values, interval_s, from, to);
+  if (whole) return { ...whole, begin: from, end: to };
+  const levels = levelsOf(values, from, to);
+  let highest: FoundStep | null = null;
+  for (let i = 1; i < levels.length; ++i) {
+    const step = stepBetween(values, interval_s, levels[i - 1], lastOf(levels[i]));
+    if (step && Math.abs(step.to - step.from) > 1.05 * Math.abs(highest ? highest.to - highest.from : 0)) {
+      highest = { ...step, begin: levels[i - 1][0], end: levels[i][1] };
+    }
+  }
+  return highest;
+}
+
+// Overshoot is in the first part of a level, so its value is read from the last half.
+const lastOf = ([from, to]: Span): Span => [Math.floor((from + to) / 2), to];
+
+// The parts in which the curve stays at one level: the longest that fit in the band, one after the other.
+function levelsOf(values: ArrayLike<number>, from: number, to: number): Span[] {
+  const all = statistics(values, from, to);
+  if (!all || all.peakToPeak === 0) return [];
+  const shortest = Math.max(8, Math.floor((to - from) * 0.015));
+  const height = band * all.peakToPeak;
+  const levels: Span[] = [];
+  // Queues of indices whose values fall (rise): the first one is the maximum (minimum) of the window.
+  let highs: number[] = [];
+  let lows: number[] = [];
+  let begin = from;
+  let count = 0;
+  const end = (i: number) => {
+    const last = lastOfLevel(values, begin, i, all.peakToPeak);
+    if (last - begin >= shortest && isLevel(values, begin, last, (steady * all.peakToPeak) / (to - from), height / 4)) levels.push([begin, last]);
+  };
+  for (let i = from; i < to; ++i) {
+    const isGap = !Number.isFinite(values[i]);
+    if (!isGap) {
+      while (highs.length > 0 && values[highs[highs.length - 1]] <= values[i]) highs.pop();
+      while (lows.length > 0 && values[lows[lows.length - 1]] >= values[i]) lows.pop();
+      highs.push(i);
+      lows.push(i);
+      if (values[highs[0]] - values[lows[0]] <= height) continue;
+    }
+    end(i);
+    const taken = levels.length > count;
+    count = levels.length;
+    if (isGap || taken) {
+      begin = isGap ? i + 1 : i;
+      highs = isGap ? [] : [i];
+      lows = isGap ? [] : [i];
+    } else {
+      while (values[highs[0]] - values[lows[0]] > height) {
+        begin = Math.min(highs[0], lows[0]) + 1;
+        if (highs[0] < begin) highs.shift();
+        if (lows[0] < begin) lows.shift();
+      }
+    }
+  }
+  end(to);
+  return levels;
+}
+
+// A window also contains the first samples of the ramp after the level: they are outside of what the middle of it has.
+function lastOfLevel(values: ArrayLike<number>, from: number, to: number, range: number): number {
+  const quarter = Math.floor((to - from) / 4);
+  const middle = statistics(values, from + quarter, to - quarter);
+  if (!middle) return to;
+  const margin = middle.peakToPeak / 4 + 0.002 * range;
+  let end = to;
+  while (end > from && !(values[end - 1] >= middle.minimum - margin && values[end - 1] <= middle.maximum + margin)) --end;
+  return end;
+}
+
+// Compares means, so that noise does not count: of the two halves (a ramp is not steady), and of the middle and the two ends
+// (the top of a sine is bent).
+function isLevel(values: ArrayLike<number>, from: number, to: number, slope: number, bend: number): boolean {
+  const quarter = Math.floor((to - from) / 4);
+  const mean = (begin: number, end: number) => statistics(values, begin, end)?.mean ?? NaN;
+  const quarters = [0, 1, 2, 3].map((k) => mean(from + k * quarter, k === 3 ? to : from + (k + 1) * quarter));
+  const [a, b, c, d] = quarters;
+  return Math.abs((c + d - a - b) / 2) <= (slope * (to - from)) / 2 && Math.abs((b + c - a - d) / 2) <= bend;
+}
+
+// The part in which something happens: from the first to the last sample at which a curve is away from its first or its last
+// value, with a margin. Null if nothing does.
+export function eventful(curves: ArrayLike<number>[]): [number, number] | null {
+  let from = Infinity;
+  let to = -Infinity;
+  for (const values of curves) {
+    const all = statistics(values);
+    if (!all || all.peakToPeak === 0) continue;
+    const end = Math.max(1, Math.floor(values.length / 50));
+    const [first, last] = [statistics(values, 0, end), statistics(values, values.length - end)];
+    if (!first || !last) continue;
+    const away = Math.max(0.02 * all.peakToPeak, 2 * first.peakToPeak, 2 * last.peakToPeak);
+    let begin = 0;
+    while (begin < values.length && !(Math.abs(values[begin] - first.mean) > away)) ++begin;
+    let after = values.length - 1;
+    while (after >= begin && !(Math.abs(values[after] - last.mean) > away)) --after;
+    if (begin > after) continue;
+    from = Math.min(from, begin);
+    to = Math.max(to, after);
+  }
+  if (from > to) return null;
+  const margin = Math.max(4, Math.round((to - from) * 0.08));
+  return [Math.max(0, from - margin), to + margin];
 }
 
 // The place between the samples i-1 and i, as a fractional index, at which the curve crosses `level`.

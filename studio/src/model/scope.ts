@@ -86,6 +86,13 @@ export function ofAxis(setup: Setup, from: string, to: string): Setup {
   return { ...setup, channels: channels.length > 0 ? channels : [{ axis: to, signal: 'position_counts' }], trigger };
 }
 
+// The same signal of every axis, as far as there is room. Objects of the maker (below 6000h) exist on one product only.
+export function ofAllAxes(setup: Setup, channel: ChannelRequest, axes: string[]): Setup {
+  const known = new Set(setup.channels.map(textOfChannel));
+  const more = axes.map((axis) => ({ ...channel, axis })).filter((each) => !known.has(textOfChannel(each)));
+  return { ...setup, channels: [...setup.channels, ...more].slice(0, mostChannels) };
+}
+
 // The object of a typed address: "6064", "6064h", "0x6064", "6064:0". Null if the text is no address.
 export function objectOf(text: string): string | null {
   const found = /^(?:0x)?([0-9a-f]{4})h?(?::([0-9a-f]{1,2})h?)?$/i.exec(text.trim());
@@ -128,8 +135,10 @@ export function samplesOf(recording: Recording, frame: Frame): Samples {
   return { recording, x, interval_ms, values: frame.channels };
 }
 
+export const isOver = ({ state }: Recording) => state === 'done' || state === 'stopped';
+export const titleOf = ({ name, fault, id }: Recording) => name || (fault ? `Fault of ${fault.axis}` : `Recording ${id}`);
 export const same = (a: Channel, b: Channel) => a.axis === b.axis && a.name === b.name;
-export const labelOf = ({ axis, name }: Channel) => `${axis} ${name}`;
+export const labelOf = ({ axis, name }: Channel) => (axis === '' ? name : `${axis} ${name}`);
 
 // The values of another recording, interpolated at the times `x`, for an overlay. NaN outside that recording.
 export function alongside(x: Float64Array, other: Samples, values: Float64Array): Float64Array {

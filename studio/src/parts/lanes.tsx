@@ -12,7 +12,7 @@ export interface Curve {
   unit: string;
   tone: number; // index of the colour in the palette
   values: ArrayLike<number>;
-  faint?: boolean; // true: a curve of an earlier recording
+  faint?: boolean | number; // a curve of another recording; a number, from 1: of which of the overlays
 }
 
 export interface LanesProps {
@@ -23,6 +23,7 @@ export interface LanesProps {
   cursors?: [number | null, number | null];
   onCursor?: (which: 0 | 1, x: number) => void;
   laneHeight?: number;
+  fill?: boolean; // true: the lanes share the height that the window has
   unit?: string; // unit of x
   logarithmic?: boolean; // logarithmic x axis; x must be positive
   label: string;
@@ -30,6 +31,8 @@ export interface LanesProps {
 
 const tones = 8;
 export const swatchOf = (tone: number) => `swatch tone-${tone % tones}${tone >= tones ? ' dashed' : ''}`;
+// Dashes tell overlays apart, since they have the colours of the present curves.
+const overlayDashes = [[], [7, 3], [2, 3], [9, 3, 2, 3]];
 const toneNames = Array.from({ length: tones }, (_, i) => `curve-${i}`);
 
 interface Looks {
@@ -61,7 +64,7 @@ export function useLooks(): Looks {
 export function Lanes(props: LanesProps) {
   const keys = [...new Set(props.curves.map(laneOf))];
   return (
-    <div className="lanes" role="img" aria-label={`${props.label}: ${props.curves.map(({ name }) => name).join(', ')}`}>
+    <div className={props.fill ? 'lanes fill' : 'lanes'} role="img" aria-label={`${props.label}: ${props.curves.map(({ name }) => name).join(', ')}`}>
       {keys.map((key, i) => {
         const curves = props.curves.filter((curve) => laneOf(curve) === key);
         return <Lane key={key} {...props} curves={curves} last={i === keys.length - 1} title={curves[0].unit} />;
@@ -75,7 +78,7 @@ const laneOf = ({ unit, name }: Curve) => (/error|deviation/.test(name) ? `${uni
 
 const font = '11px system-ui, sans-serif';
 
-function Lane({ x, curves, range, onRange, cursors, onCursor, laneHeight = 150, last, title, unit = 'ms', logarithmic = false }: LanesProps & { last: boolean; title: string }) {
+function Lane({ x, curves, range, onRange, cursors, onCursor, laneHeight = 150, fill = false, last, title, unit = 'ms', logarithmic = false }: LanesProps & { last: boolean; title: string }) {
   const box = useRef<HTMLDivElement>(null);
   const plot = useRef<uPlot | null>(null);
   const look = useLooks();
@@ -86,7 +89,7 @@ function Lane({ x, curves, range, onRange, cursors, onCursor, laneHeight = 150, 
 
   useEffect(() => {
     const element = box.current!;
-    const asked = JSON.parse(shape) as [string, number, boolean?][];
+    const asked = JSON.parse(shape) as [string, number, (boolean | number)?][];
     // With many curves the lines are one pixel wide, because the browser draws these faster: it fills wider lines as shapes.
     // Without a GPU, sixteen noisy curves with wide lines reach only 13 frames per second.
     const many = asked.length > tones;
@@ -94,8 +97,8 @@ function Lane({ x, curves, range, onRange, cursors, onCursor, laneHeight = 150, 
       label: name,
       stroke: look.curves[tone % tones],
       width: faint || many ? 1 : 1.5,
-      alpha: faint ? 0.45 : 1,
-      dash: tone >= tones ? [6, 4] : [],
+      alpha: faint ? 0.6 : 1,
+      dash: faint ? overlayDashes[(Number(faint) - 1) % overlayDashes.length] : tone >= tones ? [6, 4] : [],
       points: { show: false },
     }));
     const axis = { stroke: look.ink, font, grid: { stroke: look.grid, width: 1 }, ticks: { stroke: look.grid, width: 1, size: 4 } };
@@ -137,17 +140,20 @@ function Lane({ x, curves, range, onRange, cursors, onCursor, laneHeight = 150, 
       const { range: asked, x: all } = now.current;
       return asked ?? (all.length > 1 ? [all[0], all[all.length - 1]] : [0, 1]);
     };
+    const size = () => ({ width: Math.max(100, element.clientWidth), height: fill ? element.clientHeight : laneHeight + (last ? 26 : 0) });
     const made = new uPlot(
       {
-        width: Math.max(100, element.clientWidth),
-        height: laneHeight + (last ? 26 : 0),
+        ...size(),
         padding: [6, 18, last ? 0 : 4, 0],
         legend: { show: false },
         scales: { x: { time: false, range: extent, distr: logarithmic ? 3 : 1 } },
         axes: [
-          { ...axis, size: last ? 30 : 0, ...(last ? { values: (_, ticks: (number | null)[]) => {
+          { ...axis, size: last ? 30 : 0, ...(last ? { values: (u: uPlot, ticks: (number | null)[]) => {
             const texts = ticksText(ticks);
-            const end = texts.map((text) => text !== '').lastIndexOf(true);
+            // The unit is beside the last tick with room for it.
+            const { min = 0, max = 0 } = u.scales.x;
+            const room = logarithmic ? max : max - 0.04 * (max - min);
+            const end = texts.map((text, i) => text !== '' && (ticks[i] ?? Infinity) <= room).lastIndexOf(true);
             return texts.map((text, i) => (i === end ? `${text} ${unit}` : text));
           } } : { values: () => [] }) },
           { ...axis, size: 62, values: (_, ticks) => ticksText(ticks), label: title, labelSize: 14, labelFont: font, labelGap: 0 },
@@ -193,18 +199,18 @@ function Lane({ x, curves, range, onRange, cursors, onCursor, laneHeight = 150, 
       },
       { passive: false },
     );
-    const observer = new ResizeObserver(() => made.setSize({ width: Math.max(100, element.clientWidth), height: laneHeight + (last ? 26 : 0) }));
+    const observer = new ResizeObserver(() => made.setSize(size()));
     observer.observe(element);
     return () => {
       observer.disconnect();
       made.destroy();
       plot.current = null;
     };
-  }, [shape, look, laneHeight, last, title, unit, logarithmic]);
+  }, [shape, look, laneHeight, fill, last, title, unit, logarithmic]);
 
   useEffect(() => {
     plot.current?.setData([x, ...curves.map(({ values }) => gaps(values))] as uPlot.AlignedData);
-  }, [x, curves, shape, look, laneHeight, last, title, unit, logarithmic]);
+  }, [x, curves, shape, look, laneHeight, fill, last, title, unit, logarithmic]);
 
   const [from, to] = range ?? [NaN, NaN];
   useEffect(() => {

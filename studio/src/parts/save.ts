@@ -2,6 +2,8 @@ import { color } from '../theme';
 
 // Saves texts and pictures that the page generates as files.
 
+export const saveBytes = (bytes: ArrayBuffer, name: string) => saveBlob(new Blob([bytes]), name);
+
 export function saveText(text: string, name: string) {
   saveBlob(new Blob([text], { type: 'text/plain' }), name);
 }

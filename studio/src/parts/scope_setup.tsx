@@ -3,7 +3,7 @@ import type { ObjectEntry, Trigger } from '../api/types';
 import { axisPath } from '../commands';
 import { states } from '../model/cia402';
 import { addressOf, isReadable } from '../model/objects';
-import { any, mostChannels, objectOf, rates, textOfChannel, without, type Setup } from '../model/scope';
+import { any, mostChannels, objectOf, ofAllAxes, rates, textOfChannel, without, type Setup } from '../model/scope';
 import { useResource } from '../resource';
 import { useLine, useMissing } from '../store';
 import { Button, Choice, Panel } from './controls';
@@ -72,6 +72,9 @@ function AddChannel({ setup, onChange }: { setup: Setup; onChange: (to: Setup) =
         {offered.map(([id, text]) => <option key={id} value={id}>{text}</option>)}
       </datalist>
       <Button type="submit" isDisabled={!known || taken}>Add</Button>
+      {order.length > 1 && (
+        <Button isDisabled={!known || (object !== null && object < '6000')} onPress={() => { onChange(ofAllAxes(setup, channel, order)); setWhat(''); }}>Of all axes</Button>
+      )}
     </form>
   );
 }
