@@ -5,6 +5,7 @@ import { Mishap } from './parts/mishap';
 import { Notices } from './parts/notices';
 import { StopButton } from './parts/stop';
 import { AxisPage } from './pages/axis';
+import { BoardsPage } from './pages/boards';
 import { BusPage } from './pages/bus';
 import { FaultsPage } from './pages/faults';
 import { LinePage } from './pages/line';
@@ -21,6 +22,7 @@ const pages = [
   ['', 'Line', LinePage],
   ['axis', 'Axis', AxisPage],
   ['scope', 'Scope', ScopePage],
+  ['boards', 'Dashboards', BoardsPage],
   ['tuning', 'Tuning', TuningPage],
   ['faults', 'Faults', FaultsPage],
   ['objects', 'Objects', ObjectsPage],

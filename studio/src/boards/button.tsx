@@ -1,0 +1,43 @@
+import { useState } from 'react';
+import { runJob } from '../commands';
+import { jobs, type Widget } from '../model/boards';
+import { Button } from '../parts/controls';
+import { JogButton } from '../parts/jog';
+import { StateChip } from '../parts/state';
+import { useAxis, useLine } from '../store';
+
+const numbers = ['by', 'to', 'velocity', 'acceleration', 'method'];
+
+// Every motion is a job of the server, as on the page of the axis.
+export function ButtonWidget({ widget }: { widget: Widget }) {
+  const name = String(widget.axis);
+  const what = String(widget.do);
+  const axis = useAxis(name);
+  const job = useLine((line) => line.jobs[name]);
+  const [busy, setBusy] = useState(false);
+  const given = Object.fromEntries(numbers.flatMap((key) => (widget[key] === undefined ? [] : [[key, widget[key]] as const])));
+  const { acceleration } = given;
+  const request = { ...given, ...(acceleration === undefined || what !== 'move' ? {} : { deceleration: acceleration }), units: 'revolutions' };
+  const text = widget.title || `${jobs.find(([id]) => id === what)?.[1] ?? what} ${name}`;
+  const press = () => {
+    setBusy(true);
+    void runJob(name, what === 'home' || what === 'move' ? { do: what, ...request } : { do: what }).finally(() => setBusy(false));
+  };
+  if (!axis) return <p className="refusal" role="status">There is no axis "{name}".</p>;
+  return (
+    <>
+      {what === 'jog' ? (
+        <JogButton axis={name} velocity={{ velocity: widget.velocity, units: 'revolutions', ...(acceleration === undefined ? {} : { acceleration, deceleration: acceleration }) }} isDisabled={axis.state !== 'operation enabled'} label={text}>
+          {text}
+        </JogButton>
+      ) : (
+        // A stop can be pressed at any time; another job only once.
+        <Button kind={what === 'stop' || what === 'quick_stop' ? 'bad' : 'main'} isDisabled={busy && what !== 'stop' && what !== 'quick_stop'} onPress={press}>{text}</Button>
+      )}
+      <p className="job">
+        <span className="quiet">{name}</span> <StateChip state={axis.state} powered={axis.powered} />
+        {job?.state === 'running' && <span className="busy">{job.do.replaceAll('_', ' ')}</span>}
+      </p>
+    </>
+  );
+}

@@ -1,0 +1,81 @@
+import { useEffect, useRef, useState } from 'react';
+import { problemOf } from '../api/client';
+import type { Job } from '../api/types';
+import { cancelJob, finish, startJob } from '../commands';
+import type { Widget } from '../model/boards';
+import { parseSequence, Sequence, type Step } from '../model/sequence';
+import { Button, Scroll } from '../parts/controls';
+import { writeTo } from './slider';
+
+type Outcome = { kind: 'none' | 'running' | 'done'; text: string } | { kind: 'failed'; text: string };
+
+const sleep = (ms: number, signal: AbortSignal) =>
+  new Promise<void>((resolve) => {
+    const timer = setTimeout(resolve, ms);
+    signal.addEventListener('abort', () => {
+      clearTimeout(timer);
+      resolve();
+    });
+  });
+
+// Runs in this page: it ends with the page, at the next command. STOP, here or elsewhere, ends it as well.
+export function ScriptWidget({ widget }: { widget: Widget }) {
+  const source = String(widget.lines);
+  const { steps } = parseSequence(source);
+  const [at, setAt] = useState<Step | null>(null);
+  const [outcome, setOutcome] = useState<Outcome>({ kind: 'none', text: '' });
+  const sequence = useRef<Sequence | null>(null);
+  const stop = () => sequence.current?.stop();
+  useEffect(() => {
+    addEventListener('stopall', stop);
+    addEventListener('pagehide', stop);
+    return () => {
+      stop();
+      removeEventListener('stopall', stop);
+      removeEventListener('pagehide', stop);
+    };
+  }, []);
+  const run = async () => {
+    if (sequence.current) return;
+    let line = 0;
+    const made = new Sequence(steps, {
+      start: startJob,
+      finish: (job) => finish(job as Job),
+      cancel: (job) => cancelJob(job as Job),
+      write: (axis, object, value) => writeTo(`${axis}/${object}`, value),
+      sleep,
+      at: (step) => {
+        line = step.line;
+        setAt(step);
+      },
+    });
+    sequence.current = made;
+    setOutcome({ kind: 'running', text: 'running' });
+    try {
+      await made.run();
+      setOutcome({ kind: 'done', text: 'done' });
+    } catch (error) {
+      setOutcome({ kind: 'failed', text: `${line > 0 ? `line ${line}: ` : ''}${problemOf(error).what}` });
+    } finally {
+      sequence.current = null;
+      setAt(null);
+    }
+  };
+  const isRunning = outcome.kind === 'running';
+  return (
+    <>
+      <Scroll label="Script" className="script-box">
+        <ol className="script">
+          {source.split('\n').map((text, i) => (
+            <li key={i} aria-current={at?.line === i + 1 ? 'step' : undefined}><code>{text || ' '}</code></li>
+          ))}
+        </ol>
+      </Scroll>
+      <div className="buttons">
+        <Button kind="main" isDisabled={isRunning} onPress={() => void run()}>Run</Button>
+        <Button isDisabled={!isRunning} onPress={stop}>Stop the script</Button>
+        <span className={outcome.kind === 'failed' ? 'refusal' : 'quiet'} role="status">{isRunning && at ? `line ${at.line}` : outcome.text}</span>
+      </div>
+    </>
+  );
+}
