@@ -1,17 +1,28 @@
 import { memo, useState } from 'react';
-import type { AxisView, BusView, Words } from '../api/types';
+import type { AxisView, BusView, Geometry, Words } from '../api/types';
 import { axisPath, power, runJob } from '../commands';
-import { Button, Link, Panel, Readout, Scroll } from '../parts/controls';
+import { AxisRows } from '../parts/axis_rows';
+import { Button, Choice, Link, Panel, Readout, Scroll, Search } from '../parts/controls';
+import { Dial, Legend } from '../parts/mechanism';
 import { StateChip } from '../parts/state';
 import { Travel, useGeometry } from '../parts/travel';
 import { hex, manufacturerSpecific, modeSpecific, modeText, statusBits } from '../model/cia402';
+import { describe, filterOf, fitting, manyAxes, stateFilters, type StateFilter } from '../model/machine';
 import { fixed } from '../model/units';
 import { attempt } from '../notices';
 import { useResource } from '../resource';
+import { keep, useRoute } from '../route';
 import { useAxis, useLine } from '../store';
+import '../line.css';
 
 export function LinePage() {
+  const { query } = useRoute();
   const order = useLine((line) => line.order);
+  const filter = filterOf(query);
+  // A text, so that a message that changes no name causes no rendering of the page.
+  const names = useLine((line) => fitting(line.order, line.axes, filter).join('\n')).split('\n').filter(Boolean);
+  const isLarge = order.length >= manyAxes;
+  const view = query.get('view') ?? (isLarge ? 'rows' : 'cards');
   // An axis that fails keeps no other from its command.
   const all = (request: string) => () => void Promise.all(order.map((name) => runJob(name, { do: request })));
   return (
@@ -21,14 +32,47 @@ export function LinePage() {
         <Button onPress={all('stop')}>Halt all</Button>
         <Button onPress={all('disable')}>Disable all</Button>
       </div>
-      <div className="cards">
-        {order.map((name) => (
-          <AxisCard key={name} name={name} />
-        ))}
+      <div className="toolbar">
+        {isLarge && <Filters shown={names.length} all={order.length} />}
+        <div className="segments" role="group" aria-label="View">
+          {views.map(([id, text]) => <button key={id} type="button" aria-pressed={view === id} onClick={() => keep({ view: id })}>{text}</button>)}
+        </div>
+        <Legend />
       </div>
+      {view === 'rows' ? (
+        <AxisRows names={names} />
+      ) : (
+        <div className="cards">
+          {names.map((name) => (
+            <AxisCard key={name} name={name} />
+          ))}
+        </div>
+      )}
       <Buses />
     </>
   );
+}
+
+const views = [['cards', 'Cards'], ['rows', 'Rows']] as const;
+
+function Filters({ shown, all }: { shown: number; all: number }) {
+  const { query } = useRoute();
+  const { text, state, bus } = filterOf(query);
+  const buses = useLine(({ line }) => line?.buses);
+  return (
+    <>
+      <Search label="Axis, product or bus" value={text} onChange={(q) => keep({ q })} />
+      <Choice<StateFilter> label="State" hideLabel value={state} options={stateFilters} onChange={(to) => keep({ state: to })} />
+      <Choice label="Bus" hideLabel value={bus} options={[['', 'Any bus'] as const, ...(buses ?? []).map((each) => [each, each] as const)]} onChange={(to) => keep({ bus: to })} />
+      <span className="quiet" role="status">{shown} of {all} axes</span>
+    </>
+  );
+}
+
+// In revolutions of the motor if the encoder's are known.
+export function positionOf(axis: AxisView, geometry: Geometry | undefined): { value: string; unit: string } {
+  const counts = geometry?.index_every ?? geometry?.mechanics?.counts_per_revolution;
+  return counts ? { value: fixed(axis.position_counts / counts, 3), unit: 'rev' } : { value: fixed(axis.position_counts, 0), unit: unitOf(axis) };
 }
 
 export const useWords = (axis: string) => useResource<Words>(`${axisPath(axis)}/words`).value;
@@ -49,7 +93,6 @@ const AxisCard = memo(function AxisCard({ name }: { name: string }) {
   const job = useLine((line) => line.jobs[name]);
   const words = useWords(name);
   if (!axis) return null;
-  const turns = geometry?.index_every ? axis.position_counts / geometry.index_every : null;
   const faults = axis.faults ?? [];
   const set = statusBits(axis.statusword ?? 0, axis.mode, words).filter(({ on, name: text }) => on && isNamed(text));
   return (
@@ -61,9 +104,12 @@ const AxisCard = memo(function AxisCard({ name }: { name: string }) {
         <span className="quiet">{axis.product}</span>
         <StateChip state={axis.state} powered={axis.powered} />
       </header>
-      <Travel axis={axis} geometry={geometry} />
+      <div className="mechanism">
+        <Dial axis={axis} geometry={geometry} />
+        <Travel axis={axis} geometry={geometry} />
+      </div>
       <dl className="readouts">
-        <Readout label={axis.position_actual === undefined ? 'position (6064h)' : 'true position'} title={`${fixed(axis.position_counts, 0)} counts`} {...(turns === null ? { value: fixed(axis.position_counts, 0), unit: unitOf(axis) } : { value: fixed(turns, 3), unit: 'rev' })} />
+        <Readout label={axis.position_actual === undefined ? 'position (6064h)' : 'true position'} title={`${fixed(axis.position_counts, 0)} counts`} {...positionOf(axis, geometry)} />
         <Speed axis={axis} />
         <Torque axis={axis} />
         {axis.current_a !== null && <Readout label="current" value={fixed(axis.current_a, 2)} unit="A" />}
@@ -85,7 +131,7 @@ const AxisCard = memo(function AxisCard({ name }: { name: string }) {
         </p>
       )}
       <footer>
-        <span className="quiet address">{address(axis)}</span>
+        <span className="quiet address">{address(axis)}{geometry?.mechanics && ` · ${describe(geometry.mechanics)}`}</span>
         {job?.state === 'running' && <span className="busy">{job.do.replaceAll('_', ' ')}</span>}
         <Commands axis={axis} />
       </footer>
