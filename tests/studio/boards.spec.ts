@@ -163,7 +163,7 @@ test('a script runs in sequence and ends at rest', async ({ page, open, line }) 
   expect(Math.abs(axis.position_counts - began)).toBeLessThan(200);
 });
 
-test('a script does not go on after STOP, also not in a wait', async ({ page, open, line }) => {
+test('a script does not go on after STOP, also not in a wait', async ({ page, open, line, watched }) => {
   const lines = 'reference enable\nwait 2\nreference move by 1 velocity 10 acceleration 200';
   await openBoard(page, open, [{ kind: 'script', title: 'Slow', span: 2, lines }]);
   const script = panel(page, 'Slow');
@@ -179,6 +179,7 @@ test('a script does not go on after STOP, also not in a wait', async ({ page, op
   await expect(script.getByRole('status')).toHaveText(/^line 3: job \d+ is not the last command of the axis/);
   const { jobs } = await line.call<{ jobs: { do: string }[] }>('GET', '/jobs');
   expect(jobs.some((job) => job.do === 'move')).toBe(false);
+  expect(watched.splice(0)).toEqual([expect.stringContaining('409')]); // the refusal
   expect((await line.call<{ state: string }>('GET', '/axes/reference')).state).not.toBe('operation enabled');
 });
 
