@@ -49,18 +49,24 @@ export function Recordings({ recordings, shown, overlays, memory, again }: {
   );
 }
 
-// Name and note of the shown recording. The server keeps them with it.
+// Name and note of the shown recording. The server keeps them with it, and another page may change them as well: only what the
+// user has typed here is written.
 function About({ recording, again }: { recording: Recording; again: () => void }) {
-  const [name, setName] = useState(recording.name);
-  const [note, setNote] = useState(recording.note ?? '');
+  const [typed, setTyped] = useState<{ name?: string; note?: string }>({});
+  const name = typed.name ?? recording.name;
+  const note = typed.note ?? recording.note ?? '';
   const save = () => {
-    if (name === recording.name && note === (recording.note ?? '')) return;
-    attempt(() => put(`/recordings/${recording.id}`, { name: name.trim(), note: note.trim() }).finally(again));
+    if (Object.keys(typed).length === 0) return;
+    attempt(async () => {
+      await put(`/recordings/${recording.id}`, typed);
+      again();
+      setTyped({});
+    });
   };
   return (
     <form className="about" onSubmit={(event) => { event.preventDefault(); save(); }}>
-      <label className="field"><span>Name</span><input className="input" value={name} maxLength={100} onChange={(event) => setName(event.target.value)} onBlur={save} /></label>
-      <label className="field"><span>Note</span><textarea className="input" rows={2} value={note} maxLength={4000} onChange={(event) => setNote(event.target.value)} onBlur={save} /></label>
+      <label className="field"><span>Name</span><input className="input" value={name} maxLength={100} onChange={(event) => setTyped({ ...typed, name: event.target.value })} onBlur={save} /></label>
+      <label className="field"><span>Note</span><textarea className="input" rows={2} value={note} maxLength={4000} onChange={(event) => setTyped({ ...typed, note: event.target.value })} onBlur={save} /></label>
     </form>
   );
 }
