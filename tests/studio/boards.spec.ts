@@ -150,12 +150,13 @@ test('buttons move the axis by jobs, a jog while it is pressed, and STOP is alwa
 });
 
 test('a script runs in sequence and ends at rest', async ({ page, open, line, picture }) => {
-  await page.setViewportSize({ width: 1366, height: 900 });
+  await page.setViewportSize({ width: 1366, height: 1000 });
   await openBoard(page, open);
   const script = panel(page, 'There and back');
   const began = (await line.call<{ position_counts: number }>('GET', '/axes/reference')).position_counts;
   await script.getByRole('button', { name: 'Run' }).click();
   await expect(script.getByRole('status')).toHaveText('done', { timeout: 60_000 });
+  await page.locator('.page').evaluate((element) => element.scrollTo(0, 0));
   await picture('boards');
   const { jobs } = await line.call<{ jobs: { do: string; state: string }[] }>('GET', '/jobs');
   expect(jobs.map((job) => `${job.do} ${job.state}`)).toEqual(['stop done', 'enable done', ...Array(4).fill('move done')]);

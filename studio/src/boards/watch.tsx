@@ -30,7 +30,7 @@ function Row({ text }: { text: string }) {
         <>
           <td className="mono">{digits.decimal}</td>
           <td className="mono">{digits.hexadecimal}</td>
-          <td className="mono binary">{digits.binary}</td>
+          <td className="mono"><span className="binary">{digits.binary}</span></td>
         </>
       ) : (
         <td className="text" colSpan={3}>{typeof value === 'string' ? value : '–'}</td>

@@ -60,7 +60,8 @@ function About({ recording, again }: { recording: Recording; again: () => void }
     attempt(async () => {
       await put(`/recordings/${recording.id}`, typed);
       again();
-      setTyped({});
+      // What the user has typed meanwhile stays.
+      setTyped((now) => Object.fromEntries(Object.entries(now).filter(([key, text]) => text !== typed[key as keyof typeof typed])));
     });
   };
   return (
