@@ -62,6 +62,33 @@ test('shows the drives that were found, moves them, and knows what it does not h
   await picture('real-line');
 });
 
+test('a dashboard reads and writes drives on two buses, and a recording has both', async ({ page, go, studio, drives }) => {
+  await go('/boards');
+  const widgets = [
+    { kind: 'watch', title: 'Words', span: 2, channels: [`${can}/6041:00`, `${ethercat}/6041:00`, `${reference}/1008:00`] },
+    { kind: 'slider', title: 'Acceleration', span: 1, object: `${reference}/6083:00`, minimum: 0, maximum: 2000000, step: 1000 },
+  ];
+  const buffer = Buffer.from(JSON.stringify({ format: 'servodrome-dashboards', version: 1, boards: [{ name: 'Buses', widgets }] }));
+  await page.getByLabel('Import a file').setInputFiles({ name: 'buses.json', mimeType: 'application/json', buffer });
+  const words = page.getByRole('table', { name: 'Words' });
+  for (const axis of [can, ethercat]) await expect(words.getByRole('row', { name: new RegExp(`^${axis} `) })).toContainText(/[0-9A-F]{4}h/);
+  await expect(words.getByRole('row', { name: /1008:00/ })).toContainText('reference drive');
+  const field = panel(page, 'Acceleration').getByRole('textbox');
+  await expect(field).toBeEnabled();
+  await field.fill('77000');
+  await field.press('Enter');
+  await expect.poll(async () => (await drives.call<{ value: number }>('GET', '/axes/reference/objects/6083/0')).value).toBe(77000);
+  await expect(panel(page, 'Acceleration').getByRole('status')).toHaveText('drive: 77\u2009000');
+
+  const channels = [can, ethercat].map((axis) => ({ axis, object: '6041:00' }));
+  const { id } = await studio.call<{ id: number }>('POST', '/recordings', { channels, rate_hz: 50, duration_ms: 1000 });
+  await expect.poll(async () => (await studio.call<{ state: string }>('GET', `/recordings/${id}`)).state).toBe('done');
+  await go(`/scope?rec=${id}&math=${encodeURIComponent('both=c1+c2')}`);
+  const rows = page.getByRole('table', { name: 'Measurements' }).getByRole('row');
+  await expect(rows).toHaveCount(4);
+  await expect(rows.filter({ hasText: 'both' }).getByRole('cell').nth(5)).not.toHaveText('–');
+});
+
 test('compares the parameters of a drive with the factory', async ({ page, go }) => {
   await go(`/objects/${ethercat}?view=parameters`);
   await page.getByRole('button', { name: 'Compare with factory' }).click();

@@ -106,7 +106,7 @@ function TimePlot({ title, samples, others }: { title: string; samples: Samples;
       <div ref={box}>
         <Lanes fill label={title} x={x} curves={curves} range={range} onRange={show} cursors={[a, b]} onCursor={(which, at) => keep({ [which === 0 ? 'a' : 'b']: at.toFixed(4) })} />
       </div>
-      <div className="toolbar">
+      <div className="toolbar cursors">
         <NumberInput whenLeft mayBeEmpty label="Cursor A" unit="ms" value={a ?? NaN} onChange={(at) => keep({ a: Number.isFinite(at) ? String(at) : null })} />
         <NumberInput whenLeft mayBeEmpty label="Cursor B" unit="ms" value={b ?? NaN} onChange={(at) => keep({ b: Number.isFinite(at) ? String(at) : null })} />
         <span className="quiet">Δ {a !== null && b !== null ? `${significant(b - a)} ms, ${significant(1000 / Math.abs(b - a))} Hz` : '–'}</span>
@@ -120,10 +120,12 @@ function TimePlot({ title, samples, others }: { title: string; samples: Samples;
           <Button isDisabled={a === null || b === null || a === b} onPress={() => a !== null && b !== null && show([Math.min(a, b), Math.max(a, b)])}>A to B</Button>
           <Button isDisabled={!range} onPress={() => show(null)}>All</Button>
         </div>
-        <a className="button" href={`/api/v1/recordings/${recording.id}/data.csv`} download={`${name}.csv`}>CSV</a>
-        <a className="button" href={`/api/v1/recordings/${recording.id}/data.mcap`} download={`${name}.mcap`}>MCAP</a>
-        <Button onPress={() => attempt(async () => saveBytes(await parquetOf(samples), `${name}.parquet`))}>Parquet</Button>
-        <Button onPress={() => box.current && savePicture(box.current, `${name}.png`)}>PNG</Button>
+        <div className="buttons" role="group" aria-label="Save as">
+          <a className="button" href={`/api/v1/recordings/${recording.id}/data.csv`} download={`${name}.csv`}>CSV</a>
+          <a className="button" href={`/api/v1/recordings/${recording.id}/data.mcap`} download={`${name}.mcap`}>MCAP</a>
+          <Button onPress={() => attempt(async () => saveBytes(await parquetOf(samples), `${name}.parquet`))}>Parquet</Button>
+          <Button onPress={() => box.current && savePicture(box.current, `${name}.png`)}>PNG</Button>
+        </div>
       </div>
       <MeasureTable samples={samples} a={a} b={b} range={range} />
       <p className="quiet note">Click: cursor A; Shift and click: cursor B; drag, or Ctrl and wheel: zoom; double click: show all.</p>
