@@ -123,8 +123,8 @@ bool Axis402::wait_for_bits(std::uint16_t mask, std::uint16_t value, Time timeou
   return true;
 }
 
-void Axis402::wait_for_state(std::initializer_list<PowerState> wanted, const char* doing) {
-  const Time deadline = objects_.now() + options_.state_timeout;
+void Axis402::wait_for_state(std::initializer_list<PowerState> wanted, const char* doing, Time timeout) {
+  const Time deadline = objects_.now() + timeout;
   for (;;) {
     const PowerState present = state();
     if (std::find(wanted.begin(), wanted.end(), present) != wanted.end()) return;
@@ -132,7 +132,7 @@ void Axis402::wait_for_state(std::initializer_list<PowerState> wanted, const cha
       fail(fmt::format("the drive has a fault and cannot {}", doing), "remove its cause and reset it");
     if (objects_.now() >= deadline) {
       fail(fmt::format("the drive did not {} within {} ms", doing,
-                       options_.state_timeout / std::chrono::milliseconds(1)),
+                       timeout / std::chrono::milliseconds(1)),
            "check its supply, enable input and safety input, and whether another master commands it");
     }
     pause();
@@ -141,7 +141,7 @@ void Axis402::wait_for_state(std::initializer_list<PowerState> wanted, const cha
 
 void Axis402::step(std::uint16_t word, PowerState to, const char* doing) {
   write_controlword(word);
-  wait_for_state({to}, doing);
+  wait_for_state({to}, doing, options_.enable_timeout);
 }
 
 void Axis402::reset_fault() {
@@ -171,7 +171,7 @@ void Axis402::enable() {
       case PowerState::not_ready_to_switch_on:
         wait_for_state({PowerState::switch_on_disabled, PowerState::ready_to_switch_on, PowerState::switched_on,
                         PowerState::operation_enabled},
-                       "initialise");
+                       "initialise", options_.enable_timeout);
         break;
       case PowerState::switch_on_disabled:
         step(command_word::shutdown, PowerState::ready_to_switch_on, "get ready to switch on");
@@ -201,7 +201,7 @@ void Axis402::disable() {
   const ComingToRest rest(comes_to_rest_);
   halted_ = false;
   write_controlword(command_word::disable_voltage);
-  wait_for_state({PowerState::switch_on_disabled}, "switch off");
+  wait_for_state({PowerState::switch_on_disabled}, "switch off", options_.state_timeout);
   take_back_targets();
 }
 
@@ -212,7 +212,7 @@ void Axis402::quick_stop() {
   const ComingToRest rest(comes_to_rest_);
   halted_ = false;
   if (present == PowerState::operation_enabled) write_controlword(command_word::quick_stop);
-  wait_for_state({PowerState::quick_stop_active, PowerState::switch_on_disabled}, "quick stop");
+  wait_for_state({PowerState::quick_stop_active, PowerState::switch_on_disabled}, "quick stop", options_.state_timeout);
   take_back_targets();
   rests_within(options_.state_timeout);
 }

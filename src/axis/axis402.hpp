@@ -42,6 +42,7 @@ class Cancelled : public MasterError {
 
 struct AxisOptions {
   Time state_timeout = std::chrono::seconds(2);       // for each state transition, mode change and handshake
+  Time enable_timeout = std::chrono::seconds(5);      // for each step of enabling: precharge, brake
   Time reset_timeout = std::chrono::seconds(2);       // for a fault reset, from the edge of the controlword's bit
   Time poll_interval = std::chrono::milliseconds(5);  // between two reads of the statusword
   Dialect dialect{};
@@ -253,7 +254,7 @@ class Axis402 {
   // Writes the number in the size that the drive's object has, because products differ in it.
   void write_number(ObjectAddress object, std::int64_t value);
   // Polls until the drive is in one of the states `wanted`; a fault meanwhile is an error.
-  void wait_for_state(std::initializer_list<PowerState> wanted, const char* doing);
+  void wait_for_state(std::initializer_list<PowerState> wanted, const char* doing, Time timeout);
   void step(std::uint16_t controlword, PowerState to, const char* doing);
   void require_enabled(const char* doing);
   bool wait_for_bits(std::uint16_t mask, std::uint16_t value, Time timeout);
