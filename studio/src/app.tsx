@@ -7,6 +7,7 @@ import { StopButton } from './parts/stop';
 import { AxisPage } from './pages/axis';
 import { BoardsPage } from './pages/boards';
 import { BusPage } from './pages/bus';
+import { CommissionPage } from './pages/commission';
 import { FaultsPage } from './pages/faults';
 import { LinePage } from './pages/line';
 import { ObjectsPage } from './pages/objects';
@@ -21,6 +22,7 @@ import { type Theme, useTheme } from './theme';
 const pages = [
   ['', 'Line', LinePage],
   ['axis', 'Axis', AxisPage],
+  ['commission', 'Commission', CommissionPage],
   ['scope', 'Scope', ScopePage],
   ['boards', 'Dashboards', BoardsPage],
   ['tuning', 'Tuning', TuningPage],
@@ -29,7 +31,7 @@ const pages = [
   ['plant', 'I/O and plant', PlantPage],
   ['bus', 'Bus', BusPage],
 ] as const;
-const ofAxis = ['axis', 'tuning', 'faults', 'objects', 'plant'];
+const ofAxis = ['axis', 'commission', 'tuning', 'faults', 'objects', 'plant'];
 
 export function App() {
   const { page, name } = useRoute();

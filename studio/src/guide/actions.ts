@@ -1,0 +1,258 @@
+import { get, getBytes, post, problemOf, remove } from '../api/client';
+import { decodeFrame } from '../api/frame';
+import type { AxisView, Job, Problem, Recording } from '../api/types';
+import { cancelJob, finish, readValues, startJob, writeObject } from '../commands';
+import { samplesOf } from '../model/scope';
+import { shownOf } from '../model/problem';
+import type { LoopMeasured, Tuned } from '../model/tuning';
+import { significant } from '../model/units';
+import { complainOf, tell } from '../notices';
+import { snapshot } from '../store';
+import { entryOf, noted, toUndo, without, type Written } from './journal';
+import { measuredOf } from './measured';
+import { fromDrive } from './mechanics';
+import { change, changeStep, guideOf, stepOf, type Found, type LoopFound, type Proposed, type Run } from './state';
+import { placeOf, type Facts, type Motion, type Numbers, type PlanRow, type Records, type Step } from './step';
+import { steps } from './steps';
+
+// What the guide does to a drive. Each write is noted in the journal before it is sent, so an interruption forgets none.
+
+const later = (ms: number) => new Promise((resolve) => setTimeout(resolve, ms));
+
+// Writes a plan as it is shown. Refused if the drive's values are no longer those that the user has seen.
+export async function writePlan(axis: AxisView, step: string, plan: PlanRow[]): Promise<void> {
+  const { name, product } = axis;
+  const now = await readValues(name, plan.map(({ object }) => object));
+  const moved = plan.filter(({ object, before }) => now[object] !== before);
+  if (moved.length > 0) {
+    complainOf({ what: `${name}: ${moved.map(({ object }) => object).join(', ')} changed meanwhile: nothing was written`, hint: 'compare the new values, then write again' });
+    return;
+  }
+  for (const { object, name: title, unit, before, after } of plan) {
+    const written: Written = { step, object, name: title, unit, before, after };
+    change(name, product, (guide) => ({ ...guide, journal: noted(guide.journal, written) }));
+    let problem: Problem | undefined;
+    try {
+      await writeObject(name, ...placeOf(object), after);
+    } catch (error) {
+      problem = shownOf(problemOf(error));
+    }
+    const kept = (await readValues(name, [object]).catch(() => ({}) as Record<string, unknown>))[object];
+    if (typeof kept === 'number' && kept !== after) {
+      change(name, product, (guide) => ({ ...guide, journal: noted(guide.journal, { ...written, after: kept }) }));
+      problem ??= { what: `the drive keeps ${kept} instead of ${after}`, where: object, hint: 'the drive limits this value' };
+    }
+    if (problem) {
+      complainOf({ ...problem, what: `${name}, ${object}: ${problem.what}` });
+      return;
+    }
+  }
+  tell(`${name}: ${plan.length} ${plan.length === 1 ? 'value' : 'values'} written`);
+}
+
+// Writes the old values back, the newest first. A value that somebody else has changed stays, and its entry too.
+export async function undo(axis: AxisView, step: string | null): Promise<void> {
+  const { name, product } = axis;
+  const entries = toUndo(guideOf(name, product).journal, step);
+  const now = await readValues(name, [...new Set(entries.map(({ object }) => object))]);
+  const strange: string[] = [];
+  for (const entry of entries) {
+    const { journal } = guideOf(name, product);
+    const present = entryOf(journal, entry.step, entry.object);
+    if (!present) continue;
+    const undone = without(journal, present);
+    if (undone.write !== null && now[entry.object] !== undone.write) {
+      if (now[entry.object] !== present.after) {
+        strange.push(entry.object);
+        continue;
+      }
+      await writeObject(name, ...placeOf(entry.object), undone.write);
+      now[entry.object] = undone.write;
+    }
+    change(name, product, (guide) => {
+      const same = entryOf(guide.journal, entry.step, entry.object);
+      return same ? { ...guide, journal: without(guide.journal, same).journal } : guide;
+    });
+  }
+  // What was measured with the values that are gone no longer counts, and neither does the mark.
+  for (const id of new Set(entries.map((entry) => entry.step))) changeStep(name, product, id, ({ typed, found }) => ({ typed, found }));
+  if (strange.length > 0) complainOf({ what: `${name}: ${strange.join(', ')} was changed by another and stays`, hint: 'take it out of the list, or write it on the page Objects' });
+  else tell(`${name}: undone`);
+}
+
+export const leaveAsItIs = ({ name, product }: AxisView, entry: Written) => change(name, product, (guide) => ({ ...guide, journal: guide.journal.filter((each) => each !== entry) }));
+
+// Writes a value again that the drive has lost, for example at a power cut.
+export const writeAgain = ({ name }: AxisView, { object, after }: Written) => writeObject(name, ...placeOf(object), after);
+
+// ---- Motions ----
+
+const mine = new Set<string>(); // runs of this tab
+
+const setRun = ({ name, product }: AxisView, to: (run: Run) => Run) => change(name, product, (guide) => (guide.run ? { ...guide, run: to(guide.run) } : guide));
+
+const place = (axis: AxisView, facts: Facts) => {
+  const turn = facts.geometry?.index_every;
+  return { drive: axis.position_actual ?? axis.position_counts, shaft: turn && axis.position_actual !== undefined ? axis.position_counts / turn : null };
+};
+
+const latest = ({ name }: AxisView) => get<AxisView>(`/axes/${encodeURIComponent(name)}`);
+
+// Runs the jobs of a motion one after the other. Each begins only if nothing else commanded the axis since the one before.
+export async function runMotion(facts: Facts, step: Step, motion: Motion, numbers: Numbers, keys: string[]): Promise<void> {
+  const { axis } = facts;
+  const { name, product } = axis;
+  const orders = [...(motion.enables ? [{ do: 'enable' }] : []), ...motion.orders(numbers, facts)];
+  const id = `${Date.now()}-${Math.random()}`;
+  mine.add(id);
+  const begun: Run = {
+    id, step: step.id, motion: motion.id, jobs: [], of: orders.length, state: 'running', from: place(await latest(axis), facts),
+    values: Object.fromEntries(keys.map((key) => [key, numbers(key)])),
+  };
+  change(name, product, (guide) => ({ ...guide, run: begun }));
+  try {
+    await noteMode(facts, step.id, motion.mode);
+    const records = motion.records?.(numbers, facts);
+    let before: Job | undefined;
+    for (const [i, order] of orders.entries()) {
+      if (records && i === (motion.enables ? 1 : 0)) await record(axis, records);
+      if (guideOf(name, product).run?.state !== 'running') return;
+      const job = await startJob(name, { ...order, ...(before ? { after: before.id } : {}) });
+      setRun(axis, (run) => ({ ...run, jobs: [...run.jobs, job.id] }));
+      before = await finish(job);
+      if (before.state !== 'done') break;
+    }
+    await complete(facts, before);
+  } catch (error) {
+    await endRecording(axis);
+    setRun(axis, (run) => ({ ...run, state: 'failed', error: shownOf(problemOf(error)) }));
+  } finally {
+    mine.delete(id);
+  }
+}
+
+// The jobs set the mode of operation: it is noted like every other write, before they begin.
+async function noteMode({ axis: { name, product }, entries }: Facts, step: string, after: number) {
+  const before = (await readValues(name, ['6060:00']))['6060:00'];
+  if (typeof before !== 'number' || before === after) return;
+  const written: Written = { step, object: '6060:00', name: entries.get('6060:00')?.name ?? '', unit: '', before, after };
+  change(name, product, (guide) => ({ ...guide, journal: noted(guide.journal, written) }));
+}
+
+async function record(axis: AxisView, records: Records) {
+  const channels = records.channels.map(({ object, signal }) => ({ axis: axis.name, ...(object ? { object } : { signal: signal! }) }));
+  const { id } = await post<Recording>('/recordings', {
+    name: `guide, ${axis.name}`, channels, rate_hz: records.rate_hz, duration_ms: records.duration_ms, pre_ms: records.pre_ms,
+    trigger: { kind: 'edge', channel: 0, level: records.level, slope: records.sign < 0 ? 'falling' : 'rising' },
+  });
+  setRun(axis, (run) => ({ ...run, recording: id }));
+}
+
+async function endRecording({ name, product }: AxisView) {
+  const { run } = guideOf(name, product);
+  if (run?.recording !== undefined) await remove(`/recordings/${run.recording}`).catch(() => undefined);
+}
+
+// The end of a run: its last job is over. Reads what was recorded and measured.
+async function complete(facts: Facts, last: Job | undefined): Promise<void> {
+  const { axis } = facts;
+  const { name, product } = axis;
+  const { run } = guideOf(name, product);
+  if (run?.state !== 'running') return;
+  if (!last || last.state !== 'done' || run.jobs.length < run.of) {
+    await endRecording(axis);
+    const interrupted = last?.state === 'done';
+    const error = last?.error ? shownOf(last.error) : { what: interrupted ? 'the page was left before the sequence was complete' : `${last?.do.replaceAll('_', ' ') ?? 'motion'}: ${last?.state ?? 'not begun'}` };
+    setRun(axis, (now) => ({ ...now, state: interrupted ? 'interrupted' : 'failed', error }));
+    return;
+  }
+  const step = steps.find(({ id }) => id === run.step);
+  const motion = step?.motions?.find(({ id }) => id === run.motion);
+  if (!step || !motion) return;
+  const numbers: Numbers = (key) => run.values[key];
+  const found: Found = {};
+  const records = motion.records?.(numbers, facts);
+  // A job that measures has its result at its own address only.
+  const whole = last.do === 'tune' ? await get<Job>(`/jobs/${last.id}`) : last;
+  if (last.do === 'tune') Object.assign(found, tuned(whole.found as Tuned, stepOf(guideOf(name, product), step.id).found));
+  if (last.do === 'home') found.homedBy = run.values.method;
+  if (records && run.recording !== undefined && facts.scale) {
+    const measured = await measure(run.recording, records, facts);
+    if (measured) Object.assign(found, stepOf(guideOf(name, product), step.id).found.first ? { last: measured } : { first: measured });
+  }
+  if (last.do === 'move' && facts.scale) {
+    const now = place(await latest(axis), facts);
+    const turns = (value: number) => fromDrive(facts.scale!, 'position', value);
+    found.moved = { asked: numbers('distance'), drive: turns(now.drive - run.from.drive), shaft: now.shaft === null || run.from.shaft === null ? null : now.shaft - run.from.shaft };
+  }
+  changeStep(name, product, step.id, (state) => ({ ...state, found: { ...state.found, ...found } }));
+  setRun(axis, (present) => ({ ...present, state: 'done' }));
+}
+
+async function measure(id: number, records: Records, facts: Facts) {
+  let recording = await get<Recording>(`/recordings/${id}`);
+  // The recording ends a little after the motion, in the line's time.
+  while (recording.state === 'running' || recording.state === 'armed') {
+    if (recording.state === 'armed') await post(`/recordings/${id}/stop`);
+    await later(100);
+    recording = await get<Recording>(`/recordings/${id}`);
+  }
+  if (recording.trigger_tick === null) {
+    complainOf({ what: `${facts.axis.name}: the motion did not reach the level that starts the recording`, hint: 'enter a longer distance or a lower velocity' });
+    return null;
+  }
+  const samples = samplesOf(recording, decodeFrame(await getBytes(`/recordings/${id}/data`)));
+  void remove(`/recordings/${id}`).catch(() => undefined);
+  return measuredOf(samples, records.channels, facts.scale!, records.request, new Date().toISOString());
+}
+
+const loopOf = (loop: LoopMeasured): LoopFound => ({
+  bandwidth_hz: loop.bandwidth_hz, phase_margin_deg: loop.phase_margin_deg, resonance_hz: loop.resonance_hz ?? null,
+  inertia: `${significant(loop.inertia)} ${loop.inertia_unit}`, friction: `${significant(loop.friction)} ${loop.torque_unit}`,
+});
+
+function tuned(result: Tuned, before: Found): Found {
+  if (!result.before) return {};
+  const loop = loopOf(result.before);
+  const proposed: Proposed = {
+    bandwidth_hz: result.promised_bandwidth_hz ?? null, phase_margin_deg: result.predicted?.phase_margin_deg ?? null,
+    values: Object.fromEntries(result.gains.map(({ object, after }) => [object, after])),
+  };
+  // The first measurement proposes; a later one confirms, and leaves the proposal.
+  return before.loop ? { loopLast: loop } : { loop, ...(result.gains.length > 0 ? { proposed } : {}) };
+}
+
+// After a reload: a run that no tab continues. Its present job goes on; the guide starts no further one.
+export function adopt(facts: Facts): () => void {
+  const { name, product } = facts.axis;
+  let over = false;
+  let quiet = 0;
+  let seen = '';
+  const look = async () => {
+    const { run } = guideOf(name, product);
+    if (over || run?.state !== 'running' || mine.has(run.id)) return;
+    const id = run.jobs.at(-1);
+    const job = id === undefined ? undefined : await get<Job>(`/jobs/${id}`).catch(() => undefined);
+    // Another tab may be at work: it changes the run or the axis within this time.
+    const now = JSON.stringify([run, job?.state, snapshot().jobs[name]?.id]);
+    quiet = now === seen && job?.state !== 'running' ? quiet + 1 : 0;
+    seen = now;
+    if (quiet < 3 || over) return;
+    mine.add(run.id);
+    await complete(facts, job).catch((error: unknown) => setRun(facts.axis, (present) => ({ ...present, state: 'failed', error: shownOf(problemOf(error)) })));
+    mine.delete(run.id);
+  };
+  const timer = setInterval(() => void look(), 700);
+  return () => {
+    over = true;
+    clearInterval(timer);
+  };
+}
+
+// Ends the present job of the axis; the sequence does not go on.
+export async function abort({ name }: AxisView): Promise<void> {
+  const job = snapshot().jobs[name] as Job | undefined;
+  // Between two jobs a halt takes the axis: the next job of the sequence is refused.
+  if (job?.state === 'running') await cancelJob(job);
+  else await startJob(name, { do: 'stop' });
+}

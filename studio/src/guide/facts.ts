@@ -1,0 +1,38 @@
+import { useMemo } from 'react';
+import type { AxisView, HomingMethod, Limits, ObjectEntry, ObjectValue, Units } from '../api/types';
+import { axisPath } from '../commands';
+import { addressOf } from '../model/objects';
+import type { Gains } from '../model/tuning';
+import { useGeometry } from '../parts/travel';
+import { useResource } from '../resource';
+import { useLine } from '../store';
+import { scaleOf } from './mechanics';
+import { stepOf, type Guide } from './state';
+import type { Facts, Step } from './step';
+import { fieldsOf, objectsOf } from './steps';
+
+const most = 128; // of one request
+const poll_ms = { virtual: 500, real: 2000 }; // a bus has no time for more
+
+// All that a step's row of the table needs: read once, except the values of its objects and of the journal's.
+export function useFacts(axis: AxisView, guide: Guide, step: Step): { facts: Facts; again: () => void } {
+  const path = axisPath(axis.name);
+  const asked = axis.powered && !axis.problem;
+  const isVirtual = useLine(({ line }) => line?.kind === 'virtual');
+  const objects = useResource<{ objects: ObjectEntry[] }>(asked ? `${path}/objects` : null).value?.objects;
+  const units = useResource<Units>(asked ? `${path}/units` : null).value;
+  const limits = useResource<Limits>(asked ? `${path}/limits` : null, isVirtual ? 3000 : 0).value;
+  const homing = useResource<{ methods: HomingMethod[]; index_available?: boolean }>(`${path}/homing`).value;
+  const gains = useResource<Gains>(asked ? `${path}/gains` : null).value;
+  const geometry = useGeometry(axis.name);
+  const entries = useMemo(() => new Map((objects ?? []).map((entry) => [addressOf(entry), entry])), [objects]);
+  const proposed = stepOf(guide, 'velocity').found.proposed?.values;
+  const before: Facts = {
+    axis, isVirtual, entries, values: {}, mechanics: guide.mechanics, scale: scaleOf(guide.mechanics, units), units, limits, geometry, homing, gains, proposed: proposed ?? {},
+  };
+  const wanted = [...new Set([...objectsOf(step, before, fieldsOf(step, before, stepOf(guide, step.id))).all, ...guide.journal.map(({ object }) => object)])];
+  const { value, again } = useResource<{ values: Record<string, ObjectValue> }>(
+    asked && entries.size > 0 && wanted.length > 0 ? `${path}/values?objects=${wanted.slice(0, most).join(',')}` : null, isVirtual ? poll_ms.virtual : poll_ms.real,
+  );
+  return { facts: { ...before, values: value?.values ?? {} }, again };
+}

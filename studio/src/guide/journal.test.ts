@@ -1,0 +1,43 @@
+import { expect, test } from 'vitest';
+import { noted, standingOf, toUndo, without, type Journal, type Written } from './journal';
+
+const write = (step: string, before: number, after: number, object = '6072:00'): Written => ({ step, object, name: 'Max torque', unit: '', before, after });
+const all = (...writes: Written[]) => writes.reduce<Journal>(noted, []);
+
+test('a step that writes twice keeps the first value, and nothing if it writes that back', () => {
+  expect(all(write('a', 1, 2), write('a', 2, 3))).toEqual([write('a', 1, 3)]);
+  expect(all(write('a', 1, 2), write('a', 2, 1))).toEqual([]);
+});
+
+test('the last step of an object is undone by the value before it', () => {
+  const journal = all(write('a', 1, 2), write('b', 2, 3));
+  expect(without(journal, journal[1])).toEqual({ journal: [write('a', 1, 2)], write: 2 });
+});
+
+test('an earlier step of an object leaves the value of the later one, which then leads back to the factory', () => {
+  const journal = all(write('a', 1, 2), write('b', 2, 3));
+  const { journal: rest, write: value } = without(journal, journal[0]);
+  expect(value).toBeNull();
+  expect(rest).toEqual([write('b', 1, 3)]);
+});
+
+test('to undo all, one by one, ends at the first values', () => {
+  let journal = all(write('a', 1, 2), write('a', 5, 6, '6081:00'), write('b', 2, 3), write('a', 3, 4));
+  const drive: Record<string, number> = { '6072:00': 4, '6081:00': 6 };
+  for (const entry of toUndo(journal, null)) {
+    const undone = without(journal, journal.find((each) => each.step === entry.step && each.object === entry.object && each.after === entry.after)!);
+    ({ journal } = undone);
+    if (undone.write !== null) drive[entry.object] = undone.write;
+  }
+  expect(journal).toEqual([]);
+  expect(drive).toEqual({ '6072:00': 1, '6081:00': 5 });
+});
+
+test('the standing of a write is read from the drive', () => {
+  const journal = all(write('a', 1, 2), write('b', 2, 3));
+  expect(standingOf(journal, journal[0], 3)).toBe('replaced');
+  expect(standingOf(journal, journal[1], 3)).toBe('in the drive');
+  expect(standingOf(journal, journal[1], 2)).toBe('not in the drive');
+  expect(standingOf(journal, journal[1], 9)).toBe('changed by another');
+  expect(standingOf(journal, journal[1], null)).toBe('not known');
+});

@@ -1,0 +1,53 @@
+// What the guide has written to a drive, in the order of the writing, so that it can be undone step by step.
+
+export interface Written {
+  step: string;
+  object: string; // "6081:00"
+  name: string;
+  unit: string;
+  before: number; // the value in the drive when the step wrote it first
+  after: number;
+}
+
+export type Journal = readonly Written[];
+
+const lastOf = (journal: Journal, isWanted: (each: Written) => boolean): Written | undefined => journal.filter(isWanted).at(-1);
+const isSame = (a: Written, b: { step: string; object: string }) => a.step === b.step && a.object === b.object;
+
+// Adds a write. A step that writes an object again keeps its first `before`, unless another step wrote the object meanwhile.
+export function noted(journal: Journal, written: Written): Journal {
+  const last = lastOf(journal, ({ object }) => object === written.object);
+  if (!last || last.step !== written.step) return [...journal, written];
+  return journal.flatMap((each) => {
+    if (each !== last) return [each];
+    return each.before === written.after ? [] : [{ ...each, after: written.after }];
+  });
+}
+
+export interface Undone {
+  journal: Journal;
+  write: number | null; // the value to write back; null: a later step wrote the object, whose value stays
+}
+
+// Takes one entry out. If a later step wrote the same object, that step's `before` becomes this one's.
+export function without(journal: Journal, entry: Written): Undone {
+  const at = journal.indexOf(entry);
+  const later = journal.findIndex(({ object }, i) => i > at && object === entry.object);
+  const rest = journal.map((each, i) => (i === later ? { ...each, before: entry.before } : each)).filter((each) => each !== entry);
+  return { journal: rest, write: later < 0 ? entry.before : null };
+}
+
+// The entries of a step, or all (null), the newest first: the order in which they are undone.
+export const toUndo = (journal: Journal, step: string | null) => journal.filter((each) => step === null || each.step === step).reverse();
+
+export type Standing = 'in the drive' | 'not in the drive' | 'changed by another' | 'replaced' | 'not known';
+
+// What has become of a write, by the drive's present value. A power cut brings the old value back if nothing was stored.
+export function standingOf(journal: Journal, entry: Written, now: unknown): Standing {
+  const last = lastOf(journal, ({ object }) => object === entry.object);
+  if (last !== entry) return 'replaced';
+  if (typeof now !== 'number') return 'not known';
+  return now === entry.after ? 'in the drive' : now === entry.before ? 'not in the drive' : 'changed by another';
+}
+
+export const entryOf = (journal: Journal, step: string, object: string) => lastOf(journal, (each) => isSame(each, { step, object }));

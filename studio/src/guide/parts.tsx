@@ -1,0 +1,216 @@
+import { useState, type ReactNode } from 'react';
+import type { AxisView, Job } from '../api/types';
+import { hexValue, namedOf, showValue } from '../model/objects';
+import { endOf, hindrance } from '../model/plan';
+import { fixed, significant } from '../model/units';
+import { attempt } from '../notices';
+import { Button, Choice, Link, Scroll, Trouble } from '../parts/controls';
+import { NumberInput, NumbersButton } from '../parts/number_input';
+import { useLine } from '../store';
+import { abort, leaveAsItIs, runMotion, undo, writeAgain, writePlan } from './actions';
+import { standingOf } from './journal';
+import { changeStep, stepOf, type Guide } from './state';
+import { fromShown, shownUnit, toShown, type Facts, type Field, type Motion, type Numbers, type PlanRow, type Step } from './step';
+import { steps } from './steps';
+
+// The parts of any step: what is read, the numbers, the plan of the writes, the motions, and the journal.
+
+export function Readings({ facts, shown, absent }: { facts: Facts; shown: string[]; absent: string[] }) {
+  if (shown.length === 0 && absent.length === 0) return null;
+  return (
+    <>
+      {shown.length > 0 && (
+        <Scroll label="Values read">
+          <table className="table" aria-label="Values read from the drive">
+            <thead><tr><th scope="col">object</th><th scope="col" className="wide">name</th><th scope="col">value</th><th scope="col" className="wide">unit</th></tr></thead>
+            <tbody>
+              {shown.map((object) => {
+                const entry = facts.entries.get(object);
+                const value = facts.values[object];
+                const meaning = namedOf(entry?.enumeration).find((each) => each.value === value)?.name;
+                return (
+                  <tr key={object}>
+                    <th scope="row" className="mono" data-tip-object={object}><ObjectLink axis={facts.axis.name} object={object} /></th>
+                    <td className="text">{entry?.name}</td>
+                    <td>{value === null ? 'cannot be read' : showValue(value, entry)} <span className="quiet mono">{entry && hexValue(entry, value)}</span>{meaning && ` ${meaning}`}</td>
+                    <td className="text">{entry?.unit}</td>
+                  </tr>
+                );
+              })}
+            </tbody>
+          </table>
+        </Scroll>
+      )}
+      {absent.length > 0 && facts.entries.size > 0 && <p className="quiet note">{facts.axis.product} does not have {absent.map((object) => `${object}h`).join(', ')}.</p>}
+    </>
+  );
+}
+
+const ObjectLink = ({ axis, object }: { axis: string; object: string }) => <Link to={`/objects/${encodeURIComponent(axis)}?object=${object}&q=${object}`}>{object}</Link>;
+
+export function Form({ facts, step, fields, numbers }: { facts: Facts; step: Step; fields: Field[]; numbers: Numbers }) {
+  const { name, product } = facts.axis;
+  const type = (field: Field, shown: number) =>
+    changeStep(name, product, step.id, (state) => {
+      const kept = fromShown(facts, field.kind, shown);
+      const others = Object.entries(state.typed).filter(([key]) => key !== field.key);
+      return { ...state, typed: Object.fromEntries(Number.isFinite(kept) ? [...others, [field.key, kept]] : others) };
+    });
+  if (fields.length === 0) return null;
+  return (
+    <div className="form guide-form">
+      {fields.flatMap((field) => {
+        const value = numbers(field.key);
+        const limit = (kept: number | undefined) => (kept === undefined ? undefined : toShown(facts, field.kind, kept));
+        const heading = field.group ? [<h3 key={`group ${field.group}`}>{field.group}</h3>] : [];
+        if (field.options) return [...heading, <Choice key={field.key} label={field.label} isLong={field.options.length > 4} value={value} options={field.options} onChange={(to) => type(field, to)} />];
+        return [
+          ...heading,
+          <NumberInput
+            key={field.key} label={field.label} unit={shownUnit(facts, field)} value={round(toShown(facts, field.kind, value))} minimum={limit(field.minimum)} maximum={limit(field.maximum)}
+            mayBeEmpty={field.mayBeEmpty ?? false} onChange={(to) => type(field, to)}
+          />,
+        ];
+      })}
+    </div>
+  );
+}
+
+const round = (value: number) => (Number.isFinite(value) ? Number(value.toPrecision(9)) : value);
+
+export function Plan({ facts, step, plan, label, isBusy, again }: { facts: Facts; step: Step; plan: PlanRow[]; label: string; isBusy: boolean; again: () => void }) {
+  const { axis } = facts;
+  if (plan.length === 0) return null;
+  return (
+    <div className="guide-plan">
+      <h3>{label}</h3>
+      <Scroll label={`Table: ${label}`}>
+        <table className="table" aria-label={label}>
+          <thead><tr><th scope="col">object</th><th scope="col" className="wide">name</th><th scope="col">in the drive</th><th scope="col">new</th><th scope="col" className="wide">unit</th></tr></thead>
+          <tbody>
+            {plan.map(({ object, name, unit, before, after }) => (
+              <tr key={object}>
+                <th scope="row" className="mono"><ObjectLink axis={axis.name} object={object} /></th>
+                <td className="text">{name}</td>
+                <td>{before}</td>
+                <td className="differs">{after}</td>
+                <td className="text">{unit}</td>
+              </tr>
+            ))}
+          </tbody>
+        </table>
+      </Scroll>
+      <div className="buttons">
+        <NumbersButton kind="main" isDisabled={isBusy} onPress={() => attempt(() => writePlan(axis, step.id, plan).finally(again))}>
+          Write {plan.length === 1 ? 'this value' : `these ${plan.length} values`}
+        </NumbersButton>
+      </div>
+    </div>
+  );
+}
+
+export function MotionBox({ facts, step, motion, numbers, fields, guide, reasonBefore }: {
+  facts: Facts;
+  step: Step;
+  motion: Motion;
+  numbers: Numbers;
+  fields: Field[];
+  guide: Guide;
+  reasonBefore: string; // why no motion of this step may start; empty: it may
+}) {
+  const { axis, geometry, units, limits } = facts;
+  const job = useLine((line) => line.jobs[axis.name] as Job | undefined);
+  const missing = motion.isMissing?.(facts) ?? '';
+  if (missing) return <p className="note">{missing}</p>;
+  const orders = motion.orders(numbers, facts);
+  const isComplete = orders.every((order) => Object.values(order).every((value) => typeof value !== 'number' || Number.isFinite(value)));
+  const far = (motion.reach?.(numbers) ?? []).map((turns) => {
+    const to = endOf(axis, geometry, units, 'by', turns);
+    return to === null ? '' : hindrance(axis, geometry, units, limits, to);
+  }).find((text) => text !== '') ?? '';
+  const { run } = guide;
+  const isMine = run?.step === step.id && run.motion === motion.id;
+  const isRunning = isMine && run.state === 'running';
+  const reason = isRunning ? '' : far || reasonBefore;
+  return (
+    <div className="guide-motion" role="group" aria-label={motion.label}>
+      <p className="note">{motion.says} Commanded by the job: {motion.commands.map((object) => commandText(object, facts, motion)).join(', ')}.</p>
+      <div className="buttons">
+        <NumbersButton kind="main" isDisabled={isRunning || reason !== '' || !isComplete} onPress={() => void runMotion(facts, step, motion, numbers, fields.map(({ key }) => key))}>{motion.label}</NumbersButton>
+        <Button isDisabled={!isRunning && job?.state !== 'running'} onPress={() => attempt(() => abort(axis))}>Abort</Button>
+        {isRunning && <Progress job={job} done={run.jobs.length} of={run.of} />}
+      </div>
+      {reason && <p className={far ? 'trouble' : 'quiet note'} role={far ? 'alert' : 'status'}>{reason}</p>}
+      {isMine && (run.state === 'failed' || run.state === 'interrupted') && <Trouble problem={run.error} />}
+    </div>
+  );
+}
+
+function commandText(object: string, { values }: Facts, { mode }: Motion): string {
+  const now = values[object];
+  const name = `${object.slice(0, 4)}h`;
+  if (object === '6060:00') return now === mode ? `mode ${name} ${mode}` : `mode ${name} ${String(now ?? '–')} → ${mode}`;
+  return object === '6040:00' ? `controlword ${name}` : `target ${name}`;
+}
+
+function Progress({ job, done, of }: { job: Job | undefined; done: number; of: number }) {
+  return (
+    <span className="progress" role="status">
+      {job?.progress ? <progress max={1} value={job.progress.share} aria-label="Progress of the measurement" /> : null} {job?.progress?.doing ?? job?.do.replaceAll('_', ' ') ?? 'beginning'}
+      {of > 2 && ` (${done} of ${of})`}
+    </span>
+  );
+}
+
+export function JournalPanel({ facts, guide, isBusy, again }: { facts: Facts; guide: Guide; isBusy: boolean; again: () => void }) {
+  const { axis } = facts;
+  const [asked, setAsked] = useState(false);
+  const { journal } = guide;
+  if (journal.length === 0) return null;
+  const titleOf = (id: string) => steps.find((step) => step.id === id)?.title ?? id;
+  const rows: ReactNode[] = journal.map((entry) => {
+    const standing = standingOf(journal, entry, facts.values[entry.object]);
+    return (
+      <tr key={`${entry.step} ${entry.object}`}>
+        <td className="text">{titleOf(entry.step)}</td>
+        <th scope="row" className="mono"><ObjectLink axis={axis.name} object={entry.object} /></th>
+        <td className="text">{entry.name}</td>
+        <td>{entry.before}</td>
+        <td>{entry.after}</td>
+        <td className={standing === 'in the drive' || standing === 'replaced' ? 'text' : 'text differs'}>{standing}</td>
+        <td>
+          {standing === 'not in the drive' && <Button kind="bare" isDisabled={isBusy} aria-label={`Write ${entry.object} again`} onPress={() => attempt(() => writeAgain(axis, entry).finally(again))}>Write again</Button>}
+          {(standing === 'not in the drive' || standing === 'changed by another') && <Button kind="bare" aria-label={`Take ${entry.object} out of the list`} onPress={() => leaveAsItIs(axis, entry)}>Take out</Button>}
+        </td>
+      </tr>
+    );
+  });
+  return (
+    <section className="panel guide-journal" aria-label="Written by the guide">
+      <header>
+        <h2>Written by the guide</h2>
+        {asked ? (
+          <>
+            <span role="alert">All {journal.length} values go back to what they were.</span>
+            <Button kind="bad" isDisabled={isBusy} onPress={() => { setAsked(false); attempt(() => undo(axis, null).finally(again)); }}>Undo all of them</Button>
+            <Button onPress={() => setAsked(false)}>Keep</Button>
+          </>
+        ) : (
+          <Button isDisabled={isBusy} onPress={() => setAsked(true)}>Undo all</Button>
+        )}
+      </header>
+      <Scroll label="Table of what the guide has written">
+        <table className="table" aria-label="Written by the guide">
+          <thead><tr><th scope="col">step</th><th scope="col">object</th><th scope="col" className="wide">name</th><th scope="col">before</th><th scope="col">written</th><th scope="col" className="wide">now</th><th scope="col"><span className="unseen">action</span></th></tr></thead>
+          <tbody>{rows}</tbody>
+        </table>
+      </Scroll>
+    </section>
+  );
+}
+
+export const figure = (value: number | null | undefined, digits: number) => (typeof value === 'number' ? fixed(value, digits) : '–');
+export const positionText = (facts: Facts, turns: number | null) => (turns === null || !facts.scale ? '–' : `${significant(turns * facts.scale.user.position)} ${facts.scale.unit.position}`);
+export const canUndo = (guide: Guide, step: Step) => guide.journal.some((entry) => entry.step === step.id);
+export const markOf = (guide: Guide, step: Step) => stepOf(guide, step.id).mark;
+export const undoStep = (axis: AxisView, step: Step) => undo(axis, step.id);

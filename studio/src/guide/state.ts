@@ -1,0 +1,132 @@
+import { useSyncExternalStore } from 'react';
+import type { Problem } from '../api/types';
+import { complainOf } from '../notices';
+import type { Journal } from './journal';
+import type { Measured } from './measured';
+import { noMechanics, type Mechanics } from './mechanics';
+
+// The state of the guide for one axis. It is in the browser's storage, since the server has none for projects: it survives a
+// reload, and all tabs of this browser see the same.
+
+export interface StepState {
+  mark?: 'done' | 'skipped';
+  typed: Record<string, number>; // by key of the field: revolutions of the motor, per second, per second squared; or the drive's units
+  found: Found;
+}
+
+export interface Moved {
+  asked: number; // revolutions of the motor
+  drive: number; // by 6064h
+  shaft: number | null; // true shaft of a simulated axis
+}
+
+export interface LoopFound {
+  bandwidth_hz: number | null;
+  phase_margin_deg: number | null;
+  inertia: string;
+  friction: string;
+  resonance_hz: number | null;
+}
+
+export interface Proposed {
+  bandwidth_hz: number | null;
+  phase_margin_deg: number | null;
+  values: Record<string, number>; // by object
+}
+
+export interface Found {
+  seen?: Record<string, [boolean, boolean]>; // inputs: seen at 0, seen at 1
+  way?: 'right' | 'wrong';
+  moved?: Moved;
+  first?: Measured; // before a change of the gains
+  last?: Measured; // the newest one after `first`
+  loop?: LoopFound; // before
+  loopLast?: LoopFound;
+  proposed?: Proposed;
+  homedBy?: number; // method
+  stored?: { stored: boolean; lost: string[] };
+}
+
+// A sequence of jobs that the guide began.
+export interface Run {
+  id: string;
+  step: string;
+  motion: string;
+  jobs: number[]; // those that have begun
+  of: number; // how many there are
+  state: 'running' | 'done' | 'failed' | 'interrupted';
+  error?: Problem;
+  recording?: number;
+  from: { drive: number; shaft: number | null };
+  values: Record<string, number>; // the numbers of the form when it began
+}
+
+export interface Guide {
+  version: 1;
+  product: string;
+  mechanics: Mechanics;
+  steps: Record<string, StepState | undefined>;
+  journal: Journal;
+  run: Run | null;
+}
+
+export const noStep: StepState = { typed: {}, found: {} };
+const prefix = 'servodrome.guide.';
+const fresh = (product: string): Guide => ({ version: 1, product, mechanics: noMechanics, steps: {}, journal: [], run: null });
+
+const known = new Map<string, { text: string | null; guide: Guide }>();
+const listeners = new Set<() => void>();
+const tell = () => listeners.forEach((listener) => listener());
+
+function listen(listener: () => void) {
+  listeners.add(listener);
+  addEventListener('storage', listener); // another tab has changed it
+  return () => {
+    listeners.delete(listener);
+    removeEventListener('storage', listener);
+  };
+}
+
+function parse(text: string | null, product: string): Guide {
+  try {
+    const guide = text === null ? null : (JSON.parse(text) as Guide);
+    // Another drive has taken the axis's name: its guide begins at the first step.
+    return guide?.version === 1 && guide.product === product ? guide : fresh(product);
+  } catch {
+    return fresh(product);
+  }
+}
+
+export function guideOf(axis: string, product: string): Guide {
+  const text = localStorage.getItem(prefix + axis);
+  const before = known.get(axis);
+  if (before?.text === text && before.guide.product === product) return before.guide;
+  const guide = parse(text, product);
+  known.set(axis, { text, guide });
+  return guide;
+}
+
+export function change(axis: string, product: string, to: (guide: Guide) => Guide): void {
+  const guide = to(guideOf(axis, product));
+  const text = JSON.stringify(guide);
+  try {
+    localStorage.setItem(prefix + axis, text);
+    known.set(axis, { text, guide });
+  } catch {
+    complainOf({ what: 'the browser has no room for the state of the guide', hint: 'delete data of other pages in the browser' });
+  }
+  tell();
+}
+
+export function forgetGuide(axis: string): void {
+  localStorage.removeItem(prefix + axis);
+  tell();
+}
+
+export const useGuide = (axis: string, product: string) => useSyncExternalStore(listen, () => guideOf(axis, product));
+
+export const stepOf = (guide: Guide, step: string): StepState => guide.steps[step] ?? noStep;
+
+export function changeStep(axis: string, product: string, step: string, to: (state: StepState) => StepState): void {
+  change(axis, product, (guide) => ({ ...guide, steps: { ...guide.steps, [step]: to(stepOf(guide, step)) } }));
+}

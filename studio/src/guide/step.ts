@@ -1,0 +1,119 @@
+import type { AxisView, Geometry, HomingMethod, Limits, ObjectEntry, ObjectValue, Units } from '../api/types';
+import type { Gains } from '../model/tuning';
+import type { Channel } from './measured';
+import { fromDrive, fromUser, toDrive, toUser, type Kind, type Mechanics, type Scale } from './mechanics';
+import type { StepState } from './state';
+
+// The form of a row of the table of steps (steps.ts), and what its functions get.
+
+export interface Facts {
+  axis: AxisView;
+  isVirtual: boolean;
+  entries: ReadonlyMap<string, ObjectEntry>; // the dictionary, by address
+  values: Record<string, ObjectValue>; // present values of the objects that the step uses
+  mechanics: Mechanics;
+  scale: Scale | null; // null: the size of the drive's units is not known
+  units: Units | undefined;
+  limits: Limits | undefined;
+  geometry: Geometry | undefined;
+  homing: { methods: HomingMethod[]; index_available?: boolean } | undefined;
+  gains: Gains | undefined;
+  proposed: Record<string, number>; // gains that a measurement has proposed, by object
+}
+
+// A number of the form. It is typed in the user's units, kept in revolutions of the motor or, without a kind, in the
+// drive's own units, and written to each of `objects` that the drive has.
+export interface Field {
+  key: string;
+  label: string;
+  kind?: Kind;
+  unit?: string; // without a kind
+  objects?: string[];
+  usual: number; // NaN: none is proposed
+  minimum?: number; // as kept
+  maximum?: number;
+  options?: (readonly [number, string, string?])[]; // value, text, and why it cannot be chosen
+  mayBeEmpty?: boolean;
+  group?: string; // heading above the field and those that follow
+  isGain?: boolean; // written on its own: a motion can be measured before and after
+}
+
+export type Numbers = (key: string) => number; // as kept
+
+export interface Order extends Record<string, unknown> {
+  do: string;
+}
+
+export interface Motion {
+  id: string;
+  label: string;
+  says: string; // what will move, and how it is limited
+  orders: (numbers: Numbers, facts: Facts) => Order[];
+  enables: boolean; // the job "enable" comes first
+  commands: string[]; // objects that the jobs command
+  mode: number; // of operation, in which the jobs leave the drive
+  reach?: (numbers: Numbers) => number[]; // the farthest places, in revolutions from the present one
+  records?: (numbers: Numbers, facts: Facts) => Records;
+  isMissing?: (facts: Facts) => string; // why this drive cannot do it
+}
+
+export interface Records {
+  channels: Channel[];
+  level: number; // of channel 0, in the drive's units, that triggers
+  duration_ms: number;
+  pre_ms: number;
+  rate_hz: number;
+  request: Record<string, number>; // in the drive's units, for the report
+  sign: number;
+}
+
+export interface Step {
+  id: string;
+  title: string;
+  why: string;
+  reads: string[]; // objects, with sub-index "*" for all
+  view?: 'find' | 'units' | 'inputs' | 'direction' | 'loop' | 'response' | 'homing' | 'store' | 'report';
+  fields?: (facts: Facts, state: StepState) => Field[];
+  motions?: Motion[];
+  lacks?: (facts: Facts) => string; // why the step cannot be done with this drive; empty: it can
+  check: string; // how the step is checked
+  open: (facts: Facts, state: StepState) => string; // what is still to be done; empty: the check has passed
+}
+
+export const placeOf = (object: string): [number, number] => [parseInt(object.slice(0, 4), 16), parseInt(object.slice(5), 16)];
+
+export const has = (facts: Facts, object: string) => facts.entries.has(object);
+
+// The first of several sets of objects that the drive has.
+export const firstOf = (facts: Facts, sets: string[][]) => sets.find((set) => set.every((object) => has(facts, object))) ?? [];
+
+export const keptOf = (state: StepState, fields: Field[]): Numbers => (key) => state.typed[key] ?? fields.find((field) => field.key === key)?.usual ?? NaN;
+
+export interface PlanRow {
+  object: string;
+  name: string;
+  unit: string;
+  before: number;
+  after: number;
+}
+
+const inDrive = ({ scale }: Facts, kind: Kind | undefined, kept: number) => (kind === undefined ? kept : scale ? toDrive(scale, kind, kept) : NaN);
+
+// The values that a step would write: those of its fields that differ from the drive's.
+export function planOf(facts: Facts, fields: Field[], numbers: Numbers): PlanRow[] {
+  const rows: PlanRow[] = [];
+  for (const { key, kind, objects = [] } of fields) {
+    const after = inDrive(facts, kind, numbers(key));
+    for (const object of objects) {
+      const [entry, before] = [facts.entries.get(object), facts.values[object]];
+      if (!entry || typeof before !== 'number' || !Number.isFinite(after) || before === after) continue;
+      rows.push({ object, name: entry.name, unit: entry.unit, before, after });
+    }
+  }
+  return rows;
+}
+
+export const shownUnit = ({ scale }: Facts, { kind, unit = '' }: Field) => (kind === undefined ? unit : (scale?.unit[kind] ?? ''));
+export const toShown = ({ scale }: Facts, kind: Kind | undefined, kept: number) => (kind === undefined ? kept : scale ? toUser(scale, kind, kept) : NaN);
+export const fromShown = ({ scale }: Facts, kind: Kind | undefined, shown: number) => (kind === undefined ? shown : scale ? fromUser(scale, kind, shown) : NaN);
+export const keptFromDrive = ({ scale }: Facts, kind: Kind | undefined, value: number) => (kind === undefined ? value : scale ? fromDrive(scale, kind, value) : NaN);

@@ -1,0 +1,363 @@
+import { cannotHome, proposedMethod } from '../model/homing';
+import { addressOf, namedOf } from '../model/objects';
+import { predict } from '../model/predict';
+import type { StepState } from './state';
+import { firstOf, has, type Facts, type Field, type Motion, type Numbers, type Step } from './step';
+import { toDrive } from './mechanics';
+
+// The guided commissioning: one row for each step. The page (pages/commission.tsx) shows any row by the same rules.
+
+const nothing = () => '';
+
+// Objects that limit the torque, in the order in which a drive's first set is used.
+const torqueLimits = [['6072:00'], ['60E0:00', '60E1:00'], ['6073:00']];
+const torqueOf = (facts: Facts) => firstOf(facts, torqueLimits);
+const factoryOf = (facts: Facts, object: string) => Number(facts.entries.get(object)?.default ?? NaN);
+
+const torqueField = (facts: Facts, share: number, label: string): Field[] => {
+  const objects = torqueOf(facts);
+  if (objects.length === 0) return [];
+  const unit = facts.entries.get(objects[0])?.unit ?? '';
+  return [{ key: 'torque', label, unit, objects, usual: Math.round(factoryOf(facts, objects[0]) * share), minimum: 1, maximum: 65535 }];
+};
+
+const noTorqueLimit = (facts: Facts) =>
+  torqueOf(facts).length > 0 ? '' : `${facts.axis.product} has none of the objects 6072h, 6073h, 60E0h and 60E1h: its torque cannot be limited over the bus.`;
+
+const noScale = ({ scale }: Facts) => (scale ? '' : 'The size of the drive\'s units is not known: complete the step "Units" first.');
+
+// The objects of a profile: the move obeys what the drive has, so the guide writes them and the job does not.
+const profile = (velocity: number, acceleration: number): Field[] => [
+  { key: 'velocity', label: 'Velocity', kind: 'velocity', objects: ['6081:00'], usual: velocity, minimum: 0 },
+  { key: 'acceleration', label: 'Acceleration', kind: 'acceleration', objects: ['6083:00', '6084:00'], usual: acceleration, minimum: 0 },
+];
+
+// `most`: the drive's limit in its units, null: none.
+function within(facts: Facts, kind: 'velocity' | 'acceleration', usual: number): number {
+  const limits = facts.limits;
+  const most = kind === 'velocity' ? limits?.velocity : Math.min(limits?.acceleration ?? Infinity, limits?.deceleration ?? Infinity);
+  return most && facts.scale && Number.isFinite(most) ? Math.min(usual, Math.floor((9 * most) / facts.scale.drive[kind]) / 10) : usual;
+}
+
+const seconds = (numbers: Numbers, distance: number) =>
+  predict({ velocity: numbers('velocity'), acceleration: numbers('acceleration'), velocity_scale: 1, distance })?.total_s ?? 1;
+
+// A move that is recorded, from a little before its start to a little after its end.
+const moves = (id: string, label: string, says: string, back: boolean): Motion => ({
+  id,
+  label,
+  says,
+  enables: true,
+  commands: ['6040:00', '6060:00', '607A:00'],
+  mode: 1,
+  reach: (numbers) => [numbers('distance')],
+  orders: (numbers, { scale }) => {
+    const by = scale ? toDrive(scale, 'position', numbers('distance')) : NaN;
+    const there = { do: 'move', by };
+    return back ? Array.from({ length: Math.max(1, Math.round(numbers('times') || 1)) }, () => [there, { do: 'move', by: -by }]).flat() : [there];
+  },
+  records: (numbers, { scale, isVirtual }) => {
+    const distance = numbers('distance');
+    const drive = (kind: 'position' | 'velocity' | 'acceleration', value: number) => (scale ? toDrive(scale, kind, value) : NaN);
+    const total_ms = 1000 * seconds(numbers, distance);
+    return {
+      // The recording triggers at a twentieth of the speed.
+      channels: [
+        { object: '606C:00', name: 'velocity', kind: 'velocity', role: 'velocity' },
+        { object: '6064:00', name: 'position', kind: 'position', role: 'response' },
+        { signal: 'following_error', name: 'following error', kind: 'position', role: 'error' },
+      ],
+      level: Math.sign(distance) * drive('velocity', numbers('velocity')) * 0.05,
+      sign: Math.sign(distance),
+      pre_ms: Math.round(0.15 * total_ms) + 20,
+      duration_ms: Math.round(1.5 * total_ms) + 60,
+      rate_hz: isVirtual ? 1000 : 100,
+      request: { by: drive('position', distance), velocity: drive('velocity', numbers('velocity')), acceleration: drive('acceleration', numbers('acceleration')) },
+    };
+  },
+});
+
+const stepOfVelocity: Motion = {
+  id: 'step',
+  label: 'Measure a step',
+  says: 'The axis runs at the step\'s velocity for the given time, then stands. Without cyclic synchronous velocity the job makes the ramps 6083h and 6084h steep meanwhile and restores them.',
+  enables: true,
+  commands: ['6040:00', '6060:00', '60FF:00'],
+  mode: 3,
+  reach: (numbers) => [numbers('amplitude') * numbers('seconds') * 1.2],
+  orders: (numbers, { scale }) => [{
+    do: 'step', of: 'velocity', amplitude: scale ? toDrive(scale, 'velocity', numbers('amplitude')) : NaN, seconds: numbers('seconds'),
+    travel: scale ? toDrive(scale, 'position', Math.abs(numbers('amplitude')) * numbers('seconds') * 2 + 0.1) : NaN,
+  }],
+  records: (numbers, { scale, isVirtual }) => {
+    const amplitude = scale ? toDrive(scale, 'velocity', numbers('amplitude')) : NaN;
+    return {
+      channels: [
+        { object: '60FF:00', name: 'target', kind: 'velocity', role: 'demand' },
+        { object: '606C:00', name: 'velocity', kind: 'velocity', role: 'response' },
+      ],
+      level: amplitude / 2,
+      sign: Math.sign(amplitude),
+      pre_ms: Math.round(numbers('seconds') * 120),
+      duration_ms: Math.round(numbers('seconds') * 1090),
+      rate_hz: isVirtual ? 4000 : 100,
+      request: { amplitude },
+    };
+  },
+};
+
+const tune: Motion = {
+  id: 'tune',
+  label: 'Measure the loop and propose gains',
+  says: 'The axis moves slowly forward and back with a small test signal. Nothing is written: the proposed gains appear below. The axis is disabled at the end.',
+  enables: false,
+  commands: ['6040:00', '6060:00', '60FF:00'],
+  mode: 3,
+  reach: (numbers) => [numbers('travel')],
+  orders: (numbers) => [{
+    do: 'tune', apply: false, travel: numbers('travel'), torque_percent: numbers('percent'), seconds: 4,
+    ...(Number.isFinite(numbers('bandwidth')) ? { bandwidth_hz: numbers('bandwidth') } : {}),
+  }],
+  isMissing: ({ gains, axis, entries }) =>
+    gains && !gains.measures ? 'The measurement needs process data at a fixed rate, which this connection does not have.'
+    : gains && !gains.writes && !entries.has('6076:00') ? `${axis.product} has no object 6076h (rated torque), which the measurement needs: measure a step instead.`
+    : '',
+};
+
+// The API explains the position gain of every product with this sentence (docs/bench-api.md, "gains").
+const isPositionGain = (does: string) => does.startsWith('the axis reaches its target sooner');
+
+// The proposed gains, or else the first set that the drive has: the position gains, or all others.
+function gainFields(facts: Facts, position: boolean): Field[] {
+  const gains = (facts.gains?.gains ?? []).filter(({ object }) => has(facts, object));
+  const { proposed } = facts;
+  const wanted = gains.filter(({ does }) => isPositionGain(does) === position);
+  const named = wanted.filter(({ object }) => object in proposed);
+  const first = wanted.filter(({ set }) => set === wanted[0]?.set);
+  return (named.length > 0 ? named : first).map(({ object }, i) => {
+    const entry = facts.entries.get(object);
+    const now = facts.values[object];
+    return {
+      ...(i === 0 ? { group: 'Gains of the drive' } : {}), key: object, label: entry?.name ?? object, unit: entry?.unit ?? '', objects: [object],
+      usual: proposed[object] ?? (typeof now === 'number' ? now : NaN), minimum: entry?.minimum ?? undefined, maximum: entry?.maximum ?? undefined, isGain: true,
+    } as Field;
+  });
+}
+
+export const noGains = (facts: Facts) =>
+  facts.gains && facts.gains.gains.filter(({ object }) => has(facts, object)).length === 0
+    ? `The manual of ${facts.axis.product} documents no gains: there are none to write. The loop can be measured.`
+    : '';
+
+// 607Dh by the names of its sub-indices, since makers exchange them.
+function softLimits(facts: Facts): Field[] {
+  const ends = [['lowest', 'Lowest position', /negative|min/i], ['highest', 'Highest position', /positive|max/i]] as const;
+  return ends.flatMap(([key, label, name]) => {
+    const entry = ['607D:01', '607D:02'].map((object) => facts.entries.get(object)).find((each) => each && name.test(each.name));
+    if (!entry) return [];
+    return [{ key, label, kind: 'position' as const, objects: [addressOf(entry)], usual: softLimit(facts, key) }];
+  });
+}
+
+const margin = 0.25; // revolutions between a soft limit and the switch or stop
+
+// Inside the limit switch or the stop, as a position of 6064h. NaN: the travel is not known.
+function softLimit({ geometry, axis, scale, units }: Facts, end: 'lowest' | 'highest'): number {
+  const turn = geometry?.index_every;
+  const perTurn = units?.position_per_revolution;
+  const mark = end === 'lowest' ? (geometry?.negative_limit ?? geometry?.negative_stop) : (geometry?.positive_limit ?? geometry?.positive_stop);
+  if (!turn || !perTurn || !scale || mark === null || mark === undefined || axis.position_actual === undefined) return NaN;
+  const at = axis.position_actual / perTurn + (mark - axis.position_counts) / turn;
+  const inside = at + (end === 'lowest' ? margin : -margin);
+  return Math.round(inside * 100) / 100;
+}
+
+function homingFields(facts: Facts): Field[] {
+  const { methods = [], index_available } = facts.homing ?? {};
+  const reason = (each: (typeof methods)[number]) => cannotHome(each, facts.geometry, index_available);
+  const possible = methods.filter(({ supported }) => supported).sort((a, b) => Number(reason(a) !== '') - Number(reason(b) !== ''));
+  const usual = proposedMethod(possible, facts.geometry, index_available)?.method ?? NaN;
+  const text = (each: (typeof methods)[number]) => `${each.method}: ${each.legs.map(({ direction, until }) => `${direction} to ${until.replaceAll('_', ' ')}`).join(', ') || 'at the present position'}`;
+  return [
+    { key: 'method', label: 'Method', objects: ['6098:00'], usual, options: possible.map((each) => [each.method, text(each), reason(each)] as const) },
+    { key: 'fast', label: 'Speed during search for switch', kind: 'velocity', objects: ['6099:01'], usual: within(facts, 'velocity', 2), minimum: 0 },
+    { key: 'slow', label: 'Speed during search for zero', kind: 'velocity', objects: ['6099:02'], usual: 0.5, minimum: 0 },
+    { key: 'acceleration', label: 'Acceleration', kind: 'acceleration', objects: ['609A:00'], usual: within(facts, 'acceleration', 20), minimum: 0 },
+  ];
+}
+
+// The direction of counting: CiA 402 has bits 7 and 6 of 607Eh, a drive whose 607Eh is 0 or 1 has one bit.
+function polarity(facts: Facts, state: StepState): Field[] {
+  const entry = facts.entries.get('607E:00');
+  if (!entry || state.found.way !== 'wrong') return [];
+  const one = entry.maximum === 1 ? 1 : 0xc0;
+  const now = facts.values['607E:00'];
+  const asked = state.typed.polarity ?? (typeof now === 'number' ? now ^ one : one);
+  return [{ key: 'polarity', label: 'Polarity (607Eh)', objects: ['607E:00'], usual: asked, options: [[0, '0: as delivered'], [one, `${one}: reversed`]] }];
+}
+
+function inputFields({ entries, values }: Facts): Field[] {
+  return [...entries.entries()].filter(([, { terminal, access }]) => terminal === 'Functions of the inputs' && access.includes('w')).map(([object, entry], i) => {
+    const now = values[object];
+    const choices = namedOf(entry.enumeration);
+    const present = typeof now === 'number' ? now : NaN;
+    const known = choices.some(({ value }) => value === present) || !Number.isFinite(present);
+    return {
+      ...(i === 0 ? { group: 'Functions of the inputs' } : {}),
+      key: object, label: entry.name, unit: entry.unit, objects: [object], usual: present, minimum: entry.minimum ?? undefined, maximum: entry.maximum ?? undefined,
+      ...(choices.length > 0 ? { options: [...choices.map(({ value, name }) => [value, `${value}: ${name}`] as const), ...(known ? [] : [[present, String(present)] as const])] } : {}),
+    } as Field;
+  });
+}
+
+// Inputs that the machine's switches are wired to.
+export const wiredInputs = ({ geometry }: Facts) => [...new Set(Object.values(geometry?.inputs ?? {}).map(String))];
+
+const isMeasured = (state: StepState) => (state.found.first || state.found.last ? '' : 'No measurement yet.');
+
+export const steps: Step[] = [
+  {
+    id: 'find', title: 'Find the drive', view: 'find', reads: ['1000:00'],
+    why: 'A drive that answers on its bus can be commissioned. The list has the drives of this line, or those that the studio found on its buses when it started: the API has no later bus scan.',
+    check: 'The drive has power and answers.',
+    open: ({ axis }) => (axis.powered && !axis.problem ? '' : 'The drive does not answer.'),
+  },
+  {
+    id: 'identify', title: 'Identify', reads: ['1008:00', '1009:00', '100A:00', '1018:01', '1018:02', '1018:03', '1018:04', '6402:00', '6075:00', '6076:00', '608F:01', '608F:02', '6410:03', '6410:0B', '607F:00', '6080:00', '60C5:00', '60C6:00', '6502:00'],
+    why: 'Compare product, motor, encoder and limits with the nameplate before anything moves: a wrong motor or encoder shows here first.',
+    check: 'The objects are read; compare them with the nameplate.',
+    open: ({ values }) => (Object.values(values).some((value) => value !== null) ? '' : 'Nothing has been read yet.'),
+  },
+  {
+    id: 'units', title: 'Units', view: 'units', reads: ['608F:*', '6091:*', '6092:*', '6093:*', '6094:*', '6096:*', '6097:*'],
+    why: 'Positions and speeds are shown in the units of the machine from here on. They are kept in this browser; the factors in the drive stay as they are.',
+    check: 'The drive\'s units per revolution are known.',
+    open: noScale,
+  },
+  {
+    id: 'inputs', title: 'Inputs and switches', view: 'inputs', reads: ['60FD:00'], fields: inputFields,
+    why: 'Press every switch, or force its input here, and see the drive react. A limit switch that does not react cannot stop the axis.',
+    check: 'Every wired input was seen at both levels.',
+    open: (facts, { found }) => {
+      const missing = wiredInputs(facts).filter((input) => !found.seen?.[input]?.every(Boolean));
+      return missing.length === 0 ? '' : `Not seen at both levels yet: ${missing.join(', ')}.`;
+    },
+  },
+  {
+    id: 'direction', title: 'Direction and encoder', view: 'direction', reads: ['6061:00', '6064:00'],
+    why: 'A small, slow move with little torque shows the direction and that the encoder counts as far as the shaft turns.',
+    fields: (facts, state) => [
+      { key: 'distance', label: 'Distance', kind: 'position', usual: 0.1 },
+      ...profile(within(facts, 'velocity', 0.5), within(facts, 'acceleration', 5)),
+      ...torqueField(facts, 0.2, 'Torque limit during the move'),
+      ...polarity(facts, state),
+    ],
+    lacks: noScale,
+    motions: [moves('move', 'Make the small move', 'One move by the distance, at the velocity and with the torque limit above. Abort halts it.', false)],
+    check: '6064h moved by the distance, and the machine moved the right way.',
+    open: (_, { found: { moved, way } }) => {
+      if (!moved) return 'The small move has not been made yet.';
+      if (Math.abs(moved.drive - moved.asked) > 0.02 + 0.02 * Math.abs(moved.asked)) return '6064h did not move by the distance: check the encoder and the units.';
+      if (moved.shaft !== null && Math.abs(Math.abs(moved.shaft) - Math.abs(moved.drive)) > 0.02) return 'The shaft turned by another angle than 6064h: check the encoder\'s resolution.';
+      return way === 'right' ? '' : way === 'wrong' ? 'Reverse the polarity, move again, and look again.' : 'Say which way the machine moved.';
+    },
+  },
+  {
+    id: 'torque', title: 'Torque limit', reads: ['6072:00', '6073:00', '60E0:00', '60E1:00', '6075:00', '6076:00'],
+    why: 'The greatest torque protects the machine from a collision. The step before left a low limit; this is the one to work with. Proposed is the factory value.',
+    fields: (facts) => torqueField(facts, 1, 'Torque or current limit'),
+    lacks: noTorqueLimit,
+    check: 'The drive has the limit.',
+    open: nothing,
+  },
+  {
+    id: 'velocity', title: 'Velocity loop', view: 'loop', reads: [],
+    why: 'The velocity loop decides how stiff and how fast the axis is. Measure a step and the loop, write the proposed gains, then measure both again.',
+    fields: (facts) => [
+      { key: 'amplitude', label: 'Velocity of the step', kind: 'velocity', usual: within(facts, 'velocity', 1) },
+      { key: 'seconds', label: 'Duration of the step', unit: 's', usual: 0.2, minimum: 0.02, maximum: 2 },
+      { key: 'travel', label: 'Travel of the measurement', unit: 'motor rev', usual: 3, minimum: 0.5, maximum: 1000 },
+      { key: 'percent', label: 'Torque limit of the measurement', unit: '% of rated', usual: 60, minimum: 1, maximum: 300 },
+      { key: 'bandwidth', label: 'Target bandwidth (blank: 60 % of the maximum)', unit: 'Hz', usual: NaN, minimum: 1, maximum: 1000, mayBeEmpty: true },
+      ...gainFields(facts, false),
+    ],
+    lacks: noScale,
+    motions: [stepOfVelocity, tune],
+    check: 'A step is measured; after new gains, again.',
+    open: (_, state) => isMeasured(state),
+  },
+  {
+    id: 'position', title: 'Position loop', view: 'response', reads: [],
+    why: 'The position gain decides how closely the axis follows its target. A higher gain leaves less following error; above about a third of the velocity loop\'s bandwidth the axis oscillates.',
+    fields: (facts) => [
+      { key: 'distance', label: 'Distance', kind: 'position', usual: 0.5 },
+      ...profile(within(facts, 'velocity', 2), within(facts, 'acceleration', 20)),
+      ...gainFields(facts, true),
+    ],
+    lacks: noScale,
+    motions: [moves('move', 'Measure a move', 'One move by the distance; position and following error are recorded.', false)],
+    check: 'A move is measured; after a new gain, again.',
+    open: (_, state) => isMeasured(state),
+  },
+  {
+    id: 'homing', title: 'Homing', view: 'homing', reads: ['607C:00', '6064:00'],
+    why: 'Homing gives the position its zero. The drawing shows the way of the method over this machine\'s switches.',
+    fields: homingFields,
+    lacks: (facts) => noScale(facts) || (facts.homing && facts.homing.methods.every(({ supported }) => !supported) ? `${facts.axis.product} has no homing method.` : ''),
+    motions: [{
+      id: 'home', label: 'Home', enables: true, commands: ['6040:00', '6060:00'], mode: 6, orders: () => [{ do: 'home' }],
+      says: 'The axis follows the drawing at the speeds above and stops at a limit switch that the method does not use.',
+    }],
+    check: 'The drive reports home, and the axis stands.',
+    open: ({ axis }, { found }) => (found.homedBy !== undefined && axis.homed !== false ? '' : 'The axis has not been homed here yet.'),
+  },
+  {
+    id: 'limits', title: 'Soft limits', reads: ['607D:*'],
+    why: 'The drive goes to no target beyond its soft limits. They count from the zero that homing has set, and lie inside the limit switches.',
+    fields: softLimits,
+    lacks: (facts) => noScale(facts) || (softLimits(facts).length === 2 ? '' : `${facts.axis.product} has no object 607Dh (software position limit): only switches and stops end its travel.`),
+    check: 'The drive has the limits.',
+    open: nothing,
+  },
+  {
+    id: 'cycle', title: 'First cycle', view: 'response', reads: [],
+    why: 'There and back at working speed: the first cycle of the machine. The recorded way there is what the report states.',
+    fields: (facts) => [
+      { key: 'distance', label: 'Distance', kind: 'position', usual: 2 },
+      ...profile(within(facts, 'velocity', 5), within(facts, 'acceleration', 50)),
+      { key: 'times', label: 'Cycles', usual: 1, minimum: 1, maximum: 100 },
+    ],
+    lacks: noScale,
+    motions: [moves('move', 'There and back', 'The axis moves by the distance and returns, for the given number of cycles. Abort halts it.', true)],
+    check: 'The axis is back where it began.',
+    open: (_, state) => isMeasured(state) || (state.found.moved && Math.abs(state.found.moved.drive) > 0.01 ? 'The axis did not return to its start.' : ''),
+  },
+  {
+    id: 'store', title: 'Store', view: 'store', reads: ['1010:01'],
+    why: 'The written values act at once, and are lost at power-off unless the drive stores them. The guide can undo a value, not a storing: after an undo, store again.',
+    check: 'The drive has stored its parameters.',
+    open: (_, { found }) => (found.stored ? '' : 'Not stored yet.'),
+  },
+  {
+    id: 'report', title: 'Report', view: 'report', reads: [],
+    why: 'Everything that was done and measured, on one page: to save as a file, or to print as PDF.',
+    check: 'The report is saved with the machine\'s papers.',
+    open: nothing,
+  },
+];
+
+export const fieldsOf = (step: Step, facts: Facts, state: StepState): Field[] => step.fields?.(facts, state) ?? [];
+
+// The objects that a step shows or writes and this drive has; and those of the table that it lacks.
+export function objectsOf(step: Step, facts: Facts, fields: Field[]): { shown: string[]; absent: string[]; all: string[] } {
+  const shown: string[] = [];
+  const absent: string[] = [];
+  for (const object of step.reads) {
+    const found = object.endsWith('*') ? [...facts.entries.keys()].filter((each) => each.startsWith(object.slice(0, 5)) && each.slice(5) !== '00') : has(facts, object) ? [object] : [];
+    if (found.length === 0) absent.push(object.replace(':*', '').replace(':00', ''));
+    shown.push(...found);
+  }
+  const written = fields.flatMap(({ objects = [] }) => objects.filter((object) => has(facts, object)));
+  const commanded = (step.motions ?? []).flatMap(({ commands }) => commands.filter((object) => has(facts, object)));
+  return { shown, absent, all: [...new Set([...shown, ...written, ...commanded])] };
+}

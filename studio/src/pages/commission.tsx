@@ -1,0 +1,165 @@
+import { useEffect, useRef, type ComponentType } from 'react';
+import type { AxisView } from '../api/types';
+import { adopt } from '../guide/actions';
+import { useFacts } from '../guide/facts';
+import '../guide/guide.css';
+import { canUndo, Form, JournalPanel, markOf, MotionBox, Plan, Readings, undoStep } from '../guide/parts';
+import { ReportView } from '../guide/report';
+import { changeStep, forgetGuide, stepOf, useGuide, type Guide, type StepState } from '../guide/state';
+import { keptOf, planOf, type Step } from '../guide/step';
+import { fieldsOf, objectsOf, steps } from '../guide/steps';
+import { DirectionView, FindView, HomingView, InputsView, LoopView, releaseInputs, ResponseView, StoreView, UnitsView, type ViewProps } from '../guide/views';
+import { attempt, complain } from '../notices';
+import { AxisTabs, usePageAxis } from '../parts/axis_tabs';
+import { Button, Link } from '../parts/controls';
+import { NumberForm } from '../parts/number_input';
+import { StateChip } from '../parts/state';
+import { Travel } from '../parts/travel';
+import { go, useRoute } from '../route';
+import { useAxis, useLine } from '../store';
+import { Commands } from './line';
+
+// The guided commissioning of an axis: a step of the table (guide/steps.ts) at a time, in any order.
+
+export function CommissionPage() {
+  const { name: asked } = useRoute();
+  const name = usePageAxis(asked);
+  const axis = useAxis(name);
+  if (!axis) return null;
+  return (
+    <>
+      <AxisTabs page="commission" name={name} />
+      <GuideOf key={`${name} ${axis.product}`} axis={axis} />
+    </>
+  );
+}
+
+const views: Record<NonNullable<Step['view']>, ComponentType<ViewProps>> = {
+  find: FindView, units: UnitsView, inputs: InputsView, direction: DirectionView, loop: LoopView, response: ResponseView, homing: HomingView, store: StoreView, report: ReportView,
+};
+
+const addressOf = (axis: AxisView, step: Step | undefined) => `/commission/${encodeURIComponent(axis.name)}?step=${step?.id ?? ''}`;
+
+function GuideOf({ axis }: { axis: AxisView }) {
+  const guide = useGuide(axis.name, axis.product);
+  const { query } = useRoute();
+  const asked = steps.find(({ id }) => id === query.get('step'));
+  // Without a step in the address the guide goes on where it was left.
+  const step = asked ?? steps.find((each) => markOf(guide, each) === undefined) ?? steps[0];
+  return (
+    <div className="guide">
+      <StepList axis={axis} guide={guide} step={step} />
+      <StepPanel key={step.id} axis={axis} guide={guide} step={step} />
+    </div>
+  );
+}
+
+function StepList({ axis, guide, step }: { axis: AxisView; guide: Guide; step: Step }) {
+  const count = steps.filter((each) => markOf(guide, each)).length;
+  return (
+    <nav className="panel guide-steps" aria-label="Steps of the commissioning">
+      <header><h2>Commissioning</h2><span className="quiet">{count} of {steps.length}</span></header>
+      <ol>
+        {steps.map((each, i) => {
+          const mark = markOf(guide, each);
+          return (
+            <li key={each.id}>
+              <Link to={addressOf(axis, each)} className={mark ?? ''} {...(each === step ? { 'aria-current': 'step' as const } : {})}>
+                <span className="number">{mark === 'done' ? '✓' : mark === 'skipped' ? '–' : i + 1}</span> {each.title}
+                {mark && <span className="unseen"> ({mark})</span>}
+              </Link>
+            </li>
+          );
+        })}
+      </ol>
+      <Button kind="bare" isDisabled={guide.journal.length > 0 || guide.run?.state === 'running'} onPress={() => { forgetGuide(axis.name); go(addressOf(axis, steps[0])); }}>Begin again</Button>
+      {guide.journal.length > 0 && <p className="quiet">To begin again, undo the written values first.</p>}
+    </nav>
+  );
+}
+
+// Why nothing may be written or moved now; empty: it may.
+function hindranceOf(axis: AxisView, isBusy: boolean): string {
+  if (!axis.powered) return 'The drive has no power.';
+  if (axis.problem) return `The drive does not answer: ${axis.problem.what}`;
+  const state = axis.state ?? '';
+  if (state.startsWith('fault')) return 'The drive has a fault: clear it first.';
+  return isBusy ? 'The axis is busy: wait until its job has ended.' : '';
+}
+
+function StepPanel({ axis, guide, step }: { axis: AxisView; guide: Guide; step: Step }) {
+  const { facts, again } = useFacts(axis, guide, step);
+  const state = stepOf(guide, step.id);
+  const isBusy = useLine((line) => line.jobs[axis.name]?.state === 'running') || guide.run?.state === 'running';
+  const present = useRef(facts);
+  present.current = facts;
+  const hasScale = facts.scale !== null;
+  useEffect(() => (hasScale ? adopt(present.current) : undefined), [hasScale]);
+
+  const fields = fieldsOf(step, facts, state);
+  const numbers = keptOf(state, fields);
+  const { shown, absent } = objectsOf(step, facts, fields);
+  const plan = planOf(facts, fields.filter(({ isGain }) => !isGain), numbers);
+  const gains = planOf(facts, fields.filter(({ isGain }) => isGain), numbers);
+  const lacks = facts.entries.size > 0 ? (step.lacks?.(facts) ?? '') : '';
+  const reason = hindranceOf(axis, isBusy);
+  const open = step.open(facts, state);
+  const View = step.view ? views[step.view] : null;
+  const next = steps[steps.indexOf(step) + 1] as Step | undefined;
+  const leave = (mark: StepState['mark']) => {
+    changeStep(axis.name, axis.product, step.id, (now) => ({ ...now, ...(mark ? { mark } : {}) }));
+    if (step.id === 'inputs' && facts.isVirtual) void releaseInputs(axis.name).catch(complain);
+    if (next) go(addressOf(axis, next));
+  };
+  const props: ViewProps = { facts, step, state, numbers, guide };
+  return (
+    <div className="column guide-step">
+      <section className="panel" aria-label={step.title}>
+        <header>
+          <h2>{step.title}</h2>
+          <StateChip state={axis.state} powered={axis.powered} />
+          <span className="guide-head buttons"><Commands axis={axis} /></span>
+        </header>
+        <p className="guide-why no-print">{step.why}</p>
+        {facts.geometry && step.motions && <Travel axis={axis} geometry={facts.geometry} />}
+        <FaultLine axis={axis} />
+        {lacks && <p className="warning" role="note">{lacks} Go on with the next step.</p>}
+        <Readings facts={facts} shown={shown} absent={absent} />
+        {lacks === '' && (
+          <NumberForm>
+            {step.view === 'inputs' && View && <View {...props} />}
+            <Form facts={facts} step={step} fields={fields} numbers={numbers} />
+            <Plan facts={facts} step={step} plan={plan} label="Values to write" isBusy={reason !== ''} again={again} />
+            <Plan facts={facts} step={step} plan={gains} label="Gains to write" isBusy={reason !== ''} again={again} />
+            {fields.length > 0 && plan.length + gains.length === 0 && facts.entries.size > 0 && <p className="quiet note" role="status">The drive has these values: nothing is to be written.</p>}
+            {step.motions?.map((motion) => (
+              <MotionBox
+                key={motion.id} facts={facts} step={step} motion={motion} numbers={numbers} fields={fields} guide={guide}
+                reasonBefore={reason || (plan.length > 0 ? 'Write the values above first, so that the motion uses them.' : '')}
+              />
+            ))}
+            {step.view !== 'inputs' && View && <View {...props} />}
+          </NumberForm>
+        )}
+        <p className={`no-print guide-check ${open ? '' : 'passed'}`} role="status">{lacks ? 'This step cannot be done with this drive.' : open || `✓ ${step.check}`}</p>
+        <div className="buttons no-print">
+          {canUndo(guide, step) && <Button isDisabled={reason !== ''} onPress={() => attempt(() => undoStep(axis, step).finally(again))}>Undo this step</Button>}
+          <Button onPress={() => leave('skipped')}>{next ? 'Skip' : 'Skip the report'}</Button>
+          {!lacks && <Button kind="main" isDisabled={open !== '' || isBusy} onPress={() => leave('done')}>{next ? 'Done, next step' : 'Done'}</Button>}
+        </div>
+      </section>
+      <JournalPanel facts={facts} guide={guide} isBusy={reason !== ''} again={again} />
+    </div>
+  );
+}
+
+function FaultLine({ axis }: { axis: AxisView }) {
+  const faults = axis.faults ?? [];
+  if (faults.length === 0) return null;
+  return (
+    <p className="trouble" role="alert">
+      {faults.map(({ code, name }) => `${code.replace('0x', '')}h ${name}`).join('; ')}
+      <span className="hint"><Link to={`/faults/${encodeURIComponent(axis.name)}`}>Cause and remedy</Link></span>
+    </p>
+  );
+}

@@ -1,0 +1,177 @@
+import { execFile } from 'node:child_process';
+import { readFileSync } from 'node:fs';
+import { fileURLToPath } from 'node:url';
+import { promisify } from 'node:util';
+import type { Page } from '@playwright/test';
+import { accessible } from './accessible';
+import { choose, expect, panel, test as base, type } from './fixtures';
+import { axes, Line, lineFile } from './line';
+
+// The guided commissioning, in virtual time at many times the real one: the same to the last bit on any machine.
+
+const test = base.extend({
+  line: async ({ page: _ }, use) => {
+    const line = await new Line(lineFile('virtual'), ['can0=socketcand:127.0.0.1:0/can0', 'ecat=udp:127.0.0.1:0']).start();
+    await line.call('PUT', '/clock', { speed: 20 });
+    await use(line);
+    await line.end();
+  },
+});
+
+interface View {
+  state: string;
+  homed: boolean;
+  mode: number;
+  position_counts: number;
+  velocity_rpm: number;
+}
+
+interface Job {
+  id: number;
+  do: string;
+  state: string;
+}
+
+interface Stated {
+  cycle: Record<string, number>;
+  step: Record<string, number>;
+}
+
+const next = (page: Page) => page.getByRole('button', { name: 'Done, next step' });
+const figures = (page: Page) => page.getByRole('table', { name: 'Measured, before and after' });
+const plan = (page: Page) => page.getByRole('table', { name: 'Values to write' });
+const object = async (line: Line, axis: string, address: string) => (await line.call<{ value: number }>('GET', `/axes/${axis}/objects/${address}`)).value;
+const slow = { timeout: 90_000 };
+
+async function write(page: Page, title: string) {
+  await panel(page, title).getByRole('button', { name: /^Write th/ }).click();
+  await expect(panel(page, title).getByText('nothing is to be written')).toBeVisible();
+}
+
+async function inputs(page: Page) {
+  for (const row of await page.getByRole('group', { name: /^Force DI/ }).all()) {
+    const seen = page.getByRole('row', { name: new RegExp(`^${(await row.getAttribute('aria-label'))!.slice(6)} `) }).getByRole('cell');
+    await row.getByRole('button', { name: '0' }).click();
+    await expect(seen.nth(2)).toHaveText('✓');
+    await row.getByRole('button', { name: '1' }).click();
+    await expect(seen.nth(3)).toHaveText('✓');
+  }
+}
+
+const values = async (page: Page, row: RegExp) => (await figures(page).getByRole('row', { name: row }).getByRole('cell').allTextContents()).map(Number);
+
+// What a drive of the line cannot do, and by which method it homes.
+const product: Record<string, { tunes: 'proposed' | 'by hand' | 'not'; home: RegExp; limits: boolean; torque: boolean }> = {
+  ismc: { tunes: 'not', home: /^7: /, limits: true, torque: true },
+  reference: { tunes: 'proposed', home: /^7: /, limits: true, torque: true },
+  pronet: { tunes: 'not', home: /^20: /, limits: false, torque: false },
+  ismk: { tunes: 'proposed', home: /^33: /, limits: true, torque: true },
+  jmc: { tunes: 'by hand', home: /^7: /, limits: true, torque: true },
+};
+
+for (const { name, counts } of axes) {
+  const { tunes, home, limits, torque } = product[name];
+  test(`takes ${name} from the factory to a tuned, homed, cycling axis`, async ({ page, open, line, picture }) => {
+    test.setTimeout(300_000);
+    const factory = await line.call<{ differences: unknown[] }>('GET', `/axes/${name}/parameters/diff`);
+    await open(`/commission/${name}`);
+    for (const title of ['Find the drive', 'Identify', 'Units']) {
+      await expect(panel(page, title)).toBeVisible();
+      await next(page).click();
+    }
+    await inputs(page);
+    await next(page).click();
+    const level = await line.call<{ inputs: Record<string, { forced: boolean }> }>('GET', `/axes/${name}/inputs`);
+    expect(Object.values(level.inputs).filter(({ forced }) => forced)).toEqual([]);
+
+    // Nothing is written before it was shown: the drive has its factory values up to here.
+    expect((await line.call<{ differences: unknown[] }>('GET', `/axes/${name}/parameters/diff`)).differences).toEqual(factory.differences);
+    await expect(page.getByRole('button', { name: 'Make the small move' })).toBeDisabled();
+    await write(page, 'Direction and encoder');
+    await page.getByRole('button', { name: 'Make the small move' }).click();
+    await page.getByRole('button', { name: 'The right way' }).click(slow);
+    await picture(`guide-direction-${name}`);
+    await next(page).click();
+
+    await expect(panel(page, 'Torque limit')).toBeVisible();
+    if (torque) {
+      await write(page, 'Torque limit');
+      await next(page).click();
+    } else {
+      await expect(page.getByText('its torque cannot be limited over the bus')).toBeVisible();
+      await page.getByRole('button', { name: 'Skip' }).click();
+    }
+
+    await page.getByRole('button', { name: 'Measure a step' }).click();
+    await expect(figures(page)).toBeVisible(slow);
+    const [before] = await values(page, /^Rise time/);
+    if (tunes === 'proposed') {
+      await page.getByRole('button', { name: 'Measure the loop and propose gains' }).click();
+      await expect(page.getByText('The proposed gains are in the form')).toBeVisible(slow);
+      await write(page, 'Velocity loop');
+      await page.getByRole('button', { name: 'Measure a step' }).click();
+      await expect.poll(async () => (await values(page, /^Rise time/))[2], slow).toBeLessThan(before);
+      await page.getByRole('button', { name: 'Measure the loop and propose gains' }).click();
+      await expect.poll(async () => (await values(page, /^Bandwidth/))[2], slow).toBeGreaterThan(0);
+      const [, predicted, after] = await values(page, /^Bandwidth/);
+      expect(Math.abs(after / predicted - 1)).toBeLessThan(0.15);
+    } else if (tunes === 'by hand') {
+      await type(page, 'P01-03 Rigidity', 18, panel(page, 'Velocity loop'));
+      await write(page, 'Velocity loop');
+      await page.getByRole('button', { name: 'Measure a step' }).click();
+      await expect.poll(async () => (await values(page, /^Rise time/))[2], slow).toBeLessThan(before);
+    } else {
+      await expect(page.getByText('documents no gains')).toBeVisible();
+    }
+    await picture(`guide-velocity-${name}`);
+    await next(page).click();
+
+    await write(page, 'Position loop');
+    await page.getByRole('button', { name: 'Measure a move' }).click();
+    await expect(figures(page)).toBeVisible(slow);
+    await picture(`guide-position-${name}`);
+    await next(page).click();
+
+    await choose(page, /Method/, home);
+    await write(page, 'Homing');
+    await page.getByRole('button', { name: 'Home', exact: true }).click();
+    await expect(page.getByText('✓ The drive reports home')).toBeVisible(slow);
+    expect((await line.call<View>('GET', `/axes/${name}`)).homed).toBe(true);
+    await picture(`guide-homing-${name}`);
+    await next(page).click();
+
+    await expect(panel(page, 'Soft limits')).toBeVisible();
+    if (limits) {
+      await write(page, 'Soft limits');
+      await picture(`guide-limits-${name}`);
+      await next(page).click();
+    } else {
+      await expect(page.getByText('has no object 607Dh')).toBeVisible();
+      await page.getByRole('button', { name: 'Skip' }).click();
+    }
+
+    await type(page, 'Cycles', 2);
+    await write(page, 'First cycle');
+    await page.getByRole('button', { name: 'There and back' }).click();
+    await expect(page.getByText('✓ The axis is back where it began')).toBeVisible(slow);
+    await picture(`guide-cycle-${name}`);
+    const jobs = (await line.call<{ jobs: (Job & { axis: string })[] }>('GET', '/jobs')).jobs.filter((job) => job.axis === name).slice(-5);
+    expect(jobs.map((job) => `${job.do} ${job.state}`)).toEqual(['enable done', ...Array<string>(4).fill('move done')]);
+    await next(page).click();
+    await page.getByRole('button', { name: 'Disable' }).click();
+    await page.getByText('Store the present values of the drive').click();
+    await page.getByRole('button', { name: 'Store in the drive' }).click();
+    await next(page).click();
+
+    const saving = page.waitForEvent('download');
+    await page.getByRole('button', { name: 'Save as a file' }).click();
+    const file = await (await saving).path();
+    const text = readFileSync(file, 'utf8');
+    expect(text).toContain(`Commissioning of ${name}`);
+    expect(text).toContain('<svg');
+    const stated = JSON.parse(/id="stated">(.*?)<\/script>/s.exec(text)![1]) as Stated;
+    expect(stated.cycle.by).toBe(2 * (name === 'ismk' ? 65536 : counts));
+    await picture(`guide-report-${name}`);
+    void execFile; void promisify; void fileURLToPath; void accessible;
+  });
+}
