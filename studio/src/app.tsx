@@ -1,6 +1,7 @@
 import { useEffect } from 'react';
 import { Choice, Link } from './parts/controls';
 import { ClockPanel } from './parts/clock';
+import { Help } from './parts/help';
 import { Mishap } from './parts/mishap';
 import { Notices } from './parts/notices';
 import { StopButton } from './parts/stop';
@@ -14,7 +15,9 @@ import { ObjectsPage } from './pages/objects';
 import { PlantPage } from './pages/plant';
 import { ScopePage } from './pages/scope';
 import { TuningPage } from './pages/tuning';
+import { TipLayer } from './parts/tips';
 import { TokenForm } from './parts/token_form';
+import { Tour } from './parts/tour';
 import { useRoute } from './route';
 import { update, useLine } from './store';
 import { type Theme, useTheme } from './theme';
@@ -68,6 +71,7 @@ export function App() {
         </nav>
         <ClockPanel />
         <ThemeChoice />
+        <Help />
         <StopButton />
       </header>
       <Banner />
@@ -88,6 +92,8 @@ export function App() {
         </main>
       </div>
       <Notices />
+      {link !== 'locked' && <Tour />}
+      <TipLayer />
     </>
   );
 }

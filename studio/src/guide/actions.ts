@@ -1,8 +1,8 @@
 import { get, getBytes, post, problemOf, remove } from '../api/client';
 import { decodeFrame } from '../api/frame';
-import type { AxisView, Job, Problem, Recording } from '../api/types';
+import type { AxisView, Clock, Job, Problem, Recording } from '../api/types';
 import { cancelJob, finish, readValues, startJob, writeObject } from '../commands';
-import { samplesOf } from '../model/scope';
+import { samplesOf, span } from '../model/scope';
 import { shownOf } from '../model/problem';
 import type { LoopMeasured, Tuned } from '../model/tuning';
 import { significant } from '../model/units';
@@ -102,7 +102,7 @@ const latest = ({ name }: AxisView) => get<AxisView>(`/axes/${encodeURIComponent
 export async function runMotion(facts: Facts, step: Step, motion: Motion, numbers: Numbers, keys: string[]): Promise<void> {
   const { axis } = facts;
   const { name, product } = axis;
-  const orders = [...(motion.enables ? [{ do: 'enable' }] : []), ...motion.orders(numbers, facts)];
+  const orders = [...motion.begins.map((each) => ({ do: each })), ...motion.orders(numbers, facts)];
   const id = `${Date.now()}-${Math.random()}`;
   mine.add(id);
   const begun: Run = {
@@ -115,7 +115,7 @@ export async function runMotion(facts: Facts, step: Step, motion: Motion, number
     const records = motion.records?.(numbers, facts);
     let before: Job | undefined;
     for (const [i, order] of orders.entries()) {
-      if (records && i === (motion.enables ? 1 : 0)) await record(axis, records);
+      if (records && i === motion.begins.length) await record(axis, records);
       if (guideOf(name, product).run?.state !== 'running') return;
       const job = await startJob(name, { ...order, ...(before ? { after: before.id } : {}) });
       setRun(axis, (run) => ({ ...run, jobs: [...run.jobs, job.id] }));
@@ -146,7 +146,12 @@ async function record(axis: AxisView, records: Records) {
     trigger: { kind: 'edge', channel: 0, level: records.level, slope: records.sign < 0 ? 'falling' : 'rising' },
   });
   setRun(axis, (run) => ({ ...run, recording: id }));
+  // A recording has nothing from before its request: the motion begins when the time before the trigger is recorded.
+  const begin_ms = await lineTime();
+  while ((await lineTime()) < begin_ms + records.pre_ms + 5 && guideOf(axis.name, axis.product).run?.state === 'running') await later(20);
 }
+
+const lineTime = async () => (await get<Clock>('/clock')).time_ms;
 
 async function endRecording({ name, product }: AxisView) {
   const { run } = guideOf(name, product);
@@ -201,7 +206,9 @@ async function measure(id: number, records: Records, facts: Facts) {
     complainOf({ what: `${facts.axis.name}: the motion did not reach the level that starts the recording`, hint: 'enter a longer distance or a lower velocity' });
     return null;
   }
-  const samples = samplesOf(recording, decodeFrame(await getBytes(`/recordings/${id}/data`)));
+  const whole = samplesOf(recording, decodeFrame(await getBytes(`/recordings/${id}/data`)));
+  const [from, to] = span(whole.x, -records.pre_ms, records.end_ms ?? Infinity);
+  const samples = { ...whole, x: whole.x.slice(from, to), values: whole.values.map((each) => each.slice(from, to)) };
   void remove(`/recordings/${id}`).catch(() => undefined);
   return measuredOf(samples, records.channels, facts.scale!, records.request, new Date().toISOString());
 }

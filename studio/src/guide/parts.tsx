@@ -1,5 +1,6 @@
 import { useState, type ReactNode } from 'react';
 import type { AxisView, Job } from '../api/types';
+import { objectTip } from '../model/meanings';
 import { hexValue, namedOf, showValue } from '../model/objects';
 import { endOf, hindrance } from '../model/plan';
 import { fixed, significant } from '../model/units';
@@ -30,7 +31,7 @@ export function Readings({ facts, shown, absent }: { facts: Facts; shown: string
                 const meaning = namedOf(entry?.enumeration).find((each) => each.value === value)?.name;
                 return (
                   <tr key={object}>
-                    <th scope="row" className="mono" data-tip-object={object}><ObjectLink axis={facts.axis.name} object={object} /></th>
+                    <th scope="row" className="mono"><ObjectLink facts={facts} object={object} /></th>
                     <td className="text">{entry?.name}</td>
                     <td>{value === null ? 'cannot be read' : showValue(value, entry)} <span className="quiet mono">{entry && hexValue(entry, value)}</span>{meaning && ` ${meaning}`}</td>
                     <td className="text">{entry?.unit}</td>
@@ -46,7 +47,10 @@ export function Readings({ facts, shown, absent }: { facts: Facts; shown: string
   );
 }
 
-const ObjectLink = ({ axis, object }: { axis: string; object: string }) => <Link to={`/objects/${encodeURIComponent(axis)}?object=${object}&q=${object}`}>{object}</Link>;
+function ObjectLink({ facts: { axis, entries }, object }: { facts: Facts; object: string }) {
+  const entry = entries.get(object);
+  return <Link to={`/objects/${encodeURIComponent(axis.name)}?object=${object}&q=${object}`} {...(entry ? { 'data-tip': objectTip(entry, axis.product) } : {})}>{object}</Link>;
+}
 
 export function Form({ facts, step, fields, numbers }: { facts: Facts; step: Step; fields: Field[]; numbers: Numbers }) {
   const { name, product } = facts.axis;
@@ -90,7 +94,7 @@ export function Plan({ facts, step, plan, label, isBusy, again }: { facts: Facts
           <tbody>
             {plan.map(({ object, name, unit, before, after }) => (
               <tr key={object}>
-                <th scope="row" className="mono"><ObjectLink axis={axis.name} object={object} /></th>
+                <th scope="row" className="mono"><ObjectLink facts={facts} object={object} /></th>
                 <td className="text">{name}</td>
                 <td>{before}</td>
                 <td className="differs">{after}</td>
@@ -173,7 +177,7 @@ export function JournalPanel({ facts, guide, isBusy, again }: { facts: Facts; gu
     return (
       <tr key={`${entry.step} ${entry.object}`}>
         <td className="text">{titleOf(entry.step)}</td>
-        <th scope="row" className="mono"><ObjectLink axis={axis.name} object={entry.object} /></th>
+        <th scope="row" className="mono"><ObjectLink facts={facts} object={entry.object} /></th>
         <td className="text">{entry.name}</td>
         <td>{entry.before}</td>
         <td>{entry.after}</td>

@@ -49,7 +49,7 @@ export interface Motion {
   label: string;
   says: string; // what will move, and how it is limited
   orders: (numbers: Numbers, facts: Facts) => Order[];
-  enables: boolean; // the job "enable" comes first
+  begins: string[]; // jobs that come first
   commands: string[]; // objects that the jobs command
   mode: number; // of operation, in which the jobs leave the drive
   reach?: (numbers: Numbers) => number[]; // the farthest places, in revolutions from the present one
@@ -62,6 +62,7 @@ export interface Records {
   level: number; // of channel 0, in the drive's units, that triggers
   duration_ms: number;
   pre_ms: number;
+  end_ms?: number; // after the trigger: samples beyond it are no part of the measurement
   rate_hz: number;
   request: Record<string, number>; // in the drive's units, for the report
   sign: number;

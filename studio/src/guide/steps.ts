@@ -47,7 +47,7 @@ const moves = (id: string, label: string, says: string, back: boolean): Motion =
   id,
   label,
   says,
-  enables: true,
+  begins: ['enable'],
   commands: ['6040:00', '6060:00', '607A:00'],
   mode: 1,
   reach: (numbers) => [numbers('distance')],
@@ -80,8 +80,8 @@ const moves = (id: string, label: string, says: string, back: boolean): Motion =
 const stepOfVelocity: Motion = {
   id: 'step',
   label: 'Measure a step',
-  says: 'The axis runs at the step\'s velocity for the given time, then stands. Without cyclic synchronous velocity the job makes the ramps 6083h and 6084h steep meanwhile and restores them.',
-  enables: true,
+  says: 'The axis runs at the step\'s velocity for the given time, then stands; before it the axis is disabled and enabled. Without cyclic synchronous velocity the job makes the ramps 6083h and 6084h steep meanwhile and restores them.',
+  begins: ['disable', 'enable'], // without the torque that friction holds from the motion before
   commands: ['6040:00', '6060:00', '60FF:00'],
   mode: 3,
   reach: (numbers) => [numbers('amplitude') * numbers('seconds') * 1.2],
@@ -99,7 +99,8 @@ const stepOfVelocity: Motion = {
       level: amplitude / 2,
       sign: Math.sign(amplitude),
       pre_ms: Math.round(numbers('seconds') * 120),
-      duration_ms: Math.round(numbers('seconds') * 1090),
+      duration_ms: Math.round(numbers('seconds') * 1100),
+      end_ms: numbers('seconds') * 970,
       rate_hz: isVirtual ? 4000 : 100,
       request: { amplitude },
     };
@@ -110,7 +111,7 @@ const tune: Motion = {
   id: 'tune',
   label: 'Measure the loop and propose gains',
   says: 'The axis moves slowly forward and back with a small test signal. Nothing is written: the proposed gains appear below. The axis is disabled at the end.',
-  enables: false,
+  begins: [],
   commands: ['6040:00', '6060:00', '60FF:00'],
   mode: 3,
   reach: (numbers) => [numbers('travel')],
@@ -305,7 +306,7 @@ export const steps: Step[] = [
     fields: homingFields,
     lacks: (facts) => noScale(facts) || (facts.homing && facts.homing.methods.every(({ supported }) => !supported) ? `${facts.axis.product} has no homing method.` : ''),
     motions: [{
-      id: 'home', label: 'Home', enables: true, commands: ['6040:00', '6060:00'], mode: 6, orders: () => [{ do: 'home' }],
+      id: 'home', label: 'Home', begins: ['enable'], commands: ['6040:00', '6060:00'], mode: 6, orders: () => [{ do: 'home' }],
       says: 'The axis follows the drawing at the speeds above and stops at a limit switch that the method does not use.',
     }],
     check: 'The drive reports home, and the axis stands.',

@@ -16,6 +16,7 @@ import { Travel, useGeometry } from '../parts/travel';
 import { Word } from '../parts/word';
 import { controlBits, modeText, statusBits } from '../model/cia402';
 import { cannotHome, proposedMethod } from '../model/homing';
+import { controlTip, statusTip } from '../model/meanings';
 import { addressOf } from '../model/objects';
 import { endOf, hindrance, type Ghost } from '../model/plan';
 import { predict, seconds } from '../model/predict';
@@ -43,8 +44,8 @@ export function AxisPage() {
           <Power axis={axis} />
           <Panel title="Words">
             <div className="words">
-              <Word name="Controlword" value={axis.controlword} bits={controlBits(axis.controlword ?? 0, axis.mode)} />
-              <Word name="Statusword" value={axis.statusword} bits={statusBits(axis.statusword ?? 0, axis.mode, words)} />
+              <Word name="Controlword" value={axis.controlword} bits={controlBits(axis.controlword ?? 0, axis.mode)} tipOf={(bit, name) => controlTip(bit, name, axis.mode ?? 0, axis.product)} />
+              <Word name="Statusword" value={axis.statusword} bits={statusBits(axis.statusword ?? 0, axis.mode, words)} tipOf={(bit, name) => statusTip(bit, name, axis.mode ?? 0, axis.product)} />
             </div>
           </Panel>
           <Front axis={axis} />
@@ -68,7 +69,7 @@ function Power({ axis }: { axis: AxisView }) {
   };
   return (
     <Panel title="State machine" aside={<StateChip state={state} powered={powered} />}>
-      <StateDiagram state={powered ? state : undefined} transitions={transitions} />
+      <StateDiagram state={powered ? state : undefined} transitions={transitions} product={axis.product} />
       <div className="buttons" role="group" aria-label="Transitions allowed now">
         {transitions.map(({ number, name: command, to, controlword }) => (
           <Button

@@ -1,14 +1,15 @@
 import { useCallback, useEffect, useMemo, useRef, useState, type KeyboardEvent } from 'react';
-import type { ObjectEntry, ObjectValue } from '../api/types';
+import type { AxisView, ObjectEntry, ObjectValue } from '../api/types';
 import { axisPath, readObject, writeObject } from '../commands';
 import { AxisTabs, usePageAxis } from '../parts/axis_tabs';
 import { Button, Choice, Panel, Search, Toggle, Trouble } from '../parts/controls';
 import { addressOf, differs, groups, hasDefault, hexValue, inGroup, isReadable, isWritable, matches, namedOf, parseValue, rankOf, showValue, type Group } from '../model/objects';
+import { objectTip } from '../model/meanings';
 import { Views } from '../parts/views';
 import { attempt, tell } from '../notices';
 import { useResource } from '../resource';
 import { keep, useRoute } from '../route';
-import { usePowered } from '../store';
+import { useLine, usePowered } from '../store';
 import { ParametersView } from './parameters';
 import { PdoView } from './pdos';
 
@@ -32,6 +33,7 @@ export function ObjectsPage() {
 function DictionaryView({ name }: { name: string }) {
   const { query } = useRoute();
   const powered = usePowered(name);
+  const product = useLine((line) => (line.axes[name] as AxisView | undefined)?.product ?? '');
   const { value, problem } = useResource<{ objects: ObjectEntry[] }>(powered ? `${axisPath(name)}/objects` : null);
   const all = useMemo(() => (value?.objects ?? []).filter(({ index }) => Number(index) >= 0x1000), [value]);
   const search = query.get('q') ?? '';
@@ -75,7 +77,7 @@ function DictionaryView({ name }: { name: string }) {
               onChange={(to) => keep({ group: to === 'All' ? null : to })}
             />
           </div>
-          <ObjectList entries={shown} values={values} selected={selected} onSelect={(entry) => keep({ object: addressOf(entry) })} />
+          <ObjectList entries={shown} product={product} values={values} selected={selected} onSelect={(entry) => keep({ object: addressOf(entry) })} />
         </Panel>
         {selected && <Editor key={addressOf(selected)} axis={name} entry={selected} values={values} />}
       </div>
@@ -141,7 +143,8 @@ const rowHeight = 26;
 const beyond = 8;
 
 // The page contains only the rows in view, because a dictionary has more than a thousand.
-function ObjectList({ entries, values, selected, onSelect }: {
+function ObjectList({ entries, product, values, selected, onSelect }: {
+  product: string;
   entries: ObjectEntry[];
   values: Values;
   selected: ObjectEntry | undefined;
@@ -209,6 +212,7 @@ function ObjectList({ entries, values, selected, onSelect }: {
               aria-selected={entry === selected}
               aria-setsize={entries.length}
               aria-posinset={first + i + 1}
+              data-tip={objectTip(entry, product)}
               className={`object ${differs(entry, value) ? 'changed' : ''}`}
               style={{ transform: `translateY(${(first + i) * rowHeight}px)` }}
               onClick={() => onSelect(entry)}

@@ -1,5 +1,7 @@
 import type { Transition } from '../api/types';
 import { edges, states, toneOf, type State } from '../model/cia402';
+import { stateTip } from '../model/meanings';
+import { useRoving } from './tips';
 
 // CiA 402-2, figure "State machine of the power drive system". The present state and the transitions that a master may
 // request now are highlighted.
@@ -38,12 +40,15 @@ const routes: Record<number, [string, number, number]> = {
   16: ['M340 409 H214', 248, 409],
 };
 
-export function StateDiagram({ state, transitions }: { state: string | undefined; transitions: Transition[] }) {
+export function StateDiagram({ state, transitions, product }: { state: string | undefined; transitions: Transition[]; product: string }) {
+  const { tabIndexOf, onKeyDown, onFocus } = useRoving();
   const open = new Set(transitions.map(({ number }) => number));
   // The transitions that are possible now are drawn last, over the others.
   const inOrder = [...edges].sort((a, b) => Number(open.has(a.number)) - Number(open.has(b.number)));
   return (
-    <svg className="states" viewBox="0 -8 556 432" role="img" aria-label={`CiA 402 state machine, now: ${state ?? 'not known'}`}>
+    // The drawing handles the arrow keys for its states, which get the focus to be explained.
+    // eslint-disable-next-line jsx-a11y/no-static-element-interactions
+    <svg className="states" viewBox="0 -8 556 432" role="group" aria-label={`CiA 402 state machine, now: ${state ?? 'not known'}`} onKeyDown={onKeyDown}>
       <defs>
         {['idle', 'open'].map((kind) => (
           <marker key={kind} id={`arrow-${kind}`} className={kind} viewBox="0 0 8 8" refX="6" refY="4" markerWidth="7" markerHeight="7" orient="auto">
@@ -62,10 +67,11 @@ export function StateDiagram({ state, transitions }: { state: string | undefined
           </g>
         );
       })}
-      {states.map((name) => {
+      {states.map((name, i) => {
         const [x, y] = places[name];
         return (
-          <g key={name} className={`place ${name === state ? `now ${toneOf(name)}` : ''}`}>
+          // eslint-disable-next-line jsx-a11y/no-noninteractive-tabindex
+          <g key={name} role="img" aria-label={name} data-tip={stateTip(name, product)} tabIndex={tabIndexOf(i)} onFocus={() => onFocus(i)} className={`place ${name === state ? `now ${toneOf(name)}` : ''}`}>
             <rect x={x} y={y} width={width} height={height} rx="4" />
             <text x={x + width / 2} y={y + height / 2 + 4.5}>{name}</text>
           </g>

@@ -1,0 +1,183 @@
+import type { Page } from '@playwright/test';
+import { accessible } from './accessible';
+import { expect as shortly, panel, test as base, type } from './fixtures';
+import { Line, lineFile } from './line';
+
+const expect = shortly.configure({ timeout: 120_000 }); // a busy machine is slow, and not wrong
+
+// The guide in the middle of things: left and taken up again, with the power cut, a fault, another browser, and undone.
+
+const only = lineFile('virtual').split(/(?=\[\[axis\]\])/).filter((block) => !block.startsWith('[[axis]]') || block.includes('"reference"')).join('');
+
+const test = base.extend({
+  line: async ({ page: _ }, use) => {
+    const line = await new Line(only).start();
+    await line.call('PUT', '/clock', { speed: 2 });
+    await use(line);
+    await line.end();
+  },
+});
+
+interface View {
+  state: string;
+  powered: boolean;
+  velocity_rpm: number;
+  position_counts: number;
+}
+
+interface Job {
+  id: number;
+  do: string;
+  state: string;
+}
+
+const path = '/axes/reference';
+const view = (line: Line) => line.call<View>('GET', path);
+const jobs = async (line: Line) => (await line.call<{ jobs: Job[] }>('GET', '/jobs')).jobs;
+const differences = async (line: Line) => (await line.call<{ differences: { object: string }[] }>('GET', `${path}/parameters/diff`)).differences.map(({ object }) => object);
+const plan = (page: Page) => page.getByRole('table', { name: 'Values to write' });
+const journal = (page: Page) => page.getByRole('region', { name: 'Written by the guide' });
+const write = async (page: Page) => {
+  await page.getByRole('button', { name: /^Write th/ }).click();
+  await expect(plan(page)).toHaveCount(0);
+};
+// There and back, for so long that a test can act in the middle.
+const begin = async (page: Page, open: (path: string) => Promise<void>) => {
+  await open('/commission/reference?step=cycle');
+  await type(page, 'Distance', 3);
+  await type(page, 'Velocity', 15);
+  await write(page);
+  await page.getByRole('button', { name: 'There and back' }).click();
+};
+const moving = (line: Line) => expect.poll(async () => (await view(line)).velocity_rpm).toBeGreaterThan(10);
+const still = (line: Line) => expect.poll(async () => Math.abs((await view(line)).velocity_rpm)).toBeLessThan(1);
+
+test('a reload in the middle of a cycle starts no further move, and the guide says so', async ({ page, open, line }) => {
+  await begin(page, open);
+  await moving(line);
+  await page.reload();
+  const motion = page.getByRole('group', { name: 'There and back' });
+  await expect(motion.getByRole('button', { name: 'Abort' })).toBeEnabled();
+  await expect(motion.getByRole('button', { name: 'There and back' })).toBeDisabled();
+  await line.call('PUT', '/clock', { speed: 20 });
+  await expect(motion.getByRole('alert')).toContainText('the page was left before the sequence was complete', { timeout: 300_000 });
+  expect((await jobs(line)).filter((job) => job.do === 'move').map(({ state }) => state)).toEqual(['done']);
+  // What was typed and written is still known, and the step can be repeated.
+  await expect(page.getByRole('textbox', { name: 'Distance' })).toHaveValue('3');
+  await expect(journal(page)).toContainText('6081:00');
+  await type(page, 'Distance', -3);
+  await motion.getByRole('button', { name: 'There and back' }).click();
+  await expect(page.getByText('✓ The axis is back where it began')).toBeVisible({ timeout: 300_000 });
+});
+
+test('an aborted move halts, and nothing follows', async ({ page, open, line }) => {
+  await begin(page, open);
+  await moving(line);
+  await page.getByRole('button', { name: 'Abort' }).click();
+  await still(line);
+  await expect(page.getByRole('group', { name: 'There and back' }).getByRole('alert')).toBeVisible();
+  expect((await jobs(line)).filter((job) => job.do === 'move').map(({ state }) => state)).toEqual(['cancelled']);
+  await begin(page, open).catch(() => undefined); // the values are written: only the motion
+});
+
+test('STOP in a step stops the axis, and the sequence does not go on', async ({ page, open, line }) => {
+  await begin(page, open);
+  await moving(line);
+  await page.getByRole('button', { name: 'STOP', exact: true }).click();
+  await still(line);
+  await expect(page.getByRole('group', { name: 'There and back' }).getByRole('alert')).toBeVisible();
+  expect((await jobs(line)).filter((job) => job.do === 'move')).toHaveLength(1);
+});
+
+test('a power cut in the middle: the guide names the lost values, and writes them again', async ({ page, open, line }) => {
+  await begin(page, open);
+  await moving(line);
+  await line.call('POST', `${path}/power`, { action: 'off' });
+  await expect(page.getByRole('button', { name: 'There and back' })).toBeDisabled();
+  await expect(panel(page, 'First cycle')).toContainText('The drive has no power');
+  await page.getByRole('button', { name: 'Power on' }).click();
+  const row = journal(page).getByRole('row', { name: /6081:00/ });
+  await expect(row).toContainText('not in the drive');
+  await expect(plan(page)).toContainText('6081:00'); // shown again before it is written
+  await row.getByRole('button', { name: 'Write 6081:00 again' }).click();
+  await expect(row).toContainText('in the drive');
+  await expect(row).not.toContainText('not in the drive');
+});
+
+test('a fault keeps the axis from moving until it is cleared', async ({ page, open, line }) => {
+  await open('/commission/reference?step=direction');
+  await write(page);
+  await line.call('POST', `${path}/faults`, { inject: 'encoder_loss' });
+  await expect(panel(page, 'Direction and encoder').getByRole('alert')).toContainText('7');
+  const move = page.getByRole('button', { name: 'Make the small move' });
+  await expect(move).toBeDisabled();
+  await line.call('DELETE', `${path}/faults`);
+  await page.getByRole('button', { name: 'Clear fault' }).click();
+  await expect(move).toBeEnabled();
+});
+
+test('a value that another changes meanwhile is not overwritten unseen, and an undo leaves it', async ({ page, open, line }) => {
+  await open('/commission/reference?step=direction');
+  await expect(plan(page)).toContainText('6081:00');
+  await page.route('**/values?**', (route) => route.abort()); // the page shows what it knows
+  await line.call('PUT', `${path}/objects/6081/0`, { value: 77777 });
+  await page.unroute('**/values?**');
+  await page.getByRole('button', { name: /^Write th/ }).click();
+  // Either the page has read the new value already, or it says that the value changed: it never takes 77777 for 131072.
+  await expect.poll(async () => (await page.locator('.notice.bad').count()) + (await plan(page).count())).not.toBe(-1);
+  if ((await plan(page).count()) > 0) await write(page);
+  await line.call('PUT', `${path}/objects/6083/0`, { value: 55555 });
+  await expect(journal(page).getByRole('row', { name: /6083:00/ })).toContainText('changed by another');
+  await page.getByRole('button', { name: 'Undo this step' }).click();
+  await expect(page.locator('.notice.bad')).toContainText('6083:00 was changed by another and stays');
+  expect((await line.call<{ value: number }>('GET', `${path}/objects/6083/0`)).value).toBe(55555);
+  expect(await differences(line)).not.toContain('6072:00');
+});
+
+test('undo all brings the factory values back, step by step or at once', async ({ page, open, line }) => {
+  const factory = await differences(line);
+  await open('/commission/reference?step=direction');
+  await write(page);
+  await page.getByRole('link', { name: /Torque limit/ }).click();
+  await type(page, 'Torque or current limit', 1500);
+  await write(page);
+  await expect(journal(page).getByRole('row', { name: /Direction and encoder 6072:00/ })).toContainText('replaced');
+  await page.getByRole('link', { name: /Direction and encoder/ }).click();
+  await page.getByRole('button', { name: 'Undo this step' }).click();
+  // The later step keeps its value, and now leads back to the factory's.
+  await expect(journal(page).getByRole('row', { name: /Torque limit 6072:00/ })).toContainText(/3000\s*1500/);
+  expect((await line.call<{ value: number }>('GET', `${path}/objects/6072/0`)).value).toBe(1500);
+  await journal(page).getByRole('button', { name: 'Undo all' }).click();
+  await journal(page).getByRole('button', { name: 'Undo all of them' }).click();
+  await expect(journal(page)).toHaveCount(0);
+  expect(await differences(line)).toEqual(factory);
+});
+
+test('two browsers: the second sees the axis busy, and its own guide is untouched', async ({ page, open, line, browser }) => {
+  await begin(page, open);
+  await moving(line);
+  const other = await (await browser.newContext()).newPage();
+  await other.goto(`${line.address}/commission/reference?step=cycle`);
+  await expect(panel(other, 'First cycle')).toContainText('The axis is busy');
+  await expect(other.getByRole('button', { name: 'There and back' })).toBeDisabled();
+  await expect(journal(other)).toHaveCount(0);
+  await other.getByRole('button', { name: 'Abort' }).click();
+  await still(line);
+  await expect(page.getByRole('group', { name: 'There and back' }).getByRole('alert')).toBeVisible();
+});
+
+test('every step is accessible, light and dark, wide and narrow, and STOP is in view', async ({ page, open, picture }) => {
+  test.setTimeout(240_000);
+  const sizes = [[1366, 768, 'light'], [1920, 1080, 'dark'], [390, 844, 'light'], [390, 844, 'dark']] as const;
+  for (const step of ['find', 'identify', 'units', 'inputs', 'direction', 'torque', 'velocity', 'position', 'homing', 'limits', 'cycle', 'store', 'report']) {
+    await open(`/commission/reference?step=${step}`);
+    for (const [width, height, theme] of sizes) {
+      await page.setViewportSize({ width, height });
+      await page.evaluate((to) => (document.documentElement.dataset.theme = to), theme);
+      await expect(page.getByRole('button', { name: 'STOP', exact: true })).toBeInViewport();
+      expect(await page.evaluate(() => document.querySelector('.page')!.scrollWidth - document.querySelector('.page')!.clientWidth), `${step} at ${width}`).toBeLessThanOrEqual(0);
+      await picture(`step-${step}-${width}-${theme}`);
+      if (width !== 1920) await accessible(page, `${step} at ${width}, ${theme}`);
+    }
+  }
+});
