@@ -72,7 +72,7 @@ const values = async (page: Page, row: RegExp) => (await figures(page).getByRole
 const product: Record<string, { tunes: 'proposed' | 'by hand' | 'not'; home: RegExp; limits: boolean; torque: boolean }> = {
   ismc: { tunes: 'not', home: /^7: /, limits: true, torque: true },
   reference: { tunes: 'proposed', home: /^7: /, limits: true, torque: true },
-  pronet: { tunes: 'not', home: /^20: /, limits: false, torque: false },
+  pronet: { tunes: 'not', home: /^17: /, limits: false, torque: false },
   ismk: { tunes: 'proposed', home: /^33: /, limits: true, torque: true },
   jmc: { tunes: 'by hand', home: /^7: /, limits: true, torque: true },
 };

@@ -235,9 +235,16 @@ export function adopt(facts: Facts): () => void {
   let over = false;
   let quiet = 0;
   let seen = '';
+  let busy = false;
   const look = async () => {
     const { run } = guideOf(name, product);
-    if (over || run?.state !== 'running' || mine.has(run.id)) return;
+    if (over || busy || run?.state !== 'running' || mine.has(run.id)) return;
+    busy = true;
+    await judge(run).finally(() => {
+      busy = false;
+    });
+  };
+  const judge = async (run: Run) => {
     const id = run.jobs.at(-1);
     const job = id === undefined ? undefined : await get<Job>(`/jobs/${id}`).catch(() => undefined);
     // Another tab may be at work: it changes the run or the axis within this time.

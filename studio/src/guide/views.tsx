@@ -8,7 +8,7 @@ import { Button, Choice, Link, Scroll, Toggle } from '../parts/controls';
 import { HomingFigure } from '../parts/homing_figure';
 import { NumberInput } from '../parts/number_input';
 import { StateChip } from '../parts/state';
-import { useLine } from '../store';
+import { useAxis, useLine } from '../store';
 import { machines, toUser, type Mechanics } from './mechanics';
 import { Plot, type Line } from './plot';
 import { figure, positionText } from './parts';
@@ -279,7 +279,8 @@ export function LoopView(props: ViewProps) {
 }
 
 export function HomingView({ facts, numbers }: ViewProps) {
-  const { axis, geometry, homing } = facts;
+  const { geometry, homing } = facts;
+  const axis = useAxis(facts.axis.name) ?? facts.axis;
   const method = homing?.methods.find((each) => each.method === numbers('method'));
   const [start, setStart] = useState(axis.position_counts);
   const isHoming = useLine((line) => line.jobs[axis.name]?.do === 'home' && line.jobs[axis.name]?.state === 'running');

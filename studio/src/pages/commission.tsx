@@ -6,7 +6,7 @@ import '../guide/guide.css';
 import { canUndo, Form, JournalPanel, markOf, MotionBox, Plan, Readings, undoStep } from '../guide/parts';
 import { ReportView } from '../guide/report';
 import { changeStep, forgetGuide, stepOf, useGuide, type Guide, type StepState } from '../guide/state';
-import { keptOf, planOf, type Step } from '../guide/step';
+import { keptOf, planOf, type Facts, type Step } from '../guide/step';
 import { fieldsOf, objectsOf, steps } from '../guide/steps';
 import { DirectionView, FindView, HomingView, InputsView, LoopView, releaseInputs, ResponseView, StoreView, UnitsView, type ViewProps } from '../guide/views';
 import { attempt, complain } from '../notices';
@@ -24,7 +24,7 @@ import { Commands } from './line';
 export function CommissionPage() {
   const { name: asked } = useRoute();
   const name = usePageAxis(asked);
-  const axis = useAxis(name);
+  const axis = useCalmAxis(name);
   if (!axis) return null;
   return (
     <>
@@ -32,6 +32,25 @@ export function CommissionPage() {
       <GuideOf key={`${name} ${axis.product}`} axis={axis} />
     </>
   );
+}
+
+const calm_ms = 300;
+
+// The axis some times a second, but a change of its state at once: the tables of the guide need no more.
+function useCalmAxis(name: string): AxisView | undefined {
+  const shown = useRef<{ axis: AxisView | undefined; at: number; key: string }>({ axis: undefined, at: -Infinity, key: '' });
+  return useLine((line) => {
+    const axis = line.axes[name] as AxisView | undefined;
+    const key = JSON.stringify([axis?.name, axis?.powered, axis?.state, axis?.mode, axis?.homed, axis?.in_motion, axis?.faults, axis?.problem]);
+    const now = performance.now();
+    if (key !== shown.current.key || (axis !== shown.current.axis && now - shown.current.at > calm_ms)) shown.current = { axis, at: now, key };
+    return shown.current.axis;
+  });
+}
+
+function LiveTravel({ name, facts }: { name: string; facts: Facts }) {
+  const axis = useAxis(name);
+  return axis ? <Travel axis={axis} geometry={facts.geometry} /> : null;
 }
 
 const views: Record<NonNullable<Step['view']>, ComponentType<ViewProps>> = {
@@ -121,7 +140,7 @@ function StepPanel({ axis, guide, step }: { axis: AxisView; guide: Guide; step: 
           <span className="guide-head buttons"><Commands axis={axis} /></span>
         </header>
         <p className="guide-why no-print">{step.why}</p>
-        {facts.geometry && step.motions && <Travel axis={axis} geometry={facts.geometry} />}
+        {facts.geometry && step.motions && <LiveTravel name={axis.name} facts={facts} />}
         <FaultLine axis={axis} />
         {lacks && <p className="warning" role="note">{lacks} Go on with the next step.</p>}
         <Readings facts={facts} shown={shown} absent={absent} />

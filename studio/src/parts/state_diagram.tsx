@@ -47,7 +47,6 @@ export function StateDiagram({ state, transitions, product }: { state: string | 
   const inOrder = [...edges].sort((a, b) => Number(open.has(a.number)) - Number(open.has(b.number)));
   return (
     // The drawing handles the arrow keys for its states, which get the focus to be explained.
-    // eslint-disable-next-line jsx-a11y/no-static-element-interactions
     <svg className="states" viewBox="0 -8 556 432" role="group" aria-label={`CiA 402 state machine, now: ${state ?? 'not known'}`} onKeyDown={onKeyDown}>
       <defs>
         {['idle', 'open'].map((kind) => (
@@ -70,7 +69,6 @@ export function StateDiagram({ state, transitions, product }: { state: string | 
       {states.map((name, i) => {
         const [x, y] = places[name];
         return (
-          // eslint-disable-next-line jsx-a11y/no-noninteractive-tabindex
           <g key={name} role="img" aria-label={name} data-tip={stateTip(name, product)} tabIndex={tabIndexOf(i)} onFocus={() => onFocus(i)} className={`place ${name === state ? `now ${toneOf(name)}` : ''}`}>
             <rect x={x} y={y} width={width} height={height} rx="4" />
             <text x={x + width / 2} y={y + height / 2 + 4.5}>{name}</text>

@@ -10,7 +10,7 @@ export function Word({ name, value, bits, tipOf }: { name: string; value: number
         {name} <span className="mono">{value === undefined ? '–' : hex(value, 4)}</span>
       </h3>
       {/* The list handles the arrow keys for its items, which get the focus to be explained. */}
-      {/* eslint-disable jsx-a11y/no-noninteractive-element-interactions, jsx-a11y/no-noninteractive-tabindex */}
+      {/* eslint-disable jsx-a11y/no-noninteractive-element-interactions */}
       <ol reversed aria-label={`Bits of the ${name.toLowerCase()}`} onKeyDown={onKeyDown}>
         {[...bits].reverse().map(({ bit, name: text, on }, i) => (
           <li key={bit} className={on ? 'on' : ''} data-tip={tipOf(bit, text)} tabIndex={tabIndexOf(i)} onFocus={() => onFocus(i)}>
@@ -20,7 +20,7 @@ export function Word({ name, value, bits, tipOf }: { name: string; value: number
           </li>
         ))}
       </ol>
-      {/* eslint-enable jsx-a11y/no-noninteractive-element-interactions, jsx-a11y/no-noninteractive-tabindex */}
+      {/* eslint-enable jsx-a11y/no-noninteractive-element-interactions */}
     </div>
   );
 }
