@@ -116,7 +116,7 @@ const tune: Motion = {
   mode: 3,
   reach: (numbers) => [numbers('travel')],
   orders: (numbers) => [{
-    do: 'tune', apply: false, travel: numbers('travel'), torque_percent: numbers('percent'), seconds: 4,
+    do: 'tune', apply: false, travel: numbers('travel'), torque_percent: numbers('percent'), seconds: 8,
     ...(Number.isFinite(numbers('bandwidth')) ? { bandwidth_hz: numbers('bandwidth') } : {}),
   }],
   isMissing: ({ gains, axis, entries }) =>

@@ -278,17 +278,16 @@ export function LoopView(props: ViewProps) {
   );
 }
 
-export function HomingView({ facts, numbers }: ViewProps) {
+export function HomingView({ facts, numbers, guide }: ViewProps) {
   const { geometry, homing } = facts;
   const axis = useAxis(facts.axis.name) ?? facts.axis;
   const method = homing?.methods.find((each) => each.method === numbers('method'));
-  const [start, setStart] = useState(axis.position_counts);
-  const isHoming = useLine((line) => line.jobs[axis.name]?.do === 'home' && line.jobs[axis.name]?.state === 'running');
-  useEffect(() => {
-    if (!isHoming && !axis.in_motion) setStart(axis.position_counts);
-  }, [isHoming, axis.in_motion, axis.position_counts]);
   if (!method) return null;
-  return geometry ? <HomingFigure method={method} geometry={geometry} axis={axis} start={start} /> : <p className="note">The places of the switches are not known for a drive on a bus: there is no drawing over its travel.</p>;
+  if (!geometry) return <p className="note">The places of the switches are not known for a drive on a bus: there is no drawing over its travel.</p>;
+  // From where the last homing began, as long as the axis has made no other motion of the guide; else from the present place.
+  const { run } = guide;
+  const began = run?.step === 'homing' && run.values.method === method.method && run.from.shaft !== null ? run.from.shaft * (geometry.index_every ?? 0) : null;
+  return <HomingFigure method={method} geometry={geometry} axis={axis} start={began ?? axis.position_counts} />;
 }
 
 interface Stored {
