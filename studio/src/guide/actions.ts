@@ -88,6 +88,7 @@ export const writeAgain = ({ name }: AxisView, { object, after }: Written) => wr
 // ---- Motions ----
 
 const mine = new Set<string>(); // runs of this tab
+const aborted = new Set<string>(); // runs that begin no further job, even if the abort came between two jobs
 
 const setRun = ({ name, product }: AxisView, to: (run: Run) => Run) => change(name, product, (guide) => (guide.run ? { ...guide, run: to(guide.run) } : guide));
 
@@ -117,6 +118,7 @@ export async function runMotion(facts: Facts, step: Step, motion: Motion, number
     for (const [i, order] of orders.entries()) {
       if (records && i === motion.begins.length) await record(axis, records);
       if (guideOf(name, product).run?.state !== 'running') return;
+      if (aborted.has(id)) break;
       const job = await startJob(name, { ...order, ...(before ? { after: before.id } : {}) });
       setRun(axis, (run) => ({ ...run, jobs: [...run.jobs, job.id] }));
       before = await finish(job);
@@ -167,7 +169,7 @@ async function complete(facts: Facts, last: Job | undefined): Promise<void> {
   if (!last || last.state !== 'done' || run.jobs.length < run.of) {
     await endRecording(axis);
     const interrupted = last?.state === 'done';
-    const error = last?.error ? shownOf(last.error) : { what: interrupted ? 'the page was left before the sequence was complete' : `${last?.do.replaceAll('_', ' ') ?? 'motion'}: ${last?.state ?? 'not begun'}` };
+    const error = last?.error ? shownOf(last.error) : { what: interrupted ? `${aborted.has(run.id) ? 'aborted' : 'the page was left'} before the sequence was complete` : `${last?.do.replaceAll('_', ' ') ?? 'motion'}: ${last?.state ?? 'not begun'}` };
     setRun(axis, (now) => ({ ...now, state: interrupted ? 'interrupted' : 'failed', error }));
     return;
   }
@@ -264,7 +266,9 @@ export function adopt(facts: Facts): () => void {
 }
 
 // Ends the present job of the axis; the sequence does not go on.
-export async function abort({ name }: AxisView): Promise<void> {
+export async function abort({ name, product }: AxisView): Promise<void> {
+  const { run } = guideOf(name, product);
+  if (run) aborted.add(run.id);
   const job = snapshot().jobs[name] as Job | undefined;
   // Between two jobs a halt takes the axis: the next job of the sequence is refused.
   if (job?.state === 'running') await cancelJob(job);
