@@ -5,6 +5,7 @@
 
 #include "canopen/301/communication_section.hpp"
 #include "canopen/node.hpp"
+#include "frame_count.hpp"
 
 namespace {
 
@@ -76,6 +77,8 @@ void drain(canopen::Node& node) {
   }
 }
 
+fuzz::FrameCount frames("executed_frames");
+
 constexpr std::array<std::uint16_t, 16> identifiers = {0x000, 0x080, 0x100, 0x201, 0x301, 0x601, 0x601, 0x601,
                                                        0x601, 0x701, 0x77F, 0x7E5, 0x181, 0x281, 0x081, 0x401};
 
@@ -100,6 +103,7 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* bytes, std::size_t siz
     for (std::uint8_t i = 0; i < frame.length && at < size; ++i) frame.data[i] = bytes[at++];
     now += std::chrono::microseconds(50) * (flags & 0x1F) * (flags & 0x1F) * (flags & 0x1F);
     node.receive(frame, now);
+    ++frames;
     if ((flags & 0x20) != 0) node.process_image_updated(now);
     node.poll(now);
     if (node.next_deadline() <= now) std::abort();

@@ -11,6 +11,7 @@
 #include "ethercat/segment.hpp"
 #include "ethercat/slave/communication_section.hpp"
 #include "ethercat/slave/slave.hpp"
+#include "frame_count.hpp"
 
 namespace {
 
@@ -103,6 +104,8 @@ struct Device {
 constexpr std::array<std::uint8_t, 4> states = {1, 2, 4, 8};
 constexpr std::array<std::uint8_t, 3> reset_sequence = {'R', 'E', 'S'};
 
+fuzz::FrameCount frames("executed_frames");
+
 struct Machine {
   Machine() {
     for (std::size_t i = 0; i < line.size(); ++i) {
@@ -120,6 +123,7 @@ struct Machine {
   void pass(std::span<std::uint8_t> bytes, Segment::Port port = Segment::Port::primary,
             Segment::Encapsulation encapsulation = Segment::Encapsulation::ethernet) {
     now += std::chrono::microseconds(20);
+    if (counts) ++frames;
     segment.process(bytes, now, port, encapsulation);
     poll();
   }
@@ -166,6 +170,7 @@ struct Machine {
   }
 
   Time now{std::chrono::seconds(1)};
+  bool counts = false;  // frames of the input count, those of the start do not
   std::array<Device, 3> devices;
   std::array<Segment::Slave, 3> line;
   Segment segment{std::span(line.data(), 0)};
@@ -186,11 +191,14 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* bytes, std::size_t siz
   machine->segment = Segment(machine->line);
   if (!machine->start(states[bytes[0] & 3])) std::abort();
   std::size_t at = 1;
+  machine->counts = true;
   while (at + 3 <= size) {
     // Record: kind, command and place, length; then data.
     const std::uint8_t kind = bytes[at++];
     const std::uint8_t what = bytes[at++];
-    const std::size_t announced = bytes[at++];
+    // Mostly short, so that an input of 4096 bytes has some 150 frames: the start of three slaves costs as much as 100.
+    const std::uint8_t size_byte = bytes[at++];
+    const std::size_t announced = size_byte < 0xF0 ? size_byte % 16 : size_byte;
     const std::size_t length = std::min(announced, size - at);
     const std::span<const std::uint8_t> data(bytes + at, length);
     at += length;
@@ -232,6 +240,7 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* bytes, std::size_t siz
                       data);
     }
   }
+  machine->counts = false;
   // The cables are back, the slaves are powered anew: what the last master did does not keep the next one out.
   for (std::size_t i = 0; i < 4; ++i) machine->segment.set_cable(i, i < 3);
   for (std::size_t i = 0; i < 3; ++i) {

@@ -3,6 +3,7 @@
 #include <cstdlib>
 #include <optional>
 
+#include "frame_count.hpp"
 #include "modbus/rtu_server.hpp"
 #include "modbus/tcp_connection.hpp"
 #include "modbus/test_device.hpp"
@@ -37,6 +38,8 @@ struct Device final : modbus::Units {
   modbus::RtuServer rtu{server, 1, modbus::character_timing({.bit_rate = 115200})};
   std::optional<modbus::TcpConnection> tcp{*this};
 };
+
+fuzz::FrameCount frames("executed_frames");  // or pieces of some
 
 void check_rtu_answer(std::span<const std::uint8_t> answer) {
   if (answer.empty()) return;
@@ -74,6 +77,7 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* bytes, std::size_t siz
     const std::uint8_t head = bytes[at++];
     const auto rest = std::span(bytes + at, size - at).first(std::min<std::size_t>(head & 0x1F, size - at));
     at += rest.size();
+    if ((head >> 5) == 1 || (head >> 5) >= 4) ++frames;
     switch (head >> 5) {
       case 0: silence(); break;
       case 1:  // raw characters

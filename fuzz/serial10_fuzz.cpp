@@ -4,6 +4,7 @@
 #include <cstdlib>
 
 #include "dictionary/table.hpp"
+#include "frame_count.hpp"
 #include "serial10/server.hpp"
 
 namespace {
@@ -30,6 +31,8 @@ constexpr auto table = dictionary::make_table<[] {
   return t;
 }>();
 
+fuzz::FrameCount frames("executed_frames");  // or pieces of some
+
 }  // namespace
 
 extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* bytes, std::size_t size) {
@@ -53,6 +56,7 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* bytes, std::size_t siz
     const std::uint8_t head = bytes[at++];
     const auto rest = std::span(bytes + at, size - at).first(std::min<std::size_t>(head & 0x0F, size - at));
     at += rest.size();
+    if ((head >> 6) == 0 || (head >> 6) == 3) ++frames;
     switch (head >> 6) {
       case 0:
         for (const std::uint8_t byte : rest) server.receive(byte, now += std::chrono::microseconds(87));

@@ -1,0 +1,101 @@
+#include "world.hpp"
+
+#include <cstdio>
+#include <fmt/format.h>
+
+namespace servodrome::chaos {
+namespace {
+
+constexpr std::size_t most_findings = 100;
+
+// A quarter of the axes are EtherCAT slaves; the others are divided between the CAN buses.
+bool is_ethercat(std::size_t number) { return number % 4 == 3; }
+
+}  // namespace
+
+line::LineSettings World::settings(const Options& options, const std::vector<Variant>& variants,
+                                   std::vector<std::size_t>& chosen) {
+  std::vector<std::size_t> on_can;
+  std::vector<std::size_t> on_ethercat;
+  for (std::size_t i = 0; i < variants.size(); ++i) {
+    (variants[i].on_ethercat() ? on_ethercat : on_can).push_back(i);
+  }
+  Random random(options.seed);
+  motion::Sequence sequence;
+  for (std::size_t i = 0; i < options.axes; ++i) {
+    chosen.push_back(random.of(is_ethercat(i) ? on_ethercat : on_can));
+    motion::AxisSetup setup;
+    setup.product = variants[chosen.back()].product->name;
+    setup.model = variants[chosen.back()].model;
+    sequence.axes.push_back(setup);
+  }
+  line::LineSettings settings = motion::line_settings(sequence);
+  while (settings.buses.size() < can_buses) {
+    settings.buses.push_back({.name = fmt::format("can{}", settings.buses.size()), .links = {}});
+  }
+  std::size_t next = 0;
+  for (line::AxisSettings& axis : settings.axes) {
+    if (axis.bus) axis.bus = next++ % can_buses;
+  }
+  return settings;
+}
+
+World::World(const Options& options)
+    : options_(options), line_(std::make_unique<line::Line>(settings(options, variants_, chosen_))) {
+  std::size_t place = 0;
+  for (std::size_t i = 0; i < options.axes; ++i) {
+    Subject& subject = subjects_.emplace_back();
+    subject.axis = line_->axes()[i].get();
+    subject.variant = &variants_[chosen_[i]];
+    subject.bus = is_ethercat(i) ? segment : *subject.axis->settings().bus;
+    if (is_ethercat(i)) subject.place = place++;
+    subject.around.quiet_bus = false;  // frames are lost, so nothing is due on the bus
+    subject.record.waits_since = Time{0};
+  }
+  for (std::size_t i = 0; i < options.axes; ++i) {
+    if (options.watches) subjects_[i].watch = std::make_unique<motion::Watch>(*subjects_[i].axis, i);
+  }
+}
+
+void World::pass_tick() {
+  ++tick_;
+  line_->run_until(tick_ * line::tick_length);
+  for (std::size_t i = 0; i < subjects_.size(); ++i) {
+    Subject& subject = subjects_[i];
+    if (!subject.watch || subject.watch->tick(tick_, subject.around)) continue;
+    const motion::Finding& found = *subject.watch->finding();
+    finding(fmt::format("invariant {} of {} {}: {}", found.invariant, subject.variant->product->name,
+                        subject.axis->settings().name, found.text));
+    subject.watch = std::make_unique<motion::Watch>(*subject.axis, i);
+  }
+}
+
+void World::finding(const std::string& text) {
+  ++finding_count_;
+  const std::string whole = fmt::format("{:.4f} s: {}", static_cast<double>(tick_) / ticks_per_s, text);
+  if (findings_.size() >= most_findings) return;
+  findings_.push_back(whole);
+  std::fprintf(stderr, "chaos: FINDING: %s\n", whole.c_str());
+}
+
+void World::works(Subject& subject) {
+  Record& record = subject.record;
+  if (!record.waits_since) return;
+  record.longest_recovery = std::max(record.longest_recovery, line_->now() - *record.waits_since);
+  ++record.recoveries;
+  record.waits_since.reset();
+}
+
+void World::look_for_overdue() {
+  const auto limit = std::chrono::duration_cast<Time>(std::chrono::duration<double>(options_.recovery_limit_s));
+  for (Subject& subject : subjects_) {
+    Record& record = subject.record;
+    if (!record.waits_since || record.overdue || line_->now() - *record.waits_since < limit) continue;
+    record.overdue = true;
+    finding(fmt::format("{} {} ({}) is not in operation {:.0f} s after a disturbance; statusword {:04X}h",
+                        subject.variant->product->name, subject.variant->model, subject.axis->settings().name,
+                        options_.recovery_limit_s, subject.axis->device().drive().statusword()));
+  }
+}
+
+}  // namespace servodrome::chaos

@@ -1,0 +1,106 @@
+#pragma once
+
+#include <map>
+#include <memory>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "catalogue.hpp"
+#include "line/line.hpp"
+#include "random.hpp"
+#include "watch.hpp"
+
+namespace servodrome::chaos {
+
+using links::Time;
+using motion::Random;
+using motion::Surroundings;
+using motion::Variant;
+
+inline constexpr std::int64_t ticks_per_s = 16'000;
+inline constexpr std::size_t can_buses = 2;
+inline constexpr std::size_t segment = can_buses;  // number of the EtherCAT segment among the buses
+
+struct Options {
+  std::uint64_t seed = 1;
+  std::size_t axes = 64;
+  double hours = 0.1;
+  double share = 0.01;             // of the frames that are dropped; as many are doubled, corrupted and delayed
+  double power_cut_every_s = 180;  // mean time between two power cuts of an axis
+  double cable_every_s = 180;      // ... between two pulls of its cable
+  double recovery_limit_s = 60;    // of line time, from the end of a disturbance
+  bool watches = true;             // the invariants are checked
+};
+
+// What happened to an axis, and what its master has achieved since.
+struct Record {
+  std::optional<Time> waits_since{};  // end of the last disturbance that its master has not overcome yet
+  bool overdue = false;               // that has been reported
+  std::uint64_t power_cuts = 0;
+  std::uint64_t cable_pulls = 0;
+  std::uint64_t recoveries = 0;
+  std::uint64_t moves = 0;  // accepted by the drive
+  Time longest_recovery{};
+};
+
+struct Subject {
+  line::Axis* axis = nullptr;
+  const Variant* variant = nullptr;
+  std::size_t bus = 0;
+  std::size_t place = 0;  // on its segment, from 0
+  Surroundings around;
+  Record record;
+  std::unique_ptr<motion::Watch> watch;
+};
+
+// The line with its axes, and what all parts of the program share.
+class World {
+ public:
+  explicit World(const Options& options);
+
+  const Options& options() const { return options_; }
+  line::Line& line() { return *line_; }
+  std::vector<Subject>& subjects() { return subjects_; }
+  std::int64_t tick() const { return tick_; }
+  // Lets a tick pass and checks the invariants of all axes.
+  void pass_tick();
+
+  void finding(const std::string& text);
+  const std::vector<std::string>& findings() const { return findings_; }
+  std::uint64_t finding_count() const { return finding_count_; }
+
+  // The master has the axis in operation and its drive accepts commands.
+  void works(Subject& subject);
+  // A disturbance of the axis has begun: recovery counts from its end.
+  static void struck(Subject& subject) { subject.record.waits_since.reset(); }
+  // It has ended.
+  void over(Subject& subject) {
+    subject.record.waits_since = line_->now();
+    subject.record.overdue = false;
+  }
+  // Reports axes that have waited for their master for too long.
+  void look_for_overdue();
+
+  // Errors of the masters, by their kind.
+  std::map<std::string, std::uint64_t>& errors() { return errors_; }
+  bool stopping = false;       // the masters end what they do
+  bool quiet = false;          // no more disturbances
+  std::uint64_t restarts = 0;  // of the EtherCAT master
+
+ private:
+  static line::LineSettings settings(const Options& options, const std::vector<Variant>& variants,
+                                     std::vector<std::size_t>& chosen);
+
+  Options options_;
+  std::vector<Variant> variants_ = motion::variants();
+  std::vector<std::size_t> chosen_;  // of the variants, for each axis
+  std::unique_ptr<line::Line> line_;
+  std::vector<Subject> subjects_;
+  std::int64_t tick_ = 0;
+  std::vector<std::string> findings_;
+  std::uint64_t finding_count_ = 0;
+  std::map<std::string, std::uint64_t> errors_;
+};
+
+}  // namespace servodrome::chaos
