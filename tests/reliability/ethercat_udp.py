@@ -10,6 +10,7 @@ PROCESS_BYTES = 14  # outputs and inputs of a generic402-ec with the mapping fro
 INIT, PRE_OPERATIONAL, SAFE_OPERATIONAL, OPERATIONAL = 1, 2, 4, 8
 WATCHDOG_MS = 6_500  # the longest; a pause of the machine must not end the operation
 MOST_OUTSTANDING = 64  # frames without an answer: then the master waits, so that no buffer overflows
+MOST_WAITED_NS = 100_000  # for a processor, while a frame is on its way whose lateness counts
 SO_TIMESTAMPNS = 35
 
 
@@ -39,10 +40,12 @@ class Master:
         self.wrong_counters = 0
         self.skipped = 0
         self.late = 0
-        self.late_by_line = 0
+        self.late_busy = 0
+        self.late_asleep = 0
         self.longest_ms = 0.0
-        self.longest_own_ms = 0.0
-        self.outstanding = {}  # number: (time after it was sent, time that the line had waited until then)
+        self.judged = 0
+        self.longest_judged_ms = 0.0
+        self.outstanding = {}  # number: (time after it was sent, what the line had done until then, all others are back)
 
     # ---- The start ----
 
@@ -95,9 +98,11 @@ class Master:
 
     # ---- The cycles ----
 
-    def waited_ns(self):
+    def line_did(self):
+        """How long the line has run and has waited for a processor, in ns."""
         with open(self.schedstat, encoding="ascii") as file:
-            return int(file.read().split()[1])
+            ran, waited, _ = file.read().split()
+        return int(ran), int(waited)
 
     def run(self, seconds, period_s=0.001):
         """Exchanges process data for so long."""
@@ -110,9 +115,9 @@ class Master:
             if len(self.outstanding) < MOST_OUTSTANDING:
                 self.sent += 1
                 number = struct.pack("<Q", self.sent)
-                waited = self.waited_ns()
+                did = self.line_did()
                 self.socket.send(frame(datagram(LRW, self.sent, 0, 0, image, more=True) + datagram(NOP, 0, 0, 0, number)))
-                self.outstanding[self.sent] = (time.time_ns(), waited)
+                self.outstanding[self.sent] = (time.time_ns(), did, not self.outstanding)
             else:
                 self.skipped += 1
             self.receive()
@@ -143,17 +148,25 @@ class Master:
             self.wrong_counters += counter != 3 * self.slaves
             self.judge(*self.outstanding.pop(number), extra)
 
-    def judge(self, sent_at, waited_before, extra):
-        """Was the answer late, and did the line have a processor all the time?"""
+    def judge(self, sent_at, before, alone, extra):
+        """Was the answer late, and by whose fault? Judged are only frames that found the line up to date and running.
+
+        If the line had to wait for a processor it has work to catch up with, and so have the frames behind this one.
+        """
         seconds, nanoseconds = struct.unpack("@qq", extra[0][2])
         took = seconds * 1_000_000_000 + nanoseconds - sent_at
         self.longest_ms = max(self.longest_ms, took / 1e6)
-        if took <= self.period_ns:
+        self.late += took > self.period_ns
+        ran, waited = (after - earlier for after, earlier in zip(self.line_did(), before))
+        if not alone or waited > MOST_WAITED_NS:
             return
-        self.late += 1
-        own = took - (self.waited_ns() - waited_before)
-        self.longest_own_ms = max(self.longest_own_ms, own / 1e6)
-        self.late_by_line += own > self.period_ns
+        self.judged += 1
+        self.longest_judged_ms = max(self.longest_judged_ms, took / 1e6)
+        if took > self.period_ns:
+            if ran > self.period_ns:
+                self.late_busy += 1
+            else:
+                self.late_asleep += 1
 
     def figures(self):
         return {
@@ -161,9 +174,11 @@ class Master:
             "unanswered": self.sent - self.answered,
             "wrong_counters": self.wrong_counters,
             "late": self.late,
-            "late_by_line": self.late_by_line,
+            "judged": self.judged,
+            "late_busy": self.late_busy,
+            "late_asleep": self.late_asleep,
             "longest_ms": round(self.longest_ms, 3),
-            "longest_with_a_processor_ms": round(self.longest_own_ms, 3),
+            "longest_judged_ms": round(self.longest_judged_ms, 3),
             "skipped_by_master": self.skipped,
         }
 

@@ -4,6 +4,8 @@
 #include <boost/asio/post.hpp>
 #include <boost/asio/write.hpp>
 
+#include "links/file_descriptor.hpp"
+
 namespace servodrome::links {
 namespace {
 
@@ -68,7 +70,7 @@ void SlcanLink::watch_input() {
   client_poll_.expires_after(input_poll_time);
   client_poll_.async_wait([this, alive = alive_](error_code code) {
     if (!*alive || code || counters_.clients == 0) return;
-    if (reading_ && !is_writing_ && adapter_port_.has_input()) {
+    if (reading_ && !is_writing_ && has_arrived(descriptor_of(stream_))) {
       error_code ignored;
       stream_.cancel(ignored);  // the read starts again and finds the bytes
     }

@@ -47,7 +47,7 @@ void StreamLink::watch_input() {
   watch_.expires_after(input_poll_time);
   watch_.async_wait([this, alive = alive_](error_code code) {
     if (!*alive || code || !is_open()) return;
-    if (is_reading_ && !is_writing_ && is_readable(descriptor_of(stream_))) {
+    if (is_reading_ && !is_writing_ && has_arrived(descriptor_of(stream_))) {
       error_code ignored;
       stream_.cancel(ignored);  // the read starts again and finds the bytes
     }
