@@ -1,6 +1,9 @@
+#include <algorithm>
 #include <deque>
 
 #include "axis/axis402.hpp"
+#include "axis/cyclic/can_cyclic_bus.hpp"
+#include "axis/cyclic/motion_group.hpp"
 #include "links/can/client.hpp"
 #include "master/canopen/sdo_client.hpp"
 #include "masters.hpp"
@@ -42,25 +45,39 @@ class Station {
       command();
       world_.works(subject_);
     } catch (const MasterError& error) {
-      ++world_.errors()[error.happened().substr(0, error.happened().find('['))];
+      world_.count(error);
       moves_ = false;
     }
   }
 
-  // Brings the axis into operation and moves it by a revolution; true if it arrives.
-  bool finish() {
+  // Disables the axis, so that a group may take it.
+  bool release() {
+    try {
+      if (axis_.state() == PowerState::fault) axis_.reset_fault();
+      axis_.stop();
+      axis_.disable();
+      moves_ = false;
+      return true;
+    } catch (const MasterError& error) {
+      world_.count(error);
+      return false;
+    }
+  }
+  Subject& subject() { return subject_; }
+
+  // Brings the axis into operation and moves it by a revolution.
+  void finish() {
     for (int attempt = 0; attempt < 3; ++attempt) {
       try {
         if (axis_.state() == PowerState::fault) axis_.reset_fault();
         axis_.enable();
         axis_.move_by(position(1.0), profile(5.0, 50.0), 10s);
-        return true;
+        return;
       } catch (const MasterError& error) {
         last_ = error.what();
       }
     }
     world_.finding("the last move failed: " + last_);
-    return false;
   }
 
  private:
@@ -107,6 +124,67 @@ class Station {
   std::string last_;
 };
 
+// Process data of a few drives with SYNC, for some seconds: PDOs are mapped by SDO and restored. A drive that is lost
+// meanwhile ends the group.
+class Group {
+ public:
+  static constexpr std::size_t most = 4;
+
+  Group(World& world, master::Bus& bus, std::deque<Station>& stations, Random& random)
+      : world_(world), bus_(bus), stations_(stations), random_(random) {}
+
+  void run() {
+    std::vector<Subject*> members = choose();
+    if (members.empty()) return;
+    ++world_.groups;
+    std::vector<master::CanDrive> drives;
+    for (Subject* member : members) drives.push_back(drive_of(*member));
+    try {
+      master::CanCyclicBus cyclic(bus_, drives, {.period = period, .sdo = {.timeout = answer_timeout, .retries = 2}});
+      master::MotionGroup axes(cyclic);
+      for (const Time end = bus_.now() + duration; bus_.now() < end && !world_.stopping;) {
+        cyclic.check();
+        for (std::size_t i = 0; i < members.size(); ++i) {
+          if (command_axis(*members[i], axes.axis(i), random_)) world_.works(*members[i]);
+        }
+        axes.wait(4 * period);
+      }
+      cyclic.close();
+    } catch (const MasterError& error) {
+      world_.count(error);
+    }
+  }
+
+ private:
+  static constexpr Time period = 4ms;  // the longest of ismc
+  static constexpr Time duration = 6s;
+
+  std::vector<Subject*> choose() {
+    std::vector<Subject*> members;
+    for (std::size_t tries = 0; tries < 2 * most && members.size() < most; ++tries) {
+      Station& station =
+          stations_[static_cast<std::size_t>(random_.below(static_cast<std::int64_t>(stations_.size())))];
+      Subject& subject = station.subject();
+      const bool has_mode = subject.variant->has(drive::Mode::cyclic_sync_position);
+      if (!has_mode || std::find(members.begin(), members.end(), &subject) != members.end()) continue;
+      if (station.release()) members.push_back(&subject);
+    }
+    return members;
+  }
+  static master::CanDrive drive_of(const Subject& subject) {
+    master::CanDrive drive = master::synchronous_position_drive(subject.axis->device().node_id());
+    for (const master::CycleObject& object : master::dialect_of(subject.variant->product->name).cycle_objects) {
+      drive.values.push_back({object.object, object.value_of(period), object.bytes});
+    }
+    return drive;
+  }
+
+  World& world_;
+  master::Bus& bus_;
+  std::deque<Station>& stations_;
+  Random& random_;
+};
+
 }  // namespace
 
 void run_can_master(World& world, std::size_t number, links::VirtualClock& clock) {
@@ -122,6 +200,7 @@ void run_can_master(World& world, std::size_t number, links::VirtualClock& clock
       station.visit();
       if (world.stopping) break;
     }
+    if (number % 2 == 1 && !world.stopping) Group(world, bus, stations, random).run();
     bus.run_for(5ms);
   }
   for (Station& station : stations) station.finish();

@@ -7,11 +7,9 @@ namespace servodrome::chaos {
 namespace {
 
 using namespace std::chrono_literals;
-using master::AxisFault;
 using master::EthercatSlave;
 using master::MasterError;
 using master::MotionAxis;
-using master::MotionLimits;
 
 constexpr Time period = 4ms;
 constexpr Time between_looks = 40ms;
@@ -40,7 +38,9 @@ class Session {
   void run() {
     while (!world_.stopping) {
       bus_->check();
-      for (std::size_t i = 0; i < subjects_.size(); ++i) command(*subjects_[i], group_->axis(i));
+      for (std::size_t i = 0; i < subjects_.size(); ++i) {
+        if (command_axis(*subjects_[i], group_->axis(i), random_)) world_.works(*subjects_[i]);
+      }
       group_->wait(between_looks);
     }
   }
@@ -51,7 +51,8 @@ class Session {
     group_->enable(10s);
     for (std::size_t i = 0; i < subjects_.size(); ++i) {
       MotionAxis& axis = group_->axis(i);
-      if (!axis.move_to(axis.set_point().position + counts(*subjects_[i], 1.0), 0.0, limits(*subjects_[i], 5.0, 50.0)))
+      const double target = axis.set_point().position + subjects_[i]->variant->position(1.0);
+      if (!axis.move_to(target, 0.0, limits_of(*subjects_[i], 5.0, 50.0)))
         world_.finding("the last move was not accepted: " + axis.axis().where());
     }
     if (!group_->wait_until([&] { return group_->all_done(); }, 10s)) world_.finding("the last moves do not end");
@@ -63,31 +64,6 @@ class Session {
     if (found.size() != count) throw MasterError("slaves are missing", "segment", "connect them");
     return found;
   }
-  static double counts(const Subject& subject, double revolutions) { return subject.variant->position(revolutions); }
-  static MotionLimits limits(const Subject& subject, double velocity_rps, double acceleration_rps2) {
-    const double acceleration = counts(subject, acceleration_rps2);
-    return {counts(subject, velocity_rps), acceleration, acceleration, 0.0};
-  }
-
-  void command(Subject& subject, MotionAxis& axis) {
-    if (axis.fault() != AxisFault::none) {
-      ++world_.errors()[master::name(axis.fault())];
-      axis.reset_fault();
-      return;
-    }
-    if (!axis.is_switched_on()) axis.switch_on(true);
-    if (!axis.is_enabled() || !axis.generator().done()) return;
-    if (random_.chance(4)) {  // at rest
-      axis.switch_on(false);
-      return;
-    }
-    const double speed_rps = 1.0 + random_.unit() * 0.4 * subject.variant->max_speed_rpm / 60.0;
-    const double target = axis.set_point().position + counts(subject, 8.0 * random_.unit() - 4.0);
-    if (!axis.move_to(target, 0.0, limits(subject, speed_rps, 20.0 + 180.0 * random_.unit()))) return;
-    ++subject.record.moves;
-    world_.works(subject);
-  }
-
   World& world_;
   const std::vector<Subject*>& subjects_;
   Random& random_;
@@ -119,7 +95,7 @@ void run_ethercat_master(World& world, links::VirtualClock& clock) {
       return;
     } catch (const MasterError& error) {
       last = error.what();
-      ++world.errors()[error.happened().substr(0, error.happened().find('['))];
+      world.count(error);
       ++world.restarts;
     }
     if (world.stopping) ++last_attempts;

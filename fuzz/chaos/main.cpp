@@ -95,6 +95,7 @@ nlohmann::json report(World& world, const Mischief& mischief, double seconds) {
           {"longest_recovery_s", std::chrono::duration<double>(sum.longest_recovery).count()},
           {"moves", sum.moves},
           {"segment_restarts", world.restarts},
+          {"can_groups", world.groups},
           {"invariants", options.watches},
           {"errors_of_masters", world.errors()},
           {"finding_count", world.finding_count()},

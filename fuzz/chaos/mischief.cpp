@@ -21,10 +21,11 @@ void Mischief::CanDoubler::sent(const canopen::Frame& frame, Time at) {
 }
 
 bool Mischief::CanDoubler::lets_in(canopen::Frame& frame, Time) {
+  constexpr std::uint32_t sync = 0x080;
   const bool own = (frame.id & 0x7F) == subject_.axis->device().node_id();
   const bool asks = frame.id == 0 || (own && (frame.id & 0x780) == 0x600);
   if (asks) subject_.around.commanded = mischief_.world_.tick() + 1;
-  if (asks && mischief_.draws()) {
+  if ((asks || own || frame.id == sync) && mischief_.draws()) {
     ++mischief_.doubled_;
     again_.push_back(frame);
   }

@@ -8,6 +8,7 @@
 
 #include "catalogue.hpp"
 #include "line/line.hpp"
+#include "master/error.hpp"
 #include "random.hpp"
 #include "watch.hpp"
 
@@ -82,11 +83,13 @@ class World {
   // Reports axes that have waited for their master for too long.
   void look_for_overdue();
 
-  // Errors of the masters, by their kind.
-  std::map<std::string, std::uint64_t>& errors() { return errors_; }
+  // Counts an error of a master by its kind.
+  void count(const master::MasterError& error) { ++errors_[error.happened().substr(0, error.happened().find('['))]; }
+  const std::map<std::string, std::uint64_t>& errors() const { return errors_; }
   bool stopping = false;       // the masters end what they do
   bool quiet = false;          // no more disturbances
   std::uint64_t restarts = 0;  // of the EtherCAT master
+  std::uint64_t groups = 0;    // of drives with process data on CAN
 
  private:
   static line::LineSettings settings(const Options& options, const std::vector<Variant>& variants,
