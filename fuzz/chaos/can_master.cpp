@@ -194,6 +194,7 @@ void run_can_master(World& world, std::size_t number, links::VirtualClock& clock
   for (Subject& subject : world.subjects()) {
     if (subject.bus == number) stations.emplace_back(world, bus, subject, random);
   }
+  if (stations.empty()) return;
   bus.run_for(100ms);
   while (!world.stopping) {
     for (Station& station : stations) {
