@@ -57,6 +57,7 @@ async function write(page: Page, what: 'Values' | 'Gains' = 'Values') {
 }
 
 async function inputs(page: Page) {
+  await expect(page.getByRole('group', { name: 'Force DI0' })).toBeVisible();
   for (const row of await page.getByRole('group', { name: /^Force DI/ }).all()) {
     const seen = page.getByRole('row', { name: new RegExp(`^${(await row.getAttribute('aria-label'))!.slice(6)} `) }).getByRole('cell');
     await row.getByRole('button', { name: '0' }).click();
@@ -127,7 +128,9 @@ for (const { name, counts } of axes) {
       const [, predicted, after] = await values(page, /^Bandwidth/);
       expect(Math.abs(after / predicted - 1)).toBeLessThan(0.15);
     } else if (tunes === 'by hand') {
-      await type(page, 'P01-03 Rigidity', 18, panel(page, 'Velocity loop'));
+      const { objects } = await line.call<{ objects: { index: string; sub: number; name: string }[] }>('GET', `/axes/${name}/objects`);
+      const rigidity = objects.find(({ index, sub }) => index === '0x2001' && sub === 4)!.name;
+      await type(page, rigidity, 18, panel(page, 'Velocity loop'));
       await write(page, 'Gains');
       await page.getByRole('button', { name: 'Measure a step' }).click();
       await expect.poll(async () => (await values(page, /^Rise time/))[2], slow).toBeLessThan(before);

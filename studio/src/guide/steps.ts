@@ -240,6 +240,7 @@ export const steps: Step[] = [
     why: 'Press every switch, or force its input here, and see the drive react. A limit switch that does not react cannot stop the axis.',
     check: 'Every wired input was seen at both levels.',
     open: (facts, { found }) => {
+      if (facts.isVirtual && !facts.geometry) return 'The wiring is not known yet.';
       const missing = wiredInputs(facts).filter((input) => !found.seen?.[input]?.every(Boolean));
       return missing.length === 0 ? '' : `Not seen at both levels yet: ${missing.join(', ')}.`;
     },
