@@ -18,7 +18,7 @@ from drive402 import (
 )
 from line import COUNTS, LIMITS, wait_for
 
-CLOSE = 3  # counts: the loop's rest band on both sides of the demand
+CLOSE = 8  # counts: errors of the drive's encoder, 20 arc seconds and more, and its control
 
 
 def turning_at(drive, speed_rpm, tolerance=0.02):
@@ -255,4 +255,5 @@ def test_touch_probe_latches_the_index(drive):
     drive.move_to(start + COUNTS + COUNTS // 2)
     assert drive.read(0x60B9) & 3 == 3
     latched = drive.read(0x60BA) + true_start - start
-    assert latched % COUNTS in (0, 1, COUNTS - 1), "the index is once per revolution, at 0"
+    # The drive latches what its encoder shows, which has errors of some arc seconds.
+    assert (latched + 5) % COUNTS <= 10, "the index is once per revolution, at 0"

@@ -40,7 +40,7 @@ node = {node}
   home = {{ from = 1.2, to = 2.4 }}
 """
 PRONETS = '[[bus]]\nname = "can0"\n' + AXIS.format(name="one", node=1) + AXIS.format(name="two", node=2)
-CLOSE = 2  # counts
+CLOSE = 8  # counts: errors of the encoder, some arc seconds, and of its control
 
 
 class Pronet(Drive402):
@@ -234,7 +234,7 @@ def test_interpolated_position_and_alarm_a69(drive):
 def test_homing(drive, method, home):
     """Ch. 9.5, with the two speeds and the acceleration that the example forgets."""
     drive.home(method, fast=6000, slow=300, acceleration=20_000)
-    assert abs(drive.true_position - drive.position - home) <= 3
+    assert abs(drive.true_position - drive.position - home) <= 8
 
 
 def test_homing_that_is_not_possible(start_line, connect, eds):
