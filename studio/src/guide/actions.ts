@@ -123,6 +123,7 @@ export async function runMotion(facts: Facts, step: Step, motion: Motion, number
       setRun(axis, (run) => ({ ...run, jobs: [...run.jobs, job.id] }));
       before = await finish(job);
       if (before.state !== 'done') break;
+      if (records && i === motion.begins.length && i + 1 < orders.length) await recorded(axis);
     }
     await complete(facts, before);
   } catch (error) {
@@ -151,6 +152,16 @@ async function record(axis: AxisView, records: Records) {
   // A recording has nothing from before its request: the motion begins when the time before the trigger is recorded.
   const begin_ms = await lineTime();
   while ((await lineTime()) < begin_ms + records.pre_ms + 5 && guideOf(axis.name, axis.product).run?.state === 'running') await later(20);
+}
+
+// The way back begins when the way there is recorded to its end.
+async function recorded({ name, product }: AxisView) {
+  for (;;) {
+    const { run } = guideOf(name, product);
+    if (run?.state !== 'running' || run.recording === undefined) return;
+    if ((await get<Recording>(`/recordings/${run.recording}`)).state !== 'running') return;
+    await later(50);
+  }
 }
 
 const lineTime = async () => (await get<Clock>('/clock')).time_ms;
