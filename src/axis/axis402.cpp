@@ -131,8 +131,7 @@ void Axis402::wait_for_state(std::initializer_list<PowerState> wanted, const cha
     if (present == PowerState::fault)
       fail(fmt::format("the drive has a fault and cannot {}", doing), "remove its cause and reset it");
     if (objects_.now() >= deadline) {
-      fail(fmt::format("the drive did not {} within {} ms", doing,
-                       timeout / std::chrono::milliseconds(1)),
+      fail(fmt::format("the drive did not {} within {} ms", doing, timeout / std::chrono::milliseconds(1)),
            "check its supply, enable input and safety input, and whether another master commands it");
     }
     pause();
