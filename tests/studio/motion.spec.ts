@@ -31,7 +31,8 @@ for (const { name, home } of axes) {
     await expect.poll(() => places.evaluate((seen) => seen.size)).toBeGreaterThan(2);
     await picture(`replay-${name}`);
     await expect(page.getByRole('button', { name: 'Replay', exact: true })).toBeVisible();
-    await expect(here).toHaveAttribute('cx', rest);
+    // The axis that holds its place moves by some counts.
+    await expect.poll(async () => Math.abs(Number(await here.getAttribute('cx')) - Number(rest))).toBeLessThan(0.1);
     const view = await line.call<View>('GET', `/axes/${name}`);
     expect(view.state).toBe('operation enabled');
     await open('/');
