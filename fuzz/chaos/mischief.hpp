@@ -9,7 +9,7 @@
 
 namespace servodrome::chaos {
 
-// What is done to the line: frames that are lost, doubled, corrupted and late, power cuts and pulled cables.
+// Disturbs a line: drops, doubles, corrupts and delays frames, cuts the power of axes and pulls cables.
 class Mischief {
  public:
   explicit Mischief(World& world);

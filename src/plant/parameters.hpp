@@ -29,8 +29,8 @@ struct Motor {
   // [2, 3]; 3: a star on three half bridges; 2: windings in quadrature, U and V, each on its own full bridge
   int phases = 3;
   double rated_torque_nm = 1.27;              // (0, 1e5]: for users' per-unit values; the step does not use it
-  double rated_current_a = 2.7;               // (0, 1e4] A rms: likewise
-  double rated_speed_rpm = 3000.0;            // (0, 1e5]: likewise
+  double rated_current_a = 2.7;               // (0, 1e4] A rms: for users' per-unit values
+  double rated_speed_rpm = 3000.0;            // (0, 1e5]: for users' per-unit values
   int pole_pairs = 5;                         // [1, 100]
   double resistance_ohm = 0.775;              // [1e-3, 1e3] at 25 degC
   double direct_inductance_h = 3.355e-3;      // [1e-6, 1]

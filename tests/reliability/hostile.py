@@ -53,6 +53,16 @@ def until(end):
         yield
 
 
+def connections_until(link, end):
+    """New connections, one after the other; a refused one is tried again."""
+    for _ in until(end):
+        connection = connect(link)
+        if connection is None:
+            time.sleep(0.05)
+        else:
+            yield connection
+
+
 # ---- TCP ----
 
 
@@ -83,11 +93,7 @@ def slow(link, end, _draw):
 def broken(link, end, draw):
     """Connects, sends a part of a request and disconnects, often with RST."""
     first, request = good_words(link)
-    for _ in until(end):
-        connection = connect(link)
-        if connection is None:
-            time.sleep(0.05)
-            continue
+    for connection in connections_until(link, end):
         with contextlib.suppress(OSError):
             connection.sendall((first + request)[: draw.randrange(len(first + request) + 1)])
             reset(connection) if draw.random() < 0.7 else connection.close()
@@ -96,11 +102,7 @@ def broken(link, end, draw):
 
 def garbage(link, end, draw):
     """Sends random bytes."""
-    for _ in until(end):
-        connection = connect(link)
-        if connection is None:
-            time.sleep(0.05)
-            continue
+    for connection in connections_until(link, end):
         with contextlib.suppress(OSError), connection:
             for _ in range(50):
                 connection.sendall(draw.randbytes(draw.randrange(1, 2000)))
@@ -110,11 +112,7 @@ def garbage(link, end, draw):
 def deaf(link, end, _draw):
     """Sends good requests and never reads an answer."""
     first, request = good_words(link)
-    for _ in until(end):
-        connection = connect(link)
-        if connection is None:
-            time.sleep(0.05)
-            continue
+    for connection in connections_until(link, end):
         with contextlib.suppress(OSError), connection:
             connection.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 4096)
             connection.sendall(first)
@@ -134,11 +132,7 @@ def huge(link, end, draw):
         b"GET / HTTP/1.1\r\n" + b"a: b\r\n" * 40_000,
         b"POST /api/v1/stop HTTP/1.1\r\nTransfer-Encoding: chunked\r\n\r\n" + b"fffffffffffffffff\r\n",
     ]
-    for _ in until(end):
-        connection = connect(link)
-        if connection is None:
-            time.sleep(0.05)
-            continue
+    for connection in connections_until(link, end):
         with contextlib.suppress(OSError), connection:
             connection.settimeout(0.5)
             connection.sendall(draw.choice(words))

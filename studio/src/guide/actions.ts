@@ -50,7 +50,7 @@ export async function writePlan(axis: AxisView, step: string, plan: PlanRow[]): 
   tell(`${name}: ${plan.length} ${plan.length === 1 ? 'value' : 'values'} written`);
 }
 
-// Writes the old values back, the newest first. A value that somebody else has changed stays, and its entry too.
+// Writes the old values back in reverse order. A value that another client has changed is not written, and its entry stays in the journal.
 export async function undo(axis: AxisView, step: string | null): Promise<void> {
   const { name, product } = axis;
   const entries = toUndo(guideOf(name, product).journal, step);

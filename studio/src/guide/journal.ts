@@ -42,7 +42,7 @@ export const toUndo = (journal: Journal, step: string | null) => journal.filter(
 
 export type Standing = 'in the drive' | 'not in the drive' | 'changed by another' | 'replaced' | 'not known';
 
-// What has become of a write, by the drive's present value. A power cut brings the old value back if nothing was stored.
+// Compares the value that was written with the drive's present value. After a power cut a value that was not stored is the old one again.
 export function standingOf(journal: Journal, entry: Written, now: unknown): Standing {
   const last = lastOf(journal, ({ object }) => object === entry.object);
   if (last !== entry) return 'replaced';

@@ -78,7 +78,7 @@ export interface Step {
   motions?: Motion[];
   lacks?: (facts: Facts) => string; // why the step cannot be done with this drive; empty: it can
   check: string; // how the step is checked
-  open: (facts: Facts, state: StepState) => string; // what is still to be done; empty: the check has passed
+  open: (facts: Facts, state: StepState) => string; // the condition that is not met yet; empty: the step is complete
 }
 
 export const placeOf = (object: string): [number, number] => [parseInt(object.slice(0, 4), 16), parseInt(object.slice(5), 16)];

@@ -166,7 +166,7 @@ function Motion({ axis }: { axis: AxisView }) {
 }
 
 function JobLine({ job, units }: { job: ReturnType<typeof useJob>; units: Units | undefined }) {
-  if (!job) return <p className="job" role="status" />; // the place stays: the buttons below must not move
+  if (!job) return <p className="job" role="status" />; // keeps the height, so that the buttons below keep their place
   const position = job.result?.position;
   const at = position === undefined ? null : job.units === 'revolutions' ? position : fromDrivePosition(units, position);
   return (

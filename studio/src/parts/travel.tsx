@@ -15,8 +15,8 @@ export function useGeometry(axis: string): Geometry | undefined {
 const percent = (share: number) => `${(100 * share).toFixed(3)}%`;
 
 // The travel seen from above: hard stops, the ranges in which limit and home switches are active, the index pulses, the
-// target of an enabled axis, and the axis. `ghost` is null where a move is drawn at times: its text has its place all the
-// time, because the buttons below must not move while somebody wants to press Halt.
+// target of an enabled axis, and the axis. A page that draws planned moves passes `ghost`, null while there is none: the
+// height includes the text of the move then, so that the buttons below (Halt) keep their place.
 export function Travel({ axis, geometry, ghost }: { axis: AxisView; geometry: Geometry | undefined; ghost?: Ghost | null }) {
   const target = axis.state === 'operation enabled' ? axis.target_counts : null;
   const scale = travelScale(geometry, axis.position_counts);
