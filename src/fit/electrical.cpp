@@ -1,6 +1,9 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <numbers>
+#include <optional>
+#include <utility>
 
 #include "fit/models.hpp"
 
@@ -18,9 +21,25 @@ constexpr double longest_window_s = 60e-3;
 // Relative to the quadrature current: a smaller direct current is only a control error, and cannot determine Ld.
 constexpr double least_direct = 0.05;
 
+// Currents of this share of the greatest one, and of more, are tried as the soft current of the stage.
+constexpr double softest = 0.01;
+constexpr int soft_steps = 9;
+constexpr double soft_ratio = 1.5;
+// A drop below this share of the greatest voltage of the resistance has no shape to look for.
+constexpr double least_drop = 0.02;
+
+// Fundamental of the voltage that a stage loses along a current, as a share of that of a high current: the loss of a
+// half bridge is proportional to its current up to `soft_a` and constant above it.
+double share_of_drop(double current_a, double soft_a) {
+  const double x = current_a / soft_a;
+  if (x <= 1.0) return 0.25 * std::numbers::pi * x;
+  return 0.5 * (x * std::asin(1.0 / x) + std::sqrt(1.0 - 1.0 / (x * x)));
+}
+
 class Model {
  public:
-  Model(const Signals& signals, const Motor& motor)
+  // `soft`: the soft current of the stage as a share of the greatest current.
+  Model(const Signals& signals, const Motor& motor, double soft)
       : signals_(signals),
         count_(signals.seconds.size()),
         rotor_frame_(signals.has(Role::direct_voltage) && signals.has(Role::direct_current) && motor.pole_pairs),
@@ -56,12 +75,14 @@ class Model {
       }
       heated_q_.push_back(warm * iq[i]);
       heated_d_.push_back(warm * id[i]);
-      const double current = std::sqrt(iq[i] * iq[i] + id[i] * id[i] + 1e-4 * greatest * greatest);
-      sign_q_.push_back(iq[i] / current);
-      sign_d_.push_back(id[i] / current);
+      const double current = std::hypot(iq[i], id[i]);
+      const double along = current > 0.0 ? share_of_drop(current, soft * greatest) / current : 0.0;
+      sign_q_.push_back(along * iq[i]);
+      sign_d_.push_back(along * id[i]);
       turning_q_.push_back(speed_[i] * iq[i]);
       turning_d_.push_back(speed_[i] * id[i]);
     }
+    greatest_a_ = greatest;
     for (std::size_t i = 0; i < term_count; ++i) active_.push_back(static_cast<Term>(i));
     if (power_d < least_direct * least_direct * power_q) drop(Term::direct);
     if (!rotor_frame_) drop(Term::frame);
@@ -114,6 +135,7 @@ class Model {
     return unknown(estimate, column);
   }
   double delay_s() const { return delay_; }
+  double greatest_a() const { return greatest_a_; }
   const std::vector<Term>& active() const { return active_; }
 
  private:
@@ -215,7 +237,52 @@ class Model {
   std::array<double, term_count> found_{};  // latest value of each term
   double delay_ = 0.0;
   double frame_ = 0.0;
+  double greatest_a_ = 0.0;
 };
+
+struct Attempt {
+  Model model;
+  Estimate estimate;
+
+  bool loses() const {
+    const auto drop = model.shown_of(estimate, Term::drop);
+    const auto resistance = model.shown_of(estimate, Term::resistance);
+    return drop && resistance && drop->value > least_drop * resistance->value * model.greatest_a();
+  }
+};
+
+Attempt attempt(const Signals& signals, const Motor& motor, double soft) {
+  Model model(signals, motor, soft);
+  Estimate estimate = model.solve();
+  // Removes terms that cannot be separated, beginning with the one that affects the others least.
+  for (const Term column : {Term::direct, Term::drop, Term::frame, Term::delay}) {
+    if (!model.has(column) || shown(model.unknown(estimate, column))) continue;
+    model.drop(column);
+    estimate = model.solve();
+  }
+  return {std::move(model), std::move(estimate)};
+}
+
+// The soft current is the one with which the voltages are explained best.
+Attempt best_attempt(const Signals& signals, const Motor& motor) {
+  std::optional<Attempt> best(attempt(signals, motor, softest));
+  if (!best->loses()) return *std::move(best);
+  double soft = softest;
+  const auto improves = [&](double other) {
+    Attempt next = attempt(signals, motor, other);
+    if (!next.estimate.solved || next.estimate.residual_rms >= best->estimate.residual_rms) return false;
+    best.emplace(std::move(next));
+    soft = other;
+    return true;
+  };
+  for (int step = 1; step <= soft_steps && improves(soft_ratio * soft); ++step) {
+  }
+  for (double ratio = soft_ratio; ratio > 1.05;) {
+    ratio = std::sqrt(ratio);
+    if (!improves(ratio * soft)) improves(soft / ratio);
+  }
+  return *std::move(best);
+}
 
 }  // namespace
 
@@ -223,16 +290,8 @@ Electrical fit_electrical(const Signals& signals, const Motor& motor) {
   Electrical result;
   const bool turns = signals.has(Role::velocity) || signals.has(Role::position);
   if (!signals.has(Role::quadrature_voltage) || !signals.has(Role::quadrature_current) || !turns) return result;
-  Model model(signals, motor);
-  Estimate estimate = model.solve();
-  // Removes terms that cannot be separated, beginning with the one that affects the others least.
-  for (const Term column : {Term::direct, Term::drop, Term::frame, Term::delay}) {
-    if (!model.has(column)) continue;
-    const bool told = shown(model.unknown(estimate, column));
-    if (told) continue;
-    model.drop(column);
-    estimate = model.solve();
-  }
+  const Attempt best = best_attempt(signals, motor);
+  const auto& [model, estimate] = best;
   result.windows = estimate.windows;
   if (!estimate.solved) return result;
   result.residual_rms = estimate.residual_rms;
@@ -241,6 +300,7 @@ Electrical fit_electrical(const Signals& signals, const Motor& motor) {
   result.direct_inductance = model.shown_of(estimate, Term::direct);
   result.voltage_constant = model.shown_of(estimate, Term::constant);
   result.stage_drop_v = model.shown_of(estimate, Term::drop);
+  result.stage_loses = best.loses();
   result.delay_s = model.shown_of(estimate, Term::delay);
   if (result.delay_s) result.delay_s->value = model.delay_s();
   return result;

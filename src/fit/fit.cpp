@@ -91,6 +91,16 @@ void require_motion(const Signals& signals) {
 constexpr double closest_share = 1e-3;
 constexpr double closest_delay_periods = 0.05;
 
+// The same if the stage loses voltage: the model knows the mean of the loss over an electrical turn, not its ripple.
+constexpr double lossy_resistance_share = 0.015;
+constexpr double lossy_inductance_share = 0.01;
+constexpr double lossy_delay_periods = 0.25;
+
+std::optional<Unknown> widened(std::optional<Unknown> found, double by) {
+  if (found) found->half_width = std::hypot(found->half_width, by);
+  return found;
+}
+
 class Report {
  public:
   Report(Result& result, double period_s) : result_(result), closest_delay_s_(closest_delay_periods * period_s) {
@@ -156,13 +166,18 @@ void report_electrical(const Signals& signals, const Electrical& found, Report& 
     return;
   }
   const char* poor = "the recording does not show it";
-  report.put(resistance, found.resistance, poor,
+  const auto of_stage = [&](const std::optional<Unknown>& figure, double share) {
+    return widened(figure, found.stage_loses && figure ? share * figure->value : 0.0);
+  };
+  report.put(resistance, of_stage(found.resistance, lossy_resistance_share), poor,
              "record at several currents: different accelerations, some of them high");
-  report.put(quadrature_inductance, found.quadrature_inductance, poor,
+  report.put(quadrature_inductance, of_stage(found.quadrature_inductance, lossy_inductance_share), poor,
              "give pole pairs and record vd and id too, at some kHz and with high accelerations at high speed");
-  report.put(voltage_delay, found.delay_s, poor, "record at a higher rate, with sudden changes of torque");
+  const double delay_s = found.stage_loses ? lossy_delay_periods / signals.rate_hz() : 0.0;
+  report.put(voltage_delay, widened(found.delay_s, delay_s), poor,
+             "record at a higher rate, with sudden changes of torque");
   if (found.direct_inductance) {
-    report.put(direct_inductance, found.direct_inductance, "", "");
+    report.put(direct_inductance, of_stage(found.direct_inductance, lossy_inductance_share), "", "");
   } else {
     report.miss({direct_inductance}, "without direct current it cannot be separated from Lq",
                 "use Lq for it (a motor with surface magnets), or record with field weakening");

@@ -13,6 +13,7 @@ struct Electrical {
   std::optional<Unknown> voltage_constant;  // V of amplitude per rad/s of the shaft; negative: Result::turns_backwards
   std::optional<Unknown> delay_s;           // delay from voltage to current
   std::optional<Unknown> stage_drop_v;
+  bool stage_loses = false;  // the drop is not small against the voltage of the resistance
   double residual_rms = 0.0;
   std::size_t windows = 0;
 };

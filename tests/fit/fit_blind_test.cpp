@@ -27,7 +27,7 @@ std::vector<Wanted> wanted_of(const Truth& truth) {
 }
 
 // Every second draw has no position and no temperature of the winding, which a drive may not tell; each third has a
-// stage that is slower by up to three ticks.
+// stage that is slower by up to three ticks. Half of the stages have a dead time, a drop, and a delay of a tick.
 Result found(const Truth& truth, std::uint64_t seed, double& delay_s) {
   std::vector<std::string> names{"velocity_rpm", "current_a", "direct_current_a", "quadrature_voltage_v",
                                  "direct_voltage_v"};
@@ -35,7 +35,7 @@ Result found(const Truth& truth, std::uint64_t seed, double& delay_s) {
   Kept kept = test::record(truth, names);
   const std::size_t slower = seed % 3 == 0 ? seed % 4 : 0;
   test::advance_voltages(kept, slower, truth, seed % 2 == 0);
-  delay_s = (0.5 + static_cast<double>(slower)) * drive::tick_seconds;
+  delay_s = ((truth.ideal_stage ? 0.5 : 1.5) + static_cast<double>(slower)) * drive::tick_seconds;
   Draw noise(1000 + seed);
   const double full_a = 4.0 * truth.rated_current_a * std::sqrt(2.0);
   test::quantise(kept.of("current_a"), full_a, 12, noise);
@@ -53,7 +53,8 @@ TEST(FitBlind, FindsAxesDrawnAtRandomWithinTwoPercent) {
   std::array<unsigned, parameter_count> covered{};
   double worst_delay_s = 0.0;
   for (std::uint64_t seed = 1; seed <= draws; ++seed) {
-    const Truth truth = test::drawn(seed);
+    Truth truth = test::drawn(seed);
+    truth.ideal_stage = seed % 4 < 2;
     double delay_s = 0.0;
     const Result result = found(truth, seed, delay_s);
     for (const auto& [parameter, true_value] : wanted_of(truth)) {
@@ -66,7 +67,9 @@ TEST(FitBlind, FindsAxesDrawnAtRandomWithinTwoPercent) {
       covered[place] += std::abs(*figure.value - true_value) <= figure.half_width ? 1U : 0U;
     }
     ASSERT_TRUE(result.of(Parameter::voltage_delay).value) << "draw " << seed;
-    worst_delay_s = std::max(worst_delay_s, std::abs(*result.of(Parameter::voltage_delay).value - delay_s));
+    const double delay_error_s = std::abs(*result.of(Parameter::voltage_delay).value - delay_s);
+    EXPECT_LT(delay_error_s, (truth.ideal_stage ? 0.1 : 0.25) * drive::tick_seconds) << "draw " << seed;
+    worst_delay_s = std::max(worst_delay_s, delay_error_s);
   }
   unsigned all = 0;
   for (const auto& [parameter, true_value] : wanted_of(Truth{})) {
@@ -76,7 +79,6 @@ TEST(FitBlind, FindsAxesDrawnAtRandomWithinTwoPercent) {
     all += covered[place];
   }
   fmt::print("{:<26} worst {:.2f} us\n", "voltage_delay_s", 1e6 * worst_delay_s);
-  EXPECT_LT(worst_delay_s, 0.1 * drive::tick_seconds);
   // 95 % of 140, and as many fewer as chance makes it in one of a thousand tests.
   EXPECT_GE(all, 125U);
 }

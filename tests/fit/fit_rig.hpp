@@ -55,12 +55,13 @@ struct Truth {
   int counts = 0;
   int phases = 3;
   int direction = 1;
+  bool ideal_stage = true;
 
   double inertia_kgm2() const { return rotor_inertia_kgm2 + load_inertia_kgm2; }
 
   std::string axis_text() const {
     return fmt::format(
-        "[axis.stage]\nideal = true\n"  // its drop is part of R where one current does not separate the two
+        "[axis.stage]\nideal = {}\n"
         "[axis.motor]\nphases = {}\nrated_torque_nm = {}\nrated_current_a = {}\npole_pairs = {}\nresistance_ohm = {}\n"
         "direct_inductance_h = {}\nquadrature_inductance_h = {}\ntorque_constant_nm_per_a = {}\n"
         "rotor_inertia_kgm2 = {}\nbrake_torque_nm = {}\n[axis.load]\ninertia_kgm2 = {}\nviscous_friction_nms = {}\n"
@@ -68,7 +69,7 @@ struct Truth {
         "[axis.encoder]\ncounts_per_revolution = {}\ndirection = {}\n[axis.supply]\novercurrent_a = "
         "{}\nbus_overcurrent_a = {}\n"
         "[axis.thermal]\nwinding_heat_capacity_j_per_k = {}\n",
-        phases, rated_torque_nm, rated_current_a, pole_pairs, resistance_ohm, inductance_h, inductance_h,
+        ideal_stage, phases, rated_torque_nm, rated_current_a, pole_pairs, resistance_ohm, inductance_h, inductance_h,
         torque_constant, rotor_inertia_kgm2, rated_torque_nm, load_inertia_kgm2, viscous_nms, coulomb_nm,
         1.3 * coulomb_nm, weight_nm, counts, direction, 8.0 * rated_current_a, 16.0 * rated_current_a, 0.15 * power_w);
   }
