@@ -1,7 +1,8 @@
 // Cost of one base tick of a drive with its plant, every monitor and loop running, for 1 and for 256 axes; against a
-// bare scalar loop of the same kind measured in the same run.
+// bare scalar loop of the same kind measured in the same run. Usage: tick_bench [NAME], NAME: of the one to measure
 #include <algorithm>
 #include <cstdio>
+#include <cstring>
 #include <ctime>
 #include <memory>
 #include <vector>
@@ -62,7 +63,7 @@ double axes_ns(std::vector<std::unique_ptr<Rig>>& rigs, int batches, int batch) 
 }
 
 template <typename Device>
-void measure(const char* name, double bare, const plant::Parameters& parameters = test::default_plant()) {
+void measure(const char* name, double bare, const plant::Parameters& parameters) {
   using Rig = test::Rig<Device>;
   for (const int axes : {1, 256}) {
     std::vector<std::unique_ptr<Rig>> rigs;
@@ -80,16 +81,18 @@ void measure(const char* name, double bare, const plant::Parameters& parameters 
 
 }  // namespace
 
-int main() {
+int main(int argc, char** argv) {
+  const auto asked = [&](const char* name) { return argc < 2 || std::strcmp(argv[1], name) == 0; };
   double bare = 1e9;
   for (int repeat = 0; repeat < 15; ++repeat) bare = std::min(bare, bare_loop_ns(2000000));
   std::printf("bare scalar loop     %7.1f ns per tick\n", bare);
-  measure<products::Ismc>("ismc", bare);
-  measure<products::Generic402>("generic402", bare);
-  plant::Parameters imperfect = test::default_plant();
+  const plant::Parameters ideal = test::default_plant();
+  plant::Parameters imperfect = ideal;
   imperfect.stage.ideal = imperfect.sensors.ideal = false;
-  measure<products::Generic402>("generic402 imperfect", bare, imperfect);
-  plant::Parameters elastic = test::default_plant();
+  plant::Parameters elastic = ideal;
   elastic.load.elastic = true;
-  measure<products::Generic402>("generic402 elastic", bare, elastic);
+  if (asked("ismc")) measure<products::Ismc>("ismc", bare, ideal);
+  if (asked("generic402")) measure<products::Generic402>("generic402", bare, ideal);
+  if (asked("imperfect")) measure<products::Generic402>("generic402 imperfect", bare, imperfect);
+  if (asked("elastic")) measure<products::Generic402>("generic402 elastic", bare, elastic);
 }

@@ -39,11 +39,12 @@ drive::Actuation PowerStage::apply(const drive::Actuation& commanded, const std:
     return acting;
   }
   newest_ = (newest_ + 1) % waiting_.size();
+  waiting_[newest_] = commanded.phase_voltage_v;
+  std::array<double, 3> volts;
+  const std::array<float, 3>& due = waiting_[(newest_ + waiting_.size() - delay_) % waiting_.size()];
   for (std::size_t phase = 0; phase < 3; ++phase) {
-    const float wanted = commanded.phase_voltage_v[phase];
-    waiting_[newest_][phase] = std::isfinite(wanted) ? static_cast<double>(wanted) : 0.0;
+    volts[phase] = std::isfinite(due[phase]) ? static_cast<double>(due[phase]) : 0.0;
   }
-  std::array<double, 3> volts = waiting_[(newest_ + waiting_.size() - delay_) % waiting_.size()];
 
   const double most = modulation_limit_ * link_v;
   // A winding in quadrature lies between two half bridges; a winding of a star is on one.

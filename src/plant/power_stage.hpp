@@ -32,7 +32,7 @@ class PowerStage {
   double modulation_limit_;
   double per_soft_current_;  // 1/A
   double loss_w_ = 0.0;
-  std::array<std::array<double, 3>, longest_delay + 1> waiting_{};  // ring buffer; the newest entry is at `newest_`
+  std::array<std::array<float, 3>, longest_delay + 1> waiting_{};  // ring buffer; the newest entry is at `newest_`
   std::size_t newest_ = 0;
 };
 
