@@ -1,5 +1,6 @@
 #include "line/config.hpp"
 
+#include <cmath>
 #include <fmt/format.h>
 #include <numbers>
 
@@ -27,6 +28,10 @@ drive::MotorData motor_data_of(const plant::Parameters& parameters) {
   data.inductance_q_h = static_cast<float>(motor.quadrature_inductance_h);
   data.inertia_kgm2 = static_cast<float>(motor.rotor_inertia_kgm2 + parameters.load.inertia_kgm2);
   data.commutation_offset_turns = static_cast<float>(parameters.encoder.commutation_offset_turns);
+  if (motor.brake_torque_nm > 0.0) {
+    data.brake_release_ms = static_cast<std::uint16_t>(std::ceil(motor.brake_release_ms));
+    data.brake_engage_ms = static_cast<std::uint16_t>(std::ceil(motor.brake_engage_ms));
+  }
   if (!parameters.stage.ideal) data.voltage_delay_ticks = static_cast<std::uint8_t>(parameters.stage.delay_ticks);
   return data;
 }

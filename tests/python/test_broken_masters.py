@@ -72,7 +72,6 @@ class Program:
         if self.broken != "takes any device" and self.read(0x1018, 1) != 0x53455256:
             raise Stopped("another device")
         self.write(0x1017, 50, 2)
-        self.node.sdo.download(0x2020, 1, (40).to_bytes(2, "little"))  # ms until the brake is open
         self.write(0x6060, 1, 1)
         if self.broken != "does not read the mode" and self.read(0x6061) != 1:
             raise Stopped("mode")

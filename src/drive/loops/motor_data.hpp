@@ -23,6 +23,8 @@ struct MotorData {
   float commutation_offset_turns = 0.0F;  // electrical angle at encoder single-turn position 0, within +-2^31
   std::uint32_t index_width_counts = 1;   // of the encoder's index pulse
   bool phase_order_reversed = false;      // the encoder counts down while the phases turn U, V, W
+  std::uint16_t brake_release_ms = 0;     // of the motor's holding brake; both 0: it has none
+  std::uint16_t brake_engage_ms = 0;
   // Delay of the power stage from the sampling of the currents to the beginning of the voltage, base ticks.
   std::uint8_t voltage_delay_ticks = 0;
 };

@@ -63,6 +63,8 @@ void prepare(Manufacturer& own, drive::Objects& objects, const Settings& setting
       own.serial_parity = static_cast<std::uint8_t>(format->parity);
       own.serial_stop_bits = format->stop_bits;
     }
+    own.brake_release_ms = settings.motor.brake_release_ms;
+    own.brake_engage_ms = settings.motor.brake_engage_ms;
   }
   if (!contains(areas, dictionary::Area::profile)) return;
   // The nameplate and the encoder are those of the motor that is connected; one position unit is one increment.
