@@ -40,6 +40,7 @@ constexpr std::array table{
     Route{Method::put, "/api/v1/axes/{}/plant", ask<&Bench::change_plant>},
     Route{Method::get, "/api/v1/buses", ask<&Bench::list_buses>},
     Route{Method::get, "/api/v1/buses/{}", ask<&Bench::show_bus>},
+    Route{Method::post, "/api/v1/buses/{}/scan", ask<&Bench::scan_bus>},
     Route{Method::post, "/api/v1/buses/{}/disturb", ask<&Bench::start_disturbance>},
     Route{Method::delete_, "/api/v1/buses/{}/disturb", ask<&Bench::end_disturbance>},
 };

@@ -23,6 +23,7 @@ class Bench {
   virtual Json show_faults(Call& call) = 0;
   virtual Json list_buses(Call& call) = 0;
   virtual Json show_bus(Call& call) = 0;
+  virtual Json scan_bus(Call& call) = 0;
   virtual Json show_clock(Call& call) = 0;
 
   // The machine behind the drives.

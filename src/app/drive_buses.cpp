@@ -29,6 +29,7 @@ class OpenGroup final : public studio::OpenBus {
     group_.configure(drive, action, undo);
   }
   void show_process_data(const Registers& show) override { group_.show_process_data(show); }
+  std::vector<Found> scan() override { return group_.scan(); }
   std::optional<Watch> watch_of(std::size_t drive) override {
     const auto within = group_.watched_within(drive);
     if (!within) return std::nullopt;

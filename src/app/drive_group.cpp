@@ -101,6 +101,28 @@ void DriveGroup::show_process_data(const Registers& show) {
   }
 }
 
+std::vector<studio::OpenBus::Found> DriveGroup::scan() {
+  const auto name = [](const line::Product* product) { return std::string(product != nullptr ? product->name : ""); };
+  std::vector<studio::OpenBus::Found> found;
+  if (bus_) {
+    for (const master::FoundNode& node : master::scan(*bus_)) {
+      found.push_back({node.node_id, node.name, master::kind_of(node), name(product_of(node))});
+    }
+  } else if (ethercat_) {
+    // The slaves operate, so their data are those of the opening. A slave behind them is counted, not read.
+    const unsigned count = master::count_slaves(*ethercat_);
+    for (unsigned position = 1; position <= count; ++position) {
+      const master::FoundSlave* slave = position <= segment_.size() ? &segment_[position - 1] : nullptr;
+      found.push_back({position, slave != nullptr ? slave->sii.name : "", "",
+                       name(slave != nullptr ? product_of(*slave) : nullptr)});
+    }
+  } else {
+    throw master::MasterError("a serial line is not scanned, since each missing station costs a second", "this bus",
+                              "name its stations when you start the studio: --bus LINK=1,2");
+  }
+  return found;
+}
+
 void DriveGroup::renew_watch(std::size_t axis) {
   if (watch_) watch_->renew(*objects_[axis]);
 }

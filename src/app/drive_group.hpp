@@ -1,6 +1,7 @@
 #pragma once
 
 #include "app/drive_link.hpp"
+#include "studio/drive_bus.hpp"
 
 namespace servodrome::app {
 
@@ -33,6 +34,8 @@ class DriveGroup {
   // on EtherCAT must not be used any more.
   using Action = std::function<void(master::ObjectClient& objects)>;
   void configure(std::size_t axis, const Action& action, const Action& undo);
+  // The devices that answer now. Throws MasterError; also on a serial line, where each missing station costs a second.
+  std::vector<studio::OpenBus::Found> scan();
   // Calls `show` with the FMMUs and sync managers of the slaves; does nothing on other buses. Throws MasterError.
   using Registers = std::function<void(std::size_t axis, std::uint16_t station, std::uint16_t offset,
                                        std::span<const std::uint8_t> bytes)>;

@@ -51,6 +51,17 @@ class OpenBus {
                                        std::span<const std::uint8_t> bytes)>;
   virtual void show_process_data(const Registers& show) = 0;
 
+  // A device that answered a scan.
+  struct Found {
+    unsigned address;     // node-ID or position
+    std::string name;     // 1008h, or that of the SII; may be empty
+    std::string kind;     // for example "servo drive (CiA 402)"; "": not known
+    std::string product;  // as `servodrome products` lists it; "": unknown
+  };
+  // Asks the bus which devices are on it, and changes nothing in them. Other accesses wait meanwhile, on CAN half a
+  // second. Throws MasterError if the bus is lost or cannot be scanned.
+  virtual std::vector<Found> scan() = 0;
+
   // The mechanism that stops a moving axis if this program dies or the link is lost. Empty: there is none, the axis
   // moves on.
   struct Watch {

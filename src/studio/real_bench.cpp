@@ -237,6 +237,26 @@ Json RealBench::list_buses(Call&) {
 
 Json RealBench::show_bus(Call& call) { return view_of(drives_, bus_argument(drives_, call)); }
 
+Json RealBench::scan_bus(Call& call) {
+  const std::size_t bus = bus_argument(drives_, call);
+  BodyReader(call.body, true).finish();
+  Json found = Json::array();
+  asking(drives_.buses()[bus]->plan().link, [&] {
+    for (const OpenBus::Found& device : drives_.scan(bus)) {
+      Json axis = nullptr;
+      for (const RealDrives::Axis& known : drives_.all()) {
+        if (known.bus == bus && known.address == device.address) axis = known.name;
+      }
+      found.push_back({{"address", device.address},
+                       {"name", device.name},
+                       {"kind", device.kind},
+                       {"product", device.product},
+                       {"axis", std::move(axis)}});
+    }
+  });
+  return Json{{"found", std::move(found)}};
+}
+
 Json RealBench::show_clock(Call&) { return drives_.clock(); }
 
 }  // namespace servodrome::studio

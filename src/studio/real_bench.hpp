@@ -27,6 +27,7 @@ class RealBench final : public api::Bench {
   Json show_faults(Call& call) override;
   Json list_buses(Call& call) override;
   Json show_bus(Call& call) override;
+  Json scan_bus(Call& call) override;
   Json show_clock(Call& call) override;
 
  private:

@@ -63,8 +63,9 @@ constexpr std::array signals{
            [](const State& state) { return static_cast<double>(state.error_code); }},
 };
 
-// A slave that leaves OP while its motor is on goes to fault.
-void require_no_torque(master::ObjectClient& objects) {
+// Throws MasterError with `reason` if the motor is on. An example of a reason: a slave that leaves OP then goes to
+// fault.
+void require_no_torque(master::ObjectClient& objects, const char* reason) {
   std::uint16_t statusword = 0;
   try {
     statusword = objects.read<std::uint16_t>(0x6041);
@@ -78,8 +79,7 @@ void require_no_torque(master::ObjectClient& objects) {
       state != fault_reaction_active) {
     return;
   }
-  throw master::MasterError("the axis has torque, but its bus must leave operation to change process data",
-                            objects.where(), "disable the axis first");
+  throw master::MasterError(reason, objects.where(), "disable the axis first");
 }
 
 const line::Product& tables_of(const std::string& product) {
@@ -299,6 +299,21 @@ std::vector<RealDrives::ProcessDataRegisters> RealDrives::process_data_of(std::s
   return std::move(*found);
 }
 
+std::vector<OpenBus::Found> RealDrives::scan(std::size_t bus) {
+  const auto found = std::make_shared<std::vector<OpenBus::Found>>();
+  const auto task = std::make_shared<studio::Work>();
+  task->carry_out = [found](OpenBus& open, const studio::Work::IsToEnd&) {
+    for (master::ObjectClient* objects : open.drives()) {
+      require_no_torque(*objects, "the axis has torque, and its stop would have to wait for the scan");
+    }
+    *found = open.scan();
+  };
+  const auto first = std::find_if(axes_.begin(), axes_.end(), [bus](const Axis& axis) { return axis.bus == bus; });
+  const Wait wait = wait_;
+  carry_out(*first, task, [&] { wait(now() + std::chrono::milliseconds(5)); });
+  return std::move(*found);
+}
+
 Subject RealDrives::open(api::Call& call) {
   const Axis& axis = axis_of(call.arguments.front());
   require_ready(axis.name);
@@ -317,7 +332,9 @@ Subject RealDrives::open(api::Call& call) {
       task->reopens = true;
       task->carry_out = [action, undo, drive = axis.drive](OpenBus& open, const studio::Work::IsToEnd&) {
         // read the present state, not the last polled one
-        for (master::ObjectClient* objects : open.drives()) require_no_torque(*objects);
+        for (master::ObjectClient* objects : open.drives()) {
+          require_no_torque(*objects, "the axis has torque, but its bus must leave operation to change process data");
+        }
         open.configure(drive, action, undo);
       };
       const Wait wait = wait_;

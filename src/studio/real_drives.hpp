@@ -52,6 +52,9 @@ class RealDrives final : public Drives, public api::Source, public Subjects {
     std::vector<std::uint8_t> bytes;
   };
   std::vector<ProcessDataRegisters> process_data_of(std::size_t bus);
+  // The devices on the bus. Throws MasterError if an axis of the bus has torque: a stop would have to wait for the
+  // scan. Waits with the present wait.
+  std::vector<OpenBus::Found> scan(std::size_t bus);
   // Waits with the present wait.
   std::unique_ptr<master::ObjectClient> open(const Axis& axis) { return open(axis.name, wait_); }
   api::Json view(const Axis& axis) const;

@@ -94,6 +94,40 @@ def test_what_only_simulated_drives_have_is_refused_with_the_reason(studio):
         studio.bench.get("buses/nothing")
 
 
+def scan(bench, bus):
+    return bench.post(f"buses/{quote(bus, safe='')}/scan", {})["found"]
+
+
+def test_a_scan_lists_what_answers_and_changes_nothing(line):
+    can, ethercat, modbus = buses_of(line)
+    studio = Studio(can, ethercat, modbus)
+    try:
+        wait_for(lambda: studio.bench.axis("ismc-1")["powered"], "ismc-1")
+        (found,) = scan(studio.bench, can)
+        assert (found["address"], found["product"], found["axis"]) == (1, "ismc", "ismc-1")
+        assert found["kind"] == "servo drive (CiA 402)"
+        (found,) = scan(studio.bench, ethercat)
+        assert (found["address"], found["product"], found["axis"]) == (1, "jmc_ec", "jmc_ec-1")
+        with pytest.raises(ApiError, match="a serial line is not scanned"):
+            scan(studio.bench, modbus)
+        studio.does("ismc-1", do="enable")
+        with pytest.raises(ApiError, match="has torque") as refusal:
+            scan(studio.bench, can)
+        assert refusal.value.status == 409
+        assert line.bench.axis("ismc")["state"] == "operation enabled"
+        studio.does("ismc-1", do="disable")
+        assert scan(studio.bench, can)
+    finally:
+        studio.stop()
+    # Of a virtual line: the drives with power.
+    assert [each["axis"] for each in scan(line.bench, "can0")] == ["ismc"]
+    line.bench.post("axes/ismc/power", {"action": "off"})
+    assert scan(line.bench, "can0") == []
+    assert [each["axis"] for each in scan(line.bench, "ecat")] == ["jmc"]
+    station = line.bench.axis("reference")["serial"]["station"]
+    assert [(each["axis"], each["address"]) for each in scan(line.bench, "rs")] == [("reference", station)]
+
+
 @pytest.mark.parametrize("axis", NAMES)
 def test_enables_homes_and_moves(studio, line, axis):
     patiently(lambda: enable_home_and_move(studio, line, axis))

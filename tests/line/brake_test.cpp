@@ -30,8 +30,8 @@ TEST(Brake, TheReferenceDriveKnowsTheTimesOfItsMotorsBrake) {
     line.run_until(line.now() + tick_length);
     fastest_rpm = std::max(fastest_rpm, plant.velocity_rpm());
   }
-  // The move begins when the brake is open. With 2020h:01 = 0 it begins against the brake, and the shaft then catches up
-  // at 448 rpm.
+  // The move begins when the brake is open. With 2020h:01 = 0 it begins against the brake, and the shaft then catches
+  // up at 448 rpm.
   EXPECT_GT(plant.velocity_rpm(), 115.0);
   EXPECT_LT(fastest_rpm, 130.0);
 }

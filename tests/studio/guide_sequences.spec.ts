@@ -185,6 +185,17 @@ test('two browsers: the second sees the axis busy, and its own guide is untouche
   await expect(page.getByRole('group', { name: 'There and back' }).locator('.trouble').first()).toBeVisible();
 });
 
+test('a scan of the first step shows what answers on the bus', async ({ page, open, line }) => {
+  await open('/commission/reference?step=find');
+  await page.getByRole('button', { name: 'Scan can0' }).click();
+  const devices = page.getByRole('table', { name: 'Devices on can0' });
+  await expect(devices.getByRole('row')).toHaveCount(2); // with the header
+  await expect(devices.getByRole('link', { name: 'reference' })).toBeVisible();
+  await line.call('POST', `${path}/power`, { action: 'off' });
+  await page.getByRole('button', { name: 'Scan can0' }).click();
+  await expect(page.getByText('0 devices answer.')).toBeVisible();
+});
+
 test('every step is accessible, light and dark, wide and narrow, and STOP is in view', async ({ page, open, picture }) => {
   test.setTimeout(240_000);
   const sizes = [[1366, 768, 'light'], [1920, 1080, 'dark'], [390, 844, 'light'], [390, 844, 'dark']] as const;

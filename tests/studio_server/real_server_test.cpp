@@ -32,6 +32,9 @@ class BusOfOne final : public OpenBus {
   }
   void configure(std::size_t, const Action& action, const Action&) override { action(rig_.objects()); }
   void show_process_data(const Registers&) override {}
+  std::vector<Found> scan() override {
+    return {{1, "Servodrome 402", "servo drive (CiA 402)", "generic402"}, {7, "", "", ""}};
+  }
   std::optional<Watch> watch_of(std::size_t) override { return std::nullopt; }
 
  private:

@@ -1,5 +1,6 @@
 #include <fmt/format.h>
 
+#include "line/bench/axis_view.hpp"
 #include "line/bench/buses.hpp"
 #include "line/bench/line_bench.hpp"
 #include "links/nearest_name.hpp"
@@ -16,6 +17,27 @@ Json LineBench::list_buses(Call&) {
 
 Json LineBench::show_bus(Call& call) {
   return std::visit([&](auto* bus) { return view_of(line_, *bus); }, bus_argument(line_, call));
+}
+
+// The devices of a virtual bus are known: a scan finds those that have power.
+Json LineBench::scan_bus(Call& call) {
+  BodyReader(call.body, true).finish();
+  const Json bus = show_bus(call);
+  const Json::json_pointer address(bus["type"] == "can"        ? "/node_id"
+                                   : bus["type"] == "ethercat" ? "/position"
+                                                               : "/serial/station");
+  Json found = Json::array();
+  for (const auto& [name, state] : bus["axes"].items()) {
+    Axis& axis = *line_.find_axis(name);
+    if (!axis.powered() || bus.value("cut", false) || state.value("cut", false)) continue;
+    const Json view = view_of(line_, axis);
+    found.push_back({{"address", view.at(address)},
+                     {"name", ""},
+                     {"kind", "servo drive (CiA 402)"},
+                     {"product", view["product"]},
+                     {"axis", name}});
+  }
+  return Json{{"found", std::move(found)}};
 }
 
 Json LineBench::start_disturbance(Call& call) {

@@ -25,6 +25,7 @@ class LineBench final : public api::Bench {
   Json show_faults(Call& call) override;
   Json list_buses(Call& call) override;
   Json show_bus(Call& call) override;
+  Json scan_bus(Call& call) override;
   Json show_clock(Call& call) override;
   Json switch_power(Call& call) override;
   Json show_geometry(Call& call) override;

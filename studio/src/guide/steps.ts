@@ -219,7 +219,7 @@ const isMeasured = (state: StepState) => (state.found.first || state.found.last 
 export const steps: Step[] = [
   {
     id: 'find', title: 'Find the drive', view: 'find', reads: ['1000:00'],
-    why: 'A drive that answers on its bus can be commissioned. The list has the drives of this line, or those that the studio found on its buses when it started: the API has no later bus scan.',
+    why: 'A drive that answers on its bus can be commissioned. The list has the drives of this line, or those that the studio found on its buses when it started. Scan a bus to see what answers on it now.',
     check: 'The drive has power and answers.',
     open: ({ axis }) => (axis.powered && !axis.problem ? '' : 'The drive does not answer.'),
   },

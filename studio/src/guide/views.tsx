@@ -26,11 +26,42 @@ export interface ViewProps {
   guide: Guide;
 }
 
+interface Device { address: number; name: string; kind: string; product: string; axis: string | null }
+
+// What answers on a bus now. A device that is no axis here needs a start of the studio that finds it.
+function BusScan({ bus }: { bus: string }) {
+  const [found, setFound] = useState<Device[]>();
+  const scan = () => attempt(async () => setFound((await post<{ found: Device[] }>(`/buses/${encodeURIComponent(bus)}/scan`, {})).found));
+  return (
+    <>
+      <p><Button onPress={scan}>Scan {bus}</Button>{found && ` ${found.length} ${found.length === 1 ? 'device answers' : 'devices answer'}.`}</p>
+      {found && found.length > 0 && (
+        <Scroll label={`Devices on ${bus}`}>
+          <table className="table" aria-label={`Devices on ${bus}`}>
+            <thead><tr><th scope="col">node or position</th><th scope="col" className="wide">device</th><th scope="col" className="wide">axis</th></tr></thead>
+            <tbody>
+              {found.map(({ address, name, kind, product, axis }) => (
+                <tr key={address}>
+                  <th scope="row">{address}</th>
+                  <td className="text">{[product || 'unknown product', name, kind].filter(Boolean).join(', ')}</td>
+                  <td className="text">{axis ? <Link to={`/commission/${encodeURIComponent(axis)}`}>{axis}</Link> : 'none here: start the studio again to add it'}</td>
+                </tr>
+              ))}
+            </tbody>
+          </table>
+        </Scroll>
+      )}
+    </>
+  );
+}
+
 export function FindView({ facts }: ViewProps) {
   const order = useLine((line) => line.order);
   const axes = useLine((line) => line.axes);
   const kind = useLine(({ line }) => line?.kind);
+  const buses = [...new Set(order.map((name) => axes[name].bus ?? axes[name].serial?.bus).filter((bus) => bus !== undefined && bus !== null))];
   return (
+    <>
     <Scroll label="Drives">
       <table className="table" aria-label={kind === 'real' ? 'Drives that the studio found' : 'Drives of this line'}>
         <thead><tr><th scope="col">axis</th><th scope="col" className="wide">product</th><th scope="col" className="wide">bus</th><th scope="col" className="wide">node or position</th><th scope="col" className="wide">state</th></tr></thead>
@@ -50,6 +81,8 @@ export function FindView({ facts }: ViewProps) {
         </tbody>
       </table>
     </Scroll>
+      {buses.map((bus) => <BusScan key={bus} bus={bus} />)}
+    </>
   );
 }
 
