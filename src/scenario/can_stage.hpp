@@ -9,7 +9,7 @@ namespace servodrome::scenario {
 
 class Director;
 
-// A port of a CAN bus that sends the frames of the rules. It acknowledges frames only while it sends.
+// A port of a CAN bus that sends the frames of the rules. It acknowledges frames of others only while it sends.
 class RulePort final : public links::Receiver {
  public:
   explicit RulePort(links::CanBus& bus);

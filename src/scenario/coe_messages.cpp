@@ -17,7 +17,7 @@ std::optional<ethercat::CoeService> service_of(std::span<const std::uint8_t> byt
   return static_cast<ethercat::CoeService>(bytes[ethercat::mailbox_header_size + 1] >> 4);
 }
 
-// Initiate download and upload, and SDO information, name an object behind their command.
+// Initiate download and upload, and SDO information, have the address of an object after their command.
 bool begins_transfer(std::span<const std::uint8_t> bytes) {
   if (bytes.size() < command_byte + 4) return false;
   const unsigned command = bytes[command_byte] >> 5;

@@ -1,4 +1,4 @@
-// What an action does when its rule begins, and how that is taken back when the rule ends.
+// The effect of an action when its rule begins, and how it is undone when the rule ends.
 
 #include <cmath>
 #include <fmt/format.h>
@@ -16,7 +16,7 @@ namespace {
 bool is_of_can(MessageKind kind) { return kind <= MessageKind::to_drive; }
 bool is_of_serial(MessageKind kind) { return kind == MessageKind::answer || kind == MessageKind::request; }
 
-// The rule acts each time that a drive, a slave or a link asks.
+// The rule acts each time that a drive, a slave or a link calls for it.
 bool acts_when_asked(const Action& action) {
   return std::holds_alternative<Ignore>(action) || std::holds_alternative<Hold>(action) ||
          std::holds_alternative<RefuseState>(action) || std::holds_alternative<DisturbSync0>(action) ||
@@ -66,7 +66,7 @@ line::NamedSerialBus* Director::serial_bus(const RuleRun& rule) const {
   return serial ? line_.serial_buses()[serial->bus].get() : nullptr;
 }
 
-// What only some messages of serial lines know.
+// Keys that apply only to some messages of serial lines.
 void Director::check_serial(const Rule& rule) {
   const bool of_answers = std::holds_alternative<Slow>(rule.action) || std::holds_alternative<Close>(rule.action);
   if (of_answers && rule.on && rule.on->kind != MessageKind::answer) {
@@ -111,7 +111,7 @@ void Director::check(const RuleRun& run) const {
   if (needs_slave(rule.action) && !settings.ethercat) {
     refuse("the axis is not on an EtherCAT segment", "choose an axis that is");
   }
-  // Of a frame's passage through one slave, only what follows can be changed.
+  // A rule on the passage through one slave can have only the actions below.
   const bool is_frame = rule.on && (rule.on->kind == MessageKind::cycle || rule.on->kind == MessageKind::frame);
   const bool is_passage = std::holds_alternative<Withhold>(rule.action) ||
                           std::holds_alternative<WorkingCounter>(rule.action) || makes_messages(rule.action);
@@ -275,7 +275,7 @@ void Director::raise(RuleRun& rule, const Emergency& emergency) {
   line::Axis& axis = *rule.axis;
   if (!axis.powered()) return;
   if (ethercat::Slave* slave = axis.device().ethercat_slave()) {
-    // In answer to a message it comes before what the slave itself answers.
+    // As the answer to a message, it comes before the slave's own answer.
     const bool posted = rule.rule->on && slave->post(coe_emergency(emergency.code, emergency.error_register));
     if (!posted) slave->emergency(emergency.code, emergency.error_register, {});
     return;

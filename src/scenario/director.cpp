@@ -10,7 +10,7 @@
 namespace servodrome::scenario {
 namespace {
 
-// Other actions have one act, and their effect lasts. An Ignore of single bits ends with the act after its last one.
+// Other actions have one act, and their effect lasts. An Ignore of single bits ends at the act after its last one.
 bool ends_with_its_acts(const Rule& rule) {
   const auto* ignore = std::get_if<Ignore>(&rule.action);
   return rule.on || std::holds_alternative<Hold>(rule.action) || (ignore != nullptr && ignore->mask == -1);

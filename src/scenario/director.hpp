@@ -19,7 +19,7 @@
 
 namespace servodrome::scenario {
 
-// A scenario does not fit its line: what is wrong, in which rule or expectation, and what to do.
+// The error of a scenario that does not fit its line: the problem, the rule or expectation, and the remedy.
 class ScenarioError : public std::runtime_error {
  public:
   ScenarioError(const std::string& what, std::string where, std::string hint)
@@ -33,7 +33,7 @@ class ScenarioError : public std::runtime_error {
 };
 
 // Carries out a scenario on a line: stands between the drives and their buses, begins and ends rules in every tick, and
-// watches the expectations. All of it happens in line time, so that a run is repeated to the last bit.
+// watches the expectations. Everything happens in line time, so runs are equal to the last bit.
 class Director final : public line::Follower {
  public:
   // `line` must outlive this object. Throws ScenarioError if a rule or an expectation does not fit the line. Nothing
@@ -47,7 +47,7 @@ class Director final : public line::Follower {
   void begin();
   // The master has ended; the line may run on.
   void master_ended(bool success);
-  // Ends all rules, takes their effects back, and judges the expectations that are still watched.
+  // Ends all rules, undoes their effects, and judges the expectations that are still watched.
   void finish();
   std::vector<RuleReport> rules() const;
   std::vector<Verdict> verdicts() const;
@@ -92,7 +92,7 @@ class Director final : public line::Follower {
     return nullptr;
   }
   bool refuses_connections(const line::NamedSerialBus& bus) const;
-  // The axis that answers for a Modbus unit of the line; nullptr: none, or any.
+  // The axis that answers for a Modbus unit of the line; nullptr: there is none.
   line::Axis* axis_of_unit(const line::NamedSerialBus& bus, std::uint8_t unit) const;
   // A rule has acted: on this message, with this result, if it acts on messages.
   void act(RuleRun& rule, const Message* message = nullptr, const Packets* packets = nullptr);
@@ -122,7 +122,7 @@ class Director final : public line::Follower {
   bool concerns(const RuleRun& rule, line::Axis* axis, const Message& message) const;
   bool is_on(const line::Axis& axis, std::string_view bus) const;
 
-  // deeds.cpp: what an action does when its rule begins, and how that is taken back.
+  // deeds.cpp: the effect of an action when its rule begins, and how it is undone.
   static void check_serial(const Rule& rule);
   void check(const RuleRun& rule) const;
   void do_deed(RuleRun& rule, Time now);
@@ -155,13 +155,13 @@ class Director final : public line::Follower {
   ActLog acts_;
   std::map<line::Axis*, double> revolutions_;  // at the last tick
   std::multimap<Time, std::function<void()>> queue_;
-  Time looks_at_{};  // the next tick in which rules and expectations are looked at
+  Time looks_at_{};  // the next tick in which rules and expectations are checked
   bool begun_ = false;
   bool finished_ = false;
 };
 
-// Tries a scenario on a line of its own, without links and stores, and returns what does not fit: the errors of the
-// constructor, and of the requests to the bench that the rules will make.
+// Applies a scenario to a separate line, without links and stores, and returns its errors: those of the constructor,
+// and those of the requests to the bench that the rules will make.
 std::vector<std::string> rehearse(line::LineSettings settings, const Scenario& scenario);
 
 }  // namespace servodrome::scenario

@@ -32,7 +32,7 @@ struct BusExcerpt {
   std::vector<TrafficLine> lines;
 };
 
-// Picks the lines around moments from a long sequence, of which it keeps only what it needs.
+// Picks the lines around moments from a long sequence. Keeps only the lines that it may still need.
 class Excerpt {
  public:
   static constexpr std::size_t lines_before = 40;
@@ -51,7 +51,7 @@ class Excerpt {
 
   std::vector<Moment> moments_;
   std::size_t next_ = 0;    // of the moments
-  std::size_t behind_ = 0;  // so many lines are still picked
+  std::size_t behind_ = 0;  // number of lines that are still picked
   std::size_t left_out_ = 0;
   std::deque<TrafficLine> before_;
   std::vector<TrafficLine> picked_;

@@ -8,14 +8,14 @@ namespace servodrome::scenario {
 // Judges one expectation while time passes.
 class ExpectationWatch {
  public:
-  // The axes that its conditions are about; nullptr: none.
+  // The axes of its conditions; nullptr: none.
   ExpectationWatch(const Expectation& expectation, line::Axis* when, line::Axis* what, line::Axis* until);
 
   void notice(const line::Axis* axis, const Message& message);
   // To be called in every tick.
   void look(Time now, const Facts& facts);
   bool decided() const { return phase_ == Phase::decided; }
-  // The trial ends: what has not been decided is decided now.
+  // The trial ends: decides the verdict if it is still open.
   void finish(Time now, const Facts& facts);
   const Verdict& verdict() const { return verdict_; }
 

@@ -11,7 +11,7 @@ namespace servodrome::scenario {
 
 using links::Time;
 
-// Things that happened during the last second.
+// Counts the events of the last second.
 class LastSecond {
  public:
   void add(Time now) { times_.push_back(now); }
@@ -25,9 +25,9 @@ class LastSecond {
   std::deque<Time> times_;
 };
 
-// What a master does to an axis, as the true drive and the wire show it.
+// The actions of a master on an axis, observed in the true drive and on the wire.
 struct MasterDeeds {
-  LastSecond fault_resets;  // rising edges of bit 7 of the controlword that the drive has
+  LastSecond fault_resets;  // rising edges of bit 7 of the drive's controlword
   LastSecond repeats;       // SDO requests equal to the one before, which had no answer
   // The first set-point in cyclic synchronous position was further away than the axis can go in a cycle.
   bool jumped = false;

@@ -11,7 +11,7 @@ namespace servodrome::scenario {
 // A message that passes between a drive and its bus, as the rules see it.
 struct Message {
   MessageKinds kinds;
-  std::string_view bus{};               // of a message that belongs to no axis: the bus' name
+  std::string_view bus{};               // name of the bus, if the message belongs to no axis
   std::optional<ObjectAddress> object;  // of the SDO transfer that it belongs to
   std::uint32_t id = 0;                 // CAN identifier
   std::span<const std::uint8_t> bytes;
@@ -30,7 +30,7 @@ class CanopenMessages {
  public:
   explicit CanopenMessages(products::Device& device) : device_(device) {}
 
-  // The frame that the drive sends. `begins` of an SDO transfer are remembered by pass_in only, so this changes
+  // The frame that the drive sends. Only incoming() remembers the begin of an SDO transfer, so this function changes
   // nothing.
   Message outgoing(const canopen::Frame& frame) const;
   // The frame that the drive receives, from a master or another drive.

@@ -90,7 +90,7 @@ bool ObjectView::take(const dictionary::Entry& entry, std::span<std::byte> value
       director_.act(*rule);
       return false;
     }
-    // An act is a write that raises a masked bit; while the bit stays, the same words follow in each cycle.
+    // A write that sets a masked bit counts as an act. Later writes with the bit still set, as in each cycle, do not.
     const auto mask = static_cast<std::uint64_t>(ignore->mask);
     const std::uint64_t bits = static_cast<std::uint64_t>(wanted) & mask;
     if ((bits & ~rule->raised) != 0) {

@@ -8,7 +8,7 @@ namespace servodrome::scenario {
 struct Packet {
   std::vector<std::uint8_t> bytes;
   std::uint32_t id = 0;  // CAN identifier
-  Time late{};           // is sent so much later
+  Time late{};           // delay of the packet
 };
 
 // How a protocol of a serial line frames its messages.
@@ -19,7 +19,7 @@ struct Framing {
   std::vector<std::uint8_t> (*refusal)(std::span<const std::uint8_t> message, std::uint32_t code);
 };
 
-// What becomes of a message: any number of packets. Each act changes them in place.
+// The packets that replace a message, any number of them. Each act changes them in place.
 class Packets {
  public:
   // Without `framing` an abort is that of an SDO transfer, of the message's object. `framing` must outlive this object.
@@ -28,7 +28,7 @@ class Packets {
   void apply(const RuleRun& rule);
 
   const std::vector<Packet>& all() const { return packets_; }
-  // The message passes as it was, at once.
+  // The message passes unchanged and without delay.
   bool unchanged() const { return !acted_; }
   // The packets are aborts: of an SDO transfer, or refusals of a serial protocol.
   bool aborts() const { return aborts_; }

@@ -71,7 +71,7 @@ std::string random_scenario(const std::vector<std::string>& files, std::uint64_t
   const auto goes_with = [](const Source& one, const Source& other) {
     return one.scenario.line == other.scenario.line && one.stem != other.stem;
   };
-  // The first one has another one to combine with, if there is any.
+  // Prefers a first file that can be combined with another one.
   std::vector<std::size_t> first;
   for (std::size_t i = 0; i < sources.size(); ++i) {
     const bool paired =

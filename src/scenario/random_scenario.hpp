@@ -7,9 +7,9 @@
 namespace servodrome::scenario {
 
 // The text of a scenario that combines the rules of two or three scenario files of the same line, drawn by `seed` and
-// `number`. Its names of rules begin with the name of their file. It has no expectations of its own: those of every
-// trial hold whatever breaks. `folder` is where the text will be, for the path of the line. Throws std::runtime_error
-// if a file cannot be read or has errors.
+// `number`. The names of its rules begin with the name of their file. It has no expectations of its own: the
+// expectations of every trial apply, whatever fails. `folder` is where the text will be, for the path of the line.
+// Throws std::runtime_error if a file cannot be read or has errors.
 std::string random_scenario(const std::vector<std::string>& files, std::uint64_t seed, std::uint64_t number,
                             const std::filesystem::path& folder);
 

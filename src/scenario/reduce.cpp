@@ -12,7 +12,7 @@
 namespace servodrome::scenario {
 namespace {
 
-// Keys without which a rule acts no more often than with them, or at another time.
+// Keys of a rule that a reduction may remove.
 constexpr std::array<std::string_view, 8> droppable{"chance",   "every",     "skip", "again",
                                                     "every_ms", "jitter_ms", "when", "checksum"};
 // Numbers that are halved, and the least one that is tried.

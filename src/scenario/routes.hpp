@@ -22,8 +22,8 @@ class Routes {
   api::RouteGroup group();
 
   enum class Extra : std::uint8_t { none, standard_expectations };
-  // Begins a scenario in place of the present one, and returns what carries it out until the next one begins. Throws
-  // ApiError with line and column of the first error.
+  // Begins a scenario in place of the present one, and returns its director, which is valid until the next one begins.
+  // Throws ApiError with line and column of the first error.
   Director& begin(const std::string& text, const std::string& file, Extra extra);
   // Of the present scenario, or of the last one; nullptr: there was none.
   Director* director() const { return director_.get(); }

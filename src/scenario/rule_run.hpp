@@ -6,24 +6,24 @@
 
 namespace servodrome::scenario {
 
-// A value that an object had at a time, for Show::How::late.
+// The value of an object at a past time, for Show::How::late.
 struct PastValue {
   Time at{};
   std::int64_t value = 0;
 };
 
-// A rule while it is carried out.
+// The state of a rule during a run of the scenario.
 struct RuleRun {
   enum class Phase : std::uint8_t { waiting, active, over };
 
-  // `condition_axis` is the axis that its conditions are about.
+  // `condition_axis` is the axis of its conditions.
   RuleRun(const Rule& its_rule, line::Axis* its_axis, line::Axis* condition_axis, std::size_t its_number)
       : rule(&its_rule), axis(its_axis), number(its_number), when(its_rule.when, condition_axis) {
     if (its_rule.until) until.emplace(*its_rule.until, condition_axis);
   }
 
-  // The rule acts on the message that matches as the next one. Changes nothing, so it may be asked again for the same
-  // message.
+  // Returns true if the rule acts on the next matching message. It changes nothing, so it may be called again for the
+  // same message.
   bool fires(std::uint64_t seed) const;
   // A message that matches has passed. `fired`: the rule acted on it.
   void passed(bool fired) {
@@ -33,25 +33,25 @@ struct RuleRun {
   bool exhausted() const { return rule->times && acts >= *rule->times; }
 
   const Rule* rule;
-  line::Axis* axis;  // nullptr: the rule is about a bus
+  line::Axis* axis;  // nullptr: the rule acts on a bus
   std::size_t number;
   Watch when;
   std::optional<Watch> until;
   Phase phase = Phase::waiting;
   bool begun = false;  // at least once
-  bool ready = true;   // `when` was false since the last beginning
+  bool ready = true;   // `when` has been false since the last beginning
   Time began{};
   std::uint64_t seen = 0;      // messages that matched since the beginning
   std::uint64_t acts = 0;      // since the beginning
-  std::uint64_t all_acts = 0;  // of ended runs of the rule
+  std::uint64_t all_acts = 0;  // acts of earlier runs of the rule
   std::int64_t frozen = 0;     // of Show::How::freeze
-  Time held_until{};           // of Hold: when the write that it holds has its effect
+  Time held_until{};           // of Hold: the time at which the delayed write takes effect
   std::uint64_t raised = 0;    // of Ignore: masked bits of the last write
   std::deque<PastValue> history;
   std::string error;  // the reason why the rule could not act
 };
 
-// A draw in [0, 1) that depends on the arguments only.
+// A random number in [0, 1) that depends only on the arguments.
 double draw(std::uint64_t seed, std::uint64_t stream, std::uint64_t number);
 
 }  // namespace servodrome::scenario

@@ -62,7 +62,7 @@ struct ObjectAddress {
   }
 };
 
-// Selects messages: all that is given must fit.
+// Selects messages: every member that has a value must match.
 struct MessagePattern {
   MessageKind kind = MessageKind::from_drive;
   std::optional<ObjectAddress> object;            // of an SDO transfer
@@ -75,12 +75,12 @@ struct MessagePattern {
   std::optional<std::uint16_t> address;           // register address of an EtherCAT datagram
 };
 
-// Is true while all that is given holds for the axis.
+// Holds while every member that has a value is true for the axis.
 struct Condition {
-  std::string axis;          // the axis that it is about; empty: that of the rule or expectation
-  std::optional<Time> time;  // line time is not before it
+  std::string axis;          // the axis of the condition; empty: the axis of the rule or expectation
+  std::optional<Time> time;  // the line time has reached this value
   std::string after;         // the rule of this name has acted
-  Time after_delay{};        // so long ago
+  Time after_delay{};        // its first act was at least this time ago
   std::optional<drive::PowerState> state;
   std::optional<canopen::NmtState> nmt;
   std::optional<ethercat::AlState> al;
@@ -98,12 +98,12 @@ struct Condition {
   std::optional<bool> powered;
   std::optional<MessagePattern> message;  // `count` such messages have passed since the watch began
   unsigned count = 1;
-  std::optional<Time> ended;    // the master ended so long ago
+  std::optional<Time> ended;    // the master ended at least this time ago
   std::optional<bool> success;  // the master has ended with this result
   // What the master does to the axis: MasterDeeds.
-  std::optional<unsigned> fault_resets_above;  // so many in the last second
-  std::optional<unsigned> repeats_above;  // so many SDO requests without an answer were repeated in the last second
-  std::optional<bool> set_point_jumped;   // the first set-point of a cyclic mode lay out of reach
+  std::optional<unsigned> fault_resets_above;  // number in the last second
+  std::optional<unsigned> repeats_above;       // number of repeated SDO requests without an answer in the last second
+  std::optional<bool> set_point_jumped;        // the first set-point of a cyclic mode was out of reach
 
   static constexpr double rest_rpm = 1;
 };
@@ -113,8 +113,8 @@ struct Condition {
 struct Withhold {};
 struct Delay {
   Time time{};
-  Time jitter{};        // a draw from 0 to this is added
-  unsigned frames = 0;  // on EtherCAT in place of a time: until so many later frames have come back
+  Time jitter{};        // a random time from 0 to this is added
+  unsigned frames = 0;  // on EtherCAT in place of a time: the number of later frames that come back first
 };
 struct Alter {
   enum class How : std::uint8_t { set, flip, add, swap };
@@ -137,8 +137,8 @@ struct Truncate {
 };
 struct Extend {
   std::vector<std::uint8_t> data;
-  bool before = false;  // the data are put in front of the message in place of behind it
-  Time gap{};           // pause between the data in front and the message
+  bool before = false;  // true: the data come before the message, false: after it
+  Time gap{};           // pause between the data and the message
 };
 struct Abort {
   std::uint32_t code = 0;  // of the SDO abort that takes the message's place
@@ -155,7 +155,7 @@ struct Slow {
   Time gap{};  // between two characters
 };
 struct Close {
-  unsigned length = 0;  // so many bytes are sent before the TCP connection closes
+  unsigned length = 0;  // number of bytes that are sent before the TCP connection closes
 };
 
 // ---- Actions on a bus
@@ -198,7 +198,7 @@ struct Hold {
 
 // ---- Actions on a drive
 
-// A request to the bench API for the axis, and the request that takes it back; empty: it is not taken back.
+// A request to the bench API for the axis, and the request that undoes it; empty: it is not undone.
 struct Request {
   std::string method;  // "PUT", "POST", "DELETE"
   std::string path;    // behind /api/v1/axes/NAME
@@ -220,7 +220,7 @@ struct Emergency {
 
 // ---- Actions on an EtherCAT slave
 
-// Also refuses that an error is acknowledged in this state.
+// Also refuses the acknowledgement of an error in this state.
 struct RefuseState {
   ethercat::AlState to = ethercat::AlState::operational;
   std::uint16_t code = 0;
@@ -284,17 +284,17 @@ struct Rule {
   std::string bus;   // in place of an axis, for actions on a bus
   Condition when;
   std::optional<Condition> until;
-  bool again = false;                // begins anew each time `when` becomes true
-  std::optional<Time> period;        // begins anew so long after its last beginning, if `when` holds
+  bool again = false;                // the rule begins again each time `when` becomes true
+  std::optional<Time> period;        // the rule begins again this time after its last beginning, if `when` holds
   std::optional<MessagePattern> on;  // for actions on messages
   Action action;
   std::string word;               // the action's name in the file
   bool checksum = false;          // the change is made before the checksum of a serial message is computed
-  std::optional<unsigned> times;  // of messages it acts on or sends; ends after so many acts
-  unsigned skip = 0;              // lets so many matching messages pass first
-  unsigned every = 1;             // then acts on every n-th
-  double chance = 1;              // of these with this probability
-  std::optional<Time> lasts;      // ends so long after its beginning
+  std::optional<unsigned> times;  // the rule ends after this number of acts, or of sent messages
+  unsigned skip = 0;              // number of matching messages that pass first
+  unsigned every = 1;             // the rule then acts on every n-th message
+  double chance = 1;              // probability of an act on such a message
+  std::optional<Time> lasts;      // duration of the rule
 };
 
 struct Expectation {
@@ -303,10 +303,10 @@ struct Expectation {
   std::string axis;
   Kind kind = Kind::eventually;
   Condition when;                  // the watch begins when it is true
-  std::optional<Condition> until;  // and ends
+  std::optional<Condition> until;  // the watch ends when it is true
   Condition what;
   std::optional<Time> within;  // of `eventually`, from the beginning of the watch
-  std::optional<Time> lasts;   // the watch of `always` and `never` ends so long after it began
+  std::optional<Time> lasts;   // duration of the watch of `always` and `never`
 };
 
 enum class MasterStatus : std::uint8_t { any, success, failure };

@@ -35,7 +35,7 @@ Json type_of(const KeyNote& note) {
   return {};
 }
 
-// A key that has several types, by its other keys, may have each of them.
+// A key whose type depends on other keys may have any of its types.
 void add(Json& properties, const std::string& key, const Json& type) {
   if (!properties.contains(key)) {
     properties[key] = type;
@@ -51,7 +51,7 @@ void add(Json& properties, const std::string& key, const Json& type) {
 Json properties_of(const std::vector<KeyNote>& notes) {
   Json properties = Json::object();
   for (const KeyNote& note : notes) {
-    // The words of a key come in a note of their own, besides the one of its type.
+    // The words of a key are in a separate note, in addition to the note with its type.
     const bool has_words = note.kind == KeyNote::Kind::string && note.words.empty() &&
                            std::any_of(notes.begin(), notes.end(), [&](const KeyNote& other) {
                              return other.key == note.key && !other.words.empty();
@@ -65,7 +65,7 @@ Json object_of(const Json& properties) {
   return {{"type", "object"}, {"additionalProperties", false}, {"properties", properties}};
 }
 
-// All keys of all actions, for completion, and for each action which of them it has.
+// All keys of all actions, for completion, and the keys of each action.
 Json rule_of(const FormatKeys& keys) {
   Json properties = properties_of(keys.tables.at("rule"));
   Json choices = Json::array();

@@ -4,9 +4,9 @@
 
 namespace servodrome::scenario {
 
-// A JSON Schema (draft 07) of scenario files, for editors that complete and check TOML. It is made from what the parser
-// asks for, so it has the keys, types, words and ranges that the parser knows. Names of axes, objects and faults depend
-// on the line, and the parser alone checks how keys go together.
+// A JSON Schema (draft 07) of scenario files, for editors that complete and check TOML. It is generated
+// from the keys that the parser reads, so it has their types, words and ranges. Names of axes, objects and faults
+// depend on the line; only the parser checks which keys must occur together.
 nlohmann::ordered_json json_schema();
 
 }  // namespace servodrome::scenario

@@ -122,8 +122,8 @@ void SegmentStage::change_datagrams(const RuleRun& rule, std::span<std::uint8_t>
   }
 }
 
-// What becomes of the bytes from the EtherCAT header on. More than one packet, or a longer one, comes behind the frame
-// or in its place.
+// Applies the rules to the bytes from the EtherCAT header on. Additional or longer packets come back after the frame or
+// in its place.
 void SegmentStage::change_bytes(std::span<std::uint8_t> frame, Encapsulation encapsulation, Return& result) {
   const std::size_t before = bytes_before(frame, encapsulation);
   Message message;

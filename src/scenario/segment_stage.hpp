@@ -22,7 +22,7 @@ class SegmentStage final : public links::EthercatInterposer {
   // A frame that comes back behind later ones.
   struct HeldFrame {
     std::vector<std::uint8_t> bytes;
-    unsigned later = 0;  // so many must still come back before it
+    unsigned later = 0;  // number of frames that come back before it
   };
 
   void connect_all();
@@ -33,11 +33,11 @@ class SegmentStage final : public links::EthercatInterposer {
 
   Director& director_;
   line::NamedEthercatBus& bus_;
-  std::vector<RuleRun*> acting_;      // on the frame that is under way
-  std::vector<ethercat::Esc*> deaf_;  // slaves that it passes without effect
+  std::vector<RuleRun*> acting_;      // on the frame in progress
+  std::vector<ethercat::Esc*> deaf_;  // slaves on which the frame in progress has no effect
   std::vector<std::uint8_t> before_;  // the cycle that came back last, for Stale
   std::vector<HeldFrame> held_;
-  std::vector<std::vector<std::uint8_t>> behind_;  // come back with the frame that is under way
+  std::vector<std::vector<std::uint8_t>> behind_;  // frames that come back with the frame in progress
   bool is_cycle_ = false;
 };
 

@@ -10,7 +10,7 @@ extern const Framing rtu_framing;
 extern const Framing tcp_framing;
 extern const Framing serial10_framing;
 
-// The drive speaks Modbus RTU on its RS485 line; else the 10-byte protocol, or nothing.
+// True: the drive uses Modbus RTU on its RS485 line. False: the 10-byte protocol, or no protocol.
 bool speaks_modbus(const line::Axis& axis);
 
 // `bytes` must outlive the message.

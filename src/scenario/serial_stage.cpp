@@ -10,7 +10,8 @@
 namespace servodrome::scenario {
 namespace {
 
-// Longer than the pause that ends a Modbus frame at any usual bit rate; a master's next request comes later.
+// Longer than the pause that ends a Modbus frame at any usual bit rate, and shorter than the pause before a master's
+// next request.
 constexpr Time request_pause = std::chrono::milliseconds(2);
 
 }  // namespace
@@ -83,8 +84,8 @@ void SerialStage::speak(std::span<const std::uint8_t> characters, Time at) {
   }
 }
 
-// A rule acts with the last character of a request, for the drive has received the others. A request that is not to be
-// carried out gets a wrong checksum, so that the drive drops it at once and understands the next one.
+// A rule acts on the last character of a request, because the drive has already received the others. To withhold a
+// request, the stage falsifies its checksum: the drive then drops the request at once and accepts the next one.
 bool SerialStage::receives(std::uint8_t& character, bool& intact, Time at) {
   if (is_cut_) return false;
   if (at - heard_at_ > request_pause || request_.size() > modbus::longest_rtu_frame) request_.clear();

@@ -47,7 +47,7 @@ class SerialStage final : public links::SerialInterposer {
 
  private:
   const Framing& framing() const;
-  // The drive says something that it would not say by itself.
+  // Sends characters in the name of the drive.
   void speak(std::span<const std::uint8_t> characters, Time at);
 
   Director& director_;
@@ -58,7 +58,7 @@ class SerialStage final : public links::SerialInterposer {
   bool is_cut_ = false;
 };
 
-// What a message has become, with the pauses that the acting rules put between its characters.
+// The message after the rules, with the pauses that they put between its characters.
 std::vector<links::SerialPiece> pieces_of(const Packets& packets, const std::vector<RuleRun*>& acting);
 
 }  // namespace servodrome::scenario

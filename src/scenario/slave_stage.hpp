@@ -27,7 +27,7 @@ class SlaveStage final : public ethercat::SlaveInterposer {
   Director& director_;
   line::Axis& axis_;
   CoeMessages messages_;
-  std::vector<std::uint8_t> kept_;  // the request that stays in the mailbox; empty: none does
+  std::vector<std::uint8_t> kept_;  // the request that stays in the mailbox; empty: none
   Time release_at_{};               // of the message that is kept or held last
 };
 

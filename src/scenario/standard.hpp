@@ -8,8 +8,8 @@
 #include "scenario/scenario.hpp"
 #include "scenario/verdict.hpp"
 
-// The expectations that every trial has in addition to those of its scenario: what every decent master does whatever
-// breaks. A scenario leaves one out by its word, with a reason: [waive] ends = "the program waits for the operator".
+// The expectations that every trial has in addition to those of its scenario: they apply to every master, whatever
+// fails. A scenario switches one off by its word, with a reason: [waive] ends = "the program waits for the operator".
 namespace servodrome::scenario {
 
 struct Standard {
@@ -23,9 +23,9 @@ const std::array<Standard, 5>& standards();
 
 inline constexpr std::string_view ends_by_itself = "ends";
 
-// Those that `scenario` does not waive, for each axis.
+// The standard expectations that `scenario` does not waive, for each axis.
 std::vector<Expectation> standard_expectations(const Scenario& scenario, const std::vector<std::string>& axes);
-// The others, as verdicts that are not reached and say why.
+// The waived ones, as verdicts with the outcome `not_reached` and the reason.
 std::vector<Verdict> waived_verdicts(const Scenario& scenario);
 
 }  // namespace servodrome::scenario

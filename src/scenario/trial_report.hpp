@@ -6,8 +6,8 @@
 
 #include "scenario/trial_result.hpp"
 
-// Reports of trials. A trial in the program and a trial in a caller's process share them: the JSON of a trial is the
-// one thing that both have.
+// Reports of trials, made from the JSON of a trial. So they are the same for trials of the program and for trials in a
+// caller's process.
 namespace servodrome::scenario {
 
 using TrialJson = nlohmann::ordered_json;

@@ -11,7 +11,7 @@ namespace servodrome::scenario {
 
 // The outcome of one scenario with one master.
 struct TrialResult {
-  // `error`: the scenario could not be run. `not_reached`: no rule acted, so the master met no mishap.
+  // `error`: the scenario could not be run. `not_reached`: no rule acted.
   enum class Outcome : std::uint8_t { passed, failed, not_reached, error };
 
   std::string path;  // of the scenario file
@@ -33,8 +33,8 @@ struct TrialResult {
 
 std::string_view word_of(TrialResult::Outcome outcome);
 
-// Judges from verdicts, rules and exit status, and sets `outcome` and `reason`. Adds the verdict whether the master has
-// ended by itself, and what the scenario waives.
+// Sets `outcome` and `reason` from verdicts, rules and exit status. Adds the verdict whether the master has ended by
+// itself, and the waived expectations.
 void judge(TrialResult& result);
 
 }  // namespace servodrome::scenario

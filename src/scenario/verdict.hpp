@@ -13,10 +13,10 @@ struct Verdict {
   std::string name;
   Outcome outcome = Outcome::not_reached;
   links::Time at{};   // when it was decided, or when the watch began
-  std::string found;  // what was found instead, in words
+  std::string found;  // the observed state, as text
 };
 
-// What became of a rule.
+// The acts of a rule, for reports.
 struct RuleReport {
   std::string name;
   std::uint64_t acts = 0;

@@ -6,7 +6,7 @@
 
 namespace servodrome::scenario {
 
-// What conditions ask for beyond the present state of an axis.
+// The facts that conditions need in addition to the present state of an axis.
 struct Facts {
   std::map<std::string, std::optional<Time>, std::less<>> first_acts;  // of each rule; none: it has not acted
   std::map<const line::Axis*, double> travelled;                       // motor revolutions, both directions added
@@ -18,7 +18,7 @@ struct Facts {
 // Watches whether a condition holds for an axis.
 class Watch {
  public:
-  // `axis` may be nullptr if the condition asks for nothing of an axis (see needs_axis).
+  // `axis` may be nullptr if the condition needs no axis (see needs_axis).
   Watch(const Condition& condition, line::Axis* axis) : condition_(&condition), axis_(axis) {}
 
   // The watch begins: messages and distances count from now on.
@@ -26,7 +26,7 @@ class Watch {
   // A message has passed between this axis, or a bus (nullptr), and the master.
   void notice(const line::Axis* axis, const Message& message);
   bool holds(Time now, const Facts& facts) const;
-  // What the condition asks for, as it is now: "state fault, position 1.25".
+  // The present values of the quantities in the condition: "state fault, position 1.25".
   std::string present(const Facts& facts) const;
 
  private:
@@ -43,7 +43,7 @@ class Watch {
   double start_revolutions_ = 0;
 };
 
-// The condition is about an axis.
+// The condition needs an axis.
 bool needs_axis(const Condition& condition);
 
 // The position of the true shaft in motor revolutions.

@@ -28,7 +28,7 @@ std::string_view word_of(const std::array<Word<Value>, Count>& words, Value valu
   return "?";
 }
 
-// Reads a key whose value is one of `words`. Reports an error if it is another.
+// Reads a key whose value is one of `words`. Reports an error for any other value.
 template <typename Value, std::size_t Count>
 std::optional<Value> read_word(line::TableReader& reader, std::string_view key,
                                const std::array<Word<Value>, Count>& words) {
