@@ -5,8 +5,8 @@ import { channelOf } from './model/scope';
 import { axisPath } from './commands';
 import { stream } from './store';
 
-// The present values of signals and objects, for all widgets together. They come over the stream, in few subscriptions. What
-// the stream does not carry (texts, objects beyond its room) is polled, slower.
+// The present values of signals and objects, for all widgets together. They come over the stream, in few subscriptions. Values
+// that the stream does not carry (texts, objects above its limit) are polled, at a lower rate.
 
 export interface LiveValue {
   value: ObjectValue | undefined; // undefined: not known yet; null: the drive has no power, or cannot be read now
@@ -18,12 +18,12 @@ const perSubscription = 16;
 const mostSubscriptions = 4; // of the 8 that the server gives to a page; plots need the others
 const rate_hz = 10;
 const poll_ms = 500;
-const settle_ms = 30; // a page that opens or changes wants many values at once
+const settle_ms = 30; // debounce: a page that opens or changes requests many values at once
 
 export class LiveValues {
   private readonly wanted = new Map<string, Set<() => void>>();
   private readonly values = new Map<string, LiveValue>();
-  private readonly unfit = new Map<string, Problem>(); // the stream refused it
+  private readonly unfit = new Map<string, Problem>(); // values that the stream refused
   private ends: (() => void)[] = [];
   private polled: string[] = [];
   private timer: ReturnType<typeof setTimeout> | undefined;
@@ -74,7 +74,7 @@ export class LiveValues {
     const end = this.subscribe({
       channels: texts.map((text): ChannelRequest => channelOf(text)!),
       rate_hz,
-      // The server refuses all for one that it does not have. Halves find it.
+      // The server refuses a whole subscription if it does not have one of the values. Halving the subscription finds that value.
       refused: (problem) => {
         end();
         this.ends = this.ends.filter((each) => each !== end);
@@ -98,7 +98,7 @@ export class LiveValues {
     this.ends.push(end);
   }
 
-  // One round at a time: a slow bus is not asked faster than it answers.
+  // One round at a time, so that requests do not queue up on a slow bus.
   private async poll() {
     if (this.busy || (typeof document !== 'undefined' && document.hidden)) return;
     this.busy = true;

@@ -1,8 +1,8 @@
 import { useSyncExternalStore } from 'react';
 import { complainOf } from './notices';
 
-// A value in the storage of the browser, shared by the tabs of this page. `read` checks what another version of the page may
-// have written, and throws if it is unusable: then the text is kept under another key, and the value begins empty.
+// A value in the storage of the browser, shared by the tabs of this page. `read` checks the stored text, which another version of
+// the page may have written. If `read` throws, the text is kept under another key, and the value is empty.
 export class Saved<T> {
   private text: string | null = null;
   private value: T;

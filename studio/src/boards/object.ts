@@ -15,7 +15,7 @@ export interface About {
   type: string;
 }
 
-// Name, unit and type of an object, which the drive tells once; of a signal its unit. Undefined: not known.
+// Name, unit and type of an object, which the page requests once; of a signal only its unit. Undefined: not known.
 export function useObject(text: string): About | undefined {
   const { axis = '', signal, object } = channelOf(text) ?? {};
   const exists = useLine((line) => line.order.includes(axis));

@@ -18,7 +18,7 @@ const sleep = (ms: number, signal: AbortSignal) =>
     });
   });
 
-// Runs in this page: it ends with the page, at the next command. STOP, here or elsewhere, ends it as well.
+// A script runs in this page. When the page is closed, it ends before the next command. STOP on any page ends it as well.
 export function ScriptWidget({ widget }: { widget: Widget }) {
   const source = String(widget.lines);
   const { steps } = parseSequence(source);

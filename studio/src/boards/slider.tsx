@@ -26,7 +26,7 @@ export function SliderWidget({ widget }: { widget: Widget }) {
   const [minimum, maximum, step] = [widget.minimum, widget.maximum, widget.step].map(Number);
   const { value } = useLiveValue(text);
   const about = useObject(text);
-  const [wanted, setWanted] = useState<number | null>(null); // what the user chose, until the drive has it or refuses it
+  const [wanted, setWanted] = useState<number | null>(null); // the value that the user chose, until the drive accepts or refuses it
   const [problem, setProblem] = useState<Problem>();
   const paced = useRef<Paced>();
   useEffect(() => {

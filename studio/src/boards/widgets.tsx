@@ -12,7 +12,7 @@ import { SliderWidget } from './slider';
 import { SwitchWidget } from './switch';
 import { WatchWidget } from './watch';
 
-// What each kind of widget shows. The fields of a widget are checked (model/boards.ts) before it is drawn.
+// The content of each kind of widget. The fields of a widget are checked (model/boards.ts) before it is drawn.
 
 export const parts: Record<WidgetKind, ComponentType<{ widget: Widget }>> = {
   value: ValueWidget,

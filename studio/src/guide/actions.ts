@@ -15,11 +15,12 @@ import { change, changeStep, guideOf, stepOf, type Found, type LoopFound, type P
 import { placeOf, type Facts, type Motion, type Numbers, type PlanRow, type Records, type Step } from './step';
 import { steps } from './steps';
 
-// What the guide does to a drive. Each write is noted in the journal before it is sent, so an interruption forgets none.
+// The actions of the guide on a drive. Each write is recorded in the journal before it is sent, so the journal is complete
+// after an interruption.
 
 const later = (ms: number) => new Promise((resolve) => setTimeout(resolve, ms));
 
-// Writes a plan as it is shown. Refused if the drive's values are no longer those that the user has seen.
+// Writes a plan as shown. Refuses if the drive's values have changed since the page showed them.
 export async function writePlan(axis: AxisView, step: string, plan: PlanRow[]): Promise<void> {
   const { name, product } = axis;
   const now = await readValues(name, plan.map(({ object }) => object));
@@ -74,7 +75,7 @@ export async function undo(axis: AxisView, step: string | null): Promise<void> {
       return same ? { ...guide, journal: without(guide.journal, same).journal } : guide;
     });
   }
-  // What was measured with the values that are gone no longer counts, and neither does the mark.
+  // Measurements with the old values are no longer valid, and neither is the mark.
   for (const id of new Set(entries.map((entry) => entry.step))) changeStep(name, product, id, ({ typed, found }) => ({ typed, found }));
   if (strange.length > 0) complainOf({ what: `${name}: ${strange.join(', ')} was changed by another and stays`, hint: 'take it out of the list, or write it on the page Objects' });
   else tell(`${name}: undone`);
@@ -154,7 +155,7 @@ async function record(axis: AxisView, records: Records) {
   while ((await lineTime()) < begin_ms + records.pre_ms + 5 && guideOf(axis.name, axis.product).run?.state === 'running') await later(20);
 }
 
-// The way back begins when the way there is recorded to its end.
+// The move back begins when the recording of the move there has ended.
 async function recorded({ name, product }: AxisView) {
   for (;;) {
     const { run } = guideOf(name, product);
@@ -171,7 +172,7 @@ async function endRecording({ name, product }: AxisView) {
   if (run?.recording !== undefined) await remove(`/recordings/${run.recording}`).catch(() => undefined);
 }
 
-// The end of a run: its last job is over. Reads what was recorded and measured.
+// The end of a run: its last job is over. Reads the recording and the measurements.
 async function complete(facts: Facts, last: Job | undefined): Promise<void> {
   const { axis } = facts;
   const { name, product } = axis;
@@ -190,7 +191,7 @@ async function complete(facts: Facts, last: Job | undefined): Promise<void> {
   const numbers: Numbers = (key) => run.values[key];
   const found: Found = {};
   const records = motion.records?.(numbers, facts);
-  // A job that measures has its result at its own address only.
+  // Only the address of the job itself has the result of a measurement.
   const whole = last.do === 'tune' ? await get<Job>(`/jobs/${last.id}`) : last;
   if (last.do === 'tune') Object.assign(found, tuned(whole.found as Tuned, stepOf(guideOf(name, product), step.id).found));
   if (last.do === 'home') found.homedBy = run.values.method;
@@ -238,11 +239,11 @@ function tuned(result: Tuned, before: Found): Found {
     bandwidth_hz: result.promised_bandwidth_hz ?? null, phase_margin_deg: result.predicted?.phase_margin_deg ?? null,
     values: Object.fromEntries(result.gains.map(({ object, after }) => [object, after])),
   };
-  // The first measurement proposes; a later one confirms, and leaves the proposal.
+  // The first measurement makes a proposal; a later one checks it and does not change it.
   return before.loop ? { loopLast: loop } : { loop, ...(result.gains.length > 0 ? { proposed } : {}) };
 }
 
-// After a reload: a run that no tab continues. Its present job goes on; the guide starts no further one.
+// After a reload: a run that no tab continues. Its present job continues; the guide starts no further job.
 export function adopt(facts: Facts): () => void {
   const { name, product } = facts.axis;
   let over = false;
@@ -260,7 +261,7 @@ export function adopt(facts: Facts): () => void {
   const judge = async (run: Run) => {
     const id = run.jobs.at(-1);
     const job = id === undefined ? undefined : await get<Job>(`/jobs/${id}`).catch(() => undefined);
-    // Another tab may be at work: it changes the run or the axis within this time.
+    // Another tab may continue the run: it then changes the run or the axis within this time.
     const now = JSON.stringify([run, job?.state, snapshot().jobs[name]?.id]);
     quiet = now === seen && job?.state !== 'running' ? quiet + 1 : 0;
     seen = now;
@@ -276,12 +277,12 @@ export function adopt(facts: Facts): () => void {
   };
 }
 
-// Ends the present job of the axis; the sequence does not go on.
+// Ends the present job of the axis; the sequence does not continue.
 export async function abort({ name, product }: AxisView): Promise<void> {
   const { run } = guideOf(name, product);
   if (run) aborted.add(run.id);
   const job = snapshot().jobs[name] as Job | undefined;
-  // Between two jobs a halt takes the axis: the next job of the sequence is refused.
+  // A halt between two jobs is the last command of the axis, so the server refuses the next job of the sequence.
   if (job?.state === 'running') await cancelJob(job);
   else await startJob(name, { do: 'stop' });
 }

@@ -12,9 +12,9 @@ import type { Facts, Step } from './step';
 import { fieldsOf, objectsOf } from './steps';
 
 const most = 128; // of one request
-const poll_ms = { virtual: 500, real: 2000 }; // a bus has no time for more
+const poll_ms = { virtual: 500, real: 2000 }; // limited by the time of a bus
 
-// All that a step's row of the table needs: read once, except the values of its objects and of the journal's.
+// All data that a step's row of the table needs: read once, except the values of the objects of the step and of the journal.
 export function useFacts(axis: AxisView, guide: Guide, step: Step): { facts: Facts; again: () => void } {
   const path = axisPath(axis.name);
   const asked = axis.powered && !axis.problem;

@@ -1,4 +1,4 @@
-// What the guide has written to a drive, in the order of the writing, so that it can be undone step by step.
+// The writes of the guide to a drive, in their order, so that they can be undone step by step.
 
 export interface Written {
   step: string;
@@ -29,7 +29,7 @@ export interface Undone {
   write: number | null; // the value to write back; null: a later step wrote the object, whose value stays
 }
 
-// Takes one entry out. If a later step wrote the same object, that step's `before` becomes this one's.
+// Removes one entry. If a later step wrote the same object, the `before` of that step becomes the `before` of the removed entry.
 export function without(journal: Journal, entry: Written): Undone {
   const at = journal.indexOf(entry);
   const later = journal.findIndex(({ object }, i) => i > at && object === entry.object);
@@ -42,7 +42,8 @@ export const toUndo = (journal: Journal, step: string | null) => journal.filter(
 
 export type Standing = 'in the drive' | 'not in the drive' | 'changed by another' | 'replaced' | 'not known';
 
-// Compares the value that was written with the drive's present value. After a power cut a value that was not stored is the old one again.
+// Compares the value that was written with the drive's present value. After a power cut a value that was not stored is the old
+// value again.
 export function standingOf(journal: Journal, entry: Written, now: unknown): Standing {
   const last = lastOf(journal, ({ object }) => object === entry.object);
   if (last !== entry) return 'replaced';

@@ -14,7 +14,8 @@ import { changeStep, stepOf, type Guide } from './state';
 import { fromShown, shownUnit, toShown, type Facts, type Field, type Motion, type Numbers, type PlanRow, type Step } from './step';
 import { steps } from './steps';
 
-// The parts of any step: what is read, the numbers, the plan of the writes, the motions, and the journal.
+// The parts that every step can have: the objects that it reads, the numbers, the plan of the writes, the motions, and the
+// journal.
 
 export function Readings({ facts, shown, absent }: { facts: Facts; shown: string[]; absent: string[] }) {
   if (shown.length === 0 && absent.length === 0) return null;

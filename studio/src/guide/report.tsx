@@ -29,7 +29,7 @@ interface Statement {
 
 type Stated = { rise_ms: number | null; settling_ms: number | null; overshoot_percent: number | null } & Record<string, number | null>;
 
-// What the report states of the axis, in the drive's units: a program can compare it with a measurement on the bus.
+// The figures of the report, in the drive's units, so that a program can compare them with a measurement on the bus.
 function statedOf(found: Found): Stated | null {
   const measured = found.last ?? found.first;
   return measured ? { ...measured.request, rise_ms: measured.rise_ms, settling_ms: measured.settling_ms, overshoot_percent: measured.overshoot_percent } : null;

@@ -5,8 +5,8 @@ import type { Journal } from './journal';
 import type { Measured } from './measured';
 import { noMechanics, type Mechanics } from './mechanics';
 
-// The state of the guide for one axis. It is in the browser's storage, since the server has none for projects: it survives a
-// reload, and all tabs of this browser see the same.
+// The state of the guide for one axis. It is in the browser's storage, since the server does not store projects: it survives a
+// reload, and all tabs of this browser share it.
 
 export interface StepState {
   mark?: 'done' | 'skipped';

@@ -4,7 +4,7 @@ import type { Channel } from './measured';
 import { fromDrive, fromUser, toDrive, toUser, type Kind, type Mechanics, type Scale } from './mechanics';
 import type { StepState } from './state';
 
-// The form of a row of the table of steps (steps.ts), and what its functions get.
+// The type of a row of the table of steps (steps.ts), and the arguments of its functions.
 
 export interface Facts {
   axis: AxisView;
@@ -47,12 +47,12 @@ export interface Order extends Record<string, unknown> {
 export interface Motion {
   id: string;
   label: string;
-  says: string; // what will move, and how it is limited
+  says: string; // text: the motion and its limits
   orders: (numbers: Numbers, facts: Facts) => Order[];
   begins: string[]; // jobs that come first
   commands: string[]; // objects that the jobs command
   mode: number; // of operation, in which the jobs leave the drive
-  reach?: (numbers: Numbers) => number[]; // the farthest places, in revolutions from the present one
+  reach?: (numbers: Numbers) => number[]; // the farthest positions, in revolutions from the present one
   records?: (numbers: Numbers, facts: Facts) => Records;
   isMissing?: (facts: Facts) => string; // why this drive cannot do it
 }

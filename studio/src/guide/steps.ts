@@ -26,7 +26,7 @@ const noTorqueLimit = (facts: Facts) =>
 
 const noScale = ({ scale }: Facts) => (scale ? '' : 'The size of the drive\'s units is not known: complete the step "Units" first.');
 
-// The objects of a profile: the move obeys what the drive has, so the guide writes them and the job does not.
+// The objects of a profile. The move uses the values in the drive, so the guide writes them, not the job.
 const profile = (velocity: number, acceleration: number): Field[] => [
   { key: 'velocity', label: 'Velocity', kind: 'velocity', objects: ['6081:00'], usual: velocity, minimum: 0 },
   { key: 'acceleration', label: 'Acceleration', kind: 'acceleration', objects: ['6083:00', '6084:00'], usual: acceleration, minimum: 0 },
@@ -211,7 +211,7 @@ function inputFields({ entries, values }: Facts): Field[] {
   });
 }
 
-// Inputs that the machine's switches are wired to.
+// Inputs to which the machine's switches are wired.
 export const wiredInputs = ({ geometry }: Facts) => [...new Set(Object.values(geometry?.inputs ?? {}).map(String))];
 
 const isMeasured = (state: StepState) => (state.found.first || state.found.last ? '' : 'No measurement yet.');
@@ -350,7 +350,7 @@ export const steps: Step[] = [
 
 export const fieldsOf = (step: Step, facts: Facts, state: StepState): Field[] => step.fields?.(facts, state) ?? [];
 
-// The objects that a step shows or writes and this drive has; and those of the table that it lacks.
+// The objects of a step that this drive has, and those that it lacks.
 export function objectsOf(step: Step, facts: Facts, fields: Field[]): { shown: string[]; absent: string[]; all: string[] } {
   const shown: string[] = [];
   const absent: string[] = [];

@@ -317,7 +317,7 @@ export function HomingView({ facts, numbers, guide }: ViewProps) {
   const method = homing?.methods.find((each) => each.method === numbers('method'));
   if (!method) return null;
   if (!geometry) return <p className="note">The places of the switches are not known for a drive on a bus: there is no drawing over its travel.</p>;
-  // From where the last homing began, as long as the axis has made no other motion of the guide; else from the present place.
+  // From the start of the last homing if the guide has moved the axis no further since then, otherwise from the present position.
   const { run } = guide;
   const began = run?.step === 'homing' && run.values.method === method.method && run.from.shaft !== null ? run.from.shaft * (geometry.index_every ?? 0) : null;
   return <HomingFigure method={method} geometry={geometry} axis={axis} start={began ?? axis.position_counts} />;

@@ -2,7 +2,7 @@ import { formats } from './bases';
 import { parseSequence } from './sequence';
 import { channelOf, objectOf } from './scope';
 
-// Dashboards: what can stand on one, as a table, and the check of a file. The editor, the check and the pages read the table.
+// Dashboards: a table of the kinds of widgets, and the check of a file. The editor, the check and the pages read the table.
 
 export type FieldKind = 'text' | 'lines' | 'number' | 'choice' | 'axis' | 'channel' | 'channels' | 'object';
 
@@ -131,7 +131,7 @@ const checks: Record<FieldKind, (field: Field, value: unknown) => string | undef
   object: (_, value) => (isText(value) && isObject(value) ? undefined : 'must be an object of an axis: AXIS/6064:00'),
 };
 
-// What is wrong with a widget, by the key of its field.
+// The errors of a widget, by the key of the field.
 export function problemsOf(widget: Widget): Record<string, string> {
   const found: Record<string, string> = {};
   for (const field of fieldsOf(widget.kind)) {
@@ -144,7 +144,7 @@ export function problemsOf(widget: Widget): Record<string, string> {
   return found;
 }
 
-// What two fields have to say about each other.
+// Errors in the combination of two fields.
 const rules: { key: string; applies: (widget: Widget) => boolean; problem: (widget: Widget) => string }[] = [
   { key: 'maximum', applies: ({ kind, minimum, maximum }) => kind === 'slider' && Number(maximum) <= Number(minimum), problem: () => 'must be above the minimum' },
   { key: 'off', applies: ({ kind, on, off }) => kind === 'switch' && on === off, problem: () => 'must differ from the value when on' },
@@ -162,7 +162,8 @@ export const version = 1;
 
 export const fileOf = (boards: Board[]) => JSON.stringify({ format, version, boards }, null, 2);
 
-// Reads a file of dashboards. Throws an Error that names every mistake with its place; then nothing of the file is used.
+// Reads a file of dashboards. If the file has mistakes, throws an Error that names each with its place, and uses nothing of the
+// file.
 export function readFile(text: string): Board[] {
   let json: unknown;
   try {
@@ -217,7 +218,7 @@ export function nameProblem(name: unknown, taken: string[]): string | undefined 
   return taken.includes(name) ? 'is there already' : undefined;
 }
 
-// Adds dashboards without replacing any: a name that is there gets a number.
+// Adds dashboards without replacing any: appends a number to a name that exists.
 export function added(boards: Board[], more: Board[]): Board[] {
   return more.reduce((all, board) => {
     let name = board.name;

@@ -24,7 +24,7 @@ export interface Bode {
   };
 }
 
-// A response is believed from this coherence on, as by the server for bandwidth and margins.
+// Least coherence of a valid response; the server uses the same limit for bandwidth and margins.
 export const leastCoherence = 0.7;
 export const isCoherent = ({ coherence }: BodePoint) => coherence === undefined || coherence >= leastCoherence;
 
@@ -70,7 +70,7 @@ export function firstPlot(channels: ChannelRequest[]): [number, number] {
   return [0, Math.min(1, channels.length - 1)];
 }
 
-// One row for each frequency; a column for the coherence if any point has one.
+// One row for each frequency, with a column for the coherence if any point has a value for it.
 export function csvOf(points: BodePoint[]): string {
   const coherent = points.some(({ coherence }) => coherence !== undefined);
   const rows = points.map(({ hz, gain_db, phase_deg, coherence }) => [hz, gain_db, phase_deg, ...(coherent ? [coherence ?? ''] : [])].join(','));

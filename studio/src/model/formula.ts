@@ -19,7 +19,7 @@ interface Sampled {
   waves: Wave[];
   interval_s: number;
 }
-// A number has no samples of its own and takes the unit of its partner in a sum.
+// A number has no samples, and in a sum it gets the unit of the other operand.
 type Value = { number: number } | Wave;
 type Node = (sampled: Sampled) => Value;
 
@@ -215,7 +215,7 @@ class Parser {
   }
 }
 
-// The wave that `text` describes, over recordings with so many channels; or what is wrong with the text.
+// The wave that `text` describes, for recordings with this number of channels; or the error in the text.
 export function formulaOf(text: string, channels: number): ((sampled: Sampled) => Wave) | Wrong {
   try {
     const node = new Parser(tokensOf(text), channels).whole();
@@ -241,7 +241,7 @@ export const mathsOf = (text: string | null): MathChannel[] =>
   });
 export const textOfMaths = (maths: MathChannel[]) => maths.map(({ name, formula }) => `${name}=${formula}`).join(';');
 
-// Why the name is none for a math channel; undefined: it is one.
+// The reason why a math channel cannot have this name; undefined: it can.
 export function nameProblem(name: string, taken: string[]): string | undefined {
   if (name.trim() === '') return 'Enter a name.';
   if (/[=;,]/.test(name)) return 'A name has no "=", ";" and ",".';

@@ -1,4 +1,4 @@
-// Saved layouts of the scope: everything of the address that is a setting and not a place in one recording.
+// Saved layouts of the scope: the settings in the address, without cursors and zoom, which belong to one recording.
 
 export interface Layout {
   name: string;
@@ -11,7 +11,7 @@ export function layoutOf(name: string, query: URLSearchParams): Layout {
   return { name, query: Object.fromEntries(layoutKeys.flatMap((key) => (query.get(key) ? [[key, query.get(key)!] as const] : []))) };
 }
 
-// The change of the address that applies it: what the layout does not have is removed.
+// The change of the address that applies a layout: removes the settings that the layout does not have.
 export const appliedOf = ({ query }: Layout): Record<string, string | null> => Object.fromEntries(layoutKeys.map((key) => [key, query[key] ?? null]));
 
 // Replaces the layout of the same name.

@@ -1,16 +1,16 @@
 import type { AxisView, Mechanics } from '../api/types';
 
-// The machine of the line file: what each axis moves, and which axes of a large line are shown.
+// The machine of the line file: the load of each axis, and the axes of a large line that are shown.
 
-// Turns of what turns: the motor of a rotary axis, the arm, the crank. From 0 to below 1.
+// The angle in turns, from 0 to below 1: of the motor of a rotary axis, of the arm, or of the crank.
 export function turnsOf({ kind, counts_per_revolution, cycle_revolutions, cycle_offset_turns }: Mechanics, position_counts: number): number {
   const revolutions = position_counts / counts_per_revolution;
   const turns = kind === 'arm' || kind === 'crank' ? revolutions / cycle_revolutions + cycle_offset_turns : revolutions;
   return turns - Math.floor(turns);
 }
 
-// The place of the slider of a crank in its stroke, from 0 (near) to 1 (far), at so many turns. With a ratio of 0 the rod is
-// endless, and the slider's motion is a sine.
+// The place of the slider of a crank in its stroke, from 0 (near) to 1 (far), at an angle in turns. With a ratio of 0 the rod is
+// infinitely long, and the slider's motion is a sine.
 export function sliderAt(turns: number, ratio: number): number {
   const angle = 2 * Math.PI * turns;
   if (ratio === 0) return (1 + Math.cos(angle)) / 2;
@@ -23,7 +23,7 @@ export function describe({ kind, hangs, belt, elastic }: Mechanics): string {
   return [kind, coupling, hangs && 'hanging load'].filter(Boolean).join(', ');
 }
 
-export const manyAxes = 16; // from here on a line is shown in rows
+export const manyAxes = 16; // a line with at least this number of axes is shown in rows
 
 export const stateFilters = [
   ['', 'Any state'], ['enabled', 'Enabled'], ['ready', 'Not enabled'], ['moving', 'In motion'], ['fault', 'Fault'], ['off', 'No power'], ['silent', 'No answer'],
@@ -51,7 +51,7 @@ export function filterOf(query: URLSearchParams): Filter {
   return { text: query.get('q') ?? '', state, bus: query.get('bus') ?? '' };
 }
 
-// The names of the axes that fit, in the order of the line.
+// The names of the axes that match the filters, in the order of the line.
 export function fitting(order: string[], axes: Record<string, AxisView>, { text, state, bus }: Filter): string[] {
   const words = text.toLowerCase().split(/\s+/).filter(Boolean);
   return order.filter((name) => {
@@ -62,7 +62,7 @@ export function fitting(order: string[], axes: Record<string, AxisView>, { text,
   });
 }
 
-// The part of a list of rows of one height that is in view, with some rows beyond.
+// The visible part of a list of rows of equal height, with some rows above and below it.
 export function visibleRows(top: number, height: number, row_px: number, count: number, beyond = 6): [number, number] {
   const first = Math.max(0, Math.min(count, Math.floor(top / row_px) - beyond));
   return [first, Math.max(first, Math.min(count, Math.ceil((top + height) / row_px) + beyond))];

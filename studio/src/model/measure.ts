@@ -58,7 +58,7 @@ function stepBetween(values: ArrayLike<number>, interval_s: number, before: Span
   if (!first || !last || !all) return null;
   const height = last.mean - first.mean;
   if (Math.abs(height) <= 2 * Math.max(first.peakToPeak, last.peakToPeak) || height === 0) return null;
-  // An oscillation overshoots by less than the height; a curve with a wider range went there and back.
+  // An oscillation overshoots by less than the height; a curve with a wider range moves to a level and back.
   if (2 * Math.abs(height) < all.peakToPeak) return null;
 
   const part = (i: number) => (values[i] - first.mean) / height;
@@ -154,7 +154,7 @@ function levelsOf(values: ArrayLike<number>, from: number, to: number): Span[] {
   return levels;
 }
 
-// A window also contains the first samples of the ramp after the level: they are outside of what the middle of it has.
+// A window also contains the first samples of the ramp after the level: their values are outside the range of its middle.
 function lastOfLevel(values: ArrayLike<number>, from: number, to: number, range: number): number {
   const quarter = Math.floor((to - from) / 4);
   const middle = statistics(values, from + quarter, to - quarter);
@@ -175,8 +175,8 @@ function isLevel(values: ArrayLike<number>, from: number, to: number, slope: num
   return Math.abs((c + d - a - b) / 2) <= (slope * (to - from)) / 2 && Math.abs((b + c - a - d) / 2) <= bend;
 }
 
-// The part in which something happens: from the first to the last sample at which a curve is away from its first or its last
-// value, with a margin. Null if nothing does.
+// The part in which a curve changes: from the first sample that differs from the first value to the last one that differs from
+// the last value, with a margin. Null if the curve does not change.
 export function eventful(curves: ArrayLike<number>[]): [number, number] | null {
   let from = Infinity;
   let to = -Infinity;

@@ -24,7 +24,7 @@ export class Paced {
     if (!this.busy) void this.drain();
   }
 
-  // Drops what waits. A write that runs is not called back.
+  // Drops the waiting value. A write in progress is not cancelled.
   drop() {
     this.waiting = null;
   }

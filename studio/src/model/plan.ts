@@ -1,7 +1,7 @@
 import type { AxisView, Geometry, Limits, Units } from '../api/types';
 import { fixed } from './units';
 
-// A move before it starts: where the shaft will be, and whether the axis has the room.
+// A move before it starts: the end position of the shaft, and whether the travel permits it.
 
 export interface Ghost {
   to: number; // counts of the shaft
@@ -17,7 +17,7 @@ export function endOf(axis: AxisView, geometry: Geometry | undefined, units: Uni
   return axis.position_counts + (how === 'by' ? value : value - (actual ?? 0) / perTurn) * turn;
 }
 
-// Why the axis cannot go there: a limit of the travel or of 607Dh that is nearer than the target. Empty: it can.
+// The reason why the axis cannot reach the target: a limit of the travel or of 607Dh that is nearer. Empty: it can.
 export function hindrance(axis: AxisView, geometry: Geometry | undefined, units: Units | undefined, limits: Limits | undefined, to: number): string {
   const turn = geometry?.index_every;
   if (!geometry || !turn) return '';

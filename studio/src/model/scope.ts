@@ -13,7 +13,7 @@ export interface Setup {
   trigger: Trigger;
 }
 
-// Stands in the address for every axis or every state of a trigger.
+// In the address: every axis, or every state of a trigger.
 export const any = '*';
 export const mostChannels = 16;
 export const rates = [100, 500, 1000, 2000, 4000, 8000, 16000];
@@ -86,7 +86,8 @@ export function ofAxis(setup: Setup, from: string, to: string): Setup {
   return { ...setup, channels: channels.length > 0 ? channels : [{ axis: to, signal: 'position_counts' }], trigger };
 }
 
-// The same signal of every axis, as far as there is room. Objects of the maker (below 6000h) exist on one product only.
+// The same signal of every axis, up to the greatest number of channels. Objects of the maker (below 6000h) exist on one product
+// only.
 export function ofAllAxes(setup: Setup, channel: ChannelRequest, axes: string[]): Setup {
   const known = new Set(setup.channels.map(textOfChannel));
   const more = axes.map((axis) => ({ ...channel, axis })).filter((each) => !known.has(textOfChannel(each)));

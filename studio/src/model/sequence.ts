@@ -19,10 +19,11 @@ export interface LineProblem {
 
 interface Command {
   numbers: string[]; // keys with a number
-  needs?: string[]; // one of these must be there
+  needs?: string[]; // one of these keys is required
 }
 
-// As the API's jobs, in revolutions. Jobs that go on until a halt (velocity, torque) are left out: a script that ends stops.
+// As the API's jobs, in revolutions. Without jobs that continue until a halt (velocity, torque), since an axis stops at the end
+// of its script.
 export const commands: Record<string, Command> = {
   enable: { numbers: [] },
   disable: { numbers: [] },
@@ -129,7 +130,8 @@ export interface SequenceDoes {
 export class Ended extends Error {}
 
 // Runs a script once. It begins with a halt of each of its axes. The server then knows the last command of each axis, and
-// refuses the next one if a halt or STOP of anyone came in between. Each job ends at rest, and so does the script.
+// refuses the next command of the script if another client has sent a halt or STOP meanwhile. Each job ends at rest, and so
+// does the script.
 export class Sequence {
   private readonly abort = new AbortController();
   private running: JobState | null = null;
@@ -154,7 +156,7 @@ export class Sequence {
 
   stop() {
     this.abort.abort();
-    if (this.running) void this.does.cancel(this.running).catch(() => undefined); // it may be over
+    if (this.running) void this.does.cancel(this.running).catch(() => undefined); // the job may be over
   }
 
   private live() {

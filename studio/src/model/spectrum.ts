@@ -52,7 +52,8 @@ export interface Spectrum {
   amplitude: Float64Array; // of a sine: its amplitude; at 0 Hz the mean
 }
 
-// All samples from `from` to before `to`, filled up with zeros to a power of two. A text: why there is no spectrum.
+// Transforms the samples from `from` to before `to`, padded with zeros to a power of two. Returns a text if there is no
+// spectrum: the reason.
 export function spectrum(values: Float64Array, rate_hz: number, { cosines }: Pick<Window, 'cosines'>, from = 0, to = values.length): Spectrum | string {
   const count = to - from;
   if (count < 16) return 'fewer than 16 samples';

@@ -262,7 +262,7 @@ function PositionMove({ name, names, isFree, axis, geometry, unitsOf, limits, on
   const { greatest, velocity_scale, known } = names;
   const request = { do: 'move', units: names.units, velocity: names.speed(velocity), acceleration, deceleration: acceleration };
   const start = (where: { by: number } | { to: number }) => attempt(() => enableAnd(name, { ...request, ...where }));
-  // There and back, again as long as the switch is on, every move succeeds and the axis gets no other command.
+  // Moves there and back; repeats this while the switch is on, every move succeeds and the axis gets no other command.
   const thereAndBack = () =>
     attempt(async () => {
       let last = await runJob(name, { do: 'enable' });
@@ -281,7 +281,7 @@ function PositionMove({ name, names, isFree, axis, geometry, unitsOf, limits, on
   const turn = geometry?.index_every;
   const given = forward !== null && turn ? predict({ velocity: Math.min(velocity, greatest.velocity), acceleration: Math.min(acceleration, greatest.acceleration), velocity_scale, distance: (forward - axis.position_counts) / turn }) : null;
   const text = given ? `${amount(given.top, names.velocity)}, ${seconds(given.total_s ?? 0)}` : '';
-  // A shaft that holds its position moves by some counts: they do not draw the plan anew.
+  // A shaft that holds its position moves by some counts, which must not cause a new drawing of the plan.
   const shown = forward === null || text === '' || axis.in_motion || !turn ? null : (Math.round((1000 * forward) / turn) * turn) / 1000;
   useEffect(() => {
     onPlan(shown === null ? null : { to: shown, text });
@@ -368,7 +368,7 @@ function JogMove({ name, names, enabled }: MoveProps & { enabled: boolean }) {
 
 function HomeMove({ name, names, isFree, axis, geometry }: MoveProps & { axis: AxisView; geometry: Geometry | undefined }) {
   const homingOf = useResource<{ methods: HomingMethod[]; index_available?: boolean }>(`${axisPath(name)}/homing`).value;
-  // Those that the wiring permits come first.
+  // The methods that the wiring permits come first.
   const reasonOf = (each: HomingMethod) => cannotHome(each, geometry, homingOf?.index_available);
   const methods = (homingOf?.methods ?? []).filter(({ supported }) => supported).sort((a, b) => Number(reasonOf(a) !== '') - Number(reasonOf(b) !== ''));
   const [chosen, setChosen] = useState<number | null>(null);

@@ -36,7 +36,7 @@ export function CommissionPage() {
 
 const calm_ms = 300;
 
-// The axis some times a second, but a change of its state at once: the tables of the guide need no more.
+// Updates of the axis a few times a second, which is enough for the tables of the guide; a change of its state at once.
 function useCalmAxis(name: string): AxisView | undefined {
   const shown = useRef<{ axis: AxisView | undefined; at: number; key: string }>({ axis: undefined, at: -Infinity, key: '' });
   return useLine((line) => {
@@ -63,7 +63,7 @@ function GuideOf({ axis }: { axis: AxisView }) {
   const guide = useGuide(axis.name, axis.product);
   const { query } = useRoute();
   const asked = steps.find(({ id }) => id === query.get('step'));
-  // Without a step in the address the guide goes on where it was left.
+  // Without a step in the address the guide continues at the step where the user left it.
   const step = asked ?? steps.find((each) => markOf(guide, each) === undefined) ?? steps[0];
   return (
     <div className="guide">
@@ -97,7 +97,7 @@ function StepList({ axis, guide, step }: { axis: AxisView; guide: Guide; step: S
   );
 }
 
-// Why nothing may be written or moved now; empty: it may.
+// The reason why writes and motions are not possible now; empty: they are.
 function hindranceOf(axis: AxisView, isBusy: boolean): string {
   if (!axis.powered) return 'The drive has no power.';
   if (axis.problem) return `The drive does not answer: ${axis.problem.what}`;

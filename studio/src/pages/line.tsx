@@ -19,11 +19,11 @@ export function LinePage() {
   const { query } = useRoute();
   const order = useLine((line) => line.order);
   const filter = filterOf(query);
-  // A text, so that a message that changes no name causes no rendering of the page.
+  // A text: a message that changes no name then causes no rendering of the page.
   const names = useLine((line) => fitting(line.order, line.axes, filter).join('\n')).split('\n').filter(Boolean);
   const isLarge = order.length >= manyAxes;
   const view = query.get('view') ?? (isLarge ? 'rows' : 'cards');
-  // An axis that fails keeps no other from its command.
+  // If the command of one axis fails, the others still get theirs.
   const all = (request: string) => () => void Promise.all(order.map((name) => runJob(name, { do: request })));
   return (
     <>

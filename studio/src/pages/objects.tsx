@@ -96,7 +96,7 @@ interface Values {
 const refresh_ms = 1000;
 const atATime = 8;
 
-// Values are read lazily: when their row is in view, `atATime` of them at once, and again as long as it is in view.
+// Values are read lazily, `atATime` of them in one request, and polled while their row is visible.
 function useValues(axis: string): Values {
   const [known, setKnown] = useState<ReadonlyMap<string, ObjectValue>>(new Map());
   const [reading, setReading] = useState(false);

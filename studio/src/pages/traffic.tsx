@@ -10,7 +10,7 @@ const rows_beyond = 8; // rows drawn above and below the visible part
 const ask_every_ms = 250;
 const most_per_answer = 500;
 
-// The frames of a bus in words, live.
+// The decoded frames of a bus, live.
 export function Traffic({ bus }: { bus: BusView }) {
   const { query } = useRoute();
   const filter: TrafficFilter = {

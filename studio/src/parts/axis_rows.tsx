@@ -11,7 +11,7 @@ import { Travel, useGeometry } from './travel';
 const row_px = 40;
 const columns = ['axis', 'state', 'travel', 'position', 'velocity', 'torque', 'fault', 'commands'];
 
-// The axes of a large line. All rows have one height, so only those in view are there.
+// The axes of a large line. All rows have the same height, so only the visible rows are rendered.
 export function AxisRows({ names }: { names: string[] }) {
   const box = useRef<HTMLDivElement>(null);
   const [top, setTop] = useState(0);

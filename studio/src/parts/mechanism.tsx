@@ -1,8 +1,8 @@
 import type { AxisView, Geometry, Mechanics } from '../api/types';
 import { describe, sliderAt, turnsOf } from '../model/machine';
 
-// What turns at an axis, seen from the side: the shaft of a rotary axis, an arm with its weight, a crank with its slider. The
-// positive direction is anticlockwise, and 0 turns of an arm are horizontal. A linear axis has only its travel.
+// The rotating part of an axis, seen from the side: the shaft of a rotary axis, an arm with its weight, a crank with its
+// slider. The positive direction is anticlockwise, and 0 turns of an arm are horizontal. A linear axis has only its travel.
 export function Dial({ axis, geometry, size = 64 }: { axis: AxisView; geometry: Geometry | undefined; size?: number }) {
   const mechanics = geometry?.mechanics;
   if (!mechanics || mechanics.kind === 'linear') return null;
@@ -46,7 +46,7 @@ function Crank({ mechanics, turns }: { mechanics: Mechanics; turns: number }) {
   );
 }
 
-// The signs of the drawings.
+// The symbols of the drawings.
 export function Legend() {
   return (
     <details className="legend">

@@ -20,7 +20,7 @@ import { XyPlot } from './xy';
 
 const plots = [[null, 'Time'], ['xy', 'XY'], ['fft', 'Spectrum'], ['bode', 'Bode']] as const;
 
-// What of a recording the address selects: cursors and the visible range, in ms.
+// The part of a recording that the address selects: cursors and the visible range, in ms.
 function usePlaces() {
   const { query } = useRoute();
   const [a, b, from, to] = ['a', 'b', 'from', 'to'].map((key) => (query.get(key) === null ? null : Number(query.get(key))));
@@ -68,7 +68,7 @@ function Plot({ plot, title, samples, others }: { plot: string | null; title: st
   const { a, b, range } = usePlaces();
   const { recording } = samples;
   if (plot === 'bode') {
-    // The server computes it, from the channels that it recorded.
+    // The server computes the plot from the channels that it recorded.
     const recorded = { ...recording, channels: recording.channels.filter(({ axis }) => axis !== '') };
     return <BodePlot key={recording.id} recording={recorded} earlier={others[0]?.recording} />;
   }

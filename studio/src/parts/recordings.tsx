@@ -49,8 +49,8 @@ export function Recordings({ recordings, shown, overlays, memory, again }: {
   );
 }
 
-// Name and note of the shown recording. The server keeps them with it, and another page may change them as well: only what the
-// user has typed here is written.
+// Name and note of the shown recording. The server stores them with the recording, and another page may change them as well. So
+// this form writes only the fields that the user has changed.
 function About({ recording, again }: { recording: Recording; again: () => void }) {
   const [typed, setTyped] = useState<{ name?: string; note?: string }>({});
   const name = typed.name ?? recording.name;
@@ -60,7 +60,7 @@ function About({ recording, again }: { recording: Recording; again: () => void }
     attempt(async () => {
       await put(`/recordings/${recording.id}`, typed);
       again();
-      // What the user has typed meanwhile stays.
+      // Text that the user has typed meanwhile stays.
       setTyped((now) => Object.fromEntries(Object.entries(now).filter(([key, text]) => text !== typed[key as keyof typeof typed])));
     });
   };

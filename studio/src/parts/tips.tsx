@@ -33,7 +33,7 @@ export function TipLayer() {
       if (event.pointerType === 'touch') to(isLayer(event.target) ? null : event.target instanceof Element ? event.target.closest('[data-tip]') : null, 0);
     };
     const focus = (event: FocusEvent) => {
-      // A focus that the pointer sets is no wish for an explanation.
+      // A click sets the focus as well, but does not ask for an explanation.
       const next = tipped(event.target);
       if (event.target instanceof Element && event.target.matches(':focus-visible')) to(next, 0);
     };

@@ -3,7 +3,7 @@ import { Button } from './controls';
 import './tour.css';
 
 // A tour of the page in a minute. It is a row below the page, so it covers nothing; the element that it explains has a frame.
-// Once it is dismissed or over, it does not come again in this browser, unless the user starts it again.
+// After the user has dismissed or completed it, this browser does not show it again, unless the user starts it.
 
 interface Stop {
   at: string; // selector of the element
@@ -28,7 +28,7 @@ function isOver(): boolean {
   try {
     return localStorage.getItem(key) !== null;
   } catch {
-    return true; // a browser that keeps nothing would show the tour each time
+    return true; // without storage the browser would show the tour each time
   }
 }
 

@@ -104,7 +104,7 @@ function Paths({ paths, across, up }: { paths: Path[]; across: string; up: strin
         series: [{}, { show: true, points: { show: false }, paths: () => null }],
         hooks: { draw: [draw] },
       },
-      // Only to have scales: draw() draws the paths, whose x goes to and fro.
+      // These data only set the scales: draw() draws the paths, because their x is not monotonic.
       [[0, 1], [0, 1]],
       element,
     );
