@@ -73,7 +73,7 @@ std::optional<int> ChildProcess::poll() {
   int status = 0;
   if (!handle_->status && ::waitpid(handle_->group, &status, WNOHANG) == handle_->group) {
     handle_->status = WIFEXITED(status) ? WEXITSTATUS(status) : 128 + WTERMSIG(status);
-    ::kill(-handle_->group, SIGKILL);  // what it has left behind
+    ::kill(-handle_->group, SIGKILL);  // ends the programs that the child has started
   }
   return handle_->status;
 }

@@ -9,7 +9,7 @@
 
 namespace servodrome::app {
 
-// A program that this one starts, with all that it starts itself. The destructor kills it.
+// A program that this one starts, with all programs that it starts in turn. The destructor kills them.
 class ChildProcess {
  public:
   // `environment` is added to that of this process. Standard output and standard error go to the file `output`.

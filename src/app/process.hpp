@@ -9,7 +9,7 @@ namespace servodrome::app {
 // Must be called once, before the program does anything else.
 void begin_process();
 
-// Returns the program's own file; empty if the system does not tell.
+// Returns the path of the program's file; empty if the system does not provide it.
 std::filesystem::path program_file();
 
 // The signals that end a server orderly: Ctrl-C, SIGTERM, and the loss of the terminal, unless nohup makes it ignored.

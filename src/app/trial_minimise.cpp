@@ -26,7 +26,7 @@ std::string content_of(const std::string& path) {
   return {std::istreambuf_iterator<char>(file), {}};
 }
 
-// What is compared between two runs: the first expectation that failed, or else the reason.
+// The failure that two runs must have in common: the first expectation that failed, otherwise the reason.
 std::set<std::string> failures_of(const TrialResult& result) {
   std::set<std::string> failures;
   if (result.outcome != TrialResult::Outcome::failed) return failures;
@@ -64,7 +64,7 @@ class Minimiser {
     std::fflush(stdout);
   }
 
-  // The line keeps its place, and the text gets a folder of its own.
+  // The line file stays in its folder, and the text gets a separate folder.
   TrialResult run_text(const std::string& text, unsigned job) {
     TrialRun run = run_;
     run.job = job;
@@ -87,7 +87,7 @@ class Minimiser {
     return run_trial(run, path);
   }
 
-  // A file without a seed has the default one; the smallest file says it.
+  // A file without a seed has the default seed; the smallest file states it.
   void fix_seed() {
     if (text_.starts_with("seed") || text_.find("\nseed") != std::string::npos) return;
     text_ = fmt::format("seed = {}\n{}", scenario::load_scenario(path_).scenario.seed, text_);
@@ -95,7 +95,7 @@ class Minimiser {
 
   bool is_valid(const std::string& text) const { return scenario::parse_scenario(text, path_).diagnostics.empty(); }
 
-  // Takes over the first reduction that fails in the same way. Returns false if there is none, or no run is left.
+  // Adopts the first reduction that fails in the same way. Returns false if there is none, or no run is left.
   bool step() {
     std::vector<scenario::Reduction> left = scenario::reductions(text_, failure_);
     std::erase_if(left, [this](const auto& one) { return tried_.contains(one.text) || !is_valid(one.text); });

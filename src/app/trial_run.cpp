@@ -135,8 +135,8 @@ void keep_traffic(line::LineServer& server, const TrialRun& trial, TrialResult& 
   log(server.line().serial_buses(), "log");
 }
 
-// Looks at the master every few milliseconds while the line runs, ends it when its time is over, and stops the line
-// some time after its end.
+// Polls the master every few milliseconds while the line runs, ends it when its time is over, and stops the line some
+// time after its end.
 class Supervisor {
  public:
   Supervisor(line::LineServer& server, scenario::Director& director, ChildProcess& master, TrialResult& result,

@@ -16,10 +16,10 @@ struct TrialRun {
   unsigned job = 0;                             // number of this run among those at the same time
   std::filesystem::path folder;                 // for the files of this run; must exist
   std::filesystem::path keep;                   // for captures of all buses; empty: none are kept
-  links::Time after = std::chrono::seconds(3);  // the line runs on so long after the master has ended
+  links::Time after = std::chrono::seconds(3);  // time for which the line runs on after the master has ended
 };
 
-// Returns what became of it; does not throw for a scenario that cannot be run.
+// Returns the outcome; does not throw for a scenario that cannot be run.
 scenario::TrialResult run_trial(const TrialRun& run, const std::string& scenario_path);
 
 }  // namespace servodrome::app

@@ -67,7 +67,7 @@ std::vector<std::string> files_of(const Options& options) {
   return {files.begin(), files.end()};
 }
 
-// Scenarios that combine rules of the files, in `folder`. The same seed draws the same ones.
+// Writes scenarios that combine rules of the files into `folder`. The same seed gives the same scenarios.
 std::vector<std::string> drawn_from(const Options& options, std::vector<std::string> files, const fs::path& folder) {
   std::vector<std::string> drawn;
   for (unsigned n = 1; n <= options.random; ++n) {
@@ -91,7 +91,7 @@ void print(const TrialResult& result, std::size_t done, std::size_t of) {
   std::fflush(stdout);
 }
 
-// What remains of a trial: the pictures and the traffic of many trials would fill the memory.
+// The kept result of a trial, without pictures and traffic: those of many trials would fill the memory.
 struct Done {
   TrialResult::Outcome outcome = TrialResult::Outcome::error;
   scenario::TrialJson view;
@@ -223,25 +223,28 @@ void add_trial(CLI::App& app) {
                       "Command of the master, behind --; {link}, {host}, {port}, {api}, {scenario} and {job} are "
                       "replaced, and the same are in SERVODROME_LINK and so on");
   command
-      ->add_option("--bus", options->links,
-                   "NAME=LINK: the masters reach this bus by this link in place of those of the scenario's line; {job} "
-                   "is replaced by the number of the job, from 0")
+      ->add_option(
+          "--bus", options->links,
+          "NAME=LINK: a link of this bus in place of the links in the scenario's line file; {job} is replaced by "
+          "the number of the job, from 0")
       ->allow_extra_args(false);
   command->add_option("--only", options->only, "Only scenarios whose path contains this text");
-  command->add_option("--jobs", options->jobs, "So many trials at once, each with a line of its own")
+  command->add_option("--jobs", options->jobs, "Number of trials that run at the same time, each with its own line")
       ->check(CLI::Range(1, 64));
-  command->add_option("--after", options->after_s, "The line runs on so many seconds after the master has ended")
+  command->add_option("--after", options->after_s, "Seconds for which the line runs on after the master has ended")
       ->check(CLI::Range(0.0, 60.0));
   command->add_option("--junit", options->junit, "Write the outcomes to this file, as JUnit XML");
   command->add_option("--html", options->html,
                       "Write a page with all outcomes, pictures of the shafts, and the traffic around failures");
   command->add_option("--keep", options->keep, "Keep the whole traffic of each trial as captures in this folder");
-  command->add_option("--random", options->random, "Run so many scenarios drawn from the rules of those of --scenarios")
+  command->add_option("--random", options->random, "Run this number of random combinations of the rules in --scenarios")
       ->check(CLI::Range(1, 100'000));
-  command->add_option("--seed", options->seed, "Of --random: the same seed draws the same scenarios");
-  command->add_flag("--minimise", options->minimise,
-                    "Leave out of one failing scenario what its failure does not need, and write the rest beside it");
-  command->add_option("--runs", options->runs, "Of --minimise: at most so many trials")->check(CLI::Range(2, 100'000));
+  command->add_option("--seed", options->seed, "Of --random: the same seed gives the same scenarios");
+  command->add_flag(
+      "--minimise", options->minimise,
+      "Remove from one failing scenario what its failure does not need, and write the smaller scenario beside it");
+  command->add_option("--runs", options->runs, "Of --minimise: greatest number of trials")
+      ->check(CLI::Range(2, 100'000));
   command->add_flag("--schema", options->schema,
                     "Print a JSON Schema of scenario files, for editors that complete and check TOML");
   command->add_flag("--list", options->list, "List the scenarios and run nothing");
