@@ -111,7 +111,7 @@ class Line final : public links::VirtualClock {
   ClockMode clock_mode() const { return clock_mode_; }
 
   // The speed at which virtual time advances without requests, as a factor of real time, 0 .. most_speed. A LineServer
-  // advances it.
+  // advances the time.
   static constexpr double most_speed = 1000;
   double speed() const { return speed_; }
   void set_speed(double speed) { speed_ = speed; }

@@ -12,7 +12,7 @@ class Vigil {
   using Moment = std::chrono::steady_clock::time_point;
 
   static constexpr auto longest = std::chrono::microseconds(100);  // maximum time from an answer to the next frame
-  static constexpr int proof = 8;  // so many frames in a row that came so soon start busy-waiting
+  static constexpr int proof = 8;  // number of such frames in a row that starts busy-waiting
   // If a yield takes longer than this, another program computes on this processor without a pause.
   static constexpr auto longest_loan = std::chrono::milliseconds(1);
   // Number of frames until busy-waiting is tried again after that: on such a processor a thread that sleeps gets it
@@ -36,7 +36,7 @@ class Vigil {
   // No frame came for `longest`: busy-waiting ends.
   bool over(Moment present) const { return present - answered_ > longest; }
   void in_vain() {
-    if (score_ > 0) score_ = 0;  // a negative score must still be worked off
+    if (score_ > 0) score_ = 0;  // a negative score stays: it counts the frames until the next attempt
   }
   // A yield took `span`.
   void lent(Moment::duration span) {

@@ -23,10 +23,10 @@ class DistributedClock {
   void reset(Time now);
 
   // Frequency error of the oscillator in parts per billion, +-400'000'000 at most; +100000 means 100 ppm too fast. The
-  // drift compensation makes up for 763 ppm by default (0930h). Starts a clock that stands.
+  // drift compensation makes up for 763 ppm by default (0930h). Starts a stopped clock.
   void set_oscillator(std::int32_t error_ppb, Time now);
-  // Lets the clock stand, or go on from where it stood. A clock that stands makes no pulses; comparisons with the
-  // reference clock do not move it.
+  // Stops the clock, or restarts it from the time at which it stopped. A stopped clock makes no pulses; comparisons
+  // with the reference clock do not change it.
   void stop(bool stopped, Time now);
   // Moves the local time, also backwards; it wraps at 0. A jump over several pulses makes one of them at the next poll.
   // After a jump backwards the next pulse comes later by the same time.
@@ -36,7 +36,7 @@ class DistributedClock {
   std::uint64_t system_time(Time now) const { return local_time(now) + offset_; }
 
   // The earliest time at which the system time reaches `system`; returns `now` if it has already reached it, `never` if
-  // the clock stands before it.
+  // the clock is stopped at an earlier time.
   Time when(std::uint64_t system, Time now) const;
 
   void set_offset(std::uint64_t offset) {

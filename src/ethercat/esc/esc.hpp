@@ -126,8 +126,8 @@ class alignas(64) Esc {
   }
 
   // Further faults. Without process data, datagrams with logical addresses pass the slave without effect. With a dead
-  // watchdog the process data watchdog never expires, whatever a master writes to it. Both last until they are taken
-  // back, also over power_on.
+  // watchdog the process data watchdog never expires, whatever a master writes to it. Both last until the caller
+  // ends them, also after power_on.
   void set_without_process_data(bool without) {
     without_process_data_ = without;
     configure_mappings();
@@ -144,7 +144,7 @@ class alignas(64) Esc {
   // the new bytes at once, the controller takes its own from them at power-on or a reload command. The checksum is not
   // corrected (sii_checksum); with a wrong one the slave refuses Pre-Operational with 0051h.
   SiiInterface& sii() { return sii_; }
-  // Takes the controller's part of the SII as at power-on: the alias, and whether the checksum is right.
+  // Loads the controller's part of the SII as at power-on: the alias, and whether the checksum is right.
   void load_sii_anew();
   const Watchdog& process_data_watchdog() const { return process_data_watchdog_; }
   void pdi_alive(Time now) {

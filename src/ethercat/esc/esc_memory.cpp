@@ -243,7 +243,7 @@ void Esc::exchange_bits(Datagram& datagram, bool reads, bool writes) {
 
   bool read = false;
   bool written = false;
-  // If two FMMUs read the same bit, the one with the lowest number is executed last and wins.
+  // If two FMMUs read the same bit, the one with the lowest number is executed last and determines the value.
   for (unsigned n = fmmus; reads && n-- > 0;) {
     if (!fmmus_[n].active || !fmmus_[n].reads) continue;
     read |= part_of(fmmus_[n], [&](std::uint32_t in_frame, std::uint32_t in_memory, std::uint32_t bits) {
@@ -292,7 +292,8 @@ void Esc::exchange_bits(Datagram& datagram, bool reads, bool writes) {
 void Esc::configure_mappings() {
   reading_count_ = writing_count_ = 0;
   whole_bytes_ = (memory_[reg::write_protection] & 1) == 0;
-  // Highest number first: if two FMMUs read the same byte, the one with the lowest number is executed last and wins.
+  // Highest number first: if two FMMUs read the same byte, the one with the lowest number is executed last and
+  // determines the value.
   for (unsigned n = fmmus; n-- > 0;) {
     const Fmmu& fmmu = fmmus_[n];
     if (!fmmu.active || without_process_data_) continue;

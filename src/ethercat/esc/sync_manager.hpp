@@ -6,7 +6,7 @@
 namespace servodrome::ethercat {
 
 // One sync manager channel: the rules by which master and application hand a buffer to each other (ETG.1000.4 clause
-// 6.5). The channel knows the position of its area and whose turn it is; the controller owns the bytes.
+// 6.5). The channel stores the position of its area and which side may access it; the controller owns the bytes.
 //
 // Each side opens a buffer with an access to its first byte and closes it with an access to its last byte.
 struct alignas(32) SyncManager {  // aligned so that both process data channels share a cache line

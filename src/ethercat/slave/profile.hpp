@@ -57,7 +57,7 @@ struct Profile {
   std::uint16_t synchronisation = sync_support::free_run | sync_support::sync_manager | sync_support::dc_sync0;
   Time least_cycle{std::chrono::microseconds(125)};
   AlStatusCode cycle_too_short = AlStatusCode::invalid_sync0_cycle_time;  // refuses a shorter cycle
-  // The change from Safe-Operational to Operational waits at most so long for outputs, and with DC for SYNC0.
+  // Greatest time that the change from Safe-Operational to Operational waits for outputs, and with DC for SYNC0.
   Time operational_timeout{std::chrono::seconds(5)};
 };
 

@@ -50,7 +50,7 @@ class Slave final : dictionary::Listener {
 
   // Call it after every frame, and no later than `next_deadline`.
   void poll(Time now);
-  // Returns true if a frame has left `poll` something to do. Saves calls for a caller with many slaves.
+  // Returns true if `poll` has something to do after a frame. Saves calls for a caller with many slaves.
   bool wants_poll(Time now) const { return esc_.calls(now); }
   Time next_deadline(Time now) {
     const Time own = std::min(operational_until_, std::min(shifted_at_, sampled_at_));
@@ -93,8 +93,8 @@ class Slave final : dictionary::Listener {
 
   // ---- Misbehaviour on purpose ----
 
-  // The interposer is asked from now on; nullptr: none. It must outlive the slave or be removed. A message that it held
-  // stays held.
+  // Sets the interposer; nullptr: none. It must outlive the slave or be removed. A message that the previous interposer
+  // held stays held.
   void interpose(SlaveInterposer* interposer) {
     interposer_ = interposer;
     mailbox_.interpose(interposer);
@@ -106,7 +106,7 @@ class Slave final : dictionary::Listener {
   bool post(std::span<const std::uint8_t> message, bool numbered = true) {
     return mailbox_runs() && mailbox_.post(message, numbered);
   }
-  // Sends the message that the interposer held, and asks again about a message that it kept in the mailbox.
+  // Sends the message that the interposer held, and calls it again for a message that it kept in the mailbox.
   void release_mail();
 
  private:

@@ -9,9 +9,9 @@
 
 namespace servodrome::ethercat {
 
-// Makes a slave misbehave on purpose, to test how a master bears it: a function for each thing that can go wrong, which
-// by default lets it pass. All calls come from within the functions of Slave that the device calls, and from
-// Slave::release_mail. In a call the interposer may use Slave::post, but no other function that changes the slave.
+// Makes a slave misbehave on purpose, to test how a master handles that. There is a function for each event that can be
+// changed; by default it changes nothing. All calls come from within the functions of Slave that the device calls, and
+// from Slave::release_mail. In a call the interposer may use Slave::post, but no other function that changes the slave.
 class SlaveInterposer {
  public:
   // A master requests another state, and all checks of the stack and the device have passed. A code refuses
@@ -41,9 +41,9 @@ class SlaveInterposer {
   virtual Dispatch sends(Mail& /*mail*/) { return {}; }
 
   enum class Receipt : std::uint8_t {
-    serve,    // the slave acts on the message, as the interposer has changed it
-    discard,  // the slave does not act on it, but empties the mailbox and remembers its counter
-    keep,     // the mailbox stays full. The slave asks again at its next mailbox event and in Slave::release_mail
+    serve,    // the slave handles the message with the changes of the interposer
+    discard,  // the slave does not handle the message, but empties the mailbox and stores the counter
+    keep,     // the mailbox stays full. The slave calls again at its next mailbox event and in Slave::release_mail
   };
   // A message of the master; `mailbox` are all bytes of the mailbox, header included.
   virtual Receipt receives(std::span<std::uint8_t> /*mailbox*/) { return Receipt::serve; }
@@ -51,9 +51,9 @@ class SlaveInterposer {
   // How the slave's application sees a SYNC0 pulse.
   struct Pulse {
     unsigned times = 1;  // 0: it does not see the pulse
-    Time delay{};  // it sees the pulse so much later. A delayed pulse that comes before the last one is seen is lost
+    Time delay{};  // delay of the pulse. A delayed pulse is lost if it comes before the application saw the last one
   };
-  // Asked at each SYNC0 in Safe-Operational and Operational, if SYNC0 times the exchange of process data. If the
+  // Called at each SYNC0 in Safe-Operational and Operational, if SYNC0 times the exchange of process data. If the
   // application sees no pulse for two SYNC0 cycles, at least 1 ms, the slave reports 002Ch at the next frame.
   virtual Pulse sync0(Time /*now*/) { return {}; }
 

@@ -214,7 +214,8 @@ void Slave::sync0_came(Time now) {
   }
 }
 
-// A frame came: have the pulses ended, although the controller's unit still runs? Its clock may stand or have jumped.
+// Called after a frame: checks whether the pulses have ended although the controller's unit still runs, because its
+// clock was stopped or has jumped.
 void Slave::miss_sync0(Time now) {
   if (sync_type_ != SyncType::dc_sync0 || state_ != AlState::operational) return;
   const Time two_cycles{static_cast<std::int64_t>(2 * esc_.clock().sync(0).step)};

@@ -18,7 +18,7 @@ std::string_view purpose_of(const plant::Switch& fitted, const Product& product)
   return fitted.wire == product.wiring.home ? "home" : "switch";
 }
 
-// Returns what the load is, for a drawing. A load with two ends of its travel is linear, one without ends turns.
+// Returns the kind of the load, for a drawing: linear if the travel has two ends, otherwise rotary.
 Json mechanics_of(const plant::Parameters& parameters, bool has_ends) {
   const plant::Load& load = parameters.load;
   const bool is_crank = load.crank_inertia_kgm2 > 0 || load.crank_torque_nm != 0;

@@ -21,7 +21,7 @@ struct Disturbance {
   std::uint32_t id = 0;      // only frames with (frame.id & id_mask) == (id & id_mask)
   std::uint32_t id_mask = 0;                         // 0: all frames
   std::optional<std::uint16_t> port = std::nullopt;  // only frames sent by this port (index of its PortId)
-  std::uint32_t limit = 0;                           // stop after so many disturbed frames; 0: no limit
+  std::uint32_t limit = 0;                           // stop after this number of disturbed frames; 0: no limit
 };
 
 }  // namespace servodrome::links

@@ -14,7 +14,7 @@ class CanInterposer {
   virtual bool lets_out(const canopen::Frame& frame, Time now) = 0;
   // A frame that lets_out() passed is complete on the wire.
   virtual void sent(const canopen::Frame& frame, Time at) = 0;
-  // The drive is about to receive `frame`. Returns true if it gets it; the frame may be changed.
+  // The drive is about to receive `frame`. Returns true if the drive gets the frame, which may be changed.
   virtual bool lets_in(canopen::Frame& frame, Time at) = 0;
 
  protected:

@@ -40,8 +40,8 @@ FileDescriptor open_socketcan(const std::string& interface_name) {
   }
   const int off = 0;
   ::setsockopt(socket.get(), SOL_CAN_RAW, CAN_RAW_RECV_OWN_MSGS, &off, sizeof off);
-  // By default the buffer holds some 270 frames. After a pause of 100 ms, a line or a master may have more to read at
-  // once. SO_RCVBUF is for a process without the privilege to exceed the system's limit.
+  // The default buffer holds about 270 frames. After a pause of 100 ms, more frames may wait for a line or a master.
+  // SO_RCVBUF is for a process without the privilege to exceed the system's limit.
   for (const int option : {SO_RCVBUFFORCE, SO_RCVBUF}) {
     if (::setsockopt(socket.get(), SOL_SOCKET, option, &receive_buffer_bytes, sizeof receive_buffer_bytes) == 0) break;
   }

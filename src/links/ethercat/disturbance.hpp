@@ -18,7 +18,7 @@ struct EthercatDisturbance {
   Time delay_time = Time{};  // delay of each such frame
   std::uint64_t seed = 1;    // of the random generators
   std::optional<std::size_t> position = std::nullopt;  // slave at which `corrupt` acts; none: a random one
-  std::uint32_t limit = 0;                             // stop after so many disturbed frames; 0: no limit
+  std::uint32_t limit = 0;                             // stop after this number of disturbed frames; 0: no limit
 };
 
 }  // namespace servodrome::links

@@ -10,8 +10,8 @@
 
 namespace servodrome::links {
 
-// Changes or loses frames on their way, to test how a master bears it. EthercatBus::pass() makes all calls; they must
-// not send frames. An interposer changes the bytes of a frame in place. To walk through the datagrams of a frame:
+// Changes or drops frames on their way, to test how a master handles that. EthercatBus::pass() makes all calls; they
+// must not send frames. An interposer changes the bytes of a frame in place. To walk through the datagrams of a frame:
 // ethercat::Segment::parse(). A frame whose datagrams no longer fit into it is malformed.
 class EthercatInterposer {
  public:
@@ -29,8 +29,8 @@ class EthercatInterposer {
   // What happens to a frame on its way back.
   struct Return {
     bool lost = false;                    // every slave has seen it, the master does not get it
-    Time delay{};                         // the frame comes back so much later; frames sent after it may overtake it
-    std::optional<std::size_t> length{};  // only so many of its bytes come back
+    Time delay{};                         // additional delay of the frame; frames sent after it may overtake it
+    std::optional<std::size_t> length{};  // the number of bytes that come back
     // Whole frames that come back directly behind this one, or in its place if it is lost. They must stay in place
     // until the next call.
     std::span<const std::vector<std::uint8_t>> behind{};

@@ -14,12 +14,12 @@ struct SerialPiece {
   std::vector<std::uint8_t> characters;
 };
 
-// Changes what a station of a line sends and receives, to test how a master bears it. SerialLine::advance() makes all
-// calls; they must not transmit, attach or detach.
+// Changes what a station of a line sends and receives, to test how a master handles that. SerialLine::advance() makes
+// all calls; they must not transmit, attach or detach.
 class SerialInterposer {
  public:
-  // A complete answer of the station, which it sends at `at`. Returns what goes onto the line instead: no piece
-  // withholds the answer, a pause before the first piece delays it, two equal pieces repeat it, a piece for each
+  // A complete answer of the station, which it sends at `at`. Returns the pieces to send instead: an empty list
+  // withholds the answer, a pause before the first piece delays it, two equal pieces repeat it, one piece for each
   // character puts pauses between them. Answers keep their order: the next one waits until the pieces of this one are
   // sent, and its pause begins then.
   virtual std::vector<SerialPiece> answers(std::span<const std::uint8_t> answer, Time /*at*/) {
@@ -41,14 +41,14 @@ struct TcpReply {
   std::vector<SerialPiece> then{};  // sent behind `bytes`, each after its pause, in real time
 };
 
-// Changes how a line's drives answer over Modbus TCP, to test how a master bears it. Its calls come from the links.
+// Changes how a line's drives answer over Modbus TCP, to test how a master handles that. The links make all calls.
 class ModbusTcpInterposer {
  public:
   enum class Admission : std::uint8_t {
     serve,
     close,   // the server closes the connection at once
     reset,   // the same with a TCP reset
-    ignore,  // the connection is open, and nothing that the client sends is read as long as it is open
+    ignore,  // the connection stays open, and the server reads nothing from it
   };
   // A client connects. To refuse the connection itself, destroy the link: its port is then closed.
   virtual Admission connects() { return Admission::serve; }

@@ -104,7 +104,7 @@ class SerialLine {
   // The interposer sees what the port's station sends and receives from now on; nullptr: none. Pieces that wait are
   // still sent. It must outlive the port or be removed.
   void interpose(SerialPortId port, SerialInterposer* interposer);
-  // The same for the answers of the line's drives over Modbus TCP. The links ask it; nullptr: none.
+  // The same for the answers of the line's drives over Modbus TCP. The links call the interposer; nullptr: none.
   void interpose_tcp(ModbusTcpInterposer* interposer) { tcp_interposer_ = interposer; }
   ModbusTcpInterposer* tcp_interposer() const { return tcp_interposer_; }
 
