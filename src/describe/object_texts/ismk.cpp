@@ -20,40 +20,41 @@ constexpr auto texts = std::to_array<ObjectText>({
     {0x1802, 0x03, "Least time between two of these PDOs, in milliseconds, not in steps of 100 microseconds."},
     {0x1803, 0x03, "Least time between two of these PDOs, in milliseconds, not in steps of 100 microseconds."},
     {0x2010, any, "The terminals: what each input and output is for, their sense, and levels that are simulated."},
-    {0x2010, 0x01, "Sense of the inputs, bit n for input n + 1: 1 is normally open, 0 normally closed."},
+    {0x2010, 0x01, "Polarity of the inputs, bit n for input n + 1: 1 is normally open, 0 normally closed."},
     {0x2010, 0x02,
-     "Inputs that are taken for active whatever their wire says, one bit each: for commissioning without wiring."},
+     "Simulated inputs, one bit each: they count as active independent of their wire, for commissioning without "
+     "wiring."},
     {0x2010, 0x03,
-     "What input 1 is for: 0 nothing, 1h enable, 2h reset, 4h mode, 8h Kvi off, 10h and 20h limits, 40h home, 80h "
+     "Function of input 1: 0 nothing, 1h enable, 2h reset, 4h mode, 8h Kvi off, 10h and 20h limits, 40h home, 80h "
      "direction, 1000h quick stop, 2000h start of homing, 4000h start of a move; input 2 has more."},
     {0x2010, 0x04,
-     "What input 2 is for, by the codes of input 1; also 100h, 200h, 8001h speed index, 400h, 800h, 8002h position "
+     "Function of input 2, by the codes of input 1; also 100h, 200h, 8001h speed index, 400h, 800h, 8002h position "
      "index, 8020h, 8040h gain set, 8100h motor error, 8200h pre-enable, 8400h, 8800h capture."},
     {0x2010, 0x05,
-     "What input 3 is for, by the codes of inputs 1 and 2. The iSMK has no terminal for it: it is switched by "
+     "Function of input 3, by the codes of inputs 1 and 2. The iSMK has no terminal for it: it is switched by "
      "simulation (sub-index 2)."},
     {0x2010, 0x06,
-     "What input 4 is for, by the codes of inputs 1 and 2. The iSMK has no terminal for it: it is switched by "
+     "Function of input 4, by the codes of inputs 1 and 2. The iSMK has no terminal for it: it is switched by "
      "simulation (sub-index 2)."},
     {0x2010, 0x07,
-     "What input 5 is for, by the codes of inputs 1 and 2. The iSMK has no terminal for it: it is switched by "
+     "Function of input 5, by the codes of inputs 1 and 2. The iSMK has no terminal for it: it is switched by "
      "simulation (sub-index 2)."},
     {0x2010, 0x0A, "Levels of the inputs at the terminals, one bit each."},
-    {0x2010, 0x0D, "Sense of the outputs, bit n for output n + 1: 1 as they are, 0 turned round."},
-    {0x2010, 0x0E, "Outputs that are switched on whatever their function says, bit n for output n + 1; bit 4: brake."},
+    {0x2010, 0x0D, "Polarity of the outputs, bit n for output n + 1: 1 normal, 0 inverted."},
+    {0x2010, 0x0E,
+     "Simulated outputs: they are on independent of their function, bit n for output n + 1; bit 4: brake."},
     {0x2010, 0x0F,
-     "What output 1 tells: 1h ready, 2h error, 4h position reached, 8h standstill, 10h brake open, 20h speed reached, "
+     "Signal at output 1: 1h ready, 2h error, 4h position reached, 8h standstill, 10h brake open, 20h speed reached, "
      "100h enabled, 200h limit, 400h home found, 800h torque reached."},
     {0x2010, 0x10,
-     "What output 2 tells, by the codes of output 1; also 40h index, 80h speed limit, 1000h, 2000h and 4000h the index "
+     "Signal at output 2, by the codes of output 1; also 40h index, 80h speed limit, 1000h, 2000h and 4000h the index "
      "of the position reached."},
     {0x2010, 0x14, "Levels of the outputs at the terminals, one bit each."},
     {0x2010, 0x18,
      "Speed up to which the axis counts as standing, in increments per millisecond, once it lasted as long as 60F9h "
      "sub-index 14h."},
     {0x2010, 0x19,
-     "What a limit switch does once the axis is homed: 0 raises an alarm (2602h bits 9 and 10), 1 stops the axis "
-     "only."},
+     "Effect of a limit switch after homing: 0 raises an alarm (2602h bits 9 and 10), 1 stops the axis only."},
     {0x2010, 0x1B, "Actual position when the positive limit switch was met last, in increments."},
     {0x2010, 0x1C, "Actual position when the negative limit switch was met last, in increments."},
     {0x2020, any, "Positions, speeds, modes and controlword that inputs can choose, for a drive without a master."},
@@ -93,8 +94,8 @@ constexpr auto texts = std::to_array<ObjectText>({
     {0x2340, 0x0B, "Integral gain of the velocity loop in gain set 3, as 60F9h sub-index 2."},
     {0x2340, 0x0C, "Gain of the position loop in gain set 3, in 0.01 Hz."},
     {0x2340, 0x10,
-     "What automatic tuning does: bit 0 on, 1 adapts the velocity gain, 2 the acceleration feed forward, 4 and 5 keep "
-     "it from one direction, 7 uses the friction."},
+     "Automatic tuning: bit 0 on, 1 adapts the velocity gain, 2 the acceleration feed forward, 4 and 5 keep it from "
+     "one direction, 7 uses the friction."},
     {0x2502, any, "Analogue inputs, of which only one object is documented; the iSMK has no terminals for them."},
     {0x2502, 0x07, "Speed by an analogue input; it must be 0 for the inputs to choose speeds of 2020h."},
     {0x2508, any, "Pulse input, and the time window of the position."},
@@ -103,8 +104,8 @@ constexpr auto texts = std::to_array<ObjectText>({
      "is "
      "stored only."},
     {0x2508, 0x09,
-     "How long, in milliseconds, the axis must be within 6067h for the target to count as reached; the same value as "
-     "6068h."},
+     "Time in milliseconds for which the axis must be within 6067h until the target counts as reached; the same value "
+     "as 6068h."},
     {0x250A, any, "Main encoder of a full closed loop, and the checks of it. They are stored only."},
     {0x250A, 0x01,
      "Period of the main encoder, by which its index is checked (alarm 2602h bit 15); 0 switches the check off."},
@@ -112,14 +113,11 @@ constexpr auto texts = std::to_array<ObjectText>({
      "Direction in which the main encoder counts; to be changed where it is opposite to the motor's (alarm 2602h bit "
      "13)."},
     {0x250A, 0x05,
-     "Check of the spindle in full closed loop; to be looked at after alarm 2602h bit 13. Its values are not "
-     "documented."},
+     "Check of the spindle in full closed loop; check it after alarm 2602h bit 13. Its values are not documented."},
     {0x250A, 0x06,
-     "Check of the slave shaft in full closed loop; to be looked at after alarm 2602h bit 13. Its values are not "
-     "documented."},
+     "Check of the slave shaft in full closed loop; check it after alarm 2602h bit 13. Its values are not documented."},
     {0x250A, 0x09,
-     "Check of the ratio in full closed loop; to be looked at after alarm 2602h bit 13. Its values are not "
-     "documented."},
+     "Check of the ratio in full closed loop; check it after alarm 2602h bit 13. Its values are not documented."},
     {0x250B, any, "Frequencies of the notch filters in the torque command."},
     {0x250B, 0x01,
      "Frequency of notch filter 1 in Hz; the analysis of 60F9h sub-index 4 may write it. On with the codes 2 and 3 "
@@ -128,11 +126,12 @@ constexpr auto texts = std::to_array<ObjectText>({
     {0x250B, 0x03, "Frequency of notch filter 3 in Hz, set by hand. On with code 3 of 60F9h sub-index 4."},
     {0x2601, any, "Active alarms, one bit each; `faults` of the axis explains them."},
     {0x2602, any, "Active alarms of the second word, one bit each; `faults` of the axis explains them."},
-    {0x2605, any, "Which alarms are watched, and which the drive's own history keeps with the motor on and off."},
-    {0x2605, 0x01, "Alarms of 2601h that are watched; where a bit is 0 the alarm is ignored."},
+    {0x2605, any,
+     "Masks of the monitored alarms, and of the alarms that the drive's own history keeps with the motor on and off."},
+    {0x2605, 0x01, "Monitored alarms of 2601h; an alarm whose bit is 0 is ignored."},
     {0x2605, 0x02, "Alarms of 2601h that the history keeps when they come with the motor enabled."},
     {0x2605, 0x03, "Alarms of 2601h that the history keeps when they come with the motor off; none from the factory."},
-    {0x2605, 0x04, "Alarms of 2602h that are watched; where a bit is 0 the alarm is ignored."},
+    {0x2605, 0x04, "Monitored alarms of 2602h; an alarm whose bit is 0 is ignored."},
     {0x2605, 0x05, "Alarms of 2602h that the history keeps when they come with the motor enabled."},
     {0x2605, 0x06, "Alarms of 2602h that the history keeps when they come with the motor off."},
     {0x2605, 0x07,
@@ -152,7 +151,7 @@ constexpr auto texts = std::to_array<ObjectText>({
     {0x2FF0, 0x03, "1 stores the motor's parameters."},
     {0x2FF0, 0x09, "Target speed in rpm; the same target as 60FFh."},
     {0x2FF0, 0x0A,
-     "Bandwidth of the velocity loop in Hz; writing it works the velocity gain out anew, from the inertia ratio."},
+     "Bandwidth of the velocity loop in Hz; a write computes the velocity gain again, from the inertia ratio."},
     {0x2FF0, 0x0E, "Greatest following error in steps of 100 increments; the same limit as 6065h."},
     {0x2FF0, 0x10, "Load of the motor by I2t, in percent; at 100 comes alarm 2601h bit 11."},
     {0x2FF0, 0x11, "Load of the drive by I2t, in percent; at 100 comes alarm 2601h bit 11."},
@@ -169,18 +168,17 @@ constexpr auto texts = std::to_array<ObjectText>({
     {0x2FF1, 0x02, "Upper part M of the position: M * 10000 + N increments."},
     {0x2FF1, 0x03, "Lower part N of the position: M * 10000 + N increments."},
     {0x2FFF, any, "AA55h restarts the drive, and home is lost. 55AAh would start the boot loader and is refused here."},
-    {0x3011, any, "How mode 7 follows the SYNC of the bus."},
+    {0x3011, any, "Synchronisation of mode 7 with the SYNC of the bus."},
     {0x3011, 0x01, "Period of the master's targets in mode 7: 0 is 1, 1 is 2, 2 is 4 and 3 is 8 milliseconds."},
     {0x3011, 0x02, "1: in mode 7 each SYNC takes the target 607Ah over; 0: writing it does."},
     {0x3011, 0x04,
      "Counts the SYNCs that did not come in time in mode 7. A rising number points to a wrong period or to "
      "interference."},
-    {0x3041, any, "Where the drive has the motor's data from."},
+    {0x3041, any, "Source of the motor's data."},
     {0x3041, 0x06,
-     "Where the motor's data come from: 0 by the model that the encoder tells, 1 by the model that the user enters, 2 "
-     "from the encoder's memory. It is stored only."},
-    {0x6007, any,
-     "What follows when the master is lost: 0 nothing, 1 alarm 2602h bit 12, and the axis is braked by 605Eh."},
+     "Source of the motor's data: 0 the model that the encoder reports, 1 the model that the user enters, 2 the memory "
+     "of the encoder. It is stored only."},
+    {0x6007, any, "Reaction to the loss of the master: 0 none, 1 alarm 2602h bit 12, and the axis brakes by 605Eh."},
     {0x6040, any,
      "Commands of the master, as CiA 402 has them. With bit 12 of mode 1 (103Fh) the target follows 607Ah without a "
      "further edge; bit 8 does nothing in mode 4."},
@@ -188,18 +186,17 @@ constexpr auto texts = std::to_array<ObjectText>({
      "State of the drive: bit 9 is 1 unless an input enables the motor, 12 in homing is an error, 14 is 1 once the "
      "commutation is found, 15 once home is found."},
     {0x605A, any,
-     "How a quick stop brakes: 0 power off, 1 by 6084h and 2 by 6085h, then off; 5 by 6084h and 6 by 6085h, then held; "
+     "Braking of a quick stop: 0 power off, 1 by 6084h and 2 by 6085h, then off; 5 by 6084h and 6 by 6085h, then held; "
      "18 by shorting the windings, then held."},
     {0x605B, any,
-     "How the axis stops on the way from operation enabled to ready to switch on: 0 power off, 1 by 6084h, 2 by 6085h, "
-     "18 by shorting the windings."},
+     "Braking in the transition from operation enabled to ready to switch on: 0 power off, 1 by 6084h, 2 by 6085h, 18 "
+     "by shorting the windings."},
     {0x605C, any,
-     "How the axis stops on the way from operation enabled to switched on: 0 power off, 1 by 6084h, 2 by 6085h, 18 by "
+     "Braking in the transition from operation enabled to switched on: 0 power off, 1 by 6084h, 2 by 6085h, 18 by "
      "shorting the windings."},
     {0x605D, any,
-     "How halt (controlword bit 8) brakes: 1 by 6084h, 2 by 6085h. The drive stays enabled; mode 4 has no halt."},
-    {0x605E, any,
-     "How the axis is braked when an alarm comes: 0 power off, 1 by 6084h, 2 by 6085h, 18 by shorting the windings."},
+     "Braking of a halt (controlword bit 8): 1 by 6084h, 2 by 6085h. The drive stays enabled; mode 4 has no halt."},
+    {0x605E, any, "Braking after an alarm: 0 power off, 1 by 6084h, 2 by 6085h, 18 by shorting the windings."},
     {0x6060, any,
      "Mode wanted: 1 position, 3 speed with ramps, 4 torque, 6 homing, 7 interpolation, -3 speed without ramps, -4 "
      "pulses. Always -4 after power-on, where the axis stands still."},
@@ -246,20 +243,21 @@ constexpr auto texts = std::to_array<ObjectText>({
     {0x6098, any,
      "Homing method; 0, the factory's, is none and an error when started. A switch that the method looks for must be "
      "the function of an input."},
-    {0x6099, 0x01, "Speed at which the switch is looked for, the fast one, in DEC as 6081h."},
-    {0x6099, 0x02, "Speed at which the edge or index that decides is looked for, the slow one, in DEC as 6081h."},
+    {0x6099, 0x01, "Fast speed, of the search for the switch, in DEC as 6081h."},
+    {0x6099, 0x02, "Slow speed, of the search for the edge or index that determines home, in DEC as 6081h."},
     {0x6099, 0x03, "1: the drive homes by itself when it is enabled first after power-on."},
     {0x6099, 0x04, "Greatest current while homing."},
     {0x6099, 0x05,
-     "Where homing ends: 0 runs on to the offset and shows 0 there, 1 stays at home and shows the offset."},
+     "End of homing: 0 the axis moves on by the offset and shows 0 there, 1 it stays at home and shows the offset."},
     {0x6099, 0x06,
      "Index pulses so close behind the edge of a switch are passed by: 0 none, 1 chosen by the drive, 2 half a "
      "revolution."},
     {0x609A, any, "Acceleration and deceleration during homing, in DEC as 6083h."},
-    {0x60F5, any, "When the torque counts as reached, for the output of that function, in every mode."},
+    {0x60F5, any,
+     "Condition under which the torque counts as reached, for the output with that function, in every mode."},
     {0x60F5, 0x06,
      "Current from which on the torque counts as reached, where 2048 is the drive's peak current. 0 switches it off."},
-    {0x60F5, 0x07, "How long, in milliseconds, the current must be at that of sub-index 6 or above."},
+    {0x60F5, 0x07, "Time in milliseconds for which the current must be at least that of sub-index 6."},
     {0x60F5, 0x08, "Actual current that is compared with sub-index 6, where 2048 is the drive's peak current."},
     {0x60F6, any, "Target of the current loop."},
     {0x60F6, 0x08,
@@ -288,7 +286,7 @@ constexpr auto texts = std::to_array<ObjectText>({
      "In the speed modes the target counts as reached within this difference, in DEC; 178956, the factory's, is 10 "
      "rpm."},
     {0x60F9, 0x14,
-     "How long, in milliseconds, the speed must be within 2010h sub-index 18h for the axis to count as standing."},
+     "Time in milliseconds for which the speed must be within 2010h sub-index 18h until the axis counts as at rest."},
     {0x60F9, 0x15, "Low-pass filter at the output of the velocity loop: 2546 Hz divided by it; 1 is off."},
     {0x60F9, 0x1A, "Actual velocity in increments per millisecond."},
     {0x60F9, 0x1C, "Target speed minus actual speed, in DEC."},
@@ -319,8 +317,8 @@ constexpr auto texts = std::to_array<ObjectText>({
      "Greatest current of the motor, where 2048 is the drive's peak current; 6073h has it from the factory."},
     {0x6410, 0x11, "Voltage of the brake's coil in percent of 24 V, by pulse width; 40 to 90 are recommended."},
     {0x6410, 0x12,
-     "Time in milliseconds that the brake takes: motion begins so long after enabling, power goes so long after the "
-     "brake closes."},
+     "Time in milliseconds that the brake takes: motion begins this time after enabling, and power goes off this time "
+     "after the brake closes."},
     {0x6410, 0x17, "Whether the motor has a holding brake: 0 no, 1 yes."},
     {0x6410, 0x18, "Temperature of the motor in degrees Celsius above which comes alarm 2601h bit 13."},
     {0x6410, 0x19, "Temperature of the motor in degrees Celsius; -40 without a sensor or with a faulty one."},

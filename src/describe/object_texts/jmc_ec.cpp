@@ -35,9 +35,8 @@ constexpr auto texts = std::to_array<ObjectText>({
      "Objects of the fourth PDO to the master: none as delivered. Changed in Pre-Operational only; unused entries are "
      "FFFFFFFFh."},
     {0x1C12, any,
-     "Which PDOs from the master are in use: 1600h alone as delivered. Where two of them hold the same object the "
-     "later "
-     "one decides. Changed in Pre-Operational only."},
+     "Assigned PDOs from the master: only 1600h as delivered. If two of them contain the same object, the later one "
+     "applies. It can be changed only in Pre-Operational."},
     {0x2000, any,
      "P00, motor and drive: P00-nn is sub-index nn + 1, for the service port only. Set at the factory; what is written "
      "acts from the next power-on."},
@@ -84,9 +83,8 @@ constexpr auto texts = std::to_array<ObjectText>({
      "P01-04, inertia of the load divided by the motor's, in hundredths. Set it before the gains; the result of "
      "AF-J-L in 200Eh may be written here."},
     {0x2001, 0x1F,
-     "P01-30, time in milliseconds for the brake: after enabling, targets wait so long; switched off at rest, the "
-     "motor "
-     "keeps its power so long after the brake has closed."},
+     "P01-30, time in milliseconds for the brake: targets wait this time after enabling; if the motor is switched off "
+     "at rest, its power goes off this time after the brake has closed."},
     {0x2001, 0x20,
      "P01-31: if the motor is switched off while it turns, the brake closes below this speed in rpm, or after P01-32."},
     {0x2001, 0x21,
@@ -129,7 +127,7 @@ constexpr auto texts = std::to_array<ObjectText>({
     {0x2002, 0x22, "P02-33, how long in 0.1 ms the condition must be over before the first set comes back."},
     {0x2002, 0x23, "P02-34, time in 0.1 ms over which the position gain glides from one set to the other."},
     {0x2002, 0x2A,
-     "P02-41, threshold of a mode switch, in the units of P02-31. Kept without effect: nothing here says what it "
+     "P02-41, threshold of a mode switch, in the units of P02-31. Kept without effect: the manual does not say what it "
      "switches."},
     {0x2002, 0x33,
      "P02-50, torque in 0.1 % of rated added in the position modes: holds the weight of a vertical axis."},
@@ -158,8 +156,8 @@ constexpr auto texts = std::to_array<ObjectText>({
     {0x2003, 0x10,
      "P03-15, position deviation in tens of command units that raises AL.501, while 6065h is 0. 0 switches it off."},
     {0x2003, 0x11,
-     "P03-16, time constant in 0.1 ms of a filter that rounds the position command, homing excepted. The axis arrives "
-     "the later for it."},
+     "P03-16, time constant in 0.1 ms of a filter that smooths the position command, except in homing. The axis "
+     "arrives later by this delay."},
     {0x2003, 0x45, "P03-68, longest time in seconds that homing may take before AL.551. 0 sets no limit."},
     {0x2004, any, "P04, speed: P04-nn is sub-index nn + 1, for the service port only. Acts at once."},
     {0x2004, 0x01,
@@ -170,8 +168,10 @@ constexpr auto texts = std::to_array<ObjectText>({
     {0x2004, 0x03, "P04-02, speed command in rpm for P04-00 = 1. Without effect: the bus commands."},
     {0x2004, 0x06,
      "P04-05, motor speed in rpm above which AL.420 is raised. 0 stands for 120 % of the motor's greatest speed."},
-    {0x2004, 0x07, "P04-06, greatest forward speed in rpm; with 0 nothing moves that way."},
-    {0x2004, 0x08, "P04-07, greatest reverse speed in rpm, as 0 or a negative number; with 0 nothing moves that way."},
+    {0x2004, 0x07, "P04-06, greatest forward speed in rpm; with 0 the axis does not move in that direction."},
+    {0x2004, 0x08,
+     "P04-07, greatest reverse speed in rpm, as 0 or a negative number; with 0 the axis does not move in that "
+     "direction."},
     {0x2004, 0x0B,
      "P04-10, speed in 0.1 rpm below which the motor counts as standing, for a zero speed output. Kept without effect: "
      "there is no such output."},
@@ -214,9 +214,9 @@ constexpr auto texts = std::to_array<ObjectText>({
     {0x200D, 0x06, "d05, how far the motor lags behind the command, in encoder counts."},
     {0x200D, 0x07,
      "d06, how fast the position command moves, in thousands of command units per second; there is no pulse input."},
-    {0x200D, 0x08, "d07, speed that the speed loop is asked for, in rpm."},
+    {0x200D, 0x08, "d07, speed demand of the speed loop, in rpm."},
     {0x200D, 0x09, "d08, measured speed of the motor in rpm."},
-    {0x200D, 0x0A, "d09, torque that is asked for, in percent of rated."},
+    {0x200D, 0x0A, "d09, torque demand, in percent of rated."},
     {0x200D, 0x0B, "d10, torque that the motor gives, in percent of rated."},
     {0x200D, 0x0C, "d11, mean torque of the last 10 s in percent of rated, without sign."},
     {0x200D, 0x0D, "d12, greatest torque since power-on in percent of rated."},
@@ -257,13 +257,13 @@ constexpr auto texts = std::to_array<ObjectText>({
      "State of the drive: bits 0 to 6 the power state, 7 a warning, 8 halted (profile velocity), 10 reached, 11 beyond "
      "607Dh. 12 follows or home found, 13 following or homing error."},
     {0x605A, any,
-     "How a quick stop brakes: 1 by 6084h, 2 by 6085h, from 3 on at once. It always ends in switch on disabled."},
+     "Braking of a quick stop: 1 by 6084h, 2 by 6085h, from 3 on at once. It always ends in switch on disabled."},
     {0x605C, any,
-     "What happens from operation enabled to switched on: 0 stops without a ramp, 1 ramps down first. In switched on "
-     "the motor holds its position under power."},
+     "Transition from operation enabled to switched on: 0 stop without a ramp, 1 slow down first. In switched on the "
+     "motor holds its position under power."},
     {0x605D, any,
-     "How halt (controlword bit 8) brakes, in the cyclic modes as well: 1 by 6084h (homing: 609Ah), 2 by 6085h, from 3 "
-     "on at once."},
+     "Braking of a halt (controlword bit 8), in the cyclic modes as well: 1 by 6084h (homing: 609Ah), 2 by 6085h, from "
+     "3 on at once."},
     {0x6060, any,
      "Mode wanted: 1 profile position, 3 profile velocity, 4 profile torque, 6 homing, 8 cyclic position, 9 cyclic "
      "velocity, 10 cyclic torque. 0 changes nothing."},
@@ -346,9 +346,9 @@ constexpr auto texts = std::to_array<ObjectText>({
      "Time between targets in cyclic modes, used while there is no SYNC0: sub-index 1 times ten to the power of "
      "sub-index 2 seconds, 1 ms as delivered."},
     {0x60C5, any,
-     "Greatest acceleration in command units/s2: clips 6083h and stands in for 6083h and 609Ah where they are 0."},
+     "Greatest acceleration in command units/s2: limits 6083h, and replaces 6083h and 609Ah if they are 0."},
     {0x60C6, any,
-     "Greatest deceleration in command units/s2: clips 6084h and stands in for 6084h and 6085h where they are 0."},
+     "Greatest deceleration in command units/s2: limits 6084h, and replaces 6084h and 6085h if they are 0."},
     {0x60FD, any,
      "Inputs, 1 for active: bit 0 CCW limit, 1 CW limit, 2 home switch, 9 touch probe 1, 10 touch probe 2."},
     {0x60FE, 0x01, "Bit 0: 1 closes the brake, 0 opens it, where bit 0 of sub-index 2 is set."},

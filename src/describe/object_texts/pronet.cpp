@@ -11,27 +11,31 @@ constexpr std::uint8_t any = any_sub;
 
 constexpr auto texts = std::to_array<ObjectText>({
     {0x0002, any,
-     "Filler for the mapping of a received PDO, 8-bit signed: these bits are for another drive and are thrown away."},
+     "Filler for the mapping of a received PDO, 8-bit signed: these bits are for another drive, and this drive ignores "
+     "them."},
     {0x0003, any,
-     "Filler for the mapping of a received PDO, 16-bit signed: these bits are for another drive and are thrown away."},
+     "Filler for the mapping of a received PDO, 16-bit signed: these bits are for another drive, and this drive "
+     "ignores them."},
     {0x0004, any,
-     "Filler for the mapping of a received PDO, 32-bit signed: these bits are for another drive and are thrown away."},
+     "Filler for the mapping of a received PDO, 32-bit signed: these bits are for another drive, and this drive "
+     "ignores them."},
     {0x0005, any,
-     "Filler for the mapping of a received PDO, 8-bit unsigned: these bits are for another drive and are thrown away."},
+     "Filler for the mapping of a received PDO, 8-bit unsigned: these bits are for another drive, and this drive "
+     "ignores them."},
     {0x0006, any,
-     "Filler for the mapping of a received PDO, 16-bit unsigned: these bits are for another drive and are thrown "
-     "away."},
+     "Filler for the mapping of a received PDO, 16-bit unsigned: these bits are for another drive, and this drive "
+     "ignores them."},
     {0x0007, any,
-     "Filler for the mapping of a received PDO, 32-bit unsigned: these bits are for another drive and are thrown "
-     "away."},
+     "Filler for the mapping of a received PDO, 32-bit unsigned: these bits are for another drive, and this drive "
+     "ignores them."},
     {0x1005, any,
      "Identifier of the SYNC message, fixed at 80h. The drive only consumes SYNC; no write makes it produce one."},
     {0x1006, any,
      "Time between two SYNC messages of the master in microseconds. Set for interpolated position, together with 2105h "
      "and 60C2h."},
     {0x1016, any,
-     "The heartbeat that the drive waits for: node-ID in bits 16 to 23, time in milliseconds in bits 0 to 15. Loss is "
-     "alarm 8130h; 1029h says what becomes of the NMT state."},
+     "The heartbeat that the drive waits for: node-ID in bits 16 to 23, time in milliseconds in bits 0 to 15. A "
+     "missing heartbeat is alarm 8130h; 1029h selects the reaction of the NMT state."},
     {0x1400, 0x02, "1 to 240: taken over at the next SYNC. 255: at once. Other values are refused."},
     {0x1600, any,
      "Objects of a received PDO, at most 4 and 64 bits: index in bits 16 to 31, sub-index in 8 to 15, length in 0 to "
@@ -48,25 +52,41 @@ constexpr auto texts = std::to_array<ObjectText>({
      "Objects of a sent PDO, at most 4 and 64 bits: index in bits 16 to 31, sub-index in 8 to 15, length in 0 to 7. "
      "Changed like the mapping of received PDOs."},
     {0x2000, any,
-     "Which bits of TPDO 1 send it when they change, with transmission type 254. A bit that is 0 here hides its "
-     "change; from the factory none is hidden."},
-    {0x2000, 0x01, "Mask of the first four bytes of TPDO 1, lowest byte first: a 0 hides changes of that bit."},
-    {0x2000, 0x02, "Mask of the last four bytes of TPDO 1, lowest byte first: a 0 hides changes of that bit."},
+     "Mask of TPDO 1 with transmission type 254: a change of a bit that is 1 here sends the PDO. From the factory all "
+     "bits are 1."},
+    {0x2000, 0x01,
+     "Mask of the first four bytes of TPDO 1, lowest byte first: a change of a bit that is 0 here does not send the "
+     "PDO."},
+    {0x2000, 0x02,
+     "Mask of the last four bytes of TPDO 1, lowest byte first: a change of a bit that is 0 here does not send the "
+     "PDO."},
     {0x2001, any,
-     "Which bits of TPDO 2 send it when they change, with transmission type 254. A bit that is 0 here hides its "
-     "change; from the factory none is hidden."},
-    {0x2001, 0x01, "Mask of the first four bytes of TPDO 2, lowest byte first: a 0 hides changes of that bit."},
-    {0x2001, 0x02, "Mask of the last four bytes of TPDO 2, lowest byte first: a 0 hides changes of that bit."},
+     "Mask of TPDO 2 with transmission type 254: a change of a bit that is 1 here sends the PDO. From the factory all "
+     "bits are 1."},
+    {0x2001, 0x01,
+     "Mask of the first four bytes of TPDO 2, lowest byte first: a change of a bit that is 0 here does not send the "
+     "PDO."},
+    {0x2001, 0x02,
+     "Mask of the last four bytes of TPDO 2, lowest byte first: a change of a bit that is 0 here does not send the "
+     "PDO."},
     {0x2002, any,
-     "Which bits of TPDO 3 send it when they change, with transmission type 254. A bit that is 0 here hides its "
-     "change; from the factory none is hidden."},
-    {0x2002, 0x01, "Mask of the first four bytes of TPDO 3, lowest byte first: a 0 hides changes of that bit."},
-    {0x2002, 0x02, "Mask of the last four bytes of TPDO 3, lowest byte first: a 0 hides changes of that bit."},
+     "Mask of TPDO 3 with transmission type 254: a change of a bit that is 1 here sends the PDO. From the factory all "
+     "bits are 1."},
+    {0x2002, 0x01,
+     "Mask of the first four bytes of TPDO 3, lowest byte first: a change of a bit that is 0 here does not send the "
+     "PDO."},
+    {0x2002, 0x02,
+     "Mask of the last four bytes of TPDO 3, lowest byte first: a change of a bit that is 0 here does not send the "
+     "PDO."},
     {0x2003, any,
-     "Which bits of TPDO 4 send it when they change, with transmission type 254. A bit that is 0 here hides its "
-     "change; from the factory none is hidden."},
-    {0x2003, 0x01, "Mask of the first four bytes of TPDO 4, lowest byte first: a 0 hides changes of that bit."},
-    {0x2003, 0x02, "Mask of the last four bytes of TPDO 4, lowest byte first: a 0 hides changes of that bit."},
+     "Mask of TPDO 4 with transmission type 254: a change of a bit that is 1 here sends the PDO. From the factory all "
+     "bits are 1."},
+    {0x2003, 0x01,
+     "Mask of the first four bytes of TPDO 4, lowest byte first: a change of a bit that is 0 here does not send the "
+     "PDO."},
+    {0x2003, 0x02,
+     "Mask of the last four bytes of TPDO 4, lowest byte first: a change of a bit that is 0 here does not send the "
+     "PDO."},
     {0x2105, any,
      "Period of set-points in interpolated position, in microseconds; set it to the same time as 60C2h. Two periods "
      "without a new set-point are alarm A 69. 0: the period of 60C2h."},
@@ -161,10 +181,10 @@ constexpr auto texts = std::to_array<ObjectText>({
     {0x307F, any, "Pn507, in rpm; the CANopen manual does not say what for. Kept, without effect here."},
     {0x3080, any, "Pn508, in steps of 10 ms; the CANopen manual does not say what for. Kept, without effect here."},
     {0x3081, any,
-     "What the terminals CN1_14 to CN1_17 are for, one hex digit each from the lowest: 2 positive limit, 3 negative "
+     "Functions of the terminals CN1_14 to CN1_17, one hex digit each from the lowest: 2 positive limit, 3 negative "
      "limit, C home switch. Other codes do nothing here."},
     {0x3082, any,
-     "What the terminals CN1_39 to CN1_42 are for, one hex digit each from the lowest: 2 positive limit, 3 negative "
+     "Functions of the terminals CN1_39 to CN1_42, one hex digit each from the lowest: 2 positive limit, 3 negative "
      "limit, C home switch. Other codes do nothing here."},
     {0x3083, any, "Pn511; the CANopen manual gives neither purpose nor unit. Kept, without effect here."},
     {0x3084, any,
@@ -174,8 +194,8 @@ constexpr auto texts = std::to_array<ObjectText>({
      "Terminals CN1_39 to CN1_42 that the master sets through 60FEh:01 instead of the wire, one hex digit each from "
      "the lowest: 0 wire, otherwise bus."},
     {0x3086, any,
-     "Pn514: here the filter of the input terminals in steps of 0.2 ms; a level that lasts no longer is not seen, and "
-     "0 is no filter. The manual gives only the unit."},
+     "Pn514: here the filter of the input terminals in steps of 0.2 ms; shorter levels are ignored, and 0 is no "
+     "filter. The manual gives only the unit."},
     {0x3088, any,
      "Sense of the terminals CN1_14 to CN1_17, one hex digit each from the lowest: 0 active while high, otherwise "
      "inverted."},
@@ -202,8 +222,7 @@ constexpr auto texts = std::to_array<ObjectText>({
     {0x3209, any, "Oldest of the ten entries of the drive's own record of alarms and warnings. 0: none."},
     {0x320A, any, "Un000: here the motor's actual speed in rpm, to be read as signed; the manual gives only the unit."},
     {0x320B, any,
-     "Un001: here the speed that the trajectory asks for, in rpm, to be read as signed; the manual gives only the "
-     "unit."},
+     "Un001: here the speed demand of the trajectory, in rpm, as a signed number; the manual gives only the unit."},
     {0x320C, any,
      "Un002: here the torque that the loops ask for, in % of the rated torque, to be read as signed; the manual gives "
      "only the unit."},
@@ -238,15 +257,15 @@ constexpr auto texts = std::to_array<ObjectText>({
      "State of the drive: bits 0 to 3, 5 and 6 are the power state, 4 main power, 7 an alarm or warning, 10 target "
      "reached, 11 torque limit or limit switch; 12, 13 belong to the mode; 8, 9, 14, 15 stay 0."},
     {0x605A, any,
-     "How a quick stop brakes: 0 power off, which is the factory value, 1 and 2 brake with 6084h or 6085h and switch "
+     "Braking of a quick stop: 0 power off, which is the factory value, 1 and 2 brake with 6084h or 6085h and switch "
      "off, 5 and 6 brake likewise and hold in quick stop active."},
     {0x605D, any,
-     "How halt (controlword bit 8) brakes: 1 slow down ramp, 2 quick stop ramp. The factory value 0 acts as 1 and "
+     "Braking of a halt (controlword bit 8): 1 slow down ramp, 2 quick stop ramp. The factory value 0 acts as 1 and "
      "cannot be written."},
-    {0x605E, any, "What the drive does about an alarm. Only 0 is allowed: power off, and the motor coasts."},
+    {0x605E, any, "Reaction to an alarm. Only 0 is allowed: power off, and the motor coasts."},
     {0x6060, any,
-     "Which mode of operation the master wants: 0 none, nothing moves, 1 profile position, 3 profile velocity, 6 "
-     "homing, 7 interpolated position. 6061h shows the one in force."},
+     "Mode of operation that the master requests: 0 none, no motion, 1 profile position, 3 profile velocity, 6 homing, "
+     "7 interpolated position. 6061h shows the one in force."},
     {0x6065, any,
      "Distance between demand and actual position beyond which the following error counts. It sets statusword bit 13 "
      "in profile position and raises no alarm."},
@@ -272,8 +291,8 @@ constexpr auto texts = std::to_array<ObjectText>({
      "Acceleration factor: 0.1 rpm/s = acceleration units * numerator / divisor. Cannot be changed while the motor has "
      "power."},
     {0x6099, 0x01,
-     "Speed at which the switch is looked for: the fast one. 0 from the factory: homing then sets statusword bit 13 "
-     "and does not move, but for method 35."},
+     "Fast speed, of the search for the switch. 0 from the factory: homing then sets statusword bit 13 and does not "
+     "move, except with method 35."},
     {0x6099, 0x02,
      "Speed at which the edge or index that decides is crossed: the slow one. 0 from the factory: homing then sets "
      "statusword bit 13 and does not move, but for method 35."},
