@@ -11,7 +11,7 @@ constexpr std::uint16_t state(unsigned bit) { return static_cast<std::uint16_t>(
 constexpr std::uint16_t state_2(unsigned bit) { return static_cast<std::uint16_t>(16 + bit); }
 constexpr std::uint16_t extension(unsigned bit) { return static_cast<std::uint16_t>(32 + bit); }
 
-constexpr std::string_view motor_cable = "Check the motor cable and the motor. Resets in a row may damage the drive.";
+constexpr std::string_view motor_cable = "Check the motor cable and the motor. Repeated resets may damage the drive.";
 constexpr std::string_view encoder_cable = "Check the encoder's cable, shield and type; then reset.";
 constexpr std::string_view replace =
     "Switch the supply off and on; if it comes back, initialise and store the parameters, then replace the drive.";
@@ -20,13 +20,13 @@ constexpr std::string_view resistor = "Lower decelerations or the load; check th
 constexpr auto texts = std::to_array<FaultText>({
     {0x2320, "over-current", "The output current is above its limit: power stage or motor shorted.", motor_cable,
      state(7)},
-    {0x2321, "current beyond measuring", "The current converter is at its limit: the current ran away.", motor_cable,
-     extension(4)},
+    {0x2321, "current beyond measuring",
+     "The current converter is at its limit, because the current is out of control.", motor_cable, extension(4)},
     {0x2350, "I2t of motor or drive", "The load rate of motor or drive (2FF0h sub 10h, 11h) reached 100 %.",
      "Lower load, accelerations or duty cycle; look for what jams or a brake that drags.", state(11)},
-    {0x3210, "over-voltage", "The DC bus is above 6510h sub 9: supply too high, or braking feeds back.",
+    {0x3210, "over-voltage", "The DC bus is above 6510h sub 9: the supply is too high, or braking feeds energy back.",
      "Check the supply; lower decelerations, or fit a brake unit.", state(5)},
-    {0x3220, "under-voltage", "The DC bus is below 6510h sub 7: supply off, too low, or giving in under load.",
+    {0x3220, "under-voltage", "The DC bus is below 6510h sub 7: the supply is off, too low, or drops under load.",
      "Switch the supply on; check its current limit and cable.", state(6)},
     {0x4210, "drive too hot", "The power stage is at its alarm temperature.",
      "Improve cooling or lower the load; let it cool down.", state(4)},
@@ -34,21 +34,24 @@ constexpr auto texts = std::to_array<FaultText>({
      "The winding (6410h sub 19h) is above 6410h sub 18h, or the input for motor errors is active.",
      "Let it cool down; lower the load; check the sensor.", state(13)},
     {0x5112, "logic supply low", "The logic supply is below its limit.", "Check the supply of the logic.", state(10)},
-    {0x5210, "current sensor", "The current sensor's zero has moved, or it ripples too much.", replace, state_2(0)},
-    {0x5210, "current sensor's zero not recorded", "The zero could not be recorded at power-on.", replace,
-     extension(0)},
-    {0x5441, "negative limit", "The negative limit switch was hit after homing, and 2010h sub 19h makes that an alarm.",
+    {0x5210, "current sensor", "The zero of the current sensor has moved, or its signal ripples too much.", replace,
+     state_2(0)},
+    {0x5210, "current sensor's zero not recorded",
+     "The drive could not record the zero of the current sensor at power-on.", replace, extension(0)},
+    {0x5441, "negative limit",
+     "The axis reached the negative limit switch after homing, and 2010h sub 19h makes that an alarm.",
      "Move back in the positive direction after the reset; 2010h sub 19h = 1 only stops.", state_2(10)},
-    {0x5442, "positive limit", "The positive limit switch was hit after homing, and 2010h sub 19h makes that an alarm.",
+    {0x5442, "positive limit",
+     "The axis reached the positive limit switch after homing, and 2010h sub 19h makes that an alarm.",
      "Move back in the negative direction after the reset; 2010h sub 19h = 1 only stops.", state_2(9)},
     {0x5443, "external enable missing", "An input has the function pre-enable and is not active.",
-     "Activate the input, or take the function away.", state_2(8)},
+     "Activate the input, or remove the function from it.", state_2(8)},
     {0x6010, "watchdog", "The drive's program was late.", replace, state_2(1)},
-    {0x6011, "wrong interrupt", "The drive's program met an interrupt that cannot be.", replace, state_2(2)},
+    {0x6011, "wrong interrupt", "The drive's program received an impossible interrupt.", replace, state_2(2)},
     {0x6012, "internal SPI", "A link inside of the drive failed.", replace, state_2(11)},
     {0x6310, "EEPROM", "Stored data were damaged when they were read at power-on.",
      "Initialise the control parameters, store them, and restart.", state(15)},
-    {0x6320, "motor not configured", "No data of a motor are stored, or another motor than the stored one is there.",
+    {0x6320, "motor not configured", "No data of a motor are stored, or the connected motor is not the stored one.",
      "Set the motor's type, store the motor data, and restart.", state_2(4)},
     {0x6321, "motor phase missing", "U, V or W is not connected.", "Check the motor's plug and cable.", extension(3)},
     {0x7110, "brake resistor", "The brake resistor is overloaded.", resistor, state(8)},
@@ -57,7 +60,7 @@ constexpr auto texts = std::to_array<FaultText>({
     {0x7112, "internal brake unit shorted", "The internal brake unit is broken.", "Replace the drive.", extension(2)},
     {0x7306, "main encoder's index", "The index signal of the main encoder is missing or wrong.",
      "Check its wiring; 250Ah sub 1 = 0 switches the check off.", state_2(15)},
-    {0x7320, "encoder turns lost", "The encoder's turns are not valid: its battery was empty or away.",
+    {0x7320, "encoder turns lost", "The encoder's turns are not valid: its battery was empty or not connected.",
      "Write 10 to 2690h sub 0, reset, and home again; check the battery.", state(2)},
     {0x7330, "encoder checksum", "Telegrams of the encoder arrive damaged: motor type, wiring or interference.",
      encoder_cable, state(3)},
@@ -67,15 +70,15 @@ constexpr auto texts = std::to_array<FaultText>({
     {0x7382, "main encoder", "The main encoder is not connected.", "Check its cable and plug.", state_2(14)},
     {0x7400, "controller", "The firmware is not for this controller.", "Update the firmware, or replace the drive.",
      state_2(3)},
-    {0x8100, "CAN connection lost", "Guarding or heartbeat stayed away, and 6007h = 1 makes that an alarm.",
+    {0x8100, "CAN connection lost", "Guarding or heartbeat is missing, and 6007h = 1 makes that an alarm.",
      "Check that the master runs; reset and enable again.", state_2(12)},
-    {0x81FF, "service time-out", "The bus's services stayed away.", "Check that the master runs.", extension(12)},
-    {0x8611, "following error", "The axis is off its demand by more than 6065h.",
+    {0x81FF, "service time-out", "The services of the bus are missing.", "Check that the master runs.", extension(12)},
+    {0x8611, "following error", "The position differs from its demand by more than 6065h.",
      "Look for what jams or brakes; check gains, torque limit and 6065h.", state(9)},
     {0x8A80, "pulse frequency", "The frequency of external pulses is too high.",
      "Lower it; above 600 kHz raise 2508h sub 8.", state(12)},
     {0x8A81, "encoders count against each other", "Main and motor encoder count in opposite directions.",
-     "Turn the main encoder's direction round (250Ah).", state_2(13)},
+     "Reverse the direction of the main encoder (250Ah).", state_2(13)},
 });
 static_assert(is_ordered(texts));
 
