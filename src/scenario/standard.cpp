@@ -18,17 +18,17 @@ const std::array<Standard, 5>& standards() {
          expectation.when.ended = std::chrono::seconds(2);
          expectation.what.at_rest = true;
        }},
-      {"fault_resets", "has no storm of fault resets", true,
+      {"fault_resets", "gets at most 5 fault resets in a second", true,
        [](Expectation& expectation) {
          expectation.kind = Expectation::Kind::never;
          expectation.what.fault_resets_above = most_fault_resets;
        }},
-      {"set_point", "begins to follow where it is", true,
+      {"set_point", "gets its first cyclic set-point within reach of one cycle", true,
        [](Expectation& expectation) {
          expectation.kind = Expectation::Kind::never;
          expectation.what.set_point_jumped = true;
        }},
-      {"repeats", "is not asked again and again without an answer", true,
+      {"repeats", "gets at most 20 repeated SDO requests in a second", true,
        [](Expectation& expectation) {
          expectation.kind = Expectation::Kind::never;
          expectation.what.repeats_above = most_repeats;

@@ -29,9 +29,9 @@ class StandardStage : public Stage {
   }
 };
 
-constexpr std::string_view resets = "x has no storm of fault resets";
-constexpr std::string_view set_point = "x begins to follow where it is";
-constexpr std::string_view repeats = "x is not asked again and again without an answer";
+constexpr std::string_view resets = "x gets at most 5 fault resets in a second";
+constexpr std::string_view set_point = "x gets its first cyclic set-point within reach of one cycle";
+constexpr std::string_view repeats = "x gets at most 20 repeated SDO requests in a second";
 
 void reset_fault(Stage& stage) {
   stage.write(0x6040, 0x80, 2);
