@@ -204,7 +204,7 @@ void Axis402::disable() {
   take_back_targets();
 }
 
-// Option code 605Ah decides: the drive stays in quick stop active or goes on to switch on disabled.
+// Option code 605Ah decides: the drive stays in quick stop active or continues to switch on disabled.
 void Axis402::quick_stop() {
   const PowerState present = state();
   if (present != PowerState::operation_enabled && present != PowerState::quick_stop_active) return;

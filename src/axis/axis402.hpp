@@ -173,7 +173,7 @@ class Axis402 {
   void change_velocity(std::int32_t velocity);
   // Profile velocity: each poll sets the velocity that `demand` returns, until it returns nullopt or throws; then
   // stop(). The axis is commanded to stop however the function ends. If the axis rests at an active limit switch in the
-  // direction of the velocity, the call throws, or with `waits_at_limit` goes on, so that `demand` can reverse.
+  // direction of the velocity, the call throws, or with `waits_at_limit` continues, so that `demand` can reverse.
   void jog(const MotionProfile& profile, const JogDemand& demand, bool waits_at_limit = false);
   // Profile torque, in 0.1 % of the rated torque; returns when it is reached. The torque stays on and the speed is not
   // limited: set limits first. Throws if the axis rests at an active limit switch in the direction of the torque.
@@ -192,7 +192,7 @@ class Axis402 {
   // For error handling, where the first error is reported anyway: stops the axis, by a quick stop if stop() fails, and
   // switches the motor off. Errors of its own are ignored.
   void try_to_switch_off();
-  // Halts the axis as stop() does, but resume() lets the motion go on. Between the two only disable() and stop() are
+  // Halts the axis as stop() does, but resume() continues the motion. Between the two only disable() and stop() are
   // allowed. Throws in profile torque.
   void halt();
   void resume();

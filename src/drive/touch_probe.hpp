@@ -45,7 +45,7 @@ class TouchProbe {
 
   explicit TouchProbe(const TouchProbeCapability& capability) : capability_(capability) {}
 
-  // 60B8h. Switching a probe on (bit 0, 8) arms both its edges; an edge is armed anew when its enable bit changes to
+  // 60B8h. Switching a probe on (bit 0, 8) arms both its edges; an edge is armed again when its enable bit changes to
   // 1. Changing mode or source of a probe that is on re-arms it, as switching it off and on does.
   void write_function(std::uint16_t function);
 

@@ -4,8 +4,8 @@
 
 namespace servodrome::plant {
 
-// What of the load depends on its place: the weight of an arm or a crank's slider, the inertia of that slider, and the
-// stiffness of a belt.
+// The properties of the load that depend on its place: the weight of an arm or a crank's slider, the inertia of that
+// slider, and the stiffness of a belt.
 class Geometry {
  public:
   explicit Geometry(const Load& load);

@@ -165,7 +165,7 @@ void Tpdos::update_event_driven() {
     const std::uint16_t number = event_driven_[i];
     Tpdo& pdo = pdos_[number];
     const bool queued = link_.waits(pdo.place);
-    const bool watched = pdo.on_change && !pdo.waiting;  // a waiting TPDO is packed anew after its inhibit time
+    const bool watched = pdo.on_change && !pdo.waiting;  // a waiting TPDO is packed again after its inhibit time
     if (!queued && !watched) continue;
     const std::uint64_t data = pack_data(number, pdo);
     if (watched && ((data ^ pdo.data) & pdo.change_mask) != 0) {

@@ -93,8 +93,8 @@ void Cascade::set_demand(const LoopDemand& demand) {
   if (demand.loop == previous) return;
   velocity_forward_.settle(demand.velocity);
   // After the torque loop the integral of the velocity controller starts with the load's part of the torque. The part
-  // that accelerated the axis is dropped, else the axis would go on accelerating. The speed limiter of the torque loop
-  // starts from 0.
+  // that accelerated the axis is dropped, otherwise the axis would continue to accelerate. The speed limiter of the
+  // torque loop starts from 0.
   const auto has_controllers = [](Loop loop) { return loop != Loop::off && loop != Loop::locked; };
   if (!has_controllers(demand.loop) || !has_controllers(previous)) clear_controllers();
   feed_forward_ = feed_forward;
@@ -114,7 +114,8 @@ void Cascade::set_demand(const LoopDemand& demand) {
 }
 
 // The integral of a shaft that swings about its demand can be far above the load, because the proportional part
-// balances it. The proportional part vanishes if the demand begins anew, and the integral alone would drive the shaft.
+// balances it. The proportional part vanishes if the demand restarts at the shaft, and the integral alone would drive
+// the shaft.
 void Cascade::keep_load() {
   // The integral also balances the proportional part that a weight of the set-point below 1 leaves in even motion.
   const float even = velocity_kp_ * (1.0F - setpoint_weight_) * state_.velocity_counts_per_s;

@@ -36,7 +36,7 @@ struct LoopDemand {
   float velocity_limit_positive = 0.0F;
   float velocity_limit_negative = 0.0F;
   bool integral_off = false;  // the velocity controller is proportional only
-  // The demand begins anew from a shaft that did not follow the demand before: the velocity controller keeps the load's
+  // The demand restarts from a shaft that did not follow the demand before: the velocity controller keeps the load's
   // part of its integral only. For one position-loop cycle.
   bool from_shaft = false;
 };
@@ -70,7 +70,7 @@ class Cascade {
   void enable(const Feedback& feedback);
   void disable();
   bool enabled() const { return enabled_; }
-  // To be called when the encoder's position was set anew: discards the measured velocity.
+  // To be called when the encoder's position was set to another value: discards the measured velocity.
   void forget_motion() {
     measuring_ = false;
     rests_ = false;
@@ -237,8 +237,9 @@ class Cascade {
   Biquad velocity_low_pass_{};                  // VelocityFeedback::second_order
   VelocityObserver observer_{};
   DisturbanceObserver disturbance_{};
-  LowPass late_torque_;         // the measured torque, as late as the measured velocity
-  DisturbanceObserver load_{};  // observes the load once per position-loop cycle, for a demand that begins anew
+  LowPass late_torque_;  // the measured torque, as late as the measured velocity
+  DisturbanceObserver
+      load_{};  // observes the load once per position-loop cycle, for a demand that restarts at the shaft
   ResonanceAnalysis* analysis_ = nullptr;
 };
 

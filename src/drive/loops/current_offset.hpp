@@ -9,7 +9,7 @@ namespace servodrome::drive {
 // no current flows, so the mean of what the sensors show is their offset. It takes 64 cycles of the position loop (32
 // ms at 2 kHz) after a wait of 8. If the stage switches on before, the mean so far stays in force, from 8 samples on,
 // and the calibration continues when the switches are open again. If the shaft turns, its back-EMF may drive a current
-// through the diodes, so the calibration begins anew.
+// through the diodes, so the calibration starts again.
 class CurrentOffset {
  public:
   static constexpr std::uint32_t wait_cycles = 8;  // until a current of before has decayed

@@ -68,7 +68,7 @@ void LineDemand::lead(Axis& axis, const Line& line, double line_velocity) {
   if (!catching_up_) {
     generator.place(line.now(), line.fraction(), line_velocity);
   } else {
-    // Planned anew in each cycle, in coordinates that move with the line, so that the demand also reaches a line whose
+    // Planned again in each cycle, in coordinates that move with the line, so that the demand also reaches a line whose
     // speed changes.
     MotionLimits limits = axis.catch_up_limits();
     limits.deceleration = axis.deceleration_before_limit(limits.deceleration);

@@ -8,16 +8,16 @@ namespace servodrome::drive {
 // The demand of a mode that follows a line of cyclic set-points.
 //
 // Normally the demand is the line. The demand catches up with a line that begins far away (the mode was entered with an
-// old target, or a halt or a limit held the axis while the master went on) or that is faster than the axis may be: the
-// demand is then the line plus a distance, which decreases to zero within Axis::catch_up_limits. If the line slows down
-// by a steeper ramp meanwhile, the demand slows down with it and does not pass it. After a limit ended the motion, the
-// demand stands until the line is on its free side, away from the limit, even if the limit is gone by then.
+// old target, or a halt or a limit held the axis while the master continued) or that is faster than the axis may be:
+// the demand is then the line plus a distance, which decreases to zero within Axis::catch_up_limits. If the line slows
+// down by a steeper ramp meanwhile, the demand slows down with it and does not pass it. After a limit ended the motion,
+// the demand stands until the line is on its free side, away from the limit, even if the limit is gone by then.
 class LineDemand {
  public:
   void stop() { *this = {}; }
   // A limit in the direction of `held`, -1 or +1, ended the motion.
   void hold(int held) { *this = {}, held_ = held; }
-  // Begins anew, but a limit goes on holding the demand.
+  // Restarts; a limit that holds the demand continues to hold it.
   void restart() { hold(held_); }
   // The demand is on the line: it neither catches up with it nor is held at a limit.
   bool on_line() const { return !catching_up_ && held_ == 0; }

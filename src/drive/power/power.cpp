@@ -188,7 +188,7 @@ void Drive::enter_state(PowerState to) {
   identification_.abort();
   if (power != energised()) {
     switch_power(power);
-    // An axis that stands by the criterion of stops is held at its position, whatever its slow drift.
+    // An axis that stands by the criterion of stops is held at its position, even if it drifts slowly.
     if (power) shaft_stands_ ? axis_.generator.reset(axis_.position()) : axis_.take_over_actual();
   } else if (stage_ == Stage::engaging_brake) {
     switch_power(true);  // enabled again while the brake closes
@@ -252,7 +252,8 @@ void Drive::keep_near_shaft() {
 }
 
 // The ramp of a stop continues from the shaft if something has slowed the shaft down far below the ramp, such as a jam:
-// the stop must not speed it up again. A shaft that swings about a slow demand, or has turned back, is not meant.
+// the stop must not speed it up again. A shaft that swings about a slow demand, or has turned back, does not count as
+// slowed down.
 void Drive::slow_down_with_shaft() {
   constexpr double least_share = 0.5;      // of the ramp's speed
   constexpr double slow_ramp_share = 0.1;  // of the motor's greatest speed

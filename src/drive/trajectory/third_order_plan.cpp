@@ -204,7 +204,7 @@ class Ascent {
 };
 
 /// Brakes from above the top velocity until a single arc leads down to it. The remaining decision, to complete that arc
-/// and cruise or to go on braking, is then the same as from a state within the limits.
+/// and cruise or to continue braking, is then the same as from a state within the limits.
 void brake_towards(Cursor& cursor, double top_velocity, double deceleration) {
   const double a = cursor.acceleration;
   const double change = cursor.velocity - top_velocity;

@@ -41,7 +41,7 @@ void transition(Trial& trial, int row) {
                text_of_state(seen));
 }
 
-// With 605Ah = 5 to 8 the drive stays in quick stop active; with 0 to 4 it goes on by itself (transition 12).
+// With 605Ah = 5 to 8 the drive stays in quick stop active; with 0 to 4 it leaves that state by itself (transition 12).
 void quick_stop(Trial& trial, int) {
   const auto option = trial.objects().read_if_present<std::int16_t>(0x605A);
   const bool stays = option && !Trial::refusal_of([&] { trial.objects().write<std::int16_t>(0x605A, 0, 6); });
