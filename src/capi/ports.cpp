@@ -60,14 +60,19 @@ EthernetPort::~EthernetPort() {
 void EthernetPort::send(std::span<const std::uint8_t> frame, Time now, EthernetPort* other) {
   std::vector<std::uint8_t> bytes(frame.begin(), frame.end());
   const links::EthercatBus::Passage passage = bus_.exchange(bytes, now, side_);
-  if (passage.exit == links::EthercatBus::Exit::lost) return;
-  bytes.resize(passage.length);
+  const bool is_lost = passage.exit == links::EthercatBus::Exit::lost;
   const bool leaves_second = passage.exit == links::EthercatBus::Exit::secondary;
-  const bool here = leaves_second == (side_ == links::EthercatBus::Port::secondary) || other == nullptr;
-  std::vector<Returning>& returning = here ? returning_ : other->returning_;
-  const auto later = std::upper_bound(returning.begin(), returning.end(), passage.leaves,
+  const bool here = is_lost || other == nullptr || leaves_second == (side_ == links::EthercatBus::Port::secondary);
+  EthernetPort& end = here ? *this : *other;
+  bytes.resize(passage.length);
+  if (!is_lost) end.keep(passage.leaves, std::move(bytes));
+  for (const std::vector<std::uint8_t>& extra : passage.behind) end.keep(passage.leaves, extra);
+}
+
+void EthernetPort::keep(Time at, std::vector<std::uint8_t> bytes) {
+  const auto later = std::upper_bound(returning_.begin(), returning_.end(), at,
                                       [](Time time, const Returning& one) { return time < one.at; });
-  returning.insert(later, {passage.leaves, std::move(bytes)});
+  returning_.insert(later, {at, std::move(bytes)});
 }
 
 }  // namespace servodrome::capi

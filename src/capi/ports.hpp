@@ -102,6 +102,7 @@ class EthernetPort final : public Port {
     Time at;
     std::vector<std::uint8_t> bytes;
   };
+  void keep(Time at, std::vector<std::uint8_t> bytes);
 
   links::EthercatBus& bus_;
   links::EthercatBus::Port side_;

@@ -97,6 +97,9 @@ void Director::check(const RuleRun& run) const {
   if (frames != nullptr && frames->data.size() > 8 && can_bus(run) != nullptr) {
     refuse("the data are longer than 8 bytes", "a CAN frame has at most 8");
   }
+  if (frames != nullptr && frames->data.empty() && can_bus(run) == nullptr && serial_bus(run) != nullptr) {
+    refuse("the action sends no characters", "give them as `data` of `send`: data = \"55\"");
+  }
   if (run.axis == nullptr) {
     const bool known = line_.find_bus(rule.bus) != nullptr || line_.find_ethercat_bus(rule.bus) != nullptr ||
                        line_.find_serial_bus(rule.bus) != nullptr;

@@ -17,6 +17,8 @@ constexpr auto target_state_words = std::to_array<Word<ethercat::AlState>>({
     {"safe_operational", ethercat::AlState::safe_operational},
     {"operational", ethercat::AlState::operational},
 });
+// The states into which a slave falls back: those below Operational.
+constexpr std::array lower_state_words{target_state_words[0], target_state_words[1], target_state_words[2]};
 constexpr auto error_state_words = std::to_array<Word<links::ErrorState>>({
     {"active", links::ErrorState::active},
     {"passive", links::ErrorState::passive},
@@ -207,12 +209,18 @@ std::uint16_t al_code(TableReader& reader) {
   return code;
 }
 
-template <typename StateAction>
-Action read_state(TableReader& reader) {
-  StateAction action;
-  if (const auto to = read_word(reader, "to", target_state_words)) action.to = *to;
-  action.code = al_code(reader);
-  return action;
+Action read_refuse(TableReader& reader) {
+  RefuseState refuse;
+  if (const auto to = read_word(reader, "to", target_state_words)) refuse.to = *to;
+  refuse.code = al_code(reader);
+  return refuse;
+}
+
+Action read_drop(TableReader& reader) {
+  DropState drop;
+  if (const auto to = read_word(reader, "to", lower_state_words)) drop.to = *to;
+  drop.code = al_code(reader);
+  return drop;
 }
 
 Action read_clock(TableReader& reader) {
@@ -238,7 +246,9 @@ Action read_sync0(TableReader& reader) {
     if (sync0.how == DisturbSync0::How::late) reader.complain("late_us", "is missing", "give the time in microseconds");
     return sync0;
   }
-  if (reader.node("how") != nullptr) reader.complain("late_us", "comes with how", "give one of them");
+  if (reader.node("how") != nullptr && sync0.how != DisturbSync0::How::late) {
+    reader.complain("late_us", "belongs to late", "leave it out, or write how = \"late\"");
+  }
   sync0.how = DisturbSync0::How::late;
   sync0.late = std::chrono::microseconds(*late_us);
   return sync0;
@@ -343,8 +353,8 @@ constexpr auto action_table = std::to_array<ActionRow>({
        emergency.period = read_time_ms(reader, "period_ms").value_or(std::chrono::milliseconds(1));
        return emergency;
      }},
-    {"al_refuse", Scope::axis, read_state<RefuseState>},
-    {"al_drop", Scope::axis, read_state<DropState>},
+    {"al_refuse", Scope::axis, read_refuse},
+    {"al_drop", Scope::axis, read_drop},
     {"sii", Scope::axis,
      [](TableReader& reader) -> Action {
        PatchSii patch;

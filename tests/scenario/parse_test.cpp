@@ -31,6 +31,9 @@ TEST(ScenarioFileErrors, AreToldWithLineAndColumn) {
        "there is no \"sdo\"; known here: sdo_answer"},
       {"title = \"t\"\n[[rule]]\ndo = \"show\"\nobject = \"60G1\"\nfreeze = true\n", "\"60G1\" is no object"},
       {"title = \"t\"\n[[rule]]\ndo = \"show\"\nobject = \"6041\"\n", "give one of value, set_bits"},
+      {"title = \"t\"\n[[rule]]\ndo = \"al_drop\"\nto = \"operational\"\ncode = 0\n", "there is no \"operational\""},
+      {"title = \"t\"\n[[rule]]\ndo = \"sync0\"\nhow = \"late\"\n", "late_us: is missing"},
+      {"title = \"t\"\n[[rule]]\ndo = \"sync0\"\nhow = \"twice\"\nlate_us = 5\n", "late_us: belongs to late"},
       {"title = \"t\"\n[[rule]]\ndo = \"withhold\"\nstep = 3\non = { message = \"nmt\" }\n",
        "unknown key `step` in rule 1"},
       {"title = \"t\"\n[[expect]]\nwhen = { after = \"x\" }\nalways = { at_rest = true }\n",
@@ -60,6 +63,15 @@ TEST(ScenarioFileErrors, AxesAndBusesAreCheckedWithTheLine) {
   EXPECT_THAT(where("[[rule]]\naxis = \"lefd\"\ndo = \"power\"\n"), HasSubstr("did you mean `left`?"));
   EXPECT_THAT(where("[[rule]]\nbus = \"can7\"\ndo = \"send\"\nid = 1\n"), HasSubstr("there is no bus \"can7\""));
   EXPECT_EQ(where("[[rule]]\naxis = \"left\"\ndo = \"power\"\n"), "");
+}
+
+TEST(ScenarioFiles, ALatePulseIsWrittenWithOrWithoutItsWord) {
+  for (const std::string how : {"", "how = \"late\"\n"}) {
+    const Scenario scenario = scenario_of("[[rule]]\ndo = \"sync0\"\n" + how + "late_us = 5\n");
+    const auto sync0 = std::get<DisturbSync0>(scenario.rules.front().action);
+    EXPECT_EQ(sync0.how, DisturbSync0::How::late);
+    EXPECT_EQ(sync0.late, 5us);
+  }
 }
 
 TEST(ScenarioFiles, HaveDefaults) {

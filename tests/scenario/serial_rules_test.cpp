@@ -308,6 +308,12 @@ TEST(SerialRules, WhatARequestCannotDoIsRefused) {
   }
 }
 
+TEST(SerialRules, ASenderWithoutCharactersIsRefused) {
+  for (const std::string action : {"babble", "send"}) {
+    EXPECT_THROW(SerialScene("[[rule]]\nbus = \"rs\"\ndo = \"" + action + "\"\n"), ScenarioError) << action;
+  }
+}
+
 // ---- The 10-byte protocol
 
 const std::string ask_mode = serial10_frame(Command::read, 0x6060);
