@@ -6,7 +6,7 @@ import enum
 from types import TracebackType
 from typing import Any, Dict, List, NamedTuple, Optional, Type
 
-from ._backend import Backend
+from ._backend import Backend, path
 
 
 class Outcome(enum.Enum):
@@ -73,6 +73,17 @@ class Scenario:
     def failed(self) -> List[Verdict]:
         """The expectations that have failed. `assert not scenario.failed` prints them."""
         return [verdict for verdict in self.verdicts if verdict.outcome is Outcome.FAILED]
+
+    def add_rules(self, text: str) -> None:
+        """Lets the rules of a text (`[[rule]]` ...) join; the others go on.
+
+        Raises BadValue if one does not fit the line or has the name of a present rule: then none joins.
+        """
+        self._backend.json("POST", "scenario/rules", {"text": text})
+
+    def remove_rule(self, name: str) -> None:
+        """Ends a rule and takes its effect back. It is no longer among the rules. Raises UnknownName."""
+        self._backend.json("DELETE", path("scenario", "rules", name))
 
     def master_ended(self, success: bool) -> None:
         """The master has ended, and believes that all is well or not: for the conditions `ended_ms` and `exit`."""

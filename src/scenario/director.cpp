@@ -10,6 +10,8 @@
 namespace servodrome::scenario {
 namespace {
 
+constexpr std::size_t most_rules_by_hand = 4096;  // including removed ones
+
 // Other actions have one act, and their effect lasts. An Ignore of single bits ends at the act after its last one.
 bool ends_with_its_acts(const Rule& rule) {
   const auto* ignore = std::get_if<Ignore>(&rule.action);
@@ -62,16 +64,53 @@ line::Axis* Director::axis_for(const std::string& name, const std::string& where
   return axis_named(name, where);
 }
 
-void Director::set_up(const Rule& rule) {
+std::unique_ptr<RuleRun> Director::run_of(const Rule& rule, std::size_t number) const {
   const bool about_bus = !rule.bus.empty();
   const bool needed = !about_bus || needs_axis(rule.when) || (rule.until && needs_axis(*rule.until));
   const bool named = !rule.when.axis.empty();
   line::Axis* axis = axis_for(named ? rule.when.axis : rule.axis, rule.name, needed);
-  rules_.push_back(std::make_unique<RuleRun>(rule, about_bus ? nullptr : axis_for(rule.axis, rule.name, !named), axis,
-                                             rules_.size()));
+  auto run =
+      std::make_unique<RuleRun>(rule, about_bus ? nullptr : axis_for(rule.axis, rule.name, !named), axis, number);
+  check(*run);
+  return run;
+}
+
+void Director::set_up(const Rule& rule) {
+  rules_.push_back(run_of(rule, rules_.size()));
   facts_.first_acts[rule.name] = std::nullopt;
   rules_.back()->when.begin();
-  check(*rules_.back());
+}
+
+void Director::add(const std::vector<Rule>& rules) {
+  if (rules_.size() + rules.size() > most_rules_by_hand) {
+    throw ScenarioError("the scenario has had too many rules", "rules", "begin another scenario");
+  }
+  for (const Rule& rule : rules) {
+    const bool is_there = std::any_of(rules_.begin(), rules_.end(), [&rule](const auto& other) {
+      return !other->removed && other->rule->name == rule.name;
+    });
+    if (is_there) throw ScenarioError("there is a rule of this name already", rule.name, "give it another `name`");
+    run_of(rule, rules_.size());
+  }
+  for (const Rule& rule : rules) {
+    added_.push_back(rule);
+    set_up(added_.back());
+    attach(*rules_.back());
+    look(*rules_.back(), now());
+  }
+  line_.changed();
+}
+
+bool Director::remove(const std::string& name) {
+  const auto found = std::find_if(rules_.begin(), rules_.end(),
+                                  [&name](const auto& rule) { return !rule->removed && rule->rule->name == name; });
+  if (found == rules_.end()) return false;
+  RuleRun& rule = **found;
+  end(rule);
+  rule.phase = RuleRun::Phase::over;
+  rule.removed = true;
+  line_.changed();
+  return true;
 }
 
 void Director::set_up(const Expectation& expectation) {
@@ -101,16 +140,20 @@ void Director::place_stages() {
     if (const auto& serial = axis->settings().serial) {
       parts(*axis).serial = std::make_unique<SerialStage>(*this, *axis, *line_.serial_buses()[serial->bus]);
     }
-    auto view = std::make_unique<ObjectView>(*this, *axis);
-    for (const auto& rule : rules_) {
-      if (acts_on_view(rule->rule->action) && rule->axis == axis.get()) view->add(*rule);
-    }
-    if (view->empty()) continue;
-    axis->device().bus_dictionary().set_view(view.get());
-    // RS485 ports read the drive's own dictionary. So does the bench API, which then sees what the bus sees.
-    if (axis->settings().serial) axis->device().dictionary().set_view(view.get());
-    parts(*axis).view = std::move(view);
   }
+  for (const auto& rule : rules_) attach(*rule);
+}
+
+void Director::attach(RuleRun& rule) {
+  if (!acts_on_view(rule.rule->action) || rule.axis == nullptr) return;
+  std::unique_ptr<ObjectView>& view = parts(*rule.axis).view;
+  if (!view) {
+    view = std::make_unique<ObjectView>(*this, *rule.axis);
+    rule.axis->device().bus_dictionary().set_view(view.get());
+    // RS485 ports read the drive's own dictionary. So does the bench API, which then sees what the bus sees.
+    if (rule.axis->settings().serial) rule.axis->device().dictionary().set_view(view.get());
+  }
+  view->add(rule);
 }
 
 Time Director::next_deadline() const {
@@ -311,8 +354,10 @@ void Director::finish() {
 std::vector<RuleReport> Director::rules() const {
   std::vector<RuleReport> reports;
   for (const auto& rule : rules_) {
-    reports.push_back(
-        {rule->rule->name, rule->acts + rule->all_acts, facts_.first_acts.find(rule->rule->name)->second, rule->error});
+    if (rule->removed) continue;
+    reports.push_back({rule->rule->name, rule->rule->word,
+                       rule->axis != nullptr ? rule->axis->settings().name : rule->rule->bus, rule->phase,
+                       rule->acts + rule->all_acts, facts_.first_acts.find(rule->rule->name)->second, rule->error});
   }
   return reports;
 }

@@ -1,6 +1,7 @@
 #pragma once
 
 #include <functional>
+#include <list>
 #include <map>
 #include <memory>
 #include <stdexcept>
@@ -45,6 +46,12 @@ class Director final : public line::Follower {
 
   // The scenario begins at the line's present time. Must be called once, while no other scenario runs on the line.
   void begin();
+  // Rules join those of the scenario, which has begun and not finished. If one does not fit the line, or has the name
+  // of a present rule, throws ScenarioError, and none of them joins.
+  void add(const std::vector<Rule>& rules);
+  // Ends the rule and takes its effect back; it is no longer among rules(). Returns false if there is no rule of this
+  // name.
+  bool remove(const std::string& name);
   // The master has ended; the line may run on.
   void master_ended(bool success);
   // Ends all rules, undoes their effects, and judges the expectations that are still watched.
@@ -110,7 +117,10 @@ class Director final : public line::Follower {
   line::Axis* axis_named(const std::string& name, const std::string& where) const;
   // The axis of a rule or an expectation, or nullptr if its conditions need none.
   line::Axis* axis_for(const std::string& name, const std::string& where, bool needed) const;
+  std::unique_ptr<RuleRun> run_of(const Rule& rule, std::size_t number) const;
   void set_up(const Rule& rule);
+  // The drive's bus sees objects through the rule.
+  void attach(RuleRun& rule);
   void set_up(const Expectation& expectation);
   void place_stages();
   AxisParts& parts(line::Axis& axis) { return parts_[&axis]; }
@@ -143,6 +153,7 @@ class Director final : public line::Follower {
 
   line::Line& line_;
   Scenario scenario_;
+  std::list<Rule> added_;  // by hand
   std::vector<std::unique_ptr<RuleRun>> rules_;
   std::vector<ExpectationWatch> expectations_;
   std::map<links::CanBus*, std::unique_ptr<RulePort>> ports_;

@@ -4,6 +4,7 @@
 #include <fmt/format.h>
 
 #include "api/body_reader.hpp"
+#include "scenario/catalogue.hpp"
 #include "scenario/director.hpp"
 #include "scenario/parse.hpp"
 #include "scenario/standard.hpp"
@@ -28,7 +29,36 @@ constexpr std::array route_table{
     api::Route{api::Method::post, "/api/v1/scenario/master",
                [](api::Call& call) { return routes_of(call).master_ended(call.body); }},
     api::Route{api::Method::delete_, "/api/v1/scenario", [](api::Call& call) { return routes_of(call).end(); }},
+    api::Route{api::Method::get, "/api/v1/scenario/actions", [](api::Call&) -> Json { return action_catalogue(); }},
+    api::Route{api::Method::get, "/api/v1/scenario/rules", [](api::Call& call) { return routes_of(call).rules(); }},
+    api::Route{api::Method::post, "/api/v1/scenario/rules",
+               [](api::Call& call) { return routes_of(call).add_rules(call.body); }},
+    api::Route{api::Method::delete_, "/api/v1/scenario/rules/{}",
+               [](api::Call& call) { return routes_of(call).remove_rule(api::unescaped(call.arguments[0])); }},
 };
+
+Json reports_of(const Director& director) {
+  constexpr std::array phases{"waiting", "active", "over"};
+  Json reports = Json::array();
+  for (const RuleReport& rule : director.rules()) {
+    reports.push_back({{"name", rule.name},
+                       {"do", rule.action},
+                       {"where", rule.where},
+                       {"phase", phases[static_cast<std::size_t>(rule.phase)]},
+                       {"acts", rule.acts},
+                       {"first_act_s", seconds_or_null(rule.first_act)},
+                       {"error", rule.error}});
+  }
+  return reports;
+}
+
+// The scenario of a text. Throws ApiError with line and column of the first error.
+Scenario parsed(const std::string& text, const std::string& file) {
+  ScenarioFile found = parse_scenario(text, file);
+  if (found.diagnostics.empty()) return std::move(found.scenario);
+  const line::Diagnostic& first = found.diagnostics.front();
+  throw ApiError{422, first.what, fmt::format("{}:{}:{}", first.file, first.line, first.column), first.hint};
+}
 
 }  // namespace
 
@@ -48,21 +78,17 @@ Json Routes::begin(const std::string& body) {
 }
 
 Director& Routes::begin(const std::string& text, const std::string& file, Extra extra) {
-  ScenarioFile parsed = parse_scenario(text, file);
-  if (!parsed.diagnostics.empty()) {
-    const line::Diagnostic& first = parsed.diagnostics.front();
-    throw ApiError{422, first.what, fmt::format("{}:{}:{}", first.file, first.line, first.column), first.hint};
-  }
+  Scenario scenario = parsed(text, file);
   if (extra == Extra::standard_expectations) {
     std::vector<std::string> axes;
     for (const auto& axis : line_.axes()) axes.push_back(axis->settings().name);
-    for (Expectation& one : standard_expectations(parsed.scenario, axes)) {
-      parsed.scenario.expectations.push_back(std::move(one));
+    for (Expectation& one : standard_expectations(scenario, axes)) {
+      scenario.expectations.push_back(std::move(one));
     }
   }
   std::unique_ptr<Director> next;
   try {
-    next = std::make_unique<Director>(line_, std::move(parsed.scenario));
+    next = std::make_unique<Director>(line_, std::move(scenario));
   } catch (const ScenarioError& error) {
     throw ApiError{422, error.what(), fmt::format("{}: {}", file, error.where()), error.hint()};
   }
@@ -72,15 +98,13 @@ Director& Routes::begin(const std::string& text, const std::string& file, Extra 
   return *director_;
 }
 
+Json Routes::rules() const {
+  const bool is_begun = director_ != nullptr && !director_->finished();
+  return Json{{"rules", is_begun ? reports_of(*director_) : Json::array()}};
+}
+
 Json Routes::show() const {
   if (!director_) throw ApiError{404, "no scenario has begun", api_place, "begin one: PUT {\"text\": \"title = ...\"}"};
-  Json rules = Json::array();
-  for (const RuleReport& rule : director_->rules()) {
-    rules.push_back({{"name", rule.name},
-                     {"acts", rule.acts},
-                     {"first_act_s", seconds_or_null(rule.first_act)},
-                     {"error", rule.error}});
-  }
   constexpr std::array outcomes{"passed", "failed", "not reached"};
   Json expectations = Json::array();
   for (const Verdict& verdict : director_->verdicts()) {
@@ -91,8 +115,31 @@ Json Routes::show() const {
   }
   return Json{{"title", director_->scenario().title},
               {"ended", director_->finished()},
-              {"rules", std::move(rules)},
+              {"rules", reports_of(*director_)},
               {"expectations", std::move(expectations)}};
+}
+
+Json Routes::add_rules(const std::string& body) {
+  api::BodyReader reader(body);
+  reader.required("text");
+  const std::string text = reader.string("text").value_or("");
+  reader.finish();
+  const Scenario scenario = parsed(fmt::format("title = \"rules by hand\"\n{}", text), "rules");
+  if (!director_ || director_->finished()) begin("title = \"rules by hand\"", "rules", Extra::none);
+  try {
+    director_->add(scenario.rules);
+  } catch (const ScenarioError& error) {
+    throw ApiError{422, error.what(), error.where(), error.hint()};
+  }
+  return rules();
+}
+
+Json Routes::remove_rule(const std::string& name) {
+  if (!director_ || director_->finished() || !director_->remove(name)) {
+    throw ApiError{404, fmt::format("there is no rule \"{}\"", name), api_place,
+                   "GET /api/v1/scenario lists the rules"};
+  }
+  return rules();
 }
 
 Json Routes::master_ended(const std::string& body) {

@@ -9,8 +9,8 @@ namespace servodrome::scenario {
 
 class Director;
 
-// The routes of the API for a scenario on a running line: GET, PUT and DELETE /api/v1/scenario,
-// and POST .../master.
+// The routes of the API for a scenario on a running line: GET, PUT and DELETE /api/v1/scenario, POST .../master,
+// GET .../actions, GET and POST .../rules, and DELETE .../rules/NAME.
 class Routes {
  public:
   explicit Routes(line::Line& line);
@@ -32,6 +32,12 @@ class Routes {
   api::Json begin(const std::string& body);
   // The rules and verdicts of the present scenario, or of the last one. Throws ApiError 404 before the first.
   api::Json show() const;
+  // Those of the present scenario; none if there is no scenario.
+  api::Json rules() const;
+  // The rules of a text join the present scenario; if there is none, one without rules begins first. Throws ApiError.
+  api::Json add_rules(const std::string& body);
+  // Takes a rule out of the scenario. Throws ApiError 404.
+  api::Json remove_rule(const std::string& name);
   // The master has ended: {"success": true}.
   api::Json master_ended(const std::string& body);
   // Ends the scenario and decides its expectations.

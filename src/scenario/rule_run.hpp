@@ -2,6 +2,7 @@
 
 #include <deque>
 
+#include "scenario/verdict.hpp"
 #include "scenario/watch.hpp"
 
 namespace servodrome::scenario {
@@ -14,7 +15,7 @@ struct PastValue {
 
 // The state of a rule during a run of the scenario.
 struct RuleRun {
-  enum class Phase : std::uint8_t { waiting, active, over };
+  using Phase = RulePhase;
 
   // `condition_axis` is the axis of its conditions.
   RuleRun(const Rule& its_rule, line::Axis* its_axis, line::Axis* condition_axis, std::size_t its_number)
@@ -38,8 +39,9 @@ struct RuleRun {
   Watch when;
   std::optional<Watch> until;
   Phase phase = Phase::waiting;
-  bool begun = false;  // at least once
-  bool ready = true;   // `when` has been false since the last beginning
+  bool removed = false;  // by hand
+  bool begun = false;    // at least once
+  bool ready = true;     // `when` has been false since the last beginning
   Time began{};
   std::uint64_t seen = 0;      // messages that matched since the beginning
   std::uint64_t acts = 0;      // since the beginning

@@ -48,19 +48,6 @@ void add(Json& properties, const std::string& key, const Json& type) {
   if (std::find(types.begin(), types.end(), type) == types.end()) types.push_back(type);
 }
 
-Json properties_of(const std::vector<KeyNote>& notes) {
-  Json properties = Json::object();
-  for (const KeyNote& note : notes) {
-    // The words of a key are in a separate note, in addition to the note with its type.
-    const bool has_words = note.kind == KeyNote::Kind::string && note.words.empty() &&
-                           std::any_of(notes.begin(), notes.end(), [&](const KeyNote& other) {
-                             return other.key == note.key && !other.words.empty();
-                           });
-    if (!has_words) add(properties, note.key, type_of(note));
-  }
-  return properties;
-}
-
 Json object_of(const Json& properties) {
   return {{"type", "object"}, {"additionalProperties", false}, {"properties", properties}};
 }
@@ -78,6 +65,19 @@ Json rule_of(const FormatKeys& keys) {
 }
 
 }  // namespace
+
+nlohmann::ordered_json properties_of(const std::vector<KeyNote>& notes) {
+  Json properties = Json::object();
+  for (const KeyNote& note : notes) {
+    // The words of a key come in a note of their own, besides the one of its type.
+    const bool has_words = note.kind == KeyNote::Kind::string && note.words.empty() &&
+                           std::any_of(notes.begin(), notes.end(), [&](const KeyNote& other) {
+                             return other.key == note.key && !other.words.empty();
+                           });
+    if (!has_words) add(properties, note.key, type_of(note));
+  }
+  return properties;
+}
 
 nlohmann::ordered_json json_schema() {
   const FormatKeys keys = format_keys();

@@ -1,5 +1,7 @@
 #pragma once
 
+#include <cstdint>
+#include <optional>
 #include <string>
 
 #include "links/time.hpp"
@@ -16,9 +18,14 @@ struct Verdict {
   std::string found;  // the observed state, as text
 };
 
+enum class RulePhase : std::uint8_t { waiting, active, over };
+
 // The acts of a rule, for reports.
 struct RuleReport {
   std::string name;
+  std::string action;  // its word
+  std::string where;   // the axis, or the bus
+  RulePhase phase = RulePhase::waiting;
   std::uint64_t acts = 0;
   std::optional<links::Time> first_act;
   std::string error;  // why it could not act; empty: no error

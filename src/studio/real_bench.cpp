@@ -127,7 +127,8 @@ Json RealBench::show_line(Call&) {
   Json buses = Json::array();
   for (const auto& bus : drives_.buses()) buses.push_back(bus->plan().link);
   Json missing = Json::object();
-  for (const char* name : {"plant", "inputs", "power", "fault_injection", "disturbance", "geometry", "virtual_time"}) {
+  for (const char* name :
+       {"plant", "inputs", "power", "fault_injection", "disturbance", "geometry", "virtual_time", "scenario"}) {
     missing[name] = no_plant;
   }
   Json names = Json::array();

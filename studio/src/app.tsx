@@ -11,6 +11,7 @@ import { BusPage } from './pages/bus';
 import { CommissionPage } from './pages/commission';
 import { FaultsPage } from './pages/faults';
 import { LinePage } from './pages/line';
+import { MisbehaviourPage } from './pages/misbehaviour';
 import { ObjectsPage } from './pages/objects';
 import { PlantPage } from './pages/plant';
 import { ScopePage } from './pages/scope';
@@ -30,11 +31,12 @@ const pages = [
   ['boards', 'Dashboards', BoardsPage],
   ['tuning', 'Tuning', TuningPage],
   ['faults', 'Faults', FaultsPage],
+  ['misbehaviour', 'Misbehaviour', MisbehaviourPage],
   ['objects', 'Objects', ObjectsPage],
   ['plant', 'I/O and plant', PlantPage],
   ['bus', 'Bus', BusPage],
 ] as const;
-const ofAxis = ['axis', 'commission', 'tuning', 'faults', 'objects', 'plant'];
+const ofAxis = ['axis', 'commission', 'tuning', 'faults', 'misbehaviour', 'objects', 'plant'];
 
 export function App() {
   const { page, name } = useRoute();

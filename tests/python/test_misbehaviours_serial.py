@@ -117,6 +117,12 @@ def writes_mode(client):
     return answer, client.read(MODE_DISPLAY)
 
 
+def reads_over_a_new_connection(client):
+    client.client.close()
+    client.client.connect()
+    return client.read()
+
+
 ON_ANSWER = 'on = { message = "answer" }\n'
 
 RTU = {
@@ -156,9 +162,7 @@ SERIAL10 = {
 
 TCP = {
     "close": Case(f'{ON_ANSWER}do = "close"\nlength = 5', Modbus.read, NO_ANSWER),
-    "accept": Case(
-        f'bus = "{BUS}"\ndo = "accept"\non = false', lambda client: (client.client.close(), client.client.connect())[1], False
-    ),
+    "accept": Case(f'bus = "{BUS}"\ndo = "accept"\non = false', reads_over_a_new_connection, NO_ANSWER),
     "alter": Case(f'{ON_ANSWER}do = "alter"\nbyte = 1\nxor = 0xFF', Modbus.read, NO_ANSWER),
     "abort": Case(f'{ON_ANSWER}do = "abort"\ncode = 6', Modbus.read, "exception 6"),
 }

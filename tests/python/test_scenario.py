@@ -103,6 +103,22 @@ def test_expectations_judge_the_shaft():
         assert "rpm" in scenario.failed[0].found
 
 
+def test_rules_join_and_leave_by_hand():
+    rule = '[[rule]]\nname = "a/b"\non = { message = "sdo_answer" }\ndo = "abort"\ncode = 0x08000022\n'
+    with servodrome.Line.from_file(LINE) as line, line.virtual_time():
+        with line.scenario(text='title = "t"\n') as scenario, Master(line) as master:
+            assert master.read(0x1000) == 0x20192
+            scenario.add_rules(rule)
+            with pytest.raises(servodrome.BadValue, match="a rule of this name"):
+                scenario.add_rules(rule)
+            assert error_of(lambda: master.read(0x1000)).startswith("Code 0x08000022")
+            assert scenario.rules["a/b"].acts == 1
+            scenario.remove_rule("a/b")
+            with pytest.raises(servodrome.UnknownName):
+                scenario.remove_rule("a/b")
+            assert master.read(0x1000) == 0x20192 and scenario.rules == {}
+
+
 def test_errors_have_line_and_column():
     with servodrome.Line.from_file(LINE) as line:
         with pytest.raises(servodrome.BadValue, match=r"scenario:3:6: .*there is no action \"widhold\""):

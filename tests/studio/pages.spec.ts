@@ -4,7 +4,7 @@ import { expect, test } from './fixtures';
 // Every page, in every look: opens, has no serious accessibility violation, no error, no request outside, and fits.
 
 const pages: Record<string, string> = {
-  line: '/', axis: '/axis/reference', homing: '/axis/ismc?do=home', scope: '/scope', boards: '/boards', faults: '/faults/reference', objects: '/objects/reference',
+  line: '/', axis: '/axis/reference', homing: '/axis/ismc?do=home', scope: '/scope', boards: '/boards', faults: '/faults/reference', misbehaviour: '/misbehaviour/reference', objects: '/objects/reference',
   plant: '/plant/reference', bus: '/bus', traffic: '/bus/traffic?bus=can0', parameters: '/objects/reference?view=parameters', pdos: '/objects/reference?view=pdos', tuning: '/tuning/ismk',
 };
 

@@ -50,6 +50,8 @@ test('shows the drives that were found, moves them, and knows what it does not h
   await expect(panel(page, 'Motion')).toContainText(/2\.(49|50)\d\d\s*rev/);
   await expect(page.getByRole('button', { name: 'Power cycle' })).toHaveCount(0);
   await picture('real-axis');
+  await page.getByRole('link', { name: 'Misbehaviour' }).click();
+  await expect(page.getByText('Only simulated drives and their buses can misbehave on purpose')).toBeVisible();
   await page.getByRole('link', { name: 'I/O and plant' }).click();
   await expect(page.locator('main')).toContainText('these are drives on a bus');
   // Its terminals are asked over the bus.

@@ -62,7 +62,7 @@ export interface LineView {
   signals: string[];
   missing: Partial<Record<Missing, string>>; // functions that the server does not have, with the reason
 }
-export type Missing = 'plant' | 'inputs' | 'power' | 'fault_injection' | 'disturbance' | 'geometry' | 'virtual_time';
+export type Missing = 'plant' | 'inputs' | 'power' | 'fault_injection' | 'disturbance' | 'geometry' | 'virtual_time' | 'scenario';
 
 export interface Clock {
   mode: 'real' | 'virtual';
@@ -264,3 +264,51 @@ export interface Plant {
 }
 
 export type Inputs = Record<string, { level: boolean; forced: boolean }>;
+
+// The catalogue of misbehaviours, and the rules that are in force.
+
+export interface KeyType {
+  type?: 'string' | 'boolean' | 'integer' | 'number';
+  enum?: readonly string[];
+  minimum?: number;
+  maximum?: number;
+  anyOf?: readonly KeyType[];
+}
+export type KeyTypes = Readonly<Record<string, KeyType>>;
+
+export interface MessageNote {
+  message: string;
+  text: string;
+  of_bus: boolean;
+  clause: string;
+}
+
+export interface ActionNote {
+  do: string;
+  text: string;
+  use: 'message' | 'once' | 'lasts';
+  of_bus: boolean;
+  clause: string;
+  messages: string; // on which it can act; empty: all of the group
+  keys: KeyTypes;
+  example: Readonly<Record<string, string>>;
+}
+
+export interface ActionGroup {
+  name: string;
+  title: string;
+  bus: string; // type of the buses that have it; empty: all
+  messages: readonly MessageNote[];
+  actions: readonly ActionNote[];
+}
+
+export interface Catalogue {
+  groups: readonly ActionGroup[];
+  message: KeyTypes;
+  rule: KeyTypes;
+  when: KeyTypes;
+}
+
+export interface RulesView {
+  rules: { name: string; do: string; where: string; phase: 'waiting' | 'active' | 'over'; acts: number; first_act_s: number | null; error: string }[];
+}

@@ -1,0 +1,127 @@
+// Rules that join and leave a scenario by hand, and the catalogue of actions for it.
+#include <gmock/gmock.h>
+#include <set>
+
+#include "api/error.hpp"
+#include "scenario/catalogue.hpp"
+#include "scenario/parse_parts.hpp"
+#include "scenario/routes.hpp"
+#include "scenario/schema.hpp"
+#include "scenario/support.hpp"
+
+namespace servodrome::scenario::test {
+namespace {
+
+using testing::HasSubstr;
+using Json = nlohmann::ordered_json;
+
+std::string body(const std::string& text) { return Json{{"text", text}}.dump(); }
+
+std::string refusal(const std::function<void()>& call) {
+  try {
+    call();
+  } catch (const api::ApiError& error) {
+    return error.what;
+  }
+  return "";
+}
+
+struct Bench {
+  line::Line line{line::test::settings_of(line::test::two_axes)};
+  Routes routes{line};
+};
+
+const char* const hides = "[[rule]]\nname = \"hides\"\naxis = \"left\"\ndo = \"show\"\nobject = \"1000\"\nvalue = 7\n";
+
+TEST(RulesByHand, BeginAScenarioAndJoinIt) {
+  Bench bench;
+  EXPECT_TRUE(bench.routes.rules()["rules"].empty());
+  const Json first = bench.routes.add_rules(body(hides));
+  EXPECT_EQ(first["rules"][0]["phase"], "active");
+  EXPECT_EQ(first["rules"][0]["do"], "show");
+  EXPECT_EQ(first["rules"][0]["where"], "left");
+  bench.line.run_until(10ms);
+  EXPECT_THAT(refusal([&] { bench.routes.add_rules(body(hides)); }), HasSubstr("a rule of this name"));
+  const Json second = bench.routes.add_rules(
+      body("[[rule]]\nname = \"waits\"\naxis = \"right\"\nwhen = { time_ms = 50 }\ndo = \"power\"\n"));
+  EXPECT_EQ(second["rules"].size(), 2U);
+  EXPECT_EQ(second["rules"][0]["first_act_s"], 0.0) << "the first rule goes on";
+  EXPECT_EQ(second["rules"][1]["phase"], "waiting");
+  bench.line.run_until(100ms);
+  EXPECT_FALSE(bench.line.find_axis("right")->powered());
+}
+
+TEST(RulesByHand, LeaveAndTakeTheirEffectBack) {
+  Bench bench;
+  bench.routes.begin("title = \"t\"\n[[rule]]\nname = \"off\"\naxis = \"right\"\ndo = \"power\"\n", "s.toml",
+                     Routes::Extra::none);
+  bench.routes.add_rules(body(hides));
+  EXPECT_FALSE(bench.line.find_axis("right")->powered());
+  EXPECT_EQ(bench.routes.remove_rule("off")["rules"].size(), 1U);
+  EXPECT_TRUE(bench.line.find_axis("right")->powered());
+  EXPECT_THAT(refusal([&] { bench.routes.remove_rule("off"); }), HasSubstr("there is no rule"));
+  EXPECT_TRUE(bench.routes.remove_rule("hides")["rules"].empty());
+  const Json again = bench.routes.add_rules(body(hides));  // the name is free
+  EXPECT_EQ(again["rules"][0]["acts"], 1U);
+}
+
+TEST(RulesByHand, OneThatDoesNotFitLetsNoneJoin) {
+  Bench bench;
+  const std::string wrong = "[[rule]]\nname = \"wrong\"\naxis = \"nobody\"\ndo = \"power\"\n";
+  EXPECT_THAT(refusal([&] { bench.routes.add_rules(body(hides + wrong)); }), HasSubstr("there is no axis"));
+  EXPECT_TRUE(bench.routes.rules()["rules"].empty());
+  EXPECT_THAT(refusal([&] { bench.routes.add_rules(body("[[rule]]\ndo = \"fly\"\n")); }),
+              HasSubstr("there is no action"));
+}
+
+// ---- The catalogue
+
+TEST(ActionCatalogue, HasEachActionAndEachMessage) {
+  std::set<std::string> actions, messages;
+  const Json catalogue = action_catalogue();
+  for (const Json& group : catalogue["groups"]) {
+    for (const Json& action : group["actions"]) {
+      actions.insert(action["do"]);
+      EXPECT_FALSE(action["text"].get<std::string>().empty()) << action;
+      EXPECT_TRUE(action["use"] == "message" || !action["clause"].get<std::string>().empty()) << action;
+    }
+    for (const Json& message : group["messages"]) messages.insert(message["message"]);
+  }
+  for (const std::string_view name : action_names()) EXPECT_TRUE(actions.contains(std::string(name))) << name;
+  const Json schema = json_schema();
+  for (const Json& name : schema["definitions"]["message"]["properties"]["message"]["enum"]) EXPECT_TRUE(messages.contains(name.get<std::string>())) << name;
+}
+
+// The rule that a page makes of an action and its example.
+std::string rule_of(const Json& action, const std::string& message) {
+  std::string text = "[[rule]]\ndo = \"" + action["do"].get<std::string>() + "\"\n";
+  if (!message.empty()) text += "on = { message = \"" + message + "\" }\n";
+  for (const auto& [key, value] : action["example"].items()) {
+    const Json& type = action["keys"].at(key);
+    const bool is_text = type.value("type", "") == "string";
+    text += key + " = " + (is_text ? value.dump() : value.get<std::string>()) + "\n";
+  }
+  return text;
+}
+
+TEST(ActionCatalogue, ExamplesAreRules) {
+  const Json catalogue = action_catalogue();
+  for (const Json& group : catalogue["groups"]) {
+    for (const Json& action : group["actions"]) {
+      const bool on_messages = action["use"] == "message";
+      std::vector<std::string> messages(on_messages ? 0 : 1);
+      for (const Json& message : group["messages"]) {
+        if (on_messages) messages.push_back(message["message"]);
+      }
+      for (const std::string& message : messages) {
+        const std::string text = rule_of(action, message);
+        const ScenarioFile file = parse_scenario("title = \"t\"\n" + text, "s.toml");
+        ASSERT_TRUE(file.diagnostics.empty()) << text << to_string(file.diagnostics.front());
+        EXPECT_EQ(acts_on_messages(file.scenario.rules.front().action), on_messages) << text;
+      }
+    }
+  }
+}
+
+}  // namespace
+}  // namespace servodrome::scenario::test
