@@ -272,6 +272,7 @@ void DriveBus::carry_out(OpenBus& open, Access& access) {
       objects.download(access.object, access.bytes);
     } else {
       access.bytes = objects.upload(access.object);
+      access.size_is_known = objects.size_is_known();
     }
     note_access(true, Clock::now() - began);
     access.done = true;

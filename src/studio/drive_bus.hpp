@@ -92,6 +92,7 @@ struct Access {
   bool writes = false;
   bool urgent = false;             // comes before everything that waits
   std::vector<std::byte> bytes{};  // data to write, or data read
+  bool size_is_known = true;       // of the data read: ObjectClient::size_is_known
   std::exception_ptr error{};
   std::atomic<bool> done{false};      // bytes and error are valid
   std::atomic<bool> given_up{false};  // no caller waits for it any more: skip it

@@ -110,6 +110,14 @@ Json view_of(const RealDrives& drives, std::size_t index) {
   return view;
 }
 
+// The bytes of the object's value: an answer that does not tell its size has four.
+std::vector<std::byte> value_of(master::ObjectClient& objects, const dictionary::Entry& entry) {
+  std::vector<std::byte> bytes = objects.upload({entry.index, entry.sub});
+  const std::size_t size = dictionary::size_of(entry.type);
+  if (!objects.size_is_known() && size > 0 && bytes.size() > size) bytes.resize(size);
+  return bytes;
+}
+
 }  // namespace
 
 std::size_t bus_argument(const RealDrives& drives, const Call& call) {
@@ -174,10 +182,8 @@ Json RealBench::list_objects(Call& call) {
 Json RealBench::read_object(Call& call) {
   const Object object = object_argument(drives_, call);
   drives_.require_ready(object.axis.name);
-  return asking(object.where, [&] {
-    const auto bytes = drives_.open(object.axis)->upload({object.entry.index, object.entry.sub});
-    return line::bench::shown(object.entry, bytes);
-  });
+  return asking(object.where,
+                [&] { return line::bench::shown(object.entry, value_of(*drives_.open(object.axis), object.entry)); });
 }
 
 Json RealBench::read_values(Call& call) {
@@ -189,8 +195,7 @@ Json RealBench::read_values(Call& call) {
     const dictionary::Entry* entry = axis.device->dictionary().find(address.index, address.sub);
     if (entry == nullptr || drives_.state_of(axis).problem) continue;
     try {
-      const auto bytes = drives_.open(axis)->upload({address.index, address.sub});
-      value = line::bench::shown(*entry, bytes)["value"];
+      value = line::bench::shown(*entry, value_of(*drives_.open(axis), *entry))["value"];
     } catch (const master::MasterError&) {
       // The object does not exist, or the drive is silent; then its state shows that.
     }

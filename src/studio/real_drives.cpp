@@ -26,7 +26,9 @@ constexpr double no_value = std::numeric_limits<double>::quiet_NaN();
 
 double number_of(dictionary::Type type, std::span<const std::byte> bytes) {
   if (bytes.empty()) return no_value;
-  const std::int64_t raw = dictionary::decode_number(type, bytes);
+  const std::size_t size =
+      std::min<std::size_t>(bytes.size(), dictionary::size_of(type));  // an answer may have more: size_is_known()
+  const std::int64_t raw = dictionary::decode_number(type, bytes.first(size));
   switch (type) {
     case dictionary::Type::real32: return static_cast<double>(std::bit_cast<float>(static_cast<std::uint32_t>(raw)));
     case dictionary::Type::unsigned64: return static_cast<double>(static_cast<std::uint64_t>(raw));

@@ -29,6 +29,7 @@ std::vector<std::byte> RemoteObjects::access(master::ObjectAddress object, bool 
   bus_.submit(access);
   while (!access->done) wait_(now_() + look_period);
   if (access->error) std::rethrow_exception(access->error);
+  size_is_known_ = access->size_is_known;
   return std::move(access->bytes);
 }
 

@@ -17,6 +17,7 @@ class RemoteObjects final : public master::ObjectClient {
   void download(master::ObjectAddress object, std::span<const std::byte> data) override {
     access(object, true, {data.begin(), data.end()});
   }
+  bool size_is_known() const override { return size_is_known_; }
   master::Time now() const override { return now_(); }
   void wait(master::Time span) override { wait_(now_() + span); }
   std::uint16_t address() const override { return static_cast<std::uint16_t>(bus_.plan().drives[drive_].address); }
@@ -30,6 +31,7 @@ class RemoteObjects final : public master::ObjectClient {
   std::string name_;
   Now now_;
   Drives::Wait wait_;
+  bool size_is_known_ = true;  // of the last upload
 };
 
 }  // namespace servodrome::studio

@@ -183,6 +183,15 @@ def text_call(studio, method, path, body=None):
         return answer.read()
 
 
+def test_an_answer_that_does_not_tell_its_size_is_read(studio, line):
+    """CiA 301 7.2.4.3.6: an expedited answer may leave it out, and then has four bytes."""
+    wait_for(lambda: studio.bench.axis("ismc-1")["powered"], "the drive")
+    rule = '[[rule]]\nname = "r"\naxis = "ismc"\non = { message = "sdo_answer", object = "6041" }\ndo = "alter"\nbytes = "42 ?? ?? ?? ?? ?? 55 AA"\n'
+    line.bench.post("scenario/rules", {"text": rule})
+    assert studio.bench.get("axes/ismc-1/objects/6041/0")["value"] == line.bench.get("axes/ismc/objects/6041/0")["value"]
+    assert line.bench.get("scenario/rules")["rules"][0]["acts"] > 0
+
+
 @pytest.mark.parametrize("axis", NAMES)
 def test_parameters_are_saved_compared_and_loaded(studio, line, axis):
     bench = studio.bench

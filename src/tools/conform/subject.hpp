@@ -57,6 +57,7 @@ class KeptObjects final : public ObjectClient {
 
   std::vector<std::byte> upload(ObjectAddress object) override;
   void download(ObjectAddress object, std::span<const std::byte> data) override;
+  bool size_is_known() const override { return target_->size_is_known(); }
   Time now() const override { return target_->now(); }
   void wait(Time span) override;
   std::uint16_t address() const override { return target_->address(); }

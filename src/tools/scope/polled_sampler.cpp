@@ -52,6 +52,7 @@ class PolledSampler final : public Sampler {
       drive().download(object, data);
       sampler_.poll_if_due();
     }
+    bool size_is_known() const override { return drive().size_is_known(); }
     Time now() const override { return drive().now(); }
     void wait(Time span) override {
       const Time end = now() + span;
