@@ -19,6 +19,8 @@ struct Request {
   std::string origin{};
   std::string authorization{};
   std::string if_none_match{};
+  // The sender by its own words: "page", or the first name of User-Agent, such as "curl". Empty: not known.
+  std::string client{};
   bool has_origin = false;
   bool from_loopback = true;
 };

@@ -47,6 +47,16 @@ std::string token_of_subprotocols(beast::string_view list) {
   return {};
 }
 
+// A browser sends Origin with each request that changes something.
+std::string client_of(const Request& request, std::string_view user_agent) {
+  if (request.has_origin) return "page";
+  constexpr std::size_t longest = 24;
+  const std::size_t end = std::min({user_agent.find_first_of("/ "), user_agent.size(), longest});
+  std::string name(user_agent.substr(0, end));
+  std::erase_if(name, [](char each) { return each < '!' || each > '~'; });
+  return name;
+}
+
 Request request_of(http::request<http::string_body>&& message, bool from_loopback) {
   Request request;
   request.method = method_of(message.method());
@@ -65,6 +75,7 @@ Request request_of(http::request<http::string_body>&& message, bool from_loopbac
   request.has_origin = message.find(http::field::origin) != message.end();
   request.authorization = text_of(message[http::field::authorization]);
   request.if_none_match = text_of(message[http::field::if_none_match]);
+  request.client = client_of(request, text_of(message[http::field::user_agent]));
   request.from_loopback = from_loopback;
   request.body = std::move(message.body());
   return request;

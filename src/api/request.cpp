@@ -6,6 +6,7 @@
 #include <fmt/format.h>
 #include <optional>
 
+#include "api/author.hpp"
 #include "api/routes.hpp"
 
 namespace servodrome::api {
@@ -143,6 +144,7 @@ std::optional<std::string> query_value(const Call& call, std::string_view key) {
 }
 
 Response begin(const Request& request, std::span<const RouteGroup> groups) {
+  const Author author(request.client.empty() ? "API" : fmt::format("API ({})", request.client));
   return answered([&] { return dispatch(request, groups); });
 }
 

@@ -55,5 +55,6 @@ void add_tune(CLI::App& app);
 void add_clone(CLI::App& app);
 void add_fit(CLI::App& app);
 void add_trial(CLI::App& app);
+void add_changes(CLI::App& app);
 
 }  // namespace servodrome::app

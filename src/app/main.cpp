@@ -16,10 +16,10 @@ namespace {
 using namespace servodrome::app;
 
 constexpr std::array commands{
-    add_up,     add_check,      add_products, add_export, add_scan,    add_get,     add_set,    add_home,
-    add_move,   add_monitor,    add_nmt,      add_prove,  add_state,   add_conform, add_faults, add_jog,
-    add_torque, add_probe,      add_run,      add_params, add_disable, add_sniff,   add_studio, add_scope,
-    add_tune,   add_completion, add_manual,   add_clone,  add_fit,     add_trial,
+    add_up,     add_check,      add_products, add_export, add_scan,    add_get,     add_set,     add_home,
+    add_move,   add_monitor,    add_nmt,      add_prove,  add_state,   add_conform, add_faults,  add_jog,
+    add_torque, add_probe,      add_run,      add_params, add_disable, add_sniff,   add_studio,  add_scope,
+    add_tune,   add_completion, add_manual,   add_clone,  add_fit,     add_trial,   add_changes,
 };
 
 int report(int exit_status, std::string_view message) {

@@ -85,12 +85,23 @@ AbortCode Dictionary::check_range(const Entry& entry, std::span<const std::byte>
 
 AbortCode Dictionary::write(const Entry& entry, std::span<const std::byte> value) {
   if (!entry.writable()) return AbortCode::read_only;
-  if (view_ == nullptr || !entry.fixed_size()) return write_any(entry, value);
+  if (view_ == nullptr || !entry.fixed_size()) return write_recorded(entry, value);
   if (const AbortCode abort = check_value(entry, value); abort != AbortCode::none) return abort;
   std::array<std::byte, 8> number{};
   std::copy(value.begin(), value.end(), number.begin());
   const std::span changed = std::span(number).first(value.size());
-  return view_->take(entry, changed) ? write_any(entry, changed) : AbortCode::none;
+  return view_->take(entry, changed) ? write_recorded(entry, changed) : AbortCode::none;
+}
+
+AbortCode Dictionary::write_recorded(const Entry& entry, std::span<const std::byte> value) {
+  if (recorder_ == nullptr) return write_any(entry, value);
+  ReadValue present;
+  const bool is_stored = entry.fixed_size() || entry.offset != Field::no_storage;
+  const bool is_known = is_stored && read_object(entry, present) == AbortCode::none;
+  recorder_->before(entry, is_known ? present.bytes : std::span<const std::byte>{});
+  const AbortCode abort = write_any(entry, value);
+  if (abort == AbortCode::none) recorder_->written(entry, value);
+  return abort;
 }
 
 AbortCode Dictionary::check(const Entry& entry, std::span<const std::byte> value) const {

@@ -61,6 +61,20 @@ class View {
   ~View() = default;
 };
 
+// Gets all writes of a bus or of the service port (Dictionary::write), with the value before and after. Process data
+// and the device itself do not pass it.
+class Recorder {
+ public:
+  // `value` is the present value of the object that is about to be written; empty if it cannot be read. Valid during
+  // the call.
+  virtual void before(const Entry& entry, std::span<const std::byte> value) = 0;
+  // The object was written. Follows `before` of the same entry, unless the write was refused.
+  virtual void written(const Entry& entry, std::span<const std::byte> value) = 0;
+
+ protected:
+  ~Recorder() = default;
+};
+
 // Abort codes for a wrong length; products differ in them.
 struct LengthAborts {
   AbortCode too_long = AbortCode::length_too_high;
@@ -89,6 +103,9 @@ class Dictionary {
   // All accesses of the bus (read, write, PDOs) pass `view` from now on; nullptr: none. Accesses by numbers do not.
   void set_view(View* view) { view_ = view; }
   View* view() const { return view_; }
+
+  // `recorder` gets each `write` from now on; nullptr: none.
+  void set_recorder(Recorder* recorder) { recorder_ = recorder; }
 
   std::span<const Entry> table() const { return table_; }
   const LengthAborts& length_aborts() const { return length_aborts_; }
@@ -136,11 +153,13 @@ class Dictionary {
  private:
   AbortCode check_value(const Entry& entry, std::span<const std::byte> value) const;
   AbortCode read_object(const Entry& entry, ReadValue& value) const;
+  AbortCode write_recorded(const Entry& entry, std::span<const std::byte> value);
 
   std::span<const Entry> table_;
   std::span<std::byte> objects_;
   LengthAborts length_aborts_;
   View* view_ = nullptr;
+  Recorder* recorder_ = nullptr;
   std::array<Listener*, owner_count> listeners_{};
 };
 

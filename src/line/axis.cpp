@@ -44,7 +44,7 @@ Axis::Axis(const AxisSettings& settings, const AxisBuses& buses)
       serial_(buses.serial),
       store_(open_store(settings.store, settings.product->store_bytes)),
       plant_(settings.plant) {
-  products::Settings device_settings;
+  products::Settings& device_settings = device_settings_;
   device_settings.node_id = settings.node_id;
   if (bus_ != nullptr) device_settings.bit_rate = settings.bit_rate != 0 ? settings.bit_rate : bus_->bit_rate();
   device_settings.serial_number = settings.serial_number;
@@ -225,6 +225,22 @@ void Axis::follow_serial_format() {
   if (port == nullptr || port->format() == serial_format_) return;
   serial_format_ = port->format();
   serial_->set_format(serial_port_, serial_format_);
+}
+
+std::shared_ptr<products::Device> Axis::stored_device() const {
+  struct Stored {
+    explicit Stored(std::uint32_t bytes) : memory(bytes) {}
+    KeptInMemory memory;
+    std::shared_ptr<products::Device> device;
+  };
+  const auto stored = std::make_shared<Stored>(store_->size());
+  std::vector<std::byte> bytes(store_->size());
+  if (store_->read(0, bytes)) stored->memory.write(0, bytes);
+  products::Settings settings = device_settings_;
+  settings.store = &stored->memory;
+  stored->device = settings_.product->make(settings);
+  stored->device->power_on(feedback_, Time{});
+  return {stored, stored->device.get()};
 }
 
 void Axis::power_on(Time now) {

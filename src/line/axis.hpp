@@ -86,6 +86,9 @@ class Axis final : public links::Receiver {
     return powered_ && serial_ != nullptr ? device_->serial_port() : nullptr;
   }
 
+  // A drive as this one is after a power-on now: with a copy of its non-volatile memory. It never runs.
+  std::shared_ptr<products::Device> stored_device() const;
+
   // Moves the shaft to another encoder position, at rest. Returns false, and does nothing, while the motor is
   // energised.
   bool place(std::int64_t position_counts);
@@ -144,6 +147,7 @@ class Axis final : public links::Receiver {
   links::EthercatBus* ethercat_;
   links::SerialLine* serial_;
   std::shared_ptr<dictionary::Medium> store_;
+  products::Settings device_settings_;
   std::shared_ptr<products::Device> device_;
   plant::Plant plant_;
   drive::Feedback feedback_{};

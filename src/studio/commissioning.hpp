@@ -26,6 +26,8 @@ struct Subject {
   // data. Empty: the drive accepts such changes through `objects` at any time.
   using Action = std::function<void(master::ObjectClient& objects)>;
   std::function<void(const Action& action, const Action& undo)> configure{};
+  // The values that the drive has after the next power-on. Empty: they cannot be read while the drive runs.
+  std::function<std::vector<master::ParameterValue>(const master::ParameterList& list)> stored{};
   // The parameters that `servodrome params` lists: those of `table`.
   master::ParameterList parameters(bool with_connection = false) const;
 };

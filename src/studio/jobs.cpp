@@ -6,6 +6,7 @@
 #include <fmt/ranges.h>
 #include <system_error>
 
+#include "api/author.hpp"
 #include "line/axis.hpp"
 
 namespace servodrome::studio {
@@ -96,6 +97,7 @@ void Jobs::tell(const Job& job) const {
 
 // The body of a job's task.
 void Jobs::carry_out(Job& job) {
+  const api::Author author(fmt::format("job {} ({})", job.id, job.order.what));
   const auto wait = [this, &job](master::Time until) {
     job.due = until;
     do {

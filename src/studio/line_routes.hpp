@@ -5,22 +5,26 @@
 
 #include "scenario/routes.hpp"
 #include "studio/bode_routes.hpp"
+#include "studio/change_routes.hpp"
 #include "studio/commissioning.hpp"
 #include "studio/jobs.hpp"
+#include "studio/line_changes.hpp"
 #include "studio/recording_export.hpp"
 #include "studio/traffic.hpp"
 #include "studio/trial_routes.hpp"
 
 namespace servodrome::studio {
 
-// All routes of this library for a line: jobs, parameters, PDO mappings, traffic, frequency responses, recordings as
-// files, and scenarios.
+// All routes of this library for a line: jobs, parameters, PDO mappings, changes, traffic, frequency responses,
+// recordings as files, and scenarios.
 class LineRoutes {
  public:
   // `line` must outlive this object. `epoch` returns the wall-clock time of the line's time 0.
   LineRoutes(line::Line& line, const FindRecording& find, const std::function<line::Time()>& epoch)
-      : jobs_(line),
+      : changes_(line),
+        jobs_(line),
         subjects_(line),
+        change_routes_(changes_.log(), subjects_),
         bode_plots_(find),
         recording_export_(find, epoch),
         scenario_(line),
@@ -28,12 +32,15 @@ class LineRoutes {
         traffic_([&line](const api::Call& call) { return find_line_traffic(line, call); }, epoch) {}
 
   Jobs& jobs() { return jobs_.jobs(); }
+  const api::ChangeLog& changes() { return changes_.log(); }
   // The groups refer to this object.
   std::vector<api::RouteGroup> groups();
 
  private:
+  LineChanges changes_;
   LineJobs jobs_;
   LineSubjects subjects_;
+  ChangeRoutes change_routes_;
   BodePlots bode_plots_;
   RecordingExport recording_export_;
   scenario::Routes scenario_;

@@ -95,11 +95,19 @@ Json differences_of(std::span<const master::ParameterValue> left, std::span<cons
   return Json{{"compared", compared}, {"differences", std::move(rows)}};
 }
 
-Json compare_with_factory(Call& call) {
+Json compare(Call& call) {
+  const std::string with = query_value(call, "with").value_or("factory");
+  if (with != "factory" && with != "stored") {
+    throw ApiError{400, fmt::format("with is \"{}\"", with.substr(0, 40)), "address", "write factory or stored"};
+  }
   Subject subject = subject_of(call);
   const master::ParameterList list = subject.parameters();
+  if (with == "stored" && !subject.stored) {
+    throw ApiError{409, "the drive does not show its stored values while it runs", std::string(call.arguments[0]),
+                   "save the parameters as a file when they are stored, and compare with the file"};
+  }
   return said(409, [&] {
-    const auto left = master::factory_parameters(list);
+    const auto left = with == "stored" ? subject.stored(list) : master::factory_parameters(list);
     const auto right = master::read_parameters(subject.objects, list, subject.node_id).values;
     return differences_of(left, right, subject, std::min(left.size(), right.size()), true);
   });
@@ -144,7 +152,7 @@ Json store_now(Call& call) {
 constexpr std::array parameter_table{
     Route{Method::get, "/api/v1/axes/{}/parameters", show_parameters},
     Route{Method::put, "/api/v1/axes/{}/parameters", load_parameter_text},
-    Route{Method::get, "/api/v1/axes/{}/parameters/diff", compare_with_factory},
+    Route{Method::get, "/api/v1/axes/{}/parameters/diff", compare},
     Route{Method::post, "/api/v1/axes/{}/parameters/diff", compare_with_file},
     Route{Method::post, "/api/v1/axes/{}/parameters/store", store_now},
 };

@@ -11,6 +11,7 @@
 #include "line/registry.hpp"
 #include "studio/commissioning.hpp"
 #include "studio/drive_bus.hpp"
+#include "studio/drive_changes.hpp"
 #include "studio/drives.hpp"
 
 namespace servodrome::studio {
@@ -58,6 +59,9 @@ class RealDrives final : public Drives, public api::Source, public Subjects {
   // Waits with the present wait.
   std::unique_ptr<master::ObjectClient> open(const Axis& axis) { return open(axis.name, wait_); }
   api::Json view(const Axis& axis) const;
+
+  // What this program wrote to the drives.
+  const api::ChangeLog& changes() const { return changes_->log(); }
 
   // Fetches the values that the threads of the buses have read. Returns the events of the stream since the last call.
   std::vector<api::Json> advance();
@@ -109,6 +113,7 @@ class RealDrives final : public Drives, public api::Source, public Subjects {
   // Lets the thread of the axis' bus carry out `work`; meanwhile `wait` lets other tasks run. Throws what the work
   // threw.
   void carry_out(const Axis& axis, const std::shared_ptr<studio::Work>& work, const std::function<void()>& wait);
+  std::size_t index_of(const Axis& axis) const { return static_cast<std::size_t>(&axis - axes_.data()); }
   void take_back_targets(const Axis& axis, const Wait& wait);
   api::NamedChannel channel(const Axis& axis, master::ObjectAddress object, PolledSamples::Decode decode,
                             const std::string& key, Json view, std::function<double()> value);
@@ -117,6 +122,7 @@ class RealDrives final : public Drives, public api::Source, public Subjects {
   master::Time wall_epoch_;
   std::vector<std::unique_ptr<DriveBus>> buses_;
   std::vector<Axis> axes_;
+  std::unique_ptr<DriveChanges> changes_;
   std::vector<Told> told_;
   std::vector<Told> told_of_buses_;
   Wait wait_;

@@ -10,6 +10,7 @@
 #include "api/scope/scope.hpp"
 #include "api/scope/web_sockets.hpp"
 #include "api/static_files.hpp"
+#include "studio/change_routes.hpp"
 #include "studio/jobs.hpp"
 #include "studio/real_bench.hpp"
 #include "studio/recording_export.hpp"
@@ -69,6 +70,7 @@ class RealServer {
   api::Scope scope_;
   api::WebSockets web_sockets_;
   Jobs jobs_;
+  ChangeRoutes change_routes_;
   RecordingExport recording_export_;
   Traffic traffic_;
   std::vector<api::RouteGroup> groups_;

@@ -476,6 +476,54 @@ TEST(TableBuilder, MakeTableSorts) {
   EXPECT_EQ(sorted[2].index, 0x6000);
 }
 
+// The recorder gets each write with the value before, and no refused write.
+TEST(DictionaryRecorder, GetsTheValueBeforeAndAfter) {
+  struct Note {
+    std::uint16_t index;
+    std::vector<std::byte> before;
+    std::vector<std::byte> after;
+  };
+  class Notes final : public Recorder {
+   public:
+    void before(const Entry&, std::span<const std::byte> value) override { before_.assign(value.begin(), value.end()); }
+    void written(const Entry& entry, std::span<const std::byte> value) override {
+      notes.push_back({entry.index, before_, {value.begin(), value.end()}});
+    }
+    std::vector<Note> notes;
+
+   private:
+    std::vector<std::byte> before_;
+  };
+  Objects objects{};
+  objects.mode = 1;
+  Dictionary dictionary(table, std::as_writable_bytes(std::span(&objects, 1)));
+  Notes notes;
+  dictionary.set_recorder(&notes);
+  const auto write = [&](std::uint16_t index, std::string_view bytes) {
+    return dictionary.write(*dictionary.find(index, 0), bytes_of(bytes));
+  };
+  const auto is = [](std::string_view text) {
+    const auto bytes = bytes_of(text);
+    return std::vector<std::byte>(bytes.begin(), bytes.end());
+  };
+  EXPECT_EQ(write(0x6060, "\x03"), AbortCode::none);
+  EXPECT_EQ(write(0x6060, "\x7F"), AbortCode::value_too_high);
+  EXPECT_EQ(write(0x2001, "one"), AbortCode::none);
+  EXPECT_EQ(write(0x2001, "three"), AbortCode::none);
+  EXPECT_EQ(write(0x6040, "ab"), AbortCode::none);
+  EXPECT_EQ(dictionary.set_number(0x6071, 0, 5), AbortCode::none);  // the device itself
+  ASSERT_EQ(notes.notes.size(), 4U);
+  EXPECT_EQ(notes.notes[0].before, is("\x01"));
+  EXPECT_EQ(notes.notes[0].after, is("\x03"));
+  EXPECT_EQ(notes.notes[1].before, is(""));
+  EXPECT_EQ(notes.notes[2].before, is("one"));
+  EXPECT_EQ(notes.notes[2].after, is("three"));
+  EXPECT_EQ(notes.notes[3].before, is("")) << "a write-only object has no value to read";
+  dictionary.set_recorder(nullptr);
+  EXPECT_EQ(write(0x6060, "\x04"), AbortCode::none);
+  EXPECT_EQ(notes.notes.size(), 4U);
+}
+
 }  // namespace
 }  // namespace dictionary_test
 }  // namespace servodrome::dictionary

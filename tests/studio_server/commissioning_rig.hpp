@@ -10,8 +10,10 @@
 #include "links/ethercat/memory_client.hpp"
 #include "master/ethercat/scan.hpp"
 #include "master/ethercat/slave.hpp"
+#include "studio/change_routes.hpp"
 #include "studio/commissioning.hpp"
 #include "studio/jobs.hpp"
+#include "studio/line_changes.hpp"
 
 namespace servodrome::studio {
 
@@ -35,8 +37,9 @@ class CommissioningRig : public testing::Test {
   }
 
   api::Response ask(api::Method method, const std::string& target, const std::string& body = {}) {
-    const std::array groups{parameter_routes(subjects_), pdo_routes(subjects_), jobs_.routes()};
-    return line::bench::handle(line_, {.method = method, .target = "/api/v1/" + target, .body = body}, groups);
+    const std::array groups{parameter_routes(subjects_), pdo_routes(subjects_), jobs_.routes(), change_routes_.group()};
+    return line::bench::handle(
+        line_, {.method = method, .target = "/api/v1/" + target, .body = body, .client = client_}, groups);
   }
   // The answer of a request that is to succeed.
   nlohmann::json json_of(api::Method method, const std::string& target, const std::string& body = {}) {
@@ -65,9 +68,12 @@ class CommissioningRig : public testing::Test {
     return job;
   }
 
+  std::string client_{};  // who sends the requests, for the change log
   line::Line line_;
+  LineChanges changes_{line_};
   LineJobs jobs_{line_};
   LineSubjects subjects_{line_};
+  ChangeRoutes change_routes_{changes_.log(), subjects_};
 };
 
 // What GoogleTest takes for a name of such a test.

@@ -71,6 +71,28 @@ TEST_P(ParametersOf, AChangeIsToldAndTakenBack) {
   EXPECT_EQ(text(), before);
 }
 
+// What differs from the stored values is what a power cycle takes back.
+TEST_P(ParametersOf, AreComparedWithTheStoredValues) {
+  EXPECT_EQ(get(path_ + "/diff?with=stored")["differences"], json::array());
+  json_of(Method::put, "axes/" + axis_ + "/objects/6083/0", R"({"value": 4321})");
+  const json changed = get(path_ + "/diff?with=stored");
+  const bool at_once = changed["differences"].empty();  // this drive stores each value when it is written
+  if (!at_once) {
+    ASSERT_EQ(changed["differences"].size(), 1U) << changed.dump();
+    EXPECT_EQ(changed["differences"][0]["object"], "6083:00");
+    EXPECT_EQ(changed["differences"][0]["right"], "4321");
+  }
+  json_of(Method::post, "axes/" + axis_ + "/power", R"({"action": "cycle"})");
+  pass(500ms);
+  EXPECT_EQ(value(axis_, "6083/0") == 4321, at_once);
+  EXPECT_EQ(get(path_ + "/diff?with=stored")["differences"], json::array());
+  json_of(Method::put, "axes/" + axis_ + "/objects/6083/0", R"({"value": 4321})");
+  json_of(Method::post, path_ + "/store");
+  pass(500ms);
+  for (const json& left : get(path_ + "/diff?with=stored")["differences"]) EXPECT_EQ(left["object"], "6083:00");
+  EXPECT_EQ(ask(Method::get, path_ + "/diff?with=x").status, 400U);
+}
+
 TEST_P(ParametersOf, WhatDoesNotFitIsRefusedAndNothingIsWritten) {
   const std::string before = text();
   const auto refused = [&](const std::string& body, unsigned status, const std::string& words) {

@@ -10,10 +10,11 @@ import { attempt, tell } from '../notices';
 import { useResource } from '../resource';
 import { keep, useRoute } from '../route';
 import { useLine, usePowered } from '../store';
+import { ChangesView } from './changes';
 import { ParametersView } from './parameters';
 import { PdoView } from './pdos';
 
-const views = [['', 'Dictionary'], ['parameters', 'Parameters'], ['pdos', 'Process data']] as const;
+const views = [['', 'Dictionary'], ['parameters', 'Parameters'], ['pdos', 'Process data'], ['changes', 'Changes']] as const;
 
 export function ObjectsPage() {
   const { name: asked, query } = useRoute();
@@ -25,7 +26,15 @@ export function ObjectsPage() {
       <AxisTabs page="objects" name={name} />
       <Views label="Views of the objects" views={views} />
       {!powered && <p className="empty">The drive has no power: its objects cannot be read.</p>}
-      {view === 'parameters' ? <ParametersView name={name} /> : view === 'pdos' ? <PdoView name={name} /> : <DictionaryView name={name} />}
+      {view === 'parameters' ? (
+        <ParametersView name={name} />
+      ) : view === 'pdos' ? (
+        <PdoView name={name} />
+      ) : view === 'changes' ? (
+        <ChangesView key={name} name={name} />
+      ) : (
+        <DictionaryView name={name} />
+      )}
     </>
   );
 }

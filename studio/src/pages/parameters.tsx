@@ -62,10 +62,10 @@ export function ParametersView({ name }: { name: string }) {
       .then(setOutcome)
       .finally(() => setBusy(false));
   };
-  const compareWithFactory = async () => ({ comparison: { ...(await get<Comparison>(`${path}/diff`)), left: 'factory' } });
+  const compareWithin = async (left: string) => ({ comparison: { ...(await get<Comparison>(`${path}/diff?with=${left}`)), left } });
   const compareWith = async ({ name: left, text }: Text) => ({ comparison: { ...(await callText<Comparison>('POST', `${path}/diff`, text)), left } });
   const load = async (text: string, query = '') => ({ report: await callText<LoadReport>('PUT', `${path}${query}`, text) });
-  const again = (left: string) => (left === 'factory' ? compareWithFactory() : file ? compareWith(file) : Promise.resolve({}));
+  const again = (left: string) => (left === 'factory' || left === 'stored' ? compareWithin(left) : file ? compareWith(file) : Promise.resolve({}));
   // Loads the left side's values of a comparison into the drive, and compares again.
   const take = (left: string, differences: Difference[]) =>
     run(async () => {
@@ -83,7 +83,8 @@ export function ParametersView({ name }: { name: string }) {
         </p>
         <div className="toolbar">
           <a className="button" href={`/api/v1${path}`} download={`${name}.par`}>Save as a file</a>
-          <Button isDisabled={busy} onPress={() => run(compareWithFactory)}>Compare with factory defaults</Button>
+          <Button isDisabled={busy} onPress={() => run(() => compareWithin('factory'))}>Compare with factory defaults</Button>
+          <Button isDisabled={busy} onPress={() => run(() => compareWithin('stored'))}>Compare with stored values</Button>
           <Button isDisabled={busy} onPress={() => run(async () => ({ storing: await post<StoreReport>(`${path}/store`) }))}>Store in the drive</Button>
         </div>
         <div className="toolbar">

@@ -1,0 +1,153 @@
+#include "studio/change_routes.hpp"
+
+#include <algorithm>
+#include <array>
+#include <fmt/chrono.h>
+#include <fmt/format.h>
+
+#include "api/author.hpp"
+#include "describe/words.hpp"
+#include "line/bench/object_values.hpp"
+#include "links/nearest_name.hpp"
+#include "links/number_text.hpp"
+#include "studio/route_names.hpp"
+#include "studio/undo.hpp"
+
+namespace servodrome::studio {
+namespace {
+
+constexpr std::uint64_t usual_changes = 500;
+constexpr std::uint64_t most_changes = 1000;
+
+std::string utc_text(api::Change::Time wall) {
+  const auto ms = std::chrono::duration_cast<std::chrono::milliseconds>(wall).count();
+  return fmt::format("{:%Y-%m-%dT%H:%M:%S}.{:03}Z", fmt::gmtime(static_cast<std::time_t>(ms / 1000)), ms % 1000);
+}
+
+Json value_of(const dictionary::Entry& entry, const api::KeptValue& value) {
+  return value.known() ? line::bench::shown(entry, value.bytes())["value"] : Json(nullptr);
+}
+
+ChangeRoutes& change_routes_of(const Call& call) { return *static_cast<ChangeRoutes*>(call.context); }
+
+std::uint32_t axis_named(const api::ChangeLog& log, std::string_view name, const char* where) {
+  const auto& axes = log.axes();
+  const auto found = std::find(axes.begin(), axes.end(), name);
+  if (found != axes.end()) return static_cast<std::uint32_t>(found - axes.begin());
+  throw ApiError{404, fmt::format("there is no axis \"{}\"", name.substr(0, 40)), where,
+                 links::suggestion(name, {axes.begin(), axes.end()})};
+}
+
+std::optional<std::uint64_t> number_in(const Call& call, const char* key) {
+  const auto text = query_value(call, key);
+  if (!text) return std::nullopt;
+  if (const auto number = links::number_of_text<std::uint64_t>(*text, 10)) return number;
+  throw ApiError{400, fmt::format("{} is \"{}\"", key, text->substr(0, 40)), "address", "write a whole number"};
+}
+
+Json show_changes(Call& call) {
+  const api::ChangeLog& log = change_routes_of(call).log();
+  const std::uint64_t since = number_in(call, "since").value_or(0);
+  const std::uint64_t limit =
+      std::clamp<std::uint64_t>(number_in(call, "limit").value_or(usual_changes), 1, most_changes);
+  const bool newest = flag(call, "newest");
+  const auto axis_name = query_value(call, "axis");
+  std::optional<std::uint32_t> axis;
+  if (axis_name) axis = axis_named(log, *axis_name, "address");
+  std::vector<std::uint64_t> fitting;
+  for (std::uint64_t number = std::max(log.oldest(), std::min(since, log.newest()) + 1); number <= log.newest();
+       ++number) {
+    if (!axis || log.at(number).axis == *axis) fitting.push_back(number);
+  }
+  const std::size_t shown = std::min<std::size_t>(fitting.size(), limit);
+  const std::size_t first = newest ? fitting.size() - shown : 0;
+  Json rows = Json::array();
+  for (std::size_t i = first; i < first + shown; ++i) rows.push_back(view_of(log.at(fitting[i]), log));
+  const bool complete = newest || shown == fitting.size();
+  return Json{{"changes", std::move(rows)},
+              {"next", complete ? log.newest() : fitting[shown - 1]},
+              {"left_out", fitting.size() - shown},
+              {"dropped", log.dropped()},
+              {"most", log.capacity()}};
+}
+
+Json view_of(const UndoReport& report, const std::string& axis) {
+  Json undone = Json::array();
+  for (const UndoReport::Object& one : report.undone) {
+    undone.push_back({{"number", one.number},
+                      {"axis", axis},
+                      {"object", text_of(one.object)},
+                      {"name", one.name},
+                      {"from", value_of(*one.entry, one.from)},
+                      {"to", value_of(*one.entry, one.to)}});
+  }
+  Json kept = Json::array();
+  for (const UndoReport::Kept& one : report.kept) {
+    kept.push_back({{"number", one.number},
+                    {"axis", axis},
+                    {"object", text_of(one.object)},
+                    {"name", one.name},
+                    {"what", one.what},
+                    {"hint", one.hint}});
+  }
+  return Json{{"undone", std::move(undone)}, {"kept", std::move(kept)}};
+}
+
+Json undo_changes(Call& call) {
+  ChangeRoutes& routes = change_routes_of(call);
+  const api::ChangeLog& log = routes.log();
+  BodyReader body(call.body);
+  const auto number = body.integer("number", std::numeric_limits<std::uint64_t>::max());
+  const auto name = body.string("axis");
+  const std::uint64_t since = body.integer("since", std::numeric_limits<std::uint64_t>::max()).value_or(0);
+  const auto who = body.string("who");
+  body.finish();
+  if (number.has_value() == name.has_value()) {
+    throw ApiError{400, "one of number and axis is needed", "body", R"(write {"number": 12} or {"axis": "NAME"})"};
+  }
+  if (number && (*number < log.oldest() || *number > log.newest())) {
+    throw ApiError{404, fmt::format("there is no change {}", *number), "number",
+                   fmt::format("the log has {} to {}", log.oldest(), log.newest())};
+  }
+  const std::uint32_t axis = number ? log.at(*number).axis : axis_named(log, *name, "axis");
+  const std::string axis_name = log.axes()[axis];
+  Call of_axis{{axis_name}, call.body};
+  Subject subject = routes.subjects().open(of_axis);
+  const api::Author author("undo by " + api::Author::present());
+  const UndoReport report = undo(log, axis, subject, [&](const api::Change& change) {
+    if (number) return change.number == *number;
+    return change.number > since && (!who || change.author() == *who);
+  });
+  if (number && report.undone.empty()) {
+    const std::string where = fmt::format("{}, change {}", axis_name, *number);
+    if (report.kept.empty()) throw ApiError{409, "the object already has this value", where, ""};
+    throw ApiError{409, report.kept[0].what, where, report.kept[0].hint};
+  }
+  return view_of(report, axis_name);
+}
+
+constexpr std::array change_table{
+    Route{Method::get, "/api/v1/changes", show_changes},
+    Route{Method::post, "/api/v1/changes/undo", undo_changes},
+};
+
+}  // namespace
+
+Json view_of(const api::Change& change, const api::ChangeLog& log) {
+  const dictionary::Entry& entry = *change.entry;
+  return Json{{"number", change.number},
+              {"time_ns", change.at.count()},
+              {"wall", utc_text(change.wall)},
+              {"axis", log.axes()[change.axis]},
+              {"object", text_of(master::ObjectAddress{entry.index, entry.sub})},
+              {"name", change.name()},
+              {"type", describe::word(entry.type)},
+              {"unit", entry.unit},
+              {"before", value_of(entry, change.before)},
+              {"after", value_of(entry, change.after)},
+              {"who", change.author()}};
+}
+
+api::RouteGroup ChangeRoutes::group() { return {change_table, this}; }
+
+}  // namespace servodrome::studio

@@ -1,0 +1,66 @@
+#include "studio/drive_changes.hpp"
+
+#include "api/author.hpp"
+
+namespace servodrome::studio {
+namespace {
+
+std::vector<std::string> names_of(const std::vector<DriveChanges::Drive>& drives) {
+  std::vector<std::string> names;
+  for (const DriveChanges::Drive& drive : drives) names.push_back(drive.name);
+  return names;
+}
+
+}  // namespace
+
+RecordedObjects::Record HandedWrites::record() {
+  return
+      [this](master::ObjectAddress object, const RecordedObjects::Bytes& before, const RecordedObjects::Bytes& after) {
+        const std::lock_guard lock(mutex_);
+        writes_.push_back({object, before, after});
+      };
+}
+
+DriveChanges::DriveChanges(const std::vector<Drive>& drives, std::function<master::Time()> now, master::Time wall_epoch)
+    : drives_(drives), now_(std::move(now)), wall_epoch_(wall_epoch), log_(names_of(drives)) {}
+
+std::unique_ptr<master::ObjectClient> DriveChanges::recorded(std::size_t drive,
+                                                             std::unique_ptr<master::ObjectClient> objects) {
+  return std::make_unique<RecordedObjects>(
+      std::move(objects), [this, drive](master::ObjectAddress object, const RecordedObjects::Bytes& before,
+                                        const RecordedObjects::Bytes& after) { note(drive, object, before, after); });
+}
+
+void DriveChanges::take(std::size_t drive, HandedWrites& handed) {
+  std::vector<HandedWrites::Write> writes;
+  {
+    const std::lock_guard lock(handed.mutex_);
+    writes.swap(handed.writes_);
+  }
+  for (const HandedWrites::Write& write : writes) note(drive, write.object, write.before, write.after);
+}
+
+const dictionary::Entry& DriveChanges::entry_of(std::size_t drive, master::ObjectAddress object) {
+  if (const dictionary::Entry* known = drives_[drive].dictionary->find(object.index, object.sub)) return *known;
+  dictionary::Entry& entry = unknown_[{drive, object}];
+  entry.index = object.index;
+  entry.sub = object.sub;
+  entry.type = dictionary::Type::domain;  // its bytes
+  return entry;
+}
+
+void DriveChanges::note(std::size_t drive, master::ObjectAddress object, const RecordedObjects::Bytes& before,
+                        const RecordedObjects::Bytes& after) {
+  api::Change change;
+  change.at = now_();
+  change.wall = wall_epoch_ + change.at;
+  change.axis = static_cast<std::uint32_t>(drive);
+  change.entry = &entry_of(drive, object);
+  const dictionary::Entry* whole = drives_[drive].dictionary->find(object.index, 0);
+  change.object_name = whole != nullptr ? whole->name : "";
+  change.before = api::KeptValue(before);
+  change.after = api::KeptValue(after);
+  log_.add(change, api::Author::present());
+}
+
+}  // namespace servodrome::studio

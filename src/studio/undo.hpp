@@ -1,0 +1,47 @@
+#pragma once
+
+#include <functional>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "api/change_log.hpp"
+#include "studio/commissioning.hpp"
+
+namespace servodrome::studio {
+
+// Why a change cannot be undone at all; empty: it can be. Only parameters can be undone, so that an undo never commands
+// a motion.
+std::string reason_against_undo(const api::Change& change, const master::ParameterRules& rules);
+
+// The result of an undo.
+struct UndoReport {
+  struct Object {
+    std::uint64_t number;  // the newest of the undone changes of the object
+    master::ObjectAddress object;
+    std::string name;
+    const dictionary::Entry* entry;
+    api::KeptValue from;
+    api::KeptValue to;
+  };
+  struct Kept {
+    std::uint64_t number;
+    master::ObjectAddress object;
+    std::string name;
+    std::string what;  // why the value stays
+    std::string hint;
+  };
+  std::vector<Object> undone;
+  std::vector<Kept> kept;
+};
+
+// Undoes the changes of an axis that `is_selected`, the newest first: writes the value before the oldest of them. A
+// value stays, with its reason, if
+// - a change that is not selected followed,
+// - the drive no longer has the value that was written,
+// - the object is no parameter, or the drive refuses the write.
+// The settings of the process data (1400h to 1BFFh, 1C12h, 1C13h) are undone write by write, since their order counts.
+UndoReport undo(const api::ChangeLog& log, std::uint32_t axis, Subject& subject,
+                const std::function<bool(const api::Change&)>& is_selected);
+
+}  // namespace servodrome::studio

@@ -1,0 +1,141 @@
+"""The change log: what masters of other projects write to the drives of a line, and the undo."""
+
+import json
+import subprocess
+
+import pytest
+from canopen import Network as Canopen
+from line import PROGRAM, ApiError, Line, axis_text, bus_text, servodrome, wait_for
+from pymodbus.client import ModbusTcpClient
+from studio import Studio
+
+pytestmark = [pytest.mark.once, pytest.mark.program("its command lists the changes")]
+
+DRIVES = (
+    bus_text("can0")
+    + bus_text("rs", "rs485")
+    + bus_text("rs10", "rs485")
+    + axis_text("reference", "generic402", bus="can0", node=2)
+    + axis_text("panel", "ismk", serial="rs", serial_protocol="modbus")
+    + axis_text("old", "ismk", serial="rs10", serial_protocol="serial10")
+)
+PROFILE_VELOCITY = 0x4A00  # register of the iSMK (ch. 7, 'Object list')
+
+
+@pytest.fixture
+def line(tmp_path):
+    line = Line(tmp_path, DRIVES, ["can0=socketcand:127.0.0.1:0/can0", "rs=tcp:127.0.0.1:0", f"rs10=pty:{tmp_path}/rs10"])
+    yield line
+    line.stop()
+
+
+def server_of(line):
+    return line.bench.url.removeprefix("http://").removesuffix("/api/v1")
+
+
+def host_and_port(link):
+    host, port = link.split(":", 1)[1].split("/")[0].rsplit(":", 1)
+    return host, int(port)
+
+
+def changes(line, *words, status=0):
+    return servodrome("changes", "--server", server_of(line), *words, status=status)
+
+
+def value(line, axis, index):
+    return line.bench.get(f"axes/{axis}/objects/{index:04X}/0")["value"]
+
+
+@pytest.fixture
+def node(line):
+    """Node 2, of the package canopen."""
+    host, port = host_and_port(line.links["can0"][0])
+    network = Canopen()
+    network.connect(interface="socketcand", channel="can0", host=host, port=port)
+    yield network.add_node(2)
+    network.disconnect()
+
+
+def test_an_sdo_of_a_foreign_master_is_listed_and_undone(line, node):
+    before = value(line, "reference", 0x6083)
+    node.sdo.download(0x6083, 0, (54321).to_bytes(4, "little"))
+    node.sdo.download(0x6040, 0, (0).to_bytes(2, "little"))  # the word of a motion
+    [row] = json.loads(changes(line, "--axis", "reference", "--json"))["changes"]
+    assert (row["object"], row["before"], row["after"], row["who"]) == ("6083:00", before, 54321, "SDO on can0")
+    assert row["name"] == "Profile acceleration"
+    assert f"6083:00  {before} -> 54321  Profile acceleration  (SDO on can0)" in changes(line)
+    assert f"{before}" in changes(line, "--undo", row["number"])
+    assert int.from_bytes(node.sdo.upload(0x6083, 0), "little") == before
+    assert json.loads(changes(line, "--json"))["changes"][-1]["who"] == "undo by API (servodrome)"
+
+
+def test_a_register_of_pymodbus_is_listed(line):
+    host, port = host_and_port(line.links["rs"][0])
+    with ModbusTcpClient(host, port=port) as client:
+        assert not client.write_registers(PROFILE_VELOCITY, [100, 0], device_id=1).isError()
+    [row] = json.loads(changes(line, "--axis", "panel", "--json"))["changes"]
+    assert (row["object"], row["who"]) == ("6081:00", "Modbus on rs")
+    assert row["after"] == value(line, "panel", 0x6081)
+
+
+def test_a_write_over_the_10_byte_protocol_is_listed(line):
+    servodrome("set", "6083", 4321, "--bus", f"serial10:serial:{line.links['rs10'][0].removeprefix('pty:')}", "--node", 1)
+    rows = json.loads(changes(line, "--axis", "old", "--json"))["changes"]
+    assert [(row["object"], row["after"], row["who"]) for row in rows] == [("6083:00", 4321, "10-byte protocol on rs10")]
+
+
+def test_what_another_has_changed_since_stays_and_is_named(line, node):
+    line.bench.put("axes/reference/objects/6083/0", {"value": 1000})
+    line.bench.put("axes/reference/objects/6081/0", {"value": 2000})
+    node.sdo.download(0x6083, 0, (3000).to_bytes(4, "little"))
+    [first, second, _] = json.loads(changes(line, "--json"))["changes"]
+    assert first["who"] == second["who"]
+    with pytest.raises(ApiError) as refusal:
+        line.bench.post("changes/undo", {"number": first["number"]})
+    assert refusal.value.status == 409
+    assert "SDO on can0 has changed the value since" in refusal.value.body["error"]["what"]
+    said = changes(line, "--axis", "reference", "--undo-all", "--who", first["who"], status=1)
+    assert "some values stay" in said
+    assert value(line, "reference", 0x6083) == 3000
+    assert value(line, "reference", 0x6081) == second["before"]
+
+
+def test_all_of_an_axis_are_undone(line, node):
+    before = [value(line, "reference", index) for index in (0x6081, 0x6083, 0x6084)]
+    line.bench.put("axes/reference/objects/6083/0", {"value": 1000})
+    node.sdo.download(0x6081, 0, (2000).to_bytes(4, "little"))
+    node.sdo.download(0x6083, 0, (3000).to_bytes(4, "little"))
+    line.bench.put("axes/reference/objects/6084/0", {"value": 4000})
+    changes(line, "--axis", "reference", "--undo-all")
+    assert [value(line, "reference", index) for index in (0x6081, 0x6083, 0x6084)] == before
+
+
+def test_wrong_requests_are_explained(line):
+    assert "--undo-all needs --axis" in changes(line, "--undo-all", status=2)
+    assert "there is no change 7" in changes(line, "--undo", 7, status=1)
+    assert 'there is no axis "x"' in changes(line, "--axis", "x", status=1)
+    gone = subprocess.run([PROGRAM, "changes", "--server", "127.0.0.1:1"], capture_output=True, text=True, timeout=60, check=False)
+    assert gone.returncode == 1
+    assert "the server does not answer" in gone.stderr
+
+
+def test_the_studio_of_real_drives_lists_its_own_writes(line):
+    studio = Studio(f"{line.links['can0'][0]}=2")
+    try:
+        before = value(line, "reference", 0x6081)
+        wait_for(lambda: studio.bench.axis("generic402-2")["powered"], "the first answer of the drive")
+        studio.bench.put("axes/generic402-2/objects/6083/0", {"value": 54321})
+        studio.does("generic402-2", do="enable")
+        studio.does("generic402-2", do="move", by=0.1, velocity=3, units="revolutions")
+        studio.does("generic402-2", do="disable")
+        rows = studio.bench.get("changes?axis=generic402-2")["changes"]
+        assert [row["after"] for row in rows if row["object"] == "6083:00"] == [54321]
+        [velocity] = [row for row in rows if row["object"] == "6081:00"]
+        assert velocity["before"] == before
+        assert velocity["who"].startswith("job ")
+        assert velocity["who"].endswith("(move)")
+        assert not [row for row in rows if row["object"] in ("6040:00", "607A:00")]
+        studio.bench.post("changes/undo", {"axis": "generic402-2"})
+        assert value(line, "reference", 0x6081) == before
+    finally:
+        studio.stop()
