@@ -20,9 +20,30 @@ export const writeObject = (axis: string, index: number, sub: number, value: Obj
 
 export const power = (axis: string, action: 'on' | 'off' | 'cycle') => post(`${axisPath(axis)}/power`, { action });
 
+// Takes back the requests of jobs that have not reached the server, by axis: a later halt or STOP goes by another connection
+// and may arrive before them.
+const takingBack = new Map<string, AbortController>();
+
+function untilTakenBack(axis: string): AbortSignal {
+  const known = takingBack.get(axis) ?? new AbortController();
+  takingBack.set(axis, known);
+  return known.signal;
+}
+
+function takeBack(axis: string) {
+  takingBack.get(axis)?.abort();
+  takingBack.delete(axis);
+}
+
+export const takeBackAll = () => [...takingBack.keys()].forEach(takeBack);
+
+const halts = ['stop', 'quick_stop', 'disable'];
+
 export async function startJob(axis: string, request: { do: string } & Record<string, unknown>): Promise<Job> {
   forget(axis);
-  const job = await post<Job>(`${axisPath(axis)}/jobs`, request);
+  const isHalt = halts.includes(request.do);
+  if (isHalt) takeBack(axis);
+  const job = await post<Job>(`${axisPath(axis)}/jobs`, request, isHalt ? undefined : untilTakenBack(axis));
   noteJob(job);
   return job;
 }

@@ -16,15 +16,15 @@ const patience_ms = 10_000;
 
 export const segment = encodeURIComponent;
 
-export async function call<T = unknown>(method: string, path: string, body?: unknown): Promise<T> {
-  const response = await send(method, path, body);
+export async function call<T = unknown>(method: string, path: string, body?: unknown, signal?: AbortSignal): Promise<T> {
+  const response = await send(method, path, body, 'application/json', signal);
   const text = await response.text();
   return (text === '' ? undefined : JSON.parse(text)) as T;
 }
 
 export const get = <T>(path: string) => call<T>('GET', path);
 export const put = <T = unknown>(path: string, body: unknown) => call<T>('PUT', path, body);
-export const post = <T = unknown>(path: string, body: unknown = {}) => call<T>('POST', path, body);
+export const post = <T = unknown>(path: string, body: unknown = {}, signal?: AbortSignal) => call<T>('POST', path, body, signal);
 export const remove = <T = unknown>(path: string, body?: unknown) => call<T>('DELETE', path, body);
 
 // Sends `text` as text/plain, for example a parameter file.
@@ -36,16 +36,19 @@ export async function getBytes(path: string): Promise<ArrayBuffer> {
   return (await send('GET', path)).arrayBuffer();
 }
 
-async function send(method: string, path: string, body?: unknown, type = 'application/json'): Promise<Response> {
+// `signal` takes the request back.
+async function send(method: string, path: string, body?: unknown, type = 'application/json', signal?: AbortSignal): Promise<Response> {
+  const patience = AbortSignal.timeout(patience_ms);
   let response: Response;
   try {
     response = await fetch(root + path, {
       method,
-      signal: AbortSignal.timeout(patience_ms),
+      signal: signal ? AbortSignal.any([signal, patience]) : patience,
       headers: { ...fields(), ...(body === undefined ? {} : { 'Content-Type': type }) },
       ...(body === undefined ? {} : { body: typeof body === 'string' ? body : JSON.stringify(body) }),
     });
   } catch {
+    if (signal?.aborted) throw new ApiError(0, { what: 'the command was taken back by a later halt or STOP', where: path });
     throw new ApiError(0, { what: 'the server does not answer', where: path, hint: 'check that it still runs and that the network is connected' });
   }
   if (response.ok) return response;

@@ -127,11 +127,12 @@ function Record({ setup }: { setup: Setup }) {
     keep(queryOf(ofAxis(setup, axis, to)));
   };
   const record = async () => {
-    if (withMove && (await runJob(axis, { do: 'enable' }))?.state !== 'done') return;
+    const enabled = withMove ? await runJob(axis, { do: 'enable' }) : null;
+    if (withMove && enabled?.state !== 'done') return;
     const { id } = await post<Recording>('/recordings', { name: name.trim(), channels, rate_hz, duration_ms, pre_ms, trigger });
     keep({ rec: String(id), ...queryOf(setup) });
-    if (withMove) {
-      await runJob(axis, { do: 'move', units: 'revolutions', by: turns, velocity: rpm / 60, acceleration, deceleration: acceleration });
+    if (enabled) {
+      await runJob(axis, { do: 'move', after: enabled.id, units: 'revolutions', by: turns, velocity: rpm / 60, acceleration, deceleration: acceleration });
     }
   };
   return (

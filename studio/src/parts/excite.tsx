@@ -37,7 +37,8 @@ export function Excite({ first }: { first: string | undefined }) {
 
   const run = async () => {
     if (!units || !objects) return;
-    if ((await runJob(axis, { do: 'enable' }))?.state !== 'done') return;
+    const enabled = await runJob(axis, { do: 'enable' });
+    if (enabled?.state !== 'done') return;
     const channels = channelsOf(axis, of, (object) => objects.some((entry) => addressOf(entry) === object));
     const long_s = kind === 'sweep' ? seconds : (2 * step_ms) / 1000;
     const target: Record<Excited, number> = { velocity: ((units.velocity_per_rps ?? 1) * amplitude) / 60, torque: 10 * amplitude, position: (units.position_per_revolution ?? 1) * amplitude };
@@ -53,7 +54,7 @@ export function Excite({ first }: { first: string | undefined }) {
     // The address keeps the page's own channels and trigger: the recording has its own.
     keep({ rec: String(recording.id), a: null, b: null, from: null, to: null, plot: kind === 'sweep' ? 'bode' : null });
     await runJob(axis, {
-      do: kind, of, units: 'revolutions', amplitude: of === 'velocity' ? amplitude / 60 : amplitude, travel,
+      do: kind, after: enabled.id, of, units: 'revolutions', amplitude: of === 'velocity' ? amplitude / 60 : amplitude, travel,
       ...(kind === 'sweep' ? { from_hz, to_hz, seconds } : { seconds: step_ms / 1000 }),
     });
   };

@@ -1,5 +1,6 @@
 import { useEffect } from 'react';
 import { post } from '../api/client';
+import { takeBackAll } from '../commands';
 import { complain, tell } from '../notices';
 import { Button } from './controls';
 
@@ -8,6 +9,7 @@ interface Stopped {
 }
 
 async function stopAll() {
+  takeBackAll();
   dispatchEvent(new Event('stopall')); // scripts of this page end, also between two of their jobs
   const { axes } = await post<Stopped>('/stop');
   const failed = axes.filter(({ stopped }) => !stopped);
