@@ -1,0 +1,477 @@
+import type { Browser, BrowserContext, Page } from '@playwright/test';
+import { axes, Line, lineFile } from '../line';
+import { Model, ticksPerMs, type Widgets } from './model';
+import { logPage, type Note } from './page_log';
+import { TruthStream } from './stream';
+
+// The monkey: a line of all products in virtual time, a browser, and actions that are drawn from a seed. Time passes only
+// between actions, when the page has sent what it had to send.
+
+export interface Step {
+  kind: string;
+  u: [number, number, number]; // in 0 .. 1: which of the controls, which value, how long
+}
+
+export interface Sequence {
+  seed: number;
+  start: string; // address
+  isEnabled: boolean; // all axes are enabled at the beginning
+  before_ms: number; // slow network
+  after_ms: number;
+  steps: Step[];
+}
+
+// A small generator of random numbers in 0 .. 1 (mulberry32).
+export function random(seed: number): () => number {
+  let state = seed >>> 0;
+  return () => {
+    state = (state + 0x6d2b79f5) >>> 0;
+    let t = state;
+    t = Math.imul(t ^ (t >>> 15), t | 1);
+    t ^= t + Math.imul(t ^ (t >>> 7), t | 61);
+    return ((t ^ (t >>> 14)) >>> 0) / 2 ** 32;
+  };
+}
+
+const weights: Record<string, number> = {
+  motion: 26, command: 12, any: 14, hold: 9, release: 3, stop: 4, 'stop key': 3, go: 8, back: 2, type: 6, key: 10, focus: 4, wait: 8, blur: 2, reload: 0.7, tab: 1.5,
+};
+
+function pick<T>(u: number, table: readonly (readonly [T, number])[]): T {
+  let left = u * table.reduce((sum, [, weight]) => sum + weight, 0);
+  for (const [value, weight] of table) {
+    left -= weight;
+    if (left < 0) return value;
+  }
+  return table[table.length - 1][0];
+}
+
+const of = (u: number, count: number) => Math.min(count - 1, Math.floor(u * count));
+
+const guideSteps = ['find', 'units', 'inputs', 'direction', 'torque', 'velocity', 'position', 'homing', 'limits', 'cycle', 'store', 'report'];
+const movingSteps = ['direction', 'velocity', 'position', 'homing', 'cycle'];
+
+function address(u: () => number): string {
+  const { name } = axes[of(u(), axes.length)];
+  const more = u();
+  return pick(u(), [
+    ['/', 8], [`/axis/${name}`, 10], [`/axis/${name}?do=velocity`, 9], [`/axis/${name}?do=torque`, 5], [`/axis/${name}?do=jog`, 12], [`/axis/${name}?do=home`, 8],
+    ['/boards', 12], [`/tuning/${name}`, 5], [`/commission/${name}?step=${movingSteps[of(more, movingSteps.length)]}`, 12], [`/commission/${name}?step=${guideSteps[of(more, guideSteps.length)]}`, 2],
+    ['/scope', 10], [`/faults/${name}`, 2], [`/objects/${name}`, 2], [`/objects/${name}?view=parameters`, 1], [`/objects/${name}?view=pdos`, 1], [`/plant/${name}`, 2], ['/bus', 1], ['/bus/traffic', 1],
+  ]);
+}
+
+// All of a sequence is drawn before it begins, so its beginning is the same for any number of its steps.
+export function draw(seed: number): Sequence {
+  const u = random(seed);
+  const table = Object.entries(weights);
+  return {
+    seed,
+    start: address(u),
+    isEnabled: u() < 0.7,
+    before_ms: pick(u(), [[0, 6], [60, 1], [150, 1]]),
+    after_ms: pick(u(), [[0, 6], [60, 1], [150, 1]]),
+    steps: Array.from({ length: 5 + of(u(), 8) }, () => ({ kind: pick(u(), table), u: [u(), u(), u()] })),
+  };
+}
+
+// ---- The dashboard of the monkey ----
+
+const board = {
+  name: 'Monkey',
+  widgets: [
+    { kind: 'button', title: 'Enable reference', span: 1, axis: 'reference', do: 'enable' },
+    { kind: 'button', title: 'Forward', span: 1, axis: 'reference', do: 'jog', velocity: 2 },
+    { kind: 'button', title: 'Turn reference', span: 1, axis: 'reference', do: 'move', by: 1, velocity: 5, acceleration: 50 },
+    { kind: 'button', title: 'Turn pronet', span: 1, axis: 'pronet', do: 'move', by: -1, velocity: 5, acceleration: 50 },
+    { kind: 'button', title: 'Home ismc', span: 1, axis: 'ismc', do: 'home', method: 7 },
+    { kind: 'button', title: 'Halt reference', span: 1, axis: 'reference', do: 'stop' },
+    { kind: 'button', title: 'Disable pronet', span: 1, axis: 'pronet', do: 'disable' },
+    { kind: 'script', title: 'To and fro', span: 2, lines: 'reference enable\nrepeat 3\n  reference move by 1 velocity 10 acceleration 100\n  wait 0.05\n  reference move by -1 velocity 10\nend' },
+    { kind: 'script', title: 'Two axes', span: 2, lines: 'ismc enable\njmc enable\nismc move by 0.5 velocity 5 acceleration 50\njmc move by 0.5 velocity 3 acceleration 20\nismc move by -0.5 velocity 5' },
+    { kind: 'slider', title: 'Acceleration', span: 1, object: 'reference/6083:00', minimum: 1000, maximum: 2000000, step: 1000 },
+    { kind: 'value', title: 'Speed', span: 1, channel: 'reference/velocity_rpm', format: 'decimal' },
+  ],
+};
+const widgets: Widgets = {
+  'Enable reference': [{ axis: 'reference', wants: { enable: 1 } }],
+  Forward: [{ axis: 'reference', wants: { jog: 1 } }],
+  'Turn reference': [{ axis: 'reference', wants: { move: 1 } }],
+  'Turn pronet': [{ axis: 'pronet', wants: { move: 1 } }],
+  'Home ismc': [{ axis: 'ismc', wants: { home: 1 } }],
+  'To and fro': [{ axis: 'reference', wants: { stop: 1, enable: 1, move: 6 } }],
+  'Two axes': [{ axis: 'ismc', wants: { stop: 1, enable: 1, move: 2 } }, { axis: 'jmc', wants: { stop: 1, enable: 1, move: 1 } }],
+};
+
+// ---- What is on the page ----
+
+const motions = '^(Move \\+|Move|− Back|There and back|Go to zero|Run|Apply|Home|Make the small move|Measure a step|Measure the loop and propose gains|Measure a move|Measure and propose|Tune|Let the drive tune itself|Move and record|Sweep and record|Step and record|Turn .*|Home .*|Write th.*)$';
+const commands = '^(Enable.*|Disable.*|Halt.*|Clear fault|Power .*|Cancel|Abort|End|Stop the script|\\d+ .*→.*)$';
+// Not for the monkey: files, the stores of the drives, which a power cycle does not empty, and the speed of the time.
+const never = '^(CSV|MCAP|PNG|Parquet|Store.*|Save.*|Export.*|Import.*|Print.*|pcap.*|candump.*|text|.*as (a )?file.*|.*Speed of virtual time.*|\\+100 ms|Delete.*|Rename)$';
+
+interface Found {
+  x: number;
+  y: number;
+  name: string;
+}
+
+// Scrolls one of the usable controls into view.
+function find([kind, u, motionNames, commandNames, neverNames]: [string, number, string, string, string]): Found | null {
+  const [motion, command, no] = [motionNames, commandNames, neverNames].map((text) => new RegExp(text));
+  const nameOf = (element: Element) => (element.getAttribute('aria-label') ?? element.textContent ?? '').trim().replace(/\s+/g, ' ');
+  const isUsable = (element: HTMLElement) => {
+    if (element.matches(':disabled, [aria-disabled=true], [data-disabled], [download], [type=file]') || element.closest('[inert], [aria-hidden=true]')) return false;
+    const box = element.getBoundingClientRect();
+    return box.width > 0 && box.height > 0 && !no.test(nameOf(element));
+  };
+  const fits = (element: HTMLElement): boolean => {
+    if (kind === 'motion') return element.matches('button') && !element.matches('.jog') && motion.test(nameOf(element));
+    if (kind === 'command') return element.matches('button') && command.test(nameOf(element));
+    if (kind === 'hold') return element.matches('.jog');
+    if (kind === 'type') return element.matches('input:not([type=checkbox]):not([type=range]):not([type=file])');
+    if (kind === 'go') return element.matches('nav a[href], .tabs a[href], [role=tab]');
+    return !element.matches('.stop');
+  };
+  const all = [...document.querySelectorAll<HTMLElement>('button, a[href], input, select, textarea, [role=tab], [role=option], [role=menuitem], summary')];
+  const usable = all.filter((element) => fits(element) && isUsable(element));
+  if (usable.length === 0) return null;
+  const chosen = usable[Math.min(usable.length - 1, Math.floor(u * usable.length))];
+  chosen.scrollIntoView({ block: 'center', inline: 'nearest' });
+  const box = chosen.getBoundingClientRect();
+  return { x: box.x + box.width / 2, y: box.y + box.height / 2, name: nameOf(chosen).slice(0, 60) };
+}
+
+const keys = ['Tab', 'Shift+Tab', 'Enter', 'Space', 'Enter', 'Space', 'Escape', 'ArrowDown', 'ArrowUp', 'ArrowRight', 'ArrowLeft', 'Home', 'End', 'PageDown', '1', '-', 'a', 'Backspace', 'Delete'];
+const numbers = ['1', '-1', '0.5', '2', '3', '0', '-0.25', '10', '60', '100', '300', '5', '1e9', '1,5', 'abc', ''];
+const delays_ms = [5, 20, 60, 120, 250, 400];
+
+const longest_ms = 400; // between two looks of the page at the line
+
+const later = (ms: number) => new Promise((resolve) => setTimeout(resolve, ms));
+
+export class Player {
+  model: Model;
+  performed: string[] = []; // of this sequence, in words
+  errors: string[] = []; // of the pages
+  private stream!: TruthStream;
+  private context!: BrowserContext;
+  private pages: Page[] = [];
+  private present = 0; // index of the tab that is in front
+  private held: 'pointer' | 'key' | null = null;
+  private slow = { before_ms: 0, after_ms: 0 };
+
+  private constructor(private readonly line: Line) {
+    this.model = new Model(axes, widgets);
+  }
+
+  static async open(browser: Browser): Promise<Player> {
+    const player = new Player(await new Line(lineFile('virtual')).start());
+    const channels = axes.flatMap(({ name }) => ['velocity_rpm', 'state', 'position_counts'].map((signal) => ({ axis: name, signal })));
+    player.stream = await TruthStream.open(player.line.address, channels, 1000, {
+      job: (event) => player.model.job(event),
+      samples: (samples) => player.model.take_samples(samples),
+    });
+    player.context = await browser.newContext({ viewport: { width: 800, height: 600 } });
+    await player.context.addInitScript((boards) => {
+      localStorage.setItem('servodrome.tour', 'over');
+      if (localStorage.getItem('servodrome.boards') === null) localStorage.setItem('servodrome.boards', boards);
+    }, JSON.stringify([board]));
+    await player.newTab();
+    return player;
+  }
+
+  async end() {
+    this.stream.close();
+    await this.context.close();
+    await this.line.end();
+  }
+
+  private get page() {
+    return this.pages[this.present];
+  }
+
+  private async newTab() {
+    const page = await this.context.newPage();
+    const tab = this.pages.length;
+    this.pages.push(page);
+    await page.exposeBinding('monkeyNote', (_, note: Note) => this.model.note(tab, note));
+    await page.addInitScript(logPage);
+    page.on('pageerror', (error) => this.errors.push(`tab ${tab + 1}: ${error.message}`));
+    page.on('dialog', (dialog) => void dialog.dismiss().catch(() => undefined));
+    await page.goto(this.line.address);
+    await page.locator('main .panel').first().waitFor();
+    this.present = tab;
+  }
+
+  // ---- Time ----
+
+  // Until the page has sent what follows from the last action, and has the answers.
+  private async settle() {
+    await this.page.evaluate(async (slow) => {
+      window.monkeySlow = slow;
+      const until = performance.now() + 3000;
+      do await new Promise((resolve) => setTimeout(resolve, 8));
+      while (window.monkeyPending > 0 && performance.now() < until);
+    }, this.slow);
+  }
+
+  private async pass(ms: number) {
+    for (let left = ms; left > 0; left -= longest_ms) {
+      const { ticks } = await this.line.call<{ ticks: number }>('POST', '/clock/advance', { ms: Math.min(left, longest_ms) });
+      const until = performance.now() + 5000;
+      // The last samples of the time come with the next: the server sends them every 10 ms.
+      while (this.model.known < ticks - 11 * ticksPerMs && performance.now() < until) await later(1);
+      await this.settle();
+    }
+    const until = performance.now() + 3000;
+    while (this.model.isAhead && performance.now() < until) await this.settle();
+    this.model.judge();
+  }
+
+  // ---- A sequence ----
+
+  // Every drive is switched off and on, so that it forgets what was written, and stands at zero.
+  private async fresh({ start, isEnabled, before_ms, after_ms }: Sequence) {
+    const { model, line } = this;
+    model.isQuiet = true;
+    this.slow = { before_ms: 0, after_ms: 0 };
+    await this.release();
+    while (this.pages.length > 1) await this.pages.pop()!.close();
+    this.present = 0;
+    await this.settle();
+    await this.go('/bus'); // where nothing runs
+    await this.settle();
+    await line.call('POST', '/stop', {});
+    await this.pass(20);
+    await Promise.all(axes.map(async ({ name }) => {
+      const path = `/axes/${name}`;
+      if (model.disturbed(name)) await this.repair(path, name);
+      await line.call('POST', `${path}/power`, { action: 'cycle' });
+      await line.call('PUT', `${path}/plant`, { position_counts: 0 });
+    }));
+    await this.pass(700);
+    if (isEnabled) {
+      await Promise.all(axes.map(({ name }) => line.call('POST', `/axes/${name}/jobs`, { do: 'enable' })));
+      await this.pass(300);
+    }
+    // The guide begins anew.
+    await this.page.evaluate(() => {
+      for (const key of Object.keys(localStorage)) if (key.startsWith('servodrome.guide')) localStorage.removeItem(key);
+      dispatchEvent(new StorageEvent('storage', { key: null }));
+    });
+    this.slow = { before_ms, after_ms };
+    await this.go(start);
+    await this.pass(40);
+    await this.readRamps();
+    model.begin();
+    model.isQuiet = false;
+  }
+
+  private async repair(path: string, name: string) {
+    const { line } = this;
+    await line.call('DELETE', `${path}/faults`);
+    const { inputs } = await line.call<{ inputs: Record<string, unknown> }>('GET', `${path}/inputs`);
+    await line.call('PUT', `${path}/inputs`, Object.fromEntries(Object.keys(inputs).map((input) => [input, null])));
+    await line.call('PUT', `${path}/plant`, this.plants[name]);
+  }
+
+  plants: Record<string, Record<string, unknown>> = {};
+
+  async keepPlants() {
+    for (const { name } of axes) {
+      const { locked_rotor, load_torque_nm, load_inertia_kgm2, friction_nm, supply_v, ambient_c } = await this.line.call<Record<string, unknown>>('GET', `/axes/${name}/plant`);
+      this.plants[name] = { locked_rotor, load_torque_nm, load_inertia_kgm2, friction_nm, supply_v, ambient_c };
+    }
+  }
+
+  // The slope of the quick stop, 6085h.
+  private async readRamps() {
+    await Promise.all(axes.map(async ({ name }) => {
+      const path = `/axes/${name}`;
+      const { values } = await this.line.call<{ values: Record<string, unknown> }>('GET', `${path}/values?objects=6085:00`).catch(() => ({ values: {} as Record<string, unknown> }));
+      const { acceleration_per_rps2: scale } = await this.line.call<{ acceleration_per_rps2: number | null }>('GET', `${path}/units`).catch(() => ({ acceleration_per_rps2: null }));
+      const slope = Number(values['6085:00']);
+      this.model.setRamp(name, slope > 0 && scale ? (60 * slope) / scale : Infinity);
+    }));
+  }
+
+  async play(sequence: Sequence, length = sequence.steps.length): Promise<string[]> {
+    this.performed = [];
+    this.errors = [];
+    await this.fresh(sequence);
+    for (const step of sequence.steps.slice(0, length)) {
+      const said = await this.act(step);
+      this.model.count(`action: ${step.kind}`);
+      this.performed.push(`${step.kind}: ${said}`);
+      await this.settle();
+      await this.pass(delays_ms[of(step.u[2], delays_ms.length)]);
+      if (this.model.violations.length > 0 || this.errors.length > 0) break;
+    }
+    if (this.model.violations.length + this.errors.length === 0) {
+      await this.release();
+      await this.settle();
+      await this.pass(300);
+    }
+    return [...this.model.violations, ...this.errors];
+  }
+
+  private async go(path: string) {
+    this.model.leave(this.present, path);
+    await this.page.evaluate((to) => {
+      history.pushState(null, '', to);
+      dispatchEvent(new PopStateEvent('popstate'));
+    }, path);
+  }
+
+  // Where the controls are that this page does not have.
+  private async elsewhere(kind: string, u: number): Promise<string> {
+    const { name } = axes[of(u, axes.length)];
+    const path = kind === 'hold' ? (u * 7 % 1 < 0.3 ? '/boards' : `/axis/${name}?do=jog`) : address(random(Math.floor(u * 2 ** 32)));
+    await this.go(path);
+    await this.settle();
+    return `to ${path}`;
+  }
+
+  private async click(kind: string, u: number): Promise<string | null> {
+    const found = await this.page.evaluate(find, [kind, u, motions, commands, never] as [string, number, string, string, string]);
+    if (!found) return null;
+    await this.page.mouse.move(found.x, found.y);
+    await this.page.mouse.down();
+    await this.page.mouse.up();
+    return `"${found.name}"`;
+  }
+
+  // A jog has ended when it was let go: by the page, or by the server, which misses its sign of life for 500 ms.
+  private async release() {
+    const was = this.held;
+    this.held = null;
+    if (was === 'pointer') await this.page.mouse.up();
+    if (was === 'key') await this.page.keyboard.up('Space');
+    if (was) await this.noJog();
+  }
+
+  private async noJog() {
+    const until = performance.now() + 1500;
+    for (;;) {
+      await this.settle();
+      const { jobs } = await this.line.call<{ jobs: { id: number; axis: string; do: string; state: string; ending?: boolean; began_tick: number }[] }>('GET', '/jobs');
+      const left = jobs.filter((job) => job.do === 'jog' && job.state === 'running' && !job.ending);
+      if (left.length === 0) return;
+      if (performance.now() > until) {
+        this.model.violations.push(`${left[0].axis}: the jog ${left[0].id} goes on after it was let go`);
+        return;
+      }
+      // The server looks at the signs of life when time passes.
+      await this.line.call('POST', '/clock/advance', { ms: 1 });
+      await later(20);
+    }
+  }
+
+  private async act({ kind, u }: Step): Promise<string> {
+    const { page } = this;
+    // A pointer that holds a button can do nothing else. Keys can be pressed meanwhile.
+    if (this.held === 'pointer' && ['motion', 'command', 'any', 'hold', 'stop', 'go', 'type'].includes(kind)) await this.release();
+    if (this.held === 'key' && ['hold', 'key', 'type', 'focus'].includes(kind)) await this.release();
+    switch (kind) {
+      case 'motion': case 'command': case 'any': case 'go': {
+        const before = page.url();
+        const said = (await this.click(kind, u[0])) ?? `${await this.elsewhere(kind, u[1])}, ${(await this.click(kind, u[0])) ?? 'nothing'}`;
+        await this.settle();
+        if (page.url() !== before) {
+          const { pathname, search } = new URL(page.url());
+          this.model.leave(this.present, pathname + search);
+        }
+        if (this.held) await this.noJog(); // the click took the focus
+        return said;
+      }
+      case 'hold': {
+        const look = () => page.evaluate(find, [kind, u[0], motions, commands, never] as [string, number, string, string, string]);
+        let found = await look();
+        if (!found) {
+          await this.elsewhere(kind, u[1]);
+          found = await look();
+        }
+        if (!found) return 'nothing there';
+        await page.mouse.move(found.x, found.y);
+        if (u[1] < 0.6) {
+          await page.mouse.down();
+          this.held = 'pointer';
+        } else {
+          await page.evaluate(([x, y]) => (document.elementFromPoint(x, y)?.closest('button') as HTMLElement | null)?.focus(), [found.x, found.y]);
+          await page.keyboard.down('Space');
+          this.held = 'key';
+        }
+        return `"${found.name}" with the ${this.held}`;
+      }
+      case 'release': {
+        const was = this.held;
+        await this.release();
+        return was ?? 'nothing held';
+      }
+      case 'stop': {
+        const { x, y, width, height } = (await page.locator('button.stop').boundingBox())!;
+        await page.mouse.click(x + width / 2, y + height / 2);
+        return 'by the button';
+      }
+      case 'stop key':
+        await page.keyboard.press('Control+Space');
+        return 'Ctrl+Space';
+      case 'back':
+        if (this.held) await this.release();
+        await page.evaluate(() => history.back());
+        await later(20);
+        await this.settle();
+        this.model.leave(this.present, new URL(page.url()).pathname + new URL(page.url()).search);
+        return page.url().replace(this.line.address, '');
+      case 'type': {
+        const found = await page.evaluate(find, [kind, u[0], motions, commands, never] as [string, number, string, string, string]);
+        if (!found) return 'nothing there';
+        await page.mouse.click(found.x, found.y);
+        await page.keyboard.press('Control+a');
+        const text = numbers[of(u[1], numbers.length)];
+        if (text === '') await page.keyboard.press('Delete');
+        else await page.keyboard.insertText(text);
+        if (this.held) await this.noJog();
+        return `"${text}"`;
+      }
+      case 'key': {
+        const key = keys[of(u[1], keys.length)];
+        const times = key.includes('Tab') ? 1 + of(u[0], 6) : 1;
+        for (let i = 0; i < times; ++i) await page.keyboard.press(key);
+        await this.settle();
+        this.model.leave(this.present, new URL(page.url()).pathname + new URL(page.url()).search);
+        if (this.held) await this.noJog();
+        return `${key} × ${times}`;
+      }
+      case 'focus':
+        await page.evaluate((at) => {
+          const all = [...document.querySelectorAll<HTMLElement>('button:not(:disabled), a[href], input:not(:disabled), [tabindex="0"]')];
+          all[Math.min(all.length - 1, Math.floor(at * all.length))]?.focus();
+        }, u[0]);
+        if (this.held) await this.noJog();
+        return 'elsewhere';
+      case 'wait':
+        await this.pass(u[0] > 0.9 ? 8000 : 300 + Math.round(900 * u[0]));
+        return 'longer';
+      case 'blur':
+        await page.evaluate(() => dispatchEvent(new Event('blur')));
+        if (this.held) await this.noJog();
+        return 'the window loses the focus';
+      case 'reload':
+        this.model.leave(this.present, null);
+        await page.reload();
+        await page.locator('main .panel').first().waitFor();
+        if (this.held) await this.noJog();
+        return page.url().replace(this.line.address, '');
+      case 'tab':
+        if (this.held) await this.release();
+        if (this.pages.length < 2) await this.newTab();
+        else this.present = 1 - this.present;
+        if (u[0] < 0.3) await this.page.bringToFront();
+        await this.go(address(random(Math.floor(u[1] * 2 ** 32))));
+        return `tab ${this.present + 1}, ${this.page.url().replace(this.line.address, '')}`;
+    }
+    return '';
+  }
+}
