@@ -89,7 +89,8 @@ TEST(ActionCatalogue, HasEachActionAndEachMessage) {
   }
   for (const std::string_view name : action_names()) EXPECT_TRUE(actions.contains(std::string(name))) << name;
   const Json schema = json_schema();
-  for (const Json& name : schema["definitions"]["message"]["properties"]["message"]["enum"]) EXPECT_TRUE(messages.contains(name.get<std::string>())) << name;
+  for (const Json& name : schema["definitions"]["message"]["properties"]["message"]["enum"])
+    EXPECT_TRUE(messages.contains(name.get<std::string>())) << name;
 }
 
 // The rule that a page makes of an action and its example.
