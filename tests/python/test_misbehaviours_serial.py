@@ -41,7 +41,7 @@ class Modbus:
     def ask(self, function, *arguments, **options):
         try:
             answer = function(*arguments, **options, **device(1))
-        except ModbusException:
+        except (ModbusException, OSError):  # a connection that is reset at once is an OSError
             return NO_ANSWER
         if answer.isError():
             return f"exception {answer.exception_code}"
