@@ -107,6 +107,7 @@ bool Director::remove(const std::string& name) {
   if (found == rules_.end()) return false;
   RuleRun& rule = **found;
   end(rule);
+  release_all(rule);
   rule.phase = RuleRun::Phase::over;
   rule.removed = true;
   line_.changed();
@@ -334,19 +335,36 @@ void Director::notice(line::Axis* axis, const Message& message) {
   for (ExpectationWatch& expectation : expectations_) expectation.notice(axis, message);
 }
 
-void Director::write_later(line::Axis& axis, const dictionary::Entry& entry, std::span<const std::byte> value,
-                           Time delay) {
-  std::array<std::byte, 8> kept{};
-  std::copy(value.begin(), value.end(), kept.begin());
-  at(now() + delay, [&axis, &entry, kept, size = value.size()] {
-    if (axis.powered()) axis.device().bus_dictionary().write_any(entry, std::span(kept).first(size));
-  });
+void Director::hold(RuleRun& rule, const dictionary::Entry& entry, std::span<const std::byte> value) {
+  HeldWrite write{.due = rule.held_until, .entry = &entry, .size = value.size()};
+  std::copy(value.begin(), value.end(), write.bytes.begin());
+  rule.held_writes.push_back(write);
+  at(write.due, [this, &rule] { release(rule, now()); });
+}
+
+void Director::release(RuleRun& rule, Time due) {
+  while (!rule.held_writes.empty() && rule.held_writes.front().due <= due) {
+    const HeldWrite write = rule.held_writes.front();
+    rule.held_writes.pop_front();
+    if (rule.axis->powered()) {
+      rule.axis->device().bus_dictionary().write_any(*write.entry, std::span(write.bytes).first(write.size));
+    }
+  }
+}
+
+// The drive acknowledged the writes that a rule holds, so they take effect now. Later writes pass.
+void Director::release_all(RuleRun& rule) {
+  release(rule, Time::max());
+  rule.held_until = {};
 }
 
 void Director::finish() {
   if (finished_) return;
   finished_ = true;
-  for (const auto& rule : rules_) end(*rule);
+  for (const auto& rule : rules_) {
+    end(*rule);
+    release_all(*rule);
+  }
   for (ExpectationWatch& expectation : expectations_) expectation.finish(now(), facts_);
   queue_.clear();
 }

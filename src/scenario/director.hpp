@@ -104,7 +104,8 @@ class Director final : public line::Follower {
   // A rule has acted: on this message, with this result, if it acts on messages.
   void act(RuleRun& rule, const Message* message = nullptr, const Packets* packets = nullptr);
   void end(RuleRun& rule);
-  void write_later(line::Axis& axis, const dictionary::Entry& entry, std::span<const std::byte> value, Time delay);
+  // Keeps a write of the rule's object until RuleRun::held_until.
+  void hold(RuleRun& rule, const dictionary::Entry& entry, std::span<const std::byte> value);
 
  private:
   struct AxisParts {
@@ -125,6 +126,9 @@ class Director final : public line::Follower {
   void place_stages();
   AxisParts& parts(line::Axis& axis) { return parts_[&axis]; }
 
+  // Carries out the held writes that are due.
+  void release(RuleRun& rule, Time due);
+  void release_all(RuleRun& rule);
   void measure_travel();
   void look(RuleRun& rule, Time now);
   void begin(RuleRun& rule, Time now);

@@ -71,15 +71,15 @@ bool ObjectView::take(const dictionary::Entry& entry, std::span<std::byte> value
     const ObjectAddress* object = object_of(rule->rule->action);
     if (!object->contains(entry.index, entry.sub)) continue;
     if (director_.now() < rule->held_until) {  // a later write does not overtake one that is held
-      director_.write_later(axis_, entry, value, rule->held_until - director_.now());
+      director_.hold(*rule, entry, value);
       return false;
     }
     if (rule->phase != RuleRun::Phase::active) continue;
     if (const auto* hold = std::get_if<Hold>(&rule->rule->action)) {
       if (rule->exhausted()) continue;
       director_.act(*rule);
-      director_.write_later(axis_, entry, value, hold->time);
       rule->held_until = director_.now() + hold->time;
+      director_.hold(*rule, entry, value);
       return false;
     }
     const auto* ignore = std::get_if<Ignore>(&rule->rule->action);

@@ -124,10 +124,13 @@ Json Routes::add_rules(const std::string& body) {
   reader.required("text");
   const std::string text = reader.string("text").value_or("");
   reader.finish();
-  const Scenario scenario = parsed(fmt::format("title = \"rules by hand\"\n{}", text), "rules");
-  if (!director_ || director_->finished()) begin("title = \"rules by hand\"", "rules", Extra::none);
+  const std::string whole = fmt::format("title = \"rules by hand\"\n{}", text);
+  if (!director_ || director_->finished()) {
+    begin(whole, "rules", Extra::none);
+    return rules();
+  }
   try {
-    director_->add(scenario.rules);
+    director_->add(parsed(whole, "rules").rules);
   } catch (const ScenarioError& error) {
     throw ApiError{422, error.what(), error.where(), error.hint()};
   }

@@ -1,5 +1,7 @@
 #pragma once
 
+#include <array>
+#include <cstddef>
 #include <deque>
 
 #include "scenario/verdict.hpp"
@@ -11,6 +13,14 @@ namespace servodrome::scenario {
 struct PastValue {
   Time at{};
   std::int64_t value = 0;
+};
+
+// A write that Hold has acknowledged for the drive, and that takes effect later.
+struct HeldWrite {
+  Time due{};
+  const dictionary::Entry* entry = nullptr;
+  std::array<std::byte, 8> bytes{};
+  std::size_t size = 0;
 };
 
 // The state of a rule during a run of the scenario.
@@ -48,7 +58,8 @@ struct RuleRun {
   std::uint64_t all_acts = 0;  // acts of earlier runs of the rule
   std::int64_t frozen = 0;     // of Show::How::freeze
   Time held_until{};           // of Hold: the time at which the delayed write takes effect
-  std::uint64_t raised = 0;    // of Ignore: masked bits of the last write
+  std::deque<HeldWrite> held_writes{};
+  std::uint64_t raised = 0;  // of Ignore: masked bits of the last write
   std::deque<PastValue> history;
   std::string error;  // the reason why the rule could not act
 };

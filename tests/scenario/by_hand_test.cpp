@@ -51,6 +51,42 @@ TEST(RulesByHand, BeginAScenarioAndJoinIt) {
   EXPECT_FALSE(bench.line.find_axis("right")->powered());
 }
 
+// The master got an acknowledgement of the write, and of those after it.
+TEST(RulesByHand, ARemovedHoldLosesNoWrite) {
+  for (const bool whole : {false, true}) {
+    Bench bench;
+    bench.routes.add_rules(
+        body("[[rule]]\nname = \"slow\"\naxis = \"left\"\ndo = \"hold\"\nobject = \"6083\"\nms = 4000\n"));
+    bench.line.run_until(10ms);
+    dictionary::Dictionary& seen = bench.line.find_axis("left")->device().bus_dictionary();
+    const auto write = [&seen](std::int64_t value) {
+      const auto bytes = dictionary::encode_number(value);
+      return seen.write(*seen.find(0x6083, 0), std::span(bytes).first(4));
+    };
+    const std::int64_t before = seen.number(0x6083);
+    EXPECT_EQ(write(2000), dictionary::AbortCode::none);
+    EXPECT_EQ(seen.number(0x6083), before);
+    if (whole) {
+      bench.routes.end();
+    } else {
+      bench.routes.remove_rule("slow");
+    }
+    EXPECT_EQ(seen.number(0x6083), 2000);
+    EXPECT_EQ(write(3000), dictionary::AbortCode::none);
+    EXPECT_EQ(seen.number(0x6083), 3000);
+    bench.line.run_until(5s);
+    EXPECT_EQ(seen.number(0x6083), 3000);
+  }
+}
+
+TEST(RulesByHand, ARefusedRuleLeavesTheFormerScenario) {
+  Bench bench;
+  bench.routes.begin("title = \"former\"\n", "s.toml", Routes::Extra::none);
+  bench.routes.end();
+  EXPECT_FALSE(refusal([&] { bench.routes.add_rules(body("[[rule]]\naxis = \"nobody\"\ndo = \"power\"\n")); }).empty());
+  EXPECT_EQ(bench.routes.show()["title"], "former");
+}
+
 TEST(RulesByHand, LeaveAndTakeTheirEffectBack) {
   Bench bench;
   bench.routes.begin("title = \"t\"\n[[rule]]\nname = \"off\"\naxis = \"right\"\ndo = \"power\"\n", "s.toml",
