@@ -2,7 +2,7 @@ import { expect, test } from '@playwright/test';
 import { leavesOf, Model, ticksPerMs } from './monkey/model';
 import type { Control } from './monkey/page_log';
 
-// The judge of the monkey finds what it has to find.
+// The monkey's model reports each kind of violation, and only violations.
 
 const control = (name: string, more: Partial<Control> = {}): Control => ({ name, region: 'Motion', path: '/axis/one', disabled: false, fields: {}, isJog: false, ...more });
 const enabled = 4;

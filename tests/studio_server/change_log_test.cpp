@@ -309,9 +309,11 @@ TEST_P(ChangesOf, AnUndoDoesNotMoveAnAxis) {
   EXPECT_EQ(get("axes/" + axis_)["state"], "operation enabled");
 }
 
-// An input of an iSMK can enable it, so an undo must not invert an input.
-TEST_P(ChangesOf, TheObjectsOfInputsStay) {
-  if (axis_ != "ismk") GTEST_SKIP() << "the objects are those of the iSMK";
+class InputsOf : public ChangesOf {};
+INSTANTIATE_TEST_SUITE_P(Ismk, InputsOf, testing::Values("ismk", "ismk-ea"), name_of_test);
+
+// An input of an iSMK can enable the drive, so an undo must not invert an input.
+TEST_P(InputsOf, AreNotChangedByAnUndo) {
   put("2010/1", 0);
   const api::Response response = ask_undo({{"number", changes_.log().newest()}});
   EXPECT_EQ(response.status, 409U);

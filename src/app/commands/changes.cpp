@@ -1,4 +1,4 @@
-// `changes`: what was written to the drives of a running server, and the undo.
+// `changes`: lists the change log of a running server, and undoes changes.
 #include <fmt/format.h>
 
 #include "app/api_client.hpp"

@@ -10,7 +10,7 @@ const ask_every_ms = 500;
 const most_per_answer = 1000;
 const most_shown = 300; // rows of the table
 
-// What was written to the drive, by whom, live; and the undo.
+// The page shows the change log of a drive with the author of each write, follows it live, and undoes changes.
 export function ChangesView({ name }: { name: string }) {
   const { query } = useRoute();
   const text = query.get('q') ?? '';

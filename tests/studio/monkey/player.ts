@@ -4,8 +4,8 @@ import { Model, ticksPerMs, type Widgets } from './model';
 import { logPage, type Note } from './page_log';
 import { TruthStream } from './stream';
 
-// The monkey: a line of all products in virtual time, a browser, and actions that are drawn from a seed. Time passes only
-// between actions, when the page has sent what it had to send.
+// The monkey: a line of all products in virtual time, a browser, and actions that are drawn from a seed. Line time passes only
+// between actions, after the page has sent all requests of the action.
 
 export interface Step {
   kind: string;
