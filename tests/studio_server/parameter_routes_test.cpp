@@ -89,7 +89,8 @@ TEST_P(ParametersOf, AreComparedWithTheStoredValues) {
   json_of(Method::put, "axes/" + axis_ + "/objects/6083/0", R"({"value": 4321})");
   json_of(Method::post, path_ + "/store");
   pass(500ms);
-  for (const json& left : get(path_ + "/diff?with=stored")["differences"]) EXPECT_EQ(left["object"], "6083:00");
+  const json stored = get(path_ + "/diff?with=stored");
+  for (const json& left : stored["differences"]) EXPECT_EQ(left["object"], "6083:00");
   EXPECT_EQ(ask(Method::get, path_ + "/diff?with=x").status, 400U);
 }
 
