@@ -2,11 +2,10 @@
 
 #include <cmath>
 #include <fmt/format.h>
-#include <nlohmann/json.hpp>
 
 #include "canopen/connection_set.hpp"
 #include "ethercat/slave/slave.hpp"
-#include "line/bench/line_bench.hpp"
+#include "scenario/bench_call.hpp"
 #include "scenario/director.hpp"
 
 namespace servodrome::scenario {
@@ -30,26 +29,7 @@ bool needs_slave(const Action& action) {
          std::holds_alternative<WatchdogOff>(action);
 }
 
-api::Method method_of(const std::string& name) {
-  if (name == "PUT") return api::Method::put;
-  return name == "POST" ? api::Method::post : api::Method::delete_;
-}
-
 }  // namespace
-
-// Carries out a request to the bench API for the axis. Returns the error, empty if there is none.
-std::string Director::request(line::Axis& axis, const std::string& method, const std::string& path,
-                              const std::string& body) {
-  api::Request request;
-  request.method = method_of(method);
-  request.target = fmt::format("/api/v1/axes/{}{}", axis.settings().name, path);
-  request.body = body;
-  const api::Response response = line::bench::handle(line_, request);
-  if (response.status < 400) return {};
-  const auto answer = nlohmann::json::parse(response.body, nullptr, false);
-  if (!answer.is_object() || !answer.contains("error")) return response.body;
-  return fmt::format("{}; {}", answer["error"].value("what", ""), answer["error"].value("hint", ""));
-}
 
 links::CanBus* Director::can_bus(const RuleRun& rule) const {
   if (rule.axis != nullptr) {
@@ -105,11 +85,12 @@ void Director::check(const RuleRun& run) const {
                        line_.find_serial_bus(rule.bus) != nullptr;
     if (!known) refuse(fmt::format("there is no bus \"{}\"", rule.bus), "name a bus of the line");
     if (object_of(rule.action) != nullptr || std::holds_alternative<Request>(rule.action) ||
-        std::holds_alternative<Emergency>(rule.action)) {
+        std::holds_alternative<Switch>(rule.action) || std::holds_alternative<Emergency>(rule.action)) {
       refuse("the action needs an axis", "write axis = \"NAME\" in place of `bus`");
     }
     return;
   }
+  check_names(run);
   const auto& settings = run.axis->settings();
   if (needs_slave(rule.action) && !settings.ethercat) {
     refuse("the axis is not on an EtherCAT segment", "choose an axis that is");
@@ -147,14 +128,17 @@ bool Director::speak(const RuleRun& rule, const Send& send) {
   return true;
 }
 
-void Director::send(RuleRun& rule, const Send& send) {
+void Director::send(RuleRun& rule) {
+  const auto& send = std::get<Send>(rule.rule->action);
   if (rule.phase != RuleRun::Phase::active || !speak(rule, send)) return;
   act(rule);
   if (rule.rule->on) return;
   if (send.continuous || rule.acts < rule.rule->times.value_or(1)) {
     const line::NamedSerialBus* serial = can_bus(rule) == nullptr ? serial_bus(rule) : nullptr;
     const Time lasts = serial != nullptr ? serial->line.format().character_time() * std::ssize(send.data) : Time{};
-    at(now() + std::max(send.period, lasts), [this, &rule, &send] { this->send(rule, send); });
+    at(now() + std::max(send.period, lasts), [this, number = rule.number] {
+      if (RuleRun* present = run(number)) this->send(*present);
+    });
   }
 }
 
@@ -164,11 +148,9 @@ void Director::do_deed(RuleRun& rule, Time now) {
   if (acts_when_asked(action)) return;
   if (!makes_messages(action)) act(rule);
   if (const auto* wanted = std::get_if<Request>(&action)) {
-    rule.error = request(*rule.axis, wanted->method, wanted->path, wanted->body);
-  } else if (const auto* frames = std::get_if<Send>(&action)) {
-    send(rule, *frames);
-  } else if (const auto* cable = std::get_if<Cable>(&action)) {
-    connect(rule, cable->connected);
+    rule.error = call_bench(line_, *rule.axis, wanted->method, wanted->path, wanted->body).error;
+  } else if (std::holds_alternative<Send>(action)) {
+    send(rule);
   } else if (const auto* accept = std::get_if<Accept>(&action)) {
     if (!accept->on) end_connections(rule);
   } else if (const auto* forced = std::get_if<ForceErrorState>(&action)) {
@@ -181,52 +163,26 @@ void Director::do_deed(RuleRun& rule, Time now) {
     patch(*rule.axis, *sii);
   } else if (const auto* clock = std::get_if<DisturbClock>(&action)) {
     disturb(*rule.axis, *clock, false);
-  } else if (const auto* emergency = std::get_if<Emergency>(&action)) {
-    raise(rule, *emergency);
-  } else if (std::holds_alternative<WatchdogOff>(action)) {
-    rule.axis->device().ethercat_controller()->set_watchdog_dead(true);
+  } else if (std::holds_alternative<Emergency>(action)) {
+    raise(rule);
+  } else if (MachineState state = held_by(rule); !state.name.empty()) {
+    rule.error = held_states_.hold(rule, std::move(state));
   }
 }
 
 void Director::undo_deed(RuleRun& rule, Time now) {
   const Action& action = rule.rule->action;
-  if (const auto* wanted = std::get_if<Request>(&action); wanted != nullptr && !wanted->undo_method.empty()) {
-    request(*rule.axis, wanted->undo_method, wanted->undo_path, wanted->undo_body);
-  } else if (const auto* cable = std::get_if<Cable>(&action)) {
-    connect(rule, !cable->connected);
-  } else if (const auto* clock = std::get_if<DisturbClock>(&action)) {
+  held_states_.release(rule);
+  if (const auto* clock = std::get_if<DisturbClock>(&action)) {
     disturb(*rule.axis, *clock, true);
   } else if (std::holds_alternative<ForceErrorState>(action)) {
     can_bus(rule)->force_error_state(rule.axis->port(), links::ErrorState::active, now);
-  } else if (std::holds_alternative<WatchdogOff>(action)) {
-    rule.axis->device().ethercat_controller()->set_watchdog_dead(false);
   }
-}
-
-void Director::connect(const RuleRun& rule, bool connected) {
-  if (rule.axis == nullptr) {
-    if (line::NamedBus* bus = line_.find_bus(rule.rule->bus)) bus->bus.cut_bus(!connected);
-    if (line::NamedEthercatBus* bus = line_.find_ethercat_bus(rule.rule->bus)) bus->bus.set_cable(0, connected);
-    if (line::NamedSerialBus* bus = line_.find_serial_bus(rule.rule->bus)) cut(bus->line, !connected);
-    return;
-  }
-  const auto& settings = rule.axis->settings();
-  if (settings.bus) line_.buses()[*settings.bus]->bus.cut(rule.axis->port(), !connected);
-  if (settings.ethercat) {
-    line_.ethercat_buses()[settings.ethercat->bus]->bus.set_cable(rule.axis->position() - 1, connected);
-  }
-  if (settings.serial) parts(*rule.axis).serial->cut(!connected);
 }
 
 void Director::end_connections(const RuleRun& rule) {
   line::NamedSerialBus* bus = serial_bus(rule);
   for (std::size_t i = 0; bus != nullptr && i < bus->links.size(); ++i) bus->links[i]->end_connections();
-}
-
-void Director::cut(links::SerialLine& line, bool is_cut) {
-  links::SerialDisturbance disturbance = line.disturbance();
-  disturbance.cut = is_cut;
-  line.disturb(disturbance);
 }
 
 void Director::write_own(line::Axis& axis, const SetObject& set) {
@@ -269,11 +225,14 @@ void Director::disturb(line::Axis& axis, const DisturbClock& clock, bool ends) {
 }
 
 // An EMCY of the drive without the fault (CiA 301 7.2.7.3.1, ETG.1000.6 clause 5.6.4).
-void Director::raise(RuleRun& rule, const Emergency& emergency) {
+void Director::raise(RuleRun& rule) {
+  const auto& emergency = std::get<Emergency>(rule.rule->action);
   if (rule.phase != RuleRun::Phase::active) return;
   act(rule);
   if (!rule.rule->on && rule.acts < rule.rule->times.value_or(1)) {
-    at(now() + emergency.period, [this, &rule, &emergency] { raise(rule, emergency); });
+    at(now() + emergency.period, [this, number = rule.number] {
+      if (RuleRun* present = run(number)) raise(*present);
+    });
   }
   line::Axis& axis = *rule.axis;
   if (!axis.powered()) return;
@@ -296,7 +255,7 @@ std::vector<std::string> Director::try_requests() {
   for (const auto& rule : rules_) {
     const auto* wanted = std::get_if<Request>(&rule->rule->action);
     if (wanted == nullptr) continue;
-    const std::string error = request(*rule->axis, wanted->method, wanted->path, wanted->body);
+    const std::string error = call_bench(line_, *rule->axis, wanted->method, wanted->path, wanted->body).error;
     if (!error.empty()) errors.push_back(fmt::format("{}: {}", rule->rule->name, error));
   }
   return errors;

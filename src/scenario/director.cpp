@@ -10,7 +10,7 @@
 namespace servodrome::scenario {
 namespace {
 
-constexpr std::size_t most_rules_by_hand = 4096;  // including removed ones
+constexpr std::size_t most_rules_by_hand = 4096;
 
 // Other actions have one act, and their effect lasts. An Ignore of single bits ends at the act after its last one.
 bool ends_with_its_acts(const Rule& rule) {
@@ -76,22 +76,26 @@ std::unique_ptr<RuleRun> Director::run_of(const Rule& rule, std::size_t number) 
 }
 
 void Director::set_up(const Rule& rule) {
-  rules_.push_back(run_of(rule, rules_.size()));
+  rules_.push_back(run_of(rule, next_number_++));
   facts_.first_acts[rule.name] = std::nullopt;
   rules_.back()->when.begin();
 }
 
-void Director::add(const std::vector<Rule>& rules) {
+void Director::check(const std::vector<Rule>& rules) const {
   if (rules_.size() + rules.size() > most_rules_by_hand) {
-    throw ScenarioError("the scenario has had too many rules", "rules", "begin another scenario");
+    throw ScenarioError(fmt::format("the scenario would have more than {} rules", most_rules_by_hand), "rules",
+                        "remove some");
   }
   for (const Rule& rule : rules) {
-    const bool is_there = std::any_of(rules_.begin(), rules_.end(), [&rule](const auto& other) {
-      return !other->removed && other->rule->name == rule.name;
-    });
+    const bool is_there = std::any_of(rules_.begin(), rules_.end(),
+                                      [&rule](const auto& other) { return other->rule->name == rule.name; });
     if (is_there) throw ScenarioError("there is a rule of this name already", rule.name, "give it another `name`");
-    run_of(rule, rules_.size());
+    run_of(rule, next_number_);
   }
+}
+
+void Director::add(const std::vector<Rule>& rules) {
+  check(rules);
   for (const Rule& rule : rules) {
     added_.push_back(rule);
     set_up(added_.back());
@@ -99,19 +103,36 @@ void Director::add(const std::vector<Rule>& rules) {
     look(*rules_.back(), now());
   }
   line_.changed();
+  // Whatever could not act at once does not join.
+  for (const Rule& rule : rules) {
+    const auto joined =
+        std::find_if(rules_.begin(), rules_.end(), [&rule](const auto& each) { return each->rule->name == rule.name; });
+    const std::string error = (*joined)->error;
+    if (error.empty()) continue;
+    for (const Rule& each : rules) remove(each.name);
+    throw ScenarioError(error, rule.name, "correct the rule");
+  }
 }
 
 bool Director::remove(const std::string& name) {
-  const auto found = std::find_if(rules_.begin(), rules_.end(),
-                                  [&name](const auto& rule) { return !rule->removed && rule->rule->name == name; });
+  const auto found =
+      std::find_if(rules_.begin(), rules_.end(), [&name](const auto& rule) { return rule->rule->name == name; });
   if (found == rules_.end()) return false;
   RuleRun& rule = **found;
   end(rule);
   release_all(rule);
-  rule.phase = RuleRun::Phase::over;
-  rule.removed = true;
+  if (rule.axis != nullptr && parts(*rule.axis).view) parts(*rule.axis).view->remove(rule);
+  const Rule* text = rule.rule;
+  rules_.erase(found);
+  added_.remove_if([text](const Rule& each) { return &each == text; });
   line_.changed();
   return true;
+}
+
+RuleRun* Director::run(std::size_t number) const {
+  const auto found =
+      std::find_if(rules_.begin(), rules_.end(), [number](const auto& rule) { return rule->number == number; });
+  return found != rules_.end() ? found->get() : nullptr;
 }
 
 void Director::set_up(const Expectation& expectation) {
@@ -339,7 +360,9 @@ void Director::hold(RuleRun& rule, const dictionary::Entry& entry, std::span<con
   HeldWrite write{.due = rule.held_until, .entry = &entry, .size = value.size()};
   std::copy(value.begin(), value.end(), write.bytes.begin());
   rule.held_writes.push_back(write);
-  at(write.due, [this, &rule] { release(rule, now()); });
+  at(write.due, [this, number = rule.number] {
+    if (RuleRun* present = run(number)) release(*present, now());
+  });
 }
 
 void Director::release(RuleRun& rule, Time due) {
@@ -372,7 +395,6 @@ void Director::finish() {
 std::vector<RuleReport> Director::rules() const {
   std::vector<RuleReport> reports;
   for (const auto& rule : rules_) {
-    if (rule->removed) continue;
     reports.push_back({rule->rule->name, rule->rule->word,
                        rule->axis != nullptr ? rule->axis->settings().name : rule->rule->bus, rule->phase,
                        rule->acts + rule->all_acts, facts_.first_acts.find(rule->rule->name)->second, rule->error});

@@ -10,6 +10,7 @@
 #include "scenario/act_log.hpp"
 #include "scenario/can_stage.hpp"
 #include "scenario/expectation_watch.hpp"
+#include "scenario/held_states.hpp"
 #include "scenario/master_watch.hpp"
 #include "scenario/object_view.hpp"
 #include "scenario/packets.hpp"
@@ -46,6 +47,8 @@ class Director final : public line::Follower {
 
   // The scenario begins at the line's present time. Must be called once, while no other scenario runs on the line.
   void begin();
+  // Throws ScenarioError if one of the rules cannot join.
+  void check(const std::vector<Rule>& rules) const;
   // Rules join those of the scenario, which has begun and not finished. If one does not fit the line, or has the name
   // of a present rule, throws ScenarioError, and none of them joins.
   void add(const std::vector<Rule>& rules);
@@ -125,6 +128,8 @@ class Director final : public line::Follower {
   void set_up(const Expectation& expectation);
   void place_stages();
   AxisParts& parts(line::Axis& axis) { return parts_[&axis]; }
+  // The rule with this number; nullptr: it was removed.
+  RuleRun* run(std::size_t number) const;
 
   // Carries out the held writes that are due.
   void release(RuleRun& rule, Time due);
@@ -141,24 +146,29 @@ class Director final : public line::Follower {
   void check(const RuleRun& rule) const;
   void do_deed(RuleRun& rule, Time now);
   void undo_deed(RuleRun& rule, Time now);
-  std::string request(line::Axis& axis, const std::string& method, const std::string& path, const std::string& body);
-  void send(RuleRun& rule, const Send& send);
+  void send(RuleRun& rule);
   links::CanBus* can_bus(const RuleRun& rule) const;
   line::NamedSerialBus* serial_bus(const RuleRun& rule) const;
   bool speak(const RuleRun& rule, const Send& send);
-  void connect(const RuleRun& rule, bool connected);
   void end_connections(const RuleRun& rule);
-  static void cut(links::SerialLine& line, bool is_cut);
   void write_own(line::Axis& axis, const SetObject& set);
   void drop_state(line::Axis& axis, const DropState& drop);
   void patch(line::Axis& axis, const PatchSii& patch);
   void disturb(line::Axis& axis, const DisturbClock& clock, bool ends);
-  void raise(RuleRun& rule, const Emergency& emergency);
+  void raise(RuleRun& rule);
+
+  // machine_states.cpp: the state that the rule holds while it acts; without a name: none.
+  MachineState held_by(const RuleRun& rule);
+  MachineState cable_of(line::Axis& axis);
+  // Throws ScenarioError if the axis has no such input, fault or quantity of the plant.
+  void check_names(const RuleRun& rule) const;
 
   line::Line& line_;
   Scenario scenario_;
   std::list<Rule> added_;  // by hand
   std::vector<std::unique_ptr<RuleRun>> rules_;
+  std::size_t next_number_ = 0;  // of the next rule
+  HeldStates held_states_;
   std::vector<ExpectationWatch> expectations_;
   std::map<links::CanBus*, std::unique_ptr<RulePort>> ports_;
   std::map<line::Axis*, AxisParts> parts_;

@@ -13,6 +13,7 @@ class ObjectView final : public dictionary::View {
   ObjectView(Director& director, line::Axis& axis) : director_(director), axis_(axis) {}
 
   void add(RuleRun& rule) { rules_.push_back(&rule); }
+  void remove(const RuleRun& rule) { std::erase(rules_, &rule); }
   bool empty() const { return rules_.empty(); }
 
   // The rule begins: remembers the value that `freeze` shows.

@@ -57,8 +57,12 @@ class Reader {
     return keys;
   }
 
-  ScenarioFile read(const toml::table& root) {
-    read_root(root);
+  ScenarioFile read(const toml::table& root) { return read(root, &Reader::read_root); }
+  ScenarioFile read_rules(const toml::table& root) { return read(root, &Reader::read_rules_alone); }
+
+ private:
+  ScenarioFile read(const toml::table& root, void (Reader::*content)(const toml::table&)) {
+    (this->*content)(root);
     check_references();
     std::stable_sort(report_.diagnostics.begin(), report_.diagnostics.end(), [](const auto& a, const auto& b) {
       return std::pair(a.line, a.column) < std::pair(b.line, b.column);
@@ -66,7 +70,13 @@ class Reader {
     return {std::move(scenario_), std::move(report_.diagnostics)};
   }
 
- private:
+  void read_rules_alone(const toml::table& root) {
+    line::TableReader reader(root, "", report_);
+    for (const toml::table* rule : reader.tables("rule", "rule")) read_rule(*rule);
+    if (scenario_.rules.empty()) reader.complain("rule", "is missing", "write a table [[rule]]");
+    reader.finish();
+  }
+
   void read_root(const toml::table& root) {
     line::TableReader reader(root, "", report_);
     reader.read("title", scenario_.title);
@@ -229,6 +239,12 @@ ScenarioFile parse_scenario(std::string_view text, const std::string& file) {
   ScenarioFile failed;
   const auto root = line::parse_toml(text, file, failed.diagnostics);
   return root ? Reader(file).read(*root) : failed;
+}
+
+ScenarioFile parse_rules(std::string_view text, const std::string& file) {
+  ScenarioFile failed;
+  const auto root = line::parse_toml(text, file, failed.diagnostics);
+  return root ? Reader(file).read_rules(*root) : failed;
 }
 
 ScenarioFile load_scenario(const std::string& path) {

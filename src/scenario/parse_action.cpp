@@ -166,18 +166,13 @@ Action read_ignore(TableReader& reader) {
   return ignore;
 }
 
-Action read_power(TableReader& reader) {
-  const auto request = [](bool on) { return json{{"action", on ? "on" : "off"}}.dump(); };
-  const bool on = flag(reader, "on", false);
-  return Request{"POST", "/power", request(on), "POST", "/power", request(!on)};
-}
+Action read_power(TableReader& reader) { return Switch{Switch::What::power, "", flag(reader, "on", false)}; }
 
 Action read_inject(TableReader& reader) {
   std::string fault;
   reader.read("fault", fault);
   if (fault.empty()) reader.complain("fault", "is missing", "`servodrome faults` lists the names");
-  const std::string body = json{{"inject", fault}}.dump();
-  return Request{"POST", "/faults", body, "DELETE", "/faults", body};
+  return Switch{Switch::What::fault, fault, true};
 }
 
 Action read_input(TableReader& reader) {
@@ -185,7 +180,7 @@ Action read_input(TableReader& reader) {
   reader.read("wire", wire);
   if (wire.empty()) reader.complain("wire", "is missing", "name an input: wire = \"DI0\"");
   const bool level = flag(reader, "level", true);
-  return Request{"PUT", "/inputs", json{{wire, level}}.dump(), "PUT", "/inputs", json{{wire, nullptr}}.dump()};
+  return Switch{Switch::What::input, wire, level};
 }
 
 Action read_plant(TableReader& reader) {
@@ -194,12 +189,11 @@ Action read_plant(TableReader& reader) {
   if (key.empty()) reader.complain("key", "is missing", "for example key = \"load_torque_nm\"");
   if (key.empty() || key == "locked_rotor") {
     const bool value = flag(reader, "value", true);
-    const auto body = [&key](bool flag_value) { return json{{key, flag_value}}.dump(); };
-    if (!key.empty()) return Request{"PUT", "/plant", body(value), "PUT", "/plant", body(!value)};
+    if (!key.empty()) return Switch{Switch::What::locked_rotor, "", value};
   }
   double value = 0;
   reader.read("value", value);
-  return Request{"PUT", "/plant", json{{key, value}}.dump(), "", "", ""};
+  return Request{"PUT", "/plant", json{{key, value}}.dump()};
 }
 
 std::uint16_t al_code(TableReader& reader) {

@@ -52,9 +52,8 @@ Json reports_of(const Director& director) {
   return reports;
 }
 
-// The scenario of a text. Throws ApiError with line and column of the first error.
-Scenario parsed(const std::string& text, const std::string& file) {
-  ScenarioFile found = parse_scenario(text, file);
+// Throws ApiError with line and column of the first error.
+Scenario checked(ScenarioFile found) {
   if (found.diagnostics.empty()) return std::move(found.scenario);
   const line::Diagnostic& first = found.diagnostics.front();
   throw ApiError{422, first.what, fmt::format("{}:{}:{}", first.file, first.line, first.column), first.hint};
@@ -78,7 +77,7 @@ Json Routes::begin(const std::string& body) {
 }
 
 Director& Routes::begin(const std::string& text, const std::string& file, Extra extra) {
-  Scenario scenario = parsed(text, file);
+  Scenario scenario = checked(parse_scenario(text, file));
   if (extra == Extra::standard_expectations) {
     std::vector<std::string> axes;
     for (const auto& axis : line_.axes()) axes.push_back(axis->settings().name);
@@ -92,10 +91,15 @@ Director& Routes::begin(const std::string& text, const std::string& file, Extra 
   } catch (const ScenarioError& error) {
     throw ApiError{422, error.what(), fmt::format("{}: {}", file, error.where()), error.hint()};
   }
+  begin(std::move(next));
+  return *director_;
+}
+
+// The former scenario ends first: both take the places between the drives and their buses.
+void Routes::begin(std::unique_ptr<Director> next) {
   director_.reset();
   director_ = std::move(next);
   director_->begin();
-  return *director_;
 }
 
 Json Routes::rules() const {
@@ -124,13 +128,16 @@ Json Routes::add_rules(const std::string& body) {
   reader.required("text");
   const std::string text = reader.string("text").value_or("");
   reader.finish();
-  const std::string whole = fmt::format("title = \"rules by hand\"\n{}", text);
-  if (!director_ || director_->finished()) {
-    begin(whole, "rules", Extra::none);
-    return rules();
-  }
+  const std::vector<Rule> added = checked(parse_rules(text, "rules")).rules;
   try {
-    director_->add(parsed(whole, "rules").rules);
+    if (!director_ || director_->finished()) {
+      Scenario scenario;
+      scenario.title = "rules by hand";
+      auto next = std::make_unique<Director>(line_, std::move(scenario));
+      next->check(added);
+      begin(std::move(next));
+    }
+    director_->add(added);
   } catch (const ScenarioError& error) {
     throw ApiError{422, error.what(), error.where(), error.hint()};
   }

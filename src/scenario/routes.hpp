@@ -44,6 +44,8 @@ class Routes {
   api::Json end();
 
  private:
+  void begin(std::unique_ptr<Director> next);
+
   line::Line& line_;
   std::unique_ptr<Director> director_;
 };

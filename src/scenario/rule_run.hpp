@@ -49,9 +49,8 @@ struct RuleRun {
   Watch when;
   std::optional<Watch> until;
   Phase phase = Phase::waiting;
-  bool removed = false;  // by hand
-  bool begun = false;    // at least once
-  bool ready = true;     // `when` has been false since the last beginning
+  bool begun = false;  // at least once
+  bool ready = true;   // `when` has been false since the last beginning
   Time began{};
   std::uint64_t seen = 0;      // messages that matched since the beginning
   std::uint64_t acts = 0;      // since the beginning

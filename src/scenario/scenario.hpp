@@ -203,9 +203,13 @@ struct Request {
   std::string method;  // "PUT", "POST", "DELETE"
   std::string path;    // behind /api/v1/axes/NAME
   std::string body;
-  std::string undo_method;
-  std::string undo_path;
-  std::string undo_body;
+};
+// Switches a state of the drive or its machine as long as the rule acts.
+struct Switch {
+  enum class What { power, fault, input, locked_rotor };
+  What what{};
+  std::string name;  // of the fault or of the input
+  bool on = false;
 };
 // The drive writes its own object once, also a read-only one.
 struct SetObject {
@@ -248,7 +252,7 @@ struct WatchdogOff {};
 
 using Action = std::variant<Withhold, Delay, Repeat, Alter, Replace, Truncate, Extend, Abort, WithholdAnswer, Twice,
                             WorkingCounter, Stale, Slow, Close, Send, Cable, Accept, ForceErrorState, Show, Ignore,
-                            Hold, Request, SetObject, Emergency, RefuseState, DropState, PatchSii, DisturbClock,
+                            Hold, Request, Switch, SetObject, Emergency, RefuseState, DropState, PatchSii, DisturbClock,
                             DisturbSync0, StaleInputs, WatchdogOff>;
 
 // The action changes messages that `Rule::on` selects.

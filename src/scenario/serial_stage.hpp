@@ -41,6 +41,7 @@ class SerialStage final : public links::SerialInterposer {
 
   // Cuts the drive's stub: it neither receives nor is received.
   void cut(bool is_cut);
+  bool is_cut() const { return is_cut_; }
 
   std::vector<links::SerialPiece> answers(std::span<const std::uint8_t> answer, Time at) override;
   bool receives(std::uint8_t& character, bool& intact, Time at) override;

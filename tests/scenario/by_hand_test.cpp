@@ -101,6 +101,107 @@ TEST(RulesByHand, LeaveAndTakeTheirEffectBack) {
   EXPECT_EQ(again["rules"][0]["acts"], 1U);
 }
 
+// What was switched before the rules, or by hand meanwhile, stays.
+TEST(RulesByHand, ARemovedRuleLeavesWhatItDidNotSwitch) {
+  const auto rule = [](const std::string& name, const std::string& rest) {
+    return body("[[rule]]\nname = \"" + name + "\"\naxis = \"left\"\n" + rest + "\n");
+  };
+  Bench bench;
+  line::Axis& left = *bench.line.find_axis("left");
+  left.power_off(bench.line.now());
+  bench.routes.add_rules(rule("off", "do = \"power\""));
+  bench.routes.remove_rule("off");
+  EXPECT_FALSE(left.powered()) << "it was off before";
+  bench.routes.add_rules(rule("on", "do = \"power\"\non = true"));
+  EXPECT_TRUE(left.powered());
+  left.power_off(bench.line.now());
+  bench.routes.remove_rule("on");
+  EXPECT_FALSE(left.powered()) << "somebody switched it off meanwhile";
+  left.power_on(bench.line.now());
+
+  left.force_input(0, true);
+  bench.routes.add_rules(rule("input", "do = \"input\"\nwire = \"DI0\"\nlevel = false"));
+  EXPECT_FALSE(left.forced_inputs().at(0));
+  bench.routes.remove_rule("input");
+  EXPECT_TRUE(left.forced_inputs().at(0)) << "forced by hand before";
+  left.force_input(0, std::nullopt);
+  bench.routes.add_rules(rule("input", "do = \"input\"\nwire = \"DI0\"\nlevel = false"));
+  bench.routes.remove_rule("input");
+  EXPECT_TRUE(left.forced_inputs().empty());
+}
+
+// Two rules of one state, in each order of their ends: the state comes back with the end of the last one.
+TEST(RulesByHand, TwoOfOneStateEndOneAfterTheOther) {
+  const std::vector<std::pair<std::string, std::function<bool(line::Line&)>>> states{
+      {"do = \"power\"", [](line::Line& line) { return line.find_axis("left")->powered(); }},
+      {"do = \"cable\"",
+       [](line::Line& line) {
+         line::Axis& axis = *line.find_axis("left");
+         return !line.buses()[*axis.settings().bus]->bus.is_cut(axis.port());
+       }},
+      {"do = \"input\"\nwire = \"DI0\"",
+       [](line::Line& line) { return line.find_axis("left")->forced_inputs().empty(); }},
+      {"do = \"inject\"\nfault = \"encoder_loss\"",
+       [](line::Line& line) { return !line.find_axis("left")->plant().injected(plant::Injection::encoder_loss); }},
+      {"do = \"plant\"\nkey = \"locked_rotor\"",
+       [](line::Line& line) { return !line.find_axis("left")->plant().rotor_locked(); }}};
+  for (const auto& [text, is_usual] : states) {
+    for (const bool first_ends_first : {true, false}) {
+      Bench bench;
+      const auto add = [&, &rule_text = text](const std::string& name) {
+        bench.routes.add_rules(body("[[rule]]\nname = \"" + name + "\"\naxis = \"left\"\n" + rule_text + "\n"));
+      };
+      EXPECT_TRUE(is_usual(bench.line)) << text;
+      add("first");
+      add("second");
+      EXPECT_FALSE(is_usual(bench.line)) << text;
+      bench.routes.remove_rule(first_ends_first ? "first" : "second");
+      EXPECT_FALSE(is_usual(bench.line)) << text;
+      bench.routes.remove_rule(first_ends_first ? "second" : "first");
+      EXPECT_TRUE(is_usual(bench.line)) << text;
+    }
+  }
+}
+
+TEST(RulesByHand, OneThatCannotActIsRefused) {
+  Bench bench;
+  for (const auto& [text, words] : std::vector<std::pair<std::string, std::string>>{
+           {"do = \"inject\"\nfault = \"encoder_los\"", "has no fault"},
+           {"do = \"input\"\nwire = \"DI99\"", "has no input"},
+           {"do = \"plant\"\nkey = \"load_torque\"\nvalue = 1", "has no quantity"},
+           {"do = \"plant\"\nkey = \"load_inertia_kgm2\"\nvalue = -1", "load.inertia_kgm2"}}) {
+    EXPECT_THAT(
+        refusal([&, &rest = text] { bench.routes.add_rules(body("[[rule]]\naxis = \"left\"\n" + rest + "\n")); }),
+        HasSubstr(words));
+    EXPECT_TRUE(bench.routes.rules()["rules"].empty());
+  }
+}
+
+TEST(RulesByHand, TheTextHasNothingButRulesAndItsOwnLines) {
+  Bench bench;
+  EXPECT_THAT(refusal([&] { bench.routes.add_rules(body("seed = 7\n" + std::string(hides))); }), HasSubstr("seed"));
+  EXPECT_THAT(refusal([&] { bench.routes.add_rules(body("")); }), HasSubstr("rule"));
+  try {
+    bench.routes.add_rules(body("[[rule]]\ndo = \"fly\"\n"));
+    FAIL();
+  } catch (const api::ApiError& error) {
+    EXPECT_THAT(error.where, HasSubstr("rules:2:"));
+  }
+}
+
+// Removed rules do not count, and their pending acts do not come.
+TEST(RulesByHand, ComeAndGoWithoutLimit) {
+  Bench bench;
+  for (int i = 0; i < 5000; ++i) {
+    bench.routes.add_rules(
+        body("[[rule]]\nname = \"storm\"\naxis = \"left\"\ndo = \"emergency\"\ncode = 0x1000\ntimes = "
+             "100\nperiod_ms = 10\n"));
+    bench.routes.remove_rule("storm");
+  }
+  EXPECT_TRUE(bench.routes.rules()["rules"].empty());
+  bench.line.run_until(2s);
+}
+
 TEST(RulesByHand, OneThatDoesNotFitLetsNoneJoin) {
   Bench bench;
   const std::string wrong = "[[rule]]\nname = \"wrong\"\naxis = \"nobody\"\ndo = \"power\"\n";

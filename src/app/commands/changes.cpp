@@ -3,11 +3,14 @@
 
 #include "app/api_client.hpp"
 #include "app/commands.hpp"
+#include "app/number_options.hpp"
 
 namespace servodrome::app {
 namespace changes_command {
 
 using Json = nlohmann::ordered_json;
+
+constexpr double most_number = 9'007'199'254'740'992;  // 2^53, which JSON has exactly
 
 struct Options {
   ApiOptions api;
@@ -122,8 +125,10 @@ void add_changes(CLI::App& app) {
       app.add_subcommand("changes", "List what was written to the drives of a running server, and undo it");
   command->add_option("--axis", options->axis, "Changes of this axis only");
   command->add_option("--who", options->who, "Changes of this author only, as the list shows it");
-  command->add_option("--since", options->since, "Changes after this number only");
-  command->add_option("--undo", options->undo, "Undo the change with this number")->check(CLI::PositiveNumber);
+  command->add_option("--since", options->since, "Changes after this number only")
+      ->check(number_within(0, most_number));
+  command->add_option("--undo", options->undo, "Undo the change with this number")
+      ->check(number_within(1, most_number));
   command->add_flag("--undo-all", options->undo_all,
                     "Undo all changes of --axis, the newest first; with --who and --since only these");
   command->add_flag("--json", options->json, "Print one JSON object");

@@ -137,6 +137,7 @@ class alignas(64) Esc {
     configure_watchdogs();
     quiet_until_ = unknown;
   }
+  bool watchdog_dead() const { return watchdog_dead_; }
 
   DistributedClock& clock() { return clock_; }
   const DistributedClock& clock() const { return clock_; }

@@ -1,0 +1,45 @@
+#pragma once
+
+#include <functional>
+#include <map>
+#include <optional>
+#include <string>
+#include <vector>
+
+namespace servodrome::scenario {
+
+struct RuleRun;
+
+// A state of the machine that has two values, for example a cable, the power of a drive, an injected fault. An input
+// has a third one: none, connected to its switch.
+struct MachineState {
+  using Value = std::optional<bool>;
+  std::string name;  // the same for all rules that hold this state
+  Value held{};      // the value that the rule wants
+  std::function<Value()> read;
+  std::function<std::string(Value)> write;  // returns the error; empty: there is none
+};
+
+// The states that rules hold. Several rules may hold one state: the rule that began last decides. After the end of all
+// of them the state has the value from before the first one. A value that was changed by hand meanwhile stays.
+class HeldStates {
+ public:
+  // Sets the state as long as the rule acts. Returns the error of write().
+  std::string hold(const RuleRun& rule, MachineState state);
+  // The rule no longer holds any state.
+  void release(const RuleRun& rule);
+
+ private:
+  struct Holder {
+    const RuleRun* rule;
+    MachineState::Value value;
+  };
+  struct Held {
+    MachineState state;
+    MachineState::Value before;
+    std::vector<Holder> holders;  // in the order of their beginning
+  };
+  std::map<std::string, Held> states_;
+};
+
+}  // namespace servodrome::scenario
