@@ -75,6 +75,32 @@ test('a reload in the middle of a cycle starts no further move, and the guide sa
   await expect(page.getByText('✓ The axis is back where it began')).toBeVisible({ timeout: 300_000 });
 });
 
+test('no motion begins between two writes of a plan', async ({ page, open }) => {
+  await open('/commission/reference?step=cycle');
+  await type(page, 'Distance', 8);
+  await type(page, 'Velocity', 12);
+  await expect(plan(page)).toBeVisible();
+  const rows = await plan(page).getByRole('row').count();
+  expect(rows).toBeGreaterThan(2);
+  let release: () => void = () => undefined;
+  const held = new Promise<void>((resolve) => (release = resolve));
+  let writes = 0;
+  await page.route('**/axes/reference/objects/**', async (route) => {
+    if (route.request().method() === 'PUT' && ++writes === 2) await held;
+    await route.continue();
+  });
+  await page.getByRole('button', { name: /^Write th/ }).click();
+  await expect(panel(page, 'First cycle')).toContainText('Values are being written: wait.');
+  await expect.poll(() => writes).toBe(2);
+  // The poll of the values sees the first one written; the rows stay, and the motion waits.
+  await page.waitForResponse((response) => response.url().includes('/values?'));
+  await expect(plan(page).getByRole('row')).toHaveCount(rows);
+  await expect(page.getByRole('button', { name: 'There and back' })).toBeDisabled();
+  release();
+  await expect(plan(page)).toHaveCount(0);
+  await expect(page.getByRole('button', { name: 'There and back' })).toBeEnabled();
+});
+
 test('an aborted move halts, and nothing follows', async ({ page, open, line }) => {
   await begin(page, open);
   await moving(line);

@@ -8,7 +8,7 @@ import { attempt } from '../notices';
 import { Button, Choice, Link, Scroll, Trouble } from '../parts/controls';
 import { NumberInput, NumbersButton } from '../parts/number_input';
 import { useLine } from '../store';
-import { abort, leaveAsItIs, runMotion, undo, writeAgain, writePlan } from './actions';
+import { abort, leaveAsItIs, runMotion, undo, writeAgain } from './actions';
 import { standingOf } from './journal';
 import { changeStep, stepOf, type Guide } from './state';
 import { fromShown, shownUnit, toShown, type Facts, type Field, type Motion, type Numbers, type PlanRow, type Step } from './step';
@@ -83,8 +83,7 @@ export function Form({ facts, step, fields, numbers }: { facts: Facts; step: Ste
 
 const round = (value: number) => (Number.isFinite(value) ? Number(value.toPrecision(9)) : value);
 
-export function Plan({ facts, step, plan, label, isBusy, again }: { facts: Facts; step: Step; plan: PlanRow[]; label: string; isBusy: boolean; again: () => void }) {
-  const { axis } = facts;
+export function Plan({ facts, plan, label, isBusy, onWrite }: { facts: Facts; plan: PlanRow[]; label: string; isBusy: boolean; onWrite: () => void }) {
   if (plan.length === 0) return null;
   return (
     <div className="guide-plan">
@@ -106,7 +105,7 @@ export function Plan({ facts, step, plan, label, isBusy, again }: { facts: Facts
         </table>
       </Scroll>
       <div className="buttons">
-        <NumbersButton kind="main" isDisabled={isBusy} onPress={() => attempt(() => writePlan(axis, step.id, plan).finally(again))}>
+        <NumbersButton kind="main" isDisabled={isBusy} onPress={onWrite}>
           Write {plan.length === 1 ? 'this value' : `these ${plan.length} values`}
         </NumbersButton>
       </div>

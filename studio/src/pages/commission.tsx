@@ -1,12 +1,12 @@
-import { useEffect, useRef, type ComponentType } from 'react';
+import { useEffect, useRef, useState, type ComponentType } from 'react';
 import type { AxisView } from '../api/types';
-import { adopt } from '../guide/actions';
+import { adopt, writePlan } from '../guide/actions';
 import { useFacts } from '../guide/facts';
 import '../guide/guide.css';
 import { canUndo, Form, JournalPanel, markOf, MotionBox, Plan, Readings, undoStep } from '../guide/parts';
 import { ReportView } from '../guide/report';
 import { changeStep, forgetGuide, stepOf, useGuide, type Guide, type StepState } from '../guide/state';
-import { keptOf, planOf, type Facts, type Step } from '../guide/step';
+import { keptOf, planOf, type Facts, type PlanRow, type Step } from '../guide/step';
 import { fieldsOf, objectsOf, steps } from '../guide/steps';
 import { DirectionView, FindView, HomingView, InputsView, LoopView, releaseInputs, ResponseView, StoreView, UnitsView, type ViewProps } from '../guide/views';
 import { attempt, complain } from '../notices';
@@ -98,11 +98,12 @@ function StepList({ axis, guide, step }: { axis: AxisView; guide: Guide; step: S
 }
 
 // The reason why writes and motions are not possible now; empty: they are.
-function hindranceOf(axis: AxisView, isBusy: boolean): string {
+function hindranceOf(axis: AxisView, isBusy: boolean, isWriting: boolean): string {
   if (!axis.powered) return 'The drive has no power.';
   if (axis.problem) return `The drive does not answer: ${axis.problem.what}`;
   const state = axis.state ?? '';
   if (state.startsWith('fault')) return 'The drive has a fault: clear it first.';
+  if (isWriting) return 'Values are being written: wait.';
   return isBusy ? 'The axis is busy: wait until its job has ended.' : '';
 }
 
@@ -121,7 +122,21 @@ function StepPanel({ axis, guide, step }: { axis: AxisView; guide: Guide; step: 
   const plan = planOf(facts, fields.filter(({ isGain }) => !isGain), numbers);
   const gains = planOf(facts, fields.filter(({ isGain }) => isGain), numbers);
   const lacks = facts.entries.size > 0 ? (step.lacks?.(facts) ?? '') : '';
-  const reason = hindranceOf(axis, isBusy);
+  // The rows stay until all of them are written: a motion that begins between two of them would use half of them.
+  const [writing, setWriting] = useState<{ label: string; rows: PlanRow[] }>();
+  const reason = hindranceOf(axis, isBusy, writing !== undefined);
+  const planned = (label: string, rows: PlanRow[]) => ({
+    label,
+    plan: writing?.label === label ? writing.rows : rows,
+    isBusy: reason !== '',
+    onWrite: () => {
+      setWriting({ label, rows });
+      attempt(() => writePlan(axis, step.id, rows).finally(() => {
+        setWriting(undefined);
+        again();
+      }));
+    },
+  });
   const open = step.open(facts, state);
   const View = step.view ? views[step.view] : null;
   const next = steps[steps.indexOf(step) + 1] as Step | undefined;
@@ -148,8 +163,8 @@ function StepPanel({ axis, guide, step }: { axis: AxisView; guide: Guide; step: 
           <NumberForm>
             {step.view === 'inputs' && View && <View {...props} />}
             <Form facts={facts} step={step} fields={fields} numbers={numbers} />
-            <Plan facts={facts} step={step} plan={plan} label="Values to write" isBusy={reason !== ''} again={again} />
-            <Plan facts={facts} step={step} plan={gains} label="Gains to write" isBusy={reason !== ''} again={again} />
+            <Plan facts={facts} {...planned('Values to write', plan)} />
+            <Plan facts={facts} {...planned('Gains to write', gains)} />
             {fields.length > 0 && plan.length + gains.length === 0 && facts.entries.size > 0 && <p className="quiet note" role="status">The drive has these values: nothing is to be written.</p>}
             {step.motions?.map((motion) => (
               <MotionBox
@@ -164,7 +179,7 @@ function StepPanel({ axis, guide, step }: { axis: AxisView; guide: Guide; step: 
         <div className="buttons no-print">
           {canUndo(guide, step) && <Button isDisabled={reason !== ''} onPress={() => attempt(() => undoStep(axis, step).finally(again))}>Undo this step</Button>}
           <Button onPress={() => leave('skipped')}>{next ? 'Skip' : 'Skip the report'}</Button>
-          {!lacks && <Button kind="main" isDisabled={open !== '' || isBusy} onPress={() => leave('done')}>{next ? 'Done, next step' : 'Done'}</Button>}
+          {!lacks && <Button kind="main" isDisabled={open !== '' || isBusy || writing !== undefined} onPress={() => leave('done')}>{next ? 'Done, next step' : 'Done'}</Button>}
         </div>
       </section>
       <JournalPanel facts={facts} guide={guide} isBusy={reason !== ''} again={again} />
