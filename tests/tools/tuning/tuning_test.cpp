@@ -2,56 +2,15 @@
 // the shaft.
 #include <cmath>
 #include <gmock/gmock.h>
-#include <numbers>
 
-#include "axis/axis_rig.hpp"
-#include "axis/cyclic/can_cyclic_bus.hpp"
-#include "axis/cyclic/ethercat_cyclic_bus.hpp"
-#include "axis/master_watch.hpp"
-#include "drive/drive.hpp"
-#include "tools/tuning/session.hpp"
+#include "tuning_rig.hpp"
 
 namespace servodrome::master::tuning {
 namespace tuning_test {
 namespace {
 
-using namespace std::chrono_literals;
-using master::test::AxisRig;
-using master::test::RigCase;
+using namespace test;
 using testing::HasSubstr;
-using BusKind = RigCase::BusKind;
-
-constexpr double turn = 2.0 * std::numbers::pi;
-
-// Antiresonance about 137 Hz, resonance about 194 Hz.
-constexpr const char* rigid = "[axis.load]\ninertia_kgm2 = 0.84e-4\n";
-constexpr const char* elastic =
-    "[axis.load]\nelastic = true\ninertia_kgm2 = 0.28e-4\nstiffness_nm_per_rad = 20.0\ndamping_nms = 2e-3\n";
-
-// A drive, its cyclic bus, and a tuner.
-struct TuningRig : AxisRig {
-  explicit TuningRig(const RigCase& its_case) : AxisRig(its_case) {
-    if (rig_case.bus == BusKind::ethercat) {
-      cyclic = std::make_unique<EthercatCyclicBus>(*ethercat, *operation);
-    } else {
-      ObjectClient* const drives[] = {&objects()};
-      watch.emplace(*can, drives);
-      cyclic = std::make_unique<CanCyclicBus>(*can, std::vector{tuning_drive(objects(), dialect)},
-                                              CanCyclicOptions{.period = 1ms, .waits_whole_period = true});
-    }
-    Axis402 axis(objects(), this->options());
-    units = tuning_units_of(objects(), dialect, axis.units().value());
-  }
-  const drive::Drive& servo() { return drive().device().drive(); }
-  std::unique_ptr<Tuner> tuner(const TunerOptions& tuner_options = {}) {
-    return std::make_unique<Tuner>(*cyclic, objects(), dialect, units, tuner_options);
-  }
-
-  const TuningDialect& dialect = tuning_dialect_of(rig_case.product);
-  std::optional<MasterWatch> watch;
-  std::unique_ptr<CyclicBus> cyclic;
-  TuningUnits units;
-};
 
 // Response of the loop measured by signals inside the drive, sampled at the same instants, with a sine on the velocity
 // command: independent of the tuner and of the delays of a bus.
