@@ -43,7 +43,7 @@ Json json_of(const tuning::Measurement& measured, const tuning::TuningUnits& uni
             {"friction", measured.friction},
             {"constant_load", measured.constant_load},
             {"torque_unit", units.torque_name},
-            {"loop_delay_ms", 1e3 * measured.controller.controller.delay_s},
+            {"loop_delay_ms", 1e3 * measured.controller.delay.total_s()},
             {"lost_cycles", measured.lost_cycles}};
   if (const auto& resonance = measured.mechanics.resonance) {
     json["antiresonance_hz"] = resonance->antiresonance_hz;

@@ -185,7 +185,7 @@ void run(const Options& options) {
       "{} {}: inertia {:.3g} {}, friction {:.3g} {} at {:.0f} rpm, constant load {:.2g} {}, loop delay {:.2f} ms\n",
       link.noun(), axis->address(), before.mechanics.inertia, units.inertia_name, before.friction, units.torque_name,
       before.speed_rad_s * 60.0 / 6.283185307, before.constant_load, units.torque_name,
-      1e3 * before.controller.controller.delay_s);
+      1e3 * before.controller.delay.total_s());
   if (const auto& resonance = before.mechanics.resonance) {
     fmt::print("elastic: antiresonance {:.0f} Hz, resonance {:.0f} Hz, {:.0f} % of the inertia on the motor's side\n",
                resonance->antiresonance_hz, resonance->resonance_hz,

@@ -153,8 +153,8 @@ std::vector<GainValue> numbers_of(const Proposal& proposal, const TuningDialect&
 }
 
 VelocityController controller_of(std::span<const GainValue> gains, const TuningDialect& dialect,
-                                 const TuningUnits& units, double delay_s) {
-  VelocityController controller{.delay_s = delay_s};
+                                 const TuningUnits& units, const LoopDelay& delay) {
+  VelocityController controller{.delay = delay};
   NotchSetting notch;
   bool switched = true;
   for (const GainValue& value : gains) {

@@ -89,6 +89,6 @@ std::vector<GainValue> numbers_of(const Proposal& proposal, const TuningDialect&
                                   const std::string& where);
 // The controller that results from the rounded numbers, with this delay.
 VelocityController controller_of(std::span<const GainValue> gains, const TuningDialect& dialect,
-                                 const TuningUnits& units, double delay_s);
+                                 const TuningUnits& units, const LoopDelay& delay);
 
 }  // namespace servodrome::master::tuning

@@ -103,9 +103,13 @@ Complex NotchSetting::response(double at_hz) const {
   return (ends + depth * width_hz * s) / (ends + width_hz * s);
 }
 
-Complex VelocityController::response(double frequency_hz) const {
+Complex LoopDelay::response(double frequency_hz) const {
   const double w = turn * frequency_hz;
-  const Complex proportional_integral = Complex(kp, -ki / w) * std::polar(1.0, -w * delay_s);
+  return std::polar(1.0, -w * dead_s) / Complex(1.0, w * lag_s);
+}
+
+Complex VelocityController::response(double frequency_hz) const {
+  const Complex proportional_integral = Complex(kp, -ki / (turn * frequency_hz)) * delay.response(frequency_hz);
   return notch ? proportional_integral * notch->response(frequency_hz) : proportional_integral;
 }
 

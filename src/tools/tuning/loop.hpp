@@ -1,5 +1,6 @@
 #pragma once
 
+#include <functional>
 #include <optional>
 #include <span>
 #include <vector>
@@ -59,40 +60,59 @@ struct NotchSetting {
   Complex response(double frequency_hz) const;
 };
 
-// Torque = (kp + ki / s) times the velocity error, through a notch filter and a delay, which stands for sampling,
-// filters and current loop together.
+// Delay of a drive's loop: sampling, filters and current loop together, as a dead time and a first-order lag.
+struct LoopDelay {
+  double dead_s = 0.0;
+  double lag_s = 0.0;
+
+  double total_s() const { return dead_s + lag_s; }
+  Complex response(double frequency_hz) const;
+};
+
+// Torque = (kp + ki / s) times the velocity error, through a notch filter and the delay of the loop.
 struct VelocityController {
   double kp = 0.0;  // torque per rad/s
   double ki = 0.0;  // torque per rad
-  double delay_s = 0.0;
+  LoopDelay delay{};
   std::optional<NotchSetting> notch{};
 
   Complex response(double frequency_hz) const;
 };
 
-struct IdentifiedController {
+// A drive's velocity loop as the master sees it: the master holds each command for a sample, and gets position and
+// torque as samples. The steps of the held command contain images of each frequency, above half of the master's rate,
+// that alias onto it. In the torque they are a share of about crossover divided by sampling rate at every frequency, so
+// a sampled torque is not the torque that moves the shaft, and its error depends on when in a cycle the drive samples.
+struct SampledLoop {
   VelocityController controller{};
-  double command_delay_s = 0.0;  // from the master's command to the loop
-  double misfit = 0.0;           // relative rms error
-};
-// Identifies gains and delays from the responses of torque and velocity to the velocity command; the units of the
-// drive's gains need not be known. `notch`: the notch filter that is active in the drive.
-std::optional<IdentifiedController> identify_controller(std::span<const ResponsePoint> velocity_by_command,
-                                                        std::span<const ResponsePoint> torque_by_command,
-                                                        double sample_s, const std::optional<NotchSetting>& notch);
-
-// Controller and mechanics of a loop measured with a command that is held between samples. A sampled torque is then not
-// the torque that moves the shaft: the steps of the held command have images that alias onto the measured frequencies.
-// So the sampled torque identifies the controller only; the torque that moves the shaft is computed as the controller's
-// response to the command without images.
-struct IdentifiedLoop {
-  IdentifiedController controller{};
   Mechanics mechanics{};
-  double effective_delay_s = 0.0;  // delay of the held command up to the torque; half a sample of it is due to the hold
+  // Of the samples after the command; half a sample of them is due to the hold. The lag of the loop is extra.
+  double velocity_delay_s = 0.0;
+  double torque_delay_s = 0.0;
+  double misfit = 0.0;  // relative rms error
+
+  // By the command, as sampled: the velocity from differences of the position, with derivative_of_differences.
+  struct Response {
+    Complex velocity{};
+    Complex torque{};
+    Complex velocity_without_images{};
+  };
+  Response response(double frequency_hz, double sample_s) const;
+};
+
+struct IdentifiedLoop : SampledLoop {
+  // From the measured velocity, without the delays outside of the loop and without images; one value for each
+  // frequency.
+  std::vector<Complex> closed_loop{};
+  std::vector<Complex> open_loop{};
   std::vector<ResponsePoint> velocity_by_torque{};
 };
+// Identifies a sampled loop from the responses of velocity and torque to the command; the units of the drive's gains
+// need not be known. `notch`: the notch filter that is active in the drive. `between` is called at least every few ms
+// of the calculation, which may take half a second. nullopt: no model fits.
 std::optional<IdentifiedLoop> identify_loop(std::span<const ResponsePoint> velocity_by_command,
                                             std::span<const ResponsePoint> torque_by_command, double sample_s,
-                                            const std::optional<NotchSetting>& notch);
+                                            const std::optional<NotchSetting>& notch,
+                                            const std::function<void()>& between = {});
 
 }  // namespace servodrome::master::tuning

@@ -60,7 +60,7 @@ std::optional<Proposal> with_ratio(const Mechanics& mechanics, const Request& re
                                    const std::optional<NotchSetting>& notch) {
   const auto at = [&](double crossover) {
     const double kp = crossover * mechanics.inertia / std::hypot(1.0, ratio);
-    return predict({kp, kp * crossover * ratio, request.delay_s, notch}, mechanics);
+    return predict({kp, kp * crossover * ratio, request.delay, notch}, mechanics);
   };
   double low = 0.2 * turn * request.bandwidth_hz;
   double high = 1.5 * turn * request.bandwidth_hz;

@@ -16,7 +16,7 @@ struct NotchAbility {
 
 struct Request {
   double bandwidth_hz = 50.0;  // -3 dB of the closed velocity loop
-  double delay_s = 0.0;        // VelocityController::delay_s of the present drive
+  LoopDelay delay{};           // of the present drive
   std::optional<NotchAbility> notch{};
 };
 

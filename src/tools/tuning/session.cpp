@@ -14,15 +14,15 @@ constexpr double share_of_possible = 0.6;
 constexpr double close_enough = 0.05;
 constexpr int most_corrections = 3;
 
-Request request_of(double bandwidth_hz, double delay_s, const TuningDialect& dialect) {
-  return {.bandwidth_hz = bandwidth_hz, .delay_s = delay_s, .notch = dialect.notch};
+Request request_of(double bandwidth_hz, const LoopDelay& delay, const TuningDialect& dialect) {
+  return {.bandwidth_hz = bandwidth_hz, .delay = delay, .notch = dialect.notch};
 }
 
 Proposal proposal_for(const Measurement& measured, const Request& request, const std::string& where) {
   const auto proposal = propose(measured.mechanics, request);
   if (proposal) return *proposal;
   const double possible = greatest_bandwidth(measured.mechanics, request);
-  std::string why = fmt::format("the loop delay of {:.2f} ms", 1e3 * request.delay_s);
+  std::string why = fmt::format("the loop delay of {:.2f} ms", 1e3 * request.delay.total_s());
   if (measured.mechanics.resonance) {
     why += fmt::format(" and the resonance at {:.0f} Hz", measured.mechanics.resonance->resonance_hz);
   }
@@ -102,10 +102,10 @@ SessionResult tune(Tuner& tuner, ObjectClient& objects, const TuningDialect& dia
                    const SessionRequest& request) {
   SessionResult result;
   result.gains_before = read_gains(objects, dialect);
-  const auto notch = controller_of(result.gains_before, dialect, units, 0.0).notch;
+  const auto notch = controller_of(result.gains_before, dialect, units, {}).notch;
   result.before = tuner.measure(request.bandwidth_hz.value_or(first_bandwidth_hz), notch);
-  const double delay_s = result.before.controller.controller.delay_s;
-  const double possible = greatest_bandwidth(result.before.mechanics, request_of(most_bandwidth_hz, delay_s, dialect));
+  const LoopDelay& delay = result.before.controller.delay;
+  const double possible = greatest_bandwidth(result.before.mechanics, request_of(most_bandwidth_hz, delay, dialect));
   const double present = result.before.bandwidth_hz.value_or(0.0);
   result.bandwidth_hz =
       request.bandwidth_hz.value_or(std::max(share_of_possible * possible, std::min(present, possible)));
@@ -115,7 +115,7 @@ SessionResult tune(Tuner& tuner, ObjectClient& objects, const TuningDialect& dia
                                   present, possible),
                       objects.where(), fmt::format("choose --bandwidth {:.0f} or less", std::floor(possible)));
   }
-  result.proposal = proposal_for(result.before, request_of(result.bandwidth_hz, delay_s, dialect), objects.where());
+  result.proposal = proposal_for(result.before, request_of(result.bandwidth_hz, delay, dialect), objects.where());
   result.predicted = result.proposal;
   if (dialect.gains.empty()) {
     if (request.apply) {
@@ -126,7 +126,7 @@ SessionResult tune(Tuner& tuner, ObjectClient& objects, const TuningDialect& dia
   }
   const auto round = [&](const Proposal& proposal) {
     result.gains = numbers_of(proposal, dialect, units, objects.where());
-    result.predicted = predict(controller_of(result.gains, dialect, units, delay_s), result.before.mechanics);
+    result.predicted = predict(controller_of(result.gains, dialect, units, delay), result.before.mechanics);
   };
   round(result.proposal);
   if (!request.apply) return result;

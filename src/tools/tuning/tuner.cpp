@@ -365,7 +365,10 @@ Measurement Tuner::measure(double bandwidth_hz, const std::optional<NotchSetting
     ResponsePoint& velocity = found.velocity_by_command[i];
     velocity.response *= derivative_of_differences(velocity.frequency_hz, sample_s_);
   }
-  const auto loop = identify_loop(found.velocity_by_command, found.torque_by_command, sample_s_, notch);
+  found.lost_cycles = lost_cycles() - lost_before_;
+  // The exchange goes on during the calculation, so that the drive does not miss its master.
+  const auto loop =
+      identify_loop(found.velocity_by_command, found.torque_by_command, sample_s_, notch, [this] { wait(sample_s_); });
   if (!loop) {
     fail("the measured response does not match a PI controller with an inertia",
          "check that the axis turns freely, or let it move more with --travel or --seconds");
@@ -373,23 +376,18 @@ Measurement Tuner::measure(double bandwidth_hz, const std::optional<NotchSetting
   found.controller = loop->controller;
   found.mechanics = loop->mechanics;
   found.velocity_by_torque = loop->velocity_by_torque;
-  const VelocityController& law = loop->controller.controller;
-  for (std::size_t i = 0; i < found.velocity_by_command.size(); ++i) {
+  for (std::size_t i = 0; i < found.velocity_by_torque.size(); ++i) {
     const ResponsePoint& point = found.velocity_by_torque[i];
     if (point.coherence < good_coherence) continue;
-    const double w = turn * point.frequency_hz;
     found.frequencies_hz.push_back(point.frequency_hz);
-    found.open_loop.push_back(law.response(point.frequency_hz) * point.response);
-    // Removes the delays of the command and of the feedback filter, so that L / (1 + L) remains.
-    found.closed_loop.push_back(found.velocity_by_command[i].response / hold_gain(point.frequency_hz, sample_s_) *
-                                std::polar(1.0, w * (loop->effective_delay_s - law.delay_s)));
+    found.open_loop.push_back(loop->open_loop[i]);
+    found.closed_loop.push_back(loop->closed_loop[i]);
   }
   if (found.frequencies_hz.size() < fewest_frequencies) {
     fail(fmt::format("the axis responds clearly at only {} of {} frequencies", found.frequencies_hz.size(),
                      found.velocity_by_command.size()),
          "check that it turns freely; measure with longer --seconds");
   }
-  found.lost_cycles = lost_cycles() - lost_before_;
   found.margins = margins_of(found.frequencies_hz, found.open_loop);
   found.bandwidth_hz = bandwidth_of(found.frequencies_hz, found.closed_loop);
   for (const ResponsePoint& point : found.velocity_by_command) {

@@ -31,14 +31,14 @@ struct Measurement {
   std::vector<ResponsePoint> torque_by_command{};
   std::vector<ResponsePoint> velocity_by_torque{};
   std::vector<double> frequencies_hz{};  // of the following, those with good coherence
-  std::vector<Complex> open_loop{};      // identified controller times measured mechanics
-  std::vector<Complex> closed_loop{};    // measured, without the delays of command and bus
+  std::vector<Complex> open_loop{};      // measured, without the delays outside of the loop
+  std::vector<Complex> closed_loop{};    // the same
   Margins margins{};
   std::optional<double> bandwidth_hz{};
   Mechanics mechanics{};
-  IdentifiedController controller{};
-  double friction = 0.0;       // torque at the speed of the measurement: half the difference of both directions
-  double constant_load = 0.0;  // half their sum: gravity
+  VelocityController controller{};  // identified
+  double friction = 0.0;            // torque at the speed of the measurement: half the difference of both directions
+  double constant_load = 0.0;       // half their sum: gravity
   double speed_rad_s = 0.0;
   double least_coherence = 1.0;  // of velocity/command, below twice the bandwidth
   std::uint64_t lost_cycles = 0;

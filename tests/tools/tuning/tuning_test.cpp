@@ -128,9 +128,8 @@ TEST_P(Tunes, ToTheBandwidthItPromises) {
   const Margins inside = margins_of(hz, open_loop);
   ASSERT_TRUE(inside.phase_margin_deg);
   EXPECT_GT(*inside.phase_margin_deg, 40.0);
-  // The tuner's phase margin is accurate only to some degrees, because a bus does not show when in a cycle the drive
-  // samples.
-  EXPECT_NEAR(*inside.phase_margin_deg, after.margins.phase_margin_deg.value_or(0), 10.0);
+  // The power stage is not linear near zero current, so the loop's figures depend on the amplitude by some degrees.
+  EXPECT_NEAR(*inside.phase_margin_deg, after.margins.phase_margin_deg.value_or(0), 5.0);
   EXPECT_NEAR(after.bandwidth_hz.value_or(0), promised, 0.15 * promised);
   std::printf(
       "promised %.0f Hz, measured %.1f Hz and %.1f deg (before %.1f Hz); inside of the drive %.1f deg at %.1f Hz\n",
