@@ -6,7 +6,7 @@ import { LiveBuffer } from './live_buffer';
 import { differs, hexValue, inGroup, matches, namedOf, parseValue, rankOf, showValue } from './objects';
 import { alongside, channelOf, objectOf, ofAxis, queryOf, samplesOf, setupOf, span, textOfChannel, without, zoomed } from './scope';
 import { indexes, travelScale } from './travel';
-import { duration, fixed, fromDrivePosition, greatestOf, proposed, significant, ticksText, toDriveAcceleration, toDrivePosition, toDriveVelocity } from './units';
+import { decadeTicks, duration, fixed, fromDrivePosition, greatestOf, isLabelled, proposed, significant, ticksText, toDriveAcceleration, toDrivePosition, toDriveVelocity } from './units';
 
 describe('units', () => {
   const units: Units = { position_per_revolution: 131072, velocity_per_rps: 131072, acceleration_per_rps2: 10 };
@@ -19,6 +19,13 @@ describe('units', () => {
   test('are none where the drive does not tell them', () => {
     expect(toDrivePosition({ ...units, position_per_revolution: null }, 1)).toBeNull();
     expect(fromDrivePosition(undefined, 1)).toBeNull();
+  });
+  test('stand at 1 to 9 times each power of ten on a logarithmic axis, with numbers where there is room', () => {
+    expect(decadeTicks(13.3, 110)).toEqual([20, 30, 40, 50, 60, 70, 80, 90, 100]);
+    expect(decadeTicks(0.08, 0.2)).toEqual([0.08, 0.09, 0.1, 0.2]);
+    const labelled = (pixels: number) => decadeTicks(1, 1000).filter((tick) => isLabelled(tick, pixels));
+    expect(labelled(200)).toEqual([1, 2, 5, 10, 20, 50, 100, 200, 500, 1000]);
+    expect(labelled(100)).toEqual([1, 10, 100, 1000]);
   });
   test('are printed with as many places as they have', () => {
     expect(fixed(-1234567.891, 2)).toBe('\u22121\u2009234\u2009567.89');

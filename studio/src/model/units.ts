@@ -64,6 +64,24 @@ export function duration(ns: number): string {
 }
 
 // Texts of the tick marks of a plot's axis, with enough decimal places to distinguish them. A null tick gets no text.
+// The ticks of a logarithmic axis: 1 to 9 times each power of ten.
+export function decadeTicks(min: number, max: number): number[] {
+  const ticks: number[] = [];
+  for (let power = Math.floor(Math.log10(min)); power <= Math.log10(max); ++power) {
+    for (let k = 1; k <= 9; ++k) {
+      const tick = Number(`${k}e${power}`);
+      if (tick >= min && tick <= max) ticks.push(tick);
+    }
+  }
+  return ticks;
+}
+
+// Whether a tick of a logarithmic axis has room for its number: 1, 2 and 5, or only 1 of narrow decades.
+export function isLabelled(tick: number, decade_pixels: number): boolean {
+  const first = Math.round(tick / 10 ** Math.floor(Math.log10(tick) + 1e-9));
+  return first === 1 || (decade_pixels > 150 && (first === 2 || first === 5));
+}
+
 export function ticksText(ticks: readonly (number | null)[]): string[] {
   const there = ticks.filter((tick): tick is number => tick !== null);
   const steps = there.slice(1).map((tick, i) => Math.abs(tick - there[i])).filter((step) => step > 0);

@@ -25,7 +25,7 @@ import { attempt } from '../notices';
 import { useResource } from '../resource';
 import { keep, useRoute } from '../route';
 import { snapshot, useAxis, useLine, useMissing } from '../store';
-import { Commands, Speed, Torque, unitOf, useWords } from './line';
+import { Commands, Speed, Torque, unitOf, usePositionLabel, useWords } from './line';
 
 export function AxisPage() {
   const name = usePageAxis(useRoute().name);
@@ -93,7 +93,7 @@ function Curves({ name, powered }: { name: string; powered: boolean }) {
   const [running, setRunning] = useState(true);
   const isReal = useLine(({ line }) => line && line.kind === 'real') ?? undefined;
   return (
-    <Panel title="Last ten seconds" aside={<Button kind="bare" onPress={() => setRunning(!running)}>{running ? 'Pause' : 'Resume'}</Button>}>
+    <Panel title="Last ten seconds" className="curves" aside={<Button kind="bare" onPress={() => setRunning(!running)}>{running ? 'Pause' : 'Resume'}</Button>}>
       {powered && isReal !== undefined ? (
         <LiveLanes
           label="Live curves"
@@ -101,7 +101,7 @@ function Curves({ name, powered }: { name: string; powered: boolean }) {
           rate_hz={100}
           seconds={10}
           running={running}
-          laneHeight={96}
+          fill
         />
       ) : (
         <p className="empty">{isReal ? 'The drive does not answer.' : 'No power.'}</p>
@@ -120,6 +120,7 @@ function Motion({ axis }: { axis: AxisView }) {
   const words = useWords(name);
   const [ghost, setGhost] = useState<Ghost | null>(null);
   const geometry = useGeometry(name);
+  const positionLabel = usePositionLabel();
   const units = useResource<Units>(axis.powered ? `${axisPath(name)}/units` : null).value;
   const job = useLine((line) => line.jobs[name]);
   const turns = geometry?.index_every ? axis.position_counts / geometry.index_every : axis.velocity === undefined ? null : fromDrivePosition(units, axis.position_counts);
@@ -130,10 +131,10 @@ function Motion({ axis }: { axis: AxisView }) {
   const isFree = axis.powered && !axis.problem && job?.state !== 'running' && Boolean(limits.value ?? limits.problem);
   const move = { name, names: useUnitNames(name, units, limits.value), isFree };
   return (
-    <Panel title="Motion" aside={<span className="quiet">{axis.product}, {modeText(axis.mode, words)}</span>}>
+    <Panel title="Motion" aside={<span className="quiet">{[axis.product, modeText(axis.mode, words)].filter(Boolean).join(', ')}</span>}>
       <Travel axis={axis} geometry={geometry} ghost={ghost} />
       <dl className="readouts">
-        <Readout label={axis.position_actual === undefined ? 'position (6064h)' : 'true position'} {...(turns === null ? { value: fixed(axis.position_counts, 0), unit: unitOf(axis) } : { value: fixed(turns, 4), unit: 'rev' })} title={`${axis.position_counts} counts`} />
+        <Readout label={positionLabel} {...(turns === null ? { value: fixed(axis.position_counts, 0), unit: unitOf(axis) } : { value: fixed(turns, 4), unit: 'rev' })} title={`${axis.position_counts} counts`} />
         {axis.position_actual !== undefined && <Readout label="drive's position (6064h)" value={units?.position_per_revolution ? fixed(fromDrivePosition(units, axis.position_actual), 4) : fixed(axis.position_actual, 0)} unit={units?.position_per_revolution ? 'rev' : 'units'} title={`${axis.position_actual} units of the drive`} />}
         <Speed axis={axis} />
         <Torque axis={axis} />
@@ -188,6 +189,7 @@ const useJob = (name: string) => useLine((line) => (line.jobs[name] as (typeof l
 interface UnitNames {
   units: 'revolutions' | 'drive';
   known: boolean;
+  unknown: boolean; // the drive has answered, and does not report them
   position: string;
   velocity: string;
   acceleration: string;
@@ -200,10 +202,10 @@ function useUnitNames(name: string, units: Units | undefined, limits: Limits | u
   const known = isKnown(units);
   const greatest = greatestOf(units, limits);
   const objects = useResource<{ objects: ObjectEntry[] }>(units && !known ? `${axisPath(name)}/objects` : null).value?.objects;
-  if (known) return { units: 'revolutions', known, position: 'rev', velocity: 'rpm', acceleration: 'rev/s²', speed: (rpm) => rpm / 60, velocity_scale: 60, greatest };
+  if (known) return { units: 'revolutions', known, unknown: false, position: 'rev', velocity: 'rpm', acceleration: 'rev/s²', speed: (rpm) => rpm / 60, velocity_scale: 60, greatest };
   const position = objects?.find((entry) => addressOf(entry) === '607A:00')?.unit || 'units';
   // CiA 402 defines velocities as position units per second, accelerations as position units per second squared.
-  return { units: 'drive', known, position, velocity: `${position}/s`, acceleration: `${position}/s²`, speed: (value) => value, velocity_scale: 1, greatest: { velocity: limits?.velocity ?? Infinity, acceleration: limits?.acceleration ?? Infinity } };
+  return { units: 'drive', known, unknown: units !== undefined, position, velocity: `${position}/s`, acceleration: `${position}/s²`, speed: (value) => value, velocity_scale: 1, greatest: { velocity: limits?.velocity ?? Infinity, acceleration: limits?.acceleration ?? Infinity } };
 }
 
 interface MoveProps {
@@ -226,7 +228,7 @@ function useNumber(usual: number, names: UnitNames, limit?: keyof Greatest): [nu
 const amount = (value: number, unit: string) => `${significant(value)} ${unit}`;
 
 function Prediction({ names, distance, velocity, acceleration }: { names: UnitNames; distance?: number; velocity: number; acceleration: number }) {
-  const { known, velocity_scale, greatest } = names;
+  const { unknown, velocity_scale, greatest } = names;
   const limited = Math.sign(velocity) * Math.min(Math.abs(velocity), greatest.velocity);
   const given = predict({ velocity: limited, acceleration: Math.min(acceleration, greatest.acceleration), velocity_scale, ...(distance === undefined ? {} : { distance }) });
   let text = 'Enter all values to see the predicted motion.';
@@ -240,7 +242,7 @@ function Prediction({ names, distance, velocity, acceleration }: { names: UnitNa
       {text}
       {Math.abs(velocity) > greatest.velocity && ` The drive's limit (607Fh, 6080h) is ${amount(greatest.velocity, names.velocity)}.`}
       {acceleration > greatest.acceleration && ` The drive's limit (60C5h, 60C6h) is ${amount(greatest.acceleration, names.acceleration)}.`}
-      {!known && ' The drive does not report its units per revolution: begin with small values.'}
+      {unknown && ' The drive does not report its units per revolution: begin with small values.'}
     </p>
   );
 }

@@ -29,7 +29,7 @@ export function BusPage() {
 function LinksAndAxes({ bus }: { bus: BusView }) {
   return (
     <>
-      <div className="panels">
+      <div className="panels wide">
         <Panel title="Links">
           <Scroll label="Table of links">
             <table className="table">

@@ -3,6 +3,7 @@ import { get, post, problemOf, segment } from '../api/client';
 import type { ObjectValue, Problem } from '../api/types';
 import { authorsOf, type Change, type ChangesAnswer, matches, said, type UndoReport, withAnswer } from '../model/changes';
 import { Button, Choice, Link, Panel, Scroll, Search, Trouble } from '../parts/controls';
+import { fixed } from '../model/units';
 import { keep, useRoute } from '../route';
 import { useLine } from '../store';
 
@@ -54,7 +55,7 @@ export function ChangesView({ name }: { name: string }) {
             <thead>
               <tr>
                 <th scope="col">no.</th><th scope="col">time</th><th scope="col">object</th><th scope="col" className="wide">name</th>
-                <th scope="col">before</th><th scope="col">after</th><th scope="col" className="wide">unit</th><th scope="col">who</th>
+                <th scope="col">before</th><th scope="col">after</th><th scope="col" className="wide">unit</th><th scope="col" className="wide">who</th>
                 <th scope="col"><span className="unseen">undo</span></th>
               </tr>
             </thead>
@@ -68,7 +69,7 @@ export function ChangesView({ name }: { name: string }) {
       )}
       <p className="note">
         {shown.length > most_shown && `The table shows the newest ${most_shown}. `}
-        {dropped > 0 && `The server no longer has the oldest ${dropped.toLocaleString('en')} changes of the line.`}
+        {dropped > 0 && `The server no longer has the oldest ${fixed(dropped, 0)} changes of the line.`}
       </p>
     </Panel>
   );
@@ -81,7 +82,7 @@ function Row({ change, link, isDisabled, onUndo }: { change: Change; link: strin
   const { number, wall, time_ns, object, name, before, after, unit, who } = change;
   return (
     <tr>
-      <td>{number}</td>
+      <td className="text">{number}</td>
       <td title={`${wall}, ${(time_ns / 1e9).toFixed(3)} s of the line`}>{timeOf(wall)}</td>
       <th scope="row" className="mono"><Link to={`${link}?object=${object}&q=${object}`}>{object}</Link></th>
       <td className="text">{name}</td>

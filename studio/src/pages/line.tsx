@@ -27,17 +27,19 @@ export function LinePage() {
   const all = (request: string) => () => void Promise.all(order.map((name) => runJob(name, { do: request })));
   return (
     <>
-      <div className="buttons" role="group" aria-label="All axes">
-        <Button onPress={all('enable')}>Enable all</Button>
-        <Button onPress={all('stop')}>Halt all</Button>
-        <Button onPress={all('disable')}>Disable all</Button>
-      </div>
-      <div className="toolbar">
-        {isLarge && <Filters shown={names.length} all={order.length} />}
-        <div className="segments" role="group" aria-label="View">
-          {views.map(([id, text]) => <button key={id} type="button" aria-pressed={view === id} onClick={() => keep({ view: id })}>{text}</button>)}
+      <div className="line-tools">
+        <div className="buttons" role="group" aria-label="All axes">
+          <Button onPress={all('enable')}>Enable all</Button>
+          <Button onPress={all('stop')}>Halt all</Button>
+          <Button onPress={all('disable')}>Disable all</Button>
         </div>
-        <Legend />
+        <div className="toolbar">
+          {isLarge && <Filters shown={names.length} all={order.length} />}
+          <div className="segments" role="group" aria-label="View">
+            {views.map(([id, text]) => <button key={id} type="button" aria-pressed={view === id} onClick={() => keep({ view: id })}>{text}</button>)}
+          </div>
+          <Legend />
+        </div>
       </div>
       {view === 'rows' ? (
         <AxisRows names={names} />
@@ -75,6 +77,9 @@ export function positionOf(axis: AxisView, geometry: Geometry | undefined): { va
   return counts ? { value: fixed(axis.position_counts / counts, 3), unit: 'rev' } : { value: fixed(axis.position_counts, 0), unit: unitOf(axis) };
 }
 
+// The value of a drive on a bus is that of its object.
+export const usePositionLabel = () => useLine(({ line }) => (line?.kind === 'real' ? 'position (6064h)' : 'true position'));
+
 export const useWords = (axis: string) => useResource<Words>(`${axisPath(axis)}/words`).value;
 
 const isNamed = (text: string) => text !== manufacturerSpecific && text !== modeSpecific;
@@ -92,6 +97,7 @@ const AxisCard = memo(function AxisCard({ name }: { name: string }) {
   const geometry = useGeometry(name);
   const job = useLine((line) => line.jobs[name]);
   const words = useWords(name);
+  const positionLabel = usePositionLabel();
   if (!axis) return null;
   const faults = axis.faults ?? [];
   const set = statusBits(axis.statusword ?? 0, axis.mode, words).filter(({ on, name: text }) => on && isNamed(text));
@@ -109,27 +115,29 @@ const AxisCard = memo(function AxisCard({ name }: { name: string }) {
         <Travel axis={axis} geometry={geometry} />
       </div>
       <dl className="readouts">
-        <Readout label={axis.position_actual === undefined ? 'position (6064h)' : 'true position'} title={`${fixed(axis.position_counts, 0)} counts`} {...positionOf(axis, geometry)} />
+        <Readout label={positionLabel} title={`${fixed(axis.position_counts, 0)} counts`} {...positionOf(axis, geometry)} />
         <Speed axis={axis} />
         <Torque axis={axis} />
         {axis.current_a !== null && <Readout label="current" value={fixed(axis.current_a, 2)} unit="A" />}
         {axis.temperature_c !== null && <Readout label="winding" value={fixed(axis.temperature_c, 1)} unit="°C" />}
         {axis.supply_v !== null && <Readout label="supply" value={fixed(axis.supply_v, 1)} unit="V" />}
       </dl>
-      <p className="bits" title={`statusword ${hex(axis.statusword ?? 0, 4)}`}>
-        {axis.powered && <span className="chip plain">{modeText(axis.mode, words)}</span>}
-        {axis.homed && <span className="chip plain">homed</span>}
-        {set.map(({ bit, name: text }) => (
-          <span key={bit} className={text === 'fault' ? 'bit bad' : text === 'warning' ? 'bit warn' : 'bit'}>{text}</span>
-        ))}
-      </p>
-      {faults.length > 0 && (
-        <p className="fault">
-          <Link to={`/faults/${encodeURIComponent(name)}`}>
-            {faults.map(({ code, name: text }) => `${code.replace('0x', '')}h ${text}`).join('; ')}
-          </Link>
+      <div className="said">
+        <p className="bits" title={`statusword ${hex(axis.statusword ?? 0, 4)}`}>
+          {axis.powered && <span className="chip plain">{modeText(axis.mode, words)}</span>}
+          {axis.homed && <span className="chip plain">homed</span>}
+          {set.map(({ bit, name: text }) => (
+            <span key={bit} className={text === 'fault' ? 'bit bad' : text === 'warning' ? 'bit warn' : 'bit'}>{text}</span>
+          ))}
         </p>
-      )}
+        {faults.length > 0 && (
+          <p className="fault">
+            <Link to={`/faults/${encodeURIComponent(name)}`}>
+              {faults.map(({ code, name: text }) => `${code.replace('0x', '')}h ${text}`).join('; ')}
+            </Link>
+          </p>
+        )}
+      </div>
       <footer>
         <span className="quiet address">{address(axis)}{geometry?.mechanics && ` · ${describe(geometry.mechanics)}`}</span>
         {job?.state === 'running' && <span className="busy">{job.do.replaceAll('_', ' ')}</span>}

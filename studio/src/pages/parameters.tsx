@@ -91,6 +91,7 @@ export function ParametersView({ name }: { name: string }) {
           <label className="field file">
             <span>Parameter file</span>
             <input
+              className="input"
               type="file"
               accept=".par,.txt,text/plain"
               onChange={(event) => {

@@ -3,6 +3,7 @@ import { get, problemOf, put, segment } from '../api/client';
 import type { BusView, Problem } from '../api/types';
 import { Button, Choice, Panel, Search, Toggle, Trouble } from '../parts/controls';
 import { emptyTable, isGap, kindsOf, queryOf, secondsOf, type Shown, type Table, type TrafficAnswer, type TrafficFilter, withAnswer } from '../model/traffic';
+import { fixed } from '../model/units';
 import { keep, useRoute } from '../route';
 
 const row_px = 24;
@@ -71,8 +72,8 @@ export function Traffic({ bus }: { bus: BusView }) {
       >
         <Rows table={table} chosen={chosen} onChoose={(key) => { setChosen(key); setFollow(false); }} follow={follow} onFollow={setFollow} />
         <p className="note" role="status">
-          {answer ? `${answer.frames.toLocaleString('en')} frames recorded` : 'Nothing recorded yet'}
-          {table.absent > 0 ? `, ${table.absent.toLocaleString('en')} rows skipped or lost` : ''}
+          {answer ? `${fixed(answer.frames, 0)} frames recorded` : 'Nothing recorded yet'}
+          {table.absent > 0 ? `, ${fixed(table.absent, 0)} rows skipped or lost` : ''}
           {paused ? ', display paused' : answer && !answer.recording ? ', recording is off' : ''}
         </p>
       </Panel>

@@ -142,7 +142,7 @@ function Found({ axis, found }: { axis: string; found: Tuned }) {
       {figures.length > 0 && (
         <Scroll label="Before and after">
           <table className="table" aria-label="Before and after">
-            <thead><tr><th scope="col" className="wide">velocity loop</th><th scope="col">before</th><th scope="col">predicted</th><th scope="col">after</th><th scope="col">unit</th></tr></thead>
+            <thead><tr><th scope="col" className="wide">velocity loop</th><th scope="col">before</th><th scope="col">predicted</th><th scope="col">after</th><th scope="col" className="wide">unit</th></tr></thead>
             <tbody>
               {figures.map(({ label, unit, digits, before, promised, after }) => (
                 <tr key={label}>
@@ -160,7 +160,7 @@ function Found({ axis, found }: { axis: string; found: Tuned }) {
       {found.gains.length > 0 ? (
         <Scroll label="Gains before and after">
           <table className="table" aria-label="Gains before and after">
-            <thead><tr><th scope="col">object</th><th scope="col" className="wide">gain</th><th scope="col">before</th><th scope="col">{found.result === 'proposed' ? 'proposed' : 'after'}</th><th scope="col">unit</th></tr></thead>
+            <thead><tr><th scope="col">object</th><th scope="col" className="wide">gain</th><th scope="col">before</th><th scope="col">{found.result === 'proposed' ? 'proposed' : 'after'}</th><th scope="col" className="wide">unit</th></tr></thead>
             <tbody>
               {found.gains.map(({ object, name, unit, before, after }) => (
                 <tr key={object}>
@@ -252,7 +252,7 @@ function GainTable({ axis, gains, changed }: { axis: string; gains: GainLine[]; 
         <Scroll key={set} label={set}>
           <table className="table gains" aria-label={set}>
             <caption>{set}</caption>
-            <thead><tr><th scope="col">object</th><th scope="col">gain</th><th scope="col">value</th><th scope="col">unit</th><th scope="col">default</th><th scope="col" className="wide">effect of a higher value</th></tr></thead>
+            <thead><tr><th scope="col">object</th><th scope="col" className="wide">gain</th><th scope="col">value</th><th scope="col" className="wide">unit</th><th scope="col">default</th><th scope="col" className="wide">effect of a higher value</th></tr></thead>
             <tbody>
               {lines.map(({ object, does }) => {
                 const entry = entries.get(object);

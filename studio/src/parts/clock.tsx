@@ -24,11 +24,13 @@ function Lag() {
   const lag_ms = useLine((line) => line.clock?.lag_ms);
   const count = useLine((line) => line.clock?.lag_count) ?? 0;
   return (
-    <span className="quiet" title={`skipped because the computer was too slow: ${fixed(lag_ms, 1)} ms, ${count} times`}>
-      {count > 0 ? `real time, ${fixed(lag_ms, 0)} ms behind` : 'real time'}
+    <span className="quiet lag" title={`skipped because the computer was too slow: ${fixed(lag_ms, 1)} ms, ${count} times`}>
+      {count > 0 ? `real time, ${behind(lag_ms ?? 0)} behind` : 'real time'}
     </span>
   );
 }
+
+const behind = (lag_ms: number) => (lag_ms < 1000 ? `${fixed(lag_ms, 0)} ms` : `${fixed(lag_ms / 1000, 1)} s`);
 
 // Not rendered when only the time has changed: a list of choices costs React a second commit.
 function Speed() {

@@ -1,4 +1,4 @@
-import { type ComponentProps, type MouseEvent, type ReactNode } from 'react';
+import { type ComponentProps, type MouseEvent, type ReactNode, useLayoutEffect, useRef } from 'react';
 import {
   Button as AriaButton, Input, Label, ListBox, ListBoxItem, Popover, SearchField, Select as AriaSelect, SelectValue, type ButtonProps,
 } from 'react-aria-components';
@@ -81,8 +81,23 @@ export function Link({ to, ...props }: { to: string } & ComponentProps<'a'>) {
     event.preventDefault();
     go(to);
   };
+  // A row of links may be wider than the window: it scrolls to the link of the present page.
+  const link = useRef<HTMLAnchorElement>(null);
+  const current = props['aria-current'];
+  useLayoutEffect(() => {
+    if (!current) return;
+    const scroll = () => {
+      const row = link.current?.closest('nav, ol');
+      if (!row || row.scrollWidth <= row.clientWidth) return;
+      const [all, here] = [row.getBoundingClientRect(), link.current!.getBoundingClientRect()];
+      row.scrollLeft += here.left + here.width / 2 - all.left - all.width / 2;
+    };
+    scroll();
+    addEventListener('resize', scroll);
+    return () => removeEventListener('resize', scroll);
+  }, [current]);
   return (
-    <a {...props} href={to} onClick={follow}>
+    <a {...props} ref={link} href={to} onClick={follow}>
       {props.children}
     </a>
   );

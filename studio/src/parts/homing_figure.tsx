@@ -1,11 +1,16 @@
-import { useEffect, useRef } from 'react';
+import { useEffect, useRef, useSyncExternalStore } from 'react';
 import type { AxisView, Geometry, HomingMethod } from '../api/types';
 import { followLeg, homingPath } from '../model/homing';
 
 // A homing method as in the figures of the standard: the path leg by leg, and below it the ranges in which the switches are
 // active, and the index pulses. The present position of the axis is on the path.
 
-const width = 640;
+// The drawing is scaled to the window: in a narrow one it has less width, so that its texts can be read.
+const narrow = matchMedia('(max-width: 760px)');
+const onNarrow = (tell: () => void) => {
+  narrow.addEventListener('change', tell);
+  return () => narrow.removeEventListener('change', tell);
+};
 const legHeight = 22;
 const margin = 16;
 const names = 80; // width of the labels at the left
@@ -18,6 +23,7 @@ export function HomingFigure({ method, geometry, axis, start }: {
 }) {
   const path = homingPath(method, geometry, start);
   const leg = useRef(0);
+  const width = useSyncExternalStore(onNarrow, () => narrow.matches) ? 340 : 640;
   useEffect(() => {
     leg.current = 0;
   }, [start, method.method]);

@@ -2,7 +2,7 @@ import { useEffect, useRef, useState } from 'react';
 import uPlot from 'uplot';
 import 'uplot/dist/uPlot.min.css';
 import { gaps } from '../model/gaps';
-import { ticksText } from '../model/units';
+import { decadeTicks, isLabelled, ticksText } from '../model/units';
 import { color } from '../theme';
 
 // Curves over a common x axis, with a lane and a scale for each unit.
@@ -102,6 +102,14 @@ function Lane({ x, curves, range, onRange, cursors, onCursor, laneHeight = 150, 
       points: { show: false },
     }));
     const axis = { stroke: look.ink, font, grid: { stroke: look.grid, width: 1 }, ticks: { stroke: look.grid, width: 1, size: 4 } };
+    const decades = {
+      splits: (_: uPlot, _axis: number, min: number, max: number) => decadeTicks(min, max),
+      filter: (u: uPlot, ticks: number[]) => {
+        const { min = 1, max = 10 } = u.scales.x;
+        const decade = u.bbox.width / devicePixelRatio / Math.log10(max / min);
+        return ticks.map((tick) => (isLabelled(tick, decade) ? tick : null));
+      },
+    };
     const mark = (u: uPlot, at: number | null | undefined, text: string, stroke: string, dash: number[]) => {
       if (at === null || at === undefined) return;
       const place = Math.round(u.valToPos(at, 'x', true));
@@ -120,6 +128,7 @@ function Lane({ x, curves, range, onRange, cursors, onCursor, laneHeight = 150, 
       u.ctx.fillText(text, place + 3 * ratio, u.bbox.top + 11 * ratio);
       u.ctx.restore();
     };
+    // Above the curves, so that a name covers none.
     const legend = (u: uPlot) => {
       const ratio = devicePixelRatio;
       u.ctx.save();
@@ -130,7 +139,7 @@ function Lane({ x, curves, range, onRange, cursors, onCursor, laneHeight = 150, 
         if (alpha < 1) continue;
         const text = dash.length > 0 ? `- - ${label}` : label;
         u.ctx.fillStyle = stroke;
-        u.ctx.fillText(text, right, u.bbox.top + 11 * ratio);
+        u.ctx.fillText(text, right, u.bbox.top - 5 * ratio);
         right -= u.ctx.measureText(text).width + 12 * ratio;
         if (right < u.bbox.left + u.bbox.width / 3) break;
       }
@@ -144,11 +153,11 @@ function Lane({ x, curves, range, onRange, cursors, onCursor, laneHeight = 150, 
     const made = new uPlot(
       {
         ...size(),
-        padding: [6, 18, last ? 0 : 4, 0],
+        padding: [18, 18, last ? 0 : 4, 0],
         legend: { show: false },
         scales: { x: { time: false, range: extent, distr: logarithmic ? 3 : 1 } },
         axes: [
-          { ...axis, size: last ? 30 : 0, ...(last ? { values: (u: uPlot, ticks: (number | null)[]) => {
+          { ...axis, size: last ? 30 : 0, ...(logarithmic ? decades : {}), ...(last ? { values: (u: uPlot, ticks: (number | null)[]) => {
             const texts = ticksText(ticks);
             // The unit is beside the last tick with room for it.
             const { min = 0, max = 0 } = u.scales.x;
@@ -156,7 +165,7 @@ function Lane({ x, curves, range, onRange, cursors, onCursor, laneHeight = 150, 
             const end = texts.map((text, i) => text !== '' && (ticks[i] ?? Infinity) <= room).lastIndexOf(true);
             return texts.map((text, i) => (i === end ? `${text} ${unit}` : text));
           } } : { values: () => [] }) },
-          { ...axis, size: 62, values: (_, ticks) => ticksText(ticks), label: title, labelSize: 14, labelFont: font, labelGap: 0 },
+          { ...axis, size: 62, space: 22, values: (_, ticks) => ticksText(ticks), label: title, labelSize: 14, labelFont: font, labelGap: 0 },
         ],
         series: [{}, ...series],
         cursor: { sync: { key: 'lanes' }, drag: { x: true, y: false, setScale: false }, y: false, points: { show: false }, bind: { dblclick: () => () => { now.current.onRange?.(null); return null; } } },

@@ -22,7 +22,7 @@ export function MeasureTable({ samples, a, b, range }: { samples: Samples; a: nu
         <caption>{between ? 'between the cursors' : range ? 'of what is shown' : 'of the whole recording'}</caption>
         <thead>
           <tr>
-            <th scope="col" className="wide">channel</th><th scope="col">unit</th>
+            <th scope="col" className="wide">channel</th><th scope="col" className="wide">unit</th>
             <th scope="col">A</th><th scope="col">B</th><th scope="col">B − A</th>
             <th scope="col">min</th><th scope="col">max</th><th scope="col">mean</th><th scope="col">RMS</th>
             <th scope="col" title="the highest step of this part: from one level to the next">step</th>

@@ -18,7 +18,9 @@ const percent = (share: number) => `${(100 * share).toFixed(3)}%`;
 // target of an enabled axis, and the axis. A page that draws planned moves passes `ghost`, null while there is none: the
 // height includes the text of the move then, so that the buttons below (Halt) keep their place.
 export function Travel({ axis, geometry, ghost }: { axis: AxisView; geometry: Geometry | undefined; ghost?: Ghost | null }) {
-  const target = axis.state === 'operation enabled' ? axis.target_counts : null;
+  // Until the geometry has arrived there is no scale, and so no place for the axis. A drive on a bus has no geometry.
+  const waits = useMissing('geometry') === undefined && !geometry;
+  const target = axis.state === 'operation enabled' && !waits ? axis.target_counts : null;
   const scale = travelScale(geometry, axis.position_counts);
   const turns = geometry?.index_every ? fixed(axis.position_counts / geometry.index_every, 2) : null;
   const text = turns ? `${turns} revolutions` : `${axis.position_counts} counts`;
@@ -26,7 +28,7 @@ export function Travel({ axis, geometry, ghost }: { axis: AxisView; geometry: Ge
   return (
     <svg className="travel" role="img" aria-label={`${axis.name} is at ${text}${ghost ? `, the move: ${ghost.text}` : ''}`} height={ghost === undefined ? 34 : 48} width="100%">
       <Fixed geometry={geometry} from={scale.from} to={scale.to} />
-      {ghost && (
+      {ghost && !waits && (
         <g className="ghost">
           <line x1={percent(from)} x2={percent(to)} y1="11" y2="11" />
           <svg x={percent(to)} overflow="visible">
@@ -40,9 +42,11 @@ export function Travel({ axis, geometry, ghost }: { axis: AxisView; geometry: Ge
           <path className="target" d="M0 19 l-5 9 h10 z" />
         </svg>
       )}
-      <svg x={percent(scale.at(axis.position_counts))} overflow="visible">
-        <path className={axis.powered ? 'carriage' : 'carriage dead'} d="M-6 4 h12 v8 l-6 6 l-6 -6 z" />
-      </svg>
+      {!waits && (
+        <svg x={percent(scale.at(axis.position_counts))} overflow="visible">
+          <path className={axis.powered ? 'carriage' : 'carriage dead'} d="M-6 4 h12 v8 l-6 6 l-6 -6 z" />
+        </svg>
+      )}
     </svg>
   );
 }
