@@ -131,7 +131,7 @@ function Found({ axis, found }: { axis: string; found: Tuned }) {
     >
       {loop && (
         <dl className="readouts" aria-label="Mechanics">
-          <Readout label="Inertia" value={significant(loop.inertia)} unit={loop.inertia_unit} />
+          <Readout label="Inertia" value={significant(loop.inertia)} unit={loop.inertia_unit.replace('kg m2', 'kg·m²')} />
           <Readout label="Friction" value={significant(loop.friction)} unit={loop.torque_unit} title="at the speed of the measurement" />
           <Readout label="Constant load" value={significant(loop.constant_load)} unit={loop.torque_unit} />
           <Readout label="Loop delay" value={fixed(loop.loop_delay_ms, 2)} unit="ms" />
