@@ -157,6 +157,7 @@ test('a script runs in sequence and ends at rest', async ({ page, open, line, pi
   await script.getByRole('button', { name: 'Run' }).click();
   await expect(script.getByRole('status')).toHaveText('done', { timeout: 60_000 });
   await page.locator('.page').evaluate((element) => element.scrollTo(0, 0));
+  await expect(page.getByText('imported from')).toHaveCount(0);
   await picture('boards');
   const { jobs } = await line.call<{ jobs: { do: string; state: string }[] }>('GET', '/jobs');
   expect(jobs.map((job) => `${job.do} ${job.state}`)).toEqual(['stop done', 'enable done', ...Array(4).fill('move done')]);

@@ -33,6 +33,7 @@ for (const { name, home } of axes) {
     await expect(page.getByRole('button', { name: 'Replay', exact: true })).toBeVisible();
     // The axis that holds its place moves by some counts.
     await expect.poll(async () => Math.abs(Number(await here.getAttribute('cx')) - Number(rest))).toBeLessThan(0.1);
+    if (name === 'reference') await picture('homing');
     const view = await line.call<View>('GET', `/axes/${name}`);
     expect(view.state).toBe('operation enabled');
     await open('/');

@@ -86,8 +86,8 @@ describe('travel', () => {
   });
   test('of an axis that turns is the present revolution', () => {
     const turning = { ...geometry, negative_stop: null, positive_stop: null, negative_limit: null, positive_limit: null };
-    expect(travelScale(turning, 250)).toMatchObject({ from: 200, to: 300 });
-    expect(travelScale(turning, -1)).toMatchObject({ from: -100, to: 0 });
+    expect(travelScale(turning, 250)).toMatchObject({ from: 196, to: 304 });
+    expect(travelScale(turning, -1)).toMatchObject({ from: -104, to: 4 });
   });
   test('has its indexes, as long as they can be told apart', () => {
     const marks = indexes(geometry, travelScale(geometry, 0));

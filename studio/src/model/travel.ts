@@ -17,11 +17,10 @@ export function travelScale(geometry: Geometry | undefined, position: number): S
     const turn = geometry?.index_every ?? 131072;
     from = Math.floor(position / turn) * turn;
     to = from + turn;
-  } else {
-    const margin = (to - from) * 0.04;
-    from -= margin;
-    to += margin;
   }
+  const margin = (to - from) * 0.04; // the mark of an axis at an end is drawn as a whole
+  from -= margin;
+  to += margin;
   const at = (counts: number) => Math.max(0, Math.min(1, (counts - from) / (to - from)));
   return { from, to, at };
 }
