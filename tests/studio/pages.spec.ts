@@ -10,6 +10,7 @@ const pages: Record<string, string> = {
 
 for (const [name, path] of Object.entries(pages)) {
   test(`${name} in every size and colour`, async ({ page, open, picture }) => {
+    test.setTimeout(300_000); // six runs of axe, which a busy machine does slowly
     await open(path);
     await expect(page.locator('main')).not.toHaveText('');
     await page.waitForTimeout(500); // what comes over the stream is there as well
