@@ -16,12 +16,18 @@ export const readObject = async (axis: string, index: number, sub = 0) => (await
 // Reads many objects, by address ("60FD:00"). A value is null if it cannot be read now.
 export const readValues = async (axis: string, objects: string[]) =>
   (await get<{ values: Record<string, ObjectValue> }>(`${axisPath(axis)}/values?objects=${objects.join(',')}`)).values;
-export const writeObject = (axis: string, index: number, sub: number, value: ObjectValue) => put(objectPath(axis, index, sub), { value });
+export const writeObject = (axis: string, index: number, sub: number, value: ObjectValue) => {
+  if (index === 0x6040) takeBack(axis); // the controlword
+  return put(objectPath(axis, index, sub), { value });
+};
 
-export const power = (axis: string, action: 'on' | 'off' | 'cycle') => post(`${axisPath(axis)}/power`, { action });
+export const power = (axis: string, action: 'on' | 'off' | 'cycle') => {
+  takeBack(axis);
+  return post(`${axisPath(axis)}/power`, { action });
+};
 
-// Takes back the requests of jobs that have not reached the server, by axis: a later halt or STOP goes by another connection
-// and may arrive before them.
+// Takes back the requests of jobs that have not reached the server, by axis: a later halt, controlword or STOP goes by another
+// connection and may arrive before them.
 const takingBack = new Map<string, AbortController>();
 
 function untilTakenBack(axis: string): AbortSignal {
@@ -35,6 +41,10 @@ function takeBack(axis: string) {
   takingBack.delete(axis);
 }
 
+// The latest job of each axis, with its signal. A job that is to follow it (`after`) is taken back with it: for the server a
+// written controlword is no job in between.
+const latest = new Map<string, { id: number; signal: AbortSignal }>();
+
 export const takeBackAll = () => [...takingBack.keys()].forEach(takeBack);
 
 const halts = ['stop', 'quick_stop', 'disable'];
@@ -43,7 +53,10 @@ export async function startJob(axis: string, request: { do: string } & Record<st
   forget(axis);
   const isHalt = halts.includes(request.do);
   if (isHalt) takeBack(axis);
-  const job = await post<Job>(`${axisPath(axis)}/jobs`, request, isHalt ? undefined : untilTakenBack(axis));
+  const before = latest.get(axis);
+  const signal = request.after !== undefined && request.after === before?.id ? before.signal : untilTakenBack(axis);
+  const job = await post<Job>(`${axisPath(axis)}/jobs`, request, isHalt ? undefined : signal);
+  latest.set(axis, { id: job.id, signal });
   noteJob(job);
   return job;
 }

@@ -62,6 +62,37 @@ test('STOP takes back the command whose request is still on its way, and what wa
   watched.splice(0); // Chromium may log the request that was given up
 });
 
+test('a controlword takes back the command whose request is still on its way, and what was to follow', async ({ page, open, line, watched }) => {
+  await open('/axis/reference');
+  const enabling = await hold(page, 'POST', '**/axes/reference/jobs');
+  await page.getByRole('button', { name: 'Move +' }).click();
+  await enabling.held;
+  const failed = takenBack(page);
+  await page.getByRole('button', { name: /^2 shutdown/ }).click();
+  await failed;
+  await enabling.release();
+  expect(await jobs(line)).toEqual([]);
+  watched.splice(0); // Chromium may log the request that was given up
+});
+
+test('a controlword ends what was to follow', async ({ page, open, line, watched }) => {
+  await open('/axis/reference');
+  await page.route('**/axes/reference/jobs', async (route) => {
+    const response = await route.fetch();
+    // The enabling is over before the page knows that it has begun.
+    await expect.poll(async () => (await line.call<{ state: string }>('GET', '/axes/reference')).state).toBe('operation enabled');
+    await page.getByRole('button', { name: /^5 disable operation/ }).click();
+    await expect.poll(async () => (await line.call<{ state: string }>('GET', '/axes/reference')).state).toBe('switched on');
+    await route.fulfill({ response });
+  }, { times: 1 });
+  const written = page.waitForResponse((response) => response.url().endsWith('/objects/6040/0') && response.request().method() === 'PUT');
+  await page.getByRole('button', { name: 'Move +' }).click();
+  await written;
+  await expect(page.getByText('taken back').first()).toBeVisible();
+  expect(await jobs(line)).toEqual(['enable']);
+  watched.splice(0);
+});
+
 test('a halt takes back the command whose request is still on its way', async ({ page, open, line, watched }) => {
   await open('/tuning/reference');
   const tuning = await hold(page, 'POST', '**/axes/reference/jobs');

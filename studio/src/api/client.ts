@@ -48,7 +48,7 @@ async function send(method: string, path: string, body?: unknown, type = 'applic
       ...(body === undefined ? {} : { body: typeof body === 'string' ? body : JSON.stringify(body) }),
     });
   } catch {
-    if (signal?.aborted) throw new ApiError(0, { what: 'the command was taken back by a later halt or STOP', where: path });
+    if (signal?.aborted) throw new ApiError(0, { what: 'the command was taken back by a later halt, controlword or STOP', where: path });
     throw new ApiError(0, { what: 'the server does not answer', where: path, hint: 'check that it still runs and that the network is connected' });
   }
   if (response.ok) return response;
