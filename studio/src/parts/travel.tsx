@@ -18,8 +18,10 @@ const percent = (share: number) => `${(100 * share).toFixed(3)}%`;
 // target of an enabled axis, and the axis. A page that draws planned moves passes `ghost`, null while there is none: the
 // height includes the text of the move then, so that the buttons below (Halt) keep their place.
 export function Travel({ axis, geometry, ghost }: { axis: AxisView; geometry: Geometry | undefined; ghost?: Ghost | null }) {
-  // Until the geometry has arrived there is no scale, and so no place for the axis. A drive on a bus has no geometry.
-  const waits = useMissing('geometry') === undefined && !geometry;
+  const missing = useMissing('geometry');
+  if (typeof missing === 'string') return null; // drives on buses do not report their travel
+  // Until the geometry has arrived there is no scale, and so no place for the axis.
+  const waits = !geometry;
   const target = axis.state === 'operation enabled' && !waits ? axis.target_counts : null;
   const scale = travelScale(geometry, axis.position_counts);
   const turns = geometry?.index_every ? fixed(axis.position_counts / geometry.index_every, 2) : null;
