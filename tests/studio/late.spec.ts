@@ -49,31 +49,20 @@ for (const [button, kind] of [['Move and record', 'move'], ['Sweep and record', 
   });
 }
 
-test('STOP takes back the command whose request is still on its way, and what was to follow', async ({ page, open, line, watched }) => {
-  await open('/axis/reference');
-  const enabling = await hold(page, 'POST', '**/axes/reference/jobs');
-  await page.getByRole('button', { name: 'Move +' }).click();
-  await enabling.held;
-  const failed = takenBack(page);
-  await page.getByRole('button', { name: 'STOP', exact: true }).click();
-  await failed;
-  await enabling.release();
-  expect(await jobs(line)).toEqual([]);
-  watched.splice(0); // Chromium may log the request that was given up
-});
-
-test('a controlword takes back the command whose request is still on its way, and what was to follow', async ({ page, open, line, watched }) => {
-  await open('/axis/reference');
-  const enabling = await hold(page, 'POST', '**/axes/reference/jobs');
-  await page.getByRole('button', { name: 'Move +' }).click();
-  await enabling.held;
-  const failed = takenBack(page);
-  await page.getByRole('button', { name: /^2 shutdown/ }).click();
-  await failed;
-  await enabling.release();
-  expect(await jobs(line)).toEqual([]);
-  watched.splice(0); // Chromium may log the request that was given up
-});
+for (const [what, button] of [['STOP', /^STOP$/], ['a controlword', /^2 shutdown/], ['a power cycle', /^Power cycle$/]] as const) {
+  test(`${what} takes back the command whose request is still on its way, and what was to follow`, async ({ page, open, line, watched }) => {
+    await open('/axis/reference');
+    const enabling = await hold(page, 'POST', '**/axes/reference/jobs');
+    await page.getByRole('button', { name: 'Move +' }).click();
+    await enabling.held;
+    const failed = takenBack(page);
+    await page.getByRole('button', { name: button }).click();
+    await failed;
+    await enabling.release();
+    expect(await jobs(line)).toEqual([]);
+    watched.splice(0); // Chromium may log the request that was given up
+  });
+}
 
 test('a controlword ends what was to follow', async ({ page, open, line, watched }) => {
   await open('/axis/reference');

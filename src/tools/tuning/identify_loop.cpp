@@ -252,7 +252,8 @@ std::optional<SampledLoop> fit(SampledLoop start, const Measured& measured, cons
 }  // namespace
 
 SampledLoop::Response SampledLoop::response(double frequency_hz, double sample_s) const {
-  // The command passes the lag; the delays of the samples contain what it has of the dead time.
+  // The lag delays the command too. Its dead time is a part of velocity_delay_s and torque_delay_s, so it is left out
+  // here.
   const VelocityController alive{controller.kp, controller.ki, {.lag_s = controller.delay.lag_s}, controller.notch};
   Response sum{};
   for (int image = -images; image <= images; ++image) {
