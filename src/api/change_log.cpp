@@ -38,7 +38,7 @@ void ChangeLog::add(Change change, std::string_view who) {
   if (ring_.size() < capacity_) {
     ring_.push_back(change);
   } else {
-    ring_[(change.number - 1) % capacity_] = change;
+    ring_[place_of(change.number)] = change;
   }
 }
 

@@ -65,21 +65,27 @@ class ChangeLog {
   void add(Change change, std::string_view who);
   // Controlword, targets and their offsets: a master writes them all the time to move the axis.
   static bool is_motion(std::uint16_t index);
+  // The number of the first change is after `number`, that of the last change of an earlier run. Must be called before
+  // the first add().
+  void begin_after(std::uint64_t number) { before_ = last_ = number; }
 
   const std::vector<std::string>& axes() const { return axes_; }
   std::size_t capacity() const { return capacity_; }
   // Changes that are no longer in the log.
-  std::uint64_t dropped() const { return last_ - ring_.size(); }
+  std::uint64_t dropped() const { return last_ - before_ - ring_.size(); }
   // Numbers of the oldest and of the newest change in the log; oldest() > newest(): it is empty.
-  std::uint64_t oldest() const { return dropped() + 1; }
+  std::uint64_t oldest() const { return before_ + dropped() + 1; }
   std::uint64_t newest() const { return last_; }
   // `number` is one of oldest() .. newest().
-  const Change& at(std::uint64_t number) const { return ring_[(number - 1) % capacity_]; }
+  const Change& at(std::uint64_t number) const { return ring_[place_of(number)]; }
 
  private:
+  std::size_t place_of(std::uint64_t number) const { return (number - before_ - 1) % capacity_; }
+
   std::vector<std::string> axes_;
   std::size_t capacity_;
   std::vector<Change> ring_;
+  std::uint64_t before_ = 0;  // number of the last change of earlier runs
   std::uint64_t last_ = 0;
 };
 

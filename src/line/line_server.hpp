@@ -57,6 +57,8 @@ class LineServer final : private links::LineHost {
   std::shared_ptr<const api::Recording> recording(std::uint32_t id) const {
     return scope_ ? scope_->scope().recordings().find(id) : nullptr;
   }
+  // nullptr without an API.
+  api::Recordings* recordings() { return scope_ ? &scope_->scope().recordings() : nullptr; }
   // The server has a studio page to serve.
   bool has_page() const { return http_ && page_.has_page(); }
 

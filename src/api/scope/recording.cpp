@@ -42,6 +42,22 @@ Recording::Recording(Plan plan, std::vector<std::shared_ptr<Samples>> taps, std:
   trigger_at(trigger);
 }
 
+Recording::Recording(Plan plan, Kept kept)
+    : plan_(std::move(plan)),
+      values_(kept.values.size()),
+      state_(kept.is_stopped ? RecordingState::stopped : RecordingState::done),
+      trigger_tick_(kept.trigger_tick),
+      fault_(std::move(kept.fault)),
+      first_(kept.first_tick),
+      next_(kept.first_tick + plan_.samples * plan_.stride),
+      begin_(kept.first_tick),
+      end_(next_) {
+  const auto size = static_cast<std::size_t>(plan_.samples);
+  for (std::size_t i = 0; i < values_.size(); ++i) {
+    values_[i / size * size + slot(tick(static_cast<std::int64_t>(i % size)))] = kept.values[i];
+  }
+}
+
 void Recording::trigger_at(std::int64_t tick) {
   trigger_tick_ = tick;
   state_ = RecordingState::running;

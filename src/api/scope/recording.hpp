@@ -37,6 +37,16 @@ class Recording {
   Recording(Plan plan, std::vector<std::shared_ptr<Samples>> taps, std::int64_t first, std::int64_t trigger,
             Fault fault);
 
+  // A recording of an earlier run, which has ended. `plan.samples` is the number of its samples.
+  struct Kept {
+    bool is_stopped = false;
+    std::int64_t first_tick = 0;
+    std::optional<std::int64_t> trigger_tick{};
+    std::optional<Fault> fault{};
+    std::vector<double> values{};  // of the first channel, then of the second, and so on
+  };
+  Recording(Plan plan, Kept kept);
+
   // Takes all samples before tick `end`. Returns true if the state has changed.
   bool take(std::int64_t end);
   // Ends the recording with the samples so far.

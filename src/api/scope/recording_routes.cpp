@@ -1,10 +1,9 @@
 #include <array>
-#include <cmath>
 #include <fmt/format.h>
 
 #include "api/scope/frame.hpp"
+#include "api/scope/recording_csv.hpp"
 #include "api/scope/scope.hpp"
-#include "drive/hardware.hpp"
 #include "links/number_text.hpp"
 
 namespace servodrome::api {
@@ -12,6 +11,7 @@ namespace {
 
 constexpr std::int64_t samples_at_a_time = 1024;
 constexpr std::size_t bytes_at_a_time = 64 * 1024;
+constexpr std::string_view csv_line_end = "\r\n";  // RFC 4180
 
 Scope& scope_of(Call& call) { return *static_cast<Scope*>(call.context); }
 
@@ -87,42 +87,13 @@ Json show_data(Call& call) {
   return nullptr;
 }
 
-std::string quoted(const std::string& text) {
-  std::string result = "\"";
-  for (const char c : text) result += c == '"' ? "\"\"" : std::string(1, c);
-  return result + "\"";
-}
-
-std::string csv_head(const Recording& recording) {
-  std::string head = "tick,time_s";
-  for (const NamedChannel& channel : recording.plan().channels) {
-    const auto word = [&](const char* key) { return channel.view.value(key, std::string()); };
-    const std::string what = channel.view.contains("object") ? word("object") + " " + word("name") : word("name");
-    const std::string unit = word("unit");
-    head += "," + quoted(word("axis") + " " + what + (unit.empty() ? "" : " [" + unit + "]"));
-  }
-  return head + "\r\n";
-}
-
-// A value that is not a number becomes an empty field (RFC 4180 has no text for it).
-void append_row(std::string& text, const Recording& recording, std::int64_t n) {
-  const std::int64_t tick = recording.tick(n);
-  fmt::format_to(std::back_inserter(text), "{},{:.7f}", tick, static_cast<double>(tick) * drive::tick_seconds);
-  for (std::size_t channel = 0; channel < recording.plan().channels.size(); ++channel) {
-    const double value = recording.value(channel, n);
-    text += ',';
-    if (!std::isnan(value)) fmt::format_to(std::back_inserter(text), "{}", value);
-  }
-  text += "\r\n";
-}
-
 Json show_csv(Call& call) {
   const auto recording = snapshot(call);
-  call.content = Content{"text/csv; charset=utf-8", csv_head(*recording)};
+  call.content = Content{"text/csv; charset=utf-8", csv_head(*recording, csv_line_end)};
   call.content->more = [recording, next = std::int64_t{0}]() mutable {
     std::string text;
     const std::int64_t end = std::min(next + samples_at_a_time, recording->samples());
-    for (; next < end; ++next) append_row(text, *recording, next);
+    for (; next < end; ++next) append_csv_row(text, *recording, next, csv_line_end);
     return text;
   };
   return nullptr;

@@ -107,8 +107,19 @@ std::shared_ptr<Recording> Recordings::find(std::uint32_t id) const {
   return nullptr;
 }
 
-void Recordings::remove(std::uint32_t id) {
+void Recordings::erase(std::uint32_t id) {
   std::erase_if(recordings_, [id](const auto& recording) { return recording->plan().id == id; });
+}
+
+void Recordings::remove(std::uint32_t id) {
+  erase(id);
+  if (removed_) removed_(id);
+}
+
+void Recordings::restore(std::shared_ptr<Recording> recording) {
+  if (!make_room(recording->bytes())) return;
+  begin_after(recording->plan().id);
+  recordings_.push_back(std::move(recording));
 }
 
 std::size_t Recordings::bytes() const {
@@ -130,7 +141,7 @@ bool Recordings::make_room(std::size_t bytes) {
     --count;
   }
   if (used + bytes > most_bytes || count >= most) return false;
-  for (const std::uint32_t id : going) remove(id);
+  for (const std::uint32_t id : going) erase(id);
   return true;
 }
 

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <algorithm>
 #include <functional>
 #include <memory>
 #include <vector>
@@ -34,13 +35,23 @@ class Recordings {
   std::shared_ptr<Recording> find(std::uint32_t id) const;  // nullptr: there is none
   // Changes name and note as the body of PUT /api/v1/recordings/{id} says. On an error throws and changes nothing.
   void describe(Recording& recording, const std::string& body);
+  // Removes a recording at the request of a client, and tells the callback of on_removed. A recording that makes room
+  // for another is not told.
   void remove(std::uint32_t id);
+  void on_removed(std::function<void(std::uint32_t id)> removed) { removed_ = std::move(removed); }
+
+  // Adds a recording of an earlier run if there is room.
+  void restore(std::shared_ptr<Recording> recording);
+  // The numbers of new recordings are above `id` from now on.
+  void begin_after(std::uint32_t id) { last_id_ = std::max(last_id_, id); }
   std::size_t bytes() const;
 
  private:
+  void erase(std::uint32_t id);
   bool make_room(std::size_t bytes);
 
   Changed changed_;
+  std::function<void(std::uint32_t id)> removed_{};
   std::vector<std::shared_ptr<Recording>> recordings_;  // oldest first
   std::uint32_t last_id_ = 0;
 };
