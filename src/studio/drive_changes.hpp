@@ -41,7 +41,7 @@ class DriveChanges {
   // `now` is the time of the changes, `wall_epoch` the wall-clock time of its 0.
   DriveChanges(const std::vector<Drive>& drives, std::function<master::Time()> now, master::Time wall_epoch);
 
-  const api::ChangeLog& log() const { return log_; }
+  api::ChangeLog& log() { return log_; }
 
   // The objects with a record of each write by the author that the calling thread works for. `drive` is an index.
   std::unique_ptr<master::ObjectClient> recorded(std::size_t drive, std::unique_ptr<master::ObjectClient> objects);

@@ -9,6 +9,7 @@
 #include "studio/commissioning.hpp"
 #include "studio/jobs.hpp"
 #include "studio/line_changes.hpp"
+#include "studio/project/routes.hpp"
 #include "studio/recording_export.hpp"
 #include "studio/traffic.hpp"
 #include "studio/trial_routes.hpp"
@@ -16,15 +17,18 @@
 namespace servodrome::studio {
 
 // All routes of this library for a line: jobs, parameters, PDO mappings, changes, traffic, frequency responses,
-// recordings as files, and scenarios.
+// recordings as files, scenarios, and the project.
 class LineRoutes {
  public:
-  // `line` must outlive this object. `epoch` returns the wall-clock time of the line's time 0.
-  LineRoutes(line::Line& line, const FindRecording& find, const std::function<line::Time()>& epoch)
+  // `line` and `project` must outlive this object; nullptr: there is no project. `epoch` returns the wall-clock time of
+  // the line's time 0.
+  LineRoutes(line::Line& line, const FindRecording& find, const std::function<line::Time()>& epoch,
+             Project* project = nullptr)
       : changes_(line),
         jobs_(line),
         subjects_(line),
         change_routes_(changes_.log(), subjects_),
+        project_(project),
         bode_plots_(find),
         recording_export_(find, epoch),
         scenario_(line),
@@ -32,7 +36,13 @@ class LineRoutes {
         traffic_([&line](const api::Call& call) { return find_line_traffic(line, call); }, epoch) {}
 
   Jobs& jobs() { return jobs_.jobs(); }
-  const api::ChangeLog& changes() { return changes_.log(); }
+  api::ChangeLog& changes() { return changes_.log(); }
+  const ProjectRoutes& project() const { return project_; }
+  // `publish` gets the events for the stream.
+  void on_event(const std::function<void(const api::Json& event)>& publish) {
+    jobs().on_event(publish);
+    project_.on_event(publish);
+  }
   // The groups refer to this object.
   std::vector<api::RouteGroup> groups();
 
@@ -41,6 +51,7 @@ class LineRoutes {
   LineJobs jobs_;
   LineSubjects subjects_;
   ChangeRoutes change_routes_;
+  ProjectRoutes project_;
   BodePlots bode_plots_;
   RecordingExport recording_export_;
   scenario::Routes scenario_;

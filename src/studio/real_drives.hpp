@@ -61,7 +61,7 @@ class RealDrives final : public Drives, public api::Source, public Subjects {
   api::Json view(const Axis& axis) const;
 
   // What this program wrote to the drives.
-  const api::ChangeLog& changes() const { return changes_->log(); }
+  api::ChangeLog& changes() const { return changes_->log(); }
 
   // Fetches the values that the threads of the buses have read. Returns the events of the stream since the last call.
   std::vector<api::Json> advance();

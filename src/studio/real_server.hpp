@@ -12,6 +12,7 @@
 #include "api/static_files.hpp"
 #include "studio/change_routes.hpp"
 #include "studio/jobs.hpp"
+#include "studio/project/routes.hpp"
 #include "studio/real_bench.hpp"
 #include "studio/recording_export.hpp"
 #include "studio/traffic.hpp"
@@ -25,7 +26,8 @@ class RealServer {
   struct Settings {
     std::string address = "127.0.0.1";
     std::uint16_t port = 8402;
-    std::string page{};  // folder; empty: no page
+    std::string page{};          // folder; empty: no page
+    Project* project = nullptr;  // must outlive the server; nullptr: none
   };
 
   // `drives` must outlive this object. Throws links::LinkError if it cannot listen.
@@ -42,6 +44,8 @@ class RealServer {
   std::uint16_t port() const { return http_->port(); }
   const std::string& token() const { return access_.token; }
   bool has_page() const { return page_.has_page(); }
+  api::Recordings& recordings() { return scope_.recordings(); }
+  const ProjectRoutes& project() const { return project_; }
 
  private:
   struct Pending {
@@ -71,6 +75,7 @@ class RealServer {
   api::WebSockets web_sockets_;
   Jobs jobs_;
   ChangeRoutes change_routes_;
+  ProjectRoutes project_;
   RecordingExport recording_export_;
   Traffic traffic_;
   std::vector<api::RouteGroup> groups_;
