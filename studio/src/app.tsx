@@ -20,6 +20,7 @@ import { TipLayer } from './parts/tips';
 import { TokenForm } from './parts/token_form';
 import { Tour } from './parts/tour';
 import { useRoute } from './route';
+import { useProject } from './storage';
 import { update, useLine } from './store';
 import { type Theme, useTheme } from './theme';
 
@@ -43,6 +44,7 @@ export function App() {
   const order = useLine((line) => line.order);
   const epoch = useLine((line) => line.epoch);
   const link = useLine((line) => line.link);
+  const project = useProject();
   const [, title, Page] = pages.find(([path]) => path === page) ?? pages[0];
   const axis = ofAxis.includes(page) && order.includes(name) ? name : '';
   const known = pages.some(([path]) => path === page);
@@ -82,8 +84,8 @@ export function App() {
           <h1 className="unseen">{axis ? `${title}: ${axis}` : title}</h1>
           {link === 'locked' ? (
             <TokenForm />
-          ) : order.length === 0 ? (
-            <p className="empty">{link === 'up' ? 'This line has no axes.' : 'Waiting for the server.'}</p>
+          ) : order.length === 0 || project === undefined ? (
+            <p className="empty">{link === 'up' && project !== undefined ? 'This line has no axes.' : 'Waiting for the server.'}</p>
           ) : lacks ? (
             <Lost what={lacks} page={known ? page : ''} order={order} />
           ) : (
@@ -117,6 +119,7 @@ function ThemeChoice() {
 }
 
 function Banner() {
+  const project = useProject();
   const link = useLine((line) => line.link);
   const restarted = useLine((line) => line.restarted);
   const silent = useLine((line) => line.order.filter((name) => line.axes[name].problem).join(', '));
@@ -135,10 +138,18 @@ function Banner() {
       </div>
     );
   }
+  if (project?.problem) {
+    const { what, where, hint } = project.problem;
+    return (
+      <div className="banner bad" role="alert">
+        The project is not saved: {where}: {what}; {hint}. The server tries again by itself, and the drives are not affected.
+      </div>
+    );
+  }
   if (restarted) {
     return (
       <div className="banner" role="status">
-        The server was restarted: recordings are lost, and simulated drives have lost the parameters that were not stored.
+        The server was restarted: {!project && 'recordings are lost, and '}simulated drives have lost the parameters that were not stored.
         <button type="button" onClick={() => update({ restarted: false })}>Understood</button>
       </div>
     );

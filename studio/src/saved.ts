@@ -1,12 +1,12 @@
 import { useSyncExternalStore } from 'react';
 import { complainOf } from './notices';
+import { listenToTexts, readText, writeText } from './storage';
 
-// A value in the storage of the browser, shared by the tabs of this page. `read` checks the stored text, which another version of
+// A value in the storage of the page (storage.ts), shared by its tabs. `read` checks the stored text, which another version of
 // the page may have written. If `read` throws, the text is kept under another key, and the value is empty.
 export class Saved<T> {
   private text: string | null = null;
   private value: T;
-  private readonly listeners = new Set<() => void>();
 
   constructor(
     private readonly key: string,
@@ -14,13 +14,10 @@ export class Saved<T> {
     private readonly read: (json: unknown) => T,
   ) {
     this.value = empty;
-    addEventListener('storage', (event) => {
-      if (event.key === key) this.tell();
-    });
   }
 
   get = (): T => {
-    const text = localStorage.getItem(this.key);
+    const text = readText(this.key);
     if (text === this.text) return this.value;
     this.text = text;
     this.value = this.empty;
@@ -28,32 +25,21 @@ export class Saved<T> {
     try {
       this.value = this.read(JSON.parse(text));
     } catch (error) {
-      localStorage.setItem(`${this.key}.unreadable`, text);
       const why = error instanceof Error ? error.message : String(error);
-      setTimeout(() => complainOf({ what: `the browser's storage of this page is unusable: ${why}`, where: this.key, hint: `the text is kept there as ${this.key}.unreadable` }));
+      const keep = () => {
+        writeText(`${this.key}.unreadable`, text);
+        complainOf({ what: `the storage of this page is unusable: ${why}`, where: this.key, hint: `the text is kept there as ${this.key}.unreadable` });
+      };
+      setTimeout(keep); // React forbids changes while it renders
     }
     return this.value;
   };
 
   set(to: T) {
-    try {
-      localStorage.setItem(this.key, JSON.stringify(to));
-    } catch {
-      complainOf({ what: 'the browser did not save it: its storage is full or switched off', where: this.key, hint: 'export it as a file' });
-    }
-    this.tell();
+    writeText(this.key, JSON.stringify(to));
   }
 
-  private tell() {
-    this.listeners.forEach((listener) => listener());
-  }
-
-  listen = (listener: () => void) => {
-    this.listeners.add(listener);
-    return () => {
-      this.listeners.delete(listener);
-    };
-  };
+  listen = listenToTexts;
 }
 
 export const useSaved = <T>(saved: Saved<T>): T => useSyncExternalStore(saved.listen, saved.get);

@@ -2,6 +2,7 @@ import { useSyncExternalStore } from 'react';
 import { ApiError, get, post } from './api/client';
 import { Stream, type ServerEvent } from './api/stream';
 import { setToken, subprotocols, token } from './api/token';
+import { noteProject, openProject, type ProjectEvent } from './storage';
 import type { AxisView, Clock, Job, LineView, Missing } from './api/types';
 
 // The state of the line as the page knows it. The stream updates it, and all parts of the page read it.
@@ -114,6 +115,7 @@ function begin({ start, version = '' }: { start: string; version?: string }) {
     version,
     ...(other ? { restarted: true, epoch: state.epoch + 1, jobs: {}, lastEvent: null } : {}),
   });
+  void openProject();
   takeJobs().catch(() => undefined); // if this fails, the banner already reports the lost connection
 }
 
@@ -162,6 +164,7 @@ export function connect() {
     axes: takeAxes,
     event: (event) => {
       if (event.kind === 'job' && event.job) noteJob(event.job);
+      else if (event.kind === 'project') noteProject(event as ProjectEvent).catch(() => undefined); // the next greeting repeats it
       else update({ lastEvent: { ...event, serial: ++serial } });
     },
   }, subprotocols);

@@ -138,3 +138,14 @@ export class Studio extends Program {
     return ['studio', '--page', page, '--timeout', '2', ...this.buses.flatMap((bus) => ['--bus', bus])];
   }
 }
+
+// `servodrome studio FOLDER`.
+export class ProjectServer extends Program {
+  constructor(private readonly of: string) {
+    super();
+  }
+
+  protected words(): string[] {
+    return ['studio', this.of, '--page', page];
+  }
+}

@@ -1,12 +1,11 @@
 import { useSyncExternalStore } from 'react';
 import type { Problem } from '../api/types';
-import { complainOf } from '../notices';
+import { listenToTexts, readText, writeText } from '../storage';
 import type { Journal } from './journal';
 import type { Measured } from './measured';
 import { noMechanics, type Mechanics } from './mechanics';
 
-// The state of the guide for one axis. It is in the browser's storage, since the server does not store projects: it survives a
-// reload, and all tabs of this browser share it.
+// The state of the guide for one axis, in the storage of the page (storage.ts): it survives a reload, and all tabs share it.
 
 export interface StepState {
   mark?: 'done' | 'skipped';
@@ -75,33 +74,21 @@ const prefix = 'servodrome.guide.';
 const fresh = (product: string): Guide => ({ version: 1, product, mechanics: noMechanics, steps: {}, journal: [], run: null });
 
 const known = new Map<string, { text: string | null; guide: Guide }>();
-const listeners = new Set<() => void>();
-const tell = () => listeners.forEach((listener) => listener());
-
-function listen(listener: () => void) {
-  listeners.add(listener);
-  addEventListener('storage', listener); // another tab has changed it
-  return () => {
-    listeners.delete(listener);
-    removeEventListener('storage', listener);
-  };
-}
-
-function parse(text: string | null, product: string): Guide {
+// Null: the text is of another drive that had the axis's name, or of another version of the page.
+function parse(text: string, product: string): Guide | null {
   try {
-    const guide = text === null ? null : (JSON.parse(text) as Guide);
-    // Another drive has taken the axis's name: its guide begins at the first step.
-    return guide?.version === 1 && guide.product === product ? guide : fresh(product);
+    const guide = JSON.parse(text) as Guide | null;
+    return guide?.version === 1 && guide.product === product ? guide : null;
   } catch {
-    return fresh(product);
+    return null;
   }
 }
 
 export function guideOf(axis: string, product: string): Guide {
-  const text = localStorage.getItem(prefix + axis);
+  const text = readText(prefix + axis);
   const before = known.get(axis);
   if (before?.text === text && before.guide.product === product) return before.guide;
-  const guide = parse(text, product);
+  const guide = (text === null ? null : parse(text, product)) ?? fresh(product);
   known.set(axis, { text, guide });
   return guide;
 }
@@ -109,21 +96,17 @@ export function guideOf(axis: string, product: string): Guide {
 export function change(axis: string, product: string, to: (guide: Guide) => Guide): void {
   const guide = to(guideOf(axis, product));
   const text = JSON.stringify(guide);
-  try {
-    localStorage.setItem(prefix + axis, text);
-    known.set(axis, { text, guide });
-  } catch {
-    complainOf({ what: 'the browser has no room for the state of the guide', hint: 'delete data of other pages in the browser' });
-  }
-  tell();
+  const old = readText(prefix + axis);
+  if (old !== null && !parse(old, product)) writeText(`${prefix}${axis}.before`, old); // so that it is not lost
+  known.set(axis, { text, guide });
+  writeText(prefix + axis, text);
 }
 
 export function forgetGuide(axis: string): void {
-  localStorage.removeItem(prefix + axis);
-  tell();
+  writeText(prefix + axis, null);
 }
 
-export const useGuide = (axis: string, product: string) => useSyncExternalStore(listen, () => guideOf(axis, product));
+export const useGuide = (axis: string, product: string) => useSyncExternalStore(listenToTexts, () => guideOf(axis, product));
 
 export const stepOf = (guide: Guide, step: string): StepState => guide.steps[step] ?? noStep;
 

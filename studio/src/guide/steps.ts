@@ -231,7 +231,7 @@ export const steps: Step[] = [
   },
   {
     id: 'units', title: 'Units', view: 'units', reads: ['608F:*', '6091:*', '6092:*', '6093:*', '6094:*', '6096:*', '6097:*'],
-    why: 'Positions and speeds are shown in the units of the machine from here on. They are kept in this browser; the factors in the drive stay as they are.',
+    why: 'Positions and speeds are shown in the units of the machine from here on. The page keeps them; the factors in the drive stay as they are.',
     check: 'The drive\'s units per revolution are known.',
     open: noScale,
   },

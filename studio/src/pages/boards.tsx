@@ -10,6 +10,7 @@ import { saveText } from '../parts/save';
 import { tell } from '../notices';
 import { go, useRoute } from '../route';
 import { useSaved } from '../saved';
+import { placeOf, useProject } from '../storage';
 import '../boards.css';
 
 // In the query, because the server does not take an escaped path for a view of the page.
@@ -18,6 +19,7 @@ const addressOf = (name: string) => `/boards?name=${encodeURIComponent(name)}`;
 export function BoardsPage() {
   const name = useRoute().query.get('name') ?? '';
   const boards = useSaved(savedBoards);
+  const project = useProject();
   const board = boards.find((each) => each.name === name) ?? (name === '' ? boards[0] : undefined);
   return (
     <>
@@ -26,7 +28,7 @@ export function BoardsPage() {
           {boards.map((each) => <Link key={each.name} to={addressOf(each.name)} {...(each === board ? { 'aria-current': 'page' as const } : {})}>{each.name}</Link>)}
         </nav>
       )}
-      {name !== '' && !board && <p className="empty" role="alert">This browser has no dashboard "{name}". Import its file, or make a new one.</p>}
+      {name !== '' && !board && <p className="empty" role="alert">There is no dashboard "{name}" in {placeOf(project)}. Import its file, or make a new one.</p>}
       {board && <BoardView key={board.name} board={board} />}
       <Manage boards={boards} board={board} />
     </>
@@ -123,6 +125,7 @@ function Manage({ boards, board }: { boards: Board[]; board: Board | undefined }
   const [name, setName] = useState('');
   const [problem, setProblem] = useState<Problem>();
   const [sure, setSure] = useState('');
+  const project = useProject();
   const file = useRef<HTMLInputElement>(null);
   const wrong = name === '' ? undefined : nameProblem(name.trim(), boards.map((each) => each.name));
   const fits = name.trim() !== '' && !wrong;
@@ -162,7 +165,7 @@ function Manage({ boards, board }: { boards: Board[]; board: Board | undefined }
     if (file.current) file.current.value = ''; // the same file can be chosen again
   };
   return (
-    <Panel title="Dashboards of this browser" className="manage">
+    <Panel title={`Dashboards of ${placeOf(project)}`} className="manage">
       <form className="toolbar" onSubmit={(event) => { event.preventDefault(); if (fits && boards.length < mostBoards) make(); }}>
         <label className="field">
           <span>Name of a dashboard</span>
@@ -178,7 +181,7 @@ function Manage({ boards, board }: { boards: Board[]; board: Board | undefined }
         <label className="field file"><span>Import a file</span><input ref={file} className="input" type="file" accept=".json,application/json" onChange={(event) => void load(event)} /></label>
       </form>
       <Trouble problem={problem} />
-      {boards.length === 0 && <p className="note">A dashboard shows values, plots, controls and scripts of your choice. It is kept in this browser; a file brings it to others.</p>}
+      {boards.length === 0 && <p className="note">A dashboard shows values, plots, controls and scripts of your choice. It is kept in {placeOf(project)}; a file brings it to others.</p>}
     </Panel>
   );
 }

@@ -4,7 +4,9 @@ import type { ObjectValue, Problem } from '../api/types';
 import { authorsOf, type Change, type ChangesAnswer, matches, said, type UndoReport, withAnswer } from '../model/changes';
 import { Button, Choice, Link, Panel, Scroll, Search, Trouble } from '../parts/controls';
 import { fixed } from '../model/units';
+import { complain } from '../notices';
 import { keep, useRoute } from '../route';
+import { useProject } from '../storage';
 import { useLine } from '../store';
 
 const ask_every_ms = 500;
@@ -16,7 +18,9 @@ export function ChangesView({ name }: { name: string }) {
   const { query } = useRoute();
   const text = query.get('q') ?? '';
   const who = query.get('who') ?? '';
-  const { changes, dropped, problem } = useChanges(name);
+  const { changes: present, dropped, problem } = useChanges(name);
+  const earlier = useEarlierChanges(name);
+  const changes = [...earlier, ...present];
   const [report, setReport] = useState<UndoReport>();
   const [refused, setRefused] = useState<Problem>();
   const [busy, setBusy] = useState(false);
@@ -41,7 +45,7 @@ export function ChangesView({ name }: { name: string }) {
       <div className="toolbar">
         <Search label="Filter by object, name or author" value={text} onChange={(q) => keep({ q })} />
         <Choice label="Author" value={who} options={[['', 'all'], ...authorsOf(changes).map((each) => [each, each] as const)]} onChange={(to) => keep({ who: to })} />
-        <Button isDisabled={busy || changes.length === 0} onPress={() => undo({ axis: name, ...(who === '' ? {} : { who }) })}>
+        <Button isDisabled={busy || present.length === 0} onPress={() => undo({ axis: name, ...(who === '' ? {} : { who }) })}>
           {who === '' ? 'Undo all' : 'Undo all of this author'}
         </Button>
       </div>
@@ -61,7 +65,7 @@ export function ChangesView({ name }: { name: string }) {
             </thead>
             <tbody>
               {shown.slice(0, most_shown).map((change) => (
-                <Row key={change.number} change={change} link={link} isDisabled={busy} onUndo={() => undo({ number: change.number })} />
+                <Row key={change.number} change={change} link={link} isDisabled={busy} {...(change.number < (present[0]?.number ?? Infinity) ? {} : { onUndo: () => undo({ number: change.number }) })} />
               ))}
             </tbody>
           </table>
@@ -69,28 +73,29 @@ export function ChangesView({ name }: { name: string }) {
       )}
       <p className="note">
         {shown.length > most_shown && `The table shows the newest ${most_shown}. `}
+        {earlier.length > 0 && 'The changes without "Undo" are from earlier runs of the server; the file changes.jsonl of the project has all. '}
         {dropped > 0 && `The server no longer has the oldest ${fixed(dropped, 0)} changes of the line.`}
       </p>
     </Panel>
   );
 }
 
-const timeOf = (wall: string) => new Date(wall).toLocaleTimeString('en-GB');
+const timeOf = (wall: string, withDate: boolean) => (withDate ? new Date(wall).toLocaleString('en-GB') : new Date(wall).toLocaleTimeString('en-GB'));
 const textOf = (value: ObjectValue | null) => (value === null ? <span className="quiet">not known</span> : String(value));
 
-function Row({ change, link, isDisabled, onUndo }: { change: Change; link: string; isDisabled: boolean; onUndo: () => void }) {
+function Row({ change, link, isDisabled, onUndo }: { change: Change; link: string; isDisabled: boolean; onUndo?: () => void }) {
   const { number, wall, time_ns, object, name, before, after, unit, who } = change;
   return (
     <tr>
       <td className="text">{number}</td>
-      <td title={`${wall}, ${(time_ns / 1e9).toFixed(3)} s of the line`}>{timeOf(wall)}</td>
+      <td title={`${wall}, ${(time_ns / 1e9).toFixed(3)} s of the line`}>{timeOf(wall, !onUndo)}</td>
       <th scope="row" className="mono"><Link to={`${link}?object=${object}&q=${object}`}>{object}</Link></th>
       <td className="text">{name}</td>
       <td>{textOf(before)}</td>
       <td>{textOf(after)}</td>
       <td className="text">{unit}</td>
       <td className="text">{who}</td>
-      <td><Button kind="bare" isDisabled={isDisabled} aria-label={`Undo change ${number}`} onPress={onUndo}>Undo</Button></td>
+      <td>{onUndo && <Button kind="bare" isDisabled={isDisabled} aria-label={`Undo change ${number}`} onPress={onUndo}>Undo</Button>}</td>
     </tr>
   );
 }
@@ -108,6 +113,24 @@ function Undone({ report }: { report: UndoReport }) {
       )}
     </div>
   );
+}
+
+// The changes of earlier runs of the server, which are in the project if there is one.
+function useEarlierChanges(axis: string): readonly Change[] {
+  const project = useProject();
+  const epoch = useLine((line) => line.epoch);
+  const folder = project?.folder;
+  const [changes, setChanges] = useState<readonly Change[]>([]);
+  useEffect(() => {
+    let over = false;
+    setChanges([]);
+    if (folder === undefined) return;
+    get<{ changes: Change[] }>(`/project/changes?axis=${segment(axis)}`).then((answer) => !over && setChanges(answer.changes), complain);
+    return () => {
+      over = true;
+    };
+  }, [axis, epoch, folder]);
+  return changes;
 }
 
 function useChanges(axis: string) {

@@ -3,20 +3,22 @@ import { appliedOf, layoutOf, readLayouts, withLayout, type Layout } from '../mo
 import { tell } from '../notices';
 import { keep, useRoute } from '../route';
 import { Saved, useSaved } from '../saved';
+import { placeOf, useProject } from '../storage';
 import { Button, Panel } from './controls';
 
 const saved = new Saved<Layout[]>('servodrome.scope.layouts', [], readLayouts);
 
-// Channels, trigger, math channels and plot under a name, in the storage of the browser.
+// Channels, trigger, math channels and plot under a name, in the storage of the page.
 export function Layouts() {
   const { query } = useRoute();
   const layouts = useSaved(saved);
+  const project = useProject();
   const [name, setName] = useState('');
   const save = () => {
     const given = name.trim();
     if (given === '') return;
     saved.set(withLayout(layouts, layoutOf(given, query)));
-    tell(`layout "${given}" saved in this browser`);
+    tell(`layout "${given}" saved in ${placeOf(project)}`);
     setName('');
   };
   return (
