@@ -109,6 +109,12 @@ void Jobs::carry_out(Job& job) {
   options.cancelled = [&job] { return job.cancelled; };
   options.longest_halt = longest_halt;
   master::Axis402 master_axis(*objects, options);
+  const auto fail = [&job, &master_axis](JobError error) {
+    // An earlier command may have begun a motion that still goes on. The last command does not ask for it.
+    if (job.order.moves) master_axis.try_to_stop();
+    job.error = std::move(error);
+    job.state = JobState::failed;
+  };
   const master::Time began = drives_.now();
   try {
     Conduct conduct;
@@ -130,12 +136,10 @@ void Jobs::carry_out(Job& job) {
     job.error = error_of(cancelled);
     job.state = JobState::cancelled;
   } catch (const master::MasterError& error) {
-    job.error = error_of(error);
-    job.state = JobState::failed;
+    fail(error_of(error));
     if (job.order.what == "reset_fault") explain_by_injection(job);
   } catch (const std::exception& error) {
-    job.error = JobError{error.what(), job.axis, "start the job again"};
-    job.state = JobState::failed;
+    fail(JobError{error.what(), job.axis, "start the job again"});
   }
   if (master_axis.became_quick_stop()) {
     job.note = fmt::format("the axis was not at rest {} ms after the halt, which became a quick stop",

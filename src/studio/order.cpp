@@ -243,24 +243,25 @@ CarryOut tune_itself(Numbers& numbers) {
 struct Kind {
   const char* name;
   CarryOut (*read)(Numbers& numbers);
+  bool moves = false;
   bool takes_over = false;
   bool lives_on_signs = false;
 };
 constexpr std::array kinds{
-    Kind{"enable", enable},
-    Kind{"disable", disable, true},
-    Kind{"reset_fault", reset_fault},
-    Kind{"quick_stop", quick_stop, true},
-    Kind{"stop", stop, true},
-    Kind{"home", home},
-    Kind{"move", move},
-    Kind{"velocity", velocity},
-    Kind{"torque", torque},
-    Kind{"jog", jog, false, true},
-    Kind{"sweep", sweep},
-    Kind{"step", step_and_back},
-    Kind{"tune", tune},
-    Kind{"tune_itself", tune_itself},
+    Kind{.name = "enable", .read = enable},
+    Kind{.name = "disable", .read = disable, .takes_over = true},
+    Kind{.name = "reset_fault", .read = reset_fault},
+    Kind{.name = "quick_stop", .read = quick_stop, .takes_over = true},
+    Kind{.name = "stop", .read = stop, .takes_over = true},
+    Kind{.name = "home", .read = home, .moves = true},
+    Kind{.name = "move", .read = move, .moves = true},
+    Kind{.name = "velocity", .read = velocity, .moves = true},
+    Kind{.name = "torque", .read = torque, .moves = true},
+    Kind{.name = "jog", .read = jog, .moves = true, .lives_on_signs = true},
+    Kind{.name = "sweep", .read = sweep, .moves = true},
+    Kind{.name = "step", .read = step_and_back, .moves = true},
+    Kind{.name = "tune", .read = tune, .moves = true},
+    Kind{.name = "tune_itself", .read = tune_itself, .moves = true},
 };
 
 const Kind& kind_of(const std::string& name) {
@@ -287,6 +288,7 @@ Order read_order(const std::string& text, const std::function<master::AxisUnits(
   const Kind& kind = kind_of(body.string("do").value_or(""));
   const std::string name_of_units = body.string("units").value_or("drive");
   Order order{.what = kind.name,
+              .moves = kind.moves,
               .takes_over = kind.takes_over,
               .lives_on_signs = kind.lives_on_signs,
               .in_revolutions = name_of_units == "revolutions",

@@ -35,6 +35,7 @@ struct Conduct {
 
 struct Order {
   std::string what;             // "move"
+  bool moves = false;           // if it fails, the axis is halted
   bool takes_over = false;      // ends a running job of the axis, instead of being refused
   bool lives_on_signs = false;  // needs signs of life to go on (dead man's switch)
   bool in_revolutions = false;

@@ -95,4 +95,6 @@ test('a drive tunes itself', async ({ page, open }) => {
 test('a drive whose manual prints no gains says so', async ({ page, open }) => {
   await open('/tuning/ismc');
   await expect(page.getByText('The manual of this drive documents no gains')).toBeVisible();
+  await expect(page.getByText('has no object 6076h (rated torque)')).toBeVisible();
+  await expect(page.getByRole('button', { name: 'Measure and propose' })).toHaveCount(0);
 });

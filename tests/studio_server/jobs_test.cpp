@@ -179,6 +179,22 @@ TEST_P(EveryProduct, RunsAtAVelocityAndStops) {
   EXPECT_EQ(view(axis_)["state"], "operation enabled");
 }
 
+TEST_P(EveryProduct, AMotionThatFailsHaltsTheMotionBeforeIt) {
+  make_ready(axis_);
+  expect_done(axis_, fmt::format(R"({{"do": "velocity", "velocity": -2, {}}})", profile));
+  const json over = finish(begin(axis_, R"({"do": "home", "method": 99})"));
+  EXPECT_EQ(over["state"], "failed") << over;
+  pass(500ms);  // an ISMC has a fault now, and coasts
+  EXPECT_NEAR(view(axis_)["velocity_rpm"].get<double>(), 0.0, 2.0);
+}
+
+TEST_F(JobsTest, ATuneThatFailsHaltsTheMotionBeforeIt) {
+  make_ready("ismc");
+  expect_done("ismc", fmt::format(R"({{"do": "velocity", "velocity": 2, {}}})", profile));
+  EXPECT_EQ(finish(begin("ismc", R"({"do": "tune"})"))["state"], "failed");
+  EXPECT_NEAR(view("ismc")["velocity_rpm"].get<double>(), 0.0, 2.0);
+}
+
 TEST_P(EveryProduct, GivesTorqueAndStops) {
   make_ready(axis_);
   // Kinco's drives have no slope (6087h); ESTUN's have no such mode.

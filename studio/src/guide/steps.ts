@@ -1,6 +1,7 @@
 import { cannotHome, proposedMethod } from '../model/homing';
 import { addressOf, namedOf } from '../model/objects';
 import { predict } from '../model/predict';
+import { missingForTune } from '../model/tuning';
 import type { StepState } from './state';
 import { firstOf, has, type Facts, type Field, type Motion, type Numbers, type Step } from './step';
 import { toDrive } from './mechanics';
@@ -119,10 +120,7 @@ const tune: Motion = {
     do: 'tune', apply: false, travel: numbers('travel'), torque_percent: numbers('percent'), seconds: 8,
     ...(Number.isFinite(numbers('bandwidth')) ? { bandwidth_hz: numbers('bandwidth') } : {}),
   }],
-  isMissing: ({ gains, axis, entries }) =>
-    gains && !gains.measures ? 'The measurement needs process data at a fixed rate, which this connection does not have.'
-    : gains && !gains.writes && !entries.has('6076:00') ? `${axis.product} has no object 6076h (rated torque), which the measurement needs: measure a step instead.`
-    : '',
+  isMissing: ({ gains, axis, entries }) => (gains ? missingForTune(gains, axis.product, (object) => entries.has(object)) : ''),
 };
 
 // The API explains the position gain of every product with this sentence (docs/bench-api.md, "gains").

@@ -15,6 +15,13 @@ export interface Gains {
   tunes_itself: boolean;
 }
 
+// Why the job "tune" cannot measure this drive; empty: it can. `has` tells whether the drive has an object.
+export function missingForTune(gains: Gains, product: string, has: (object: string) => boolean): string {
+  if (!gains.measures) return 'The measurement needs process data at a fixed rate, which this connection does not have: use the drive’s CAN or EtherCAT port.';
+  if (!gains.writes && !has('6076:00')) return `${product} has no object 6076h (rated torque), which the measurement needs: measure a step instead.`;
+  return '';
+}
+
 export interface GainChange {
   object: string;
   name: string;

@@ -3,7 +3,7 @@ import type { Job, ObjectEntry, ObjectValue } from '../api/types';
 import { axisPath, cancelJob, readValues, runJob, writeObject } from '../commands';
 import { at, type BodePoint } from '../model/bode';
 import { addressOf } from '../model/objects';
-import { figuresOf, placeOf, setsOf, type GainLine, type Gains, type StepMeasured, type Tuned } from '../model/tuning';
+import { figuresOf, missingForTune, placeOf, setsOf, type GainLine, type Gains, type StepMeasured, type Tuned } from '../model/tuning';
 import { fixed, significant } from '../model/units';
 import { attempt, tell } from '../notices';
 import { AxisTabs, usePageAxis } from '../parts/axis_tabs';
@@ -12,7 +12,7 @@ import { NumberForm, NumberInput, NumbersButton } from '../parts/number_input';
 import { Lanes, type Curve } from '../parts/lanes';
 import { useResource } from '../resource';
 import { useRoute } from '../route';
-import { useLine, usePowered } from '../store';
+import { useAxis, useLine, usePowered } from '../store';
 
 const tunes = ['tune', 'tune_itself'];
 
@@ -22,17 +22,19 @@ export function TuningPage() {
   const powered = usePowered(name);
   const { value: gains, problem } = useResource<Gains>(`${axisPath(name)}/gains`);
   const job = useTuningJob(name);
+  const product = useAxis(name)?.product ?? '';
+  const objects = useResource<{ objects: ObjectEntry[] }>(powered ? `${axisPath(name)}/objects` : null).value?.objects;
   const found = job?.found as Tuned | undefined;
   return (
     <>
       <AxisTabs page="tuning" name={name} />
       {!powered && <p className="empty">The drive has no power: switch it on to tune it.</p>}
       <Trouble problem={problem} />
-      {powered && gains && (
+      {powered && gains && objects && (
         <div className="column">
-          <NumberForm><Tune axis={name} gains={gains} job={job} /></NumberForm>
+          <NumberForm><Tune axis={name} gains={gains} missing={missingForTune(gains, product, (object) => objects.some((entry) => addressOf(entry) === object))} job={job} /></NumberForm>
           {found && job && <Found axis={name} found={found} />}
-          <GainTable axis={name} gains={gains.gains} changed={`${job?.id} ${job?.state}`} />
+          <GainTable axis={name} gains={gains.gains} objects={objects} changed={`${job?.id} ${job?.state}`} />
         </div>
       )}
     </>
@@ -53,7 +55,7 @@ function useTuningJob(axis: string): Job | undefined {
   return whole !== undefined && whole.id === job?.id ? whole : job;
 }
 
-function Tune({ axis, gains, job }: { axis: string; gains: Gains; job: Job | undefined }) {
+function Tune({ axis, gains, missing, job }: { axis: string; gains: Gains; missing: string; job: Job | undefined }) {
   const [bandwidth, setBandwidth] = useState(NaN);
   const [travel, setTravel] = useState(4);
   const [torque, setTorque] = useState(60);
@@ -68,7 +70,7 @@ function Tune({ axis, gains, job }: { axis: string; gains: Gains; job: Job | und
     });
   return (
     <Panel title="Tune the velocity loop" aside={tuning && <Button onPress={() => attempt(() => cancelJob(tuning))}>End</Button>}>
-      {gains.measures ? (
+      {missing === '' ? (
         <>
           <p className="note">
             The axis moves slowly forward and back and is excited with a small test signal. Its response gives the velocity loop, the inertia, the resonances, and gains
@@ -89,7 +91,7 @@ function Tune({ axis, gains, job }: { axis: string; gains: Gains; job: Job | und
         </>
       ) : (
         <>
-          <p className="note">The measurement needs process data at a fixed rate, which this bus does not have: use the drive's CAN or EtherCAT port.</p>
+          <p className="note">{missing}</p>
           {gains.tunes_itself && (
             <div className="buttons">
               <Button isDisabled={running} onPress={() => attempt(() => runJob(axis, { do: 'tune_itself', travel }))}>Let the drive tune itself</Button>
@@ -217,8 +219,7 @@ function StepPlot({ before, after }: { before: StepMeasured; after: StepMeasured
 const refresh_ms = 2000;
 
 // All gains with their present values, in the drive's units.
-function GainTable({ axis, gains, changed }: { axis: string; gains: GainLine[]; changed: string }) {
-  const objects = useResource<{ objects: ObjectEntry[] }>(gains.length > 0 ? `${axisPath(axis)}/objects` : null).value?.objects;
+function GainTable({ axis, gains, objects, changed }: { axis: string; gains: GainLine[]; objects: ObjectEntry[]; changed: string }) {
   const [values, setValues] = useState<Record<string, ObjectValue>>({});
   const reading = useRef(false);
   const read = useCallback(async () => {
@@ -234,7 +235,7 @@ function GainTable({ axis, gains, changed }: { axis: string; gains: GainLine[]; 
     const timer = setInterval(() => void (document.hidden || read()), refresh_ms);
     return () => clearInterval(timer);
   }, [read, changed, gains]);
-  const entries = useMemo(() => new Map((objects ?? []).map((entry) => [addressOf(entry), entry])), [objects]);
+  const entries = useMemo(() => new Map(objects.map((entry) => [addressOf(entry), entry])), [objects]);
   if (gains.length === 0) return <p className="empty">The manual of this drive documents no gains: there are none to set here.</p>;
   const write = (object: string, value: number) =>
     attempt(async () => {
