@@ -268,6 +268,7 @@ class Axis402 {
   void begin_velocity(const MotionProfile& profile);
   // False: standstill took longer than `longest`.
   bool wait_for_standstill(std::optional<Time> longest = {});
+  std::int64_t rest_distance();  // position units
   // Called at each poll of a motion: true if the position has not changed for 0.5 s.
   bool stands();
   // True if the drive reports target reached and the position is near the goal. Throws if the axis stands elsewhere.
@@ -290,7 +291,8 @@ class Axis402 {
   std::optional<std::int32_t> goal_{};  // target of the last move
   std::string order_{};                 // the last move, as text for messages
   int direction_ = 0;                   // -1, 0, +1: of the last motion command; 0: none
-  bool halted_ = false;                 // halted by halt()
+  std::optional<std::int64_t> rest_distance_{};
+  bool halted_ = false;  // halted by halt()
   bool became_quick_stop_ = false;
   bool comes_to_rest_ = false;           // true: cancellation is off
   Time ordered_{};                       // time of the last motion command

@@ -131,11 +131,23 @@ void Axis402::run_torque(std::int16_t torque_permille, const TorqueProfile& prof
   });
 }
 
+// The distance that an axis at rest may move: friction lets go of the shaft again and again while the integrator of the
+// velocity loop unwinds (measured on an iSMK after a halt: slips of 2 rpm for 5 ms).
+std::int64_t Axis402::rest_distance() {
+  constexpr double units = 10.0;
+  constexpr double revolutions = 0.001;
+  if (!rest_distance_) {
+    const auto scale = this->units();
+    rest_distance_ = std::llround(std::max(units, scale ? revolutions * std::abs(scale->position) : 0.0));
+  }
+  return *rest_distance_;
+}
+
 // With halt set, target reached means standstill (CiA 402-2 table 29). Some drives (iSMK) do not report this in homing;
-// for them an unchanged position for 200 ms counts as standstill. A ramp may be long, so the timeout restarts whenever
-// the axis gets slower.
+// for them it is standstill if the axis keeps its place for 100 ms. A ramp may be long, so the timeout restarts
+// whenever the axis gets slower.
 bool Axis402::wait_for_standstill(std::optional<Time> longest) {
-  constexpr Time standing = std::chrono::milliseconds(200);
+  constexpr Time standing = std::chrono::milliseconds(100);
   const Time began = objects_.now();
   objects_.wait(settling);
   std::optional<std::int32_t> place;
@@ -146,7 +158,7 @@ bool Axis402::wait_for_standstill(std::optional<Time> longest) {
     const AxisStatus present = status();
     if (reached(present.statusword) || present.state() != PowerState::operation_enabled) return true;
     const Time now = objects_.now();
-    if (!place || std::abs(std::int64_t{present.position} - *place) > 1) {
+    if (!place || std::abs(std::int64_t{present.position} - *place) > rest_distance()) {
       place = present.position;
       since = now;
     } else if (now - since >= standing) {

@@ -99,14 +99,16 @@ void Jobs::tell(const Job& job) const {
 void Jobs::carry_out(Job& job) {
   const api::Author author(fmt::format("job {} ({})", job.id, job.order.what));
   const auto wait = [this, &job](master::Time until) {
-    job.due = until;
+    // A job that is to end halts the axis at once: it waits for one tick at most until it has noticed.
+    const auto hurries = [&job] { return job.cancelled && !job.has_noticed; };
+    job.due = hurries() ? std::min(until, drives_.now() + line::tick_length) : until;
     do {
       job.task->pause();
-    } while (drives_.now() < until);
+    } while (drives_.now() < until && !hurries());
   };
   const std::unique_ptr<master::ObjectClient> objects = drives_.open(job.axis, wait);
   master::AxisOptions options = drives_.options(job.axis);
-  options.cancelled = [&job] { return job.cancelled; };
+  options.cancelled = [&job] { return job.has_noticed = job.cancelled; };
   options.longest_halt = longest_halt;
   master::Axis402 master_axis(*objects, options);
   const auto fail = [&job, &master_axis](JobError error) {
@@ -117,9 +119,11 @@ void Jobs::carry_out(Job& job) {
   };
   const master::Time began = drives_.now();
   try {
+    if (job.cancelled) throw master::Cancelled("the job was ended before it began", job.axis, "start it anew");
     Conduct conduct;
     conduct.released = [this, &job] {
       const bool silent = job.order.lives_on_signs && wall_clock_() - job.sign_of_life > longest_silence;
+      job.has_noticed = job.cancelled;
       return job.cancelled || silent;
     };
     conduct.progress = [this, &job](const char* doing, double share) { note_progress(job, doing, share); };
@@ -180,6 +184,8 @@ void Jobs::resume(Job& job) {
 void Jobs::cancel(Job& job) {
   if (job.state != JobState::running || job.cancelled) return;
   job.cancelled = true;
+  job.due = std::min(job.due, drives_.now() + line::tick_length);
+  next_deadline_ = std::min(next_deadline_, job.due);
   tell(job);
 }
 

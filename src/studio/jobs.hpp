@@ -41,7 +41,8 @@ struct Job {
   };
   std::optional<Progress> progress{};
 
-  master::Time due{};  // time at which it continues
+  master::Time due{};        // time at which it continues
+  bool has_noticed = false;  // that it is to end
   std::unique_ptr<Task> task{};
 };
 

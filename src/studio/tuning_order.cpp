@@ -11,6 +11,7 @@ namespace tuning = master::tuning;
 }  // namespace
 
 void tune_axis(master::Axis402& axis, const TuningOrder& order, Conduct& conduct) {
+  axis.stop();  // the measurement begins at rest, also out of a velocity or a torque of an earlier job
   master::ObjectClient& objects = axis.objects();
   const tuning::TuningDialect& dialect = tuning::tuning_dialect_of(conduct.product);
   const tuning::TuningUnits units = tuning::tuning_units_of(objects, dialect, order.revolution);
@@ -26,6 +27,7 @@ void tune_axis(master::Axis402& axis, const TuningOrder& order, Conduct& conduct
 }
 
 void let_axis_tune_itself(master::Axis402& axis, const TuningOrder& order, Conduct& conduct) {
+  axis.stop();
   conduct.found = json_of(
       tuning::tune_by_itself(axis, tuning::tuning_dialect_of(conduct.product), order.revolution,
                              {.travel_revolutions = order.tuner.travel_revolutions, .progress = conduct.progress}));

@@ -49,6 +49,20 @@ for (const [button, kind] of [['Move and record', 'move'], ['Sweep and record', 
   });
 }
 
+test('STOP and Halt act when they are pressed, not when they are released', async ({ page, open, line }) => {
+  await open('/axis/reference');
+  for (const [name, path] of [['STOP', '**/api/v1/stop'], ['Halt', '**/api/v1/axes/reference/jobs']] as const) {
+    const button = page.getByRole('button', { name, exact: true }).first();
+    await button.hover();
+    const sent = page.waitForRequest(path);
+    await page.mouse.down();
+    await sent;
+    await page.mouse.move(5, 500); // the pointer leaves the button, and is released elsewhere
+    await page.mouse.up();
+  }
+  expect((await jobs(line)).at(-1)).toBe('stop');
+});
+
 for (const [what, button] of [['STOP', /^STOP$/], ['a controlword', /^2 shutdown/], ['a power cycle', /^Power cycle$/]] as const) {
   test(`${what} takes back the command whose request is still on its way, and what was to follow`, async ({ page, open, line, watched }) => {
     await open('/axis/reference');

@@ -395,6 +395,37 @@ TEST_P(EveryProduct, ACancelledMoveHaltsAndLeavesTheAxisUsable) {
   expect_done(axis_, fmt::format(R"({{"do": "move", "by": -1, "velocity": 2, {}}})", profile));
 }
 
+// The drive does not report standstill in homing, and its shaft slips a little after the halt.
+TEST_F(JobsTest, AHaltInHomingLeavesAnIsmkEnabled) {
+  for (const auto begun : {300ms, 500ms, 700ms}) {
+    make_ready("ismk");
+    begin("ismk", R"({"do": "home", "method": 33, "zero_speed": 0.5, "acceleration": 5, "units": "revolutions"})");
+    pass(begun);
+    const json over = finish(begin("ismk", R"({"do": "stop"})"));
+    EXPECT_EQ(over["state"], "done");
+    EXPECT_FALSE(over.contains("note")) << over;
+    EXPECT_EQ(view("ismk")["state"], "operation enabled");
+  }
+}
+
+// The shaft accelerates by 20 rpm in each millisecond. A job polls its drive each 5 ms.
+TEST_F(JobsTest, AJobThatIsEndedHaltsAtOnce) {
+  for (const auto begun : {5ms, 6ms, 7ms, 8ms, 9ms, 10ms, 11ms, 12ms}) {
+    make_ready("ismc");
+    const std::uint64_t id = begin("ismc", R"({"do": "torque", "percent": 10, "slope": 1000})");
+    pass(begun);
+    const double before = view("ismc")["velocity_rpm"].get<double>();
+    ask(Method::delete_, "jobs/" + std::to_string(id), "");
+    double most = before;
+    for (int ms = 0; ms < 20; ++ms) {
+      pass(1ms);
+      most = std::max(most, view("ismc")["velocity_rpm"].get<double>());
+    }
+    EXPECT_LT(most - before, 40.0) << begun.count();
+    finish(id);
+  }
+}
+
 TEST_P(EveryProduct, QuickStopTakesTheAxisFromAJob) {
   make_ready(axis_);
   const std::uint64_t move = begin(axis_, fmt::format(R"({{"do": "move", "by": 8, "velocity": 2, {}}})", profile));

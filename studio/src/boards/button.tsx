@@ -1,7 +1,7 @@
 import { useState } from 'react';
 import { runJob } from '../commands';
 import { jobs, type Widget } from '../model/boards';
-import { Button } from '../parts/controls';
+import { Button, HaltButton } from '../parts/controls';
 import { JogButton } from '../parts/jog';
 import { StateChip } from '../parts/state';
 import { useAxis, useLine } from '../store';
@@ -30,9 +30,10 @@ export function ButtonWidget({ widget }: { widget: Widget }) {
         <JogButton axis={name} velocity={{ velocity: widget.velocity, units: 'revolutions', ...(acceleration === undefined ? {} : { acceleration, deceleration: acceleration }) }} isDisabled={axis.state !== 'operation enabled'} label={text}>
           {text}
         </JogButton>
+      ) : what === 'stop' || what === 'quick_stop' ? (
+        <HaltButton kind="bad" onHalt={press}>{text}</HaltButton>
       ) : (
-        // A stop can be pressed at any time; another job only once.
-        <Button kind={what === 'stop' || what === 'quick_stop' ? 'bad' : 'main'} isDisabled={busy && what !== 'stop' && what !== 'quick_stop'} onPress={press}>{text}</Button>
+        <Button kind="main" isDisabled={busy} onPress={press}>{text}</Button>
       )}
       <p className="job">
         <span className="quiet">{name}</span> <StateChip state={axis.state} powered={axis.powered} />

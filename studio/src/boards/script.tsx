@@ -4,7 +4,7 @@ import type { Job } from '../api/types';
 import { cancelJob, finish, startJob } from '../commands';
 import type { Widget } from '../model/boards';
 import { parseSequence, Sequence, type Step } from '../model/sequence';
-import { Button, Scroll } from '../parts/controls';
+import { Button, HaltButton, Scroll } from '../parts/controls';
 import { writeTo } from './slider';
 
 type Outcome = { kind: 'none' | 'running' | 'done'; text: string } | { kind: 'failed'; text: string };
@@ -73,7 +73,7 @@ export function ScriptWidget({ widget }: { widget: Widget }) {
       </Scroll>
       <div className="buttons">
         <Button kind="main" isDisabled={isRunning} onPress={() => void run()}>Run</Button>
-        <Button isDisabled={!isRunning} onPress={stop}>Stop the script</Button>
+        <HaltButton isDisabled={!isRunning} onHalt={stop}>Stop the script</HaltButton>
         <span className={outcome.kind === 'failed' ? 'refusal' : 'quiet'} role="status">{isRunning && at ? `line ${at.line}` : outcome.text}</span>
       </div>
     </>

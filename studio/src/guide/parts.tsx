@@ -5,7 +5,7 @@ import { hexValue, namedOf, showValue } from '../model/objects';
 import { endOf, hindrance } from '../model/plan';
 import { fixed, significant } from '../model/units';
 import { attempt } from '../notices';
-import { Button, Choice, Link, Scroll, Trouble } from '../parts/controls';
+import { Button, Choice, HaltButton, Link, Scroll, Trouble } from '../parts/controls';
 import { NumberInput, NumbersButton } from '../parts/number_input';
 import { useLine } from '../store';
 import { abort, leaveAsItIs, runMotion, undo, writeAgain } from './actions';
@@ -141,7 +141,7 @@ export function MotionBox({ facts, step, motion, numbers, fields, guide, reasonB
       <p className="note">{motion.says} Commanded by the job: {motion.commands.map((object) => commandText(object, facts, motion)).join(', ')}.</p>
       <div className="buttons">
         <NumbersButton kind="main" isDisabled={isRunning || reason !== '' || !isComplete} onPress={() => void runMotion(facts, step, motion, numbers, fields.map(({ key }) => key))}>{motion.label}</NumbersButton>
-        <Button isDisabled={!isRunning && job?.state !== 'running'} onPress={() => attempt(() => abort(axis))}>Abort</Button>
+        <HaltButton isDisabled={!isRunning && job?.state !== 'running'} onHalt={() => attempt(() => abort(axis))}>Abort</HaltButton>
         {isRunning && <Progress job={job} done={run.jobs.length} of={run.of} />}
       </div>
       {reason && <p className={far ? 'trouble' : 'quiet note'} role={far ? 'alert' : 'status'}>{reason}</p>}

@@ -3,7 +3,7 @@ import { Tab, TabList, TabPanel, Tabs } from 'react-aria-components';
 import type { AxisView, Geometry, HomingMethod, Limits, ObjectEntry, StatesView, Units } from '../api/types';
 import { axisPath, cancelJob, power, runJob, writeObject } from '../commands';
 import { AxisTabs, usePageAxis } from '../parts/axis_tabs';
-import { Button, Choice, Panel, Readout, Toggle } from '../parts/controls';
+import { Button, Choice, HaltButton, Panel, Readout, Toggle } from '../parts/controls';
 import { Front } from '../parts/front';
 import { NumberForm, NumberInput, NumbersButton, useNumbersAreRight } from '../parts/number_input';
 import { HomingFigure } from '../parts/homing_figure';
@@ -177,7 +177,7 @@ function JobLine({ job, units }: { job: ReturnType<typeof useJob>; units: Units 
       {job.result?.seconds !== undefined && ` after ${fixed(job.result.seconds, 2)} s`}
       {job.note && ` · ${job.note}`}
       {job.error && ` · ${job.error.what}`}
-      {job.state === 'running' && <Button kind="bare" onPress={() => attempt(() => cancelJob(job))}>Cancel</Button>}
+      {job.state === 'running' && <HaltButton kind="bare" onHalt={() => attempt(() => cancelJob(job))}>Cancel</HaltButton>}
     </p>
   );
 }
@@ -326,7 +326,7 @@ function VelocityMove({ name, names, isFree }: MoveProps) {
         >
           Run
         </NumbersButton>
-        <Button onPress={() => attempt(() => runJob(name, { do: 'stop' }))}>Halt</Button>
+        <HaltButton onHalt={() => attempt(() => runJob(name, { do: 'stop' }))}>Halt</HaltButton>
       </div>
       <Prediction names={names} velocity={velocity} acceleration={acceleration} />
       <p className="quiet note">Runs until it is halted. Watch the distance to the limit switches.</p>
@@ -341,7 +341,7 @@ function TorqueMove({ name, isFree }: MoveProps) {
       <NumberInput label="Torque" unit="% of rated" value={percent} onChange={setPercent} minimum={-300} maximum={300} />
       <div className="buttons">
         <NumbersButton kind="main" isDisabled={!isFree} onPress={() => attempt(() => enableAnd(name, { do: 'torque', percent }))}>Apply</NumbersButton>
-        <Button onPress={() => attempt(() => runJob(name, { do: 'stop' }))}>Halt</Button>
+        <HaltButton onHalt={() => attempt(() => runJob(name, { do: 'stop' }))}>Halt</HaltButton>
       </div>
       <p className="quiet note">Without an opposing load the axis accelerates until it is halted.</p>
     </div>
@@ -401,7 +401,7 @@ function HomeMove({ name, names, isFree, axis, geometry }: MoveProps & { axis: A
           >
             Home
           </NumbersButton>
-          <Button onPress={() => attempt(() => runJob(name, { do: 'stop' }))}>Halt</Button>
+          <HaltButton onHalt={() => attempt(() => runJob(name, { do: 'stop' }))}>Halt</HaltButton>
           {geometry && replay.ready && <Button onPress={replay.playing ? replay.stop : replay.play}>{replay.playing ? 'Stop the replay' : 'Replay'}</Button>}
         </div>
       </div>

@@ -2,7 +2,7 @@ import { memo, useState } from 'react';
 import type { AxisView, BusView, Geometry, Words } from '../api/types';
 import { axisPath, power, runJob } from '../commands';
 import { AxisRows } from '../parts/axis_rows';
-import { Button, Choice, Link, Panel, Readout, Scroll, Search } from '../parts/controls';
+import { Button, Choice, HaltButton, Link, Panel, Readout, Scroll, Search } from '../parts/controls';
 import { Dial, Legend } from '../parts/mechanism';
 import { StateChip } from '../parts/state';
 import { Travel, useGeometry } from '../parts/travel';
@@ -181,7 +181,7 @@ export function Commands({ axis }: { axis: AxisView }) {
   if (state === 'operation enabled' || state === 'quick stop active') {
     return (
       <>
-        <Button onPress={() => void runJob(name, { do: 'stop' })}>Halt</Button>
+        <HaltButton onHalt={() => void runJob(name, { do: 'stop' })}>Halt</HaltButton>
         <Button onPress={() => void runJob(name, { do: 'disable' })}>Disable</Button>
       </>
     );

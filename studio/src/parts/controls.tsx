@@ -11,6 +11,12 @@ export function Button({ kind = 'plain', ...props }: ButtonProps & { kind?: 'pla
   return <AriaButton {...props} className={`button ${kind} ${typeof props.className === 'string' ? props.className : ''}`} />;
 }
 
+// A button that brings axes to rest. It acts when it is pressed, not when it is released: react-aria reports a press after
+// the click, and some 80 ms later if the browser makes no click of it.
+export function HaltButton({ onHalt, ...props }: Omit<ComponentProps<typeof Button>, 'onPress' | 'onPressStart'> & { onHalt: () => void }) {
+  return <Button {...props} onPressStart={onHalt} />;
+}
+
 export function Choice<T extends string | number>({ label, value, options, onChange, hideLabel = false, isDisabled = false, isLong = false }: {
   label: string;
   value: T;

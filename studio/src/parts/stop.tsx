@@ -2,7 +2,7 @@ import { useEffect } from 'react';
 import { post } from '../api/client';
 import { takeBackAll } from '../commands';
 import { complain, tell } from '../notices';
-import { Button } from './controls';
+import { HaltButton } from './controls';
 
 interface Stopped {
   axes: { name: string; stopped: boolean; error?: { what: string } }[];
@@ -36,8 +36,8 @@ export function StopButton() {
     };
   }, []);
   return (
-    <Button className="stop" aria-keyshortcuts="Control+Space" onPress={() => void stopAll().catch(complain)}>
+    <HaltButton className="stop" aria-keyshortcuts="Control+Space" onHalt={() => void stopAll().catch(complain)}>
       STOP
-    </Button>
+    </HaltButton>
   );
 }
