@@ -1,5 +1,5 @@
 import { expect, test } from '@playwright/test';
-import { leavesOf, Model, ticksPerMs } from './monkey/model';
+import { leavesOf, Model, ticksPerMs, type Widgets } from './monkey/model';
 import type { Control } from './monkey/page_log';
 
 // The monkey's model reports each kind of violation, and only violations.
@@ -8,13 +8,14 @@ const control = (name: string, more: Partial<Control> = {}): Control => ({ name,
 const enabled = 4;
 
 class Bench {
-  readonly model = new Model([{ name: 'one', counts: 1000 }], {});
+  readonly model: Model;
   private ms = 0;
   private turns = 0;
   private jobs = 0;
   private requests = 0;
 
-  constructor() {
+  constructor(widgets: Widgets = {}) {
+    this.model = new Model([{ name: 'one', counts: 1000 }], widgets);
     this.model.begin();
   }
 
@@ -34,8 +35,8 @@ class Bench {
   }
 
   // The page begins a job, and the line reports it.
-  job(what: string) {
-    this.model.note(0, { kind: 'request', n: ++this.requests, method: 'POST', path: '/axes/one/jobs', body: JSON.stringify({ do: what }) });
+  job(what: string, after?: number) {
+    this.request(what, after);
     this.model.note(0, { kind: 'answer', n: this.requests, status: 201, body: JSON.stringify({ id: ++this.jobs }) });
     return this.event(what, 'running');
   }
@@ -43,6 +44,24 @@ class Bench {
   event(what: string, state: string) {
     this.model.job({ tick: this.ms * ticksPerMs, axis: 'one', job: { id: this.jobs, do: what, state } });
     return this;
+  }
+
+  request(what: string, after?: number) {
+    this.model.note(0, { kind: 'request', n: ++this.requests, method: 'POST', path: '/axes/one/jobs', body: JSON.stringify({ do: what, after }) });
+    return this;
+  }
+
+  refused() {
+    this.model.note(0, { kind: 'answer', n: this.requests, status: 409, body: '{}' });
+    return this;
+  }
+
+  // STOP takes the page's last request back. The server has begun the job.
+  stopBefore(what: string) {
+    const n = this.requests;
+    this.stop().model.note(0, { kind: 'answer', n, status: 0, body: '' });
+    ++this.jobs;
+    return this.event(what, 'running');
   }
 
   stop() {
@@ -65,7 +84,8 @@ test('a motion that was asked for is none of its findings', () => {
 
 test('a shaft that turns, or creeps, without a command is found', () => {
   expect(new Bench().turn(0, 10).turn(5, 20).found).toContain('one turns at 5.0 rpm');
-  expect(moved().turn(50, 10).found).toContain('one turns at 50.0 rpm');
+  expect(moved().turn(50, 1).found).toContain('one turns at 50.0 rpm');
+  expect(moved().turn(7, 8).turn(0, 10).turn(7, 8).found).toBe('');
   expect(moved().turn(2, 1000).found).toContain('one has crept');
 });
 
@@ -82,11 +102,47 @@ test('a shaft has the time of its ramp after STOP, and no more', () => {
   expect(run().turn(500, 20).found).toContain('speeds up');
 });
 
+test('a shaft stops from the speed that it has when STOP is pressed, which is known later', () => {
+  const run = () => {
+    const bench = new Bench().press('Run').job('enable').event('enable', 'done').job('velocity').event('velocity', 'done').turn(100, 100);
+    bench.model.now = 110 * ticksPerMs;
+    return bench.stop();
+  };
+  expect(run().turn(400, 10).turn(390, 300).turn(0, 500).found).toBe('');
+  expect(run().turn(400, 20).found).toBe('');
+  expect(run().turn(100, 10).turn(400, 10).found).toContain('speeds up');
+});
+
 test('what was asked for before STOP or a halt is over', () => {
   const begun = () => new Bench().press('Move +').job('enable').event('enable', 'done');
   expect(begun().stop().job('move').found).toContain('which nobody asked for');
   expect(begun().press('Halt').job('stop').event('stop', 'done').job('move').found).toContain('which nobody asked for');
   expect(begun().stop().press('Move +').job('enable').event('enable', 'done').job('move').turn(300, 100).found).toBe('');
+});
+
+test('a job that STOP takes back may begin, and may not move the axis', () => {
+  const late = () => new Bench().press('Move +').job('enable').event('enable', 'done').request('move').stopBefore('move');
+  expect(late().turn(0, 300).found).toBe('');
+  expect(late().turn(50, 300).found).toContain('one turns at 50.0 rpm');
+});
+
+test('a job that follows another belongs to its press, not to a later one that the server refuses', () => {
+  const run = () => {
+    const bench = new Bench().press('There and back').job('enable').press('Enable').request('enable').refused();
+    return bench.job('move', 1).job('move', 2);
+  };
+  expect(run().found).toBe('');
+  expect(run().job('move', 3).found).toContain('which nobody asked for');
+});
+
+test('a script ends when its dashboard is left, and the first dashboard has two addresses', () => {
+  const script = (left: string) => {
+    const bench = new Bench({ Script: [{ axis: 'one', wants: { enable: 1 } }] }).press('Run', { region: 'Script', path: '/boards' });
+    bench.model.leave(0, left);
+    return bench.job('enable').found;
+  };
+  expect(script('/boards?name=Monkey')).toBe('');
+  expect(script('/bus')).toContain('which nobody asked for');
 });
 
 test('a press of STOP without its request is found', () => {

@@ -11,6 +11,7 @@ export interface Control {
 }
 
 export type Note =
+  | { kind: 'loaded' } // a new document: the scripts of the one before have ended
   | { kind: 'press'; control: Control }
   | { kind: 'stop' } // Ctrl and space
   | { kind: 'release' } // of a pointer or a key, or the focus is lost
@@ -25,14 +26,16 @@ export interface Slowness {
 
 declare global {
   interface Window {
-    monkeyNote: (note: Note) => Promise<void>;
+    monkeyNote: (note: string) => void; // JSON of a Note
     monkeySlow?: Slowness;
     monkeyPending: number; // commands without their answer
+    monkeyLeft?: boolean; // this document is being left
   }
 }
 
 export function logPage() {
-  const note = (entry: Note) => void window.monkeyNote(entry);
+  const note = (entry: Note) => window.monkeyNote(JSON.stringify(entry));
+  note({ kind: 'loaded' });
   const controls = 'button, a[href], input, select, textarea, [role=tab], [role=option], [role=menuitem], summary';
   const nameOf = (element: Element) => (element.getAttribute('aria-label') ?? element.textContent ?? '').trim().replace(/\s+/g, ' ');
   const controlOf = (target: EventTarget | null): Element | null => (target instanceof Element ? target.closest(controls) : null);

@@ -1,5 +1,5 @@
-import type { Browser, BrowserContext, Page } from '@playwright/test';
 import { axes, Line, lineFile } from '../line';
+import type { Chromium, Tab } from './chromium';
 import { Model, ticksPerMs, type Widgets } from './model';
 import { logPage, type Note } from './page_log';
 import { TruthStream } from './stream';
@@ -51,12 +51,15 @@ const of = (u: number, count: number) => Math.min(count - 1, Math.floor(u * coun
 const guideSteps = ['find', 'units', 'inputs', 'direction', 'torque', 'velocity', 'position', 'homing', 'limits', 'cycle', 'store', 'report'];
 const movingSteps = ['direction', 'velocity', 'position', 'homing', 'cycle'];
 
+// The job `tune` needs the rated torque, 6076h, which ISMC and ProNet do not have: there it fails before it moves.
+const measurable = ['reference', 'ismk', 'jmc'];
+
 function address(u: () => number): string {
   const { name } = axes[of(u(), axes.length)];
   const more = u();
   return pick(u(), [
     ['/', 8], [`/axis/${name}`, 10], [`/axis/${name}?do=velocity`, 9], [`/axis/${name}?do=torque`, 5], [`/axis/${name}?do=jog`, 12], [`/axis/${name}?do=home`, 8],
-    ['/boards', 12], [`/tuning/${name}`, 5], [`/commission/${name}?step=${movingSteps[of(more, movingSteps.length)]}`, 12], [`/commission/${name}?step=${guideSteps[of(more, guideSteps.length)]}`, 2],
+    ['/boards', 12], [`/tuning/${name}`, 2], [`/tuning/${measurable[of(more, measurable.length)]}`, 3], [`/commission/${name}?step=${movingSteps[of(more, movingSteps.length)]}`, 12], [`/commission/${name}?step=${guideSteps[of(more, guideSteps.length)]}`, 2],
     ['/scope', 10], [`/faults/${name}`, 2], [`/objects/${name}`, 2], [`/objects/${name}?view=parameters`, 1], [`/objects/${name}?view=pdos`, 1], [`/plant/${name}`, 2], ['/bus', 1], ['/bus/traffic', 1],
   ]);
 }
@@ -146,6 +149,14 @@ const keys = ['Tab', 'Shift+Tab', 'Enter', 'Space', 'Enter', 'Space', 'Escape', 
 const numbers = ['1', '-1', '0.5', '2', '3', '0', '-0.25', '10', '60', '100', '300', '5', '1e9', '1,5', 'abc', ''];
 const delays_ms = [5, 20, 60, 120, 250, 400];
 
+// What the browser keeps at the beginning of a sequence.
+const storage = { 'servodrome.tour': 'over', 'servodrome.boards': JSON.stringify([board]) };
+
+function prepareStorage(kept: Record<string, string>) {
+  if (!location.protocol.startsWith('http') || localStorage.getItem('servodrome.tour') !== null) return;
+  for (const [key, value] of Object.entries(kept)) localStorage.setItem(key, value);
+}
+
 const longest_ms = 400; // between two looks of the page at the line
 
 const later = (ms: number) => new Promise((resolve) => setTimeout(resolve, ms));
@@ -155,35 +166,32 @@ export class Player {
   performed: string[] = []; // of this sequence, in words
   errors: string[] = []; // of the pages
   private stream!: TruthStream;
-  private context!: BrowserContext;
-  private pages: Page[] = [];
+  private context = '';
+  private pages: Tab[] = [];
   private present = 0; // index of the tab that is in front
   private held: 'pointer' | 'key' | null = null;
   private slow = { before_ms: 0, after_ms: 0 };
 
-  private constructor(private readonly line: Line) {
+  private constructor(private readonly browser: Chromium, private readonly line: Line) {
     this.model = new Model(axes, widgets);
   }
 
-  static async open(browser: Browser): Promise<Player> {
-    const player = new Player(await new Line(lineFile('virtual')).start());
+  static async open(browser: Chromium): Promise<Player> {
+    const player = new Player(browser, await new Line(lineFile('virtual')).start());
     const channels = axes.flatMap(({ name }) => ['velocity_rpm', 'state', 'position_counts'].map((signal) => ({ axis: name, signal })));
     player.stream = await TruthStream.open(player.line.address, channels, 1000, {
       job: (event) => player.model.job(event),
       samples: (samples) => player.model.take_samples(samples),
     });
-    player.context = await browser.newContext({ viewport: { width: 800, height: 600 } });
-    await player.context.addInitScript((boards) => {
-      localStorage.setItem('servodrome.tour', 'over');
-      if (localStorage.getItem('servodrome.boards') === null) localStorage.setItem('servodrome.boards', boards);
-    }, JSON.stringify([board]));
+    player.context = await browser.context();
     await player.newTab();
+    await player.keepPlants();
     return player;
   }
 
   async end() {
     this.stream.close();
-    await this.context.close();
+    await this.browser.endContext(this.context).catch(() => undefined); // the browser may have ended
     await this.line.end();
   }
 
@@ -192,36 +200,56 @@ export class Player {
   }
 
   private async newTab() {
-    const page = await this.context.newPage();
+    const page = await this.browser.tab(this.context, 800, 600);
     const tab = this.pages.length;
     this.pages.push(page);
-    await page.exposeBinding('monkeyNote', (_, note: Note) => this.model.note(tab, note));
-    await page.addInitScript(logPage);
-    page.on('pageerror', (error) => this.errors.push(`tab ${tab + 1}: ${error.message}`));
-    page.on('dialog', (dialog) => void dialog.dismiss().catch(() => undefined));
-    await page.goto(this.line.address);
-    await page.locator('main .panel').first().waitFor();
     this.present = tab;
+    await page.bind('monkeyNote', (note) => this.model.note(tab, JSON.parse(note) as Note));
+    await page.before(prepareStorage, storage);
+    await page.before(logPage);
+    page.onError = (text) => this.errors.push(`tab ${tab + 1}: ${text}`);
+    await page.goto(this.line.address);
+    await this.loaded();
+  }
+
+  // Until the new document shows its first panel.
+  private async loaded() {
+    const until = performance.now() + 30_000;
+    const isThere = () => location.protocol.startsWith('http') && !window.monkeyLeft && document.querySelector('main .panel') !== null;
+    // The document may end while it is looked at.
+    while (!(await this.page.evaluate(isThere).catch(() => false))) {
+      if (performance.now() > until) throw new Error('the page does not load');
+      await later(20);
+    }
   }
 
   // ---- Time ----
 
-  // Until the page has sent what follows from the last action, and has the answers.
-  private async settle() {
-    await this.page.evaluate(async (slow) => {
+  // Until the page has sent what follows from the last action, and has the answers: what it does of itself it does in tasks
+  // of 0 ms. Returns the page's address.
+  private async settle(): Promise<string> {
+    return this.page.evaluate(async (slow) => {
       window.monkeySlow = slow;
       const until = performance.now() + 3000;
-      do await new Promise((resolve) => setTimeout(resolve, 8));
-      while (window.monkeyPending > 0 && performance.now() < until);
+      for (let quiet = 0; quiet < 3 && performance.now() < until; ) {
+        await new Promise((resolve) => setTimeout(resolve, window.monkeyPending > 0 ? 4 : 0));
+        quiet = window.monkeyPending > 0 ? 0 : quiet + 1;
+      }
+      return location.pathname + location.search;
     }, this.slow);
+  }
+
+  private async advance(ms: number) {
+    const { ticks } = await this.line.call<{ ticks: number }>('POST', '/clock/advance', { ms });
+    this.model.now = ticks;
+    const until = performance.now() + 5000;
+    // The last samples of the time come with the next: the server sends them every 10 ms.
+    while (this.model.known < ticks - 11 * ticksPerMs && performance.now() < until) await later(1);
   }
 
   private async pass(ms: number) {
     for (let left = ms; left > 0; left -= longest_ms) {
-      const { ticks } = await this.line.call<{ ticks: number }>('POST', '/clock/advance', { ms: Math.min(left, longest_ms) });
-      const until = performance.now() + 5000;
-      // The last samples of the time come with the next: the server sends them every 10 ms.
-      while (this.model.known < ticks - 11 * ticksPerMs && performance.now() < until) await later(1);
+      await this.advance(Math.min(left, longest_ms));
       await this.settle();
     }
     const until = performance.now() + 3000;
@@ -240,26 +268,26 @@ export class Player {
     while (this.pages.length > 1) await this.pages.pop()!.close();
     this.present = 0;
     await this.settle();
-    await this.go('/bus'); // where nothing runs
+    await this.go('/nowhere'); // a page that does not exist: nothing runs there
     await this.settle();
     await line.call('POST', '/stop', {});
-    await this.pass(20);
+    await this.advance(20);
     await Promise.all(axes.map(async ({ name }) => {
       const path = `/axes/${name}`;
       if (model.disturbed(name)) await this.repair(path, name);
       await line.call('POST', `${path}/power`, { action: 'cycle' });
       await line.call('PUT', `${path}/plant`, { position_counts: 0 });
     }));
-    await this.pass(700);
+    await this.advance(700);
     if (isEnabled) {
       await Promise.all(axes.map(({ name }) => line.call('POST', `/axes/${name}/jobs`, { do: 'enable' })));
-      await this.pass(300);
+      await this.advance(300);
     }
-    // The guide begins anew.
-    await this.page.evaluate(() => {
-      for (const key of Object.keys(localStorage)) if (key.startsWith('servodrome.guide')) localStorage.removeItem(key);
-      dispatchEvent(new StorageEvent('storage', { key: null }));
-    });
+    // The guide and the dashboards begin anew.
+    await this.page.evaluate((kept) => {
+      localStorage.clear();
+      for (const [key, value] of Object.entries(kept)) localStorage.setItem(key, value);
+    }, storage);
     this.slow = { before_ms, after_ms };
     await this.go(start);
     await this.pass(40);
@@ -276,9 +304,9 @@ export class Player {
     await line.call('PUT', `${path}/plant`, this.plants[name]);
   }
 
-  plants: Record<string, Record<string, unknown>> = {};
+  private plants: Record<string, Record<string, unknown>> = {};
 
-  async keepPlants() {
+  private async keepPlants() {
     for (const { name } of axes) {
       const { locked_rotor, load_torque_nm, load_inertia_kgm2, friction_nm, supply_v, ambient_c } = await this.line.call<Record<string, unknown>>('GET', `/axes/${name}/plant`);
       this.plants[name] = { locked_rotor, load_torque_nm, load_inertia_kgm2, friction_nm, supply_v, ambient_c };
@@ -324,6 +352,12 @@ export class Player {
     }, path);
   }
 
+  private async here(): Promise<string> {
+    const path = await this.settle();
+    this.model.leave(this.present, path);
+    return path;
+  }
+
   // Where the controls are that this page does not have.
   private async elsewhere(kind: string, u: number): Promise<string> {
     const { name } = axes[of(u, axes.length)];
@@ -336,9 +370,7 @@ export class Player {
   private async click(kind: string, u: number): Promise<string | null> {
     const found = await this.page.evaluate(find, [kind, u, motions, commands, never] as [string, number, string, string, string]);
     if (!found) return null;
-    await this.page.mouse.move(found.x, found.y);
-    await this.page.mouse.down();
-    await this.page.mouse.up();
+    await this.page.click(found.x, found.y);
     return `"${found.name}"`;
   }
 
@@ -346,13 +378,13 @@ export class Player {
   private async release() {
     const was = this.held;
     this.held = null;
-    if (was === 'pointer') await this.page.mouse.up();
-    if (was === 'key') await this.page.keyboard.up('Space');
+    if (was === 'pointer') await this.page.letGo();
+    if (was === 'key') await this.page.keyUp('Space');
     if (was) await this.noJog();
   }
 
   private async noJog() {
-    const until = performance.now() + 1500;
+    const until = performance.now() + 4000; // wall time, on a busy machine
     for (;;) {
       await this.settle();
       const { jobs } = await this.line.call<{ jobs: { id: number; axis: string; do: string; state: string; ending?: boolean; began_tick: number }[] }>('GET', '/jobs');
@@ -363,9 +395,16 @@ export class Player {
         return;
       }
       // The server looks at the signs of life when time passes.
-      await this.line.call('POST', '/clock/advance', { ms: 1 });
+      this.model.now = (await this.line.call<{ ticks: number }>('POST', '/clock/advance', { ms: 1 })).ticks;
       await later(20);
     }
+  }
+
+  // A jog that is held goes on as long as its button has the focus. Enter and the space bar end it when they come up.
+  private async mayGoOn(key: string) {
+    if (!this.held) return;
+    const isEnd = ['Enter', 'Space'].includes(key);
+    if (isEnd || !(await this.page.evaluate(() => document.activeElement?.matches('.jog') ?? false))) await this.noJog();
   }
 
   private async act({ kind, u }: Step): Promise<string> {
@@ -375,13 +414,10 @@ export class Player {
     if (this.held === 'key' && ['hold', 'key', 'type', 'focus'].includes(kind)) await this.release();
     switch (kind) {
       case 'motion': case 'command': case 'any': case 'go': {
-        const before = page.url();
+        const before = await this.settle();
         const said = (await this.click(kind, u[0])) ?? `${await this.elsewhere(kind, u[1])}, ${(await this.click(kind, u[0])) ?? 'nothing'}`;
-        await this.settle();
-        if (page.url() !== before) {
-          const { pathname, search } = new URL(page.url());
-          this.model.leave(this.present, pathname + search);
-        }
+        const after = await this.settle();
+        if (after !== before) this.model.leave(this.present, after);
         if (this.held) await this.noJog(); // the click took the focus
         return said;
       }
@@ -393,13 +429,12 @@ export class Player {
           found = await look();
         }
         if (!found) return 'nothing there';
-        await page.mouse.move(found.x, found.y);
         if (u[1] < 0.6) {
-          await page.mouse.down();
+          await page.press(found.x, found.y);
           this.held = 'pointer';
         } else {
-          await page.evaluate(([x, y]) => (document.elementFromPoint(x, y)?.closest('button') as HTMLElement | null)?.focus(), [found.x, found.y]);
-          await page.keyboard.down('Space');
+          await page.evaluate(([x, y]) => document.elementFromPoint(x, y)?.closest('button')?.focus(), [found.x, found.y]);
+          await page.keyDown('Space');
           this.held = 'key';
         }
         return `"${found.name}" with the ${this.held}`;
@@ -410,38 +445,38 @@ export class Player {
         return was ?? 'nothing held';
       }
       case 'stop': {
-        const { x, y, width, height } = (await page.locator('button.stop').boundingBox())!;
-        await page.mouse.click(x + width / 2, y + height / 2);
+        const [x, y] = await page.evaluate(() => {
+          const box = document.querySelector('button.stop')!.getBoundingClientRect();
+          return [box.x + box.width / 2, box.y + box.height / 2];
+        });
+        await page.click(x, y);
         return 'by the button';
       }
       case 'stop key':
-        await page.keyboard.press('Control+Space');
+        await page.keyPress('Control+Space');
         return 'Ctrl+Space';
       case 'back':
         if (this.held) await this.release();
         await page.evaluate(() => history.back());
         await later(20);
-        await this.settle();
-        this.model.leave(this.present, new URL(page.url()).pathname + new URL(page.url()).search);
-        return page.url().replace(this.line.address, '');
+        return this.here();
       case 'type': {
         const found = await page.evaluate(find, [kind, u[0], motions, commands, never] as [string, number, string, string, string]);
         if (!found) return 'nothing there';
-        await page.mouse.click(found.x, found.y);
-        await page.keyboard.press('Control+a');
+        await page.click(found.x, found.y);
+        await page.keyPress('Control+a');
         const text = numbers[of(u[1], numbers.length)];
-        if (text === '') await page.keyboard.press('Delete');
-        else await page.keyboard.insertText(text);
+        if (text === '') await page.keyPress('Delete');
+        else await page.insert(text);
         if (this.held) await this.noJog();
         return `"${text}"`;
       }
       case 'key': {
         const key = keys[of(u[1], keys.length)];
         const times = key.includes('Tab') ? 1 + of(u[0], 6) : 1;
-        for (let i = 0; i < times; ++i) await page.keyboard.press(key);
-        await this.settle();
-        this.model.leave(this.present, new URL(page.url()).pathname + new URL(page.url()).search);
-        if (this.held) await this.noJog();
+        for (let i = 0; i < times; ++i) await page.keyPress(key);
+        await this.here();
+        await this.mayGoOn(key);
         return `${key} × ${times}`;
       }
       case 'focus':
@@ -449,28 +484,28 @@ export class Player {
           const all = [...document.querySelectorAll<HTMLElement>('button:not(:disabled), a[href], input:not(:disabled), [tabindex="0"]')];
           all[Math.min(all.length - 1, Math.floor(at * all.length))]?.focus();
         }, u[0]);
-        if (this.held) await this.noJog();
+        await this.mayGoOn('');
         return 'elsewhere';
       case 'wait':
         await this.pass(u[0] > 0.9 ? 8000 : 300 + Math.round(900 * u[0]));
         return 'longer';
       case 'blur':
-        await page.evaluate(() => dispatchEvent(new Event('blur')));
+        await page.evaluate(() => void dispatchEvent(new Event('blur')));
         if (this.held) await this.noJog();
         return 'the window loses the focus';
       case 'reload':
-        this.model.leave(this.present, null);
-        await page.reload();
-        await page.locator('main .panel').first().waitFor();
+        await page.evaluate(() => void (window.monkeyLeft = true));
+        await page.send('Page.reload');
+        await this.loaded();
         if (this.held) await this.noJog();
-        return page.url().replace(this.line.address, '');
+        return this.settle();
       case 'tab':
         if (this.held) await this.release();
         if (this.pages.length < 2) await this.newTab();
         else this.present = 1 - this.present;
-        if (u[0] < 0.3) await this.page.bringToFront();
+        if (u[0] < 0.3) await this.page.send('Page.bringToFront');
         await this.go(address(random(Math.floor(u[1] * 2 ** 32))));
-        return `tab ${this.present + 1}, ${this.page.url().replace(this.line.address, '')}`;
+        return `tab ${this.present + 1}, ${await this.settle()}`;
     }
     return '';
   }
