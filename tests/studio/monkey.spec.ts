@@ -1,7 +1,8 @@
 import { expect, test } from '@playwright/test';
 import { appendFileSync } from 'node:fs';
 import { Chromium } from './monkey/chromium';
-import { draw, Player, type Sequence } from './monkey/player';
+import { Player } from './monkey/player';
+import { draw, type Sequence } from './monkey/sequence';
 
 // A monkey at the studio (tests/studio/monkey/run --help): no shaft turns unless the last command of a person asks for it, and
 // every STOP brings every axis to rest.
