@@ -10,7 +10,7 @@ import { draw, type Sequence } from './monkey/sequence';
 const seed = Number(process.env.MONKEY_SEED ?? 2026);
 const count = Number(process.env.MONKEY_COUNT ?? 25);
 const first = Number(process.env.MONKEY_FIRST ?? 0);
-const minutes = Number(process.env.MONKEY_MINUTES ?? 0.5);
+const minutes = Number(process.env.MONKEY_MINUTES ?? 0.4);
 const players = Number(process.env.MONKEY_PLAYERS ?? 2);
 const log = process.env.MONKEY_LOG;
 // A line and a profile of the browser serve so many sequences: a page that is never loaded again grows slower.
