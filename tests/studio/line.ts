@@ -62,6 +62,7 @@ abstract class Program {
     this.process = child;
     let output = '';
     let errors = '';
+    this.fate = () => (child.exitCode === null && child.signalCode === null ? 'it runs' : `it ended with ${child.exitCode ?? child.signalCode}: ${errors}`);
     child.stderr.on('data', (data: Buffer) => (errors += data.toString()));
     this.ready = await new Promise<Ready>((resolve, reject) => {
       child.stdout.on('data', (data: Buffer) => {
@@ -74,6 +75,8 @@ abstract class Program {
     this.address = this.ready.api.replace('/api/v1', '').replace('0.0.0.0', '127.0.0.1');
     return this;
   }
+
+  private fate = () => 'it was never started';
 
   // It does nothing until it goes on, and closes nothing.
   hang() {
@@ -99,7 +102,9 @@ abstract class Program {
   }
 
   async call<T>(method: string, path: string, body?: unknown): Promise<T> {
-    const answer = await fetch(`${this.address}/api/v1${path}`, { method, ...(body === undefined ? {} : { body: JSON.stringify(body) }) });
+    const answer = await fetch(`${this.address}/api/v1${path}`, { method, ...(body === undefined ? {} : { body: JSON.stringify(body) }) }).catch((error: Error) => {
+      throw new Error(`${method} ${path}: ${String(error.cause ?? error)}; the server: ${this.fate()}`);
+    });
     const text = await answer.text();
     if (!answer.ok) throw new Error(`${method} ${path}: ${answer.status} ${text}`);
     return (text === '' ? undefined : JSON.parse(text)) as T;

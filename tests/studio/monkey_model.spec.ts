@@ -83,7 +83,8 @@ test('a motion that was asked for is none of its findings', () => {
 });
 
 test('a shaft that turns, or creeps, without a command is found', () => {
-  expect(new Bench().turn(0, 10).turn(5, 20).found).toContain('one turns at 5.0 rpm');
+  expect(new Bench().turn(0, 10).turn(20, 20).found).toContain('one turns at 20.0 rpm');
+  expect(new Bench().turn(0, 10).turn(5, 200).found).toContain('one has crept by');
   expect(moved().turn(50, 1).found).toContain('one turns at 50.0 rpm');
   expect(moved().turn(7, 8).turn(0, 10).turn(7, 8).found).toBe('');
   expect(moved().turn(2, 1000).found).toContain('one has crept');

@@ -164,6 +164,12 @@ export class Tab {
     await this.send('Page.navigate', { url });
   }
 
+  // Nothing but the empty page of a new tab was there before.
+  async isFirst(): Promise<boolean> {
+    const { currentIndex, entries } = await this.send<{ currentIndex: number; entries: { url: string }[] }>('Page.getNavigationHistory');
+    return currentIndex === 0 || entries[currentIndex - 1].url === 'about:blank';
+  }
+
   async close() {
     await this.browser.send('Target.closeTarget', { targetId: this.targetId });
   }

@@ -15,10 +15,10 @@ const rest_rpm = 3;
 // 10 %: the JMC gains 59 rpm, the others at most 9 rpm.
 const overshoot_rpm: Record<string, number> = { jmc: 90 };
 const usual_overshoot_rpm = 30;
-// At rest the friction lets go of the JMC's shaft again and again. Measured are slips of 8 rpm for 5 ms.
+// At rest the friction lets go of a shaft again and again. Measured are slips of 8 rpm for 5 ms (JMC) and of 4 rpm for 10 ms
+// (iSMK after a halt in homing).
 const slip_rpm = 15;
-const slip_ms = 8;
-const creep_revolutions = 0.02;
+const creep_revolutions = 0.01;
 // A shaft without torque is braked by the friction of its motor: measured is a loss of 1700 rpm a second at least.
 const coasting_rpm_per_s = 900;
 const settle_ms = 150; // of the loops, after the ramp
@@ -89,7 +89,6 @@ interface Shaft {
   from: number; // speed when it began to stop
   asked: number; // tick of the command to stop: samples until then show the speed that it stops from
   since: number | null; // tick: it has been slow since then
-  slipped_ms: number; // it has been faster than at rest for so long
   recent: number[]; // its last speeds, one each 10 ms
   place: number | null; // where it rests
   why: string; // what it obeys
@@ -128,7 +127,7 @@ export class Model {
   private began = new Map<number, { axis: string; do: string; moves: boolean }>();
 
   constructor(private readonly axes: { name: string; counts: number }[], private readonly widgets: Widgets) {
-    this.shafts = new Map(axes.map(({ name }) => [name, { speed: 0, turns: 0, energised: false, job: null, free: false, due: 0, from: 0, asked: 0, since: null, slipped_ms: 0, recent: [], place: null, why: 'nothing', ramp_rpm_per_s: coasting_rpm_per_s, isDisturbed: false }]));
+    this.shafts = new Map(axes.map(({ name }) => [name, { speed: 0, turns: 0, energised: false, job: null, free: false, due: 0, from: 0, asked: 0, since: null, recent: [], place: null, why: 'nothing', ramp_rpm_per_s: coasting_rpm_per_s, isDisturbed: false }]));
   }
 
   count(what: string) {
@@ -165,6 +164,7 @@ export class Model {
   note(tab: number, note: Note) {
     const at = ++this.notes;
     if (note.kind === 'loaded') this.leave(tab, null);
+    else if (note.kind === 'went') this.leave(tab, note.path);
     else if (note.kind === 'press') this.press(tab, at, note.control);
     else if (note.kind === 'stop') this.stop(at, 'Ctrl+Space');
     else if (note.kind === 'toggle' && note.name === 'repeat there and back') this.repeating.set(tab, note.on);
@@ -335,7 +335,7 @@ export class Model {
   private slow(shaft: Shaft, tick: number, more_ms: number, why: string) {
     const within_ms = more_ms + settle_ms + (1000 * Math.abs(shaft.speed)) / shaft.ramp_rpm_per_s;
     const due = tick + within_ms * ticksPerMs;
-    if (shaft.free) Object.assign(shaft, { due, from: Math.abs(shaft.speed), asked: tick, since: null, place: null });
+    if (shaft.free) Object.assign(shaft, { due, from: Math.max(...[shaft.speed, ...shaft.recent.slice(-3)].map(Math.abs)), asked: tick, since: null, place: null });
     else if (tick < shaft.due) shaft.due = Math.min(shaft.due, due);
     Object.assign(shaft, { free: false, why });
   }
@@ -362,8 +362,7 @@ export class Model {
       if (fast > 1.1 * shaft.from + (overshoot_rpm[name] ?? usual_overshoot_rpm)) this.fail(shaft, name, tick, `speeds up from ${shaft.from.toFixed(1)} to ${speed.toFixed(1)} rpm`);
       return;
     }
-    shaft.slipped_ms = fast > rest_rpm ? shaft.slipped_ms + 1 : 0;
-    if (fast > slip_rpm || shaft.slipped_ms > slip_ms) return this.fail(shaft, name, tick, `turns at ${speed.toFixed(1)} rpm`);
+    if (fast > slip_rpm) return this.fail(shaft, name, tick, `turns at ${speed.toFixed(1)} rpm`);
     shaft.place ??= shaft.turns;
     if (Math.abs(shaft.turns - shaft.place) > creep_revolutions) this.fail(shaft, name, tick, `has crept by ${(shaft.turns - shaft.place).toFixed(4)} revolutions`);
   }

@@ -12,6 +12,7 @@ export interface Control {
 
 export type Note =
   | { kind: 'loaded' } // a new document: the scripts of the one before have ended
+  | { kind: 'went'; path: string } // to another page, by the test and not by a control
   | { kind: 'press'; control: Control }
   | { kind: 'stop' } // Ctrl and space
   | { kind: 'release' } // of a pointer or a key, or the focus is lost
@@ -41,6 +42,7 @@ export function logPage() {
   const controlOf = (target: EventTarget | null): Element | null => (target instanceof Element ? target.closest(controls) : null);
   const describe = (element: Element): Control => {
     const box = element.closest('[role=group].guide-motion, section, article, header.top');
+    const row = element.closest('.axis-row'); // of the compact line page
     const region = element.closest('section, article') ?? document.body;
     const fields: Record<string, string> = {};
     for (const field of region.querySelectorAll('.field')) {
@@ -50,24 +52,25 @@ export function logPage() {
     }
     return {
       name: nameOf(element),
-      region: box?.getAttribute('aria-label') ?? '',
+      region: row?.querySelector('[role=rowheader] a')?.textContent ?? box?.getAttribute('aria-label') ?? '',
       path: location.pathname + location.search,
       disabled: element.matches(':disabled, [aria-disabled=true], [data-disabled]'),
       fields,
       isJog: element.matches('.jog'),
     };
   };
+  const pressedDown = '.jog, .stop'; // controls that act when they are pressed, the others when they are released
   let down: Element | null = null;
   const press = (element: Element | null) => element && note({ kind: 'press', control: describe(element) });
   const listen = <K extends keyof WindowEventMap>(kind: K, react: (event: WindowEventMap[K]) => void) =>
     addEventListener(kind, (event) => event.isTrusted && react(event), true);
   listen('pointerdown', (event) => {
     down = controlOf(event.target);
-    if (down?.matches('.jog')) press(down);
+    if (down?.matches(pressedDown)) press(down);
   });
   listen('pointerup', (event) => {
     const element = controlOf(event.target);
-    if (element && element === down && !element.matches('.jog')) press(element);
+    if (element && element === down && !element.matches(pressedDown)) press(element);
     down = null;
     note({ kind: 'release' });
   });

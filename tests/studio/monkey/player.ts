@@ -145,7 +145,7 @@ export class Player {
   // Until the new document shows its first panel.
   private async loaded() {
     const until = performance.now() + 30_000;
-    const isThere = () => location.protocol.startsWith('http') && !window.monkeyLeft && document.querySelector('main .panel') !== null;
+    const isThere = () => location.protocol.startsWith('http') && !window.monkeyLeft && document.querySelector('main > *') !== null;
     // The document may end while it is looked at.
     while (!(await this.page.evaluate(isThere).catch(() => false))) {
       if (performance.now() > until) throw new Error('the page does not load');
@@ -274,14 +274,22 @@ export class Player {
       await this.settle();
       await this.pass(300);
     }
-    return [...this.model.violations, ...this.errors];
+    const found = [...this.model.violations, ...this.errors];
+    return found.length > 0 ? [...found, ...(await this.lastChanges())] : found;
+  }
+
+  // What was written to the drives last, and by whom: the first thing to know about a finding.
+  private async lastChanges(): Promise<string[]> {
+    interface Change { axis: string; object: string; name: string; before: unknown; after: unknown; who: string; time_ns: number }
+    const { changes } = await this.line.call<{ changes: Change[] }>('GET', '/changes?limit=40&newest=true');
+    return changes.map(({ axis, object, before, after, who, time_ns }) => `  ${(time_ns / 1e6).toFixed(3)} ms ${axis} ${object}: ${String(before)} -> ${String(after)} by ${who}`);
   }
 
   private async go(path: string) {
-    this.model.leave(this.present, path);
     await this.page.evaluate((to) => {
       history.pushState(null, '', to);
       dispatchEvent(new PopStateEvent('popstate'));
+      window.monkeyNote(JSON.stringify({ kind: 'went', path: to })); // what the page sends until here it may send
     }, path);
   }
 
@@ -352,7 +360,7 @@ export class Player {
         const said = (await this.click(kind, u[0])) ?? `${await this.elsewhere(kind, u[1])}, ${(await this.click(kind, u[0])) ?? 'nothing'}`;
         const after = await this.settle();
         if (after !== before) this.model.leave(this.present, after);
-        if (this.held) await this.noJog(); // the click took the focus
+        await this.mayGoOn(''); // unless the click took the focus
         return said;
       }
       case 'hold': {
@@ -391,7 +399,7 @@ export class Player {
         return 'Ctrl+Space';
       case 'back':
         if (this.held) await this.release();
-        await page.evaluate(() => history.back());
+        if (!(await page.isFirst())) await page.evaluate(() => history.back());
         await later(20);
         return this.here();
       case 'type': {
