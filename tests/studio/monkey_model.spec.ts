@@ -134,6 +134,9 @@ test('a job that follows another belongs to its press, not to a later one that t
   };
   expect(run().found).toBe('');
   expect(run().job('move', 3).found).toContain('which nobody asked for');
+  // The move of the first press is refused after the enabling of the second, and uses up nothing of the second.
+  const twice = new Bench().press('Move +').job('enable').press('Move +').job('enable').request('move', 1).refused();
+  expect(twice.job('move', 2).found).toBe('');
 });
 
 test('a script ends when its dashboard is left, and the first dashboard has two addresses', () => {

@@ -217,8 +217,8 @@ export class Model {
   private take(tab: number, axis: string, what: string, after: number | undefined): Leave | null {
     // A job that follows another belongs to the same press.
     const before = after === undefined ? undefined : this.requests.get(after)?.leave;
-    const fits = (each: Leave) => each.tab === tab && each.axis === axis && (each.left[what] ?? 0) > 0;
-    const leave = newest(this.leaves, (each) => each === before && fits(each)) ?? newest(this.leaves, fits);
+    const fits = (each: Leave) => each.tab === tab && each.axis === axis && (each.left[what] ?? 0) > 0 && (before == null || each === before);
+    const leave = newest(this.leaves, fits);
     if (leave) {
       --leave.left[what];
       return leave;
