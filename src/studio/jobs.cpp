@@ -119,7 +119,9 @@ void Jobs::carry_out(Job& job) {
   };
   const master::Time began = drives_.now();
   try {
-    if (job.cancelled) throw master::Cancelled("the job was ended before it began", job.axis, "start it anew");
+    // A stop is carried out, whatever comes after it: it has ended the motion's job already.
+    if (job.cancelled && !job.order.takes_over)
+      throw master::Cancelled("the job was ended before it began", job.axis, "start it anew");
     Conduct conduct;
     conduct.released = [this, &job] {
       const bool silent = job.order.lives_on_signs && wall_clock_() - job.sign_of_life > longest_silence;

@@ -395,6 +395,16 @@ TEST_P(EveryProduct, ACancelledMoveHaltsAndLeavesTheAxisUsable) {
   expect_done(axis_, fmt::format(R"({{"do": "move", "by": -1, "velocity": 2, {}}})", profile));
 }
 
+TEST_P(EveryProduct, AStopThatIsEndedAtOnceStopsTheAxis) {
+  make_ready(axis_);
+  begin(axis_, fmt::format(R"({{"do": "velocity", "velocity": -2, {}}})", profile));
+  pass(300ms);
+  const std::uint64_t stop = begin(axis_, R"({"do": "stop"})");
+  ask(Method::delete_, "jobs/" + std::to_string(stop), "");
+  pass(500ms);
+  EXPECT_NEAR(view(axis_)["velocity_rpm"].get<double>(), 0.0, 2.0);
+}
+
 // The drive does not report standstill in homing, and its shaft slips a little after the halt.
 TEST_F(JobsTest, AHaltInHomingLeavesAnIsmkEnabled) {
   for (const auto begun : {300ms, 500ms, 700ms}) {

@@ -4,11 +4,9 @@
 #include <cctype>
 #include <fmt/format.h>
 #include <fmt/ranges.h>
-#include <ranges>
 
 #include "line/table_reader.hpp"
 #include "line/toml_text.hpp"
-#include "links/number_text.hpp"
 
 namespace servodrome::studio {
 namespace {
@@ -44,12 +42,9 @@ std::string settings_text(const std::string& name, const std::vector<std::string
     const std::size_t equals = bus.rfind('=');
     text += fmt::format("\n[[bus]]\nlink = {}\n", toml_quoted(bus.substr(0, equals)));
     if (equals == std::string::npos) continue;
-    std::vector<std::int64_t> drives;
-    for (const auto number : std::views::split(std::string_view(bus).substr(equals + 1), ',')) {
-      const std::string_view digits(number.begin(), number.end());
-      drives.push_back(links::number_of_text<std::int64_t>(digits).value_or(0));
-    }
-    text += fmt::format("drives = [{}]\n", fmt::join(drives, ", "));
+    std::string drives;
+    for (const char letter : bus.substr(equals + 1)) drives += letter == ',' ? ", " : std::string(1, letter);
+    text += fmt::format("drives = [{}]\n", drives);
   }
   return text;
 }

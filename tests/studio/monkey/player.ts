@@ -278,11 +278,13 @@ export class Player {
     return found.length > 0 ? [...found, ...(await this.lastChanges())] : found;
   }
 
-  // What was written to the drives last, and by whom: the first thing to know about a finding.
+  // The last jobs, and what was written to the drives last, and by whom: the first thing to know about a finding.
   private async lastChanges(): Promise<string[]> {
+    const { jobs } = await this.line.call<{ jobs: { id: number; axis: string; do: string; state: string; began_tick: number; note?: string }[] }>('GET', '/jobs');
+    const told = jobs.slice(-12).map(({ id, axis, do: what, state, began_tick, note }) => `  ${(began_tick / ticksPerMs).toFixed(3)} ms ${axis} job ${id} ${what}: ${state} ${note ?? ''}`);
     interface Change { axis: string; object: string; name: string; before: unknown; after: unknown; who: string; time_ns: number }
     const { changes } = await this.line.call<{ changes: Change[] }>('GET', '/changes?limit=40&newest=true');
-    return changes.map(({ axis, object, before, after, who, time_ns }) => `  ${(time_ns / 1e6).toFixed(3)} ms ${axis} ${object}: ${String(before)} -> ${String(after)} by ${who}`);
+    return told.concat(changes.map(({ axis, object, before, after, who, time_ns }) => `  ${(time_ns / 1e6).toFixed(3)} ms ${axis} ${object}: ${String(before)} -> ${String(after)} by ${who}`));
   }
 
   private async go(path: string) {
