@@ -22,6 +22,10 @@ export function JogButton({ axis, velocity, isDisabled, children, label }: {
     stop: cancelJob,
     failed: complain,
   });
+  // A browser may report presses of a disabled button.
+  const press = () => {
+    if (!isDisabled) jog.current?.press();
+  };
   const release = () => jog.current?.release();
 
   useEffect(() => {
@@ -44,7 +48,7 @@ export function JogButton({ axis, velocity, isDisabled, children, label }: {
       aria-label={label}
       disabled={isDisabled}
       onPointerDown={(event) => {
-        if (event.button === 0) jog.current?.press();
+        if (event.button === 0) press();
       }}
       onPointerLeave={release}
       onBlur={release}
@@ -52,7 +56,7 @@ export function JogButton({ axis, velocity, isDisabled, children, label }: {
       onKeyDown={(event) => {
         if (!isPress(event)) return;
         event.preventDefault();
-        if (!event.repeat && !event.ctrlKey) jog.current?.press();
+        if (!event.repeat && !event.ctrlKey) press();
       }}
       onKeyUp={(event) => isPress(event) && release()}
     >
