@@ -6,6 +6,7 @@
 #include "described/blueprint.hpp"
 #include "line/described_product.hpp"
 #include "line/line_file.hpp"
+#include "line/toml_text.hpp"
 #include "links/link_scheme.hpp"
 
 namespace servodrome::app {
@@ -17,22 +18,6 @@ line::LineSettings settings_of(line::LineFile loaded, const std::string& name) {
   std::string message = fmt::format("{} cannot be run:", name);
   for (const line::Diagnostic& diagnostic : loaded.diagnostics) message += "\n" + to_string(diagnostic);
   throw Failure::wrong_use(message);
-}
-
-// Quotes a text as a basic string of TOML.
-std::string toml_quoted(std::string_view text) {
-  std::string result;
-  for (const char letter : text) {
-    const auto code = static_cast<unsigned char>(letter);
-    if (letter == '"' || letter == '\\') {
-      result += fmt::format("\\{}", letter);
-    } else if (code < 0x20 || code == 0x7F) {
-      result += fmt::format("\\u{:04X}", code);
-    } else {
-      result += letter;
-    }
-  }
-  return result;
 }
 
 }  // namespace
@@ -72,8 +57,8 @@ line::LineSettings line_of_descriptions(const DescriptionFiles& descriptions) {
       throw Failure::wrong_use(error.what());
     }
     ++number;
-    text += fmt::format("[[axis]]\nname = \"axis{}\"\ndescription = \"{}\"\n", number, toml_quoted(file));
-    if (!device.empty()) text += fmt::format("device = \"{}\"\n", toml_quoted(device));
+    text += fmt::format("[[axis]]\nname = \"axis{}\"\ndescription = {}\n", number, line::toml_quoted(file));
+    if (!device.empty()) text += fmt::format("device = {}\n", line::toml_quoted(device));
     if (wanted == line::Fieldbus::can) text += fmt::format("node = {}\n", number);
     text += fmt::format(
         "[axis.travel]\ncounts_per_unit = {}\nlow_stop = -11\nhigh_stop = 11\nnegative_limit = -10\n"

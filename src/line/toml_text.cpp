@@ -54,4 +54,19 @@ std::optional<std::string> read_text_file(const std::string& path, std::string_v
   return text;
 }
 
+std::string toml_quoted(std::string_view text) {
+  std::string result = "\"";
+  for (const char letter : text) {
+    const auto code = static_cast<unsigned char>(letter);
+    if (letter == '"' || letter == '\\') {
+      result += fmt::format("\\{}", letter);
+    } else if (code < 0x20 || code == 0x7F) {
+      result += fmt::format("\\u{:04X}", code);
+    } else {
+      result += letter;
+    }
+  }
+  return result + "\"";
+}
+
 }  // namespace servodrome::line

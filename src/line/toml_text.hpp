@@ -19,4 +19,7 @@ std::optional<toml::table> parse_toml(std::string_view text, const std::string& 
 std::optional<std::string> read_text_file(const std::string& path, std::string_view what,
                                           std::vector<Diagnostic>& diagnostics);
 
+// The text as a basic string of TOML, with its quotes.
+std::string toml_quoted(std::string_view text);
+
 }  // namespace servodrome::line

@@ -50,10 +50,11 @@ class Server:
 
     running = []
 
-    def __init__(self, program, folder, *options, most_bytes=None):
+    def __init__(self, program, folder, *options, most_bytes=None, prefix=()):
         command = [program, "studio", folder, "--api", "127.0.0.1:0", "--json", *options]
         if most_bytes is not None:  # of each file; the signal of the limit is ignored, so that the write fails
             command = [sys.executable, "-c", LIMITED, str(most_bytes), *command]
+        command = [*prefix, *command]
         self.folder = folder
         Server.running.append(self)
         self.process = subprocess.Popen(command, stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
@@ -264,7 +265,7 @@ def test_one_server_at_a_time(program, refusal, folder):
     link = folder.parent / "link"
     link.symlink_to(folder)
     assert "another server has this project open" in refusal("studio", link, "--api", "127.0.0.1:0")
-    first.kill()  # a server that was killed keeps nobody out
+    first.kill()  # the lock of a killed server ends with it
     Server(program, folder).stop()
 
 
@@ -375,12 +376,15 @@ def test_a_folder_that_moves_away_stops_no_drive(program, folder):
     server.stop()
 
 
-@pytest.mark.skipif(os.geteuid() == 0, reason="root may write everywhere")
+# Root may write everywhere with this capability only.
+AS_USER = ["setpriv", "--bounding-set", "-dac_override"] if os.geteuid() == 0 else []
+
+
 def test_a_folder_that_is_read_only_can_be_opened(program, folder):
     Server(program, folder, "--new").stop()
     folder.chmod(0o555)
     try:
-        server = Server(program, folder)
+        server = Server(program, folder, prefix=AS_USER)
         server.keep("boards", 1)
         wait_for(server.problem)
         assert "Permission denied" in server.problem()["what"]

@@ -34,8 +34,8 @@ class ProjectKeeper {
   ProjectKeeper(const ProjectKeeper&) = delete;
   ProjectKeeper& operator=(const ProjectKeeper&) = delete;
 
-  // Writes what is left at the end of the server; ends recordings that are running. Afterwards Project::problem() says
-  // whether that failed.
+  // Ends the running recordings and writes everything that is not written yet. The server calls it when it ends. If a
+  // write fails, Project::problem() has the reason.
   void finish();
 
  private:

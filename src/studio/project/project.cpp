@@ -15,21 +15,6 @@ namespace fs = std::filesystem;
 
 constexpr std::size_t longest_name = 100;
 
-std::string toml_quoted(std::string_view text) {
-  std::string result = "\"";
-  for (const char letter : text) {
-    const auto code = static_cast<unsigned char>(letter);
-    if (letter == '"' || letter == '\\') {
-      result += fmt::format("\\{}", letter);
-    } else if (code < 0x20 || code == 0x7F) {
-      result += fmt::format("\\u{:04X}", code);
-    } else {
-      result += letter;
-    }
-  }
-  return result + "\"";
-}
-
 // Without a / at the end, so that the folder has a name and a parent.
 fs::path whole_path(const fs::path& folder) {
   const fs::path whole = fs::absolute(folder).lexically_normal();
@@ -37,10 +22,10 @@ fs::path whole_path(const fs::path& folder) {
 }
 
 std::string settings_text(const std::string& name, const std::vector<std::string>& buses) {
-  std::string text = fmt::format("name = {}\nschema = {}\n", toml_quoted(name), Project::schema);
+  std::string text = fmt::format("name = {}\nschema = {}\n", line::toml_quoted(name), Project::schema);
   for (const std::string& bus : buses) {
     const std::size_t equals = bus.rfind('=');
-    text += fmt::format("\n[[bus]]\nlink = {}\n", toml_quoted(bus.substr(0, equals)));
+    text += fmt::format("\n[[bus]]\nlink = {}\n", line::toml_quoted(bus.substr(0, equals)));
     if (equals == std::string::npos) continue;
     std::string drives;
     for (const char letter : bus.substr(equals + 1)) drives += letter == ',' ? ", " : std::string(1, letter);

@@ -7,7 +7,7 @@ import { figuresOf, missingForTune, placeOf, setsOf, type GainLine, type Gains, 
 import { fixed, significant } from '../model/units';
 import { attempt, tell } from '../notices';
 import { AxisTabs, usePageAxis } from '../parts/axis_tabs';
-import { Button, Link, Panel, Readout, Scroll, Trouble } from '../parts/controls';
+import { Button, HaltButton, Link, Panel, Readout, Scroll, Trouble } from '../parts/controls';
 import { NumberForm, NumberInput, NumbersButton } from '../parts/number_input';
 import { Lanes, type Curve } from '../parts/lanes';
 import { useResource } from '../resource';
@@ -69,7 +69,7 @@ function Tune({ axis, gains, missing, job }: { axis: string; gains: Gains; missi
       if (over?.state === 'done') tell(apply ? `${axis}: the new gains are written, not stored` : `${axis}: nothing was written`);
     });
   return (
-    <Panel title="Tune the velocity loop" aside={tuning && <Button onPress={() => attempt(() => cancelJob(tuning))}>End</Button>}>
+    <Panel title="Tune the velocity loop" aside={tuning && <HaltButton onHalt={() => attempt(() => cancelJob(tuning))}>End</HaltButton>}>
       {missing === '' ? (
         <>
           <p className="note">

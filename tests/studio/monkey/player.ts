@@ -155,8 +155,8 @@ export class Player {
 
   // ---- Time ----
 
-  // Until the page has sent what follows from the last action, and has the answers: what it does of itself it does in tasks
-  // of 0 ms. Returns the page's address.
+  // Waits until the page has sent all requests of the last action and has their answers. The page sends its own requests in
+  // tasks of 0 ms. Returns the page's address.
   private async settle(): Promise<string> {
     return this.page.evaluate(async (slow) => {
       window.monkeySlow = slow;
@@ -278,7 +278,7 @@ export class Player {
     return found.length > 0 ? [...found, ...(await this.lastChanges())] : found;
   }
 
-  // The last jobs, and what was written to the drives last, and by whom: the first thing to know about a finding.
+  // Lists the last jobs and the last writes to the drives with their authors. They explain most findings.
   private async lastChanges(): Promise<string[]> {
     const { jobs } = await this.line.call<{ jobs: { id: number; axis: string; do: string; state: string; began_tick: number; note?: string }[] }>('GET', '/jobs');
     const told = jobs.slice(-12).map(({ id, axis, do: what, state, began_tick, note }) => `  ${(began_tick / ticksPerMs).toFixed(3)} ms ${axis} job ${id} ${what}: ${state} ${note ?? ''}`);
