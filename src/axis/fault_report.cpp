@@ -73,9 +73,10 @@ FaultReport read_faults(ObjectClient& objects, const Dialect& dialect) {
   std::vector<ReportedFault> present;
   read_alarm_words(objects, dialect, present);
   // 603Fh keeps the last error even after it is gone, so it is read only while the drive reports a fault or a warning.
-  const auto code = faulty || warns ? objects.read_if_present<std::uint16_t>(0x603F) : std::nullopt;
+  const std::uint16_t code =
+      faulty || warns ? objects.read_if_present<std::uint16_t>(0x603F).value_or(0) : std::uint16_t{0};
   const bool known = std::any_of(present.begin(), present.end(), [&](const auto& fault) { return fault.code == code; });
-  if (code && *code != 0 && !known) present.insert(present.begin(), fault_of_code(*code, {0x603F, 0}, dialect.product));
+  if (code != 0 && !known) present.insert(present.begin(), fault_of_code(code, {0x603F, 0}, dialect.product));
   if (present.empty() && (faulty || warns)) present.push_back({.source = {0x6041, 0}});
   if (faulty || !warns) {
     report.active = std::move(present);
