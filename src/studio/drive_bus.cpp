@@ -11,6 +11,12 @@
 namespace servodrome::studio {
 namespace {
 
+std::vector<unsigned> node_ids_of(const BusPlan& plan) {
+  std::vector<unsigned> ids;
+  for (const DrivePlan& drive : plan.drives) ids.push_back(drive.address);
+  return ids;
+}
+
 using namespace std::chrono_literals;
 
 constexpr auto idle_time = 1ms;        // sleep when nothing is to be done
@@ -57,15 +63,17 @@ DriveBus::DriveBus(BusPlan plan, Clock::time_point start)
     : plan_(std::move(plan)),
       start_(start),
       traffic_(plan_.type, plan_.link, start),
+      foreign_(node_ids_of(plan_)),
       next_poll_(plan_.drives.size()),
       silent_(plan_.drives.size(), false),
       stop_when_back_(plan_.drives.size(), false) {
   state_.drives.resize(plan_.drives.size());
   for (DriveState& drive : state_.drives) drive.problem = JobError{"the drive has not been read yet", plan_.link, ""};
-  thread_ = std::thread([this, opened = std::make_shared<std::unique_ptr<OpenBus>>(plan_.open(traffic_.heard()))] {
-    run(std::move(*opened));
-  });
+  thread_ = std::thread(
+      [this, opened = std::make_shared<std::unique_ptr<OpenBus>>(plan_.open(heard()))] { run(std::move(*opened)); });
 }
+
+links::Heard DriveBus::heard() { return plan_.type == "can" ? foreign_.heard(traffic_.heard()) : traffic_.heard(); }
 
 DriveBus::~DriveBus() {
   {
@@ -128,7 +136,7 @@ std::int64_t DriveBus::tick_of(Clock::time_point time) const { return (time - st
 void DriveBus::run(std::unique_ptr<OpenBus> open) {
   while (true) {
     try {
-      if (open == nullptr) open = plan_.open(traffic_.heard());
+      if (open == nullptr) open = plan_.open(heard());
       if (!serve(*open)) return;
       axes_.clear();
       open.reset();

@@ -17,6 +17,7 @@
 #include "axis/axis402.hpp"
 #include "studio/bus_traffic.hpp"
 #include "studio/drives.hpp"
+#include "studio/foreign_writes.hpp"
 
 // Drives on a bus. The calls of `master` and `axis` block, so each bus has its own thread.
 namespace servodrome::studio {
@@ -188,6 +189,8 @@ class DriveBus {
 
   const BusPlan& plan() const { return plan_; }
   BusTraffic& traffic() { return traffic_; }
+  // What other masters have written to the drives since the last call, on CAN.
+  std::vector<ForeignWrites::Write> take_foreign_writes() { return foreign_.take(); }
   State state() const;
   // Returns true if a work item for this drive waits or runs. The state of the drive may then change at any moment.
   bool is_worked_with(std::size_t drive) const;
@@ -199,6 +202,7 @@ class DriveBus {
   void stop_when_back(std::size_t drive);
 
  private:
+  links::Heard heard();
   void run(std::unique_ptr<OpenBus> open);
   // Returns true if the bus must be reopened.
   bool serve(OpenBus& open);
@@ -216,6 +220,7 @@ class DriveBus {
   BusPlan plan_;
   Clock::time_point start_;
   BusTraffic traffic_;
+  ForeignWrites foreign_;
   mutable std::mutex mutex_;
   std::condition_variable woken_;
   bool ending_ = false;

@@ -28,7 +28,9 @@ std::unique_ptr<master::ObjectClient> DriveChanges::recorded(std::size_t drive,
                                                              std::unique_ptr<master::ObjectClient> objects) {
   return std::make_unique<RecordedObjects>(
       std::move(objects), [this, drive](master::ObjectAddress object, const RecordedObjects::Bytes& before,
-                                        const RecordedObjects::Bytes& after) { note(drive, object, before, after); });
+                                        const RecordedObjects::Bytes& after) {
+        note(drive, object, before, after, api::Author::present());
+      });
 }
 
 void DriveChanges::take(std::size_t drive, HandedWrites& handed) {
@@ -37,7 +39,9 @@ void DriveChanges::take(std::size_t drive, HandedWrites& handed) {
     const std::lock_guard lock(handed.mutex_);
     writes.swap(handed.writes_);
   }
-  for (const HandedWrites::Write& write : writes) note(drive, write.object, write.before, write.after);
+  for (const HandedWrites::Write& write : writes) {
+    note(drive, write.object, write.before, write.after, api::Author::present());
+  }
 }
 
 const dictionary::Entry& DriveChanges::entry_of(std::size_t drive, master::ObjectAddress object) {
@@ -50,7 +54,7 @@ const dictionary::Entry& DriveChanges::entry_of(std::size_t drive, master::Objec
 }
 
 void DriveChanges::note(std::size_t drive, master::ObjectAddress object, const RecordedObjects::Bytes& before,
-                        const RecordedObjects::Bytes& after) {
+                        const RecordedObjects::Bytes& after, std::string_view who) {
   api::Change change;
   change.at = now_();
   change.wall = wall_epoch_ + change.at;
@@ -60,7 +64,7 @@ void DriveChanges::note(std::size_t drive, master::ObjectAddress object, const R
   change.object_name = whole != nullptr ? whole->name : "";
   change.before = api::KeptValue(before);
   change.after = api::KeptValue(after);
-  log_.add(change, api::Author::present());
+  log_.add(change, who);
 }
 
 }  // namespace servodrome::studio

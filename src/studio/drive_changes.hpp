@@ -5,6 +5,7 @@
 #include <memory>
 #include <mutex>
 #include <string>
+#include <string_view>
 #include <vector>
 
 #include "api/change_log.hpp"
@@ -30,7 +31,7 @@ class HandedWrites {
   std::vector<Write> writes_;
 };
 
-// Notes what this program writes to drives on buses. What other masters write does not pass this program.
+// Notes what this program writes to drives on buses, and what other masters of a CAN bus write by SDO.
 class DriveChanges {
  public:
   struct Drive {
@@ -47,10 +48,15 @@ class DriveChanges {
   std::unique_ptr<master::ObjectClient> recorded(std::size_t drive, std::unique_ptr<master::ObjectClient> objects);
   // Notes the writes that another thread has carried out meanwhile.
   void take(std::size_t drive, HandedWrites& handed);
+  // Notes a write of another master. The value before is not known.
+  void note_foreign(std::size_t drive, master::ObjectAddress object, const RecordedObjects::Bytes& after,
+                    std::string_view who) {
+    note(drive, object, {}, after, who);
+  }
 
  private:
   void note(std::size_t drive, master::ObjectAddress object, const RecordedObjects::Bytes& before,
-            const RecordedObjects::Bytes& after);
+            const RecordedObjects::Bytes& after, std::string_view who);
   const dictionary::Entry& entry_of(std::size_t drive, master::ObjectAddress object);
 
   std::vector<Drive> drives_;

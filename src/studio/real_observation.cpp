@@ -208,6 +208,11 @@ std::vector<Json> RealDrives::advance() {
     if (problem) details["problem"] = {{"what", problem->what}, {"where", problem->where}, {"hint", problem->hint}};
     tell("bus", nullptr, std::move(details));
   }
+  for (std::size_t i = 0, first = 0; i < buses_.size(); first += buses_[i++]->plan().drives.size()) {
+    for (const ForeignWrites::Write& write : buses_[i]->take_foreign_writes()) {
+      changes_->note_foreign(first + write.drive, write.object, write.value, "SDO on " + buses_[i]->plan().link);
+    }
+  }
   for (std::size_t i = 0; i < axes_.size(); ++i) {
     const DriveBus::DriveState state = state_of(axes_[i]);
     Told& told = told_[i];

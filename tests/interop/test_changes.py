@@ -5,6 +5,7 @@ import subprocess
 
 import pytest
 from canopen import Network as Canopen
+from canopen import SdoAbortedError
 from line import PROGRAM, ApiError, Line, axis_text, bus_text, servodrome, wait_for
 from pymodbus.client import ModbusTcpClient
 from studio import Studio
@@ -137,5 +138,32 @@ def test_the_studio_of_real_drives_lists_its_own_writes(line):
         assert not [row for row in rows if row["object"] in ("6040:00", "607A:00")]
         studio.bench.post("changes/undo", {"axis": "generic402-2"})
         assert value(line, "reference", 0x6081) == before
+    finally:
+        studio.stop()
+
+
+def test_the_studio_of_real_drives_lists_what_another_master_writes(line, node):
+    studio = Studio(f"{line.links['can0'][0]}=2")
+    try:
+        wait_for(lambda: studio.bench.axis("generic402-2")["powered"], "the first answer of the drive")
+        node.sdo.download(0x6083, 0, (43210).to_bytes(4, "little"))
+        assert int.from_bytes(node.sdo.upload(0x6083, 0), "little") == 43210
+        node.sdo.download(0x6040, 0, b"\x06\x00")  # a word of a motion is not listed
+        with pytest.raises(SdoAbortedError):  # a refused write is not listed
+            node.sdo.download(0x6041, 0, b"\x06\x00")
+        studio.bench.put("axes/generic402-2/objects/6084/0", {"value": 98765})  # its own write is listed once
+
+        def rows():
+            return studio.bench.get("changes?axis=generic402-2")["changes"]
+
+        wait_for(lambda: len(rows()) == 2, "both changes in the log")
+        foreign, own = sorted(rows(), key=lambda row: row["object"])
+        assert (foreign["object"], foreign["before"], foreign["after"]) == ("6083:00", None, 43210)
+        assert foreign["who"] == f"SDO on {line.links['can0'][0]}"[:47]
+        assert (own["object"], own["after"]) == ("6084:00", 98765)
+        assert own["who"].startswith("API")
+        undone = studio.bench.post("changes/undo", {"axis": "generic402-2"})
+        assert [row["object"] for row in undone["undone"]] == ["6084:00"]
+        assert [(row["object"], row["what"]) for row in undone["kept"]] == [("6083:00", "the value before is not known")]
     finally:
         studio.stop()

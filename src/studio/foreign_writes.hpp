@@ -1,0 +1,48 @@
+#pragma once
+
+#include <cstdint>
+#include <map>
+#include <mutex>
+#include <span>
+#include <vector>
+
+#include "canopen/frame.hpp"
+#include "links/heard_clients.hpp"
+#include "tools/sniff/sdo_conversation.hpp"
+
+namespace servodrome::studio {
+
+// Observes the SDO channels of the drives on a CAN bus and collects the writes of other masters. A write counts when
+// the drive has confirmed it.
+class ForeignWrites {
+ public:
+  // Observes the default SDO channels of these nodes (CiA 301 table 39).
+  explicit ForeignWrites(std::span<const unsigned> node_ids);
+
+  // Passes all messages on to `next` and observes them. Called in the thread of the bus; this object must outlive the
+  // clients of the bus.
+  links::Heard heard(links::Heard next);
+
+  struct Write {
+    std::size_t drive;  // its place in `node_ids`
+    master::ObjectAddress object;
+    std::vector<std::byte> value;
+  };
+  // The writes since the last call. Callable from any thread.
+  std::vector<Write> take();
+
+ private:
+  struct Channel {
+    std::size_t drive;
+    bool foreign = false;  // the present transfer is one of another master
+    master::SdoConversation conversation{};
+  };
+
+  void hear(bool sent, const canopen::Frame& frame);
+
+  std::map<std::uint32_t, Channel> channels_;  // by node-ID
+  std::mutex mutex_;
+  std::vector<Write> writes_;
+};
+
+}  // namespace servodrome::studio

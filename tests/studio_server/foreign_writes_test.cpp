@@ -1,0 +1,86 @@
+// The writes of other masters, as they pass on a CAN bus.
+#include "studio/foreign_writes.hpp"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+namespace servodrome::studio {
+namespace {
+
+using testing::ElementsAre;
+using testing::IsEmpty;
+using testing::SizeIs;
+using Data = std::array<std::uint8_t, 8>;
+
+class ForeignWritesTest : public testing::Test {
+ protected:
+  void hear(bool sent, std::uint32_t id, const Data& data) {
+    canopen::Frame frame;
+    frame.id = id;
+    frame.length = 8;
+    frame.data = data;
+    heard_(sent, {reinterpret_cast<const std::uint8_t*>(&frame), sizeof frame});
+  }
+  void foreign(const Data& data) { hear(false, 0x605, data); }
+  void own(const Data& data) { hear(true, 0x605, data); }
+  void drive(const Data& data) { hear(false, 0x585, data); }
+
+  std::vector<unsigned> ids_{4, 5};
+  ForeignWrites writes_{ids_};
+  int passed_on_ = 0;
+  links::Heard heard_ = writes_.heard([this](bool, std::span<const std::uint8_t>) { ++passed_on_; });
+};
+
+constexpr Data write_1000{0x23, 0x83, 0x60, 0x00, 0xE8, 0x03, 0x00, 0x00};
+constexpr Data written{0x60, 0x83, 0x60, 0x00};
+
+TEST_F(ForeignWritesTest, AConfirmedWriteOfAnotherMasterCountsOnce) {
+  foreign(write_1000);
+  EXPECT_THAT(writes_.take(), IsEmpty()) << "the drive has not confirmed it";
+  drive(written);
+  const auto found = writes_.take();
+  ASSERT_THAT(found, SizeIs(1));
+  EXPECT_EQ(found[0].drive, 1U);
+  EXPECT_EQ(found[0].object, (master::ObjectAddress{0x6083, 0}));
+  EXPECT_THAT(found[0].value, ElementsAre(std::byte{0xE8}, std::byte{3}, std::byte{0}, std::byte{0}));
+  EXPECT_THAT(writes_.take(), IsEmpty());
+  EXPECT_EQ(passed_on_, 2);
+}
+
+TEST_F(ForeignWritesTest, OwnWritesReadsAndRefusedWritesDoNotCount) {
+  own(write_1000);
+  drive(written);
+  foreign({0x40, 0x83, 0x60, 0x00});
+  drive({0x43, 0x83, 0x60, 0x00, 0xE8, 0x03, 0x00, 0x00});
+  foreign(write_1000);
+  drive({0x80, 0x83, 0x60, 0x00, 0x30, 0x00, 0x09, 0x06});
+  drive(written);
+  hear(false, 0x607, write_1000);  // a node that is not in the plan
+  hear(false, 0x587, written);
+  EXPECT_THAT(writes_.take(), IsEmpty());
+}
+
+// The channel has one transfer at a time: a request of this program replaces that of the other master.
+TEST_F(ForeignWritesTest, AReplacedTransferDoesNotCount) {
+  foreign(write_1000);
+  own({0x23, 0x83, 0x60, 0x00, 0xD0, 0x07, 0x00, 0x00});
+  drive(written);
+  EXPECT_THAT(writes_.take(), IsEmpty());
+}
+
+TEST_F(ForeignWritesTest, AWriteInSegmentsCountsWithItsWholeValue) {
+  foreign({0x21, 0x08, 0x20, 0x00, 9, 0, 0, 0});
+  drive({0x60, 0x08, 0x20, 0x00});
+  foreign({0x00, 1, 2, 3, 4, 5, 6, 7});
+  drive({0x20});
+  EXPECT_THAT(writes_.take(), IsEmpty());
+  foreign({0x1B, 8, 9});
+  drive({0x30});
+  const auto found = writes_.take();
+  ASSERT_THAT(found, SizeIs(1));
+  EXPECT_EQ(found[0].object, (master::ObjectAddress{0x2008, 0}));
+  EXPECT_THAT(found[0].value, SizeIs(9));
+}
+
+}  // namespace
+}  // namespace servodrome::studio
