@@ -195,6 +195,16 @@ for (const { name, counts } of axes) {
     const stated = JSON.parse(/id="stated">(.*?)<\/script>/s.exec(text)![1]) as Stated;
     expect(stated.cycle.by).toBe(2 * (name === 'ismk' ? 65536 : counts));
     await picture(`guide-report-${name}`);
+    // "Print or save as PDF": the report alone, on its pages.
+    await page.emulateMedia({ media: 'print' });
+    await expect(page.getByRole('button', { name: 'Save as a file' })).toBeHidden();
+    await expect(page.getByRole('button', { name: 'STOP' })).toBeHidden();
+    await expect(page.locator('.paper svg').first()).toBeVisible();
+    await page.emulateMedia({ media: null });
+    const pdf = (await page.pdf({ preferCSSPageSize: true })).toString('latin1');
+    expect(pdf.slice(0, 5)).toBe('%PDF-');
+    expect(pdf.match(/\/Type \/Page\b(?!s)/g)!.length).toBeGreaterThan(1);
+    expect(pdf).toMatch(/\/MediaBox \[0 0 59[0-9.]+ 84[0-9.]+\]/); // A4
 
     // Another maker's master finds on the bus what the report states.
     const [bus, link] = name === 'jmc' ? ['--ethercat', line.linkOf('ecat').replace('udp:', '')] : ['--can', line.linkOf('can0').replace('socketcand:', '')];
