@@ -99,6 +99,11 @@ class Axis final : public links::Receiver {
   void inject(drive::Cause cause, bool present);
   bool injected(drive::Cause cause) const { return injected_.contains(cause); }
 
+  // A client of the bench API has commanded the axis otherwise than by a job: by the controlword, the power, or a stop
+  // of all axes.
+  void note_command() { ++commands_; }
+  std::uint64_t commands() const { return commands_; }
+
   // Puts `interposer` between the drive and its CAN bus; nullptr: none. It must outlive the axis or be removed.
   void interpose(links::CanInterposer* interposer) { can_interposer_ = interposer; }
   // The drive receives a frame that the interposer has kept back or made.
@@ -166,6 +171,7 @@ class Axis final : public links::Receiver {
   std::int64_t cycle_ticks_ = unknown;
   Time last_poll_{-1};
   bool powered_ = false;
+  std::uint64_t commands_ = 0;
   std::vector<Tap*> taps_;
   std::int64_t samples_due_ = no_tick;  // the next tick at which a tap takes a sample
   std::map<int, bool> forced_inputs_;

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <cstdint>
 #include <functional>
 #include <memory>
 #include <optional>
@@ -66,6 +67,9 @@ class Drives {
   virtual std::optional<master::AxisUnits> units(const std::string& axis) = 0;
   // The limits that the drive's objects contain now. Throws MasterError if the access fails.
   virtual master::AxisLimits limits(const std::string& axis) = 0;
+  // How often clients of the API have commanded the axis otherwise than by jobs: by the controlword, the power, or a
+  // stop of all axes.
+  virtual std::uint64_t commands(const std::string& axis) const = 0;
   // Quick stop of every enabled axis, at once. Returns the errors in the order of names(); empty: the axis stands or is
   // stopping.
   virtual std::vector<std::optional<JobError>> stop_all() = 0;

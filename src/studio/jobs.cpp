@@ -43,13 +43,13 @@ void Jobs::make_room() {
   jobs_.erase(over);
 }
 
-// A command that continues another must not follow a halt or a stop that came between the two.
+// A command that continues another must not follow any other command that came between the two.
 void Jobs::require_last(const std::string& axis, std::uint64_t id) const {
   const auto later =
       std::find_if(jobs_.begin(), jobs_.end(), [&](const Job& job) { return job.axis == axis && job.id > id; });
   const auto before =
       std::find_if(jobs_.begin(), jobs_.end(), [&](const Job& job) { return job.axis == axis && job.id == id; });
-  const bool is_last = id > stopped_at_ && later == jobs_.end() && before != jobs_.end();
+  const bool is_last = before != jobs_.end() && later == jobs_.end() && before->commands == drives_.commands(axis);
   if (is_last && before->state == JobState::done) return;
   throw ApiError{409, fmt::format("job {} is not the last command of the axis, or is not done", id), axis,
                  "begin again if the axis shall move"};
@@ -80,6 +80,7 @@ const Job& Jobs::begin(const std::string& name, const std::string& body) {
     make_room();
   }
   job.id = ++last_id_;
+  job.commands = drives_.commands(name);
   job.began_tick = drives_.now() / line::tick_length;
   job.sign_of_life = wall_clock_();
   job.due = drives_.now();
@@ -210,7 +211,6 @@ void Jobs::sign_of_life(Job& job) {
 }
 
 std::vector<Jobs::Stopped> Jobs::stop_all() {
-  stopped_at_ = last_id_;
   const std::vector<std::string> names = drives_.names();
   for (const std::string& name : names) {
     if (Job* job = running_job(name)) abandon(*job, "all axes were stopped");

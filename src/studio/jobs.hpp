@@ -28,7 +28,8 @@ struct Job {
   std::string axis;
   Order order;
   JobState state = JobState::running;
-  bool cancelled = false;  // cancel was requested; the axis comes to rest
+  bool cancelled = false;      // cancel was requested; the axis comes to rest
+  std::uint64_t commands = 0;  // Drives::commands when it began
   std::int64_t began_tick = 0;
   std::chrono::steady_clock::time_point sign_of_life{};
   std::optional<JobError> error{};
@@ -123,8 +124,7 @@ class Jobs {
   WallClock wall_clock_;
   Publish publish_;
   std::uint64_t last_id_ = 0;
-  std::uint64_t stopped_at_ = 0;  // the last job before the last stop of all axes
-  std::list<Job> jobs_;           // oldest first
+  std::list<Job> jobs_;  // oldest first
   master::Time next_deadline_ = links::never;
 };
 

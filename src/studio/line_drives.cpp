@@ -67,6 +67,7 @@ std::vector<std::optional<JobError>> LineDrives::stop_all() {
   for (const auto& axis : line_.axes()) {
     const std::string& name = axis->settings().name;
     std::optional<JobError>& wrong = errors.emplace_back();
+    axis->note_command();
     const auto enabled = [&axis] { return axis->device().drive().state() == drive::PowerState::operation_enabled; };
     if (!axis->powered() || !enabled()) continue;
     try {

@@ -210,6 +210,7 @@ Json RealBench::write_object(Call& call) {
   body.finish();
   const std::vector<std::byte> bytes = line::bench::bytes_of(object.entry, value, object.where);
   drives_.require_ready(object.axis.name);
+  if (object.entry.index == 0x6040) drives_.note_command(object.axis);
   asking(object.where, [&] { drives_.open(object.axis)->download({object.entry.index, object.entry.sub}, bytes); });
   return nullptr;
 }

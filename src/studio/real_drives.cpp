@@ -54,6 +54,7 @@ RealDrives::RealDrives(std::vector<BusPlan> plans) : start_(DriveBus::Clock::now
   for (const Axis& axis : axes_) noted.push_back({axis.name, &axis.device->dictionary()});
   changes_ = std::make_unique<DriveChanges>(
       noted, [this] { return now(); }, wall_epoch_);
+  commands_.resize(axes_.size());
   told_.resize(axes_.size());
   told_of_buses_.resize(buses_.size());
 }
@@ -197,6 +198,7 @@ std::vector<std::optional<JobError>> RealDrives::stop_all() {
   std::vector<std::shared_ptr<Access>> accesses;
   std::vector<bool> stopped;
   for (const Axis& axis : axes_) {
+    note_command(axis);
     const auto access = std::make_shared<Access>();
     access->drive = axis.drive;
     access->object = {0x6040, 0};

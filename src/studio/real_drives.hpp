@@ -53,6 +53,8 @@ class RealDrives final : public Drives, public api::Source, public Subjects {
     std::vector<std::uint8_t> bytes;
   };
   std::vector<ProcessDataRegisters> process_data_of(std::size_t bus);
+  // A client of the API commands the axis otherwise than by a job.
+  void note_command(const Axis& axis) { ++commands_[index_of(axis)]; }
   // The devices on the bus. Throws MasterError if an axis of the bus has torque: a stop would have to wait for the
   // scan. Waits with the present wait.
   std::vector<OpenBus::Found> scan(std::size_t bus);
@@ -84,6 +86,7 @@ class RealDrives final : public Drives, public api::Source, public Subjects {
                       const std::function<void(const char* doing, double share)>& progress, const Work& work) override;
   std::optional<master::AxisUnits> units(const std::string& axis) override;
   master::AxisLimits limits(const std::string& axis) override;
+  std::uint64_t commands(const std::string& axis) const override { return commands_[index_of(axis_of(axis))]; }
   std::vector<std::optional<JobError>> stop_all() override;
 
   // --- Subjects
@@ -122,6 +125,7 @@ class RealDrives final : public Drives, public api::Source, public Subjects {
   master::Time wall_epoch_;
   std::vector<std::unique_ptr<DriveBus>> buses_;
   std::vector<Axis> axes_;
+  std::vector<std::uint64_t> commands_;  // of each axis
   std::unique_ptr<DriveChanges> changes_;
   std::vector<Told> told_;
   std::vector<Told> told_of_buses_;

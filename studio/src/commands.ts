@@ -41,8 +41,8 @@ function takeBack(axis: string) {
   takingBack.delete(axis);
 }
 
-// The latest job of each axis, with its signal. A job that is to follow it (`after`) is taken back with it: for the server a
-// written controlword is no job in between.
+// The latest job of each axis, with its signal. A job that is to follow it (`after`) is taken back with it: a controlword that
+// was written before it may reach the server after it.
 const latest = new Map<string, { id: number; signal: AbortSignal }>();
 
 export const takeBackAll = () => [...takingBack.keys()].forEach(takeBack);

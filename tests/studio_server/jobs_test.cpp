@@ -237,7 +237,21 @@ TEST_F(JobsTest, ASequenceDoesNotGoOnAfterAStop) {
   last = done(R"({"do": "enable"})");
   const std::string halt = done(R"({"do": "stop"})");
   start(move + last + "}", 409);
-  done(move + halt + "}");
+  last = done(move + halt + "}");
+  // A controlword of another client, and a switch of the power, also while the job before runs.
+  const auto write_controlword = [&] {
+    EXPECT_EQ(ask(Method::put, "axes/" + axis + "/objects/6040/0", R"({"value": 15})").status, 204U);
+  };
+  write_controlword();
+  start(move + last + "}", 409);
+  last = std::to_string(start(R"({"do": "enable"})", 201)["id"].get<int>());
+  write_controlword();
+  pass(2s);
+  start(move + last + "}", 409);
+  last = done(R"({"do": "enable"})");
+  ask(Method::post, "axes/" + axis + "/power", R"({"action": "cycle"})");
+  pass(2s);
+  start(move + last + "}", 409);
 }
 
 TEST_F(JobsTest, TheLimitsOfADriveAreThoseOfItsObjects) {

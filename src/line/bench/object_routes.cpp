@@ -81,6 +81,7 @@ Json LineBench::write_object(Call& call) {
   const std::vector<std::byte> bytes = bytes_of(object.entry, value, object.where);
   const AbortCode abort = object.axis.device().dictionary().write(object.entry, bytes);
   if (abort != AbortCode::none) refuse_access(abort, object.where);
+  if (object.entry.index == 0x6040) object.axis.note_command();
   object.axis.send_waiting(line_.now());
   return nullptr;
 }
