@@ -257,7 +257,8 @@ std::optional<AxisUnits> Axis402::units_per_count() {
   return AxisUnits{1.0, 1.0, 1.0};
 }
 
-// If the drive's units come from its manual (dialect), position units before the factors are encoder increments.
+// A drive whose units are in its dialect (from its manual) may have factors. The position unit before these factors is
+// an increment of the encoder.
 std::optional<double> Axis402::counts_per_revolution() {
   const Dialect& dialect = options_.dialect;
   if (!dialect.units) return ratio(0x608F);

@@ -143,7 +143,7 @@ class Axis402 {
   // these values. A fault is an error: call reset_fault() first.
   void enable();
   void disable();
-  void quick_stop();  // returns when the quick stop is active or over and the axis stands; clears the targets
+  void quick_stop();  // returns when the quick stop is active or over and the axis is at standstill; clears the targets
   // Writes 0 into every velocity and torque target that the drive has; a write that the drive refuses is ignored.
   void take_back_targets();
 
@@ -172,8 +172,9 @@ class Axis402 {
   // Changes the velocity of the present motion: 60FFh in profile velocity, 6081h of a move.
   void change_velocity(std::int32_t velocity);
   // Profile velocity: each poll sets the velocity that `demand` returns, until it returns nullopt or throws; then
-  // stop(). The axis is commanded to stop however the function ends. If the axis rests at an active limit switch in the
-  // direction of the velocity, the call throws, or with `waits_at_limit` continues, so that `demand` can reverse.
+  // stop(). The function stops the axis also if it ends with an exception. If the axis rests at an active limit switch
+  // in the direction of the velocity, the call throws, or with `waits_at_limit` continues, so that `demand` can
+  // reverse.
   void jog(const MotionProfile& profile, const JogDemand& demand, bool waits_at_limit = false);
   // Profile torque, in 0.1 % of the rated torque; returns when it is reached. The torque stays on and the speed is not
   // limited: set limits first. Throws if the axis rests at an active limit switch in the direction of the torque.
@@ -241,7 +242,7 @@ class Axis402 {
   void take_back_targets_before_enabling();
   // True if the shaft comes to rest, judged by its position, within `span`.
   bool rests_within(Time span);
-  // Of the encoder. nullopt: the drive does not report them.
+  // Counts of the encoder in a motor revolution. nullopt: the drive does not report them.
   std::optional<double> counts_per_revolution();
   // Sub-index 1 divided by sub-index 2; nullopt if the object is absent or one of the two is 0.
   std::optional<double> ratio(std::uint16_t index);
@@ -266,7 +267,7 @@ class Axis402 {
   void hand_over(std::int32_t target, std::uint16_t order);
   std::int32_t position_demand();  // 6062h, or the actual position if the drive does not have 6062h
   void begin_velocity(const MotionProfile& profile);
-  // False: standstill took longer than `longest`.
+  // Returns false if standstill took longer than `longest`.
   bool wait_for_standstill(std::optional<Time> longest = {});
   std::int64_t rest_distance();  // position units
   // Called at each poll of a motion: true if the position has not changed for 0.5 s.
@@ -278,7 +279,8 @@ class Axis402 {
   bool at_limit();
   // Throws if at_limit().
   void leave_if_at_limit(const std::string& doing);
-  // At the end of a motion of a given duration: leave_if_at_limit() if the shaft rests since the last look of stands().
+  // For the end of a motion of a given duration: calls leave_if_at_limit() if the position has not changed since the
+  // last call of stands().
   void leave_if_rests_at_limit(const std::string& doing);
   // Polls a motion until `done` returns true; throws if the drive leaves operation enabled or `timeout` elapses.
   void follow(Time timeout, const Progress& progress, const std::string& doing,

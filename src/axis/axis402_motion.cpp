@@ -13,13 +13,14 @@ void Axis402::require_enabled(const char* doing) {
   if (state() != PowerState::operation_enabled) {
     fail(fmt::format("the drive is not enabled and cannot {}", doing), "enable it first");
   }
-  // Another master may have left the halt bit set; it would hold back this move. controlword_ keeps the bit so that
+  // Another master may have left the halt bit set, and this bit would stop the move. controlword_ keeps the bit so that
   // hand_over() replaces the halted move.
   if (controlword_ == 0) controlword_ = objects_.read<std::uint16_t>(0x6040);
 }
 
 void Axis402::write_profile(const MotionProfile& profile) {
-  // A ramp of 0 never ends: some drives fault; others accept the set-point and report the target as reached.
+  // With a ramp of 0 the axis never reaches its target: some drives report a fault, others accept the set-point and
+  // report the target as reached.
   if (profile.acceleration == 0U || profile.deceleration == 0U) {
     fail(fmt::format("with {} of 0 the axis cannot reach its target",
                      profile.acceleration == 0U ? "an acceleration" : "a deceleration"),
@@ -45,7 +46,7 @@ void Axis402::follow(Time timeout, const Progress& progress, const std::string& 
       word = statusword();
     }
     const Time now = objects_.now();
-    if (halted_) deadline += now - last;  // a halted motion is not late
+    if (halted_) deadline += now - last;  // the time of a halt does not count
     last = now;
     if (state_of(word) != PowerState::operation_enabled) {
       fail(fmt::format("the drive left operation enabled while {}", doing),
@@ -100,7 +101,8 @@ std::int32_t Axis402::position_demand() {
 }
 
 void Axis402::hand_over(std::int32_t target, std::uint16_t order) {
-  // Releasing halt would resume the halted move, so the same write replaces it.
+  // If the halt bit is cleared first, the drive resumes the halted move. Therefore the write that clears the bit also
+  // starts the new move.
   const std::uint16_t halt = controlword_ & control_bit::halt;
   if (halt != 0) order |= change_immediately;
   halted_ = false;
@@ -110,8 +112,8 @@ void Axis402::hand_over(std::int32_t target, std::uint16_t order) {
   }
   objects_.write<std::int32_t>(0x607A, 0, target);
   write_controlword(order | new_set_point);
-  // Some drives clear the acknowledgement by themselves; a cleared target reached also proves that they accepted the
-  // set-point.
+  // Some drives clear the acknowledgement by themselves, so this master may miss it. A "target reached" that becomes 0
+  // also proves that the drive accepted the set-point.
   constexpr Time between_looks = std::chrono::milliseconds(1);  // long enough for a statusword in process data to be
                                                                 // refreshed
   const Time deadline = objects_.now() + options_.state_timeout;
@@ -152,7 +154,8 @@ void Axis402::start_move_to(std::int32_t position, const MotionProfile& profile)
 void Axis402::start_move_by(std::int32_t distance, const MotionProfile& profile) {
   require_enabled("move");
   if ((controlword_ & control_bit::halt) == 0) return start_move(distance, true, profile);
-  // The drive would add the distance to the abandoned target, so the absolute target is computed here.
+  // The drive would add the distance to the target of the move that was stopped, so the absolute target is computed
+  // here.
   const std::int64_t target = std::int64_t{position()} + distance;
   if (target != static_cast<std::int32_t>(target)) {
     fail(fmt::format("{} is not a position", target), "move by less, or home the axis");

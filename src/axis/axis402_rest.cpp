@@ -81,7 +81,8 @@ void Axis402::take_back_targets() {
   }
 }
 
-// Judges by the shaft's position: on some drives the statusword's standstill refers to the demand, and 606Ch is noisy.
+// Uses the position of the shaft, because on some drives the standstill in the statusword refers to the demand, and
+// 606Ch is noisy.
 bool Axis402::rests_within(Time span) {
   constexpr Time standing = std::chrono::milliseconds(50);
   const Time deadline = objects_.now() + span;

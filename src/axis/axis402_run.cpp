@@ -126,13 +126,14 @@ void Axis402::run_torque(std::int16_t torque_permille, const TorqueProfile& prof
   const std::int32_t start = position();
   follow(timeout, progress, doing, [&](std::uint16_t word) {
     if (stands()) leave_if_at_limit(doing);
-    // At an active limit switch a drive may report a target that it does not apply: only motion shows that it does.
+    // At an active limit switch a drive may report the torque as reached without applying it. Only motion of the shaft
+    // proves that it does.
     return reached(word) && (std::abs(std::int64_t{position()} - start) > 1 || !at_limit());
   });
 }
 
-// The distance that an axis at rest may move: friction lets go of the shaft again and again while the integrator of the
-// velocity loop unwinds (measured on an iSMK after a halt: slips of 2 rpm for 5 ms).
+// The distance that an axis at rest may move. While the integral of the velocity loop decreases, the shaft slips
+// repeatedly against its friction (measured on an iSMK after a halt: slips of 2 rpm for 5 ms).
 std::int64_t Axis402::rest_distance() {
   constexpr double units = 10.0;
   constexpr double revolutions = 0.001;
@@ -143,9 +144,9 @@ std::int64_t Axis402::rest_distance() {
   return *rest_distance_;
 }
 
-// With halt set, target reached means standstill (CiA 402-2 table 29). Some drives (iSMK) do not report this in homing;
-// for them it is standstill if the axis keeps its place for 100 ms. A ramp may be long, so the timeout restarts
-// whenever the axis gets slower.
+// With halt set, target reached means standstill (CiA 402-2 table 29). Some drives (iSMK) do not report this in homing:
+// for these drives the axis is at standstill after 100 ms without a change of position. A ramp may be long, so the
+// timeout restarts each time the axis becomes slower.
 bool Axis402::wait_for_standstill(std::optional<Time> longest) {
   constexpr Time standing = std::chrono::milliseconds(100);
   const Time began = objects_.now();
@@ -183,8 +184,8 @@ void Axis402::stop() {
   goal_.reset();
   auto mode = static_cast<OperationMode>(this->mode());
   if (mode == OperationMode::profile_torque || is_cyclic(mode)) {
-    // In torque modes a halt at best removes the torque, and the axis coasts; a velocity of 0 brakes it. In the cyclic
-    // modes not every drive reports standstill.
+    // In torque modes a halt removes at most the torque, and the axis coasts. A target velocity of 0 brakes it. In
+    // cyclic modes some drives do not report standstill.
     if (mode == OperationMode::profile_torque) objects_.write<std::int16_t>(0x6071, 0, 0);
     begin_velocity({});
     mode = OperationMode::profile_velocity;
@@ -216,7 +217,7 @@ void Axis402::try_to_switch_off() {
     try {
       call();
     } catch (const MasterError&) {
-      // The first error is reported by the caller; this one is ignored.
+      // The caller reports the first error; this error is ignored.
     }
   };
   const ComingToRest rest(comes_to_rest_);

@@ -66,7 +66,7 @@ void Axis402::set_limits(const AxisLimits& limits) {
     try {
       for (auto undo = before.rbegin(); undo != before.rend(); ++undo) objects_.download(undo->first, undo->second);
     } catch (const MasterError&) {
-      // The original error is rethrown below; this one is ignored.
+      // The first error is rethrown below; this error is ignored.
     }
     throw;
   }

@@ -8,7 +8,7 @@
 #include "links/time.hpp"
 #include "master/object_address.hpp"
 
-// Differences of a product's drives from CiA 402, as far as a master must know them to move the axes.
+// Differences between a product's drives and CiA 402 that a master must know to move the axes.
 namespace servodrome::master {
 
 // Statusword bits that report the result of homing.
@@ -31,7 +31,7 @@ struct SoftwareLimitSubs {
   std::uint8_t highest = 2;
 };
 
-// A word whose bits are the active alarms: bit n is the product's alarm number `first_alarm` + n.
+// A word with a bit for each active alarm: bit n is the product's alarm number `first_alarm` + n.
 struct AlarmWord {
   ObjectAddress object;
   std::uint16_t first_alarm;
@@ -57,7 +57,7 @@ struct Dialect {
   // A homing method that turns the motor by at most one revolution and needs no switch.
   std::int8_t cautious_homing_method = 34;
   SoftwareLimitSubs software_limits{};
-  // A halt drops the target; to continue the move, the master sends the target again.
+  // A halt discards the target; to continue the move, the master must send the target again.
   bool halt_drops_target = false;
   std::span<const CycleObject> cycle_objects{};
   std::string_view foe_file{};  // a file that FoE can read

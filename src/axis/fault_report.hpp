@@ -26,7 +26,7 @@ struct FaultReport {
   std::optional<std::uint8_t> error_register{};  // 1001h
   std::vector<ReportedFault> active{};           // the cause of the fault state; never empty in fault and fault
                                                  // reaction active
-  std::vector<ReportedFault> warnings{};         // with statusword bit 7 set, outside of these two states
+  std::vector<ReportedFault> warnings{};         // warnings while statusword bit 7 is set, except in these two states
   std::vector<ReportedFault> history{};          // 1003h, the newest first
   std::vector<ReportedFault> log{};              // the product's own log, which survives power-off; the newest first
 };

@@ -23,7 +23,7 @@ void JogKeys::feed(std::string_view characters, links::Time now) {
   for (std::size_t i = 0; i < characters.size() && !ended_; ++i) {
     char key = characters[i];
     if (key == escape) {
-      // ESC [ A or ESC O A: an arrow, with the letter of the cursor's direction.
+      // An arrow key sends ESC [ A or ESC O A; the last letter is the direction of the cursor.
       const bool arrow = i + 2 < characters.size() && (characters[i + 1] == '[' || characters[i + 1] == 'O');
       if (arrow) {
         constexpr std::string_view letters = "ABCD";

@@ -103,8 +103,8 @@ void MasterWatch::end() noexcept {
       if (watching.option_changed) watching.drive->write<std::int16_t>(abort_connection_option, 0, no_action);
     } catch (const MasterError&) {
       if (!tell_) continue;
-      // The code that uses the drive reports why it does not answer; this reports only the objects that keep their
-      // values.
+      // If the drive does not answer, the code that uses the drive reports the reason. This function reports only the
+      // objects that keep their values.
       const std::string watch = freed ? "" : fmt::format("1016h:01 = {:08X}h", ours);
       const std::string option = watching.option_changed ? fmt::format("6007h = {}", malfunction) : "";
       tell_(fmt::format("{}: {}{}{} could not be restored and stays until the drive's next reset",

@@ -14,10 +14,10 @@ namespace servodrome::master {
 // Usual node-ID of a master in the manuals' examples (Kinco, Table 9-17).
 inline constexpr std::uint8_t master_node_id = 127;
 
-// Dead man's switch by heartbeat. While this object exists, the drives monitor this master's heartbeat (1016h, CiA 301
-// 7.2.8.3.2.2), so that an axis stops by itself if the cable is pulled or this program dies; otherwise a CANopen drive
-// would continue its last command. If a drive's abort connection option code (6007h, CiA 402) is 0, no action, it is
-// set to 1, malfunction.
+// A watchdog by heartbeat. While this object exists, the drives monitor this master's heartbeat (1016h, CiA 301
+// 7.2.8.3.2.2), so that an axis stops by itself if the cable is pulled or this program ends unexpectedly. Without it a
+// CANopen drive would continue its last command. If a drive's abort connection option code (6007h, CiA 402) is 0, no
+// action, it is set to 1, malfunction.
 //
 // The destructor restores both objects. Two kinds of drive keep the changed values until their next reset (neither
 // object is stored): a drive that no longer answers, and a drive whose axis still moves, which then stops by itself

@@ -161,7 +161,7 @@ const NamedObject* ObjectCatalogue::find(ObjectAddress address) const {
   return found != objects_.end() && found->address == address ? &*found : nullptr;
 }
 
-// Letters, then digits: "P01-02", "d08", "Pn100".
+// Returns true for letters followed by digits: "P01-02", "d08", "Pn100".
 bool is_number(std::string_view word) {
   const auto digit = std::find_if(word.begin(), word.end(), is_digit);
   const auto is_letter = [](char c) { return lower(c) >= 'a' && lower(c) <= 'z'; };

@@ -49,7 +49,7 @@ class DeviceEvents {
     return dictionary::AbortCode::cannot_transfer_or_store;
   }
 
-  // A SYNC came: called after the synchronous RPDOs were written and the synchronous TPDOs sampled. `counter` is 0
+  // A SYNC arrived. Called after the synchronous RPDOs were written and the synchronous TPDOs sampled. `counter` is 0
   // without 1019h.
   virtual void sync(std::uint8_t /*counter*/, Time /*now*/) {}
   // An RPDO (0 is the first) was written to the objects.

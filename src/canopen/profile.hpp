@@ -91,7 +91,8 @@ struct Profile {
   NodeGuarding node_guarding = NodeGuarding::heartbeat_wins;
   ErrorBehaviour error_behaviour = ErrorBehaviour::pre_operational;  // used without object 1029h
   bool starts_operational = false;                                   // enters operational after boot-up by itself
-  // Objects restored to their saved values. CiA 301 7.3.2.2.1: reset node all, reset communication 1000h..1FFFh.
+  // Objects restored to their saved values. CiA 301 7.3.2.2.1: reset node restores all, reset communication
+  // 1000h..1FFFh.
   dictionary::Area reset_node_restores = dictionary::Area::all;
   dictionary::Area reset_communication_restores = dictionary::Area::communication;
 

@@ -74,8 +74,8 @@ std::string esi(const Description& device);
 // Returns the factory content of the slave information memory; empty for a device that is not on EtherCAT.
 std::vector<std::uint8_t> sii(const Description& device);
 
-// One line per entry, LF, with the columns index,sub,name,type,access,pdo,default,min,max,unit,saved. Limits are empty
-// if only the type limits the value.
+// One line for each entry, LF, with the columns index,sub,name,type,access,pdo,default,min,max,unit,saved. The limits
+// are empty if the value has no limits besides those of its type.
 std::string csv(std::span<const dictionary::Entry> table);
 
 // The Modbus registers of a device in order of their addresses, LF, with the columns

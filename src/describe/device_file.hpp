@@ -10,8 +10,8 @@
 
 #include "dictionary/entry.hpp"
 
-// Content of a device description file, read from an EDS or DCF (CiA 306-1). Makers' files deviate from the standards:
-// the reader accepts what it can interpret, and lists the deviations in `notes`.
+// Content of a device description file, read from an EDS or DCF (CiA 306-1). Files of makers deviate from the
+// standards: the reader accepts the content that it can interpret, and lists the deviations in `notes`.
 namespace servodrome::describe {
 
 struct Description;
@@ -79,7 +79,7 @@ struct DeviceFile {
 // Describes the device of the file for its documents, without object tables and EtherCAT data.
 Description description_of(const DeviceFile& device);
 
-// Size limit: a larger file is no device description.
+// Size limit: a larger file cannot be a device description.
 inline constexpr std::size_t most_file_bytes = std::size_t{32} << 20;
 
 // Reads the text of a device description. Throws DeviceFileError if it is too long or not a text.

@@ -17,8 +17,8 @@ using dictionary::ObjectCode;
 using dictionary::Pdo;
 using dictionary::Type;
 
-// Limits. A short file may describe very many objects (CompactSubObj). More than any device has is refused before it
-// takes memory.
+// Limits. A short file may describe very many objects (CompactSubObj). The reader refuses more objects than any device
+// has, before it takes memory for them.
 constexpr std::size_t most_entries = 65536;
 constexpr std::size_t most_text_bytes = std::size_t{32} << 20;  // names and values of all entries together
 constexpr std::size_t most_notes = 1000;

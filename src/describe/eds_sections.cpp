@@ -8,7 +8,8 @@
 namespace servodrome::describe::eds_file {
 namespace {
 
-// A large file may be filled with useless lines. More than any device has is refused before it takes memory.
+// A large file may be full of useless lines. The reader refuses more lines than any device file has, before it takes
+// memory.
 constexpr std::size_t most_lines_kept = 400'000;  // sections and keys
 
 char lower(char c) { return c >= 'A' && c <= 'Z' ? static_cast<char>(c - 'A' + 'a') : c; }

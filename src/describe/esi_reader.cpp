@@ -151,7 +151,7 @@ class EsiReader {
     }
   }
 
-  // The factory module of the first slot: a modular drive is read as a drive of one axis.
+  // The factory module of the first slot, because a modular drive is read as a drive of one axis.
   pugi::xml_node first_module(const pugi::xml_node& info, const pugi::xml_node& device) {
     const pugi::xml_node slots = device.child("Slots");
     const pugi::xml_node slot = slots.child("Slot");

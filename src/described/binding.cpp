@@ -40,7 +40,7 @@ void Binding::prepare(drive::Objects& objects, const products::Settings& setting
     if (serial_number != nullptr && serial_number->default_value == 0) put(*serial_number, settings.serial_number);
   }
   if (!contains(areas, dictionary::Area::profile)) return;
-  // Values that the description leaves open come from the connected motor.
+  // Values that the description does not define come from the connected motor.
   const drive::MotorData& motor = settings.motor;
   const auto described = [this](std::uint16_t index, std::uint8_t sub) {
     return blueprint_.find(index, sub) != nullptr;

@@ -6,8 +6,8 @@
 
 namespace servodrome::described {
 
-// Synchronises a drive's fields with the objects of the description: the part of a described device that does not
-// depend on the fieldbus and is not the drive itself.
+// Synchronises a drive's fields with the objects of the description. The class has the code of a described device that
+// is independent of the fieldbus and does not belong to the drive.
 class Binding {
  public:
   Binding(const Blueprint& blueprint, dictionary::Dictionary& dictionary, drive::Drive& drive)

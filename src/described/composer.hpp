@@ -4,7 +4,7 @@
 
 namespace servodrome::described {
 
-// The reference drive on one of its fieldbuses; the described objects are bound to its fields.
+// The reference drive on one of its fieldbuses. Described objects are connected to its fields.
 struct Foundation {
   std::span<const dictionary::Entry> table;
   std::size_t object_bytes = 0;              // size of its objects struct

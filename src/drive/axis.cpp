@@ -23,7 +23,7 @@ bool Axis::software_limits_active() const {
   const std::int32_t high = objects.max_position_limit;
   if (low >= high) return false;
   if (low == std::numeric_limits<std::int32_t>::min() && high == std::numeric_limits<std::int32_t>::max()) return false;
-  // If 607Dh allows the whole range 607Bh, it limits nothing: positions wrap around.
+  // If 607Dh allows the whole range 607Bh, there are no limits, because positions wrap around.
   const bool whole_range = !policy.software_limits_switch_range_off && range_set() &&
                            low <= objects.min_position_range_limit && high >= objects.max_position_range_limit;
   const UserLimits limits = software_limits();
@@ -47,7 +47,7 @@ bool Axis::held_by_position_limit() const {
          ((at_limit(true) || stopped_at > 0) && velocity >= 0.0);
 }
 
-// `positive`: the limit at the end of large counts.
+// `positive` selects the limit switch and the software limit towards larger counts.
 bool Axis::at_limit(bool positive) const {
   if (active(positive ? Signal::positive_limit : Signal::negative_limit)) return true;
   if (!software_limits_active()) return false;

@@ -18,7 +18,7 @@
 
 namespace servodrome::drive {
 
-// Thresholds of the monitors; a threshold of 0 switches its monitor off unless said otherwise.
+// Thresholds of the monitors. A threshold of 0 switches its monitor off, unless its comment says otherwise.
 struct Monitors {
   float over_voltage_v = 400.0F;
   float under_voltage_v = 200.0F;
@@ -32,7 +32,7 @@ struct Monitors {
   float warning_margin_c = 10.0F;    // distance of the warning below a hot threshold; 0: no warning
   bool over_speed_by_object = true;  // 120 % of 6080h counts as over speed as well
   float over_speed_rpm = 0.0F;       // 0: 1.2 x the motor's greatest speed, or 6080h where it is lower
-  double velocity_error = 0.0;       // counts/s
+  double velocity_error = 0.0;       // limit of the velocity error, counts/s; 0: no limit
   std::uint32_t velocity_error_ms = 1000;
   bool i2t = true;
   float i2t_peak_time_s = 3.0F;  // time for which the peak current may flow
@@ -41,10 +41,10 @@ struct Monitors {
   // Currents of the power stage as amplitude, if its overload is monitored separately from the motor's; 0: it is not.
   float stage_rated_current_a = 0.0F;
   float stage_peak_current_a = 0.0F;
-  bool limit_switches = false;          // once home is known, reaching one is a fault, except during homing
-  bool limit_switch_levels = false;     // an active one is a fault, except during homing
+  bool limit_switches = false;          // reaching a limit switch is a fault once home is known, except during homing
+  bool limit_switch_levels = false;     // an active limit switch is a fault, except during homing
   Counts index_deviation = 0;           // between successive index pulses
-  std::uint32_t power_failure_ms = 20;  // shorter failures of the mains are ignored
+  std::uint32_t power_failure_ms = 20;  // shorter power failures are ignored
   std::uint32_t brake_resistor_ms = 0;  // longest time that it may conduct without a break; 0: no limit
   bool stage_apart = false;             // the power stage's overload is Cause::stage_i2t, not i2t
   // Warnings before faults and for clipped values; 0 or false: no warning.
@@ -65,7 +65,7 @@ struct SpeedWindows {
   std::uint32_t zero_ms = 0;          // ... and least time
 };
 
-// Settings of a product, its nameplate and its own parameters. They may change while the drive runs.
+// Settings of a product: data of the nameplate and the product's own parameters. They may change while the drive runs.
 struct Configuration {
   MotorData motor{};
   Gains gains{};
@@ -73,7 +73,7 @@ struct Configuration {
   Monitors monitors{};
   InputMap inputs{};
   TouchProbeCapability touch_probe{};
-  CauseSet ignored{};                              // faults that are neither reported nor reacted to
+  CauseSet ignored{};                              // faults that the drive neither reports nor reacts to
   bool remote = true;                              // statusword bit 9: the bus, not an input, enables the drive
   std::uint32_t bus_inputs = 0;                    // input wires whose level comes from a bit of 60FEh:01
   std::uint32_t input_filter_cycles = 0;           // shorter levels are ignored
@@ -114,8 +114,8 @@ struct Configuration {
   float torque_limit_negative = std::numeric_limits<float>::max();
   float velocity_limit_positive = std::numeric_limits<float>::max();  // counts/s, of the velocity loop's reference
   float velocity_limit_negative = std::numeric_limits<float>::max();
-  // Torque added in the position loop, fractions of rated: the first always, the others by direction of the present or
-  // last motion.
+  // Torque added in the position loop, as fractions of rated torque: the weight torque always, the friction torque by
+  // the direction of the present or last motion.
   float weight_torque = 0.0F;
   float friction_torque_positive = 0.0F;
   float friction_torque_negative = 0.0F;  // a negative value supports that motion
@@ -128,12 +128,12 @@ struct Configuration {
   std::uint32_t homing_timeout_ms = 0;
 
   bool smooths() const { return smoothing_ms != 0 || position_lag_ms > 0.0F; }
-  // The inputs without capture unit: their edges come from the level in each cycle.
+  // Inputs without a capture unit: the time of their edges comes from the level in each cycle.
   std::uint32_t inputs_without_capture() const { return input_filter_cycles != 0 ? 0xFFFFFFFF : bus_inputs; }
   bool knows_load() const {
     return weight_torque != 0.0F || friction_torque_positive != 0.0F || friction_torque_negative != 0.0F;
   }
-  // Without times for the brake the motor has none: it may coast without power.
+  // If both brake times are 0, the motor has no brake and may coast without power.
   bool has_brake() const { return brake_release_ms != 0 || brake_engage_ms != 0; }
 };
 
@@ -262,7 +262,7 @@ struct Axis {
   double quick_stop_ramp() const { return ramp(objects.quick_stop_deceleration, objects.max_deceleration); }
   double profile_deceleration() const { return ramp(objects.profile_deceleration, objects.max_deceleration); }
 
-  // To be called for a set-point of `mode` above the greatest speed.
+  // Call this for a set-point of `mode` above the greatest speed.
   void exceed_velocity(Mode mode) {
     if ((policy.excessive_velocity_faults & mode_bit(mode)) != 0) {
       raise(Cause::velocity_excessive);
@@ -282,7 +282,7 @@ struct Axis {
   }
 
   // Plans the ramp to rest for a demand without a target; works with any values of the profile objects.
-  // `least_deceleration` (counts/s^2) applies if the profile's is lower.
+  // `least_deceleration` (counts/s^2) applies if the deceleration of the profile is lower.
   void come_to_rest(RampShape shape, double least_deceleration = 0.0) {
     if (generator.standing()) return;
     MotionLimits ramp = limits(max_velocity(false), objects.profile_acceleration, objects.profile_deceleration,
@@ -297,8 +297,8 @@ struct Axis {
 
   // Sets the generator to the actual position and velocity.
   void take_over_actual() { generator.start_from(position(), turning_velocity()); }
-  // The measured speed, clipped to the speed of a motor, because an encoder that loses its position shows any speed for
-  // a moment.
+  // The measured speed, clipped to the greatest speed of a motor. If an encoder loses its position, the measured speed
+  // may have any value for a moment.
   double turning_velocity() const {
     const double most = 1.2 * rpm_to_counts_per_s(static_cast<double>(configuration.motor.max_speed_rpm));
     return std::clamp(velocity(), -most, most);
@@ -318,7 +318,7 @@ struct Axis {
     constexpr double static_turns = 0.002;
     return margin * std::abs(even_lag(counts_per_s)) + static_turns * units.counts_per_revolution;
   }
-  // Returns true if the shaft follows the demand of the loops, apart from a normal lag.
+  // Returns true if the shaft follows the demand of the loops, apart from the normal following error.
   bool follows_demand() const {
     if (demand.loop != Loop::position && demand.loop != Loop::velocity) return false;
     constexpr double followed_share = 0.05;
@@ -329,12 +329,13 @@ struct Axis {
     return demand.loop == Loop::velocity ||
            std::abs(static_cast<double>(loops->following_error_counts)) <= lag(velocity());
   }
-  // To be called after holding the shaft by a constant current: a load may have turned it by whole steps.
+  // Call this after a constant current held the shaft: a load may have turned the shaft by whole steps.
   void take_over_slipped() {
     if (std::abs(static_cast<double>(generator.nearest_position() - position())) > lag(0.0)) take_over_actual();
   }
-  // As take_over_actual, but without a step for the position loop: it keeps the part of its lag that fits the shaft's
-  // speed. After another loop it gets the lag that the position loop would have.
+  // Like take_over_actual, but without a step in the position loop: the new demand keeps the part of the following
+  // error that is normal at the shaft's speed. After another loop the demand gets the following error that the position
+  // loop would have.
   void take_over_lagging() { take_over_lagging(turning_velocity()); }
   void take_over_lagging(double velocity) {
     if (demand.loop != Loop::position) return lead_shaft(velocity);
@@ -342,7 +343,7 @@ struct Axis {
     const auto error = static_cast<double>(loops->following_error_counts);
     generator.start_from(position() + static_cast<Counts>(std::clamp(error, -most, most)), velocity);
   }
-  // Sets the generator to the demand that a position loop has for a shaft at this speed, counts/s.
+  // Sets the generator to the position demand that the position loop would have at this speed of the shaft, counts/s.
   void lead_shaft(double velocity) { generator.start_from(position() + std::llround(even_lag(velocity)), velocity); }
 
   // Copies the generator's state to the demand of the loops.
@@ -387,10 +388,10 @@ struct Axis {
   // limits are off.
   bool within_software_limits(Counts target) const { return nearest_within_software_limits(target) == target; }
   Counts nearest_within_software_limits(Counts target) const;
-  // A limit switch is active, or the demand is at or beyond a software limit. (The shaft itself may swing about it by a
-  // count.)
+  // Returns true if a limit switch is active, or the demand is at or beyond a software limit. (The shaft itself may
+  // oscillate about the limit by one count.)
   bool at_position_limit() const;
-  // ... and the demand does not move away from it.
+  // Returns true if at_position_limit() and the demand does not move away from the limit.
   bool held_by_position_limit() const;
   // The direction of the demand. The last step of a line has no velocity but still moves the shaft. The direction is
   // then that of the step from the demand `before`, if the shaft still has to move that way; otherwise 0.

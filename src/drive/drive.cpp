@@ -38,7 +38,7 @@ void Drive::configure(const Configuration& configuration) {
     if (now.signal == Signal::none || now.forced == before.forced || now.signal != before.signal) continue;
     if (now.active(high) != before.active(high)) note_edge({now.signal, now.active(high), axis_.encoder_position});
   }
-  // ready in case the filter is switched on now
+  // The filter starts with the present levels if this configuration switches it on.
   if (axis_.configuration.input_filter_cycles == 0) input_filter_.reset(wires_);
   axis_.configuration = configuration;
   if (!energised()) set_rates();
@@ -330,7 +330,7 @@ void Drive::enter_mode(Mode wanted) {
   identification_.abort();
   const bool running = state_ == PowerState::operation_enabled && !pending_.active;
   set_mode(wanted);
-  word_before_wait_ = axis_.controlword;  // an edge of bit 4 was for the mode before
+  word_before_wait_ = axis_.controlword;  // an earlier edge of bit 4 was for the previous mode
   if (!running) return;
   // The new mode continues from the present motion of the axis. A velocity demand has no position, so the generator is
   // set ahead of the shaft's position. After homing pressed against a hard stop it is set to the shaft's position,
@@ -361,7 +361,7 @@ void Drive::run_mode() {
       take_over_shaft();
       halted_ = stopping_ = short_circuit_ = false;
       if (stop_loop_ != Loop::position) axis_.lead_shaft(axis_.generator.velocity());
-      // A mode without a motion to resume lets the axis come to rest.
+      // If the mode has no motion to resume, the axis comes to rest.
       if (axis_.generator.finished()) axis_.come_to_rest(RampShape::linear);
       with_mode(*this, [&](auto& mode) { mode.resume(axis_); });
     }

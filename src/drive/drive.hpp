@@ -29,7 +29,7 @@ class DriveEvents {
  public:
   virtual void fault_raised(const FaultRow&) {}
   virtual void warning_raised(const FaultRow&) {}  // Reaction::none
-  // Faults were reset, or warnings ended; `remaining` are the error register bits of the others.
+  // Faults were reset, or warnings ended. `remaining` are the error register bits of the remaining faults and warnings.
   virtual void errors_gone(std::uint8_t /*remaining*/) {}
 
  protected:
@@ -55,12 +55,13 @@ class Drive final : public dictionary::Listener {
     cascade_.configure(axis_.configuration.motor, gains, rates_);
   }
 
-  // Resets everything volatile, as after switching the control supply on. The objects must have their values.
+  // Resets all volatile state, as a switch-on of the control supply does. The caller loads the values of the objects
+  // before.
   void power_on(const Feedback& feedback);
-  // The same without a loss of supply, for NMT reset node. Encoder, coordinates and wires stay.
+  // The same without a loss of supply, for NMT reset node. Encoder, coordinates and input levels keep their values.
   void restart();
 
-  // To be called when the encoder's position was changed without a motion while the motor was off.
+  // Call this when the encoder's position was changed without a motion while the motor was off.
   void displaced(const Feedback& feedback);
 
   // One base tick: 62.5 us. Returns true if it ran a position-loop cycle. Such a tick writes all of `actuation`, the
@@ -78,9 +79,9 @@ class Drive final : public dictionary::Listener {
 
   // --- Events from the bus
   void synchronise();
-  // the reaction is that of 6007h or, for some products, always the fault `cause`
+  // The reaction is that of 6007h or, for some products, always the fault `cause`.
   void communication_lost(Cause cause = Cause::communication_lost);
-  // a warning of the device around the drive, for bit 7
+  // A warning of the device around the drive. It sets bit 7 of the statusword.
   void show_warning(bool present) { outside_warning_ = present; }
 
   // --- Terminals
@@ -88,12 +89,12 @@ class Drive final : public dictionary::Listener {
   void command(std::uint16_t controlword);
   // Levels of outputs that the device controls itself, bit n for output n, in addition to those of 60FEh.
   void set_outputs(std::uint32_t levels) { terminal_outputs_ = levels; }
-  std::uint32_t wires() const { return wires_; }  // levels of the inputs, those that the bus commands included
-  // Application counts at which the switch was reached last.
+  std::uint32_t wires() const { return wires_; }  // levels of the inputs, including inputs that the bus commands
+  // Application counts at which the limit switch last became active.
   Counts positive_limit_position() const { return limit_positions_[1]; }
   Counts negative_limit_position() const { return limit_positions_[0]; }
   const TouchProbe& touch_probe() const { return touch_probe_; }
-  void set_touch_probe_function(std::uint16_t function);  // as a write of 60B8h
+  void set_touch_probe_function(std::uint16_t function);  // same effect as a write of 60B8h
 
   // --- Faults
   void raise(Cause cause);                 // by the device around the drive, e.g. sync_lost
@@ -101,11 +102,11 @@ class Drive final : public dictionary::Listener {
   bool is_active(Cause cause) const { return active_.test(cause); }
   bool any_fault() const { return active_.any(); }
   bool warns(Cause cause) const { return warned_.test(cause); }
-  std::uint8_t error_register() const;  // the bits of 1001h of all that is present
+  std::uint8_t error_register() const;  // the bits of 1001h of all present faults and warnings
   // The fault in 603Fh: the newest, or the first (Policy::first_fault_is_shown).
   const FaultRow* shown_fault() const { return shown_fault_; }
   const FaultRow* row(Cause cause) const;
-  void clear_multi_turn() { multi_turn_cleared_ = true; }  // the user declared the encoder's turns valid
+  void clear_multi_turn() { multi_turn_cleared_ = true; }  // the user declares that the encoder's turns are valid
 
   // --- State of the drive
   PowerState state() const { return state_; }
@@ -299,7 +300,7 @@ class Drive final : public dictionary::Listener {
   Stage stage_ = Stage::off;
   std::uint32_t stage_cycles_ = 0;
   std::uint32_t brake_closed_cycles_ = 0;
-  std::uint32_t coasting_cycles_ = 0;  // for which the brake may still wait until an axis without power is slow
+  std::uint32_t coasting_cycles_ = 0;  // cycles that the brake may still wait for an axis without power to slow down
   bool short_circuit_ = false;
   Dwell standstill_{};
   bool shaft_stands_ = true;

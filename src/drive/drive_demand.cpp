@@ -59,7 +59,7 @@ void Drive::limit_switches(Counts before) {
   with_mode(*this, [&](auto& mode) { mode.interrupt(axis_, direction); });
 }
 
-// For products that hold as a stepper does: a constant current, so that the axis does not hunt at standstill.
+// Some products hold the axis as a stepper does, by a constant current, so that the axis does not hunt at standstill.
 void Drive::hold_by_current() {
   const float current_a = axis_.configuration.standstill_current_a;
   const bool may = current_a > 0.0F && mode_ == Mode::profile_position && state_ == PowerState::operation_enabled &&
@@ -83,7 +83,7 @@ Drive::Smoothing Drive::smoothing_asked_for() const {
   return {};
 }
 
-// The demand in units of the smoothed one, if it stands; else empty.
+// The demand in units of the smoothed demand. Empty while the demand changes.
 std::optional<std::int64_t> Drive::standing_demand() const {
   const Generator& generator = axis_.generator;
   if (!generator.standing()) return {};
@@ -91,9 +91,9 @@ std::optional<std::int64_t> Drive::standing_demand() const {
          round_to_integer(generator.fraction() * static_cast<double>(smoothed_unit));
 }
 
-// A filter delays the demand and must never move it by itself. Therefore a filter starts only while the demand stands,
-// and a filter setting that is written in motion takes effect only then. A stop is not delayed; it continues from the
-// smoothed demand (take_over_shaft). `from`: the demand, if it stood before this cycle.
+// A filter delays the demand and must never move the axis. Therefore a filter starts only while the demand is constant,
+// and a filter setting that is written during a motion takes effect after the motion. Stops are not delayed: a stop
+// continues from the smoothed demand (take_over_shaft). `from`: the demand, if it was constant before this cycle.
 void Drive::smooth_demand(std::optional<std::int64_t> from) {
   LoopDemand& demand = axis_.demand;
   const bool runs = smoothed_loop_ == demand.loop && smoothing_pending_;
@@ -110,7 +110,7 @@ void Drive::smooth_demand(std::optional<std::int64_t> from) {
                                       : round_to_integer(static_cast<double>(demand.velocity) * unit);
   const bool held = held_by_current_ && position;
   if (!runs && (held || smoothed_loop_ != demand.loop || !(asked == smoothing_by_))) {
-    if (held) from = value;  // a shaft that slipped: the demand is its present position
+    if (held) from = value;  // the shaft may have slipped, so the demand is its present position
     if (!from) {
       smoothed_loop_ = Loop::off;
       return;
@@ -198,7 +198,8 @@ void Drive::set_limits() {
   demand.torque_limit_negative = std::min(static_cast<float>(objects.negative_torque_limit) * 0.001F, common);
   if (axis_.units.velocity_inverted) std::swap(demand.torque_limit_positive, demand.torque_limit_negative);
   if (mode_ == Mode::homing && homing_mode_.pressing()) {
-    // Against a hard stop the torque is limited to what its detection needs.
+    // While the axis presses against a hard stop, the torque is limited to the value that the detection of the stop
+    // needs.
     const float pressing = 1.1F * axis_.configuration.homing_stall_torque;
     demand.torque_limit_positive = std::min(demand.torque_limit_positive, pressing);
     demand.torque_limit_negative = std::min(demand.torque_limit_negative, pressing);

@@ -19,7 +19,7 @@ void Drive::capture_edges(const Feedback& feedback) {
   }
 }
 
-// Inputs that the bus commands or a filter delays have no capture unit: their edges get the present position.
+// Inputs that the bus commands or a filter delays have no capture unit. Their edges get the present position.
 void Drive::note_level_edges(std::uint32_t changed) {
   for (std::size_t i = 0; i < max_inputs; ++i) {
     const InputFunction& function = axis_.configuration.inputs[i];

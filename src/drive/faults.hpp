@@ -137,7 +137,7 @@ Cause cause_from_name(const char* name);
 
 enum class Reaction : std::uint8_t {
   option_code,  // fault reaction option code 605Eh
-  angle_lost,   // the rotor angle is unknown: only an option of 605Eh that does not need it, else power off
+  angle_lost,   // the rotor angle is unknown: the option of 605Eh if it needs no angle, else power off
   power_off,    // the motor cannot be controlled: power stage off at once
   none          // a warning: reported, shown in statusword bit 7 while it is there; motion goes on
 };
@@ -145,7 +145,7 @@ enum class Reaction : std::uint8_t {
 enum class ResetRule : std::uint8_t {
   when_cause_gone,  // controlword bit 7, once the cause has gone
   power_cycle,      // restart of the drive
-  // the failed part remembers it until it loses its supply; a restart does not clear it
+  // The failed part keeps this fault until it loses its supply; a restart does not clear it.
   power_off,
   clear_multi_turn,                  // controlword bit 7, once the encoder's turns have been cleared
   clear_multi_turn_and_power_cycle,  // the encoder's turns must be cleared before the restart

@@ -12,7 +12,7 @@ void Generator::place(Counts position, double fraction, double velocity) {
 }
 
 // Adopts a new plan, made from `state` on `base`, of which `gone_s` has passed. A refused plan changes nothing: the
-// plan before continues.
+// previous plan continues.
 Trajectory::Result Generator::begin(Trajectory::Result result, Counts base, const MotionState& state, double gone_s) {
   if (result == Trajectory::Result::bad_state || result == Trajectory::Result::bad_limits) return result;
   base_ = base;

@@ -87,8 +87,8 @@ struct Drive::OwnObjects {
 
 // Sorted by index.
 std::span<const Drive::OwnObjects> Drive::own_objects() {
-  // Changing units would make the axis jump, so it needs power off. Afterwards the position is that of the shaft in
-  // the new units.
+  // A change of units would make the axis jump, so it needs power off. Afterwards the position demand is the position
+  // of the shaft in the new units.
   static constexpr Handlers unit{
       .check = check_by<[](Drive& drive, const Entry& entry, Value value) { return drive.check_units(entry, value); }>,
       .written = written_by<[](Drive& drive, const Entry&) {

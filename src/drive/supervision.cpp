@@ -88,8 +88,9 @@ void Supervision::cycle(Axis& axis, const Feedback& feedback, const Situation& s
   last_signals_ = axis.signals;
 }
 
-// Reaching the switch is the fault, not standing on it; otherwise it could not be reset before the axis was moved by
-// hand. As a warning it follows the level.
+// The fault occurs at the moment when the axis reaches the switch, and not as long as the switch is active. Otherwise
+// the fault could be reset only after the axis was moved by hand. With `limit_switch_levels`, as for a warning, the
+// level decides.
 void Supervision::limit_switches(const Axis& axis, const Situation& situation) {
   const bool levels = axis.configuration.monitors.limit_switch_levels;
   if ((!axis.homed && !levels) || situation.homing) return;
@@ -144,8 +145,9 @@ void Supervision::temperatures(const Axis& axis, const Feedback& feedback) {
   if (feedback.ambient_temperature_c < monitors.ambient_cold_c) present_.set(Cause::ambient_cold);
 }
 
-// From the peak current to the rated one while the overload rises from 90 to 98 %, and further down above, so that it
-// settles at 98 %; to nothing while a temperature rises by the last 10 K below its limit.
+// The overload lowers the permitted current from the peak current at 90 % to the rated current at 98 %, and further
+// above, so that the overload settles at 98 %. A temperature lowers the permitted torque to 0 over the last 10 K below
+// its limit.
 void Supervision::limit_torque(const Axis& axis, const Feedback& feedback) {
   const Monitors& monitors = axis.configuration.monitors;
   allowed_torque_ = std::numeric_limits<float>::max();
@@ -180,8 +182,8 @@ void Supervision::motion(Axis& axis, const Situation& situation) {
   if (objects.max_motor_speed_rpm != 0 && monitors.over_speed_by_object) {
     over_speed_rpm = std::min(over_speed_rpm, 1.2F * static_cast<float>(objects.max_motor_speed_rpm));
   }
-  // A lowered limit is monitored once the shaft has stayed well below it, ripple included, for longer than a swing
-  // through zero takes. Until then the limit before applies.
+  // After the over-speed limit is lowered, the monitor uses the lower limit as soon as the shaft has stayed well below
+  // it, ripple included, for longer than a swing through zero takes. Until then the previous limit applies.
   constexpr float well_below = 0.9F;
   constexpr std::uint32_t kept_ms = 100;
   const auto above = [&axis](float speed_rpm) {
@@ -189,7 +191,7 @@ void Supervision::motion(Axis& axis, const Situation& situation) {
   };
   const bool kept = axis.lasts(!above(well_below * over_speed_rpm), kept_below_, kept_ms);
   if (over_speed_rpm >= over_speed_rpm_ || kept) over_speed_rpm_ = over_speed_rpm;
-  // After its connection was lost, an encoder shows the motion of that time as a speed.
+  // When the connection of an encoder returns, the encoder shows the motion during the interruption as a speed.
   if (above(over_speed_rpm_) && encoder_cycles_ == 0) present_.set(Cause::over_speed);
 
   const bool position_loop = situation.energised && !situation.pressing &&
@@ -246,7 +248,7 @@ void Supervision::motion(Axis& axis, const Situation& situation) {
     }
   }
 
-  // An axis that moves by more than a hundredth of a turn with the brake closed has lost its brake.
+  // If the axis moves by more than a hundredth of a turn while the brake is closed, the brake does not hold it.
   if (situation.brake_closed) {
     if (!brake_was_closed_) brake_position_ = axis.encoder_position;
     const Counts slipped = std::abs(axis.encoder_position - brake_position_);

@@ -56,8 +56,7 @@ class TouchProbe {
   // supervised.
   void set_deviation_supervision(Counts counts_per_revolution, Counts threshold);
 
-  // To be called for every captured edge, in order of time. Returns true if a deviation beyond the threshold was
-  // latched.
+  // Call this for every captured edge, in order of time. Returns true if a deviation beyond the threshold was latched.
   bool on_edge(const SignalEdge& edge);
 
   const TouchProbeCapability& capability() const { return capability_; }

@@ -21,15 +21,15 @@ constexpr double longest_window_s = 60e-3;
 // Relative to the quadrature current: a smaller direct current is only a control error, and cannot determine Ld.
 constexpr double least_direct = 0.05;
 
-// Currents of this share of the greatest one, and of more, are tried as the soft current of the stage.
+// The fit tries soft currents of the stage (see share_of_drop) from this share of the greatest current upwards.
 constexpr double softest = 0.01;
 constexpr int soft_steps = 9;
 constexpr double soft_ratio = 1.5;
-// A drop below this share of the greatest voltage of the resistance has no shape to look for.
+// A drop below this share of the greatest voltage of the resistance is too small to determine the soft current.
 constexpr double least_drop = 0.02;
 
-// Fundamental of the voltage that a stage loses along a current, as a share of that of a high current: the loss of a
-// half bridge is proportional to its current up to `soft_a` and constant above it.
+// Fundamental of the voltage drop of the power stage along a current, relative to the fundamental at a high current.
+// The drop of a half bridge is proportional to its current up to `soft_a`, the soft current, and constant above it.
 double share_of_drop(double current_a, double soft_a) {
   const double x = current_a / soft_a;
   if (x <= 1.0) return 0.25 * std::numbers::pi * x;
@@ -114,7 +114,7 @@ class Model {
       };
       const double change = move(Term::delay, delay_) + move(Term::frame, frame_);
       if (change * signals_.rate_hz() < settled) break;
-      // The iteration diverges: the recording does not determine them.
+      // The iteration diverges: the recording does not determine these two unknowns.
       const bool lost = !(std::abs(delay_) + std::abs(frame_) < windows_.length_s());
       if (!lost) continue;
       delay_ = frame_ = 0.0;
@@ -142,7 +142,7 @@ class Model {
   static constexpr unsigned most_steps = 12;
   static constexpr double settled = 1e-3;  // in samples
 
-  // Voltages as they act: turned by the angle that the rotor moves during `frame_`.
+  // Rotates the voltages by the angle that the rotor turns during `frame_`.
   void turn_voltages() {
     const std::vector<double>& vq = signals_.of(Role::quadrature_voltage);
     voltage_q_.resize(count_);
@@ -263,7 +263,7 @@ Attempt attempt(const Signals& signals, const Motor& motor, double soft) {
   return {std::move(model), std::move(estimate)};
 }
 
-// The soft current is the one with which the voltages are explained best.
+// Searches for the soft current with the smallest residuals of the voltages.
 Attempt best_attempt(const Signals& signals, const Motor& motor) {
   std::optional<Attempt> best(attempt(signals, motor, softest));
   if (!best->loses()) return *std::move(best);

@@ -86,12 +86,13 @@ void require_motion(const Signals& signals) {
               "motion)");
 }
 
-// Least uncertainty that is reported: the model only knows the mean of a voltage during a period, and of a current
+// Least reported uncertainty. The model uses only the mean of a voltage during a period, and the mean of a current
 // between two samples.
 constexpr double closest_share = 1e-3;
 constexpr double closest_delay_periods = 0.05;
 
-// The same if the stage loses voltage: the model knows the mean of the loss over an electrical turn, not its ripple.
+// The same if the power stage has a voltage drop: the model contains the drop's mean over an electrical turn, not its
+// ripple.
 constexpr double lossy_resistance_share = 0.015;
 constexpr double lossy_inductance_share = 0.01;
 constexpr double lossy_delay_periods = 0.25;
@@ -138,7 +139,8 @@ class Report {
   double closest_delay_s_;
 };
 
-// Parameters that are positive in every axis. Their line file's keys have limits, so toml_of changes negative values.
+// Adds a remark for each negative value of a parameter that is positive in every axis. The keys of a line file have
+// limits, so toml_of changes negative values.
 void remark_negative_values(Result& result) {
   using enum Parameter;
   for (const Parameter parameter :

@@ -44,7 +44,7 @@ struct Result {
   std::vector<std::string> remarks;
   // Further results; empty if the recording does not determine them.
   std::optional<double> stage_drop_v;   // voltage drop of the power stage, along the current
-  std::optional<bool> turns_backwards;  // the encoder counts against the rotation of the phases
+  std::optional<bool> turns_backwards;  // the encoder counts opposite to the rotation of the phases
   double electrical_rms_v = 0.0;        // of the residuals, smoothed by the windows
   double mechanical_rms_nm = 0.0;
   std::size_t electrical_windows = 0;

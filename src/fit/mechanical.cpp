@@ -12,7 +12,7 @@ enum class Term : std::uint8_t { inertia, viscous, coulomb, weight, delay };
 constexpr double window_s = 40e-3;
 constexpr double fewest_samples_in_window = 24.0;
 constexpr double longest_window_s = 0.5;
-constexpr double settled = 1e-3;  // greatest last step of the delay, in samples
+constexpr double settled = 1e-3;  // the iteration ends when the delay changes by less, in samples
 constexpr double slow = 0.05;     // share of the greatest speed; below it the friction follows another law
 
 }  // namespace
@@ -21,7 +21,7 @@ std::vector<double> velocity_of(const Signals& signals) {
   if (signals.has(Role::velocity)) return signals.of(Role::velocity);
   const std::vector<double>& position = signals.of(Role::position);
   const std::vector<double>& seconds = signals.seconds;
-  // A distance that averages out the steps of the encoder, but not the motion.
+  // Distance in samples: long enough to average the steps of the encoder, short enough to keep the motion.
   const auto reach = static_cast<std::size_t>(std::clamp(1e-3 * signals.rate_hz(), 1.0, 16.0));
   std::vector<double> velocity;
   for (std::size_t i = 0; i < seconds.size(); ++i) {
@@ -97,7 +97,7 @@ Mechanical fit_mechanical(const Signals& signals, const std::vector<double>& tor
   };
 
   Estimate estimate = solve();
-  // Columns that cannot be separated: the last of them is removed, and none of them is reported.
+  // If columns cannot be separated, the fit removes the last of them and reports none of them.
   std::vector<Term> hidden;
   while (active.size() > 1) {
     if (estimate.windows < 3 * active.size()) break;

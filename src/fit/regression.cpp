@@ -161,7 +161,7 @@ Estimate regress(const Windows& windows, const std::vector<Equation>& equations,
   }
   if (!estimate.solved) return Estimate{.unknowns = std::vector<Unknown>(unknowns), .windows = good.size()};
 
-  // Residuals of each window times its instruments: half from each half of the samples.
+  // Residuals of each window times its instruments, as the mean over both halves of the samples.
   std::vector<std::vector<double>> scores(good.size(), std::vector<double>(unknowns, 0.0));
   double squares = 0.0;
   for (const Rows& rows : all) {

@@ -19,7 +19,7 @@ struct Part {
 struct Equation {
   std::vector<Part> left;
   std::vector<std::vector<Part>> columns;
-  // Instrument of each column, used in its place in the products: the value that the model predicts for it, from
+  // Instrument of each column, which replaces the column in the products: the value that the model predicts for it from
   // signals other than those of the left side. Empty: the column itself.
   std::vector<std::vector<Part>> instruments = {};
 };
@@ -27,8 +27,8 @@ struct Equation {
 struct Unknown {
   double value = 0.0;
   double half_width = 0.0;  // half width of the confidence interval of 95 %
-  // Excitation of the unknown: share of signal (without noise) in its column's power, and the share of that signal
-  // which the other columns do not contain.
+  // Excitation of the unknown: the share of the signal (without noise) in the power of its column, and the share of
+  // this signal that the other columns do not contain.
   double signal_share = 0.0;
   double independent_share = 1.0;
 };
@@ -47,8 +47,8 @@ struct Estimate {
 // signals. Noise in the columns therefore does not pull the estimate towards 0, as it does in plain least squares.
 //
 // Confidence: residuals may be heteroscedastic and correlated between windows. The covariance is that of Newey and West
-// with Bartlett's weights over the square root of the number of windows, and the critical value is the one of Kiefer
-// and Vogelsang (2005) for that bandwidth.
+// with Bartlett's weights; their bandwidth is the square root of the number of windows. The critical value is that of
+// Kiefer and Vogelsang (2005) for this bandwidth.
 Estimate regress(const Windows& windows, const std::vector<Equation>& equations, const std::vector<char>& use);
 
 }  // namespace servodrome::fit

@@ -54,7 +54,7 @@ struct Signals {
   std::vector<double> seconds;                         // increasing
   std::array<std::vector<double>, role_count> values;  // rad, rad/s, Nm, A and V of amplitude, degC; empty: none
   std::array<std::string, role_count> columns;         // name of the column used
-  std::array<std::string, role_count> why_not;         // why a recorded column is unusable: the missing value
+  std::array<std::string, role_count> why_not;         // the missing value that makes a recorded column unusable
   std::vector<std::string> remarks;
 
   bool has(Role role) const { return !values[static_cast<std::size_t>(role)].empty(); }
@@ -64,8 +64,9 @@ struct Signals {
 };
 
 // `axis` selects the axis if the table has several. Keeps only the rows in which every signal besides the temperature
-// has a number; a temperature is held until the next one. Throws Error if no column has a role, an axis or a column
-// does not exist, a column has no sample or one beyond 1e20 in SI units, or the columns have no time in common.
+// has a number; a temperature is held until the next one. Throws Error if no column has a role; if an axis or a column
+// does not exist; if a column has no sample, or a sample beyond 1e20 in SI units; or if the columns have no time in
+// common.
 Signals signals_of(const Table& table, const Motor& motor, std::span<const Assignment> assignments,
                    const std::string& axis);
 

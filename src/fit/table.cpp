@@ -29,7 +29,7 @@ constexpr const char* what_is_read =
   throw Error(source, fmt::format("it has more than {} columns", most_columns), "record fewer channels at once");
 }
 
-// Takes one line of RFC 4180 (quoted fields; "" is a quote in them) off `text`.
+// Removes one record of RFC 4180 (quoted fields; "" is a quote in them) from the start of `text`; returns its fields.
 std::vector<std::string> take_record(std::string_view& text, const std::string& source) {
   std::vector<std::string> fields(1);
   bool quoted = false;
@@ -136,8 +136,8 @@ Table read_csv(std::string_view text, const std::string& source) {
 
 using Json = nlohmann::json;
 
-// Parses the document. A recording consists of numbers. A limit of the other elements, which need more memory, refuses
-// documents that would fill it.
+// Parses the document. A recording consists of numbers. Other JSON elements need more memory, so their number has a
+// limit; a document with more is refused.
 Json json_of(std::string_view text, const std::string& source) {
   constexpr std::size_t most_bytes = std::size_t{64} << 20;
   constexpr std::ptrdiff_t most_other = 400'000;

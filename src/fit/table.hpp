@@ -27,9 +27,9 @@ inline constexpr std::size_t most_columns = 4096;
 inline constexpr std::size_t most_values = std::size_t{1} << 26;
 
 // Reads the CSV of `servodrome scope -o FILE.csv` and of the bench API (`GET .../data.csv`), the MCAP of both, and the
-// document of `servodrome scope --json`; recognises them by the first bytes. Throws Error for any other format and for
-// damaged files, with the line of a CSV file or the byte of a JSON or MCAP file, for more columns or values than above,
-// and for times that do not increase or are beyond 1e12 s.
+// document of `servodrome scope --json`; recognises them by the first bytes. Throws Error, with the line of a CSV file
+// or the byte of a JSON or MCAP file, for other formats and damaged files. Also throws Error for more columns or values
+// than above, and for times that do not increase or are beyond 1e12 s.
 Table read_table(std::string_view bytes, const std::string& source);
 
 // A name in lower-case letters and digits with "_" between them; the index of an object is omitted.

@@ -9,9 +9,9 @@ namespace {
 
 constexpr double no_value = std::numeric_limits<double>::quiet_NaN();
 
-// The bump is (1 - s^2)^4 for s in -1 .. 1. The sums use the function whose second derivative is the needed weight: for
-// the signal itself the second integral of the bump, for its derivative the first integral, for the second derivative
-// the bump, for the third the slope of the bump.
+// The bump is (1 - s^2)^4 for s in -1 .. 1. The sums use the second integral of the weight of a moment. For the signal
+// itself this is the second integral of the bump, for its first derivative the first integral, for its second
+// derivative the bump, for its third derivative the slope of the bump.
 constexpr double bump_integral = 256.0 / 315.0;
 
 double twice_integrated(double s, unsigned derivative) {
@@ -53,16 +53,16 @@ Windows::Windows(const std::vector<double>& seconds, double length_s) : seconds_
   std::size_t next = 0;  // the first sample after the start
   for (double start = seconds.front(); start + length_s <= seconds.back(); start += length_s / overlap) {
     while (seconds[next] <= start) ++next;
-    if (start + length_s < seconds[next]) start = seconds[next];  // skips the windows inside of a gap
+    if (start + length_s < seconds[next]) start = seconds[next];  // skips windows inside a gap
     if (start + length_s <= seconds.back()) starts_.push_back(start);
   }
 }
 
 std::vector<double> Windows::moments(const std::vector<double>& x, unsigned derivative, double delay_s,
                                      Half half) const {
-  // The signal is interpolated linearly between its samples. The integral over one segment is a difference of the
-  // function above, and the parts of the two segments at a sample form its weight. Steps need not be equal, and the
-  // derivative of a constant is exactly 0.
+  // The signal is interpolated linearly between its samples. The integral over one segment is a difference of
+  // twice_integrated(). Each sample's weight is the sum of the parts from the two segments that meet there. So steps
+  // may be unequal, and the derivative of a constant is exactly 0.
   const std::size_t step = half == Half::all ? 1 : 2;
   const std::size_t origin = half == Half::odd ? 1 : 0;
   const double slope = 2.0 / length_;  // ds/dt

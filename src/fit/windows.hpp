@@ -3,16 +3,16 @@
 #include <cstdint>
 #include <vector>
 
-// Moments of sampled signals with a smooth bump that slides along a recording: the integral of x times the bump, which
-// is 0, with three of its derivatives, at both ends of its window. Partial integration turns the moment of a signal's
-// derivative into the moment of the signal with the bump's derivative and the opposite sign. So measured data are never
-// differentiated, and values at the ends of the window are not needed (Shinbrot's modulating functions, 1957). A delay
-// of the signal moves the bump, not the samples.
+// Moments of sampled signals. A moment is the integral of a signal times the bump, a smooth weight function on a window
+// that slides along the recording. The bump and its first three derivatives are 0 at both ends of the window. By
+// integration by parts, the moment of a signal's derivative is minus the moment of the signal with the bump's
+// derivative. So the fit never differentiates measured data, and does not need values at the ends of the window
+// (Shinbrot's modulating functions, 1957). A delay of the signal moves the bump, not the samples.
 namespace servodrome::fit {
 
-// Samples further apart have a gap between them, which counts for no sampling rate: the recording was interrupted.
+// If two samples are further apart than this, the recording has a gap between them. Sampling rates ignore gaps.
 inline constexpr double gap_s = 1.0;
-// Mean time between two samples, without the gaps; with nothing but gaps, the mean of all. 0 for fewer than two
+// Mean time between two samples, without the gaps; the mean with the gaps if there are only gaps. 0 for fewer than two
 // samples.
 double period_of(const std::vector<double>& seconds);
 
@@ -21,8 +21,8 @@ enum class Half : std::uint8_t { all, even, odd };
 
 class Windows {
  public:
-  // Windows of `length_s`, each shifted by a quarter of it. No window is without a sample. There is none at all if a
-  // window would be shorter than four samples. `seconds` must outlive this object.
+  // Windows of `length_s`, each shifted by a quarter of it. Each window contains at least one sample. There are no
+  // windows if `length_s` is shorter than four samples. `seconds` must outlive this object.
   Windows(const std::vector<double>& seconds, double length_s);
 
   static constexpr double overlap = 4.0;  // number of windows that cover a moment

@@ -5,7 +5,7 @@
 
 namespace servodrome::master {
 
-// The error of the master's side (master, axis and tools), and base class of its special errors: what happened, where
+// The error of master, axis and tools, and the base class of their specific errors. It contains what happened, where
 // (link, node, object), and the remedy. what() joins the three in one sentence.
 class MasterError : public std::runtime_error {
  public:

@@ -50,8 +50,8 @@ class ObjectClient {
   // Reads the values of one such set.
   virtual std::vector<std::vector<std::byte>> upload_together(std::span<const ObjectAddress> objects);
 
-  // Whether the answer to the last upload() indicated its size. An expedited answer of CANopen need not (CiA 301
-  // 7.2.4.3.6): it has four bytes, and the first ones are the value.
+  // False if the answer to the last upload() did not contain the size. CANopen allows this in an expedited answer (CiA
+  // 301 7.2.4.3.6): it has four bytes, and the value is in the first ones.
   virtual bool size_is_known() const { return true; }
 
   // Time on the bus's clock.
@@ -67,7 +67,7 @@ class ObjectClient {
   virtual std::optional<Emergency> latest_emergency() { return std::nullopt; }
 
   // Integers and floating-point numbers. If the drive sends fewer bytes than T has, the value is sign- or
-  // zero-extended; more bytes are an error, unless the drive does not say how many of them count.
+  // zero-extended; more bytes are an error if size_is_known().
   template <typename T>
   requires std::is_arithmetic_v<T> T read(std::uint16_t index, std::uint8_t sub = 0) {
     std::vector<std::byte> bytes = upload({index, sub});

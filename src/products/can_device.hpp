@@ -58,7 +58,7 @@ class CanDevice : public ServoDevice<Product, ProductObjects>, protected canopen
 
   void cycle(Time now) override {
     node_.process_image_updated(now);
-    // 8700h: SYNC, expected every 1006h, is missing while a cyclic synchronous mode depends on it.
+    // Raises 8700h if no SYNC arrives for two periods 1006h while a cyclic synchronous mode needs SYNC.
     const auto period = std::chrono::microseconds(objects().communication.communication_cycle_period_us);
     const bool depends = period.count() != 0 && last_sync_ != Time{} && drive::is_cyclic_synchronous(drive().mode()) &&
                          drive().state() == drive::PowerState::operation_enabled;
@@ -138,8 +138,8 @@ class CanDevice : public ServoDevice<Product, ProductObjects>, protected canopen
   void errors_gone(std::uint8_t remaining) override { node_.clear(remaining); }
 
  private:
-  // 6007h also determines the reaction when the node is stopped or its communication is reset. A product without that
-  // object goes on.
+  // 6007h also determines the reaction when the node is stopped or its communication is reset. In a product without
+  // that object the drive continues.
   void abort_connection() {
     if (Product::policy.nmt_aborts_connection && dictionary().find(0x6007, 0) != nullptr) drive().communication_lost();
   }

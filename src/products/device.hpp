@@ -34,7 +34,7 @@ namespace servodrome::products {
 
 using Time = std::chrono::nanoseconds;  // since the start of the line; never the wall clock
 
-// How a drive's RS485 port is commissioned. A member that is not set stands for the product's factory value.
+// Settings of a drive's RS485 port. A member that is not set means the product's factory value.
 struct SerialSettings {
   std::uint8_t station = 0;  // 0: the product's
   std::optional<modbus::CharacterFormat> format;
@@ -51,7 +51,7 @@ struct EthercatSettings {
   std::optional<std::uint16_t> sync_error_limit{};  // 10F1h:02 at power-on; else the factory's
 };
 
-// Settings that a real drive has from its switches, its PC tool or its nameplate.
+// Settings that a real drive gets from its switches, its PC tool or its nameplate.
 struct Settings {
   std::uint8_t node_id = 0;    // 0: the product's factory value
   std::uint32_t bit_rate = 0;  // bit/s; 0: the product's factory value
@@ -76,11 +76,11 @@ struct PastFault {
   bool power_stage_on = false;
 };
 
-// The life of a device: `power_on`; then, for every base tick, the board calls `drive().tick(feedback, actuation)`
-// and, when that completed a position-loop cycle (Drive::tick returns true), `cycle(now)`. `poll` is due at
-// `next_deadline`. A device is on one fieldbus. CAN: `receive` gets the frames that arrive, in time order with the
-// ticks; `take` returns the frames to send. EtherCAT: frames pass the controller (ethercat::Segment), and `poll` is
-// due after each frame for which the slave requests it. An RS485 port receives its characters in the same time order.
+// How to use a device: call `power_on`; then, for every base tick, call `drive().tick(feedback, actuation)` and, when
+// that completed a position-loop cycle (Drive::tick returns true), `cycle(now)`. Call `poll` at `next_deadline`. A
+// device is on one fieldbus. CAN: `receive` gets the frames that arrive, in time order with the ticks; `take` returns
+// the frames to send. EtherCAT: frames pass the controller (ethercat::Segment); also call `poll` after each frame for
+// which the slave requests it. An RS485 port receives its characters in the same time order.
 class Device {
  public:
   virtual void power_on(const drive::Feedback& feedback,
@@ -113,10 +113,10 @@ class Device {
   virtual dictionary::Dictionary& dictionary() = 0;
   virtual dictionary::Dictionary& bus_dictionary() = 0;
 
-  // The lamps of the manual or of the bus standard; none if neither describes any.
+  // The lamps according to the manual or the bus standard; none if neither describes lamps.
   virtual Lamps lamps(Time /*now*/) { return {}; }
 
-  // The `n`th newest fault of the history, 0 is the newest; nullptr: the history has fewer.
+  // The `n`th newest fault of the history; 0 is the newest. nullptr: the history has fewer faults.
   virtual const PastFault* past_fault(std::size_t /*n*/) const { return nullptr; }
 
  protected:

@@ -61,7 +61,7 @@ class EthercatDevice : public ServoDevice<Product, ProductObjects>, protected et
   void poll(Time now) override { slave_.poll(now); }
   Time next_deadline() override { return slave_.next_deadline(); }
 
-  // RUN and ERR of ETG.1300.
+  // The lamps RUN and ERR of ETG.1300.
   Lamps lamps(Time) override {
     Lamps lamps;
     lamps.add(blinking_lamp("RUN", "green", ethercat::run_indicator(slave_.state())));
@@ -73,7 +73,7 @@ class EthercatDevice : public ServoDevice<Product, ProductObjects>, protected et
   ethercat::Esc* ethercat_controller() override { return &esc_; }
   ethercat::Slave& slave() { return slave_; }
   ethercat::Esc& esc() { return esc_; }
-  // The slave information memory as it is now.
+  // The present content of the slave information memory.
   std::span<const std::uint8_t> sii() const { return sii_; }
 
  protected:
@@ -91,7 +91,7 @@ class EthercatDevice : public ServoDevice<Product, ProductObjects>, protected et
 
   // --- ethercat::SlaveEvents
   void state_changed(ethercat::AlState from, ethercat::AlState, ethercat::AlStatusCode, Time) override {
-    // Outputs have ended: 6007h determines the reaction (ETG.6010 clause 5.2).
+    // Outputs are no longer valid: 6007h determines the reaction (ETG.6010 clause 5.2).
     if (from == ethercat::AlState::operational) drive().communication_lost();
   }
   void process_data(Time) override { drive().synchronise(); }

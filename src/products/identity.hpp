@@ -7,6 +7,6 @@
 namespace servodrome::products {
 
 inline constexpr std::uint32_t servo_drive = 0x00020192;  // 1000h: CiA 402, servo drive
-inline constexpr std::uint32_t vendor_id = 0x53455256;    // 1018h sub 1: "SERV", of no vendor
+inline constexpr std::uint32_t vendor_id = 0x53455256;    // 1018h sub 1: "SERV", a number that no vendor has
 
 }  // namespace servodrome::products

@@ -10,7 +10,7 @@
 
 namespace servodrome::products {
 
-// The state of a lamp, as a person in front of the drive sees it.
+// The visible state of a lamp.
 enum class Light : std::uint8_t { off, on, blinking, flickering, flashes };
 
 struct Lamp {

@@ -12,7 +12,7 @@ namespace servodrome::products {
 // neutral (for a stepper, of one winding); currents of `motor` as peak values of the phase current.
 struct Model {
   std::string_view name;           // its name in a line file
-  std::string_view title;          // one line for people
+  std::string_view title;          // one line of text for users
   drive::MotorData motor{};        // inertia_kgm2: of the rotor alone
   float cogging_torque_nm = 0.0F;  // amplitude
   int cogging_periods_per_revolution = 30;

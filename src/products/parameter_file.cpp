@@ -11,7 +11,7 @@ using ethercat::FoeError;
 
 namespace {
 
-// Like substr, but without its exception, which portable code must not throw.
+// Like substr, but without its exception, because portable code must not throw.
 constexpr std::string_view part(std::string_view text, std::size_t from, std::size_t length) {
   text.remove_prefix(std::min(from, text.size()));
   return {text.data(), std::min(length, text.size())};
@@ -122,7 +122,7 @@ bool ParameterFile::parse_value(std::string_view text, Assignment& assignment) {
   std::uint64_t bits = 0;
   if (hexadecimal ? !read_number(part(text, 2, text.size()), 16, bits) : !read_number(text, 10, number)) return false;
   if (hexadecimal) number = static_cast<std::int64_t>(bits);
-  // The limits of the type are checked here: the dictionary cannot see them once the number is cut to its size.
+  // The limits of the type are checked here, because the dictionary gets the number only after it is cut to its size.
   if (entry.type != dictionary::Type::unsigned64 &&
       (number < dictionary::minimum_of(entry.type) || number > dictionary::maximum_of(entry.type))) {
     return false;

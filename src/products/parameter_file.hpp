@@ -10,10 +10,10 @@ namespace servodrome::products {
 
 // The parameters of a drive as a text file for FoE: "parameters.txt".
 //
-// Lines end with LF, or CR LF; empty ones and those that begin with # are comments, but the first line, which is
+// Lines end with LF, or CR LF. Empty lines and lines that begin with # are comments, except the first line, which is
 //     # servodrome parameters 1
-// Every other line is INDEX:SUB=VALUE, index and sub-index in hexadecimal behind 0x, the value of a number in decimal
-// or in hexadecimal behind 0x (REAL32: its bits), that of a string or block of bytes as pairs of hexadecimal digits:
+// Every other line is INDEX:SUB=VALUE. Index and sub-index are hexadecimal after 0x. A number is decimal, or
+// hexadecimal after 0x (REAL32: its bits). A string or block of bytes is written as pairs of hexadecimal digits:
 //     0x1018:01=0x53455256
 //     0x2011:02=150
 //     0x6098:00=-3

@@ -134,8 +134,8 @@ class ServoDevice : public Device, protected drive::DriveEvents, protected dicti
     product().loaded(areas);
   }
 
-  // Raises a fault if factory values replaced lost ones. To be called once the drive runs, because it accepts no faults
-  // before.
+  // Raises a fault if factory values replaced lost ones. Call this once the drive runs, because the drive accepts no
+  // faults before.
   void tell_lost_values() {
     if (values_lost_) drive_.raise(drive::Cause::memory);
   }

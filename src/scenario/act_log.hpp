@@ -10,7 +10,7 @@
 
 namespace servodrome::scenario {
 
-// What a rule did, for reports.
+// One act of a rule, for reports.
 struct ActRecord {
   Time at{};
   std::string bus;   // the bus of the message; empty: the act concerns no message
@@ -28,7 +28,7 @@ class ActLog {
   static constexpr std::size_t first_of_each = 64;
   static constexpr std::size_t latest = 1024;
 
-  // `message` and `packets` are nullptr for an act that concerns no message.
+  // `message` and `packets` are nullptr if the act concerns no message.
   void add(const RuleRun& rule, Time at, const Message* message, const Packets* packets);
   // In the order of time.
   std::vector<ActRecord> records() const;

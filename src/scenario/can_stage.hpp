@@ -9,7 +9,7 @@ namespace servodrome::scenario {
 
 class Director;
 
-// A port of a CAN bus that sends the frames of the rules. It acknowledges frames of others only while it sends.
+// A port of a CAN bus that sends the frames of the rules. It acknowledges frames of other ports only while it sends.
 class RulePort final : public links::Receiver {
  public:
   explicit RulePort(links::CanBus& bus);
@@ -37,7 +37,7 @@ class CanStage final : public links::CanInterposer {
   void sent(const canopen::Frame& frame, Time at) override;
   bool lets_in(canopen::Frame& frame, Time at) override;
 
-  // Sends a frame in the drive's name, if the drive is connected and has power.
+  // Sends a frame as if the drive sent it, if the drive is connected and has power.
   void speak(const canopen::Frame& frame, Time now);
 
  private:

@@ -14,7 +14,7 @@ using Json = nlohmann::ordered_json;
 
 struct Group {
   std::string_view name, title;
-  std::string_view bus;  // type of the buses that have it; empty: all
+  std::string_view bus;  // type of the buses that have the profile; empty: all
 };
 
 constexpr auto groups = std::to_array<Group>({
@@ -111,9 +111,9 @@ constexpr auto texts = std::to_array<ActionText>({
 // after one act; `lasts`, its effect lasts until the rule is removed.
 struct ActionNote {
   std::string_view group, name, use;
-  std::string_view clause;    // empty: that of the message
+  std::string_view clause;    // empty: the clause of the message
   std::string_view example;   // values to begin with: "key=value; key=value"
-  std::string_view messages;  // of which it can act on these only; empty: on all of the group
+  std::string_view messages;  // the messages that it can act on; empty: all messages of the group
 };
 
 constexpr auto actions = std::to_array<ActionNote>({
@@ -198,7 +198,8 @@ Json values_of(std::string_view example) {
   return values;
 }
 
-// The keys of the action alone. `on` of all rules selects messages, and is a switch in some actions.
+// The keys that only this action has. The key `on` is common to all rules and selects messages, but in some actions it
+// is a switch.
 std::vector<line::KeyNote> own_keys(const FormatKeys& keys, std::string_view action) {
   const auto& common = keys.tables.at("rule");
   std::vector<line::KeyNote> own = keys.actions.find(std::string(action))->second;
@@ -216,7 +217,7 @@ std::string_view text_of(std::string_view action) {
   return found != texts.end() ? found->text : std::string_view{};
 }
 
-// A rule with it names a bus in place of an axis.
+// Returns true if a rule with this action or message names a bus instead of an axis.
 bool is_of_bus(std::string_view word) {
   constexpr auto words = std::to_array<std::string_view>({"send", "babble", "accept", "cycle", "frame"});
   return std::find(words.begin(), words.end(), word) != words.end();

@@ -15,7 +15,7 @@ namespace {
 bool is_of_can(MessageKind kind) { return kind <= MessageKind::to_drive; }
 bool is_of_serial(MessageKind kind) { return kind == MessageKind::answer || kind == MessageKind::request; }
 
-// The rule acts each time that a drive, a slave or a link calls for it.
+// Returns true if the rule acts each time that a drive, a slave or a link asks for it.
 bool acts_when_asked(const Action& action) {
   return std::holds_alternative<Ignore>(action) || std::holds_alternative<Hold>(action) ||
          std::holds_alternative<RefuseState>(action) || std::holds_alternative<DisturbSync0>(action) ||
@@ -95,7 +95,7 @@ void Director::check(const RuleRun& run) const {
   if (needs_slave(rule.action) && !settings.ethercat) {
     refuse("the axis is not on an EtherCAT segment", "choose an axis that is");
   }
-  // A rule on the passage through one slave can have only the actions below.
+  // A rule about the passage of a frame through one slave can have only the actions below.
   const bool is_frame = rule.on && (rule.on->kind == MessageKind::cycle || rule.on->kind == MessageKind::frame);
   const bool is_passage = std::holds_alternative<Withhold>(rule.action) ||
                           std::holds_alternative<WorkingCounter>(rule.action) || makes_messages(rule.action);
@@ -224,7 +224,7 @@ void Director::disturb(line::Axis& axis, const DisturbClock& clock, bool ends) {
   if (clock.jump_ns != 0 && !ends) esc.jump_clock(Time(clock.jump_ns), now());
 }
 
-// An EMCY of the drive without the fault (CiA 301 7.2.7.3.1, ETG.1000.6 clause 5.6.4).
+// Sends an EMCY as if the drive sent it, without a fault (CiA 301 7.2.7.3.1, ETG.1000.6 clause 5.6.4).
 void Director::raise(RuleRun& rule) {
   const auto& emergency = std::get<Emergency>(rule.rule->action);
   if (rule.phase != RuleRun::Phase::active) return;
@@ -237,7 +237,7 @@ void Director::raise(RuleRun& rule) {
   line::Axis& axis = *rule.axis;
   if (!axis.powered()) return;
   if (ethercat::Slave* slave = axis.device().ethercat_slave()) {
-    // As the answer to a message, it comes before the slave's own answer.
+    // If the rule acts on a message, the slave sends the emergency before its own answer.
     const bool posted = rule.rule->on && slave->post(coe_emergency(emergency.code, emergency.error_register));
     if (!posted) slave->emergency(emergency.code, emergency.error_register, {});
     return;

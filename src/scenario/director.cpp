@@ -12,7 +12,8 @@ namespace {
 
 constexpr std::size_t most_rules_by_hand = 4096;
 
-// Other actions have one act, and their effect lasts. An Ignore of single bits ends at the act after its last one.
+// Returns true if the rule ends after its number of acts. Other actions have one act with a lasting effect. An Ignore
+// of single bits ends at the act after its last one.
 bool ends_with_its_acts(const Rule& rule) {
   const auto* ignore = std::get_if<Ignore>(&rule.action);
   return rule.on || std::holds_alternative<Hold>(rule.action) || (ignore != nullptr && ignore->mask == -1);
@@ -103,7 +104,7 @@ void Director::add(const std::vector<Rule>& rules) {
     look(*rules_.back(), now());
   }
   line_.changed();
-  // Whatever could not act at once does not join.
+  // If one of the rules could not act at once, none of them is added.
   for (const Rule& rule : rules) {
     const auto joined =
         std::find_if(rules_.begin(), rules_.end(), [&rule](const auto& each) { return each->rule->name == rule.name; });
@@ -375,7 +376,8 @@ void Director::release(RuleRun& rule, Time due) {
   }
 }
 
-// The drive acknowledged the writes that a rule holds, so they take effect now. Later writes pass.
+// The drive has already acknowledged the delayed writes of the rule, so they take effect now. Later writes are not
+// delayed.
 void Director::release_all(RuleRun& rule) {
   release(rule, Time::max());
   rule.held_until = {};

@@ -34,12 +34,12 @@ class ScenarioError : public std::runtime_error {
   std::string hint_;
 };
 
-// Carries out a scenario on a line: stands between the drives and their buses, begins and ends rules in every tick, and
-// watches the expectations. Everything happens in line time, so runs are equal to the last bit.
+// Executes a scenario on a line: it intercepts the messages between drives and buses, begins and ends rules in every
+// tick, and checks the expectations. All of this happens in line time, so two runs are identical to the last bit.
 class Director final : public line::Follower {
  public:
-  // `line` must outlive this object. Throws ScenarioError if a rule or an expectation does not fit the line. Nothing
-  // changes before begin().
+  // `line` must outlive this object. Throws ScenarioError if a rule or an expectation does not fit the line. The
+  // constructor changes nothing on the line; begin() does.
   Director(line::Line& line, Scenario scenario);
   ~Director();
   Director(const Director&) = delete;
@@ -47,24 +47,23 @@ class Director final : public line::Follower {
 
   // The scenario begins at the line's present time. Must be called once, while no other scenario runs on the line.
   void begin();
-  // Throws ScenarioError if one of the rules cannot join.
+  // Throws ScenarioError if one of the rules cannot be added.
   void check(const std::vector<Rule>& rules) const;
-  // Rules join those of the scenario, which has begun and not finished. If one does not fit the line, or has the name
-  // of a present rule, throws ScenarioError, and none of them joins.
+  // Adds rules to a scenario that has begun and not finished. If one of them does not fit the line, or has the name of
+  // a present rule, throws ScenarioError and adds none of them.
   void add(const std::vector<Rule>& rules);
-  // Ends the rule and takes its effect back; it is no longer among rules(). Returns false if there is no rule of this
-  // name.
+  // Ends the rule, undoes its effect and removes it from rules(). Returns false if no rule has this name.
   bool remove(const std::string& name);
-  // The master has ended; the line may run on.
+  // Call this when the master has ended. The line may continue.
   void master_ended(bool success);
   // Ends all rules, undoes their effects, and judges the expectations that are still watched.
   void finish();
   std::vector<RuleReport> rules() const;
   std::vector<Verdict> verdicts() const;
   std::vector<ActRecord> acts() const { return acts_.records(); }
-  // When the master ended; none: it has not.
+  // The time at which the master ended; nullopt: it has not ended.
   std::optional<Time> master_end() const { return facts_.master_ended; }
-  // Makes the requests of all rules at once, and returns their errors.
+  // Sends the requests of all rules to the bench API at once, and returns their errors.
   std::vector<std::string> try_requests();
   const Scenario& scenario() const { return scenario_; }
   bool finished() const { return finished_; }
@@ -73,20 +72,21 @@ class Director final : public line::Follower {
   Time next_deadline() const override;
   void reached(Time now) override;
 
-  // ---- For the parts that stand between drives and buses
+  // ---- For the interposers between drives and buses
 
   std::uint64_t seed() const { return scenario_.seed; }
   Time now() const { return line_.now(); }
-  // Lets the rules that act on this message change `packets`. Returns false if there are none; passed() must then be
-  // called once when the message has passed. `axis` is nullptr for a message of a bus.
-  // `acting` gets these rules, if it is not nullptr.
+  // Lets the rules that act on this message change `packets`. Returns false if no rule acts; the caller must then call
+  // passed() once when the message has passed. `axis` is nullptr for a message of a bus. If `acting` is not nullptr, it
+  // gets the rules that act.
   bool carry_out(line::Axis* axis, const Message& message, Packets& packets, std::vector<RuleRun*>* acting = nullptr);
-  // The same for the datagrams of a frame of a segment: a rule acts if one of them matches. Counts the frame once.
+  // The same for the datagrams of a frame of a segment: a rule acts if one of them matches. A rule counts the frame
+  // once.
   void carry_out(std::span<const Message> datagrams, std::vector<RuleRun*>& acting);
   void passed(line::Axis* axis, const Message& message);
   // Calls `what` at the line's time `when`.
   void at(Time when, std::function<void()> what) { queue_.emplace(std::max(when, now()), std::move(what)); }
-  // The rule of this kind that acts now on the axis; it counts as an act. nullptr: none.
+  // Returns the rule of this kind that acts now on the axis, and records its act; nullptr: no rule acts.
   template <typename Kind, typename Fits>
   RuleRun* firing(const line::Axis& axis, Fits fits) {
     for (const auto& rule : rules_) {
@@ -104,10 +104,10 @@ class Director final : public line::Follower {
   bool refuses_connections(const line::NamedSerialBus& bus) const;
   // The axis that answers for a Modbus unit of the line; nullptr: there is none.
   line::Axis* axis_of_unit(const line::NamedSerialBus& bus, std::uint8_t unit) const;
-  // A rule has acted: on this message, with this result, if it acts on messages.
+  // Records that a rule has acted. If the rule acts on messages, `message` is the message and `packets` the result.
   void act(RuleRun& rule, const Message* message = nullptr, const Packets* packets = nullptr);
   void end(RuleRun& rule);
-  // Keeps a write of the rule's object until RuleRun::held_until.
+  // Delays a write of the rule's object until RuleRun::held_until.
   void hold(RuleRun& rule, const dictionary::Entry& entry, std::span<const std::byte> value);
 
  private:
@@ -123,7 +123,7 @@ class Director final : public line::Follower {
   line::Axis* axis_for(const std::string& name, const std::string& where, bool needed) const;
   std::unique_ptr<RuleRun> run_of(const Rule& rule, std::size_t number) const;
   void set_up(const Rule& rule);
-  // The drive's bus sees objects through the rule.
+  // Adds a rule about objects to the ObjectView of its drive, through which the bus accesses the objects.
   void attach(RuleRun& rule);
   void set_up(const Expectation& expectation);
   void place_stages();
@@ -131,7 +131,7 @@ class Director final : public line::Follower {
   // The rule with this number; nullptr: it was removed.
   RuleRun* run(std::size_t number) const;
 
-  // Carries out the held writes that are due.
+  // Executes the delayed writes that are due.
   void release(RuleRun& rule, Time due);
   void release_all(RuleRun& rule);
   void measure_travel();
@@ -165,7 +165,7 @@ class Director final : public line::Follower {
 
   line::Line& line_;
   Scenario scenario_;
-  std::list<Rule> added_;  // by hand
+  std::list<Rule> added_;  // added by add() while the scenario runs
   std::vector<std::unique_ptr<RuleRun>> rules_;
   std::size_t next_number_ = 0;  // of the next rule
   HeldStates held_states_;

@@ -8,11 +8,11 @@
 
 namespace servodrome::scenario {
 
-// A line of decoded traffic: a frame, or what a rule did, or why this part of the traffic is shown.
+// A line of decoded traffic: a frame, an act of a rule, or the reason why this part of the traffic is shown.
 struct TrafficLine {
   enum class Kind : std::uint8_t { frame, error, act, moment, gap };
   links::Time at{};
-  std::string from;  // who sent the frame
+  std::string from;  // sender of the frame
   std::string raw;   // its bytes
   std::string text;
   Kind kind = Kind::frame;
@@ -41,9 +41,9 @@ class Excerpt {
   // `moments` in the order of time.
   explicit Excerpt(std::vector<Moment> moments) : moments_(std::move(moments)) {}
 
-  // Lines must come in the order of time.
+  // The caller must add lines in the order of time.
   void add(TrafficLine line);
-  // All lines have been added. Moments behind the last line get the lines before them.
+  // Call this after the last line. Moments after the last line get the lines before them.
   std::vector<TrafficLine> finish();
 
  private:

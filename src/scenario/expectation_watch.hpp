@@ -12,7 +12,7 @@ class ExpectationWatch {
   ExpectationWatch(const Expectation& expectation, line::Axis* when, line::Axis* what, line::Axis* until);
 
   void notice(const line::Axis* axis, const Message& message);
-  // To be called in every tick.
+  // Call this in every tick.
   void look(Time now, const Facts& facts);
   bool decided() const { return phase_ == Phase::decided; }
   // The trial ends: decides the verdict if it is still open.

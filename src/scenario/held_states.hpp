@@ -15,18 +15,18 @@ struct RuleRun;
 struct MachineState {
   using Value = std::optional<bool>;
   std::string name;  // the same for all rules that hold this state
-  Value held{};      // the value that the rule wants
+  Value held{};      // the value that the rule sets
   std::function<Value()> read;
   std::function<std::string(Value)> write;  // returns the error; empty: there is none
 };
 
-// The states that rules hold. Several rules may hold one state: the rule that began last decides. After the end of all
-// of them the state has the value from before the first one. A value that was changed by hand meanwhile stays.
+// The states that rules hold. Several rules may hold one state: the rule that began last decides. When all of them have
+// ended, the state gets the value that it had before the first rule, unless the user has changed the value meanwhile.
 class HeldStates {
  public:
-  // Sets the state as long as the rule acts. Returns the error of write().
+  // Sets the state while the rule is active. Returns the error of write().
   std::string hold(const RuleRun& rule, MachineState state);
-  // The rule no longer holds any state.
+  // Call this when the rule no longer holds any state.
   void release(const RuleRun& rule);
 
  private:

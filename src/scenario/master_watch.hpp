@@ -15,7 +15,7 @@ using links::Time;
 class LastSecond {
  public:
   void add(Time now) { times_.push_back(now); }
-  // Must be called before count(), and often enough to keep the list short.
+  // Call this before count(), and often enough to keep the list short.
   void forget(Time now) {
     while (!times_.empty() && times_.front() + std::chrono::seconds(1) <= now) times_.pop_front();
   }
@@ -28,7 +28,7 @@ class LastSecond {
 // The actions of a master on an axis, observed in the true drive and on the wire.
 struct MasterDeeds {
   LastSecond fault_resets;  // rising edges of bit 7 of the drive's controlword
-  LastSecond repeats;       // SDO requests equal to the one before, which had no answer
+  LastSecond repeats;       // SDO requests equal to the previous request, which had no answer
   // The first set-point in cyclic synchronous position was further away than the axis can go in a cycle.
   bool jumped = false;
   double jump_revolutions = 0;  // the distance of that set-point from the shaft, motor revolutions
@@ -42,7 +42,7 @@ class MasterWatch {
   MasterWatch(const MasterWatch&) = delete;
   MasterWatch& operator=(const MasterWatch&) = delete;
 
-  // To be called in every tick.
+  // Call this in every tick.
   void look(Time now);
   const MasterDeeds& of(const line::Axis* axis) const { return axes_.at(axis).deeds; }
 

@@ -18,7 +18,7 @@ MessageKind numbered(MessageKind first, unsigned number) {
 
 ObjectAddress object_in(const canopen::Frame& frame) { return {sdo::multiplexer_index(frame), frame.data[3]}; }
 
-// A request that begins a transfer names its object: initiate of download, upload, block download and block upload
+// The request that begins a transfer contains the object: initiate of download, upload, block download and block upload
 // (CiA 301 7.2.4.3).
 bool begins_transfer(const canopen::Frame& frame) {
   const unsigned subcommand = frame.data[0] & sdo::subcommand_mask;

@@ -25,7 +25,7 @@ struct Message {
 bool matches(const MessagePattern& pattern, const Message& message);
 
 // Recognises the CANopen messages of one drive by the predefined connection set and the COB-IDs of its PDOs. It
-// remembers the object of the SDO transfer in progress, for segments do not name it.
+// remembers the object of the SDO transfer in progress, because segments do not contain the object.
 class CanopenMessages {
  public:
   explicit CanopenMessages(products::Device& device) : device_(device) {}
@@ -38,7 +38,8 @@ class CanopenMessages {
 
  private:
   std::optional<std::uint32_t> pdo_id(std::uint16_t parameter) const;
-  // Adds `any` and the kind of its number, from `first` on, to a PDO with the parameters from `parameter` on.
+  // If the message is a PDO, adds the kinds `any` and `first` + n. n is the number of the PDO, from 0 on; `parameter`
+  // is the index of the first PDO's communication parameter.
   void add_pdo(Message& message, std::uint16_t parameter, MessageKind any, MessageKind first) const;
 
   products::Device& device_;

@@ -70,7 +70,7 @@ bool ObjectView::take(const dictionary::Entry& entry, std::span<std::byte> value
   for (RuleRun* rule : rules_) {
     const ObjectAddress* object = object_of(rule->rule->action);
     if (!object->contains(entry.index, entry.sub)) continue;
-    if (director_.now() < rule->held_until) {  // a later write does not overtake one that is held
+    if (director_.now() < rule->held_until) {  // a later write must not take effect before a delayed one
       director_.hold(*rule, entry, value);
       return false;
     }

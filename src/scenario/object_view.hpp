@@ -7,7 +7,7 @@ namespace servodrome::scenario {
 
 class Director;
 
-// Applies the rules about the objects of one drive: show, ignore, hold.
+// Applies the rules about the objects of one drive: Show, Ignore and Hold.
 class ObjectView final : public dictionary::View {
  public:
   ObjectView(Director& director, line::Axis& axis) : director_(director), axis_(axis) {}
@@ -16,9 +16,9 @@ class ObjectView final : public dictionary::View {
   void remove(const RuleRun& rule) { std::erase(rules_, &rule); }
   bool empty() const { return rules_.empty(); }
 
-  // The rule begins: remembers the value that `freeze` shows.
+  // Call this when the rule begins: it remembers the value that `freeze` shows.
   void begin(RuleRun& rule) const;
-  // Records the values that `late` shows later. To be called once a millisecond.
+  // Records the values that `late` shows later. Call this once a millisecond.
   void record(Time now) const;
 
   void show(const dictionary::Entry& entry, std::span<std::byte> value) override;

@@ -15,14 +15,14 @@ struct Packet {
 struct Framing {
   std::size_t checksum_bytes = 0;                  // at the end of a message
   void (*seal)(std::vector<std::uint8_t>& bytes);  // appends the checksum, or corrects a length in the header
-  // A refusal with this code in place of a message; both without checksum.
+  // Returns a refusal with this code in place of a message. The message and the refusal have no checksum.
   std::vector<std::uint8_t> (*refusal)(std::span<const std::uint8_t> message, std::uint32_t code);
 };
 
 // The packets that replace a message, any number of them. Each act changes them in place.
 class Packets {
  public:
-  // Without `framing` an abort is that of an SDO transfer, of the message's object. `framing` must outlive this object.
+  // Without `framing` an abort is an SDO abort for the message's object. `framing` must outlive this object.
   Packets(const Message& message, std::uint64_t seed, const Framing* framing = nullptr);
 
   void apply(const RuleRun& rule);

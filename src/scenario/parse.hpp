@@ -21,7 +21,7 @@ struct ScenarioFile {
 // see Director.
 ScenarioFile parse_scenario(std::string_view text, const std::string& file);
 
-// Reads rules alone, as they join a running scenario by hand: the text has [[rule]] tables and nothing else.
+// Reads rules that the user adds to a running scenario: the text contains [[rule]] tables and nothing else.
 ScenarioFile parse_rules(std::string_view text, const std::string& file);
 
 // Reads a scenario file from disk. If that fails, the result has a diagnostic.

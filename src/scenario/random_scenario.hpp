@@ -6,10 +6,10 @@
 
 namespace servodrome::scenario {
 
-// The text of a scenario that combines the rules of two or three scenario files of the same line, drawn by `seed` and
-// `number`. The names of its rules begin with the name of their file. It has no expectations of its own: the
-// expectations of every trial apply, whatever fails. `folder` is where the text will be, for the path of the line.
-// Throws std::runtime_error if a file cannot be read or has errors.
+// The text of a scenario that combines the rules of two or three scenario files of the same line; `seed` and `number`
+// determine the choice. The names of its rules begin with the name of their file. It has no expectations of its own:
+// the standard expectations of every trial apply. `folder` is where the text will be, for the path of the line. Throws
+// std::runtime_error if a file cannot be read or has errors.
 std::string random_scenario(const std::vector<std::string>& files, std::uint64_t seed, std::uint64_t number,
                             const std::filesystem::path& folder);
 

@@ -11,9 +11,9 @@ struct Reduction {
   std::string text;
 };
 
-// Ways to make a scenario smaller by one step, the largest steps first: without a rule, without the expectations other
-// than `kept`, without a condition or a random value, with fewer acts, with shorter times. A text need not be valid:
-// the parser decides. Each rule, expectation and key must stand on lines of its own, as in the library.
+// Ways to make a scenario smaller by one step, the largest steps first: without a rule, without the expectations except
+// `kept`, without a condition or a random value, with fewer acts, with shorter times. A text may be invalid: the parser
+// decides. In the file each rule, expectation and key must be on lines of its own, as in the library.
 std::vector<Reduction> reductions(const std::string& text, const std::string& kept);
 
 }  // namespace servodrome::scenario

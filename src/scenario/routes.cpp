@@ -95,7 +95,7 @@ Director& Routes::begin(const std::string& text, const std::string& file, Extra 
   return *director_;
 }
 
-// The former scenario ends first: both take the places between the drives and their buses.
+// The former scenario ends first, because two scenarios cannot intercept the same messages.
 void Routes::begin(std::unique_ptr<Director> next) {
   director_.reset();
   director_ = std::move(next);

@@ -25,20 +25,22 @@ class Routes {
   // Begins a scenario in place of the present one, and returns its director, which is valid until the next one begins.
   // Throws ApiError with line and column of the first error.
   Director& begin(const std::string& text, const std::string& file, Extra extra);
-  // Of the present scenario, or of the last one; nullptr: there was none.
+  // The director of the present scenario, or of the last one; nullptr: no scenario has begun yet.
   Director* director() const { return director_.get(); }
 
   // Begins a scenario in place of the present one. Throws ApiError with line and column of the first error.
   api::Json begin(const std::string& body);
-  // The rules and verdicts of the present scenario, or of the last one. Throws ApiError 404 before the first.
+  // The rules and verdicts of the present scenario, or of the last one. Throws ApiError 404 if no scenario has begun
+  // yet.
   api::Json show() const;
-  // Those of the present scenario; none if there is no scenario.
+  // The rules of the present scenario; empty if there is no scenario.
   api::Json rules() const;
-  // The rules of a text join the present scenario; if there is none, one without rules begins first. Throws ApiError.
+  // Adds the rules of a text to the present scenario. Without one, a scenario without rules begins first. Throws
+  // ApiError.
   api::Json add_rules(const std::string& body);
-  // Takes a rule out of the scenario. Throws ApiError 404.
+  // Removes a rule from the scenario. Throws ApiError 404.
   api::Json remove_rule(const std::string& name);
-  // The master has ended: {"success": true}.
+  // Reports that the master has ended: {"success": true}.
   api::Json master_ended(const std::string& body);
   // Ends the scenario and decides its expectations.
   api::Json end();

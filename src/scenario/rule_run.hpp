@@ -15,7 +15,7 @@ struct PastValue {
   std::int64_t value = 0;
 };
 
-// A write that Hold has acknowledged for the drive, and that takes effect later.
+// A write that Hold has already acknowledged to the master, but that takes effect later.
 struct HeldWrite {
   Time due{};
   const dictionary::Entry* entry = nullptr;
@@ -36,7 +36,7 @@ struct RuleRun {
   // Returns true if the rule acts on the next matching message. It changes nothing, so it may be called again for the
   // same message.
   bool fires(std::uint64_t seed) const;
-  // A message that matches has passed. `fired`: the rule acted on it.
+  // Call this when a matching message has passed. `fired`: the rule acted on the message.
   void passed(bool fired) {
     ++seen;
     if (fired) ++acts;

@@ -14,8 +14,8 @@
 #include "links/can/bus.hpp"
 #include "links/time.hpp"
 
-// A scenario: rules by which the drives and buses of a line misbehave, and what a master is expected to do about it.
-// docs/scenario.md describes the file. All values here; `Director` carries them out.
+// A scenario: rules that make the drives and buses of a line behave wrongly, and the expected reaction of the master.
+// docs/scenario.md describes the file. These types contain values only; `Director` executes them.
 namespace servodrome::scenario {
 
 using links::Time;
@@ -75,7 +75,7 @@ struct MessagePattern {
   std::optional<std::uint16_t> address;           // register address of an EtherCAT datagram
 };
 
-// Holds while every member that has a value is true for the axis.
+// A condition is true while every member that has a value is true for the axis.
 struct Condition {
   std::string axis;          // the axis of the condition; empty: the axis of the rule or expectation
   std::optional<Time> time;  // the line time has reached this value
@@ -100,7 +100,7 @@ struct Condition {
   unsigned count = 1;
   std::optional<Time> ended;    // the master ended at least this time ago
   std::optional<bool> success;  // the master has ended with this result
-  // What the master does to the axis: MasterDeeds.
+  // Actions of the master on the axis: see MasterDeeds.
   std::optional<unsigned> fault_resets_above;  // number in the last second
   std::optional<unsigned> repeats_above;       // number of repeated SDO requests without an answer in the last second
   std::optional<bool> set_point_jumped;        // the first set-point of a cyclic mode was out of reach
@@ -204,7 +204,7 @@ struct Request {
   std::string path;    // behind /api/v1/axes/NAME
   std::string body;
 };
-// Switches a state of the drive or its machine as long as the rule acts.
+// Switches a state of the drive or its machine while the rule is active.
 struct Switch {
   enum class What { power, fault, input, locked_rotor };
   What what{};

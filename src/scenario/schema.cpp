@@ -69,7 +69,7 @@ Json rule_of(const FormatKeys& keys) {
 nlohmann::ordered_json properties_of(const std::vector<KeyNote>& notes) {
   Json properties = Json::object();
   for (const KeyNote& note : notes) {
-    // The words of a key come in a note of their own, besides the one of its type.
+    // The words of a key are in a separate note, in addition to the note of its type.
     const bool has_words = note.kind == KeyNote::Kind::string && note.words.empty() &&
                            std::any_of(notes.begin(), notes.end(), [&](const KeyNote& other) {
                              return other.key == note.key && !other.words.empty();

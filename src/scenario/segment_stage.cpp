@@ -55,7 +55,7 @@ void SegmentStage::connect_all() {
 
 links::EthercatInterposer::Entry SegmentStage::enters(std::span<std::uint8_t> bytes, Encapsulation encapsulation,
                                                       Time) {
-  connect_all();  // of a frame that did not come back
+  connect_all();  // after a frame that did not come back
   acting_.clear();
   is_cycle_ = false;
   ethercat::Frame frame;

@@ -19,7 +19,7 @@ class SegmentStage final : public links::EthercatInterposer {
   Return returns(std::span<std::uint8_t> frame, Encapsulation encapsulation, Time at) override;
 
  private:
-  // A frame that comes back behind later ones.
+  // A frame that comes back after frames that were sent later.
   struct HeldFrame {
     std::vector<std::uint8_t> bytes;
     unsigned later = 0;  // number of frames that come back before it

@@ -29,7 +29,7 @@ Bytes rtu_refusal(std::span<const std::uint8_t> message, std::uint32_t code) {
           static_cast<std::uint8_t>(code)};
 }
 
-// The length in the header counts what follows it.
+// The length in the header counts the bytes after the length.
 void seal_tcp(Bytes& bytes) {
   constexpr std::size_t counted_from = modbus::Mbap::size - 1;
   if (bytes.size() < counted_from) return;

@@ -17,7 +17,7 @@ class RuleStation final : public links::SerialStation {
   RuleStation(const RuleStation&) = delete;
   RuleStation& operator=(const RuleStation&) = delete;
 
-  // Begins at `now`, or when the characters that wait have been sent.
+  // Sending begins at `now`, or when earlier characters have been sent.
   void send(std::span<const std::uint8_t> characters, Time now);
 
   void receive(std::uint8_t, bool, Time) override {}
@@ -39,7 +39,7 @@ class SerialStage final : public links::SerialInterposer {
   SerialStage(const SerialStage&) = delete;
   SerialStage& operator=(const SerialStage&) = delete;
 
-  // Cuts the drive's stub: it neither receives nor is received.
+  // Disconnects the drive's stub: the drive receives nothing, and no other station receives the drive.
   void cut(bool is_cut);
   bool is_cut() const { return is_cut_; }
 
@@ -48,7 +48,7 @@ class SerialStage final : public links::SerialInterposer {
 
  private:
   const Framing& framing() const;
-  // Sends characters in the name of the drive.
+  // Sends characters as if the drive sent them.
   void speak(std::span<const std::uint8_t> characters, Time at);
 
   Director& director_;
@@ -59,7 +59,7 @@ class SerialStage final : public links::SerialInterposer {
   bool is_cut_ = false;
 };
 
-// The message after the rules, with the pauses that they put between its characters.
+// The message that results from the rules, with the pauses that they add between its characters.
 std::vector<links::SerialPiece> pieces_of(const Packets& packets, const std::vector<RuleRun*>& acting);
 
 }  // namespace servodrome::scenario

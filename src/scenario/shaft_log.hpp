@@ -6,7 +6,8 @@
 
 namespace servodrome::scenario {
 
-// Records the shafts and the states of all axes of a line once a millisecond, for pictures. It ends after `most`.
+// Records the shafts and the states of all axes of a line once a millisecond, for pictures. Recording ends after
+// `most`.
 class ShaftLog final : public line::Follower {
  public:
   struct Sample {

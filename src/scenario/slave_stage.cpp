@@ -26,7 +26,7 @@ bool SlaveStage::acknowledges() {
 void SlaveStage::release_later(Time late) {
   release_at_ = director_.now() + late;
   director_.at(release_at_, [this] {
-    // The master may have reset the mailbox, and a later message may wait.
+    // The master may have reset the mailbox, and another message may wait.
     if (director_.now() >= release_at_) axis_.device().ethercat_slave()->release_mail();
   });
 }

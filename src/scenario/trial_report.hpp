@@ -6,8 +6,8 @@
 
 #include "scenario/trial_result.hpp"
 
-// Reports of trials, made from the JSON of a trial. So they are the same for trials of the program and for trials in a
-// caller's process.
+// Reports of trials, made from the JSON of a trial. Therefore trials of the program and trials in a caller's process
+// have the same reports.
 namespace servodrome::scenario {
 
 using TrialJson = nlohmann::ordered_json;

@@ -26,14 +26,14 @@ struct TrialResult {
   Time duration{};            // line time
   std::string master_output;  // its last lines
   std::string picture;        // SVG of the shafts and states; may be empty
-  // Of each bus: the traffic around the failures and the first acts of the rules.
+  // For each bus: the traffic around the failures and the first acts of the rules.
   std::vector<BusExcerpt> traffic;
   std::vector<std::string> captures;  // files with the whole traffic
 };
 
 std::string_view word_of(TrialResult::Outcome outcome);
 
-// Sets `outcome` and `reason` from verdicts, rules and exit status. Adds the verdict whether the master has ended by
+// Sets `outcome` and `reason` from verdicts, rules and exit status. Adds the verdict on whether the master has ended by
 // itself, and the waived expectations.
 void judge(TrialResult& result);
 

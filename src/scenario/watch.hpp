@@ -6,7 +6,7 @@
 
 namespace servodrome::scenario {
 
-// The facts that conditions need in addition to the present state of an axis.
+// The data that conditions need in addition to the present state of an axis.
 struct Facts {
   std::map<std::string, std::optional<Time>, std::less<>> first_acts;  // of each rule; none: it has not acted
   std::map<const line::Axis*, double> travelled;                       // motor revolutions, both directions added
@@ -21,9 +21,9 @@ class Watch {
   // `axis` may be nullptr if the condition needs no axis (see needs_axis).
   Watch(const Condition& condition, line::Axis* axis) : condition_(&condition), axis_(axis) {}
 
-  // The watch begins: messages and distances count from now on.
+  // Begins the watch: it counts messages and distances from now on.
   void begin();
-  // A message has passed between this axis, or a bus (nullptr), and the master.
+  // Call this for each message between the master and this axis, or the bus if `axis` is nullptr.
   void notice(const line::Axis* axis, const Message& message);
   bool holds(Time now, const Facts& facts) const;
   // The present values of the quantities in the condition: "state fault, position 1.25".
@@ -43,10 +43,10 @@ class Watch {
   double start_revolutions_ = 0;
 };
 
-// The condition needs an axis.
+// Returns true if the condition needs an axis.
 bool needs_axis(const Condition& condition);
 
-// The position of the true shaft in motor revolutions.
+// The true position of the shaft in motor revolutions.
 double revolutions(const line::Axis& axis);
 
 }  // namespace servodrome::scenario

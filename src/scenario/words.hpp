@@ -13,7 +13,7 @@
 
 namespace servodrome::scenario {
 
-// A word of the scenario file and what it stands for.
+// A word of the scenario file and its value.
 template <typename Value>
 struct Word {
   std::string_view name;

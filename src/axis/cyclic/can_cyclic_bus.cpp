@@ -98,7 +98,7 @@ CanCyclicBus::CanCyclicBus(Bus& bus, std::vector<CanDrive> drives, const CanCycl
     try {
       close();
     } catch (const MasterError&) {
-      // The original error is rethrown below; this one is ignored.
+      // The first error is rethrown below; this error is ignored.
     }
     throw;
   }
@@ -108,7 +108,7 @@ CanCyclicBus::~CanCyclicBus() {
   try {
     close();
   } catch (const MasterError&) {
-    // Some objects could not be restored, for example because the node does not answer any more.
+    // The destructor ignores that some objects could not be restored, for example because the node no longer answers.
   }
 }
 
@@ -118,7 +118,8 @@ void CanCyclicBus::set_value(Station& station, const CanDrive::Value& value) {
   std::int64_t old = 0;
   if (!before.empty()) std::memcpy(&old, before.data(), std::min(before.size(), sizeof old));
   const auto bytes = std::as_bytes(std::span(&value.value, 1)).first(std::min<std::size_t>(value.bytes, 8));
-  // Before the download: without an answer to it the object may have the new value all the same.
+  // Stores the old value before the download, because the object may have the new value even if the answer to the
+  // download is lost.
   station.values_before.push_back({value.object, old, value.bytes});
   objects.download(value.object, bytes);
 }

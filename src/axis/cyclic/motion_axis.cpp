@@ -97,8 +97,8 @@ void MotionAxis::fail(AxisFault fault) {
   task_ = Task::position;
 }
 
-// True while the drive is in another mode. It must not be enabled in that mode: it would at once follow a target that
-// is not in these process data.
+// Returns true while the drive is in another mode. The drive must not be enabled in that mode, because it would at once
+// follow a target that these process data do not contain.
 bool MotionAxis::waits_for_mode() const {
   return switched_on_ && fault_ == AxisFault::none && axis_.state() == PowerState::switched_on &&
          !mode_is(mode_of(Task::position));
@@ -129,7 +129,7 @@ void MotionAxis::track_power() {
   const PowerState state = axis_.state();
   const bool broken = state == PowerState::fault || state == PowerState::fault_reaction_active;
   if (broken) {
-    // Also applies while the axis is switched off, and if the drive's fault occurs before this class finds one.
+    // Also applies while the axis is switched off, and if the drive reports a fault before this class detects one.
     fail(AxisFault::drive_fault);
   } else if (enabled_ && state != PowerState::operation_enabled) {
     fail(AxisFault::left_operation);

@@ -66,7 +66,7 @@ void MotionGroup::enable(Time timeout) {
 
 void MotionGroup::disable(const MotionLimits& limits, Time timeout) {
   for (MotionAxis& axis : axes_) {
-    // With a fault the axis is stopped already, or set-points cannot stop it.
+    // An axis with a fault has stopped already, or set-points cannot stop it.
     if (axis.fault() != AxisFault::none) axis.switch_on(false);
     axis.abort_homing();
     axis.run_at(0.0, limits);

@@ -43,7 +43,7 @@ class SetPointGenerator {
   double period_s() const { return period_s_; }
 
  private:
-  // As a fraction of a cycle: tolerance between a sum of periods and the duration of a profile, for rounding.
+  // A fraction of a cycle: the permitted rounding difference between a sum of periods and the duration of a profile.
   static constexpr double rounding = 1e-9;
 
   bool plan(bool planned, const drive::Trajectory& next, From from);

@@ -6,8 +6,8 @@
 
 namespace servodrome::master::plcopen {
 
-// The master's position or velocity in its units, without its offset, so that MC_SetPosition at the master does not
-// move a slave.
+// The master's position or velocity in its units. It does not contain the master's offset, so MC_SetPosition at the
+// master does not move a slave.
 double Axis::led_by(const Command& command, bool velocity) const {
   const Axis& master = *command.master;
   if (command.source == Source::ActualValue) {

@@ -27,8 +27,8 @@ class Controller {
   // the link is lost. Faults of axes do not throw: the program must check them.
   bool run_until(const std::function<bool()>& done, Time timeout);
   void run_for(Time span);
-  // For the end of a program: stops all axes, whatever they do, and switches them off. Throws MasterError if an axis
-  // stays enabled.
+  // For the end of a program: stops all axes, in any state, and switches them off. Throws MasterError if an axis stays
+  // enabled.
   void shut_down(double deceleration, Time timeout = std::chrono::seconds(5));
 
  private:

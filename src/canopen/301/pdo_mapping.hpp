@@ -86,7 +86,7 @@ inline std::uint64_t unpack(dictionary::Dictionary& dictionary, std::span<const 
   for (const MappedObject& object : objects) {
     std::uint64_t value = word >> object.shift & object.mask;
     if (dictionary.view() != nullptr && !taken(*dictionary.view(), object, value)) {
-      // The device does not get it.
+      // The view refuses the value, so the device does not receive it.
     } else if (!object.plain) {
       if (store_checked(dictionary, object, value)) to_tell |= bit;
     } else if (object.place != nullptr) {

@@ -55,7 +55,7 @@ void SdoServer::block_download_segment(const Frame& request) {
   const std::uint8_t sequence = request.data[0] & sequence_mask;
   const bool last = (request.data[0] & last_block_segment) != 0;
   if (sequence == 0 || sequence > block_size_) return abort(AbortCode::invalid_sequence_number);
-  // After a gap the rest of the sub-block is ignored; because of the acknowledgement the client repeats it.
+  // After a gap the rest of the sub-block is ignored; the acknowledgement makes the client repeat it.
   if (sequence == sequence_ + 1) {
     // Only the end request contains the length of the padding, so up to six bytes too many may arrive.
     if (received_ >= buffer_.size()) {

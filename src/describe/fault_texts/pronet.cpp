@@ -1,5 +1,5 @@
-// ESTUN ProNet: the alarms (manual, ch. 3.5, A 69 in ch. 7.5.4). The manual gives no causes: those here are the
-// simulated drive's.
+// ESTUN ProNet: the alarms (manual, ch. 3.5, A 69 in ch. 7.5.4). The manual gives no causes; the causes in this table
+// are those of the simulated drive.
 #include <array>
 
 #include "describe/fault_texts/tables.hpp"

@@ -81,8 +81,8 @@ class Homing {
   // Once per position-loop cycle, but not while the axis is halted (605Dh), because standstill means the end of a ramp
   // here. Returns `keep` while not active.
   HomingCommand step(const HomingInputs& inputs);
-  // To be called instead of step() while the axis is halted. Edges on the ramp to rest count; the returned command is
-  // for the end of the halt.
+  // Call this instead of step() while the axis is halted. Edges on the ramp to rest count; the returned command is for
+  // the end of the halt.
   HomingCommand step_halted(HomingInputs inputs);
 
   // Discards the homing; the caller must stop the axis.
@@ -96,7 +96,7 @@ class Homing {
   // Distance from the edge of the switch to the latched index, >= 0; -1: the method has no switch before its index.
   Counts index_distance() const { return index_distance_; }
   HomingError error() const { return error_; }  // after `stop` was commanded
-  Signal limit_ahead() const;                   // for the present leg, or the one that failed
+  Signal limit_ahead() const;                   // for the present leg, or the leg that failed
 
   // The present leg searches for a hard stop: the caller must ignore the following error and limit the torque.
   bool pressing() const;

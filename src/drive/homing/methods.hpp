@@ -160,7 +160,7 @@ constexpr Method present_position(std::int8_t number) { return Method{.number = 
 // A number that may be chosen but does nothing.
 constexpr Method no_homing(std::int8_t number) { return Method{.number = number, .idle = true}; }
 
-// The same method without the home offset: home is 0 whatever 607Ch says.
+// The same method without the home offset: home is 0 for any value of 607Ch.
 constexpr Method without_offset(Method method) {
   method.offset_applies = false;
   return method;
@@ -179,7 +179,7 @@ constexpr Method without_return(Method method) {
   return method;
 }
 
-// The same method without its last leg, the one to the index: the edge before is home.
+// The same method without its last leg, the leg to the index: the edge before the index is home.
 constexpr Method without_index(std::int8_t number, Method method) {
   method.number = number;
   --method.leg_count;

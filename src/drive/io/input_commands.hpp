@@ -12,8 +12,8 @@ namespace servodrome::drive {
 
 class Drive;
 
-// Commands of inputs: controlwords, modes, targets from tables. It writes the same objects as a bus master would, so
-// that the bus sees the effect of the inputs, and the last write counts.
+// Commands of inputs: controlwords, modes, targets from tables. They write the same objects as a bus master would, so
+// that the bus sees the effect of the inputs, and the last write applies.
 class InputCommands {
  public:
   // The product's and the user's values; all of them may change while running.

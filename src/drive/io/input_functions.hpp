@@ -43,7 +43,7 @@ struct InputFunctionRow {
   InputAction action = InputAction::none;
 };
 
-// The row of `code`, or nullptr: 0 is no function, and no row may have it.
+// Returns the row of `code`, or nullptr. Code 0 means "no function", so no row may have it.
 constexpr const InputFunctionRow* find_function(std::span<const InputFunctionRow> rows, std::uint16_t code) {
   for (const InputFunctionRow& row : rows) {
     if (row.code == code) return &row;

@@ -113,11 +113,11 @@ void Cascade::set_demand(const LoopDemand& demand) {
   last_demand_fraction_ = demand.position_fraction;
 }
 
-// The integral of a shaft that swings about its demand can be far above the load, because the proportional part
-// balances it. The proportional part vanishes if the demand restarts at the shaft, and the integral alone would drive
-// the shaft.
+// While a shaft oscillates about its demand, the integral can be far above the load torque, because the proportional
+// part balances it. If the demand restarts at the shaft, the proportional part is 0, and the integral alone would drive
+// the shaft. Therefore only the load's part of the integral is kept.
 void Cascade::keep_load() {
-  // The integral also balances the proportional part that a weight of the set-point below 1 leaves in even motion.
+  // The integral also balances the proportional part that a set-point weight below 1 causes at constant speed.
   const float even = velocity_kp_ * (1.0F - setpoint_weight_) * state_.velocity_counts_per_s;
   const float load = load_.load - demand_.torque - compensation_;
   const float present = integral_ - even;

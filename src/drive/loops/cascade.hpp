@@ -70,7 +70,7 @@ class Cascade {
   void enable(const Feedback& feedback);
   void disable();
   bool enabled() const { return enabled_; }
-  // To be called when the encoder's position was set to another value: discards the measured velocity.
+  // Call this when the encoder's position was set to another value: it discards the measured velocity.
   void forget_motion() {
     measuring_ = false;
     rests_ = false;
@@ -78,7 +78,7 @@ class Cascade {
     state_.velocity_counts_per_s = 0.0F;
   }
 
-  // The offsets of the current sensors, which tick() subtracts from what they show.
+  // The offsets of the current sensors, which tick() subtracts from the readings of the sensors.
   void set_current_offset(const std::array<float, 3>& offset_a) { current_offset_a_ = offset_a; }
   std::array<float, 3> current_of(const Feedback& feedback) const {
     const auto& [u, v, w] = feedback.phase_current_a;
@@ -119,7 +119,7 @@ class Cascade {
     const auto& [u, v, w] = feedback.phase_current_a;
     return u != 0.0F || v != 0.0F || w != 0.0F;
   }
-  // Returns true if another tick at this position, without power and current, would certainly change nothing.
+  // Returns true if another tick at this position, without power and current, changes nothing.
   bool at_rest(Counts position) const;
   void clear_controllers();
   void measure_velocity(Counts position);

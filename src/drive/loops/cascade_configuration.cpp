@@ -12,15 +12,15 @@ namespace {
 constexpr float pi = 3.14159265358979F;
 constexpr float tick_s = static_cast<float>(tick_seconds);
 
-// Rest rule: an axis stands if its encoder has not counted for this time. If it stands off its target, the torque
-// rises by the rated torque in push_s.
+// Rest rule: the axis is at rest if its encoder has not counted for this time. If it rests beside its target, the
+// torque rises by the rated torque in push_s.
 constexpr float standstill_s = 5.0e-3F;
 constexpr float push_s = 1.0F;
 
-// The speed limiter of the torque loop. `limiter_hz`: bandwidth on the bare rotor of the least gain, which is lower if
-// the velocity is measured late; with it the limiter acts only near the limit, even with a soft velocity loop.
-// `limiter_share`: integral gain as a fraction of velocity_ki; it is low so that the integral is still small when the
-// axis reaches the limit, and the speed hardly overshoots.
+// The speed limiter of the torque loop. `limiter_hz`: bandwidth of the limiter, on the bare rotor, with its lowest
+// gain. The gain is lower if the velocity is measured late. With this gain the limiter acts only near the limit, even
+// with a soft velocity loop. `limiter_share`: integral gain as a fraction of velocity_ki. It is low, so that the
+// integral is still small when the axis reaches the limit, and the speed hardly overshoots.
 constexpr float limiter_hz = 100.0F;
 constexpr float limiter_share = 0.25F;
 constexpr float load_hz = 50.0F;  // filter of the load torque that a demand from the shaft begins with
@@ -30,10 +30,10 @@ constexpr float velocity_low_pass_damping = 0.70710678F;
 
 // When gains change, the step that they would cause in the torque fades with this time constant.
 constexpr float handover_s = 5.0e-3F;
-// The greatest such torque: on an axis that oscillates, the torque of a single moment can be high.
+// Limit of this torque, because on an axis that oscillates the torque at one moment can be high.
 constexpr float most_handover = 0.3F;
 
-constexpr float rounding_margin = 1.001F;  // of the quick check for too little voltage against a braking current
+constexpr float rounding_margin = 1.001F;  // of the quick check whether the voltage is too low for a braking current
 
 }  // namespace
 

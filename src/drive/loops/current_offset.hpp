@@ -5,14 +5,14 @@
 
 namespace servodrome::drive {
 
-// Calibration of the current sensors at power-on: while all switches of the power stage are open and the shaft stands,
-// no current flows, so the mean of what the sensors show is their offset. It takes 64 cycles of the position loop (32
-// ms at 2 kHz) after a wait of 8. If the stage switches on before, the mean so far stays in force, from 8 samples on,
-// and the calibration continues when the switches are open again. If the shaft turns, its back-EMF may drive a current
-// through the diodes, so the calibration starts again.
+// Calibration of the current sensors at power-on. While all switches of the power stage are open and the shaft is at
+// rest, no current flows, so the mean of the sensors' readings is their offset. The calibration takes 64 cycles of the
+// position loop (32 ms at 2 kHz) after a wait of 8. If the stage switches on earlier, the mean of the samples so far
+// applies (from 8 samples on), and the calibration continues when the switches are open again. If the shaft turns, its
+// back-EMF may drive a current through the diodes, so the calibration starts again.
 class CurrentOffset {
  public:
-  static constexpr std::uint32_t wait_cycles = 8;  // until a current of before has decayed
+  static constexpr std::uint32_t wait_cycles = 8;  // until an earlier current has decayed
   static constexpr std::uint32_t least_samples = 8;
   static constexpr std::uint32_t samples = 64;
 

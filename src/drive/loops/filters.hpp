@@ -32,7 +32,7 @@ struct Biquad {
     state2 = b2 * input - a2 * output;
     return output;
   }
-  // Sets the state that a long constant `input` leaves.
+  // Sets the state that results from a long constant `input`.
   void settle(float input) {
     const float output = input * ((b0 + b1 + b2) / (1.0F + a1 + a2));
     state2 = b2 * input - a2 * output;

@@ -21,7 +21,7 @@ struct I2t {
     rated_squared_inverse = 1.0 / (rated_a * rated_a);
   }
 
-  // To be called once per period with the square of the current's amplitude, id^2 + iq^2.
+  // Call this once per period with the square of the current's amplitude, id^2 + iq^2.
   void update(float current_squared) {
     heat += rate * (static_cast<double>(current_squared) * rated_squared_inverse - heat);
   }

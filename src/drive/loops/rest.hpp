@@ -17,10 +17,10 @@ namespace servodrome::drive {
 //   rests there.
 struct RestRule {
   float window_counts = 1.0F;
-  std::uint16_t still_periods = 40;  // velocity periods without a count until the axis stands
-  float least_push = 0.0F;           // of the integral per velocity period while the axis stands off the target
+  std::uint16_t still_periods = 40;  // velocity periods without a count until the axis is at rest
+  float least_push = 0.0F;           // least change of the integral per velocity period at rest beside the target
 
-  // Once per position cycle: the position error that the position loop shall see. `standing`: the demand stands.
+  // Once per position cycle: returns the position error for the position loop. `standing`: the demand is constant.
   float position_error(float error_counts, bool standing) {
     if (!standing) {
       demand_stands_ = false;
@@ -57,7 +57,7 @@ struct RestRule {
     return integral + step;
   }
 
-  // Demand and axis stand.
+  // The demand is constant and the axis is at rest.
   bool at_rest() const { return demand_stands_ && still_ == still_periods; }
 
   void leave() { position_error(0.0F, false); }
@@ -65,8 +65,8 @@ struct RestRule {
  private:
   bool demand_stands_ = false;
   std::uint16_t still_ = 0;
-  float stood_with_ = 0.0F;       // integral when the axis came to stand
-  float stood_at_counts_ = 0.0F;  // position error where the axis stood last; 0: not yet
+  float stood_with_ = 0.0F;       // integral at the moment when the axis came to rest
+  float stood_at_counts_ = 0.0F;  // position error at the last rest of the axis; 0: not yet
   float step_counts_ = 0.0F;      // length of the last step
   float open_window_counts_ = 1.0F;
 };

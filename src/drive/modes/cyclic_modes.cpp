@@ -14,7 +14,7 @@ void CyclicSyncPosition::enter(Axis& axis) {
   resume(axis);
 }
 
-// After a halt. The end of a halt is no command, so an axis that a limit holds stays held.
+// Called after a halt. The end of a halt is not a command, so an axis that a limit holds remains at the limit.
 void CyclicSyncPosition::resume(Axis& axis) {
   axis.commanded.reset();
   axis.come_to_rest(RampShape::linear);
@@ -157,10 +157,11 @@ std::size_t InterpolatedPosition::buffer_size(const Axis& axis) {
   return std::clamp<std::size_t>(axis.objects.interpolation_actual_buffer_size, 1, capacity);
 }
 
-// Buffer organisation 60C4h sub 3: 0 = FIFO, a full one refuses the newest record; 1 = ring, the oldest is lost.
+// Buffer organisation 60C4h sub 3: 0 = FIFO, a full buffer refuses the new record; 1 = ring, a full buffer drops the
+// oldest record.
 bool InterpolatedPosition::takes_record(const Axis& axis, std::int32_t record) {
   if (axis.objects.interpolation_buffer_organisation != 0 || count_ < buffer_size(axis)) return true;
-  // Process data that repeat the newest record lose nothing.
+  // A record that process data only repeat is not lost.
   if (buffer_[(head_ + count_ - 1) % capacity] != record) lost_record_ = true;
   return false;
 }
@@ -202,8 +203,8 @@ void InterpolatedPosition::take_record(Axis& axis) {
   waited_ = bridging_ = false;
 }
 
-// The line has ended without a next record. If records come one at a time, the axis runs on for one period in place of
-// the missing one. If a buffer was worked off, the motion ends.
+// The line has ended without a next record. If records arrive one at a time, the axis continues for one period in place
+// of the missing record. If all records of a buffer were used, the motion ends.
 void InterpolatedPosition::await_record(Axis& axis) {
   const double period = period_.cycles(axis);
   const bool one_at_a_time = record_age_ < 1.5 * period + 1.0;
@@ -299,7 +300,7 @@ void SynchronousInterpolation::follow_target(Axis& axis) {
 
 void SynchronousInterpolation::step(Axis& axis) {
   if (axis.objects.interpolation_time_period_value == 0) axis.raise(Cause::interpolation_period_zero);
-  // Done here, so that a halt or another stop keeps its own ramp.
+  // Done in this function, so that a halt or another stop keeps its own ramp.
   if (std::exchange(given_up_, false)) axis.come_to_rest(RampShape::linear);
   if (axis.policy.interpolation == Interpolation::target) {
     follow_target(axis);

@@ -78,7 +78,7 @@ class InterpolatedPosition {
   bool lost_record() const { return lost_record_; }  // a record was refused since the buffer was cleared
   void step(Axis& axis);
   void halt(Axis&) {}
-  // The end of a halt is no command: an axis that a limit holds stays held.
+  // The end of a halt is not a command, so an axis that a limit holds remains at the limit.
   void resume(Axis&) { following_ = bridging_ = false, demand_.restart(); }
   void interrupt(Axis&, int direction);
   double deceleration(const Axis& axis) const { return axis.profile_deceleration(); }

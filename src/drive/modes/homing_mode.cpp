@@ -155,7 +155,7 @@ void HomingMode::resume(Axis& axis) {
   if (active_) carry_out(axis, last_);
 }
 
-// Edges on the ramp of a halt belong to the leg as well.
+// Edges during the ramp of a halt count for the leg as well.
 void HomingMode::observe(Axis& axis) {
   if (!halted_ || !active_) return;
   const bool had_latch = homing_.latched();
@@ -182,7 +182,7 @@ void HomingMode::carry_out(Axis& axis, const HomingCommand& command) {
   last_ = command;
 }
 
-// Stops from the actual position of the shaft, because it does not follow the demand while it presses against a stop.
+// Stops from the actual position of the shaft: while the shaft presses against a stop, it does not follow the demand.
 void HomingMode::give_up(Axis& axis) {
   if (std::exchange(pressed_, false)) {
     axis.take_over_actual();

@@ -11,7 +11,7 @@ namespace servodrome::drive {
 // old target, or a halt or a limit held the axis while the master continued) or that is faster than the axis may be:
 // the demand is then the line plus a distance, which decreases to zero within Axis::catch_up_limits. If the line slows
 // down by a steeper ramp meanwhile, the demand slows down with it and does not pass it. After a limit ended the motion,
-// the demand stands until the line is on its free side, away from the limit, even if the limit is gone by then.
+// the demand does not move until the line is on the free side of the limit, even if the limit is no longer active.
 class LineDemand {
  public:
   void stop() { *this = {}; }
@@ -19,7 +19,7 @@ class LineDemand {
   void hold(int held) { *this = {}, held_ = held; }
   // Restarts; a limit that holds the demand continues to hold it.
   void restart() { hold(held_); }
-  // The demand is on the line: it neither catches up with it nor is held at a limit.
+  // Returns true if the demand is on the line: the demand neither catches up with the line nor is held at a limit.
   bool on_line() const { return !catching_up_ && held_ == 0; }
 
   // Returns true if a step of the speed, counts/s, is a jump and not the beginning of a motion.

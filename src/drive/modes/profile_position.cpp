@@ -20,7 +20,7 @@ constexpr std::uint32_t rest_wait_ms = 2000;
 
 void ProfilePosition::enter(Axis& axis) {
   axis.commanded.reset();
-  axis.new_set_point = false;  // a target written before is no command for this mode
+  axis.new_set_point = false;  // a target that was written before does not start a motion in this mode
   head_ = count_ = 0;
   immediate_pending_ = false;
   running_ = false;
@@ -216,7 +216,7 @@ void ProfilePosition::plan(Axis& axis, const SetPoint& set_point, Counts target,
   const MotionLimits limits =
       axis.limits(set_point.velocity, set_point.acceleration, set_point.deceleration, set_point.jerk);
   allowed_ = axis.max_velocity(true);
-  // A target at a software limit is the end of the way.
+  // A target at a software limit: the motion ends there, so the end velocity is 0.
   const double end_velocity = axis.at_software_limit(axis.to_user_position(target)) ? 0.0 : set_point.end_velocity;
   const auto way = static_cast<double>(target - axis.generator.nearest_position());
   direction_ = std::copysign(1.0, way != 0.0 ? way : axis.generator.velocity());
@@ -375,7 +375,8 @@ void ProfilePosition::interrupt(Axis&, int) {
   interrupted_ = true;
 }
 
-// A set-point whose demand had ended is resumed as well, because the halt began from the shaft, which had not arrived.
+// A set-point whose demand had ended is resumed as well: the halt began at the position of the shaft, before the
+// target.
 void ProfilePosition::resume(Axis& axis) {
   const bool left = given_ && !interrupted_ && axis.generator.nearest_position() != target_;
   if (!running_ && !left) return;

@@ -23,8 +23,8 @@ namespace {
 // Tolerance of a cyclic target's time, in cycles. A target is on time in the first cycle at or after its due time.
 constexpr double jitter = 1.0;
 constexpr bool too_late(double due) { return due <= -jitter - 1.0; }
-// Mean deviation of the targets' times: its tolerance in cycles (a period that is no multiple of the cycle causes up to
-// a half), and the weight of one target.
+// Values for the mean deviation of the targets from their due times: the permitted deviation in cycles (a period that
+// is no multiple of the cycle causes up to a half), and the weight of one target in the mean.
 constexpr double phase_slack = 0.6;
 constexpr double phase_share = 1.0 / 32.0;
 // Weight of one SYNC for the time base that is locked to it, unless its deviation exceeds the jitter of a bus.
@@ -115,7 +115,8 @@ void SetPointFollower::keep_to_limits(Axis& axis) {
 // `cycles`.
 bool SetPointFollower::begin(Axis& axis, std::int64_t user, double cycles) {
   keep_to_limits(axis);
-  // A target that comes long before the next one is due is the missing one, late.
+  // While the line bridges a missing target, a target that arrives long before its due time is the missing target,
+  // late.
   const bool lost_one = std::exchange(bridging_, false) && due_ > 2.0 * jitter;
   if (following_) return !too_late(due_) && !lost_one;
   following_ = true;
@@ -153,7 +154,7 @@ void SetPointFollower::follow(Axis& axis, std::int64_t user) {
   lead_to(axis, user);
 }
 
-// A line whose speed differs widely from that of the previous line is a jump, not a stream that would continue.
+// If the speed of a line differs widely from that of the previous line, the target is a jump and not part of a stream.
 void SetPointFollower::lead_to(Axis& axis, std::int64_t user) {
   const double before = line_.rate();
   target_ = resolve_cyclic_target(axis, user, target_);
@@ -162,7 +163,7 @@ void SetPointFollower::lead_to(Axis& axis, std::int64_t user) {
   bridge_ = streams_ ? bridging_rate(before, line_.rate()) : 0.0;
 }
 
-// The axis ran on for the tolerance of a late target.
+// The axis continued while the follower waited for a late target.
 void SetPointFollower::await_late_target(const Axis& axis) {
   bridging_ = !bridging_ && bridge_ != 0.0;
   streams_ = bridging_;

@@ -37,11 +37,11 @@ class InterpolationPeriod {
 // ended, and the axis rests at the last target.
 class SetPointFollower {
  public:
-  // Drops the targets; the axis comes to rest.
+  // Discards the targets; the axis comes to rest.
   void stop() { following_ = false, demand_.stop(); }
   // A limit in this direction, -1 or +1, ended the motion: see LineDemand::hold.
   void hold(int direction) { following_ = false, demand_.hold(direction); }
-  // As stop(), for a stop that is no command: a limit continues to hold the axis.
+  // Like stop(), but for a stop that is not a command: a limit continues to hold the axis.
   void pause() { following_ = false, demand_.restart(); }
   bool on_line() const { return demand_.on_line(); }
   bool following() const { return following_; }

@@ -73,7 +73,7 @@ void ProfileVelocity::step(Axis& axis) {
                         axis.max_velocity(true),
                         axis.active(Signal::invert_direction)};
   const bool same_target = planned_ && request.target == request_.target && request.inverted == request_.inverted;
-  // A dropped target stays dropped, but a lowered speed limit is obeyed.
+  // A target that a limit has ended does not start again, but a lowered speed limit still applies.
   const bool keeps_given_up = given_up_ && same_target;
   const bool obeys = std::abs(axis.generator.velocity()) <= request.allowed;
   if (!planned_ || (request != request_ && !(keeps_given_up && obeys))) {
@@ -93,7 +93,7 @@ void ProfileVelocity::step(Axis& axis) {
     windows_.changed();
   }
   request_ = request;
-  // an axis that is commanded to stand is not limited by a switch
+  // A limit switch does not limit an axis whose target is standstill.
   if (given_up_ && wanted_ == 0.0) axis.limited = false;
   if (clipped_) axis.exceed_velocity(Mode::profile_velocity);
   axis.generator.step(axis.cycle_s);

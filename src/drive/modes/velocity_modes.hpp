@@ -13,7 +13,7 @@ class VelocityWindows {
     target_reached_ = false;
     window_.reset();
   }
-  // To be called when the demand changes: restarts "target reached".
+  // Call this when the demand changes: it restarts "target reached".
   void changed() { window_.reset(); }
   // `goal` in counts/s; `arrived`: the demand has reached it.
   void update(const Axis& axis, double goal, bool arrived);
@@ -58,7 +58,7 @@ class ProfileVelocity {
 
   Request request_{};
   bool planned_ = false;
-  // A limit ended the motion, or it could not start without a ramp: the axis waits for another target.
+  // A limit ended the motion, or the motion could not start without a ramp: the axis waits for another target.
   bool given_up_ = false;
   double wanted_ = 0.0;  // the request in counts/s
   bool slipping_ = false;

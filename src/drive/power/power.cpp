@@ -25,7 +25,7 @@ bool has(std::uint32_t codes, std::int16_t code) {
 
 void Drive::handle_controlword(std::uint16_t before, std::uint16_t now) {
   controlword_ = now;
-  // a mode that was written before must be in force for this controlword, not only from the next cycle on
+  // A mode that was written before this controlword must already be in force for it, not only from the next cycle on.
   change_mode();
   if ((now & controlword::fault_reset) != 0) {
     awaits_dc_link_ = false;  // a new word cancels the earlier command
@@ -61,7 +61,7 @@ bool Drive::accepts(const Transition& transition) const {
 void Drive::handle_command(Command command) {
   if (command != Command::switch_on && command != Command::enable_operation) awaits_dc_link_ = false;
   if (state_ == PowerState::operation_enabled && pending_.active && command == Command::enable_operation) {
-    // Operation is enabled again during its end: continue from the present motion.
+    // The command enables operation again while a stop would end it: the mode continues from the present motion.
     pending_ = {};
     enter_state(PowerState::operation_enabled);
     return;
@@ -87,7 +87,7 @@ void Drive::handle_command(Command command) {
       leave_operation(stop_of(code), PowerState::switch_on_disabled);
       if (has(policy_.option_codes.quick_stop_stays, code)) {
         pending_.active = false;
-        if (stage_ == Stage::engaging_brake) switch_power(true);  // the brake was closing for another state
+        if (stage_ == Stage::engaging_brake) switch_power(true);  // an earlier command has begun to close the brake
       }
       break;
     }
@@ -150,11 +150,12 @@ void Drive::leave_operation(Stop stop, PowerState to) {
   }
 }
 
-// Zero speed at once, while the brake closes. Returns false if the product does not do so, or nothing needs holding.
+// Commands zero speed at once, without a ramp, while the brake closes. Returns false if the product does not do so, or
+// if the brake has nothing to hold.
 bool Drive::hold_for_brake() {
   if (!policy_.brake_engages_before_power_off || !axis_.configuration.has_brake() || !energised()) return false;
   if (too_fast_for_brake()) return false;
-  if (zero_speed_ && stage_ == Stage::engaging_brake) return true;  // a master that repeats the command in every cycle
+  if (zero_speed_ && stage_ == Stage::engaging_brake) return true;  // the master repeats the command in every cycle
   stopping_ = short_circuit_ = false;
   zero_speed_ = true;
   engage_brake();
@@ -188,7 +189,7 @@ void Drive::enter_state(PowerState to) {
   identification_.abort();
   if (power != energised()) {
     switch_power(power);
-    // An axis that stands by the criterion of stops is held at its position, even if it drifts slowly.
+    // If the axis is at standstill by the criterion of a stop, it holds its present position, even if it drifts slowly.
     if (power) shaft_stands_ ? axis_.generator.reset(axis_.position()) : axis_.take_over_actual();
   } else if (stage_ == Stage::engaging_brake) {
     switch_power(true);  // enabled again while the brake closes
@@ -226,7 +227,7 @@ void Drive::take_over_shaft() {
   const bool without_ramp = stopping_ && (stop_ == Stop::current_limit || stop_ == Stop::voltage_limit);
   const bool follows = !without_ramp && axis_.follows_demand();
   if (follows && !(smoothing_pending_ && smoothed_loop_ == loop)) return;
-  if (follows) {  // the smoothed demand, which lags behind the generator
+  if (follows) {  // continues from the smoothed demand, which lags behind the generator
     const Counts place =
         loop == Loop::position ? (smoothed_value_ >> 16) + axis_.offset : axis_.generator.nearest_position();
     axis_.generator.start_from(place, static_cast<double>(smoothed_velocity_));
@@ -238,9 +239,9 @@ void Drive::take_over_shaft() {
   smoothed_loop_ = Loop::off;
 }
 
-// An axis that cannot brake as fast as its ramp runs past the demand. The demand then follows the shaft, so that the
+// If the axis cannot brake as fast as its ramp, it overtakes the demand. The demand then follows the shaft, so that the
 // position loop does not pull the axis back. If the shaft turns back, the demand stays where it is and holds the axis,
-// which may swing about it.
+// which may oscillate about it.
 void Drive::keep_near_shaft() {
   if (axis_.velocity() * stop_direction_ < 0.0 && axis_.generator.standing()) stop_direction_ = 0.0;
   if (moved_demand_) return;  // the following error belongs to an earlier demand
@@ -251,9 +252,9 @@ void Drive::keep_near_shaft() {
   smoothed_loop_ = Loop::off;
 }
 
-// The ramp of a stop continues from the shaft if something has slowed the shaft down far below the ramp, such as a jam:
-// the stop must not speed it up again. A shaft that swings about a slow demand, or has turned back, does not count as
-// slowed down.
+// If a jam, for example, slows the shaft down far below the speed of a stop's ramp, the ramp continues from the speed
+// of the shaft, because a stop must not accelerate the shaft. This does not apply to a shaft that oscillates about a
+// slow demand or has turned back.
 void Drive::slow_down_with_shaft() {
   constexpr double least_share = 0.5;      // of the ramp's speed
   constexpr double slow_ramp_share = 0.1;  // of the motor's greatest speed
@@ -288,7 +289,7 @@ void Drive::begin_stop(Stop stop) {
   axis_.follow_generator(stop_loop_);  // takes effect in this cycle
 }
 
-// The deceleration of a stop's ramp, counts/s^2; 0: it has none.
+// The deceleration of a stop's ramp, counts/s^2; 0: the stop has no ramp.
 double Drive::deceleration_of(Stop stop) const {
   double deceleration = 0.0;
   if (stop == Stop::slow_down_ramp) {
@@ -310,7 +311,7 @@ void Drive::begin_ramp() {
   }
   const double jerk = objects.profile_jerk[0] * axis_.units.jerk;
   if (jerk <= 0.0 && shape == RampShape::jerk_limited) shape = RampShape::linear;
-  // A ramp without a slope: the current limit decides.
+  // Without a deceleration the axis brakes at the current limit instead of by a ramp.
   if (stop_ != Stop::voltage_limit && deceleration <= 0.0) stop_ = Stop::current_limit;
   const Loop loop = axis_.demand.loop;  // off: enabled since the last cycle
   stop_loop_ = loop == Loop::torque ? Loop::velocity : loop == Loop::off ? Loop::position : loop;
@@ -330,9 +331,9 @@ double Drive::quick_stop_deceleration() const {
   return mode_ == Mode::velocity ? velocity_mode_.quick_stop_deceleration(axis_) : axis_.quick_stop_ramp();
 }
 
-// The slow-down ramp of a halt or of the end of operation may need more way than there is before a limit, by its slope
-// or its shape. A linear ramp then replaces it, with the deceleration of the quick stop if that is steeper. The ramps
-// of 605Ah and 605Eh for quick stop and fault stay.
+// By its slope or its shape, the slow-down ramp of a halt or of the end of operation may need more distance than there
+// is before a limit. A linear ramp then replaces it, with the deceleration of the quick stop if that is steeper. The
+// ramps of quick stop (605Ah) and fault (605Eh) do not change.
 void Drive::keep_stop_within_limits() {
   const bool operating = state_ == PowerState::operation_enabled && !homes();
   if (!operating || stop_ != Stop::slow_down_ramp) return;
@@ -392,7 +393,7 @@ void Drive::step_power() {
   if (!pending_.active) return;
   if (stage_ == Stage::on && stop_finished()) {
     if (has_power_in(pending_.to)) return enter_state(pending_.to);
-    // The position loop holds the present position; the demand of a velocity loop may be elsewhere.
+    // The position loop holds the present position, because the demand of a velocity loop may have another position.
     if (axis_.demand.loop != Loop::position) axis_.generator.reset(axis_.position());
     engage_brake();
   }

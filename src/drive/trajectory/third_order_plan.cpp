@@ -228,7 +228,7 @@ double distance_of_change(const Cursor& from, double velocity, const Limits& lim
 void climb_and_descend(Cursor& cursor, const Descent& descent, double top_velocity, double way, const Limits& limits) {
   double cap = limits.acceleration;
   double top = top_velocity;
-  // An axis that is about to go backwards first has to reduce that acceleration to 0.
+  // If the axis would otherwise reverse, it first has to reduce its acceleration to 0.
   const bool separate = limits.acceleration != limits.deceleration;
   if (separate && cursor.acceleration < 0.0 && cursor.settling_velocity() < 0.0) cursor.arc_to(0.0);
   if (separate && cursor.velocity < 0.0) {

@@ -7,12 +7,12 @@
 
 namespace servodrome::drive {
 
-// Identifies inertia and friction by test moves: the torque swings the axis to and fro about its position at the
-// start, between two speeds, until the estimate is accurate enough. It controls torque and not position, because the
-// gains of a position loop are only known afterwards. While it runs, it replaces the current mode of operation.
+// Identifies inertia and friction by test moves: the torque moves the axis back and forth about its start position,
+// between two speeds, until the estimate is accurate enough. It controls torque and not position, because the gains of
+// a position loop are known only afterwards. While it runs, it replaces the current mode of operation.
 //
-// The torque begins at the holding torque and rises until the axis moves. After each reversal it is adapted so that a
-// swing takes a few windows of the estimator for any inertia.
+// The torque begins at the holding torque and rises until the axis moves. After each reversal the torque is adapted so
+// that a swing takes a few windows of the estimator for any inertia.
 class InertiaIdentification {
  public:
   struct Request {

@@ -12,7 +12,7 @@ namespace {
 
 using namespace std::chrono_literals;
 
-// Timeout of send() while the link has no room for the frame (the controller's transmit queue is full).
+// send() waits up to this time while the controller's transmit queue is full.
 constexpr Time send_patience = 1s;
 
 [[noreturn]] void rethrow(const std::string& name, const links::LinkError& error) {

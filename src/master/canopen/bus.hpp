@@ -41,14 +41,14 @@ class Bus {
   void send(const Frame& frame);
   void send(std::uint32_t id, std::initializer_list<std::uint8_t> data);
 
-  // Delivers frames until `done`, called after each frame, returns true (result true) or `deadline` has passed (result
-  // false). Frames that have arrived by the deadline are still delivered.
+  // Delivers frames and calls `done` after each one. Returns true when `done` returns true, and false at `deadline`.
+  // Frames that have arrived by the deadline are delivered before it returns.
   bool run_until(Time deadline, const std::function<bool()>& done);
   void run_for(Time span);
   // Delivers the frames that have already arrived.
   void drain() { run_for(Time{0}); }
 
-  // While this object exists, its listener is called for each frame, or its timer every period.
+  // While this object exists, the bus calls its listener for each frame, or its timer every period.
   class Subscription {
    public:
     Subscription() = default;
@@ -68,7 +68,8 @@ class Bus {
     std::function<void()> cancel_;
   };
   [[nodiscard]] Subscription listen(Listener listener);
-  // The first call is one `period` from now; later calls stay on that grid.
+  // The first call is one `period` from now, the later ones at multiples of `period`. A late call does not shift the
+  // calls after it.
   [[nodiscard]] Subscription every(Time period, std::function<void()> action);
 
  private:

@@ -103,8 +103,8 @@ bool LssMaster::scan_step(std::uint32_t number, std::uint8_t bit_check, std::uin
   return ask(request, identify_slave).has_value();
 }
 
-// Determines each part of the address bit by bit, from the highest bit down: a node answers if the bit is 0; without an
-// answer it is 1.
+// Finds each part of the address bit by bit, from the highest bit down. If a node answers, the bit is 0; without an
+// answer the bit is 1.
 std::optional<LssAddress> LssMaster::fastscan() {
   switch_all_to_waiting();
   if (!scan_step(0, confirm_scan, 0, 0)) return std::nullopt;
@@ -114,7 +114,7 @@ std::optional<LssAddress> LssMaster::fastscan() {
       if (!scan_step(parts[sub], bit, sub, sub)) parts[sub] |= std::uint32_t{1} << bit;
     }
     const auto next = static_cast<std::uint8_t>((sub + 1) % 4);
-    if (!scan_step(parts[sub], 0, sub, next)) return std::nullopt;  // the node has gone, or an answer was lost
+    if (!scan_step(parts[sub], 0, sub, next)) return std::nullopt;  // the node has left the bus, or an answer was lost
   }
   return LssAddress{parts[0], parts[1], parts[2], parts[3]};
 }

@@ -15,9 +15,9 @@ struct LssAddress {
   friend bool operator==(const LssAddress&, const LssAddress&) = default;
 };
 
-// LSS master (CiA 305): finds nodes without node-ID and assigns node-ID and bit rate. All services except finding and
-// selecting address the nodes in configuration state; they throw MasterError if no node answers in time or the node
-// refuses.
+// LSS master (CiA 305): finds nodes without node-ID and assigns node-ID and bit rate. The services that find, select or
+// switch nodes address all nodes. The other services address the nodes in configuration state and throw MasterError if
+// a node refuses or no node answers in time.
 class LssMaster {
  public:
   // `timeout`: for each answer.
@@ -30,7 +30,7 @@ class LssMaster {
   // Finds one node without node-ID and leaves it in configuration state; nullopt if there is none.
   std::optional<LssAddress> fastscan();
 
-  // Puts the one node with that address into configuration state. False: it does not answer.
+  // Puts the node with that address into configuration state. Returns false if it does not answer.
   bool select(const LssAddress& address);
   // Puts all nodes into configuration state; for a bus with one node. The service has no answer.
   void switch_all_to_configuration();
@@ -39,9 +39,9 @@ class LssMaster {
 
   // 1..127, or 255 for none. Takes effect at the next reset communication.
   void set_node_id(std::uint8_t node_id);
-  // A row of CiA 305 table 1: 0: 1 Mbit/s, 1: 800, 2: 500, 3: 250, 4: 125, 6: 50, 7: 20, 8: 10 kbit/s.
+  // `index`: row of CiA 305 table 1. 0: 1 Mbit/s, 1: 800, 2: 500, 3: 250, 4: 125, 6: 50, 7: 20, 8: 10 kbit/s.
   void set_bit_timing(std::uint8_t index);
-  // The nodes are silent for `delay`, switch the bit rate, and are silent for `delay` again. The master's interface
+  // The nodes send nothing for `delay`, switch the bit rate, and send nothing for `delay` again. The master's interface
   // must switch as well.
   void activate_bit_timing(std::chrono::milliseconds delay);
   // Saves node-ID and bit rate in non-volatile memory.

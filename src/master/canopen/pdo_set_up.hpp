@@ -18,8 +18,8 @@ struct PdoParameters {
   std::uint32_t cob_id = 0;  // bit 31 set: PDO not in use
   std::uint8_t transmission_type = 255;
   std::vector<std::uint32_t> mapping{};  // each: index, sub-index, length in bits (CiA 301 7.5.2.36)
-  // Values of the sub-indices beyond the mapping's count. They have no effect, but a comparison of all objects sees
-  // them.
+  // Values of the sub-indices beyond the mapping's count. They have no effect on the PDO, but a comparison of all
+  // objects includes them.
   std::vector<std::uint32_t> unused{};
 
   std::uint16_t communication_index() const {
@@ -31,8 +31,8 @@ struct PdoParameters {
   unsigned bytes() const;
 };
 
-// nullopt: the node does not have this PDO. `entries`: the last sub-index of the mapping to read, even if it is unused;
-// reading ends at the first that the node refuses. Throws ObjectError.
+// nullopt: the node does not have this PDO. `entries`: the last sub-index of the mapping to read, which may be beyond
+// the mapping's count. Reading stops at the first sub-index that the node refuses. Throws ObjectError.
 std::optional<PdoParameters> read_pdo(ObjectClient& objects, bool transmit, std::uint8_t number,
                                       std::size_t entries = 0);
 // Writes in the order of CiA 301 7.5.2.36: PDO off, mapping, transmission type, PDO on. The node must be

@@ -7,8 +7,8 @@ namespace {
 
 constexpr Time longest_listening = std::chrono::seconds(3);
 constexpr Time confirmation = std::chrono::seconds(5);
-constexpr Time settling = std::chrono::milliseconds(20);  // waiting time for a node without heartbeat, which confirms
-                                                          // nothing
+constexpr Time settling = std::chrono::milliseconds(20);  // waiting time for a node without heartbeat, which does not
+                                                          // confirm the state
 
 }  // namespace
 

@@ -42,7 +42,7 @@ class Interview {
     if (finished() || bus_.now() < deadline_) return;
     transfer_.abort(AbortCode::protocol_timed_out);
     if (!answered_) {
-      question_ = questions.size();  // no node there: the abort is not sent
+      question_ = questions.size();  // no node has this address: the abort is not sent
       return;
     }
     send();
@@ -55,8 +55,8 @@ class Interview {
   FoundNode& node() { return node_; }
 
  private:
-  // Timeout for one request. A node that has answered once is present, so it gets a longer one: it or the link may be
-  // slow.
+  // Timeout for one request. A node that has answered once is present, so it gets a longer timeout: the node or the
+  // link may be slow.
   Time patience() const { return answered_ ? std::max(timeout_, known_node_timeout) : timeout_; }
 
   void ask() {

@@ -71,7 +71,7 @@ void SdoClient::run(SdoTransfer& transfer) {
   expect_answer();
   while (!transfer.finished()) {
     // Each answer extends the deadline. With a cancellation callback the wait is cut into short pieces, so that
-    // cancelling also works with a silent drive.
+    // cancelling also works with a drive that does not answer.
     const Time until = cancelled_ ? std::min(deadline, bus_.now() + look_whether_cancelled) : deadline;
     bus_.run_until(until, [&] { return transfer.finished() || is_cancelled(); });
     if (!transfer.finished() && is_cancelled()) {

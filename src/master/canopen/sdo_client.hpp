@@ -29,8 +29,8 @@ class SdoError : public ObjectError {
 
 struct SdoOptions {
   Time timeout = std::chrono::seconds(1);  // for each answer
-  // How often an upload without answer is repeated. A download is never repeated, because it may have taken effect. In
-  // a block transfer it is also how often the acknowledgement of a sub-block is repeated.
+  // Number of retries of an upload without answer. A download is never repeated, because it may have taken effect. In a
+  // block transfer also the number of retries of a sub-block's acknowledgement.
   unsigned retries = 1;
 };
 
@@ -59,9 +59,9 @@ class SdoClient final : public ObjectClient {
 
   std::uint8_t node_id() const { return node_id_; }
   Bus& bus() { return bus_; }
-  // Cancellation callback, called after each frame and at intervals during a transfer; true aborts the transfer, which
-  // throws MasterError. Meant for long transfers. A caller that moves an axis must cancel between transfers, because it
-  // needs transfers to stop the axis.
+  // Cancellation callback, called after each frame and at intervals during a transfer. If it returns true, the transfer
+  // is aborted and throws MasterError. Meant for long transfers. A caller that moves an axis must not use it, but
+  // cancel between transfers, because it needs transfers to stop the axis.
   void cancel_when(std::function<bool()> cancelled) { cancelled_ = std::move(cancelled); }
 
  private:

@@ -34,7 +34,7 @@ SdoTransfer SdoTransfer::upload(ObjectAddress object, SdoProtocol protocol) {
     Frame& frame = transfer.initiate(command_of(sdo::client::block_upload) | sdo::client_crc |
                                      sdo::block_upload_subcommand::initiate);
     frame.data[4] = sdo::largest_block;
-    frame.data[5] = 0;  // the server may not switch to the ordinary protocol
+    frame.data[5] = 0;  // the server must not switch to the ordinary protocol
   } else {
     transfer.initiate(command_of(sdo::client::initiate_upload));
   }
@@ -109,7 +109,7 @@ bool SdoTransfer::is_for_this(const Frame& answer) const {
 bool SdoTransfer::receive(const Frame& answer) {
   if (finished() || answer.length != 8) return false;
   const std::uint8_t command = answer.data[0];
-  if (command == sdo::abort_transfer) {  // as a segment of a block upload this would be number 0, which does not exist
+  if (command == sdo::abort_transfer) {  // no segment of a block upload starts with 80h: its number would be 0
     // Some servers set the multiplexer to 0 if they did not understand the request.
     const bool unnamed = sdo::multiplexer_index(answer) == 0 && answer.data[3] == 0;
     if (!is_for_this(answer) && !unnamed) return false;

@@ -20,7 +20,7 @@ enum class SdoProtocol : std::uint8_t { ordinary, block };
 // server's frames, sends the client's frames and measures the time. Many transfers can run in parallel on one bus.
 //
 // Usage: call take() until it returns false, pass each answer to receive(), and repeat until finished(). If the server
-// is silent for too long, call abort(), or ask_again() first if can_ask_again().
+// does not answer in time, call abort(), or first ask_again() if can_ask_again() is true.
 class SdoTransfer {
  public:
   static SdoTransfer upload(ObjectAddress object, SdoProtocol protocol = SdoProtocol::ordinary);
@@ -44,7 +44,7 @@ class SdoTransfer {
   bool aborted_by_server() const { return aborted_by_server_; }
   ObjectAddress object() const { return object_; }
   bool is_upload() const { return is_upload_; }
-  // False if the server sent four bytes of which it did not say how many count.
+  // False if the server sent four bytes without the number of valid ones.
   bool size_is_known() const { return size_is_known_; }
   // The uploaded data, or the data to download.
   const std::vector<std::byte>& data() const { return data_; }

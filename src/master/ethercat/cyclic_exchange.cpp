@@ -48,7 +48,8 @@ CyclicExchange::CyclicExchange(EthercatMaster& master, std::vector<Member> membe
                                         [](const Member& member) { return member.slave->found().knows_lrw(); });
   lay_out();
   overdue_.reserve(most_overdue);
-  // Slaves outside this exchange may still have FMMUs from before, and would answer to the same logical addresses.
+  // Slaves outside this exchange may still have FMMUs of an earlier exchange, and would answer to the same logical
+  // addresses.
   const std::array<std::uint8_t, fmmu_size * reg::fmmus> no_fmmus{};
   master_.write_all(reg::fmmu, no_fmmus);
   for (std::size_t i = 0; i < members_.size(); ++i) configure(i);
@@ -211,7 +212,7 @@ void CyclicExchange::run() {
                           .address = ethercat::address_of(*reference_, reg::system_time),
                           .data = time_bytes_});
   }
-  // Each cycle also reads the AL status of one member, in turn: a slave that has left OP may still increment the
+  // Each cycle also reads the AL status of the next member, because a slave that has left OP may still increment the
   // working counter.
   next_status_ = (next_status_ + 1) % std::max<std::size_t>(members_.size(), 1);
   const bool asks = !members_.empty();
@@ -247,7 +248,7 @@ void CyclicExchange::judge(bool back) {
   auto datagram = datagrams_.begin();
   if (reference_) {
     if (datagram->answered && datagram->counter != 0) {
-      // Converted to the range from minus to plus half a period.
+      // Converts the phase error to the range from minus half a period to plus half a period.
       const auto period = static_cast<std::uint64_t>(options_.period.count());
       const std::uint64_t time = ethercat::load<std::uint64_t>(time_bytes_.data());
       const std::uint64_t late = (time % period + period - frame_phase_) % period;
@@ -328,7 +329,7 @@ void CyclicExchange::request_all(AlState state) {
     acknowledge_error(master_, member.slave->station(), state_timeout(state));
     master_.write<std::uint16_t>(member.slave->station(), reg::al_control, static_cast<std::uint16_t>(state));
   }
-  // All slaves change state at the same time; then each is polled, and a refusal throws.
+  // All slaves change state at the same time. Then the master polls each slave, and throws if a slave refuses.
   const Time deadline = master_.now() + state_timeout(state);
   for (std::size_t i = 0; i < members_.size(); ++i) {
     EthercatSlave& slave = *members_[i].slave;
@@ -352,7 +353,8 @@ void CyclicExchange::to_safe_operational() { request_all(AlState::safe_operation
 
 void CyclicExchange::to_operational() {
   start();
-  // Before the request the outputs must have been sent and the frames must be in phase with the reference clock.
+  // Before it requests OP, the master must have sent the outputs, and the frames must be in phase with the reference
+  // clock.
   master_.wait(2 * options_.period);
   const Time deadline = master_.now() + state_timeout(AlState::operational);
   const Time near = options_.period / 16;
@@ -373,8 +375,8 @@ void CyclicExchange::check() const {
                         fmt::format("it left {}: it is in {}", short_name(wanted_), text_of(status_[i])),
                         members_[i].slave->where(), remedy_of(status_[i].code));
   }
-  // Wrong counters may come from a member that has left its state. So as many cycles as there are members are
-  // tolerated: after these every AL status has been read, and the check above names that member.
+  // A member that has left its state can cause wrong working counters. Each cycle reads the AL status of one member, so
+  // the master tolerates as many such cycles as there are members: by then the check above has found that member.
   const bool back = std::all_of(datagrams_.begin(), datagrams_.end(), [](const auto& one) { return one.answered; });
   const std::size_t tolerated = std::max<std::size_t>(options_.tolerated_losses, back ? members_.size() : 0);
   if (statistics_.losses_in_a_row <= tolerated) return;

@@ -9,7 +9,7 @@ struct CyclicOptions {
   Time period = std::chrono::milliseconds(2);
   // True: one LRW for outputs and inputs, if all slaves support it; otherwise LWR and LRD.
   bool use_lrw = true;
-  // check() throws after more cycles in a row without all working counters.
+  // check() throws if more consecutive cycles than this lack data or a correct working counter.
   unsigned tolerated_losses = 10;
 };
 
@@ -61,8 +61,8 @@ class CyclicExchange final : public CyclicTask {
   void stop();
   bool runs() const { return runs_; }
 
-  // Synchronises the cycle to the distributed clock: every cycle distributes the time of the reference, and frames are
-  // sent `before_sync0` before each SYNC0, whose times are `sync0` plus multiples of the period.
+  // Synchronises the cycle to the distributed clock. Every cycle distributes the time of the reference and sends its
+  // frames `before_sync0` before a SYNC0. The times of SYNC0 are `sync0` plus multiples of the period.
   void follow_clock(std::uint16_t reference, std::uint64_t sync0, Time before_sync0);
   // Phase error of the last frame by the reference clock; positive: late.
   Time clock_error() const { return clock_error_; }
@@ -97,8 +97,8 @@ class CyclicExchange final : public CyclicTask {
   void forget_statistics() { statistics_ = {}; }
   const std::vector<Member>& members() const { return members_; }
   Time period() const { return options_.period; }
-  // Timeout of the member's process data watchdog: without a cycle for so long, it leaves OP and its axis stops. If the
-  // watchdog was off, it has been enabled.
+  // Timeout of the member's process data watchdog. If no cycle arrives for this time, the slave leaves OP and its axis
+  // stops. The constructor enables a watchdog that is off.
   Time watchdog(std::size_t member) const { return watchdogs_[member]; }
   bool uses_lrw() const { return lrw_; }
   std::size_t frames_with_data() const { return groups_.size(); }

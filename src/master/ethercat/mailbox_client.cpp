@@ -58,7 +58,7 @@ void MailboxClient::send(MailboxType type, std::span<const std::uint8_t> mail, T
                         fmt::format("a mail of {} bytes does not fit into its mailbox of {}", mail.size(), room_out()),
                         where(), "this is a mistake of the program; please report it");
   }
-  // Writes the whole area, because writing its last byte hands the mail to the slave.
+  // Writes the whole area, because the slave receives the mail only when the last byte is written.
   std::vector<std::uint8_t> bytes(areas_.out.length);
   ethercat::store_u16(bytes.data(), static_cast<unsigned>(mail.size()));
   bytes[5] = static_cast<std::uint8_t>(static_cast<unsigned>(type) | static_cast<unsigned>(counter_) << 4);

@@ -17,7 +17,7 @@ constexpr const char* check_wiring =
 constexpr const char* start_or_choose = "start `servodrome up` or give --bus LINK";
 
 [[noreturn]] void rethrow(const std::string& name, const links::LinkError& error) {
-  // Over UDP a missing listener shows only after the first frame.
+  // UDP reports a missing listener only after the first frame.
   if (error.code() == std::errc::connection_refused)
     throw MasterError("no server listens there", name, start_or_choose);
   throw MasterError("the link failed: " + error.code().message(), name,

@@ -46,7 +46,7 @@ struct EthercatOptions {
 // The master's connection to a segment: sends datagrams and matches the answers, reads and writes registers, and runs a
 // cyclic task while it waits. ETG.1000.4 clause 5. Single thread.
 //
-// Frames of other masters and late answers are not evaluated; the cyclic task receives them.
+// This class does not evaluate late answers and frames of other masters; it passes them to the cyclic task.
 class EthercatMaster {
  public:
   explicit EthercatMaster(std::unique_ptr<links::EthercatClient> client, const EthercatOptions& options = {})

@@ -53,7 +53,7 @@ EthercatOperation::EthercatOperation(EthercatMaster& master, std::span<const Fou
   std::vector<CyclicExchange::Member> members;
   for (EthercatSlave* slave : slaves_) {
     slave->to_pre_operational();
-    // SYNC pulses set up by an earlier master would act regardless of 1C32h, so they are switched off.
+    // Switches off SYNC pulses that an earlier master has set up, because they are active regardless of 1C32h.
     if (slave->found().has_clock()) master_.write<std::uint8_t>(slave->station(), ethercat::reg::sync_activation, 0);
     const bool sync0 = options.distributed_clocks && dc_mode_of(slave->found()).has_value();
     set_synchronisation(*slave, sync0);
@@ -74,12 +74,12 @@ EthercatOperation::EthercatOperation(EthercatMaster& master, std::span<const Fou
 }
 
 EthercatOperation::~EthercatOperation() {
-  // All slaves leave OP while the cycle still runs. One after the other without the cycle, a slave's watchdog could
-  // expire before its turn.
+  // All slaves leave OP while the cycle still runs. If they left OP one after the other without the cycle, the
+  // watchdogs of the last ones could expire first.
   try {
     exchange_->to_pre_operational();
   } catch (const MasterError&) {
-    // The loop below requests the state from each slave by itself.
+    // The loop below requests the state from each slave separately.
   }
   exchange_->stop();
   for (EthercatSlave* slave : slaves_) {
@@ -93,7 +93,7 @@ EthercatOperation::~EthercatOperation() {
 }
 
 // Sets the outputs to the present values of the objects; otherwise the first frame would set modes and targets to 0.
-// The controlword starts with 0, which commands nothing.
+// The controlword starts with 0, which does not enable the axis.
 void EthercatOperation::take_present_values() {
   constexpr std::uint16_t controlword = 0x6040;
   for (std::size_t i = 0; i < slaves_.size(); ++i) {

@@ -45,8 +45,8 @@ std::vector<std::uint16_t> read_each(EthercatMaster& master, unsigned count, std
   return values;
 }
 
-// Keeps the station addresses, because another master may be using them. A slave gets a new one only if it has none, if
-// a slave before it has the same, or if it equals an alias that another slave answers to.
+// Keeps the station addresses, because another master may be using them. A slave gets a new address only if it has
+// none, if a slave before it has the same address, or if another slave answers to this address as its alias.
 std::vector<std::uint16_t> give_stations(EthercatMaster& master, const std::vector<std::uint16_t>& aliases) {
   constexpr std::uint16_t alias_enabled = 0x0100;  // bit 24 of DL control, here in its upper half
   const auto count = static_cast<unsigned>(aliases.size());

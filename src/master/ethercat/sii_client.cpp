@@ -23,8 +23,8 @@ constexpr std::uint16_t acknowledge_error = 0x2000;
 constexpr std::uint16_t write_enable_error = 0x4000;
 constexpr std::uint16_t busy = 0x8000;
 
-constexpr Time busy_timeout = 2s;  // an EEPROM needs at most 10 ms for a word; a simulated one depends on its
-                                   // computer's load
+constexpr Time busy_timeout = 2s;  // an EEPROM needs at most 10 ms for a word; for a simulated one it depends on the
+                                   // load of the computer
 constexpr Time poll_interval = 100us;
 constexpr unsigned attempts = 3;  // an EEPROM that is still writing does not acknowledge
 
@@ -42,7 +42,7 @@ void SiiClient::fail(std::uint16_t word, const std::string& happened, const std:
 void SiiClient::take_interface() {
   if (taken_) return;
   if ((master_.read<std::uint8_t>(station_, reg::sii_pdi_access) & 1) != 0) {
-    master_.write<std::uint8_t>(station_, reg::sii_configuration, 0x02);  // takes the interface by force
+    master_.write<std::uint8_t>(station_, reg::sii_configuration, 0x02);  // forces the application to release it
   }
   master_.write<std::uint8_t>(station_, reg::sii_configuration, 0x00);
   taken_ = true;

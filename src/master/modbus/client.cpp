@@ -132,7 +132,7 @@ std::optional<Bytes> ModbusClient::exchange_rtu(std::uint8_t unit, const Bytes& 
     if (wanted == 0) wanted = rtu_frame_size(answer, pdu[0]);
   }
   answer.resize(wanted);
-  if (!modbus::is_rtu_frame(answer)) return std::nullopt;  // disturbed: treated like a missing answer
+  if (!modbus::is_rtu_frame(answer)) return std::nullopt;  // a damaged frame counts as a missing answer
   if (answer[0] != unit) malformed(unit, fmt::format("unit {} answered", answer[0]));
   return Bytes(answer.begin() + 1, answer.end() - 2);
 }

@@ -38,8 +38,8 @@ class ModbusClient {
   // `pty:PATH` and `serial:DEVICE` use RTU, `tcp:HOST:PORT` uses TCP.
   static ModbusClient open(const std::string& link, const ModbusOptions& options = {});
 
-  // `unit`: station or unit identifier; on a serial line 0 is a broadcast, for writes only. At most 125 registers can
-  // be read and 123 written (121 together with reading).
+  // `unit`: station or unit identifier; on a serial line 0 is a broadcast, for writes only. One request reads at most
+  // 125 registers and writes at most 123 (121 if it also reads).
   std::vector<std::uint16_t> read_holding_registers(std::uint8_t unit, std::uint16_t address, std::uint16_t count);
   std::vector<std::uint16_t> read_input_registers(std::uint8_t unit, std::uint16_t address, std::uint16_t count);
   void write_single_register(std::uint8_t unit, std::uint16_t address, std::uint16_t value);
@@ -61,8 +61,8 @@ class ModbusClient {
     write_number(unit, address, static_cast<std::uint64_t>(static_cast<std::int64_t>(value)), words<T>);
   }
 
-  // Sends raw bytes. Returns the bytes received within `timeout`, until none has arrived for `silence`. For tests of a
-  // device.
+  // Sends raw bytes. Returns the received bytes: it stops after `timeout`, or when no byte has arrived for `silence`.
+  // For tests of a device.
   std::vector<std::uint8_t> exchange_bytes(std::span<const std::uint8_t> bytes, Time timeout, Time silence);
   Framing framing() const { return framing_; }
 

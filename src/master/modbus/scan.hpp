@@ -17,7 +17,8 @@ struct FoundStation {
 };
 
 // Requests the identification of each unit from `first` to `last` (1..247). A unit that refuses is present; one that a
-// gateway cannot reach is absent. A silent unit takes the client's timeout. Throws MasterError if the link is lost.
+// gateway cannot reach is absent. Each unit that does not answer takes the client's timeout. Throws MasterError if the
+// link is lost.
 std::vector<FoundStation> scan_stations(ModbusClient& client, std::uint8_t first, std::uint8_t last);
 
 }  // namespace servodrome::master

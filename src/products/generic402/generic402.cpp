@@ -58,7 +58,7 @@ void Generic402::refresh(const dictionary::Entry& entry) {
   }
 }
 
-// RUN and ERR of CiA 303-3.
+// The lamps RUN and ERR of CiA 303-3.
 Lamps Generic402::lamps(Time) {
   Lamp run{"RUN", "green"};
   switch (node().nmt_state()) {

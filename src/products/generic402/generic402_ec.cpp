@@ -29,7 +29,8 @@ drive::Configuration Generic402Ec::configuration() const {
   return configuration;
 }
 
-// With SYNC0 the period of set-points is that of SYNC0, whatever 60C2h says. 60C2h is set to it if it can represent it.
+// With SYNC0 the period of set-points is the period of SYNC0, for any value of 60C2h. 60C2h is set to this period if it
+// can represent it.
 void Generic402Ec::state_changed(ethercat::AlState from, ethercat::AlState to, ethercat::AlStatusCode cause, Time now) {
   EthercatDevice::state_changed(from, to, cause, now);
   if (to == ethercat::AlState::init && set_point_period_s_ != 0.0) {

@@ -11,11 +11,11 @@ using drive::Reaction;
 using drive::ResetRule;
 
 // The fault table of the manual's chapter on troubleshooting (ch. 5). The EMCY code is the fault code. The manual
-// prints no error registers: they are this project's choice. The reaction is 605Eh for every fault, except where the
-// current or the rotor angle is no longer known: these faults cut the power stage whatever 605Eh says, because the
-// drive could not follow a ramp. Injection alone raises faults that the simulation has no cause for (calibration, angle
-// identification), faults of an end velocity, which this drive does not have (6181h, 6281h, 6282h, G19), and internal
-// errors of path planning (6180h, 6184h).
+// prints no error registers: they are this project's choice. The reaction is 605Eh for every fault, except for faults
+// after which the current or the rotor angle is unknown: these faults switch the power stage off for any value of
+// 605Eh, because the drive could not follow a ramp. Only injection raises faults for which the simulation has no cause
+// (calibration, angle identification), faults of an end velocity, which this drive does not have (6181h, 6281h, 6282h,
+// G19), and internal errors of path planning (6180h, 6184h).
 inline constexpr auto faults = std::to_array<drive::FaultRow>({
     {Cause::bus_overcurrent, 0x2230, 0x03, Reaction::power_off, ResetRule::when_cause_gone, "Bus overcurrent"},
     {Cause::overcurrent_u, 0x2310, 0x03, Reaction::power_off, ResetRule::when_cause_gone, "U-phase overcurrent"},
@@ -114,8 +114,8 @@ inline constexpr auto faults = std::to_array<drive::FaultRow>({
     {Cause::hall_state, 0xB104, 0x81, Reaction::power_off, ResetRule::when_cause_gone, "Hall status feedback abnormal"},
     // Not in the manual's table: a master lost by guarding or heartbeat (G4).
     {Cause::communication_lost, 0x8130, 0x11, Reaction::option_code, ResetRule::when_cause_gone, "Master lost"},
-    // Not in the manual's table either, as it has no 1010h (G32): a memory that cannot be used. The code is CiA
-    // 402-2's.
+    // Not in the manual's table either, because the manual has no 1010h (G32): the memory cannot be used. The code is
+    // that of CiA 402-2.
     {Cause::memory, 0x5530, 0x21, Reaction::power_off, ResetRule::when_cause_gone, "Non-volatile data memory"},
 });
 

@@ -34,7 +34,7 @@ inline constexpr drive::Leg to_index_positive = leg(positive, slow, Until::index
 inline constexpr std::array homing_methods = [] {
   using namespace homing;
   return std::array{
-      // Hard stop. Speeds are not printed: fast towards the stop, slow away from it.
+      // Hard stop. The manual prints no speeds: the axis is fast towards the stop and slow away from it.
       make_method(-4, {leg(positive, fast, Until::stalled, Then::hold), to_index_negative}),
       make_method(-3, {leg(negative, fast, Until::stalled, Then::hold), to_index_positive}),
       make_method(
@@ -42,7 +42,7 @@ inline constexpr std::array homing_methods = [] {
       make_method(
           -1, {leg(negative, fast, Until::stalled, Then::hold), leg(positive, slow, Until::retracted, Then::latch)}),
 
-      // Limit switch, then index. A start on the switch is not described; the first leg ends at once.
+      // Limit switch, then index. The manual does not describe a start on the switch; here the first leg ends at once.
       make_method(1, {leg(negative, fast, Until::limit_reached, Then::stop),
                       leg(positive, slow, Until::limit_released, Then::keep), to_index_positive}),
       make_method(2, {leg(positive, fast, Until::limit_reached, Then::stop),
@@ -149,7 +149,7 @@ inline constexpr std::array homing_methods = [] {
           {leg(positive, slow, Until::home_rising, Then::latch, drive::no_leg, 1),
            leg(negative, fast, Until::home_falling, Then::stop), leg(positive, slow, Until::home_rising, Then::latch)},
           1),
-      make_method(25, {leg(positive, fast, Until::home_falling, Then::stop, 1, 1),  // whatever the level
+      make_method(25, {leg(positive, fast, Until::home_falling, Then::stop, 1, 1),  // for any level of the switch
                        leg(negative, slow, Until::home_rising, Then::latch)}),
       make_method(
           26,
@@ -166,7 +166,7 @@ inline constexpr std::array homing_methods = [] {
           {leg(negative, slow, Until::home_rising, Then::latch, drive::no_leg, 1),
            leg(positive, fast, Until::home_falling, Then::stop), leg(negative, slow, Until::home_rising, Then::latch)},
           1),
-      make_method(29, {leg(negative, fast, Until::home_falling, Then::stop, 1, 1),  // whatever the level
+      make_method(29, {leg(negative, fast, Until::home_falling, Then::stop, 1, 1),  // for any level of the switch
                        leg(positive, slow, Until::home_rising, Then::latch)}),
       make_method(
           30,

@@ -6,7 +6,7 @@
 
 namespace servodrome::products::ismc {
 
-// Readings of the manual that could be the other way round (see README.md of this folder).
+// Choices where the manual can also be understood in another way (see README.md of this folder).
 inline constexpr std::int8_t home_offset_sign = -1;             // G25: zero = home + 607Ch
 inline constexpr std::uint32_t counts_per_revolution = 131072;  // G1
 

@@ -31,7 +31,7 @@ class IsmkDevice : public Fieldbus {
     Fieldbus::cycle(now);
   }
 
-  // Table 3-1; the lamps of the bus flicker with its traffic, which this does not show.
+  // Table 3-1. The lamps of the bus flicker with its traffic; this function does not show the flicker.
   Lamps lamps(Time now) override {
     Lamps lamps;
     lamps.add({"PWR", "green", Light::on});

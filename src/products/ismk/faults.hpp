@@ -21,16 +21,16 @@ constexpr std::uint16_t extension_bit(unsigned bit, std::uint16_t detailed) {
 
 // The alarms of the manual's chapter 10 with their emergency codes (ch. 9.3.3.6). The manual prints no error registers:
 // they are this project's choice. The reaction is 605Eh for every alarm, with two exceptions. An alarm after which the
-// current is unknown cuts the power stage whatever 605Eh says. After an alarm that leaves the rotor angle unknown, the
-// only option of 605Eh that still works is braking by short circuit, "even if the encoder is wrong" (ch. 5.6.3). Alarms
-// whose remedy in the manual is "restart" or "service" are reset by a restart only.
+// current is unknown switches the power stage off for any value of 605Eh. After an alarm that leaves the rotor angle
+// unknown, the only option of 605Eh that still works is braking by short circuit, "even if the encoder is wrong" (ch.
+// 5.6.3). Alarms whose remedy in the manual is "restart" or "service" are reset by a restart only.
 //
-// Where the manual names no cause, the assignment of causes to rows is this project's: all over-current comparators of
-// the plant are one alarm; encoder telegrams that break off are 400.0 (time-out), telegrams that are missing from the
-// start are 000.2; the gate supply depends on the logic supply; a fault of the drive's electronics is "MCU". Injection
-// alone raises alarms that have no cause in this drive: the chopper (the iSMK has none, ch. 1.3.1), pulses and the
-// second encoder (no terminals), the current sensor, watchdog, interrupt, SPI, the motor's identification, and 81FFh,
-// because the manual does not say which bus it is about.
+// Where the manual names no cause, the assignment of causes to rows is this project's choice: all over-current
+// comparators of the plant are one alarm; encoder telegrams that stop are 400.0 (time-out), telegrams that are missing
+// from the start are 000.2; the gate supply depends on the logic supply; a fault of the drive's electronics is "MCU".
+// Only injection raises alarms that have no cause in this drive: the chopper (the iSMK has none, ch. 1.3.1), pulses and
+// the second encoder (no terminals), the current sensor, watchdog, interrupt, SPI, the motor's identification, and
+// 81FFh, because the manual does not say which bus it means.
 inline constexpr auto faults = [] {
   constexpr auto option_code = Reaction::option_code;
   constexpr auto angle_lost = Reaction::angle_lost;

@@ -21,24 +21,25 @@ inline constexpr double velocity_ki_rate_hz = 4000.0;
 
 inline constexpr double kpp_per_hz = 100.0;  // Table 6-5; ch. 6.2.2 has 103 (C26)
 
-// 60FBh sub 2 counts as 2FF0h sub 1Ah: 1000 is 100 % (Table 6-5, ch. 7.8).
+// 60FBh sub 2 has the unit of 2FF0h sub 1Ah: 1000 is 100 % (Table 6-5, ch. 7.8).
 inline constexpr double velocity_feed_forward_full = 1000.0;
 
-// The acceleration in DEC, divided by K_Acc_FF, is a current in DEC. Its factory value, the weakest, is off.
+// The acceleration in DEC, divided by K_Acc_FF, is a current in DEC. The factory value of K_Acc_FF, which gives the
+// weakest feed-forward, means off.
 inline constexpr std::int16_t acceleration_feed_forward_off = 32767;
 inline constexpr double acceleration_percent_constant =
     6746518.0;  // of ch. 6.2.2: ACC % = this / K_Acc_FF / Easy_Kload x 100
 
 inline constexpr float current_bandwidth_hz = 2000.0F;  // appendix I
 
-// Width by frequency, and gain at the centre, of a notch: not printed.
+// The width of a notch as a fraction of its frequency, and its gain at the centre. The manual prints neither.
 inline constexpr float notch_relative_width = 0.5F;
 inline constexpr float notch_depth = 0.05F;
-// A notch needs some samples in its period: above this, at 4 kHz, it is off, although 250Bh goes up to 2000 Hz.
+// A notch needs some samples in its period: above this frequency, at 4 kHz, it is off, although 250Bh permits 2000 Hz.
 inline constexpr float highest_notch_hz = 1750.0F;
 
 // Number of notches, of four, that bits 0 and 1 of 60F9h sub 4 switch on (ch. 6.2.1: "BCD code"): none; the single
-// filter of 60F9h sub 3; this one and the second of automatic setting; all.
+// filter of 60F9h sub 3; this filter and the second filter of automatic setting; all filters.
 inline constexpr std::array<std::size_t, 4> notches_of_code{0, 1, 2, 4};
 
 // 60F9h sub 6 without bit 7 (Table 6-2).

@@ -5,8 +5,9 @@
 #include "drive/homing/cia402_methods.hpp"
 
 // The homing methods of the iSMK: those of Table 5-15 (1 to 4, 9 to 12, 19 to 22), 33, which every homing example uses,
-// and the others of CiA 402-2, whose rows are missing in the text at hand. All of them follow the figures of CiA 402-2,
-// because the drawings are missing too. Hard-stop methods are not printed and are refused with 0609 0030h.
+// and the others of CiA 402-2, whose rows are missing in this project's edition of the manual. All of them follow the
+// figures of CiA 402-2, because the drawings are missing too. Hard-stop methods are not printed and are refused with
+// 0609 0030h.
 namespace servodrome::products::ismk {
 
 inline constexpr auto homing_methods = [] {

@@ -79,7 +79,7 @@ void MotionControl::configure(const ServoObjects& objects, drive::Configuration&
                                  .reached_counts_per_s = own.target_speed_window / velocity_dec_per_inc_s,
                                  .zero_counts_per_ms = objects.io.zero_speed_window_inc_per_ms,
                                  .zero_ms = own.zero_speed_time_ms};
-  // The text has "disables" for both values (Table 5-18, 2340.01): 1 is taken for enabling.
+  // Table 5-18 (2340.01) prints "disables" for both values. Here 1 enables.
   if (own.step_stop_mode != 0) {
     const auto share = static_cast<float>(std::abs(own.step_stop_current / peak_current_dec));
     configuration.standstill_current_a = std::min(share, 1.0F) * motor.peak_current_a;
@@ -144,7 +144,7 @@ void MotionControl::refresh(const Entry& entry, ServoObjects& objects, const dri
   switch (key(entry)) {
     case 0x2FF009: own.target_speed_rpm = rounded<std::int16_t>(rpm_from_velocity_dec(common.target_velocity)); break;
     case 0x2FF00E: own.following_error_limit = rounded<std::uint16_t>(common.following_error_window / 100.0); break;
-    case 0x606300:  // the actual position in user direction, whatever 607Eh is (ch. 7.2)
+    case 0x606300:  // the actual position in the user's direction, for any value of 607Eh (ch. 7.2)
       common.position_actual_internal_value = drive::wrap_to_32_bits(axis.to_user_position(axis.position()));
       break;
     case 0x60FC00:

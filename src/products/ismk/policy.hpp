@@ -12,9 +12,9 @@ namespace servodrome::products::ismk {
 using drive::Mode;
 using drive::mode_bit;
 
-// Readings of the manual that could be the other way round (see README.md of this folder).
+// Choices where the manual can also be understood in another way (see README.md of this folder).
 inline constexpr std::int16_t winding_brake_code =
-    18;  // C4: quick stop is held after it, as ch. 5.6.3 says, not left as in Table 5-2
+    18;  // C4: the axis then stays in Quick stop active, as in ch. 5.6.3; in Table 5-2 it does not
 inline constexpr bool remote_bit = true;  // C7: set while no input enables the drive
 
 inline constexpr auto digital_inputs = [] {

@@ -19,22 +19,22 @@ class Servo {
   // The rating of Settings::model; the default one for a name that is not known.
   const Model& rating() const;
 
-  // ---- The life of a device ----
+  // ---- Start, reset and cycle ----
 
   void prepare(dictionary::Area areas);
   void loaded() { MotionControl::loaded(objects_); }
   drive::Configuration configuration();
 
-  // To be called before and after the device's power-on, and a reset by the bus. `whole`: the reset includes the
-  // application.
+  // Call these before and after the device's power-on, and before and after a reset by the bus. `whole`: the reset
+  // includes the application.
   void before_power_on();
   void before_reset(bool whole);
   void after_reset();
 
-  // Once per position-loop cycle. Returns true if 2FFFh requests a restart instead (`restart_feedback`).
+  // Once per position-loop cycle. Returns true if 2FFFh requests a restart; then use `restart_feedback`.
   bool cycle(Time now);
-  // The feedback after a restart, as after a short loss of supply: the shaft stands where it is, and the encoder knows
-  // its position within one turn only.
+  // The feedback after a restart, as after a short loss of supply: the shaft keeps its position, and the encoder knows
+  // the position within one turn only.
   drive::Feedback restart_feedback() const;
   // The period of set-points with SYNC0; 0: 3011h sub 1.
   void set_set_point_period(double seconds);

@@ -34,8 +34,8 @@ AbortCode Servo::store_motor_data(std::int64_t command) {
   return command == store_command ? save(Area::motor) : AbortCode::none;
 }
 
-// Factory values are in force at once; they persist if they are stored afterwards (Table 10-5, 800.0; Table 10-6,
-// 000.2). Objects that are never stored (targets, commands) keep their values.
+// Factory values apply at once. They persist only if they are stored afterwards (Table 10-5, 800.0; Table 10-6, 000.2).
+// Objects that are never stored (targets, commands) keep their values.
 void Servo::initialise_parameters(std::uint8_t node_id) {
   for (const dictionary::Entry& entry : dictionary_.table()) {
     if (!entry.saved || !entry.fixed_size() || dictionary::area_of(entry.index) == Area::motor) continue;

@@ -39,8 +39,8 @@ class LoopTuning {
  public:
   // Power-on: only the inertia of the rotor is known.
   void reset(double rotor_inertia_kgm2);
-  // To be called when the objects have their saved values: sets Velocity_BW from kvp, and clears commands that were
-  // running when the objects were saved.
+  // Call this when the objects have their saved values: sets Velocity_BW from kvp, and clears commands that were in
+  // progress when the objects were saved.
   void objects_loaded(ServoObjects& objects, const drive::MotorData& motor);
 
   // Rotor and load, as far as known.
@@ -51,12 +51,12 @@ class LoopTuning {
   const drive::InertiaEstimate& estimate() const { return estimate_; }
 
   // Completes a configuration: inertia, gains, rates of the loops. During the search for resonances the gains are low,
-  // so that an axis that oscillates by itself becomes quiet.
+  // so that an axis that oscillates by itself stops oscillating.
   void configure(const ServoObjects& objects, drive::Configuration& configuration) const;
 
   // Returns `none` if an object of this class' groups may take a value in the present state.
   static dictionary::AbortCode check(const dictionary::Entry& entry, std::int64_t value, const drive::Drive& drive);
-  // Keeps objects with the same meaning equal.
+  // Keeps objects with the same meaning equal to each other.
   void written(const dictionary::Entry& entry, ServoObjects& objects, drive::Drive& drive);
   void refresh(const dictionary::Entry& entry, ServoObjects& objects, const drive::MotorData& motor) const;
 

@@ -22,13 +22,13 @@ void JmcEc::follow_bus_error() {
   if (code != bus_error_) bus_error(code);
 }
 
-// Reports an error of the bus. With the motor enabled it is a fault already, if 6007h says so; otherwise it is reported
-// in the same way as a fault.
+// Reports an error of the bus. If the motor is enabled and 6007h says so, the error is a fault already; otherwise it is
+// reported in the same way as a fault.
 void JmcEc::bus_error(AlStatusCode code) {
   bus_error_ = code;
   show_alarm();
   if (code == AlStatusCode::none) {
-    // With a fault present, its reset clears the error of the bus as well.
+    // If a fault is present, its reset clears the error of the bus as well.
     if (!drive().any_fault()) EthercatDevice::errors_gone(drive().error_register());
     return;
   }
@@ -46,7 +46,7 @@ void JmcEc::warning_raised(const drive::FaultRow&) { show_alarm(); }
 
 void JmcEc::errors_gone(std::uint8_t remaining) {
   show_alarm();
-  // Warnings come and go without an emergency.
+  // The drive sends no emergency when a warning begins or ends.
   if (!fault_told_ || drive().any_fault()) return;
   fault_told_ = false;
   if (bus_error_ != AlStatusCode::none) remaining |= jmc_ec::communication_error_register;

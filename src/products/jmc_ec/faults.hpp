@@ -133,10 +133,10 @@ inline constexpr auto drive_faults = [] {
       // Drive codes without a number AL.xxx (Table 18)
       {Cause::phase_loss, 0x5005, 0x40, power_off, restart, "Phase loss", 0xE105},
       {cause::motor_not_enabled, 0x5000, 0x01, option_code, reset, "Motor not enabled", 0xE107},
-      // Without a number: a target at which the manual says that the drive stops (Table 228; C-34). The code is CiA
-      // 402-2's.
+      // Without a number: a target at which the manual says that the drive stops (Table 228; C-34). The code is that of
+      // CiA 402-2.
       {Cause::position_limit, 0x8612, 0x01, option_code, reset, "Target beyond the software limit", no_alarm_number},
-      // Warnings: statusword bit 7 while they are there, nothing else
+      // Warnings: statusword bit 7 is set while the warning is present; there is no other effect.
       {Cause::following_error_near, 0xA900, 0x00, warning, reset, "Position deviation large", 0x900},
       {cause::deviation_at_servo_on, 0xA901, 0x00, warning, reset, "Position deviation large at servo ON", 0x901},
       {Cause::i2t_near, 0xA910, 0x00, warning, reset, "Motor overload warning", 0x910},

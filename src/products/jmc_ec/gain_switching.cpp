@@ -12,7 +12,7 @@ double GainSwitching::change_of(double speed_command) {
   return change;
 }
 
-// True above level + hysteresis; once true, until the value is below level - hysteresis.
+// Becomes true above level + hysteresis, and false below level - hysteresis.
 bool GainSwitching::wants_second(const Settings& settings, const Inputs& inputs) const {
   const double hysteresis = std::min(settings.hysteresis, settings.level);
   const auto large = [&](double value) {

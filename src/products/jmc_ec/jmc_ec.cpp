@@ -25,7 +25,7 @@ constexpr float following_error_near = 0.8F;  // of 6065h
 constexpr std::uint32_t jammed_ms = 500;
 constexpr std::uint32_t index_lost_revolutions = 3;
 constexpr double speed_reached_rpm = 20.0;
-// A jerk-limited ramp (6086h = 3) reaches the default of 60C5h after 100 ms; there is no object for the jerk.
+// A jerk-limited ramp (6086h = 3) reaches the default of 60C5h after 100 ms. The manual has no object for the jerk.
 constexpr std::uint32_t jerk_per_max_acceleration = 10;
 
 constexpr std::int64_t sync_granularity_ns = 125'000;
@@ -193,9 +193,9 @@ ethercat::AlStatusCode JmcEc::may_change(ethercat::AlState from, ethercat::AlSta
 void JmcEc::state_changed(ethercat::AlState from, ethercat::AlState to, ethercat::AlStatusCode cause, Time) {
   using ethercat::AlState;
   if (from == AlState::operational) {
-    // Outputs have ended: 6007h determines the reaction, and the alarm shows the reason. If the master itself takes an
-    // enabled drive out of Operational, the reason is "no valid outputs". A drive that already stops because of an
-    // alarm gets no second one.
+    // Outputs are no longer valid: 6007h determines the reaction, and the alarm shows the reason. If the master itself
+    // takes an enabled drive out of Operational, the reason is "no valid outputs". If an alarm already stops the drive,
+    // this function raises no second alarm.
     const bool stops = drive().state() == drive::PowerState::fault_reaction_active;
     const auto why = cause != ethercat::AlStatusCode::none ? cause : ethercat::AlStatusCode::no_valid_outputs;
     if (cause != ethercat::AlStatusCode::none || !stops) {
@@ -204,7 +204,7 @@ void JmcEc::state_changed(ethercat::AlState from, ethercat::AlState to, ethercat
   }
   if (cause != ethercat::AlStatusCode::none) bus_error(cause);
   if (from == AlState::pre_operational && to == AlState::safe_operational) {
-    // With SYNC0 its cycle is the period of the targets, else 60C2h is.
+    // With SYNC0 the period of the targets is the cycle of SYNC0, otherwise 60C2h.
     const double period_s = 1e-9 * objects().communication.output_sync.sync0_cycle_time_ns;
     if (period_s != set_point_period_s_) {
       set_point_period_s_ = period_s;

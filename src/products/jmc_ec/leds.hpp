@@ -5,7 +5,7 @@
 
 #include "products/jmc_ec/communication_alarms.hpp"
 
-// The states of the drive's lamps (ch. 4.3.2, Table 10). The board or the web page does the blinking.
+// The states of the drive's lamps (ch. 4.3.2, Table 10). The board or the web page makes the lamps blink.
 namespace servodrome::products::jmc_ec {
 
 enum class Lamp : std::uint8_t { off, on, flashing, single_flash };

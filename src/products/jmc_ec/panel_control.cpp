@@ -145,8 +145,8 @@ bool PanelControl::power_cycle_needed(const Panel& panel) const {
   return false;
 }
 
-// P03-05 (ch. 8.2.4): the deviation alone decides, or the deviation after the end of the command or of the smoothed
-// command.
+// P03-05 (ch. 8.2.4): the condition is the deviation alone, or the deviation after the end of the command or of the
+// smoothed command.
 bool PanelControl::reached(const Panel& panel, const drive::Drive& drive) const {
   if (!drive.energised() || drive.axis().demand.loop != drive::Loop::position) return false;
   if (std::abs(drive.loops().following_error_counts) >= panel.in_position_window) return false;

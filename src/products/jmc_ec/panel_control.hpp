@@ -24,7 +24,7 @@ class PanelControl {
   // Sets P00 to the factory values for a motor (ch. 6).
   static void factory_values(Panel& panel, const drive::MotorData& motor);
 
-  // To be called at power-on, after the parameters are loaded: those that act from power-on take effect.
+  // Call this at power-on, after the parameters are loaded: it applies the parameters that act from power-on.
   void power_on(Panel& panel, const drive::MotorData& motor);
 
   // The motor according to P00. Where P00 has the rounded value of the rating (its factory value), the exact value of

@@ -12,7 +12,7 @@ namespace servodrome::products::jmc_ec {
 using drive::Mode;
 using drive::mode_bit;
 
-// Readings of the manual that could be the other way round (see README.md of this folder).
+// Choices where the manual can also be understood in another way (see README.md of this folder).
 inline constexpr bool energised_in_switched_on = true;       // C-30
 inline constexpr bool mode_zero_keeps = true;                // 6060h = 0 changes nothing
 inline constexpr bool position_change_needs_writing = true;  // D-15: 607Bh limits once it was written

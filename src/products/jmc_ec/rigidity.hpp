@@ -7,9 +7,10 @@
 // one of the 32 gain sets, the defaults of level 13 (Table 65); the other 31 are this project's choice.
 //
 // The proportional gain of the velocity loop rises from level to level by a tenth to a third. The other values keep
-// their ratio to it in level 13: the position gains are 48/27 and 57/27 of it, the torque filter is 0.84 ms x 27 Hz
-// divided by it. The integral time does too below level 13; above, where filters and encoder cost phase, it falls with
-// the square root only. The integral of the second set is nearly without effect (1000 ms) in every level.
+// their ratio to this gain in level 13: the position gains are 48/27 and 57/27 of it, the torque filter is 0.84 ms x 27
+// Hz divided by it. Up to level 13 the integral time is inversely proportional to the gain as well. Above level 13
+// filters and encoder reduce the phase, so the integral time falls with the square root of the gain only. In every
+// level the integral of the second set has nearly no effect (1000 ms).
 namespace servodrome::products::jmc_ec {
 
 // In the units of the parameters.

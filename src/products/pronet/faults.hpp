@@ -15,7 +15,7 @@ inline constexpr std::uint16_t interpolation_overtime_code = 0x8169;
 
 // The alarms (ch. 3.5, and A 69 in ch. 7.5.4). The manual prints neither error registers nor which alarms are warnings:
 // both are this project's choice. The reaction to an alarm is 605Eh, whose only value is power off: the motor coasts.
-// Bit 7 of the controlword resets every alarm. Injection alone raises 5210h, 5421h, 5583h, 6100h, 6120h and 8100h,
+// Bit 7 of the controlword resets every alarm. Only injection raises 5210h, 5421h, 5583h, 6100h, 6120h and 8100h,
 // because the simulated drive has no part that could fail in this way.
 inline constexpr auto faults = std::to_array<drive::FaultRow>({
     {Cause::overcurrent_u, 0x2310, 0x03, Reaction::power_off, ResetRule::when_cause_gone, "Over current"},

@@ -6,7 +6,7 @@
 
 namespace servodrome::products::pronet {
 
-// Readings of the manual that could be the other way round (see README.md of this folder).
+// Choices where the manual can also be understood in another way (see README.md of this folder).
 inline constexpr std::int8_t home_offset_sign = -1;  // zero = home + 607Ch (ch. 7.2 and 7.2.3)
 // "The error cause is found by reading the error code" (ch. 7.2.2). The list in ch. 3.5 has codes for the limit
 // switches. It has none for homing that cannot start, so that is "parameter error" of CiA 402.

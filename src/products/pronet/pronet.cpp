@@ -99,13 +99,13 @@ drive::Configuration Pronet::configuration() const {
                                digit(pn.get<516>(), pn.get<517>(), i) != 0};
     if (digit(pn.get<512>(), pn.get<513>(), i) != 0) configuration.bus_inputs |= 1U << i;
   }
-  // Pn514 counts 0.2 ms (appendix, 3086h); a cycle takes 0.5.
+  // The unit of Pn514 is 0.2 ms (appendix, 3086h); a cycle takes 0.5 ms.
   configuration.input_filter_cycles = (pn.get<514>() * 2U + 4U) / 5U;
   configuration.sync_period_s = own.sync_time_period_us * 1e-6;
   return configuration;
 }
 
-// The node stays silent without CANopen (Pn006.0) or with impossible bus settings.
+// Without CANopen (Pn006.0), or with impossible bus settings, the node gets no node-ID and sends nothing.
 std::uint8_t Pronet::chosen_node_id() const {
   const pronet::ParameterValues& pn = objects().manufacturer.parameters;
   const bool speaks = pn.digit<6>(0) == can_open && pronet::bus_settings_are_possible(pn);

@@ -1,4 +1,4 @@
-// Finds out which objects a drive has.
+// Finds the objects that a drive has.
 #include <algorithm>
 #include <fmt/format.h>
 

@@ -1,4 +1,4 @@
-// Abort codes of refused accesses, and that a refused access changes nothing. The same checks on CAN and EtherCAT.
+// A refused access has the right abort code and changes nothing. The same checks on CAN and EtherCAT.
 #include "tools/conform/check_tables.hpp"
 #include "tools/conform/trial.hpp"
 

@@ -212,7 +212,7 @@ void tracks_velocity(Trial& trial, int row) {
   }
 }
 
-// ---- Torque: only as much as it takes to move the axis ----
+// ---- Torque: the smallest one that moves the axis ----
 
 // Increases the torque until the axis turns.
 class TorqueRamp {
@@ -291,7 +291,7 @@ void tracks_torque(Trial& trial, int row) {
                fmt::format("6077h = 0, within {:.0f}", torque_window), fmt::format("6077h = {:.1f}", at_rest.value()));
 }
 
-// ---- Stops on the way ----
+// ---- Stops during a motion ----
 
 struct Motion {
   std::int32_t start = 0;

@@ -166,7 +166,7 @@ void CyclicRun::open_ethercat() {
     if (trial_.objects().upload(object.object) != std::vector(bytes.begin(), bytes.end()))
       trial_.objects().download(object.object, bytes);
   }
-  // The mode may have been lost on the way out of OP and back.
+  // The drive may have lost the mode when it left OP.
   trial_.set_mode(mode_.mode);
 }
 
@@ -176,7 +176,7 @@ void CyclicRun::set_interpolation_time() {
   const auto index = objects.read_if_present<std::int8_t>(0x60C2, 2);
   const auto time = interpolation_time_of(bus_->period());
   if (!value || !index || !time || (*value == time->value && *index == time->index)) return;
-  // With SYNC0 the drive may take the time from the pulses and refuse a write; that is no failure.
+  // With SYNC0 the drive may measure the time between the pulses and refuse a write, so a refusal is ignored.
   Trial::refusal_of([&] {
     objects.write<std::uint8_t>(0x60C2, 1, time->value);
     objects.write<std::int8_t>(0x60C2, 2, time->index);

@@ -39,8 +39,8 @@ class CyclicRun {
 
   // Enables the axis; the target is the present position, or 0. Ends the check if the axis does not become enabled.
   void enable();
-  // Runs cycles for `span`, or until `each`, called in each cycle, returns true. Returns false if it never did. `each`
-  // must not block.
+  // Runs cycles for `span` and calls `each` in each cycle. Ends early and returns true when `each` returns true;
+  // otherwise returns false. `each` must not block.
   bool run(Time span, const std::function<bool()>& each = {});
   void control(std::uint16_t word) { control_ = word; }
   std::uint16_t enabled_word() const {
@@ -87,7 +87,7 @@ class CyclicRun {
   bool done_ = false;
   std::vector<std::int32_t> positions_;  // positions of the last cycles, the newest last
   double speed_ = 0.0;
-  bool ends_ = false;  // the run ends: no cancellation any more
+  bool ends_ = false;  // the run ends: cancellation has no effect
 };
 
 }  // namespace servodrome::master::conform

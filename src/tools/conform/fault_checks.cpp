@@ -60,7 +60,7 @@ void reset_by_edge(Trial& trial, int) {
                fmt::format("{:02X}h, as before the fault", *before), fmt::format("{:02X}h", after));
 }
 
-// Bit 7 that was set before the fault must not reset it.
+// If bit 7 was set before the fault, it must not reset the fault.
 void standing_reset_bit(Trial& trial, int) {
   if (!trial.objects().read_if_present<std::uint32_t>(0x6065)) Trial::skip("it has no 6065h to cause a fault with");
   trial.enable(OperationMode::profile_position);

@@ -1,5 +1,5 @@
-// File access over EtherCAT, mail by mail. No file is written, because the effect of writing a file of an unknown name
-// is unknown.
+// File access over EtherCAT, mail by mail. The checks write no file, because a file of any name may have an effect on
+// the slave.
 #include <algorithm>
 
 #include "ethercat/slave/foe_server.hpp"
@@ -73,7 +73,7 @@ Answer ask(Trial& trial, const Mail& request) {
   }
 }
 
-// Ends a transfer by an error message to the slave, which has no answer.
+// Ends a transfer by an error message, which the slave does not answer.
 void give_up(Trial& trial) {
   MailboxClient& mailbox = mailbox_of(trial);
   mailbox.send(MailboxType::foe, mail_of(error_answer, static_cast<std::uint32_t>(FoeError::not_defined)), 1s);

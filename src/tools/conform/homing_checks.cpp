@@ -53,8 +53,8 @@ Bits bits_of(Trial& trial) {
   return {signals.attained, signals.error};
 }
 
-// The position cannot simply be written back, so the axis is homed again where it stands, with an offset that restores
-// the former position.
+// The master cannot write the position. So the axis is homed again at its present position, with an offset that
+// restores the former position.
 void put_position_back(Trial& trial, std::int32_t before) {
   for (const std::int32_t sign : {1, -1}) {
     trial.control(command_word::enable_operation);
@@ -149,7 +149,8 @@ void offset(Trial& trial, int) {
   trial.wait(50ms);
   const std::int32_t position = trial.position();
   const double tolerance = trial.units().position / 50.0;
-  // CiA 402-2 figure "home offset": zero is the offset away from home; editions and makers differ in the sign.
+  // CiA 402-2 figure "home offset": the offset is the distance between zero and home. Editions and makers differ in its
+  // sign.
   trial.expect(std::abs(std::abs(static_cast<double>(position)) - wanted) <= tolerance,
                fmt::format("607Ch = {}, homed", wanted), fmt::format("6064h = {0} or -{0}", wanted),
                fmt::format("{}", position));

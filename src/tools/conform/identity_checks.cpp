@@ -53,7 +53,8 @@ void drive_object(Trial& trial, int row) {
                value ? fmt::format("{:X}h", *value) : "there is no such object");
 }
 
-// A wrong signature must be refused. The right one is not sent, because it would store or restore the parameters.
+// A wrong signature must be refused. The check does not send the right one, because it would store or restore the
+// parameters.
 void signature(Trial& trial, int row) {
   const std::uint16_t index = row == 0 ? 0x1010 : 0x1011;
   ObjectClient& objects = trial.subject().services();

@@ -172,7 +172,7 @@ void bit_timing(Trial& trial, int) {
                text_of_answer(answer));
 }
 
-// Gives the node its node-ID back, trying every way by which it may still answer. False: it does not answer.
+// Restores the node's node-ID. Tries each way in which the node may still answer. Returns false if it does not answer.
 bool give_back(Trial& trial, Lss& lss) {
   Bus& bus = trial.subject().can().bus;
   const std::uint8_t own = trial.subject().can().sdo.node_id();

@@ -12,7 +12,8 @@ inline constexpr std::uint32_t pdo_invalid = 1U << 31;  // bit of a COB-ID (CiA 
 
 constexpr bool is_pdo_object(std::uint16_t index) { return index >= 0x1400 && index <= 0x1BFF; }
 
-// Configuration of a PDO of a CANopen node: 1400h to 15FFh or 1800h to 19FFh, and the mapping at 200h above.
+// Configuration of a PDO of a CANopen node: 1400h to 15FFh or 1800h to 19FFh, and the mapping object, whose index is
+// 200h higher.
 struct PdoConfiguration {
   std::uint16_t index = 0;  // of the communication parameter
   std::uint32_t cob_id = 0;

@@ -65,7 +65,7 @@ void quick_stop(Trial& trial, int) {
                text_of_state(trial.statusword()));
 }
 
-// With 605Ah = 2 the drive goes to switch on disabled once it stands.
+// With 605Ah = 2 the drive goes to switch on disabled when it stands still.
 void quick_stop_leaves(Trial& trial, int) {
   if (!trial.objects().read_if_present<std::int16_t>(0x605A)) Trial::skip("it has no 605Ah");
   if (const auto refusal = Trial::refusal_of([&] { trial.objects().write<std::int16_t>(0x605A, 0, 2); })) {

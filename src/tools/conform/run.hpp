@@ -8,7 +8,7 @@
 
 namespace servodrome::master::conform {
 
-// All checks in the order of execution: first those that need nothing, last those that reset the node.
+// All checks in the order of execution: first those that do not enable the axis, last those that reset the node.
 std::span<const Check> all_checks();
 
 struct RunOptions {
@@ -28,7 +28,7 @@ bool is_wanted(const Check& check, const RunOptions& options, unsigned bus_kind)
 
 struct Report {
   std::vector<Outcome> outcomes;
-  std::vector<std::string> problems;  // what could not be restored
+  std::vector<std::string> problems;  // objects and states that could not be restored
   bool cancelled = false;
 
   std::size_t count(Verdict verdict) const;

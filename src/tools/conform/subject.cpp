@@ -176,7 +176,7 @@ void Subject::to_rest() {
     });
   }
   if (state() == PowerState::fault) {
-    // The cause of the fault may persist until the axis stands, so the reset is repeated.
+    // The cause of the fault may persist until the axis stands still, so the reset is repeated.
     wait_until([&] {
       objects.write<std::uint16_t>(controlword, 0, 0x0000);
       objects.wait(20ms);
@@ -233,7 +233,7 @@ std::string Subject::restore() {
     try {
       if (can_->sdo.upload(object) != value) can_->sdo.download(object, value);
     } catch (const MasterError&) {
-      // The object is read-only, or the drive computes it: it is no configuration after all.
+      // The object is read-only, or the drive computes it: it is not a configuration object.
     }
   }
   if (nmt_state_ == NmtState::operational) master_->command(NmtCommand::start, can_->sdo.node_id());

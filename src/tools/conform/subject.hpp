@@ -64,7 +64,7 @@ class KeptObjects final : public ObjectClient {
   std::string where() const override { return target_->where(); }
   std::optional<Emergency> latest_emergency() override { return target_->latest_emergency(); }
 
-  // Remembers the value of an object that will be written by raw frames, past this client.
+  // Remembers the value of an object that the check will write by raw frames instead of this client.
   void keep(ObjectAddress object);
   // Restores the remembered values, the latest first. Returns the objects that the drive refused.
   std::vector<ObjectAddress> put_back();
@@ -94,7 +94,7 @@ class Subject {
   // Access by SDO or register only, in any state of the bus.
   ObjectClient& services();
   void leave_operation();
-  // True if the slave was in OP and is not any more: this computer sent too late, or the slave left it.
+  // True if the slave was in OP and has left it: by itself, or because this computer sent too late.
   bool lost_operation() const;
 
   CanAccess& can() { return *can_; }

@@ -51,7 +51,7 @@ void what_it_cannot(Trial& trial, std::uint32_t value, const char* what) {
 
 void rules(Trial& trial, int) {
   const std::uint32_t before = present(trial);
-  // Takes 1012h out of use, whatever its value was.
+  // Clears both bits of 1012h, so that the drive does not use TIME.
   write(trial, before & ~(consumes | produces));
   what_it_cannot(trial, before & ~consumes & ~produces & 0x1FFFFFFFU, "out of use");
   what_it_cannot(trial, (before & ~consumes & ~produces) | extended, "an extended frame");

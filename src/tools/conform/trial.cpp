@@ -139,7 +139,7 @@ void Trial::step(PowerState from, std::uint16_t word, PowerState to) {
 void Trial::bring_to(PowerState wanted) {
   if (state() == PowerState::fault_reaction_active) wait_for(PowerState::fault);
   if (state() == PowerState::fault) {
-    // The cause may persist until the axis stands, so the reset is repeated.
+    // The cause of the fault may persist until the axis stands still, so the reset is repeated.
     const Time deadline = now() + settings().patience;
     do {
       control(0x0000);

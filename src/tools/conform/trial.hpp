@@ -11,7 +11,7 @@ namespace servodrome::master::conform {
 struct Skipped {
   std::string why;
 };
-// Thrown by Trial::require: the rest of the check makes no sense.
+// Thrown by Trial::require to end the check.
 struct Ended {};
 
 // How a drive refused an access.

@@ -73,7 +73,7 @@ void halts(Trial& trial, int) {
                text_of_state(trial.statusword()));
 }
 
-// With a torque demand of 0 the axis does not move, but bit 10 must be set all the same.
+// With a torque demand of 0 the axis does not move, but bit 10 must still be set.
 void torque_mode(Trial& trial, int) {
   trial.bring_to(PowerState::switch_on_disabled);
   trial.set_mode(OperationMode::profile_torque);

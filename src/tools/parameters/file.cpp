@@ -99,7 +99,7 @@ std::vector<std::byte> unquoted(const Reader& reader, std::string_view word) {
       bytes.push_back(static_cast<std::byte>(word[i]));
       continue;
     }
-    const char escaped = word[++i];  // exists, because otherwise the closing quote would be escaped
+    const char escaped = word[++i];  // exists: the last character is a quote that is not escaped
     if (escaped == '"' || escaped == '\\') {
       bytes.push_back(static_cast<std::byte>(escaped));
       continue;

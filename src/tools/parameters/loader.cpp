@@ -105,7 +105,7 @@ Plan plan_of(ObjectClient& objects, const ParameterFile& file, const std::string
                     objects.where(), "nothing was written");
 }
 
-// True if the drive still answers. If not, an attempt to restore values would only run into timeouts.
+// True if the drive still answers. Otherwise each attempt to restore a value would end in a timeout.
 bool answers(ObjectClient& objects, ObjectAddress address) {
   try {
     objects.upload(address);

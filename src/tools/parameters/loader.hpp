@@ -51,7 +51,8 @@ class LoadError : public MasterError {
 // limits; the drive has the objects; its motor is not enabled. Then it writes the values that differ; a PDO is switched
 // off while it is changed (CiA 301 7.5.2.35 to 38, ETG.1000.6 for 1C12h and 1C13h). Values that the drive refuses are
 // tried again after the others, since limits may depend on one another. Finally it reads all values back, and writes
-// values that another write has changed once more. If this does not converge, it restores the previous values.
+// again those that another write has changed. If some values still differ after several passes, it restores the
+// previous values.
 //
 // Throws MasterError if nothing was written, otherwise LoadError.
 LoadReport load_parameters(ObjectClient& objects, const ParameterFile& file, const std::string& file_name,

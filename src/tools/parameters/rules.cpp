@@ -83,7 +83,7 @@ bool any_contains(std::span<const ObjectRange> ranges, ObjectAddress object) {
 bool ParameterRules::is_connection(ObjectAddress object) const { return any_contains(connection, object); }
 
 bool ParameterRules::is_command(ObjectAddress object) const {
-  constexpr std::uint16_t first_object = 0x1000;  // below are data types and dummies of PDO mapping
+  constexpr std::uint16_t first_object = 0x1000;  // lower indices: data types, also dummy entries of PDOs
   return object.index < first_object || any_contains(standard_commands, object) || any_contains(commands, object);
 }
 

@@ -26,7 +26,7 @@ ReadParameters read_parameters(ObjectClient& objects, const ParameterList& list,
 std::optional<std::vector<std::byte>> read_parameter(ObjectClient& objects, ObjectAddress address,
                                                      dictionary::Type type);
 
-// The factory values, as far as the list knows them.
+// The factory values that the list contains.
 std::vector<ParameterValue> factory_parameters(const ParameterList& list);
 
 struct ParameterDifference {

@@ -17,8 +17,8 @@ constexpr std::uint16_t mapping_offset = 0x200;  // from a PDO's communication p
 constexpr std::uint16_t output_assignment = 0x1C12;
 constexpr std::uint16_t input_assignment = 0x1C13;
 constexpr std::int64_t invalid_bit = std::int64_t{1} << 31;  // bit of a PDO's COB-ID
-// Maximum of passes. Each pass brings at least one more value to its target, or the writing ends; no known drive has
-// longer chains of dependent values.
+// Maximum of passes. Each pass brings at least one more value to its target, otherwise the writing ends. No known drive
+// has longer chains of dependent values.
 constexpr unsigned most_passes = 8;
 
 bool is_communication(std::uint16_t index) {
@@ -34,7 +34,7 @@ std::vector<std::byte> bytes_of(std::int64_t number, Type type) {
   return {bytes.begin(), bytes.begin() + static_cast<std::ptrdiff_t>(dictionary::size_of(type))};
 }
 
-// Finds the value to report: if a list cannot be activated, the cause is an entry that the drive refused before.
+// Finds the value to report. If the drive refuses to activate a list, the cause is an entry that it refused before.
 const WantedValues::value_type& culprit(const WantedValues& changes,
                                         const std::map<ObjectAddress, std::string>& refused) {
   const auto found = std::find_if(changes.begin(), changes.end(), [&refused](const auto& one) {
@@ -69,7 +69,7 @@ void ParameterWriter::write(ObjectAddress address, Type type, std::vector<std::b
     objects_.download(address, bytes);
   } catch (const ObjectError& error) {
     if (error.answered()) throw;
-    // Either one answer was lost or the bus is gone. Reading the value back decides; a missing answer throws.
+    // Either one answer was lost or the bus is lost. Reading the value back shows which; it throws without an answer.
     if (read_parameter(objects_, address, type) != bytes) throw;
   }
 }

@@ -25,7 +25,7 @@ class InputMapping {
  public:
   explicit InputMapping(CoeClient& coe) : coe_(coe) {}
 
-  // Throws CoeError if the slave refuses; changes made until then must be restored by put_back().
+  // Throws CoeError if the slave refuses; put_back() must then restore the changes made so far.
   void replace(std::span<const Channel> channels) {
     assigned_ = slots(tx_assignment, 0);
     std::vector<std::uint16_t> pdos;

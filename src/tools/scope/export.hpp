@@ -43,7 +43,7 @@ std::string terminal_plot_of(const Recording& recording, unsigned columns, unsig
 // not be comparable.
 std::vector<std::vector<std::size_t>> panels_of(const std::vector<Channel>& channels);
 
-// A scale of round numbers between least and greatest, about `wanted` of them.
+// A scale with about `wanted` round numbers between `least` and `greatest`.
 struct Ticks {
   double step = 1;
   std::vector<double> at{};

@@ -32,7 +32,8 @@ std::optional<StepResponse> find_step(const Recording& recording, std::size_t ch
   const Rest after = rest_of(values, values.size() - resting, resting);
   const double height = after.mean - before.mean;
   if (std::abs(height) <= 20 * std::max(before.spread, after.spread) || height == 0) return std::nullopt;
-  // An oscillation overshoots by less than the height; a curve with a wider range went there and back.
+  // A step overshoots by less than its height. A curve with a wider range moves away and comes back, so it is not a
+  // step.
   if (2 * std::abs(height) < rest_of(values, 0, values.size()).spread) return std::nullopt;
   const auto part = [&](std::size_t row) { return (values[row] - before.mean) / height; };
   // `begin`: the last row at the initial value; `tenth` and `nine_tenths`: the first rows at or beyond 10 % and 90 %.

@@ -85,7 +85,8 @@ class PolledSampler final : public Sampler {
     }
     deliver({times_, values_});
     if (period_ <= Time{0}) return true;
-    // Keeps the grid of the first sample; samples that fell due during this one are missed.
+    // Samples stay due at multiples of the period after the first one. Those that became due during this one are
+    // missed.
     due_ += period_;
     const Time late = drive_.now() - due_;
     if (late < period_) return true;

@@ -56,7 +56,8 @@ class Sampler {
   std::uint64_t missed() const { return missed_; }
   // Name of the sampling method: "TPDOs on SYNC", "SDO".
   const std::string& way() const { return way_; }
-  // A remark for the user: why sampling is not faster, or what could not be restored. Empty: none.
+  // A remark for the user: the reason why sampling is not faster, or the objects that could not be restored. Empty:
+  // none.
   const std::string& remark() const { return remark_; }
   void set_remark(std::string remark) { remark_ = std::move(remark); }
 
@@ -89,8 +90,8 @@ struct SamplerOptions {
 };
 
 // Each function chooses the fastest method that does not disturb another master. The channels must be complete; all
-// other arguments must outlive the sampler. Throws MasterError if the drive does not answer, or if the bus cannot do
-// the period.
+// other arguments must outlive the sampler. Throws MasterError if the drive does not answer, or if the bus does not
+// support the period.
 
 // TPDOs on SYNC if they can hold the channels and there is no sign of another master; otherwise SDO.
 std::unique_ptr<Sampler> open_can_sampler(Bus& bus, SdoClient& sdo, std::vector<Channel> channels,

@@ -29,7 +29,7 @@ struct TriggerText {
 };
 
 // Accepts `CHANNEL rises VALUE`, `falls`, `sets`, `has`, `lacks`, `==`, `!=`, `<`, `<=`, `>`, `>=`, `CHANNEL changes`,
-// or `fault`, which stands for bit 3 of the statusword being set. Throws MasterError.
+// or `fault`, which means that bit 3 of the statusword becomes 1. Throws MasterError.
 TriggerText parse_trigger(std::string_view text);
 
 struct Trigger {

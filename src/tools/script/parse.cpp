@@ -220,7 +220,7 @@ class Parser {
       read_arguments(step, *row);
       check(step, *word);
     } catch (const LineMistake&) {
-      // Opens the body nevertheless, so that its `end` is no second error.
+      // Opens the body in spite of the error, so that its `end` does not cause a second error.
       if (row->verb == Verb::repeat) open_repeat({}, *word);
       throw;
     }

@@ -80,7 +80,7 @@ class Runner {
     }
   }
 
-  // ---- Before anything moves ----
+  // ---- Before any motion ----
 
   static bool needs_units(const Step& step) {
     for (const auto& [keyword, number] : step.numbers) {
@@ -160,7 +160,7 @@ class Runner {
     return types_[{step.axis, step.subject.object}] = type;
   }
 
-  // ---- Carrying out ----
+  // ---- Execution ----
 
   void carry_out(const std::vector<Step>& steps) {
     for (const Step& step : steps) {
@@ -271,7 +271,7 @@ class Runner {
                     options_.progress);
   }
 
-  // Without an edge in the script: the positive edge.
+  // The default is the positive edge.
   static ProbeRequest probe_of(const Step& step) {
     return {.probe = static_cast<std::uint8_t>(step.number("").value_or(1)),
             .source = step.has("index") ? ProbeRequest::Source::index : ProbeRequest::Source::input,

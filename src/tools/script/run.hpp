@@ -31,8 +31,8 @@ struct RunOptions {
 // Runs a script. `axes`: the axes that it declares, in that order, on one bus.
 //
 // Before any motion it reads the data that it needs from the axes: their units, and the size of objects that are not in
-// the catalogue. However it ends, every axis that it has enabled is stopped, and remains enabled at rest. During every
-// wait it monitors the axes that it has enabled: a fault ends the script.
+// the catalogue. During every wait it monitors the axes that it has enabled: a fault ends the script. At the end, also
+// after an error, it stops every axis that it has enabled. These axes remain enabled at rest.
 //
 // Throws ScriptFailure.
 void run(const Script& script, std::span<Axis402* const> axes, const RunOptions& options = {});

@@ -196,7 +196,7 @@ void CanDecoder::decode_pdo(const Frame& frame, Place place, Decoded& decoded) {
   const auto known = its.pdos.mapping(static_cast<std::uint16_t>(communication + to_mapping + place.number));
   const auto mapping = known ? *known : profile_mapping(place.transmit, place.number);
   const unsigned bits = bits_of(mapping);
-  // The default mapping is only a guess, so it must fit the length exactly.
+  // The default mapping is only an assumption, so its length must equal that of the frame.
   if (!known && bits != frame.length * 8U) {
     decoded.text = fmt::format("{} {}", title, hex_text(data_of(frame)));
     return;

@@ -11,7 +11,7 @@
 namespace servodrome::master {
 
 // Decodes the frames of a CAN bus to text, by the predefined connection set (CiA 301 table 39) and by the COB-IDs and
-// mappings that it sees being configured. A pure state machine without input or output: frames in, text out. It tracks
+// mappings that earlier frames configure. A pure state machine without input or output: frames in, text out. It tracks
 // SDO transfers and PDO configurations, so frames must be passed in order.
 class CanDecoder {
  public:

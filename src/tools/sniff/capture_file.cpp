@@ -132,8 +132,8 @@ std::optional<links::Time> parse_seconds(std::string_view word) {
   return links::Time(seconds * 1'000'000'000 + fraction);
 }
 
-// A line of a serial log (format: capture_file.hpp); nullopt for any other line. Without a time of its own it gets that
-// of the line before.
+// A line of a serial log (format: capture_file.hpp); nullopt for any other line. A line without a time gets the time of
+// the line before.
 std::optional<CapturedFrame> parse_serial_line(std::string_view line, links::Time before) {
   using links::SerialSender;
   struct Arrow {
@@ -156,7 +156,7 @@ std::optional<CapturedFrame> parse_serial_line(std::string_view line, links::Tim
     const auto* arrow = std::find_if(arrows.begin(), arrows.end(), [&](const Arrow& one) { return one.word == word; });
     std::uint8_t byte = 0;
     if (arrow != arrows.end()) {
-      // A first word that looked like a byte was the name of the line, such as "ba".
+      // A name such as "ba" is also a hexadecimal byte. The sender after it shows that the first word is the name.
       const bool is_name = !named && content.bytes.size() == 1;
       if (directed || (!content.bytes.empty() && !is_name)) return std::nullopt;
       content.bytes.clear();

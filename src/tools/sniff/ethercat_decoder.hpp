@@ -14,8 +14,8 @@ namespace servodrome::master {
 
 // Decodes EtherCAT frames to text, one entry for each datagram. A pure state machine without input or output: Ethernet
 // frames in (type 88A4h, or UDP to port 88A4h), text out. It tracks the master's configuration: station addresses, sync
-// managers, FMMUs, PDO mappings. So frames must be passed in order, and from the beginning if process data are to have
-// names.
+// managers, FMMUs, PDO mappings. So the caller must pass the frames in order. Process data have names only if the
+// frames include this configuration.
 //
 // A capture contains each frame twice: as the master sent it, and as it returned (the first slave sets bit 1 of the
 // source address). The text describes returned frames; `lost` counts those that did not return.

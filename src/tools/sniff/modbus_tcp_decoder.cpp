@@ -120,7 +120,7 @@ std::vector<Decoded> ModbusTcpDecoder::decode(std::span<const std::uint8_t> ethe
     if (known >= segment.data.size()) return {};
     segment.data = segment.data.subspan(known);
     segment.sequence += static_cast<std::uint32_t>(known);
-  } else if (!stream.is_known || ahead > 0) {  // start of the capture or a gap: assume that a message begins here
+  } else if (!stream.is_known || ahead > 0) {  // start of the capture or a gap: assumes that a message begins here
     stream.bytes.clear();
   }
   stream.is_known = true;

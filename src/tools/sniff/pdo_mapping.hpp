@@ -15,7 +15,7 @@ struct MappedField {
   static MappedField of(std::uint32_t entry) {
     return {{static_cast<std::uint16_t>(entry >> 16), static_cast<std::uint8_t>(entry >> 8)}, entry & 0xFFU};
   }
-  bool is_gap() const { return object.index < 0x1000; }  // data types used as dummies
+  bool is_gap() const { return object.index < 0x1000; }  // data types as dummy entries
 };
 
 unsigned bits_of(std::span<const MappedField> mapping);

@@ -122,7 +122,7 @@ std::vector<Decoded> SerialDecoder::finish() {
   return all;
 }
 
-// Finds a frame at the start of `bytes`. `all_there`: silence followed, so no more bytes belong to it.
+// Finds a frame at the start of `bytes`. `all_there`: a silence followed the bytes, so the frame has no more bytes.
 SerialDecoder::Found SerialDecoder::find(std::span<const std::uint8_t> bytes, bool all_there) const {
   Found found;
   if (bytes[0] > modbus::highest_station) return found;
@@ -135,7 +135,7 @@ SerialDecoder::Found SerialDecoder::find(std::span<const std::uint8_t> bytes, bo
     if (length == more_needed || length > bytes.size()) {
       found.is_open = !all_there;
     } else if (modbus::is_rtu_frame(bytes.first(length))) {
-      // An echo of function 06 equals its request; the outstanding request decides which of both it is.
+      // The answer to function 06 equals its request. If this request is outstanding, the frame is its answer.
       const bool is_echo = awaited && request_->function == answered_function(bytes[1], model_of(bytes[0]));
       if (sender_ == SerialSender::unknown && answer && rtu_request_length(bytes) == length && !is_echo) {
         return {length, false, false, false};
@@ -170,7 +170,7 @@ void SerialDecoder::take(std::vector<Decoded>& all, bool all_there) {
       give_up(ahead, all);
       continue;
     }
-    // The length of an unknown function is not in the tables; it ends at the silence.
+    // The tables do not contain the length of an unknown function, so the frame ends at the silence.
     if (found.size == 0 && all_there && garbage_.empty() && modbus::is_rtu_frame(bytes_)) {
       const bool awaited = request_ && request_->unit == bytes_[0];
       found = {bytes_.size(), false, sender_ == SerialSender::unknown ? awaited : sender_ == SerialSender::drive,

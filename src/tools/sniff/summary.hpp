@@ -25,7 +25,7 @@ struct SniffSummary {
   std::optional<double> bus_load(std::uint32_t bit_rate) const;
 };
 
-// Selects what to show; all given criteria must match. Parsed from words such as "node=5", "kind=sdo,emcy",
+// Selects the frames to show; all given criteria must match. Parsed from words such as "node=5", "kind=sdo,emcy",
 // "object=6041" or "object=6099:01".
 struct SniffFilter {
   std::vector<unsigned> nodes;

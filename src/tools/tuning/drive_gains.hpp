@@ -71,7 +71,7 @@ struct TuningUnits {
 };
 TuningUnits tuning_units_of(ObjectClient& objects, const TuningDialect& dialect, const AxisUnits& axis);
 
-// A gain with the number that the drive has or will get.
+// A gain with its number, which the drive has or will receive.
 struct GainValue {
   const GainObject* gain = nullptr;
   std::int64_t number = 0;

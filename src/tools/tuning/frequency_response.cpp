@@ -8,8 +8,8 @@ namespace servodrome::master::tuning {
 namespace {
 
 constexpr double turn = 2.0 * std::numbers::pi;
-constexpr double highest_share = 0.4;  // share of the sampling rate; above it a held excitation is too weak, and
-                                       // aliases
+constexpr double highest_share = 0.4;  // share of the sampling rate; above it the hold attenuates the excitation
+                                       // too much, and causes aliases
 
 }  // namespace
 

@@ -44,7 +44,8 @@ struct ResponsePoint {
 std::vector<ResponsePoint> frequency_response(std::span<const double> input, std::span<const double> output,
                                               const Multisine& excitation);
 
-// Factor at this frequency from the differences between consecutive samples of a signal to its derivative.
+// The spectrum of a signal's derivative divided by that of the differences between its consecutive samples, at this
+// frequency.
 Complex derivative_of_differences(double frequency_hz, double sample_s);
 // Magnitude of a zero-order hold at this frequency; its delay is half a sample.
 double hold_gain(double frequency_hz, double sample_s);

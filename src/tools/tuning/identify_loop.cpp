@@ -10,7 +10,7 @@ namespace {
 
 constexpr double turn = 2.0 * std::numbers::pi;
 
-// Images of each frequency, on both sides, that the model contains. The lag of the loop removes the higher ones.
+// Number of images (aliases) of each frequency in the model, on each side. The lag of the loop attenuates higher ones.
 constexpr int images = 6;
 // Ranges of the delays to start from, in samples of the master and in seconds.
 constexpr double most_command_samples = 6.0;
@@ -26,7 +26,7 @@ struct Measured {
   double sample_s;
 };
 
-// ---- The start: the responses as if they had no images ----
+// ---- Start values, computed without the images ----
 
 struct StartGains {
   double kp = 0.0;
@@ -34,8 +34,8 @@ struct StartGains {
   double remainder = 1.0;
 };
 
-// The measured torque is a sample, and so is the effect of the held command in it. Therefore the command enters with
-// its full magnitude, without the factor of the hold.
+// The measured torque is a sample, and so is the effect of the held command in it. Therefore the command has its full
+// magnitude here, without hold_gain().
 StartGains gains_for(const Measured& measured, const std::optional<NotchSetting>& notch, double command_delay_s,
                      double delay_s) {
   LeastSquares<2> equations;
@@ -107,7 +107,8 @@ std::optional<SampledLoop> start_of(const Measured& measured, const std::optiona
   return best;
 }
 
-// A usual loop on a rigid axis, with the gain of the start: its crossover follows from the bandwidth.
+// Start values for a rigid axis with typical delays. The gain is that of `start`; the crossover follows from the
+// bandwidth.
 SampledLoop rigid_start(SampledLoop start, const Measured& measured) {
   std::vector<double> frequencies_hz;
   std::vector<Complex> velocity;
@@ -143,7 +144,7 @@ struct Unknowns {
       x[10] = std::log(resonance.resonance_damping);
     }
   }
-  // Neither part of the loop's delay is negative.
+  // Keeps both parts of the loop's delay at 0 or above.
   void limit() { x[3] = std::max(x[3], 0.0), x[4] = std::max(x[4], 0.0); }
   SampledLoop loop(double sample_s, const std::optional<NotchSetting>& notch) const {
     SampledLoop loop{.controller = {std::exp(x[1]), std::exp(x[2]), {x[3] * sample_s, x[4] * sample_s}, notch},
@@ -237,8 +238,8 @@ std::optional<SampledLoop> fit(const SampledLoop& start, const Measured& measure
   return found;
 }
 
-// The torque is sampled up to a sample earlier or later than the position. Each step of the command between two samples
-// separates minima of the misfit, so several delays are tried.
+// The torque is sampled up to a sample earlier or later than the position. The misfit has a local minimum between any
+// two steps of the command, so the fit starts from several delays.
 std::optional<SampledLoop> fit(SampledLoop start, const Measured& measured, const std::function<void()>& between) {
   std::optional<SampledLoop> best;
   for (const double samples : {-1.0, -0.5, 0.0, 0.5, 1.0}) {
@@ -291,7 +292,7 @@ std::optional<IdentifiedLoop> identify_loop(std::span<const ResponsePoint> veloc
     const double hz = velocity_by_command[i].frequency_hz;
     const SampledLoop::Response model = loop.response(hz, sample_s);
     const Complex velocity = velocity_by_command[i].response - (model.velocity - model.velocity_without_images);
-    // Without the delays outside of the loop L / (1 + L) remains.
+    // Removes the delays outside of the loop; the result is L / (1 + L).
     const double outside_s = loop.velocity_delay_s - loop.controller.delay.dead_s;
     const Complex closed = velocity / hold_gain(hz, sample_s) * std::polar(1.0, turn * hz * outside_s);
     const Complex open = closed / (1.0 - closed);

@@ -9,8 +9,8 @@
 
 namespace servodrome::master::tuning {
 
-// An elastic axis is assumed only if a rigid one has a misfit above rigid_misfit, and the elastic one is better by the
-// factor `improvement`.
+// The fit uses an elastic axis only if the misfit of a rigid one is above rigid_misfit, and that of the elastic one is
+// lower by the factor `improvement`.
 inline constexpr double improvement = 2.0;
 inline constexpr double rigid_misfit = 0.05;
 
@@ -34,8 +34,8 @@ class LeastSquares {
     }
     power_ += weight * std::norm(right);
   }
-  // `damping` shortens the solution (K. Levenberg, 1944; D. Marquardt, 1963). False: the equations do not determine the
-  // unknowns.
+  // `damping` makes the solution vector shorter (K. Levenberg, 1944; D. Marquardt, 1963). Returns false if the
+  // equations do not determine the unknowns.
   bool solve(std::array<double, N>& unknowns, double damping = 0.0) const {
     auto matrix = matrix_;
     auto right = right_;
@@ -61,7 +61,7 @@ class LeastSquares {
     }
     return true;
   }
-  // Remaining power of the right side, relative.
+  // Power of the residuals divided by the power of the right side.
   double remainder(const std::array<double, N>& unknowns) const {
     double explained = 0.0;
     for (std::size_t i = 0; i < N; ++i) {

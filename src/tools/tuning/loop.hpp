@@ -17,8 +17,8 @@ struct BodePoint {
 };
 std::vector<BodePoint> bode(std::span<const double> frequencies_hz, std::span<const Complex> response);
 
-// Margins of an open loop L in 1 + L, for ascending frequencies. A figure is nullopt if the frequencies do not reach
-// it.
+// Margins of an open loop L in 1 + L, for ascending frequencies. A value outside the range of the frequencies is
+// nullopt.
 struct Margins {
   std::optional<double> crossover_hz{};      // first frequency at which |L| falls below 1
   std::optional<double> phase_margin_deg{};  // smallest of all crossovers: angle between L and -1
@@ -80,18 +80,20 @@ struct VelocityController {
 };
 
 // A drive's velocity loop as the master sees it: the master holds each command for a sample, and gets position and
-// torque as samples. The steps of the held command contain images of each frequency, above half of the master's rate,
-// that alias onto it. In the torque they are a share of about crossover divided by sampling rate at every frequency, so
-// a sampled torque is not the torque that moves the shaft, and its error depends on when in a cycle the drive samples.
+// torque as samples. The steps of the held command contain images of each frequency. The images are above half of the
+// master's sampling rate, so sampling aliases them onto the frequency. In the torque their share is about the crossover
+// frequency divided by the sampling rate, at every frequency. So the sampled torque differs from the torque that moves
+// the shaft, and the difference depends on the time within the cycle at which the drive samples.
 struct SampledLoop {
   VelocityController controller{};
   Mechanics mechanics{};
-  // Of the samples after the command; half a sample of them is due to the hold. The lag of the loop is extra.
+  // Delays of the samples after the command. They include half a sample of the hold, but not the lag of the loop.
   double velocity_delay_s = 0.0;
   double torque_delay_s = 0.0;
   double misfit = 0.0;  // relative rms error
 
-  // By the command, as sampled: the velocity from differences of the position, with derivative_of_differences.
+  // Responses of the sampled signals to the command. The velocity is computed from differences of the position, with
+  // derivative_of_differences.
   struct Response {
     Complex velocity{};
     Complex torque{};

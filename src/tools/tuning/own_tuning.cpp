@@ -17,14 +17,14 @@ constexpr std::uint8_t analysis_runs = 0x80;
 constexpr double leg_s = 0.4;
 constexpr double most_rps = 5.0;
 constexpr double acceleration_rps2 = 100.0;
-constexpr int least_legs = 6;  // minimum, so that the estimate has settled
+constexpr int least_legs = 6;  // minimum of moves, so that the estimate has settled
 constexpr double analysis_timeout_s = 20.0;
 
 std::int64_t kvp_of(ObjectClient& objects, const TuningDialect& dialect) {
   return objects.read<std::uint16_t>(dialect.gains[0].object.index, dialect.gains[0].object.sub);
 }
 
-// Moves back and forth until kvp has settled: the same number after a whole cycle, and a minimum of legs.
+// Moves back and forth until kvp has settled: it is the same after a whole cycle, and least_legs moves have been made.
 void learn_inertia(Axis402& axis, const TuningDialect& dialect, const AxisUnits& units,
                    const OwnTuningOptions& options) {
   ObjectClient& objects = axis.objects();

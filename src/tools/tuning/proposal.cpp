@@ -17,8 +17,8 @@ struct Demand {
 };
 constexpr std::array demands{Demand{52.0, 0.7}, Demand{45.0, 0.7}, Demand{45.0, 10.0}};
 constexpr double most_sensitivity = 2.0;
-// What must remain if the inertia is wrong by this share, in both directions: the load of an axis may change, and an
-// identified inertia is not exact.
+// The proposal must keep the following margins if the inertia is higher or lower by this share: the load of an axis may
+// change, and an identified inertia is not exact.
 constexpr double inertia_error = 0.2;
 constexpr double least_margin_then = 40.0;
 constexpr double most_sensitivity_then = 2.5;

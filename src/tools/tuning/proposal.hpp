@@ -30,9 +30,9 @@ struct Proposal {
 // Predicts the result of a controller on these mechanics.
 Proposal predict(const VelocityController& controller, const Mechanics& mechanics);
 
-// Gains for the requested bandwidth with a phase margin of at least 45 degrees and a sensitivity of at most 2, and with
-// at least 40 degrees and at most 2.5 if the inertia is 20 % lower or higher; nullopt if there are none. The integral
-// is as fast as these allow; a notch is used only if it is necessary. The gain of the position loop is a fifth of the
+// Gains for the requested bandwidth; nullopt if there are none. The phase margin is at least 45 degrees and the
+// sensitivity at most 2; if the inertia is 20 % lower or higher, at least 40 degrees and at most 2.5. The integral is
+// as fast as these allow; a notch is used only if it is necessary. The gain of the position loop is a fifth of the
 // crossover.
 std::optional<Proposal> propose(const Mechanics& mechanics, const Request& request);
 // The greatest bandwidth, at most the requested one, that has a proposal; 0: none down to 1 Hz.

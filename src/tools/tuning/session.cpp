@@ -143,7 +143,7 @@ SessionResult tune(Tuner& tuner, ObjectClient& objects, const TuningDialect& dia
       try {
         if (!kept) outcome = put_back_gains(objects, gains);
       } catch (...) {
-        // The caller wants to end, and cannot wait for the drive.
+        // The caller ends the operation and does not wait for the drive.
       }
     }
   };

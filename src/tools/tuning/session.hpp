@@ -6,7 +6,7 @@
 namespace servodrome::master::tuning {
 
 struct SessionRequest {
-  std::optional<double> bandwidth_hz{};  // nullopt: 0.6 of what is possible, or the present bandwidth if it is greater
+  std::optional<double> bandwidth_hz{};  // nullopt: 0.6 of the possible one, or the present one if it is greater
   bool apply = false;                    // false: nothing is written
   bool steps = true;                     // also measure step responses
 };
@@ -26,14 +26,15 @@ struct SessionResult {
 inline constexpr double promised_tolerance = 0.15;     // relative tolerance of the bandwidth
 inline constexpr double promised_phase_margin = 40.0;  // degrees
 
-// With `apply`, the measurement after writing must match the promised bandwidth within promised_tolerance and have at
-// least promised_phase_margin, and without a requested bandwidth the loop must not be slower than before. To get there,
-// the gains are corrected up to three times by what was measured. On failure or cancellation the old gains are
-// restored. Throws MasterError or Cancelled, whose text says so or lists the gains that could not be restored.
+// With `apply`, the measurement after writing must show the promised bandwidth within promised_tolerance, and at least
+// promised_phase_margin. Without a requested bandwidth the loop must also be at least as fast as before. If the
+// bandwidth differs, tune() corrects the gains from the measurement, up to three times. On failure or cancellation it
+// restores the old gains. Throws MasterError or Cancelled, whose text says that the gains are restored, or lists those
+// that are not.
 SessionResult tune(Tuner& tuner, ObjectClient& objects, const TuningDialect& dialect, const TuningUnits& units,
                    const SessionRequest& request);
 
-// What became better and what became worse, with the figures before and after. Empty without `after`.
+// The figures that became better and those that became worse, with the values before and after. Empty without `after`.
 std::string text_of_changes(const SessionResult& result);
 
 // Writes the old gains as far as the drive accepts them. Returns the result as text for the end of a message.

@@ -67,8 +67,8 @@ std::vector<ResponsePoint> response_of_signals(std::span<const double> input, st
   const std::vector<Complex> in = spectrum_of(input);
   const std::vector<Complex> out = spectrum_of(output);
   const double line_hz = 1.0 / (sample_s * static_cast<double>(in.size()));
-  // Zero padding interpolates lines, which have no information of their own; a band must contain enough lines of the
-  // signal itself.
+  // Zero padding adds interpolated lines without new information. So a band must contain enough lines of the signal
+  // itself.
   const double lines_per_own = static_cast<double>(in.size()) / static_cast<double>(input.size());
   const double half_width = 0.5 * (static_cast<double>(least_lines) - 1.0) * lines_per_own;
   const double ratio = std::pow(10.0, 1.0 / request.points_per_decade);

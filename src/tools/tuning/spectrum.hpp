@@ -15,8 +15,8 @@ struct SpectrumRequest {
 
 // Frequency response between any two signals, for example a sweep or a step. Transforms both signals as a whole and
 // averages over a band around each point (H1 estimate), which also gives the coherence. A band has at least five lines
-// of the transform, so a recording of one second has no points below some hertz. Points with nearly no input power,
-// relative to the strongest, are left out. Both signals must have the same number of samples.
+// of the transform, so a recording of one second has no points below a few hertz. Points whose input power is very
+// small, relative to the strongest, are left out. Both signals must have the same number of samples.
 std::vector<ResponsePoint> response_of_signals(std::span<const double> input, std::span<const double> output,
                                                double sample_s, const SpectrumRequest& request);
 

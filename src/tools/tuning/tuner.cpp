@@ -138,7 +138,7 @@ void Tuner::cycle() {
   command_ = number / units_.velocity_per_rad_s;
 }
 
-// A limit switch holds the axis, whatever problem the cycle noticed.
+// If a limit switch is active, it is the cause of the problem that the cycle noticed, so it replaces that problem.
 void Tuner::explain_by_limit_switch() {
   constexpr std::uint32_t negative_limit = 1U << 0;
   constexpr std::uint32_t positive_limit = 1U << 1;
@@ -211,7 +211,7 @@ void Tuner::enable() {
 }
 
 void Tuner::disable() noexcept {
-  // From here on the callback is still called, for its side effects, but cannot cancel.
+  // From here on the cancellation callback is still called, for its side effects, but its result is ignored.
   const auto cancelled = options_.cancelled;
   const auto ask = [&cancelled] {
     if (cancelled) cancelled();
@@ -334,7 +334,7 @@ Measurement Tuner::measure(double bandwidth_hz, const std::optional<NotchSetting
   const Multisine excitation(sample_s_, period, std::min(options_.lowest_hz, bandwidth_hz / 10.0), 0.5 / sample_s_,
                              excitation_lines);
   const auto periods = std::max(2U, static_cast<unsigned>(0.5 * options_.seconds / period_s));
-  // Settling may need three more attempts; ramps and the return are within the slack.
+  // Includes three more periods, in case settling has to be repeated. travel_slack covers ramps and the return.
   const double way_s = (periods + 4) * period_s + 2.0 * ramp_s + 1.0;
   const double bias = options_.travel_revolutions * turn / way_s;
 
@@ -366,7 +366,7 @@ Measurement Tuner::measure(double bandwidth_hz, const std::optional<NotchSetting
     velocity.response *= derivative_of_differences(velocity.frequency_hz, sample_s_);
   }
   found.lost_cycles = lost_cycles() - lost_before_;
-  // The exchange goes on during the calculation, so that the drive does not miss its master.
+  // The exchange continues during the calculation; otherwise the drive reports the loss of its master.
   const auto loop =
       identify_loop(found.velocity_by_command, found.torque_by_command, sample_s_, notch, [this] { wait(sample_s_); });
   if (!loop) {

@@ -37,7 +37,7 @@ struct Measurement {
   std::optional<double> bandwidth_hz{};
   Mechanics mechanics{};
   VelocityController controller{};  // identified
-  double friction = 0.0;            // torque at the speed of the measurement: half the difference of both directions
+  double friction = 0.0;            // torque at the speed of the measurement: half the difference of the directions
   double constant_load = 0.0;       // half their sum: gravity
   double speed_rad_s = 0.0;
   double least_coherence = 1.0;  // of velocity/command, below twice the bandwidth
@@ -56,8 +56,8 @@ struct StepResponse {
 };
 
 // Enables the axis, moves it slowly back and forth, and then stops and disables it. All calls throw MasterError on a
-// fault, a limit or lost data, and Cancelled on request. However a call ends, the axis is braked and disabled, as long
-// as the drive can be reached.
+// fault, a limit or lost data, and Cancelled on request. At the end of each call, also after an error, the axis is
+// braked and disabled, if the drive can be reached.
 class Tuner {
  public:
   // All arguments must outlive this.
@@ -102,7 +102,7 @@ class Tuner {
   ProcessObject position_;
   ProcessObject torque_;
 
-  // Written by the cycle.
+  // The cycle writes these members.
   bool controls_ = false;  // the axis is enabled and must stay enabled
   std::string problem_;    // why the axis is being braked; empty: no problem
   std::string remedy_;
