@@ -1,5 +1,5 @@
-// Time from nothing to 64 drives that have booted on one bus, and what an axis takes in memory; virtual time, one
-// thread.
+// Measures the time from program start until 64 drives on one bus have booted, and the memory of an axis; virtual time,
+// one thread.
 #include <chrono>
 #include <cstdio>
 #include <string>

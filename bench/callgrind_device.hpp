@@ -3,7 +3,7 @@
 #include "canopen/301/communication_section.hpp"
 #include "canopen/node.hpp"
 
-// A drive-sized CANopen device for counting instructions.
+// A CANopen device with as many objects as a drive, for counting instructions.
 namespace servodrome::bench {
 
 struct Objects {
@@ -12,7 +12,7 @@ struct Objects {
   std::uint16_t statusword = 0;
   std::int32_t position_actual = 0;
   std::int32_t target_position = 0;
-  std::array<std::uint32_t, 100> parameters{};  // a drive has a few hundred objects to search
+  std::array<std::uint32_t, 100> parameters{};  // a drive has a few hundred objects, and a look-up searches them
 };
 
 inline constexpr auto table = dictionary::make_table<[] {

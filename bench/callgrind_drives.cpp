@@ -1,7 +1,9 @@
-// Frames 10 us apart through a line of SLAVES generic402-ec in Operational, until N times a slave was passed: an LRW
-// with the process data of all and what else their master sends in a cycle of free run. They come closer than 1C32h:05:
-// a control loop takes what came last. The ticks of 62.5 us in between are part of it. Instructions per slave and
-// frame: as callgrind_sdo.cpp. Usage: callgrind_drives SLAVES N
+// Sends frames at intervals of 10 us through a segment of SLAVES generic402-ec drives in Operational, until each slave
+// has been passed N times. A frame has an LRW with the process data of all slaves, and the other datagrams that a
+// master sends in a cycle in free run. The interval is shorter than the minimum cycle time 1C32h:05, so each control
+// loop uses the outputs of the last frame. The count includes the ticks of 62.5 us between the frames. Instructions per
+// slave and frame: see callgrind_sdo.cpp.
+// Usage: callgrind_drives SLAVES N
 #include <chrono>
 #include <cstdio>
 #include <cstdlib>

@@ -1,7 +1,8 @@
-// Frames through SLAVES slave controllers until N times a slave was passed: an LRW with 16 bytes out and 16 bytes in of
-// each slave, in as many frames as it takes, the first with a BRD of the AL status. Instructions per slave and cycle:
-// as callgrind_sdo.cpp, with `--toggle-collect='servodrome::ethercat::Segment::process*'`: taking the frames apart and
-// all that slaves and cables do with them. What puts a composed frame into its place is the master's, and not counted.
+// Sends frames through SLAVES slave controllers until each slave has been passed N times: an LRW with 16 bytes out and
+// 16 bytes in of each slave, in as many frames as needed, the first frame with a BRD of the AL status. Instructions per
+// slave and cycle: see callgrind_sdo.cpp, with `--toggle-collect='servodrome::ethercat::Segment::process*'`, which
+// counts the parsing of the frames and all work of slaves and cables. Copying a composed frame into place is work of
+// the master and is not counted.
 // Usage: callgrind_ethercat SLAVES N
 #include <cstdio>
 #include <cstdlib>

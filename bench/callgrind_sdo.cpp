@@ -1,5 +1,5 @@
-// N expedited SDO uploads, each with its answer taken. Instructions per upload: run under
-// `valgrind --tool=callgrind` with two values of N; the difference of the totals divided by the difference of the N.
+// Carries out N expedited SDO uploads and reads each answer. Instructions per upload: run it under `valgrind
+// --tool=callgrind` with two values of N; divide the difference of the totals by the difference of the two values.
 #include <cstdio>
 #include <cstdlib>
 

@@ -1,4 +1,4 @@
-// N SYNC cycles with one RPDO in and one TPDO out, of two objects each. Instructions per cycle: as callgrind_sdo.cpp.
+// Runs N SYNC cycles with one RPDO and one TPDO, of two objects each. Instructions per cycle: see callgrind_sdo.cpp.
 #include <cstdio>
 #include <cstdlib>
 

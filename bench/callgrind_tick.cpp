@@ -1,5 +1,6 @@
-// N ticks of a drive with its plant, in velocity control with every monitor running. Instructions per tick: as
-// callgrind_sdo.cpp. Usage: callgrind_tick ismc|generic402|MODEL N, with MODEL of jmc_ec
+// Runs N ticks of a drive with its plant, in velocity control with all monitors active. Instructions per tick: see
+// callgrind_sdo.cpp.
+// Usage: callgrind_tick ismc|generic402|MODEL N, with MODEL of jmc_ec
 #include <cstdlib>
 #include <cstring>
 

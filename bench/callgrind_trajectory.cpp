@@ -1,5 +1,6 @@
-// Plans, or evaluates, N trajectories and prints a sum, for counting instructions: the difference between two N divided
-// by their difference is what one costs, whatever the start of the program does.
+// Plans, or evaluates, N trajectories and prints a sum, for counting instructions. Run it with two values of N: the
+// difference of the instructions, divided by the difference of the two values, is the cost of one trajectory. The start
+// of the program cancels out.
 //   valgrind --tool=callgrind callgrind_trajectory third 1000
 
 #include <cmath>
@@ -25,7 +26,7 @@ struct Order {
   MotionLimits limits;
 };
 
-/// New targets for an axis in motion: the state is one of another plan with the same limits.
+/// New targets for a moving axis: each start state lies on a previous plan with the same limits.
 std::vector<Order> draw_orders(RampShape shape, bool from_rest) {
   std::mt19937_64 engine{1};
   const auto uniform = [&](double low, double high) {

@@ -1,5 +1,6 @@
-// What the control cascade costs per base tick: of the cascade alone, fed with a sampled motion, and of cascade and
-// plant together in closed loop. The quickest of many seconds of virtual time, so that other load does not count.
+// Measures the cost of the control cascade per base tick: the cascade alone with recorded feedback, and cascade and
+// plant together in closed loop. Takes the fastest of many seconds of virtual time, to exclude other load on the
+// machine.
 #include <algorithm>
 #include <array>
 #include <chrono>
@@ -17,7 +18,7 @@ using Clock = std::chrono::steady_clock;
 constexpr int seconds = 500;
 constexpr std::uint32_t ticks_per_second = 16000;
 
-// Nanoseconds per tick of the quickest call; each is one second of virtual time.
+// Nanoseconds per tick of the fastest call; each call is one second of virtual time.
 template <typename Second>
 double quickest(Second second) {
   double best = 1.0e9;
@@ -30,7 +31,7 @@ double quickest(Second second) {
   return best;
 }
 
-// A second of feedback, replayed: the axis at 600 rpm with current.
+// One second of recorded feedback: the axis turns at 600 rpm with current.
 std::array<drive::Feedback, ticks_per_second>& recorded() {
   static std::array<drive::Feedback, ticks_per_second> samples;
   for (std::size_t i = 0; i < samples.size(); ++i) {

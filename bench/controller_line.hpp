@@ -7,8 +7,9 @@
 #include "ethercat/frame/frame_writer.hpp"
 #include "ethercat/segment.hpp"
 
-// Slave controllers in line, set up for 16 bytes of process data each way, and the frames of a cycle through them. The
-// frames are composed once, as a master sends them, and copied to where a link would receive them in each cycle.
+// Slave controllers in line, set up for 16 bytes of process data in each direction, and the frames of a cycle. The
+// frames are composed once, as a master sends them, and copied in each cycle to the buffer in which a link receives
+// frames.
 namespace servodrome::ethercat {
 
 inline constexpr std::size_t slaves_per_datagram = 46;  // 32 bytes each
@@ -43,7 +44,7 @@ struct ControllerLine {
     }
   }
 
-  // What the application of a slave does with its buffers, at the least.
+  // The minimum that a slave's application does with its buffers.
   static void exchange(Esc& esc) {
     if (!esc.open_for_reading(2).empty()) esc.close_reading(2);
     esc.open_for_writing(3);
@@ -57,7 +58,7 @@ struct ControllerLine {
     segment->process(writer.bytes(), now);
   }
 
-  // Returns the sum of the working counters of the LRWs, and of the BRD at the end of the first frame.
+  // Returns the sum of the working counters of all LRWs and of the BRD at the end of the first frame.
   unsigned cycle() {
     unsigned counters = 0;
     for (const std::vector<std::uint8_t>& frame : sent) {

@@ -1,8 +1,8 @@
-// All EtherCAT drives of a line to and fro in cyclic synchronous position, each cycle from the master's own
-// trajectories: following errors, the cycle's jitter, and what was missed. Late are the cycles whose frame came back
-// after the period was over, with all working counters; skipped, those that this program itself came too late for. The
-// line runs in another process, as `servodrome up lines/cyclic-axes.toml` does. Usage: cyclic_axes LINK [SECONDS
-// [PERIOD_US]]
+// Moves all EtherCAT drives of a line to and fro in cyclic synchronous position, with set-points of the master's own
+// trajectories in each cycle. Prints following errors, the jitter of the cycle, and faulty cycles: "late" are cycles
+// whose frame came back after the end of the period, with all working counters; "skipped" are cycles for which this
+// program itself was too late. The line runs in another process, for example `servodrome up lines/cyclic-axes.toml`.
+// Usage: cyclic_axes LINK [SECONDS [PERIOD_US]]
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
@@ -50,7 +50,7 @@ int run(const char* link, seconds duration, microseconds period) {
   master::EthercatOperation operation(*master, found, members,
                                       {.cyclic = {.period = period, .tolerated_losses = 1'000'000}});
   master::EthercatCyclicBus bus(*master, operation);
-  // What is missed is counted, and stops nothing.
+  // Counts errors of the cycle. They do not stop the motion.
   const master::MotionAxisOptions patient[] = {{.tolerated_losses = 1'000'000}};
   master::MotionGroup group(bus, patient);
   group.enable();

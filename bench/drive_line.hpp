@@ -9,8 +9,8 @@
 #include "links/ethercat/memory_client.hpp"
 #include "master/ethercat/operation.hpp"
 
-// A line of generic402-ec drives in virtual time, their master in the same process, and the frames of a cycle, to be
-// sent again and again without it.
+// A line of generic402-ec drives in virtual time, their master in the same process, and the frames of one cycle, which
+// the bench sends repeatedly without the master.
 namespace servodrome::bench {
 
 inline line::Line make_drive_line(std::size_t slaves) {
@@ -30,7 +30,7 @@ struct Cycle final : links::EthercatObserver {
     time = at;
     frames.emplace_back(bytes.begin(), bytes.end());
   }
-  // As a line in real time lets them pass.
+  // Passes frames like a line in real time.
   void exchange(line::Line& line, links::Time at) {
     links::EthercatBus& bus = line.ethercat_buses().front()->bus;
     line.keep_up(at);

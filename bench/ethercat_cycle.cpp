@@ -1,14 +1,15 @@
-// A line in operation for some time: all slaves are taken to Operational and their process data exchanged in a fixed
-// period, as a controller does. Prints what became of the cycles.
+// Operates a line for some time: brings all slaves to Operational and exchanges their process data with a fixed period,
+// as a controller does. Prints how many cycles were complete, late or lost.
 //
-// With the interface of the line's end and its process, also who was late. Two witnesses have the kernel's time of each
-// frame's arrival at the line and of its answer's arrival here; the scheduler knows how long the line was ready to run
-// and was not let (/proc/PID/schedstat, see sched-stats in the kernel's documentation). A frame is the line's fault if
-// it never answered it, or took longer than the period with a processor of its own.
+// If the interface at the line's end and the line's process are given, it also prints the cause of each lost cycle. Two
+// witnesses record the kernel's time at which each frame arrives at the line and its answer arrives here. The
+// scheduler's statistics (/proc/PID/schedstat, see sched-stats in the kernel's documentation) contain the time for
+// which the line was ready to run and had no processor. A lost frame is the line's fault if the line did not answer it,
+// or if the answer took longer than the period although the line had a processor.
 //
-// With FRAMES and BYTES there need not be slaves: so many frames of so many bytes of process data go out each period,
-// to a bare echo for instance. What that is late is the machine's. Usage: ethercat_cycle LINK SECONDS PERIOD_US
-// [LINE_INTERFACE LINE_PID [FRAMES BYTES]]
+// With FRAMES and BYTES no slaves are necessary: the program sends FRAMES frames of BYTES bytes of process data in each
+// period, for example to a program that only echoes them. Lost or late cycles are then caused by the machine.
+// Usage: ethercat_cycle LINK SECONDS PERIOD_US [LINE_INTERFACE LINE_PID [FRAMES BYTES]]
 #include <algorithm>
 #include <cstdio>
 #include <cstdlib>
@@ -36,26 +37,26 @@ using Time = std::chrono::nanoseconds;
 double in_microseconds(Time time) { return std::chrono::duration<double, std::micro>(time).count(); }
 unsigned long long number(std::uint64_t value) { return value; }
 
-// What the line did with each frame.
+// Records what the line did with each frame.
 class Turnarounds {
  public:
   Turnarounds(const std::string& line_interface, const std::string& own_interface, const std::string& process)
       : at_line_(line_interface), back_(own_interface), schedstat_("/proc/" + process + "/schedstat") {}
 
-  // Once after each cycle, `lost` when not all of its frames came back in time.
+  // To be called once after each cycle; `lost`: not all of its frames came back in time.
   void look(Time period, bool lost) {
     const Time waited = waited_for_processor();
     const Time waited_now = waited - std::exchange(waited_, waited);
     const Time slowest = slowest_answer();
     Time own = slowest - waited_now;
-    // The hypervisor's part is told in hundredths of a second: looked up when it matters, and now and then.
+    // The hypervisor's share has a resolution of 10 ms, so it is read only for a late answer, and at intervals.
     if (own > period) own -= stolen() - stolen_;
     if (own > period || ++looks_ % looks_between_steal == 0) stolen_ = stolen();
     worst_ = std::max(worst_, slowest);
     worst_own_ = std::max(worst_own_, own);
     if (own > period) ++late_by_line_;
     if (slowest > period && own <= period) ++line_not_let_;
-    // An answer that is late in a lost cycle may come with one of the next ones, and is judged there.
+    // A late answer of a lost cycle may arrive in one of the next cycles. It is counted when it arrives.
     if (lost && slowest <= period && outstanding_ == 0) ++others_;
   }
 
@@ -64,7 +65,7 @@ class Turnarounds {
     worst_ = worst_own_ = Time{0};
     stolen_ = stolen();
   }
-  // After the last cycle: what has not been answered will not be.
+  // To be called after the last cycle: frames without an answer count as unanswered.
   void finish() { unanswered_ += outstanding_; }
 
   std::uint64_t ours() const { return unanswered_ + late_by_line_; }
@@ -78,7 +79,7 @@ class Turnarounds {
   }
 
  private:
-  static constexpr Time longest_answer = std::chrono::milliseconds(500);  // later than that it is another frame's
+  static constexpr Time longest_answer = std::chrono::milliseconds(500);  // a later answer belongs to another frame
   static constexpr unsigned looks_between_steal = 100;
 
   Time slowest_answer() {
@@ -109,7 +110,7 @@ class Turnarounds {
     file >> ran >> waited;
     return Time{waited};
   }
-  // From all processors of this virtual machine together (proc(5)).
+  // Stolen time of all processors of this virtual machine together (proc(5)).
   static Time stolen() {
     std::ifstream file("/proc/stat");
     std::string word;
@@ -120,7 +121,7 @@ class Turnarounds {
   bench::FrameWitness at_line_;
   bench::FrameWitness back_;
   std::string schedstat_;
-  std::array<std::deque<Time>, 256> at_;  // by index, when frames came that were not answered yet
+  std::array<std::deque<Time>, 256> at_;  // by index: arrival times of frames that are not answered yet
   std::uint64_t outstanding_ = 0;
   Time waited_{0};
   Time stolen_{0};
@@ -134,7 +135,7 @@ class Turnarounds {
   Time worst_own_{0};
 };
 
-// Frames of process data without a master's knowledge of what is there.
+// Frames of process data that do not depend on the slaves of the line.
 void beat(const char* link, std::chrono::seconds span, Time period, std::size_t frames, std::size_t bytes,
           Turnarounds& turnarounds) {
   using Clock = std::chrono::steady_clock;
@@ -155,7 +156,7 @@ void beat(const char* link, std::chrono::seconds span, Time period, std::size_t 
     while (back < frames && client->receive(received, period) != 0) ++back;
     turnarounds.look(period, back < frames);
   }
-  std::this_thread::sleep_for(std::chrono::seconds(1));  // what is still on its way comes
+  std::this_thread::sleep_for(std::chrono::seconds(1));  // waits for frames that are still on their way
   turnarounds.look(period, false);
   turnarounds.finish();
 }
@@ -215,7 +216,7 @@ int main(int argc, char** argv) {
         found.size(), exchange.frames_with_data(), number(statistics.cycles), number(statistics.lost),
         number(statistics.wrong_counters), number(statistics.skipped), in_microseconds(statistics.worst_lateness));
     if (turnarounds) {
-      master->wait(std::chrono::seconds(1));  // what is still on its way comes
+      master->wait(std::chrono::seconds(1));  // waits for frames that are still on their way
       turnarounds->look(options.cyclic.period, false);
       turnarounds->finish();
       turnarounds->print();

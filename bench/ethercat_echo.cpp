@@ -1,6 +1,6 @@
-// The least that can answer a master on an Ethernet interface: receives each EtherCAT frame, counts 3 (one slave that
-// is read and written) in every datagram for SLAVES slaves, changes the source address, sends it back. What the line's
-// round trips are measured against.
+// The simplest possible answer to a master on an Ethernet interface: receives each EtherCAT frame, adds 3 for each of
+// SLAVES slaves (a slave that is read and written) to the working counter of every datagram, changes the source
+// address, and sends the frame back. It is the baseline for the round trips of the line.
 // Usage: ethercat_echo INTERFACE SLAVES [busy]
 #include <cstdio>
 #include <cstdlib>

@@ -1,7 +1,7 @@
-// Round trips of one EtherCAT frame over a link, one after the other: an LRW with the process data of all slaves and a
-// BRD of the AL status. Prints how many there were per second, and what a round trip took.
-// Usage: ethercat_latency LINK SECONDS BYTES    BYTES in the LRW, which no slave need take
-//        ethercat_latency LINK SECONDS          all slaves are taken to Operational, and their process data exchanged
+// Measures round trips of one EtherCAT frame over a link, one after the other: an LRW with the process data of all
+// slaves, and a BRD of the AL status. Prints the round trips per second and their durations.
+// Usage: ethercat_latency LINK SECONDS BYTES    an LRW of BYTES bytes, without a slave that maps them
+//        ethercat_latency LINK SECONDS          brings all slaves to Operational and exchanges their process data
 #include <algorithm>
 #include <chrono>
 #include <cstdio>
@@ -20,8 +20,8 @@ using namespace servodrome;
 using namespace std::chrono_literals;
 using links::Time;
 
-// The process data of a line in operation: where they lie in logical memory, the outputs as they are, and the working
-// counter of all slaves.
+// The process data of a line in operation: their logical address, the present outputs, and the working counter of all
+// slaves.
 struct ProcessImage {
   std::uint32_t logical = 0;
   std::vector<std::uint8_t> data;
@@ -41,7 +41,7 @@ class Line {
     master_->wait(100ms);
   }
 
-  // From the FMMUs of the slaves.
+  // Reads the logical addresses from the FMMUs of the slaves.
   ProcessImage image() {
     constexpr unsigned channels = 2;  // outputs, inputs
     struct Mapping {

@@ -16,8 +16,8 @@
 
 namespace servodrome::bench {
 
-// Tells when EtherCAT frames came to an Ethernet interface, by the kernel's clock at their arrival: however late
-// this program reads them, and also if others read them.
+// Records when EtherCAT frames arrive at an Ethernet interface, by the kernel's receive time stamp. The time does not
+// depend on when this program reads the frame, or on other readers of the interface.
 class FrameWitness {
  public:
   using Time = std::chrono::nanoseconds;  // of CLOCK_REALTIME
@@ -45,7 +45,7 @@ class FrameWitness {
   FrameWitness(const FrameWitness&) = delete;
   FrameWitness& operator=(const FrameWitness&) = delete;
 
-  // The next frame that came; false: none.
+  // Reads the next frame; false: there is none.
   bool next(Arrival& arrival) {
     constexpr std::size_t index_at = 14 + 2 + 1;  // behind the Ethernet and EtherCAT headers, and the command
     std::array<std::uint8_t, index_at + 1> bytes{};

@@ -1,4 +1,4 @@
-// Nanoseconds per base tick of the plant: one machine after the other, and many of them in turn as in a large line.
+// Measures the nanoseconds per base tick of the plant: one machine alone, and many machines in turn as in a large line.
 #include <algorithm>
 #include <cstdio>
 #include <ctime>
@@ -54,7 +54,7 @@ double nanoseconds_per_tick(const Case& one) {
   for (int round = 0; round < 5; ++round) {
     const std::clock_t start = std::clock();  // processor time: the machine may be shared
     for (int tick = 0; tick < ticks; ++tick) {
-      // A slowly turning field, so that the motor moves.
+      // A voltage vector that turns slowly, so that the motor moves.
       const float swing = 20.0F * static_cast<float>((tick / 64) % 64 - 32) / 32.0F;
       actuation.phase_voltage_v = {swing, 20.0F - swing, -20.0F};
       for (std::size_t i = 0; i < plants.size(); ++i) plants[i]->step(actuation, feedback[i]);

@@ -1,11 +1,11 @@
 #!/usr/bin/env python3
-"""What Python costs: a tick advanced by a call, against the same ticks in one call; reading the positions of 64 axes; and a
-canopen master in the process that polls the default line.
+"""Measures the cost of the Python package: ticks that are advanced by one call each, compared with the same ticks in
+one call; reading the positions of 64 axes; and a canopen master in the process that polls the default line.
 
     bench/python_line.py [BUILD_DIRECTORY]
 
-The baseline is the line in C++, run_ticks(N): its ticks are those of bench/tick_bench, of drives that are switched on and not
-enabled. Processor time of this thread, the quickest of several runs.
+The baseline is the line in C++, run_ticks(N): its ticks are the same as in bench/tick_bench, with drives that are
+switched on and not enabled. Figures are processor time of this thread, the fastest of several runs.
 """
 
 import os
@@ -26,7 +26,7 @@ TICK_S = 62.5e-6
 
 
 def quickest_ns(calls, act):
-    """Nanoseconds of a call of `act`."""
+    """Returns the nanoseconds of one call of `act`."""
     best = float("inf")
     for _ in range(7):
         start = time.thread_time_ns()
@@ -37,7 +37,7 @@ def quickest_ns(calls, act):
 
 
 def real_s():
-    """The machine's time, also in virtual_time()."""
+    """The time of the machine's clock, also inside virtual_time()."""
     with servodrome.real_time():
         return time.monotonic()
 

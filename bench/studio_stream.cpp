@@ -1,6 +1,6 @@
-// What it costs a line that is looked at: processor time per tick of a line of eight axes without clients, with what a
-// server looks at by itself (events, fault moments), and with ten pages of 16 channels at 16 kHz each, the same ones or
-// different ones; and how long the longest 10 ms of line time took.
+// Measures the cost of monitoring for a line: processor time per tick of a line of eight axes without clients, with the
+// server's own monitoring (events, moments of faults), and with ten pages of 16 channels at 16 kHz each, with equal or
+// different channels. Also prints the longest duration of 10 ms of line time.
 #include <algorithm>
 #include <cstdio>
 #include <ctime>
@@ -17,7 +17,7 @@ using namespace servodrome;
 using namespace servodrome::line;
 using namespace std::chrono_literals;
 
-// Reads everything at once and forgets it.
+// Reads all data at once and discards them.
 class Reader final : public api::Outbox {
  public:
   void text(std::string) override {}
@@ -56,8 +56,8 @@ std::string subscription(int page, bool shared) {
 }
 
 struct Cost {
-  double tick_ns = 1e12;     // of all axes together, the quickest of several runs
-  double longest_ms = 1e12;  // 10 ms of line time: the longest of a run, of the best run
+  double tick_ns = 1e12;     // all axes together, the fastest of several runs
+  double longest_ms = 1e12;  // 10 ms of line time: the longest of a run, in the best run
   std::size_t bytes = 0;
 };
 

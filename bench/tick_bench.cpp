@@ -1,5 +1,6 @@
-// Cost of one base tick of a drive with its plant, every monitor and loop running, for 1 and for 256 axes; against a
-// bare scalar loop of the same kind measured in the same run. Usage: tick_bench [NAME], NAME: of the one to measure
+// Measures the cost of one base tick of a drive with its plant, with all monitors and loops active, for 1 and for 256
+// axes. The baseline is a simple scalar loop of the same kind, measured in the same run.
+// Usage: tick_bench [NAME], NAME: measure only this one
 #include <algorithm>
 #include <cstdio>
 #include <cstring>
@@ -15,14 +16,14 @@ namespace {
 
 using namespace servodrome;
 
-// Processor time of this thread: what else the machine does is not ours.
+// Processor time of this thread, so that other programs do not count.
 double now_ns() {
   timespec time{};
   clock_gettime(CLOCK_THREAD_CPUTIME_ID, &time);
   return static_cast<double>(time.tv_sec) * 1e9 + static_cast<double>(time.tv_nsec);
 }
 
-// A PI velocity loop on a one-line motor model: what a first sketch of a servo simulation does.
+// A PI velocity loop on a motor model of one line, like the first draft of a servo simulation.
 double bare_loop_ns(int ticks) {
   volatile float target = 100.0F;
   float velocity = 0.0F, integral = 0.0F, current = 0.0F, position = 0.0F;
@@ -49,7 +50,7 @@ void start_moving(Rig& rig) {
   rig.run_ms(50);
 }
 
-// Axes run in batches of one position-loop cycle, as a line does between two frames.
+// Axes run in batches of one position-loop cycle, like a line between two frames.
 template <typename Rig>
 double axes_ns(std::vector<std::unique_ptr<Rig>>& rigs, int batches, int batch) {
   const double start = now_ns();

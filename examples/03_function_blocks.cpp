@@ -1,5 +1,5 @@
-// A program of PLCopen function blocks on two EtherCAT axes: the first goes through a position at speed, the second is
-// geared to it.
+// A program of PLCopen function blocks on two EtherCAT axes: the first passes a position without a stop, the second
+// follows it by a gear.
 //
 //   03_function_blocks [LINK]                           servodrome up lines/cyclic-axes.toml: its axes 5 and 6
 #include "axis/cyclic/ethercat_cyclic_bus.hpp"
@@ -22,7 +22,7 @@ int main(int argc, char** argv) {
     for (master::EthercatSlave* slave : slaves) {
       slave->to_pre_operational();
       master::set_up_cyclic_axis(*slave, {.period = 2ms});
-      slave->coe().write<std::int8_t>(0x6098, 0, 35);  // homing: home is here
+      slave->coe().write<std::int8_t>(0x6098, 0, 35);  // homing: the present position is home
     }
     master::EthercatOperation operation(master, found, slaves, {.cyclic = {.period = 2ms}});
     master::EthercatCyclicBus bus(master, operation);
@@ -45,7 +45,7 @@ int main(int argc, char** argv) {
     on.Position = 6.0;
     on.Velocity = 2.0;
     on.Acceleration = on.Deceleration = 40.0;
-    on.Mode = BufferMode::BlendingLow;  // through 4.0 with 2 revolutions a second
+    on.Mode = BufferMode::BlendingLow;  // passes 4.0 with 2 revolutions per second
 
     // Called once a cycle, as a controller calls its program.
     controller.on_cycle([&] {
@@ -61,7 +61,7 @@ int main(int argc, char** argv) {
       there(x);
       on(x);
     });
-    // Left by Ctrl-C, the operation takes the drives out of OP, and they stop.
+    // After Ctrl-C the operation takes the drives out of OP, which stops them.
     const auto done = [&] { return examples::throw_if_interrupted(), on.Done; };
     if (!controller.run_until(done, 20s)) {
       throw std::runtime_error(std::string("it did not arrive: ") + text_of(x.error()) + "; " + text_of(y.error()));

@@ -1,5 +1,5 @@
-// A routine of the JMC manual as the controller carries it out (chapter 'Routine'): PDOs, start-up list, scaling,
-// homing by the drive or by the controller, and a program of function blocks, from the routine's data.
+// Carries out a routine of the JMC manual (chapter 'Routine') like the controller: PDOs, start-up list, scaling, homing
+// by the drive or by the controller, and a program of function blocks, all from the routine's data.
 //
 //   04_controller_routine ROUTINE.toml [LINK]           the first slave; tests/interop/ethercat/routines
 #include <cmath>
@@ -19,11 +19,11 @@ using examples::Routine;
 
 namespace {
 
-constexpr double turn = 4000.0;  // counts, as these drives leave the factory
+constexpr double turn = 4000.0;  // counts; the factory setting of these drives
 constexpr double tolerance_turns = 8.0 / turn;
 constexpr master::Time patience = 120s;
 
-// As the manual's machine stands: the index at whole turns, switches where the routine looks for them.
+// The manual's machine: the index is at whole turns, and the switches are where the routine expects them.
 std::string line_of(const Routine& routine) {
   const bool homes_at_positive_limit = routine.homing && !routine.homing->by_drive && routine.homing->bit == 1;
   return fmt::format(R"(
@@ -58,7 +58,7 @@ void map(master::EthercatSlave& slave, std::uint16_t assignment, std::uint16_t i
   master::assign_pdos(slave.coe(), assignment, std::array{index});
 }
 
-// The program's blocks, one at a time, as a sequence in the controller calls them.
+// The program's blocks, one at a time, like a sequence in the controller.
 class Sequence {
  public:
   Sequence(Controller& controller, const Routine& routine, line::Line* line)
@@ -83,7 +83,7 @@ class Sequence {
   }
 
  private:
-  // Of the true shaft, where this program can see it.
+  // Position of the true shaft; known only for a line in this process.
   double turns() const {
     if (line_ != nullptr) return static_cast<double>(line_->axes()[0]->plant().position_counts()) / turn;
     return static_cast<double>(axis_.motion().position()) / turn;
@@ -92,7 +92,7 @@ class Sequence {
   void idle() {
     controller_.on_cycle([this] { power_(axis_); });
   }
-  // Calls the block until it is finished, or `until` says so; then with Execute FALSE.
+  // Calls the block until it is finished or `until` returns true; then calls it with Execute FALSE.
   template <typename Block, typename Until>
   void call(Block& block, const char* name, Until until) {
     block.Execute = true;
@@ -123,7 +123,7 @@ class Sequence {
     block.Deceleration = step.deceleration;
   }
 
-  // Until the shaft is at rest: some of these drives arrive later than they are told to.
+  // Waits until the shaft is at rest, because some of these drives lag behind the demand.
   void settle() {
     if (axis_.state() == AxisState::ContinuousMotion) return;
     int still = 0;
@@ -149,7 +149,7 @@ class Sequence {
     call(stop, "MC_Stop");
   }
 
-  // To the switch, off it at creep speed; where it changes is the origin.
+  // Moves to the switch, then off it at creep speed; the origin is the place where the switch changes.
   void home_by_controller(const Routine::Homing& how) {
     const auto input = [&] { return (axis_.digital_inputs() >> how.bit & 1U) != 0; };
     run_at(how.direction * how.speed, how.acceleration);
@@ -173,7 +173,7 @@ class Sequence {
   }
 
   void reset_a_fault() {
-    if (line_ == nullptr) return;  // nothing on a real drive to break on purpose
+    if (line_ == nullptr) return;  // a real drive is not disturbed on purpose
     line_->axes()[0]->inject(drive::Cause::following_error, true);
     controller_.run_until([&] { return axis_.state() == AxisState::ErrorStop; }, patience);
     line_->axes()[0]->inject(drive::Cause::following_error, false);

@@ -1,6 +1,7 @@
-// The Schneider case of the ISMC manual (ch. 6): a TM241 with a CANopen master and SoMachine, here this program.
-// The drive is node 1 at 1 Mbit/s; process data as SoMachine's expert mode maps them (ch. 6); profile position,
-// 100000 counts relative at 1000000 counts/s, ten times (ch. 6, 'Program modification and debugging').
+// The Schneider example of the ISMC manual (ch. 6): this program takes the place of a TM241 with a CANopen master and
+// SoMachine. The drive is node 1 at 1 Mbit/s; the process data are mapped as in SoMachine's expert mode (ch. 6);
+// profile position, 100000 counts relative at 1000000 counts/s, ten times (ch. 6, 'Program modification and
+// debugging').
 //
 //   05_schneider_canopen [LINK]                         node 1, as on the line that ./run starts
 #include "axis/axis402.hpp"
@@ -31,7 +32,7 @@ int main(int argc, char** argv) {
     for (const master::PdoParameters& pdo : pdos) master::write_pdo(drive, pdo);
     master.command(master::NmtCommand::start, node);
 
-    // What the drive last said, as the PLC's input variables.
+    // The latest values from the drive, like the PLC's input variables.
     std::uint16_t statusword = 0;
     const auto listening = can.bus().listen([&](const master::Frame& frame) {
       if (frame.id == 0x180u + node) statusword = static_cast<std::uint16_t>(frame.data[0] | frame.data[1] << 8);
@@ -55,7 +56,7 @@ int main(int argc, char** argv) {
     const auto begin = drive.read<std::int32_t>(0x6064);
     for (int run = 0; run < 10; ++run) {
       send(0x5F);                               // new set-point
-      wait_for("acknowledge", 0x1400, 0x1000);  // and no target reached of the run before
+      wait_for("acknowledge", 0x1400, 0x1000);  // and target reached of the previous move must be cleared
       send(0x4F);
       wait_for("target reached", 0x1400, 0x0400);
     }

@@ -1,5 +1,5 @@
 // Chapter 9 of the ProNet CANopen manual: a parameter by SDO (ch. 9.1), profile position by PDO (ch. 9.2 and 9.3),
-// interpolated position in step with SYNC (ch. 9.4), homing (ch. 9.5).
+// interpolated position synchronised by SYNC (ch. 9.4), homing (ch. 9.5).
 //
 //   06_pronet_chapter_9 [LINK]                          node 3, as on the line that ./run starts
 #include "axis/axis402.hpp"
@@ -76,8 +76,9 @@ void profile_position(master::Master& master, master::SdoClient& drive) {
   drive.write<std::uint16_t>(0x6040, 0, 0x06);
 }
 
-// 9.3: synchronous PDOs, 60C2h and 2105h with the SYNC's period, controlword and 60C1h each time. The manual's host
-// sends 16 and leaves the path to the reader; here it is a jerk-limited trajectory over a revolution.
+// 9.3: synchronous PDOs; 60C2h and 2105h have the SYNC's period; controlword and 60C1h are sent in each cycle. The
+// manual's host sends 16 positions and does not define the path; here the path is a jerk-limited trajectory of one
+// revolution.
 void interpolated_position(master::Bus& bus) {
   master::CanDrive drive = master::interpolated_position_drive(node);
   drive.values.push_back({{0x2105, 0}, 10'000, 4});  // us (ch. 7.5.4)
@@ -95,8 +96,8 @@ void interpolated_position(master::Bus& bus) {
   axes.disable(limits);
 }
 
-// 9.4, with method 35: the manual's 4 needs a home switch and an index; both speeds are written, which the manual
-// forgets for 6099h sub 1.
+// 9.4, with method 35, because the manual's method 4 needs a home switch and an index. Writes both speeds; the manual
+// omits 6099h sub 1.
 void homing(master::SdoClient& drive) {
   master::Axis402 axis(drive, {.dialect = master::dialect_of("pronet")});
   axis.enable();

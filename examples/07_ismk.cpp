@@ -1,5 +1,5 @@
-// The iSMK manual's examples (ch. 9.3.2, and the same over Modbus, Table 8-1, and RS232, Table 8-3): homing by method
-// 33, position mode absolute and relative, speed mode. What is written is the manual's, number by number.
+// The examples of the iSMK manual (ch. 9.3.2, and the same over Modbus, Table 8-1, and RS232, Table 8-3): homing by
+// method 33, position mode absolute and relative, speed mode. All written values are the manual's.
 //
 //   07_ismk [LINK]                                      node 4, as on the line that ./run starts
 #include "axis/axis402.hpp"
@@ -79,7 +79,7 @@ int main(int argc, char** argv) {
     write(drive, speed);
     const auto begin = drive.read<std::int32_t>(0x6063);
     drive.wait(1s);
-    // 100 rpm for a second, less the ramp.
+    // 100 rpm for a second, minus the ramp.
     examples::expect_near("revolutions", (drive.read<std::int32_t>(0x6063) - begin) / 65536.0, -100.0 / 60.0, 0.1);
     drive.write<std::uint16_t>(0x6040, 0, 0x06);
   });

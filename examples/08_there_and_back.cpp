@@ -1,4 +1,5 @@
-// A machine of function blocks on CAN or EtherCAT: home where the axis is, three revolutions there and back, twice.
+// A machine of function blocks on CAN or EtherCAT: takes the present position as home, then moves three revolutions
+// there and back, twice.
 // `servodrome trial` runs it as a master (docs/trials.md).
 //
 //   08_there_and_back [LINK]                            node 1, or all slaves
@@ -26,7 +27,7 @@ struct Machine {
   MC_MoveAbsolute move;
 };
 
-// Calls the blocks of all axes, once a cycle, until each has what `done` asks for.
+// Calls the blocks of all axes once per cycle, until `done` returns true for each axis.
 class Program {
  public:
   explicit Program(Controller& controller) : controller_(controller), machines_(controller.size()) {

@@ -33,13 +33,13 @@ std::unique_ptr<line::Line> line_of(std::string_view text, const std::string& na
 }
 
 std::atomic<bool> interrupt_seen{false};
-static_assert(std::atomic<bool>::is_always_lock_free);  // a signal handler sets it
+static_assert(std::atomic<bool>::is_always_lock_free);  // the signal handler writes it
 
 }  // namespace
 
 bool interrupted() { return interrupt_seen; }
 
-// Once: what puts things right afterwards waits as well.
+// Throws only once, because the code that stops the axes afterwards also waits.
 void throw_if_interrupted() {
   if (interrupt_seen.exchange(false)) throw std::runtime_error("interrupted");
 }
@@ -53,7 +53,7 @@ QuickStopOnFailure::~QuickStopOnFailure() {
   try {
     drive_.write<std::uint16_t>(0x6040, 0, quick_stop);
   } catch (const master::MasterError&) {
-    // It is gone. What went wrong first is what is told.
+    // The drive does not answer. The program reports the first error.
   }
 }
 
@@ -66,7 +66,7 @@ Can::Can(std::string_view link, std::string_view line_file) {
   line_ = line_of(text_of(line_file), std::string(line_file));
   auto client = std::make_unique<links::MemoryCanClient>(line_->buses().front()->bus, *line_);
   bus_ = std::make_unique<master::Bus>(std::move(client), "mem:", line_.get());
-  bus_->run_for(std::chrono::milliseconds(500));  // drives boot
+  bus_->run_for(std::chrono::milliseconds(500));  // time for the drives to boot
 }
 
 void Ethercat::open(std::string_view link, std::string_view text, const std::string& name) {

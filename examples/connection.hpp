@@ -11,8 +11,8 @@
 #include "master/ethercat/master.hpp"
 #include "master/object_client.hpp"
 
-// Where a program's drives are: behind the link that its command line names, or, without one, on a line in the
-// program's own process, in virtual time. What comes after is the same.
+// The connection of a program to its drives: over the link that the command line names, or, without a link, to a line
+// in the program's own process, in virtual time. The rest of the program is the same in both cases.
 namespace examples {
 
 class Can {
@@ -31,11 +31,11 @@ class Can {
 class Ethercat {
  public:
   Ethercat(std::string_view link, std::string_view line_file);
-  // A line of one's own, as a line file has it.
+  // The program's own line, as a line file describes it.
   static Ethercat on_line(std::string_view link, std::string_view line_text);
 
   servodrome::master::EthercatMaster& master() { return *master_; }
-  // The line in this process, with the true shafts; nullptr behind a link.
+  // The line in this process, which has the true shaft positions; nullptr if the program uses a link.
   servodrome::line::Line* line() { return line_.get(); }
 
  private:
@@ -46,11 +46,13 @@ class Ethercat {
   std::unique_ptr<servodrome::master::EthercatMaster> master_;
 };
 
-// Ctrl-C was pressed. A program that waits by itself asks for it; what stops the axis is said where it is used.
+// Returns true after Ctrl-C. A program that waits by itself must poll it. The places that use it describe what stops
+// the axis.
 bool interrupted();
 void throw_if_interrupted();
 
-// For programs that write controlwords themselves: a quick stop when they are left by an exception, Ctrl-C among them.
+// For programs that write controlwords themselves: commands a quick stop if an exception (Ctrl-C also causes one) ends
+// the program.
 class QuickStopOnFailure {
  public:
   explicit QuickStopOnFailure(servodrome::master::ObjectClient& drive);
@@ -63,11 +65,11 @@ class QuickStopOnFailure {
   int exceptions_;
 };
 
-// Throws if `is` is not what it should be, so that a program that went wrong ends with exit status 1.
+// Throws if `is` differs from the expected value, so that a program that failed ends with exit status 1.
 void expect_near(const char* what, double is, double should_be, double tolerance);
 
-// main(): runs `program` with the link that was given, or "". Says what went wrong; exit status 0, 1, or 2 for wrong
-// use.
+// main() calls it: runs `program` with the given link, or with "". Prints an error; exit status 0, 1 on an error, or 2
+// for wrong use.
 int run(int argc, char** argv, const char* usage, const std::function<void(std::string_view link)>& program);
 
 }  // namespace examples

@@ -1,10 +1,10 @@
-// Random requests against the bench API's handler, without sockets. Not coverage-guided: a fixed pseudo-random
-// sequence, so that a failure is found again by its seed. Run it in a build with sanitizers:
+// Sends random requests to the bench API's handler, without sockets. Not guided by coverage: a fixed pseudo-random
+// sequence, so that the same seed repeats a failure. Run it in a build with sanitizers:
 //
 //   bench_api_fuzz COUNT [SEED]
 //
-// Exit status 1 if an answer is not what the API promises: a status below 500, a JSON body or none with 204,
-// on the stream JSON texts and frames that are as long as they say.
+// Exit status 1 if an answer breaks a promise of the API: a status below 500; a JSON body, or no body with 204; on the
+// stream, JSON texts and frames whose length is correct.
 #include <array>
 #include <cstdio>
 #include <cstdlib>
@@ -19,7 +19,7 @@
 
 namespace {
 
-// Reads everything at once.
+// Reads all data at once.
 class Reader final : public servodrome::api::Outbox {
  public:
   void text(std::string message) override {
@@ -60,7 +60,7 @@ int main(int argc, char** argv) {
     api::Response response = bench::handle(line, request, {&recordings, 1});
     const bool has_body = response.status != 204;
     const bool is_json = response.content_type == "application/json";
-    if (response.more) {  // of a recording: a part of it will do
+    if (response.more) {  // of a recording: reads only a part of it
       for (int part = 0; part < 4 && !response.more().empty(); ++part) {
       }
     }
@@ -71,7 +71,7 @@ int main(int argc, char** argv) {
       return 1;
     }
     ++answers[response.status];
-    // The same on the stream: what is no message is refused there, and what is read must be what was promised.
+    // The same on the stream: it must refuse invalid messages, and its output must be valid JSON texts and frames.
     session->receive(generator.message(), std::chrono::steady_clock::time_point(std::chrono::seconds(i)));
     if (!reader.error.empty()) {
       std::printf("message %llu of seed %llu: %s\n", static_cast<unsigned long long>(i),
@@ -80,7 +80,7 @@ int main(int argc, char** argv) {
     }
     if (i % 256 == 0) session = std::make_unique<api::StreamSession>(looking.scope(), reader);
     if (i % 64 == 0) line.run_until(line.now() + std::chrono::microseconds(700));
-    if (i % 4096 == 0) {  // something to work on again
+    if (i % 4096 == 0) {  // powers axes on again that a request has switched off
       for (const auto& axis : line.axes()) axis->power_on(line.now());
     }
   }

@@ -1,5 +1,5 @@
-// Any bytes as a dialogue with a CANopen node: each record is a few control bits, an identifier and data. The
-// sanitizers look for misuse of memory; the invariants at the end look for a node that stopped answering.
+// Takes any bytes as a dialogue with a CANopen node: each record is a few control bits, an identifier and data. The
+// sanitizers detect misuse of memory; the invariants at the end detect a node that no longer answers.
 #include <cstdlib>
 #include <memory>
 
@@ -43,7 +43,7 @@ struct Events final : canopen::DeviceEvents {
   bool lss_bit_timing_supported(std::uint8_t index) override { return index < 4; }
 };
 
-// The variants differ in what the first byte of the input chooses.
+// The first byte of the input selects a variant.
 canopen::Profile profile_of(std::uint8_t choice) {
   canopen::Profile profile;
   profile.valid_pdo_may_be_remapped = (choice & 1) != 0;
@@ -111,7 +111,7 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* bytes, std::size_t siz
   }
   drain(node);
   if (device->objects.text.length > 100) std::abort();
-  // Transfers time out, a bit rate switch ends, and the node answers.
+  // Transfers time out, a change of the bit rate ends, and the node must answer.
   now += std::chrono::hours(1);
   node.poll(now);
   drain(node);

@@ -1,11 +1,11 @@
-// Random and mutated CAN frames against whole drives on their plants. Not coverage-guided: a fixed pseudo-random
-// sequence, so that a failure is found again by its seed. Run it in a build with sanitizers:
+// Sends random and mutated CAN frames to complete drives on their plants. Not guided by coverage: a fixed pseudo-random
+// sequence, so that the same seed repeats a failure. Run it in a build with sanitizers:
 //
 //   drive_frames COUNT [SEED]
 //
-// Frames are mostly near-valid: NMT, SYNC, SDO requests for objects that exist, PDOs, LSS, with bits flipped; the
-// drives run a few ticks in between. Every 10,000 frames all of them must still answer an SDO request after a reset.
-// Exit status 1 if one does not.
+// Most frames are nearly valid: NMT, SYNC, SDO requests for objects that exist, PDOs, LSS, with some bits flipped. The
+// drives run a few ticks between the frames. After every 10,000 frames all drives must still answer an SDO request
+// after a reset. Exit status 1 if a drive does not answer.
 #include <cstdio>
 #include <cstdlib>
 #include <random>
@@ -52,7 +52,7 @@ canopen::Frame random_frame(std::mt19937_64& random, std::uint8_t node, std::spa
       frame.id = static_cast<std::uint32_t>(pick(0x800)), frame.length = static_cast<std::uint8_t>(pick(9));
       break;
     case 8: frame.id = static_cast<std::uint32_t>(pick(0x20000000)), frame.extended = true; break;
-    case 9: {  // the way into operation, and modes: so that moving drives are reached too
+    case 9: {  // the sequence to Operation enabled, and modes, so that the frames also reach moving drives
       frame.id = 0x600U + node;
       const std::uint8_t control = controlwords[pick(controlwords.size())];
       const auto mode = static_cast<std::uint8_t>(pick(12));
@@ -86,7 +86,7 @@ bool answers(test::Rig<Device>& rig) {
   rig.device.power_on(rig.feedback, rig.now());
   rig.sent.clear();
   const std::uint8_t node = rig.device.node_id();
-  if (node > 127) return true;  // told by LSS to have no node-ID: silent by right
+  if (node > 127) return true;  // LSS has removed its node-ID: it must not answer
   rig.send(0x600U + node, {0x40, 0x00, 0x10, 0x00, 0, 0, 0, 0});
   for (const canopen::Frame& frame : rig.sent) {
     if (frame.id == 0x580U + node && frame.data[0] == 0x43 && frame.data[4] == 0x92) return true;

@@ -1,14 +1,14 @@
-// Random and mutated EtherCAT frames against a segment of whole drives on their plants, in each state of the EtherCAT
-// state machine. Not coverage-guided: a fixed pseudo-random sequence, so that a failure is found again by its seed. Run
-// it in a build with sanitizers:
+// Sends random and mutated EtherCAT frames to a segment of complete drives on their plants, in each state of the
+// EtherCAT state machine. Not guided by coverage: a fixed pseudo-random sequence, so that the same seed repeats a
+// failure. Run it in a build with sanitizers:
 //
 //   ethercat_frames COUNT [SEED]
 //
-// COUNT frames are shared out over the four states. Frames are mostly near-valid: all commands at registers that exist,
-// process data, mailbox messages, then bytes overwritten, lengths changed, ends cut off; some are of other protocols,
-// tagged, or the content of UDP packets. Every 10,000 frames a second master comes, which knows nothing of the first:
-// it must find all slaves, bring them to the state again and get an answer from the mailbox of each. Exit status 1 if
-// not.
+// COUNT frames are divided between the four states. Most frames are nearly valid: all commands at registers that exist,
+// process data, mailbox messages, then with overwritten bytes, changed lengths or cut ends. Some are of other
+// protocols, tagged, or the content of UDP packets. After every 10,000 frames a second master starts, which does not
+// know the state that the first one left: it must find all slaves, bring them to the state again and get an answer from
+// the mailbox of each. Exit status 1 if it cannot.
 #include <algorithm>
 #include <array>
 #include <chrono>
@@ -61,7 +61,7 @@ class Target {
     }
   }
 
-  // Passes the segment, changed in place. False: lost.
+  // Passes the frame through the segment, which changes it in place. False: the frame is lost.
   bool pass(std::span<std::uint8_t> frame, links::EthercatBus::Encapsulation encapsulation) {
     now_ += 25us;
     line_.run_until(now_);
@@ -70,7 +70,7 @@ class Target {
   }
   void wait(links::Time span) { line_.run_until(now_ += span); }
 
-  // One datagram of a well-behaved master; its working counter.
+  // Sends one datagram of a correct master; returns its working counter.
   unsigned send(Command command, std::uint32_t address, std::span<const std::uint8_t> data) {
     auto writer = ethercat::FrameWriter::ethernet(memory_);
     const auto place = writer.add(command, 0, address, data.size());
@@ -82,7 +82,7 @@ class Target {
   unsigned broadcast(std::uint16_t offset, std::initializer_list<std::uint8_t> data) {
     return send(Command::bwr, address_of(0, offset), std::vector<std::uint8_t>(data));
   }
-  // A process image of the length that the slave has now, at its place of the memory.
+  // Sets a sync manager to a process image of the slave's present length, at its place in the memory.
   void channel(std::uint16_t slave, unsigned number, std::uint16_t start, std::uint16_t length, std::uint8_t control) {
     const std::uint8_t low = static_cast<std::uint8_t>(length);
     const std::uint8_t high = static_cast<std::uint8_t>(length >> 8);
@@ -91,10 +91,11 @@ class Target {
     send(Command::apwr, address_of(slave, static_cast<std::uint16_t>(reg::sync_manager + 8 * number)), settings);
   }
 
-  // As a master starts that does not know what was before: takes away what protects registers, opens the ports, resets
-  // the controllers and brings everything up. Nothing: it worked. Two things outlive a master, as on real slaves: one
-  // that was told to keep its port 0 closed for ever while its port 1 is open is out of reach until its power is
-  // cycled, and what was written into its SII stays there; it is put right as its maker's tool would.
+  // Starts like a master that does not know the previous state: removes the write protection, opens the ports, resets
+  // the controllers and brings all slaves up. Returns nullptr on success. Two states survive such a start, as on real
+  // slaves. A slave that was commanded to keep its port 0 closed permanently while its port 1 is open is not reachable
+  // until a power cycle. Data that were written into the SII stay there; the bench restores them, as the maker's tool
+  // would.
   const char* start(AlState state) {
     for (const auto& axis : line_.axes()) {
       ethercat::Esc& esc = *axis->device().ethercat_controller();
@@ -110,7 +111,7 @@ class Target {
     }
     for (std::size_t i = 0; i < slaves; ++i) {
       auto writer = ethercat::FrameWriter::ethernet(memory_);
-      // The key of the whole memory first: without it not even the one of the registers is taken.
+      // First the key of the whole memory: without it, the slave also refuses the key of the registers.
       for (const std::uint16_t lock : std::to_array<std::uint16_t>({0x0030, 0x0020, 0x0021, 0x0031})) {
         writer.add(Command::bwr, 0, address_of(0, lock), 1);
       }
@@ -147,7 +148,7 @@ class Target {
   unsigned repairs() const { return repairs_; }
 
  private:
-  // What a master writes that does not read which PDOs the one before has left.
+  // Writes the factory mapping, like a master that does not read the PDO assignment of the previous master.
   static void map_as_from_the_factory(dictionary::Dictionary& objects) {
     for (const dictionary::Entry& entry : objects.table()) {
       std::byte* place = entry.index < 0x1600 || entry.index > 0x1C33 ? nullptr : objects.storage(entry);
@@ -174,7 +175,7 @@ class Target {
   links::Time now_{};
   unsigned power_cycles_ = 0;
   unsigned repairs_ = 0;
-  std::vector<std::vector<std::uint8_t>> images_;  // of the SII, as the slaves came
+  std::vector<std::vector<std::uint8_t>> images_;  // of the SII, as delivered
   std::array<std::uint8_t, ethercat::max_frame> memory_{};
   std::vector<std::uint8_t> answer_;
 };
@@ -185,7 +186,7 @@ class FrameMaker {
 
   std::uint64_t pick(std::uint64_t n) { return random_() % n; }
 
-  // `encapsulation` says how it is meant.
+  // Sets `encapsulation` to the form of the frame.
   std::span<std::uint8_t> next(links::EthercatBus::Encapsulation& encapsulation) {
     const bool payload = pick(8) == 0;
     encapsulation = payload ? links::EthercatBus::Encapsulation::payload : links::EthercatBus::Encapsulation::ethernet;
@@ -193,7 +194,7 @@ class FrameMaker {
     for (std::uint64_t n = 1 + pick(4); n > 0; --n) add_datagram(writer);
     std::size_t size = writer.bytes().size();
     const std::span<std::uint8_t> whole(memory_);
-    if (pick(3) == 0) {  // bytes that are wrong
+    if (pick(3) == 0) {  // overwritten bytes
       for (std::uint64_t n = 1 + pick(3); n > 0; --n) whole[pick(size)] = static_cast<std::uint8_t>(random_());
     }
     if (pick(16) == 0) size = pick(size + 1);
@@ -215,13 +216,13 @@ class FrameMaker {
     const std::uint64_t kind = pick(16);
     if (kind < 4) {
       add_mail(writer);
-    } else if (kind < 7) {  // process data, at its place or by logical address
+    } else if (kind < 7) {  // process data, by position or by logical address
       const std::size_t length = pick(4) == 0 ? pick(40) : 14;
       const bool logical = pick(2) == 0;
       fill(writer.add(static_cast<Command>(logical ? 10 + pick(3) : 1 + pick(12)), 0,
                       logical ? static_cast<std::uint32_t>(pick(64)) : address_of(slave(), pick(2) ? 0x1200 : 0x1500),
                       length));
-    } else if (kind == 7) {  // a request for a state
+    } else if (kind == 7) {  // a state request
       const auto place = writer.add(pick(2) ? Command::bwr : Command::apwr, 0, address_of(slave(), reg::al_control), 2);
       static constexpr std::array<std::uint8_t, 8> states{0x01, 0x02, 0x03, 0x04, 0x08, 0x11, 0x12, 0x08};
       if (!place.empty()) place[0] = states[pick(states.size())];
@@ -232,7 +233,7 @@ class FrameMaker {
                       bytes));
     }
   }
-  // An SDO or a piece of one, SDO information, a file, something unknown.
+  // An SDO or a segment of one, SDO information, a file, or an unknown message.
   void add_mail(ethercat::FrameWriter& writer) {
     if (pick(3) == 0) {
       writer.add(Command::aprd, 0, address_of(slave(), 0x1100), mailbox_size);

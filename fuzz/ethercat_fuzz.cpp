@@ -1,7 +1,7 @@
-// Any bytes as a dialogue with a segment of EtherCAT slaves. The first byte brings the segment to one of its states;
-// each record after it is a datagram with its data (a mailbox message among them), or a whole frame of raw bytes, or
-// something that happens to the cables. The sanitizers look for misuse of memory; the invariants at the end look for a
-// segment that a master cannot scan and start any more, whatever another one did to it before.
+// Takes any bytes as a dialogue with a segment of EtherCAT slaves. The first byte brings the segment to one of its
+// states. Each following record is a datagram with its data (a mailbox message is one kind), or a complete frame of raw
+// bytes, or an event at the cables. The sanitizers detect misuse of memory; the invariants at the end detect a segment
+// that a master can no longer scan and start, whatever another master did to it before.
 #include <algorithm>
 #include <cstdlib>
 #include <memory>
@@ -58,7 +58,7 @@ constexpr auto table = dictionary::make_table<[] {
 
 struct Events final : SlaveEvents {};
 
-// A file of 700 bytes, its name an F.
+// A file of 700 bytes with the name "F".
 struct Files final : FoeFiles {
   FoeError open(std::string_view name, std::uint32_t, bool) override {
     return name == "F" ? FoeError::none : FoeError::not_found;
@@ -127,7 +127,7 @@ struct Machine {
     segment.process(bytes, now, port, encapsulation);
     poll();
   }
-  // The working counter; what was read is in `answer`.
+  // Returns the working counter; the data that were read are in `answer`.
   unsigned send(Command command, std::uint32_t address, std::span<const std::uint8_t> data) {
     FrameWriter writer = FrameWriter::ethernet(memory);
     const auto place = writer.add(command, 0, address, data.size());
@@ -145,7 +145,7 @@ struct Machine {
     }
   }
 
-  // As a master starts every slave from the beginning. False: one did not get there.
+  // Starts every slave from the beginning, as a master does. False: a slave did not reach its state.
   bool start(std::uint8_t state) {
     send(Command::bwr, address_of(0, reg::register_write_protection), {});
     for (const std::uint8_t letter : reset_sequence) send(Command::bwr, address_of(0, reg::reset_ecat), {&letter, 1});
@@ -170,7 +170,7 @@ struct Machine {
   }
 
   Time now{std::chrono::seconds(1)};
-  bool counts = false;  // frames of the input count, those of the start do not
+  bool counts = false;  // frames of the input are counted, those of the start are not
   std::array<Device, 3> devices;
   std::array<Segment::Slave, 3> line;
   Segment segment{std::span(line.data(), 0)};
@@ -196,14 +196,15 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* bytes, std::size_t siz
     // Record: kind, command and place, length; then data.
     const std::uint8_t kind = bytes[at++];
     const std::uint8_t what = bytes[at++];
-    // Mostly short, so that an input of 4096 bytes has some 150 frames: the start of three slaves costs as much as 100.
+    // Most records are short, so that an input of 4096 bytes has about 150 frames: the start of three slaves costs as
+    // much as 100 frames.
     const std::uint8_t size_byte = bytes[at++];
     const std::size_t announced = size_byte < 0xF0 ? size_byte % 16 : size_byte;
     const std::size_t length = std::min(announced, size - at);
     const std::span<const std::uint8_t> data(bytes + at, length);
     at += length;
     switch (kind >> 5) {
-      case 0: {  // raw bytes as a frame, EtherCAT by their type, or a UDP packet's content
+      case 0: {  // raw bytes as a frame with the EtherType of EtherCAT, or as the content of a UDP packet
         std::vector<std::uint8_t> frame(data.begin(), data.end());
         const bool payload = (what & 1) != 0;
         if (!payload && frame.size() >= 14 && (what & 2) != 0) frame[12] = 0x88, frame[13] = 0xA4;
@@ -230,10 +231,10 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* bytes, std::size_t siz
         }
         break;
       }
-      case 4:  // logical
+      case 4:  // a logical command
         machine->send(static_cast<Command>(10 + kind % 3), what, data);
         break;
-      default:  // anything at a register, most of them of one slave
+      default:  // any command at a register, mostly of one slave
         machine->send(static_cast<Command>(what >> 5 | (kind & 8)),
                       address_of(static_cast<std::uint16_t>(0U - kind % 3U),
                                  static_cast<std::uint16_t>(offsets[what & 31] + (kind >> 3 & 1))),
@@ -241,7 +242,7 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* bytes, std::size_t siz
     }
   }
   machine->counts = false;
-  // The cables are back, the slaves are powered anew: what the last master did does not keep the next one out.
+  // Reconnects the cables and power-cycles the slaves: the actions of the last master must not block the next one.
   for (std::size_t i = 0; i < 4; ++i) machine->segment.set_cable(i, i < 3);
   for (std::size_t i = 0; i < 3; ++i) {
     Device& device = machine->devices[i];
@@ -253,7 +254,7 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* bytes, std::size_t siz
     device.slave.start(machine->now);
   }
   if (!machine->start(8)) std::abort();
-  // And the mailbox answers.
+  // The mailbox must answer.
   std::array<std::uint8_t, 128> mail{10, 0, 0, 0, 0, 0x03, 0x00, 0x20, 0x40, 0x18, 0x10};
   if (machine->send(Command::apwr, address_of(0, 0x1000), mail) != 1) std::abort();
   if (machine->send(Command::aprd, address_of(0, 0x1100), std::array<std::uint8_t, 128>{}) != 1) std::abort();

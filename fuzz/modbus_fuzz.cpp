@@ -1,5 +1,5 @@
-// Any bytes as a dialogue with a Modbus device, over RTU and TCP at once. The sanitizers look for misuse of memory; the
-// invariants look for malformed answers and for a device that stopped answering.
+// Takes any bytes as a dialogue with a Modbus device, over RTU and TCP at once. The sanitizers detect misuse of memory;
+// the invariants detect malformed answers and a device that no longer answers.
 #include <cstdlib>
 #include <optional>
 
@@ -16,7 +16,7 @@ constexpr auto identification =
     std::to_array<modbus::Identification>({{0, "Servodrome"}, {1, "fuzz"}, {2, "1"}, {3, "x"}, {0x80, "y"}});
 constexpr auto error_functions = std::to_array<modbus::ErrorFunction>({{0x03, 0x81}});
 
-// The variants differ in what the first byte of the input chooses.
+// The first byte of the input selects a variant.
 modbus::Profile profile_of(std::uint8_t choice) {
   modbus::Profile profile;
   if ((choice & 1) != 0) profile.word_order = modbus::WordOrder::low_word_first;
@@ -39,7 +39,7 @@ struct Device final : modbus::Units {
   std::optional<modbus::TcpConnection> tcp{*this};
 };
 
-fuzz::FrameCount frames("executed_frames");  // or pieces of some
+fuzz::FrameCount frames("executed_frames");  // complete frames or parts of frames
 
 void check_rtu_answer(std::span<const std::uint8_t> answer) {
   if (answer.empty()) return;
@@ -73,14 +73,14 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* bytes, std::size_t siz
   };
   std::size_t at = 1;
   while (at < size) {
-    // Record: what and how many bytes, then those bytes.
+    // Record: kind and number of bytes, then these bytes.
     const std::uint8_t head = bytes[at++];
     const auto rest = std::span(bytes + at, size - at).first(std::min<std::size_t>(head & 0x1F, size - at));
     at += rest.size();
     if ((head >> 5) == 1 || (head >> 5) >= 4) ++frames;
     switch (head >> 5) {
       case 0: silence(); break;
-      case 1:  // raw characters
+      case 1:  // raw bytes
         for (const std::uint8_t byte : rest) device.rtu.receive(byte, now += character);
         break;
       case 2: device.rtu.receive_garbled(now += character); break;
@@ -93,7 +93,7 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* bytes, std::size_t siz
         feed_tcp(device, std::span(frame).first(modbus::Mbap::size + rest.size()));
         break;
       }
-      default: {  // a PDU as a whole frame, to the station or to all
+      default: {  // a PDU as a complete frame, to the station or as a broadcast
         std::array<std::uint8_t, 40> frame{};
         frame[0] = (head >> 5) == 6 ? 1 : 0;
         std::copy(rest.begin(), rest.end(), frame.begin() + 1);
@@ -108,7 +108,7 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* bytes, std::size_t siz
   }
   const modbus::test::TestObjects& objects = device.device.objects;
   if (objects.name.length > 6 || objects.ranged < -100 || objects.ranged > 100) std::abort();
-  // Whatever came before, the next request is answered on both.
+  // After any input, both links must answer the next request.
   silence();
   std::array<std::uint8_t, 8> request = {1, 3, 0, 0, 0, 1};
   modbus::seal_rtu_frame(request, 6);

@@ -1,16 +1,16 @@
 #!/usr/bin/env python3
-"""Random sequences of calls of the Python package, with wrong arguments among them: nothing may crash the interpreter.
+"""Makes random sequences of calls of the Python package, some with wrong arguments: none may crash the interpreter.
 
     fuzz/python_calls.py [--sequences N] [--seed N] [--first N] [--calls N] [--jobs N]
     fuzz/python_calls.py --lines N
 
-Each sequence opens a line and calls what the package offers, with values that fit and values that do not: wrong types, NaN,
-closed lines, unknown names, times in the past. A call returns, or raises an exception that its documentation names. Line time
-never goes back, and a call that is refused does not let time pass. A process that dies, or another exception, is a finding:
-its sequence is printed, and `--first N --sequences 1 --verbose` repeats it.
+Each sequence opens a line and calls functions of the package, with valid and with invalid values: wrong types, NaN,
+closed lines, unknown names, times in the past. A call returns, or raises an exception that its documentation names.
+Line time never goes back, and a refused call does not advance it. A process that dies, or another exception, is a
+finding: its sequence is printed, and `--first N --sequences 1 --verbose` repeats it.
 
-`--lines N` makes N lines instead, one after the other, some of them in four threads, runs each a little and drops it. The
-memory of the process after the last one may be at most 8 MB more than after a tenth of them.
+`--lines N` makes N lines instead, one after the other, some of them in four threads, runs each for a short time and
+drops it. The memory of the process after the last line may be at most 8 MB more than after a tenth of the lines.
 
 SERVODROME_LIBRARY is the C library. Exit status: 0 nothing found, 1 something found.
 """
@@ -49,7 +49,7 @@ try:
 except (ImportError, servodrome.MissingPackage):
     serial = None  # type: ignore[assignment]
 
-logging.disable(logging.CRITICAL)  # python-can warns of each bus that is collected
+logging.disable(logging.CRITICAL)  # python-can warns about each bus that the garbage collector deletes
 PRODUCTS = ("generic402", "generic402-ec", "ismc", "ismk", "ismk-ea", "pronet", "jmc_ec")
 SIGNALS = ("position_counts", "velocity_rpm", "torque_nm", "current_a", "supply_v", "DI0", "6041:00", "606C:00", "nothing", "")
 OBJECTS: List[Any] = [0x6040, 0x6060, 0x607A, 0x60FF, 0x6041, 0x6064, (0x607D, 1), (0x607D, 9), "6081", "607D:02", 0x1018,
@@ -63,7 +63,7 @@ JOBS = ("enable", "disable", "stop", "quick_stop", "reset_fault", "home", "move"
 PLANT = ("load_torque_nm", "load_inertia_kgm2", "friction_nm", "supply_v", "ambient_c", "position_counts", "locked_rotor")
 PATHS = ("axes", "axes/x", "axes/x/geometry", "buses", "clock", "nothing", "", "/", "axes/%zz", "axes/x/objects?x=\0", "a" * 5000, "\u00e4")
 
-# What the documentation names: the package's own, and those of the interfaces that it implements.
+# The exceptions that the documentation names: the package's own, and those of the interfaces that it implements.
 EXPECTED: Any = (servodrome.Error,)
 if can is not None:
     EXPECTED += (can.CanError, can.CanInitializationError)
@@ -72,7 +72,7 @@ if serial is not None:
 
 
 class Sequence:
-    """One sequence: its random numbers, its line, and what it has opened."""
+    """One sequence: its random numbers, its line, and the objects that it has opened."""
 
     def __init__(self, number: int, seed: int, verbose: bool) -> None:
         self.random = random.Random(f"{seed}:{number}")
@@ -87,14 +87,14 @@ class Sequence:
         return self.random.choice(values)
 
     def some(self, *values: Any) -> Any:
-        """Mostly one that fits."""
+        """Returns a value that is mostly valid."""
         return self.pick(values) if self.random.random() < 0.7 else self.pick(VALUES)
 
     def time(self, *values: Any) -> Any:
-        """A time or a number of ticks, mostly one that fits; none is so long that the sequence takes minutes."""
+        """Returns a time or a number of ticks, mostly valid, and short enough that a sequence does not take minutes."""
         return self.pick(values) if self.random.random() < 0.7 else self.pick(DURATIONS)
 
-    # ---- What is called ----
+    # ---- Calls ----
 
     def open_line(self) -> servodrome.Line:
         draw = self.random.random()
@@ -217,7 +217,7 @@ class Sequence:
                 time.sleep(0.001)
 
     def fork(self) -> None:
-        """A child may not use the line, and ends without harm to the parent's."""
+        """A child process must not use the line, and must not change the parent's line when it ends."""
         if self.random.random() > 0.05:
             return
         child = os.fork()
@@ -249,7 +249,7 @@ class Sequence:
                 self.call(self.pick(names), offered)
         finally:
             opened, self.opened = self.opened, []
-            if self.random.random() < 0.5:  # else all is collected
+            if self.random.random() < 0.5:  # otherwise the garbage collector deletes all objects
                 for one in opened:
                     (getattr(one, "shutdown", None) or getattr(one, "stop", None) or one.close)()
                 self.line.close()
@@ -278,7 +278,7 @@ class Sequence:
 
 
 def run_some(first: int, count: int, seed: int, calls: int, verbose: bool, place: Any) -> None:
-    """In a process of its own; `place` says which sequence runs."""
+    """Runs in its own process; `place` shows which sequence runs."""
     for number in range(first, first + count):
         place.value = number
         sequence = Sequence(number, seed, verbose)
@@ -341,7 +341,7 @@ def main() -> int:
     if given.verbose:
         run_some(given.first, given.sequences, given.seed, given.calls, True, context.Value("q"))
     start = time.monotonic()
-    piece = 200  # sequences of a process, so that leaks do not add up over the whole run
+    piece = 200  # sequences per process, so that leaks do not add up over the whole run
     work = [(number, min(piece, given.first + given.sequences - number))
             for number in range(given.first, given.first + given.sequences, piece)]
     running: Dict[Any, Any] = {}

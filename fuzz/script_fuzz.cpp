@@ -1,4 +1,4 @@
-// Motion scripts: whatever the text, it is a script or a list of mistakes with places within it.
+// Parses any text as a motion script: the result is a script or a list of errors with positions within the text.
 #include <algorithm>
 #include <cstdlib>
 

@@ -1,5 +1,5 @@
-// Any bytes as a dialogue with a drive that speaks the 10-byte protocol. The sanitizers look for misuse of memory; the
-// invariants look for malformed answers and for a drive that stopped answering.
+// Takes any bytes as a dialogue with a drive that speaks the 10-byte protocol. The sanitizers detect misuse of memory;
+// the invariants detect malformed answers and a drive that no longer answers.
 #include <algorithm>
 #include <cstdlib>
 
@@ -31,7 +31,7 @@ constexpr auto table = dictionary::make_table<[] {
   return t;
 }>();
 
-fuzz::FrameCount frames("executed_frames");  // or pieces of some
+fuzz::FrameCount frames("executed_frames");  // complete frames or parts of frames
 
 }  // namespace
 
@@ -52,7 +52,7 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* bytes, std::size_t siz
     for (const std::uint8_t byte : frame.bytes) server.receive(byte, now += std::chrono::microseconds(87));
   };
   for (std::size_t at = 0; at < size;) {
-    // Record: what and how many bytes, then those bytes.
+    // Record: kind and number of bytes, then these bytes.
     const std::uint8_t head = bytes[at++];
     const auto rest = std::span(bytes + at, size - at).first(std::min<std::size_t>(head & 0x0F, size - at));
     at += rest.size();
@@ -63,7 +63,7 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* bytes, std::size_t siz
         break;
       case 1: now += std::chrono::milliseconds(10) * (head & 0x0F); break;
       case 2: server.receive_garbled(now += std::chrono::microseconds(87)); break;
-      default: {  // a frame with the right checksum
+      default: {  // a frame with a correct checksum
         std::array<std::uint8_t, 8> body{};
         std::copy_n(rest.begin(), std::min<std::size_t>(rest.size(), 8), body.begin());
         std::uint32_t data = 0;

@@ -1,5 +1,5 @@
-// Any bytes as a capture file, through the decoders of all buses, and as a data sheet. The sanitizers look for misuse
-// of memory; refusals are exceptions of the two kinds that callers expect.
+// Takes any bytes as a capture file, through the decoders of all buses, and as a data sheet. The sanitizers detect
+// misuse of memory. A file is refused by one of the two exceptions that callers expect.
 #include <cstdio>
 #include <memory>
 #include <sstream>

@@ -2,8 +2,8 @@
 
 namespace servodrome::test {
 
-// The number of draws of a random test. With a sanitizer a draw takes some ten times as long, and a tenth of them shows
-// the misuse of memory that it looks for; the build without sanitizers takes all.
+// The number of draws of a random test. With a sanitizer a draw takes about ten times as long, so only a tenth of the
+// draws run: they are enough to find misuse of memory. The build without sanitizers runs all draws.
 constexpr int draws(int all) {
 #ifdef SERVODROME_SANITIZED
   return all / 10;

@@ -2,7 +2,7 @@
 
     servodrome trial --scenarios scenarios/canopen -- python3 examples/masters/canopen_master.py {host} {port}
 
-It is written as users of the library write it. Exit status 0: the axis has done its motions, as the drive reports them.
+A user of the library writes such a program. Exit status 0: the drive has reported all motions as done.
 """
 
 import sys
@@ -23,11 +23,11 @@ ACCELERATION = 100 * REVOLUTION
 
 
 class MachineError(Exception):
-    """The program cannot go on."""
+    """The program cannot continue."""
 
 
 class Axis:
-    """A CiA 402 drive by SDO, with its heartbeat and its emergencies watched."""
+    """A CiA 402 drive over SDO; monitors its heartbeat and its emergencies."""
 
     def __init__(self, node):
         self.node = node

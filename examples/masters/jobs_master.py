@@ -19,7 +19,7 @@ import urllib.request
 REVOLUTIONS = 3
 BOOT_TIME_S = 8
 PRODUCTS = ("generic402", "generic402-ec", "ismc", "jmc_ec")  # of this machine's drives
-HOME_IS_HERE = 35  # homing method
+HOME_IS_HERE = 35  # homing method: the present position is home
 
 
 class MachineError(Exception):
@@ -27,7 +27,7 @@ class MachineError(Exception):
 
 
 class NoDrive(MachineError):
-    """The studio has ended, since no drive has answered."""
+    """The studio has ended because no drive answered."""
 
 
 class Studio:
@@ -66,7 +66,7 @@ class Studio:
         return job.get("result", {})
 
     def end(self):
-        """Stops and disables what it has moved."""
+        """Stops and disables the axes that it has moved."""
         if self.process.poll() is None:
             self.process.send_signal(signal.SIGINT)
             try:
@@ -76,7 +76,7 @@ class Studio:
 
 
 def started(link):
-    """The studio, started again until a drive answers."""
+    """Starts the studio, again and again until a drive answers."""
     end = time.monotonic() + BOOT_TIME_S
     while True:
         try:
@@ -88,7 +88,7 @@ def started(link):
 
 
 def axes_of(studio):
-    """The axes, as soon as all of them answer."""
+    """Returns the axes as soon as all of them answer."""
     end = time.monotonic() + BOOT_TIME_S
     while True:
         axes = studio.call("GET", "axes")["axes"]

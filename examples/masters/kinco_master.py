@@ -50,7 +50,7 @@ def frame_of(drive_id, command, index, data=0, sub=0):
 
 
 def answer_in(received, request, commands):
-    """The first intact answer to the request among the characters; rubbish before it is skipped."""
+    """Returns the first intact answer to the request among the characters; skips wrong characters before it."""
     for first in range(len(received) - FRAME_BYTES + 1):
         frame = received[first:first + FRAME_BYTES]
         if request[0] not in (frame[0], ALL) or sum(frame) & 0xFF != 0:
@@ -87,7 +87,8 @@ class Drive:
         return None
 
     def request(self, request, command, attempts=ATTEMPTS):
-        """Every request of this program may be carried out twice, so it is repeated when its answer is lost or wrong."""
+        """Every request of this program may be carried out twice, so the program repeats it if the answer is lost or
+        wrong."""
         what = f"{'read' if request[1] == READ else 'write'} of {int.from_bytes(request[2:4], 'little'):04X}h"
         for attempt in range(attempts):
             if attempt > 0:
@@ -156,7 +157,9 @@ class Drive:
         self.wait_for("the end of power", lambda word: word & STATE_MASK == READY, 3)
 
     def stop(self, patience_s):
-        """Quick stop, and power off when the axis has had time to come to rest; the words may arrive although no answer does."""
+        """Commands a quick stop, and after the time of the ramp power off. The drive may receive the words even if no
+        answer
+        arrives."""
         until = time.monotonic() + patience_s
         for word in (QUICK_STOP, SHUTDOWN):
             for _ in range(ATTEMPTS):

@@ -17,8 +17,8 @@ from pymodbus.client import ModbusSerialClient, ModbusTcpClient
 
 STATION = 1
 TIMEOUT_S = 0.7  # for one answer
-PAUSE_S = 0.1    # after a failed exchange; what comes late is dropped at its end
-QUIET_S = 0.02   # before a request over RTU; a second answer that comes in this time is dropped
+PAUSE_S = 0.1    # after a failed exchange; answers that arrive in this time are discarded at its end
+QUIET_S = 0.02   # before a request over RTU; a second answer that arrives in this time is discarded
 ATTEMPTS = 4
 
 # Registers of the drive (`servodrome export modbus generic402`); 32 bits have their high word first.
@@ -41,7 +41,7 @@ class DriveError(Exception):
 
 
 class Refused(DriveError):
-    """The drive has answered, with an exception."""
+    """The drive has answered with an exception."""
 
 
 def client_of(link):
@@ -74,7 +74,8 @@ class Drive:
     # ---- One request and its answer
 
     def request(self, function, register, send, fits, attempts=ATTEMPTS):
-        """Every request of this program may be carried out twice, so it is repeated when its answer is lost or wrong."""
+        """Every request of this program may be carried out twice, so the program repeats it if the answer is lost or
+        wrong."""
         said = ""
         for _ in range(attempts):
             if said:
@@ -91,11 +92,11 @@ class Drive:
             elif not answer.isError():
                 if fits(answer):
                     if said:
-                        self.recover()  # the answer to the request before may still come
+                        self.recover()  # the answer to the previous request may still arrive
                     return answer
                 said = "an answer that does not fit the request"
             elif answer.exception_code == ACKNOWLEDGE and function == WRITE:
-                return answer  # accepted, and not yet done: what is read back tells
+                return answer  # accepted, but not complete yet: reading back shows the result
             elif answer.exception_code == BUSY:
                 said = "the drive is busy"
             else:
@@ -103,7 +104,7 @@ class Drive:
         raise DriveError(f"function {function:02X}h at register {register:04X}h: {said}, {attempts} times")
 
     def recover(self):
-        """Waits until what may still come has come, and drops it: RTU does not number its requests."""
+        """Waits for late answers and discards them, because RTU does not number its requests."""
         time.sleep(PAUSE_S)
         if isinstance(self.client, ModbusTcpClient):
             self.client.close()
@@ -172,7 +173,9 @@ class Drive:
         self.write(CONTROLWORD, [DISABLE_VOLTAGE])
 
     def stop(self, patience_s):
-        """Quick stop, and power off when the axis has had time to come to rest; the words may arrive although no answer does."""
+        """Commands a quick stop, and after the time of the ramp power off. The drive may receive the words even if no
+        answer
+        arrives."""
         until = time.monotonic() + patience_s
         for word in (QUICK_STOP, DISABLE_VOLTAGE):
             for _ in range(ATTEMPTS * 4):

@@ -3,9 +3,9 @@
 
     pysoem_master.py INTERFACE [--slaves N]
 
-It is written as the users of pysoem write their programs: scan, configuration in Pre-Operational, Safe-Operational,
-Operational with process data in a loop, checks of the working counter and of the AL states, disabling, Init. Exit status 0:
-every drive reported the whole motion; 1: it did not, and a line says why.
+It has the usual structure of a pysoem program: scan, configuration in Pre-Operational, Safe-Operational, Operational
+with process data in a loop, checks of the working counter and of the AL states, disabling, Init. Exit status 0: every
+drive reported the whole motion; 1: an error, whose reason is printed in one line.
 """
 
 import argparse
@@ -20,11 +20,11 @@ import pysoem
 CYCLE_S = 0.004
 REVOLUTIONS = 3
 MOTION_S = 8  # there and back
-WATCHDOG_MS = 200  # of the slaves; a PC without a real-time kernel is late now and then
+WATCHDOG_MS = 200  # of the slaves; a PC without a real-time kernel is late at times
 STATE_TIMEOUT_S = 5
 STATE_ATTEMPTS = 5
 ENABLE_TIMEOUT_S = 4
-WRONG_COUNTERS = 10  # cycles in a row with a wrong working counter that the program bears
+WRONG_COUNTERS = 10  # cycles in a row with a wrong working counter that the program tolerates
 AL_CHECK_CYCLES = 25
 FOLLOWING_LIMIT_TURNS = 0.25
 TOLERANCE_TURNS = 0.02
@@ -68,7 +68,7 @@ class Drive:
         print(f"{self}: emergency {emergency.error_code:04X}h, register {emergency.error_reg:02X}h", flush=True)
 
     def configure(self):
-        """In Pre-Operational: what the process data contain, and SYNC0."""
+        """Configures the process data and SYNC0, in Pre-Operational."""
         for assignment, mapping, entries in ((0x1C12, 0x1600, OUTPUTS), (0x1C13, 0x1A00, INPUTS)):
             self.slave.sdo_write(assignment, 0, b"\0")
             self.slave.sdo_write(mapping, 0, b"\0")
@@ -101,7 +101,7 @@ class Drive:
 
     @property
     def state(self):
-        """The CiA 402 state, from the statusword."""
+        """Returns the CiA 402 state from the statusword."""
         if self.statusword & 0x4F == 0x40:
             return "switch on disabled"
         if self.statusword & 0x4F == 0x08:
@@ -110,7 +110,7 @@ class Drive:
         return states.get(self.statusword & 0x6F, "in between")
 
     def step_towards_enabled(self):
-        """The next controlword on the way to Operation enabled (CiA 402)."""
+        """Returns the next controlword on the way to Operation enabled (CiA 402)."""
         before = self.control
         if self.state == "fault":
             self.control = 0x80 if before != 0x80 else 0x00
@@ -223,7 +223,7 @@ class Program:
         self.due += CYCLE_S
         now = time.monotonic()
         if self.due < now - CYCLE_S:
-            self.due = now  # late: no burst of frames
+            self.due = now  # late: continues from now, so that it does not send a burst of frames
         time.sleep(max(0.0, self.due - now))
 
     def check(self):
@@ -235,7 +235,7 @@ class Program:
         if all(state == pysoem.OP_STATE for state in self.states()):
             return
         time.sleep(0.001)
-        if any(state != pysoem.OP_STATE for state in self.states()):  # a single lost answer is no state
+        if any(state != pysoem.OP_STATE for state in self.states()):  # a single lost answer does not count as a state
             raise MasterFailure(f"not in Operational any more: {self.describe_states()}")
 
     # ---- Motion
@@ -286,7 +286,8 @@ class Program:
     # ---- End
 
     def stop(self):
-        """Quick stop, then no power to the motor, whatever the working counter is: the outputs may still arrive."""
+        """Commands a quick stop, then removes the power, even with a wrong working counter, as the outputs may still
+        arrive."""
         if not self.runs:
             return
         end = time.monotonic() + 1.5
@@ -336,7 +337,7 @@ def main():
     parser.add_argument("--slaves", type=int, default=1, help="so many slaves must be there")
     arguments = parser.parse_args()
     pysoem.settings.always_release_gil = True
-    # For a busy PC.
+    # Real-time priority, for a PC with a high load.
     pysoem.settings.timeouts.ret = 20_000
     pysoem.settings.timeouts.safe = 100_000
     pysoem.settings.timeouts.tx_mailbox = 500_000

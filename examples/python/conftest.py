@@ -16,7 +16,7 @@ def right(servodrome_line):
 
 @pytest.fixture
 def gantry(servodrome_line, left):
-    """The machine's own program, in the time of the line."""
+    """The machine's own program, in virtual time of the line."""
     left.inputs["DI3"] = True  # the door is closed
     with virtual_time(servodrome_line):
         servodrome_line.advance(1)  # the drives boot
@@ -27,7 +27,7 @@ def gantry(servodrome_line, left):
 
 @pytest.fixture
 def ready(gantry):
-    """The machine, homed."""
+    """The machine after homing."""
     gantry.start()
     gantry.home()
     return gantry

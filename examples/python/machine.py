@@ -1,4 +1,5 @@
-"""The program of a gantry: two drives (CiA 402) on CAN move the two ends of a bridge. It knows nothing of a simulation."""
+"""The program of a gantry: two drives (CiA 402) on CAN move the two ends of a bridge. It does not depend on a
+simulation."""
 
 import time
 
@@ -17,7 +18,7 @@ ENABLE, NEW_SETPOINT, HOME, QUICK_STOP, RESET = 0x0F, 0x3F, 0x1F, 0x02, 0x80  # 
 
 
 class Stopped(Exception):
-    """The gantry has stopped: the text says why."""
+    """The gantry has stopped; the text is the reason."""
 
 
 class Drive:
@@ -45,13 +46,13 @@ class Drive:
 
     @property
     def position(self):
-        """In revolutions from home."""
+        """Returns the position in revolutions from home."""
         return self.read(0x6064, signed=True) / COUNTS_PER_REVOLUTION
 
     def set_up(self):
         self.write(0x1017, HEARTBEAT_MS, 2)
-        self.write(0x1016, MASTER_NODE << 16 | int(HEARTBEAT_TIMEOUT_S * 1000), 4, sub=1)  # without the master it stops
-        self.write(0x1400, 1, 1, sub=2)  # a controlword acts at SYNC: both drives start in the same moment
+        self.write(0x1016, MASTER_NODE << 16 | int(HEARTBEAT_TIMEOUT_S * 1000), 4, sub=1)  # the drive needs the master
+        self.write(0x1400, 1, 1, sub=2)  # a controlword acts at SYNC, so both drives start together
         for index in (0x6083, 0x6084):
             self.write(index, ACCELERATION * COUNTS_PER_REVOLUTION, 4)
         self.write(0x6065, COUNTS_PER_REVOLUTION // 4, 4)  # following error: a quarter of a revolution
@@ -76,7 +77,7 @@ class Gantry:
     # ---- What an operator does ----
 
     def start(self):
-        """Sets the drives up and enables them. After it the gantry must be homed."""
+        """Configures and enables the drives. Afterwards the gantry must be homed."""
         self.homed = False
         self._check_door()
         for drive in self.drives:
@@ -88,7 +89,7 @@ class Gantry:
             self._wait(lambda drive, wanted=state: drive.statusword & 0x6F == wanted, 2, "switch on")
 
     def home(self):
-        """Each drive seeks the upper edge of its home switch, which becomes position 0."""
+        """Moves each drive to the upper edge of its home switch, which becomes position 0."""
         for drive in self.drives:
             drive.write(0x6098, 21, 1)
             drive.write(0x6099, 2 * COUNTS_PER_REVOLUTION, 4, sub=1)
@@ -101,7 +102,8 @@ class Gantry:
         self.homed = True
 
     def move(self, to, speed=4):
-        """Moves the bridge. Raises Stopped, with both ends at rest or without power, if anything prevents it."""
+        """Moves the bridge. Raises Stopped, with both ends at rest or without power, if the move cannot be
+        completed."""
         if not self.homed:
             raise Stopped("the gantry is not homed")
         self._check_door()
@@ -116,14 +118,14 @@ class Gantry:
         self._wait(lambda drive: not drive.statusword & ATTAINED and drive.statusword & TARGET_REACHED, 20, "move")
 
     def limit_torque(self, permille):
-        """Limits the torque of both drives, in 1/1000 of the rated one."""
+        """Limits the torque of both drives, in 1/1000 of the rated torque."""
         for drive in self.drives:
             drive.write(0x6072, permille, 2)
 
-    # ---- Inside ----
+    # ---- Internal ----
 
     def _command(self, controlword):
-        """To both drives at once: they take it at SYNC."""
+        """Sends the controlword to both drives. It acts at the SYNC, in both at the same time."""
         for drive in self.drives:
             self.network.send_message(0x200 + drive.node.id, controlword.to_bytes(2, "little"))
         self.network.sync.transmit()
@@ -142,7 +144,7 @@ class Gantry:
             raise Stopped("the door is open")
 
     def _wait(self, done, timeout, what):
-        """Watches everything until both drives are done. Stops the gantry otherwise."""
+        """Monitors the drives until both are done. If an error occurs, it stops the gantry."""
         end = time.monotonic() + timeout
         try:
             while True:
@@ -153,7 +155,7 @@ class Gantry:
                     raise Stopped(f"{what}: not done after {timeout} s")
                 time.sleep(POLL_S)
         except (Stopped, canopen.SdoCommunicationError) as error:
-            self._command(QUICK_STOP)  # a drive that does not hear it stops because the heartbeat is missing, or has no power
+            self._command(QUICK_STOP)  # without it a drive stops by its heartbeat timeout, or has no power
             time.sleep(0.5)
             self.homed = False
             lost = [drive.name for drive in self.drives if time.monotonic() - drive.heard > HEARTBEAT_TIMEOUT_S]

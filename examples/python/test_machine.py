@@ -1,4 +1,4 @@
-"""Ten tests of the gantry. What they assert are true values of the machine, not what the drives report."""
+"""Ten tests of the gantry. They check true values of the machine, not the values that the drives report."""
 
 import threading
 
@@ -13,11 +13,11 @@ RATED_NM = 1.27
 
 @pytest.fixture
 def during(servodrome_line):
-    """`during(0.3, action)`: does something to the machine 0.3 s from now, while its program runs."""
+    """`during(0.3, action)`: calls `action` 0.3 s from now, while the machine's program runs."""
     timers = []
 
     def later(seconds, action):
-        timer = threading.Timer(seconds, action)  # in the time of the line
+        timer = threading.Timer(seconds, action)  # in the line's time
         timer.start()
         timers.append(timer)
 

@@ -31,7 +31,7 @@ class Station {
         objects_(bus, subject.axis->device().node_id(), {.timeout = answer_timeout, .retries = 2}),
         axis_(objects_, {.state_timeout = 1s, .dialect = master::dialect_of(subject.variant->product->name)}) {}
 
-  // One step towards operation, or one command.
+  // Does one step towards operation, or gives one command.
   void visit() {
     try {
       const master::AxisStatus status = axis_.status();
@@ -39,7 +39,7 @@ class Station {
       if (status.state() != PowerState::operation_enabled) axis_.enable();
       if (status.mode == static_cast<std::int8_t>(OperationMode::profile_velocity)) axis_.stop();
       if (status.state() == PowerState::operation_enabled && (status.statusword & target_reached) == 0 && moves_) {
-        if (world_.line().now() < moves_until_) return;  // it is under way
+        if (world_.line().now() < moves_until_) return;  // a move is in progress
         axis_.stop();
       }
       command();
@@ -50,7 +50,7 @@ class Station {
     }
   }
 
-  // Disables the axis, so that a group may take it.
+  // Disables the axis, so that a group can use it.
   bool release() {
     try {
       if (axis_.state() == PowerState::fault) axis_.reset_fault();
@@ -124,8 +124,8 @@ class Station {
   std::string last_;
 };
 
-// Process data of a few drives with SYNC, for some seconds: PDOs are mapped by SDO and restored. A drive that is lost
-// meanwhile ends the group.
+// Exchanges process data with a few drives by SYNC for some seconds. PDOs are mapped by SDO and restored at the end. If
+// a drive is lost, the group ends.
 class Group {
  public:
   static constexpr std::size_t most = 4;
@@ -156,7 +156,7 @@ class Group {
   }
 
  private:
-  static constexpr Time period = 4ms;  // the longest of ismc
+  static constexpr Time period = 4ms;  // the longest period of ismc
   static constexpr Time duration = 6s;
 
   std::vector<Subject*> choose() {

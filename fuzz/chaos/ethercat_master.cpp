@@ -15,7 +15,7 @@ constexpr Time period = 4ms;
 constexpr Time between_looks = 40ms;
 constexpr Time before_restart = 100ms;
 
-// The segment from its scan until an error.
+// Operates the segment from its scan until an error.
 class Session {
  public:
   Session(World& world, const std::vector<Subject*>& subjects, links::VirtualClock& clock, Random& random)

@@ -4,7 +4,7 @@
 
 namespace servodrome::chaos {
 
-// makecontext passes integers only, so the address goes in two halves.
+// makecontext passes only integers, so the address is passed in two halves.
 Fibre::Fibre(std::function<void()> body) : body_(std::move(body)) {
   if (::getcontext(&own_) != 0) throw std::runtime_error("getcontext failed");
   own_.uc_stack.ss_sp = stack_.data();

@@ -11,8 +11,8 @@ namespace servodrome::chaos {
 
 using links::Time;
 
-// A function with a stack of its own, which pauses in its middle: the program of a master that waits. studio::Task does
-// the same with a thread; a fibre switches without a system call that a busy machine could delay.
+// A function with its own stack that can pause: the program of a master that waits. studio::Task does the same with a
+// thread; a fibre switches without a system call, which a busy machine could delay.
 class Fibre {
  public:
   explicit Fibre(std::function<void()> body);
@@ -36,8 +36,8 @@ class Fibre {
   bool over_ = false;
 };
 
-// The clock of a master that runs in a fibre: it pauses the fibre until the line has reached the time. The owner of the
-// line lets time pass and resumes the fibre when it is due, or when a frame has come for it.
+// The clock of a master that runs in a fibre: wait() pauses the fibre until the line has reached the time. The owner of
+// the line advances the time and resumes the fibre when it is due, or when a frame has arrived for it.
 class FibreClock final : public links::VirtualClock {
  public:
   FibreClock(const line::Line& line, Fibre*& fibre) : line_(line), fibre_(fibre) {}

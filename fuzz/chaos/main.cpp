@@ -1,5 +1,5 @@
-// A line of 64 axes on three buses for hours of line time, while frames are dropped, doubled, corrupted and delayed,
-// power is cut and cables are pulled: see README.md of fuzz.
+// Runs a line of 64 axes on three buses for hours of line time, while frames are dropped, doubled, corrupted and
+// delayed, power is cut and cables are pulled: see README.md of this folder.
 #include <chrono>
 #include <csignal>
 #include <cstdio>
@@ -52,8 +52,7 @@ struct Master {
   std::unique_ptr<Fibre> owner;
 };
 
-// Resumes the masters every half millisecond: as often as a process in real time would look, and cheaper than each
-// tick.
+// Resumes the masters every half millisecond: as often as a process in real time would poll. Each tick would cost more.
 constexpr std::int64_t resume_ticks = 8;
 
 void pass(World& world, Mischief& mischief, std::vector<Master>& masters) {
@@ -147,7 +146,7 @@ nlohmann::json run(const Options& options, bool quiet) {
   if (!at_work()) return result;
   std::printf("%s\n", result.dump(1).c_str());
   std::fflush(stdout);
-  std::_Exit(1);  // the stack of a fibre that has not ended must not be left behind with objects of the line
+  std::_Exit(1);  // no destructors: the stack of a paused fibre refers to objects of the line
 }
 
 [[noreturn]] void refuse(const std::string& why) {

@@ -83,7 +83,7 @@ Mischief::~Mischief() {
   for (const auto& bus : world_.line().ethercat_buses()) bus->bus.interpose(nullptr);
 }
 
-// Exponentially distributed, as independent events are.
+// Exponentially distributed, because the events are independent.
 std::int64_t Mischief::draw_ticks(double mean_s) {
   const double seconds = -mean_s * std::log(1.0 - random_.unit());
   return world_.tick() + 1 + std::llround(seconds * ticks_per_s);

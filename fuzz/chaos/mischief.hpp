@@ -19,7 +19,7 @@ class Mischief {
 
   // To be called before each tick.
   void tick();
-  // Ends all disturbances: power and cables are back.
+  // Ends all disturbances: restores power and cables.
   void end();
 
   struct Counts {
@@ -32,7 +32,7 @@ class Mischief {
   Counts counts() const;
 
  private:
-  // Doubles frames between a drive and its CAN bus; the other disturbances of CAN are those of the bus itself.
+  // Doubles frames between a drive and its CAN bus; the bus itself makes the other disturbances.
   class CanDoubler final : public links::CanInterposer {
    public:
     CanDoubler(Mischief& mischief, Subject& subject) : mischief_(mischief), subject_(subject) {}
@@ -66,7 +66,7 @@ class Mischief {
   std::int64_t draw_ticks(double mean_s);
   void set_power(Subject& subject, bool on);
   void set_cable(Subject& subject, bool connected);
-  // All axes that a disturbance of this one also strikes.
+  // All axes that a disturbance of this axis also affects.
   template <typename Action>
   void for_all_struck(const Subject& subject, Action action);
 

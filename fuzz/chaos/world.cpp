@@ -49,7 +49,7 @@ World::World(const Options& options)
     subject.variant = &variants_[chosen_[i]];
     subject.bus = is_ethercat(i) ? segment : *subject.axis->settings().bus;
     if (is_ethercat(i)) subject.place = place++;
-    subject.around.quiet_bus = false;  // frames are lost, so nothing is due on the bus
+    subject.around.quiet_bus = false;  // frames are lost, so no deadline applies to answers on the bus
     subject.record.waits_since = Time{0};
   }
   for (std::size_t i = 0; i < options.axes; ++i) {

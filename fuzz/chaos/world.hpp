@@ -34,10 +34,10 @@ struct Options {
   bool watches = true;             // the invariants are checked
 };
 
-// What happened to an axis, and what its master has achieved since.
+// The disturbances of an axis, and the progress of its master since then.
 struct Record {
-  std::optional<Time> waits_since{};  // end of the last disturbance that its master has not overcome yet
-  bool overdue = false;               // that has been reported
+  std::optional<Time> waits_since{};  // end of the last disturbance from which its master has not recovered yet
+  bool overdue = false;               // the delay has been reported
   std::uint64_t power_cuts = 0;
   std::uint64_t cable_pulls = 0;
   std::uint64_t recoveries = 0;
@@ -55,7 +55,7 @@ struct Subject {
   std::unique_ptr<motion::Watch> watch;
 };
 
-// The line with its axes, and what all parts of the program share.
+// The line with its axes, and the data that all parts of the program share.
 class World {
  public:
   explicit World(const Options& options);
@@ -64,7 +64,7 @@ class World {
   line::Line& line() { return *line_; }
   std::vector<Subject>& subjects() { return subjects_; }
   std::int64_t tick() const { return tick_; }
-  // Lets a tick pass and checks the invariants of all axes.
+  // Advances the line by one tick and checks the invariants of all axes.
   void pass_tick();
 
   void finding(const std::string& text);
@@ -75,7 +75,7 @@ class World {
   void works(Subject& subject);
   // A disturbance of the axis has begun: recovery counts from its end.
   static void struck(Subject& subject) { subject.record.waits_since.reset(); }
-  // It has ended.
+  // The disturbance has ended.
   void over(Subject& subject) {
     subject.record.waits_since = line_->now();
     subject.record.overdue = false;
@@ -86,7 +86,7 @@ class World {
   // Counts an error of a master by its kind.
   void count(const master::MasterError& error) { ++errors_[error.happened().substr(0, error.happened().find('['))]; }
   const std::map<std::string, std::uint64_t>& errors() const { return errors_; }
-  bool stopping = false;       // the masters end what they do
+  bool stopping = false;       // the masters finish their present action
   bool quiet = false;          // no more disturbances
   std::uint64_t restarts = 0;  // of the EtherCAT master
   std::uint64_t groups = 0;    // of drives with process data on CAN

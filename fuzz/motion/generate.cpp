@@ -29,7 +29,7 @@ Drawn Generator::draw() {
   static constexpr std::array<std::int64_t, 8> cycles{1000, 1000, 2000, 4000, 500, 250, 3333, 10000};
   sequence_.cycle_us = random_.of(cycles);
   sequence_.sync = random_.chance(50);
-  // jmc_ec refuses a SYNC0 that is no multiple of 250 us.
+  // jmc_ec only accepts a SYNC0 period that is a multiple of 250 us.
   if (first.on_ethercat() && sequence_.cycle_us == 3333) sequence_.sync = false;
   sequence_.mapped = random_.chance(first.on_ethercat() ? 85 : 70);
   const auto axes = static_cast<std::uint8_t>(sequence_.axes.size());

@@ -1,4 +1,4 @@
-// Runs random sequences on whole drives in virtual time and checks invariants after each tick: see README.md of this
+// Runs random sequences on complete drives in virtual time and checks invariants after each tick: see README.md of this
 // folder.
 #include <algorithm>
 #include <array>

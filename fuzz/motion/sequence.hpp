@@ -64,7 +64,7 @@ struct AxisSetup {
   std::int64_t start_counts = 0;       // of the shaft
   std::int64_t inertia_percent = 100;  // of the default load
   std::int64_t friction_percent = 100;
-  std::int64_t travel_counts = 0;  // distance of the limit switches from 0, on both sides; 0: none
+  std::int64_t travel_counts = 0;  // distance of the limit switches from 0, on both sides; 0: no switches
   std::int64_t stop_counts = 0;    // distance of the hard stops from 0, on both sides; 0: none
 
   friend bool operator==(const AxisSetup&, const AxisSetup&) = default;

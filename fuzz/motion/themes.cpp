@@ -73,7 +73,7 @@ void Generator::software_limits_around() {
   static constexpr std::array modes{Mode::profile_position,     Mode::profile_position,      Mode::profile_velocity,
                                     Mode::cyclic_sync_position, Mode::interpolated_position, Mode::cyclic_sync_velocity,
                                     Mode::profile_torque,       Mode::cyclic_sync_torque};
-  // Software limits act on buffered records in a way of their own, so this mode is drawn more often.
+  // Software limits act in a special way on buffered records, so this mode is drawn more often.
   const bool buffers = variant().records && variant().has(Mode::interpolated_position);
   if (!set_mode(buffers && random_.chance(30) ? Mode::interpolated_position : random_.of(modes))) return;
   enable();

@@ -296,7 +296,7 @@ void Watch::look() {
                                 static_cast<std::uint64_t>(static_cast<std::uint32_t>(objects_.target_velocity)) * 5;
     if (asked != asked_before_) asked_ = tick_;
     asked_before_ = asked;
-    // The drive calculates it anew when a TPDO is sent, so a bit of the loops may show for a single tick.
+    // The drive calculates it again when a TPDO is sent, so a bit of the loops may show for a single tick.
     const std::uint16_t statusword = drive_.statusword();
     if (shown_count_ == 0 || shown_[(shown_count_ - 1) % shown_.size()].statusword != statusword) {
       shown_[shown_count_++ % shown_.size()] = {tick_, statusword};

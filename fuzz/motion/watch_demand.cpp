@@ -44,8 +44,8 @@ void Watch::demand() {
   const double near = speed * 4.0 * cycle_ticks * tick_s + lag(speed) + 0.004 * counts_per_revolution_ + 3.0;
   if (demand.loop == Loop::position && before.loop == Loop::position) {
     const double moved = std::abs(demand.position - before.position);
-    // The limit is the nameplate's speed, because a demand comes down to a lowered 6080h by its ramps. The demand
-    // before may have been faster, if it began at a faster shaft.
+    // The limit is the nameplate's speed, because a demand decreases to a lowered 6080h by its ramps. The previous
+    // demand may have been faster, if it began at a faster shaft.
     const double nameplate =
         static_cast<double>(drive_.configuration().motor.max_speed_rpm) / 60.0 * counts_per_revolution_;
     const double most = std::max(nameplate, std::abs(before.velocity)) * 1.02 * seconds + 2.0;
@@ -111,7 +111,7 @@ void Watch::demand() {
 // first target may be far away.
 void Watch::count_targets() {
   const bool cyclic = mode_ == Mode::cyclic_sync_position || mode_ == Mode::interpolated_position;
-  if (!cyclic) {  // with the mode the count begins anew
+  if (!cyclic) {  // a new mode restarts the count
     targets_ = 0;
     return;
   }
@@ -166,7 +166,7 @@ void Watch::after_halt(const Demand& demand, double seconds) {
   const bool ended = std::exchange(halted_, runs && halt) && runs && !halt;
   const drive::Axis& axis = drive_.axis();
   const bool held =
-      // a limit stops the axis by a ramp of its own
+      // a limit stops the axis with a separate ramp
       axis.at_limit_switch() || (axis.limited && axis.software_limits_active());
   if (!ended || held || !judgeable_ || acceleration_ <= 0.0) return;
   // The drive's speed is a cycle old, and a shaft that follows its demand does so within 5 %.

@@ -49,7 +49,7 @@ void Watch::errors() {
       constexpr std::uint32_t phases = bit(plant::Injection::open_phase_u) | bit(plant::Injection::open_phase_v) |
                                        bit(plant::Injection::open_phase_w) | bit(plant::Injection::short_phase_u) |
                                        bit(plant::Injection::short_phase_v) | bit(plant::Injection::short_phase_w);
-      // The drive may report what it measured while a phase was broken a little later.
+      // The drive may report later an error that it detected while a phase was broken.
       if ((around_->injected & phases) == 0 && tick_ - std::max(spoiled_, around_->disturbed) > ms(20)) {
         fail("false-alarm", fmt::format("motor phase lost ({:04X}h) with all phases whole, {:.0f} rpm, link {:.0f} V",
                                         row->code, rpm(velocity_), axis_.plant().dc_link_v()));

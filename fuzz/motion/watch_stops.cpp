@@ -176,7 +176,7 @@ void Watch::limit_switches() {
     }
     // In the position loop the shaft comes to the place of the demand, even if it has swung back from there.
     const bool demanded = drive_.axis().demand.loop == Loop::position;
-    // Under torque the velocity of the demand means nothing.
+    // In torque control the velocity of the demand has no meaning.
     const double led = drive_.axis().demand.loop == Loop::torque
                            ? 0.0
                            : direction * static_cast<double>(drive_.axis().demand.velocity);
@@ -273,7 +273,7 @@ void Watch::software_limits() {
   const double asked = limit_slope();
   // From counts of the shaft to the position that 6064h shows.
   const auto offset = static_cast<double>(drive_.position_offset()) - static_cast<double>(axis.units.to_counts(turn));
-  // In the position loop the demand is judged, which has no lag; else the shaft.
+  // In the position loop the demand is judged, which has no lag; otherwise the shaft.
   const bool demanded = axis.demand.loop == Loop::position;
   const double place_now = offset + (demanded ? static_cast<double>(axis.demand.position) : position_);
   const double slack = demanded ? 0.02 * counts_per_revolution_ : place_revolutions * counts_per_revolution_;

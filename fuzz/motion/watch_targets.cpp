@@ -83,7 +83,7 @@ void Watch::set_points() {
     if (way > 1000.0 * counts_per_revolution_) set_point_.active = false;
     return;
   }
-  if (at_once_.active) {  // until something else is commanded
+  if (at_once_.active) {  // until another command
     if ((objects_.statusword & drive::statusword::mode_bit_12) != 0) at_once_.taken = true;
     if (around_->commanded > at_once_.since + ms(10)) at_once_.active = false;
   }
@@ -256,7 +256,7 @@ void Watch::beyond_targets() {
   const bool judged = state_ == PowerState::operation_enabled && pwm_ && judgeable_ && acceleration_ > 0.0 &&
                       axis.demand.loop == Loop::position && objects_.velocity_offset == 0 &&
                       objects_.min_position_range_limit == objects_.max_position_range_limit;
-  constexpr std::uint16_t halts = controlword::halt | controlword::fault_reset;  // a halt is obeyed beside bit 7, too
+  constexpr std::uint16_t halts = controlword::halt | controlword::fault_reset;  // halt also acts together with bit 7
   const bool stops = stop_.kind != StopKind::none || (objects_.controlword & halts) == halts ||
                      axis.active(drive::Signal::negative_limit) || axis.active(drive::Signal::positive_limit) ||
                      axis.software_limits_active();
@@ -300,7 +300,7 @@ void Watch::beyond_targets() {
   given_.slope = ramp;
   if (step != 0.0) {
     // A missing target is bridged for one period, after a tolerance of one or two cycles. A target that is written
-    // between two others causes a speed of its own.
+    // between two others causes a separate speed.
     const double period = objects_.interpolation_time_period_value * std::pow(10.0, objects_.interpolation_time_index);
     const double bridge = std::max(2.0 * std::abs(step), speed * (1.1 * period + 0.002));
     given_.low = std::min(given_.low, target - bridge);

@@ -399,7 +399,7 @@ TEST_F(CanMotion, AValueWhoseAnswerWasLostIsPutBack) {
   }
 }
 
-// Objects are put back last first: 60C2h, 6081h, the TPDOs, the RPDOs.
+// Objects are restored in reverse order: 60C2h, 6081h, the TPDOs, the RPDOs.
 TEST_F(CanMotion, AnObjectThatCannotBePutBackHindersNoOther) {
   const auto before = pdos_of(1);
   for (const ObjectAddress object : {ObjectAddress{0x60C2, 1}, ObjectAddress{0x6081, 0}}) {

@@ -106,7 +106,7 @@ TEST_P(Enabling, TargetsLeftInADisabledDriveDoNotAct) {
   }
 }
 
-// After a quick stop or halt by the master, no target remains, even if another master enables the drive.
+// After a quick stop or halt by the master, the drive must have no target, even if another master enables it.
 TEST_P(Enabling, WhatStopsLeavesNoTarget) {
   for (const bool quick : {true, false}) {
     axis.enable();

@@ -1,5 +1,5 @@
-// Homing ends when the shaft is at rest, whatever the drive reports: with a load that lags, the demand is at home
-// earlier.
+// Homing ends when the shaft is at rest, whatever the drive reports. With a load that lags, the demand reaches home
+// before the shaft does.
 #include <gmock/gmock.h>
 
 #include "axis/axis_rig.hpp"

@@ -123,7 +123,7 @@ TEST_P(Watched, IsToldAnewAfterAReset) {
   EXPECT_EQ(option(), before);
 }
 
-// At once, not only after the next heartbeat, which is up to 0.25 s later.
+// Immediately, not only after the next heartbeat, which is up to 0.25 s later.
 TEST_P(Watched, WatchesAtOnceWhenToldAnew) {
   ObjectClient* const drives[] = {&rig.objects()};
   MasterWatch watch(*rig.can, drives);
@@ -134,7 +134,7 @@ TEST_P(Watched, WatchesAtOnceWhenToldAnew) {
   EXPECT_LT(counts_in_a_second(), 100.0);
 }
 
-// However the program ends: the supervision of an axis that still moves must stay on.
+// Whatever ends the program, the supervision of a moving axis must stay on.
 TEST_P(Watched, AnAxisThatStillMovesAtTheEndKeepsItsWatch) {
   std::vector<std::string> said;
   {

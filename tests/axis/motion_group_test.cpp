@@ -34,8 +34,8 @@ TEST(SetPointGenerator, LinearProfileIsTheClosedForm) {
   EXPECT_EQ(generator.state().velocity, 0.0);
 }
 
-// The second profile starts exactly at the end of the first, within a cycle: no time is lost and the velocity does not
-// jump.
+// The second profile starts exactly at the end of the first, even within a cycle: no time is lost, and the velocity
+// does not jump.
 TEST(SetPointGenerator, ContinuesAtTheEndOfAProfile) {
   SetPointGenerator generator(0.0007);
   generator.reset({});

@@ -15,7 +15,7 @@ constexpr PdoObject controlword{{0x6040, 0}, 16};
 constexpr PdoObject position{{0x6064, 0}, 32};
 constexpr PdoObject statusword{{0x6041, 0}, 16};
 
-// Objects with a clock of their own.
+// Objects with their own clock.
 class Fake final : public ObjectClient {
  public:
   std::vector<std::byte> upload(ObjectAddress object) override {

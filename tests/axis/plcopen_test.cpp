@@ -13,7 +13,7 @@ namespace {
 using namespace std::chrono_literals;
 using test::SimulatedBus;
 
-// Compares the outputs for given inputs with the drawn ones: '#' TRUE, '_' FALSE.
+// Compares the outputs for given inputs with the diagram: '#' TRUE, '_' FALSE.
 class Diagram {
  public:
   void input(bool& variable, std::string drawn) {
@@ -234,7 +234,8 @@ INSTANTIATE_TEST_SUITE_P(Modes, Blending,
                                          BlendingCase{"TooShort", BufferMode::BlendingHigh, 100.0, 202.0, 40.0}),
                          [](const auto& one) { return one.param.name; });
 
-// The axis passes the first target at exactly the velocity of the mode, and reaches the second without overshoot.
+// The axis passes the first target at exactly the velocity that the mode demands, and reaches the second without
+// overshoot.
 TEST_P(Blending, PassesTheFirstTargetAtTheModesVelocity) {
   MC_MoveAbsolute first, second;
   first.Position = 200.0;
@@ -752,7 +753,7 @@ TEST_F(Blocks, CamLeadsTheSlave) {
   cam.Execute = true;
   controller.run_for(3ms);
   EXPECT_TRUE(cam.InSync) << text_of(cam.ErrorID);
-  // It leaves its cam and continues at the same velocity.
+  // The axis leaves its cam and continues at the same velocity.
   MC_CamOut leave;
   leave.Execute = true;
   const double before = other.commanded_velocity();

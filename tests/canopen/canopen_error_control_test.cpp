@@ -96,7 +96,7 @@ TEST(LifeGuarding, IsLostOnceHoweverOftenTheNodeIsPolled) {
   EXPECT_EQ(emergencies, 1U);
 }
 
-// A reset forgets a loss: the first request after it brings nothing back.
+// A reset clears the state "lost": the first request after it must not report "connection restored".
 TEST(LifeGuarding, AResetBeginsAnew) {
   auto device = make_device();
   device->start();
@@ -110,7 +110,7 @@ TEST(LifeGuarding, AResetBeginsAnew) {
   EXPECT_FALSE(device->events.saw("restored 0"));
 }
 
-// Writing its objects again does not end a life guarding that runs.
+// Writing its objects again does not end a life guarding that is active.
 TEST(LifeGuarding, GoesOnWhenItsTimeIsWrittenAgain) {
   auto device = make_device();
   device->start();
@@ -181,7 +181,7 @@ TEST(HeartbeatConsumer, RewritingTheEntryEndsTheError) {
   EXPECT_EQ(device->others, (Frames{no_error}));
 }
 
-// Of any node, the first and the last as well.
+// From any node, including the first and the last.
 TEST(HeartbeatConsumer, FirstAndLastNode) {
   auto device = make_device();
   device->start();
@@ -193,7 +193,7 @@ TEST(HeartbeatConsumer, FirstAndLastNode) {
   EXPECT_EQ(device->events.log, (Frames{"heartbeat 1 5", "heartbeat 127 5"}));
 }
 
-// A reset forgets what was heard: supervision begins again with the first heartbeat.
+// A reset clears all received heartbeats: the supervision starts again at the first heartbeat.
 TEST(HeartbeatConsumer, AResetBeginsAnew) {
   for (const char* const reset : {"000 # 81 01", "000 # 82 01"}) {
     auto device = make_device();

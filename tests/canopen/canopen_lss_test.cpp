@@ -112,7 +112,7 @@ TEST(Lss, IdentifyRemoteByRanges) {
   }
 }
 
-// The master's side of fastscan: every bit of the address is found from the answers alone.
+// The master's side of fastscan: it finds every bit of the address from the answers alone.
 TEST(Lss, Fastscan) {
   auto device = make_device<>({}, unconfigured_node_id);
   device->start(unconfigured_node_id);

@@ -163,7 +163,7 @@ TEST(Storage, SignaturesAndAreas) {
   EXPECT_EQ(device->write(0x1010, 1, save, 4), AbortCode::hardware_error);
 }
 
-// CiA 301 7.5.2.23: a configuration that has changed is no longer the verified one.
+// CiA 301 7.5.2.23: a changed configuration no longer counts as verified.
 TEST(VerifyConfiguration, ForgottenWithAnyOtherChange) {
   auto device = make_device();
   device->start();

@@ -1,6 +1,6 @@
 #include "test_device.hpp"
 
-// What 1003h to 1029h take (CiA 301 7.5.2), just inside and just outside.
+// The ranges of the objects 1003h to 1029h (CiA 301 7.5.2): values just inside and just outside.
 namespace servodrome::canopen::test {
 namespace canopen_object_rules_test {
 namespace {
@@ -13,7 +13,7 @@ struct Row {
   AbortCode answer;
 };
 
-// Each value against a node that was just started.
+// Writes each value to a node that has just started.
 void expect_answers(std::uint16_t index, std::uint8_t sub, unsigned bytes, std::initializer_list<Row> rows) {
   for (const auto& [value, answer] : rows) {
     auto device = make_device();
@@ -69,7 +69,7 @@ TEST(ObjectRules, CobIdOfTime) {
                   {0x80000900, no}});
 }
 
-// While it is valid the identifier stays; bit 30 does not exist.
+// While the PDO is valid its identifier cannot change; bit 30 does not exist.
 TEST(ObjectRules, CobIdsOfEmergencies) {
   expect_answers(0x1014, 0, 4,
                  {{0x00000081, ok},

@@ -12,7 +12,7 @@ constexpr std::uint8_t event_driven = 255;
 TEST(PdoMapping, ProcedureAndRefusals) {
   auto device = make_device();
   device->start();
-  // While the PDO is valid nothing of the mapping changes.
+  // While the PDO is valid, its mapping cannot change.
   EXPECT_EQ(device->write(0x1600, 0, 0, 1), AbortCode::unsupported_access);
   EXPECT_EQ(device->write(0x1600, 1, 0x60400010, 4), AbortCode::unsupported_access);
   EXPECT_EQ(device->write(0x1400, 1, 0x80000201, 4), AbortCode::none);
@@ -24,7 +24,7 @@ TEST(PdoMapping, ProcedureAndRefusals) {
   const Case rpdo_cases[] = {
       {0x60400010, AbortCode::none},
       {0x60410010, AbortCode::not_mappable},           // for TPDOs only
-      {0x10050020, AbortCode::not_mappable},           // not at all
+      {0x10050020, AbortCode::not_mappable},           // not in any PDO
       {0x20010008, AbortCode::not_mappable},           // a string
       {0x60400020, AbortCode::not_mappable},           // 16 bits, not 32
       {0x60400000, AbortCode::not_mappable},           // no bits
@@ -430,7 +430,7 @@ TEST(Tpdo, TimerOnlyTypesIgnoreChanges) {
 }
 
 TEST(Tpdo, ChangeMask) {
-  // ESTUN manual, ch. 3.3: a masked bit is no change.
+  // ESTUN manual, ch. 3.3: a change of a masked bit does not trigger the PDO.
   auto device = make_device();
   device->start();
   device->map(0x1800, {0x60410010, 0x60640020}, 254);
@@ -472,7 +472,7 @@ TEST(Tpdo, BecomesValidWhileOperational) {
   device->start_operational();
   ASSERT_NO_FATAL_FAILURE(device->map(0x1800, {0x60410010}));
   EXPECT_EQ(device->others, (Frames{"181 # 00 00"}));
-  // ISMC manual, ch. 2.6.2, 'PDO CAN identifier': off with bit 31, on without.
+  // ISMC manual, ch. 2.6.2, 'PDO CAN identifier': bit 31 set switches the PDO off.
   EXPECT_EQ(device->write(0x1800, 1, 0x80000181, 4), AbortCode::none);
   device->objects.statusword = 1;
   EXPECT_EQ(device->image_updated(), Frames{});
@@ -494,7 +494,7 @@ TEST(Tpdo, ReadsComputedObjectsFresh) {
   EXPECT_EQ(device->send("080 #"), (Frames{"181 # 02 00 78 56 34 12"}));
 }
 
-// ---- many ----
+// ---- many PDOs ----
 
 TEST(Pdo, FiveHundredAndTwelvePerDirection) {
   auto device = make_device<512>();

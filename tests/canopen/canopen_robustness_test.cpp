@@ -6,7 +6,7 @@ namespace servodrome::canopen::test {
 namespace canopen_robustness_test {
 namespace {
 
-// Frames that a node listens to are far more frequent than chance would make them.
+// Random frames; those that a node accepts are far more frequent than in uniformly random ones.
 Frame random_frame(std::minstd_rand& random) {
   static constexpr std::array<std::uint32_t, 16> interesting = {0x000, 0x080, 0x081, 0x100, 0x201, 0x301, 0x401, 0x501,
                                                                 0x601, 0x601, 0x601, 0x601, 0x701, 0x77F, 0x7E5, 0x181};
@@ -17,7 +17,7 @@ Frame random_frame(std::minstd_rand& random) {
   frame.remote = next(50) == 0;
   frame.length = static_cast<std::uint8_t>(next(4) == 0 ? next(9) : 8);
   for (std::uint8_t& byte : frame.data) byte = static_cast<std::uint8_t>(next(256));
-  if (frame.id == 0x601 && next(2) == 0) {  // a plausible object
+  if (frame.id == 0x601 && next(2) == 0) {  // an object that may exist
     static constexpr std::array<std::uint16_t, 12> objects = {0x1003, 0x1005, 0x1006, 0x1014, 0x1016, 0x1017,
                                                               0x1400, 0x1600, 0x1800, 0x1A00, 0x2002, 0x6040};
     static constexpr std::array<std::uint8_t, 10> commands = {0x23, 0x2B, 0x2F, 0x40, 0x21,
@@ -38,10 +38,10 @@ Frame random_frame(std::minstd_rand& random) {
   return frame;
 }
 
-// Whatever came before, a node answers its master.
+// After any input, a node must answer its master.
 template <typename Device>
 void expect_alive(Device& device, const std::string& context) {
-  device.now += 10s;  // transfers time out, bit rates are switched
+  device.now += 10s;  // transfers time out, the bit rate changes
   device.node.poll(device.now);
   const auto drain = [&device] {
     Frame frame;
@@ -55,7 +55,7 @@ void expect_alive(Device& device, const std::string& context) {
   drain();
   Frame request = frame_of("600 # 40 08 20 00 00 00 00 00");
   request.id += device.node.node_id() == 1 ? 1U : 0U;
-  if (device.node.node_id() != 1) return;  // LSS gave it another one
+  if (device.node.node_id() != 1) return;  // LSS has given it another node-ID
   device.node.receive(request, device.now);
   bool answered = false;
   Frame frame;
@@ -94,7 +94,7 @@ TEST(Robustness, AMillionRandomFrames) {
   EXPECT_GT(answered, 100'000U) << "the frames meant something";
 }
 
-// The least a CANopen device has (CiA 301 table 41): no service assumes an object that is not there.
+// The minimum of a CANopen device (CiA 301 table 41): no service may depend on an optional object.
 TEST(Robustness, ADeviceWithFourObjects) {
   static constexpr auto table = dictionary::make_table<[] {
     using namespace dictionary;

@@ -92,7 +92,7 @@ TEST(SdoServer, SegmentedUpload) {
                    {"64 bits", "601 # 40 03 20 00 00 00 00 00", {"581 # 41 03 20 00 08 00 00 00"}},
                    {"1", "601 # 60 00 00 00 00 00 00 00", {"581 # 00 08 07 06 05 04 03 02"}},
                });
-  device->objects.wide = 0;  // the transfer goes on with the value it began with
+  device->objects.wide = 0;  // the transfer continues with the value at its start
   run(*device, {{"2", "601 # 70 00 00 00 00 00 00 00", {"581 # 1D 01 00 00 00 00 00 00"}}});
 }
 
@@ -127,7 +127,7 @@ TEST(SdoServer, SegmentedDownload) {
 TEST(SdoServer, DownloadLargerThanTheBufferOrTheObject) {
   auto device = make_device<4, 8, 64>();
   device->start();
-  // 6000 bytes fit 2002h, but this device collects at most 64.
+  // 6000 bytes fit into 2002h, but this device's transfer buffer has only 64.
   EXPECT_EQ(device->send("601 # 21 02 20 00 41 00 00 00"), (Frames{"581 # 80 02 20 00 05 00 04 05"}));
   EXPECT_EQ(device->send("601 # 20 02 20 00 00 00 00 00"), (Frames{"581 # 60 02 20 00 00 00 00 00"}));
   for (int i = 0; i < 9; ++i) {
@@ -162,7 +162,7 @@ TEST(SdoServer, TimeoutAndAbort) {
   device->send("601 # 40 08 10 00 00 00 00 00");
   EXPECT_EQ(device->send("601 # 80 08 10 00 00 00 00 08"), Frames{});
   EXPECT_EQ(device->advance(10s), Frames{});
-  // A client that starts over is served.
+  // The server accepts a client that starts a new transfer.
   device->send("601 # 40 08 10 00 00 00 00 00");
   device->send("601 # 60 00 00 00 00 00 00 00");
   EXPECT_EQ(device->send("601 # 40 08 10 00 00 00 00 00"), (Frames{"581 # 41 08 10 00 16 00 00 00"}));
@@ -229,8 +229,8 @@ TEST(SdoServer, BlockDownloadFrames) {
   EXPECT_EQ(std::string(device->objects.name.bytes.data(), device->objects.name.length), "123456789");
 }
 
-// A buffer of 64 bytes takes ten segments: of the last one a single byte and six of padding. An eleventh is too many.
-// The object takes 40 bytes; what fills it exactly is taken, and one more is refused.
+// The buffer of 64 bytes takes ten segments; the last one has a single byte and six bytes of padding. An eleventh
+// segment is too long. The object takes 40 bytes: exactly 40 are accepted, 41 are refused.
 TEST(SdoServer, BlockDownloadUpToTheLastByte) {
   auto device = make_device();
   device->start();
@@ -259,7 +259,8 @@ TEST(SdoServer, BlockDownloadUpToTheLastByte) {
   EXPECT_EQ(download(39), "581 # A1 00 00 00 00 00 00 00");
 }
 
-// One segment more than was announced is too long for the object, even where it is too long for the buffer too.
+// One segment more than announced: the error is "too long for the object", even if the data do not fit into the buffer
+// either.
 TEST(SdoServer, BlockDownloadOfMoreThanWasAnnounced) {
   auto device = make_device<4, 8, 14>();
   device->start();
@@ -269,7 +270,7 @@ TEST(SdoServer, BlockDownloadOfMoreThanWasAnnounced) {
   EXPECT_EQ(device->send("601 # 01 41 41 41 41 41 41 41"), (Frames{"581 # 80 01 20 00 12 00 07 06"}));
 }
 
-// Half of the time-out, and never longer than half a second.
+// Half of the timeout, and at most half a second.
 TEST(SdoServer, BlockDownloadAsksAgainInTime) {
   for (const auto& [timeout, after] : {std::pair{100ms, 50ms}, {999ms, 499ms}, {1000ms, 500ms}, {10000ms, 500ms}}) {
     auto device = make_device<>({.sdo_timeout = timeout});

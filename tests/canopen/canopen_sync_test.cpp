@@ -96,7 +96,7 @@ TEST(Sync, ProducerDoesNotDriftWhenPolledLate) {
   EXPECT_EQ(syncs, 1000U);
 }
 
-// A device without 1019h knows no counter.
+// A device without 1019h ignores the counter.
 TEST(Sync, WithoutItsObjectTheLengthDoesNotMatter) {
   static constexpr auto table = dictionary::make_table<[] {
     using namespace dictionary;

@@ -1,4 +1,4 @@
-// Frames that wait because the bus does not take them: of what is sent again and again only the newest is kept.
+// Frames that wait because the bus is not available: of frames that are sent repeatedly, only the newest one is kept.
 #include "test_device.hpp"
 
 namespace servodrome::canopen::test {
@@ -9,7 +9,7 @@ constexpr const char* start = "000 # 01 01";
 constexpr const char* pre_operational = "000 # 80 01";
 constexpr const char* stop = "000 # 02 01";
 
-// Operational, TPDO 1 with the statusword, TPDO 2 with the mode; nothing waits.
+// Operational, TPDO 1 with the statusword, TPDO 2 with the mode; no frame waits.
 auto operational_device(const Profile& profile = {}) {
   auto device = make_device<>(profile);
   device->start();
@@ -19,7 +19,7 @@ auto operational_device(const Profile& profile = {}) {
   return device;
 }
 
-// A frame arrives and the bus takes nothing.
+// A frame arrives while the bus accepts no frame.
 template <typename Device>
 void hear(Device& device, const char* frame) {
   device.node.receive(frame_of(frame), device.now);
@@ -72,8 +72,8 @@ TEST(WaitingFrames, ATpdoOfASyncAndOfATimerWaitOnce) {
   EXPECT_EQ(device->sent(), (Frames{"281 # 3C 00", "181 # 3C 00", "381 # 3C 00"}));
 }
 
-// What no change sends, as its type or its mask has it, still shows what is true when it gets onto the bus. What a SYNC
-// sampled stays as it was then.
+// A PDO that no change triggers (because of its type or its mask) still has the present values when it gets onto the
+// bus. Values that a SYNC sampled stay as sampled.
 TEST(WaitingFrames, ATpdoOfATimerOrWithAMaskTakesItsNewestValue) {
   auto device = make_device<>(Profile{.type_255_sends_on_change = false});
   device->start();
@@ -95,7 +95,7 @@ TEST(WaitingFrames, ATpdoOfATimerOrWithAMaskTakesItsNewestValue) {
   EXPECT_EQ(device->sent(), (Frames{"181 # 14 01"})) << "10 ms after the one before";
 }
 
-// A value that comes and goes while the frame waits is not in it afterwards.
+// A value that changes and changes back while the frame waits is not sent.
 TEST(WaitingFrames, ATpdoOfATimerTakesAValueBack) {
   auto device = make_device<>(Profile{.type_255_sends_on_change = false});
   device->start();
@@ -136,7 +136,7 @@ TEST(WaitingFrames, TheNmtStateDropsTpdos) {
     hear(*device, command);
     EXPECT_EQ(device->sent(), (Frames{"081 # 10 23 03 00 00 00 00 00", "701 # 00"})) << command;
   }
-  // Left and entered again while the bus takes nothing: one of each.
+  // The state is left and entered again while the bus is not available: each message is sent once.
   auto device = operational_device();
   change_status(*device, 1, 3);
   for (int i = 0; i < 40; ++i) {
@@ -184,7 +184,7 @@ TEST(WaitingFrames, OneHeartbeatWaitsWithTheNewestState) {
   hear(*device, stop);
   change_status(*device, 501, 520);
   EXPECT_EQ(device->sent(), (Frames{"701 # 04"}));
-  // A boot-up message is no heartbeat: it is sent as well.
+  // A boot-up message does not count as a heartbeat: both are sent.
   hear(*device, "000 # 82 01");
   ASSERT_EQ(device->sent(), (Frames{"701 # 00"}));
   hear(*device, "000 # 82 01");
@@ -202,7 +202,7 @@ TEST(WaitingFrames, OneSyncWaits) {
   EXPECT_EQ(device->sent(), (Frames{"080 #"}));
 }
 
-// However long the bus is away, an error finds its place.
+// An error message is kept for any duration of the outage.
 TEST(WaitingFrames, NothingCyclicKeepsAnErrorOut) {
   auto device = operational_device();
   ASSERT_EQ(device->write(0x1017, 0, 2, 2), AbortCode::none);

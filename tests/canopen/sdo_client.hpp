@@ -5,7 +5,7 @@
 #include "canopen/crc16.hpp"
 #include "test_device.hpp"
 
-// A small SDO client that can lose frames of block transfers, to try the server with.
+// A small SDO client that can lose frames of block transfers, to test the server.
 namespace servodrome::canopen::test {
 
 using Bytes = std::vector<std::byte>;
@@ -15,7 +15,7 @@ class SdoClient {
  public:
   SdoClient(Device& device, std::uint32_t seed = 1) : device_(device), random_(seed) {}
 
-  double loss = 0;                // of segments, per segment
+  double loss = 0;                // probability that a segment is lost
   std::uint8_t block_size = 127;  // of uploads
   unsigned repeated_blocks = 0;
 
@@ -80,7 +80,7 @@ class SdoClient {
         if (answered && answer_.data[0] == 0x80) return aborted_;
         if (last) break;
       }
-      if (!delivered) continue;  // the server cannot know of this sub-block: all of it again
+      if (!delivered) continue;  // the server cannot know of this sub-block: all of it is repeated
       if (!answered && !wait()) return AbortCode::protocol_timed_out;
       if (answer_.data[0] == 0x80) return aborted_;
       EXPECT_EQ(answer_.data[0], 0xA2);
@@ -116,7 +116,7 @@ class SdoClient {
         complete = (segment.data[0] & 0x80) != 0;
       }
       if (!complete && good < block_size) ++repeated_blocks;
-      block_size = static_cast<std::uint8_t>(1 + random_() % 127);  // it may change each time
+      block_size = static_cast<std::uint8_t>(1 + random_() % 127);  // the block size may change each time
       frame = request(0xA2, 0);
       frame.data[1] = good;
       frame.data[2] = block_size;
@@ -148,7 +148,7 @@ class SdoClient {
     for (std::size_t i = 0; i < count; ++i) bytes.push_back(std::byte{answer_.data[from + i]});
   }
   bool lost() { return loss > 0 && static_cast<double>(random_() % 10000) < loss * 10000; }
-  // Hands the frame over; true if there was an answer.
+  // Passes the frame to the server; true if there was an answer.
   bool give(const Frame& frame) {
     device_.node.receive(frame, device_.now);
     return collect();
@@ -169,7 +169,7 @@ class SdoClient {
     }
     return answer_.data[0] != 0x80;
   }
-  // Half the server's patience later it asks for what it misses.
+  // After half the server's timeout it requests the missing segments.
   bool wait() {
     device_.now += device_.profile.sdo_timeout / 2;
     device_.node.poll(device_.now);

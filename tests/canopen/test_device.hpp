@@ -10,7 +10,7 @@
 #include "canopen/301/communication_section.hpp"
 #include "canopen/node.hpp"
 
-// A device with a bit of everything, and frames written the way manuals print them.
+// A device with objects of all kinds, and frames in the notation of the manuals.
 namespace servodrome::canopen::test {
 
 using namespace std::chrono_literals;
@@ -203,7 +203,7 @@ class TestDevice {
     node.receive(frame, now);
     return sent();
   }
-  // Lets time pass as a bus does: polls exactly at the deadlines on the way.
+  // Advances time like a bus: polls exactly at each deadline on the way.
   Frames advance(Time span) {
     const Time end = now + span;
     Frames frames;
@@ -225,7 +225,7 @@ class TestDevice {
     node.process_image_updated(now);
     return sent();
   }
-  // By SDO, as a master writes; the abort code that came back.
+  // Writes by SDO, as a master does; returns the abort code.
   AbortCode write(std::uint16_t index, std::uint8_t sub, std::uint32_t value, unsigned size) {
     Frame frame;
     frame.id = 0x600U + node.node_id();
@@ -271,7 +271,7 @@ class TestDevice {
   NodeStorage<Pdos, Pdos, MappingEntries, 3, SdoBuffer> storage;
   dictionary::Dictionary dictionary;
   Time now{1s};
-  Frames others;  // what write() saw beside the SDO answer
+  Frames others;  // frames that write() received in addition to the SDO answer
   Node node{dictionary, profile, events, storage.memory()};
 };
 

@@ -18,7 +18,7 @@ using testing::Pair;
 
 using Section = std::vector<std::pair<std::string, std::string>>;
 
-// The sections of an EDS in their order. Fails on a line that is neither section nor key nor empty.
+// The sections of an EDS in their order. Fails on a line that is not a section, a key or empty.
 struct Parsed {
   explicit Parsed(const std::string& text) { parse(text); }
 
@@ -100,7 +100,7 @@ TEST_F(EdsTest, ListsEveryObjectOnceInItsList) {
 }
 
 TEST_F(EdsTest, EveryEntryOfTheTableHasItsSection) {
-  std::size_t expected = 7;  // those that are no objects
+  std::size_t expected = 7;  // sections that are not objects
   for (const dictionary::Entry& entry : sample::table) {
     char name[16];
     const bool is_var = entry.code == dictionary::ObjectCode::var;

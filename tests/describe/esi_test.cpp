@@ -8,8 +8,8 @@
 #include "describe/sample.hpp"
 #include "ethercat/slave/communication_section.hpp"
 
-// What tests/interop/esi_test.py cannot see in the products: entries of every kind, names that need care, start-up
-// parameters, bootstrap. It checks structure and the agreement with the SII image.
+// Cases that tests/interop/esi_test.py cannot find in the products: entries of every kind, names that need escaping,
+// start-up parameters, bootstrap. Checks the structure and the agreement with the SII image.
 namespace servodrome::describe {
 namespace esi_test {
 namespace {
@@ -17,14 +17,14 @@ namespace {
 using testing::ElementsAre;
 using testing::HasSubstr;
 
-// An XML document of elements, attributes and text; fails on what is not well-formed.
+// Parses an XML document of elements, attributes and text; fails on text that is not well-formed.
 struct Element {
   std::string name;
   std::map<std::string, std::string> attributes;
   std::string text;
   std::vector<std::unique_ptr<Element>> children;
 
-  // The first with these names one below the other; an empty element if there is none.
+  // Returns the first element on this path of names; an empty element if there is none.
   const Element& at(std::initializer_list<const char*> path) const {
     static const Element nothing;
     const Element* here = this;
@@ -43,7 +43,7 @@ struct Element {
     }
     return found;
   }
-  // The child whose element `key` says `value`.
+  // Returns the child whose element `key` has the text `value`.
   const Element& with(const char* key, const std::string& value) const {
     static const Element nothing;
     for (const auto& child : children) {

@@ -5,7 +5,7 @@
 #include "describe/description.hpp"
 #include "dictionary/table.hpp"
 
-// A device with one entry of every kind a description must get right.
+// A device with one entry of every kind that a description must represent.
 namespace servodrome::describe::sample {
 
 using namespace dictionary;  // NOLINT: the vocabulary of the table

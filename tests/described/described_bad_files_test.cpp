@@ -1,4 +1,4 @@
-// Descriptions that cannot be used: each says where and what, and none ends the program.
+// Invalid descriptions: each error message names the place and the reason, and no file ends the program.
 #include <random>
 #include <sstream>
 
@@ -18,7 +18,7 @@ std::string replaced(std::string text, const std::string& what, const std::strin
   return text.replace(at, what.size(), with);
 }
 
-// What is said; empty: it was taken.
+// Returns the error message; empty: the file was accepted.
 std::string complaint_about_eds(const std::string& text) {
   try {
     std::istringstream stream(text);
@@ -74,8 +74,8 @@ TEST(BadDataSheet, AsManyObjectsAsThereAreIndices) {
   EXPECT_NE(complaint_about_eds(text).find("at most 32768"), std::string::npos);
 }
 
-// 40 bytes of a file can be 254 entries, and one long name 254 copies of it: what no device has is refused while it is
-// read, not when it is all there.
+// 40 bytes of a file can declare 254 entries, and one long name can be copied 254 times. Descriptions that are larger
+// than any device are refused while they are read, before they take all the memory.
 TEST(BadDataSheet, AShortFileThatDescribesMuchIsRefusedWhileItIsRead) {
   std::string compact;
   for (unsigned index = 0x2000; index < 0x9000; ++index) {
@@ -105,7 +105,7 @@ TEST(BadDataSheet, AShortFileThatDescribesMuchIsRefusedWhileItIsRead) {
   EXPECT_LE(describe::read_eds(stream, "x.eds").notes.size(), 1001U + 100U);
 }
 
-// As read, or refused with a sentence that begins with the file: nothing else may happen.
+// A file is accepted, or refused with an error message that begins with the file's name. No other result is allowed.
 TEST(BadDataSheet, CutAndSpoiltFilesAreTakenOrRefused) {
   std::mt19937 random(402);
   int refused = 0;

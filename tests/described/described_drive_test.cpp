@@ -1,4 +1,4 @@
-// Drives out of the descriptions of tests/data/described, each of another structure.
+// Drives from the descriptions in tests/data/described, each with a different structure.
 #include <array>
 
 #include "described_support.hpp"
@@ -29,7 +29,7 @@ TEST_P(Described, ServesWhatTheFileDescribes) {
     const bool is_live = entry->owner == dictionary::Owner::drive && !entry->writable();
     const bool is_mapping_count = described.sub == 0 && described.index >= 0x1600 && described.index < 0x1C00;
     const bool is_number = described.line != 0 && described.default_value && entry->fixed_size() && entry->readable();
-    // Zeros are looked at in CapitalAccess.
+    // CapitalAccess tests the zeros.
     if (!is_number || is_live || is_mapping_count || *described.default_value == 0) continue;
     EXPECT_EQ(rig.read(described.index, described.sub),
               *described.default_value + (described.default_adds_node_id ? 1 : 0))
@@ -64,7 +64,7 @@ TEST_P(Described, HomesAndMoves) {
   rig.move(2 * revolution);
   EXPECT_NEAR(static_cast<double>(rig.read(0x6064)), static_cast<double>(2 * revolution),
               static_cast<double>(revolution) / 500);
-  // The shaft itself made two turns.
+  // The shaft itself has turned twice.
   EXPECT_NEAR(static_cast<double>(rig.axis().plant().position_counts() - from), 2.0 * static_cast<double>(revolution),
               static_cast<double>(revolution) / 500);
   EXPECT_EQ(rig.read(0x6041) & 0x08, 0);
@@ -104,7 +104,7 @@ INSTANTIATE_TEST_SUITE_P(Files, Described,
                            return name.substr(0, name.find('.'));
                          });
 
-// ---- What is particular to each ----
+// ---- Special features of each description ----
 
 TEST(MappingCounts, AreThoseOfTheMappedObjects) {
   Rig rig(data_file("mapping_counts.dcf"));
@@ -114,7 +114,7 @@ TEST(MappingCounts, AreThoseOfTheMappedObjects) {
   EXPECT_EQ(rig.read(0x1602, 1), 0x607A0020);
   EXPECT_EQ(rig.read(0x1400, 1), 0x201);
   EXPECT_EQ(rig.counts(), 4096U);
-  // 60E3h has -5, 6502h modes of the maker: they are not there, and that is said.
+  // 60E3h has -5, and 6502h has modes of the maker: the drive does not have them, and a note says so.
   const auto& absent = rig.blueprint().not_simulated;
   const auto says = [&absent](const std::string& text) {
     return std::any_of(absent.begin(), absent.end(), [&](const std::string& one) { return one.find(text) == 0; });
@@ -158,7 +158,7 @@ TEST(CapitalAccess, ZerosThatWouldHoldTheAxisAreNoValues) {
   EXPECT_EQ(rig.read(0x6072), 3000);
   EXPECT_EQ(rig.read(0x6091, 1), 1);
   EXPECT_GT(rig.read(0x6083), 0);
-  EXPECT_EQ(rig.read(0x6092, 1), 1);  // as the file has it
+  EXPECT_EQ(rig.read(0x6092, 1), 1);  // as in the file
   EXPECT_FALSE(rig.blueprint().notes.empty());
   EXPECT_EQ(rig.read(0x1403, 1), 0x80000501);
 }
@@ -172,7 +172,7 @@ TEST(CapitalAccess, ObjectsOfAnotherSizeReachTheDrive) {
   rig.enable(3);
   ASSERT_EQ(rig.write(0x60FF, 0, 10), AbortCode::none);
   rig.enable(1);
-  // With a window of 5 increments a start that lasts longer than the time-out is a following error.
+  // The window is 5 increments. A start that lasts longer than the timeout is a following error.
   rig.set(0x6083, 20'000'000);
   rig.set(0x6084, 20'000'000);
   rig.set(0x6081, 4'000'000);

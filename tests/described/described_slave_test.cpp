@@ -1,4 +1,4 @@
-// Drives out of ESI files of tests/data/described, each of another structure.
+// Drives from the ESI files in tests/data/described, each with a different structure.
 #include "described_support.hpp"
 #include "ethercat/esc/esc.hpp"
 #include "ethercat/slave/slave.hpp"
@@ -76,7 +76,7 @@ TEST(SeveralDevices, NewestRevisionOfTheOneThatIsAskedFor) {
   SlaveRig rig("several_devices.xml");
   EXPECT_EQ(rig.read(0x1018, 3), 2);
   EXPECT_EQ(rig.read(0x1018, 1), 40977);
-  // Enumerations are their base type, padding is no object, values are found by their names.
+  // Enumerations have the type of their base, padding is not an object, and the names select the values.
   EXPECT_EQ(rig.read(0x2200, 1), 1);
   EXPECT_EQ(rig.read(0x2200, 3), 1);
   EXPECT_EQ(rig.objects().find(0x2200, 2), nullptr);
@@ -88,7 +88,7 @@ TEST(SeveralDevices, NewestRevisionOfTheOneThatIsAskedFor) {
   EXPECT_EQ(rig.read(0x1600, 3), 8);
   EXPECT_EQ(rig.read(0x1600, 0), 4);
   EXPECT_EQ(rig.read(0x1601, 0), 2);
-  // By product code as well.
+  // Also selected by product code.
   EXPECT_EQ(line::describe_product(data_file("several_devices.xml"), "0x302")->blueprint->device.product_name, "Trio");
   EXPECT_EQ(line::describe_product(data_file("several_devices.xml"), "Trio")->blueprint->device.product_code, 0x302U);
 }

@@ -13,7 +13,7 @@
 #include "line/line_file.hpp"
 #include "source_dir.hpp"
 
-// One described drive on a line in virtual time, worked through its objects as a master would.
+// One described drive on a line in virtual time, operated through its objects like a master does.
 namespace servodrome::described::test {
 
 using namespace std::chrono_literals;
@@ -64,7 +64,7 @@ class Rig {
   void set(std::uint16_t index, std::int64_t value) {
     ASSERT_EQ(write(index, 0, value), AbortCode::none) << fmt::format("{:04X}h", index);
   }
-  // A mode whose object can only be written is seen in 6061h.
+  // 6061h shows the mode if the mode object is write-only.
   void enable(std::int64_t mode) {
     set(0x6060, mode);
     for (const int word : {0x06, 0x07, 0x0F}) {
@@ -89,7 +89,7 @@ class Rig {
     set(0x6040, 0x0F);
     pass(20ms);
   }
-  // Profile position, to a place of the user's units.
+  // Moves to a position in user units, in profile position.
   void move(std::int64_t target) {
     enable(1);
     set(0x607A, target);

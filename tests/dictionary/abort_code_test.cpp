@@ -10,7 +10,8 @@ namespace servodrome::dictionary {
 namespace abort_code_test {
 namespace {
 
-// Numbers of CiA 301, table 22, and of ETG.1000.6 for complete access; the words say what the standard's say.
+// The numbers are from CiA 301, table 22, and from ETG.1000.6 for complete access; the texts have the meaning of the
+// standard's.
 TEST(AbortCodes, HaveTheStandardsNumbersAndWords) {
   struct Row {
     std::uint32_t code;

@@ -282,7 +282,7 @@ TEST_F(DictionaryTest, StringsKeepTheirLength) {
   EXPECT_EQ(read(0x2001), "two");
   EXPECT_EQ(dictionary.write(entry(0x2001), {}), AbortCode::none);
   EXPECT_EQ(read(0x2001), "");
-  objects.name.length = 1000;  // a length beyond the capacity is not believed
+  objects.name.length = 1000;  // a length beyond the capacity must not be used
   EXPECT_EQ(read(0x2001).size(), 8U);
 }
 
@@ -336,7 +336,7 @@ TEST(AbortCodes, HaveTheWordsOfTheStandard) {
   EXPECT_STREQ(text(static_cast<AbortCode>(1)), "unknown abort code");
 }
 
-// The checks of a table at run time: each bad table is refused by exactly the check that is for it.
+// The run-time checks of a table: each invalid table is refused by exactly the check that is meant for it.
 Entry number(std::uint16_t index, std::uint8_t sub = 0, ObjectCode code = ObjectCode::var) {
   return element(index, sub, code, "x", {Type::integer16, 0}, Access::rw);
 }
@@ -384,7 +384,8 @@ std::vector<std::uint32_t> keys(const auto& builder) {
   return result;
 }
 
-// Local objects: the service port's dictionary has them, the bus' has not, and both stand over the same values.
+// Local objects are in the dictionary of the service port and not in that of the bus; both dictionaries use the same
+// values.
 struct LocalObjects {
   std::uint16_t seen = 0;
   std::uint16_t hidden = 0;
@@ -476,7 +477,7 @@ TEST(TableBuilder, MakeTableSorts) {
   EXPECT_EQ(sorted[2].index, 0x6000);
 }
 
-// The recorder gets each write with the value before, and no refused write.
+// The recorder receives each write with the previous value, and no refused write.
 TEST(DictionaryRecorder, GetsTheValueBeforeAndAfter) {
   struct Note {
     std::uint16_t index;

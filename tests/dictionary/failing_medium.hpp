@@ -10,7 +10,7 @@
 
 namespace servodrome::dictionary {
 
-// A memory that loses its power at a chosen byte, keeps unflushed bytes in a cache, does not answer, or is worn out.
+// A memory that can lose power at a chosen byte, keep unflushed bytes in a cache, fail to answer, or be worn out.
 class FailingMedium final : public Medium {
  public:
   static constexpr std::uint64_t never = std::numeric_limits<std::uint64_t>::max();
@@ -59,7 +59,7 @@ class FailingMedium final : public Medium {
     return !flush_fails;
   }
 
-  // The power is gone: any subset of the cached bytes has arrived.
+  // The power fails: an arbitrary subset of the cached bytes has been written.
   void lose_cache(std::mt19937& random) {
     for (const auto& [place, byte] : cache_) {
       if ((random() & 1) != 0) memory[place] = byte;
@@ -69,11 +69,11 @@ class FailingMedium final : public Medium {
 
   std::vector<std::byte> memory;
   std::uint64_t power_ends_after = never;  // bytes written
-  unsigned torn_byte_xor = 0;              // what the byte at the cut becomes, relative to what was there
+  unsigned torn_byte_xor = 0;              // the byte at which power fails becomes its old value XOR this
   std::uint64_t reads_until_failure = never;
   bool fails_once = false;  // the read after the failed one works again
   bool flush_fails = false;
-  std::uint64_t stuck_at = never;  // a cell that takes nothing, and does not say so
+  std::uint64_t stuck_at = never;  // address of a cell that keeps its value without reporting an error
   bool caching = false;
 
   std::uint64_t written = 0;

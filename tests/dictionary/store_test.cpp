@@ -27,7 +27,7 @@ struct Objects {
   std::int8_t homing_method;
   std::int64_t position_counts;
 
-  // What its objects hold; what lies between them does not count.
+  // The content of its objects; bytes between them do not count.
   auto values() const {
     return std::tuple(guard_time_ms, pdo_identifier, gain, axis_name.length, axis_name.bytes, curve.length, curve.bytes,
                       not_saved, homing_method, position_counts);
@@ -63,7 +63,7 @@ struct Device {
   }
   Device(const Device&) = delete;
   Device& operator=(const Device&) = delete;
-  // Factory values, then what is saved: a device's start.
+  // Starts like a device: loads factory values, then the saved values.
   void reset() { dictionary.load_defaults(Area::all, node_id); }
   bool start(Medium& medium, Area areas = Area::all) {
     reset();
@@ -73,7 +73,7 @@ struct Device {
   void set_text(std::uint16_t index, std::string_view text) {
     ASSERT_EQ(dictionary.write_any(*dictionary.find(index, 0), std::as_bytes(std::span(text))), AbortCode::none);
   }
-  // Values that differ in every saved object from those of any other `variant`.
+  // Each saved object has a value that differs from its value in any other `variant`.
   void set_values(int variant) {
     objects.guard_time_ms = 0x01010101U * static_cast<unsigned>(variant);
     objects.pdo_identifier = 0x80000000U + static_cast<unsigned>(variant);
@@ -129,7 +129,7 @@ TEST(Store, AWornOutCellIsAnError) {
   EXPECT_GT(cells, 100U);
 }
 
-// To the byte: the last chunk of 64 may be full, empty or of one byte.
+// Byte-exact limits: the last chunk of 64 bytes may be full, empty or have one byte.
 TEST(Store, ImagesOfEveryLength) {
   struct One {
     Blob<200> text;
@@ -161,7 +161,7 @@ TEST(Store, EmptyOrErasedMediumHoldsNothing) {
   }
 }
 
-// Contents without an image count as damage (an old image or foreign data), never as an empty medium.
+// A medium with contents but without an image counts as damaged (an old image or foreign data), never as empty.
 TEST(Store, OtherBytesAreDamageUntilTheyAreForgotten) {
   for (const std::byte fill : {std::byte{0x53}, std::byte{0x01}, std::byte{0xFE}}) {
     FailingMedium medium(ample, fill);
@@ -242,7 +242,7 @@ TEST(Store, WhatAnotherProductSavedIsNotMixedIn) {
   Product restarted(1, 2, 3);
   EXPECT_EQ(restarted.load(medium), Store::Loaded::values);
   EXPECT_EQ(restarted.objects.position, 0) << "the manufacturer's area was the other's";
-  // One's own stays, with its identity, when a part is saved or forgotten.
+  // A store accepts its own image, with its identity, when only a part is saved or erased.
   ASSERT_EQ(Store(medium).save(mine.dictionary, Area::manufacturer), AbortCode::none);
   ASSERT_EQ(Store(medium).restore_defaults(mine.dictionary, Area::profile), AbortCode::none);
   EXPECT_EQ(restarted.load(medium), Store::Loaded::values);
@@ -250,7 +250,7 @@ TEST(Store, WhatAnotherProductSavedIsNotMixedIn) {
   EXPECT_EQ(Product(1, 7, 3).load(medium), Store::Loaded::damaged);
 }
 
-// An image that was saved by a table without identity, as all were once, is taken.
+// An image of a table without identity (all images of old versions) is accepted.
 TEST(Store, AnImageWithoutIdentityIsTaken) {
   struct Plain {
     std::int32_t position;
@@ -269,7 +269,7 @@ TEST(Store, AnImageWithoutIdentityIsTaken) {
   EXPECT_EQ(Store(medium).load(reader, Area::all), Store::Loaded::damaged);
 }
 
-// The format, byte by byte: an image saved by one version is read by the next.
+// The format, byte by byte: a new version must read the images of earlier versions.
 TEST(Store, FormatIsAsDocumented) {
   struct Two {
     std::uint16_t first;
@@ -357,7 +357,7 @@ TEST(Store, RestoredAreasHaveFactoryValuesAfterTheNextStartOnly) {
   Device device = device_with(3);
   ASSERT_EQ(store.save(device.dictionary, Area::all), AbortCode::none);
   ASSERT_EQ(store.restore_defaults(device.dictionary, Area::manufacturer), AbortCode::none);
-  EXPECT_EQ(device, device_with(3));  // values in use stay
+  EXPECT_EQ(device, device_with(3));  // the values in use do not change
 
   ASSERT_TRUE(device.start(medium));
   EXPECT_EQ(device.objects.gain, 7);
@@ -371,8 +371,9 @@ TEST(Store, RestoredAreasHaveFactoryValuesAfterTheNextStartOnly) {
   EXPECT_EQ(device.objects.homing_method, 35);
 }
 
-// Runs `change` once for every byte it writes, losing power there, with the byte at the cut left alone or garbled in
-// every way of `garbles`; what loads afterwards must be exactly `before` or `after`, and a further save must work.
+// Repeats `change` with a loss of power at every byte that it writes, and the byte at that place either unchanged or
+// garbled in each way of `garbles`. Afterwards a load must give exactly `before` or `after`, and a further save must
+// work.
 template <typename Change>
 void expect_all_or_nothing(const FailingMedium& start, const Device& before, const Device& after,
                            std::span<const unsigned> garbles, Change change) {
@@ -394,7 +395,7 @@ void expect_all_or_nothing(const FailingMedium& start, const Device& before, con
       medium.dead = false;
       Device device;
       ASSERT_TRUE(device.start(medium)) << "cut at " << cut << " garble " << garble;
-      // The last byte of the mark may be torn into what it was to become.
+      // The last byte of the mark may become its final value when the write is cut.
       const bool is_old = device == before;
       ASSERT_TRUE(is_old || (cut + 1 == whole.written && device == after)) << "cut at " << cut << " garble " << garble;
       old_images += is_old ? 1 : 0;
@@ -415,7 +416,7 @@ constexpr std::array<unsigned, 10> some_garbles{0, 0x01, 0x80, 0x0F, 0xF0, 0x55,
 TEST(Store, CutAtEveryByteOfASaveLeavesOldOrNew) {
   FailingMedium medium(ample);
   ASSERT_EQ(Store(medium).save(device_with(1).dictionary, Area::all), AbortCode::none);
-  // The second save goes to the fresh bank, the third over an older image.
+  // The second save goes to the unused bank, the third overwrites an older image.
   expect_all_or_nothing(medium, device_with(1), device_with(2), some_garbles,
                         [](Medium& m) { return Store(m).save(device_with(2).dictionary, Area::all); });
   ASSERT_EQ(Store(medium).save(device_with(2).dictionary, Area::all), AbortCode::none);
@@ -462,8 +463,8 @@ TEST(Store, CutOfTheVeryFirstSaveLeavesFactoryValues) {
   }
 }
 
-// A medium with a cache, as a file has: any subset of the bytes since the last flush survives. This fails if a flush of
-// `save` is missing.
+// A medium with a cache, like a file: any subset of the bytes since the last flush survives. The test fails if `save`
+// omits a flush.
 TEST(Store, CutBetweenFlushesWithAnySubsetOfCachedBytes) {
   std::mt19937 random(4711);
   FailingMedium start(ample);
@@ -491,7 +492,7 @@ TEST(Store, EveryFlippedBitOfOneBankLeavesTheOther) {
   ASSERT_EQ(Store(medium).save(device_with(1).dictionary, Area::all), AbortCode::none);
   const auto length_of_image = static_cast<std::size_t>(medium.written) - sizeof(StoreHeader);
   ASSERT_EQ(Store(medium).save(device_with(2).dictionary, Area::all), AbortCode::none);
-  const std::size_t bank = ample / 2;  // the second save's
+  const std::size_t bank = ample / 2;  // the bank of the second save
   const std::size_t length_of_second =
       static_cast<std::size_t>(medium.written) - length_of_image - 2 * sizeof(StoreHeader);
   for (std::size_t i = 0; i < medium.memory.size(); ++i) {
@@ -523,7 +524,7 @@ TEST(Store, RotInBothBanksLeavesFactoryValuesAndAWorkingMedium) {
 TEST(Store, SequenceNumberWraps) {
   FailingMedium medium(ample);
   ASSERT_EQ(Store(medium).save(device_with(1).dictionary, Area::all), AbortCode::none);
-  // As after 4294967295 saves: the newest image has the last number.
+  // Simulates the state after 4294967295 saves: the newest image has the greatest number.
   StoreHeader header;
   std::memcpy(&header, medium.memory.data(), sizeof header);
   header.sequence = 0xFFFFFFFF;
@@ -591,7 +592,7 @@ TEST(Store, AMediumThatDoesNotAnswerLosesNothing) {
   }
   EXPECT_GT(refused, 20U);
 
-  // A bank that does not answer once may hold the newest values: it must not be written over.
+  // A bank that once does not answer may hold the newest values, so it must not be overwritten.
   ASSERT_EQ(Store(medium).save(device_with(4).dictionary, Area::all), AbortCode::none);  // back in the first bank
   FailingMedium once = medium;
   once.fails_once = true;
@@ -619,7 +620,7 @@ TEST(Store, LoadSaysWhenTheMediumStopsAnsweringHalfway) {
   EXPECT_GT(reads, 10U);
 }
 
-// Another firmware's table: what does not fit any more is skipped, what fits is loaded.
+// A table of another firmware: values that no longer fit are skipped, the others are loaded.
 TEST(Store, UnknownResizedAndOutOfRangeRecordsAreSkipped) {
   FailingMedium medium(ample);
   ASSERT_EQ(Store(medium).save(device_with(9).dictionary, Area::all), AbortCode::none);
@@ -632,8 +633,8 @@ TEST(Store, UnknownResizedAndOutOfRangeRecordsAreSkipped) {
   at(0x1400).saved = false;            // no longer saved
   at(0x2000).minimum = -8;             // -9 is out of range now
   at(0x2001).capacity = 8;             // nine letters do not fit
-  at(0x2002).index = 0x2009;           // gone
-  at(0x6098).access = Access::ro;      // access rules do not matter to saved values
+  at(0x2002).index = 0x2009;           // removed
+  at(0x6098).access = Access::ro;      // access rules do not apply to saved values
   std::sort(newer.begin(), newer.end(), [](const Entry& a, const Entry& b) { return a.key() < b.key(); });
 
   Device device;
@@ -675,7 +676,7 @@ TEST(Store, AValueLongerThanARecordCanSayIsRefused) {
   std::vector<std::byte> objects(4 + 70000);
   const std::array entries{var(0x2000, "Long", {Type::domain, 0, 70000}, Access::rw, Pdo::none, {.saved = true})};
   Dictionary dictionary(entries, objects);
-  RamMedium medium(objects);  // never touched
+  RamMedium medium(objects);  // the medium is never written
   FailingMedium large(300000);
   const std::vector<std::byte> longest(0xFFFF, std::byte{0x5A});
   ASSERT_EQ(dictionary.write(entries[0], longest), AbortCode::none);
@@ -688,7 +689,7 @@ TEST(Store, AValueLongerThanARecordCanSayIsRefused) {
   EXPECT_EQ(Store(large).save(dictionary, Area::all), AbortCode::hardware_error);
 }
 
-// Headers that lie must not lead a reader out of the bank, whatever the CRC says.
+// Invalid headers must not make the reader leave the bank, even with a valid CRC.
 TEST(Store, LyingRecordsStayInTheirBank) {
   FailingMedium medium(256);
   StoreHeader header{StoreHeader::current_version, 1, 12, 0, StoreHeader::valid_mark};
@@ -708,7 +709,7 @@ TEST(Store, LyingRecordsStayInTheirBank) {
     seal();
     EXPECT_FALSE(device.start(medium)) << length;
   }
-  // A byte of the other bank is none of its own, even where the CRC has it.
+  // A record must not use a byte of the other bank, even with a valid CRC.
   header.payload_length = 128 - sizeof header + 1;
   const auto all = std::as_bytes(std::span(medium.memory)).subspan(sizeof header, header.payload_length);
   header.crc = crc32(all, crc32(std::as_bytes(std::span(&header, 1)).first(offsetof(StoreHeader, crc))));
@@ -721,7 +722,7 @@ TEST(Store, LyingRecordsStayInTheirBank) {
   EXPECT_FALSE(medium.overran);
 }
 
-// The same with records of random content under a right CRC: nothing but values of this table may come of them.
+// The same with records of random content and a valid CRC: only values of this table may be loaded.
 TEST(Store, RandomRecordsStayInTheirBankAndTheirObjects) {
   std::mt19937 random(77);
   unsigned loaded = 0;
@@ -754,7 +755,7 @@ TEST(Store, RandomRecordsStayInTheirBankAndTheirObjects) {
   EXPECT_GT(loaded, 1000U);
 }
 
-// Random tables, values, saves, restores and cuts against a model of what must be remembered.
+// Random tables, values, saves, restores and power cuts, compared with a model of the values that must survive.
 class RandomDevice {
  public:
   explicit RandomDevice(std::mt19937& random) : random_(random) {

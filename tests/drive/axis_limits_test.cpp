@@ -56,7 +56,7 @@ TEST_F(LimitedAxis, LimitsAreOffUnlessTheyAreARange) {
   EXPECT_TRUE(axis.software_limits_active());
 }
 
-// A target beyond the greatest speed, here 10 rpm or 1000 counts/s, is held at it and told.
+// A target speed above the greatest speed (here 10 rpm, 1000 counts/s) is limited, and the limitation is reported.
 TEST_F(LimitedAxis, ImmediateVelocityIsClippedAtTheGreatestSpeed) {
   axis.configuration.motor.max_speed_rpm = 10.0F;
   axis.units.velocity = 1.0;
@@ -76,7 +76,8 @@ TEST_F(LimitedAxis, ImmediateVelocityIsClippedAtTheGreatestSpeed) {
   EXPECT_EQ(axis.generator.velocity(), 500.0);
 }
 
-// What held the axis, as a limit switch does, is forgotten when the mode begins anew, its ramp still locked (bit 5).
+// A limit that stopped the axis (such as a limit switch) no longer applies after the mode starts again, even if its
+// ramp is still locked (bit 5).
 TEST_F(LimitedAxis, VelocityModeBeginsAnew) {
   VelocityMode mode;
   mode.enter(axis);
@@ -114,7 +115,7 @@ TEST_F(LimitedAxis, AtTheLimitAndBeyond) {
     EXPECT_EQ(axis.beyond_software_limits(), beyond) << "a target of " << position;
     axis.commanded = {};
     EXPECT_EQ(axis.within_software_limits(position), !beyond);
-    // An axis that counts the other way.
+    // An axis with inverted polarity.
     axis.units.position_inverted = true;
     demand(-position);
     EXPECT_EQ(axis.at_limit(true), low) << position;
@@ -169,7 +170,7 @@ TEST_F(LimitedAxis, RoomToTheLimits) {
   EXPECT_EQ(axis.nearest_within_software_limits(5000), 2000);
 }
 
-// v^2 / 2a and the way of one cycle: 10000 counts/s, 100000 counts/s^2, 0.5 ms are 505 counts.
+// v^2 / 2a plus the distance of one cycle: 10000 counts/s, 100000 counts/s^2 and 0.5 ms give 505 counts.
 TEST_F(LimitedAxis, NearWhereTheRampJustEndsBeforeTheLimit) {
   for (const int sign : {1, -1}) {
     const auto near = [&](Counts way, double deceleration) {
@@ -183,7 +184,7 @@ TEST_F(LimitedAxis, NearWhereTheRampJustEndsBeforeTheLimit) {
   }
   demand(2000, 0.0);
   EXPECT_FALSE(axis.near_software_limit(1.0)) << "it stands";
-  // Out of the position loop it is the shaft that counts.
+  // Outside of the position loop the position of the shaft applies.
   axis.demand.loop = Loop::velocity;
   demand(0, 10000.0);
   axis.encoder_position = 1496;
@@ -192,7 +193,7 @@ TEST_F(LimitedAxis, NearWhereTheRampJustEndsBeforeTheLimit) {
   EXPECT_FALSE(axis.near_software_limit(100000.0));
 }
 
-// At 10000 counts/s and 100000 counts/s^2 the way is 500 counts, and 5 more are those of the cycle to come.
+// At 10000 counts/s and 100000 counts/s^2 the braking distance is 500 counts, and the next cycle adds 5.
 TEST_F(LimitedAxis, TooFastWhereARampAfterOneCycleMoreEndsBeyondTheLimit) {
   for (const int sign : {1, -1}) {
     const auto too_fast = [&](Counts way, double deceleration) {
@@ -215,7 +216,7 @@ TEST_F(LimitedAxis, TooFastWhereARampAfterOneCycleMoreEndsBeyondTheLimit) {
   EXPECT_TRUE(axis.too_fast_for_software_limit(100000.0)) << "in a range as well";
 }
 
-// An axis that becomes faster needs more way after the cycle.
+// An axis that accelerates needs a longer braking distance after the cycle.
 TEST_F(LimitedAxis, TooFastCountsTheSpeedThatTheCycleToComeAdds) {
   demand(2000 - 510, 10000.0);
   EXPECT_FALSE(axis.too_fast_for_software_limit(100000.0));
@@ -224,7 +225,7 @@ TEST_F(LimitedAxis, TooFastCountsTheSpeedThatTheCycleToComeAdds) {
 }
 
 TEST_F(LimitedAxis, PositionsWithinTheRange) {
-  objects.max_position_limit = objects.min_position_limit;  // off
+  objects.max_position_limit = objects.min_position_limit;  // switched off
   EXPECT_EQ(axis.to_user_position(5000), 5000);
   objects.min_position_range_limit = -100;
   objects.max_position_range_limit = 259;
@@ -265,7 +266,7 @@ TEST_F(LimitedAxis, CyclicTargetsEndAtTheLimits) {
 }
 
 TEST_F(LimitedAxis, CyclicTargetsGoTheShorterWayRoundTheRange) {
-  objects.max_position_limit = objects.min_position_limit;  // off
+  objects.max_position_limit = objects.min_position_limit;  // switched off
   objects.max_position_range_limit = 359;
   for (const auto& [user, last, target] : std::to_array<std::tuple<std::int64_t, Counts, Counts>>({{180, 0, 180},
                                                                                                    {181, 0, -179},
@@ -276,7 +277,7 @@ TEST_F(LimitedAxis, CyclicTargetsGoTheShorterWayRoundTheRange) {
                                                                                                    {5, 725, 725}})) {
     EXPECT_EQ(resolve_cyclic_target(axis, user, last), target) << user << " after " << last;
   }
-  // Round the 32 bits of 607Ah where there is no range, from where the axis is sent now.
+  // Without a range, targets wrap around at the 32-bit limits of 607Ah, relative to the present demand.
   objects.max_position_range_limit = 0;
   constexpr std::int64_t turn = std::int64_t{1} << 32;
   axis.generator.reset(turn / 2 - 1);
@@ -319,7 +320,7 @@ TEST_F(LimitedAxis, TargetsAreGivenUpWhereTheLimitsCameInBetween) {
   EXPECT_EQ(axis.raised, Cause::position_limit);
 }
 
-// 60C2h: value times ten to the power of the index, in cycles of 0.5 ms; one at least.
+// 60C2h: the value times ten to the power of the index, in cycles of 0.5 ms; the minimum is one.
 TEST_F(LimitedAxis, InterpolationPeriodsInCycles) {
   InterpolationPeriod period;
   for (const auto& [value, index, cycles] :
@@ -389,10 +390,10 @@ TEST(Generator, ARefusedPlanChangesNothing) {
   EXPECT_EQ(generator.position(), 500);
 }
 
-// A chained motion starts at the instant the previous one ends, which may lie within a cycle.
+// A chained motion starts exactly when the previous one ends, which may be within a cycle.
 TEST(Generator, ContinuesAtTheMomentTheMotionEnded) {
   const MotionLimits limits{1000.0, 10000.0, 10000.0, 1.0};
-  const double cycle_s = 7e-3;  // 0.6 s are 85.7 of them
+  const double cycle_s = 7e-3;  // 0.6 s are 85.7 cycles
   Generator generator;
   generator.reset(0);
   generator.move_to(500, 0.0, limits, RampShape::linear);
@@ -406,7 +407,7 @@ TEST(Generator, ContinuesAtTheMomentTheMotionEnded) {
   }
   EXPECT_EQ(cycles, 172) << "1.2 s are 171.4 cycles";
   EXPECT_EQ(generator.position(), 1000);
-  // Long after, it begins now.
+  // If it comes much later, it begins immediately.
   for (int i = 0; i < 10; ++i) generator.step(cycle_s);
   generator.continue_to(1500, 0.0, limits, RampShape::linear);
   for (cycles = 0; !generator.finished(); ++cycles) generator.step(cycle_s);

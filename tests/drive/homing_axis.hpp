@@ -8,10 +8,10 @@
 
 #include "drive/homing/homing.hpp"
 
-// An ideal axis for tests of homing: exact ramps, switches and index at exact places, hard stops.
+// An ideal axis for tests of homing: exact ramps, switches and index at exact positions, hard stops.
 namespace servodrome::drive::test {
 
-// Boundaries between counts: a region [from, to) contains the counts from .. to - 1.
+// Positions are boundaries between counts: a region [from, to) contains the counts from .. to - 1.
 struct World {
   Counts negative_limit = -100000;  // active below
   Counts positive_limit = 100000;   // active from here on
@@ -20,7 +20,7 @@ struct World {
   Counts index = 0;
   Counts index_width = 1;  // 0: no index
   Counts revolution = 1000;
-  Counts low_stop = -200000;  // the count the axis cannot leave downwards
+  Counts low_stop = -200000;  // the lowest count that the axis can reach
   Counts high_stop = 200000;
 
   bool lies_between_limits(Counts count) const { return count >= negative_limit && count < positive_limit; }
@@ -34,7 +34,7 @@ struct World {
            (count >= home_from && count < home_to ? bit(Signal::home) : 0) |
            (has_index_at(count) ? bit(Signal::index) : 0);
   }
-  // What an axis sees whose encoder counts the other way.
+  // The same axis with an encoder that counts in the opposite direction.
   World mirrored() const {
     World world = *this;
     world.negative_limit = -positive_limit;
@@ -48,14 +48,14 @@ struct World {
   }
 };
 
-// The method with index that finds the same edge: 17 is 1 without index, 18 is 2 ...
+// The method with index that looks for the same edge: 1 for method 17, 2 for method 18, and so on.
 constexpr int pattern(int number) { return number >= 17 && number <= 30 ? number - 16 : number; }
 
 inline HomingConfig plain_config() {
   return {.fast = 20000.0, .slow = 2000.0, .acceleration = 1.0e6, .stall_torque = 1.5F, .stall_cycles = 5};
 }
 
-// Nothing but limit switches.
+// Limit switches only.
 inline constexpr World bare{
     .negative_limit = -5000, .positive_limit = 5000, .index_width = 0, .low_stop = -9000, .high_stop = 9000};
 
@@ -63,7 +63,7 @@ struct Outcome {
   bool finished = false;
   HomingError error = HomingError::none;
   Counts latch = 0;
-  Counts rest = 0;                 // position in the end
+  Counts rest = 0;                 // final position
   double velocity_at_latch = 0.0;  // signed, at the end of the cycle in which the latch was taken
   std::uint32_t cycles = 0;
   std::uint32_t latch_cycle = 0;
@@ -83,7 +83,7 @@ class HomingAxis {
   const HomingInputs& inputs() const { return inputs_; }
   double velocity() const { return velocity_; }
 
-  // One cycle of motion under `command`, then what the drive sees of it.
+  // Advances one cycle under `command`, then returns the inputs that the drive sees.
   void step(const HomingCommand& command) {
     switch (command.kind) {
       case HomingCommand::Kind::keep: break;
@@ -108,7 +108,7 @@ class HomingAxis {
   }
 
  private:
-  // Exact: constant acceleration up to the goal, then constant speed.
+  // Exact motion: constant acceleration up to the target speed, then constant speed.
   void ramp() {
     const double change = goal_ - velocity_;
     const double ramp_s = std::min(cycle_s, std::abs(change) / acceleration_);
@@ -163,7 +163,7 @@ class HomingAxis {
   HomingInputs inputs_;
 };
 
-// Homes from `start` until the end, at most `most_cycles`.
+// Homes from `start` until homing ends, for at most `most_cycles`.
 inline Outcome run(const Method& method, const HomingConfig& config, const World& world, Counts start,
                    std::uint32_t most_cycles = 400000) {
   HomingAxis axis{world, start, config.acceleration};

@@ -5,14 +5,14 @@
 
 #include "drive/homing_axis.hpp"
 
-// Where the homing methods of CiA 402-2 find home, worked out from the standard's figures and the geometry alone, and
-// random geometry to try them on.
+// The home positions of the homing methods, calculated only from the figures of CiA 402-2 and the geometry; and random
+// geometries to test them.
 namespace servodrome::drive::test {
 
 class Random {
  public:
   explicit Random(std::uint32_t seed) : engine_(seed) {}
-  Counts between(Counts low, Counts high) {  // both included
+  Counts between(Counts low, Counts high) {  // both limits are included
     return low + static_cast<Counts>(engine_() % static_cast<std::uint32_t>(high - low + 1));
   }
 
@@ -20,7 +20,7 @@ class Random {
   std::mt19937 engine_;
 };
 
-// --- Where home is, by the figures of CiA 402-2: which boundary, and which way from there to the index if any.
+// --- The home position by the figures of CiA 402-2: the boundary, and the direction from there to the index, if any.
 
 enum class Place { negative_limit, positive_limit, home_negative_edge, home_positive_edge, start, hard_stop };
 
@@ -70,7 +70,7 @@ inline constexpr Figure figures[] = {
     {37, Place::start, 0, false},
 };
 
-// The first index (its lower boundary) that lies wholly beyond `boundary`.
+// The lower boundary of the first index that lies completely beyond `boundary`.
 inline Counts index_beyond(Counts boundary, int direction, const World& world) {
   Counts index = world.index;
   if (direction > 0) {
@@ -94,7 +94,7 @@ inline Counts expected_home(const Figure& figure, const World& world, Counts sta
     case Place::home_positive_edge:
       return figure.index ? index_beyond(world.home_to, figure.approach, world) : world.home_to;
     case Place::start:
-      // From inside of count `start`: its upper boundary going up, its lower one going down.
+      // From inside of count `start`: its upper boundary in positive direction, its lower one in negative direction.
       if (figure.approach == 0) return start;
       return index_beyond(figure.approach > 0 ? start + 1 : start, figure.approach, world);
     case Place::hard_stop:
@@ -132,7 +132,7 @@ inline Setting random_setting(const Figure& figure, Random& random) {
   world.index_width = random.between(1, 20);
   config.index_width = world.index_width;
   world.index = random.between(-3000, 3000);
-  // Room for an index and for the longest way to stop (2250 counts) on both sides of everything.
+  // Leaves room for an index and for the longest stopping distance (2250 counts) on both sides of each switch.
   const Counts room = world.revolution + 2500;
   const Counts width = random.between(1, 3000);
   world.home_from = random.between(-2000, 2000);
@@ -142,9 +142,9 @@ inline Setting random_setting(const Figure& figure, Random& random) {
   world.low_stop = world.negative_limit - 6000;
   world.high_stop = world.positive_limit + 6000;
   const int number = pattern(figure.number);
-  if (number == 3 || number == 4) world.home_to = world.high_stop + 1;  // stays active up to the end
+  if (number == 3 || number == 4) world.home_to = world.high_stop + 1;  // stays active up to the end of the travel
   if (number == 5 || number == 6) world.home_from = world.low_stop;
-  if (is_hard_stop(figure.number)) {  // no switches on the way
+  if (is_hard_stop(figure.number)) {  // no switches within the travel
     world.low_stop = world.negative_limit + random.between(1, 1000);
     world.high_stop = world.positive_limit - random.between(2, 1000);
   }
@@ -155,7 +155,8 @@ enum class Start { below_home, on_home, above_home, on_negative_limit, on_positi
 inline constexpr Start starts[] = {Start::below_home, Start::on_home, Start::above_home, Start::on_negative_limit,
                                    Start::on_positive_limit};
 
-// Nothing if the geometry has no such place, or the method begins by running further onto the limit it stands on.
+// Returns nothing if the geometry has no such position, or if the method begins by moving further onto the limit switch
+// that is active.
 inline std::optional<Counts> start_position(const Figure& figure, const World& world, Start start, Random& random) {
   Counts low = std::max(world.low_stop, world.negative_limit);
   Counts high = std::min(world.high_stop, world.positive_limit - 1);

@@ -12,8 +12,8 @@ namespace servodrome::drive::test {
 namespace homing_paths_test {
 namespace {
 
-// --- The path itself, in letters: P, N fast and p, n slow in positive, negative direction; s a ramp to zero, h a hold,
-// r the way back. A method of a product is its path, so the whole table is spelled out once more.
+// --- The path as letters: P, N fast and p, n slow in positive and negative direction; s a ramp to zero, h a hold, r
+// the way back. A method of a product is defined by its path, so the whole table is repeated here.
 
 std::string path(const Method& method, const World& world, Counts start) {
   std::string letters;
@@ -39,12 +39,12 @@ std::string path(const Method& method, const World& world, Counts start) {
 
 struct Paths {
   int number;
-  std::string home_inactive;  // home is met, or there is none
+  std::string home_inactive;  // the home switch is met, or there is none
   std::string home_active;
-  std::string over_limit;  // home switch inactive, the limit switch is met first
+  std::string over_limit;  // the home switch is inactive, and the limit switch is met first
 };
 
-// A cam in the middle for every method, or a switch that stays active up to the end where the standard has it so.
+// A cam in the middle for every method, or a switch that stays active up to the end if the standard shows it so.
 enum class Home : std::uint8_t { as_standard, cam };
 
 void expect_paths(std::span<const Method> methods, std::span<const Paths> rows, Home home = Home::as_standard) {
@@ -127,7 +127,7 @@ TEST(HomingPaths, JmcEc) {
       {34, "psr", "", ""},
   };
   expect_paths(products::jmc_ec::homing_methods, rows, Home::cam);
-  // A start on the limit switch leaves it slowly at once (HM 2.17 and 2.18).
+  // A start on the limit switch moves off it slowly from the beginning (HM 2.17 and 2.18).
   const World on_limit{.negative_limit = -500, .positive_limit = 500};
   for (const int number : {1, 17}) {
     EXPECT_EQ(path(*find_method(products::jmc_ec::homing_methods, static_cast<std::int8_t>(number)), on_limit, -600),

@@ -16,10 +16,10 @@ struct Table {
   const char* name;
   std::span<const Method> methods;
   std::set<int> numbers;
-  std::set<int> returning;  // those that come back to home
-  std::set<int> at_fast{};  // met at fast speed, or while the axis slows down from it
-  std::set<int> idle{};     // chosen, and nothing happens
-  bool all_turn = false;    // 3 to 6 turn round at a limit switch as well
+  std::set<int> returning;  // methods that move back to home at the end
+  std::set<int> at_fast{};  // home is met at fast speed, or during the ramp down from it
+  std::set<int> idle{};     // allowed, but without motion
+  bool all_turn = false;    // methods 3 to 6 also reverse at a limit switch
 };
 
 std::set<int> numbers_without(std::set<int> absent) {
@@ -87,7 +87,7 @@ TEST_P(HomingTables, FindHomeWhereTheFigureHasIt) {
         if (figure.approach != 0 && !is_hard_stop(figure.number)) {
           ASSERT_GT(velocity * figure.approach, 0.0) << "found in the wrong direction";
         }
-        // Slow, unless the home switch is so short that the axis has not slowed down on it yet.
+        // Slow, unless the home switch is so short that the axis is still slowing down on it.
         const double ramp = (config.fast * config.fast - config.slow * config.slow) / (2.0 * config.acceleration);
         if (GetParam()->at_fast.contains(figure.number)) {
           ASSERT_LE(std::abs(velocity), config.fast);
@@ -98,15 +98,15 @@ TEST_P(HomingTables, FindHomeWhereTheFigureHasIt) {
         if (GetParam()->returning.contains(figure.number)) {
           ASSERT_EQ(outcome.rest, outcome.latch);
         } else if (figure.index || !is_hard_stop(figure.number)) {
-          // The axis stops v^2 / 2a behind the point where it learnt of home, at most a cycle after home; a falling
-          // direction meets the index its width earlier.
+          // The axis stops v^2 / 2a behind the point at which it detected home, at most one cycle after home. In
+          // negative direction it meets the index earlier by the width of the index.
           const double stop = velocity * velocity / (2.0 * config.acceleration);
           const Counts edge = figure.index && figure.approach < 0 ? outcome.latch + world.index_width : outcome.latch;
           const double overrun = static_cast<double>((outcome.rest - edge) * figure.approach);
           ASSERT_GE(overrun, stop - 1.0);
           ASSERT_LE(overrun, stop + std::max(std::abs(velocity), config.slow) * HomingAxis::cycle_s + 1.0);
         } else {
-          ASSERT_EQ(outcome.rest, outcome.latch);  // hard stop without index: home is where it stands
+          ASSERT_EQ(outcome.rest, outcome.latch);  // hard stop without index: home is the resting position
         }
       }
     }
@@ -115,8 +115,8 @@ TEST_P(HomingTables, FindHomeWhereTheFigureHasIt) {
   EXPECT_GT(runs, 13000);
 }
 
-// 607Eh: a reversed axis in the mirrored world does the same with signs changed. (The way back after the latch differs:
-// home is the same boundary of the index in encoder counts, not in the mirror.)
+// 607Eh: a reversed axis in the mirrored geometry makes the same motion with opposite signs. (The way back after the
+// latch differs: home is the same boundary of the index in encoder counts, which is not mirrored.)
 TEST_P(HomingTables, ReversedPolarityIsTheMirrorImage) {
   for (const Method& method : GetParam()->methods) {
     if (method.idle) continue;
@@ -159,7 +159,8 @@ TEST_P(HomingTables, EndInAnErrorBetweenLimitsWithoutHomeOrIndex) {
     const bool found = number == 17 || number == 18 || number >= 35;
     EXPECT_EQ(outcome.finished, found) << number;
     if (found) continue;
-    // 1, 2 have turned round at a limit, 7 to 14 and 23 to 30 do when they miss home; the others may meet none.
+    // Methods 1 and 2 have reversed at a limit; 7 to 14 and 23 to 30 reverse when they miss home; the others must not
+    // meet a limit.
     const bool turns =
         (pattern(number) >= (GetParam()->all_turn ? 3 : 7) && pattern(number) <= 14) || number == 1 || number == 2;
     EXPECT_EQ(outcome.error, turns ? HomingError::home_not_found : HomingError::wrong_limit) << number;
@@ -187,7 +188,7 @@ TEST_P(HomingTables, TimeOutWhenNothingHappens) {
   }
 }
 
-// Whatever the wires do, the executor stays within its legs and ends by its time-out.
+// With any inputs the executor stays within its legs and ends after its timeout at the latest.
 TEST_P(HomingTables, SurviveNonsense) {
   Random random{7};
   for (const Method& method : GetParam()->methods) {

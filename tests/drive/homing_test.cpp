@@ -18,15 +18,14 @@ TEST(Homing, WrongLimitStopsAtOnceWhereTheMethodDoesNotTurnRound) {
   const Outcome outcome = run(*find_method(cia402_methods, 19), plain_config(), world, 0);
   EXPECT_EQ(outcome.error, HomingError::wrong_limit);
   EXPECT_GE(outcome.rest, world.positive_limit);
-  // Starting on that limit it does not move at all.
+  // A start on that limit switch causes no motion.
   const Outcome standing = run(*find_method(cia402_methods, 34), plain_config(), bare, bare.positive_limit);
   EXPECT_EQ(standing.error, HomingError::wrong_limit);
   EXPECT_EQ(standing.cycles, 1u);
   EXPECT_EQ(standing.rest, bare.positive_limit);
 }
 
-// The ISMC turns round at the limit from the low start only; the manual (ch. 4.7.6, method 9) prints no branch for the
-// high one.
+// The ISMC reverses at the limit only if it starts below it; the manual (ch. 4.7.6, method 9) shows no other branch.
 TEST(Homing, IsmcMethodNineHasNoBranchFromAnActiveHomeSwitch) {
   World world = bare;
   world.home_from = 3000;
@@ -62,21 +61,21 @@ TEST(Homing, HardStopNeedsTheTorqueForTheWholeTime) {
     return command.kind;
   };
   EXPECT_EQ(press(1.6F, 9), HomingCommand::Kind::keep);
-  EXPECT_EQ(press(0.0F, 1), HomingCommand::Kind::keep);    // a peak of the ramp is no stop
-  EXPECT_EQ(press(-3.0F, 50), HomingCommand::Kind::keep);  // nor is torque the other way
+  EXPECT_EQ(press(0.0F, 1), HomingCommand::Kind::keep);    // a torque peak of the ramp does not count as a hard stop
+  EXPECT_EQ(press(-3.0F, 50), HomingCommand::Kind::keep);  // a torque in the opposite direction does not count either
   inputs.position = 4321;
   EXPECT_EQ(press(1.5F, 10), HomingCommand::Kind::hold);
   EXPECT_FALSE(homing.pressing());
   EXPECT_FALSE(homing.latched());
   inputs.standing = true;
-  homing.step(inputs);  // no retraction: home is here
+  homing.step(inputs);  // no retraction: this position is home
   EXPECT_TRUE(homing.latched());
   EXPECT_EQ(homing.latch(), 4321);
   homing.step(inputs);
   EXPECT_TRUE(homing.finished());
 }
 
-// Halted on the way to a hard stop (605Dh): the torque that brakes the axis is not that of a stop.
+// A halt on the way to a hard stop (605Dh): the torque that brakes the axis does not count as that of the hard stop.
 TEST(Homing, TheTorqueOfAHaltIsNoHardStop) {
   HomingConfig config = plain_config();
   Homing homing;
@@ -114,13 +113,14 @@ TEST(Homing, AttainedComesWithTheEdgeAndTargetReachedWithStandstill) {
   homing.start(products::ismc::homing_methods, 34, plain_config(), axis.inputs());
   while (!homing.latched()) axis.step(homing.step(axis.inputs()));
   EXPECT_FALSE(homing.finished());
-  EXPECT_GT(axis.velocity(), 0.0);  // ch. 4.7.2: bit 12 while the motor still turns
+  EXPECT_GT(axis.velocity(), 0.0);  // ch. 4.7.2: bit 12 is set while the motor still turns
   while (!homing.finished()) axis.step(homing.step(axis.inputs()));
   EXPECT_EQ(axis.velocity(), 0.0);
   EXPECT_EQ(homing.latch(), 1000);
 }
 
-// Without standstill at the start the axis is brought to rest first: what it meets until then is not of the first leg.
+// If the axis moves at the start, it first comes to rest. Edges that it meets until then do not belong to the first
+// leg.
 TEST(Homing, StartsFromRestOnly) {
   Homing homing;
   HomingInputs inputs{.standing = false};
@@ -135,7 +135,8 @@ TEST(Homing, StartsFromRestOnly) {
   EXPECT_EQ(homing.step(inputs).kind, HomingCommand::Kind::velocity);
 }
 
-// The actual position lags the demand: after the turn it runs on for a while, here past the far edge of a short cam.
+// The actual position lags the demand: after the reversal the axis still moves on, here past the far edge of a short
+// cam.
 TEST(Homing, EdgesBeyondTheTurningPointAreNotOfTheLegBack) {
   const auto latch = [](std::int8_t number, Counts sign) {
     Homing homing;
@@ -160,7 +161,8 @@ TEST(Homing, EdgesBeyondTheTurningPointAreNotOfTheLegBack) {
   EXPECT_EQ(latch(27, -1), -99);
 }
 
-// The capture unit may lose edges (its buffer is short) and a level may come and go within a cycle: either tells.
+// The capture unit may lose edges because its buffer is short, and a level may change and return within a cycle. Either
+// signal is sufficient.
 TEST(Homing, LimitSwitchIsSeenByEdgeAndByLevel) {
   const Method& method = *find_method(cia402_methods, 34);
   const SignalEdge pulse[]{{Signal::positive_limit, true, 50}, {Signal::positive_limit, false, 60}};
@@ -180,7 +182,7 @@ TEST(Homing, LimitSwitchIsSeenByEdgeAndByLevel) {
   }
 }
 
-// The axis is home; how long it takes to come to rest is no concern of the time-out.
+// The axis is home; the time until it rests does not count for the timeout.
 TEST(Homing, NoTimeOutAfterTheLatch) {
   HomingConfig config = plain_config();
   config.timeout_cycles = 10;
@@ -198,7 +200,7 @@ TEST(Homing, NoTimeOutAfterTheLatch) {
   EXPECT_TRUE(homing.active());
 }
 
-// A method of no product: from one hard stop to the other.
+// A method that no product has: from one hard stop to the other.
 TEST(Homing, EveryHardStopIsTimedAnew) {
   const Method method = make_method(1, {leg(Direction::negative, HomingSpeed::fast, Until::stalled, Then::hold),
                                         leg(Direction::positive, HomingSpeed::fast, Until::stalled, Then::hold),
@@ -221,7 +223,7 @@ TEST(Homing, EveryHardStopIsTimedAnew) {
   EXPECT_EQ(homing.step(inputs).kind, HomingCommand::Kind::hold);
 }
 
-// A hard stop throws the axis back, with all its torque, before it stands there.
+// The axis rebounds from a hard stop, with full torque, before it rests there.
 TEST(Homing, AHardStopIsFoundWhenTheShaftStands) {
   const Method method = make_method(1, {leg(Direction::negative, HomingSpeed::fast, Until::stalled, Then::hold),
                                         leg(Direction::positive, HomingSpeed::slow, Until::index, Then::latch)});
@@ -240,7 +242,7 @@ TEST(Homing, AHardStopIsFoundWhenTheShaftStands) {
   EXPECT_EQ(homing.step(inputs).kind, HomingCommand::Kind::hold);
 }
 
-// Switch edge and index within one cycle: their order decides.
+// Switch edge and index within the same cycle: their order decides.
 TEST(Homing, IndexCountsOnlyAfterTheQualifyingEdge) {
   const auto latched_at = [](std::span<const SignalEdge> edges) -> std::optional<Counts> {
     Homing homing;
@@ -277,7 +279,7 @@ TEST(Homing, AbortForgetsAndANewStartBeginsAfresh) {
     ASSERT_FALSE(homing.active() || homing.latched() || homing.finished());
     ASSERT_EQ(homing.error(), HomingError::none);
     ASSERT_EQ(homing.step(axis.inputs()).kind, HomingCommand::Kind::keep);
-    // The caller stops the axis; here the new start has to.
+    // The caller stops the axis; here the new start must stop it.
     homing.start(method, plain_config(), axis.inputs());
     while (homing.active()) axis.step(homing.step(axis.inputs()));
     ASSERT_TRUE(homing.finished()) << "aborted after " << when;
@@ -289,8 +291,8 @@ TEST(HomingMethods, WellFormednessIsChecked) {
   constexpr Leg forward = leg(Direction::positive, HomingSpeed::slow, Until::home_rising, Then::stop);
   constexpr Leg last = leg(Direction::positive, HomingSpeed::slow, Until::index, Then::latch);
   EXPECT_TRUE(is_well_formed(make_method(1, {forward, last})));
-  EXPECT_FALSE(is_well_formed(make_method(1, {forward})));           // leads nowhere
-  EXPECT_FALSE(is_well_formed(make_method(1, {forward, last}, 2)));  // starts nowhere
+  EXPECT_FALSE(is_well_formed(make_method(1, {forward})));           // has no end
+  EXPECT_FALSE(is_well_formed(make_method(1, {forward, last}, 2)));  // has no start
   Method circle = make_method(1, {forward, forward, last});
   circle.legs[1].next = 0;
   EXPECT_FALSE(is_well_formed(circle));

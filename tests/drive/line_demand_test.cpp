@@ -3,7 +3,7 @@
 #include <gtest/gtest.h>
 #include <vector>
 
-// The demand on its way to a line of cyclic set-points, cycle by cycle.
+// The demand while it approaches a line of cyclic set-points, cycle by cycle.
 namespace servodrome::drive {
 namespace line_demand_test {
 namespace {
@@ -15,7 +15,7 @@ struct Demand : testing::Test {
     axis.greatest_velocity = 120'000.0;
     objects.profile_acceleration = objects.profile_deceleration = 100'000'000;
   }
-  // A cycle of a line that stands, or of one that moves; how far the demand went.
+  // Advances one cycle of a line that stands or moves; returns the distance of the demand.
   double follow(bool moves = false) {
     const double before = place();
     demand.follow(axis, line, [&] {
@@ -34,8 +34,8 @@ struct Demand : testing::Test {
   LineDemand demand{};
 };
 
-// Each cycle goes as far as the mean of its speeds says: also the one in which the greatest speed is reached, two
-// fifths of the way into it.
+// The distance of each cycle is the mean of its speeds; also in the cycle in which the greatest speed is reached after
+// two fifths of the cycle.
 TEST_F(Demand, CatchesUpByItsRampsWithoutAStep) {
   for (const int sign : {1, -1}) {
     axis.generator.reset(0);
@@ -52,7 +52,7 @@ TEST_F(Demand, CatchesUpByItsRampsWithoutAStep) {
     EXPECT_NEAR(axis.generator.velocity(), sign * v, 1e-6);
     int cycles = 4;
     for (; !demand.on_line() && cycles < 1000; ++cycles) follow();
-    // 1000 counts at 120000 counts/s and half a ramp at either end: 8.33 ms and 1.2 ms.
+    // 1000 counts at 120000 counts/s, with half a ramp at each end: 8.33 ms and 1.2 ms.
     EXPECT_EQ(cycles, 20);
     EXPECT_EQ(place(), sign * 1000.0);
     EXPECT_EQ(axis.generator.velocity(), 0.0);
@@ -69,7 +69,8 @@ TEST_F(Demand, IsTheLineWhereThatBegins) {
   EXPECT_NEAR(axis.generator.velocity(), 2.5 / axis.cycle_s, 1e-6);
 }
 
-// After a limit the demand stands until the line leads away from it, and then comes to it by its ramps, however near.
+// After a limit the demand stands until the line leads away from the limit. It then approaches the line by its ramps,
+// at any distance.
 TEST_F(Demand, HeldAtALimitUntilTheLineLeadsAway) {
   objects.profile_acceleration = objects.profile_deceleration = 1'000'000;
   for (const int sign : {1, -1}) {
@@ -92,7 +93,7 @@ TEST_F(Demand, HeldAtALimitUntilTheLineLeadsAway) {
   }
 }
 
-// With a software limit ahead the way is ended by the quick stop's ramp, where that is steeper.
+// Before a software limit the demand stops with the quick stop's ramp if that is steeper.
 TEST_F(Demand, CatchesUpBeforeASoftwareLimit) {
   objects.profile_acceleration = 10'000'000;
   objects.profile_deceleration = 1'000'000;
@@ -100,7 +101,7 @@ TEST_F(Demand, CatchesUpBeforeASoftwareLimit) {
   objects.min_position_limit = -100'000;
   objects.max_position_limit = 2000;
   axis.demand.loop = Loop::position;
-  // 100000 counts/s are over after 500 counts by the one ramp, and after 5000 by the other.
+  // From 100000 counts/s one ramp stops after 500 counts, the other after 5000.
   for (const bool near : {true, false}) {
     objects.max_position_limit = near ? 700 : 100'000;
     axis.generator.start_from(0, 100'000.0);
@@ -127,12 +128,12 @@ TEST_F(Demand, CatchesUpBeforeASoftwareLimit) {
   }
 }
 
-// A line that is faster than the axis may be is followed at the greatest speed, and caught up with afterwards.
+// The axis follows a line that is too fast at its greatest speed, and catches up afterwards.
 TEST_F(Demand, NoFasterThanTheAxisMayBe) {
   axis.generator.start_from(0, axis.greatest_velocity);
   line.stand(0);
   demand.begin(axis, line, 60, 1.0);
-  line.go(600, 10.0);  // 60 counts a cycle: the greatest speed
+  line.go(600, 10.0);  // 60 counts per cycle: the greatest speed
   for (int i = 0; i < 5; ++i) EXPECT_NEAR(follow(true), 60.0, 1e-6);
   EXPECT_FALSE(axis.velocity_clipped);
   EXPECT_TRUE(demand.on_line());

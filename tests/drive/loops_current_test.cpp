@@ -15,7 +15,7 @@ TEST(Transforms, SineAndCosineOfEveryPhase) {
                         std::fabs(static_cast<double>(angle.cosine) - std::cos(rad))});
   }
   EXPECT_LT(largest, 2.0e-7);
-  // On the axes it is exact, so that a standing rotor's currents have no share of the other axis.
+  // The rotor stands exactly on an axis, so that the currents of the two axes are independent.
   constexpr std::array<SinCos, 4> quarters{{{0.0F, 1.0F}, {1.0F, 0.0F}, {0.0F, -1.0F}, {-1.0F, 0.0F}}};
   for (std::uint32_t quarter = 0; quarter < 4; ++quarter) {
     EXPECT_EQ(sin_cos(quarter << 30).sine, quarters[quarter].sine) << quarter;
@@ -30,8 +30,8 @@ TEST(Transforms, PhasesWrap) {
   EXPECT_EQ(phase_of(1000.75F), 0xC000'0000U);
 }
 
-// With the zero of the PI on the winding's pole, the samples of the closed loop are those of a first order:
-// i(k) = I (1 - p^k), p = exp(-bandwidth * tick), from the first tick after the step, whatever the winding.
+// If the zero of the PI controller cancels the pole of the winding, the samples of the closed loop are first-order:
+// i(k) = I (1 - p^k), p = exp(-bandwidth * tick), from the first tick after the step, for any winding.
 TEST(CurrentLoop, StepResponseIsTheDesignedFirstOrder) {
   for (const double inductance_h : {1.0e-3, 3.355e-3, 20.0e-3}) {
     for (const float bandwidth_hz : {300.0F, 1000.0F, 2000.0F}) {
@@ -58,7 +58,7 @@ TEST(CurrentLoop, StepResponseIsTheDesignedFirstOrder) {
   }
 }
 
-// The torque is right wherever the rotor stands: commutation offset, pole pairs, order of the phases, transforms.
+// The torque is correct at any rotor angle: commutation offset, pole pairs, order of the phases, transforms.
 TEST(CurrentLoop, TorqueAtEveryAngle) {
   for (const double offset_turns : {0.0, 0.37, 0.9}) {
     for (int position = 0; position < 131072; position += 2913) {
@@ -78,11 +78,11 @@ TEST(CurrentLoop, TorqueAtEveryAngle) {
   }
 }
 
-// At speed, decoupling and the half-tick advance keep the d current small while the q current steps; what remains comes
-// from the rotation within a tick.
+// At speed, decoupling and the advance of half a tick keep the d current small while the q current steps. The remaining
+// error comes from the rotation within a tick.
 TEST(CurrentLoop, AxesStayDecoupledAtSpeed) {
   plant::Parameters parameters = frictionless(1 << 20);
-  parameters.load.inertia_kgm2 = 0.01;  // speed stands
+  parameters.load.inertia_kgm2 = 0.01;  // the speed stays constant
   Axis axis(parameters);
   axis.demand.loop = Loop::velocity;
   axis.demand.velocity = static_cast<float>(axis.counts_per_s(3000.0));
@@ -121,8 +121,8 @@ TEST(CurrentLoop, RunsWithThePhasesReversed) {
   EXPECT_FALSE(axis.cascade.state().voltage_limited);
 }
 
-// On a low DC link the axis runs as fast as the voltage lets it, |v| = vdc / sqrt(3), and comes back at once when asked
-// for less: nothing has wound up.
+// With a low DC link voltage the axis runs as fast as the voltage allows, |v| = vdc / sqrt(3), and slows down
+// immediately when a lower speed is demanded: there is no windup.
 TEST(CurrentLoop, VoltageLimitsTheSpeed) {
   plant::Parameters parameters = frictionless(131072);
   parameters.supply.volts = 60.0;
@@ -151,7 +151,7 @@ TEST(CurrentLoop, VoltageLimitsTheSpeed) {
 
   const double before_rpm = axis.plant.velocity_rpm();
   axis.demand.velocity = static_cast<float>(axis.counts_per_s(0.5 * before_rpm));
-  // A rated torque takes this long; a tenth more and the axis must be there.
+  // A rated torque needs this time; with a tenth more the axis must have arrived.
   const double inertia = static_cast<double>(axis.motor.inertia_kgm2);
   const double brake_s = 0.5 * before_rpm * pi / 30.0 * inertia / parameters.motor.rated_torque_nm;
   double lowest_rpm = before_rpm;
@@ -166,7 +166,7 @@ TEST(CurrentLoop, VoltageLimitsTheSpeed) {
   EXPECT_NEAR(axis.plant.velocity_rpm(), 0.5 * before_rpm, 1.0);
 }
 
-// Whatever is asked for, the voltage vector stays within what the DC link gives.
+// For any demand the voltage vector stays within the DC link's limit.
 TEST(CurrentLoop, VoltageStaysWithinTheDcLink) {
   plant::Parameters parameters = frictionless(131072);
   parameters.supply.volts = 100.0;
@@ -190,7 +190,7 @@ TEST(CurrentLoop, VoltageStaysWithinTheDcLink) {
   EXPECT_NEAR(largest_share, 1.0, 1.0e-5);
 }
 
-// Just above the speed the voltage allows, with torque to spare: the velocity integral waits too.
+// Just above the speed that the voltage allows, with torque in reserve: the velocity integral also stops.
 TEST(CurrentLoop, NothingWindsUpAtTheVoltageLimit) {
   plant::Parameters parameters = frictionless(131072);
   parameters.supply.volts = 60.0;

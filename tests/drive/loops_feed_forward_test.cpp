@@ -3,7 +3,7 @@
 #include "drive/trajectory/lag_filter.hpp"
 #include "loops_support.hpp"
 
-// Filters of the feed-forwards, and the disturbance observer, against their formulas.
+// Filters of the feed-forwards, and the disturbance observer, compared with their formulas.
 namespace servodrome::drive::test {
 namespace loops_feed_forward_test {
 namespace {
@@ -53,7 +53,7 @@ TEST(FeedForward, TorqueIsLowPassed) {
   }
 }
 
-// Switching a filter on while the axis moves does not make the reference jump.
+// A filter that is switched on while the axis moves must not make the reference jump.
 TEST(FeedForward, FilterGoesOnFromWhereItIs) {
   Axis axis(frictionless(65536));
   axis.gains.position_kp = 0.0F;
@@ -68,8 +68,8 @@ TEST(FeedForward, FilterGoesOnFromWhereItIs) {
 }
 
 struct Droop {
-  double rest;   // rad/s, in the end
-  double worst;  // rad/s
+  double rest;   // rad/s, final deviation
+  double worst;  // rad/s, greatest deviation
 };
 
 // A load torque steps up against a proportional velocity loop.
@@ -93,7 +93,8 @@ Droop droop(float share, double filter_s) {
   return result;
 }
 
-// What is left of a steady load is the share that is not made up for: the ratio to the droop T / kp of the bare loop.
+// The remaining deviation under a steady load is the share that is not compensated: the ratio to the droop T / kp of
+// the bare loop.
 TEST(DisturbanceObserver, RejectsItsShare) {
   const Axis axis(frictionless(1 << 20), {2, 8}, {1000.0F, 60.0F, 100.0F});
   const double bare = 0.2 * static_cast<double>(axis.motor.rated_torque_nm) /
@@ -102,18 +103,18 @@ TEST(DisturbanceObserver, RejectsItsShare) {
     const Droop measured = droop(share, 0.8e-3);
     EXPECT_NEAR(measured.rest, bare * static_cast<double>(1.0F - share), 0.01 * bare) << share;
   }
-  // The quicker the filter, the less the axis gives way before the observer knows.
+  // A faster observer filter gives a smaller deviation.
   const double quick = droop(1.0F, 0.8e-3).worst;
   const double slow = droop(1.0F, 8e-3).worst;
   EXPECT_LT(quick, 0.5 * slow);
   EXPECT_LT(slow, 0.9 * bare);
 }
 
-// It learns of the load through its low pass: with the shaft held, torque is all load.
+// The observer estimates the load through its low pass. With a held shaft, all torque is load.
 TEST(DisturbanceObserver, LearnsWithItsTimeConstant) {
   const double filter_s = 10e-3;
   const double torque = 0.1;
-  // Half of what the low pass shows comes on top: t' = (t0 - t / 2) / T, from t0 to 2 t0.
+  // Half of the low pass's output is added to the demand: t' = (t0 - t / 2) / T, from t0 to 2 t0.
   for (const double seconds : {5e-3, 10e-3, 20e-3, 60e-3}) {
     Axis axis(frictionless(65536));
     axis.gains.velocity_ki = 0.0F;

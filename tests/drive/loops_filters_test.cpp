@@ -14,7 +14,7 @@ using Complex = std::complex<double>;
 
 constexpr double period_s = 125.0e-6;
 
-// Response to a sine after the transient, from the filter's own samples.
+// The response to a sine after the transient, calculated from the filter's output.
 template <typename Filter>
 Complex measured_response(Filter filter, double frequency_hz) {
   const int settle = 16000;
@@ -33,7 +33,8 @@ Complex measured_response(Filter filter, double frequency_hz) {
   return out / in;
 }
 
-// The bilinear transform maps a frequency to the continuous prototype's tan(w T / 2), so the prototype is taken there.
+// The bilinear transform maps a frequency to tan(w T / 2) of the continuous prototype, so the prototype is evaluated
+// there.
 double warped(double frequency_hz) { return std::tan(pi * frequency_hz * period_s); }
 
 TEST(Filters, NotchIsThePrototype) {
@@ -54,7 +55,7 @@ TEST(Filters, NotchIsThePrototype) {
   }
 }
 
-// What a user reads in the manual: nothing passes at the centre, -3 dB half the width to each side.
+// The definition in the manual: zero gain at the centre, -3 dB at half the width on each side.
 TEST(Filters, NotchWidthIsTheDistanceOfItsCorners) {
   const Biquad notch = make_notch(200.0F, 20.0F, 0.0F, static_cast<float>(period_s));
   EXPECT_LT(std::abs(measured_response(notch, 200.0)), 1.0e-3);
@@ -94,14 +95,14 @@ TEST(Filters, SettledOrRetunedAtRestNothingMoves) {
   Biquad notch = make_notch(300.0F, 50.0F, 0.1F, static_cast<float>(period_s));
   notch.settle(0.7F);
   for (int k = 0; k < 100; ++k) ASSERT_NEAR(notch.apply(0.7F), 0.7F, 1.0e-5F);
-  // Another notch takes over what it was: at rest the output does not move, whatever it is tuned to.
+  // A replaced notch takes over the state: at rest the output does not move, whatever the new frequency is.
   Biquad resting = make_notch(300.0F, 50.0F, 0.1F, static_cast<float>(period_s));
   resting.settle(0.0F);
   for (const float frequency_hz : {100.0F, 900.0F, 2500.0F}) {
     resting = make_notch(frequency_hz, 0.2F * frequency_hz, 0.0F, static_cast<float>(period_s), resting);
     for (int k = 0; k < 100; ++k) ASSERT_EQ(resting.apply(0.0F), 0.0F) << frequency_hz;
   }
-  // Under a constant input it goes on from there, and comes back to it: nothing begins at 0 again.
+  // With a constant input the output continues from its value and returns to it: the state is not reset to 0.
   Biquad retuned = make_notch(320.0F, 50.0F, 0.1F, static_cast<float>(period_s), notch);
   EXPECT_EQ(retuned.state1, notch.state1);
   EXPECT_EQ(retuned.state2, notch.state2);
@@ -115,7 +116,8 @@ TEST(Filters, SettledOrRetunedAtRestNothingMoves) {
   EXPECT_EQ(make_low_pass(400.0F, 0.7F, static_cast<float>(period_s), low_pass).state1, low_pass.state1);
 }
 
-// The notch sits in the torque reference: an elastic load whose resonance makes the axis ring is quiet with it.
+// The notch filters the torque reference: an elastic load with a resonance at which the axis oscillates is stable with
+// it.
 TEST(Filters, NotchQuietensAResonance) {
   const auto ringing = [](bool with_notch) {
     plant::Parameters parameters = frictionless(1 << 20);
@@ -159,7 +161,7 @@ TEST(I2t, TripsAtTheTimeOfTheClosedForm) {
         const double expected_s = -tau_s * std::log(1.0 - 1.0 / (ratio * ratio));
         EXPECT_NEAR(time_s, expected_s, 1.01 * update_s) << peak_ratio << ' ' << peak_time_s << ' ' << ratio;
       }
-      // Half-way by the closed form, and never at the rated current.
+      // The utilisation follows the closed form, and the rated current never trips the monitor.
       I2t model;
       model.configure(5.0, 5.0 * peak_ratio, peak_time_s, update_s);
       for (int k = 0; k < 1000; ++k) model.update(25.0F);

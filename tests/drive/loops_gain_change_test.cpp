@@ -4,12 +4,12 @@
 
 #include "loops_support.hpp"
 
-// Gains that change while the axis moves, and the filters that a set of gains may choose.
+// Gains that change while the axis moves, and the filters that a set of gains can select.
 namespace servodrome::drive::test {
 namespace loops_gain_change_test {
 namespace {
 
-// An axis turning against a load, with an error that every gain has a share in.
+// An axis that turns against a load, with an error on which every gain acts.
 struct LoadedAxis : Axis {
   explicit LoadedAxis(Loop loop) : Axis(frictionless(1 << 17), {4, 16}, {1000.0F, 40.0F, 40.0F}) {
     gains.velocity_feed_forward = 0.5F;
@@ -70,13 +70,13 @@ TEST(GainChange, TorqueGoesOnWithoutAStep) {
       const double quiet = axis.greatest_step(0.02);
       change.apply(axis.gains);
       axis.configure();
-      // A torque that fades out moves by a thirtieth of itself in a period; the load is 0.31 of rated torque.
+      // A torque that fades out changes by a thirtieth per period; the load is 0.31 of the rated torque.
       EXPECT_LT(axis.greatest_step(0.02), quiet + 0.02) << change.what;
     }
   }
 }
 
-// What was kept back of the torque is gone in the end: the axis runs as if it had always had these gains.
+// At the end the held-back part of the torque is gone: the axis behaves as if it always had these gains.
 TEST(GainChange, EndsWhereTheNewGainsLead) {
   LoadedAxis axis(Loop::position);
   axis.gains.position_kp *= 2.0F;
@@ -87,7 +87,7 @@ TEST(GainChange, EndsWhereTheNewGainsLead) {
   axis.gains.velocity_ki = 0.0F;
   axis.configure();
   axis.run(1.0);
-  // Without an integral the load is held by a velocity error: torque / kp.
+  // Without an integral a velocity error holds the load: torque / kp.
   const double kt = static_cast<double>(axis.motor.torque_constant_nm_per_a);
   const double slip = 0.4 / kt / static_cast<double>(axis.gains.velocity_kp) * axis.counts_per_rad;
   const double more = slip / static_cast<double>(axis.gains.position_kp);
@@ -132,9 +132,9 @@ std::complex<double> closed_loop(Axis& axis, double frequency_hz) {
   return out / in;
 }
 
-// P loop of 50 Hz on a bare inertia: with the feedback as it is the closed loop is the first order of 50 Hz; the low
-// passes turn its phase on; the observer, which knows the torque, lags less than either; the command filter is a first
-// order in front of all.
+// A P loop of 50 Hz on a bare inertia: with unfiltered feedback the closed loop is a first-order lag of 50 Hz; the low
+// passes add phase lag; the observer, which knows the torque, lags less than either; the command filter is a
+// first-order lag before the loop.
 TEST(VelocityFeedback, FiltersAreWhatTheyAreCalled) {
   const auto response = [](VelocityFeedback feedback, float filter_hz, float command_hz) {
     Axis axis(frictionless(1 << 20), {2, 8});
@@ -148,9 +148,9 @@ TEST(VelocityFeedback, FiltersAreWhatTheyAreCalled) {
     axis.configure();
     return closed_loop(axis, 50.0);
   };
-  // With the measurement M (a difference over one period is half a period late), the filter F and G from the torque to
-  // the speed: T = G / (1 + G F M). The low pass of first order, exact for held inputs, is half a period early. G
-  // itself has a small share of the filter: the current loop makes up for the back-EMF of the filtered speed.
+  // With the measurement M (a difference over one period is half a period late), the filter F, and G from the torque to
+  // the speed: T = G / (1 + G F M). The first-order low pass, exact for held inputs, is half a period early. G also
+  // depends a little on the filter: the current loop compensates the back-EMF with the filtered speed.
   const std::complex<double> measurement = std::polar(1.0, -2.0 * pi * 50.0 * 62.5e-6);
   const std::complex<double> bare = response(VelocityFeedback::first_order, 0.0F, 0.0F);
   const std::complex<double> forward = bare / (1.0 - bare * measurement);
@@ -175,7 +175,7 @@ TEST(VelocityIntegral, GivesNoMoreThanItsLimit) {
     axis.gains.velocity_integral_limit_a = static_cast<float>(0.4 / kt);
     axis.configure();
     axis.run(2.0);
-    // Beyond the limit the rest is left to the proportional part, which needs an error for it.
+    // Beyond the limit, the proportional part must provide the rest, and it needs an error for that.
     const double slip = std::max(load_nm - 0.4, 0.0) / kt / static_cast<double>(axis.gains.velocity_kp);
     const double error = (axis.speed - axis.counts_per_s(axis.plant.velocity_rpm())) / axis.counts_per_rad;
     EXPECT_NEAR(error, slip, 0.01 * slip + 0.02) << load_nm;

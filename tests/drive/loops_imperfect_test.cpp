@@ -5,7 +5,7 @@
 #include "loops_support.hpp"
 #include "velocity_margin.hpp"
 
-// The loops behind a power stage that answers late, and with sensors that are not ideal.
+// The loops with a power stage that has a delay, and with sensors that have errors.
 namespace servodrome::drive::test {
 namespace loops_imperfect_test {
 namespace {
@@ -25,7 +25,8 @@ MotorData told_of_delay(MotorData motor, int delay_ticks) {
   return motor;
 }
 
-// With the winding's pole cancelled and d ticks of delay the closed loop is i(k+1) = i(k) + (1 - p) (I - i(k - d)).
+// If the winding's pole is cancelled and the delay is d ticks, the closed loop is i(k+1) = i(k) + (1 - p) (I - i(k -
+// d)).
 TEST(LateStage, CurrentLoopIsTheDesignedOneWithItsDelay) {
   for (int delay = 0; delay <= 3; ++delay) {
     for (const float bandwidth_hz : {300.0F, 600.0F, 1000.0F}) {
@@ -41,12 +42,12 @@ TEST(LateStage, CurrentLoopIsTheDesignedOneWithItsDelay) {
       const double target_a = 0.2 * static_cast<double>(axis.motor.rated_torque_nm) /
                               static_cast<double>(axis.motor.torque_constant_nm_per_a);
       const double share = -std::expm1(-2.0 * pi * static_cast<double>(bandwidth_hz) * tick_seconds);
-      std::vector<double> current(static_cast<std::size_t>(delay) + 1, 0.0);  // the last one is now
+      std::vector<double> current(static_cast<std::size_t>(delay) + 1, 0.0);  // the last element is the present tick
       for (int k = 1; k <= 80; ++k) {
         axis.tick();
         current.push_back(current.back() +
                           share * (target_a - current[current.size() - 1 - static_cast<std::size_t>(delay)]));
-        // The controller begins with the first tick: what came before it asks for nothing.
+        // The controller begins with the first tick: the demand before it is zero.
         if (k <= delay) current.back() = 0.0;
         ASSERT_NEAR(axis.plant.current_a(), current.back(), 1.0e-3 * target_a) << "tick " << k;
       }
@@ -54,8 +55,8 @@ TEST(LateStage, CurrentLoopIsTheDesignedOneWithItsDelay) {
   }
 }
 
-// At 2500 rpm the rotor turns by 4.7 electrical degrees in a tick. A drive that knows its delay puts the voltage of a
-// torque step where the rotor will be: less of it becomes direct current.
+// At 2500 rpm the rotor turns by 4.7 electrical degrees in a tick. A drive that knows its delay rotates the voltage of
+// a torque step to the angle at which the rotor will be, so less of the current becomes direct current.
 TEST(LateStage, VoltagesAreTurnedByTheDelay) {
   const auto direct_share = [](int told) {
     Axis axis(late_stage(2));
@@ -79,7 +80,8 @@ TEST(LateStage, VoltagesAreTurnedByTheDelay) {
   EXPECT_LT(direct_share(2), 0.6 * untold) << "the rest is what the axes couple while the voltage is on its way";
 }
 
-// The gains promise 55 degrees with all delays, that of the stage among them; sampled, at 8 kHz, it is up to 2 less.
+// The gains are calculated for 55 degrees with all delays, including that of the stage; sampling at 8 kHz reduces this
+// by up to 2 degrees.
 TEST(LateStage, VelocityLoopKeepsItsPhaseMargin) {
   for (int delay = 0; delay <= 2; ++delay) {
     for (const float wanted_hz : {50.0F, 100.0F, 200.0F}) {
@@ -99,7 +101,8 @@ TEST(LateStage, VelocityLoopKeepsItsPhaseMargin) {
   }
 }
 
-// A move with everything on: it arrives, and stands within what noise and the errors of the encoder explain.
+// A move with all effects: the axis arrives, and its deviation at rest is within the noise and the errors of the
+// encoder.
 TEST(RealSensors, AMoveArrivesAndStands) {
   plant::Parameters parameters;
   parameters.supply.charged_at_start = true;

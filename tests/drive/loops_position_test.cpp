@@ -6,7 +6,7 @@ namespace servodrome::drive::test {
 namespace loops_position_test {
 namespace {
 
-// Sets the demand of each position cycle as a profile generator does: floor and fraction.
+// Sets the demand of each position cycle as integer and fraction, like a profile generator.
 void demand_position(Axis& axis, double position_counts, double velocity, double acceleration) {
   const double whole = std::floor(position_counts);
   axis.demand.loop = Loop::position;
@@ -16,7 +16,7 @@ void demand_position(Axis& axis, double position_counts, double velocity, double
   axis.demand.acceleration = static_cast<float>(acceleration);
 }
 
-// A position step decays as exp(-kp t) while kp is small against the velocity loop's crossover (here a twentieth).
+// A position step decays as exp(-kp t) if kp is small compared with the velocity loop's crossover (here a twentieth).
 TEST(PositionLoop, StepDecaysWithItsTimeConstant) {
   for (const float position_kp : {10.0F, 30.0F}) {
     Axis axis(frictionless(1 << 23));
@@ -42,12 +42,12 @@ TEST(PositionLoop, StepDecaysWithItsTimeConstant) {
 }
 
 struct Following {
-  double largest_counts = 0.0;  // while accelerating
+  double largest_counts = 0.0;  // during the acceleration
   double mean_counts = 0.0;     // at constant velocity
   double spread_counts = 0.0;   // about the mean
 };
 
-// Accelerates for 0.1 s, then runs on at constant velocity.
+// Accelerates for 0.1 s, then moves at constant velocity.
 Following follow(Axis& axis, double rpm) {
   const double cycle_s = tick_seconds * axis.rates.position_loop_ticks;
   const double speed = axis.counts_per_s(rpm);
@@ -85,12 +85,12 @@ TEST(PositionLoop, FeedForwardLeavesNoFollowingError) {
       parameters.load.coulomb_friction_nm = parameters.load.static_friction_nm = 0.02;
       Axis with(parameters, rates);
       const Following small = follow(with, 600.0);
-      // A thousandth of a turn while accelerating, nothing then.
+      // A thousandth of a turn during the acceleration, then zero.
       EXPECT_LT(small.largest_counts, 1.0 + 1.0e-3 * resolution);
       EXPECT_NEAR(small.mean_counts, 0.0, 0.1 + 2.0e-7 * resolution);
       EXPECT_LT(small.spread_counts, 2.0 + 2.0e-6 * resolution);
 
-      // Without: velocity / kp.
+      // Without feed-forward: velocity / kp.
       Axis without(parameters, rates);
       without.gains.velocity_feed_forward = 0.0F;
       without.gains.acceleration_feed_forward = 0.0F;
@@ -102,7 +102,7 @@ TEST(PositionLoop, FeedForwardLeavesNoFollowingError) {
   }
 }
 
-// Clipped velocity on the way, and a landing without overshoot.
+// The velocity is limited on the way; the axis arrives without overshoot.
 TEST(PositionLoop, VelocityReferenceIsClipped) {
   Axis axis(frictionless(131072));
   axis.demand.velocity_limit_positive = static_cast<float>(axis.counts_per_s(300.0));
@@ -120,7 +120,7 @@ TEST(PositionLoop, VelocityReferenceIsClipped) {
   EXPECT_NEAR(static_cast<double>(axis.plant.position_counts()), 5.0 * 131072, 1.0);
 }
 
-// Positions beyond 2^53 and the largest errors: whole counts, no float of a position anywhere.
+// Positions beyond 2^53 and the largest errors: positions are whole counts and never floating-point numbers.
 TEST(PositionLoop, ExactFarOut) {
   for (const std::int64_t start : {std::int64_t{1} << 60, -(std::int64_t{1} << 60) + 12345}) {
     plant::Parameters parameters;
@@ -141,7 +141,7 @@ TEST(PositionLoop, ExactFarOut) {
 
 // --- Rest -----------------------------------------------------------------------------------------------------------
 
-// A move with a trapezoidal profile, velocity and acceleration fed forward.
+// A move with a trapezoidal profile, with feed-forward of velocity and acceleration.
 void move(Axis& axis, double distance_rad) {
   const double cycle_s = tick_seconds * axis.rates.position_loop_ticks;
   const double acceleration = 200.0;
@@ -186,8 +186,8 @@ Rest watch(Axis& axis, double seconds) {
 struct RestCase {
   std::int32_t resolution;
   double inertia_ratio;  // of load to rotor
-  double told_inertia;   // what the drive believes, as a share of the truth
-  double static_nm;      // breakaway; sliding friction is two thirds of it
+  double told_inertia;   // the inertia that the drive assumes, relative to the true one
+  double static_nm;      // breakaway torque; the sliding friction is two thirds of it
   double gravity_nm;
 };
 
@@ -208,9 +208,9 @@ Axis rested(const RestCase& of, double distance_rad) {
   return axis;
 }
 
-// Three seconds after a move, for two seconds: not one count of movement, not one bit of torque. Friction from two
-// thousandths of the rated torque to a twentieth; load inertia from a fifth of the rotor's to twenty times it. Within
-// one count, or where friction lets a fine encoder come no nearer, within 0.018 degrees.
+// For two seconds, three seconds after a move: neither position nor torque may change. Friction from two thousandths to
+// a twentieth of the rated torque; load inertia from a fifth of the rotor's to twenty times it. The deviation is within
+// one count, or within 0.018 degrees if friction prevents a fine encoder from coming closer.
 TEST(PositionLoop, RestsAfterAMove) {
   for (const std::int32_t resolution : {2500, 10000, 131072, 1 << 20, 1 << 23}) {
     for (const double inertia_ratio : {0.2, 1.0, 5.0, 20.0}) {
@@ -229,7 +229,7 @@ TEST(PositionLoop, RestsAfterAMove) {
   }
 }
 
-// With a hanging load, and with an inertia the drive was told wrong by half and double.
+// With a hanging load, and with an assumed inertia that is wrong by factors of a half and two.
 TEST(PositionLoop, RestsUnderGravityAndWithAWrongInertia) {
   for (const std::int32_t resolution : {2500, 131072, 1 << 23}) {
     for (const double told_inertia : {0.5, 1.0, 2.0}) {
@@ -246,9 +246,9 @@ TEST(PositionLoop, RestsUnderGravityAndWithAWrongInertia) {
   }
 }
 
-// Without any friction nothing holds an axis between two edges of its encoder: it wanders within one count, and what
-// torque that takes is less than one count makes by design (a tenth of the rated). With a fine encoder it first swings
-// by some 20 counts (0.001 degrees), for a time that depends on the last bits of the arithmetic.
+// Without friction an axis has no hold between two edges of its encoder. It oscillates within one count, with less
+// torque than one count may cause by design (a tenth of the rated torque). With a fine encoder it first oscillates by
+// about 20 counts (0.001 degrees), for a time that depends on rounding errors.
 TEST(PositionLoop, WandersWithinOneCountWithoutFriction) {
   for (const std::int32_t resolution : {2500, 131072, 1 << 23}) {
     Axis axis = rested({resolution, 1.0, 1.0, 0.0, 0.0}, 2.0);
@@ -261,7 +261,7 @@ TEST(PositionLoop, WandersWithinOneCountWithoutFriction) {
   }
 }
 
-// Pushed off its place, a resting axis comes back; the demand moved again, it follows at once.
+// An axis at rest that is pushed away comes back. When the demand moves again, the axis follows immediately.
 TEST(PositionLoop, LeavesRestWhenPushed) {
   Axis axis = rested({131072, 1.0, 1.0, 0.015, 0.0}, 2.0);
   axis.plant.set_external_torque_nm(0.6);

@@ -6,9 +6,9 @@
 
 #include "loops_support.hpp"
 
-// Closed-loop frequency responses behind a late power stage. A small sine is the reference of a loop; the response by
-// correlation is compared with that of the linear equations of controller, hold, delay, winding and shaft. Sensors are
-// ideal, and nothing is near a limit.
+// Closed-loop frequency responses with a delayed power stage. A small sine is the reference of a loop; its response is
+// calculated by correlation and compared with that of the linear equations of controller, hold, delay, winding and
+// shaft. The sensors are ideal, and no limit is reached.
 namespace servodrome::drive::test {
 namespace loops_response_test {
 namespace {
@@ -38,7 +38,7 @@ struct Machine {
     const double current = (volts - resistance_ohm * x[0] - emf_vs * x[1]) / inductance_h;
     return {current, locked ? 0.0 : torque_nm_per_a * x[0] / inertia_kgm2, x[1]};
   }
-  // The state a tick later, by the Taylor series of the exponential.
+  // The state one tick later, by the Taylor series of the exponential.
   State<double> after_tick(State<double> x, double volts) const {
     State<double> term = x;
     for (int n = 1; n <= 20; ++n) {
@@ -47,7 +47,7 @@ struct Machine {
     }
     return x;
   }
-  // Solves (z - A) x = B; the angle acts on nothing.
+  // Solves (z - A) x = B; the angle has no effect on the other states.
   State<Complex> response(Complex z) const {
     const State<double> by_current = after_tick({1.0, 0.0, 0.0}, 0.0);
     const State<double> by_speed = after_tick({0.0, 1.0, 0.0}, 0.0);
@@ -59,8 +59,8 @@ struct Machine {
   }
 };
 
-// Response at `z` of samples taken every `ratio` steps from a system whose input is held for `ratio` steps: the sum
-// over the frequencies that the samples cannot tell apart.
+// The response at `z` of samples taken every `ratio` steps from a system whose input is held for `ratio` steps: the sum
+// over all aliased frequencies.
 template <typename System>
 auto decimated(Complex z, int ratio, const System& system) {
   auto sum = decltype(system(z)){};
@@ -86,7 +86,7 @@ struct Model {
     return (1.0 - kept) / (1.0 - kept / z);
   }
 
-  // Current, speed and angle by the current reference, then the same by a voltage added to the controller's.
+  // Current, speed and angle as a function of the current reference, then of a voltage added to the controller's.
   std::array<Complex, 6> current_loop(Complex z) const {
     const double winding_pole = std::exp(-machine.resistance_ohm * tick_seconds / machine.inductance_h);
     const double loop_pole = std::exp(-2.0 * pi * static_cast<double>(gains.current_bandwidth_hz) * tick_seconds);
@@ -103,7 +103,7 @@ struct Model {
     return response;
   }
 
-  // Speed and angle by the velocity reference.
+  // Speed and angle as a function of the velocity reference.
   std::array<Complex, 2> velocity_loop(Complex z) const {
     const double period_s = rates.velocity_loop_ticks * tick_seconds;
     const auto by = decimated(z, rates.velocity_loop_ticks, [this](Complex fast) { return current_loop(fast); });
@@ -112,7 +112,7 @@ struct Model {
     const Complex controller =
         low_pass(static_cast<double>(gains.torque_filter_hz), period_s, z) *
         (static_cast<double>(gains.velocity_kp) + static_cast<double>(gains.velocity_ki) * period_s / (z - 1.0));
-    // Of the measured speed: against the reference, and as the back-EMF that the drive adds.
+    // The measured speed: compared with the reference, and as the back-EMF that the drive adds.
     const Complex back_speed = by[1] * controller - by[4] * machine.emf_vs;
     const Complex back_angle = by[2] * controller - by[5] * machine.emf_vs;
     const Complex angle = by[2] * controller / (1.0 + back_angle * measured);
@@ -151,10 +151,10 @@ class LateLoops : public ::testing::Test {
               .delay_ticks = delay_ticks};
   }
 
-  // Calls `set` with a sine once per `period_ticks`, and returns the response of `shown()`, sampled at the same ticks.
+  // Calls `set` with a sine every `period_ticks`, and returns the response of `shown()`, sampled at the same ticks.
   template <typename Set, typename Shown>
   Complex measured(double frequency_hz, int period_ticks, Set set, Shown shown) {
-    constexpr int window = 4000;  // ticks: whole periods of every frequency of this test
+    constexpr int window = 4000;  // ticks: an integer number of periods of each frequency in this test
     Complex sum = 0.0;
     for (int k = 0; k < 3 * window; ++k) {
       if (k % period_ticks == 0) {

@@ -6,7 +6,7 @@
 #include "drive/loops/cascade.hpp"
 #include "plant/plant.hpp"
 
-// A cascade on a simulated motor, closed loop in virtual time.
+// A cascade with a simulated motor, in closed loop and virtual time.
 namespace servodrome::drive::test {
 
 inline constexpr double pi = std::numbers::pi;
@@ -32,7 +32,7 @@ inline MotorData motor_data(const plant::Parameters& parameters) {
   return data;
 }
 
-// The default motor and load on a full DC link, without friction and without warming up.
+// The default motor and load on a charged DC link, without friction and without temperature rise.
 inline plant::Parameters frictionless(std::int32_t counts_per_revolution) {
   plant::Parameters parameters;
   parameters.encoder.counts_per_revolution = counts_per_revolution;

@@ -23,14 +23,14 @@ TEST(TorqueLoop, AcceleratesWithTheDemandedTorque) {
     axis.run_seconds(0.01);
     const double expected_rpm =
         static_cast<double>(torque * axis.motor.rated_torque_nm / axis.motor.inertia_kgm2) * 0.01 * 30.0 / pi;
-    // The compensation of the back-EMF comes half a tick late: the current lags a little while the speed grows.
+    // The compensation of the back-EMF is half a tick late: the current lags a little while the speed increases.
     EXPECT_NEAR(axis.plant.velocity_rpm() - before_rpm, expected_rpm, 3.0e-3 * std::fabs(expected_rpm));
     EXPECT_FALSE(axis.cascade.state().velocity_limited);
     EXPECT_FALSE(axis.cascade.state().torque_limited);
   }
 }
 
-// The torque limits clip the demand, and the peak current clips the limits.
+// The torque limits clip the demand, and the peak current clips the torque limits.
 TEST(TorqueLoop, Limits) {
   Axis axis = torque_axis(2.0F, 1.0e6, frictionless(131072));
   axis.plant.lock_rotor(true);
@@ -44,8 +44,8 @@ TEST(TorqueLoop, Limits) {
   EXPECT_NEAR(axis.plant.current_a(), static_cast<double>(axis.motor.peak_current_a), 0.01);
 }
 
-// Runs up to the speed limit, the torque falling without a sign change or a second swing, and stays there on the torque
-// the load takes.
+// Accelerates to the speed limit; the torque decreases without a change of sign and without a second oscillation. The
+// axis stays at the limit with the torque that the load needs.
 TEST(TorqueLoop, SpeedLimitTakesTorqueBackSmoothly) {
   for (const float torque : {-1.0F, 0.2F, 1.0F, 2.5F}) {
     plant::Parameters parameters = frictionless(131072);
@@ -73,10 +73,10 @@ TEST(TorqueLoop, SpeedLimitTakesTorqueBackSmoothly) {
     EXPECT_GT(least_torque, -0.02);
     EXPECT_LT(largest_jump, 0.1 * std::fabs(static_cast<double>(torque)) + 0.01);
     EXPECT_NEAR(sign * axis.plant.velocity_rpm(), 1000.0, 1.0);
-    // Of a single tick: counts of the encoder make it ripple.
+    // In a single tick; the ripple comes from the counts of the encoder.
     EXPECT_NEAR(sign * axis.plant.torque_nm(), 1.0e-3 * 1000.0 * pi / 30.0, 4.0e-3);
 
-    // Demand taken back below what the load takes: the limiter lets go and its integral fades.
+    // The demand falls below the load's torque: the limiter is no longer active and its integral fades.
     axis.demand.torque = 0.0F;
     axis.run_seconds(0.3);
     EXPECT_FALSE(axis.cascade.state().velocity_limited);
@@ -84,7 +84,7 @@ TEST(TorqueLoop, SpeedLimitTakesTorqueBackSmoothly) {
   }
 }
 
-// Whatever the load's inertia, the torque and the gains: the shaft comes to the limit, and hardly passes it.
+// For any inertia of the load, torque and gains: the shaft reaches the limit and hardly exceeds it.
 TEST(TorqueLoop, SpeedLimitWithEveryLoad) {
   for (const double share : {0.1, 0.3, 1.0}) {
     for (const double inertia : {0.0, 1.0e-4, 3.0e-4}) {
@@ -111,17 +111,17 @@ TEST(TorqueLoop, SpeedLimitWithEveryLoad) {
   }
 }
 
-// A load that drives the axis beyond the limit is braked, against the demanded torque.
+// A load that drives the axis beyond the limit is braked with a torque opposite to the demand.
 TEST(TorqueLoop, SpeedLimitBrakesADrivingLoad) {
   plant::Parameters parameters = frictionless(131072);
-  parameters.load.gravity_torque_nm = 0.8;  // pulls down, the demand is less
+  parameters.load.gravity_torque_nm = 0.8;  // pulls downwards, with more torque than the demand
   Axis axis = torque_axis(0.2F, 500.0, parameters);
   double fastest_rpm = 0.0;
   for (int i = 0; i < 16000; ++i) {
     axis.tick();
     fastest_rpm = std::min(fastest_rpm, axis.plant.velocity_rpm());
   }
-  // At first the proportional part alone has to carry the load.
+  // At first only the proportional part acts against the load.
   const auto gain_nms = static_cast<double>(axis.gains.velocity_kp * axis.motor.torque_constant_nm_per_a);
   EXPECT_GT(fastest_rpm, -500.0 - 0.8 / gain_nms * 30.0 / pi);
   EXPECT_NEAR(axis.plant.velocity_rpm(), -500.0, 1.0);
@@ -129,7 +129,7 @@ TEST(TorqueLoop, SpeedLimitBrakesADrivingLoad) {
   EXPECT_TRUE(axis.cascade.state().velocity_limited);
 }
 
-// What the limiter has learnt of a load is forgotten away from the limit: the next run up to it does not overshoot.
+// The limiter's integral is cleared away from the limit, so the next approach to the limit does not overshoot.
 TEST(TorqueLoop, SpeedLimiterForgets) {
   plant::Parameters parameters = frictionless(131072);
   parameters.load.gravity_torque_nm = 0.8;
@@ -137,7 +137,7 @@ TEST(TorqueLoop, SpeedLimiterForgets) {
   axis.run_seconds(1.0);
   EXPECT_NEAR(axis.plant.velocity_rpm(), 500.0, 1.0);
   axis.demand.torque = -0.2F;
-  axis.plant.set_external_torque_nm(-0.8);  // takes the load away
+  axis.plant.set_external_torque_nm(-0.8);  // removes the load
   axis.run_seconds(0.015);                  // slows down
   axis.demand.torque = 0.0F;
   axis.run_seconds(0.5);
@@ -151,7 +151,7 @@ TEST(TorqueLoop, SpeedLimiterForgets) {
   EXPECT_NEAR(axis.plant.velocity_rpm(), 500.0, 1.0);
 }
 
-// From a loop to another and back the torque does not jump while the axis runs as it is asked to.
+// The torque must not jump when the loop changes to another and back while the axis follows its demand.
 TEST(TorqueLoop, ChangesOfLoopAreBumpless) {
   plant::Parameters parameters = frictionless(1 << 20);
   parameters.load.viscous_friction_nms = 2.0e-3;

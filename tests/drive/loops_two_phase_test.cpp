@@ -53,7 +53,7 @@ TEST(TwoPhaseLoop, TorqueAtEveryAngle) {
   }
 }
 
-// |v| goes to the whole link, and no further.
+// |v| reaches the full DC link voltage and does not exceed it.
 TEST(TwoPhaseLoop, TheLinkLimitsTheSpeed) {
   plant::Parameters p = stepper();
   p.load.viscous_friction_nms = 1.0e-3;
@@ -82,7 +82,7 @@ TEST(TwoPhaseLoop, TheLinkLimitsTheSpeed) {
     (volts < axis.plant.dc_link_v() ? low : high) = speed;
   }
   EXPECT_TRUE(axis.cascade.state().voltage_limited);
-  // The voltage stands for a tick in which the field turns by we h = 0.43 rad: its mean is shorter, and it lags.
+  // The voltage is constant for a tick in which the field turns by we h = 0.43 rad: its mean is smaller, and it lags.
   EXPECT_NEAR(axis.plant.velocity_rpm(), low * 30.0 / pi, 0.03 * low * 30.0 / pi);
 }
 
@@ -93,7 +93,7 @@ TEST(TwoPhaseLoop, LockedCurrentHoldsTheRotor) {
   axis.run_seconds(0.05);
   axis.plant.set_external_torque_nm(2.0);
   axis.run_seconds(1.0);
-  // Torque of the angle the rotor is turned away by: p flux I sin(p x).
+  // The torque by the rotor's displacement angle x: p flux I sin(p x).
   const double electrical = std::asin(2.0 / (0.74 / std::sqrt(2.0) * 8.0));
   const double counts = -electrical / 50.0 / (2.0 * pi) * 200000.0;
   double mean = 0.0;

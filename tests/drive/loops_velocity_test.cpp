@@ -8,10 +8,10 @@ namespace servodrome::drive::test {
 namespace loops_velocity_test {
 namespace {
 
-// The continuous model the velocity loop was designed as: inertia, first-order current loop, PI, two low passes. The
-// sampled loop adds half a period each for the difference of positions and for the hold; its low passes, exact for a
-// held input, are half a period quicker than their prototypes each: the delays cancel to first order. A step that falls
-// on a sample is not delayed by the hold, so that it comes half a period early.
+// The continuous model from which the velocity loop was designed: inertia, first-order current loop, PI, two low
+// passes. The sampled loop adds half a period each for the difference of positions and for the hold. Its low passes,
+// exact for a held input, are each half a period faster than their prototypes, so to first order the delays cancel. A
+// step exactly at a sample is not delayed by the hold and therefore acts half a period early.
 struct ContinuousVelocityLoop {
   double kp_nms, ki_nm, weight, inertia_kgm2, current_rad_s, velocity_filter_rad_s, torque_filter_rad_s;
   double reference_rad_s;
@@ -40,7 +40,7 @@ struct ContinuousVelocityLoop {
   }
 };
 
-// Runge-Kutta at a sixteenth of a tick: its own error is below 1e-9 of the step.
+// Runge-Kutta with a sixteenth of a tick: its own error is below 1e-9 of the step.
 TEST(VelocityLoop, StepFollowsTheContinuousModel) {
   for (const float bandwidth_hz : {40.0F, 100.0F}) {
     for (const float weight : {1.0F, 0.4F}) {
@@ -74,15 +74,15 @@ TEST(VelocityLoop, StepFollowsTheContinuousModel) {
   }
 }
 
-// Open-loop response at one frequency, measured in the closed loop: measured velocity over velocity error, both as the
-// controller sees them, at the end of each velocity period.
+// The open-loop response at one frequency, measured in the closed loop: measured velocity divided by velocity error, as
+// the controller uses them at the end of each velocity period.
 std::complex<double> open_loop(Axis& axis, double frequency_hz, double offset_rpm, double amplitude_rpm) {
   const double period_s = tick_seconds * axis.rates.velocity_loop_ticks;
   axis.demand.loop = Loop::velocity;
   std::complex<double> error = 0.0;
   std::complex<double> measured = 0.0;
   const int settle_periods = static_cast<int>(0.3 / period_s);
-  // Whole cycles, so that the offset drops out.
+  // Whole cycles, so that the offset is eliminated.
   const int cycles = static_cast<int>(std::ceil(0.5 * frequency_hz));
   const int periods = static_cast<int>(std::lround(cycles / (frequency_hz * period_s)));
   const double w = 2.0 * pi * cycles / periods;
@@ -134,7 +134,7 @@ TEST(VelocityLoop, CrossoverAndPhaseMarginAreTheDesigned) {
   }
 }
 
-// Asked for more than the delays allow, default_gains gives what keeps the margin.
+// If more bandwidth is requested than the delays allow, default_gains returns gains that keep the margin.
 TEST(VelocityLoop, TooHighABandwidthIsLowered) {
   const plant::Parameters parameters = frictionless(1 << 20);
   const Bandwidths wanted{1000.0F, 1000.0F, 1000.0F};
@@ -147,7 +147,7 @@ TEST(VelocityLoop, TooHighABandwidthIsLowered) {
   EXPECT_GT(found.phase_degrees, 50.0);
 }
 
-// A coarse encoder's count may not make more torque than a tenth of the rated.
+// One count of a coarse encoder must not cause more torque than a tenth of the rated torque.
 TEST(VelocityLoop, ACoarseEncoderLowersTheBandwidth) {
   const MotorData motor = motor_data(frictionless(2500));
   const Gains gains = default_gains(motor, {}, {});
@@ -157,7 +157,7 @@ TEST(VelocityLoop, ACoarseEncoderLowersTheBandwidth) {
   EXPECT_GT(gains.velocity_filter_hz / 12.0F, 30.0F);
 }
 
-// A large step accelerates with the torque limit, then ends without the overshoot of an integral wound up on the way.
+// A large step accelerates with the torque limit and then ends without the overshoot of integral windup.
 TEST(VelocityLoop, NoWindUpAtTheTorqueLimit) {
   for (const float limit : {0.3F, 1.0F, 2.5F}) {
     Axis axis(frictionless(131072));
@@ -176,8 +176,8 @@ TEST(VelocityLoop, NoWindUpAtTheTorqueLimit) {
       axis.tick();
       largest_rpm = std::max(largest_rpm, axis.plant.velocity_rpm());
     }
-    // The same PI on a step that does not saturate overshoots by less than a fifth: of the part of the step that the
-    // limit leaves to it, limit * rated / kp, no more than that may be seen.
+    // The same PI overshoots by less than a fifth on a step without saturation. Here the overshoot must be less than a
+    // fifth of the remaining step at the end of the saturation, limit * rated / kp.
     const double linear_rpm =
         static_cast<double>(
             limit / (axis.gains.velocity_kp * axis.motor.torque_constant_nm_per_a / axis.motor.rated_torque_nm)) *
@@ -188,7 +188,7 @@ TEST(VelocityLoop, NoWindUpAtTheTorqueLimit) {
   }
 }
 
-// Held by a load above the limit, then let go: the integral has not gone anywhere meanwhile.
+// A load above the limit holds the axis and then releases it: the integral must not have changed.
 TEST(VelocityLoop, NoWindUpWhileStalled) {
   Axis axis(frictionless(131072));
   axis.demand.loop = Loop::velocity;
@@ -204,12 +204,12 @@ TEST(VelocityLoop, NoWindUpWhileStalled) {
     axis.tick();
     largest_rpm = std::max(largest_rpm, axis.plant.velocity_rpm());
   }
-  // What the limit itself had stored: seven tenths of the rated torque, taken back with the integral's time constant.
+  // The integral that the limit stored: seven tenths of the rated torque, reduced with the integral's time constant.
   EXPECT_LT(largest_rpm, 300.0);
   EXPECT_NEAR(axis.plant.velocity_rpm(), 0.0, 0.5);
 }
 
-// A lowered limit takes the integral along: no torque from before comes back when it is raised again.
+// A lowered limit also reduces the integral: the earlier torque does not return when the limit is raised again.
 TEST(VelocityLoop, HoldsALoadAndYieldsToALoweredLimit) {
   plant::Parameters parameters = frictionless(131072);
   parameters.load.gravity_torque_nm = 0.5;
@@ -217,7 +217,7 @@ TEST(VelocityLoop, HoldsALoadAndYieldsToALoweredLimit) {
   axis.demand.loop = Loop::velocity;
   axis.run_seconds(1.0);
   EXPECT_NEAR(axis.plant.torque_nm(), 0.5, 0.01);
-  // It hunts about an edge of the encoder: a count in a period of the velocity loop is 3.7 rpm.
+  // The axis oscillates about an edge of the encoder: one count in a period of the velocity loop is 3.7 rpm.
   EXPECT_NEAR(axis.plant.velocity_rpm(), 0.0, 0.4);
   axis.demand.torque_limit_positive = 0.2F;
   axis.run_seconds(0.05);
@@ -257,7 +257,7 @@ TEST(VelocityLoop, ReferenceIsClippedAndStandstillIsExactlyZero) {
   EXPECT_EQ(axis.cascade.state().torque_reference, torque);
 }
 
-// A turning axis is enabled without a jolt: velocity and back-EMF are known at once.
+// A turning axis is enabled without a jump of torque: velocity and back-EMF are known immediately.
 TEST(VelocityLoop, EnablesOnATurningAxis) {
   Axis axis(frictionless(131072));
   axis.demand.loop = Loop::velocity;
@@ -278,7 +278,7 @@ TEST(VelocityLoop, EnablesOnATurningAxis) {
   EXPECT_NEAR(axis.plant.velocity_rpm(), 1500.0, 2.0);
 }
 
-// Without power and motion nothing is worked out any more; the first count is measured as at any other time.
+// Without power and motion the drive skips the calculation; the first count is measured as usual.
 TEST(VelocityLoop, WithoutPowerIsMeasuredFromTheFirstCountAfterALongRest) {
   for (const int odd : {0, 1}) {
     Axis axis(frictionless(1 << 17));
@@ -306,7 +306,7 @@ TEST(VelocityLoop, WithoutPowerIsMeasuredFromTheFirstCountAfterALongRest) {
   }
 }
 
-// So is the way back from a rest to the count at which it stood when the drive began.
+// The same applies to the motion back to the count at which the axis stood when the drive started.
 TEST(VelocityLoop, WithoutPowerIsMeasuredBackToWhereItBegan) {
   Axis axis(frictionless(1 << 17));
   axis.cascade.disable();
@@ -328,8 +328,8 @@ TEST(VelocityLoop, WithoutPowerIsMeasuredBackToWhereItBegan) {
   EXPECT_LT(stands_for(began, 16), 0.0F);
 }
 
-// A load of 150 rotors swings about the demand, as the gains are those of the rotor alone. Where it turns, the integral
-// balances the proportional part.
+// A load of 150 rotor inertias oscillates about the demand, because the gains are for the rotor alone. At the reversal
+// the integral balances the proportional part.
 TEST(VelocityLoop, ANewBeginningDropsTheIntegralThatBalancedASwing) {
   plant::Parameters parameters = frictionless(1 << 17);
   Axis axis(parameters);
@@ -356,8 +356,8 @@ TEST(VelocityLoop, ANewBeginningDropsTheIntegralThatBalancedASwing) {
   EXPECT_LT(std::abs(changed_rpm(true)), 0.4 * changed_rpm(false));
 }
 
-// What holds a weight is the load's part, also while a jump of the demand saturates the torque. A weight that is not
-// held makes a difference of 130 rpm.
+// The torque that holds a weight is the load's share, also while a jump of the demand saturates the torque. Without it
+// the speed differs by 130 rpm.
 TEST(VelocityLoop, ANewBeginningKeepsTheTorqueThatHoldsAWeight) {
   plant::Parameters parameters = frictionless(1 << 17);
   parameters.load.gravity_torque_nm = 0.5 * parameters.motor.rated_torque_nm;
@@ -381,7 +381,7 @@ TEST(VelocityLoop, ANewBeginningKeepsTheTorqueThatHoldsAWeight) {
   }
 }
 
-// 0 switches the filter of the command off, and nothing else does: the lowest corner filters most.
+// Only the value 0 switches the filter of the command off: the lowest corner frequency filters most.
 TEST(VelocityLoop, ACommandFilterMayBeAsSlowAsItLikes) {
   Axis axis(frictionless(1 << 17));
   axis.gains.velocity_command_filter_hz = 0.5F;
@@ -395,7 +395,7 @@ TEST(VelocityLoop, ACommandFilterMayBeAsSlowAsItLikes) {
   EXPECT_NEAR(axis.plant.velocity_rpm(), expected, 3.0);
 }
 
-// It rested with its loops off; what the current of a torque showed is forgotten when that has gone.
+// The axis rested with its loops off; the estimate from a torque's current is cleared when that current has ended.
 TEST(VelocityLoop, ATorqueBetweenTwoRestsIsNotShownForEver) {
   Axis axis(frictionless(1 << 17));
   axis.demand.loop = Loop::off;

@@ -9,7 +9,7 @@ namespace servodrome::drive {
 namespace moving_average_test {
 namespace {
 
-// Against the sum over a queue, whatever the signal does and however far it runs.
+// Compared with the sum over a queue, for any signal and any length.
 TEST(MovingAverage, IsTheMeanOfTheLastValues) {
   for (const std::size_t length :
        {std::size_t{1}, std::size_t{2}, std::size_t{7}, std::size_t{255}, MovingAverage::longest}) {

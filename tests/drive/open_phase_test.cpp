@@ -2,7 +2,7 @@
 
 #include <gtest/gtest.h>
 
-// What is taken for a cut wire, and what is just not, sample by sample.
+// Which signals count as a cut wire and which just do not, sample by sample.
 namespace servodrome::drive {
 namespace open_phase_test {
 namespace {
@@ -12,7 +12,7 @@ struct Looks : testing::Test {
   void look(int count = 1) {
     for (int i = 0; i < count; ++i) watch.look(sample);
   }
-  // Turns by a sixteenth of the electrical turn at a time; with which of them the phase is open, 0: with none.
+  // Turns in steps of a sixteenth of an electrical turn; returns the step at which the phase counts as open, 0: none.
   int opens_after(int sixteenths) {
     for (int i = 1; i <= sixteenths; ++i) {
       sample.angle += Phase{1} << 28;
@@ -21,7 +21,7 @@ struct Looks : testing::Test {
     }
     return 0;
   }
-  // With which look at an axis that stands.
+  // Returns the number of checks after which a standing axis has an open phase.
   int stands_until_open(int most = 100) {
     for (int i = 1; i <= most; ++i) {
       look();
@@ -57,7 +57,7 @@ TEST_F(Looks, EachPhaseIsWatched) {
     sample.current_a[open] = 0.0F;
     EXPECT_EQ(opens_after(16), 6) << open;
   }
-  // A motor of two windings has no third.
+  // A motor with two windings has no third phase.
   motor.phases = 2;
   watch.configure(motor);
   watch.reset();
@@ -86,7 +86,7 @@ TEST_F(Looks, OneLookWithCurrentBeginsAnew) {
   EXPECT_EQ(opens_after(16), 6);
 }
 
-// 0.5 % of the rated current: less tells nothing.
+// 0.5 % of the rated current: less current gives no information.
 TEST_F(Looks, LittleCurrentTellsNothing) {
   sample.current_a = {0.0199F, -0.0199F, 0.0F};
   EXPECT_EQ(opens_after(64), 0);
@@ -95,7 +95,7 @@ TEST_F(Looks, LittleCurrentTellsNothing) {
   EXPECT_EQ(opens_after(64), 6);
 }
 
-// Two thirds of what was passed must have been without.
+// Two thirds of the passed angle must be without current.
 TEST_F(Looks, WhereNoCurrentWasMeantCountsAsPassed) {
   for (const auto& [passed, needed] : {std::pair{3, 6}, {4, 8}}) {
     watch.reset();
@@ -107,7 +107,7 @@ TEST_F(Looks, WhereNoCurrentWasMeantCountsAsPassed) {
   }
 }
 
-// 25 looks; 4 (R + L / 50 ms) of the least current, a quarter of a turn's flux in 50 ms, 1 % of the DC link.
+// 25 checks; 4 (R + L / 50 ms) times the minimum current, a quarter of a turn's flux in 50 ms, 1 % of the DC link.
 TEST_F(Looks, AVoltageThatDrivesNoCurrent) {
   const float least = 4.0F * (0.5F + 2.5e-3F / 0.05F) * 0.02F + 0.3F / (1.5F * 5.0F) * 1.5707963F / 0.05F + 3.0F;
   sample.dc_link_v = 300.0F;
@@ -140,7 +140,7 @@ TEST_F(Looks, TheGreatestCurrentOfTheWindowCounts) {
   EXPECT_EQ(stands_until_open(), 25) << "the next window has none";
 }
 
-// A quarter of an electrical turn, to and fro, is standing; more begins another window.
+// Oscillation within a quarter of an electrical turn counts as standing; a larger motion begins another window.
 TEST_F(Looks, MotionBeginsAnotherWindow) {
   sample.voltage_v = {0.0F, 0.0F, 10.0F};
   for (const int sign : {1, -1}) {

@@ -6,7 +6,7 @@
 #include <utility>
 #include <vector>
 
-// The monitors: each threshold just inside and just outside, each time to the cycle.
+// The monitors: each threshold just inside and just outside, each time exact to the cycle.
 namespace servodrome::drive {
 namespace supervision_test {
 namespace {
@@ -27,12 +27,12 @@ struct Monitored : testing::Test {
   }
   void cycle() { supervision.cycle(axis, feedback, situation); }
   bool present(Cause cause) const { return supervision.present().test(cause); }
-  // Whether one cycle as everything is now has the cause.
+  // Returns true if one cycle with the present values raises the cause.
   bool shows(Cause cause) {
     cycle();
     return present(cause);
   }
-  // In which cycle from now on the cause comes; 0: in none.
+  // Returns in which of the next cycles the cause is raised; 0: in none.
   int comes_after(Cause cause, int most = 10000) {
     for (int i = 1; i <= most; ++i) {
       if (shows(cause)) return i;
@@ -198,7 +198,7 @@ TEST_F(Monitored, Temperatures) {
   EXPECT_TRUE(shows(Cause::ambient_cold));
 }
 
-// The rated current heats to 100 % and no further; what is shown ahead of it by its own share.
+// The rated current heats up to 100 % and no further; the displayed value leads by its own share.
 TEST_F(Monitored, Overload) {
   monitors.overload_near_percent = 50.0F;
   loops.current_d_a = 3.0F;
@@ -270,7 +270,7 @@ TEST_F(Monitored, OverSpeed) {
   keeps(0.0);
   EXPECT_FALSE(at(499.0));
   EXPECT_TRUE(at(501.0));
-  // One that is lowered in motion is watched once the shaft has kept a tenth below it.
+  // A lowered limit is monitored when the shaft has stayed a tenth below it.
   EXPECT_FALSE(at(450.0));
   monitors.over_speed_rpm = 300.0F;
   EXPECT_FALSE(at(450.0));
@@ -314,7 +314,7 @@ TEST_F(Monitored, FollowingError) {
   EXPECT_EQ(comes_after(Cause::following_error, 100), 0);
   monitors.window_of_zero = 100;
   EXPECT_EQ(comes_after(Cause::following_error, 100), 10 * cycles_per_ms);
-  // Only where a position is to be followed.
+  // Only if a position demand applies.
   situation.pressing = true;
   EXPECT_FALSE(shows(Cause::following_error));
   situation.pressing = false;
@@ -435,7 +435,7 @@ TEST_F(Monitored, PositionLimit) {
   EXPECT_TRUE(at(-1001, -10.0));
   EXPECT_FALSE(at(-1001, 0.0));
   EXPECT_FALSE(at(-1001, 10.0));
-  // In another loop the shaft decides.
+  // In other loops the position of the shaft applies.
   situation.loop = Loop::velocity;
   EXPECT_FALSE(at(2001, 10.0));
   axis.encoder_position = 2001;
@@ -488,7 +488,7 @@ TEST_F(Monitored, LimitSwitches) {
   EXPECT_FALSE(shows(Cause::positive_limit));
 }
 
-// Behind a closed brake: a hundredth of a turn, or ten counts where that is less.
+// With a closed brake: a hundredth of a turn, or ten counts if that is less.
 TEST_F(Monitored, SlippingBrake) {
   for (const auto& [counts_per_revolution, most] : {std::pair{6000U, 60}, {500U, 10}}) {
     for (const int sign : {1, -1}) {

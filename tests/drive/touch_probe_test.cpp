@@ -9,7 +9,7 @@ namespace servodrome::drive {
 namespace touch_probe_test {
 namespace {
 
-// As the ISMC manual has it (ch. 4.8.1): one probe, rising edge of the index only, status bit 6 mirrors the source.
+// As in the ISMC manual (ch. 4.8.1): one probe, only rising edges of the index, status bit 6 mirrors the source.
 constexpr TouchProbeCapability index_only{.probes = 1, .index_rising = true, .source_status = true};
 
 constexpr SignalEdge rise(Signal signal, Counts position) { return {signal, true, position}; }
@@ -77,7 +77,7 @@ TEST(TouchProbe, ProbesAreIndependent) {
   EXPECT_EQ(probe.position(3), 3);
   probe.on_edge(rise(Signal::probe_1, 4));
   EXPECT_EQ(probe.status(), 0x0503);
-  // Switching one off leaves the other.
+  // Switching one probe off does not change the other.
   probe.write_function(probe_2(on | falling));
   EXPECT_EQ(probe.status(), 0x0500);
   EXPECT_EQ(probe.position(0), 4) << "the value stays to be read";
@@ -97,7 +97,8 @@ TEST(TouchProbe, OtherSignalsAndProbesThatAreOffLatchNothing) {
   EXPECT_EQ(probe.status(), 0x0001);
 }
 
-// Rearming: bit 0 from 0 to 1, an edge bit from 0 to 1, a new mode or source; writing the same again does not.
+// A probe is armed again by bit 0 from 0 to 1, by an edge bit from 0 to 1, or by a new mode or source; writing the same
+// value again does not arm it.
 TEST(TouchProbe, Rearming) {
   TouchProbe probe{full_touch_probe};
   const auto latch = [&](Counts position) {
@@ -118,14 +119,14 @@ TEST(TouchProbe, Rearming) {
   EXPECT_EQ(probe.edge_counter(0), 0);
   EXPECT_EQ(latch(4), 4);
 
-  probe.write_function(probe_1(on));  // the edge switched off: nothing stored any more
+  probe.write_function(probe_1(on));  // the edge is switched off: it no longer has a stored position
   EXPECT_EQ(probe.status(), 0x0001);
   EXPECT_EQ(latch(5), 4);
   probe.write_function(probe_1(on | rising));
   EXPECT_EQ(latch(6), 6);
   EXPECT_EQ(probe.edge_counter(0), 2) << "counted since the probe was switched on";
 
-  // The other edge is not disturbed by a change of this one.
+  // A change of this edge does not affect the other edge.
   probe.write_function(probe_1(on | rising | falling));
   EXPECT_EQ(probe.status(), 0x0003);
   probe.on_edge(fall(Signal::probe_1, 7));
@@ -167,7 +168,7 @@ TEST(TouchProbe, Sources) {
   probe.write_source(0, 5);
   probe.write_source(1, 6);
   EXPECT_EQ(latches(Signal::index), (Both{true, true}));
-  probe.write_source(0, 3);  // a probe input that is not there
+  probe.write_source(0, 3);  // this probe input does not exist
   EXPECT_EQ(latches(Signal::index), (Both{false, true}));
   probe.write_function(both(rising | by_index | by_object));  // 11b is reserved
   for (const Signal signal : {Signal::probe_1, Signal::probe_2, Signal::index}) {
@@ -180,7 +181,7 @@ TEST(TouchProbe, ANewSourceArmsAProbeThatUsesIt) {
   probe.write_function(probe_1(on | by_object | rising));
   probe.on_edge(rise(Signal::probe_1, 1));
   EXPECT_EQ(probe.status(), 0x0003);
-  probe.write_source(0, 1);  // the same
+  probe.write_source(0, 1);  // the same value
   EXPECT_EQ(probe.status(), 0x0003);
   probe.write_source(0, 5);
   EXPECT_EQ(probe.status(), 0x0001);
@@ -206,7 +207,7 @@ TEST(TouchProbe, WhatAProductLacksIsAcceptedAndNeverLatches) {
   probe.on_edge(rise(Signal::index, 131072));
   EXPECT_EQ(probe.status(), 0x0043);
   EXPECT_EQ(probe.position(0), 131072);
-  // Ch. 4.8.1.2, 60B9h: bit 6 tells the source, also of a probe that is off.
+  // Ch. 4.8.1.2, 60B9h: bit 6 shows the source, also of a probe that is off.
   probe.write_function(probe_1(by_index));
   EXPECT_EQ(probe.status(), 0x0040);
   TouchProbe none{TouchProbeCapability{}};
@@ -261,7 +262,7 @@ TEST_F(IndexDeviation, BeyondTheThresholdIsReported) {
     probe.write_function(0);
     EXPECT_FALSE(probe.on_edge(rise(Signal::index, 3 * revolution + 5000)));
     probe.write_function(probe_1(on | continuous | by_index | rising));
-    EXPECT_FALSE(probe.on_edge(rise(Signal::index, 4 * revolution)));  // a first pulse again
+    EXPECT_FALSE(probe.on_edge(rise(Signal::index, 4 * revolution)));  // counts as the first pulse
   }
 }
 
@@ -273,14 +274,15 @@ TEST_F(IndexDeviation, NothingWithoutARevolution) {
   EXPECT_EQ(probe.status(), 0x0041);
 }
 
-// Random writes and edges against the rules of the object, written down without state of their own but the history.
+// Random writes and edges, compared with the rules of the object, which are written here as a function of the history
+// only.
 TEST(TouchProbe, AgreesWithTheRulesOverRandomHistories) {
   std::mt19937 random{1};
   const auto below = [&](unsigned bound) { return static_cast<unsigned>(random()) % bound; };
   for (int history = 0; history < 200; ++history) {
     TouchProbe probe{full_touch_probe};
     unsigned function = 0;
-    // Per edge of probe 1: positions since armed.
+    // Per edge of probe 1: the positions since it was armed.
     std::vector<Counts> taken[2];
     for (int step = 0; step < 200; ++step) {
       if (below(4) == 0) {

@@ -1,5 +1,5 @@
-// Plans from where another plan happened to be: the state a drive is in when a new set-point arrives. Each is examined
-// for soundness and compared with a brute-force optimum that shares no code or formula with the planner.
+// Plans that start on another plan: the state of a drive when a new set-point arrives. Each plan is checked for
+// validity and compared with a brute-force optimum that shares no code or formula with the planner.
 
 #include <algorithm>
 #include <cmath>
@@ -29,7 +29,7 @@ struct Travel {
   Travel mirrored() const { return {time, -distance}; }
 };
 
-/// The highest parameter in [low, high] whose motion does not go beyond `way`.
+/// The highest parameter in [low, high] whose motion does not exceed `way`.
 template <class Motion>
 Real bisect(Real low, Real high, Real way, Motion motion) {
   for (int i = 0; i < 60; ++i) {
@@ -39,7 +39,7 @@ Real bisect(Real low, Real high, Real way, Motion motion) {
   return low;
 }
 
-/// --- Second order: the velocity changes at the limits. ---
+/// --- Second order: the velocity changes with the maximum acceleration and deceleration. ---
 
 Travel linear_ramp(Real from, Real to, const MotionLimits& l) {
   if (from * to < 0) return linear_ramp(from, 0, l) + linear_ramp(0, to, l);
@@ -48,8 +48,8 @@ Travel linear_ramp(Real from, Real to, const MotionLimits& l) {
   return {time, time * (from + to) / 2};
 }
 
-/// The optimum goes to some velocity, keeps it if it is the limit, and goes to 0; the distance rises with that
-/// velocity.
+/// The optimum changes to some velocity, keeps it if it is the limit, and then changes to 0; the distance increases
+/// with that velocity.
 Real shortest_linear(Real velocity, Real way, const MotionLimits& l) {
   const auto over = [&](Real peak) { return linear_ramp(velocity, peak, l) + linear_ramp(peak, 0, l); };
   const Real limit = l.velocity;
@@ -75,7 +75,7 @@ Travel arc(State& s, Real jerk, Real time) {
   return travel;
 }
 
-/// To a velocity above the settling velocity, by bisection over the highest acceleration.
+/// Changes to a velocity above the settling velocity, by bisection over the highest acceleration.
 Travel ramp_up(State s, Real to, Real cap, Real jerk) {
   const auto with_peak = [&](Real peak, State& at, Real hold) {
     Travel travel = arc(at, peak >= at.acceleration ? jerk : -jerk, std::abs(peak - at.acceleration) / jerk);
@@ -90,7 +90,7 @@ Travel ramp_up(State s, Real to, Real cap, Real jerk) {
     State end = s;
     return with_peak(high, end, (to - at_cap.velocity) / high);
   }
-  // Two arcs from 0 to a and back gain a^2/j: enough even if the whole difference were to be gained so.
+  // Two arcs from 0 to a and back give a^2/j: this is enough even for the whole difference.
   high = std::min(high, low + std::sqrt(std::max<Real>(to - s.velocity, 0) * jerk) + std::abs(s.acceleration));
   for (int i = 0; i < 50; ++i) {
     const Real middle = (low + high) / 2;
@@ -102,7 +102,7 @@ Travel ramp_up(State s, Real to, Real cap, Real jerk) {
   return with_peak(low, end, 0);
 }
 
-/// To any velocity, all in one direction of motion or with equal limits.
+/// Changes to any velocity, in one direction of motion or with equal limits.
 Travel ramp(State s, Real to, const MotionLimits& l) {
   const Real jerk = l.jerk;
   const Real settled = s.velocity + s.acceleration * std::abs(s.acceleration) / (2 * jerk);
@@ -110,9 +110,9 @@ Travel ramp(State s, Real to, const MotionLimits& l) {
   return ramp_up({-s.velocity, -s.acceleration}, -to, l.deceleration, jerk).mirrored();
 }
 
-/// The optimum for a start within the limits, with equal limits or (`way` ahead, moving towards it) in one direction.
-/// Either climb to a velocity and come down from it; or, if the axis brakes already, brake less for a while and then
-/// fully.
+/// The optimum for a start within the limits, with equal limits or (with `way` ahead of the axis, which moves towards
+/// it) in one direction. The axis increases its velocity and reduces it again; or, if it already brakes, it brakes less
+/// for some time and then fully.
 Real shortest_third(State s, Real way, const MotionLimits& l) {
   const Travel stop = ramp(s, 0, l);
   if (way < stop.distance) return shortest_third({-s.velocity, -s.acceleration}, -way, l);
@@ -133,13 +133,13 @@ Real shortest_third(State s, Real way, const MotionLimits& l) {
   return braking_less(bisect(s.acceleration, 0, way, braking_less)).time;
 }
 
-/// --- The runs. ---
+/// --- Test runs. ---
 
 struct Tally {
   Deviation worst;
   double end_error = 0.0;  ///< Of at(duration) against target and end velocity, relative to the distance or limit.
   double slower = 0.0;     ///< Than the reference, relative.
-  double faster = 0.0;     ///< Than the reference: a fault of one of them.
+  double faster = 0.0;     // Faster than the reference, relative: one of the two is wrong.
   int compared = 0;
   int strict = 0;
 
@@ -174,7 +174,7 @@ struct Tally {
   }
 };
 
-/// How the limits are drawn.
+/// How the limits are drawn at random.
 enum class Symmetry { equal, separate };
 
 MotionLimits draw_limits(Random& random, Symmetry symmetry) {
@@ -189,8 +189,8 @@ MotionLimits draw_limits(Random& random, Symmetry symmetry) {
 constexpr int plans = servodrome::test::draws(100'000);
 constexpr double travel_range = 8589934592.0;  // 2^33 counts
 
-/// A chain of plans, each from a random moment of the one before; `examined(start, target, limits, trajectory)` sees
-/// each.
+/// A chain of plans, each of which starts at a random time of the previous one; calls `examined(start, target, limits,
+/// trajectory)` for each.
 template <class Examined>
 void run_chain(unsigned seed, RampShape shape, Symmetry symmetry, double with_end_velocity, Examined examined) {
   Random random{seed};
@@ -277,7 +277,7 @@ TEST(JerkLimitedReplan, SoundWithSeparateLimitsAndOptimalInOneDirection) {
   EXPECT_GT(tally.compared, plans / 10);
 }
 
-/// With a reversal the optimum for separate limits is not known; it lies between those for equal limits.
+/// With a reversal the optimum for separate limits is not known; it is between those for equal limits.
 TEST(JerkLimitedReplan, SeparateLimitsLieBetweenEqualOnes) {
   Random random{4};
   int reversals = 0;
@@ -320,7 +320,7 @@ TEST(AllShapesReplan, SoundWithEndVelocities) {
   }
 }
 
-/// Also from starts far outside the limits, where a drive is after its limits were lowered.
+/// Also with starts far outside the limits, as in a drive whose limits were lowered.
 TEST(JerkLimitedReplan, SoundFromAnyState) {
   Random random{8};
   Tally tally;
@@ -367,7 +367,7 @@ TEST(AllShapesReplan, VelocityModeIsSound) {
   }
 }
 
-/// Every magnitude a drive may be given, in any combination.
+/// Values of every magnitude that a drive can receive, in any combination.
 TEST(AllShapesReplan, SoundInEveryMagnitude) {
   for (const RampShape shape : {RampShape::linear, RampShape::sin2, RampShape::jerk_free, RampShape::jerk_limited}) {
     Random random{7};

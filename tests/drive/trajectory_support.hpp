@@ -8,7 +8,7 @@
 
 #include "drive/trajectory/trajectory.hpp"
 
-/// What every trajectory must be, whatever it was planned for: checked on its pieces with formulas of the test's own.
+/// Properties that every trajectory must have. The checks calculate each piece with their own formulas.
 namespace servodrome::drive::trajectory_checks {
 
 class Random {
@@ -26,12 +26,12 @@ class Random {
   std::mt19937_64 engine_;
 };
 
-/// Signed velocity reached if the acceleration is ended at once.
+/// Signed velocity that is reached if the acceleration is reduced to 0 from now on.
 inline double settling_velocity(const MotionState& s, double jerk) {
   return s.velocity + s.acceleration * std::abs(s.acceleration) / (2.0 * jerk);
 }
 
-/// Whether the limits can be kept from this start on.
+/// True if the limits can be kept from this start on.
 inline bool viable(const MotionState& s, const MotionLimits& l, RampShape shape) {
   if (std::abs(s.velocity) > l.velocity) return false;
   if (shape != RampShape::jerk_limited) return true;
@@ -77,8 +77,8 @@ inline Deviation examine(const Trajectory& trajectory, const MotionState& start,
     steepest = std::max(steepest, std::abs(list.segments[i].acceleration));
   }
   const auto relative = [](double x, double scale) { return x == 0.0 ? 0.0 : std::abs(x) / scale; };
-  // Positions far from 0 are no finer than this; and no distance is better known than the last bit of the velocity
-  // allows, which times the way to stand still from it matters for a deceleration of a count/s^2 at 10^8 counts/s.
+  // Positions far from 0 have this resolution. The distance is also limited by the last bit of the velocity, multiplied
+  // by the stopping time, which matters for a deceleration of a count/s^2 at 10^8 counts/s.
   const double grain = 1e-15 * std::max(std::abs(start.position), std::abs(end.position)) +
                        1e-15 * fastest *
                            (fastest / std::min(limits.acceleration, limits.deceleration) +
@@ -115,10 +115,11 @@ inline Deviation examine(const Trajectory& trajectory, const MotionState& start,
     for (int k = 0; k <= 8; ++k) {
       const MotionState now = trajectory.at(s.begin_s + s.duration_s * k / 8.0);
       worst.over_velocity = std::max(worst.over_velocity, std::abs(now.velocity) / velocity_limit - 1.0);
-      if (std::abs(now.velocity) < 1e-9 * fastest) continue;  // the sign, and so the limit, is a matter of rounding
+      if (std::abs(now.velocity) < 1e-9 * fastest) continue;  // the sign, and therefore the limit, depends on rounding
       double limit = now.acceleration * now.velocity > 0.0 ? limits.acceleration : limits.deceleration;
       if (third && !strict) limit = std::max({limits.acceleration, limits.deceleration, std::abs(start.acceleration)});
-      // At the end of a piece at() already answers with the next one, of rounding only for a continuous acceleration.
+      // At the end of a piece at() already returns values of the next piece; for a continuous acceleration they differ
+      // only by rounding.
       if (!third && k == 8) continue;
       worst.over_acceleration = std::max(worst.over_acceleration, std::abs(now.acceleration) / limit - 1.0);
     }

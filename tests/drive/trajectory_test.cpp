@@ -53,7 +53,7 @@ TEST(LinearTrajectory, VelocityStep) {
 TEST(LinearTrajectory, AccelerationAndDecelerationAreSeparate) {
   const MotionLimits limits{1000.0, 2000.0, 500.0, 1.0};
   Trajectory t;
-  // 1000^2/2/2000 = 250 up, 1000^2/2/500 = 1000 down, 750 between.
+  // 1000^2/2/2000 = 250 for the acceleration, 1000^2/2/500 = 1000 for the deceleration, 750 in between.
   t.plan_position(rest, -2000.0, 0.0, limits, RampShape::linear);
   EXPECT_NEAR(t.duration_s(), 0.5 + 0.75 + 2.0, 1e-12);
   EXPECT_EQ(t.at(0.25).acceleration, -2000.0);
@@ -98,7 +98,7 @@ TEST(LinearTrajectory, EndVelocityIsKeptInTheDirectionOfTheApproach) {
     EXPECT_EQ(t.at(t.duration_s()).velocity, std::copysign(300000.0, target));
     EXPECT_NEAR(t.at(t.duration_s() + 1.0).position, target + std::copysign(300000.0, target), 1e-6);
   }
-  // The sign of the end velocity says nothing.
+  // The sign of the end velocity has no effect.
   t.plan_position(rest, 2000000.0, -300000.0, servo, RampShape::linear);
   EXPECT_EQ(t.at(t.duration_s()).velocity, 300000.0);
 }
@@ -161,7 +161,7 @@ TEST(AllShapes, StatesAreConsistent) {
 }
 
 TEST(JerkLimitedTrajectory, RestToRestShort) {
-  // Neither limit reached: four arcs of the cube root of d / 2 j.
+  // Neither limit is reached: four arcs, each of the cube root of d / 2 j.
   const MotionLimits limits{1e6, 1e7, 1e7, 1e8};
   Trajectory t;
   t.plan_position(rest, 1000.0, 0.0, limits, RampShape::jerk_limited);
@@ -205,11 +205,11 @@ TEST(JerkLimitedTrajectory, VelocityThroughZeroChangesLimit) {
     Trajectory t;
     t.plan_velocity(start, 2e5, limits, RampShape::jerk_limited);
     expect_sound(t, start, limits, RampShape::jerk_limited);
-    // 4e5 of change: faster than with the lower limit throughout, slower than with the higher.
+    // A change of 4e5: faster than with the lower limit only, slower than with the higher limit only.
     EXPECT_LT(t.duration_s(), 0.8 + 0.005);
     EXPECT_GT(t.duration_s(), 0.4 + 0.01);
-    // Arcs of a1/j at the start and a2/j at the end, 5e5/j between; holds for what is left on either side of zero:
-    // (2e5 - a^2/2j [- |a1^2 - a2^2|/2j on the side of the higher limit]) / a.
+    // Arcs of a1/j at the start and a2/j at the end, 5e5/j in between; constant acceleration for the rest on either
+    // side of zero: (2e5 - a^2/2j [- |a1^2 - a2^2|/2j on the side of the higher limit]) / a.
     const double high = 2e5 - 1e12 / 2e8 - 0.75e12 / 2e8;
     const double low = 2e5 - 0.25e12 / 2e8;
     EXPECT_NEAR(t.duration_s(), 0.01 + 0.005 + 0.005 + high / 1e6 + low / 5e5, 1e-12);

@@ -2,7 +2,8 @@
 
 #include "drive/tuning/inertia_identification.hpp"
 
-// What an identification takes on, and where it gives up, cycle by cycle, on an axis that is put where it is wanted.
+// The conditions under which an identification starts and gives up, cycle by cycle. The test sets the axis to any
+// position.
 namespace servodrome::drive {
 namespace tuning_inertia_test {
 namespace {
@@ -20,7 +21,7 @@ struct Identified : testing::Test {
     identification = {};
     return identification.begin(axis, request);
   }
-  // One cycle with the shaft there.
+  // Runs one cycle with the shaft at this position.
   Outcome at(Counts position, float velocity) {
     axis.encoder_position = position;
     loops.velocity_counts_per_s = velocity;
@@ -93,7 +94,7 @@ TEST_F(Identified, LimitSwitchesEndIt) {
   }
 }
 
-// 0.4 rated torques per second, beyond what holds the axis, up to the limit.
+// 0.4 rated torques per second, in addition to the holding torque, up to the limit.
 TEST_F(Identified, TheTorqueRisesUntilTheAxisMoves) {
   loops.torque_reference = 0.2F;
   Request request = usual;
@@ -107,7 +108,7 @@ TEST_F(Identified, TheTorqueRisesUntilTheAxisMoves) {
     EXPECT_NEAR(axis.demand.torque, 0.2F + 0.2e-3F * static_cast<float>(i), 0.5e-3F);
   }
   EXPECT_EQ(axis.demand.loop, Loop::torque);
-  // Once it moved by more than eight counts, the limit is no end any more.
+  // After a motion of more than eight counts, the torque limit no longer ends the identification.
   at(9, 0.0F);
   for (int i = 0; i < 1000; ++i) EXPECT_EQ(at(9, 0.0F), Outcome::running);
   EXPECT_NEAR(axis.demand.torque, 0.7F, 1e-4F);
@@ -126,7 +127,8 @@ TEST_F(Identified, GivesUpAfterItsTime) {
   EXPECT_EQ(identification.outcome(), Outcome::not_converged);
 }
 
-// A swing ends at its speed, or at 35 % of the travel as long as it goes on that way; then the torque turns round.
+// A swing ends at its target speed, or at 35 % of the travel if it still continues in that direction; then the torque
+// is reversed.
 TEST_F(Identified, SwingsEndAtTheirSpeedOrPlace) {
   struct Row {
     Counts position;
@@ -162,14 +164,14 @@ TEST_F(Identified, SwingsEndAtTheirSpeedOrPlace) {
   }
 }
 
-// The torque goes from one side to the other within 5 ms, by even steps.
+// The torque changes from one side to the other within 5 ms, in equal steps.
 TEST_F(Identified, AReversalTakesItsTime) {
   axis.encoder_position = 0;
   ASSERT_TRUE(begin(usual));
   for (int i = 0; i < 500; ++i) at(0, 0.0F);
   const float amplitude = axis.demand.torque;
   EXPECT_NEAR(amplitude, 0.1F, 1e-3F);
-  at(9, 10000.0F);  // loose, and at its speed at once: 1.5 times what moved it is the least
+  at(9, 10000.0F);  // moves, and immediately has its speed: the minimum torque is 1.5 times the breakaway
   const float step = 0.2F * 1.5F * amplitude;
   EXPECT_NEAR(axis.demand.torque, amplitude - step, 1e-3F);
   int cycles = 1;

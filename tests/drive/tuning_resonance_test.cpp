@@ -8,7 +8,7 @@
 #include "drive/tuning/resonance_analysis.hpp"
 #include "loops_support.hpp"
 
-// Resonances of an elastic axis, found under control and taken out by notches.
+// Resonances of an elastic axis: the drive finds them in closed loop and suppresses them with notches.
 namespace servodrome::drive::test {
 namespace tuning_resonance_test {
 namespace {
@@ -37,7 +37,7 @@ TEST(Fft, IsTheTransformAndMayBeSpread) {
   }
 }
 
-// What an axis answers to a torque: a rigid one, and resonances above it, each with a share of the acceleration.
+// Model of the axis: a rigid body, and resonances above it, each with a share of the acceleration.
 class Resonators {
  public:
   struct Mode {
@@ -46,11 +46,11 @@ class Resonators {
   };
   explicit Resonators(std::vector<Mode> modes) : modes_(std::move(modes)), states_(modes_.size() + 1) {}
 
-  // A period of 125 us with this torque; the encoder then.
+  // Advances a period of 125 us with this torque; returns the encoder's position.
   Counts step(double torque) {
     constexpr int substeps = 16;
     constexpr double dt = 125e-6 / substeps;
-    constexpr double counts = 1.0e9;  // for a unit of position
+    constexpr double counts = 1.0e9;  // per unit of position
     double position = 0.0;
     for (int k = 0; k < substeps; ++k) {
       states_.back().speed += dt * torque;
@@ -75,7 +75,8 @@ class Resonators {
   std::vector<State> states_;
 };
 
-// There is room for two: of more the highest are kept, whichever comes first in frequency, and none is kept twice.
+// There are two notches: of more resonances the strongest two are kept, whatever their order in frequency, and none
+// twice.
 TEST(Resonances, OfMoreThanThereIsRoomForTheHighest) {
   using Mode = Resonators::Mode;
   const auto analysis = std::make_unique<ResonanceAnalysis>();
@@ -107,7 +108,7 @@ TEST(Resonances, OfMoreThanThereIsRoomForTheHighest) {
 
 constexpr double rotor_kgm2 = 0.31e-4;
 
-// Two masses on a spring: the rotor sees the resonance sqrt(c (1/J1 + 1/J2)) and, below it, the antiresonance.
+// Two masses on a spring: the rotor has the resonance sqrt(c (1/J1 + 1/J2)) and, below it, the antiresonance.
 plant::Parameters elastic_axis(double resonance_hz, double load_ratio, double damping = 0.01) {
   plant::Parameters parameters = frictionless(65536);
   parameters.motor.rated_torque_nm = 1.27;
@@ -134,7 +135,7 @@ plant::Parameters elastic_axis(double resonance_hz, double load_ratio, double da
 constexpr Rates slow_rates{4, 16};
 constexpr float velocity_period = 250.0e-6F;
 
-// The axis held in the position loop, with a velocity loop of this crossover for the whole inertia.
+// The axis is held in position control, with a velocity loop of this crossover for the whole inertia.
 struct ElasticAxis : Axis {
   ElasticAxis(const plant::Parameters& parameters, double bandwidth_hz) : Axis(parameters, slow_rates) {
     gains.velocity_kp = static_cast<float>(2.0 * pi * bandwidth_hz *
@@ -165,7 +166,7 @@ struct ElasticAxis : Axis {
     configure();
     return analysis;
   }
-  // RMS of the current about its mean, some time after a knock.
+  // RMS of the current about its mean, some time after a torque pulse.
   double oscillation_a(double seconds = 0.5) {
     plant.set_external_torque_nm(0.2);
     run_seconds(0.002);
@@ -205,7 +206,7 @@ TEST(Resonance, FoundWithinThreePercentWhateverTheLoopIsTunedTo) {
   }
 }
 
-// Loops whose gain is too high for the spring: they ring by themselves until the notch is set where it was found.
+// Loops with a gain that is too high for the spring: they oscillate until the notch is set to the measured frequency.
 TEST(Resonance, NotchTakesTheOscillationOut) {
   struct Case {
     double hz, load_ratio, bandwidth_hz;
@@ -248,7 +249,7 @@ TEST(Resonance, OfARigidAxisThereIsNone) {
   EXPECT_EQ(axis.analyse().count(), 0U);
 }
 
-// Where nothing answers at all there is no noise either to be above of: no line is believed.
+// Without any response there is no noise level to compare with, so no peak is accepted.
 TEST(Resonance, OfAnAxisThatDoesNotMoveThereIsNone) {
   ResonanceAnalysis analysis;
   analysis.begin({});
@@ -259,7 +260,7 @@ TEST(Resonance, OfAnAxisThatDoesNotMoveThereIsNone) {
   EXPECT_EQ(analysis.count(), 0U);
 }
 
-// A mechanism with three masses has two resonances; here as two modes in parallel with the rigid body.
+// A mechanism with three masses has two resonances; here two modes in parallel with the rigid body.
 TEST(Resonance, TwoAreTheMost) {
   constexpr double sample_s = 125.0e-6;
   constexpr std::array modes_hz{180.0, 620.0};

@@ -7,8 +7,8 @@
 namespace servodrome::drive::test {
 
 // Crossover and phase margin of the velocity loop, opened at the measured velocity: a sine is added to the demand, and
-// what the loop makes of it is compared with what was added. Searches between the two frequencies; a crossover of 0
-// means that there is none.
+// the loop's response is compared with it. Searches between the two frequencies; a crossover of 0 means that there is
+// none.
 struct Margin {
   double crossover_hz = 0.0;
   double degrees = 0.0;

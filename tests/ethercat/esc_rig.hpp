@@ -9,7 +9,7 @@
 #include "ethercat/frame/frame_writer.hpp"
 #include "ethercat/segment.hpp"
 
-// Controllers in line and a master that sends one datagram at a time, in virtual time.
+// Slave controllers in line, and a master that sends one datagram at a time, in virtual time.
 namespace servodrome::ethercat::test {
 
 using namespace std::chrono_literals;
@@ -31,7 +31,7 @@ Bytes bytes_of(T value) {
   return bytes;
 }
 
-// The shortest slave information: the configuration area with its checksum.
+// The shortest possible slave information: the configuration area with its checksum.
 inline std::vector<std::uint8_t> plain_sii() {
   std::vector<std::uint8_t> image(64, 0);
   image[0] = 0x08;  // PDI: 16-bit processor
@@ -80,7 +80,7 @@ class Line {
     return answer;
   }
 
-  // To and from the slave at `position`, which must answer.
+  // Reads and writes the slave at `position`, which must answer.
   Answer write(std::size_t position, std::uint16_t offset, const Bytes& data) {
     return send(Command::apwr, address_of(static_cast<std::uint16_t>(0U - position), offset), data);
   }

@@ -4,13 +4,13 @@
 
 #include "esc_rig.hpp"
 
-// Distributed clocks by ETG.1000.4 clause 6.7, seen from a master that starts them the usual way.
+// Distributed clocks by ETG.1000.4 clause 6.7, as a master sees that starts them in the usual way.
 namespace servodrome::ethercat::test {
 namespace ethercat_clock_test {
 namespace {
 
-// Delays from the latched receive times, offsets to the master's time, static drift compensation, then cycles: what
-// ETG.1020 and common masters do, for slaves in line.
+// Delays from the latched receive times, offsets to the master's time, static drift compensation, then cycles: the
+// start-up of ETG.1020 and of common masters, for slaves in line.
 class DcMaster {
  public:
   explicit DcMaster(Line& line) : line_(line) {}
@@ -31,12 +31,12 @@ class DcMaster {
       const auto back = line_.get<std::uint32_t>(i, reg::receive_time_port + 4);
       way[i] = i + 1 < count ? back - first : 0;
       local[i] = line_.get<std::uint64_t>(i, reg::receive_time_processing_unit);
-      line_.now += 50us;  // a master takes its time
+      line_.now += 50us;  // a master needs some time
     }
     std::uint32_t delay = 0;
     for (std::size_t i = 0; i < count; ++i) {
       if (i > 0) delay += (way[i - 1] - way[i]) / 2;
-      // The reference passed the latching frame `delay` earlier.
+      // The latching frame passed the reference clock `delay` earlier.
       line_.put<std::uint64_t>(i, reg::system_time_offset, epoch + local[0] - local[i] + delay);
       line_.put<std::uint32_t>(i, reg::system_time_delay, delay);
       line_.now += 50us;
@@ -85,7 +85,7 @@ TEST(Clock, CountsTheOscillator) {
 }
 
 TEST(Clock, AnchoringLosesNothing) {
-  // A clock that is asked and re-anchored a million times against one that is left alone.
+  // A clock that is read and re-anchored a million times, compared with one that is not.
   DistributedClock often, once;
   for (DistributedClock* clock : {&often, &once}) {
     clock->reset(Time{0});
@@ -114,7 +114,7 @@ TEST(Clock, WhenIsTheFirstNanosecond) {
   }
 }
 
-// A start time of a master's may be far ahead, on a clock that is fast or slow.
+// A master's start time may be far in the future, for a clock that is fast or slow.
 TEST(Clock, WhenFarAhead) {
   for (const std::int32_t error_ppb : {0, 100'000, -100'000, 200'000}) {
     DistributedClock clock;
@@ -129,20 +129,20 @@ TEST(Clock, WhenFarAhead) {
   }
 }
 
-// Bit 31 as the data sheet has it since its version 2.8, which calls what it said before a mistake.
+// Bit 31 as the data sheet defines it since version 2.8, which calls the previous definition an error.
 TEST(Clock, DifferenceRegisterIsSignAndAmount) {
   Line line(1);
   EXPECT_EQ(line.get<std::uint32_t>(0, reg::system_time_difference), 0U);
   line.put<std::uint8_t>(0, reg::system_time_filter, 0);
   const auto own = line.get<std::uint64_t>(0, reg::system_time);
   line.put<std::uint32_t>(0, reg::system_time, static_cast<std::uint32_t>(own) - 40);
-  EXPECT_EQ(line.get<std::uint32_t>(0, reg::system_time_difference), 0x80000028U);  // own clock ahead
+  EXPECT_EQ(line.get<std::uint32_t>(0, reg::system_time_difference), 0x80000028U);  // the own clock is ahead
   line.put<std::uint16_t>(0, reg::speed_counter_start, 0x1000);
   line.put<std::uint32_t>(0, reg::system_time, static_cast<std::uint32_t>(own) + 40);
   EXPECT_EQ(line.get<std::uint32_t>(0, reg::system_time_difference), 40U);
 }
 
-// 0930h takes 0080h to 3FFFh, and writing it starts the filter anew; of 0934h and 0935h depths up to 12 act.
+// 0930h accepts 0080h to 3FFFh, and writing it resets the filter; 0934h and 0935h accept depths up to 12.
 TEST(Clock, SpeedCounterStartHasItsLimits) {
   struct Row {
     unsigned written, start;
@@ -159,7 +159,7 @@ TEST(Clock, SpeedCounterStartHasItsLimits) {
   }
 }
 
-// The mean of 092Ch moves by 2^-depth of what is new: 4096 ns ahead show as 4096 / 2^depth after one comparison.
+// The mean in 092Ch moves by 2^-depth of a new value: 4096 ns ahead show as 4096 / 2^depth after one comparison.
 TEST(Clock, FilterDepthOfTheDifference) {
   for (unsigned depth = 0; depth < 16; ++depth) {
     DistributedClock clock;
@@ -168,12 +168,12 @@ TEST(Clock, FilterDepthOfTheDifference) {
     EXPECT_EQ(clock.difference(), 0U);
     clock.compare(static_cast<std::uint32_t>(clock.system_time(1ms)) - 4096, 1ms);
     EXPECT_EQ(clock.difference(), 0x80000000U | 4096U >> std::min(depth, 12U)) << depth;
-    clock.set_filters(static_cast<std::uint8_t>(depth), 12);  // begins anew
+    clock.set_filters(static_cast<std::uint8_t>(depth), 12);  // starts again
     EXPECT_EQ(clock.difference(), 0x80000000U);
   }
 }
 
-// What the propagation took is no difference; 4096 ns behind are an amount without the sign.
+// The propagation delay does not count as a difference; 4096 ns behind show as an amount without the sign bit.
 TEST(Clock, ComparesWithTheDelay) {
   DistributedClock clock;
   clock.reset(Time{0});
@@ -186,19 +186,19 @@ TEST(Clock, ComparesWithTheDelay) {
   EXPECT_EQ(clock.difference(), 4096U);
 }
 
-// The phase is taken out of the local time at what the speed counter allows, in the other direction, and no further.
+// The local time is corrected by the phase difference, at the rate that the speed counter allows, and not beyond it.
 TEST(Clock, TakesTheDifferenceOutOfItsTime) {
   for (const int sign : {1, -1}) {
     DistributedClock clock;
     clock.reset(Time{0});
-    clock.set_filters(1, 12);  // all of the difference
+    clock.set_filters(1, 12);  // the full difference
     const std::uint64_t before = clock.local_time(1ms);
     clock.compare(static_cast<std::uint32_t>(before) - static_cast<std::uint32_t>(sign * 100), 1ms);
     EXPECT_EQ(clock.local_time(1ms), before) << "no step";
     const auto left = [&](Time at) {
       return static_cast<std::int64_t>(clock.local_time(at) - before) - (at - Time{1ms}).count();
     };
-    // 1 ns every 129 periods of 10 ns, and the other way one every 8067 of them: 0.763 ns in a microsecond.
+    // 1 ns every 129 periods of 10 ns, and in the other direction one every 8067 of them: 0.763 ns per microsecond.
     EXPECT_EQ(left(1ms + 100us), -sign * 76);
     EXPECT_EQ(left(1ms + 130us), -sign * 99);
     EXPECT_EQ(left(2ms), -sign * 100);
@@ -206,7 +206,7 @@ TEST(Clock, TakesTheDifferenceOutOfItsTime) {
   }
 }
 
-// A rate that is off goes into the compensation: 0932h, as the difference of the counter's periods, and bounded.
+// A wrong rate is compensated: 0932h shows the difference of the counter's periods, within its bounds.
 TEST(Clock, SpeedCounterDifferenceFollowsTheRate) {
   for (const int sign : {1, -1}) {
     DistributedClock clock;
@@ -217,7 +217,7 @@ TEST(Clock, SpeedCounterDifferenceFollowsTheRate) {
       const Time now = i * Time{100us};
       clock.compare(static_cast<std::uint32_t>(now.count()), now);
     }
-    // d / (5 (start + 2)^2) of 10 ppm: 839 of 1000h periods, the other way.
+    // d / (5 (start + 2)^2) of 10 ppm: 839 of 1000h periods, in the opposite direction.
     EXPECT_NEAR(clock.speed_counter_difference(), -sign * 806, 40);
     EXPECT_NEAR(static_cast<double>(static_cast<std::int64_t>(clock.local_time(2s) - 2'000'000'000U)), 0.0, 20.0);
     clock.set_speed_counter_start(0x1000, 2s);
@@ -264,7 +264,7 @@ TEST(DcStartup, EverySlaveWithin100nsOfTheReference) {
     RecordProperty(one.name, static_cast<int>(worst));
     std::printf("%-12s %zu slaves: at most %lld ns from the reference\n", one.name, one.slaves,
                 static_cast<long long>(worst));
-    // A slave sees its own difference.
+    // A slave shows its own difference.
     for (std::size_t i = 1; i < one.slaves; ++i) {
       EXPECT_LE(line.get<std::uint32_t>(i, reg::system_time_difference) & 0x7FFFFFFF, 20U) << one.name;
     }
@@ -285,7 +285,7 @@ TEST(DcStartup, Sync0OfAllSlavesAtTheSameTime) {
     line.put<std::uint32_t>(i, reg::sync0_cycle, 1'000'000);
     line.put<std::uint8_t>(i, reg::sync_activation, 3);
   }
-  // The times of the pulses outside, by pulse.
+  // The times of the pulses at the output, by pulse.
   std::map<std::uint64_t, std::vector<Time>> pulses;
   for (int cycle = 0; cycle < 300; ++cycle) {
     master.distribute();
@@ -301,7 +301,7 @@ TEST(DcStartup, Sync0OfAllSlavesAtTheSameTime) {
   ASSERT_GE(pulses.size(), 290U);
   Time widest{0};
   for (const auto& [system, times] : pulses) {
-    if (times.size() < slaves) continue;  // at the edge of the last cycle
+    if (times.size() < slaves) continue;  // at the end of the last cycle
     const auto [least, greatest] = std::minmax_element(times.begin(), times.end());
     widest = std::max(widest, *greatest - *least);
   }
@@ -317,10 +317,10 @@ TEST(DcStartup, WithoutTheCompensationTheyDriftApart) {
   master.cycle(100);
   EXPECT_LE(worst_difference(line), 100);
   const std::uint16_t correction = line.get<std::uint16_t>(1, reg::speed_counter_difference);
-  line.put<std::uint16_t>(1, reg::speed_counter_start, 0x1000);  // forgets the compensation
+  line.put<std::uint16_t>(1, reg::speed_counter_start, 0x1000);  // clears the compensation
   line.now += 10ms;
   EXPECT_NEAR(static_cast<double>(worst_difference(line)), 1000.0, 20.0);
-  // The slave ran 100 ppm fast: its counter's difference was negative, by the formula of 0932h.
+  // The slave was 100 ppm fast, so its counter's difference was negative, by the formula of 0932h.
   const double difference = static_cast<std::int16_t>(correction);
   EXPECT_NEAR(difference / (5.0 * (4096 + difference + 2) * (4096 - difference + 2)), -100e-6, 2e-6);
 }
@@ -365,7 +365,7 @@ TEST(FaultyClock, ComparisonsDoNotMoveAClockThatStands) {
   EXPECT_EQ(clock.speed_counter_difference(), 0);
   EXPECT_GT(clock.difference(), 500'000'000U);
   EXPECT_LT(clock.difference(), 0x80000000U);  // behind
-  // It regains the time afterwards, as fast as it can.
+  // It catches up afterwards, as fast as it can.
   clock.stop(false, 2s);
   EXPECT_GT(clock.local_time(3s), 1'000'000'000U + 1'000'000U);
 }
@@ -407,7 +407,7 @@ TEST(FaultyClock, ADriftBeyondTheLimitStays) {
   Line line(2, 400ns);
   DcMaster master(line);
   master.start();
-  line.escs[1]->set_oscillator(2'000'000, line.now);  // 2000 ppm; the filter makes up for 763
+  line.escs[1]->set_oscillator(2'000'000, line.now);  // 2000 ppm; the filter compensates only 763 ppm
   master.cycle(1000);
   const double ppm = (2000.0 - 763.0) / 1000.0;
   EXPECT_GT(worst_difference(line), static_cast<std::int64_t>(ppm * 100'000));
@@ -428,7 +428,7 @@ class SyncUnit : public testing::Test {
     line.put<std::uint8_t>(0, reg::sync_activation, activation);
   }
   std::uint64_t system() { return esc.clock().system_time(line.now); }
-  // System times of the pulses of the next `span`, polled at the deadlines.
+  // The system times of the pulses during `span`, polled at the deadlines.
   std::vector<std::pair<unsigned, std::uint64_t>> pulses(Time span) {
     std::vector<std::pair<unsigned, std::uint64_t>> all;
     const Time end = line.now + span;
@@ -456,7 +456,7 @@ TEST_F(SyncUnit, PulsesBeginAtTheStartTime) {
   const auto all = pulses(6ms);
   ASSERT_EQ(all.size(), 4U);
   for (std::size_t i = 0; i < 4; ++i) EXPECT_EQ(all[i], (std::pair{0U, start + i * 1'000'000}));
-  EXPECT_EQ(line.get<std::uint64_t>(0, reg::sync_start_time), start + 4'000'000);  // the next one
+  EXPECT_EQ(line.get<std::uint64_t>(0, reg::sync_start_time), start + 4'000'000);  // the time of the next pulse
   EXPECT_NE(esc.attention() & reg::al_event::sync0, 0U);
   line.put<std::uint8_t>(0, reg::sync_activation, 0);
   EXPECT_TRUE(pulses(10ms).empty());
@@ -485,7 +485,7 @@ TEST_F(SyncUnit, AStartTimeInThePastDoesNotStart) {
   activate(system() - 1000, 1'000'000, 0, 0x03);
   EXPECT_EQ(line.get<std::uint8_t>(0, reg::sync_activation_status) & 0x04, 0x04);
   EXPECT_TRUE(pulses(10ms).empty());
-  activate(system() - 1000, 1'000'000, 0, 0x23);  // unless it is checked
+  activate(system() - 1000, 1'000'000, 0, 0x23);  // unless bit 5 enables the check of the time
   EXPECT_EQ(pulses(3500us).size(), 4U);
 }
 
@@ -524,7 +524,7 @@ TEST_F(SyncUnit, APulseIsAsLongAsItsLength) {
   EXPECT_EQ(line.get<std::uint8_t>(0, reg::sync1_status), 0);
 }
 
-// SYNC1 that is as late as a whole cycle belongs to every second SYNC0.
+// A SYNC1 shift of a full cycle gives one SYNC1 for every second SYNC0.
 TEST_F(SyncUnit, Sync1OfAWholeCycle) {
   const std::uint64_t start = system() + 1'000'000;
   activate(start, 1'000'000, 1'000'000, 0x07);
@@ -548,7 +548,7 @@ TEST_F(SyncUnit, TheNearFuture) {
   EXPECT_TRUE(esc.clock().sync(0).pending);
 }
 
-// SYNC1 that is switched on while SYNC0 runs comes in the rhythm that it would have had.
+// SYNC1 that is enabled while SYNC0 runs has the times that it would have had from the start.
 TEST_F(SyncUnit, Sync1MayJoinLater) {
   const std::uint64_t start = system() + 1'000'000;
   activate(start, 1'000'000, 250'000, 0x03);
@@ -560,7 +560,7 @@ TEST_F(SyncUnit, Sync1MayJoinLater) {
   EXPECT_EQ(all[1], (std::pair{1U, start + 2'250'000}));
 }
 
-// SYNC1 that is switched off and on again goes on in its own rhythm.
+// SYNC1 that is disabled and enabled again keeps its times.
 TEST_F(SyncUnit, Sync1GoesOnInItsRhythm) {
   const std::uint64_t start = system() + 1'000'000;
   activate(start, 1'000'000, 250'000, 0x07);
@@ -617,11 +617,11 @@ TEST_F(SyncUnit, AJumpMovesThePulses) {
   EXPECT_EQ(esc.next_deadline(line.now), line.now + 1200us);
   esc.jump_clock(1s, line.now);
   EXPECT_EQ(esc.next_deadline(line.now), line.now);
-  EXPECT_EQ(pulses(1ms).size(), 2U);  // the ones that were jumped over are one
+  EXPECT_EQ(pulses(1ms).size(), 2U);  // the skipped pulses count as one
   EXPECT_EQ(esc.clock().sync(0).count, 1002U);
 }
 
-// The local time passes 2^64 with the pulses.
+// The local time wraps around at 2^64 while the pulses continue.
 TEST_F(SyncUnit, PulsesGoOnWhereTheTimeWraps) {
   for (const auto before : {5us, 15us, 995us}) {
     esc.jump_clock(Time{static_cast<std::int64_t>(0 - system())} - before, line.now);
@@ -637,7 +637,7 @@ TEST_F(SyncUnit, TheApplicationMayControlIt) {
   EXPECT_EQ(line.write(0, reg::sync_activation, {3}).counter, 0U);
 }
 
-// 0984h tells of the first pulse only.
+// 0984h shows only the first pulse.
 TEST_F(SyncUnit, TheFirstPulseIsPendingUntilItCame) {
   activate(system() + 1'000'000, 1'000'000, 250'000, 0x07);
   EXPECT_EQ(line.get<std::uint8_t>(0, reg::sync_activation_status), 0x03);
@@ -647,7 +647,7 @@ TEST_F(SyncUnit, TheFirstPulseIsPendingUntilItCame) {
   EXPECT_EQ(line.get<std::uint8_t>(0, reg::sync_activation_status), 0x00);
 }
 
-// The start time counts when the unit is activated; writing the same again is no start.
+// The start time counts when the unit is activated; writing the same value again does not restart it.
 TEST_F(SyncUnit, StaysAsItRunsWhenItIsActivatedAgain) {
   const std::uint64_t start = system() + 1'000'000;
   activate(start, 1'000'000, 0, 0x03);
@@ -663,7 +663,7 @@ TEST_F(SyncUnit, StaysAsItRunsWhenItIsActivatedAgain) {
   EXPECT_EQ(pulses(1ms).size(), 1U);
 }
 
-// 0008h bit 8 promises the bits 3 to 7 of 0981h.
+// 0008h bit 8 says that bits 3 to 7 of 0981h are supported.
 TEST_F(SyncUnit, WritingTheStartTimeActivates) {
   line.put<std::uint32_t>(0, reg::sync0_cycle, 1'000'000);
   line.put<std::uint8_t>(0, reg::sync_activation, 0x0A);  // SYNC0, by the start time
@@ -671,7 +671,7 @@ TEST_F(SyncUnit, WritingTheStartTimeActivates) {
   const std::uint64_t start = system() + 1'000'000;
   const Bytes bytes = bytes_of(start);
   line.write(0, reg::sync_start_time, Bytes(bytes.begin(), bytes.begin() + 4));
-  EXPECT_EQ(line.get<std::uint8_t>(0, reg::sync_activation), 0x0A);  // all of it
+  EXPECT_EQ(line.get<std::uint8_t>(0, reg::sync_activation), 0x0A);  // needs all 8 bytes
   line.write(0, reg::sync_start_time + 4, Bytes(bytes.begin() + 4, bytes.end()));
   EXPECT_EQ(line.get<std::uint8_t>(0, reg::sync_activation), 0x0B);
   const auto all = pulses(1500us);
@@ -699,7 +699,7 @@ TEST_F(SyncUnit, OnePulseToLookAt) {
   EXPECT_TRUE(pulses(10ms).empty());
 }
 
-// The status shows edges in single event mode only; the times are there in both.
+// The status shows edges in single event mode only; the times are valid in both modes.
 TEST(Latch, EdgesSingleAndContinuous) {
   Line line(1);
   Esc& esc = *line.escs[0];
@@ -736,7 +736,7 @@ TEST(Latch, TheUnitOfTheApplicationIsNotTheMasters) {
   esc.latch_edge(1, true, line.now);
   EXPECT_NE(esc.attention() & reg::al_event::latch, 0U);
   line.get<std::uint64_t>(0, reg::latch_times + 16);
-  EXPECT_EQ(line.get<std::uint8_t>(0, reg::latch1_status), 0x05);  // not acknowledged by the master's reading
+  EXPECT_EQ(line.get<std::uint8_t>(0, reg::latch1_status), 0x05);  // the master's read does not acknowledge it
 }
 
 }  // namespace

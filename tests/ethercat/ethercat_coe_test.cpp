@@ -55,7 +55,7 @@ TEST_F(Mail, RepeatOfWhatWasReadLast) {
   write(0x080E, {0x03});
   EXPECT_EQ(line.get<std::uint8_t>(0, 0x080F), 0x02);
   EXPECT_EQ(fetch(), first);
-  // With a newer one waiting: the lost one first.
+  // If a newer one waits, the lost one is returned first.
   post(3, {0x00, 0x20, 0x40, 0x18, 0x10, 0x01, 0, 0, 0, 0});
   write(0x080E, {0x01});
   EXPECT_EQ(fetch(), first);
@@ -106,7 +106,7 @@ TEST_F(Mail, EmergenciesWaitForTheMaster) {
   EXPECT_TRUE(fetch().empty());
 }
 
-// As of a fault that is reset by SDO: first the answer, then the emergency.
+// As for a fault that is reset by SDO: first the answer, then the emergency.
 TEST_F(Mail, AnEmergencyOfADownloadFollowsItsAnswer) {
   events.on_write = [this] { slave.emergency(0x0000, 0x00, {}); };
   post(3, {0x00, 0x20, 0x2B, 0x07, 0x20, 0x00, 0x34, 0x12, 0x00, 0x00});
@@ -210,13 +210,13 @@ TEST_F(Sdo, SegmentsOutOfStep) {
   objects.big.length = 500;
   sdo({0x40, 0x02, 0x20, 0, 0, 0, 0, 0});
   EXPECT_EQ(code_of(sdo({0x70, 0, 0, 0, 0, 0, 0, 0})), AbortCode::toggle_bit_not_alternated);
-  EXPECT_EQ(code_of(sdo({0x60, 0, 0, 0, 0, 0, 0, 0})), AbortCode::command_specifier_unknown);  // over
-  // More than was announced, and less.
+  EXPECT_EQ(code_of(sdo({0x60, 0, 0, 0, 0, 0, 0, 0})), AbortCode::command_specifier_unknown);  // the transfer is over
+  // More data than announced, and less.
   sdo(join({head(0x21, 0x2002, 0), bytes_of(120U), counting(112)}));
   EXPECT_EQ(code_of(sdo(join({Bytes{0x01}, counting(20)}))), AbortCode::length_too_high);
   sdo(join({head(0x21, 0x2002, 0), bytes_of(120U), counting(112)}));
   EXPECT_EQ(code_of(sdo(join({Bytes{0x01}, counting(7)}))), AbortCode::length_too_low);
-  // Too long for the object is said at once.
+  // Data too long for the object are refused immediately.
   EXPECT_EQ(code_of(sdo(join({head(0x21, 0x2002, 0), bytes_of(3001U), counting(112)}))), AbortCode::length_too_high);
   // A request for something else ends a transfer.
   sdo(join({head(0x21, 0x2002, 0), bytes_of(120U), counting(112)}));
@@ -233,7 +233,7 @@ TEST_F(Sdo, CompleteAccessUpload) {
             (Bytes{4, 0, 0x88, 0x88, 0x66, 0x66, 0x34, 0x12, 0, 0, 0x02, 0, 0x01, 0, 0, 0, 0, 0}));
   EXPECT_EQ(upload(0x1018, 1, true), (Bytes{0x88, 0x88, 0x66, 0x66, 0x34, 0x12, 0, 0, 0x02, 0, 0x01, 0, 0, 0, 0, 0}));
   EXPECT_EQ(upload(0x1C00, 0, true), (Bytes{4, 0, 1, 2, 3, 4}));
-  // As many entries as sub-index 0 says.
+  // The number of entries comes from sub-index 0.
   EXPECT_EQ(upload(0x1C12, 0, true), (Bytes{1, 0, 0x00, 0x16}));
   // BOOLEANs are bits.
   objects.bits = {true, false, true, false, false, false, false, true, false, true};
@@ -262,7 +262,7 @@ TEST_F(Sdo, CompleteAccessDownload) {
   EXPECT_EQ(down(0x2011, 1, {0x03, 0x02, 0x34, 0x12}), AbortCode::none);
   EXPECT_TRUE(objects.bits[0] && objects.bits[1] && objects.bits[9] && !objects.bits[2]);
   EXPECT_EQ(objects.after_bits, 0x1234);
-  // An assignment in one go, though its entries can only be written while sub-index 0 is 0.
+  // An assignment in one transfer, although its entries can only be written while sub-index 0 is 0.
   EXPECT_EQ(down(0x1C12, 0, words({2, 0x1600, 0x1601})), AbortCode::none);
   EXPECT_EQ(objects.communication.rx_assignment.count, 2);
   EXPECT_EQ(objects.communication.rx_assignment.pdo[1], 0x1601);
@@ -300,21 +300,21 @@ TEST_F(Sdo, MappingOnlyWithSubIndex0At0) {
   EXPECT_EQ(download(0x1C12, 0, 1, 1), AbortCode::none);
 }
 
-// Twice the same place in the process data: which of the two would count is not said.
+// A PDO that is assigned twice is refused, because it is not defined which of the two would count.
 TEST_F(Sdo, APdoIsAssignedOnce) {
   for (const auto& [index, first] :
        std::to_array<std::pair<std::uint16_t, std::uint16_t>>({{0x1C12, 0x1600}, {0x1C13, 0x1A00}})) {
     EXPECT_EQ(download(index, 0, 0, 1), AbortCode::none);
     EXPECT_EQ(download(index, 1, first, 2), AbortCode::none);
     EXPECT_EQ(download(index, 2, first + 1U, 2), AbortCode::none);
-    EXPECT_EQ(download(index, 3, first, 2), AbortCode::none);  // it may be about to change the others
+    EXPECT_EQ(download(index, 3, first, 2), AbortCode::none);  // allowed, because the master may change the others next
     EXPECT_EQ(download(index, 0, 3, 1), AbortCode::parameter_incompatible);
     EXPECT_EQ(download(index, 0, 2, 1), AbortCode::none);
-    const Bytes whole = words({2, first, first});  // in one go
+    const Bytes whole = words({2, first, first});  // in one transfer
     EXPECT_EQ(code_of(sdo(join({head(0x31, index, 0), bytes_of(static_cast<std::uint32_t>(whole.size())), whole}))),
               AbortCode::parameter_incompatible);
   }
-  // One that was stored so.
+  // An assignment that was stored in this way.
   objects.communication.rx_assignment.count = 2;
   objects.communication.rx_assignment.pdo[0] = objects.communication.rx_assignment.pdo[1] = 0x1600;
   set_process_data(7, 7);
@@ -330,11 +330,11 @@ TEST_F(Sdo, MappingOnlyInPreOperational) {
 }
 
 TEST_F(Sdo, SynchronisationParameters) {
-  EXPECT_EQ(upload(0x1C32, 4), (Bytes{0x27, 0x00}));  // SYNC0, shifted by a local timer
+  EXPECT_EQ(upload(0x1C32, 4), (Bytes{0x27, 0x00}));  // SYNC0, delayed by a local timer
   EXPECT_EQ(upload(0x1C33, 5), bytes_of(125'000U));
   EXPECT_EQ(download(0x1C32, 1, 1, 2), AbortCode::none);
   EXPECT_EQ(download(0x1C33, 1, 0x22, 2), AbortCode::none);
-  EXPECT_EQ(download(0x1C32, 1, 3, 2), AbortCode::value_invalid);  // SYNC1 is not offered
+  EXPECT_EQ(download(0x1C32, 1, 3, 2), AbortCode::value_invalid);  // SYNC1 is not supported
   EXPECT_EQ(download(0x1C32, 1, 0x22, 2), AbortCode::value_invalid);
 }
 
@@ -425,15 +425,15 @@ TEST_F(Information, EntryDescriptions) {
   EXPECT_EQ(ask(5, {0x18, 0x10}), (Bytes{7, 0, 0, 0, 0x13, 0x00, 0x07, 0x06}));
 }
 
-// A place of a record without an entry: a description of nothing, as other slaves give it. What is above the highest
-// sub-index does not exist.
+// A sub-index of a record without an entry has an empty description, like in other slaves. A sub-index above the
+// highest one does not exist.
 TEST_F(Information, GapsOfRecords) {
   EXPECT_EQ(ask(5, {0x32, 0x1C, 0x0E, 0x78}), (Bytes{6, 0, 0, 0, 0x32, 0x1C, 0x0E, 0, 0, 0, 0, 0, 0, 0}));
   EXPECT_EQ(ask(5, {0x32, 0x1C, 0x1F, 0}), (Bytes{6, 0, 0, 0, 0x32, 0x1C, 0x1F, 0, 0, 0, 0, 0, 0, 0}));
   EXPECT_EQ(ask(5, {0x32, 0x1C, 0x20, 0})[8], 0x01) << "sync error, BOOLEAN";
   EXPECT_EQ(ask(5, {0x32, 0x1C, 0x21, 0}), (Bytes{7, 0, 0, 0, 0x11, 0x00, 0x09, 0x06}));
   EXPECT_EQ(ask(5, {0x31, 0x1C, 0x01, 0}), (Bytes{7, 0, 0, 0, 0x00, 0x00, 0x02, 0x06})) << "no object";
-  // Reading it is what it was.
+  // Reading it is still refused.
   AbortCode code{};
   upload(0x1C32, 0x0E, false, &code);
   EXPECT_EQ(code, AbortCode::sub_index_does_not_exist);
@@ -476,7 +476,7 @@ TEST_F(Information, EveryEntryFitsTheSmallestMailbox) {
     ASSERT_GE(answer.size(), 14U);
     EXPECT_LE(answer.size(), 26U);
   }
-  // Default, least and greatest value of an UNSIGNED32 fill it to the last byte; of the name nothing is left.
+  // Default, minimum and maximum of an UNSIGNED32 fill the mailbox completely; there is no room for the name.
   const Bytes answer = ask(5, {0x00, 0x16, 1, 0x70});
   EXPECT_EQ(answer.size(), 26U);
   EXPECT_EQ(answer[7], 0x70);

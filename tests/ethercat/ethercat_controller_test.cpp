@@ -22,7 +22,7 @@ TEST(Registers, DefaultsAfterPowerOn) {
   EXPECT_EQ(line.get<std::uint16_t>(0, reg::watchdog_divider), 2498);
   EXPECT_EQ(line.get<std::uint16_t>(0, reg::watchdog_process_data), 1000);
   EXPECT_EQ(line.get<std::uint16_t>(0, reg::speed_counter_start), 0x1000);
-  // Loaded, PDI watchdog good, link and communication at port 0, loops of the others closed.
+  // Loaded, PDI watchdog not expired, link and communication at port 0, loops of the other ports closed.
   EXPECT_EQ(line.get<std::uint16_t>(0, reg::dl_status), 0x5613);
 }
 
@@ -31,7 +31,7 @@ TEST(Registers, AllOfThemCanBeRead) {
   for (std::uint16_t address = 0; address < reg::process_memory; address += 64) {
     EXPECT_EQ(line.read(0, address, 64).counter, 1U);
   }
-  // Beyond the eighth sync manager there is nothing.
+  // There are eight sync managers.
   EXPECT_EQ(line.read(0, 0x0840, 8).data, Bytes(8));
 }
 
@@ -63,7 +63,7 @@ TEST(Registers, WriteProtection) {
   };
   EXPECT_EQ(unlock_and_write(reg::register_write_enable, reg::station_address), 1);
   EXPECT_EQ(line.get<std::uint16_t>(0, reg::station_address), 9);
-  EXPECT_EQ(line.write(0, reg::station_address, {6, 0}).counter, 0U);  // locked again with the frame's end
+  EXPECT_EQ(line.write(0, reg::station_address, {6, 0}).counter, 0U);  // locked again at the end of the frame
   EXPECT_EQ(unlock_and_write(reg::register_write_enable, reg::register_write_protection), 1);
   line.write(0, reg::register_write_protection, {0});
 
@@ -77,10 +77,10 @@ TEST(Registers, ResetSequence) {
   Line line(1);
   line.put<std::uint16_t>(0, reg::station_address, 77);
   for (const char letter : {'R', 'S', 'E', 'S'}) line.write(0, reg::reset_ecat, bytes_of(letter));
-  EXPECT_EQ(line.get<std::uint16_t>(0, reg::station_address), 77);  // not the sequence
+  EXPECT_EQ(line.get<std::uint16_t>(0, reg::station_address), 77);  // the reset sequence is interrupted
   line.write(0, reg::reset_ecat, bytes_of('R'));
   line.write(0, reg::reset_ecat, bytes_of('E'));
-  EXPECT_EQ(line.get<std::uint8_t>(0, reg::reset_ecat), 2);  // and a frame between
+  EXPECT_EQ(line.get<std::uint8_t>(0, reg::reset_ecat), 2);  // with a frame in between
   line.write(0, reg::reset_ecat, bytes_of('S'));
   EXPECT_EQ(line.get<std::uint16_t>(0, reg::station_address), 77);
   for (const char letter : {'R', 'E', 'S'}) line.write(0, reg::reset_ecat, bytes_of(letter));
@@ -104,7 +104,7 @@ TEST(SyncManagers, MailboxHandshake) {
   EXPECT_EQ(esc.attention(), reg::al_event::sync_manager0);
   EXPECT_EQ(line.get<std::uint32_t>(0, reg::al_event_request), reg::al_event::sync_manager0);
   EXPECT_EQ(line.write(0, 0x1000, counting(16, 50)).counter, 0U);  // full
-  EXPECT_EQ(line.read(0, 0x1000, 16).counter, 0U);                 // not the master's to read
+  EXPECT_EQ(line.read(0, 0x1000, 16).counter, 0U);                 // the master cannot read it
   const auto mail = esc.open_for_reading(0);
   EXPECT_EQ(Bytes(mail.begin(), mail.end()), counting(16));
   esc.close_reading(0);
@@ -119,11 +119,11 @@ TEST(SyncManagers, MailboxHandshake) {
   const auto answer = esc.open_for_writing(1);
   ASSERT_EQ(answer.size(), 16U);
   std::fill(answer.begin(), answer.end(), std::uint8_t{0x33});
-  EXPECT_EQ(line.read(0, 0x1080, 16).counter, 0U);  // being written
+  EXPECT_EQ(line.read(0, 0x1080, 16).counter, 0U);  // the slave is writing
   esc.close_writing(1);
   EXPECT_TRUE(esc.open_for_writing(1).empty());
   EXPECT_EQ(line.get<std::uint8_t>(0, 0x080D), 0x09);
-  EXPECT_EQ(line.read(0, 0x1080, 15).counter, 1U);  // all but the last byte
+  EXPECT_EQ(line.read(0, 0x1080, 15).counter, 1U);  // without the last byte
   EXPECT_EQ(line.get<std::uint8_t>(0, 0x080D) & 0x48, 0x48);
   EXPECT_EQ(line.read(0, 0x1080, 16).data, Bytes(16, 0x33));
   EXPECT_EQ(line.read(0, 0x1080, 16).counter, 0U);
@@ -144,7 +144,7 @@ TEST(SyncManagers, RepeatRequest) {
   esc.repeat(1);
   EXPECT_EQ(line.get<std::uint8_t>(0, 0x080F), 0x02);  // acknowledged
   EXPECT_EQ(line.read(0, 0x1080, 8).data, Bytes(8, 0x44));
-  line.put<std::uint8_t>(0, 0x080E, 0x01);  // the next one is the other edge
+  line.put<std::uint8_t>(0, 0x080E, 0x01);  // the next toggle is the opposite edge
   EXPECT_TRUE(esc.repeat_requested(1));
 }
 
@@ -161,10 +161,10 @@ TEST(SyncManagers, ThreeBuffersFromTheMaster) {
   EXPECT_EQ(line.write(0, 0x1100, {3, 3, 3, 3}).counter, 1U);
   EXPECT_EQ(Bytes(first.begin(), first.end()), Bytes(4, 1));
   esc.close_reading(2);
-  EXPECT_EQ(esc.open_for_reading(2)[0], 3);  // the newest; 2 was never seen
+  EXPECT_EQ(esc.open_for_reading(2)[0], 3);  // the newest; 2 was never read
   esc.close_reading(2);
-  EXPECT_EQ(esc.open_for_reading(2)[0], 3);  // again, without anything new
-  // A half written buffer is not seen.
+  EXPECT_EQ(esc.open_for_reading(2)[0], 3);  // the same again, because there is no new data
+  // A partly written buffer is not visible.
   line.write(0, 0x1100, {4, 4});
   EXPECT_EQ(esc.open_for_reading(2)[0], 3);
   line.write(0, 0x1102, {4, 4});
@@ -260,12 +260,12 @@ TEST(Fmmus, ReadWriteExchangesOneMemory) {
   line.put<std::uint32_t>(0, 0x1000, 0x0A0B0C0D);
   const Answer answer = line.send(Command::lrw, 0x100, {1, 2, 3, 4});
   EXPECT_EQ(answer.counter, 3U);
-  EXPECT_EQ(load_u32(answer.data.data()), 0x0A0B0C0DU);  // what was there before
+  EXPECT_EQ(load_u32(answer.data.data()), 0x0A0B0C0DU);  // the previous content
   EXPECT_EQ(line.get<std::uint32_t>(0, 0x1000), 0x04030201U);
 }
 
 TEST(Fmmus, LowestNumberWinsWhereTwoRead) {
-  for (const unsigned last_bit : {7U, 6U}) {  // whole bytes and bit by bit
+  for (const unsigned last_bit : {7U, 6U}) {  // in whole bytes and in single bits
     Line line(1);
     line.put<std::uint16_t>(0, 0x1000, 0x1111);
     line.put<std::uint16_t>(0, 0x1800, 0x2222);
@@ -275,7 +275,7 @@ TEST(Fmmus, LowestNumberWinsWhereTwoRead) {
   }
 }
 
-// Against a plain model, for every start bit, length in bits and physical bit.
+// Compared with a simple model, for every start bit, length in bits and physical bit.
 TEST(Fmmus, BitsAgainstAModel) {
   Line line(1);
   for (unsigned first = 0; first < 8; ++first) {
@@ -301,8 +301,8 @@ TEST(Fmmus, BitsAgainstAModel) {
   }
 }
 
-// The short ways for whole bytes and whole buffers against the general one, which an FMMU of single bits elsewhere
-// calls for: the same settings, the same frames, the same answers and memory.
+// The fast paths for whole bytes and whole buffers, compared with the general path, which an FMMU of single bits
+// elsewhere selects: the same settings and frames must give the same answers and memory.
 TEST(Fmmus, EveryWayGivesTheSame) {
   std::uint32_t seed = 11;
   const auto random = [&seed](std::uint32_t n) {
@@ -399,7 +399,7 @@ TEST(Fmmus, WholeBuffersDoNotGoOnAtTheBottomOfTheLogicalSpace) {
   EXPECT_EQ(line.send(Command::lrw, 0, counting(40)).counter, 3U);
 }
 
-// Where the buffers lay in a frame is remembered for the next one.
+// The offsets of the buffers in a frame are cached for the next frame.
 TEST(Fmmus, WholeBuffersAreLookedForWhereTheyAreNow) {
   BuffersOfFour line;
   Bytes expected = counting(40);
@@ -495,7 +495,7 @@ TEST_F(Sii, WriteNeedsItsPermission) {
   EXPECT_EQ(load_u16(&line.sii[0][40]), 0);
   command(0x0201, 20);
   EXPECT_EQ(status() & 0x8000, 0x8000U);
-  EXPECT_EQ(line.write(0, reg::sii_control, words({0x0201, 22, 0})).counter, 0U);  // busy: not heard
+  EXPECT_EQ(line.write(0, reg::sii_control, words({0x0201, 22, 0})).counter, 0U);  // busy: ignored
   line.now += 5ms;
   EXPECT_EQ(status() & 0xF800, 0U);
   EXPECT_EQ(load_u16(&line.sii[0][40]), 0xBEEF);
@@ -523,20 +523,20 @@ TEST_F(Sii, ChecksumAndReload) {
   line.now += 1ms;
   EXPECT_EQ(status() & 0x1800, 0x1800U);
   EXPECT_EQ(line.get<std::uint16_t>(0, reg::dl_status) & 1, 0);
-  EXPECT_EQ(line.get<std::uint8_t>(0, reg::pdi_control), 0x08);  // as it was
+  EXPECT_EQ(line.get<std::uint8_t>(0, reg::pdi_control), 0x08);  // unchanged
   line.sii[0][8] = 0x99;
   line.sii[0][14] = sii_checksum(std::span(line.sii[0]).first(14));
   command(0x0400, 0);
   line.now += 1ms;
   EXPECT_EQ(status() & 0x1800, 0U);
   EXPECT_EQ(line.get<std::uint8_t>(0, reg::pdi_control), 0x05);
-  EXPECT_EQ(line.get<std::uint16_t>(0, reg::station_alias), 0x1234);  // only with the power
+  EXPECT_EQ(line.get<std::uint16_t>(0, reg::station_alias), 0x1234);  // only after a power cycle
   line.escs[0]->power_on(line.now);
   EXPECT_EQ(line.get<std::uint16_t>(0, reg::station_alias), 0x1299);
 }
 
 TEST(SiiMemory, KnownChecksum) {
-  // Polynomial 07h from FFh over 14 zero bytes, by hand calculation of the same in another form: a table.
+  // Polynomial 07h from FFh over 14 zero bytes, calculated with an independent method: a table.
   std::array<std::uint8_t, 256> table{};
   for (unsigned i = 0; i < 256; ++i) {
     unsigned crc = i;

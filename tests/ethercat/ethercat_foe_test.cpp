@@ -99,7 +99,7 @@ TEST_F(Foe, Errors) {
   EXPECT_EQ(foe(9, 1), error(FoeError::illegal));
   foe(2, 0x1234, name("parameters.bin"));
   EXPECT_EQ(foe(3, 2, Bytes(3)), error(FoeError::packet_number_wrong));
-  EXPECT_EQ(foe(3, 1, Bytes(3)), error(FoeError::illegal));  // over
+  EXPECT_EQ(foe(3, 1, Bytes(3)), error(FoeError::illegal));  // the transfer is over
   foe(2, 0x1234, name("parameters.bin"));
   for (std::uint32_t number = 1; number <= 8; ++number) foe(3, number, Bytes(packet));
   EXPECT_EQ(foe(3, 9, Bytes(packet)), error(FoeError::disk_full));
@@ -107,14 +107,14 @@ TEST_F(Foe, Errors) {
   foe(1, 0x1234, name("parameters.bin"));
   EXPECT_EQ(foe(4, 2), error(FoeError::packet_number_wrong));
   foe(1, 0x1234, name("parameters.bin"));
-  EXPECT_TRUE(foe(5, 0x8000).empty());  // the master gives up
+  EXPECT_TRUE(foe(5, 0x8000).empty());  // the master aborts
   EXPECT_EQ(foe(4, 1), error(FoeError::illegal));
   post(4, {1, 0, 0});
   EXPECT_EQ(load_u16(&fetch()[8]), static_cast<unsigned>(MailboxError::size_too_short));
 }
 
-// The reason goes out as far as there is room: one byte less, all of it, and what is too long is cut, not the mailbox
-// overrun.
+// The error text is cut to the room in the mailbox. Tested: one byte less than the room, exactly the room, and longer
+// texts.
 TEST_F(Foe, ReasonsOfEveryLength) {
   for (const std::size_t length : {std::size_t{0}, std::size_t{1}, packet - 1, packet, packet + 1, 4 * packet}) {
     std::string text(length, 'x');

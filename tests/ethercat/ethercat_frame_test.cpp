@@ -88,7 +88,7 @@ TEST(Frame, OtherProtocolsPassWhenDlControlAllows) {
   EXPECT_EQ(memory[6], 0x10);
 }
 
-// The checksum of a UDP packet cannot be right any more, whatever DL control says.
+// The checksum of the UDP packet is no longer valid, regardless of DL control.
 TEST(Frame, UdpChecksumIsClearedByEverySlave) {
   Line line(1);
   line.send(Command::bwr, address_of(0, reg::dl_control), {0x00});
@@ -120,7 +120,7 @@ TEST(Frame, MalformedIsForwardedAndCounted) {
   FrameWriter writer = FrameWriter::ethernet(memory);
   writer.add(Command::bwr, 0, address_of(0, reg::station_address), 2)[0] = 0x99;
   const std::size_t whole = writer.bytes().size();
-  // Every shorter length that still is EtherCAT by its type.
+  // Every shorter length that still has the EtherType of EtherCAT.
   unsigned malformed = 0;
   for (std::size_t length = 14; length < whole; ++length) {
     Bytes cut(memory.begin(), memory.begin() + static_cast<std::ptrdiff_t>(length));
@@ -128,14 +128,14 @@ TEST(Frame, MalformedIsForwardedAndCounted) {
     EXPECT_EQ(exit, Segment::Exit::primary) << length;
     ++malformed;
   }
-  // "More follows", and nothing does.
+  // "More follows" is set on the last datagram.
   Bytes more(memory.begin(), memory.begin() + static_cast<std::ptrdiff_t>(whole));
   more[14 + 2 + 7] |= 0x80;
   line.segment->process(more, line.now);
   ++malformed;
   EXPECT_EQ(line.get<std::uint8_t>(0, reg::processing_unit_errors), malformed);
   EXPECT_EQ(line.get<std::uint8_t>(1, reg::processing_unit_errors), malformed);
-  EXPECT_EQ(line.get<std::uint16_t>(0, reg::station_address), 7);  // nothing of them was executed
+  EXPECT_EQ(line.get<std::uint16_t>(0, reg::station_address), 7);  // no datagram of them was executed
   line.put<std::uint8_t>(0, reg::processing_unit_errors, 0);
   EXPECT_EQ(line.get<std::uint8_t>(0, reg::processing_unit_errors), 0);
   EXPECT_EQ(line.get<std::uint8_t>(1, reg::processing_unit_errors), malformed);
@@ -225,7 +225,7 @@ TEST(Commands, LogicalOnesByTheBook) {
     EXPECT_EQ(load_u32(&answer.data[12]), reads ? 0xA0B0C0D1 : 0x100F0E0DU);
     EXPECT_EQ(load_u32(&answer.data[0]), 0x04030201U);
     EXPECT_EQ(line.get<std::uint32_t>(1, 0x1000), writes ? 0x0C0B0A09U : 0U);
-    EXPECT_EQ(answer.position, 0x0000);  // logical addresses do not count up
+    EXPECT_EQ(answer.position, 0x0000);  // a logical address is not incremented
   }
 }
 
@@ -267,7 +267,7 @@ TEST(Commands, BeyondTheMemoryNothingAnswers) {
   Line line(1);
   EXPECT_EQ(line.read(0, Esc::memory_size, 4).counter, 0U);
   EXPECT_EQ(line.write(0, 0xFFFF, {1}).counter, 0U);
-  EXPECT_EQ(line.read(0, Esc::memory_size - 1, 4).counter, 1U);  // one byte of it does
+  EXPECT_EQ(line.read(0, Esc::memory_size - 1, 4).counter, 1U);  // one byte of it exists
 }
 
 TEST(Commands, InterruptFieldCarriesTheMaskedEvents) {

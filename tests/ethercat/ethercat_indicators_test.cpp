@@ -6,7 +6,7 @@ namespace servodrome::ethercat::test {
 namespace ethercat_indicators_test {
 namespace {
 
-// One letter for each 50 ms: # lit.
+// One character per 50 ms: # is on.
 std::string pattern(Blink blink, int steps) {
   std::string text;
   for (int i = 0; i < steps; ++i) text += is_lit(blink, i * 50ms) ? '#' : '.';
@@ -31,7 +31,7 @@ class IndicatorsOfASlave : public SlaveRig {
 TEST_F(IndicatorsOfASlave, FollowStatesAndErrors) {
   EXPECT_EQ(run(), Blink::off);
   EXPECT_EQ(error(), Blink::off);
-  request(4);  // not from Init
+  request(4);  // not allowed from Init
   EXPECT_EQ(error(), Blink::blinking);
   request(0x11);
   EXPECT_EQ(error(), Blink::off);

@@ -13,7 +13,7 @@ struct Meddler final : SlaveInterposer {
   Dispatch sends(Mail& mail) override {
     if (on_send) on_send(mail);
     const auto bytes =
-        mail.mailbox.first(std::min(mail.length, mail.mailbox.size()));  // a test makes the length too great
+        mail.mailbox.first(std::min(mail.length, mail.mailbox.size()));  // tests may set a length that is too great
     sent.emplace_back(bytes.begin(), bytes.end());
     return std::exchange(dispatch, {});
   }
@@ -31,7 +31,7 @@ struct Meddler final : SlaveInterposer {
   AlState refused{};
   AlStatusCode refusal = AlStatusCode::none;
   std::vector<AlState> asked;
-  Dispatch dispatch;  // of the next message
+  Dispatch dispatch;  // for the next message
   std::function<void(Mail&)> on_send;
   std::vector<Bytes> sent;
   Receipt receipt = Receipt::serve;
@@ -103,7 +103,7 @@ TEST_F(InterposedMail, AWithheldAnswerIsSentForTheSlaveOnly) {
   const Bytes next = fetch();
   EXPECT_EQ(value(next), vendor);
   EXPECT_EQ(counter(next), 2U);  // the slave counted the first
-  // A repeat request returns what the master read last.
+  // A repeat request returns the message that the master read last.
   write(0x080E, {0x03});
   EXPECT_EQ(fetch(), next);
 }
@@ -122,7 +122,7 @@ TEST_F(InterposedMail, AHeldAnswerWaitsAndTheOthersBehindIt) {
   EXPECT_EQ(load_u16(&fetch()[8]), 0x3210);
   EXPECT_EQ(value(fetch()), vendor);
   EXPECT_TRUE(fetch().empty());
-  slave.release_mail();  // nothing is held
+  slave.release_mail();  // no message is held
   EXPECT_TRUE(fetch().empty());
 }
 
@@ -182,7 +182,7 @@ TEST_F(InterposedMail, ACopyFollowsWhenTheMasterHasReadTheMessage) {
   EXPECT_EQ(fetch(), first);
   EXPECT_EQ(value(fetch()), vendor);
   EXPECT_TRUE(fetch().empty());
-  EXPECT_EQ(meddler.sent.size(), 2U);  // the copies are not messages of their own
+  EXPECT_EQ(meddler.sent.size(), 2U);  // the copies do not count as messages
 }
 
 TEST_F(InterposedMail, AHeldMessageMayHaveCopiesToo) {
@@ -267,7 +267,7 @@ TEST_F(InterposedMail, ADiscardedRequestLeavesTheMailboxEmpty) {
   EXPECT_EQ(objects.ranged, 7);
   EXPECT_TRUE(fetch().empty());
   EXPECT_EQ(line.get<std::uint8_t>(0, 0x0805) & 0x08, 0);
-  // The slave believes that it has served it: the same counter is the same message.
+  // The slave treats it as already executed, because the same counter means the same message.
   meddler.receipt = Receipt::serve;
   post(3, join({words({0x2000}), head(0x2B, 0x2006, 0), {5, 0, 0, 0}}), 3);
   EXPECT_TRUE(fetch().empty());
@@ -393,7 +393,7 @@ TEST_F(InterposedSync, ALatePulseActsLater) {
   EXPECT_EQ(objects.target_position, 5);
   ASSERT_EQ(events.sync_times.size(), 1U);
   EXPECT_EQ(events.sync_times[0], line.now);
-  // A frame between the pulse and its late effect is taken one cycle too early.
+  // A frame between the pulse and its late effect is processed one cycle too early.
   run(850us);
   EXPECT_EQ(meddler.pulses, 3U);
   cycle(6);
@@ -406,7 +406,7 @@ TEST_F(InterposedSync, APulseLaterThanTheNextOneReplacesIt) {
   operate();
   meddler.pulse.delay = 1500us;
   for (int i = 0; i < 10; ++i) cycle(), run(1ms);
-  // Each second pulse finds a late one still to come.
+  // Every second pulse comes while a delayed one is still pending.
   EXPECT_EQ(events.sync_times.size(), 5U);
   EXPECT_EQ(status(), good(8));
   for (std::size_t i = 1; i < events.sync_times.size(); ++i) {
@@ -501,7 +501,7 @@ class Falling : public Interposed {
       default: break;
     }
   }
-  // As a master does: acknowledge, then up again, with all settings as they are.
+  // Like a master: acknowledge, then go up again, with unchanged settings.
   void bring_back(AlState from) {
     const auto value = static_cast<unsigned>(from);
     ASSERT_EQ(request(0x10 | value), good(value));
@@ -544,7 +544,7 @@ TEST_F(Falling, FromEachStateToEachLowerOneWithAnyCode) {
         if (from >= safe_operational) {
           EXPECT_EQ(send(Command::lwr, 0x1000, Bytes(7)).counter, to == operational ? 1U : 0U);
         }
-        run(10ms);  // no deadline of the state before is left
+        run(10ms);  // no deadline of the previous state is left
         EXPECT_EQ(slave.state(), to);
         bring_back(to);
       }
@@ -628,7 +628,7 @@ TEST_F(PatchedSii, AMasterReadsTheNewBytesAtOnce) {
 TEST_F(PatchedSii, TheChecksumIsNotRepaired) {
   image()[8] ^= 1;  // the alias, one of the 14 bytes that it covers
   set_mailbox();
-  EXPECT_EQ(request(2), good(2));  // the controller loaded the image before
+  EXPECT_EQ(request(2), good(2));  // the controller loaded the image earlier
   power_cycle();
   set_mailbox();
   EXPECT_EQ(request(2), (std::pair{0x11U, AlStatusCode::eeprom_error}));

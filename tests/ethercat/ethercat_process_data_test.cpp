@@ -1,6 +1,6 @@
 #include "slave_rig.hpp"
 
-// Process data into the dictionary and back, and the ways of synchronisation (ETG.1020 clauses 12 and 17).
+// Process data into the dictionary and back, and the synchronisation modes (ETG.1020 clauses 12 and 17).
 namespace servodrome::ethercat::test {
 namespace ethercat_process_data_test {
 namespace {
@@ -13,7 +13,7 @@ TEST_F(ProcessData, OutputsInOperationalInputsAlready) {
   slave.process_image_updated(line.now);
   EXPECT_EQ(send(Command::lrd, 0x1100, Bytes(7)).data, (Bytes{0, 0, 0, 4, 3, 2, 1}));
   cycle(0x55);
-  EXPECT_EQ(objects.target_position, 0);  // outputs are not taken in Safe-Operational
+  EXPECT_EQ(objects.target_position, 0);  // outputs have no effect in Safe-Operational
   EXPECT_EQ(request(8), good(8));
   const Bytes inputs = cycle(0x12345678);
   EXPECT_EQ(objects.target_position, 0x12345678);
@@ -32,7 +32,7 @@ TEST_F(ProcessData, WorkingCountersOfACycle) {
   EXPECT_EQ(send(Command::lrd, 0x1100, Bytes(7)).counter, 1U);
 }
 
-// A master that looks at its working counters only sees by them which slaves exchange process data.
+// A master that checks only its working counters sees from them which slaves exchange process data.
 TEST_F(ProcessData, WorkingCountersTellOfTheState) {
   const auto counter = [this] { return send(Command::lrw, 0x1000, Bytes(0x107)).counter; };
   to_pre_operational();
@@ -48,7 +48,7 @@ TEST_F(ProcessData, WorkingCountersTellOfTheState) {
   EXPECT_EQ(request(0x14), good(4));
   EXPECT_EQ(counter(), 3U);
   ASSERT_EQ(request(8), good(8));
-  EXPECT_EQ(request(4), good(4));  // as it was told
+  EXPECT_EQ(request(4), good(4));  // unchanged
   EXPECT_EQ(counter(), 3U);
   slave.fall_back(AlState::pre_operational, AlStatusCode::needs_pre_operational, line.now);
   EXPECT_EQ(counter(), 0U);
@@ -103,13 +103,13 @@ TEST_F(ProcessData, RemappedWithBitsGapsAndTwoPdos) {
   EXPECT_EQ(objects.controlword, 0xABCD);
   EXPECT_EQ(objects.ranged, 100);
   objects.mode = 0x5A;
-  bytes[3] = 0xF0, bytes[4] = 0x07;  // 7Fh: beyond the range; the object keeps its value
+  bytes[3] = 0xF0, bytes[4] = 0x07;  // 7Fh is beyond the range, so the object keeps its value
   send(Command::lwr, 0x1000, bytes);
   EXPECT_EQ(objects.ranged, 100);
   EXPECT_EQ(send(Command::lrd, 0x1100, Bytes(3)).data, (Bytes{0x01, 0x5A, 0x01}));
 }
 
-// Objects mapped longer or shorter than they are keep their sign, and take no value that they cannot hold.
+// Objects that are mapped longer or shorter than their size keep their sign, and refuse values that they cannot hold.
 TEST_F(ProcessData, OtherLengthsThanTheObjects) {
   profile.mapped_length_may_differ = true;
   to_pre_operational();
@@ -135,7 +135,7 @@ TEST_F(ProcessData, OtherLengthsThanTheObjects) {
   EXPECT_EQ(put(-5, -2), bytes_of(-5));
   EXPECT_EQ(objects.ranged, -5);
   EXPECT_EQ(objects.target_position, -2);
-  EXPECT_EQ(put(0x1'0007, 3), bytes_of(-5));  // its low half would do
+  EXPECT_EQ(put(0x1'0007, 3), bytes_of(-5));  // its lower half would be valid
   EXPECT_EQ(objects.target_position, 3);
 }
 
@@ -153,7 +153,7 @@ TEST_F(ProcessData, OwnersAreToldWhenAllValuesAreThere) {
   send(Command::lwr, 0x1000, {5, 0, 9, 0, 0, 0});
   EXPECT_EQ(events.told, std::vector<std::uint16_t>{0x2007});
   EXPECT_EQ(events.position_when_told, 9);
-  send(Command::lwr, 0x1000, {0xEE, 0, 10, 0, 0, 0});  // refused, the rest is taken
+  send(Command::lwr, 0x1000, {0xEE, 0, 10, 0, 0, 0});  // this object is refused, the others are written
   EXPECT_EQ(events.told.size(), 1U);
   EXPECT_EQ(objects.owned, 5);
   EXPECT_EQ(objects.target_position, 10);
@@ -180,7 +180,7 @@ TEST_F(ProcessData, TooMuchIsRefused) {
 }
 
 TEST_F(ProcessData, RandomMappingsComeThrough) {
-  // Any order of the objects, with random gaps: every value arrives where the mapping says.
+  // For any order of the objects, with random gaps, every value arrives at its place in the mapping.
   std::uint32_t seed = 1;
   const auto random = [&seed](std::uint32_t n) {
     seed = seed * 1664525U + 1013904223U;
@@ -216,7 +216,7 @@ TEST_F(ProcessData, RandomMappingsComeThrough) {
   }
 }
 
-// ---- Sampled by the application ----
+// ---- Process data that the application samples ----
 
 TEST_F(ProcessData, AreSampledInTheCycleOfTheApplication) {
   to_operational();
@@ -233,7 +233,7 @@ TEST_F(ProcessData, AreSampledInTheCycleOfTheApplication) {
   EXPECT_EQ(objects.target_position, 6);
   EXPECT_EQ(events.cycles, before + 1);
   EXPECT_EQ(send(Command::lrd, 0x1100, Bytes(7)).data, (Bytes{0x0F, 0x80, 8, 7, 0, 0, 0}));
-  // What is not process data is not kept waiting, and what came before it is dealt with first.
+  // Other data do not wait, and process data that came before them are processed first.
   cycle(7);
   EXPECT_EQ(request(4), good(4));
   EXPECT_EQ(objects.target_position, 7);
@@ -243,7 +243,7 @@ TEST_F(ProcessData, AreSampledInTheCycleOfTheApplication) {
   EXPECT_EQ(objects.target_position, 8);
 }
 
-// Closer than 1C32h:05 they wait for the next control loop, until they no longer are.
+// Frames at intervals shorter than 1C32h:05 wait for the next control loop, until the intervals are long enough again.
 class TooFast : public SlaveRig {
  protected:
   void SetUp() override {
@@ -302,13 +302,13 @@ TEST_F(TooFast, ProcessDataAreDealtWithJustBeforeTheControlLoop) {
   objects.position_actual = 77;
   loop();
   EXPECT_EQ(input(), 77);
-  // A message does not wait, and they with it.
+  // A message is processed immediately, and the waiting process data with it.
   send_target(9);
   to(100us);
   EXPECT_EQ(objects.target_position, 8);
   EXPECT_EQ(upload(0x607A, 0), (Bytes{9, 0, 0, 0}));
   EXPECT_EQ(events.cycles, before + 4);
-  // Nothing comes for a loop: it is over.
+  // Without a control loop this mode ends.
   to(400us);
   loop();
   to(100us);
@@ -333,8 +333,8 @@ TEST_F(TooFast, ThreeInAControlLoopOfThreeAreNot) {
 
 TEST_F(TooFast, WithoutAControlLoopThatIsKnownTheyAreSampledAsEver) { expect_each_target_sampled(); }
 
-// Synchronous with the sync manager, the inputs are those of the last frame when no more come, whatever a message and a
-// control loop do.
+// In the mode "synchronous with the sync manager" the inputs stay those of the last frame if no more frames come,
+// despite a message and a control loop.
 TEST_F(TooFast, AMessageLeavesNoInputsBehind) {
   ASSERT_EQ(request(2), good(2));
   EXPECT_EQ(download(0x1C32, 1, 1, 2), AbortCode::none);
@@ -378,7 +378,7 @@ TEST_F(ProcessData, ThatAreSampledDoNotDelayTheWatchdog) {
   EXPECT_EQ(status(), (std::pair{0x14U, AlStatusCode::sync_manager_watchdog}));
 }
 
-// What a bus with many slaves asks after every frame.
+// The checks that a bus with many slaves makes after every frame.
 TEST_F(ProcessData, ThatWaitToBeSampledDoNotCallAgain) {
   const auto calls = [this] { return slave.wants_poll(line.now); };
   to_operational();
@@ -393,7 +393,7 @@ TEST_F(ProcessData, ThatWaitToBeSampledDoNotCallAgain) {
   EXPECT_FALSE(calls());
   EXPECT_FALSE(slave.wants_poll(line.now + 39us));
   EXPECT_TRUE(slave.wants_poll(line.now + 40us));
-  // Any register may bring something forward; then it is worked out anew.
+  // A write to any register may bring a deadline forward, so the deadline is calculated again.
   line.put(0, reg::station_address, std::uint16_t{1});
   EXPECT_TRUE(calls());
   slave.poll(line.now);
@@ -403,7 +403,7 @@ TEST_F(ProcessData, ThatWaitToBeSampledDoNotCallAgain) {
   slave.poll(line.now);
   EXPECT_FALSE(calls());
   EXPECT_EQ(status(), good(4));
-  // Dealt with, they call again.
+  // After they are processed, new ones request a poll again.
   line.send(Command::lrd, 0x1100, Bytes(7));
   EXPECT_TRUE(calls());
   slave.poll(line.now);
@@ -473,8 +473,8 @@ TEST_F(Synchronous, OutputsActWithTheNextPulse) {
   EXPECT_EQ(upload(0x1C32, 0x0B), (Bytes{0, 0}));
 }
 
-// Without bit 5 of 0981h a start time in the past starts nothing: the slave was to wait for pulses, and says that none
-// comes.
+// Without bit 5 of 0981h a start time in the past starts no pulses. The slave waits for pulses and reports that none
+// arrive.
 TEST_F(Synchronous, AStartTimeInThePastIsToldAsNoSync) {
   to_pre_operational();
   set_process_data(7, 7);
@@ -498,7 +498,7 @@ TEST_F(Synchronous, OutputsAndInputsAreShifted) {
   set_process_data(7, 7);
   start_sync(1'000'000);
   ASSERT_EQ(request(4), good(4));
-  EXPECT_EQ(download(0x1C32, 3, 0, 4), AbortCode::device_state);  // it is in use
+  EXPECT_EQ(download(0x1C32, 3, 0, 4), AbortCode::device_state);  // 1C32h:03 is in use
   cycle();
   request(8);
   run(1900us);  // until 900 us behind a pulse
@@ -524,7 +524,7 @@ TEST_F(Synchronous, AShiftBeyondTheNextPulseIsRefused) {
   EXPECT_EQ(request(0x14), good(4));
 }
 
-// 1C32h:08: bit 0 measures, bit 1 sets the counters back.
+// 1C32h:08: bit 0 starts the measurement, bit 1 resets the counters.
 TEST_F(Synchronous, TheShortestCycleIsMeasured) {
   to_pre_operational();
   EXPECT_EQ(download(0x1C32, 1, 1, 2), AbortCode::none);
@@ -535,7 +535,7 @@ TEST_F(Synchronous, TheShortestCycleIsMeasured) {
   ASSERT_EQ(request(8), good(8));
   run(100us);
   cycle();
-  EXPECT_EQ(upload(0x1C32, 2), bytes_of(5'000'000U));  // what was written stands until it measures
+  EXPECT_EQ(upload(0x1C32, 2), bytes_of(5'000'000U));  // the written value stays until a measurement
   EXPECT_EQ(download(0x1C32, 8, 1, 2), AbortCode::none);
   Time last{};
   Time shortest = never;
@@ -569,7 +569,7 @@ TEST_F(Synchronous, TheCountersAreSetBack) {
   EXPECT_EQ(upload(0x1C33, 0x0B), (Bytes{0, 0}));
 }
 
-// What one master chose by its pulses does not bind the next one.
+// The mode that one master selects with its pulses does not apply to the next master.
 TEST_F(Synchronous, TheNextMasterNeedsNoPulses) {
   to_synchronous_operation();
   EXPECT_EQ(upload(0x1C32, 1), (Bytes{2, 0}));
@@ -578,7 +578,7 @@ TEST_F(Synchronous, TheNextMasterNeedsNoPulses) {
   EXPECT_EQ(request(4), good(4));
   EXPECT_EQ(upload(0x1C32, 1), (Bytes{0, 0}));
   EXPECT_EQ(request(2), good(2));
-  EXPECT_EQ(download(0x1C32, 1, 2, 2), AbortCode::none);  // one that asks for them does
+  EXPECT_EQ(download(0x1C32, 1, 2, 2), AbortCode::none);  // this master requires pulses
   EXPECT_EQ(request(4), (std::pair{0x12U, AlStatusCode::invalid_dc_sync_configuration}));
   EXPECT_EQ(request(0x11), good(1));
   set_mailbox();
@@ -586,7 +586,7 @@ TEST_F(Synchronous, TheNextMasterNeedsNoPulses) {
   EXPECT_EQ(upload(0x1C32, 1), (Bytes{0, 0}));
 }
 
-// A master that repeats its request is answered no later.
+// A repeated request does not delay the answer.
 TEST_F(Synchronous, AskingAgainDoesNotMakeTheWaitLonger) {
   to_pre_operational();
   set_process_data(7, 7);
@@ -602,10 +602,10 @@ TEST_F(Synchronous, MissedCyclesAreCountedAndForgiven) {
   to_synchronous_operation();
   cycle();
   run(1ms);
-  run(1ms);  // without outputs: 3
+  run(1ms);  // without outputs: the counter is 3
   EXPECT_EQ(upload(0x1C32, 0x0B), (Bytes{1, 0}));
   EXPECT_EQ(status(), good(8));
-  for (int i = 0; i < 3; ++i) cycle(), run(1ms);  // 0 again
+  for (int i = 0; i < 3; ++i) cycle(), run(1ms);  // the counter is 0 again
   run(1ms);
   EXPECT_EQ(status(), good(8));
   run(1ms);  // 6 > 4
@@ -613,11 +613,11 @@ TEST_F(Synchronous, MissedCyclesAreCountedAndForgiven) {
   EXPECT_EQ(upload(0x1C32, 0x20), Bytes{1});
 }
 
-// What was taken once is no set-point of the next cycle as well.
+// Outputs that were processed once do not count as a set-point of the next cycle.
 TEST_F(Synchronous, ACycleWithoutOutputsBringsNone) {
   to_pre_operational();
   EXPECT_EQ(download(0x1600, 0, 0, 1), AbortCode::none);
-  EXPECT_EQ(download(0x1600, 3, 0x20070010, 4), AbortCode::none);  // an object whose owner is told
+  EXPECT_EQ(download(0x1600, 3, 0x20070010, 4), AbortCode::none);  // an object whose owner receives a callback
   EXPECT_EQ(download(0x1600, 4, 0x00000010, 4), AbortCode::none);
   EXPECT_EQ(download(0x1600, 0, 4, 1), AbortCode::none);
   operate_with_sync0();
@@ -633,7 +633,7 @@ TEST_F(Synchronous, ACycleWithoutOutputsBringsNone) {
   EXPECT_EQ(events.told.size(), told + 1);
 }
 
-// 10F1h:01 = 0: the error is told, and gone when enough cycles had outputs again.
+// 10F1h:01 = 0: the error is shown, and cleared after enough cycles with outputs.
 TEST_F(Synchronous, TheSlaveMayStayWithSyncErrors) {
   to_pre_operational();
   EXPECT_EQ(upload(0x10F1, 1), bytes_of(1U));
@@ -653,7 +653,7 @@ TEST_F(Synchronous, TheSlaveMayStayWithSyncErrors) {
   cycle(99), run(1ms);
   EXPECT_EQ(upload(0x1C32, 0x20), Bytes{0});
   EXPECT_EQ(objects.target_position, 99);
-  // The pulses themselves are no sync error to stay with.
+  // 10F1h:01 = 0 does not apply to missing pulses: they still end Operational.
   write(reg::sync_activation, {0});
   cycle();
   EXPECT_EQ(status(), (std::pair{0x14U, AlStatusCode::fatal_sync_error}));
@@ -674,12 +674,12 @@ TEST_F(Synchronous, CyclesThatAreTooShortAreCounted) {
   for (int i = 0; i < 3; ++i) run(10us), cycle(i);
   EXPECT_EQ(upload(0x1C32, 0x0C), (Bytes{3, 0}));
   EXPECT_EQ(upload(0x1C33, 0x0C), (Bytes{0, 0}));
-  EXPECT_EQ(objects.target_position, 2);  // they are taken all the same
+  EXPECT_EQ(objects.target_position, 2);  // they are still processed
   EXPECT_EQ(download(0x1C32, 8, 2, 2), AbortCode::none);
   EXPECT_EQ(upload(0x1C32, 0x0C), (Bytes{0, 0}));
 }
 
-// 1C33h:0D: the frame passed between SYNC0 and the time at which 1C33h:03 has the inputs sampled.
+// 1C33h:0D: the frame passed between SYNC0 and the time at which the inputs are sampled (1C33h:03).
 TEST_F(Synchronous, FramesBeforeTheShiftedInputsAreCounted) {
   to_pre_operational();
   EXPECT_EQ(download(0x1C33, 3, 600'000, 4), AbortCode::none);
@@ -715,13 +715,14 @@ TEST_F(Synchronous, TheLimitIs10F1h) {
   request(8);
   run(1500us);
   ASSERT_EQ(status(), good(8));
-  run(11ms);  // the first cycle is forgiven; ten missed are 30, which is not more than 30
+  run(11ms);  // the first cycle is tolerated; ten missed cycles give 30, which does not exceed 30
   EXPECT_EQ(status(), good(8));
   run(1ms);
   EXPECT_EQ(status(), (std::pair{0x14U, AlStatusCode::synchronization_error}));
 }
 
-// A master starts SYNC0 and gives the pulses to the application (0980h): the next one cannot stop them.
+// A master starts SYNC0 and passes the control of the pulses to the application (0980h): the next master cannot stop
+// them.
 TEST_F(Synchronous, PulsesThatWereGivenAwayEndWithInit) {
   line.put<std::uint64_t>(0, reg::sync_start_time, line.escs[0]->clock().system_time(line.now) + 3'600'000'000'000);
   line.put<std::uint32_t>(0, reg::sync0_cycle, 1'000'000);
@@ -758,7 +759,7 @@ TEST_F(Synchronous, SettingsThatDoNotFit) {
   set_process_data(7, 7);
   EXPECT_EQ(download(0x1C32, 1, 2, 2), AbortCode::none);  // DC, and no pulses
   EXPECT_EQ(request(4), (std::pair{0x12U, AlStatusCode::invalid_dc_sync_configuration}));
-  start_sync(100'000);  // below the least cycle
+  start_sync(100'000);  // below the minimum cycle
   EXPECT_EQ(request(0x14), (std::pair{0x12U, AlStatusCode::invalid_sync0_cycle_time}));
   profile.synchronisation = sync_support::free_run;
   EXPECT_EQ(request(0x14), (std::pair{0x12U, AlStatusCode::synchronization_not_supported}));

@@ -1,11 +1,11 @@
 #include "esc_rig.hpp"
 
-// Who may write which register when, and what stays as it was (ETG.1000.4 clause 6).
+// Which side may write a register at which time, and which registers keep their values (ETG.1000.4 clause 6).
 namespace servodrome::ethercat::test {
 namespace ethercat_register_test {
 namespace {
 
-// Datagrams in one frame to the first slave; their working counters.
+// Sends datagrams in one frame to the first slave; returns their working counters.
 std::vector<unsigned> write_together(Line& line, std::initializer_list<std::pair<std::uint16_t, Bytes>> writes) {
   std::array<std::uint8_t, max_frame> memory;
   FrameWriter writer = FrameWriter::ethernet(memory);
@@ -39,12 +39,12 @@ TEST(WriteProtection, OfRegistersLeavesTheUserMemory) {
   line.put<std::uint8_t>(0, reg::register_write_protection, 1);
   EXPECT_EQ(line.write(0, 0x0F80, {1}).counter, 1U);
   EXPECT_EQ(line.write(0, reg::write_enable, {1}).counter, 1U);
-  // Its own key is not the other one's.
+  // One lock does not accept the key of the other.
   EXPECT_EQ(write_together(line, {{reg::write_enable, {1}}, {reg::station_address, {8, 0}}}),
             (std::vector<unsigned>{1, 0}));
 }
 
-// What an FMMU maps is the controller's memory as well.
+// The lock also protects controller memory that is mapped by an FMMU.
 TEST(WriteProtection, OfTheWholeControllerCoversMappedMemory) {
   Line line(1);
   line.set_sync_manager(0, 2, 0x1100, 4, 0x24);
@@ -70,9 +70,9 @@ TEST(WriteProtection, TheKeysForgetWithTheFrame) {
   EXPECT_EQ(line.get<std::uint8_t>(0, reg::write_enable), 0);
 }
 
-// ---- What a datagram over several registers does not do to those it cannot write ----
+// ---- Datagrams over several registers, some of which are not writable ----
 
-// Each register that a datagram reaches acts, wherever it begins and ends.
+// Each register within a datagram acts, wherever the datagram begins and ends.
 TEST(Registers, ADatagramOverSeveralActsInEach) {
   Line line(1);
   Bytes fmmus(3 * 16);
@@ -151,7 +151,7 @@ TEST(Registers, TheApplicationsResetIsNotTheMasters) {
 
 TEST(Registers, ResetForgetsWhatDlControlWas) {
   Line line(2);
-  line.write(0, reg::dl_control, {0x01, 0x0C, 0x07, 0x01});  // port 1 closed, alias on
+  line.write(0, reg::dl_control, {0x01, 0x0C, 0x07, 0x01});  // port 1 closed, alias enabled
   for (const char letter : {'R', 'E', 'S'}) line.write(0, reg::reset_ecat, bytes_of(letter));
   line.write(0, reg::dl_control, {0x03, 0x00});
   line.now += 1s;
@@ -159,8 +159,8 @@ TEST(Registers, ResetForgetsWhatDlControlWas) {
   EXPECT_EQ(line.get<std::uint32_t>(0, reg::dl_control), 0x00070001U);
 }
 
-// Whatever a controller did before, by RES it is as one that was just switched on: registers, mappings, watchdogs,
-// pulses, and what it waits for.
+// After a reset by the letters RES a controller is as after power-on, whatever it did before: registers, mappings,
+// watchdogs, pulses, and pending states.
 TEST(Registers, AResetForgetsEverythingElse) {
   Line line(1);
   Line fresh(1);
@@ -179,7 +179,7 @@ TEST(Registers, AResetForgetsEverythingElse) {
   line.put<std::uint16_t>(0, reg::watchdog_pdi, 10);
   line.put<std::uint16_t>(0, reg::system_time_filter, 0x0101);
   line.put<std::uint32_t>(0, reg::system_time_offset, 77);
-  line.write(0, reg::dl_control, {0x03, 0x04});  // a loop is lent for a second
+  line.write(0, reg::dl_control, {0x03, 0x04});  // a loop setting that is valid for a second
   line.write(0, reg::al_control, {2, 0});
   esc.set_al_status(2, 0x11);
   esc.count_invalid_frame(0);
@@ -187,7 +187,7 @@ TEST(Registers, AResetForgetsEverythingElse) {
   esc.pdi_alive(line.now);
   line.put<std::uint8_t>(0, reg::write_protection, 1);
 
-  // The keys of the write protection do not last beyond a frame, so each letter comes with its own.
+  // The keys of the write protection are valid for one frame, so each letter is sent together with the keys.
   for (const char letter : {'R', 'E', 'S'}) {
     EXPECT_EQ(write_together(line, {{reg::write_enable, {1}}, {reg::reset_ecat, bytes_of(letter)}}),
               (std::vector<unsigned>{1, 1}));
@@ -202,18 +202,18 @@ TEST(Registers, AResetForgetsEverythingElse) {
     if (at >= reg::receive_time_port && at < reg::system_time_offset) continue;  // times
     EXPECT_EQ(esc.read_byte(at, line.now), fresh.escs[0]->read_byte(at, fresh.now)) << std::hex << at;
   }
-  line.now += 10s;  // longer than any of them lasts
+  line.now += 10s;  // longer than any of these states lasts
   EXPECT_EQ(esc.poll(line.now), 0U);
   EXPECT_EQ(line.get<std::uint8_t>(0, reg::watchdog_status), 1);
   EXPECT_EQ(line.get<std::uint16_t>(0, reg::dl_status), fresh.get<std::uint16_t>(0, reg::dl_status));
   EXPECT_EQ(line.write(0, reg::al_control, {4, 0}).counter, 1U) << "no AL control waits";
   EXPECT_EQ(line.write(0, 0x1100, {9}).counter, 1U) << "plain memory";
-  // Letters count from the first again.
+  // The letters are counted from the first again.
   line.write(0, reg::reset_ecat, bytes_of('S'));
   EXPECT_EQ(line.get<std::uint8_t>(0, reg::reset_ecat), 0);
 }
 
-// ETG.1000.4 clause 6; ETG.1000.6 table 16 for what comes of the slave information.
+// ETG.1000.4 clause 6; ETG.1000.6 table 16 for registers that come from the slave information.
 TEST(Registers, EveryDefaultAfterPowerOn) {
   Line line(1);
   store_u16(&line.sii[0][2], 0xA1B2);
@@ -255,7 +255,7 @@ TEST(Registers, EveryDefaultAfterPowerOn) {
 
 TEST(DlControl, OnlyTheLoopsAreLentForASecond) {
   Line line(2);
-  EXPECT_EQ(line.write(0, reg::dl_control, {0x03, 0x0C}).counter, 1U);  // the first write since power-on
+  EXPECT_EQ(line.write(0, reg::dl_control, {0x03, 0x0C}).counter, 1U);  // the first write after power-on
   EXPECT_EQ(line.read(1, 0, 1).counter, 0U);
   line.put<std::uint8_t>(0, reg::dl_control + 3, 0x01);  // alias
   line.now += 1s;
@@ -264,7 +264,7 @@ TEST(DlControl, OnlyTheLoopsAreLentForASecond) {
   EXPECT_EQ(line.get<std::uint32_t>(0, reg::dl_control), 0x01070001U);
 }
 
-// Which bits of a register a master can write (ETG.1000.4): all ones are written, and what sticks is read.
+// The bits of a register that a master can write (ETG.1000.4): writes all ones and reads which bits are set.
 TEST(Registers, OnlyTheBitsThatAreThereStick) {
   struct Row {
     unsigned address;
@@ -326,7 +326,7 @@ TEST_F(SiiOwner, WhatTheApplicationTookItHoldsUntilItIsForced) {
   EXPECT_EQ(command(0x0100), 0U);
   line.put<std::uint8_t>(0, reg::sii_configuration, 2);
   EXPECT_EQ(line.get<std::uint8_t>(0, reg::sii_pdi_access), 0);
-  sii.byte_written(1, 1, Side::application, line.now);  // not while it is forced
+  sii.byte_written(1, 1, Side::application, line.now);  // not while the master has forced the access
   EXPECT_EQ(line.get<std::uint8_t>(0, reg::sii_pdi_access), 0);
   EXPECT_EQ(command(0x0100), 1U);
 }
@@ -340,7 +340,7 @@ TEST_F(SiiOwner, ABusyInterfaceTakesNothingAndDoesNotCount) {
 
 // ---- Sync managers ----
 
-// ETG.1000.4 clause 6.5: a channel that the application has taken out of use keeps the master off its area.
+// ETG.1000.4 clause 6.5: if the application disables a channel, the master cannot access its memory area.
 TEST(SyncManagers, TakenOutByTheApplicationItsAreaIsLocked) {
   Line line(1);
   line.set_sync_manager(0, 2, 0x1100, 4, 0x24);
@@ -354,7 +354,7 @@ TEST(SyncManagers, TakenOutByTheApplicationItsAreaIsLocked) {
   EXPECT_EQ(line.write(0, 0x110C, {1}).counter, 1U);  // behind its three buffers
   line.escs[0]->disable_sync_manager(2, false);
   EXPECT_EQ(line.send(Command::lwr, 0, {1, 2, 3, 4}).counter, 1U);
-  line.put<std::uint8_t>(0, 0x080E, 0);  // the master gives up the other one: plain memory
+  line.put<std::uint8_t>(0, 0x080E, 0);  // the master also disables the other one, which becomes plain memory
   EXPECT_EQ(line.write(0, 0x1080, Bytes(8)).counter, 1U);
 }
 

@@ -1,6 +1,6 @@
 #include "esc_rig.hpp"
 
-// Slaves in line: loops, breaks, rings, errors on the way.
+// Slaves in line: loops, breaks, rings, errors on the cables.
 namespace servodrome::ethercat::test {
 namespace ethercat_segment_test {
 namespace {
@@ -70,7 +70,7 @@ TEST(Segment, LoopsByDlControl) {
   EXPECT_EQ(count(line), 3U);
 }
 
-// What closed because its link was gone opens for the frame that comes to it, which is lost.
+// A port that closed because it lost its link opens when a frame arrives at it; that frame is lost.
 TEST(Segment, AFrameOpensAnAutoClosedPort) {
   Line line(3);
   line.put<std::uint8_t>(1, reg::dl_control + 1, 0x01);  // port 0
@@ -80,7 +80,7 @@ TEST(Segment, AFrameOpensAnAutoClosedPort) {
   EXPECT_EQ(count(line), 3U);
 }
 
-// A master that closes all ports of a slave does not lock itself out.
+// A master that closes all ports of a slave can still reach the slave.
 TEST(Segment, Port0IsTheWayBackWhenAllAreClosed) {
   Line line(1);
   line.put<std::uint8_t>(0, reg::dl_control + 1, 0x0F);
@@ -121,7 +121,7 @@ TEST(Segment, RingBearsOneBreakAnywhere) {
     EXPECT_EQ(back.exit, broken == 4 ? Segment::Exit::lost : Segment::Exit::secondary);
     EXPECT_EQ(front.counter, broken);
     EXPECT_EQ(back.counter, 4 - broken);
-    // From the far end the slaves are passed in the same order as always.
+    // From the far end, too, a frame passes the slaves in the usual order.
     if (broken == 2) {
       line.send(Command::apwr, address_of(0, 0x1000), {0xAB}, Segment::Port::secondary);
       EXPECT_EQ(line.escs[2]->read_byte(0x1000, line.now), 0xAB);
@@ -144,7 +144,7 @@ TEST(Segment, ACirculatingFrameIsTakenOffTheLine) {
   EXPECT_EQ(line.segment->process(writer.bytes(), line.now, Segment::Port::secondary).exit, Segment::Exit::lost);
 }
 
-// A port 0 that was closed by hand is no break: nothing is marked (ETG.1000.4 clause 5.3.3).
+// A port 0 that was closed by a command does not count as a break: no frame is marked (ETG.1000.4 clause 5.3.3).
 TEST(Segment, OnlyABreakMarksFrames) {
   Line line(2);
   line.put<std::uint8_t>(1, reg::dl_control + 1, 0x00);
@@ -171,7 +171,7 @@ TEST(Segment, AWrongFcsIsCountedWhereItHappenedAndBehind) {
   line.slaves[1].corrupts_next = true;
   EXPECT_EQ(count(line), 0U);
   EXPECT_EQ(count(line), 3U);
-  // Those before it and it itself see it come back, marked, at port 1.
+  // The corrupting slave and the slave before it receive the marked frame at port 1 when it comes back.
   EXPECT_EQ(line.read(0, reg::rx_errors, 13).data, (Bytes{0, 0, 0, 0, 0, 0, 0, 0, 0, 1, 0, 0, 0}));
   EXPECT_EQ(line.get<std::uint8_t>(1, reg::rx_errors), 1);
   EXPECT_EQ(line.get<std::uint8_t>(1, reg::forwarded_rx_errors + 1), 1);
@@ -205,7 +205,7 @@ TEST(Segment, PortReceiveTimes) {
   EXPECT_EQ(line.get<std::uint32_t>(2, reg::receive_time_port + 4), 0U);
 }
 
-// From the far end the frame passes each slave by its port 1, turns at the break, and is processed on its way back.
+// From the far end the frame enters each slave at port 1, turns at the break, and is processed on its way back.
 TEST(Segment, PortReceiveTimesFromTheFarEnd) {
   Line line(3, 100ns);
   line.slaves[2].forward = line.slaves[2].backward = 350ns;
@@ -226,13 +226,13 @@ TEST(Segment, PortReceiveTimesFromTheFarEnd) {
   EXPECT_EQ(at(2, 0), sent + 2 * 350U);
   EXPECT_EQ(at(0, 0), 0U) << "before the break";
   EXPECT_EQ(at(0, 1), 0U);
-  // A frame that latches nothing leaves them as they are.
+  // A frame that does not latch leaves the latched times unchanged.
   line.now += 1us;
   line.send(Command::brd, address_of(0, reg::receive_time_port), Bytes(4), Segment::Port::secondary);
   EXPECT_EQ(at(2, 1), sent);
 }
 
-// 0900h: any write with an address match counts, only BWR and FPWR latch at the ports (the datasheets of the ESCs).
+// 0900h: any write with an address match counts, but only BWR and FPWR latch at the ports (data sheets of the ESCs).
 TEST(Segment, PortReceiveTimesByBroadcastAndStationOnly) {
   Line line(2, 100ns);
   line.put<std::uint16_t>(0, reg::station_address, 5);

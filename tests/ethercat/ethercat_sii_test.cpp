@@ -4,7 +4,7 @@
 #include "ethercat/sii/image.hpp"
 #include "slave_rig.hpp"
 
-// The slave information memory, read back by a parser that shares nothing with what wrote it (ETG.1000.6 clause 5.4).
+// The slave information memory, read by a parser that shares no code with the writer (ETG.1000.6 clause 5.4).
 namespace servodrome::ethercat::test {
 namespace ethercat_sii_test {
 namespace {
@@ -95,7 +95,7 @@ TEST_F(Image, CategoriesInTheirOrder) {
   for (const Category& category : parsed.categories) types.push_back(category.type);
   EXPECT_EQ(types, (std::vector<unsigned>{10, 30, 40, 41, 50, 51, 60}));
   EXPECT_EQ(parsed.end, used);
-  // No string twice, none too many.
+  // No string occurs twice, and every string is used.
   std::map<std::string, int> seen;
   for (const std::string& text : parsed.strings) EXPECT_EQ(++seen[text], 1) << text;
 }
@@ -147,7 +147,7 @@ TEST_F(Image, Pdos) {
       EXPECT_EQ(count, i == 0 ? 3U : 0U);
       at += 8;
       for (unsigned k = 1; k <= count; ++k, at += 8) {
-        // As the dictionary's defaults have it.
+        // The defaults of the dictionary.
         DeviceObjects objects;
         dictionary::Dictionary dictionary(device_table, std::as_writable_bytes(std::span(&objects, 1)));
         dictionary.load_defaults(dictionary::Area::all, 0);

@@ -45,11 +45,11 @@ TEST_F(StateMachine, ChangesThatDoNotExist) {
 TEST_F(StateMachine, AnErrorStandsUntilAcknowledged) {
   EXPECT_EQ(request(4).first, 0x11U);
   set_mailbox();
-  EXPECT_EQ(request(2), (std::pair{0x11U, AlStatusCode::invalid_requested_state_change}));  // not heard
-  EXPECT_EQ(request(0x12), good(2));  // acknowledge and change in one
+  EXPECT_EQ(request(2), (std::pair{0x11U, AlStatusCode::invalid_requested_state_change}));  // ignored
+  EXPECT_EQ(request(0x12), good(2));  // acknowledge and state change in one request
 }
 
-// Init is heard without it: it is where every master begins.
+// Init is accepted without an acknowledgement, because every master starts with it.
 TEST_F(StateMachine, InitNeedsNoAcknowledgement) {
   to_operational();
   run(200ms);
@@ -79,7 +79,7 @@ TEST_F(StateMachine, MailboxChecks) {
   }
   line.send(Command::bwr, address_of(0, reg::sync_manager), Bytes(64));
   line.set_sync_manager(0, 0, 0x1000, 128, 0x26);
-  EXPECT_EQ(request(0x12), refused);  // one alone
+  EXPECT_EQ(request(0x12), refused);  // with only one of them
   line.set_sync_manager(0, 1, 0x1100, 34, 0x22);
   EXPECT_EQ(request(0x12), good(2));
 }
@@ -125,7 +125,7 @@ TEST_F(StateMachine, AChannelItHasNoUseForIsRefused) {
 TEST_F(StateMachine, MappingsThatCannotBeServed) {
   to_pre_operational();
   set_process_data(7, 7);
-  objects.communication.rx_mapping[0].entry[1] = 0x60410010;  // not an output; as if from a spoilt store
+  objects.communication.rx_mapping[0].entry[1] = 0x60410010;  // not an output; as if from a damaged store
   EXPECT_EQ(request(4), (std::pair{0x12U, AlStatusCode::invalid_output_mapping}));
   objects.communication.rx_mapping[0].entry[1] = 0x60600008;
   objects.communication.tx_assignment.pdo[0] = 0x1A77;
@@ -157,7 +157,7 @@ TEST_F(StateMachine, WatchdogEndsOperation) {
   EXPECT_EQ(status(), (std::pair{0x14U, AlStatusCode::sync_manager_watchdog}));
   EXPECT_EQ(events.changes.back(),
             (Change{AlState::operational, AlState::safe_operational, AlStatusCode::sync_manager_watchdog}));
-  cycle();  // not taken before it is acknowledged
+  cycle();  // the request has no effect before the acknowledgement
   EXPECT_EQ(request(0x18), good(4));
   cycle();
   EXPECT_EQ(status(), good(8));
@@ -188,14 +188,15 @@ TEST_F(StateMachine, LosingASyncManagerEndsInPreOperational) {
   EXPECT_EQ(status(), (std::pair{0x12U, AlStatusCode::invalid_output_configuration}));
 }
 
-// Off, changed and on again in one frame: what is checked on the way to Safe-Operational holds there and above.
+// Disabled, changed and enabled again in one frame: the checks of the change to Safe-Operational also apply in the
+// higher states.
 TEST_F(StateMachine, AChannelThatIsMadeAnotherOneEndsInPreOperational) {
   using C = AlStatusCode;
   struct Case {
     const char* name;
     unsigned channel;
     unsigned start, length, control;
-    C code;  // none: goes on
+    C code;  // none: the change succeeds
   };
   for (const Case& one : {Case{"outputs short", 2, 0x1200, 6, 0x64, C::invalid_output_configuration},
                           {"outputs long", 2, 0x1200, 8, 0x64, C::invalid_output_configuration},
@@ -240,7 +241,7 @@ TEST_F(StateMachine, TheDeviceMayFallBack) {
   EXPECT_EQ(status(), (std::pair{0x14U, AlStatusCode::no_valid_inputs}));
 }
 
-// An error of the state it is in already: shown and acknowledged as any other, without a change.
+// An error within the present state is shown and acknowledged like any other, without a change of state.
 TEST_F(StateMachine, AFallBackWithinTheStateIsAnError) {
   to_safe_operational();
   cycle();
@@ -298,7 +299,7 @@ TEST_F(BootingSlave, Bootstrap) {
   EXPECT_EQ(request(0x11), good(1));
 }
 
-// The numbers of ETG.1020 table 11; the words say what the table's say.
+// The numbers of ETG.1020 table 11; the texts have the meaning of the table's.
 TEST(AlStatusCodes, HaveTheStandardsNumbersAndWords) {
   struct Row {
     std::uint16_t code;

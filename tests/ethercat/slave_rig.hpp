@@ -7,7 +7,7 @@
 #include "ethercat/slave/communication_section.hpp"
 #include "ethercat/slave/slave.hpp"
 
-// A slave with CoE behind its controller, and a master with a mailbox, in virtual time.
+// A slave with CoE and its controller, and a master with a mailbox, in virtual time.
 namespace servodrome::ethercat::test {
 
 using dictionary::AbortCode;
@@ -92,7 +92,7 @@ struct DeviceEvents final : SlaveEvents, dictionary::Listener {
   void state_changed(AlState from, AlState to, AlStatusCode cause, Time) override {
     changes.push_back({from, to, cause});
   }
-  // A drive that is where it was told to be.
+  // A drive whose actual position is its target.
   void process_data(Time) override {
     ++cycles;
     objects.position_actual = objects.target_position + 1;
@@ -130,7 +130,7 @@ class SlaveRig : public testing::Test {
     slave.start(line.now);
   }
 
-  // Time goes on by the deadlines of the slave.
+  // Advances time from deadline to deadline of the slave.
   void run(Time span) {
     const Time end = line.now + span;
     while (slave.next_deadline(line.now) <= end) {
@@ -165,7 +165,7 @@ class SlaveRig : public testing::Test {
     line.set_fmmu(0, 1, 0x1100, inputs, 0x1500, 1);
     slave.poll(line.now);
   }
-  // AL status and its code, after a request.
+  // AL status and AL status code after a request.
   std::pair<unsigned, AlStatusCode> request(unsigned control) {
     EXPECT_EQ(write(reg::al_control, {static_cast<std::uint8_t>(control), 0}).counter, 1U);
     return status();
@@ -189,7 +189,7 @@ class SlaveRig : public testing::Test {
     cycle();
     ASSERT_EQ(request(8), good(8));
   }
-  // Controlword 0Fh, mode 8 and a target out; returns the inputs.
+  // Sends controlword 0Fh, mode 8 and a target; returns the inputs.
   Bytes cycle(std::int32_t target = 0, std::uint16_t controlword = 0x0F) {
     Bytes outputs(7);
     store_u16(outputs.data(), controlword);
@@ -209,7 +209,7 @@ class SlaveRig : public testing::Test {
     std::copy(content.begin(), content.end(), mail.begin() + 6);
     ASSERT_EQ(write(0x1000, mail).counter, 1U);
   }
-  // The next mail with its header cut to its length; empty when there is none.
+  // The next mail, with the header cut to its length; empty if there is none.
   Bytes fetch() {
     const Answer answer = read(0x1100, load_u16(line.escs[0]->registers(0x080A)));
     if (answer.counter == 0) return {};
@@ -244,7 +244,7 @@ class SlaveRig : public testing::Test {
     if (answer.size() == 8 && answer[0] == 0x80) return static_cast<AbortCode>(load_u32(&answer[4]));
     return AbortCode::none;
   }
-  // A whole upload, in segments if need be.
+  // A complete upload, in segments if necessary.
   Bytes upload(std::uint16_t index, unsigned sub, bool complete = false, AbortCode* code = nullptr) {
     Bytes answer = sdo(join({head(complete ? 0x50 : 0x40, index, sub), bytes_of(std::uint32_t{0})}));
     if (code != nullptr) *code = code_of(answer);

@@ -1,4 +1,4 @@
-// The blind test: axes drawn at random, recorded in motion with noise, and found again.
+// The blind test: draws random axes, records them in motion with noise, and identifies their parameters.
 #include <gtest/gtest.h>
 
 #include "fit_rig.hpp"
@@ -26,8 +26,9 @@ std::vector<Wanted> wanted_of(const Truth& truth) {
           {Parameter::weight, truth.weight_nm}};
 }
 
-// Every second draw has no position and no temperature of the winding, which a drive may not tell; each third has a
-// stage that is slower by up to three ticks. Half of the stages have a dead time, a drop, and a delay of a tick.
+// Every second draw has no position and no winding temperature, because a drive may not report them. Every third draw
+// has a power stage that is slower by up to three ticks. Half of the power stages have a dead time, a voltage drop, and
+// a delay of one tick.
 Result found(const Truth& truth, std::uint64_t seed, double& delay_s) {
   std::vector<std::string> names{"velocity_rpm", "current_a", "direct_current_a", "quadrature_voltage_v",
                                  "direct_voltage_v"};
@@ -79,7 +80,7 @@ TEST(FitBlind, FindsAxesDrawnAtRandomWithinTwoPercent) {
     all += covered[place];
   }
   fmt::print("{:<26} worst {:.2f} us\n", "voltage_delay_s", 1e6 * worst_delay_s);
-  // 95 % of 140, and as many fewer as chance makes it in one of a thousand tests.
+  // 95 % of 140, minus the deviation that occurs by chance in one of a thousand tests.
   EXPECT_GE(all, 125U);
 }
 

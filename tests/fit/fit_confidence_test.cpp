@@ -1,5 +1,5 @@
-// Confidence intervals by Monte Carlo: the same motion with noise drawn anew. An interval of 95 % holds the truth in 95
-// of 100 recordings, and is no wider than it has to be.
+// Confidence intervals by Monte Carlo: the same motion with new noise in each run. A 95 % interval must contain the
+// true value in 95 of 100 recordings, and must not be wider than necessary.
 #include <gtest/gtest.h>
 
 #include "synthetic_axis.hpp"
@@ -11,7 +11,7 @@ namespace {
 using test::Draw;
 using test::SyntheticAxis;
 
-// White noise, or one that remembers for so many samples.
+// White noise, or noise that is correlated over this number of samples.
 void add_noise(std::vector<double>& values, double deviation, double memory, Draw& draw) {
   const double keeps = memory > 0.0 ? std::exp(-1.0 / memory) : 0.0;
   double noise = deviation * draw.normal();

@@ -1,4 +1,4 @@
-// The fit finds the parameters of a synthetic axis, and names what a recording does not show.
+// The fit finds the parameters of a synthetic axis, and names the parameters that a recording does not determine.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
@@ -179,7 +179,7 @@ TEST(FitModel, MissingSamplesAreLeftOut) {
     for (std::size_t i = 2000; i < 2200 && !values.empty(); ++i) values[i] = std::nan("");
   }
   expect_found(fit(signals, axis.motor()), axis);
-  // And one in seven that is not even in the table, as a busy computer makes it.
+  // One sample in seven is missing in the table, as on a busy computer.
   Signals gaps = axis.signals();
   for (auto* values : {&gaps.seconds, &gaps.values[0], &gaps.values[1], &gaps.values[3], &gaps.values[4],
                        &gaps.values[5], &gaps.values[6]}) {

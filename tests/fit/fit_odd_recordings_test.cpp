@@ -99,7 +99,7 @@ TEST(FitOddRecordings, ClocksThatDoNotOverlapAreRefused) {
   const std::string problem = problem_of([&] { signals_of(table, {}, {}, ""); });
   EXPECT_THAT(problem, AllOf(HasSubstr("t: "), HasSubstr("position"), HasSubstr("torque"), HasSubstr("5 to 7 s"),
                              HasSubstr("0 to 2 s"), HasSubstr("record both at the same time")));
-  // The same through the file, and for a column without a single number.
+  // The same through a file, and for a column that has no number at all.
   EXPECT_THAT(problem_of_file("seconds_1,torque [Nm],seconds_2,velocity [rpm]\n0,1,5,1\n1,1,6,1\n"),
               HasSubstr("do not overlap"));
   EXPECT_THAT(problem_of_file("seconds,torque [Nm],velocity [rpm]\n0,1,\n1,1,\n"),
@@ -206,7 +206,7 @@ TEST(FitOddRecordings, AClearlyNegativeFrictionIsRemarked) {
   EXPECT_THAT(toml_of(small, right.motor()), AllOf(HasSubstr("coulomb_friction_nm = 0.0 "), Not(HasSubstr("remark"))));
 }
 
-// A fifth of all values is missing, here as rows that were never recorded and there as empty fields.
+// A fifth of all values is missing: in one recording as missing rows, in the other as empty fields.
 TEST(FitOddRecordings, IntervalsHoldTheTruthWithAFifthOfTheSamplesMissing) {
   constexpr unsigned draws = 40;
   SyntheticAxis axis;

@@ -11,12 +11,12 @@
 #include "line/tap.hpp"
 #include "tools/script/run.hpp"
 
-// A drive in virtual time that carries out a motion script while signals of it are kept, as the bench API records them.
+// A drive in virtual time that executes a motion script while the rig records its signals, like the bench API.
 namespace servodrome::fit::test {
 
 using namespace std::chrono_literals;
 
-// Numbers that are the same everywhere for a seed.
+// Random numbers that are the same on every machine for a seed.
 class Draw {
  public:
   explicit Draw(std::uint64_t seed) : source_(seed) {}
@@ -82,7 +82,7 @@ inline Truth drawn(std::uint64_t seed) {
   Truth truth;
   truth.power_w = draw.by_magnitude(50.0, 2000.0);
   truth.rated_torque_nm = truth.power_w / rated_speed_rad_s;
-  // The back-EMF at 3000 rpm takes a quarter to half of the voltage that there is.
+  // The back-EMF at 3000 rpm is a quarter to half of the available voltage.
   truth.torque_constant = draw.uniform(0.3, 0.6);
   truth.rated_current_a = truth.rated_torque_nm / truth.torque_constant * draw.uniform(1.0, 1.1);
   // 4 to 13 % of the power are lost in the copper; smaller motors lose more.
@@ -99,8 +99,8 @@ inline Truth drawn(std::uint64_t seed) {
   return truth;
 }
 
-// The motion of docs/fit.md: speeds of 15 and 80 % of the rated one, both ways, by a quarter of the rated torque and by
-// nine tenths.
+// The motion of docs/fit.md: speeds of 15 % and 80 % of the rated speed in both directions, with a quarter and with
+// nine tenths of the rated torque.
 inline std::string excitation(const Truth& truth) {
   constexpr double turn = 6.283185307179586;
   const double high = 0.8 * rated_speed_rad_s / turn;
@@ -118,7 +118,7 @@ inline std::string excitation(const Truth& truth) {
   return text + "end\n";
 }
 
-// What was kept, a row for each tick.
+// The recorded values, one row per tick.
 struct Kept {
   std::vector<std::string> names;
   std::vector<std::vector<double>> values{};  // of each name
@@ -191,7 +191,8 @@ inline void advance_voltages(Kept& kept, std::size_t ticks, const Truth& truth, 
   }
 }
 
-// A measurement of so many bits over +-full, with noise of one of its steps (standard deviation) before it is rounded.
+// A measurement with this number of bits over +-full. Before rounding it has noise with a standard deviation of one
+// step.
 inline void quantise(std::vector<double>& values, double full, unsigned bits, Draw& draw) {
   const double step = 2.0 * full / std::pow(2.0, bits);
   for (double& value : values) value = std::round(value / step + draw.normal()) * step;

@@ -1,4 +1,4 @@
-// Recordings as they are written, and files that are none.
+// Recordings in all written forms, and files that are not recordings.
 #include <cmath>
 #include <fmt/format.h>
 #include <gmock/gmock.h>
@@ -114,7 +114,7 @@ TEST(FitTable, SaysWhatIsWrongWithAFile) {
   }
 }
 
-// Whatever byte of a file is another one: it is read, or it is said what is wrong.
+// Changes any byte of a file: the file is accepted, or the error message names the problem.
 TEST(FitTable, DamagedFilesAreReadOrRefused) {
   for (const std::string& whole : {scope::mcap_of(recording()), scope::csv_of(recording())}) {
     unsigned refused = 0;

@@ -1,4 +1,4 @@
-// Moments under bumps, and the regression over them, by signals whose derivatives are known.
+// Moments over window functions, and the regression over them, tested with signals whose derivatives are known.
 #include <cmath>
 #include <gtest/gtest.h>
 
@@ -9,7 +9,7 @@ namespace servodrome::fit {
 namespace fit_windows_test {
 namespace {
 
-// Times that are anything but even: one to three milliseconds apart.
+// Irregular times: one to three milliseconds apart.
 std::vector<double> uneven_times() {
   test::Draw draw(7);
   std::vector<double> seconds{0.0};
@@ -55,7 +55,7 @@ TEST(FitWindows, DerivativesAreThoseOfTheSignal) {
   const std::vector<double> cube = sampled(seconds, [](double t) { return 2.0 * t * t * t; });
   EXPECT_GT(compared(windows.moments(square, 2, 0.0, Half::all), 8.0, 1e-4), 60U);
   EXPECT_GT(compared(windows.moments(cube, 3, 0.0, Half::all), 12.0, 1e-3), 60U);
-  // A signal of 20 ms ago, and one of now that is late by as much.
+  // A signal that was sampled 20 ms ago, and a present one that is late by the same time.
   const std::vector<double> slow = sampled(seconds, [](double t) { return std::sin(5.0 * t); });
   const std::vector<double> late = sampled(seconds, [](double t) { return std::sin(5.0 * (t - 0.0204)); });
   const std::vector<double> moved = windows.moments(slow, 0, 0.0204, Half::all);
@@ -72,12 +72,13 @@ TEST(FitWindows, GapsAndNumbersThatAreNoneAreLeftOut) {
   const std::vector<double> moments = windows.moments(ones, 0, 0.0, Half::all);
   unsigned missing = 0;
   for (const double moment : moments) missing += std::isfinite(moment) ? 0U : 1U;
-  // Four over the sample, six over the gap of half a window, and what begins before the second or ends behind the last.
+  // Four windows cover the sample, six the gap of half a window; others begin before the second or end after the last
+  // sample.
   EXPECT_GE(missing, 10U);
   EXPECT_LE(missing, 13U);
 }
 
-// A column with much noise, of which plain least squares finds 3.9 instead of 5.
+// A column with much noise; plain least squares would give 3.9 in place of 5.
 TEST(FitRegression, NoiseOfAColumnDoesNotDrawItsFactorDown) {
   test::Draw draw(11);
   std::vector<double> seconds;

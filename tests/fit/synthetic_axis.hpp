@@ -4,7 +4,8 @@
 
 #include "fit_rig.hpp"
 
-// An axis whose recording follows from formulas: a speed is given, and torque, current and voltages are what it takes.
+// An axis whose recording follows from formulas: the speed is given; torque, current and voltages are calculated from
+// it.
 namespace servodrome::fit::test {
 
 struct SyntheticAxis {
@@ -16,14 +17,14 @@ struct SyntheticAxis {
   double coulomb_nm = 0.05;
   double viscous_nms = 2e-4;
   double weight_nm = -0.1;
-  double drop_v = 0.0;    // of the stage, along the current
-  double direct_a = 0.0;  // amplitude of a direct current that comes and goes
-  double delay_s = 0.0;   // of the current behind the voltage, by a drive that turns its voltages on
-  double warmth_k = 0.0;  // by which the winding gets warmer in each second
+  double drop_v = 0.0;    // voltage drop of the stage, in the direction of the current
+  double direct_a = 0.0;  // amplitude of a direct current that rises and falls
+  double delay_s = 0.0;   // delay of the current behind the voltage; the drive rotates its voltages accordingly
+  double warmth_k = 0.0;  // temperature rise of the winding per second
   int pole_pairs = 4;
   double phases_half = 1.5;
   double speed_rad_s = 200.0;
-  double offset_rad_s = 0.0;  // above the greatest speed: one direction only
+  double offset_rad_s = 0.0;  // above the greatest speed: the axis moves in one direction only
   double rate_hz = 4000.0;
   double duration_s = 2.0;
 
@@ -37,7 +38,7 @@ struct SyntheticAxis {
     return offset_rad_s * t - speed_rad_s * (0.7 / 6.283 * std::cos(6.283 * t) + 0.3 / 41.0 * std::cos(41.0 * t + 1.0));
   }
   double torque(double t) const {
-    const double slow = 1.0;  // rad/s in which friction turns around
+    const double slow = 1.0;  // speed range in rad/s in which friction changes its sign
     return inertia_kgm2 * acceleration(t) + viscous_nms * speed(t) + coulomb_nm * std::tanh(speed(t) / slow) +
            weight_nm;
   }

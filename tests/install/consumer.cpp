@@ -1,4 +1,4 @@
-// A drive moved by ten revolutions in virtual time, without a bus in between: what a test of motion code would do.
+// Moves a drive by ten revolutions in virtual time, without a bus: an example of a test of motion code.
 #include <cstdio>
 #include <cstdlib>
 #include <string_view>

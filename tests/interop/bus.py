@@ -1,4 +1,4 @@
-"""A CAN bus of python-can on a link of the line, with the `canopen` package on top, and what was seen on it."""
+"""A python-can bus on a link of the line, with the `canopen` package on top, and a recorder of its frames."""
 
 import socket
 import threading
@@ -9,13 +9,13 @@ import canopen
 
 from line import PATIENCE, wait_for
 
-# The package gives up after 0.3 s, which on a busy machine is nothing; how fast an answer comes is not what is tested.
+# The package's timeout is 0.3 s, which is too short on a busy machine. These tests do not judge response times.
 canopen.sdo.SdoClient.RESPONSE_TIMEOUT = PATIENCE
-SO_RCVBUFFORCE = 33  # Linux; as SO_RCVBUF, beyond the system's limit, for root (in tools/with-socketcan the tests are root)
+SO_RCVBUFFORCE = 33  # Linux: SO_RCVBUF without the system's limit, for root (as in tools/with-socketcan)
 
 
 def open_bus(link):
-    """python-can's interface for a link name as `servodrome up` prints it."""
+    """Returns python-can's interface for a link name that `servodrome up` prints."""
     kind, _, rest = link.partition(":")
     if kind == "socketcand":
         address, _, name = rest.rpartition("/")
@@ -23,21 +23,21 @@ def open_bus(link):
         return can.Bus(interface="socketcand", host=host, port=int(port), channel=name)
     if kind == "slcan":
         bus = can.Bus(interface="slcan", channel=rest, bitrate=1_000_000, sleep_after_open=0)
-        # The client does not wait for the answer to "open"; what is answered after it comes from an open channel.
+        # The client does not wait for the answer to "open". The next answer shows that the channel is open.
         assert bus.get_version(timeout=PATIENCE) != (None, None)
         return bus
     if kind == "memory":
         return can.Bus(interface="servodrome", channel=rest)
     assert kind == "socketcan", link
     bus = can.Bus(interface="socketcan", channel=rest)
-    # A line that was held up for some ten milliseconds sends what is due in one burst, more than a socket's buffer
-    # holds from the start.
+    # After a pause of some ten milliseconds the line sends all overdue frames in one burst, which exceeds the default
+    # size of a socket's buffer.
     bus.socket.setsockopt(socket.SOL_SOCKET, SO_RCVBUFFORCE, 4 << 20)
     return bus
 
 
 class Recorder(can.Listener):
-    """Every frame that was received, and waiting for some of them."""
+    """Records all received frames, and can wait for frames."""
 
     def __init__(self):
         self.frames = []
@@ -59,7 +59,7 @@ class Recorder(can.Listener):
         return [bytes(frame.data) for frame in self.of(identifier)]
 
     def wait(self, identifier, count=1, seconds=PATIENCE):
-        """The data of the first `count` frames of an identifier."""
+        """Returns the data of the first `count` frames of an identifier."""
         wait_for(
             lambda: len(self.of(identifier)) >= count,
             lambda: f"{count} frames {identifier:03X}h, have {len(self.of(identifier))}",
@@ -82,11 +82,13 @@ class Network(canopen.Network):
         self.send(0x080)
 
     def settle(self, node_id):
-        """Returns when everything sent before has been dealt with by that node: it answers a request sent after it."""
+        """Returns when that node has processed all earlier frames, because it has answered a request that was sent
+        after
+        them."""
         answers = len(self.seen.of(0x580 + node_id))
         self.send(0x600 + node_id, bytes.fromhex("4000100000000000"))
         self.seen.wait(0x580 + node_id, answers + 1)
 
     def quiet(self, seconds=0.2):
-        """For what must not come: nothing is proven by it but that it did not come meanwhile."""
+        """Waits, for tests of frames that must not arrive. It can only show that no frame arrived in this time."""
         time.sleep(seconds)

@@ -1,9 +1,8 @@
 """Fixtures: a line of two drives on the link of SERVODROME_LINK, and clients of it.
 
-Environment: SERVODROME, the built program; SERVODROME_LINK: socketcand (default), slcan,
-socketcan:INTERFACE, or socketcan for vcan0, vcan1 ... of as many workers (pytest -n), or memory:
-the line is in this process (SERVODROME_LIBRARY), and the clients are in its virtual time;
-SERVODROME_CAPTURES: a folder that keeps the capture (pcap) of every test's bus.
+Environment: SERVODROME, the built program; SERVODROME_LINK: socketcand (default), slcan, socketcan:INTERFACE, socketcan
+(vcan0, vcan1 ... for the workers of pytest -n), or memory: the line is in this process (SERVODROME_LIBRARY) and the
+clients use its virtual time; SERVODROME_CAPTURES: a folder that keeps the capture (pcap) of every test's bus.
 """
 
 import os
@@ -20,11 +19,11 @@ LINK = os.environ.get("SERVODROME_LINK", "socketcand")
 KIND = LINK.partition(":")[0]
 WORKER = os.environ.get("PYTEST_XDIST_WORKER", "gw0")[2:]
 if LINK == "socketcan":
-    LINK = f"socketcan:vcan{WORKER}"  # tests that run beside each other have a bus each
+    LINK = f"socketcan:vcan{WORKER}"  # tests that run in parallel have separate buses
 
 
 class PauseWitness(threading.Thread):
-    """Measures the machine's pauses: a thread that sleeps for 5 ms at a time, and how much later it wakes."""
+    """Measures pauses of the machine: a thread sleeps for 5 ms at a time and measures how late it wakes up."""
 
     def __init__(self):
         super().__init__(daemon=True)
@@ -48,7 +47,7 @@ def pytest_runtest_setup(item):
 
 @pytest.hookimpl(hookwrapper=True)
 def pytest_runtest_makereport(item, call):
-    """Each failure tells the longest pause since its test began: `./test` reads it from the report."""
+    """Adds the longest pause since the start of the test to each failure; `./test` reads it from the report."""
     if call.excinfo is not None:
         item.user_properties.append(("longest_pause_ms", int(WITNESS.longest_s * 1000)))
     yield
@@ -71,7 +70,7 @@ def pytest_collection_modifyitems(config, items):
 
 
 def bus_option(folder, bus="can0"):
-    """`--bus` of the link under test."""
+    """Returns the `--bus` option of the link under test."""
     if KIND == "socketcand":
         return f"{bus}=socketcand:127.0.0.1:0/{bus}"
     if KIND == "slcan":
@@ -81,14 +80,15 @@ def bus_option(folder, bus="can0"):
 
 @pytest.fixture
 def lines():
-    """The lines of a test, which are stopped after it."""
+    """The lines of a test; they are stopped after it."""
     with stopped_at_the_end() as lines:
         yield lines
 
 
 @pytest.fixture
 def start_line(request, tmp_path, lines):
-    """start_line(TOML, ...): a line whose bus can0 is on the link under test. Ended, orderly, after the test."""
+    """start_line(TOML, ...): starts a line whose bus can0 is on the link under test, and ends it properly after the
+    test."""
 
     def start(text=TWO_DRIVES, **options):
         folder = tmp_path / f"line{len(lines)}"
@@ -121,7 +121,7 @@ def bench(line):
 
 @pytest.fixture
 def connect():
-    """connect(line): another client on the line's bus can0."""
+    """connect(line): connects another client to the line's bus can0."""
     networks = []
 
     def connect_to(line):
@@ -141,7 +141,7 @@ def network(line, connect):
 
 @pytest.fixture(scope="session")
 def eds(tmp_path_factory):
-    """eds(product): a file with its exported EDS."""
+    """eds(product): returns a file with the exported EDS."""
     folder = tmp_path_factory.mktemp("eds")
 
     def export(product):

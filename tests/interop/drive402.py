@@ -1,4 +1,4 @@
-"""A CiA 402 drive as a master sees it, over SDO."""
+"""A CiA 402 drive over SDO, as a master uses it."""
 
 import canopen
 
@@ -86,7 +86,7 @@ class Drive402:
         self.wait_state("Switch on disabled")
 
     def reset_fault(self):
-        """Edges of the reset bit until one is accepted: a cause may take its time to go."""
+        """Repeats edges of the reset bit until the drive accepts one, because a cause may last for some time."""
 
         def left():
             self.control(0x00)
@@ -98,7 +98,7 @@ class Drive402:
         self.wait_state("Switch on disabled")
 
     def place(self, network, counts):
-        """Turns the shaft to a true position by hand, while the drive has no power."""
+        """Turns the shaft to a true position from outside, while the drive has no power."""
         self.bench.post(f"axes/{self.name}/power", {"action": "off"})
         self.bench.put(f"axes/{self.name}/plant", {"position_counts": counts})
         network.seen.clear()
@@ -113,8 +113,8 @@ class Drive402:
 
     def wait_standstill(self):
         wait_for(lambda: not self.bench.axis(self.name)["in_motion"], "standstill")
-        # Friction may hold the shaft for some milliseconds until the loops break it loose again; at rest is what does
-        # not move for a while of the line's own time.
+        # Friction may hold the shaft for some milliseconds until the loops move it again. It is at rest if it does not
+        # move for some time of the line.
         last, since = None, 0.0
 
         def rests():

@@ -1,9 +1,10 @@
-"""The exported EDS of every product, read by the `canopen` package and held against the exported CSV.
+"""Compares the exported EDS of every product, read by the `canopen` package, with the exported CSV.
 
 Environment:
-  SERVODROME           the built program; its products are asked with `servodrome products --json`
-  SERVODROME_PRODUCTS  optional: the products to look at, separated by spaces
-  SERVODROME_EDS       optional, instead of the program: EDS files separated by ':', each with its NAME.csv beside it
+  SERVODROME           the built program; `servodrome products --json` lists its products
+  SERVODROME_PRODUCTS  optional: the products to test, separated by spaces
+  SERVODROME_EDS       optional, in place of the program: EDS files separated by ':', each with its NAME.csv in the same
+  folder
 
 Nothing is skipped: without a program and without files the run fails.
 """
@@ -59,19 +60,19 @@ def sources():
     return names
 
 
-# What a product's manual prints otherwise than CiA 301 has it, and the drive does as printed.
-HIGHEST_SUB_INDEX = {"pronet": {index: 4 for index in range(0x1800, 0x1804)}}  # though there is a 5 (ch. 3.3)
+# Differences between a product's manual and CiA 301; the drive follows its manual.
+HIGHEST_SUB_INDEX = {"pronet": {index: 4 for index in range(0x1800, 0x1804)}}  # although sub-index 5 exists (ch. 3.3)
 # 8 bits in 16 (ProNet, ch. 3.3), the low 16 bits of 32 (JMC EC, Table 219).
 PADDED_MAPPINGS = {"pronet": {0x60600010, 0x60610010}, "jmc_ec": {0x60FD0010}}
 
 
-# 1600h to 1C13h of a device on EtherCAT follow ETG.1000: sub-index 0 of an assignment is how many there are, PDOs may
-# have gaps, are not bound to the 64 bits of a CAN frame, and have no communication parameters.
+# In a device on EtherCAT, 1600h to 1C13h follow ETG.1000: sub-index 0 of an assignment is the number of PDOs. PDOs may
+# have gaps, may exceed the 64 bits of a CAN frame, and have no communication parameters.
 ASSIGNMENTS = (0x1C12, 0x1C13)
 
 
 class Export:
-    """One EDS as text, as sections, as the package's dictionary; and the rows of the CSV."""
+    """One EDS as text, as sections, and as the package's dictionary; and the rows of the CSV."""
 
     def __init__(self, source):
         self.name = source.stem if isinstance(source, pathlib.Path) else source
@@ -82,7 +83,7 @@ class Export:
             self.text = program("export", "eds", source)
             table = program("export", "csv", source)
         self.rows = list(csv.DictReader(io.StringIO(table)))
-        self.sections = configparser.RawConfigParser(strict=True)  # refuses what is there twice
+        self.sections = configparser.RawConfigParser(strict=True)  # refuses duplicate sections and keys
         self.sections.optionxform = str
         self.sections.read_string(self.text)
         file = io.StringIO(self.text)
@@ -102,7 +103,7 @@ class Export:
         return found if isinstance(found, ODVariable) else found[int(row["sub"], 16)]
 
     def number(self, row):
-        """The default of a row as a number, for node NODE_ID."""
+        """Returns the default of a row as a number, for node NODE_ID."""
         text, _, node = row["default"].partition("+NodeID")
         return int(text, 0) + (NODE_ID if "+NodeID" in row["default"] else 0)
 
@@ -203,12 +204,13 @@ def test_sub_index_0_is_the_highest_sub_index(export):
         if entry.index != 0x1003 and entry.index not in (*MAPPING, *ASSIGNMENTS):
             highest = HIGHEST_SUB_INDEX.get(export.name, {}).get(entry.index, max(entry.subindices))
             assert entry[0].default == highest, hex(entry.index)
-        if isinstance(entry, ODArray):  # elements of an ARRAY are of one type
+        if isinstance(entry, ODArray):  # elements of an ARRAY have one type
             assert len({variable.data_type for sub, variable in entry.subindices.items() if sub}) <= 1, hex(entry.index)
 
 
 def test_mapped_objects_exist_fit_and_have_the_direction(export):
-    """The default mappings: what they name is mappable that way, as long as they say, and 64 bits in all."""
+    """Checks the default mappings: the objects can be mapped in that direction, with their length, in 64 bits in
+    total."""
     for index in MAPPING:
         if index not in export.dictionary:
             continue

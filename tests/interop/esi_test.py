@@ -1,11 +1,11 @@
 """The exported ESI file of every product on EtherCAT: its structure, its dictionary, and the slave information memory.
 
-What a slave's memory has to hold is derived here from the ESI alone, and compared with the bytes of `export sii`, which
-are those that the running slave has (tests/products compare them).
+The test derives the content of a slave's memory from the ESI alone and compares it with the bytes of `export sii`,
+which are the same as those of the running slave (tests/products compare them).
 
 Environment:
   SERVODROME           the built program
-  SERVODROME_PRODUCTS  optional: the products to look at, separated by spaces
+  SERVODROME_PRODUCTS  optional: the products to test, separated by spaces
 """
 
 import copy
@@ -61,7 +61,7 @@ class Esi:
             for row in csv.DictReader(io.StringIO(export("csv", product).decode()))
             if int(row["index"], 16) >= 0x1000
         ]
-        # What only the service port of a device sees is not in its ESI.
+        # Objects that only the service port can access are not in the ESI.
         known = {number(text.text) for text in self.device.findall("Profile/Dictionary/Objects/Object/Index")}
         self.rows = [row for row in self.rows if int(row["index"], 16) in known or not self.is_local(row)]
         self.types = {
@@ -189,7 +189,7 @@ STRINGS["DOMAIN"] = STRINGS["OCTET_STRING"]
 
 
 class Entry:
-    """What the file says of one sub-index, wherever it says it."""
+    """Returns the data of the file for one sub-index, from every place where the file has them."""
 
     def __init__(self, esi, index, sub, single):
         described = esi.objects[index]
@@ -250,7 +250,7 @@ def test_entries_are_those_of_the_table(esi):
 def test_values_and_limits_are_those_of_the_table(esi):
     for row in esi.rows:
         if int(row["index"], 16) == 0x1018:
-            continue  # the nameplate: below
+            continue  # the nameplate is checked below
         info = entry_of(esi, row).info
         if row["type"] == "VISIBLE_STRING":
             assert info.findtext("DefaultString") == row["default"], row
@@ -301,7 +301,7 @@ TYPE_NUMBERS = {"BOOL": 0x01, "SINT": 0x02, "INT": 0x03, "DINT": 0x04, "USINT": 
 
 
 def checksum(data):
-    """CRC-8, polynomial 07h, begun with FFh (ETG.1000.6 table 16)."""
+    """CRC-8 with polynomial 07h and initial value FFh (ETG.1000.6 table 16)."""
     value = 0xFF
     for byte in data:
         value ^= byte
@@ -311,7 +311,8 @@ def checksum(data):
 
 
 def memory_from_esi(esi):
-    """What the slave information memory holds, by the rules of ETG.2010, with strings in place of their numbers."""
+    """Returns the content of the slave information memory by the rules of ETG.2010, with strings in place of their
+    numbers."""
     device = esi.device
     kind = device.find("Type")
     size = int(device.findtext("Eeprom/ByteSize"))
@@ -396,7 +397,7 @@ def memory_from_esi(esi):
 
 
 def memory_from_bytes(image):
-    """The same from the bytes of the memory; every byte of it is looked at, and every string used."""
+    """Returns the same from the bytes of the memory; checks every byte, and that every string is used."""
     unpack = struct.unpack_from
     categories = {}
     at = 128
@@ -436,7 +437,7 @@ def memory_from_bytes(image):
 
     general = categories[30]
     assert len(general) == 32
-    assert not any(general[i] for i in (1, 4, *range(7, 11), 14, 15, *range(18, 32)))  # not used by these devices
+    assert not any(general[i] for i in (1, 4, *range(7, 11), 14, 15, *range(18, 32)))  # these devices do not use them
     words = struct.unpack_from("<4H", image, 0x18 * 2)
     clock = []
     for cycle0, shift0, shift1, factor1, activate, factor0, name, text, none in struct.iter_unpack(
@@ -485,7 +486,7 @@ def test_memory_is_what_the_file_says(esi):
 
 
 def test_identity_is_that_of_the_dictionary(esi):
-    """A table may leave to the nameplate what 1018h says; the file does not."""
+    """A table may leave the values of 1018h to the nameplate; the file contains them."""
     identity = {}
     for row in esi.rows:
         if int(row["index"], 16) == 0x1018:
@@ -519,7 +520,7 @@ def test_process_data_are_the_defaults_of_the_dictionary(esi):
 
 
 def test_start_up_commands_name_settings(esi):
-    """What a master writes at start is marked as such, can be written, and has the length of its entry."""
+    """A parameter that a master writes at start is marked so, is writable, and has the length of its entry."""
     named = set()
     for command in esi.device.findall("Mailbox/CoE/InitCmd"):
         index, sub = number(command.findtext("Index")), number(command.findtext("SubIndex"))

@@ -1,7 +1,7 @@
-"""A CiA 402 drive that is not ours: a small power state machine and shaft, behind two CANopen stacks of other people.
+"""A CiA 402 drive of another make: a simple power state machine and shaft on two third-party CANopen stacks.
 
-It is meant to be plain, not good: what a master may rely on by CiA 301 and 402 and nothing beyond, so that our commands
-are held to that. One position unit is a thousandth of a revolution; it has no ramps.
+It has only the features that CiA 301 and 402 guarantee to a master, to check that our commands need no more. One
+position unit is a thousandth of a revolution; the drive has no ramps.
 """
 
 import time
@@ -57,7 +57,7 @@ FROM = {"ready": ("disabled", "ready", "on", "enabled"), "on": ("ready", "on", "
 
 
 class Shaft402:
-    """What is behind the objects: read(index, sub) gives what lives, write(...) is told what a master has written."""
+    """The state of the objects: read(index, sub) returns present values; write(...) receives the values of a master."""
 
     def __init__(self):
         self.values = {(index, sub): value for index, sub, _, _, _, value in OBJECTS}
@@ -135,7 +135,7 @@ class Shaft402:
 
 
 class CanopenDrive:
-    """On the slave side of the PyPI package canopen."""
+    """Uses the slave side of the PyPI package canopen."""
 
     TYPES = {"u8": datatypes.UNSIGNED8, "u16": datatypes.UNSIGNED16, "u32": datatypes.UNSIGNED32,
              "i8": datatypes.INTEGER8, "i16": datatypes.INTEGER16, "i32": datatypes.INTEGER32,
@@ -190,7 +190,7 @@ class CanopenDrive:
 
 
 class DurandDrive:
-    """On the PyPI package durand: block transfer, LSS and its own EDS."""
+    """Uses the PyPI package durand: block transfer, LSS and its own EDS."""
 
     TYPES = {"u8": DatatypeEnum.UNSIGNED8, "u16": DatatypeEnum.UNSIGNED16, "u32": DatatypeEnum.UNSIGNED32,
              "i8": DatatypeEnum.INTEGER8, "i16": DatatypeEnum.INTEGER16, "i32": DatatypeEnum.INTEGER32,
@@ -204,7 +204,7 @@ class DurandDrive:
         od = self.node.object_dictionary
         for index, sub, name, type_, access, value in OBJECTS:
             if index == 0x1017:
-                continue  # the stack's own
+                continue  # the stack has its own object
             variable = durand.Variable(self.TYPES[type_], access, value, name=name)
             if sub == 0:
                 od[index] = variable

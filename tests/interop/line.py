@@ -1,4 +1,4 @@
-"""A line of drives in a process of its own, and its bench API."""
+"""A line of drives in a separate process, and its bench API."""
 
 import contextlib
 import json
@@ -14,7 +14,7 @@ PROGRAM = os.environ.get("SERVODROME") or str(
     pathlib.Path(__file__).parents[2] / "build/release/src/app/servodrome"
 )
 
-# Both products with the same travel: 131072 counts per revolution, the home switch around 0, start beside it.
+# Both products have the same travel: 131072 counts per revolution, the home switch around 0, the start next to it.
 COUNTS = 131072
 HOME_EDGES = (-COUNTS // 2, COUNTS // 2)
 LIMITS = (-10 * COUNTS, 10 * COUNTS)
@@ -36,7 +36,7 @@ def bus_text(name, kind="can"):
 
 
 def axis_text(name, product, counts=COUNTS, **keys):
-    """An axis of a line file with the travel above; `keys`: where it is reached, as bus="can0", node=1."""
+    """Returns an axis for a line file, with the travel above; `keys`: its connection, such as bus="can0", node=1."""
     rows = "\n".join(f"{key} = {json.dumps(value)}" for key, value in keys.items())
     return f'[[axis]]\nname = "{name}"\nproduct = "{product}"\n{rows}\n{TRAVEL.replace(str(COUNTS), str(counts))}'
 
@@ -46,12 +46,12 @@ TWO_DRIVES = (
 )
 
 
-# Deadlines are for what never happens, not for a slow machine.
+# Timeouts are for events that never come, and long enough for a slow machine.
 PATIENCE = float(os.environ.get("SERVODROME_PATIENCE", "60"))
 
 
 def wait_for(condition, what, seconds=PATIENCE):
-    """The first true value of condition()."""
+    """Waits for condition() and returns its first true value."""
     end = time.monotonic() + seconds
     while True:
         if value := condition():
@@ -61,7 +61,8 @@ def wait_for(condition, what, seconds=PATIENCE):
 
 
 def servodrome(*arguments, status=0):
-    """Runs a command of the program to its end; its standard output, or what it complains of. `status` None: any."""
+    """Runs a command of the program to its end; returns its standard output or its error message. `status` None:
+    any."""
     result = subprocess.run([PROGRAM, *map(str, arguments)], capture_output=True, text=True, timeout=120, check=False)
     wanted = result.returncode if status is None else status
     assert result.returncode == wanted, f"servodrome {arguments}: {result.returncode}\n{result.stdout}{result.stderr}"
@@ -115,7 +116,7 @@ class Bench:
 
 @contextlib.contextmanager
 def stopped_at_the_end():
-    """A list for lines, which are stopped at the end of the block."""
+    """A list of lines, which are stopped at the end of the block."""
     lines = []
     yield lines
     for line in lines:
@@ -123,7 +124,7 @@ def stopped_at_the_end():
 
 
 class Line:
-    """`servodrome up` with a line file, on a link, until stop(). Ports are chosen by the system."""
+    """`servodrome up` with a line file, on a link, until stop(). The system chooses the ports."""
 
     def __init__(self, folder, text, buses, log=None, arguments=()):
         self.folder = pathlib.Path(folder)
@@ -153,7 +154,7 @@ class Line:
         return self.output.read_text(errors="replace")
 
     def stop(self):
-        """Ends it as Ctrl-C does; anything but an orderly end fails."""
+        """Ends the program as Ctrl-C does; fails if it does not end properly."""
         if self.process.poll() is None:
             self.process.send_signal(signal.SIGINT)
             try:

@@ -1,4 +1,4 @@
-"""A line in this process, in virtual time, with what the tests use of a line in a process of its own."""
+"""A line in this process, in virtual time, with the interface that the tests use of a line in a separate process."""
 
 import json
 import os
@@ -35,7 +35,7 @@ class MemoryBench(Bench):
 
 
 class MemoryLine:
-    """The calling thread, and those that it starts, are in the line's time until stop()."""
+    """Puts the calling thread, and threads that it starts, into the line's virtual time until stop()."""
 
     def __init__(self, folder, text, log=None):
         self.folder = folder
@@ -46,7 +46,7 @@ class MemoryLine:
         if log:
             for name in self.links:
                 self.line.buses[name].record()
-        self.line.advance(1.0)  # the drives boot first, as they have when a master connects to the program
+        self.line.advance(1.0)  # the drives boot first, as they have done before a master connects to the program
         self.time = virtual_time(self.line)
         self.time.__enter__()
 

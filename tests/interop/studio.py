@@ -1,4 +1,4 @@
-"""`servodrome studio` in front of the buses of a line in another process."""
+"""`servodrome studio` for the buses of a line in another process."""
 
 import json
 import subprocess
@@ -8,7 +8,7 @@ from line import PROGRAM, ApiError, Bench, wait_for
 
 
 def patiently(test):
-    """Again, if a slave's watchdog (100 ms) ran out meanwhile: a busy machine has other things to do than cycles."""
+    """Repeats the action if a slave's watchdog (100 ms) expired, because a busy machine may delay the cycles."""
     for _ in range(8):
         try:
             return test()
@@ -21,7 +21,7 @@ def patiently(test):
 
 
 class Studio:
-    """`servodrome studio` on buses, until stop()."""
+    """Runs `servodrome studio` on buses, until stop()."""
 
     def __init__(self, *buses, options=()):
         command = [PROGRAM, "studio", "--api", "127.0.0.1:0", "--json", "--timeout", "2", *options]
@@ -33,7 +33,7 @@ class Studio:
 
     @classmethod
     def at(cls, api):
-        """One that runs already, and is not ours to end."""
+        """A studio that already runs; this object does not end it."""
         studio = cls.__new__(cls)
         studio.bench = Bench(api)
         return studio
@@ -43,11 +43,11 @@ class Studio:
         assert self.process.wait(60) == 0
 
     def job(self, axis, **order):
-        """Begins a job; the job."""
+        """Begins a job and returns it."""
         return self.bench.post(f"axes/{axis}/jobs", order)
 
     def over(self, job):
-        """The job when it is over."""
+        """Returns the job when it is over."""
 
         def look():
             now = self.bench.get(f"jobs/{job['id']}")

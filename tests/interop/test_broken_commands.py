@@ -1,7 +1,7 @@
-"""Cable, supply or drive fail in the middle of a command: it ends with 1 and says what, where and what to do.
+"""Cable, supply or drive fail during a command: it ends with status 1 and reports the error, its place and the remedy.
 
-The axis rests afterwards by what the plant says: on CAN the drive was told to watch its master. With one exception: on
-a serial line it cannot know that its master's cable is gone, so there a motion under way goes on (docs/commands.md).
+Afterwards the axis rests, judged by the plant: on CAN the drive monitors its master. There is one exception: on a
+serial line the drive cannot detect that the master's cable is cut, so a motion continues there (docs/commands.md).
 """
 
 import select
@@ -60,9 +60,9 @@ NODES = {"can": 2, "ecat": 1, "modbus": 3, "serial10": 1}
 SERIAL = ["modbus", "serial10"]
 SLOWLY = ["--velocity", str(COUNTS // 4)]
 
-MARK = 1234567  # written by a command that prints nothing before its end, when it is at work
+MARK = 1234567  # written by a command without output, to show that it is at work
 
-# What goes on when it breaks: a motion, or something that only talks.
+# Commands that are running at the time of the failure: a motion, or communication only.
 MOVING = {
     "home": ["home", "--method", "19", "--speed", str(COUNTS // 4), "--zero-speed", str(COUNTS // 8)],
     "move": ["move", "--by", str(5 * COUNTS), *SLOWLY],
@@ -78,7 +78,7 @@ TALKING = {
     "monitor objects": ["monitor", "statusword", "6064", "--seconds", "600"],
     "scope": ["scope", "position", "--do", f"set 6083 {MARK}", "--seconds", "600", "-o", "{recording}"],
 }
-# What is over too soon to be broken in the middle finds it broken.
+# Commands that are too short to be interrupted start after the failure.
 AT_ONCE = {
     "scan": ["scan", "--timeout", "1"],
     "get": ["get", "6041"],
@@ -90,11 +90,11 @@ AT_ONCE = {
     "state": ["state", "preop"],
     "clone": ["clone", "-o", "{file}"],
 }
-# Commands that are not for every bus.
+# Commands that some buses do not support.
 ONLY = {
     "tune": ["can", "ecat"], "nmt": ["can"], "state": ["ecat"], "clone": ["can", "ecat"],
     "scan": ["can", "ecat", "modbus"], "conform": ["can", "ecat", "modbus"], "probe": ["can", "ecat", "modbus"],
-    "home": ["can", "ecat", "modbus"],  # the iSMK has no switch here
+    "home": ["can", "ecat", "modbus"],  # the iSMK has no home switch here
 }
 
 
@@ -178,7 +178,7 @@ def test_broken_while_it_moves(broken_line, tmp_path, axis, how, name):
     if name == "scope":
         assert_recording_is_kept(tmp_path)
     if how == "fault":
-        # A computer at its limit may be too late to hear of it, or to keep its own end of the process data.
+        # A computer with a high load may detect the failure too late, or may itself fail to send process data in time.
         assert "fault" in said or "no answer" in said or "watchdog" in said, said
     if how != "cable" or axis not in SERIAL:
         wait_for(lambda: rests(broken_line, axis), "the axis at rest")
@@ -207,7 +207,7 @@ def test_broken_while_it_looks(broken_line, tmp_path, axis, how, name):
 def test_found_broken(broken_line, tmp_path, axis, how, name):
     BREAKS[how](broken_line, axis)
     process = start(broken_line, axis, AT_ONCE[name], tmp_path)
-    if name == "scan" and axis == "can" and how == "power":  # the bus has another node, which is found
+    if name == "scan" and axis == "can" and how == "power":  # the bus has another node, which the scan finds
         found, said = process.communicate(timeout=300)
         assert process.returncode == 0 and "reference drive" in found, said
         assert not any(line.split()[:1] == [str(NODES[axis])] for line in found.splitlines()), found
@@ -232,14 +232,14 @@ def test_ctrl_c(broken_line, tmp_path, axis, name):
 @pytest.mark.parametrize("axis", ["can", "ecat"])
 @pytest.mark.parametrize("how", list(BREAKS))
 def test_prove_is_broken(broken_line, tmp_path, axis, how):
-    """It goes on with the other axes, and says which have failed and why."""
+    """The command continues with the other axes, and reports which axes failed and why."""
     command = [PROGRAM, "prove", "--bus", link_of(broken_line, axis), "--speed", "1", "--revolutions", "20"]
     process = subprocess.Popen(command, stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
     wait_for(lambda: turns(broken_line, axis) or process.poll() is not None, "the axis to turn")
     BREAKS[how](broken_line, axis)
     wait_for(lambda: rests(broken_line, axis), "the axis at rest")
     if how == "cable" and axis == "can":
-        broken_line.bench.delete("buses/can0/disturb")  # the other drive of the bus is not to wait for its time-outs
+        broken_line.bench.delete("buses/can0/disturb")  # so that the other drive need not wait for its timeouts
     out, said = process.communicate(timeout=300)
     assert process.returncode == 1, (out, said)
     assert "FAILED" in out and "axes failed, see above" in said, (out, said)
@@ -260,7 +260,7 @@ def test_what_is_listened_to_goes_away(broken_line, tmp_path):
         stderr=subprocess.PIPE, text=True,
     )
 
-    def hears():  # what passes before it has connected is not for it
+    def hears():  # a command that receives no frames before it has connected
         assert start(broken_line, "can", AT_ONCE["get"], tmp_path).wait(300) == 0
         return select.select([process.stdout], [], [], 1)[0]
 

@@ -1,4 +1,4 @@
-"""can-utils on a SocketCAN interface that the line is on (run under tools/with-socketcan)."""
+"""can-utils on a SocketCAN interface of the line (run under tools/with-socketcan)."""
 
 import re
 import subprocess
@@ -12,13 +12,13 @@ INTERFACE = LINK.partition(":")[2]
 
 
 class Candump:
-    """candump in the background; what it printed."""
+    """Runs candump in the background; returns its output."""
 
     def __init__(self, folder, *arguments):
         self.file = folder / "candump.txt"
         self.output = open(self.file, "w")
         self.process = subprocess.Popen(["candump", *arguments], stdout=self.output)
-        # It listens once it has its socket; until then a frame now and then shows whether it does.
+        # candump receives as soon as it has its socket; the test sends frames until one shows this.
         wait_for(self.listens, "candump to listen")
 
     def listens(self):
@@ -64,7 +64,7 @@ def test_guarding_by_hand(candump):
 
 
 def test_a_move_by_hand(line, candump):
-    """The ISMC manual's example of a relative move (ch. 6, 'Program modification and debugging'), by cansend alone."""
+    """The ISMC manual's example of a relative move (ch. 6, 'Program modification and debugging'), only with cansend."""
     before = line.bench.true_position("ismc")
     cansend("000#0101")
     cansend("601#2F60600001000000")  # profile position

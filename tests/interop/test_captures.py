@@ -1,4 +1,4 @@
-"""The check of the captures can fail: it objects to a malformed frame, and to captures in which nothing happened."""
+"""The check of the captures must fail for a malformed frame, and for captures without any traffic."""
 
 import pathlib
 import struct

@@ -1,4 +1,4 @@
-"""The change log: what masters of other projects write to the drives of a line, and the undo."""
+"""The change log: writes of third-party masters to the drives of a line, and the undo."""
 
 import json
 import subprocess
@@ -60,7 +60,7 @@ def node(line):
 def test_an_sdo_of_a_foreign_master_is_listed_and_undone(line, node):
     before = value(line, "reference", 0x6083)
     node.sdo.download(0x6083, 0, (54321).to_bytes(4, "little"))
-    node.sdo.download(0x6040, 0, (0).to_bytes(2, "little"))  # the word of a motion
+    node.sdo.download(0x6040, 0, (0).to_bytes(2, "little"))  # a controlword that starts a motion
     [row] = json.loads(changes(line, "--axis", "reference", "--json"))["changes"]
     assert (row["object"], row["before"], row["after"], row["who"]) == ("6083:00", before, 54321, "SDO on can0")
     assert row["name"] == "Profile acceleration"
@@ -148,7 +148,7 @@ def test_the_studio_of_real_drives_lists_what_another_master_writes(line, node):
         wait_for(lambda: studio.bench.axis("generic402-2")["powered"], "the first answer of the drive")
         node.sdo.download(0x6083, 0, (43210).to_bytes(4, "little"))
         assert int.from_bytes(node.sdo.upload(0x6083, 0), "little") == 43210
-        node.sdo.download(0x6040, 0, b"\x06\x00")  # a word of a motion is not listed
+        node.sdo.download(0x6040, 0, b"\x06\x00")  # a controlword is not listed
         with pytest.raises(SdoAbortedError):  # a refused write is not listed
             node.sdo.download(0x6041, 0, b"\x06\x00")
         studio.bench.put("axes/generic402-2/objects/6084/0", {"value": 98765})  # its own write is listed once

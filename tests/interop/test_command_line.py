@@ -1,4 +1,4 @@
-"""The program's own client commands against its own line, its log, and what it says to wrong use."""
+"""The program's client commands on its own line, its log, and its messages for wrong use."""
 
 import json
 import pathlib
@@ -46,7 +46,7 @@ def test_a_drive_is_recognised_by_a_makers_file_or_by_its_objects(start_line, tm
     text = servodrome("export", "eds", "ismc")
     sheet.write_text(re.sub(r"(?m)^VendorNumber=.*$", "VendorNumber=0x12345678", text))
     values = sheet.read_text()
-    # 1018h sub 1, which is what the node says.
+    # 1018h sub 1, as the node reports it.
     values = re.sub(r"(?ms)(^\[1018sub1\].*?^DefaultValue=)\S*", r"\g<1>0x12345678", values)
     sheet.write_text(values)
     line = start_line(f'[[bus]]\nname = "can0"\n[[axis]]\nname = "ax"\ndescription = "{sheet}"\nbus = "can0"\nnode = 3\n')

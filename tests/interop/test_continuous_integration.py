@@ -1,4 +1,4 @@
-"""The GitHub Action and the GitLab job of packaging/: their steps run here in a plain shell, as those systems run them."""
+"""The GitHub Action and the GitLab job of packaging/: runs their steps in a shell, as those systems do."""
 
 import json
 import os
@@ -20,7 +20,7 @@ SCRIPT = PACKAGING / "ci" / "servodrome-ci"
 
 @pytest.fixture
 def archive(tmp_path):
-    """A tarball as tools/package makes it, with the program of this build."""
+    """A tarball like that of tools/package, with the program of this build."""
     path = tmp_path / "servodrome-0-linux-x86_64.tar.gz"
     with tarfile.open(path, "w:gz", compresslevel=1) as packed:
         packed.add(PROGRAM, "servodrome-0-linux-x86_64/bin/servodrome")
@@ -29,13 +29,13 @@ def archive(tmp_path):
 
 @pytest.fixture
 def line_file(tmp_path):
-    path = tmp_path / "my line.toml"  # with a space, as a user's folder may have
+    path = tmp_path / "my line.toml"  # with a space, as in a user's folder
     path.write_text('[api]\naddress = "127.0.0.1:0"\n' + TWO_DRIVES.replace('type = "can"', 'links = ["socketcand:127.0.0.1:0/can0"]'))
     return path
 
 
 def shell(script, environment, folder, status=0):
-    """Runs a step with the shell's options of both systems. Nothing of this machine but the PATH is in its environment."""
+    """Runs a step with the shell options of both systems. Its environment contains only the PATH of this machine."""
     environment = {"PATH": "/usr/local/bin:/usr/bin:/bin"} | environment
     done = subprocess.run(["bash", "--noprofile", "--norc", "-eo", "pipefail", "-c", script], env=environment, cwd=folder,
                           capture_output=True, text=True, timeout=120, check=False, stdin=subprocess.DEVNULL)
@@ -59,14 +59,14 @@ def stop(folder):
 
 
 def steps_of_action(inputs):
-    """The steps of the composite action with their environment, as the runner computes it."""
+    """Returns the steps of the composite action with their environment, as the runner computes it."""
     action = yaml.safe_load((PACKAGING / "github-action" / "action.yml").read_text())
     assert action["runs"]["using"] == "composite"
     values = {name: of["default"] for name, of in action["inputs"].items() if "default" in of} | inputs
     assert set(values) == set(action["inputs"])
     for step in action["runs"]["steps"]:
         assert step["shell"] == "bash"
-        # An expression inside of a script would let an input become code.
+        # An expression inside a script would execute an input as code.
         assert "${{" not in step["run"]
         yield step["run"], {
             name: re.sub(r"\$\{\{ inputs\.(\w+) \}\}", lambda match: values[match.group(1)], text) for name, text in step["env"].items()}
@@ -86,7 +86,7 @@ def test_github_action(archive, line_file, tmp_path):
         assert files["GITHUB_ENV"].read_text() == files["GITHUB_OUTPUT"].read_text()
         assert outputs["SERVODROME_API"].startswith("http://127.0.0.1:") and outputs["SERVODROME_TOKEN"]
         assert_reachable(outputs["SERVODROME_READY"])
-        # What the action says that it gives is what its step wrote.
+        # The outputs of the action are those that its step wrote.
         action = yaml.safe_load((PACKAGING / "github-action" / "action.yml").read_text())
         for output in action["outputs"].values():
             assert re.fullmatch(r"\$\{\{ steps\.start\.outputs\.(\w+) \}\}", output["value"]).group(1) in outputs

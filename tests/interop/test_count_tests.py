@@ -1,4 +1,4 @@
-"""What ./test says of second tries: tools/count-tests, with two reports that are made up."""
+"""The report of ./test about second tries: runs tools/count-tests with two artificial reports."""
 
 import pathlib
 import subprocess
@@ -49,7 +49,7 @@ def reports(folder):
 
 
 def test_names_what_passed_at_the_second_try(tmp_path):
-    """Those that failed first and passed then, with the pause of the first run where it was long."""
+    """Lists tests that failed first and then passed, with the pause of the first run if it was long."""
     answer = count_tests("--second-try", *reports(tmp_path))
     assert answer.returncode == 0
     assert answer.stdout.splitlines() == [

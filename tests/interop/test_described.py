@@ -1,4 +1,4 @@
-"""Drives out of makers' descriptions, driven by the `canopen` master with the same file; and clones."""
+"""Drives from makers' descriptions, operated by the `canopen` master with the same file; and clones."""
 
 import json
 import pathlib
@@ -9,7 +9,7 @@ import pytest
 from drive402 import Drive402
 from line import COUNTS, TWO_DRIVES, servodrome, wait_for
 
-pytestmark = [pytest.mark.once, pytest.mark.program("the program is the master")]  # what drives do, whatever the link
+pytestmark = [pytest.mark.once, pytest.mark.program("the program is the master")]  # independent of the link
 
 DATA = pathlib.Path(__file__).parents[1] / "data/described"
 ENCODERS = {
@@ -37,7 +37,7 @@ node = 3
 
 
 def sheet_for_canopen(file, folder):
-    """The same file as the master's library can read it: UTF-8, and without what canopen takes for wrong (2100h, 2101h)."""
+    """The file in a form that the master's library can read: UTF-8, without objects that it refuses (2100h, 2101h)."""
     text = (DATA / file).read_text(encoding="latin-1")
     text = re.sub(r"\[2100\].*?(?=\[6040\])", "", text, flags=re.DOTALL)
     sheet = folder / file.replace(".dcf", ".eds")

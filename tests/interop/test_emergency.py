@@ -63,10 +63,12 @@ def test_encoder_fault_by_injection(drive, network):
 
 
 def test_every_code_of_the_drive_can_be_injected_and_is_told(drive, network):
-    """Each row of the drive's own fault table: EMCY code and 603Fh are the row's. A warning is no error: 603Fh is silent."""
+    """Each row of the drive's fault table: EMCY code and 603Fh have the row's code. A warning is not an error: 603Fh
+    does
+    not show it."""
     rows = drive.bench.get(f"axes/{drive.name}/faults")["injectable"]["drive"]
     assert len(rows) >= 25
-    masked = {"0x8483", "0x8900"} if drive.name == "ismc" else set()  # from the factory, by 2200h and 2017h
+    masked = {"0x8483", "0x8900"} if drive.name == "ismc" else set()  # by factory setting, by 2200h and 2017h
     warnings = {"0x6300"} if drive.name == "reference" else set()  # a full buffer 60C4h
     for code in sorted({row["code"] for row in rows} - masked):
         network.seen.clear()

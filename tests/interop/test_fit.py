@@ -1,4 +1,4 @@
-"""`servodrome fit` as a user has it: a motion on a running line, recorded by `scope` over the bus and by the line."""
+"""`servodrome fit` as a user runs it: a motion on a running line, recorded by `scope` over the bus and by the line."""
 
 import json
 import pathlib
@@ -67,7 +67,7 @@ def test_an_axis_is_found_again(start_line, tmp_path):
     with urllib.request.urlopen(f"{line.bench.url}/recordings/{recording}/data.csv", timeout=60) as data:
         own.write_bytes(data.read())
 
-    # The line's own recording shows all, as the blind test has it.
+    # The line's own recording shows all parameters, as in the blind test.
     line_file = line.folder / "line.toml"
     figures = figures_of(own, "--line", line_file)
     for name, true in TRUE.items():
@@ -76,7 +76,8 @@ def test_an_axis_is_found_again(start_line, tmp_path):
     # One and a half ticks of 62.5 us.
     assert abs(figures["voltage_delay_s"]["value"] - 93.75e-6) < 16e-6
 
-    # Over the bus it is torques in 0.1 % at a low rate: less exact, and it says so.
+    # Over the bus there are only torques in steps of 0.1 % at a low rate: the result is less exact, and the text says
+    # so.
     for file in by_bus:
         figures = figures_of(file, "--rated-torque", "1.27", "--counts-per-revolution", "131072")
         for name in ("inertia_kgm2", "coulomb_friction_nm", "gravity_torque_nm"):
@@ -86,7 +87,7 @@ def test_an_axis_is_found_again(start_line, tmp_path):
         assert "vd, vq, id, iq" in figures["resistance_ohm"]["remedy"]
     assert "--counts-per-revolution" in servodrome("fit", by_bus[0], status=1)
 
-    # What it says can be pasted behind an axis.
+    # The output can be pasted into the axis of a line file.
     found = servodrome("fit", own, "--line", line_file, "--toml")
     keys = tomllib.loads(found)["axis"]
     assert abs(keys["motor"]["resistance_ohm"] / TRUE["resistance_ohm"] - 1) < 0.02, found

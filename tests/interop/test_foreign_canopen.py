@@ -1,4 +1,4 @@
-"""Our commands as masters of CANopen drives that are not ours: the same plain drive on two stacks of other people."""
+"""Our commands as masters of third-party CANopen drives: the same simple drive on two CANopen stacks."""
 
 import json
 import signal
@@ -9,7 +9,7 @@ from bus import open_bus
 from foreign_drive import PRODUCT, SERIAL, UNITS, VENDOR, CanopenDrive, DurandDrive
 from line import PROGRAM, servodrome, wait_for
 
-# The device and the commands are two programs on one bus, and a serial line has one at its other end.
+# The device and the commands are two programs on one bus; a serial line has only one program at its other end.
 pytestmark = [pytest.mark.once, pytest.mark.program("the program is the master")]
 
 NODE = 5
@@ -24,7 +24,7 @@ def foreign(request, line):
 
 @pytest.fixture
 def command(line, foreign):
-    """command(NAME, ...): a command on the foreign drive."""
+    """command(NAME, ...): runs a command on the third-party drive."""
     link = line.links["can0"][0]
     return lambda name, *arguments, **options: servodrome(
         *name.split(), *arguments, "--bus", link, "--node", NODE, **options)
@@ -61,7 +61,7 @@ def test_block_transfer(command, foreign):
     if foreign.blocks:
         command("set", "--timeout", "30", "--block", "2000", text, "--type", "string")
         assert bytes(foreign.shaft.values[0x2000, 0]).decode() == text
-    else:  # it may answer a block upload with a plain one, and refuses a block download
+    else:  # it may answer a block upload with a normal one, and refuses a block download
         assert "0504 0001" in command("set", "--timeout", "30", "--block", "2000", text, "--type", "string", status=1)
     assert command("get", "--timeout", "30", "--block", "2000", "--type", "string")
 
@@ -134,7 +134,7 @@ def test_what_is_seen_of_it(line, command, foreign, tmp_path):
 
 
 def test_conform_says_what_it_lacks(command, foreign):
-    """The stacks have gaps of their own, which docs/foreign.md names; nothing may end but with a verdict."""
+    """The stacks have deviations, which docs/foreign.md lists; every run must end with a verdict."""
     report = json.loads(command("conform", "--json", "--timeout", "5", "--only", "identity", "--only", "power", "--only", "abort",
                                 status=None))
     verdicts = {check["id"]: check["verdict"] for check in report["checks"]}

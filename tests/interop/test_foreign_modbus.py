@@ -1,6 +1,6 @@
-"""Our commands as masters of Modbus servers that are not ours: pymodbus over TCP and over a pty, and libmodbus.
+"""Our commands as masters of third-party Modbus servers: pymodbus over TCP and over a pty, and libmodbus.
 
-Modbus has no drive profile: the servers hold the registers of an iSMK (ch. 7, 'Object list'), which --product names.
+Modbus has no drive profile: the servers contain the registers of an iSMK (ch. 7, 'Object list'), selected by --product.
 """
 
 import asyncio
@@ -25,7 +25,7 @@ REGISTERS = 0x7000
 
 
 class Pymodbus:
-    """A server of pymodbus in a thread; `make` is called in its loop."""
+    """Runs a server of pymodbus in a thread; calls `make` in its event loop."""
 
     def __init__(self, make):
         device = SimDevice(STATION, simdata=[SimData(0, values=[0] * REGISTERS, datatype=DataType.REGISTERS)])
@@ -60,7 +60,7 @@ class Pymodbus:
 
 
 class Wire:
-    """Two ptys and what copies between them: a serial line without a line of ours."""
+    """Two ptys and a thread that copies between them: a serial line without a simulated line."""
 
     def __init__(self):
         self.masters, self.paths = [], []
@@ -92,7 +92,7 @@ class Mapping(ctypes.Structure):
 
 
 class Libmodbus:
-    """libmodbus as Debian has it (mbpoll brings it), which knows no device identification."""
+    """libmodbus of Debian (a dependency of mbpoll); it has no device identification."""
 
     def __init__(self):
         self.library = ctypes.CDLL("libmodbus.so.5", use_errno=True)
@@ -127,7 +127,7 @@ class Libmodbus:
 
 @pytest.fixture(params=["pymodbus-tcp", "pymodbus-rtu", "libmodbus-tcp"])
 def server(request):
-    """A server with `bus`, the link of ours that leads to it."""
+    """A server with `bus`, the link to it."""
     if request.param == "libmodbus-tcp":
         server = Libmodbus()
     elif request.param == "pymodbus-tcp":
@@ -167,13 +167,15 @@ def test_get_and_set(server, command):
 def test_what_is_not_there(server, command):
     said = servodrome("get", "6041", "--bus", server.bus, "--node", STATION, "--timeout", "10", status=2)
     assert "--product" in said, said
-    if not server.kind.startswith("libmodbus"):  # that answers for every unit
+    if not server.kind.startswith("libmodbus"):  # libmodbus answers for every unit
         said = servodrome("get", "6041", "--bus", server.bus, "--node", STATION + 1, "--product", "ismk", "--timeout", "2", status=1)
         assert str(STATION + 1) in said, said
 
 
 def test_a_drive_that_does_not_follow(server, command):
-    """The server is memory: it takes a controlword and no state follows. No hang, and what to look at is said."""
+    """The server is only memory: it accepts a controlword, but its state does not change. The command must not hang,
+    and must
+    print a hint."""
     server.put(STATUSWORD, 0x0250)
     said = command("move", "--by", "1", status=1)
     assert "did not get ready to switch on" in said, said

@@ -1,14 +1,14 @@
-"""Homing by third-party master: where zero ends up, told by the drive and by the true shaft."""
+"""Homing by a third-party master: the position of zero, as the drive reports it and by the true shaft."""
 
 import pytest
 from drive402 import BIT_12, BIT_13, HOMING, Drive402
 from line import COUNTS, HOME_EDGES, LIMITS, START, TWO_DRIVES, wait_for
 
-pytestmark = pytest.mark.once  # what drives do, whatever the link
+pytestmark = pytest.mark.once  # the behaviour of drives does not depend on the link
 
 
 def true_zero(drive):
-    """The true position where the drive reads 0."""
+    """Returns the true position at which the drive reads 0."""
     return drive.true_position - drive.position
 
 
@@ -27,7 +27,7 @@ def true_zero(drive):
 def test_zero_is_at_the_edge(drive, network, method, start, zero):
     drive.place(network, start * COUNTS)
     drive.home(method)
-    # The switch is looked at once per position loop: 50 counts at 50000 counts/s and 1 kHz.
+    # The drive reads the switch once per position loop: 50 counts at 50000 counts/s and 1 kHz.
     assert abs(true_zero(drive) - zero) <= 100
     assert drive.bench.axis(drive.name)["homed"]
     drive.set_mode(1)
@@ -46,7 +46,9 @@ def test_zero_is_at_the_index(drive, network, method):
 
 @pytest.mark.parametrize("offset", [0, 1000, -70_000])
 def test_zero_is_here(drive, network, offset):
-    """Method 35. Zero lies by 607Ch beyond home in ISMC's reading of it, as in CiA 402: home reads -607Ch or 607Ch."""
+    """Method 35. Zero is at a distance of 607Ch from home. The sign differs between the ISMC and CiA 402: home reads
+    -607Ch
+    or 607Ch."""
     drive.place(network, 54_321)
     drive.write(0x607C, offset)
     before = drive.true_position
@@ -61,7 +63,7 @@ HARD_STOPS = TWO_DRIVES.replace("  negative_limit = -10\n  positive_limit = 10\n
 @pytest.mark.parametrize("method", [-1, -2])
 @pytest.mark.parametrize("name, node_id, product", [("ismc", 1, "ismc"), ("reference", 2, "generic402")])
 def test_against_a_hard_stop(start_line, connect, eds, name, node_id, product, method):
-    """A travel without limit switches; the stop, at 11 revolutions, gives way a little to the torque."""
+    """A travel without limit switches; the hard stop at 11 revolutions yields a little to the torque."""
     line = start_line(HARD_STOPS)
     drive = Drive402(connect(line).add_node(node_id, eds(product)), line.bench, name)
     drive.home(method, fast=300_000)

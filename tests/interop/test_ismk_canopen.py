@@ -1,4 +1,4 @@
-"""The Kinco iSMK driven by a third party's master through the procedures of its manual (chapters 5 and 9)."""
+"""A third-party master operates the Kinco iSMK by the procedures of its manual (chapters 5 and 9)."""
 
 import struct
 
@@ -6,7 +6,7 @@ import pytest
 from drive402 import Drive402
 from line import wait_for
 
-pytestmark = pytest.mark.once  # what drives do, whatever the link
+pytestmark = pytest.mark.once  # the behaviour of drives does not depend on the link
 
 TURN = 65536
 LINE = """
@@ -54,11 +54,11 @@ class Ismk(Drive402):
         wait_for(lambda: self.low_byte == LOW_BYTES[state], lambda: f"{state}, is {self.statusword:04X}h")
 
     def commission(self):
-        """Gains for a stiff axis: those from the factory are slow (Table 6-2)."""
+        """Sets gains for a stiff axis: the factory gains are slow (Table 6-2)."""
         self.write(0x2FF0, 100, 0x0A)
 
     def raw_sdo(self, request):
-        """The answer to a frame of the manual, byte by byte."""
+        """Checks the answer to a frame of the manual, byte by byte."""
         self.network.seen.clear()
         self.network.send(0x600 + self.node.id, bytes.fromhex(request))
         return self.network.seen.wait(0x580 + self.node.id)[0].hex(" ").upper()
@@ -146,7 +146,7 @@ def test_homing_then_positions(drive):
         move(drive, target, start)
         assert abs(drive.read(0x6063) - place) <= 327
         assert abs(drive.true_position - index - place) <= 2 * 327
-    # 103Fh: the target is followed whenever it is written.
+    # 103Fh: the axis follows every write of the target.
     drive.control(0x103F)
     for target in (30000, 5000):
         drive.write(0x607A, target)
@@ -167,7 +167,7 @@ def test_speeds(drive):
 
 
 def test_pdos_of_the_example(drive):
-    """TPDO 1: 6063h and 6041h, 6 bytes; RPDO 1 acts at once (ch. 9.3.3.3)."""
+    """TPDO 1: 6063h and 6041h, 6 bytes; RPDO 1 acts immediately (ch. 9.3.3.3)."""
     drive.write(0x1800, 0x80000181, 1)
     drive.write(0x1A00, 0, 0)
     drive.write(0x1A00, 0x60630020, 1)
@@ -189,7 +189,7 @@ def test_pdos_of_the_example(drive):
 
 
 def test_interpolation_on_sync(drive):
-    """9.5: 607Ah with every SYNC, here no more often than the link gets it through."""
+    """9.5: 607Ah with every SYNC, here only as fast as the link can transfer it."""
     drive.write(0x3011, 3, 1)  # 8 ms
     drive.write(0x3011, 1, 2)
     drive.write(0x6060, INTERPOLATION)
@@ -210,7 +210,8 @@ def test_interpolation_on_sync(drive):
 
 
 def test_torque_of_two_sizes(drives):
-    """6071h counts in thousandths of rated torque, 60F6h:08 in 2048ths of the peak current (ch. 7.3, appendix II)."""
+    """6071h has units of a thousandth of the rated torque, 60F6h:08 of 1/2048 of the peak current (ch. 7.3, appendix
+    II)."""
     for drive, peak in zip(drives, (48, 18)):
         assert drive.read(0x6510, 3) == peak
         drive.bench.put(f"axes/{drive.name}/plant", {"locked_rotor": True})
@@ -222,7 +223,7 @@ def test_torque_of_two_sizes(drives):
 
 
 def test_tables_by_inputs(drive):
-    """Ch. 5.2.1.1 and 5.4.1.1: inputs choose what 2020h holds; the bus only enables."""
+    """Ch. 5.2.1.1 and 5.4.1.1: inputs select the values in 2020h; the bus only enables."""
 
     def inputs(first, second):
         drive.bench.put(f"axes/{drive.name}/inputs", {"DI0": first, "DI1": second})

@@ -1,4 +1,5 @@
-"""Masters that die: `servodrome studio` and the commands, killed at random moments. The axis comes to rest by the drive's own watch."""
+"""Kills masters (`servodrome studio` and the commands) at random moments. The axis must come to rest, because the drive
+monitors its master."""
 
 import fcntl
 import json
@@ -21,7 +22,8 @@ DRIVES = (
     + axis_text("reference", "generic402", bus="can0", node=2)
     + axis_text("jmc", "jmc_ec", 4000, bus="ecat")
 )
-# What the studio calls them, units of a revolution (of a drive that does not say), and how long its watch and stop take.
+# Their names in the studio, units per revolution (for a drive that does not report them), and the time of monitoring
+# and stop.
 AXES = {"ismc": ("ismc-1", COUNTS, 3.0), "reference": ("generic402-2", None, 3.0), "jmc": ("jmc_ec-1", None, 1.5)}
 ROUNDS = 4
 
@@ -40,7 +42,7 @@ def speed(line, name):
 
 
 def rests_within(line, name, seconds):
-    """The clock is that of the line, which a busy machine may slow down."""
+    """Waits in the time of the line, which a busy machine may slow down."""
     begun = line.bench.get("clock")["time_ms"]
     while line.bench.get("clock")["time_ms"] - begun < seconds * 1000:
         time.sleep(0.02)
@@ -106,7 +108,8 @@ def test_studio_that_is_told_to_end_stops_its_axes(line, name_of_signal):
 
 
 def in_a_terminal(command):
-    """The process, leader of a session of its own, and the other end of its terminal: closed, the terminal is gone."""
+    """The process, leader of its own session, and the other end of its terminal; closing that end simulates the loss of
+    the terminal."""
     ours, its = pty.openpty()
     process = subprocess.Popen(
         command,
@@ -148,7 +151,7 @@ def test_a_studio_whose_terminal_is_closed_stops_its_axes(line):
 
 
 def test_a_script_that_cannot_write_stops_its_axis(line, tmp_path):
-    """Its output goes to a disk that is full."""
+    """Writes its output to a full disk."""
     script = tmp_path / "turn.script"
     script.write_text(f'axis a 2\na enable\na velocity {COUNTS // 4} acceleration {COUNTS}\nwait 1\nprint "turns"\nwait 60\n')
     command = [PROGRAM, "run", "--quiet", "--bus", line.links["can0"][0], str(script)]
@@ -162,7 +165,7 @@ def test_a_script_that_cannot_write_stops_its_axis(line, tmp_path):
 
 
 def test_a_command_that_fails_leaves_no_axis_enabled(line):
-    """A move that takes too long; without --disable, too."""
+    """A move that exceeds its time, also without --disable."""
     bus = line.links["can0"][0]
     for options in (["--disable"], []):
         command = [PROGRAM, "move", "--bus", bus, "--node", "2", "--revolutions", "--by", "50", "--velocity", "1", "--timeout", "0.5"]

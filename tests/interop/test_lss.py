@@ -9,7 +9,7 @@ IDENTITY = {"vendorId": 0x53455256, "productCode": 0x34303252, "revisionNumber":
 
 @pytest.fixture
 def patient(monkeypatch):
-    """Where an answer must come. Absent nodes live by answers that do not come, soon enough."""
+    """A timeout for answers that must come. Requests to missing nodes use a short timeout."""
     monkeypatch.setattr(LssMaster, "RESPONSE_TIMEOUT", PATIENCE)
 
 
@@ -48,7 +48,7 @@ def test_fastscan_finds_the_node_without_an_id(network, reference, line, monkeyp
     words = identity(reference)
     line.bench.post("axes/reference/power", {"action": "cycle"})
     wait_for(lambda: line.bench.axis("reference")["node_id"] == 255, "no node id")
-    # A bit is 1 when no answer comes, or when it comes too late: on a busy machine the scan has to wait longer.
+    # A bit is 1 if no answer comes, or if it comes too late: on a busy machine the scan needs a longer timeout.
     for answer_time in (0.1, 0.5, 2.0, 8.0):
         monkeypatch.setattr(LssMaster, "RESPONSE_TIMEOUT", answer_time)
         found, scanned = network.lss.fast_scan()
@@ -64,7 +64,7 @@ def test_fastscan_finds_the_node_without_an_id(network, reference, line, monkeyp
 
 def test_bit_timing(network, reference, patient):
     assert network.lss.send_switch_state_selective(*identity(reference))
-    network.lss.configure_bit_timing(2)  # 500 kbit/s, for when it is activated
+    network.lss.configure_bit_timing(2)  # 500 kbit/s, after its activation
     with pytest.raises(LssError):
         network.lss.configure_bit_timing(99)
     network.lss.send_switch_state_global(network.lss.WAITING_STATE)

@@ -12,7 +12,7 @@ from line import PATIENCE, Line, servodrome, wait_for
 from pymodbus.client import ModbusSerialClient, ModbusTcpClient
 from pymodbus.exceptions import ModbusException
 
-pytestmark = pytest.mark.once  # what drives do, whatever the link
+pytestmark = pytest.mark.once  # the behaviour of drives does not depend on the link
 
 FOUR_DRIVES = """
 [[bus]]
@@ -63,7 +63,7 @@ ISMK = {"controlword": 0x3100, "statusword": 0x3200, "mode": 0x3500, "position":
 
 
 def reference_registers():
-    """... and of the reference drive, as it is exported: {"6081:0": address}."""
+    """... and of the reference drive, from its export: {"6081:0": address}."""
     rows = servodrome("export", "modbus", "generic402").splitlines()[1:]
     registers = {}
     for row in rows:
@@ -74,7 +74,7 @@ def reference_registers():
 
 @pytest.fixture
 def start_serial_line(tmp_path, lines):
-    """start_serial_line(TOML): its RS485 line `rs` is on a pty and on a TCP port."""
+    """start_serial_line(TOML): starts a line whose RS485 line `rs` is on a pty and on a TCP port."""
 
     def start(text=FOUR_DRIVES, buses=()):
         folder = tmp_path / f"serial{len(lines)}"
@@ -114,7 +114,7 @@ def modbus(line, link):
 
 
 class Station:
-    """A station's registers; numbers of 32 bits by the product's word order."""
+    """Registers of a station; 32-bit numbers have the product's word order."""
 
     def __init__(self, client, station, low_word_first):
         self.client = client
@@ -165,7 +165,7 @@ def test_pymodbus_reads_and_writes_an_ismk(serial_line, link):
             client.read_input_registers(ISMK["statusword"], count=1, device_id=1),
         ):
             assert refused.isError()
-        # The other drives have heard nothing of it.
+        # The other drives have not received it.
         assert serial_line.bench.get("axes/k3/objects/6060/0")["value"] == -4
 
 
@@ -185,7 +185,7 @@ def home(drive, line, axis):
 
 
 def move(drive):
-    """The manual's procedure (Table 8-1): to 50000, and by 50000."""
+    """The manual's procedure (Table 8-1): moves to 50000, then by 50000."""
     drive.write(ISMK["mode"], 1)
     drive.write32(ISMK["target_position"], 50000)
     drive.write32(ISMK["profile_velocity"], round(300 * RPM))
@@ -224,7 +224,7 @@ def test_an_ismk_from_the_factory_speaks_the_ten_byte_protocol(start_serial_line
         assert ask(frame("01 2B F0 2F 09 58 02 00 00 52")) == frame("01 60 F0 2F 09 58 02 00 00 1D")
         assert ask(frame("01 40 F0 2F 09 00 00 00 00 97")) == frame("01 4B F0 2F 09 58 02 00 00 32")  # ch. 8.4.2
         assert ask(frame("7F 40 0B 10 00 00 00 00 00 26")) == frame("01 4B 0B 10 00 01 00 00 00 98")  # id 127
-        # Modbus by 6510.0C = 0, at once; the answer still comes in this protocol.
+        # 6510.0C = 0 changes to Modbus immediately; the answer still uses the present protocol.
         assert ask(frame("01 2F 10 65 0C 00 00 00 00 4F")) == frame("01 60 10 65 0C 00 00 00 00 1E")
     with modbus(line, "tcp") as client:
         assert Station(client, 1, True).read(0x86C0) == [0]
@@ -232,7 +232,7 @@ def test_an_ismk_from_the_factory_speaks_the_ten_byte_protocol(start_serial_line
         drive = Station(client, 1, low_word_first=True)
         assert drive.read(0x86C0) == [0]
         drive.write(0x86C0, 1)  # and back (ch. 8.1)
-        client.comm_params.timeout_connect = 1  # for an answer that does not come
+        client.comm_params.timeout_connect = 1  # for an answer that must not come
         with contextlib.suppress(ModbusException):
             assert client.read_holding_registers(0x86C0, count=1, device_id=1).isError()
     with modbus(line, "tcp") as client:
@@ -250,7 +250,7 @@ def test_pymodbus_uses_every_function_of_the_reference_drive(serial_line, link):
         assert drive.read32(velocity) == 123456
         both = client.read_input_registers(velocity, count=2, device_id=2)
         assert both.registers == drive.read(velocity, 2)
-        # Read and write at once: controlword, and the cyclic block of what a master wants to know.
+        # Read and write in one request: controlword, and the cyclic block of actual values.
         answer = client.readwrite_registers(
             read_address=0x0100, read_count=8, write_address=0, values=[0x0006], device_id=2)
         assert not answer.isError() and len(answer.registers) == 8
@@ -271,7 +271,7 @@ def test_a_broadcast_reaches_all(serial_line):
 
 
 def test_several_tcp_clients_of_one_drive(serial_line):
-    """Each writes a gain of its own and finds what it wrote, whatever the others do."""
+    """Each client writes its own gain and reads it back unchanged, regardless of the others."""
     registers = reference_registers()
     failures = []
 
@@ -282,7 +282,7 @@ def test_several_tcp_clients_of_one_drive(serial_line):
                 for i in range(100):
                     drive.write(registers[f"2010:{sub}"], 9 * i + sub)
                     assert drive.read(registers[f"2010:{sub}"]) == [9 * i + sub]
-        except BaseException as error:  # a thread's failure is the test's
+        except BaseException as error:  # a failure in a thread must fail the test
             failures.append(error)
 
     threads = [threading.Thread(target=work, args=(sub,)) for sub in (6, 7, 9, 10, 12, 13)]
@@ -317,7 +317,7 @@ def test_mbpoll_moves_an_ismk(serial_line, link):
     assert poll(ISMK["statusword"])[0] & 0x6F == 0x21
     poll(ISMK["mode"], 1)
     assert poll(ISMK["mode"]) == [1]
-    poll(ISMK["target_position"], -40000, kind="4:int")  # its word order: low word first
+    poll(ISMK["target_position"], -40000, kind="4:int")  # the drive's word order: low word first
     assert poll(ISMK["target_position"], kind="4:int") == [-40000]
     poll(ISMK["profile_velocity"], round(300 * RPM), kind="4:int")
     poll(ISMK["controlword"], 0x0F)
@@ -403,7 +403,8 @@ def test_the_commands_work_over_modbus(serial_line, link):
 
 
 def test_the_service_port_of_a_jmc_drive(start_serial_line, tmp_path):
-    """What JmcServoPcControl does: parameters by their numbers, monitoring items. The axis is moved on its fieldbus."""
+    """Does the same as JmcServoPcControl: parameters by their numbers, monitoring items. The fieldbus moves the
+    axis."""
     line = start_serial_line(JMC)
     plain = ["--bus", "modbus:" + line.links["rs"][1]]
     drive = [*plain, "--product", "jmc_ec"]

@@ -1,4 +1,4 @@
-"""A motion in every mode of operation: where it ends, as the drive tells and as the true shaft is."""
+"""A motion in every mode of operation: checks the final position of the drive and of the true shaft."""
 
 import struct
 
@@ -18,7 +18,7 @@ from drive402 import (
 )
 from line import COUNTS, LIMITS, wait_for
 
-CLOSE = 8  # counts: errors of the drive's encoder, 20 arc seconds and more, and its control
+CLOSE = 8  # counts: the errors of the drive's encoder (20 arc seconds and more) and of its control
 
 
 def turning_at(drive, speed_rpm, tolerance=0.02):
@@ -83,9 +83,10 @@ def test_profile_velocity(drive):
 
 
 def test_profile_torque_turns_the_free_shaft(drive):
-    """10 % of rated torque: the shaft picks up speed in the direction of the torque; nothing is left after disable.
+    """10 % of the rated torque: the shaft accelerates in the direction of the torque; no torque remains after disable.
 
-    The ISMC's speed limit of torque mode takes the torque back long before the limit switch comes (a fault there).
+    In torque mode the ISMC's speed limit reduces the torque long before the limit switch (which would be a fault
+    there).
     """
     drive.set_mode(PROFILE_TORQUE)
     drive.write(0x6087, 1000)
@@ -125,7 +126,7 @@ def test_profile_torque_against_a_locked_rotor(drive):
 def test_velocity_mode(reference):
     reference.set_mode(VELOCITY)
     reference.enable()
-    reference.control(0x7F)  # ramp enabled, unlocked, reference
+    reference.control(0x7F)  # ramp enabled, unlocked, reference on
     for rpm in (30, -30):
         reference.write(0x6042, rpm)
         turning_at(reference, rpm)
@@ -136,7 +137,7 @@ def test_velocity_mode(reference):
 
 
 def cyclic(drive, network, mode, mapping):
-    """PDO 1 with SYNC for `mapping`, feed-back by TPDO 1, operational and enabled in the mode."""
+    """Maps `mapping` to PDO 1 with SYNC, TPDO 1 returns the actual values; operational and enabled in the mode."""
     node = drive.node
     node.rpdo.read()
     node.tpdo.read()
@@ -255,5 +256,5 @@ def test_touch_probe_latches_the_index(drive):
     drive.move_to(start + COUNTS + COUNTS // 2)
     assert drive.read(0x60B9) & 3 == 3
     latched = drive.read(0x60BA) + true_start - start
-    # The drive latches what its encoder shows, which has errors of some arc seconds.
+    # The drive latches the position of its encoder, which has errors of some arc seconds.
     assert (latched + 5) % COUNTS <= 10, "the index is once per revolution, at 0"

@@ -67,7 +67,7 @@ def test_node_guarding_toggles(drive, network):
     def answers():
         return [bytes(frame.data) for frame in network.seen.of(identifier) if not frame.is_remote_frame]
 
-    network.settle(drive.node.id)  # its boot-up may come after this master
+    network.settle(drive.node.id)  # its boot-up message may come after this master's start
     network.seen.clear()
     expected = []
     for state in (0x7F, 0xFF, 0x7F):

@@ -15,7 +15,7 @@ def start(network, drive):
 
 
 def set_tpdo(drive, number, transmission_type, mapping, inhibit=0, event_timer=0):
-    """TPDO `number` (1...) by the procedure of CiA 301 7.5.2.36; its identifier."""
+    """Configures TPDO `number` (1...) by the procedure of CiA 301 7.5.2.36; returns its identifier."""
     parameters, entries = 0x1800 + number - 1, 0x1A00 + number - 1
     identifier = 0x180 + 0x100 * (number - 1) + drive.node.id
     drive.write(parameters, INVALID | identifier, 1)
@@ -44,13 +44,13 @@ def set_rpdo(drive, number, transmission_type, mapping):
 
 
 def quieten(drive):
-    """Switches off the PDOs of the factory, so that only the one under test is on the bus."""
+    """Switches off the factory PDOs, so that only the PDO under test is on the bus."""
     for number in range(4):
         drive.write(0x1800 + number, INVALID | (0x180 + 0x100 * number + drive.node.id), 1)
 
 
 def syncs(network, drive, identifier, count):
-    """Sends `count` SYNCs one by one; how many PDOs had come after each."""
+    """Sends `count` SYNCs one by one; returns the number of PDOs after each."""
     seen = []
     for _ in range(count):
         network.send_sync()
@@ -70,7 +70,7 @@ def test_synchronous_cyclic(drive, network, every):
     quieten(drive)
     identifier = set_tpdo(drive, 1, every, [STATUS])
     start(network, drive)
-    if drive.name == "reference":  # its DC link charges from power-on, others' from Switched on
+    if drive.name == "reference":  # its DC link charges after power-on, that of the others after Switched on
         wait_for(lambda: drive.statusword & 0x10, "the DC link")
     network.seen.clear()
     count = 2 * every if every < 240 else 245
@@ -116,7 +116,8 @@ def test_event_timer(drive, network):
 
 
 def test_inhibit_time_keeps_changes_apart(drive, network):
-    """A change is a PDO now; two more are one, with the last value, when the inhibit time of 3 s is over."""
+    """A change sends a PDO immediately; two more changes send one PDO with the last value after the inhibit time of 3
+    s."""
     quieten(drive)
     identifier = set_tpdo(drive, 1, 255, [MODE_DISPLAY], inhibit=30_000)
     start(network, drive)
@@ -133,7 +134,7 @@ def test_inhibit_time_keeps_changes_apart(drive, network):
 
 @pytest.mark.remote_frames
 def test_on_remote_request(reference, network):
-    """252: sampled at the SYNC before; 253: sampled now. Both on a remote frame only."""
+    """252: sampled at the last SYNC; 253: sampled now. Both are sent only on a remote frame."""
     quieten(reference)
 
     def answers(identifier):
@@ -193,7 +194,7 @@ def test_no_pdo_outside_operational(drive, network):
 
 
 def test_the_factory_pdos_command_the_drive(drive, network):
-    """Power up by PDO alone, with the mapping that the drive comes with."""
+    """Enables the drive by PDO only, with the factory mapping."""
     start(network, drive)
     tail = struct.pack("<bi", 1, 0) if drive.name == "ismc" else b""
     for word, state in ((0x06, 0x21), (0x07, 0x23), (0x0F, 0x27)):
@@ -226,5 +227,5 @@ def test_the_client_maps_by_name(reference, network):
     network.seen.wait(0x2A2)
     wait_for(lambda: node.tpdo[5].is_received, "the PDO")
     assert node.tpdo[5]["Statusword"].raw == reference.statusword
-    # Two moments: the encoder has noise.
+    # Two different times, and the encoder has noise.
     assert abs(node.tpdo[5]["Position actual value"].raw - reference.position) < 4

@@ -1,4 +1,4 @@
-"""The ESTUN ProNet driven by a third party's master through the procedures of its manual (chapters 7, 9 and 10)."""
+"""A third-party master operates the ESTUN ProNet by the procedures of its manual (chapters 7, 9 and 10)."""
 
 import struct
 
@@ -16,7 +16,7 @@ from drive402 import (
 )
 from line import servodrome, wait_for
 
-pytestmark = pytest.mark.once  # what drives do, whatever the link
+pytestmark = pytest.mark.once  # the behaviour of drives does not depend on the link
 
 TURN = 10_000  # the incremental encoder of the manual's examples
 SWITCH = (int(1.2 * TURN), int(2.4 * TURN))
@@ -40,7 +40,7 @@ node = {node}
   home = {{ from = 1.2, to = 2.4 }}
 """
 PRONETS = '[[bus]]\nname = "can0"\n' + AXIS.format(name="one", node=1) + AXIS.format(name="two", node=2)
-CLOSE = 8  # counts: errors of the encoder, some arc seconds, and of its control
+CLOSE = 8  # counts: the errors of the encoder (some arc seconds) and of its control
 
 
 class Pronet(Drive402):
@@ -52,14 +52,14 @@ class Pronet(Drive402):
         self.network.send(0x100 + 0x100 * number + self.node.id, data)
 
     def map(self, index, *objects):
-        """Sub 0 to 0, the objects, sub 0 to their number: the manual's way (ch. 3.3)."""
+        """Sets sub 0 to 0, then the objects, then sub 0 to their number, as in the manual (ch. 3.3)."""
         self.write(index, 0, 0)
         for sub, entry in enumerate(objects, 1):
             self.write(index, entry, sub)
         self.write(index, len(objects), 0)
 
     def silence(self):
-        """The TPDOs that come each 10 ms from the factory are switched off by bit 31 (ch. 10.2)."""
+        """Bit 31 switches off the TPDOs that the drive sends each 10 ms by factory setting (ch. 10.2)."""
         for index in range(0x1800, 0x1804):
             self.write(index, self.read(index, 1) | 0x80000000, 1)
 
@@ -136,7 +136,7 @@ def test_profile_position_over_two_rpdos(drive):
 
 
 def test_pdos_configured_by_the_canopen_package(drive):
-    """The package's own procedure, with names: it disables, maps, sets and enables."""
+    """The package's own procedure with names: it disables, maps, sets and enables."""
     node = drive.node
     tpdo = node.tpdo[1]
     tpdo.read()
@@ -221,7 +221,7 @@ def test_interpolated_position_and_alarm_a69(drive):
     assert drive.statusword & BIT_12, "ip mode active"
     assert not seen.of(0x081)
     assert abs(drive.true_position - target) <= 400 + CLOSE
-    # Two periods without data: A 69, the drive coasts.
+    # Two periods without data: alarm A 69, and the drive coasts.
     emergency = seen.wait(0x081)[0]
     assert emergency == bytes([0x69, 0x81, 0x11, 0, 0, 0, 0, 0])
     drive.wait_state("Fault")
@@ -232,7 +232,7 @@ def test_interpolated_position_and_alarm_a69(drive):
 
 @pytest.mark.parametrize("method, home", [(1, -30 * TURN + 2500), (4, TURN + 2500), (17, -30 * TURN), (19, SWITCH[0])])
 def test_homing(drive, method, home):
-    """Ch. 9.5, with the two speeds and the acceleration that the example forgets."""
+    """Ch. 9.5, with the two speeds and the acceleration that the example omits."""
     drive.home(method, fast=6000, slow=300, acceleration=20_000)
     assert abs(drive.true_position - drive.position - home) <= 8
 
@@ -257,7 +257,7 @@ def test_homing_that_is_not_possible(start_line, connect, eds):
 
 
 def test_switches_committed_by_the_bus(drive):
-    """Ch. 10.1: POT, NOT and the reference switch out of 60FEh:01."""
+    """Ch. 10.1: POT, NOT and the reference switch come from 60FEh:01."""
     drive.write(0x3084, 0x1100)  # Pn512: CN1_16, CN1_17
     drive.write(0x3085, 0x0001)  # Pn513: CN1_39
     for bit, input_bit in ((27, 0), (26, 1), (28, 2)):
@@ -281,7 +281,7 @@ def test_switches_committed_by_the_bus(drive):
 
 
 def test_one_frame_serves_two_drives(pair):
-    """Ch. 10.2: each maps a dummy where the other's set-point lies."""
+    """Ch. 10.2: each drive maps a dummy at the place of the other's set-point."""
     one, two = pair
     one.map(0x1600, 0x60FF0020, 0x00040020)
     two.map(0x1600, 0x00040020, 0x60FF0020)
@@ -310,7 +310,7 @@ def test_parameters_outlive_the_power(drive):
 
 @pytest.mark.program("the program moves the axis")
 def test_revolutions_are_those_of_the_encoder(drive, pronets):
-    """Ch. 4: the command line reads what the motor at hand has."""
+    """Ch. 4: the command line reads the resolution of the connected motor."""
     before = drive.true_position
     servodrome("move", "--bus", pronets.links["can0"][0], "--node", 1, "--by", 1.5, "--revolutions", "--velocity", 5)
     wait_for(lambda: abs(drive.true_position - before - 1.5 * TURN) <= CLOSE, "one and a half turns")
@@ -320,7 +320,7 @@ def test_revolutions_are_those_of_the_encoder(drive, pronets):
 
 @pytest.mark.remote_frames
 def test_remote_frames_are_not_answered(drive):
-    """Ch. 3. Heartbeat takes the place of guarding."""
+    """Ch. 3. The heartbeat replaces node guarding."""
     drive.silence()
     drive.network.nmt.send_command(1)
     drive.network.settle(1)

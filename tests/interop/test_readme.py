@@ -1,4 +1,4 @@
-"""The README's Python runs as it is printed, on the built-in line."""
+"""Runs the README's Python code on the built-in line."""
 
 import os
 import pathlib
@@ -12,7 +12,7 @@ from line import Line
 README = pathlib.Path(__file__).parents[2] / "README.md"
 BLOCKS = re.findall(r"```python\n(.*?)```", README.read_text(), re.DOTALL)
 SAYS = ["4300100092010200\n", "moved by ", "["]
-# The built-in line's links, and one like each at a free port.
+# The links of the built-in line, each on a free port.
 LINKS = {"can0": "socketcand:127.0.0.1:29536/can0", "rs485": "tcp:127.0.0.1:1502", "ecat": "udp:127.0.0.1:34980"}
 PORT = r":(\d+)(?=/|$)"
 

@@ -1,4 +1,4 @@
-"""`trial --schema`: editors complete and check scenario files with what the parser knows."""
+"""`trial --schema`: editors complete and check scenario files with the keys that the parser accepts."""
 
 import json
 import os

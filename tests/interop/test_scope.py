@@ -1,4 +1,4 @@
-"""`servodrome scope` on the line's CAN bus and on its serial lines: what it prints, and files that others read."""
+"""`servodrome scope` on the line's CAN bus and on its serial lines: its output, and files that other programs read."""
 
 import csv
 import json
@@ -12,7 +12,7 @@ import pytest
 from line import COUNTS, PROGRAM, servodrome, wait_for
 from mcap.reader import make_reader
 
-pytestmark = [pytest.mark.once, pytest.mark.program("the program is the master")]  # what drives do, whatever the link
+pytestmark = [pytest.mark.once, pytest.mark.program("the program is the master")]  # independent of the link
 
 
 @pytest.fixture
@@ -59,7 +59,7 @@ def test_a_move_as_csv_mcap_and_svg(scope, bench, tmp_path):
     assert seconds == sorted(set(seconds)) and seconds[0] == 0
     positions = [int(row["position_actual_value [pos]"]) for row in rows]
     assert abs(positions[0] - before) < 100 and abs(positions[-1] - before - COUNTS) < 100
-    # What the drive says of its velocity is what its positions do.
+    # The drive's velocity must match the change of its positions.
     moved = sum(
         float(row["velocity_actual_value [vel]"]) * (after - now)
         for row, now, after in zip(rows, seconds, seconds[1:])

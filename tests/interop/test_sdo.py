@@ -1,4 +1,4 @@
-"""SDO: expedited, segmented and block transfers both ways, and aborts (CiA 301 7.2.4)."""
+"""SDO: expedited, segmented and block transfers in both directions, and aborts (CiA 301 7.2.4)."""
 
 import io
 import random
@@ -88,7 +88,7 @@ def test_abort_of_reading_what_is_write_only(reference):
 
 
 def test_aborts_of_wrong_lengths(ismc, reference):
-    # ISMC prints one code for both (Table 2-16); CiA 301 has one each for too long and too short.
+    # ISMC uses one code for both (Table 2-16); CiA 301 has separate codes for too long and too short.
     assert abort_code(ismc.node.sdo.download, 0x60FF, 0, b"\0\0") == 0x06070010
     assert abort_code(ismc.node.sdo.download, 0x6040, 0, b"\0\0\0\0") == 0x06070010
     assert abort_code(reference.node.sdo.download, 0x60FF, 0, b"\0\0") == 0x06070013

@@ -1,4 +1,5 @@
-"""What the program says of its commands to shells and to man: in bash, zsh and fish, and through mandoc, where they are."""
+"""The descriptions of commands for shells and for man: in bash, zsh and fish, and with mandoc, if they are
+installed."""
 
 import re
 import shutil
@@ -11,7 +12,7 @@ pytestmark = pytest.mark.once
 
 
 def completed(words, tmp_path):
-    """What bash offers for the last word."""
+    """Returns the completions of bash for the last word."""
     script = tmp_path / "completion.bash"
     script.write_text(servodrome("completion", "bash"))
     quoted = " ".join(f"'{word}'" for word in words)
@@ -55,7 +56,7 @@ def test_the_manual_page_is_clean(tmp_path):
     page.write_text(servodrome("manual"))
     shown = subprocess.run(["groff", "-man", "-ww", "-Tascii", page], capture_output=True, text=True, check=True)
     assert not shown.stderr, shown.stderr
-    plain = re.sub(".\x08", "", shown.stdout)  # bold letters are struck twice, underlined ones over a line
+    plain = re.sub(".\x08", "", shown.stdout)  # bold letters are printed twice, underlined ones over an underscore
     for word in ("params save", "--reset-fault", "EXIT STATUS"):
         assert word in plain, word
     assert re.search(r"^ +--json +Print JSON\.$", plain, re.MULTILINE), "a switch has no value"

@@ -1,4 +1,5 @@
-"""`sniff` on serial lines: live on a second pty while pymodbus is the master, from logs, and Wireshark on the same."""
+"""`sniff` on serial lines: live on a second pty while pymodbus is the master, from logs, and Wireshark on the same
+data."""
 
 import json
 import subprocess
@@ -30,7 +31,7 @@ serial_protocol = "modbus"
 
 
 def talk(client):
-    """A write, a read, and a register that is not there."""
+    """A write, a read, and a register that does not exist."""
     assert client.connect()
     try:
         assert not client.write_register(0x3500, 3, device_id=1).isError()
@@ -71,7 +72,7 @@ def test_live_on_a_second_pty(tmp_path):
                 [str(PROGRAM), "sniff", f"pty:{tmp_path}/ear", "--product", "ismk", "--json"], stdout=file, stderr=subprocess.STDOUT
             )
         try:
-            # It listens when the line has a client there.
+            # `sniff` receives as soon as the line has a client there.
             wait_for(lambda: line.bench.get("buses/rs")["links"][1]["clients"] == 1, "sniff opens its pty")
             talk(pymodbus_over_pty(tmp_path / "master"))
             wait_for(lambda: output.read_text().count("\n") >= 6, lambda: f"six frames: {output.read_text()}")
@@ -92,7 +93,7 @@ def test_logs(tmp_path, ending, link):
     try:
         port = int(line.links["rs"][1].rpartition(":")[2])
         talk(pymodbus_over_pty(tmp_path / "master") if link == "pty" else ModbusTcpClient("127.0.0.1", port=port, timeout=PATIENCE))
-        time.sleep(0.01)  # the silence behind the last frame
+        time.sleep(0.01)  # the silence after the last frame
     finally:
         line.stop()
     expect_conversation(rows_of(servodrome("sniff", log, "--product", "ismk", "--json")))

@@ -1,4 +1,4 @@
-"""`servodrome studio`: the studio's server in front of drives on buses, which are those of a line in another process."""
+"""`servodrome studio`: its server for drives on buses; the drives are those of a line in another process."""
 
 import io
 import json
@@ -21,14 +21,16 @@ DRIVES = (
     + axis_text("jmc", "jmc_ec", 4000, bus="ecat")
     + axis_text("reference", "generic402", serial="rs")
 )
-# What the studio calls them, and the line.
+# The names in the studio and in the line.
 NAMES = {"ismc-1": "ismc", "jmc_ec-1": "jmc", "generic402": "reference"}
 
 pytestmark = [pytest.mark.once, pytest.mark.program("the program is the master")]
 
 
 def turns(axis, **numbers):
-    """Numbers in revolutions, for a job; of the ISMC, which does not say what that is, in its own units."""
+    """Converts numbers in revolutions for a job; to the ISMC's own units, because that drive does not report its units
+    per
+    revolution."""
     if axis == "ismc-1":
         return {key: round(value * COUNTS) for key, value in numbers.items()}
     return {"units": "revolutions", **numbers}
@@ -119,7 +121,7 @@ def test_a_scan_lists_what_answers_and_changes_nothing(line):
         assert scan(studio.bench, can)
     finally:
         studio.stop()
-    # Of a virtual line: the drives with power.
+    # Drives of a virtual line that have power.
     assert [each["axis"] for each in scan(line.bench, "can0")] == ["ismc"]
     line.bench.post("axes/ismc/power", {"action": "off"})
     assert scan(line.bench, "can0") == []
@@ -142,7 +144,7 @@ def enable_home_and_move(studio, line, axis):
     method = 24 if axis != "jmc_ec-1" else 7
     studio.does(axis, do="home", method=method, **turns(axis, speed=4, zero_speed=1, acceleration=20))
     before = line.bench.true_position(NAMES[axis])
-    # The JMC from the factory takes 216 rpm (607Fh); an order above that is a fault (AL.420).
+    # The factory limit of the JMC is 216 rpm (607Fh); a higher demand is a fault (AL.420).
     job = studio.does(axis, do="move", **turns(axis, by=1.5, velocity=3, acceleration=20))
     turn = 4000 if axis == "jmc_ec-1" else COUNTS
     assert abs(line.bench.true_position(NAMES[axis]) - before - 1.5 * turn) < turn / 100, job
@@ -167,7 +169,7 @@ def test_objects_states_and_faults(studio, line, axis):
     assert refused.value.status == 409 and refused.value.body["error"]["what"]
     states = bench.get(f"axes/{axis}/states")
     assert states["transitions"]
-    # Over-voltage of the JMC (AL.402) lasts until power is off and on; over-speed does not.
+    # Over-voltage of the JMC (AL.402) needs a power cycle; over-speed does not.
     cause = "over_speed" if axis == "jmc_ec-1" else "over_voltage"
     line.bench.post(f"axes/{NAMES[axis]}/faults", {"inject": cause})
     wait_for(lambda: bench.axis(axis)["state"] == "fault", "the fault")
@@ -184,7 +186,7 @@ def text_call(studio, method, path, body=None):
 
 
 def test_an_answer_that_does_not_tell_its_size_is_read(studio, line):
-    """CiA 301 7.2.4.3.6: an expedited answer may leave it out, and then has four bytes."""
+    """CiA 301 7.2.4.3.6: an expedited answer may omit its length, which then is four bytes."""
     wait_for(lambda: studio.bench.axis("ismc-1")["powered"], "the drive")
     rule = '[[rule]]\nname = "r"\naxis = "ismc"\non = { message = "sdo_answer", object = "6041" }\ndo = "alter"\nbytes = "42 ?? ?? ?? ?? ?? 55 AA"\n'
     line.bench.post("scenario/rules", {"text": rule})
@@ -214,7 +216,7 @@ def test_parameters_are_saved_compared_and_loaded(studio, line, axis):
 
 
 def test_a_drive_that_does_not_say_what_a_revolution_is(studio):
-    units = studio.bench.get("axes/ismc-1/units")  # it has neither factors nor a resolution
+    units = studio.bench.get("axes/ismc-1/units")  # it reports no factors and no resolution
     assert set(units.values()) == {None} and "position_per_revolution" in units
     assert studio.bench.get("axes/generic402/units")["position_per_revolution"] == COUNTS
     with pytest.raises(ApiError) as refused:
@@ -315,7 +317,7 @@ def test_a_drive_that_is_unplugged_stops_by_itself(line):
     before = watch_of(line, axis)
     studio = Studio(*buses_of(line))
     unplug_while_it_turns(studio, line, axis)
-    studio.does("generic402", do="enable")  # the others go on
+    studio.does("generic402", do="enable")  # the other jobs continue
     assert watch_of(line, axis) == 0x7F05DC
     wait_for(lambda: line.bench.axis("ismc")["state"] == "fault", "the loss, as the drive sees it")
     wait_for(lambda: abs(line.bench.axis("ismc")["velocity_rpm"]) < 0.5, "the axis at rest")
@@ -323,7 +325,7 @@ def test_a_drive_that_is_unplugged_stops_by_itself(line):
     wait_for(lambda: studio.bench.axis(axis)["powered"], "the drive")
     studio.does(axis, do="reset_fault")
     studio.does(axis, do="enable")
-    # A reset takes the watch from it: it is told anew.
+    # A reset ends the drive's monitoring of its master, so it is configured again.
     line.bench.post("axes/ismc/power", {"action": "off"})
     wait_for(lambda: studio.bench.axis(axis).get("problem"), "the silence")
     line.bench.post("axes/ismc/power", {"action": "on"})

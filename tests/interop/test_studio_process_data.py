@@ -1,4 +1,4 @@
-"""`servodrome studio` where it works with a drive's process data: tuning by measurement, and what PDOs carry."""
+"""`servodrome studio` with process data of a drive: tuning by measurement, and the content of PDOs."""
 
 import json
 import subprocess
@@ -59,7 +59,7 @@ serial = "rs"
 """
 CAN, ETHERCAT, MODBUS = "generic402-2", "generic402-ec-2", "generic402"
 GAIN = "objects/2010/2"
-BANDWIDTH = 60  # Hz: by itself the job would choose one that only an idle computer keeps to
+BANDWIDTH = 60  # Hz: without it the job would choose a bandwidth that only an idle computer can keep
 
 
 @pytest.fixture
@@ -78,13 +78,13 @@ def studio(line):
 
 
 def recover(studio, axis):
-    """From a computer too busy to keep a slave in operation: the bus is opened again, and the fault reset."""
+    """Recovers if the computer was too busy to keep a slave in operation: opens the bus again and resets the fault."""
     wait_for(lambda: studio.bench.get(f"axes/{axis}")["powered"], "an answer")
     studio.over(studio.job(axis, do="reset_fault"))
 
 
 def begin(studio, axis, seconds, **order):
-    """Begins a tuning of an axis that a busy computer may have let fall from operation."""
+    """Begins a tuning of an axis that may have left operation because of a busy computer."""
 
     def attempt():
         recover(studio, axis)
@@ -94,7 +94,7 @@ def begin(studio, axis, seconds, **order):
 
 
 def turning(studio, line, axis, **order):
-    """A tuning whose axis turns; None: the computer was too busy for it each time."""
+    """Returns a tuning whose axis turns; None: the computer was too busy each time."""
     name = {CAN: "reference", ETHERCAT: "second-ec"}[axis]
     for _ in range(ATTEMPTS):
         job = begin(studio, axis, 20, **order)
@@ -112,7 +112,7 @@ def turning(studio, line, axis, **order):
 
 
 def tuned(studio, axis, **order):
-    """The job when it is over, and what it was doing meanwhile."""
+    """Returns the job when it is over, and its progress messages."""
     job = begin(studio, axis, 4, **order)
     doing, speeds = set(), set()
 
@@ -127,7 +127,7 @@ def tuned(studio, axis, **order):
 
 
 def too_busy(job):
-    """It failed for want of processor time, and says so."""
+    """Returns true if the job failed for lack of processor time, and says so."""
     said = job["error"]["hint"] + job["error"]["what"] if job["state"] == "failed" else ""
     return any(word in said for word in (*TOO_BUSY, *WATCHDOG, *UNEVEN))
 
@@ -146,7 +146,7 @@ def test_a_drive_is_tuned_on_its_bus(studio, axis):
         recover(studio, axis)
         assert studio.bench.get(f"axes/{axis}/{GAIN}")["value"] == before
     else:
-        return  # it was told each time, and nothing was changed
+        return  # every failure was reported, and nothing was changed
     assert job["found"]["before"]["inertia"] > 0
     assert job["found"]["after"]["bandwidth_hz"] > 0
     assert studio.bench.get(f"axes/{axis}/{GAIN}")["value"] != before
@@ -164,7 +164,7 @@ def test_a_tuning_is_stopped_with_all_axes(studio, line, axis):
     name = {CAN: "reference", ETHERCAT: "second-ec"}[axis]
     before = studio.bench.get(f"axes/{axis}/{GAIN}")["value"]
     if (job := turning(studio, line, axis, apply=True)) is None:
-        return  # a computer that cannot tune a drive cannot show how that is stopped
+        return  # the computer cannot tune a drive, so the stop cannot be tested
     studio.bench.post("stop", {})
     assert studio.bench.get(f"jobs/{job['id']}")["state"] == "cancelled"
     wait_for(lambda: abs(line.bench.get(f"axes/{name}")["velocity_rpm"]) < 1, "that it stands", 5)
@@ -203,7 +203,7 @@ def test_while_one_drive_is_tuned_others_are_served(studio, line):
         recover(studio, CAN)
         recover(studio, "ismk-4")
     else:
-        return  # a computer that cannot tune one drive cannot show this of two
+        return  # the computer cannot tune a drive, so it cannot be tested with two
     assert waited["state"] == "cancelled", "one that waits for its turn"
     assert running["state"] == "running"
     assert ended["state"] == "cancelled"
@@ -264,7 +264,7 @@ def change_pdos_of_a_slave(studio, line):
 
 
 def recorded(studio, bus, axis):
-    """What passes a bus while an object of the axis is read: a call for its traffic."""
+    """The traffic of a bus while an object of the axis is read."""
     path = "buses/" + urllib.parse.quote(bus, safe="")
     assert studio.bench.put(f"{path}/traffic", {"record": True})["recording"]
     studio.bench.get(f"axes/{axis}/objects/6064/0")
@@ -277,7 +277,7 @@ def recorded(studio, bus, axis):
     ("bus", "axis", "words", "sides"),
     [
         ("can0", CAN, "read", {"master", CAN}),
-        ("ecat", ETHERCAT, "Position actual value", {"slaves"}),  # frames are told when they are back
+        ("ecat", ETHERCAT, "Position actual value", {"slaves"}),  # frames are listed when they are back
         ("rs", MODBUS, "read", {"master", "drive"}),
     ],
 )

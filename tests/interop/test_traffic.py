@@ -1,4 +1,4 @@
-"""Traffic of a bus over the bench API while the program's own host commands are the master."""
+"""Traffic of a bus over the bench API while commands of the program are the master."""
 
 import urllib.request
 

@@ -1,4 +1,4 @@
-"""`trial` runs a master of another project (canopen) through scenarios, in real time."""
+"""`trial` runs a third-party master (canopen) through scenarios, in real time."""
 
 import json
 import os
@@ -61,7 +61,7 @@ def test_outcomes_and_reports(tmp_path):
         "skipped": "1",
     }
     page = html.read_text()
-    # Of each of four trials a picture of the shaft and one of the states.
+    # Each of four trials has a picture of the shaft and one of the states.
     assert page.count("<svg") == 8 and "rests after the master has ended" in page
     assert "operation enabled" in page and "Statusword" in page
 
@@ -82,11 +82,11 @@ def test_the_traffic_around_a_failure_is_shown_in_words(tmp_path):
     assert lines[place - 1]["text"] == "SDO write 6040:00 Controlword = 6 (0006h)" and lines[place - 1]["from"] == "master"
     moments = [line["text"] for line in lines if line["kind"] == "moment"]
     assert moments == ['first act of the rule "rule 1"', "failed: the master ended with status 1"]
-    # A frame is there once; what lies between is left out, and said so.
+    # Each frame occurs once; omitted parts are marked.
     assert [line["at_s"] for line in lines] == sorted(line["at_s"] for line in lines)
     assert sum(line["kind"] in ("frame", "error") for line in lines) <= 2 * (40 + 20)
     assert all(line["text"].endswith("lines are left out") for line in lines if line["kind"] == "gap")
-    # The withheld answer is not in the capture, which has the request.
+    # The withheld answer is not in the capture; its request is.
     (capture,) = result["captures"]
     assert pathlib.Path(capture).parent == kept and pathlib.Path(capture).name == "scenarios-missing.can0.log"
     text = pathlib.Path(capture).read_text()
@@ -134,7 +134,7 @@ def test_a_master_that_does_not_end_fails_unless_the_scenario_waives_it(tmp_path
 
 
 def test_a_failing_scenario_is_made_smaller(tmp_path):
-    """Of three rules only one makes the master fail; neither its condition nor its second act is needed."""
+    """Only one of three rules makes the master fail; its condition and its second act are not necessary."""
     rules = """
 [[rule]]
 name = "late"
@@ -166,7 +166,7 @@ value = 3
     assert rule == {"name": "culprit", "on": {"message": "sdo_answer", "object": "6040"}, "do": "withhold", "times": 1}
     assert content["seed"] == 1 and content["line"] == str(ROOT / "scenarios/lines/can.toml")
     assert (tmp_path / "big.toml").read_text() == text.replace("LINE", content["line"])
-    # It fails in the same way, and what cannot be made smaller is not written again.
+    # The small scenario fails in the same way, and is not written again because it cannot be made smaller.
     again = trial(tmp_path, {}, options=["--only", "minimal", "--json"], after="0.2")
     assert json.loads(again.stdout)[0]["reason"] == "the master ended with status 1"
     passes = trial(tmp_path, {"good": GOOD}, options=["--only", "good.toml", "--minimise"])

@@ -1,7 +1,8 @@
 """`servodrome tune` in real time, over CAN and EtherCAT in UDP.
 
-How good the gains are is measured in virtual time (tests/tools/tuning/tuning_test.cpp). A computer that is busy loses cycles,
-and `tune` says so and measures nothing: then it is told to try again, and if it never succeeds the drive is as it was.
+The quality of the gains is tested in virtual time (tests/tools/tuning/tuning_test.cpp). A busy computer loses cycles;
+`tune` then reports this and measures nothing, and the test repeats it. If it never succeeds, the drive must be
+unchanged.
 """
 
 import json
@@ -55,8 +56,8 @@ AXES = {
     "reference-ec": ("ecat", 1, "2010/2"),
     "ismk-ec": ("ecat", 2, "60F9/1"),
 }
-# What lost cycles look like. A heartbeat that comes too late is a fault of the drive. A slave whose watchdog has run
-# out (100 ms) leaves OP, and its drive operation enabled.
+# Messages after lost cycles. A late heartbeat is a fault of the drive. A slave whose watchdog has expired (100 ms)
+# leaves OP, and its drive leaves operation enabled.
 TOO_BUSY = (
     "a computer with less load",
     "no longer sends its process data",
@@ -66,8 +67,8 @@ TOO_BUSY = (
     "the drive has a fault",
 )
 WATCHDOG = ("sync manager watchdog", "switch on disabled")
-# What cycles look like that came, but not evenly: the delay measured is longer than the drive's, or the new gains do
-# not keep what was promised of them.
+# Messages after cycles that were not regular: the measured delay is longer than the drive's, or the new gains do not
+# have the calculated result.
 UNEVEN = ("the loop delay of", "with the new gains")
 ATTEMPTS = 8
 SHORT = ["--seconds", "4", "--reset-fault"]
@@ -87,11 +88,11 @@ def start(line, axis, *words):
 
 
 def in_time(attempt):
-    """What attempt() returns: (exit status wanted, process, output, complaint), once the computer was not too busy.
+    """Repeats attempt(), which returns (expected exit status, process, output, error message), while the computer is
+    too busy.
 
-    Nothing is returned if it always was: then the numbers are tuning_test's alone, which has time of its own. What is
-    left to see here is that the drive was left as it was.
-    """
+    Returns None if it always was too busy: then only tuning_test, which uses virtual time, checks the results. This
+    test then only checks that the drive is unchanged."""
     for _ in range(ATTEMPTS):
         wanted, process, out, said = attempt()
         if process.returncode == wanted:

@@ -1,4 +1,4 @@
-"""What `up` and commands that read files do when somebody else on the machine means no good, or another line is there."""
+"""`up` and commands that read files, while another user of the machine attacks them, or another line runs."""
 
 import resource
 import signal
@@ -14,7 +14,7 @@ AXIS = '[[axis]]\nname = "x"\nproduct = "ismc"\nbus = "can0"\n'
 
 @pytest.fixture
 def up(tmp_path):
-    """Starts `up` with a line of one axis; ends what runs still."""
+    """Starts `up` with a line of one axis; ends the remaining processes afterwards."""
     running = []
 
     def start(ready, links="[]"):

@@ -59,7 +59,7 @@ struct Service {
   const char* greeting;  // sent first; the server answers it
   const char* half;      // sent next; the server does not answer it
 };
-// A frame for no drive; half a request; half a header.
+// A frame for a drive that does not exist; half a request; half a header.
 const Service services[] = {{"socketcand", "< open can0 >< rawmode >", "< send 123 1 00 >"},
                             {"modbus", nullptr, "half"},
                             {"api", nullptr, "GET /api/v1/clock HT"}};

@@ -22,7 +22,7 @@
 #include "line/line_server.hpp"
 #include "support.hpp"
 
-// The bench API's server against any client: files, WebSockets, and input that is no valid request.
+// The bench API's server with any client: files, WebSockets, and invalid requests.
 namespace servodrome::line {
 namespace bench_http_test {
 namespace {

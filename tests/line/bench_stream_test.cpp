@@ -379,7 +379,7 @@ TEST(BenchStream, TapsOfAllClientsTogetherAreBounded) {
 
 // --- Recordings
 
-// The tick after which `left` first turns faster than 10 rpm under a push at tick 1600.
+// The tick after which `left` first turns faster than 10 rpm, after an external torque from tick 1600 on.
 std::uint64_t tick_of_10_rpm() {
   Bench bench(false);
   bench.pass(100ms);

@@ -3,8 +3,8 @@
 #include "line/support.hpp"
 #include "plant/energy_balance.hpp"
 
-// Whole drives on machines with every effect that docs/line-file.md lists: the books balance, and two runs are equal to
-// the last bit.
+// Complete drives on machines with every effect that docs/line-file.md lists: the energy balance must be correct, and
+// two runs must be equal to the last bit.
 namespace servodrome::line {
 namespace everything_on_test {
 namespace {

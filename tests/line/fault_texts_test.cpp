@@ -54,7 +54,7 @@ TEST_P(FaultTexts, EveryRowOfTheDriveHasOneAndEveryTextARow) {
     }
     EXPECT_NE(find_fault_text(product, row.code), nullptr);
   }
-  if (product == std::string_view("pronet")) {  // also the code in 603Fh for homing that is not possible
+  if (product == std::string_view("pronet")) {  // 603Fh also has this code if homing is not possible
     for (const FaultText& text : fault_texts(product, products::pronet::homing_error_codes.not_possible)) {
       used.insert(&text);
     }

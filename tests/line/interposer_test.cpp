@@ -1,5 +1,5 @@
-// Interposers on the buses and slaves of a line: their delays are events of the line's time, and power cycles end what
-// a drive's hardware would not keep.
+// Interposers on the buses and slaves of a line: their delays are events of the line's time, and a power cycle clears
+// all state that a drive's hardware would lose.
 #include <gtest/gtest.h>
 
 #include "ethercat/frame/frame_writer.hpp"
@@ -93,7 +93,7 @@ TEST_F(Interposers, ALateSerialAnswerIsAnEventOfTheLine) {
   Bytes wanted{2, 3, 2, 0x02, 0x50, 0, 0};
   modbus::seal_rtu_frame(wanted, 5);
   EXPECT_EQ(answer, wanted);
-  // Without power the drive sends nothing of a late answer.
+  // A drive without power sends no part of a late answer.
   bytes.send(request);
   const Time before = late.answered;
   while (late.answered == before && line.now() < 1s) line.step();

@@ -161,7 +161,7 @@ TEST(LineServer, ClientsThatSendHalfARequestDoNotKeepOthersOut) {
   }
 }
 
-// For example a page on a computer that went to sleep in the middle of a download.
+// For example a page on a computer that went to standby during a download.
 TEST(LineServer, ClientsThatDoNotReadTheirAnswersDoNotKeepOthersOut) {
   Running running(settings_of(open_line));
   const std::uint16_t port = running.server().api_port();
@@ -261,7 +261,7 @@ TEST(LineServer, LatenessOfServiceIsLag) {
   LineSettings settings = settings_of(open_line);
   settings.clock = ClockMode::real;
   Running running(settings);
-  const auto master = links::open_can_client(running.link());  // so that the line is woken each millisecond
+  const auto master = links::open_can_client(running.link());  // so that the line wakes up each millisecond
   Client client(running.server().api_port());
   const auto lag = [&client] { return json_of(client.ask(http::verb::get, "/clock"))["lag_ms"].get<double>(); };
   const double before = lag();

@@ -163,8 +163,8 @@ std::shared_ptr<products::Device> make_witness(const products::Settings& setting
   return std::make_shared<Witness>(settings);
 }
 
-// Two axes whose cycles are 3 ticks apart send to each other in every cycle. Neither may receive the other's frame in
-// its own past or future.
+// Two axes whose cycles are 3 ticks apart send to each other in every cycle. Neither of them may receive the other's
+// frame at a wrong time.
 TEST(Line, AnAxisIsCaughtUpToAFrameBeforeItReceivesIt) {
   const std::array<Product, 1> products{Product{"witness", "", make_witness, 1, 8, {}, nullptr}};
   const LineSettings settings = settings_of(

@@ -7,8 +7,8 @@
 #include "drive/velocity_margin.hpp"
 #include "line/support.hpp"
 
-// The loops of each product and size with its factory gains, on the machine that a line file makes of it: late power
-// stage, dead time, noise, eccentric encoder.
+// The loops of each product and size with its factory gains, on the machine of a line file: power stage with delay and
+// dead time, noise, eccentric encoder.
 namespace servodrome::line {
 namespace product_margins_test {
 namespace {
@@ -35,8 +35,8 @@ std::vector<Case> cases() {
   return all;
 }
 
-// The cascade with the configuration of the drive on the plant of the axis, which carries a weight. Friction would bend
-// the sine, and so would the dead time at each change of the current's sign.
+// The cascade with the configuration of the drive on the plant of the axis, with a weight as the load. Friction would
+// distort the sine, and so would the dead time at each zero crossing of the current.
 drive::test::Axis cascade_of(Axis& axis) {
   plant::Parameters parameters = axis.plant().parameters();
   parameters.load.viscous_friction_nms = 0.0;
@@ -62,9 +62,9 @@ drive::test::Margin margin_of(const Case& each, bool ideal) {
   return drive::test::velocity_margin(cascade, 2.0, 700.0);
 }
 
-// The reference drive, ISMC and ProNet are set to 55 degrees with all delays (gains.hpp); sampled, at 8 kHz, it is up
-// to 2 less. The factory gains of iSMK and JMC are those of their manuals: what they leave on an ideal machine, they
-// must leave on a real one.
+// The reference drive, ISMC and ProNet are tuned to 55 degrees with all delays (gains.hpp); sampling at 8 kHz reduces
+// this by up to 2 degrees. The factory gains of iSMK and JMC are those of their manuals: a real machine must have the
+// same margin as an ideal one.
 TEST(ProductMargins, FactoryGainsKeepTheirPhaseMarginOnARealMachine) {
   for (const Case& each : cases()) {
     SCOPED_TRACE(fmt::format("{} {}", each.product->name, each.model));

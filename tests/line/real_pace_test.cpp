@@ -10,11 +10,11 @@ using namespace std::chrono_literals;
 
 class Paced : public testing::Test {
  protected:
-  // Runs the line to the time that is due `passed` after the beginning.
+  // Runs the line to the time that is due `passed` after the start.
   Time run_at(Time passed) { return line_now = pace.due(start + passed, line_now); }
 
   RealPace::Moment start = RealPace::Moment(1234ms);
-  Time line_now = 5ms;  // it has run before
+  Time line_now = 5ms;  // the line has run before
   RealPace pace = [this] {
     RealPace begun;
     begun.begin(start, line_now);
@@ -33,7 +33,7 @@ TEST_F(Paced, FollowsTheClock) {
 TEST_F(Paced, NeverGoesBack) {
   run_at(10ms);
   EXPECT_EQ(run_at(9ms), 15ms);
-  line_now += 3ms;  // a request has run the line
+  line_now += 3ms;  // a request has advanced the line
   EXPECT_EQ(run_at(11ms), 18ms);
 }
 

@@ -22,8 +22,8 @@ product = "ismc-of-two-threads"
 node = 1
 )";
 
-// The data sheet is made lazily and shared by all lines. The thread that makes it waits inside for the other thread, so
-// that both make it at once if nothing prevents that.
+// The data sheet is created lazily and shared by all lines. The thread that creates it waits for the other thread, so
+// that without a lock both would create it at the same time.
 TEST(Registry, TwoThreadsThatBuildALineMakeTheDataSheetOnce) {
   std::atomic<bool> builds = false;
   std::atomic<unsigned> made = 0;

@@ -146,7 +146,7 @@ TEST_F(SerialBus, UnitsAreTheStations) {
   EXPECT_EQ(line.find_unit(bus, 0), line.find_unit(bus, 2));
 }
 
-// The drive with a different bit rate neither understands nor is understood.
+// The drive with a different bit rate cannot communicate.
 TEST_F(SerialBus, ABitRateOfItsOwnIsNoContact) {
   const auto dictionary = [this]() -> dictionary::Dictionary& {
     return line_.find_axis("both")->device().dictionary();

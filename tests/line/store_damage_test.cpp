@@ -1,5 +1,5 @@
-// A drive with a memory that it cannot use raises its fault for that. It never runs with factory values as if nothing
-// had been stored.
+// A drive that cannot use its memory raises the corresponding fault. It must never run with factory values as if no
+// values were stored.
 #include <filesystem>
 #include <fstream>
 #include <gmock/gmock.h>
@@ -225,7 +225,7 @@ TEST_P(StoreDamage, AResetOfTheNodeReadsTheDamageToo) {
   drive.expect_fault("reset node");
 }
 
-// 1011h on a damaged memory empties it, which is no fault.
+// 1011h on a damaged memory clears it, which does not count as a fault.
 TEST_P(StoreDamage, RestoringTheFactoryValuesEndsTheDamage) {
   if (GetParam().save_index != 0x1010) return;  // has no 1011h
   store_twice();

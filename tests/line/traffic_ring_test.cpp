@@ -21,7 +21,7 @@ TEST(TrafficRing, FramesOfAllSizesAgainstAList) {
     TrafficRing ring(size);
     std::deque<Kept> all;
     TrafficRing::Cursor follower = ring.begin();  // reads all frames from time to time
-    TrafficRing::Cursor late = ring.begin();      // reads seldom
+    TrafficRing::Cursor late = ring.begin();      // reads rarely
     std::uint64_t followed = 0;
     for (std::uint64_t number = 1; number <= 20'000; ++number) {
       Kept one{number, std::vector<std::uint8_t>(random() % 120)};

@@ -10,7 +10,7 @@ using namespace std::chrono_literals;
 
 class Awaiting : public testing::Test {
  protected:
-  // Frames that follow each other by `gap`.
+  // Frames at intervals of `gap`.
   void frames(int count, Vigil::Moment::duration gap) {
     for (int i = 0; i < count; ++i) vigil.served(now += gap);
   }
@@ -64,7 +64,7 @@ TEST_F(Awaiting, WhereOthersComputeWithoutEndItSleeps) {
   vigil.lent(1ms);
   EXPECT_TRUE(vigil.worthwhile());
   vigil.lent(1001us);
-  vigil.in_vain();  // no frame came either
+  vigil.in_vain();  // again no frame came
   frames(Vigil::respite + Vigil::proof - 1, 10us);
   EXPECT_FALSE(vigil.worthwhile());
   frames(1, 10us);

@@ -51,7 +51,7 @@ TEST(CanLinkName, WritesWhatItReads) {
   }
 }
 
-// What, where, and what to do.
+// The message names the error, its place and the remedy.
 TEST(CanLinkName, ErrorsSayWhatWhereAndWhatToDo) {
   struct Case {
     std::string_view text;

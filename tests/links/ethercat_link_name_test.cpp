@@ -52,7 +52,7 @@ TEST(EthercatLinkName, WritesWhatItReads) {
   }
 }
 
-// What, where, and what to do.
+// The message names the error, its place and the remedy.
 TEST(EthercatLinkName, ErrorsSayWhatWhereAndWhatToDo) {
   struct Case {
     std::string_view text;

@@ -1,5 +1,5 @@
-// raw: over virtual Ethernet cables. The program starts itself anew in a network namespace of its own
-// (tools/with-veth); where none can be made the tests are skipped.
+// raw: over virtual Ethernet cables. The program restarts itself in its own network namespace (tools/with-veth); the
+// tests are skipped if it cannot create one.
 
 #include <cstdlib>
 #include <gmock/gmock.h>
@@ -251,7 +251,7 @@ TEST_F(EthercatRaw, ADelayedFrameIsOvertaken) {
   EXPECT_EQ(one.receive(), Answer(1, 3));
 }
 
-// ---- What goes wrong ----
+// ---- Errors ----
 
 TEST_F(EthercatRaw, InterfacesThatCannotBeUsedAreErrorsThatSayWhy) {
   EXPECT_THAT(error_of("raw:nowhere"),

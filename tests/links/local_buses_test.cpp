@@ -1,4 +1,4 @@
-// The buses of a computer, from a tree of files like those of Linux.
+// The buses of a computer, read from a directory tree like that of Linux.
 #include "links/local_buses.hpp"
 
 #include <fstream>

@@ -158,7 +158,7 @@ TEST_F(SerialInterposition, AnAnswerWaitsBehindALateOne) {
   rig.line.advance(90ms);
   EXPECT_EQ(meddler.seen.size(), 2U);
   EXPECT_EQ(master.text(), "");
-  rig.line.interpose(drive.port, nullptr);  // what waits is still sent
+  rig.line.interpose(drive.port, nullptr);  // waiting bytes are still sent
   rig.run_line();
   EXPECT_EQ(master.text(), enable + " " + other);
   EXPECT_EQ(master.times[length] - master.times[length - 1], character);

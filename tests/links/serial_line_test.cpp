@@ -160,7 +160,7 @@ TEST(SerialLine, Disturbances) {
   EXPECT_NEAR(static_cast<double>(disturbed), 1000, 150);
 }
 
-// Lost or changed characters never make a drive execute something else, and the line works afterwards.
+// Lost or changed characters must never make a drive execute a different command, and the line works afterwards.
 TEST(SerialLine, DisturbedRequestsAreNotExecuted) {
   SerialRig rig;
   rig.add_rtu(1);

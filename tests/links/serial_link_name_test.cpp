@@ -38,7 +38,7 @@ TEST(SerialLinkName, WritesWhatItReads) {
   }
 }
 
-// What, where, and what to do.
+// The message names the error, its place and the remedy.
 TEST(SerialLinkName, ErrorsSayWhatWhereAndWhatToDo) {
   struct Case {
     std::string_view text;

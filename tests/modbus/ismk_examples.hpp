@@ -2,17 +2,16 @@
 
 #include <cstdint>
 
-// Every Modbus frame of the iSMK manual (ch. 8.3). Of the two status replies only the
-// first word is printed.
+// Every Modbus frame of the iSMK manual (ch. 8.3). The manual prints only the first word of the two status replies.
 namespace servodrome::modbus::test {
 
 struct IsmkExample {
   const char* what;
   const char* request;
-  const char* response;  // nullptr: the request comes back
+  const char* response;  // nullptr: the response equals the request
   std::uint16_t index;
   std::uint8_t sub;
-  std::int64_t value;  // afterwards; before, where it is read
+  std::int64_t value;  // value after the request; if the request reads it, also before
 };
 
 inline constexpr IsmkExample ismk_examples[] = {
@@ -38,7 +37,7 @@ inline constexpr IsmkExample ismk_examples[] = {
     {"controlword 5F", "01 06 31 00 00 5F C7 0E", nullptr, 0x6040, 0, 0x5F},
     {"status, position reached", "01 03 32 00 00 02 CA B3", "01 03 04 D4 37 FF FF 73 BD", 0x6041, 0, 0xD437},
 };
-// The frame whose CRC is printed wrong (Table 8-1, register 5020; ismk_examples has it right).
+// The frame with a misprinted CRC (Table 8-1, register 5020; ismk_examples has the correct one).
 inline constexpr const char* ismk_wrong_crc = "01 10 50 10 00 02 04 9D 03 00 36 57 98";
 
 }  // namespace servodrome::modbus::test

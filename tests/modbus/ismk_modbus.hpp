@@ -54,11 +54,11 @@ struct Station {
           const RtuTiming& rtu_timing = character_timing(ismk_format))
       : timing(rtu_timing), server(device.dictionary, map, profile), rtu(server, number, rtu_timing) {}
 
-  // Characters without a pause.
+  // Sends characters without a pause.
   void send(std::span<const std::uint8_t> bytes) {
     for (const std::uint8_t byte : bytes) rtu.receive(byte, now += timing.character);
   }
-  // What is sent once the line was silent.
+  // Returns the response that the station sends when the line has been silent.
   std::string answer() {
     now += timing.silence;
     rtu.poll(now);
@@ -68,7 +68,7 @@ struct Station {
     send(bytes_of(request));
     return answer();
   }
-  // The same with the CRC put behind.
+  // The same, and appends the CRC.
   std::string ask_sealed(const std::string& request) {
     std::vector<std::uint8_t> bytes = bytes_of(request);
     const std::size_t size = bytes.size();

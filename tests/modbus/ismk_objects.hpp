@@ -9,7 +9,7 @@
 #include "dictionary/dictionary.hpp"
 #include "dictionary/table.hpp"
 
-// The objects of the iSMK that the manual's examples speak of, without a drive behind them.
+// The objects of the iSMK in the manual's examples, without a drive.
 namespace servodrome::test {
 
 struct IsmkObjects {
@@ -72,7 +72,7 @@ struct IsmkDevice {
   dictionary::Dictionary dictionary{ismk_table, std::as_writable_bytes(std::span(&objects, 1))};
 };
 
-// Bytes as manuals print them.
+// Formats bytes as the manuals do.
 inline std::vector<std::uint8_t> bytes_of(const std::string& hex) {
   std::vector<std::uint8_t> bytes;
   std::istringstream text(hex);

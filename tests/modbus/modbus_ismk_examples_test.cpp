@@ -16,8 +16,8 @@ TEST(IsmkModbusExamples, ByteByByte) {
   }
 }
 
-// The one frame of the manual whose CRC is wrong (Table 8-1, register 5020), and every frame with any one bit turned
-// over.
+// The one frame of the manual with a wrong CRC (Table 8-1, register 5020), and every frame with each single bit
+// inverted.
 TEST(IsmkModbusExamples, WrongCrcIsNotAnswered) {
   Station<servodrome::test::IsmkDevice> station(ismk_profile, ismk_map);
   EXPECT_EQ(station.ask(ismk_wrong_crc), "");
@@ -38,14 +38,14 @@ TEST(IsmkModbusExamples, WrongCrcIsNotAnswered) {
 // Error answers have the printed function codes: 81h for reading (not 83h), 86h, 90h (ch. 8.3.1).
 TEST(IsmkModbusExamples, PrintedErrorCodes) {
   Station<servodrome::test::IsmkDevice> station(ismk_profile, ismk_map);
-  EXPECT_EQ(station.ask_sealed("01 03 32 02 00 01"), "01 81 02");  // nothing there
+  EXPECT_EQ(station.ask_sealed("01 03 32 02 00 01"), "01 81 02");  // no object there
   EXPECT_EQ(station.ask_sealed("01 03 00 00 00 01"), "01 81 02");  // before the first object
   EXPECT_EQ(station.ask_sealed("01 06 32 00 00 01"), "01 86 02");  // read only
   EXPECT_EQ(station.ask_sealed("01 06 35 00 00 08"), "01 86 03");  // out of range
   EXPECT_EQ(station.ask_sealed("01 06 34 02 00 00"), "01 86 02");  // no such address
   EXPECT_EQ(station.ask_sealed("01 10 32 00 00 01 02 00 00"), "01 90 02");
   EXPECT_EQ(station.ask_sealed("01 10 6F 00 00 01 02 00 00"), "01 90 03");  // half of an object
-  // Functions it does not have.
+  // Functions that it does not support.
   for (const char* function : {"01", "02", "04", "05", "08", "0F", "16", "17", "2B", "7F"}) {
     const std::string error =
         hex_of(std::vector<std::uint8_t>{static_cast<std::uint8_t>(bytes_of(function)[0] | 0x80)});
@@ -53,7 +53,7 @@ TEST(IsmkModbusExamples, PrintedErrorCodes) {
   }
 }
 
-// Two registers of an object of 16 or 8 bits: the second repeats the topmost bit of the value.
+// An object of 16 or 8 bits read as two registers: the second register is the sign extension.
 TEST(IsmkModbusExamples, SmallObjectsAnswerToTwoRegisters) {
   Station<servodrome::test::IsmkDevice> station(ismk_profile, ismk_map);
   station.device.objects.mode = -3;
@@ -63,7 +63,7 @@ TEST(IsmkModbusExamples, SmallObjectsAnswerToTwoRegisters) {
   station.device.objects.statusword = 0x0231;
   EXPECT_EQ(station.ask_sealed("01 03 32 00 00 02"), "01 03 04 02 31 00 00");
   EXPECT_EQ(station.ask_sealed("01 03 32 01 00 01"), "01 03 02 00 00");
-  // Written alike: the surplus must be an extension.
+  // The same for writes: the second register must be the sign extension.
   EXPECT_EQ(station.ask_sealed("01 10 31 00 00 02 04 00 0F 00 00"), "01 10 31 00 00 02");
   EXPECT_EQ(station.device.objects.controlword, 0x0F);
   EXPECT_EQ(station.ask_sealed("01 10 31 00 00 02 04 90 0F FF FF"), "01 10 31 00 00 02");
@@ -74,7 +74,7 @@ TEST(IsmkModbusExamples, SmallObjectsAnswerToTwoRegisters) {
   EXPECT_EQ(station.ask_sealed("01 10 31 00 00 02 04 90 0F FF 00"), "01 90 03");
   EXPECT_EQ(station.ask_sealed("01 06 31 01 00 0F"), "01 86 03") << "the second register alone";
   EXPECT_EQ(station.device.objects.controlword, 0x900F);
-  // Mode -3 as one register, sign-extended or as the bare byte; 01FDh is neither.
+  // Mode -3 as one register, sign-extended or as a single byte; 01FDh is neither of the two.
   EXPECT_EQ(station.ask_sealed("01 06 35 00 FF FD"), "01 06 35 00 FF FD");
   EXPECT_EQ(station.device.objects.mode, -3);
   EXPECT_EQ(station.ask_sealed("01 06 35 00 00 FC"), "01 06 35 00 00 FC");
@@ -102,7 +102,7 @@ TEST(IsmkModbusExamples, TheSecondRegisterIsTheSecondInEitherWordOrder) {
   EXPECT_EQ(station.ask_sealed("01 10 31 00 00 02 04 90 0F 00 00"), "01 10 31 00 00 02");
 }
 
-// 2FF0.11 is found at its printed address and at the one the rule gives (ch. 3.7 prints 2A01h).
+// 2FF0.11 has its printed address and the one that the rule gives (ch. 3.7 prints 2A01h).
 TEST(IsmkModbusExamples, DriveUtilizationHasTwoAddresses) {
   Station<servodrome::test::IsmkDevice> station(ismk_profile, ismk_map);
   station.device.objects.motor_utilization = 40;

@@ -1,4 +1,4 @@
-// Random bytes, and random requests with good framing: nothing breaks, and the server answers afterwards.
+// Random bytes, and random requests with valid framing: the server must not fail, and must answer afterwards.
 #include <random>
 
 #include "modbus/ismk_modbus.hpp"
@@ -16,7 +16,7 @@ struct Random {
   std::uint8_t byte() { return static_cast<std::uint8_t>(below(256)); }
 };
 
-// A million streams: noise, whole frames of a lawful or an arbitrary form, garbled characters, pauses of any length.
+// A million streams: noise, complete frames with valid or random content, garbled characters, pauses of any length.
 TEST(ModbusRobustness, RandomStreams) {
   Random random;
   Profile standard;

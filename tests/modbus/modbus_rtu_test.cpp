@@ -15,7 +15,7 @@ TEST(Crc16, CheckValues) {
   // The example of the standard (appendix B): station 02, function 07 gives 1241h, low byte 41h first.
   EXPECT_EQ(crc16(bytes_of("02 07")), 0x1241);
   EXPECT_EQ(crc16(bytes_of("02 07 41 12")), 0);
-  for (unsigned size = 0; size < 40; ++size) {  // against the definition, bit by bit
+  for (unsigned size = 0; size < 40; ++size) {  // compared with the definition, bit by bit
     std::vector<std::uint8_t> bytes;
     unsigned crc = 0xFFFF;
     for (unsigned i = 0; i < size; ++i) {
@@ -63,7 +63,8 @@ TEST(RtuServer, AnswersAfterTheSilence) {
   }
 }
 
-// Pauses of up to 1.5 characters are lawful anywhere in a frame, longer ones spoil it, 3.5 begin another.
+// Pauses of up to 1.5 characters are valid anywhere in a frame, longer ones invalidate it, and 3.5 characters begin a
+// new frame.
 TEST(RtuServer, PausesWithinAFrame) {
   const std::vector<std::uint8_t> bytes = bytes_of(enable);
   for (std::size_t split = 1; split < bytes.size(); ++split) {
@@ -74,7 +75,7 @@ TEST(RtuServer, PausesWithinAFrame) {
       station.send(std::span(bytes).subspan(split));
       EXPECT_EQ(station.answer(), too_long ? "" : enable) << split;
     }
-    // Two frames, neither of them whole; the next is answered.
+    // Two incomplete frames; the station answers the next frame.
     Station<Device> station(ismk_profile, ismk_map);
     station.send(std::span(bytes).first(split));
     EXPECT_EQ(station.answer(), "");
@@ -84,8 +85,8 @@ TEST(RtuServer, PausesWithinAFrame) {
   }
 }
 
-// A master need not wait longer than other stations' answers take: a whole frame has ended after 1.5 characters, as far
-// as stations are concerned that are not to answer it.
+// A master need not wait longer than the answers of other stations last: for a station that is not addressed, a
+// complete frame ends after 1.5 characters.
 TEST(RtuServer, AFrameSoonAfterAnothersIsUnderstood) {
   for (const bool patient : {false, true}) {
     const RtuTiming timing = at_least(patient ? Time(20ms) : Time{}, standard_timing(ismk_format));
@@ -97,7 +98,7 @@ TEST(RtuServer, AFrameSoonAfterAnothersIsUnderstood) {
       station.now += timing.character * 3 / 2 + 1ns;
     }
     EXPECT_EQ(station.ask(enable), enable);
-    // But a request to the station itself is not carried out when the master goes on before it was answered.
+    // A request to the station itself is not executed if the master continues to send before the answer.
     std::vector<std::uint8_t> shut_down = bytes_of("01 06 31 00 00 06 00 00");
     seal_rtu_frame(shut_down, 6);
     station.send(shut_down);
@@ -119,7 +120,7 @@ TEST(RtuServer, PausesDoNotMatterIfSoConfigured) {
   EXPECT_EQ(station.answer(), enable);
 }
 
-// A poll that comes late, or not at all before the next frame begins, changes nothing but when the answer comes.
+// A poll that comes late, or only after the next frame has begun, changes only the time of the answer.
 TEST(RtuServer, LatePollsLoseNoFrame) {
   Station<Device> station(ismk_profile, ismk_map);
   station.send(bytes_of(enable));
@@ -148,12 +149,12 @@ TEST(RtuServer, FramesOfAllLengths) {
     frame[0] = 1;
     seal_rtu_frame(frame, size);
     station.send(frame);
-    // Station, function and CRC at least, 256 bytes at most; FFh is no function.
+    // Minimum: station, function and CRC; maximum: 256 bytes; FFh is not a valid function.
     EXPECT_EQ(station.answer(), size >= 2 && size <= 254 ? "01 FF 01 A0 30" : "") << size;
   }
 }
 
-// The longest frame there is, and the same with one character too many.
+// The longest possible frame, and the same with one more character.
 TEST(RtuServer, NoFrameIsLongerThan256) {
   Station<Device> station(ismk_profile, ismk_map);
   std::vector<std::uint8_t> frame(longest_rtu_frame, 0xFF);
@@ -166,7 +167,7 @@ TEST(RtuServer, NoFrameIsLongerThan256) {
   EXPECT_EQ(station.answer(), "");
 }
 
-// Four drives on one line: each hears everything, answers included, and speaks only when asked.
+// Four drives on one line: each receives everything, including answers, and sends only if it is addressed.
 TEST(RtuServer, OnlyTheAddressedStationAnswers) {
   std::array<Station<Device>, 4> stations{
       Station<Device>{ismk_profile, ismk_map, 1}, Station<Device>{ismk_profile, ismk_map, 2},

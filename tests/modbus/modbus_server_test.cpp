@@ -51,8 +51,8 @@ TEST_F(ServerTest, ReadsRegisters) {
   EXPECT_EQ(ask("03 FF FF 00 02"), "83 02") << "nothing lies behind the last register";
 }
 
-// Where each object has two registers at least, a small one has two if the next one's number leaves room, and one if
-// not.
+// If each object has at least two registers, a small object has two if the address of the next object leaves room, and
+// one if not.
 TEST_F(ServerTest, ObjectsEndWhereTheNextBegins) {
   constexpr auto spread =
       std::to_array<Register>({{0, 0x2000, 0, 1}, {1, 0x2001, 0, 1}, {4, 0x2000, 0, 1}, {7, 0x2001, 0, 1}});
@@ -89,7 +89,8 @@ TEST_F(ServerTest, WritesRegisters) {
   EXPECT_EQ(ask("03 00 0C 00 03"), "03 06 78 79 7A 00 00 00");
 }
 
-// Nothing is written unless all of it can be; what an owner refuses comes too late for that.
+// Nothing is written unless all values can be written; a refusal by the owner of an object comes too late for this
+// rule.
 TEST_F(ServerTest, SeveralObjectsAtOnce) {
   EXPECT_EQ(ask("10 00 00 00 03 06 00 01 00 02 00 03"), "90 03");              // ends within 2002h
   EXPECT_EQ(ask("10 00 08 00 05 0A 00 01 00 02 00 03 00 04 00 05"), "90 02");  // 11 is read only
@@ -111,7 +112,7 @@ TEST_F(ServerTest, WritesThenReads) {
   EXPECT_EQ(ask("17 00 00 00 01 00 0B 00 01 02 11 11"), "97 02");
 }
 
-// Every exception by its cause.
+// Every exception and its cause.
 TEST_F(ServerTest, Exceptions) {
   for (unsigned function = 0; function < 256; ++function) {
     if (standard.functions.contains(static_cast<std::uint8_t>(function))) continue;
@@ -140,7 +141,8 @@ TEST_F(ServerTest, Exceptions) {
   EXPECT_EQ(ask("17 00 00 00 01 00 00 00 7A F4"), "97 03") << "122 registers";
 }
 
-// The most registers that one request may name (6.3, 6.12, 6.17), on an object that has so many, and one more.
+// The maximum number of registers in one request (6.3, 6.12, 6.17), on an object with that many registers, and one
+// more.
 TEST(ModbusServer, MostRegistersOfOneRequest) {
   struct Objects {
     dictionary::Blob<252> name;
@@ -148,7 +150,7 @@ TEST(ModbusServer, MostRegistersOfOneRequest) {
   static constexpr auto table = std::to_array<dictionary::Entry>(
       {dictionary::var(0x2000, "", SERVODROME_FIELD(Objects, name), dictionary::Access::rw)});
   dictionary::Dictionary dictionary(table, std::as_writable_bytes(std::span(&objects, 1)));
-  // The same object at four addresses, with as many registers as a request may have, and with more.
+  // The same object at four addresses, with the maximum number of registers per request, and with more.
   constexpr auto map = std::to_array<Register>(
       {{0, 0x2000, 0, 121}, {0x1000, 0x2000, 0, 123}, {0x2000, 0x2000, 0, 125}, {0x3000, 0x2000, 0, 126}});
   Server server{dictionary, map, standard};
@@ -217,7 +219,7 @@ TEST_F(ServerTest, DeviceIdentification) {
   EXPECT_EQ(ask("2B 0E 01 00"), "AB 01");
 }
 
-// Objects that do not fit one response: "more follows" and where to go on.
+// Objects that do not fit into one response: "more follows" and the next object id.
 TEST_F(ServerTest, DeviceIdentificationInSeveralResponses) {
   const std::string long_text(200, 'x');
   const std::string too_long(300, 'y');

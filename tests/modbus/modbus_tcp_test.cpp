@@ -9,7 +9,7 @@ namespace {
 struct TcpTest : testing::Test, Units {
   Server* find(std::uint8_t unit) override { return unit == 1 || unit == 0xFF ? &server : nullptr; }
 
-  // Sends in pieces of `piece` bytes, takes answers as they come.
+  // Sends in pieces of `piece` bytes and reads answers as they arrive.
   std::string send(TcpConnection& connection, const std::string& text, std::size_t piece = 1000) {
     const std::vector<std::uint8_t> bytes = bytes_of(text);
     std::vector<std::uint8_t> answers;

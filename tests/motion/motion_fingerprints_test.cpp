@@ -7,8 +7,8 @@
 #include "machine.hpp"
 #include "source_dir.hpp"
 
-// A change that is meant to change no behaviour changes none: what shafts, demands, states and frames do in the first
-// sequences of a seed is the same to the last bit. Where behaviour is meant to change, the file is written anew:
+// A change that must not change the behaviour leaves these values equal to the last bit: shafts, demands, states and
+// frames in the first sequences of a seed. After an intended change of behaviour, write the file again:
 // MOTION_FINGERPRINTS=write build/release/tests/motion/motion_tests --source=motion_fingerprints_test
 namespace servodrome::motion {
 namespace motion_fingerprints_test {

@@ -6,7 +6,8 @@
 #include "machine.hpp"
 #include "source_dir.hpp"
 
-// What motion_fuzz found once, with all its invariants: tests/data/motion holds one case in each file.
+// Replays the failures that motion_fuzz found, with all its invariants; each file of tests/data/motion contains one
+// case.
 namespace servodrome::motion {
 namespace motion_replay_test {
 namespace {

@@ -31,7 +31,7 @@ TEST(MotionTree, LeavesShareTheirBeginningsAndNothingElse) {
       EXPECT_EQ(drawn.sequence.axes, stem.sequence.axes);
       EXPECT_EQ(drawn.forks[0], stem.forks[0]);
       EXPECT_EQ(until(drawn.sequence, stem.forks[0]), until(stem.sequence, stem.forks[0]));
-      if (leaf < Tree::ways) {  // another leaf of the same second part
+      if (leaf < Tree::ways) {  // another leaf with the same second part
         EXPECT_EQ(drawn.forks[1], stem.forks[1]);
         EXPECT_EQ(until(drawn.sequence, stem.forks[1]), until(stem.sequence, stem.forks[1]));
       }
@@ -41,7 +41,7 @@ TEST(MotionTree, LeavesShareTheirBeginningsAndNothingElse) {
   }
 }
 
-// A run that begins inside of a tree would carry out another sequence than the number says.
+// A run that begins inside a tree would execute a different sequence than its number means.
 TEST(MotionTree, BeginsWithItsFirstLeaf) {
   const std::vector<Variant> list = variants();
   const std::uint64_t inside = 3 * tree.leaves() + 5;
@@ -58,7 +58,7 @@ TEST(MotionTree, WithoutLevelsEachSequenceStandsAlone) {
   EXPECT_NE(draw(seed, 3, list).sequence, draw(seed, 4, list).sequence);
 }
 
-// What is lived through up to a fork is that of each leaf, to the last bit.
+// Up to a fork, a shared run equals the run of each leaf to the last bit.
 TEST(MotionTree, ALifeThatGoesOnIsTheWholeLeaf) {
   const std::vector<Variant> list = variants();
   for (std::uint64_t first = 0; first < 12 * tree.leaves(); first += tree.leaves()) {

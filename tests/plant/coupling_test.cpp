@@ -17,7 +17,7 @@ Parameters two_masses() {
   return p;
 }
 
-// Frequency of a free vibration of the twist, from its zero crossings.
+// Frequency of a free oscillation of the twist, from its zero crossings.
 double vibration_hz(Rig& rig, int ticks) {
   double first = 0.0;
   double last = 0.0;
@@ -100,8 +100,8 @@ TEST(Coupling, StaticTwistIsTorqueOverStiffness) {
   EXPECT_NEAR(rig.plant.load_position_counts(), -0.007 * 131072 / (2.0 * std::numbers::pi), 1e-3);
 }
 
-// The load's own friction acts on the load: it holds up to its static torque whatever the spring does, and slides with
-// less.
+// The load's own friction acts on the load: it holds up to its static torque with any torque of the spring, and has a
+// lower torque when it slides.
 TEST(Coupling, StaticFrictionOfTheLoadHoldsIt) {
   Parameters p = two_masses();
   p.load.damping_nms = 0.05;
@@ -116,9 +116,9 @@ TEST(Coupling, StaticFrictionOfTheLoadHoldsIt) {
   }
   rig.plant.set_external_torque_nm(-0.151);
   rig.run(16000);
-  // Both masses at the acceleration of what is left beside the sliding friction.
+  // Both masses accelerate with the torque that exceeds the sliding friction.
   EXPECT_NEAR(rig.speed_rad_s(), (0.151 - 0.1) / (p.motor.rotor_inertia_kgm2 + 1.0e-4), 0.01 * 51.0 / 0.128);
-  rig.plant.set_external_torque_nm(-0.12);  // less than what it broke loose with, more than it slides with
+  rig.plant.set_external_torque_nm(-0.12);  // less than the breakaway torque, more than the sliding friction
   const double before = rig.speed_rad_s();
   rig.run(1600);
   EXPECT_GT(rig.speed_rad_s(), before);
@@ -145,7 +145,7 @@ TEST(Coupling, BacklashLetsTheLoadSwingFreely) {
   p.load.damping_nms = 0.05;
   Rig rig(p);
   rig.plant.lock_rotor(true);
-  // Free flight over half of the play: 0.05 rad at 1 Nm / 1e-4 kg m2.
+  // Free motion over half of the backlash: 0.05 rad at 1 Nm / 1e-4 kg m2.
   rig.plant.set_external_torque_nm(-0.01);
   int ticks = 0;
   while (rig.plant.coupling_twist_rad() > -0.05 && ++ticks < 16000) rig.step();
@@ -169,8 +169,8 @@ TEST(Coupling, LoadStandsByItsOwnFrictionWhileTheRotorTurnsInThePlay) {
   EXPECT_NEAR(rig.plant.load_position_counts(), 0.0, 1e-6);
 }
 
-// Both turn together, the damper pressed together; then the rotor is held. The load leaves the flank with the speed
-// that it has, and loses none before it meets the other one.
+// Both turn together with the damper compressed; then the rotor is held. The load leaves the flank with its speed, and
+// keeps it until it meets the other flank.
 TEST(Coupling, TheDamperOfABacklashNeverPulls) {
   Parameters p = two_masses();
   p.load.backlash_rad = 0.2;
@@ -191,7 +191,7 @@ TEST(Coupling, TheDamperOfABacklashNeverPulls) {
   EXPECT_NEAR(ticks * h, 0.19 / speed, 0.1 * 0.19 / speed);
 }
 
-// The flanks throw a light load to and fro as a stop does: by their stiffness and damping, in any moment of a tick.
+// The flanks make a light load rebound like a hard stop: by their stiffness and damping, at any time within a tick.
 TEST(Coupling, FlanksRebound) {
   for (const double damping : {0.0, 0.02}) {
     Parameters p = two_masses();
@@ -239,7 +239,8 @@ TEST(Coupling, StiffOneMovesAsIfRigid) {
     const double volts = tick < 4000 ? 5.0 : -3.0;
     a.step_voltage(0.0, volts);
     b.step_voltage(0.0, volts);
-    // Backward Euler lags by a fraction of a tick while it accelerates (up to 0.35 rad/s per tick here), no more.
+    // Backward Euler lags by a fraction of a tick during acceleration (here by up to 0.35 rad/s per tick), and not
+    // more.
     ASSERT_NEAR(a.speed_rad_s(), b.speed_rad_s(), 0.4) << tick;
   }
   EXPECT_NEAR(a.speed_rad_s(), b.speed_rad_s(), 1.0e-4);
@@ -254,7 +255,7 @@ TEST(Coupling, LoadMeetsTheStop) {
   rig.run(32000);
   EXPECT_NEAR(rig.plant.load_position_counts(), 50000.0, 1.0);
   EXPECT_NEAR(rig.plant.velocity_rpm(), 0.0, 1e-3);
-  // The motor pushes: the load stays, the coupling winds up.
+  // The motor pushes: the load stands, and the coupling twists.
   for (int i = 0; i < 16000; ++i) rig.step_voltage(0.0, 1.1);
   EXPECT_NEAR(rig.plant.coupling_twist_rad(), rig.plant.torque_nm() / 100.0, 1e-5);
   EXPECT_NEAR(rig.plant.load_position_counts(), 50000.0, 1.0);

@@ -23,8 +23,8 @@ TEST(DcLink, PrechargesAfterTheRelayCloses) {
   EXPECT_NEAR(rig.plant.dc_link_v(), 310.0, 0.1);
 }
 
-// Charged at the start its relay is closed since long: a supply that rises charges it through its own resistance, 0.3
-// ohm, and not through that of the precharge.
+// A link that is charged at the start has its relay closed: when the supply rises, the link charges through the
+// supply's resistance of 0.3 ohm, not through the precharge resistor.
 TEST(DcLink, ChargedAtTheStartItFollowsTheSupplyAtOnce) {
   Rig rig(bare_motor());
   rig.plant.set_supply_v(350.0);
@@ -44,7 +44,7 @@ TEST(DcLink, BleederDischargesItWithTheRelayOpen) {
   EXPECT_NEAR(rig.plant.dc_link_v(), 310.0 * std::exp(-1.0 / tau), 0.01);
 }
 
-// The drive's electronics take their power out of the link while the supply does not carry them, and nothing else.
+// The drive's electronics draw their power from the link only if the supply does not feed them.
 TEST(DcLink, ElectronicsEmptyItWithoutTheSupply) {
   Parameters p = bare_motor();
   p.supply.bleeder_resistance_ohm = 1.0e9;
@@ -81,7 +81,7 @@ TEST(DcLink, SagsByTheSourceResistance) {
   EXPECT_NEAR(rig.plant.dc_link_v(), 310.0 - 5.0 * current, 0.02);
 }
 
-// What braking takes out of the rotor beyond the windings' heat must be found in the capacitor or the chopper.
+// The energy of braking, minus the heat of the windings, must be in the capacitor or in the chopper.
 TEST(DcLink, RegenerationRaisesItAndTheChopperHoldsIt) {
   for (const bool with_chopper : {false, true}) {
     Parameters p = bare_motor();
@@ -92,7 +92,7 @@ TEST(DcLink, RegenerationRaisesItAndTheChopperHoldsIt) {
     double highest = 0.0;
     bool chopping = false;
     while (rig.plant.velocity_rpm() > 1000.0) {
-      // A plain current law: enough for about -4 A.
+      // A simple current controller for about -4 A.
       const double we = 5.0 * rig.speed_rad_s();
       const double flux = flux_linkage_vs(p.motor);
       rig.step_voltage(we * p.motor.quadrature_inductance_h * 4.0, we * flux - p.motor.resistance_ohm * 4.0);
@@ -119,8 +119,8 @@ TEST(DcLink, RegenerationRaisesItAndTheChopperHoldsIt) {
   }
 }
 
-// Without load the link has the peak of the mains. With load it falls between two peaks, by power / (C V) times the
-// time from one peak to the meeting with the next half wave: 100 peaks a second with one phase, 300 with three.
+// Without load the link has the peak voltage of the mains. With load it falls between two peaks, by power / (C V) times
+// the time from a peak to the next half wave: 100 peaks per second with one phase, 300 with three.
 TEST(DcLink, MainsHaveARipple) {
   for (const int phases : {1, 3}) {
     for (const double hz : {50.0, 60.0}) {
@@ -152,7 +152,7 @@ TEST(DcLink, MainsHaveARipple) {
         least = std::min(least, now);
         most = std::max(most, now);
       }
-      // After a peak the link follows the mains until these fall faster, and then alone to the next half wave.
+      // After a peak the link follows the mains until the mains fall faster, and then discharges to the next half wave.
       const double power = 1.5 * v * 10.0;
       const double w = 2.0 * std::numbers::pi * hz;
       double t = 0.0;

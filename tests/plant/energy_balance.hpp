@@ -6,7 +6,7 @@
 
 namespace servodrome::plant::test {
 
-// Work of friction and coupling in a tick, from the way of rotor and load.
+// Work of friction and coupling in a tick, from the motion of rotor and load.
 class Dissipation {
  public:
   explicit Dissipation(const Plant& plant) : p_(plant.parameters()) { note(plant); }
@@ -42,8 +42,8 @@ class Dissipation {
   double sum_j_ = 0.0;
 };
 
-// What the supply gave between two moments is found as heat, friction and what is still stored. At least `least_j` went
-// through the motor.
+// The energy from the supply between two times equals the heat, the friction and the stored energy. At least `least_j`
+// flows through the motor.
 inline void expect_energy_balance(const Energy& start, const Energy& end, const Dissipation& friction, double least_j) {
   const auto stored_j = [](const Energy& e) { return e.kinetic_j + e.elastic_j + e.weight_j + e.cogging_j; };
   const auto during = [&](double Energy::*which) { return end.*which - start.*which; };
@@ -60,7 +60,7 @@ inline void expect_energy_balance(const Energy& start, const Energy& end, const 
   EXPECT_NEAR(link, 0.0, 1.0e-5 * to_motor_j);
 }
 
-// The same of three seconds. `step` makes one tick, at an angle of the command (0.8 Hz).
+// The same for three seconds. `step` makes one tick, with the angle of the command (0.8 Hz).
 template <typename Step>
 void expect_energy_balance(const Parameters& parameters, double least_j, const Step& step) {
   Rig rig(parameters);

@@ -20,7 +20,7 @@ TEST(Heat, SteadyTemperatures) {
 }
 
 TEST(Heat, TimeConstants) {
-  // The case held (huge): the winding alone; the case alone with a winding of nothing.
+  // The winding alone (the case has a huge capacity); then the case alone (the winding has almost none).
   Thermal t;
   t.case_heat_capacity_j_per_k = 1.0e7;
   Heat winding(t);
@@ -57,7 +57,7 @@ TEST(Heat, WarmCopperResistsMore) {
   EXPECT_NEAR(rig.feedback.winding_temperature_c, rig.plant.winding_temperature_c(), 1e-4);
 }
 
-// The magnets have the temperature of the case: at 65 degC, 0.11 % per K take 4.4 % of torque and back-EMF.
+// The magnets have the temperature of the case: at 65 degC, 0.11 % per K reduce torque and back-EMF by 4.4 %.
 TEST(Heat, WarmMagnetsAreWeaker) {
   Parameters p = bare_motor();
   p.motor.magnet_temperature_coefficient = 1.1e-3;
@@ -74,7 +74,7 @@ TEST(Heat, WarmMagnetsAreWeaker) {
     // Without reluctance the torque is the constant times the current.
     const double per_a = standing.plant.torque_nm() / standing.plant.current_a();
     EXPECT_NEAR(per_a, share * 0.47 / std::sqrt(2.0), 3.0e-4 * per_a);
-    p.thermal.ambient_c = ambient_c;  // from the start
+    p.thermal.ambient_c = ambient_c;  // at this temperature from the start
     Rig turning(p);
     turning.spin_up(1000.0);
     turning.step_voltage(0.0, 0.0);

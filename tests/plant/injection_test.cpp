@@ -62,7 +62,7 @@ TEST(Injection, SensorsReadWhatIsInjected) {
   EXPECT_EQ(rig.feedback.power_stage_temperature_c, 120.0F);
   EXPECT_EQ(rig.feedback.encoder_temperature_c, 120.0F);
   EXPECT_EQ(rig.feedback.ambient_temperature_c, 90.0F);
-  EXPECT_NEAR(rig.plant.winding_temperature_c(), 25.0, 0.1);  // the truth
+  EXPECT_NEAR(rig.plant.winding_temperature_c(), 25.0, 0.1);  // the true temperature
   rig.plant.inject(Injection::ambient_hot, false);
   rig.plant.inject(Injection::ambient_cold, true);
   rig.plant.inject(Injection::winding_overheat, false);

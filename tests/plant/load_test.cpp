@@ -2,8 +2,8 @@
 
 #include "plant/rig.hpp"
 
-// Loads that depend on their place or speed: arm, crank, belt, Stribeck friction; the brake's rise and wear; the drag
-// of the iron.
+// Loads that depend on position or speed: arm, crank, belt, Stribeck friction; torque build-up and wear of the brake;
+// iron losses.
 namespace servodrome::plant::test {
 namespace load_test {
 namespace {
@@ -27,7 +27,8 @@ double mechanical_j(const Plant& plant) {
   return e.kinetic_j + e.elastic_j + e.weight_j + e.cogging_j;
 }
 
-// Seconds between the first and the last upward crossing of `centre_turns`, divided by the crossings in between.
+// The period: the time between the first and the last upward crossing of `centre_turns`, divided by the number of
+// periods.
 double period_s(Rig& rig, double centre_turns, int ticks) {
   double first = -1.0;
   double last = -1.0;
@@ -46,7 +47,7 @@ double period_s(Rig& rig, double centre_turns, int ticks) {
   return (last - first) / periods;
 }
 
-// An arm behind a gear of 10 hangs at three quarters of its turn, and swings around that place as a pendulum does:
+// An arm behind a gear of 10 hangs at three quarters of its turn, and oscillates around that position like a pendulum:
 // period 2 pi sqrt(J / (torque / ratio)) (1 + a^2 / 16), with the amplitude a in rad of the arm.
 TEST(Load, AnArmSwingsAsAPendulum) {
   Parameters p = mechanics();
@@ -60,7 +61,7 @@ TEST(Load, AnArmSwingsAsAPendulum) {
   const double amplitude = two_pi * amplitude_turns;
   const double expected = two_pi * std::sqrt(1.28e-4 * 10.0 / 0.5) * (1.0 + amplitude * amplitude / 16.0);
   EXPECT_NEAR(period_s(rig, 7.5, 160'000), expected, 1.0e-4 * expected);
-  EXPECT_NEAR(mechanical_j(rig.plant), energy, 1.0e-3 * (0.5 * 10.0 + energy));  // -5 J is the lowest place
+  EXPECT_NEAR(mechanical_j(rig.plant), energy, 1.0e-3 * (0.5 * 10.0 + energy));  // -5 J is the lowest position
 }
 
 TEST(Load, TheWeightOfAnArmIsGreatestAtItsHorizontalPlace) {
@@ -76,8 +77,8 @@ TEST(Load, TheWeightOfAnArmIsGreatestAtItsHorizontalPlace) {
   }
 }
 
-// Static friction holds an arm where its weight is less, and lets it fall where it is more. The brake holds it
-// anywhere.
+// Static friction holds an arm where the torque of its weight is smaller, and lets it fall where it is greater. The
+// brake holds it everywhere.
 TEST(Load, FrictionAndBrakeHoldAnArm) {
   Parameters p = mechanics();
   p.load.inertia_kgm2 = 1.0e-3;
@@ -109,8 +110,8 @@ TEST(Load, FrictionAndBrakeHoldAnArm) {
   EXPECT_EQ(rig.plant.position_counts(), held);
 }
 
-// A slider on a crank: without weight and friction the kinetic energy is constant, so the speed falls with the root of
-// the inertia.
+// A slider on a crank: without weight and friction the kinetic energy is constant, so the speed falls with the square
+// root of the inertia.
 TEST(Load, ACrankTurnsAsItsInertiaAllows) {
   for (const bool elastic : {false, true}) {
     Parameters p = mechanics();
@@ -140,7 +141,7 @@ TEST(Load, ACrankTurnsAsItsInertiaAllows) {
   }
 }
 
-// The slider of a vertical crank falls to its lowest place, 0, and oscillates around it.
+// The slider of a vertical crank falls to its lowest position, 0, and oscillates around it.
 TEST(Load, TheWeightOfASliderPullsItDown) {
   Parameters p = mechanics();
   p.load.inertia_kgm2 = 1.0e-4;
@@ -176,7 +177,7 @@ TEST(Load, StribeckFrictionFallsWithTheSpeed) {
     speed = rig.speed_rad_s();
   }
   EXPECT_GT(speed, 19.0);
-  EXPECT_LT(worst, 0.003 * 0.1 / 1.028e-3 * h);  // 0.3 % of the friction that changes
+  EXPECT_LT(worst, 0.003 * 0.1 / 1.028e-3 * h);  // 0.3 % of the change of friction
 }
 
 // The harmonics add up, each with its own phase.
@@ -249,7 +250,7 @@ TEST(Load, ABeltKeepsItsEnergyAlongTheTravel) {
   p.load.damping_nms = 0.0;
   p.load.belt_length_revolutions = 3.0;
   Rig rig(p);
-  rig.spin_up(60.0);  // the rotor, ahead of the load
+  rig.spin_up(60.0);  // the rotor is ahead of the load
   const double energy = mechanical_j(rig.plant);
   for (int tick = 0; tick < 24000; ++tick) {
     rig.step();
@@ -258,8 +259,8 @@ TEST(Load, ABeltKeepsItsEnergyAlongTheTravel) {
   EXPECT_GT(turns(rig.plant), 0.7);
 }
 
-// The torque grows in the last 10 of 20 ms. In the meantime it brakes with a part of it, and a load that is too heavy
-// for that part falls.
+// The torque rises during the last 10 of 20 ms. During this time the brake has a part of its torque, and a load that is
+// too heavy for it falls.
 TEST(Load, TheBrakeBuildsItsTorqueUp) {
   Parameters p = mechanics();
   p.motor.brake_torque_nm = 2.0;
@@ -281,7 +282,8 @@ TEST(Load, TheBrakeBuildsItsTorqueUp) {
     EXPECT_EQ(rig.plant.brake_engaged(), tick > 320);
     speed = rig.speed_rad_s();
   }
-  // Released while it builds up, the brake keeps its part of the torque until the release is complete.
+  // If the brake is released while its torque rises, it keeps the present part of the torque until the release is
+  // complete.
   rig.actuation.brake_released = true;
   rig.run(161);
   rig.actuation.brake_released = false;
@@ -297,7 +299,7 @@ TEST(Load, TheBrakeBuildsItsTorqueUp) {
   EXPECT_EQ(rig.speed_rad_s(), speed);
 }
 
-// The work of the brake is the energy that it takes, and each `brake_half_torque_j` of it halves the torque.
+// The work of the brake is the energy that it absorbs, and each `brake_half_torque_j` of it halves the torque.
 TEST(Load, TheBrakeWears) {
   Parameters p = mechanics();
   p.motor.brake_torque_nm = 2.0;
@@ -329,7 +331,7 @@ TEST(Load, TheBrakeWears) {
   }
 }
 
-// Hysteresis is a constant drag, eddy currents one in proportion to the speed; both end as heat of the case.
+// Hysteresis is a constant drag, eddy currents a drag in proportion to the speed; both heat the case.
 TEST(Load, IronLossBrakesAndHeatsTheCase) {
   Parameters p = mechanics();
   p.motor.iron_hysteresis_nm = 0.02;
@@ -350,7 +352,7 @@ TEST(Load, IronLossBrakesAndHeatsTheCase) {
   EXPECT_NEAR(rig.plant.case_temperature_c() - 25.0, rise_k, 0.03 * rise_k);
 }
 
-// The bench changes the load of an arm while it moves: the weight stays that of its place.
+// The bench changes the load of an arm while it moves: the weight still acts by the arm's position.
 TEST(Load, TheBenchChangesALoadOnAnArm) {
   Parameters p = mechanics();
   p.load.arm_torque_nm = 0.3;

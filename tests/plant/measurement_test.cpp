@@ -8,7 +8,7 @@
 
 #include "rig.hpp"
 
-// What sensors make of currents and position, each error by itself.
+// The measured currents and position, with each error alone.
 namespace servodrome::plant {
 namespace measurement_test {
 namespace {
@@ -52,7 +52,7 @@ Statistics statistics(const std::vector<double>& values) {
   return result;
 }
 
-// The position that is told less the true one, in counts, along a turn.
+// Measured minus true position, in counts, over one turn.
 std::vector<double> errors_in_a_turn(const Sensors& sensors) {
   Measurement measurement(sensors, turn, range_a);
   std::vector<double> errors;
@@ -67,7 +67,7 @@ std::vector<double> errors_in_a_turn(const Sensors& sensors) {
   return errors;
 }
 
-// The amplitude of `periods` per turn in them.
+// The amplitude of `periods` per turn in these errors.
 double amplitude(const std::vector<double>& errors, int periods) {
   double sine = 0.0;
   double cosine = 0.0;
@@ -157,7 +157,7 @@ TEST(Measurement, ErrorsOfTheEncoderHaveTheirAmplitudesAndPeriods) {
   EXPECT_LT(amplitude(errors, 33), 0.1);
 }
 
-// The errors are computed ahead, from the speed: they still are those of the place where the shaft is.
+// The errors are predicted with the speed, and must still be those of the present position.
 TEST(Measurement, ErrorsOfAMovingShaftAreThoseOfItsPlace) {
   Sensors sensors = perfect();
   sensors.encoder_lines = 32;
@@ -172,7 +172,7 @@ TEST(Measurement, ErrorsOfAMovingShaftAreThoseOfItsPlace) {
       const double position = per_tick * i;
       drive::Feedback told = truth(0.0, position);
       moving.measure(place_of(position), false, told);
-      if (i == 0) continue;  // the shaft just began to move
+      if (i == 0) continue;  // the shaft has just begun to move
       drive::Feedback expected = truth(0.0, position);
       at_rest.place(place_of(position));
       at_rest.measure(place_of(position), false, expected);

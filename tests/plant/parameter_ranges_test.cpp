@@ -3,15 +3,15 @@
 
 #include "plant/parameters.hpp"
 
-// The ranges that parameters.hpp promises, at both ends: the last value that is taken, and the next one beyond.
+// The ranges that parameters.hpp documents, at both ends: the last valid value and the next invalid one.
 namespace servodrome::plant {
 namespace parameter_ranges_test {
 namespace {
 
 constexpr double endless = std::numeric_limits<double>::infinity();
 
-// Whether the parameter is out of its range. There may be other complaints, where that is wider than what fits
-// together.
+// Returns true if the parameter is out of its range. Other error messages do not count, because a wide range allows
+// combinations that do not fit together.
 bool refused(const Parameters& parameters, const std::string& name) {
   for (const std::string& message : validate(parameters)) {
     const bool of_range = message.find("is not within") != std::string::npos || name == "encoder.direction";
@@ -200,7 +200,7 @@ TEST(ParameterRanges, OfPositions) {
   EXPECT_EQ(complaints([&](Parameters& p) { p.load.high_stop_counts = most + 1; }), 1U);
   EXPECT_EQ(complaints([&](Parameters& p) { p.load.low_stop_counts = -most; }), 0U);
   EXPECT_EQ(complaints([&](Parameters& p) { p.load.low_stop_counts = -most - 1; }), 1U);
-  // The axis begins between its stops, on one of them at most, and these are two counts apart.
+  // The axis begins between its stops, at most on one of them, and the stops are two counts apart.
   const auto between = [&](std::int64_t low, std::int64_t start, std::int64_t high) {
     return complaints([&](Parameters& p) {
       p.load.low_stop_counts = low;
@@ -246,7 +246,7 @@ TEST(ParameterRanges, OfSwitches) {
   EXPECT_EQ(validate(parameters), std::vector<std::string>{"switch_count: at most 8"});
 }
 
-// What depends on several parameters together.
+// Conditions on several parameters together.
 TEST(ParameterRanges, OfWhatHasToFitTogether) {
   const auto complaint = [](auto change) {
     Parameters parameters;
@@ -291,7 +291,7 @@ TEST(ParameterRanges, OfWhatHasToFitTogether) {
   };
   EXPECT_EQ(complaint(cogging(0.999)), "");
   EXPECT_EQ(complaint(cogging(1.001)), "motor.cogging_torque_nm");
-  // The same with harmonics: amplitudes times periods add up.
+  // The same with harmonics: the products of amplitude and periods add up.
   const auto harmonics = [&](double share) {
     return [=](Parameters& p) {
       p.motor.rotor_inertia_kgm2 = inertia;

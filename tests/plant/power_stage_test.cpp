@@ -5,7 +5,7 @@
 
 #include "rig.hpp"
 
-// What a power stage makes of the voltages it is told, by itself and in front of the windings.
+// The voltages that a power stage outputs for the commanded ones, alone and with the windings.
 namespace servodrome::plant {
 namespace power_stage_test {
 namespace {
@@ -43,7 +43,7 @@ TEST(PowerStage, AnswersAsManyTicksLateAsItIsTold) {
       EXPECT_EQ(acting[0], static_cast<float>(std::max(0, tick - delay))) << delay;
       EXPECT_EQ(acting[1], -acting[0]);
     }
-    // The switches open at once, and what waited is forgotten.
+    // The switches open immediately, and delayed voltages are discarded.
     drive::Actuation off = driven({10.0F, 0.0F, 0.0F});
     off.pwm_enabled = false;
     EXPECT_FALSE(stage.apply(off, {}, link_v).pwm_enabled);
@@ -51,7 +51,7 @@ TEST(PowerStage, AnswersAsManyTicksLateAsItIsTold) {
   }
 }
 
-// 2 us of 62.5 us at 300 V are 9.6 V against the current; of it 3/4 are made up for.
+// 2 us of 62.5 us at 300 V are 9.6 V against the current; 3/4 of it is compensated.
 TEST(PowerStage, LosesItsDeadTimeAndTheDropAgainstTheCurrent) {
   Stage settings = lossless();
   settings.dead_time_us = 2.0;
@@ -85,7 +85,7 @@ TEST(PowerStage, ReachesAShareOfTheDcLink) {
               -270.0, 1e-3);
 }
 
-// A direct current that stands: what the switches drop comes out of the DC link, and is booked.
+// A constant direct current: the loss in the switches comes from the DC link and is counted.
 TEST(PowerStage, TakesItsLossOutOfTheDcLink) {
   Parameters p = test::bare_motor();
   p.stage = lossless();
@@ -101,7 +101,7 @@ TEST(PowerStage, TakesItsLossOutOfTheDcLink) {
   rig.run(1600);
   const Energy after = rig.plant.energy();
   const double current = rig.plant.direct_current_a();
-  // 2 V against U and as much along V and W: 4 V / 3 * 2 of the amplitude.
+  // 2 V against U, and the same along V and W: 4 V / 3 * 2 of the amplitude.
   EXPECT_NEAR(current, (12.0 - 2.0 * 4.0 / 3.0) / p.motor.resistance_ohm, 0.01);
   const double loss_w = 2.0 * 2.0 * current;
   EXPECT_NEAR(after.stage_j - before.stage_j, loss_w * 0.1, 1e-3 * loss_w);

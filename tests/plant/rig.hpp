@@ -7,7 +7,7 @@
 #include "drive/transforms.hpp"
 #include "plant/plant.hpp"
 
-// A plant on the test bench: actuation and feedback kept, voltages given in the rotor frame.
+// A plant on the test bench: stores actuation and feedback, and takes voltages in the rotor frame.
 namespace servodrome::plant::test {
 
 inline constexpr double h = drive::tick_seconds;
@@ -35,7 +35,7 @@ struct Rig {
   void run(int ticks) {
     for (int i = 0; i < ticks; ++i) step();
   }
-  // Rotor-frame voltage at the angle the middle of the coming tick will have; then a step.
+  // Sets a rotor-frame voltage at the angle of the middle of the next tick; then makes a step.
   void step_voltage(double direct_v, double quadrature_v) {
     const Parameters& p = plant.parameters();
     const double ahead = 0.5 * h * plant.velocity_rpm() / 60.0 * p.motor.pole_pairs * p.encoder.direction;
@@ -57,7 +57,7 @@ struct Rig {
     }
   }
   double speed_rad_s() const { return plant.velocity_rpm() * rad_s_per_rpm; }
-  // Turns the rotor to a speed by an external torque, coasting.
+  // Accelerates the rotor to a speed by an external torque, without current.
   void spin_up(double speed_rpm) {
     actuation.pwm_enabled = false;
     const double before = plant.parameters().load.external_torque_nm;
@@ -72,7 +72,7 @@ struct Rig {
   drive::Feedback feedback;
 };
 
-// The motor as the continuous equations have it, integrated in small steps: what the plant is measured against.
+// The motor by its continuous equations, integrated in small steps: the reference for the plant.
 struct ReferenceMotor {
   explicit ReferenceMotor(const Parameters& parameters)
       : p(parameters),
@@ -82,7 +82,7 @@ struct ReferenceMotor {
 
   using State = std::array<double, 4>;  // d current, q current, speed, position in rad
 
-  // Stationary-frame voltage held; exact rotation within the step.
+  // The stationary-frame voltage is constant; the rotation within the step is exact.
   State derivative(const State& s, double alpha_v, double beta_v) const {
     const Motor& m = p.motor;
     const double angle = m.pole_pairs * s[3];

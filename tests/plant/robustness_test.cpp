@@ -7,7 +7,8 @@
 #include "plant/energy_balance.hpp"
 #include "plant/rig.hpp"
 
-// Any accepted machine, any actuation: finite, bounded, passive, and the same bits twice.
+// Any valid machine with any actuation: all values are finite and bounded, energy is not created, and two runs are
+// identical to the bit.
 namespace servodrome::plant::test {
 namespace robustness_test {
 namespace {
@@ -48,7 +49,7 @@ class RandomMachine {
     if (chance(3)) {
       m.quadrature_saturation_a = decades(0.01, 1e3);
       m.saturated_inductance_share = between(0.1, 1.0);
-      m.quadrature_inductance_h /= m.saturated_inductance_share;  // so that the rotor's oscillation stays as slow
+      m.quadrature_inductance_h /= m.saturated_inductance_share;  // keeps the rotor's oscillation slow enough
       if (m.quadrature_inductance_h > 9.9 * m.direct_inductance_h) m.quadrature_inductance_h = m.direct_inductance_h;
       if (m.quadrature_inductance_h == m.direct_inductance_h) m.saturated_inductance_share = 1.0;
     }
@@ -154,9 +155,9 @@ TEST(Robustness, AnyMachineStaysFiniteUnderAnyActuation) {
   }
 }
 
-// Nothing feeds the machine: relay open, no torque from outside, bridge off or shorting. What moves, twists or is
-// charged may only fade. (Cogging and weights trade energy with the rotor, a belt misses a little of it along its
-// travel, and the supply feeds: they are left out.)
+// Nothing feeds the machine: relay open, no external torque, bridge off or shorted. Kinetic, elastic and electric
+// energy may only decrease. (Excluded are cogging and weights, which exchange energy with the rotor, a belt, which
+// loses a little of it along its travel, and the supply.)
 TEST(Robustness, EnergyNeverGrowsByItself) {
   for (int seed = 0; seed < servodrome::test::draws(100'000); ++seed) {
     RandomMachine machine(static_cast<std::uint64_t>(seed) ^ 0x5eedu);
@@ -165,7 +166,7 @@ TEST(Robustness, EnergyNeverGrowsByItself) {
     p.load.belt_length_revolutions = 0.0;
     p.motor.cogging_torque_nm = 0.0;
     Rig rig(p);
-    // A start with something to lose.
+    // A start with stored energy.
     rig.actuation.pwm_enabled = true;
     rig.actuation.phase_voltage_v = {static_cast<float>(p.supply.volts), 0.0F, -static_cast<float>(p.supply.volts)};
     rig.run(10);
@@ -184,7 +185,8 @@ TEST(Robustness, EnergyNeverGrowsByItself) {
         rig.actuation.chopper_on = machine.chance(2);
       }
       rig.step();
-      // Speeds end at a limit that no bearing reaches, and what was cut off there is missing from the balance.
+      // Speeds are limited at a value that no bearing reaches; the energy that this limit removes is missing in the
+      // balance.
       if (std::abs(rig.plant.load_velocity_rpm()) * rad_s_per_rpm > 0.99 * Shaft::largest_speed_rad_s) break;
       const double after = total();
       ASSERT_LE(after, before * (1.0 + 1.0e-9) + 1.0e-15) << "seed " << seed << " tick " << tick;

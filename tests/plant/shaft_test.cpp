@@ -72,7 +72,7 @@ TEST(Shaft, BreakawayNeedsMoreThanSliding) {
   EXPECT_NEAR(rig.speed_rad_s(), (0.051 + 0.02) / 0.28e-4 * 0.01, 1e-9);
 }
 
-// A shaft that rests costs nothing per tick: whatever moves it wakes it.
+// A shaft at rest needs no computing time per tick; anything that moves it ends this state.
 TEST(Shaft, WakesFromALongRest) {
   Parameters p = bare_motor();
   p.load.coulomb_friction_nm = 0.1;
@@ -162,9 +162,9 @@ TEST(Shaft, HardStopsHoldAtEveryStiffness) {
           if (beyond <= 0.0) speed = std::max(speed, side * rig.speed_rad_s());
           rebound = std::max(rebound, -side * rig.speed_rad_s());
         }
-        // It went no deeper than its energy allows, threw back no more than came (between two ticks it was a little
-        // faster), and rests where spring and torque meet (unless the damping is so strong that it takes hours, or so
-        // weak that it rebounds for long).
+        // The depth in the stop must not exceed what the energy allows, and the rebound speed must not exceed the speed
+        // of approach (which was a little higher between two ticks). The shaft rests where spring and torque balance,
+        // unless the damping is so strong that this takes hours, or so weak that it rebounds for long.
         const double sag = 0.5 / stiffness;
         EXPECT_LE(beyond, sag + std::sqrt(sag * sag + inertia / stiffness * speed * speed) + speed * h);
         EXPECT_LE(rebound, std::sqrt(speed * speed + 0.5 * sag / inertia) + 0.5 / inertia * h);
@@ -178,14 +178,15 @@ TEST(Shaft, HardStopsHoldAtEveryStiffness) {
   }
 }
 
-// A linear spring and damper that never pulls: the speed it throws back, as a share of what came, by its damping ratio.
+// A linear spring with a damper that never pulls: the rebound speed, as a share of the speed of approach, by the
+// damping ratio.
 double restitution(double ratio) {
   const double share = std::sqrt(1.0 - ratio * ratio);
   const double angle = std::numbers::pi - std::atan2(2.0 * ratio * share, 1.0 - 2.0 * ratio * ratio);
   return -std::exp(-ratio / share * angle) * (std::cos(angle) - ratio / share * std::sin(angle));
 }
 
-// Whatever moment of a tick it comes in, and however many ticks the contact lasts.
+// At any time within a tick, and for any number of ticks of contact.
 TEST(Shaft, HardStopsReboundAsTheirStiffnessAndDampingSay) {
   for (const double contact_ticks : {0.05, 0.3, 1.0, 5.0, 20.0}) {
     for (const double ratio : {0.0, 0.03, 0.13, 0.4}) {
@@ -241,7 +242,7 @@ TEST(Shaft, BrakeHoldsAndTakesItsTime) {
   EXPECT_TRUE(rig.plant.brake_engaged());
   rig.run(16000);
   EXPECT_EQ(rig.plant.velocity_rpm(), 0.0);
-  // A command taken back before its time leaves the brake as it is.
+  // A command that is withdrawn before its time does not change the brake.
   const std::int64_t held = rig.plant.position_counts();
   for (int i = 0; i < 10; ++i) {
     rig.actuation.brake_released = true;
@@ -305,7 +306,7 @@ TEST(Shaft, CoggingDetentsHaveTheirFrequency) {
   // The amplitude of 0.29 rad of a period lowers a pendulum's frequency by a^2/16.
   const double expected = 2.0 * 10.0 * frequency / (2.0 * std::numbers::pi) * (1.0 - 0.2876 * 0.2876 / 16.0);
   EXPECT_NEAR(crossings, expected, 0.002 * expected);
-  EXPECT_NEAR(static_cast<double>(highest), 200.0, 3.0);  // and neither grows nor fades in 10 s
+  EXPECT_NEAR(static_cast<double>(highest), 200.0, 3.0);  // the oscillation neither grows nor decays in 10 s
   EXPECT_NEAR(static_cast<double>(lowest), -200.0, 3.0);
 }
 

@@ -4,7 +4,7 @@
 
 namespace servodrome::plant::test {
 
-// A hybrid stepper of the size of NEMA 34: two windings in quadrature, 200 full steps in a revolution.
+// A hybrid stepper of size NEMA 34: two windings in quadrature, 200 full steps per revolution.
 inline void make_stepper(Motor& motor) {
   motor.phases = 2;
   motor.pole_pairs = 50;

@@ -15,7 +15,7 @@ bool operator==(const drive::Edge& a, const drive::Edge& b) {
   return a.source == b.source && a.rising == b.rising && a.position_counts == b.position_counts;
 }
 
-// A bare motor moved at a chosen speed by setting its speed through an external torque impulse each tick.
+// Moves a bare motor at a given speed, which an external torque impulse sets in each tick.
 struct Mover : Rig {
   using Rig::Rig;
   void set_speed(double speed_rpm) {
@@ -121,7 +121,7 @@ TEST(Encoder, CommutationAngleFollowsTheCount) {
   }
 }
 
-// What the levels should be, count by count.
+// The expected levels, count by count.
 struct ReferenceSwitches {
   explicit ReferenceSwitches(const Parameters& parameters) : p(parameters) {
     for (std::size_t i = 0; i < p.switch_count; ++i) {
@@ -189,7 +189,7 @@ TEST(Switches, EdgesAreExactAtRandomSpeedsInBothDirections) {
     std::int64_t position = rig.feedback.position_counts;
     for (int tick = 0; tick < 3000; ++tick) {
       if (tick % 40 == 0) {
-        // From a creep to several thousand counts per tick, homewards when far away.
+        // From creep speed to several thousand counts per tick; towards home if it is far away.
         double speed = std::pow(10.0, static_cast<double>(random() % 1000) / 170.0);
         if (random() % 2 == 0) speed = -speed;
         if (std::abs(position) > 4000) speed = position > 0 ? -std::abs(speed) : std::abs(speed);

@@ -4,7 +4,7 @@
 #include "plant/rig.hpp"
 #include "plant/stepper_motor.hpp"
 
-// A hybrid stepper: two windings in quadrature, each on its own full bridge, against closed forms.
+// A hybrid stepper: two windings in quadrature, each on its own full bridge, compared with closed-form solutions.
 namespace servodrome::plant::test {
 namespace two_phase_test {
 namespace {
@@ -39,14 +39,14 @@ TEST(TwoPhases, AWindingAloneIsAnInductanceWithItsResistance) {
   }
 }
 
-// The holding torque of a nameplate: both windings at their current, p flux sqrt(2) I.
+// The holding torque of a nameplate: both windings with their current, p flux sqrt(2) I.
 TEST(TwoPhases, HoldingTorqueOfTwoWindings) {
   Parameters p = stepper();
   const double flux = flux_linkage_vs(p.motor);
   EXPECT_NEAR(50.0 * flux * std::sqrt(2.0), 0.74, 1e-12);
   Rig rig(p);
   rig.plant.lock_rotor(true);
-  rig.plant.set_position_counts(200000 - 500);  // 1/8 of a tooth before the d axis: against it with both windings
+  rig.plant.set_position_counts(200000 - 500);  // 1/8 of a tooth before the d axis: both windings act against it
   rig.plant.lock_rotor(true);
   rig.actuation.pwm_enabled = true;
   rig.actuation.phase_voltage_v = {0.4F * 6.0F, 0.4F * 6.0F, 0.0F};
@@ -57,7 +57,7 @@ TEST(TwoPhases, HoldingTorqueOfTwoWindings) {
   EXPECT_NEAR(rig.plant.current_a(), 6.0 * std::sqrt(2.0), 1e-3);
 }
 
-// The bridges do not share the link: each winding has all of it.
+// The bridges do not share the link's voltage: each winding can use all of it.
 TEST(TwoPhases, EachWindingHasTheWholeLink) {
   Parameters p = stepper();
   p.motor.resistance_ohm = 10.0;
@@ -70,14 +70,14 @@ TEST(TwoPhases, EachWindingHasTheWholeLink) {
   EXPECT_NEAR(static_cast<double>(rig.feedback.phase_current_a[1]), -link / 10.0, 0.01);
 }
 
-// With the circle of voltages a drive uses, radius link: p flux w = link.
+// With the voltage circle of a drive, whose radius is the link's voltage: p flux w = link.
 TEST(TwoPhases, NoLoadSpeedIsWhereTheLinkEnds) {
   Parameters p = stepper();
   Rig rig(p);
   for (int i = 0; i < 64000; ++i) rig.step_voltage(0.0, link);
   const double exact = link / (50.0 * flux_linkage_vs(p.motor));
   EXPECT_NEAR(rig.speed_rad_s(), exact, 0.01 * exact);
-  // The star of the same flux linkage would be done at 1/sqrt(3) of it.
+  // A star with the same flux linkage would reach its limit at 1/sqrt(3) of this speed.
   EXPECT_GT(rig.speed_rad_s(), 1.7 * link / std::sqrt(3.0) / (50.0 * flux_linkage_vs(p.motor)));
 }
 
@@ -103,12 +103,12 @@ TEST(TwoPhases, FollowsTheContinuousEquations) {
                                                        rig.plant.current_a() - reference.state[1]));
     peak_current = std::max(peak_current, std::hypot(reference.state[0], reference.state[1]));
   }
-  EXPECT_GT(reference.state[2], 10.0);  // it did run up
+  EXPECT_GT(reference.state[2], 10.0);  // it did accelerate
   EXPECT_LT(worst_current, 0.005 * peak_current);
   EXPECT_NEAR(rig.speed_rad_s(), reference.state[2], 0.005 * reference.state[2]);
 }
 
-// The rotor rests where a winding alone would hold it: 200 places in a revolution of 50 teeth.
+// The rotor rests where a single winding would hold it: 200 positions per revolution with 50 teeth.
 TEST(TwoPhases, DetentHasFourPlacesPerTooth) {
   Parameters p = stepper();
   p.motor.cogging_torque_nm = detent_nm;
@@ -130,7 +130,7 @@ TEST(TwoPhases, DetentHoldsItsTorqueAndNoMore) {
   p.load.viscous_friction_nms = 0.05;
   for (const double share : {0.5, 0.98, 1.02}) {
     Rig rig(p);
-    for (int i = 1; i <= 1000; ++i) {  // without a blow
+    for (int i = 1; i <= 1000; ++i) {  // without an impact
       rig.plant.set_external_torque_nm(share * detent_nm * i / 1000.0);
       rig.run(16);
     }
@@ -154,7 +154,7 @@ TEST(TwoPhases, EnergyBalances) {
   });
 }
 
-// L di/dt = -R i - link: the full bridge turns the whole link against the current.
+// L di/dt = -R i - link: the full bridge applies the whole link voltage against the current.
 TEST(TwoPhases, CurrentDiesAgainstTheWholeLink) {
   Parameters p = stepper();
   p.supply.capacitance_f = 0.1;
@@ -205,8 +205,8 @@ TEST(TwoPhases, ThereIsNoWireW) {
   }
 }
 
-// One end on the negative rail, the other in the middle of the link: half the link across the winding. The comparator
-// speaks while the bridge works on it.
+// One end is on the negative rail, the other at the middle of the link's voltage: half of the link's voltage is across
+// the winding. The comparator responds while the bridge is active.
 TEST(TwoPhases, ShortedWindingTripsItsComparator) {
   Parameters p = stepper();
   Rig rig(p);

@@ -2,7 +2,7 @@
 
 #include "plant/rig.hpp"
 
-// The motor's electrical side against closed forms and a reference integrated in 1 us steps.
+// The motor's electrical side, compared with closed-form solutions and a reference that is integrated in 1 us steps.
 namespace servodrome::plant::test {
 namespace windings_test {
 namespace {
@@ -36,8 +36,8 @@ TEST(Windings, TorqueConstantIsPerAmpereRms) {
   EXPECT_NEAR(rig.plant.torque_nm(), 2.7 * 0.47, 1e-4);
 }
 
-// A stationary-frame voltage that turns and swells; free rotor. Salient and round rotors, with saturation and without,
-// both encoder directions.
+// A stationary-frame voltage that rotates and increases; free rotor. Salient and round rotors, with and without
+// saturation, both encoder directions.
 TEST(Windings, FollowsTheContinuousEquations) {
   for (const auto& [ratio, saturation_a] : {std::pair{1.0, 0.0}, std::pair{1.6, 0.0}, std::pair{1.2, 2.0}}) {
     for (const int direction : {1, -1}) {
@@ -72,7 +72,7 @@ TEST(Windings, FollowsTheContinuousEquations) {
         peak_current = std::max(peak_current, std::hypot(reference.state[0], reference.state[1]));
         worst_speed = std::max(worst_speed, std::abs(direction * rig.speed_rad_s() - reference.state[2]));
       }
-      EXPECT_GT(std::abs(reference.state[2]), 150.0);  // it did run up
+      EXPECT_GT(std::abs(reference.state[2]), 150.0);  // it did accelerate
       EXPECT_LT(worst_current, 0.001 * peak_current);
       EXPECT_LT(worst_speed, 0.001 * 188.0);
     }
@@ -83,8 +83,8 @@ TEST(Windings, NoLoadSpeedIsWhereTheDcLinkEnds) {
   Parameters p = bare_motor();
   p.motor.viscous_friction_nms = 1.0e-6;
   Rig rig(p);
-  for (int i = 0; i < 40000; ++i) rig.step_voltage(0.0, 1.0e3);  // as much as there is
-  // Fundamental of the hexagon the limit follows: between its inner circle Vdc/sqrt(3) and its corners 2/3 Vdc.
+  for (int i = 0; i < 40000; ++i) rig.step_voltage(0.0, 1.0e3);  // more than the limit
+  // The fundamental of the hexagonal voltage limit: between its inner circle Vdc/sqrt(3) and its corners 2/3 Vdc.
   const double flux_speed = flux_linkage_vs(p.motor) * p.motor.pole_pairs;
   const double lowest = 310.0 / std::sqrt(3.0) / flux_speed / rad_s_per_rpm;
   const double highest = 310.0 * 2.0 / 3.0 / flux_speed / rad_s_per_rpm;
@@ -94,7 +94,7 @@ TEST(Windings, NoLoadSpeedIsWhereTheDcLinkEnds) {
 
 TEST(Windings, ShortCircuitBrakesAsTheEquationsSay) {
   Parameters p = bare_motor();
-  p.load.inertia_kgm2 = 1.0e-3;  // heavy, so that each speed is close to steady
+  p.load.inertia_kgm2 = 1.0e-3;  // heavy, so that each speed is nearly constant
   Rig shorted(p);
   Rig coasting(p);
   shorted.spin_up(3000.0);
@@ -118,7 +118,7 @@ TEST(Windings, ShortCircuitBrakesAsTheEquationsSay) {
       EXPECT_NEAR(shorted.plant.torque_nm(), exact, 0.01 * std::abs(exact));
     }
   }
-  EXPECT_EQ(coasting.plant.velocity_rpm(), start);  // nothing brakes it: below the DC link's voltage
+  EXPECT_EQ(coasting.plant.velocity_rpm(), start);  // no brake torque: the back-EMF is below the DC link's voltage
   EXPECT_LT(shorted.plant.velocity_rpm(), 10.0);
 }
 
@@ -134,7 +134,7 @@ TEST(Windings, OpenPhaseCarriesNothing) {
       rig.step();
       ASSERT_EQ(rig.feedback.phase_current_a[phase], 0.0F);
     }
-    // The two others in series.
+    // The other two in series.
     const auto both_ohm = static_cast<float>(2.0 * bare_motor().motor.resistance_ohm);
     const std::size_t a = (phase + 1) % 3;
     const std::size_t b = (phase + 2) % 3;
@@ -156,7 +156,7 @@ TEST(Windings, ShortedPhaseTripsItsComparator) {
   rig.plant.inject(Injection::short_phase_u, true);
   int ticks = 0;
   while (rig.feedback.hardware_faults == 0 && ++ticks < 100) rig.step();
-  // 103 V across 3.4 mH: 20 A within 0.7 ms, out of phase U first.
+  // 103 V across 3.4 mH: 20 A within 0.7 ms, first in phase U, out of the motor.
   EXPECT_NEAR(ticks, 11, 2);
   EXPECT_EQ(rig.feedback.hardware_faults, static_cast<std::uint32_t>(drive::HardwareFault::overcurrent_u));
   EXPECT_LT(rig.feedback.phase_current_a[0], -20.0F);
@@ -181,7 +181,7 @@ TEST(Windings, CurrentsDieThroughTheDiodes) {
   EXPECT_LT(rig.plant.energy().to_motor_j, before - 0.6 * 0.75 * l * 100.0);  // most of it went back to the link
 }
 
-// Also of a current that ends in the middle of a tick, again and again.
+// Also for currents that end in the middle of a tick, repeatedly.
 TEST(Windings, EnergyOfCurrentsThatDieIsKept) {
   Parameters p = bare_motor();
   p.supply.capacitance_f = 0.1;
@@ -201,7 +201,7 @@ TEST(Windings, EnergyOfCurrentsThatDieIsKept) {
   EXPECT_NEAR(kept, 0.0, 2.0e-2 * end.copper_j);
 }
 
-// A link without voltage takes no energy, whatever flows into it: the resistance does.
+// A link without voltage absorbs no energy from any current; the resistance absorbs it.
 TEST(Windings, CurrentsThatDieIntoAnEmptyLinkHeatTheCopper) {
   Parameters p = bare_motor();
   p.motor.resistance_ohm = 20.0;
@@ -234,15 +234,15 @@ TEST(Windings, BackEmfAboveTheLinkFeedsIt) {
   rig.spin_up(3000.0);
   rig.run(3200);
   const double emf_peak = flux_linkage_vs(p.motor) * 5.0 * rig.speed_rad_s() * std::sqrt(3.0);
-  // Charged up to the peak, in ever shorter pulses: 8 degrees around each peak and some mA are left of the last
-  // percent.
+  // The link charges up to the peak, in pulses that become shorter and shorter: for the last percent, 8 degrees around
+  // each peak and a few mA remain.
   EXPECT_GT(rig.plant.dc_link_v(), 0.98 * emf_peak);
   EXPECT_LT(rig.plant.dc_link_v(), 1.01 * emf_peak);
   EXPECT_LT(rig.plant.velocity_rpm(), 3000.0);
 }
 
-// Lq falls with the current: the current rises faster the higher it is, and the reluctance torque is that of the
-// inductance that is left.
+// Lq decreases with the current: the current rises faster the higher it is, and the reluctance torque is that of the
+// remaining inductance.
 TEST(Windings, TheQuadratureInductanceSaturates) {
   Parameters p = bare_motor();
   p.motor.quadrature_saturation_a = 8.0;
@@ -263,7 +263,7 @@ TEST(Windings, TheQuadratureInductanceSaturates) {
   const double left_h = l * (0.3 + 0.7 / (1.0 + 15.0 / 8.0));
   EXPECT_NEAR(rig.plant.current_a(), 15.0, 0.001);
   EXPECT_NEAR(rig.plant.torque_nm(), 7.5 * (flux_linkage_vs(p.motor) - 3.0 * (l - left_h)) * 15.0, 0.001);
-  // What is in the windings heats the copper after a short circuit.
+  // After a short circuit the energy in the windings heats the copper.
   const Energy start = rig.plant.energy();
   rig.actuation.short_circuit = true;
   rig.run(1600);
@@ -277,7 +277,7 @@ TEST(Windings, TheQuadratureInductanceSaturates) {
   EXPECT_NEAR(start.magnetic_j, stored + 0.75 * l * 9.0, 1.0e-4 * stored);
 }
 
-// Switched off at a high current, the windings give their energy to the link.
+// When a high current is switched off, the windings return their energy to the link.
 TEST(Windings, ASaturatedMotorGivesItsEnergyBack) {
   Parameters p = bare_motor();
   p.motor.quadrature_saturation_a = 5.0;
@@ -295,7 +295,7 @@ TEST(Windings, ASaturatedMotorGivesItsEnergyBack) {
   EXPECT_GT(start.to_motor_j - end.to_motor_j, 0.9 * start.magnetic_j);
 }
 
-// A held shaft has its own function, which leaves the rotation out: the results are equal but for rounding.
+// A held shaft uses a separate function without the rotation: the results are equal except for rounding.
 TEST(Windings, AHeldShaftNeedsNoRotation) {
   Windings windings(bare_motor().motor, 1);
   for (int i = 0; i < 1000; ++i) {

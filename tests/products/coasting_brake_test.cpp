@@ -3,7 +3,7 @@
 #include "products/generic402/generic402.hpp"
 #include "rig.hpp"
 
-// A brake that waits for an axis without power to become slow.
+// A brake that closes only when an axis without power has slowed down.
 namespace servodrome {
 namespace coasting_brake_test {
 namespace {
@@ -25,11 +25,11 @@ struct CoastingRig : test::Rig<products::Generic402> {
   }
   static plant::Parameters plant_of(double friction_nm) {
     plant::Parameters parameters = test::default_plant();
-    parameters.motor.brake_torque_nm = 0.0;  // what it does to the shaft is not the question
+    parameters.motor.brake_torque_nm = 0.0;  // the effect of the brake on the shaft is not tested here
     parameters.load.coulomb_friction_nm = parameters.load.static_friction_nm = friction_nm;
     return parameters;
   }
-  // Power off at once; the time until the brake closes, and the speed then.
+  // Switches the power off immediately; returns the time until the brake closes, and the speed at that time.
   double brake_closes_after_ms() {
     control(0x00);
     return static_cast<double>(run_until([this] { return !actuation.brake_released; }, 2000)) / 16.0;
@@ -68,7 +68,7 @@ TEST(CoastingBrake, OpensAgainWithPower) {
   EXPECT_EQ(rig.run_until([&rig] { return !rig.actuation.brake_released; }, 300), -1);
 }
 
-// It closes already, and a load takes the axis along beyond the speed: losing its power does not open it again.
+// The brake is already closing when a load accelerates the axis again: a loss of power must not open it again.
 TEST(CoastingBrake, ThatClosesStaysClosed) {
   CoastingRig rig(300.0F, 2000, 0.005);
   rig.control(0x07);
@@ -76,7 +76,7 @@ TEST(CoastingBrake, ThatClosesStaysClosed) {
   EXPECT_TRUE(rig.actuation.pwm_enabled);
   rig.plant.set_external_torque_nm(-20.0);
   ASSERT_GE(rig.run_until([&rig] { return std::abs(rig.plant.velocity_rpm()) > 500.0; }, 15), 0);
-  rig.run_ms(1);  // until it is measured
+  rig.run_ms(1);  // until the speed is measured
   EXPECT_TRUE(rig.actuation.pwm_enabled);
   rig.plant.set_external_torque_nm(0.0);
   rig.control(0x00);
@@ -84,8 +84,8 @@ TEST(CoastingBrake, ThatClosesStaysClosed) {
   EXPECT_FALSE(rig.actuation.pwm_enabled);
 }
 
-// While the brake opens the drive holds its position: the statusword says neither that a cyclic mode follows nor that a
-// target is reached, in any mode.
+// While the brake opens, the drive holds its position. In all modes the bits "cyclic mode follows" and "target reached"
+// of the statusword are 0.
 TEST(OpeningBrake, NothingIsFollowedOrReachedMeanwhile) {
   constexpr int delay_ms = 80;
   for (const int mode : {1, 2, 3, 4, 6, 7, 8, 9, 10}) {

@@ -4,8 +4,9 @@
 #include "ismk_rig.hpp"
 #include "jmc_rig.hpp"
 
-// The filter of the commands, 60FBh sub 5 of the iSMK and P03-16 of the JMC, delays a demand and moves nothing by
-// itself: no jump where it ends in motion, and limits and stops come no later. The true shaft is measured.
+// The command filter (60FBh sub 5 of the iSMK, P03-16 of the JMC) delays the demand but causes no motion itself: there
+// is no jump where the filter is left in motion, and limits and stops do not act later. The test measures the true
+// shaft.
 namespace servodrome {
 namespace command_filter_test {
 namespace {
@@ -128,7 +129,7 @@ TEST(CommandFilter, JmcModeChangesInMotion) {
   }
 }
 
-// Table 65, P03-16: "Running & set"; the demand stands before another filter begins.
+// Table 65, P03-16: "Running & set"; the demand stops before the new filter begins.
 TEST(CommandFilter, JmcWrittenToZeroInMotion) {
   for (const int filter : {1000, 5000}) {
     SCOPED_TRACE(filter);
@@ -185,7 +186,7 @@ TEST(CommandFilter, IsmkRestsAtItsSoftwareLimit) {
   }
 }
 
-// Turns that a stop takes from its command on. `word` 0: the limit switch (Table 5-16, 6085h; JMC, ch. 3.1.2).
+// Turns from the command of a stop to its end. `word` 0: the limit switch (Table 5-16, 6085h; JMC, ch. 3.1.2).
 template <typename RigType>
 double way_of(std::int64_t filter, std::uint16_t word, double rpm) {
   RigType rig(filter, 1, rpm);

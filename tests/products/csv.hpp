@@ -8,7 +8,7 @@
 
 #include "source_dir.hpp"
 
-// The manuals' tables as tests/data keeps them: a heading, then rows; cells with commas stand in quotes.
+// The manuals' tables in the format of tests/data: a heading, then rows; cells with commas are quoted.
 namespace servodrome::test {
 
 using CsvRow = std::map<std::string, std::string>;

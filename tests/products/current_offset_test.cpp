@@ -16,7 +16,7 @@ using drive::Cause;
 using drive::PowerState;
 using Rig = test::Rig<products::Generic402>;
 
-// Nothing but an offset, of several per cent of the rated current.
+// Only an offset, of several percent of the rated current.
 plant::Parameters offset_sensors(double share = 0.02, plant::Parameters parameters = test::default_plant()) {
   parameters.sensors = {.ideal = false,
                         .current_bits = 0,
@@ -37,7 +37,7 @@ plant::Parameters noisy_sensors() {
   return parameters;
 }
 
-// Greatest difference of the drive's torque-producing current from the true one while the axis turns, A.
+// Greatest difference between the drive's torque-producing current and the true one while the axis turns, in A.
 template <typename RigType>
 double greatest_error_a(RigType& rig) {
   double error = 0.0;
@@ -81,7 +81,7 @@ TEST(CurrentOffset, NoiseLeavesALittle) {
   }
 }
 
-// 38 ms: 2 until the shaft counts as standing, then 8 cycles of 0.5 ms to wait and 64 to measure.
+// 38 ms: 2 ms until the shaft counts as standing, then 8 cycles of 0.5 ms of waiting and 64 cycles of measurement.
 TEST(CurrentOffset, TakesItsTime) {
   Rig rig(offset_sensors());
   rig.run_ms(9.0);
@@ -94,8 +94,8 @@ TEST(CurrentOffset, TakesItsTime) {
   EXPECT_TRUE(rig.device.drive().current_offset().done());
 }
 
-// The stage switches on in the middle: the mean so far stays in force, and the calibration ends when the stage is off
-// again. What flows meanwhile does not count.
+// The stage is switched on during the calibration: the present mean is used, and the calibration continues when the
+// stage is off again. Currents in between do not count.
 TEST(CurrentOffset, PowerInTheMiddleInterruptsIt) {
   Rig rig(offset_sensors());
   const auto& offset = rig.device.drive().current_offset();
@@ -122,7 +122,7 @@ TEST(CurrentOffset, PowerInTheMiddleInterruptsIt) {
   EXPECT_LT(greatest_error_a(rig), 1.0e-3);
 }
 
-// A load turns the shaft while the DC link is empty: the motor charges it through the diodes, with real currents.
+// A load turns the shaft while the DC link is empty: the motor charges the link through the diodes, with real currents.
 TEST(CurrentOffset, ADrivenShaftDoesNotSpoilIt) {
   plant::Parameters parameters = offset_sensors(0.001);
   parameters.supply.charged_at_start = false;
@@ -145,7 +145,7 @@ TEST(CurrentOffset, ADrivenShaftDoesNotSpoilIt) {
   EXPECT_LT(offset_a(rig), 0.001 * range_a + 1.0e-3);
 }
 
-// A lost encoder cannot tell that the shaft stands.
+// Without an encoder the drive cannot detect that the shaft stands.
 TEST(CurrentOffset, ALostEncoderStopsIt) {
   Rig rig(offset_sensors());
   rig.run_ms(20.0);
@@ -171,7 +171,8 @@ TEST(CurrentOffset, ACutOfTheSupplyBeginsItAnew) {
   }
 }
 
-// An offset beyond 5 % of the peak current is a failed sensor. The alarm comes before the motor has power, and stays.
+// An offset of more than 5 % of the peak current is a failed sensor. The alarm comes before the motor has power, and is
+// not cleared.
 template <typename RigType>
 void expect_alarm(RigType&& rig, bool expected) {
   rig.run_ms(100.0);

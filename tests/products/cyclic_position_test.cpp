@@ -4,7 +4,7 @@
 #include "products/generic402/generic402.hpp"
 #include "rig.hpp"
 
-// Cyclic synchronous and interpolated position between their set-points: what the loops are asked for in every cycle.
+// Cyclic synchronous and interpolated position between their set-points: the demand for the loops in every cycle.
 namespace servodrome {
 namespace cyclic_position_test {
 namespace {
@@ -52,11 +52,11 @@ TEST_F(CyclicTargets, OneTargetIsReachedAfterOnePeriodAndNoFurther) {
   }
 }
 
-// A period of 2.5 cycles: targets come after 3, 2, 3, 2 cycles and so on.
+// A period of 2.5 cycles: the targets come after 3, 2, 3, 2 cycles and so on.
 TEST_F(CyclicTargets, PeriodThatIsNoMultipleOfTheCycleLeavesNoRipple) {
   enable(8, 125, -5);
   for (int cycle = 0; cycle < 500; ++cycle) {
-    const int number = cycle * 2 / 5;  // due by now: one in the cycles 0, 3, 5, 8, 10 ...
+    const int number = cycle * 2 / 5;  // of the target that is due; they come in the cycles 0, 3, 5, 8, 10 ...
     if (cycle == 0 || number != (cycle - 1) * 2 / 5) target((number + 1) * stroke);
     run_cycle();
     if (cycle < 5) continue;
@@ -109,7 +109,7 @@ TEST_F(CyclicTargets, WhenTheMasterFallsSilentTheAxisStandsAtItsLastTarget) {
   }
   const double last = 10.0 * stroke;
   EXPECT_NEAR(place(), last, 1e-6);
-  for (int cycle = 0; cycle < 10; ++cycle) {  // a period in place of the next target, and one to come back
+  for (int cycle = 0; cycle < 10; ++cycle) {  // one period without a target, and one to catch up
     run_cycle();
     EXPECT_LE(place(), last + stroke + 250.0);
   }

@@ -4,14 +4,14 @@
 
 #include "reference_axis.hpp"
 
-// Cyclic targets and limits that change in motion, in orders that a manual does not show.
+// Cyclic targets, and limits that change in motion, in sequences that the manuals do not show.
 namespace servodrome {
 namespace cyclic_sequences_test {
 namespace {
 
 using test::Reference;
 
-// A new 607Ah every millisecond, by `step` counts from the one before.
+// A new 607Ah every millisecond, each `step` counts after the previous one.
 void stream(Reference& axis, std::int32_t& target, std::int32_t step, int milliseconds) {
   for (int i = 0; i < milliseconds; ++i) {
     axis.set(0x607A, 0, target += step);
@@ -39,11 +39,11 @@ TEST(CyclicPosition, WaitsForTargetsThatComeTowardsIt) {
   }
 }
 
-// A stream that pauses is caught up with by the ramps of the profile, and may come to its end by steeper ones
-// meanwhile.
+// After a pause of the targets the axis catches up by the ramps of the profile. Meanwhile the targets may stop with
+// steeper ramps.
 TEST(CyclicPosition, DoesNotPassALineThatEndsWhileItIsCaughtUpWith) {
   for (const int cruise_ms : {50, 150, 300, 450, 900}) {
-    for (const bool lost : {false, true}) {  // or late
+    for (const bool lost : {false, true}) {  // lost, or late
       SCOPED_TRACE(cruise_ms);
       SCOPED_TRACE(lost);
       Reference axis(8);
@@ -73,7 +73,7 @@ TEST(CyclicPosition, DoesNotPassALineThatEndsWhileItIsCaughtUpWith) {
   }
 }
 
-// Targets that come before they are due slow their line down more and more. It comes from behind the axis.
+// Early targets slow the line of targets down more and more. The line approaches from behind the axis.
 TEST(CyclicPosition, WaitsForALineWhoseTargetLiesOnTheOtherSide) {
   Reference axis(8);
   axis.set(0x607A, 0, -20'000'000);
@@ -96,7 +96,7 @@ TEST(CyclicPosition, GoesTheShorterWayRoundFromWhereItIs) {
   Reference axis(8);
   axis.set(0x607A, 0, 2'147'483'640);
   axis.run_ms(50);
-  axis.set(0x607A, 0, -260);  // nearer to the target before by an overflow
+  axis.set(0x607A, 0, -260);  // nearer to the previous target by an overflow
   double furthest = axis.turns();
   for (int i = 0; i < 3000; ++i) {
     axis.run_ms(1);
@@ -106,7 +106,7 @@ TEST(CyclicPosition, GoesTheShorterWayRoundFromWhereItIs) {
   EXPECT_NEAR(axis.turns(), -260 / 131072.0, 0.001);
 }
 
-// The end of a halt is no command, and neither is a switch that opens.
+// The end of a halt does not count as a command, and neither does a switch that opens.
 TEST(CyclicPosition, KeepsWhatALimitHoldsThroughAHalt) {
   Reference axis(8);
   std::int32_t target = 0;
@@ -126,7 +126,7 @@ TEST(CyclicPosition, KeepsWhatALimitHoldsThroughAHalt) {
   EXPECT_NEAR(axis.turns(), held - 0.5, 0.01) << "away from it at once";
 }
 
-// The stream goes on; the limit lies behind the axis. It brakes by 6085h and comes back to the limit.
+// The targets continue; the limit is behind the axis. The axis brakes by 6085h and returns to the limit.
 TEST(CyclicPosition, BrakesByTheQuickStopsRampWhenALimitIsSetBehindIt) {
   Reference axis(8);
   axis.set(0x6085, 0, 100 * 131072);
@@ -202,7 +202,7 @@ TEST(VelocityOffset, IsLeftOutAfterASwitchUntilItHasAnotherValue) {
   EXPECT_FALSE(axis.bit(11));
 }
 
-// Where the ramp of the lowered limit passes the threshold of 8400h, the speed ripples about it.
+// Where the ramp of the lowered limit crosses the threshold of 8400h, the speed has a ripple around it.
 TEST(MaximumMotorSpeed, LoweredInMotionIsNoOverSpeed) {
   for (std::int64_t rpm = 40; rpm <= 90; rpm += 5) {
     SCOPED_TRACE(rpm);
@@ -217,7 +217,8 @@ TEST(MaximumMotorSpeed, LoweredInMotionIsNoOverSpeed) {
   }
 }
 
-// The stream ends while the limit still comes down: the demand stands, and the shaft swings back to it through zero.
+// The targets end while the limit still decreases: the demand stands, and the shaft returns to it with a reversal of
+// speed.
 TEST(MaximumMotorSpeed, LoweredUnderAStreamThatEndsIsNoOverSpeed) {
   for (const int more_ms : {2, 6, 12, 20, 40}) {
     SCOPED_TRACE(more_ms);
@@ -234,7 +235,7 @@ TEST(MaximumMotorSpeed, LoweredUnderAStreamThatEndsIsNoOverSpeed) {
   }
 }
 
-// ... and once the shaft rests, the lower limit is what is watched.
+// ... and after the shaft rests, the lower limit is monitored.
 TEST(MaximumMotorSpeed, IsWatchedOnceTheShaftHasKeptToIt) {
   Reference axis(9);
   axis.set(0x60FF, 0, 131072 * 5);
@@ -248,7 +249,7 @@ TEST(MaximumMotorSpeed, IsWatchedOnceTheShaftHasKeptToIt) {
   EXPECT_EQ(axis.get(0x603F, 0), 0x8400);
 }
 
-// The loop goes on without a step: the demand gets the distance that it has at this speed.
+// The loop continues without a step: the demand gets the lag that the loop has at this speed.
 TEST(ModeChange, FromTheVelocityLoopKeepsTheSpeed) {
   for (const std::int64_t mode : {1, 8}) {
     SCOPED_TRACE(mode);

@@ -7,8 +7,8 @@
 #include "products/ismk/ismk_ea.hpp"
 #include "rig.hpp"
 
-// Bit 12 of cyclic synchronous torque: "drive follows the command value" (CiA 402-2), that is, 6071h goes to the torque
-// loop. It is not taken away by a limit of torque or speed, only where 6071h counts for nothing.
+// Bit 12 of cyclic synchronous torque: "drive follows the command value" (CiA 402-2), which means that 6071h reaches
+// the torque loop. A limit of torque or speed does not clear it; it is 0 only if 6071h has no effect.
 namespace servodrome {
 namespace cyclic_torque_test {
 namespace {
@@ -76,7 +76,7 @@ TYPED_TEST(CyclicTorque, IsNotFollowedInAHalt) {
   EXPECT_FALSE(this->bit(12));
 }
 
-// The iSMK-EA has mode 8 beyond its manual, and no mode 10.
+// The iSMK-EA has mode 8 in addition to its manual, but no mode 10.
 TEST(CyclicTorqueOfTheIsmkEa, IsRefused) {
   test::EthercatRig<products::IsmkEa> axis(test::ismk_plant(), test::ismk_settings());
   EXPECT_EQ(axis.set(0x6060, 0, 10), dictionary::AbortCode::value_too_high);

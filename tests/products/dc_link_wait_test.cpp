@@ -9,15 +9,15 @@
 #include "products/pronet/pronet.hpp"
 #include "rig.hpp"
 
-// No drive shows Switched on or Operation enabled before its DC link has its voltage. A drive that connects the link by
-// transition 3 waits for the whole precharge. The other drives precharge from power-on, and wait for the rest of it.
+// No drive shows Switched on or Operation enabled before its DC link has its voltage. A drive that connects the link in
+// transition 3 waits for the whole precharge. Other drives precharge from power-on, and wait for the rest of it.
 namespace servodrome {
 namespace dc_link_wait_test {
 namespace {
 
 using drive::PowerState;
 
-// What the precharge and the noticing of under-voltage take (README of the ISMC).
+// The duration of the precharge and of the detection of under-voltage (README of the ISMC).
 constexpr double longest_wait_ms = 306.0;
 
 // Each product on an empty DC link.
@@ -72,7 +72,7 @@ class DcLinkWait : public testing::Test {
     return axis.plant.dc_link_v() >= static_cast<double>(axis.device.drive().configuration().monitors.under_voltage_v);
   }
   static void command(Axis& axis, std::uint16_t word) { axis.set(0x6040, 0, word); }
-  // In Ready to switch on, on an empty link.
+  // Brings the drive to Ready to switch on, with an empty link.
   static void make_ready(Axis& axis) {
     command(axis, 0x06);
     axis.run_ms(1);
@@ -107,7 +107,7 @@ TYPED_TEST(DcLinkWait, NothingIsSwitchedOnBelowUnderVoltage) {
   }
 }
 
-// A master that does not wait either.
+// A master that does not wait.
 TYPED_TEST(DcLinkWait, TheLastCommandDecides) {
   {
     TypeParam axis;
@@ -161,7 +161,7 @@ TYPED_TEST(DcLinkWait, ASupplyThatNeverComesIsUnderVoltage) {
   const drive::FaultRow* fault = axis.device.drive().row(drive::Cause::under_voltage);
   EXPECT_EQ(axis.get(0x603F), fault->code);
   EXPECT_FALSE(axis.actuation.pwm_enabled);
-  // The fault ends the wait: the supply that comes later, and the reset, leave nothing of it.
+  // A fault ends the wait: a later supply and the reset do not continue it.
   axis.plant.set_supply_v(TypeParam().plant.parameters().supply.volts);
   axis.run_ms(400);
   this->command(axis, 0x8F);
@@ -169,7 +169,7 @@ TYPED_TEST(DcLinkWait, ASupplyThatNeverComesIsUnderVoltage) {
   EXPECT_FALSE(this->switched_on(axis));
 }
 
-// Cut off while it waits, and on again.
+// The supply is cut while the drive waits, and returns.
 TYPED_TEST(DcLinkWait, APowerCutForgetsTheCommand) {
   TypeParam axis;
   this->make_ready(axis);
@@ -186,15 +186,14 @@ TYPED_TEST(DcLinkWait, APowerCutForgetsTheCommand) {
   EXPECT_FALSE(on);
 }
 
-// A set-point that is given while the drive waits is carried out when it is enabled, as long as its mode is still
-// wanted.
+// A set-point that is given while the drive waits is executed when the drive is enabled, if its mode is still selected.
 TYPED_TEST(DcLinkWait, ASetPointIsNotLost) {
   struct Row {
     std::vector<std::uint16_t> words;
     std::int64_t mode;  // at the end of the wait
   };
   for (const Row& row : {Row{{0x16, 0x17, 0x0F, 0x2F, 0x3F}, 1}, Row{{0x16, 0x17, 0x0F, 0x2F, 0x3F}, 6},
-                         // given up by a word with bit 7, which commands nothing, and begun again
+                         // cancelled by a word with bit 7, which is not a command, and given again
                          Row{{0x07, 0x0F, 0x1F, 0x80, 0x07, 0x0F, 0x1F}, 1}, Row{{0x1F, 0x80, 0x07, 0x0F, 0x1F}, 1},
                          Row{{0x07, 0x1F, 0x9F, 0x07, 0x1F}, 1}}) {
     SCOPED_TRACE(testing::PrintToString(row.words));
@@ -218,7 +217,7 @@ TYPED_TEST(DcLinkWait, ASetPointIsNotLost) {
   }
 }
 
-// The precharge resistor is bridged by then: full torque at once is no fault.
+// The precharge resistor is bridged by then: full torque immediately must not cause a fault.
 TYPED_TEST(DcLinkWait, TheAxisHasItsTorqueWhenItIsEnabled) {
   TypeParam axis;
   this->make_ready(axis);

@@ -10,8 +10,8 @@
 #include "products/pronet/pronet.hpp"
 #include "rig.hpp"
 
-// Bit 4 in the very word that enables, on a DC link that is up: its edge counts from the word before, whatever the
-// state was then. What it is while the drive waits for the link: dc_link_wait_test.
+// Bit 4 in the controlword that enables, with a charged DC link: its edge counts from the previous word, in any state.
+// dc_link_wait_test has the case that the drive waits for the link.
 namespace servodrome {
 namespace enabling_word_test {
 namespace {
@@ -28,8 +28,8 @@ struct IsmkEaAxis : test::EthercatRig<products::IsmkEa> {
 };
 struct JmcAxis : test::FactoryJmcRig {};
 
-// The words one after the other, up to the one that enables. Between them the DC link comes up, and the brake of a
-// drive that opens it in Switched on is open.
+// Sends the words one after the other, up to the one that enables. In between, the DC link charges, and a brake that
+// opens in Switched on has opened.
 template <typename Axis>
 struct Enabled : Axis {
   Enabled(std::int64_t mode, const std::vector<std::uint16_t>& words) {
@@ -96,11 +96,11 @@ TYPED_TEST(EnablingWord, BringsNoSetPointWhereBit4WasSetBefore) {
   }
 }
 
-// Straight from Ready to switch on, where the link is up already.
+// Directly from Ready to switch on, where the link is already charged.
 TYPED_TEST(EnablingWord, BringsASetPointFromReadyToSwitchOn) {
   TypeParam axis;
   ASSERT_TRUE(axis.device.drive().policy().direct_enable);
-  if (axis.device.drive().policy().dc_link == drive::DcLink::from_switched_on) return;  // never up there
+  if (axis.device.drive().policy().dc_link == drive::DcLink::from_switched_on) return;  // not charged in that state
   Enabled<TypeParam> edge(1, {0x06, 0x1F});
   edge.run_ms(2500);
   EXPECT_NEAR(edge.turns(), 1.0, 0.02);
@@ -109,7 +109,7 @@ TYPED_TEST(EnablingWord, BringsASetPointFromReadyToSwitchOn) {
   EXPECT_NEAR(none.turns(), 0.0, 0.02);
 }
 
-// Homing to the present position, which is over at once.
+// Homing to the present position, which ends immediately.
 TYPED_TEST(EnablingWord, StartsHoming) {
   for (const bool edge : {true, false}) {
     for (const Words& words : edge ? with_an_edge : without_an_edge) {
@@ -133,7 +133,7 @@ TYPED_TEST(EnablingWord, StartsHoming) {
   }
 }
 
-// Interpolation goes by the level of bit 4, not by its edge.
+// Interpolation uses the level of bit 4, not its edge.
 TYPED_TEST(EnablingWord, LetsInterpolationRunByItsLevel) {
   TypeParam axis;
   if ((axis.device.drive().policy().supported_modes & mode_bit(drive::Mode::interpolated_position)) == 0) return;

@@ -5,8 +5,8 @@
 #include "products/pronet/pronet.hpp"
 #include "rig.hpp"
 
-// An encoder that comes back at speed shows the way of meanwhile within a moment: that is no over-speed, and the fault
-// stays the encoder's. An axis that is too fast is told all the same.
+// When an encoder returns at speed, its position changes by a large distance at once: this must not cause an over-speed
+// fault, and the fault stays that of the encoder. An axis that is really too fast is still reported.
 namespace servodrome {
 namespace encoder_return_test {
 namespace {
@@ -18,7 +18,7 @@ using products::Pronet;
 
 template <typename Product>
 struct Turning : test::Rig<Product> {
-  // `velocity` in the product's units. An axis is too fast 1.5 times as fast.
+  // `velocity` in the product's units. The over-speed case turns 1.5 times as fast.
   Turning(std::int64_t velocity, double rpm) : rpm_(rpm) {
     drive::Configuration configuration = this->device.drive().configuration();
     configuration.monitors.over_speed_rpm = static_cast<float>(1.5 * rpm);
@@ -35,7 +35,7 @@ struct Turning : test::Rig<Product> {
     this->run_ms(milliseconds);
     this->plant.inject(plant::Injection::encoder_loss, false);
   }
-  // Something turns the shaft faster and faster, against what torque there is.
+  // An external torque accelerates the shaft against all torque of the motor.
   void overhaul() {
     this->plant.set_external_torque_nm(-6.0);
     EXPECT_GE(this->run_until([&] { return this->plant.velocity_rpm() > 1.55 * rpm_; }, 1000), 0);
@@ -67,7 +67,7 @@ void comes_back(const Case& row) {
     }
     EXPECT_EQ(rig.get(0x1003, 0), 1);
     EXPECT_EQ(rig.get(0x1003, 1) & 0xFFFF, row.encoder);
-    // What turns the shaft too fast later is told.
+    // A later over-speed is reported.
     rig.overhaul();
     EXPECT_EQ(rig.get(0x603F), row.over_speed);
     EXPECT_EQ(rig.get(0x1003, 0), 2);

@@ -9,8 +9,8 @@
 #include "products/ethercat_device.hpp"
 #include "rig.hpp"
 
-// The rig of an EtherCAT drive: one slave behind a cable, and a master that sends one datagram per frame. Frames take
-// no time; the drive's ticks and the frames share one virtual clock.
+// The rig of an EtherCAT drive: one slave on a cable, and a master that sends one datagram per frame. Frames take no
+// time; the drive's ticks and the frames use the same virtual clock.
 namespace servodrome::test {
 
 using Bytes = std::vector<std::uint8_t>;
@@ -71,7 +71,7 @@ class EthercatRig : public Rig<DeviceType> {
 
   // ---- States ----
 
-  // AL status after a request, once the drive has had a cycle; code: 0134h.
+  // AL status after a request and one cycle of the drive; code: 0134h.
   struct AlStatus {
     unsigned state = 0;  // with the error bit 10h
     ethercat::AlStatusCode code{};
@@ -130,14 +130,14 @@ class EthercatRig : public Rig<DeviceType> {
     set_process_data();
     ASSERT_EQ(request(4), good(4));
   }
-  // From power-on, with the PDOs as they are.
+  // From power-on, with the default PDOs.
   void to_operational() {
     to_pre_operational();
     to_safe_operational();
     exchange();
     ASSERT_EQ(request(8), good(8));
   }
-  // SYNC0 from the next whole period on; in Pre-Operational.
+  // Starts SYNC0 at the next whole period; in Pre-Operational.
   void start_sync0(std::uint32_t cycle_ns) {
     write(ethercat::reg::sync0_cycle, little_endian(cycle_ns));
     const std::uint64_t time = ethercat::load<std::uint64_t>(read(ethercat::reg::system_time, 8).data());
@@ -147,7 +147,7 @@ class EthercatRig : public Rig<DeviceType> {
 
   // ---- Process data ----
 
-  // Outputs out and inputs in, once.
+  // Sends outputs and reads inputs, once.
   void exchange() {
     if (!outputs.empty()) output_counter = send(ethercat::Command::lwr, outputs_address, outputs).counter;
     if (!inputs.empty()) {
@@ -164,7 +164,7 @@ class EthercatRig : public Rig<DeviceType> {
   T input(std::size_t at) const {
     return ethercat::load<T>(inputs.data() + at);
   }
-  // `cycles` of `period_ms`: `prepare` sets the outputs of each, the inputs of the one before stand in `inputs`.
+  // Runs `cycles` of `period_ms`: `prepare` sets the outputs of each; `inputs` has the inputs of the previous cycle.
   void run_cycles(int cycles, double period_ms, const std::function<void(int)>& prepare = {}) {
     for (int i = 0; i < cycles; ++i) {
       if (prepare) prepare(i);
@@ -183,7 +183,7 @@ class EthercatRig : public Rig<DeviceType> {
     std::copy(content.begin(), content.end(), mail.begin() + 6);
     ASSERT_EQ(write(DeviceType::ethercat_profile.mailbox_out.start, mail), 1U);
   }
-  // The next mail, cut to its length; emergencies are put aside. Empty: there is none.
+  // The next mail, cut to its length; emergencies are stored separately. Empty: there is none.
   Bytes fetch() {
     for (;;) {
       const Answer answer =

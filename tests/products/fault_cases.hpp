@@ -10,18 +10,18 @@
 
 #include "rig.hpp"
 
-// What becomes of a fault from its cause to its reset, the same for every row of a product's table: EMCY frame, error
+// A fault from its cause to its reset, with the same checks for every row of a product's table: EMCY frame, error
 // register, history, error code, statusword, reaction by 605Eh, reset rule.
 namespace servodrome::test {
 
 enum class Cut : std::uint8_t {
   by_option_code,  // 605Eh
-  at_once,         // the motor cannot be controlled any more
+  at_once,         // the motor can no longer be controlled
 };
 
 enum class Gone : std::uint8_t {
-  with_reaction,  // the cause is no longer there when the axis is at rest and without power
-  when_removed,   // `remove` takes it away
+  with_reaction,  // the cause ends when the axis is at rest and without power
+  when_removed,   // `remove` ends the cause
 };
 
 enum class Reset : std::uint8_t { by_controlword, by_power_cycle };
@@ -31,15 +31,15 @@ struct FaultCase {
   using Action = std::function<void(Rig<DeviceType>&)>;
 
   std::uint16_t code;
-  Action prepare;  // leaves the drive in Operation enabled, moving where the cause can be met in motion
+  Action prepare;  // leaves the drive in Operation enabled, in motion if the cause can occur in motion
   Action raise;
-  Action remove{};  // none: nothing to be done
+  Action remove{};  // none: no action is necessary
   Gone gone = Gone::with_reaction;
   Cut cut = Cut::by_option_code;
   Reset reset = Reset::by_controlword;
   double within_ms = 200.0;
   const char* variant = "";
-  double comparator_a = 20.0;  // phase current at which the power stage's comparators speak
+  double comparator_a = 20.0;  // phase current at which the power stage's comparators respond
   std::int32_t encoder_counts = 131072;
 };
 
@@ -72,7 +72,7 @@ constexpr std::uint16_t fault_reaction = 0x0F;
 constexpr std::uint16_t in_fault = 0x08;
 constexpr std::uint16_t disabled = 0x40;
 
-// One life of a fault. `option_code` is 605Eh.
+// One fault from cause to reset. `option_code` is 605Eh.
 template <typename DeviceType>
 void check_fault(const FaultCase<DeviceType>& fault, std::uint8_t error_register, std::int16_t option_code) {
   SCOPED_TRACE("605Eh = " + std::to_string(option_code) + " " + fault.variant);
@@ -93,8 +93,8 @@ void check_fault(const FaultCase<DeviceType>& fault, std::uint8_t error_register
       << "not raised";
   const double velocity = drive.axis().generator.velocity();
   const double deceleration = static_cast<double>(rig.get(option_code == 1 ? 0x6084 : 0x6085));
-  // A ramp is over when the demand stands, a stop at the current limit when the shaft does; a ramp without a slope is
-  // as steep as the current limit lets it be.
+  // A ramp ends when the demand stands, a stop at the current limit when the shaft stands; a ramp without a slope is
+  // limited only by the current.
   const bool at_current_limit = option_code == 3 || deceleration == 0.0;
   const bool moving = std::abs(at_current_limit ? drive.axis().velocity() : velocity) > 20000.0;
   const bool ramps = option_code != 0 && fault.cut == Cut::by_option_code && moving;
@@ -111,7 +111,7 @@ void check_fault(const FaultCase<DeviceType>& fault, std::uint8_t error_register
     }
     EXPECT_FALSE(drive.in_motion());
   } else {
-    rig.run_ms(1);  // the cycle that closes the power stage
+    rig.run_ms(1);  // the cycle in which the power stage is switched off
   }
   rig.run_ms(1);
   EXPECT_EQ(state(), in_fault);

@@ -5,7 +5,7 @@
 #include "dictionary/medium.hpp"
 #include "ethercat_rig.hpp"
 
-// FoE with a device, as a master's file transfer does it.
+// FoE with a device, like a master's file transfer.
 namespace servodrome::test {
 
 template <typename DeviceType>
@@ -27,7 +27,7 @@ struct FoeRig : EthercatRig<DeviceType> {
     EXPECT_EQ(mail[5] & 0x0F, 4);
     return {mail[6], ethercat::load_u32(&mail[8]), std::string(mail.begin() + 12, mail.end())};
   }
-  // The file; with an error "!", its code and its text.
+  // Returns the file; after an error "!", its code and its text.
   std::string receive(const std::string& name) {
     std::string all;
     for (FoeAnswer answer = foe(1, 0, name);;) {
@@ -38,7 +38,7 @@ struct FoeRig : EthercatRig<DeviceType> {
       if (last) return all;
     }
   }
-  // "" when it was taken.
+  // Returns "" if the file was accepted.
   std::string transmit(const std::string& name, const std::string& text) {
     FoeAnswer answer = foe(2, 0, name);
     std::uint32_t number = 0;

@@ -7,7 +7,7 @@
 
 #include "canopen/frame.hpp"
 
-// Frames as manuals print them: "602 # 23 FF 60 00 E8 03 00 00", or "701 # RTR" for a remote frame.
+// Frames in the notation of the manuals: "602 # 23 FF 60 00 E8 03 00 00", or "701 # RTR" for a remote frame.
 namespace servodrome::test {
 
 inline canopen::Frame frame_of(const std::string& text) {

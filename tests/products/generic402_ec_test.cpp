@@ -38,7 +38,7 @@ struct Bus : private Memory, FoeRig<Generic402Ec> {
     return settings;
   }
 
-  // `sync0_ns` 0: by the sync manager's event.
+  // `sync0_ns` 0: synchronous with the sync manager's event.
   void connect(std::uint32_t sync0_ns = 0) {
     to_pre_operational();
     if (sync0_ns != 0) start_sync0(sync0_ns);
@@ -71,7 +71,7 @@ struct Bus : private Memory, FoeRig<Generic402Ec> {
 bool is_communication(const dictionary::Entry& entry) { return entry.index < 0x2000; }
 
 TEST(Generic402EcDictionary, IsThatOfTheCanVariant) {
-  // Node-ID, bit rate and RS485 port: it has none of them.
+  // It has no node-ID, bit rate and RS485 port.
   const std::set<std::uint16_t> can_only{0x2F00, 0x2F01, 0x2F20};
   std::vector<const dictionary::Entry*> can, ethercat;
   for (const auto& entry : Generic402::table) {
@@ -129,7 +129,7 @@ TEST_P(Modes, CyclicSynchronousPosition) {
   const std::int32_t begin = bus.position();
   std::int32_t worst = 0;
   bus.run_cycles(1000, 1, [&](int i) {
-    // 20000 increments there, by a half wave.
+    // 20000 increments there, as a half wave.
     const double phase = std::min(i, 800) / 800.0 * 3.14159265;
     bus.put<std::int32_t>(Bus::Out::position, begin + static_cast<std::int32_t>(10000 * (1 - std::cos(phase))));
     worst =
@@ -175,7 +175,7 @@ TEST_P(Modes, ProfileVelocity) {
   bus.set(0x6083, 0, 1000000);
   bus.put<std::int32_t>(Bus::Out::velocity, -40000);
   bus.run_cycles(500, 1);
-  // One value is that of a few counts, so the mean of some.
+  // One value has a resolution of only a few counts, so takes the mean of some.
   constexpr int cycles = 200;
   double sum = 0.0;
   for (int i = 0; i < cycles; ++i) {
@@ -234,10 +234,10 @@ TEST(Generic402EcClock, SetsTheInterpolationPeriod) {
   Bus bus;
   bus.set(0x60C2, 1, 4);
   bus.to_operational();
-  EXPECT_EQ(bus.get(0x60C2, 1), 4);  // no SYNC0: the master's business
+  EXPECT_EQ(bus.get(0x60C2, 1), 4);  // no SYNC0: the master sets it
 }
 
-// The period is taken on the way up only: what a master sets after that stays when it goes back to Safe-Operational.
+// The period is read only on the way up: a later value of the master stays when it goes back to Safe-Operational.
 TEST(Generic402EcClock, KeepsTheInterpolationPeriodOnTheWayDown) {
   Bus bus;
   bus.connect(1'000'000);

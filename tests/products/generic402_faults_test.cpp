@@ -52,7 +52,7 @@ Action standing(std::int8_t mode) {
   };
 }
 
-// A load that takes the shaft along until the drive notices.
+// A load that accelerates the shaft until the drive detects it.
 void pull_until_fault(Axis& axis) {
   axis.plant.set_external_torque_nm(-12.0);
   axis.run_until([&axis] { return axis.get(0x603F) != 0; }, 100.0);
@@ -76,8 +76,8 @@ Row injected(std::uint16_t code, std::uint8_t error_register, Injection injectio
   return {error_register, {code, turning, inject(injection), take_back(injection), Gone::when_removed, cut, reset}};
 }
 
-// The shorted phase carries what the other two do together: its comparator is the first to speak, if it does so before
-// the current loop comes to its limits.
+// The shorted phase carries the sum of the other two currents: its comparator responds first, if it does so before the
+// current loop reaches its limits.
 Row shorted(std::uint16_t code, Injection injection) {
   return {current,
           {.code = code,
@@ -117,7 +117,7 @@ std::vector<Row> rows() {
         .raise =
             [](Axis& axis) {
               axis.plant.lock_rotor(true);
-              must_set(axis, 0x6087, 0, 10000000);  // also the slope of the reaction
+              must_set(axis, 0x6087, 0, 10000000);  // is also the slope of the reaction
               must_set(axis, 0x6071, 0, 3000);
             },
         .remove = [](Axis& axis) { axis.run_ms(100); },
@@ -210,8 +210,8 @@ std::vector<Row> rows() {
   };
 }
 
-// Told in tests of their own: FF10h (power_state_test) needs a brake and no power, 8130h is reported by the node, 5530h
-// (line/store_damage_test) is there when the power comes on, 6300h (interpolation_buffer_test) is a warning.
+// Tested elsewhere: FF10h (power_state_test) needs a brake and no power; the node reports 8130h; 5530h
+// (line/store_damage_test) exists from power-on; 6300h (interpolation_buffer_test) is a warning.
 const std::set<std::uint16_t> elsewhere{0xFF10, 0x8130, 0x5530, 0x6300};
 
 TEST(Generic402Faults, EveryRowByItsCause) {
@@ -259,7 +259,7 @@ TEST(Generic402Faults, WarningsComeBeforeHotFaults) {
   EXPECT_EQ(axis.status() & 0x80, 0);
 }
 
-// 2060h counts to the fault: 100 % is what the motor bears.
+// 2060h counts to the fault: 100 % is the motor's limit.
 TEST(Generic402Faults, TheOverloadIsShownOnItsWay) {
   Axis axis;
   axis.plant.lock_rotor(true);

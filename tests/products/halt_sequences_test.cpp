@@ -5,8 +5,7 @@
 #include "products/pronet/pronet.hpp"
 #include "reference_axis.hpp"
 
-// What comes after a halt, a limit or a bit of the mode that is taken away in the middle of something. The true shaft
-// is measured.
+// The behaviour after a halt, a limit, or the reset of a mode's bit during an action. The test measures the true shaft.
 namespace servodrome {
 namespace halt_sequences_test {
 namespace {
@@ -33,7 +32,7 @@ struct Homing : Reference {
   }
 };
 
-// The edge of the index is met on the ramp of a halt as well.
+// The edge of the index may also come during the ramp of a halt.
 TEST(HaltedHoming, FindsTheSameHome) {
   for (const std::int64_t method : {33, 34}) {
     Homing undisturbed(method);
@@ -53,7 +52,7 @@ TEST(HaltedHoming, FindsTheSameHome) {
   }
 }
 
-// Homing that begins in motion looks at the switch where the axis has come to rest.
+// Homing that begins in motion uses the state of the switch at the place where the axis comes to rest.
 TEST(HomingInMotion, BeginsWithTheSwitchWhereItStands) {
   for (int before_ms = 0; before_ms < 200; before_ms += 10) {
     Reference axis(3);
@@ -80,7 +79,7 @@ TEST(HomingInMotion, BeginsWithTheSwitchWhereItStands) {
   }
 }
 
-// --- Interpolated position: bit 4 is taken away
+// --- Interpolated position: bit 4 is reset
 
 // A master that sends a record with a SYNC each millisecond: 10 turns/s.
 template <typename Product>
@@ -106,7 +105,8 @@ struct Interpolating : Rig<Product> {
       this->run_ms(1);
     }
   }
-  // In turns, from the command that ends the motion. `word`: it, `later`: 10 ms after it.
+  // Returns the distance in turns from the command that ends the motion. `word` is the command, `later` follows 10 ms
+  // after it.
   double way_after(std::uint16_t word, std::uint16_t later) {
     const auto there = this->plant.position_counts();
     this->control(word);
@@ -133,7 +133,7 @@ TEST(InterpolationGivenUp, ComesToRestByTheProfilesRamp) {
   EXPECT_NEAR(rig.plant.velocity_rpm(), 0.0, 1.0);
 }
 
-// A stop under way keeps its own ramp, whatever bit 4 says.
+// A stop in progress keeps its own ramp, whatever the value of bit 4.
 TEST(InterpolationGivenUp, LeavesAStopItsRamp) {
   const auto reference = [](std::uint16_t word, std::uint16_t later) {
     return Interpolating<Generic402>(131072 * 5, 131072 * 100).way_after(word, later);
@@ -151,7 +151,7 @@ TEST(InterpolationGivenUp, LeavesAStopItsRamp) {
 
 // --- Limits
 
-// 607Dh lies within the range 607Bh, in which positions wrap.
+// 607Dh is within the range 607Bh, in which positions wrap around.
 TEST(SoftwareLimitInARange, HoldsTheModesWithoutATargetPosition) {
   for (const std::int64_t mode : {3, 4, 9, 10}) {
     SCOPED_TRACE(mode);
@@ -173,7 +173,7 @@ TEST(SoftwareLimitInARange, HoldsTheModesWithoutATargetPosition) {
   }
 }
 
-// 607Dh reaches beyond an end of the range: behind it the positions go on where 607Dh forbids them.
+// 607Dh extends beyond an end of the range: behind that end the positions continue where 607Dh forbids them.
 struct HalfBound : Reference {
   explicit HalfBound(std::int64_t mode) : Reference(mode) { set(0x6085, 0, 131072 * 100); }
   void bind() {
@@ -205,7 +205,7 @@ TEST(SoftwareLimitInARange, AnEndOfTheRangeIsALimitAsWell) {
   }
 }
 
-// A shaft a little beyond the end shows a position at the other end of the range.
+// A shaft slightly beyond the end shows a position at the other end of the range.
 TEST(SoftwareLimitInARange, TargetsAreThoseOfTheNearerLimitFromBeyondAnEnd) {
   for (const std::int64_t mode : {1, 8}) {
     SCOPED_TRACE(mode);
@@ -223,7 +223,7 @@ TEST(SoftwareLimitInARange, TargetsAreThoseOfTheNearerLimitFromBeyondAnEnd) {
   }
 }
 
-// 607Dh that leaves all of the range, or more, is no limit: positions go round.
+// If 607Dh allows the whole range or more, there is no limit: positions wrap around.
 TEST(SoftwareLimitInARange, AsWideAsTheRangeForbidsNothing) {
   for (const auto& [low, high] : {std::pair<std::int64_t, std::int64_t>{0, 131071}, {-1000, 200000}, {-1000, 131071}}) {
     SCOPED_TRACE(high);
@@ -243,10 +243,10 @@ TEST(SoftwareLimitInARange, AsWideAsTheRangeForbidsNothing) {
   }
 }
 
-// Ramps with a shape need up to twice the way of a linear one of the same deceleration.
+// Ramps with a jerk-limited shape need up to twice the distance of a linear ramp with the same deceleration.
 TEST(SoftwareLimits, ShapedStopsEndBeforeThem) {
   for (const std::int64_t shape : {0, 1, 2, 3}) {
-    for (const bool halts : {true, false}) {  // or another mode is entered
+    for (const bool halts : {true, false}) {  // or it changes the mode
       for (const double quick : {5.0, 10.0, 20.0}) {
         SCOPED_TRACE(shape);
         SCOPED_TRACE(quick);
@@ -268,7 +268,7 @@ TEST(SoftwareLimits, ShapedStopsEndBeforeThem) {
   }
 }
 
-// A set-point whose way leads past a limit and back brakes before it, and goes on to its target.
+// A set-point whose motion leads past a limit and back brakes before the limit, and continues to its target.
 TEST(SoftwareLimits, ASetPointGoesOnAfterTheBrakeBeforeThem) {
   for (const bool halted : {false, true}) {
     SCOPED_TRACE(halted);
@@ -277,7 +277,7 @@ TEST(SoftwareLimits, ASetPointGoesOnAfterTheBrakeBeforeThem) {
     axis.set(0x6081, 0, 131072 * 4);
     axis.set(0x6085, 0, 131072 * 10);
     test::absolute_move(axis, 200'000, 0x1F);
-    test::absolute_move(axis, 0, 0x21F);  // the first one is passed at its speed
+    test::absolute_move(axis, 0, 0x21F);  // passes the first target at its speed
     double furthest = 0.0;
     const auto run = [&](int milliseconds) {
       for (int i = 0; i < milliseconds; ++i) axis.run_ms(1), furthest = std::max(furthest, axis.turns());
@@ -295,7 +295,7 @@ TEST(SoftwareLimits, ASetPointGoesOnAfterTheBrakeBeforeThem) {
   }
 }
 
-// A switch that opens again, and a halt that ends, are no command to go on.
+// A switch that opens again and a halt that ends do not count as commands to continue.
 TEST(AfterALimitSwitch, AVelocityWaitsForAnotherTarget) {
   for (const std::int64_t mode : {3, 9}) {
     SCOPED_TRACE(mode);

@@ -6,7 +6,8 @@
 #include "rig.hpp"
 
 // Every homing method of both products on real plants with random geometry: motor, friction, loops, captured edges.
-// Home must lie where the standard's figure has it, to the count; where the axis rests, to what the manual says.
+// Home must be at the place of the standard's figure, exact to the count; the resting position must be that of the
+// manual.
 namespace servodrome {
 namespace homing_plant_test {
 namespace {
@@ -89,7 +90,7 @@ void find_home_from_every_start() {
         ASSERT_GE(rig.run_until([&] { return (rig.status() & 0x3400) != 0 && (rig.status() & 0x2400) != 0; }, 60000), 0)
             << std::hex << rig.status();
         ASSERT_EQ(rig.status() & 0x3400, 0x1400) << std::hex << rig.status() << " error " << rig.get(0x603F);
-        rig.run_ms(400);  // for the loops to settle against friction
+        rig.run_ms(400);  // time for the loops to settle against friction
 
         const Counts home = -rig.device.drive().position_offset();
         const Counts expected = expected_home(figure, world, *from, config.retraction);
@@ -102,7 +103,7 @@ void find_home_from_every_start() {
           ASSERT_NEAR(static_cast<double>(rig.get(0x6064)), 0.0, 4.0);
         } else if (figure.approach != 0 && !drive::test::is_hard_stop(figure.number) &&
                    !drive::test::uses_home(figure.number)) {
-          // Past home by v^2 / 2a and at most a cycle's way: the edge is met at the slow speed.
+          // Beyond home by v^2 / 2a and at most the distance of one cycle: the edge is met at the slow speed.
           const double stop = config.slow * config.slow / (2.0 * config.acceleration);
           const double width = figure.index && figure.approach < 0 ? static_cast<double>(world.index_width) : 0.0;
           const double overrun = static_cast<double>(rig.get(0x6064)) * figure.approach + width;

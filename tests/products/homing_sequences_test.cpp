@@ -6,8 +6,8 @@
 #include "products/generic402/generic402.hpp"
 #include "products/ismc/ismc.hpp"
 
-// Homing that does not end where it was to: its offset leads into a limit switch, or it is given up. The true shaft is
-// measured.
+// Homing that does not end as planned: its offset leads into a limit switch, or it is cancelled. The test measures the
+// true shaft.
 namespace servodrome {
 namespace homing_sequences_test {
 namespace {
@@ -116,7 +116,7 @@ TEST(HomeOffset, IsmkStopsAtALimitSwitch) {
   EXPECT_TRUE(bit(short_of_it, 15));
 }
 
-// --- Given up on the way to the offset
+// --- Cancelled on the way to the offset
 
 // Chart 273: "0: Homing incomplete".
 TEST(HomingGivenUp, JmcOnTheWayToItsOffset) {
@@ -154,7 +154,7 @@ TEST(HomingGivenUp, JmcOnTheWayToItsOffset) {
   }
 }
 
-// --- Given up while it presses against a hard stop
+// --- Cancelled while it presses against a hard stop
 
 template <typename Product>
 void pressing_given_up(std::int64_t method, bool other_mode) {

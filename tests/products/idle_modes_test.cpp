@@ -5,8 +5,8 @@
 #include "products/ismc/ismc.hpp"
 #include "reference_axis.hpp"
 
-// What a mode does that was entered in motion and has nothing to go on with, and stops out of torque: the axis comes to
-// rest, within its limits.
+// A mode that is entered in motion without a target, and stops from torque control: the axis comes to rest within its
+// limits.
 namespace servodrome {
 namespace idle_modes_test {
 namespace {
@@ -15,7 +15,7 @@ using test::Reference;
 
 constexpr std::int64_t turn = 131072;
 
-// Turning at 20 turns/s in profile velocity, with a gentle 6084h and a steep 6085h.
+// Turns at 20 turns/s in profile velocity, with a low 6084h and a high 6085h.
 struct Turning : Reference {
   Turning() : Reference(3) {
     set(0x6083, 0, 200 * turn);
@@ -82,7 +82,7 @@ TEST(IdleMode, IsmcFaultsAtASwitchInHomingThatWasNotStarted) {
   EXPECT_EQ(rig.get(0x603F, 0), 0x8612);
 }
 
-// Bit 5 locks the output of vl mode's own ramp. There is none before the mode has commanded something.
+// Bit 5 locks the ramp output of vl velocity mode. There is no output before the mode has had a command.
 TEST(VelocityMode, HasNothingToLockWhenItIsEntered) {
   for (const std::int64_t from : {3, 4}) {
     SCOPED_TRACE(from);
@@ -111,7 +111,7 @@ TEST(VelocityMode, HasNothingToLockWhenItIsEntered) {
   }
 }
 
-// However slowly 6087h lets a torque change.
+// Even if 6087h allows only a slow change of the torque.
 TEST(ProfileTorque, AStopBrakesAtOnce) {
   for (const std::int64_t word : {0x10F, 0x07, 0x0B}) {
     SCOPED_TRACE(word);
@@ -149,7 +149,7 @@ TEST(FaultReset, ItsBitDoesNotHideAHalt) {
   EXPECT_NEAR(axis.turns_per_s(), 20.0, 0.5) << "the halt is over";
 }
 
-// 6064h shows 32 bits of the position: 607Dh bounds what it shows.
+// 6064h shows 32 bits of the position: 607Dh limits the shown value.
 TEST(SoftwareLimits, BoundWhatTheActualPositionShows) {
   plant::Parameters parameters = test::default_plant();
   parameters.encoder.start_position_counts = (std::int64_t{1} << 32) + 10 * turn;
@@ -176,7 +176,7 @@ TEST(SoftwareLimits, BoundWhatTheActualPositionShows) {
   EXPECT_NEAR(axis.turns() - here, -5.0, 0.05);
 }
 
-// In a range 607Bh as without one: what is planned on the way to a limit and back turns before it.
+// With a range 607Bh as without: a motion that leads to a limit and back reverses before the limit.
 TEST(SoftwareLimits, InARangeAreNotPassedByASetPointUnderWay) {
   Reference axis(1);
   axis.set(0x6081, 0, 20 * turn);

@@ -5,7 +5,7 @@
 #include "products/generic402/generic402.hpp"
 #include "rig.hpp"
 
-// The drive finds out what it moves: identification of inertia and friction by its own moves, on the simulated axis.
+// The drive identifies inertia and friction with its own moves, on the simulated axis.
 namespace servodrome::test {
 namespace inertia_identification_test {
 namespace {
@@ -78,12 +78,12 @@ TEST(InertiaIdentification, FindsLoadsOfHalfToTwentyRotors) {
   }
 }
 
-// A hanging load, and a load on a spring: the torque that holds it is told apart, and what rings does not count.
+// A hanging load, and a load on a spring: the holding torque is separated, and the oscillation does not count.
 TEST(InertiaIdentification, SeesThroughGravityAndElasticity) {
   for (const double ratio : {1.0, 10.0}) {
     plant::Parameters hanging = axis_with(ratio);
     hanging.load.gravity_torque_nm = 0.3;
-    hanging.motor.brake_torque_nm = 2.0;  // holds it until the motor does
+    hanging.motor.brake_torque_nm = 2.0;  // holds the load until the motor does
     Bench bench(hanging);
     bench.run_ms(500);
     ASSERT_EQ(bench.identify(), Outcome::done);
@@ -92,7 +92,7 @@ TEST(InertiaIdentification, SeesThroughGravityAndElasticity) {
 
     plant::Parameters elastic = axis_with(ratio);
     elastic.load.elastic = true;
-    elastic.load.stiffness_nm_per_rad = 60.0;  // rings at 440 Hz with one rotor, 330 Hz with ten
+    elastic.load.stiffness_nm_per_rad = 60.0;  // oscillates at 440 Hz with one rotor inertia, 330 Hz with ten
     elastic.load.damping_nms = 2.0e-4;
     Bench ringing(elastic);
     ASSERT_EQ(ringing.identify(), Outcome::done);
@@ -125,7 +125,7 @@ TEST(InertiaIdentification, EndsWithoutAResultWhereItCannotBeHad) {
   request.timeout_s = 0.3;
   EXPECT_EQ(hurried.identify(request), Outcome::not_converged);
 
-  // A load that falls while the drive believes to hold it: pulled out of its travel.
+  // A load falls while the drive assumes that it holds it: it leaves its travel.
   Bench pulled(axis_with(1.0));
   pulled.set(0x6085, 0, 100000000);
   ASSERT_TRUE(pulled.device.drive().identify_inertia(Bench::request()));
@@ -172,7 +172,8 @@ TEST(InertiaIdentification, StopsAtALimitSwitch) {
   EXPECT_LT(std::fabs(bench.plant.velocity_rpm()), 1.0);
 }
 
-// Any motion does, if it speeds up and slows down: the estimator beside a drive that follows its own program.
+// Any motion with acceleration and deceleration is sufficient: the estimator runs while the drive follows its own
+// program.
 TEST(InertiaEstimator, LearnsFromMovesThatAreNotItsOwn) {
   for (const double ratio : {0.5, 5.0, 20.0}) {
     Bench bench(axis_with(ratio));
@@ -202,7 +203,7 @@ TEST(InertiaEstimator, LearnsFromMovesThatAreNotItsOwn) {
   }
 }
 
-// Standing, and turning steadily, teach nothing, and nothing is what it says then.
+// Standstill and constant speed give no information, and the estimator reports none.
 TEST(InertiaEstimator, KnowsWhenItKnowsNothing) {
   drive::InertiaEstimator estimator;
   estimator.begin({.counts_per_revolution = 65536.0, .rated_torque_nm = rated_nm, .cycle_s = 1e-3});
@@ -213,7 +214,7 @@ TEST(InertiaEstimator, KnowsWhenItKnowsNothing) {
   EXPECT_FALSE(estimator.estimate(found));
 }
 
-// Four unknowns and an opinion about their errors take eight windows: with seven it says nothing, with eight it is
+// Four unknowns and an estimate of their errors need eight windows: with seven there is no result, with eight it is
 // right.
 TEST(InertiaEstimator, TooFewWindowsAreNoEstimate) {
   drive::InertiaEstimator estimator;

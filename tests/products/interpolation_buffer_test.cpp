@@ -8,7 +8,7 @@
 #include "products/ismk/ismk_ea.hpp"
 #include "products/pronet/pronet.hpp"
 
-// What the buffer of interpolated position, 60C4h, and the period 60C2h refuse.
+// Values that the buffer of interpolated position, 60C4h, and the period 60C2h refuse.
 namespace servodrome {
 namespace interpolation_buffer_test {
 namespace {
@@ -33,7 +33,7 @@ TEST(InterpolationBuffer, ARecordTooManyIsRefused) {
     EXPECT_EQ(axis.get(0x60C4, 4), fits);
     EXPECT_EQ(axis.record(10 * fits + 10), AbortCode::device_state);
     EXPECT_EQ(axis.get(0x60C1, 1), 10 * fits) << "the object has what was taken";
-    // All that were taken are travelled, and none else.
+    // The axis moves to all accepted records, and to no others.
     axis.control(0x1F);
     axis.run_ms(2);
     if (fits > 1) {
@@ -44,8 +44,8 @@ TEST(InterpolationBuffer, ARecordTooManyIsRefused) {
   }
 }
 
-// A first record that is far away is caught up with by the profile's ramps. Bit 12 is bit 4 of the controlword all the
-// while ("ip mode active").
+// The axis approaches a far first record by the profile's ramps. Bit 12 equals bit 4 of the controlword during this
+// ("ip mode active").
 TEST(InterpolationBuffer, AFarFirstRecordIsCaughtUpWith) {
   Interpolating axis(1);
   for (const std::uint16_t ramp : std::to_array<std::uint16_t>({0x6083, 0x6084})) axis.set(ramp, 0, 10 * 131072);
@@ -82,7 +82,7 @@ TEST(InterpolationBuffer, ClearedItTakesAgain) {
   EXPECT_EQ(axis.record(3), AbortCode::none);
 }
 
-// Where no record is taken, the object takes any value.
+// If records are not accepted, the object accepts any value.
 TEST(InterpolationBuffer, OutsideOfTheModeNothingWaits) {
   Rig axis;
   for (int n = 1; n <= 5; ++n) EXPECT_EQ(axis.set(0x60C1, 1, 1000 * n), AbortCode::none);
@@ -94,7 +94,7 @@ TEST(InterpolationBuffer, OutsideOfTheModeNothingWaits) {
   EXPECT_EQ(axis.get(0x6062), 0);
 }
 
-// Process data have no answer: an EMCY, once, and bit 7.
+// Process data have no answer: the drive sends one EMCY, and sets bit 7.
 TEST(InterpolationBuffer, LostInProcessDataIsTold) {
   Interpolating axis(2);
   axis.set(0x1400, 1, 0x80000000 | axis.get(0x1400, 1));
@@ -128,8 +128,8 @@ TEST(InterpolationBuffer, LostInProcessDataIsTold) {
   EXPECT_EQ(emergencies(0x0000), 1);
 }
 
-// 607Dh is set while the axis is on its way to a record: it is followed no further, and the next one, which the limits
-// clip, is no jump.
+// 607Dh is set while the axis moves to a record: the axis no longer follows that record, and the next one, which the
+// limits clip, causes no jump.
 TEST(InterpolationBuffer, SoftwareLimitsSetUnderWayEndTheRecord) {
   Interpolating axis(8);
   constexpr std::int64_t turn = 131072;
@@ -180,8 +180,8 @@ TEST(InterpolationPeriod, ImpossibleOnesAreRefused) {
   refuses_impossible_periods(test::FactoryJmcRig{});
 }
 
-// Manuals that print another range: 1 to 4 ms, with a fault for 0 (ISMC, ch. 4.6.2; ch. 5, 6553h); UINT8 (ProNet,
-// ch. 7.5.3, 60C2h).
+// Manuals with another range: 1 to 4 ms, with a fault for 0 (ISMC, ch. 4.6.2; ch. 5, 6553h); UINT8 (ProNet, ch. 7.5.3,
+// 60C2h).
 TEST(InterpolationPeriod, AsTheManualPrintsIt) {
   test::Rig<products::Ismc> ismc;
   EXPECT_EQ(ismc.set(0x60C2, 1, 0), AbortCode::none);

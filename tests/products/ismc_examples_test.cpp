@@ -5,8 +5,8 @@
 #include "products/ismc/ismc.hpp"
 #include "rig.hpp"
 
-// The worked examples of the ISMC manual (ch. 2 to 6), frame by frame, and the motions they make against the
-// figures that follow from the documented defaults.
+// The worked examples of the ISMC manual (ch. 2 to 6), frame by frame; their motions are compared with values that
+// follow from the documented defaults.
 namespace servodrome {
 namespace ismc_examples_test {
 namespace {
@@ -17,7 +17,7 @@ using test::Rig;
 constexpr std::int64_t ticks_per_cycle = Ismc::policy.position_loop_ticks;
 constexpr double ticks_per_s = 16000.0;
 
-// What a frame sets in motion: from the frame until the demand stands, or runs at its new speed.
+// The motion after a frame: from the frame until the demand stands, or has its new speed.
 struct Motion {
   double seconds;
   double counts;
@@ -37,7 +37,7 @@ const Motion velocity_step{slow_velocity / ramp, slow_velocity* slow_velocity / 
 
 struct Step {
   const char* request;
-  const char* response = "";  // every frame but TPDOs, in order, "; " between them
+  const char* response = "";  // every frame except TPDOs, in order, separated by "; "
   std::uint16_t mask = 0;     // of the statusword a millisecond later ...
   std::uint16_t status = 0;   // ... and its value there
   const Motion* motion = nullptr;
@@ -144,7 +144,7 @@ std::vector<Example> examples() {
         control("601 # 2B 40 60 00 0F 01 00 00", 0, 0, &halt),
         control("601 # 2B 40 60 00 0F 01 00 00", static_cast<std::uint16_t>(state | reached), 0x27 | reached),
         control("601 # 2B 40 60 00 0F 00 00 00", state, 0x27, nullptr, 500.0),
-        // Standing where the halt left it, it goes the triangle from there.
+        // From the resting position of the halt it makes the same triangular motion.
         target_100000, control("601 # 2B 40 60 00 5F 00 00 00", acknowledge, acknowledge, &triangle)}},
       {"12: profile velocity",
        1,
@@ -166,7 +166,7 @@ std::vector<Example> examples() {
         shutdown,
         switch_on,
         control("601 # 2B 40 60 00 0F 00 00 00", static_cast<std::uint16_t>(state | reached), 0x27, nullptr, 9.0),
-        // 100 after 10 ms, at 10 a millisecond
+        // 100 after 10 ms, with 10 per millisecond
         {"601 # 40 74 60 00 00 00 00 00", nullptr, reached, reached, nullptr, 11.0},
         {"601 # 40 74 60 00 00 00 00 00", "581 # 4B 74 60 00 64 00 00 00", reached, reached},
         control("601 # 2B 40 60 00 07 00 00 00", state, 0x23)}},
@@ -227,7 +227,7 @@ TEST(IsmcExamples, FramesAndMotions) {
         };
         ASSERT_GE(rig.run_until(done, 10000.0), 0);
         EXPECT_NEAR(static_cast<double>(rig.ticks() - before) / ticks_per_s, step.motion->seconds, 0.0005);
-        // At the end of a ramp that goes on at its speed the cycle in which it ended counts as well.
+        // At the end of a ramp that continues at its speed, the cycle in which it ended counts as well.
         const double after_end =
             (static_cast<double>((rig.ticks() - before + ticks_per_cycle - 1) / ticks_per_cycle * ticks_per_cycle) /
                  ticks_per_s -

@@ -4,7 +4,7 @@
 #include "fault_cases.hpp"
 #include "products/ismc/ismc.hpp"
 
-// Every fault of the ISMC manual (tests/data/ismc_alarms.csv), raised by its cause.
+// Every fault of the ISMC manual (tests/data/ismc_alarms.csv), caused in the drive or its surroundings.
 namespace servodrome {
 namespace ismc_faults_test {
 namespace {
@@ -25,7 +25,7 @@ void must_set(Axis& axis, std::uint16_t index, std::uint8_t sub, std::int64_t va
   EXPECT_EQ(axis.set(index, sub, value), dictionary::AbortCode::none) << std::hex << index << "h:" << int{sub};
 }
 
-// --- How the axis is when the fault comes
+// --- The state of the axis when the fault occurs
 
 void turning(Axis& axis) {
   must_set(axis, 0x6060, 0, 3);
@@ -73,7 +73,7 @@ void ready_to_home(Axis& axis) {
   standing(6)(axis);
 }
 
-// --- What happens to it
+// --- The cause of the fault
 
 void command_point(Axis& axis) {
   must_set(axis, 0x607A, 0, 2000);
@@ -109,7 +109,7 @@ Action homing_with(std::int8_t method) {
   };
 }
 
-// A load that takes the shaft along until the drive notices.
+// A load that accelerates the shaft until the drive detects it.
 void pull_until_fault(Axis& axis) {
   axis.plant.set_external_torque_nm(-12.0);
   axis.run_until([&axis] { return axis.get(0x603F) != 0; }, 100.0);
@@ -136,8 +136,8 @@ Case injected(std::uint16_t code, Injection injection, Cut cut, Reset reset = Re
   return {code, turning, inject(injection), take_back(injection), Gone::when_removed, cut, reset};
 }
 
-// The shorted phase carries what the other two do together: its comparator is the first to speak, if it does so before
-// the current loop comes to its limits.
+// The shorted phase carries the sum of the other two currents: its comparator responds first, if it does so before the
+// current loop reaches its limits.
 Case shorted(std::uint16_t code, Injection injection) {
   return {.code = code,
           .prepare = turning,
@@ -147,8 +147,8 @@ Case shorted(std::uint16_t code, Injection injection) {
           .comparator_a = 5.0};
 }
 
-// Causes that neither plant nor objects have: the drive's own commissioning, and codes that the manual's drive without
-// an end velocity object cannot meet (G19).
+// Causes that exist neither in the plant nor in the objects: the drive's own commissioning, and codes that the manual's
+// drive without an end velocity object cannot raise (G19).
 Case hardware_only(std::uint16_t code, Cause cause, Cut cut) {
   return {code,
           turning,
@@ -158,7 +158,7 @@ Case hardware_only(std::uint16_t code, Cause cause, Cut cut) {
           cut};
 }
 
-// An index pulse of the encoder at a position of its own.
+// An index pulse of the encoder at a wrong position.
 void index_pulse_at(Axis& axis, std::int64_t position) {
   axis.feedback.edges[0] = {drive::Edge::index_source, true, position};
   axis.feedback.edge_count = 1;
@@ -203,7 +203,7 @@ std::vector<Case> cases() {
       hardware_only(0x6180, Cause::profile_duration, option),
       hardware_only(0x6181, Cause::profile_end_velocity_above_start, option),
       {0x6182, positioning,
-       [](Axis& axis) {  // a further point to be passed, without a deceleration
+       [](Axis& axis) {  // another point that is passed without a deceleration
          must_set(axis, 0x6084, 0, 0);
          must_set(axis, 0x607A, 0, 2000);
          axis.control(0x23F);
@@ -315,7 +315,7 @@ std::vector<Case> cases() {
              axis.run_ms(800);
            },
        .raise = [](Axis& axis) { pull_until_fault(axis); },
-       .remove = [](Axis& axis) { axis.plant.set_coulomb_friction_nm(5.0); }},  // where it coasts
+       .remove = [](Axis& axis) { axis.plant.set_coulomb_friction_nm(5.0); }},  // so that it coasts
       {.code = 0x8483,
        .prepare =
            [](Axis& axis) {

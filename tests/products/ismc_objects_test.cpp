@@ -4,8 +4,9 @@
 #include "products/ismc/ismc.hpp"
 #include "rig.hpp"
 
-// Every object of the ISMC manual (tests/data/ismc_od.csv) against the running drive: type, access, PDO mapping,
-// default, range, unit. What differs is listed with its reason, and the list may hold nothing that does not differ.
+// Compares every object of the ISMC manual (tests/data/ismc_od.csv) with the running drive: type, access, PDO mapping,
+// default, range, unit. Differences are listed with their reasons, and the list must not contain entries without a
+// difference.
 namespace servodrome {
 namespace ismc_objects_test {
 namespace {
@@ -14,16 +15,16 @@ using dictionary::Entry;
 using products::Ismc;
 
 const std::vector<test::Difference> differences{
-    // The error register may be mapped by CiA 301.
+    // CiA 301 allows mapping of the error register.
     {0x1001, test::any_sub, "pdo"},
-    // Bits 15 to 0 alone are milliseconds.
+    // Only bits 15 to 0 are milliseconds.
     {0x1016, test::any_sub, "unit"},
     // PDO 3 and 4 are invalid from the factory (ch. 2.6.2, 'PDO CAN identifier', G7).
     {0x1402, test::any_sub, "default"},
     {0x1403, test::any_sub, "default"},
     {0x1802, test::any_sub, "default"},
     {0x1803, test::any_sub, "default"},
-    // More than eight objects are refused by the node, with 0604 0042h where they are too long.
+    // The node refuses more than eight objects, with 0604 0042h if they are too long.
     {0x1600, test::any_sub, "max"},
     {0x1601, test::any_sub, "max"},
     {0x1602, test::any_sub, "max"},
@@ -32,7 +33,7 @@ const std::vector<test::Difference> differences{
     {0x1A01, test::any_sub, "max"},
     {0x1A02, test::any_sub, "max"},
     {0x1A03, test::any_sub, "max"},
-    // Values between the ends are missing, so the drive itself refuses what is not there, with 0609 0030h (G13, G14).
+    // Some values within the range do not exist; the drive refuses them with 0609 0030h (G13, G14).
     {0x605A, test::any_sub, "min"},
     {0x605A, test::any_sub, "max"},
     {0x605B, test::any_sub, "min"},
@@ -47,7 +48,7 @@ const std::vector<test::Difference> differences{
     {0x6060, test::any_sub, "max"},
     {0x6061, test::any_sub, "min"},
     {0x6061, test::any_sub, "max"},
-    // Accepted, and a fault when a motion is planned: 6285h, 6286h, 6287h, 6553h (G39b).
+    // Accepted by the object; a fault when a motion is planned: 6285h, 6286h, 6287h, 6553h (G39b).
     {0x2117, test::any_sub, "min"},
     {0x2117, test::any_sub, "max"},
     {0x6086, test::any_sub, "min"},
@@ -55,7 +56,7 @@ const std::vector<test::Difference> differences{
     {0x6088, test::any_sub, "min"},
     {0x6088, test::any_sub, "max"},
     {0x60C2, test::any_sub, "min"},
-    // The manual's mapping column is incomplete: all process data may be mapped (G44).
+    // The manual's mapping column is incomplete: all process data can be mapped (G44).
     {0x6062, test::any_sub, "pdo"},
     {0x6063, test::any_sub, "pdo"},
     {0x6069, test::any_sub, "pdo"},
@@ -81,14 +82,14 @@ TEST(IsmcObjects, AreThoseOfTheManual) {
   EXPECT_EQ(test::compare_objects(rig.device.dictionary(), 1, test::read_csv("ismc_od.csv"), differences), 204U);
 }
 
-// The settings of the maker's tool, and what CiA 402 requires beside the manual's objects. Each is in the README.
+// The settings of the maker's tool, and objects that CiA 402 requires in addition to the manual. Each is in the README.
 TEST(IsmcObjects, NoOthers) {
   EXPECT_EQ(test::unlisted_objects(Ismc::table, test::read_csv("ismc_od.csv")),
             "2F10h:0 2F11h:0 2F12h:0 2F12h:1 2F12h:2 2F12h:3 2F12h:4 2F12h:5 2F12h:6 2F13h:0 2F14h:0 2F15h:0 2F16h:0 "
             "2F17h:0 2F18h:0 603Fh:0 60C2h:0 60C2h:2 6502h:0");
 }
 
-// Every object that may be written takes its limits, and nothing beyond them.
+// Every writable object accepts its limits, and no value beyond them.
 TEST(IsmcObjects, RangesHoldAtTheirEnds) {
   test::Rig<Ismc> rig;
   rig.run_ms(1);
@@ -102,7 +103,7 @@ TEST(IsmcObjects, RangesHoldAtTheirEnds) {
     if (entry.minimum > dictionary::minimum_of(entry.type)) {
       EXPECT_EQ(rig.set(entry.index, entry.sub, entry.minimum - 1), AbortCode::value_too_low);
     }
-    if (entry.index == 0x2401) continue;  // needs a store: below
+    if (entry.index == 0x2401) continue;  // needs a memory; tested below
     for (const std::int64_t value : {entry.minimum, entry.maximum}) {
       EXPECT_EQ(rig.set(entry.index, entry.sub, value), AbortCode::none) << value;
       EXPECT_EQ(rig.get(entry.index, entry.sub), value);

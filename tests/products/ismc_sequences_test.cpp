@@ -1,5 +1,5 @@
-// Sequences of commands and events that a user of the ISMC drive meets: limit switches outside of homing, homing with
-// half of its speeds, a clamped profile velocity, an encoder that has failed.
+// Sequences of commands and events in the use of an ISMC drive: limit switches outside of homing, homing with only one
+// of its speeds set, a clipped profile velocity, a failed encoder.
 #include <algorithm>
 #include <gtest/gtest.h>
 
@@ -16,7 +16,7 @@ using products::Ismc;
 using Axis = test::Rig<Ismc>;
 
 constexpr std::int64_t speed = 500000;  // counts/s
-constexpr int negative_limit = 0;       // wires, as the factory has them (2F12h)
+constexpr int negative_limit = 0;       // inputs with the factory assignment (2F12h)
 constexpr int positive_limit = 1;
 constexpr std::uint16_t state_mask = 0x4F;
 constexpr std::uint16_t in_fault = 0x08;
@@ -47,7 +47,7 @@ bool sent_emergency(const Axis& axis, std::uint16_t code) {
 
 // --- Limit switches outside of homing (ch. 5, 8612h)
 
-// How the axis is made to run towards an end, and away from it.
+// How the axis moves towards an end, and away from it.
 struct Motion {
   const char* name;
   std::int8_t mode;
@@ -65,7 +65,7 @@ void torque(Axis& axis, int direction) { must_set(axis, 0x6071, 0, direction * 2
 void stream(Axis& axis, int direction) {
   std::int64_t target = axis.get(0x6064);
   for (int i = 1; i <= 450 && (axis.status() & state_mask) != in_fault; ++i) {
-    target += direction * std::clamp(10 * (440 - i), 0, 400);  // comes to rest: a step back would be towards the switch
+    target += direction * std::clamp(10 * (440 - i), 0, 400);  // stops; a step back would lead to the switch
     must_set(axis, 0x607A, 0, target);
     axis.run_ms(1);
   }
@@ -92,7 +92,7 @@ TEST(IsmcLimitSwitch, OneThatIsMetOutsideOfHomingIsFault8612) {
       motion.towards(axis, direction);
       axis.run_ms(100);
       ASSERT_EQ(axis.status() & 0x6F, 0x27);
-      if (motion.mode == 8) {  // the master streams on while the switch closes
+      if (motion.mode == 8) {  // the master continues to send targets while the switch closes
         axis.plant.force_input(ahead, true);
         stream(axis, direction);
       } else {
@@ -104,7 +104,8 @@ TEST(IsmcLimitSwitch, OneThatIsMetOutsideOfHomingIsFault8612) {
       axis.run_ms(300);
       EXPECT_FALSE(axis.actuation.pwm_enabled);
 
-      // Reset on the switch: towards it is the fault again before the axis moves, away from it it runs.
+      // After a reset on the switch, a motion towards it causes the fault again before the axis moves; a motion away is
+      // possible.
       must_set(axis, 0x60FF, 0, 0);
       must_set(axis, 0x6071, 0, 0);
       must_set(axis, 0x607A, 0, axis.get(0x6064));
@@ -214,7 +215,7 @@ TEST(IsmcHoming, ARetractionNeedsTheSlowSpeed) {
   EXPECT_EQ(axis.get(0x603F), 0x6280);
 }
 
-// --- What masters write, and what they are told
+// --- Writes of masters, and their answers
 
 TEST(IsmcObjects, TheInterpolationTimeIndexIsMilliseconds) {
   Axis axis;
@@ -250,7 +251,7 @@ TEST(IsmcProfilePosition, Bit11TellsThatTheVelocityIsClamped) {
   EXPECT_EQ(axis.status() & 0x0800, 0) << "as fast as asked for";
 }
 
-// --- An encoder that has failed says so until it loses its supply (ch. 5)
+// --- A failed encoder is reported until it loses its supply (ch. 5)
 
 TEST(IsmcEncoder, AnInternalErrorStaysUntilPowerOff) {
   struct Row {
@@ -271,7 +272,7 @@ TEST(IsmcEncoder, AnInternalErrorStaysUntilPowerOff) {
     axis.run_ms(20);
     reset_fault(axis);
     EXPECT_EQ((axis.status() & state_mask) == in_fault, row.latched);
-    // NMT reset node starts the firmware anew, not the encoder.
+    // NMT reset node restarts the firmware, not the encoder.
     for (const std::uint8_t command : {std::uint8_t{0x81}, std::uint8_t{0x82}}) {
       axis.sent.clear();
       axis.send(0, {command, 0});

@@ -5,8 +5,8 @@
 #include "fault_cases.hpp"
 #include "ismk_rig.hpp"
 
-// Every alarm of the iSMK manual (tests/data/ismk_alarms.csv), raised by its cause; by injection where no cause is in
-// this drive.
+// Every alarm of the iSMK manual (tests/data/ismk_alarms.csv), raised by its cause, or by injection if the cause is not
+// in this drive.
 namespace servodrome {
 namespace ismk_alarms_test {
 namespace {
@@ -23,13 +23,13 @@ using Action = std::function<void(IsmkRig&)>;
 
 enum class Cut : std::uint8_t {
   by_option_code,  // 605Eh
-  angle_lost,      // of 605Eh only braking by short circuit
+  angle_lost,      // of 605Eh only braking by short circuit is possible
   at_once,
 };
 enum class Reset : std::uint8_t { by_controlword, by_clearing_turns, by_restart };
 
 struct Case {
-  std::string place;  // the column "bit"; where it is empty, the column "code"
+  std::string place;  // the column "bit"; if that is empty, the column "code"
   Action prepare;     // leaves the drive in Operation enabled
   Action raise;
   Action remove = [](IsmkRig&) {};
@@ -45,7 +45,7 @@ void set(IsmkRig& rig, std::uint16_t index, std::uint8_t sub, std::int64_t value
 }
 std::int64_t dec(double rpm) { return std::llround(products::ismk::velocity_dec_from_rpm(rpm)); }
 
-// --- How the axis is when the alarm comes
+// --- The state of the axis when the alarm occurs
 
 void turn(IsmkRig& rig, double rpm) {
   set(rig, 0x6060, 0, 3);
@@ -115,7 +115,7 @@ void guarded(IsmkRig& rig) {
   rig.run_ms(100);
 }
 
-// --- What happens to it
+// --- The cause of the alarm
 
 Action inject(Injection injection) {
   return [injection](IsmkRig& rig) { rig.plant.inject(injection, true); };
@@ -204,24 +204,24 @@ std::vector<Case> cases() {
   };
 }
 
-// --- What the manual says of it
+// --- The manual's data about the alarm
 
 struct Expected {
   std::uint16_t code;
   std::uint8_t error_register;
   AlarmWords words;
-  std::uint16_t mask_1 = 0;  // the bits of 2605h sub 1 and 4 that switch it off
+  std::uint16_t mask_1 = 0;  // the bits of 2605h sub 1 and 4 that mask it
   std::uint16_t mask_2 = 0;
 };
 
 Expected expected(const test::CsvRow& row) {
   const std::string& place = row.at("bit");
   Expected result{};
-  if (place.empty()) {  // FFF.F: of the motor's configuration, as 2602h bit 4
+  if (place.empty()) {  // FFF.F: of the motor's configuration, like 2602h bit 4
     result = {0x6320, 0x01, {1, 0x0010, 0}, 0, 0x0010};
     return result;
   }
-  if (place == "2601 bit 0") {  // by the alarm of 2602h that the case raises
+  if (place == "2601 bit 0") {  // the alarm of 2602h that the case raises sets it
     return {0x7306, 0x41, {1, 0x8000, 0}, 0, 0x8000};
   }
   result.code = static_cast<std::uint16_t>(std::stoul(row.at("emcy_code"), nullptr, 16));
@@ -234,7 +234,7 @@ Expected expected(const test::CsvRow& row) {
     result.mask_2 = bit;
   } else {
     result.words.extension = bit;
-    switch (bit) {  // which bit it details (column "note" of the file)
+    switch (bit) {  // the bit whose details this alarm has (column "note" of the file)
       case 1U << 0: result.mask_2 = 1U << 0; break;
       case 1U << 1:
       case 1U << 2: result.mask_1 = 1U << 8; break;
@@ -275,7 +275,7 @@ void reset_edge(IsmkRig& rig) {
   rig.run_ms(3);
 }
 
-// The reaction from its first tick to the end, when the power stage is off.
+// The reaction from its first tick until the power stage is off.
 void check_reaction(IsmkRig& rig, const Case& alarm, std::int16_t option_code) {
   auto& drive = rig.device.drive();
   const double velocity = drive.axis().generator.velocity();
@@ -293,7 +293,7 @@ void check_reaction(IsmkRig& rig, const Case& alarm, std::int16_t option_code) {
     if (ramp) {
       const double deceleration = static_cast<double>(rig.get(option_code == 1 ? 0x6084 : 0x6085)) /
                                   products::ismk::acceleration_dec_per_inc_s2;
-      // The ramp, and then until the shaft stands.
+      // The ramp, and then the time until the shaft stands.
       EXPECT_GE(seconds, std::abs(velocity) / deceleration - 0.003);
       EXPECT_LE(seconds, std::abs(velocity) / deceleration + 0.02);
       EXPECT_LT(std::abs(rig.plant.velocity_rpm()), 10.0);
@@ -307,14 +307,14 @@ void check_reaction(IsmkRig& rig, const Case& alarm, std::int16_t option_code) {
   EXPECT_FALSE(rig.actuation.short_circuit);
 }
 
-// With a bleeder that takes the DC link from 75 V to 70 V in a few milliseconds.
+// With a bleeder that discharges the DC link from 75 V to 70 V in a few milliseconds.
 plant::Parameters bled_plant() {
   plant::Parameters parameters = test::ismk_plant();
   parameters.supply.bleeder_resistance_ohm = 20.0;
   return parameters;
 }
 
-// One life of an alarm.
+// One alarm from cause to reset.
 void check(const Case& alarm, const test::CsvRow& row, std::int16_t option_code) {
   SCOPED_TRACE("605Eh = " + std::to_string(option_code) + " " + alarm.variant);
   const Expected want = expected(row);
@@ -347,7 +347,7 @@ void check(const Case& alarm, const test::CsvRow& row, std::int16_t option_code)
     EXPECT_EQ(std::string(products::ismk::display_code(want.words.state_2).data()), row.at("code"));
   }
 
-  // 2605h sub 2 and 5 as from the factory: not 2601h bit 10, not 2602h bits 9 to 11.
+  // Factory settings of 2605h sub 2 and 5: without 2601h bit 10 and 2602h bits 9 to 11.
   const bool kept = (want.mask_1 & 0xFBFF) != 0 || (want.mask_2 & 0xF1FF) != 0;
   const auto& log = rig.device.alarm_log();
   ASSERT_EQ(log.size(), kept ? 1U : 0U);
@@ -399,8 +399,8 @@ void check(const Case& alarm, const test::CsvRow& row, std::int16_t option_code)
   EXPECT_EQ(rig.device.alarm_log().size(), kept ? 1U : 0U) << "the history stays";
 }
 
-// 2605h sub 1 and 4: a masked alarm is neither raised nor stopped on. What a spoilt encoder leads to later is another
-// alarm.
+// 2605h sub 1 and 4: a masked alarm is neither raised nor causes a stop. Later consequences of a damaged encoder are
+// another alarm.
 void check_masked(const Case& alarm, const test::CsvRow& row) {
   SCOPED_TRACE(std::string("masked ") + alarm.variant);
   const Expected want = expected(row);
@@ -452,7 +452,7 @@ TEST(IsmkAlarms, EveryRowOfTheManualByItsCause) {
   for (const Case& alarm : all) EXPECT_TRUE(in_manual.contains(alarm.place)) << alarm.place;
 }
 
-// Each row of the drive's table shows somewhere in the manual's.
+// Each row of the drive's table occurs in the manual's table.
 TEST(IsmkAlarms, TheDriveHasNoOthers) {
   std::set<std::pair<std::uint16_t, std::uint16_t>> in_manual;  // code, place
   for (const test::CsvRow& row : test::read_csv("ismk_alarms.csv")) {
@@ -465,7 +465,7 @@ TEST(IsmkAlarms, TheDriveHasNoOthers) {
   }
 }
 
-// 2601h bit 0 says that 2602h is not 0. Masked, it says nothing; the alarm itself is another bit.
+// 2601h bit 0 shows that 2602h is not 0. If that alarm is masked, the bit is 0; the alarm itself is another bit.
 TEST(IsmkAlarms, SummaryBit) {
   IsmkRig rig;
   set(rig, 0x2605, 1, 0xFFFE);
@@ -501,7 +501,7 @@ TEST(IsmkAlarms, SeveralAtATime) {
   EXPECT_EQ(words(rig).state, 0);
 }
 
-// The history keeps the last 8, the newest first, over power cycles too (ch. 10.1).
+// The history keeps the last 8 alarms, the newest first, also over power cycles (ch. 10.1).
 TEST(IsmkAlarms, HistoryOfEight) {
   IsmkRig rig;
   set(rig, 0x6060, 0, 3);
@@ -543,20 +543,20 @@ TEST(IsmkAlarms, HistoryRecordsTheMoment) {
   EXPECT_NEAR(record.velocity_rpm, 600.0F, 10.0F);
   EXPECT_NEAR(record.dc_link_v, 48.0F, 1.0F);
   EXPECT_NEAR(record.temperature_c, 180.0F, 0.1F);
-  // 0.6 Nm of load and a little friction by the torque constant.
+  // 0.6 Nm of load plus a little friction, divided by the torque constant.
   EXPECT_NEAR(record.current_a, 0.61F / rig.device.rating().motor.torque_constant_nm_per_a, 0.6F);
   EXPECT_EQ(record.mode, 3);
   EXPECT_TRUE(record.power_stage_on);
 }
 
-// 2605h sub 2, 3, 5, 6: which alarms are kept, while the motor is enabled and while it is not.
+// 2605h sub 2, 3, 5, 6: which alarms are stored in the history, while the motor is enabled and while it is not.
 TEST(IsmkAlarms, StoreMasks) {
   struct Row {
     Cause cause;
     std::uint8_t on_sub;
     std::uint8_t off_sub;
     std::uint16_t bit;
-    bool kept_on;   // as from the factory
+    bool kept_on;   // factory setting
     bool kept_off;  //
   };
   for (const Row& row :
@@ -580,7 +580,7 @@ TEST(IsmkAlarms, StoreMasks) {
   }
 }
 
-// 6007h = 0, the default: a lost master is no alarm (Table 9-26).
+// 6007h = 0, the default: the loss of the master is not an alarm (Table 9-26).
 TEST(IsmkAlarms, LostMasterIsIgnoredUnlessAsked) {
   IsmkRig rig;
   set(rig, 0x100C, 0, 50);
@@ -595,7 +595,7 @@ TEST(IsmkAlarms, LostMasterIsIgnoredUnlessAsked) {
   EXPECT_EQ(rig.get(0x1001), 0);
 }
 
-// The alarm of spoilt values is raised by spoilt values: what was stored is damaged when power comes.
+// The alarm for damaged values needs damaged values: the stored data are damaged before power-on.
 TEST(IsmkAlarms, DamagedMemory) {
   std::array<std::byte, 16384> bytes{};
   dictionary::RamMedium medium(bytes);
@@ -612,7 +612,7 @@ TEST(IsmkAlarms, DamagedMemory) {
     stored.run_ms(3);
     EXPECT_EQ(stored.get(0x2601), 0);
   }
-  // A bit of the bank that holds the values.
+  // A bit of the bank that contains the values.
   for (const std::size_t bank : {std::size_t{0}, bytes.size() / 2}) bytes[bank + 40] ^= std::byte{1};
   IsmkRig damaged(test::ismk_plant(), settings);
   damaged.run_ms(3);
@@ -628,7 +628,7 @@ TEST(IsmkAlarms, DamagedMemory) {
   EXPECT_EQ(damaged.get(0x2601), 0);
 }
 
-// 2FF0h sub 10h and 11h. The motor may carry its rated current for ever, the power stage its continuous current.
+// 2FF0h sub 10h and 11h. The motor can carry its rated current permanently, the power stage its continuous current.
 TEST(IsmkAlarms, UtilisationOfMotorAndDrive) {
   IsmkRig rig("40-010");
   rig.plant.lock_rotor(true);

@@ -3,8 +3,8 @@
 #include "frames.hpp"
 #include "ismk_rig.hpp"
 
-// Where the iSMK's CANopen side is not plain CiA 301 (ch. 9 of its manual), interpolation on SYNC, storing and
-// restarting.
+// Differences between the iSMK's CANopen interface and CiA 301 (ch. 9 of its manual), interpolation on SYNC, storing
+// and restarting.
 namespace servodrome {
 namespace ismk_canopen_test {
 namespace {
@@ -38,7 +38,7 @@ TEST(IsmkCanopen, AbortCodesOfTheTable) {
   EXPECT_EQ(sdo(rig, "601 # 2F 60 60 00 02 00 00 00"), "581 # 80 60 60 00 30 00 09 06");
   EXPECT_EQ(sdo(rig, "601 # 2F 60 60 00 08 00 00 00"), "581 # 80 60 60 00 31 00 09 06");
   EXPECT_EQ(sdo(rig, "601 # 2F 60 60 00 F0 00 00 00"), "581 # 80 60 60 00 32 00 09 06");
-  // A collision method, which Table 5-15 does not have, and 607Eh while enabled (ch. 5.2).
+  // A method with a hard stop, which Table 5-15 does not have, and 607Eh while enabled (ch. 5.2).
   EXPECT_EQ(sdo(rig, "601 # 2F 98 60 00 FF 00 00 00"), "581 # 80 98 60 00 30 00 09 06");
   EXPECT_EQ(sdo(rig, "601 # 2F 98 60 00 00 00 00 00"), "581 # 60 98 60 00 00 00 00 00") << "the factory value";
   rig.control(0x0F);
@@ -50,7 +50,8 @@ TEST(IsmkCanopen, AbortCodesOfTheTable) {
   EXPECT_EQ(sdo(rig, "601 # 23 00 1A 01 10 00 67 60"), "581 # 80 00 1A 01 41 00 04 06");
 }
 
-// Table 9-9, ch. 9.3.2 against ch. 8.4.2: the rest of an upload is the sign of the value as it is stored.
+// Table 9-9, ch. 9.3.2 compared with ch. 8.4.2: the remaining bytes of an upload are the sign extension of the stored
+// value.
 TEST(IsmkCanopen, PaddingIsTheSign) {
   IsmkRig rig;
   rig.run_ms(5);
@@ -85,7 +86,7 @@ TEST(IsmkCanopen, PdosOfTheExample) {
   rig.run_ms(500);
   EXPECT_EQ(frames_of(rig, 0x181), 10U) << "50 ms apart";
   EXPECT_EQ(rig.sent.back().length, 6);
-  // At every SYNC, and then by the event timer.
+  // At every SYNC, and by the event timer.
   rig.control(0x06);
   rig.run_ms(1000);
   rig.set(0x1800, 1, 0x80000181);
@@ -107,7 +108,7 @@ TEST(IsmkCanopen, PdosOfTheExample) {
   EXPECT_NEAR(static_cast<double>(frames_of(rig, 0x181)), 10.0, 1.0);
 }
 
-// "Supports all 256 transmission modes" (ch. 9.3.3.3), in both directions: what CiA 301 reserves works as 254.
+// "Supports all 256 transmission modes" (ch. 9.3.3.3), in both directions: types that CiA 301 reserves work like 254.
 TEST(IsmkCanopen, EveryTransmissionType) {
   IsmkRig rig;
   rig.run_ms(5);
@@ -228,7 +229,7 @@ TEST(IsmkInterpolation, LostAndUnexpectedSyncsAreCounted) {
   rig.run_ms(12.0);  // three are missing
   rig.step(0, 4.0);
   EXPECT_EQ(rig.get(0x3011, 4), 3);
-  for (int i = 0; i < 10; ++i) rig.step(0, 1.0);  // another period than the one that is set
+  for (int i = 0; i < 10; ++i) rig.step(0, 1.0);  // a different period than the configured one
   EXPECT_GT(rig.get(0x3011, 4), 8);
   EXPECT_EQ(rig.status() & 0xFF, 0x37) << "it is counted, no more";
 }
@@ -284,7 +285,7 @@ TEST(IsmkStorage, WhatIsStoredAndWhatIsNot) {
   EXPECT_EQ(rig.set(0x2FF0, 3, 1), AbortCode::none);
   restart(rig);
   EXPECT_EQ(rig.get(0x6410, 0x12), 200);
-  // 10 initialises the control parameters; for good when they are stored.
+  // 10 initialises the control parameters; permanently, if they are stored.
   EXPECT_EQ(rig.set(0x2FF0, 1, 10), AbortCode::none);
   EXPECT_EQ(rig.get(0x6083), 107374);
   EXPECT_EQ(rig.get(0x6410, 0x12), 200);
@@ -297,7 +298,7 @@ TEST(IsmkStorage, WhatIsStoredAndWhatIsNot) {
   for (const int command : {2, 9}) EXPECT_EQ(rig.set(0x2FF0, 1, command), AbortCode::value_invalid);
 }
 
-// The shape of the ramps follows 60FBh sub 4, back to the factory's as well.
+// The shape of the ramps follows 60FBh sub 4, also back to the factory setting.
 TEST(IsmkStorage, InitialisingTakesBackTheSCurve) {
   IsmkRig rig;
   rig.run_ms(5);

@@ -8,7 +8,7 @@
 #include "ethercat_rig.hpp"
 #include "ismk_rig.hpp"
 
-// The iSMK's variant EA: the dictionary of AA on the other bus, and each mode over process data.
+// The iSMK's variant EA: the dictionary of AA on EtherCAT, and each mode over process data.
 namespace servodrome::test {
 namespace ismk_ea_test {
 namespace {
@@ -74,7 +74,7 @@ TEST(IsmkEaDictionary, IsThatOfVariantAa) {
     if (!of_the_bus(entry)) aa.push_back(&entry);
   }
   for (const auto& entry : IsmkEa::table) {
-    if (!of_the_bus(entry) && entry.index != 0x60C2) ea.push_back(&entry);  // of mode 8, which the EA has besides
+    if (!of_the_bus(entry) && entry.index != 0x60C2) ea.push_back(&entry);  // belongs to mode 8, which only the EA has
   }
   ASSERT_EQ(aa.size(), ea.size());
   for (std::size_t i = 0; i < aa.size(); ++i) {
@@ -82,7 +82,7 @@ TEST(IsmkEaDictionary, IsThatOfVariantAa) {
     ASSERT_EQ(a.key(), b.key());
     EXPECT_STREQ(a.name, b.name) << std::hex << a.index;
     EXPECT_STREQ(a.unit, b.unit);
-    if (a.index == 0x6060) {  // has mode 8 besides
+    if (a.index == 0x6060) {  // also has mode 8
       EXPECT_EQ(b.maximum, a.maximum + 1);
       continue;
     }
@@ -91,7 +91,7 @@ TEST(IsmkEaDictionary, IsThatOfVariantAa) {
         << std::hex << a.index;
     EXPECT_EQ(a.default_value, b.default_value) << std::hex << a.index;
   }
-  // The station number of the RS485 port stays, CANopen's objects do not.
+  // The station number of the RS485 port is kept, the objects of CANopen are not.
   Bus bus;
   EXPECT_EQ(bus.get(0x100B), 1);
   for (const std::uint16_t index :
@@ -176,11 +176,11 @@ TEST_P(IsmkEaModes, Interpolation) {
     bus.put<std::int32_t>(Bus::Out::position, begin + static_cast<std::int32_t>(20000 * (1 - std::cos(phase))));
   });
   EXPECT_NEAR(bus.position(), begin + 40000, 65);
-  EXPECT_LE(bus.get(0x3011, 4), 1);  // set-points that were lost
+  EXPECT_LE(bus.get(0x3011, 4), 1);  // lost set-points
 }
 
-// Mode 8 as masters use it that know nothing of this drive: 6060h = 8, enabled, 607Ah from 6064h on. With SYNC0 its
-// cycle is the time between targets, without it 60C2h.
+// Mode 8 with a master that has no special support for this drive: 6060h = 8, enabled, 607Ah from 6064h on. With SYNC0
+// its cycle is the time between targets, without SYNC0 60C2h is.
 TEST_P(IsmkEaModes, CyclicSynchronousPosition) {
   bus.to_pre_operational();
   ASSERT_EQ(bus.download(0x6060, 0, 8, 1), dictionary::AbortCode::none);
@@ -201,15 +201,15 @@ TEST_P(IsmkEaModes, CyclicSynchronousPosition) {
   });
   EXPECT_LT(greatest_lag, 160.0) << "the demand is two milliseconds behind";  // 78 counts/ms at most
   EXPECT_NEAR(bus.position(), begin + 40000, 65);
-  // On its way again, quick stop, and back: no target of before is followed.
+  // In motion, quick stop, and back: no earlier target is followed.
   bus.put<std::int32_t>(Bus::Out::position, begin + 40000);
   bus.word(0x0B, 200);
   EXPECT_NE(bus.status() & 0xFF, 0x37);
   EXPECT_EQ(bus.status() & 0x1000, 0);
 }
 
-// 607Ah far from where the axis is when mode 7 or 8 begins: caught up with at 6080h by 6083h and 6084h. Bit 12 of mode
-// 8 is 0 meanwhile; that of mode 7 is bit 4 of the controlword.
+// 607Ah is far from the axis when mode 7 or 8 begins: the axis approaches it at 6080h with 6083h and 6084h. During
+// this, bit 12 of mode 8 is 0; bit 12 of mode 7 equals bit 4 of the controlword.
 TEST(IsmkEaFirstTarget, ThatIsFarIsCaughtUpWith) {
   for (const auto& [mode, sync0_ns] :
        {std::pair<std::int8_t, std::uint32_t>{7, 0}, {7, 1'000'000}, {8, 0}, {8, 1'000'000}}) {
@@ -323,7 +323,7 @@ TEST(IsmkEaStorage, AsOnCan) {
   EXPECT_EQ(bus.download(0x2FF0, 1, 1, 1), dictionary::AbortCode::none);
   EXPECT_EQ(bus.download(0x2FFF, 0, 0xAA55, 2), dictionary::AbortCode::none);  // restart
   bus.run_ms(25);
-  EXPECT_EQ(bus.al_status(), bus.good(1));  // the controller begins anew
+  EXPECT_EQ(bus.al_status(), bus.good(1));  // the controller restarts
   EXPECT_EQ(bus.get(0x607C), 777);
   EXPECT_EQ(bus.get(0x6081), 0);  // not stored (ch. 7.5, 2508.09)
 }

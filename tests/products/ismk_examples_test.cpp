@@ -3,11 +3,11 @@
 #include "frames.hpp"
 #include "ismk_rig.hpp"
 
-// The worked examples of the CANopen chapter of the iSMK manual (ch. 9.3.2), byte by byte, and the motions they make.
-// The refusal of ch. 9.3.2 is left out: it shows the form of an abort with a code that 607Ah never earns.
+// The worked examples of the CANopen chapter of the iSMK manual (ch. 9.3.2), byte by byte, and their motions. The
+// refusal of ch. 9.3.2 is omitted: it shows the format of an abort with a code that 607Ah cannot return.
 //
-// Statusword bit 9 is 0 in all printed words although the text says 1 for bus control (Table 5-5): they come from a
-// drive one of whose inputs has the function Enable, and so has this one (C7).
+// Statusword bit 9 is 0 in all printed words, although the text says that it is 1 for bus control (Table 5-5): they
+// come from a drive with the function Enable on one of its inputs, and the drive of this test has it too (C7).
 namespace servodrome {
 namespace ismk_examples_test {
 namespace {
@@ -28,7 +28,7 @@ const std::vector<Step> homing{
     {"601 # 23 99 60 01 03 9D 36 00", "581 # 60 99 60 01 03 9D 36 00"},
     {"601 # 23 99 60 02 82 4E 1B 00", "581 # 60 99 60 02 82 4E 1B 00"},
     {"601 # 2B 40 60 00 1F 00 00 00", "581 # 60 40 60 00 1F 00 00 00", 2000},
-    {"601 # 40 41 60 00 00 00 00 00", "581 # 4B 41 60 00 37 C0 FF FF"},  // ch. 8.3.2: while it is enabled
+    {"601 # 40 41 60 00 00 00 00 00", "581 # 4B 41 60 00 37 C0 FF FF"},  // ch. 8.3.2: while the drive is enabled
     {"601 # 2B 40 60 00 06 00 00 00", "581 # 60 40 60 00 06 00 00 00"},
     {"601 # 40 41 60 00 00 00 00 00", "581 # 4B 41 60 00 31 C0 FF FF"},  // Table 9-9: after 06 (C6)
 };

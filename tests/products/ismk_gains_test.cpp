@@ -26,7 +26,7 @@ const drive::MotorData& motor_of(std::string_view rating) {
 const drive::Gains& gains_of(FactoryIsmkRig& rig) { return rig.device.drive().configuration().gains; }
 
 TEST(IsmkGains, KvpIsTheManualsFormula) {
-  // The constant is made of the units of the manual: see gains.hpp.
+  // The constant follows from the units of the manual: see gains.hpp.
   EXPECT_DOUBLE_EQ(4.0 * 1.414 * 2048.0 / 16.384 * 1e-4 * 262144.0 * 10.0, 1.853358080e5);
   // Ch. 6.2.1 for the 60-040: J 0.31 kg cm^2, Kt 3.81 Nm / 48 Ap, Imax 48.0 Ap.
   const double kt = 3.81 / (48.0 / std::numbers::sqrt2) * 100.0;
@@ -39,7 +39,7 @@ TEST(IsmkGains, KvpIsTheManualsFormula) {
     EXPECT_NEAR(products::ismk::bandwidth_of_kvp(products::ismk::kvp_of_bandwidth(70.0, inertia, model.motor), inertia,
                                                  model.motor),
                 70.0, 1e-9);
-    // In physical units: the loop's gain crosses 1 at the bandwidth. The manual's 1.414 leaves 0.02 %.
+    // In physical units: the loop's gain is 1 at the bandwidth. The manual's factor 1.414 causes an error of 0.02 %.
     const double kp =
         products::ismk::kvp_of_bandwidth(70.0, inertia, model.motor) * products::ismk::velocity_kp_unit(model.motor);
     const double crossover = kp * static_cast<double>(model.motor.torque_constant_nm_per_a) / inertia;
@@ -84,14 +84,14 @@ TEST(IsmkGains, UnitsOfTheTable) {
   EXPECT_FLOAT_EQ(gains_of(rig).velocity_feed_forward, 0.85F);
   EXPECT_EQ(rig.get(0x60FB, 2), 850);
 
-  // Velocity_BW and kvp are two views of one (Table 6-2), for the inertia known: the rotor's.
+  // Velocity_BW and kvp are two forms of one value (Table 6-2), for the known inertia, which is the rotor's.
   rig.set(0x2FF0, 0x0A, 100);
   EXPECT_EQ(rig.get(0x60F9, 1), 16);
   EXPECT_EQ(rig.get(0x2FF0, 0x0A), 100);
   rig.set(0x60F9, 1, 32);
   EXPECT_EQ(rig.get(0x2FF0, 0x0A), 199);
 
-  // ACC % = 6746518 / K_Acc_FF / Easy_Kload x 100 (ch. 6.2.2): smaller is stronger.
+  // ACC % = 6746518 / K_Acc_FF / Easy_Kload x 100 (ch. 6.2.2): a smaller value is stronger.
   const double full = products::ismk::full_acceleration_feed_forward(0.31e-4, motor_of("60-040"));
   rig.set(0x2FF0, 0x1B, 1000);
   EXPECT_EQ(rig.get(0x60FB, 3), std::lround(full));
@@ -130,7 +130,7 @@ TEST(IsmkGains, SpeedModesAreThePrintedOnes) {  // Table 6-2
     }
   }
   for (const int code : {3, 5, 9, 13, 15, 64, 0x83}) EXPECT_EQ(rig.set(0x60F9, 6, code), AbortCode::value_invalid);
-  // The rates of a motor under power stay until it is off.
+  // The rates of a motor with power do not change until it is off.
   rig.set(0x60F9, 6, 0);
   ASSERT_TRUE(rig.enable());
   rig.set(0x60F9, 6, 0x80);
@@ -164,7 +164,7 @@ TEST(IsmkGains, NotchesByTheirCode) {  // ch. 6.2.1
   EXPECT_EQ(frequencies(), (std::array<float, 4>{700.0F, 800.0F, 0.0F, 1000.0F}));
 }
 
-// Whatever is written to the loops while the axis runs, in whatever order: the numbers stay numbers.
+// Random writes to the loops while the axis runs, in any order: all values stay finite.
 TEST(IsmkGains, NoValueMakesTheLoopsLoseTheirNumbers) {
   std::vector<const dictionary::Entry*> entries;
   for (const dictionary::Entry& entry : products::Ismk::table) {
@@ -202,7 +202,7 @@ TEST(IsmkGains, NoValueMakesTheLoopsLoseTheirNumbers) {
 
 // --- Bandwidth by frequency response
 
-// The velocity loop of an axis in mode 3 without ramps, whose reference is a sine about 300 rpm.
+// The velocity loop of an axis in mode 3 without ramps; the reference is a sine around 300 rpm.
 struct Response {
   std::complex<double> closed;  // speed by reference
   std::complex<double> open;
@@ -230,16 +230,17 @@ Response response(FactoryIsmkRig& rig, double hz) {
       out += window * turn * (speed - 300.0);
     }
   }
-  // Of a velocity period of two ticks: the reference was taken as held, half a tick late in the mean, and the measured
-  // speed is a difference over the period, half of which it is late.
+  // Corrections for a velocity period of two ticks: the reference counts as held, which is half a tick late on average;
+  // the measured speed is a difference over the period and half a period late.
   in *= std::polar(1.0, w * 0.5 * drive::tick_seconds);
   const std::complex<double> measured = std::polar(1.0, -w * drive::tick_seconds);
   const std::complex<double> closed = out / in;
   return {closed, closed / (1.0 - closed * measured)};
 }
 
-// A P loop without feedback filter on the bare rotor, at whatever kvp: it crosses 1 where the formula says. The closed
-// loop's -3 dB lies a little higher, the higher the more the delays of sampling and current loop count.
+// A P loop without feedback filter on the bare rotor, for any kvp: its gain is 1 at the frequency of the formula. The
+// -3 dB frequency of the closed loop is a little higher, and increases with the influence of the delays of sampling and
+// current loop.
 TEST(IsmkGains, BandwidthIsWhatTheFormulaSays) {
   for (const products::Model& model : products::ismk::ratings) {
     plant::Parameters parameters = test::ismk_plant(model.name);
@@ -248,7 +249,7 @@ TEST(IsmkGains, BandwidthIsWhatTheFormulaSays) {
     for (const double wanted_hz : {25.0, 50.0, 100.0}) {
       FactoryIsmkRig rig(parameters, test::ismk_settings(model.name));
       rig.set(0x6060, 0, 3);
-      rig.set(0x6083, 0, 1000000000);  // as good as none
+      rig.set(0x6083, 0, 1000000000);  // practically none
       rig.set(0x6084, 0, 1000000000);
       rig.set(0x60F9, 6, 0x81);
       rig.set(0x2FF0, 0x19, 0);
@@ -289,7 +290,7 @@ struct Sets : IsmkRig {
     set(0x2340, 0x0C, 5000);
     run_ms(2);
   }
-  // The set whose gains the loops have; -1: none of them.
+  // The set whose gains the loops have; -1: no set.
   int in_force() {
     const double unit = products::ismk::velocity_kp_unit(motor_of("60-040"));
     const drive::Gains& gains = gains_of(*this);
@@ -325,7 +326,7 @@ TEST(IsmkGainSets, Inputs) {  // method 1 (ch. 6.3.1)
   rig.plant.force_input(1, false);
   rig.set(0x2010, 3, 0x8020);
   rig.set(0x2010, 4, 0x8040);
-  rig.set(0x60F9, 9, 1);  // the inputs rule over it (ch. 6.3.1)
+  rig.set(0x60F9, 9, 1);  // it selects the set, unless inputs do (ch. 6.3.1)
   for (const unsigned set : {1U, 2U, 3U, 0U}) {
     rig.plant.force_input(0, (set & 1) != 0);
     rig.plant.force_input(1, (set & 2) != 0);
@@ -356,7 +357,7 @@ TEST(IsmkGainSets, AutomaticByTargetReached) {  // method 2 (ch. 6.3.1)
   EXPECT_EQ(rig.in_force(), 0);
 }
 
-// While the axis moves against friction, no switch of sets is felt as a step of torque.
+// While the axis moves against friction, a change of sets causes no step of torque.
 TEST(IsmkGainSets, SwitchWithoutABump) {
   Sets rig;
   rig.set(0x6060, 0, 3);
@@ -376,7 +377,7 @@ TEST(IsmkGainSets, SwitchWithoutABump) {
   const double quiet = greatest_step(160);
   for (const int set : {1, 3, 2, 0, 3}) {
     rig.set(0x60F9, 0x28, set);
-    // What the encoder's counts make of noise grows with kvp; a step of the load itself would be 0.31.
+    // The noise of the encoder's counts grows with kvp; a step of the load itself would be 0.31.
     EXPECT_LT(greatest_step(160), quiet + 0.03) << set;
     rig.run_ms(50);
     EXPECT_NEAR(rig.plant.velocity_rpm(), 500.0, 2.0) << set;

@@ -3,8 +3,8 @@
 #include "drive/homing_figures.hpp"
 #include "ismk_rig.hpp"
 
-// Homing of the iSMK (ch. 5.5): every method on a plant with random geometry, and what surrounds the methods. The
-// drive has two terminals: one for the home switch, one for the limit switch that the method turns round at.
+// Homing of the iSMK (ch. 5.5): every method on a plant with random geometry, and related functions. The drive has two
+// inputs: one for the home switch, one for the limit switch at which the method reverses.
 namespace servodrome {
 namespace ismk_homing_test {
 namespace {
@@ -19,7 +19,7 @@ using products::ismk::velocity_dec_from_rpm;
 using test::IsmkRig;
 
 constexpr Counts revolution = 65536;
-constexpr double rest = 65.0;  // counts: friction holds the shaft a third of a degree off
+constexpr double rest = 65.0;  // counts: friction holds the shaft up to a third of a degree away
 constexpr std::uint16_t home_found = 0x8000;
 constexpr std::uint16_t homing_error = 0x1000;
 constexpr std::uint16_t target_reached = 0x0400;
@@ -92,7 +92,7 @@ struct Homing : IsmkRig {
   bool finish(double limit_ms = 60000.0) {
     return run_until([this] { return (status() & (home_found | homing_error)) != 0; }, limit_ms) >= 0;
   }
-  // Where the drive takes home to be, in true counts.
+  // The home position of the drive, in true counts.
   Counts home() { return -device.drive().position_offset() - get(0x607C); }
 };
 
@@ -108,7 +108,7 @@ TEST(IsmkHoming, EveryMethodFromEveryStart) {
         const World world = random_world(method.number, random);
         const std::optional<Counts> from = start_position(figure, world, start, random);
         if (!from) continue;
-        // Beyond the end whose switch has no terminal the axis would not know that it is.
+        // Beyond an end whose switch has no input the axis would not detect the end.
         if (start == Start::on_negative_limit && limit != negative_limit_function) continue;
         if (start == Start::on_positive_limit && limit != positive_limit_function) continue;
         SCOPED_TRACE(testing::Message() << "method " << figure.number << " at " << *from << ", home " << world.home_from
@@ -117,7 +117,7 @@ TEST(IsmkHoming, EveryMethodFromEveryStart) {
         ++runs;
         ++starts;
         std::int64_t offset = random.between(-30000, 30000);
-        // Not into a limit switch, which ends the way there.
+        // Not into a limit switch, which ends the motion there.
         if (!world.lies_between_limits(expected_home(figure, world, *from, 0) + offset)) offset = -offset;
         const bool travels = runs % 2 == 0;
         Homing rig(world, *from, limit);
@@ -132,7 +132,7 @@ TEST(IsmkHoming, EveryMethodFromEveryStart) {
         rig.run_ms(100);
         const Counts true_position = rig.plant.position_counts() - rig.home() - offset;
         ASSERT_NEAR(static_cast<double>(rig.get(0x6063)), static_cast<double>(true_position), 2.0);
-        // Table 5-14; ch. 7.6, 6099.05: 0 runs on to the offset point and shows 0 there, 1 stays at home and shows
+        // Table 5-14; ch. 7.6, 6099.05: 0 moves to the offset point and shows 0 there, 1 stays at home and shows
         // -offset.
         ASSERT_NEAR(static_cast<double>(rig.get(0x6063)), travels ? 0.0 : -static_cast<double>(offset), rest);
       }
@@ -157,7 +157,7 @@ World simple_world(Counts index_from_edge) {
   return world;
 }
 
-// Bit 4 taken back interrupts (Table 5-4): no home, no error.
+// A reset of bit 4 interrupts homing (Table 5-4): no home, no error.
 TEST(IsmkHoming, IsInterruptedByBit4) {
   Homing rig(simple_world(20000), 0, positive_limit_function);
   rig.start(3);
@@ -168,7 +168,7 @@ TEST(IsmkHoming, IsInterruptedByBit4) {
   EXPECT_FALSE(rig.device.drive().in_motion());
 }
 
-// A new homing takes bit 15 back until it is done (Table 5-5).
+// A new homing clears bit 15 until it is done (Table 5-5).
 TEST(IsmkHoming, AnotherRunForgetsHome) {
   Homing rig(simple_world(20000), 0, positive_limit_function);
   rig.start(35);
@@ -180,7 +180,7 @@ TEST(IsmkHoming, AnotherRunForgetsHome) {
   EXPECT_NE(rig.status() & home_found, 0);
 }
 
-// Bit 12 is the error (Table 5-5): a switch without an input at once, a limit switch in the way when it is met.
+// Bit 12 is the error (Table 5-5): immediately for a switch without an input, or when a limit switch is met.
 TEST(IsmkHoming, Errors) {
   for (const int method : {1, 2, 17, 18}) {
     Homing rig(simple_world(20000), 0, 0);
@@ -200,8 +200,8 @@ TEST(IsmkHoming, Errors) {
   EXPECT_EQ(below.status() & (home_found | homing_error), homing_error) << "the limit came before the home switch";
 }
 
-// 6099h sub 6 (ch. 5.5): an index next to the edge of the switch is passed by; with 1 the drive finds out itself
-// whether that is needed.
+// 6099h sub 6 (ch. 5.5): an index next to the edge of the switch is skipped; with 1 the drive decides by itself whether
+// this is necessary.
 TEST(IsmkHoming, BlindWindow) {
   struct {
     double index_turns;  // from the edge, in the direction of search
@@ -217,12 +217,12 @@ TEST(IsmkHoming, BlindWindow) {
     const World world = simple_world(static_cast<Counts>(index_turns * revolution));
     Homing rig(world, 0, positive_limit_function);
     rig.set(0x6099, 6, window);
-    rig.start(4);  // the index inside, on the positive side of the negative edge
+    rig.start(4);  // the index is inside the switch, on the positive side of the negative edge
     ASSERT_TRUE(rig.finish());
     EXPECT_NEAR(static_cast<double>(rig.home() - world.home_from), home_turns * revolution, 2.0);
     rig.run_ms(5);
     EXPECT_EQ(rig.get(0x6099, 6), window_after);
-    // The same home another time.
+    // The same home position again.
     const Counts first = rig.home();
     rig.control(0x0F);
     rig.start(4);
@@ -231,7 +231,7 @@ TEST(IsmkHoming, BlindWindow) {
   }
 }
 
-// 6099h sub 3 (Table 5-14, ch. 5.5): once, at the first enable after each power-on, whatever the mode.
+// 6099h sub 3 (Table 5-14, ch. 5.5): once, at the first enable after each power-on, in any mode.
 TEST(IsmkHoming, AtPowerOn) {
   Homing rig(simple_world(20000), 0, positive_limit_function);
   rig.set(0x6098, 0, 3);
@@ -309,7 +309,7 @@ TEST(IsmkHoming, SoftLimitsActAfterHomingOnly) {
   EXPECT_NEAR(reaches(true, 0, 0), 50000.0, rest);
 }
 
-// Speed modes stand at the soft limit with bit 11, until they are told to go the other way (Table 5-5).
+// Speed modes stop at the soft limit with bit 11, until a command in the opposite direction (Table 5-5).
 TEST(IsmkHoming, SoftLimitsHoldSpeedModes) {
   Homing rig(simple_world(20000), 0, 0);
   rig.set(0x607D, 1, 10000);

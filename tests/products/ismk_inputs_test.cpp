@@ -4,7 +4,7 @@
 
 #include "ismk_rig.hpp"
 
-// The functions of the iSMK's digital inputs (manual, ch. 7.9): every code has its case here.
+// The functions of the iSMK's digital inputs (manual, ch. 7.9): every code has a test case here.
 namespace servodrome {
 namespace ismk_inputs_test {
 namespace {
@@ -44,7 +44,7 @@ void turn(IsmkRig& rig, double target_rpm) {
   ASSERT_NEAR(rpm(rig), target_rpm, 0.02 * std::abs(target_rpm));
 }
 
-// Finds home where it stands.
+// Homes at the present position.
 void home(IsmkRig& rig) {
   set(rig, 0x6060, 0, 6);
   set(rig, 0x6098, 0, 35);
@@ -66,7 +66,7 @@ void enable(IsmkRig& rig) {
   wire(rig, di1, true);
   EXPECT_EQ(rig.get(0x6040), 0x2F);
   EXPECT_EQ(state(rig), PowerState::operation_enabled);
-  // It acts when it changes: the bus may command meanwhile.
+  // It acts on a change; between changes the bus can command.
   rig.control(0x3F);
   rig.run_ms(5);
   EXPECT_EQ(rig.get(0x6040), 0x3F);
@@ -76,7 +76,7 @@ void enable(IsmkRig& rig) {
   set(rig, 0x2020, 0x0F, 0x4F);
   wire(rig, di1, true);
   EXPECT_EQ(rig.get(0x6040), 0x4F);
-  // A function that is taken away is an input that went off.
+  // A function that is removed acts like an input that is switched off.
   assign(rig, di1, 0);
   rig.run_ms(3);
   EXPECT_EQ(state(rig), PowerState::ready_to_switch_on);
@@ -117,7 +117,7 @@ void mode_control(IsmkRig& rig) {
   EXPECT_EQ(rig.device.drive().mode(), drive::Mode::profile_position);
 }
 
-// Under a load torque a velocity loop without integral runs slower than asked.
+// Under a load torque a velocity loop without integral runs slower than commanded.
 void integral_off(IsmkRig& rig) {
   assign(rig, di1, 0x0008);
   turn(rig, 300.0);
@@ -156,13 +156,13 @@ void limit(IsmkRig& rig, std::uint16_t code, int sign, std::int64_t bit_of_60fd,
   rig.run_ms(200);
   EXPECT_NEAR(rpm(rig), -sign * 300.0, 6.0);
   EXPECT_EQ(rig.status() & 0x800, 0) << "on the way back (Table 5-5)";
-  // Back on its own side of the switch.
+  // Back on the free side of the switch.
   wire(rig, di1, true);
   set(rig, 0x60FF, 0, dec(sign * 300.0));
   rig.run_ms(200);
   EXPECT_NEAR(rpm(rig), sign * 300.0, 6.0);
   EXPECT_EQ(rig.get(0x2010, latched), met) << "released, not met";
-  // Off the switch the way is free, but a switch that opens is no command: another target is.
+  // Off the switch the direction is free, but a switch that opens does not count as a command; a new target does.
   wire(rig, di1, false);
   rig.run_ms(60);
   EXPECT_NEAR(rpm(rig), 0.0, 0.5);
@@ -227,7 +227,7 @@ void invert_direction(IsmkRig& rig) {
   EXPECT_NEAR(rig.plant.torque_nm(), -torque, 0.05 * torque) << "torque";
 }
 
-// The index bits choose from the tables; the tables themselves have their own test.
+// The index bits select from the tables; the tables have a separate test.
 void speed_index(IsmkRig& rig, std::uint16_t code, std::size_t bit) {
   constexpr std::array<std::uint8_t, 3> table{0x06, 0x07, 0x14};  // Din_Speed[1], [2], [4]
   set(rig, 0x2020, 0x05, dec(100.0));
@@ -299,21 +299,21 @@ void start_homing(IsmkRig& rig) {
   EXPECT_EQ(state(rig), PowerState::operation_enabled);
   EXPECT_EQ(rig.device.drive().mode(), drive::Mode::profile_velocity);
   EXPECT_NE(rig.status() & 0x8000, 0);
-  // Given up when the drive is switched off meanwhile.
+  // Cancelled when the drive is switched off.
   wire(rig, di1, false);
   wire(rig, di1, true);
   EXPECT_EQ(rig.get(0x6060), 6);
   rig.control(0x06);
   rig.run_ms(5);
   EXPECT_EQ(rig.get(0x6060), 3);
-  // ... and carried to its end when the function is taken away.
+  // ... and completed when the function is removed.
   wire(rig, di1, false);
   ASSERT_TRUE(rig.enable());
   wire(rig, di1, true);
   EXPECT_EQ(rig.get(0x6060), 6);
   assign(rig, di1, 0);
   ASSERT_GE(rig.run_until([&] { return rig.get(0x6060) == 3; }, 5000.0), 0);
-  // The bus may choose another mode meanwhile.
+  // The bus may select another mode meanwhile.
   assign(rig, di1, 0x2000);
   rig.run_ms(3);
   EXPECT_EQ(rig.get(0x6060), 6);
@@ -341,7 +341,7 @@ void activate(IsmkRig& rig) {
   EXPECT_NEAR(static_cast<double>(rig.get(0x6063)), -10000.0, 2.0);
 }
 
-// Nothing to choose from in this drive: the input is read and changes nothing.
+// The function has no effect in this drive: the input is only read.
 void without_effect(IsmkRig& rig, std::uint16_t code) {
   assign(rig, di1, code);
   turn(rig, 300.0);
@@ -352,7 +352,7 @@ void without_effect(IsmkRig& rig, std::uint16_t code) {
   EXPECT_EQ(rig.get(0x6040), 0x0F);
 }
 
-// The pointer to the set of gains in force (ch. 7.9); the sets have their own test.
+// The pointer to the active set of gains (ch. 7.9); the sets have a separate test.
 void gain_index(IsmkRig& rig, std::uint16_t code, std::int64_t pointer) {
   assign(rig, di1, code);
   rig.run_ms(3);
@@ -472,7 +472,7 @@ const std::map<std::uint16_t, Case> cases{
     {0x8800, with(fast_capture, 0x8800, 1)},
 };
 
-// The codes as the manual lists them (ch. 7.9).
+// The codes in the order of the manual (ch. 7.9).
 constexpr auto printed = std::to_array<std::uint16_t>(
     {0x0001, 0x0002, 0x0004, 0x0008, 0x0010, 0x0020, 0x0040, 0x0080, 0x0100, 0x0200, 0x0400, 0x0800, 0x1000, 0x2000,
      0x4000, 0x8001, 0x8002, 0x8004, 0x8008, 0x8010, 0x8020, 0x8040, 0x8080, 0x8100, 0x8200, 0x8400, 0x8800});
@@ -500,7 +500,7 @@ TEST(IsmkInputs, OnlyCodesOfTheManual) {
   }
 }
 
-// Result = (terminal XNOR polarity) OR simulation, for each of the inputs by itself.
+// Result = (input XNOR polarity) OR simulation, for each input separately.
 TEST(IsmkInputs, PolarityAndSimulation) {
   IsmkRig rig;
   for (std::uint8_t input = 0; input < 8; ++input) {
@@ -543,7 +543,7 @@ TEST(IsmkInputs, AFunctionSeesTheResult) {
   EXPECT_EQ(rig.get(0x60FD), 0);
 }
 
-// Simulated edges are edges: of a limit switch, whose position is caught.
+// Simulated edges act like real ones, for example those of a limit switch whose position is latched.
 TEST(IsmkInputs, SimulationCatchesLimitPositions) {
   IsmkRig rig;
   assign(rig, di1, 0x0010);
@@ -557,12 +557,12 @@ TEST(IsmkInputs, SimulationCatchesLimitPositions) {
 }
 
 TEST(IsmkInputs, WithoutFunctionNothingIsBlocked) {
-  IsmkRig rig;  // Din4 and Din5 are no limits from the factory (C11)
+  IsmkRig rig;  // Din4 and Din5 are not limit switches by factory setting (C11)
   turn(rig, 300.0);
   EXPECT_EQ(rig.get(0x60FD), 0);
 }
 
-// 605Ah counts for a limit switch only as the ramp of 6085h: 2 would switch the motor off (ch. 7.12).
+// 605Ah has no effect on limit switches except for the ramp of 6085h: 2 would switch the motor off (ch. 7.12).
 TEST(IsmkInputs, TwoInputsOfOneFunctionAreOrEd) {
   IsmkRig rig;
   set(rig, 0x6060, 0, 3);
@@ -576,7 +576,7 @@ TEST(IsmkInputs, TwoInputsOfOneFunctionAreOrEd) {
   EXPECT_EQ(state(rig), PowerState::ready_to_switch_on);
 }
 
-// A limit met after homing is an alarm where 2010h sub 19h is 0 (Table 5-16); moving on in homing is none.
+// After homing, a limit switch that is met is an alarm if 2010h sub 19h is 0 (Table 5-16); during homing it is not.
 TEST(IsmkInputs, LimitAlarmOnlyAfterHoming) {
   for (const bool homed : {false, true}) {
     for (const int limit_function : {0, 1}) {
@@ -593,7 +593,7 @@ TEST(IsmkInputs, LimitAlarmOnlyAfterHoming) {
       EXPECT_EQ(rig.get(0x2602), alarm ? 0x0200 : 0);
       EXPECT_EQ(state(rig) == PowerState::fault, alarm);
       if (!alarm) continue;
-      // It can be left: the alarm is that the switch was met, not that it is on.
+      // The axis can leave it: the alarm is for the moment at which the switch is met, not for its level.
       rig.control(0x06);
       rig.control(0x86);
       rig.run_ms(3);
@@ -602,7 +602,7 @@ TEST(IsmkInputs, LimitAlarmOnlyAfterHoming) {
   }
 }
 
-// Homing means to meet the switch: no alarm, though home was known before.
+// Homing is expected to meet the switch: no alarm, even if home was known before.
 TEST(IsmkInputs, NoLimitAlarmWhileHoming) {
   IsmkRig rig;
   set(rig, 0x2010, 0x19, 0);

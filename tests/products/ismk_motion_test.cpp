@@ -3,7 +3,7 @@
 
 #include "ismk_rig.hpp"
 
-// Units, modes and windows of the iSMK, against the manual's figures and closed-form results.
+// Units, modes and windows of the iSMK, compared with the manual's figures and closed-form results.
 namespace servodrome {
 namespace ismk_motion_test {
 namespace {
@@ -14,7 +14,7 @@ using products::ismk::rpm_from_velocity_dec;
 using products::ismk::velocity_dec_from_rpm;
 using test::IsmkRig;
 
-constexpr double rest = 65.0;  // counts: friction holds the shaft a third of a degree off
+constexpr double rest = 65.0;  // counts: friction holds the shaft up to a third of a degree away
 constexpr std::uint16_t target_reached = 0x0400;
 constexpr std::uint16_t position_limit = 0x0800;
 constexpr std::uint16_t bit_12 = 0x1000;
@@ -36,7 +36,7 @@ struct Enabled : IsmkRig {
     set(0x6083, 0, std::llround(acceleration_dec_from_rps_s(ramp_rps_s)));
     set(0x6084, 0, std::llround(acceleration_dec_from_rps_s(ramp_rps_s)));
   }
-  // Starts a move and answers how long the demand moved.
+  // Starts a move and returns the time for which the demand moved.
   double move_ms(std::int64_t target, std::uint16_t start = 0x3F) {
     set(0x607A, 0, target);
     control(static_cast<std::uint16_t>(start & ~0x10));
@@ -57,7 +57,7 @@ TEST(IsmkUnits, PrintedExamplesAreExactWithRoundToNearest) {
   } const speeds[]{{100, 0x001B4E82}, {150, 0x0028F5C3}, {200, 0x00369D03}, {-100, -1789570},
                    {300, 5368709},    {5000, 89478485},  {10, 178957},      {3000, 53687091}};
   for (const auto& [speed, dec] : speeds) {
-    // 10 rpm is 178956.97: the default of 60F9h sub 0Ah was cut off (ch. 7.5).
+    // 10 rpm is 178956.97: the default of 60F9h sub 0Ah was truncated (ch. 7.5).
     EXPECT_EQ(std::llround(velocity_dec_from_rpm(speed)), dec) << speed;
     EXPECT_NEAR(rpm_from_velocity_dec(static_cast<double>(dec)), speed, 1e-4);
   }
@@ -70,7 +70,7 @@ TEST(IsmkUnits, PrintedExamplesAreExactWithRoundToNearest) {
   EXPECT_DOUBLE_EQ(acceleration_dec_from_rps_s(1.0), velocity_dec_from_rpm(60.0) / 1000.0);
 }
 
-// Peak current is 2048 in every rating; 1 Arms of the 48 Ap one is 60.33 (appendix II).
+// The peak current is 2048 in every rating; 1 Arms of the rating with 48 Ap is 60.33 (appendix II).
 // Ch. 1.3.1: peak and continuous current, rated and greatest torque, rotor inertia in kgcm2.
 struct Plate {
   const char* model;
@@ -120,7 +120,7 @@ TEST(IsmkUnits, CurrentOfEveryRating) {
 
 // --- Position mode
 
-// 50000 inc at 200 rpm with 100 rps/s: 33.3 ms up, 195.6 ms even, 33.3 ms down, then the window.
+// 50000 inc at 200 rpm with 100 rps/s: 33.3 ms up, 195.6 ms constant, 33.3 ms down, then the window.
 TEST(IsmkPosition, TheExampleTakes262Milliseconds) {
   Enabled rig(1);
   rig.profile(200, 100);
@@ -138,7 +138,7 @@ TEST(IsmkPosition, TheExampleTakes262Milliseconds) {
   EXPECT_EQ(rig.status() & ~0x0200, 0x4437);
 }
 
-// 6081h is 0 from the start: nothing moves until it is set (ch. 7.3).
+// 6081h is 0 after power-on: the axis does not move until it is set (ch. 7.3).
 TEST(IsmkPosition, NoSpeedNoMotion) {
   Enabled rig(1);
   rig.set(0x607A, 0, 50000);
@@ -151,7 +151,7 @@ TEST(IsmkPosition, AbsoluteAndRelative) {
   Enabled rig(1);
   rig.profile(3000, 500);
   rig.move_ms(100000);
-  rig.move_ms(100000);  // the same target: it is there
+  rig.move_ms(100000);  // the same target: the axis is already there
   rig.run_ms(50);
   EXPECT_NEAR(static_cast<double>(position(rig)), 100000.0, rest);
   rig.move_ms(-30000, 0x5F);
@@ -159,7 +159,7 @@ TEST(IsmkPosition, AbsoluteAndRelative) {
   EXPECT_NEAR(static_cast<double>(position(rig)), 70000.0, rest);
 }
 
-// Table 5-4: bit 5 replaces the running move, without it the target waits; a third finds no room (bit 12).
+// Table 5-4: bit 5 replaces the present move, without it the target waits; a third target is not accepted (bit 12).
 TEST(IsmkPosition, ImmediateAndQueued) {
   Enabled rig(1);
   rig.profile(600, 200);
@@ -199,7 +199,7 @@ TEST(IsmkPosition, ImmediateAndQueued) {
   EXPECT_NEAR(static_cast<double>(position(rig)), -300000.0, rest);
 }
 
-// 103Fh: the target follows every write without another edge (Table 5-4).
+// 103Fh: the axis follows every write of the target without another edge (Table 5-4).
 TEST(IsmkPosition, TrackingFollowsEveryWrite) {
   Enabled rig(1);
   rig.profile(3000, 500);
@@ -217,8 +217,8 @@ TEST(IsmkPosition, TrackingFollowsEveryWrite) {
   EXPECT_NEAR(static_cast<double>(position(rig)), 90000.0, 10.0);
 }
 
-// 60FBh sub 4 (ch. 6.2.2): the same peak acceleration with soft corners takes longer by pi/2 on the ramps, without
-// delay at the start, and only in mode 1.
+// 60FBh sub 4 (ch. 6.2.2): the same peak acceleration with soft corners makes the ramps longer by pi/2, without a delay
+// at the start, and only in mode 1.
 TEST(IsmkPosition, SCurve) {
   Enabled rig(1);
   rig.profile(600, 100);
@@ -234,7 +234,7 @@ TEST(IsmkPosition, SCurve) {
   EXPECT_NEAR(rpm(rig), 300.0, 20.0) << "mode 3 ramps on a straight line";
 }
 
-// 60FBh sub 5: a moving average of N milliseconds delays by half of them, and ends N - 1 later (ch. 6.2.2).
+// 60FBh sub 5: a moving average over N milliseconds delays by half of them, and ends N - 1 later (ch. 6.2.2).
 TEST(IsmkPosition, SmoothingFilter) {
   const auto settles_after = [](int smoothing_ms, double& at_half_way) {
     Enabled rig(1);
@@ -292,8 +292,8 @@ TEST(IsmkSpeed, RampsInMode3) {
   EXPECT_NE(rig.status() & bit_12, 0) << "speed is zero (ch. 5.2.1.3)";
 }
 
-// Bit 10 is 60FFh less actual, as 60F9h sub 1Ch has it (ch. 5.2.1.2), against 60F9h sub 0Ah: whatever ramp is under
-// way, and whatever 607Fh makes of the target.
+// Bit 10 compares 60FFh minus the actual speed (60F9h sub 1Ch, ch. 5.2.1.2) with 60F9h sub 0Ah, regardless of a ramp in
+// progress and of the limit 607Fh.
 TEST(IsmkSpeed, ReachedIsTheSpeedErrorInMode3) {
   Enabled rig(3);
   const auto error_inside = [&] { return std::abs(rig.get(0x60F9, 0x1C)) < rig.get(0x60F9, 0x0A); };
@@ -310,7 +310,7 @@ TEST(IsmkSpeed, ReachedIsTheSpeedErrorInMode3) {
     EXPECT_TRUE(shown()) << target;
   }
   EXPECT_EQ(disagree, 0);
-  // 60FFh of 900 rpm, of which 607Fh lets 600 through.
+  // 60FFh of 900 rpm; 607Fh limits it to 600 rpm.
   rig.set(0x607F, 0, std::llround(velocity_dec_from_rpm(600)));
   rig.set(0x60FF, 0, std::llround(velocity_dec_from_rpm(900)));
   rig.run_ms(3000);
@@ -319,7 +319,7 @@ TEST(IsmkSpeed, ReachedIsTheSpeedErrorInMode3) {
   EXPECT_FALSE(shown());
 }
 
-// "The actual speed will immediately reach the target speed" (Table 5-6, 6060h): as fast as the current limit lets.
+// "The actual speed will immediately reach the target speed" (Table 5-6, 6060h): as fast as the current limit allows.
 TEST(IsmkSpeed, Mode3NegativeHasNoRamps) {
   Enabled rig(-3);
   rig.set(0x60FF, 0, std::llround(velocity_dec_from_rpm(-600)));
@@ -372,7 +372,7 @@ TEST(IsmkSpeed, TheLimitOfSpeed) {
   }
 }
 
-// 607Eh turns everything round, and is refused while enabled (ch. 5.2).
+// 607Eh inverts all directions, and is refused while enabled (ch. 5.2).
 TEST(IsmkSpeed, InvertedDirection) {
   IsmkRig rig;
   rig.run_ms(5);
@@ -414,8 +414,8 @@ TEST(IsmkTorque, SpeedIsLimitedBy607F) {
   EXPECT_NEAR(rpm(rig), 800.0, 40.0);
 }
 
-// With the factory's soft gains: all of the torque for a shaft that is held, and hardly a speed beyond the limit, up to
-// a load of ten times the rotor's inertia.
+// With the low factory gains: full torque on a held shaft, and a speed hardly above the limit, up to a load of ten
+// times the rotor's inertia.
 TEST(IsmkTorque, SpeedLimitNeitherThrottlesNorOvershoots) {
   constexpr double limit_rpm = 510.0;
   for (const double load_kgm2 : {0.0, test::ismk_plant().load.inertia_kgm2, 1.0e-4, 3.0e-4}) {
@@ -443,7 +443,7 @@ TEST(IsmkTorque, SpeedLimitNeitherThrottlesNorOvershoots) {
   }
 }
 
-// The encoder counts within a turn (ch. 1.3.1).
+// The position within a turn comes from the encoder (ch. 1.3.1).
 TEST(IsmkPosition, StartsWithinTheTurnAfterPowerOn) {
   plant::Parameters parameters = test::ismk_plant();
   parameters.encoder.start_position_counts = 3 * 65536 + 3392;
@@ -452,7 +452,7 @@ TEST(IsmkPosition, StartsWithinTheTurnAfterPowerOn) {
   EXPECT_NEAR(static_cast<double>(rig.get(0x6063)), 3392.0, 2.0);
 }
 
-// A set-point without speed takes the place of a running move all the same: the axis comes to rest.
+// A set-point without speed also replaces the present move: the axis comes to rest.
 TEST(IsmkPosition, ASetPointWithoutSpeedBreaksTheMoveOff) {
   Enabled rig(1);
   rig.profile(600, 100);
@@ -473,8 +473,8 @@ TEST(IsmkPosition, ASetPointWithoutSpeedBreaksTheMoveOff) {
 
 // --- Step stop (Table 5-18)
 
-// A load turns a shaft that a direct current holds by asin(load / greatest torque), electrically, and no controller
-// takes that back; with the position loop it does.
+// A load displaces a shaft that a direct current holds by asin(load / greatest torque), electrically, and no controller
+// corrects this. With the position loop the shaft returns.
 TEST(IsmkStepStop, HoldsAtTheTargetAsAStepperDoes) {
   for (const bool step_stop : {true, false}) {
     plant::Parameters parameters = test::ismk_plant();
@@ -511,7 +511,7 @@ TEST(IsmkStepStop, HoldsAtTheTargetAsAStepperDoes) {
   }
 }
 
-// Mode -4 of a drive without pulse terminals: enabled, and nothing moves (C2).
+// Mode -4 of a drive without pulse inputs: enabled, without motion (C2).
 TEST(IsmkPulse, StandsWhateverTheTargets) {
   Enabled rig(-4);
   rig.set(0x60FF, 0, 17895697);

@@ -3,7 +3,7 @@
 #include "ismk_rig.hpp"
 #include "object_csv.hpp"
 
-// Every object of the iSMK manual (tests/data/ismk_od.csv) against the running drive.
+// Compares every object of the iSMK manual (tests/data/ismk_od.csv) with the running drive.
 namespace servodrome {
 namespace ismk_objects_test {
 namespace {
@@ -14,9 +14,9 @@ using test::Difference;
 using IsmkRig = test::FactoryIsmkRig;
 
 const std::vector<Difference> differences{
-    // 100 inc times 10000 is not the 524288 inc that 6065h is printed with; both show one limit (C9).
+    // 100 inc times 10000 is not the 524288 inc that the manual prints for 6065h; both objects show one limit (C9).
     {0x2FF0, 0x0E, "default"},
-    // The printed range 0-31 leaves out two of the printed bits (C26).
+    // The printed range 0-31 omits two of the printed bits (C26).
     {0x2340, 0x10, "max"},
 };
 
@@ -63,7 +63,7 @@ TEST(IsmkObjects, ModesAndBitRatesThatAreNotThere) {
   }
 }
 
-// Values that are shown twice (ch. 5.2.1.4, 607Fh; Table 5-9, 6071h; Table 6-5; ch. 7.5, 2508.09; ch. 8.4.2).
+// Values that two objects show (ch. 5.2.1.4, 607Fh; Table 5-9, 6071h; Table 6-5; ch. 7.5, 2508.09; ch. 8.4.2).
 TEST(IsmkObjects, TwinsAreOneValue) {
   IsmkRig rig;
   rig.run_ms(1);

@@ -4,7 +4,7 @@
 
 #include "ismk_rig.hpp"
 
-// The functions of the iSMK's digital outputs (manual, ch. 7.9): every code has its case here.
+// The functions of the iSMK's digital outputs (manual, ch. 7.9): every code has a test case here.
 namespace servodrome {
 namespace ismk_outputs_test {
 namespace {
@@ -21,7 +21,7 @@ void set(IsmkRig& rig, std::uint16_t index, std::uint8_t sub, std::int64_t value
 }
 std::int64_t dec(double rpm) { return std::llround(velocity_dec_from_rpm(rpm)); }
 
-// OUT1, which has the function of the case; 2010h sub 14h tells the same.
+// OUT1, which has the function of the case; 2010h sub 14h shows the same.
 bool out(IsmkRig& rig) {
   const bool level = (rig.actuation.outputs & 1) != 0;
   EXPECT_EQ(rig.get(0x2010, 0x14) & 1, level ? 1 : 0);
@@ -57,7 +57,7 @@ void error(IsmkRig& rig) {
   EXPECT_FALSE(out(rig));
 }
 
-// |error| < 6067h for 2508h sub 9.
+// |error| < 6067h for the time 2508h sub 9.
 void position_reached(IsmkRig& rig) {
   set(rig, 0x6081, 0, dec(300.0));
   set(rig, 0x2508, 9, 40);
@@ -138,7 +138,7 @@ void speed_reached(IsmkRig& rig) {
   }
 }
 
-// One pulse of the index in each turn.
+// One pulse of the index per turn.
 void index(IsmkRig& rig) {
   enable_in(rig, 3);
   set(rig, 0x60FF, 0, dec(600.0));
@@ -167,7 +167,7 @@ void speed_limit(IsmkRig& rig) {
   set(rig, 0x6071, 0, -100);
   rig.run_ms(20);
   EXPECT_FALSE(out(rig));
-  // Only in torque mode: a position loop that wants to make up for an error faster is none.
+  // Only in torque mode: a position loop that corrects an error with a higher speed does not count.
   rig.control(0x06);
   rig.run_ms(1000);
   set(rig, 0x6065, 0, 0x7FFFFFFF);
@@ -205,7 +205,7 @@ void position_limit(IsmkRig& rig) {
     rig.run_ms(3);
     EXPECT_FALSE(out(rig));
   }
-  // A software limit, once home is known (ch. 5.6.1).
+  // A software limit, after home is known (ch. 5.6.1).
   set(rig, 0x607D, 1, 5000);
   set(rig, 0x607D, 2, -5000);
   set(rig, 0x6081, 0, dec(300.0));
@@ -243,7 +243,7 @@ void home_found(IsmkRig& rig) {
 void torque_reached(IsmkRig& rig) {
   rig.plant.lock_rotor(true);
   enable_in(rig, 4);
-  // A tenth of the peak current, 204.8 DEC, is 0.3 of the rated torque of a motor that has a third of it.
+  // A tenth of the peak current, 204.8 DEC, is 0.3 of the rated torque of a motor whose rated torque is a third of it.
   set(rig, 0x6071, 0, 300);
   rig.run_ms(300);
   EXPECT_FALSE(out(rig)) << "60F5h sub 6 is 0";
@@ -262,7 +262,7 @@ void torque_reached(IsmkRig& rig) {
   EXPECT_TRUE(out(rig)) << "its amount";
 }
 
-// The tables' own test looks at what leads there.
+// The tables have a separate test.
 void reached_index(IsmkRig& rig, std::size_t bit) {
   constexpr std::array<std::uint16_t, 3> input{0x0400, 0x0800, 0x8002};
   constexpr std::array<std::uint8_t, 3> position{0x02, 0x03, 0x10};  // Din_Pos[1], [2], [4]
@@ -283,7 +283,7 @@ void reached_index(IsmkRig& rig, std::size_t bit) {
   EXPECT_FALSE(out(rig)) << "leaves for Din_Pos[0]";
 }
 
-// There are no terminals for safe torque off.
+// There are no inputs for safe torque off.
 void safe_torque_off(IsmkRig& rig) {
   EXPECT_FALSE(out(rig));
   enable_in(rig, 3);
@@ -311,7 +311,7 @@ const std::map<std::uint16_t, Case> cases{
     {0x8001, safe_torque_off},
 };
 
-// The codes as the manual lists them (ch. 7.9).
+// The codes in the order of the manual (ch. 7.9).
 constexpr auto printed = std::to_array<std::uint16_t>({0x0001, 0x0002, 0x0004, 0x0008, 0x0010, 0x0020, 0x0040, 0x0080,
                                                        0x0100, 0x0200, 0x0400, 0x0800, 0x1000, 0x2000, 0x4000, 0x8001});
 
@@ -338,7 +338,7 @@ TEST(IsmkOutputs, OnlyCodesOfTheManual) {
   }
 }
 
-// A healthy start shows ready on OUT1 and OUT3, not the 000Ah of the manual's drive with an alarm (C1).
+// A normal start shows ready on OUT1 and OUT3, not the 000Ah of the manual's drive, which has an alarm (C1).
 TEST(IsmkOutputs, AtStart) {
   IsmkRig rig;
   rig.run_ms(5);

@@ -23,7 +23,7 @@ struct Step {
   int low_byte;
 };
 
-// Table 5-2; the transitions by their numbers there.
+// Table 5-2, with its numbers of the transitions.
 TEST(IsmkPowerState, TheTableOfTransitions) {
   const std::vector<std::vector<Step>> walks{
       {{0x06, 0x31}, {0x07, 0x33}, {0x0F, 0x37}},                // 2, 3, 4
@@ -31,10 +31,10 @@ TEST(IsmkPowerState, TheTableOfTransitions) {
       {{0x0F, 0x37}, {0x06, 0x31}},                              // 8
       {{0x0F, 0x37}, {0x00, 0x70}, {0x06, 0x31}},                // 9, 2
       {{0x07, 0x33}, {0x00, 0x70}},                              // 10
-      {{0x0F, 0x37}, {0x02, 0x70}},                              // 11 and at once 12: 605Ah is 0
+      {{0x0F, 0x37}, {0x02, 0x70}},                              // 11, and immediately 12: 605Ah is 0
       {{0x0F, 0x37}, {0x0B, 0x70}, {0x06, 0x31}, {0x0F, 0x37}},  // the word of Table 5-18, 605Ah
-      {{0x00, 0x70}, {0x0F, 0x70}, {0x07, 0x70}},                // out of Disable only 6 leads
-      {{0x2F, 0x37}},                                            // straight from Ready
+      {{0x00, 0x70}, {0x0F, 0x70}, {0x07, 0x70}},                // only 6 leaves Disable
+      {{0x2F, 0x37}},                                            // directly from Ready
       {{0x86, 0x31}, {0x0F, 0x37}},
   };
   for (const auto& walk : walks) {
@@ -59,7 +59,7 @@ TEST(IsmkPowerState, PowerOnIsHealthy) {
   EXPECT_EQ(rig.get(0x6061), -4);
 }
 
-// Table 5-2: fault, and the reset that ends in Ready because its word carries 6.
+// Table 5-2: fault, and its reset, which ends in Ready because the word contains 6.
 TEST(IsmkPowerState, AFaultIsResetToReady) {
   IsmkRig rig;
   rig.run_ms(5);
@@ -82,7 +82,7 @@ TEST(IsmkPowerState, AFaultIsResetToReady) {
 
 // --- Stops
 
-// Turning at 1000 rpm in immediate speed mode.
+// Turns at 1000 rpm in immediate speed mode.
 struct Turning : IsmkRig {
   explicit Turning(const plant::Parameters& parameters = test::ismk_plant())
       : IsmkRig(parameters, test::ismk_settings()) {
@@ -103,9 +103,9 @@ struct Turning : IsmkRig {
 
 struct Stopping {
   const char* name;
-  std::uint16_t option;  // object
+  std::uint16_t option;  // index of the option code
   std::uint16_t word;    // controlword that triggers it
-  int after;             // low byte when it is over
+  int after;             // low byte of the statusword afterwards
 };
 
 // 100 rps/s from 1000 rpm (16.67 rps) are 166.7 ms, 610 rps/s 27.3 ms.
@@ -143,7 +143,7 @@ TEST(IsmkStops, EveryOptionCodeOfEveryTrigger) {
         case 5: EXPECT_NEAR(took, ramp_ms, 6.0); break;
         case 2:
         case 6: EXPECT_NEAR(took, quick_ramp_ms, 6.0); break;
-        // Of a light rotor the windings make short work: see below for a heavy load.
+        // The windings stop a light rotor quickly; the heavy load is tested below.
         default: EXPECT_GT(took, 2.0); EXPECT_LT(took, quick_ramp_ms);
       }
       if (code != 0) {
@@ -154,7 +154,7 @@ TEST(IsmkStops, EveryOptionCodeOfEveryTrigger) {
   }
 }
 
-// Ch. 5.6.3, Table 5-2, C4: out of the held quick stop by 06 and then 0F; straight by 0F only with 5 and 6.
+// Ch. 5.6.3, Table 5-2, C4: leaves the held quick stop with 06 and then 0F; directly with 0F only for 5 and 6.
 TEST(IsmkStops, LeavingAHeldQuickStop) {
   for (const int code : {5, 6, 18}) {
     SCOPED_TRACE(code);
@@ -174,7 +174,7 @@ TEST(IsmkStops, LeavingAHeldQuickStop) {
     command(rig, 0x00);
     EXPECT_EQ(low_byte(rig), 0x70);
   }
-  // On its way to Disable neither word turns it back.
+  // On its way to Disable neither word cancels it.
   Turning rig;
   rig.set(0x605A, 0, 1);
   command(rig, 0x02, 20.0);
@@ -185,8 +185,8 @@ TEST(IsmkStops, LeavingAHeldQuickStop) {
   EXPECT_EQ(low_byte(rig), 0x70);
 }
 
-// The short circuit brakes faster than friction and, when the load is heavy, more slowly than the quick stop ramp: a
-// motor's own resistance does what it can.
+// The short circuit brakes faster than friction and, with a heavy load, more slowly than the quick stop ramp: the
+// motor's resistance limits the braking torque.
 TEST(IsmkStops, ShortCircuitBrakingLiesBetweenCoastingAndTheRamp) {
   plant::Parameters heavy = test::ismk_plant();
   heavy.load.inertia_kgm2 = 20.0 * heavy.motor.rotor_inertia_kgm2;
@@ -196,7 +196,7 @@ TEST(IsmkStops, ShortCircuitBrakingLiesBetweenCoastingAndTheRamp) {
     rig.control(0x06);
     rig.run_ms(1.5);
     if (code != 2) return rig.stop_ms(20000.0) + 1.5;
-    // The ramp that is demanded; how well a load is made to follow is a matter of the gains.
+    // The ramp of the demand; how well a load follows depends on the gains.
     const std::int64_t ticks = rig.run_until([&rig] { return !rig.device.drive().in_motion(); }, 1000.0);
     return static_cast<double>(ticks) / 16.0 + 1.5;
   };
@@ -210,7 +210,7 @@ TEST(IsmkStops, ShortCircuitBrakingLiesBetweenCoastingAndTheRamp) {
   EXPECT_LT(windings, 0.1 * coasting);
 }
 
-// 605Dh, and bit 8 that torque mode does not know (Table 5-4).
+// 605Dh, and bit 8, which torque mode ignores (Table 5-4).
 TEST(IsmkStops, Halt) {
   for (const int code : {1, 2}) {
     Turning rig;
@@ -309,7 +309,7 @@ TEST(IsmkBrake, WithoutARampTheAxisIsHeldUntilTheBrakeCloses) {
   rig.run_ms(500);
   EXPECT_NEAR(static_cast<double>(rig.device.drive().axis().position() - held), 0.0, 65536.0 / 100.0)
       << "the load did not drop";
-  // Without a brake it is let go at once.
+  // Without a brake the motor is released immediately.
   IsmkRig plain;
   plain.run_ms(5);
   command(plain, 0x0F);

@@ -5,7 +5,7 @@
 #include "products/ismk/ismk.hpp"
 #include "rig.hpp"
 
-// An iSMK of one of its ratings on the plant that belongs to it.
+// An iSMK of one of its ratings, with the corresponding plant.
 namespace servodrome::test {
 
 inline plant::Parameters ismk_plant(std::string_view rating = products::ismk::default_rating) {
@@ -26,8 +26,8 @@ struct IsmkMemory {
   dictionary::RamMedium medium{bytes};
 };
 
-// As it leaves the factory: kvp 4, which is slow, and the slower rates of the loops. Stores to a memory of its own,
-// unless the settings bring one.
+// With factory settings: kvp 4, which is slow, and the slower rates of the loops. Stores to its own memory, unless the
+// settings contain one.
 struct FactoryIsmkRig : private IsmkMemory, Rig<products::Ismk> {
   explicit FactoryIsmkRig(std::string_view rating = products::ismk::default_rating)
       : FactoryIsmkRig(ismk_plant(rating), ismk_settings(rating)) {}
@@ -41,8 +41,8 @@ struct FactoryIsmkRig : private IsmkMemory, Rig<products::Ismk> {
   }
 };
 
-// Commissioned: the faster rates, and gains for a stiff axis, so that motion is quick and exact. A power cycle takes it
-// back to the factory's.
+// Commissioned: the faster rates, and gains for a stiff axis, so that motion is fast and exact. A power cycle restores
+// the factory settings.
 struct IsmkRig : FactoryIsmkRig {
   explicit IsmkRig(std::string_view rating = products::ismk::default_rating) : FactoryIsmkRig(rating) { commission(); }
   IsmkRig(const plant::Parameters& parameters, const products::Settings& settings)

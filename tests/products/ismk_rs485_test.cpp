@@ -1,4 +1,4 @@
-// The RS485 port of the iSMK: both protocols frame by frame as the manual prints them, and the switch between them.
+// The RS485 port of the iSMK: both protocols frame by frame as in the manual, and the change between them.
 #include <gtest/gtest.h>
 
 #include "csv.hpp"
@@ -43,7 +43,7 @@ struct Port {
 
 constexpr const char* modbus_status = "01 03 32 00 00 02 CA B3";
 
-// Section 16.1. The status replies show the drive's state and are looked at where it moves.
+// Section 16.1. The status replies show the drive's state; the tests with motion check them.
 TEST(IsmkRs485, ModbusExamplesByteByByte) {
   for (const modbus::test::IsmkExample& example : modbus::test::ismk_examples) {
     Port port(SerialProtocol::modbus_rtu);
@@ -101,11 +101,11 @@ TEST(IsmkRs485, TheFactorySettingIsTheTenByteProtocol) {
   EXPECT_EQ(port.rig.device.serial_port()->format().bits(), 10U);
   EXPECT_EQ(port.master.ask(modbus_status), "") << "no Modbus until 6510.0C says so";
   EXPECT_EQ(port.rig.device.serial_port()->modbus(), nullptr);
-  port.rig.run_ms(60);  // the frame before is forgotten
+  port.rig.run_ms(60);  // the previous frame is discarded
   EXPECT_EQ(port.master.ask("01 40 F0 2F 09 00 00 00 00 97"), "01 4B F0 2F 09 00 00 00 00 8C");
 }
 
-// Bit 1 clear: at once, and the answer still goes out in the old protocol (ch. 8.1 and 8.2).
+// Bit 1 is 0: immediately, and the answer still uses the old protocol (ch. 8.1 and 8.2).
 TEST(IsmkRs485, TheProtocolChangesAtOnce) {
   Port port;
   EXPECT_EQ(port.master.ask_serial10(Frame::make(1, Command::write_1, 0x6510, 0x0C, 0)),
@@ -135,7 +135,7 @@ TEST(IsmkRs485, TheProtocolChangesAfterARestart) {
             Frame::make(1, Command::read_1, 0x6510, 0x0C, 3));
 }
 
-// 2FE2h and 100Bh: saved, from the next restart on (ch. 8.1 and 8.2).
+// 2FE2h and 100Bh: stored, effective after the next restart (ch. 8.1 and 8.2).
 TEST(IsmkRs485, BitRateAndStationAfterARestart) {
   std::array<std::byte, 32 * 1024> memory{};
   dictionary::RamMedium medium(memory);
@@ -177,7 +177,7 @@ TEST(IsmkRs485, ModbusErrors) {
   EXPECT_EQ(port.rig.get(0x6060), 3);
 }
 
-// 6060h, 8 bits, and 6041h, 16 bits: read as two registers each, lengthened by their top bit.
+// 6060h, 8 bits, and 6041h, 16 bits: each read as two registers, with sign extension.
 TEST(IsmkRs485, EveryObjectReadsAsTwoRegisters) {
   Port port(SerialProtocol::modbus_rtu);
   EXPECT_EQ(port.master.ask_modbus("01 03 35 00 00 01"), "01 03 02 FF FC");
@@ -200,15 +200,15 @@ TEST(IsmkRs485, Serial10Errors) {
   EXPECT_EQ(port.master.ask_serial10(Frame::make(1, Command::write_1, 0x6060, 0, 8)),
             refused(0x6060, 0, AbortCode::value_too_high));
   EXPECT_EQ(port.master.ask_serial10(Frame::make(2, Command::read, 0x6041, 0, 0)), Frame{}) << "another drive";
-  // The universal id is answered with the drive's own.
+  // A request to the universal id is answered with the drive's own id.
   EXPECT_EQ(port.master.ask_serial10(Frame::make(127, Command::read, 0x100B, 0, 0)),
             Frame::make(1, Command::read_2, 0x100B, 0, 1));
   // A wrong checksum.
   EXPECT_EQ(port.master.ask("01 40 F0 2F 09 00 00 00 00 98"), "");
 }
 
-// The word of a status reply whose two words are its value and its sign extension; without bit 9, which the manual
-// prints as 0 although the control came over the bus (C7 of README.md's readings).
+// The word of a status reply whose two words are its value and its sign extension. Ignores bit 9, which the manual
+// prints as 0 although the bus has control (C7 in the README).
 unsigned modbus_word(Port& port) {
   const std::vector<std::uint8_t> reply = bytes_of(port.master.ask(modbus_status));
   if (reply.size() != 9) return 0;
@@ -289,8 +289,8 @@ TEST(IsmkRs485, TheTenByteProcedureMovesTheShaft) {
   EXPECT_NEAR(port.rig.plant.velocity_rpm(), -100.0, 2.0);
 }
 
-// The rule of the addresses against the manual's list (tests/data/ismk_params.csv): no register is missing, none is
-// elsewhere, and a value in it is that of its object.
+// The addresses by rule, compared with the manual's list (tests/data/ismk_params.csv): no register is missing or at
+// another address, and its value is that of its object.
 TEST(IsmkRs485, RegistersAreThoseOfTheManual) {
   unsigned checked = 0;
   for (const test::CsvRow& row : test::read_csv("ismk_params.csv")) {

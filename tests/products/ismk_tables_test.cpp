@@ -2,7 +2,7 @@
 
 #include "ismk_rig.hpp"
 
-// The iSMK's tables of speeds and positions that inputs choose from (manual, ch. 5.2.1.1 and 5.4.1.1).
+// The iSMK's tables of speeds and positions, selected by inputs (manual, ch. 5.2.1.1 and 5.4.1.1).
 namespace servodrome {
 namespace ismk_tables_test {
 namespace {
@@ -106,7 +106,7 @@ IsmkRig& with_positions(IsmkRig& rig) {
   assign(rig, position_index);
   for (unsigned i = 0; i < 8; ++i) {
     set(rig, 0x2020, position[i], 5000 * (static_cast<int>(i) - 3));
-    set(rig, 0x2020, speed[i], dec(i == 5 ? -300.0 : 300.0));  // its amount counts
+    set(rig, 0x2020, speed[i], dec(i == 5 ? -300.0 : 300.0));  // its absolute value counts
   }
   return rig;
 }
@@ -190,7 +190,7 @@ TEST(IsmkPositionTable, WithoutIndexInputsNothingIsShown) {
   EXPECT_EQ(reached(rig), 0U);
 }
 
-// The whole procedure of the manual (Tables 5-12 and 5-13): mode, enable and start come from inputs.
+// The whole procedure of the manual (Tables 5-12 and 5-13): inputs select mode, enable and start.
 TEST(IsmkPositionTable, EverythingByInputs) {
   IsmkRig rig;
   set(rig, 0x2020, 0x0E, 1);
@@ -213,7 +213,7 @@ TEST(IsmkPositionTable, EverythingByInputs) {
   EXPECT_EQ(reached(rig), 1U);
 }
 
-// 2020h sub 0Fh = 4Fh: each start goes on by the position of the table (ch. 7.1).
+// 2020h sub 0Fh = 4Fh: each start moves by the position of the table (ch. 7.1).
 TEST(IsmkPositionTable, RelativeMoves) {
   IsmkRig rig;
   with_positions(rig);

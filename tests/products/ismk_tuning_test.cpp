@@ -6,7 +6,7 @@
 #include "ismk_rig.hpp"
 #include "products/ismk/gains.hpp"
 
-// Automatic tuning of the iSMK: 2340h sub 10h, inertia recognition and rigidity, automatic notches.
+// Automatic tuning of the iSMK: 2340h sub 10h, inertia identification and rigidity, automatic notches.
 namespace servodrome {
 namespace ismk_tuning_test {
 namespace {
@@ -24,7 +24,7 @@ plant::Parameters loaded(double load_ratio) {
   parameters.load.viscous_friction_nms = 2.0e-4;
   parameters.load.coulomb_friction_nm = 0.04;
   parameters.load.static_friction_nm = 0.06;
-  // There is no chopper inside (ch. 1.3.1): what heavy loads give back goes into a supply shared with other drives.
+  // There is no internal chopper (ch. 1.3.1): the energy of heavy loads flows into a supply that other drives share.
   parameters.supply.capacitance_f = 0.1;
   return parameters;
 }
@@ -43,7 +43,7 @@ struct TuningRig : FactoryIsmkRig {
   }
 
   struct Move {
-    double overshoot_percent = 0.0;  // of its length, beyond the target
+    double overshoot_percent = 0.0;  // beyond the target, in percent of the move's length
     double settled_ms = -1.0;        // from the start until it stays within 6067h
   };
   // One revolution relative to the last target, at 1000 rpm and 100 rps/s.
@@ -68,7 +68,7 @@ struct TuningRig : FactoryIsmkRig {
   std::int64_t goal = 0;
 };
 
-// The master moves the axis to and fro as it likes; the drive watches and adapts.
+// The master moves the axis back and forth; the drive observes the motion and adapts.
 TEST(IsmkAutoTuning, OnlineForLoadsOfHalfToTwentyRotors) {
   for (const double ratio : {0.5, 1.0, 2.0, 5.0, 10.0, 20.0}) {
     TuningRig rig(loaded(ratio));
@@ -109,7 +109,7 @@ TEST(IsmkAutoTuning, DoesWhatItsBitsSay) {  // Table 6-1
   EXPECT_EQ(after_moves(0x21, -1)[0], 0);
 }
 
-// The bandwidth (Velocity_BW) stays, and the gain kvp follows the identified load (Table 6-2).
+// The bandwidth (Velocity_BW) is kept, and the gain kvp follows the identified load (Table 6-2).
 TEST(IsmkAutoTuning, FollowsALoadThatChanges) {
   TuningRig rig(loaded(1.0));
   rig.set(0x2FF0, 0x0A, 30);
@@ -129,8 +129,8 @@ TEST(IsmkAutoTuning, FollowsALoadThatChanges) {
   EXPECT_NEAR(rig.error_percent(4.0), 0.0, 5.0) << "switched off, it keeps what it knows";
 }
 
-// The axis is disabled in the middle of its moves, and turned by something else before it is enabled again: what
-// happened meanwhile is no answer to the motor's torque.
+// The axis is disabled during its moves and turned from outside before it is enabled again: this motion must not count
+// as a response to the motor's torque.
 TEST(IsmkAutoTuning, DisabledInMotionItLearnsNothingFalse) {
   TuningRig rig(loaded(3.0));
   rig.set(0x2340, 0x10, 7);
@@ -139,7 +139,7 @@ TEST(IsmkAutoTuning, DisabledInMotionItLearnsNothingFalse) {
     rig.control(0x2F);
     rig.set(0x607A, 0, rig.goal);
     rig.control(0x3F);
-    rig.run_ms(40 + 5 * i);  // while it gains speed
+    rig.run_ms(40 + 5 * i);  // while it accelerates
     EXPECT_GT(std::fabs(rig.plant.velocity_rpm()), 100.0);
     rig.control(i % 3 == 0 ? 0x06 : 0x00);
     rig.run_ms(5);
@@ -157,7 +157,7 @@ TEST(IsmkAutoTuning, DisabledInMotionItLearnsNothingFalse) {
   EXPECT_NEAR(rig.error_percent(3.0), 0.0, 8.0);
 }
 
-// The PC software's way: recognise the inertia, then choose a rigidity.
+// The procedure of the PC software: identify the inertia, then select a rigidity.
 TEST(IsmkRecognition, AndRigidityOnEveryRating) {
   for (const products::Model& model : products::ismk::ratings) {
     const auto rotor = static_cast<double>(model.motor.inertia_kgm2);
@@ -189,7 +189,8 @@ TEST(IsmkRecognition, AndRigidityOnEveryRating) {
   }
 }
 
-// The loops have the new gains at once, not from the next parameter on; a kvi of before is not left beside kvi/32.
+// The loops have the new gains immediately, not only after the next write of a parameter; an earlier kvi does not
+// remain next to kvi/32.
 TEST(IsmkRecognition, RigidityActsAtOnce) {
   TuningRig rig(loaded(1.0));
   rig.set(0x60F9, 2, 7);
@@ -204,7 +205,8 @@ TEST(IsmkRecognition, RigidityActsAtOnce) {
               static_cast<double>(rig.get(0x60F9, 7)) / 32.0 / (7.0 + 2.0 / 32.0), 1e-3);
 }
 
-// Disabled while it recognises the inertia: the axis rests, the gains stay, and it can be asked again.
+// Disabled during the identification of the inertia: the axis rests, the gains are kept, and the identification can be
+// started again.
 TEST(IsmkRecognition, DisableEndsIt) {
   for (const int word : {0x07, 0x06, 0x00, 0x02}) {
     SCOPED_TRACE(word);
@@ -239,7 +241,7 @@ TEST(IsmkRecognition, NeedsAnEnabledDrive) {
 
 // --- Notches
 
-// A load on a spring, and gains too high for it.
+// A load on a spring, with gains that are too high for it.
 struct RingingRig : TuningRig {
   RingingRig(double hz, double load_ratio, double bandwidth_hz) : TuningRig(elastic(hz, load_ratio)) {
     set(0x60F9, 1,
@@ -259,7 +261,7 @@ struct RingingRig : TuningRig {
     parameters.load.coulomb_friction_nm = parameters.load.static_friction_nm = 0.01;
     return parameters;
   }
-  // RMS of the current about its mean, some time after a knock.
+  // RMS of the current about its mean, some time after a torque pulse.
   double ringing_a() {
     plant.set_external_torque_nm(0.3);
     run_ms(2);
@@ -320,7 +322,7 @@ TEST(IsmkNotch, RunsOnlyWhileEnabled) {
   EXPECT_EQ(rig.set(0x60F9, 4, 0), AbortCode::none);
   ASSERT_TRUE(rig.enable());
   const float kp = rig.device.drive().configuration().gains.velocity_kp;
-  // Switched off on the way: nothing is set, and the gains are back.
+  // Switched off during the search: nothing is set, and the gains are restored.
   EXPECT_EQ(rig.set(0x60F9, 4, 0x80), AbortCode::none);
   rig.run_ms(300);
   EXPECT_LT(rig.device.drive().configuration().gains.velocity_kp, 0.2F * kp) << "soft meanwhile";
@@ -329,7 +331,7 @@ TEST(IsmkNotch, RunsOnlyWhileEnabled) {
   EXPECT_EQ(rig.get(0x60F9, 4), 0);
   EXPECT_EQ(rig.get(0x60F9, 3), 0);
   EXPECT_FLOAT_EQ(rig.device.drive().configuration().gains.velocity_kp, kp);
-  // Called off by the user.
+  // Cancelled by the user.
   ASSERT_TRUE(rig.enable());
   rig.set(0x60F9, 4, 0x80);
   rig.run_ms(300);

@@ -7,8 +7,8 @@
 #include "dictionary/failing_medium.hpp"
 #include "jmc_bus.hpp"
 
-// Every alarm of the JMC manual (tests/data/jmc_alarms.csv), raised by its cause in drive, plant or bus; by injection
-// where there is none. A row without a case fails.
+// Every alarm of the JMC manual (tests/data/jmc_alarms.csv), raised by its cause in drive, plant or bus, or by
+// injection if there is none. A row without a case fails the test.
 namespace servodrome {
 namespace jmc_alarms_test {
 namespace {
@@ -35,7 +35,7 @@ struct Case {
   std::string alarm;  // the column "code"
   std::uint16_t code = 0;
   std::uint8_t error_register = 0;
-  Action prepare;  // with the mailbox in use; the motor enabled, unless `disabled`
+  Action prepare;  // in Operational with the mailbox in use; the motor is enabled, unless `disabled`
   Action raise;
   Action remove = [](JmcBus&) {};
   Gone gone = Gone::with_reaction;
@@ -50,7 +50,7 @@ void set(JmcBus& rig, std::uint16_t index, std::uint8_t sub, std::int64_t value)
   ASSERT_EQ(rig.set(index, sub, value), AbortCode::none) << std::hex << index << "h:" << int{sub} << " = " << value;
 }
 
-// --- How the axis is when the alarm comes
+// --- The state of the axis when the alarm occurs
 
 void turn(JmcBus& rig, double rpm) {
   set(rig, 0x6060, 0, 3);
@@ -79,7 +79,7 @@ void pressing(JmcBus& rig) {  // full torque allowed, against a locked rotor
   in_mode(10)(rig);
 }
 
-// --- What happens to it
+// --- The cause of the alarm
 
 bool wrong(JmcBus& rig) {
   const PowerState state = rig.device.drive().state();
@@ -104,7 +104,7 @@ Case of_plant(const char* alarm, std::uint16_t code, std::uint8_t error_register
   return {alarm, code,  error_register, turning, inject(injection), inject(injection, false), Gone::when_removed,
           cut,   reset, 200.0,          variant};
 }
-// No part of this drive or its surroundings that could do it: README.md says which.
+// No part of this drive or its surroundings can cause it: see README.md.
 Case injected_only(const char* alarm, std::uint16_t code, std::uint8_t error_register, Cause cause, Cut cut,
                    Reset reset) {
   return {alarm,
@@ -231,7 +231,7 @@ std::vector<Case> drive_cases() {
        [](JmcBus& rig) { rig.control(0x1F); }, [](JmcBus&) {}, Gone::with_reaction, option, word, 2100.0},
       injected_only("AL.552", 0xA552, 0x01, cause::angle_identification, option, word),
       injected_only("AL.600", 0xA600, 0x01, cause::encoder_supply, at_once, power),
-      // Standing: a coasting axis is somewhere else when the encoder is back.
+      // At standstill: a coasting axis would have another position when the encoder returns.
       {"AL.610", 0x7305, 0x01, in_mode(3), inject(Injection::encoder_loss), inject(Injection::encoder_loss, false),
        Gone::when_removed, at_once, power},
       of_plant("AL.610", 0x7305, 0x01, Injection::hall_wiring, at_once, power, "Hall"),
@@ -249,11 +249,11 @@ std::vector<Case> drive_cases() {
   };
 }
 
-// E101 to E107 are numbers of the same alarms (README.md, C-33).
+// E101 to E107 are the numbers of the same alarms (README.md, C-33).
 const std::map<std::string, std::string> drive_codes{
     {"E101", "AL.063"}, {"E102", "AL.066"}, {"E103", "AL.051"}, {"E104", "AL.402"}, {"E106", "AL.501"}};
 
-// --- What is expected
+// --- The expected results
 
 std::string text_of(const Bytes& bytes) {
   std::string text;
@@ -276,8 +276,8 @@ std::vector<std::string> emergencies(JmcBus& rig) {
   return texts;
 }
 
-// "LED 11 flashes" in the column "note"; 0: none is printed. Nine are for AL.610 to AL.622, as the row of the lamp
-// says.
+// "LED 11 flashes" in the column "note"; 0: none is printed. Nine flashes are for AL.610 to AL.622, as in the row of
+// the lamp.
 int printed_flashes(const test::CsvRow& row) {
   if (row.at("code") >= "AL.610" && row.at("code") <= "AL.622") return 9;
   std::smatch found;
@@ -323,7 +323,7 @@ void check(const Case& alarm, const test::CsvRow& row, std::int16_t option_code)
     EXPECT_NEAR(static_cast<double>(rig.ticks() - begin) / 16000.0, velocity / 800000.0, 0.003);
   }
   ASSERT_GE(rig.run_until([&] { return drive.state() == PowerState::fault; }, 3000.0), 0);
-  rig.run_ms(150);  // of a coasting axis the brake closes after P01-32
+  rig.run_ms(150);  // the brake of a coasting axis closes after P01-32
   EXPECT_FALSE(rig.actuation.pwm_enabled);
   EXPECT_FALSE(rig.actuation.brake_released);
   EXPECT_EQ(rig.status() & 0x4F, 0x08);
@@ -380,7 +380,7 @@ TEST(JmcAlarms, EveryFaultOfTheDriveByItsCause) {
   for (const test::CsvRow& row : test::read_csv("jmc_alarms.csv")) {
     const std::string& code = row.at("code");
     if ((!is_drive_fault(code) && !is_drive_code(code)) || code == "AL.411" || code == "AL.611") {
-      continue;  // tests of their own
+      continue;  // tested separately
     }
     in_manual.insert(code);
     SCOPED_TRACE(code + " " + row.at("name"));
@@ -398,7 +398,7 @@ TEST(JmcAlarms, EveryFaultOfTheDriveByItsCause) {
   for (const Case& alarm : all) EXPECT_TRUE(in_manual.contains(alarm.alarm)) << alarm.alarm;
 }
 
-// AL.411: the power stage is full before the motor, one with half as much current again.
+// AL.411: with a motor of 1.5 times the rated current, the power stage reaches its limit before the motor.
 TEST(JmcAlarms, OverloadOfTheDrive) {
   plant::Parameters parameters = test::jmc_plant();
   parameters.motor.rated_current_a *= 1.5;
@@ -422,7 +422,7 @@ TEST(JmcAlarms, OverloadOfTheDrive) {
   EXPECT_EQ(emergencies(rig), std::vector<std::string>{emergency(0xA411, 0x02)});
 }
 
-// AL.051: what was stored is damaged when power comes. AL.062: it cannot be written.
+// AL.051: the stored data are damaged before power-on. AL.062: the memory cannot be written.
 TEST(JmcAlarms, DamagedMemory) {
   dictionary::FailingMedium medium(65536);
   products::Settings settings = test::jmc_settings();
@@ -470,7 +470,7 @@ TEST(JmcAlarms, LostIndex) {
   EXPECT_STREQ(rig.device.alarm().data(), "AL.611");
 }
 
-// --- Warnings: statusword bit 7 while their cause is there, no fault, no emergency
+// --- Warnings: statusword bit 7 while their cause lasts, no fault, no emergency
 
 struct Warning {
   std::string alarm;
@@ -556,13 +556,13 @@ void set_mailbox(JmcBus& rig, unsigned out_start) {
   rig.set_sync_manager(1, 0x1100, JmcBus::mailbox_bytes, 0x22);
 }
 
-// A sync manager that is active keeps its start and length.
+// An active sync manager keeps its start and length.
 void change_length(JmcBus& rig, unsigned number, unsigned start, unsigned length, unsigned control) {
   rig.write(static_cast<std::uint16_t>(ethercat::reg::sync_manager + 8 * number + 6), {0});
   rig.set_sync_manager(number, start, length, control);
 }
 
-// All four PDOs of a direction with 48 bytes each: more than process data may be.
+// All four PDOs of a direction with 48 bytes each: this exceeds the maximum of the process data.
 void fill_pdos(JmcBus& rig, std::uint16_t assignment, std::uint16_t first, std::uint32_t entry) {
   ASSERT_EQ(rig.download(assignment, 0, 0, 1), AbortCode::none);
   for (std::uint16_t pdo = first; pdo < first + 4; ++pdo) {
@@ -573,12 +573,12 @@ void fill_pdos(JmcBus& rig, std::uint16_t assignment, std::uint16_t first, std::
   ASSERT_EQ(rig.download(assignment, 0, 4, 1), AbortCode::none);
 }
 
-// Leads to the error of the state machine, over the bus.
+// Causes the error of the state machine, over the bus.
 const std::map<std::string, Action> bus_causes{
     {"E603", [](JmcBus& rig) { rig.request(3); }},
     {"E606",
      [](JmcBus& rig) {
-       // A word of the configuration area is overwritten; at the next power-on its checksum is wrong.
+       // Overwrites a word of the configuration area; at the next power-on its checksum is wrong.
        rig.write(ethercat::reg::sii_configuration, {0, 0});
        rig.write(ethercat::reg::sii_address, test::little_endian(std::uint32_t{2}));
        rig.write(ethercat::reg::sii_data, {0x34, 0x12});
@@ -752,7 +752,7 @@ TEST(JmcAlarms, EveryCommunicationAlarm) {
   EXPECT_EQ(real, bus_causes.size());
 }
 
-// The drive reports what its application sees of SYNC0: no pulse, or a second one in each cycle.
+// The drive reports SYNC0 errors that its application detects: a missing pulse, or a second one in a cycle.
 TEST(JmcAlarms, FollowThePulsesThatTheDriveSees) {
   struct Pulses final : ethercat::SlaveInterposer {
     Pulse sync0(ethercat::Time) override { return pulse; }
@@ -779,7 +779,7 @@ TEST(JmcAlarms, FollowThePulsesThatTheDriveSees) {
   }
 }
 
-// With the motor enabled 6007h says what the loss of the outputs does (Table 150).
+// If the motor is enabled, 6007h selects the reaction to the loss of the outputs (Table 150).
 TEST(JmcAlarms, LossOfOutputsWhileEnabled) {
   for (const int option : {0, 1, 2, 3}) {
     SCOPED_TRACE(option);
@@ -808,7 +808,7 @@ TEST(JmcAlarms, LossOfOutputsWhileEnabled) {
     rig.run_ms(3);
     EXPECT_EQ(rig.get(0x603F), option == 1 ? 0xFF09 : 0) << "a fault is reset by its own edge";
     if (option != 1) continue;
-    set(rig, 0x6040, 0, 0x00);  // by SDO: outputs are not taken in Safe-Operational
+    set(rig, 0x6040, 0, 0x00);  // by SDO: outputs are not accepted in Safe-Operational
     rig.run_ms(2);
     set(rig, 0x6040, 0, 0x80);
     rig.run_ms(2);
@@ -817,7 +817,7 @@ TEST(JmcAlarms, LossOfOutputsWhileEnabled) {
   }
 }
 
-// A master that ends while the axis stops by an alarm leaves that alarm to be seen.
+// If a master ends while the axis stops because of an alarm, that alarm stays visible.
 TEST(JmcAlarms, LeavingOperationalWhileAnAlarmStopsTheAxis) {
   JmcBus rig;
   rig.connect();
@@ -833,7 +833,7 @@ TEST(JmcAlarms, LeavingOperationalWhileAnAlarmStopsTheAxis) {
   EXPECT_EQ(rig.get(0x603F), 0xA420);
 }
 
-// A master that takes an enabled drive out of Operational leaves it without valid outputs.
+// A master that takes an enabled drive out of Operational removes its valid outputs.
 TEST(JmcAlarms, LeavingOperationalWhileEnabled) {
   JmcBus rig;
   rig.connect();
@@ -886,7 +886,7 @@ TEST(JmcAlarms, Lamps) {
   }
 }
 
-// What an alarm shows is not hidden by a limit switch that is active as well.
+// An active limit switch does not hide the indication of an alarm.
 TEST(JmcAlarms, LampsOfAnAlarmComeBeforeThoseOfInputs) {
   for (const bool flashes : {true, false}) {
     JmcBus rig;
@@ -904,7 +904,7 @@ TEST(JmcAlarms, LampsOfAnAlarmComeBeforeThoseOfInputs) {
   }
 }
 
-// The front as others see it: six lamps, each as the drive drives it (ch. 4.3.2, Table 10).
+// The state of the six lamps (ch. 4.3.2, Table 10).
 TEST(JmcAlarms, LampsOfTheFront) {
   using products::Light;
   JmcBus rig;
@@ -949,7 +949,7 @@ TEST(JmcAlarms, LampsOfTheFront) {
   EXPECT_EQ(lamp("RUN"), (std::pair{Light::on, none}));
 }
 
-// Each printed count has an alarm or an input.
+// Each printed number of flashes has an alarm or an input.
 TEST(JmcAlarms, EachFlashCountHasACause) {
   std::set<int> counts{6, 7, 8};
   for (const products::jmc_ec::AlarmFlashes& row : products::jmc_ec::alarm_flashes) {

@@ -2,7 +2,8 @@
 
 #include "jmc_rig.hpp"
 
-// The brake sequence P01-30 to P01-32 (ch. 8.2.2, Chart 129): the motor works, and the brake is open, from Switched on.
+// The brake sequence P01-30 to P01-32 (ch. 8.2.2, Chart 129): the motor has power and the brake is open from Switched
+// on.
 namespace servodrome {
 namespace jmc_brake_test {
 namespace {
@@ -59,8 +60,8 @@ TEST(JmcBrake, OpensInSwitchedOnAndHoldsTheLoad) {
   EXPECT_NEAR(static_cast<double>(rig.monitor(10)), 100.0 * 0.2 / rated_nm, 6.0);
 }
 
-// The load hangs on the motor as soon as the brake lets go, and the loops build up their torque out of the deviation:
-// it sags. P02-50, the torque that holds it (ch. 8.2.3), is there before the brake opens.
+// The load acts on the motor as soon as the brake opens, and the loops need a deviation to build up torque: the load
+// sags. P02-50, the holding torque (ch. 8.2.3), acts before the brake opens.
 TEST(JmcBrake, LoadSagsByWhatP0250DoesNotHold) {
   const auto deepest = [](double share) {
     BrakeRig rig;
@@ -84,7 +85,7 @@ TEST(JmcBrake, LoadSagsByWhatP0250DoesNotHold) {
   EXPECT_GE(deepest(1.0), -3.0);
 }
 
-// Commands are taken once P01-30 has passed since power came on (ch. 8.2.2).
+// Commands act after the time P01-30 from power to the motor (ch. 8.2.2).
 TEST(JmcBrake, CommandsWaitForItsDelay) {
   for (const int delay_ms : {0, 100, 255}) {
     BrakeRig rig(delay_ms);
@@ -96,7 +97,7 @@ TEST(JmcBrake, CommandsWaitForItsDelay) {
   }
 }
 
-// P01-30 counts from the command that opens the brake: what has passed of it in Switched on is over.
+// P01-30 counts from the command that opens the brake: the time in Switched on is included.
 TEST(JmcBrake, DelayCountsFromSwitchedOn) {
   for (const int dwell_ms : {0, 40, 90, 300}) {
     BrakeRig rig;
@@ -109,7 +110,7 @@ TEST(JmcBrake, DelayCountsFromSwitchedOn) {
   }
 }
 
-// Bit 12 is there in those cycles in which the drive follows 607Ah, and in no other; bit 10 not before.
+// Bit 12 is set exactly in the cycles in which the drive follows 607Ah; bit 10 is not set before.
 TEST(JmcBrake, StatuswordSaysFromWhenTargetsAreFollowed) {
   for (const int dwell_ms : {0, 40}) {
     BrakeRig rig;
@@ -127,7 +128,7 @@ TEST(JmcBrake, StatuswordSaysFromWhenTargetsAreFollowed) {
       if (follows && followed_from < 0) followed_from = ms;
       if (followed_from >= 0) {
         EXPECT_TRUE(follows) << "lost at " << ms;
-        rig.set(0x607A, 0, start + 2 * (ms - followed_from + 1));  // a master that goes by bit 12 loses nothing
+        rig.set(0x607A, 0, start + 2 * (ms - followed_from + 1));  // a master that waits for bit 12 loses no motion
       } else {
         EXPECT_EQ(rig.status() & 0x0400, 0) << "target reached at " << ms;
         EXPECT_FALSE(rig.device.drive().in_motion()) << ms;
@@ -141,8 +142,8 @@ TEST(JmcBrake, StatuswordSaysFromWhenTargetsAreFollowed) {
   }
 }
 
-// Enabled again while the brake closes: it has to open anew, and the delay counts anew. While it closes nothing is
-// followed either.
+// Enabled again while the brake closes: the brake opens again, and the delay starts again. While it closes, the drive
+// does not follow targets.
 TEST(JmcBrake, DelayCountsAnewWhenEnabledWhileItCloses) {
   BrakeRig rig;
   rig.set(0x6060, 0, 8);
@@ -163,7 +164,7 @@ TEST(JmcBrake, DelayCountsAnewWhenEnabledWhileItCloses) {
   EXPECT_EQ(rig.status() & 0x6F, 0x27);
 }
 
-// At rest: the brake closes first, the motor goes off P01-30 later.
+// At rest: the brake closes first, the motor is switched off after P01-30.
 TEST(JmcBrake, ClosesBeforePowerOffAtRest) {
   for (const int delay_ms : {50, 200}) {
     BrakeRig rig(delay_ms);
@@ -182,7 +183,7 @@ TEST(JmcBrake, ClosesBeforePowerOffAtRest) {
   }
 }
 
-// Turning: the motor goes off at once, the brake closes when the axis is slower than P01-31 ...
+// In motion: the motor is switched off immediately; the brake closes when the axis is slower than P01-31 ...
 TEST(JmcBrake, WaitsForASlowAxis) {
   BrakeRig rig;
   rig.set_panel(1, 31, 300);
@@ -200,7 +201,7 @@ TEST(JmcBrake, WaitsForASlowAxis) {
   EXPECT_NEAR(rig.plant.velocity_rpm(), 300.0, 30.0);
 }
 
-// ... at the latest after P01-32.
+// ... and at the latest after P01-32.
 TEST(JmcBrake, WaitsNoLongerThanItsLimit) {
   BrakeRig rig;
   rig.set_panel(1, 31, 50);
@@ -216,7 +217,7 @@ TEST(JmcBrake, WaitsNoLongerThanItsLimit) {
   EXPECT_NEAR(rig.plant.velocity_rpm(), 0.0, 0.1) << "the brake stops it";
 }
 
-// 60FEh bit 0 sets the brake by hand where its mask bit is set (Table 216).
+// 60FEh bit 0 controls the brake directly if its mask bit is set (Table 216).
 TEST(JmcBrake, BySixtyFe) {
   BrakeRig rig;
   rig.control(0x07);

@@ -4,7 +4,7 @@
 
 #include "jmc_rig.hpp"
 
-// A JMC EC drive in Operational with PDOs that carry the set-points and measured values of all modes.
+// A JMC EC drive in Operational with PDOs that contain the set-points and actual values of all modes.
 namespace servodrome::test {
 
 struct JmcBus : JmcRig {
@@ -52,7 +52,7 @@ struct JmcBus : JmcRig {
   unsigned state() const { return status_in() & 0x6FU; }
   std::int32_t position() const { return input<std::int32_t>(In::position); }
   std::int32_t velocity() const { return input<std::int32_t>(In::velocity); }
-  // To Operation enabled in `mode`, standing where it is.
+  // Brings the drive to Operation enabled in `mode`, at its present position.
   void enable_in(std::int8_t mode) {
     put<std::int8_t>(Out::mode, mode);
     put<std::int32_t>(Out::position, position());
@@ -64,7 +64,7 @@ struct JmcBus : JmcRig {
     ASSERT_EQ(state(), 0x27U);
     ASSERT_EQ(input<std::int8_t>(In::mode), mode);
   }
-  // Ticks until the condition holds, with the bus going on every millisecond; -1: not within the limit.
+  // Ticks until the condition holds, while the bus runs every millisecond; -1: not within the limit.
   std::int64_t run_bus_until(const std::function<bool()>& condition, double limit_ms) {
     const std::int64_t start = ticks();
     while (!condition()) {
@@ -74,7 +74,7 @@ struct JmcBus : JmcRig {
     }
     return ticks() - start;
   }
-  // Until nothing creeps any more.
+  // Waits until the axis no longer moves at all.
   void settle() { cycles(600); }
 
   double period_ms = 1.0;

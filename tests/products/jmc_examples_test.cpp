@@ -2,7 +2,7 @@
 
 #include "jmc_rig.hpp"
 
-// What the JMC manual prints as numbers: the start-up lists of its routines as SDO frames, gear ratios, units.
+// Numbers that the JMC manual prints: the start-up lists of its routines as SDO frames, gear ratios, units.
 namespace servodrome {
 namespace jmc_examples_test {
 namespace {
@@ -55,8 +55,8 @@ TEST(JmcExamples, MappingEntry) {
   EXPECT_EQ(rig.upload(0x1600, 12), 0xFFFFFFFFU) << "unused slots stay readable";
 }
 
-// Reconfiguration in the order of 'PDO Communicate' 3.3; refused anywhere but in Pre-Operational ('PDO
-// Communicate' 3.4); gone with power ('PDO Communicate' 3.4).
+// The sequence of a reconfiguration is that of 'PDO Communicate' 3.3; it is refused outside of Pre-Operational and lost
+// after a power cycle ('PDO Communicate' 3.4).
 TEST(JmcExamples, ReconfigurationOfPdos) {
   JmcRig rig;
   rig.to_pre_operational();
@@ -98,7 +98,7 @@ TEST(JmcExamples, LongestPdo) {
   EXPECT_EQ(rig.download(0x1600, 0, 12, 1), AbortCode::none);
   rig.download(0x1600, 0, 0, 1);
   ASSERT_EQ(rig.download(0x1600, 12, 0x607A0028, 4),
-            AbortCode::none);  // one byte more: 60FDh's latitude is all objects'
+            AbortCode::none);  // 40 bits: like 60FDh, every object may be mapped longer than it is
   EXPECT_EQ(rig.download(0x1600, 0, 12, 1), AbortCode::mapping_exceeds_pdo_length);
 }
 
@@ -107,7 +107,7 @@ struct Gear {
   std::int64_t user_per_revolution;
 };
 
-// Each of the three objects acts when it is written, whichever of them is the last.
+// Each of the three objects acts when it is written, in any order.
 TEST(JmcExamples, EachPartOfTheGearActs) {
   for (const std::uint16_t index : std::to_array<std::uint16_t>({0x608F, 0x6091, 0x6092})) {
     JmcRig rig;
@@ -151,8 +151,8 @@ TEST(JmcExamples, ElectronicGear) {
   }
 }
 
-// Gear objects take effect in Pre-Operational only, and the ratio is 1/1000 to 1000: beyond, "protection" ('Electronic
-// gear').
+// Gear objects take effect in Pre-Operational only, and the ratio is 1/1000 to 1000; otherwise "protection"
+// ('Electronic gear').
 TEST(JmcExamples, GearOutOfRangeAndOutOfState) {
   JmcRig rig;
   rig.to_pre_operational();

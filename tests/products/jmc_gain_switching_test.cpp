@@ -45,7 +45,7 @@ TEST(JmcGainSwitching, LevelHysteresisAndDelay) {
     EXPECT_EQ(cycles_until(switching, 0, settings, large(mode, 700), 15), -1);
     EXPECT_EQ(cycles_until(switching, 0, settings, large(mode, 750), 15), -1) << "the delay begins anew";
     EXPECT_EQ(cycles_until(switching, 0, settings, large(mode, 700)), 20) << "after the delay";
-    // Other inputs do not matter.
+    // Other inputs have no effect.
     GainSwitching::Inputs others{.torque_command = 5000,
                                  .speed_command = 5000,
                                  .position_deviation = 5000,
@@ -60,7 +60,7 @@ TEST(JmcGainSwitching, LevelHysteresisAndDelay) {
   }
 }
 
-// A hysteresis larger than the level ends at 0: else the first set would never come back.
+// A hysteresis larger than the level ends at 0; otherwise the first set would never return.
 TEST(JmcGainSwitching, HysteresisIsNoLargerThanTheLevel) {
   const GainSwitching::Settings settings{.mode = SwitchingMode::actual_speed, .level = 100, .hysteresis = 500};
   GainSwitching switching;
@@ -76,7 +76,7 @@ TEST(JmcGainSwitching, ModesWithoutALevel) {
     settings.mode = mode;
     return settings;
   };
-  // 0, 1, 2: chosen, without delay.
+  // 0, 1, 2: selected, without delay.
   EXPECT_EQ(cycles_until(switching, 1, with(SwitchingMode::first), {.input = true, .position_command = true}), -1);
   EXPECT_EQ(cycles_until(switching, 1, with(SwitchingMode::second), {}), 0);
   EXPECT_EQ(cycles_until(switching, 0, with(SwitchingMode::first), {}), 0);
@@ -85,10 +85,10 @@ TEST(JmcGainSwitching, ModesWithoutALevel) {
   // 7: while there is a command.
   EXPECT_EQ(cycles_until(switching, 1, with(SwitchingMode::position_command), {.position_command = true}), 0);
   EXPECT_EQ(cycles_until(switching, 0, with(SwitchingMode::position_command), {}), 20);
-  // 8: until it is in position.
+  // 8: until the axis is in position.
   EXPECT_EQ(cycles_until(switching, 1, with(SwitchingMode::positioning_incomplete), {.positioned = false}), 0);
   EXPECT_EQ(cycles_until(switching, 0, with(SwitchingMode::positioning_incomplete), {.positioned = true}), 20);
-  // 10: a command brings it, being slow without one ends it.
+  // 10: a command selects the second set; low speed without a command ends it.
   const auto mode_10 = with(SwitchingMode::command_and_speed);
   EXPECT_EQ(cycles_until(switching, 1, mode_10, {.actual_speed = 5000}), -1) << "speed alone does not";
   EXPECT_EQ(cycles_until(switching, 1, mode_10, {.position_command = true}), 0);
@@ -148,7 +148,7 @@ struct SwitchingRig : FactoryJmcRig {
   }
 };
 
-// P02-13 and P02-14 act at once, P02-01 over P02-34; back 20 ms after the command has ended.
+// P02-13 and P02-14 act immediately, P02-01 within P02-34; the first set returns 20 ms after the end of the command.
 TEST(JmcGainSwitching, WithTheCommandOnTheAxis) {
   SwitchingRig rig(7);
   EXPECT_FLOAT_EQ(rig.gains().position_kp, 48.0F);

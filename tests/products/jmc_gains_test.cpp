@@ -6,8 +6,8 @@
 
 #include "jmc_rig.hpp"
 
-// What the panel parameters of the JMC EC drives do to the axis, measured against theory (ch. 7 and 8.2.3, ch. 8.2.4
-// to 8.2.8).
+// The effects of the panel parameters of the JMC EC drives on the axis, compared with theory (ch. 7 and 8.2.3, ch.
+// 8.2.4 to 8.2.8).
 namespace servodrome {
 namespace jmc_gains_test {
 namespace {
@@ -25,8 +25,8 @@ plant::Parameters frictionless() {
   return parameters;
 }
 
-// By hand; the load is as heavy as the rotor, as P01-04 has it from the factory. The loops as the list has them, the
-// velocity loop without integral.
+// Manual gains; the load has the inertia of the rotor, the factory value of P01-04. The loops have the values of the
+// list, the velocity loop has no integral.
 struct GainsRig : FactoryJmcRig {
   explicit GainsRig(std::int8_t mode, const plant::Parameters& parameters = frictionless())
       : FactoryJmcRig(parameters, test::jmc_settings()) {
@@ -84,7 +84,7 @@ TEST(JmcGains, Units) {
   EXPECT_EQ(gains.torque_filter_hz, 0.0F);
 }
 
-// The open velocity loop at a frequency, measured in the closed one: filtered velocity by error.
+// The open velocity loop at a frequency, measured in the closed loop: filtered velocity divided by error.
 std::complex<double> open_loop(GainsRig& rig, double frequency_hz) {
   const int cycles = 20;
   const int samples = 4 * static_cast<int>(std::lround(cycles * 2000.0 / frequency_hz));  // 8000 a second
@@ -105,11 +105,11 @@ std::complex<double> open_loop(GainsRig& rig, double frequency_hz) {
   return measured / error;
 }
 
-// P02-10 is where the loop's gain crosses 1, but for integral and filters, which are in the formula (ch. 7, P02-11;
-// Table 65, P08-19 and P08-20).
+// P02-10 is the frequency at which the loop's gain is 1, without integral and filters, which are in the formula (ch. 7,
+// P02-11; Table 65, P08-19 and P08-20).
 TEST(JmcGains, VelocityLoopIsTheFormula) {
   struct Case {
-    int gain, integral, feedback_filter, torque_filter;  // in their steps
+    int gain, integral, feedback_filter, torque_filter;  // in units of the parameters
   };
   for (const Case& c :
        {Case{270, 10000, 80, 84}, {270, 100, 80, 84}, {600, 10000, 20, 20}, {600, 200, 20, 20}, {150, 300, 200, 100}}) {
@@ -120,7 +120,7 @@ TEST(JmcGains, VelocityLoopIsTheFormula) {
     rig.set_panel(8, 20, c.torque_filter);
     const double frequency_hz = 0.1 * c.gain;
     const std::complex<double> s{0.0, 2.0 * pi * frequency_hz};
-    const double delay_s = 80e-6;  // current loop; difference and hold are as much as the filters, sampled, are quicker
+    const double delay_s = 80e-6;  // current loop; the lead of the sampled filters cancels difference and hold
     const std::complex<double> theory =
         2.0 * pi * 0.1 * c.gain / s * (1.0 + 1.0 / (s * 1e-4 * double(c.integral))) /
         ((1.0 + s * 1e-5 * double(c.feedback_filter)) * (1.0 + s * 1e-5 * double(c.torque_filter))) *
@@ -131,7 +131,7 @@ TEST(JmcGains, VelocityLoopIsTheFormula) {
   }
 }
 
-// P02-12: 100 % is PI, which overshoots; with 0 the integral alone answers a new speed (ch. 8.2.3).
+// P02-12: 100 % is a PI controller, which overshoots; with 0 only the integral responds to a new speed (ch. 8.2.3).
 TEST(JmcGains, PseudoDerivative) {
   const auto overshoot = [](int percent) {
     GainsRig rig(9);
@@ -166,7 +166,7 @@ TEST(JmcGains, DeviationAtConstantSpeed) {
   }
 }
 
-// P02-19: without it a proportional velocity loop lags by a / (gain x crossover) while the axis speeds up.
+// P02-19: without it a proportional velocity loop lags by a / (gain x crossover) during acceleration.
 TEST(JmcGains, TorqueFeedForward) {
   const auto lag = [](int percent) {
     GainsRig rig(1);
@@ -179,7 +179,7 @@ TEST(JmcGains, TorqueFeedForward) {
     rig.run_ms(160);
     return rig.deviation();
   };
-  // Less what the integral of 1000 ms has done in 160 ms.
+  // Minus the contribution of the integral of 1000 ms in 160 ms.
   const double expected = 1e6 / (2.0 * pi * 27.0 * 48.0) * std::exp(-0.16);
   const double full = lag(100);
   EXPECT_NEAR(full, 0.0, 0.15 * expected) << "half a cycle's way ahead";
@@ -187,7 +187,7 @@ TEST(JmcGains, TorqueFeedForward) {
   EXPECT_NEAR(lag(50) - full, 0.5 * expected, 0.05 * expected);
 }
 
-// P02-50: what holds a weight need not come from a deviation. It acts in position control only (ch. 8.2.3).
+// P02-50: the holding torque of a weight needs no deviation. It acts in position control only (ch. 8.2.3).
 TEST(JmcGains, TorqueAdded) {
   const auto sag = [](int tenths, std::int8_t mode) {
     GainsRig rig(mode);
@@ -203,7 +203,7 @@ TEST(JmcGains, TorqueAdded) {
   EXPECT_NEAR(sag(200, 9), sag(0, 9), 1.0) << "not in speed control";
 }
 
-// P02-51 and P02-52, each in its direction (ch. 8.2.3).
+// P02-51 and P02-52, each in one direction (ch. 8.2.3).
 TEST(JmcGains, FrictionCompensation) {
   plant::Parameters parameters = frictionless();
   parameters.load.coulomb_friction_nm = parameters.load.static_friction_nm = 0.05;
@@ -225,7 +225,7 @@ TEST(JmcGains, FrictionCompensation) {
   EXPECT_NEAR(lag(0, -friction, -1), 0.0, 0.1 * bare);
 }
 
-// P03-16: a lag of the position command, to the count in the end.
+// P03-16: a lag of the position command, exact to the count at the end.
 TEST(JmcGains, PositionSmoothing) {
   const auto ride = [](int tenths_of_ms) {
     GainsRig rig(1);
@@ -249,7 +249,7 @@ TEST(JmcGains, PositionSmoothing) {
   EXPECT_NEAR(ride(1000) - bare, 40000.0 * (100e-3 - half_cycle_s), 3.0);
 }
 
-// P08-25 and P08-26: of a load the share is made up for; what is left of the droop T / kp is the rest.
+// P08-25 and P08-26: this share of a load is compensated; the rest of T / kp remains as droop.
 TEST(JmcGains, DisturbanceCompensation) {
   const auto droop = [](int tenths) {
     GainsRig rig(9);
@@ -265,7 +265,7 @@ TEST(JmcGains, DisturbanceCompensation) {
   const drive::Configuration& c = rig.configuration();
   const double kp_nms = static_cast<double>(c.gains.velocity_kp * c.motor.torque_constant_nm_per_a);
   const double bare = 0.1 * rig.rated_nm() / kp_nms * 30.0 / pi;
-  EXPECT_NEAR(droop(0), bare, 0.06 * bare);  // the integral has begun to work
+  EXPECT_NEAR(droop(0), bare, 0.06 * bare);  // the integral has begun to act
   EXPECT_NEAR(droop(500), 0.5 * bare, 0.06 * bare);
   EXPECT_NEAR(droop(900), 0.1 * bare, 0.06 * bare);
 }
@@ -306,7 +306,7 @@ TEST(JmcGains, OverSpeed) {
   }
 }
 
-// P03-15: AL.501 beyond ten times so many command units, unless 6065h says otherwise (ch. 8.2.4, C-26).
+// P03-15: AL.501 at more than ten times this number of command units, unless 6065h has another value (ch. 8.2.4, C-26).
 TEST(JmcGains, ExcessiveDeviation) {
   const auto alarm = [](int tens, std::int64_t window) {
     GainsRig rig(1);
@@ -323,7 +323,7 @@ TEST(JmcGains, ExcessiveDeviation) {
   EXPECT_EQ(alarm(20, 5000), "") << "6065h has priority";
 }
 
-// P03-05: by the deviation alone, at the end of the command, at the end of the smoothed one (ch. 8.2.4).
+// P03-05: by the deviation alone, at the end of the command, or at the end of the smoothed command (ch. 8.2.4).
 TEST(JmcGains, InPosition) {
   const auto at_criterion = [](int criterion) {
     GainsRig rig(1);
@@ -375,8 +375,8 @@ TEST(JmcGains, OutputPolarity) {
   EXPECT_EQ(rig.actuation.outputs & 3U, 2U) << "an alarm: DO0 is active, low";
 }
 
-// Real-time adjustment: the axis is steady at rest and arrives, from the softest level to where the feedback filter's
-// factory value lets it be.
+// Real-time adjustment: the axis is stable at rest and reaches its target, from the lowest level to the highest that
+// the factory value of the feedback filter allows.
 TEST(JmcGains, RigidityLevelsAreStable) {
   for (const int level : {0, 5, 10, 13, 16, 20, 24}) {
     FactoryJmcRig rig(test::jmc_plant(), test::jmc_settings());

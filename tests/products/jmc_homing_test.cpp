@@ -3,8 +3,8 @@
 #include "drive/homing_figures.hpp"
 #include "jmc_rig.hpp"
 
-// Homing of the JMC EC drives (HM): every method from every side on a plant with random geometry, and what
-// surrounds the methods.
+// Homing of the JMC EC drives (HM): every method from every side on a plant with random geometry, and related
+// functions.
 namespace servodrome {
 namespace jmc_homing_test {
 namespace {
@@ -18,13 +18,13 @@ using drive::test::World;
 using test::JmcRig;
 
 constexpr Counts revolution = 4000;
-constexpr double rest = 8.0;  // counts: friction holds the shaft a little off
+constexpr double rest = 8.0;  // counts: friction holds the shaft a little away
 constexpr std::uint16_t reached = 0x0400;
 constexpr std::uint16_t attained = 0x1000;
 constexpr std::uint16_t error = 0x2000;
 constexpr std::uint16_t flags = reached | attained | error;
 
-// The home switch is a cam for every method; for 3 to 6 in the standard's form as well (`to_the_end`).
+// The home switch is a cam for every method; for 3 to 6 also in the standard's form (`to_the_end`).
 World random_world(int number, Random& random, bool to_the_end) {
   World world;
   world.revolution = revolution;
@@ -80,11 +80,11 @@ struct Homing : JmcRig {
     return run_until([this] { return (status() & (attained | error)) != 0 && (status() & reached) != 0; }, limit_ms) >=
            0;
   }
-  // Where the drive takes home to be, in true counts, before the offset.
+  // The home position of the drive in true counts, before the offset.
   Counts home(std::int64_t offset) { return -device.drive().position_offset() - offset; }
 };
 
-// What the shaft may be off home at the end, and by how much it may have crept since the drive's last cycle, in counts.
+// Tolerances in counts: the shaft's distance from home at the end, and its motion since the drive's last cycle.
 struct Tolerance {
   double off = rest;
   double creeps = 0.0;
@@ -106,21 +106,21 @@ int every_method(std::string_view rating, int rounds, Tolerance tolerance) {
                                         << world.positive_limit << ", index " << world.index);
         ++runs;
         std::int64_t offset = random.between(-3000, 3000);
-        // Not into a limit switch, which ends the way there.
+        // Not into a limit switch, which ends the motion there.
         if (!world.lies_between_limits(expected_home(figure, world, *from, 0) + offset)) offset = -offset;
         Homing rig(world, *from, rating);
         rig.set(0x607C, 0, offset);
         rig.set(0x6099, 1, random.between(16000, 48000));
         rig.set(0x6099, 2, random.between(2000, 8000));
         rig.set(0x609A, 0, random.between(400000, 1600000));
-        const Counts begins = rig.plant.position_counts();  // a detent may have pulled it off `from` without power
+        const Counts begins = rig.plant.position_counts();  // a detent may have moved it from `from` without power
         rig.start(method.number);
         if (figure.number != 35) {
           EXPECT_EQ(rig.status() & flags, 0) << "in progress";
         }
         if (!rig.finish()) return ADD_FAILURE() << "does not finish", 0;
         EXPECT_EQ(rig.status() & flags, reached | attained) << std::hex << rig.status();
-        // 35 takes the present point, so nothing is travelled (HM 2.35).
+        // 35 uses the present position, so there is no motion (HM 2.35).
         const std::int64_t travelled = figure.number == 35 ? 0 : offset;
         const Counts expected = expected_home(figure, world, figure.number == 35 ? begins : *from, 0);
         EXPECT_NEAR(static_cast<double>(rig.home(travelled)), static_cast<double>(expected),
@@ -139,7 +139,7 @@ int every_method(std::string_view rating, int rounds, Tolerance tolerance) {
 
 TEST(JmcHoming, EveryMethodFromEveryStart) { EXPECT_GT(every_method(products::jmc_ec::default_rating, 2, {}), 280); }
 
-// Two phases, 50 pole pairs. The detent torque pulls where friction alone would hold, by no more than a full step.
+// Two phases, 50 pole pairs. The detent torque moves a shaft that friction would hold, by less than a full step.
 TEST(JmcHoming, EveryMethodOfTheSteppers) {
   for (const std::string_view rating : {"2hss458-ec", "2dm542-ec"})
     EXPECT_GT(every_method(rating, 1, {.off = 20.0, .creeps = 1.0}), 130) << rating;
@@ -159,7 +159,7 @@ World simple_world() {
   return world;
 }
 
-// 0, 15, 16, 31, 32: chosen, and nothing happens (HM 2.15 and 2.31, object 6098h). Others are refused (D-23).
+// 0, 15, 16, 31, 32: allowed, without motion (HM 2.15 and 2.31, object 6098h). Others are refused (D-23).
 TEST(JmcHoming, ReservedMethods) {
   for (const int number : {0, 15, 16, 31, 32}) {
     Homing rig(simple_world(), 0);
@@ -177,13 +177,13 @@ TEST(JmcHoming, ReservedMethods) {
   for (const int number : {-128, -1, 36, 37, 127}) EXPECT_EQ(rig.set(0x6098, 0, number), AbortCode::value_invalid);
 }
 
-// The offset is a move of its own, with the slow speed, after home is found (Charts 42 and 44): bit 12 comes before
-// bit 10.
+// The offset is a separate move with the slow speed, after home is found (Charts 42 and 44): bit 12 is set before bit
+// 10.
 TEST(JmcHoming, OffsetIsTravelledAtTheSlowSpeed) {
   for (const std::int64_t offset : {3000, -3000}) {
     Homing rig(simple_world(), 20000);
     rig.set(0x607C, 0, offset);
-    rig.start(21);  // leaves the switch upwards
+    rig.start(21);  // leaves the switch in positive direction
     ASSERT_GE(rig.run_until([&] { return (rig.status() & attained) != 0; }, 60000), 0);
     EXPECT_EQ(rig.status() & flags, attained);
     EXPECT_NEAR(static_cast<double>(rig.get(0x6064)), -static_cast<double>(offset), 20.0);
@@ -201,7 +201,7 @@ TEST(JmcHoming, OffsetIsTravelledAtTheSlowSpeed) {
   }
 }
 
-// 1 -> 0 of bit 4 ends it: ramp 609Ah, no home, no error (Chart 38).
+// Bit 4 from 1 to 0 ends it: ramp 609Ah, no home, no error (Chart 38).
 TEST(JmcHoming, StartBitTakenAwayAborts) {
   Homing rig(simple_world(), 0);
   rig.start(3);
@@ -213,7 +213,7 @@ TEST(JmcHoming, StartBitTakenAwayAborts) {
   EXPECT_FALSE(rig.device.drive().homed());
 }
 
-// Halt by 605Dh with 609Ah; bit 10 is standstill then, and homing goes on afterwards (Chart 273).
+// Halt by 605Dh with 609Ah; bit 10 then means standstill, and homing continues afterwards (Chart 273).
 TEST(JmcHoming, HaltAndResume) {
   Homing rig(simple_world(), 0);
   rig.set(0x609A, 0, 40000);
@@ -231,7 +231,7 @@ TEST(JmcHoming, HaltAndResume) {
   EXPECT_EQ(rig.status() & flags, reached | attained);
 }
 
-// 6099h sub 1 is 0 from the factory: bit 13 at once. 609Ah of 0 stands for 60C5h (D-24).
+// The factory value of 6099h sub 1 is 0: bit 13 immediately. If 609Ah is 0, 60C5h applies (D-24).
 TEST(JmcHoming, SpeedAndRampOfZero) {
   Homing rig(simple_world(), 0);
   rig.set(0x6099, 1, 0);
@@ -249,7 +249,7 @@ TEST(JmcHoming, SpeedAndRampOfZero) {
   EXPECT_EQ(rig.status() & flags, reached | attained);
 }
 
-// P03-68: AL.551, a fault with bit 13 (ch. 9.1 and 9.2). 0 is no limit.
+// P03-68: AL.551, a fault with bit 13 (ch. 9.1 and 9.2). 0 means no limit.
 TEST(JmcHoming, TimesOut) {
   Homing rig(simple_world(), 0);
   rig.set_panel(3, 68, 1);
@@ -269,7 +269,7 @@ TEST(JmcHoming, TimesOut) {
   EXPECT_TRUE(patient.finish());
 }
 
-// Both limits without a home switch: an error, no fault.
+// Both limits without a home switch: an error, but no fault.
 TEST(JmcHoming, HomeNotFound) {
   World world = simple_world();
   world.home_from = 200000;
@@ -294,14 +294,14 @@ TEST(JmcHoming, FollowingErrorIsAHomingError) {
   EXPECT_STREQ(rig.device.alarm().data(), "AL.501");
 }
 
-// 607Eh bit 7 turns the methods round with the switches.
+// 607Eh bit 7 reverses the methods together with the switches.
 TEST(JmcHoming, Polarity) {
   Homing rig(simple_world(), 0);
   rig.control(0x00);
   rig.run_ms(150);
   EXPECT_EQ(rig.set(0x607E, 0, 0xC0), AbortCode::none);
   EXPECT_TRUE(rig.enable());
-  rig.start(17);  // the user's negative end is where counts are large
+  rig.start(17);  // the user's negative end has the large counts
   ASSERT_TRUE(rig.finish());
   EXPECT_EQ(rig.status() & flags, reached | attained);
   EXPECT_NEAR(static_cast<double>(rig.plant.position_counts()), 60000.0, rest);

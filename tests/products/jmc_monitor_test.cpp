@@ -3,7 +3,7 @@
 
 #include "jmc_rig.hpp"
 
-// The monitoring items d00 to d31 of the JMC EC drives (ch. 8.3) against the true shaft.
+// The monitoring items d00 to d31 of the JMC EC drives (ch. 8.3), compared with the true shaft.
 namespace servodrome {
 namespace jmc_monitor_test {
 namespace {
@@ -28,7 +28,7 @@ struct MonitorRig : JmcRig {
 TEST(JmcMonitor, Positions) {
   JmcRig idle;
   idle.run_ms(5);
-  EXPECT_EQ(idle.set(0x6092, 1, 8000), AbortCode::none);  // two units to a count
+  EXPECT_EQ(idle.set(0x6092, 1, 8000), AbortCode::none);  // two units per count
   idle.set(0x607F, 0, 400000);
   idle.set(0x6060, 0, 1);
   idle.set_panel(2, 3, 300);
@@ -64,7 +64,7 @@ TEST(JmcMonitor, Torques) {
   rig.run_ms(4000);
   EXPECT_NEAR(rig.item(10), -100.0, 1.0);
   EXPECT_NEAR(rig.item(12), 100.0, 3.0);
-  // Of what was measured: 2 s at 50 %, 4 s at 100 %, before that little more than the 0.4 s of enabling.
+  // The mean over the measured time: 2 s at 50 %, 4 s at 100 %, before that little more than the 0.4 s of enabling.
   const double all_s = 6.0 + 0.33;
   EXPECT_NEAR(rig.item(11), 100.0 * (2.0 * 0.5 + 4.0) / all_s, 3.0);
   EXPECT_NEAR(rig.item(13), 100.0 * std::sqrt((2.0 * 0.25 + 4.0) / all_s), 3.0);
@@ -97,7 +97,7 @@ TEST(JmcMonitor, InputsAngleSupply) {
   for (const auto without : std::to_array<std::uint8_t>({20, 21, 30, 31})) EXPECT_EQ(rig.monitor(without), 0);
 }
 
-// d19: one of six in the order of a turning field, six for each pole pair.
+// d19: one of six states in the order of a rotating field, six per pole pair.
 TEST(JmcMonitor, PhaseSequence) {
   MonitorRig rig(9);
   rig.set(0x60FF, 0, 4000);
@@ -115,8 +115,8 @@ TEST(JmcMonitor, PhaseSequence) {
   }
 }
 
-// d22 follows any motion (ch. 8.3), and AF-J-L makes one of its own (ch. 8.2.2, P01-04).
-// Disabled while the drive finds out its load: it has failed, says so, and the axis rests.
+// d22 works with any motion (ch. 8.3), and AF-J-L makes its own motion (ch. 8.2.2, P01-04).
+// Disabled during the identification of the load: it fails, reports it, and the axis rests.
 TEST(JmcMonitor, DisableEndsTheRecognitionOfInertia) {
   plant::Parameters parameters = test::jmc_plant();
   parameters.load.inertia_kgm2 = 2.0 * parameters.motor.rotor_inertia_kgm2;

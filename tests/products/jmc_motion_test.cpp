@@ -18,7 +18,7 @@ constexpr double two_pi = 6.283185307179586;
 
 // --- Cyclic synchronous position
 
-// With and without SYNC0: a revolution forth and back as a sine, followed without a step in speed.
+// With and without SYNC0: a revolution back and forth as a sine; the axis follows without a step in speed.
 void follow_sine(std::uint32_t sync0_ns, int cycles_per_turn) {
   JmcBus rig;
   rig.open_limits();
@@ -44,7 +44,7 @@ void follow_sine(std::uint32_t sync0_ns, int cycles_per_turn) {
       last = rig.device.drive().axis().generator.velocity();
     }
   });
-  // Targets are whole increments: the speed of a cycle is off by up to one of them, its change by two.
+  // Targets are whole increments: the speed of a cycle has an error of up to one increment, its change of up to two.
   const double steepest = 2000.0 * w * w / (period_ms * 1e-3);
   EXPECT_LT(worst, steepest + 2.2 / (period_ms * 1e-3));
   rig.settle();
@@ -53,7 +53,7 @@ void follow_sine(std::uint32_t sync0_ns, int cycles_per_turn) {
 }
 TEST(JmcMotion, CyclicPositionFreeRun) { follow_sine(0, 500); }
 TEST(JmcMotion, CyclicPositionWithSync0) { follow_sine(1'000'000, 500); }
-// The period of SYNC0 is that of the targets, whatever 60C2h says.
+// The period of SYNC0 is the time between targets, whatever the value of 60C2h.
 TEST(JmcMotion, CyclicPositionWithSync0Of4Ms) { follow_sine(4'000'000, 200); }
 
 // The manual's scaling: 4000 units are a revolution (routine for CoDeSys, 'Set homing parameter'), 607Ah + 60B0h is the
@@ -72,7 +72,7 @@ TEST(JmcMotion, CyclicPositionOffset) {
   EXPECT_NEAR(rig.position(), 3800, 2);
 }
 
-// Too fast: it runs on at the greatest speed with a warning, and gets there (Table 233, D-16).
+// Too fast: the axis continues at the greatest speed with a warning, and reaches the target (Table 233, D-16).
 TEST(JmcMotion, CyclicPositionAboveTheGreatestSpeed) {
   JmcBus fast;
   fast.open_limits();
@@ -95,7 +95,7 @@ TEST(JmcMotion, CyclicPositionAboveTheGreatestSpeed) {
   EXPECT_FALSE(fast.bit(7));
 }
 
-// 607Bh limits the change from target to target, once it was written (D-15).
+// 607Bh limits the change from target to target, after it has been written (D-15).
 TEST(JmcMotion, PositionChangeLimitation) {
   JmcBus rig;
   rig.open_limits();
@@ -204,7 +204,7 @@ TEST(JmcMotion, ProfilePositionHandshake) {
   rig.start(-500, 0x50);  // relative to the last target
   rig.cycles(300);
   EXPECT_NEAR(rig.position(), 3500, 2);
-  // Set-points are sampled at the edge (Table 248).
+  // Set-points are read at the edge (Table 248).
   rig.start(20000);
   rig.cycles(150);
   rig.set(0x6081, 0, 1000);
@@ -215,7 +215,7 @@ TEST(JmcMotion, ProfilePositionHandshake) {
   EXPECT_NEAR(rig.position(), 20000, 2);
 }
 
-// The four combinations of bits 9 and 5 (PP 2): what the speed is where the first target was.
+// The four combinations of bits 9 and 5 (PP 2): the speed at the first target.
 TEST(JmcMotion, ProfilePositionSecondSetPoint) {
   for (const std::uint16_t bits : std::to_array<std::uint16_t>({0x000, 0x200, 0x220, 0x020})) {
     SCOPED_TRACE(bits);
@@ -254,7 +254,7 @@ TEST(JmcMotion, ProfilePositionSecondSetPoint) {
   }
 }
 
-// "The motor will stop during two runs" (PP 2): the shaft, not the demand alone.
+// "The motor will stop during two runs" (PP 2): the shaft must stop, not only the demand.
 TEST(JmcMotion, ShaftStandsBetweenTwoSetPoints) {
   ProfileRig rig;
   rig.start(12000);
@@ -277,14 +277,14 @@ TEST(JmcMotion, ShaftStandsBetweenTwoSetPoints) {
   EXPECT_TRUE(rig.bit(10));
 }
 
-// A shaft that something keeps moving does not block what waits for ever.
+// A shaft that is kept in motion from outside does not block the waiting set-point forever.
 TEST(JmcMotion, SetPointThatWaitsBeginsAfterTwoSeconds) {
   ProfileRig rig;
   rig.start(4000);
   rig.start(8000);
   rig.word(0x0F, 1);
   rig.cycles(80);
-  // A load that swings the axis.
+  // A load that makes the axis oscillate.
   int i = 0;
   const std::int64_t ticks = rig.run_bus_until(
       [&] {
@@ -295,7 +295,7 @@ TEST(JmcMotion, SetPointThatWaitsBeginsAfterTwoSeconds) {
   EXPECT_GE(ticks, 0);
 }
 
-// 6082h is where the motor starts, at once (Table 255, D-20).
+// 6082h is the starting speed of the motor, reached immediately (Table 255, D-20).
 TEST(JmcMotion, ProfilePositionStartSpeed) {
   ProfileRig rig;
   rig.set(0x6082, 0, 8000);
@@ -313,7 +313,7 @@ TEST(JmcMotion, ProfilePositionStartSpeed) {
   EXPECT_NEAR(speeds.front(), 8000.0, 400000.0 * 0.0005 + 1.0);
   rig.cycles(500);
   EXPECT_NEAR(rig.position(), 12000, 2);
-  // Never more than the way allows, and none at the end.
+  // Never more than the distance allows, and none at the end.
   rig.start(12004);
   double greatest = 0.0;
   for (int i = 0; i < 100; ++i) {
@@ -325,7 +325,7 @@ TEST(JmcMotion, ProfilePositionStartSpeed) {
   EXPECT_NEAR(rig.position(), 12004, 2);
 }
 
-// 6081h above the smaller of 607Fh and 6080h: alarm, and operation stops (Table 254).
+// 6081h above the smaller of 607Fh and 6080h: alarm, and the operation stops (Table 254).
 TEST(JmcMotion, ProfilePositionAboveTheGreatestSpeed) {
   for (const bool by_motor : {false, true}) {
     ProfileRig rig;
@@ -343,7 +343,7 @@ TEST(JmcMotion, ProfilePositionAboveTheGreatestSpeed) {
   }
 }
 
-// The defaults: 14400 units/s is the cap, zero ramps are 60C5h and 60C6h (D-19, D-34).
+// The defaults: 14400 units/s is the limit; ramps of 0 mean 60C5h and 60C6h (D-19, D-34).
 TEST(JmcMotion, ProfilePositionWithDefaults) {
   JmcBus rig;
   rig.connect();
@@ -366,7 +366,7 @@ TEST(JmcMotion, ProfilePositionWithDefaults) {
   EXPECT_EQ(rig.state() & 0x4F, 0x08U);
 }
 
-// 6083h above 60C5h, 6084h above 60C6h: clipped, with a warning that goes with it (Tables 256, 257 and 268).
+// 6083h above 60C5h, 6084h above 60C6h: limited, with a warning as long as this lasts (Tables 256, 257 and 268).
 TEST(JmcMotion, RampsAreClippedWithWarning) {
   for (const bool acceleration : {true, false}) {
     ProfileRig rig;
@@ -411,14 +411,14 @@ TEST(JmcMotion, ProfileVelocityAndHalt) {
   EXPECT_FALSE(rig.bit(10)) << "decelerates";
   rig.cycles(200);
   EXPECT_TRUE(rig.bit(10));
-  // Changes act at once (PV 2).
+  // Changes act immediately (PV 2).
   rig.word(0x0F, 20);
   rig.put<std::int32_t>(Out::velocity, -20000);
   rig.cycles(400);
   EXPECT_NEAR(rig.velocity(), -20000, 600);
 }
 
-// Above the smaller of 607Fh and 6080h: it runs at the maximum, and warns (Table 267).
+// Above the smaller of 607Fh and 6080h: it runs at the maximum, with a warning (Table 267).
 TEST(JmcMotion, ProfileVelocityAboveTheGreatestSpeed) {
   for (const bool by_motor : {false, true}) {
     JmcBus rig;
@@ -443,7 +443,7 @@ TEST(JmcMotion, ProfileVelocityAboveTheGreatestSpeed) {
 
 // --- Torque
 
-// Tenths of a percent of the rated torque, ramped by 6087h in mode 4, at once in mode 10 (D-14, D-18).
+// Tenths of a percent of the rated torque; 6087h is the ramp in mode 4, mode 10 has no ramp (D-14, D-18).
 TEST(JmcMotion, TorqueModes) {
   for (const std::int8_t mode : std::to_array<std::int8_t>({4, 10})) {
     SCOPED_TRACE(int{mode});
@@ -481,7 +481,7 @@ TEST(JmcMotion, TorqueModes) {
   }
 }
 
-// Torque control is limited in speed by 6080h.
+// 6080h limits the speed in torque control.
 TEST(JmcMotion, TorqueModeKeepsToTheGreatestSpeed) {
   JmcBus rig;
   rig.set(0x6080, 0, 300);
@@ -540,7 +540,7 @@ TEST(JmcMotion, HaltInEveryMode) {
   }
 }
 
-// A master that leaves 6060h of the default PDO at 0 and chose the mode by SDO (README.md of the product, 6060h = 0).
+// A master leaves 6060h of the default PDO at 0 and selects the mode by SDO (README.md of the product, 6060h = 0).
 TEST(JmcMotion, ModeZeroChangesNothing) {
   JmcBus rig;
   rig.open_limits();

@@ -7,7 +7,7 @@
 #include "jmc_rig.hpp"
 #include "object_csv.hpp"
 
-// Table 219 of the JMC manual (tests/data/jmc_od.csv) against the running drive.
+// Compares Table 219 of the JMC manual (tests/data/jmc_od.csv) with the running drive.
 namespace servodrome {
 namespace jmc_objects_test {
 namespace {
@@ -23,16 +23,16 @@ TEST(JmcObjects, AreThoseOfTable219) {
   JmcRig rig(printed_rating);
   rig.run_ms(1);
   auto rows = test::read_csv("jmc_od.csv");
-  // Mentioned as "not used", and not in the table (D-30).
+  // Mentioned as "not used"; not in the table (D-30).
   std::erase_if(rows, [](const test::CsvRow& row) { return row.at("index") == "0x60D0"; });
   EXPECT_EQ(rig.device.dictionary().find(0x60D0, 1), nullptr);
-  // Slots 0Ch of the six last maps are not printed, the second 1602h:0Ch is (D-04).
+  // The manual does not print slot 0Ch of the last six maps, except a second 1602h:0Ch (D-04).
   EXPECT_EQ(
       test::compare_objects(rig.device.bus_dictionary(), 0, rows, test::read_differences("jmc_od_differences.csv")),
       218U);
 }
 
-// Nothing but the table, the sub-indices of ETG.1020 and the twelfth slots.
+// Only the table, the sub-indices of ETG.1020 and the twelfth slots.
 TEST(JmcObjects, NoOthers) {
   std::set<std::uint32_t> printed;
   for (const test::CsvRow& row : test::read_csv("jmc_od.csv")) {
@@ -47,7 +47,7 @@ TEST(JmcObjects, NoOthers) {
   }
 }
 
-// Table 219: bytes of the default PDOs, and what is in the unused slots.
+// Table 219: bytes of the default PDOs, and the values of the unused slots.
 TEST(JmcObjects, DefaultPdos) {
   JmcRig rig;
   const auto bytes = [&rig](std::uint16_t pdo) {
@@ -94,9 +94,9 @@ TEST(JmcObjects, ValuesThatAreNotThere) {
   codes(0x605E, {0, 1, 2, 3, 4}, {-1, 5, 32767});
 }
 
-// Each rating shows its own name, identity and nameplate, and so does its slave information memory.
-// Power and supply of Table 1 (ch. 2.1), the names by the rules of ch. 2.2, 3000 rpm (ch. 2.2). Rated torque is the
-// power at that speed. The torque constant is chosen (ratings.hpp): 4500 rpm on 80 % of the supply.
+// Each rating shows its own name, identity and nameplate, also in its slave information memory.
+// Power and supply of Table 1 (ch. 2.1), the names by the rules of ch. 2.2, 3000 rpm (ch. 2.2). The rated torque is the
+// power at that speed. The torque constant is our choice (ratings.hpp): 4500 rpm with 80 % of the supply.
 struct Plate {
   const char* model;
   const char* device_name;
@@ -137,7 +137,7 @@ TEST(JmcObjects, NameplatesOfTheManual) {
   EXPECT_EQ(half.get(0x6075), 6000);  // Table 219
   EXPECT_EQ(half.get(0x6076), 4436);  // Table 219
   JmcRig open("2dm542-ec");
-  EXPECT_EQ(open.get(0x6075), 2970);  // 4.2 A of its name, as an r.m.s. value
+  EXPECT_EQ(open.get(0x6075), 2970);  // 4.2 A from its name, as an r.m.s. value
   EXPECT_EQ(open.get(0x6076), 1800);
 }
 

@@ -4,8 +4,8 @@
 #include "csv.hpp"
 #include "jmc_rig.hpp"
 
-// The panel parameters P00 to P08 of the JMC EC drives against the list (tests/data/jmc_params.csv), and how they are
-// written, kept and hidden from the fieldbus.
+// The panel parameters P00 to P08 of the JMC EC drives, compared with the list (tests/data/jmc_params.csv); how they
+// are written, stored and hidden from the fieldbus.
 namespace servodrome {
 namespace jmc_panel_test {
 namespace {
@@ -25,7 +25,7 @@ const Entry* entry_of(ParameterId id) {
   return nullptr;
 }
 
-// Values are counted in the steps that the unit begins with.
+// Values are in steps of the unit's number.
 double step_of(const Entry& entry) {
   const std::string unit = entry.unit;
   return unit.rfind("0.01", 0) == 0 ? 0.01 : unit.rfind("0.1", 0) == 0 ? 0.1 : 1.0;
@@ -51,7 +51,7 @@ TEST(JmcPanel, IsTheList) {
       continue;
     }
     const ParameterId id{static_cast<std::uint8_t>(row.at("group")[2] - '0'), number};
-    if (row.at("min").empty()) {  // named in the alarm chapter only: P03-68 is the one that this drive has a use for
+    if (row.at("min").empty()) {  // only named in the alarm chapter; of these the drive uses only P03-68
       EXPECT_EQ(entry_of(id) != nullptr, (id == ParameterId{3, 68}));
       continue;
     }
@@ -100,7 +100,7 @@ TEST(JmcPanel, FactoryValuesOfTheRating) {
   EXPECT_EQ(stepper.panel(0, 5), 50);
 }
 
-// Table 219 has none of them: no SDO, no list, no PDO. The service port's dictionary has them all.
+// Table 219 does not have them: no SDO, no list, no PDO. The dictionary of the service port has all of them.
 TEST(JmcPanel, TheBusDoesNotSeeThem) {
   FactoryJmcRig rig;
   rig.to_pre_operational();
@@ -160,7 +160,8 @@ TEST(JmcPanel, RangesAndTheRunningMotor) {
   EXPECT_EQ(rig.set_panel(2, 0, 500), AbortCode::none);
 }
 
-// A value that waits for power-on: AL.941, a warning with 13 flashes; enabled like that, AL.110 (ch. 9.2).
+// A value that takes effect after power-on: AL.941, a warning with 13 flashes; AL.110 if the drive is enabled with it
+// (ch. 9.2).
 TEST(JmcPanel, WaitsForPowerOn) {
   MemoryRig memory;
   FactoryJmcRig& rig = memory.rig;
@@ -171,7 +172,7 @@ TEST(JmcPanel, WaitsForPowerOn) {
   EXPECT_STREQ(rig.device.alarm().data(), "AL.941");
   EXPECT_EQ(rig.device.leds(rig.now()).alarm_flashes, 13);
   EXPECT_EQ(rig.device.panel().active().over_voltage_v, 0);
-  // Put back, nothing waits any more.
+  // After the old value is restored, no value is pending.
   EXPECT_EQ(rig.set_panel(0, 42, 0), AbortCode::none);
   rig.run_ms(2);
   EXPECT_EQ(rig.status() & 0x88, 0);
@@ -189,7 +190,7 @@ TEST(JmcPanel, WaitsForPowerOn) {
   EXPECT_TRUE(rig.enable());
 }
 
-// P00-42 0 is the threshold of the rating.
+// P00-42 = 0 selects the threshold of the rating.
 TEST(JmcPanel, OverVoltageThreshold) {
   MemoryRig memory;
   FactoryJmcRig& rig = memory.rig;
@@ -203,7 +204,7 @@ TEST(JmcPanel, OverVoltageThreshold) {
   EXPECT_STREQ(rig.device.alarm().data(), "AL.402");
 }
 
-// P00-01 to P00-10: another motor than the nameplate's.
+// P00-01 to P00-10: a motor that differs from the nameplate.
 TEST(JmcPanel, MotorOfTheParameters) {
   MemoryRig memory;
   FactoryJmcRig& rig = memory.rig;
@@ -217,7 +218,7 @@ TEST(JmcPanel, MotorOfTheParameters) {
   EXPECT_FLOAT_EQ(motor.rated_torque_nm, before.rated_torque_nm);
 }
 
-// P00-00: "0: P0-01 to P0-17 is available" (ch. 8.2.1); with a motor's number they are not.
+// P00-00: "0: P0-01 to P0-17 is available" (ch. 8.2.1); with a motor number they have no effect.
 TEST(JmcPanel, MotorNumberSetsTheParametersAside) {
   MemoryRig memory;
   FactoryJmcRig& rig = memory.rig;
@@ -261,7 +262,7 @@ TEST(JmcRigidity, EveryLevelIsStifferThanTheOneBefore) {
 
 TEST(JmcRigidity, ModesOfAdjustment) {
   FactoryJmcRig rig;
-  // Standard: what the level sets cannot be changed, feed-forwards can (ch. 7, P01-02).
+  // Standard: values that the level sets cannot be changed, feed-forwards can (ch. 7, P01-02).
   rig.set_panel(2, 10, 1234);
   rig.set_panel(8, 20, 1);
   rig.set_panel(2, 3, 555);
@@ -272,13 +273,13 @@ TEST(JmcRigidity, ModesOfAdjustment) {
   EXPECT_EQ(rig.panel(2, 4), 222);
   rig.set_panel(1, 3, 20);
   EXPECT_EQ(rig.panel(2, 10), products::jmc_ec::rigidity_levels[20].velocity_gain_1);
-  // Positioning: neither can feed-forwards, 30.0 % and 0.50 ms (ch. 8.2.2, P01-02).
+  // Positioning: feed-forwards cannot be changed either, 30.0 % and 0.50 ms (ch. 8.2.2, P01-02).
   rig.set_panel(1, 2, 2);
   EXPECT_EQ(rig.panel(2, 3), 300);
   EXPECT_EQ(rig.panel(2, 4), 50);
   rig.set_panel(2, 3, 555);
   EXPECT_EQ(rig.panel(2, 3), 300);
-  // By hand: everything can; it begins with what was.
+  // Manual: all values can be changed; it starts with the present values.
   rig.set_panel(1, 2, 0);
   EXPECT_EQ(rig.panel(2, 10), products::jmc_ec::rigidity_levels[20].velocity_gain_1);
   rig.set_panel(2, 10, 1234);

@@ -23,10 +23,10 @@ struct Step {
 TEST(JmcPowerState, TheTableOfTransitions) {
   const std::vector<std::vector<Step>> walks{
       {{0x06, 0x21}, {0x07, 0x23}, {0x0F, 0x27}, {0x07, 0x23}, {0x06, 0x21}, {0x00, 0x40}},
-      {{0x0F, 0x40}, {0x07, 0x40}, {0x06, 0x21}, {0x0F, 0x27}},  // out of disabled only 06h leads (D-08)
+      {{0x0F, 0x40}, {0x07, 0x40}, {0x06, 0x21}, {0x0F, 0x27}},  // only 06h leaves disabled (D-08)
       {{0x06, 0x21}, {0x0F, 0x27}, {0x06, 0x21}},
       {{0x06, 0x21}, {0x0F, 0x27}, {0x00, 0x40}},
-      {{0x06, 0x21}, {0x0F, 0x27}, {0x02, 0x40}},  // quick stop ends there (C-31)
+      {{0x06, 0x21}, {0x0F, 0x27}, {0x02, 0x40}},  // a quick stop ends in disabled (C-31)
       {{0x06, 0x21}, {0x07, 0x23}, {0x02, 0x40}},
       {{0x06, 0x21}, {0x07, 0x23}, {0x00, 0x40}},
       {{0x06, 0x21}, {0x02, 0x40}},
@@ -43,7 +43,7 @@ TEST(JmcPowerState, TheTableOfTransitions) {
   }
 }
 
-// A master sends its controlword with every cycle: the brake's time begins once.
+// A master sends its controlword in every cycle: the brake's time starts only once.
 TEST(JmcPowerState, AControlwordInEveryCycleDisables) {
   JmcRig rig;
   rig.run_ms(2);
@@ -76,7 +76,7 @@ TEST(JmcPowerState, EnergisedInSwitchedOn) {
   EXPECT_NEAR(static_cast<double>(rig.get(0x6063)), static_cast<double>(before), 5.0) << "held against the load";
   EXPECT_NEAR(rig.plant.torque_nm(), 0.15, 0.03);
   EXPECT_EQ(rig.status() & 0x6F, 0x23);
-  // Targets are followed from Operation enabled on.
+  // The drive follows targets from Operation enabled on.
   rig.open_limits();
   rig.set(0x6060, 0, 3);
   rig.set(0x60FF, 0, 20000);
@@ -85,7 +85,7 @@ TEST(JmcPowerState, EnergisedInSwitchedOn) {
   rig.control(0x0F);
   rig.run_ms(300);
   EXPECT_NEAR(rig.plant.velocity_rpm(), 300.0, 8.0);
-  // 605Ch = 1: slowed down, then held in Switched on, the brake open all the time.
+  // 605Ch = 1: slows down, then holds in Switched on with the brake open.
   rig.control(0x07);
   bool closed = false;
   ASSERT_GE(rig.run_until(
@@ -136,7 +136,7 @@ TEST(JmcPowerState, OptionCodes) {
     rig.run_ms(400);
     EXPECT_EQ(rig.status() & 0x6F, stop.state);
   }
-  // From 3 on "at once": as hard as the current allows.
+  // From 3 on "at once": as fast as the current allows.
   for (const int code : {3, 4, 1000, 32767}) {
     JmcRig rig;
     rig.open_limits();
@@ -206,7 +206,7 @@ TEST(JmcPowerState, SoftwareLimits) {
     EXPECT_EQ(rig.input<std::uint16_t>(In::error), 0x8612);
     EXPECT_LE(rig.position(), 1005) << "not gone there";
   }
-  // Beyond it, pushed by hand or limited while it stood there: bit 11.
+  // Beyond the limit, moved by hand or by a new limit: bit 11.
   JmcBus rig;
   rig.connect();
   rig.enable_in(8);
@@ -218,7 +218,7 @@ TEST(JmcPowerState, SoftwareLimits) {
   EXPECT_FALSE(rig.bit(11));
 }
 
-// 607Eh: bit 7 turns positions round, bit 6 speeds, and the limit switches change places (Table 229).
+// 607Eh: bit 7 inverts positions, bit 6 speeds, and the limit switches change places (Table 229).
 TEST(JmcPowerState, Polarity) {
   for (const bool inverted : {false, true}) {
     JmcBus rig;
@@ -238,7 +238,7 @@ TEST(JmcPowerState, Polarity) {
     rig.plant.force_input(0, true);  // CW
     rig.cycles(3);
     EXPECT_EQ(rig.input<std::uint16_t>(In::inputs) & 3, inverted ? 1 : 2);
-    // Towards the switch there is no way, away from it there is.
+    // The direction towards the switch is blocked, the other is free.
     rig.put<std::int32_t>(Out::velocity, 4000 * sign);
     rig.cycles(200);
     EXPECT_NEAR(rig.plant.velocity_rpm(), 0.0, 3.0);
@@ -271,7 +271,7 @@ TEST(JmcPowerState, FollowingError) {
   }
 }
 
-// 60FEh: bit 0 closes the brake, while its mask bit is set (Table 216).
+// 60FEh: bit 0 closes the brake if its mask bit is set (Table 216).
 TEST(JmcPowerState, BrakeByTheBus) {
   JmcRig rig;
   ASSERT_TRUE(rig.enable());
@@ -306,7 +306,7 @@ TEST(JmcPowerState, DigitalInputs) {
   }
 }
 
-// Homing with 607Ch: home is travelled away from at 6099h:02, and is 0 there (Chart 42, D-25).
+// Homing with 607Ch: the axis moves away from home at 6099h:02, and home is 0 (Chart 42, D-25).
 TEST(JmcPowerState, HomeOffsetIsTravelled) {
   for (const std::int32_t offset : {0, 2000, 1500}) {
     plant::Parameters parameters = test::jmc_plant();
@@ -345,8 +345,8 @@ TEST(JmcPowerState, HomeOffsetIsTravelled) {
   }
 }
 
-// 0, 15, 16, 31 and 32 may be chosen, and nothing happens (HM 2.15 and 2.31); without 6099h:01 homing that uses it is
-// refused (D-24).
+// 0, 15, 16, 31 and 32 are allowed, without motion (HM 2.15 and 2.31); methods that use 6099h:01 are refused if it is 0
+// (D-24).
 TEST(JmcPowerState, HomingThatDoesNothing) {
   for (const int method : {0, 15, 16, 31, 32}) {
     JmcBus rig;

@@ -2,7 +2,7 @@
 
 #include "jmc_rig.hpp"
 
-// Touch probes 60B8h to 60BDh of the JMC EC drives (Tables 204 to 209, Table 219) on a turning axis: DI3 and DI4 see
+// Touch probes 60B8h to 60BDh of the JMC EC drives (Tables 204 to 209, Table 219) on a turning axis: DI3 and DI4 have
 // cams at known counts, so the positions are known to the count.
 namespace servodrome {
 namespace jmc_probe_test {
@@ -80,19 +80,19 @@ TEST(JmcProbe, BothEdgesOfBothProbes) {
   EXPECT_EQ(rig.get(0x60FD), 1 << 10);
 }
 
-// Once: a second edge changes neither value nor status (ETG.6010). Continuous: every edge does.
+// Single: a second edge does not change value and status (ETG.6010). Continuous: every edge does.
 TEST(JmcProbe, OnceAndContinuously) {
   ProbeRig rig;
   rig.set(0x60B8, 0, (on | rising) | (on | continuous | rising) << 8);
   rig.move_to(4000);
-  rig.move_to(0);  // the cams from above: rising where they end, on the way down
+  rig.move_to(0);  // approaches the cams from above: the rising edges are at their upper ends
   EXPECT_EQ(rig.get(0x60BA), cam_1_from);
   EXPECT_EQ(rig.get(0x60BC), cam_2_to - 1);
   EXPECT_EQ(rig.status_of(0), on | stored_rising);
   EXPECT_EQ(rig.status_of(1), on | stored_rising) << "bits 6 and 7 stay 0";
 }
 
-// Edges that are not enabled are not latched; switching off clears the status, on arms anew.
+// Edges that are not enabled are not latched; switching off clears the status, switching on arms again.
 TEST(JmcProbe, EnablesAndArming) {
   ProbeRig rig;
   rig.set(0x60B8, 0, on | falling);
@@ -111,7 +111,7 @@ TEST(JmcProbe, EnablesAndArming) {
   EXPECT_EQ(rig.get(0x60BA), cam_1_from);
 }
 
-// Source 01 is the encoder's Z; 10 is said to be not used (object 60B8h), 11 is reserved: neither latches (D-30).
+// Source 01 is the encoder's Z; 10 is "not used" in the manual (object 60B8h), 11 is reserved: neither latches (D-30).
 TEST(JmcProbe, Sources) {
   ProbeRig rig;
   rig.set(0x60B8, 0, (on | by_index | rising | falling) | (on | by_object | rising) << 8);
@@ -124,12 +124,12 @@ TEST(JmcProbe, Sources) {
   EXPECT_EQ(rig.device.dictionary().find(0x60D0, 1), nullptr);
 }
 
-// The unit is that of 6064h: gear and home are in it.
+// The unit is that of 6064h: it includes gear and home.
 TEST(JmcProbe, PositionsAreCommandUnits) {
   ProbeRig rig;
   rig.control(0x00);
   rig.run_ms(250);
-  EXPECT_EQ(rig.set(0x6092, 1, 8000), AbortCode::none);  // 8000 units a turn
+  EXPECT_EQ(rig.set(0x6092, 1, 8000), AbortCode::none);  // 8000 units per turn
   EXPECT_TRUE(rig.enable());
   rig.run_ms(120);
   rig.move_to(1000);  // 500 counts

@@ -4,7 +4,7 @@
 #include "line/model_plant.hpp"
 #include "products/jmc_ec/jmc_ec.hpp"
 
-// A JMC EC drive of one of its ratings on the plant that belongs to it.
+// A JMC EC drive of one of its ratings, with the corresponding plant.
 namespace servodrome::test {
 
 inline plant::Parameters jmc_plant(std::string_view rating = products::jmc_ec::default_rating) {
@@ -20,14 +20,14 @@ inline products::Settings jmc_settings(std::string_view rating = products::jmc_e
   return settings;
 }
 
-// As it leaves the factory: P01-02 standard, rigidity 13, which is slow.
+// With factory settings: P01-02 standard, rigidity 13, which is slow.
 struct FactoryJmcRig : EthercatRig<products::JmcEc> {
   explicit FactoryJmcRig(std::string_view rating = products::jmc_ec::default_rating)
       : EthercatRig(jmc_plant(rating), jmc_settings(rating)) {}
   FactoryJmcRig(const plant::Parameters& parameters, const products::Settings& settings)
       : EthercatRig(parameters, settings) {}
 
-  // Panel parameters as the manual writes them, in their steps.
+  // Panel parameters in the steps of the manual.
   dictionary::AbortCode set_panel(std::uint8_t group, std::uint8_t number, std::int64_t value) {
     const products::jmc_ec::ParameterId id{group, number};
     return set(id.index(), id.sub(), value);
@@ -40,7 +40,7 @@ struct FactoryJmcRig : EthercatRig<products::JmcEc> {
     return get(products::jmc_ec::monitor_index, static_cast<std::uint8_t>(item + 1));
   }
 
-  // What speaks against motion at the gear's default: 607Fh is 216 rpm, 60C5h 25 rev/s^2.
+  // Removes the limits of the default gear: 607Fh is 216 rpm, 60C5h 25 rev/s^2.
   void open_limits() {
     set(0x607F, 0, 400000);
     set(0x60C5, 0, 4000000);
@@ -61,8 +61,8 @@ struct FactoryJmcRig : EthercatRig<products::JmcEc> {
   }
 };
 
-// Commissioned by hand, so that motion is quick and exact. Without a memory a power cycle takes it
-// back to the factory's.
+// Commissioned with manual gains, so that motion is fast and exact. Without a memory a power cycle restores the factory
+// settings.
 struct JmcRig : FactoryJmcRig {
   explicit JmcRig(std::string_view rating = products::jmc_ec::default_rating) : FactoryJmcRig(rating) { commission(); }
   JmcRig(const plant::Parameters& parameters, const products::Settings& settings)
@@ -72,11 +72,11 @@ struct JmcRig : FactoryJmcRig {
 
  private:
   void commission() {
-    set_panel(1, 2, 0);     // gains by hand
+    set_panel(1, 2, 0);     // manual gains
     set_panel(2, 0, 1000);  // position 100/s
     set_panel(2, 10, 700);  // velocity 70 Hz,
     set_panel(2, 11, 150);  // integral 15 ms,
-    set_panel(2, 3, 1000);  // feed-forwards in full, at once
+    set_panel(2, 3, 1000);  // full feed-forwards, without delay
     set_panel(2, 4, 0);
     set_panel(2, 19, 100);
     set_panel(2, 20, 0);

@@ -49,10 +49,10 @@ TEST(JmcServicePort, IsEightNOneAtTheRateOfP0021) {
   EXPECT_FALSE(JmcEc::supports({.bit_rate = 9600, .parity = modbus::Parity::even}));
 }
 
-// The work flow of the PC software: upload, modify, download, upload (ch. 6).
+// The procedure of the PC software: upload, modify, download, upload (ch. 6).
 TEST(JmcServicePort, UploadsAndDownloads) {
   Port port;
-  // P00-01 to P00-05 in one read would meet none at 0002h in the screen's list, but P00-02 exists (Table 65).
+  // A read of P00-01 to P00-05 would find no parameter at 0002h in the screen's list, but P00-02 exists (Table 65).
   EXPECT_EQ(port.master.ask_modbus("01 03 00 01 00 02"), "01 03 04 0B B8 00 39");  // 3000 rpm, 0.57 Nm
   EXPECT_EQ(port.master.ask_modbus("01 03 00 06 00 01"), "01 83 02") << "no P00-06";
   EXPECT_EQ(port.master.ask_modbus("01 03 02 00 00 01"), "01 03 02 01 E0");  // P02-00 48.0
@@ -63,7 +63,7 @@ TEST(JmcServicePort, UploadsAndDownloads) {
   EXPECT_EQ(port.master.ask_modbus("01 10 02 32 00 03 06 00 64 FF 9C 00 00"), "01 10 02 32 00 03");  // P02-50 to 52
   EXPECT_EQ(port.rig.panel(2, 51), -100);
   EXPECT_EQ(port.master.ask_modbus("01 03 02 32 00 03"), "01 03 06 00 64 FF 9C 00 00");
-  // Kept.
+  // Stored.
   port.power_cycle();
   EXPECT_EQ(port.master.ask_modbus("01 03 02 00 00 01"), "01 03 02 03 E8");
 }
@@ -95,7 +95,7 @@ TEST(JmcServicePort, Station) {
   EXPECT_EQ(port.master.ask_modbus("05 03 00 17 00 01"), "05 03 02 00 05");
 }
 
-// P00-26: the answer waits.
+// P00-26: a delay before the answer.
 TEST(JmcServicePort, ResponseDelay) {
   for (const int delay_ms : {0, 40}) {
     Port port;

@@ -2,7 +2,7 @@
 
 #include "jmc_bus.hpp"
 
-// What the statusword and 603Fh tell of commands beyond the limits, of several alarms at once, and of warnings.
+// Statusword and 603Fh after commands beyond the limits, with several alarms at once, and with warnings.
 namespace servodrome {
 namespace jmc_status_test {
 namespace {
@@ -37,7 +37,7 @@ struct StatusRig : JmcBus {
   std::uint16_t error_in() const { return input<std::uint16_t>(In::error); }
 };
 
-// Bit 11 is of the command as well as of the position (Table 156): it shows why 8612h came, though the axis never was
+// Bit 11 is for the command as well as for the position (Table 156): it explains 8612h although the axis never was
 // there.
 TEST(JmcStatus, CyclicCommandBeyondTheSoftwareLimit) {
   StatusRig rig(8);
@@ -59,7 +59,7 @@ TEST(JmcStatus, CyclicCommandBeyondTheSoftwareLimit) {
   EXPECT_EQ(rig.status_in() & beyond_limit, 0) << "the command is where the axis is";
 }
 
-// The same of set-points (object 607Dh), absolute and relative; the next one inside takes the bit away.
+// The same for set-points (object 607Dh), absolute and relative; the next one within the limits clears the bit.
 TEST(JmcStatus, SetPointBeyondTheSoftwareLimit) {
   for (const bool relative : {false, true}) {
     StatusRig rig(1);
@@ -82,7 +82,7 @@ TEST(JmcStatus, SetPointBeyondTheSoftwareLimit) {
   }
 }
 
-// What follows from the first alarm, or comes after it, is told by an emergency and leaves 603Fh and the panel alone.
+// An alarm after the first one sends an emergency, but does not change 603Fh and the panel.
 TEST(JmcStatus, FirstAlarmIsNotHiddenBySecondOnes) {
   StatusRig rig(8);
   drive::Drive& drive = rig.device.drive();
@@ -104,7 +104,7 @@ TEST(JmcStatus, FirstAlarmIsNotHiddenBySecondOnes) {
   for (const test::Bytes& emergency : rig.emergencies) codes.push_back(ethercat::load_u16(emergency.data()));
   EXPECT_EQ(codes, (std::vector<std::uint16_t>{0x5006, 0x7121, 0x4310}));
 
-  // A reset that is refused says what stands in its way.
+  // After a refused reset the drive shows the remaining cause.
   drive.inject(Cause::following_error, false);
   rig.reset();
   EXPECT_EQ(rig.state(), 0x08U);
@@ -118,13 +118,13 @@ TEST(JmcStatus, FirstAlarmIsNotHiddenBySecondOnes) {
   EXPECT_STREQ(rig.device.alarm().data(), "");
 }
 
-// An error of the bus in Fault does not hide the drive's alarm either, and shows when that is reset.
+// An error of the bus in Fault does not hide the drive's alarm either; it is shown after the alarm is reset.
 TEST(JmcStatus, ErrorOfTheBusComesBehindTheAlarmOfTheDrive) {
   StatusRig rig(8);
   rig.device.drive().inject(Cause::following_error, true);
   rig.cycles(300);
   ASSERT_EQ(rig.state(), 0x08U);
-  rig.write(ethercat::reg::al_control, test::little_endian(std::uint16_t{3}));  // no state that can be asked for
+  rig.write(ethercat::reg::al_control, test::little_endian(std::uint16_t{3}));  // a state that does not exist
   rig.run_ms(2);
   EXPECT_EQ(rig.get(0x603F), 0x5006);
   rig.device.drive().inject(Cause::following_error, false);
@@ -135,8 +135,8 @@ TEST(JmcStatus, ErrorOfTheBusComesBehindTheAlarmOfTheDrive) {
   EXPECT_NE(rig.get(0x603F), 0x5006);
 }
 
-// Warnings are alarms of the list (ch. 9.1), and 603Fh has "the latest alarm signal" (Table 151): it shows a warning
-// while there is no fault.
+// Warnings are alarms of the list (ch. 9.1), and 603Fh has "the latest alarm signal" (Table 151): it shows a warning if
+// there is no fault.
 TEST(JmcStatus, WarningsAreReadIn603F) {
   StatusRig rig(8);
   drive::Drive& drive = rig.device.drive();
@@ -168,7 +168,7 @@ TEST(JmcStatus, WarningsAreReadIn603F) {
   }
 }
 
-// A parameter that acts from the next power-on (AL.941), and a ramp that is clipped, which has no number of its own.
+// A parameter that takes effect after power-on (AL.941), and a ramp that is limited, which has no alarm number.
 TEST(JmcStatus, WarningsOfParametersAndRamps) {
   StatusRig rig(1);
   ASSERT_EQ(rig.set_panel(3, 9, 5000), dictionary::AbortCode::none);
@@ -183,8 +183,8 @@ TEST(JmcStatus, WarningsOfParametersAndRamps) {
   EXPECT_NE(rig.status_in() & with_warning, 0);
 }
 
-// Without its supply the drive's electronics live on the link: its capacitor is at under-voltage (AL.401, 65 %) when 3
-// W have taken their share.
+// Without the supply the link feeds the drive's electronics: under-voltage (AL.401, 65 %) comes when 3 W have
+// discharged the capacitor that far.
 TEST(JmcStatus, SupplyThatIsGoneEmptiesTheLink) {
   StatusRig rig(8);
   rig.word(0x06, 200);

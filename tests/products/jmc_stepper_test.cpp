@@ -21,7 +21,8 @@ TEST(JmcStepper, TwoPhasesAreDataOfTheMotor) {
   }
 }
 
-// Rated torque at rated speed is within the link, what the windings were chosen for; current by p flux.
+// The rated torque at rated speed is possible with the link's voltage, for which the windings were chosen; current by p
+// flux.
 TEST(JmcStepper, RatedTorqueUpToTheRatedSpeed) {
   for (const char* name : steppers) {
     JmcRig rig(name);
@@ -68,7 +69,7 @@ TEST(JmcStepper, CutWindingIsPhaseLoss) {
   }
 }
 
-// An output on the negative rail: the comparator of that winding, E101, which a power cycle resets.
+// An output shorted to the negative rail: the comparator of that winding, E101, which needs a power cycle.
 TEST(JmcStepper, ShortedWindingIsOverCurrent) {
   for (const auto shorted : {plant::Injection::short_phase_u, plant::Injection::short_phase_v}) {
     JmcRig rig("2dm542-ec");
@@ -82,7 +83,7 @@ TEST(JmcStepper, ShortedWindingIsOverCurrent) {
   }
 }
 
-// Held against its torque limit, it is jammed (AL.410), as the servos are.
+// Held against its torque limit, the axis is jammed (AL.410), like the servos.
 TEST(JmcStepper, JammedIsOverload) {
   JmcRig rig("2hss458-ec");
   rig.open_limits();

@@ -7,8 +7,7 @@
 #include "products/ismc/ismc.hpp"
 #include "rig.hpp"
 
-// The state that a mode, a stop, a power cycle or a polarity leaves behind must not act on what comes next (reference
-// drive, CiA 402).
+// State of an earlier mode, stop, power cycle or polarity must not act on later actions (reference drive, CiA 402).
 namespace servodrome {
 namespace leftovers_test {
 namespace {
@@ -43,7 +42,7 @@ TEST_F(Leftovers, HomingThatWasGivenUpInHaltDoesNotGoOn) {
   rig.run_ms(20);
   rig.control(0x11F);  // halt ...
   rig.run_ms(200);
-  rig.control(0x10F);  // ... and the start bit is taken away
+  rig.control(0x10F);  // ... and the start bit is reset
   rig.run_ms(10);
   rig.control(0x0F);
   rig.run_ms(10);
@@ -59,7 +58,7 @@ TEST_F(Leftovers, HaltAndReleaseWithoutHomingMovesNothing) {
   ASSERT_TRUE(rig.enable());
   rig.control(0x1F);
   rig.run_ms(50);
-  rig.control(0x06);  // given up by shutting down
+  rig.control(0x06);  // cancelled by shutdown
   rig.run_ms(500);
   rig.control(0x07);
   rig.control(0x0F);
@@ -115,7 +114,8 @@ TEST_F(Leftovers, QuickStopThatStaysMayBeLeftAtOnce) {
   EXPECT_EQ(state(), PowerState::operation_enabled);
 }
 
-// Methods 1 to 14 and 17 to 37 of CiA 402-2 without 31 and 32, which are reserved; below 0 the maker's: onto a stop.
+// Methods 1 to 14 and 17 to 37 of CiA 402-2 without 31 and 32, which are reserved; the maker's methods below 0 use a
+// hard stop.
 TEST_F(Leftovers, EveryHomingMethodOfferedIsAccepted) {
   std::set<std::int64_t> methods{-4, -3, -2, -1};
   for (std::int64_t method = 1; method <= 37; ++method) {
@@ -191,8 +191,8 @@ TEST_F(Leftovers, StartBitTakenAwayInHaltLeavesTheHaltsRamp) {
   EXPECT_NEAR(static_cast<double>(ticks) / 16.0, 1000.0 * 1000000.0 / 5242880.0 - 10.0, 3.0);
 }
 
-// 5 turns of the motor are 2 of the shaft; a turn of the shaft is 360000 units; the encoder's 131072 counts written as
-// 262144 in 2 turns.
+// 5 turns of the motor are 2 of the shaft; a turn of the shaft is 360000 units; the encoder's 131072 counts are written
+// as 262144 in 2 turns.
 TEST_F(Leftovers, FactorGroupWithEveryDivisor) {
   for (const auto& [index, sub, value] : std::initializer_list<std::tuple<std::uint16_t, std::uint8_t, int>>{
            {0x608F, 1, 262144}, {0x608F, 2, 2}, {0x6091, 1, 5}, {0x6091, 2, 2}, {0x6092, 1, 720000}, {0x6092, 2, 2}}) {
@@ -214,7 +214,7 @@ TEST_F(Leftovers, FactorGroupWithEveryDivisor) {
   EXPECT_EQ(rig.set(0x6091, 2, 3), dictionary::AbortCode::device_state);
 }
 
-// Velocity in rpm and acceleration in turns per second squared by the factors alone.
+// Velocity in rpm and acceleration in turns per second squared, only by the factors.
 TEST_F(Leftovers, VelocityAndAccelerationFactorsLeadToTheUsersUnit) {
   rig.set(0x6096, 1, 60);
   rig.set(0x6096, 2, 131072);
@@ -337,7 +337,7 @@ TEST_F(Leftovers, StopWithoutAJerkIsLinear) {
   rig.control(0x11F);
   rig.run_ms(1);
   EXPECT_GE(rig.run_until([&] { return (rig.status() & target_reached) != 0; }, 1000), 0);
-  rig.run_ms(5);  // by which 606Ch is late
+  rig.run_ms(5);  // the delay of 606Ch
   EXPECT_NEAR(static_cast<double>(rig.get(0x606C)), 0.0, 3000.0);
 }
 
@@ -441,7 +441,7 @@ TEST_F(Leftovers, PositionsBeyond32BitsAreAddressedInTheirTurn) {
   EXPECT_NEAR(static_cast<double>(counts()), 5000.0, 2.0);
 }
 
-// 6007h: reset communication takes the master away like a stopped node does.
+// 6007h: reset communication counts as a loss of the master, like a stopped node.
 TEST(LeftoversConnection, ResetCommunicationIsALossOfConnection) {
   for (const std::int64_t option : {0, 1, 2, 3}) {
     Rig<Generic402> rig;
@@ -449,7 +449,7 @@ TEST(LeftoversConnection, ResetCommunicationIsALossOfConnection) {
     ASSERT_TRUE(rig.enable());
     rig.set(0x6007, 0, option);
     rig.run_ms(1);
-    // 6007h is of the profile's area, which reset communication leaves alone.
+    // 6007h belongs to the profile's area, which reset communication does not change.
     rig.send(0x000, {0x82, 0x00});
     rig.run_ms(10);
     constexpr std::array after{drive::PowerState::operation_enabled, drive::PowerState::fault,

@@ -6,7 +6,7 @@
 #include "products/ismc/ismc.hpp"
 #include "products/pronet/pronet.hpp"
 
-// Limits that are lowered while the axis moves: it slows down by its ramp, and the lowering itself is no fault.
+// Limits that are lowered while the axis moves: it slows down by its ramp, and the new limit itself causes no fault.
 namespace servodrome {
 namespace lowered_limits_test {
 namespace {
@@ -36,7 +36,7 @@ std::int64_t user_ramp(RigType& rig, double rpm_per_s) {
   return std::llround(rpm_per_s / 60.0 * axis.units.counts_per_revolution / axis.units.acceleration);
 }
 
-// With ramps of this slope, and nothing in the way of `fast`.
+// With ramps of this slope, and limits that allow `fast`.
 constexpr double fast_rpm = 1500.0;
 constexpr double slow_rpm = 600.0;
 constexpr double ramp_rpm_per_s = 6000.0;
@@ -146,7 +146,7 @@ TEST(LoweredSpeedLimit, RaisedAgainTheMoveGoesOnAsItWas) {
   rig.run_ms(300);
   EXPECT_NEAR(rig.plant.velocity_rpm(), fast_rpm, 0.03 * fast_rpm);
 }
-// A motion that has passed its target goes on with its end velocity 6082h: that comes down to the limit, too.
+// A motion that has passed its target continues with its end velocity 6082h, which also decreases to the limit.
 TEST(LoweredSpeedLimit, TheEndVelocitySlowsDown) {
   for (const double direction : {1.0, -1.0}) {
     Rig<Generic402> rig;
@@ -186,7 +186,7 @@ TEST(LoweredSpeedLimit, HomingSlowsDown) {
   ASSERT_TRUE(lower(rig, max_motor_speed));
   slows_down(rig);
 }
-// A stream of targets that is now too fast: the axis falls behind by its ramp.
+// Cyclic targets that are now too fast: the axis lags behind them by its ramp.
 TEST(LoweredSpeedLimit, CyclicPositionSlowsDown) {
   Rig<Generic402> rig;
   rig.set(0x6065, 0, 0xFFFFFFFF);
@@ -216,7 +216,7 @@ TEST(LoweredSpeedLimit, CyclicPositionSlowsDown) {
   EXPECT_NEAR(rig.plant.velocity_rpm(), slow_rpm, 0.03 * slow_rpm);
 }
 
-// The monitor watches the lower limit from when the shaft has been below it.
+// The monitor uses the lower limit after the shaft has been below it.
 TEST(LoweredSpeedLimit, IsWatchedOnceTheShaftIsBelowIt) {
   Rig<Generic402> rig;
   ASSERT_NO_FATAL_FAILURE(enable_with_ramps(rig, 3));
@@ -224,7 +224,7 @@ TEST(LoweredSpeedLimit, IsWatchedOnceTheShaftIsBelowIt) {
   rig.run_ms(500);
   ASSERT_TRUE(lower(rig, max_motor_speed));
   ASSERT_NO_FATAL_FAILURE(slows_down(rig));
-  rig.plant.set_external_torque_nm(-4.5);  // pulls the shaft along
+  rig.plant.set_external_torque_nm(-4.5);  // accelerates the shaft
   ASSERT_GE(rig.run_until([&] { return rig.get(0x603F) != 0; }, 1000), 0);
   EXPECT_EQ(rig.get(0x603F), 0x8400);
   EXPECT_LT(std::abs(rig.plant.velocity_rpm()), fast_rpm) << "sooner than without the lower limit";
@@ -232,8 +232,8 @@ TEST(LoweredSpeedLimit, IsWatchedOnceTheShaftIsBelowIt) {
 
 // --- Stops at the current limit
 
-// The voltage of the DC link, not the peak current, is what limits braking from a high speed: beyond it the motor
-// drives a current that the comparators meet.
+// At high speed the voltage of the DC link, not the peak current, limits braking: at higher speeds the motor drives a
+// current to which the comparators respond.
 TEST(CurrentLimitStop, ReferenceDriveFromEverySpeed) {
   for (const double supply_share : {0.7, 0.85, 1.0}) {
     for (const double inertia_share : {0.2, 1.0, 3.0}) {

@@ -10,15 +10,15 @@
 #include "products/ismk/ismk_ea.hpp"
 #include "products/pronet/pronet.hpp"
 
-// A cyclic set-point that does not come: one is bridged, two are the end of the stream. On CANopen the SYNC is lost
-// with the PDO, on EtherCAT the frame of a cycle.
+// A missing cyclic set-point: the drive bridges one, two end the motion. On CANopen the SYNC is lost together with the
+// PDO, on EtherCAT the frame of a cycle.
 namespace servodrome {
 namespace missed_cycle_test {
 namespace {
 
 using dictionary::AbortCode;
 
-// What a bus does in one period, on an axis that works; `set_point` in user units.
+// One period of the bus, for an enabled axis; `set_point` in user units.
 struct Master {
   virtual ~Master() = default;
   virtual void cycle(std::int32_t set_point) = 0;
@@ -29,7 +29,7 @@ struct Master {
 
   double period_ms = 1.0;
   std::function<void()> each_ms;
-  // Counts, of the demand; counts/s.
+  // Position of the demand in counts; its velocity in counts/s.
   double place() { return static_cast<double>(generator().position()) + generator().fraction(); }
   double velocity() { return generator().velocity(); }
   const drive::Generator& generator() { return drive().axis().generator; }
@@ -60,7 +60,7 @@ struct Wired : Master {
   std::int64_t passed_ = 0;
 };
 
-// RPDO 1 carries controlword and set-point, and is taken over by the SYNC.
+// RPDO 1 contains controlword and set-point, and takes effect at the SYNC.
 template <typename RigType>
 struct OnCan : Wired<RigType> {
   using Wired<RigType>::rig;
@@ -129,7 +129,7 @@ struct PronetOnCan : OnCan<test::Rig<products::Pronet>> {
   }
 };
 
-// `sync0_ns` 0: by the event of the sync manager.
+// `sync0_ns` 0: synchronous with the event of the sync manager.
 template <typename RigType>
 struct OnEthercat : Wired<RigType> {
   using Wired<RigType>::rig;
@@ -141,7 +141,7 @@ struct OnEthercat : Wired<RigType> {
     if (sync0_ns != 0) {
       rig.start_sync0(sync0_ns);
       this->period_ms = 1e-6 * sync0_ns;
-      // Frames go half a period after the pulses.
+      // Frames come half a period after the pulses.
       const auto time = ethercat::load<std::uint64_t>(rig.read(ethercat::reg::system_time, 8).data());
       rig.run_ms(1e-6 * static_cast<double>((sync0_ns - time % sync0_ns + sync0_ns / 2) % sync0_ns));
     }
@@ -218,7 +218,7 @@ void PrintTo(const Case& one, std::ostream* out) { *out << one.name; }
 
 class MissedCycle : public testing::TestWithParam<Case> {
  protected:
-  // At constant speed, one revolution per second, for `periods`.
+  // Sends set-points at constant speed, one revolution per second, for `periods`.
   void stream(int periods) {
     for (int i = 0; i < periods; ++i) master->cycle(next());
   }
@@ -232,7 +232,7 @@ class MissedCycle : public testing::TestWithParam<Case> {
     return std::max(1, static_cast<std::int32_t>(user_per_turn * 1e-3 * master->period_ms * speed));
   }
   double speed_counts() { return master->to_counts(step()) / (1e-3 * master->period_ms); }
-  // The greatest place of the demand, while the axis works.
+  // The greatest position of the demand while the axis is enabled.
   void watch(double& farthest) {
     master->each_ms = [this, &farthest] {
       if (master->drive().state() != drive::PowerState::operation_enabled) return;
@@ -280,12 +280,12 @@ TEST_P(MissedCycle, AStreamThatEndsRestsAtItsLastTarget) {
   std::printf("%s: %.2f periods beyond the last target\n", GetParam().name,
               (farthest - last) / speed_counts() / (1e-3 * master->period_ms));
   EXPECT_LT(farthest - last, speed_counts() * (1e-3 * master->period_ms + 2.0 * cycle));
-  if (master->drive().state() != drive::PowerState::operation_enabled) return;  // with its own fault: A 69
+  if (master->drive().state() != drive::PowerState::operation_enabled) return;  // the drive has its own fault: A 69
   EXPECT_EQ(master->velocity(), 0.0);
   EXPECT_NEAR(master->place(), last, 1.0);
 }
 
-// A motion that has come to its end goes no further when its master says no more.
+// A motion that has ended must not continue when its master stops sending.
 TEST_P(MissedCycle, AStreamThatSlowsDownIsNotCarriedOn) {
   stream(50);
   std::int32_t target = begin_ + number_ * step();
@@ -300,7 +300,7 @@ TEST_P(MissedCycle, AStreamThatSlowsDownIsNotCarriedOn) {
   EXPECT_LE(farthest - last, 0.05 * speed_counts() * 2.0 * master->drive().axis().cycle_s + 1.0);
 }
 
-// Whatever is commanded in place of the missing set-point acts as ever.
+// A command in place of the missing set-point acts as usual.
 TEST_P(MissedCycle, ACommandEndsTheBridge) {
   struct Row {
     std::uint16_t word;
@@ -330,7 +330,7 @@ TEST_P(MissedCycle, TheSoftwareLimitHolds) {
   const std::int32_t limit = begin_ + 101 * step();
   master->set(0x607D, 1, begin_ - 100 * step());
   master->set(0x607D, 2, limit);
-  if (!master->drive().axis().software_limits_active()) return;  // a drive that wants to be homed first
+  if (!master->drive().axis().software_limits_active()) return;  // this drive needs homing first
   stream(100);
   double farthest = -1e18;
   master->each_ms = [&] { farthest = std::max(farthest, master->place()); };
@@ -358,7 +358,7 @@ INSTANTIATE_TEST_SUITE_P(
                     each<IsmkOnEthercat>("ismk_ea_2ms", 2'000'000U)),
     [](const testing::TestParamInfo<Case>& one) { return one.param.name; });
 
-// A limit switch that is met on the bridge ends the motion as ever, and the stream that comes back does not go on.
+// A limit switch that is met during the bridging ends the motion as usual, and later targets do not continue it.
 TEST(MissedCycleAt, ALimitSwitch) {
   for (const std::int8_t mode : {std::int8_t{7}, std::int8_t{8}}) {
     SCOPED_TRACE(int{mode});
@@ -383,7 +383,8 @@ TEST(MissedCycleAt, ALimitSwitch) {
   }
 }
 
-// The time between set-points is that of SYNC0, one that 60C2h cannot hold as well: as even as with any other.
+// The time between set-points is that of SYNC0, even if 60C2h cannot hold its value: the motion is as smooth as with
+// any other.
 TEST(Sync0Period, MayBeAnything) {
   constexpr std::uint32_t period_ns = 3'333'000;
   const auto check = [](Master& master) {
@@ -409,10 +410,10 @@ TEST(Sync0Period, MayBeAnything) {
   check(generic402);
   IsmkOnEthercat ismk(period_ns);
   check(ismk);
-  // With another one from the next start on.
+  // Another period from the next start on.
   EXPECT_EQ(generic402.rig.request(1), generic402.rig.good(1));
   EXPECT_EQ(generic402.drive().configuration().set_point_period_s, 0.0);
-  // This one takes no period but multiples of 125 us (C-42).
+  // This drive only accepts periods that are multiples of 125 us (C-42).
   test::JmcBus jmc;
   jmc.to_pre_operational();
   jmc.start_sync0(period_ns);

@@ -5,8 +5,8 @@
 #include "products/ismc/ismc.hpp"
 #include "rig.hpp"
 
-// The modes beside profile position, torque and speed limits, limit switches, probes and terminals of whole drives on
-// their plants (CiA 402-2 clauses 11 to 18; ISMC manual, ch. 4.4 to 4.6, ch. 4.8.1 to 4.8.3).
+// The modes except profile position, and torque and speed limits, limit switches, probes and inputs/outputs of complete
+// drives on their plants (CiA 402-2 clauses 11 to 18; ISMC manual, ch. 4.4 to 4.6, ch. 4.8.1 to 4.8.3).
 namespace servodrome {
 namespace modes_test {
 namespace {
@@ -53,7 +53,7 @@ TEST(ProfileVelocity, AcceleratesAndDeceleratesByTheirOwnRamps) {
   EXPECT_NEAR(axis.ms_until(at(500000.0)), 500.0 / 2.62144, 0.6);
   axis.must(0x60FF, 0, 100000);
   EXPECT_NEAR(axis.ms_until(at(100000.0)), 400.0 / 0.65536, 0.6);
-  axis.must(0x60FF, 0, -500000);  // through zero: down by the one, up by the other
+  axis.must(0x60FF, 0, -500000);  // through zero: one ramp down, the other up
   EXPECT_NEAR(axis.ms_until(at(-500000.0)), 100.0 / 0.65536 + 500.0 / 2.62144, 1.1);
   axis.must(0x60FF, 0, 0);
   EXPECT_NEAR(axis.ms_until(at(0.0)), 500.0 / 0.65536, 0.6);
@@ -126,7 +126,7 @@ TEST(ProfileVelocity, StopOfTheIsmcHasARampOfItsOwn) {  // 2117h
   EXPECT_EQ(axis.status() & 0x4F, 0x07);
 }
 
-// While the brake opens the mode does not run and has nothing to tell: no slippage, and no limit.
+// While the brake opens, the mode does not run and shows neither slippage nor a limit.
 TEST(ProfileVelocity, TellsNothingWhileTheBrakeOpens) {
   Reference axis(3);
   axis.must(0x60F8, 0, 1000000);
@@ -177,7 +177,7 @@ TEST_F(Vl, RampsAreSpeedPerTime) {
   EXPECT_NEAR(axis.ms_until([&] { return rpm() == 0.0; }), 100.0, 0.6);
 }
 
-// A ramp that is changed on its own acts on the motion that is under way.
+// A change of only one ramp parameter acts on the present motion.
 TEST_F(Vl, RampsMayChangeUnderWay) {
   axis.must(0x6042, 0, 1500);
   axis.run_ms(500);  // 750 rpm
@@ -225,7 +225,7 @@ TEST_F(Vl, FactorsMultiply) {  // 604Bh, 604Ch: a dimension factor of 60 makes t
 TEST_F(Vl, ControlwordOfTheRampGenerator) {
   axis.must(0x6042, 0, 600);
   axis.run_ms(200);
-  axis.control(0x5F);  // locked: the output stays
+  axis.control(0x5F);  // locked: the output does not change
   const double held = rpm();
   EXPECT_NEAR(held, 300.0, 5.0);
   axis.run_ms(200);
@@ -378,7 +378,7 @@ TEST(CyclicOffsets, AddUp) {  // 60B0h, 60B1h, 60B2h
   position.must(0x60B0, 0, 1500);
   position.must(0x607A, 0, 1000);
   position.send(0x80, {});
-  position.run_ms(200);  // 2500 counts at once are too far: it catches up with them
+  position.run_ms(200);  // 2500 counts at once are too far: the axis catches up
   EXPECT_EQ(position.get(0x6062), 2500);
   position.must(0x60B0, 0, -300);
   position.send(0x80, {});
@@ -402,7 +402,7 @@ TEST(CyclicOffsets, AddUp) {  // 60B0h, 60B1h, 60B2h
   torque.run_ms(50);
   EXPECT_NEAR(static_cast<double>(torque.get(0x6077)), 200.0, 3.0);
 
-  // The torque that is added in the velocity mode acts in the direction that 607Eh bit 6 makes the user's.
+  // In velocity mode, the torque offset acts in the user's direction of 607Eh bit 6.
   for (const int polarity : {0x00, 0x40}) {
     Reference added(9);
     added.must(0x607E, 0, polarity);
@@ -413,8 +413,8 @@ TEST(CyclicOffsets, AddUp) {  // 60B0h, 60B1h, 60B2h
   }
 }
 
-// Targets in a synchronous RPDO, one each SYNC: the demand is on the straight line between the last two at every cycle,
-// on the target a period after its SYNC, and never beyond the last.
+// Targets in a synchronous RPDO, one per SYNC: in every cycle the demand is on the straight line between the last two,
+// on the target one period after its SYNC, and never beyond the last one.
 TEST(CyclicPosition, SynchronousTargetsOfOneToFourMilliseconds) {
   for (const int period_ms : {1, 2, 3, 4}) {
     SCOPED_TRACE(period_ms);
@@ -432,7 +432,7 @@ TEST(CyclicPosition, SynchronousTargetsOfOneToFourMilliseconds) {
     const std::int64_t final = 100000;
     std::int64_t from = 0;
     for (int i = 1; i <= 100; ++i) {
-      // A smooth way of 100 periods.
+      // A smooth motion of 100 periods.
       const double x = i / 100.0;
       const std::int64_t to = std::llround(static_cast<double>(final) * x * x * (3.0 - 2.0 * x));
       send_target(to);
@@ -449,14 +449,14 @@ TEST(CyclicPosition, SynchronousTargetsOfOneToFourMilliseconds) {
       axis.run_ms(period_ms);
       EXPECT_EQ(axis.get(0x60FC), final);
     }
-    axis.run_ms(1000);  // the last counts against friction, which may keep two (drive/loops/rest.hpp)
+    axis.run_ms(1000);  // time for the last counts; friction may keep two of them (drive/loops/rest.hpp)
     EXPECT_NEAR(static_cast<double>(axis.get(0x6064)), static_cast<double>(final), 2.0);
     EXPECT_EQ(axis.status() & (limited | 0x106F), 0x1027);
   }
 }
 
 TEST(CyclicPositionOfTheIsmc, IsNotDisturbedByItsOtherPdos) {
-  // Targets every 4 ms by asynchronous PDO, target velocity and SYNC in between: the line stays a line.
+  // Targets every 4 ms by asynchronous PDO, with target velocity and SYNC in between: the line stays straight.
   Servo axis(8);
   axis.must(0x60C2, 1, 4);
   axis.send(0, {1, 0});
@@ -564,7 +564,7 @@ TEST(LimitSwitches, QuickStopDuringTheirStopIsOneThatStays) {
   axis.control(0x02);
   axis.run_ms(200);
   EXPECT_EQ(axis.status() & 0x6F, 0x07);
-  axis.must(0x60FF, 0, -400000);  // away from the switch, but in Quick stop active nothing moves
+  axis.must(0x60FF, 0, -400000);  // away from the switch, but there is no motion in Quick stop active
   axis.run_ms(200);
   EXPECT_NEAR(axis.plant.velocity_rpm(), 0.0, 0.1);
   EXPECT_EQ(axis.status() & 0x6F, 0x07);
@@ -683,7 +683,7 @@ TEST(Terminals, OfTheReferenceDrive) {  // CiA 402-2 60FDh, 60FEh
   axis.plant.force_input(3, true);
   axis.run_ms(1);
   EXPECT_EQ(axis.get(0x60FD) & 0x00FF000F, 0x000C0005);
-  axis.must(0x2031, 0, 0x08);  // input 3 inverted: the signal, not the terminal
+  axis.must(0x2031, 0, 0x08);  // inverts input 3: the signal, not the level of the wire
   axis.run_ms(1);
   EXPECT_EQ(axis.get(0x60FD) & 0x00FF000F, 0x000C0001);
   axis.must(0x60FE, 2, 0x000F0000);

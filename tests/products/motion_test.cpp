@@ -5,8 +5,8 @@
 #include "products/ismc/ismc.hpp"
 #include "rig.hpp"
 
-// Motion of whole drives on their plants: the figures of the ISMC manual's examples, and the modes
-// of the reference drive.
+// Motion of complete drives on their plants: the values of the ISMC manual's examples, and the modes of the reference
+// drive.
 namespace servodrome {
 namespace motion_test {
 namespace {

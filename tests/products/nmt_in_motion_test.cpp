@@ -1,4 +1,4 @@
-// What an NMT command does to an axis that moves, as each CAN product's README says.
+// The effect of an NMT command on a moving axis, as in the README of each CAN product.
 #include <gtest/gtest.h>
 
 #include "products/generic402/generic402.hpp"

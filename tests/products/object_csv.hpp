@@ -8,9 +8,9 @@
 #include "csv.hpp"
 #include "products/device.hpp"
 
-// The objects of a manual (tests/data/*_od.csv) against a running drive: type, access, PDO mapping, default, range,
-// unit, storage. What differs is listed by the test with its reason, and the list may hold nothing that does not
-// differ.
+// Compares the objects of a manual (tests/data/*_od.csv) with a running drive: type, access, PDO mapping, default,
+// range, unit, storage. The test lists differences with their reasons, and the list must not contain entries without a
+// difference.
 namespace servodrome::test {
 
 inline constexpr int any_sub = -1;
@@ -20,7 +20,7 @@ struct Difference {
   std::string column;
 };
 
-// The list as a file beside the manual's, for products with many: index,sub,column,reason.
+// The list as a file next to the manual's, for products with many differences: index,sub,column,reason.
 inline std::vector<Difference> read_differences(const std::string& name) {
   std::vector<Difference> differences;
   for (const CsvRow& row : read_csv(name)) {
@@ -76,7 +76,7 @@ inline std::string without_spaces(std::string text) {
   return text;
 }
 
-// A manual may tell in words where a number comes from.
+// The manual may describe the origin of a number in words.
 inline bool is_number(const std::string& text) {
   return !text.empty() && (std::isdigit(static_cast<unsigned char>(text.front())) != 0 || text.front() == '-');
 }
@@ -87,7 +87,7 @@ inline std::int64_t csv_number(const std::string& text, std::uint8_t node) {
   return std::stoll(text.substr(0, plus), nullptr, 0) + (plus == std::string::npos ? 0 : node);
 }
 
-// `number_units` are words of the unit column that tell how a number is printed, and are no units. Returns the rows.
+// `number_units` are words of the unit column that describe the format of a number and are not units. Returns the rows.
 inline std::size_t compare_objects(const dictionary::Dictionary& dictionary, std::uint8_t node,
                                    const std::vector<CsvRow>& rows, const std::vector<Difference>& differences,
                                    const std::vector<std::string>& number_units = {}) {
@@ -114,7 +114,7 @@ inline std::size_t compare_objects(const dictionary::Dictionary& dictionary, std
     const auto compare = [&](const char* column, const std::string& ours) {
       const std::string& theirs = row.at(column);
       if (theirs.empty() || theirs == "unknown" || without_spaces(theirs) == without_spaces(ours)) return;
-      if (theirs == "ro" && ours == "const") return;  // what cannot be written and does not change
+      if (theirs == "ro" && ours == "const") return;  // a value that is read-only and does not change
       if (explained(column)) return;
       ADD_FAILURE() << std::hex << index << "h:" << int{sub} << " " << column << " is " << ours << ", in the manual "
                     << theirs << " (" << row.at("name") << ")";
@@ -134,7 +134,7 @@ inline std::size_t compare_objects(const dictionary::Dictionary& dictionary, std
     const std::string& unit = row.at("unit");
     if (std::find(number_units.begin(), number_units.end(), unit) == number_units.end()) compare("unit", entry->unit);
     compare("saved", entry->saved ? "yes" : "no");
-    // What the table says is what the drive shows.
+    // The drive's values must be those of the table.
     if (!row.at("default").empty() && entry->writable() && !explained("default")) {
       EXPECT_EQ(dictionary.number(*entry), dictionary.default_number(*entry, node))
           << row.at("index") << " " << row.at("sub");
@@ -147,8 +147,8 @@ inline std::size_t compare_objects(const dictionary::Dictionary& dictionary, std
   return rows.size();
 }
 
-// The objects of a drive's table from 2000h on that the manual's file does not list, in the form "6502h:0 6503h:0". The
-// communication objects below are those of CiA 301.
+// The objects of a drive's table from 2000h on that the manual's file does not list, in the form "6502h:0 6503h:0".
+// Lower indices are the communication objects of CiA 301.
 template <typename Table>
 std::string unlisted_objects(const Table& table, const std::vector<CsvRow>& rows) {
   std::set<std::uint32_t> listed;

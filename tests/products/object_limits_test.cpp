@@ -11,7 +11,7 @@
 #include "products/ismk/ismk_ea.hpp"
 #include "products/pronet/pronet.hpp"
 
-// What every object with a range takes and refuses, and which unit it is said to have, in every product.
+// The accepted and refused values of every object with a range, and its declared unit, in every product.
 namespace servodrome::test {
 namespace object_limits_test {
 namespace {
@@ -55,8 +55,8 @@ TEST(Limits, IsmkEa) { check_limits<products::IsmkEa>(); }
 TEST(Limits, JmcEc) { check_limits<products::JmcEc>(); }
 TEST(Limits, Pronet) { check_limits<products::Pronet>(); }
 
-// The codes of the units that objects have, by ETG.1004: power of ten, numerator, denominator. 0: a unit of the user's
-// or of the maker's, which has none.
+// The unit codes of ETG.1004: power of ten, numerator, denominator. 0: a unit of the user or the maker, which has no
+// code.
 const std::map<std::string, std::uint32_t> unit_codes = {
     {"%", 0xFE000000},
     {"0.01 Hz", 0xFE200000},

@@ -8,8 +8,8 @@
 #include "products/ismc/ismc.hpp"
 #include "rig.hpp"
 
-// Cause::phase_loss both ways, in every product that has it: no alarm in any healthy situation, however little voltage
-// there is and whatever turns the shaft; and a wire that is cut is found wherever its phase should carry current.
+// Cause::phase_loss in both directions, in every product that has it: no alarm in any healthy situation, with any
+// voltage and any load on the shaft; and a cut wire is detected wherever its phase should carry current.
 namespace servodrome {
 namespace open_phase_test {
 namespace {
@@ -27,7 +27,7 @@ class Random {
   }
   bool chance(double share) { return uniform(0.0, 1.0) < share; }
   std::size_t below(std::size_t count) { return static_cast<std::size_t>(uniform(0.0, static_cast<double>(count))); }
-  // Of any order of magnitude, either sign.
+  // A value of any order of magnitude, with either sign.
   double spread(double least, double most) {
     return std::copysign(least * std::pow(most / least, uniform(0.0, 1.0)), uniform(-1.0, 1.0));
   }
@@ -55,7 +55,7 @@ struct Stand {
     }
     ignore_all_but_phase_loss();
   }
-  // What else there is to complain about in such situations would end them.
+  // Other faults would end such situations, so their monitors are off.
   void ignore_all_but_phase_loss() {
     drive::Configuration configuration = rig.device.drive().configuration();
     for (const drive::FaultRow& row : rig.device.drive().policy().faults) {
@@ -79,7 +79,7 @@ struct Stand {
   void torque(double share) { rig.set(0x6071, 0, std::lround(std::clamp(1000.0 * share, -3000.0, 3000.0))); }
   void load(double share) { rig.plant.set_external_torque_nm(share * rated_nm); }
 
-  // Any demand and any load; the supply from next to nothing to its nominal.
+  // Any demand and any load; the supply from almost zero to its nominal voltage.
   void draw(double nominal_v) {
     switch (random.below(6)) {
       case 0: rig.plant.set_supply_v(nominal_v * random.uniform(0.02, 0.5)); break;
@@ -88,7 +88,7 @@ struct Stand {
       case 3: load(random.chance(0.5) ? 0.0 : random.uniform(-0.5, 0.5)); break;
       default: break;
     }
-    if (random.chance(0.1)) {  // driven by its load, or held by it
+    if (random.chance(0.1)) {  // the load drives or holds it
       load(std::copysign(random.uniform(0.5, 5.0), random.uniform(-1.0, 1.0)));
     }
     if (random.chance(0.3)) mode(random.chance(0.3) ? 4 : 3);
@@ -114,13 +114,13 @@ void expect_no_alarm(const char* name, RigType& rig, std::uint64_t seed, int sit
   }
 }
 
-// SERVODROME_SITUATIONS: how many more, as a factor.
+// SERVODROME_SITUATIONS multiplies their number.
 int factor() {
   const char* text = std::getenv("SERVODROME_SITUATIONS");
   return text == nullptr ? 1 : std::max(1, std::atoi(text));
 }
 
-// A plant drawn at random: inertia, friction, a rotor that a stop or a brake holds.
+// A random plant: inertia, friction, and a rotor that a stop or a brake may hold.
 plant::Parameters drawn(plant::Parameters parameters, Random& random) {
   plant::Load& load = parameters.load;
   load.inertia_kgm2 = parameters.motor.rotor_inertia_kgm2 * std::abs(random.spread(0.1, 10.0));
@@ -185,7 +185,7 @@ TEST(OpenPhase, TorqueIntoTheVoltageLimitIsNoAlarm) {  // `servodrome torque --p
   EXPECT_GT(rig.plant.velocity_rpm(), 1000.0);
 }
 
-// From when the wire is cut.
+// Time since the wire was cut.
 template <typename RigType>
 double ms_to_alarm(RigType& rig, unsigned phase, double limit_ms) {
   rig.plant.inject(static_cast<plant::Injection>(static_cast<unsigned>(plant::Injection::open_phase_u) + phase), true);
@@ -210,7 +210,7 @@ void expect_found(const char* name, RigType& rig, std::uint64_t seed) {
   stand.speed(rpm);
   rig.run_ms(600);
   ASSERT_FALSE(stand.lost());
-  // The greatest current that the phase carries where the axis is, or over a while.
+  // The greatest current of the phase at the present position, or over some time.
   float carried = 0.0F;
   for (int i = 0; i < (turning ? 1600 : 160); ++i) {
     rig.tick();
@@ -219,14 +219,14 @@ void expect_found(const char* name, RigType& rig, std::uint64_t seed) {
   const double of_rated = static_cast<double>(carried / motor.rated_current_a);
   const double turn_ms = turning ? 60000.0 / (std::abs(rpm) * motor.pole_pairs) : 0.0;
   const double ms = ms_to_alarm(rig, phase, 2000.0);
-  if (of_rated < 0.02) return;  // little enough to be overlooked
+  if (of_rated < 0.02) return;  // too little for a detection
   EXPECT_LE(ms, std::max(200.0, 1.5 * turn_ms))
       << name << ", seed " << seed << (turning ? ", turning at " : ", standing, ") << rpm << " rpm, load " << share
       << ", phase " << phase << " had carried " << of_rated;
 }
 
-// Where the phase carries 2 % of the rated current or should: within 200 ms, or one and a half electrical turns where
-// they take longer.
+// If the phase carries or should carry 2 % of the rated current: within 200 ms, or within one and a half electrical
+// turns if they take longer.
 TEST(OpenPhase, IsFoundWhereItShouldCarryCurrent) {
   for (std::uint64_t seed = 1; seed <= static_cast<std::uint64_t>(8 * factor()); ++seed) {
     on_every_product(seed * 1000, [seed](const char* name, auto& rig) { expect_found(name, rig, seed); });

@@ -51,7 +51,7 @@ TEST(Overload, IsAFaultFromTheFactory) {
 TEST(Overload, LimitsTheTorqueToWhatLasts) {
   Rig rig(cold());
   ASSERT_EQ(rig.set(0x2041, 0, 1), dictionary::AbortCode::none);
-  rig.set(0x2040, 3, 0);  // the winding's temperature does not count here
+  rig.set(0x2040, 3, 0);  // ignores the winding's temperature here
   rig.plant.lock_rotor(true);
   enable_at(rig, 600.0);
   rig.run_ms(500.0);
@@ -62,13 +62,13 @@ TEST(Overload, LimitsTheTorqueToWhatLasts) {
   EXPECT_NEAR(static_cast<double>(rig.get(0x2060)), 98.0, 1.0);
   EXPECT_NEAR(torque(rig), 1.0, 0.02);
   EXPECT_TRUE(bit_11(rig));
-  // After a rest the peak is there again, for a time.
+  // After a rest the peak current is available again, for some time.
   rig.control(0x07);
   rig.run_ms(60000.0);
   rig.control(0x0F);
   rig.run_ms(500.0);
   EXPECT_NEAR(torque(rig), peak, 0.05);
-  // Switched off in the middle of the limit, it is a fault again.
+  // If the limitation is switched off while it acts, a fault follows.
   rig.run_ms(30000.0);
   rig.set(0x2041, 0, 0);
   rig.run_ms(3000.0);
@@ -82,7 +82,7 @@ TEST(Overload, LimitsTheTorqueByTheWindingsTemperature) {
     rig.set(0x2040, 3, 45);
     rig.plant.lock_rotor(true);
     enable_at(rig, 600.0);
-    rig.set(0x6072, 0, 950);  // below what the I2t allows
+    rig.set(0x6072, 0, 950);  // below the I2t limit
     double hottest_c = 0.0;
     for (int i = 0; i < 600 && rig.device.drive().state() == PowerState::operation_enabled; ++i) {
       rig.run_ms(1000.0);
@@ -101,7 +101,7 @@ TEST(Overload, LimitsTheTorqueByTheWindingsTemperature) {
   }
 }
 
-// Heat that the drive does not cause stays a fault.
+// Heat from outside the drive still causes a fault.
 TEST(Overload, AFailedCoolingIsAFault) {
   Rig rig(cold());
   rig.set(0x2041, 0, 1);
@@ -134,7 +134,7 @@ TEST(FieldWeakening, ReachesMoreThanTheVoltageAllows) {
     EXPECT_GT(rig.plant.direct_current_a(), -1.5 * static_cast<double>(motor.rated_current_a) - 0.1);
     EXPECT_LT(most_a, 1.1 * static_cast<double>(motor.peak_current_a));
 
-    // Slow again, without the current; then to rest with a quick stop from full speed.
+    // Slow again, without the field-weakening current; then to rest with a quick stop from full speed.
     rig.set(0x60FF, 0, static_cast<std::int64_t>(direction * 10.0) * counts_per_turn);
     rig.run_ms(1500.0);
     EXPECT_NEAR(rig.plant.velocity_rpm(), direction * 600.0, 5.0);
@@ -149,7 +149,7 @@ TEST(FieldWeakening, ReachesMoreThanTheVoltageAllows) {
   }
 }
 
-// Power goes at full speed and comes back while the motor still turns; the current is switched off meanwhile.
+// Power is removed at full speed and returns while the motor still turns; the field-weakening current is off meanwhile.
 TEST(FieldWeakening, EndsAndBeginsWithThePower) {
   Rig rig(cold(120.0));
   rig.set(0x2013, 0, 1500);
@@ -162,7 +162,7 @@ TEST(FieldWeakening, EndsAndBeginsWithThePower) {
   rig.control(0x0F);
   rig.run_ms(2000.0);
   EXPECT_NEAR(rig.plant.velocity_rpm(), 3600.0, 5.0);
-  rig.set(0x2013, 0, 0);  // taken away while it acts: the speed falls to what the voltage allows
+  rig.set(0x2013, 0, 0);  // disabled while it acts: the speed falls to the value that the voltage allows
   rig.run_ms(2000.0);
   EXPECT_LT(rig.plant.velocity_rpm(), 3000.0);
   EXPECT_FALSE(rig.device.drive().any_fault());

@@ -23,7 +23,7 @@ constexpr double speed = 500000.0;  // counts/s
 constexpr double slow_ramp = 1310720.0;
 constexpr double quick_ramp = 5242880.0;
 
-// --- What differs between the products, as their documents have it
+// --- Differences between the products, from their documents
 
 struct IsmcFacts {
   using Device = Ismc;
@@ -61,7 +61,7 @@ struct PowerStates : testing::Test {
     axis.run_ms(1);
     const auto write = [&axis](std::uint16_t word) {
       axis.control(word);
-      axis.run_ms(3);  // transition 3 looks at the DC link
+      axis.run_ms(3);  // transition 3 checks the DC link
     };
     switch (wanted) {
       case PowerState::not_ready_to_switch_on:
@@ -93,7 +93,7 @@ struct PowerStates : testing::Test {
     ASSERT_EQ(state(axis), wanted);
   }
 
-  // Seconds until the demand (or, without a ramp, the shaft) stands.
+  // Seconds until the demand stands (without a ramp: the shaft).
   static double seconds_to_rest(Axis& axis, bool shaft) {
     const std::int64_t begin = axis.ticks();
     const auto rest = [&] {
@@ -111,7 +111,7 @@ TYPED_TEST_SUITE(PowerStates, Products);
 
 struct CommandWords {
   const char* name;
-  std::vector<std::uint16_t> words;  // every don't-care bit at least once 0 and 1
+  std::vector<std::uint16_t> words;  // every don't-care bit is 0 at least once and 1 at least once
 };
 const std::vector<CommandWords> commands{
     {"shutdown", {0x06, 0x0E}},
@@ -122,7 +122,7 @@ const std::vector<CommandWords> commands{
 };
 enum : std::size_t { shutdown, switch_on, enable_operation, disable_voltage, quick_stop };
 
-// CiA 402-2 figure 4, by number; nothing: the state stays.
+// CiA 402-2 figure 4, by number; none: the state does not change.
 std::optional<PowerState> target(PowerState from, std::size_t command, bool transition_16) {
   using enum PowerState;
   switch (from) {
@@ -219,7 +219,7 @@ TYPED_TEST(PowerStates, FaultResetIsAnEdgeAndOnlyInFault) {
     axis.run_ms(1);
     EXPECT_EQ(this->state(axis), from == PowerState::fault ? PowerState::switch_on_disabled : from);
   }
-  // Whatever the other bits say: in the table of commands bit 7 is 0 (CiA 402-2 table 9).
+  // With any other bits: in the table of commands bit 7 is 0 (CiA 402-2 table 9).
   for (const std::uint16_t word : std::to_array<std::uint16_t>({0x86, 0x8F, 0x80})) {
     for (const PowerState from : {PowerState::switch_on_disabled, PowerState::operation_enabled}) {
       typename TestFixture::Axis axis;
@@ -233,19 +233,19 @@ TYPED_TEST(PowerStates, FaultResetIsAnEdgeAndOnlyInFault) {
   axis.run_ms(1);
   axis.control(0x80);
   this->bring_to(axis, PowerState::fault);
-  axis.control(0x80);  // the bit was set all along
+  axis.control(0x80);  // the bit was already set before
   axis.run_ms(1);
   EXPECT_EQ(this->state(axis), PowerState::fault);
 }
 
 TYPED_TEST(PowerStates, CommandOfAMasterThatDoesNotWaitForTheDrive) {
   typename TestFixture::Axis axis;
-  axis.control(0x06);  // in the same instant as the boot-up message
+  axis.control(0x06);  // at the same time as the boot-up message
   axis.run_ms(1);
   EXPECT_EQ(this->state(axis), PowerState::ready_to_switch_on);
   axis.control(0x07);
-  axis.run_ms(TypeParam::switches_dc_link ? 3 : 0);  // for the DC link no command comes early
-  // All in one cycle, mode included.
+  axis.run_ms(TypeParam::switches_dc_link ? 3 : 0);  // the DC link must be charged before this command
+  // All in one cycle, including the mode.
   this->must_set(axis, 0x6060, 0, 1);
   this->must_set(axis, 0x6081, 0, 100000);
   axis.control(0x07);
@@ -260,11 +260,11 @@ TYPED_TEST(PowerStates, CommandOfAMasterThatDoesNotWaitForTheDrive) {
 
 // --- Option codes
 
-// How long a stop by an option code's value takes from `speed`: on which ramp, at the current limit (3), by short
-// circuit (4), or not at all because the power goes at once (0).
+// The duration of a stop from `speed` for a value of the option code: by a ramp, at the current limit (3), by short
+// circuit (4), or without a stop because the power is switched off immediately (0).
 template <typename Fixture, typename Axis>
 void check_stop(Fixture& fixture, Axis& axis, std::int16_t code) {
-  // 0.127 Nm brake 0.56 g m2: 10.6 ms from `speed`, less what friction adds.
+  // 0.127 Nm brake 0.56 g m2: 10.6 ms from `speed`, minus the effect of friction.
   const double torque_nm = 0.127 + 0.01;
   const double at_limit = speed / 131072.0 * 6.283185307 * 0.56e-4 / torque_nm;
   switch (code) {
@@ -295,7 +295,7 @@ TYPED_TEST(PowerStates, QuickStopOptionCodes) {
     for (std::int16_t code = 0; code <= 8; ++code) {
       SCOPED_TRACE("mode " + std::to_string(mode) + ", 605Ah = " + std::to_string(code));
       typename TestFixture::Axis axis;
-      if (axis.set(0x605A, 0, code) != AbortCode::none) continue;  // which are refused: below
+      if (axis.set(0x605A, 0, code) != AbortCode::none) continue;  // refused values are tested below
       this->turn(axis, mode);
       limit_torque(axis);
       axis.control(0x0B);
@@ -610,7 +610,7 @@ TEST(Halt, OfTheReferenceDriveInEveryModeAndBack) {
       axis.run_ms(200);
       EXPECT_NEAR(static_cast<double>(axis.plant.position_counts() - halted), 0.0, 1000.0);
       axis.control(run);
-      // What the motor does not have to do at once it does not do at once.
+      // After the halt the axis must start smoothly.
       double highest = 0.0;
       for (int i = 0; i < 200; ++i) {
         axis.run_ms(0.5);
@@ -630,7 +630,7 @@ TEST(Halt, OfTheReferenceDriveInEveryModeAndBack) {
 TEST(Halt, TakenBackBeforeTheAxisStandsGoesOnFromItsSpeed) {
   for (const std::int8_t mode : {std::int8_t{1}, std::int8_t{3}, std::int8_t{4}}) {
     for (std::int16_t code = 1; code <= 4; ++code) {
-      if (mode == 4 && code == 4) continue;  // the torque of the short circuit is taken over and fades by 6087h
+      if (mode == 4 && code == 4) continue;  // the torque of the short circuit is kept and decreases by 6087h
       SCOPED_TRACE("mode " + std::to_string(mode) + ", 605Dh = " + std::to_string(code));
       Rig<Generic402> axis;
       axis.set(0x605D, 0, code);
@@ -707,7 +707,7 @@ TEST(Halt, HaltedIsmcForgetsItsPoints) {
 TEST(ModeChange, BetweenAllModesWithoutAJumpOfTheDemand) {
   constexpr std::array<std::int8_t, 10> modes{0, 1, 2, 3, 4, 6, 7, 8, 9, 10};
   for (const std::int8_t from : modes) {
-    if (from == 0 || from == 6) continue;  // come to rest by themselves
+    if (from == 0 || from == 6) continue;  // these modes come to rest by themselves
     for (const std::int8_t to : modes) {
       if (from == to) continue;
       SCOPED_TRACE(std::to_string(from) + " to " + std::to_string(to));
@@ -724,7 +724,7 @@ TEST(ModeChange, BetweenAllModesWithoutAJumpOfTheDemand) {
       ASSERT_TRUE(axis.enable());
       double target = 0.0;
       double velocity = 0.0;
-      const auto follow = [&] {  // a master's ramp of one point a millisecond
+      const auto follow = [&] {  // a master's ramp of one point per millisecond
         if (from != 7 && from != 8) return;
         velocity = std::min(velocity + 1310.72, 500000.0);
         target += velocity * 0.001;
@@ -742,7 +742,7 @@ TEST(ModeChange, BetweenAllModesWithoutAJumpOfTheDemand) {
         axis.run_ms(1);
       }
       const auto demand = [&axis] { return static_cast<double>(axis.get(0x606B)); };
-      // As it moves now; 606Ch is what it was 4 ms ago.
+      // The present motion; 606Ch is 4 ms late.
       if (to == 9) axis.set(0x60FF, 0, std::lround(axis.device.drive().axis().velocity()));
       double before = demand();
       double shaft = axis.plant.velocity_rpm();
@@ -758,8 +758,8 @@ TEST(ModeChange, BetweenAllModesWithoutAJumpOfTheDemand) {
         shaft = axis.plant.velocity_rpm();
       }
       EXPECT_EQ(axis.get(0x6061), to);
-      // The steepest ramp here, 1310720 counts/s2, changes 655 counts/s in a cycle; a measured velocity that is taken
-      // over adds its ripple.
+      // The steepest ramp here, 1310720 counts/s2, changes the speed by 655 counts/s per cycle; a measured velocity at
+      // a change of mode adds its ripple.
       EXPECT_LT(most, 6000.0);
       EXPECT_LT(most_rpm, 6.0);
     }
@@ -888,7 +888,7 @@ TEST(PowerStateNames, AreTheStandards) {
   EXPECT_STREQ(name(PowerState{200}), "unknown");
 }
 
-// A name says one cause, and what says none is none.
+// Each name belongs to one cause, and an unknown name to none.
 TEST(FaultCauseNames, LeadBackToTheCause) {
   for (unsigned i = 0; i < static_cast<unsigned>(drive::Cause::count_of_causes); ++i) {
     const drive::Cause cause{static_cast<std::uint8_t>(i)};

@@ -29,7 +29,7 @@ struct Positioning : Rig<DeviceType> {
   void must(std::uint16_t index, std::uint8_t sub, std::int64_t value) {
     EXPECT_EQ(this->set(index, sub, value), AbortCode::none) << std::hex << index << "h:" << int{sub};
   }
-  // A set-point with its handshake; `bits` of the controlword beside 0Fh.
+  // Gives a set-point with its handshake; `bits` of the controlword in addition to 0Fh.
   void give(std::int64_t target, std::uint16_t bits = 0) {
     must(0x607A, 0, target);
     this->control(static_cast<std::uint16_t>(0x0F | bits));
@@ -46,7 +46,7 @@ struct Positioning : Rig<DeviceType> {
   double demand_velocity() { return this->device.drive().axis().generator.velocity(); }
 };
 
-// Where the demand turned round or rested, in order.
+// The positions at which the demand reversed or rested, in order.
 template <typename DeviceType>
 std::vector<std::int64_t> turning_points(Positioning<DeviceType>& axis, double limit_ms) {
   std::vector<std::int64_t> points;
@@ -66,7 +66,7 @@ TEST(SetPoints, IsmcQueuesSixteenBehindTheRunningOne) {
   ASSERT_TRUE(axis.enable());
   std::vector<std::int64_t> targets;
   for (int i = 0; i < 17; ++i) targets.push_back((i % 2 == 0 ? 1 : -1) * (3000 + 500 * i));
-  axis.must(0x6083, 0, 100000);  // slow enough for all to be given while the first one runs
+  axis.must(0x6083, 0, 100000);  // slow enough to give all set-points while the first one is in progress
   axis.must(0x6084, 0, 100000);
   for (std::size_t i = 0; i < targets.size(); ++i) {
     SCOPED_TRACE(i);
@@ -80,7 +80,7 @@ TEST(SetPoints, IsmcQueuesSixteenBehindTheRunningOne) {
     axis.run_ms(1);
     EXPECT_EQ(axis.status() & acknowledge, i < 16 ? 0 : acknowledge) << "the queue is full behind the seventeenth";
   }
-  axis.must(0x607A, 0, 99999);  // no room: has no effect
+  axis.must(0x607A, 0, 99999);  // the buffer is full: no effect
   axis.control(0x1F);
   axis.control(0x0F);
   std::vector<std::int64_t> points = turning_points(axis, 30000.0);
@@ -99,7 +99,7 @@ TEST(SetPoints, ReferenceDriveHasOneBehindTheRunningOne) {
   EXPECT_EQ(axis.status() & acknowledge, 0);
   axis.give(50000);
   EXPECT_EQ(axis.status() & acknowledge, acknowledge) << "the buffer is full";
-  axis.give(777);  // not taken
+  axis.give(777);  // not accepted
   const std::vector<std::int64_t> points = turning_points(axis, 5000.0);
   ASSERT_EQ(points.size(), 2U);
   EXPECT_NEAR(static_cast<double>(points[0]), 100000.0, 1.0);
@@ -123,7 +123,7 @@ TEST(SetPoints, TargetMayComeInAnotherPdoOfTheSameSync) {
     axis.must(index, 1, index == 0x1400 ? 0x201 : 0x301);
   }
   axis.send(0, {1, 0});
-  axis.send(0x201, {0x1F, 0x00});  // the controlword first
+  axis.send(0x201, {0x1F, 0x00});  // first the controlword
   axis.send(0x301, {0x10, 0x27, 0x00, 0x00});
   axis.run_ms(5);
   EXPECT_EQ(axis.demand(), 0) << "before SYNC";
@@ -214,7 +214,7 @@ TEST(SetPoints, WhatRelativeIsRelativeTo) {  // 60F2h bits 0 and 1
     EXPECT_NEAR(static_cast<double>(axis.demand()), expected + 5000.0,
                 option == 0   ? 0.0
                 : option == 1 ? 1.0
-                              : 300.0);  // it moved on by half a millisecond
+                              : 300.0);  // the demand moved on for half a millisecond
   }
   Positioning<Ismc> axis;  // the demand when the point is started (ch. 4.3.3, G16)
   ASSERT_TRUE(axis.enable());
@@ -243,7 +243,7 @@ TEST(SetPoints, EndVelocityIsPassedWithAndKept) {
   EXPECT_EQ(axis.demand(), 300000);
 }
 
-// A motion that another mode ended is over: nothing that is written in profile position afterwards takes it up again.
+// A motion that another mode ended is over: later writes in profile position must not continue it.
 TEST(SetPoints, AnotherModeEndsTheMotion) {
   Positioning<Generic402> axis;
   ASSERT_TRUE(axis.enable());
@@ -360,7 +360,7 @@ TEST(Rotary, WaysToAnAbsoluteTarget) {  // CiA 402-2 60F2h, 607Bh; a turn of 360
     EXPECT_EQ(axis.demand() - before, way.distance);
     EXPECT_EQ(axis.get(0x6062), (way.to + 3600) % 3600);
     axis.run_ms(100);
-    const std::int64_t off = axis.get(0x6064) - axis.get(0x6062);  // within a count, which the range may lie between
+    const std::int64_t off = axis.get(0x6064) - axis.get(0x6062);  // one count, perhaps across the end of the range
     EXPECT_TRUE(off == 0 || std::abs(off) == 1 || std::abs(off) == 3599) << off;
   }
 }
@@ -416,7 +416,7 @@ TEST(Units, FactorGroupWithoutDrift) {  // 608Fh x 6091h / 6092h
     EXPECT_EQ(axis.get(0x6062), 3500);
     axis.run_ms(100);
     EXPECT_EQ(axis.get(0x6064), 3500);
-    // The demand has not drifted. The shaft lies where friction holds it, some counts beside.
+    // The demand has not drifted. Friction holds the shaft some counts away.
     EXPECT_NEAR(static_cast<double>(axis.plant.position_counts()), 3500.0 * counts_per_degree, 4.0);
   }
 }
@@ -476,7 +476,7 @@ TEST(Windows, TargetReachedAfterItsTimeInTheWindow) {  // 6067h, 6068h
   EXPECT_EQ(axis.status() & reached, 0);
   ASSERT_GE(axis.run_until([&] { return (axis.status() & reached) != 0; }, 1000.0), 0);
   EXPECT_NEAR(static_cast<double>(axis.ticks() - begin) / 16.0, 200.0, 15.0);
-  axis.plant.set_external_torque_nm(3.7);  // more than it can hold at once
+  axis.plant.set_external_torque_nm(3.7);  // more than the motor can hold at first
   ASSERT_GE(axis.run_until([&] { return (axis.status() & reached) == 0; }, 100.0), 0);
   EXPECT_GT(std::abs(axis.get(0x6064) - 100000), 90);
 }
@@ -523,11 +523,11 @@ TEST(LimitSwitches, EndAMotionTowardsThem) {
   EXPECT_EQ(axis.status() & (reached | limited | 0x6F), limited | 0x27);
   EXPECT_EQ(axis.get(0x60FD) & 3, 2);
   const std::int64_t stopped = axis.demand();
-  axis.give(2000000);  // further in: no
+  axis.give(2000000);  // further in: refused
   axis.run_ms(200);
   EXPECT_EQ(axis.demand(), stopped);
   EXPECT_EQ(axis.status() & reached, 0);
-  axis.give(0);  // away: yes
+  axis.give(0);  // away: accepted
   axis.arrive();
   EXPECT_EQ(axis.demand(), 0);
   EXPECT_EQ(axis.status() & (reached | limited), reached);

@@ -5,9 +5,8 @@
 #include "products/pronet/pronet.hpp"
 #include "rig.hpp"
 
-// The worked examples of the ProNet manual (in its order, named W1 to W25 here), frame by frame, and the motions they
-// make against the figures that follow. Where the manual has a misprint (W8, W18, W25), the test sends the corrected
-// frame.
+// The worked examples of the ProNet manual (in its order, called W1 to W25 here), frame by frame, and their motions,
+// compared with calculated values. Where the manual has a misprint (W8, W18, W25), the test sends the corrected frame.
 namespace servodrome {
 namespace pronet_examples_test {
 namespace {
@@ -47,8 +46,8 @@ struct Example {
   std::function<void(Axis&)> after{};
 };
 
-// Sends the frames of an example, one every 2 ms, and compares what the drive answers to each with its SDO server and
-// its boot-up; PDOs and EMCYs are not answers.
+// Sends the frames of an example, one every 2 ms, and compares the answers of the drive's SDO server and its boot-up
+// message; PDOs and EMCYs do not count as answers.
 void carry_out(Axis& axis, const Example& example, std::uint32_t node_id = 1) {
   SCOPED_TRACE(example.name);
   if (example.before) example.before(axis);
@@ -70,7 +69,7 @@ void carry_out(Axis& axis, const std::vector<Example>& examples, std::uint32_t n
   for (const Example& example : examples) carry_out(axis, example, node_id);
 }
 
-// From now until the demand stands: how long, and how far.
+// Returns the time and the distance from now until the demand stands.
 void expect_move(Axis& axis, double seconds, std::int64_t way, std::int64_t start) {
   const std::int64_t ticks =
       axis.run_until([&] { return (axis.status() & 0x400) != 0 && !axis.device.drive().in_motion(); }, 60000.0);
@@ -81,7 +80,7 @@ void expect_move(Axis& axis, double seconds, std::int64_t way, std::int64_t star
   EXPECT_NEAR(static_cast<double>(axis.get(0x6064)), static_cast<double>(start + way), 2.0);
 }
 
-// 30 rpm with ramps of 10000 rpm/s (6083h, 6084h from the factory).
+// 30 rpm with ramps of 10000 rpm/s (factory values of 6083h and 6084h).
 constexpr double half_turn_per_second = 0.5;
 double seconds_at_30_rpm(double turns) { return turns / half_turn_per_second + 30.0 / 10000.0; }
 
@@ -93,7 +92,7 @@ const std::vector<Example> transfers{
        axis.run_ms(1);
      }},
     {"W2", {written("601 # 2F 01 14 02 EF 00 00 00")}, {}, [](Axis& axis) { EXPECT_EQ(axis.get(0x1401, 2), 239); }},
-    // W3 prints an illustrative 1234h; here it is what stands in 6041h: switch on disabled, main power on.
+    // W3 prints 1234h as an example; here 6041h has its real value: switch on disabled, main power on.
     {"W3", {{"601 # 40 41 60 00 00 00 00 00", "581 # 4B 41 60 00 50 00 00 00"}}},
     {"W4", {written("601 # 2B 40 60 00 E8 03 00 00")}, {}, [](Axis& axis) { EXPECT_EQ(axis.get(0x6040), 1000); }},
     {"W5", {written("601 # 23 93 60 01 78 56 34 12")}},
@@ -219,7 +218,7 @@ TEST(PronetExamples, InterpolatedPosition) {
   EXPECT_NEAR(static_cast<double>(axis.get(0x6064)), 16.0, 1.0);
 }
 
-// Ch. 9.5. As printed the example sets neither 6099h:01 nor 609Ah, whose factory value is 0: no motion (C33).
+// Ch. 9.5. The printed example sets neither 6099h:01 nor 609Ah, whose factory value is 0: no motion (C33).
 TEST(PronetExamples, Homing) {
   Axis axis(incremental_encoder());
   axis.run_ms(1);
@@ -273,7 +272,7 @@ TEST(PronetExamples, CobIdsOfNodeTwo) {
             2);
 }
 
-// Ch. 10.2: one frame, two drives, each with a dummy where the other's set-point is.
+// Ch. 10.2: one frame for two drives, each with a dummy at the place of the other's set-point.
 TEST(PronetExamples, OneFrameServesTwoNodes) {
   Axis one(incremental_encoder(), {.node_id = 1});
   Axis two(incremental_encoder(), {.node_id = 2});

@@ -4,8 +4,8 @@
 #include "fault_cases.hpp"
 #include "products/pronet/pronet.hpp"
 
-// Every alarm of the ProNet manual (tests/data/pronet_alarms.csv), raised by its cause, or by injection where only
-// hardware has one.
+// Every alarm of the ProNet manual (tests/data/pronet_alarms.csv), raised by its cause, or by injection if only
+// hardware can cause it.
 namespace servodrome {
 namespace pronet_faults_test {
 namespace {
@@ -120,7 +120,7 @@ std::vector<Case> cases() {
        .cut = Cut::at_once},
       injected(0x5080, Injection::internal),
       hardware_only(0x5210, Cause::current_sensor),
-      {.code = 0x5420,  // the supply is so high that the resistor never rests
+      {.code = 0x5420,  // the supply is so high that the brake resistor is always on
        .prepare = turning,
        .raise = [](Axis& axis) { supply(axis, 390.0); },
        .remove = [](Axis& axis) { supply(axis, 310.0); },
@@ -163,7 +163,7 @@ std::vector<Case> cases() {
        .remove = [](Axis& axis) { axis.plant.lock_rotor(false); },
        .cut = Cut::at_once,
        .within_ms = 4000.0},
-      {.code = 0x8480,  // a load that the motor is not allowed to hold
+      {.code = 0x8480,  // a load that the motor cannot hold within its limits
        .prepare =
            [](Axis& axis) {
              must_set(axis, 0x3068, 0, 0);
@@ -183,13 +183,13 @@ std::vector<Case> cases() {
   };
 }
 
-// --- Warnings (this project's choice): told and shown, nothing else
+// --- Warnings (this project's choice): reported and shown, without other effects
 
 struct Warning {
   std::uint16_t code;
   Action prepare;
   Action raise;
-  Action remove{};  // none: it is over at once
+  Action remove{};  // none: it ends immediately
 };
 
 std::vector<Warning> warnings() {
@@ -205,7 +205,7 @@ std::vector<Warning> warnings() {
   return {
       hardware(0x6120, Cause::pdo_mapping),
       {0x8110, turning,
-       [](Axis& axis) {  // its answers are not fetched
+       [](Axis& axis) {  // the answers are not read
          const canopen::Frame request{.id = 0x601, .length = 8, .data = {0x40, 0x00, 0x10, 0x00}};
          for (int i = 0; i < 100; ++i) axis.device.receive(request, axis.now());
          axis.drain();
@@ -308,7 +308,7 @@ TEST(PronetFaults, EveryRowOfTheManual) {
   for (const drive::FaultRow& row : Pronet::policy.faults) EXPECT_TRUE(in_manual.contains(row.code)) << row.name;
 }
 
-// --- Causes that are there when the power comes on
+// --- Causes that exist at power-on
 
 class AtPowerOn : public testing::Test {
  protected:
@@ -362,13 +362,13 @@ TEST_F(AtPowerOn, GearWithoutDivisorIs5582) {
   EXPECT_FALSE(in_fault());
 }
 
-// No write brings them in; the memory of another firmware may. An address out of range is the factory's then.
+// Writes cannot cause it; the memory of another firmware can. An address out of range is replaced by the factory value.
 TEST_F(AtPowerOn, SettingsOfTheBusThatCannotBeAre6300) {
   const auto keep = [&](std::uint16_t index, std::uint16_t value) {
     dictionary::AbortCode abort{};
     const dictionary::Entry* entry = axis.device.dictionary().find(index, 0, abort);
     std::memcpy(axis.device.dictionary().storage(*entry), &value, sizeof value);
-    axis.set(0x3022, 0, 1);  // each write of a parameter keeps all
+    axis.set(0x3022, 0, 1);  // each write of a parameter stores all of them
   };
   for (const auto& [index, wrong, right] : {std::tuple{0x30FF, 6, 5}, std::tuple{0x30FF, 0x15, 5},
                                             std::tuple{0x3006, 4, 3}, std::tuple{0x3006, 0x3003, 3}}) {
@@ -392,7 +392,7 @@ TEST_F(AtPowerOn, SettingsOfTheBusThatCannotBeAre6300) {
 
 // --- RPDOs of a wrong length
 
-// The warning of one short RPDO is over with the next right one, or a second later, whatever becomes of the RPDO.
+// The warning about a short RPDO ends with the next valid one, or after a second, whatever happens to the RPDO.
 TEST(PronetFaults, TheWarningOfOneShortRpdoGoes) {
   const auto start = [](Axis& axis) {
     axis.run_ms(1);
@@ -430,7 +430,7 @@ TEST(PronetFaults, TheWarningOfOneShortRpdoGoes) {
     axis.run_ms(1100);
     EXPECT_EQ(axis.get(0x1001), 0);
     EXPECT_EQ(axis.status() & 0x80, 0);
-    axis.send(0x000, {0x01, 0x01});  // where NMT stop held it back
+    axis.send(0x000, {0x01, 0x01});  // NMT stop delayed it until here
     EXPECT_EQ(test::emergencies(axis, 1),
               (std::vector<std::string>{test::emergency_text(0x8210, 0x11), test::emergency_text(0, 0)}));
   }
@@ -449,7 +449,7 @@ TEST(PronetFaults, TheWarningOfOneShortRpdoGoes) {
   EXPECT_EQ(axis.status() & 0x80, 0);
 }
 
-// --- What is common to them
+// --- Common properties
 
 TEST(PronetFaults, RecordOfTenNewestFirst) {
   Axis axis;
@@ -471,7 +471,7 @@ TEST(PronetFaults, RecordOfTenNewestFirst) {
   EXPECT_EQ(axis.get(0x3201), 0x69);  // the one panel number that is printed
   EXPECT_EQ(axis.get(0x3202), 0x5210);
   EXPECT_EQ(axis.get(0x3209), 0x5210);
-  // 1003h is four deep; writing 0 empties it, nothing else is taken.
+  // 1003h has four entries; writing 0 clears it, other values are refused.
   EXPECT_EQ(axis.get(0x1003, 0), 4);
   EXPECT_EQ(axis.get(0x1003, 1), 0x6100);
   EXPECT_EQ(axis.get(0x1003, 2), 0x8169);
@@ -482,7 +482,7 @@ TEST(PronetFaults, RecordOfTenNewestFirst) {
   EXPECT_EQ(axis.get(0x1003, 1), 0);
 }
 
-// Code 0000h comes with the last error only; bit 7 of the statusword is set until then.
+// Code 0000h is sent only when the last error ends; bit 7 of the statusword is set until then.
 TEST(PronetFaults, TheEndIsToldWhenNothingIsLeft) {
   Axis axis;
   turning(axis);
@@ -508,7 +508,7 @@ TEST(PronetFaults, TheEndIsToldWhenNothingIsLeft) {
   EXPECT_EQ(axis.get(0x1001), 0);
 }
 
-// 1029h:01 decides what becomes of the NMT state (appendix).
+// 1029h:01 selects the NMT state after an error (appendix).
 TEST(PronetFaults, LostHeartbeatLeavesOperationalUnless1029SaysOtherwise) {
   using canopen::NmtState;
   for (const auto& [behaviour, state] : {std::pair{0, NmtState::pre_operational}, std::pair{1, NmtState::operational},

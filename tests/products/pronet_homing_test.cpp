@@ -3,8 +3,8 @@
 #include "products/pronet/pronet.hpp"
 #include "rig.hpp"
 
-// Homing of the ProNet drive on a plant: every method from every side, the refusals, and the switches through wires and
-// through the bus (60FEh:01).
+// Homing of the ProNet drive on a plant: every method from every side, the refusals, and switches connected by wires or
+// over the bus (60FEh:01).
 namespace servodrome {
 namespace pronet_homing_test {
 namespace {
@@ -16,10 +16,10 @@ constexpr std::int64_t turn = 10000;  // the incremental encoder, which has an i
 constexpr std::int64_t index_at = 2500;
 constexpr std::int64_t low_limit = -8 * turn - 300;
 constexpr std::int64_t high_limit = 8 * turn + 700;
-constexpr std::int64_t switch_from = turn + 1234;  // one turn and a bit of the travel
+constexpr std::int64_t switch_from = turn + 1234;  // a little more than one turn of the travel
 constexpr std::int64_t switch_to = 2 * turn + 4321;
 
-// Terminals of the factory's Pn509 and Pn510 (README.md of the product): POT CN1_16, NOT CN1_17, HmRef CN1_39.
+// Inputs by the factory values of Pn509 and Pn510 (README.md of the product): POT CN1_16, NOT CN1_17, HmRef CN1_39.
 constexpr std::uint8_t pot_wire = 2;
 constexpr std::uint8_t not_wire = 3;
 constexpr std::uint8_t home_wire = 4;
@@ -60,7 +60,7 @@ struct Way {
   int method;
   std::int64_t start;
   std::int64_t found;      // true position of home
-  bool finishes_negative;  // in which direction it is crossed
+  bool finishes_negative;  // the direction in which home is crossed
 };
 
 const std::vector<Way> ways{
@@ -96,10 +96,11 @@ TEST(PronetHoming, EveryMethodFromEverySide) {
       axis.set(0x607C, 0, offset);
       axis.sent.clear();
       EXPECT_EQ(home(axis), 0x1400);
-      // 6064h at the found point is -607Ch: zero lies 607Ch further on (ch. 7.2 and 7.2.3).
+      // 6064h at home is -607Ch: zero is 607Ch further in positive direction (ch. 7.2 and 7.2.3).
       const std::int64_t true_position = axis.plant.position_counts();
       EXPECT_NEAR(static_cast<double>(axis.get(0x6064) - true_position), static_cast<double>(-offset - way.found), 2.0);
-      // No travel back: the axis stands where the ramp ended, beyond the point, less than 10 rpm take to stop.
+      // No motion back: the axis stands where the ramp ended, beyond home by less than the distance of a stop from 10
+      // rpm.
       if (way.method != 35) {
         const std::int64_t beyond = way.finishes_negative ? way.found - true_position : true_position - way.found;
         EXPECT_GE(beyond, -2);
@@ -146,8 +147,8 @@ TEST(PronetHoming, OnlyTheSearchIsFast) {
   }
 }
 
-// Whatever comes while methods 4 and 20 search, return and look for the edge: the axis rests, and homing may be done
-// again, with the same home.
+// Any event while methods 4 and 20 search, return and look for the edge: the axis rests, and homing can be repeated
+// with the same home.
 TEST(PronetHoming, InterruptedAtEachLegItIsDoneAgain) {
   const auto reenable = [](Axis& axis) { axis.control(0x06), axis.run_ms(1), axis.control(0x0F), axis.run_ms(5); };
   const std::vector<std::pair<const char*, std::function<void(Axis&)>>> interruptions{
@@ -203,8 +204,8 @@ TEST(PronetHoming, InterruptedAtEachLegItIsDoneAgain) {
   }
 }
 
-// "The error cause is found by reading the error code" (ch. 7.2.2): as long as bit 13 tells the error, and after it
-// until homing starts again or the mode changes. It is no alarm.
+// "The error cause is found by reading the error code" (ch. 7.2.2): the code is shown while bit 13 is set, and
+// afterwards until homing starts again or the mode changes. It is not an alarm.
 TEST(PronetHoming, AnErrorTellsItsCode) {
   struct Failure {
     const char* what;
@@ -284,8 +285,8 @@ TEST(PronetHoming, AnErrorTellsItsCode) {
   }
 }
 
-// The incremental encoder counts from where the shaft is as the power comes (ch. 4 and 7.2); the others know their
-// turn.
+// The incremental encoder counts from the shaft's position at power-on (ch. 4 and 7.2); the others have an absolute
+// position within a turn.
 TEST(PronetHoming, AnIncrementalEncoderBeginsAtZero) {
   for (const std::int32_t counts : {10000, 131072, 65536}) {
     SCOPED_TRACE(counts);
@@ -307,7 +308,7 @@ TEST(PronetHoming, AnIncrementalEncoderBeginsAtZero) {
     const std::int64_t before = axis.get(0x6064);
     EXPECT_NEAR(static_cast<double>(before), counts * 1.66 + static_cast<double>(incremental ? 0 : start),
                 counts * 0.1);
-    axis.send(0x000, {0x81, 0x01});  // coasts
+    axis.send(0x000, {0x81, 0x01});  // the axis coasts
     axis.run_ms(10);
     EXPECT_GT(axis.get(0x6064), before) << "NMT resets no encoder";
     axis.run_ms(3000);
@@ -386,14 +387,14 @@ TEST(PronetHoming, BitFourInterruptsAndHaltStops) {
   EXPECT_EQ(home(axis), 0x1400) << "and may be started again";
 }
 
-// --- Terminals (ch. 10.1, 60FEh)
+// --- Inputs (ch. 10.1, 60FEh)
 
 std::uint32_t inputs(Axis& axis) {
   axis.run_ms(1);
   return static_cast<std::uint32_t>(axis.get(0x60FD));
 }
 
-// Digit `terminal` of the pair of parameters that the eight terminals share.
+// The digit of input `terminal` in the pair of parameters that the eight inputs share.
 void set_digit(Axis& axis, std::uint16_t first, int terminal, unsigned value) {
   const auto index = static_cast<std::uint16_t>(first + terminal / 4);
   const unsigned shift = 4U * (static_cast<unsigned>(terminal) % 4U);
@@ -436,7 +437,7 @@ TEST(PronetInputs, EachTerminalCanHaveEachFunctionFromWireAndBus) {
   }
 }
 
-// Pn514 in 0.2 ms: what lasts no longer is not seen, by wire or bus; edges come with the level.
+// Pn514 in 0.2 ms: shorter pulses have no effect, from a wire or the bus; edges come together with the level.
 TEST(PronetInputs, FilteredLevelsAreSeenLate) {
   Axis axis;
   axis.run_ms(1);
@@ -462,12 +463,12 @@ TEST(PronetInputs, HomingWithFilteredSwitches) {
   prepare(axis, 19);
   axis.set(0x3086, 0, 25);
   EXPECT_EQ(home(axis), 0x1400);
-  // 5 to 6 ms at 10 rpm, that is 9 counts, on the way through the edge in negative direction.
+  // 5 to 6 ms at 10 rpm, which is 9 counts, when crossing the edge in negative direction.
   const std::int64_t found = axis.plant.position_counts() - axis.get(0x6064);
   EXPECT_NEAR(static_cast<double>(found), static_cast<double>(switch_from - 9), 4.0);
 }
 
-// A controller that has the reference switch on its own inputs homes the drive by the bus (ch. 10.1).
+// A controller that has the reference switch on its own inputs homes the drive over the bus (ch. 10.1).
 TEST(PronetInputs, HomingByASwitchOfTheMaster) {
   plant::Parameters parameters = travel(0);
   parameters.switch_count = 0;
@@ -490,7 +491,7 @@ TEST(PronetInputs, HomingByASwitchOfTheMaster) {
     EXPECT_EQ(axis.status() & 0x3400, 0x1400);
     const std::int64_t home = axis.plant.position_counts() - axis.get(0x6064);
     const std::int64_t expected = method == 17 ? -turn : method == 18 ? turn : 3000;
-    // 10 rpm are 1.7 counts in the millisecond between the switch and the bus; a position cycle on top.
+    // 10 rpm are 1.7 counts in the millisecond between the switch and the bus, plus one position cycle.
     EXPECT_NEAR(static_cast<double>(home), static_cast<double>(expected), 4.0);
   }
 }

@@ -5,7 +5,7 @@
 #include "products/pronet/pronet.hpp"
 #include "rig.hpp"
 
-// Interpolated position mode of the ProNet drive: no buffer, set-points taken over by the SYNC, alarm A 69.
+// Interpolated position mode of the ProNet drive: no buffer, set-points take effect at the SYNC, alarm A 69.
 namespace servodrome {
 namespace pronet_interpolation_test {
 namespace {
@@ -15,7 +15,7 @@ using Axis = test::Rig<Pronet>;
 
 constexpr std::uint16_t alarm_69 = 0x8169;
 
-// The master's part: PDOs as the manual configures them (ch. 7.5.4), set-points and SYNCs.
+// The master: PDOs configured as in the manual (ch. 7.5.4), set-points and SYNCs.
 class Master {
  public:
   explicit Master(Axis& axis, unsigned period_ms = 1) : axis_(axis), period_ms_(period_ms) {
@@ -73,7 +73,7 @@ TEST(PronetInterpolation, AMinuteOfSyncsWithoutAlarm) {
     master.cycle(static_cast<std::int32_t>(std::lround(amplitude * (1.0 - std::cos(phase)))));
     ASSERT_FALSE(alarmed(axis)) << i << " ms";
     most = std::max(most, std::abs(axis.device.drive().loops().following_error_counts));
-    // The demand's velocity follows the sine's: steps of a cycle would show as a saw.
+    // The demand's velocity follows the sine's: steps at the cycle would cause a sawtooth.
     const double wanted = amplitude * two_pi * std::sin(phase - two_pi * 0.0005);
     if (i > 10) roughest = std::max(roughest, std::abs(axis.device.drive().axis().generator.velocity() - wanted));
   }
@@ -85,8 +85,8 @@ TEST(PronetInterpolation, AMinuteOfSyncsWithoutAlarm) {
   EXPECT_LT(roughest, 3000.0);  // 0.7 % of the greatest, 411775 counts/s
 }
 
-// SYNCs that come up to three ticks apart from where they should, by a clock that is not the drive's: the time base is
-// pulled along, and the velocity shows none of it.
+// SYNCs that deviate by up to three ticks, from a clock that differs from the drive's: the drive adjusts its time base,
+// and the velocity is not affected.
 TEST(PronetInterpolation, TheTimeBaseLocksToTheSync) {
   Axis axis;
   Master master(axis);
@@ -98,7 +98,7 @@ TEST(PronetInterpolation, TheTimeBaseLocksToTheSync) {
   double most = 0.0;
   for (int i = 0; i < 5000; ++i) {
     random = random * 1664525U + 1013904223U;
-    due += 16.0 * 1.0005;                                             // the master's millisecond is longer by 500 ppm
+    due += 16.0 * 1.0005;                                             // the master's millisecond is 500 ppm longer
     const auto jitter = static_cast<std::int64_t>(random >> 30) - 1;  // ticks
     while (ticks < static_cast<std::int64_t>(due) + jitter) {
       axis.tick();
@@ -149,7 +149,7 @@ TEST(PronetInterpolation, OnlyTheLastSetPointIsKept) {
   EXPECT_EQ(axis.get(0x6062), 30);
 }
 
-// How this project reads ch. 7.5.4: one SYNC period without a new set-point is tolerated, the second raises A 69.
+// Our interpretation of ch. 7.5.4: one SYNC period without a new set-point is tolerated, the second one raises A 69.
 struct Late {
   const char* what;
   std::function<void(Axis&, Master&)> run;
@@ -224,7 +224,7 @@ TEST(PronetInterpolation, AlarmA69ExactlyWhenDataIsLate) {
     Master master(axis);
     for (int i = 0; i < 20; ++i) master.cycle(0);
     late.run(axis, master);
-    axis.run_ms(0.6);  // the position cycle that notices
+    axis.run_ms(0.6);  // the position cycle that detects it
     EXPECT_EQ(alarmed(axis), late.alarm);
     EXPECT_EQ((axis.status() & 0x4F) == 0x08, late.alarm);
     EXPECT_EQ(axis.actuation.pwm_enabled, !late.alarm && (axis.status() & 0x6F) == 0x27) << "the servo drive stops";
@@ -238,18 +238,17 @@ TEST(PronetInterpolation, TheAlarmIsNotArmedBeforeTheFirstSync) {
   axis.run_ms(500);
   EXPECT_FALSE(alarmed(axis));
   EXPECT_EQ(axis.status() & 0x106F, 0x1027);
-  master.sync();  // arms it, though it brings nothing
+  master.sync();  // activates it, although it has no set-point
   axis.run_ms(1.5);
   EXPECT_FALSE(alarmed(axis));
   axis.run_ms(1.5);
   EXPECT_TRUE(alarmed(axis));
 }
 
-// 2105h is the period that the SYNC is expected with, 60C2h the one that is interpolated over: both must be set
-// (ch. 7.5.4).
+// 2105h is the expected period of the SYNC, 60C2h the interpolation period: both must be set (ch. 7.5.4).
 TEST(PronetInterpolation, BothPeriodObjectsMustBeSet) {
-  // Set-points at a steady speed with a SYNC each 4 ms. Answers whether it went without an alarm, and the least speed
-  // of the demand on the way.
+  // Sends set-points at constant speed with a SYNC each 4 ms. Returns whether there was no alarm, and the lowest speed
+  // of the demand.
   const auto run = [](std::int64_t sync_us, std::int64_t interpolation_ms) {
     Axis axis;
     Master master(axis, 4);
@@ -273,7 +272,7 @@ TEST(PronetInterpolation, BothPeriodObjectsMustBeSet) {
   EXPECT_FALSE(run(1000, 4).first) << "2105h forgotten: A 69";
 }
 
-// Set-points of 160 counts each millisecond with a SYNC, from the tick on that is `off` behind the drive's own cycle.
+// Set-points of 160 counts each millisecond with a SYNC, which comes `off` ticks after the drive's own cycle.
 class Stream {
  public:
   explicit Stream(std::int64_t interpolation_ms, unsigned off = 0, bool by_both_objects = false) : master_(axis, 1) {
@@ -281,7 +280,7 @@ class Stream {
     if (by_both_objects) axis.set(0x2105, 0, 1000 * interpolation_ms);
     for (unsigned tick = 0; tick < off; ++tick) axis.tick();
   }
-  // `lost`: neither comes; `word`: the controlword.
+  // `lost`: neither set-point nor SYNC; `word`: the controlword.
   void cycle(std::int32_t step = 160, bool lost = false, std::uint16_t word = 0x1F, unsigned ticks = 16) {
     target += step;
     if (!lost) {
@@ -308,7 +307,7 @@ class Stream {
 };
 
 // Ch. 7.5.4: "the sync period should be not bigger than interpolation cycle period". A set-point is reached one period
-// 60C2h after its SYNC, however often they come.
+// 60C2h after its SYNC, for any period of the SYNC.
 TEST(PronetInterpolation, TheLagIsOnePeriod) {
   for (const bool by_both_objects : {false, true}) {
     for (const int period_ms : {1, 2, 3, 4, 8, 20}) {
@@ -322,8 +321,8 @@ TEST(PronetInterpolation, TheLagIsOnePeriod) {
   }
 }
 
-// "After receiving the synchronization information, servo drive will synchronize its internal clock" (ch. 7.5.4):
-// wherever the SYNC lies in the drive's cycle, the demand is as fast as the set-points and no faster.
+// "After receiving the synchronization information, servo drive will synchronize its internal clock" (ch. 7.5.4): at
+// any phase of the SYNC in the drive's cycle, the demand has the speed of the set-points and is not faster.
 TEST(PronetInterpolation, ASyncAnywhereInTheCycleDoesNotRing) {
   for (unsigned off = 0; off < 8; ++off) {
     SCOPED_TRACE(off);
@@ -342,7 +341,7 @@ TEST(PronetInterpolation, ASyncAnywhereInTheCycleDoesNotRing) {
   }
 }
 
-// A master whose clock drifts through all of the drive's cycle, and whose speed changes all the while.
+// A master whose clock drifts through the whole cycle of the drive, with a speed that changes all the time.
 TEST(PronetInterpolation, ADriftingSyncDoesNotRing) {
   for (const int drift : {-1, 1}) {
     Stream stream(1);
@@ -361,7 +360,8 @@ TEST(PronetInterpolation, ADriftingSyncDoesNotRing) {
   }
 }
 
-// What happens while it streams: a lost SYNC, quick stop, another mode, disable and enable twice, NMT stop, the power.
+// Events during the exchange of set-points: a lost SYNC, quick stop, another mode, disable and enable twice, NMT stop,
+// power off.
 TEST(PronetInterpolation, InterruptionsOfAStream) {
   const auto is_calm = [](Stream& stream, const char* what) {
     EXPECT_LT(stream.most, 420.0) << what << ": beyond the motor";

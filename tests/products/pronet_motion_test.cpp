@@ -4,8 +4,8 @@
 #include "products/pronet/pronet.hpp"
 #include "rig.hpp"
 
-// What the axis of a ProNet drive does in profile position and profile velocity, against closed forms: ramps, S-curves,
-// set-points and their handshake, option codes, units.
+// Motion of a ProNet drive in profile position and profile velocity, compared with closed-form results: ramps,
+// S-curves, set-points and their handshake, option codes, units.
 namespace servodrome {
 namespace pronet_motion_test {
 namespace {
@@ -109,8 +109,8 @@ TEST(PronetMotion, TrapezoidTakesItsTime) {
   EXPECT_NEAR(until_standing(axis), way / v + ramps / 2.0, 0.002);
 }
 
-// 6086h = 2: acceleration time from rest v/a + a/j, or 2 sqrt(v/j) where a is not reached; the ramp down is the same
-// (ch. 4, 7.4.3 and 7.4.4).
+// 6086h = 2: the acceleration time from rest is v/a + a/j, or 2 sqrt(v/j) if a is not reached; the ramp down is the
+// same (ch. 4, 7.4.3 and 7.4.4).
 TEST(PronetMotion, SCurveTakesItsTime) {
   struct Curve {
     std::int64_t jerk;          // 60A4h:01
@@ -124,7 +124,7 @@ TEST(PronetMotion, SCurveTakesItsTime) {
     must_set(axis, 0x6086, 0, 2);
     must_set(axis, 0x60A4, 1, curve.jerk);
     must_set(axis, 0x6083, 0, curve.acceleration);
-    must_set(axis, 0x6084, 0, 1000000);  // does not count: symmetric
+    must_set(axis, 0x6084, 0, 1000000);  // no effect: the S-curve is symmetric
     positioning(axis, curve.velocity);
     const double v = static_cast<double>(curve.velocity) * tenth_rpm;
     const double a = static_cast<double>(curve.acceleration) * tenth_rpm;
@@ -149,7 +149,7 @@ TEST(PronetMotion, SCurveTakesItsTime) {
   }
 }
 
-// Only single set-points with S-curves: what comes while one runs is not taken (ch. 7.4.4).
+// With S-curves only single set-points are possible: a set-point during a motion is not accepted (ch. 7.4.4).
 TEST(PronetMotion, SCurveTakesNoSecondSetPoint) {
   Axis axis;
   must_set(axis, 0x6086, 0, 2);
@@ -192,10 +192,10 @@ TEST(PronetMotion, OneSetPointRunsAndOneWaits) {
   axis.control(0x0F);
   axis.run_ms(1);
   EXPECT_EQ(axis.status() & acknowledge, acknowledge) << "while one waits there is no room";
-  set_point(axis, 999999);  // not executed even though data arrive
+  set_point(axis, 999999);  // not executed, although data arrive
   axis.run_ms(1);
   axis.control(0x0F);
-  set_point(axis, 888888, 0x20);  // nor at once
+  set_point(axis, 888888, 0x20);  // not with immediate effect either
   axis.run_ms(1);
   axis.control(0x0F);
   bool reached_between = false;
@@ -231,12 +231,12 @@ TEST(PronetMotion, RelativeToTheLastTarget) {
   axis.run_ms(20);
   axis.control(0x0F);
   axis.run_ms(1);
-  set_point(axis, 50000, 0x60);  // relative, at once, on the way
+  set_point(axis, 50000, 0x60);  // relative, with immediate effect, during the motion
   until_standing(axis);
   EXPECT_EQ(axis.get(0x6062), 150000);
   axis.control(0x0F);
   axis.run_ms(1);
-  set_point(axis, 150000);  // absolute, to where it is: no motion (ch. 9.3)
+  set_point(axis, 150000);  // absolute, to the present position: no motion (ch. 9.3)
   axis.run_ms(20);
   EXPECT_FALSE(axis.device.drive().in_motion());
   EXPECT_EQ(axis.status() & reached, reached);
@@ -282,7 +282,7 @@ TEST(PronetMotion, EndVelocityPassesTheTarget) {
 
 TEST(PronetMotion, HaltStopsByItsCodeAndGoesOn) {
   struct Halt {
-    int code;  // 0: as from the factory, acts as 1
+    int code;  // 0: the factory value, acts like 1
     double deceleration;
   };
   for (const Halt& halt : {Halt{0, 10000.0}, Halt{1, 10000.0}, Halt{2, 40000.0}}) {
@@ -358,7 +358,7 @@ TEST(PronetMotion, VelocityWindows) {
 TEST(PronetMotion, OptionCodes) {
   struct Code {
     std::uint16_t index;
-    int value;  // -1: as from the factory
+    int value;  // -1: the factory value
     std::uint16_t controlword;
     double seconds;         // 0: no ramp
     std::uint16_t ends_in;  // statusword & 6Fh
@@ -401,7 +401,7 @@ TEST(PronetMotion, OptionCodes) {
   }
 }
 
-// Bits 8, 9, 14 and 15 are not used; the main power shows in bit 4 (ch. 6.2.2).
+// Bits 8, 9, 14 and 15 are not used; bit 4 shows the main power (ch. 6.2.2).
 TEST(PronetMotion, StatuswordThroughTheStates) {
   Axis axis;
   axis.run_ms(1);
@@ -460,7 +460,7 @@ TEST(PronetMotion, MonitorsOfTheSpeed) {
   }
 }
 
-// --- Ramps beyond what the motor can do: as steep as the torque limits allow, and no over current.
+// --- Ramps that exceed the motor: as steep as the torque limits allow, without an over-current fault.
 
 TEST(PronetMotion, TheSteepestRampsAreNoOverCurrent) {
   for (const std::int32_t encoder : {131072, 10000}) {

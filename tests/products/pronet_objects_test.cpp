@@ -5,7 +5,7 @@
 #include "products/pronet/pronet.hpp"
 #include "rig.hpp"
 
-// The objects of the ProNet manual against the running drive.
+// Compares the objects of the ProNet manual with the running drive.
 namespace servodrome {
 namespace pronet_objects_test {
 namespace {
@@ -20,7 +20,7 @@ TEST(PronetObjects, AreThoseOfTheManual) {
   EXPECT_EQ(test::compare_objects(axis.device.dictionary(), 1, test::read_csv("pronet_od.csv"), differences), 293U);
 }
 
-// What the manual does not list is this project's choice and stands in its README.
+// Objects that the manual does not list are this project's choice, documented in its README.
 TEST(PronetObjects, NothingElseButTheSettingsOfThePanel) {
   std::set<std::uint32_t> listed;
   for (const test::CsvRow& row : test::read_csv("pronet_od.csv")) {
@@ -28,7 +28,7 @@ TEST(PronetObjects, NothingElseButTheSettingsOfThePanel) {
                                              std::stoul(row.at("sub"), nullptr, 16)));
   }
   for (const dictionary::Entry& entry : Pronet::table) {
-    if (entry.index >= 0x2F10 && entry.index <= 0x2F12) continue;  // Pn201, Pn202, and what the encoder has
+    if (entry.index >= 0x2F10 && entry.index <= 0x2F12) continue;  // Pn201, Pn202, and the resolution of the encoder
     EXPECT_TRUE(listed.contains(entry.key())) << std::hex << entry.index << " " << int{entry.sub};
   }
 }
@@ -74,7 +74,8 @@ TEST(PronetObjects, ValuesThatAreNotInTheLists) {
   EXPECT_EQ(axis.set(0x60C0, 0, 1), AbortCode::value_too_high);
 }
 
-// Pn006, Pn703 and Pn704 (ch. 8): what cannot be is refused, not kept until the node is silent for good.
+// Pn006, Pn703 and Pn704 (ch. 8): impossible values are refused; if they were stored, the node would never answer
+// again.
 TEST(PronetObjects, SettingsOfTheBusThatCannotBeAreRefused) {
   Axis axis;
   axis.run_ms(1);
@@ -92,7 +93,7 @@ TEST(PronetObjects, SettingsOfTheBusThatCannotBeAreRefused) {
   EXPECT_EQ(axis.get(0x3100), 127);
 }
 
-// What a master computes revolutions with.
+// The objects from which a master calculates revolutions.
 TEST(PronetObjects, TellsItsEncoder) {
   for (const std::int32_t counts : {10000, 65536, 131072, 4000}) {
     plant::Parameters parameters = test::default_plant();
@@ -118,8 +119,8 @@ TEST(PronetObjects, FactorsWithoutADivisorAreRefused) {
   }
 }
 
-// Pn values outlive the power at once, everything else is lost; Pn006, Pn703 and Pn704 act
-// after a restart only.
+// Pn values are stored immediately, all other values are lost at power-off; Pn006, Pn703 and Pn704 take effect after a
+// restart.
 class Storage : public testing::Test {
  protected:
   std::array<std::byte, 16384> memory{};
@@ -204,7 +205,7 @@ TEST(PronetObjects, TellTheSerialNumber) {
   EXPECT_EQ(axis.get(0x1018, 4), 4711);
 }
 
-// The factor group is back at Pn201 and Pn202 after NMT 81h as well; parameters stay.
+// After NMT 81h, too, the factor group has the values of Pn201 and Pn202; parameters are kept.
 TEST_F(Storage, ResetNodeRestoresTheObjects) {
   axis.run_ms(1);
   axis.set(0x2F10, 0, 3);

@@ -4,7 +4,7 @@
 #include "products/pronet/pronet.hpp"
 #include "rig.hpp"
 
-// The bus side of the ProNet drive where it departs from CiA 301: PDO types and masks, mappings, identifiers, resets,
+// Differences between the ProNet drive's bus interface and CiA 301: PDO types and masks, mappings, identifiers, resets,
 // no remote frames, SDO without block transfer.
 namespace servodrome {
 namespace pronet_pdo_test {
@@ -37,7 +37,7 @@ std::string ask(Axis& axis, const std::string& frame) {
   return last(axis, 0x581);
 }
 
-// Only TPDO `number` is left on, with this mapping.
+// Switches on only TPDO `number`, with this mapping.
 void only(Axis& axis, unsigned number, std::initializer_list<std::uint32_t> objects, int type) {
   for (std::uint16_t pdo = 0; pdo < 4; ++pdo) {
     const auto index = static_cast<std::uint16_t>(0x1800 + pdo);
@@ -52,7 +52,7 @@ void only(Axis& axis, unsigned number, std::initializer_list<std::uint32_t> obje
   EXPECT_EQ(axis.set(static_cast<std::uint16_t>(0x1800 + number - 1), 2, type), AbortCode::none);
 }
 
-// Out of the box every TPDO comes each 10 ms, changed or not (ch. 3.3).
+// By factory setting every TPDO is sent each 10 ms, with or without changes (ch. 3.3).
 TEST(PronetPdo, FromTheFactoryAllAreSentEvery10Ms) {
   Axis axis;
   axis.run_ms(1);
@@ -75,7 +75,7 @@ TEST(PronetPdo, Type255IsPeriodicOnly) {
   start(axis);
   axis.sent.clear();
   axis.run_ms(20);
-  axis.set(0x6060, 0, 3);  // a change is no reason
+  axis.set(0x6060, 0, 3);  // a change does not trigger it
   axis.run_ms(20);
   EXPECT_EQ(count(axis, 0x181), 0U);
   axis.run_ms(461);
@@ -84,7 +84,7 @@ TEST(PronetPdo, Type255IsPeriodicOnly) {
   axis.sent.clear();
   axis.run_ms(200);
   EXPECT_EQ(count(axis, 0x181), 0U);
-  // The inhibit time is the least distance: 100 us each (ch. 3.3, 'Transmit type of PDO').
+  // The inhibit time is the minimum interval, in units of 100 us (ch. 3.3, 'Transmit type of PDO').
   axis.set(0x1800, 5, 5);
   axis.set(0x1800, 3, 400);
   axis.sent.clear();
@@ -93,7 +93,7 @@ TEST(PronetPdo, Type255IsPeriodicOnly) {
   EXPECT_LE(count(axis, 0x181), 11U);
 }
 
-// Type 254: sent when a bit changed that the mask does not hide (ch. 3.3).
+// Type 254: sent when a bit changes that the mask does not exclude (ch. 3.3).
 TEST(PronetPdo, Type254IsSentOnChangesThatTheMaskLetsThrough) {
   for (unsigned number = 1; number <= 4; ++number) {
     SCOPED_TRACE(number);
@@ -109,7 +109,7 @@ TEST(PronetPdo, Type254IsSentOnChangesThatTheMaskLetsThrough) {
     const auto sends = [&](std::uint16_t index, std::int64_t value) {
       axis.sent.clear();
       axis.set(index, 0, value);
-      axis.run_ms(15);  // beyond the inhibit time of 10 ms
+      axis.run_ms(15);  // longer than the inhibit time of 10 ms
       return count(axis, id);
     };
     EXPECT_EQ(sends(0x6081, 1), 1U);
@@ -192,7 +192,7 @@ TEST(PronetPdo, MappingRules) {
   EXPECT_EQ(map(0, 2), AbortCode::none);
 }
 
-// Whatever happens, and wherever NMT forbids TPDOs meanwhile: the first that comes after it shows the state as it is.
+// After any event, and wherever NMT forbids TPDOs meanwhile, the first TPDO afterwards shows the present state.
 TEST(PronetPdo, NoTpdoShowsAnOlderState) {
   const std::vector<std::function<void(Axis&)>> steps{
       [](Axis& axis) { axis.control(0x06); },
@@ -221,7 +221,7 @@ TEST(PronetPdo, NoTpdoShowsAnOlderState) {
         return test::text_of(
             {.id = 0x181, .length = 2, .data = {std::uint8_t(status & 0xFF), std::uint8_t(status >> 8)}});
       };
-      // Each TPDO of so many ticks shows what is true in that tick, or was in the one before.
+      // Each TPDO of these ticks has the values of its tick or of the previous one.
       const auto watch = [&](int ticks) {
         std::size_t seen = 0;
         for (int tick = 0; tick < ticks; ++tick) {
@@ -254,7 +254,7 @@ TEST(PronetPdo, NoTpdoShowsAnOlderState) {
   }
 }
 
-// The low byte counts and the rest is padding, in both directions (C7).
+// The low byte is the value and the rest is padding, in both directions (C7).
 TEST(PronetPdo, EightBitObjectsInSixteenBits) {
   Axis axis;
   axis.run_ms(1);
@@ -276,7 +276,8 @@ TEST(PronetPdo, HighestSubIndexAsPrinted) {
   EXPECT_EQ(ask(axis, "601 # 40 00 14 00 00 00 00 00"), "581 # 4F 00 14 00 02 00 00 00");
 }
 
-// A new identifier only by way of bit 31; that of TPDO 1 stays between 181h and 1FFh (ch. 3.3, 1800h; ch. 10.2).
+// An identifier can only be changed with bit 31; that of TPDO 1 must be between 181h and 1FFh (ch. 3.3, 1800h; ch.
+// 10.2).
 TEST(PronetPdo, CobIds) {
   Axis axis;
   axis.run_ms(1);
@@ -289,7 +290,7 @@ TEST(PronetPdo, CobIds) {
   EXPECT_EQ(set(0x1800, 0x800001FF), AbortCode::none);
   EXPECT_EQ(set(0x1800, 0x1FF), AbortCode::none);
   EXPECT_EQ(set(0x1801, 0x80000381), AbortCode::none);
-  // A PDO that is switched off has an identifier that it may have, or none (CiA 301 7.3.5).
+  // A PDO that is switched off has a valid identifier, or none (CiA 301 7.3.5).
   for (const std::uint16_t index : {std::uint16_t{0x1402}, std::uint16_t{0x1802}}) {
     for (const std::int64_t id : {0x701, 0x77F, 0x581, 0x601, 0x67F, 0x101, 0x17F, 0x001, 0x6E0}) {
       EXPECT_EQ(set(index, 0x80000000 | id), AbortCode::value_invalid) << std::hex << id;
@@ -306,14 +307,14 @@ TEST(PronetPdo, CobIds) {
   }
   for (const std::int64_t node : {1, 127}) EXPECT_EQ(axis.set(0x1016, 1, node << 16 | 100), AbortCode::none) << node;
   EXPECT_EQ(axis.set(0x1016, 1, 0), AbortCode::none);
-  // 1005h: 80h, with or without bit 31, and nothing else (ch. 3.4).
+  // 1005h accepts only 80h, with or without bit 31 (ch. 3.4).
   for (const std::int64_t value : {0x80LL, 0x80000080LL}) EXPECT_EQ(axis.set(0x1005, 0, value), AbortCode::none);
   for (const std::int64_t value : {0x40000080LL, 0x81LL, 0xC0000080LL, 0x20000080LL, 0LL}) {
     EXPECT_EQ(axis.set(0x1005, 0, value), AbortCode::value_invalid) << value;
   }
 }
 
-// NMT 82h keeps everything, 81h brings the objects back to their reset values (ch. 3.7 and 9.2).
+// NMT 82h keeps all values, 81h restores the objects to their reset values (ch. 3.7 and 9.2).
 TEST(PronetPdo, ResetCommunicationKeepsWhatResetNodeLoses) {
   Axis axis;
   axis.run_ms(1);
@@ -342,7 +343,7 @@ TEST(PronetPdo, ResetCommunicationKeepsWhatResetNodeLoses) {
   EXPECT_EQ(axis.get(0x6083), 100000);
 }
 
-// What the objects say of the masks is what is done, after both resets.
+// After both resets, the masks act as their objects show.
 TEST(PronetPdo, MasksAfterResets) {
   Axis axis;
   axis.run_ms(1);
@@ -362,7 +363,7 @@ TEST(PronetPdo, MasksAfterResets) {
   EXPECT_TRUE(sends_a_change(0x81));
 }
 
-// A frame with the set-points of four drives of 16 bits each, and one of 8-bit pieces: dummies of every width.
+// A frame with the set-points of four drives of 16 bits each, and one with parts of 8 bits: dummies of every width.
 TEST(PronetPdo, DummiesOfEveryWidth) {
   struct Dummy {
     std::uint32_t entry;
@@ -389,7 +390,7 @@ TEST(PronetPdo, DummiesOfEveryWidth) {
   EXPECT_EQ(axis.device.dictionary().find(0x0001, 0), nullptr);
 }
 
-// Two drives hang on one frame and move apart (ch. 10.2).
+// Two drives use one frame and move in opposite directions (ch. 10.2).
 TEST(PronetPdo, OneFrameMovesTwoDrives) {
   Axis one(test::default_plant(), {.node_id = 1});
   Axis two(test::default_plant(), {.node_id = 2});
@@ -446,7 +447,7 @@ TEST(PronetSdo, NoBlockTransferAndTheListedAborts) {
   EXPECT_EQ(ask(axis, "601 # 23 A4 60 01 15 00 00 00"), "581 # 80 A4 60 01 31 00 09 06");  // 21 is too high
   EXPECT_EQ(ask(axis, "601 # 23 93 60 02 00 00 00 00"), "581 # 80 93 60 02 32 00 09 06");  // divisor 0
   EXPECT_EQ(ask(axis, "601 # E0 00 00 00 00 00 00 00"), "581 # 80 00 00 00 01 00 04 05");
-  // Segments, of which no object needs any: a download of four bytes in one.
+  // Segmented transfer, which no object of the drive needs: a download of four bytes in one segment.
   EXPECT_EQ(ask(axis, "601 # 21 81 60 00 04 00 00 00"), "581 # 60 81 60 00 00 00 00 00");
   EXPECT_EQ(ask(axis, "601 # 07 2C 01 00 00 00 00 00"), "581 # 20 00 00 00 00 00 00 00");
   EXPECT_EQ(axis.get(0x6081), 300);

@@ -5,8 +5,8 @@
 #include "products/ismc/ismc.hpp"
 #include "rig.hpp"
 
-// Every writable object of a moving drive at random, with the values that hurt most. What is looked for is found by the
-// sanitizers; without them, that demand and voltages stay finite.
+// Writes random and extreme values to all writable objects of a moving drive. The sanitizers detect errors; without
+// them, the test checks that demand and voltages stay finite.
 namespace servodrome {
 namespace random_objects_test {
 namespace {
@@ -37,7 +37,7 @@ void write_at_random(std::uint64_t seed) {
     for (const float voltage : rig.actuation.phase_voltage_v) ASSERT_TRUE(std::isfinite(voltage));
     rig.sent.clear();
     if (rig.device.drive().state() == drive::PowerState::operation_enabled) ++enabled;
-    // Now and then values that let it move again.
+    // At intervals, values with which it can move again.
     if (step % 200 == 199) rig.device.power_on(rig.feedback, rig.now());
   }
   EXPECT_GT(enabled, 400) << "the drive must be reached in operation";

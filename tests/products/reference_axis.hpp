@@ -8,7 +8,7 @@
 
 namespace servodrome::test {
 
-// A set-point of `stroke` that is given, relative to where the axis is.
+// A set-point at a distance of `stroke` from the present position.
 template <typename RigType>
 void one_move(RigType& rig, std::int64_t stroke) {
   rig.set(0x607A, 0, stroke);
@@ -19,7 +19,7 @@ void one_move(RigType& rig, std::int64_t stroke) {
   rig.control(0x0F);
 }
 
-// A set-point by the edge of bit 4 in `word`, which is taken back.
+// Gives a set-point by the edge of bit 4 in `word`, and resets the bit.
 template <typename RigType>
 void absolute_move(RigType& rig, std::int64_t target, std::uint16_t word) {
   const auto without = static_cast<std::uint16_t>(word ^ 0x10);
@@ -31,7 +31,7 @@ void absolute_move(RigType& rig, std::int64_t target, std::uint16_t word) {
   rig.control(without);
 }
 
-// The reference drive with an axis of 131072 counts a turn, enabled in a mode, with a switch for the positive limit.
+// The reference drive with an axis of 131072 counts per turn, enabled in a mode, with a switch for the positive limit.
 struct Reference : Rig<products::Generic402> {
   explicit Reference(std::int64_t mode, const plant::Parameters& parameters = default_plant()) : Rig(parameters) {
     set(0x6060, 0, mode);

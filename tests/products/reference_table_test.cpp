@@ -2,8 +2,8 @@
 #include "products/generic402/generic402.hpp"
 #include "rig.hpp"
 
-// The reference drive's objects against a table of its own (tests/data/generic402_od.csv), as the makers' drives have
-// theirs: what changes there is changed on purpose.
+// Compares the reference drive's objects with a table (tests/data/generic402_od.csv), like those of the makers' drives,
+// so that objects change only on purpose.
 namespace servodrome {
 namespace reference_table_test {
 namespace {
@@ -24,7 +24,7 @@ TEST(ReferenceTable, IsThatOfItsFile) {
   }
 }
 
-// Some of what a master counts on, with the clause that has it.
+// Some values on which masters depend, with their clauses.
 TEST(ReferenceTable, FactoryValuesOfTheStandard) {
   Rig rig;
   EXPECT_EQ(rig.get(0x1000), 0x00020192);     // CiA 402-3: servo drive
@@ -39,7 +39,7 @@ TEST(ReferenceTable, FactoryValuesOfTheStandard) {
   EXPECT_EQ(rig.get(0x605D), 1);
   EXPECT_EQ(rig.get(0x605E), 2);
   EXPECT_EQ(rig.get(0x6007), 1);  // fault
-  // Homing: twice and a quarter of a revolution of 131072 a second.
+  // Homing: two and a quarter revolutions of 131072 counts per second.
   EXPECT_EQ(rig.get(0x6099, 1), 2 * 131072);
   EXPECT_EQ(rig.get(0x6099, 2), 131072 / 4);
 }
@@ -70,7 +70,7 @@ TEST(ReferenceTable, BitRatesOfLss) {
   }
 }
 
-// 2F00h is a node-ID or that of CiA 305 for none, 2F01h a rate of CiA 305.
+// 2F00h is a node-ID or CiA 305's value for none, 2F01h a bit rate of CiA 305.
 TEST(ReferenceTable, NodeIdAndBitRateAreThoseOfTheBus) {
   using dictionary::AbortCode;
   Rig rig;
@@ -84,7 +84,7 @@ TEST(ReferenceTable, NodeIdAndBitRateAreThoseOfTheBus) {
   EXPECT_EQ(rig.set(0x2F01, 0, 100'000), AbortCode::value_invalid) << "reserved";
 }
 
-// ---- CiA 303-3: RUN tells the NMT state, ERR what is wrong with the bus ----
+// ---- CiA 303-3: RUN shows the NMT state, ERR errors of the bus ----
 
 TEST(ReferenceTable, LampsOfTheBus) {
   using canopen::BusState;
@@ -113,7 +113,7 @@ TEST(ReferenceTable, LampsOfTheBus) {
   EXPECT_TRUE(is(error, Light::on));
 }
 
-// 1021h: the text that the drive was given, by SDO.
+// 1021h: the stored text of the drive, read by SDO.
 TEST(ReferenceTable, CarriesItsDescription) {
   constexpr std::string_view text = "[FileInfo]";
   Rig rig(test::default_plant(), {.description = std::as_bytes(std::span(text))});
@@ -131,7 +131,7 @@ TEST(ReferenceTable, CarriesItsDescription) {
   EXPECT_EQ(std::string(answers[2].data.begin() + 1, answers[2].data.begin() + 4), "fo]");
 }
 
-// ---- 60D5h to 60D8h: edges of each probe, as the objects have them ----
+// ---- 60D5h to 60D8h: edge counters of each probe ----
 
 TEST(ReferenceTable, EdgeCountersOfTheTouchProbes) {
   Rig rig;
@@ -157,7 +157,7 @@ TEST(ReferenceTable, EdgeCountersOfTheTouchProbes) {
   rig.plant.force_input(4, true);
   rig.run_ms(2);
   EXPECT_EQ(counters(), (std::array<std::int64_t, 4>{3, 3, 3, 2}));
-  rig.set(0x60B8, 0, 0x3300);  // probe 1 off and on: it counts anew
+  rig.set(0x60B8, 0, 0x3300);  // probe 1 off and on: its counter restarts
   rig.set(0x60B8, 0, 0x3333);
   rig.run_ms(2);
   pulse(3, 1);

@@ -4,8 +4,8 @@
 #include "products/ismc/ismc.hpp"
 #include "rig.hpp"
 
-// A fault by lost communication stays until it is reset, whether or not the master is back: so do 1001h and what EMCY
-// tells.
+// A fault because of lost communication stays until it is reset, even if the master returns: the same applies to 1001h
+// and EMCY.
 namespace servodrome {
 namespace restored_communication_test {
 namespace {
@@ -16,7 +16,7 @@ using products::Ismc;
 
 constexpr std::uint8_t node = 5;
 
-// An EMCY 0000h whose register is `register_byte` was sent.
+// Returns true if an EMCY 0000h with the register `register_byte` was sent.
 bool told_no_error(const std::vector<canopen::Frame>& frames, std::uint8_t register_byte) {
   for (const canopen::Frame& frame : frames) {
     if (frame.id == 0x80U + node && frame.data[0] == 0 && frame.data[1] == 0 && frame.data[2] == register_byte)
@@ -29,19 +29,19 @@ template <typename Product>
 struct Node : test::Rig<Product> {
   Node() : test::Rig<Product>(test::default_plant(), {.node_id = node}) { this->run_ms(20); }
   void move() {
-    this->set(0x6007, 0, 1);  // a lost connection is a fault; the ISMC has no such object, and always takes it as one
+    this->set(0x6007, 0, 1);  // a lost connection is a fault; the ISMC, without this object, always has it
     this->set(0x6060, 0, 3);
     this->set(0x60FF, 0, 131072);
     EXPECT_TRUE(this->enable());
   }
-  // `say` every `period_ms`, or nothing.
+  // Calls `say` every `period_ms`, or does nothing.
   void run(int milliseconds, int period_ms = 0, const std::function<void()>& say = {}) {
     for (int i = 0; i < milliseconds; ++i) {
       if (say && i % period_ms == 0) say();
       this->run_ms(1);
     }
   }
-  // A master that speaks, falls silent, and speaks again.
+  // A master that sends, stops, and sends again.
   void lose_and_find(int period_ms, const std::function<void()>& say, std::uint16_t code,
                      const std::function<void()>& reset) {
     run(300, period_ms, say);

@@ -8,10 +8,10 @@
 #include "plant/plant.hpp"
 #include "products/device.hpp"
 
-// One drive on its plant in virtual time, without a bus: what tests of products stand on.
+// One drive on its plant in virtual time, without a bus: the base of the tests of products.
 namespace servodrome::test {
 
-// The plant's motor as its drive is told.
+// The data of the plant's motor, as the drive knows them.
 inline drive::MotorData motor_data(const plant::Parameters& parameters) {
   const plant::Motor& motor = parameters.motor;
   drive::MotorData data;
@@ -88,7 +88,7 @@ class Rig {
   }
   std::uint16_t status() { return static_cast<std::uint16_t>(get(0x6041)); }
   void control(std::uint16_t word) { set(0x6040, 0, word); }
-  // Through the state machine to Operation enabled, with time for the DC link.
+  // Goes through the state machine to Operation enabled, with time for the DC link.
   bool enable() {
     run_ms(1);
     control(0x06);

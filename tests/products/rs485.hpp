@@ -5,13 +5,14 @@
 
 namespace servodrome::test {
 
-// A master's end of the RS485 port of a drive that stands on a rig. `characters` take the time of the port's format.
+// A master on the RS485 port of a drive in a rig. `characters` take the time of the port's format.
 template <typename RigType>
 class Rs485Master {
  public:
   explicit Rs485Master(RigType& rig) : rig_(rig) {}
 
-  // What comes back to these characters, in hexadecimal; the drive has two milliseconds for what it was told.
+  // Returns the answer to these characters, in hexadecimal; afterwards the drive has two milliseconds to execute
+  // commands.
   std::string ask(const std::string& request) { return ask(bytes_of(request)); }
   std::string ask(const std::vector<std::uint8_t>& request) {
     products::SerialPort& port = *rig_.device.serial_port();
@@ -33,7 +34,7 @@ class Rs485Master {
     rig_.run_ms(2);
     return hex_of(answer);
   }
-  // The same as a Modbus frame: CRC put behind, and taken off the answer.
+  // The same for a Modbus frame: appends the CRC, and removes it from the answer.
   std::string ask_modbus(const std::string& request) {
     std::vector<std::uint8_t> bytes = bytes_of(request);
     const std::size_t size = bytes.size();
@@ -44,7 +45,7 @@ class Rs485Master {
     EXPECT_TRUE(modbus::is_rtu_frame(bytes_of(answer))) << answer;
     return answer.substr(0, answer.size() - 6);
   }
-  // The same as a frame of the 10-byte protocol.
+  // The same for a frame of the 10-byte protocol.
   serial10::Frame ask_serial10(const serial10::Frame& request) {
     const std::vector<std::uint8_t> answer =
         bytes_of(ask(std::vector<std::uint8_t>(request.bytes.begin(), request.bytes.end())));

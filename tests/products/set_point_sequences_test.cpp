@@ -6,8 +6,8 @@
 #include "products/pronet/pronet.hpp"
 #include "reference_axis.hpp"
 
-// What comes between a set-point and its end, or before it: halts, software limits within a range, other modes. The
-// true shaft is measured.
+// Events between a set-point and its end, or before it: halts, software limits within a range, other modes. The test
+// measures the true shaft.
 namespace servodrome {
 namespace set_point_sequences_test {
 namespace {
@@ -27,7 +27,7 @@ void absolute(auto& rig, std::int64_t target, std::uint16_t bits = 0) {
   rig.control(word);
 }
 
-// --- A halt that comes to rest beyond a target with an end velocity 6082h
+// --- A halt that ends beyond a target with an end velocity 6082h
 
 template <typename RigType>
 void goes_on_after_a_halt(RigType& rig, double end_rpm) {
@@ -44,7 +44,7 @@ void goes_on_after_a_halt(RigType& rig, double end_rpm) {
   EXPECT_NEAR(rig.plant.velocity_rpm(), end_rpm, 1.0);
   EXPECT_GT(rig.plant.position_counts(), stood + 131072);
 }
-// Halted when the target has been passed.
+// Halted after the target has been passed.
 template <typename Product>
 void halted_beyond(std::int64_t end_velocity, std::int64_t ramp, double end_rpm) {
   Rig<Product> rig;
@@ -64,7 +64,7 @@ TEST(EndVelocity, GoesOnAfterAHaltBeyondTheTarget) {
   halted_beyond<Generic402>(131072, 1310720, 60.0);
   halted_beyond<Pronet>(3000, 100000, 300.0);
 }
-// Halted short of the target, with a ramp that leads beyond it.
+// Halted before the target, with a ramp that ends beyond it.
 TEST(EndVelocity, GoesOnAfterAHaltThatPassesTheTarget) {
   for (const int shape : {0, 1, 2, 3}) {
     SCOPED_TRACE(shape);
@@ -132,7 +132,7 @@ TEST(LimitsInARange, CyclicPositionGoesTheWayInside) {
 // --- An old target
 
 // Table 5-4: with 103Fh the axis follows a "change of target position" in position mode; a target that was written
-// before the mode is none.
+// before the mode began does not count as one.
 TEST(FollowedTarget, IsmkIsNotTheOneOfAnotherMode) {
   test::IsmkRig rig;
   rig.set(0x6060, 0, 3);

@@ -9,8 +9,8 @@
 #include "products/pronet/pronet.hpp"
 #include "rig.hpp"
 
-// The velocity that a drive shows, 606Ch, against the true one of the shaft: how much noise it has, how late it is, and
-// whether the bits that are built on it are right.
+// The velocity that a drive shows, 606Ch, compared with the true velocity of the shaft: its noise, its delay, and the
+// bits that depend on it.
 namespace servodrome {
 namespace shown_velocity_test {
 namespace {
@@ -20,7 +20,7 @@ constexpr std::uint16_t speed_zero = 0x1000;
 constexpr std::array<std::uint16_t, 3> greatest_values{0x607F, 0x60C5, 0x60C6};
 constexpr std::array<std::uint16_t, 2> ramps{0x6083, 0x6084};
 
-// What the README of the product states: the mean of `lag_ms` less the mean of as much before.
+// As documented in the README of the product: the difference of two means over `lag_ms` each.
 template <typename RigType>
 class Watched {
  public:
@@ -42,7 +42,7 @@ class Watched {
   double user(double rpm) { return rig_.device.drive().axis().units.velocity_to_user(rpm / 60.0 * turn_); }
   void run_at(double rpm) { must(0x60FF, std::lround(user(rpm))); }
 
-  // In user units, over `milliseconds`: the greatest distance of 606Ch from what it should show.
+  // The greatest deviation of 606Ch from its correct value over `milliseconds`, in user units.
   double noise(double milliseconds) {
     double worst = 0.0;
     turns_.clear();
@@ -77,8 +77,8 @@ class Watched {
   std::deque<double> turns_;
 };
 
-// At most 0.1 % of the rated speed or one user unit, standing, creeping, at speed, and on ramps, where a lag other than
-// the stated one would show.
+// At most 0.1 % of the rated speed or one user unit: at standstill, at creep speed, at speed, and on ramps, where a
+// wrong delay would be visible.
 template <typename RigType>
 void expect_quiet(const char* name, RigType& rig, double lag_ms) {
   Watched<RigType> axis(name, rig, lag_ms);
@@ -88,7 +88,7 @@ void expect_quiet(const char* name, RigType& rig, double lag_ms) {
     SCOPED_TRACE(testing::Message() << name << " at " << rpm << " rpm");
     axis.run_at(rpm);
     rig.run_ms(300);
-    EXPECT_LE(axis.noise(300), most + 0.5);  // an object is a whole number
+    EXPECT_LE(axis.noise(300), most + 0.5);  // an object has whole numbers
   }
   rig.run_ms(300);
   EXPECT_EQ(rig.get(0x606C), 0) << name;
@@ -140,7 +140,7 @@ TEST(ShownVelocity, IsQuietAndAsLateAsStated) {
   }
 }
 
-// 6070h and 606Eh without a time: one cycle of noise would show.
+// 6070h and 606Eh without a time: noise in a single cycle would be visible.
 template <typename RigType>
 struct Bits {
   unsigned always = 0xFFFF;
@@ -194,7 +194,7 @@ TEST(ShownVelocity, BitsAreRightAtLowSpeed) {
   }
 }
 
-TEST(ShownVelocity, ARampIsNoSlippage) {  // 60F8h: the lag of what is shown is no lag of the axis
+TEST(ShownVelocity, ARampIsNoSlippage) {  // 60F8h: the delay of the shown value is not a lag of the axis
   test::Rig<products::Generic402> rig;
   Watched axis("slippage", rig, 4.0);
   axis.ramp(2000.0);
@@ -205,7 +205,7 @@ TEST(ShownVelocity, ARampIsNoSlippage) {  // 60F8h: the lag of what is shown is 
     rig.run_ms(0.5);
     slips += (rig.status() & 0x2000) != 0;
   }
-  EXPECT_LE(slips, 40U);  // the controller's own, where the ramp begins
+  EXPECT_LE(slips, 40U);  // caused by the controller, where the ramp begins
   rig.plant.set_external_torque_nm(5.0);
   rig.run_ms(50);
   EXPECT_NE(rig.status() & 0x2000, 0);
@@ -214,7 +214,7 @@ TEST(ShownVelocity, ARampIsNoSlippage) {  // 60F8h: the lag of what is shown is 
 TEST(ShownVelocity, P0819SmoothsSpeedAndItsMonitor) {  // jmc_ec
   const auto spread = [](std::int64_t filter) {
     test::FactoryJmcRig rig;
-    rig.set_panel(1, 3, 8);  // slow enough for what the filter takes from the velocity loop
+    rig.set_panel(1, 3, 8);  // slow enough for the additional lag of the filter in the velocity loop
     rig.set_panel(8, 19, filter);
     rig.open_limits();
     Watched<test::FactoryJmcRig> axis("jmc_ec", rig, 5.0);

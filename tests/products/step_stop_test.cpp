@@ -3,8 +3,8 @@
 
 #include "ismk_rig.hpp"
 
-// The iSMK's step stop, 2340h sub 1 and 2 (Table 5-18): a load that is too great turns the shaft away. The true shaft
-// is measured.
+// The iSMK's step stop, 2340h sub 1 and 2 (Table 5-18): a load that is too great displaces the shaft. The test measures
+// the true shaft.
 namespace servodrome {
 namespace step_stop_test {
 namespace {
@@ -14,7 +14,7 @@ using products::ismk::velocity_dec_from_rpm;
 constexpr double turn = 65536.0;
 
 struct StepStop : test::IsmkRig {
-  // `filter`: of the commands, 60FBh sub 5.
+  // `filter`: command filter, 60FBh sub 5.
   explicit StepStop(std::int64_t filter = 1) {
     set(0x60FB, 5, filter);
     set(0x2340, 1, 1);
@@ -29,7 +29,7 @@ struct StepStop : test::IsmkRig {
     run_ms(1800);
     EXPECT_NEAR(turns(), 1.0, 0.002);
   }
-  // More than that current holds, for a while.
+  // More torque than that current can hold, for some time.
   void slip() {
     plant.set_external_torque_nm(0.3);
     run_ms(140);
@@ -67,7 +67,8 @@ TEST(StepStop, AnotherModeLeavesASlippedShaftWhereItIs) {
   }
 }
 
-// It goes from where it stands to the target, by the profile of 300 rpm, with a filter of the commands as without.
+// The axis moves from its present position to the target, with the profile of 300 rpm, with and without a command
+// filter.
 TEST(StepStop, ASetPointAfterASlipIsNoSprint) {
   for (const int filter : {1, 30, 255}) {
     for (const std::uint16_t bits : std::to_array<std::uint16_t>({0x00, 0x40})) {

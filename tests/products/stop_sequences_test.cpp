@@ -9,8 +9,8 @@
 #include "products/pronet/pronet.hpp"
 #include "reference_axis.hpp"
 
-// What may come before a stop, and after one: jumps of the target, ramps of zero, limits, loads that lag. The true
-// shaft is measured, not what the drive shows.
+// Events before and after a stop: jumps of the target, ramps of zero, limits, loads that lag. The test measures the
+// true shaft, not the drive's values.
 namespace servodrome {
 namespace stop_sequences_test {
 namespace {
@@ -29,7 +29,7 @@ using test::Rig;
 
 // --- Ramps of zero
 
-// A set-point without a profile moves nothing, whatever moved before.
+// Without a profile a set-point causes no motion, regardless of earlier motions.
 template <typename RigType>
 void zero_value_after_a_move(RigType& rig, std::uint16_t zero, std::int64_t stroke) {
   SCOPED_TRACE(zero);
@@ -69,7 +69,7 @@ TEST(ZeroProfile, Ismk) {
 
 // --- Cyclic synchronous position: targets that jump, and stops after them
 
-// The greatest way from `from` within the time, to both sides.
+// The greatest distance from `from` within the time, in both directions.
 template <typename Bus>
 std::pair<double, double> reach(Bus& bus, std::int64_t from, int milliseconds) {
   std::pair<double, double> extremes{0.0, 0.0};
@@ -85,7 +85,7 @@ struct JmcInPosition : JmcBus {
     open_limits();
     connect();
   }
-  // Stands at `units`, disabled.
+  // Rests at `units`, disabled.
   void stand_at(std::int32_t units) {
     enable_in(8);
     for (int i = 0; i <= 1000; ++i) {
@@ -133,8 +133,8 @@ TEST(CyclicPositionJumps, JmcTargetBeyondItsSoftwareLimit) {
   EXPECT_GT(below, -100);
 }
 
-// A jump, and 1 ms later the stop with `deceleration` counts/s^2. The axis is no faster than it was a moment after the
-// stop, and rests within the way that this speed needs.
+// A jump of the target, and 1 ms later a stop with `deceleration` counts/s^2. The axis must not become faster than it
+// was just after the stop command, and must rest within the stopping distance of this speed.
 template <typename Bus>
 void jump_and_stop(Bus& bus, std::size_t target_at, std::int32_t target, std::uint16_t stop, double deceleration) {
   SCOPED_TRACE(::testing::Message() << "target " << target << " stop " << std::hex << stop);
@@ -159,7 +159,7 @@ void jump_and_stop(Bus& bus, std::size_t target_at, std::int32_t target, std::ui
     const auto off = static_cast<double>(bus.plant.position_counts() - from);
     extremes = {std::min(extremes.first, off), std::max(extremes.second, off)};
   }
-  // The little that the demand had moved comes with the loop's lag.
+  // The demand has moved a little; the shaft follows with the lag of the loop.
   EXPECT_LT(later, 1.05 * fastest + 0.05 * counts_per_turn);
   EXPECT_LT(extremes.second, 1.1 * way + 0.02 * fastest + 0.005 * counts_per_turn);
   EXPECT_GT(extremes.first, -0.01 * fastest - 0.005 * counts_per_turn);
@@ -216,14 +216,14 @@ TEST(CyclicPositionJumps, ReferenceDriveStopsAfterThem) {
   }
 }
 
-// A speed that jumps is no speed that the shaft has.
+// A jump of the target speed is not a speed of the shaft.
 TEST(CyclicVelocityJumps, AreNoSpeedToStopFrom) {
   ReferenceBus rig;
   rig.enable_in(9);
   jump_and_stop(rig, ReferenceBus::Out::velocity, 6'000'000, 0x0B, static_cast<double>(rig.get(0x6085)));
 }
 
-// --- Cyclic synchronous position: what a master sends while the axis may not follow
+// --- Cyclic synchronous position: targets from the master while the axis must not follow
 
 TEST(CyclicPositionHeld, JmcByItsLimitSwitch) {
   for (const std::int32_t step : {2, 10}) {
@@ -242,12 +242,12 @@ TEST(CyclicPositionHeld, JmcByItsLimitSwitch) {
     stream(1000, step);
     EXPECT_NEAR(static_cast<double>(rig.plant.position_counts() - held), 0.0, 100.0) << "as long as it is active";
     EXPECT_FALSE(rig.bit(12)) << "the target is not followed";
-    // A switch that opens again is no command.
+    // A switch that opens again does not count as a command.
     rig.plant.force_input(0, false);
     stream(500, 0);
     EXPECT_NEAR(static_cast<double>(rig.plant.position_counts() - held), 0.0, 100.0);
     rig.plant.force_input(0, true);
-    // Back to this side of it: followed as soon as it is there.
+    // Targets on this side of the switch: the axis follows as soon as they are there.
     target = rig.position();
     stream(500, -step);
     EXPECT_LT(static_cast<double>(rig.plant.position_counts()), static_cast<double>(held) - 400 * step);
@@ -258,7 +258,7 @@ TEST(CyclicPositionHeld, JmcByItsLimitSwitch) {
   }
 }
 
-// The target ran on while the axis was halted: no jump to it.
+// The target continued while the axis was halted: the axis must not jump to it.
 TEST(CyclicPositionHeld, JmcByAHalt) {
   JmcInPosition rig;
   rig.enable_in(8);
@@ -284,9 +284,9 @@ TEST(CyclicPositionHeld, JmcByAHalt) {
   EXPECT_NEAR(target - rig.position(), lag, 2) << "as far behind as before";
 }
 
-// --- Power that goes off after a stop
+// --- Power off after a stop
 
-// A stop is over when the shaft stands, not when the demand does.
+// A stop ends when the shaft stands, not when the demand does.
 TEST(StopBeforePowerOff, IsmkWithALoadThatLags) {
   plant::Parameters parameters = test::ismk_plant();
   parameters.load.inertia_kgm2 = 3e-4;
@@ -306,7 +306,7 @@ TEST(StopBeforePowerOff, IsmkWithALoadThatLags) {
   }
 }
 
-// Something turns the shaft on: the power goes off all the same, 2 s after the ramp.
+// An external torque keeps the shaft turning: the power is still switched off, 2 s after the ramp.
 TEST(StopBeforePowerOff, ReferenceDriveWaitsNoLongerThanTwoSeconds) {
   Rig<Generic402> rig;
   rig.set(0x6060, 0, 3);
@@ -322,7 +322,7 @@ TEST(StopBeforePowerOff, ReferenceDriveWaitsNoLongerThanTwoSeconds) {
   EXPECT_LT(ticks, 16 * 2500);
 }
 
-// What accelerates the axis in torque mode does not go on in the velocity loop of a stop.
+// A torque that accelerates the axis in torque mode must not continue in the velocity loop of a stop.
 TEST(StopAfterTorque, ReferenceDriveAndIsmk) {
   const auto halted = [](auto& rig, std::int64_t torque) {
     rig.set(0x6060, 0, 4);
@@ -348,7 +348,7 @@ TEST(StopAfterTorque, ReferenceDriveAndIsmk) {
   halted(ismk, -3000);
 }
 
-// A ramp that the motor cannot follow: the axis goes past the demand, and is not pulled back over the way.
+// A ramp that the motor cannot follow: the axis moves past the demand, and must not be pulled back over that distance.
 TEST(StopBeyondTheMotor, DoesNotComeBack) {
   plant::Parameters parameters = test::default_plant();
   parameters.load.inertia_kgm2 = 20e-4;
@@ -372,7 +372,7 @@ TEST(StopBeyondTheMotor, DoesNotComeBack) {
   EXPECT_NEAR(static_cast<double>(rig.plant.position_counts()), static_cast<double>(furthest), 0.01 * 131072);
 }
 
-// The demand had run ahead of the shaft when it was told to stop.
+// The demand was ahead of the shaft at the stop command.
 TEST(StopBeyondTheMotor, ProfileVelocityBrakesFromTheSpeedThatThereIs) {
   Rig<Generic402> rig;
   rig.set(0x6060, 0, 3);
@@ -385,7 +385,7 @@ TEST(StopBeyondTheMotor, ProfileVelocityBrakesFromTheSpeedThatThereIs) {
   const std::int64_t from = rig.plant.position_counts();
   rig.set(0x60FF, 0, 0);
   rig.run_ms(3000);
-  const double more = speed + 1'000'000.0;  // what the current that flows still brings
+  const double more = speed + 1'000'000.0;  // speed that the present current still adds
   EXPECT_LT(static_cast<double>(rig.plant.position_counts() - from), more * more / 2e6 + 0.1 * 131072);
   EXPECT_NEAR(rig.plant.velocity_rpm(), 0.0, 0.5);
 }
@@ -433,7 +433,7 @@ void relative_after_a_change_of_mode(RigType&& rig, double turn) {
   EXPECT_NEAR(static_cast<double>(rig.plant.position_counts() - stood), -turn, 0.01 * turn);
 }
 
-// A relative set-point in a mode that was entered in motion counts from where the axis came to rest.
+// A relative set-point in a mode that was entered in motion starts from the position at which the axis came to rest.
 TEST(AfterAChangeOfMode, ARelativeSetPointCountsFromTheRest) {
   relative_after_a_change_of_mode(Rig<Generic402>{}, 131072.0);
   relative_after_a_change_of_mode(Rig<Pronet>{}, 131072.0);
@@ -449,7 +449,7 @@ TEST(SoftwareLimitSetInMotion, EndsAPositioning) {
   EXPECT_NEAR(axis.turns(), 3.0, 0.001);
   EXPECT_TRUE(axis.bit(11));
 }
-// An axis outside of the limits that moves towards them goes on to its target.
+// An axis outside of the limits that moves towards them continues to its target.
 TEST(SoftwareLimitSetInMotion, LetsAnAxisComeIn) {
   Reference axis(1);
   one_move(axis, 131072 * 5);
@@ -460,8 +460,8 @@ TEST(SoftwareLimitSetInMotion, LetsAnAxisComeIn) {
   EXPECT_NEAR(axis.turns(), 5.0, 0.001);
   EXPECT_TRUE(axis.bit(10));
 }
-// The axis catches up with a far cyclic target. New limits exclude that target: the axis comes to rest.
-// With ramps that leave no way to spare, whatever speed the axis still gains in the cycle in which it has to brake.
+// The axis approaches a far cyclic target. New limits exclude that target: the axis comes to rest. The ramps leave no
+// reserve of distance, so the speed that the axis gains in the cycle of the change counts.
 TEST(SoftwareLimits, AreNotPassedByEndVelocitiesOrChangesOnSetPoint) {
   std::mt19937 random(1);
   const auto draw = [&random](double least, double greatest) {
@@ -504,7 +504,7 @@ TEST(SoftwareLimitSetInMotion, HoldsACyclicTargetThatLiesOutsideNow) {
   EXPECT_LT(axis.turns(), there + 4.0);
   EXPECT_TRUE(axis.bit(11));
 }
-// New limits lie behind the axis: it stops where it can and does not come back by itself.
+// The new limits are behind the axis: it stops as soon as possible and does not return by itself.
 TEST(SoftwareLimitSetInMotion, BehindTheAxisStopsIt) {
   Reference axis(1);
   one_move(axis, 131072 * 5);
@@ -518,7 +518,7 @@ TEST(SoftwareLimitSetInMotion, BehindTheAxisStopsIt) {
   EXPECT_FALSE(axis.bit(10));
 }
 
-// The ramp of a halt may be too gentle for the way to a limit: the quick stop's takes over.
+// The ramp of a halt may be too low for the distance to a limit: then the quick stop's ramp applies.
 TEST(HaltBeforeALimit, BrakesByTheQuickStopsRamp) {
   for (const std::int64_t mode : {1, 3, 8}) {
     for (const bool by_switch : {false, true}) {
@@ -554,7 +554,7 @@ TEST(HaltBeforeALimit, BrakesByTheQuickStopsRamp) {
   }
 }
 
-// So may the ramp by which a mode comes to rest that is entered in motion.
+// The same applies to the ramp of a mode that is entered in motion and stops.
 TEST(RestBeforeALimit, BrakesByTheQuickStopsRamp) {
   for (const std::int64_t mode : {1, 7, 8}) {
     SCOPED_TRACE(mode);
@@ -576,7 +576,7 @@ TEST(RestBeforeALimit, BrakesByTheQuickStopsRamp) {
   }
 }
 
-// A halt that is released before the axis rests, in a mode that was given nothing to do.
+// A halt that ends before the axis rests, in a mode without a target.
 TEST(HaltReleasedInMotion, ComesToRestWithoutATarget) {
   for (const std::int64_t mode : {1, 6, 7, 8}) {
     for (const std::int64_t code : {1, 2, 3}) {
@@ -607,7 +607,8 @@ TEST(HaltReleasedInMotion, ComesToRestWithoutATarget) {
   }
 }
 
-// Homing that is given up while the shaft does not follow its demand: it rests where it is, and does not run after it.
+// Homing is cancelled while the shaft does not follow its demand: it rests at its position and does not move to the
+// demand.
 TEST(HomingGivenUp, RestsWhereTheShaftIs) {
   Reference axis(6);
   axis.set(0x6098, 0, -1);
@@ -616,7 +617,7 @@ TEST(HomingGivenUp, RestsWhereTheShaftIs) {
   axis.set(0x609A, 0, 131072 * 1000);
   axis.set(0x6072, 0, 30);
   axis.control(0x1F);
-  axis.run_ms(45);  // less than it takes to find that it presses against a stop
+  axis.run_ms(45);  // shorter than the detection of a hard stop
   const drive::Axis& own = axis.device.drive().axis();
   ASSERT_GT(std::abs(static_cast<double>(own.generator.velocity())), 2.0 * std::abs(axis.turns_per_s()) * 131072.0);
   const double there = axis.turns();
@@ -664,7 +665,7 @@ TEST(ZeroRamps, LetProfileVelocityBrake) {
     EXPECT_NEAR(axis.turns_per_s(), 0.0, 0.001) << zero;
     EXPECT_TRUE(axis.bit(10));
   }
-  {  // a target that was given up keeps to a limit that is lowered, and no limit that is raised revives it
+  {  // a cancelled target observes a limit that is lowered, and a limit that is raised does not activate it again
     Reference axis(3);
     axis.set(0x60FF, 0, 131072 * 2);
     axis.run_ms(1000);
@@ -679,7 +680,7 @@ TEST(ZeroRamps, LetProfileVelocityBrake) {
     axis.run_ms(500);
     EXPECT_NEAR(axis.turns_per_s(), 1.0, 0.02);
   }
-  {  // nor do three: a command to stop stops
+  {  // three ramps of zero do not block braking either
     Reference axis(3);
     axis.set(0x60FF, 0, 131072 * 2);
     axis.run_ms(1000);
@@ -704,7 +705,7 @@ TEST(AfterALimit, ProfileVelocityStandsUntilItIsGivenAnotherTarget) {
     EXPECT_NEAR(axis.turns_per_s(), 0.0, 0.001);
     for (int bounce = 0; bounce < 3; ++bounce) {
       axis.plant.force_input(0, false);
-      axis.set(0x6083, 0, 131072 * (11 + bounce));  // no command to move either
+      axis.set(0x6083, 0, 131072 * (11 + bounce));  // does not count as a motion command either
       axis.set(0x6048, 1, 1000 + bounce);
       axis.run_ms(200);
       EXPECT_NEAR(axis.turns_per_s(), 0.0, 0.001);
@@ -720,8 +721,8 @@ TEST(AfterALimit, ProfileVelocityStandsUntilItIsGivenAnotherTarget) {
 
 // --- Controlword bit 7
 
-// The standard's table of commands has bit 7 at 0: with it nothing is commanded, bits of the modes included. Halt,
-// which is no bit of that table, stops all the same.
+// The standard's table of commands has bit 7 at 0: with bit 7 set, the word contains no command, and the bits of the
+// modes have no effect. Halt, which is not in that table, still acts.
 TEST(FaultResetBit, CommandsNothing) {
   Reference axis(1);
   axis.set(0x607A, 0, 131072);
@@ -743,7 +744,7 @@ TEST(FaultResetBit, CommandsNothing) {
   axis.run_ms(3000);
   EXPECT_NEAR(axis.turns(), 3.0, 0.001);
 }
-// The iSMK's 86h resets and ends in Ready (Table 5-2); without a fault it is no command.
+// The iSMK's 86h resets and ends in Ready (Table 5-2); without a fault it is not a command.
 TEST(FaultResetBit, OfTheIsmkIsNoCommandWithoutAFault) {
   IsmkRig rig;
   rig.set(0x6060, 0, 3);

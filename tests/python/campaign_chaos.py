@@ -1,8 +1,9 @@
-"""A campaign on a Dask cluster of two workers, one of which is killed in the middle, and whose scheduler is restarted.
+"""Runs a campaign on a Dask cluster of two workers; one of them is killed during the run, and its scheduler is
+restarted.
 
   python tests/python/campaign_chaos.py PLAN OUT      prints runs per second, and compares with a loop in one process
 
-Exit status 0: every run is there once, and all rows equal those of the loop.
+Exit status 0: every run exists once, and all rows equal those of the loop.
 """
 
 import os
@@ -26,7 +27,7 @@ def free_port():
 
 
 class Cluster:
-    """A scheduler and two workers, each a process that is started again when it ends."""
+    """A scheduler and two workers, each a process that is restarted when it ends."""
 
     def __init__(self):
         self.port = free_port()

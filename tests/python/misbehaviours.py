@@ -1,7 +1,8 @@
-"""What the tests of misbehaviours share: a case, and its run on a line in virtual time.
+"""Common parts of the tests of misbehaviours: a case, and its run on a line in virtual time.
 
-Each case has rules of a scenario and a look of another project's client at the line. A client that looks at a line with these rules sees
-`seen`; without them it sees something else. test_misbehaviours.py compares the rules of all cases with the schema of scenario files.
+Each case has rules of a scenario, and a function that looks at the line with a third-party client. With the rules the
+client observes `seen`; without them it observes something else. test_misbehaviours.py compares the rules of all cases
+with the schema of scenario files.
 """
 
 from typing import Any, Callable, NamedTuple
@@ -11,7 +12,7 @@ from servodrome.virtual_time import virtual_time
 
 
 class Case(NamedTuple):
-    """One misbehaviour and what a client sees of it."""
+    """One misbehaviour and the client's observation of it."""
 
     rules: str
     """The keys of a rule in TOML; further rules begin with [[rule]]."""
@@ -25,7 +26,7 @@ def text_of(rules: str) -> str:
 
 
 def observed(line_file, connect, rules, look):
-    """What the client of connect(line) sees under the rules, which have all acted."""
+    """Returns what the client of connect(line) observes under the rules, all of which have acted."""
     with servodrome.Line.from_file(line_file) as line, virtual_time(line), line.scenario(text=text_of(rules)) as scenario:
         with connect(line) as client:
             seen = look(client)
@@ -35,6 +36,6 @@ def observed(line_file, connect, rules, look):
 
 
 def check(line_file, connect, case):
-    """The client sees the misbehaviour, and does not see it on a line without the rules."""
+    """The client observes the misbehaviour, and does not observe it on a line without the rules."""
     assert observed(line_file, connect, case.rules, case.look) == case.seen
     assert observed(line_file, connect, "", case.look) != case.seen

@@ -1,4 +1,5 @@
-"""A machine program that is broken in ten ways gets ten different verdicts, in virtual time. The whole program passes all."""
+"""A machine program with one of ten errors gets ten different verdicts, in virtual time. The correct program passes all
+of them."""
 
 import time
 
@@ -19,7 +20,7 @@ class Stopped(Exception):
 
 
 class Program:
-    """Enables an axis, moves it by six revolutions, and disables it. `broken` names what it does wrong."""
+    """Enables an axis, moves it by six revolutions, and disables it. `broken` names its error."""
 
     def __init__(self, line, broken):
         self.broken = broken
@@ -92,7 +93,7 @@ class Program:
             raise Stopped("position")
 
     def __call__(self):
-        """Returns True if the program believes that all is well."""
+        """Returns True if the program reports success."""
         try:
             self.run()
             return True
@@ -104,7 +105,7 @@ class Program:
             self.network.disconnect()
 
 
-# What is broken, the rules, and the expectation whose verdict tells it.
+# The error, the rules, and the expectation that detects it.
 MOVING = 'when = { state = "operation_enabled", speed_above_rpm = 60 }\n'
 CASES = {
     "ignores aborts": (

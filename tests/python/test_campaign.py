@@ -1,4 +1,4 @@
-"""Campaigns: plans, rows that depend on nothing but the plan, and folders that survive kills."""
+"""Campaigns: plans, rows that depend only on the plan, and folders that stay valid after kills."""
 
 import os
 import pathlib

@@ -27,7 +27,7 @@ def two_drives():
 
 @pytest.fixture
 def plain():
-    """A line, in no virtual_time; past the drives' boot-up."""
+    """A line outside of virtual_time, after the boot of its drives."""
     with two_drives() as opened:
         opened.advance(1)
         yield opened
@@ -229,7 +229,7 @@ def test_a_thread_from_before_virtual_time_cannot_receive_in_it(plain):
     assert "does not participate" in text
 
 
-# ---- What python-can makes of it ----
+# ---- Services of python-can ----
 
 
 def test_notifier_and_buffered_reader(line, bus):
@@ -340,11 +340,11 @@ def test_canopen_by_the_names_of_the_drives_own_eds(line, network):
     assert sorted(network.scanner.nodes) == [1, 2]
 
 
-# ---- The same each time ----
+# ---- Repeatability ----
 
 
 class Delays:
-    """Real-time delays at random places: another thread might run there, if it could."""
+    """Real-time delays at random places, where another thread could run if the scheduler allowed it."""
 
     def __init__(self, seed):
         self.random = random.Random(seed)
@@ -356,7 +356,7 @@ class Delays:
 
 
 def busy_master(delays=None, seconds=0.25):
-    """A master with all that makes threads: what it saw, and the traffic of the bus."""
+    """A master that uses all services with threads; returns what it observed, and the traffic of the bus."""
     seen = []
     with two_drives() as line:
         record = line.buses["can0"].record()

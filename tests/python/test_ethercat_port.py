@@ -1,4 +1,4 @@
-"""A master made of Ethernet frames, on an EtherCAT segment of a line in this process."""
+"""A master that composes Ethernet frames, on an EtherCAT segment of a line in this process."""
 
 import struct
 import threading
@@ -27,7 +27,7 @@ def port(line):
 
 
 def ask(port, command, slave, register, data):
-    """One datagram; its data and working counter."""
+    """Sends one datagram; returns its data and working counter."""
     body = struct.pack("<BBHHHH", command, 7, slave & 0xFFFF, register, len(data), 0) + data + b"\0\0"
     frame = HEADER + struct.pack("<H", len(body) | 0x1000) + body
     answer = port.exchange(frame.ljust(60, b"\0"))
@@ -51,7 +51,7 @@ def set_state(port, line, state):
 
 
 def read_sii(port, line, word):
-    """Four bytes of the slave's information memory (ETG.1000.4 6.4), as two words."""
+    """Reads four bytes of the slave's information memory (ETG.1000.4 6.4), as two words."""
     write(port, STATION, 0x0502, struct.pack("<HI", 0x0100, word))
     while ask(port, FPRD, STATION, 0x0502, bytes(2))[0][1] & 0x80:
         line.advance(0.001)
@@ -59,7 +59,9 @@ def read_sii(port, line, word):
 
 
 def to_preop(port, line):
-    """With the mailboxes that the information memory tells (ETG.1000.6 table 17): where to write, where to read, their sizes."""
+    """Configures the mailboxes of the information memory (ETG.1000.6 table 17): where to write, where to read, and
+    their
+    sizes."""
     assert ask(port, APWR, 0, 0x0010, struct.pack("<H", STATION))[1] == 1
     mailboxes = read_sii(port, line, 0x18) + read_sii(port, line, 0x1A)
     for number, control in ((0, 0x26), (1, 0x22)):

@@ -1,4 +1,4 @@
-"""The project that users copy, examples/python, as a user runs it."""
+"""Runs the project that users copy, examples/python, as a user does."""
 
 import os
 import pathlib

@@ -1,4 +1,4 @@
-"""Lines: where they come from, their time, their end."""
+"""Lines: how they are opened, their time, their end."""
 
 import math
 import pathlib

@@ -1,7 +1,8 @@
-"""Each misbehaviour has a case in which a program of another project sees it.
+"""Each misbehaviour has a case in which a third-party program observes it.
 
-What there is comes from the schema of scenario files, which the parser writes; what is tested comes from the rules of the cases. A new
-action, a new key of an action, a new word of such a key or a new kind of message fails here until a client sees it.
+The list of misbehaviours comes from the schema of scenario files, which the parser generates; the tested ones come from
+the rules of the cases. A new action, a new key of an action, a new word of such a key or a new kind of message fails
+here until a client observes it.
 """
 
 import json
@@ -30,7 +31,7 @@ def rules():
 
 
 def words(types):
-    """The words that a key may have."""
+    """Returns the words that a key may have."""
     return {word for one in types.get("anyOf", [types]) for word in one.get("enum", [])}
 
 

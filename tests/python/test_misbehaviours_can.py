@@ -1,4 +1,4 @@
-"""Misbehaviours on a CAN bus as the libraries canopen and python-can see them, in virtual time."""
+"""Misbehaviours on a CAN bus, observed by the libraries canopen and python-can, in virtual time."""
 
 import time
 
@@ -17,7 +17,7 @@ FAULT = 0x08
 
 
 class Client:
-    """The node 1 as a program on canopen sees it, and another port with python-can that sees all frames."""
+    """Node 1 as a program with canopen sees it, and another port with python-can that receives all frames."""
 
     def __init__(self, line):
         self.network = canopen.Network()
@@ -58,7 +58,7 @@ class Client:
         return found
 
     def answers(self, seconds=0.1):
-        """The identifiers and data of what comes after a request to read 1000h."""
+        """Returns the identifiers and data of the frames after a request to read 1000h."""
         self.bus.send(can.Message(arbitration_id=0x601, data=UPLOAD, is_extended_id=False))
         return [frame[1:] for frame in self.frames(seconds)]
 
@@ -68,7 +68,7 @@ def read(index, sub=0):
 
 
 def reads(index, times, pause, sub=0):
-    """The values in turn, each once."""
+    """Returns the values in order, without repetitions."""
 
     def look(client):
         seen = []
@@ -83,7 +83,7 @@ def reads(index, times, pause, sub=0):
 
 
 def written(index, value, size, shown):
-    """What the object `shown` is 10 ms after a write."""
+    """Returns the object `shown` 10 ms after a write."""
 
     def look(client):
         client.write(index, value, size)
@@ -94,7 +94,7 @@ def written(index, value, size, shown):
 
 
 def durations(client):
-    """Of ten reads, in steps of 10 ms."""
+    """Returns ten reads, in steps of 10 ms."""
     found = []
     for _ in range(10):
         begin = time.monotonic()
@@ -104,20 +104,20 @@ def durations(client):
 
 
 def heartbeats(client):
-    """What is on the bus in 100 ms of heartbeats every 20 ms: data, each kind once."""
+    """Returns the data on the bus in 100 ms, with heartbeats every 20 ms; each kind once."""
     client.write(0x1017, 20, 2)
     return sorted({data for _, _, data in client.frames(0.1, 0x701)})
 
 
 def gap_before_heartbeat(client):
-    """The ms between a frame of two bytes and the heartbeat behind it."""
+    """Returns the ms between a frame of two bytes and the following heartbeat."""
     client.write(0x1017, 50, 2)
     frames = client.frames(0.3, 0x701)
     return {round((second[0] - first[0]) * 1000) for first, second in zip(frames, frames[1:]) if first[2] == "AA AA"}
 
 
 def emergencies(seconds):
-    """Codes and error registers that canopen has received."""
+    """Returns the codes and error registers that canopen has received."""
 
     def look(client):
         time.sleep(seconds)
@@ -127,20 +127,20 @@ def emergencies(seconds):
 
 
 def fault_of(client):
-    """The error code of 603Fh if the drive is in Fault; 0 if not."""
+    """Returns the error code of 603Fh if the drive is in Fault; 0 if not."""
     time.sleep(0.1)
     return client.read(0x603F) & 0xFFFF if client.read(0x6041) & FAULT else 0
 
 
 def drift(client):
-    """The difference of two reads with 1 s between them."""
+    """Returns the difference of two reads with 1 s between them."""
     first = client.read(0x6064)
     time.sleep(1)
     return round((client.read(0x6064) - first) / 1000)
 
 
 def held(client):
-    """6081h at once and 100 ms after a write."""
+    """Returns 6081h immediately and 100 ms after a write."""
     client.write(0x6081, 4711, 4)
     first = client.read(0x6081) == 4711
     time.sleep(0.1)
@@ -148,7 +148,7 @@ def held(client):
 
 
 def late(client):
-    """Whether 6061h follows at once, and 100 ms later."""
+    """Returns whether 6061h follows immediately, and whether it does after 100 ms."""
     client.write(0x6060, 3, 1)
     first = client.read(0x6061)
     time.sleep(0.1)
@@ -159,7 +159,7 @@ PROCESS_DATA = ["181", "281", "381", "481"]
 
 
 def process_data(client):
-    """The identifiers of the TPDOs that come after SYNC. All four are synchronous."""
+    """Returns the identifiers of the TPDOs after SYNC. All four are synchronous."""
     for number in range(4):
         client.node.sdo.download(0x1800 + number, 1, (0x80000181 + 0x100 * number).to_bytes(4, "little"))
         client.node.sdo.download(0x1800 + number, 2, bytes([1]))
@@ -171,7 +171,7 @@ def process_data(client):
 
 
 def commanded(client):
-    """Which of the four RPDOs the drive obeys: each has the controlword first."""
+    """Returns which of the four RPDOs the drive obeys; each of them begins with the controlword."""
     client.node.nmt.state = "OPERATIONAL"
     obeyed = []
     for number, size in enumerate((2, 3, 6, 6)):
@@ -185,20 +185,20 @@ def commanded(client):
 
 
 def boots(client):
-    """The heartbeats and boot-up messages of node 1 after a reset."""
+    """Returns the heartbeats and boot-up messages of node 1 after a reset."""
     client.network.nmt.send_command(0x81)
     return [frame[1:] for frame in client.frames(0.5, 0x701)]
 
 
 def starts(client):
-    """The state in the heartbeats after Start: 05h is Operational, 7Fh Pre-operational."""
+    """Returns the state in the heartbeats after Start: 05h is Operational, 7Fh Pre-operational."""
     client.write(0x1017, 20, 2)
     client.node.nmt.state = "OPERATIONAL"
     return client.frames(0.1, 0x701)[-1][2]
 
 
 def finds_by_lss(client):
-    """The node that answers the LSS request for its node-ID, with all nodes in the state LSS configuration."""
+    """Returns the node that answers the LSS request for its node-ID, with all nodes in the state LSS configuration."""
     client.network.lss.RESPONSE_TIMEOUT = 0.1
     client.network.lss.send_switch_state_global(client.network.lss.CONFIGURATION_STATE)
     try:
@@ -213,7 +213,7 @@ def sends_time(client):
 
 
 def hears(client):
-    """Whether the drive obeys Start, and whether the master hears its heartbeat of 20 ms."""
+    """Returns whether the drive obeys Start, and whether the master receives its heartbeat of 20 ms."""
     client.write(0x1017, 20, 2)
     client.node.nmt.state = "OPERATIONAL"
     time.sleep(0.1)
@@ -221,7 +221,7 @@ def hears(client):
 
 
 def withheld(message, look, seen, begin=""):
-    """What is missing if these messages are."""
+    """Returns what is missing if these messages are lost."""
     return Case(f'{begin}on = {{ message = "{message}" }}\ndo = "withhold"', look, seen)
 
 
@@ -231,7 +231,7 @@ BOOTED = "when = { time_ms = 400 }\n"
 
 
 def altered(keys, seen):
-    """The change of a message, and the same change of a copy."""
+    """A change of a message, and the same change of a copy."""
     first = Case(f'{ON_ANSWER}do = "alter"\n{keys}', Client.answers, [("581", seen)])
     copy = Case(f'{ON_ANSWER}do = "repeat"\n{keys}', Client.answers, [("581", ANSWER), ("581", seen)])
     return first, copy

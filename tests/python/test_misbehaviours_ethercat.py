@@ -1,4 +1,4 @@
-"""Misbehaviours of an EtherCAT segment: raw frames to it and what comes back, in the words of tshark, in virtual time."""
+"""Misbehaviours of an EtherCAT segment: raw frames and their answers, decoded by tshark, in virtual time."""
 
 import struct
 import subprocess
@@ -22,7 +22,7 @@ CYCLE_NS = 1_000_000
 
 
 def frame_of(command, place, data, address=0):
-    """A frame with one datagram; `address` with a logical place is its upper half."""
+    """Returns a frame with one datagram; `address` is the upper half of a logical address if the command needs one."""
     body = struct.pack("<BBHHHH", command, 7, address & 0xFFFF, place & 0xFFFF, len(data), 0) + data + b"\0\0"
     return (HEADER + struct.pack("<H", len(body) | 0x1000) + body).ljust(60, b"\0")
 
@@ -33,7 +33,7 @@ def logical(command, place, data):
 
 
 class Client:
-    """A master made of frames. `back` has the frames that came back since begin(), and their line time in s."""
+    """A master that composes frames. `back` has the frames that came back since begin(), and their line time in s."""
 
     def __init__(self, line):
         self.line = line
@@ -50,13 +50,13 @@ class Client:
         self.port.close()
 
     def exchange(self, frame, timeout=0.1):
-        """As EthercatPort.exchange: what test_ethercat_port uses."""
+        """Like EthercatPort.exchange, which test_ethercat_port uses."""
         answer = self.port.exchange(frame, timeout)
         self.back.append((self.line.now, answer))
         return answer
 
     def collect(self, *frames, seconds=0.02):
-        """Sends the frames at once, and takes what comes back in this time."""
+        """Sends the frames immediately, and receives the frames that come back in this time."""
         for frame in frames:
             self.port.send(frame)
         end = self.line.now + seconds
@@ -81,7 +81,7 @@ class Client:
         write(self, STATION, 0x0600 + 16 * number, setting)
 
     def to_state(self, state):
-        """From Init, with outputs and inputs; SYNC0 is as start_sync0() has set it."""
+        """Brings the slave from Init to the exchange of outputs and inputs; start_sync0() has configured SYNC0."""
         self.mailboxes = to_preop(self, self.line)
         if state == PREOP:
             return
@@ -94,7 +94,7 @@ class Client:
             self.request(OP)
 
     def request(self, state):
-        """Asks for the state, with process data for 50 ms, and reads what the slave says."""
+        """Requests the state, with process data for 50 ms, and reads the slave's answer."""
         write(self, STATION, AL_CONTROL, struct.pack("<H", state))
         self.cycle(50)
         self.back.clear()
@@ -102,7 +102,7 @@ class Client:
         self.register(AL_STATUS_CODE)
 
     def start_sync0(self):
-        """From 20 ms after now on, every millisecond."""
+        """Every millisecond, beginning in 20 ms."""
         self.mailboxes = to_preop(self, self.line)
         write(self, STATION, 0x09A0, struct.pack("<I", CYCLE_NS))
         now = struct.unpack("<Q", ask(self, FPRD, STATION, CLOCK, bytes(8))[0])[0]
@@ -113,7 +113,7 @@ class Client:
         return ask(self, FPRD, STATION, place, bytes(size))[0]
 
     def mail(self, content, answers=1):
-        """A CoE mail out, and so many reads of the mailbox 10 ms later."""
+        """Sends a CoE mail, and reads the mailbox this number of times, 10 ms later."""
         out, out_size, back, back_size = self.mailboxes
         self.mails += 1
         mail = struct.pack("<HHBB", len(content), 0, 0, self.mails << 4 | 3) + content
@@ -140,7 +140,7 @@ def asks(client):
 
 
 def asks_twice(client):
-    """Reads AL status, and behind it AL status code."""
+    """Reads AL status, and after it AL status code."""
     client.begin()
     client.collect(frame_of(BRD, AL_STATUS, b"\0\0"), frame_of(BRD, AL_STATUS_CODE, b"\0\0"))
 
@@ -178,7 +178,7 @@ def operates(client):
 
 
 def asks_for(state):
-    """Asks for the state from the one before it, and reads AL status and its code."""
+    """Requests the state from the previous one, and reads AL status and its code."""
 
     def look(client):
         before = {PREOP: INIT, SAFEOP: PREOP, OP: SAFEOP, INIT: PREOP}[state]
@@ -241,7 +241,7 @@ def stops_its_frames(client):
 
 
 def reads_the_clock(client):
-    """At three times with 10 ms between them."""
+    """At three times, 10 ms apart."""
     client.to_state(PREOP)
     client.line.advance(BEGIN_S - 0.005 - client.line.now)
     client.back.clear()
@@ -251,7 +251,7 @@ def reads_the_clock(client):
 
 
 def reads_moving_inputs(client):
-    """Ten cycles; the true position changes, since the brake is open and a load turns the shaft."""
+    """Runs ten cycles; the true position changes, because the brake is open and a load turns the shaft."""
     client.line.axes["x"].plant.load_torque_nm = 3
     client.to_state(OP)
     client.begin(cycles=True)
@@ -281,23 +281,23 @@ class Case(NamedTuple):
 
 
 def milliseconds(rows):
-    """From the request, of times in s."""
+    """Converts times in s to times since the request."""
     return [round((float(row[0]) - BEGIN_S) * 1000 - 1) for row in rows]
 
 
 def clock_steps(rows):
-    """Between two readings of a clock, in us to 10 us."""
+    """Returns the time between two readings of a clock in us, rounded to 10 us."""
     times = [int(row[0], 16) for row in rows]
     return [round((second - first) / 1e4) * 10 for first, second in zip(times, times[1:])]
 
 
 def first_answer(rows):
-    """The number of the first inputs with the state Ready to switch on."""
+    """Returns the number of the first inputs with the state Ready to switch on."""
     return [int(row[0][:2], 16) & 0x6F for row in rows].index(0x21)
 
 
 def different(rows):
-    """Whether the inputs change from cycle to cycle."""
+    """Returns whether the inputs change from cycle to cycle."""
     return len(set(rows)) > 2
 
 
@@ -406,7 +406,7 @@ def text_of_tshark(folder, fields, frames):
 
 @pytest.fixture(scope="module")
 def rows(tmp_path_factory):
-    """The rows of each case with and without its rules. One run of tshark for all: it begins slowly."""
+    """Returns the rows of each case with and without its rules. Runs tshark once for all, because it starts slowly."""
     runs, frames = {}, []
     for name, case in CASES.items():
         for rules in (case.rules, ""):

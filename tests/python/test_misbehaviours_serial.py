@@ -1,5 +1,5 @@
-"""Misbehaviours on serial lines: Modbus RTU as pymodbus sees it, the 10-byte protocol as pyserial sees it, in virtual time; Modbus
-TCP as pymodbus sees it, in real time, since sockets have no virtual time."""
+"""Misbehaviours on serial lines: Modbus RTU observed by pymodbus, the 10-byte protocol by pyserial, in virtual time;
+Modbus TCP by pymodbus in real time, because sockets have no virtual time."""
 
 import time
 
@@ -41,7 +41,7 @@ class Modbus:
     def ask(self, function, *arguments, **options):
         try:
             answer = function(*arguments, **options, **device(1))
-        except (ModbusException, OSError):  # a connection that is reset at once is an OSError
+        except (ModbusException, OSError):  # an immediately reset connection raises OSError
             return NO_ANSWER
         if answer.isError():
             return f"exception {answer.exception_code}"
@@ -71,7 +71,7 @@ class Characters:
         self.port.close()
 
     def receive(self, seconds):
-        """(ms since the call, characters) of each burst: characters with less than 1 ms between them."""
+        """Returns (ms since the call, characters) of each burst: characters with less than 1 ms between them."""
         begin, bursts = time.monotonic(), []
         while (left := begin + seconds - time.monotonic()) > 0:
             self.port.timeout = left
@@ -85,7 +85,7 @@ class Characters:
 
 
 def asks(request):
-    """The characters that come within 200 ms of a request, burst by burst."""
+    """Returns the characters within 200 ms after a request, burst by burst."""
 
     def look(client):
         client.port.write(request)
@@ -96,7 +96,7 @@ def asks(request):
 
 
 def times(request):
-    """The ms at which the bursts come."""
+    """Returns the ms at which the bursts come."""
 
     def look(client):
         client.port.write(request)
@@ -111,7 +111,7 @@ def listens(client):
 
 
 def writes_mode(client):
-    """The answer to a write of the mode, and the mode that the drive then shows."""
+    """Returns the answer to a write of the mode, and the mode that the drive shows afterwards."""
     answer = client.write(MODE, 3)
     time.sleep(0.05)
     return answer, client.read(MODE_DISPLAY)

@@ -1,4 +1,4 @@
-"""A line in a process with threads, signals and forks; the C library itself."""
+"""A line in a process with threads, signals and forks; and the C library itself."""
 
 import gc
 import os
@@ -18,7 +18,7 @@ FORK = pytest.mark.skipif(not hasattr(os, "fork"), reason="this system has no fo
 
 
 def run_python(code, *arguments, **variables):
-    """Runs a program in another Python; its output. Anything but an orderly end fails."""
+    """Runs a program in another Python; returns its output. Fails if the program does not end properly."""
     environment = {"PYTHONPATH": str(pathlib.Path(servodrome.__path__[0]).parent), **os.environ, **variables}
     result = subprocess.run(
         [sys.executable, "-W", "error", "-c", code, *map(str, arguments)],
@@ -57,7 +57,7 @@ def test_lines_in_threads_give_the_bits_of_one_thread():
 
 
 def test_threads_on_one_line(line):
-    """All operations at once; the sum of the ticks is exact."""
+    """Runs all operations at the same time; the sum of the ticks is exact."""
     errors = []
     rounds = 200
 
@@ -97,7 +97,7 @@ def test_threads_on_one_line(line):
 
 
 def test_threads_that_advance_the_same_line(line):
-    """A thread may find that another one has run the line further than its own piece."""
+    """A thread may find that another thread has advanced the line further."""
     errors = []
 
     def advance(step):
@@ -139,7 +139,7 @@ def test_others_get_their_turn_during_a_long_advance(line):
     while not over.is_set():
         seen.add(line.now)
     thread.join()
-    assert len(seen) > 5  # of some 50 slices
+    assert len(seen) > 5  # of about 50 slices
 
 
 def test_closing_in_another_thread_ends_an_advance(line):
@@ -215,7 +215,8 @@ def test_slices_are_short(line):
 
 
 def test_requests_of_a_signal_handler(line, x):
-    """An answer in C is valid until the next request of the thread: a handler's request must not destroy it."""
+    """An answer in C is valid until the next request of the thread: a request of a signal handler must not invalidate
+    it."""
     seen = []
 
     def handler(number, frame):
@@ -254,7 +255,7 @@ def test_a_forked_child_cannot_use_the_line(line, x):
     ]
     child = os.fork()
     if child == 0:
-        signal.alarm(120)  # a child that waits for ever fails the test
+        signal.alarm(120)  # a child that waits forever fails the test
         status = 1
         try:
             for use in uses:
@@ -336,7 +337,7 @@ def test_closed_lines_leave_nothing():
     before, threads = many(30), system_threads()
     after = many(200)
     assert after - before < 20_000_000  # 100 kB of each would be kept
-    assert system_threads() <= threads  # a line's threads would add up; pytest-xdist has threads of its own
+    assert system_threads() <= threads  # a line's threads would add up; pytest-xdist has its own threads
 
 
 def test_a_line_that_is_not_closed_is_collected():
@@ -378,7 +379,7 @@ except servodrome.LibraryError as error:
 
 
 def test_every_exception_is_an_error():
-    for name in set(servodrome.__all__) - {"VirtualTimeEnded"}:  # that ends a thread, and is a SystemExit
+    for name in set(servodrome.__all__) - {"VirtualTimeEnded"}:  # that exception ends a thread, and is a SystemExit
         thing = getattr(servodrome, name)
         if isinstance(thing, type) and issubclass(thing, BaseException):
             assert issubclass(thing, servodrome.Error), name

@@ -35,7 +35,7 @@ signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
 resource.setrlimit(resource.RLIMIT_FSIZE, (int(sys.argv[1]),) * 2)
 os.execv(sys.argv[2], sys.argv[2:])
 """
-PATIENCE_S = 60  # for what never happens, not for a slow machine
+PATIENCE_S = 60  # timeout for events that never come, long enough for a slow machine
 
 
 class Refusal(Exception):
@@ -128,7 +128,7 @@ def folder(tmp_path):
 
 @pytest.fixture
 def refusal(program):
-    """Runs a command of the program that is refused; what it says."""
+    """Runs a command of the program that is refused; returns its message."""
 
     def run(*arguments):
         result = subprocess.run([program, *arguments], capture_output=True, text=True, timeout=PATIENCE_S, check=False)
@@ -191,13 +191,13 @@ def test_everything_is_there_again(program, folder):
     assert (change["number"], change["object"], change["before"], change["after"]) == (1, "6083:00", before, 4321)
     assert list(change) == sorted(change)
 
-    moved = folder.rename(folder.parent / "moved")  # and it has no absolute paths
+    moved = folder.rename(folder.parent / "moved")  # the folder contains no absolute paths
     again = Server(program, moved)
     assert again.get("project/state")["state"] == {"boards": [{"name": "one", "widgets": []}]}
     [recording] = again.get("recordings")["recordings"]
     assert (recording["name"], recording["note"], recording["samples"]) == ("first", "a note", 20)
     assert again.get("project/changes?axis=x")["changes"] == [change]
-    assert again.get("axes/x/objects/6083/0")["value"] == before  # a virtual drive forgets what is not stored
+    assert again.get("axes/x/objects/6083/0")["value"] == before  # a virtual drive loses values that are not stored
     again.ask("PUT", "axes/x/objects/6081/0", {"value": 1234})
     assert again.record("second") == number + 1
     again.ask("DELETE", f"recordings/{number}")
@@ -274,10 +274,11 @@ MOST_RECORDINGS = 500
 
 
 def test_a_kill_during_saves_leaves_whole_files(program, folder):
-    """Kills the program at random moments while all kinds of files are written, then compares them with what was sent."""
+    """Kills the program at random moments while all kinds of files are written, then compares the files with the sent
+    data."""
     Server(program, folder, "--new").stop()
     draw = random.Random(1)
-    kept = 0  # the greatest number that is known to be in the file
+    kept = 0  # the greatest number that is certainly in the file
     for _ in range(KILLS):
         server = Server(program, folder)
         found = server.get("project/state")["state"].get("boards", {"number": 0})
@@ -330,7 +331,7 @@ def test_files_that_are_edited_while_the_server_runs(program, folder):
     edited = LINE.replace('"x"', '"y"')
     (folder / "line.toml").write_text(edited)
     server.keep("guide.x", {"product": "generic402"})
-    # A state is not overwritten, and the page hears of it.
+    # A state is not overwritten, and the page receives an event.
     (folder / "state/boards.json").write_text("<<<<<<< HEAD\n")
     server.keep("boards", 2)
     wait_for(server.problem)
@@ -342,7 +343,7 @@ def test_files_that_are_edited_while_the_server_runs(program, folder):
     server.stop()
     assert (folder / "state/boards.json").read_text() == "2\n"
     assert (folder / "line.toml").read_text() == edited
-    # The axis has another name: what belongs to the old name stays in the project.
+    # The axis has another name: data of the old name stay in the project.
     again = Server(program, folder)
     assert [axis["name"] for axis in again.ready["axes"]] == ["y"]
     assert again.get("project/state/guide.x") == {"value": {"product": "generic402"}}
@@ -352,14 +353,14 @@ def test_files_that_are_edited_while_the_server_runs(program, folder):
 
 
 def enables(server):
-    """The drives still obey."""
+    """The drives still execute commands."""
     job = server.ask("POST", "axes/x/jobs", {"do": "enable"})
     wait_for(lambda: server.get(f"jobs/{job['id']}")["state"] != "running")
     return server.get(f"jobs/{job['id']}")["state"] == "done"
 
 
 def test_a_folder_that_moves_away_stops_no_drive(program, folder):
-    """The page hears of it, and everything is written when the folder is back."""
+    """The page receives an event, and everything is written when the folder is available again."""
     server = Server(program, folder, "--new")
     away = folder.rename(folder.parent / "away")
     server.keep("boards", 1)
@@ -397,7 +398,7 @@ def test_a_folder_that_is_read_only_can_be_opened(program, folder):
 
 @pytest.mark.skipif(resource is None, reason="this system has no limit of file sizes")
 def test_a_full_disk_is_told_and_stops_no_drive(program, folder):
-    """A limit of the size of files stands for the full disk: a part of the text is written, then the write fails."""
+    """A size limit for files simulates a full disk: a part of the text is written, then the write fails."""
     server = Server(program, folder, "--new", most_bytes=50_000)
     server.keep("boards", 1)
     wait_for(lambda: not server.get("project")["project"]["unsaved"])

@@ -1,4 +1,4 @@
-"""The plugin of pytest: what a test gets, and what it leaves."""
+"""The pytest plugin: the fixtures of a test, and the files that it writes."""
 
 import importlib.metadata
 import os
@@ -10,11 +10,11 @@ import xml.etree.ElementTree as xml
 
 import pytest
 import servodrome
-import servodrome._test_report as test_report  # before pytester runs, which forget what they import
+import servodrome._test_report as test_report  # before pytester, which unloads later imports
 
 pytest_plugins = "pytester"
 
-# An installed package has the entry point; the one in python/ is named.
+# An installed package has the entry point; the package in python/ is named explicitly.
 POINTS = importlib.metadata.entry_points()
 OURS = POINTS.select(group="pytest11") if hasattr(POINTS, "select") else POINTS.get("pytest11", ())  # Python 3.9 has no select
 INSTALLED = any(point.value == "servodrome.pytest_plugin" for point in OURS)
@@ -56,7 +56,7 @@ def run_apart(pytester, monkeypatch):
 
 
 def reports(pytester):
-    """The folders that were written."""
+    """Returns the folders that were written."""
     folder = pytester.path / "servodrome-reports"
     return sorted(path.name for path in folder.iterdir()) if folder.exists() else []
 

@@ -1,4 +1,4 @@
-"""Random calls, wrong ones among them, crash nothing: some of fuzz/python_calls.py."""
+"""Random calls, some of them invalid, must not crash: a part of fuzz/python_calls.py."""
 
 import os
 import pathlib

@@ -1,4 +1,4 @@
-"""The examples of python/README.md run."""
+"""Runs the examples of python/README.md."""
 
 import os
 import pathlib

@@ -1,4 +1,4 @@
-"""Lines in real time: the program as a child process. Deadlines are for what never happens."""
+"""Lines in real time: the program as a child process. Timeouts are for events that never come."""
 
 import gc
 import os
@@ -27,7 +27,7 @@ def wait_until(condition, what):
 
 
 def is_alive(pid):
-    """False also for a process that has ended and waits for its parent."""
+    """Returns False also for a process that has ended and waits for its parent."""
     try:
         status = pathlib.Path(f"/proc/{pid}/stat").read_text()
     except FileNotFoundError:
@@ -40,13 +40,13 @@ def pid_of(line):
 
 
 def left_in_the_program(line):
-    """Our recordings there; it makes some itself, of faults."""
+    """Our recordings on the server, which also makes its own recordings of faults."""
     return [one for one in line.request("GET", "recordings")["recordings"] if one["name"] in ("python", "")]
 
 
 @pytest.fixture(scope="module")
 def shared(program):
-    """One line for all tests that leave it usable."""
+    """One line for all tests that leave it in a usable state."""
     with servodrome.Line(axes=axes(), clock="real", program=program) as line:
         yield line
 
@@ -187,7 +187,7 @@ def test_traffic_and_captures(shared, x):
 
 
 def test_a_master_at_the_link(shared, x):
-    """socketcand by hand: an SDO upload of the device type."""
+    """Uses the socketcand protocol directly: an SDO upload of the device type."""
     link = shared.buses["can0"].link
     kind, _, place = link.partition(":")
     host, _, rest = place.partition(":")
@@ -242,7 +242,7 @@ def test_a_line_that_is_not_closed_is_collected(program):
     assert not is_alive(pid)
 
 
-# ---- Where the line comes from ----
+# ---- How the line is opened ----
 
 
 def test_the_built_in_line(program):
@@ -313,7 +313,7 @@ def test_a_missing_program(tmp_path, monkeypatch):
         servodrome.Line(clock="real")
 
 
-# ---- The program's end and this process's ----
+# ---- The end of the program and of this process ----
 
 
 def test_a_program_that_ends(program):

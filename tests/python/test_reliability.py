@@ -1,4 +1,4 @@
-"""Short versions of the long runs in tests/reliability, and tests that their checks notice a failure."""
+"""Short versions of the long runs in tests/reliability, and tests that their checks detect a failure."""
 
 import json
 import os
@@ -116,7 +116,7 @@ def test_a_file_between_two_saves_is_a_finding(numbers, findings):
 
 
 def test_every_port_bears_hostile_clients(program, monkeypatch):
-    """Lateness is not judged here: it depends on the machine."""
+    """Does not judge delays, because they depend on the machine."""
     monkeypatch.setenv("SERVODROME", program)
     status, found = run("clients", "--seconds", 2, "--late", 1_000_000)
     assert status == 0, found["findings"]

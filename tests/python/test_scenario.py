@@ -1,4 +1,4 @@
-"""Scenarios in the process: unmodified `canopen` code meets drives that misbehave, in virtual time."""
+"""Scenarios in the process: unmodified `canopen` code communicates with drives that misbehave, in virtual time."""
 
 import canopen
 import pytest
@@ -32,7 +32,7 @@ class Master:
 
 
 def observed(text, what):
-    """What a client sees under the rules of `text`, and what the rules have done."""
+    """Returns what a client observes under the rules of `text`, and what the rules have done."""
     with servodrome.Line.from_file(LINE) as line, line.virtual_time(), line.scenario(text='title = "t"\n' + text) as rules:
         with Master(line) as master:
             seen = what(master)

@@ -72,7 +72,7 @@ def test_a_thread_pool(line):
         assert futures[1].result() == 1
         done = [future.result() for future in concurrent.futures.as_completed(futures)]
     assert done == [1, 2, 3, 5]
-    pool = concurrent.futures.ThreadPoolExecutor(1)  # never shut down, which the end of a program would do
+    pool = concurrent.futures.ThreadPoolExecutor(1)  # never shut down; the end of a program would do this
     pool.submit(time.sleep, 1).result()
 
 
@@ -122,7 +122,7 @@ def test_a_deadlock_tells_what_every_thread_waits_for(line):
     if sys.version_info >= (3, 11):
         assert "Queue.get" in text and "Lock.acquire" in text and "Event.wait" in text
     assert line.now == 1
-    items.put(1)  # the program may go on
+    items.put(1)  # the program may continue
     time.sleep(1)
     assert lock.locked()
 
@@ -345,7 +345,7 @@ def test_a_forked_child_has_the_real_clock(line):
 
 
 def test_the_end_of_a_program(tmp_path):
-    """Nothing is left that keeps an interpreter from ending, also after an exception."""
+    """After an exception, too, nothing prevents the interpreter from ending."""
     text = f"""
 import sys, threading, time
 sys.path[:0] = {sys.path!r}

@@ -1,4 +1,4 @@
-"""What the tests of virtual_time share: what it replaces, and lines."""
+"""Common parts of the tests of virtual_time: the functions that it replaces, and lines."""
 
 import queue
 import sched

@@ -1,16 +1,16 @@
 """Slow, half-open and hostile clients on every port of a line, while an EtherCAT master exchanges process data at 1 kHz.
 
 The line has a port of each kind: socketcand, slcan, Modbus TCP, a pty with Modbus RTU, a pty with the 10-byte protocol,
-EtherCAT over UDP, and HTTP with its WebSocket stream. hostile.py has the clients; each runs in a process of its own:
-silent connections, a byte at a time, cut connections, random bytes, requests without reading the answers, enormous
-messages, streams that are not read, foreign datagrams. The datagrams do not command the slaves: on a real segment a
-second master could do that as well.
+EtherCAT over UDP, and HTTP with its WebSocket stream. hostile.py has the clients; each runs in its own process: silent
+connections, one byte at a time, cut connections, random bytes, requests without reading the answers, enormous messages,
+streams that are not read, foreign datagrams. The datagrams do not command the slaves, because a second master on a real
+segment could do that as well.
 
-These must hold: every frame of the EtherCAT master comes back with the right working counter. A frame comes back within
-a period if the line had a processor at that time (/proc/PID/schedstat) and no older frames to answer; the report says
-how many frames could be judged. The slaves stay in operation; afterwards every port serves a good client; memory and file descriptors do not grow
-without end. A good client also asks each port while the others are at work; how often it had to connect again is a
-figure and no finding.
+These conditions must hold: every frame of the EtherCAT master comes back with the right working counter. A frame comes
+back within a period if the line had a processor at that time (/proc/PID/schedstat) and no older frames to answer; the
+report says how many frames could be judged. The slaves stay in operation; afterwards every port serves a correct
+client; memory and file descriptors do not grow without limit. A correct client also uses each port while the others are
+at work; the report shows how often it had to connect again, which does not count as a finding.
 """
 
 import contextlib
@@ -31,9 +31,9 @@ import sdo
 import up
 
 SLAVES = 4
-MOST_GROWTH_KIB = 128 * 1024  # streams have 4 MiB each that waits for their client, recordings 64 MiB
-MOST_DESCRIPTORS = 20  # more than before, after all hostile clients have gone
-SETTLE_S = 60.0  # time in which the line must let go of the connections of clients that have gone
+MOST_GROWTH_KIB = 128 * 1024  # each of the streams has 4 MiB for a slow client, recordings have 64 MiB
+MOST_DESCRIPTORS = 20  # more than before, after all hostile clients have disconnected
+SETTLE_S = 60.0  # time in which the line must close the connections of clients that have disconnected
 LINE = """
 [[bus]]
 name = "can0"
@@ -73,7 +73,7 @@ def line_text(folder):
     return LINE.format(folder=folder) + axes
 
 
-# ---- Good clients: each asks once over a new connection, and raises an exception if the answer is wrong ----
+# ---- Correct clients: each sends a request over a new connection, and raises an exception if the answer is wrong ----
 
 
 def ask_socketcand(link):
@@ -108,7 +108,7 @@ def ask_http(link):
 
 
 def ask_pty(link, request, answer, attempts=20):
-    """Repeats the request, since bytes of others may be on the way; a pause before it ends their frames."""
+    """Repeats the request, because bytes of other clients may be on the way; a pause before it ends their frames."""
     file = hostile.open_pty(link)
     try:
         for _ in range(attempts):
@@ -168,7 +168,7 @@ class Line:
 
 
 class GoodClients(threading.Thread):
-    """Asks the ports with connections in turn while the hostile clients are at work."""
+    """Sends requests to the ports with connections in turn while the hostile clients are at work."""
 
     def __init__(self, line):
         super().__init__(daemon=True)
@@ -203,7 +203,7 @@ def start_hostile(line, given):
 
 
 def check_ports(line, out):
-    """Each port serves a good client once the hostile ones have gone."""
+    """Each port serves a correct client after the hostile ones have disconnected."""
     for name, (link, ask) in line.ports.items():
         end = time.monotonic() + SETTLE_S
         while True:

@@ -1,4 +1,5 @@
-"""A small EtherCAT master over UDP that exchanges process data every millisecond and says who was late."""
+"""A small EtherCAT master over UDP that exchanges process data every millisecond and reports the cause of late
+frames."""
 
 import os
 import socket
@@ -8,9 +9,9 @@ import time
 NOP, APRD, APWR, BRD, BWR, LRW = 0, 1, 2, 7, 8, 12
 PROCESS_BYTES = 14  # outputs and inputs of a generic402-ec with the mapping from the factory
 INIT, PRE_OPERATIONAL, SAFE_OPERATIONAL, OPERATIONAL = 1, 2, 4, 8
-WATCHDOG_MS = 6_500  # the longest; a pause of the machine must not end the operation
+WATCHDOG_MS = 6_500  # the maximum; a pause of the machine must not end the operation
 MOST_OUTSTANDING = 64  # frames without an answer: then the master waits, so that no buffer overflows
-MOST_WAITED_NS = 100_000  # for a processor, while a frame is on its way whose lateness counts
+MOST_WAITED_NS = 100_000  # for a processor, if the lateness of a frame is to count
 SO_TIMESTAMPNS = 35
 
 
@@ -28,7 +29,7 @@ class Master:
     """Brings the slaves of a segment into operation and exchanges their process data."""
 
     def __init__(self, link, slaves, process):
-        """`process`: of the line, for the time that it waits for a processor."""
+        """`process`: the line's process, to read the time that it waits for a processor."""
         host, _, port = link.removeprefix("udp:").rpartition(":")
         self.socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
         self.socket.setsockopt(socket.SOL_SOCKET, SO_TIMESTAMPNS, 1)
@@ -45,12 +46,12 @@ class Master:
         self.longest_ms = 0.0
         self.judged = 0
         self.longest_judged_ms = 0.0
-        self.outstanding = {}  # number: (time after it was sent, what the line had done until then, all others are back)
+        self.outstanding = {}  # number: (time of sending, times of the line until then, all others are back)
 
     # ---- The start ----
 
     def ask(self, command, position, offset, data):
-        """One datagram and its answer: data and working counter. Repeats it until it comes back."""
+        """Sends one datagram; returns data and working counter of the answer. Repeats it until it comes back."""
         for _ in range(100):
             self.socket.send(frame(datagram(command, 0, position, offset, data)))
             self.socket.settimeout(1.0)
@@ -93,19 +94,19 @@ class Master:
             time.sleep(0.001)
 
     def states(self):
-        """The AL states of all slaves; with 10h: an error."""
+        """Returns the AL states of all slaves; with 10h: an error."""
         return [self.ask(APRD, -slave, 0x0130, b"\0\0")[0][0] for slave in range(self.slaves)]
 
     # ---- The cycles ----
 
     def line_did(self):
-        """How long the line has run and has waited for a processor, in ns."""
+        """Returns for how long the line has run and has waited for a processor, in ns."""
         with open(self.schedstat, encoding="ascii") as file:
             ran, waited, _ = file.read().split()
         return int(ran), int(waited)
 
     def run(self, seconds, period_s=0.001):
-        """Exchanges process data for so long."""
+        """Exchanges process data for this time."""
         self.socket.setblocking(False)
         self.period_ns = round(period_s * 1e9)
         image = bytes(self.slaves * 2 * PROCESS_BYTES)
@@ -126,7 +127,7 @@ class Master:
             if late > 0:
                 self.skipped += late
                 due += late * period_s
-        end = time.monotonic() + 20  # what is still on its way comes
+        end = time.monotonic() + 20  # waits for frames that are still on their way
         while self.outstanding and time.monotonic() < end:
             time.sleep(0.01)
             self.receive()
@@ -149,9 +150,10 @@ class Master:
             self.judge(*self.outstanding.pop(number), extra)
 
     def judge(self, sent_at, before, alone, extra):
-        """Was the answer late, and by whose fault? Judged are only frames that found the line up to date and running.
+        """Returns whether the answer was late, and the cause. Judges only frames for which the line was up to date and
+        running.
 
-        If the line had to wait for a processor it has work to catch up with, and so have the frames behind this one.
+        If the line had to wait for a processor it has to catch up, and this also delays the following frames.
         """
         seconds, nanoseconds = struct.unpack("@qq", extra[0][2])
         took = seconds * 1_000_000_000 + nanoseconds - sent_at

@@ -1,10 +1,10 @@
-"""Runs the libFuzzer targets of fuzz/ until each has had so many inputs, and those of frames so many frames.
+"""Runs the libFuzzer targets of fuzz/ until each has had a number of inputs, and frame targets a number of frames.
 
-An input of a frame target is a dialogue: a device starts, gets the frames of the input, and must answer at the end. So
-there are two ways to run it, one after the other: inputs of the lengths that libFuzzer chooses, until the number of
-inputs is reached; then long inputs of up to 4096 bytes with many frames each, until the number of frames is reached.
-The frames are counted by the targets. Corpora stay in build/fuzz/corpus and grow from run to run; an input that causes
-a failure is kept in build/fuzz/findings, and ends its target.
+An input of a frame target is a dialogue: a device starts, receives the frames of the input, and must answer at the end.
+The program therefore runs each target twice: first with inputs of the lengths that libFuzzer chooses, until the number
+of inputs is reached; then with long inputs of up to 4096 bytes with many frames each, until the number of frames is
+reached. The targets count the frames. Corpora stay in build/fuzz/corpus and grow from run to run; an input that causes
+a failure is stored in build/fuzz/findings, and ends its target.
 
 tools/fuzz builds the targets with the address and undefined-behaviour sanitizers; this program needs that build.
 """
@@ -25,18 +25,18 @@ KEPT = report.ROOT / "build/fuzz"
 LONGEST = 4096
 LONG_INPUTS = ("-len_control=0", f"-max_len={LONGEST}", "-keep_seed=1")
 LONG_SEEDS = 16  # random bytes: libFuzzer makes its inputs from those that it has, and the corpus has short ones
-CHUNK_S = 60  # of one process: progress and Ctrl-C act in between
+CHUNK_S = 60  # of one process: between two processes it prints progress and handles Ctrl-C
 FAILURE_S = 25  # an input that takes longer is a failure
 
 
 def number(text, name):
-    """A figure of libFuzzer's final statistics; 0: it is not there."""
+    """Returns a figure of libFuzzer's final statistics; 0: it is missing."""
     found = re.search(rf"^stat::{name}: *(\d+)", text, re.MULTILINE)
     return int(found.group(1)) if found else 0
 
 
 class Target:
-    """One program and what it has done."""
+    """One program and its progress."""
 
     def __init__(self, name, seed):
         self.name = name
@@ -56,7 +56,7 @@ class Target:
         return folder
 
     def chunk(self, limit, extra):
-        """Runs one process. Returns None, or what failed."""
+        """Runs one process. Returns None, or a description of the failure."""
         self.seed += 1
         command = [PROGRAMS / self.name, f"-seed={self.seed}", f"-timeout={FAILURE_S}", "-print_final_stats=1", *limit, *extra]
         command += [f"-artifact_prefix={self.findings}/", self.corpus]
@@ -81,7 +81,7 @@ class Target:
 
 
 def run(target, given, out):
-    """Until the numbers are reached, the time is over, or something fails."""
+    """Runs until the numbers are reached, the time is over, or a failure occurs."""
     end = time.monotonic() + given.minutes * 60
     goals = [("inputs", given.inputs, ())]
     if target.name in FRAME_TARGETS:

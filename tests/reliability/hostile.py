@@ -1,6 +1,6 @@
 """Slow, half-open and hostile clients for the ports of `servodrome up`. `python hostile.py KIND LINK SECONDS SEED` is one.
 
-A kind ends by itself; a line that closes the connection is no reason to end.
+A kind ends by itself; it continues if the line closes the connection.
 """
 
 import base64
@@ -34,7 +34,7 @@ def connect(link):
 
 
 def good_words(link):
-    """Bytes that a good client of this link begins with, and a request that it repeats."""
+    """Returns bytes with which a correct client of this link begins, and a request that it repeats."""
     if link.startswith("socketcand"):
         return SOCKETCAND_BEGIN, SOCKETCAND_REQUEST
     if link.startswith("http"):
@@ -54,7 +54,7 @@ def until(end):
 
 
 def connections_until(link, end):
-    """New connections, one after the other; a refused one is tried again."""
+    """Yields new connections, one after the other; tries a refused connection again."""
     for _ in until(end):
         connection = connect(link)
         if connection is None:
@@ -67,7 +67,7 @@ def connections_until(link, end):
 
 
 def silent(link, end, _draw):
-    """Opens connections and says nothing, more than the port accepts."""
+    """Opens more connections than the port accepts, and sends nothing."""
     connections = []
     for _ in until(end):
         connections.append(connect(link))
@@ -79,7 +79,7 @@ def silent(link, end, _draw):
 
 
 def slow(link, end, _draw):
-    """Sends a good request, a byte at a time."""
+    """Sends a valid request, one byte at a time."""
     first, request = good_words(link)
     while time.monotonic() < end:
         with contextlib.suppress(OSError), contextlib.closing(connect(link) or socket.socket()) as connection:
@@ -110,7 +110,7 @@ def garbage(link, end, draw):
 
 
 def deaf(link, end, _draw):
-    """Sends good requests and never reads an answer."""
+    """Sends valid requests and never reads an answer."""
     first, request = good_words(link)
     for connection in connections_until(link, end):
         with contextlib.suppress(OSError), connection:
@@ -123,7 +123,7 @@ def deaf(link, end, _draw):
 
 
 def huge(link, end, draw):
-    """Announces or sends far more than a client may."""
+    """Announces or sends far more than a client is allowed to."""
     words = [
         b"< " + b"x" * 200_000,
         bytes.fromhex("00010000ffff0203") + b"\0" * 70_000,
@@ -140,7 +140,7 @@ def huge(link, end, draw):
 
 
 def stream(link, end, _draw):
-    """A WebSocket that subscribes to all it may and reads nothing."""
+    """A WebSocket that subscribes to the maximum and reads nothing."""
     host = link.split("//")[-1].split("/")[0]
     handshake = (
         f"GET /api/v1/stream HTTP/1.1\r\nHost: {host}\r\nUpgrade: websocket\r\nConnection: Upgrade\r\n"
@@ -165,7 +165,8 @@ def stream(link, end, _draw):
 
 
 def datagrams(link, end, draw):
-    """Datagrams of every size and content, frames with wrong lengths, and good frames of another master that only reads."""
+    """Sends datagrams of every size and content, frames with wrong lengths, and valid frames of another master that
+    only reads."""
     host, _, port = link.removeprefix("udp:").rpartition(":")
     address = (host, int(port))
     other = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
@@ -173,7 +174,8 @@ def datagrams(link, end, draw):
     for _ in until(end):
         kind = draw.randrange(4)
         if kind == 0:
-            # A random content with the type of EtherCAT could be a command that stops the slaves: its type is another.
+            # Random content with the EtherType of EtherCAT could be a command that stops the slaves, so the type is
+            # changed.
             content = draw.randbytes(draw.choice((0, 1, 2, 11, 60, 1472, 9000)))
             content = content[:1] + bytes([content[1] & 0x0F | 0x20]) + content[2:] if len(content) > 1 else content
         elif kind == 1:
@@ -197,7 +199,7 @@ def open_pty(link):
 
 
 def pty_deaf(link, end, _draw):
-    """Good requests, and never reads."""
+    """Sends valid requests and never reads."""
     request = SLCAN_REQUEST if link.startswith("slcan") else RTU_REQUEST
     file = open_pty(link)
     for _ in until(end):
@@ -208,7 +210,7 @@ def pty_deaf(link, end, _draw):
 
 
 def pty_garbage(link, end, draw):
-    """Random bytes, parts of requests, open and close."""
+    """Sends random bytes and parts of requests; opens and closes the port."""
     request = SLCAN_REQUEST if link.startswith("slcan") else RTU_REQUEST
     for _ in until(end):
         file = open_pty(link)

@@ -1,4 +1,4 @@
-"""What the programs of this folder share: options, progress, findings, the report."""
+"""Common parts of the programs of this folder: options, progress, findings, the report."""
 
 import argparse
 import json
@@ -30,7 +30,7 @@ def options(name, description):
 
 
 def resident_kib():
-    """The memory of this process, in KiB."""
+    """Returns the memory of this process, in KiB."""
     with open("/proc/self/statm", encoding="ascii") as file:
         return int(file.read().split()[1]) * os.sysconf("SC_PAGE_SIZE") // 1024
 
@@ -59,18 +59,19 @@ class Report:
         self.finding_count = 0
         self._began = time.monotonic()
         self._told = self._began
-        # A shell starts background jobs with SIGINT ignored: SIGTERM ends a run early as Ctrl-C does, with its report.
+        # A shell starts background jobs with SIGINT ignored. SIGTERM therefore ends a run early like Ctrl-C, with its
+        # report.
         signal.signal(signal.SIGTERM, _interrupt)
 
     def finding(self, text):
-        """Something that must not happen. The first findings are kept; all are counted."""
+        """Counts an event that must not happen. Keeps the first findings and counts all."""
         self.finding_count += 1
         if len(self.findings) < _MOST_PRINTED:
             self.findings.append(text)
             print(f"{self.name}: FINDING: {text}", file=sys.stderr, flush=True)
 
     def progress(self, text):
-        """Prints the text if the last one is some time ago."""
+        """Prints the text if the last one was some time ago."""
         now = time.monotonic()
         if self.given.quiet or now - self._told < _PROGRESS_S:
             return

@@ -1,13 +1,13 @@
 """Kills `servodrome up` with SIGKILL while a drive saves its parameters into a file (1010h).
 
-Each run starts the line on the file that the run before left behind. It reads the parameters and checks them: all must
-be those of one and the same save, either the last one that the drive had acknowledged or the one that was under way
-when the process was killed. The drive must have no fault of its memory. Then the program writes new parameters and
-saves them, several times, and kills the process at a random moment of one of these saves.
+Each run starts the line with the file of the previous run. It reads the parameters and checks them: all must be from
+the same save, either the last one that the drive acknowledged or the one that was in progress when the process was
+killed. The drive must have no memory fault. Then the program writes new parameters and saves them, several times, and
+kills the process at a random moment during one of these saves.
 
-Eight parameters, most of them in different places of the image, carry the number of the save, so a mixture of two saves
-is found. SIGKILL ends the process, not the machine: what the process has written stays in the page cache. A loss of
-power in the middle of the image is what tests/dictionary/store_test.cpp tries for every byte.
+Eight parameters, most of them in different places of the image, carry the number of the save, so the program detects a
+mixture of two saves. SIGKILL ends the process, not the machine: data that the process has written stay in the page
+cache. tests/dictionary/store_test.cpp tests a loss of power at every byte of the image.
 """
 
 import pathlib
@@ -69,7 +69,7 @@ class Kills:
             line.kill()
 
     def check(self, run, client):
-        """Reads what the file has."""
+        """Reads the parameters from the file."""
         values = [client.read(NODE, index, sub) for index, sub in OBJECTS]
         found = [value - place for place, value in enumerate(values)]
         code = client.read(NODE, 0x603F)

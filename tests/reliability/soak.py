@@ -1,8 +1,8 @@
 """A line that runs for days of line time: no drift, no growth of memory, the same figures of motion at the end.
 
 Every axis repeats a cycle: it is enabled, moves forward and back, turns forward for two seconds at constant velocity,
-stops, is disabled, and rests until the cycle is over. So it also turns on for ever in one direction, and its 32-bit
-position overflows every few hours. Once a day the power of each axis is switched off and on.
+stops, is disabled, and rests until the cycle is over. So over time it moves without limit in one direction, and its
+32-bit position overflows every few hours. Once a day the power of each axis is switched off and on.
 
 After each move these must hold: the true shaft moved by the demanded distance; the drive's position object differs from
 the true shaft by the same offset as before; the drive has no fault. The figures of a move (its duration, peak torque,
@@ -32,7 +32,7 @@ MOVES_RPM = 1.0  # faster than that is motion
 PRODUCTS = ("generic402", "ismc", "pronet", "ismk", "generic402-ec", "jmc_ec", "ismk-ea")
 # Objects that are set after each power-on: the factory's limits of the jmc_ec are 216 rpm and 25 revolutions/s^2.
 SET_UP = {"jmc_ec": {0x607F: 160_000, 0x6080: 160_000, 0x60C5: 2_000_000, 0x60C6: 2_000_000}}
-# Margins of the figures, absolute and as a share. Peaks are sharper than the rate of the samples.
+# Margins of the figures, absolute and relative. Peaks may lie between two samples.
 MARGINS = {
     "duration_s": (0.002, 0.0),
     "final_error_counts": (2.0, 0.0),
@@ -64,7 +64,7 @@ class Span:
 
 
 class Figures:
-    """Of one axis: the ranges in the reference hours, and in the hours since."""
+    """The ranges of one axis in the reference hours, and in the hours since."""
 
     def __init__(self):
         self.reference = {}
@@ -107,7 +107,7 @@ class Subject:
         self.soak.report.finding(f"{self.axis.name} at {self.soak.line.now:.4f} s, cycle {self.cycles}: {text}")
 
     def run(self):
-        """The program; it yields the seconds that it waits."""
+        """The program of the axis; yields the seconds that it waits."""
         yield self.phase_s
         while True:
             began = self.soak.line.now
@@ -185,7 +185,8 @@ class Subject:
         self.figures.add(name, value, is_reference)
 
     def check_offset(self):
-        """The position object and the true shaft have moved by the same way since the last power-on."""
+        """Checks that the position object and the true shaft have moved by the same distance since the last
+        power-on."""
         shown = self.axis.objects[0x6064]
         true = self.axis.position
         units, counts = self.units_per_revolution, self.counts_per_revolution

@@ -7,7 +7,7 @@ import signal
 import subprocess
 import time
 
-PATIENCE_S = 60.0  # for what never happens
+PATIENCE_S = 60.0  # timeout for events that never come
 POLL_S = 0.002
 
 

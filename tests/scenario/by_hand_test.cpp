@@ -1,4 +1,4 @@
-// Rules that join and leave a scenario by hand, and the catalogue of actions for it.
+// Rules that a user adds to and removes from a running scenario, and the catalogue of actions for this.
 #include <gmock/gmock.h>
 #include <set>
 
@@ -51,7 +51,7 @@ TEST(RulesByHand, BeginAScenarioAndJoinIt) {
   EXPECT_FALSE(bench.line.find_axis("right")->powered());
 }
 
-// The master got an acknowledgement of the write, and of those after it.
+// The master received an acknowledgement of this write and of the following ones.
 TEST(RulesByHand, ARemovedHoldLosesNoWrite) {
   for (const bool whole : {false, true}) {
     Bench bench;
@@ -101,7 +101,7 @@ TEST(RulesByHand, LeaveAndTakeTheirEffectBack) {
   EXPECT_EQ(again["rules"][0]["acts"], 1U);
 }
 
-// What was switched before the rules, or by hand meanwhile, stays.
+// Settings from before the rules, or from a user since then, are kept.
 TEST(RulesByHand, ARemovedRuleLeavesWhatItDidNotSwitch) {
   const auto rule = [](const std::string& name, const std::string& rest) {
     return body("[[rule]]\nname = \"" + name + "\"\naxis = \"left\"\n" + rest + "\n");
@@ -130,7 +130,7 @@ TEST(RulesByHand, ARemovedRuleLeavesWhatItDidNotSwitch) {
   EXPECT_TRUE(left.forced_inputs().empty());
 }
 
-// Two rules of one state, in each order of their ends: the state comes back with the end of the last one.
+// Two rules of one state, ended in both orders: the state returns when the last rule ends.
 TEST(RulesByHand, TwoOfOneStateEndOneAfterTheOther) {
   const std::vector<std::pair<std::string, std::function<bool(line::Line&)>>> states{
       {"do = \"power\"", [](line::Line& line) { return line.find_axis("left")->powered(); }},
@@ -189,7 +189,7 @@ TEST(RulesByHand, TheTextHasNothingButRulesAndItsOwnLines) {
   }
 }
 
-// Removed rules do not count, and their pending acts do not come.
+// Removed rules do not count, and their pending actions are cancelled.
 TEST(RulesByHand, ComeAndGoWithoutLimit) {
   Bench bench;
   for (int i = 0; i < 5000; ++i) {
@@ -230,7 +230,7 @@ TEST(ActionCatalogue, HasEachActionAndEachMessage) {
     EXPECT_TRUE(messages.contains(name.get<std::string>())) << name;
 }
 
-// The rule that a page makes of an action and its example.
+// The rule that a page creates from an action and its example.
 std::string rule_of(const Json& action, const std::string& message) {
   std::string text = "[[rule]]\ndo = \"" + action["do"].get<std::string>() + "\"\n";
   if (!message.empty()) text += "on = { message = \"" + message + "\" }\n";

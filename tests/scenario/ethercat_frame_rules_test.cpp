@@ -121,7 +121,7 @@ times = 1
   EXPECT_THAT(segment.receive(2ms), SizeIs(1));
 }
 
-// However long the master waits between two frames.
+// The result does not depend on the time between two frames.
 TEST(EthercatFrameRules, AFrameComesBackBehindALaterOne) {
   SegmentUnderRules segment(R"(
 [[rule]]

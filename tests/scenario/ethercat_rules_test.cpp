@@ -168,10 +168,10 @@ value = 0x0002
 
 // ---- Clock and SYNC0
 
-// The time of the frames of counted_in_a_second(), which is counted as well.
+// The time of the frames of counted_in_a_second(), which counts as well.
 constexpr double frame_time_ns = 3000;
 
-// How much more than a second the slave's clock counts while the line runs for a second, in ns.
+// The difference to one second of the time that the slave's clock counts while the line runs for a second, in ns.
 std::int64_t counted_in_a_second(SegmentUnderRules& segment) {
   const auto time = [&] {
     segment.ask({{Command::bwr, segment.first(0x0900), 4}});

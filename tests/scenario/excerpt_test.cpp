@@ -1,4 +1,4 @@
-// Of the traffic of a trial, only what is around its moments is kept; what the rules did is kept in bounds.
+// Only the traffic around the events of a trial is kept; the record of the rules' actions is limited.
 #include "scenario/excerpt.hpp"
 
 #include "scenario/support.hpp"

@@ -1,4 +1,4 @@
-// Expectations judge what the drive and the shaft did, not what the bus said.
+// Expectations judge the drive and the shaft, not the values on the bus.
 #include "scenario/support.hpp"
 
 namespace servodrome::scenario::test {

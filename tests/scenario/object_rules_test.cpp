@@ -1,4 +1,4 @@
-// Rules on objects: what the bus sees differs from what the drive does.
+// Rules on objects: the values on the bus differ from the behaviour of the drive.
 #include "scenario/support.hpp"
 
 namespace servodrome::scenario::test {
@@ -132,7 +132,7 @@ TEST(ObjectRules, AnEnableThatIsSlow) {
   EXPECT_EQ(stage.state(), drive::PowerState::operation_enabled);
 }
 
-// A master that gives up and disables the drive must not find it enabled by the write that was held.
+// A master gives up and disables the drive. The delayed write must not enable it afterwards.
 TEST(ObjectRules, AWriteDoesNotOvertakeOneThatIsHeld) {
   Stage stage(held_enable);
   switch_on(stage);

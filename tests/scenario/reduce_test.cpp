@@ -59,7 +59,7 @@ TEST(Reductions, TheLargestStepsComeFirst) {
       "the rule \"second\" with times = 1",    "the rule \"second\" with times = 4",
   };
   std::vector<std::string> found = steps(big);
-  // The times of the whole scenario are a step as well; its place does not matter.
+  // The times of the whole scenario are also one step; the order of the steps does not matter.
   EXPECT_NE(std::find(found.begin(), found.end(), "with duration_s = 10"), found.end());
   std::erase_if(found, [](const std::string& one) { return one.starts_with("with duration_s"); });
   EXPECT_EQ(found, expected);

@@ -1,4 +1,4 @@
-// Rules on the messages of RS485 lines, as a master on the line hears them.
+// Rules on the messages of RS485 lines, as a master on the line receives them.
 #include <gmock/gmock.h>
 
 #include "scenario/serial_support.hpp"
@@ -13,7 +13,7 @@ const std::string read_status = rtu("01 03 01 00 00 01");
 const std::string status = rtu("01 03 02 02 50");
 const std::string write_mode = rtu("01 06 00 01 00 03");  // 6060h = 3; the answer is the same
 
-// What the master hears after a request, with one rule on answers.
+// The characters that the master receives after a request, with one rule on answers.
 std::string answer_with(const std::string& rule) {
   SerialScene scene("[[rule]]\non = { message = \"answer\" }\n" + rule);
   return scene.ask(read_status);
@@ -191,7 +191,7 @@ times = 1
   EXPECT_EQ(scene.ask(read_status), status);
 }
 
-// The drive hears the characters too: its frame has no end before them, so it drops the request.
+// The drive also receives these characters: they follow its frame without a pause, so it discards the request.
 TEST(SerialRules, CharactersDirectlyBehindARequestSpoilIt) {
   SerialScene scene(R"(
 [[rule]]

@@ -71,7 +71,7 @@ class SerialScene {
     line.run_until(60ms);
   }
 
-  // Everything that the master hears within the time after it has sent a request.
+  // All characters that the master receives within the time after its request.
   std::string ask(const std::string& request, Time within = 100ms) {
     master.send(bytes_of(request));
     return heard(within);
@@ -82,7 +82,7 @@ class SerialScene {
     while (line.now() < until) master.receive(bytes, until - line.now());
     return hex_of(bytes);
   }
-  // The time until the last character is heard, from now on.
+  // The time from now until the last character is received.
   Time time_of(std::size_t characters) {
     std::vector<std::uint8_t> bytes;
     const Time from = line.now();

@@ -1,4 +1,4 @@
-// What every decent master does, whatever breaks: each standard expectation has a master that breaks it and one that
+// Requirements for every master during any fault: each standard expectation has a master that violates it and one that
 // does not.
 #include "scenario/standard.hpp"
 
@@ -8,7 +8,7 @@
 namespace servodrome::scenario::test {
 namespace {
 
-// A stage with the standard expectations.
+// A line with the standard expectations.
 class StandardStage : public Stage {
  public:
   explicit StandardStage(const std::string& rules = "") : Stage(with_standards(scenario_of(rules))) {}
@@ -61,7 +61,7 @@ TEST(StandardExpectations, BitSevenThatStaysIsOneFaultReset) {
   EXPECT_EQ(stage.verdict(resets).outcome, Outcome::passed);
 }
 
-// One revolution is out of reach in a millisecond.
+// One revolution is not possible in a millisecond.
 TEST(StandardExpectations, AFirstSetPointFarAwayIsAJump) {
   StandardStage stage;
   stage.enable(8);
@@ -80,7 +80,7 @@ TEST(StandardExpectations, AFirstSetPointAtTheShaftIsNone) {
   EXPECT_EQ(stage.verdict(set_point).outcome, Outcome::passed);
 }
 
-// A target that stands in 607Ah without having been sent in this mode is not followed.
+// The drive does not follow a target in 607Ah that was not sent in this mode.
 TEST(StandardExpectations, AnEnabledAxisWithoutASetPointDoesNotJump) {
   StandardStage stage;
   stage.write(0x607A, 500'000, 4);

@@ -16,7 +16,7 @@ const std::string request = "12 34 00 00 00 06 01 06 00 01 00 03";  // 6060h = 3
 
 std::string received(const RawClient& client) { return hex_of_text(client.text()); }
 
-// What a client receives for one request under one rule on answers.
+// The answer that a client receives for one request, with one rule on answers.
 std::string answer_with(const std::string& rule, const std::string& expected) {
   TcpScene scene("[[rule]]\non = { message = \"answer\", function = 6 }\n" + rule);
   const RawClient client = scene.client();

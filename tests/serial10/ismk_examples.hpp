@@ -2,15 +2,15 @@
 
 #include <cstdint>
 
-// Every frame of the iSMK manual's "RS232 protocol" (ch. 8.4.1 and 8.4.2); the checksums of the two
-// status replies are cut off in print.
+// Every frame of the iSMK manual's "RS232 protocol" (ch. 8.4.1 and 8.4.2); the manual does not print the checksums of
+// the two status replies.
 namespace servodrome::serial10 {
 
 struct IsmkExample {
   const char* what;
   const char* request;
   const char* answer;
-  std::int64_t value;  // of the object afterwards; before, where it is read
+  std::int64_t value;  // value of the object after the request; if the request reads it, also before
 };
 
 inline constexpr IsmkExample ismk_examples[] = {

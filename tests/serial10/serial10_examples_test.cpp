@@ -37,7 +37,7 @@ TEST(Serial10Examples, ByteByByte) {
   }
 }
 
-// The manual's read of 2FF0.09 with each other checksum, and each frame with any bit turned over.
+// The manual's read of 2FF0.09 with every other checksum, and each frame with each single bit inverted.
 TEST(Serial10Examples, WrongChecksumIsNotAnswered) {
   Drive drive;
   std::vector<std::uint8_t> bytes = bytes_of(ismk_examples[0].request);

@@ -54,7 +54,7 @@ TEST_F(Serial10Line, FramesBackToBack) {
   for (int i = 0; i < 100; ++i) EXPECT_EQ(send(enable.bytes), confirmed);
 }
 
-// A stray character shifts all that follows until there is a pause.
+// An additional character shifts all following ones until there is a pause.
 TEST_F(Serial10Line, StrayCharacters) {
   for (std::size_t count = 1; count < 10; ++count) {
     const std::vector<std::uint8_t> stray(count, 0x55);
@@ -83,7 +83,7 @@ TEST_F(Serial10Line, GarbledCharactersSpoilTheFrame) {
   EXPECT_EQ(send(enable.bytes), confirmed);
 }
 
-// A garbled character belongs to the frame before it up to the same pause as any other.
+// A garbled character belongs to the previous frame until the same pause as for any other character.
 TEST_F(Serial10Line, GarbledCharactersAfterAPause) {
   const std::span<const std::uint8_t> bytes(enable.bytes);
   for (const bool too_late : {false, true}) {
@@ -102,7 +102,7 @@ TEST_F(Serial10Line, AnAnswerNobodyTookIsGone) {
   EXPECT_TRUE(server.take().empty());
 }
 
-// Numbers of more than four bytes do not fit a frame.
+// Values of more than four bytes do not fit into a frame.
 TEST(Serial10, ObjectsThatDoNotFit) {
   struct Objects {
     std::uint64_t wide = 1;
@@ -118,7 +118,7 @@ TEST(Serial10, ObjectsThatDoNotFit) {
   EXPECT_EQ(objects.wide, 1U);
 }
 
-// Each of four drives hears the requests to the others and their answers.
+// Each of four drives receives the requests to the others and their answers.
 TEST(Serial10, DrivesOnOneLine) {
   std::array<test::IsmkDevice, 4> devices;
   std::array<Server, 4> servers{Server{devices[0].dictionary, 1}, Server{devices[1].dictionary, 2},

@@ -42,14 +42,14 @@ def wine(tmp_path_factory):
 
 @pytest.fixture
 def lines():
-    """The lines of a test, which are stopped after it."""
+    """The lines of a test; they are stopped after it."""
     with stopped_at_the_end() as lines:
         yield lines
 
 
 @pytest.fixture
 def start_line(wine, tmp_path, lines):
-    """start_line(TOML): a line, ended orderly after the test."""
+    """start_line(TOML): starts a line, and ends it properly after the test."""
 
     def start(text=LINE):
         lines.append(windows.WindowsLine(wine, tmp_path, text))

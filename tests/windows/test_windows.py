@@ -23,7 +23,7 @@ LINUX_PROGRAM = pathlib.Path(os.environ.get("SERVODROME") or ROOT / "build/relea
 
 @pytest.fixture(scope="session")
 def eds(wine, tmp_path_factory):
-    """The reference drive's EDS, as the program for Windows exports it."""
+    """Returns the reference drive's EDS, exported by the program for Windows."""
     file = tmp_path_factory.mktemp("eds") / "generic402.eds"
     file.write_text(wine.run(PROGRAM, "export", "eds", "generic402"))
     return str(file)
@@ -39,7 +39,7 @@ def network_on(link):
 
 
 def move(drive):
-    """Enables the drive and moves it one revolution to either side."""
+    """Enables the drive and moves it one revolution in each direction."""
     drive.wait_state("Switch on disabled")  # 6041h
     drive.set_mode(PROFILE_POSITION)
     drive.set_ramps()
@@ -83,7 +83,7 @@ def udp_port(line):
 
 
 def brd(index, address, size):
-    """A frame with one BRD datagram (ETG.1000.4 clause 5.4)."""
+    """Returns a frame with one BRD datagram (ETG.1000.4 clause 5.4)."""
     datagram = struct.pack("<BBHHHH", 7, index, 0, address, size, 0) + bytes(size + 2)
     return struct.pack("<H", len(datagram) | 1 << 12) + datagram
 

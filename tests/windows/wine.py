@@ -15,20 +15,20 @@ ROOT = pathlib.Path(__file__).parents[2]
 PROGRAM = pathlib.Path(
     os.environ.get("SERVODROME_WINDOWS") or ROOT / "build/package/stage-windows-x86_64/bin/servodrome.exe"
 )
-# Debian's package wine64 puts the program into this folder, where no PATH leads.
+# Debian's package wine64 installs the program into this folder, which is not in PATH.
 WINE = shutil.which("wine64") or shutil.which("wine64", path="/usr/lib/wine")
-PREPARATION = 300  # seconds, for what takes ten
+PREPARATION = 300  # timeout in seconds; it usually takes ten
 
 
 class Wine:
-    """A Windows of its own in `folder`, until close()."""
+    """A Wine environment in `folder`, until close()."""
 
     def __init__(self, folder):
         self.folder = folder
         self.environment = os.environ | {
             "WINEPREFIX": str(folder),
             "WINEDEBUG": "-all",
-            # The two programs that wine offers to download for .NET and HTML are not needed.
+            # Wine offers to download two programs for .NET and HTML; they are not needed.
             "WINEDLLOVERRIDES": "mscoree,mshtml=",
         }
         self.environment.pop("DISPLAY", None)
@@ -40,7 +40,7 @@ class Wine:
         )
 
     def run(self, *command, status=0, **options):
-        """Runs a command to its end; its standard output, or what it complains of."""
+        """Runs a command to its end; returns its standard output or its error message."""
         process = self.start(*command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, **options)
         try:
             output, errors = process.communicate(timeout=PREPARATION)
@@ -51,7 +51,7 @@ class Wine:
         return errors if status else output
 
     def connect_port(self, name, device):
-        """The COM port `name` is the tty `device`, for programs that start from now on."""
+        """Makes the tty `device` the COM port `name`, for programs that start from now on."""
         self.run("reg", "add", r"HKLM\Software\Wine\Ports", "/v", name, "/d", device, "/f")
         self.stop_server()
 
@@ -64,7 +64,7 @@ class Wine:
 
 
 class Cable:
-    """Two ttys that are connected to each other like the ends of a null modem cable: `one` and `other`."""
+    """Two ttys that are connected like the ends of a null modem cable: `one` and `other`."""
 
     def __init__(self):
         self.descriptors = []
@@ -72,7 +72,7 @@ class Cable:
         for _ in range(2):
             master, slave = pty.openpty()
             tty.setraw(slave, termios.TCSANOW)
-            self.descriptors += [master, slave]  # the slaves stay open, so that the ends may be opened and closed
+            self.descriptors += [master, slave]  # the slaves stay open, so that programs can open and close the ends
             self.names.append(os.ttyname(slave))
         self.one, self.other = self.names
         for source, target in ((0, 2), (2, 0)):
@@ -89,7 +89,7 @@ class Cable:
 
 
 class WindowsLine(line.Line):
-    """`servodrome.exe up` under wine, until stop(): wine makes Ctrl-C of its SIGINT."""
+    """Runs `servodrome.exe up` under wine, until stop(); wine converts SIGINT to Ctrl-C."""
 
     def __init__(self, wine, folder, text, arguments=()):
         self.folder = pathlib.Path(folder)

@@ -1,8 +1,8 @@
-"""Fixtures: a segment of drives at the end of an Ethernet cable, and pysoem's master at the other.
+"""Fixtures: a segment of drives at one end of an Ethernet cable, and pysoem's master at the other end.
 
-The cables are pairs of virtual Ethernet interfaces in a network namespace that each worker (pytest -n) makes for
-itself, so that tests run beside each other. That needs root, or `unshare --user --map-root-user --net` around pytest.
-Environment: SERVODROME, SERVODROME_CAPTURES and SERVODROME_PATIENCE as for the tests on CAN.
+The cables are pairs of virtual Ethernet interfaces in a network namespace. Each worker (pytest -n) makes its own, so
+that tests can run in parallel. This needs root, or `unshare --user --map-root-user --net` around pytest. Environment:
+SERVODROME, SERVODROME_CAPTURES and SERVODROME_PATIENCE as for the tests on CAN.
 """
 
 import csv
@@ -24,7 +24,7 @@ CLONE_NEWNET = 0x40000000
 
 @pytest.fixture(scope="session")
 def cables():
-    """Two cables: their ends at the master and at the segment."""
+    """Two cables: the interfaces at the master and at the segment."""
     libc = ctypes.CDLL(None, use_errno=True)
     if libc.unshare(CLONE_NEWNET) != 0:
         pytest.fail(f"no network namespace: {os.strerror(ctypes.get_errno())}; run as root, or with unshare -Urn")
@@ -33,14 +33,14 @@ def cables():
     for near, far in ends:
         subprocess.run(["ip", "link", "add", near, "type", "veth", "peer", "name", far], check=True)
         for end in (near, far):
-            # No frames of the system's own on the cable.
+            # Prevents the system from sending its own frames on the cable.
             subprocess.run(["ip", "link", "set", end, "addrgenmode", "none", "arp", "off", "up"], check=True)
     return ends
 
 
 @pytest.fixture
 def start_line(request, tmp_path, cables):
-    """start_line(TOML): a line whose bus ecat is at the first cable. Ended, orderly, after the test."""
+    """start_line(TOML): starts a line whose bus ecat is on the first cable, and ends it properly after the test."""
     lines = []
 
     def start(text, link=None, **options):
@@ -61,7 +61,7 @@ def start_line(request, tmp_path, cables):
 
 @pytest.fixture
 def open_master(cables):
-    """open_master(): pysoem on the first cable; open_master(ring=True): on both."""
+    """open_master(): opens pysoem on the first cable; open_master(ring=True): on both cables."""
     masters = []
 
     def open_one(ring=False):
@@ -99,7 +99,7 @@ def slave(master):
 
 @pytest.fixture(scope="session")
 def objects():
-    """objects(product): what `servodrome export csv` lists, by (index, sub-index)."""
+    """objects(product): returns the list of `servodrome export csv` by (index, sub-index)."""
     known = {}
 
     def of(product):
@@ -113,7 +113,8 @@ def objects():
 
 @pytest.fixture
 def drives(line, master, objects):
-    """Drives of a master's slaves by the objects they have; to be mapped before they are used in process data."""
+    """The drives of a master's slaves, by their objects; objects must be mapped before they are used in process
+    data."""
     return [
         Drive(master, number, line.bench, f"drive{number + 1}", objects("generic402-ec"))
         for number in range(len(master.slaves))

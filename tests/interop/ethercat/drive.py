@@ -1,4 +1,4 @@
-"""A CiA 402 drive on EtherCAT as a master sees it: what is mapped in process data, everything over SDO."""
+"""A CiA 402 drive on EtherCAT, as a master uses it: mapped objects in process data, all objects over SDO."""
 
 import drive402
 
@@ -16,7 +16,7 @@ KINDS = {
 
 
 class Drive(drive402.Drive402):
-    """The procedures of Drive402; objects that are mapped go through the process data."""
+    """The procedures of Drive402; mapped objects are accessed through the process data."""
 
     def __init__(self, master, number, bench, name, objects):
         super().__init__(None, bench, name)
@@ -26,7 +26,7 @@ class Drive(drive402.Drive402):
         self.objects = objects
         self.outputs = {}  # (index, sub): bit offset
         self.inputs = {}
-        self.values = {}  # that go out with every cycle
+        self.values = {}  # values that are sent in every cycle
         self.emergencies = []
         self.slave.add_emergency_callback(self.emergencies.append)
 
@@ -45,7 +45,7 @@ class Drive(drive402.Drive402):
         self.slave.sdo_write(index, sub, value.to_bytes(max(1, bits // 8), "little", signed=signed))
 
     def remap(self, assignment, mapping, number=0x1600):
-        """Writes a mapping (a list of (index, sub, bits)) and the assignment of it alone, in the standard's order."""
+        """Writes a mapping (a list of (index, sub, bits)) and assigns only this PDO, in the order of the standard."""
         self.download(assignment, 0)
         self.download(number, 0)
         for position, (index, sub, bits) in enumerate(mapping, 1):
@@ -56,7 +56,7 @@ class Drive(drive402.Drive402):
 
     # --- process data
     def learn_mapping(self):
-        """What is assigned now; outputs begin as the objects are."""
+        """Reads the present assignment; outputs start with the values of the objects."""
         self.outputs, self.inputs = self._layout(0x1C12), self._layout(0x1C13)
         self.values = {key: self.upload(*key) for key in self.outputs}
         self.master.each_cycle.append(lambda _: self.put())
@@ -85,13 +85,13 @@ class Drive(drive402.Drive402):
         signed = self.kind(index, sub)[1]
         return value - (1 << bits) if signed and value >> bits - 1 else value
 
-    # --- what Drive402 is made of
+    # --- the methods that Drive402 uses
     def read(self, index, sub=0):
         return self.get(index, sub) if (index, sub) in self.inputs else self.upload(index, sub)
 
     def write(self, index, value, sub=0):
         if (index, sub) in self.outputs:
             self.values[index, sub] = value
-            self.master.pass_cycles(2)  # the second one goes out after the value was there
+            self.master.pass_cycles(2)  # the second cycle is certain to contain the value
         else:
             self.download(index, value, sub)

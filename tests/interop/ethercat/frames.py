@@ -1,4 +1,4 @@
-"""A small EtherCAT master made of frames (ETG.1000.4 clause 5), over UDP or an Ethernet interface."""
+"""A small EtherCAT master that composes its frames (ETG.1000.4 clause 5), over UDP or an Ethernet interface."""
 
 import socket
 import struct
@@ -22,7 +22,7 @@ def content(*datagrams):
 
 
 def taken_apart(received):
-    """[(command, index, address as 32 bits, data, working counter)] of a frame's content."""
+    """Returns [(command, index, address as 32 bits, data, working counter)] of a frame's content."""
     (header,) = struct.unpack_from("<H", received)
     assert header >> 12 == 1
     end, at, found = 2 + (header & 0x7FF), 2, []
@@ -52,7 +52,7 @@ class UdpLink:
 
 
 class RawLink:
-    """With a source address of its own; answers come back with its second bit turned over (ETG.1000.4 5.3.3)."""
+    """Uses its own source address; in answers the second bit of that address is inverted (ETG.1000.4 5.3.3)."""
 
     SOURCE = bytes.fromhex("001b19000001")
     ANSWER = bytes.fromhex("021b19000001")
@@ -91,7 +91,7 @@ class FrameMaster:
         self.link.close()
 
     def exchange(self, *requests):
-        """Datagrams (command, address, data) in one frame; (data, working counter) of each."""
+        """Sends datagrams (command, address, data) in one frame; returns (data, working counter) of each."""
         self.index = (self.index + 1) & 0xFF
         last = len(requests) - 1
         frame = content(*(datagram(*request, self.index, n < last) for n, request in enumerate(requests)))
@@ -106,9 +106,9 @@ class FrameMaster:
         return self.read(BRD, (0, 0x0000), 1)[1]
 
     def read_sii(self, position, word):
-        """Four bytes of a slave's information memory (ETG.1000.4 6.4)."""
+        """Reads four bytes of a slave's information memory (ETG.1000.4 6.4)."""
         adp = -position & 0xFFFF
-        for owner in (2, 0):  # by force, from the slave if another master gave it to that
+        for owner in (2, 0):  # forces the access, in case another master gave it to the slave
             assert self.exchange((APWR, (adp, 0x0500), bytes((owner,))))[0][1] == 1
         assert self.exchange((APWR, (adp, 0x0502), struct.pack("<HI", 0x0100, word)))[0][1] == 1
         while True:

@@ -1,4 +1,4 @@
-"""pysoem's master, cycling in a thread of its own."""
+"""pysoem's master; its cycle runs in a separate thread."""
 
 import threading
 import time
@@ -6,7 +6,7 @@ import time
 import pysoem
 from line import PATIENCE
 
-# How fast an answer comes is not what is tested: as long as a busy machine may need.
+# These tests do not judge response times, so the timeout is long enough for a busy machine.
 pysoem.settings.timeouts.ret = 50_000
 pysoem.settings.timeouts.safe = 1_000_000
 pysoem.settings.timeouts.eeprom = 1_000_000
@@ -46,14 +46,14 @@ class Master:
         return self.soem.slaves
 
     def scan(self):
-        """Finds the slaves, which are then in Pre-Operational. How many; -1 if there is none."""
+        """Finds the slaves, which then are in Pre-Operational. Returns their number; -1 if there is none."""
         return self.soem.config_init()
 
     def map(self, dc_cycle_ns=None, watchdog_ms=5000):
-        """Lays out the process data and has the slaves go to Safe-Operational; with SYNC0 started before, if a cycle is
-        given. The slaves' watchdogs get a time that a busy machine does not exceed; 0 leaves them as they are."""
+        """Configures the process data and requests Safe-Operational. If a cycle is given, it starts SYNC0 before. The
+        slaves' watchdogs get a time that a busy machine does not exceed; 0 leaves them unchanged."""
 
-        def prepare(slave):  # also when a slave comes back (reconfig)
+        def prepare(slave):  # pysoem also calls it when a slave returns (reconfig)
             if watchdog_ms:
                 slave.set_watchdog("processdata", watchdog_ms)
             if dc_cycle_ns:
@@ -67,7 +67,7 @@ class Master:
         assert self.soem.state_check(SAFEOP, int(PATIENCE * 1e6)) == SAFEOP, self.states()
 
     def states(self):
-        """(state, AL status code) of each slave, as they are now."""
+        """Returns (state, AL status code) of each slave."""
         self.soem.read_state()
         return [(slave.state, slave.al_status) for slave in self.slaves]
 
@@ -107,7 +107,7 @@ class Master:
         assert not self._failure, self._failure
 
     def wait(self, condition, what, seconds=PATIENCE):
-        """The first true value of condition(), asked after every cycle."""
+        """Checks condition() after every cycle and returns its first true value."""
         deadline = time.monotonic() + seconds
         while True:
             if value := condition():
@@ -123,7 +123,7 @@ class Master:
         self.wait(lambda: all(found == state for found, _ in self.states()), lambda: f"{state}, are {self.states()}")
 
     def go_operational(self):
-        """Safe-Operational to Operational, with a cycle running."""
+        """Changes from Safe-Operational to Operational while the cycle runs."""
         if not self._thread:
             self.start_cycle()
         self.request(OP)
@@ -134,7 +134,7 @@ class Master:
         )
 
     def mend(self):
-        """What pysoem's examples do in every round with slaves that are not operational. True when all are."""
+        """Does what pysoem's examples do in every cycle for slaves that are not operational. True if all are."""
         self.soem.read_state()
         for slave in self.slaves:
             if slave.state == OP:

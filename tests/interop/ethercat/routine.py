@@ -1,16 +1,16 @@
-"""A controller's axis: PLCopen blocks over a drive in cyclic synchronous position, from a routine's data."""
+"""A controller's axis: PLCopen blocks for a drive in cyclic synchronous position, with a routine's data."""
 
 from drive402 import CYCLIC_POSITION, HOMING
 from line import wait_for
 
-TURN = 4000  # counts, as these drives leave the factory
-TOLERANCE = 12  # counts between what was asked for and the true shaft: friction may hold it so far away
+TURN = 4000  # counts; the factory setting of these drives
+TOLERANCE = 12  # counts between the demand and the true shaft, because friction may hold the shaft there
 CYCLE_NS = 4_000_000
 NEGATIVE_LIMIT, POSITIVE_LIMIT, ORIGIN = 0, 1, 2  # bits of 60FDh
 
 
 def ramp_to(speed, begin, acceleration, dt):
-    """Speeds of each cycle from `begin` on, the last one is `speed`."""
+    """Yields the speed of each cycle from `begin` on; the last one is `speed`."""
     while begin != speed:
         step = acceleration * dt
         begin = min(speed, begin + step) if speed > begin else max(speed, begin - step)
@@ -18,7 +18,7 @@ def ramp_to(speed, begin, acceleration, dt):
 
 
 def trapezoid(begin, end, speed, acceleration, deceleration, dt):
-    """Positions of each cycle, the last one is `end`."""
+    """Yields the position of each cycle; the last one is `end`."""
     sign, left, now = (1 if end >= begin else -1), abs(end - begin), 0.0
     while left > 0:
         now = min(now + acceleration * dt, speed, (2 * deceleration * left) ** 0.5)
@@ -33,11 +33,11 @@ class Axis:
         self.routine = routine
         self.scale = routine["counts_per_unit"]
         self.dt = CYCLE_NS * 1e-9
-        self.origin = 0.0  # counts of 6064h where the controller's zero is
+        self.origin = 0.0  # 6064h at the controller's zero, in counts
         self.true_home = drive.true_position
         self.set_point = 0.0
-        self.speed = 0.0  # counts/s, of a motion without an end
-        self.positions = None  # of a motion with an end
+        self.speed = 0.0  # counts/s, for a motion without a target
+        self.positions = None  # for a motion with a target
         self.speeds = None
         self.master.each_cycle.insert(0, self.step)
 
@@ -55,7 +55,7 @@ class Axis:
         self.speed = 0.0
 
     def hold(self):
-        """Where the drive is becomes the set-point."""
+        """Makes the drive's present position the set-point."""
         self.idle()
         self.set_point = float(self.drive.position)
         self.master.pass_cycles(2)
@@ -101,11 +101,11 @@ class Axis:
         drive.set_mode(CYCLIC_POSITION)
 
     def home_by_controller(self, how):
-        """To the switch, off it at creep speed; where it changes is the origin."""
+        """Moves to the switch, then off it at creep speed; the origin is the place where the switch changes."""
         bit, direction = how["bit"], how["direction"]
         self.run_at(direction * how["speed"], how["acceleration"])
         self.master.wait(lambda: self.input(bit), "the switch")
-        if bit in (0, 1):  # a limit switch: the drive holds the axis there, whatever the controller sends
+        if bit in (0, 1):  # a limit switch: the drive stops the axis there, whatever the controller sends
             self.run_at(0.0, how["acceleration"])
             self.master.wait(lambda: self.speed == 0.0, "the end of the ramp")
             self.drive.wait_standstill()
@@ -126,7 +126,7 @@ class Axis:
         self.go_to(self.set_point + distance * self.scale, velocity, acceleration, deceleration)
 
     def MC_MoveVelocity(self, velocity, acceleration, turns):
-        """Until it has made some turns; at the speed by then."""
+        """Turns for some revolutions and checks the speed."""
         begin = self.drive.true_position
         self.run_at(velocity, acceleration)
         sign = 1 if velocity > 0 else -1
@@ -145,7 +145,7 @@ class Axis:
         self.MC_Stop(deceleration)
 
     def MC_Reset(self, fault):
-        """A fault comes, goes, and is reset; the axis stands where it stood."""
+        """Causes a fault, ends it and resets it; the axis must not have moved."""
         drive = self.drive
         drive.bench.post(f"axes/{drive.name}/faults", {"inject": fault})
         drive.wait_state("Fault")

@@ -1,4 +1,4 @@
-"""Distributed clocks as a master starts them, on oscillators that are off and cables of different lengths."""
+"""A master starts distributed clocks; the oscillators deviate and the cables have different lengths."""
 
 import struct
 
@@ -15,7 +15,7 @@ def register(slave, address, size):
 
 
 def difference_ns(slave):
-    """092Ch: sign and amount of the local copy of system time less what was received."""
+    """092Ch: sign and amount of the difference between the local system time and the received one."""
     value = register(slave, 0x092C, 4)
     return value & 0x7FFFFFFF if value >> 31 else -value
 
@@ -28,7 +28,7 @@ def test_start_up(start_line, open_master):
         slave.sdo_write(0x10F1, 2, b"\0\0")
     master.run(dc_cycle_ns=CYCLE_NS)
 
-    # Transmission delays: between neighbours they differ as the cables do.
+    # Transmission delays: the differences between neighbours are those of the cables.
     delays = [register(slave, 0x0928, 4) for slave in master.slaves]
     assert delays[0] == 0
     hops = [behind - before for before, behind in zip(delays, delays[1:])]
@@ -37,7 +37,7 @@ def test_start_up(start_line, open_master):
     for hop, cable in zip(hops, CABLE_NS[1:]):
         assert abs(hop - shortest - cable) <= 20, hops
 
-    # The reference clock goes round in every frame; all follow it.
+    # Every frame distributes the time of the reference clock; all other clocks follow it.
     master.wait(
         lambda: all(abs(difference_ns(slave)) < 1000 for slave in master.slaves[1:]),
         lambda: f"the clocks to agree: {[difference_ns(slave) for slave in master.slaves]}",
@@ -52,7 +52,7 @@ def test_start_up(start_line, open_master):
 
 
 def test_pulses_come_at_the_same_time(start_line, open_master):
-    """The times of SYNC0 (0990h) of all slaves lie on one grid, that of the reference clock."""
+    """The times of SYNC0 (0990h) of all slaves have the period and phase of the reference clock."""
     start_line(segment(3, oscillator_ppm=lambda n: 50 * n))
     master = open_master()
     assert master.scan() == 3

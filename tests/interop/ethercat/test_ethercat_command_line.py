@@ -1,4 +1,4 @@
-"""The program's own client commands on a segment of its own, over the cable and over UDP."""
+"""The program's client commands on a segment of its own line, over the cable and over UDP."""
 
 import json
 

@@ -1,4 +1,4 @@
-"""Drives out of ESI files, driven by pysoem; and clones."""
+"""Drives from ESI files, operated by pysoem; and clones."""
 
 import json
 import pathlib
@@ -84,6 +84,6 @@ def test_the_clone_of_a_clone_is_the_same(start_line, tmp_path):
     first.stop()
     second = start_line(described_segment(files[0], COUNTS), link="udp:127.0.0.1:0")
     servodrome("clone", "--bus", second.links["ecat"][0], "-o", files[1], "--timeout", 10)
-    # A drive out of a description has no FoE.
+    # A drive from a description has no FoE.
     without_foe = "".join(row for row in files[0].read_text().splitlines(keepends=True) if row.strip() != "<FoE/>")
     assert without_foe == files[1].read_text() != files[0].read_text()

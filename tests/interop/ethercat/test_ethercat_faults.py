@@ -1,4 +1,4 @@
-"""What goes wrong on a machine: cables, power, drives, and masters."""
+"""Faults of a machine: cables, power, drives, and masters."""
 
 import random
 import signal
@@ -40,7 +40,8 @@ def expect_counter(master, value):
 @pytest.mark.parametrize("cable, left", [(3, 2), (2, 1)])
 @pytest.mark.parametrize("dc_cycle_ns", [None, 2_000_000])
 def test_a_cable_is_unplugged_and_plugged_in_again(bench, master, cable, left, dc_cycle_ns):
-    """The tail goes silent and notices by its watchdog; the head goes on; all comes back without a new scan."""
+    """The slaves behind the cable detect the loss by their watchdog; the others continue. After the repair all return
+    without a new scan."""
     for slave in master.slaves:
         slave.sdo_write(0x10F1, 2, b"\0\0")
     master.run(watchdog_ms=1000, dc_cycle_ns=dc_cycle_ns)
@@ -54,7 +55,7 @@ def test_a_cable_is_unplugged_and_plugged_in_again(bench, master, cable, left, d
     )
     assert master.working_counter == 3 * left
     bench.delete("buses/ecat/disturb")
-    expect_counter(master, 9 - 2 * (3 - left))  # by which the master sees it: inputs are read, outputs not taken
+    expect_counter(master, 9 - 2 * (3 - left))  # inputs are read, outputs are not accepted
     master.wait(master.mend, lambda: f"all Operational, are {master.states()}")
     expect_counter(master, 9)
     assert states(bench) == [("Operational", 0)] * 3
@@ -69,7 +70,7 @@ def test_no_cable_at_all(bench, master, open_master):
 
 
 def test_a_drive_is_switched_off_and_on_again(bench, master, objects):
-    """It comes back in Init without address and configuration, and those behind it were cut off."""
+    """The drive returns in Init without address and configuration, and the slaves behind it were disconnected."""
     drives = [Drive(master, n, bench, f"drive{n + 1}", objects("generic402-ec")) for n in range(3)]
     for drive in drives:
         drive.learn_mapping()
@@ -98,7 +99,7 @@ def test_a_drive_is_switched_off_and_on_again(bench, master, objects):
 
 
 def test_emergency(bench, master, objects):
-    """Code and register of a fault come over the mailbox, and again when it is reset."""
+    """Code and register of a fault come through the mailbox, and again when the fault is reset."""
     drive = Drive(master, 1, bench, "drive2", objects("generic402-ec"))
     drive.learn_mapping()
     master.run()
@@ -122,7 +123,7 @@ def test_emergency(bench, master, objects):
 
 
 def test_a_ring_holds_when_one_cable_breaks(start_line, open_master):
-    """Both of the master's ports; every cable in turn."""
+    """Uses both ports of the master; disconnects every cable in turn."""
     ring = start_line(segment(3), link="raw:servo0+servo1")
     ring.bench.post("buses/ecat/disturb", {"ring": True})
     master = open_master(ring=True)
@@ -144,8 +145,8 @@ def test_a_ring_holds_when_one_cable_breaks(start_line, open_master):
 
 
 def test_frames_that_are_lost(bench, master):
-    """A tenth of all frames: process data go on, and mailbox transfers come through, if asked for again (SOEM gives one
-    up when the frame that asks for a repetition is lost as well)."""
+    """Loses a tenth of all frames: process data continue, and mailbox transfers succeed if they are repeated (SOEM
+    gives up a transfer if the frame that requests the repetition is lost as well)."""
     master.run()
     bench.post("buses/ecat/disturb", {"drop": 0.1, "seed": 5})
     master.pass_cycles(100)
@@ -166,8 +167,8 @@ def test_frames_that_are_lost(bench, master):
 
 
 def test_frames_that_come_broken_are_counted_where_they_break(bench, master):
-    """The second slave counts invalid frames at its port 0 (0300h), the third one forwarded errors (0308h): the second
-    has marked them. So does the first, at port 1, when they come back."""
+    """The second slave counts invalid frames at its port 0 (0300h), the third one forwarded errors (0308h), because the
+    second one has marked them. The first one counts them at port 1 when they come back."""
     master.run()
     bench.post("buses/ecat/disturb", {"corrupt": 1, "position": 2, "limit": 10})
     master.wait(lambda: bench.get("buses/ecat")["corrupted"] >= 10, "ten bad frames")
@@ -190,11 +191,11 @@ class TestTwoMasters:
                 assert (data, counter) == (struct.pack("<H", OP), 3)
                 assert [other.read_sii(position, 8)[:4] for position in range(3)] == [struct.pack("<I", 0x53455256)] * 3
         expect_counter(master, 9)
-        # SOEM may still take one of the other's answers for its own, and then knows no state.
+        # SOEM may still take an answer for the other master as its own; then it knows no state.
         master.wait(lambda: master.states() == [(OP, 0)] * 3, "all three slaves operational")
 
     def test_on_two_links(self, start_line, line, open_master):
-        """Over Ethernet and over UDP at the same time."""
+        """Two masters at the same time, over Ethernet and over UDP."""
         line.stop()
         both = start_line(segment(3), arguments=["--bus", "ecat=udp:127.0.0.1:0"])
         master = open_master()
@@ -208,8 +209,8 @@ class TestTwoMasters:
         expect_counter(master, 9)
 
     def test_one_takes_the_slaves_away(self, master, open_master, bench):
-        """The second one's scan takes all to Pre-Operational; the next one has them again. (The first one does not go
-        on: SOEM takes answers to any SOEM on its interface for its own.)"""
+        """The second master's scan brings all slaves to Pre-Operational; the third one operates them again. (The first
+        one does not continue: SOEM accepts answers for any SOEM on its interface.)"""
         master.run()
         master.stop_cycle()
         other = open_master()
@@ -256,10 +257,10 @@ def test_a_master_is_killed(line, cables, open_master, dc):
 
 @pytest.mark.parametrize("seed", range(3))
 def test_a_master_that_does_everything_wrong(start_line, cables, open_master, seed):
-    """Thousands of frames with random commands, places and data; the next master's scan works as if nothing had been.
-    Left alone is what outlives its master on purpose: write protection, loops closed by hand, the information
-    memory."""
-    line = start_line(segment(3), log=None)  # what it sends is no capture to be proud of
+    """Sends thousands of frames with random commands, addresses and data; the next master's scan must work as usual.
+    The test does not write data that intentionally survive a master: write protection, loops that a command closed, the
+    information memory."""
+    line = start_line(segment(3), log=None)  # no log, because the frames are invalid on purpose
     draw = random.Random(seed)
     places = [0x0000, 0x0010, 0x0110, 0x0120, 0x0200, 0x0300, 0x0420, 0x0600, 0x0620, 0x0800]
     places += [0x0806, 0x080E, 0x0816, 0x081E, 0x0910, 0x0920, 0x0980, 0x0981, 0x0990, 0x09A0, 0x1000, 0x1100, 0x1200]

@@ -1,4 +1,4 @@
-"""A master made of nothing but frames, over UDP: what each command does, byte by byte."""
+"""A master that composes its frames, over UDP: the effect of each command, byte by byte."""
 
 import struct
 
@@ -51,7 +51,7 @@ def test_scan(frames):
 
 
 def test_working_counters(frames):
-    """Of all commands (ETG.1000.4 5.4): reading counts 1, writing 1, both 3 where they are one, per slave."""
+    """All commands (ETG.1000.4 5.4): per slave a read counts 1, a write 1, a read and write in one command 3."""
     for n in range(COUNT):
         frames.exchange((APWR, (-n & 0xFFFF, 0x0010), struct.pack("<H", 0x1001 + n)))
     word, place = b"\0\0", 0x0F80  # user RAM
@@ -78,7 +78,7 @@ def test_working_counters(frames):
 
 
 def test_sdo_upload_byte_by_byte(frames, line):
-    """Station addresses, mailbox sync managers, Pre-Operational, and 1018h:02 of the second slave."""
+    """Reads 1018h:02 of the second slave: station addresses, mailbox sync managers, Pre-Operational."""
     for n in range(COUNT):
         frames.exchange((APWR, (-n & 0xFFFF, 0x0010), struct.pack("<H", 0x1001 + n)))
     station = 0x1002
@@ -94,6 +94,6 @@ def test_sdo_upload_byte_by_byte(frames, line):
     answer, counter = frames.read(FPRD, (station, 0x1100), 256)
     assert counter == 1
     assert answer[:16].hex(" ") == "0a 00 00 00 00 13 00 30 43 18 10 02 45 32 30 34"
-    assert frames.read(FPRD, (station, 0x1100), 256)[1] == 0  # taken
+    assert frames.read(FPRD, (station, 0x1100), 256)[1] == 0  # the mailbox has been read
     axes = line.bench.get("buses/ecat")["axes"]
     assert [axes[f"drive{n}"]["state"] for n in (1, 2, 3)] == ["Init", "Pre-Operational", "Init"]

@@ -1,4 +1,4 @@
-"""The interface a segment is plugged to: not there, not allowed, down or gone at run time, and back again."""
+"""The Ethernet interface of a segment: missing, not permitted, down or removed at run time, and back again."""
 
 import multiprocessing
 import os
@@ -18,7 +18,7 @@ def ip(*arguments):
 
 @pytest.fixture
 def spare():
-    """A cable that a test may ruin."""
+    """A cable that a test may damage."""
     ends = ("spare-m", "spare-s")
     make(ends)
     yield ends
@@ -51,7 +51,7 @@ def test_no_such_interface(cables, tmp_path):
 
 
 def test_no_permission(cables, tmp_path):
-    """Without the capability, which even root can give away, the program may not open raw sockets."""
+    """Without the capability (which root can also drop) the program cannot open raw sockets."""
     said = refused(tmp_path, f"raw:{cables[0][1]}", prefix=["setpriv", "--bounding-set=-net_raw", "--inh-caps=-net_raw"])
     assert "permi" in said.lower(), said
     assert "sudo" in said or "CAP_NET_RAW" in said, said
@@ -93,7 +93,7 @@ def test_gone_and_made_anew_at_run_time(line, spare):
 
 
 def send_bursts(interface, sent, over):
-    """Twenty frames, each as soon as the one before is back; then a pause; again each half millisecond."""
+    """Sends twenty frames, each when the previous one is back; then pauses; then sends one each half millisecond."""
     link = RawLink(interface)
     link.socket.settimeout(None)
     link.send(content(datagram(BRD, (0, 0x0130), bytes(2))))
@@ -108,13 +108,13 @@ def send_bursts(interface, sent, over):
 
 
 def test_the_api_has_its_turn_beside_bursts_of_frames(line, spare):
-    """A master that cycles fast and sends many frames a cycle leaves a line neither awake nor asleep for long."""
+    """A master with a fast cycle and many frames per cycle: the line must work both in busy polling and in sleep."""
     requests = 200
     sent, over = multiprocessing.Value("L", 0), multiprocessing.Event()
     master = multiprocessing.Process(target=send_bursts, args=(spare[0], sent, over), daemon=True)
     master.start()
     try:
-        # On one processor, as what comes next then does not hang on how fast another one wakes up.
+        # Runs on one processor, so that the result does not depend on the wake-up time of another one.
         processor = {max(os.sched_getaffinity(0))}
         os.sched_setaffinity(line.process.pid, processor)
         os.sched_setaffinity(master.pid, processor)

@@ -17,7 +17,7 @@ MODES = [(0x6040, 0, 16), (0x6060, 0, 8), (0x607A, 0, 32), (0x60FF, 0, 32), (0x6
 FEEDBACK = [(0x6041, 0, 16), (0x6061, 0, 8), (0x6064, 0, 32), (0x606C, 0, 32), (0x6077, 0, 16), (0x603F, 0, 16)]
 
 
-TURNS = {"generic402-ec": 131072, "jmc_ec": 4000}  # encoder counts of a revolution, from the factory
+TURNS = {"generic402-ec": 131072, "jmc_ec": 4000}  # encoder counts per revolution, factory setting
 START = 2  # revolutions
 TRAVEL = """
   [axis.travel]
@@ -33,7 +33,8 @@ TRAVEL = """
 
 @pytest.fixture(params=[(product, clocks) for product in TURNS for clocks in ("DC", "free run")], ids="-".join)
 def running(request, start_line, open_master, objects):
-    """A drive in Op, its process data laid out for all modes; `turn`: counts of a revolution, in which it speaks too."""
+    """A drive in Op with process data for all modes; `turn`: counts per revolution, which are also the drive's
+    units."""
     product, clocks = request.param
     turn = TURNS[product]
     line = start_line(segment(1, product=product, travel=TRAVEL.format(turn=turn)))
@@ -43,7 +44,7 @@ def running(request, start_line, open_master, objects):
     drive.turn = turn
     drive.remap(0x1C12, MODES, 0x1600)
     drive.remap(0x1C13, FEEDBACK, 0x1A00)
-    drive.download(0x10F1, 0, 2)  # a busy machine is no fault of the drive's
+    drive.download(0x10F1, 0, 2)  # delays of a busy machine must not cause a fault
     drive.learn_mapping()
     master.run(dc_cycle_ns=CYCLE_NS if clocks == "DC" else None)
     assert (drive.upload(0x1C32, 1) == 2) == (clocks == "DC")  # by SYNC0
@@ -68,7 +69,7 @@ def turns(drive, revolutions):
 
 
 def set_ramps(drive):
-    # 180 rpm: up to 216 a JMC drive from the factory allows (its 607Fh).
+    # 180 rpm: the factory limit of a JMC drive is 216 rpm (607Fh).
     drive.set_ramps(velocity=turns(drive, 3), acceleration=turns(drive, 40))
 
 
@@ -78,7 +79,7 @@ def moved(drive, revolutions):
 
 
 def ramp(drive, start, end, speed):
-    """A step for each cycle: 607Ah from start to end, `speed` counts per cycle."""
+    """Sends 607Ah in each cycle, from start to end, with `speed` counts per cycle."""
     sign = 1 if end >= start else -1
 
     first = drive.master.cycles
@@ -161,7 +162,7 @@ def test_profile_torque(running, master):
 
 
 def test_homing(running):
-    """Method 24, the home switch from the positive side, then a move in the homed frame."""
+    """Method 24 (the home switch from the positive side), then a move relative to home."""
     running.home(24, fast=turns(running, 3), slow=turns(running, 0.4), acceleration=turns(running, 40))
     edge = running.true_position - running.position
     assert abs(abs(edge) - running.turn // 2) <= running.turn // 500

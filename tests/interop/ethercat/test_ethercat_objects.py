@@ -1,4 +1,4 @@
-"""CoE: lists and descriptions of all objects, and every way of transfer."""
+"""CoE: lists and descriptions of all objects, and every kind of transfer."""
 
 import re
 
@@ -40,13 +40,13 @@ def product_slave(product, start_line, open_master):
 
 
 def test_object_list_is_the_exported_one(product, product_slave, objects):
-    """SDO information as a tool of the user's reads it: index, sub-index, name, type, access, mapping."""
+    """Reads SDO information like a user's tool: index, sub-index, name, type, access, mapping."""
     slave, rows = product_slave, objects(product)
     described = {}
     for found in slave.od:
         entries = list(found.entries) or [found]
         for sub, entry in enumerate(entries):
-            if entry.data_type:  # a sub-index that is not there has none
+            if entry.data_type:  # a sub-index that does not exist has no type
                 described[found.index, sub] = entry
     assert sorted(described) == sorted(rows)
     wrong = []
@@ -62,7 +62,7 @@ def test_object_list_is_the_exported_one(product, product_slave, objects):
         if (bool(told & RX), bool(told & TX)) != mapping:
             wrong.append((f"{index:04X}:{sub:02X}", "pdo", f"{told:04X}", row["pdo"]))
         name = entry.name.decode() if isinstance(entry.name, bytes) else entry.name
-        if sub and name != row["name"][:40]:  # SOEM keeps no more
+        if sub and name != row["name"][:40]:  # SOEM stores only 40 characters
             wrong.append((f"{index:04X}:{sub:02X}", "name", name, row["name"]))
     assert not wrong
 
@@ -99,7 +99,7 @@ def test_expedited_values_are_the_drive_s(slave, bench):
 
 
 def test_normal_and_segmented_transfers(slave, bench):
-    """What fits into the mailbox goes in one piece, a greater object in as many segments as it takes."""
+    """Data that fit into the mailbox use one message; a larger object uses as many segments as necessary."""
     assert slave.sdo_read(0x1008, 0) == b"Servodrome CiA 402 reference drive, EtherCAT"
     for size in (5, 7, 100, 230, 240, 241, 242, 250, 256, 500, 1000, 1024):
         data = bytes((7 * n + size) & 0xFF for n in range(size))
@@ -111,7 +111,7 @@ def test_normal_and_segmented_transfers(slave, bench):
 
 
 def test_complete_access(slave):
-    """A whole object in one transfer, from sub-index 0 (padded to 16 bits) or from 1 on (ETG.1000.6 5.6.2.1)."""
+    """Transfers a whole object, from sub-index 0 (padded to 16 bits) or from 1 on (ETG.1000.6 5.6.2.1)."""
     whole = slave.sdo_read(0x1018, 0, size=64, ca=True)
     parts = [slave.sdo_read(0x1018, sub) for sub in range(1, 5)]
     assert whole == bytes([4, 0]) + b"".join(parts)
@@ -124,7 +124,7 @@ def test_complete_access(slave):
 
 
 def test_aborts(slave):
-    """Abort codes of ETG.1000.6 table 41 for each way to be wrong."""
+    """Checks the abort codes of ETG.1000.6 table 41 for each kind of error."""
     aborts(0x06020000, slave.sdo_read, 0x5FFF, 0)
     aborts(0x06090011, slave.sdo_read, 0x1018, 5)
     aborts(0x06010002, slave.sdo_write, 0x6041, 0, b"\0\0")
@@ -136,7 +136,7 @@ def test_aborts(slave):
 
 
 def test_parameters_stay_when_stored(line, master):
-    """1010h and a power cycle after it; what was not stored is gone."""
+    """Stores by 1010h and power-cycles; values that were not stored are lost."""
     slave = master.slaves[1]
     slave.sdo_write(0x2012, 0, (2500).to_bytes(4, "little"))
     aborts(0x08000020, slave.sdo_write, 0x1010, 1, b"xxxx")
@@ -159,7 +159,7 @@ class TestFiles:
     NAME = "parameters.txt"
 
     def read(self, slave):
-        """pysoem returns its whole buffer without the length of the file: lines, as long as their objects ascend."""
+        """pysoem returns its whole buffer without the length of the file: takes lines while their objects ascend."""
         data = slave.foe_read(self.NAME, 0, 16384, 10_000_000)
         header, *lines = data.split(b"\n")
         text, last = header + b"\n", b""
@@ -181,7 +181,7 @@ class TestFiles:
         assert bench.get("axes/drive1/objects/2012/0")["value"] == 1750
 
     def test_refused(self, slave):
-        """Another name, a value out of its range: then all is as it was."""
+        """A wrong name, or a value out of its range: all values stay unchanged."""
         text = self.read(slave)
         assert slave.foe_write("firmware.bin", 0, text.encode(), 10_000_000) < 0
         wrong = text.replace("0x2012:00=1000", "0x2012:00=50")  # below its minimum
@@ -189,7 +189,7 @@ class TestFiles:
         assert self.read(slave) == text
 
     def test_in_bootstrap(self, master):
-        """FoE and nothing else."""
+        """Reads and writes with FoE only."""
         slave = master.slaves[0]
         for state in (INIT, BOOT):
             slave.state = state

@@ -1,4 +1,4 @@
-"""PDO assignment and mapping: what a master may put together, what is refused, and that the layout is kept."""
+"""PDO assignment and mapping: valid and refused combinations, and the layout of the process data."""
 
 import struct
 
@@ -20,7 +20,7 @@ def aborts(code, function, *arguments):
 
 
 def test_layouts(drive, drives, master):
-    """Two PDOs each way, of odd lengths and with gaps: every object is where the mapping says."""
+    """Two PDOs in each direction, with odd lengths and gaps: every object is at the place that the mapping gives."""
     drive.download(0x1C12, 0)
     drive.download(0x1C13, 0)
     for mapping, entries in (
@@ -43,7 +43,7 @@ def test_layouts(drive, drives, master):
     assert (len(drive.slave.output), len(drive.slave.input)) == (9, 12)
     assert drive.outputs == {(0x6060, 0): (0, 8), (0x6040, 0): (8, 16), (0x607A, 0): (28, 32)}
     assert drive.inputs == {(0x6061, 0): (0, 8), (0x6041, 0): (11, 16), (0x6064, 0): (32, 32), (0x60FD, 0): (64, 32)}
-    assert (len(drives[1].slave.output), len(drives[1].slave.input)) == (14, 14)  # as delivered
+    assert (len(drives[1].slave.output), len(drives[1].slave.input)) == (14, 14)  # the default lengths
 
     drive.write(0x6060, 8)
     master.wait(lambda: drive.get(0x6061) == 8, "the mode")
@@ -56,17 +56,17 @@ def test_layouts(drive, drives, master):
 
 
 def test_refusals_in_pre_operational(drive):
-    """Mapping with sub-index 0 other than 0, what cannot be mapped, what does not exist, what is too long."""
+    """Invalid mappings: sub-index 0 is not 0, objects that cannot be mapped, do not exist, or are too long."""
     aborts(0x06010003, drive.download, 0x1600, 0x60400010, 1)
     aborts(0x06010003, drive.download, 0x1C12, 0x1601, 1)
     drive.download(0x1C12, 0)
     drive.download(0x1600, 0)
-    aborts(0x06040041, drive.download, 0x1600, 0x60410010, 1)  # only to be read
-    aborts(0x06040041, drive.download, 0x1600, 0x60400020, 1)  # another length than its own
+    aborts(0x06040041, drive.download, 0x1600, 0x60410010, 1)  # read-only
+    aborts(0x06040041, drive.download, 0x1600, 0x60400020, 1)  # not its own length
     aborts(0x06020000, drive.download, 0x1600, 0x5FFF0010, 1)
     aborts(0x06090011, drive.download, 0x1600, 0x60FE0520, 1)
     drive.download(0x1600, 0x60400010, 1)
-    aborts(0x06090031, drive.download, 0x1600, 17)  # there are 16
+    aborts(0x06090031, drive.download, 0x1600, 17)  # the maximum is 16
     drive.download(0x1600, 1)
     with pytest.raises(pysoem.SdoError):
         drive.download(0x1C12, 0x1A00, 1)
@@ -82,7 +82,7 @@ def test_refusals_while_process_data_run(drive, master):
 
 
 def test_process_data_back_and_forth(master):
-    """Operational, scanned again, another mapping, Operational again: without a power cycle."""
+    """Operational, new scan, another mapping, Operational again, without a power cycle."""
     master.run()
     assert len(master.slaves[0].input) == 14
     master.stop_cycle()
@@ -97,7 +97,7 @@ def test_process_data_back_and_forth(master):
 
 
 def test_inputs_while_safe_operational(drives, master):
-    """Inputs are there, outputs are not taken: the controlword stays as it was."""
+    """The slave sends inputs and does not accept outputs: the controlword is unchanged."""
     for drive in drives:
         drive.learn_mapping()
     master.map()

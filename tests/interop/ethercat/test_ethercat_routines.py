@@ -10,7 +10,8 @@ from drive import Drive
 from routine import CYCLE_NS, Axis
 from segment import segment
 
-# The index is at whole turns: method 1 creeps to the first one behind the negative limit with 80 units/s, the default.
+# The index is at whole turns: method 1 creeps to the first index behind the negative limit with 80 units/s, the
+# default.
 TRAVEL = """
   [axis.travel]
   counts_per_unit = 4000
@@ -33,7 +34,7 @@ def test_routine(file, start_line, open_master, objects, tmp_path):
     master = open_master()
     assert master.scan() == 1
     drive = Drive(master, 0, line.bench, "drive1", objects("jmc_ec"))
-    drive.download(0x10F1, 0, 2)  # a busy machine is no fault of the drive's
+    drive.download(0x10F1, 0, 2)  # delays of a busy machine must not cause a fault
     for assignment, mapping, entries in ((0x1C12, 0x1600, "outputs"), (0x1C13, 0x1A00, "inputs")):
         if entries in routine:
             drive.remap(assignment, [(e >> 16, e >> 8 & 0xFF, e & 0xFF) for e in routine[entries]], mapping)

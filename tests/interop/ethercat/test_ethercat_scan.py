@@ -1,4 +1,4 @@
-"""A third-party master finds what is on the wire, and reads its information memory."""
+"""A third-party master finds the slaves and reads their information memory."""
 
 import struct
 
@@ -42,7 +42,7 @@ def test_the_next_master_finds_what_one_left_operational(start_line, open_master
 
 
 def categories(sii):
-    """{type: contents} of what follows the 64 words of the fixed part (ETG.1000.6 table 17)."""
+    """Returns {type: contents} of the categories after the 64 words of the fixed part (ETG.1000.6 table 17)."""
     found, at = {}, 128
     while (kind := struct.unpack_from("<H", sii, at)[0]) != 0xFFFF:
         (words,) = struct.unpack_from("<H", sii, at + 2)
@@ -61,7 +61,7 @@ def strings_of(category):
 
 
 def test_information_memory(slave, objects):
-    """The whole of it, decoded by the standard's tables and compared with the dictionary."""
+    """Decodes the whole memory by the standard's tables and compares it with the dictionary."""
     size_kbit = struct.unpack("<H", slave.eeprom_read(0x3E)[:2])[0] + 1
     sii = b"".join(slave.eeprom_read(word)[:4] for word in range(0, size_kbit * 64, 2))
     crc = 0xFF
@@ -86,7 +86,7 @@ def test_information_memory(slave, objects):
     assert [manager[:2] for manager in managers[:2]] == [(out_start, out_size), (in_start, in_size)]
     assert list(found[40])[:2] == [1, 2]
 
-    # The PDOs as the dictionary maps them, with the names of what is mapped.
+    # The PDOs of the dictionary's mapping, with the names of the mapped objects.
     rows = objects("generic402-ec")
     default = lambda index, sub: int(rows[index, sub]["default"], 0)
     for kind, first in ((51, 0x1600), (50, 0x1A00)):
@@ -120,7 +120,7 @@ def test_alias_written_by_a_master_stays(line, open_master):
     slave.eeprom_write(4, bytes(fixed[8:10]))
     slave.eeprom_write(7, bytes([crc, 0]))
     alias = line.bench.axis("drive1")["alias"]
-    assert alias != 0x1234  # it comes into force with the power
+    assert alias != 0x1234  # it takes effect after a power cycle
     line.bench.post("axes/drive1/power", {"action": "cycle"})
     assert line.bench.axis("drive1")["alias"] == 0x1234
     assert master.scan() == 2

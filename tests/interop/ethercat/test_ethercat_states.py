@@ -1,4 +1,4 @@
-"""Each mistake of a master's, and the AL status code a slave refuses with (ETG.1000.6 6.4, ETG.1020 11)."""
+"""Each error of a master, and the AL status code of the refusal (ETG.1000.6 6.4, ETG.1020 11)."""
 
 import signal
 import struct
@@ -29,7 +29,7 @@ def status(slave):
 
 
 def request(slave, state):
-    """AL status and code when it is there, or refused."""
+    """Returns AL status and code when the state is reached or refused."""
     write(slave, AL_CONTROL, state)
     wait_for(lambda: status(slave)[0] & 0x0F == state & 0x0F or status(slave)[0] & ERROR, lambda: f"{status(slave)}")
     return status(slave)
@@ -55,7 +55,7 @@ def test_changes_that_do_not_exist(slave, begin, wanted, code):
     write(slave, AL_CONTROL, wanted)
     wait_for(lambda: status(slave)[0] & ERROR, "a refusal")
     assert status(slave) == (begin | ERROR, code)
-    # Nothing but its acknowledgement (and Init) is heard; then all is as before.
+    # The slave accepts only an acknowledgement (and Init); afterwards it works as before.
     write(slave, AL_CONTROL, PREOP)
     assert status(slave) == (begin | ERROR, code)
     acknowledge(slave, begin)
@@ -154,7 +154,7 @@ def test_process_data_switched_off_while_they_are_used(master, manager, code):
 
 @pytest.mark.parametrize("assignment, mapping, code", [(0x1C12, 0x1600, 0x0025), (0x1C13, 0x1A00, 0x0024)])
 def test_mapping_that_grew_too_long(mapped, assignment, mapping, code):
-    """Two PDOs are assigned, and then filled: each has room, both have not (256 bytes)."""
+    """Two PDOs are assigned and then enlarged: each one fits, but both together do not (256 bytes)."""
     slave = mapped.slaves[0]
     slave.sdo_write(assignment, 0, b"\0")
     slave.sdo_write(assignment, 1, struct.pack("<H", mapping))
@@ -163,19 +163,19 @@ def test_mapping_that_grew_too_long(mapped, assignment, mapping, code):
     for pdo in (mapping, mapping + 1):
         slave.sdo_write(pdo, 0, b"\0")
         for sub in range(1, 7):
-            slave.sdo_write(pdo, sub, struct.pack("<I", 0x000000F8))  # 31 bytes of nothing
+            slave.sdo_write(pdo, sub, struct.pack("<I", 0x000000F8))  # a gap of 31 bytes
         slave.sdo_write(pdo, 0, b"\6")
     assert request(slave, SAFEOP) == (PREOP | ERROR, code)
 
 
 def test_no_outputs(master):
-    """Operational is asked for, and nothing is ever sent."""
+    """Requests Operational and sends no outputs."""
     master.map()
     assert request(master.slaves[0], OP) == (SAFEOP | ERROR, 0x0019)
 
 
 def test_watchdog_of_process_data(master):
-    """The master forgets to send for longer than the watchdog of one slave; the other one's is longer."""
+    """The master sends nothing for longer than the watchdog of one slave; the watchdog of the other one is longer."""
     master.run(watchdog_ms=6000)
     master.slaves[0].set_watchdog("processdata", 20)
     assert master.slaves[0].get_watchdog("processdata") == pytest.approx(20, abs=0.1)
@@ -192,7 +192,7 @@ def test_watchdog_of_process_data(master):
 
 
 def test_a_line_that_gets_no_processor_keeps_its_slaves(line, master, bench):
-    """Time that the line could not run does not count as silence of its master's, who has been sending meanwhile."""
+    """Time in which the line could not run does not count as silence of the master, which continues to send."""
     master.run(watchdog_ms=1000)
     line.process.send_signal(signal.SIGSTOP)
     time.sleep(3)
@@ -243,7 +243,7 @@ class TestDistributedClocks:
         assert slave.sdo_read(0x1C32, 0x0A) == struct.pack("<I", self.CYCLE_NS)
 
     def test_pulses_that_never_come(self, clocked):
-        """SYNC0 starts in an hour; outputs come."""
+        """SYNC0 starts in an hour; outputs arrive."""
         slave = clocked.slaves[0]
         slave.dc_sync(False, self.CYCLE_NS)
         write(slave, SYNC0_CYCLE, self.CYCLE_NS, 4)
@@ -256,7 +256,7 @@ class TestDistributedClocks:
 
     def test_pulses_that_end(self, master):
         for slave in master.slaves:
-            slave.sdo_write(0x10F1, 2, b"\0\0")  # cycles that a busy machine loses are no error
+            slave.sdo_write(0x10F1, 2, b"\0\0")  # cycles that a busy machine loses must not cause an error
         master.run(dc_cycle_ns=self.CYCLE_NS)
         slave = master.slaves[0]
         write(slave, SYNC_ACTIVATION, 0, 1)
@@ -265,7 +265,9 @@ class TestDistributedClocks:
         assert status(master.slaves[1]) == (OP, 0)
 
     def test_cycles_without_outputs(self, master):
-        """10F1h: each adds 3 to a counter; above the limit the slave falls back. The other one's, zero, is no limit."""
+        """10F1h: each missed cycle adds 3 to a counter; above the limit the slave leaves Operational. The limit of the
+        other
+        slave is 0, which disables the check."""
         for slave, limit in zip(master.slaves, (200, 0)):
             slave.sdo_write(0x10F1, 2, struct.pack("<H", limit))
         master.run(dc_cycle_ns=self.CYCLE_NS, watchdog_ms=6500)
@@ -279,7 +281,7 @@ class TestDistributedClocks:
 
 
 def test_damaged_information_memory(line, open_master):
-    """A wrong checksum is noticed when the controller loads it: at the next power-on."""
+    """A wrong checksum is detected when the controller loads the memory: at the next power-on."""
     master = open_master()
     master.scan()
     master.slaves[0].eeprom_write(7, b"\0\0")

@@ -1,4 +1,4 @@
-"""`servodrome trial` with pysoem's master, over the cable."""
+"""`servodrome trial` with pysoem as the master, over the cable."""
 
 import json
 import pathlib

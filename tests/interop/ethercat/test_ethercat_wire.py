@@ -1,4 +1,4 @@
-"""The line's own capture is what was on the wire."""
+"""The line's capture equals the frames on the cable."""
 
 import os
 import pathlib
@@ -15,7 +15,7 @@ ETH_P_ALL = 3
 
 
 class Tap(threading.Thread):
-    """Everything that passes an interface, in both directions, until `last` has come back."""
+    """Records all frames on an interface in both directions, until `last` has come back."""
 
     def __init__(self, interface, last):
         super().__init__(daemon=True)
@@ -31,8 +31,8 @@ class Tap(threading.Thread):
 
 
 def test_log_and_wire_agree(start_line, open_master, cables, tmp_path):
-    """Every frame that passed the master's end of the cable, in its order, is in the log, and the other way round. The
-    frames of the wire are kept beside the other captures."""
+    """The log contains exactly the frames that passed the master's end of the cable, in order. The frames of the cable
+    are stored next to the other captures."""
     log = tmp_path / "log.pcap"
     line = start_line(segment(2), log=log)
     tap = Tap(cables[0][0], lambda frame: frame[6:12] in (RawLink.SOURCE, RawLink.ANSWER))
@@ -53,5 +53,5 @@ def test_log_and_wire_agree(start_line, open_master, cables, tmp_path):
     assert list(frames_of(kept)) == on_wire
     assert len(on_wire) > 400
     logged = list(frames_of(log))[:-2]
-    for way in (0, 2):  # to the slaves, and back: with the second bit of the source address
+    for way in (0, 2):  # to the slaves, and back: with the second bit of the source address inverted
         assert [f for f in on_wire if f[6] & 2 == way] == [f for f in logged if f[6] & 2 == way]

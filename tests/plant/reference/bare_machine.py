@@ -1,6 +1,6 @@
-"""A bare motor of 400 W on a full DC link, what the scenarios begin with.
+"""A bare motor of 400 W on a charged DC link, the initial state of the scenarios.
 
-Both sides are told all of it, so that no default of the plant is taken on trust.
+Both models receive all of these parameters, so that the test does not depend on defaults of the plant.
 """
 
 BARE_MACHINE = {

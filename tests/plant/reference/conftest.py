@@ -1,4 +1,4 @@
-"""Prints the table of errors at the end, whichever process has computed a row (pytest -n)."""
+"""Prints the table of errors at the end, with the rows of all processes (pytest -n)."""
 
 HEADINGS = ("scenario", "quantity", "reference", "plant", "error %", "limit %", "target %", "own error %", "")
 LINE = "{:26} {:23} {:>11} {:>11} {:>9} {:>8} {:>8} {:>11} {}"

@@ -1,14 +1,15 @@
 """Springs with dampers that push and never pull: the two flanks of a coupling with play, and the hard stops.
 
-A contact begins where the bodies meet and ends where the sum of spring and damper is no longer a push, which with a
-damper is before the spring has relaxed.
+A contact begins where the bodies meet, and ends when the sum of spring and damper no longer pushes; with a damper this
+is before the spring has relaxed.
 """
 
 from state import ANGLE, LOAD_ANGLE, LOAD_SPEED, SPEED, Event
 
 
 class Contacts:
-    """Two of which at most one touches, at side +1 or -1; `depth(angle, side)` is how far the spring is pressed in."""
+    """Two contacts of which at most one is active, at side +1 or -1; `depth(angle, side)` is the compression of the
+    spring."""
 
     name = ""
 
@@ -46,7 +47,7 @@ class Contacts:
 
 
 class Flanks(Contacts):
-    """Between rotor and load, by the twist. Without play it is one spring that pulls as well."""
+    """The contact between rotor and load, by the twist. Without backlash it is one spring that also pulls."""
 
     name = "flank"
 

@@ -1,8 +1,9 @@
-"""Six diodes between a star of three windings and the DC link, all switches open: which conduct, and until when.
+"""Six diodes between a star of three windings and the DC link, all switches open: which diodes conduct, and until when.
 
-A phase whose current leaves the motor is held at the upper rail by its diode, one whose current enters at the lower.
-A phase without current lies where its own voltage and the star point's put it, between the rails; where it would leave
-them a diode takes over. So no phase conducts, or two, or all three. The diodes drop no voltage.
+A phase whose current flows out of the motor is clamped to the upper rail by its diode, one whose current flows in to
+the lower rail. The voltage of a phase without current follows from its own back-EMF and the star point, between the
+rails; beyond a rail its diode begins to conduct. So no phase conducts, or two, or all three. The diodes have no voltage
+drop.
 """
 
 import math
@@ -12,7 +13,7 @@ from state import ANGLE, DIRECT, LINK, QUADRATURE, SPEED, WINDING, Event, sign
 PHASES = (0, 1, 2)
 AXES = [2.0 * math.pi / 3.0 * phase for phase in PHASES]
 NO_CURRENT_A = 1.0e-9
-NO_VOLTAGE_V = 1.0e-9  # above the link's: a motor at rest on an empty link opens no diode
+NO_VOLTAGE_V = 1.0e-9  # above the link's voltage: a motor at rest on an empty link does not open a diode
 
 
 class DiodeBridge:
@@ -26,7 +27,7 @@ class DiodeBridge:
     # --- The equations.
 
     def derivative(self, values, resistance):
-        """Slopes of the currents, and the power into the motor."""
+        """Returns the derivatives of the currents, and the power into the motor."""
         conducting = self.conducting()
         if not conducting:
             return 0.0, 0.0, 0.0
@@ -41,14 +42,14 @@ class DiodeBridge:
         theta = m.pole_pairs * values[ANGLE]
         terminals = [values[LINK] if rail > 0 else 0.0 for rail in self.rails]
         if len(conducting) == 3:
-            # The terminals are known, and the star point is in their middle.
+            # The terminals are known, and the star point is their mean.
             alpha_v = (2.0 * terminals[0] - terminals[1] - terminals[2]) / 3.0
             beta_v = (terminals[1] - terminals[2]) / math.sqrt(3.0)
             direct_v = alpha_v * math.cos(theta) + beta_v * math.sin(theta)
             quadrature_v = beta_v * math.cos(theta) - alpha_v * math.sin(theta)
             return m.current_slopes(direct, quadrature, direct_v, quadrature_v, resistance, electrical)
-        # Through two phases in series flows one current along one axis of the stator, and what the flux along that axis
-        # changes by is the voltage between the two less that of their resistance.
+        # If two phases conduct, one current flows through them in series, along one axis of the stator. The change of
+        # the flux along that axis is the voltage between the two phases minus that of their resistance.
         first, second = conducting
         d, q = self.axis(first, second, theta)
         along_a = d * direct + q * quadrature
@@ -61,7 +62,7 @@ class DiodeBridge:
         return d * slope + electrical * q * along_a, q * slope - electrical * d * along_a
 
     def axis(self, first, second, theta):
-        """From the axis of the second phase to that of the first, in the rotor frame."""
+        """Returns the axis from the second phase to the first, in the rotor frame."""
         d = math.cos(AXES[first] - theta) - math.cos(AXES[second] - theta)
         q = math.sin(AXES[first] - theta) - math.sin(AXES[second] - theta)
         return d / math.sqrt(3.0), q / math.sqrt(3.0)
@@ -71,13 +72,14 @@ class DiodeBridge:
         return values[DIRECT] * math.cos(angle) + values[QUADRATURE] * math.sin(angle)
 
     def blocked_v(self, values, phase):
-        """Between a phase without current and the star point: the change of the flux along its axis."""
+        """Returns the voltage between a phase without current and the star point: the change of the flux along its
+        axis."""
         m = self.m
         conducting = self.conducting()
         electrical = m.pole_pairs * values[SPEED]
         slopes = 0.0, 0.0
         if conducting:
-            # The axis of a phase without current does not see the resistance.
+            # The axis of a phase without current has no resistive voltage.
             slopes = self.slopes(values, m.resistance_ohm(values[WINDING]), conducting)
         flux_d = m.direct_h * slopes[0] - electrical * m.quadrature_h * values[QUADRATURE]
         flux_q = m.quadrature_h * slopes[1] + electrical * (m.direct_h * values[DIRECT] + m.flux)
@@ -85,26 +87,27 @@ class DiodeBridge:
         return flux_d * math.cos(angle) + flux_q * math.sin(angle)
 
     def blocked_terminal_v(self, values):
-        """With two phases conducting, the third's terminal against the lower rail. Phase voltages sum to nothing."""
+        """Returns, with two phases conducting, the third terminal's voltage to the lower rail. The phase voltages add
+        up to 0."""
         blocked = self.rails.index(0)
         return 0.5 * (values[LINK] + 3.0 * self.blocked_v(values, blocked))
 
     def least_gap_v(self, values):
-        """Without any current: what the highest voltage between two phases lacks to open two diodes."""
+        """Returns, without any current, the voltage that is missing to open two diodes."""
         voltages = [self.blocked_v(values, phase) for phase in PHASES]
         return values[LINK] + NO_VOLTAGE_V - (max(voltages) - min(voltages))
 
     # --- Modes.
 
     def open(self, state):
-        """The switches open: each current goes on through the diode of its direction."""
+        """Opens the switches: each current continues through the diode of its direction."""
         for phase in PHASES:
             current = self.phase_current(state, phase)
             self.rails[phase] = -sign(current) if abs(current) > NO_CURRENT_A else 0
         self.clear(state)
 
     def clear(self, state):
-        """Takes the last of a current out of the phases that carry none."""
+        """Sets the current of phases that do not conduct to exactly 0."""
         conducting = self.conducting()
         if len(conducting) == 2:
             d, q = self.axis(*conducting, self.m.pole_pairs * state[ANGLE])
@@ -115,7 +118,7 @@ class DiodeBridge:
             state[DIRECT] = state[QUADRATURE] = 0.0
 
     def settle(self, state):
-        """Diodes that the voltages open at once."""
+        """Returns the diodes that the voltages open immediately."""
         if not self.conducting() and self.least_gap_v(state) < 0.0:
             self.begin(state)
         if len(self.conducting()) == 2:

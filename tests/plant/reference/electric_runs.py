@@ -1,4 +1,4 @@
-"""Runs about windings, bridge, DC link and heat. The voltages are given beforehand: nothing controls the currents."""
+"""Runs about windings, bridge, DC link and heat. The voltages are given in advance; there is no current control."""
 
 import math
 
@@ -22,17 +22,17 @@ def vector(amplitude, angle):
 
 
 def of_rotor(direct_v, quadrature_v, angle):
-    """Phase voltages of a vector that is given in the rotor's frame."""
+    """Returns the phase voltages of a vector in the rotor's frame."""
     return vector(math.hypot(direct_v, quadrature_v), angle + math.atan2(quadrature_v, direct_v))
 
 
 def spin(speed_rad_s, inertia=FLYWHEEL_KGM2 + BARE_MACHINE["motor.rotor_inertia_kgm2"], **kept):
-    """Turns the shaft up to a speed by a torque from outside, all switches open."""
+    """Accelerates the shaft to a speed by an external torque, with all switches open."""
     return Hold(SPIN_TICKS, external_nm=-speed_rad_s * inertia / (SPIN_TICKS * TICK_S), **kept)
 
 
 def synchronous(ticks, speed_rad_s, direct_v, quadrature_v, pole_pairs=POLE_PAIRS, first=0, **kept):
-    """A voltage vector that goes with a rotor of constant speed, after spin(); `first`: ticks since then."""
+    """A voltage vector that rotates with a rotor of constant speed, after spin(); `first`: ticks since then."""
     electrical = pole_pairs * speed_rad_s
     begin = electrical * TICK_S * (0.5 * SPIN_TICKS + first)
     angles = (begin + electrical * TICK_S * (tick + 0.5) for tick in range(ticks))
@@ -40,7 +40,7 @@ def synchronous(ticks, speed_rad_s, direct_v, quadrature_v, pole_pairs=POLE_PAIR
 
 
 def for_current(current_a, electrical, direct_h=HENRY, quadrature_h=HENRY, flux=FLUX_VS, ohm=OHM):
-    """Direct and quadrature voltage that keep a quadrature current at a speed."""
+    """Returns the direct and quadrature voltages that keep a quadrature current at a speed."""
     return -electrical * quadrature_h * current_a, ohm * current_a + electrical * flux
 
 
@@ -59,7 +59,7 @@ def turning_step(rpm, current_a=5.0):
 
 
 def salient_step():
-    """Both ways of mounting the encoder."""
+    """Both mounting directions of the encoder."""
     runs = []
     for direction in (1, -1):
         quadrature_h = 1.6 * HENRY
@@ -82,14 +82,14 @@ def saturated_step():
 
 
 def warm_magnets():
-    """A short circuit, which the back-EMF drives, with magnets of 85 degC."""
+    """A short circuit: the back-EMF drives the current, with magnets at 85 degC."""
     changes = {"motor.magnet_temperature_coefficient": 1.1e-3, "thermal.ambient_c": 85.0}
     return [Run(run.changes | changes, run.holds) for run in short_circuit()]
 
 
 def torque_step(ticks=400, inertia=5.0e-4):
-    """A torque and then the opposite one, with the voltages of the course that the shaft takes under them: the current
-    approaches each exponentially, which gives speed and angle in closed form."""
+    """A torque and then the opposite one. The voltages are calculated for the resulting motion of the shaft: each
+    current approaches its value exponentially, which gives speed and angle in closed form."""
     tau = HENRY / OHM
     gain = 1.5 * POLE_PAIRS * FLUX_VS / (inertia + BARE_MACHINE["motor.rotor_inertia_kgm2"])
     holds = []
@@ -117,7 +117,7 @@ def short_circuit():
 
 
 def rotating(rad_per_tick):
-    """A fast vector with a motor of many poles. Half of the voltage stands against the back-EMF."""
+    """A fast vector with a motor of many poles. Half of the voltage balances the back-EMF."""
     pole_pairs, flux = 50, 0.005
     speed = rad_per_tick / TICK_S / pole_pairs
     electrical = pole_pairs * speed
@@ -133,7 +133,7 @@ def rotating(rad_per_tick):
 
 
 def stepper():
-    """One full step of a hybrid stepper, in which the rotor swings."""
+    """One full step of a hybrid stepper, in which the rotor oscillates."""
     changes = {
         "motor.phases": 2,
         "motor.pole_pairs": 50,
@@ -157,7 +157,7 @@ GENERATED_TICKS = 800
 
 
 def generator(emf_share):
-    """Coasting; the back-EMF (peak, line to line) is so many times the voltage that a large capacitor keeps."""
+    """Coasting; the back-EMF (peak, line to line) is this multiple of the voltage of a large capacitor."""
     inertia = 0.1
     speed = emf_share * GENERATED_V / (math.sqrt(3.0) * FLUX_VS * POLE_PAIRS)
     changes = {"supply.volts": GENERATED_V, "supply.capacitance_f": 10.0, "load.inertia_kgm2": inertia}
@@ -166,7 +166,7 @@ def generator(emf_share):
 
 
 def settled_periods(emf_share):
-    """Ticks of whole electrical periods after the currents have settled."""
+    """The ticks of whole electrical periods after the transient of the currents."""
     period = 2.0 * math.pi / (emf_share * GENERATED_V / (math.sqrt(3.0) * FLUX_VS)) / TICK_S
     periods = int(0.5 * GENERATED_TICKS / period)
     last = SPIN_TICKS + GENERATED_TICKS
@@ -177,7 +177,7 @@ SWITCH_OFF_TICK = 400
 
 
 def switch_off(current_a):
-    """Of a current in several directions between the axis of a phase and the middle of two."""
+    """A current in several directions between the axis of a phase and the middle of two axes."""
     runs = []
     for degrees in (0.0, 5.0, 12.0, 20.0, 30.0):
         volts = vector(OHM * current_a, math.radians(degrees))
@@ -214,7 +214,7 @@ CHOPPER_FROM = 300  # ticks after the spin-up
 
 
 def regeneration(chopper_from=None):
-    """-4 A at 3000 rpm, 400 W that come back. The voltages are those of a current that rises exponentially."""
+    """-4 A at 3000 rpm: 400 W flow back. The voltages are those of a current that rises exponentially."""
     speed = rad_s(3000.0)
     holds = []
     for tick in range(500):
@@ -228,7 +228,7 @@ def regeneration(chopper_from=None):
 
 
 def buffered():
-    """The mains gone: electronics and bleeder empty the capacitor."""
+    """Without mains: electronics and bleeder discharge the capacitor."""
     changes = {"supply.standby_w": 20.0, "supply.bleeder_resistance_ohm": 5.0e3}
     return [Run(changes, [Hold(10), Hold(16000, connected=False)], every=16, longest_step_ticks=400.0)]
 
@@ -239,7 +239,7 @@ HEAT_SECONDS = 100
 
 
 def heating():
-    """24 W in the copper of a standing motor. Inductance and capacitance are large so that the reference may take large
+    """24 W in the copper of a standing motor. Inductance and capacitance are large, so that the reference can use large
     steps."""
     changes = {
         "locked": 1,

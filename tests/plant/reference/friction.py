@@ -1,4 +1,4 @@
-"""Dry friction of the rotor, of the load, or of both as one shaft: it slides, or it stands and is held."""
+"""Dry friction of the rotor, of the load, or of both as one shaft: it slides, or it stands and holds."""
 
 import math
 
@@ -7,17 +7,17 @@ from state import sign
 
 class Mass:
     def __init__(self, place, clamped=False):
-        self.place = place  # of its speed in the state
-        self.clamped = clamped  # by the bench: it stands whatever pulls
+        self.place = place  # index of its speed in the state
+        self.clamped = clamped  # held by the bench: it stands with any torque
         self.stands = clamped
         self.direction = 0
         self.sliding_nm = 0.0
         self.static_nm = 0.0
-        self.stribeck_nm = 0.0  # what the sliding friction is greater by at standstill
+        self.stribeck_nm = 0.0  # additional sliding friction at standstill
         self.stribeck_rad_s = 1.0
 
     def settle(self, speed, torque_nm):
-        """The mode that goes with the speed and the torque of everything else."""
+        """Returns the mode for this speed and for the torque of all other parts."""
         holds = speed == 0.0 and 0.0 < self.static_nm >= abs(torque_nm)
         self.stands = self.clamped or holds
         self.direction = 0 if self.stands else sign(speed) or sign(torque_nm)

@@ -1,7 +1,7 @@
-"""Hits on a hard stop, by how long the contact lasts and how much of the speed it gives back.
+"""Hits on a hard stop, selected by the duration of the contact and by the rebound speed.
 
-A spring with a damper that does not pull lets go after a time and with a speed that follow from its damping ratio
-alone: stiffness and damping are chosen here for the contact wanted.
+For a spring with a damper that does not pull, the duration of the contact and the rebound speed follow from the damping
+ratio alone. The runs choose stiffness and damping for the required contact.
 """
 
 import math
@@ -13,7 +13,7 @@ from state import TICK_S
 HIT_TICKS = (0.3, 1.0, 5.0, 20.0)
 RESTITUTIONS = (0.67, 0.3, 0.01)
 SPEEDS_RAD_S = (10.0, 50.0, 200.0)
-PHASES = (0.15, 0.5, 0.85)  # of the tick in which the stop is met, one for each speed
+PHASES = (0.15, 0.5, 0.85)  # position within the tick at which the stop is met, one for each speed
 
 ROTOR_KGM2 = 0.28e-4
 RIGID_LOAD_KGM2 = 0.28e-4
@@ -22,7 +22,8 @@ RAD_PER_COUNT = 2.0 * math.pi / 131072
 
 
 def contact_angle(ratio):
-    """How long the contact lasts, times the natural frequency, until spring and damper together stop pushing."""
+    """Returns the duration of the contact, times the natural frequency, until spring and damper together no longer
+    push."""
     if ratio < 1.0:
         free = math.sqrt(1.0 - ratio * ratio)
         return (math.pi - math.atan2(2.0 * ratio * free, 1.0 - 2.0 * ratio * ratio)) / free
@@ -35,7 +36,7 @@ def restitution_of(ratio):
 
 
 def stop_for(inertia, contact_ticks, restitution):
-    """Stiffness and damping of a stop that an inertia touches for so long and leaves with so much of its speed."""
+    """Returns stiffness and damping of a stop for an inertia, a duration of contact and a share of rebound speed."""
     ratio = brentq(lambda x: restitution_of(x) - restitution, 1.0e-3, 20.0)
     frequency = contact_angle(ratio) / (contact_ticks * TICK_S)
     return {
@@ -57,7 +58,7 @@ def rigid_hit(contact_ticks, restitution, speed, phase):
 
 
 def elastic_hit(contact_ticks, restitution, speed, phase):
-    """The coupling (340 Hz, damped) has come to rest before the stop is met; what meets it is the load alone."""
+    """The coupling (340 Hz, damped) comes to rest before the stop is met; only the load hits the stop."""
     changes = {
         "load.elastic": 1,
         "load.inertia_kgm2": ELASTIC_LOAD_KGM2,
@@ -69,7 +70,7 @@ def elastic_hit(contact_ticks, restitution, speed, phase):
 
 
 def hit(changes, inertia, speed, after_ticks, contact_ticks):
-    """The shaft is thrown at a stop that it reaches after so many ticks."""
+    """The shaft moves towards a stop and reaches it after this number of ticks."""
     distance = speed * TICK_S * after_ticks
     changes = changes | {"load.high_stop_counts": round(distance / RAD_PER_COUNT)}
     holds = [Hold(1, external_nm=-speed * inertia / TICK_S), Hold(math.ceil(after_ticks + 2.0 * contact_ticks) + 80)]
@@ -77,7 +78,7 @@ def hit(changes, inertia, speed, after_ticks, contact_ticks):
 
 
 def fall():
-    """A hanging load falls on a stop, bounces, and comes to rest on it."""
+    """A hanging load falls on a stop, rebounds, and comes to rest on it."""
     inertia = ROTOR_KGM2 + RIGID_LOAD_KGM2
     changes = {"load.inertia_kgm2": RIGID_LOAD_KGM2, "load.gravity_torque_nm": 0.3, "load.low_stop_counts": -2000}
     return [Run(changes | stop_for(inertia, 5.0, 0.3), [Hold(800)])]

@@ -1,4 +1,5 @@
-"""What of the load depends on its place: weight and inertia in the cycle of an arm or crank, stiffness along a belt."""
+"""The position-dependent parts of the load: weight and inertia in the cycle of an arm or crank, stiffness along a
+belt."""
 
 import math
 
@@ -15,7 +16,7 @@ class LoadPlace:
         return self.begin + self.rad_per_rad * angle
 
     def slide(self, angle):
-        """Way of the slider by the angle of the crank, in radii: the rod adds a second harmonic."""
+        """Returns the position of the slider by the angle of the crank, in radii: the rod adds a second harmonic."""
         a = self.cycle(angle)
         return math.sin(a) + 0.5 * self.p["load.crank_ratio"] * math.sin(2.0 * a)
 
@@ -32,7 +33,8 @@ class LoadPlace:
         return 2.0 * self.p["load.crank_inertia_kgm2"] * self.slide(angle) * slide_slope
 
     def stiffness(self, angle):
-        """Of both spans together; each is as stiff as it is short."""
+        """Returns the stiffness of both spans together; the stiffness of a span is inversely proportional to its
+        length."""
         middle = self.p["load.stiffness_nm_per_rad"]
         if self.length == 0.0:
             return middle

@@ -1,8 +1,9 @@
-"""The machine as its physics has it: differential equations, one set for each of its modes, and where a mode ends.
+"""The machine as differential equations, one set for each of its modes, and the end of each mode.
 
-A mode is what stands and what slides, what touches what, and which diodes conduct; within one everything is smooth.
-The windings are taken in the rotor frame (d on the magnet, amplitude-invariant): power and torque are n/2 times the
-products of n phases. Signs are those of the plant: positive is where the encoder counts up.
+A mode defines which masses stand or slide, which contacts are closed, and which diodes conduct; within a mode all
+functions are smooth. The windings are in the rotor frame (d on the magnet, amplitude-invariant): power and torque are
+n/2 times the products of n phases. Signs are those of the plant: positive is the direction in which the encoder counts
+up.
 """
 
 import math
@@ -14,8 +15,8 @@ from friction import Mass
 from load_place import LoadPlace
 from state import ANGLE, CASE, LINK, LOAD_ANGLE, LOAD_SPEED, SPEED, STAGE, STATES, WINDING, Event
 
-EMPTY_V = 10.0  # of the link: below, nothing in the drive switches
-PRECHARGED = 0.97  # of the supply's voltage: then the relay bridges the precharge resistor
+EMPTY_V = 10.0  # voltage of the link below which nothing in the drive switches
+PRECHARGED = 0.97  # share of the supply's voltage at which the relay bridges the precharge resistor
 
 
 def flux_linkage_vs(p):
@@ -41,7 +42,7 @@ class Machine:
             p["supply.precharge_time_constant_s"] / p["supply.capacitance_f"], p["supply.source_resistance_ohm"]
         )
 
-        # What is held for a time.
+        # Inputs that are constant for some time.
         self.alpha_v = self.beta_v = 0.0
         self.pwm = self.open = self.chopper = self.connected = False
         self.load_nm = 0.0
@@ -80,7 +81,7 @@ class Machine:
             self.rotor.sliding_nm, self.rotor.static_nm = rotor + load[0], rotor + load[1]
 
     def hold(self, hold, state):
-        """Takes what is held from now on, and settles the modes that follow from it."""
+        """Sets the inputs from now on, and determines the modes that follow from them."""
         u, v, w = (float(numpy.float32(volts)) for volts in hold.volts)
         if not hold.pwm or hold.short:
             u = v = w = 0.0
@@ -100,7 +101,7 @@ class Machine:
         self.settle(state)
 
     def settle(self, state):
-        """The modes of precharge, bridge and friction that go with this state."""
+        """Determines the modes of precharge, bridge and friction for this state."""
         self.precharging = self.precharging and state[LINK] < PRECHARGED * self.p["supply.volts"]
         if self.open:
             self.bridge.settle(state)
@@ -108,7 +109,7 @@ class Machine:
             mass.settle(state[mass.place], torque)
 
     def release(self, state):
-        """Masses that stand and are held no longer, since a contact has closed or opened."""
+        """Releases masses that are at rest but no longer held, because a contact has closed or opened."""
         for mass, torque in zip(self.masses, self.torques_of(state)):
             if mass.stands and not mass.clamped and abs(torque) > mass.static_nm:
                 mass.break_away(torque)
@@ -124,7 +125,7 @@ class Machine:
         self.flux = self.flux_at_25_c * (1.0 - cooler)
 
     def saturable(self):
-        """The part of Lq that falls with the current, and the scale of the current."""
+        """Returns the part of Lq that decreases with the current, and the scale of the current."""
         scale = self.p["motor.quadrature_saturation_a"]
         if scale == 0.0:
             return 0.0, 1.0
@@ -143,7 +144,7 @@ class Machine:
         return self.half_phases * self.pole_pairs * (along - self.quadrature_flux(quadrature) * direct)
 
     def current_slopes(self, direct, quadrature, direct_v, quadrature_v, resistance, electrical):
-        """Voltage = resistance * current + change of the flux, whose turning is seen from the rotor."""
+        """Voltage = resistance * current + change of the flux, which rotates as seen from the rotor."""
         back_d = -electrical * self.quadrature_flux(quadrature)
         back_q = electrical * (self.direct_h * direct + self.flux)
         return (
@@ -152,7 +153,8 @@ class Machine:
         )
 
     def torques(self, direct, quadrature, speed, angle, load_speed, load_angle):
-        """On the rotor (with a rigid load: the shaft) and on the load, of everything but dry friction."""
+        """Returns the torques on the rotor (with a rigid load: the shaft) and on the load, of all parts but dry
+        friction."""
         rotor = self.torque_nm(direct, quadrature) - self.rotor_viscous * speed
         load = self.load_nm - self.load_viscous * load_speed - self.stops.torque_nm(load_speed, load_angle)
         load -= self.place.weight_nm(load_angle) + 0.5 * self.place.inertia_slope(load_angle) * load_speed**2
@@ -167,7 +169,7 @@ class Machine:
         return self.torques(*state.tolist()[: LOAD_ANGLE + 1])
 
     def supply_v(self, time_s):
-        """Of a rectifier: the greatest voltage between two of its wires."""
+        """Returns the voltage of a rectifier: the greatest voltage between two of its wires."""
         peak, phases = self.p["supply.volts"], self.p["supply.mains_phases"]
         if phases == 0:
             return peak
@@ -205,8 +207,8 @@ class Machine:
 
         supply_v = self.supply_v(time_s) if self.connected else 0.0
         source_ohm = self.precharge_ohm if self.precharging else p["supply.source_resistance_ohm"]
-        source_a = max(0.0, supply_v - link_v) / source_ohm  # the rectifier lets nothing back
-        standby_w = p["supply.standby_w"] if link_v > supply_v else 0.0  # else the source carries the electronics
+        source_a = max(0.0, supply_v - link_v) / source_ohm  # no current flows back through the rectifier
+        standby_w = p["supply.standby_w"] if link_v > supply_v else 0.0  # otherwise the source feeds the electronics
         leaks = 1.0 / p["supply.bleeder_resistance_ohm"]
         if self.chopper:
             leaks += 1.0 / p["supply.chopper_resistance_ohm"]
@@ -239,7 +241,7 @@ class Machine:
             lost_w,
         ]
 
-    # --- Where a mode ends.
+    # --- The end of a mode.
 
     def events(self):
         events = self.stops.events()
@@ -271,10 +273,10 @@ class Machine:
     def end_precharge(self, _):
         self.precharging = False
 
-    # --- What is stored.
+    # --- Stored energy.
 
     def stored_j(self, state):
-        """In the DC link, the windings, the moving masses, and in coupling and stops."""
+        """The energy in the DC link, the windings, the moving masses, and in coupling and stops."""
         direct, quadrature, speed, angle, load_speed, load_angle, link_v = state.tolist()[: LINK + 1]
         link = 0.5 * self.p["supply.capacitance_f"] * link_v * link_v
         part, scale = self.saturable()

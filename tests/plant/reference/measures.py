@@ -1,6 +1,6 @@
-"""How far two traces of a run are from each other: what is compared, and as a share of what.
+"""The differences between two traces of a run: the compared quantity, and the value that is 100 %.
 
-A measure takes the run and the traces of reference and plant. It returns what each has, and the error in percent.
+A measure takes the run and the traces of reference and plant. It returns both values and the error in percent.
 """
 
 import math
@@ -10,7 +10,7 @@ from state import TICK_S
 
 
 def course(*columns, change=False, peak=None, at=None):
-    """The greatest difference at any tick, in percent of the greatest value. Of several columns the lengths of vectors.
+    """The greatest difference at any tick, in percent of the greatest value. Several columns are compared as vectors.
 
     change: of the values since the start. peak: another value to take the percentage of. at: these ticks only.
     """
@@ -31,7 +31,7 @@ def course(*columns, change=False, peak=None, at=None):
 
 
 def ratio(value):
-    """Of one value, which `value` takes from the run and a trace; in percent of the reference's."""
+    """Compares one value, which `value` takes from the run and a trace; in percent of the reference's value."""
 
     def measure(run, reference, plant):
         ours, theirs = value(run, reference), value(run, plant)
@@ -45,7 +45,7 @@ def mean(column, ticks):
 
 
 def sunk():
-    """How deep the load rests in the low stop at the end."""
+    """The depth of the load in the lower stop at the end."""
     return ratio(lambda run, trace: run.parameters["load.low_stop_counts"] - trace["load_position_counts"][-1])
 
 
@@ -54,7 +54,7 @@ def given_j(trace, ticks):
 
 
 def link_energy(ticks):
-    """What the motor gives to the DC link."""
+    """The energy from the motor to the DC link."""
     return ratio(lambda _, trace: given_j(trace, ticks))
 
 
@@ -62,7 +62,7 @@ def link_current(ticks):
     return ratio(lambda _, t: given_j(t, ticks) / (t["dc_link_v"][ticks].mean() * len(ticks) * TICK_S))
 
 
-# A hit on a hard stop, from the last tick before the contact to one after its end, as the reference has them.
+# A hit on a hard stop, from the last tick before the contact to one after its end, by the times of the reference.
 
 
 def of_hit(value):
@@ -99,12 +99,12 @@ def restitution(run, reference, plant):
 
 
 def impulse(run, reference, plant):
-    """What the stop has taken out of both masses."""
+    """The energy that the stop has absorbed from both masses."""
     ours, theirs = momentum_nms(run, reference, plant)
     return ours, theirs, 100.0 * abs(theirs / ours - 1.0)
 
 
 def energy_lost(run, reference, plant):
-    """As a share of the energy of the approach, in percent of that."""
+    """As a share of the energy of approach; the error is in percent of that energy."""
     ours, theirs = lost_share(run, reference, plant)
     return ours, theirs, 100.0 * abs(theirs - ours)

@@ -1,14 +1,14 @@
 // plant_trace reads a scenario from standard input, steps a plant through it, and writes a trace to standard output.
 //
-// A scenario is lines of words. First parameters, by the names of parameters.hpp, those not named being the defaults:
+// A scenario consists of lines of words. First parameters, by the names of parameters.hpp; others have their defaults:
 //   load.inertia_kgm2 = 1e-4
-//   locked = 1          the bench's clamp on the rotor
+//   locked = 1          the bench holds the rotor
 //   every = 16          writes each 16th tick only
-// then, after a line "ticks", what is held for so many ticks, and a plain table of all ticks if each count is 1:
+// then, after a line "ticks", inputs that are constant for a number of ticks (for each tick, if the number is 1):
 //   TICKS U_V V_V W_V PWM SHORT_CIRCUIT BRAKE_RELEASED EXTERNAL_NM CHOPPER DC_LINK_CONNECTED
 //
-// The trace is a line with the columns' names, and then rows of doubles as the machine has them: the state before the
-// first tick, and that at the end of ticks. No text: 17 digits of each would take longer than the plant.
+// The trace is a line with the names of the columns, and then rows of binary doubles: the state before the first tick
+// and at the end of ticks. Text with 17 digits per value would take longer than the plant.
 #include <array>
 #include <charconv>
 #include <cstdio>
@@ -34,7 +34,7 @@ using servodrome::plant::Plant;
 
 using Member = std::variant<double*, int*, std::int64_t*, bool*>;
 
-// What is not about the machine but about the run.
+// Settings of the run, not of the machine.
 struct Run {
   bool locked = false;
   int every = 1;

@@ -1,4 +1,4 @@
-"""A run of the machine, tick by tick: through the reference, and through the plant. Both give the same columns."""
+"""A run of the machine, tick by tick: through the reference and through the plant. Both return the same columns."""
 
 import os
 import pathlib
@@ -42,7 +42,7 @@ RPM = 30.0 / numpy.pi
 
 @dataclass(frozen=True)
 class Hold:
-    """What is held for so many ticks."""
+    """Inputs that are constant for a number of ticks."""
 
     ticks: int
     volts: tuple = (0.0, 0.0, 0.0)  # of the phases, in the stator's frame
@@ -61,9 +61,9 @@ class Hold:
 
 @dataclass
 class Run:
-    changes: dict  # to the bare machine
+    changes: dict  # differences to the bare machine
     holds: list
-    every: int = 1  # each of how many ticks is kept
+    every: int = 1  # keeps one of this number of ticks
     longest_step_ticks: float = 2.0  # of the reference
 
     @property
@@ -75,13 +75,13 @@ class Run:
 class Trace:
     columns: dict  # name: array, by ticks
     every: int = 1
-    happened: list = field(default_factory=list)  # (tick, name) of what the reference met
+    happened: list = field(default_factory=list)  # (tick, name) of events in the reference
 
     def __getitem__(self, name):
         return self.columns[name]
 
     def tick_of(self, name, nth=0):
-        """When something happened for the nth time, with the fraction of the tick."""
+        """Returns the time of the nth occurrence of an event, with the fraction of the tick."""
         return [tick for tick, what in self.happened if what == name][nth]
 
 
@@ -97,7 +97,7 @@ def plant_trace(run):
 
 
 def reference_trace(run, halvings=0):
-    """The reference, or the same with all its steps halved so many times (its method is of order 8)."""
+    """Runs the reference, or the same with its steps halved this number of times (its method is of order 8)."""
     return Simulation(run, halvings).trace()
 
 
@@ -115,7 +115,7 @@ class Simulation:
         self.keep(self.state)
         self.happened = []
         self.brake_released = False
-        self.brake_turns_s = None  # when the last command takes effect
+        self.brake_turns_s = None  # time at which the last command takes effect
 
     def trace(self):
         tick = 0
@@ -171,7 +171,7 @@ class Simulation:
         self.stored.append(self.machine.stored_j(state))
 
     def meet(self, events, found):
-        """Does what follows from the event that has ended the integration."""
+        """Processes the event that has ended the integration."""
         for event, times, states in zip(events, found.t_events, found.y_events):
             if len(times):
                 self.state = states[0].copy()

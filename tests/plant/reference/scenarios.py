@@ -1,6 +1,6 @@
-"""What the plant is compared in: each scenario with its runs, and what of them is held to which limit.
+"""The comparisons of the plant: each scenario with its runs, and its quantities with their limits.
 
-A target is what the plant is to keep. Where it does not, `today` is what it has, rounded up: the limit until it does.
+A target is the permitted error. If the plant does not meet it, `today` is its present error, rounded up, as the limit.
 """
 
 import functools
@@ -17,7 +17,7 @@ from measures import course, energy_lost, impulse, link_current, link_energy, me
 class Quantity:
     name: str
     measure: Callable
-    target: float  # percent, as all of these
+    target: float  # percent, like all of these
     today: float | None = None
 
     @property
@@ -52,7 +52,7 @@ COURSES = {
 
 
 def courses(*names, target=0.5, today=()):
-    """Quantities that are compared in every tick; `today`: those of them that do not keep the target."""
+    """Quantities that are compared in every tick; `today`: present errors of those that do not meet the target."""
     return [Quantity(name, COURSES[name], target, dict(today).get(name)) for name in names]
 
 

@@ -1,4 +1,4 @@
-"""Runs about friction, coupling, play and brake, the machine's currents being those that fixed voltages make."""
+"""Runs about friction, coupling, backlash and brake; the machine's currents follow from fixed voltages."""
 
 import math
 
@@ -15,7 +15,7 @@ def spin_down():
 
 
 def stiff_viscous(elastic):
-    """A bearing that stops the rotor alone within a tick or two: the stator's field pulls it through as through honey."""
+    """A bearing that stops the rotor alone within a tick or two: the stator's field pulls it slowly."""
     changes = {"motor.viscous_friction_nms": 2.0, "load.inertia_kgm2": 1.0e-4}
     if elastic:
         changes |= TWO_MASSES
@@ -29,14 +29,14 @@ def coulomb_stop():
 
 
 def breakaway():
-    """Held by less than the static torque, let go by more, kept moving by less than that, and stopped."""
+    """Held below the static torque, released above it, kept moving by less torque, and stopped."""
     changes = {"load.inertia_kgm2": 0.28e-4, "load.coulomb_friction_nm": 0.1, "load.static_friction_nm": 0.15}
     torques = (0.149, -0.149, -0.151, -0.12, 0.0, 0.0, 0.149, 0.151)
     return [Run(changes, [Hold(100, external_nm=torque) for torque in torques])]
 
 
 def brake():
-    """A hanging load is let go, falls, and is caught again."""
+    """A hanging load is released, falls, and is stopped again."""
     changes = {"load.inertia_kgm2": 5.0e-4, "load.gravity_torque_nm": 0.5, "motor.brake_torque_nm": 2.0}
     holds = [Hold(100, brake_released=False), Hold(1000), Hold(800, brake_released=False)]
     return [Run(changes, holds)]
@@ -55,13 +55,13 @@ def ring_down():
 
 
 def elastic_driven():
-    """The stator's field is turned on by steps, and the rotor swings into it with the load behind."""
+    """The stator's field is turned in steps; the rotor oscillates into each step, with the load behind it."""
     angles = (1.57, 2.6, 2.0, 3.1)
     return [Run(TWO_MASSES, [Hold(250, vector(OHM * 6.0, angle), pwm=True) for angle in angles])]
 
 
 def stick_slip():
-    """The rotor follows a slow field and winds a soft coupling up until the load breaks loose, again and again."""
+    """The rotor follows a slow field and twists a soft coupling until the load breaks loose, repeatedly."""
     changes = TWO_MASSES | {
         "load.stiffness_nm_per_rad": 5.0,
         "load.coulomb_friction_nm": 0.05,
@@ -77,8 +77,8 @@ REVERSED_AT = [REVERSAL_TICKS * (half + 1) for half in range(REVERSALS + 1)]
 
 
 def play(load_kgm2, damping):
-    """The motor pulls to and fro, and each time the rotor crosses the play before the load follows. A weak motor of one
-    pole pair pulls alike at all speeds and angles that come of it: with 0.1 Nm."""
+    """The motor reverses its torque, and each time the rotor crosses the backlash before the load follows. A weak motor
+    with one pole pair has nearly the same torque at all speeds and angles of the run: 0.1 Nm."""
     changes = {
         "motor.pole_pairs": 1,
         "motor.torque_constant_nm_per_a": 0.05,
@@ -100,7 +100,7 @@ def play(load_kgm2, damping):
 
 
 def arm():
-    """An arm behind a gear falls out of its friction, swings, and comes to rest where friction holds it again."""
+    """An arm behind a gear breaks loose, oscillates, and comes to rest where friction holds it again."""
     changes = {
         "load.inertia_kgm2": 5.0e-4,
         "load.cycle_revolutions": 2.0,
@@ -113,7 +113,7 @@ def arm():
 
 
 def crank(elastic):
-    """A slider with weight, thrown round by a flywheel of its own."""
+    """A slider with weight, driven by the energy of its own flywheel."""
     changes = {
         "load.inertia_kgm2": 2.0e-4,
         "load.crank_inertia_kgm2": 4.0e-4,
@@ -127,7 +127,7 @@ def crank(elastic):
 
 
 def stribeck(elastic):
-    """Breaks loose under a torque that would not keep it moving without the fall of the friction, and stops again."""
+    """Breaks loose under a torque that only keeps it moving because the friction falls with speed, and stops again."""
     changes = {
         "load.inertia_kgm2": 1.0e-3,
         "load.coulomb_friction_nm": 0.05,
@@ -141,7 +141,7 @@ def stribeck(elastic):
 
 
 def belt():
-    """A carriage that vibrates on a belt which becomes stiffer along the way."""
+    """A carriage oscillates on a belt whose stiffness increases along the travel."""
     changes = {
         "load.elastic": 1,
         "load.inertia_kgm2": 5.0e-4,
@@ -154,7 +154,7 @@ def belt():
 
 
 def iron_loss():
-    """Coasting; the drag of the iron heats a small case."""
+    """Coasting; the iron losses heat a small case."""
     changes = {
         "load.inertia_kgm2": 1.0e-3,
         "motor.iron_hysteresis_nm": 0.02,

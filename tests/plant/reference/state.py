@@ -5,12 +5,12 @@ import numpy
 TICKS_PER_SECOND = 16000
 TICK_S = 1.0 / TICKS_PER_SECOND
 
-# With a rigid load its speed and angle are the rotor's. After the temperatures come books: sums since the start.
+# With a rigid load its speed and angle are the rotor's. After the temperatures come energies: sums since the start.
 DIRECT, QUADRATURE, SPEED, ANGLE, LOAD_SPEED, LOAD_ANGLE, LINK, WINDING, CASE, STAGE = range(10)
 IMPULSE, TO_MOTOR, COPPER, WORK, SUPPLIED, CHOPPED, STANDBY, STAGE_LOSS = range(10, 18)
 STATES = 18
 
-# What a step may be wrong by. Of an angle a share of its size would be too much: stops are stiff.
+# The tolerances of a step. For angles, a relative tolerance would be too large because stops are stiff.
 TOLERANCES = numpy.full(STATES, 1.0e-9)
 TOLERANCES[[ANGLE, LOAD_ANGLE]] = 1.0e-10
 TOLERANCES[IMPULSE:] = 1.0e-11
@@ -19,7 +19,7 @@ RELATIVE_TOLERANCES[[ANGLE, LOAD_ANGLE]] = 1.0e-13
 
 
 class Event:
-    """A function of the state that falls through zero where a mode ends, and what is done with the state then."""
+    """A function of the state whose zero crossing (falling) ends a mode, and the change of the state at that time."""
 
     terminal = True
     direction = -1.0

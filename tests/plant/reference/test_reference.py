@@ -1,4 +1,4 @@
-"""The plant against the reference model, and the reference against itself and what can be had in closed form."""
+"""The plant compared with the reference model; the reference compared with itself and with closed-form solutions."""
 
 import math
 import re
@@ -15,7 +15,7 @@ from scenarios import SCENARIOS
 from scipy.integrate import solve_ivp
 from state import TICK_S
 
-# The reference may be wrong by so much of a target: by how much it changes when all its steps are halved.
+# The permitted error of the reference, as a share of a target: the change of its results when all its steps are halved.
 OWN_SHARE = 0.02
 
 NAMES = [re.sub(r"[^\w.]+", "-", scenario.name) for scenario in SCENARIOS]
@@ -30,7 +30,7 @@ def test_plant(number, request):
         expect_closed_books(traces[-1][1])
     wrong = []
     for place, quantity in enumerate(scenario.quantities):
-        # Of several runs the worst.
+        # The worst of several runs.
         results = [quantity.measure(run, reference, plant) for run, reference, _, plant in traces]
         ours, theirs, error = max(results, key=lambda result: result[2])
         own = max(quantity.measure(run, finer, reference)[2] for run, reference, finer, _ in traces)
@@ -44,7 +44,7 @@ def test_plant(number, request):
 
 
 def expect_closed_books(trace):
-    """What went into the motor is found as heat, work and in the windings, and what came into the link likewise."""
+    """The energy into the motor equals heat, work and the energy in the windings; likewise for the link."""
     into_motor = trace["copper_j"] + trace["shaft_j"] + trace["magnetic_j"] - trace["magnetic_j"][0]
     out_of_link = trace["chopped_j"] + trace["standby_j"] + trace["stage_j"] + trace["to_motor_j"]
     stored = trace["link_stored_j"] - trace["link_stored_j"][0]
@@ -80,7 +80,7 @@ def test_contact_is_as_its_damping_ratio_has_it(ticks):
 
 
 def test_restitution_of_critical_damping():
-    """exp(-2), the limit from both sides: the only one that is in tables."""
+    """exp(-2), the limit from both sides: the only value in published tables."""
     for ratio in (1.0 - 1.0e-7, 1.0 + 1.0e-7):
         assert restitution_of(ratio) == pytest.approx(math.exp(-2.0), rel=1.0e-3)
     stiffness = stop_for(1.0, 1.0, math.exp(-2.0))["load.stop_stiffness_nm_per_rad"]
@@ -103,7 +103,8 @@ def test_masses_ring_at_their_frequency():
 
 @pytest.mark.parametrize("share", [1.05, 1.15, 1.5])
 def test_bridge_against_smooth_diodes(share):
-    """The same without any mode: terminals that go from rail to rail within a tenth of a mA, at constant speed."""
+    """The same without modes: the terminals change from rail to rail continuously within a tenth of a mA, at constant
+    speed."""
     run = electric.generator(share)[0]
     trace = reference_trace(run)
     ticks = electric.settled_periods(share)

@@ -568,7 +568,7 @@ TEST(ConformCan, SafeNeverEnables) {
     return true;
   };
   const Report report = rig.run({.safe = true});
-  // Safe checks include commands that are invalid in their state; these must have no effect.
+  // Safe checks include commands that are not valid in the present state; these must have no effect.
   EXPECT_EQ(report.count(Verdict::fail), 0U);
   EXPECT_GT(report.count(Verdict::pass), 50U);
   EXPECT_EQ(rig.line.axes()[0]->plant().position_counts(), start);

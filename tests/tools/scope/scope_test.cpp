@@ -249,7 +249,8 @@ TEST(ScopeMeasurements, WhatMovesAtTheEndIsNoStep) {
   EXPECT_FALSE(measure(made_of({1}, 1ms), 0).step);
 }
 
-// It ends a little beside its start: that difference is no step, and the way there is no overshoot.
+// The end differs a little from the start: this difference does not count as a step, and the motion does not count as
+// overshoot.
 TEST(ScopeMeasurements, ThereAndBackIsNoStep) {
   std::vector<double> way(100, 0.0);
   for (int i = 0; i <= 100; ++i) way.push_back(131072.0 * i / 100);

@@ -1,5 +1,5 @@
-// What `tune` finds does not depend on when in a cycle of the drive the master's cycle begins: with complete drives, in
-// virtual time, compared with the plant and with the drive's equations.
+// The results of `tune` do not depend on the phase between the master's cycle and the drive's cycle: with complete
+// drives, in virtual time, compared with the plant and with the drive's equations.
 #include <algorithm>
 #include <cmath>
 #include <gtest/gtest.h>
@@ -115,10 +115,10 @@ struct Case {
   double gain_scatter;
 };
 class TunePhases : public testing::TestWithParam<Case> {};
-// An iSMK follows commands once in a millisecond, like the master. At the phases at which SYNC and this cycle nearly
-// coincide, the jitter of the bus moves a sample to the next cycle now and then, which spoils the timing of the samples
-// that inertia and delay follow from; and at 23 Hz of bandwidth the noise of its sensors is stronger than the response
-// above 200 Hz. EtherCAT with SYNC0 fixes the phase.
+// An iSMK samples commands once per millisecond, like the master. If SYNC and this cycle nearly coincide, the jitter of
+// the bus sometimes moves a sample to the next cycle, which disturbs the timing from which inertia and delay are
+// calculated; and at 23 Hz of bandwidth the noise of its sensors is stronger than the response above 200 Hz. EtherCAT
+// with SYNC0 fixes the phase.
 const Case cases[] = {
     {"reference", {"generic402", BusKind::can}, 4, 100.0, 0.03, 0.05},
     {"reference_elastic_ideal", {"generic402", BusKind::can, ideal_elastic.c_str()}, 4, 50.0, 0.03, 0.05},
