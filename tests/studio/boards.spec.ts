@@ -114,6 +114,36 @@ test('a slider writes the last value, and shows a refusal', async ({ page, open,
   expect(watched.splice(0).every((each) => /422|409/.test(each))).toBe(true);
 });
 
+test('STOP drops the value of a slider that waits for a write', async ({ page, open }) => {
+  await openBoard(page, open, [widgets[2]]);
+  const slider = panel(page, 'Profile acceleration').getByRole('slider');
+  const status = panel(page, 'Profile acceleration').getByRole('status');
+  await expect(slider).toBeEnabled();
+  const written: number[] = [];
+  let release = () => {};
+  const released = new Promise<void>((resolve) => (release = resolve));
+  await page.route('**/axes/reference/objects/6083/0', async (route) => {
+    if (route.request().method() === 'PUT') {
+      written.push((route.request().postDataJSON() as { value: number }).value);
+      await released;
+    }
+    await route.continue();
+  });
+  await slider.fill('200000');
+  await expect.poll(() => written).toEqual([200000]);
+  await slider.fill('300000');
+  await expect(slider).toHaveValue('300000');
+  const stopped = page.waitForResponse((response) => response.url().endsWith('/api/v1/stop'));
+  await page.getByRole('button', { name: 'STOP', exact: true }).click();
+  await stopped;
+  release();
+  await expect(status).toHaveText('drive: 200\u2009000');
+  await expect(slider).toHaveValue('200000');
+  await slider.fill('500000');
+  await expect(status).toHaveText('drive: 500\u2009000');
+  expect(written).toEqual([200000, 500000]);
+});
+
 test('a switch shows the drive, not the click', async ({ page, open, line }) => {
   await openBoard(page, open, [widgets[3], { kind: 'switch', title: 'Read only', span: 1, object: 'reference/60FE:01', on: 262144, off: 0 }]);
   const toggle = panel(page, 'Output').getByRole('switch');

@@ -41,7 +41,16 @@ export function SliderWidget({ widget }: { widget: Widget }) {
       },
     });
     paced.current = made;
-    return () => made.drop();
+    // At STOP the waiting value is not written, and the slider goes back to the value of the drive.
+    const drop = () => {
+      made.drop();
+      setWanted(null);
+    };
+    addEventListener('stopall', drop);
+    return () => {
+      removeEventListener('stopall', drop);
+      made.drop();
+    };
   }, [text]);
   useEffect(() => {
     if (wanted !== null && value === wanted) setWanted(null);

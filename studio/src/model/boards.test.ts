@@ -136,7 +136,7 @@ describe('a paced write', () => {
     expect(refused).toEqual([1, 1]);
   });
 
-  test('drops what waits', async () => {
+  test('drops what waits, and writes what comes later', async () => {
     const written: number[] = [];
     const paced = new Paced(10, { write: (value) => Promise.resolve(written.push(value)), failed: () => undefined });
     paced.push(1);
@@ -144,6 +144,29 @@ describe('a paced write', () => {
     paced.drop();
     await vi.advanceTimersByTimeAsync(1000);
     expect(written).toEqual([1]);
+    paced.push(3);
+    await vi.advanceTimersByTimeAsync(1000);
+    expect(written).toEqual([1, 3]);
+  });
+
+  test.each(['accepts', 'refuses'])('drops what waits for a slow drive, which then %s the value before', async (answer) => {
+    const written: number[] = [];
+    const refused: number[] = [];
+    const paced = new Paced(10, {
+      write: async (value) => {
+        written.push(value);
+        await new Promise((resolve) => setTimeout(resolve, 700));
+        if (answer === 'refuses') throw new Error('too high');
+      },
+      failed: (_, value) => refused.push(value),
+    });
+    paced.push(1);
+    await vi.advanceTimersByTimeAsync(300);
+    paced.push(2);
+    paced.drop();
+    await vi.advanceTimersByTimeAsync(3000);
+    expect(written).toEqual([1]);
+    expect(refused).toEqual(answer === 'refuses' ? [1] : []);
   });
 });
 
@@ -174,6 +197,8 @@ describe('a script', () => {
     ['wait', 1, 'a number is missing after "wait"'],
     ['x set velocity 4', 1, 'set needs an object and a value: set 6083:00 5000'],
     ['x set 6083:00', 1, 'a number is missing after "6083:00"'],
+    ['x enable\nx set 6040 15', 2, 'a script cannot set the controlword 6040h: use enable, disable, reset, stop, quickstop'],
+    ['x set 6040:00 6', 1, 'a script cannot set the controlword 6040h: use enable, disable, reset, stop, quickstop'],
     ['repeat 2\nx stop', 1, '"end" is missing for this "repeat"'],
     ['end', 1, '"end" without "repeat"'],
     ['repeat 0\nx stop\nend', 1, 'repeat takes a whole number from 1 on'],

@@ -73,6 +73,8 @@ function stepOf(line: number, words: string[]): Step {
   if (second !== 'set') return jobStep(line, first, second, rest);
   const found = objectShape.exec(rest[0] ?? '');
   if (!found) throw new Mistake('set needs an object and a value: set 6083:00 5000');
+  // The server counts a written controlword as another command, and would refuse the next job of the script (`after`).
+  if (parseInt(found[1], 16) === 0x6040) throw new Mistake('a script cannot set the controlword 6040h: use enable, disable, reset, stop, quickstop');
   if (rest.length > 2) throw new Mistake(`"${rest[2]}" after the value has no meaning`);
   return { line, kind: 'set', axis: first, object: `${found[1].toUpperCase()}:${(found[2] ?? '0').toUpperCase().padStart(2, '0')}`, value: numberOf(rest[1], rest[0]) };
 }
