@@ -100,6 +100,16 @@ std::int32_t Axis402::position_demand() {
   return position();
 }
 
+// A halt that follows a set-point at once leaves it waiting: a drive with room for one set-point then accepts no other.
+// A change of the mode removes it. The axis is at rest and halted. Returns true if the drive accepts a set-point now.
+bool Axis402::drop_set_points(std::uint16_t halted) {
+  objects_.write<std::int32_t>(0x60FF, 0, 0);
+  set_mode(OperationMode::profile_velocity);
+  set_mode(OperationMode::profile_position);
+  write_controlword(halted);
+  return wait_for_bits(set_point_acknowledge, 0, options_.state_timeout);
+}
+
 void Axis402::hand_over(std::int32_t target, std::uint16_t order) {
   // If the halt bit is cleared first, the drive resumes the halted move. Therefore the write that clears the bit also
   // starts the new move.
@@ -107,7 +117,8 @@ void Axis402::hand_over(std::int32_t target, std::uint16_t order) {
   if (halt != 0) order |= change_immediately;
   halted_ = false;
   write_controlword(order | halt);
-  if (!wait_for_bits(set_point_acknowledge, 0, options_.state_timeout)) {
+  const bool is_free = wait_for_bits(set_point_acknowledge, 0, halt != 0 ? settling : options_.state_timeout);
+  if (!is_free && !(halt != 0 && drop_set_points(order | halt))) {
     fail("the drive accepts no further set-point (statusword bit 12 stays set)", "stop the present motion first");
   }
   objects_.write<std::int32_t>(0x607A, 0, target);
