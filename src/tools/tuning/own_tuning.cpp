@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <fmt/format.h>
+#include <functional>
 
 #include "tools/tuning/session.hpp"
 
@@ -65,6 +66,51 @@ void find_resonances(Axis402& axis, const OwnTuningOptions& options) {
   }
 }
 
+void try_to(const std::function<void()>& call) {
+  try {
+    call();
+  } catch (const MasterError&) {
+    // The original error is reported; this one is ignored.
+  }
+}
+
+// The drive changes kvp while it learns the inertia. Unless the tuning succeeds, the end of this object ends the
+// learning and writes the gains of before, also if the caller is ended by an exception of its own.
+class Learning {
+ public:
+  Learning(ObjectClient& objects, const std::vector<GainValue>& gains)
+      : objects_(objects), gains_(gains), control_(objects.read<std::uint8_t>(place.index, place.sub)) {}
+  ~Learning() {
+    if (is_over_) return;
+    try {
+      put_back();
+    } catch (...) {
+      // The caller is ended for another reason, which is reported.
+    }
+  }
+  Learning(const Learning&) = delete;
+  Learning& operator=(const Learning&) = delete;
+
+  void begin() { set(control_ | learns_and_adjusts_kvp); }
+  void end() { set(control_); }
+  void succeed() { is_over_ = true; }
+  // Returns what happened to the gains, for the user.
+  std::string put_back() {
+    is_over_ = true;
+    try_to([this] { end(); });
+    return put_back_gains(objects_, gains_);
+  }
+
+ private:
+  static constexpr ObjectAddress place = auto_tuning_control;
+  void set(int value) { objects_.write<std::uint8_t>(place.index, place.sub, static_cast<std::uint8_t>(value)); }
+
+  ObjectClient& objects_;
+  const std::vector<GainValue>& gains_;
+  std::uint8_t control_;
+  bool is_over_ = false;
+};
+
 }  // namespace
 
 OwnTuningResult tune_by_itself(Axis402& axis, const TuningDialect& dialect, const AxisUnits& units,
@@ -76,30 +122,20 @@ OwnTuningResult tune_by_itself(Axis402& axis, const TuningDialect& dialect, cons
   }
   OwnTuningResult result;
   result.before = read_gains(objects, dialect);
-  const auto control = objects.read<std::uint8_t>(auto_tuning_control.index, auto_tuning_control.sub);
-  const auto set_control = [&](std::uint8_t value) {
-    objects.write<std::uint8_t>(auto_tuning_control.index, auto_tuning_control.sub, value);
-  };
-  const auto leave = [&](const auto& call) {
-    try {
-      call();
-    } catch (const MasterError&) {
-      // The original error is reported; this one is ignored.
-    }
-  };
+  Learning learning(objects, result.before);
   try {
     axis.enable();
-    set_control(control | learns_and_adjusts_kvp);
+    learning.begin();
     learn_inertia(axis, dialect, units, options);
-    set_control(control);
+    learning.end();
     find_resonances(axis, options);
     result.after = read_gains(objects, dialect);
     axis.disable();
+    learning.succeed();
   } catch (const MasterError& error) {
-    leave([&] { axis.stop(); });
-    leave([&] { axis.disable(); });
-    leave([&] { set_control(control); });
-    const std::string remedy = fmt::format("{}; {}", error.remedy(), put_back_gains(objects, result.before));
+    try_to([&] { axis.stop(); });
+    try_to([&] { axis.disable(); });
+    const std::string remedy = fmt::format("{}; {}", error.remedy(), learning.put_back());
     if (dynamic_cast<const Cancelled*>(&error) != nullptr) throw Cancelled(error.happened(), error.where(), remedy);
     throw MasterError(error.happened(), error.where(), remedy);
   }

@@ -234,8 +234,8 @@ void Tuner::disable() noexcept {
         ask();
       }
     }
-  } catch (const std::exception&) {
-    // Ignored, because the power is switched off below in any case.
+  } catch (...) {
+    // Ignored, because the power is switched off below in any case. The caller's wait may throw anything.
   }
   controls_ = false;
   command_of_cycle_ = {};
@@ -244,8 +244,8 @@ void Tuner::disable() noexcept {
       bus_.wait(bus_.period());
       if (i % 20 == 0) ask();
     }
-  } catch (const std::exception&) {
-    // The link is lost; the drive's own supervision stops the axis.
+  } catch (...) {
+    // The link is lost: the drive's own supervision stops the axis. Or the caller ends the work, and stops the axis.
   }
   options_.cancelled = cancelled;
   bus_.on_cycle({});
