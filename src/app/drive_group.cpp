@@ -49,14 +49,19 @@ void DriveGroup::open_can(const BusOptions& options, const std::vector<Member>& 
   for (const Member& member : members) {
     const BusOptions own = options_of(options, member);
     if (own.node_id > 127) throw Failure::wrong_use(fmt::format("node {}: node-IDs are 1..127", own.node_id));
-    add_axis(std::make_unique<master::SdoClient>(*bus_, choose_node(*bus_, own, true),
-                                                 master::SdoOptions{.timeout = options.answer_timeout()}),
-             named_product(own));
+    auto sdo = std::make_unique<master::SdoClient>(*bus_, choose_node(*bus_, own, true),
+                                                   master::SdoOptions{.timeout = options.answer_timeout()});
+    sdos_.push_back(sdo.get());
+    add_axis(std::move(sdo), named_product(own));
   }
   if (options.no_watch) return;
   std::vector<master::ObjectClient*> drives;
   for (const auto& objects : objects_) drives.push_back(objects.get());
   watch_.emplace(*bus_, drives, warn);
+}
+
+void DriveGroup::abort_when(const std::function<bool()>& abort) {
+  for (master::SdoClient* sdo : sdos_) sdo->cancel_when(abort);
 }
 
 void DriveGroup::operate() {

@@ -34,6 +34,8 @@ class DriveGroup {
   // on EtherCAT must not be used any more.
   using Action = std::function<void(master::ObjectClient& objects)>;
   void configure(std::size_t axis, const Action& action, const Action& undo);
+  // On CAN, SDO transfers end with a MasterError as soon as `abort` returns true; {}: they do not.
+  void abort_when(const std::function<bool()>& abort);
   // The devices that answer now. Throws MasterError; also on a serial line, where each missing station costs a second.
   std::vector<studio::OpenBus::Found> scan();
   // Calls `show` with the FMMUs and sync managers of the slaves; does nothing on other buses. Throws MasterError.
@@ -58,6 +60,7 @@ class DriveGroup {
   master::OperationOptions operation_options_{};
   std::optional<master::EthercatOperation> operation_;
   std::vector<std::unique_ptr<master::ObjectClient>> objects_;
+  std::vector<master::SdoClient*> sdos_;  // the objects on CAN
   std::optional<master::MasterWatch> watch_;
   std::vector<std::unique_ptr<master::Axis402>> axes_;
   std::vector<master::Axis402*> pointers_;

@@ -101,13 +101,27 @@ void DriveBus::submit(std::shared_ptr<Access> access) {
     refuse(*access, *state_.problem);
     return;
   }
-  if (access->urgent && running_work_ && running_work_->drive == access->drive) running_work_->cancelled = true;
   if (access->urgent) {
-    waiting_.push_front(std::move(access));
-  } else {
-    waiting_.push_back(std::move(access));
+    if (running_work_ && running_work_->drive == access->drive) running_work_->cancelled = true;
+    refuse_motion(access->drive);
   }
+  const auto place =
+      access->urgent ? std::find_if(waiting_.begin(), waiting_.end(), [](const auto& other) { return !other->urgent; })
+                     : waiting_.end();
+  waiting_.insert(place, std::move(access));
   woken_.notify_all();
+}
+
+// Answers the waiting writes that command a motion of the drive with an error: a stop comes before them.
+void DriveBus::refuse_motion(std::size_t drive) {
+  const JobError stopped{"a stop of the axis came first", plan_.drives[drive].name,
+                         "begin again if the axis shall move"};
+  std::erase_if(waiting_, [&](const auto& access) {
+    const bool commands = access->writes && !access->urgent && api::ChangeLog::is_motion(access->object.index);
+    if (access->drive != drive || !commands) return false;
+    refuse(*access, stopped);
+    return true;
+  });
 }
 
 void DriveBus::submit(std::shared_ptr<Work> work) {
@@ -277,6 +291,10 @@ void DriveBus::carry_out(OpenBus& open, Access& access) {
   master::ObjectClient& objects = *open.drives()[access.drive];
   try {
     if (access.writes) {
+      if (access.object.index == 0x6040) {  // the last poll no longer shows the state of the drive
+        const std::lock_guard lock(mutex_);
+        state_.drives[access.drive].at = {};
+      }
       objects.download(access.object, access.bytes);
     } else {
       access.bytes = objects.upload(access.object);
@@ -322,6 +340,22 @@ bool DriveBus::sample_one(OpenBus& open) {
   return true;
 }
 
+// The quick stop that `stop_when_back` asked for. It stays due until the drive has answered.
+void DriveBus::stop_now(std::size_t drive, master::ObjectClient& objects) {
+  try {
+    objects.write<std::uint16_t>(0x6040, 0, master::command_word::quick_stop);
+  } catch (const master::ObjectError& error) {
+    if (!error.answered()) throw;
+  }
+  const std::lock_guard lock(mutex_);
+  stop_when_back_[drive] = false;
+}
+
+bool DriveBus::has_urgent() const {
+  const std::lock_guard lock(mutex_);
+  return std::any_of(waiting_.begin(), waiting_.end(), [](const auto& access) { return access->urgent; });
+}
+
 // Reads the state of one drive; returns false if none is due.
 bool DriveBus::poll_one(OpenBus& open, bool silent_too) {
   const auto began = Clock::now();
@@ -338,10 +372,12 @@ bool DriveBus::poll_one(OpenBus& open, bool silent_too) {
     const std::lock_guard lock(mutex_);
     seen = state_.drives[i];
     stop = stop_when_back_[i];
-    stop_when_back_[i] = false;
   }
+  // A drive that does not answer delays no stop of its neighbours.
+  bool aborted = false;
+  if (silent_[i]) open.abort_when([&] { return aborted = aborted || has_urgent(); });
   try {
-    if (stop) objects.write<std::uint16_t>(0x6040, 0, master::command_word::quick_stop);
+    if (stop) stop_now(i, objects);
     if (silent_[i]) open.back(i);
     silent_[i] = false;
     seen.status = axes_[i].status();
@@ -353,9 +389,10 @@ bool DriveBus::poll_one(OpenBus& open, bool silent_too) {
   } catch (const master::ObjectError& error) {
     seen.problem = error_of(error, plan_.link);
     silent_[i] = silent_[i] || !error.answered();
-    const std::lock_guard lock(mutex_);
-    stop_when_back_[i] = stop_when_back_[i] || stop;
+  } catch (const master::MasterError&) {
+    if (!aborted) throw;
   }
+  open.abort_when({});
   const auto ended = Clock::now();
   seen.at = ended;
   // Polling uses at most a third of the time of the bus.

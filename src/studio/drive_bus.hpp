@@ -33,6 +33,10 @@ class OpenBus {
   // Lets the bus run for `span`. Throws MasterError if the bus is lost.
   virtual void wait(master::Time span) = 0;
 
+  // Accesses that wait for an answer end with a MasterError as soon as `abort` returns true; {}: they wait until their
+  // timeout. Only a CAN bus does this.
+  virtual void abort_when(std::function<bool()> abort) = 0;
+
   // The exchange of a drive's process data; it runs as long as this object lives. On CAN it exchanges the given data,
   // on EtherCAT the data that the slave maps.
   struct Cyclic {
@@ -194,7 +198,8 @@ class DriveBus {
   State state() const;
   // Returns true if a work item for this drive waits or runs. The state of the drive may then change at any moment.
   bool is_worked_with(std::size_t drive) const;
-  // Queues an access or a work item. An urgent access goes to the front, and cancels a running work item of its drive.
+  // Queues an access or a work item. An urgent access, a stop, comes before all others, cancels a running work item of
+  // its drive, and refuses the waiting writes that would move the drive.
   void submit(std::shared_ptr<Access> access);
   void submit(std::shared_ptr<Work> work);
   void sample(const std::shared_ptr<PolledSamples>& samples);
@@ -203,6 +208,9 @@ class DriveBus {
 
  private:
   links::Heard heard();
+  void refuse_motion(std::size_t drive);
+  bool has_urgent() const;
+  void stop_now(std::size_t drive, master::ObjectClient& objects);
   void run(std::unique_ptr<OpenBus> open);
   // Returns true if the bus must be reopened.
   bool serve(OpenBus& open);

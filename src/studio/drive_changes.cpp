@@ -33,15 +33,21 @@ std::unique_ptr<master::ObjectClient> DriveChanges::recorded(std::size_t drive,
       });
 }
 
-void DriveChanges::take(std::size_t drive, HandedWrites& handed) {
-  std::vector<HandedWrites::Write> writes;
-  {
-    const std::lock_guard lock(handed.mutex_);
-    writes.swap(handed.writes_);
-  }
-  for (const HandedWrites::Write& write : writes) {
-    note(drive, write.object, write.before, write.after, api::Author::present());
-  }
+std::shared_ptr<HandedWrites> DriveChanges::hand_out(std::size_t drive) {
+  return handed_.emplace_back(std::make_shared<HandedWrites>(drive, api::Author::present()));
+}
+
+void DriveChanges::collect() {
+  std::erase_if(handed_, [this](const std::shared_ptr<HandedWrites>& handed) {
+    const bool over = handed.use_count() == 1;  // read first: afterwards the other thread writes nothing more
+    std::vector<HandedWrites::Write> writes;
+    {
+      const std::lock_guard lock(handed->mutex_);
+      writes.swap(handed->writes_);
+    }
+    for (const auto& write : writes) note(handed->drive_, write.object, write.before, write.after, handed->author_);
+    return over;
+  });
 }
 
 const dictionary::Entry& DriveChanges::entry_of(std::size_t drive, master::ObjectAddress object) {

@@ -17,7 +17,8 @@ namespace servodrome::studio {
 // Writes that another thread carries out, on their way to the change log.
 class HandedWrites {
  public:
-  // Keeps the writes, for the thread that carries them out.
+  HandedWrites(std::size_t drive, std::string author) : drive_(drive), author_(std::move(author)) {}
+  // Keeps the writes, for the thread that carries them out. This object must outlive the result.
   RecordedObjects::Record record();
 
  private:
@@ -27,6 +28,8 @@ class HandedWrites {
     RecordedObjects::Bytes before;
     RecordedObjects::Bytes after;
   };
+  std::size_t drive_;
+  std::string author_;
   std::mutex mutex_;
   std::vector<Write> writes_;
 };
@@ -46,8 +49,12 @@ class DriveChanges {
 
   // The objects with a record of each write by the author that the calling thread works for. `drive` is an index.
   std::unique_ptr<master::ObjectClient> recorded(std::size_t drive, std::unique_ptr<master::ObjectClient> objects);
-  // Notes the writes that another thread has carried out meanwhile.
-  void take(std::size_t drive, HandedWrites& handed);
+  // For writes that another thread carries out for the present author; collect() notes them, also after the author has
+  // left, as long as that thread holds the result.
+  std::shared_ptr<HandedWrites> hand_out(std::size_t drive);
+  void collect();
+  // `fetch` is called before each own write is noted, so that earlier writes of others come before it.
+  void fetch_by(std::function<void()> fetch) { fetch_ = std::move(fetch); }
   // Notes a write of another master. The value before is not known.
   void note_foreign(std::size_t drive, master::ObjectAddress object, const RecordedObjects::Bytes& after,
                     std::string_view who) {
@@ -63,6 +70,8 @@ class DriveChanges {
   std::function<master::Time()> now_;
   master::Time wall_epoch_;
   api::ChangeLog log_;
+  std::vector<std::shared_ptr<HandedWrites>> handed_;
+  std::function<void()> fetch_;
   std::map<std::pair<std::size_t, master::ObjectAddress>, dictionary::Entry> unknown_;  // objects that are in no table
 };
 

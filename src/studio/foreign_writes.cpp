@@ -3,13 +3,36 @@
 #include <cstring>
 #include <utility>
 
+#include "canopen/301/sdo_wire.hpp"
+
 namespace servodrome::studio {
 namespace {
+
+namespace sdo = canopen::sdo;
 
 constexpr std::uint32_t node_id_bits = 0x7F;
 constexpr std::uint32_t sdo_request = 0x600;   // CAN-ID of the client's messages, without the node-ID
 constexpr std::uint32_t sdo_response = 0x580;  // of the drive's messages
 constexpr std::size_t most_waiting = 1000;     // more writes between two calls of take() are not kept
+
+// The object that a message names: an initiate request or response, or an abort (CiA 301 7.2.4.3).
+std::optional<master::ObjectAddress> object_of(const canopen::Frame& message, bool is_request) {
+  constexpr std::size_t named_bytes = 4;
+  const std::uint8_t command = message.data[0];
+  const bool begins_block = (command & (is_request ? sdo::last_segment : sdo::subcommand_mask)) == 0;
+  bool names = false;
+  switch (sdo::specifier(command)) {
+    case 1: names = is_request; break;   // initiate download
+    case 2: names = true; break;         // initiate upload, and its response
+    case 3: names = !is_request; break;  // response to initiate download
+    case 4: names = true; break;         // abort
+    case 5:
+    case 6: names = begins_block; break;
+    default: break;
+  }
+  if (!names || message.length < named_bytes) return std::nullopt;
+  return master::ObjectAddress{sdo::multiplexer_index(message), message.data[3]};
+}
 
 }  // namespace
 
@@ -26,16 +49,43 @@ links::Heard ForeignWrites::heard(links::Heard next) {
   };
 }
 
+// Returns true if the response answers a request of this program.
+bool ForeignWrites::is_own(Channel& channel, const canopen::Frame& response) {
+  if (!channel.own) return false;
+  const auto object = object_of(response, false);
+  if (!object) return true;
+  const bool fits = object == channel.own && (channel.foreign != channel.own || channel.own_is_first);
+  if (fits) channel.own.reset();
+  return fits;
+}
+
 void ForeignWrites::hear(bool sent, const canopen::Frame& frame) {
   const std::uint32_t kind = frame.id & ~node_id_bits;
   if ((kind != sdo_request && kind != sdo_response) || frame.extended || frame.remote) return;
   const auto found = channels_.find(frame.id & node_id_bits);
   if (found == channels_.end()) return;
   Channel& channel = found->second;
-  if (kind == sdo_request) channel.foreign = !sent;
-  const auto heard = channel.conversation.hear(kind == sdo_request, std::span(frame.data).first(frame.length),
+  const bool is_request = kind == sdo_request;
+  const auto object = object_of(frame, is_request);
+  if (is_request && sent) {
+    if (!object) return;
+    channel.own = object;
+    channel.own_is_first = !channel.foreign;
+    return;
+  }
+  if (is_request && object && !channel.in_block) {
+    channel.foreign = object;
+    channel.own_is_first = channel.own.has_value();
+    channel.in_block = sdo::specifier(frame.data[0]) == sdo::client::block_download;
+  }
+  if (!is_request && is_own(channel, frame)) return;
+  if (!channel.foreign) return;
+  const auto heard = channel.conversation.hear(is_request, std::span(frame.data).first(frame.length),
                                                master::ObjectCatalogue::standard());
-  if (!channel.foreign || !heard.write || !heard.complete || !heard.object) return;
+  if (!heard.abort && (is_request || !heard.complete)) return;
+  channel.foreign.reset();
+  channel.in_block = false;
+  if (heard.abort || !heard.write) return;
   const std::lock_guard lock(mutex_);
   if (writes_.size() < most_waiting) writes_.push_back({channel.drive, *heard.object, heard.value});
 }

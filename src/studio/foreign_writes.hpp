@@ -3,6 +3,7 @@
 #include <cstdint>
 #include <map>
 #include <mutex>
+#include <optional>
 #include <span>
 #include <vector>
 
@@ -13,7 +14,9 @@
 namespace servodrome::studio {
 
 // Observes the SDO channels of the drives on a CAN bus and collects the writes of other masters. A write counts when
-// the drive has confirmed it.
+// the drive has confirmed it. This program and another master can each have a request under way on the same channel: a
+// response belongs to the request for its object, to the earlier one if both are for the same. Responses that name no
+// object (of segments) count for the other master only while this program has no request under way.
 class ForeignWrites {
  public:
   // Observes the default SDO channels of these nodes (CiA 301 table 39).
@@ -34,11 +37,15 @@ class ForeignWrites {
  private:
   struct Channel {
     std::size_t drive;
-    bool foreign = false;  // the present transfer is one of another master
-    master::SdoConversation conversation{};
+    std::optional<master::ObjectAddress> own{};      // of this program's request under way
+    std::optional<master::ObjectAddress> foreign{};  // of the other master's
+    bool own_is_first = false;
+    bool in_block = false;                   // the other master sends a block: its messages have no command byte
+    master::SdoConversation conversation{};  // of the other master
   };
 
   void hear(bool sent, const canopen::Frame& frame);
+  static bool is_own(Channel& channel, const canopen::Frame& response);
 
   std::map<std::uint32_t, Channel> channels_;  // by node-ID
   std::mutex mutex_;

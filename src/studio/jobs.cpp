@@ -32,11 +32,12 @@ Job* Jobs::running_job(const std::string& axis) {
   return found == jobs_.end() ? nullptr : &*found;
 }
 
-void Jobs::make_room() {
+void Jobs::make_room(bool must) {
   if (jobs_.size() < most_remembered) return;
   const auto over =
       std::find_if(jobs_.begin(), jobs_.end(), [](const Job& job) { return job.state != JobState::running; });
   if (over == jobs_.end()) {
+    if (must) return;
     throw ApiError{409, fmt::format("too many jobs: {} are running", jobs_.size()), "jobs",
                    "wait until one is done, or end one"};
   }
@@ -55,8 +56,18 @@ void Jobs::require_last(const std::string& axis, std::uint64_t id) const {
                  "begin again if the axis shall move"};
 }
 
+// What has been asked of an axis so far. Any other command changes it.
+Jobs::Asked Jobs::asked(const std::string& axis) const {
+  Asked asked{.commands = drives_.commands(axis)};
+  for (const Job& job : jobs_) {
+    if (job.axis == axis) asked.job = job.id;
+  }
+  return asked;
+}
+
 const Job& Jobs::begin(const std::string& name, const std::string& body) {
   drives_.require_ready(name);
+  const Asked before = asked(name);
   Job job;
   job.axis = name;
   try {
@@ -68,19 +79,21 @@ const Job& Jobs::begin(const std::string& name, const std::string& body) {
   } catch (const master::MasterError& error) {
     throw ApiError{409, error.happened(), error.where(), error.remedy()};
   }
-  if (job.order.after) require_last(name, *job.order.after);
+  // A stop is always accepted.
+  const bool is_stop = job.order.takes_over;
+  if (!is_stop && asked(name) != before) {  // the drive's units were read meanwhile
+    throw ApiError{409, "another command to the axis came first", name, "begin again if the axis shall move"};
+  }
+  if (!is_stop && job.order.after) require_last(name, *job.order.after);
   Job* const other = running_job(name);
-  if (other != nullptr && !job.order.takes_over) {
+  if (other != nullptr && !is_stop) {
     throw ApiError{409, fmt::format("the axis has a job: {}", other->order.what), name,
                    fmt::format("wait until it is done, or end it: DELETE /api/v1/jobs/{}", other->id)};
   }
-  if (other == nullptr) make_room();  // otherwise the other job ends now, and its entry may be removed
-  if (other != nullptr) {
-    abandon(*other, fmt::format("replaced by the job {}", job.order.what));
-    make_room();
-  }
+  if (other != nullptr) abandon(*other, fmt::format("replaced by the job {}", job.order.what));
+  make_room(is_stop);
   job.id = ++last_id_;
-  job.commands = drives_.commands(name);
+  job.commands = before.commands;
   job.began_tick = drives_.now() / line::tick_length;
   job.sign_of_life = wall_clock_();
   job.due = drives_.now();
@@ -109,7 +122,13 @@ void Jobs::carry_out(Job& job) {
   };
   const std::unique_ptr<master::ObjectClient> objects = drives_.open(job.axis, wait);
   master::AxisOptions options = drives_.options(job.axis);
-  options.cancelled = [&job] { return job.has_noticed = job.cancelled; };
+  // A stop is carried out to its end, whatever comes after it: it has ended the motion's job already.
+  const bool is_stop = job.order.takes_over;
+  const auto is_to_end = [this, &job, is_stop] {
+    const bool other_command = drives_.commands(job.axis) != job.commands;
+    return job.has_noticed = !is_stop && (job.cancelled || other_command);
+  };
+  options.cancelled = is_to_end;
   options.longest_halt = longest_halt;
   master::Axis402 master_axis(*objects, options);
   const auto fail = [&job, &master_axis](JobError error) {
@@ -120,14 +139,14 @@ void Jobs::carry_out(Job& job) {
   };
   const master::Time began = drives_.now();
   try {
-    // A stop is carried out, whatever comes after it: it has ended the motion's job already.
-    if (job.cancelled && !job.order.takes_over)
+    if (is_to_end()) {
+      if (job.order.moves) master_axis.try_to_stop();  // an earlier command's motion
       throw master::Cancelled("the job was ended before it began", job.axis, "start it anew");
+    }
     Conduct conduct;
-    conduct.released = [this, &job] {
+    conduct.released = [this, &job, &is_to_end] {
       const bool silent = job.order.lives_on_signs && wall_clock_() - job.sign_of_life > longest_silence;
-      job.has_noticed = job.cancelled;
-      return job.cancelled || silent;
+      return is_to_end() || silent;
     };
     conduct.progress = [this, &job](const char* doing, double share) { note_progress(job, doing, share); };
     conduct.product = drives_.product(job.axis);
@@ -185,7 +204,7 @@ void Jobs::resume(Job& job) {
 }
 
 void Jobs::cancel(Job& job) {
-  if (job.state != JobState::running || job.cancelled) return;
+  if (job.state != JobState::running || job.cancelled || job.order.takes_over) return;
   job.cancelled = true;
   job.due = std::min(job.due, drives_.now() + line::tick_length);
   next_deadline_ = std::min(next_deadline_, job.due);

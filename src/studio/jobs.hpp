@@ -80,7 +80,7 @@ class Jobs {
   // without any change: 409 if the axis does not communicate, or has a job that the new one does not replace. `axis` is
   // one of drives().names().
   const Job& begin(const std::string& axis, const std::string& body);
-  // Halts the axis, then sets the job to `cancelled`. A job that has ended stays unchanged.
+  // Halts the axis, then sets the job to `cancelled`. A job that has ended, and a stop, stay unchanged.
   void cancel(Job& job);
   // Sign of life (dead man's switch): the user still holds the button. Throws ApiError 409 if the job does not use it.
   void sign_of_life(Job& job);
@@ -111,7 +111,15 @@ class Jobs {
  private:
   Job* running_job(const std::string& axis);
   void require_last(const std::string& axis, std::uint64_t id) const;
-  void make_room();
+  // The number of client commands and the last job of an axis.
+  struct Asked {
+    std::uint64_t commands = 0;
+    std::uint64_t job = 0;
+    friend bool operator==(const Asked&, const Asked&) = default;
+  };
+  Asked asked(const std::string& axis) const;
+  // Removes an ended job if there are too many. Throws ApiError 409 if all are running, unless it `must` succeed.
+  void make_room(bool must);
   void carry_out(Job& job);
   void resume(Job& job);
   // Ends a job without touching the drive.

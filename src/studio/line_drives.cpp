@@ -69,7 +69,12 @@ std::vector<std::optional<JobError>> LineDrives::stop_all() {
     std::optional<JobError>& wrong = errors.emplace_back();
     axis->note_command();
     const auto enabled = [&axis] { return axis->device().drive().state() == drive::PowerState::operation_enabled; };
-    if (!axis->powered() || !enabled()) continue;
+    if (!axis->powered()) continue;
+    const auto controlword = static_cast<std::uint16_t>(axis->device().dictionary().number(0x6040));
+    const bool commanded =
+        (controlword & master::command_word::enable_operation) == master::command_word::enable_operation;
+    const bool waits = axis->device().drive().state() == drive::PowerState::switched_on && commanded;
+    if (!enabled() && !waits) continue;
     try {
       ServiceObjects objects(line_, *axis);
       objects.write<std::uint16_t>(0x6040, 0, master::command_word::quick_stop);

@@ -286,7 +286,9 @@ Order read_order(const std::string& text, const std::function<master::AxisUnits(
   BodyReader body(text);
   body.required("do");
   const Kind& kind = kind_of(body.string("do").value_or(""));
-  const std::string name_of_units = body.string("units").value_or("drive");
+  // A stop has no numbers: it does not wait for the drive's units.
+  const std::string given = body.string("units").value_or("drive");
+  const std::string name_of_units = kind.takes_over && given == "revolutions" ? "drive" : given;
   Order order{.what = kind.name,
               .moves = kind.moves,
               .takes_over = kind.takes_over,

@@ -4,6 +4,7 @@
 #include <array>
 #include <fmt/format.h>
 
+#include "axis/cia402_words.hpp"
 #include "drive/drive.hpp"
 #include "line/axis.hpp"
 #include "links/nearest_name.hpp"
@@ -54,6 +55,7 @@ RealDrives::RealDrives(std::vector<BusPlan> plans) : start_(DriveBus::Clock::now
   for (const Axis& axis : axes_) noted.push_back({axis.name, &axis.device->dictionary()});
   changes_ = std::make_unique<DriveChanges>(
       noted, [this] { return now(); }, wall_epoch_);
+  changes_->fetch_by([this] { note_foreign_writes(); });
   commands_.resize(axes_.size());
   told_.resize(axes_.size());
   told_of_buses_.resize(buses_.size());
@@ -135,7 +137,7 @@ Json RealDrives::in_cycles(const std::string& name, master::ObjectClient& object
     Json found{};
   };
   const auto shared = std::make_shared<Shared>();
-  const auto handed = std::make_shared<HandedWrites>();
+  const auto handed = changes_->hand_out(index_of(axis));
   const auto task = std::make_shared<studio::Work>();
   task->carry_out = [shared, handed, exchanged, work, drive = axis.drive](OpenBus& bus,
                                                                           const studio::Work::IsToEnd& is_to_end) {
@@ -163,10 +165,9 @@ Json RealDrives::in_cycles(const std::string& name, master::ObjectClient& object
       share = shared->share;
     }
     if (!doing.empty()) progress(doing.c_str(), share);
-    changes_->take(index_of(axis), *handed);
     objects.wait(look_period);
   });
-  changes_->take(index_of(axis), *handed);
+  changes_->collect();
   return std::move(shared->found);
 }
 
@@ -197,6 +198,7 @@ std::vector<std::optional<JobError>> RealDrives::stop_all() {
   const Wait wait = wait_;  // copied: while this task waits, other tasks set their own
   std::vector<std::shared_ptr<Access>> accesses;
   std::vector<bool> stopped;
+  std::vector<std::size_t> silent;  // after all others on their bus, because each costs its timeout
   for (const Axis& axis : axes_) {
     note_command(axis);
     const auto access = std::make_shared<Access>();
@@ -207,15 +209,21 @@ std::vector<std::optional<JobError>> RealDrives::stop_all() {
     access->bytes.assign(quick_stop.begin(), quick_stop.end());
     accesses.push_back(access);
     const DriveBus::DriveState state = state_of(axis);
-    const bool idle = !state.problem && state.status.state() < drive::PowerState::operation_enabled &&
+    // It has no torque and is not about to get any (a drive waits for its brake before it is enabled).
+    const bool commanded =
+        (state.controlword & master::command_word::enable_operation) == master::command_word::enable_operation;
+    const bool idle = !state.problem && !commanded && state.status.state() < drive::PowerState::operation_enabled &&
                       !buses_[axis.bus]->is_worked_with(axis.drive);
     stopped.push_back(!idle || state.at + 2 * DriveBus::usual_poll <= DriveBus::Clock::now());
     if (!stopped.back()) {
-      access->done = true;  // it has no torque: a quick stop would only change its state
+      access->done = true;  // a quick stop would only change its state
+    } else if (state.problem) {
+      silent.push_back(index_of(axis));
     } else {
       buses_[axis.bus]->submit(access);
     }
   }
+  for (const std::size_t i : silent) buses_[axes_[i].bus]->submit(accesses[i]);
   for (const auto& access : accesses) {
     while (!access->done) wait(now() + std::chrono::milliseconds(1));
   }
@@ -291,7 +299,7 @@ Subject RealDrives::open(api::Call& call) {
   subject.has_process_data = bus.type != "rs485";
   if (bus.type == "ethercat") {
     subject.configure = [this, &axis](const OpenBus::Action& action, const OpenBus::Action& undo) {
-      const auto handed = std::make_shared<HandedWrites>();
+      const auto handed = changes_->hand_out(index_of(axis));
       const auto noted = [handed](const OpenBus::Action& its) {
         return [handed, its](master::ObjectClient& objects) {
           RecordedObjects recorded(objects, handed->record());
@@ -310,7 +318,7 @@ Subject RealDrives::open(api::Call& call) {
       };
       const Wait wait = wait_;
       carry_out(axis, task, [&] { wait(now() + std::chrono::milliseconds(5)); });
-      changes_->take(index_of(axis), *handed);
+      changes_->collect();
     };
   }
   return subject;

@@ -116,6 +116,7 @@ class RealDrives final : public Drives, public api::Source, public Subjects {
   // Lets the thread of the axis' bus carry out `work`; meanwhile `wait` lets other tasks run. Throws what the work
   // threw.
   void carry_out(const Axis& axis, const std::shared_ptr<studio::Work>& work, const std::function<void()>& wait);
+  void note_foreign_writes();
   std::size_t index_of(const Axis& axis) const { return static_cast<std::size_t>(&axis - axes_.data()); }
   void take_back_targets(const Axis& axis, const Wait& wait);
   api::NamedChannel channel(const Axis& axis, master::ObjectAddress object, PolledSamples::Decode decode,

@@ -187,6 +187,18 @@ std::vector<Json> RealDrives::views() {
   return views;
 }
 
+// What other masters have written. Their controlwords are commands, too.
+void RealDrives::note_foreign_writes() {
+  std::size_t first = 0;  // axis of the bus's first drive
+  for (const auto& bus : buses_) {
+    for (const ForeignWrites::Write& write : bus->take_foreign_writes()) {
+      if (write.object.index == 0x6040) note_command(axes_[first + write.drive]);
+      changes_->note_foreign(first + write.drive, write.object, write.value, "SDO on " + bus->plan().link);
+    }
+    first += bus->plan().drives.size();
+  }
+}
+
 std::vector<Json> RealDrives::advance() {
   const std::int64_t end = tick() + 1;
   for (auto entry = polled_.begin(); entry != polled_.end();) {
@@ -208,11 +220,8 @@ std::vector<Json> RealDrives::advance() {
     if (problem) details["problem"] = {{"what", problem->what}, {"where", problem->where}, {"hint", problem->hint}};
     tell("bus", nullptr, std::move(details));
   }
-  for (std::size_t i = 0, first = 0; i < buses_.size(); first += buses_[i++]->plan().drives.size()) {
-    for (const ForeignWrites::Write& write : buses_[i]->take_foreign_writes()) {
-      changes_->note_foreign(first + write.drive, write.object, write.value, "SDO on " + buses_[i]->plan().link);
-    }
-  }
+  note_foreign_writes();
+  changes_->collect();
   for (std::size_t i = 0; i < axes_.size(); ++i) {
     const DriveBus::DriveState state = state_of(axes_[i]);
     Told& told = told_[i];

@@ -142,15 +142,15 @@ void RealServer::look() {
   }
 }
 
-// Returns true if the last job of the axis was one that moves it.
+// Returns true if a job has moved the axis, and no stop was completed after it.
 bool RealServer::moved(const std::string& axis) const {
-  static constexpr std::array motions{"home", "move",  "velocity", "torque",     "jog",
-                                      "step", "sweep", "tune",     "tune_itself"};
-  const Job* last = nullptr;
+  bool moved = false;
   for (const Job& job : jobs_.all()) {
-    if (job.axis == axis) last = &job;
+    if (job.axis != axis) continue;
+    const bool stopped = job.order.takes_over && job.state == JobState::done;
+    moved = (moved && !stopped) || job.order.moves;
   }
-  return last != nullptr && std::find(motions.begin(), motions.end(), last->order.what) != motions.end();
+  return moved;
 }
 
 void RealServer::note_events() {

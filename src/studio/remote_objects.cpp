@@ -1,5 +1,9 @@
 #include "studio/remote_objects.hpp"
 
+#include <exception>
+
+#include "studio/task.hpp"
+
 namespace servodrome::studio {
 namespace {
 
@@ -9,12 +13,16 @@ constexpr auto look_period = std::chrono::microseconds(500);
 class Wanted {
  public:
   explicit Wanted(Access& access) : access_(access) {}
-  ~Wanted() { access_.given_up = true; }
+  ~Wanted() {
+    if (!keeps_) access_.given_up = true;
+  }
+  void keep() { keeps_ = true; }
   Wanted(const Wanted&) = delete;
   Wanted& operator=(const Wanted&) = delete;
 
  private:
   Access& access_;
+  bool keeps_ = false;
 };
 
 }  // namespace
@@ -25,9 +33,17 @@ std::vector<std::byte> RemoteObjects::access(master::ObjectAddress object, bool 
   access->object = object;
   access->writes = writes;
   access->bytes = std::move(bytes);
-  const Wanted wanted(*access);
+  Wanted wanted(*access);
   bus_.submit(access);
-  while (!access->done) wait_(now_() + look_period);
+  const bool cleans_up = std::uncaught_exceptions() != 0;
+  try {
+    while (!access->done) wait_(now_() + look_period);
+  } catch (const Task::Ended&) {
+    // A caller that is being ended restores what it has changed. The bus carries out these writes without it.
+    if (!writes || !cleans_up) throw;
+    wanted.keep();
+    return {};
+  }
   if (access->error) std::rethrow_exception(access->error);
   size_is_known_ = access->size_is_known;
   return std::move(access->bytes);

@@ -92,7 +92,7 @@ class ChangesOf : public CommissioningRig, public testing::WithParamInterface<st
   void put(const std::string& object, std::int64_t value) {
     json_of(Method::put, "axes/" + axis_ + "/objects/" + object, json{{"value", value}}.dump());
   }
-  // As a master on the fieldbus writes it.
+  // Writes like a master on the fieldbus.
   dictionary::AbortCode master_writes(std::uint16_t index, std::uint8_t sub, std::int64_t value) {
     dictionary::Dictionary& dictionary = line_.find_axis(axis_)->device().bus_dictionary();
     const dictionary::Entry* entry = dictionary.find(index, sub);
@@ -169,7 +169,7 @@ TEST_P(ChangesOf, AValueThatWasChangedSinceStaysAndIsNamed) {
   EXPECT_EQ(response.status, 409U);
   EXPECT_THAT(response.body, HasSubstr("has changed the value since"));
   EXPECT_EQ(value(axis_, "6081/0"), 4322);
-  // Of what the API wrote, the other value is undone.
+  // Of the values that the API wrote, the other one is undone.
   const json report = undo({{"axis", axis_}, {"who", "API"}});
   ASSERT_EQ(report["undone"].size(), 1U) << report.dump();
   EXPECT_EQ(report["undone"][0]["object"], "6083:00");
@@ -183,7 +183,7 @@ TEST_P(ChangesOf, AValueThatAPowerCycleTookStays) {
   json_of(Method::post, "axes/" + axis_ + "/power", R"({"action": "cycle"})");
   pass(500ms);
   const json now = value(axis_, "6081/0");
-  if (now == 4321) return;  // this drive stores each value at once
+  if (now == 4321) return;  // this drive stores each value immediately
   const json report = undo({{"axis", axis_}});
   EXPECT_EQ(report["undone"].size(), 0U);
   EXPECT_EQ(value(axis_, "6081/0"), now);
@@ -225,14 +225,15 @@ TEST_P(ChangesOf, AreShownInPages) {
   EXPECT_EQ(get("changes?since=" + page["next"].dump())["changes"], json::array());
 }
 
-// Random writes of the API and of a master, of parameters, commands and process data settings, with undos in between.
-// After all is undone, each object has its first value, or the undo names it with a reason. The axis never moves.
+// Random writes of the API and of a master (parameters, commands and process data settings), with undos in between.
+// After everything is undone, each object has its first value, or the undo names the object with a reason. The axis
+// never moves.
 TEST_P(ChangesOf, AfterAllIsUndoneEachObjectHasItsFirstValue) {
   line::Axis& axis = *line_.find_axis(axis_);
   const master::ParameterRules& rules = master::parameter_rules_of(axis_);
   std::vector<const dictionary::Entry*> objects;
   for (const dictionary::Entry& entry : axis.device().bus_dictionary().table()) {
-    // Not the commands: they store, restore or reset. Not the inputs: one of them may enable the drive.
+    // Excludes commands, which store, restore or reset, and inputs, one of which may enable the drive.
     const master::ObjectAddress address{entry.index, entry.sub};
     if (entry.access == dictionary::Access::rw && entry.fixed_size() && !rules.is_connection(address) &&
         (!rules.is_command(address) || entry.index == 0x6060) &&
@@ -248,7 +249,7 @@ TEST_P(ChangesOf, AfterAllIsUndoneEachObjectHasItsFirstValue) {
   std::size_t undone = 0;
   for (int draw = 0; draw < test::draws(30); ++draw) {
     const std::uint64_t begin = changes_.log().newest();
-    // Before the draw: some objects are one value in two units (607Fh and 6080h of the iSMK).
+    // Before the random draw, because some objects share one value in two units (607Fh and 6080h of the iSMK).
     std::map<std::uint32_t, std::int64_t> present;
     for (const dictionary::Entry* entry : objects) present[entry->key()] = value_now(*entry);
     std::map<std::uint32_t, std::pair<const dictionary::Entry*, std::int64_t>> first;
@@ -283,7 +284,7 @@ TEST_P(ChangesOf, AfterAllIsUndoneEachObjectHasItsFirstValue) {
       if (kept.contains(name)) continue;
       EXPECT_EQ(value_now(*one.first), one.second) << name << " in draw " << draw;
     }
-    // Undone twice is undone once.
+    // A second undo of the same change has no effect.
     EXPECT_EQ(undo({{"axis", axis_}, {"since", begin}})["undone"], json::array()) << "draw " << draw;
   }
   EXPECT_GT(written, static_cast<std::size_t>(test::draws(100)));
@@ -292,7 +293,7 @@ TEST_P(ChangesOf, AfterAllIsUndoneEachObjectHasItsFirstValue) {
   EXPECT_NE(get("axes/" + axis_)["state"], "operation enabled");
 }
 
-// A limit, a gain or a mapping can move an axis that has torque.
+// A change of a limit, a gain or a mapping can move an axis with torque.
 TEST_P(ChangesOf, AnUndoDoesNotMoveAnAxis) {
   put("6083/0", 54321);
   put("6081/0", 4321);

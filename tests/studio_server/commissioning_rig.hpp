@@ -17,13 +17,15 @@
 
 namespace servodrome::studio {
 
-// An axis of each product, named after it, in virtual time, and the bench API in front of them.
+// An axis of each product, named after it, in virtual time, and their bench API.
 class CommissioningRig : public testing::Test {
  protected:
-  static std::string line_of_all() {
+  // `only`: the name of the only product; empty: all.
+  static std::string line_of_all(const std::string& only = "") {
     std::string text = "clock = \"virtual\"\n[[bus]]\nname = \"can0\"\n[[bus]]\nname = \"ecat\"\ntype = \"ethercat\"\n";
     int node = 0;
     for (const line::Product& product : line::all_products()) {
+      if (!only.empty() && product.name != only) continue;
       const bool can = product.fieldbus == line::Fieldbus::can;
       text += fmt::format("[[axis]]\nname = \"{0}\"\nproduct = \"{0}\"\nbus = \"{1}\"\n", product.name,
                           can ? "can0" : "ecat");
@@ -41,7 +43,7 @@ class CommissioningRig : public testing::Test {
     return line::bench::handle(
         line_, {.method = method, .target = "/api/v1/" + target, .body = body, .client = client_}, groups);
   }
-  // The answer of a request that is to succeed.
+  // Returns the answer of a request that must succeed.
   nlohmann::json json_of(api::Method method, const std::string& target, const std::string& body = {}) {
     const api::Response response = ask(method, target, body);
     EXPECT_LT(response.status, 300U) << target << " " << response.body;
@@ -59,7 +61,7 @@ class CommissioningRig : public testing::Test {
     }
   }
   void pass(line::Time span) { line_.run_until(line_.now() + span); }
-  // The job when it is over, or after `longest`; looked at every `look`.
+  // Returns the job when it is over, or after `longest`; polls every `look`.
   nlohmann::json over(nlohmann::json job, line::Time longest, line::Time look) {
     for (const line::Time end = line_.now() + longest; line_.now() < end && job["state"] == "running";) {
       pass(look);
@@ -68,7 +70,7 @@ class CommissioningRig : public testing::Test {
     return job;
   }
 
-  std::string client_{};  // who sends the requests, for the change log
+  std::string client_{};  // sender of the requests, for the change log
   line::Line line_;
   LineChanges changes_{line_};
   LineJobs jobs_{line_};
@@ -76,7 +78,7 @@ class CommissioningRig : public testing::Test {
   ChangeRoutes change_routes_{changes_.log(), subjects_};
 };
 
-// What GoogleTest takes for a name of such a test.
+// A valid GoogleTest name for such a test.
 inline std::string name_of_test(const testing::TestParamInfo<std::string>& product) {
   std::string name = product.param;
   std::replace(name.begin(), name.end(), '-', '_');

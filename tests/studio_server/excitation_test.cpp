@@ -1,5 +1,5 @@
-// Jobs "sweep" and "step", of every product, in virtual time: what the true shaft does, and what the loops are seen to
-// be by it.
+// Jobs "sweep" and "step" of every product, in virtual time: the motion of the true shaft, and the loops that the jobs
+// measure.
 #include <algorithm>
 #include <gmock/gmock.h>
 
@@ -66,9 +66,9 @@ TEST_P(ExcitationOf, ASweepShowsTheVelocityLoop) {
   const auto points = master::tuning::response_of_signals(samples.target, samples.velocity, 500e-6,
                                                           {.lowest_hz = 3.0, .highest_hz = 120.0});
   ASSERT_GT(points.size(), 20U);
-  EXPECT_NEAR(std::abs(points.front().response), 1.0, 0.1);  // a loop follows what is slow
+  EXPECT_NEAR(std::abs(points.front().response), 1.0, 0.1);  // a loop follows slow commands
   EXPECT_GT(points.front().coherence, 0.9);
-  EXPECT_LT(std::arg(points.back().response), 0.0);  // and lags behind what is fast
+  EXPECT_LT(std::arg(points.back().response), 0.0);  // and lags behind fast ones
   EXPECT_EQ(ramps(), before);
   EXPECT_EQ(get("axes/" + axis_)["state"], "operation enabled");
   pass(200ms);
@@ -93,7 +93,7 @@ TEST_P(ExcitationOf, TheTravelIsKept) {
   const json job = run(R"({"do": "step", "amplitude": 5, "seconds": 2, "travel": 1.5, "units": "revolutions"})");
   EXPECT_EQ(job["state"], "failed") << job.dump();
   EXPECT_THAT(job["error"]["what"].get<std::string>(), HasSubstr("are allowed"));
-  // With ramps on which the axis is not at rest soon, the halt has become a quick stop.
+  // If the ramps do not stop the axis soon, the halt becomes a quick stop.
   EXPECT_EQ(get("axes/" + axis_)["state"] == "operation enabled", !job.contains("note")) << job.dump();
   EXPECT_EQ(ramps(), before);
   pass(300ms);
@@ -110,7 +110,7 @@ TEST_P(ExcitationOf, WhatIsEndedPutsRampsBack) {
   pass(2s);
   EXPECT_EQ(get(fmt::format("jobs/{}", first["id"].get<int>()))["state"], "cancelled");
   EXPECT_EQ(ramps(), before);
-  // Another job takes its place, without asking.
+  // Another job replaces it without a question.
   const json second = json_of(Method::post, "axes/" + axis_ + "/jobs", body);
   pass(500ms);
   const json stop = run(R"({"do": "stop"})");

@@ -1,4 +1,4 @@
-// The writes of other masters, as they pass on a CAN bus.
+// The writes of other masters, as observed on a CAN bus.
 #include "studio/foreign_writes.hpp"
 
 #include <gmock/gmock.h>
@@ -60,12 +60,40 @@ TEST_F(ForeignWritesTest, OwnWritesReadsAndRefusedWritesDoNotCount) {
   EXPECT_THAT(writes_.take(), IsEmpty());
 }
 
-// The channel has one transfer at a time: a request of this program replaces that of the other master.
-TEST_F(ForeignWritesTest, AReplacedTransferDoesNotCount) {
+constexpr Data read_statusword{0x40, 0x41, 0x60, 0x00};
+constexpr Data statusword{0x4B, 0x41, 0x60, 0x00, 0x37, 0x06};
+
+// The drive answers each request in order, regardless of its sender.
+TEST_F(ForeignWritesTest, AWriteBetweenOwnRequestsCounts) {
   foreign(write_1000);
-  own({0x23, 0x83, 0x60, 0x00, 0xD0, 0x07, 0x00, 0x00});
+  own(read_statusword);
   drive(written);
+  drive(statusword);
+  EXPECT_THAT(writes_.take(), SizeIs(1)) << "the foreign request came first";
+  own(read_statusword);
+  foreign(write_1000);
+  drive(statusword);
+  drive(written);
+  EXPECT_THAT(writes_.take(), SizeIs(1)) << "the own request came first";
+}
+
+TEST_F(ForeignWritesTest, OfTwoWritesToOneObjectOneIsForeign) {
+  const Data write_2000{0x23, 0x83, 0x60, 0x00, 0xD0, 0x07, 0x00, 0x00};
+  const Data refused{0x80, 0x83, 0x60, 0x00, 0x30, 0x00, 0x09, 0x06};
+  own(write_2000);
+  foreign(write_1000);
+  drive(written);
+  drive(refused);  // that of the other master
   EXPECT_THAT(writes_.take(), IsEmpty());
+  foreign(write_1000);
+  own(write_2000);
+  drive(written);
+  drive(refused);  // the own one
+  const auto found = writes_.take();
+  ASSERT_THAT(found, SizeIs(1));
+  EXPECT_EQ(found[0].value[0], std::byte{0xE8});
+  drive(written);
+  EXPECT_THAT(writes_.take(), IsEmpty()) << "a response without a request";
 }
 
 TEST_F(ForeignWritesTest, AWriteInSegmentsCountsWithItsWholeValue) {

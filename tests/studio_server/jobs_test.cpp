@@ -1,4 +1,4 @@
-// Jobs over the bench API, in virtual time: every product on its bus, driven over its service port.
+// Jobs over the bench API, in virtual time: every product on its bus, controlled over its service port.
 #include "studio/jobs.hpp"
 
 #include <gmock/gmock.h>
@@ -20,7 +20,8 @@ using api::Response;
 using nlohmann::json;
 using testing::HasSubstr;
 
-// An axis of each product, named after it, that can travel 10 revolutions either way; its index lies where it starts.
+// An axis of each product, named after it, with a travel of 10 revolutions in each direction; its index is at its
+// start.
 std::string line_of_all() {
   std::string text = R"(
 clock = "virtual"
@@ -58,12 +59,12 @@ class JobsTest : public testing::Test {
     EXPECT_EQ(response.status, 200U) << target << " " << response.body;
     return json::parse(response.body);
   }
-  // Time passes in pieces that fit nothing, as in real life.
+  // Time advances in steps that are no multiple of any period, as in real time.
   void pass(line::Time span) {
     const line::Time end = line_.now() + span;
     while (line_.now() < end) line_.run_until(std::min(end, line_.now() + 7'300us));
   }
-  // Number of the job, which is begun.
+  // Begins a job; returns its number.
   std::uint64_t begin(const std::string& axis, const std::string& body) {
     const Response response = ask(Method::post, "axes/" + axis + "/jobs", body);
     EXPECT_EQ(response.status, 201U) << axis << " " << body << " " << response.body;
@@ -74,7 +75,7 @@ class JobsTest : public testing::Test {
     return job["id"].get<std::uint64_t>();
   }
   json job(std::uint64_t id) { return get("jobs/" + std::to_string(id)); }
-  // The job when it is over.
+  // Returns the job when it is over.
   json finish(std::uint64_t id, line::Time longest = 60s) {
     const line::Time end = line_.now() + longest;
     while (line_.now() < end && job(id)["state"] == "running") pass(20ms);
@@ -134,7 +135,7 @@ TEST_F(JobsTest, AreToldAsTheyGo) {
   const std::uint64_t moving = begin("ismc", R"({"do": "move", "by": 10000000, "velocity": 100000})");
   pass(50ms);
   ask(Method::delete_, fmt::format("jobs/{}", moving));
-  ask(Method::delete_, fmt::format("jobs/{}", moving));  // it is to end already
+  ask(Method::delete_, fmt::format("jobs/{}", moving));  // the job is already about to end
   ASSERT_EQ(told.size(), 4U);
   EXPECT_EQ(told[3]["job"]["ending"], true);
   finish(moving);
@@ -213,7 +214,7 @@ TEST_P(EveryProduct, GivesTorqueAndStops) {
   EXPECT_NEAR(view(axis_)["velocity_rpm"].get<double>(), 0.0, 2.0);
 }
 
-// There and back: the second move must not begin after a halt or a stop that came in between.
+// There and back: the second move must not begin if a halt or a stop came in between.
 TEST_F(JobsTest, ASequenceDoesNotGoOnAfterAStop) {
   const std::string axis = "generic402";
   const auto start = [&](const std::string& body, unsigned status) {
@@ -238,7 +239,7 @@ TEST_F(JobsTest, ASequenceDoesNotGoOnAfterAStop) {
   const std::string halt = done(R"({"do": "stop"})");
   start(move + last + "}", 409);
   last = done(move + halt + "}");
-  // A controlword of another client, and a switch of the power, also while the job before runs.
+  // A controlword of another client, and switching the power, also during the previous job.
   const auto write_controlword = [&] {
     EXPECT_EQ(ask(Method::put, "axes/" + axis + "/objects/6040/0", R"({"value": 15})").status, 204U);
   };
@@ -285,7 +286,7 @@ TEST_F(JobsTest, TheWordsAreThoseOfTheProduct) {
   EXPECT_FALSE(get("axes/generic402/words")["modes"].contains("-4"));
 }
 
-// Two relative moves: the target of each is a position of the shaft, and so it is after homing with an offset.
+// Two relative moves: the target of each is a shaft position, also after homing with an offset.
 TEST_P(EveryProduct, ShowsItsTargetAsAPositionOfTheShaft) {
   make_ready(axis_);
   expect_done(axis_, fmt::format(R"({{"do": "home", "method": {}, "speed": 2, "zero_speed": 1, "offset": 3, {}}})",
@@ -324,7 +325,7 @@ TEST_F(JobsTest, OverSpeedOfAJmcNamesTheLimits) {
   EXPECT_THAT(over["error"]["hint"].get<std::string>(), testing::AllOf(HasSubstr("607Fh"), HasSubstr("6080h")));
 }
 
-// A job that takes over ends the jog where it stands: the jog's own end, a halt, must not act any more.
+// A job that replaces a jog continues from where the jog is; the jog's final halt must no longer act.
 TEST_P(EveryProduct, WhatTakesOverFromAJogStopsTheAxis) {
   make_ready(axis_);
   for (const char* order : {"stop", "quick_stop", "disable"}) {
@@ -365,7 +366,7 @@ TEST_P(EveryProduct, AFaultInTheMiddleEndsTheJobAndIsReset) {
   const std::uint64_t move = begin(axis_, fmt::format(R"({{"do": "move", "by": 5, "velocity": 2, {}}})", profile));
   pass(500ms);
   EXPECT_EQ(job(move)["state"], "running");
-  // One that can be reset without switching the drive off.
+  // A fault that can be reset without a power cycle.
   std::string cause;
   for (const auto one :
        {drive::Cause::over_voltage, drive::Cause::under_voltage, drive::Cause::i2t, drive::Cause::following_error}) {
@@ -450,6 +451,105 @@ TEST_F(JobsTest, AJobThatIsEndedHaltsAtOnce) {
   }
 }
 
+// A job that is ended before its first access halts what an earlier command has begun.
+TEST_P(EveryProduct, AJobThatIsEndedBeforeItBeganHalts) {
+  make_ready(axis_);
+  expect_done(axis_, fmt::format(R"({{"do": "velocity", "velocity": 2, {}}})", profile));
+  const std::uint64_t move = begin(axis_, fmt::format(R"({{"do": "move", "by": 1, "velocity": 2, {}}})", profile));
+  ask(Method::delete_, "jobs/" + std::to_string(move));
+  EXPECT_EQ(finish(move)["state"], "cancelled");
+  pass(1s);
+  EXPECT_NEAR(view(axis_)["velocity_rpm"].get<double>(), 0.0, 2.0);
+}
+
+// A stop is accepted and carried out whatever its request says, and whatever comes after it.
+TEST_P(EveryProduct, AStopIsCarriedOut) {
+  for (const char* what : {"stop", "quick_stop", "disable"}) {
+    make_ready(axis_);
+    expect_done(axis_, fmt::format(R"({{"do": "velocity", "velocity": 2, {}}})", profile));
+    const std::uint64_t stop = begin(axis_, fmt::format(R"({{"do": "{}", "after": 1, "units": "revolutions"}})", what));
+    ask(Method::delete_, "jobs/" + std::to_string(stop));
+    pass(3ms);
+    ask(Method::delete_, "jobs/" + std::to_string(stop));
+    EXPECT_EQ(finish(stop)["state"], "done") << what;
+    if (what != std::string("disable")) {  // after which the axis coasts
+      EXPECT_NEAR(view(axis_)["velocity_rpm"].get<double>(), 0.0, 5.0) << what;
+    }
+    pass(1s);
+    EXPECT_NEAR(view(axis_)["velocity_rpm"].get<double>(), 0.0, 2.0) << what;
+  }
+}
+
+// Commands that are no jobs end the running one, and the axis halts.
+TEST_P(EveryProduct, AnotherCommandEndsAJob) {
+  for (const auto at : {3ms, 40ms, 400ms}) {
+    for (const bool by_power : {false, true}) {
+      pass(500ms);
+      make_ready(axis_);
+      const std::uint64_t id = begin(axis_, fmt::format(R"({{"do": "move", "by": 5, "velocity": 2, {}}})", profile));
+      pass(at);
+      if (by_power) {
+        ask(Method::post, "axes/" + axis_ + "/power", R"({"action": "cycle"})");
+      } else {
+        ask(Method::put, "axes/" + axis_ + "/objects/6040/0", R"({"value": 15})");
+      }
+      EXPECT_NE(finish(id, 2s)["state"], "done") << at.count();
+      EXPECT_NE(job(id)["state"], "running") << at.count();
+      pass(1s);
+      EXPECT_NEAR(view(axis_)["velocity_rpm"].get<double>(), 0.0, 2.0) << at.count();
+      make_ready(axis_);
+      expect_done(axis_, fmt::format(R"({{"do": "move", "by": -0.5, "velocity": 2, {}}})", profile));
+    }
+  }
+}
+
+// Drives whose units take time to read: meanwhile another client's command can come.
+class SlowDrives final : public Drives {
+ public:
+  explicit SlowDrives(line::Line& line) : drives_(line) {}
+  std::function<void()> meanwhile{};
+
+  master::Time now() const override { return drives_.now(); }
+  std::vector<std::string> names() const override { return drives_.names(); }
+  void require_ready(const std::string& axis) const override { drives_.require_ready(axis); }
+  std::unique_ptr<master::ObjectClient> open(const std::string& axis, Wait wait) override {
+    return drives_.open(axis, std::move(wait));
+  }
+  master::AxisOptions options(const std::string& axis) const override { return drives_.options(axis); }
+  std::string product(const std::string& axis) const override { return drives_.product(axis); }
+  bool has_cycles(const std::string& axis) const override { return drives_.has_cycles(axis); }
+  api::Json in_cycles(const std::string& axis, master::ObjectClient& objects, const master::CanDrive& exchanged,
+                      const std::function<bool()>& cancelled,
+                      const std::function<void(const char* doing, double share)>& progress, const Work& work) override {
+    return drives_.in_cycles(axis, objects, exchanged, cancelled, progress, work);
+  }
+  std::optional<master::AxisUnits> units(const std::string& axis) override {
+    if (meanwhile) meanwhile();
+    return drives_.units(axis);
+  }
+  master::AxisLimits limits(const std::string& axis) override { return drives_.limits(axis); }
+  std::uint64_t commands(const std::string& axis) const override { return drives_.commands(axis); }
+  std::vector<std::optional<JobError>> stop_all() override { return drives_.stop_all(); }
+
+ private:
+  LineDrives drives_;
+};
+
+TEST_F(JobsTest, AJobThatWaitsForItsUnitsIsRefusedAfterAStop) {
+  SlowDrives drives(line_);
+  Jobs jobs(drives, [this] { return wall_; });
+  const std::string move = R"({"do": "move", "by": 1, "velocity": 5, "units": "revolutions"})";
+  drives.meanwhile = [&jobs] { jobs.stop_all(); };
+  EXPECT_THROW(jobs.begin("ismc", move), api::ApiError);
+  drives.meanwhile = [&jobs] { jobs.begin("ismc", R"({"do": "stop"})"); };
+  EXPECT_THROW(jobs.begin("ismc", move), api::ApiError);
+  EXPECT_EQ(jobs.all().size(), 1U);
+  drives.meanwhile = [&jobs] { jobs.begin("jmc_ec", R"({"do": "stop"})"); };  // another axis
+  jobs.begin("generic402", move);
+  drives.meanwhile = [] { FAIL() << "a stop waits for no units"; };
+  jobs.begin("generic402", R"({"do": "stop", "units": "revolutions"})");
+}
+
 TEST_P(EveryProduct, QuickStopTakesTheAxisFromAJob) {
   make_ready(axis_);
   const std::uint64_t move = begin(axis_, fmt::format(R"({{"do": "move", "by": 8, "velocity": 2, {}}})", profile));
@@ -519,7 +619,7 @@ TEST_F(JobsTest, TheBigStopStopsEveryAxisAtOnce) {
   }
 }
 
-// Not even a master that knows nothing of what was before: it walks the states, and nothing moves.
+// Also with a master that does not know the history: it goes through the states, and nothing moves.
 TEST_P(EveryProduct, TheBigStopLeavesNothingThatEnablingRevives) {
   for (const bool by_job : {true, false}) {
     make_ready(axis_);
@@ -545,7 +645,7 @@ TEST_P(EveryProduct, TheBigStopLeavesNothingThatEnablingRevives) {
   }
 }
 
-// A ramp that would take minutes, as numbers in units of unknown size give.
+// A ramp that would take minutes, for example from a number in units of unknown size.
 TEST_P(EveryProduct, AHaltThatDoesNotRestTheAxisBecomesAQuickStop) {
   make_ready(axis_);
   expect_done(axis_, R"({"do": "velocity", "velocity": 2, "units": "revolutions", "acceleration": 50,
@@ -574,7 +674,7 @@ TEST_F(JobsTest, AMoveThatTakesTooLongIsStopped) {
   EXPECT_NEAR(view("generic402")["velocity_rpm"].get<double>(), 0.0, 2.0);
 }
 
-// In virtual time nothing happens until a call lets time pass; how time is cut changes nothing.
+// In virtual time nothing happens until a call advances time; the size of the steps changes nothing.
 TEST_F(JobsTest, HowTimeIsCutChangesNothing) {
   const auto run = [](line::Time piece) {
     line::Line line{line::test::settings_of(line_of_all())};
@@ -604,7 +704,7 @@ TEST_F(JobsTest, JobsThatAreRunningEndWithTheServer) {
     begin(axis, fmt::format(R"({{"do": "move", "by": 8, "velocity": 2, {}}})", profile));
   }
   pass(300ms);
-  begin("ismc", R"({"do": "stop"})");  // has not begun
+  begin("ismc", R"({"do": "stop"})");  // the job has not begun
 }
 
 TEST_F(JobsTest, RemembersSixtyFour) {
@@ -617,6 +717,28 @@ TEST_F(JobsTest, RemembersSixtyFour) {
   EXPECT_EQ(ask(Method::get, "jobs/17").status, 404U);
 }
 
+class ManyAxes : public JobsTest {
+ protected:
+  static std::string line_of_many() {
+    std::string text = "clock = \"virtual\"\n[[bus]]\nname = \"can0\"\n";
+    for (int node = 1; node <= 66; ++node) {
+      text += fmt::format("[[axis]]\nname = \"a{0}\"\nproduct = \"generic402\"\nbus = \"can0\"\nnode = {0}\n", node);
+    }
+    return text;
+  }
+  ManyAxes() : JobsTest(line_of_many()) {}
+};
+
+TEST_F(ManyAxes, AStopIsAcceptedWhileTooManyJobsRun) {
+  const std::string run = R"({"do": "velocity", "velocity": 2, "acceleration": 50, "units": "revolutions"})";
+  make_ready("a65");
+  expect_done("a65", run);
+  for (int i = 1; i <= 64; ++i) begin(fmt::format("a{}", i), R"({"do": "enable"})");
+  EXPECT_EQ(ask(Method::post, "axes/a66/jobs", R"({"do": "enable"})").status, 409U) << "64 jobs are running";
+  expect_done("a65", R"({"do": "stop"})");
+  EXPECT_NEAR(view("a65")["velocity_rpm"].get<double>(), 0.0, 2.0);
+}
+
 TEST_F(JobsTest, UnitsOfARevolution) {
   EXPECT_EQ(get("axes/ismk/units")["position_per_revolution"], 65536.0);
   EXPECT_EQ(get("axes/generic402/units")["velocity_per_rps"], 131072.0);
@@ -626,7 +748,7 @@ TEST_F(JobsTest, UnitsOfARevolution) {
   EXPECT_EQ(ask(Method::get, "axes/ismc/units").status, 409U) << "its factors cannot be asked for";
 }
 
-// The encoder of the ProNet manual's examples: a revolution is what the drive at hand has.
+// The encoder of the ProNet manual's examples: a revolution follows the drive's own resolution.
 class ManualsEncoder : public JobsTest {
  protected:
   ManualsEncoder()

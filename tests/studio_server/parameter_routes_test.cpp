@@ -1,4 +1,4 @@
-// Parameters and PDOs over the bench API, of every product: what a script or the page's Objects page asks.
+// Parameters and PDOs of every product over the bench API: the requests of a script or of the page's Objects page.
 #include <algorithm>
 #include <gmock/gmock.h>
 
@@ -18,7 +18,7 @@ class ParametersOf : public CommissioningRig, public testing::WithParamInterface
   std::string axis_ = GetParam();
   std::string path_ = "axes/" + axis_ + "/parameters";
   std::string text() { return ask(Method::get, path_).body; }
-  // A line of the text that holds a plain number which may be another: its object, type and value.
+  // A line of the text with a number that can be changed: its object, type and value.
   struct Row {
     std::string object, type, value;
   };
@@ -52,7 +52,7 @@ TEST_P(ParametersOf, AreSavedAndLoadedUnchanged) {
 TEST_P(ParametersOf, AChangeIsToldAndTakenBack) {
   const json fresh = get(path_ + "/diff");
   const std::string before = text();
-  // 6081h is in all products, and with none of them is 4321 its value from the factory.
+  // All products have 6081h, and none has the factory value 4321.
   json_of(Method::put, "axes/" + axis_ + "/objects/6081/0", R"({"value": 4321})");
   const json changed = json_of(Method::post, path_ + "/diff", before);
   ASSERT_EQ(changed["differences"].size(), 1U) << changed.dump();
@@ -60,7 +60,7 @@ TEST_P(ParametersOf, AChangeIsToldAndTakenBack) {
   EXPECT_EQ(changed["differences"][0]["right"], "4321");
   const json to_factory = get(path_ + "/diff");
   EXPECT_EQ(to_factory["differences"].size(), fresh["differences"].size() + 1);
-  // What the difference says on the left, as the page's "Take" sends it.
+  // The left side of the difference, as the page's "Take" sends it.
   const json& one = changed["differences"][0];
   const json report =
       json_of(Method::put, path_,
@@ -71,12 +71,12 @@ TEST_P(ParametersOf, AChangeIsToldAndTakenBack) {
   EXPECT_EQ(text(), before);
 }
 
-// What differs from the stored values is what a power cycle takes back.
+// Values that differ from the stored ones are lost in a power cycle.
 TEST_P(ParametersOf, AreComparedWithTheStoredValues) {
   EXPECT_EQ(get(path_ + "/diff?with=stored")["differences"], json::array());
   json_of(Method::put, "axes/" + axis_ + "/objects/6083/0", R"({"value": 4321})");
   const json changed = get(path_ + "/diff?with=stored");
-  const bool at_once = changed["differences"].empty();  // this drive stores each value when it is written
+  const bool at_once = changed["differences"].empty();  // this drive stores each value immediately
   if (!at_once) {
     ASSERT_EQ(changed["differences"].size(), 1U) << changed.dump();
     EXPECT_EQ(changed["differences"][0]["object"], "6083:00");
@@ -150,7 +150,7 @@ TEST_P(ParametersOf, ArePdosAsTheObjectsSay) {
   EXPECT_FALSE(pdos["mappable"]["transmit"].empty());
 }
 
-// The first receive PDO that may be mapped gets one object less, and then what it had.
+// The first receive PDO that can be mapped gets one object less, and then its original mapping.
 TEST_P(ParametersOf, APdoIsMappedAnewAndBack) {
   to_pre_operational();
   const json before = get("axes/" + axis_ + "/pdos");
@@ -171,7 +171,7 @@ TEST_P(ParametersOf, APdoIsMappedAnewAndBack) {
   const auto place = static_cast<std::size_t>(pdo - before["pdos"].begin());
   ASSERT_EQ(after["pdos"][place]["objects"].size(), objects.size()) << after["pdos"][place].dump();
   EXPECT_EQ(after["pdos"][place]["objects"].back()["object"], objects.back());
-  // Everything else is as it was: identifiers, assignments.
+  // Everything else is unchanged: identifiers, assignments.
   json rest = after;
   rest["pdos"][place]["objects"] = before["pdos"][place]["objects"];
   EXPECT_EQ(rest, before);
@@ -198,10 +198,10 @@ TEST_P(ParametersOf, WhatTheDriveRefusesToMapIsSaidAndPutBack) {
     return response.body;
   };
   if (first["fixed"] == false) {
-    EXPECT_THAT(refuse(R"(["6041:00"])", 409), HasSubstr("0604 0041h"));  // a TPDO's, in an RPDO: cannot be mapped
+    EXPECT_THAT(refuse(R"(["6041:00"])", 409), HasSubstr("0604 0041h"));  // an object of a TPDO, in an RPDO
     EXPECT_THAT(refuse(R"(["1018:01/32"])", 409), HasSubstr("0604 0041h"));
     EXPECT_THAT(refuse(R"(["7777:00/32"])", 409), HasSubstr("h)"));
-    EXPECT_THAT(refuse(R"(["6040:00", "6041:00"])", 409), HasSubstr("0604 0041h"));  // and not that a list has a hole
+    EXPECT_THAT(refuse(R"(["6040:00", "6041:00"])", 409), HasSubstr("0604 0041h"));  // not an error about a gap
     if (before["bus"] == "can") {
       EXPECT_THAT(refuse(R"(["607A:00", "607A:00", "607A:00"])", 409), HasSubstr("0604 0042h"));  // longer than 8 bytes
     }
@@ -238,7 +238,7 @@ TEST_F(Parameters, AreStored) {
   EXPECT_EQ(lost[0]["object"], "6083:00") << "the manual has no memory for it";
 }
 
-// A value that only the drive itself can refuse: what was written before it is taken back, and the refusal is told.
+// A value that only the drive itself can refuse: the values written before are restored, and the error is reported.
 TEST_F(Parameters, ARefusedFileIsTakenBack) {
   const std::string before = ask(Method::get, "axes/generic402/parameters").body;
   const auto response = ask(Method::put, "axes/generic402/parameters",

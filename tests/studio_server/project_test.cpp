@@ -1,4 +1,4 @@
-// The folder of a project: what is made, what is refused, what is kept, and what a crash leaves.
+// The folder of a project: which files are created, refused and kept, and the state after a crash.
 #include "studio/project/project.hpp"
 
 #include <fstream>
@@ -185,7 +185,7 @@ class ProjectOfLine : public CommissioningRig {
  protected:
   ProjectOfLine() : CommissioningRig(std::string(line::test::two_axes)) { open(); }
 
-  // As a new run of the server does.
+  // Like a new run of the server.
   void open() {
     close();
     if (!fs::exists(folder_ / "x")) Project::make(folder_ / "x", {}, "");
@@ -309,7 +309,7 @@ TEST_F(ProjectOfLine, AFileThatAnotherProgramChangedIsNotOverwritten) {
   EXPECT_EQ(told_, 2);
 }
 
-// A folder in place of the file stands for a disk that refuses the write.
+// A folder in place of the file simulates a disk that refuses the write.
 TEST_F(ProjectOfLine, WhatCannotBeWrittenIsTriedAgain) {
   fs::create_directories(folder_ / "x/changes.jsonl/in_the_way");
   change("6083", 4321);
@@ -324,7 +324,7 @@ TEST_F(ProjectOfLine, WhatCannotBeWrittenIsTriedAgain) {
   EXPECT_THAT(text_of(folder_ / "x/changes.jsonl"), HasSubstr("4321"));
 }
 
-// A writer that was killed before the rename leaves a part beside the old file.
+// A writer that was killed before the rename leaves a temporary file next to the old file.
 TEST_F(ProjectOfLine, AKilledWriteLeavesTheOldState) {
   project_->set_state("boards", 1);
   keeper_->finish();
@@ -358,7 +358,7 @@ TEST_F(ProjectOfLine, ChangesAreAppendedAsLinesAndShownLater) {
   EXPECT_THAT(both, StartsWith(first + "{\"after\":4322,"));
   EXPECT_EQ(std::count(both.begin(), both.end(), '\n'), 2);
 
-  put(file, both.substr(0, both.size() - 1));  // an editor that leaves the last line end out
+  put(file, both.substr(0, both.size() - 1));  // an editor that omits the last line end
   open();
   EXPECT_EQ(project_->last_change(), 2U);
   change("6081", 4323);

@@ -1,4 +1,4 @@
-// The studio's server in front of a whole drive: however it ends, the axis comes to rest.
+// The studio's server with a complete drive: whatever ends it, the axis comes to rest.
 #include "studio/real_server.hpp"
 
 #include <boost/asio/connect.hpp>
@@ -17,7 +17,7 @@ namespace {
 
 using namespace std::chrono_literals;
 
-// One virtual drive, whose time passes while its bus waits.
+// One virtual drive; its time advances while its bus waits.
 class BusOfOne final : public OpenBus {
  public:
   explicit BusOfOne(master::test::AxisRig& rig) : rig_(rig) {}
@@ -27,6 +27,7 @@ class BusOfOne final : public OpenBus {
     rig_.objects().wait(span);
     std::this_thread::sleep_for(span);
   }
+  void abort_when(std::function<bool()>) override {}
   Cyclic open_cyclic(std::size_t, const master::CanDrive&) override {
     throw master::MasterError("there are no process data", "mem:", "");
   }
@@ -55,7 +56,7 @@ std::string ask(std::uint16_t port, const std::string& method, const std::string
   return answer;
 }
 
-// When the answer to a GET has the text in it; or the last answer.
+// Returns when the answer to a GET contains the text; otherwise the last answer.
 std::string wait_for(std::uint16_t port, const std::string& target, const std::string& text) {
   std::string answer;
   for (int i = 0; i < 3000 && answer.find(text) == std::string::npos; ++i) {

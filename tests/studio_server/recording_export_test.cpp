@@ -7,7 +7,7 @@
 #include "commissioning_rig.hpp"
 #include "line/bench/scope/line_scope.hpp"
 
-// How a reader of another make takes the files: tests/interop/test_studio_drives.py, test_scope.py.
+// Third-party readers of these files: tests/interop/test_studio_drives.py, test_scope.py.
 namespace servodrome::studio {
 namespace recording_export_test {
 namespace {
@@ -35,7 +35,7 @@ class Export : public CommissioningRig {
     pass(std::chrono::milliseconds(static_cast<int>(ms) + 100));
     return fmt::format("recordings/{}", nlohmann::json::parse(begun.body)["id"].get<int>());
   }
-  // The parts in which it is sent.
+  // The parts in which the server sends it.
   std::vector<std::string> parts(const std::string& recording) {
     const Response response = ask_here(Method::get, recording + "/data.mcap");
     EXPECT_EQ(response.status, 200U) << response.body;
@@ -54,7 +54,7 @@ class Export : public CommissioningRig {
     std::uint64_t time_ns;
     nlohmann::json fields;
   };
-  // As the specification has it (mcap.dev/spec): records, and those within chunks.
+  // The format by the specification (mcap.dev/spec): records, and those within chunks.
   static std::vector<Message> messages_of(std::string_view file) {
     std::vector<Message> messages;
     const auto number = [&file](std::size_t at, std::size_t size) {

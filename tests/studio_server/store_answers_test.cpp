@@ -1,5 +1,5 @@
-// What the bench API answers of a memory that is damaged or gone: the drive's fault, its refusal, and "stored" only of
-// what comes back after a power cycle.
+// Answers of the bench API about a memory that is damaged or missing: the drive's fault, its refusal, and "stored" only
+// if the values return after a power cycle.
 #include <filesystem>
 #include <fstream>
 #include <gmock/gmock.h>
@@ -19,7 +19,7 @@ using namespace std::chrono_literals;
 
 struct Maker {
   std::string_view product;
-  std::string_view kept;        // an object that is kept
+  std::string_view kept;        // an object that is stored
   std::string_view error_code;  // of a memory that cannot be used
   bool keeps_at_once = false;
 };
@@ -91,7 +91,7 @@ class StoreAnswers : private Folder, public CommissioningRig, public testing::Wi
     std::fstream(store(), std::ios::binary | std::ios::in | std::ios::out)
         .write(bytes.data(), static_cast<std::streamsize>(bytes.size()));
   }
-  // Neither says that it is stored.
+  // Neither reports that it is stored.
   void expect_nothing_is_stored() {
     for (const auto& answer : {write_and_store(77), load_and_store()}) {
       EXPECT_THAT(answer.body, testing::Not(HasSubstr("\"stored\":true"))) << answer.body;
@@ -104,7 +104,7 @@ class StoreAnswers : private Folder, public CommissioningRig, public testing::Wi
       }
     }
     pass(100ms);
-    if (keeps()) expect_fault();  // such a product stores by itself and answers no command
+    if (keeps()) expect_fault();  // such a product stores without a command, and answers no command
   }
 };
 INSTANTIATE_TEST_SUITE_P(Products, StoreAnswers, testing::ValuesIn(makers), [](const auto& instance) {
@@ -120,7 +120,7 @@ TEST_P(StoreAnswers, OfASoundMemory) {
   EXPECT_EQ(get("axes/axis")["faults"], json::array());
 }
 
-// The drive is in its fault, with the factory's values. What is stored then is, and comes back.
+// The drive has its fault and its factory values. Values that are stored afterwards return after a power cycle.
 TEST_P(StoreAnswers, OfADamagedMemory) {
   const std::function<void(std::vector<char>&, std::size_t)> ways[] = {
       [](auto& bytes, std::size_t bank) { bytes[40] ^= 1, bytes[bank + 40] ^= 1; },

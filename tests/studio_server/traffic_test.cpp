@@ -86,7 +86,7 @@ TEST_F(TrafficTest, ACanBusInWords) {
   EXPECT_EQ(all["rows"][3]["from"], "right");
   EXPECT_EQ(all["rows"][3]["error"], true);
   EXPECT_EQ(all["next"], 4);
-  // What has come since, and of that what is wanted.
+  // The new traffic, filtered.
   send(sdo(0x601, {0x40, 0x61, 0x60, 0, 0, 0, 0, 0}));
   EXPECT_EQ(get("can0/traffic?since=4")["rows"].size(), 2U);
   EXPECT_EQ(get("can0/traffic?node=2")["rows"].size(), 2U);
@@ -96,7 +96,7 @@ TEST_F(TrafficTest, ACanBusInWords) {
   EXPECT_EQ(get("can0/traffic?text=STATUSword")["rows"].size(), 2U);
   EXPECT_EQ(get("can0/traffic?text=modes%20of")["rows"].size(), 2U);
   EXPECT_EQ(get("can0/traffic?text=left&kind=sdo")["rows"].size(), 2U);
-  // No more of it once it is stopped; what there is stays until it is cleared.
+  // Nothing is added after the stop; the recorded traffic stays until it is cleared.
   record("can0", false);
   send(sdo(0x601, {0x40, 0x41, 0x60, 0, 0, 0, 0, 0}));
   EXPECT_EQ(get("can0/traffic")["rows"].size(), 6U);
@@ -126,7 +126,7 @@ TEST_F(TrafficTest, PagesAndTheNewest) {
   EXPECT_EQ(newest["next"], total);
 }
 
-// A PDO that was mapped before the recording began has the names of its objects, because the drive knows.
+// A PDO that was mapped before the recording has the names of its objects, because the drive knows its mapping.
 TEST_F(TrafficTest, PdosAreKnownFromTheDrive) {
   line.run_until(300ms);
   const std::array<std::array<std::uint8_t, 8>, 5> writes{{{0x23, 0x00, 0x18, 1, 0x82, 0x01, 0x00, 0x80},
@@ -172,7 +172,7 @@ TEST_F(TrafficTest, AnRs485LineInWordsAndAsCaptures) {
   EXPECT_THAT(all["rows"][1]["text"].get<std::string>(), HasSubstr("device identification"));
   EXPECT_THAT(all["rows"][3]["text"].get<std::string>(), HasSubstr("exception 02h illegal data address"));
   EXPECT_EQ(all["rows"][3]["error"], true);
-  // What is exported is read again, byte for byte.
+  // The exported file is read again and compared byte for byte.
   line.find_serial_bus("rs")->line.passed_by(links::SerialSender::master,
                                              std::vector<std::uint8_t>{0, 1, 0, 0, 0, 2, 1, 7});
   for (const char* format : {"pcap", "text"}) {
@@ -217,7 +217,7 @@ TEST_F(TrafficTest, CapturesOfACanBusAreReadAgain) {
   }
 }
 
-// More than the ring holds: what is lost is told, and the pieces of an answer stay small.
+// More than the ring buffer holds: lost frames are reported, and the parts of an answer stay small.
 TEST_F(TrafficTest, OverloadIsTold) {
   record("can0");
   send(sdo(0x601, {0x40, 0x41, 0x60, 0, 0, 0, 0, 0}));

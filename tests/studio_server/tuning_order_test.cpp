@@ -1,4 +1,5 @@
-// Jobs "tune" and "tune_itself" of every product, in virtual time over the service port, and what is said of gains.
+// Jobs "tune" and "tune_itself" of every product, in virtual time over the service port, and the information about
+// gains.
 #include <gmock/gmock.h>
 
 #include "axis/object_catalogue.hpp"
@@ -15,6 +16,8 @@ using namespace std::chrono_literals;
 
 class TuningOf : public CommissioningRig, public testing::WithParamInterface<std::string> {
  protected:
+  TuningOf() : CommissioningRig(line_of_all(GetParam())) {}
+
   std::string axis_ = GetParam();
 
   json begin(const std::string& body) { return json_of(Method::post, "axes/" + axis_ + "/jobs", body); }
@@ -35,7 +38,7 @@ class TuningOf : public CommissioningRig, public testing::WithParamInterface<std
 };
 INSTANTIATE_TEST_SUITE_P(Products, TuningOf, testing::ValuesIn(names_of_products()), name_of_test);
 
-// One of each kind whose gains are known: over the service port the fieldbus makes no difference.
+// One product of each kind with known gains: over the service port the fieldbus makes no difference.
 class Tuned : public TuningOf {};
 INSTANTIATE_TEST_SUITE_P(Products, Tuned, testing::Values("generic402", "ismk"), name_of_test);
 
@@ -57,7 +60,7 @@ TEST_P(TuningOf, AProposalWritesNothing) {
   const json job = run(R"({"do": "tune", "bandwidth_hz": 30, "seconds": 4})");
   EXPECT_TRUE(is_at_rest());
   EXPECT_EQ(values_of_gains(), before);
-  if (axis_ == "ismc" || axis_ == "pronet") {  // which have no cyclic synchronous velocity
+  if (axis_ == "ismc" || axis_ == "pronet") {  // these have no cyclic synchronous velocity
     ASSERT_EQ(job["state"], "failed") << job.dump();
     EXPECT_FALSE(job["error"]["what"].get<std::string>().empty());
     return;
@@ -115,6 +118,81 @@ TEST_P(Tuned, TheBigStopEndsIt) {
   EXPECT_EQ(values_of_gains(), before);
   pass(2s);
   EXPECT_LT(std::abs(rpm()), 0.5);
+}
+
+// STOP may come at any moment, also while the tuning brakes the axis at the end of a measurement.
+TEST_P(Tuned, TheBigStopEndsItAtAnyMoment) {
+  const json before = values_of_gains();
+  const auto stop_after = [&](const std::string& request, line::Time time) {
+    const json begun = begin(request);
+    pass(time);
+    const bool is_over = get(fmt::format("jobs/{}", begun["id"].get<int>()))["state"] != "running";
+    ask(Method::post, "stop");
+    pass(1s);
+    EXPECT_TRUE(is_at_rest()) << time.count();
+    if (!is_over) {
+      EXPECT_EQ(values_of_gains(), before) << time.count();
+    }
+  };
+  const auto duration = [&](const std::string& request) {
+    const line::Time began = line_.now();
+    run(request);
+    return line_.now() - began;
+  };
+  const std::string measure = R"({"do": "tune", "seconds": 4})";
+  const line::Time measured = duration(measure);
+  for (line::Time time = 300ms; time < measured - 1s; time += 1900ms) stop_after(measure, time);
+  for (line::Time time = measured - 1s; time < measured; time += 110ms) stop_after(measure, time);
+  if (axis_ != "generic402") return;
+  const std::string apply = R"({"do": "tune", "apply": true, "seconds": 4})";
+  const line::Time applied = duration(apply);
+  const json listed = gains();
+  for (const json& gain : listed["gains"]) {
+    const auto object = gain["object"].get<std::string>();
+    const api::Response answer =
+        ask(Method::put, "axes/" + axis_ + "/objects/" + object.substr(0, 4) + "/" + object.substr(5),
+            json{{"value", before[object]}}.dump());
+    ASSERT_LT(answer.status, 300U) << object << answer.body;
+  }
+  ASSERT_EQ(values_of_gains(), before);
+  stop_after(apply, applied - 300ms);
+}
+
+// A controlword and a switch of the power are later commands than the job: it does not enable the axis again.
+TEST_P(Tuned, AnotherCommandEndsIt) {
+  for (const char* command : {"controlword", "power"}) {
+    for (line::Time at = 200ms; at < 12s; at += 731ms) {
+      const json begun = begin(R"({"do": "tune", "seconds": 4})");
+      pass(at);
+      if (get(fmt::format("jobs/{}", begun["id"].get<int>()))["state"] != "running") break;
+      if (command == std::string("power")) {
+        json_of(Method::post, "axes/" + axis_ + "/power", R"({"action": "cycle"})");
+      } else {
+        ask(Method::put, "axes/" + axis_ + "/objects/6040/0", R"({"value": 6})");
+      }
+      const json job = over(begun, 3s);
+      ASSERT_NE(job["state"], "running") << command << at.count();
+      pass(1s);
+      ASSERT_TRUE(is_at_rest()) << command << at.count();
+    }
+  }
+}
+
+// The drive learns while it turns. Whatever ends the job also ends the learning.
+class OwnTuning : public CommissioningRig {
+ protected:
+  OwnTuning() : CommissioningRig(line_of_all("ismk")) {}
+};
+TEST_F(OwnTuning, AnIsmkThatIsStoppedDoesNotLearnOn) {
+  const auto control = [this] { return value("ismk", "2340/10"); };
+  const json before = control();
+  for (line::Time at = 300ms; at < 6s; at += 900ms) {
+    json_of(Method::post, "axes/ismk/jobs", R"({"do": "tune_itself"})");
+    pass(at);
+    ask(Method::post, "stop");
+    EXPECT_EQ(control(), before) << at.count();
+    pass(1s);
+  }
 }
 
 TEST_P(Tuned, WithoutPowerItFailsInTime) {

@@ -368,7 +368,7 @@ export class Model {
   }
 
   private fail(shaft: Shaft, name: string, tick: number, what: string) {
-    this.blame(`${name} ${what} at ${(tick / ticksPerMs).toFixed(1)} ms; it obeys: ${shaft.why}, began to stop at ${shaft.from.toFixed(1)} rpm, and was to be at rest at ${(shaft.due / ticksPerMs).toFixed(1)} ms; rpm each 10 ms before: ${shaft.recent.map((each) => each.toFixed(0)).join(' ')}`);
+    this.blame(`${name} ${what} at ${(tick / ticksPerMs).toFixed(1)} ms, ${shaft.energised ? 'with' : 'without'} torque; it obeys: ${shaft.why} since ${(shaft.asked / ticksPerMs).toFixed(1)} ms, began to stop at ${shaft.from.toFixed(1)} rpm, and was to be at rest at ${(shaft.due / ticksPerMs).toFixed(1)} ms; rpm each 10 ms before: ${shaft.recent.map((each) => each.toFixed(0)).join(' ')}`);
     shaft.isDisturbed = true; // one report is enough
   }
 }

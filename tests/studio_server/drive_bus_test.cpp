@@ -1,0 +1,342 @@
+// Drives on a bus that answer, are silent, refuse, or lose their link: every stop reaches the drives that can be
+// reached.
+#include "studio/drive_bus.hpp"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include "studio/real_drives.hpp"
+#include "studio/task.hpp"
+
+namespace servodrome::studio {
+namespace drive_bus_test {
+namespace {
+
+using namespace std::chrono_literals;
+using testing::ElementsAre;
+
+// What the drives of a bus have received, and how they answer. Shared by the test and the thread of the bus.
+struct Script {
+  struct Drive {
+    bool is_silent = false;
+    bool refuses_controlword = false;
+    bool loses_link = false;  // once, at the next write of the controlword
+    std::uint16_t controlword = 0x0006;
+    std::uint16_t statusword = 0x0231;  // ready to switch on
+  };
+  std::mutex mutex;
+  std::vector<Drive> drives;
+  std::vector<std::string> writes;  // "1 6040=2": drive, object, value; also those without an answer
+  std::condition_variable changed;
+  bool is_held = false;     // accesses wait
+  bool is_waiting = false;  // an access waits
+  int aborted = 0;          // accesses to silent drives that ended early
+  int opened = 0;
+  std::function<bool()> abort;
+
+  template <typename Change>
+  void change(const Change& change_it) {
+    const std::lock_guard lock(mutex);
+    change_it();
+    changed.notify_all();
+  }
+};
+
+class ScriptedObjects final : public master::ObjectClient {
+ public:
+  ScriptedObjects(Script& script, std::size_t drive) : script_(script), drive_(drive) {}
+
+  std::vector<std::byte> upload(master::ObjectAddress object) override {
+    std::unique_lock lock(script_.mutex);
+    answer(lock);
+    std::uint32_t value = 0;
+    if (object.index == 0x6041) value = state().statusword;
+    if (object.index == 0x6040) value = state().controlword;
+    const bool is_word =
+        object.index == 0x6040 || object.index == 0x6041 || object.index == 0x603F || object.index == 0x6077;
+    std::vector<std::byte> bytes(is_word ? 2 : object.index == 0x6061 ? 1 : 4);
+    std::memcpy(bytes.data(), &value, bytes.size());
+    return bytes;
+  }
+  void download(master::ObjectAddress object, std::span<const std::byte> data) override {
+    std::uint32_t value = 0;
+    std::memcpy(&value, data.data(), std::min(data.size(), sizeof value));
+    std::unique_lock lock(script_.mutex);
+    script_.writes.push_back(fmt::format("{} {:04X}={:X}", drive_, object.index, value));
+    if (object.index == 0x6040 && std::exchange(state().loses_link, false)) {
+      throw master::MasterError("the link is lost", "test", "");
+    }
+    answer(lock);
+    if (object.index != 0x6040) return;
+    if (state().refuses_controlword) throw master::ObjectError("refused", "test", "", false, true);
+    state().controlword = static_cast<std::uint16_t>(value);
+  }
+  master::Time now() const override { return DriveBus::Clock::now().time_since_epoch(); }
+  void wait(master::Time span) override { std::this_thread::sleep_for(span); }
+  std::uint16_t address() const override { return static_cast<std::uint16_t>(drive_ + 1); }
+  std::string where() const override { return "test"; }
+
+ private:
+  Script::Drive& state() { return script_.drives[drive_]; }
+  void answer(std::unique_lock<std::mutex>& lock) {
+    script_.is_waiting = true;
+    script_.changed.notify_all();
+    script_.changed.wait(lock, [this] { return !script_.is_held; });
+    script_.is_waiting = false;
+    // A silent drive takes a timeout that no test lasts, unless the access is aborted.
+    for (int i = 0; state().is_silent && i < 200; ++i) {
+      if (script_.abort) {
+        const auto abort = script_.abort;
+        lock.unlock();
+        const bool is_to_end = abort();
+        lock.lock();
+        if (is_to_end) {
+          ++script_.aborted;
+          throw master::MasterError("interrupted", "test", "");
+        }
+      }
+      script_.changed.wait_for(lock, 5ms);
+    }
+    if (state().is_silent) throw master::ObjectError("no answer", "test", "", false, false);
+  }
+
+  Script& script_;
+  std::size_t drive_;
+};
+
+class ScriptedBus final : public OpenBus {
+ public:
+  explicit ScriptedBus(Script& script) : script_(script) {
+    const std::lock_guard lock(script_.mutex);
+    ++script_.opened;
+    for (std::size_t i = 0; i < script_.drives.size(); ++i) {
+      objects_.push_back(std::make_unique<ScriptedObjects>(script_, i));
+    }
+  }
+  std::vector<master::ObjectClient*> drives() override {
+    std::vector<master::ObjectClient*> drives;
+    for (const auto& objects : objects_) drives.push_back(objects.get());
+    return drives;
+  }
+  void back(std::size_t) override {}
+  void wait(master::Time span) override { std::this_thread::sleep_for(span); }
+  void abort_when(std::function<bool()> abort) override {
+    const std::lock_guard lock(script_.mutex);
+    script_.abort = std::move(abort);
+  }
+  Cyclic open_cyclic(std::size_t, const master::CanDrive&) override {
+    throw master::MasterError("there are no process data", "test", "");
+  }
+  void configure(std::size_t, const Action&, const Action&) override {}
+  void show_process_data(const Registers&) override {}
+  std::vector<Found> scan() override { return {}; }
+  std::optional<Watch> watch_of(std::size_t) override { return std::nullopt; }
+
+ private:
+  Script& script_;
+  std::vector<std::unique_ptr<ScriptedObjects>> objects_;
+};
+
+class DriveBusTest : public testing::Test {
+ protected:
+  void open(std::size_t count) {
+    script_.drives.resize(count);
+    BusPlan plan{.link = "test", .type = "can"};
+    for (std::size_t i = 0; i < count; ++i) {
+      plan.drives.push_back({std::string(1, static_cast<char>('a' + i)), "generic402", static_cast<unsigned>(i + 1)});
+    }
+    plan.open = [this](const links::Heard&) { return std::make_unique<ScriptedBus>(script_); };
+    std::vector<BusPlan> plans;
+    plans.push_back(std::move(plan));
+    drives_ = std::make_unique<RealDrives>(std::move(plans));
+    drives_->set_wait([](master::Time) { std::this_thread::sleep_for(1ms); });
+    until([this] {
+      const auto states = drives_->buses()[0]->state().drives;
+      return std::all_of(states.begin(), states.end(), [](const auto& drive) { return !drive.problem; });
+    });
+  }
+  ~DriveBusTest() override {
+    script_.change([this] {
+      script_.is_held = false;
+      for (Script::Drive& drive : script_.drives) drive.is_silent = false;
+    });
+  }
+  template <typename Condition>
+  void until(const Condition& condition) {
+    for (int i = 0; i < 5000 && !condition(); ++i) std::this_thread::sleep_for(1ms);
+    ASSERT_TRUE(condition()) << problem();
+  }
+  void silence(std::size_t drive) {
+    script_.change([&] { script_.drives[drive].is_silent = true; });
+    until([&] { return drives_->buses()[0]->state().drives[drive].problem.has_value(); });
+  }
+  std::string problem() {
+    if (!drives_) return "no drives";
+    const auto state = drives_->buses()[0]->state();
+    std::string all = state.problem ? state.problem->what : "";
+    for (const auto& drive : state.drives) all += "; " + (drive.problem ? drive.problem->what : "");
+    return all;
+  }
+  std::vector<std::string> writes() {
+    const std::lock_guard lock(script_.mutex);
+    return script_.writes;
+  }
+  std::size_t count(const std::string& write) {
+    const auto all = writes();
+    return static_cast<std::size_t>(std::count(all.begin(), all.end(), write));
+  }
+  std::unique_ptr<master::ObjectClient> objects(const std::string& axis) { return drives_->open(*drives_->find(axis)); }
+
+  Script script_;
+  std::unique_ptr<RealDrives> drives_;
+};
+
+TEST_F(DriveBusTest, AStopReachesADriveThatHasJustBeenEnabled) {
+  open(1);
+  for (int i = 0; i < 20; ++i) {
+    script_.change([this] { script_.drives[0].controlword = 0x0006; });
+    until([this] { return drives_->buses()[0]->state().drives[0].controlword == 0x0006; });
+    objects("a")->write<std::uint16_t>(0x6040, 0, 0x000F);
+    const std::size_t before = count("0 6040=2");
+    drives_->stop_all();
+    ASSERT_EQ(count("0 6040=2"), before + 1);
+  }
+}
+
+TEST_F(DriveBusTest, AStopReachesADriveThatWaitsForItsBrake) {
+  open(1);
+  script_.change([this] {
+    script_.drives[0].controlword = 0x000F;
+    script_.drives[0].statusword = 0x0233;  // switched on
+  });
+  until([this] { return drives_->buses()[0]->state().drives[0].controlword == 0x000F; });
+  drives_->stop_all();
+  EXPECT_EQ(count("0 6040=2"), 1U);
+}
+
+TEST_F(DriveBusTest, ADriveWithoutTorqueKeepsItsState) {
+  open(1);
+  std::this_thread::sleep_for(150ms);  // the state is known
+  drives_->stop_all();
+  EXPECT_THAT(writes(), testing::IsEmpty());
+}
+
+TEST_F(DriveBusTest, ASilentDriveIsStoppedAfterItsNeighbours) {
+  open(3);
+  script_.change([this] {
+    for (Script::Drive& drive : script_.drives) drive.controlword = 0x000F;
+  });
+  silence(1);
+  std::thread stop([this] { drives_->stop_all(); });
+  until([this] { return count("1 6040=2") == 1; });
+  auto first = writes();
+  std::erase_if(first, [](const std::string& write) { return write.find("6040=2") == std::string::npos; });
+  EXPECT_THAT(first, ElementsAre("0 6040=2", "2 6040=2", "1 6040=2"));
+  script_.change([this] { script_.drives[1].is_silent = false; });
+  stop.join();
+}
+
+TEST_F(DriveBusTest, TheReadingOfASilentDriveGivesWayToAStop) {
+  open(2);
+  script_.change([this] { script_.drives[0].controlword = 0x000F; });
+  silence(1);
+  until([this] {
+    const std::lock_guard lock(script_.mutex);
+    return static_cast<bool>(script_.abort);  // it is read again
+  });
+  std::thread stop([this] { drives_->stop_all(); });
+  until([this] { return count("0 6040=2") == 1; });
+  {
+    const std::lock_guard lock(script_.mutex);
+    EXPECT_EQ(script_.aborted, 1);
+  }
+  script_.change([this] { script_.drives[1].is_silent = false; });
+  stop.join();
+  until([this] { return !drives_->buses()[0]->state().drives[1].problem; });
+  EXPECT_FALSE(drives_->buses()[0]->state().problem) << "the bus was not lost";
+}
+
+TEST_F(DriveBusTest, AQuickStopStaysDueUntilTheDriveHasAnswered) {
+  open(1);
+  silence(0);
+  script_.change([this] { script_.drives[0].loses_link = true; });
+  drives_->buses()[0]->stop_when_back(0);
+  until([this] { return drives_->buses()[0]->state().losses == 1; });
+  script_.change([this] { script_.drives[0].is_silent = false; });
+  until([this] { return !drives_->buses()[0]->state().drives[0].problem; });
+  EXPECT_EQ(count("0 6040=2"), 2U) << "before the loss and after it";
+  std::this_thread::sleep_for(200ms);
+  EXPECT_EQ(count("0 6040=2"), 2U);
+}
+
+TEST_F(DriveBusTest, ADriveThatRefusesTheQuickStopIsServed) {
+  open(1);
+  silence(0);
+  script_.change([this] { script_.drives[0].refuses_controlword = true; });
+  drives_->buses()[0]->stop_when_back(0);
+  script_.change([this] { script_.drives[0].is_silent = false; });
+  until([this] { return !drives_->buses()[0]->state().drives[0].problem; });
+}
+
+TEST_F(DriveBusTest, AStopRefusesTheCommandsThatWait) {
+  open(2);
+  script_.change([this] {
+    script_.drives[0].controlword = 0x000F;
+    script_.is_held = true;
+  });
+  until([this] {
+    const std::lock_guard lock(script_.mutex);
+    return script_.is_waiting;
+  });
+  const auto access = [](std::size_t drive, std::uint16_t index, bool writes) {
+    const auto made = std::make_shared<Access>();
+    made->drive = drive;
+    made->object = {index, 0};
+    made->writes = writes;
+    made->bytes.assign(writes ? 2 : 0, std::byte{0x0F});
+    return made;
+  };
+  const std::vector waiting{access(0, 0x6040, true), access(0, 0x60FF, true), access(0, 0x6041, false),
+                            access(0, 0x6083, true), access(1, 0x60FF, true)};
+  DriveBus& bus = *drives_->buses()[0];
+  for (const auto& each : waiting) bus.submit(each);
+  const auto stop = access(0, 0x6040, true);
+  stop->bytes = {std::byte{2}, std::byte{0}};
+  stop->urgent = true;
+  bus.submit(stop);
+  script_.change([this] { script_.is_held = false; });
+  for (const auto& each : waiting) until([&] { return each->done.load(); });
+  EXPECT_TRUE(waiting[0]->error);
+  EXPECT_TRUE(waiting[1]->error);
+  EXPECT_FALSE(waiting[2]->error);
+  EXPECT_FALSE(waiting[3]->error);
+  EXPECT_FALSE(waiting[4]->error) << "another drive";
+  EXPECT_EQ(writes().front(), "0 6040=2");
+}
+
+// A task that is being ended restores an object: the bus carries the write out, although the task does not wait for it.
+TEST_F(DriveBusTest, ATaskThatIsEndedRestoresWhatItHasChanged) {
+  open(1);
+  struct Restore {
+    master::ObjectClient& objects;
+    ~Restore() {
+      try {
+        objects.write<std::uint32_t>(0x6083, 0, 0x1234);
+      } catch (...) {
+        ADD_FAILURE() << "the write was not accepted";
+      }
+    }
+  };
+  Task task([this, &task] {
+    const auto its = drives_->open("a", [&task](master::Time) { task.pause(); });
+    const Restore restore{*its};
+    for (;;) its->upload({0x6041, 0});
+  });
+  for (int i = 0; i < 20; ++i) task.resume();
+  task.end();
+  until([this] { return count("0 6083=1234") == 1; });
+}
+
+}  // namespace
+}  // namespace drive_bus_test
+}  // namespace servodrome::studio
