@@ -207,9 +207,10 @@ export class Player {
     await this.advance(20);
     await Promise.all(axes.map(async ({ name }) => {
       const path = `/axes/${name}`;
-      if (model.disturbed(name)) await this.repair(path, name);
+      if (model.disturbed(name)) await this.repair(path);
       await line.call('POST', `${path}/power`, { action: 'cycle' });
-      await line.call('PUT', `${path}/plant`, { position_counts: 0 });
+      // A number in a field is sent when the page is left, and its note can be lost then: so the plant is always restored.
+      await line.call('PUT', `${path}/plant`, { ...this.plants[name], position_counts: 0 });
     }));
     await this.advance(700);
     if (isEnabled) {
@@ -229,12 +230,11 @@ export class Player {
     model.isQuiet = false;
   }
 
-  private async repair(path: string, name: string) {
+  private async repair(path: string) {
     const { line } = this;
     await line.call('DELETE', `${path}/faults`);
     const { inputs } = await line.call<{ inputs: Record<string, unknown> }>('GET', `${path}/inputs`);
     await line.call('PUT', `${path}/inputs`, Object.fromEntries(Object.keys(inputs).map((input) => [input, null])));
-    await line.call('PUT', `${path}/plant`, this.plants[name]);
   }
 
   private plants: Record<string, Record<string, unknown>> = {};
