@@ -264,6 +264,7 @@ class Axis402 {
   void leave_if_cancelled(const std::string& doing);
   void start_move(std::int32_t target, bool relative, const MotionProfile& profile);
   // The handshake for a set-point (CiA 402-2 figure 15).
+  bool is_to_operate();
   bool drop_set_points(std::uint16_t halted);
   void hand_over(std::int32_t target, std::uint16_t order);
   std::int32_t position_demand();  // 6062h, or the actual position if the drive does not have 6062h

@@ -33,9 +33,10 @@ void Axis402::begin_velocity(const MotionProfile& profile) {
 void Axis402::run_at(std::int32_t velocity, const MotionProfile& profile, Time timeout, const Progress& progress) {
   require_enabled("run");
   begin_velocity(profile);
+  const std::string doing = fmt::format("running up to velocity {}", velocity);
+  leave_if_cancelled(doing);
   objects_.write<std::int32_t>(0x60FF, 0, velocity);
   write_controlword(command_word::enable_operation);
-  const std::string doing = fmt::format("running up to velocity {}", velocity);
   place_.reset();
   direction_ = sign_of(velocity);
   follow(timeout, progress, doing, [&](std::uint16_t word) {
@@ -177,9 +178,24 @@ bool Axis402::wait_for_standstill(std::optional<Time> longest) {
   }
 }
 
+// Returns false if the axis is not enabled, or if another client has commanded a stop or the disabling: the drive then
+// carries this out, and a controlword of this master would interrupt it, or enable the axis again.
+bool Axis402::is_to_operate() {
+  if (state() != PowerState::operation_enabled) return false;
+  try {
+    return (objects_.read<std::uint16_t>(0x6040) & command_word::enable_operation) == command_word::enable_operation;
+  } catch (const ObjectError&) {
+    return true;  // some drives only accept writes
+  }
+}
+
 void Axis402::stop() {
   if (state() != PowerState::operation_enabled) return;
   const ComingToRest rest(comes_to_rest_);
+  if (!is_to_operate()) {
+    if (!wait_for_standstill(options_.longest_halt)) quick_stop();
+    return;
+  }
   halted_ = false;
   goal_.reset();
   auto mode = static_cast<OperationMode>(this->mode());
@@ -195,6 +211,7 @@ void Axis402::stop() {
     became_quick_stop_ = true;
     return quick_stop();
   }
+  if (!is_to_operate()) return;
   if (mode == OperationMode::profile_velocity) {
     objects_.write<std::int32_t>(0x60FF, 0, 0);
     write_controlword(command_word::enable_operation);

@@ -105,11 +105,18 @@ void DriveBus::submit(std::shared_ptr<Access> access) {
     if (running_work_ && running_work_->drive == access->drive) running_work_->cancelled = true;
     refuse_motion(access->drive);
   }
-  const auto place =
-      access->urgent ? std::find_if(waiting_.begin(), waiting_.end(), [](const auto& other) { return !other->urgent; })
-                     : waiting_.end();
+  const auto place = access->urgent ? first_ordinary() : waiting_.end();
   waiting_.insert(place, std::move(access));
   woken_.notify_all();
+}
+
+std::deque<std::shared_ptr<Access>>::iterator DriveBus::first_ordinary() {
+  return std::find_if(waiting_.begin(), waiting_.end(), [](const auto& access) { return !access->urgent; });
+}
+
+void DriveBus::cancel_motion(std::size_t drive) {
+  const std::lock_guard lock(mutex_);
+  refuse_motion(drive);
 }
 
 // Answers the waiting writes that command a motion of the drive with an error: a stop comes before them.
@@ -198,7 +205,7 @@ bool DriveBus::serve(OpenBus& open) {
       if (ending_) return false;
     }
     if (const auto access = next_access()) {
-      carry_out(open, *access);
+      carry_out(open, access);
       continue;
     }
     if (const auto work = next_work()) {
@@ -222,6 +229,8 @@ std::shared_ptr<Access> DriveBus::next_access(const Work* beside, bool urgent_on
   if (next == waiting_.end()) return nullptr;
   auto access = std::move(*next);
   waiting_.erase(next);
+  // After a controlword the last poll no longer shows the state of the drive.
+  if (access->writes && access->object.index == 0x6040) state_.drives[access->drive].at = {};
   return access;
 }
 
@@ -263,7 +272,7 @@ void DriveBus::serve_beside(OpenBus& open, const Work& work) {
   while (true) {
     const bool has_time = Clock::now() < end;
     if (const auto access = next_access(&work, !has_time)) {
-      carry_out(open, *access);
+      carry_out(open, access);
     } else if (!has_time) {
       return;
     } else if (const auto little = next_work(true)) {
@@ -285,31 +294,49 @@ void DriveBus::note_access(bool answered, Clock::duration took) {
   state_.access_s += weight * (std::chrono::duration<double>(took).count() - state_.access_s);
 }
 
+// While it lives, reading from a drive that does not answer gives way to an urgent access: it ends with a MasterError.
+class DriveBus::GivingWay {
+ public:
+  GivingWay(DriveBus& bus, OpenBus& open, bool does) : open_(open) {
+    if (does) open_.abort_when([this, &bus] { return aborted_ = aborted_ || bus.has_urgent(); });
+  }
+  ~GivingWay() { open_.abort_when({}); }
+  GivingWay(const GivingWay&) = delete;
+  GivingWay& operator=(const GivingWay&) = delete;
+  bool aborted() const { return aborted_; }
+
+ private:
+  OpenBus& open_;
+  bool aborted_ = false;
+};
+
 // An error of the object goes to the caller; an error of the bus is thrown, because it concerns all callers.
-void DriveBus::carry_out(OpenBus& open, Access& access) {
+void DriveBus::carry_out(OpenBus& open, const std::shared_ptr<Access>& access) {
   const auto began = Clock::now();
-  master::ObjectClient& objects = *open.drives()[access.drive];
+  master::ObjectClient& objects = *open.drives()[access->drive];
+  const GivingWay giving_way(*this, open, !access->writes);
   try {
-    if (access.writes) {
-      if (access.object.index == 0x6040) {  // the last poll no longer shows the state of the drive
-        const std::lock_guard lock(mutex_);
-        state_.drives[access.drive].at = {};
-      }
-      objects.download(access.object, access.bytes);
+    if (access->writes) {
+      objects.download(access->object, access->bytes);
     } else {
-      access.bytes = objects.upload(access.object);
-      access.size_is_known = objects.size_is_known();
+      access->bytes = objects.upload(access->object);
+      access->size_is_known = objects.size_is_known();
     }
     note_access(true, Clock::now() - began);
-    access.done = true;
+    access->done = true;
   } catch (const master::ObjectError& error) {
     note_access(error.answered(), Clock::now() - began);
-    if (!error.answered()) next_poll_[access.drive] = {};  // read its state soon, to find the reason
-    access.error = std::current_exception();
-    access.done = true;
+    if (!error.answered()) next_poll_[access->drive] = {};  // read its state soon, to find the reason
+    access->error = std::current_exception();
+    access->done = true;
   } catch (const std::exception&) {
-    access.error = std::current_exception();
-    access.done = true;
+    if (giving_way.aborted()) {  // it is read again after the urgent ones
+      const std::lock_guard lock(mutex_);
+      waiting_.insert(first_ordinary(), access);
+      return;
+    }
+    access->error = std::current_exception();
+    access->done = true;
     throw;
   }
 }
@@ -374,8 +401,7 @@ bool DriveBus::poll_one(OpenBus& open, bool silent_too) {
     stop = stop_when_back_[i];
   }
   // A drive that does not answer delays no stop of its neighbours.
-  bool aborted = false;
-  if (silent_[i]) open.abort_when([&] { return aborted = aborted || has_urgent(); });
+  const GivingWay giving_way(*this, open, true);
   try {
     if (stop) stop_now(i, objects);
     if (silent_[i]) open.back(i);
@@ -390,9 +416,9 @@ bool DriveBus::poll_one(OpenBus& open, bool silent_too) {
     seen.problem = error_of(error, plan_.link);
     silent_[i] = silent_[i] || !error.answered();
   } catch (const master::MasterError&) {
-    if (!aborted) throw;
+    if (!giving_way.aborted()) throw;
+    return true;  // it is due again at once
   }
-  open.abort_when({});
   const auto ended = Clock::now();
   seen.at = ended;
   // Polling uses at most a third of the time of the bus.

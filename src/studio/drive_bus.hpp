@@ -202,11 +202,15 @@ class DriveBus {
   // its drive, and refuses the waiting writes that would move the drive.
   void submit(std::shared_ptr<Access> access);
   void submit(std::shared_ptr<Work> work);
+  // Refuses the waiting writes that would move the drive.
+  void cancel_motion(std::size_t drive);
   void sample(const std::shared_ptr<PolledSamples>& samples);
   // Gives the drive a quick stop when it answers again: it was moving when the bus was lost.
   void stop_when_back(std::size_t drive);
 
  private:
+  class GivingWay;
+
   links::Heard heard();
   void refuse_motion(std::size_t drive);
   bool has_urgent() const;
@@ -216,7 +220,8 @@ class DriveBus {
   bool serve(OpenBus& open);
   std::shared_ptr<Access> next_access(const Work* beside = nullptr, bool urgent_only = false);
   std::shared_ptr<Work> next_work(bool beside = false);
-  void carry_out(OpenBus& open, Access& access);
+  void carry_out(OpenBus& open, const std::shared_ptr<Access>& access);
+  std::deque<std::shared_ptr<Access>>::iterator first_ordinary();
   void carry_out(OpenBus& open, const std::shared_ptr<Work>& work);
   void serve_beside(OpenBus& open, const Work& work);
   bool sample_one(OpenBus& open);

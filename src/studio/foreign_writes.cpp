@@ -11,9 +11,10 @@ namespace {
 namespace sdo = canopen::sdo;
 
 constexpr std::uint32_t node_id_bits = 0x7F;
-constexpr std::uint32_t sdo_request = 0x600;   // CAN-ID of the client's messages, without the node-ID
-constexpr std::uint32_t sdo_response = 0x580;  // of the drive's messages
-constexpr std::size_t most_waiting = 1000;     // more writes between two calls of take() are not kept
+constexpr std::uint32_t sdo_request = 0x600;               // CAN-ID of the client's messages, without the node-ID
+constexpr std::uint32_t sdo_response = 0x580;              // of the drive's messages
+constexpr auto longest_silence = std::chrono::seconds(5);  // of a master within a transfer
+constexpr std::size_t most_waiting = 1000;                 // more writes between two calls of take() are not kept
 
 // The object that a message names: an initiate request or response, or an abort (CiA 301 7.2.4.3).
 std::optional<master::ObjectAddress> object_of(const canopen::Frame& message, bool is_request) {
@@ -68,11 +69,18 @@ void ForeignWrites::hear(bool sent, const canopen::Frame& frame) {
   const bool is_request = kind == sdo_request;
   const auto object = object_of(frame, is_request);
   if (is_request && sent) {
+    if (sdo::specifier(frame.data[0]) == sdo::client::abort) return channel.own.reset();
     if (!object) return;
     channel.own = object;
     channel.own_is_first = !channel.foreign;
     return;
   }
+  const auto now = Clock::now();
+  if (now - channel.heard > longest_silence) {  // the other master has given its transfer up
+    channel.foreign.reset();
+    channel.in_block = false;
+  }
+  if (is_request) channel.heard = now;
   if (is_request && object && !channel.in_block) {
     channel.foreign = object;
     channel.own_is_first = channel.own.has_value();

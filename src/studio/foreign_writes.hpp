@@ -1,5 +1,6 @@
 #pragma once
 
+#include <chrono>
 #include <cstdint>
 #include <map>
 #include <mutex>
@@ -35,10 +36,12 @@ class ForeignWrites {
   std::vector<Write> take();
 
  private:
+  using Clock = std::chrono::steady_clock;
   struct Channel {
     std::size_t drive;
     std::optional<master::ObjectAddress> own{};      // of this program's request under way
     std::optional<master::ObjectAddress> foreign{};  // of the other master's
+    Clock::time_point heard{};                       // its last request
     bool own_is_first = false;
     bool in_block = false;                   // the other master sends a block: its messages have no command byte
     master::SdoConversation conversation{};  // of the other master

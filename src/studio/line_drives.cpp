@@ -73,7 +73,10 @@ std::vector<std::optional<JobError>> LineDrives::stop_all() {
     const auto controlword = static_cast<std::uint16_t>(axis->device().dictionary().number(0x6040));
     const bool commanded =
         (controlword & master::command_word::enable_operation) == master::command_word::enable_operation;
-    const bool waits = axis->device().drive().state() == drive::PowerState::switched_on && commanded;
+    const drive::PowerState state = axis->device().drive().state();
+    // It waits for its DC link or its brake before it is enabled.
+    const bool waits =
+        commanded && (state == drive::PowerState::ready_to_switch_on || state == drive::PowerState::switched_on);
     if (!enabled() && !waits) continue;
     try {
       ServiceObjects objects(line_, *axis);

@@ -217,6 +217,7 @@ std::vector<std::optional<JobError>> RealDrives::stop_all() {
     stopped.push_back(!idle || state.at + 2 * DriveBus::usual_poll <= DriveBus::Clock::now());
     if (!stopped.back()) {
       access->done = true;  // a quick stop would only change its state
+      buses_[axis.bus]->cancel_motion(axis.drive);
     } else if (state.problem) {
       silent.push_back(index_of(axis));
     } else {

@@ -220,8 +220,7 @@ std::vector<Json> RealDrives::advance() {
     if (problem) details["problem"] = {{"what", problem->what}, {"where", problem->where}, {"hint", problem->hint}};
     tell("bus", nullptr, std::move(details));
   }
-  note_foreign_writes();
-  changes_->collect();
+  changes_->collect();  // those of other masters, too
   for (std::size_t i = 0; i < axes_.size(); ++i) {
     const DriveBus::DriveState state = state_of(axes_[i]);
     Told& told = told_[i];

@@ -503,6 +503,33 @@ TEST_P(EveryProduct, AnotherCommandEndsAJob) {
   }
 }
 
+// A client disables the axis, or stops it, while a job moves it or a stop of the server brakes it: it is not enabled
+// again.
+TEST_P(EveryProduct, TheServerDoesNotEnableWhatAClientDisables) {
+  for (const int word : {0, 2, 6, 7}) {
+    for (const bool while_stopping : {false, true}) {
+      for (const auto at : {2ms, 3ms, 4ms, 5ms, 30ms}) {
+        SCOPED_TRACE(fmt::format("6040h = {}, {} ms after {}", word, at.count(), while_stopping ? "stop" : "velocity"));
+        make_ready(axis_);
+        const auto run = fmt::format(R"({{"do": "velocity", "velocity": 3, {}}})", profile);
+        if (while_stopping) {
+          expect_done(axis_, run);
+          begin(axis_, R"({"do": "stop"})");
+        } else {
+          begin(axis_, run);
+        }
+        pass(at);
+        ask(Method::put, "axes/" + axis_ + "/objects/6040/0", fmt::format(R"({{"value": {}}})", word));
+        pass(2s);
+        EXPECT_NE(view(axis_)["state"], "operation enabled");
+        EXPECT_NEAR(view(axis_)["velocity_rpm"].get<double>(), 0.0, 2.0);
+        ask(Method::put, "axes/" + axis_ + "/objects/6040/0", R"({"value": 0})");
+        pass(500ms);
+      }
+    }
+  }
+}
+
 // Drives whose units take time to read: meanwhile another client's command can come.
 class SlowDrives final : public Drives {
  public:

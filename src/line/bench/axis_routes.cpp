@@ -28,7 +28,7 @@ Json LineBench::switch_power(Call& call) {
     throw ApiError{422, fmt::format("there is no action \"{}\"", action.substr(0, 40)), "action",
                    "send \"off\", \"on\" or \"cycle\""};
   }
-  axis.note_command();
+  if (action != "on" || !axis.powered()) axis.note_command();
   if (action != "on") axis.power_off(line_.now());
   if (action != "off") axis.power_on(line_.now());
   return Json{{"powered", axis.powered()}};

@@ -190,7 +190,9 @@ SessionResult tune(Tuner& tuner, ObjectClient& objects, const TuningDialect& dia
                         "give --bandwidth to make the loop slower" + text_of_losses(result.after->lost_cycles));
     }
     if (request.steps) result.step_after = tuner.step();
-    objects.read<std::uint16_t>(0x6041);  // throws if the caller was ended while the tuner disabled the axis
+    // The caller may have been ended while the tuner disabled the axis: then one of these throws.
+    objects.read<std::uint16_t>(0x6041);
+    tuner.leave_if_cancelled();
     putting_back.kept = true;
   } catch (const Cancelled&) {
     throw Cancelled("interrupted", objects.where(), back);

@@ -177,8 +177,13 @@ void Tuner::wait(double seconds) {
            remedy_);
     }
     bus_.check();
-    if (options_.cancelled && options_.cancelled())
-      throw Cancelled("interrupted", axis_.where(), "the axis was stopped");
+    leave_if_cancelled();
+  }
+}
+
+void Tuner::leave_if_cancelled() const {
+  if (options_.cancelled && options_.cancelled()) {
+    throw Cancelled("interrupted", axis_.where(), "the axis was stopped");
   }
 }
 

@@ -70,6 +70,8 @@ class Tuner {
   // `notch`: the notch filter that is active in the drive now.
   Measurement measure(double bandwidth_hz, const std::optional<NotchSetting>& notch);
   StepResponse step();
+  // Throws Cancelled if the caller has asked for the end.
+  void leave_if_cancelled() const;
 
  private:
   struct Record {
