@@ -110,8 +110,7 @@ void Axis402::write_number(ObjectAddress object, std::int64_t value) {
 }
 
 void Axis402::write_controlword(std::uint16_t word) {
-  const bool enables = (word & command_word::enable_operation) == command_word::enable_operation;
-  if (enables) leave_if_cancelled("commanding the drive");
+  if (commands_operation(word)) leave_if_cancelled("commanding the drive");
   objects_.write<std::uint16_t>(0x6040, 0, word);
   controlword_ = word;
 }

@@ -183,7 +183,7 @@ bool Axis402::wait_for_standstill(std::optional<Time> longest) {
 bool Axis402::is_to_operate() {
   if (state() != PowerState::operation_enabled) return false;
   try {
-    return (objects_.read<std::uint16_t>(0x6040) & command_word::enable_operation) == command_word::enable_operation;
+    return commands_operation(objects_.read<std::uint16_t>(0x6040));
   } catch (const ObjectError&) {
     return true;  // some drives only accept writes
   }

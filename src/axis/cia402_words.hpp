@@ -19,6 +19,11 @@ inline constexpr std::uint16_t enable_operation = 0x000F;
 inline constexpr std::uint16_t fault_reset = control_bit::fault_reset;
 }  // namespace command_word
 
+// Returns true if the controlword commands the drive to be, or to become, operation enabled.
+constexpr bool commands_operation(std::uint16_t controlword) {
+  return (controlword & command_word::enable_operation) == command_word::enable_operation;
+}
+
 // Bits 4 to 6 of the controlword in homing and interpolated position mode, and in profile position mode.
 inline constexpr std::uint16_t start_homing = control_bit::mode_bit_4;
 inline constexpr std::uint16_t enable_interpolation = control_bit::mode_bit_4;

@@ -295,14 +295,14 @@ void DriveBus::note_access(bool answered, Clock::duration took) {
 }
 
 // While it lives, reading from a drive that does not answer gives way to an urgent access: it ends with a MasterError.
-class DriveBus::GivingWay {
+class DriveBus::UrgentAbort {
  public:
-  GivingWay(DriveBus& bus, OpenBus& open, bool does) : open_(open) {
+  UrgentAbort(DriveBus& bus, OpenBus& open, bool does) : open_(open) {
     if (does) open_.abort_when([this, &bus] { return aborted_ = aborted_ || bus.has_urgent(); });
   }
-  ~GivingWay() { open_.abort_when({}); }
-  GivingWay(const GivingWay&) = delete;
-  GivingWay& operator=(const GivingWay&) = delete;
+  ~UrgentAbort() { open_.abort_when({}); }
+  UrgentAbort(const UrgentAbort&) = delete;
+  UrgentAbort& operator=(const UrgentAbort&) = delete;
   bool aborted() const { return aborted_; }
 
  private:
@@ -314,7 +314,7 @@ class DriveBus::GivingWay {
 void DriveBus::carry_out(OpenBus& open, const std::shared_ptr<Access>& access) {
   const auto began = Clock::now();
   master::ObjectClient& objects = *open.drives()[access->drive];
-  const GivingWay giving_way(*this, open, !access->writes);
+  const UrgentAbort urgent_abort(*this, open, !access->writes);
   try {
     if (access->writes) {
       objects.download(access->object, access->bytes);
@@ -330,7 +330,7 @@ void DriveBus::carry_out(OpenBus& open, const std::shared_ptr<Access>& access) {
     access->error = std::current_exception();
     access->done = true;
   } catch (const std::exception&) {
-    if (giving_way.aborted()) {  // it is read again after the urgent ones
+    if (urgent_abort.aborted()) {  // it is read again after the urgent ones
       const std::lock_guard lock(mutex_);
       waiting_.insert(first_ordinary(), access);
       return;
@@ -401,7 +401,7 @@ bool DriveBus::poll_one(OpenBus& open, bool silent_too) {
     stop = stop_when_back_[i];
   }
   // A drive that does not answer delays no stop of its neighbours.
-  const GivingWay giving_way(*this, open, true);
+  const UrgentAbort urgent_abort(*this, open, true);
   try {
     if (stop) stop_now(i, objects);
     if (silent_[i]) open.back(i);
@@ -416,7 +416,7 @@ bool DriveBus::poll_one(OpenBus& open, bool silent_too) {
     seen.problem = error_of(error, plan_.link);
     silent_[i] = silent_[i] || !error.answered();
   } catch (const master::MasterError&) {
-    if (!giving_way.aborted()) throw;
+    if (!urgent_abort.aborted()) throw;
     return true;  // it is due again at once
   }
   const auto ended = Clock::now();

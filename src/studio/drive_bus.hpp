@@ -209,7 +209,7 @@ class DriveBus {
   void stop_when_back(std::size_t drive);
 
  private:
-  class GivingWay;
+  class UrgentAbort;
 
   links::Heard heard();
   void refuse_motion(std::size_t drive);

@@ -29,7 +29,7 @@ std::unique_ptr<master::ObjectClient> DriveChanges::recorded(std::size_t drive,
   return std::make_unique<RecordedObjects>(
       std::move(objects), [this, drive](master::ObjectAddress object, const RecordedObjects::Bytes& before,
                                         const RecordedObjects::Bytes& after) {
-        if (fetch_) fetch_();
+        if (before_own_) before_own_();
         note(drive, object, before, after, api::Author::present());
       });
 }
@@ -39,7 +39,7 @@ std::shared_ptr<HandedWrites> DriveChanges::hand_out(std::size_t drive) {
 }
 
 void DriveChanges::collect() {
-  if (fetch_) fetch_();
+  if (before_own_) before_own_();
   std::erase_if(handed_, [this](const std::shared_ptr<HandedWrites>& handed) {
     const bool over = handed.use_count() == 1;  // read first: afterwards the other thread writes nothing more
     std::vector<HandedWrites::Write> writes;

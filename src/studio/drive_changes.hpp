@@ -53,8 +53,8 @@ class DriveChanges {
   // left, as long as that thread holds the result.
   std::shared_ptr<HandedWrites> hand_out(std::size_t drive);
   void collect();
-  // `fetch` is called before each own write is noted, so that earlier writes of others come before it.
-  void fetch_by(std::function<void()> fetch) { fetch_ = std::move(fetch); }
+  // Sets a callback before each own write is noted: it notes the earlier writes of others.
+  void before_each_own(std::function<void()> callback) { before_own_ = std::move(callback); }
   // Notes a write of another master. The value before is not known.
   void note_foreign(std::size_t drive, master::ObjectAddress object, const RecordedObjects::Bytes& after,
                     std::string_view who) {
@@ -71,7 +71,7 @@ class DriveChanges {
   master::Time wall_epoch_;
   api::ChangeLog log_;
   std::vector<std::shared_ptr<HandedWrites>> handed_;
-  std::function<void()> fetch_;
+  std::function<void()> before_own_;
   std::map<std::pair<std::size_t, master::ObjectAddress>, dictionary::Entry> unknown_;  // objects that are in no table
 };
 

@@ -4,15 +4,15 @@
 #include <utility>
 
 #include "canopen/301/sdo_wire.hpp"
+#include "canopen/connection_set.hpp"
 
 namespace servodrome::studio {
 namespace {
 
 namespace sdo = canopen::sdo;
+namespace connection_set = canopen::connection_set;
 
 constexpr std::uint32_t node_id_bits = 0x7F;
-constexpr std::uint32_t sdo_request = 0x600;               // CAN-ID of the client's messages, without the node-ID
-constexpr std::uint32_t sdo_response = 0x580;              // of the drive's messages
 constexpr auto longest_silence = std::chrono::seconds(5);  // of a master within a transfer
 constexpr std::size_t most_waiting = 1000;                 // more writes between two calls of take() are not kept
 
@@ -62,11 +62,12 @@ bool ForeignWrites::is_own(Channel& channel, const canopen::Frame& response) {
 
 void ForeignWrites::hear(bool sent, const canopen::Frame& frame) {
   const std::uint32_t kind = frame.id & ~node_id_bits;
-  if ((kind != sdo_request && kind != sdo_response) || frame.extended || frame.remote) return;
+  if ((kind != connection_set::sdo_request && kind != connection_set::sdo_response) || frame.extended || frame.remote)
+    return;
   const auto found = channels_.find(frame.id & node_id_bits);
   if (found == channels_.end()) return;
   Channel& channel = found->second;
-  const bool is_request = kind == sdo_request;
+  const bool is_request = kind == connection_set::sdo_request;
   const auto object = object_of(frame, is_request);
   if (is_request && sent) {
     if (sdo::specifier(frame.data[0]) == sdo::client::abort) return channel.own.reset();

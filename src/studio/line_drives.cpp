@@ -71,8 +71,7 @@ std::vector<std::optional<JobError>> LineDrives::stop_all() {
     const auto enabled = [&axis] { return axis->device().drive().state() == drive::PowerState::operation_enabled; };
     if (!axis->powered()) continue;
     const auto controlword = static_cast<std::uint16_t>(axis->device().dictionary().number(0x6040));
-    const bool commanded =
-        (controlword & master::command_word::enable_operation) == master::command_word::enable_operation;
+    const bool commanded = master::commands_operation(controlword);
     const drive::PowerState state = axis->device().drive().state();
     // It waits for its DC link or its brake before it is enabled.
     const bool waits =

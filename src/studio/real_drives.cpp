@@ -55,7 +55,7 @@ RealDrives::RealDrives(std::vector<BusPlan> plans) : start_(DriveBus::Clock::now
   for (const Axis& axis : axes_) noted.push_back({axis.name, &axis.device->dictionary()});
   changes_ = std::make_unique<DriveChanges>(
       noted, [this] { return now(); }, wall_epoch_);
-  changes_->fetch_by([this] { note_foreign_writes(); });
+  changes_->before_each_own([this] { note_foreign_writes(); });
   commands_.resize(axes_.size());
   told_.resize(axes_.size());
   told_of_buses_.resize(buses_.size());
@@ -210,8 +210,7 @@ std::vector<std::optional<JobError>> RealDrives::stop_all() {
     accesses.push_back(access);
     const DriveBus::DriveState state = state_of(axis);
     // It has no torque and is not about to get any (a drive waits for its brake before it is enabled).
-    const bool commanded =
-        (state.controlword & master::command_word::enable_operation) == master::command_word::enable_operation;
+    const bool commanded = master::commands_operation(state.controlword);
     const bool idle = !state.problem && !commanded && state.status.state() < drive::PowerState::operation_enabled &&
                       !buses_[axis.bus]->is_worked_with(axis.drive);
     stopped.push_back(!idle || state.at + 2 * DriveBus::usual_poll <= DriveBus::Clock::now());

@@ -30,6 +30,7 @@ struct Script {
   std::condition_variable changed;
   bool is_held = false;              // accesses wait
   bool is_waiting = false;           // an access waits
+  int silent_looks = 20;             // timeout of a silent drive, in steps of 5 ms
   bool is_asked_in_silence = false;  // a silent drive is being read
   int aborted = 0;                   // accesses to silent drives that ended early
   int opened = 0;
@@ -84,8 +85,8 @@ class ScriptedObjects final : public master::ObjectClient {
     script_.changed.notify_all();
     script_.changed.wait(lock, [this] { return !script_.is_held; });
     script_.is_waiting = false;
-    // A silent drive takes a timeout that no test lasts, unless the access is aborted.
-    for (int i = 0; state().is_silent && i < 200; ++i) {
+    // A silent drive takes its timeout, unless the access is aborted.
+    for (int i = 0; state().is_silent && i < script_.silent_looks; ++i) {
       script_.is_asked_in_silence = true;
       if (script_.abort) {
         const auto abort = script_.abort;
@@ -167,7 +168,7 @@ class DriveBusTest : public testing::Test {
   }
   template <typename Condition>
   void until(const Condition& condition) {
-    for (int i = 0; i < 5000 && !condition(); ++i) std::this_thread::sleep_for(1ms);
+    for (int i = 0; i < 60'000 && !condition(); ++i) std::this_thread::sleep_for(1ms);
     ASSERT_TRUE(condition()) << problem();
   }
   void silence(std::size_t drive) {
@@ -218,11 +219,14 @@ TEST_F(DriveBusTest, AStopReachesADriveThatWaitsForItsBrake) {
   EXPECT_EQ(count("0 6040=2"), 1U);
 }
 
+// STOP leaves out a drive whose state was read just before; on a loaded machine the reading may be older.
 TEST_F(DriveBusTest, ADriveWithoutTorqueKeepsItsState) {
   open(1);
-  std::this_thread::sleep_for(150ms);  // the state is known
-  drives_->stop_all();
-  EXPECT_THAT(writes(), testing::IsEmpty());
+  until([this] {
+    const std::size_t before = writes().size();
+    drives_->stop_all();
+    return writes().size() == before;
+  });
 }
 
 TEST_F(DriveBusTest, ASilentDriveIsStoppedAfterItsNeighbours) {
@@ -245,6 +249,7 @@ TEST_F(DriveBusTest, TheReadingOfASilentDriveGivesWayToAStop) {
   script_.change([this] { script_.drives[0].controlword = 0x000F; });
   until([this] { return drives_->buses()[0]->state().drives[0].controlword == 0x000F; });
   silence(1);
+  script_.change([this] { script_.silent_looks = 10'000; });
   until([this] {
     const std::lock_guard lock(script_.mutex);
     return script_.is_asked_in_silence;  // it is read again
@@ -308,7 +313,10 @@ TEST_F(DriveBusTest, AReadingThatWaitsGivesWayToAStop) {
   open(2);
   script_.change([this] { script_.drives[0].controlword = 0x000F; });
   until([this] { return drives_->buses()[0]->state().drives[0].controlword == 0x000F; });
-  script_.change([this] { script_.drives[1].is_silent = true; });
+  script_.change([this] {
+    script_.silent_looks = 10'000;
+    script_.drives[1].is_silent = true;
+  });
   const auto reading = std::make_shared<Access>();
   reading->drive = 1;
   reading->object = {0x6083, 0};
