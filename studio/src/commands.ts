@@ -36,6 +36,9 @@ function untilTakenBack(axis: string): AbortSignal {
   return known.signal;
 }
 
+// Of a sequence of jobs that has to read something before its first job: taken back by each halt, controlword and STOP from now on.
+export const orderOf = untilTakenBack;
+
 function takeBack(axis: string) {
   takingBack.get(axis)?.abort();
   takingBack.delete(axis);

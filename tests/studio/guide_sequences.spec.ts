@@ -121,6 +121,27 @@ test('STOP in a step stops the axis, and the sequence does not go on', async ({ 
   expect((await jobs(line)).filter((job) => job.do === 'move')).toHaveLength(1);
 });
 
+test('STOP between a press and its first job: no job begins', async ({ page, open, line }) => {
+  await open('/commission/reference?step=velocity');
+  const measure = page.getByRole('button', { name: 'Measure the loop and propose gains' });
+  await expect(measure).toBeEnabled();
+  let release: () => void = () => undefined;
+  const held = new Promise<void>((resolve) => (release = resolve));
+  let reads = 0;
+  await page.route('**/api/v1/axes/reference', async (route) => {
+    ++reads;
+    await held;
+    await route.continue();
+  });
+  await measure.click();
+  await expect.poll(() => reads).toBeGreaterThan(0);
+  await page.keyboard.press('Control+Space');
+  await expect(page.getByText('all axes stopped')).toBeVisible();
+  release();
+  await expect(page.getByRole('group', { name: 'Measure the loop and propose gains' }).locator('.trouble').first()).toBeVisible();
+  expect((await jobs(line)).filter((job) => job.do === 'tune')).toEqual([]);
+});
+
 test('a power cut in the middle: the guide names the lost values, and writes them again', async ({ page, open, line }) => {
   await begin(page, open);
   await moving(line);

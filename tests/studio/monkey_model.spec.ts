@@ -71,6 +71,17 @@ class Bench {
     return this;
   }
 
+  reload() {
+    this.model.note(0, { kind: 'loaded' });
+    return this;
+  }
+
+  // The line reports a job, and no page has reported its request.
+  unreported(what: string) {
+    ++this.jobs;
+    return this.event(what, 'running');
+  }
+
   get found() {
     return this.model.violations.join('\n');
   }
@@ -147,6 +158,15 @@ test('a script ends when its dashboard is left, and the first dashboard has two 
   };
   expect(script('/boards?name=Monkey')).toBe('');
   expect(script('/bus')).toContain('which nobody asked for');
+});
+
+test('a document that is left may have sent what its press asked for, and nothing else', () => {
+  const begun = () => new Bench().press('Move +').job('enable').event('enable', 'done');
+  expect(begun().reload().unreported('move').turn(300, 200).event('move', 'done').turn(0, 500).found).toBe('');
+  expect(begun().reload().unreported('move').unreported('move').turn(0, 10).found).toContain('no page has sent it');
+  expect(begun().reload().job('move').found).toContain('which nobody asked for');
+  expect(begun().stop().reload().unreported('move').turn(0, 10).found).toContain('no page has sent it');
+  expect(begun().unreported('move').turn(0, 10).found).toContain('no page has sent it');
 });
 
 test('a press of STOP without its request is found', () => {

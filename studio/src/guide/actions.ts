@@ -1,7 +1,7 @@
 import { get, getBytes, post, problemOf, remove } from '../api/client';
 import { decodeFrame } from '../api/frame';
 import type { AxisView, Clock, Job, Problem, Recording } from '../api/types';
-import { cancelJob, finish, readValues, startJob, writeObject } from '../commands';
+import { cancelJob, finish, orderOf, readValues, startJob, writeObject } from '../commands';
 import { samplesOf, span } from '../model/scope';
 import { shownOf } from '../model/problem';
 import type { LoopMeasured, Tuned } from '../model/tuning';
@@ -106,6 +106,7 @@ export async function runMotion(facts: Facts, step: Step, motion: Motion, number
   const { name, product } = axis;
   const orders = [...motion.begins.map((each) => ({ do: each })), ...motion.orders(numbers, facts)];
   const id = `${Date.now()}-${Math.random()}`;
+  const asked = orderOf(name);
   mine.add(id);
   const begun: Run = {
     id, step: step.id, motion: motion.id, jobs: [], of: orders.length, state: 'running', from: place(await latest(axis), facts),
@@ -119,6 +120,7 @@ export async function runMotion(facts: Facts, step: Step, motion: Motion, number
     for (const [i, order] of orders.entries()) {
       if (records && i === motion.begins.length) await record(axis, records);
       if (guideOf(name, product).run?.state !== 'running') return;
+      if (i === 0 && asked.aborted) aborted.add(id); // by STOP, before the first job
       if (aborted.has(id)) break;
       const job = await startJob(name, { ...order, ...(before ? { after: before.id } : {}) });
       setRun(axis, (run) => ({ ...run, jobs: [...run.jobs, job.id] }));
@@ -180,7 +182,7 @@ async function complete(facts: Facts, last: Job | undefined): Promise<void> {
   if (run?.state !== 'running') return;
   if (!last || last.state !== 'done' || run.jobs.length < run.of) {
     await endRecording(axis);
-    const interrupted = last?.state === 'done';
+    const interrupted = last ? last.state === 'done' : aborted.has(run.id);
     const error = last?.error ? shownOf(last.error) : { what: interrupted ? `${aborted.has(run.id) ? 'aborted' : 'the page was left'} before the sequence was complete` : `${last?.do.replaceAll('_', ' ') ?? 'motion'}: ${last?.state ?? 'not begun'}` };
     setRun(axis, (now) => ({ ...now, state: interrupted ? 'interrupted' : 'failed', error }));
     return;

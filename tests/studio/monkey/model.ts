@@ -191,6 +191,7 @@ export class Model {
 
   // The page has been left or loaded again: its scripts have ended, and the rest of its doings with a reload.
   leave(tab: number, path: string | null) {
+    if (path === null) this.lost.push(...this.leaves.filter((leave) => leave.tab === tab).flatMap(unreported));
     this.leaves = this.leaves.filter((leave) => leave.tab !== tab || (path !== null && (leave.ofPage === undefined || viewOf(leave.ofPage) === viewOf(path))));
     if (path !== null) return;
     this.lost.push(...this.pending.filter((each) => each.tab === tab));
@@ -372,6 +373,12 @@ export class Model {
     shaft.isDisturbed = true; // one report is enough
   }
 }
+
+// A document that is left may have sent what a press still permits, and its last reports may not have arrived.
+const unreported = (leave: Leave): Request[] =>
+  Object.entries(leave.left).flatMap(([kind, count]) =>
+    Array.from({ length: count }, () => ({ tab: leave.tab, at: leave.at, n: 0, method: 'POST', path: `/axes/${encodeURIComponent(leave.axis)}/jobs`, body: { do: kind }, leave })),
+  );
 
 // The first dashboard is the one that has no name in the address.
 const viewOf = (path: string) => (path === '/boards' ? '/boards?name=Monkey' : path);

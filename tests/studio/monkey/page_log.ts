@@ -61,16 +61,20 @@ export function logPage() {
   };
   const pressedDown = '.jog, .stop'; // controls that act when they are pressed, the others when they are released
   let down: Element | null = null;
+  let wasDisabled = false;
   const press = (element: Element | null) => element && note({ kind: 'press', control: describe(element) });
   const listen = <K extends keyof WindowEventMap>(kind: K, react: (event: WindowEventMap[K]) => void) =>
     addEventListener(kind, (event) => event.isTrusted && react(event), true);
   listen('pointerdown', (event) => {
     down = controlOf(event.target);
+    wasDisabled = down !== null && describe(down).disabled;
     if (down?.matches(pressedDown)) press(down);
   });
   listen('pointerup', (event) => {
     const element = controlOf(event.target);
-    if (element && element === down && !element.matches(pressedDown)) press(element);
+    // A press counts if the control was enabled when it began. Where it is disabled at the release, React Aria reports
+    // the press 80 ms later, if it is enabled again by then.
+    if (element && element === down && !element.matches(pressedDown)) note({ kind: 'press', control: { ...describe(element), disabled: wasDisabled } });
     down = null;
     note({ kind: 'release' });
   });
