@@ -27,9 +27,9 @@ std::string ObjectClient::read_text(std::uint16_t index, std::uint8_t sub) {
 
 void ObjectClient::check_size(const std::vector<std::byte>& bytes, std::size_t at_most, ObjectAddress object) const {
   if (bytes.size() <= at_most) return;
-  throw MasterError(fmt::format("{} bytes were received, but at most {} fit", bytes.size(), at_most),
+  throw ObjectError(fmt::format("{} bytes were received, but at most {} fit", bytes.size(), at_most),
                     fmt::format("{}, {}", where(), text_of(object)),
-                    "read it as text or as raw bytes, or with a wider type");
+                    "read it as text or as raw bytes, or with a wider type", false);
 }
 
 }  // namespace servodrome::master

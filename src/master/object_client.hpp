@@ -34,8 +34,8 @@ class ObjectError : public MasterError {
   bool answered_;
 };
 
-// Access to the objects of one drive, the same on every bus. One access at a time. All calls throw ObjectError;
-// MasterError if the link is lost or a value has more bytes than requested.
+// Access to the objects of one drive, the same on every bus. One access at a time. All calls throw ObjectError,
+// also if a value has more bytes than requested; MasterError if the link is lost.
 class ObjectClient {
  public:
   virtual ~ObjectClient() = default;

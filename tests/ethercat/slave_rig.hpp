@@ -1,5 +1,6 @@
 #pragma once
 
+#include <climits>
 #include <functional>
 #include <string>
 
@@ -88,7 +89,11 @@ struct Change {
 
 struct DeviceEvents final : SlaveEvents, dictionary::Listener {
   explicit DeviceEvents(DeviceObjects& device) : objects(device) {}
-  AlStatusCode may_change(AlState, AlState to) override { return to == refused ? refusal : AlStatusCode::none; }
+  AlStatusCode may_change(AlState, AlState to) override {
+    if (to != refused || refusals == 0) return AlStatusCode::none;
+    --refusals;
+    return refusal;
+  }
   void state_changed(AlState from, AlState to, AlStatusCode cause, Time) override {
     changes.push_back({from, to, cause});
   }
@@ -111,6 +116,7 @@ struct DeviceEvents final : SlaveEvents, dictionary::Listener {
 
   DeviceObjects& objects;
   AlState refused{};
+  unsigned refusals = UINT_MAX;  // number of requests that it still refuses
   AlStatusCode refusal = AlStatusCode::none;
   std::vector<Change> changes;
   unsigned cycles = 0;

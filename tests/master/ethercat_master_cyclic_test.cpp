@@ -291,6 +291,28 @@ TEST_P(CyclicTest, RefusalsNameTheSlave) {
               HasSubstr("mem:, slave 2 (Test device): it does not go to SAFEOP: it is in PREOP with error 0024h"));
 }
 
+// Some drives refuse the first request for OP, until their application has seen process data.
+TEST_P(CyclicTest, ATransientRefusalOfOpIsRepeated) {
+  line.emplace(EthercatLine::Settings{.slaves = 3});
+  all = line->open();
+  DeviceEvents& events = line->device(1).events;
+  events.refused = AlState::operational;
+  events.refusals = 2;
+  events.refusal = AlStatusCode::sync_manager_watchdog;
+  operation.emplace(*line->master, line->found, all, options());
+  operation->exchange().check();
+  EXPECT_EQ(events.refusals, 0U);
+  operation.reset();
+  for (const auto& [code, requests] : {std::pair{AlStatusCode::sync_manager_watchdog, 3U},
+                                       std::pair{AlStatusCode::invalid_output_configuration, 1U}}) {
+    events.refusals = UINT_MAX;
+    events.refusal = code;
+    EXPECT_THAT(problem_of([&] { operation.emplace(*line->master, line->found, all, options()); }),
+                HasSubstr("mem:, slave 2 (Test device): it does not go to OP: it is in SAFEOP with error"));
+    EXPECT_EQ(UINT_MAX - events.refusals, requests);
+  }
+}
+
 TEST(ProcessData, OfASlaveWithoutCoeComesFromItsSii) {
   EthercatLine line;
   auto found = scan_slaves(*line.master);

@@ -1,5 +1,8 @@
 #include "master/canopen/sdo_client.hpp"
 
+#include <algorithm>
+#include <gmock/gmock.h>
+
 #include "can_line.hpp"
 
 namespace servodrome::master::test {
@@ -217,6 +220,52 @@ TEST_F(SdoClientTest, ALateAnswerIsNotTakenForTheNextOne) {
   });
   EXPECT_EQ(impatient.read<std::uint16_t>(0x6041), 0x0237);
   EXPECT_TRUE(sent);
+}
+
+TEST_F(SdoClientTest, TwoDevicesWithOneNodeIdAreReported) {
+  std::uint8_t change = 0x02;
+  bool is_copy = false;
+  const Bus::Subscription second_device = line.bus.listen([&](const Frame& frame) {
+    if (frame.id != 0x585 || std::exchange(is_copy, false)) return;
+    is_copy = true;
+    Frame copy = frame;
+    copy.data[5] ^= change;
+    line.intrude(copy);
+  });
+  const auto problem = [&]() -> std::string {
+    try {
+      client.write<std::uint16_t>(0x6040, 0, 6);  // a command gets through
+      client.read<std::uint16_t>(0x6041);
+      client.read<std::uint16_t>(0x6041);
+    } catch (const ObjectError& error) {
+      EXPECT_TRUE(error.answered());
+      return error.what();
+    }
+    return "none";
+  };
+  EXPECT_THAT(problem(), ::testing::HasSubstr("mem:, node 5: two devices answer; give each device"));
+  line.bus.run_for(10ms);
+  change = 0;  // a frame that is doubled
+  client.write<std::uint16_t>(0x6040, 0, 6);
+  problem();
+  EXPECT_EQ(problem(), "none");
+}
+
+TEST_F(SdoClientTest, AnswersToOtherRequestsAreNoSecondDevice) {
+  SdoClient other(line.bus, 5);
+  const auto change = [this] { device.objects.statusword ^= 0x0400; };
+  for (int i = 0; i < 3; ++i) {
+    client.read<std::uint16_t>(0x6041);
+    change();
+    other.read<std::uint16_t>(0x6041);
+    change();
+  }
+  client.read<std::uint16_t>(0x6041);
+  change();
+  line.intrude(frame_of("605 # 40 41 60 00 00 00 00 00"));  // another program
+  line.bus.run_for(10ms);
+  client.read<std::uint16_t>(0x6040);
+  EXPECT_EQ(std::count(seen.begin(), seen.end(), text_of(frame_of("605 # 40 41 60 00 00 00 00 00"))), 1);
 }
 
 TEST_F(SdoClientTest, AWrongToggleBitAborts) {

@@ -53,6 +53,7 @@ void Bus::send(const Frame& frame) {
   for (;;) {
     try {
       client_->send(frame);
+      ++sent_;
       return;
     } catch (const links::LinkError& error) {
       if (error.code() != std::errc::no_buffer_space || now() >= give_up) rethrow(name_, error);

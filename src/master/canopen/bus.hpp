@@ -40,6 +40,8 @@ class Bus {
   // Throws MasterError if the link is lost, or accepts no frame for one second.
   void send(const Frame& frame);
   void send(std::uint32_t id, std::initializer_list<std::uint8_t> data);
+  // Number of frames sent so far.
+  std::uint64_t sent() const { return sent_; }
 
   // Delivers frames and calls `done` after each one. Returns true when `done` returns true, and false at `deadline`.
   // Frames that have arrived by the deadline are delivered before it returns.
@@ -87,6 +89,7 @@ class Bus {
   std::unique_ptr<links::CanClient> client_;
   std::string name_;
   links::VirtualClock* clock_;
+  std::uint64_t sent_ = 0;
   std::list<Listener> listeners_;
   std::list<Timer> timers_;
   std::deque<Frame> backlog_;  // frames that arrived while send() waited for room

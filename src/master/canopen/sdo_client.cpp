@@ -38,10 +38,18 @@ SdoClient::SdoClient(Bus& bus, std::uint8_t node_id, const SdoOptions& options)
   if (node_id < 1 || node_id > 127) {
     throw MasterError(fmt::format("{} is not a node-ID", node_id), bus.name(), "give one from 1 to 127");
   }
-  listening_ = bus_.listen([this](const Frame& frame) {
-    const auto emergency = parse_emergency(frame);
-    if (emergency && emergency->node_id == node_id_) emergency_ = *emergency;
-  });
+  listening_ = bus_.listen([this](const Frame& frame) { watch(frame); });
+}
+
+void SdoClient::watch(const Frame& frame) {
+  const auto emergency = parse_emergency(frame);
+  if (emergency && emergency->node_id == node_id_) emergency_ = *emergency;
+  if (frame.extended || frame.remote) return;
+  if (frame.id == connection_set::sdo_response + node_id_) second_answer_.see(frame, others_sent());
+  // The bus delivers only frames of other programs.
+  if (frame.id == connection_set::sdo_request + node_id_) {
+    second_answer_.doubt_until(bus_.now() + SecondAnswer::doubt);
+  }
 }
 
 void SdoClient::send_waiting(SdoTransfer& transfer) {
@@ -49,11 +57,21 @@ void SdoClient::send_waiting(SdoTransfer& transfer) {
   while (transfer.take(frame)) {
     frame.id = connection_set::sdo_request + node_id_;
     bus_.send(frame);
+    ++sent_;
   }
 }
 
-void SdoClient::run(SdoTransfer& transfer) {
+void SdoClient::run(SdoTransfer& transfer, ObjectAddress object, SdoProtocol protocol) {
   bus_.drain();  // discards late answers to an abandoned transfer
+  second_answer_.begin(object, protocol == SdoProtocol::block);
+  // The answer to a request that is given up may come later.
+  struct Doubting {
+    SdoClient& client;
+    const SdoTransfer& transfer;
+    ~Doubting() {
+      if (!transfer.finished()) client.second_answer_.doubt_until(client.bus_.now() + SecondAnswer::doubt);
+    }
+  } const doubting{*this, transfer};
   Time deadline{};
   unsigned retries = options_.retries;
   // If ask_again() can help, the deadline is half the timeout, so that the client asks again before the server's own
@@ -64,7 +82,9 @@ void SdoClient::run(SdoTransfer& transfer) {
   };
   const Bus::Subscription listening = bus_.listen([&](const Frame& frame) {
     if (frame.id != connection_set::sdo_response + node_id_ || frame.extended || frame.remote) return;
+    if (transfer.finished()) return;
     if (transfer.receive(frame)) expect_answer();
+    if (transfer.finished()) second_answer_.end(frame, bus_.now(), others_sent());
     send_waiting(transfer);
   });
   send_waiting(transfer);
@@ -75,11 +95,13 @@ void SdoClient::run(SdoTransfer& transfer) {
     const Time until = cancelled_ ? std::min(deadline, bus_.now() + look_whether_cancelled) : deadline;
     bus_.run_until(until, [&] { return transfer.finished() || is_cancelled(); });
     if (!transfer.finished() && is_cancelled()) {
+      second_answer_.doubt_until(bus_.now() + SecondAnswer::doubt);
       transfer.abort(AbortCode::general_error);
       send_waiting(transfer);
       throw MasterError("interrupted", where(), "the transfer was aborted");
     }
     if (transfer.finished() || bus_.now() < deadline) continue;
+    second_answer_.doubt_until(bus_.now() + SecondAnswer::doubt);
     if (retries != 0 && transfer.can_ask_again()) {
       --retries;
       transfer.ask_again();
@@ -94,7 +116,12 @@ void SdoClient::run(SdoTransfer& transfer) {
 std::vector<std::byte> SdoClient::upload(ObjectAddress object, SdoProtocol protocol) {
   for (unsigned attempt = 0;; ++attempt) {
     SdoTransfer transfer = SdoTransfer::upload(object, protocol);
-    run(transfer);
+    run(transfer, object, protocol);
+    if (second_answer_.take()) {
+      throw ObjectError("two devices answer", where(),
+                        "give each device a node-ID of its own: switch one of them off, and use `servodrome lss`",
+                        false);
+    }
     size_is_known_ = transfer.size_is_known();
     if (transfer.result() == AbortCode::none) return transfer.data();
     // The timeout may have occurred at the client or at the server.
@@ -107,7 +134,7 @@ std::vector<std::byte> SdoClient::upload(ObjectAddress object, SdoProtocol proto
 
 void SdoClient::download(ObjectAddress object, std::span<const std::byte> data, SdoProtocol protocol) {
   SdoTransfer transfer = SdoTransfer::download(object, data, protocol);
-  run(transfer);
+  run(transfer, object, protocol);
   if (transfer.result() != AbortCode::none) {
     throw SdoError(bus_.name(), node_id_, object, false, transfer.result(), transfer.aborted_by_server());
   }

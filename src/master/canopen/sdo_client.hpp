@@ -4,6 +4,7 @@
 
 #include "master/canopen/bus.hpp"
 #include "master/canopen/sdo_transfer.hpp"
+#include "master/canopen/second_answer.hpp"
 #include "master/object_client.hpp"
 
 namespace servodrome::master {
@@ -35,7 +36,9 @@ struct SdoOptions {
 };
 
 // SDO client of one node, over the default channel (600h and 580h + node-ID). One transfer at a time; frames to other
-// listeners are delivered meanwhile. All calls throw SdoError, or MasterError if the link is lost.
+// listeners are delivered meanwhile. All calls throw SdoError, or MasterError if the link is lost. An upload also
+// throws ObjectError if two devices answer (SecondAnswer); a download does not, since it may be the command that stops
+// an axis.
 class SdoClient final : public ObjectClient {
  public:
   SdoClient(Bus& bus, std::uint8_t node_id, const SdoOptions& options = {});
@@ -65,7 +68,9 @@ class SdoClient final : public ObjectClient {
   void cancel_when(std::function<bool()> cancelled) { cancelled_ = std::move(cancelled); }
 
  private:
-  void run(SdoTransfer& transfer);
+  void run(SdoTransfer& transfer, ObjectAddress object, SdoProtocol protocol);
+  void watch(const Frame& frame);
+  std::uint64_t others_sent() const { return bus_.sent() - sent_; }
   void send_waiting(SdoTransfer& transfer);
   bool is_cancelled() const { return cancelled_ && cancelled_(); }
 
@@ -75,6 +80,8 @@ class SdoClient final : public ObjectClient {
   std::function<bool()> cancelled_;
   std::optional<Emergency> emergency_;
   bool size_is_known_ = true;
+  SecondAnswer second_answer_;
+  std::uint64_t sent_ = 0;  // frames of this client
   Bus::Subscription listening_;
 };
 

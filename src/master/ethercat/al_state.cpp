@@ -141,6 +141,18 @@ const char* remedy_of(AlStatusCode code) {
   return "see its manual for this AL status code";
 }
 
+bool is_transient(AlStatusCode code) {
+  constexpr std::array codes{AlStatusCode::no_valid_inputs,
+                             AlStatusCode::no_valid_outputs,
+                             AlStatusCode::no_valid_inputs_and_outputs,
+                             AlStatusCode::synchronization_error,
+                             AlStatusCode::sync_manager_watchdog,
+                             AlStatusCode::fatal_sync_error,
+                             AlStatusCode::no_sync,
+                             AlStatusCode::pll_error};
+  return std::find(codes.begin(), codes.end(), code) != codes.end();
+}
+
 AlStatus read_al_status(EthercatMaster& master, std::uint16_t station) {
   std::array<std::uint8_t, 6> bytes{};
   master.read(station, reg::al_status, bytes);

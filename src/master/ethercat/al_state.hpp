@@ -30,6 +30,10 @@ std::string text_of(const AlStatus& status);
 // The remedy for an AL status code (ETG.1020 table 11).
 const char* remedy_of(AlStatusCode code);
 
+// True for the codes of a slave that has not seen process data or SYNC0 in time. While the cycle runs, the same request
+// may succeed a moment later.
+bool is_transient(AlStatusCode code);
+
 AlStatus read_al_status(EthercatMaster& master, std::uint16_t station);
 
 // Acknowledges a pending error, writes AL control and waits until the slave has reached the state. The slave accepts

@@ -40,6 +40,11 @@ constexpr std::size_t most_overdue = 256;
 // Increment of the working counter of an LRW for a slave that writes; one that reads adds 1 (ETG.1000.4 table 11).
 constexpr unsigned lrw_write_step = 2;
 
+// Number of further requests for OP to a slave that refuses it at once for a transient reason. A slave that refuses it
+// later has waited itself.
+constexpr unsigned further_requests = 2;
+constexpr Time at_once = std::chrono::seconds(1);
+
 }  // namespace
 
 CyclicExchange::CyclicExchange(EthercatMaster& master, std::vector<Member> members, const CyclicOptions& options)
@@ -333,10 +338,20 @@ void CyclicExchange::request_all(AlState state) {
   const Time deadline = master_.now() + state_timeout(state);
   for (std::size_t i = 0; i < members_.size(); ++i) {
     EthercatSlave& slave = *members_[i].slave;
+    unsigned requests_left = state == AlState::operational ? further_requests : 0;
+    Time requested = master_.now();
     while (true) {
       const AlStatus status = slave.status();
       status_[i] = status;
       if (status.state() == state && !status.error()) break;
+      const bool is_early = master_.now() - requested < at_once;
+      if (status.error() && is_transient(status.code) && is_early && requests_left != 0) {
+        --requests_left;
+        requested = master_.now();
+        acknowledge_error(master_, slave.station(), state_timeout(state));
+        master_.write<std::uint16_t>(slave.station(), reg::al_control, static_cast<std::uint16_t>(state));
+        continue;
+      }
       if (status.error() || master_.now() >= deadline) {
         throw EthercatError(EthercatError::Kind::refused,
                             fmt::format("it does not go to {}: it is in {}", short_name(state), text_of(status)),

@@ -68,7 +68,8 @@ class CyclicExchange final : public CyclicTask {
   Time clock_error() const { return clock_error_; }
 
   // Brings all members to the state at the same time and waits until they have reached it; to_operational() starts the
-  // exchange first.
+  // exchange first. A member that refuses OP because it has not seen process data or SYNC0 in time (`is_transient`) is
+  // requested again twice: with the cycle running, such a refusal passes by itself.
   void to_pre_operational();
   void to_safe_operational();
   void to_operational();

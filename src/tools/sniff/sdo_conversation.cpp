@@ -19,6 +19,9 @@ ObjectAddress multiplexer(std::span<const std::uint8_t> message) {
   return {ethercat::load_u16(&message[1]), message[3]};
 }
 
+// The announced size of a block; 0: none was announced.
+std::string size_text(std::uint32_t bytes) { return bytes != 0 ? fmt::format("{} bytes", bytes) : "size unknown"; }
+
 void append(std::vector<std::byte>& data, std::span<const std::uint8_t> bytes) {
   if (data.size() + bytes.size() > most_data) return;
   const auto as_bytes = std::as_bytes(bytes);
@@ -147,7 +150,6 @@ SdoConversation::Heard SdoConversation::hear_client(std::span<const std::uint8_t
         object_ = multiplexer(message);
         known_ = true;
         write_ = all_ = false;
-        data_.clear();
         heard.text = "block read " + title(catalogue);
         heard.object = object_;
         return heard;
@@ -159,7 +161,7 @@ SdoConversation::Heard SdoConversation::hear_client(std::span<const std::uint8_t
         heard.text = "block read goes ahead";
       } else if (what == sdo::block_upload_subcommand::response && message.size() >= 2) {
         heard.text = fmt::format("block taken up to segment {}", message[1]);
-        if (promised_ == 0 || data_.size() < promised_) state_ = State::block_upload;
+        if (!acknowledge_block(message[1])) state_ = State::block_upload;
       } else {
         heard.text = "block read ends";
       }
@@ -171,9 +173,8 @@ SdoConversation::Heard SdoConversation::hear_client(std::span<const std::uint8_t
         known_ = true;
         write_ = true;
         all_ = false;
-        data_.clear();
-        promised_ = (command & sdo::block_size_indicated) != 0 ? ethercat::load_u32(&message[4]) : 0;
-        heard.text = fmt::format("block write {}, {} bytes", title(catalogue), promised_);
+        begin_block(command, message);
+        heard.text = fmt::format("block write {}, {}", title(catalogue), size_text(promised_));
         heard.object = object_;
         return heard;
       }
@@ -228,7 +229,7 @@ SdoConversation::Heard SdoConversation::hear_server(std::span<const std::uint8_t
         heard.text = "block write goes ahead";
       } else if ((command & sdo::subcommand_mask) == 2 && message.size() >= 3) {
         heard.text = fmt::format("block taken up to segment {}", message[1]);
-        if (promised_ == 0 || data_.size() < promised_) state_ = State::block_download;
+        if (!acknowledge_block(message[1])) state_ = State::block_download;
       } else {
         heard.text = "block written " + title(catalogue);
         heard.complete = true;
@@ -240,12 +241,31 @@ SdoConversation::Heard SdoConversation::hear_server(std::span<const std::uint8_t
       if (!known_) return {"block transfer"};
       heard.object = object_;
       if ((command & sdo::last_segment) != 0) return block_end(command >> 2 & 7U, catalogue);
-      promised_ = (command & sdo::block_size_indicated) != 0 && names_object ? ethercat::load_u32(&message[4]) : 0;
-      heard.text = fmt::format("{} has {} bytes, in blocks", title(catalogue), promised_);
+      if (!names_object) break;
+      begin_block(command, message);
+      heard.text = fmt::format("{} has {}, in blocks", title(catalogue), size_text(promised_));
       return heard;
     default: return {fmt::format("command {:02X}h is not an SDO command", command)};
   }
   return {"of wrong length"};
+}
+
+void SdoConversation::begin_block(std::uint8_t command, std::span<const std::uint8_t> message) {
+  data_.clear();
+  promised_ = (command & sdo::block_size_indicated) != 0 ? ethercat::load_u32(&message[4]) : 0;
+  sub_block_begin_ = 0;
+  last_segment_ = 0;
+}
+
+// The receiver has taken the segments of the sub-block up to `number`; the sender repeats the ones after it. Returns
+// true if the block is complete.
+bool SdoConversation::acknowledge_block(unsigned number) {
+  constexpr std::size_t segment_bytes = 7;
+  data_.resize(std::min(data_.size(), sub_block_begin_ + number * segment_bytes));
+  sub_block_begin_ = data_.size();
+  const bool complete = last_segment_ != 0 && number == last_segment_;
+  last_segment_ = 0;
+  return complete;
 }
 
 SdoConversation::Heard SdoConversation::block_segment(std::span<const std::uint8_t> message) {
@@ -253,7 +273,10 @@ SdoConversation::Heard SdoConversation::block_segment(std::span<const std::uint8
   const unsigned number = message[0] & sdo::sequence_mask;
   append(data_, message.subspan(1));
   // The sub-block ends with its last segment, or when the other side acknowledges it.
-  if (last) state_ = State::idle;
+  if (last) {
+    state_ = State::idle;
+    last_segment_ = number;
+  }
   Heard heard{fmt::format("{}segment {} of a block", last ? "last " : "", number)};
   heard.object = object_;
   heard.write = write_;

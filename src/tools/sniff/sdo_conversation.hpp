@@ -34,7 +34,9 @@ class SdoConversation {
   Heard initiate(std::span<const std::uint8_t> message, const ObjectCatalogue& catalogue, const char* expedited_form,
                  const char* sized_form);
   Heard segment(std::span<const std::uint8_t> data, std::uint8_t unused, bool last, const ObjectCatalogue& catalogue);
+  void begin_block(std::uint8_t command, std::span<const std::uint8_t> message);
   Heard block_segment(std::span<const std::uint8_t> message);
+  bool acknowledge_block(unsigned number);
   Heard block_end(std::uint8_t unused, const ObjectCatalogue& catalogue);
   std::string title(const ObjectCatalogue& catalogue) const;
   std::string value(const ObjectCatalogue& catalogue) const;
@@ -45,7 +47,9 @@ class SdoConversation {
   bool write_ = false;
   bool all_ = false;  // complete access
   std::vector<std::byte> data_;
-  std::uint32_t promised_ = 0;  // announced size in bytes; 0: unknown
+  std::uint32_t promised_ = 0;       // announced size in bytes; 0: unknown
+  std::size_t sub_block_begin_ = 0;  // bytes before the present sub-block
+  unsigned last_segment_ = 0;        // number of the block's last segment in its sub-block; 0: not seen yet
 };
 
 }  // namespace servodrome::master

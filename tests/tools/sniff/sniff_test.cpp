@@ -95,6 +95,21 @@ TEST(SniffCan, ASegmentedTransferIsPutTogether) {
             "node 1 SDO last segment: 1008:00 Manufacturer device name is \"ISMC Serv\"");
 }
 
+// CiA 301 7.2.4.3.9 and 10: the size is optional, and segments after a gap are repeated in the next sub-block.
+TEST(SniffCan, ABlockOfUnknownSizeWithRepeatedSegments) {
+  CanDecoder decoder;
+  EXPECT_EQ(said(decoder, "602 # C4 10 2F 00 00 00 00 00"), "node 2 SDO block write 2F10:00, size unknown");
+  said(decoder, "582 # A4 10 2F 00 03 00 00 00");
+  said(decoder, "602 # 01 61 62 63 64 65 66 67");
+  said(decoder, "602 # 03 6F 70 71 72 73 74 75");
+  EXPECT_EQ(said(decoder, "582 # A2 01 03 00 00 00 00 00"), "node 2 SDO block taken up to segment 1");
+  said(decoder, "602 # 01 68 69 6A 6B 6C 6D 6E");
+  EXPECT_EQ(said(decoder, "602 # 82 6F 00 00 00 00 00 00"), "node 2 SDO last segment 2 of a block");
+  said(decoder, "582 # A2 02 03 00 00 00 00 00");
+  EXPECT_EQ(said(decoder, "602 # D9 00 00 00 00 00 00 00"), "node 2 SDO block ends: 2F10:00 = \"abcdefghijklmno\"");
+  EXPECT_EQ(said(decoder, "582 # A1 00 00 00 00 00 00 00"), "node 2 SDO block written 2F10:00");
+}
+
 TEST(SniffCan, ABlockTransferIsPutTogether) {
   CanDecoder decoder;
   EXPECT_EQ(said(decoder, "602 # C6 10 2F 00 0A 00 00 00"), "node 2 SDO block write 2F10:00, 10 bytes");
