@@ -61,14 +61,15 @@ int main(int argc, char** argv) {
       there(x);
       on(x);
     });
-    // After Ctrl-C the operation takes the drives out of OP, which stops them.
-    const auto done = [&] { return examples::throw_if_interrupted(), on.Done; };
-    if (!controller.run_until(done, 20s)) {
-      throw std::runtime_error(std::string("it did not arrive: ") + text_of(x.error()) + "; " + text_of(y.error()));
-    }
-    controller.run_for(200ms);
-    examples::expect_near("x in revolutions", x.actual_position(), 6.0, 0.001);
-    examples::expect_near("y in revolutions", y.actual_position(), -3.0, 0.001);
-    controller.shut_down(40.0);
+    const auto program = [&] {
+      const auto done = [&] { return examples::throw_if_interrupted(), on.Done; };
+      if (!controller.run_until(done, 20s)) {
+        throw std::runtime_error(std::string("it did not arrive: ") + text_of(x.error()) + "; " + text_of(y.error()));
+      }
+      controller.run_for(200ms);
+      examples::expect_near("x in revolutions", x.actual_position(), 6.0, 0.001);
+      examples::expect_near("y in revolutions", y.actual_position(), -3.0, 0.001);
+    };
+    controller.run(program, 40.0);  // stops and disables the axes at the end, also after an error or Ctrl-C
   });
 }

@@ -67,7 +67,13 @@ class Sequence {
     idle();
   }
 
+  // Stops and disables the axis at the end, also after an error.
   void run() {
+    controller_.run([this] { carry_out_program(); }, routine_.program.back().deceleration);
+  }
+
+ private:
+  void carry_out_program() {
     for (const Routine::Step& step : routine_.program) {
       std::printf("%-16s", step.block.c_str());
       carry_out(step);
@@ -79,10 +85,8 @@ class Sequence {
       }
       if (step.at) examples::expect_near("turns from home", turns() - home_turns_, *step.at, tolerance_turns);
     }
-    controller_.shut_down(routine_.program.back().deceleration);
   }
 
- private:
   // Position of the true shaft; known only for a line in this process.
   double turns() const {
     if (line_ != nullptr) return static_cast<double>(line_->axes()[0]->plant().position_counts()) / turn;

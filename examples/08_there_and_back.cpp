@@ -4,7 +4,10 @@
 //
 //   08_there_and_back [LINK]                            node 1, or all slaves
 #include <algorithm>
+#include <array>
 #include <deque>
+#include <fmt/format.h>
+#include <span>
 
 #include "axis/cyclic/can_cyclic_bus.hpp"
 #include "axis/cyclic/ethercat_cyclic_bus.hpp"
@@ -18,8 +21,31 @@ using namespace std::chrono_literals;
 
 namespace {
 
-constexpr double counts_per_revolution = 131072;
 constexpr std::int8_t home_is_here = 35;
+
+// The drives of this machine, by 1018h or the SII. It moves no other drive, since a spare part of another type has
+// other units and limits.
+struct Drive {
+  std::uint32_t vendor_id;
+  std::uint32_t product_code;
+  double counts_per_revolution;
+};
+constexpr std::array drives{
+    Drive{0x53455256, 0x34303252, 131072},  // reference drive, CANopen
+    Drive{0x53455256, 0x34303245, 131072},  // reference drive, EtherCAT
+    Drive{0x53455256, 0x49534D43, 131072},  // ISMC
+    Drive{0x66668888, 0x45430502, 4000},    // JMC, IHSV57-30-18-36-EC
+};
+
+AxisConfiguration configuration_of(std::uint32_t vendor_id, std::uint32_t product_code, std::string_view where) {
+  for (const Drive& drive : drives) {
+    if (drive.vendor_id == vendor_id && drive.product_code == product_code) {
+      return {.counts_per_unit = drive.counts_per_revolution};
+    }
+  }
+  throw std::runtime_error(
+      fmt::format("{}: vendor {:08X}h, product {:08X}h is no drive of this machine", where, vendor_id, product_code));
+}
 
 struct Machine {
   MC_Power power;
@@ -41,7 +67,13 @@ class Program {
     });
   }
 
+  // Stops and disables the axes at the end, also after an error.
   void run() {
+    controller_.run([this] { there_and_back(); }, 100.0);
+  }
+
+ private:
+  void there_and_back() {
     all(&Machine::power, "MC_Power", [](MC_Power& power) { power.Enable = true; });
     all(&Machine::home, "MC_Home", [](MC_Home& home) { home.Execute = true; });
     for (const double target : {3.0, 0.0, 3.0, 0.0}) {
@@ -57,10 +89,8 @@ class Program {
         examples::expect_near("revolutions", controller_.axis(i).actual_position(), target, 0.01);
       }
     }
-    controller_.shut_down(100.0);
   }
 
- private:
   static bool is_done(const MC_Power& power) { return power.Status; }
   template <typename Block>
   static bool is_done(const Block& block) {
@@ -83,25 +113,27 @@ class Program {
         10s);
     if (came && failed() == machines_.end()) return;
     const auto number = static_cast<std::size_t>(failed() - machines_.begin());
-    const Axis& axis = controller_.axis(came ? number : 0);
-    throw std::runtime_error(std::string(name) + ": " + (came ? text_of(axis.error()) : "it takes too long"));
+    throw std::runtime_error(std::string(name) + ": " +
+                             (came ? text_of((machines_[number].*block).ErrorID) : "it takes too long"));
   }
 
   Controller& controller_;
   std::deque<Machine> machines_;
 };
 
-void run(master::CyclicBus& bus) {
-  const AxisConfiguration in_revolutions[] = {{.counts_per_unit = counts_per_revolution}};
-  Controller controller(bus, in_revolutions);
+void run(master::CyclicBus& bus, std::span<const AxisConfiguration> configurations) {
+  Controller controller(bus, configurations);
   Program(controller).run();
 }
 
 void run_on_can(std::string_view link) {
   examples::Can can(link, "default.toml");
-  master::SdoClient(can.bus(), 1).write<std::int8_t>(0x6098, 0, home_is_here);
+  master::SdoClient sdo(can.bus(), 1);
+  const std::array configurations{
+      configuration_of(sdo.read<std::uint32_t>(0x1018, 1), sdo.read<std::uint32_t>(0x1018, 2), sdo.where())};
+  sdo.write<std::int8_t>(0x6098, 0, home_is_here);
   master::CanCyclicBus bus(can.bus(), {master::synchronous_drive(1)}, {.period = 4ms});
-  run(bus);
+  run(bus, configurations);
 }
 
 void run_on_ethercat(std::string_view link) {
@@ -111,8 +143,10 @@ void run_on_ethercat(std::string_view link) {
   if (found.empty()) throw std::runtime_error("there is no slave; check cable and power");
   std::deque<master::EthercatSlave> slaves;
   std::vector<master::EthercatSlave*> all;
+  std::vector<AxisConfiguration> configurations;
   for (const master::FoundSlave& one : found) {
     master::EthercatSlave& slave = slaves.emplace_back(master, one);
+    configurations.push_back(configuration_of(one.sii.identity.vendor_id, one.sii.identity.product_code, slave.where()));
     slave.to_pre_operational();
     master::set_up_cyclic_axis(slave, {.period = 4ms});
     slave.coe().write<std::int8_t>(0x6098, 0, home_is_here);
@@ -120,7 +154,7 @@ void run_on_ethercat(std::string_view link) {
   }
   master::EthercatOperation operation(master, found, all, {.cyclic = {.period = 4ms}});
   master::EthercatCyclicBus bus(master, operation);
-  run(bus);
+  run(bus, configurations);
 }
 
 }  // namespace

@@ -50,10 +50,16 @@ QuickStopOnFailure::QuickStopOnFailure(master::ObjectClient& drive)
 QuickStopOnFailure::~QuickStopOnFailure() {
   if (std::uncaught_exceptions() == exceptions_) return;
   constexpr std::uint16_t quick_stop = 0x0002;
-  try {
-    drive_.write<std::uint16_t>(0x6040, 0, quick_stop);
-  } catch (const master::MasterError&) {
-    // The drive does not answer. The program reports the first error.
+  constexpr int most_attempts = 2;
+  for (int attempt = 0; attempt < most_attempts; ++attempt) {
+    try {
+      drive_.write<std::uint16_t>(0x6040, 0, quick_stop);
+      return;
+    } catch (const master::MasterError&) {
+      return;  // the drive does not answer; the program reports the first error
+    } catch (...) {
+      // Ctrl-C came again during the write: the write is repeated once.
+    }
   }
 }
 

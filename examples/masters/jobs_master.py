@@ -18,7 +18,7 @@ import urllib.request
 
 REVOLUTIONS = 3
 BOOT_TIME_S = 8
-PRODUCTS = ("generic402", "generic402-ec", "ismc", "jmc_ec")  # of this machine's drives
+PRODUCTS = ("generic402", "generic402-ec", "ismc", "jmc_ec")  # this machine may have these drives
 HOME_IS_HERE = 35  # homing method: the present position is home
 
 
@@ -108,12 +108,22 @@ def await_disabled(studio, name):
         time.sleep(0.05)
 
 
+def require_machine(axes):
+    """Raises MachineError if drives are missing, or others are there; before anything moves."""
+    for axis in axes:
+        if axis["product"] not in PRODUCTS:
+            raise MachineError(f"{axis['name']} is no drive of this machine: {axis['product']}")
+    expected = os.environ.get("SERVODROME_PRODUCTS", "")
+    found = ",".join(axis["product"] for axis in axes)
+    if expected and "=" not in sys.argv[1] and found != expected:
+        raise MachineError(f"the machine has {expected}, and {found} answer")
+
+
 def run(studio):
     axes = axes_of(studio)
+    require_machine(axes)
     for axis in axes:
         name = axis["name"]
-        if axis["product"] not in PRODUCTS:
-            raise MachineError(f"{name} is no drive of this machine: {axis['product']}")
         if axis["state"] == "fault":
             studio.job(name, "reset_fault")
         studio.job(name, "enable")

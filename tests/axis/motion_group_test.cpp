@@ -241,6 +241,52 @@ TEST_F(MotionOfSimulatedDrives, AModeThatIsRefusedIsAFault) {
   EXPECT_NE(problem_of([&] { group.wait(2s); }).find("does not accept the mode"), std::string::npos);
 }
 
+// A drive breaks down while all brake: the others brake to the end of their ramps, and are switched off.
+TEST_F(MotionOfSimulatedDrives, AFaultWhileDisablingDoesNotKeepTheOthersEnabled) {
+  group.enable();
+  for (std::size_t i = 0; i < 3; ++i) ASSERT_TRUE(group.axis(i).run_at(1000.0, linear));
+  group.wait(500ms);
+  const std::array begin{bus.drive(1).position, bus.drive(2).position};
+  int cycle = 0;
+  group.on_cycle([&] {
+    if (++cycle == 100) bus.drive(0).break_down(0x3210);
+  });
+  EXPECT_NE(problem_of([&] { group.disable(linear); }).find("the drive has a fault, 603Fh is 3210h"),
+            std::string::npos);
+  for (std::size_t i = 1; i < 3; ++i) {
+    EXPECT_EQ(bus.drive(i).state, PowerState::switch_on_disabled) << i;
+    EXPECT_NEAR(static_cast<double>(bus.drive(i).position - begin[i - 1]), 200.0, 3.0) << i;
+  }
+}
+
+TEST_F(MotionOfSimulatedDrives, AResetThatFailsDoesNotGoOn) {
+  group.enable();
+  bus.drive(0).stays_broken = true;
+  bus.drive(0).break_down(0x3210);
+  EXPECT_NE(problem_of([&] { group.wait(10ms); }).find("the drive has a fault"), std::string::npos);
+  EXPECT_NE(problem_of([&] { group.reset_faults(50ms); }).find("the fault cannot be reset"), std::string::npos);
+  EXPECT_FALSE(group.axis(0).is_resetting());
+  bus.run_cycles(2);
+  bus.drive(0).stays_broken = false;
+  EXPECT_NE(problem_of([&] { group.wait(10ms); }).find("the drive has a fault"), std::string::npos);
+  bus.run_cycles(20);
+  EXPECT_EQ(bus.drive(0).state, PowerState::fault);
+}
+
+TEST(EndOfAMotionGroup, CommandsAQuickStopToTheEnabledDrives) {
+  SimulatedBus bus{2};
+  {
+    MotionGroup group(bus);
+    group.axis(0).switch_on(true);
+    group.wait(20ms);
+    ASSERT_TRUE(group.axis(0).is_enabled());
+  }
+  EXPECT_EQ(bus.drive(0).output({0x6040, 0})->get<std::uint16_t>(), 0x0002);
+  EXPECT_EQ(bus.drive(1).output({0x6040, 0})->get<std::uint16_t>(), 0x0000);
+  bus.run_cycles(1);
+  EXPECT_NE(bus.drive(0).state, PowerState::operation_enabled);
+}
+
 }  // namespace
 }  // namespace motion_group_test
 }  // namespace servodrome::master::test

@@ -4,6 +4,7 @@
 #include <cstring>
 #include <deque>
 #include <set>
+#include <vector>
 
 #include "axis/cyclic/cyclic_axis.hpp"
 #include "axis/cyclic/cyclic_bus.hpp"
@@ -30,6 +31,13 @@ class SimulatedDrive final : public ProcessImage {
   bool is_blocked = false;
   bool homing_fails = false;
   int homing_cycles = 40;
+  int mode_delay = 0;                       // cycles from a new 6060h to 6061h
+  bool ignores_halt = false;                // in homing
+  bool is_homing_moving = false;            // the shaft turns in homing
+  bool stays_broken = false;                // a fault cannot be reset
+  bool ignores_target = false;              // as at a limit switch: bit 12 is 0, and the shaft stands
+  int quick_stop_cycles = 0;                // above 0: a quick stop takes so long, and ends in quick stop active
+  std::vector<std::uint16_t> controlwords;  // all different ones in a row
   std::set<int> modes{6, 8, 9, 10};
   void break_down(std::uint16_t code) {
     state = PowerState::fault;
@@ -47,10 +55,12 @@ class SimulatedDrive final : public ProcessImage {
 
   void cycle(double period_s) {
     const auto controlword = take<std::uint16_t>(0x6040);
+    if (controlwords.empty() || controlwords.back() != controlword) controlwords.push_back(controlword);
     follow(controlword);
-    if (modes.count(take<std::int8_t>(0x6060)) != 0) mode = take<std::int8_t>(0x6060);
+    change_mode();
     const double before = static_cast<double>(position);
-    if (state == PowerState::operation_enabled && !is_blocked) move(controlword, period_s);
+    if (state == PowerState::operation_enabled && !is_blocked && !ignores_target) move(controlword, period_s);
+    if (state == PowerState::quick_stop_active && quick_stop_left_ > 0) position += quick_stop_left_--;
     if (mode != 10 && mode != 9) velocity = (static_cast<double>(position) - before) / period_s;
     if ((take<std::uint16_t>(0x60B8) & 1) == 0) probe_status_ = 0;
     if ((take<std::uint16_t>(0x60B8) & 1) != 0) probe_status_ |= 1;
@@ -60,7 +70,8 @@ class SimulatedDrive final : public ProcessImage {
   void show() {
     std::uint16_t word = drive::state_bits(state);
     if (mode == 6) word = static_cast<std::uint16_t>(word | homing_bits_);
-    if (mode >= 8 && state == PowerState::operation_enabled) word = static_cast<std::uint16_t>(word | 0x1000);
+    const bool follows = mode >= 8 && state == PowerState::operation_enabled && !ignores_target;
+    if (follows) word = static_cast<std::uint16_t>(word | 0x1000);
     set<std::uint16_t>(0x6041, word);
     set<std::int8_t>(0x6061, static_cast<std::int8_t>(mode));
     set<std::int32_t>(0x6064, static_cast<std::int32_t>(static_cast<std::uint32_t>(position)));
@@ -103,10 +114,14 @@ class SimulatedDrive final : public ProcessImage {
   void follow(std::uint16_t controlword) {
     const bool reset = (controlword & 0x80) != 0 && (controlword_before_ & 0x80) == 0;
     if (state == PowerState::fault) {
-      if (reset) state = PowerState::switch_on_disabled;
+      if (reset && !stays_broken) state = PowerState::switch_on_disabled;
       return;
     }
-    if ((controlword & 0x02) == 0 || (controlword & 0x06) == 0x02) {
+    const bool is_on = state == PowerState::operation_enabled || state == PowerState::quick_stop_active;
+    if ((controlword & 0x06) == 0x02 && is_on && quick_stop_cycles > 0) {
+      if (state == PowerState::operation_enabled) quick_stop_left_ = quick_stop_cycles;
+      state = PowerState::quick_stop_active;
+    } else if ((controlword & 0x02) == 0 || (controlword & 0x06) == 0x02) {
       state = PowerState::switch_on_disabled;
     } else if ((controlword & 0x07) == 0x06) {
       state = PowerState::ready_to_switch_on;
@@ -115,6 +130,13 @@ class SimulatedDrive final : public ProcessImage {
     } else if ((controlword & 0x0F) == 0x0F && state == PowerState::switched_on) {
       state = PowerState::operation_enabled;
     }
+  }
+
+  void change_mode() {
+    const int wanted = take<std::int8_t>(0x6060);
+    mode_left_ = wanted == wanted_mode_ ? mode_left_ - 1 : mode_delay;
+    wanted_mode_ = wanted;
+    if (mode_left_ <= 0 && modes.count(wanted) != 0) mode = wanted;
   }
 
   void move(std::uint16_t controlword, double period_s) {
@@ -146,11 +168,12 @@ class SimulatedDrive final : public ProcessImage {
       homing_left_ = homing_cycles;
       return;
     }
-    if ((controlword & 0x100) != 0) {
+    if ((controlword & 0x100) != 0 && !ignores_halt) {
       homing_bits_ = 0x0400;
       return;
     }
     homing_bits_ = 0;
+    if (is_homing_moving) position += 10;
     if (homing_left_ > 0) {
       --homing_left_;
     } else {
@@ -166,6 +189,9 @@ class SimulatedDrive final : public ProcessImage {
   std::uint16_t homing_bits_ = 0;
   std::uint16_t probe_status_ = 0;
   int homing_left_ = 0;
+  int quick_stop_left_ = 0;
+  int wanted_mode_ = 0;
+  int mode_left_ = 0;
   double rest_ = 0.0;
 };
 

@@ -6,6 +6,7 @@
 #include "axis/axis402.hpp"
 #include "axis/cia402_words.hpp"
 #include "axis/cyclic/interpolation_time.hpp"
+#include "axis/cyclic/quick_stop.hpp"
 
 namespace servodrome::master {
 
@@ -16,7 +17,7 @@ constexpr std::uint8_t every_sync = 1;
 constexpr std::uint8_t most_pdos = 8;
 constexpr Time stopping = std::chrono::seconds(2);
 constexpr Time polling = std::chrono::milliseconds(5);
-constexpr unsigned most_attempts = 2;    // to restore one object
+constexpr unsigned most_attempts = 2;    // to restore one object, and for a step that the program has interrupted
 constexpr unsigned most_unanswered = 3;  // attempts in a row before a node is regarded as silent
 
 constexpr PdoObject controlword{{0x6040, 0}, 16};
@@ -35,6 +36,23 @@ constexpr PdoObject error_code{{0x603F, 0}, 16};
 std::uint32_t word_of(const PdoObject& entry) {
   return static_cast<std::uint32_t>(entry.object.index) << 16 | static_cast<std::uint32_t>(entry.object.sub) << 8 |
          entry.bits;
+}
+
+// Carries out a step of the end, and keeps the first exception. A timer or a listener of the program may throw while
+// the step waits, as at Ctrl-C: then the step runs once more.
+template <typename Step>
+void carry_out(const Step& step, std::exception_ptr& problem) {
+  for (unsigned attempt = 1; attempt <= most_attempts; ++attempt) {
+    try {
+      step();
+      return;
+    } catch (const MasterError&) {
+      if (!problem) problem = std::current_exception();
+      return;
+    } catch (...) {
+      if (!problem) problem = std::current_exception();
+    }
+  }
 }
 
 }  // namespace
@@ -94,11 +112,11 @@ CanCyclicBus::CanCyclicBus(Bus& bus, std::vector<CanDrive> drives, const CanCycl
     for (const auto& station : stations_) master_.command(NmtCommand::start, station->drive.node_id);
     // Two ticks in a period: SYNC at its start; half a period later the waiting for TPDOs ends.
     ticking_ = bus_.every(options_.period / 2, [this] { tick(); });
-  } catch (const MasterError&) {
+  } catch (...) {
     try {
       close();
-    } catch (const MasterError&) {
-      // The first error is rethrown below; this error is ignored.
+    } catch (...) {
+      // The first exception is rethrown below; this one is ignored.
     }
     throw;
   }
@@ -107,7 +125,7 @@ CanCyclicBus::CanCyclicBus(Bus& bus, std::vector<CanDrive> drives, const CanCycl
 CanCyclicBus::~CanCyclicBus() {
   try {
     close();
-  } catch (const MasterError&) {
+  } catch (...) {
     // The destructor ignores that some objects could not be restored, for example because the node no longer answers.
   }
 }
@@ -176,7 +194,8 @@ void CanCyclicBus::set_up(Station& station) {
   set_up_pdos(station, true);
   for (const CanDrive::Value& value : station.drive.values) set_value(station, value);
   if (station.drive.sets_interpolation_time) set_interpolation_time(station);
-  // Outputs start with the present values of the objects; the controlword starts with 0, which commands nothing.
+  // Outputs start with the present values of the objects. The controlword starts with 0, disable voltage: an enabled
+  // drive switches its motor off, so the caller stops and disables the drives before.
   for (Station::Channel& channel : station.rpdos) {
     unsigned first = 0;
     for (const std::uint32_t word : channel.pdo.mapping) {
@@ -224,15 +243,36 @@ void CanCyclicBus::put_back(Station& station) {
   if (problem) std::rethrow_exception(problem);
 }
 
-// Uses SDO, because the cycle that writes controlwords may have ended already.
-void CanCyclicBus::stop_drives() {
+// RPDOs and a SYNC stop all drives at the same time. By SDO alone, a silent node would delay the stop of the next ones
+// by its timeout.
+void CanCyclicBus::send_quick_stops() {
+  if (!last_sync_) return;  // no cycle has run
+  bool is_any_enabled = false;
+  for (const auto& station : stations_) is_any_enabled = request_quick_stop(*station) || is_any_enabled;
+  if (!is_any_enabled) return;
+  send_outputs();
+  master_.send_sync();
+}
+
+// SDO reaches the drives that have not taken the RPDO. All drives get the command before the first wait.
+void CanCyclicBus::stop_drives(std::exception_ptr& problem) {
+  carry_out([&] { send_quick_stops(); }, problem);
+  std::vector<Station*> commanded;
   for (const auto& station : stations_) {
-    if (state_of(station->objects.read<std::uint16_t>(0x6041)) != PowerState::operation_enabled) continue;
-    station->objects.write<std::uint16_t>(0x6040, 0, command_word::quick_stop);
-    const Time end = bus_.now() + stopping;
-    const auto state = [&] { return state_of(station->objects.read<std::uint16_t>(0x6041)); };
-    while (state() == PowerState::operation_enabled && bus_.now() < end) bus_.run_for(polling);
+    const auto command = [&] {
+      if (state_of(station->objects.read<std::uint16_t>(0x6041)) != PowerState::operation_enabled) return;
+      commanded.push_back(station.get());
+      station->objects.write<std::uint16_t>(0x6040, 0, command_word::quick_stop);
+    };
+    carry_out(command, problem);
   }
+  for (Station* station : commanded) carry_out([&] { wait_until_stopped(*station); }, problem);
+}
+
+void CanCyclicBus::wait_until_stopped(Station& station) {
+  const Time end = bus_.now() + stopping;
+  const auto state = [&] { return state_of(station.objects.read<std::uint16_t>(0x6041)); };
+  while (state() == PowerState::operation_enabled && bus_.now() < end) bus_.run_for(polling);
 }
 
 void CanCyclicBus::close() {
@@ -241,17 +281,10 @@ void CanCyclicBus::close() {
   ticking_.reset();
   listening_.reset();
   action_ = {};
-  std::optional<MasterError> problem;
-  const auto attempt = [&](auto&& call) {
-    try {
-      call();
-    } catch (const MasterError& error) {
-      if (!problem) problem = error;
-    }
-  };
-  if (options_.stops_drives) attempt([&] { stop_drives(); });
-  for (const auto& station : stations_) attempt([&] { put_back(*station); });
-  if (problem) throw MasterError(*problem);
+  std::exception_ptr problem;
+  if (options_.stops_drives) stop_drives(problem);
+  for (const auto& station : stations_) carry_out([&] { put_back(*station); }, problem);
+  if (problem) std::rethrow_exception(problem);
 }
 
 // ---- Cycles ----

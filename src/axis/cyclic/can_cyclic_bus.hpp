@@ -1,6 +1,7 @@
 #pragma once
 
 #include <array>
+#include <exception>
 #include <memory>
 #include <vector>
 
@@ -51,13 +52,14 @@ struct CanCyclicOptions {
 class CanCyclicBus final : public CyclicBus {
  public:
   // Sets up the PDOs and starts the nodes and SYNC. `bus` must outlive this. Throws MasterError after restoring what it
-  // changed.
+  // changed; the same applies to an exception of a timer or a listener of the bus.
   CanCyclicBus(Bus& bus, std::vector<CanDrive> drives, const CanCyclicOptions& options = {});
-  // Like close(), but ignores errors.
+  // Like close(), but ignores all exceptions.
   ~CanCyclicBus() override;
 
   // Sends a quick stop to drives that are still enabled (if CanCyclicOptions::stops_drives), ends SYNC and restores all
-  // objects. Throws the first MasterError after trying everything.
+  // objects. A drive that does not answer does not keep the others from being stopped and restored. If a timer or a
+  // listener of the bus throws, as at Ctrl-C, the present step is repeated once. Throws the first exception at the end.
   void close();
 
   Time period() const override { return options_.period; }
@@ -106,7 +108,9 @@ class CanCyclicBus final : public CyclicBus {
   void receive(const Frame& frame);
   void run_cycle();
   void send_outputs();
-  void stop_drives();
+  void send_quick_stops();
+  void stop_drives(std::exception_ptr& problem);
+  void wait_until_stopped(Station& station);
 
   Bus& bus_;
   Master master_;

@@ -35,6 +35,7 @@ class CyclicAxis {
 
   // ---- Outputs of the next cycle; each throws MasterError if its object is not mapped ----
   void set_controlword(std::uint16_t word) { controlword_.set(word); }
+  std::uint16_t controlword() const { return controlword_.get<std::uint16_t>(); }
   void set_mode(OperationMode mode) { required(mode_, 0x6060).set(static_cast<std::int8_t>(mode)); }
   bool can_set_mode() const { return mode_.has_value(); }
   void set_target_position(std::int32_t position) { required(target_position_, 0x607A).set(position); }

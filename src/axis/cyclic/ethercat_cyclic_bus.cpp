@@ -4,12 +4,59 @@
 #include <fmt/format.h>
 
 #include "axis/cyclic/interpolation_time.hpp"
+#include "axis/cyclic/quick_stop.hpp"
 
 namespace servodrome::master {
 
-EthercatCyclicBus::EthercatCyclicBus(EthercatMaster& master, EthercatOperation& operation)
-    : master_(master), exchange_(operation.exchange()) {
+namespace {
+
+constexpr Time longest_stop = std::chrono::seconds(2);
+// From writing an output until the inputs show its effect (master/ethercat/coe_objects.cpp).
+constexpr int cycles_to_act = 4;
+
+}  // namespace
+
+EthercatCyclicBus::EthercatCyclicBus(EthercatMaster& master, EthercatOperation& operation,
+                                     const EthercatCyclicOptions& options)
+    : master_(master), exchange_(operation.exchange()), options_(options), is_used_(exchange_.members().size(), false) {
   for (std::size_t i = 0; i < exchange_.members().size(); ++i) images_.push_back(exchange_.image(i));
+}
+
+EthercatCyclicBus::~EthercatCyclicBus() {
+  if (!options_.stops_drives) return;
+  try {
+    stop_drives();
+  } catch (...) {
+    // The link is lost: each drive stops by the watchdog of its process data and 6007h.
+  }
+}
+
+// Outputs act only in OP. A drive that has left it has stopped by 6007h.
+bool EthercatCyclicBus::can_stop(std::size_t drive) const {
+  return is_used_[drive] && exchange_.status(drive).state() == AlState::operational;
+}
+
+// Waits for the end of the ramp: to leave OP is a loss of the master for the drive, and 6007h and 605Eh would end the
+// ramp. A drive that stays in quick stop active (605Ah is 5 to 8) causes a wait of the whole 2 s.
+void EthercatCyclicBus::stop_drives() {
+  exchange_.on_cycle({});
+  if (!exchange_.runs()) return;
+  for (std::size_t i = 0; i < images_.size(); ++i) {
+    if (can_stop(i)) request_quick_stop(images_[i]);
+  }
+  const Time end = master_.now() + longest_stop;
+  master_.wait(cycles_to_act * exchange_.period());
+  const auto moves = [this](std::size_t drive) {
+    const auto state = shown_state(images_[drive]);
+    return can_stop(drive) && (state == PowerState::operation_enabled || state == PowerState::quick_stop_active);
+  };
+  const auto any_moves = [&] {
+    for (std::size_t i = 0; i < images_.size(); ++i) {
+      if (moves(i)) return true;
+    }
+    return false;
+  };
+  while (any_moves() && master_.now() < end) master_.wait(exchange_.period());
 }
 
 CycleCounters EthercatCyclicBus::counters() const {
@@ -71,6 +118,19 @@ void set_interpolation_time(EthercatSlave& slave, Time period) {
   slave.coe().write<std::int8_t>(0x60C2, 2, time->index);
 }
 
+// A drive that refuses the value keeps its own.
+void react_to_lost_master(EthercatSlave& slave) {
+  constexpr std::uint16_t abort_connection_option = 0x6007;
+  constexpr std::int16_t no_action = 0;
+  constexpr std::int16_t fault = 1;
+  try {
+    if (slave.coe().read<std::int16_t>(abort_connection_option) != no_action) return;
+    slave.coe().write<std::int16_t>(abort_connection_option, 0, fault);
+  } catch (const CoeError& error) {
+    if (!error.from_slave()) throw;
+  }
+}
+
 }  // namespace
 
 void set_up_cyclic_axis(EthercatSlave& slave, const EthercatAxisSetUp& set_up) {
@@ -87,6 +147,7 @@ void set_up_cyclic_axis(EthercatSlave& slave, const EthercatAxisSetUp& set_up) {
   assign_pdos(slave.coe(), rx_assignment, std::array{rx.index});
   assign_pdos(slave.coe(), tx_assignment, std::array{tx.index});
   if (set_up.period) set_interpolation_time(slave, *set_up.period);
+  react_to_lost_master(slave);
 }
 
 }  // namespace servodrome::master

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstdlib>
 #include <fmt/format.h>
 
 #include "axis/cia402_words.hpp"
@@ -26,6 +27,7 @@ const char* name(AxisFault fault) {
     case AxisFault::following_error: return "the following error is too large";
     case AxisFault::mode_refused: return "the drive does not accept the mode of operation";
     case AxisFault::homing_failed: return "homing failed";
+    case AxisFault::not_following: return "the drive ignores its target position";
   }
   return "unknown fault";
 }
@@ -40,6 +42,7 @@ const char* remedy_of(AxisFault fault) {
     case AxisFault::following_error: return "check load, brake and limits, or reduce the dynamics";
     case AxisFault::mode_refused: return "see 6502h for the modes that it has, and that 6060h and 6061h are mapped";
     case AxisFault::homing_failed: return "check switches, method 6098h and speeds 6099h";
+    case AxisFault::not_following: return "see whether a limit switch or an input stops it, and move it away";
   }
   return "";
 }
@@ -77,7 +80,7 @@ bool MotionAxis::mode_is(OperationMode mode) const {
 
 void MotionAxis::take_position() {
   const std::int32_t raw = axis_.position();
-  const std::int64_t before = position_;
+  const std::int64_t before = has_position_ ? position_ : raw;
   if (!has_position_) {
     position_ = raw;
     has_position_ = true;
@@ -87,6 +90,13 @@ void MotionAxis::take_position() {
   }
   velocity_ = axis_.shows_velocity() ? axis_.velocity() / options_.velocity_scale
                                      : static_cast<double>(position_ - before) / generator_.period_s();
+  // While the drive homes, its position also changes without a motion. Axes that follow this one wait.
+  if (task_ == Task::homing) position_steps_ += static_cast<double>(position_ - before);
+  ++resting_cycles_;
+  if (std::abs(position_ - resting_place_) > options_.standstill_counts) {
+    resting_place_ = position_;
+    resting_cycles_ = 0;
+  }
 }
 
 void MotionAxis::fail(AxisFault fault) {
@@ -104,13 +114,27 @@ bool MotionAxis::waits_for_mode() const {
          !mode_is(mode_of(Task::position));
 }
 
+bool MotionAxis::shows_following() const {
+  return !mode_is(OperationMode::cyclic_synchronous_position) || (axis_.statusword() & master::follows_target) != 0;
+}
+
 // While a drive releases its brake, it keeps bit 12 at 0 and ignores targets. If bit 12 is never set, the drive counts
 // as following after half the mode timeout.
 bool MotionAxis::follows() {
-  const bool says_so =
-      !mode_is(OperationMode::cyclic_synchronous_position) || (axis_.statusword() & follows_target) != 0;
-  cycles_not_following_ = says_so ? 0 : cycles_not_following_ + 1;
-  return says_so || cycles_not_following_ > mode_timeout_cycles_ / 2;
+  has_followed_ = shows_following();
+  cycles_not_following_ = has_followed_ ? 0 : cycles_not_following_ + 1;
+  if (!has_followed_ && cycles_not_following_ <= mode_timeout_cycles_ / 2) return false;
+  cycles_not_following_ = 0;
+  return true;
+}
+
+bool MotionAxis::stands() const { return resting_cycles_ >= settling_cycles_; }
+
+// True while the drive brakes, or has to be told to. A reset would take back the stop.
+bool MotionAxis::is_stopping() const {
+  const PowerState state = axis_.state();
+  return state == PowerState::operation_enabled || state == PowerState::fault_reaction_active ||
+         (state == PowerState::quick_stop_active && !stands());
 }
 
 void MotionAxis::supervise(bool fresh) {
@@ -123,6 +147,14 @@ void MotionAxis::supervise(bool fresh) {
   const OperationMode wanted = mode_of(task_);
   cycles_without_mode_ = (enabled_ || waits_for_mode()) && !mode_is(wanted) ? cycles_without_mode_ + 1 : 0;
   if (cycles_without_mode_ > mode_timeout_cycles_) fail(AxisFault::mode_refused);
+  // A drive that has followed its target and ceases to, as at a limit switch, would catch up later with a target that
+  // is no longer asked for.
+  if (!enabled_ || task_ != Task::position || !fresh) return;
+  has_followed_ = has_followed_ || shows_following();
+  cycles_not_following_ = has_followed_ && !shows_following() ? cycles_not_following_ + 1 : 0;
+  const Time ignored =
+      cycles_not_following_ * std::chrono::duration_cast<Time>(std::chrono::duration<double>(generator_.period_s()));
+  if (options_.following_timeout > Time{0} && ignored > options_.following_timeout) fail(AxisFault::not_following);
 }
 
 void MotionAxis::track_power() {
@@ -134,10 +166,11 @@ void MotionAxis::track_power() {
   } else if (enabled_ && state != PowerState::operation_enabled) {
     fail(AxisFault::left_operation);
   }
-  if (!switched_on_) enabled_ = false;
 }
 
 void MotionAxis::read(bool fresh) {
+  fresh_ = fresh;
+  if (!switched_on_) enabled_ = false;
   if (fresh) {
     take_position();
     track_power();
@@ -151,6 +184,7 @@ void MotionAxis::read(bool fresh) {
 bool MotionAxis::home() {
   if (!enabled_ || !axis_.can_command(OperationMode::homing)) return false;
   task_ = Task::homing;
+  mode_changes_ = true;
   homing_ = Homing::starting;
   homing_cycles_ = 0;
   homed_ = false;
@@ -158,17 +192,29 @@ bool MotionAxis::home() {
 }
 
 void MotionAxis::abort_homing() {
-  if (task_ != Task::homing) return;
+  if (task_ != Task::homing || homing_ == Homing::breaking_off) return;
+  if (homing_ == Homing::starting) {
+    // The drive has not got the start of homing. A halt together with bit 4 would be one.
+    task_ = Task::position;
+    resting_set_point_ = set_point().position;
+    return;
+  }
   homing_ = Homing::breaking_off;
   homing_cycles_ = 0;
 }
 
-// The drive counts from its new origin, so the axis takes over that position.
-void MotionAxis::end_homing() {
+// After a completed homing the drive counts from its new origin, so the axis takes over that position.
+void MotionAxis::end_homing(bool attained) {
   task_ = Task::position;
-  position_ = axis_.position();
-  generator_.reset({static_cast<double>(position_), 0.0, 0.0});
+  if (attained) {
+    position_steps_ += static_cast<double>(axis_.position() - position_);
+    position_ = resting_place_ = axis_.position();
+    velocity_ = 0.0;
+  }
+  follows_actual_ = false;
+  follow_actual(0.0);
   acted_on_ = sent_ = static_cast<double>(position_);
+  resting_set_point_ = set_point().position;
 }
 
 void MotionAxis::run_homing() {
@@ -187,26 +233,45 @@ void MotionAxis::run_homing() {
       } else if ((word & signals.attained) != 0 &&
                  (!signals.target_reached || (word & status_bit::target_reached) != 0)) {
         homed_ = true;
-        end_homing();
+        end_homing(true);
       }
       break;
     case Homing::breaking_off:
       if (homing_cycles_ < settling_cycles_) break;
-      if ((word & status_bit::target_reached) != 0 || std::abs(velocity_) < 1.0) end_homing();
+      if ((word & status_bit::target_reached) != 0 || std::abs(velocity_) < 1.0) {
+        end_homing(false);
+      } else if (homing_cycles_ > 2 * mode_timeout_cycles_) {
+        fail(AxisFault::homing_failed);
+      }
       break;
   }
 }
 
 // ---- Commands ----
 
+// Lets the set-point be the actual position, and forgets the profile.
+void MotionAxis::follow_actual(double velocity) {
+  note_step();
+  generator_.reset({static_cast<double>(position_), velocity, 0.0});
+}
+
+// The set-point becomes the actual position, if it is not already.
+void MotionAxis::note_step() {
+  if (!follows_actual_) set_point_steps_ += static_cast<double>(position_) - generator_.state().position;
+  follows_actual_ = true;
+}
+
 // After velocity or torque mode the profile starts at the actual position and velocity.
 bool MotionAxis::start(Task task) {
   if (!enabled_ || task_ == Task::homing || !axis_.can_command(mode_of(task))) return false;
   if (task_ != task && (task_ == Task::torque || task_ == Task::velocity) && task != Task::torque) {
-    generator_.reset({static_cast<double>(position_), velocity_, 0.0});
+    follow_actual(velocity_);
   }
   if (task == Task::torque && task_ != Task::torque) torque_ = axis_.torque();
-  if (task_ != task) cycles_without_mode_ = 0;
+  if (task_ != task) {
+    cycles_without_mode_ = 0;
+    mode_changes_ = true;
+  }
   task_ = task;
   return true;
 }
@@ -235,14 +300,28 @@ bool MotionAxis::apply_torque(double torque, double slope, double velocity_limit
 
 void MotionAxis::advance() {
   if (!enabled_ || task_ == Task::homing) return;
-  if (task_ == Task::torque) {
+  const bool in_mode = mode_is(mode_of(task_));
+  if (task_ == Task::torque && in_mode) {
+    mode_changes_ = false;
     const double step = torque_slope_ * generator_.period_s();
     torque_ += std::clamp(torque_target_ - torque_, -step, step);
-    if (mode_is(mode_of(task_))) {
-      generator_.reset({static_cast<double>(position_), velocity_, 0.0});
+    follow_actual(velocity_);
+    return;
+  }
+  mode_changes_ = mode_changes_ && !in_mode;
+  if (!mode_changes_ || task_ != Task::position) resting_set_point_.reset();
+  if (task_ == Task::position && mode_changes_) {
+    // The drive is still in the mode before. The profile begins anew in each cycle, until the drive follows it.
+    if (resting_set_point_) {
+      generator_.restart({*resting_set_point_, 0.0, 0.0});
       return;
     }
+    note_step();
+    generator_.restart({static_cast<double>(position_), velocity_, 0.0});
+    generator_.advance();
+    return;
   }
+  follows_actual_ = false;
   generator_.advance();
 }
 
@@ -270,7 +349,9 @@ void MotionAxis::write_targets() {
     axis_.set_interpolated_position(counts);
   }
   if (axis_.can_command(OperationMode::cyclic_synchronous_velocity)) {
-    const double velocity = task_ == Task::velocity ? set_point().velocity * options_.velocity_scale : 0.0;
+    // Until the drive has left velocity mode, it keeps its velocity.
+    const bool runs = task_ == Task::velocity || mode_is(OperationMode::cyclic_synchronous_velocity);
+    const double velocity = runs ? set_point().velocity * options_.velocity_scale : 0.0;
     axis_.set_target_velocity(static_cast<std::int32_t>(std::lround(velocity)));
   }
   if (axis_.can_command(OperationMode::cyclic_synchronous_torque)) {
@@ -279,30 +360,56 @@ void MotionAxis::write_targets() {
   }
 }
 
-void MotionAxis::write() {
-  if (resetting_ && axis_.reset_fault()) {
+void MotionAxis::cancel_reset() {
+  if (!resetting_) return;
+  resetting_ = false;
+  if (axis_.controlword() == command_word::fault_reset) axis_.set_controlword(command_word::disable_voltage);
+}
+
+// The controlword of an axis that does not follow set-points: because of a fault, switched off, or not enabled yet.
+void MotionAxis::write_while_off() {
+  const PowerState state = axis_.state();
+  if (resetting_ && fresh_ && !is_stopping() && axis_.reset_fault()) {
     resetting_ = false;
     fault_ = AxisFault::none;
     error_code_ = 0;
     losses_ = 0;
   }
+  if (fault_ != AxisFault::none) {
+    // A word that enables must not stay in the process data: the drive would follow it as soon as it can.
+    if (state == PowerState::operation_enabled || commands_operation(axis_.controlword())) {
+      axis_.set_controlword(command_word::quick_stop);
+    } else if (!switched_on_ && fresh_ && state == PowerState::quick_stop_active && stands()) {
+      axis_.disable();
+    }
+    return;
+  }
+  const bool is_on = state == PowerState::operation_enabled || state == PowerState::quick_stop_active ||
+                     state == PowerState::switched_on;
+  if (!switched_on_ || must_go_off_) {
+    axis_.disable();
+    must_go_off_ = must_go_off_ && (is_on || !fresh_);
+    return;
+  }
+  if (!fresh_ || !has_position_ || waits_for_mode()) return;
+  if (!axis_.enable() || !mode_is(mode_of(Task::position)) || !follows()) return;
+  enabled_ = true;
+  mode_changes_ = false;
+  axis_.set_controlword(enabled_controlword());
+}
+
+void MotionAxis::write() {
+  if (!switched_on_) enabled_ = false;
+  if (!enabled_) task_ = Task::position;
   if (axis_.can_set_mode()) axis_.set_mode(mode_of(task_));
   if (!enabled_) {
     axis_.hold();
     acted_on_ = sent_ = static_cast<double>(position_);
-    generator_.reset({static_cast<double>(position_), 0.0, 0.0});
-    task_ = Task::position;
-    if (resetting_) return;
-    if (fault_ != AxisFault::none) {
-      if (axis_.state() == PowerState::operation_enabled) axis_.set_controlword(command_word::quick_stop);
-    } else if (!switched_on_) {
-      axis_.disable();
-    } else if (has_position_ && !waits_for_mode() && axis_.enable() && mode_is(mode_of(Task::position)) && follows()) {
-      enabled_ = true;
-      axis_.set_controlword(enabled_controlword());
-    }
+    follow_actual(0.0);
+    write_while_off();
     return;
   }
+  resetting_ = false;
   axis_.set_controlword(enabled_controlword());
   write_targets();
   acted_on_ = sent_;

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <fmt/format.h>
 
+#include "axis/cyclic/quick_stop.hpp"
 #include "master/emergency.hpp"
 
 namespace servodrome::master {
@@ -15,6 +16,17 @@ MotionGroup::MotionGroup(CyclicBus& bus, std::span<const MotionAxisOptions> opti
   bus_.on_cycle([this] { cycle(); });
 }
 
+MotionGroup::~MotionGroup() {
+  for (std::size_t i = 0; i < axes_.size(); ++i) {
+    try {
+      request_quick_stop(bus_.image(i));
+    } catch (...) {
+      // The end of the bus stops this drive.
+    }
+  }
+  bus_.on_cycle({});
+}
+
 void MotionGroup::cycle() {
   for (std::size_t i = 0; i < axes_.size(); ++i) axes_[i].read(bus_.is_fresh(i));
   if (program_) program_();
@@ -24,18 +36,26 @@ void MotionGroup::cycle() {
   for (MotionAxis& axis : axes_) axis.write();
 }
 
-void MotionGroup::throw_faults() const {
+// The fault of the first axis that is switched on and has one, as a MasterError.
+std::exception_ptr MotionGroup::present_fault() const {
   for (const MotionAxis& axis : axes_) {
     if (!axis.is_switched_on() || axis.is_resetting() || axis.fault() == AxisFault::none) continue;
     std::string happened = name(axis.fault());
     if (axis.error_code() != 0) {
       happened += fmt::format(", 603Fh is {:04X}h {}", axis.error_code(), text_of_error_code(axis.error_code()));
     }
-    throw MasterError(happened, axis.axis().where(), remedy_of(axis.fault()));
+    return std::make_exception_ptr(MasterError(happened, axis.axis().where(), remedy_of(axis.fault())));
   }
+  return nullptr;
 }
 
 bool MotionGroup::wait_until(const std::function<bool()>& done, Time timeout) {
+  return run_until(done, timeout, [this] {
+    if (const auto fault = present_fault()) std::rethrow_exception(fault);
+  });
+}
+
+bool MotionGroup::run_until(const std::function<bool()>& done, Time timeout, const std::function<void()>& after_cycle) {
   const Time end = bus_.now() + timeout;
   seen_ = false;
   watch_ = done;
@@ -45,7 +65,7 @@ bool MotionGroup::wait_until(const std::function<bool()>& done, Time timeout) {
   } const unwatch{watch_};
   while (!seen_ && bus_.now() < end) {
     bus_.wait(std::min(bus_.period(), end - bus_.now()));
-    throw_faults();
+    after_cycle();
   }
   return seen_;
 }
@@ -71,13 +91,19 @@ void MotionGroup::disable(const MotionLimits& limits, Time timeout) {
     axis.abort_homing();
     axis.run_at(0.0, limits);
   }
-  const auto stands = [](const MotionAxis& axis) {
-    return !axis.is_enabled() || (!axis.is_homing() && axis.generator().done());
+  std::exception_ptr first_fault;
+  const auto note_fault = [&] {
+    if (!first_fault) first_fault = present_fault();
   };
-  wait_until([&] { return std::all_of(axes_.begin(), axes_.end(), stands); }, timeout);
+  const auto stands = [](const MotionAxis& axis) {
+    return !axis.is_enabled() || (!axis.is_homing() && axis.is_done());
+  };
+  run_until([&] { return std::all_of(axes_.begin(), axes_.end(), stands); }, timeout, note_fault);
   for (MotionAxis& axis : axes_) axis.switch_on(false);
   const auto off = [](MotionAxis& axis) { return axis.axis().state() != PowerState::operation_enabled; };
-  if (wait_until([&] { return std::all_of(axes_.begin(), axes_.end(), off); }, timeout)) return;
+  const bool are_off = run_until([&] { return std::all_of(axes_.begin(), axes_.end(), off); }, timeout, note_fault);
+  if (first_fault) std::rethrow_exception(first_fault);
+  if (are_off) return;
   MotionAxis& late = *std::find_if_not(axes_.begin(), axes_.end(), off);
   throw MasterError("it stays in operation enabled", late.axis().where(), "check the bus; switch its power off");
 }
@@ -86,6 +112,13 @@ void MotionGroup::reset_faults(Time timeout) {
   for (MotionAxis& axis : axes_) {
     if (axis.fault() != AxisFault::none) axis.reset_fault();
   }
+  // However this call ends, no reset goes on afterwards: it would reset a later fault, too.
+  struct Cancel {
+    std::deque<MotionAxis>& axes;
+    ~Cancel() {
+      for (MotionAxis& axis : axes) axis.cancel_reset();
+    }
+  } const cancel{axes_};
   const auto sound = [](const MotionAxis& axis) { return axis.fault() == AxisFault::none; };
   if (wait_until([&] { return std::all_of(axes_.begin(), axes_.end(), sound); }, timeout)) return;
   MotionAxis& late = *std::find_if_not(axes_.begin(), axes_.end(), sound);
@@ -118,7 +151,7 @@ double MotionGroup::start_together(std::span<const double> targets, std::span<co
 }
 
 bool MotionGroup::all_done() const {
-  return std::all_of(axes_.begin(), axes_.end(), [](const MotionAxis& axis) { return axis.generator().done(); });
+  return std::all_of(axes_.begin(), axes_.end(), [](const MotionAxis& axis) { return axis.is_done(); });
 }
 
 }  // namespace servodrome::master

@@ -1,6 +1,7 @@
 #pragma once
 
 #include <deque>
+#include <exception>
 #include <functional>
 #include <span>
 
@@ -16,7 +17,9 @@ class MotionGroup {
   // `bus` must outlive this. `options`: one for each drive in order; the last one also applies to all further drives.
   // Throws MasterError.
   explicit MotionGroup(CyclicBus& bus, std::span<const MotionAxisOptions> options = {});
-  ~MotionGroup() { bus_.on_cycle({}); }
+  // Removes the program, and sets the controlword of each enabled drive to quick stop. The bus sends it in its next
+  // cycle, or at its end.
+  ~MotionGroup();
   MotionGroup(const MotionGroup&) = delete;
   MotionGroup& operator=(const MotionGroup&) = delete;
 
@@ -38,8 +41,10 @@ class MotionGroup {
 
   // ---- Blocking calls. They throw MasterError if the drives do not reach the state within `timeout`. ----
   void enable(Time timeout = std::chrono::seconds(5));
-  // Stops all axes within `limits`, then brings the drives to switch on disabled.
+  // Stops all axes within `limits`, then brings the drives to switch on disabled. If an axis faults meanwhile, the
+  // others are stopped and disabled all the same; then the call throws the first fault.
   void disable(const MotionLimits& limits, Time timeout = std::chrono::seconds(5));
+  // A reset that is not done in time is cancelled.
   void reset_faults(Time timeout = std::chrono::seconds(5));
 
   // Starts a move of all axes in the same cycle, from standstill, so that they also arrive in the same cycle: the
@@ -51,7 +56,8 @@ class MotionGroup {
 
  private:
   void cycle();
-  void throw_faults() const;
+  std::exception_ptr present_fault() const;
+  bool run_until(const std::function<bool()>& done, Time timeout, const std::function<void()>& after_cycle);
 
   CyclicBus& bus_;
   std::deque<MotionAxis> axes_;

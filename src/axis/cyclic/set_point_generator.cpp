@@ -18,11 +18,18 @@ void SetPointGenerator::reset(const MotionState& state) {
   trajectory_ = {};
   trajectory_.plan_velocity({state.position, state.velocity, 0.0}, state.velocity,
                             {std::abs(state.velocity) + 1.0, 1.0, 1.0, 0.0}, drive::RampShape::linear);
+  order_.reset();
   base_ = 0.0;
   offset_s_ = 0.0;
   cycles_ = 0;
   follows_ = next_is_set_ = false;
   state_ = state;
+}
+
+void SetPointGenerator::restart(const MotionState& state) {
+  const std::optional<Order> order = order_;
+  reset(state);
+  if (order) carry_out(*order, From::present);
 }
 
 MotionState SetPointGenerator::start_of(From from) const {
@@ -32,10 +39,17 @@ MotionState SetPointGenerator::start_of(From from) const {
   return end;
 }
 
-bool SetPointGenerator::plan(bool planned, const drive::Trajectory& next, From from) {
-  if (!planned) return false;
+bool SetPointGenerator::carry_out(const Order& order, From from) {
+  using Result = drive::Trajectory::Result;
+  drive::Trajectory next;
+  const MotionState start = start_of(from);
+  const Result result = order.is_position ? next.plan_position(start, order.goal, order.end_velocity, order.limits,
+                                                               shape_of(order.limits))
+                                          : next.plan_velocity(start, order.goal, order.limits, shape_of(order.limits));
+  if (result != Result::ok && (!order.is_position || result != Result::end_velocity_reduced)) return false;
   offset_s_ = from == From::end && !follows_ ? elapsed_s() - trajectory_.duration_s() : 0.0;
   trajectory_ = next;
+  order_ = order;
   base_ = 0.0;
   cycles_ = 0;
   follows_ = next_is_set_ = false;
@@ -44,20 +58,16 @@ bool SetPointGenerator::plan(bool planned, const drive::Trajectory& next, From f
 }
 
 bool SetPointGenerator::move_to(double target, double end_velocity, const MotionLimits& limits, From from) {
-  drive::Trajectory next;
-  const auto result = next.plan_position(start_of(from), target, end_velocity, limits, shape_of(limits));
-  return plan(result == drive::Trajectory::Result::ok || result == drive::Trajectory::Result::end_velocity_reduced,
-              next, from);
+  return carry_out({.is_position = true, .goal = target, .end_velocity = end_velocity, .limits = limits}, from);
 }
 
 bool SetPointGenerator::run_at(double velocity, const MotionLimits& limits, From from) {
-  drive::Trajectory next;
-  return plan(next.plan_velocity(start_of(from), velocity, limits, shape_of(limits)) == drive::Trajectory::Result::ok,
-              next, from);
+  return carry_out({.is_position = false, .goal = velocity, .limits = limits}, from);
 }
 
 void SetPointGenerator::follow(const MotionState& next) {
   follows_ = next_is_set_ = true;
+  order_.reset();
   state_ = next;
 }
 

@@ -1,5 +1,7 @@
 #pragma once
 
+#include <optional>
+
 #include "drive/trajectory/trajectory.hpp"
 
 namespace servodrome::master {
@@ -27,6 +29,8 @@ class SetPointGenerator {
   bool move_to(double target, double end_velocity, const MotionLimits& limits, From from = From::present);
   // A profile to a signed velocity, at most the velocity of the limits.
   bool run_at(double velocity, const MotionLimits& limits, From from = From::present);
+  // Plans the last profile again from this state, as if the command came now. Without a profile: as reset().
+  void restart(const MotionState& state);
   // The caller supplies the next set-point: for synchronised motion.
   void follow(const MotionState& next);
   // Shifts the origin of the positions; the motion continues.
@@ -46,13 +50,21 @@ class SetPointGenerator {
   // A fraction of a cycle: the permitted rounding difference between a sum of periods and the duration of a profile.
   static constexpr double rounding = 1e-9;
 
-  bool plan(bool planned, const drive::Trajectory& next, From from);
+  struct Order {
+    bool is_position = true;
+    double goal = 0.0;          // position or velocity
+    double end_velocity = 0.0;  // of a position
+    MotionLimits limits{};
+  };
+
+  bool carry_out(const Order& order, From from);
   MotionState start_of(From from) const;
 
   double period_s_;
   drive::Trajectory trajectory_;
-  double base_ = 0.0;      // added to the trajectory's positions
-  double offset_s_ = 0.0;  // time in the trajectory at its first cycle
+  std::optional<Order> order_{};  // of the present profile
+  double base_ = 0.0;             // added to the trajectory's positions
+  double offset_s_ = 0.0;         // time in the trajectory at its first cycle
   std::uint64_t cycles_ = 0;
   bool follows_ = false;
   bool next_is_set_ = false;

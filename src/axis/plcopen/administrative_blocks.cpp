@@ -106,6 +106,7 @@ void MC_Reset::operator()(Axis& axis) {
       runs_ = false;
       has_result_ = true;
       result_ = ErrorId::reset_failed;
+      axis.cancel_reset();
     }
   }
   if (has_result_ && is_to_be_cleared()) has_result_ = false;

@@ -4,12 +4,21 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 
 namespace servodrome::master::plcopen {
 
 namespace {
 
 bool is_positive(double value) { return std::isfinite(value) && value > 0.0; }
+
+// Where an axis comes to rest, in counts, that brakes from this state on.
+double place_of_rest(const MotionState& state, const MotionLimits& limits) {
+  drive::Trajectory brake;
+  const auto shape = limits.jerk > 0.0 ? drive::RampShape::jerk_limited : drive::RampShape::linear;
+  if (brake.plan_velocity(state, 0.0, limits, shape) != drive::Trajectory::Result::ok) return state.position;
+  return brake.at(brake.duration_s()).position;
+}
 
 }  // namespace
 
@@ -18,6 +27,12 @@ Axis::Axis(MotionAxis& motion, const AxisConfiguration& configuration)
   if (!std::isfinite(scale_) || scale_ == 0.0) {
     throw MasterError("counts_per_unit is 0 or no number", motion.axis().where(),
                       "give the counts per unit of position");
+  }
+  for (const double greatest : {configuration.max_velocity, configuration.max_acceleration,
+                                configuration.max_deceleration, configuration.max_jerk}) {
+    if (is_positive(greatest)) continue;
+    throw MasterError("a greatest velocity, acceleration, deceleration or jerk is not finite and above 0",
+                      motion.axis().where(), "stops use the greatest deceleration: give a number");
   }
 }
 
@@ -64,10 +79,22 @@ ErrorId Axis::check_master(const Command& command) const {
     return check_dynamics(command);
   }
   if (command.cam == nullptr || !command.cam->valid()) return ErrorId::parameter_invalid;
+  for (const double number :
+       {command.master_offset, command.slave_offset, command.master_scaling, command.slave_scaling}) {
+    if (!std::isfinite(number)) return ErrorId::parameter_invalid;
+  }
   if (!command.slave_is_absolute) return ErrorId::none;
   // The slave must be on the cam already, because coupling must not make it jump.
-  const double begin = counts_of(cam_value(command, led_by(command, false)).slave);
+  const double begin = counts_of(cam_value(command, cam_origin(command)).slave);
   return std::abs(begin - motion_.set_point().position) <= 1.0 ? ErrorId::none : ErrorId::not_on_the_cam;
+}
+
+ErrorId Axis::check_torque(const Command& command) const {
+  constexpr double greatest = std::numeric_limits<std::int16_t>::max();  // of 6071h
+  const bool is_valid = std::abs(command.torque) <= greatest && is_positive(command.torque_ramp) &&
+                        std::isfinite(command.velocity) && command.velocity >= 0.0;
+  if (!is_valid) return ErrorId::parameter_invalid;
+  return command.velocity > configuration_.max_velocity ? ErrorId::above_limit : ErrorId::none;
 }
 
 ErrorId Axis::check(const Command& command) const {
@@ -78,9 +105,7 @@ ErrorId Axis::check(const Command& command) const {
       return motion_.axis().can_command(OperationMode::homing) ? ErrorId::none : ErrorId::not_mapped;
     case CommandKind::TorqueControl:
       if (!motion_.axis().can_command(OperationMode::cyclic_synchronous_torque)) return ErrorId::not_mapped;
-      return std::isfinite(command.torque) && is_positive(command.torque_ramp) && command.velocity >= 0.0
-                 ? ErrorId::none
-                 : ErrorId::parameter_invalid;
+      return check_torque(command);
     case CommandKind::GearIn:
     case CommandKind::CamIn: return check_master(command);
     default: break;
@@ -156,9 +181,10 @@ void Axis::start(const CommandPointer& command, From from) {
     }
     case CommandKind::GearIn: break;
     case CommandKind::CamIn:
-      master_origin_ = led_by(*command, false);
-      slave_origin_ = motion_.set_point().position / scale_;
-      if (!command->slave_is_absolute) slave_origin_ -= cam_value(*command, master_origin_).slave;
+      master_origin_ = cam_origin(*command);
+      slave_origin_ = command->slave_is_absolute
+                          ? -offset_
+                          : motion_.set_point().position / scale_ - cam_value(*command, master_origin_).slave;
       break;
   }
 }
@@ -189,12 +215,19 @@ void Axis::release_stop(Command& stop) { stop.released = true; }
 
 ErrorId Axis::leave_master(CommandKind kind) {
   if (!active_ || active_->kind != kind) return ErrorId::state_does_not_permit;
-  const MotionLimits limits = limits_of(*active_);
+  // The axis goes on like one with MC_MoveVelocity, with the dynamics of the command that it leaves.
+  const auto goes_on = std::make_shared<Command>(*active_);
+  const double velocity = motion_.set_point().velocity / scale_;
+  goes_on->kind = CommandKind::MoveVelocity;
+  goes_on->direction = velocity < 0.0 ? Direction::Negative : Direction::Positive;
+  goes_on->velocity = std::abs(velocity);
+  goes_on->master = nullptr;
+  goes_on->cam.reset();
   abort_all();
+  active_ = goes_on;
+  active_->status = Command::Status::active;
   state_ = AxisState::ContinuousMotion;
-  MotionLimits any = limits;
-  any.velocity = std::max(any.velocity, std::abs(motion_.set_point().velocity));
-  if (any.velocity > 0.0) motion_.run_at(motion_.set_point().velocity, any);
+  motion_.run_at(motion_.set_point().velocity, limits_of(*goes_on));
   return ErrorId::none;
 }
 
@@ -209,12 +242,9 @@ ErrorId Axis::set_position(double position, bool relative) {
 
 void Axis::power(bool on) { motion_.switch_on(on); }
 
-void Axis::enter_error_stop(ErrorId error) {
-  std::optional<MotionLimits> brake;
-  if (active_) {
-    brake = limits_of(*active_);
-    if (!active_->is_over()) active_->error = error;
-  }
+void Axis::enter_error_stop(ErrorId error, std::optional<MotionLimits> brake) {
+  if (!brake) brake = limits_of(active_ ? *active_ : Command{});
+  if (active_ && !active_->is_over()) active_->error = error;
   finish(Command::Status::failed);
   for (const CommandPointer& command : queue_) {
     command->error = error;
@@ -223,7 +253,7 @@ void Axis::enter_error_stop(ErrorId error) {
   queue_.clear();
   state_ = AxisState::ErrorStop;
   error_ = error;
-  if (motion_.is_enabled()) motion_.run_at(0.0, brake.value_or(limits_of({})));
+  if (motion_.is_enabled()) motion_.run_at(0.0, *brake);
 }
 
 ErrorId Axis::reset() {
@@ -231,6 +261,11 @@ ErrorId Axis::reset() {
   resetting_ = true;
   if (motion_.fault() != AxisFault::none) motion_.reset_fault();
   return ErrorId::none;
+}
+
+void Axis::cancel_reset() {
+  resetting_ = false;
+  motion_.cancel_reset();
 }
 
 void Axis::watch_power() {
@@ -262,28 +297,39 @@ void Axis::watch_homing() {
   go_on(From::present);
 }
 
-bool Axis::watch_software_limits() {
-  if (!active_ || state_ == AxisState::Homing) return false;
-  const double velocity = motion_.set_point().velocity / scale_;
-  if (velocity == 0.0) return false;
-  const double way =
-      braking_distance(std::abs(motion_.set_point().velocity), 0.0, limits_of(*active_)) / std::abs(scale_);
-  const double rounding = 1e-6 * (way + 1.0 / std::abs(scale_));
-  const bool beyond = velocity > 0.0 ? configuration_.enable_positive_limit &&
-                                           commanded_position() + way > configuration_.positive_limit + rounding
-                                     : configuration_.enable_negative_limit &&
-                                           commanded_position() - way < configuration_.negative_limit - rounding;
-  if (beyond) enter_error_stop(ErrorId::software_limit_reached);
-  return beyond;
+// Stops the axis if braking from now on would bring it to rest beyond a limit. If the dynamics of the command are too
+// weak for the way that is left, as those of an MC_Halt close to the limit, the axis brakes as hard as the way asks
+// for.
+void Axis::watch_software_limits() {
+  if (state_ == AxisState::Homing || state_ == AxisState::ErrorStop || state_ == AxisState::Disabled) return;
+  const MotionState present = motion_.set_point();
+  const double velocity = present.velocity / scale_;
+  const bool is_limited = velocity > 0.0 ? configuration_.enable_positive_limit : configuration_.enable_negative_limit;
+  if (velocity == 0.0 || !is_limited) return;
+  const double limit = counts_of(velocity > 0.0 ? configuration_.positive_limit : configuration_.negative_limit);
+  const double direction = present.velocity > 0.0 ? 1.0 : -1.0;
+  MotionLimits brake = limits_of(active_ ? *active_ : Command{});
+  const double beyond = (place_of_rest(present, brake) - limit) * direction;
+  if (beyond <= 1e-6 * (1.0 + std::abs(limit - present.position))) return;
+  const double room = (limit - present.position) * direction;
+  if (room > 0.0 && beyond > std::abs(present.velocity) * motion_.generator().period_s()) {
+    const double needed = present.velocity * present.velocity / (2.0 * room);
+    brake.deceleration = std::min(needed, configuration_.max_deceleration * std::abs(scale_));
+    brake.jerk = 0.0;
+  }
+  enter_error_stop(ErrorId::software_limit_reached, brake);
 }
 
 // ---- Each cycle ----
 
 void Axis::begin_cycle() {
+  // A motion without a target, and standstill: MC_MoveAdditive adds to the present set-point.
+  const bool has_target = active_ && active_->goes_to_a_position();
   motion_.set_following_error_limit(
       configuration_.enable_lag_monitoring ? configuration_.max_position_lag * std::abs(scale_) : 0.0);
   watch_power();
   watch_homing();
+  if (!has_target) last_target_ = motion_.set_point().position;
   watch_probes();
 }
 
@@ -297,8 +343,9 @@ void Axis::update(std::uint64_t cycle) {
 
 void Axis::update_active() {
   if (!active_) return;
-  Command& command = *active_;
-  const bool done = motion_.generator().done();
+  const CommandPointer present = active_;
+  Command& command = *present;
+  const bool done = motion_.is_done();
   switch (command.kind) {
     case CommandKind::Home: break;
     case CommandKind::Stop:
@@ -318,23 +365,35 @@ void Axis::update_active() {
     case CommandKind::MoveAbsolute:
     case CommandKind::MoveRelative:
     case CommandKind::MoveAdditive:
-      if (!done) break;
+      if (!done || !motion_.follows_target()) break;
       finish(Command::Status::done);
       go_on(From::end);
       break;
     case CommandKind::MoveVelocity:
       command.in_goal = done;
-      if (!done || queue_.empty()) break;
-      finish(Command::Status::aborted);
-      go_on(From::present);
+      end_by_next(command);
       break;
     case CommandKind::TorqueControl:
       command.in_goal = std::abs(motion_.torque_set_point()) == std::abs(command.torque) &&
                         motion_.axis().mode() == static_cast<std::int8_t>(OperationMode::cyclic_synchronous_torque);
+      end_by_next(command);
       break;
-    case CommandKind::GearIn: follow_gear(command); break;
-    case CommandKind::CamIn: follow_cam(command); break;
+    case CommandKind::GearIn:
+      follow_gear(command);
+      end_by_next(command);
+      break;
+    case CommandKind::CamIn:
+      follow_cam(command);
+      end_by_next(command);
+      break;
   }
+}
+
+// A command that does not end by itself ends in its goal if another one is buffered behind it.
+void Axis::end_by_next(const Command& command) {
+  if (&command != active_.get() || !command.in_goal || queue_.empty()) return;
+  finish(Command::Status::aborted);
+  go_on(From::present);
 }
 
 // ---- Touch probes ----

@@ -33,7 +33,8 @@ class Axis {
  public:
   static constexpr std::size_t most_buffered = 8;
 
-  // `motion` must outlive this. Throws MasterError if counts_per_unit is 0 or not finite.
+  // `motion` must outlive this. Throws MasterError if counts_per_unit is 0 or not finite, or a greatest value is not
+  // finite and above 0.
   Axis(MotionAxis& motion, const AxisConfiguration& configuration);
   Axis(const Axis&) = delete;
   Axis& operator=(const Axis&) = delete;
@@ -56,6 +57,8 @@ class Axis {
   ErrorId leave_master(CommandKind kind);
   // Starts the reset; when it is complete, the axis has left ErrorStop.
   ErrorId reset();
+  // Ends a reset that is not complete.
+  void cancel_reset();
   ErrorId set_position(double position, bool relative);
 
   double actual_position() const { return units_of(static_cast<double>(motion_.position())); }
@@ -85,13 +88,15 @@ class Axis {
   ErrorId check(const Command& command) const;
   ErrorId check_dynamics(const Command& command) const;
   ErrorId check_master(const Command& command) const;
+  ErrorId check_torque(const Command& command) const;
   bool follows(const Axis& other) const;
   void start(const CommandPointer& command, From from);
   // Starts the next command of the queue; without one the state becomes Standstill.
   void go_on(From from);
   void finish(Command::Status status);
   void abort_all();
-  void enter_error_stop(ErrorId error);
+  // Brakes with the limits of the active command, or with `brake`.
+  void enter_error_stop(ErrorId error, std::optional<MotionLimits> brake = std::nullopt);
 
   // ---- Targets and blending (axis_blending.cpp) ----
   void place(Command& command, double previous_target) const;
@@ -103,11 +108,14 @@ class Axis {
   void watch_power();
   void watch_homing();
   void watch_probes();
-  bool watch_software_limits();
+  void watch_software_limits();
   void update_active();
+  void end_by_next(const Command& command);
   void follow_gear(Command& command);
   void follow_cam(Command& command);
+  bool is_too_fast(double velocity);
   double led_by(const Command& command, bool velocity) const;
+  double cam_origin(const Command& command) const;
   double on_cam(const Command& command, double master_origin) const;
   CamTable::Value cam_value(const Command& command, double master_origin) const;
 
@@ -125,8 +133,8 @@ class Axis {
   double last_target_ = 0.0;  // counts: target of the last position command
 
   std::uint64_t updated_in_ = 0;  // number of the last cycle
-  // Gear and cam: positions of master and slave when they were coupled, in their units, without the offset of
-  // MC_SetPosition and MC_Home.
+  // Gear and cam, from the moment of the coupling on, in the units of master and slave: the origins from which their
+  // positions count. They do not contain later offsets of MC_SetPosition and MC_Home, so these move no slave.
   double master_origin_ = 0.0;
   double slave_origin_ = 0.0;
   double cam_turn_ = 0.0;  // turn of a periodic cam

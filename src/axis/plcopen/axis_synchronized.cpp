@@ -6,26 +6,27 @@
 
 namespace servodrome::master::plcopen {
 
-// The master's position or velocity in its units. It does not contain the master's offset, so MC_SetPosition at the
-// master does not move a slave.
+// The master's position or velocity in its units. The position does not contain the master's offset, nor the steps by
+// which its origin changes: MC_SetPosition and MC_Home at the master do not move a slave.
 double Axis::led_by(const Command& command, bool velocity) const {
   const Axis& master = *command.master;
   if (command.source == Source::ActualValue) {
-    return velocity ? master.actual_velocity() : static_cast<double>(master.motion_.position()) / master.scale_;
+    return velocity ? master.actual_velocity() : master.motion_.continuous_position() / master.scale_;
   }
-  return (velocity ? master.motion_.set_point().velocity : master.motion_.set_point().position) / master.scale_;
+  return (velocity ? master.motion_.set_point().velocity : master.motion_.continuous_set_point()) / master.scale_;
 }
 
 void Axis::follow_gear(Command& command) {
   const double period_s = motion_.generator().period_s();
   const double velocity = command.ratio * led_by(command, true) * scale_;
+  if (is_too_fast(velocity)) return;
   MotionLimits limits = limits_of(command);
   limits.jerk = 0.0;
   if (!command.in_goal) {
     const double present = motion_.set_point().velocity;
     const double slope = std::abs(velocity) > std::abs(present) ? limits.acceleration : limits.deceleration;
-    if (std::abs(velocity - present) > slope * period_s) {
-      limits.velocity = std::max(configuration_.max_velocity * std::abs(scale_), std::abs(velocity));
+    if (std::abs(velocity - present) > slope * period_s || motion_.is_changing_mode()) {
+      limits.velocity = configuration_.max_velocity * std::abs(scale_);
       motion_.run_at(velocity, limits);
       return;
     }
@@ -38,11 +39,26 @@ void Axis::follow_gear(Command& command) {
   motion_.follow({(slave_origin_ + way) * scale_, velocity, 0.0});
 }
 
+// A slave whose master asks for more than its greatest velocity stops with an error. `velocity`: in counts/s.
+bool Axis::is_too_fast(double velocity) {
+  if (std::abs(velocity) <= configuration_.max_velocity * std::abs(scale_)) return false;
+  enter_error_stop(ErrorId::above_limit);
+  return true;
+}
+
+// The place of the master, as led_by() gives it, from which its position on the cam counts: its own origin, or for a
+// relative master its present place.
+double Axis::cam_origin(const Command& command) const {
+  const double place = led_by(command, false);
+  if (!command.master_is_absolute) return place;
+  const Axis& master = *command.master;
+  const bool actual = command.source == Source::ActualValue;
+  return place - (actual ? master.actual_position() : master.commanded_position());
+}
+
 // The master's position on the cam.
 double Axis::on_cam(const Command& command, double master_origin) const {
-  const double raw = led_by(command, false);
-  const double position = command.master_is_absolute ? raw + command.master->offset_ : raw - master_origin;
-  return position * command.master_scaling + command.master_offset;
+  return (led_by(command, false) - master_origin) * command.master_scaling + command.master_offset;
 }
 
 CamTable::Value Axis::cam_value(const Command& command, double master_origin) const {
@@ -55,8 +71,9 @@ CamTable::Value Axis::cam_value(const Command& command, double master_origin) co
 void Axis::follow_cam(Command& command) {
   const CamTable& cam = *command.cam;
   const CamTable::Value value = cam_value(command, master_origin_);
-  const double position = command.slave_is_absolute ? counts_of(value.slave) : (slave_origin_ + value.slave) * scale_;
-  motion_.follow({position, value.slope * led_by(command, true) * scale_, 0.0});
+  const double velocity = value.slope * led_by(command, true) * scale_;
+  if (is_too_fast(velocity)) return;
+  motion_.follow({(slave_origin_ + value.slave) * scale_, velocity, 0.0});
   // EndOfProfile is a pulse of one cycle, whenever the master passes an end of the cam.
   const double at = on_cam(command, master_origin_);
   const double turn = cam.periodic()    ? std::floor((at - cam.begin()) / (cam.end() - cam.begin()))

@@ -1,6 +1,7 @@
 #include "axis/plcopen/controller.hpp"
 
 #include <algorithm>
+#include <cmath>
 
 namespace servodrome::master::plcopen {
 
@@ -35,6 +36,12 @@ void Controller::run_for(Time span) {
 }
 
 void Controller::shut_down(double deceleration, Time timeout) {
+  // A stop needs a deceleration: without a valid one the axes use their greatest.
+  const bool is_given = std::isfinite(deceleration) && deceleration > 0.0;
+  const auto rests = [](Axis& axis) {
+    const MotionAxis& motion = axis.motion();
+    return !motion.is_enabled() || (motion.is_done() && motion.set_point().velocity == 0.0 && !motion.is_homing());
+  };
   std::vector<MC_Stop> stops(axes_.size());
   std::vector<MC_Power> powers(axes_.size());
   bool at_rest = false;
@@ -42,9 +49,10 @@ void Controller::shut_down(double deceleration, Time timeout) {
     bool all = true;
     for (std::size_t i = 0; i < axes_.size(); ++i) {
       stops[i].Execute = true;
-      stops[i].Deceleration = deceleration;
+      const double greatest = axes_[i].configuration().max_deceleration;
+      stops[i].Deceleration = is_given ? std::min(deceleration, greatest) : greatest;
       stops[i](axes_[i]);
-      all = all && !stops[i].Busy;
+      all = all && !stops[i].Busy && rests(axes_[i]);
     }
     at_rest = all;
     for (std::size_t i = 0; at_rest && i < axes_.size(); ++i) powers[i](axes_[i]);
@@ -53,13 +61,29 @@ void Controller::shut_down(double deceleration, Time timeout) {
     Controller& controller;
     ~Unset() { controller.on_cycle({}); }
   } const unset{*this};
-  const auto is_off = [](Axis& axis) { return axis.motion().axis().state() != PowerState::operation_enabled; };
+  const auto is_off = [](Axis& axis) {
+    const PowerState state = axis.motion().axis().state();
+    return state != PowerState::operation_enabled && state != PowerState::quick_stop_active;
+  };
   const auto all_off = [&] { return at_rest && std::all_of(axes_.begin(), axes_.end(), is_off); };
   if (run_until(all_off, timeout)) return;
   const auto late = std::find_if_not(axes_.begin(), axes_.end(), is_off);
   if (late == axes_.end()) return;
-  throw MasterError("it stays in operation enabled", late->motion().axis().where(),
-                    "check the bus; switch its power off");
+  throw MasterError("it is not switched off", late->motion().axis().where(), "check the bus; switch its power off");
+}
+
+void Controller::run(const std::function<void()>& program, double deceleration) {
+  try {
+    program();
+  } catch (...) {
+    try {
+      shut_down(deceleration);
+    } catch (const MasterError&) {
+      // The link or a drive is lost; the first error says more.
+    }
+    throw;
+  }
+  shut_down(deceleration);
 }
 
 }  // namespace servodrome::master::plcopen

@@ -30,6 +30,8 @@ class Controller {
   // For the end of a program: stops all axes, in any state, and switches them off. Throws MasterError if an axis stays
   // enabled.
   void shut_down(double deceleration, Time timeout = std::chrono::seconds(5));
+  // Calls `program`, and then shut_down(), also if the program throws. Rethrows the program's exception.
+  void run(const std::function<void()>& program, double deceleration);
 
  private:
   CyclicBus& bus_;

@@ -25,6 +25,8 @@ const char* text_of(ErrorId error) {
     case ErrorId::homing_failed: return "homing failed; check switches, 6098h and 6099h";
     case ErrorId::software_limit_reached: return "the axis was stopped before a software limit; reset, and move back";
     case ErrorId::reset_failed: return "the fault cannot be reset; remove its cause";
+    case ErrorId::not_following:
+      return "the drive ignores its target position; see whether a limit switch or an input stops it, and move it away";
   }
   return "unknown error";
 }
@@ -38,6 +40,7 @@ ErrorId error_of(AxisFault fault) {
     case AxisFault::following_error: return ErrorId::following_error;
     case AxisFault::mode_refused: return ErrorId::mode_refused;
     case AxisFault::homing_failed: return ErrorId::homing_failed;
+    case AxisFault::not_following: return ErrorId::not_following;
   }
   return ErrorId::drive_fault;
 }

@@ -28,6 +28,7 @@ enum class ErrorId : std::uint16_t {
   homing_failed = 105,
   software_limit_reached = 106,
   reset_failed = 107,
+  not_following = 108,
 };
 // Description and remedy.
 const char* text_of(ErrorId error);

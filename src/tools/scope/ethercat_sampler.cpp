@@ -113,7 +113,7 @@ class EthercatSession final : public ProcessDataSession {
                                           .distributed_clocks = options.distributed_clocks,
                                           .sync_error_limit = std::uint16_t{0},
                                           .inputs_only = !options.moves});
-      bus_.emplace(master, *operation_);
+      bus_.emplace(master, *operation_, EthercatCyclicOptions{.stops_drives = false});
       objects_.emplace(slave_, operation_->exchange(), 0);
     } catch (const MasterError&) {
       close_quietly();
