@@ -29,7 +29,7 @@ constexpr std::size_t most_output = 4000;
 
 // The names under which the master finds the line.
 struct Places {
-  std::string link, host, port, api, token, scenario, job;
+  std::string link, products, host, port, api, token, scenario, job;
   std::vector<std::pair<std::string, std::string>> links;  // by bus
 };
 
@@ -54,12 +54,29 @@ void make_private(line::LineSettings& settings, const std::filesystem::path& fol
   }
 }
 
+// The products on the first bus, in the order of their addresses: "generic402,ismc".
+std::string products_of(const line::Line& line) {
+  std::vector<std::pair<unsigned, std::string_view>> found;
+  for (const auto& axis : line.axes()) {
+    const line::AxisSettings& settings = axis->settings();
+    const bool is_there = line.buses().empty() ? settings.ethercat && settings.ethercat->bus == 0 : settings.bus == 0U;
+    if (!is_there) continue;
+    const unsigned node = settings.node_id != 0 ? settings.node_id : settings.product->factory_node_id;
+    found.emplace_back(line.buses().empty() ? 0U : node, settings.product->name);
+  }
+  std::stable_sort(found.begin(), found.end(), [](const auto& a, const auto& b) { return a.first < b.first; });
+  std::string names;
+  for (const auto& [node, name] : found) names.append(names.empty() ? "" : ",").append(name);
+  return names;
+}
+
 Places places_of(line::LineServer& server, const TrialRun& trial, const std::string& scenario_path) {
   Places places;
   places.scenario = scenario_path;
   places.job = std::to_string(trial.job);
   places.api = fmt::format("http://127.0.0.1:{}", server.api_port());
   places.token = server.token();
+  places.products = products_of(server.line());
   const auto add = [&places](const auto& buses) {
     for (const auto& bus : buses) {
       for (const auto& link : bus->links) places.links.emplace_back(bus->settings.name, link->name());
@@ -83,6 +100,7 @@ Places places_of(line::LineServer& server, const TrialRun& trial, const std::str
 std::vector<std::string> command_of(std::vector<std::string> command, const Places& places) {
   for (std::string& word : command) {
     replace_all(word, "{link}", places.link);
+    replace_all(word, "{products}", places.products);
     replace_all(word, "{host}", places.host);
     replace_all(word, "{port}", places.port);
     replace_all(word, "{api}", places.api);
@@ -94,9 +112,9 @@ std::vector<std::string> command_of(std::vector<std::string> command, const Plac
 
 std::vector<std::pair<std::string, std::string>> environment_of(const Places& places) {
   std::vector<std::pair<std::string, std::string>> variables{
-      {"SERVODROME_LINK", places.link}, {"SERVODROME_HOST", places.host},   {"SERVODROME_PORT", places.port},
-      {"SERVODROME_API", places.api},   {"SERVODROME_TOKEN", places.token}, {"SERVODROME_SCENARIO", places.scenario},
-      {"SERVODROME_JOB", places.job}};
+      {"SERVODROME_LINK", places.link}, {"SERVODROME_PRODUCTS", places.products}, {"SERVODROME_HOST", places.host},
+      {"SERVODROME_PORT", places.port}, {"SERVODROME_API", places.api},           {"SERVODROME_TOKEN", places.token},
+      {"SERVODROME_JOB", places.job},   {"SERVODROME_SCENARIO", places.scenario}};
   for (const auto& [bus, link] : places.links) {
     std::string name = "SERVODROME_LINK_" + bus;
     for (char& c : name)

@@ -10,7 +10,7 @@ namespace servodrome::app {
 
 // Runs a master against a line under a scenario, in real time.
 struct TrialRun {
-  // The command; {link}, {host}, {port}, {api}, {scenario} and {job} are replaced.
+  // The command; {link}, {products}, {host}, {port}, {api}, {scenario} and {job} are replaced.
   std::vector<std::string> master;
   std::vector<std::string> links;               // values of --bus, which replace links of the line; {job} is replaced
   unsigned job = 0;                             // number of this run among those at the same time

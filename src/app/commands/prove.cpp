@@ -2,6 +2,7 @@
 #include <algorithm>
 #include <cmath>
 #include <fmt/format.h>
+#include <fmt/ranges.h>
 #include <map>
 #include <nlohmann/json.hpp>
 
@@ -9,6 +10,8 @@
 #include "app/commands.hpp"
 #include "app/drive_link.hpp"
 #include "app/number_options.hpp"
+#include "line/registry.hpp"
+#include "links/nearest_name.hpp"
 
 namespace servodrome::app {
 namespace prove_command {
@@ -16,6 +19,7 @@ namespace prove_command {
 struct Options {
   BusOptions bus{.timeout_s = 30.0};
   std::vector<std::string> methods;
+  std::vector<std::string> expected;  // products, in the order of their addresses; empty: any
   double revolutions = 3.0;
   double speed_rps = 5.0;
   double acceleration_rps2 = 50.0;
@@ -187,6 +191,31 @@ nlohmann::ordered_json json_of(const Outcome& outcome) {
           {"problem", outcome.problem}};
 }
 
+std::string product_name(const Drive& drive) {
+  return drive.product != nullptr ? std::string(drive.product->name) : "an unknown product";
+}
+
+void require_known_products(const std::vector<std::string>& names) {
+  std::vector<std::string_view> known;
+  for (const line::Product& product : line::all_products()) known.push_back(product.name);
+  for (const std::string& name : names) {
+    if (line::find_product(line::all_products(), name) != nullptr) continue;
+    throw Failure::wrong_use(
+        fmt::format("--expect: there is no product \"{}\"; {}", name, links::suggestion(name, known)));
+  }
+}
+
+// Throws Failure if the drives of the bus are not those that --expect names. Then no drive moves.
+void require_expected(const Options& options, const std::vector<Drive>& drives) {
+  if (options.expected.empty()) return;
+  std::vector<std::string> found;
+  for (const Drive& drive : drives) found.push_back(product_name(drive));
+  if (found == options.expected) return;
+  if (found.empty()) found.emplace_back("no drive");
+  throw Failure::did_not_work(fmt::format("{}: the bus has {}, and --expect is {}; nothing has moved", options.bus.link,
+                                          fmt::join(found, ", "), fmt::join(options.expected, ", ")));
+}
+
 // Retries with a longer timeout, so that a slow bit rate or a busy computer hides no drive: the requests to 127 nodes
 // take 1.4 s at 10 kbit/s.
 std::vector<master::FoundNode> drives_on(master::Bus& bus) {
@@ -240,6 +269,7 @@ void prove_can(const Options& options, const std::map<unsigned, std::int8_t>& me
   for (const master::FoundNode& node : drives_on(*bus)) {
     if (node.is_drive()) drives.push_back({node.node_id, node.name, product_of(node)});
   }
+  require_expected(options, drives);
   Report report(options, drives);
   struct Node {
     Node(master::Bus& bus, const Drive& drive, const Options& options)
@@ -268,6 +298,7 @@ void prove_ethercat(const Options& options, const std::map<unsigned, std::int8_t
     master::EthercatSlave slave(*master, found);
     if (is_drive(slave)) drives.push_back({found.position, found.sii.name, product_of(found)});
   }
+  require_expected(options, drives);
   Report report(options, drives);
   struct Operated {
     Operated(master::EthercatMaster& master, const std::vector<master::FoundSlave>& line, const Drive& drive,
@@ -292,6 +323,7 @@ void prove_ethercat(const Options& options, const std::map<unsigned, std::int8_t
 
 void run(const Options& options) {
   const auto methods = methods_of(options);
+  require_known_products(options.expected);
   const InterruptGuard guard;
   const BusKind kind = bus_kind(options.bus).kind;
   if (kind != BusKind::can && kind != BusKind::ethercat) {
@@ -323,6 +355,11 @@ void add_prove(CLI::App& app) {
       ->add_option("--method", options->methods,
                    "Homing method, or NODE=METHOD for one node; if not given, a method without switches that moves one "
                    "revolution at most: 34, or the drive's equivalent")
+      ->allow_extra_args(false);
+  command
+      ->add_option("--expect", options->expected,
+                   "Products that are on the bus, in the order of their addresses; if others are there, nothing moves")
+      ->delimiter(',')
       ->allow_extra_args(false);
   command->add_option("--revolutions", options->revolutions, "How far to move from home, in motor revolutions")
       ->check(number_within(-16384.0, 16384.0))

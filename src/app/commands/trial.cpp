@@ -220,8 +220,8 @@ void add_trial(CLI::App& app) {
   command->add_option("--scenarios", options->scenarios, "Folders with scenario files, or scenario files")
       ->allow_extra_args(false);
   command->add_option("MASTER", options->master,
-                      "Command of the master, behind --; {link}, {host}, {port}, {api}, {scenario} and {job} are "
-                      "replaced, and the same are in SERVODROME_LINK and so on");
+                      "Command of the master, behind --; {link}, {products} (of its drives), {host}, {port}, {api}, "
+                      "{scenario} and {job} are replaced, and the same are in SERVODROME_LINK and so on");
   command
       ->add_option(
           "--bus", options->links,
