@@ -182,7 +182,9 @@ void Axis402::enable() {
         step(command_word::enable_operation, PowerState::operation_enabled, "enable operation");
         break;
       case PowerState::quick_stop_active:
-        // Goes through switch on disabled, because transition 16 is optional.
+        // Goes through switch on disabled, because transition 16 is optional. To switch off before the end of the quick
+        // stop would let the axis coast.
+        wait_for_standstill();
         step(command_word::disable_voltage, PowerState::switch_on_disabled, "leave quick stop");
         break;
       case PowerState::operation_enabled: return;
@@ -214,6 +216,7 @@ void Axis402::quick_stop() {
   if (present == PowerState::operation_enabled) write_controlword(command_word::quick_stop);
   wait_for_state({PowerState::quick_stop_active, PowerState::switch_on_disabled}, "quick stop", options_.state_timeout);
   take_back_targets();
+  wait_for_standstill();
   rests_within(options_.state_timeout);
 }
 

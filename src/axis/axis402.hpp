@@ -138,9 +138,10 @@ class Axis402 {
 
   // Power state. Each call returns at once if the drive is in the wanted state already.
   void reset_fault();
-  // Enables without a motion: targets that would act at once (60FFh, 6042h, 6071h, 607Ah, depending on the mode) are
-  // first set to 0 or to the present position. Throws, with the axis still disabled, if the drive does not keep one of
-  // these values. A fault is an error: call reset_fault() first.
+  // Enables without a motion: targets that would act at once (60FFh, 6042h, 6071h, 607Ah, and the offsets 60B1h and
+  // 60B2h, depending on the mode) are first set to 0 or to the present position. A quick stop in progress ends first.
+  // Throws, with the axis still disabled, if the drive does not keep one of these values. A fault is an error: call
+  // reset_fault() first.
   void enable();
   void disable();
   void quick_stop();  // returns when the quick stop is active or over and the axis is at standstill; clears the targets
@@ -183,8 +184,11 @@ class Axis402 {
 
   // Halts (option code 605Dh) and waits for standstill; aborts homing and drops a move. In profile torque the axis is
   // braked by a velocity of 0 and the mode changes to profile velocity, because a halt would let the axis coast. A halt
-  // longer than AxisOptions::longest_halt becomes a quick stop.
+  // longer than AxisOptions::longest_halt becomes a quick stop. A quick stop or halt that another client has commanded
+  // is not interrupted: the call waits for its end.
   void stop();
+  // Commands the halt of stop() and does not wait: for several axes, before stop() of each.
+  void begin_stop();
   // True if at least one stop() changed to a quick stop.
   bool became_quick_stop() const { return became_quick_stop_; }
   // stop() for error handling, where the first error is reported anyway: returns "" or the reason why the axis could
@@ -263,13 +267,16 @@ class Axis402 {
   void pause();
   void leave_if_cancelled(const std::string& doing);
   void start_move(std::int32_t target, bool relative, const MotionProfile& profile);
-  // The handshake for a set-point (CiA 402-2 figure 15).
   bool is_to_operate();
+  std::uint16_t present_controlword();
+  OperationMode command_halt();
+  void complete_stop_of_another();
+  // The handshake for a set-point (CiA 402-2 figure 15).
   bool drop_set_points(std::uint16_t halted);
   void hand_over(std::int32_t target, std::uint16_t order);
   std::int32_t position_demand();  // 6062h, or the actual position if the drive does not have 6062h
   void begin_velocity(const MotionProfile& profile);
-  // Returns false if standstill took longer than `longest`.
+  // Waits until a halt or a quick stop has ended. Returns false if a halt took longer than `longest`.
   bool wait_for_standstill(std::optional<Time> longest = {});
   std::int64_t rest_distance();  // position units
   // Called at each poll of a motion: true if the position has not changed for 0.5 s.

@@ -66,8 +66,13 @@ void Axis402::follow(Time timeout, const Progress& progress, const std::string& 
 
 void Axis402::home(const HomingRequest& request, Time timeout, const Progress& progress) {
   require_enabled("home");
-  write_controlword(command_word::enable_operation);  // clears the bits of a former command
+  // Clears the bits of a former command. A halt stays until the mode has changed: without it a drive would resume the
+  // move that was stopped.
+  halted_ = false;
+  const std::uint16_t halt = controlword_ & control_bit::halt;
+  write_controlword(command_word::enable_operation | halt);
   set_mode(OperationMode::homing);
+  if (halt != 0) write_controlword(command_word::enable_operation);
   write_if_given(0x6098, 0, request.method);
   write_if_given(0x6099, 1, request.switch_speed);
   write_if_given(0x6099, 2, request.zero_speed);

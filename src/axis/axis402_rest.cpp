@@ -13,7 +13,7 @@ namespace {
 // A target that acts as soon as the axis is enabled, and the modes in which it acts. Profile position and homing are
 // safe: they start at an edge of the controlword; interpolated position needs bit 4.
 struct StandingTarget {
-  enum class Rest : std::uint8_t { zero, present_position };
+  enum class Rest : std::uint8_t { zero, present_position, zero_where_it_acts };
 
   std::uint16_t index;
   Rest rest;
@@ -25,6 +25,9 @@ constexpr std::array standing_targets{
     StandingTarget{0x6042, StandingTarget::Rest::zero, {2}},
     StandingTarget{0x6071, StandingTarget::Rest::zero, {4, 10}},
     StandingTarget{0x607A, StandingTarget::Rest::present_position, {8}},
+    // The offsets may be settings that matter in these modes only.
+    StandingTarget{0x60B1, StandingTarget::Rest::zero_where_it_acts, {8, 9}},
+    StandingTarget{0x60B2, StandingTarget::Rest::zero_where_it_acts, {8, 9, 10}},
 };
 constexpr std::int8_t most_modes = 10;
 
@@ -66,6 +69,7 @@ void Axis402::take_back_targets_before_enabling() {
   if (!is_known(mode())) set_mode(OperationMode::profile_position);
   const std::int8_t present = mode();
   for (const StandingTarget& target : standing_targets) {
+    if (target.rest == StandingTarget::Rest::zero_where_it_acts && !acts_in(target, present)) continue;
     const auto problem = take_back(target.index, target.rest == StandingTarget::Rest::present_position);
     if (!problem || !acts_in(target, present)) continue;
     fail(fmt::format("the axis would move as soon as it is enabled in {}: {}",

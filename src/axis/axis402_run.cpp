@@ -146,8 +146,8 @@ std::int64_t Axis402::rest_distance() {
 }
 
 // With halt set, target reached means standstill (CiA 402-2 table 29). Some drives (iSMK) do not report this in homing:
-// for these drives the axis is at standstill after 100 ms without a change of position. A ramp may be long, so the
-// timeout restarts each time the axis becomes slower.
+// for these drives the axis is at standstill after 100 ms without a change of position. The same holds for a quick stop
+// that somebody else has commanded. A ramp may be long, so the timeout restarts each time the axis becomes slower.
 bool Axis402::wait_for_standstill(std::optional<Time> longest) {
   constexpr Time standing = std::chrono::milliseconds(100);
   const Time began = objects_.now();
@@ -158,7 +158,8 @@ bool Axis402::wait_for_standstill(std::optional<Time> longest) {
   Time deadline = objects_.now() + options_.state_timeout;
   for (;;) {
     const AxisStatus present = status();
-    if (reached(present.statusword) || present.state() != PowerState::operation_enabled) return true;
+    const bool is_enabled = present.state() == PowerState::operation_enabled;
+    if (is_enabled ? reached(present.statusword) : present.state() != PowerState::quick_stop_active) return true;
     const Time now = objects_.now();
     if (!place || std::abs(std::int64_t{present.position} - *place) > rest_distance()) {
       place = present.position;
@@ -166,13 +167,14 @@ bool Axis402::wait_for_standstill(std::optional<Time> longest) {
     } else if (now - since >= standing) {
       return true;
     }
-    if (longest && now - began >= *longest) return false;
+    if (longest && is_enabled && now - began >= *longest) return false;
     if (const std::int64_t speed = std::abs(std::int64_t{present.velocity}); speed < slowest) {
       slowest = speed;
       deadline = objects_.now() + options_.state_timeout;
     }
     if (objects_.now() >= deadline) {
-      fail("the axis does not come to rest on halt", "use quick stop, and check halt option code and decelerations");
+      fail(is_enabled ? "the axis does not come to rest on halt" : "the axis does not come to rest by its quick stop",
+           "use quick stop, and check the option codes 605Dh and 605Ah and the decelerations");
     }
     objects_.wait(options_.poll_interval);
   }
@@ -182,31 +184,26 @@ bool Axis402::wait_for_standstill(std::optional<Time> longest) {
 // carries this out, and a controlword of this master would interrupt it, or enable the axis again.
 bool Axis402::is_to_operate() {
   if (state() != PowerState::operation_enabled) return false;
+  // A drive without a fault ignores a word that resets faults, and goes on.
+  const std::uint16_t word = present_controlword();
+  return commands_operation(word) || (word & control_bit::fault_reset) != 0;
+}
+
+std::uint16_t Axis402::present_controlword() {
   try {
-    return commands_operation(objects_.read<std::uint16_t>(0x6040));
+    return objects_.read<std::uint16_t>(0x6040);
   } catch (const ObjectError&) {
-    return true;  // some drives only accept writes
+    return controlword_ != 0 ? controlword_ : command_word::enable_operation;  // some drives only accept writes
   }
 }
 
 void Axis402::stop() {
-  if (state() != PowerState::operation_enabled) return;
   const ComingToRest rest(comes_to_rest_);
-  if (!is_to_operate()) {
-    if (!wait_for_standstill(options_.longest_halt)) quick_stop();
-    return;
-  }
-  halted_ = false;
-  goal_.reset();
-  auto mode = static_cast<OperationMode>(this->mode());
-  if (mode == OperationMode::profile_torque || is_cyclic(mode)) {
-    // In torque modes a halt removes at most the torque, and the axis coasts. A target velocity of 0 brakes it. In
-    // cyclic modes some drives do not report standstill.
-    if (mode == OperationMode::profile_torque) objects_.write<std::int16_t>(0x6071, 0, 0);
-    begin_velocity({});
-    mode = OperationMode::profile_velocity;
-  }
-  write_controlword(command_word::enable_operation | control_bit::halt);
+  const PowerState present = state();
+  if (present == PowerState::quick_stop_active) wait_for_standstill();
+  if (present != PowerState::operation_enabled) return;
+  if (!is_to_operate()) return complete_stop_of_another();
+  const OperationMode mode = command_halt();
   if (!wait_for_standstill(options_.longest_halt)) {
     became_quick_stop_ = true;
     return quick_stop();
@@ -218,6 +215,39 @@ void Axis402::stop() {
   } else if (mode == OperationMode::homing) {
     write_controlword(command_word::enable_operation);  // bit 4 is 0: homing is aborted
   }
+}
+
+void Axis402::begin_stop() {
+  const ComingToRest rest(comes_to_rest_);
+  if (is_to_operate()) command_halt();
+}
+
+// Another client has commanded a stop or the disabling. If that does not bring the axis to rest, a quick stop does.
+void Axis402::complete_stop_of_another() {
+  try {
+    if (wait_for_standstill(options_.longest_halt)) return;
+  } catch (const ObjectError&) {
+    throw;
+  } catch (const MasterError&) {
+    // The axis does not come to rest.
+  }
+  quick_stop();
+}
+
+// Commands the halt; returns the mode in which the axis then brakes.
+OperationMode Axis402::command_halt() {
+  halted_ = false;
+  goal_.reset();
+  auto mode = static_cast<OperationMode>(this->mode());
+  if (mode == OperationMode::profile_torque || is_cyclic(mode)) {
+    // In torque modes a halt removes at most the torque, and the axis coasts. A target velocity of 0 brakes it. In
+    // cyclic modes some drives do not report standstill.
+    if (mode == OperationMode::profile_torque) objects_.write<std::int16_t>(0x6071, 0, 0);
+    begin_velocity({});
+    mode = OperationMode::profile_velocity;
+  }
+  write_controlword(command_word::enable_operation | control_bit::halt);
+  return mode;
 }
 
 std::string Axis402::try_to_stop() {
@@ -248,7 +278,11 @@ void Axis402::halt() {
     fail("an axis in a torque mode cannot be halted: it would coast", "stop it");
   }
   const ComingToRest rest(comes_to_rest_);
-  write_controlword(controlword_ | control_bit::halt);
+  if (!is_to_operate()) return complete_stop_of_another();
+  // Another client may have begun the motion: its bits 4 to 6 stay, so that resume() continues it.
+  constexpr unsigned of_mode = start_homing | change_immediately | relative_move;
+  const unsigned kept = present_controlword() & of_mode;
+  write_controlword(static_cast<std::uint16_t>(command_word::enable_operation | kept | control_bit::halt));
   halted_ = true;
   wait_for_standstill();
 }

@@ -85,6 +85,7 @@ TEST_P(Enabling, TargetsLeftInADisabledDriveDoNotAct) {
     OperationMode mode;
     std::uint16_t index;
     std::int32_t value;
+    bool is_optional = false;
   };
   const std::int32_t far = axis.position() + revolutions(3);
   const Left all[] = {{OperationMode::profile_position, 0x607A, far},
@@ -93,11 +94,21 @@ TEST_P(Enabling, TargetsLeftInADisabledDriveDoNotAct) {
                       {OperationMode::profile_torque, 0x6071, 200},
                       {OperationMode::cyclic_synchronous_position, 0x607A, far},
                       {OperationMode::cyclic_synchronous_velocity, 0x60FF, speed(2)},
-                      {OperationMode::cyclic_synchronous_torque, 0x6071, 200}};
+                      {OperationMode::cyclic_synchronous_torque, 0x6071, 200},
+                      {OperationMode::cyclic_synchronous_velocity, 0x60B1, speed(2), true},
+                      {OperationMode::cyclic_synchronous_position, 0x60B1, speed(2), true},
+                      {OperationMode::cyclic_synchronous_torque, 0x60B2, 200, true}};
   for (const Left& left : all) {
     if (!has_mode(left.mode)) continue;
     axis.set_mode(left.mode);
-    if (left.index == 0x6071 || left.index == 0x6042) {
+    if (left.is_optional) {
+      // The size of the offsets differs between products.
+      const auto write_short = [&] {
+        rig.objects().write<std::int16_t>(left.index, 0, static_cast<std::int16_t>(left.value));
+      };
+      const auto write_long = [&] { rig.objects().write<std::int32_t>(left.index, 0, left.value); };
+      if (!problem_of(write_long).empty() && !problem_of(write_short).empty()) continue;
+    } else if (left.index == 0x6071 || left.index == 0x6042) {
       rig.objects().write<std::int16_t>(left.index, 0, static_cast<std::int16_t>(left.value));
     } else {
       rig.objects().write<std::int32_t>(left.index, 0, left.value);
