@@ -147,14 +147,15 @@ inline Kept record(const Truth& truth, const std::vector<std::string>& names) {
     }
     return false;
   };
+  master::script::Cancellation taking(take);
   master::AxisOptions axis_options = rig.options();
-  axis_options.cancelled = take;
+  axis_options.cancelled = std::ref(taking);
   master::Axis402 axis(rig.objects(), axis_options);
   master::Axis402* const axes[] = {&axis};
   const master::script::Script script =
       master::script::parse(excitation(truth), "excitation", master::ObjectCatalogue::standard());
   master::script::RunOptions options;
-  options.cancelled = take;
+  options.cancellation = &taking;
   options.done = [&](const master::script::Step&, master::Time, const std::string&) { take(); };
   master::script::run(script, axes, options);
   return kept;

@@ -4,6 +4,7 @@
 #include <filesystem>
 #include <fmt/format.h>
 #include <fstream>
+#include <functional>
 #include <iostream>
 #include <iterator>
 #include <map>
@@ -90,15 +91,52 @@ void check_axes(const Script& script, const std::vector<Step>& steps, const std:
   }
 }
 
+// Axes of the group that share the cancellation of the script.
+class ScriptAxes {
+ public:
+  ScriptAxes(const DriveGroup& group, master::script::Cancellation& cancellation) {
+    for (master::Axis402* axis : group.axes()) {
+      axes_.push_back(std::make_unique<master::Axis402>(
+          axis->objects(), master::AxisOptions{.dialect = axis->dialect(), .cancelled = std::ref(cancellation)}));
+      pointers_.push_back(axes_.back().get());
+    }
+  }
+  const std::vector<master::Axis402*>& pointers() const { return pointers_; }
+
+ private:
+  std::vector<std::unique_ptr<master::Axis402>> axes_;
+  std::vector<master::Axis402*> pointers_;
+};
+
+// After the script has succeeded. Tries all axes, then throws ScriptFailure with the first error.
+void switch_off(const Script& script, const std::vector<master::Axis402*>& axes) {
+  std::string problem;
+  for (master::Axis402* axis : axes) {
+    try {
+      axis->stop();
+      axis->disable();
+    } catch (const master::MasterError& error) {
+      if (problem.empty()) problem = error.what();
+      axis->try_to_switch_off();
+    }
+  }
+  if (problem.empty()) return;
+  const auto place = script.steps.empty() ? script.axes.front().place : script.steps.back().place;
+  throw master::script::ScriptFailure(script.file, place, "at the end of the script: " + problem);
+}
+
 void carry_out(const Options& options, const Script& script, nlohmann::ordered_json& steps) {
   std::vector<DriveGroup::Member> members;
   for (const master::script::AxisDeclaration& axis : script.axes) members.push_back({axis.node, axis.product});
   const InterruptGuard guard;
   DriveGroup group(options.bus, members);
-  check_axes(script, script.steps, group.axes());
+  master::script::Cancellation cancellation(InterruptGuard::interrupted);
+  const ScriptAxes own(group, cancellation);
+  const std::vector<master::Axis402*>& axes = own.pointers();
+  check_axes(script, script.steps, axes);
   master::script::RunOptions run_options;
-  run_options.cancelled = InterruptGuard::interrupted;
-  run_options.progress = [shown = motion_progress(*group.axes().front(), options.bus.json || options.quiet)](
+  run_options.cancellation = &cancellation;
+  run_options.progress = [shown = motion_progress(*axes.front(), options.bus.json || options.quiet)](
                              const master::AxisStatus& status) mutable { shown(status); };
   run_options.done = [&](const Step& step, master::Time took, const std::string& said) {
     const double seconds = std::chrono::duration<double>(took).count();
@@ -121,14 +159,13 @@ void carry_out(const Options& options, const Script& script, nlohmann::ordered_j
     if (std::fflush(stdout) != 0) throw Failure::lost_output();
   };
   try {
-    master::script::run(script, group.axes(), run_options);
+    master::script::run(script, axes, run_options);
   } catch (...) {
     end_progress(options.bus.json || options.quiet);
-    for (master::Axis402* axis : group.axes()) axis->try_to_switch_off();
+    for (master::Axis402* axis : axes) axis->try_to_switch_off();
     throw;
   }
-  if (!group.operates() && !options.disable) return;
-  for (master::Axis402* axis : group.axes()) axis->try_to_switch_off();
+  if (group.operates() || options.disable) switch_off(script, axes);
 }
 
 void run(const Options& options) {
@@ -184,9 +221,9 @@ void add_run(CLI::App& app) {
   add_serial_options(*command, options->bus);
   add_watch_option(*command, options->bus);
   add_cycle_options(*command, options->bus);
-  command->add_flag(
-      "--disable", options->disable,
-      "Disable the drives at the end; otherwise drives that the script enabled hold their position (not on EtherCAT)");
+  command->add_flag("--disable", options->disable,
+                    "Disable the drives at the end; otherwise drives that the script enabled or moved hold their "
+                    "position (not on EtherCAT)");
   command->callback([options] { run(*options); });
 }
 

@@ -220,8 +220,9 @@ class Session {
     link_.be_watched(options_.bus);
     const auto axis = link_.open_axis(sampler_->objects(), {});
     master::Axis402* const axes[] = {axis.get()};
+    master::script::Cancellation cancellation(InterruptGuard::interrupted);
     master::script::RunOptions run_options;
-    run_options.cancelled = InterruptGuard::interrupted;
+    run_options.cancellation = &cancellation;
     run_options.done = [&](const master::script::Step& step, master::Time, const std::string& said) {
       const bool speaks = step.verb == master::script::Verb::print || step.verb == master::script::Verb::get ||
                           step.verb == master::script::Verb::wait_probe;
@@ -236,12 +237,15 @@ class Session {
             fmt::format("the trigger \"{}\" did not occur while the script ran", options_.trigger));
       }
       if (recorder_options_.duration) look(recorder, outcome);
+      if (ends_operation || options_.disable) {
+        axis->stop();
+        axis->disable();
+      }
     } catch (const std::runtime_error&) {
       outcome.interrupted = InterruptGuard::interrupted();
       axis->try_to_switch_off();
       throw;
     }
-    if (ends_operation || options_.disable) axis->disable();
   }
 
   const Options& options_;

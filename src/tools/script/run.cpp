@@ -1,5 +1,6 @@
 #include "tools/script/run.hpp"
 
+#include <algorithm>
 #include <cmath>
 #include <fmt/format.h>
 #include <limits>
@@ -42,9 +43,35 @@ bool compare(double value, Comparison comparison, double wanted, double toleranc
 // The shortest text of a number.
 std::string text_of_number(double value) { return fmt::format("{:.10g}", value); }
 
+// Runs `call`; returns "" or its error.
+template <typename Call>
+std::string problem_of(const Call& call) {
+  try {
+    call();
+    return {};
+  } catch (const std::exception& error) {
+    return error.what();
+  }
+}
+
+bool can_move(Verb verb) {
+  switch (verb) {
+    case Verb::disable:
+    case Verb::halt:
+    case Verb::resume:
+    case Verb::home:
+    case Verb::move:
+    case Verb::arrive:
+    case Verb::velocity:
+    case Verb::jog:
+    case Verb::torque: return true;
+    default: return false;
+  }
+}
+
 struct Member {
   Axis402* axis;
-  bool enabled = false;  // enabled by the script
+  bool enabled = false;  // by the script; or by another program, and the script has moved it
 };
 
 class Runner {
@@ -52,7 +79,13 @@ class Runner {
   Runner(const Script& script, std::span<Axis402* const> axes, const RunOptions& options)
       : script_(script), options_(options) {
     for (Axis402* axis : axes) members_.push_back({axis});
+    if (options_.cancellation != nullptr) options_.cancellation->on_first([this] { begin_stop(); });
   }
+  ~Runner() {
+    if (options_.cancellation != nullptr) options_.cancellation->on_first({});
+  }
+  Runner(const Runner&) = delete;
+  Runner& operator=(const Runner&) = delete;
 
   void run() {
     prepare(script_.steps);
@@ -170,7 +203,7 @@ class Runner {
       }
       if (options_.began) options_.began(step);
       const Time start = now();
-      last_axis_ = step.axis;
+      present_ = step.axis;
       const std::string said = at(step, [&] {
         leave_if_cancelled();
         return do_step(step, members_[step.axis]);
@@ -182,6 +215,7 @@ class Runner {
   std::string do_step(const Step& step, Member& member) {
     Axis402& axis = *member.axis;
     const Time timeout = time_of(step.timeout_s);
+    if (can_move(step.verb) && !member.enabled) member.enabled = axis.state() == PowerState::operation_enabled;
     switch (step.verb) {
       case Verb::reset: axis.reset_fault(); break;
       case Verb::enable:
@@ -189,7 +223,7 @@ class Runner {
         member.enabled = true;
         break;
       case Verb::disable:
-        if (member.enabled) axis.stop();
+        axis.stop();
         member.enabled = false;
         axis.disable();
         break;
@@ -202,7 +236,7 @@ class Runner {
       case Verb::resume: axis.resume(); break;
       case Verb::home: axis.home(homing_of(step), timeout, options_.progress); break;
       case Verb::move: move(step, axis, timeout); break;
-      case Verb::arrive: axis.wait_for_target(timeout, options_.progress); break;
+      case Verb::arrive: arrive(axis, timeout); break;
       case Verb::velocity: axis.run_at(velocity_of(step), profile_of(step), timeout, options_.progress); break;
       case Verb::jog:
         axis.run_at(velocity_of(step), profile_of(step), time_of(step.timeout_s), options_.progress);
@@ -262,6 +296,12 @@ class Runner {
       axis.start_move_by(position_of(step, "by"), profile_of(step));
     }
     if (!step.has("nowait")) axis.wait_for_target(timeout, options_.progress);
+  }
+
+  // The time of a halt does not count towards the timeout, so on a halted axis the wait would not end.
+  void arrive(Axis402& axis, Time timeout) {
+    if (axis.halted()) throw std::runtime_error("the move is halted; `resume` it first");
+    axis.wait_for_target(timeout, options_.progress);
   }
 
   void torque(const Step& step, Axis402& axis, Time timeout) {
@@ -366,10 +406,13 @@ class Runner {
 
   void pause() {
     leave_if_cancelled();
-    for (const Member& member : members_) {
+    const std::size_t axis_of_step = present_;
+    for (present_ = 0; present_ < members_.size(); ++present_) {
+      const Member& member = members_[present_];
       if (!member.enabled || member.axis->state() == PowerState::operation_enabled) continue;
       throw std::runtime_error(left_text(*member.axis));
     }
+    present_ = axis_of_step;
     members_.front().axis->objects().wait(options_.poll_interval);
   }
 
@@ -386,31 +429,46 @@ class Runner {
   }
 
   void leave_if_cancelled() const {
-    if (options_.cancelled && options_.cancelled()) throw std::runtime_error("interrupted");
+    if (options_.cancellation != nullptr && (*options_.cancellation)()) throw std::runtime_error("interrupted");
   }
 
   Time now() { return members_.front().axis->objects().now(); }
 
-  // Stops every axis, even if others fail. The axis that failed comes last: it may not answer, and the others must not
-  // wait for it. Returns the problems.
-  std::string come_to_rest() {
-    std::string problems;
-    const auto stop = [&](Member& member) {
-      if (!member.enabled) return;
-      const std::string problem = member.axis->try_to_stop();
-      if (!problem.empty()) problems += fmt::format("{}{}", problems.empty() ? "" : "; ", problem);
-    };
+  // The enabled axes, the present one last.
+  std::vector<Axis402*> axes_to_stop() const {
+    std::vector<Axis402*> axes;
     for (std::size_t i = 0; i < members_.size(); ++i) {
-      if (i != last_axis_) stop(members_[i]);
+      if (members_[i].enabled && i != present_) axes.push_back(members_[i].axis);
     }
-    stop(members_[last_axis_]);
+    if (members_[present_].enabled) axes.push_back(members_[present_].axis);
+    return axes;
+  }
+
+  // Lets all enabled axes begin to stop. Called at a cancellation between two accesses of the present axis, which
+  // therefore answers and comes first: another axis may be silent.
+  void begin_stop() {
+    std::vector<Axis402*> axes = axes_to_stop();
+    std::reverse(axes.begin(), axes.end());
+    for (Axis402* axis : axes) problem_of([axis] { axis->begin_stop(); });
+  }
+
+  // Stops all enabled axes, even if some fail. All begin to stop before the wait for the first standstill. The axis
+  // that failed comes last: it may not answer, and the others must not wait for it. Returns the problems.
+  std::string come_to_rest() {
+    const std::vector<Axis402*> axes = axes_to_stop();
+    for (Axis402* axis : axes) problem_of([axis] { axis->begin_stop(); });  // stop() reports the error again
+    std::string problems;
+    for (Axis402* axis : axes) {
+      const std::string problem = problem_of([axis] { axis->stop(); });
+      if (!problem.empty()) problems += fmt::format("{}{}", problems.empty() ? "" : "; ", problem);
+    }
     return problems;
   }
 
   const Script& script_;
   const RunOptions& options_;
   std::vector<Member> members_;
-  std::size_t last_axis_ = 0;  // axis of the last step that was started
+  std::size_t present_ = 0;  // axis of the present step, or the one that pause() polls
   std::map<std::pair<std::size_t, ObjectAddress>, dictionary::Type> types_;
   std::map<std::pair<std::size_t, UnitChoice>, UnitScale> scales_;
 };

@@ -175,11 +175,11 @@ class ScriptRun : public testing::TestWithParam<RigCase> {
   explicit ScriptRun(unsigned axes = 1) : rig(GetParam(), axes) {
     for (std::size_t i = 0; i < axes; ++i) {
       AxisOptions axis_options = rig.options();
-      axis_options.cancelled = [this] { return cancelled; };
+      axis_options.cancelled = std::ref(cancellation);
       opened.push_back(std::make_unique<Axis402>(rig.objects(i), axis_options));
       pointers.push_back(opened.back().get());
     }
-    options.cancelled = [this] { return cancelled; };
+    options.cancellation = &cancellation;
     options.done = [this](const Step&, Time, const std::string& text) {
       if (!text.empty()) said.push_back(text);
     };
@@ -220,8 +220,26 @@ class ScriptRun : public testing::TestWithParam<RigCase> {
     };
   }
 
+  // Calls `what` at the given check of the runner for a cancellation: one at each step, and one at each poll of a wait.
+  void at_check(int number, std::function<void()> what) {
+    counting.emplace([what = std::move(what), number, checks = 0]() mutable {
+      if (++checks == number) what();
+      return false;
+    });
+    options.cancellation = &*counting;
+  }
+  // Ends a motion that would last for ever in virtual time.
+  void give_up_after(Time span) {
+    options.progress = [this, end = rig.line.now() + span](const AxisStatus&) {
+      if (rig.line.now() > end) throw std::runtime_error("it does not end");
+    };
+  }
+  AxisUnits units_of(Axis402& axis) { return axis.units().value_or(AxisUnits{131072, 131072, 131072}); }
+
   AxisRig rig;
   bool cancelled = false;
+  Cancellation cancellation{[this] { return cancelled; }};
+  std::optional<Cancellation> counting;
   std::vector<std::unique_ptr<Axis402>> opened;
   std::vector<Axis402*> pointers;
   RunOptions options;
@@ -327,10 +345,11 @@ TEST_P(ScriptRun, AFaultInTheMiddleOfAMoveOrAWaitEndsIt) {
   another.drive().inject(drive::Cause::over_voltage, false);
   int looks = 0;
   RunOptions its_options;
-  its_options.cancelled = [&] {
+  Cancellation its_cancellation([&] {
     if (++looks == 50) another.drive().inject(drive::Cause::over_voltage, true);
     return false;
-  };
+  });
+  its_options.cancellation = &its_cancellation;
   std::string problem;
   try {
     run(parsed("enable\nwait 60"), its_axis, its_options);
@@ -362,9 +381,68 @@ TEST_P(ScriptRun, ACutBusAndALostSupplyEndIt) {
   }
 }
 
+TEST_P(ScriptRun, AnAxisThatAnotherProgramEnabledIsStoppedAtTheEnd) {
+  Axis402 other(rig.objects(), rig.options());
+  other.enable();
+  EXPECT_EQ(problem_of("units revolutions\nvelocity 2 acceleration 50\nwait 0.2"), "");
+  EXPECT_GT(std::abs(shaft()), 0.2) << "it moved";
+  EXPECT_NEAR(speed(), 0, 0.02);
+  EXPECT_EQ(other.state(), PowerState::operation_enabled);
+}
+
+TEST_P(ScriptRun, AFaultOfAnAxisThatAnotherProgramEnabledEndsAWait) {
+  Axis402 other(rig.objects(), rig.options());
+  other.enable();
+  at_check(50, [this] { rig.drive().inject(drive::Cause::over_voltage, true); });
+  EXPECT_THAT(problem_of("units revolutions\nvelocity 2 acceleration 50\nwait 60"),
+              testing::AllOf(HasSubstr("a.script:3:1: `wait 60`"), HasSubstr("left operation enabled")));
+  EXPECT_LT(rig.line.now(), 20s);
+}
+
+// An axis without power coasts for longer than `disable` takes.
+TEST_P(ScriptRun, DisableFirstStopsAnAxisThatAnotherProgramRuns) {
+  constexpr double turns_per_s = 3.0;  // below the factory limit of each product
+  Axis402 other(rig.objects(), rig.options());
+  const AxisUnits units = units_of(other);
+  const auto ramp = static_cast<std::uint32_t>(50 * units.acceleration);
+  other.enable();
+  other.run_at(static_cast<std::int32_t>(turns_per_s * units.velocity), {.acceleration = ramp, .deceleration = ramp},
+               5s);
+  EXPECT_EQ(problem_of("disable"), "");
+  const double at_end = shaft();
+  rig.objects().wait(300ms);
+  EXPECT_NEAR(shaft(), at_end, 0.05) << "it is at rest before the power is off";
+  EXPECT_NE(other.state(), PowerState::operation_enabled);
+}
+
+TEST_P(ScriptRun, AHaltedAxisCanBeHomed) {
+  give_up_after(60s);
+  EXPECT_EQ(problem_of(fmt::format("units revolutions\nenable\nhalt\n"
+                                   "home method {} speed 0.5 zero-speed 0.5 acceleration 50 within 20",
+                                   rig.options().dialect.cautious_homing_method)),
+            "");
+}
+
+TEST_P(ScriptRun, AHaltedMoveIsNotWaitedFor) {
+  give_up_after(60s);
+  EXPECT_THAT(problem_of("units revolutions\nenable\nmove by 5 velocity 2 acceleration 50 nowait\nwait 0.2\nhalt\n"
+                         "arrive within 1"),
+              HasSubstr("a.script:6:1: `arrive within 1`: the move is halted; `resume` it first"));
+  EXPECT_NEAR(speed(), 0, 0.02);
+}
+
 class ScriptOfTwo : public ScriptRun {
  protected:
   ScriptOfTwo() : ScriptRun(2) {}
+  // The axes run at 5 revolutions per second, and stop with 2 revolutions per second squared.
+  static constexpr double longest_stop = 1.3 * 5.0 * 5.0 / (2 * 2.0);
+  static constexpr const char* both_run =
+      "axis left 1\naxis right 2\nunits revolutions\nleft enable\nright enable\n"
+      "right velocity 5 acceleration 50 deceleration 2\n";
+  void note_places() { places = {shaft(0), shaft(1)}; }
+  double distance(std::size_t axis) { return std::abs(shaft(axis) - places[axis]); }
+
+  std::array<double, 2> places{};
 };
 INSTANTIATE_TEST_SUITE_P(Some, ScriptOfTwo,
                          testing::Values(RigCase{"generic402"}, RigCase{"ismk", RigCase::BusKind::modbus},
@@ -404,6 +482,48 @@ TEST_P(ScriptOfTwo, WhenOneLosesItsSupplyTheOtherStops) {
               HasSubstr("a.script:7:1: `left move to 100"));
   EXPECT_GT(shaft(1), 0.2);
   EXPECT_NEAR(speed(1), 0, 0.05);
+}
+
+TEST_P(ScriptOfTwo, AFailureStopsBothAtTheSameTime) {
+  options.began = [this](const Step& step) {
+    if (step.verb == Verb::expect) note_places();
+  };
+  EXPECT_THAT(
+      problem_of(std::string(both_run) + "left velocity 5 acceleration 50 deceleration 2\nright expect 6041 == 0"),
+      HasSubstr("a.script:8:1: "));
+  for (const std::size_t axis : {0U, 1U}) {
+    EXPECT_NEAR(speed(axis), 0, 0.05) << axis;
+    EXPECT_LT(distance(axis), longest_stop) << axis;
+  }
+}
+
+TEST_P(ScriptOfTwo, CtrlCStopsBothAtTheSameTime) {
+  when(5.0, [this] {
+    note_places();
+    cancelled = true;
+  });
+  EXPECT_THAT(problem_of(std::string(both_run) + "left move to 1000 velocity 5 acceleration 50 deceleration 2"),
+              testing::AllOf(HasSubstr("a.script:7:1: "), HasSubstr("was cancelled")));
+  for (const std::size_t axis : {0U, 1U}) {
+    EXPECT_NEAR(speed(axis), 0, 0.05) << axis;
+    EXPECT_LT(distance(axis), longest_stop) << axis;
+  }
+}
+
+// A wait has no axis of its own. Over CAN the master needs 2 s to notice that a drive is silent; another access to this
+// drive before the stop of the other axis would cost 2 s more.
+TEST_P(ScriptOfTwo, WhenOneLosesItsSupplyInAWaitTheOtherStopsAtOnce) {
+  constexpr double supervision_s = 2.5;
+  at_check(50, [this] {
+    note_places();
+    rig.power_off(1);
+  });
+  EXPECT_THAT(problem_of("axis left 1\naxis right 2\nunits revolutions\nleft enable\nright enable\n"
+                         "left velocity 5 acceleration 50\nright velocity 1 acceleration 50\nwait 60"),
+              HasSubstr("a.script:8:1: `wait 60`: mem:"));
+  rig.line.run_until(rig.line.now() + 2s);  // on EtherCAT no slave is served any more; its watchdog stops the axis
+  EXPECT_NEAR(speed(0), 0, 0.05);
+  EXPECT_LT(distance(0), supervision_s * 5.0 + 1.3 * 5.0 * 5.0 / (2 * 50.0));
 }
 
 }  // namespace
