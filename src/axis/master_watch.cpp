@@ -13,20 +13,10 @@ constexpr std::uint16_t consumer_heartbeat_time = 0x1016;
 constexpr std::uint16_t abort_connection_option = 0x6007;
 constexpr std::int16_t no_action = 0;
 constexpr std::int16_t malfunction = 1;
-constexpr std::uint32_t ours =
-    std::uint32_t{master_node_id} << 16 | static_cast<std::uint32_t>(MasterWatch::longest_silence.count());
+constexpr auto monitored_ms = static_cast<std::uint32_t>(MasterWatch::longest_silence.count());
 
-// True if the drive has a consumer heartbeat time that monitors no node, or this master. The latter is left over from a
-// program whose connection was lost.
-bool is_free(ObjectClient& drive) {
-  const auto entries = drive.read_if_present<std::uint8_t>(consumer_heartbeat_time, 0).value_or(0);
-  for (unsigned sub = 1; sub <= entries; ++sub) {
-    const auto watched =
-        drive.read_if_present<std::uint32_t>(consumer_heartbeat_time, static_cast<std::uint8_t>(sub)).value_or(0);
-    if (watched != 0 && watched != ours) return false;
-  }
-  return entries > 0;
-}
+// The value of 1016h with which a drive monitors the heartbeat of this node-ID.
+constexpr std::uint32_t entry_for(std::uint8_t node_id) { return std::uint32_t{node_id} << 16 | monitored_ms; }
 
 // Compares positions, because 606Ch is noisy and not every drive has it.
 bool moves(ObjectClient& drive) {
@@ -43,7 +33,9 @@ bool moves(ObjectClient& drive) {
 }  // namespace
 
 MasterWatch::MasterWatch(Bus& bus, std::span<ObjectClient* const> drives, Tell tell)
-    : tell_(std::move(tell)), master_(bus) {
+    : tell_(std::move(tell)), master_(bus), drives_(drives.begin(), drives.end()) {
+  bus.drain();  // a waiting heartbeat may be of a program that has been killed since
+  listens_since_ = bus.now();
   try {
     for (ObjectClient* drive : drives) begin(*drive);
   } catch (const MasterError&) {
@@ -55,13 +47,58 @@ MasterWatch::MasterWatch(Bus& bus, std::span<ObjectClient* const> drives, Tell t
 
 // A drive starts its supervision with the first heartbeat that it receives.
 void MasterWatch::beat() {
-  heartbeat_.emplace(master_.produce_heartbeat(master_node_id, heartbeat_period, NmtState::operational));
+  heartbeat_.emplace(master_.produce_heartbeat(node_id_, heartbeat_period, NmtState::operational));
+}
+
+// True if a heartbeat with this node-ID has arrived within the last `listening_time`. The first calls wait until this
+// object has listened for that time. Only other programs and nodes are heard: the bus does not deliver frames of this
+// program.
+bool MasterWatch::hears(std::uint8_t node_id) {
+  Bus& bus = master_.bus();
+  const NodeHealth& health = master_.health(node_id);
+  return bus.run_until(listens_since_ + listening_time,
+                       [&] { return health.heard > listens_since_ && health.heard + listening_time >= bus.now(); });
+}
+
+// A node-ID that is silent and no drive of this object; 0: none. The search begins at one that depends on the first
+// drive. So programs with different drives mostly choose different ones, also if they begin in the same moment, or if
+// one begins while the drives of a killed one still wait for its next heartbeat.
+std::uint8_t MasterWatch::silent_node_id() {
+  constexpr unsigned candidates = highest_node_id - lowest_node_id + 1;
+  const unsigned first = drives_.front()->address() - 1U;
+  for (unsigned i = 0; i < candidates; ++i) {
+    const auto id = static_cast<std::uint8_t>(highest_node_id - (first + i) % candidates);
+    const bool is_drive =
+        std::any_of(drives_.begin(), drives_.end(), [id](const ObjectClient* drive) { return drive->address() == id; });
+    if (!is_drive && !hears(id)) return id;
+  }
+  return 0;
+}
+
+// True for the value of 1016h of a program that no longer sends its heartbeat.
+bool MasterWatch::is_left_over(std::uint32_t entry) {
+  const auto node_id = static_cast<std::uint8_t>(entry >> 16);
+  return node_id >= lowest_node_id && node_id <= highest_node_id && entry == entry_for(node_id) && !hears(node_id);
+}
+
+// True if the drive has a consumer heartbeat time, and monitors neither a node nor another master.
+bool MasterWatch::is_free(ObjectClient& drive) {
+  const auto entries = drive.read_if_present<std::uint8_t>(consumer_heartbeat_time, 0).value_or(0);
+  for (unsigned sub = 1; sub <= entries; ++sub) {
+    const auto entry =
+        drive.read_if_present<std::uint32_t>(consumer_heartbeat_time, static_cast<std::uint8_t>(sub)).value_or(0);
+    const bool is_own = node_id_ != 0 && entry == entry_for(node_id_);
+    if (entry != 0 && !is_own && !is_left_over(entry)) return false;
+  }
+  return entries > 0;
 }
 
 void MasterWatch::begin(ObjectClient& drive) {
   try {
     if (!is_free(drive)) return;
-    drive.write<std::uint32_t>(consumer_heartbeat_time, 1, ours);
+    if (node_id_ == 0) node_id_ = silent_node_id();
+    if (node_id_ == 0) return;
+    drive.write<std::uint32_t>(consumer_heartbeat_time, 1, entry_for(node_id_));
     watching_.push_back({&drive, false});
     if (drive.read_if_present<std::int16_t>(abort_connection_option) == no_action) {
       drive.write<std::int16_t>(abort_connection_option, 0, malfunction);
@@ -90,28 +127,36 @@ bool MasterWatch::is_watching(const ObjectClient& drive) const {
 
 void MasterWatch::end() noexcept {
   for (const Watching& watching : watching_) {
+    const std::uint32_t own = entry_for(node_id_);
     bool freed = false;
     try {
-      if (moves(*watching.drive)) {
-        if (tell_)
-          tell_(fmt::format("{}: the axis still moves; it stops when the drive misses this program's heartbeat",
-                            watching.drive->where()));
-        continue;
+      const auto entry = watching.drive->read<std::uint32_t>(consumer_heartbeat_time, 1);
+      // After a reset of the drive another master may have written its entry: then that master needs 6007h, too.
+      if (entry != own && entry != 0) continue;
+      if (entry == own) {
+        if (moves(*watching.drive)) {
+          if (tell_)
+            tell_(fmt::format("{}: the axis still moves; it stops when the drive misses this program's heartbeat",
+                              watching.drive->where()));
+          continue;
+        }
+        watching.drive->write<std::uint32_t>(consumer_heartbeat_time, 1, 0);
       }
-      watching.drive->write<std::uint32_t>(consumer_heartbeat_time, 1, 0);
       freed = true;
       if (watching.option_changed) watching.drive->write<std::int16_t>(abort_connection_option, 0, no_action);
     } catch (const MasterError&) {
       if (!tell_) continue;
       // If the drive does not answer, the code that uses the drive reports the reason. This function reports only the
       // objects that keep their values.
-      const std::string watch = freed ? "" : fmt::format("1016h:01 = {:08X}h", ours);
+      const std::string watch = freed ? "" : fmt::format("1016h:01 = {:08X}h", own);
       const std::string option = watching.option_changed ? fmt::format("6007h = {}", malfunction) : "";
       tell_(fmt::format("{}: {}{}{} could not be restored and stays until the drive's next reset",
                         watching.drive->where(), watch, !watch.empty() && !option.empty() ? " and " : "", option));
     }
   }
   watching_.clear();
+  heartbeat_.reset();
+  node_id_ = 0;
 }
 
 }  // namespace servodrome::master

@@ -11,24 +11,33 @@
 
 namespace servodrome::master {
 
-// Usual node-ID of a master in the manuals' examples (Kinco, Table 9-17).
-inline constexpr std::uint8_t master_node_id = 127;
-
 // A watchdog by heartbeat. While this object exists, the drives monitor this master's heartbeat (1016h, CiA 301
 // 7.2.8.3.2.2), so that an axis stops by itself if the cable is pulled or this program ends unexpectedly. Without it a
 // CANopen drive would continue its last command. If a drive's abort connection option code (6007h, CiA 402) is 0, no
 // action, it is set to 1, malfunction.
+//
+// The heartbeat has one of the node-IDs from 120 to 127, one that is silent, so that several programs on one bus send
+// different heartbeats. To find it, the constructor listens for up to `listening_time`. Limits: two programs that begin
+// in the same moment may choose the same one, although they begin their search at different ones if their drives are
+// different. A node that has such a node-ID and sends no heartbeat is not noticed. The node-ID is then used twice, but
+// no other message of this object contains it.
 //
 // The destructor restores both objects. Two kinds of drive keep the changed values until their next reset (neither
 // object is stored): a drive that no longer answers, and a drive whose axis still moves, which then stops by itself
 // when the heartbeat ceases.
 //
 // A drive is left unchanged if it has no consumer heartbeat time, refuses to have it written, or already monitors
-// another master in any sub-index.
+// another master in any sub-index; also if all these node-IDs are in use. If 1016h has the value of a program like this
+// one, and the heartbeat is silent, the program was killed or lost its link: its value is replaced.
 class MasterWatch {
  public:
   static constexpr Time heartbeat_period = std::chrono::milliseconds(250);
   static constexpr std::chrono::milliseconds longest_silence{1500};
+  // Without a heartbeat for this time (a period, and a delay of the sender), a node-ID is silent.
+  static constexpr Time listening_time = heartbeat_period + std::chrono::milliseconds(50);
+  // 127 is the usual node-ID of a master in the manuals' examples (Kinco, Table 9-17).
+  static constexpr std::uint8_t highest_node_id = 127;
+  static constexpr std::uint8_t lowest_node_id = 120;
 
   // Receives a sentence about each drive whose objects could not be restored.
   using Tell = std::function<void(const std::string& sentence)>;
@@ -43,6 +52,8 @@ class MasterWatch {
   // Sets the supervision up again for a drive that has come back, for example after a reset, which clears it. Throws
   // like the constructor.
   void renew(ObjectClient& drive);
+  // Restores the drives, as the destructor does, and ends the heartbeat. renew() starts the supervision again.
+  void end() noexcept;
 
   // Number of drives that monitor this master.
   std::size_t watched() const { return watching_.size(); }
@@ -55,10 +66,16 @@ class MasterWatch {
   };
   void begin(ObjectClient& drive);
   void beat();
-  void end() noexcept;
+  bool is_free(ObjectClient& drive);
+  bool is_left_over(std::uint32_t entry);
+  bool hears(std::uint8_t node_id);
+  std::uint8_t silent_node_id();
 
   Tell tell_;
   Master master_;
+  std::vector<ObjectClient*> drives_;
+  Time listens_since_{};
+  std::uint8_t node_id_ = 0;  // of this master's heartbeat; 0: not chosen yet
   std::optional<Bus::Subscription> heartbeat_;
   std::vector<Watching> watching_;
 };

@@ -164,11 +164,164 @@ TEST_P(Watched, AnAxisThatHoldsItsPositionAtTheEndGoesOnHolding) {
   EXPECT_EQ(Axis402(rig.objects(), rig.options()).state(), PowerState::operation_enabled);
 }
 
-TEST_P(Watched, WhatAPulledCableLeftBehindIsOurs) {
-  rig.objects().write<std::uint32_t>(0x1016, 1, 0x7F05DC);
+// Whichever of the node-IDs the program had.
+TEST_P(Watched, WhatAPulledCableLeftBehindIsReplaced) {
+  for (const std::uint32_t node_id : {127U, 126U, 120U}) {
+    rig.objects().write<std::uint32_t>(0x1016, 1, node_id << 16 | 1500);
+    ObjectClient* const drives[] = {&rig.objects()};
+    {
+      const MasterWatch watch(*rig.can, drives);
+      EXPECT_EQ(watched_time(), 0x7F05DCU);
+    }
+    EXPECT_EQ(watched_time(), 0U);
+  }
+}
+
+// Another program may have taken the drive, for example after a reset.
+TEST_P(Watched, AtItsEndAnotherMastersEntryStays) {
+  constexpr std::uint32_t another = 0x050BB8;
+  {
+    ObjectClient* const drives[] = {&rig.objects()};
+    const MasterWatch watch(*rig.can, drives);
+    rig.objects().write<std::uint32_t>(0x1016, 1, another);
+  }
+  EXPECT_EQ(watched_time(), another);
+}
+
+TEST_P(Watched, CanBeEndedAndToldAnew) {
+  const auto before = option();
   ObjectClient* const drives[] = {&rig.objects()};
-  { const MasterWatch watch(*rig.can, drives); }
+  MasterWatch watch(*rig.can, drives);
+  watch.end();
+  EXPECT_EQ(watch.watched(), 0U);
   EXPECT_EQ(watched_time(), 0U);
+  EXPECT_EQ(option(), before);
+  const Time ended = rig.line.now();
+  watch.renew(rig.objects());
+  EXPECT_LT(rig.line.now() - ended, MasterWatch::listening_time) << "it has listened before";
+  EXPECT_EQ(watched_time(), 0x7F05DCU);
+  pull_cable_while_moving();
+  rig.line.run_until(rig.line.now() + MasterWatch::longest_silence + 2s);
+  EXPECT_LT(counts_in_a_second(), 100.0);
+}
+
+// ---- Two programs, each with its own connection to one bus ----
+
+class WatchedByTwo : public testing::TestWithParam<RigCase> {
+ protected:
+  static std::uint32_t entry(ObjectClient& drive) { return drive.read<std::uint32_t>(0x1016, 1); }
+  // The first program works while `other_bus` runs. It is killed by keep.reset().
+  Bus::Subscription keep_first_program() {
+    return other_bus.every(10ms, [this] { rig.can->drain(); });
+  }
+  void start_motion() {
+    Axis402 axis(rig.objects(), rig.options());
+    axis.enable();
+    const AxisUnits units = axis.units().value_or(AxisUnits{131072, 131072, 131072});
+    axis.run_at(static_cast<std::int32_t>(units.velocity), {}, 20s);
+  }
+  double counts_in_a_second() {
+    const double before = rig.shaft_counts();
+    other_bus.run_for(1s);
+    return std::abs(rig.shaft_counts() - before);
+  }
+
+  AxisRig rig{GetParam(), 2};
+  Bus other_bus{std::make_unique<links::MemoryCanClient>(rig.line.buses()[0]->bus, rig.line), "mem:", &rig.line};
+  SdoClient first_to_other{other_bus, 1};  // the clients of the second program
+  SdoClient second_to_other{other_bus, 2};
+};
+INSTANTIATE_TEST_SUITE_P(Drives, WatchedByTwo,
+                         testing::Values(RigCase{"ismc"}, RigCase{"pronet"}, RigCase{"ismk"}, RigCase{"generic402"}),
+                         [](const auto& row) { return row.param.name(); });
+
+// The second program continues to send its heartbeat.
+TEST_P(WatchedByTwo, TheDriveOfAKilledProgramStops) {
+  ObjectClient* const moved[] = {&rig.objects()};
+  const MasterWatch watch(*rig.can, moved);
+  start_motion();
+  Bus::Subscription keep = keep_first_program();
+  ObjectClient* const others[] = {&second_to_other};
+  const MasterWatch other_watch(other_bus, others);
+  EXPECT_EQ(other_watch.watched(), 1U);
+  other_bus.run_for(MasterWatch::longest_silence + 2s);
+  EXPECT_GT(counts_in_a_second(), 1000.0) << "both programs run";
+  keep.reset();
+  other_bus.run_for(MasterWatch::longest_silence + 2s);
+  EXPECT_LT(counts_in_a_second(), 100.0);
+}
+
+TEST_P(WatchedByTwo, TheDriveOfAnotherProgramIsLeftToIt) {
+  ObjectClient* const drives[] = {&rig.objects()};
+  const MasterWatch watch(*rig.can, drives);
+  Bus::Subscription keep = keep_first_program();
+  {
+    ObjectClient* const same[] = {&first_to_other};
+    const MasterWatch other_watch(other_bus, same);
+    EXPECT_EQ(other_watch.watched(), 0U);
+  }
+  EXPECT_EQ(entry(first_to_other), 0x7F05DCU);
+  start_motion();
+  keep.reset();
+  other_bus.run_for(MasterWatch::longest_silence + 2s);
+  EXPECT_LT(counts_in_a_second(), 100.0);
+}
+
+TEST_P(WatchedByTwo, TheFreeOneOfTwoDrivesMonitorsAnotherHeartbeat) {
+  ObjectClient* const drives[] = {&rig.objects()};
+  const MasterWatch watch(*rig.can, drives);
+  const Bus::Subscription keep = keep_first_program();
+  ObjectClient* const both[] = {&first_to_other, &second_to_other};
+  const MasterWatch other_watch(other_bus, both);
+  EXPECT_FALSE(other_watch.is_watching(first_to_other));
+  EXPECT_TRUE(other_watch.is_watching(second_to_other));
+  EXPECT_EQ(entry(first_to_other), 0x7F05DCU);
+  EXPECT_EQ(entry(second_to_other), 0x7E05DCU);
+}
+
+// The heartbeats of programs, or of nodes with these node-IDs.
+TEST_P(WatchedByTwo, UsesNoNodeIdThatIsInUse) {
+  std::vector<std::uint32_t> in_use{0x77F, 0x77D};
+  const Bus::Subscription others = rig.can->every(250ms, [&] {
+    for (const std::uint32_t id : in_use) other_bus.send(id, {0x05});
+  });
+  ObjectClient* const drives[] = {&rig.objects()};
+  {
+    const MasterWatch watch(*rig.can, drives);
+    EXPECT_EQ(entry(rig.objects()), 0x7E05DCU);
+  }
+  in_use = {0x778, 0x779, 0x77A, 0x77B, 0x77C, 0x77D, 0x77E, 0x77F};
+  const MasterWatch watch(*rig.can, drives);
+  EXPECT_EQ(watch.watched(), 0U);
+  EXPECT_EQ(entry(rig.objects()), 0U);
+}
+
+TEST_P(WatchedByTwo, ListensOnceForAllDrives) {
+  const Time start = rig.line.now();
+  ObjectClient* const drives[] = {&rig.objects(0), &rig.objects(1)};
+  const MasterWatch watch(*rig.can, drives);
+  EXPECT_EQ(watch.watched(), 2U);
+  EXPECT_LT(rig.line.now() - start, 2 * MasterWatch::listening_time);
+}
+
+// Its search for a node-ID begins at 124, the drive's own.
+TEST(WatchedNode, DoesNotMonitorItself) {
+  line::Line line(line::test::settings_of(R"(
+clock = "virtual"
+[[bus]]
+name = "field"
+[[axis]]
+name = "axis"
+product = "generic402"
+bus = "field"
+node = 124
+)"));
+  Bus bus(std::make_unique<links::MemoryCanClient>(line.buses()[0]->bus, line), "mem:", &line);
+  bus.run_for(100ms);
+  SdoClient drive(bus, 124);
+  ObjectClient* const drives[] = {&drive};
+  const MasterWatch watch(bus, drives);
+  EXPECT_EQ(drive.read<std::uint32_t>(0x1016, 1), 0x7B05DCU);
 }
 
 }  // namespace

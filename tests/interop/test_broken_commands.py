@@ -277,7 +277,7 @@ def test_a_drive_watches_its_master_as_long_as_it_is_moved(broken_line, tmp_path
     before = objects()
     process = start(broken_line, "can", ["jog", *SLOWLY, "--seconds", "2"], tmp_path)
     wait_for(lambda: turns(broken_line, "can") or process.poll() is not None, "the axis to turn")
-    assert objects()[0] == 0x7F << 16 | 1500 and objects()[1] == 1
+    assert objects()[0] == 126 << 16 | 1500 and objects()[1] == 1  # 126: the first choice for node 2
     assert process.wait(300) == 0
     assert objects() == before
     process = start(broken_line, "can", ["jog", *SLOWLY, "--seconds", "2", "--no-watch"], tmp_path)
@@ -293,3 +293,19 @@ def test_sigterm(broken_line, tmp_path):
     _, said = process.communicate(timeout=300)
     assert process.returncode == 143, said
     wait_for(lambda: rests(broken_line, "can"), "the axis at rest")
+
+
+@pytest.mark.parametrize("name", ["jog", "torque", "run"])
+@pytest.mark.parametrize("name_of_signal, status", [("SIGTSTP", 148), ("SIGQUIT", 131)])
+def test_ctrl_z_and_ctrl_backslash(broken_line, tmp_path, name, name_of_signal, status):
+    """The drive does not monitor its master over Modbus, so a suspended or killed command would leave the axis turning."""
+    process = start(broken_line, "modbus", MOVING[name], tmp_path)
+    try:
+        wait_for(lambda: turns(broken_line, "modbus") or process.poll() is not None, "the axis to turn")
+        process.send_signal(getattr(subprocess.signal, name_of_signal))
+        _, said = process.communicate(timeout=60)
+    finally:
+        process.kill()
+    assert process.returncode == status, said
+    wait_for(lambda: rests(broken_line, "modbus"), "the axis at rest")
+    assert broken_line.bench.axis("modbus")["state"] != "operation enabled"

@@ -94,6 +94,39 @@ def test_commands_are_killed_at_random_moments(line, axis):
         rests_within(line, axis, longest)
 
 
+def test_jog_is_killed_while_a_studio_watches_another_drive(line):
+    """Each program sends its own heartbeat, so that of the studio does not keep the axis moving."""
+    bus = line.links["can0"][0]
+    studio = Studio(f"{bus}=1")
+    try:
+        wait_for(lambda: studio.bench.axis("ismc-1")["powered"], "the drive of the studio")
+        command = [PROGRAM, "jog", "--bus", bus, "--node", "2", "--revolutions", "--velocity", "0.3", "--seconds", "60"]
+        process = subprocess.Popen(command, stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL)
+        try:
+            wait_for(lambda: speed(line, "reference") > 5 or process.poll() is not None, "the axis to turn")
+            assert process.poll() is None
+        finally:
+            process.kill()
+            process.wait()
+        rests_within(line, "reference", 3.0)
+        assert studio.bench.axis("ismc-1")["watch"]["by"] == "heartbeat"
+        assert line.bench.axis("ismc")["state"] != "fault"
+    finally:
+        studio.stop()
+
+
+def test_conform_is_killed_while_the_axis_turns(line):
+    command = [PROGRAM, "conform", "--bus", line.links["can0"][0], "--node", "2", "--only", "pv"]
+    process = subprocess.Popen(command, stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL)
+    try:
+        wait_for(lambda: speed(line, "reference") > 5 or process.poll() is not None, "the axis to turn")
+        assert process.poll() is None
+    finally:
+        process.kill()
+        process.wait()
+    rests_within(line, "reference", 3.0)
+
+
 @pytest.mark.parametrize("name_of_signal", ["SIGTERM", "SIGHUP", "SIGINT"])
 def test_studio_that_is_told_to_end_stops_its_axes(line, name_of_signal):
     studio = Studio(line.links["can0"][0])
@@ -173,3 +206,65 @@ def test_a_command_that_fails_leaves_no_axis_enabled(line):
         assert process.returncode == 1 and "took longer" in process.stderr, process.stderr
         assert line.bench.axis("reference")["state"] != "operation enabled"
         assert speed(line, "reference") < 1
+
+
+@pytest.fixture
+def slow_line(tmp_path):
+    """An SDO transfer takes 26 ms here, so a signal arrives between two of them. 6007h is 0, so each command changes it."""
+    text = bus_text("can0") + "bit_rate = 10000\n" + axis_text("reference", "generic402", bus="can0", node=2)
+    line = Line(tmp_path, text, ("can0=socketcand:127.0.0.1:0/can0",))
+    line.bench.put("axes/reference/objects/6007/0", {"value": 0})
+    yield line
+    line.stop()
+
+
+def watch_objects(line):
+    return [line.bench.get(f"axes/reference/objects/{path}")["value"] for path in ("1016/1", "6007/0")]
+
+
+def start_move(line):
+    command = [PROGRAM, "move", "--bus", line.links["can0"][0], "--node", "2", "--revolutions", "--by", "0.1", "--velocity", "1"]
+    process = subprocess.Popen(command, stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True)
+    wait_for(lambda: watch_objects(line)[0] != 0 or process.poll() is not None, "the monitoring of the master")
+    return process
+
+
+@pytest.mark.parametrize("name_of_signal, status", [("SIGINT", 130), ("SIGTSTP", 148)])
+def test_a_signal_before_the_motion_leaves_the_drive_as_it_was(slow_line, name_of_signal, status):
+    process = start_move(slow_line)
+    process.send_signal(getattr(signal, name_of_signal))
+    try:
+        _, said = process.communicate(timeout=60)
+    finally:
+        process.kill()
+    assert process.returncode == status, (process.returncode, said)
+    assert watch_objects(slow_line) == [0, 0]
+    assert slow_line.bench.axis("reference")["state"] != "operation enabled"
+
+
+def test_a_signal_at_the_end_leaves_the_drive_as_it_was(slow_line):
+    """The command restores 1016h:01 first, then 6007h; the signal arrives between the two."""
+    process = start_move(slow_line)
+    wait_for(lambda: watch_objects(slow_line)[0] == 0 or process.poll() is not None, "the end of the monitoring")
+    process.send_signal(signal.SIGINT)
+    _, said = process.communicate(timeout=60)
+    assert watch_objects(slow_line) == [0, 0], said
+
+
+def test_ctrl_s_does_not_block_jog(line):
+    """A terminal that Ctrl-S has stopped blocks the next output; jog could then neither stop the axis nor end."""
+    command = [PROGRAM, "jog", "--bus", line.links["can0"][0], "--node", "2", "--revolutions", "--velocity", "0.3"]
+    process, terminal = in_a_terminal(command)
+    try:
+        said = b""
+        while b"q: end" not in said:
+            said += os.read(terminal, 4096)
+        wait_for(lambda: line.bench.axis("reference")["state"] == "operation enabled", "the enabled axis")
+        os.write(terminal, b"\x13")
+        time.sleep(0.5)  # until the next output
+        os.write(terminal, b"q")
+        assert process.wait(30) == 0
+    finally:
+        process.kill()
+        process.wait()
+        os.close(terminal)

@@ -146,7 +146,7 @@ void run(const Options& options) {
   if (product != nullptr) settings.dialect = master::dialect_of(product->name);
   if (options.units_per_revolution > 0) settings.units_per_revolution = options.units_per_revolution;
   const auto subject = link.open_subject(settings, options.bus);
-  conform::RunOptions run_options{.safe = options.safe, .only = options.only};
+  conform::RunOptions run_options{.safe = options.safe, .watch = !options.bus.no_watch, .only = options.only};
   if (product != nullptr) run_options.product = product->name;
   const auto checks = conform::all_checks();
   const auto wanted = std::count_if(checks.begin(), checks.end(), [&](const Check& check) {
@@ -200,6 +200,7 @@ void add_conform(CLI::App& app) {
   add_node_option(*command, options->bus);
   add_serial_options(*command, options->bus);
   add_cycle_options(*command, options->bus);
+  add_watch_option(*command, options->bus);
   command->add_flag("--safe", options->safe, "Skip checks that enable or move the axis");
   command->add_option("--only", options->only, "Check or group of checks to run; may be given again")
       ->allow_extra_args(false);

@@ -123,17 +123,16 @@ void heartbeat_period(Trial& trial, int) {
 // The node must report the loss of a heartbeat by emergency 8130h; other reactions are not checked.
 void heartbeat_consumer(Trial& trial, int) {
   if (!trial.objects().read_if_present<std::uint32_t>(0x1016, 1)) Trial::skip("it has no 1016h");
-  constexpr std::uint32_t producer = 126;
   Bus& bus = trial.subject().can().bus;
   trial.bring_to(PowerState::switch_on_disabled);
-  trial.objects().write<std::uint32_t>(0x1016, 1, producer << 16 | 100);
+  trial.objects().write<std::uint32_t>(0x1016, 1, heartbeat_producer << 16 | 100);
   const Watch emergencies(bus, 0x80U + node(trial));
   bus.run_for(300ms);
-  trial.expect(emergencies.arrivals().empty(), "1016h sub 1 = 007E 0064h, no heartbeat yet",
+  trial.expect(emergencies.arrivals().empty(), "1016h sub 1 = 0077 0064h, no heartbeat yet",
                "no emergency: supervision begins with the first heartbeat",
                fmt::format("{} emergencies", emergencies.arrivals().size()));
   for (int i = 0; i < 4; ++i) {
-    bus.send(0x700 + producer, {0x05});
+    bus.send(0x700 + heartbeat_producer, {0x05});
     bus.run_for(50ms);
   }
   trial.expect(emergencies.arrivals().empty(), "a heartbeat every 50 ms", "no emergency",

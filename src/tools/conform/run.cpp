@@ -71,11 +71,12 @@ void apply_departures(Outcome& outcome, const RunOptions& options) {
   if (!departs) outcome.reason = "as the standard says, although a departure is listed: " + outcome.reason;
 }
 
-Outcome run_check(const Check& check, Subject& subject) {
+Outcome run_check(const Check& check, Subject& subject, const RunOptions& options) {
   Outcome outcome{.check = &check};
   const Time start = subject.services().now();
   Trial trial(subject, outcome);
   try {
+    if (options.watch && check.demand != Demand::nothing) subject.be_watched();
     check.run(trial, check.row);
   } catch (const Skipped& skipped) {
     // An observation that failed before the skip keeps the verdict at fail.
@@ -105,12 +106,12 @@ Report run_checks(Subject& subject, const RunOptions& options) {
                    .reason = check.demand == Demand::motion ? "--safe: it would move the axis"
                                                             : "--safe: it would enable the axis"};
       } else {
-        outcome = run_check(check, subject);
+        outcome = run_check(check, subject, options);
         // Repeats the check once if OP was lost: a computer that sends too late can cause that, while a faulty slave
         // leaves OP again.
         if (outcome.verdict == Verdict::fail && subject.lost_operation()) {
           subject.settle();
-          outcome = run_check(check, subject);
+          outcome = run_check(check, subject, options);
         }
         const std::string problem = subject.settle();
         if (!problem.empty()) report.problems.push_back(std::string(check.id) + ": " + problem);
@@ -121,6 +122,14 @@ Report run_checks(Subject& subject, const RunOptions& options) {
     }
   } catch (const Cancelled&) {
     report.cancelled = true;
+  } catch (...) {
+    // For example the output cannot be written.
+    try {
+      subject.restore();
+    } catch (...) {
+      // The first exception is rethrown below; this one is ignored.
+    }
+    throw;
   }
   const std::string problem = subject.restore();
   if (!problem.empty()) report.problems.push_back(problem);

@@ -13,6 +13,7 @@ std::span<const Check> all_checks();
 
 struct RunOptions {
   bool safe = false;                // skips checks that enable or move the axis
+  bool watch = true;                // on CAN, the drive monitors this program's heartbeat in such checks
   std::vector<std::string> only{};  // ids and groups to run; empty: all
   std::string_view product{};       // the product whose departures apply
   std::span<const Departure> departures = all_departures();
@@ -35,7 +36,8 @@ struct Report {
 };
 
 // Runs the checks that the options select. After each check, brings the drive to rest and restores its objects; after
-// the last, restores its bus state. Throws MasterError if the axis is enabled or its statusword cannot be read.
+// the last, or if a callback throws, restores its bus state. Throws MasterError if the axis is enabled or its
+// statusword cannot be read, and what a callback throws.
 Report run_checks(Subject& subject, const RunOptions& options);
 
 }  // namespace servodrome::master::conform

@@ -146,11 +146,27 @@ void Subject::remember() {
   if (*period == 0) sdo.write<std::uint16_t>(0x1017, 0, 0);
 }
 
-void Subject::refuse_if_enabled() {
+bool Subject::is_enabled() {
   const auto word = services().read_if_present<std::uint16_t>(statusword);
-  if (!word || state_of(*word) != PowerState::operation_enabled) return;
+  return word && state_of(*word) == PowerState::operation_enabled;
+}
+
+void Subject::refuse_if_enabled() {
+  if (!is_enabled()) return;
   throw MasterError("the axis is enabled, by another master or from before", where(),
                     "stop and disable it first; the checks begin with an axis at rest");
+}
+
+// The first call listens to the heartbeats of other programs; renew() does not need to.
+void Subject::be_watched() {
+  if (!can_) return;
+  if (watch_) return watch_->renew(can_->sdo);
+  ObjectClient* const drives[] = {&can_->sdo};
+  watch_.emplace(can_->bus, drives, [this](const std::string& sentence) { watch_problem_ += sentence + "\n"; });
+}
+
+void Subject::end_watch() {
+  if (watch_) watch_->end();
 }
 
 // Brings the axis to rest in this order: halt, fault reset, power off.
@@ -207,7 +223,8 @@ std::string Subject::settle() {
       problems += fmt::format("{}, {}: it does not take back the value from before\n", where(), text_of(object));
     }
   });
-  return problems;
+  end_watch();
+  return problems + std::exchange(watch_problem_, {});
 }
 
 std::string Subject::restore() {
@@ -231,6 +248,9 @@ std::string Subject::restore() {
   }
   for (const auto& [object, value] : snapshot_) {
     try {
+      // If the axis could not be switched off, the drive keeps the watch, and stops when the heartbeat is missing.
+      const bool is_of_watch = object.index == 0x1016 || object.index == 0x6007;
+      if (is_of_watch && watch_ && is_enabled()) continue;
       if (can_->sdo.upload(object) != value) can_->sdo.download(object, value);
     } catch (const MasterError&) {
       // The object is read-only, or the drive computes it: it is not a configuration object.

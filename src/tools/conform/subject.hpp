@@ -6,6 +6,7 @@
 #include <set>
 
 #include "axis/axis402.hpp"
+#include "axis/master_watch.hpp"
 #include "master/canopen/master.hpp"
 #include "master/canopen/sdo_client.hpp"
 #include "master/ethercat/coe_objects.hpp"
@@ -110,8 +111,14 @@ class Subject {
   // Throws MasterError if the axis is enabled: another master may be moving it, and the checks would interfere.
   void refuse_if_enabled();
 
-  // After a check: brings the axis to rest, resets a fault, switches power off and restores the objects. Returns the
-  // problems, one per line.
+  // On CAN, lets the drive monitor this program's heartbeat until end_watch() or settle(), so that the axis stops by
+  // itself if the program is killed. Does nothing on other buses. Throws MasterError if the drive does not answer.
+  void be_watched();
+  // For a check that uses 1016h itself.
+  void end_watch();
+
+  // After a check: brings the axis to rest, resets a fault, switches power off, restores the objects and ends the
+  // watch. Returns the problems, one per line.
   std::string settle();
   // After all checks: settle(), and restores the bus state and the objects that a reset of the node has lost. Returns
   // the problems, one per line.
@@ -120,11 +127,14 @@ class Subject {
  private:
   void remember();
   void to_rest();
+  bool is_enabled();
 
   unsigned kind_;
   SubjectSettings settings_;
   std::optional<CanAccess> can_;
   std::optional<Master> master_;
+  std::string watch_problem_;  // the drive keeps the objects of the watch; a sentence of watch_
+  std::optional<MasterWatch> watch_;
   std::optional<EthercatAccess> ethercat_;
   std::optional<ModbusAccess> modbus_;
   std::unique_ptr<ObjectClient> by_service_;  // on EtherCAT and Modbus

@@ -250,14 +250,14 @@ bool Trial::cause_following_error() {
 
 bool Trial::lose_heartbeat() {
   if (subject_.bus_kind() != buses::can) return false;
-  constexpr std::uint32_t producer = 126;
   if (!objects().read_if_present<std::uint32_t>(0x1016, 1)) return false;
+  subject_.end_watch();  // it uses the same sub-index
   bring_to(PowerState::operation_enabled);
   if (objects().read_if_present<std::int16_t>(0x6007)) {
     if (refusal_of([&] { objects().write<std::int16_t>(0x6007, 0, 1); })) return false;
   }
-  if (refusal_of([&] { objects().write<std::uint32_t>(0x1016, 1, producer << 16 | 100); })) return false;
-  subject_.can().bus.send(0x700 + producer, {0x05});
+  if (refusal_of([&] { objects().write<std::uint32_t>(0x1016, 1, heartbeat_producer << 16 | 100); })) return false;
+  subject_.can().bus.send(0x700 + heartbeat_producer, {0x05});
   return wait_for(PowerState::fault, 1s);
 }
 

@@ -20,6 +20,9 @@ struct Refusal {
   std::string text;
 };
 
+// Node-ID of the heartbeats that checks send and stop. Other programs may use those of MasterWatch.
+inline constexpr std::uint32_t heartbeat_producer = MasterWatch::lowest_node_id - 1;
+
 // A running check: gives access to the subject, and records what was sent, expected and seen.
 class Trial {
  public:

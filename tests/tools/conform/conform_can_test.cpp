@@ -5,6 +5,7 @@
 
 #include "axis/object_catalogue.hpp"
 #include "canopen/crc16.hpp"
+#include "links/link_error.hpp"
 #include "tools/conform/conform_rig.hpp"
 
 namespace servodrome::master::conform::test {
@@ -94,6 +95,11 @@ bool is_write(const Frame& frame, std::uint16_t index) {
   return frame.id == 0x605 && (frame.data[0] & 0xE0) == 0x20 && (frame.data[1] | frame.data[2] << 8) == index;
 }
 std::uint16_t word_in(const Frame& frame) { return static_cast<std::uint16_t>(frame.data[4] | frame.data[5] << 8); }
+std::uint32_t number_in(const Frame& frame) {
+  std::uint32_t number = 0;
+  std::memcpy(&number, &frame.data[4], sizeof number);
+  return number;
+}
 void put_word(Frame& frame, unsigned value) {
   frame.data[4] = static_cast<std::uint8_t>(value);
   frame.data[5] = static_cast<std::uint8_t>(value >> 8);
@@ -531,7 +537,8 @@ TEST(ConformCan, TheDriveIsAsBefore) {
                             (index >= 0x6062 && index <= 0x606C && index != 0x6065 && index != 0x6066 &&
                              index != 0x6067 && index != 0x6068) ||
                             index == 0x6074 || (index >= 0x6077 && index <= 0x6079) || index == 0x60F4 ||
-                            index == 0x60FA || index == 0x60FC || index == 0x603F || index == 0x60FD || index == 0x1013;
+                            index == 0x60FA || index == 0x60FC || index == 0x603F || index == 0x60FD ||
+                            index == 0x1013 || (index >= 0x60B9 && index <= 0x60BD);
       if (measured) continue;
       try {
         all[object.address] = rig.sdo.upload(object.address);
@@ -557,6 +564,76 @@ TEST(ConformCan, TheDriveIsAsBefore) {
   EXPECT_TRUE(master.wait_for_state(5, NmtState::operational, 300ms));
   EXPECT_NEAR(rig.sdo.read<std::int32_t>(0x6064), position, 131072) << "within a revolution of where it was";
   EXPECT_EQ(rig.sdo.read<std::uint16_t>(0x6041) & 0x6F, 0x40) << "disabled";
+}
+
+// A program whose output breaks throws in its callback.
+struct BrokenOutput {};
+
+TEST(ConformCan, TheDriveIsAsBeforeIfACallbackThrows) {
+  CanRig rig("generic402");
+  rig.sdo.write<std::uint16_t>(0x1017, 0, 70);
+  rig.bus.send(0, {0x01, 5});
+  EXPECT_THROW(rig.run({.only = {"nmt.reset-node"}, .after = [](const Outcome&) { throw BrokenOutput{}; }}),
+               BrokenOutput);
+  EXPECT_EQ(rig.sdo.read<std::uint16_t>(0x1017), 70);
+  Master master(rig.bus);
+  EXPECT_TRUE(master.wait_for_state(5, NmtState::operational, 300ms));
+}
+
+const FalseClient::Change link_fails = [](Frame&) -> bool {
+  throw links::LinkError(std::make_error_code(std::errc::connection_reset), "the test");
+};
+
+TEST(ConformCan, AnExceptionOfRestoringDoesNotReplaceThatOfACallback) {
+  CanRig rig("generic402");
+  rig.sdo.write<std::uint16_t>(0x1017, 0, 70);
+  rig.bus.send(0, {0x01, 5});  // restoring this state by an NMT command throws MasterError
+  const auto break_all = [&](const Outcome&) {
+    rig.to_drive = link_fails;
+    throw BrokenOutput{};
+  };
+  EXPECT_THROW(rig.run({.only = {"nmt.other-node"}, .after = break_all}), BrokenOutput);
+}
+
+TEST(ConformCan, TheDriveMonitorsThisProgramInChecksThatMoveTheAxis) {
+  for (const bool watch : {true, false}) {
+    CanRig rig("generic402");
+    const auto before = rig.sdo.read<std::uint32_t>(0x1016, 1);
+    const auto option = rig.sdo.read<std::int16_t>(0x6007);
+    std::uint32_t entry = before;
+    std::vector<std::uint32_t> entries_in_motion;
+    rig.to_drive = [&](Frame& frame) {
+      if (is_write(frame, 0x1016) && frame.data[3] == 1) entry = number_in(frame);
+      if (is_write(frame, 0x60FF) && number_in(frame) != 0) entries_in_motion.push_back(entry);
+      return true;
+    };
+    const Report report = rig.run({.watch = watch, .only = {"pv.halt"}});
+    EXPECT_EQ(report.count(Verdict::pass), 1U) << text_of(report, {Verdict::fail, Verdict::skipped});
+    EXPECT_THAT(entries_in_motion, testing::ElementsAre(watch ? 0x7B05DCU : before));
+    EXPECT_EQ(rig.sdo.read<std::uint32_t>(0x1016, 1), before);
+    EXPECT_EQ(rig.sdo.read<std::int16_t>(0x6007), option);
+  }
+}
+
+// The link fails as soon as the axis has its velocity.
+TEST(ConformCan, TheAxisStopsIfTheLinkFails) {
+  CanRig rig("generic402");
+  bool failed_link = false;
+  rig.to_drive = [&](Frame& frame) {
+    if (failed_link) return link_fails(frame);
+    failed_link = is_write(frame, 0x60FF) && number_in(frame) != 0;
+    return true;
+  };
+  const Report report = rig.run({.only = {"pv.halt"}});
+  EXPECT_THAT(failed(report), testing::ElementsAre("pv.halt"));
+  const auto counts_in_a_second = [&] {
+    const auto start = rig.line.axes()[0]->plant().position_counts();
+    rig.line.run_until(rig.line.now() + 1s);
+    return std::abs(static_cast<double>(rig.line.axes()[0]->plant().position_counts() - start));
+  };
+  EXPECT_GT(counts_in_a_second(), 10'000.0);
+  rig.line.run_until(rig.line.now() + MasterWatch::longest_silence + 2s);
+  EXPECT_LT(counts_in_a_second(), 100.0);
 }
 
 TEST(ConformCan, SafeNeverEnables) {
