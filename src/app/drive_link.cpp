@@ -282,7 +282,15 @@ void DriveLink::be_watched(const BusOptions& options) {
   const Can* can = on<Can>();
   if (can == nullptr || options.no_watch) return;
   master::ObjectClient* const drives[] = {objects_.get()};
-  watch_.emplace(*can->bus, drives, warn);
+  watch_.emplace(*can->bus, drives, [this](const std::string& sentence) {
+    watch_is_left_ = true;
+    warn(sentence);
+  });
+}
+
+bool DriveLink::end_watch() {
+  watch_.reset();
+  return !watch_is_left_;
 }
 
 void DriveLink::operate(const BusOptions& options) {

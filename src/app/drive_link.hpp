@@ -43,6 +43,9 @@ class DriveLink {
   // Lets a CANopen drive monitor this program's heartbeat as long as this object lives (master::MasterWatch), unless
   // the options disable it.
   void be_watched(const BusOptions& options);
+  // Ends this monitoring now, for example before the drive stores its objects. Returns false if the drive could not be
+  // restored; warn() has then printed the objects that keep their values.
+  bool end_watch();
   // Exchanges the process data of the drive with the cycle of the options: on CANopen those in `on_can`, on EtherCAT
   // those that the slave maps; the slave must operate. A CANopen drive receives this program's heartbeat as long as the
   // result lives. Throws Failure on a bus without process data.
@@ -95,6 +98,7 @@ class DriveLink {
 
   std::variant<Can, Modbus, Serial10, Ethercat> bus_;
   std::unique_ptr<master::ObjectClient> objects_;
+  bool watch_is_left_ = false;  // the drive keeps values of watch_ after its end
   std::optional<master::MasterWatch> watch_;
   const line::Product* product_ = nullptr;
   bool asked_product_ = false;

@@ -14,7 +14,10 @@ void note_interrupt(int signal) {
   if (interrupt_seen == 0) interrupt_seen = signal;
 }
 
-constexpr std::array guarded{SIGINT, SIGTERM, SIGHUP, SIGPIPE};
+constexpr std::array guarded{SIGINT, SIGTERM, SIGHUP, SIGPIPE, SIGQUIT, SIGTSTP};
+
+// Signals that keep their default action in a command that only looks.
+bool is_default_when_looking(int signal) { return signal == SIGPIPE || signal == SIGQUIT || signal == SIGTSTP; }
 
 }  // namespace
 
@@ -29,7 +32,7 @@ InterruptGuard::InterruptGuard(Command command) : before_(std::make_unique<Befor
     struct sigaction action {};
     action.sa_handler = guarded[i] == SIGPIPE ? SIG_IGN : note_interrupt;
     const bool is_left = (guarded[i] == SIGHUP && before_->actions[i].sa_handler == SIG_IGN) ||
-                         (guarded[i] == SIGPIPE && command == Command::only_looks);
+                         (is_default_when_looking(guarded[i]) && command == Command::only_looks);
     if (!is_left) ::sigaction(guarded[i], &action, nullptr);
   }
 }

@@ -6,9 +6,11 @@
 namespace servodrome::app {
 
 // While an object of this class lives, Ctrl-C, SIGTERM and the loss of the terminal (SIGHUP, unless nohup makes it
-// ignored) do not kill the program: they only set interrupted(), and the command ends itself. If the reader of the
-// output ends (SIGPIPE), the command continues, because an axis may be moving; a command that only looks ends.
-// Windows has no SIGHUP and no SIGPIPE; Ctrl-Break and the end of the console count as an interrupt there.
+// ignored) do not kill the program: they only set interrupted(), and the command ends itself. Ctrl-Z (SIGTSTP) and
+// SIGQUIT do the same, because a suspended or killed program does not stop its axis. If the reader of the output ends
+// (SIGPIPE), the command continues, because an axis may be moving. A command that only looks keeps the default actions
+// of these three signals. Create the guard before a DriveLink, so that it also covers the restoring at the end of that.
+// Windows has only SIGINT and SIGTERM of these; Ctrl-Break and the end of the console count as an interrupt there.
 class InterruptGuard {
  public:
   enum class Command : std::uint8_t { acts, only_looks };

@@ -22,13 +22,13 @@ void add_motion_options(CLI::App& command, MotionOptions& options, const std::st
 
 void run_motion(const MotionOptions& options, const std::function<Motion(const Units&)>& plan) {
   const master::UnitChoice choice = options.units.choice();
+  const InterruptGuard guard;
   DriveLink link(options.bus, true);
   link.operate(options.bus);
   const auto opened = link.open_axis({});
   master::Axis402& axis = *opened;
   const master::UnitScale scale = scale_of(axis, choice);
   const Motion motion = plan(Units(scale));
-  const InterruptGuard guard;
   master::Time start{};
   MotionResult result;
   double seconds = 0.0;

@@ -25,6 +25,7 @@ Keyboard::Keyboard() : before_(std::make_unique<Before>()) {
   ::tcgetattr(STDIN_FILENO, &before_->settings);
   termios raw = before_->settings;
   raw.c_lflag &= ~static_cast<tcflag_t>(ICANON | ECHO);
+  raw.c_iflag &= ~static_cast<tcflag_t>(IXON);  // otherwise Ctrl-S blocks the next output, and the motion runs on
   raw.c_cc[VMIN] = 0;
   raw.c_cc[VTIME] = 0;
   ::tcsetattr(STDIN_FILENO, TCSANOW, &raw);

@@ -12,7 +12,7 @@ unsigned terminal_width();
 // Returns true if standard input is a terminal.
 bool has_keyboard();
 
-// While it lives, the terminal delivers single characters without echo.
+// While it lives, the terminal delivers single characters without echo, and Ctrl-S does not stop the output.
 class Keyboard {
  public:
   Keyboard();

@@ -145,6 +145,47 @@ def test_parameters_go_back_to_the_factorys(line, client):
     params("load", "any.par", "--factory", status=2)
 
 
+def leave_it_turning(line):
+    """The axis turns on without a master that it monitors, and brakes in two seconds on halt."""
+    command = [PROGRAM, "jog", "--bus", line.links["can0"][0], "--node", "2", "--velocity", str(-COUNTS), "--acceleration", str(COUNTS // 2),
+               "--seconds", "60", "--no-watch"]
+    jog = subprocess.Popen(command, stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL)
+    try:
+        wait_for(lambda: velocity_of(line) < -55 or jog.poll() is not None, "the axis to turn")
+        assert jog.poll() is None
+    finally:
+        jog.kill()
+        jog.wait()
+
+
+def assert_disabled(line):
+    assert line.bench.axis("reference")["state"] == "switch on disabled"
+    assert abs(velocity_of(line)) < 1
+
+
+@pytest.mark.once
+def test_disable_stops_an_axis_after_a_controlword_that_resets_faults(line, client):
+    leave_it_turning(line)
+    client("set", "--node", "2", "6040", "128")
+    client("disable", "--node", "2")
+    assert_disabled(line)
+
+
+@pytest.mark.once
+def test_disable_switches_off_if_the_halt_fails(line):
+    """While the axis brakes, the answers to a read and to its repetition are lost."""
+    leave_it_turning(line)
+    command = [PROGRAM, "disable", "--bus", line.links["can0"][0], "--node", "2"]
+    disable = subprocess.Popen(command, stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+    halt = 0x010F
+    wait_for(lambda: line.bench.get("axes/reference/objects/6040/0")["value"] == halt or disable.poll() is not None, "the halt")
+    line.bench.post("buses/can0/disturb", {"drop": 1, "id": 0x582, "limit": 2})
+    out, said = disable.communicate(timeout=60)
+    assert disable.returncode == 0 and "switch on disabled" in out, (disable.returncode, out, said)
+    assert "The motor is off nevertheless" in said, said
+    assert_disabled(line)
+
+
 @pytest.mark.once
 def test_jog_for_some_time_and_faults(client, bench):
     jogged = json.loads(client("jog", "--node", "2", "--velocity", "131072", "--seconds", "0.5", "--json"))
@@ -201,6 +242,16 @@ def test_run_a_script(client, bench, tmp_path):
 def test_prove(client):
     table = client("prove")
     assert "ismc" in table.lower() or "sapphire" in table.lower()
+
+
+@pytest.mark.once
+def test_prove_moves_nothing_if_other_drives_are_there_than_expected(client, bench):
+    before = bench.get("axes/reference")["position_counts"]
+    said = client("prove", "--expect", "ismc,ismc", status=1)
+    assert "nothing has moved" in said and "ismc, generic402" in said, said
+    assert "generic402" in client("prove", "--expect", "generic40", status=2)
+    now = bench.get("axes/reference")
+    assert now["position_counts"] == before and now["state"] == "switch on disabled"
 
 
 @pytest.mark.once

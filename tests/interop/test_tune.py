@@ -190,6 +190,59 @@ def test_the_supply_fails(axis, tuned_line):
     assert said.startswith("servodrome: ") and ";" in said, said
 
 
+def objects_of_the_measurement(line):
+    """Those that `tune` changes and restores: the PDOs, and the objects by which the drive monitors its master."""
+    watch = [line.bench.get(f"axes/reference/objects/{path}")["value"] for path in ("1016/1", "6007/0")]
+    return watch, line.bench.get("axes/reference/pdos")["pdos"]
+
+
+def test_only_the_gains_are_stored(tuned_line):
+    tuned_line.bench.put("axes/reference/objects/6007/0", {"value": 0})  # so that the command changes it
+    old, before = gain(tuned_line, "reference"), objects_of_the_measurement(tuned_line)
+    said = tune(tuned_line, "reference", "--apply", "--store", "--bandwidth", 60)
+    if not said:
+        return
+    assert said["stored"] and said["gains"][0]["after"] != old
+    tuned_line.bench.post("axes/reference/power", {"action": "cycle"})
+    assert gain(tuned_line, "reference") == said["gains"][0]["after"]
+    assert objects_of_the_measurement(tuned_line) == before
+
+
+def test_an_axis_that_turns_is_stopped_by_its_ramp(tmp_path):
+    """The axis turns on after its master has died; the ramp takes 0.5 s. The first process data would switch its motor off."""
+    text = '[[bus]]\nname = "can0"\n[[axis]]\nname = "reference"\nproduct = "generic402"\nbus = "can0"\nnode = 2\n'
+    line = Line(tmp_path, text, ["can0=socketcand:127.0.0.1:0/can0"])
+    try:
+        where = ["--bus", line.links["can0"][0], "--node", "2"]
+        velocity = ["--revolutions", "--velocity", "10", "--acceleration", "20"]
+        jog = subprocess.Popen([PROGRAM, "jog", *where, *velocity, "--seconds", "60", "--no-watch"], stdin=subprocess.DEVNULL)
+        try:
+            wait_for(lambda: line.bench.axis("reference")["velocity_rpm"] > 590 or jog.poll() is not None, "the velocity")
+            assert jog.poll() is None
+        finally:
+            jog.kill()
+            jog.wait()
+        seen = []
+
+        def rests():
+            now = line.bench.axis("reference")
+            seen.append((now["state"], now["velocity_rpm"]))
+            return abs(now["velocity_rpm"]) < 1
+
+        process = start(line, "reference", *SHORT)
+        try:
+            wait_for(rests, "the axis at rest")
+            process.send_signal(signal.SIGINT)
+            _, said = process.communicate(timeout=200)
+        finally:
+            process.kill()
+        assert "it is stopped and switched off before the measurement" in said, said
+        assert {state for state, velocity in seen if velocity > 30} == {"operation enabled"}, seen
+        assert any(30 < velocity < 570 for _, velocity in seen), seen
+    finally:
+        line.stop()
+
+
 def test_wrong_uses(tuned_line):
     can = ["--bus", tuned_line.links["can0"][0], "--node", 2]
     assert "not both" in servodrome("tune", *can, "--apply", "--propose", status=2)

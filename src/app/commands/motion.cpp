@@ -62,14 +62,30 @@ void move(const MoveOptions& options) {
   });
 }
 
+// False if the motor is on, or the drive does not answer.
+bool is_off(master::Axis402& axis) {
+  try {
+    const master::PowerState state = axis.state();
+    return state != master::PowerState::operation_enabled && state != master::PowerState::quick_stop_active;
+  } catch (const master::MasterError&) {
+    return false;
+  }
+}
+
 // Works in any mode, whichever master enabled the drive. It needs no process data: the motor of an EtherCAT slave
 // outside OP is off already, or is switched off here.
 void disable(const BusOptions& options) {
   DriveLink link(options, true);
   const InterruptGuard guard;
   const auto axis = link.open_axis({});
-  axis->stop();
-  axis->disable();
+  try {
+    axis->stop();
+    axis->disable();
+  } catch (const master::MasterError& error) {
+    axis->try_to_switch_off();
+    if (!is_off(*axis)) throw;
+    warn(fmt::format("{}. The motor is off nevertheless", error.what()));
+  }
   const char* const state = drive::name(axis->state());
   if (options.json) {
     fmt::print("{}\n", nlohmann::ordered_json{{"node", axis->address()}, {"state", state}}.dump(2));

@@ -82,8 +82,47 @@ void write_plot(const std::string& path, const tuning::SessionResult& result, co
   if (!file) throw Failure::did_not_work(fmt::format("{}: cannot be written; check path, rights and disk", path));
 }
 
-// Returns true if the drive keeps the gains after power-off.
+// The process data begin with controlword 0, which switches the motor of an enabled drive off: a moving axis would
+// coast, a held load would fall.
+void stop_before_exchange(DriveLink& link) {
+  const auto axis = link.open_axis({});
+  const master::PowerState state = axis->state();
+  if (state != master::PowerState::operation_enabled && state != master::PowerState::quick_stop_active) return;
+  warn(fmt::format("{}: the axis is enabled; it is stopped and switched off before the measurement",
+                   link.objects().where()));
+  try {
+    axis->stop();
+    axis->disable();
+  } catch (...) {
+    axis->try_to_switch_off();
+    throw;
+  }
+}
+
+// On CAN this restores the drive's PDOs. The store command would store those of the measurement, too.
+void end_exchange(std::unique_ptr<master::CyclicBus>& cyclic, const Options& options) {
+  try {
+    if (auto* can = dynamic_cast<master::CanCyclicBus*>(cyclic.get())) can->close();
+  } catch (const master::MasterError& error) {
+    const std::string problem =
+        fmt::format("{}: the PDOs of the drive could not be restored: {}", error.where(), error.happened());
+    if (options.store) {
+      throw Failure::did_not_work(problem + "; so the gains are not stored: restart the drive and tune it again");
+    }
+    warn(problem + "; restart the drive");
+  }
+  cyclic.reset();
+}
+
+// Returns true if the drive keeps the gains after power-off. The store command stores all objects, so the drive's own
+// values of the watch are restored first.
 bool store(DriveLink& link) {
+  if (!link.end_watch()) {
+    throw Failure::did_not_work(
+        fmt::format("{}: the gains are not stored, because the drive would also store the values of this program in "
+                    "1016h:01 and 6007h; restart the drive and tune it again",
+                    link.objects().where()));
+  }
   const std::string_view name = link.product() != nullptr ? link.product()->name : std::string_view{};
   return master::store_parameters(link.objects(), master::parameter_rules_of(name));
 }
@@ -98,9 +137,9 @@ void print_storing(const Options& options, bool stored, bool written) {
 }
 
 void run_itself(const Options& options) {
+  const InterruptGuard guard;
   DriveLink link(options.bus, true);
   link.operate(options.bus);
-  const InterruptGuard guard;
   const auto axis = link.open_axis({});
   const auto& dialect =
       tuning::tuning_dialect_of(link.product() != nullptr ? link.product()->name : std::string_view{});
@@ -137,9 +176,10 @@ void run(const Options& options) {
         "drive tune itself, or use its CAN or EtherCAT port",
         options.bus.link));
   }
-  DriveLink link(options.bus, true);
-  link.operate(options.bus);
   const InterruptGuard guard;
+  DriveLink link(options.bus, true);
+  stop_before_exchange(link);
+  link.operate(options.bus);
   master::ObjectClient& objects = link.objects();
   const auto& dialect =
       tuning::tuning_dialect_of(link.product() != nullptr ? link.product()->name : std::string_view{});
@@ -153,7 +193,7 @@ void run(const Options& options) {
   }
   const tuning::TuningUnits units = tuning::tuning_units_of(objects, dialect, *axis_units);
   if (options.reset_fault) axis->reset_fault();
-  const auto cyclic =
+  auto cyclic =
       link.open_cyclic(kind == BusKind::can ? tuning::tuning_drive(objects, dialect) : master::CanDrive{}, options.bus);
   const bool shown = on_terminal() && !options.bus.json;
   tuning::SessionResult result;
@@ -170,6 +210,7 @@ void run(const Options& options) {
         tuning::tune(tuner, objects, dialect, units, {.bandwidth_hz = options.bandwidth_hz, .apply = options.apply});
   }
   if (shown) fmt::print(stderr, "\r\x1B[K");
+  end_exchange(cyclic, options);
   if (!options.plot.empty()) write_plot(options.plot, result, objects.where());
   const bool stored = options.store && store(link);
 
