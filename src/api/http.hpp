@@ -23,6 +23,8 @@ struct Request {
   std::string client{};
   bool has_origin = false;
   bool from_loopback = true;
+  // The rate limit delays the request: `begin` carries it out only if its route is urgent, otherwise postpones it.
+  bool only_if_urgent = false;
 };
 
 // Returns the next part of a body that is generated while it is sent; empty: the body is complete.
@@ -40,6 +42,7 @@ struct Response {
   More more{};                                                // generates the rest of the body behind `body`
   std::vector<std::pair<std::string, std::string>> fields{};  // additional header fields
   Piece piece{};                                              // set while the request is not complete
+  bool postponed = false;                                     // no answer: the request must be sent again in its turn
 };
 
 }  // namespace servodrome::api

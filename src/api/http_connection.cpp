@@ -223,20 +223,57 @@ void HttpConnection::has_read(const error_code& code) {
   } else if (code) {
     answer(refusal_of(code, largest_header, largest_body), 11, false);
   } else {
-    serve_in_turn();
+    take_turn();
   }
 }
 
-void HttpConnection::serve_in_turn() {
-  const auto delay = server_->take_turn();
-  if (delay == delay.zero()) {
-    serve();
+void HttpConnection::take_turn() {
+  const auto now = Turns::Clock::now();
+  due_ = server_->turns_.take(now);
+  serve_at(may_be_urgent() ? std::min(due_, server_->urgent_turns_.next(now)) : due_);
+}
+
+// Only the server's handler finds the route, so each request with this form is offered to it as urgent.
+bool HttpConnection::may_be_urgent() const {
+  const Message& message = parser_->get();
+  return (message.method() == http::verb::post || message.method() == http::verb::delete_) &&
+         text_of(message.target()).starts_with("/api/") && message.body().size() < largest_urgent_body;
+}
+
+void HttpConnection::serve_at(Turns::Clock::time_point when) {
+  if (when <= Turns::Clock::now()) {
+    if (due_ <= Turns::Clock::now()) {
+      serve();
+    } else {
+      serve_if_urgent();
+    }
     return;
   }
-  turn_.expires_after(delay);
-  turn_.async_wait(guarded([this](const error_code& code) {
-    if (!code) serve();
+  turn_.expires_at(when);
+  turn_.async_wait(guarded([this, when](const error_code& code) {
+    if (!code) serve_at(when);
   }));
+}
+
+// Serves an urgent request before its turn. All other requests, and those that are refused, wait for it.
+void HttpConnection::serve_if_urgent() {
+  const Message& message = parser_->get();
+  Request request = request_of(Message(message), from_loopback_);
+  if (refusal_of_address(message) || refuse(server_->access_, request)) {
+    serve_at(due_);
+    return;
+  }
+  request.only_if_urgent = true;
+  server_->handlers_.answer(std::move(request), guarded([this, version = message.version(),
+                                                         keep_alive = message.keep_alive()](Response&& response) {
+                              if (response.postponed) {
+                                serve_at(due_);
+                                return;
+                              }
+                              was_urgent_ = true;
+                              server_->urgent_turns_.take(Turns::Clock::now());
+                              answer(std::move(response), version, keep_alive);
+                            }));
 }
 
 void HttpConnection::disconnect() {
@@ -367,7 +404,7 @@ void HttpConnection::written(const error_code& code) {
       boost::asio::async_write(stream_, http::make_chunk(boost::asio::buffer(part_)), next);
     }
   } else if (message_.keep_alive()) {
-    server_->charge(std::exchange(spent_, {}));
+    charge();
     message_ = {};  // frees up to 16 MiB
     read();
   } else {
@@ -375,8 +412,15 @@ void HttpConnection::written(const error_code& code) {
   }
 }
 
+void HttpConnection::charge() {
+  const auto now = Turns::Clock::now();
+  const auto spent = std::exchange(spent_, {});
+  server_->turns_.charge(now, spent);
+  if (std::exchange(was_urgent_, false)) server_->urgent_turns_.charge(now, spent);
+}
+
 void HttpConnection::close() {
-  server_->charge(spent_);
+  charge();
   error_code ignored;
   stream_.socket().shutdown(tcp::socket::shutdown_send, ignored);
   stream_.socket().close(ignored);

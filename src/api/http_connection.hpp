@@ -30,6 +30,7 @@ class HttpConnection : public std::enable_shared_from_this<HttpConnection> {
  private:
   static constexpr std::uint32_t largest_header = 8 * 1024;
   static constexpr std::uint64_t largest_body = 256 * 1024;
+  static constexpr std::uint64_t largest_urgent_body = 1024;
   static constexpr auto patience = std::chrono::seconds(5);
 
   using Message = boost::beast::http::request<boost::beast::http::string_body>;
@@ -41,13 +42,18 @@ class HttpConnection : public std::enable_shared_from_this<HttpConnection> {
   void parse();
   void invite_body();
   void has_read(const boost::system::error_code& code);
-  void serve_in_turn();
+  void take_turn();
+  bool may_be_urgent() const;
+  // Calls serve_if_urgent or serve at that time.
+  void serve_at(Turns::Clock::time_point when);
+  void serve_if_urgent();
   void serve();
   std::optional<Response> refusal_of_address(const Message& message) const;
   void upgrade(Message&& message);
   void begin_to_send();
   void answer(Response&& response, unsigned version, bool keep_alive);
   void written(const boost::system::error_code& code);
+  void charge();
   void close();
 
   HttpServer* server_;
@@ -61,6 +67,8 @@ class HttpConnection : public std::enable_shared_from_this<HttpConnection> {
   More more_;                                    // generates its next part
   std::string part_;                             // that is being sent
   std::chrono::steady_clock::duration spent_{};  // time of the thread for the current request
+  Turns::Clock::time_point due_{};               // turn of the current request
+  bool was_urgent_ = false;                      // it was served before its turn
   bool from_loopback_ = false;
   bool wants_head_ = false;  // the request is a HEAD: the response has no body
 };

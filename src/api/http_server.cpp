@@ -77,24 +77,12 @@ bool HttpServer::make_room() {
   return true;
 }
 
-std::chrono::steady_clock::duration HttpServer::take_turn() {
-  const auto now = std::chrono::steady_clock::now();
-  next_turn_ = std::max(next_turn_, now - burst) + turn;
-  return std::max(next_turn_ - now, std::chrono::steady_clock::duration::zero());
-}
-
 void HttpServer::count_failure(const std::exception& error) {
   ++failures_;
   if (!std::has_single_bit(failures_) || !handlers_.report) return;
   handlers_.report(fmt::format(
       "bench API: an exception ended a connection ({} so far): {}; please report it with the request that caused it",
       failures_, error.what()));
-}
-
-void HttpServer::charge(std::chrono::steady_clock::duration spent) {
-  constexpr int share = 2;
-  if (share * spent <= turn) return;
-  next_turn_ = std::max(next_turn_, std::chrono::steady_clock::now() - burst) + (share * spent - turn);
 }
 
 void HttpServer::accept(tcp::socket&& socket) {

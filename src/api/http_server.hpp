@@ -1,5 +1,6 @@
 #pragma once
 
+#include <algorithm>
 #include <boost/asio/io_context.hpp>
 #include <boost/asio/ip/tcp.hpp>
 #include <chrono>
@@ -22,7 +23,8 @@ struct Upgrade;
 struct HttpHandlers {
   using Reply = std::function<void(Response&&)>;
 
-  // Must call `reply` once, in the thread of `io`, immediately or later.
+  // Must call `reply` once, in the thread of `io`, immediately or later. A request with `only_if_urgent` that is
+  // postponed comes again.
   std::function<void(Request&& request, Reply reply)> answer;
   // The only address at which a client that may write can open a WebSocket.
   std::string upgrade_address{};
@@ -32,11 +34,33 @@ struct HttpHandlers {
   std::function<void(const std::string& message)> report{};
 };
 
+// The turns of a rate limit: the earliest times of requests.
+class Turns {
+ public:
+  using Clock = std::chrono::steady_clock;
+  static constexpr auto length = std::chrono::microseconds(500);
+  static constexpr auto burst = 200 * length;  // requests that need not wait after a pause
+
+  // The turn of a request that comes at `now`; it may be in the past.
+  Clock::time_point next(Clock::time_point now) const { return std::max(last_, now - burst) + length; }
+  Clock::time_point take(Clock::time_point now) { return last_ = next(now); }
+  // Charges the thread's time of a request: time beyond its turn delays later requests, so that requests use at most
+  // half of the thread's time.
+  void charge(Clock::time_point now, Clock::duration spent) {
+    constexpr int share = 2;
+    if (share * spent > length) last_ = std::max(last_, now - burst) + (share * spent - length);
+  }
+
+ private:
+  Clock::time_point last_{};
+};
+
 // HTTP/1.1 on a TCP port, with keep-alive. A request has at most 8 KiB of header and 256 KiB of body. There are at most
 // 64 connections: a new one replaces the one that has been silent longest, but none whose request is being carried out.
 // A connection is closed after a minute of silence. A rate limit delays requests beyond 2000 per second of all clients
-// together, and fewer if they take long, because they are carried out between the ticks of drives. Everything happens
-// in the thread of `io`.
+// together, and fewer if they take long, because they are carried out between the ticks of drives. An urgent request
+// (Route::is_urgent) with a short body has turns of its own as well: it does not wait for the turns and the time of
+// other requests, but they wait for it. Everything happens in the thread of `io`.
 class HttpServer {
  public:
   // Begins to listen. Throws links::LinkError if that fails.
@@ -57,23 +81,17 @@ class HttpServer {
  private:
   friend class HttpConnection;
   static constexpr std::size_t most_connections = 64;
-  static constexpr auto turn = std::chrono::microseconds(500);
-  static constexpr auto burst = 200 * turn;  // requests that need not wait after a pause
 
   void accept(boost::asio::ip::tcp::socket&& socket);
   // Returns false if all requests are being carried out.
   bool make_room();
-  // Returns how long a new request has to wait because of the rate limit.
-  std::chrono::steady_clock::duration take_turn();
-  // Charges the thread's time of a request: time beyond its turn delays later requests, so that requests use at most
-  // half of the thread's time.
-  void charge(std::chrono::steady_clock::duration spent);
 
   links::AcceptLoop accept_loop_;
   Access access_;
   HttpHandlers handlers_;
   std::set<std::shared_ptr<HttpConnection>> connections_;
-  std::chrono::steady_clock::time_point next_turn_{};
+  Turns turns_;         // of all requests
+  Turns urgent_turns_;  // of urgent requests that come before their turn
   std::uint64_t failures_ = 0;
 };
 

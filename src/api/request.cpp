@@ -76,6 +76,7 @@ void search(Search& search, const RouteGroup& group) {
     auto arguments = match(route.pattern, search.path);
     if (!arguments) continue;
     if (route.method == search.request.method) {
+      if (search.request.only_if_urgent && !route.is_urgent) return;
       Call call{std::move(*arguments), search.request.body, search.query, group.context};
       search.response = answer_of(call, route);
       return;
@@ -105,6 +106,11 @@ Response dispatch(const Request& request, std::span<const RouteGroup> groups) {
   for (const RouteGroup& group : groups) {
     search(wanted, group);
     if (wanted.response) return std::move(*wanted.response);
+  }
+  if (request.only_if_urgent) {
+    Response postponed;
+    postponed.postponed = true;
+    return postponed;
   }
   if (wanted.allow.empty()) {
     return error_response({404, "unknown address", std::string(wanted.path.substr(0, 200)),

@@ -30,11 +30,16 @@ struct Call {
   JsonPiece piece{};                 // if set by the handler, its last result is sent instead of the handler's
 };
 
+// The value of Route::is_urgent for requests that bring axes to rest, or that keep a dead man's switch. The address of
+// a stop may also begin motions: the limit does not interpret the body, and such requests are short.
+inline constexpr bool urgent = true;
+
 struct Route {
   Method method;
   std::string_view pattern;  // "/api/v1/axes/{}"
   Json (*act)(Call& call);   // throws ApiError; null: 204 without a body
   unsigned status = 200;     // of a response with a body, such as 201 for a new object
+  bool is_urgent = false;    // the rate limit delays only long series of such requests (HttpServer)
 };
 
 // Routes and the data that their handlers need. `context` must outlive the requests.

@@ -11,11 +11,13 @@
 #include <fstream>
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
+#include <mutex>
 #include <nlohmann/json.hpp>
 #include <sys/resource.h>
 #include <thread>
 #include <unistd.h>
 
+#include "api/http_server.hpp"
 #include "api/scope/frame.hpp"
 #include "api/scope/stream_session.hpp"
 #include "line/bench/line_bench.hpp"
@@ -366,6 +368,100 @@ TEST(BenchRates, RequestsThatTakeLongWaitLonger) {
   const auto begin = std::chrono::steady_clock::now();
   for (int i = 0; i < many; ++i) ASSERT_EQ(Client(running.port()).ask("GET", "/api/v1/test/slow").result_int(), 200U);
   EXPECT_GE(std::chrono::steady_clock::now() - begin, (many - 1) * 40ms - 100ms);
+}
+
+// The order in which the handlers of these routes were called.
+class Order {
+ public:
+  std::vector<api::RouteGroup> group() { return {{routes, this}}; }
+  std::vector<std::string> calls() {
+    const std::lock_guard lock(mutex_);
+    return calls_;
+  }
+
+ private:
+  static api::Json note(api::Call& call, const char* name) {
+    Order& order = *static_cast<Order*>(call.context);
+    const std::lock_guard lock(order.mutex_);
+    order.calls_.emplace_back(name);
+    return api::Json::object();
+  }
+  static api::Json slow(api::Call& call) {
+    std::this_thread::sleep_for(500ms);
+    return note(call, "slow");
+  }
+  static constexpr std::array routes{
+      api::Route{api::Method::get, "/api/v1/test/slow", slow},
+      api::Route{api::Method::post, "/api/v1/test/slow", slow, 200, api::urgent},
+      api::Route{api::Method::post, "/api/v1/test/usual", [](api::Call& call) { return note(call, "usual"); }},
+      api::Route{api::Method::post, "/api/v1/test/stop", [](api::Call& call) { return note(call, "stop"); }, 200,
+                 api::urgent},
+      api::Route{api::Method::delete_, "/api/v1/test/stop", [](api::Call& call) { return note(call, "end"); }, 200,
+                 api::urgent},
+  };
+  std::mutex mutex_;
+  std::vector<std::string> calls_;
+};
+
+constexpr const char* usual_post = "POST /api/v1/test/usual HTTP/1.1\r\nHost: 127.0.0.1\r\nContent-Length: 2\r\n\r\n{}";
+
+TEST(BenchRates, AStopDoesNotWaitForTheRequestsBeforeIt) {
+  Order order;
+  Running running({}, order.group());
+  Client slow(running.port());
+  Client usual(running.port());
+  Client stop(running.port());
+  ASSERT_EQ(slow.ask("GET", "/api/v1/test/slow").result_int(), 200U);
+  std::thread waits([&] { EXPECT_EQ(usual.raw(usual_post).result_int(), 200U); });
+  EXPECT_EQ(stop.ask("POST", "/api/v1/test/stop", {}, R"({"a":1})").result_int(), 200U);
+  EXPECT_EQ(stop.ask("DELETE", "/api/v1/test/stop").result_int(), 200U);
+  EXPECT_EQ(stop.ask("POST", "/api/v1/test/usual").result_int(), 200U);
+  waits.join();
+  EXPECT_THAT(order.calls(), testing::ElementsAre("slow", "stop", "end", "usual", "usual"));
+}
+
+// A refused request, a long one, and one that is only like an urgent one wait for their turn.
+TEST(BenchRates, OnlyUrgentRequestsComeBeforeTheirTurn) {
+  for (const std::string& request :
+       {std::string("POST /api/v1/test/stop HTTP/1.1\r\nHost: x.org\r\n\r\n"),
+        std::string("POST /api/v1/test/missing HTTP/1.1\r\nHost: 127.0.0.1\r\n\r\n"),
+        std::string("POST / HTTP/1.1\r\nHost: 127.0.0.1\r\n\r\n"),
+        "POST /api/v1/test/stop HTTP/1.1\r\nHost: 127.0.0.1\r\nContent-Length: 1024\r\n\r\n" +
+            std::string(1024, ' ')}) {
+    Order order;
+    Running running({}, order.group());
+    Client slow(running.port());
+    Client other(running.port());
+    const auto begin = std::chrono::steady_clock::now();
+    ASSERT_EQ(slow.ask("GET", "/api/v1/test/slow").result_int(), 200U);
+    other.raw(request);
+    EXPECT_GE(std::chrono::steady_clock::now() - begin, 500ms + 800ms) << request.substr(0, 40);
+  }
+}
+
+// Urgent requests are limited among themselves, and later requests wait for the time that they took.
+TEST(BenchRates, UrgentRequestsHaveTheirOwnLimit) {
+  Order order;
+  Running running({}, order.group());
+  Client client(running.port());
+  const auto begin = std::chrono::steady_clock::now();
+  ASSERT_EQ(client.ask("GET", "/api/v1/test/slow").result_int(), 200U);
+  ASSERT_EQ(client.ask("POST", "/api/v1/test/slow").result_int(), 200U);  // before its turn
+  ASSERT_EQ(client.ask("POST", "/api/v1/test/stop").result_int(), 200U);
+  EXPECT_GE(std::chrono::steady_clock::now() - begin, 1000ms + 800ms) << "the time of the urgent request before it";
+  Client(running.port()).raw(usual_post);
+  EXPECT_GE(std::chrono::steady_clock::now() - begin, 500ms + 1800ms) << "the time of both";
+}
+
+// A limit by its own clock: a request waits twice the time of the requests before it, less the burst.
+TEST(BenchRates, TurnsFollowTheTimeOfRequests) {
+  Turns turns;
+  const Turns::Clock::time_point now{1h};
+  for (int i = 0; i < 200; ++i) EXPECT_LE(turns.take(now), now);
+  EXPECT_EQ(turns.next(now), now + Turns::length);
+  EXPECT_EQ(turns.next(now + 1s), now + 1s - Turns::burst + Turns::length);
+  turns.charge(now, 500ms);
+  EXPECT_EQ(turns.next(now), now + 1s);
 }
 
 TEST(BenchHttp, BracketsWithinBracketsAreRefused) {
