@@ -198,7 +198,7 @@ void Axis402::disable() {
   const PowerState present = state();
   if (present == PowerState::fault || present == PowerState::fault_reaction_active ||
       present == PowerState::not_ready_to_switch_on || present == PowerState::switch_on_disabled) {
-    return;
+    return take_back_targets_of_idle_axis();
   }
   const ComingToRest rest(comes_to_rest_);
   halted_ = false;
@@ -210,7 +210,9 @@ void Axis402::disable() {
 // Option code 605Ah decides: the drive stays in quick stop active or continues to switch on disabled.
 void Axis402::quick_stop() {
   const PowerState present = state();
-  if (present != PowerState::operation_enabled && present != PowerState::quick_stop_active) return;
+  if (present != PowerState::operation_enabled && present != PowerState::quick_stop_active) {
+    return take_back_targets_of_idle_axis();
+  }
   const ComingToRest rest(comes_to_rest_);
   halted_ = false;
   if (present == PowerState::operation_enabled) write_controlword(command_word::quick_stop);

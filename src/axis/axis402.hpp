@@ -143,10 +143,14 @@ class Axis402 {
   // Throws, with the axis still disabled, if the drive does not keep one of these values. A fault is an error: call
   // reset_fault() first.
   void enable();
+  // disable() and quick_stop() also clear the targets of an axis that is off already, for example after a fault.
   void disable();
   void quick_stop();  // returns when the quick stop is active or over and the axis is at standstill; clears the targets
   // Writes 0 into every velocity and torque target that the drive has; a write that the drive refuses is ignored.
   void take_back_targets();
+  // The same for an axis that is off already: writes only targets that are not 0, and ignores every error that the
+  // drive answers. Throws ObjectError if the drive does not answer.
+  void take_back_targets_of_idle_axis();
 
   // Writes 6060h and waits until 6061h shows the mode. Also throws if 6502h shows that the drive does not support it.
   void set_mode(OperationMode mode);

@@ -85,6 +85,19 @@ void Axis402::take_back_targets() {
   }
 }
 
+// A fault or another master has switched the axis off. The target of its motion stays in the drive, and the next
+// enabling would start it.
+void Axis402::take_back_targets_of_idle_axis() {
+  for (const StandingTarget& target : standing_targets) {
+    if (target.rest != StandingTarget::Rest::zero) continue;
+    try {
+      if (objects_.read_if_present<std::int32_t>(target.index).value_or(0) != 0) take_back(target.index, false);
+    } catch (const ObjectError& error) {
+      if (!error.answered()) throw;
+    }
+  }
+}
+
 // Uses the position of the shaft, because on some drives the standstill in the statusword refers to the demand, and
 // 606Ch is noisy.
 bool Axis402::rests_within(Time span) {

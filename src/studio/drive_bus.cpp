@@ -5,6 +5,7 @@
 #include <fmt/format.h>
 #include <limits>
 
+#include "api/change_log.hpp"
 #include "axis/cia402_words.hpp"
 #include "line/axis.hpp"
 
@@ -22,6 +23,7 @@ using namespace std::chrono_literals;
 constexpr auto idle_time = 1ms;        // sleep when nothing is to be done
 constexpr auto time_for_others = 8ms;  // longest time that a work item gives to other accesses at once
 constexpr std::uint16_t fault_or_warning = 1U << 3 | master::status_bit::warning;
+constexpr DriveBus::Clock::time_point poll_at_once{};
 constexpr double not_read = std::numeric_limits<double>::quiet_NaN();
 
 JobError error_of(const std::exception& error, const std::string& where) {
@@ -266,7 +268,7 @@ void DriveBus::carry_out(OpenBus& open, const std::shared_ptr<Work>& work) {
 }
 
 // Carries out urgent accesses, and others for a limited time. Skips silent drives, because the work item would wait for
-// them.
+// them, except for the first poll after an access without an answer.
 void DriveBus::serve_beside(OpenBus& open, const Work& work) {
   const auto end = Clock::now() + time_for_others;
   while (true) {
@@ -292,6 +294,22 @@ void DriveBus::note_access(bool answered, Clock::duration took) {
   }
   constexpr double weight = 0.05;
   state_.access_s += weight * (std::chrono::duration<double>(took).count() - state_.access_s);
+}
+
+// The drive has not answered an access. Each access to a silent drive takes its whole timeout, so the waiting reads get
+// the same error without an attempt. Writes, among them stops, are attempted: an answer may be lost although the drive
+// has received the command.
+void DriveBus::note_silence(std::size_t drive, const JobError& problem, const std::exception_ptr& error) {
+  if (!silent_[drive]) next_poll_[drive] = poll_at_once;  // to find the reason, or that only one answer was lost
+  silent_[drive] = true;
+  const std::lock_guard lock(mutex_);
+  state_.drives[drive].problem = problem;
+  std::erase_if(waiting_, [&](const auto& access) {
+    if (access->drive != drive || access->writes) return false;
+    access->error = error;
+    access->done = true;
+    return true;
+  });
 }
 
 // While it lives, reading from a drive that does not answer gives way to an urgent access: it ends with a MasterError.
@@ -326,7 +344,7 @@ void DriveBus::carry_out(OpenBus& open, const std::shared_ptr<Access>& access) {
     access->done = true;
   } catch (const master::ObjectError& error) {
     note_access(error.answered(), Clock::now() - began);
-    if (!error.answered()) next_poll_[access->drive] = {};  // read its state soon, to find the reason
+    if (!error.answered()) note_silence(access->drive, error_of(error, plan_.link), std::current_exception());
     access->error = std::current_exception();
     access->done = true;
   } catch (const std::exception&) {
@@ -388,7 +406,7 @@ bool DriveBus::poll_one(OpenBus& open, bool silent_too) {
   const auto began = Clock::now();
   std::size_t i = next_poll_.size();
   for (std::size_t k = 0; k < next_poll_.size(); ++k) {
-    if (next_poll_[k] > began || (silent_[k] && !silent_too)) continue;
+    if (next_poll_[k] > began || (silent_[k] && !silent_too && next_poll_[k] != poll_at_once)) continue;
     if (i == next_poll_.size() || next_poll_[k] < next_poll_[i]) i = k;
   }
   if (i == next_poll_.size()) return false;

@@ -228,6 +228,7 @@ class DriveBus {
   bool poll_one(OpenBus& open, bool silent_too = true);
   void lose(const std::exception& error);
   void note_access(bool answered, Clock::duration took);
+  void note_silence(std::size_t drive, const JobError& problem, const std::exception_ptr& error);
   std::int64_t tick_of(Clock::time_point time) const;
 
   BusPlan plan_;

@@ -70,6 +70,12 @@ class Drives {
   // How often clients of the API have commanded the axis otherwise than by jobs: by the controlword, the power, or a
   // stop of all axes.
   virtual std::uint64_t commands(const std::string& axis) const = 0;
+  // A client operates the axis: it may now be enabled or in motion. For drives on buses only.
+  virtual void note_motion(const std::string&) {}
+  // A stop of the axis begins. For drives on buses only.
+  virtual void note_stop(const std::string&) {}
+  // A stop of the axis has failed: gives it a quick stop as soon as it answers. For drives on buses only.
+  virtual void stop_when_back(const std::string&) {}
   // Quick stop of every enabled axis, at once. Returns the errors in the order of names(); empty: the axis stands or is
   // stopping.
   virtual std::vector<std::optional<JobError>> stop_all() = 0;

@@ -45,15 +45,30 @@ void Jobs::make_room(bool must) {
 }
 
 // A command that continues another must not follow any other command that came between the two.
-void Jobs::require_last(const std::string& axis, std::uint64_t id) const {
+const Job* Jobs::last_in_sequence(const std::string& axis, std::uint64_t id) const {
   const auto later =
       std::find_if(jobs_.begin(), jobs_.end(), [&](const Job& job) { return job.axis == axis && job.id > id; });
   const auto before =
       std::find_if(jobs_.begin(), jobs_.end(), [&](const Job& job) { return job.axis == axis && job.id == id; });
   const bool is_last = before != jobs_.end() && later == jobs_.end() && before->commands == drives_.commands(axis);
-  if (is_last && before->state == JobState::done) return;
+  return is_last && !before->breaks_sequence ? &*before : nullptr;
+}
+
+void Jobs::require_last(const std::string& axis, std::uint64_t id) const {
+  const Job* const before = last_in_sequence(axis, id);
+  if (before != nullptr && before->state == JobState::done) return;
   throw ApiError{409, fmt::format("job {} is not the last command of the axis, or is not done", id), axis,
                  "begin again if the axis shall move"};
+}
+
+// A stop within a sequence is accepted also after an interruption. The jobs after it must then be refused: otherwise
+// they would continue the sequence, because the stop is now the last command of the axis. A stop may replace the
+// running job of its own sequence.
+bool Jobs::breaks_sequence(const std::string& axis, const Order& order) const {
+  if (!order.takes_over || !order.after) return false;
+  const Job* const before = last_in_sequence(axis, *order.after);
+  if (before == nullptr || before->cancelled) return true;
+  return before->state != JobState::done && before->state != JobState::running;
 }
 
 // What has been asked of an axis so far. Any other command changes it.
@@ -65,8 +80,30 @@ Jobs::Asked Jobs::asked(const std::string& axis) const {
   return asked;
 }
 
+void Jobs::note_refused_stop(const std::string& axis, const std::string& body) {
+  const auto no_units = []() -> master::AxisUnits {
+    throw master::MasterError("the units of a silent drive are unknown", "", "");
+  };
+  try {
+    if (!read_order(body, no_units).takes_over) return;
+  } catch (const ApiError&) {
+    return;  // the request is invalid
+  } catch (const master::MasterError&) {
+    return;  // a stop has no numbers and reads no units
+  }
+  drives_.stop_when_back(axis);
+  for (Job& job : jobs_) {
+    if (job.axis == axis) cancel(job);
+  }
+}
+
 const Job& Jobs::begin(const std::string& name, const std::string& body) {
-  drives_.require_ready(name);
+  try {
+    drives_.require_ready(name);
+  } catch (const ApiError&) {
+    note_refused_stop(name, body);
+    throw;
+  }
   const Asked before = asked(name);
   Job job;
   job.axis = name;
@@ -90,6 +127,7 @@ const Job& Jobs::begin(const std::string& name, const std::string& body) {
     throw ApiError{409, fmt::format("the axis has a job: {}", other->order.what), name,
                    fmt::format("wait until it is done, or end it: DELETE /api/v1/jobs/{}", other->id)};
   }
+  job.breaks_sequence = breaks_sequence(name, job.order);  // before `other` ends
   if (other != nullptr) abandon(*other, fmt::format("replaced by the job {}", job.order.what));
   make_room(is_stop);
   job.id = ++last_id_;
@@ -98,6 +136,11 @@ const Job& Jobs::begin(const std::string& name, const std::string& body) {
   job.sign_of_life = wall_clock_();
   job.due = drives_.now();
   next_deadline_ = std::min(next_deadline_, job.due);
+  if (is_stop) {
+    drives_.note_stop(name);
+  } else {
+    drives_.note_motion(name);
+  }
   Job& kept = jobs_.emplace_back(std::move(job));
   kept.task = std::make_unique<Task>([this, &kept] { carry_out(kept); });
   tell(kept);
@@ -131,11 +174,12 @@ void Jobs::carry_out(Job& job) {
   options.cancelled = is_to_end;
   options.longest_halt = longest_halt;
   master::Axis402 master_axis(*objects, options);
-  const auto fail = [&job, &master_axis](JobError error) {
+  const auto fail = [this, &job, &master_axis](JobError error) {
     // An earlier command may have begun a motion that still goes on. The last command does not ask for it.
     if (job.order.moves) master_axis.try_to_stop();
     job.error = std::move(error);
     job.state = JobState::failed;
+    note_failed_stop(job);
   };
   const master::Time began = drives_.now();
   try {
@@ -190,6 +234,13 @@ void Jobs::note_progress(Job& job, const char* doing, double share) const {
   tell(job);
 }
 
+// The axis may still move, for example if it fell silent during the stop.
+void Jobs::note_failed_stop(const Job& job) {
+  if (!job.order.takes_over) return;
+  drives_.note_motion(job.axis);
+  drives_.stop_when_back(job.axis);
+}
+
 void Jobs::resume(Job& job) {
   try {
     job.task->resume();
@@ -197,6 +248,7 @@ void Jobs::resume(Job& job) {
     job.error = JobError{fmt::format("no thread could be created: {}", error.what()), job.axis,
                          "stop other programs, or raise the limit of threads"};
     job.state = JobState::failed;
+    note_failed_stop(job);
   }
   if (job.state == JobState::running) return;
   job.task.reset();
@@ -204,6 +256,9 @@ void Jobs::resume(Job& job) {
 }
 
 void Jobs::cancel(Job& job) {
+  // The client's request may arrive when the job is just over, or after the stop of a sequence has begun: the sequence
+  // ends nevertheless. `cancelled` is not used for this, because a stop would poll its drive in shorter waits.
+  job.breaks_sequence = true;
   if (job.state != JobState::running || job.cancelled || job.order.takes_over) return;
   job.cancelled = true;
   job.due = std::min(job.due, drives_.now() + line::tick_length);

@@ -28,7 +28,9 @@ struct Job {
   std::string axis;
   Order order;
   JobState state = JobState::running;
-  bool cancelled = false;      // cancel was requested; the axis comes to rest
+  bool cancelled = false;  // cancel was requested; the axis comes to rest
+  // No job begins `after` this one: a client has interrupted the sequence, and a stop is carried out nevertheless.
+  bool breaks_sequence = false;
   std::uint64_t commands = 0;  // Drives::commands when it began
   std::int64_t began_tick = 0;
   std::chrono::steady_clock::time_point sign_of_life{};
@@ -80,7 +82,8 @@ class Jobs {
   // without any change: 409 if the axis does not communicate, or has a job that the new one does not replace. `axis` is
   // one of drives().names().
   const Job& begin(const std::string& axis, const std::string& body);
-  // Halts the axis, then sets the job to `cancelled`. A job that has ended, and a stop, stay unchanged.
+  // Halts the axis, then sets the job to `cancelled`. A job that has ended, and a stop, stay unchanged, but no job
+  // begins `after` them any more.
   void cancel(Job& job);
   // Sign of life (dead man's switch): the user still holds the button. Throws ApiError 409 if the job does not use it.
   void sign_of_life(Job& job);
@@ -110,7 +113,12 @@ class Jobs {
 
  private:
   Job* running_job(const std::string& axis);
+  // Returns the job if it is the last command of the axis and no client has interrupted its sequence; else nullptr.
+  const Job* last_in_sequence(const std::string& axis, std::uint64_t id) const;
   void require_last(const std::string& axis, std::uint64_t id) const;
+  bool breaks_sequence(const std::string& axis, const Order& order) const;
+  // A stop of an axis that does not communicate: ends its jobs, and leaves the quick stop to Drives::stop_when_back.
+  void note_refused_stop(const std::string& axis, const std::string& body);
   // The number of client commands and the last job of an axis.
   struct Asked {
     std::uint64_t commands = 0;
@@ -121,6 +129,7 @@ class Jobs {
   // Removes an ended job if there are too many. Throws ApiError 409 if all are running, unless it `must` succeed.
   void make_room(bool must);
   void carry_out(Job& job);
+  void note_failed_stop(const Job& job);
   void resume(Job& job);
   // Ends a job without touching the drive.
   void abandon(Job& job, std::string reason);

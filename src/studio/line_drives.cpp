@@ -76,9 +76,17 @@ std::vector<std::optional<JobError>> LineDrives::stop_all() {
     // It waits for its DC link or its brake before it is enabled.
     const bool waits =
         commanded && (state == drive::PowerState::ready_to_switch_on || state == drive::PowerState::switched_on);
-    if (!enabled() && !waits) continue;
+    ServiceObjects objects(line_, *axis);
+    if (!enabled() && !waits) {
+      try {
+        // A fault may have ended a motion, whose target is still in the drive.
+        master::Axis402(objects, options_for(*axis)).take_back_targets_of_idle_axis();
+      } catch (const master::MasterError&) {
+        // The axis has no torque: it needs no stop.
+      }
+      continue;
+    }
     try {
-      ServiceObjects objects(line_, *axis);
       objects.write<std::uint16_t>(0x6040, 0, master::command_word::quick_stop);
       if (enabled()) wrong = JobError{"the drive did not execute the quick stop", name, "switch its power off"};
       master::Axis402(objects, options_for(*axis)).take_back_targets();  // or another master's enabling starts them

@@ -2,6 +2,7 @@
 
 #include <fmt/format.h>
 
+#include "api/change_log.hpp"
 #include "axis/fault_report.hpp"
 #include "drive/drive.hpp"
 #include "line/bench/axis_view.hpp"
@@ -211,6 +212,7 @@ Json RealBench::write_object(Call& call) {
   const std::vector<std::byte> bytes = line::bench::bytes_of(object.entry, value, object.where);
   drives_.require_ready(object.axis.name);
   if (object.entry.index == 0x6040) drives_.note_command(object.axis);
+  if (api::ChangeLog::is_motion(object.entry.index)) drives_.note_motion(object.axis.name);
   asking(object.where, [&] { drives_.open(object.axis)->download({object.entry.index, object.entry.sub}, bytes); });
   return nullptr;
 }

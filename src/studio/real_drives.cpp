@@ -35,6 +35,17 @@ void require_no_torque(master::ObjectClient& objects, const char* reason) {
   throw master::MasterError(reason, objects.where(), "disable the axis first");
 }
 
+std::shared_ptr<Access> quick_stop_of(std::size_t drive) {
+  constexpr std::array quick_stop{std::byte{0x02}, std::byte{0x00}};  // CiA 402-2 table 24
+  const auto access = std::make_shared<Access>();
+  access->drive = drive;
+  access->object = {0x6040, 0};
+  access->writes = true;
+  access->urgent = true;
+  access->bytes.assign(quick_stop.begin(), quick_stop.end());
+  return access;
+}
+
 const line::Product& tables_of(const std::string& product) {
   const line::Product* found = line::find_product(line::all_products(), product);
   return found != nullptr ? *found : *line::find_product(line::all_products(), "generic402");
@@ -57,6 +68,7 @@ RealDrives::RealDrives(std::vector<BusPlan> plans) : start_(DriveBus::Clock::now
       noted, [this] { return now(); }, wall_epoch_);
   changes_->before_each_own([this] { note_foreign_writes(); });
   commands_.resize(axes_.size());
+  operated_.resize(axes_.size());
   told_.resize(axes_.size());
   told_of_buses_.resize(buses_.size());
 }
@@ -183,41 +195,59 @@ master::AxisLimits RealDrives::limits(const std::string& name) {
 
 // Resets the targets, so that they do not take effect when another master enables the drive. The axis has already
 // stopped, so errors are ignored.
-void RealDrives::take_back_targets(const Axis& axis, const Wait& wait) {
+void RealDrives::take_back_targets(const Axis& axis, const Wait& wait, bool is_idle) {
   try {
     const auto objects = open(axis.name, wait);
-    master::Axis402(*objects, options(axis.name)).take_back_targets();
+    master::Axis402 master_axis(*objects, options(axis.name));
+    if (is_idle) return master_axis.take_back_targets_of_idle_axis();
+    master_axis.take_back_targets();
   } catch (const master::MasterError&) {
     // The next request to the drive reports the error.
   }
 }
 
+bool RealDrives::is_idle(const Axis& axis) const {
+  const DriveBus::DriveState state = state_of(axis);
+  const bool commanded = master::commands_operation(state.controlword);
+  const bool is_off = !state.problem && !commanded && state.status.state() < drive::PowerState::operation_enabled &&
+                      !buses_[axis.bus]->is_worked_with(axis.drive);
+  return is_off && state.at + 2 * DriveBus::usual_poll > DriveBus::Clock::now();
+}
+
+void RealDrives::quick_stop(const std::vector<const Axis*>& axes) {
+  const Wait wait = wait_;
+  std::vector<std::shared_ptr<Access>> accesses;
+  for (const Axis* axis : axes) {
+    accesses.push_back(quick_stop_of(axis->drive));
+    buses_[axis->bus]->submit(accesses.back());
+  }
+  for (const auto& access : accesses) {
+    while (!access->done) wait(now() + std::chrono::milliseconds(1));
+  }
+}
+
+void RealDrives::stop_when_back(const std::string& name) {
+  const Axis& axis = axis_of(name);
+  buses_[axis.bus]->stop_when_back(axis.drive);
+}
+
 // Stops on all buses at the same time, before all other waiting accesses.
 std::vector<std::optional<JobError>> RealDrives::stop_all() {
-  constexpr std::array quick_stop{std::byte{0x02}, std::byte{0x00}};  // CiA 402-2 table 24
   const Wait wait = wait_;  // copied: while this task waits, other tasks set their own
   std::vector<std::shared_ptr<Access>> accesses;
   std::vector<bool> stopped;
   std::vector<std::size_t> silent;  // after all others on their bus, because each costs its timeout
   for (const Axis& axis : axes_) {
     note_command(axis);
-    const auto access = std::make_shared<Access>();
-    access->drive = axis.drive;
-    access->object = {0x6040, 0};
-    access->writes = true;
-    access->urgent = true;
-    access->bytes.assign(quick_stop.begin(), quick_stop.end());
+    operated_[index_of(axis)].since_stop = false;
+    const auto access = quick_stop_of(axis.drive);
     accesses.push_back(access);
-    const DriveBus::DriveState state = state_of(axis);
-    // It has no torque and is not about to get any (a drive waits for its brake before it is enabled).
-    const bool commanded = master::commands_operation(state.controlword);
-    const bool idle = !state.problem && !commanded && state.status.state() < drive::PowerState::operation_enabled &&
-                      !buses_[axis.bus]->is_worked_with(axis.drive);
-    stopped.push_back(!idle || state.at + 2 * DriveBus::usual_poll <= DriveBus::Clock::now());
+    const bool is_silent = state_of(axis).problem.has_value();
+    stopped.push_back(!is_idle(axis));
     if (!stopped.back()) {
       access->done = true;  // a quick stop would only change its state
       buses_[axis.bus]->cancel_motion(axis.drive);
-    } else if (state.problem) {
+    } else if (is_silent) {
       silent.push_back(index_of(axis));
     } else {
       buses_[axis.bus]->submit(access);
@@ -231,9 +261,10 @@ std::vector<std::optional<JobError>> RealDrives::stop_all() {
   for (std::size_t i = 0; i < accesses.size(); ++i) {
     std::optional<JobError>& wrong = errors.emplace_back();
     if (!accesses[i]->error) {
-      if (stopped[i]) take_back_targets(axes_[i], wait);
+      take_back_targets(axes_[i], wait, !stopped[i]);
       continue;
     }
+    operated_[i].since_stop = operated_[i].ever;
     buses_[axes_[i].bus]->stop_when_back(axes_[i].drive);
     try {
       std::rethrow_exception(accesses[i]->error);

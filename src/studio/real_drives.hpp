@@ -55,6 +55,17 @@ class RealDrives final : public Drives, public api::Source, public Subjects {
   std::vector<ProcessDataRegisters> process_data_of(std::size_t bus);
   // A client of the API commands the axis otherwise than by a job.
   void note_command(const Axis& axis) { ++commands_[index_of(axis)]; }
+  // True if a client of the API has operated the axis: by a job, or by writing an object of a motion. Jobs are
+  // forgotten, this is not.
+  bool was_operated(const Axis& axis) const { return operated_[index_of(axis)].ever; }
+  // The same since the last stop, unless that failed.
+  bool may_move(const Axis& axis) const { return operated_[index_of(axis)].since_stop; }
+  // True if the axis has no torque and is not about to get any (a drive waits for its brake before it is enabled).
+  // False if the last polled state is too old.
+  bool is_idle(const Axis& axis) const;
+  // Quick stops of these axes at the same time, before all other waiting accesses. Ignores errors. Waits with the
+  // present wait.
+  void quick_stop(const std::vector<const Axis*>& axes);
   // The devices on the bus. Throws MasterError if an axis of the bus has torque: a stop would have to wait for the
   // scan. Waits with the present wait.
   std::vector<OpenBus::Found> scan(std::size_t bus);
@@ -87,6 +98,9 @@ class RealDrives final : public Drives, public api::Source, public Subjects {
   std::optional<master::AxisUnits> units(const std::string& axis) override;
   master::AxisLimits limits(const std::string& axis) override;
   std::uint64_t commands(const std::string& axis) const override { return commands_[index_of(axis_of(axis))]; }
+  void note_motion(const std::string& axis) override { operated_[index_of(axis_of(axis))] = {true, true}; }
+  void note_stop(const std::string& axis) override { operated_[index_of(axis_of(axis))] = {true, false}; }
+  void stop_when_back(const std::string& axis) override;
   std::vector<std::optional<JobError>> stop_all() override;
 
   // --- Subjects
@@ -112,13 +126,18 @@ class RealDrives final : public Drives, public api::Source, public Subjects {
     std::uint16_t error_code = 0;
   };
 
+  struct Operated {
+    bool ever = false;
+    bool since_stop = false;
+  };
+
   const Axis& axis_of(std::string_view name) const;  // throws ApiError 404
   // Lets the thread of the axis' bus carry out `work`; meanwhile `wait` lets other tasks run. Throws what the work
   // threw.
   void carry_out(const Axis& axis, const std::shared_ptr<studio::Work>& work, const std::function<void()>& wait);
   void note_foreign_writes();
   std::size_t index_of(const Axis& axis) const { return static_cast<std::size_t>(&axis - axes_.data()); }
-  void take_back_targets(const Axis& axis, const Wait& wait);
+  void take_back_targets(const Axis& axis, const Wait& wait, bool is_idle);
   api::NamedChannel channel(const Axis& axis, master::ObjectAddress object, PolledSamples::Decode decode,
                             const std::string& key, Json view, std::function<double()> value);
 
@@ -127,6 +146,7 @@ class RealDrives final : public Drives, public api::Source, public Subjects {
   std::vector<std::unique_ptr<DriveBus>> buses_;
   std::vector<Axis> axes_;
   std::vector<std::uint64_t> commands_;  // of each axis
+  std::vector<Operated> operated_;       // of each axis
   std::unique_ptr<DriveChanges> changes_;
   std::vector<Told> told_;
   std::vector<Told> told_of_buses_;

@@ -142,24 +142,13 @@ void RealServer::look() {
   }
 }
 
-// Returns true if a job has moved the axis, and no stop was completed after it.
-bool RealServer::moved(const std::string& axis) const {
-  bool moved = false;
-  for (const Job& job : jobs_.all()) {
-    if (job.axis != axis) continue;
-    const bool stopped = job.order.takes_over && job.state == JobState::done;
-    moved = (moved && !stopped) || job.order.moves;
-  }
-  return moved;
-}
-
 void RealServer::note_events() {
   for (const api::Json& event : drives_.advance()) {
     scope_.publish(event);
     if (event["kind"] != "power" || event["powered"] != false) continue;
     const auto name = event["axis"].get<std::string>();
     const RealDrives::Axis& axis = *drives_.find(name);
-    if (moved(name)) drives_.buses()[axis.bus]->stop_when_back(axis.drive);
+    if (drives_.may_move(axis)) drives_.stop_when_back(name);
   }
 }
 
@@ -167,18 +156,16 @@ void RealServer::shut_down() {
   drives_.set_wait([this](master::Time until) {
     std::this_thread::sleep_for(std::max<master::Time>(until - drives_.now(), 100us));
   });
-  const auto has_torque = [this](const RealDrives::Axis& axis) {
-    const DriveBus::DriveState state = drives_.state_of(axis);
-    return !state.problem && (state.status.state() == drive::PowerState::operation_enabled ||
-                              state.status.state() == drive::PowerState::quick_stop_active);
-  };
   std::vector<const RealDrives::Axis*> left;
   for (const RealDrives::Axis& axis : drives_.all()) {
-    const auto is_its = [&axis](const Job& job) { return job.axis == axis.name; };
-    if (has_torque(axis) && std::any_of(jobs_.all().begin(), jobs_.all().end(), is_its)) left.push_back(&axis);
+    const bool is_silent = drives_.state_of(axis).problem.has_value();
+    if (drives_.was_operated(axis) && !is_silent && !drives_.is_idle(axis)) left.push_back(&axis);
   }
   for (const RealDrives::Axis* axis : left) {
     if (Job* job = jobs_.running(axis->name)) jobs_.end(*job, "the server was stopped");
+  }
+  drives_.quick_stop(left);  // all brake at once; the loop below waits for the standstill of one after the other
+  for (const RealDrives::Axis* axis : left) {
     try {
       const auto objects = drives_.open(*axis);
       master::AxisOptions options = drives_.options(axis->name);

@@ -36,7 +36,7 @@ class RealServer {
   RealServer(const RealServer&) = delete;
   RealServer& operator=(const RealServer&) = delete;
 
-  // Serves until stop(). Then stops and disables every axis that had a job and still has torque.
+  // Serves until stop(). Then stops and disables every axis that a client has operated and that may have torque.
   void run();
   void stop() { io_.stop(); }
 
@@ -62,7 +62,6 @@ class RealServer {
   void look();
   void schedule();
   void note_events();
-  bool moved(const std::string& axis) const;
   void shut_down();
 
   RealDrives& drives_;

@@ -163,16 +163,16 @@ Json show_gains(Call& call) {
 }
 
 constexpr std::array table{
-    Route{Method::post, "/api/v1/axes/{}/jobs", begin_job, 201},
+    Route{Method::post, "/api/v1/axes/{}/jobs", begin_job, 201, api::urgent},
     Route{Method::get, "/api/v1/axes/{}/units", show_units},
     Route{Method::get, "/api/v1/axes/{}/limits", show_limits},
     Route{Method::get, "/api/v1/axes/{}/words", show_words},
     Route{Method::get, "/api/v1/axes/{}/gains", show_gains},
     Route{Method::get, "/api/v1/jobs", list_jobs},
     Route{Method::get, "/api/v1/jobs/{}", show_job},
-    Route{Method::delete_, "/api/v1/jobs/{}", end_job},
-    Route{Method::post, "/api/v1/jobs/{}/alive", keep_alive},
-    Route{Method::post, "/api/v1/stop", stop_all},
+    Route{Method::delete_, "/api/v1/jobs/{}", end_job, 200, api::urgent},
+    Route{Method::post, "/api/v1/jobs/{}/alive", keep_alive, 200, api::urgent},
+    Route{Method::post, "/api/v1/stop", stop_all, 200, api::urgent},
 };
 
 }  // namespace

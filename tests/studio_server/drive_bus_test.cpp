@@ -2,9 +2,12 @@
 // reached.
 #include "studio/drive_bus.hpp"
 
+#include <fmt/format.h>
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include "api/error.hpp"
+#include "studio/jobs.hpp"
 #include "studio/real_drives.hpp"
 #include "studio/task.hpp"
 
@@ -28,7 +31,9 @@ struct Script {
   std::vector<Drive> drives;
   std::vector<std::string> writes;  // "1 6040=2": drive, object, value; also those without an answer
   std::condition_variable changed;
+  std::vector<std::string> reads;    // "1 6041", also those without an answer
   bool is_held = false;              // accesses wait
+  std::uint16_t held_index = 0;      // only accesses to this object wait; 0: all
   bool is_waiting = false;           // an access waits
   int silent_looks = 20;             // timeout of a silent drive, in steps of 5 ms
   bool is_asked_in_silence = false;  // a silent drive is being read
@@ -50,7 +55,8 @@ class ScriptedObjects final : public master::ObjectClient {
 
   std::vector<std::byte> upload(master::ObjectAddress object) override {
     std::unique_lock lock(script_.mutex);
-    answer(lock);
+    script_.reads.push_back(fmt::format("{} {:04X}", drive_, object.index));
+    answer(lock, object.index);
     std::uint32_t value = 0;
     if (object.index == 0x6041) value = state().statusword;
     if (object.index == 0x6040) value = state().controlword;
@@ -68,7 +74,7 @@ class ScriptedObjects final : public master::ObjectClient {
     if (object.index == 0x6040 && std::exchange(state().loses_link, false)) {
       throw master::MasterError("the link is lost", "test", "");
     }
-    answer(lock);
+    answer(lock, object.index);
     if (object.index != 0x6040) return;
     if (state().refuses_controlword) throw master::ObjectError("refused", "test", "", false, true);
     state().controlword = static_cast<std::uint16_t>(value);
@@ -80,11 +86,13 @@ class ScriptedObjects final : public master::ObjectClient {
 
  private:
   Script::Drive& state() { return script_.drives[drive_]; }
-  void answer(std::unique_lock<std::mutex>& lock) {
-    script_.is_waiting = true;
-    script_.changed.notify_all();
-    script_.changed.wait(lock, [this] { return !script_.is_held; });
-    script_.is_waiting = false;
+  void answer(std::unique_lock<std::mutex>& lock, std::uint16_t index) {
+    if (script_.held_index == 0 || script_.held_index == index) {
+      script_.is_waiting = true;
+      script_.changed.notify_all();
+      script_.changed.wait(lock, [this] { return !script_.is_held; });
+      script_.is_waiting = false;
+    }
     // A silent drive takes its timeout, unless the access is aborted.
     for (int i = 0; state().is_silent && i < script_.silent_looks; ++i) {
       script_.is_asked_in_silence = true;
@@ -363,6 +371,85 @@ TEST_F(DriveBusTest, AStopRefusesTheCommandsThatWait) {
   EXPECT_FALSE(waiting[3]->error);
   EXPECT_FALSE(waiting[4]->error) << "another drive";
   EXPECT_EQ(writes().front(), "0 6040=2");
+}
+
+// Each access to a silent drive takes its whole timeout, so one read is tried for all that wait.
+TEST_F(DriveBusTest, AReadWithoutAnAnswerRefusesTheReadsThatWait) {
+  open(2);
+  script_.change([this] {
+    script_.is_held = true;
+    script_.held_index = 0x6083;  // polls go on
+  });
+  const auto access = [](std::size_t drive, bool writes) {
+    const auto made = std::make_shared<Access>();
+    made->drive = drive;
+    made->object = {0x6083, 0};
+    made->writes = writes;
+    made->bytes.assign(writes ? 4 : 0, std::byte{1});
+    return made;
+  };
+  DriveBus& bus = *drives_->buses()[0];
+  const auto first = access(0, false);
+  bus.submit(first);
+  until([this] {
+    const std::lock_guard lock(script_.mutex);
+    return script_.is_waiting;
+  });
+  const std::vector refused{access(0, false), access(0, false), access(0, false)};
+  const auto write = access(0, true);
+  const auto neighbour = access(1, false);
+  bus.submit(refused[0]);
+  bus.submit(write);
+  bus.submit(refused[1]);
+  bus.submit(neighbour);
+  bus.submit(refused[2]);
+  EXPECT_FALSE(bus.state().drives[0].problem);
+  script_.change([this] {
+    script_.drives[0].is_silent = true;
+    script_.is_held = false;
+  });
+  until([&] { return first->done.load(); });
+  EXPECT_TRUE(bus.state().drives[0].problem) << "before the poll";
+  for (const auto& each : refused) EXPECT_TRUE(each->done);
+  until([&] { return write->done && neighbour->done; });
+  const auto what = [](const Access& failed) -> std::string {
+    try {
+      if (failed.error) std::rethrow_exception(failed.error);
+    } catch (const master::ObjectError& error) {
+      return error.answered() ? "answered" : error.happened();
+    }
+    return {};
+  };
+  EXPECT_EQ(what(*first), "no answer");
+  for (const auto& each : refused) EXPECT_EQ(what(*each), "no answer");
+  EXPECT_EQ(what(*write), "no answer");
+  EXPECT_FALSE(neighbour->error);
+  EXPECT_EQ(count("0 6083=1010101"), 1U) << "the write was tried";
+  {
+    const std::lock_guard lock(script_.mutex);
+    EXPECT_EQ(std::count(script_.reads.begin(), script_.reads.end(), "0 6083"), 1);
+    EXPECT_EQ(std::count(script_.reads.begin(), script_.reads.end(), "1 6083"), 1);
+  }
+  script_.change([this] { script_.drives[0].is_silent = false; });
+  until([&] { return !bus.state().drives[0].problem; });
+}
+
+TEST_F(DriveBusTest, AStopOfASilentDriveIsGivenWhenItAnswers) {
+  open(1);
+  Jobs jobs(*drives_);
+  silence(0);
+  EXPECT_THROW(jobs.begin("a", R"({"do": "velocity", "velocity": 1, "units": "revolutions"})"), api::ApiError);
+  EXPECT_THROW(jobs.begin("a", R"({"do": "stop", "after": "x"})"), api::ApiError);
+  script_.change([this] { script_.drives[0].is_silent = false; });
+  until([this] { return !drives_->buses()[0]->state().drives[0].problem; });
+  EXPECT_EQ(count("0 6040=2"), 0U);
+  const Job& earlier = jobs.begin("a", R"({"do": "velocity", "velocity": 1})");
+  silence(0);
+  EXPECT_THROW(jobs.begin("a", R"({"do": "stop", "units": "revolutions"})"), api::ApiError);
+  EXPECT_TRUE(earlier.cancelled);
+  script_.change([this] { script_.drives[0].is_silent = false; });
+  until([this] { return !drives_->buses()[0]->state().drives[0].problem; });
+  EXPECT_GE(count("0 6040=2"), 1U) << "an attempt during the silence counts, too";
 }
 
 // A task that is being ended restores an object: the bus carries the write out, although the task does not wait for it.

@@ -96,6 +96,27 @@ class JobsTest : public testing::Test {
     EXPECT_EQ(view(axis)["state"], "operation enabled") << axis;
   }
 
+  void refused(const std::string& axis, const std::string& body) {
+    const Response response = ask(Method::post, "axes/" + axis + "/jobs", body);
+    EXPECT_EQ(response.status, 409U) << body << " " << response.body;
+    EXPECT_THAT(response.body, HasSubstr("is not the last command of the axis")) << body;
+  }
+  // A fault that can be reset without a power cycle.
+  std::string resettable_fault(const std::string& axis) {
+    for (const auto one :
+         {drive::Cause::over_voltage, drive::Cause::under_voltage, drive::Cause::i2t, drive::Cause::following_error}) {
+      const drive::FaultRow* row = line_.find_axis(axis)->device().drive().row(one);
+      if (row == nullptr || row->reset != drive::ResetRule::when_cause_gone || row->reaction == drive::Reaction::none) {
+        continue;
+      }
+      return drive::name(row->cause);
+    }
+    return "";
+  }
+  void inject(const std::string& axis, const std::string& cause) {
+    ASSERT_EQ(ask(Method::post, "axes/" + axis + "/faults", json{{"inject", cause}}.dump()).status, 200U);
+  }
+
   explicit JobsTest(const std::string& line_file) : line_(line::test::settings_of(line_file)) { pass(300ms); }
 
   line::Line line_;
@@ -255,6 +276,68 @@ TEST_F(JobsTest, ASequenceDoesNotGoOnAfterAStop) {
   start(move + last + "}", 409);
 }
 
+// A stop that belongs to the sequence is carried out after an interruption, but the sequence does not continue after
+// it.
+TEST_F(JobsTest, AStopInASequenceDoesNotContinueItAfterAnInterruption) {
+  const std::string axis = "generic402";
+  const auto after = [](const std::string& what, std::uint64_t id) {
+    return fmt::format(R"({{"do": "{}", "after": {}}})", what, id);
+  };
+  const auto move_after = [](std::uint64_t id) {
+    return fmt::format(R"({{"do": "move", "by": 0.1, "velocity": 2, "after": {}, {}}})", id, profile);
+  };
+  for (const char* what : {"stop", "quick_stop", "disable"}) {
+    for (const char* by : {"stop of all", "halt", "cancelled job"}) {
+      SCOPED_TRACE(fmt::format("{} after {}", what, by));
+      make_ready(axis);
+      const bool by_cancelling = by == std::string("cancelled job");
+      const std::uint64_t last = begin(axis, fmt::format(R"({{"do": "move", "by": 0.2, "velocity": 2, {}}})", profile));
+      if (by_cancelling) ask(Method::delete_, fmt::format("jobs/{}", last));
+      EXPECT_EQ(finish(last)["state"], by_cancelling ? "cancelled" : "done");
+      if (by == std::string("stop of all")) ask(Method::post, "stop");
+      if (by == std::string("halt")) expect_done(axis, R"({"do": "stop"})");
+      const std::uint64_t stop = begin(axis, after(what, last));
+      EXPECT_EQ(finish(stop)["state"], "done");
+      refused(axis, after("enable", stop));
+      refused(axis, move_after(stop));
+      const std::uint64_t again = begin(axis, after("disable", stop));
+      EXPECT_EQ(finish(again)["state"], "done");
+      refused(axis, after("enable", again));
+    }
+  }
+  // Without an interruption the sequence continues, also if the stop ends a running job of the sequence.
+  make_ready(axis);
+  const std::uint64_t jog = begin(axis, fmt::format(R"({{"do": "jog", "velocity": 1, {}}})", profile));
+  pass(100ms);
+  const std::uint64_t stop = begin(axis, after("stop", jog));
+  EXPECT_EQ(finish(stop)["state"], "done");
+  EXPECT_EQ(job(jog)["state"], "cancelled");
+  const std::uint64_t disable = begin(axis, after("disable", stop));
+  EXPECT_EQ(finish(disable)["state"], "done");
+  expect_done(axis, after("enable", disable));
+}
+
+// The request to end a job can arrive when the job is just over, or when the sequence is at a stop.
+TEST_F(JobsTest, ASequenceDoesNotGoOnAfterTheEndOfItsJobIsRequested) {
+  const std::string axis = "generic402";
+  make_ready(axis);
+  const std::uint64_t moved = begin(axis, fmt::format(R"({{"do": "move", "by": 1, "velocity": 2, {}}})", profile));
+  EXPECT_EQ(finish(moved)["state"], "done");
+  const Response over = ask(Method::delete_, fmt::format("jobs/{}", moved));
+  EXPECT_EQ(over.status, 200U);
+  EXPECT_EQ(json::parse(over.body), job(moved));
+  EXPECT_EQ(job(moved)["state"], "done");
+  refused(axis, fmt::format(R"({{"do": "move", "by": -1, "after": {}}})", moved));
+  const std::uint64_t disable = begin(axis, R"({"do": "disable"})");
+  const Response stopping = ask(Method::delete_, fmt::format("jobs/{}", disable));
+  EXPECT_EQ(json::parse(stopping.body)["state"], "running");
+  EXPECT_FALSE(json::parse(stopping.body).contains("ending"));
+  EXPECT_EQ(finish(disable)["state"], "done");
+  EXPECT_NE(view(axis)["state"], "operation enabled");
+  refused(axis, fmt::format(R"({{"do": "enable", "after": {}}})", disable));
+  make_ready(axis);
+}
+
 TEST_F(JobsTest, TheLimitsOfADriveAreThoseOfItsObjects) {
   const json jmc = get("axes/jmc_ec/limits");
   EXPECT_EQ(jmc["velocity"], 14400.0) << "607Fh from the factory; 6080h is higher";
@@ -366,18 +449,7 @@ TEST_P(EveryProduct, AFaultInTheMiddleEndsTheJobAndIsReset) {
   const std::uint64_t move = begin(axis_, fmt::format(R"({{"do": "move", "by": 5, "velocity": 2, {}}})", profile));
   pass(500ms);
   EXPECT_EQ(job(move)["state"], "running");
-  // A fault that can be reset without a power cycle.
-  std::string cause;
-  for (const auto one :
-       {drive::Cause::over_voltage, drive::Cause::under_voltage, drive::Cause::i2t, drive::Cause::following_error}) {
-    const drive::FaultRow* row = line_.find_axis(axis_)->device().drive().row(one);
-    if (row == nullptr || row->reset != drive::ResetRule::when_cause_gone || row->reaction == drive::Reaction::none) {
-      continue;
-    }
-    cause = drive::name(one);
-    break;
-  }
-  ASSERT_EQ(ask(Method::post, "axes/" + axis_ + "/faults", json{{"inject", cause}}.dump()).status, 200U);
+  inject(axis_, resettable_fault(axis_));
   const json over = finish(move, 2s);
   EXPECT_EQ(over["state"], "failed");
   EXPECT_THAT(over["error"]["what"].get<std::string>(), HasSubstr("left operation enabled"));
@@ -666,6 +738,37 @@ TEST_P(EveryProduct, TheBigStopLeavesNothingThatEnablingRevives) {
       }
       EXPECT_EQ(view(axis_)["state"], "operation enabled");
     }
+    pass(1s);
+    EXPECT_NEAR(view(axis_)["position_counts"].get<double>(), stood, encoder_turn(axis_) / 100);
+    expect_done(axis_, R"({"do": "disable"})");
+  }
+}
+
+// A fault has already switched the axis off when a client stops it. The target of its motion must not act later.
+TEST_P(EveryProduct, AStopAfterAFaultLeavesNothingThatEnablingRevives) {
+  const std::string cause = resettable_fault(axis_);
+  for (const std::string by : {"stop of all", "disable", "quick_stop"}) {
+    SCOPED_TRACE(by);
+    make_ready(axis_);
+    expect_done(axis_, fmt::format(R"({{"do": "velocity", "velocity": 2, {}}})", profile));
+    inject(axis_, cause);
+    pass(1s);
+    EXPECT_EQ(view(axis_)["state"], "fault");
+    if (by == "stop of all") {
+      ASSERT_EQ(ask(Method::post, "stop").status, 200U);
+    } else {
+      expect_done(axis_, fmt::format(R"({{"do": "{}"}})", by));
+    }
+    EXPECT_EQ(object(axis_, "60FF/0"), 0.0);
+    ASSERT_EQ(ask(Method::delete_, "axes/" + axis_ + "/faults").status, 200U);
+    pass(500ms);
+    const double stood = view(axis_)["position_counts"];
+    for (const int word : {0, 0x80, 0, 6, 7, 15}) {
+      const std::string target = "axes/" + axis_ + "/objects/6040/0";
+      EXPECT_EQ(ask(Method::put, target, fmt::format(R"({{"value": {}}})", word)).status, 204U);
+      pass(300ms);
+    }
+    EXPECT_EQ(view(axis_)["state"], "operation enabled");
     pass(1s);
     EXPECT_NEAR(view(axis_)["position_counts"].get<double>(), stood, encoder_turn(axis_) / 100);
     expect_done(axis_, R"({"do": "disable"})");

@@ -17,11 +17,45 @@ namespace {
 
 using namespace std::chrono_literals;
 
-// One virtual drive; its time advances while its bus waits.
-class BusOfOne final : public OpenBus {
+// The controlwords that the drives of a bus have received: "1 2" is a quick stop of drive 1.
+struct Controlwords {
+  std::mutex mutex{};
+  std::vector<std::string> written{};
+};
+
+class NotedObjects final : public master::ObjectClient {
  public:
-  explicit BusOfOne(master::test::AxisRig& rig) : rig_(rig) {}
-  std::vector<master::ObjectClient*> drives() override { return {&rig_.objects()}; }
+  NotedObjects(master::ObjectClient& objects, Controlwords& noted) : objects_(objects), noted_(noted) {}
+  std::vector<std::byte> upload(master::ObjectAddress object) override { return objects_.upload(object); }
+  void download(master::ObjectAddress object, std::span<const std::byte> data) override {
+    if (object.index == 0x6040) {
+      const std::lock_guard lock(noted_.mutex);
+      noted_.written.push_back(fmt::format("{} {:X}", objects_.address(), std::to_integer<unsigned>(data[0])));
+    }
+    objects_.download(object, data);
+  }
+  bool size_is_known() const override { return objects_.size_is_known(); }
+  master::Time now() const override { return objects_.now(); }
+  void wait(master::Time span) override { objects_.wait(span); }
+  std::uint16_t address() const override { return objects_.address(); }
+  std::string where() const override { return objects_.where(); }
+
+ private:
+  master::ObjectClient& objects_;
+  Controlwords& noted_;
+};
+
+// The virtual drives of a rig; their time advances while the bus waits.
+class BusOfRig final : public OpenBus {
+ public:
+  BusOfRig(master::test::AxisRig& rig, Controlwords& noted) : rig_(rig) {
+    for (const auto& client : rig.clients) noted_.push_back(std::make_unique<NotedObjects>(*client, noted));
+  }
+  std::vector<master::ObjectClient*> drives() override {
+    std::vector<master::ObjectClient*> drives;
+    for (const auto& objects : noted_) drives.push_back(objects.get());
+    return drives;
+  }
   void back(std::size_t) override {}
   void wait(master::Time span) override {
     rig_.objects().wait(span);
@@ -40,7 +74,15 @@ class BusOfOne final : public OpenBus {
 
  private:
   master::test::AxisRig& rig_;
+  std::vector<std::unique_ptr<NotedObjects>> noted_;
 };
+
+BusPlan plan_of(master::test::AxisRig& rig, Controlwords& noted) {
+  BusPlan plan{.link = "mem:", .type = "can", .drives = {{"reference", "generic402", 1}}};
+  if (rig.clients.size() > 1) plan.drives.push_back({"second", "generic402", 2});
+  plan.open = [&rig, &noted](const links::Heard&) { return std::make_unique<BusOfRig>(rig, noted); };
+  return plan;
+}
 
 std::string ask(std::uint16_t port, const std::string& method, const std::string& target, const std::string& body) {
   boost::asio::io_context io;
@@ -72,12 +114,10 @@ INSTANTIATE_TEST_SUITE_P(Ways, EndingServer, testing::Bool(),
 
 TEST_P(EndingServer, BringsItsAxesToRest) {
   master::test::AxisRig rig{{"generic402"}};
+  Controlwords noted;
   std::string problem;
   {
-    RealDrives drives({BusPlan{
-        .link = "mem:", .type = "can", .drives = {{"reference", "generic402", 1}}, .open = [&rig](const links::Heard&) {
-          return std::make_unique<BusOfOne>(rig);
-        }}});
+    RealDrives drives({plan_of(rig, noted)});
     RealServer server(drives, {.address = "127.0.0.1", .port = 0});
     std::thread thread([&] {
       try {
@@ -105,6 +145,77 @@ TEST_P(EndingServer, BringsItsAxesToRest) {
   const double stood = rig.shaft_counts();
   rig.line.run_until(rig.line.now() + 1s);
   EXPECT_NEAR(rig.shaft_counts(), stood, 100.0);
+}
+
+// The server remembers 64 jobs. It stops an axis at its end although it has forgotten the axis's jobs, and all axes
+// brake before it waits for the first one.
+TEST(EndingServerOfTwo, StopsBothAxesAtOnceWithoutTheirJobs) {
+  master::test::AxisRig rig{{"generic402"}, 2};
+  Controlwords noted;
+  std::size_t before = 0;
+  {
+    RealDrives drives({plan_of(rig, noted)});
+    RealServer server(drives, {.address = "127.0.0.1", .port = 0});
+    std::thread thread([&server] { server.run(); });
+    const std::uint16_t port = server.port();
+    int job = 0;
+    for (const std::string axis : {"reference", "second"}) {
+      wait_for(port, "axes/" + axis, "\"powered\":true");
+      for (const char* body : {R"({"do": "enable"})",
+                               R"({"do": "velocity", "velocity": 1, "acceleration": 20, "units": "revolutions"})"}) {
+        ask(port, "POST", "axes/" + axis + "/jobs", body);
+        EXPECT_THAT(wait_for(port, fmt::format("jobs/{}", ++job), "done"), testing::HasSubstr("done"));
+      }
+    }
+    // A stop replaces the one before it without waiting.
+    for (int i = 0; i < 64; ++i) ask(port, "POST", "axes/second/jobs", R"({"do": "stop"})");
+    EXPECT_THAT(wait_for(port, fmt::format("jobs/{}", job + 64), "done"), testing::HasSubstr("done"));
+    EXPECT_THAT(ask(port, "GET", "jobs/2", ""), testing::HasSubstr("404"));
+    EXPECT_THAT(wait_for(port, "axes/reference", "operation enabled"), testing::HasSubstr("operation enabled"));
+    boost::asio::post(server.io(), [&server, &noted, &before] {
+      const std::lock_guard lock(noted.mutex);
+      before = noted.written.size();
+      server.stop();
+    });
+    thread.join();
+  }
+  for (const std::size_t i : {std::size_t{0}, std::size_t{1}}) {
+    EXPECT_NE(master::Axis402(rig.objects(i), rig.options()).state(), master::PowerState::operation_enabled) << i;
+  }
+  const std::vector<std::string> at_end(noted.written.begin() + static_cast<std::ptrdiff_t>(before),
+                                        noted.written.end());
+  ASSERT_GE(at_end.size(), 2U);
+  EXPECT_THAT((std::vector{at_end[0], at_end[1]}), testing::UnorderedElementsAre("1 2", "2 2"));
+  const double stood = rig.shaft_counts(0);
+  rig.line.run_until(rig.line.now() + 1s);
+  EXPECT_NEAR(rig.shaft_counts(0), stood, 100.0);
+}
+
+// The answer does not depend on the jobs, which are forgotten.
+TEST(RealDrivesTest, AnAxisMayMoveFromItsFirstJobUntilAStop) {
+  master::test::AxisRig rig{{"generic402"}, 2};
+  Controlwords noted;
+  RealDrives drives({plan_of(rig, noted)});
+  drives.set_wait([](master::Time) { std::this_thread::sleep_for(1ms); });
+  const RealDrives::Axis& first = *drives.find("reference");
+  const RealDrives::Axis& second = *drives.find("second");
+  for (int i = 0; i < 3000 && (drives.state_of(first).problem || drives.state_of(second).problem); ++i) {
+    std::this_thread::sleep_for(10ms);
+  }
+  Jobs jobs(drives);
+  EXPECT_FALSE(drives.was_operated(first));
+  jobs.begin("reference", R"({"do": "enable"})");
+  for (int i = 0; i < 70; ++i) jobs.begin("second", R"({"do": "stop"})");
+  EXPECT_TRUE(drives.may_move(first));
+  EXPECT_FALSE(drives.may_move(second));
+  jobs.begin("reference", R"({"do": "stop"})");
+  EXPECT_FALSE(drives.may_move(first));
+  EXPECT_TRUE(drives.was_operated(first));
+  drives.note_motion("reference");  // for example a write of 60FFh during the stop
+  EXPECT_TRUE(drives.may_move(first));
+  drives.stop_all();
+  EXPECT_FALSE(drives.may_move(first));
+  EXPECT_TRUE(drives.was_operated(first));
 }
 
 }  // namespace
