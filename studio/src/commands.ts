@@ -1,5 +1,6 @@
 import { get, post, put, remove, segment } from './api/client';
 import type { Job, ObjectValue } from './api/types';
+import { commandsMotion } from './model/motion_objects';
 import { shownOf } from './model/problem';
 import { complain, complainOf, forget, tell } from './notices';
 import { noteJob, overWithin } from './store';
@@ -18,7 +19,7 @@ export const readValues = async (axis: string, objects: string[]) =>
   (await get<{ values: Record<string, ObjectValue> }>(`${axisPath(axis)}/values?objects=${objects.join(',')}`)).values;
 export const writeObject = (axis: string, index: number, sub: number, value: ObjectValue) => {
   if (index === 0x6040) takeBack(axis); // the controlword
-  return put(objectPath(axis, index, sub), { value });
+  return put(objectPath(axis, index, sub), { value }, commandsMotion(index, value) ? untilTakenBack(axis) : undefined);
 };
 
 export const power = (axis: string, action: 'on' | 'off' | 'cycle') => {
@@ -26,8 +27,8 @@ export const power = (axis: string, action: 'on' | 'off' | 'cycle') => {
   return post(`${axisPath(axis)}/power`, { action });
 };
 
-// Takes back the requests of jobs that have not reached the server, by axis: a later halt, controlword or STOP goes by another
-// connection and may arrive before them.
+// Takes back the requests of jobs, and of writes that can move the axis, that have not reached the server, by axis: a later halt,
+// controlword or STOP goes by another connection and may arrive before them.
 const takingBack = new Map<string, AbortController>();
 
 function untilTakenBack(axis: string): AbortSignal {
@@ -36,29 +37,50 @@ function untilTakenBack(axis: string): AbortSignal {
   return known.signal;
 }
 
-// Of a sequence of jobs that has to read something before its first job: taken back by each halt, controlword and STOP from now on.
-export const orderOf = untilTakenBack;
+// Callbacks of what waits in this page and would write later, for example the value of a slider. `axis` null: STOP, of all axes.
+type TakenBack = (axis: string | null) => void;
+const waiting = new Set<TakenBack>();
 
-function takeBack(axis: string) {
+// The callback runs at each halt, controlword, power switch and STOP of this page, before its request is sent.
+export function onTakenBack(callback: TakenBack): () => void {
+  waiting.add(callback);
+  return () => void waiting.delete(callback);
+}
+
+function abortRequests(axis: string) {
   takingBack.get(axis)?.abort();
   takingBack.delete(axis);
+}
+
+export function takeBack(axis: string) {
+  abortRequests(axis);
+  waiting.forEach((each) => each(axis));
 }
 
 // The latest job of each axis, with its signal. A job that is to follow it (`after`) is taken back with it: a controlword that
 // was written before it may reach the server after it.
 const latest = new Map<string, { id: number; signal: AbortSignal }>();
 
-export const takeBackAll = () => [...takingBack.keys()].forEach(takeBack);
+export function takeBackAll() {
+  [...takingBack.keys()].forEach(abortRequests);
+  waiting.forEach((each) => each(null));
+}
+
+const starting = new Map<string, number>(); // requests of jobs on their way, by axis
 
 const halts = ['stop', 'quick_stop', 'disable'];
 
 export async function startJob(axis: string, request: { do: string } & Record<string, unknown>): Promise<Job> {
   forget(axis);
   const isHalt = halts.includes(request.do);
-  if (isHalt) takeBack(axis);
   const before = latest.get(axis);
-  const signal = request.after !== undefined && request.after === before?.id ? before.signal : untilTakenBack(axis);
-  const job = await post<Job>(`${axisPath(axis)}/jobs`, request, isHalt ? undefined : signal);
+  const followed = request.after !== undefined && request.after === before?.id ? before.signal : undefined;
+  const wasTakenBack = followed?.aborted ?? false;
+  if (isHalt) takeBack(axis);
+  // What follows a halt of a sequence is not taken back by that halt, but by an earlier one of the user.
+  const signal = followed && (!isHalt || wasTakenBack) ? followed : untilTakenBack(axis);
+  starting.set(axis, (starting.get(axis) ?? 0) + 1);
+  const job = await post<Job>(`${axisPath(axis)}/jobs`, request, isHalt ? undefined : signal).finally(() => starting.set(axis, starting.get(axis)! - 1));
   latest.set(axis, { id: job.id, signal });
   noteJob(job);
   return job;
@@ -93,4 +115,13 @@ export async function runJob(axis: string, request: { do: string } & Record<stri
   }
 }
 
-export const cancelJob = (job: Job) => remove(`/jobs/${job.id}`);
+// Only this job: another job of the axis that is on its way goes on.
+export const endJob = (job: Job) => remove(`/jobs/${job.id}`);
+
+// As the user's Cancel: the job may be over just now, so what is to follow it is taken back too. The server may have begun a job
+// whose request is taken back, so the axis then gets a halt.
+export async function cancelJob(job: Job) {
+  const isFollowed = (starting.get(job.axis) ?? 0) > 0;
+  takeBack(job.axis);
+  await Promise.all([endJob(job), isFollowed ? startJob(job.axis, { do: 'stop' }) : undefined]);
+}

@@ -144,6 +144,59 @@ test('STOP drops the value of a slider that waits for a write', async ({ page, o
   expect(written).toEqual([200000, 500000]);
 });
 
+const velocity = { kind: 'slider', title: 'Target', span: 1, object: 'reference/60FF:00', minimum: 0, maximum: 1000000, step: 1 };
+
+test('a halt drops the value of a slider that waits, and takes back the write that is on its way', async ({ page, open, line, watched }) => {
+  await line.call('PUT', '/axes/reference/objects/6060/0', { value: 3 });
+  await openBoard(page, open, [velocity, { kind: 'button', title: 'Halt it', span: 1, axis: 'reference', do: 'stop' }]);
+  await line.call('POST', '/axes/reference/jobs', { do: 'enable' });
+  await expect.poll(async () => (await line.call<{ state: string }>('GET', '/axes/reference')).state).toBe('operation enabled');
+  const slider = panel(page, 'Target').getByRole('slider');
+  await expect(slider).toBeEnabled();
+  const written: number[] = [];
+  let release = () => {};
+  const released = new Promise<void>((resolve) => (release = resolve));
+  await page.route('**/axes/reference/objects/60ff/0', async (route) => {
+    if (route.request().method() === 'PUT') {
+      written.push((route.request().postDataJSON() as { value: number }).value);
+      await released;
+    }
+    await route.continue().catch(() => undefined); // the page may have given it up
+  });
+  await slider.fill('200000');
+  await expect.poll(() => written).toEqual([200000]);
+  await slider.fill('300000');
+  const halted = page.waitForResponse((response) => response.url().endsWith('/axes/reference/jobs'));
+  await page.getByRole('button', { name: 'Halt it' }).click();
+  await halted;
+  release();
+  await expect(panel(page, 'Target').getByRole('alert')).toContainText('200\u2009000: the command was taken back');
+  await expect(slider).toHaveValue('0');
+  await page.waitForTimeout(300); // longer than the pause between two writes
+  expect(written).toEqual([200000]);
+  expect(await value(() => line.call('GET', '/axes/reference/objects/60FF/0'))).toBe(0);
+  watched.splice(0); // Chromium may log the request that was given up
+});
+
+test('a number that is typed beside a slider is dropped by the press of STOP or of a halt', async ({ page, open }) => {
+  await openBoard(page, open, [velocity, { kind: 'button', title: 'Halt it', span: 1, axis: 'reference', do: 'stop' }, { kind: 'script', title: 'Waits', span: 2, lines: 'reference stop\nwait 3600' }]);
+  const field = panel(page, 'Target').getByRole('textbox');
+  await expect(field).toBeEnabled();
+  const written: number[] = [];
+  page.on('request', (request) => request.method() === 'PUT' && /60ff/i.test(request.url()) && written.push((request.postDataJSON() as { value: number }).value));
+  await panel(page, 'Waits').getByRole('button', { name: 'Run' }).click();
+  await expect(panel(page, 'Waits').getByRole('status')).toHaveText('line 2');
+  for (const name of ['Stop the script', 'Halt it', 'STOP']) {
+    await field.fill('500');
+    await page.getByRole('button', { name, exact: true }).click();
+    await expect(field).not.toBeFocused();
+    await expect(field).toHaveValue('0');
+  }
+  await field.fill('700');
+  await field.press('Enter');
+  await expect.poll(() => written).toEqual([700]);
+});
+
 test('a switch shows the drive, not the click', async ({ page, open, line }) => {
   await openBoard(page, open, [widgets[3], { kind: 'switch', title: 'Read only', span: 1, object: 'reference/60FE:01', on: 262144, off: 0 }]);
   const toggle = panel(page, 'Output').getByRole('switch');
@@ -215,6 +268,25 @@ test('a script does not go on after STOP, also not in a wait', async ({ page, op
   expect(jobs.some((job) => job.do === 'move')).toBe(false);
   expect(watched.splice(0)).toEqual([expect.stringContaining('409')]); // the refusal
   expect((await line.call<{ state: string }>('GET', '/axes/reference')).state).not.toBe('operation enabled');
+});
+
+test('a script goes on after its own halt', async ({ page, open, line }) => {
+  await openBoard(page, open, [{ kind: 'script', title: 'Twice', span: 2, lines: 'reference enable\nreference disable\nreference enable\nreference stop' }]);
+  const script = panel(page, 'Twice');
+  await script.getByRole('button', { name: 'Run' }).click();
+  await expect(script.getByRole('status')).toHaveText('done');
+  const { jobs } = await line.call<{ jobs: { do: string }[] }>('GET', '/jobs');
+  expect(jobs.map((job) => job.do)).toEqual(['stop', 'enable', 'disable', 'enable', 'stop']);
+});
+
+test('a script writes nothing after a halt by another client', async ({ page, open, line }) => {
+  await openBoard(page, open, [{ kind: 'script', title: 'Slow', span: 2, lines: 'reference enable\nwait 2\nreference set 6083 4711' }]);
+  const script = panel(page, 'Slow');
+  await script.getByRole('button', { name: 'Run' }).click();
+  await expect(script.getByRole('status')).toHaveText('line 2');
+  await line.call('POST', '/axes/reference/jobs', { do: 'stop' });
+  await expect(script.getByRole('status')).toHaveText(/^line 3: job \d+ is not the last command of the axis/);
+  expect(await value(() => line.call('GET', '/axes/reference/objects/6083/0'))).not.toBe(4711);
 });
 
 test('dashboards are exported, and imported again beside the old ones', async ({ page, open }) => {

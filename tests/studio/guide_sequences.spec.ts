@@ -121,7 +121,15 @@ test('STOP in a step stops the axis, and the sequence does not go on', async ({ 
   expect((await jobs(line)).filter((job) => job.do === 'move')).toHaveLength(1);
 });
 
-test('STOP between a press and its first job: no job begins', async ({ page, open, line }) => {
+const stops: [string, (page: Page, line: Line) => Promise<unknown>][] = [
+  ['STOP', async (page) => {
+    await page.keyboard.press('Control+Space');
+    await expect(page.getByText('all axes stopped')).toBeVisible();
+  }],
+  ['the STOP of another client', (_, line) => line.call('POST', '/stop')],
+];
+
+for (const [what, stop] of stops) test(`${what} between a press and its first motion: no motion begins`, async ({ page, open, line, watched }) => {
   await open('/commission/reference?step=velocity');
   const measure = page.getByRole('button', { name: 'Measure the loop and propose gains' });
   await expect(measure).toBeEnabled();
@@ -135,11 +143,69 @@ test('STOP between a press and its first job: no job begins', async ({ page, ope
   });
   await measure.click();
   await expect.poll(() => reads).toBeGreaterThan(0);
-  await page.keyboard.press('Control+Space');
-  await expect(page.getByText('all axes stopped')).toBeVisible();
+  await stop(page, line);
   release();
   await expect(page.getByRole('group', { name: 'Measure the loop and propose gains' }).locator('.trouble').first()).toBeVisible();
   expect((await jobs(line)).filter((job) => job.do === 'tune')).toEqual([]);
+  watched.splice(0); // the refusal, 409
+});
+
+test('nothing is undone while the power stage is on: the mode of a motion from before would move the axis', async ({ page, open, line }) => {
+  const mode = async () => (await line.call<{ value: number }>('GET', `${path}/objects/6060/0`)).value;
+  const over = (kind: string) => expect.poll(async () => (await jobs(line)).filter((job) => job.do === kind).at(-1)?.state).toBe('done');
+  await open('/commission/reference?step=direction');
+  await write(page);
+  await line.call('POST', `${path}/jobs`, { do: 'enable' });
+  await over('enable');
+  await line.call('POST', `${path}/jobs`, { do: 'velocity', units: 'revolutions', velocity: 0.2 });
+  await over('velocity');
+  await page.getByRole('button', { name: 'Make the small move' }).click();
+  await over('move');
+  await still(line);
+  await expect(journal(page).getByRole('row', { name: /6060:00/ })).toContainText(/3\s*1/);
+  const undo = page.getByRole('button', { name: 'Undo this step' });
+  await expect(panel(page, 'Direction and encoder').getByText('Disable the axis first')).toBeVisible();
+  await expect(undo).toBeDisabled();
+  await expect(journal(page).getByText('Disable the axis first')).toBeVisible();
+  await expect(journal(page).getByRole('button', { name: 'Undo all' })).toBeDisabled();
+  expect(await mode()).toBe(1);
+  const { position_counts: stood } = await view(line);
+  await page.getByRole('button', { name: 'Disable' }).click();
+  await expect(undo).toBeEnabled();
+  await undo.click();
+  await expect(journal(page)).toHaveCount(0);
+  expect(await mode()).toBe(3);
+  expect(Math.abs((await view(line)).position_counts - stood)).toBeLessThan(1000);
+});
+
+test('after a restart of the server the guide does not take another job for that of its run', async ({ page, open, line, watched }) => {
+  await open('/commission/reference?step=direction');
+  await write(page);
+  await clock(line, 0);
+  await page.getByRole('button', { name: 'Make the small move' }).click();
+  const name = 'servodrome.guide.reference';
+  const begun = () => page.evaluate((key) => (JSON.parse(localStorage.getItem(key) ?? '{}') as { run?: { jobs: number[]; of: number } }).run?.jobs.length ?? 0, name);
+  await clock(line, 1);
+  await expect.poll(begun, { intervals: [20] }).toBe(3);
+  await clock(line, 0);
+  // The run is as a page that was closed in the middle leaves it.
+  await page.evaluate((key) => {
+    const guide = JSON.parse(localStorage.getItem(key)!) as { run: { state: string } };
+    localStorage.setItem('test', JSON.stringify({ ...guide, run: { ...guide.run, state: 'running', error: undefined } }));
+  }, name);
+  await page.goto('about:blank');
+  await line.stop();
+  await line.start();
+  await clock(line, 1);
+  for (const request of [{ do: 'stop' }, { do: 'enable' }, { do: 'move', units: 'revolutions', by: 0.1, velocity: 1, acceleration: 20, deceleration: 20 }]) {
+    const { id } = await line.call<Job>('POST', `${path}/jobs`, request);
+    await expect.poll(async () => (await jobs(line)).find((job) => job.id === id)?.state).toBe('done');
+  }
+  await page.goto(line.address);
+  await page.evaluate((key) => localStorage.setItem(key, localStorage.getItem('test')!), name);
+  await page.goto(`${line.address}/commission/reference?step=direction`);
+  await expect(page.getByText('the server was restarted before the sequence was complete')).toBeVisible();
+  watched.splice(0); // the lost connection
 });
 
 test('a power cut in the middle: the guide names the lost values, and writes them again', async ({ page, open, line }) => {

@@ -1,6 +1,6 @@
 import type { Page } from '@playwright/test';
 import { expect, test } from './fixtures';
-import type { Line } from './line';
+import { lineFile, type Line } from './line';
 
 // A slow network: a halt or STOP comes between two requests of a sequence, or reaches the server before an earlier request.
 // The last command of the person counts. (The monkey, monkey.spec.ts, looks for more of these.)
@@ -111,4 +111,74 @@ test('a halt takes back the command whose request is still on its way', async ({
   await tuning.release();
   await expect.poll(() => jobs(line)).toEqual(['enable', 'stop']);
   watched.splice(0);
+});
+
+test('STOP takes back a controlword whose request is still on its way', async ({ page, open, line, watched }) => {
+  const state = async () => (await line.call<{ state: string }>('GET', '/axes/reference')).state;
+  await line.call('PUT', '/axes/reference/objects/605A/0', { value: 6 }); // a stopped axis stays in Quick stop active, which Fh leaves
+  await line.call('POST', '/axes/reference/jobs', { do: 'enable' });
+  await expect.poll(state).toBe('operation enabled');
+  await open('/objects/reference?q=6040&object=6040:00');
+  const written = await hold(page, 'PUT', '**/objects/6040/0');
+  await page.getByRole('textbox', { name: 'New value' }).fill('0xF');
+  await page.getByRole('button', { name: 'Write', exact: true }).click();
+  await written.held;
+  await page.getByRole('button', { name: 'STOP', exact: true }).click();
+  await expect(page.getByText('all axes stopped')).toBeVisible();
+  const stopped = await state();
+  expect(stopped).not.toBe('operation enabled');
+  await written.release();
+  await page.waitForTimeout(200); // of the line's time
+  expect(await state()).toBe(stopped);
+  await expect(page.getByText('taken back').first()).toBeVisible();
+  watched.splice(0);
+});
+
+test.describe('with the time of the line', () => {
+  test.use({ lineText: lineFile('virtual') });
+
+  test('Cancel takes back what was to follow, also if the job is over before the request arrives', async ({ page, open, line, watched }) => {
+    await line.call('PUT', '/clock', { speed: 1 });
+    await open('/axis/reference');
+    await expect(page.getByRole('button', { name: 'Move +' })).toBeEnabled();
+    await line.call('PUT', '/clock', { speed: 0 });
+    await page.getByRole('button', { name: 'Move +' }).click();
+    const cancel = page.getByRole('button', { name: 'Cancel', exact: true });
+    await expect(cancel).toBeVisible();
+    const cancelling = await hold(page, 'DELETE', '**/api/v1/jobs/*');
+    await cancel.click();
+    await cancelling.held;
+    await line.call('PUT', '/clock', { speed: 1 });
+    await expect(page.getByText('enable: done')).toBeVisible();
+    await page.waitForTimeout(300); // the time in which the page sent the move
+    expect(await jobs(line)).toEqual(['enable']);
+    await expect(page.getByText('taken back').first()).toBeVisible();
+    await cancelling.release();
+    watched.splice(0);
+  });
+
+  test('Cancel halts a job that the server has begun, and whose answer is still on its way', async ({ page, open, line, watched }) => {
+    await line.call('PUT', '/clock', { speed: 1 });
+    await open('/axis/reference');
+    let release = () => {};
+    const released = new Promise<void>((resolve) => (release = resolve));
+    const cancelling = await hold(page, 'DELETE', '**/api/v1/jobs/*');
+    await page.route('**/axes/reference/jobs', async (route) => {
+      const { do: kind } = route.request().postDataJSON() as { do: string };
+      const response = await route.fetch();
+      if (kind === 'move') await released;
+      await route.fulfill({ response }).catch(() => undefined);
+    });
+    await page.getByRole('textbox', { name: 'Distance' }).fill('8');
+    await page.getByRole('textbox', { name: 'Velocity', exact: true }).fill('60');
+    await page.getByRole('button', { name: 'Move +' }).click();
+    const cancel = page.getByRole('button', { name: 'Cancel', exact: true });
+    await expect.poll(async () => (await jobs(line)).at(-1)).toBe('move');
+    await cancel.click();
+    await cancelling.held;
+    await expect.poll(() => jobs(line)).toEqual(['enable', 'move', 'stop']);
+    release();
+    await cancelling.release();
+    watched.splice(0);
+  });
 });

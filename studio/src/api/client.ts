@@ -1,4 +1,5 @@
 import { fields } from './token';
+import { Turns } from './turns';
 import type { Problem } from './types';
 
 // A request that the server refused or did not answer. `problem` has the text for the user: what, where, what to do.
@@ -17,43 +18,50 @@ const patience_ms = 10_000;
 export const segment = encodeURIComponent;
 
 export async function call<T = unknown>(method: string, path: string, body?: unknown, signal?: AbortSignal): Promise<T> {
-  const response = await send(method, path, body, 'application/json', signal);
-  const text = await response.text();
+  const text = await send(method, path, (response) => response.text(), body, 'application/json', signal);
   return (text === '' ? undefined : JSON.parse(text)) as T;
 }
 
 export const get = <T>(path: string) => call<T>('GET', path);
-export const put = <T = unknown>(path: string, body: unknown) => call<T>('PUT', path, body);
+export const put = <T = unknown>(path: string, body: unknown, signal?: AbortSignal) => call<T>('PUT', path, body, signal);
 export const post = <T = unknown>(path: string, body: unknown = {}, signal?: AbortSignal) => call<T>('POST', path, body, signal);
 export const remove = <T = unknown>(path: string, body?: unknown) => call<T>('DELETE', path, body);
 
 // Sends `text` as text/plain, for example a parameter file.
 export async function callText<T>(method: string, path: string, text: string): Promise<T> {
-  return (await (await send(method, path, text, 'text/plain')).json()) as T;
+  return send(method, path, (response) => response.json() as Promise<T>, text, 'text/plain');
 }
 
 export async function getBytes(path: string): Promise<ArrayBuffer> {
-  return (await send('GET', path)).arrayBuffer();
+  return send('GET', path, (response) => response.arrayBuffer());
 }
 
+// A browser has 6 connections to a server, and a request that finds none free waits in it. Two stay free of reads, so that a STOP or
+// a halt is sent at once.
+const reads = new Turns(4);
+
 // `signal` takes the request back.
-async function send(method: string, path: string, body?: unknown, type = 'application/json', signal?: AbortSignal): Promise<Response> {
+async function send<T>(method: string, path: string, read: (response: Response) => Promise<T>, body?: unknown, type = 'application/json', signal?: AbortSignal): Promise<T> {
   const patience = AbortSignal.timeout(patience_ms);
-  let response: Response;
-  try {
-    response = await fetch(root + path, {
+  const until = signal ? AbortSignal.any([signal, patience]) : patience;
+  const exchange = async () => {
+    const response = await fetch(root + path, {
       method,
-      signal: signal ? AbortSignal.any([signal, patience]) : patience,
+      signal: until,
       headers: { ...fields(), ...(body === undefined ? {} : { 'Content-Type': type }) },
       ...(body === undefined ? {} : { body: typeof body === 'string' ? body : JSON.stringify(body) }),
     });
-  } catch {
+    if (response.ok) return read(response);
+    const answer = (await response.json().catch(() => ({}))) as { error?: Problem };
+    throw new ApiError(response.status, answer.error ?? { what: `the server answered with HTTP status ${response.status}`, where: path });
+  };
+  try {
+    return await (method === 'GET' ? reads.run(exchange, until) : exchange());
+  } catch (error) {
+    if (error instanceof ApiError) throw error;
     if (signal?.aborted) throw new ApiError(0, { what: 'the command was taken back by a later halt, controlword or STOP', where: path });
     throw new ApiError(0, { what: 'the server does not answer', where: path, hint: 'check that it still runs and that the network is connected' });
   }
-  if (response.ok) return response;
-  const answer = (await response.json().catch(() => ({}))) as { error?: Problem };
-  throw new ApiError(response.status, answer.error ?? { what: `the server answered with HTTP status ${response.status}`, where: path });
 }
 
 export function problemOf(error: unknown): Problem {

@@ -1,10 +1,11 @@
 import { useEffect, useRef, useState } from 'react';
 import { problemOf } from '../api/client';
 import type { Job } from '../api/types';
-import { cancelJob, finish, startJob } from '../commands';
+import { endJob, finish, startJob, takeBack } from '../commands';
 import type { Widget } from '../model/boards';
-import { parseSequence, Sequence, type Step } from '../model/sequence';
+import { axesOf, parseSequence, Sequence, type Step } from '../model/sequence';
 import { Button, HaltButton, Scroll } from '../parts/controls';
+import { snapshot } from '../store';
 import { writeTo } from './slider';
 
 type Outcome = { kind: 'none' | 'running' | 'done'; text: string } | { kind: 'failed'; text: string };
@@ -41,7 +42,8 @@ export function ScriptWidget({ widget }: { widget: Widget }) {
     const made = new Sequence(steps, {
       start: startJob,
       finish: (job) => finish(job as Job),
-      cancel: (job) => cancelJob(job as Job),
+      cancel: (job) => endJob(job as Job),
+      latest: (axis) => (snapshot().jobs[axis] as Job | undefined)?.id,
       write: (axis, object, value) => writeTo(`${axis}/${object}`, value),
       sleep,
       at: (step) => {
@@ -62,6 +64,10 @@ export function ScriptWidget({ widget }: { widget: Widget }) {
     }
   };
   const isRunning = outcome.kind === 'running';
+  const halt = () => {
+    stop();
+    axesOf(steps).forEach(takeBack);
+  };
   return (
     <>
       <Scroll label="Script" className="script-box">
@@ -73,7 +79,7 @@ export function ScriptWidget({ widget }: { widget: Widget }) {
       </Scroll>
       <div className="buttons">
         <Button kind="main" isDisabled={isRunning} onPress={() => void run()}>Run</Button>
-        <HaltButton isDisabled={!isRunning} onHalt={stop}>Stop the script</HaltButton>
+        <HaltButton isDisabled={!isRunning} onHalt={halt}>Stop the script</HaltButton>
         <span className={outcome.kind === 'failed' ? 'refusal' : 'quiet'} role="status">{isRunning && at ? `line ${at.line}` : outcome.text}</span>
       </div>
     </>

@@ -1,7 +1,7 @@
 import { useEffect, useId, useRef, useState } from 'react';
 import { problemOf } from '../api/client';
 import type { Problem } from '../api/types';
-import { writeObject } from '../commands';
+import { onTakenBack, writeObject } from '../commands';
 import { useLiveValue } from '../live_values';
 import type { Widget } from '../model/boards';
 import { Paced } from '../model/paced';
@@ -28,6 +28,7 @@ export function SliderWidget({ widget }: { widget: Widget }) {
   const about = useObject(text);
   const [wanted, setWanted] = useState<number | null>(null); // the value that the user chose, until the drive accepts or refuses it
   const [problem, setProblem] = useState<Problem>();
+  const [dropped, setDropped] = useState(0); // how often a halt or STOP has dropped the waiting value and the typed text
   const paced = useRef<Paced>();
   useEffect(() => {
     const made = new Paced(writesPerSecond, {
@@ -41,14 +42,15 @@ export function SliderWidget({ widget }: { widget: Widget }) {
       },
     });
     paced.current = made;
-    // At STOP the waiting value is not written, and the slider goes back to the value of the drive.
-    const drop = () => {
+    // At STOP, and at a halt of its axis, the waiting value is not written, and the slider goes back to the value of the drive.
+    const forget = onTakenBack((axis) => {
+      if (axis !== null && axis !== channelOf(text)?.axis) return;
       made.drop();
       setWanted(null);
-    };
-    addEventListener('stopall', drop);
+      setDropped((n) => n + 1);
+    });
     return () => {
-      removeEventListener('stopall', drop);
+      forget();
       made.drop();
     };
   }, [text]);
@@ -72,7 +74,7 @@ export function SliderWidget({ widget }: { widget: Widget }) {
         aria-valuetext={isKnown ? `${significant(shown)} ${about?.unit ?? ''}`.trim() : 'not known'} onChange={(event) => set(Number(event.target.value))}
       />
       <div className="written">
-        <NumberInput whenLeft hideLabel label={`Value of ${label}`} value={shown} minimum={minimum} maximum={maximum} step={step} unit={about?.unit || undefined} isDisabled={!isKnown} onChange={set} />
+        <NumberInput whenLeft hideLabel dropped={dropped} label={`Value of ${label}`} value={shown} minimum={minimum} maximum={maximum} step={step} unit={about?.unit || undefined} isDisabled={!isKnown} onChange={set} />
         <span className="quiet" role="status">drive: {Number.isFinite(present) ? significant(present) : '–'}</span>
       </div>
       <Trouble problem={problem} />

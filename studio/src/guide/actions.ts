@@ -1,7 +1,8 @@
 import { get, getBytes, post, problemOf, remove } from '../api/client';
 import { decodeFrame } from '../api/frame';
 import type { AxisView, Clock, Job, Problem, Recording } from '../api/types';
-import { cancelJob, finish, orderOf, readValues, startJob, writeObject } from '../commands';
+import { cancelJob, finish, readValues, startJob, writeObject } from '../commands';
+import { hasPowerStage } from '../model/motion_objects';
 import { samplesOf, span } from '../model/scope';
 import { shownOf } from '../model/problem';
 import type { LoopMeasured, Tuned } from '../model/tuning';
@@ -12,7 +13,7 @@ import { entryOf, noted, toUndo, without, type Written } from './journal';
 import { measuredOf } from './measured';
 import { fromDrive } from './mechanics';
 import { change, changeStep, guideOf, stepOf, type Found, type LoopFound, type Proposed, type Run } from './state';
-import { placeOf, type Facts, type Motion, type Numbers, type PlanRow, type Records, type Step } from './step';
+import { placeOf, type Facts, type Motion, type Numbers, type Order, type PlanRow, type Records, type Step } from './step';
 import { steps } from './steps';
 
 // The actions of the guide on a drive. Each write is recorded in the journal before it is sent, so the journal is complete
@@ -51,9 +52,19 @@ export async function writePlan(axis: AxisView, step: string, plan: PlanRow[]): 
   tell(`${name}: ${plan.length} ${plan.length === 1 ? 'value' : 'values'} written`);
 }
 
+// The reason why no value is written back now; empty: none. With the power stage on, an old mode of operation moves the axis at
+// once if the target of that mode is not zero, and an old limit acts on a motion.
+export const undoHindrance = ({ state }: Pick<AxisView, 'state'>) => (hasPowerStage(state) ? 'Disable the axis first: a value that is written back acts on the shaft at once.' : '');
+
+async function refuseWhilePowered(axis: AxisView) {
+  const reason = undoHindrance(await latest(axis));
+  if (reason) throw new Error(`${axis.name}: ${reason}`);
+}
+
 // Writes the old values back in reverse order. A value that another client has changed is not written, and its entry stays in the journal.
 export async function undo(axis: AxisView, step: string | null): Promise<void> {
   const { name, product } = axis;
+  await refuseWhilePowered(axis);
   const entries = toUndo(guideOf(name, product).journal, step);
   const now = await readValues(name, [...new Set(entries.map(({ object }) => object))]);
   const strange: string[] = [];
@@ -84,7 +95,10 @@ export async function undo(axis: AxisView, step: string | null): Promise<void> {
 export const leaveAsItIs = ({ name, product }: AxisView, entry: Written) => change(name, product, (guide) => ({ ...guide, journal: guide.journal.filter((each) => each !== entry) }));
 
 // Writes a value again that the drive has lost, for example at a power cut.
-export const writeAgain = ({ name }: AxisView, { object, after }: Written) => writeObject(name, ...placeOf(object), after);
+export async function writeAgain(axis: AxisView, { object, after }: Written): Promise<void> {
+  await refuseWhilePowered(axis);
+  await writeObject(axis.name, ...placeOf(object), after);
+}
 
 // ---- Motions ----
 
@@ -100,33 +114,38 @@ const place = (axis: AxisView, facts: Facts) => {
 
 const latest = ({ name }: AxisView) => get<AxisView>(`/axes/${encodeURIComponent(name)}`);
 
-// Runs the jobs of a motion one after the other. Each begins only if nothing else commanded the axis since the one before.
+// Runs the jobs of a motion one after the other. Each begins only if nothing else commanded the axis since the one before. The
+// first is a halt, sent at the press: a STOP of any client from then on keeps the others from beginning, also during the reads.
 export async function runMotion(facts: Facts, step: Step, motion: Motion, numbers: Numbers, keys: string[]): Promise<void> {
   const { axis } = facts;
   const { name, product } = axis;
-  const orders = [...motion.begins.map((each) => ({ do: each })), ...motion.orders(numbers, facts)];
+  const begins = ['stop', ...motion.begins];
+  const orders: Order[] = [...begins.map((each) => ({ do: each })), ...motion.orders(numbers, facts)];
   const id = `${Date.now()}-${Math.random()}`;
-  const asked = orderOf(name);
   mine.add(id);
   const begun: Run = {
-    id, step: step.id, motion: motion.id, jobs: [], of: orders.length, state: 'running', from: place(await latest(axis), facts),
+    id, step: step.id, motion: motion.id, jobs: [], of: orders.length, state: 'running', start: snapshot().start, from: place(axis, facts),
     values: Object.fromEntries(keys.map((key) => [key, numbers(key)])),
   };
   change(name, product, (guide) => ({ ...guide, run: begun }));
   try {
-    await noteMode(facts, step.id, motion.mode);
     const records = motion.records?.(numbers, facts);
     let before: Job | undefined;
     for (const [i, order] of orders.entries()) {
-      if (records && i === motion.begins.length) await record(axis, records);
-      if (guideOf(name, product).run?.state !== 'running') return;
-      if (i === 0 && asked.aborted) aborted.add(id); // by STOP, before the first job
-      if (aborted.has(id)) break;
+      if (i === 1) {
+        const from = place(await latest(axis), facts); // at rest
+        setRun(axis, (run) => ({ ...run, from }));
+        await noteMode(facts, step.id, motion.mode);
+      }
+      if (records && i === begins.length) await record(axis, records);
+      const { run } = guideOf(name, product);
+      if (run?.state !== 'running') return;
+      if (aborted.has(id) || !isOfThisServer(run)) break;
       const job = await startJob(name, { ...order, ...(before ? { after: before.id } : {}) });
       setRun(axis, (run) => ({ ...run, jobs: [...run.jobs, job.id] }));
       before = await finish(job);
       if (before.state !== 'done') break;
-      if (records && i === motion.begins.length && i + 1 < orders.length) await recorded(axis);
+      if (records && i === begins.length && i + 1 < orders.length) await recorded(axis);
     }
     await complete(facts, before);
   } catch (error) {
@@ -169,9 +188,12 @@ async function recorded({ name, product }: AxisView) {
 
 const lineTime = async () => (await get<Clock>('/clock')).time_ms;
 
+// A restarted server counts jobs and recordings from 1 again, so the numbers of a run are then those of others.
+const isOfThisServer = (run: Run) => run.start === snapshot().start;
+
 async function endRecording({ name, product }: AxisView) {
   const { run } = guideOf(name, product);
-  if (run?.recording !== undefined) await remove(`/recordings/${run.recording}`).catch(() => undefined);
+  if (run?.recording !== undefined && isOfThisServer(run)) await remove(`/recordings/${run.recording}`).catch(() => undefined);
 }
 
 // The end of a run: its last job is over. Reads the recording and the measurements.
@@ -180,6 +202,10 @@ async function complete(facts: Facts, last: Job | undefined): Promise<void> {
   const { name, product } = axis;
   const { run } = guideOf(name, product);
   if (run?.state !== 'running') return;
+  if (!isOfThisServer(run)) {
+    setRun(axis, (now) => ({ ...now, state: 'interrupted', error: { what: 'the server was restarted before the sequence was complete' } }));
+    return;
+  }
   if (!last || last.state !== 'done' || run.jobs.length < run.of) {
     await endRecording(axis);
     const interrupted = last ? last.state === 'done' : aborted.has(run.id);
@@ -254,7 +280,7 @@ export function adopt(facts: Facts): () => void {
   let busy = false;
   const look = async () => {
     const { run } = guideOf(name, product);
-    if (over || busy || run?.state !== 'running' || mine.has(run.id)) return;
+    if (over || busy || run?.state !== 'running' || mine.has(run.id) || snapshot().start === '') return;
     busy = true;
     await judge(run).finally(() => {
       busy = false;
@@ -262,7 +288,7 @@ export function adopt(facts: Facts): () => void {
   };
   const judge = async (run: Run) => {
     const id = run.jobs.at(-1);
-    const job = id === undefined ? undefined : await get<Job>(`/jobs/${id}`).catch(() => undefined);
+    const job = id === undefined || !isOfThisServer(run) ? undefined : await get<Job>(`/jobs/${id}`).catch(() => undefined);
     // Another tab may continue the run: it then changes the run or the axis within this time.
     const now = JSON.stringify([run, job?.state, snapshot().jobs[name]?.id]);
     quiet = now === seen && job?.state !== 'running' ? quiet + 1 : 0;

@@ -8,7 +8,7 @@ import { attempt } from '../notices';
 import { Button, Choice, HaltButton, Link, Scroll, Trouble } from '../parts/controls';
 import { NumberInput, NumbersButton } from '../parts/number_input';
 import { useLine } from '../store';
-import { abort, leaveAsItIs, runMotion, undo, writeAgain } from './actions';
+import { abort, leaveAsItIs, runMotion, undo, undoHindrance, writeAgain } from './actions';
 import { standingOf } from './journal';
 import { changeStep, stepOf, type Guide } from './state';
 import { fromShown, shownUnit, toShown, type Facts, type Field, type Motion, type Numbers, type PlanRow, type Step } from './step';
@@ -161,7 +161,7 @@ function Progress({ job, done, of }: { job: Job | undefined; done: number; of: n
   return (
     <span className="progress" role="status">
       {job?.progress ? <progress max={1} value={job.progress.share} aria-label="Progress of the measurement" /> : null} {job?.progress?.doing ?? job?.do.replaceAll('_', ' ') ?? 'beginning'}
-      {of > 2 && ` (${done} of ${of})`}
+      {of > 3 && ` (${done} of ${of})`}
     </span>
   );
 }
@@ -170,6 +170,8 @@ export function JournalPanel({ facts, guide, isBusy, again }: { facts: Facts; gu
   const { axis } = facts;
   const [asked, setAsked] = useState(false);
   const { journal } = guide;
+  const reason = undoHindrance(axis);
+  const cannot = isBusy || reason !== '';
   if (journal.length === 0) return null;
   const titleOf = (id: string) => steps.find((step) => step.id === id)?.title ?? id;
   const rows: ReactNode[] = journal.map((entry) => {
@@ -183,7 +185,7 @@ export function JournalPanel({ facts, guide, isBusy, again }: { facts: Facts; gu
         <td>{entry.after}</td>
         <td className={standing === 'in the drive' || standing === 'replaced' ? 'text' : 'text differs'}>{standing}</td>
         <td>
-          {standing === 'not in the drive' && <Button kind="bare" isDisabled={isBusy} aria-label={`Write ${entry.object} again`} onPress={() => attempt(() => writeAgain(axis, entry).finally(again))}>Write again</Button>}
+          {standing === 'not in the drive' && <Button kind="bare" isDisabled={cannot} aria-label={`Write ${entry.object} again`} onPress={() => attempt(() => writeAgain(axis, entry).finally(again))}>Write again</Button>}
           {(standing === 'not in the drive' || standing === 'changed by another') && <Button kind="bare" aria-label={`Take ${entry.object} out of the list`} onPress={() => leaveAsItIs(axis, entry)}>Take out</Button>}
         </td>
       </tr>
@@ -196,13 +198,14 @@ export function JournalPanel({ facts, guide, isBusy, again }: { facts: Facts; gu
         {asked ? (
           <>
             <span role="alert">All {journal.length} values go back to what they were.</span>
-            <Button kind="bad" isDisabled={isBusy} onPress={() => { setAsked(false); attempt(() => undo(axis, null).finally(again)); }}>Undo all of them</Button>
+            <Button kind="bad" isDisabled={cannot} onPress={() => { setAsked(false); attempt(() => undo(axis, null).finally(again)); }}>Undo all of them</Button>
             <Button onPress={() => setAsked(false)}>Keep</Button>
           </>
         ) : (
-          <Button isDisabled={isBusy} onPress={() => setAsked(true)}>Undo all</Button>
+          <Button isDisabled={cannot} onPress={() => setAsked(true)}>Undo all</Button>
         )}
       </header>
+      {reason && <p className="quiet note" role="status">{reason}</p>}
       <Scroll label="Table of what the guide has written">
         <table className="table" aria-label="Written by the guide">
           <thead><tr><th scope="col">step</th><th scope="col">object</th><th scope="col" className="wide">name</th><th scope="col">before</th><th scope="col">written</th><th scope="col" className="wide">now</th><th scope="col"><span className="unseen">action</span></th></tr></thead>

@@ -56,6 +56,7 @@ export interface Run {
   state: 'running' | 'done' | 'failed' | 'interrupted';
   error?: Problem;
   recording?: number;
+  start?: string; // the run of the server whose numbers `jobs` and `recording` are
   from: { drive: number; shaft: number | null };
   values: Record<string, number>; // the numbers of the form when it began
 }

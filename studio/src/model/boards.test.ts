@@ -199,6 +199,13 @@ describe('a script', () => {
     ['x set 6083:00', 1, 'a number is missing after "6083:00"'],
     ['x enable\nx set 6040 15', 2, 'a script cannot set the controlword 6040h: use enable, disable, reset, stop, quickstop'],
     ['x set 6040:00 6', 1, 'a script cannot set the controlword 6040h: use enable, disable, reset, stop, quickstop'],
+    ['x set 60FF 5', 1, 'a script cannot set 60FFh, a target or the mode of operation: use move, home'],
+    ['x enable\nx set 607a:00 5', 2, 'a script cannot set 607Ah, a target or the mode of operation: use move, home'],
+    ['x set 6071 5', 1, 'a script cannot set 6071h, a target or the mode of operation: use move, home'],
+    ['x set 6042 5', 1, 'a script cannot set 6042h, a target or the mode of operation: use move, home'],
+    ['x set 60B1 5', 1, 'a script cannot set 60B1h, a target or the mode of operation: use move, home'],
+    ['x set 60B2 5', 1, 'a script cannot set 60B2h, a target or the mode of operation: use move, home'],
+    ['x set 6060 3', 1, 'a script cannot set 6060h, a target or the mode of operation: use move, home'],
     ['repeat 2\nx stop', 1, '"end" is missing for this "repeat"'],
     ['end', 1, '"end" without "repeat"'],
     ['repeat 0\nx stop\nend', 1, 'repeat takes a whole number from 1 on'],
@@ -222,6 +229,7 @@ describe('a script', () => {
       finish: (job) => Promise.resolve({ ...job, state: 'done' }),
       cancel: (job) => Promise.resolve(log.push(`cancel ${job.id}`)),
       write: (axis, object, value) => Promise.resolve(log.push(`${axis} ${object} = ${value}`)),
+      latest: () => id,
       sleep: () => Promise.resolve(),
       at: () => undefined,
       ...change,
@@ -232,8 +240,28 @@ describe('a script', () => {
 
   test('halts its axes first, and each job continues the one before', async () => {
     const { log, does } = recorder();
+    // Each axis has its own latest job.
+    does.latest = (axis) => ({ x: 5, y: 4 })[axis];
     await new Sequence(stepsOf('x enable\ny enable\nx move by 1\ny set 6083 7'), does).run();
     expect(log).toEqual(['x stop', 'y stop', 'x enable after 1', 'y enable after 2', 'x move after 3', 'y 6083:00 = 7']);
+  });
+
+  test('sends the first halts of all axes together', async () => {
+    let answer: () => void = () => undefined;
+    const answered = new Promise<void>((resolve) => (answer = resolve));
+    const { log, does } = recorder({ finish: (job) => answered.then(() => ({ ...job, state: 'done' })) });
+    const ended = new Sequence(stepsOf('x enable\ny enable\nz enable'), does).run();
+    await vi.waitFor(() => expect(log).toEqual(['x stop', 'y stop', 'z stop']));
+    answer();
+    await ended;
+    expect(log).toEqual(['x stop', 'y stop', 'z stop', 'x enable after 1', 'y enable after 2', 'z enable after 3']);
+  });
+
+  test('ends before a write if another client has commanded the axis', async () => {
+    let latest = 0;
+    const { log, does } = recorder({ latest: () => latest, sleep: () => Promise.resolve(void (latest = 7)) });
+    await expect(new Sequence(stepsOf('x enable\nx set 6083 1\nwait 1\nx set 6083 2'), does).run()).rejects.toThrow('job 2 is not the last command of the axis');
+    expect(log).toEqual(['x stop', 'x enable after 1', 'x 6083:00 = 1']);
   });
 
   test('ends at a job that fails, with its reason', async () => {

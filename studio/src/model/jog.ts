@@ -1,5 +1,6 @@
 // Jogs while a key or the pointer is pressed. After the release the jog always ends, even if the server answers its start
-// later. `alive` is the keepalive of the server's dead man's switch: without it the server halts the axis.
+// later. `alive` is the keepalive of the server's dead man's switch: without it the server halts the axis. The release does not
+// wait for an `alive` that is on its way.
 
 export interface JogDoes<Handle> {
   start(): Promise<Handle>;
@@ -39,20 +40,29 @@ export class Jog<Handle> {
       this.does.failed(error);
       return;
     }
-    try {
-      for (let waited = 0; this.held(run); waited += poll_ms) {
-        if (waited >= alive_ms) {
-          waited = 0;
-          await this.does.alive(handle);
-        }
-        await new Promise((resolve) => setTimeout(resolve, poll_ms));
+    let onItsWay = false; // at most one `alive` at a time
+    let lost: { error: unknown } | undefined;
+    const alive = async () => {
+      onItsWay = true;
+      try {
+        await this.does.alive(handle);
+      } catch (error) {
+        lost = { error };
       }
-    } catch (error) {
-      if (run === this.run) this.pressed = false;
-      this.does.failed(error);
-    } finally {
-      await this.does.stop(handle).catch(() => undefined); // the job may be over already
+      onItsWay = false;
+    };
+    for (let waited = 0; this.held(run) && !lost; waited += poll_ms) {
+      if (waited >= alive_ms && !onItsWay) {
+        waited = 0;
+        void alive();
+      }
+      await new Promise((resolve) => setTimeout(resolve, poll_ms));
     }
+    if (lost) {
+      if (run === this.run) this.pressed = false;
+      this.does.failed(lost.error);
+    }
+    await this.does.stop(handle).catch(() => undefined); // the job may be over already
   }
 }
 

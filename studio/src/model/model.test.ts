@@ -147,6 +147,29 @@ describe('jog', () => {
     expect(calls.alive).not.toHaveBeenCalled();
     vi.useRealTimers();
   });
+  test('the release does not wait for a sign of life that is on its way', async () => {
+    vi.useFakeTimers();
+    const calls = { ...does(() => Promise.resolve(7)), alive: vi.fn(() => new Promise(() => undefined)) };
+    const jog = new Jog(calls);
+    jog.press();
+    await vi.advanceTimersByTimeAsync(1000);
+    expect(calls.alive).toHaveBeenCalledOnce();
+    expect(calls.stop).not.toHaveBeenCalled();
+    jog.release();
+    await vi.advanceTimersByTimeAsync(20);
+    expect(calls.stop).toHaveBeenCalledExactlyOnceWith(7);
+    vi.useRealTimers();
+  });
+  test('a refused sign of life ends the jog', async () => {
+    vi.useFakeTimers();
+    const calls = { ...does(() => Promise.resolve(8)), alive: vi.fn(() => Promise.reject(new Error('over'))) };
+    const jog = new Jog(calls);
+    jog.press();
+    await vi.advanceTimersByTimeAsync(300);
+    expect(calls.failed).toHaveBeenCalledOnce();
+    expect(calls.stop).toHaveBeenCalledExactlyOnceWith(8);
+    vi.useRealTimers();
+  });
   test('a refused start is told, and the next press tries again', async () => {
     const calls = does(() => Promise.reject(new Error('busy')));
     const jog = new Jog(calls);

@@ -7,6 +7,8 @@
 //   end
 //   reference set 6083:00 5000
 
+import { isMotionObject } from './motion_objects';
+
 export type Step =
   | { line: number; kind: 'job'; axis: string; request: { do: string } & Record<string, unknown> }
   | { line: number; kind: 'set'; axis: string; object: string; value: number }
@@ -75,6 +77,8 @@ function stepOf(line: number, words: string[]): Step {
   if (!found) throw new Mistake('set needs an object and a value: set 6083:00 5000');
   // The server counts a written controlword as another command, and would refuse the next job of the script (`after`).
   if (parseInt(found[1], 16) === 0x6040) throw new Mistake('a script cannot set the controlword 6040h: use enable, disable, reset, stop, quickstop');
+  // Such a write moves an axis that another client has halted, since the server does not count it as a command.
+  if (isMotionObject(parseInt(found[1], 16))) throw new Mistake(`a script cannot set ${found[1].toUpperCase()}h, a target or the mode of operation: use move, home`);
   if (rest.length > 2) throw new Mistake(`"${rest[2]}" after the value has no meaning`);
   return { line, kind: 'set', axis: first, object: `${found[1].toUpperCase()}:${(found[2] ?? '0').toUpperCase().padStart(2, '0')}`, value: numberOf(rest[1], rest[0]) };
 }
@@ -125,15 +129,16 @@ export interface SequenceDoes {
   finish(job: JobState): Promise<JobState>;
   cancel(job: JobState): Promise<unknown>;
   write(axis: string, object: string, value: number): Promise<unknown>;
+  latest(axis: string): number | undefined; // the latest job of the axis, of any client
   sleep(ms: number, signal: AbortSignal): Promise<void>;
   at(step: Step, number: number): void;
 }
 
 export class Ended extends Error {}
 
-// Runs a script once. It begins with a halt of each of its axes. The server then knows the last command of each axis, and
-// refuses the next command of the script if another client has sent a halt or STOP meanwhile. Each job ends at rest, and so
-// does the script.
+// Runs a script once. It begins with a halt of each of its axes, all at the same time. The server then knows the last command of
+// each axis, and refuses the next job of the script if another client has sent a halt or STOP meanwhile. A write has no such
+// check by the server, so the script ends before it if the axis has another job. Each job ends at rest, and so does the script.
 export class Sequence {
   private readonly abort = new AbortController();
   private running: JobState | null = null;
@@ -147,7 +152,7 @@ export class Sequence {
   // Ends when all steps are done. Throws if a step fails or stop() ends it.
   async run(): Promise<void> {
     const moved = axesOf(this.steps.filter(({ kind }) => kind === 'job'));
-    for (const axis of moved) await this.job(axis, { do: 'stop' });
+    await Promise.all(moved.map((axis) => this.halt(axis)));
     for (const [number, step] of this.steps.entries()) {
       this.live();
       this.does.at(step, number);
@@ -167,8 +172,21 @@ export class Sequence {
 
   private async step(step: Step) {
     if (step.kind === 'wait') await this.does.sleep(1000 * step.seconds, this.abort.signal);
-    else if (step.kind === 'set') await this.does.write(step.axis, step.object, step.value);
+    else if (step.kind === 'set') await this.write(step);
     else await this.job(step.axis, step.request);
+  }
+
+  private async halt(axis: string) {
+    const begun = await this.does.start(axis, { do: 'stop' });
+    this.last.set(axis, begun.id);
+    const job = await this.does.finish(begun);
+    if (job.state !== 'done') throw new Ended(job.error?.what ?? `the job is ${job.state}`);
+  }
+
+  private async write({ axis, object, value }: Step & { kind: 'set' }) {
+    const [last, latest] = [this.last.get(axis), this.does.latest(axis)];
+    if (last !== undefined && latest !== undefined && latest > last) throw new Ended(`job ${last} is not the last command of the axis`);
+    await this.does.write(axis, object, value);
   }
 
   private async job(axis: string, request: { do: string } & Record<string, unknown>) {

@@ -1,6 +1,6 @@
 import { useEffect, useRef, useState, type ComponentType } from 'react';
 import type { AxisView } from '../api/types';
-import { adopt, writePlan } from '../guide/actions';
+import { adopt, undoHindrance, writePlan } from '../guide/actions';
 import { useFacts } from '../guide/facts';
 import '../guide/guide.css';
 import { canUndo, Form, JournalPanel, markOf, MotionBox, Plan, Readings, undoStep } from '../guide/parts';
@@ -125,6 +125,7 @@ function StepPanel({ axis, guide, step }: { axis: AxisView; guide: Guide; step: 
   // The rows stay until all of them are written: a motion that begins between two of them would use half of them.
   const [writing, setWriting] = useState<{ label: string; rows: PlanRow[] }>();
   const reason = hindranceOf(axis, isBusy, writing !== undefined);
+  const cannotUndo = undoHindrance(axis);
   const planned = (label: string, rows: PlanRow[]) => ({
     label,
     plan: writing?.label === label ? writing.rows : rows,
@@ -176,8 +177,9 @@ function StepPanel({ axis, guide, step }: { axis: AxisView; guide: Guide; step: 
           </NumberForm>
         )}
         <p className={`no-print guide-check ${open ? '' : 'passed'}`} role="status">{lacks ? 'This step cannot be done with this drive.' : open || `✓ ${step.check}`}</p>
+        {cannotUndo && canUndo(guide, step) && <p className="quiet note no-print" role="status">{cannotUndo}</p>}
         <div className="buttons no-print">
-          {canUndo(guide, step) && <Button isDisabled={reason !== ''} onPress={() => attempt(() => undoStep(axis, step).finally(again))}>Undo this step</Button>}
+          {canUndo(guide, step) && <Button isDisabled={reason !== '' || cannotUndo !== ''} onPress={() => attempt(() => undoStep(axis, step).finally(again))}>Undo this step</Button>}
           <Button onPress={() => leave('skipped')}>{next ? 'Skip' : 'Skip the report'}</Button>
           {!lacks && <Button kind="main" isDisabled={open !== '' || isBusy || writing !== undefined} onPress={() => leave('done')}>{next ? 'Done, next step' : 'Done'}</Button>}
         </div>

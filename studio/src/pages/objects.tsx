@@ -253,15 +253,17 @@ function Editor({ axis, entry, values }: { axis: string; entry: ObjectEntry; val
   useEffect(() => {
     if (!isReadable(entry)) return;
     let over = false;
+    let timer: ReturnType<typeof setTimeout>;
     const read = () =>
       readObject(axis, index, entry.sub).then((now) => {
         if (!over) latest.current.note(entry, now);
-      }, () => undefined);
+      }, () => undefined).finally(() => {
+        if (!over) timer = setTimeout(() => void read(), 500);
+      });
     void read();
-    const timer = setInterval(() => void read(), 500);
     return () => {
       over = true;
-      clearInterval(timer);
+      clearTimeout(timer);
     };
   }, [axis, entry, index]);
 

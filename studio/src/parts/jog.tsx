@@ -1,7 +1,7 @@
 import { useEffect, useRef, type KeyboardEvent, type ReactNode } from 'react';
 import { post } from '../api/client';
 import type { Job } from '../api/types';
-import { cancelJob, startJob } from '../commands';
+import { endJob, startJob } from '../commands';
 import { Jog } from '../model/jog';
 import { complain } from '../notices';
 
@@ -19,7 +19,7 @@ export function JogButton({ axis, velocity, isDisabled, children, label }: {
   jog.current ??= new Jog<Job>({
     start: () => startJob(axis, { do: 'jog', ...request.current }),
     alive: (job) => post(`/jobs/${job.id}/alive`),
-    stop: cancelJob,
+    stop: endJob,
     failed: complain,
   });
   // A browser may report presses of a disabled button.

@@ -37,8 +37,9 @@ export function NumbersButton({ isDisabled = false, ...props }: ButtonProps & { 
 }
 
 // `value` NaN: no number yet. `onChange` gets valid numbers only: after each key, or with `whenLeft` when the field loses
-// the focus or Enter is pressed. With `mayBeEmpty` an empty field is valid and gives NaN.
-export function NumberInput({ label, unit, value, onChange, minimum, maximum, step = 1, hideLabel = false, isDisabled = false, whenLeft = false, mayBeEmpty = false, isHexadecimal = false }: {
+// the focus or Enter is pressed. Each change of `dropped` drops the typed text: a halt comes by a press of its button, before the
+// field loses the focus. With `mayBeEmpty` an empty field is valid and gives NaN.
+export function NumberInput({ label, unit, value, onChange, minimum, maximum, step = 1, hideLabel = false, isDisabled = false, whenLeft = false, mayBeEmpty = false, isHexadecimal = false, dropped = 0 }: {
   label: string;
   unit?: string | undefined;
   value: number;
@@ -51,11 +52,17 @@ export function NumberInput({ label, unit, value, onChange, minimum, maximum, st
   whenLeft?: boolean;
   mayBeEmpty?: boolean;
   isHexadecimal?: boolean;
+  dropped?: number;
 }) {
   const id = useId();
   const { note } = useContext(FormContext);
   const [typed, setTyped] = useState<string | null>(null); // the typed text, until the number is accepted or `value` changes; null: none
   const [told, setTold] = useState(value);
+  const [seen, setSeen] = useState(dropped);
+  if (seen !== dropped) {
+    setSeen(dropped);
+    setTyped(null);
+  }
   const limits = { minimum, maximum };
   const read = (text: string) => (mayBeEmpty && text.trim() === '' ? { value: NaN } : readNumber(text, limits, isHexadecimal));
   if (!Object.is(told, value)) {

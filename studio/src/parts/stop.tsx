@@ -10,7 +10,7 @@ interface Stopped {
 
 async function stopAll() {
   takeBackAll();
-  dispatchEvent(new Event('stopall')); // scripts of this page end, also between two of their jobs; sliders drop their waiting values
+  dispatchEvent(new Event('stopall')); // scripts of this page end, also between two of their jobs
   const { axes } = await post<Stopped>('/stop');
   const failed = axes.filter(({ stopped }) => !stopped);
   if (failed.length > 0) {

@@ -49,8 +49,9 @@ const ofAxisPage: Record<string, Wanted> = {
   'There and back': once('enable', 'move', 'move'), Run: once('enable', 'velocity'), Apply: once('enable', 'torque'), Home: once('enable', 'home'),
 };
 const ofGuide: Record<string, Wanted> = {
-  'Make the small move': once('enable', 'move'), 'Measure a step': once('disable', 'enable', 'step'), 'Measure the loop and propose gains': once('tune'),
-  'Measure a move': once('enable', 'move'), Home: once('enable', 'home'), 'There and back': once('enable', 'move', 'move'),
+  'Make the small move': once('stop', 'enable', 'move'), 'Measure a step': once('stop', 'disable', 'enable', 'step'),
+  'Measure the loop and propose gains': once('stop', 'tune'), 'Measure a move': once('stop', 'enable', 'move'), Home: once('stop', 'enable', 'home'),
+  'There and back': once('stop', 'enable', 'move', 'move'),
 };
 const ofTuning: Record<string, Wanted> = { 'Measure and propose': once('tune'), Tune: once('tune'), 'Let the drive tune itself': once('tune_itself') };
 
@@ -67,7 +68,7 @@ export function leavesOf({ name, region, path, disabled, fields, isJog }: Contro
   if (page === 'axis' && name in ofAxisPage) return [{ axis, wants: { ...ofAxisPage[name] }, repeats: name === 'There and back' }];
   if (page === 'commission' && name in ofGuide) {
     const cycles = name === 'There and back' ? Math.max(1, Math.round(Number(fields.Cycles) || 1)) : 1;
-    return [{ axis, wants: cycles > 1 ? { enable: 1, move: 2 * cycles } : { ...ofGuide[name] } }];
+    return [{ axis, wants: cycles > 1 ? { stop: 1, enable: 1, move: 2 * cycles } : { ...ofGuide[name] } }];
   }
   if (page === 'tuning' && name in ofTuning) return [{ axis, wants: { ...ofTuning[name] } }];
   if (page === 'scope' && name === 'Move and record') return [{ axis: fields.Axis, wants: once('enable', 'move') }];
