@@ -5,6 +5,7 @@
 //   08_there_and_back [LINK]                            node 1, or all slaves
 #include <algorithm>
 #include <array>
+#include <cstdlib>
 #include <deque>
 #include <fmt/format.h>
 #include <span>
@@ -36,6 +37,15 @@ constexpr std::array drives{
     Drive{0x53455256, 0x49534D43, 131072},  // ISMC
     Drive{0x66668888, 0x45430502, 4000},    // JMC, IHSV57-30-18-36-EC
 };
+
+// `servodrome trial` names the drives of the machine, with commas between them. If one is missing, nothing may move.
+void require_number(std::size_t found) {
+  const char* const expected = std::getenv("SERVODROME_PRODUCTS");
+  if (expected == nullptr) return;
+  const std::string_view names(expected);
+  const auto number = static_cast<std::size_t>(std::count(names.begin(), names.end(), ',')) + 1;
+  if (found != number) throw std::runtime_error(fmt::format("{} drives answer, the machine has {}", found, number));
+}
 
 AxisConfiguration configuration_of(std::uint32_t vendor_id, std::uint32_t product_code, std::string_view where) {
   for (const Drive& drive : drives) {
@@ -141,6 +151,7 @@ void run_on_ethercat(std::string_view link) {
   master::EthercatMaster& master = ethercat.master();
   const std::vector<master::FoundSlave> found = master::scan_slaves(master);
   if (found.empty()) throw std::runtime_error("there is no slave; check cable and power");
+  require_number(found.size());
   std::deque<master::EthercatSlave> slaves;
   std::vector<master::EthercatSlave*> all;
   std::vector<AxisConfiguration> configurations;

@@ -18,7 +18,7 @@ import urllib.request
 
 REVOLUTIONS = 3
 BOOT_TIME_S = 8
-PRODUCTS = ("generic402", "generic402-ec", "ismc", "jmc_ec")  # this machine may have these drives
+VELOCITIES = {"generic402": 10, "generic402-ec": 10, "ismc": 10, "jmc_ec": 3}  # revolutions per second of the drives that this machine may have
 HOME_IS_HERE = 35  # homing method: the present position is home
 
 
@@ -111,7 +111,7 @@ def await_disabled(studio, name):
 def require_machine(axes):
     """Raises MachineError if drives are missing, or others are there; before anything moves."""
     for axis in axes:
-        if axis["product"] not in PRODUCTS:
+        if axis["product"] not in VELOCITIES:
             raise MachineError(f"{axis['name']} is no drive of this machine: {axis['product']}")
     expected = os.environ.get("SERVODROME_PRODUCTS", "")
     found = ",".join(axis["product"] for axis in axes)
@@ -130,7 +130,7 @@ def run(studio):
         studio.job(name, "home", method=HOME_IS_HERE, timeout_s=5)
         for distance in (REVOLUTIONS, -REVOLUTIONS, REVOLUTIONS, -REVOLUTIONS):
             begin = studio.call("GET", f"axes/{name}")
-            result = studio.job(name, "move", by=distance, velocity=10, acceleration=100, units="revolutions", timeout_s=10)
+            result = studio.job(name, "move", by=distance, velocity=VELOCITIES[axis["product"]], acceleration=100, units="revolutions", timeout_s=10)
             print(f"{name}: at {result['position']:.4f} revolutions, {result['seconds']:.2f} s from {begin['position_counts']}")
         studio.job(name, "disable")
         await_disabled(studio, name)
