@@ -251,6 +251,24 @@ TEST_F(SdoClientTest, TwoDevicesWithOneNodeIdAreReported) {
   EXPECT_EQ(problem(), "none");
 }
 
+// The copy of each answer comes after the next answer.
+TEST_F(SdoClientTest, ADoubledAnswerThatIsLateIsNoSecondDevice) {
+  std::optional<Frame> before;
+  bool is_copy = false;
+  const Bus::Subscription doubling = line.bus.listen([&](const Frame& frame) {
+    if (frame.id != 0x585 || std::exchange(is_copy, false)) return;
+    if (const auto copy = std::exchange(before, frame)) {
+      is_copy = true;
+      line.intrude(*copy);
+    }
+  });
+  for (int i = 0; i < 5; ++i) {
+    device.objects.statusword ^= 0x0400;
+    EXPECT_EQ(client.read<std::uint16_t>(0x6041), device.objects.statusword);
+    line.bus.run_for(1ms);
+  }
+}
+
 TEST_F(SdoClientTest, AnswersToOtherRequestsAreNoSecondDevice) {
   SdoClient other(line.bus, 5);
   const auto change = [this] { device.objects.statusword ^= 0x0400; };

@@ -32,6 +32,7 @@ void SecondAnswer::begin(ObjectAddress object, bool block) {
 
 void SecondAnswer::end(const canopen::Frame& answer, canopen::Time now, std::uint64_t others_sent) {
   answer_.reset();
+  recent_[next_++ % recent_.size()] = answer;
   if (now < certain_from_ || !names_object(answer)) return;
   answer_ = answer;
   others_sent_ = others_sent;
@@ -45,7 +46,9 @@ void SecondAnswer::doubt_until(canopen::Time time) {
 void SecondAnswer::see(const canopen::Frame& answer, std::uint64_t others_sent) {
   if (!answer_ || others_sent != others_sent_ || !names_object(answer)) return;
   const ObjectAddress object{sdo::multiplexer_index(*answer_), answer_->data[3]};
-  seen_ = seen_ || (is_of_object(answer, object) && answer.data != answer_->data);
+  const bool is_doubled = std::any_of(recent_.begin(), recent_.end(),
+                                      [&](const canopen::Frame& known) { return known.data == answer.data; });
+  seen_ = seen_ || (is_of_object(answer, object) && !is_doubled);
 }
 
 }  // namespace servodrome::master

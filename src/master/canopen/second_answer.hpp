@@ -1,5 +1,6 @@
 #pragma once
 
+#include <array>
 #include <chrono>
 #include <optional>
 #include <utility>
@@ -11,7 +12,8 @@
 namespace servodrome::master {
 
 // Detects two devices with the same node-ID by a second, different answer to one request (CiA 301 7.2.4.2: one
-// confirmation for each request). An equal second answer is a frame that was doubled, and is not reported.
+// confirmation for each request). A second answer that is equal to one of the last answers is a frame that was doubled,
+// perhaps with a delay, and is not reported.
 //
 // Another answer is not counted if it may belong to another request: of another client (for `doubt` after its request),
 // of this program's other clients, or to a request that got no answer in time (for `doubt` as well).
@@ -34,6 +36,8 @@ class SecondAnswer {
  private:
   std::optional<canopen::Frame> answer_{};  // the last one, as long as a different one shows a second device
   std::uint64_t others_sent_ = 0;           // when it came
+  std::array<canopen::Frame, 8> recent_{};  // the last answers to this client, a ring buffer
+  std::size_t next_ = 0;
   canopen::Time certain_from_{};
   bool seen_ = false;
 };
