@@ -32,10 +32,17 @@ void SecondAnswer::begin(ObjectAddress object, bool block) {
 
 void SecondAnswer::end(const canopen::Frame& answer, canopen::Time now, std::uint64_t others_sent) {
   answer_.reset();
+  // An answer that was there before may be a late copy, which the transfer has taken for its own.
+  const bool is_doubled = is_recent(answer);
   recent_[next_++ % recent_.size()] = answer;
-  if (now < certain_from_ || !names_object(answer)) return;
+  if (is_doubled || now < certain_from_ || !names_object(answer)) return;
   answer_ = answer;
   others_sent_ = others_sent;
+}
+
+bool SecondAnswer::is_recent(const canopen::Frame& answer) const {
+  return std::any_of(recent_.begin(), recent_.end(),
+                     [&](const canopen::Frame& known) { return known.data == answer.data; });
 }
 
 void SecondAnswer::doubt_until(canopen::Time time) {
@@ -46,9 +53,7 @@ void SecondAnswer::doubt_until(canopen::Time time) {
 void SecondAnswer::see(const canopen::Frame& answer, std::uint64_t others_sent) {
   if (!answer_ || others_sent != others_sent_ || !names_object(answer)) return;
   const ObjectAddress object{sdo::multiplexer_index(*answer_), answer_->data[3]};
-  const bool is_doubled = std::any_of(recent_.begin(), recent_.end(),
-                                      [&](const canopen::Frame& known) { return known.data == answer.data; });
-  seen_ = seen_ || (is_of_object(answer, object) && !is_doubled);
+  seen_ = seen_ || (is_of_object(answer, object) && !is_recent(answer));
 }
 
 }  // namespace servodrome::master

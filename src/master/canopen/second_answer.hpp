@@ -34,9 +34,11 @@ class SecondAnswer {
   bool take() { return std::exchange(seen_, false); }
 
  private:
-  std::optional<canopen::Frame> answer_{};  // the last one, as long as a different one shows a second device
-  std::uint64_t others_sent_ = 0;           // when it came
-  std::array<canopen::Frame, 8> recent_{};  // the last answers to this client, a ring buffer
+  bool is_recent(const canopen::Frame& answer) const;
+
+  std::optional<canopen::Frame> answer_{};    // the last one, as long as a different one shows a second device
+  std::uint64_t others_sent_ = 0;             // when it came
+  std::array<canopen::Frame, 128> recent_{};  // the last answers to this client (some 10 ms), a ring buffer
   std::size_t next_ = 0;
   canopen::Time certain_from_{};
   bool seen_ = false;
