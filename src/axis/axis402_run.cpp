@@ -146,8 +146,8 @@ std::int64_t Axis402::rest_distance() {
 }
 
 // With halt set, target reached means standstill (CiA 402-2 table 29). Some drives (iSMK) do not report this in homing:
-// for these drives the axis is at standstill after 100 ms without a change of position. The same holds for a quick stop
-// that somebody else has commanded. A ramp may be long, so the timeout restarts each time the axis becomes slower.
+// for these drives, and in a quick stop, the axis is at standstill after 100 ms without a change of position. The
+// timeout restarts each time the axis becomes slower, because a ramp may be long.
 bool Axis402::wait_for_standstill(std::optional<Time> longest) {
   constexpr Time standing = std::chrono::milliseconds(100);
   const Time began = objects_.now();

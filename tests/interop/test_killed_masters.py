@@ -100,14 +100,7 @@ def test_jog_is_killed_while_a_studio_watches_another_drive(line):
     studio = Studio(f"{bus}=1")
     try:
         wait_for(lambda: studio.bench.axis("ismc-1")["powered"], "the drive of the studio")
-        command = [PROGRAM, "jog", "--bus", bus, "--node", "2", "--revolutions", "--velocity", "0.3", "--seconds", "60"]
-        process = subprocess.Popen(command, stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL)
-        try:
-            wait_for(lambda: speed(line, "reference") > 5 or process.poll() is not None, "the axis to turn")
-            assert process.poll() is None
-        finally:
-            process.kill()
-            process.wait()
+        kill_while_it_turns(line, "jog", "--bus", bus, "--node", "2", "--revolutions", "--velocity", "0.3", "--seconds", "60")
         rests_within(line, "reference", 3.0)
         assert studio.bench.axis("ismc-1")["watch"]["by"] == "heartbeat"
         assert line.bench.axis("ismc")["state"] != "fault"
@@ -115,15 +108,18 @@ def test_jog_is_killed_while_a_studio_watches_another_drive(line):
         studio.stop()
 
 
-def test_conform_is_killed_while_the_axis_turns(line):
-    command = [PROGRAM, "conform", "--bus", line.links["can0"][0], "--node", "2", "--only", "pv"]
-    process = subprocess.Popen(command, stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL)
+def kill_while_it_turns(line, *command):
+    process = subprocess.Popen([PROGRAM, *command], stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL)
     try:
         wait_for(lambda: speed(line, "reference") > 5 or process.poll() is not None, "the axis to turn")
         assert process.poll() is None
     finally:
         process.kill()
         process.wait()
+
+
+def test_conform_is_killed_while_the_axis_turns(line):
+    kill_while_it_turns(line, "conform", "--bus", line.links["can0"][0], "--node", "2", "--only", "pv")
     rests_within(line, "reference", 3.0)
 
 

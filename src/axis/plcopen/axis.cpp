@@ -297,9 +297,8 @@ void Axis::watch_homing() {
   go_on(From::present);
 }
 
-// Stops the axis if braking from now on would bring it to rest beyond a limit. If the dynamics of the command are too
-// weak for the way that is left, as those of an MC_Halt close to the limit, the axis brakes as hard as the way asks
-// for.
+// Stops the axis if braking from now on would end beyond a limit. If the deceleration of the command is too low to stop
+// before the limit, as with an MC_Halt close to it, the axis brakes with the deceleration that just suffices.
 void Axis::watch_software_limits() {
   if (state_ == AxisState::Homing || state_ == AxisState::ErrorStop || state_ == AxisState::Disabled) return;
   const MotionState present = motion_.set_point();
