@@ -8,10 +8,13 @@
 #include "master/canopen/master.hpp"
 #include "master/canopen/scan.hpp"
 #include "master/canopen/sdo_client.hpp"
+#include "master/problem_of.hpp"
 
 namespace servodrome::master {
 namespace axis402_test {
 namespace {
+
+using test::problem_of;
 
 using namespace std::chrono_literals;
 constexpr std::int32_t revolution = 131072;
@@ -58,16 +61,6 @@ class Axis402Test : public ::testing::TestWithParam<int> {
 
   line::Axis& drive() { return *line.axes()[static_cast<std::size_t>(GetParam() - 1)]; }
   void SetUp() override { bus.run_for(100ms); }
-
-  template <typename Call>
-  static std::string problem_of(Call call) {
-    try {
-      call();
-    } catch (const MasterError& error) {
-      return error.what();
-    }
-    return "";
-  }
 };
 INSTANTIATE_TEST_SUITE_P(BothProducts, Axis402Test, ::testing::Values(1, 2));
 

@@ -11,6 +11,7 @@
 #include "master/canopen/sdo_client.hpp"
 #include "master/ethercat/coe_objects.hpp"
 #include "master/modbus/objects.hpp"
+#include "master/problem_of.hpp"
 #include "master/serial10/objects.hpp"
 
 // A drive with its motor and a master on its bus, in virtual time, for every product and bus.
@@ -146,16 +147,5 @@ class AxisRig {
     }
   }
 };
-
-// The error message of the call; "" if it succeeds.
-template <typename Call>
-std::string problem_of(Call call) {
-  try {
-    call();
-  } catch (const MasterError& error) {
-    return error.what();
-  }
-  return "";
-}
 
 }  // namespace servodrome::master::test

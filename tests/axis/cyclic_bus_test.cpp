@@ -9,6 +9,7 @@
 #include "line/line.hpp"
 #include "line/support.hpp"
 #include "links/ethercat/memory_client.hpp"
+#include "master/problem_of.hpp"
 #include "source_dir.hpp"
 
 namespace servodrome::master {
@@ -21,15 +22,7 @@ using testing::HasSubstr;
 constexpr double revolution = 131072;
 constexpr MotionLimits gentle{5 * revolution, 40 * revolution, 40 * revolution, 1000 * revolution};
 
-template <typename Call>
-std::string problem_of(Call call) {
-  try {
-    call();
-  } catch (const MasterError& error) {
-    return error.what();
-  }
-  return "";
-}
+using test::problem_of;
 
 MotionLimits in_counts(double counts_per_revolution) {
   const double scale = counts_per_revolution / revolution;

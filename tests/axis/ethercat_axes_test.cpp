@@ -10,10 +10,13 @@
 #include "line/support.hpp"
 #include "links/ethercat/memory_client.hpp"
 #include "master/ethercat/coe_objects.hpp"
+#include "master/problem_of.hpp"
 
 namespace servodrome::master {
 namespace ethercat_axes_test {
 namespace {
+
+using test::problem_of;
 
 using namespace std::chrono_literals;
 using testing::HasSubstr;
@@ -53,15 +56,6 @@ class EthercatAxes : public testing::Test {
   }
   OperationOptions options(bool clocks) const {
     return {.cyclic = {.period = 1ms}, .distributed_clocks = clocks, .clock = {.drift_frames = 3000}};
-  }
-  template <typename Call>
-  static std::string problem_of(Call call) {
-    try {
-      call();
-    } catch (const MasterError& error) {
-      return error.what();
-    }
-    return "";
   }
 
   line::Line line{line::test::settings_of(three_drives)};

@@ -5,6 +5,7 @@
 #include <gtest/gtest.h>
 
 #include "axis/simulated_drives.hpp"
+#include "master/problem_of.hpp"
 
 namespace servodrome::master::test {
 namespace motion_group_test {
@@ -82,15 +83,6 @@ class MotionOfSimulatedDrives : public testing::Test {
  protected:
   SimulatedBus bus{3};
   MotionGroup group{bus};
-  template <typename Call>
-  static std::string problem_of(Call call) {
-    try {
-      call();
-    } catch (const MasterError& error) {
-      return error.what();
-    }
-    return "";
-  }
 };
 
 TEST_F(MotionOfSimulatedDrives, EnableStepByStepWithoutAJump) {

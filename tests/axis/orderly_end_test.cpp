@@ -13,6 +13,7 @@
 #include "line/support.hpp"
 #include "links/ethercat/memory_client.hpp"
 #include "master/ethercat/coe_objects.hpp"
+#include "master/problem_of.hpp"
 
 namespace servodrome::master {
 namespace orderly_end_test {
@@ -24,15 +25,7 @@ using testing::HasSubstr;
 constexpr double revolution = 131072;
 constexpr MotionLimits gentle{5 * revolution, 40 * revolution, 40 * revolution, 1000 * revolution};
 
-template <typename Call>
-std::string problem_of(Call call) {
-  try {
-    call();
-  } catch (const MasterError& error) {
-    return error.what();
-  }
-  return "";
-}
+using test::problem_of;
 
 // An exception of the program, as at Ctrl-C.
 struct Interrupted {};

@@ -7,6 +7,7 @@
 #include "ethercat/sii/image.hpp"
 #include "ethercat/slave_rig.hpp"
 #include "master/ethercat/operation.hpp"
+#include "master/problem_of.hpp"
 
 // Complete slaves on one segment and a master, in virtual time.
 namespace servodrome::master::test {
@@ -149,16 +150,5 @@ class EthercatLine {
 
   std::vector<ethercat::Segment::Slave> cables_;
 };
-
-// The error message of the call; "" if it succeeds.
-template <typename Call>
-std::string problem_of(Call call) {
-  try {
-    call();
-  } catch (const MasterError& error) {
-    return error.what();
-  }
-  return "";
-}
 
 }  // namespace servodrome::master::test

@@ -2,6 +2,7 @@
 #include <gmock/gmock.h>
 
 #include "master/ethercat/coe_objects.hpp"
+#include "master/problem_of.hpp"
 #include "scenario/segment.hpp"
 
 namespace servodrome::scenario::test {
@@ -16,15 +17,7 @@ constexpr std::uint16_t al_status_code = 0x0134;
 constexpr std::uint64_t acknowledge = 0x10;
 constexpr std::uint64_t error = 0x10;
 
-template <typename Call>
-std::string problem_of(Call call) {
-  try {
-    call();
-  } catch (const master::MasterError& problem) {
-    return problem.what();
-  }
-  return "";
-}
+using master::test::problem_of;
 
 // ---- States
 

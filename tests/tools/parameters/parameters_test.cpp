@@ -14,6 +14,7 @@
 #include "master/canopen/sdo_client.hpp"
 #include "master/ethercat/coe_objects.hpp"
 #include "master/modbus/objects.hpp"
+#include "master/problem_of.hpp"
 #include "tools/parameters/loader.hpp"
 
 namespace servodrome::master {
@@ -129,15 +130,7 @@ struct Bench {
   NodeId node_id{};
 };
 
-template <typename Call>
-std::string problem_of(Call call) {
-  try {
-    call();
-  } catch (const MasterError& error) {
-    return error.what();
-  }
-  return "";
-}
+using test::problem_of;
 
 ParameterFile read(const std::string& text) {
   std::istringstream in(text);

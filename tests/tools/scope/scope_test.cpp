@@ -6,6 +6,7 @@
 #include <map>
 #include <numbers>
 
+#include "master/problem_of.hpp"
 #include "tools/scope/export.hpp"
 #include "tools/scope/measurements.hpp"
 #include "tools/scope/recorder.hpp"
@@ -18,15 +19,7 @@ using namespace std::chrono_literals;
 using testing::ElementsAre;
 using testing::HasSubstr;
 
-template <typename Call>
-std::string problem_of(Call call) {
-  try {
-    call();
-  } catch (const MasterError& error) {
-    return error.what();
-  }
-  return "";
-}
+using master::test::problem_of;
 
 TEST(ScopeChannel, IsFoundByItsNames) {
   const ObjectCatalogue& catalogue = ObjectCatalogue::standard();
