@@ -15,7 +15,8 @@ BusOptions options_of(BusOptions options, const DriveGroup::Member& member) {
 
 }  // namespace
 
-DriveGroup::DriveGroup(const BusOptions& options, const std::vector<Member>& members) {
+DriveGroup::DriveGroup(const BusOptions& options, const std::vector<Member>& members, std::function<bool()> cancelled)
+    : cancelled_(std::move(cancelled)) {
   const auto [kind, link] = bus_kind(options);
   switch (kind) {
     case BusKind::can: open_can(options, members); break;
@@ -26,7 +27,7 @@ DriveGroup::DriveGroup(const BusOptions& options, const std::vector<Member>& mem
         throw Failure::wrong_use(fmt::format("--bus {}: this protocol is for one drive", options.link));
       }
       single_ = std::make_unique<DriveLink>(options_of(options, members[0]), true);
-      axes_.push_back(single_->open_axis({}));
+      axes_.push_back(single_->open_axis({.cancelled = cancelled_}));
       break;
   }
   for (const auto& axis : axes_) pointers_.push_back(axis.get());
@@ -40,7 +41,7 @@ void DriveGroup::add_axis(std::unique_ptr<master::ObjectClient> objects, const l
   axes_.push_back(std::make_unique<master::Axis402>(
       *objects,
       master::AxisOptions{.dialect = master::dialect_of(product != nullptr ? product->name : std::string_view{}),
-                          .cancelled = InterruptGuard::interrupted}));
+                          .cancelled = cancelled_}));
   objects_.push_back(std::move(objects));
 }
 

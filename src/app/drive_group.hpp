@@ -1,6 +1,9 @@
 #pragma once
 
+#include <functional>
+
 #include "app/drive_link.hpp"
+#include "app/interrupt_guard.hpp"
 #include "studio/drive_bus.hpp"
 
 namespace servodrome::app {
@@ -15,8 +18,10 @@ class DriveGroup {
 
   // EtherCAT slaves go to OP together, and stay there as long as this object lives and waits. CANopen drives monitor
   // this program's heartbeat for the same time (master::MasterWatch), unless the options disable it. Throws Failure if
-  // a drive cannot be determined, MasterError if the link cannot be opened or a drive does not answer.
-  DriveGroup(const BusOptions& options, const std::vector<Member>& members);
+  // a drive cannot be determined, MasterError if the link cannot be opened or a drive does not answer. `cancelled`: of
+  // each axis (master::AxisOptions).
+  DriveGroup(const BusOptions& options, const std::vector<Member>& members,
+             std::function<bool()> cancelled = InterruptGuard::interrupted);
 
   const std::vector<master::Axis402*>& axes() const { return pointers_; }
   // Call it when a drive has come back, maybe from a reset: a CANopen drive monitors the heartbeat again. Throws
@@ -51,6 +56,7 @@ class DriveGroup {
   // If `product` is nullptr, reads the identity from the drive.
   void add_axis(std::unique_ptr<master::ObjectClient> objects, const line::Product* product);
 
+  std::function<bool()> cancelled_;
   std::unique_ptr<DriveLink> single_;  // for a protocol with a single drive
   std::unique_ptr<master::Bus> bus_;
   std::unique_ptr<master::ModbusClient> modbus_;

@@ -91,23 +91,6 @@ void check_axes(const Script& script, const std::vector<Step>& steps, const std:
   }
 }
 
-// Axes of the group that share the cancellation of the script.
-class ScriptAxes {
- public:
-  ScriptAxes(const DriveGroup& group, master::script::Cancellation& cancellation) {
-    for (master::Axis402* axis : group.axes()) {
-      axes_.push_back(std::make_unique<master::Axis402>(
-          axis->objects(), master::AxisOptions{.dialect = axis->dialect(), .cancelled = std::ref(cancellation)}));
-      pointers_.push_back(axes_.back().get());
-    }
-  }
-  const std::vector<master::Axis402*>& pointers() const { return pointers_; }
-
- private:
-  std::vector<std::unique_ptr<master::Axis402>> axes_;
-  std::vector<master::Axis402*> pointers_;
-};
-
 // After the script has succeeded. Tries all axes, then throws ScriptFailure with the first error.
 void switch_off(const Script& script, const std::vector<master::Axis402*>& axes) {
   std::string problem;
@@ -129,10 +112,9 @@ void carry_out(const Options& options, const Script& script, nlohmann::ordered_j
   std::vector<DriveGroup::Member> members;
   for (const master::script::AxisDeclaration& axis : script.axes) members.push_back({axis.node, axis.product});
   const InterruptGuard guard;
-  DriveGroup group(options.bus, members);
   master::script::Cancellation cancellation(InterruptGuard::interrupted);
-  const ScriptAxes own(group, cancellation);
-  const std::vector<master::Axis402*>& axes = own.pointers();
+  DriveGroup group(options.bus, members, std::ref(cancellation));
+  const std::vector<master::Axis402*>& axes = group.axes();
   check_axes(script, script.steps, axes);
   master::script::RunOptions run_options;
   run_options.cancellation = &cancellation;
