@@ -78,8 +78,6 @@ bool Drive::set_units() {
 
 void Drive::objects_loaded() {
   set_units();
-  controlword_ = axis_.objects.controlword;
-  axis_.controlword = static_cast<std::uint16_t>(controlword_ & ~controlword::fault_reset);
   load_touch_probe();
 }
 
@@ -171,12 +169,14 @@ void Drive::restart() {
   touch_probe_ = TouchProbe(axis_.configuration.touch_probe);
   configure(axis_.configuration);
   objects_loaded();
+  controlword_ = axis_.objects.controlword;
+  axis_.controlword = static_cast<std::uint16_t>(controlword_ & ~controlword::fault_reset);
   axis_.generator.reset(axis_.position());
 }
 
 void Drive::synchronise() {
   axis_.synchronised = true;
-  axis_.sync_age = static_cast<double>(cascade_.ticks_to_position_loop()) / policy_.position_loop_ticks;
+  axis_.sync_age = static_cast<double>(cascade_.ticks_to_position_loop()) / rates_.position_loop_ticks;
 }
 
 bool Drive::tick(const Feedback& feedback, Actuation& actuation) {
@@ -324,19 +324,16 @@ void Drive::set_mode(Mode mode) {
 }
 
 void Drive::enter_mode(Mode wanted) {
-  const bool pressed = mode_ == Mode::homing && homing_mode_.pressing();
+  const bool running = state_ == PowerState::operation_enabled && !pending_.active;
+  if (running) take_over_shaft();
   homing_mode_.abort();
   homing_mode_.forget_error(axis_);
   identification_.abort();
-  const bool running = state_ == PowerState::operation_enabled && !pending_.active;
   set_mode(wanted);
   word_before_wait_ = axis_.controlword;  // an earlier edge of bit 4 was for the previous mode
   if (!running) return;
   // The new mode continues from the present motion of the axis. A velocity demand has no position, so the generator is
-  // set ahead of the shaft's position. After homing pressed against a hard stop it is set to the shaft's position,
-  // because the demand is beyond the stop.
-  take_over_shaft();
-  if (pressed) axis_.take_over_actual();
+  // set ahead of the position of the shaft.
   if (axis_.demand.loop == Loop::velocity) axis_.lead_shaft(axis_.generator.velocity());
   stopping_ = halted_ = limit_stop_ = short_circuit_ = false;
   axis_.limited = false;
@@ -345,15 +342,12 @@ void Drive::enter_mode(Mode wanted) {
 }
 
 void Drive::run_mode() {
-  if (state_ == PowerState::switched_on) {  // for products that energise the motor in Switched on
-    no_mode_.step(axis_);
-    return;
-  }
   if (state_ == PowerState::operation_enabled && !pending_.active && !limit_stop_) {
     const bool halt =
         (axis_.controlword & controlword::halt) != 0 && (policy_.modes_without_halt & mode_bit(mode_)) == 0;
     if (halt && !halted_) {
       halted_ = true;
+      end_identification();
       with_mode(*this, [&](auto& mode) { mode.halt(axis_); });
       const std::int16_t code = axis_.objects.halt_option_code;
       begin_stop(stop_of(code != 0 ? code : policy_.halt_code_of_zero));
@@ -368,34 +362,44 @@ void Drive::run_mode() {
   }
   if (stopping_) {
     keep_stop_within_limits();
+    end_halted_motion_at_limit_switch();
     step_stop();
     with_mode(*this, [&](auto& mode) {
       if constexpr (requires { mode.observe(axis_); }) mode.observe(axis_);
     });
-    if (limit_stop_ && stop_finished()) stopping_ = limit_stop_ = false;
+    if (limit_stop_ && stop_finished()) {
+      limit_stop_ = false;
+      stopping_ = halted_;  // a halt lasts as long as its bit
+    }
     return;
   }
   const Counts before = axis_.generator.nearest_position();
   const bool identifying = identification_.running();
   with_mode(*this, [&](auto& mode) { mode.step(axis_); });
   limit_switches(before);
-  if (identifying && !identification_.running()) finish_identification();
+  if (identifying && !identification_.running()) stop_after_identification();
 }
 
 bool Drive::identify_inertia(const InertiaIdentification::Request& request) {
-  const bool standing = state_ == PowerState::operation_enabled && stage_ == Stage::on && !pending_.active &&
-                        !stopping_ && !halted_ && !in_motion();
-  return standing && identification_.begin(axis_, request);
+  return runs_mode() && !in_motion() && identification_.begin(axis_, request);
 }
 
 void Drive::stop_identification() {
   if (!identification_.running()) return;
   identification_.abort();
-  finish_identification();
+  stop_after_identification();
+}
+
+// The mode takes the axis over in its present state.
+void Drive::end_identification() {
+  if (!identification_.running()) return;
+  identification_.abort();
+  axis_.take_over_actual();
+  with_mode(*this, [&](auto& mode) { mode.enter(axis_); });
 }
 
 // The mode continues from the present state of the axis, and stops it first if it is not at rest.
-void Drive::finish_identification() {
+void Drive::stop_after_identification() {
   axis_.take_over_actual();
   with_mode(*this, [&](auto& mode) { mode.enter(axis_); });
   if (identification_.outcome() == InertiaIdentification::Outcome::done) return;

@@ -16,6 +16,7 @@
 #include "drive/modes/profile_position.hpp"
 #include "drive/modes/velocity_modes.hpp"
 #include "drive/power/power_state.hpp"
+#include "drive/power/slowing.hpp"
 #include "drive/supervision.hpp"
 #include "drive/touch_probe.hpp"
 #include "drive/trajectory/lag_filter.hpp"
@@ -74,7 +75,7 @@ class Drive final : public dictionary::Listener {
   bool identify_inertia(const InertiaIdentification::Request& request);
   void stop_identification();  // the axis comes to rest
   const InertiaIdentification& identification() const { return identification_; }
-  // See Cascade::set_analysis; cleared by power_on.
+  // See Cascade::set_analysis; cleared by power_on. The beginning of a stop, such as a halt, stops the analysis.
   void set_analysis(ResonanceAnalysis* analysis) { cascade_.set_analysis(analysis); }
 
   // --- Events from the bus
@@ -110,6 +111,10 @@ class Drive final : public dictionary::Listener {
 
   // --- State of the drive
   PowerState state() const { return state_; }
+  // Returns true if the mode of operation controls the axis: no stop, halt, brake or end of operation does.
+  bool runs_mode() const {
+    return state_ == PowerState::operation_enabled && stage_ == Stage::on && !pending_.active && !stopping_ && !halted_;
+  }
   // Returns true if this row of Policy::transitions could happen now; false if the row does not begin in the present
   // state.
   bool accepts(const Transition& transition) const;
@@ -123,10 +128,10 @@ class Drive final : public dictionary::Listener {
   }
   bool chopper_on() const { return supervision_.chopper(); }
   bool homed() const { return axis_.homed; }
-  // Homing handles limit switches itself; homing mode without an active homing does not.
-  bool homes() const { return mode_ == Mode::homing && homing_mode_.active(); }
+  // Homing handles limit switches itself from its first leg on.
+  bool homes() const { return mode_ == Mode::homing && homing_mode_.active() && !homing_mode_.awaits_rest(); }
   // The leg of the homing that runs, from 0; -1: none.
-  int homing_leg() const { return homes() ? homing_mode_.leg() : -1; }
+  int homing_leg() const { return mode_ == Mode::homing && homing_mode_.active() ? homing_mode_.leg() : -1; }
   bool homing_running() const { return mode_ == Mode::homing && homing_mode_.running(); }
   // Homing::index_distance of the last homing, in counts.
   Counts homing_index_distance() const { return homing_mode_.index_distance(); }
@@ -147,7 +152,8 @@ class Drive final : public dictionary::Listener {
   void refresh(const dictionary::Entry& entry) override;
   dictionary::Handlers handlers(const dictionary::Entry& entry) override;
 
-  // Applies objects that have an effect when written, after they were loaded without the callback `written`.
+  // Applies objects that have an effect when written, after they were loaded without the callback `written`. The
+  // controlword is a command and acts only when it is written.
   void objects_loaded();
 
  private:
@@ -187,6 +193,9 @@ class Drive final : public dictionary::Listener {
   void begin_stop(Stop stop);
   void begin_ramp();
   double deceleration_of(Stop stop) const;
+  bool without_ramp() const { return stop_ == Stop::current_limit || stop_ == Stop::voltage_limit; }
+  bool meets_limit_switch() const;
+  void end_halted_motion_at_limit_switch();
   void keep_stop_within_limits();
   void take_over_shaft();
   void keep_near_shaft();
@@ -222,7 +231,8 @@ class Drive final : public dictionary::Listener {
   void run_mode();
   void limit_switches(Counts before);
   bool pushes_limit_switch(Counts before) const;
-  void finish_identification();
+  void end_identification();
+  void stop_after_identification();
   struct Smoothing {
     std::size_t cycles = 0;  // of the moving average; 0: none
     float lag_ms = 0.0F;     // of a low pass; 0: none
@@ -305,6 +315,7 @@ class Drive final : public dictionary::Listener {
   Dwell standstill_{};
   bool shaft_stands_ = true;
   std::uint32_t rest_wait_cycles_ = 0;  // since the end of a stop's ramp
+  Slowing slowing_{};                   // of a stop without a ramp
   Dwell braked_{};                      // time braked by short circuit
   Dwell outrun_{};                      // time for which the ramp of a stop was much faster than the shaft
   bool braked_to_rest_ = false;

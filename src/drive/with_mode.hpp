@@ -7,6 +7,8 @@ namespace servodrome::drive {
 template <typename Self, typename Function>
 auto Drive::with_mode(Self& self, Function&& function) {
   if (self.identification_.running()) return function(self.identification_);
+  // Products that energise the motor in Switched on hold it there without a mode.
+  if (self.state_ == PowerState::switched_on) return function(self.no_mode_);
   switch (self.mode_) {
     case Mode::profile_position: return function(self.profile_position_);
     case Mode::velocity: return function(self.velocity_mode_);

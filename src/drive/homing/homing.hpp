@@ -88,11 +88,12 @@ class Homing {
   // Discards the homing; the caller must stop the axis.
   void abort() { *this = Homing{}; }
 
-  std::uint8_t present_leg() const { return leg_; }      // while active, from 0
-  bool active() const { return phase_ != Phase::idle; }  // from start until finished or failed
-  bool latched() const { return latched_; }              // home is known (statusword bit 12); the axis may still move
-  Counts latch() const { return latch_; }                // position of home, if latched()
-  bool finished() const { return finished_; }            // latched and at rest (bit 10)
+  std::uint8_t present_leg() const { return leg_; }            // while active, from 0
+  bool active() const { return phase_ != Phase::idle; }        // from start until finished or failed
+  bool awaits_rest() const { return phase_ == Phase::begin; }  // the axis moved at the start
+  bool latched() const { return latched_; }    // home is known (statusword bit 12); the axis may still move
+  Counts latch() const { return latch_; }      // position of home, if latched()
+  bool finished() const { return finished_; }  // latched and at rest (bit 10)
   // Distance from the edge of the switch to the latched index, >= 0; -1: the method has no switch before its index.
   Counts index_distance() const { return index_distance_; }
   HomingError error() const { return error_; }  // after `stop` was commanded

@@ -412,4 +412,8 @@ void Cascade::run_current_loop(DirectQuadrature current, DirectQuadrature refere
   actuation.phase_voltage_v = to_phases<Phases>(voltage, angle);
 }
 
+void Cascade::stop_analysis() {
+  if (analysis_ != nullptr) analysis_->stop();
+}
+
 }  // namespace servodrome::drive

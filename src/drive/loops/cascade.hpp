@@ -88,6 +88,7 @@ class Cascade {
   // Adds the excitation of the analysis to the torque and passes the response to it, once per velocity period, while
   // the velocity loop runs. nullptr: ends that.
   void set_analysis(ResonanceAnalysis* analysis) { analysis_ = analysis; }
+  void stop_analysis();
 
   void set_demand(const LoopDemand& demand);
   const LoopDemand& demand() const { return demand_; }

@@ -82,9 +82,7 @@ void HomingMode::controlword(Axis& axis, std::uint16_t before, std::uint16_t now
 }
 
 MotionLimits HomingMode::motion(const Axis& axis, double velocity) const {
-  const double acceleration =
-      acceleration_ > 0.0 ? acceleration_ : axis.objects.profile_deceleration * axis.units.acceleration;
-  return {std::min(velocity, axis.max_velocity(false)), acceleration, acceleration, 1.0};
+  return {std::min(velocity, axis.max_velocity(false)), acceleration_, acceleration_, 1.0};
 }
 
 HomingInputs HomingMode::inputs(const Axis& axis) const {
@@ -174,12 +172,16 @@ void HomingMode::carry_out(Axis& axis, const HomingCommand& command) {
       axis.generator.move_to(command.position + axis.offset, 0.0, motion(axis, std::abs(command.velocity)),
                              RampShape::linear);
       break;
-    case HomingCommand::Kind::stop:
-      axis.generator.run_at(0.0, motion(axis, axis.max_velocity(false)), RampShape::linear);
-      break;
+    case HomingCommand::Kind::stop: stop(axis); break;
     case HomingCommand::Kind::hold: axis.generator.reset(command.position + axis.offset); break;
   }
   last_ = command;
+}
+
+// Without a ramp of its own, homing stops by that of the profile.
+void HomingMode::stop(Axis& axis) const {
+  if (acceleration_ <= 0.0) return axis.come_to_rest(RampShape::linear);
+  axis.generator.run_at(0.0, motion(axis, axis.max_velocity(false)), RampShape::linear);
 }
 
 // Stops from the actual position of the shaft: while the shaft presses against a stop, it does not follow the demand.
@@ -189,7 +191,7 @@ void HomingMode::give_up(Axis& axis) {
   } else if (!axis.follows_demand()) {
     axis.take_over_lagging();
   }
-  axis.generator.run_at(0.0, motion(axis, axis.max_velocity(false)), RampShape::linear);
+  stop(axis);
 }
 
 void HomingMode::step(Axis& axis) {
@@ -210,9 +212,8 @@ void HomingMode::step(Axis& axis) {
     carry_out(axis, homing_.step(inputs(axis)));
     if (homing_.error() != HomingError::none) give_up(axis);
     take_results(axis, had_latch);
-  } else {
-    axis.rest_within_limits();
   }
+  if (!active_ || homing_.awaits_rest()) axis.rest_within_limits();
   axis.generator.step(axis.cycle_s);
   standing_ = !start_requested_ && !active_ && axis.generator.standing();
   axis.follow_generator(loop);

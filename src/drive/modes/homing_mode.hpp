@@ -34,6 +34,7 @@ class HomingMode {
   bool running() const { return start_requested_ || active_ || !standing_; }
   bool pressing() const { return homing_.pressing(); }
   bool active() const { return active_; }
+  bool awaits_rest() const { return homing_.awaits_rest(); }  // before the first leg
   Counts index_distance() const { return homing_.index_distance(); }
   int leg() const { return homing_.present_leg(); }
 
@@ -43,6 +44,7 @@ class HomingMode {
   void fail(Axis& axis, Cause cause);
   std::uint16_t error_code(const Axis& axis, Cause cause) const;
   void carry_out(Axis& axis, const HomingCommand& command);
+  void stop(Axis& axis) const;
   void give_up(Axis& axis);
   void take_results(Axis& axis, bool had_latch);
   HomingInputs inputs(const Axis& axis) const;

@@ -38,16 +38,16 @@ void Drive::react_to_fault(const FaultRow& fault) {
   const bool reacting = state_ == PowerState::fault_reaction_active;
   state_ = PowerState::fault_reaction_active;
   awaits_dc_link_ = false;
-  homing_mode_.fault();
-  identification_.abort();
   const bool controlled = fault.reaction == Reaction::option_code;
   if (stop == Stop::power_off && controlled && hold_for_brake()) {
     // the brake holds the axis
   } else if (stop == Stop::power_off || !energised()) {
     switch_power(false);
-  } else if (!reacting) {
-    begin_stop(stop);
+  } else if (!reacting || (fault.reaction == Reaction::angle_lost && !short_circuit_)) {
+    begin_stop(stop);  // shorted windings need no angle
   }
+  homing_mode_.fault();
+  identification_.abort();
   pending_ = {true, PowerState::fault};  // transition 14 follows in step_power
 }
 

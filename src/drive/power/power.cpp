@@ -12,6 +12,8 @@ constexpr std::uint32_t standing_ms = 2;
 constexpr float standing_current = 0.05F;
 // A stop also ends this long after its ramp if the shaft still does not stand, because something keeps moving it.
 constexpr std::uint32_t rest_wait_ms = 2000;
+// A stop without a ramp ends for the same reason after two of these periods in which the axis does not become slower.
+constexpr std::uint32_t slowing_ms = rest_wait_ms / 2;
 // A DC link is charged if it is above its under-voltage and rises by no more than this fraction of it in a
 // millisecond. The precharge resistor, through which a motor could not be supplied, is bridged by then.
 constexpr double charged_rise_per_ms = 0.001;
@@ -92,7 +94,13 @@ void Drive::handle_command(Command command) {
       break;
     }
     case 16: enter_state(PowerState::operation_enabled); break;
-    case release_quick_stop: leave_operation(Stop::power_off, transition->to); break;
+    case release_quick_stop:
+      if (energised() && stopping_) {
+        pending_ = {true, transition->to};  // after the stop
+      } else {
+        leave_operation(Stop::power_off, transition->to);
+      }
+      break;
     default:
       if (energised() && !has_power_in(transition->to)) {  // products that energise the motor in Switched on
         leave_operation(Stop::power_off, transition->to);
@@ -148,6 +156,7 @@ void Drive::leave_operation(Stop stop, PowerState to) {
     begin_stop(stop);
     pending_ = {true, to};
   }
+  homing_mode_.abort();
 }
 
 // Commands zero speed at once, without a ramp, while the brake closes. Returns false if the product does not do so, or
@@ -218,21 +227,21 @@ void Drive::switch_power(bool on) {
 }
 
 // Lets the next motion begin from the actual motion of the shaft if the shaft does not follow its demand: under torque
-// control, in a stop without a ramp, or after a demand that no motor can follow, such as a cyclic set-point that
-// jumps.
+// control, in a stop without a ramp, while homing presses against a hard stop, or after a demand that no motor can
+// follow, such as a cyclic set-point that jumps.
 void Drive::take_over_shaft() {
   const Loop loop = axis_.demand.loop;
   if (loop == Loop::off) return;
   if (loop == Loop::locked) return axis_.take_over_slipped();
-  const bool without_ramp = stopping_ && (stop_ == Stop::current_limit || stop_ == Stop::voltage_limit);
-  const bool follows = !without_ramp && axis_.follows_demand();
+  const bool apart = (stopping_ && without_ramp()) || (mode_ == Mode::homing && homing_mode_.pressing());
+  const bool follows = !apart && axis_.follows_demand();
   if (follows && !(smoothing_pending_ && smoothed_loop_ == loop)) return;
   if (follows) {  // continues from the smoothed demand, which lags behind the generator
     const Counts place =
         loop == Loop::position ? (smoothed_value_ >> 16) + axis_.offset : axis_.generator.nearest_position();
     axis_.generator.start_from(place, static_cast<double>(smoothed_velocity_));
   } else {
-    without_ramp ? axis_.take_over_actual() : axis_.take_over_lagging();
+    apart ? axis_.take_over_actual() : axis_.take_over_lagging();
     axis_.demand.from_shaft = true;
   }
   moved_demand_ = true;
@@ -275,8 +284,9 @@ void Drive::slow_down_with_shaft() {
 }
 
 void Drive::begin_stop(Stop stop) {
+  end_identification();
+  cascade_.stop_analysis();
   take_over_shaft();
-  identification_.abort();
   stop_ = stop;
   stopping_ = true;
   limit_stop_ = false;
@@ -285,6 +295,7 @@ void Drive::begin_stop(Stop stop) {
   braked_to_rest_ = false;
   outrun_.reset();
   rest_wait_cycles_ = 0;
+  slowing_ = {};
   begin_ramp();
   axis_.follow_generator(stop_loop_);  // takes effect in this cycle
 }
@@ -315,7 +326,7 @@ void Drive::begin_ramp() {
   if (stop_ != Stop::voltage_limit && deceleration <= 0.0) stop_ = Stop::current_limit;
   const Loop loop = axis_.demand.loop;  // off: enabled since the last cycle
   stop_loop_ = loop == Loop::torque ? Loop::velocity : loop == Loop::off ? Loop::position : loop;
-  if (stop_ == Stop::current_limit || stop_ == Stop::voltage_limit) {
+  if (without_ramp()) {
     stop_loop_ = Loop::velocity;
     axis_.generator.start_from(axis_.position(), 0.0);
     return;
@@ -338,8 +349,7 @@ void Drive::keep_stop_within_limits() {
   const bool operating = state_ == PowerState::operation_enabled && !homes();
   if (!operating || stop_ != Stop::slow_down_ramp) return;
   const double quick = deceleration_of(Stop::quick_stop_ramp);
-  const bool at_switch =
-      policy_.limit_switches == LimitSwitches::stop && axis_.runs_into_limit_switch(axis_.generator.velocity());
+  const bool at_switch = policy_.limit_switches == LimitSwitches::stop && meets_limit_switch();
   const double steepest = std::max(quick, stop_deceleration_);
   const bool at_limit = axis_.has_to_brake_for_limit(steepest);
   if (!at_switch && !at_limit) return;
@@ -350,6 +360,23 @@ void Drive::keep_stop_within_limits() {
   } else if (at_limit) {
     axis_.generator.run_at(0.0, {axis_.max_velocity(false), steepest, steepest, 1.0}, RampShape::linear);
   }
+}
+
+// Returns true if the axis moves towards an active limit switch during a stop.
+bool Drive::meets_limit_switch() const {
+  if (!axis_.at_limit_switch()) return false;
+  const bool slow = std::abs(axis_.velocity()) < axis_.rpm_to_counts_per_s(standing_rpm);
+  return axis_.runs_into_limit_switch(!without_ramp() ? axis_.generator.velocity() : slow ? 0.0 : axis_.velocity());
+}
+
+// A limit switch that the axis meets during a halt ends the motion, as it does without the halt. (If limit switches
+// cause a fault, the fault follows at the end of the halt if the switch is still active.)
+void Drive::end_halted_motion_at_limit_switch() {
+  if (!halted_ || limit_stop_ || pending_.active || homes()) return;
+  if (policy_.limit_switches != LimitSwitches::stop || !meets_limit_switch()) return;
+  const double moves = without_ramp() ? axis_.velocity() : axis_.generator.velocity();
+  limit_stop_ = true;
+  with_mode(*this, [&](auto& mode) { mode.interrupt(axis_, moves < 0.0 ? -1 : 1); });
 }
 
 bool Drive::stop_finished() const {
@@ -364,16 +391,18 @@ void Drive::watch_standstill() {
 }
 
 void Drive::step_stop() {
+  float square = 0.0F;
   if (stop_ == Stop::voltage_limit) {
     // The current in the shorted windings shows that the axis turns, also without an encoder.
     const CascadeState& loops = cascade_.state();
-    const float square = loops.current_d_a * loops.current_d_a + loops.current_q_a * loops.current_q_a;
+    square = loops.current_d_a * loops.current_d_a + loops.current_q_a * loops.current_q_a;
     const float least = standing_current * axis_.configuration.motor.rated_current_a;
     const bool quiet = shaft_stands_ && square < least * least;
     braked_to_rest_ = axis_.lasts(quiet, braked_, standing_ms);
   }
-  if (stop_ == Stop::current_limit || stop_ == Stop::voltage_limit) {
+  if (without_ramp()) {
     axis_.generator.start_from(axis_.position(), 0.0);
+    slowing_.sample(std::abs(axis_.velocity()), static_cast<double>(square), axis_.cycles(slowing_ms));
   } else {
     slow_down_with_shaft();
     axis_.generator.step(axis_.cycle_s);
@@ -391,7 +420,7 @@ void Drive::step_power() {
     stage_cycles_ = 0;
   }
   if (!pending_.active) return;
-  if (stage_ == Stage::on && stop_finished()) {
+  if (stage_ == Stage::on && (stop_finished() || slowing_.ended())) {
     if (has_power_in(pending_.to)) return enter_state(pending_.to);
     // The position loop holds the present position, because the demand of a velocity loop may have another position.
     if (axis_.demand.loop != Loop::position) axis_.generator.reset(axis_.position());
