@@ -68,19 +68,20 @@ export function takeBackAll() {
 
 const starting = new Map<string, number>(); // requests of jobs on their way, by axis
 
-const halts = ['stop', 'quick_stop', 'disable'];
+// Jobs that the server accepts at any time and carries out to their end.
+export const isHalt = (job: string) => ['stop', 'quick_stop', 'disable'].includes(job);
 
 export async function startJob(axis: string, request: { do: string } & Record<string, unknown>): Promise<Job> {
   forget(axis);
-  const isHalt = halts.includes(request.do);
+  const halts = isHalt(request.do);
   const before = latest.get(axis);
   const followed = request.after !== undefined && request.after === before?.id ? before.signal : undefined;
   const wasTakenBack = followed?.aborted ?? false;
-  if (isHalt) takeBack(axis);
+  if (halts) takeBack(axis);
   // What follows a halt of a sequence is not taken back by that halt, but by an earlier one of the user.
-  const signal = followed && (!isHalt || wasTakenBack) ? followed : untilTakenBack(axis);
+  const signal = followed && (!halts || wasTakenBack) ? followed : untilTakenBack(axis);
   starting.set(axis, (starting.get(axis) ?? 0) + 1);
-  const job = await post<Job>(`${axisPath(axis)}/jobs`, request, isHalt ? undefined : signal).finally(() => starting.set(axis, starting.get(axis)! - 1));
+  const job = await post<Job>(`${axisPath(axis)}/jobs`, request, halts ? undefined : signal).finally(() => starting.set(axis, starting.get(axis)! - 1));
   latest.set(axis, { id: job.id, signal });
   noteJob(job);
   return job;
@@ -116,12 +117,22 @@ export async function runJob(axis: string, request: { do: string } & Record<stri
 }
 
 // Only this job: another job of the axis that is on its way goes on.
-export const endJob = (job: Job) => remove(`/jobs/${job.id}`);
+export const endJob = (job: Job) => remove<Job>(`/jobs/${job.id}`);
 
 // As the user's Cancel: the job may be over just now, so what is to follow it is taken back too. The server may have begun a job
-// whose request is taken back, so the axis then gets a halt.
+// whose request is taken back, so the axis then gets a halt. It also gets one if the job is over and another client has begun the next
+// job of the sequence: the server ends only the job of the request.
 export async function cancelJob(job: Job) {
   const isFollowed = (starting.get(job.axis) ?? 0) > 0;
   takeBack(job.axis);
-  await Promise.all([endJob(job), isFollowed ? startJob(job.axis, { do: 'stop' }) : undefined]);
+  const [ended] = await Promise.all([endJob(job), isFollowed ? startJob(job.axis, { do: 'stop' }) : undefined]);
+  if (!isFollowed && ended.state !== 'running' && (await hasNext(job))) await startJob(job.axis, { do: 'stop' });
+}
+
+// The axis has a later job that may move it. The motion of `velocity` and `torque` continues when their job is done.
+async function hasNext(job: Job): Promise<boolean> {
+  const jobs = await get<{ jobs: Job[] }>('/jobs').then((answer) => answer.jobs, () => null);
+  if (jobs === null) return true; // not known: a halt is always right
+  const latest = jobs.filter(({ axis }) => axis === job.axis).at(-1);
+  return latest !== undefined && latest.id > job.id && !isHalt(latest.do);
 }

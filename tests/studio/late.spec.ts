@@ -1,6 +1,6 @@
-import type { Page } from '@playwright/test';
+import type { Locator, Page } from '@playwright/test';
 import { expect, test } from './fixtures';
-import { lineFile, type Line } from './line';
+import { axes, lineFile, type Line } from './line';
 
 // A slow network: a halt or STOP comes between two requests of a sequence, or reaches the server before an earlier request.
 // The last command of the person counts. (The monkey, monkey.spec.ts, looks for more of these.)
@@ -62,6 +62,57 @@ test('STOP and Halt act when they are pressed, not when they are released', asyn
     await page.mouse.up();
   }
   expect(await jobs(line)).toEqual(['enable', 'stop']);
+});
+
+// Presses the button, and releases the pointer elsewhere.
+async function pressOnly(page: Page, button: Locator) {
+  await button.hover();
+  await page.mouse.down();
+  await page.mouse.move(5, 500);
+  await page.mouse.up();
+}
+
+test('the buttons that halt or disable act when they are pressed', async ({ page, open, line }) => {
+  const enabled = async () => (await line.call<{ axes: { name: string; state: string }[] }>('GET', '/axes')).axes.filter(({ state }) => state === 'operation enabled').map(({ name }) => name);
+  const enable = async (...names: string[]) => {
+    for (const name of names) await line.call('POST', `/axes/${name}/jobs`, { do: 'enable' });
+    await expect.poll(enabled).toEqual(expect.arrayContaining(names));
+  };
+  const all = axes.map(({ name }) => name);
+  await open('/');
+  await enable(...all);
+  const halted = await jobs(line);
+  await pressOnly(page, page.getByRole('button', { name: 'Halt all' }));
+  await expect.poll(async () => (await jobs(line)).slice(halted.length)).toEqual(all.map(() => 'stop'));
+  expect((await enabled()).length).toBe(all.length);
+  await pressOnly(page, page.getByRole('button', { name: 'Disable all' }));
+  await expect.poll(enabled).toEqual([]);
+
+  await enable('reference');
+  await pressOnly(page, page.getByRole('article', { name: 'reference' }).getByRole('button', { name: 'Disable' }));
+  await expect.poll(enabled).toEqual([]);
+
+  await open('/axis/reference');
+  for (const name of [/^5 disable operation/, /^8 shutdown/, /^9 disable voltage/, /^11 quick stop/]) {
+    await line.call('POST', '/axes/reference/jobs', { do: 'disable' });
+    await expect.poll(async () => (await line.call<{ jobs: Job[] }>('GET', '/jobs')).jobs.at(-1)).toMatchObject({ do: 'disable', state: 'done' });
+    await enable('reference');
+    await pressOnly(page, page.getByRole('button', { name }));
+    await expect.poll(enabled).toEqual([]);
+  }
+});
+
+test('the keyboard halts and disables all axes', async ({ page, open, line }) => {
+  await line.call('POST', '/axes/reference/jobs', { do: 'enable' });
+  await open('/');
+  for (const [name, key, kind] of [['Halt all', 'Enter', 'stop'], ['Disable all', 'Space', 'disable']] as const) {
+    await page.getByRole('button', { name }).focus();
+    const sent = page.waitForRequest((request) => request.url().endsWith('/axes/reference/jobs') && (request.postDataJSON() as { do: string }).do === kind);
+    await page.keyboard.down(key);
+    await sent;
+    await page.keyboard.up(key);
+  }
+  await expect.poll(async () => (await line.call<{ state: string }>('GET', '/axes/reference')).state).not.toBe('operation enabled');
 });
 
 for (const [what, button] of [['STOP', /^STOP$/], ['a controlword', /^2 shutdown/], ['a power cycle', /^Power cycle$/]] as const) {
@@ -155,6 +206,24 @@ test.describe('with the time of the line', () => {
     await expect(page.getByText('taken back').first()).toBeVisible();
     await cancelling.release();
     watched.splice(0);
+  });
+
+  test('Cancel of a job that is over halts the next job of a sequence of another client', async ({ page, open, line }) => {
+    await line.call('PUT', '/clock', { speed: 1 });
+    await open('/axis/reference');
+    await line.call('PUT', '/clock', { speed: 0 });
+    const { id } = await line.call<{ id: number }>('POST', '/axes/reference/jobs', { do: 'enable' });
+    const cancel = page.getByRole('button', { name: 'Cancel', exact: true });
+    await expect(cancel).toBeVisible();
+    const cancelling = await hold(page, 'DELETE', '**/api/v1/jobs/*');
+    await cancel.click();
+    await cancelling.held;
+    await line.call('PUT', '/clock', { speed: 1 });
+    await expect.poll(async () => (await line.call<{ state: string }>('GET', `/jobs/${id}`)).state).toBe('done');
+    await line.call('POST', '/axes/reference/jobs', { do: 'move', after: id, units: 'revolutions', by: 8, velocity: 1, acceleration: 20 });
+    await cancelling.release();
+    await expect.poll(() => jobs(line)).toEqual(['enable', 'move', 'stop']);
+    await expect.poll(async () => (await line.call<{ in_motion: boolean }>('GET', '/axes/reference')).in_motion).toBe(false);
   });
 
   test('Cancel halts a job that the server has begun, and whose answer is still on its way', async ({ page, open, line, watched }) => {

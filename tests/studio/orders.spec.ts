@@ -85,6 +85,36 @@ test('no button that moves acts on a number that is not understood', async ({ pa
   await expect(page.getByRole('button', { name: 'Sweep and record' })).toBeDisabled();
 });
 
+test('no motion begins while the drive is in fault, and the buttons give the reason', async ({ page, open, line }) => {
+  const reason = 'The drive has a fault: clear it first.';
+  const state = async () => (await line.call<View>('GET', '/axes/ismk')).state;
+  const motions: [string, string[]][] = [
+    ['/axis/ismk', ['− Back', 'Move +', 'There and back', 'Go to zero']], ['/axis/ismk?do=velocity', ['Run']], ['/axis/ismk?do=torque', ['Apply']],
+    ['/axis/ismk?do=jog', ['Jog in negative direction', 'Jog in positive direction']], ['/axis/ismk?do=home', ['Home']],
+    ['/tuning/ismk', ['Measure and propose', 'Tune', 'Let the drive tune itself']],
+  ];
+  await line.call('POST', '/axes/ismk/jobs', { do: 'enable' });
+  await expect.poll(state).toBe('operation enabled');
+  await open('/axis/ismk');
+  await expect(page.getByRole('button', { name: 'Move +' })).toBeEnabled();
+  await expect(page.getByRole('button', { name: 'Move +' })).not.toHaveAttribute('title');
+  await line.call('POST', '/axes/ismk/faults', { inject: 'encoder_loss' });
+  await expect(page.getByRole('button', { name: 'Move +' })).toBeDisabled();
+  await expect.poll(state).toBe('fault');
+  for (const [path, names] of motions) {
+    await open(path);
+    for (const name of names) {
+      await expect(page.getByRole('button', { name, exact: true })).toBeDisabled();
+      await expect(page.getByRole('button', { name, exact: true })).toHaveAttribute('title', reason);
+    }
+    for (const halt of await page.getByRole('button', { name: /^(STOP|Halt)$/ }).all()) await expect(halt).toBeEnabled();
+  }
+  await line.call('DELETE', '/axes/ismk/faults');
+  await open('/axis/ismk');
+  await page.getByRole('button', { name: 'Clear fault' }).click();
+  await expect(page.getByRole('button', { name: 'Move +' })).toBeEnabled();
+});
+
 test('says what a motion will be', async ({ page, open }) => {
   await open('/axis/reference');
   await type(page, 'Distance', 10);

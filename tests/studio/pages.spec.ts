@@ -1,3 +1,4 @@
+import type { Page } from '@playwright/test';
 import { accessible } from './accessible';
 import { expect, test } from './fixtures';
 
@@ -29,6 +30,55 @@ for (const [name, path] of Object.entries(pages)) {
     }
   });
 }
+
+// Tables that are wider than the window and have no box of their own that scrolls.
+const unboxed = (page: Page) =>
+  page.evaluate(() => [...document.querySelectorAll('main table')].filter((table) => {
+    if (table.scrollWidth <= table.parentElement!.clientWidth) return false;
+    const box = table.closest('.scroll');
+    return box === null || !/auto|scroll/.test(getComputedStyle(box).overflowX) || box.getBoundingClientRect().right > innerWidth;
+  }).map((table) => table.getAttribute('aria-label') ?? table.textContent?.slice(0, 40)));
+
+test('on a telephone wide tables scroll in their own boxes, and not the page', async ({ page, open, line }) => {
+  test.setTimeout(300_000);
+  await page.setViewportSize({ width: 390, height: 844 });
+  const fits = async (what: string) => {
+    expect.soft(await unboxed(page), what).toEqual([]);
+    expect.soft(await page.evaluate(() => Math.max(...[document.documentElement, document.querySelector('.page')!].map(({ scrollWidth, clientWidth }) => scrollWidth - clientWidth))), what).toBeLessThanOrEqual(0);
+  };
+  const measured = { at: '2026-01-01T12:00:00Z', rise_ms: 12.34, overshoot_percent: 23.4, settling_ms: 123.45, peak_velocity: 1234.5, greatest_error: 0.12345, request: {}, x: [0, 1], curves: [] };
+  const loop = { bandwidth_hz: 123.4, phase_margin_deg: 45, inertia: '1 kg m2', friction: '1 Nm', resonance_hz: 432 };
+  const steps = Object.fromEntries(['velocity', 'cycle'].map((id) => [id, { typed: {}, found: { first: measured, last: measured, loop, loopLast: loop, proposed: { bandwidth_hz: 234.5, phase_margin_deg: 50, values: {} } } }]));
+  const mechanics = { machine: 'revolutions', feed_mm: 10, motor_turns: 1, load_turns: 1, units_per_turn: null };
+  const journal = [{ step: 'velocity', object: '6081:00', name: 'Profile velocity', unit: 'units/s', before: 1310720, after: 2621440 }];
+  await page.addInitScript((text) => localStorage.setItem('servodrome.guide.reference', text), JSON.stringify({ version: 1, product: 'generic402', mechanics, steps, journal, run: null }));
+  for (const step of ['velocity', 'cycle', 'report']) {
+    await open(`/commission/reference?step=${step}`);
+    await expect(page.getByRole('table', { name: 'Measured, before and after' }).first()).toBeVisible();
+    await fits(step);
+  }
+  await line.call('PUT', '/axes/reference/objects/6083/0', { value: 123456789 });
+  for (const path of ['/plant/reference', '/plant/ismc', '/objects/reference?view=changes', '/bus', '/tuning/reference']) {
+    await open(path);
+    await expect(page.getByRole('table').first()).toBeVisible();
+    await fits(path);
+  }
+  await open('/objects/reference?view=parameters');
+  await page.getByRole('button', { name: 'Compare with factory defaults' }).click();
+  await expect(page.getByRole('table').first()).toBeVisible();
+  await fits('differences');
+  await open('/misbehaviour/reference');
+  await page.getByRole('button', { name: 'Arm' }).click();
+  await expect(page.getByRole('table').first()).toBeVisible();
+  await fits('rules');
+  const channels = ['position_counts', 'velocity_rpm', 'following_error'].map((signal) => ({ axis: 'reference', signal }));
+  const { id } = await line.call<{ id: number }>('POST', '/recordings', { name: 'tables', channels, rate_hz: 1000, duration_ms: 300, pre_ms: 0, trigger: { kind: 'now' } });
+  for (const plot of ['', '&plot=fft', '&plot=bode', '&plot=xy']) {
+    await open(`/scope?ch=reference/velocity_rpm&rec=${id}${plot}`);
+    if (plot !== '&plot=xy') await expect(page.getByRole('table').first()).toBeVisible();
+    await fits(`recording ${plot}`);
+  }
+});
 
 test('controls are not drawn anew each time that an axis moves', async ({ page, open, line }) => {
   await line.call('POST', '/axes/reference/jobs', { do: 'enable' });

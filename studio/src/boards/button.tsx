@@ -1,5 +1,5 @@
 import { useState } from 'react';
-import { runJob } from '../commands';
+import { isHalt, runJob } from '../commands';
 import { jobs, type Widget } from '../model/boards';
 import { Button, HaltButton } from '../parts/controls';
 import { JogButton } from '../parts/jog';
@@ -30,8 +30,8 @@ export function ButtonWidget({ widget }: { widget: Widget }) {
         <JogButton axis={name} velocity={{ velocity: widget.velocity, units: 'revolutions', ...(acceleration === undefined ? {} : { acceleration, deceleration: acceleration }) }} isDisabled={axis.state !== 'operation enabled'} label={text}>
           {text}
         </JogButton>
-      ) : what === 'stop' || what === 'quick_stop' ? (
-        <HaltButton kind="bad" onHalt={press}>{text}</HaltButton>
+      ) : isHalt(what) ? (
+        <HaltButton kind={what === 'disable' ? 'main' : 'bad'} onHalt={press}>{text}</HaltButton>
       ) : (
         <Button kind="main" isDisabled={busy} onPress={press}>{text}</Button>
       )}

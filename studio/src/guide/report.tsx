@@ -164,7 +164,7 @@ function Response({ facts, guide, id }: { facts: Facts; guide: Guide; id: string
       {!found.first && !found.loop ? <p>Not measured.</p> : (
         <>
           <p>{numbersOf(facts, guide, id)}</p>
-          <Figures facts={facts} found={found} />
+          <Figures inReport facts={facts} found={found} />
           <Plots title={step.title} found={found} />
         </>
       )}

@@ -254,7 +254,7 @@ function plotsOf({ first, last }: Found): { name: string; lines: Line[] }[] {
 export const Plots = ({ title, found }: { title: string; found: Found }) =>
   plotsOf(found).map(({ name, lines }) => <Plot key={name} title={`${title}: ${name}`} lines={lines} xUnit="ms" />);
 
-export function Figures({ facts, found }: { facts: Facts; found: Found }) {
+export function Figures({ facts, found, inReport = false }: { facts: Facts; found: Found; inReport?: boolean }) {
   const { first, last, loop, loopLast, proposed } = found;
   const unit = facts.scale?.unit;
   const rows: [string, string, number, number | null | undefined, number | null | undefined, number | null | undefined][] = [
@@ -268,7 +268,7 @@ export function Figures({ facts, found }: { facts: Facts; found: Found }) {
   ];
   const shown = rows.filter(([, , , ...values]) => values.some((value) => typeof value === 'number'));
   if (shown.length === 0) return null;
-  return (
+  const table = (
     <table className="table" aria-label="Measured, before and after">
       <thead><tr><th scope="col" className="wide">measured</th><th scope="col">before</th><th scope="col">predicted</th><th scope="col">after</th><th scope="col" className="wide">unit</th></tr></thead>
       <tbody>
@@ -278,6 +278,7 @@ export function Figures({ facts, found }: { facts: Facts; found: Found }) {
       </tbody>
     </table>
   );
+  return inReport ? table : <Scroll label="Measured, before and after">{table}</Scroll>; // the report wraps its texts, also in its file
 }
 
 const startAgain = ({ axis }: Facts, step: Step) =>

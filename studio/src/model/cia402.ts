@@ -1,5 +1,5 @@
 // CiA 402-2 (IEC 61800-7-201): power states and the names of the bits of controlword and statusword.
-import type { Words } from '../api/types';
+import type { AxisView, Words } from '../api/types';
 
 export const states = [
   'not ready to switch on',
@@ -40,6 +40,15 @@ export const edges: Edge[] = [
   { number: 15, from: 'fault', to: 'switch on disabled', name: 'fault reset' },
   { number: 16, from: 'quick stop active', to: 'operation enabled', name: 'enable operation' },
 ];
+
+export const isFault = (state: string | undefined) => state === 'fault' || state === 'fault reaction active';
+
+// The reason why no motion may begin; empty: the drive has no fault.
+export const faultHindrance = ({ powered, state }: Pick<AxisView, 'powered' | 'state'>) => (powered && isFault(state) ? 'The drive has a fault: clear it first.' : '');
+
+// A transition by which the drive stops following its targets: the button of such a command acts when it is pressed.
+export const isStop = (from: string | undefined, to: string) =>
+  (from === 'operation enabled' || from === 'quick stop active') && to !== 'operation enabled';
 
 export interface Bit {
   bit: number;

@@ -1,4 +1,5 @@
 import type { AxisView, Mechanics } from '../api/types';
+import { isFault } from './cia402';
 
 // The machine of the line file: the load of each axis, and the axes of a large line that are shown.
 
@@ -35,7 +36,7 @@ const inState: Record<StateFilter, (axis: AxisView) => boolean> = {
   enabled: ({ powered, state }) => powered && state === 'operation enabled',
   ready: ({ powered, state }) => powered && state !== 'operation enabled',
   moving: ({ in_motion }) => in_motion === true,
-  fault: ({ powered, state }) => powered && (state === 'fault' || state === 'fault reaction active'),
+  fault: ({ powered, state }) => powered && isFault(state),
   off: ({ powered }) => !powered,
   silent: ({ problem }) => problem !== undefined,
 };

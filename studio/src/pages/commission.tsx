@@ -9,6 +9,7 @@ import { changeStep, forgetGuide, stepOf, useGuide, type Guide, type StepState }
 import { keptOf, planOf, type Facts, type PlanRow, type Step } from '../guide/step';
 import { fieldsOf, objectsOf, steps } from '../guide/steps';
 import { DirectionView, FindView, HomingView, InputsView, LoopView, releaseInputs, ResponseView, StoreView, UnitsView, type ViewProps } from '../guide/views';
+import { faultHindrance } from '../model/cia402';
 import { attempt, complain } from '../notices';
 import { AxisTabs, usePageAxis } from '../parts/axis_tabs';
 import { Button, Link } from '../parts/controls';
@@ -101,8 +102,8 @@ function StepList({ axis, guide, step }: { axis: AxisView; guide: Guide; step: S
 function hindranceOf(axis: AxisView, isBusy: boolean, isWriting: boolean): string {
   if (!axis.powered) return 'The drive has no power.';
   if (axis.problem) return `The drive does not answer: ${axis.problem.what}`;
-  const state = axis.state ?? '';
-  if (state.startsWith('fault')) return 'The drive has a fault: clear it first.';
+  const fault = faultHindrance(axis);
+  if (fault) return fault;
   if (isWriting) return 'Values are being written: wait.';
   return isBusy ? 'The axis is busy: wait until its job has ended.' : '';
 }

@@ -2,6 +2,7 @@ import type { Fault, FaultList, Recording } from '../api/types';
 import { axisPath } from '../commands';
 import { AxisTabs, usePageAxis } from '../parts/axis_tabs';
 import { Link, Panel, Trouble } from '../parts/controls';
+import { isFault } from '../model/cia402';
 import { fixed } from '../model/units';
 import { useResource } from '../resource';
 import { useRoute } from '../route';
@@ -16,17 +17,17 @@ export function FaultsPage() {
   const real = useMissing('fault_injection') ?? undefined; // for drives on a bus: why no fault can be injected
   if (!axis) return null;
   const active = value?.active ?? [];
-  const isFault = axis.state === 'fault' || axis.state === 'fault reaction active';
+  const hasFault = isFault(axis.state);
   return (
     <>
       <AxisTabs page="faults" name={name} />
       <Trouble problem={problem} />
       <Panel
         title="Active"
-        aside={isFault && <ClearFault name={name} />}
+        aside={hasFault && <ClearFault name={name} />}
       >
         {active.length === 0 ? (
-          <p className="empty">{isFault ? 'The cause is gone: the fault can be cleared.' : 'No fault.'}</p>
+          <p className="empty">{hasFault ? 'The cause is gone: the fault can be cleared.' : 'No fault.'}</p>
         ) : (
           <ul className="faults">
             {active.map((fault) => (

@@ -6,7 +6,7 @@ import { Button, Choice, HaltButton, Link, Panel, Readout, Scroll, Search } from
 import { Dial, Legend } from '../parts/mechanism';
 import { StateChip } from '../parts/state';
 import { Travel, useGeometry } from '../parts/travel';
-import { hex, manufacturerSpecific, modeSpecific, modeText, statusBits } from '../model/cia402';
+import { hex, isFault, manufacturerSpecific, modeSpecific, modeText, statusBits } from '../model/cia402';
 import { describe, filterOf, fitting, manyAxes, stateFilters, type StateFilter } from '../model/machine';
 import { fixed } from '../model/units';
 import { attempt } from '../notices';
@@ -30,8 +30,8 @@ export function LinePage() {
       <div className="line-tools">
         <div className="buttons" role="group" aria-label="All axes">
           <Button onPress={all('enable')}>Enable all</Button>
-          <Button onPress={all('stop')}>Halt all</Button>
-          <Button onPress={all('disable')}>Disable all</Button>
+          <HaltButton onHalt={all('stop')}>Halt all</HaltButton>
+          <HaltButton onHalt={all('disable')}>Disable all</HaltButton>
         </div>
         <div className="toolbar">
           {isLarge && <Filters shown={names.length} all={order.length} />}
@@ -175,14 +175,12 @@ export function Commands({ axis }: { axis: AxisView }) {
   const { name, state } = axis;
   if (axis.problem) return <span className="quiet">no answer</span>;
   if (!axis.powered) return <Button onPress={() => attempt(() => power(name, 'on'))}>Power on</Button>;
-  if (state === 'fault' || state === 'fault reaction active') {
-    return <ClearFault name={name} />;
-  }
+  if (isFault(state)) return <ClearFault name={name} />;
   if (state === 'operation enabled' || state === 'quick stop active') {
     return (
       <>
         <HaltButton onHalt={() => void runJob(name, { do: 'stop' })}>Halt</HaltButton>
-        <Button onPress={() => void runJob(name, { do: 'disable' })}>Disable</Button>
+        <HaltButton onHalt={() => void runJob(name, { do: 'disable' })}>Disable</HaltButton>
       </>
     );
   }

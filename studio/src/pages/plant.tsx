@@ -3,7 +3,7 @@ import { put, post, remove } from '../api/client';
 import type { BusView, FaultList, Inputs, Plant } from '../api/types';
 import { axisPath, power } from '../commands';
 import { AxisTabs, usePageAxis } from '../parts/axis_tabs';
-import { Button, Choice, Panel, Toggle, Trouble } from '../parts/controls';
+import { Button, Choice, Panel, Scroll, Toggle, Trouble } from '../parts/controls';
 import { NumberForm, NumberInput, NumbersButton } from '../parts/number_input';
 import { Terminals } from '../parts/terminals';
 import { useGeometry } from '../parts/travel';
@@ -53,27 +53,29 @@ function InputsPanel({ name }: { name: string }) {
   return (
     <Panel title="Input wiring">
       <Trouble problem={problem} />
-      <table className="table">
-        <thead>
-          <tr><th scope="col">input</th><th scope="col" className="wide">wired to</th><th scope="col">level</th><th scope="col">force</th></tr>
-        </thead>
-        <tbody>
-          {Object.entries(value?.inputs ?? {}).map(([input, { level, forced }]) => (
-            <tr key={input}>
-              <th scope="row">{input}</th>
-              <td className="text">{wires.filter(([, wire]) => wire === input).map(([what]) => what.replaceAll('_', ' ')).join(', ')}</td>
-              <td><span className={level ? 'lamp on' : 'lamp'} role="img" aria-label={level ? 'on' : 'off'} /></td>
-              <td>
-                <div className="segments" role="group" aria-label={`Force ${input}`}>
-                  <button type="button" aria-pressed={!forced} onClick={() => force(input, null)}>wire</button>
-                  <button type="button" aria-pressed={forced && !level} onClick={() => force(input, false)}>0</button>
-                  <button type="button" aria-pressed={forced && level} onClick={() => force(input, true)}>1</button>
-                </div>
-              </td>
-            </tr>
-          ))}
-        </tbody>
-      </table>
+      <Scroll label="Table of inputs">
+        <table className="table">
+          <thead>
+            <tr><th scope="col">input</th><th scope="col" className="wide">wired to</th><th scope="col">level</th><th scope="col">force</th></tr>
+          </thead>
+          <tbody>
+            {Object.entries(value?.inputs ?? {}).map(([input, { level, forced }]) => (
+              <tr key={input}>
+                <th scope="row">{input}</th>
+                <td className="text">{wires.filter(([, wire]) => wire === input).map(([what]) => what.replaceAll('_', ' ')).join(', ')}</td>
+                <td><span className={level ? 'lamp on' : 'lamp'} role="img" aria-label={level ? 'on' : 'off'} /></td>
+                <td>
+                  <div className="segments" role="group" aria-label={`Force ${input}`}>
+                    <button type="button" aria-pressed={!forced} onClick={() => force(input, null)}>wire</button>
+                    <button type="button" aria-pressed={forced && !level} onClick={() => force(input, false)}>0</button>
+                    <button type="button" aria-pressed={forced && level} onClick={() => force(input, true)}>1</button>
+                  </div>
+                </td>
+              </tr>
+            ))}
+          </tbody>
+        </table>
+      </Scroll>
     </Panel>
   );
 }

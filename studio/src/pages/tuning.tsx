@@ -2,6 +2,7 @@ import { useCallback, useEffect, useMemo, useRef, useState } from 'react';
 import type { Job, ObjectEntry, ObjectValue } from '../api/types';
 import { axisPath, cancelJob, readValues, runJob, writeObject } from '../commands';
 import { at, type BodePoint } from '../model/bode';
+import { faultHindrance } from '../model/cia402';
 import { addressOf } from '../model/objects';
 import { figuresOf, missingForTune, placeOf, setsOf, type GainLine, type Gains, type StepMeasured, type Tuned } from '../model/tuning';
 import { fixed, significant } from '../model/units';
@@ -61,6 +62,8 @@ function Tune({ axis, gains, missing, job }: { axis: string; gains: Gains; missi
   const [torque, setTorque] = useState(60);
   const [seconds, setSeconds] = useState(4);
   const running = useLine((line) => line.jobs[axis]?.state === 'running');
+  const fault = useLine(({ axes }) => (axis in axes ? faultHindrance(axes[axis]) : ''));
+  const cannot = running || fault !== '';
   const tuning = job?.state === 'running' ? job : undefined;
   const start = (apply: boolean) =>
     attempt(async () => {
@@ -83,9 +86,9 @@ function Tune({ axis, gains, missing, job }: { axis: string; gains: Gains; missi
             <NumberInput label="Duration of each measurement" unit="s" value={seconds} minimum={4} maximum={600} onChange={setSeconds} />
           </div>
           <div className="buttons">
-            <NumbersButton isDisabled={running} onPress={() => start(false)}>Measure and propose</NumbersButton>
-            {gains.writes && <NumbersButton kind="main" isDisabled={running} onPress={() => start(true)}>Tune</NumbersButton>}
-            {gains.tunes_itself && <NumbersButton isDisabled={running} onPress={() => attempt(() => runJob(axis, { do: 'tune_itself', travel }))}>Let the drive tune itself</NumbersButton>}
+            <NumbersButton title={fault} isDisabled={cannot} onPress={() => start(false)}>Measure and propose</NumbersButton>
+            {gains.writes && <NumbersButton kind="main" title={fault} isDisabled={cannot} onPress={() => start(true)}>Tune</NumbersButton>}
+            {gains.tunes_itself && <NumbersButton title={fault} isDisabled={cannot} onPress={() => attempt(() => runJob(axis, { do: 'tune_itself', travel }))}>Let the drive tune itself</NumbersButton>}
           </div>
           {!gains.writes && <p className="note quiet">The gain objects of this drive are not known: gains are proposed in SI units.</p>}
         </>
@@ -94,7 +97,7 @@ function Tune({ axis, gains, missing, job }: { axis: string; gains: Gains; missi
           <p className="note">{missing}</p>
           {gains.tunes_itself && (
             <div className="buttons">
-              <Button isDisabled={running} onPress={() => attempt(() => runJob(axis, { do: 'tune_itself', travel }))}>Let the drive tune itself</Button>
+              <Button title={fault} isDisabled={cannot} onPress={() => attempt(() => runJob(axis, { do: 'tune_itself', travel }))}>Let the drive tune itself</Button>
             </div>
           )}
         </>

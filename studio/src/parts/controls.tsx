@@ -7,8 +7,9 @@ import { go } from '../route';
 
 // The controls of the page: the behaviour of react-aria with the style of the page.
 
-export function Button({ kind = 'plain', ...props }: ButtonProps & { kind?: 'plain' | 'main' | 'bad' | 'bare' }) {
-  return <AriaButton {...props} className={`button ${kind} ${typeof props.className === 'string' ? props.className : ''}`} />;
+// `title`: why the button is disabled, for example. AriaButton gives no title to its element.
+export function Button({ kind = 'plain', title, ...props }: ButtonProps & { kind?: 'plain' | 'main' | 'bad' | 'bare'; title?: string | undefined }) {
+  return <AriaButton {...props} {...(title ? { render: (button: ComponentProps<'button'>) => <button {...button} title={title} /> } : {})} className={`button ${kind} ${typeof props.className === 'string' ? props.className : ''}`} />;
 }
 
 // A button that brings axes to rest. It acts when it is pressed, not when it is released: react-aria reports a press after

@@ -6,10 +6,11 @@ import { Jog } from '../model/jog';
 import { complain } from '../notices';
 
 // Jogs while it is pressed with the pointer, Space or Enter.
-export function JogButton({ axis, velocity, isDisabled, children, label }: {
+export function JogButton({ axis, velocity, isDisabled, title, children, label }: {
   axis: string;
   velocity: Record<string, unknown>;
   isDisabled: boolean;
+  title?: string | undefined;
   children: ReactNode;
   label: string;
 }) {
@@ -47,6 +48,7 @@ export function JogButton({ axis, velocity, isDisabled, children, label }: {
       className="button jog"
       aria-label={label}
       disabled={isDisabled}
+      title={title}
       onPointerDown={(event) => {
         if (event.button === 0) press();
       }}

@@ -1,5 +1,5 @@
-import { createContext, useCallback, useContext, useId, useLayoutEffect, useMemo, useState, type KeyboardEvent, type ReactNode } from 'react';
-import { FieldError, Group, Input, Label, TextField, type ButtonProps } from 'react-aria-components';
+import { createContext, useCallback, useContext, useId, useLayoutEffect, useMemo, useState, type ComponentProps, type KeyboardEvent, type ReactNode } from 'react';
+import { FieldError, Group, Input, Label, TextField } from 'react-aria-components';
 import { readNumber, showNumber } from '../model/number';
 import { Button } from './controls';
 
@@ -31,7 +31,7 @@ export function NumberForm({ children }: { children: ReactNode }) {
 export const useNumbersAreRight = () => useContext(FormContext).isRight;
 
 // A button that uses the numbers of its form.
-export function NumbersButton({ isDisabled = false, ...props }: ButtonProps & { kind?: 'plain' | 'main' | 'bad' | 'bare' }) {
+export function NumbersButton({ isDisabled = false, ...props }: ComponentProps<typeof Button>) {
   const isRight = useNumbersAreRight();
   return <Button {...props} isDisabled={isDisabled || !isRight} />;
 }
