@@ -20,6 +20,7 @@ class OpenGroup final : public studio::OpenBus {
     return drives;
   }
   void back(std::size_t drive) override { group_.renew_watch(drive); }
+  void release(std::size_t drive) override { group_.release_watch(drive); }
   // All drives share the bus, so any of them can wait.
   void wait(master::Time span) override { group_.axes().front()->objects().wait(span); }
   void abort_when(std::function<bool()> abort) override { group_.abort_when(abort); }

@@ -133,6 +133,10 @@ void DriveGroup::renew_watch(std::size_t axis) {
   if (watch_) watch_->renew(*objects_[axis]);
 }
 
+void DriveGroup::release_watch(std::size_t axis) {
+  if (watch_) watch_->release(*objects_[axis]);
+}
+
 std::optional<master::Time> DriveGroup::watched_within(std::size_t axis) const {
   if (operation_) return operation_->exchange().watchdog(axis);
   if (watch_ && watch_->is_watching(*objects_[axis])) return master::MasterWatch::longest_silence;

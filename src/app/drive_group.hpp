@@ -27,6 +27,8 @@ class DriveGroup {
   // Call it when a drive has come back, maybe from a reset: a CANopen drive monitors the heartbeat again. Throws
   // MasterError.
   void renew_watch(std::size_t axis);
+  // Restores what the monitoring has changed in the drive; renew_watch() sets it again.
+  void release_watch(std::size_t axis);
   // Time without this program after which the axis begins to stop by itself; empty: it does not stop.
   std::optional<master::Time> watched_within(std::size_t axis) const;
   // True for EtherCAT slaves in OP. A slave that leaves OP while its motor is on goes to fault, so disable it before.

@@ -125,35 +125,43 @@ bool MasterWatch::is_watching(const ObjectClient& drive) const {
   return std::any_of(watching_.begin(), watching_.end(), [&](const auto& its) { return its.drive == &drive; });
 }
 
-void MasterWatch::end() noexcept {
-  for (const Watching& watching : watching_) {
-    const std::uint32_t own = entry_for(node_id_);
-    bool freed = false;
-    try {
-      const auto entry = watching.drive->read<std::uint32_t>(consumer_heartbeat_time, 1);
-      // After a reset of the drive another master may have written its entry: then that master needs 6007h, too.
-      if (entry != own && entry != 0) continue;
-      if (entry == own) {
-        if (moves(*watching.drive)) {
-          if (tell_)
-            tell_(fmt::format("{}: the axis still moves; it stops when the drive misses this program's heartbeat",
-                              watching.drive->where()));
-          continue;
-        }
-        watching.drive->write<std::uint32_t>(consumer_heartbeat_time, 1, 0);
+void MasterWatch::restore(const Watching& watching) noexcept {
+  const std::uint32_t own = entry_for(node_id_);
+  bool freed = false;
+  try {
+    const auto entry = watching.drive->read<std::uint32_t>(consumer_heartbeat_time, 1);
+    // After a reset of the drive another master may have written its entry: then that master needs 6007h, too.
+    if (entry != own && entry != 0) return;
+    if (entry == own) {
+      if (moves(*watching.drive)) {
+        if (tell_)
+          tell_(fmt::format("{}: the axis still moves; it stops when the drive misses this program's heartbeat",
+                            watching.drive->where()));
+        return;
       }
-      freed = true;
-      if (watching.option_changed) watching.drive->write<std::int16_t>(abort_connection_option, 0, no_action);
-    } catch (const MasterError&) {
-      if (!tell_) continue;
-      // If the drive does not answer, the code that uses the drive reports the reason. This function reports only the
-      // objects that keep their values.
-      const std::string watch = freed ? "" : fmt::format("1016h:01 = {:08X}h", own);
-      const std::string option = watching.option_changed ? fmt::format("6007h = {}", malfunction) : "";
-      tell_(fmt::format("{}: {}{}{} could not be restored and stays until the drive's next reset",
-                        watching.drive->where(), watch, !watch.empty() && !option.empty() ? " and " : "", option));
+      watching.drive->write<std::uint32_t>(consumer_heartbeat_time, 1, 0);
     }
+    freed = true;
+    if (watching.option_changed) watching.drive->write<std::int16_t>(abort_connection_option, 0, no_action);
+  } catch (const MasterError&) {
+    if (!tell_) return;
+    // If the drive does not answer, the code that uses the drive reports the reason. This function reports only the
+    // objects that keep their values.
+    const std::string watch = freed ? "" : fmt::format("1016h:01 = {:08X}h", own);
+    const std::string option = watching.option_changed ? fmt::format("6007h = {}", malfunction) : "";
+    tell_(fmt::format("{}: {}{}{} could not be restored and stays until the drive's next reset",
+                      watching.drive->where(), watch, !watch.empty() && !option.empty() ? " and " : "", option));
   }
+}
+
+void MasterWatch::release(ObjectClient& drive) noexcept {
+  for (const Watching& watching : watching_) {
+    if (watching.drive == &drive) restore(watching);
+  }
+}
+
+void MasterWatch::end() noexcept {
+  for (const Watching& watching : watching_) restore(watching);
   watching_.clear();
   heartbeat_.reset();
   node_id_ = 0;

@@ -52,6 +52,9 @@ class MasterWatch {
   // Sets the supervision up again for a drive that has come back, for example after a reset, which clears it. Throws
   // like the constructor.
   void renew(ObjectClient& drive);
+  // Restores one drive, as the destructor does, for example before it stores its objects. renew() starts its
+  // supervision again.
+  void release(ObjectClient& drive) noexcept;
   // Restores the drives, as the destructor does, and ends the heartbeat. renew() starts the supervision again.
   void end() noexcept;
 
@@ -65,6 +68,7 @@ class MasterWatch {
     bool option_changed;
   };
   void begin(ObjectClient& drive);
+  void restore(const Watching& watching) noexcept;
   void beat();
   bool is_free(ObjectClient& drive);
   bool is_left_over(std::uint32_t entry);

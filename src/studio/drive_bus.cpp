@@ -8,6 +8,7 @@
 #include "api/change_log.hpp"
 #include "axis/cia402_words.hpp"
 #include "line/axis.hpp"
+#include "tools/parameters/rules.hpp"
 
 namespace servodrome::studio {
 namespace {
@@ -38,6 +39,13 @@ template <typename Waiting>
 void refuse(Waiting& waiting, const JobError& problem) {
   waiting.error = std::make_exception_ptr(master::MasterError(problem.what, problem.where, problem.hint));
   waiting.done = true;
+}
+
+bool is_store_command(master::ObjectAddress object, std::string_view product) {
+  constexpr std::uint16_t store_parameters = 0x1010;
+  const auto commands = master::parameter_rules_of(product).store;
+  return object.index == store_parameters ||
+         std::any_of(commands.begin(), commands.end(), [&](const auto& command) { return command.object == object; });
 }
 
 }  // namespace
@@ -334,7 +342,9 @@ void DriveBus::carry_out(OpenBus& open, const std::shared_ptr<Access>& access) {
   master::ObjectClient& objects = *open.drives()[access->drive];
   const UrgentAbort urgent_abort(*this, open, !access->writes);
   try {
-    if (access->writes) {
+    if (access->writes && is_store_command(access->object, plan_.drives[access->drive].product)) {
+      store(open, *access);
+    } else if (access->writes) {
       objects.download(access->object, access->bytes);
     } else {
       access->bytes = objects.upload(access->object);
@@ -357,6 +367,20 @@ void DriveBus::carry_out(OpenBus& open, const std::shared_ptr<Access>& access) {
     access->done = true;
     throw;
   }
+}
+
+// The drive stores its own values, not those of the supervision, which begins again afterwards.
+void DriveBus::store(OpenBus& open, const Access& access) {
+  open.release(access.drive);
+  std::exception_ptr refusal;
+  try {
+    open.drives()[access.drive]->download(access.object, access.bytes);
+  } catch (const master::ObjectError& error) {
+    if (!error.answered()) throw;  // the supervision begins again when the drive answers
+    refusal = std::current_exception();
+  }
+  open.back(access.drive);
+  if (refusal) std::rethrow_exception(refusal);
 }
 
 bool DriveBus::sample_one(OpenBus& open) {

@@ -30,6 +30,9 @@ class OpenBus {
   virtual std::vector<master::ObjectClient*> drives() = 0;
   // Call it when a drive answers again after a silence, maybe after a reset. Throws MasterError.
   virtual void back(std::size_t drive) = 0;
+  // Restores the objects of the drive that this bus has changed for its own use, such as the supervision of this
+  // program's heartbeat, so that the drive does not store them; back() sets them again.
+  virtual void release(std::size_t drive) = 0;
   // Lets the bus run for `span`. Throws MasterError if the bus is lost.
   virtual void wait(master::Time span) = 0;
 
@@ -221,6 +224,7 @@ class DriveBus {
   std::shared_ptr<Access> next_access(const Work* beside = nullptr, bool urgent_only = false);
   std::shared_ptr<Work> next_work(bool beside = false);
   void carry_out(OpenBus& open, const std::shared_ptr<Access>& access);
+  static void store(OpenBus& open, const Access& access);
   std::deque<std::shared_ptr<Access>>::iterator first_ordinary();
   void carry_out(OpenBus& open, const std::shared_ptr<Work>& work);
   void serve_beside(OpenBus& open, const Work& work);

@@ -123,6 +123,23 @@ TEST_P(Watched, IsToldAnewAfterAReset) {
   EXPECT_EQ(option(), before);
 }
 
+// A drive that stores its objects stores its own values.
+TEST_P(Watched, IsReleasedAloneAndToldAnew) {
+  const auto before = option();
+  ObjectClient* const drives[] = {&rig.objects()};
+  MasterWatch watch(*rig.can, drives);
+  watch.release(rig.objects());
+  EXPECT_EQ(watched_time(), 0U);
+  EXPECT_EQ(option(), before);
+  rig.objects().wait(3s);
+  watch.renew(rig.objects());
+  EXPECT_EQ(watched_time(), 0x7F05DCU);
+  EXPECT_NE(option(), 0);
+  watch.end();
+  EXPECT_EQ(watched_time(), 0U);
+  EXPECT_EQ(option(), before);
+}
+
 // Immediately, not only after the next heartbeat, which is up to 0.25 s later.
 TEST_P(Watched, WatchesAtOnceWhenToldAnew) {
   ObjectClient* const drives[] = {&rig.objects()};

@@ -131,7 +131,8 @@ class ScriptedBus final : public OpenBus {
     for (const auto& objects : objects_) drives.push_back(objects.get());
     return drives;
   }
-  void back(std::size_t) override {}
+  void back(std::size_t drive) override { note("back", drive); }
+  void release(std::size_t drive) override { note("release", drive); }
   void wait(master::Time span) override { std::this_thread::sleep_for(span); }
   void abort_when(std::function<bool()> abort) override {
     const std::lock_guard lock(script_.mutex);
@@ -146,6 +147,11 @@ class ScriptedBus final : public OpenBus {
   std::optional<Watch> watch_of(std::size_t) override { return std::nullopt; }
 
  private:
+  void note(const char* what, std::size_t drive) {
+    const std::lock_guard lock(script_.mutex);
+    script_.writes.push_back(fmt::format("{} {}", drive, what));
+  }
+
   Script& script_;
   std::vector<std::unique_ptr<ScriptedObjects>> objects_;
 };
@@ -285,6 +291,13 @@ TEST_F(DriveBusTest, AQuickStopStaysDueUntilTheDriveHasAnswered) {
   EXPECT_EQ(count("0 6040=2"), 2U) << "before the loss and after it";
   std::this_thread::sleep_for(200ms);
   EXPECT_EQ(count("0 6040=2"), 2U);
+}
+
+TEST_F(DriveBusTest, ADriveStoresWithoutTheSupervision) {
+  open(2);
+  script_.change([this] { script_.writes.clear(); });
+  objects("b")->write<std::uint32_t>(0x1010, 1, 0x65766173);
+  EXPECT_THAT(writes(), ElementsAre("1 release", "1 1010=65766173", "1 back"));
 }
 
 TEST_F(DriveBusTest, ADriveThatRefusesTheQuickStopIsServed) {

@@ -57,6 +57,7 @@ class BusOfRig final : public OpenBus {
     return drives;
   }
   void back(std::size_t) override {}
+  void release(std::size_t) override {}
   void wait(master::Time span) override {
     rig_.objects().wait(span);
     std::this_thread::sleep_for(span);
