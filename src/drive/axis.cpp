@@ -69,8 +69,7 @@ Axis::Room Axis::room_from(Counts place) const {
   return {static_cast<double>(place - low), static_cast<double>(high - place)};
 }
 
-bool Axis::near_software_limit(double deceleration) const {
-  const double velocity = generator.velocity();
+bool Axis::near_software_limit(double velocity, double deceleration) const {
   if (velocity == 0.0 || !keeps_software_limits()) return false;
   const double way = deceleration > 0.0 ? velocity * velocity / (2.0 * deceleration) : 0.0;
   const Room room = room_from(demand.loop == Loop::position ? generator.nearest_position() : position());

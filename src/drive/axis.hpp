@@ -419,7 +419,10 @@ struct Axis {
   Room room() const { return room_from(position()); }  // of the shaft
   // Returns true if the demand can just come to rest before the software limit ahead with this deceleration
   // (counts/s^2; 0: at once).
-  bool near_software_limit(double deceleration) const;
+  bool near_software_limit(double deceleration) const {
+    return near_software_limit(generator.velocity(), deceleration);
+  }
+  bool near_software_limit(double velocity, double deceleration) const;  // of a demand with this velocity, counts/s
   // The greatest speed, counts/s, from which a demand in the direction of `velocity` can stop before the software limit
   // ahead with this deceleration (counts/s^2), accurate to one cycle; 0 if the demand is beyond that limit already.
   double approach_velocity(double velocity, double deceleration) const;

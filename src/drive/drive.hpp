@@ -115,6 +115,8 @@ class Drive final : public dictionary::Listener {
   bool runs_mode() const {
     return state_ == PowerState::operation_enabled && stage_ == Stage::on && !pending_.active && !stopping_ && !halted_;
   }
+  // Returns true if a halt holds the axis at rest.
+  bool halted_at_rest() const { return halted_ && !pending_.active && axis_.generator.standing(); }
   // Returns true if this row of Policy::transitions could happen now; false if the row does not begin in the present
   // state.
   bool accepts(const Transition& transition) const;
@@ -230,6 +232,8 @@ class Drive final : public dictionary::Listener {
   void enter_mode(Mode wanted);
   void run_mode();
   void limit_switches(Counts before);
+  double demanded_direction(Counts before) const;
+  double velocity_of_demand() const;
   bool pushes_limit_switch(Counts before) const;
   void end_identification();
   void stop_after_identification();

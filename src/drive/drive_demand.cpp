@@ -12,13 +12,33 @@ constexpr std::uint32_t lagging_modes =
 
 }  // namespace
 
+// The direction of the motion that the demand asks for, which may end before the shaft arrives: the shaft then still
+// follows a smoothed demand, or lags behind it. `before`: the demand before this cycle.
+double Drive::demanded_direction(Counts before) const {
+  constexpr double moving_rpm = 30.0;
+  constexpr double settling_s = 0.05;  // a shaft that arrives within this time settles at its target
+  const double direction = axis_.demand_direction(before);
+  const double shaft = axis_.velocity();
+  if (direction != 0.0 || std::abs(shaft) < axis_.rpm_to_counts_per_s(moving_rpm)) return direction;
+  if (axis_.demand.loop != Loop::position) return velocity_of_demand() * shaft > 0.0 ? shaft : 0.0;
+  const auto ahead = static_cast<double>(axis_.generator.nearest_position() - axis_.position());
+  return ahead * std::copysign(1.0, shaft) > axis_.lag(shaft) + settling_s * std::abs(shaft) ? shaft : 0.0;
+}
+
+// The velocity that the velocity loop gets, counts/s: the smoothed one if that is still higher.
+double Drive::velocity_of_demand() const {
+  const double velocity = axis_.generator.velocity();
+  const auto smoothed = static_cast<double>(smoothed_velocity_);
+  const bool lags = smoothing_pending_ && smoothed_loop_ == Loop::velocity && axis_.demand.loop == Loop::velocity;
+  return lags && std::abs(smoothed) > std::abs(velocity) ? smoothed : velocity;
+}
+
 // Returns true if the demand leads towards an active limit switch: by its velocity, in torque control by its torque. A
 // position demand that returns to a standing shaft, as at the end of a stream of targets, does not count.
 bool Drive::pushes_limit_switch(Counts before) const {
   if (!axis_.at_limit_switch()) return false;
   const LoopDemand& demand = axis_.demand;
-  const double towards =
-      demand.loop == Loop::torque ? static_cast<double>(demand.torque) : axis_.demand_direction(before);
+  const double towards = demand.loop == Loop::torque ? static_cast<double>(demand.torque) : demanded_direction(before);
   const auto ahead = static_cast<double>(axis_.generator.nearest_position() - axis_.position());
   constexpr double moving_rpm = 30.0;
   const bool moves = axis_.velocity() * std::copysign(1.0, towards) > axis_.rpm_to_counts_per_s(moving_rpm);
@@ -35,21 +55,23 @@ void Drive::limit_switches(Counts before) {
     return;
   }
   if (axis_.demand.loop == Loop::torque) return;
-  const double velocity = axis_.generator.velocity();
+  const double velocity = velocity_of_demand();
   const bool bounds_velocity = axis_.demand.loop == Loop::velocity && velocity != 0.0;
   if (!bounds_velocity && !axis_.at_limit_switch()) return;
   const double quick = quick_stop_deceleration();
-  const double moves = axis_.demand_direction(before);
+  const double moves = demanded_direction(before);
   bool blocked = axis_.runs_into_limit_switch(moves);
   if (bounds_velocity) {
-    const bool near = axis_.near_software_limit(quick);
+    const bool near = axis_.near_software_limit(velocity, quick);
     axis_.stopped_at = !near ? 0 : velocity < 0.0 ? -1 : 1;
     blocked |= near;
   }
   if (!blocked) return;
   const int direction = moves < 0.0 ? -1 : 1;
   if (!policy_.limit_switches_show_as_limit) axis_.limited = true;
-  if (std::abs(axis_.velocity()) > 4.0 * quick * axis_.cycle_s) {
+  const bool slow = std::abs(axis_.velocity()) <= 4.0 * quick * axis_.cycle_s;
+  const bool lags = smoothing_pending_ || axis_.demand_direction(before) == 0.0;
+  if (!slow || lags) {
     begin_stop(Stop::quick_stop_ramp);
     limit_stop_ = true;
   } else {

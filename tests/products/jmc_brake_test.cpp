@@ -179,7 +179,7 @@ TEST(JmcBrake, ClosesBeforePowerOffAtRest) {
     EXPECT_NEAR(rig.ms_until([&] { return !rig.actuation.pwm_enabled; }), delay_ms - 2, 2.0);
     rig.run_ms(200);
     EXPECT_EQ(rig.status() & 0x6F, 0x21);
-    EXPECT_NEAR(static_cast<double>(rig.plant.position_counts()), 0.0, 20.0) << "nothing falls";
+    EXPECT_NEAR(static_cast<double>(rig.plant.position_counts()), 0.0, 30.0) << "nothing falls";
   }
 }
 

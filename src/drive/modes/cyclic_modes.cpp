@@ -88,19 +88,23 @@ std::uint16_t CyclicSyncPosition::status(const Axis& axis) const {
 
 // --- Cyclic synchronous velocity
 
+double CyclicSyncVelocity::target(const Axis& axis) {
+  const Objects& objects = axis.objects;
+  return axis.units.velocity_to_counts(static_cast<double>(objects.target_velocity) + objects.velocity_offset);
+}
+
 void CyclicSyncVelocity::step(Axis& axis) {
   const Objects& objects = axis.objects;
-  const double wanted =
-      axis.units.velocity_to_counts(static_cast<double>(objects.target_velocity) + objects.velocity_offset);
+  const double wanted = target(axis);
   const double allowed = axis.greatest_velocity;
   held_ = held_ && wanted == wanted_;
   wanted_ = wanted;
-  const double target = held_ ? 0.0 : std::clamp(wanted, -allowed, allowed);
-  axis.limited = target != wanted;
+  const double velocity = held_ ? 0.0 : std::clamp(wanted, -allowed, allowed);
+  axis.limited = velocity != wanted;
   if (axis.limited && !held_) axis.exceed_velocity(Mode::cyclic_sync_velocity);
-  axis.generator.start_from(axis.position(), target);
+  axis.generator.start_from(axis.position(), velocity);
   axis.demand.loop = loop;
-  axis.demand.velocity = static_cast<float>(target);
+  axis.demand.velocity = static_cast<float>(velocity);
   axis.demand.acceleration = 0.0F;
   axis.demand.torque = static_cast<float>(objects.torque_offset) * (axis.units.velocity_inverted ? -0.001F : 0.001F);
 }

@@ -40,11 +40,16 @@ class CyclicSyncVelocity {
   void step(Axis& axis);
   void halt(Axis&) {}
   void resume(Axis&) {}
-  void interrupt(Axis&, int) { held_ = true; }
+  void interrupt(Axis& axis, int) {
+    held_ = true;
+    wanted_ = target(axis);
+  }
   double deceleration(const Axis& axis) const { return axis.profile_deceleration(); }
   std::uint16_t status(const Axis& axis) const;
 
  private:
+  static double target(const Axis& axis);
+
   double wanted_ = 0.0;  // 60FFh with its offset, counts/s
   bool held_ = false;    // a limit ended the motion: the axis waits for another target
 };

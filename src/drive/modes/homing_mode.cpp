@@ -51,7 +51,7 @@ bool can_run(const Method& method, const HomingConfig& config) {
 
 void HomingMode::enter(Axis& axis) {
   abort();
-  given_up_ = false;
+  given_up_ = pressed_ = false;
   forget_error(axis);
   standing_ = true;
   acceleration_ = homing_acceleration(axis);
@@ -75,7 +75,6 @@ void HomingMode::controlword(Axis& axis, std::uint16_t before, std::uint16_t now
     standing_ = false;
   }
   if (!is && was && (active_ || start_requested_)) {
-    pressed_ = homing_.pressing();
     abort();
     given_up_ = true;
   }
@@ -205,6 +204,8 @@ void HomingMode::step(Axis& axis) {
   }
   if (active_) {
     const bool had_latch = homing_.latched();
+    const bool waited = homing_.awaits_rest();
+    pressed_ = homing_.pressing();
     if (const double allowed = axis.max_velocity(false); allowed != allowed_) {  // 6080h was changed in motion
       allowed_ = allowed;
       carry_out(axis, last_);
@@ -212,6 +213,7 @@ void HomingMode::step(Axis& axis) {
     carry_out(axis, homing_.step(inputs(axis)));
     if (homing_.error() != HomingError::none) give_up(axis);
     take_results(axis, had_latch);
+    if (waited && !homing_.awaits_rest()) axis.limited = false;
   }
   if (!active_ || homing_.awaits_rest()) axis.rest_within_limits();
   axis.generator.step(axis.cycle_s);

@@ -33,6 +33,9 @@ class HomingMode {
   // until the axis stands, whether home was found or not
   bool running() const { return start_requested_ || active_ || !standing_; }
   bool pressing() const { return homing_.pressing(); }
+  // The demand is beyond a hard stop, until the shaft's position replaces it.
+  bool has_pressed() const { return pressed_ || homing_.pressing(); }
+  void shaft_taken_over() { pressed_ = false; }
   bool active() const { return active_; }
   bool awaits_rest() const { return homing_.awaits_rest(); }  // before the first leg
   Counts index_distance() const { return homing_.index_distance(); }
@@ -57,7 +60,7 @@ class HomingMode {
   double allowed_ = 0.0;  // the greatest speed when the leg was planned, counts/s
   bool start_requested_ = false;
   bool given_up_ = false;  // controlword bit 4 was cleared: ramp to zero
-  bool pressed_ = false;   // ... while the axis pressed against a hard stop
+  bool pressed_ = false;   // in the previous cycle the axis pressed against a hard stop
   bool active_ = false;
   bool halted_ = false;
   bool attained_ = false;

@@ -380,6 +380,7 @@ void ProfilePosition::interrupt(Axis&, int) {
 void ProfilePosition::resume(Axis& axis) {
   const bool left = given_ && !interrupted_ && axis.generator.nearest_position() != target_;
   if (!running_ && !left) return;
+  axis.limited = false;
   const SetPoint rest = running_set_point_;
   const auto way = static_cast<double>(target_ - axis.generator.nearest_position());
   if (rest.end_velocity <= 0.0 || way * direction_ > 0.0) return plan(axis, rest, target_, false);

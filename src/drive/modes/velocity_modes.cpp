@@ -63,15 +63,31 @@ Cause ProfileVelocity::planning_fault(const Axis& axis, RampShape shape) const {
   return Cause::none;
 }
 
-void ProfileVelocity::step(Axis& axis) {
+ProfileVelocity::Request ProfileVelocity::request_of(const Axis& axis) {
   const Objects& objects = axis.objects;
-  const Request request{objects.target_velocity,
-                        objects.profile_acceleration,
-                        objects.profile_deceleration,
-                        objects.profile_jerk[0],
-                        objects.motion_profile_type,
-                        axis.max_velocity(true),
-                        axis.active(Signal::invert_direction)};
+  return {objects.target_velocity,
+          objects.profile_acceleration,
+          objects.profile_deceleration,
+          objects.profile_jerk[0],
+          objects.motion_profile_type,
+          axis.max_velocity(true),
+          axis.active(Signal::invert_direction)};
+}
+
+double ProfileVelocity::velocity_of(const Request& request, const Axis& axis) {
+  const double velocity = axis.units.velocity_to_counts(request.target);
+  return request.inverted ? -velocity : velocity;
+}
+
+// The present target is the one that a limit has ended, even if the mode was entered in a halt and has not planned yet.
+void ProfileVelocity::interrupt(Axis& axis, int) {
+  given_up_ = planned_ = true;
+  request_ = request_of(axis);
+  wanted_ = velocity_of(request_, axis);
+}
+
+void ProfileVelocity::step(Axis& axis) {
+  const Request request = request_of(axis);
   const bool same_target = planned_ && request.target == request_.target && request.inverted == request_.inverted;
   // A target that a limit has ended does not start again, but a lowered speed limit still applies.
   const bool keeps_given_up = given_up_ && same_target;
@@ -83,8 +99,7 @@ void ProfileVelocity::step(Axis& axis) {
       if (const Cause cause = planning_fault(axis, shape); cause != Cause::none) axis.raise(cause);
     }
     planned_ = true;
-    const double target_velocity = axis.units.velocity_to_counts(request.target);
-    wanted_ = request.inverted ? -target_velocity : target_velocity;
+    wanted_ = velocity_of(request, axis);
     const double target = std::clamp(wanted_, -request.allowed, request.allowed);
     axis.limited = clipped_ = target != wanted_;
     MotionLimits limits = axis.profile_limits();
@@ -212,29 +227,36 @@ void VelocityMode::enter(Axis& axis) {
   axis.limited = false;
 }
 
+// Controlword bit 4: the ramp function generator runs, else the demand ramps down to zero; bit 5: its output follows,
+// else it is locked; bit 6: its input is the set-point, else zero. Until this mode has commanded a velocity there is
+// no output to lock, and the motion of an earlier mode comes to rest.
+bool VelocityMode::runs() const { return (word_ & controlword::mode_bit_4) != 0; }
+bool VelocityMode::locks() const { return runs() && (word_ & controlword::mode_bit_5) == 0; }
+
+VelocityMode::Input VelocityMode::input(const Axis& axis) const {
+  const Objects& objects = axis.objects;
+  if (!runs() || locks() || (word_ & controlword::mode_bit_6) == 0) return {};
+  const double unit = velocity_unit(axis);
+  const double target = objects.vl_target_velocity * set_point_factor(objects) * unit;
+  const double least = std::abs(objects.vl_velocity_min_amount * unit);
+  const double most = std::min(std::abs(objects.vl_velocity_max_amount * unit), axis.max_velocity(false));
+  const double magnitude =
+      objects.vl_target_velocity == 0 ? 0.0 : std::clamp(std::abs(target), std::min(least, most), most);
+  const double velocity = std::copysign(magnitude, target);
+  return {axis.units.velocity_inverted ? -velocity : velocity, magnitude != std::abs(target)};
+}
+
+void VelocityMode::interrupt(Axis& axis, int) {
+  blocked_ = planned_ = true;
+  target_ = input(axis).velocity;
+}
+
 void VelocityMode::step(Axis& axis) {
   const Objects& objects = axis.objects;
-  // Controlword bit 4: the ramp function generator runs, else the demand ramps down to zero; bit 5: its output follows,
-  // else it is locked; bit 6: its input is the set-point, else zero. Until this mode has commanded a velocity there is
-  // no output to lock, and the motion of an earlier mode comes to rest.
-  const bool runs = (word_ & controlword::mode_bit_4) != 0;
-  const bool locks = runs && (word_ & controlword::mode_bit_5) == 0;
-  const bool locked = locks && ramped_;
-  const bool follow = runs && !locks && (word_ & controlword::mode_bit_6) != 0;
-  ramped_ |= !locks;
-  double target = 0.0;
-  axis.limited = blocked_;
-  if (follow) {
-    const double unit = velocity_unit(axis);
-    target = objects.vl_target_velocity * set_point_factor(objects) * unit;
-    const double least = std::abs(objects.vl_velocity_min_amount * unit);
-    const double most = std::min(std::abs(objects.vl_velocity_max_amount * unit), axis.max_velocity(false));
-    const double magnitude =
-        objects.vl_target_velocity == 0 ? 0.0 : std::clamp(std::abs(target), std::min(least, most), most);
-    axis.limited = blocked_ || magnitude != std::abs(target);
-    target = std::copysign(magnitude, target);
-    if (axis.units.velocity_inverted) target = -target;
-  }
+  const bool locked = locks() && ramped_;
+  ramped_ |= !locks();
+  const auto [target, limited] = input(axis);
+  axis.limited = blocked_ || limited;
   const MotionLimits limits{axis.max_velocity(false),
                             ramp(axis, objects.vl_acceleration_delta_speed, objects.vl_acceleration_delta_time_s),
                             deceleration(axis), 1.0};

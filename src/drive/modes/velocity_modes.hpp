@@ -39,7 +39,7 @@ class ProfileVelocity {
   void resume(Axis& axis) {
     if (!given_up_) enter(axis);
   }
-  void interrupt(Axis&, int) { given_up_ = true; }
+  void interrupt(Axis& axis, int);
   double deceleration(const Axis& axis) const { return axis.profile_deceleration(); }
   std::uint16_t status(const Axis& axis) const;
 
@@ -54,6 +54,8 @@ class ProfileVelocity {
     bool inverted = false;  // reversed by an input
     friend bool operator==(const Request&, const Request&) = default;
   };
+  static Request request_of(const Axis& axis);
+  static double velocity_of(const Request& request, const Axis& axis);  // counts/s
   Cause planning_fault(const Axis& axis, RampShape shape) const;
 
   Request request_{};
@@ -77,7 +79,10 @@ class ImmediateVelocity {
   void observe(Axis& axis) { windows_.update(axis, target(axis), true); }
   void halt(Axis&) {}
   void resume(Axis&) {}
-  void interrupt(Axis&, int) { held_ = true; }
+  void interrupt(Axis& axis, int) {
+    held_ = true;
+    wanted_ = target(axis);
+  }
   double deceleration(const Axis& axis) const { return axis.profile_deceleration(); }
   std::uint16_t status(const Axis&) const { return windows_.status(); }
 
@@ -101,7 +106,7 @@ class VelocityMode {
   void resume(Axis& axis) {
     if (!blocked_) enter(axis);
   }
-  void interrupt(Axis&, int) { blocked_ = true; }
+  void interrupt(Axis& axis, int);
   double deceleration(const Axis& axis) const;
   double quick_stop_deceleration(const Axis& axis) const;
   std::uint16_t status(const Axis&) const { return 0; }
@@ -110,6 +115,15 @@ class VelocityMode {
   static double to_vl(const Axis& axis, double counts_per_s);
 
  private:
+  // The velocity that the input asks for, counts/s; `limited`: it is outside 6046h or 6080h.
+  struct Input {
+    double velocity = 0.0;
+    bool limited = false;
+  };
+  bool runs() const;
+  bool locks() const;
+  Input input(const Axis& axis) const;
+
   std::uint16_t word_ = 0;
   double target_ = 0.0;
   MotionLimits limits_{};

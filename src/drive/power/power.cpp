@@ -62,7 +62,9 @@ bool Drive::accepts(const Transition& transition) const {
 
 void Drive::handle_command(Command command) {
   if (command != Command::switch_on && command != Command::enable_operation) awaits_dc_link_ = false;
-  if (state_ == PowerState::operation_enabled && pending_.active && command == Command::enable_operation) {
+  const bool disables_voltage = pending_.active && pending_.to == PowerState::switch_on_disabled;
+  if (state_ == PowerState::operation_enabled && pending_.active && !disables_voltage &&
+      command == Command::enable_operation) {
     // The command enables operation again while a stop would end it: the mode continues from the present motion.
     pending_ = {};
     enter_state(PowerState::operation_enabled);
@@ -233,9 +235,10 @@ void Drive::take_over_shaft() {
   const Loop loop = axis_.demand.loop;
   if (loop == Loop::off) return;
   if (loop == Loop::locked) return axis_.take_over_slipped();
-  const bool apart = (stopping_ && without_ramp()) || (mode_ == Mode::homing && homing_mode_.pressing());
+  const bool apart = (stopping_ && without_ramp()) || (mode_ == Mode::homing && homing_mode_.has_pressed());
   const bool follows = !apart && axis_.follows_demand();
   if (follows && !(smoothing_pending_ && smoothed_loop_ == loop)) return;
+  homing_mode_.shaft_taken_over();
   if (follows) {  // continues from the smoothed demand, which lags behind the generator
     const Counts place =
         loop == Loop::position ? (smoothed_value_ >> 16) + axis_.offset : axis_.generator.nearest_position();
@@ -344,12 +347,11 @@ double Drive::quick_stop_deceleration() const {
 
 // By its slope or its shape, the slow-down ramp of a halt or of the end of operation may need more distance than there
 // is before a limit. A linear ramp then replaces it, with the deceleration of the quick stop if that is steeper. The
-// ramps of quick stop (605Ah) and fault (605Eh) do not change.
+// ramp of a fault (605Eh) does not change.
 void Drive::keep_stop_within_limits() {
-  const bool operating = state_ == PowerState::operation_enabled && !homes();
-  if (!operating || stop_ != Stop::slow_down_ramp) return;
+  if (homes() || stop_ != Stop::slow_down_ramp || state_ == PowerState::fault_reaction_active) return;
   const double quick = deceleration_of(Stop::quick_stop_ramp);
-  const bool at_switch = policy_.limit_switches == LimitSwitches::stop && meets_limit_switch();
+  const bool at_switch = meets_limit_switch();
   const double steepest = std::max(quick, stop_deceleration_);
   const bool at_limit = axis_.has_to_brake_for_limit(steepest);
   if (!at_switch && !at_limit) return;
@@ -426,8 +428,9 @@ void Drive::step_power() {
     if (axis_.demand.loop != Loop::position) axis_.generator.reset(axis_.position());
     engage_brake();
   }
+  // The axis is at rest: the brake has not opened, or opens while the loops hold the axis.
+  if (stage_ == Stage::releasing_brake && !has_power_in(pending_.to)) engage_brake();
   if (stage_ == Stage::engaging_brake && stage_cycles_-- == 0) switch_power(false);
-  if (stage_ == Stage::releasing_brake) switch_power(false);
   if (!energised()) enter_state(pending_.to);
 }
 

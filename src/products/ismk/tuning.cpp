@@ -73,9 +73,8 @@ AbortCode LoopTuning::check(const dictionary::Entry& entry, std::int64_t value, 
       return find_speed_mode(static_cast<std::uint8_t>(value)) != nullptr ? AbortCode::none : AbortCode::value_invalid;
     case 0x60F904:
       // The analysis moves the motor: only while it is enabled (Table 6-3).
-      return (value & notch_control::run) == 0 || drive.state() == drive::PowerState::operation_enabled
-                 ? AbortCode::none
-                 : AbortCode::device_state;
+      return (value & notch_control::run) == 0 || drive.runs_mode() || drive.halted_at_rest() ? AbortCode::none
+                                                                                              : AbortCode::device_state;
     default: return AbortCode::none;
   }
 }
