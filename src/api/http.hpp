@@ -25,6 +25,9 @@ struct Request {
   bool from_loopback = true;
   // The rate limit delays the request: `begin` carries it out only if its route is urgent, otherwise postpones it.
   bool only_if_urgent = false;
+  // Why the request no longer holds: its client has closed the connection, or a halt came while it waited for its turn.
+  // Empty: it holds. A request that does not hold begins nothing; a halt is carried out nevertheless.
+  std::string_view obsolete{};
 };
 
 // Returns the next part of a body that is generated while it is sent; empty: the body is complete.
@@ -43,6 +46,7 @@ struct Response {
   std::vector<std::pair<std::string, std::string>> fields{};  // additional header fields
   Piece piece{};                                              // set while the request is not complete
   bool postponed = false;                                     // no answer: the request must be sent again in its turn
+  bool halts = false;                                         // the request has halted axes
 };
 
 }  // namespace servodrome::api

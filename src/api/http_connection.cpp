@@ -120,6 +120,7 @@ HttpConnection::HttpConnection(HttpServer& server, tcp::socket socket)
       peer.is_loopback() || (peer.is_v6() && peer.to_v6().is_v4_mapped() &&
                              boost::asio::ip::make_address_v4(boost::asio::ip::v4_mapped, peer.to_v6()).is_loopback());
   links::serve_promptly(stream_.socket());
+  stream_.socket().non_blocking(true, ignored);  // for obsolete(), which only looks
 }
 
 template <typename Handler>
@@ -229,6 +230,7 @@ void HttpConnection::has_read(const error_code& code) {
 
 void HttpConnection::take_turn() {
   const auto now = Turns::Clock::now();
+  halts_ = server_->halts_;
   due_ = server_->turns_.take(now);
   serve_at(may_be_urgent() ? std::min(due_, server_->urgent_turns_.next(now)) : due_);
 }
@@ -264,6 +266,7 @@ void HttpConnection::serve_if_urgent() {
     return;
   }
   request.only_if_urgent = true;
+  request.obsolete = obsolete();
   server_->handlers_.answer(std::move(request), guarded([this, version = message.version(),
                                                          keep_alive = message.keep_alive()](Response&& response) {
                               if (response.postponed) {
@@ -274,6 +277,18 @@ void HttpConnection::serve_if_urgent() {
                               server_->urgent_turns_.take(Turns::Clock::now());
                               answer(std::move(response), version, keep_alive);
                             }));
+}
+
+// A client that gives a request up closes its connection. The request may have waited in the socket, for example while
+// this process was stopped.
+std::string_view HttpConnection::obsolete() {
+  char next = 0;
+  error_code code;
+  stream_.socket().receive(boost::asio::buffer(&next, 1), tcp::socket::message_peek, code);
+  if (code && code != boost::asio::error::would_block && code != boost::asio::error::try_again) {
+    return "the client has closed its connection";
+  }
+  return halts_ != server_->halts_ ? "a halt or a stop came while this request waited" : "";
 }
 
 void HttpConnection::disconnect() {
@@ -322,6 +337,7 @@ void HttpConnection::serve() {
     answer(std::move(*refusal), version, keep_alive);
     return;
   }
+  request.obsolete = obsolete();
   server_->handlers_.answer(std::move(request), guarded([this, version, keep_alive](Response&& response) {
                               answer(std::move(response), version, keep_alive);
                             }));
@@ -365,6 +381,7 @@ void HttpConnection::begin_to_send() {
 }
 
 void HttpConnection::answer(Response&& response, unsigned version, bool keep_alive) {
+  if (response.halts) ++server_->halts_;
   constexpr unsigned chunks_since = 11;  // HTTP 1.1
   if (response.more && version < chunks_since) {
     for (std::string part = response.more(); !part.empty(); part = response.more()) response.body += part;

@@ -90,8 +90,9 @@ class HttpServer {
   Access access_;
   HttpHandlers handlers_;
   std::set<std::shared_ptr<HttpConnection>> connections_;
-  Turns turns_;         // of all requests
-  Turns urgent_turns_;  // of urgent requests that come before their turn
+  Turns turns_;              // of all requests
+  Turns urgent_turns_;       // of urgent requests that come before their turn
+  std::uint64_t halts_ = 0;  // number of requests that have halted axes
   std::uint64_t failures_ = 0;
 };
 

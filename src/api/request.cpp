@@ -77,8 +77,11 @@ void search(Search& search, const RouteGroup& group) {
     if (!arguments) continue;
     if (route.method == search.request.method) {
       if (search.request.only_if_urgent && !route.is_urgent) return;
-      Call call{std::move(*arguments), search.request.body, search.query, group.context};
+      const bool changes = search.request.method != Method::get;
+      if (changes && !route.is_urgent) refuse_obsolete(search.request.obsolete);
+      Call call{std::move(*arguments), search.request.body, search.query, search.request.obsolete, group.context};
       search.response = answer_of(call, route);
+      search.response->halts = call.halts;
       return;
     }
     search.allow += (search.allow.empty() ? "" : ", ") + std::string(word(route.method));
@@ -123,6 +126,11 @@ Response dispatch(const Request& request, std::span<const RouteGroup> groups) {
 }
 
 }  // namespace
+
+void refuse_obsolete(std::string_view reason) {
+  if (reason.empty()) return;
+  throw ApiError{409, std::string(reason), "this request", "send it again if it shall be carried out"};
+}
 
 std::string unescaped(std::string_view text) {
   std::string plain;

@@ -25,9 +25,11 @@ struct Call {
   std::vector<std::string_view> arguments;  // the parts of the address in the places of {}
   const std::string& body;
   std::string_view query{};          // the part of the address behind the ?, as sent
+  std::string_view obsolete{};       // Request::obsolete, for the handler of an urgent route
   void* context = nullptr;           // of the route's group
   std::optional<Content> content{};  // if set by the handler, sent instead of the JSON
   JsonPiece piece{};                 // if set by the handler, its last result is sent instead of the handler's
+  bool halts = false;                // set by the handler: it has halted axes
 };
 
 // The value of Route::is_urgent for requests that bring axes to rest, or that keep a dead man's switch. The address of
@@ -41,6 +43,9 @@ struct Route {
   unsigned status = 200;     // of a response with a body, such as 201 for a new object
   bool is_urgent = false;    // the rate limit delays only long series of such requests (HttpServer)
 };
+
+// Throws ApiError 409 if the request of the call no longer holds.
+void refuse_obsolete(std::string_view reason);
 
 // Routes and the data that their handlers need. `context` must outlive the requests.
 struct RouteGroup {

@@ -7,6 +7,7 @@
 #include <system_error>
 
 #include "api/author.hpp"
+#include "api/version.hpp"
 #include "line/axis.hpp"
 
 namespace servodrome::studio {
@@ -54,11 +55,21 @@ const Job* Jobs::last_in_sequence(const std::string& axis, std::uint64_t id) con
   return is_last && !before->breaks_sequence ? &*before : nullptr;
 }
 
-void Jobs::require_last(const std::string& axis, std::uint64_t id) const {
-  const Job* const before = last_in_sequence(axis, id);
-  if (before != nullptr && before->state == JobState::done) return;
-  throw ApiError{409, fmt::format("job {} is not the last command of the axis, or is not done", id), axis,
-                 "begin again if the axis shall move"};
+void Jobs::require_last(const std::string& axis, const Order::After& after) const {
+  constexpr const char* remedy = "begin again if the axis shall move";
+  if (after.start && *after.start != api::run_name()) {
+    throw ApiError{409, fmt::format("job {} was a job of a server that has ended", after.job), axis, remedy};
+  }
+  const Job* const before = last_in_sequence(axis, after.job);
+  if (before == nullptr || before->state != JobState::done) {
+    throw ApiError{409, fmt::format("job {} is not the last command of the axis, or is not done", after.job), axis,
+                   remedy};
+  }
+  const std::chrono::duration<double> since = wall_clock_() - before->ended;
+  if (!after.within_s || since.count() <= *after.within_s) return;
+  throw ApiError{409,
+                 fmt::format("job {} ended {:.0f} s ago, more than {:g} s", after.job, since.count(), *after.within_s),
+                 axis, remedy};
 }
 
 // A stop within a sequence is accepted also after an interruption. The jobs after it must then be refused: otherwise
@@ -66,7 +77,7 @@ void Jobs::require_last(const std::string& axis, std::uint64_t id) const {
 // running job of its own sequence.
 bool Jobs::breaks_sequence(const std::string& axis, const Order& order) const {
   if (!order.takes_over || !order.after) return false;
-  const Job* const before = last_in_sequence(axis, *order.after);
+  const Job* const before = last_in_sequence(axis, order.after->job);
   if (before == nullptr || before->cancelled) return true;
   return before->state != JobState::done && before->state != JobState::running;
 }
@@ -97,7 +108,7 @@ void Jobs::note_refused_stop(const std::string& axis, const std::string& body) {
   }
 }
 
-const Job& Jobs::begin(const std::string& name, const std::string& body) {
+const Job& Jobs::begin(const std::string& name, const std::string& body, std::string_view obsolete) {
   try {
     drives_.require_ready(name);
   } catch (const ApiError&) {
@@ -118,6 +129,7 @@ const Job& Jobs::begin(const std::string& name, const std::string& body) {
   }
   // A stop is always accepted.
   const bool is_stop = job.order.takes_over;
+  if (!is_stop) api::refuse_obsolete(obsolete);
   if (!is_stop && asked(name) != before) {  // the drive's units were read meanwhile
     throw ApiError{409, "another command to the axis came first", name, "begin again if the axis shall move"};
   }
@@ -252,10 +264,14 @@ void Jobs::resume(Job& job) {
   }
   if (job.state == JobState::running) return;
   job.task.reset();
+  job.ended = wall_clock_();
   tell(job);
 }
 
 void Jobs::cancel(Job& job) {
+  for (Job& next : jobs_) {
+    if (next.id > job.id && next.axis == job.axis && next.order.after && next.order.after->job == job.id) cancel(next);
+  }
   // The client's request may arrive when the job is just over, or after the stop of a sequence has begun: the sequence
   // ends nevertheless. `cancelled` is not used for this, because a stop would poll its drive in shorter waits.
   job.breaks_sequence = true;

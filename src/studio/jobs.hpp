@@ -34,6 +34,7 @@ struct Job {
   std::uint64_t commands = 0;  // Drives::commands when it began
   std::int64_t began_tick = 0;
   std::chrono::steady_clock::time_point sign_of_life{};
+  std::chrono::steady_clock::time_point ended{};
   std::optional<JobError> error{};
   std::optional<JobResult> result{};
   std::string note{};  // additional information for the user
@@ -80,10 +81,10 @@ class Jobs {
 
   // Begins the job in the body of a request; the first access to the drive follows one tick later. Throws ApiError
   // without any change: 409 if the axis does not communicate, or has a job that the new one does not replace. `axis` is
-  // one of drives().names().
-  const Job& begin(const std::string& axis, const std::string& body);
+  // one of drives().names(). `obsolete` is Call::obsolete: only a stop begins then.
+  const Job& begin(const std::string& axis, const std::string& body, std::string_view obsolete = {});
   // Halts the axis, then sets the job to `cancelled`. A job that has ended, and a stop, stay unchanged, but no job
-  // begins `after` them any more.
+  // begins `after` them any more. The jobs that have begun after it, in the same sequence, are cancelled too.
   void cancel(Job& job);
   // Sign of life (dead man's switch): the user still holds the button. Throws ApiError 409 if the job does not use it.
   void sign_of_life(Job& job);
@@ -115,7 +116,7 @@ class Jobs {
   Job* running_job(const std::string& axis);
   // Returns the job if it is the last command of the axis and no client has interrupted its sequence; else nullptr.
   const Job* last_in_sequence(const std::string& axis, std::uint64_t id) const;
-  void require_last(const std::string& axis, std::uint64_t id) const;
+  void require_last(const std::string& axis, const Order::After& after) const;
   bool breaks_sequence(const std::string& axis, const Order& order) const;
   // A stop of an axis that does not communicate: ends its jobs, and leaves the quick stop to Drives::stop_when_back.
   void note_refused_stop(const std::string& axis, const std::string& body);

@@ -296,7 +296,9 @@ Order read_order(const std::string& text, const std::function<master::AxisUnits(
               .in_revolutions = name_of_units == "revolutions",
               .scale = scale_of(name_of_units, units)};
   Numbers numbers(body, order.scale, units);
-  order.after = body.integer("after", UINT64_MAX);
+  if (const auto job = body.integer("after", UINT64_MAX)) {
+    order.after = Order::After{*job, body.number("after_within_s", 0.0), body.string("after_start")};
+  }
   order.carry_out = kind.read(numbers);
   body.finish();
   return order;

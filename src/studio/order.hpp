@@ -34,12 +34,19 @@ struct Conduct {
 };
 
 struct Order {
+  // The order begins only if this job was the axis' last command, and is done.
+  struct After {
+    std::uint64_t job;
+    std::optional<double> within_s{};    // longest time between the end of the job and the begin of this one
+    std::optional<std::string> start{};  // api::run_name of the server that carried the job out
+  };
+
   std::string what;             // "move"
   bool moves = false;           // if it fails, the axis is halted
   bool takes_over = false;      // ends a running job of the axis, instead of being refused
   bool lives_on_signs = false;  // needs signs of life to go on (dead man's switch)
   bool in_revolutions = false;
-  std::optional<std::uint64_t> after{};  // begins only if this job was the axis' last command, and is done
+  std::optional<After> after{};
   Scale scale{};
   std::function<void(master::Axis402& axis, Conduct& conduct)> carry_out{};
 };

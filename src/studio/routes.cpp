@@ -47,7 +47,11 @@ std::string axis_name(Call& call) {
                  links::suggestion(name, {names.begin(), names.end()})};
 }
 
-Json begin_job(Call& call) { return view_of(jobs_of(call).begin(axis_name(call), call.body)); }
+Json begin_job(Call& call) {
+  const Job& job = jobs_of(call).begin(axis_name(call), call.body, call.obsolete);
+  call.halts = job.order.takes_over;
+  return view_of(job);
+}
 
 // The result of a job may be long, so only the view of a single job shows it.
 Json list_jobs(Call& call) {
@@ -62,6 +66,7 @@ Json end_job(Call& call) {
   Job& job = job_argument(call);
   BodyReader(call.body, true).finish();
   jobs_of(call).cancel(job);
+  call.halts = true;
   return view_of(job);
 }
 
@@ -74,6 +79,7 @@ Json keep_alive(Call& call) {
 
 Json stop_all(Call& call) {
   BodyReader(call.body, true).finish();
+  call.halts = true;
   Json axes = Json::array();
   for (const Jobs::Stopped& one : jobs_of(call).stop_all()) {
     axes.push_back({{"name", one.axis}, {"stopped", !one.error}});

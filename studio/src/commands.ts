@@ -3,7 +3,7 @@ import type { Job, ObjectValue } from './api/types';
 import { commandsMotion } from './model/motion_objects';
 import { shownOf } from './model/problem';
 import { complain, complainOf, forget, tell } from './notices';
-import { noteJob, overWithin } from './store';
+import { interruptions, noteJob, overWithin, snapshot } from './store';
 
 export const axisPath = (axis: string) => `/axes/${segment(axis)}`;
 
@@ -47,6 +47,23 @@ export function onTakenBack(callback: TakenBack): () => void {
   return () => void waiting.delete(callback);
 }
 
+// Acts on the items one after the other. A halt, controlword, power switch or STOP for the axis ends that after the present one.
+// Throws then, with the number of items that are done.
+export async function untilHalted<T>(axis: string, items: readonly T[], act: (item: T) => Promise<unknown>): Promise<void> {
+  let isHalted = false;
+  const forget = onTakenBack((each) => {
+    isHalted ||= each === null || each === axis;
+  });
+  try {
+    for (const [done, item] of items.entries()) {
+      if (isHalted) throw new Error(`${axis}: a halt came: ${done} of ${items.length} values are written`);
+      await act(item);
+    }
+  } finally {
+    forget();
+  }
+}
+
 function abortRequests(axis: string) {
   takingBack.get(axis)?.abort();
   takingBack.delete(axis);
@@ -58,8 +75,19 @@ export function takeBack(axis: string) {
 }
 
 // The latest job of each axis, with its signal. A job that is to follow it (`after`) is taken back with it: a controlword that
-// was written before it may reach the server after it.
-const latest = new Map<string, { id: number; signal: AbortSignal }>();
+// was written before it may reach the server after it. It does not follow either if the server was restarted, or if this page
+// slept or lost its connection in between.
+interface Begun {
+  id: number;
+  signal: AbortSignal;
+  start: string;
+  interruptions: number;
+}
+const latest = new Map<string, Begun>();
+
+// The keys of a job that is to follow this one. The server refuses it if another command came, or if it arrives too late.
+// `pause_s`: time that the page waits between the two.
+export const following = (job: Job, pause_s = 0) => ({ after: job.id, after_within_s: 10 + pause_s });
 
 export function takeBackAll() {
   [...takingBack.keys()].forEach(abortRequests);
@@ -71,18 +99,26 @@ const starting = new Map<string, number>(); // requests of jobs on their way, by
 // Jobs that the server accepts at any time and carries out to their end.
 export const isHalt = (job: string) => ['stop', 'quick_stop', 'disable'].includes(job);
 
-export async function startJob(axis: string, request: { do: string } & Record<string, unknown>): Promise<Job> {
+// `until` takes the request back, besides a halt, a controlword or STOP.
+export async function startJob(axis: string, request: { do: string } & Record<string, unknown>, until?: AbortSignal): Promise<Job> {
   forget(axis);
   const halts = isHalt(request.do);
   const before = latest.get(axis);
-  const followed = request.after !== undefined && request.after === before?.id ? before.signal : undefined;
+  const isNext = request.after !== undefined && request.after === before?.id;
+  if (isNext && !halts && before.interruptions !== interruptions()) {
+    throw new Error(`${axis}: the sequence ends, because this page slept or was not connected in the meantime`);
+  }
+  const followed = isNext ? before.signal : undefined;
   const wasTakenBack = followed?.aborted ?? false;
   if (halts) takeBack(axis);
   // What follows a halt of a sequence is not taken back by that halt, but by an earlier one of the user.
   const signal = followed && (!halts || wasTakenBack) ? followed : untilTakenBack(axis);
   starting.set(axis, (starting.get(axis) ?? 0) + 1);
-  const job = await post<Job>(`${axisPath(axis)}/jobs`, request, halts ? undefined : signal).finally(() => starting.set(axis, starting.get(axis)! - 1));
-  latest.set(axis, { id: job.id, signal });
+  const begun = { start: snapshot().start, interruptions: interruptions() };
+  const body = isNext && before.start !== '' ? { ...request, after_start: before.start } : request;
+  const withdrawn = halts ? undefined : until ? AbortSignal.any([signal, until]) : signal;
+  const job = await post<Job>(`${axisPath(axis)}/jobs`, body, withdrawn).finally(() => starting.set(axis, starting.get(axis)! - 1));
+  latest.set(axis, { id: job.id, signal, ...begun });
   noteJob(job);
   return job;
 }
@@ -116,23 +152,24 @@ export async function runJob(axis: string, request: { do: string } & Record<stri
   }
 }
 
-// Only this job: another job of the axis that is on its way goes on.
+// Runs a motion after a halt. If its request is held back on its way, the server refuses it when it arrives.
+export async function haltAnd(axis: string, request: { do: string } & Record<string, unknown>): Promise<Job | null> {
+  const halted = await runJob(axis, { do: 'stop' });
+  return halted?.state === 'done' ? runJob(axis, { ...request, ...following(halted) }) : halted;
+}
+
+// The job, and those of its sequence that have begun after it. Another job of the axis goes on.
 export const endJob = (job: Job) => remove<Job>(`/jobs/${job.id}`);
 
 // As the user's Cancel: the job may be over just now, so what is to follow it is taken back too. The server may have begun a job
-// whose request is taken back, so the axis then gets a halt. It also gets one if the job is over and another client has begun the next
-// job of the sequence: the server ends only the job of the request.
+// whose request is taken back, so the axis then gets a halt. It also gets one if the end of the job is not certain, or does not
+// end its motion.
 export async function cancelJob(job: Job) {
   const isFollowed = (starting.get(job.axis) ?? 0) > 0;
   takeBack(job.axis);
-  const [ended] = await Promise.all([endJob(job), isFollowed ? startJob(job.axis, { do: 'stop' }) : undefined]);
-  if (!isFollowed && ended.state !== 'running' && (await hasNext(job))) await startJob(job.axis, { do: 'stop' });
-}
-
-// The axis has a later job that may move it. The motion of `velocity` and `torque` continues when their job is done.
-async function hasNext(job: Job): Promise<boolean> {
-  const jobs = await get<{ jobs: Job[] }>('/jobs').then((answer) => answer.jobs, () => null);
-  if (jobs === null) return true; // not known: a halt is always right
-  const latest = jobs.filter(({ axis }) => axis === job.axis).at(-1);
-  return latest !== undefined && latest.id > job.id && !isHalt(latest.do);
+  const ended = endJob(job).catch(() => null);
+  if (isFollowed) await startJob(job.axis, { do: 'stop' });
+  const over = await ended;
+  const movesOn = over === null || (over.state === 'done' && ['velocity', 'torque'].includes(over.do));
+  if (!isFollowed && movesOn) await startJob(job.axis, { do: 'stop' });
 }

@@ -153,6 +153,9 @@ export function unlock(given: string) {
 
 export let stream: Stream;
 
+// See Stream.interruptions; 0 before the first connection.
+export const interruptions = () => (state.start === '' ? 0 : stream.interruptions());
+
 export function connect() {
   const address = `${location.protocol === 'https:' ? 'wss' : 'ws'}://${location.host}/api/v1/stream`;
   stream = new Stream(address, 20, {

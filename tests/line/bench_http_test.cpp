@@ -398,6 +398,12 @@ class Order {
                  api::urgent},
       api::Route{api::Method::delete_, "/api/v1/test/stop", [](api::Call& call) { return note(call, "end"); }, 200,
                  api::urgent},
+      api::Route{api::Method::post, "/api/v1/test/halt",
+                 [](api::Call& call) {
+                   call.halts = true;
+                   return note(call, "halt");
+                 },
+                 200, api::urgent},
   };
   std::mutex mutex_;
   std::vector<std::string> calls_;
@@ -418,6 +424,38 @@ TEST(BenchRates, AStopDoesNotWaitForTheRequestsBeforeIt) {
   EXPECT_EQ(stop.ask("POST", "/api/v1/test/usual").result_int(), 200U);
   waits.join();
   EXPECT_THAT(order.calls(), testing::ElementsAre("slow", "stop", "end", "usual", "usual"));
+}
+
+// The server is busy while a client sends a request and gives it up.
+TEST(BenchRates, ARequestThatItsClientHasGivenUpIsNotCarriedOut) {
+  Order order;
+  Running running({}, order.group());
+  Client slow(running.port());
+  std::thread waits([&] { EXPECT_EQ(slow.ask("GET", "/api/v1/test/slow").result_int(), 200U); });
+  std::this_thread::sleep_for(100ms);
+  for (const std::string request : {"POST /api/v1/test/usual", "POST /api/v1/test/stop"}) {
+    Client gone(running.port());
+    boost::asio::write(gone.stream(),
+                       boost::asio::buffer(request + " HTTP/1.1\r\nHost: 127.0.0.1\r\nContent-Length: 0\r\n\r\n"));
+  }
+  waits.join();
+  EXPECT_EQ(Client(running.port()).ask("POST", "/api/v1/test/usual").result_int(), 200U);
+  EXPECT_THAT(order.calls(), testing::UnorderedElementsAre("slow", "stop", "usual"));
+}
+
+TEST(BenchRates, AHaltRefusesTheRequestsThatWaitedForTheirTurn) {
+  Order order;
+  Running running({}, order.group());
+  Client slow(running.port());
+  Client usual(running.port());
+  Client halt(running.port());
+  ASSERT_EQ(slow.ask("GET", "/api/v1/test/slow").result_int(), 200U);
+  std::thread waits([&] { EXPECT_EQ(usual.raw(usual_post).result_int(), 409U); });
+  std::this_thread::sleep_for(100ms);
+  EXPECT_EQ(halt.ask("POST", "/api/v1/test/halt").result_int(), 200U);
+  waits.join();
+  EXPECT_EQ(usual.raw(usual_post).result_int(), 200U) << "a later one";
+  EXPECT_THAT(order.calls(), testing::ElementsAre("slow", "halt", "usual"));
 }
 
 // A refused request, a long one, and one that is only like an urgent one wait for their turn.

@@ -224,7 +224,7 @@ test('buttons move the axis by jobs, a jog while it is pressed, and STOP is alwa
   await page.mouse.up();
   await expect.poll(async () => (await line.call<{ in_motion: boolean }>('GET', '/axes/reference')).in_motion).toBe(false);
   const { jobs } = await line.call<{ jobs: { do: string }[] }>('GET', '/jobs');
-  expect(jobs.map((job) => job.do)).toEqual(['enable', 'jog']);
+  expect(jobs.map((job) => job.do)).toEqual(['enable', 'stop', 'jog']);
   await page.setViewportSize({ width: 390, height: 844 });
   await page.locator('.page').evaluate((element) => element.scrollTo(0, element.scrollHeight));
   await expect(page.getByRole('button', { name: 'STOP', exact: true })).toBeInViewport({ ratio: 1 });

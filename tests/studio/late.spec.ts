@@ -251,3 +251,87 @@ test.describe('with the time of the line', () => {
     watched.splice(0);
   });
 });
+
+const speedOf = async (line: Line, axis = 'reference') => Math.abs((await line.call<{ velocity_rpm: number }>('GET', `/axes/${axis}`)).velocity_rpm);
+
+async function openJog(page: Page, open: (path: string) => Promise<unknown>, line: Line) {
+  await open('/axis/reference?do=jog');
+  await line.call('POST', '/axes/reference/jobs', { do: 'enable' });
+  const jog = page.getByRole('button', { name: 'Jog in positive direction' });
+  await expect(jog).toBeEnabled();
+  return jog;
+}
+
+test('Ctrl stops a jog that Space holds, and no release of a key is lost', async ({ page, open, line }) => {
+  const jog = await openJog(page, open, line);
+  await jog.focus();
+  await page.keyboard.down('Space');
+  await expect.poll(() => speedOf(line)).toBeGreaterThan(30);
+  const stop = page.waitForRequest('**/api/v1/stop');
+  await page.keyboard.down('Control');
+  await stop;
+  await expect.poll(() => speedOf(line)).toBeLessThan(1);
+  await page.keyboard.up('Space');
+  await page.keyboard.up('Control');
+  await page.waitForTimeout(1000);
+  expect(await speedOf(line)).toBeLessThan(1);
+});
+
+test('a jog that is released before it has begun moves nothing', async ({ page, open, line }) => {
+  const jog = await openJog(page, open, line);
+  const before = (await line.call<{ position_counts: number }>('GET', '/axes/reference')).position_counts;
+  const held = await hold(page, 'POST', '**/api/v1/axes/reference/jobs');
+  await jog.hover();
+  await page.mouse.down();
+  await held.held;
+  await page.mouse.up();
+  await held.release();
+  await page.waitForTimeout(1500);
+  expect(await jobs(line)).not.toContain('jog');
+  const after = (await line.call<{ position_counts: number }>('GET', '/axes/reference')).position_counts;
+  expect(Math.abs(after - before)).toBeLessThan(100);
+});
+
+test('the second click of a double click on Disable does not enable the axis', async ({ page, open, line }) => {
+  await open('/');
+  await line.call('POST', '/axes/reference/jobs', { do: 'enable' });
+  const card = page.getByRole('article', { name: 'reference' });
+  const disable = card.getByRole('button', { name: 'Disable' });
+  await expect(disable).toBeVisible();
+  const box = (await disable.boundingBox())!;
+  await page.mouse.click(box.x + 10, box.y + box.height / 2);
+  await expect(card.getByRole('button', { name: 'Enable' })).toBeVisible();
+  await page.mouse.click(box.x + 10, box.y + box.height / 2);
+  await page.waitForTimeout(700);
+  expect((await jobs(line)).at(-1)).toBe('disable');
+  await page.mouse.click(box.x + 10, box.y + box.height / 2);
+  await expect.poll(async () => (await jobs(line)).at(-1)).toBe('enable');
+});
+
+test('STOP drops a number that is typed half', async ({ page, open, line }) => {
+  await open('/tuning/reference');
+  const gain = page.getByRole('table', { name: /./ }).getByRole('textbox').first();
+  await expect(gain).not.toHaveValue('');
+  const before = await gain.inputValue();
+  let writes = 0;
+  page.on('request', (request) => (writes += request.method() === 'PUT' && request.url().includes('/objects/') ? 1 : 0));
+  await gain.fill('7');
+  await page.getByRole('button', { name: 'STOP', exact: true }).click();
+  await expect(gain).toHaveValue(before);
+  expect(writes).toBe(0);
+  await line.call('GET', '/axes');
+});
+
+test('a sequence does not go on after the page has slept', async ({ page, open, line }) => {
+  await open('/axis/reference');
+  await page.getByRole('button', { name: 'There and back' }).click();
+  await expect.poll(() => speedOf(line)).toBeGreaterThan(30);
+  // As a computer that sleeps: the clock goes on, and no message is handled meanwhile.
+  await page.evaluate(() => {
+    const end = performance.now() + 6000;
+    while (performance.now() < end);
+  });
+  await expect(page.getByText('this page slept or was not connected')).toBeVisible();
+  await page.waitForTimeout(500);
+  expect((await jobs(line)).filter((job) => job === 'move')).toHaveLength(1);
+});

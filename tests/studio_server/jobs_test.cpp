@@ -5,6 +5,7 @@
 #include <gtest/gtest.h>
 #include <nlohmann/json.hpp>
 
+#include "api/version.hpp"
 #include "axis/dialect.hpp"
 #include "drive/drive.hpp"
 #include "line/bench/line_bench.hpp"
@@ -336,6 +337,62 @@ TEST_F(JobsTest, ASequenceDoesNotGoOnAfterTheEndOfItsJobIsRequested) {
   EXPECT_NE(view(axis)["state"], "operation enabled");
   refused(axis, fmt::format(R"({{"do": "enable", "after": {}}})", disable));
   make_ready(axis);
+}
+
+TEST_F(JobsTest, TheEndOfAnEarlierJobEndsTheRestOfItsSequence) {
+  const std::string axis = "generic402";
+  const std::uint64_t enabled = begin(axis, R"({"do": "enable"})");
+  EXPECT_EQ(finish(enabled)["state"], "done");
+  const std::uint64_t moved =
+      begin(axis, fmt::format(R"({{"do": "move", "by": 8, "velocity": 1, {}, "after": {}}})", profile, enabled));
+  pass(100ms);
+  EXPECT_EQ(ask(Method::delete_, fmt::format("jobs/{}", enabled)).status, 200U);
+  EXPECT_EQ(finish(moved)["state"], "cancelled");
+  EXPECT_FALSE(view(axis)["in_motion"]);
+}
+
+// A client that slept, or a request that a network held back.
+TEST_F(JobsTest, ASequenceDoesNotGoOnTooLate) {
+  const std::string axis = "generic402";
+  make_ready(axis);
+  const std::uint64_t before = begin(axis, R"({"do": "stop"})");
+  EXPECT_EQ(finish(before)["state"], "done");
+  const std::string next = fmt::format(R"({{"do": "enable", "after": {}, "after_within_s": 5}})", before);
+  wall_ += 6s;
+  const Response late = ask(Method::post, "axes/" + axis + "/jobs", next);
+  EXPECT_EQ(late.status, 409U);
+  EXPECT_THAT(late.body, HasSubstr("ended 6 s ago, more than 5 s"));
+  wall_ -= 2s;
+  expect_done(axis, next);
+}
+
+TEST_F(JobsTest, ASequenceDoesNotGoOnOnAnotherServer) {
+  const std::string axis = "generic402";
+  make_ready(axis);
+  const std::uint64_t before = begin(axis, R"({"do": "stop"})");
+  EXPECT_EQ(finish(before)["state"], "done");
+  const auto next = [&](const std::string& start) {
+    return json{{"do", "enable"}, {"after", before}, {"after_start", start}}.dump();
+  };
+  const Response other = ask(Method::post, "axes/" + axis + "/jobs", next("0123456789abcdef"));
+  EXPECT_EQ(other.status, 409U);
+  EXPECT_THAT(other.body, HasSubstr("a server that has ended"));
+  expect_done(axis, next(api::run_name()));
+}
+
+TEST_F(JobsTest, OnlyAStopBeginsForAClientThatHasGone) {
+  const std::string axis = "generic402";
+  const api::RouteGroup group = jobs_.routes();
+  const auto post = [&](const std::string& body) {
+    const api::Request request{.method = Method::post,
+                               .target = "/api/v1/axes/" + axis + "/jobs",
+                               .body = body,
+                               .obsolete = "the client has gone"};
+    return line::bench::handle(line_, request, {&group, 1}).status;
+  };
+  EXPECT_EQ(post(R"({"do": "enable"})"), 409U);
+  EXPECT_EQ(get("jobs")["jobs"].size(), 0U);
+  EXPECT_EQ(post(R"({"do": "quick_stop"})"), 201U);
 }
 
 TEST_F(JobsTest, TheLimitsOfADriveAreThoseOfItsObjects) {

@@ -1,8 +1,6 @@
 #include "api/scope/scope.hpp"
 
 #include <algorithm>
-#include <fmt/format.h>
-#include <random>
 
 #include "api/version.hpp"
 
@@ -11,21 +9,16 @@ namespace {
 
 constexpr auto views_live = std::chrono::milliseconds(15);
 
-std::string random_name() {
-  std::random_device random;
-  return fmt::format("{:08x}{:08x}", random(), random());
-}
-
 }  // namespace
 
 Scope::Scope(Source& source)
-    : source_(source), start_(random_name()), recordings_([this](const Recording& recording) {
+    : source_(source), recordings_([this](const Recording& recording) {
         Json event{{"kind", "recording"}, {"axis", nullptr}, {"tick", source_.tick()}};
         event["recording"] = recording.view();
         publish(event);
       }) {}
 
-Json Scope::greeting() const { return {{"version", version()}, {"start", start_}, {"tick", source_.tick()}}; }
+Json Scope::greeting() const { return {{"version", version()}, {"start", run_name()}, {"tick", source_.tick()}}; }
 
 void Scope::publish(const Json& event) {
   if (sessions_.empty()) return;

@@ -46,7 +46,6 @@ class Scope {
 
  private:
   Source& source_;
-  std::string start_;
   Recordings recordings_;
   std::vector<StreamSession*> sessions_;
   Views views_;

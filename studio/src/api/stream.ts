@@ -39,6 +39,7 @@ interface Message {
 const retry_ms = [250, 500, 1000, 2000];
 const look_ms = 1000;
 const silence_ms = 3000; // without a message; then the page sends a request as a keepalive
+const break_ms = 5000; // without a message: the page slept, or the connection was interrupted
 const patience_ms = 4000; // timeout of the keepalive's answer, and of opening a connection
 // No subscription has this id. The server answers the request to end it and does nothing else: a keepalive.
 const unused_id = 0;
@@ -51,6 +52,8 @@ export class Stream {
   private open = false;
   private heard = 0; // time of the last message, in ms
   private again: ReturnType<typeof setTimeout> | undefined;
+  private heardAt = Date.now(); // of the last message; unlike performance.now(), this clock runs while the computer sleeps
+  private breaks = 0;
   private asked: number | null = null; // time of the unanswered keepalive or connection attempt, in ms; null: none
 
   constructor(
@@ -106,8 +109,15 @@ export class Stream {
   }
 
   private hear() {
+    if (Date.now() - this.heardAt > break_ms) ++this.breaks;
+    this.heardAt = Date.now();
     this.heard = performance.now();
     this.asked = null;
+  }
+
+  // Changes if the page has missed messages in the meantime: it slept, or lost its connection. A sequence of commands then ends.
+  interruptions(): number {
+    return this.breaks + (Date.now() - this.heardAt > break_ms ? 0.5 : 0);
   }
 
   // The browser reports no close when a cable is pulled or the server hangs. So after `silence_ms` without a message the
@@ -132,6 +142,7 @@ export class Stream {
     if (!socket) return;
     socket.onopen = socket.onmessage = socket.onclose = null;
     this.socket = null;
+    if (open) ++this.breaks;
     this.open = false;
     this.asked = null;
     this.again = setTimeout(() => this.connect(), retry_ms[Math.min(this.attempts++, retry_ms.length - 1)]);

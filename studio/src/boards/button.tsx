@@ -1,5 +1,5 @@
 import { useState } from 'react';
-import { isHalt, runJob } from '../commands';
+import { haltAnd, isHalt, runJob } from '../commands';
 import { jobs, type Widget } from '../model/boards';
 import { Button, HaltButton } from '../parts/controls';
 import { JogButton } from '../parts/jog';
@@ -21,7 +21,8 @@ export function ButtonWidget({ widget }: { widget: Widget }) {
   const text = widget.title || `${jobs.find(([id]) => id === what)?.[1] ?? what} ${name}`;
   const press = () => {
     setBusy(true);
-    void runJob(name, what === 'home' || what === 'move' ? { do: what, ...request } : { do: what }).finally(() => setBusy(false));
+    const run = what === 'home' || what === 'move' ? haltAnd(name, { do: what, ...request }) : runJob(name, { do: what });
+    void run.finally(() => setBusy(false));
   };
   if (!axis) return <p className="refusal" role="status">There is no axis "{name}".</p>;
   return (

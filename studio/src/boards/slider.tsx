@@ -28,7 +28,6 @@ export function SliderWidget({ widget }: { widget: Widget }) {
   const about = useObject(text);
   const [wanted, setWanted] = useState<number | null>(null); // the value that the user chose, until the drive accepts or refuses it
   const [problem, setProblem] = useState<Problem>();
-  const [dropped, setDropped] = useState(0); // how often a halt or STOP has dropped the waiting value and the typed text
   const paced = useRef<Paced>();
   useEffect(() => {
     const made = new Paced(writesPerSecond, {
@@ -47,7 +46,6 @@ export function SliderWidget({ widget }: { widget: Widget }) {
       if (axis !== null && axis !== channelOf(text)?.axis) return;
       made.drop();
       setWanted(null);
-      setDropped((n) => n + 1);
     });
     return () => {
       forget();
@@ -74,7 +72,7 @@ export function SliderWidget({ widget }: { widget: Widget }) {
         aria-valuetext={isKnown ? `${significant(shown)} ${about?.unit ?? ''}`.trim() : 'not known'} onChange={(event) => set(Number(event.target.value))}
       />
       <div className="written">
-        <NumberInput whenLeft hideLabel dropped={dropped} label={`Value of ${label}`} value={shown} minimum={minimum} maximum={maximum} step={step} unit={about?.unit || undefined} isDisabled={!isKnown} onChange={set} />
+        <NumberInput whenLeft hideLabel label={`Value of ${label}`} value={shown} minimum={minimum} maximum={maximum} step={step} unit={about?.unit || undefined} isDisabled={!isKnown} onChange={set} />
         <span className="quiet" role="status">drive: {Number.isFinite(present) ? significant(present) : '–'}</span>
       </div>
       <Trouble problem={problem} />

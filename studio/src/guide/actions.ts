@@ -1,7 +1,7 @@
 import { get, getBytes, post, problemOf, remove } from '../api/client';
 import { decodeFrame } from '../api/frame';
 import type { AxisView, Clock, Job, Problem, Recording } from '../api/types';
-import { cancelJob, finish, readValues, startJob, writeObject } from '../commands';
+import { cancelJob, finish, following, readValues, startJob, untilHalted, writeObject } from '../commands';
 import { hasPowerStage } from '../model/motion_objects';
 import { samplesOf, span } from '../model/scope';
 import { shownOf } from '../model/problem';
@@ -30,7 +30,9 @@ export async function writePlan(axis: AxisView, step: string, plan: PlanRow[]): 
     complainOf({ what: `${name}: ${moved.map(({ object }) => object).join(', ')} changed meanwhile: nothing was written`, hint: 'compare the new values, then write again' });
     return;
   }
-  for (const { object, name: title, unit, before, after } of plan) {
+  let failed = false;
+  await untilHalted(name, plan, async ({ object, name: title, unit, before, after }) => {
+    if (failed) return;
     const written: Written = { step, object, name: title, unit, before, after };
     change(name, product, (guide) => ({ ...guide, journal: noted(guide.journal, written) }));
     let problem: Problem | undefined;
@@ -44,12 +46,11 @@ export async function writePlan(axis: AxisView, step: string, plan: PlanRow[]): 
       change(name, product, (guide) => ({ ...guide, journal: noted(guide.journal, { ...written, after: kept }) }));
       problem ??= { what: `the drive keeps ${kept} instead of ${after}`, where: object, hint: 'the drive limits this value' };
     }
-    if (problem) {
-      complainOf({ ...problem, what: `${name}, ${object}: ${problem.what}` });
-      return;
-    }
-  }
-  tell(`${name}: ${plan.length} ${plan.length === 1 ? 'value' : 'values'} written`);
+    if (!problem) return;
+    failed = true;
+    complainOf({ ...problem, what: `${name}, ${object}: ${problem.what}` });
+  });
+  if (!failed) tell(`${name}: ${plan.length} ${plan.length === 1 ? 'value' : 'values'} written`);
 }
 
 // The reason why no value is written back now; empty: none. With the power stage on, an old mode of operation moves the axis at
@@ -68,16 +69,17 @@ export async function undo(axis: AxisView, step: string | null): Promise<void> {
   const entries = toUndo(guideOf(name, product).journal, step);
   const now = await readValues(name, [...new Set(entries.map(({ object }) => object))]);
   const strange: string[] = [];
-  for (const entry of entries) {
+  await untilHalted(name, entries, async (entry) => {
     const { journal } = guideOf(name, product);
     const present = entryOf(journal, entry.step, entry.object);
-    if (!present) continue;
+    if (!present) return;
     const undone = without(journal, present);
     if (undone.write !== null && now[entry.object] !== undone.write) {
       if (now[entry.object] !== present.after) {
         strange.push(entry.object);
-        continue;
+        return;
       }
+      await refuseWhilePowered(axis); // another client may have enabled it
       await writeObject(name, ...placeOf(entry.object), undone.write);
       now[entry.object] = undone.write;
     }
@@ -85,7 +87,7 @@ export async function undo(axis: AxisView, step: string | null): Promise<void> {
       const same = entryOf(guide.journal, entry.step, entry.object);
       return same ? { ...guide, journal: without(guide.journal, same).journal } : guide;
     });
-  }
+  });
   // Measurements with the old values are no longer valid, and neither is the mark.
   for (const id of new Set(entries.map((entry) => entry.step))) changeStep(name, product, id, ({ typed, found }) => ({ typed, found }));
   if (strange.length > 0) complainOf({ what: `${name}: ${strange.join(', ')} was changed by another and stays`, hint: 'take it out of the list, or write it on the page Objects' });
@@ -141,7 +143,7 @@ export async function runMotion(facts: Facts, step: Step, motion: Motion, number
       const { run } = guideOf(name, product);
       if (run?.state !== 'running') return;
       if (aborted.has(id) || !isOfThisServer(run)) break;
-      const job = await startJob(name, { ...order, ...(before ? { after: before.id } : {}) });
+      const job = await startJob(name, { ...order, ...(before ? following(before, (records?.duration_ms ?? 0) / 1000) : {}) });
       setRun(axis, (run) => ({ ...run, jobs: [...run.jobs, job.id] }));
       before = await finish(job);
       if (before.state !== 'done') break;

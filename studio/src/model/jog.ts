@@ -1,9 +1,8 @@
-// Jogs while a key or the pointer is pressed. After the release the jog always ends, even if the server answers its start
-// later. `alive` is the keepalive of the server's dead man's switch: without it the server halts the axis. The release does not
-// wait for an `alive` that is on its way.
+// Jogs while a key or the pointer is pressed. A release takes the start back, and ends the jog if it has begun nevertheless. `alive` is the keepalive of the server's dead man's switch: without it the server halts the axis. The release does
+// not wait for an `alive` that is on its way.
 
 export interface JogDoes<Handle> {
-  start(): Promise<Handle>;
+  start(released: AbortSignal): Promise<Handle>;
   alive(handle: Handle): Promise<unknown>;
   stop(handle: Handle): Promise<unknown>;
   failed(error: unknown): void;
@@ -12,32 +11,32 @@ export interface JogDoes<Handle> {
 export const alive_ms = 200;
 
 export class Jog<Handle> {
-  private pressed = false;
-  private run = 0;
+  private pressed: AbortController | null = null; // of the present press
 
   constructor(private readonly does: JogDoes<Handle>) {}
 
   press() {
     if (this.pressed) return;
-    this.pressed = true;
-    void this.drive(++this.run);
+    this.pressed = new AbortController();
+    void this.drive(this.pressed);
   }
 
   release() {
-    this.pressed = false;
+    this.pressed?.abort();
+    this.pressed = null;
   }
 
-  private held(run: number) {
-    return this.pressed && run === this.run;
-  }
-
-  private async drive(run: number) {
+  private async drive(press: AbortController) {
+    const { signal } = press;
+    const end = () => {
+      if (this.pressed === press) this.release();
+    };
     let handle: Handle;
     try {
-      handle = await this.does.start();
+      handle = await this.does.start(signal);
     } catch (error) {
-      if (run === this.run) this.pressed = false;
-      this.does.failed(error);
+      if (!signal.aborted) this.does.failed(error);
+      end();
       return;
     }
     let onItsWay = false; // at most one `alive` at a time
@@ -51,17 +50,15 @@ export class Jog<Handle> {
       }
       onItsWay = false;
     };
-    for (let waited = 0; this.held(run) && !lost; waited += poll_ms) {
+    for (let waited = 0; !signal.aborted && !lost; waited += poll_ms) {
       if (waited >= alive_ms && !onItsWay) {
         waited = 0;
         void alive();
       }
       await new Promise((resolve) => setTimeout(resolve, poll_ms));
     }
-    if (lost) {
-      if (run === this.run) this.pressed = false;
-      this.does.failed(lost.error);
-    }
+    end();
+    if (lost) this.does.failed(lost.error);
     await this.does.stop(handle).catch(() => undefined); // the job may be over already
   }
 }

@@ -147,6 +147,18 @@ describe('jog', () => {
     expect(calls.alive).not.toHaveBeenCalled();
     vi.useRealTimers();
   });
+  test('a release takes the start back', async () => {
+    const calls = { ...does(() => Promise.resolve(0)), start: vi.fn((released: AbortSignal) => new Promise<number>((_, reject) => released.addEventListener('abort', () => reject(new Error('taken back'))))) };
+    const jog = new Jog(calls);
+    jog.press();
+    jog.release();
+    await later(0);
+    expect(calls.failed).not.toHaveBeenCalled();
+    expect(calls.stop).not.toHaveBeenCalled();
+    jog.press();
+    expect(calls.start).toHaveBeenCalledTimes(2);
+    jog.release();
+  });
   test('the release does not wait for a sign of life that is on its way', async () => {
     vi.useFakeTimers();
     const calls = { ...does(() => Promise.resolve(7)), alive: vi.fn(() => new Promise(() => undefined)) };

@@ -1,7 +1,7 @@
 import { useEffect, useRef, useState } from 'react';
 import { Tab, TabList, TabPanel, Tabs } from 'react-aria-components';
 import type { AxisView, Geometry, HomingMethod, Limits, ObjectEntry, StatesView, Units } from '../api/types';
-import { axisPath, cancelJob, power, runJob, writeObject } from '../commands';
+import { axisPath, cancelJob, following, power, runJob, writeObject } from '../commands';
 import { AxisTabs, usePageAxis } from '../parts/axis_tabs';
 import { Button, Choice, HaltButton, Panel, Readout, Toggle } from '../parts/controls';
 import { Front } from '../parts/front';
@@ -215,7 +215,7 @@ interface MoveProps {
 
 async function enableAnd(name: string, request: { do: string } & Record<string, unknown>) {
   const enabled = await runJob(name, { do: 'enable' });
-  if (enabled?.state === 'done') await runJob(name, { ...request, after: enabled.id });
+  if (enabled?.state === 'done') await runJob(name, { ...request, ...following(enabled) });
 }
 
 // The typed number; before typing `usual`, or the drive's limit if that is lower. NaN if the unit is not known.
@@ -270,7 +270,7 @@ function PositionMove({ name, names, isFree, fault, axis, geometry, unitsOf, lim
       do {
         for (const by of [distance, -distance]) {
           if (last?.state !== 'done' || snapshot().jobs[name]?.id !== last.id) return;
-          last = await runJob(name, { ...request, by, after: last.id }); // refused after any other command
+          last = await runJob(name, { ...request, by, ...following(last) }); // refused after any other command
         }
       } while (repeating.current);
     });

@@ -2,7 +2,7 @@ import { useEffect, useRef, useState } from 'react';
 import { getBytes, post } from '../api/client';
 import { decodeFrame } from '../api/frame';
 import type { Limits, Recording, Units } from '../api/types';
-import { axisPath, runJob } from '../commands';
+import { axisPath, following, runJob } from '../commands';
 import { Choice, Panel, Toggle } from '../parts/controls';
 import { NumberForm, NumberInput, NumbersButton } from '../parts/number_input';
 import { Excite } from '../parts/excite';
@@ -132,7 +132,7 @@ function Record({ setup }: { setup: Setup }) {
     const { id } = await post<Recording>('/recordings', { name: name.trim(), channels, rate_hz, duration_ms, pre_ms, trigger });
     keep({ rec: String(id), ...queryOf(setup) });
     if (enabled) {
-      await runJob(axis, { do: 'move', after: enabled.id, units: 'revolutions', by: turns, velocity: rpm / 60, acceleration, deceleration: acceleration });
+      await runJob(axis, { do: 'move', ...following(enabled), units: 'revolutions', by: turns, velocity: rpm / 60, acceleration, deceleration: acceleration });
     }
   };
   return (

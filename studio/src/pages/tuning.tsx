@@ -1,6 +1,6 @@
 import { useCallback, useEffect, useMemo, useRef, useState } from 'react';
 import type { Job, ObjectEntry, ObjectValue } from '../api/types';
-import { axisPath, cancelJob, readValues, runJob, writeObject } from '../commands';
+import { axisPath, cancelJob, haltAnd, readValues, untilHalted, writeObject } from '../commands';
 import { at, type BodePoint } from '../model/bode';
 import { faultHindrance } from '../model/cia402';
 import { addressOf } from '../model/objects';
@@ -68,7 +68,7 @@ function Tune({ axis, gains, missing, job }: { axis: string; gains: Gains; missi
   const start = (apply: boolean) =>
     attempt(async () => {
       const request = { do: 'tune', apply, travel, torque_percent: torque, seconds, ...(Number.isFinite(bandwidth) ? { bandwidth_hz: bandwidth } : {}) };
-      const over = await runJob(axis, request);
+      const over = await haltAnd(axis, request);
       if (over?.state === 'done') tell(apply ? `${axis}: the new gains are written, not stored` : `${axis}: nothing was written`);
     });
   return (
@@ -88,7 +88,7 @@ function Tune({ axis, gains, missing, job }: { axis: string; gains: Gains; missi
           <div className="buttons">
             <NumbersButton title={fault} isDisabled={cannot} onPress={() => start(false)}>Measure and propose</NumbersButton>
             {gains.writes && <NumbersButton kind="main" title={fault} isDisabled={cannot} onPress={() => start(true)}>Tune</NumbersButton>}
-            {gains.tunes_itself && <NumbersButton title={fault} isDisabled={cannot} onPress={() => attempt(() => runJob(axis, { do: 'tune_itself', travel }))}>Let the drive tune itself</NumbersButton>}
+            {gains.tunes_itself && <NumbersButton title={fault} isDisabled={cannot} onPress={() => attempt(() => haltAnd(axis, { do: 'tune_itself', travel }))}>Let the drive tune itself</NumbersButton>}
           </div>
           {!gains.writes && <p className="note quiet">The gain objects of this drive are not known: gains are proposed in SI units.</p>}
         </>
@@ -97,7 +97,7 @@ function Tune({ axis, gains, missing, job }: { axis: string; gains: Gains; missi
           <p className="note">{missing}</p>
           {gains.tunes_itself && (
             <div className="buttons">
-              <Button title={fault} isDisabled={cannot} onPress={() => attempt(() => runJob(axis, { do: 'tune_itself', travel }))}>Let the drive tune itself</Button>
+              <Button title={fault} isDisabled={cannot} onPress={() => attempt(() => haltAnd(axis, { do: 'tune_itself', travel }))}>Let the drive tune itself</Button>
             </div>
           )}
         </>
@@ -118,7 +118,7 @@ function Found({ axis, found }: { axis: string; found: Tuned }) {
   const changed = found.gains.filter(({ before, after }) => before !== after);
   const write = (which: 'before' | 'after', done: string) =>
     attempt(async () => {
-      for (const gain of changed) await writeObject(axis, ...placeOf(gain.object), gain[which]);
+      await untilHalted(axis, changed, (gain) => writeObject(axis, ...placeOf(gain.object), gain[which]));
       tell(`${axis}: ${done}`);
     });
   const text = (value: number | null | undefined, digits: number) => (typeof value === 'number' ? fixed(value, digits) : '–');

@@ -1,21 +1,29 @@
 import { type ComponentProps, type MouseEvent, type ReactNode, useLayoutEffect, useRef } from 'react';
 import {
-  Button as AriaButton, Input, Label, ListBox, ListBoxItem, Popover, SearchField, Select as AriaSelect, SelectValue, type ButtonProps,
+  Button as AriaButton, Input, Label, ListBox, ListBoxItem, Popover, SearchField, Select as AriaSelect, SelectValue, type ButtonProps, type PressEvent,
 } from 'react-aria-components';
 import { shownOf } from '../model/problem';
 import { go } from '../route';
+import { isSecondPress, noteHalt } from './second_press';
 
 // The controls of the page: the behaviour of react-aria with the style of the page.
 
 // `title`: why the button is disabled, for example. AriaButton gives no title to its element.
-export function Button({ kind = 'plain', title, ...props }: ButtonProps & { kind?: 'plain' | 'main' | 'bad' | 'bare'; title?: string | undefined }) {
-  return <AriaButton {...props} {...(title ? { render: (button: ComponentProps<'button'>) => <button {...button} title={title} /> } : {})} className={`button ${kind} ${typeof props.className === 'string' ? props.className : ''}`} />;
+export function Button({ kind = 'plain', title, onPress, ...props }: ButtonProps & { kind?: 'plain' | 'main' | 'bad' | 'bare'; title?: string | undefined }) {
+  const act = onPress && ((event: PressEvent) => {
+    if (event.pointerType === 'keyboard' || event.pointerType === 'virtual' || !isSecondPress()) onPress(event);
+  });
+  return <AriaButton {...props} {...(act ? { onPress: act } : {})} {...(title ? { render: (button: ComponentProps<'button'>) => <button {...button} title={title} /> } : {})} className={`button ${kind} ${typeof props.className === 'string' ? props.className : ''}`} />;
 }
 
 // A button that brings axes to rest. It acts when it is pressed, not when it is released: react-aria reports a press after
 // the click, and some 80 ms later if the browser makes no click of it.
 export function HaltButton({ onHalt, ...props }: Omit<ComponentProps<typeof Button>, 'onPress' | 'onPressStart'> & { onHalt: () => void }) {
-  return <Button {...props} onPressStart={onHalt} />;
+  const halt = () => {
+    noteHalt();
+    onHalt();
+  };
+  return <Button {...props} onPressStart={halt} />;
 }
 
 export function Choice<T extends string | number>({ label, value, options, onChange, hideLabel = false, isDisabled = false, isLong = false }: {

@@ -1,7 +1,7 @@
 import { useState } from 'react';
 import { post } from '../api/client';
 import type { ObjectEntry, Recording, Units } from '../api/types';
-import { axisPath, runJob } from '../commands';
+import { axisPath, following, runJob } from '../commands';
 import { channelsOf, type Excited } from '../model/bode';
 import { addressOf } from '../model/objects';
 import type { Setup } from '../model/scope';
@@ -54,7 +54,7 @@ export function Excite({ first }: { first: string | undefined }) {
     // The address keeps the page's own channels and trigger: the recording has its own.
     keep({ rec: String(recording.id), a: null, b: null, from: null, to: null, plot: kind === 'sweep' ? 'bode' : null });
     await runJob(axis, {
-      do: kind, after: enabled.id, of, units: 'revolutions', amplitude: of === 'velocity' ? amplitude / 60 : amplitude, travel,
+      do: kind, ...following(enabled), of, units: 'revolutions', amplitude: of === 'velocity' ? amplitude / 60 : amplitude, travel,
       ...(kind === 'sweep' ? { from_hz, to_hz, seconds } : { seconds: step_ms / 1000 }),
     });
   };

@@ -1,7 +1,7 @@
 import { useEffect, useRef, type KeyboardEvent, type ReactNode } from 'react';
 import { post } from '../api/client';
 import type { Job } from '../api/types';
-import { endJob, startJob } from '../commands';
+import { endJob, finish, following, startJob } from '../commands';
 import { Jog } from '../model/jog';
 import { complain } from '../notices';
 
@@ -18,7 +18,18 @@ export function JogButton({ axis, velocity, isDisabled, title, children, label }
   request.current = velocity;
   const jog = useRef<Jog<Job>>();
   jog.current ??= new Jog<Job>({
-    start: () => startJob(axis, { do: 'jog', ...request.current }),
+    // The halt is not taken back: the axis rests at the end of each press. It makes the server refuse a jog that comes late.
+    start: async (released) => {
+      const halted = await finish(await startJob(axis, { do: 'stop' }));
+      if (halted.state !== 'done') throw new Error(`${axis}: ${halted.error?.what ?? `the halt is ${halted.state}`}`);
+      released.throwIfAborted();
+      try {
+        return await startJob(axis, { do: 'jog', ...request.current, ...following(halted) }, released);
+      } catch (error) {
+        if (released.aborted) await startJob(axis, { do: 'stop' }).catch(complain); // the server may have begun the jog
+        throw error;
+      }
+    },
     alive: (job) => post(`/jobs/${job.id}/alive`),
     stop: endJob,
     failed: complain,
@@ -31,12 +42,19 @@ export function JogButton({ axis, velocity, isDisabled, title, children, label }
 
   useEffect(() => {
     const onHide = () => jog.current?.release();
-    const events = ['blur', 'pagehide', 'pointerup', 'pointercancel'] as const;
+    const events = ['blur', 'pagehide', 'pointerup', 'pointercancel', 'stopall'] as const;
     events.forEach((event) => addEventListener(event, onHide));
+    // In the capture phase: another listener may take the release of the key from this button. Another key also ends the jog.
+    const onKey = (event: globalThis.KeyboardEvent) => {
+      if (event.type === 'keyup' || !(event.key === ' ' || event.key === 'Enter')) onHide();
+    };
+    const keys = ['keydown', 'keyup'] as const;
+    keys.forEach((event) => addEventListener(event, onKey, true));
     document.addEventListener('visibilitychange', onHide);
     return () => {
       onHide();
       events.forEach((event) => removeEventListener(event, onHide));
+      keys.forEach((event) => removeEventListener(event, onKey, true));
       document.removeEventListener('visibilitychange', onHide);
     };
   }, []);
@@ -60,7 +78,6 @@ export function JogButton({ axis, velocity, isDisabled, title, children, label }
         event.preventDefault();
         if (!event.repeat && !event.ctrlKey) press();
       }}
-      onKeyUp={(event) => isPress(event) && release()}
     >
       {children}
     </button>

@@ -1,5 +1,6 @@
-import { createContext, useCallback, useContext, useId, useLayoutEffect, useMemo, useState, type ComponentProps, type KeyboardEvent, type ReactNode } from 'react';
+import { createContext, useCallback, useContext, useEffect, useId, useLayoutEffect, useMemo, useRef, useState, type ComponentProps, type KeyboardEvent, type ReactNode } from 'react';
 import { FieldError, Group, Input, Label, TextField } from 'react-aria-components';
+import { onTakenBack } from '../commands';
 import { readNumber, showNumber } from '../model/number';
 import { Button } from './controls';
 
@@ -37,9 +38,9 @@ export function NumbersButton({ isDisabled = false, ...props }: ComponentProps<t
 }
 
 // `value` NaN: no number yet. `onChange` gets valid numbers only: after each key, or with `whenLeft` when the field loses
-// the focus or Enter is pressed. Each change of `dropped` drops the typed text: a halt comes by a press of its button, before the
-// field loses the focus. With `mayBeEmpty` an empty field is valid and gives NaN.
-export function NumberInput({ label, unit, value, onChange, minimum, maximum, step = 1, hideLabel = false, isDisabled = false, whenLeft = false, mayBeEmpty = false, isHexadecimal = false, dropped = 0 }: {
+// the focus or Enter is pressed. A halt or STOP then drops the typed text: it comes by a press of its button, before the field
+// loses the focus. With `mayBeEmpty` an empty field is valid and gives NaN.
+export function NumberInput({ label, unit, value, onChange, minimum, maximum, step = 1, hideLabel = false, isDisabled = false, whenLeft = false, mayBeEmpty = false, isHexadecimal = false }: {
   label: string;
   unit?: string | undefined;
   value: number;
@@ -52,17 +53,19 @@ export function NumberInput({ label, unit, value, onChange, minimum, maximum, st
   whenLeft?: boolean;
   mayBeEmpty?: boolean;
   isHexadecimal?: boolean;
-  dropped?: number;
 }) {
   const id = useId();
   const { note } = useContext(FormContext);
   const [typed, setTyped] = useState<string | null>(null); // the typed text, until the number is accepted or `value` changes; null: none
   const [told, setTold] = useState(value);
-  const [seen, setSeen] = useState(dropped);
-  if (seen !== dropped) {
-    setSeen(dropped);
-    setTyped(null);
-  }
+  const isDropped = useRef(false); // since the last key; the field may lose the focus before it is rendered again
+  useEffect(() => {
+    if (!whenLeft) return;
+    return onTakenBack(() => {
+      isDropped.current = true;
+      setTyped(null);
+    });
+  }, [whenLeft]);
   const limits = { minimum, maximum };
   const read = (text: string) => (mayBeEmpty && text.trim() === '' ? { value: NaN } : readNumber(text, limits, isHexadecimal));
   if (!Object.is(told, value)) {
@@ -85,11 +88,12 @@ export function NumberInput({ label, unit, value, onChange, minimum, maximum, st
     if ('value' in number && !Object.is(number.value, value)) onChange(number.value);
   };
   const type = (to: string) => {
+    isDropped.current = false;
     setTyped(to);
     if (!whenLeft) take(to);
   };
   const leave = () => {
-    if (typed === null || problem !== undefined) return;
+    if (typed === null || problem !== undefined || isDropped.current) return;
     if (whenLeft) take(typed);
     setTyped(null);
   };

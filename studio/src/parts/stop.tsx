@@ -1,6 +1,7 @@
 import { useEffect } from 'react';
 import { post } from '../api/client';
 import { takeBackAll } from '../commands';
+import { StopChord } from '../model/stop_chord';
 import { complain, tell } from '../notices';
 import { HaltButton } from './controls';
 
@@ -22,17 +23,23 @@ async function stopAll() {
 // Quick stop of all axes, by the button or by Ctrl+Space anywhere on the page.
 export function StopButton() {
   useEffect(() => {
+    const chord = new StopChord();
     const onKey = (event: KeyboardEvent) => {
-      if (!event.ctrlKey || event.code !== 'Space') return;
-      // The listener runs in the capture phase, before the focused control, which would react to Space and stop the event.
-      event.preventDefault();
-      event.stopPropagation();
-      if (event.type === 'keydown' && !event.repeat) stopAll().catch(complain);
+      const { stops, isTaken } = chord.key(event);
+      if (isTaken) {
+        // The listener runs in the capture phase, before the focused control, which would react to Space and stop the event.
+        event.preventDefault();
+        event.stopPropagation();
+      }
+      if (stops) stopAll().catch(complain);
     };
+    const onBlur = () => chord.reset();
     const kinds = ['keydown', 'keyup'] as const;
     for (const kind of kinds) addEventListener(kind, onKey, true);
+    addEventListener('blur', onBlur);
     return () => {
       for (const kind of kinds) removeEventListener(kind, onKey, true);
+      removeEventListener('blur', onBlur);
     };
   }, []);
   return (
