@@ -122,6 +122,21 @@ TEST(LifeGuarding, GoesOnWhenItsTimeIsWrittenAgain) {
   EXPECT_EQ(device->advance(2ms), (Frames{lost_8130}));
 }
 
+// CiA 301 7.2.8.2.2.1: a shorter time acts while the old one runs.
+TEST(LifeGuarding, ShorterTimeActsAtOnce) {
+  for (const bool by_factor : {false, true}) {
+    auto device = make_device();
+    device->start();
+    ASSERT_EQ(device->write(0x100C, 0, 100, 2), AbortCode::none);
+    ASSERT_EQ(device->write(0x100D, 0, 200, 1), AbortCode::none);
+    device->send("701 RTR 1");
+    device->advance(10ms);
+    ASSERT_EQ(by_factor ? device->write(0x100D, 0, 2, 1) : device->write(0x100C, 0, 1, 2), AbortCode::none);
+    EXPECT_EQ(device->advance(200ms - 1ns), Frames{});
+    EXPECT_EQ(device->advance(1ns), (Frames{lost_8130}));
+  }
+}
+
 TEST(LifeGuarding, NeedsBothObjects) {
   for (const auto& [time, factor] : {std::pair{0U, 3U}, std::pair{100U, 0U}}) {
     auto device = make_device();

@@ -287,6 +287,85 @@ TEST(Rpdo, DeadlineMonitoring) {
   EXPECT_EQ(device->send("201 # 01 00"), (Frames{"081 # 00 00 00 00 00 00 00 00"}));
 }
 
+// CiA 301 7.5.2.35, sub-index 5: a shorter time acts while the old one runs.
+TEST(Rpdo, ShorterDeadlineActsAtOnce) {
+  auto device = make_device();
+  device->start();
+  device->map(0x1400, {0x60400010});
+  ASSERT_EQ(device->write(0x1400, 5, 60000, 2), AbortCode::none);
+  device->send("000 # 01 01");
+  device->send("201 # 01 00");
+  device->advance(10ms);
+  ASSERT_EQ(device->write(0x1400, 5, 50, 2), AbortCode::none);
+  EXPECT_EQ(device->advance(50ms - 1ns), Frames{});
+  EXPECT_EQ(device->advance(1ns), (Frames{"081 # 50 82 11 00 00 00 00 00"}));
+  device->send("201 # 01 00");
+  ASSERT_EQ(device->write(0x1400, 5, 60000, 2), AbortCode::none);
+  EXPECT_EQ(device->advance(50ms), (Frames{"081 # 50 82 11 00 00 00 00 00"})) << "a longer time waits for an RPDO";
+  EXPECT_EQ(device->advance(10min), Frames{});
+}
+
+// The timeout of an RPDO that is no longer monitored, or no longer valid, ends (CiA 301 7.2.7).
+TEST(Rpdo, TimeoutEndsWithItsMonitoring) {
+  struct Case {
+    std::uint8_t sub;
+    std::uint32_t value;
+    unsigned size;
+  };
+  for (const Case& end : {Case{5, 0, 2}, {1, 0x80000201, 4}}) {
+    auto device = make_device();
+    device->start();
+    device->map(0x1400, {0x60400010});
+    ASSERT_EQ(device->write(0x1400, 5, 20, 2), AbortCode::none);
+    device->send("000 # 01 01");
+    device->send("201 # 01 00");
+    EXPECT_EQ(device->advance(20ms), (Frames{"081 # 50 82 11 00 00 00 00 00"}));
+    ASSERT_EQ(device->write(0x1400, 5, 30, 2), AbortCode::none);
+    EXPECT_EQ(device->node.error_register(), 0x11) << "still monitored";
+    ASSERT_EQ(device->write(0x1400, end.sub, end.value, end.size), AbortCode::none);
+    EXPECT_EQ(device->others, (Frames{"081 # 00 00 00 00 00 00 00 00"}));
+    EXPECT_EQ(device->node.error_register(), 0);
+    EXPECT_TRUE(device->events.saw("restored 2"));
+    ASSERT_EQ(device->write(0x1400, 1, 0x201, 4), AbortCode::none);
+    EXPECT_EQ(device->advance(10s), Frames{});
+  }
+}
+
+// An RPDO that is changed or becomes invalid drops the data that wait for SYNC (CiA 301 7.5.2.35, 7.5.2.36).
+TEST(Rpdo, ReconfigurationDropsDataThatWaitForSync) {
+  auto device = make_device();
+  device->start();
+  device->map(0x1400, {0x60400010}, synchronous);
+  device->map(0x1401, {0x607A0020}, synchronous);
+  device->map(0x1402, {0x60810020}, synchronous);
+  device->send("000 # 01 01");
+  const auto fill = [&] {
+    device->send("201 # 0F 00");
+    device->send("301 # 01 00 00 00");
+    device->send("401 # 02 00 00 00");
+  };
+  fill();
+  ASSERT_EQ(device->write(0x1400, 2, event_driven, 1), AbortCode::none);
+  device->send("201 # 06 00");
+  EXPECT_EQ(device->objects.controlword, 6) << "acts at once";
+  device->map(0x1401, {0x60FF0020}, synchronous);
+  device->send("080 #");
+  EXPECT_EQ(device->objects.controlword, 6);
+  EXPECT_EQ(device->objects.target_position, 0);
+  EXPECT_EQ(device->objects.target_velocity, 0) << "the old data were for another object";
+  EXPECT_EQ(device->objects.profile_velocity, 2U) << "of an RPDO that did not change";
+  device->send("301 # 03 00 00 00");
+  device->send("080 #");
+  EXPECT_EQ(device->objects.target_velocity, 3);
+  for (int i = 0; i < 10; ++i) {  // the list of waiting RPDOs does not grow
+    device->send("301 # 04 00 00 00");
+    ASSERT_EQ(device->write(0x1401, 1, 0x80000301, 4), AbortCode::none);
+    ASSERT_EQ(device->write(0x1401, 1, 0x00000301, 4), AbortCode::none);
+  }
+  device->send("080 #");
+  EXPECT_EQ(device->objects.target_velocity, 3);
+}
+
 TEST(Rpdo, SynchronousWindow) {
   auto device = make_device();
   device->start();

@@ -34,6 +34,26 @@ class Leftovers : public ::testing::Test {
   Rig<Generic402> rig;
 };
 
+// Data that waited for SYNC belong to the configuration in which they arrived.
+TEST_F(Leftovers, RpdoThatWaitsForSyncDoesNotSurviveReconfiguration) {
+  for (const std::int64_t value : {0x6083, 0x6084, 0x6085}) rig.set(static_cast<std::uint16_t>(value), 0, 2000000);
+  rig.set(0x6060, 0, 3);
+  ASSERT_EQ(rig.set(0x1403, 2, 1), dictionary::AbortCode::none);
+  rig.send(0, {1, 0});
+  ASSERT_TRUE(rig.enable());
+  rig.send(0x502, {0x0F, 0, 0, 0, 0x10, 0});  // 6040h, 60FFh; waits for SYNC
+  rig.run_ms(50);
+  ASSERT_EQ(rig.set(0x1403, 2, 255), dictionary::AbortCode::none);
+  rig.send(0x502, {0x06, 0, 0, 0, 0, 0});
+  rig.run_ms(300);
+  EXPECT_EQ(state(), PowerState::ready_to_switch_on);
+  rig.send(0x80, {});
+  rig.run_ms(300);
+  EXPECT_EQ(state(), PowerState::ready_to_switch_on);
+  EXPECT_EQ(rig.get(0x60FF), 0);
+  EXPECT_NEAR(rig.plant.velocity_rpm(), 0.0, 1.0);
+}
+
 TEST_F(Leftovers, HomingThatWasGivenUpInHaltDoesNotGoOn) {
   rig.set(0x6060, 0, 6);
   rig.set(0x6098, 0, 34);

@@ -1,5 +1,7 @@
 #include "canopen/301/error_control.hpp"
 
+#include <algorithm>
+
 #include "canopen/connection_set.hpp"
 #include "canopen/object_access.hpp"
 
@@ -29,7 +31,13 @@ void ErrorControl::reconfigure() {
   }
   life_time_ = std::chrono::milliseconds(std::int64_t{value_of<int>(dictionary_, 0x100C, 0, 0)} *
                                          value_of<int>(dictionary_, 0x100D, 0, 0));
-  if (life_time_ == Time{0} || !guarding_allowed()) life_deadline_ = never;
+  if (life_time_ == Time{0} || !guarding_allowed()) {
+    life_deadline_ = never;
+  } else if (life_deadline_ != never) {
+    // A shorter life time acts at once, a longer one from the next request on (CiA 301 7.2.8.2.2.1).
+    life_deadline_ = std::min(life_deadline_, link_.now() + life_time_);
+    link_.wake_at(life_deadline_);
+  }
 }
 
 // The boot-up message is the first error control message; the heartbeat period starts with it.

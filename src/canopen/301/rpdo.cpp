@@ -1,5 +1,6 @@
 #include "canopen/301/rpdo.hpp"
 
+#include <algorithm>
 #include <utility>
 
 #include "canopen/object_access.hpp"
@@ -33,6 +34,9 @@ void Rpdos::configure(std::uint16_t number) {
   Rpdo& pdo = pdos_[number];
   const auto index = static_cast<std::uint16_t>(parameter + number);
   const auto mapping_index = static_cast<std::uint16_t>(mapping + number);
+  // Data that wait for SYNC belong to the old configuration: the PDO may have another type or mapping now, or be
+  // invalid (CiA 301 7.5.2.35, 7.5.2.36).
+  drop_pending(number);
   pdo.exists = dictionary_.find(index, 1) != nullptr;
   if (!pdo.exists) return;
   const auto cob_id = value_of<std::uint32_t>(dictionary_, index, 1, cob_id::invalid);
@@ -40,12 +44,31 @@ void Rpdos::configure(std::uint16_t number) {
   pdo.can_id = static_cast<std::uint16_t>(cob_id & cob_id::can_id_mask);
   pdo.synchronous = value_of<std::uint8_t>(dictionary_, index, 2, 255) <= last_synchronous_type;
   pdo.event_time = std::chrono::milliseconds(value_of<int>(dictionary_, index, 5, 0));
-  if (!pdo.valid || pdo.event_time == Time{0}) pdo.deadline = never;
   const auto count = value_of<std::uint8_t>(dictionary_, mapping_index, 0, 0);
   if (resolve_all(dictionary_, profile_, Direction::receive, mapping_index, count, objects(number), pdo.mapping) !=
       AbortCode::none) {
     pdo.valid = false;  // a stored or default mapping that this device does not support
   }
+  if (!pdo.valid || pdo.event_time == Time{0}) {
+    pdo.deadline = never;
+    end_timeout(pdo);
+  } else if (pdo.deadline != never) {
+    // A shorter time acts at once, a longer one from the next reception on (CiA 301 7.5.2.35).
+    pdo.deadline = std::min(pdo.deadline, link_.now() + pdo.event_time);
+    link_.wake_at(pdo.deadline);
+  }
+}
+
+void Rpdos::drop_pending(std::uint16_t number) {
+  if (!std::exchange(pdos_[number].pending, false)) return;
+  const auto waiting = pending_.first(pending_count_);
+  pending_count_ = static_cast<std::size_t>(std::remove(waiting.begin(), waiting.end(), number) - waiting.begin());
+}
+
+void Rpdos::end_timeout(Rpdo& pdo) {
+  if (!std::exchange(pdo.timed_out, false)) return;
+  emergency_.end(CommunicationError::rpdo_timeout);
+  events_.communication_restored(LossCause::rpdo_timeout);
 }
 
 AbortCode Rpdos::check(const dictionary::Entry& entry, std::uint32_t value) const {
@@ -95,11 +118,7 @@ void Rpdos::receive_one(std::uint16_t number, Rpdo& pdo, const Frame& frame) {
     if (!check_length(pdo, frame.length)) return;
   }
   if (pdo.event_time != Time{0}) {
-    if (pdo.timed_out) {
-      pdo.timed_out = false;
-      emergency_.end(CommunicationError::rpdo_timeout);
-      events_.communication_restored(LossCause::rpdo_timeout);
-    }
+    end_timeout(pdo);
     pdo.deadline = link_.now() + pdo.event_time;
     link_.wake_at(pdo.deadline);
   }

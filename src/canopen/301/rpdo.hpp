@@ -46,6 +46,8 @@ class Rpdos {
   void link_same_can_id(std::uint16_t number, std::uint16_t next) { pdos_[number].next_of_same_can_id = next; }
 
   void configure();  // all of them, after a reset
+  // One of them, after a write to its objects. Drops its data that wait for SYNC, and ends its timeout if nothing
+  // monitors it any more.
   void configure(std::uint16_t number);
   dictionary::AbortCode check(const dictionary::Entry& entry, std::uint32_t value) const;
 
@@ -69,6 +71,8 @@ class Rpdos {
   void receive_one(std::uint16_t number, Rpdo& pdo, const Frame& frame);
   void tell(std::uint16_t number, std::uint64_t to_tell);
   std::span<const MappedObject> mapped(std::uint16_t number);
+  void drop_pending(std::uint16_t number);
+  void end_timeout(Rpdo& pdo);
   void end_length_errors();
   bool check_length(Rpdo& pdo, std::uint8_t length);
   std::span<MappedObject> objects(std::size_t number) const { return objects_.subspan(number * entries_, entries_); }
