@@ -296,6 +296,22 @@ TEST(SdoServer, BlockDownloadAsksAgainWhenTheEndOfABlockIsLost) {
   EXPECT_EQ(device->advance(2s), (Frames{"581 # 80 01 20 00 00 00 04 05"}));
 }
 
+// The requests of a client that restarts without an abort look like segments out of sequence. They do not restart the
+// timeout.
+TEST(SdoServer, BlockDownloadOfAClientThatRestartsTimesOut) {
+  auto device = make_device<>({.sdo_timeout = 5s});
+  device->start();
+  device->send("601 # C4 01 20 00 00 00 00 00");
+  device->send("601 # 01 31 32 33 34 35 36 37");
+  Frames answers;
+  for (int i = 0; i < 3; ++i) {
+    for (const std::string& frame : device->advance(2s)) answers.push_back(frame);
+    if (i < 2) device->send("601 # 40 00 10 00 00 00 00 00");
+  }
+  EXPECT_EQ(answers.back(), "581 # 80 01 20 00 00 00 04 05");
+  EXPECT_EQ(device->send("601 # 40 61 60 00 00 00 00 00"), (Frames{"581 # 4F 61 60 00 00 00 00 00"}));
+}
+
 }  // namespace
 }  // namespace canopen_sdo_server_test
 }  // namespace servodrome::canopen::test

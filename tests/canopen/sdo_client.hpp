@@ -169,9 +169,9 @@ class SdoClient {
     }
     return answer_.data[0] != 0x80;
   }
-  // After half the server's timeout it requests the missing segments.
+  // After half the server's timeout, and at most half a second, it requests the missing segments.
   bool wait() {
-    device_.now += device_.profile.sdo_timeout / 2;
+    device_.now += std::min<Time>(device_.profile.sdo_timeout / 2, 500ms);
     device_.node.poll(device_.now);
     return collect();
   }

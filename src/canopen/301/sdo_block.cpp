@@ -67,8 +67,8 @@ void SdoServer::block_download_segment(const Frame& request) {
     received_ += segment_bytes;
     sequence_ = sequence;
     last_segment_seen_ = last;
+    expect_more();  // only an expected segment restarts the timeout, so a client that begins anew gets its abort
   }
-  expect_more();
   if (last || sequence == block_size_) {
     acknowledge_sub_block();
   } else if (profile_.sdo_timeout != Time{0}) {
