@@ -45,6 +45,7 @@ void Node::start(std::uint8_t node_id, Time now) {
   state_ = NmtState::initialising;
   bus_state_ = BusState::error_active;
   emergency_.set_allowed(false);
+  sync_.set_allowed(false);  // a producer begins anew, with counter 1
   emergency_.start();
   events_.nmt_state_changed(state_);
   configure();

@@ -96,6 +96,18 @@ TEST(Sync, ProducerDoesNotDriftWhenPolledLate) {
   EXPECT_EQ(syncs, 1000U);
 }
 
+// A producer with saved values begins again at power-on, with counter 1.
+TEST(Sync, ProducerBeginsAnewAtPowerOn) {
+  auto device = make_device();
+  device->start();
+  ASSERT_EQ(device->write(0x1019, 0, 10, 1), AbortCode::none);
+  ASSERT_EQ(device->write(0x1005, 0, produce | 0x80, 4), AbortCode::none);
+  ASSERT_EQ(device->write(0x1006, 0, 10000, 4), AbortCode::none);
+  EXPECT_EQ(device->advance(20ms), (Frames{"080 # 01", "080 # 02"}));
+  EXPECT_EQ(device->start(), (Frames{"701 # 00"}));
+  EXPECT_EQ(device->advance(20ms), (Frames{"080 # 01", "080 # 02"}));
+}
+
 // A device without 1019h ignores the counter.
 TEST(Sync, WithoutItsObjectTheLengthDoesNotMatter) {
   static constexpr auto table = dictionary::make_table<[] {
