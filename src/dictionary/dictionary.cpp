@@ -108,13 +108,19 @@ AbortCode Dictionary::check(const Entry& entry, std::span<const std::byte> value
   return entry.writable() ? check_value(entry, value) : AbortCode::read_only;
 }
 
-AbortCode Dictionary::check_value(const Entry& entry, std::span<const std::byte> value) const {
+AbortCode Dictionary::check_by_table(const Entry& entry, std::span<const std::byte> value) const {
+  return entry.writable() ? check_length_and_range(entry, value) : AbortCode::read_only;
+}
+
+AbortCode Dictionary::check_length_and_range(const Entry& entry, std::span<const std::byte> value) const {
   const std::size_t size = size_of(entry.type);
   if (value.size() > (size != 0 ? size : entry.capacity)) return length_aborts_.too_long;
   if (value.size() < size) return length_aborts_.too_short;
-  if (size != 0) {
-    if (const AbortCode abort = check_range(entry, value); abort != AbortCode::none) return abort;
-  }
+  return size != 0 ? check_range(entry, value) : AbortCode::none;
+}
+
+AbortCode Dictionary::check_value(const Entry& entry, std::span<const std::byte> value) const {
+  if (const AbortCode abort = check_length_and_range(entry, value); abort != AbortCode::none) return abort;
   Listener* owner = listener(entry);
   return owner != nullptr ? owner->check(entry, value) : AbortCode::none;
 }

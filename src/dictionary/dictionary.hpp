@@ -106,6 +106,7 @@ class Dictionary {
 
   // `recorder` gets each `write` from now on; nullptr: none.
   void set_recorder(Recorder* recorder) { recorder_ = recorder; }
+  Recorder* recorder() const { return recorder_; }
 
   std::span<const Entry> table() const { return table_; }
   const LengthAborts& length_aborts() const { return length_aborts_; }
@@ -127,6 +128,9 @@ class Dictionary {
   // Returns the result that `write` would have for the value, a number or a string, without writing it. It calls the
   // owner's check, so it must not be used for entries whose check has effects (1010h, 1011h).
   AbortCode check(const Entry& entry, std::span<const std::byte> value) const;
+
+  // The part of `check` that the table decides: access, length and range.
+  AbortCode check_by_table(const Entry& entry, std::span<const std::byte> value) const;
 
   // `write` without the access check: for a device's own use and for restoring saved values.
   AbortCode write_any(const Entry& entry, std::span<const std::byte> value);
@@ -152,6 +156,7 @@ class Dictionary {
 
  private:
   AbortCode check_value(const Entry& entry, std::span<const std::byte> value) const;
+  AbortCode check_length_and_range(const Entry& entry, std::span<const std::byte> value) const;
   AbortCode read_object(const Entry& entry, ReadValue& value) const;
   AbortCode write_recorded(const Entry& entry, std::span<const std::byte> value);
 

@@ -1,5 +1,7 @@
 #include "modbus/server.hpp"
 
+#include "dictionary/joint_write.hpp"
+
 namespace servodrome::modbus {
 
 using dictionary::AbortCode;
@@ -157,45 +159,44 @@ AbortCode Server::read(std::uint16_t address, std::size_t words, std::uint8_t* d
 }
 
 AbortCode Server::write(std::uint16_t address, std::span<const std::uint8_t> data) {
-  for (const bool commit : {false, true}) {
-    const std::size_t words = data.size() / 2;
-    for (std::size_t done = 0; done < words;) {
-      Part part;
-      AbortCode abort = locate(static_cast<std::uint32_t>(address + done), words - done, part);
-      if (abort == AbortCode::none) abort = write_part(part, &data[2 * done], commit);
-      if (abort != AbortCode::none) return abort;
-      done += part.words;
-    }
+  std::array<std::byte, 2 * most_registers_written> bytes{};
+  dictionary::JointWrite request(dictionary_);
+  const std::size_t words = data.size() / 2;
+  for (std::size_t done = 0; done < words;) {
+    Part part;
+    std::span<std::byte> value = std::span(bytes).subspan(2 * done);
+    AbortCode abort = locate(static_cast<std::uint32_t>(address + done), words - done, part);
+    if (abort == AbortCode::none) abort = decode(part, &data[2 * done], value);
+    if (abort == AbortCode::none) abort = request.add(*part.entry, value);
+    if (abort != AbortCode::none) return abort;
+    done += part.words;
   }
-  return AbortCode::none;
+  return request.commit();
 }
 
-AbortCode Server::write_part(const Part& part, const std::uint8_t* data, bool commit) {
+AbortCode Server::decode(const Part& part, const std::uint8_t* data, std::span<std::byte>& value) const {
   const Entry& entry = *part.entry;
   if (!entry.writable()) return AbortCode::read_only;
   // Half of a number must not be written.
   if (part.first != 0 || part.words < part.row->words) return AbortCode::length_mismatch;
-  std::array<std::byte, 2 * most_registers_written> bytes{};
-  const std::size_t given = 2 * part.words;
-  std::size_t size = dictionary::size_of(entry.type);
-  if (size != 0) {
-    for (std::size_t word = 0; word < part.words; ++word) {
-      const std::size_t place = 2 * significance(profile_.word_order, word, part.row->words);
-      bytes[place + 1] = std::byte{data[2 * word]};
-      bytes[place] = std::byte{data[2 * word + 1]};
-    }
-    const auto number = std::span<const std::byte>(bytes).first(size);
-    for (std::size_t i = size; i < given; ++i) {
-      if (bytes[i] != bytes[size] || !extends(entry, number, bytes[i])) return AbortCode::value_invalid;
-    }
-    if (!commit) return dictionary_.check_range(entry, number);
-  } else {
-    std::transform(data, data + given, bytes.begin(), [](std::uint8_t byte) { return std::byte{byte}; });
-    size = given;
-    while (size > 0 && bytes[size - 1] == std::byte{0}) --size;
-    if (!commit) return size > entry.capacity ? dictionary_.length_aborts().too_long : AbortCode::none;
+  const auto bytes = value.first(2 * part.words);
+  const std::size_t size = dictionary::size_of(entry.type);
+  if (size == 0) {
+    std::transform(data, data + bytes.size(), bytes.begin(), [](std::uint8_t byte) { return std::byte{byte}; });
+    value = bytes;
+    while (!value.empty() && value.back() == std::byte{0}) value = value.first(value.size() - 1);
+    return AbortCode::none;
   }
-  return dictionary_.write(entry, std::span(bytes).first(size));
+  for (std::size_t word = 0; word < part.words; ++word) {
+    const std::size_t place = 2 * significance(profile_.word_order, word, part.row->words);
+    bytes[place + 1] = std::byte{data[2 * word]};
+    bytes[place] = std::byte{data[2 * word + 1]};
+  }
+  value = bytes.first(size);
+  for (std::size_t i = size; i < bytes.size(); ++i) {
+    if (bytes[i] != bytes[size] || !extends(entry, value, bytes[i])) return AbortCode::value_invalid;
+  }
+  return AbortCode::none;
 }
 
 std::byte Server::extension(const Entry& entry, std::span<const std::byte> number) const {

@@ -19,9 +19,10 @@ class Server {
 
   // Executes a request PDU. Returns the length of the response; 0 only for an empty request.
   //
-  // A request that writes several objects is refused before any write if a register does not exist, an object is
-  // read-only or only partly covered, or a value is out of range. If an object's owner refuses a value, the objects
-  // before it stay written.
+  // A request that writes several objects acts as a whole (dictionary::JointWrite): all values are stored before the
+  // first owner acts, so a controlword acts with the targets of its request, as in an RPDO. A refused request changes
+  // nothing. Only the owner of a string or of an object without storage (1010h) may refuse later, when the other
+  // objects are written.
   std::size_t answer(std::span<const std::uint8_t> request, Response response);
 
   // Executes a request without an answer: functions 06 and 10h, if the profile has broadcasts.
@@ -42,7 +43,8 @@ class Server {
   dictionary::AbortCode locate(std::uint32_t address, std::size_t words, Part& part) const;
   dictionary::AbortCode read(std::uint16_t address, std::size_t words, std::uint8_t* data) const;
   dictionary::AbortCode write(std::uint16_t address, std::span<const std::uint8_t> data);
-  dictionary::AbortCode write_part(const Part& part, const std::uint8_t* data, bool commit);
+  // The value of an object, from its registers; `value` is room for it and becomes the value.
+  dictionary::AbortCode decode(const Part& part, const std::uint8_t* data, std::span<std::byte>& value) const;
   bool extends(const dictionary::Entry& entry, std::span<const std::byte> number, std::byte surplus) const;
   std::byte extension(const dictionary::Entry& entry, std::span<const std::byte> number) const;
   Exception exception_of(dictionary::AbortCode abort) const;

@@ -17,8 +17,17 @@ constexpr auto identification = std::to_array<Identification>(
 constexpr Profile standard{.identification = identification};
 
 struct Owner final : dictionary::Listener {
-  dictionary::AbortCode answer = dictionary::AbortCode::none;
+  explicit Owner(const TestObjects& its_objects) : objects(its_objects) {}
   dictionary::AbortCode check(const dictionary::Entry&, std::span<const std::byte>) override { return answer; }
+  void written(const dictionary::Entry&) override {
+    ++notices;
+    secret_when_told = objects.secret;
+  }
+
+  const TestObjects& objects;
+  dictionary::AbortCode answer = dictionary::AbortCode::none;
+  unsigned notices = 0;
+  std::uint16_t secret_when_told = 0;
 };
 
 struct ServerTest : testing::Test {
@@ -32,7 +41,7 @@ struct ServerTest : testing::Test {
 
   TestDevice device;
   TestObjects& objects = device.objects;
-  Owner owner;
+  Owner owner{objects};
   Profile profile = standard;
   Server server{device.dictionary, test_map, profile};
 };
@@ -89,8 +98,7 @@ TEST_F(ServerTest, WritesRegisters) {
   EXPECT_EQ(ask("03 00 0C 00 03"), "03 06 78 79 7A 00 00 00");
 }
 
-// Nothing is written unless all values can be written; a refusal by the owner of an object comes too late for this
-// rule.
+// Nothing is written unless all values can be written.
 TEST_F(ServerTest, SeveralObjectsAtOnce) {
   EXPECT_EQ(ask("10 00 00 00 03 06 00 01 00 02 00 03"), "90 03");              // ends within 2002h
   EXPECT_EQ(ask("10 00 08 00 05 0A 00 01 00 02 00 03 00 04 00 05"), "90 02");  // 11 is read only
@@ -101,8 +109,40 @@ TEST_F(ServerTest, SeveralObjectsAtOnce) {
   EXPECT_EQ(objects.ranged, 0);
   owner.answer = dictionary::AbortCode::device_state;
   EXPECT_EQ(ask("10 00 08 00 03 06 00 05 00 06 00 07"), "90 04");
-  EXPECT_EQ(objects.ranged, 5);
+  EXPECT_EQ(objects.ranged, 0);
+  EXPECT_EQ(objects.owned, 0);
   EXPECT_EQ(objects.secret, 0);
+  EXPECT_EQ(ask("10 00 09 00 01 02 00 06"), "90 04");
+  EXPECT_EQ(owner.notices, 0U);
+}
+
+// The owner of an object acts when all values of the request are stored, also those after its own.
+TEST_F(ServerTest, OwnersActWithTheWholeRequest) {
+  EXPECT_EQ(ask("10 00 08 00 03 06 00 05 00 06 00 07"), "10 00 08 00 03");
+  EXPECT_EQ(owner.notices, 1U);
+  EXPECT_EQ(owner.secret_when_told, 7);
+  EXPECT_EQ(objects.owned, 6);
+  EXPECT_EQ(ask("17 00 00 00 01 00 09 00 02 04 00 08 00 09"), "17 02 12 34");
+  EXPECT_EQ(owner.notices, 2U);
+  EXPECT_EQ(owner.secret_when_told, 9);
+}
+
+// A string is written with the other objects of its request, or with none of them.
+TEST_F(ServerTest, StringsAmongNumbers) {
+  constexpr auto map = std::to_array<Register>({{0, 0x2008, 0, 3}, {3, 0x2000, 0, 1}, {4, 0x2004, 0, 1}});
+  Server mixed{device.dictionary, map, profile};
+  const auto answer = [&](const std::string& request) {
+    std::array<std::uint8_t, longest_pdu> response{};
+    const auto bytes = bytes_of(request);
+    return hex_of(std::span(response).first(mixed.answer(bytes, response)));
+  };
+  EXPECT_EQ(answer("10 00 00 00 05 0A 78 79 7A 00 00 00 00 01 00 65"), "90 03") << "101 is out of range";
+  EXPECT_EQ(objects.name.length, 0U);
+  EXPECT_EQ(objects.plain, 0x1234);
+  EXPECT_EQ(answer("10 00 00 00 05 0A 78 79 7A 00 00 00 00 01 00 64"), "10 00 00 00 05");
+  EXPECT_EQ(std::string(objects.name.bytes.data(), objects.name.length), "xyz");
+  EXPECT_EQ(objects.plain, 1);
+  EXPECT_EQ(objects.ranged, 100);
 }
 
 TEST_F(ServerTest, WritesThenReads) {
