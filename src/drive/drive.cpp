@@ -86,6 +86,16 @@ void Drive::command(std::uint16_t controlword) {
   handle_controlword(controlword_, controlword);
 }
 
+void Drive::clear_controlword_bits(std::uint16_t bits) {
+  const std::uint16_t before = axis_.controlword;
+  for (std::uint16_t* word : {&axis_.objects.controlword, &controlword_, &axis_.controlword, &word_before_wait_}) {
+    *word = static_cast<std::uint16_t>(*word & ~unsigned{bits});
+  }
+  if (state_ == PowerState::operation_enabled && before != axis_.controlword) {
+    with_mode(*this, [&](auto& mode) { mode.controlword(axis_, before, axis_.controlword); });
+  }
+}
+
 void Drive::set_touch_probe_function(std::uint16_t function) {
   axis_.objects.touch_probe_function = function;
   touch_probe_.write_function(function);
@@ -113,6 +123,7 @@ void Drive::power_on(const Feedback& feedback) {
   wires_ = levels_ = feedback.inputs;
   input_filter_.reset(wires_);
   axis_.encoder_position = position_of_ms_ = feedback.position_counts;
+  single_turn_counts_ = feedback.single_turn_counts;
   axis_.counts_per_ms = 0;
   supervision_.reset();
   latched_.clear();
@@ -131,6 +142,7 @@ void Drive::displaced(const Feedback& feedback) {
   axis_.velocity_display.forget();
   wires_ = feedback.inputs;
   axis_.encoder_position = position_of_ms_ = feedback.position_counts;
+  single_turn_counts_ = feedback.single_turn_counts;
   axis_.generator.reset(axis_.position());
 }
 
@@ -218,6 +230,7 @@ bool Drive::tick(const Feedback& feedback, Actuation& actuation) {
 void Drive::cycle(const Feedback& feedback) {
   if (!energised() && rates_ != wanted_rates()) configure(axis_.configuration);  // changed while the motor had power
   axis_.encoder_position = feedback.position_counts;
+  single_turn_counts_ = feedback.single_turn_counts;
   if (++cycles_of_ms_ >= axis_.cycles(1)) {
     cycles_of_ms_ = 0;
     axis_.counts_per_ms = axis_.encoder_position - position_of_ms_;

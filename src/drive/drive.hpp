@@ -88,6 +88,9 @@ class Drive final : public dictionary::Listener {
   // --- Terminals
   // A command that the device derives from its inputs; it acts like a controlword from the bus.
   void command(std::uint16_t controlword);
+  // Clears bits of the controlword without a command: the mode sees the edge, but the rest of the word, which may be an
+  // old command that was refused, does not act again.
+  void clear_controlword_bits(std::uint16_t bits);
   // Levels of outputs that the device controls itself, bit n for output n, in addition to those of 60FEh.
   void set_outputs(std::uint32_t levels) { terminal_outputs_ = levels; }
   std::uint32_t wires() const { return wires_; }  // levels of the inputs, including inputs that the bus commands
@@ -145,6 +148,7 @@ class Drive final : public dictionary::Listener {
   const CascadeState& loops() const { return cascade_.state(); }
   const CurrentOffset& current_offset() const { return current_offset_; }
   const Axis& axis() const { return axis_; }
+  std::uint32_t single_turn_counts() const { return single_turn_counts_; }  // Feedback::single_turn_counts of now
   double i2t_utilisation_percent() const { return supervision_.i2t_utilisation_percent(); }
   double stage_utilisation_percent() const { return supervision_.stage_utilisation_percent(); }
 
@@ -349,6 +353,7 @@ class Drive final : public dictionary::Listener {
   std::uint32_t levels_ = 0;  // levels of the inputs at their last change
   InputFilter input_filter_{};
   std::uint32_t wires_ = 0;
+  std::uint32_t single_turn_counts_ = 0;
   Counts position_of_ms_ = 0;
   std::uint32_t cycles_of_ms_ = 0;
   std::uint32_t terminal_outputs_ = 0;

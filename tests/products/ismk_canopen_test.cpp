@@ -259,6 +259,21 @@ void restart(IsmkRig& rig) {
   EXPECT_EQ(rig.sent.back().data[0], 0) << "boot-up";
 }
 
+// The encoder knows the position within one turn after a restart, as after a power cycle.
+TEST(IsmkStorage, ARestartKeepsThePositionWithinTheTurn) {
+  IsmkRig rig;
+  rig.plant.set_position_counts(200000);
+  rig.run_ms(5);
+  ASSERT_NE(rig.feedback.single_turn_counts, 0U);
+  ASSERT_NE(static_cast<std::int64_t>(rig.feedback.single_turn_counts), rig.feedback.position_counts);
+  restart(rig);
+  const std::int64_t restarted = rig.get(0x6063);
+  EXPECT_EQ(restarted, rig.feedback.single_turn_counts);
+  rig.device.power_on(rig.feedback, rig.now());
+  rig.run_ms(5);
+  EXPECT_EQ(rig.get(0x6063), restarted);
+}
+
 TEST(IsmkStorage, WhatIsStoredAndWhatIsNot) {
   IsmkRig rig;
   rig.run_ms(5);

@@ -102,6 +102,38 @@ void reset_errors(IsmkRig& rig) {
   EXPECT_EQ(rig.get(0x6040), 0x06);
 }
 
+// The release of an input clears its bit only. The rest of the stored controlword is an old command, which must not act
+// again: here the enabling that the drive refused because of the quick stop.
+void expect_release_commands_nothing(std::uint16_t code, std::int64_t mode, std::int64_t speed) {
+  IsmkRig rig;
+  assign(rig, di1, 0x1000);
+  assign(rig, di2, code);
+  set(rig, 0x605A, 0, 5);
+  set(rig, 0x6060, 0, mode);
+  set(rig, 0x60FF, 0, speed);
+  wire(rig, di1, true);
+  rig.control(0x06);
+  rig.run_ms(300);
+  rig.control(0x0F);
+  rig.run_ms(300);
+  ASSERT_EQ(state(rig), PowerState::quick_stop_active);
+  wire(rig, di1, false);
+  wire(rig, di2, true);
+  wire(rig, di2, false);
+  rig.run_ms(300);
+  EXPECT_EQ(state(rig), PowerState::quick_stop_active) << std::hex << code;
+  EXPECT_EQ(rig.get(0x6040), 0x0F);
+  EXPECT_NEAR(rpm(rig), 0.0, 0.5);
+  rig.control(0x0F);
+  rig.run_ms(50);
+  EXPECT_EQ(state(rig), PowerState::operation_enabled) << "a command of the master";
+}
+
+TEST(IsmkInputsRelease, CommandsNothing) {
+  expect_release_commands_nothing(0x0002, 3, dec(100));  // reset errors
+  expect_release_commands_nothing(0x4000, 1, 0);         // activate
+}
+
 void mode_control(IsmkRig& rig) {
   EXPECT_EQ(rig.get(0x2020, 0x0D), -3);
   EXPECT_EQ(rig.get(0x2020, 0x0E), -4);

@@ -8,25 +8,20 @@ namespace {
 
 constexpr auto homing_mode = static_cast<std::int8_t>(Mode::homing);
 
-std::uint16_t start_bit(std::uint16_t word, bool on) {
-  const unsigned bits = on ? word | controlword::mode_bit_4 : word & ~unsigned{controlword::mode_bit_4};
-  return static_cast<std::uint16_t>(bits);
-}
-
 }  // namespace
 
 void DeviceHoming::start(Drive& drive, Objects& objects) {
   running_ = true;
   mode_before_ = objects.modes_of_operation;
   objects.modes_of_operation = homing_mode;
-  drive.command(start_bit(objects.controlword, false));
-  drive.command(start_bit(objects.controlword, true));
+  drive.clear_controlword_bits(controlword::mode_bit_4);
+  drive.command(static_cast<std::uint16_t>(objects.controlword | controlword::mode_bit_4));
 }
 
 void DeviceHoming::step(Drive& drive, Objects& objects) {
   if (!running_ || (drive.state() == PowerState::operation_enabled && drive.homing_running())) return;
   running_ = false;
-  drive.command(start_bit(objects.controlword, false));
+  drive.clear_controlword_bits(controlword::mode_bit_4);
   // Restores the mode, unless the bus has selected another one meanwhile.
   if (objects.modes_of_operation == homing_mode) objects.modes_of_operation = mode_before_;
 }

@@ -47,9 +47,11 @@ void InputCommands::control(const InputFunctions& inputs, const Settings& settin
     drive.command(inputs.active(InputAction::enable) ? settings.enabling_controlword : settings.disabling_controlword);
   }
   if (changed(InputAction::reset_errors)) {
-    const bool on = inputs.active(InputAction::reset_errors);
-    drive.command(on ? with(objects.controlword, controlword::fault_reset)
-                     : without(objects.controlword, controlword::fault_reset));
+    if (inputs.active(InputAction::reset_errors)) {
+      drive.command(with(objects.controlword, controlword::fault_reset));
+    } else {
+      drive.clear_controlword_bits(controlword::fault_reset);
+    }
   }
   if ((rising_ & bit(InputAction::quick_stop)) != 0) {
     drive.command(without(objects.controlword, controlword::quick_stop_inactive));
@@ -64,7 +66,7 @@ void InputCommands::position_table(const InputFunctions& inputs, const Settings&
   const bool enabled = drive.state() == PowerState::operation_enabled && !homing_.running();
   if (start_bit_is_ours_) {
     start_bit_is_ours_ = false;
-    if (!inputs.active(InputAction::activate)) drive.command(without(objects.controlword, controlword::mode_bit_4));
+    if (!inputs.active(InputAction::activate)) drive.clear_controlword_bits(controlword::mode_bit_4);
   }
   if (objects.modes_of_operation != position_mode) {
     going_to_.reset();
@@ -81,11 +83,11 @@ void InputCommands::position_table(const InputFunctions& inputs, const Settings&
   const bool activated = (rising_ & bit(InputAction::activate)) != 0;
   if (enabled && (index_moved || activated)) {
     start_bit_is_ours_ = !activated;
-    drive.command(without(objects.controlword, controlword::mode_bit_4));
+    drive.clear_controlword_bits(controlword::mode_bit_4);
     start_bit_was_ = false;
     drive.command(with(objects.controlword, controlword::mode_bit_4));
   } else if ((changed_ & bit(InputAction::activate)) != 0 && !inputs.active(InputAction::activate)) {
-    drive.command(without(objects.controlword, controlword::mode_bit_4));
+    drive.clear_controlword_bits(controlword::mode_bit_4);
   }
 
   const bool start_bit = enabled && (objects.controlword & controlword::mode_bit_4) != 0;

@@ -117,6 +117,7 @@ bool Servo::cycle(Time now) {
 drive::Feedback Servo::restart_feedback() const {
   drive::Feedback feedback;
   feedback.position_counts = drive_.axis().encoder_position;
+  feedback.single_turn_counts = drive_.single_turn_counts();
   feedback.inputs = drive_.wires();
   return feedback;
 }
