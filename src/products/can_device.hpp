@@ -1,5 +1,6 @@
 #pragma once
 
+#include <algorithm>
 #include <array>
 
 #include "canopen/301/communication_section.hpp"
@@ -58,11 +59,7 @@ class CanDevice : public ServoDevice<Product, ProductObjects>, protected canopen
 
   void cycle(Time now) override {
     node_.process_image_updated(now);
-    // Raises 8700h if no SYNC arrives for two periods 1006h while a cyclic synchronous mode needs SYNC.
-    const auto period = std::chrono::microseconds(objects().communication.communication_cycle_period_us);
-    const bool depends = period.count() != 0 && last_sync_ != Time{} && drive::is_cyclic_synchronous(drive().mode()) &&
-                         drive().state() == drive::PowerState::operation_enabled;
-    if (depends && now - last_sync_ > 2 * period) drive().raise(drive::Cause::sync_lost);
+    watch_sync(now);
     if constexpr (Product::policy.communication_errors_are_warnings) drive().show_warning(node_.communication_error());
   }
   void receive(const canopen::Frame& frame, Time now) override { node_.receive(frame, now); }
@@ -138,6 +135,19 @@ class CanDevice : public ServoDevice<Product, ProductObjects>, protected canopen
   void errors_gone(std::uint8_t remaining) override { node_.clear(remaining); }
 
  private:
+  // Raises 8700h if no SYNC arrives for two periods 1006h while a cyclic synchronous mode needs SYNC: since the last
+  // SYNC, or since the mode began to need SYNC.
+  void watch_sync(Time now) {
+    const auto period = std::chrono::microseconds(objects().communication.communication_cycle_period_us);
+    const bool needs = period.count() != 0 && drive::is_cyclic_synchronous(drive().mode()) &&
+                       drive().state() == drive::PowerState::operation_enabled;
+    if (!needs) {
+      without_need_ = now;
+    } else if (now - std::max(last_sync_, without_need_) > 2 * period) {
+      drive().raise(drive::Cause::sync_lost);
+    }
+  }
+
   // 6007h also determines the reaction when the node is stopped or its communication is reset. In a product without
   // that object the drive continues.
   void abort_connection() {
@@ -148,6 +158,7 @@ class CanDevice : public ServoDevice<Product, ProductObjects>, protected canopen
   canopen::Node node_;
   std::uint16_t reported_by_node_ = 0;  // code of the EMCY that the node itself is about to send
   Time last_sync_{};                    // 0: none since power on
+  Time without_need_{};                 // the last cycle in which no mode needed SYNC
   std::uint8_t node_id_ = Product::factory_node_id;
   std::uint32_t bit_rate_ = Product::factory_bit_rate;
 };
