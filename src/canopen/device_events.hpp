@@ -78,7 +78,7 @@ class DeviceEvents {
   // The bit rate must be switched: no frame may be sent until `delay` has passed, then the device sets the new rate and
   // waits another `delay` before sending (CiA 305 "activate bit timing parameters"). The node sends nothing during that
   // time.
-  virtual void lss_activate_bit_timing(std::uint8_t /*index*/, Time /*delay*/) {}
+  virtual void lss_activate_bit_timing(std::uint8_t /*index*/, Time /*delay*/, Time /*now*/) {}
 
  protected:
   ~DeviceEvents() = default;

@@ -1,5 +1,6 @@
 #include "dictionary/store.hpp"
 
+#include <algorithm>
 #include <optional>
 
 namespace servodrome::dictionary {
@@ -223,20 +224,15 @@ std::optional<bool> is_own(Medium& medium, const Image& image, const Dictionary&
   return true;
 }
 
-void copy_area(RecordWriter& writer, Medium& medium, const Image& image, Area area) {
-  RecordReader reader(medium, image);
-  for (Record record; reader.next(record);) {
-    if (area_of(record.index) != area || record.index == identity) continue;
-    writer.begin(record.index, record.sub, record.size);
-    Chunk chunk;
-    for (std::uint32_t done = 0; done < record.size;) {
-      const auto part = std::span(chunk).first(std::min<std::size_t>(chunk_size, record.size - done));
-      if (!medium.read(record.address + done, part)) return writer.fail();
-      writer.put(part);
-      done += static_cast<std::uint32_t>(part.size());
-    }
+void copy_record(RecordWriter& writer, Medium& medium, const Record& record) {
+  writer.begin(record.index, record.sub, record.size);
+  Chunk chunk;
+  for (std::uint32_t done = 0; done < record.size;) {
+    const auto part = std::span(chunk).first(std::min<std::size_t>(chunk_size, record.size - done));
+    if (!medium.read(record.address + done, part)) return writer.fail();
+    writer.put(part);
+    done += static_cast<std::uint32_t>(part.size());
   }
-  if (reader.failed()) writer.fail();
 }
 
 // The present bytes of an entry with storage.
@@ -249,31 +245,62 @@ std::span<const std::byte> present_value(const Dictionary& dictionary, const Ent
   return {place + sizeof length, std::min(length, entry.capacity)};
 }
 
+bool is_savable(const Entry& entry) { return entry.saved && entry.offset != Field::no_storage; }
+
+void put_value(RecordWriter& writer, const Dictionary& dictionary, const Entry& entry) {
+  const auto value = present_value(dictionary, entry);
+  if (value.size() > Store::largest_value) return writer.fail();
+  writer.begin(entry.index, entry.sub, static_cast<std::uint16_t>(value.size()));
+  writer.put(value);
+}
+
 void put_area(RecordWriter& writer, const Dictionary& dictionary, Area area) {
   for (const Entry& entry : dictionary.table()) {
-    if (!entry.saved || entry.offset == Field::no_storage || area_of(entry.index) != area) continue;
-    const auto value = present_value(dictionary, entry);
-    if (value.size() > Store::largest_value) return writer.fail();
-    writer.begin(entry.index, entry.sub, static_cast<std::uint16_t>(value.size()));
-    writer.put(value);
+    if (is_savable(entry) && area_of(entry.index) == area) put_value(writer, dictionary, entry);
   }
 }
 
 // The content of a new image: for `areas` the present values or none, for the other areas the values of the `old`
-// image.
+// image, but for the objects with these `keys` their present values.
 struct NewImage {
   const Dictionary& dictionary;
   Area areas;
   bool with_present_values;
+  std::span<const std::uint32_t> keys;
   std::optional<Image> old;
 };
+
+// Copies an area of the old image, with the present values of the single objects at the places of their keys.
+void copy_area(RecordWriter& writer, Medium& medium, const NewImage& image, Area area) {
+  auto key = image.keys.begin();
+  const auto put_keys_before = [&](std::uint32_t end) {
+    for (; key != image.keys.end() && *key < end; ++key) {
+      const auto index = static_cast<std::uint16_t>(*key >> 8);
+      const Entry* entry = image.dictionary.find(index, static_cast<std::uint8_t>(*key));
+      if (entry != nullptr && is_savable(*entry) && area_of(index) == area) put_value(writer, image.dictionary, *entry);
+    }
+  };
+  if (image.old) {
+    RecordReader reader(medium, *image.old);
+    for (Record record; reader.next(record);) {
+      if (area_of(record.index) != area || record.index == identity) continue;
+      const std::uint32_t record_key = static_cast<std::uint32_t>(record.index) << 8 | record.sub;
+      put_keys_before(record_key);
+      if (std::find(image.keys.begin(), image.keys.end(), record_key) == image.keys.end()) {
+        copy_record(writer, medium, record);
+      }
+    }
+    if (reader.failed()) writer.fail();
+  }
+  put_keys_before(~std::uint32_t{0});
+}
 
 // All records of the new image, area by area.
 void put_records(RecordWriter& writer, Medium& medium, const NewImage& image) {
   put_identity(writer, image.dictionary);
   for (const Area area : {Area::communication, Area::manufacturer, Area::profile, Area::motor}) {
     if (!contains(image.areas, area)) {
-      if (image.old) copy_area(writer, medium, *image.old, area);
+      copy_area(writer, medium, image, area);
     } else if (image.with_present_values) {
       put_area(writer, image.dictionary, area);
     }
@@ -311,10 +338,11 @@ std::uint32_t crc32(std::span<const std::byte> bytes, std::uint32_t crc) {
   return ~crc;
 }
 
-AbortCode Store::rewrite(const Dictionary& dictionary, Area areas, Content content) {
+AbortCode Store::rewrite(const Dictionary& dictionary, Area areas, Content content,
+                         std::span<const std::uint32_t> keys) {
   const Banks banks = inspect(medium_);
   if (!banks.readable) return AbortCode::hardware_error;
-  NewImage image{dictionary, areas, content == Content::present, {}};
+  NewImage image{dictionary, areas, content == Content::present, keys, {}};
   if (banks.newest) {
     const std::optional<bool> own = is_own(medium_, *banks.newest, dictionary);
     if (!own) return AbortCode::hardware_error;

@@ -31,6 +31,13 @@ class Store {
   // failed, the medium has the old or the new values.
   AbortCode save(const Dictionary& dictionary, Area areas) { return rewrite(dictionary, areas, Content::present); }
 
+  // Saves the values of single objects, for values that a device saves by itself. `keys` are their Entry::key, in
+  // ascending order; objects that are not `saved` are skipped. All other saved values stay, and values that are not
+  // saved are not saved by this either. Errors as `save`.
+  AbortCode save_objects(const Dictionary& dictionary, std::span<const std::uint32_t> keys) {
+    return rewrite(dictionary, Area{}, Content::present, keys);
+  }
+
   // Deletes the saved values of `areas`, so that factory values act after the next reset (CiA 301 7.5.2.14). The values
   // in use do not change. A damaged medium is empty afterwards. Errors as `save`.
   AbortCode restore_defaults(const Dictionary& dictionary, Area areas) {
@@ -45,7 +52,8 @@ class Store {
 
  private:
   enum class Content : std::uint8_t { present, factory };
-  AbortCode rewrite(const Dictionary& dictionary, Area areas, Content content);
+  AbortCode rewrite(const Dictionary& dictionary, Area areas, Content content,
+                    std::span<const std::uint32_t> keys = {});
 
   Medium& medium_;
 };

@@ -48,6 +48,7 @@ class CanDevice : public ServoDevice<Product, ProductObjects>, protected canopen
     drive().configure(product().configuration());
     drive().power_on(feedback);
     last_sync_ = {};
+    switch_bit_rate_at_ = canopen::never;
     node_.start(node_id_, now);
     tell_lost_values();
   }
@@ -60,6 +61,10 @@ class CanDevice : public ServoDevice<Product, ProductObjects>, protected canopen
   void cycle(Time now) override {
     node_.process_image_updated(now);
     watch_sync(now);
+    if (now >= switch_bit_rate_at_) {
+      bit_rate_ = next_bit_rate_;
+      switch_bit_rate_at_ = canopen::never;
+    }
     if constexpr (Product::policy.communication_errors_are_warnings) drive().show_warning(node_.communication_error());
   }
   void receive(const canopen::Frame& frame, Time now) override { node_.receive(frame, now); }
@@ -83,10 +88,17 @@ class CanDevice : public ServoDevice<Product, ProductObjects>, protected canopen
   using Base::objects;
   using Base::product;
   using Base::save;
+  using Base::save_objects;
   using Base::settings;
   using Base::tell_lost_values;
 
   ~CanDevice() = default;
+
+  // bit_rate() changes to `bit_rate` (bit/s) in the first cycle from `at` on.
+  void switch_bit_rate(std::uint32_t bit_rate, Time at) {
+    next_bit_rate_ = bit_rate;
+    switch_bit_rate_at_ = at;
+  }
 
   // --- canopen::DeviceEvents
   void reset(canopen::NmtCommand command, dictionary::Area restore, std::uint8_t node_id) override {
@@ -161,6 +173,8 @@ class CanDevice : public ServoDevice<Product, ProductObjects>, protected canopen
   Time without_need_{};                 // the last cycle in which no mode needed SYNC
   std::uint8_t node_id_ = Product::factory_node_id;
   std::uint32_t bit_rate_ = Product::factory_bit_rate;
+  std::uint32_t next_bit_rate_ = 0;
+  Time switch_bit_rate_at_ = canopen::never;
 };
 
 }  // namespace servodrome::products

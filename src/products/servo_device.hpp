@@ -107,9 +107,22 @@ class ServoDevice : public Device, protected drive::DriveEvents, protected dicti
     return dictionary::Store(*settings_.store).save(dictionary_, areas);
   }
 
-  // The same for values that the device saves by itself: a failure of the memory is a fault.
+  // Saves single objects at once; their keys (Entry::key) in ascending order. Other values are not saved by this, and
+  // defaults that were restored by 1011h stay restored.
+  dictionary::AbortCode save_objects(std::span<const std::uint32_t> keys) {
+    if (settings_.store == nullptr) return dictionary::AbortCode::hardware_error;
+    return dictionary::Store(*settings_.store).save_objects(dictionary_, keys);
+  }
+
+  // `save` and `save_objects` for values that the device saves by itself: a failure of the memory is a fault.
   void keep(dictionary::Area areas, drive::Cause failed = drive::Cause::memory) {
     if (settings_.store != nullptr && save(areas) != dictionary::AbortCode::none) drive_.raise(failed);
+  }
+  void keep(const dictionary::Entry& entry) {
+    const std::uint32_t key = entry.key();
+    if (settings_.store != nullptr && save_objects({&key, 1}) != dictionary::AbortCode::none) {
+      drive_.raise(drive::Cause::memory);
+    }
   }
 
   // Deletes saved values; this acts after the next restart.

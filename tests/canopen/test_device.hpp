@@ -161,7 +161,7 @@ struct RecordingEvents final : DeviceEvents {
     note("lss store", node_id, index);
     return lss_answer;
   }
-  void lss_activate_bit_timing(std::uint8_t index, Time delay) override {
+  void lss_activate_bit_timing(std::uint8_t index, Time delay, Time) override {
     note("lss activate", index, static_cast<long>(delay / 1ms));
   }
 };

@@ -450,6 +450,55 @@ TEST(Store, CutAtEveryByteOfAnAreaSaveAndOfARestore) {
                         [](Medium& m) { return Store(m).restore_defaults(Device().dictionary, Area::profile); });
 }
 
+// Single objects: their values at their places, all other records stay, and values of trials are not saved.
+TEST(Store, SavingObjectsKeepsAllOthers) {
+  FailingMedium medium(ample);
+  Store store(medium);
+  ASSERT_EQ(store.save(device_with(2).dictionary, Area::all), AbortCode::none);
+  constexpr std::array<std::uint32_t, 3> keys{0x140000, 0x200100, 0x200300};  // the last one is not saved
+  ASSERT_EQ(store.save_objects(device_with(4).dictionary, keys), AbortCode::none);
+  Device merged = device_with(2);
+  merged.objects.pdo_identifier = 0x80000004;
+  merged.set_text(0x2001, "aaaa");
+  Device device;
+  ASSERT_TRUE(device.start(medium));
+  EXPECT_EQ(device, merged);
+
+  // The image is that of a whole save of these values, record by record.
+  FailingMedium whole(ample);
+  ASSERT_EQ(Store(whole).save(device_with(2).dictionary, Area::all), AbortCode::none);
+  ASSERT_EQ(Store(whole).save(merged.dictionary, Area::all), AbortCode::none);
+  EXPECT_EQ(medium.memory, whole.memory);
+}
+
+TEST(Store, SavingObjectsDoesNotBringRestoredValuesBack) {
+  FailingMedium medium(ample);
+  Store store(medium);
+  ASSERT_EQ(store.save(device_with(3).dictionary, Area::all), AbortCode::none);
+  ASSERT_EQ(store.restore_defaults(device_with(3).dictionary, Area::all), AbortCode::none);
+  constexpr std::array<std::uint32_t, 1> keys{0x609800};
+  ASSERT_EQ(store.save_objects(device_with(3).dictionary, keys), AbortCode::none);
+  Device expected;
+  expected.objects.homing_method = -3;
+  Device device;
+  ASSERT_TRUE(device.start(medium));
+  EXPECT_EQ(device, expected);
+  FailingMedium fresh(ample);
+  ASSERT_EQ(Store(fresh).save_objects(device_with(3).dictionary, keys), AbortCode::none);
+  ASSERT_TRUE(device.start(fresh));
+  EXPECT_EQ(device, expected);
+}
+
+TEST(Store, CutAtEveryByteOfSavingObjects) {
+  FailingMedium medium(ample);
+  ASSERT_EQ(Store(medium).save(device_with(1).dictionary, Area::all), AbortCode::none);
+  Device merged = device_with(1);
+  merged.objects.gain = -2;
+  constexpr std::array<std::uint32_t, 1> keys{0x200000};
+  expect_all_or_nothing(medium, device_with(1), merged, some_garbles,
+                        [&keys](Medium& m) { return Store(m).save_objects(device_with(2).dictionary, keys); });
+}
+
 TEST(Store, CutOfTheVeryFirstSaveLeavesFactoryValues) {
   FailingMedium whole(ample);
   ASSERT_EQ(Store(whole).save(device_with(1).dictionary, Area::all), AbortCode::none);

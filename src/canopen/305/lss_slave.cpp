@@ -194,7 +194,7 @@ void LssSlave::configure(const Frame& request) {
       if (bit_timing_index_ != no_bit_timing) {
         const Time delay = std::chrono::milliseconds(first | request.data[2] << 8);
         link_.mute_until(link_.now() + 2 * delay);
-        events_.lss_activate_bit_timing(bit_timing_index_, delay);
+        events_.lss_activate_bit_timing(bit_timing_index_, delay, link_.now());
       }
       break;
     case store_configuration:

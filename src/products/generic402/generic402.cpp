@@ -89,13 +89,22 @@ bool Generic402::lss_bit_timing_supported(std::uint8_t index) {
 }
 
 canopen::LssStore Generic402::lss_store(std::uint8_t node_id, std::uint8_t bit_timing_index) {
+  constexpr std::array<std::uint32_t, 2> keys{0x2F0000, 0x2F0100};  // node-ID, bit rate
+  std::span<const std::uint32_t> configured = std::span(keys).first(1);
   objects().manufacturer.node_id = node_id;
   for (const BitTiming& row : bit_timings) {
-    if (row.index == bit_timing_index) objects().manufacturer.bit_rate = row.bit_rate;
+    if (row.index != bit_timing_index) continue;
+    objects().manufacturer.bit_rate = row.bit_rate;
+    configured = keys;
   }
   if (settings().store == nullptr) return canopen::LssStore::not_supported;
-  return save(dictionary::Area::manufacturer) == dictionary::AbortCode::none ? canopen::LssStore::done
-                                                                             : canopen::LssStore::failed;
+  return save_objects(configured) == dictionary::AbortCode::none ? canopen::LssStore::done : canopen::LssStore::failed;
+}
+
+void Generic402::lss_activate_bit_timing(std::uint8_t index, Time delay, Time now) {
+  for (const BitTiming& row : bit_timings) {
+    if (row.index == index) switch_bit_rate(row.bit_rate, now + delay);
+  }
 }
 
 }  // namespace servodrome::products

@@ -45,6 +45,7 @@ class Generic402 final : public CanDevice<Generic402, generic402::Objects, 1024>
 
   bool lss_bit_timing_supported(std::uint8_t index) override;
   canopen::LssStore lss_store(std::uint8_t node_id, std::uint8_t bit_timing_index) override;
+  void lss_activate_bit_timing(std::uint8_t index, Time delay, Time now) override;
 
   SerialPort serial_port_{dictionary(), registers, modbus_profile};
 };

@@ -81,7 +81,7 @@ dictionary::AbortCode Ismc::check(const dictionary::Entry& entry, std::span<cons
 void Ismc::written(const dictionary::Entry& entry) {
   // Bus settings are saved at once, without 1010h, and act after a restart (ch. 2.2).
   if (entry.index == 0x2004 || entry.index == 0x2401) {
-    keep(dictionary::Area::manufacturer);
+    keep(entry);
     return;
   }
   reconfigure();
