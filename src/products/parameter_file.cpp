@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <charconv>
+#include <cstring>
 
 namespace servodrome::products {
 
@@ -188,18 +189,57 @@ FoeError ParameterFile::take() {
   });
   if (error != FoeError::none) return error;
   if (identified < 2) return refuse(FoeError::illegal, "does not say of which vendor and product it is");
-  error = for_each_line([&](unsigned number, std::string_view line) {
-    Assignment assignment;
-    if (parse(line, assignment) != Line::assignment || says_what_it_is(*assignment.entry)) return FoeError::none;
-    // All lines were checked before, so a refusal here means that an earlier line of the file conflicts with this one.
-    const AbortCode abort = dictionary_.write(*assignment.entry, std::span(value_).first(assignment.size));
-    return abort == AbortCode::none ? FoeError::none : refuse(FoeError::illegal, dictionary::text(abort), number);
-  });
+  old_length_ = 0;
+  error = apply();
+  if (error != FoeError::none) undo();
+  return error;
+}
+
+FoeError ParameterFile::apply() {
+  const FoeError error = for_each_line([this](unsigned number, std::string_view line) { return assign(number, line); });
   if (error != FoeError::none) return error;
   if (dictionary::Store(*medium_).save(dictionary_, dictionary::Area::all) != AbortCode::none) {
     return refuse(FoeError::program_error, "the memory does not take the parameters");
   }
   return FoeError::none;
+}
+
+FoeError ParameterFile::assign(unsigned number, std::string_view line) {
+  Assignment assignment;
+  if (parse(line, assignment) != Line::assignment || says_what_it_is(*assignment.entry)) return FoeError::none;
+  if (!remember(*assignment.entry)) return refuse(FoeError::disk_full, "too many old values to keep", number);
+  // All lines were checked before, so a refusal here means that an earlier line of the file conflicts with this one.
+  const AbortCode abort = dictionary_.write(*assignment.entry, std::span(value_).first(assignment.size));
+  return abort == AbortCode::none ? FoeError::none : refuse(FoeError::illegal, dictionary::text(abort), number);
+}
+
+// Pushes the present value of an object. Returns false if there is no room.
+bool ParameterFile::remember(const Entry& entry) {
+  const std::byte* place = dictionary_.storage(entry);
+  if (place == nullptr) return true;
+  std::uint32_t size = dictionary::size_of(entry.type);
+  if (size == 0) {
+    std::memcpy(&size, place, sizeof size);
+    place += sizeof size;
+  }
+  const OldValue old{static_cast<std::uint16_t>(size), static_cast<std::uint16_t>(&entry - dictionary_.table().data())};
+  if (size > longest_value || size + sizeof old > old_values_.size() - old_length_) return false;
+  std::copy_n(place, size, old_values_.begin() + static_cast<std::ptrdiff_t>(old_length_));
+  old_length_ += size;
+  std::memcpy(&old_values_[old_length_], &old, sizeof old);
+  old_length_ += sizeof old;
+  return true;
+}
+
+// Writes the old values back, the last one first: so each is written to the state in which it was valid before.
+void ParameterFile::undo() {
+  while (old_length_ > 0) {
+    OldValue old;
+    old_length_ -= sizeof old;
+    std::memcpy(&old, &old_values_[old_length_], sizeof old);
+    old_length_ -= old.size;
+    dictionary_.write(dictionary_.table()[old.place], std::span(old_values_).subspan(old_length_, old.size));
+  }
 }
 
 // ---- FoE ----

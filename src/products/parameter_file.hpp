@@ -19,8 +19,9 @@ namespace servodrome::products {
 //     0x6098:00=-3
 // A master that reads the file gets vendor and product of 1018h and the present values of all objects that are stored.
 // A file that a master writes is checked as a whole first: it must be of this vendor and product, name stored objects
-// only, and have values that the drive accepts. Only then are the values applied and all stored objects saved. Objects
-// that the file does not name keep their values. The motor must be without power.
+// only, and have values that the drive accepts. Only then are the values applied and all stored objects saved. If one
+// line conflicts with another, or the memory fails, all objects get their old values back. Objects that the file does
+// not name keep their values. The motor must be without power.
 class ParameterFile final : public ethercat::FoeFiles {
  public:
   static constexpr std::string_view name = "parameters.txt";
@@ -51,6 +52,10 @@ class ParameterFile final : public ethercat::FoeFiles {
   void compose();
   void compose_line(const dictionary::Entry& entry);
   ethercat::FoeError take();
+  ethercat::FoeError apply();
+  ethercat::FoeError assign(unsigned number, std::string_view line);
+  bool remember(const dictionary::Entry& entry);
+  void undo();
   template <typename Visit>
   ethercat::FoeError for_each_line(Visit visit);
   Line parse(std::string_view line, Assignment& assignment);
@@ -70,6 +75,14 @@ class ParameterFile final : public ethercat::FoeFiles {
   std::array<char, capacity> text_{};
   std::size_t length_ = 0;
   std::array<std::byte, longest_value> value_{};
+  // The values before the file was applied, a stack: value, its size, and the place of its object in the table. A line
+  // of a number has at least as many characters as its old value takes here.
+  struct OldValue {
+    std::uint16_t size = 0;
+    std::uint16_t place = 0;
+  };
+  std::array<std::byte, capacity> old_values_{};
+  std::size_t old_length_ = 0;
   std::array<char, 80> reason_{};
   std::size_t reason_length_ = 0;
 };

@@ -3,6 +3,7 @@
 #include <cmath>
 #include <set>
 
+#include "dictionary/failing_medium.hpp"
 #include "foe_rig.hpp"
 #include "products/generic402/generic402.hpp"
 
@@ -364,6 +365,19 @@ TEST_F(Files, RefusedAsAWholeWithAReason) {
   EXPECT_EQ(bus.transmit("firmware.efw", ""), "!8001 the only file is parameters.txt");
 }
 
+// Each of the two units is possible alone, so the whole file passes the check of its lines; together they are refused.
+TEST_F(Files, AConflictOfTwoLinesUndoesAll) {
+  const std::string words(500, 'u');
+  const dictionary::Entry* user_data = bus.device.dictionary().find(0x2F10, 0);
+  ASSERT_EQ(bus.device.dictionary().write(*user_data, std::as_bytes(std::span(words))), AbortCode::none);
+  const std::string before = bus.receive(name);
+  const std::string lines = "0x6083:00=4711\n0x2F10:00=AB\n0x6083:00=4712\n0x6091:01=16000\n0x608F:01=262144\n";
+  EXPECT_EQ(bus.transmit(name, with(lines)),
+            std::string("!8004 line 8: ") + dictionary::text(AbortCode::parameter_incompatible));
+  EXPECT_EQ(bus.receive(name), before);
+  EXPECT_EQ(bus.transmit(name, with("0x608F:01=262144\n")), "") << "the drive uses the old values";
+}
+
 TEST_F(Files, NotWhileTheMotorHasPower) {
   bus.set_process_data();
   ASSERT_EQ(bus.request(4), bus.good(4));
@@ -379,6 +393,17 @@ TEST(FilesWithoutMemory, AreReadOnly) {
   bus.to_pre_operational();
   EXPECT_EQ(bus.transmit("parameters.txt", ""), "!8002 there is no memory for parameters");
   EXPECT_NE(bus.receive("parameters.txt").find("0x2011:02=100"), std::string::npos);
+}
+
+TEST(FilesWithABrokenMemory, ChangeNothing) {
+  dictionary::FailingMedium medium(16384);
+  medium.flush_fails = true;
+  FoeRig<Generic402Ec> bus(default_plant(), Bus::settings(&medium));
+  bus.to_pre_operational();
+  const std::string before = bus.receive("parameters.txt");
+  const std::string text = "# servodrome parameters 1\n0x1018:01=0x53455256\n0x1018:02=0x34303245\n0x2011:02=99\n";
+  EXPECT_EQ(bus.transmit("parameters.txt", text).substr(0, 5), "!800B");
+  EXPECT_EQ(bus.receive("parameters.txt"), before);
 }
 
 TEST(FilesInBootstrap, AndNothingElse) {
