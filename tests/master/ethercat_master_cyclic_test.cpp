@@ -242,6 +242,32 @@ TEST_P(CyclicTest, MappedObjectsGoByTheProcessData) {
   EXPECT_THAT(problem_of([&] { objects.wait(50ms); }), HasSubstr("process data were not exchanged"));
 }
 
+// One slave loses its supply, another one leaves OP: the objects of the first slave can still stop its axis.
+TEST_P(CyclicTest, ObjectsOfASlaveThatWorksAreReadAlthoughAnotherOneIsLost) {
+  start(3);
+  CoeObjects objects(*all[0], *exchange, 0);
+  CoeObjects lost(*all[2], *exchange, 2);
+  all[1]->request(AlState::safe_operational);
+  line->master->wait(5ms);
+  objects.write<std::int32_t>(0x607A, 0, 7);
+  EXPECT_EQ(objects.read<std::int32_t>(0x6064), 8);
+  line->segment->set_powered(2, false, line->now);
+  for (int i = 0; i < 100; ++i) objects.wait(1ms);
+  objects.write<std::int32_t>(0x607A, 0, 9);
+  EXPECT_EQ(objects.read<std::int32_t>(0x6064), 10);
+  EXPECT_THAT(problem_of([&] { lost.wait(1ms); }), HasSubstr("slave 3 (Test device): process data were not exchanged"));
+  line->lost_back = [] { return true; };
+  EXPECT_THAT(problem_of([&] { objects.wait(50ms); }), HasSubstr("slave 1 (Test device): process data were not"));
+}
+
+// The frames of the first slave carry no data of it any more, and no slave is lost.
+TEST_P(CyclicTest, AWrongCounterThatNoSlaveExplainsIsAnErrorOfEach) {
+  start(2);
+  CoeObjects objects(*all[0], *exchange, 0);
+  line->master->write<std::uint8_t>(all[1]->station(), ethercat::reg::fmmu + 12, 0);
+  EXPECT_THAT(problem_of([&] { objects.wait(50ms); }), HasSubstr("mem:: process data were not exchanged"));
+}
+
 TEST_P(CyclicTest, OneOfThemAfterAllOfThem) {
   start(3);
   operation.reset();

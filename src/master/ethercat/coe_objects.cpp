@@ -15,7 +15,7 @@ constexpr int cycles_to_act = 4;
 std::vector<std::byte> CoeObjects::upload(ObjectAddress object) {
   if (exchanges()) {
     if (const auto input = exchange_->input(member_, object); input && input->bits() % 8 == 0) {
-      exchange_->check();
+      exchange_->check(member_);
       const std::uint64_t value = input->raw();
       const auto bytes = std::as_bytes(std::span(&value, 1)).first(input->bits() / 8);
       return {bytes.begin(), bytes.end()};
@@ -43,7 +43,7 @@ void CoeObjects::download(ObjectAddress object, std::span<const std::byte> data)
 
 void CoeObjects::wait(Time span) {
   slave_.master().wait(span);
-  if (exchanges()) exchange_->check();
+  if (exchanges()) exchange_->check(member_);
 }
 
 std::optional<Emergency> CoeObjects::latest_emergency() {

@@ -18,7 +18,7 @@ class CoeObjects final : public ObjectClient {
   std::vector<std::byte> upload(ObjectAddress object) override;
   void download(ObjectAddress object, std::span<const std::byte> data) override;
   Time now() const override { return slave_.master().now(); }
-  // Throws EthercatError if the slave has left OP or does not answer any more.
+  // Throws EthercatError if the slave has left OP or does not answer any more. Other slaves of the exchange may.
   void wait(Time span) override;
   // Position of the slave on the segment; 1: the first.
   std::uint16_t address() const override { return slave_.found().position; }

@@ -48,7 +48,11 @@ constexpr Time at_once = std::chrono::seconds(1);
 }  // namespace
 
 CyclicExchange::CyclicExchange(EthercatMaster& master, std::vector<Member> members, const CyclicOptions& options)
-    : master_(master), members_(std::move(members)), options_(options), status_(members_.size()) {
+    : master_(master),
+      members_(std::move(members)),
+      options_(options),
+      status_(members_.size()),
+      silence_(members_.size()) {
   lrw_ = options.use_lrw && std::all_of(members_.begin(), members_.end(),
                                         [](const Member& member) { return member.slave->found().knows_lrw(); });
   lay_out();
@@ -263,7 +267,9 @@ void CyclicExchange::judge(bool back) {
     ++datagram;
   }
   if (!members_.empty()) {
+    for (unsigned& cycles : silence_) ++cycles;
     if (datagram->answered && datagram->counter != 0) {
+      silence_[next_status_] = 0;
       status_[next_status_] = {.status = load_u16(status_bytes_.data()),
                                .code = static_cast<AlStatusCode>(load_u16(&status_bytes_[4]))};
     }
@@ -383,13 +389,38 @@ void CyclicExchange::to_operational() {
   request_all(AlState::operational);
 }
 
-void CyclicExchange::check() const {
-  for (std::size_t i = 0; i < members_.size(); ++i) {
-    if (status_[i].state() == wanted_ && !status_[i].error()) continue;
-    throw EthercatError(EthercatError::Kind::refused,
-                        fmt::format("it left {}: it is in {}", short_name(wanted_), text_of(status_[i])),
-                        members_[i].slave->where(), remedy_of(status_[i].code));
+void CyclicExchange::check_state(std::size_t member) const {
+  const AlStatus& status = status_[member];
+  if (status.state() == wanted_ && !status.error()) return;
+  throw EthercatError(EthercatError::Kind::refused,
+                      fmt::format("it left {}: it is in {}", short_name(wanted_), text_of(status)),
+                      members_[member].slave->where(), remedy_of(status.code));
+}
+
+// A cycle reads the AL status of one member, so each member is silent during the cycles of the others.
+bool CyclicExchange::is_lost(std::size_t member) const {
+  const AlStatus& status = status_[member];
+  return status.state() != wanted_ || status.error() ||
+         silence_[member] > std::max<std::size_t>(options_.tolerated_losses, members_.size());
+}
+
+// A wrong working counter of a frame that several members share does not name the member. If none of them is lost, it
+// counts for each.
+void CyclicExchange::check(std::size_t member) const {
+  check_state(member);
+  if (is_lost(member)) {
+    throw EthercatError(EthercatError::Kind::working_counter,
+                        fmt::format("process data were not exchanged {} times in a row", silence_[member]),
+                        members_[member].slave->where(), "check cables and power; `servodrome scan` lists the slaves");
   }
+  for (std::size_t i = 0; i < members_.size(); ++i) {
+    if (is_lost(i)) return;
+  }
+  check();
+}
+
+void CyclicExchange::check() const {
+  for (std::size_t i = 0; i < members_.size(); ++i) check_state(i);
   // A member that has left its state can cause wrong working counters. Each cycle reads the AL status of one member, so
   // the master tolerates as many such cycles as there are members: by then the check above has found that member.
   const bool back = std::all_of(datagrams_.begin(), datagrams_.end(), [](const auto& one) { return one.answered; });

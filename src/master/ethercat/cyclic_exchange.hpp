@@ -76,6 +76,8 @@ class CyclicExchange final : public CyclicTask {
 
   // Throws EthercatError if a member has left the requested state, or if too many cycles were lost.
   void check() const;
+  // The same for one member: a member that does not answer, or has left its state, is no error of the others.
+  void check(std::size_t member) const;
   AlStatus status(std::size_t member) const { return status_[member]; }
   // True if the inputs of the newest cycle are complete.
   bool inputs_are_fresh() const { return statistics_.losses_in_a_row == 0; }
@@ -139,6 +141,8 @@ class CyclicExchange final : public CyclicTask {
   std::size_t input_offset(const Place& place) const { return groups_[place.group].output_bytes + place.offset; }
   void request_all(AlState state);
   void judge(bool back);
+  void check_state(std::size_t member) const;
+  bool is_lost(std::size_t member) const;
   void expect_later();
   void schedule();
 
@@ -151,6 +155,7 @@ class CyclicExchange final : public CyclicTask {
   std::vector<Place> output_places_;
   std::vector<Place> input_places_;
   std::vector<AlStatus> status_;
+  std::vector<unsigned> silence_;  // cycles since the AL status of each member was read
   AlState wanted_ = AlState::pre_operational;
   std::function<void()> on_cycle_;
 
