@@ -57,7 +57,9 @@ void DriveGroup::open_can(const BusOptions& options, const std::vector<Member>& 
   }
   if (options.no_watch) return;
   std::vector<master::ObjectClient*> drives;
-  for (const auto& objects : objects_) drives.push_back(objects.get());
+  for (std::size_t i = 0; i < members.size(); ++i) {
+    if (members[i].is_watched) drives.push_back(objects_[i].get());
+  }
   watch_.emplace(*bus_, drives, warn);
 }
 
@@ -131,10 +133,12 @@ std::vector<studio::OpenBus::Found> DriveGroup::scan() {
 
 void DriveGroup::renew_watch(std::size_t axis) {
   if (watch_) watch_->renew(*objects_[axis]);
+  if (operation_) reactions_[axis].begin();
 }
 
 void DriveGroup::release_watch(std::size_t axis) {
   if (watch_) watch_->release(*objects_[axis]);
+  if (operation_) reactions_[axis].end();
 }
 
 std::optional<master::Time> DriveGroup::watched_within(std::size_t axis) const {
@@ -169,6 +173,7 @@ void DriveGroup::open_ethercat(const BusOptions& options, const std::vector<Memb
     }
   }
   operation_options_ = operation_options(options);
+  for (const auto& slave : slaves_) reactions_.emplace_back(*slave);
   operate();
   for (std::size_t i = 0; i < slaves_.size(); ++i) {
     add_axis(std::make_unique<master::CoeObjects>(*slaves_[i], operation_->exchange(), i), products[i]);

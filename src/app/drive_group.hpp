@@ -1,5 +1,6 @@
 #pragma once
 
+#include <deque>
 #include <functional>
 
 #include "app/drive_link.hpp"
@@ -14,9 +15,11 @@ class DriveGroup {
   struct Member {
     unsigned node = 0;         // 0: the node of --node, or the only one
     std::string product = {};  // "": asked from the drive, or --product
+    bool is_watched = true;    // on CANopen: monitors this program's heartbeat
   };
 
-  // EtherCAT slaves go to OP together, and stay there as long as this object lives and waits. CANopen drives monitor
+  // EtherCAT slaves go to OP together, and stay there as long as this object lives and waits; their axes stop when the
+  // cycles cease (master::LostMasterReaction). CANopen drives monitor
   // this program's heartbeat for the same time (master::MasterWatch), unless the options disable it. Throws Failure if
   // a drive cannot be determined, MasterError if the link cannot be opened or a drive does not answer. `cancelled`: of
   // each axis (master::AxisOptions).
@@ -24,8 +27,8 @@ class DriveGroup {
              std::function<bool()> cancelled = InterruptGuard::interrupted);
 
   const std::vector<master::Axis402*>& axes() const { return pointers_; }
-  // Call it when a drive has come back, maybe from a reset: a CANopen drive monitors the heartbeat again. Throws
-  // MasterError.
+  // Call it when a drive has come back, maybe from a reset: a CANopen drive monitors the heartbeat again, and 6007h of
+  // an EtherCAT drive is written again. Throws MasterError.
   void renew_watch(std::size_t axis);
   // Restores what the monitoring has changed in the drive; renew_watch() sets it again.
   void release_watch(std::size_t axis);
@@ -65,6 +68,7 @@ class DriveGroup {
   std::unique_ptr<master::EthercatMaster> ethercat_;
   std::vector<master::FoundSlave> segment_;
   std::vector<std::unique_ptr<master::EthercatSlave>> slaves_;
+  std::deque<master::LostMasterReaction> reactions_;  // of the slaves; they end after the operation
   master::OperationOptions operation_options_{};
   std::optional<master::EthercatOperation> operation_;
   std::vector<std::unique_ptr<master::ObjectClient>> objects_;

@@ -290,7 +290,9 @@ void DriveLink::be_watched(const BusOptions& options) {
 
 bool DriveLink::end_watch() {
   watch_.reset();
-  return !watch_is_left_;
+  Ethercat* const ethercat = on<Ethercat>();
+  const bool is_restored = ethercat == nullptr || !ethercat->reaction || ethercat->reaction->end();
+  return is_restored && !watch_is_left_;
 }
 
 void DriveLink::operate(const BusOptions& options) {
@@ -298,6 +300,7 @@ void DriveLink::operate(const BusOptions& options) {
   Ethercat* ethercat = on<Ethercat>();
   if (ethercat == nullptr) return;
   master::EthercatSlave* const slaves[] = {ethercat->slave.get()};
+  ethercat->reaction.emplace(*ethercat->slave);
   ethercat->operation.emplace(*ethercat->master, ethercat->line, slaves, operation_options(options));
   objects_ = std::make_unique<master::CoeObjects>(*ethercat->slave, ethercat->operation->exchange(), 0);
 }

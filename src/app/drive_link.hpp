@@ -6,6 +6,7 @@
 #include "app/bus_options.hpp"
 #include "axis/cyclic/can_cyclic_bus.hpp"
 #include "axis/cyclic/ethercat_cyclic_bus.hpp"
+#include "axis/cyclic/lost_master.hpp"
 #include "axis/master_watch.hpp"
 #include "line/registry.hpp"
 #include "master/ethercat/coe_objects.hpp"
@@ -34,7 +35,8 @@ class DriveLink {
   }
 
   // Call it before an axis is moved: does be_watched(), and takes an EtherCAT slave to OP, where it stays as long as
-  // this object lives and waits. Does nothing on other buses. Axes that were opened before must not be used any more.
+  // this object lives and waits; its axis stops when the cycles cease (master::LostMasterReaction). Does nothing on
+  // other buses. Axes that were opened before must not be used any more.
   void operate(const BusOptions& options);
   bool operates() const {
     const auto* ethercat = std::get_if<Ethercat>(&bus_);
@@ -43,8 +45,8 @@ class DriveLink {
   // Lets a CANopen drive monitor this program's heartbeat as long as this object lives (master::MasterWatch), unless
   // the options disable it.
   void be_watched(const BusOptions& options);
-  // Ends this monitoring now, for example before the drive stores its objects. Returns false if the drive could not be
-  // restored; warn() has then printed the objects that keep their values.
+  // Ends this monitoring now, and restores 6007h, for example before the drive stores its objects. Returns false if the
+  // drive could not be restored; warn() has then printed the objects that keep their values.
   bool end_watch();
   // Exchanges the process data of the drive with the cycle of the options: on CANopen those in `on_can`, on EtherCAT
   // those that the slave maps; the slave must operate. A CANopen drive receives this program's heartbeat as long as the
@@ -84,6 +86,7 @@ class DriveLink {
     std::unique_ptr<master::EthercatMaster> master;
     std::vector<master::FoundSlave> line;  // all slaves of the segment
     std::unique_ptr<master::EthercatSlave> slave;
+    std::optional<master::LostMasterReaction> reaction;  // ends after the operation
     std::optional<master::EthercatOperation> operation;
   };
   // Each opens its bus, and objects_ on it.

@@ -6,6 +6,7 @@
 
 #include "axis/axis402.hpp"
 #include "axis/cyclic/cyclic_axis.hpp"
+#include "axis/cyclic/lost_master.hpp"
 #include "line/line.hpp"
 #include "line/support.hpp"
 #include "links/ethercat/memory_client.hpp"
@@ -151,6 +152,89 @@ TEST_F(EthercatAxes, ADriveWhoseMasterIsGoneStopsAndSaysWhy) {
   line.run_until(line.now() + 500ms);
   operation.exchange().start();
   EXPECT_THAT(problem_of([&] { objects.wait(20ms); }), HasSubstr("SAFEOP with error 001Bh sync manager watchdog"));
+}
+
+constexpr const char* two_kincos = R"(
+clock = "virtual"
+[[bus]]
+name = "ring"
+type = "ethercat"
+[[axis]]
+name = "x"
+product = "ismk-ea"
+bus = "ring"
+[[axis]]
+name = "y"
+product = "ismk-ea"
+bus = "ring"
+)";
+
+// The factory value of 6007h of these drives is 0.
+class EthercatKincos : public testing::Test {
+ protected:
+  EthercatKincos() {
+    for (const FoundSlave& one : found) slaves.push_back(std::make_unique<EthercatSlave>(master, one));
+    for (const auto& slave : slaves) all.push_back(slave.get());
+  }
+  std::int16_t option(std::size_t slave) { return slaves[slave]->coe().read<std::int16_t>(0x6007); }
+  bool turns(std::size_t axis) {
+    const auto before = line.axes()[axis]->plant().position_counts();
+    master.wait(100ms);
+    return std::abs(line.axes()[axis]->plant().position_counts() - before) > 50;
+  }
+  static void run(Axis402& axis) {
+    axis.reset_fault();
+    axis.enable();
+    const AxisUnits units = axis.units().value();
+    const auto ramp = static_cast<std::uint32_t>(100 * units.acceleration);
+    axis.run_at(static_cast<std::int32_t>(5 * units.velocity), {.acceleration = ramp, .deceleration = ramp}, 5s);
+  }
+
+  line::Line line{line::test::settings_of(two_kincos)};
+  EthercatMaster master{std::make_unique<links::MemoryEthercatClient>(line.ethercat_buses()[0]->bus, line)};
+  std::vector<FoundSlave> found = scan_slaves(master);
+  std::vector<std::unique_ptr<EthercatSlave>> slaves;
+  std::vector<EthercatSlave*> all;
+  const OperationOptions options{.cyclic = {.period = 2ms, .tolerated_losses = 50}, .sync_error_limit = 0};
+};
+
+TEST_F(EthercatKincos, StopWhenTheirMasterIsGone) {
+  {
+    LostMasterReaction reaction(*slaves[0]);
+    EXPECT_EQ(option(0), 1);
+    EthercatOperation operation(master, found, all, options);
+    CoeObjects objects(*all[0], operation.exchange(), 0);
+    Axis402 axis(objects, {.dialect = dialect_of("ismk-ea")});
+    run(axis);
+    EXPECT_TRUE(turns(0));
+    EXPECT_FALSE(reaction.end()) << "the motor is on";
+    operation.exchange().stop();
+    master.wait(1s);
+    EXPECT_FALSE(turns(0));
+  }
+  EXPECT_EQ(option(0), 0);
+  EXPECT_EQ(option(1), 0) << "it has no reaction object";
+}
+
+TEST_F(EthercatKincos, KeepTheirOwnReaction) {
+  slaves[0]->coe().write<std::int16_t>(0x6007, 0, 1);
+  { const LostMasterReaction reaction(*slaves[0]); }
+  EXPECT_EQ(option(0), 1);
+}
+
+TEST_F(EthercatKincos, OneIsStoppedAfterTheOtherHasLostItsSupply) {
+  EthercatOperation operation(master, found, all, options);
+  CoeObjects objects(*all[0], operation.exchange(), 0);
+  Axis402 axis(objects, {.dialect = dialect_of("ismk-ea")});
+  run(axis);
+  ASSERT_TRUE(turns(0));
+  line.axes()[1]->power_off(line.now());
+  master.wait(500ms);
+  EXPECT_NE(problem_of([&] { operation.exchange().check(); }), "");
+  axis.stop();
+  axis.disable();
+  EXPECT_FALSE(turns(0));
+  EXPECT_EQ(axis.state(), PowerState::switch_on_disabled);
 }
 
 TEST_F(EthercatAxes, AFaultIsNamedWithItsEmergency) {

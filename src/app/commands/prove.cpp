@@ -304,12 +304,14 @@ void prove_ethercat(const Options& options, const std::map<unsigned, std::int8_t
     Operated(master::EthercatMaster& master, const std::vector<master::FoundSlave>& line, const Drive& drive,
              const Options& options)
         : slave(master, line[drive.node - 1]),
+          reaction(slave),
           operation(master, line, slaves, operation_options(options.bus)),
           client(slave, operation.exchange(), 0) {}
     master::ObjectClient& objects() { return client; }
 
     master::EthercatSlave slave;
     std::array<master::EthercatSlave*, 1> slaves{&slave};
+    master::LostMasterReaction reaction;
     master::EthercatOperation operation;
     master::CoeObjects client;
   };

@@ -4,6 +4,7 @@
 #include <fmt/format.h>
 
 #include "axis/cyclic/interpolation_time.hpp"
+#include "axis/cyclic/lost_master.hpp"
 #include "axis/cyclic/quick_stop.hpp"
 
 namespace servodrome::master {
@@ -116,19 +117,6 @@ void set_interpolation_time(EthercatSlave& slave, Time period) {
   }
   slave.coe().write<std::uint8_t>(0x60C2, 1, time->value);
   slave.coe().write<std::int8_t>(0x60C2, 2, time->index);
-}
-
-// A drive that refuses the value keeps its own.
-void react_to_lost_master(EthercatSlave& slave) {
-  constexpr std::uint16_t abort_connection_option = 0x6007;
-  constexpr std::int16_t no_action = 0;
-  constexpr std::int16_t fault = 1;
-  try {
-    if (slave.coe().read<std::int16_t>(abort_connection_option) != no_action) return;
-    slave.coe().write<std::int16_t>(abort_connection_option, 0, fault);
-  } catch (const CoeError& error) {
-    if (!error.from_slave()) throw;
-  }
 }
 
 }  // namespace

@@ -173,7 +173,12 @@ void Subject::end_watch() {
 void Subject::to_rest() {
   ObjectClient& objects = kept_;
   if (lost_operation()) leave_operation();
-  if (ethercat_ && !operation_) return;  // without process data its power stage is off
+  if (ethercat_ && !operation_) {
+    // By the mailbox: with 6007h = 0 an axis goes on without process data.
+    const AlState state = ethercat_->slave.status().state();
+    if (state == AlState::init || state == AlState::bootstrap) ethercat_->slave.to_pre_operational();
+    if (!is_enabled()) return;
+  }
   const auto state = [&] { return state_of(objects.read<std::uint16_t>(statusword)); };
   const auto wait_until = [&](const auto& done) {
     const Time deadline = objects.now() + settings_.patience;

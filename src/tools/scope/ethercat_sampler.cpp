@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 
 #include "axis/cyclic/ethercat_cyclic_bus.hpp"
+#include "axis/cyclic/lost_master.hpp"
 #include "master/ethercat/coe_objects.hpp"
 #include "tools/scope/process_data_sampler.hpp"
 
@@ -105,6 +106,7 @@ class EthercatSession final : public ProcessDataSession {
         return find_mapped(present.inputs, channel.object).has_value();
       };
       if (!std::all_of(channels.begin(), channels.end(), is_mapped)) mapping_.replace(channels);
+      if (options.moves) reaction_.emplace(slave_);
       EthercatSlave* const slaves[] = {&slave_};
       // Under load a frame may take longer than a cycle. A late frame does not end the recording; lost cycles are
       // counted.
@@ -127,6 +129,7 @@ class EthercatSession final : public ProcessDataSession {
   // Leaves the slave in PREOP.
   void close() override {
     operation_.reset();
+    reaction_.reset();
     mapping_.put_back();
   }
 
@@ -141,6 +144,7 @@ class EthercatSession final : public ProcessDataSession {
 
   EthercatSlave& slave_;
   InputMapping mapping_;
+  std::optional<LostMasterReaction> reaction_;
   std::optional<EthercatOperation> operation_;
   std::optional<EthercatCyclicBus> bus_;
   std::optional<CoeObjects> objects_;
