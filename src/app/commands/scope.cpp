@@ -227,6 +227,7 @@ class Session {
       const bool speaks = step.verb == master::script::Verb::print || step.verb == master::script::Verb::get ||
                           step.verb == master::script::Verb::wait_probe;
       if (speaks) outcome.said.push_back(said);
+      sampler_->check();
     };
     // A slave that leaves OP while its motor is on goes to fault.
     const bool ends_operation = bus_kind(options_.bus).kind == BusKind::ethercat;

@@ -1,5 +1,6 @@
 // Sampling by reading objects one request after another, while the caller waits.
 #include <algorithm>
+#include <exception>
 
 #include "tools/scope/process_data_sampler.hpp"
 
@@ -31,6 +32,9 @@ class PolledSampler final : public Sampler {
   }
 
   ObjectClient& objects() override { return objects_; }
+  void check() const override {
+    if (problem_) std::rethrow_exception(problem_);
+  }
   void close() override { session_->close(); }
 
  private:
@@ -69,11 +73,27 @@ class PolledSampler final : public Sampler {
     PolledSampler& sampler_;
   };
 
-  void begin() override { due_ = drive_.now(); }
-  Time next_due() const { return is_wanted() ? due_ : Time::max(); }
+  void begin() override {
+    due_ = drive_.now();
+    problem_ = nullptr;
+  }
+  bool polls() const { return is_wanted() && !problem_; }
+  Time next_due() const { return polls() ? due_ : Time::max(); }
 
+  // Returns true if it took a sample. An error ends the sampling, and check() throws it. The access of the caller does
+  // not fail: it may be a stop of the axis.
   bool poll_if_due() {
-    if (!is_wanted() || drive_.now() < due_) return false;
+    if (!polls() || drive_.now() < due_) return false;
+    try {
+      poll();
+      return true;
+    } catch (const MasterError&) {
+      problem_ = std::current_exception();
+      return false;
+    }
+  }
+
+  void poll() {
     for (std::size_t i = 0; i < requests_.size(); ++i) {
       const Time asked = drive_.now();
       const auto answers = drive_.upload_together(requests_[i].objects);
@@ -84,15 +104,14 @@ class PolledSampler final : public Sampler {
       }
     }
     deliver({times_, values_});
-    if (period_ <= Time{0}) return true;
+    if (period_ <= Time{0}) return;
     // Samples stay due at multiples of the period after the first one. Those that became due during this one are
     // missed.
     due_ += period_;
     const Time late = drive_.now() - due_;
-    if (late < period_) return true;
+    if (late < period_) return;
     missed_ += static_cast<std::uint64_t>(late / period_);
     due_ += late / period_ * period_;
-    return true;
   }
 
   std::unique_ptr<Session> session_;
@@ -100,6 +119,7 @@ class PolledSampler final : public Sampler {
   Objects objects_;
   std::vector<Request> requests_;
   Time due_{};
+  std::exception_ptr problem_;  // of the last sample
   std::vector<Time> times_;
   std::vector<double> values_;
 };

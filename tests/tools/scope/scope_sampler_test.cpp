@@ -243,6 +243,53 @@ TEST_P(ScopeSampler, ReadsObjectsWhenItIsToldTo) {
   EXPECT_EQ(pdo_set_up(), before);
 }
 
+// Refuses 6077h from a given moment.
+class Refusing final : public ObjectClient {
+ public:
+  explicit Refusing(ObjectClient& drive) : drive_(drive) {}
+  std::vector<std::byte> upload(ObjectAddress object) override {
+    if (refuses && object == ObjectAddress{0x6077, 0}) throw ObjectError("it is busy", where(), "ask later", false);
+    return drive_.upload(object);
+  }
+  void download(ObjectAddress object, std::span<const std::byte> data) override { drive_.download(object, data); }
+  Time now() const override { return drive_.now(); }
+  void wait(Time span) override { drive_.wait(span); }
+  std::uint16_t address() const override { return drive_.address(); }
+  std::string where() const override { return drive_.where(); }
+
+  bool refuses = false;
+
+ private:
+  ObjectClient& drive_;
+};
+
+TEST(PolledSampler, AChannelThatIsRefusedEndsTheSamplingAndNotTheStop) {
+  AxisRig rig({"generic402"});
+  Refusing drive(rig.objects());
+  std::vector<Channel> list;
+  for (const char* name : {"position", "torque"}) {
+    Channel channel = named_channel(name, ObjectCatalogue::standard());
+    complete(channel, drive);
+    add_channel(list, channel);
+  }
+  auto sampler = open_polled_sampler(drive, std::move(list));
+  Recorder recorder(*sampler, {});
+  Axis402 axis(sampler->objects(), rig.options());
+  axis.enable();
+  axis.run_at(131072, {.acceleration = 1310720, .deceleration = 1310720}, 5s);
+  sampler->check();
+  drive.refuses = true;
+  sampler->objects().wait(50ms);
+  const std::size_t rows = recorder.rows();
+  EXPECT_GT(rows, 1U);
+  EXPECT_THAT(problem_of([&] { sampler->check(); }), HasSubstr("it is busy"));
+  drive.refuses = false;
+  axis.stop();
+  axis.disable();
+  EXPECT_EQ(axis.state(), PowerState::switch_on_disabled);
+  EXPECT_EQ(recorder.rows(), rows) << "the sampling has ended";
+}
+
 TEST_P(ScopeSampler, TellsWhenTheBusIsCut) {
   auto sampler = open(channels({"position"}), {});
   Recorder recorder(*sampler, {});
