@@ -24,7 +24,7 @@ class Failure : public std::runtime_error {
   int exit_status_;
 };
 
-// Prints to standard error; the command continues.
+// Prints to standard error, if possible; the command continues.
 void warn(const std::string& message);
 
 void add_up(CLI::App& app);

@@ -1,5 +1,6 @@
 #include <algorithm>
 #include <array>
+#include <cstdio>
 #include <fmt/format.h>
 #include <iostream>
 
@@ -66,7 +67,10 @@ void refuse_unknown_command(const CLI::App& app, int argc, char** argv) {
 
 }  // namespace
 
-void servodrome::app::warn(const std::string& message) { fmt::print(stderr, "servodrome: {}\n", message); }
+// An error of the output is ignored: the caller may be about to stop an axis.
+void servodrome::app::warn(const std::string& message) {
+  std::fputs(fmt::format("servodrome: {}\n", message).c_str(), stderr);
+}
 
 int main(int argc, char** argv) {
   begin_process();

@@ -125,6 +125,15 @@ bool MasterWatch::is_watching(const ObjectClient& drive) const {
   return std::any_of(watching_.begin(), watching_.end(), [&](const auto& its) { return its.drive == &drive; });
 }
 
+// An exception of the callback does not keep the other drives from being restored.
+void MasterWatch::tell(const std::string& sentence) noexcept {
+  try {
+    if (tell_) tell_(sentence);
+  } catch (...) {
+    // The sentence is lost.
+  }
+}
+
 void MasterWatch::restore(const Watching& watching) noexcept {
   const std::uint32_t own = entry_for(node_id_);
   bool freed = false;
@@ -134,9 +143,8 @@ void MasterWatch::restore(const Watching& watching) noexcept {
     if (entry != own && entry != 0) return;
     if (entry == own) {
       if (moves(*watching.drive)) {
-        if (tell_)
-          tell_(fmt::format("{}: the axis still moves; it stops when the drive misses this program's heartbeat",
-                            watching.drive->where()));
+        tell(fmt::format("{}: the axis still moves; it stops when the drive misses this program's heartbeat",
+                         watching.drive->where()));
         return;
       }
       watching.drive->write<std::uint32_t>(consumer_heartbeat_time, 1, 0);
@@ -144,13 +152,12 @@ void MasterWatch::restore(const Watching& watching) noexcept {
     freed = true;
     if (watching.option_changed) watching.drive->write<std::int16_t>(abort_connection_option, 0, no_action);
   } catch (const MasterError&) {
-    if (!tell_) return;
     // If the drive does not answer, the code that uses the drive reports the reason. This function reports only the
     // objects that keep their values.
     const std::string watch = freed ? "" : fmt::format("1016h:01 = {:08X}h", own);
     const std::string option = watching.option_changed ? fmt::format("6007h = {}", malfunction) : "";
-    tell_(fmt::format("{}: {}{}{} could not be restored and stays until the drive's next reset",
-                      watching.drive->where(), watch, !watch.empty() && !option.empty() ? " and " : "", option));
+    tell(fmt::format("{}: {}{}{} could not be restored and stays until the drive's next reset", watching.drive->where(),
+                     watch, !watch.empty() && !option.empty() ? " and " : "", option));
   }
 }
 

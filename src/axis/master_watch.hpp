@@ -69,6 +69,7 @@ class MasterWatch {
   };
   void begin(ObjectClient& drive);
   void restore(const Watching& watching) noexcept;
+  void tell(const std::string& sentence) noexcept;
   void beat();
   bool is_free(ObjectClient& drive);
   bool is_left_over(std::uint32_t entry);

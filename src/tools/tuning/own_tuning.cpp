@@ -138,6 +138,10 @@ OwnTuningResult tune_by_itself(Axis402& axis, const TuningDialect& dialect, cons
     const std::string remedy = fmt::format("{}; {}", error.remedy(), learning.put_back());
     if (dynamic_cast<const Cancelled*>(&error) != nullptr) throw Cancelled(error.happened(), error.where(), remedy);
     throw MasterError(error.happened(), error.where(), remedy);
+  } catch (...) {
+    // For example the progress cannot be printed. The end of `learning` writes the gains of before.
+    axis.try_to_switch_off();
+    throw;
   }
   return result;
 }

@@ -3,6 +3,7 @@
 #include <cmath>
 #include <gmock/gmock.h>
 
+#include "tools/tuning/own_tuning.hpp"
 #include "tuning_rig.hpp"
 
 namespace servodrome::master::tuning {
@@ -298,6 +299,26 @@ TEST(TuneLimits, ABlockedAxis) {
   const auto tuner = rig.tuner();
   EXPECT_THAT(master::test::problem_of([&] { tuner->measure(60.0, {}); }), HasSubstr("more than 60 % of rated torque"));
   EXPECT_NE(rig.servo().state(), PowerState::operation_enabled);
+}
+
+// For example the progress of the command cannot be printed.
+TEST(OwnTuning, AnyExceptionStopsTheAxisAndRestoresTheGains) {
+  for (const bool at_end : {false, true}) {
+    AxisRig rig({"ismk"});
+    Axis402 axis(rig.objects(), rig.options());
+    const TuningDialect& dialect = tuning_dialect_of("ismk");
+    const auto before = read_gains(rig.objects(), dialect);
+    const auto fail = [at_end](const char* doing, double) {
+      if (!at_end || std::string_view(doing) == "searching for resonances") throw std::runtime_error("disk full");
+    };
+    EXPECT_THROW(tune_by_itself(axis, dialect, axis.units().value(), {.progress = fail}), std::runtime_error);
+    EXPECT_EQ(axis.state(), PowerState::switch_on_disabled);
+    const double place = rig.shaft_counts();
+    rig.objects().wait(100ms);
+    EXPECT_NEAR(rig.shaft_counts(), place, 50);
+    const auto after = read_gains(rig.objects(), dialect);
+    for (std::size_t i = 0; i < before.size(); ++i) EXPECT_EQ(after[i].number, before[i].number) << i;
+  }
 }
 
 }  // namespace
