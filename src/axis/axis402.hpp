@@ -224,6 +224,9 @@ class Axis402 {
   // The drive's units in one encoder count, one count/s and one count/s2. nullopt: the drive has factors, but no 608Fh.
   std::optional<AxisUnits> units_per_count();
 
+  // Call it after the drive's factors have changed: the axis reads them again when it needs them.
+  void forget_units() { rest_distance_.reset(); }
+
   ObjectClient& objects() { return objects_; }
   const Dialect& dialect() const { return options_.dialect; }
   std::uint16_t address() const { return objects_.address(); }  // node-ID, station, unit or position on the bus
@@ -288,6 +291,8 @@ class Axis402 {
   // True if the drive reports target reached and the position is near the goal. Throws if the axis stands elsewhere.
   bool has_arrived(std::uint16_t statusword, const std::string& doing);
   bool is_near(std::int32_t goal);
+  // True if the goal is outside the position range 607Bh of an axis that wraps around.
+  bool is_outside_range(std::int64_t goal);
   // True if the limit switch in the direction of motion is active (60FDh); false if the axis has no direction.
   bool at_limit();
   // Throws if at_limit().

@@ -173,6 +173,13 @@ void Axis402::start_move_by(std::int32_t distance, const MotionProfile& profile)
   // The drive would add the distance to the target of the move that was stopped, so the absolute target is computed
   // here.
   const std::int64_t target = std::int64_t{position()} + distance;
+  if (is_outside_range(target)) {
+    // The axis would reach a target outside the range 607Bh in the other direction.
+    if (!drop_set_points(controlword_)) {
+      fail("the drive keeps the move that was stopped (statusword bit 12 stays set)", "disable and enable the axis");
+    }
+    return start_move(distance, true, profile);
+  }
   if (target != static_cast<std::int32_t>(target)) {
     fail(fmt::format("{} is not a position", target), "move by less, or home the axis");
   }
@@ -194,6 +201,12 @@ bool Axis402::stands() {
   return now - stands_since_ >= standing;
 }
 
+bool Axis402::is_outside_range(std::int64_t goal) {
+  const auto lowest = objects_.read_if_present<std::int32_t>(0x607B, 1);
+  const auto highest = objects_.read_if_present<std::int32_t>(0x607B, 2);
+  return lowest && highest && *lowest < *highest && (goal < *lowest || goal > *highest);
+}
+
 bool Axis402::is_near(std::int32_t goal) {
   if (!near_) {
     constexpr std::int64_t least = 2000;  // used if the units of a revolution are unknown
@@ -202,12 +215,8 @@ bool Axis402::is_near(std::int32_t goal) {
     const auto revolution = units();
     near_ = std::max<std::int64_t>(window < no_window ? window : 0,
                                    revolution ? std::llround(revolution->position / 50) + 1 : least);
-    // Outside the range 607Bh the position wraps around, so goal and position cannot be compared.
-    const auto lowest = objects_.read_if_present<std::int32_t>(0x607B, 1);
-    const auto highest = objects_.read_if_present<std::int32_t>(0x607B, 2);
-    if (lowest && highest && *lowest < *highest && (goal < *lowest || goal > *highest)) {
-      near_ = std::numeric_limits<std::int64_t>::max();
-    }
+    // The position wraps around before it reaches such a goal, so goal and position cannot be compared.
+    if (is_outside_range(goal)) near_ = std::numeric_limits<std::int64_t>::max();
   }
   return std::abs(std::int64_t{goal} - position()) <= *near_;
 }

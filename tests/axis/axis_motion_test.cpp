@@ -40,6 +40,35 @@ class AxisMotion : public testing::TestWithParam<RigCase> {
 INSTANTIATE_TEST_SUITE_P(Every, AxisMotion, testing::ValuesIn(every_product),
                          [](const auto& row) { return row.param.name(); });
 
+// On an axis that wraps around, the present position plus the distance may be outside the range 607Bh.
+TEST(ModuloAxis, AMoveByADistanceAfterAStopGoesInItsDirection) {
+  for (const int direction : {1, -1}) {
+    AxisRig rig({"generic402"});
+    Axis402 axis(rig.objects(), rig.options());
+    const auto revolution = static_cast<std::int32_t>(axis.units().value().position);
+    const auto speed = static_cast<std::uint32_t>(2 * revolution);
+    const MotionProfile profile{.velocity = speed, .acceleration = 20 * speed, .deceleration = 20 * speed};
+    rig.objects().write<std::int32_t>(0x607B, 1, 0);
+    rig.objects().write<std::int32_t>(0x607B, 2, revolution - 1);
+    axis.enable();
+    axis.start_move_by(direction * 5 * revolution, profile);
+    // Until half a revolution would leave the range.
+    const auto leaves = [&] { return direction * (axis.position() - revolution / 2) > revolution / 8; };
+    rig.objects().wait(300ms);
+    while (!leaves()) rig.objects().wait(5ms);
+    axis.stop();
+    ASSERT_TRUE(leaves());
+    const double before = rig.shaft_counts();
+    axis.move_by(direction * revolution / 2, profile, 5s);
+    rig.objects().wait(200ms);
+    EXPECT_NEAR(rig.shaft_counts() - before, direction * revolution / 2.0, revolution / 50.0) << direction;
+    // The next distance counts from that target again.
+    axis.move_by(direction * revolution / 4, profile, 5s);
+    rig.objects().wait(200ms);
+    EXPECT_NEAR(rig.shaft_counts() - before, direction * revolution * 0.75, revolution / 50.0) << direction;
+  }
+}
+
 // A revolution must follow the encoder of the drive, not that of the maker's usual motor.
 constexpr RigCase manuals_encoder{"pronet", RigCase::BusKind::can, "[axis.encoder]\ncounts_per_revolution = 10000\n"};
 INSTANTIATE_TEST_SUITE_P(ManualsEncoder, AxisMotion, testing::Values(manuals_encoder),
