@@ -115,6 +115,7 @@ master::Axis402::Progress motion_progress(master::Axis402& axis, bool quiet, con
     const master::Time now = axis.objects().now();
     if (!shown || now < next) return;
     next = now + progress_period;
+    if (!output_is_ready()) return;  // to wait for the terminal would delay the end of the motion
     fmt::print("\r  position {:>12}  velocity {:>10}\x1B[K", scale.position(status.position),
                scale.velocity(status.velocity));
     std::fflush(stdout);

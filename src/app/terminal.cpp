@@ -1,12 +1,21 @@
 #include "app/terminal.hpp"
 
 #include <array>
+#include <poll.h>
 #include <sys/ioctl.h>
 #include <sys/select.h>
 #include <termios.h>
 #include <unistd.h>
 
 namespace servodrome::app {
+namespace {
+
+bool is_ready(int file) {
+  pollfd polled{.fd = file, .events = POLLOUT, .revents = 0};
+  return ::poll(&polled, 1, 0) == 1 && (polled.revents & POLLOUT) != 0;
+}
+
+}  // namespace
 
 bool on_terminal() { return ::isatty(STDOUT_FILENO) == 1; }
 
@@ -14,6 +23,9 @@ unsigned terminal_width() {
   winsize size{};
   return ::ioctl(STDOUT_FILENO, TIOCGWINSZ, &size) == 0 ? size.ws_col : 0;
 }
+
+bool output_is_ready() { return is_ready(STDOUT_FILENO); }
+bool error_output_is_ready() { return is_ready(STDERR_FILENO); }
 
 bool has_keyboard() { return ::isatty(STDIN_FILENO) == 1; }
 

@@ -9,6 +9,10 @@ namespace servodrome::app {
 bool on_terminal();
 // Returns the width of the terminal of standard output; 0: unknown.
 unsigned terminal_width();
+// Returns true if standard output, or standard error, takes a line without waiting: a terminal that Ctrl-S has stopped
+// does not.
+bool output_is_ready();
+bool error_output_is_ready();
 // Returns true if standard input is a terminal.
 bool has_keyboard();
 

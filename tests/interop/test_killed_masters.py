@@ -6,6 +6,7 @@ import json
 import os
 import pty
 import random
+import resource
 import signal
 import subprocess
 import termios
@@ -264,3 +265,99 @@ def test_ctrl_s_does_not_block_jog(line):
         process.kill()
         process.wait()
         os.close(terminal)
+
+
+def test_ctrl_s_does_not_lengthen_a_jog_of_a_given_time(line):
+    """The progress is not printed while the terminal is stopped."""
+    command = [PROGRAM, "jog", "--bus", line.links["can0"][0], "--node", "2", "--revolutions", "--velocity", "0.3", "--seconds", "3"]
+    process, terminal = in_a_terminal(command)
+    try:
+        wait_for(lambda: speed(line, "reference") > 5, "the axis to turn")
+        os.write(terminal, b"\x13")
+        wait_for(lambda: line.bench.axis("reference")["state"] != "operation enabled" or speed(line, "reference") < 1, "the end", 20)
+        os.write(terminal, b"\x11")
+        assert process.wait(30) == 0
+    finally:
+        process.kill()
+        process.wait()
+        os.close(terminal)
+
+
+SIGNALS = ["SIGUSR1", "SIGUSR2", "SIGALRM", "SIGVTALRM", "SIGPROF", "SIGXCPU"]
+
+
+@pytest.mark.parametrize("name_of_signal", SIGNALS)
+def test_a_signal_that_would_kill_a_command_stops_its_axis(line, name_of_signal):
+    command = [PROGRAM, "jog", "--no-watch", "--bus", line.links["can0"][0], "--node", "2", "--revolutions", "--velocity", "0.3", "--seconds", "60"]
+    process = subprocess.Popen(command, stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL)
+    wait_for(lambda: speed(line, "reference") > 5 or process.poll() is not None, "the axis to turn")
+    number = getattr(signal, name_of_signal)
+    process.send_signal(number)
+    assert process.wait(60) == 128 + number
+    assert speed(line, "reference") < 1
+    assert line.bench.axis("reference")["state"] != "operation enabled"
+
+
+def test_a_script_whose_output_reaches_the_limit_of_a_file_stops_its_axis(line, tmp_path):
+    script = tmp_path / "turn.script"
+    script.write_text(f'axis a 2\na enable\na velocity {COUNTS // 4} acceleration {COUNTS}\nwait 1\nprint "{"turns" * 50}"\nwait 60\n')
+    command = [PROGRAM, "run", "--no-watch", "--quiet", "--bus", line.links["can0"][0], str(script)]
+    with open(tmp_path / "output", "wb") as output:
+        process = subprocess.Popen(
+            command,
+            stdin=subprocess.DEVNULL,
+            stdout=output,
+            stderr=subprocess.PIPE,
+            text=True,
+            preexec_fn=lambda: resource.setrlimit(resource.RLIMIT_FSIZE, (100, 100)),
+        )
+    wait_for(lambda: speed(line, "reference") > 5 or process.poll() is not None, "the axis to turn")
+    _, said = process.communicate(timeout=40)
+    assert process.returncode == 1 and "standard output could not be written" in said, (process.returncode, said)
+    assert speed(line, "reference") < 1
+    assert line.bench.axis("reference")["state"] != "operation enabled"
+
+
+def test_an_error_that_cannot_be_printed_keeps_its_exit_status(line):
+    with open("/dev/full", "wb") as full:
+        command = [PROGRAM, "get", "--bus", line.links["can0"][0], "--node", "2", "5FFF"]
+        assert subprocess.run(command, stdin=subprocess.DEVNULL, stdout=full, stderr=full, timeout=60).returncode == 1
+
+
+# Each command drives the axis by another part of the program.
+ON_ETHERCAT = {
+    "run": ["run", "{script}"],
+    "scope": ["scope", "position", "--run", "{script}"],
+    "scope without process data": ["scope", "position", "--poll", "--run", "{script}"],
+    "jog": ["jog", "--revolutions", "--velocity", "1", "--seconds", "60", "--reset-fault"],
+    "prove": ["prove", "--method", "35", "--revolutions", "10000", "--speed", "1", "--timeout", "60"],
+}
+
+
+@pytest.mark.parametrize("name", ON_ETHERCAT)
+def test_a_command_is_killed_whose_drive_would_ignore_that(tmp_path, name):
+    """The factory value of 6007h of this drive is 0; the command restores it, unless it is killed."""
+    line = Line(tmp_path, bus_text("ecat", "ethercat") + '[[axis]]\nname = "kinco"\nproduct = "ismk-ea"\nbus = "ecat"\n', ("ecat=udp:127.0.0.1:0",))
+    try:
+        script = tmp_path / "turn.script"
+        script.write_text("units revolutions\nreset\nenable\nvelocity 1 acceleration 10\nwait 60\n")
+        words = [word.format(script=script) for word in ON_ETHERCAT[name]]
+
+        def start():
+            command = [PROGRAM, *words, "--bus", line.links["ecat"][0]]
+            process = subprocess.Popen(command, stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL)
+            wait_for(lambda: speed(line, "kinco") > 30 or process.poll() is not None, "the axis to turn")
+            assert process.poll() is None
+            return process
+
+        process = start()
+        process.terminate()
+        process.wait(60)
+        assert speed(line, "kinco") < 1
+        assert line.bench.get("axes/kinco/objects/6007/0")["value"] == 0
+        process = start()
+        process.kill()
+        process.wait()
+        rests_within(line, "kinco", 1.5)
+    finally:
+        line.stop()

@@ -21,6 +21,10 @@ unsigned terminal_width() {
   return static_cast<unsigned>(info.srWindow.Right - info.srWindow.Left + 1);
 }
 
+// A console has no poll.
+bool output_is_ready() { return true; }
+bool error_output_is_ready() { return true; }
+
 bool has_keyboard() { return is_console(STD_INPUT_HANDLE); }
 
 struct Keyboard::Before {
