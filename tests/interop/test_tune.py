@@ -249,3 +249,17 @@ def test_wrong_uses(tuned_line):
     assert "--apply" in servodrome("tune", *can, "--store", status=2)
     assert "fixed rate" in servodrome("tune", "--bus", "modbus:tcp:127.0.0.1:1", status=2)
     assert "no automatic tuning" in servodrome("tune", *can, "--auto", status=1)
+    nowhere = ["--bus", "socketcand:127.0.0.1:1/can0"]
+    assert "x.svg: cannot be written" in servodrome("tune", *nowhere, "--plot", "/nowhere/x.svg", status=2)
+    assert "x.xml: cannot be written" in servodrome("conform", *nowhere, "--junit", "/nowhere/x.xml", status=2)
+
+
+def test_a_picture_that_cannot_be_written_leaves_the_result(tuned_line):
+    """The disk is full at the end."""
+    for _ in range(ATTEMPTS):
+        process = start(tuned_line, "reference", "--propose", *SHORT, "--json", "--plot", "/dev/full")
+        out, said = process.communicate(timeout=200)
+        assert process.returncode == 1
+        if not any(text in said for text in TOO_BUSY + UNEVEN):
+            assert "/dev/full: cannot be written" in said and json.loads(out)["result"] == "proposed", (out, said)
+            return

@@ -2,13 +2,13 @@
 #include <algorithm>
 #include <cstdio>
 #include <fmt/format.h>
-#include <fstream>
 #include <nlohmann/json.hpp>
 
 #include "app/bus_options.hpp"
 #include "app/commands.hpp"
 #include "app/drive_link.hpp"
 #include "app/number_options.hpp"
+#include "app/whole_file.hpp"
 #include "links/nearest_name.hpp"
 #include "tools/conform/report.hpp"
 
@@ -126,18 +126,10 @@ class Screen {
   std::string_view group_;
 };
 
-void write_file(const std::string& path, const std::string& text) {
-  std::ofstream file(path, std::ios::binary);
-  file << text;
-  file.close();
-  if (!file) {
-    throw Failure::did_not_work(fmt::format("--junit {}: cannot be written; check that the folder exists", path));
-  }
-}
-
 void run(const Options& options) {
   refuse_unknown(options.only);
   if (options.list) return list_checks(options.bus.json);
+  if (!options.junit.empty()) require_writable(options.junit);
   const InterruptGuard guard;
   DriveLink link(options.bus, true);
   const line::Product* product = link.product();
@@ -180,7 +172,7 @@ void run(const Options& options) {
     fmt::print("{}\n", conform::summary_of(report));
   }
   for (const std::string& problem : report.problems) fmt::print(stderr, "servodrome: {}\n", problem);
-  if (!options.junit.empty()) write_file(options.junit, conform::junit_of(report, drive));
+  if (!options.junit.empty()) write_whole_file(options.junit, conform::junit_of(report, drive));
   if (report.cancelled) throw Failure::did_not_work(fmt::format("interrupted: {} is at rest", subject->where()));
   const std::size_t failures = report.count(Verdict::fail);
   if (failures != 0) {

@@ -1,12 +1,12 @@
 // `tune`: measures a drive's velocity loop over the bus, and sets its gains for a bandwidth.
 #include <cmath>
 #include <fmt/format.h>
-#include <fstream>
 #include <nlohmann/json.hpp>
 
 #include "app/commands.hpp"
 #include "app/drive_link.hpp"
 #include "app/number_options.hpp"
+#include "app/whole_file.hpp"
 #include "studio/tuning_json.hpp"
 #include "tools/parameters/loader.hpp"
 #include "tools/tuning/bode_plot.hpp"
@@ -76,10 +76,7 @@ void write_plot(const std::string& path, const tuning::SessionResult& result, co
     curves.push_back({"open loop after", tuning::bode(result.after->frequencies_hz, result.after->open_loop)});
     curves.push_back({"closed loop after", tuning::bode(result.after->frequencies_hz, result.after->closed_loop)});
   }
-  std::ofstream file(path, std::ios::binary);
-  file << tuning::bode_svg(curves, where);
-  file.close();
-  if (!file) throw Failure::did_not_work(fmt::format("{}: cannot be written; check path, rights and disk", path));
+  write_whole_file(path, tuning::bode_svg(curves, where));
 }
 
 // The process data begin with controlword 0, which switches the motor of an enabled drive off: a moving axis would
@@ -136,6 +133,41 @@ void print_storing(const Options& options, bool stored, bool written) {
   }
 }
 
+void print(const Options& options, DriveLink& link, const tuning::SessionResult& result,
+           const tuning::TuningUnits& units, bool stored) {
+  const tuning::Measurement& before = result.before;
+  fmt::print(
+      "{} {}: inertia {:.3g} {}, friction {:.3g} {} at {:.0f} rpm, constant load {:.2g} {}, loop delay {:.2f} ms\n",
+      link.noun(), link.objects().address(), before.mechanics.inertia, units.inertia_name, before.friction,
+      units.torque_name, before.speed_rad_s * 60.0 / 6.283185307, before.constant_load, units.torque_name,
+      1e3 * before.controller.delay.total_s());
+  if (const auto& resonance = before.mechanics.resonance) {
+    fmt::print("elastic: antiresonance {:.0f} Hz, resonance {:.0f} Hz, {:.0f} % of the inertia on the motor's side\n",
+               resonance->antiresonance_hz, resonance->resonance_hz,
+               100.0 * before.mechanics.rotor_inertia() / before.mechanics.inertia);
+  }
+  print_table(result.after ? *result.after : before);
+  print("before", before);
+  if (result.step_before) print("", *result.step_before);
+  fmt::print("{:<10}bandwidth {:.1f} Hz (target {:.1f} Hz), phase margin {}\n", "predicted",
+             result.predicted.bandwidth_hz, result.bandwidth_hz,
+             figure(result.predicted.margins.phase_margin_deg, "deg"));
+  if (result.after) print("measured", *result.after);
+  if (result.step_after) print("", *result.step_after);
+  if (result.gains.empty()) {
+    fmt::print(
+        "in SI units (the gain objects of this drive are not known): velocity loop {:.4g} {} s/rad and {:.4g} {}/rad, "
+        "position loop {:.3g} /s\n",
+        result.proposal.velocity.kp, units.torque_name, result.proposal.velocity.ki, units.torque_name,
+        result.proposal.position_kp);
+  } else {
+    fmt::print("{}\n", options.apply ? "written:" : "proposed, not written (--apply writes):");
+    print_gains(result.gains_before, result.gains);
+  }
+  if (result.after) fmt::print("{}\n", tuning::text_of_changes(result));
+  print_storing(options, stored, options.apply);
+}
+
 void run_itself(const Options& options) {
   const InterruptGuard guard;
   DriveLink link(options.bus, true);
@@ -149,7 +181,7 @@ void run_itself(const Options& options) {
   const tuning::OwnTuningResult result = tuning::tune_by_itself(
       *axis, dialect, units.value_or(master::AxisUnits{1.0, 1.0, 1.0}),
       {.travel_revolutions = options.travel_revolutions, .progress = [&](const char* doing, double share) {
-         if (shown) fmt::print(stderr, "\r  {} {:.0f} %\x1B[K", doing, 100.0 * share);
+         if (shown && error_output_is_ready()) fmt::print(stderr, "\r  {} {:.0f} %\x1B[K", doing, 100.0 * share);
        }});
   if (shown) fmt::print(stderr, "\r\x1B[K");
   const bool stored = options.store && store(link);
@@ -168,6 +200,7 @@ void run_itself(const Options& options) {
 void run(const Options& options) {
   if (options.apply && options.propose) throw Failure::wrong_use("tune: give --apply or --propose, not both");
   if (options.store && !options.apply && !options.itself) throw Failure::wrong_use("tune: --store goes with --apply");
+  if (!options.plot.empty()) require_writable(options.plot);
   if (options.itself) return run_itself(options);
   const BusKind kind = bus_kind(options.bus).kind;
   if (kind == BusKind::modbus || kind == BusKind::serial10) {
@@ -204,54 +237,25 @@ void run(const Options& options) {
                          .seconds = options.seconds,
                          .cancelled = InterruptGuard::interrupted,
                          .progress = [&](const char* doing, double share) {
-                           if (shown) fmt::print(stderr, "\r  {} {:.0f} %\x1B[K", doing, 100.0 * share);
+                           if (shown && error_output_is_ready())
+                             fmt::print(stderr, "\r  {} {:.0f} %\x1B[K", doing, 100.0 * share);
                          }});
     result =
         tuning::tune(tuner, objects, dialect, units, {.bandwidth_hz = options.bandwidth_hz, .apply = options.apply});
   }
   if (shown) fmt::print(stderr, "\r\x1B[K");
   end_exchange(cyclic, options);
-  if (!options.plot.empty()) write_plot(options.plot, result, objects.where());
   const bool stored = options.store && store(link);
-
   if (options.bus.json) {
     ordered_json json{{"node", axis->address()}};
     json.update(studio::json_of(result, units));
     json["stored"] = stored;
     fmt::print("{}\n", json.dump(2));
-    return;
-  }
-  const tuning::Measurement& before = result.before;
-  fmt::print(
-      "{} {}: inertia {:.3g} {}, friction {:.3g} {} at {:.0f} rpm, constant load {:.2g} {}, loop delay {:.2f} ms\n",
-      link.noun(), axis->address(), before.mechanics.inertia, units.inertia_name, before.friction, units.torque_name,
-      before.speed_rad_s * 60.0 / 6.283185307, before.constant_load, units.torque_name,
-      1e3 * before.controller.delay.total_s());
-  if (const auto& resonance = before.mechanics.resonance) {
-    fmt::print("elastic: antiresonance {:.0f} Hz, resonance {:.0f} Hz, {:.0f} % of the inertia on the motor's side\n",
-               resonance->antiresonance_hz, resonance->resonance_hz,
-               100.0 * before.mechanics.rotor_inertia() / before.mechanics.inertia);
-  }
-  print_table(result.after ? *result.after : before);
-  print("before", before);
-  if (result.step_before) print("", *result.step_before);
-  fmt::print("{:<10}bandwidth {:.1f} Hz (target {:.1f} Hz), phase margin {}\n", "predicted",
-             result.predicted.bandwidth_hz, result.bandwidth_hz,
-             figure(result.predicted.margins.phase_margin_deg, "deg"));
-  if (result.after) print("measured", *result.after);
-  if (result.step_after) print("", *result.step_after);
-  if (result.gains.empty()) {
-    fmt::print(
-        "in SI units (the gain objects of this drive are not known): velocity loop {:.4g} {} s/rad and {:.4g} {}/rad, "
-        "position loop {:.3g} /s\n",
-        result.proposal.velocity.kp, units.torque_name, result.proposal.velocity.ki, units.torque_name,
-        result.proposal.position_kp);
   } else {
-    fmt::print("{}\n", options.apply ? "written:" : "proposed, not written (--apply writes):");
-    print_gains(result.gains_before, result.gains);
+    print(options, link, result, units, stored);
   }
-  if (result.after) fmt::print("{}\n", tuning::text_of_changes(result));
-  print_storing(options, stored, options.apply);
+  // The file comes last: the disk may be full, and the gains are written and printed then.
+  if (!options.plot.empty()) write_plot(options.plot, result, objects.where());
 }
 
 }  // namespace tune_command
