@@ -1,6 +1,7 @@
 // `run`: carries out a motion script.
 #include "tools/script/run.hpp"
 
+#include <algorithm>
 #include <filesystem>
 #include <fmt/format.h>
 #include <fstream>
@@ -91,7 +92,7 @@ void check_axes(const Script& script, const std::vector<Step>& steps, const std:
   }
 }
 
-// After the script has succeeded. Tries all axes, then throws ScriptFailure with the first error.
+// After the script has succeeded. Tries all these axes, then throws ScriptFailure with the first error.
 void switch_off(const Script& script, const std::vector<master::Axis402*>& axes) {
   std::string problem;
   for (master::Axis402* axis : axes) {
@@ -110,7 +111,10 @@ void switch_off(const Script& script, const std::vector<master::Axis402*>& axes)
 
 void carry_out(const Options& options, const Script& script, nlohmann::ordered_json& steps) {
   std::vector<DriveGroup::Member> members;
-  for (const master::script::AxisDeclaration& axis : script.axes) members.push_back({axis.node, axis.product});
+  const std::vector<bool> is_commanded = master::script::commanded_axes(script);
+  for (std::size_t i = 0; i < script.axes.size(); ++i) {
+    members.push_back({script.axes[i].node, script.axes[i].product, is_commanded[i]});
+  }
   const InterruptGuard guard;
   master::script::Cancellation cancellation(InterruptGuard::interrupted);
   DriveGroup group(options.bus, members, std::ref(cancellation));
@@ -118,6 +122,13 @@ void carry_out(const Options& options, const Script& script, nlohmann::ordered_j
   check_axes(script, script.steps, axes);
   master::script::RunOptions run_options;
   run_options.cancellation = &cancellation;
+  // Another program may move the axes that the script only reads, or has not commanded yet.
+  std::vector<master::Axis402*> commanded;
+  run_options.began = [&](const Step& step) {
+    master::Axis402* const axis = axes[step.axis];
+    const bool is_known = std::find(commanded.begin(), commanded.end(), axis) != commanded.end();
+    if (master::script::commands_axis(step) && !is_known) commanded.push_back(axis);
+  };
   run_options.progress = [shown = motion_progress(*axes.front(), options.bus.json || options.quiet)](
                              const master::AxisStatus& status) mutable { shown(status); };
   run_options.done = [&](const Step& step, master::Time took, const std::string& said) {
@@ -144,10 +155,10 @@ void carry_out(const Options& options, const Script& script, nlohmann::ordered_j
     master::script::run(script, axes, run_options);
   } catch (...) {
     end_progress(options.bus.json || options.quiet);
-    for (master::Axis402* axis : axes) axis->try_to_switch_off();
+    for (master::Axis402* axis : commanded) axis->try_to_switch_off();
     throw;
   }
-  if (group.operates() || options.disable) switch_off(script, axes);
+  if (group.operates() || options.disable) switch_off(script, commanded);
 }
 
 void run(const Options& options) {

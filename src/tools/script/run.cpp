@@ -113,7 +113,7 @@ class Runner {
     }
   }
 
-  // ---- Before any motion ----
+  // ---- Before any motion, and after a change of the drive's objects ----
 
   static bool needs_units(const Step& step) {
     for (const auto& [keyword, number] : step.numbers) {
@@ -130,8 +130,7 @@ class Runner {
     for (const Step& step : steps) {
       at(step, [&] {
         Member& member = members_.at(step.axis);
-        if (needs_units(step)) read_scale(step, member);
-        for (const auto& [keyword, number] : step.numbers) check_number(step, keyword, number);
+        check_numbers(step, member);
         const bool has_value = step.verb == Verb::set || step.verb == Verb::expect;
         if (has_value && step.subject.kind == Subject::Kind::object) parse_value(step.text, type_of(step, member));
       });
@@ -139,13 +138,23 @@ class Runner {
     }
   }
 
-  void read_scale(const Step& step, const Member& member) {
-    const std::pair key{step.axis, step.units};
-    if (!scales_.contains(key)) {
-      scales_.emplace(key,
+  bool lacks_scale(const Step& step) const {
+    return needs_units(step) && !scales_.contains(std::pair{step.axis, step.units});
+  }
+
+  void check_numbers(const Step& step, const Member& member) {
+    if (lacks_scale(step)) {
+      scales_.emplace(std::pair{step.axis, step.units},
                       UnitScale::of(*member.axis, step.units,
                                     "give them after `units` (`units revolutions NUMBER`, `units mm FEED NUMBER`)"));
     }
+    for (const auto& [keyword, number] : step.numbers) check_number(step, keyword, number);
+  }
+
+  // The object that the script has written may be a factor of the units.
+  void forget_scales(std::size_t axis) {
+    std::erase_if(scales_, [axis](const auto& known) { return known.first.first == axis; });
+    members_[axis].axis->forget_units();
   }
 
   double scale(const Step& step, Quantity quantity) const {
@@ -215,6 +224,7 @@ class Runner {
   std::string do_step(const Step& step, Member& member) {
     Axis402& axis = *member.axis;
     const Time timeout = time_of(step.timeout_s);
+    if (lacks_scale(step)) check_numbers(step, member);
     if (can_move(step.verb) && !member.enabled) member.enabled = axis.state() == PowerState::operation_enabled;
     switch (step.verb) {
       case Verb::reset: axis.reset_fault(); break;
@@ -249,6 +259,7 @@ class Runner {
       case Verb::set: {
         const auto type = type_of(step, member);
         axis.objects().download(step.subject.object, parse_value(step.text, type));
+        forget_scales(step.axis);
         break;
       }
       case Verb::get: return fmt::format("{} = {}", step.subject.word, shown(step, member));

@@ -23,6 +23,13 @@ std::size_t count(const std::vector<Step>& steps) {
   return sum;
 }
 
+void note_commanded(const std::vector<Step>& steps, std::vector<bool>& axes) {
+  for (const Step& step : steps) {
+    if (commands_axis(step)) axes[step.axis] = true;
+    note_commanded(step.body, axes);
+  }
+}
+
 }  // namespace
 
 ScriptMistakes::ScriptMistakes(const std::string& file, std::vector<Mistake> mistakes)
@@ -40,6 +47,25 @@ bool needs_axis(const Step& step) {
     case Verb::repeat: return false;
     default: return true;
   }
+}
+
+bool commands_axis(const Step& step) {
+  switch (step.verb) {
+    case Verb::arm_probe:
+    case Verb::wait_probe:
+    case Verb::get:
+    case Verb::expect:
+    case Verb::wait:
+    case Verb::print:
+    case Verb::repeat: return false;
+    default: return true;
+  }
+}
+
+std::vector<bool> commanded_axes(const Script& script) {
+  std::vector<bool> axes(script.axes.size(), false);
+  note_commanded(script.steps, axes);
+  return axes;
 }
 
 Quantity quantity_of(Verb verb, std::string_view keyword) {

@@ -119,6 +119,10 @@ Script parse(std::string_view text, const std::string& file, const ObjectCatalog
 
 // True if the step uses the axis beyond reading and writing objects, for example its controlword or position.
 bool needs_axis(const Step& step);
+// True if the step may enable, move or stop its axis. A `set` counts: it may write a controlword or a target.
+bool commands_axis(const Step& step);
+// For each declared axis: true if a step commands it. The script only reads the others.
+std::vector<bool> commanded_axes(const Script& script);
 
 // Quantity of the number after a keyword of a verb; used by runner and messages.
 Quantity quantity_of(Verb verb, std::string_view keyword);

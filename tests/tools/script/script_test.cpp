@@ -50,6 +50,13 @@ TEST(Script, ObjectsAreThoseOfTheProductThatAnAxisIsDeclaredWith) {
   }
 }
 
+TEST(Script, AnAxisThatIsOnlyReadIsNotCommanded) {
+  const Script script = parsed(
+      "axis a 1\naxis b 2\naxis c 3\naxis d 4\nrepeat 2\na get 6041\nb set 6040 15\nend\n"
+      "a expect state == fault\na arm-probe 1\na wait-probe 1\nc stop\nwait 1\nprint x\n");
+  EXPECT_EQ(commanded_axes(script), (std::vector<bool>{false, true, true, false}));
+}
+
 TEST(ScriptMistake, IsToldWithFileLineAndColumn) {
   struct Row {
     const char* text;
@@ -272,6 +279,27 @@ TEST_P(ScriptRun, TakesEveryUnit) {
     EXPECT_NEAR(shaft(), ++turns, 0.02) << script;
     EXPECT_NEAR(std::chrono::duration<double>(took).count(), 0.6, 0.15) << script;
   }
+}
+
+TEST(ScriptUnits, AreReadAgainWhenTheScriptChangesTheFactors) {
+  AxisRig rig({"generic402"});
+  Axis402 axis(rig.objects(), rig.options());
+  Axis402* const axes[] = {&axis};
+  const double before = rig.shaft_counts();
+  run(parsed("units revolutions\nset 6092:01 1000\nenable\nmove by 1 velocity 1 acceleration 10\nwait 0.3\n"
+             "expect position == 1 tolerance 0.02"),
+      axes);
+  const double revolution = rig.drive().plant().parameters().encoder.counts_per_revolution;
+  EXPECT_NEAR((rig.shaft_counts() - before) / revolution, 1.0, 0.02);
+  axis.disable();
+  // A number that fits only with the factors of before.
+  std::string problem;
+  try {
+    run(parsed("units revolutions\nset 6092:01 1000000000\nmove by 3"), axes);
+  } catch (const ScriptFailure& failure) {
+    problem = failure.what();
+  }
+  EXPECT_THAT(problem, HasSubstr("a.script:3:1: `move by 3`: by: 3 is 3e+09 units, which are not within"));
 }
 
 TEST_P(ScriptRun, MovesWaitsAndExpects) {
