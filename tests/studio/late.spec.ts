@@ -14,8 +14,9 @@ interface Job {
 const jobs = async (line: Line) => (await line.call<{ jobs: Job[] }>('GET', '/jobs')).jobs.map((job) => job.do);
 const takenBack = (page: Page) => page.waitForEvent('requestfailed', { predicate: (request) => request.url().endsWith('/axes/reference/jobs'), timeout: 8000 }); // before the page's own timeout, 10 s
 
-// Holds the requests of this kind until `release` is called, which returns when the first of them has gone on.
-async function hold(page: Page, method: string, path: string) {
+// Holds the requests of this kind, with `text` in their body, until `release` is called, which returns when the first of them has
+// gone on.
+async function hold(page: Page, method: string, path: string, text = '') {
   let release = () => {};
   const released = new Promise<void>((resolve) => (release = resolve));
   let arrived = () => {};
@@ -23,12 +24,13 @@ async function hold(page: Page, method: string, path: string) {
   let gone = () => {};
   const goneOn = new Promise<void>((resolve) => (gone = resolve));
   await page.route(path, async (route) => {
-    if (route.request().method() === method) {
+    const isHeld = route.request().method() === method && (route.request().postData() ?? '').includes(text);
+    if (isHeld) {
       arrived();
       await released;
     }
     await route.continue().catch(() => undefined); // the page may have given it up
-    gone();
+    if (isHeld) gone();
   });
   return { held, release: () => (release(), goneOn) };
 }
@@ -150,7 +152,7 @@ test('a controlword ends what was to follow', async ({ page, open, line, watched
 
 test('a halt takes back the command whose request is still on its way', async ({ page, open, line, watched }) => {
   await open('/tuning/reference');
-  const tuning = await hold(page, 'POST', '**/axes/reference/jobs');
+  const tuning = await hold(page, 'POST', '**/axes/reference/jobs', '"tune"');
   await page.getByRole('button', { name: 'Measure and propose' }).click();
   await tuning.held;
   await page.getByRole('link', { name: 'Line', exact: true }).click();
@@ -160,7 +162,7 @@ test('a halt takes back the command whose request is still on its way', async ({
   await card.getByRole('button', { name: 'Halt' }).click();
   await failed;
   await tuning.release();
-  await expect.poll(() => jobs(line)).toEqual(['enable', 'stop']);
+  await expect.poll(() => jobs(line)).toEqual(['stop', 'enable', 'stop']);
   watched.splice(0);
 });
 
@@ -208,7 +210,7 @@ test.describe('with the time of the line', () => {
     watched.splice(0);
   });
 
-  test('Cancel of a job that is over halts the next job of a sequence of another client', async ({ page, open, line }) => {
+  test('Cancel of a job that is over ends the next job of a sequence of another client', async ({ page, open, line }) => {
     await line.call('PUT', '/clock', { speed: 1 });
     await open('/axis/reference');
     await line.call('PUT', '/clock', { speed: 0 });
@@ -222,7 +224,7 @@ test.describe('with the time of the line', () => {
     await expect.poll(async () => (await line.call<{ state: string }>('GET', `/jobs/${id}`)).state).toBe('done');
     await line.call('POST', '/axes/reference/jobs', { do: 'move', after: id, units: 'revolutions', by: 8, velocity: 1, acceleration: 20 });
     await cancelling.release();
-    await expect.poll(() => jobs(line)).toEqual(['enable', 'move', 'stop']);
+    await expect.poll(async () => (await line.call<{ jobs: Job[] }>('GET', '/jobs')).jobs.map((job) => `${job.do} ${job.state}`)).toEqual(['enable done', 'move cancelled']);
     await expect.poll(async () => (await line.call<{ in_motion: boolean }>('GET', '/axes/reference')).in_motion).toBe(false);
   });
 

@@ -53,7 +53,7 @@ const ofGuide: Record<string, Wanted> = {
   'Measure the loop and propose gains': once('stop', 'tune'), 'Measure a move': once('stop', 'enable', 'move'), Home: once('stop', 'enable', 'home'),
   'There and back': once('stop', 'enable', 'move', 'move'),
 };
-const ofTuning: Record<string, Wanted> = { 'Measure and propose': once('tune'), Tune: once('tune'), 'Let the drive tune itself': once('tune_itself') };
+const ofTuning: Record<string, Wanted> = { 'Measure and propose': once('stop', 'tune'), Tune: once('stop', 'tune'), 'Let the drive tune itself': once('stop', 'tune_itself') };
 
 export type Widgets = Record<string, { axis: string; wants: Wanted }[]>; // of the dashboard, by title of the button or script
 
@@ -64,7 +64,7 @@ export function leavesOf({ name, region, path, disabled, fields, isJog }: Contro
   const ofCard = page === '' ? region : axis;
   if (name === 'Enable' || /^\d+ enable operation/.test(name)) return [{ axis: ofCard, wants: once('enable') }];
   if (/^\d+ .*→ operation enabled$/.test(name)) return [{ axis, wants: once('enable') }];
-  if (page === 'axis' && isJog) return [{ axis, wants: once('jog') }];
+  if (page === 'axis' && isJog) return [{ axis, wants: once('stop', 'jog') }];
   if (page === 'axis' && name in ofAxisPage) return [{ axis, wants: { ...ofAxisPage[name] }, repeats: name === 'There and back' }];
   if (page === 'commission' && name in ofGuide) {
     const cycles = name === 'There and back' ? Math.max(1, Math.round(Number(fields.Cycles) || 1)) : 1;

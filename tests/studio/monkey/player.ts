@@ -28,10 +28,10 @@ const board = {
 };
 const widgets: Widgets = {
   'Enable reference': [{ axis: 'reference', wants: { enable: 1 } }],
-  Forward: [{ axis: 'reference', wants: { jog: 1 } }],
-  'Turn reference': [{ axis: 'reference', wants: { move: 1 } }],
-  'Turn pronet': [{ axis: 'pronet', wants: { move: 1 } }],
-  'Home ismc': [{ axis: 'ismc', wants: { home: 1 } }],
+  Forward: [{ axis: 'reference', wants: { stop: 1, jog: 1 } }],
+  'Turn reference': [{ axis: 'reference', wants: { stop: 1, move: 1 } }],
+  'Turn pronet': [{ axis: 'pronet', wants: { stop: 1, move: 1 } }],
+  'Home ismc': [{ axis: 'ismc', wants: { stop: 1, home: 1 } }],
   'To and fro': [{ axis: 'reference', wants: { stop: 1, enable: 1, move: 6 } }],
   'Two axes': [{ axis: 'ismc', wants: { stop: 1, enable: 1, move: 2 } }, { axis: 'jmc', wants: { stop: 1, enable: 1, move: 1 } }],
 };
