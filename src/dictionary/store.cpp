@@ -80,18 +80,26 @@ Banks inspect(Medium& medium) {
   return {capacity, first.readable && second.readable, second_is_newer ? second.image : first.image};
 }
 
-// Returns true if the medium is as manufactured, so that no save has ever begun. Returns false if it does not respond.
-bool is_erased(Medium& medium) {
+// Returns true if the medium is as manufactured from this address on, so that no save has ever begun there. Returns
+// false if it does not respond.
+bool is_erased(Medium& medium, std::uint32_t from = 0) {
   Chunk chunk;
   std::byte first{};
-  for (std::uint32_t done = 0; done < medium.size();) {
+  for (std::uint32_t done = from; done < medium.size();) {
     const auto part = std::span(chunk).first(std::min<std::size_t>(chunk_size, medium.size() - done));
     if (!medium.read(done, part)) return false;
-    if (done == 0) first = part.front();
+    if (done == from) first = part.front();
     if (!std::all_of(part.begin(), part.end(), [first](std::byte byte) { return byte == first; })) return false;
     done += static_cast<std::uint32_t>(part.size());
   }
   return first == std::byte{0x00} || first == std::byte{0xFF};
+}
+
+// Returns true if no save has ever been completed: the medium is erased, or its very first save was interrupted.
+bool is_without_save(Medium& medium) {
+  StoreHeader header;
+  if (!medium.read(0, std::as_writable_bytes(std::span(&header, 1)))) return false;
+  return is_erased(medium, header.mark == StoreHeader::begun_mark ? medium.size() / 2 : 0);
 }
 
 struct Record {
@@ -358,6 +366,7 @@ AbortCode Store::rewrite(const Dictionary& dictionary, Area areas, Content conte
 
   const std::uint32_t bank = banks.newest && banks.newest->bank == 0 ? banks.capacity : 0;
   StoreHeader header{};
+  header.mark = StoreHeader::begun_mark;
   if (!medium_.write(bank, bytes_of(header)) || !medium_.flush()) return AbortCode::hardware_error;
 
   header.version = StoreHeader::current_version;
@@ -377,7 +386,7 @@ AbortCode Store::rewrite(const Dictionary& dictionary, Area areas, Content conte
 
 Store::Loaded Store::load(Dictionary& dictionary, Area areas) const {
   const Banks banks = inspect(medium_);
-  if (!banks.newest) return banks.readable && is_erased(medium_) ? Loaded::nothing : Loaded::damaged;
+  if (!banks.newest) return banks.readable && is_without_save(medium_) ? Loaded::nothing : Loaded::damaged;
   if (!is_own(medium_, *banks.newest, dictionary).value_or(false)) return Loaded::damaged;
   RecordReader reader(medium_, *banks.newest);
   for (Record record; reader.next(record);) {

@@ -75,6 +75,7 @@ constexpr Area area_of_storage_sub(std::uint8_t sub) {
 struct StoreHeader {
   static constexpr std::uint32_t current_version = 1;
   static constexpr std::uint32_t valid_mark = 0x524F5453;  // "STOR"
+  static constexpr std::uint32_t begun_mark = 0x4E474542;  // "BEGN": the records are not complete yet
 
   std::uint32_t version;
   std::uint32_t sequence;        // +1 with every image, wrapping

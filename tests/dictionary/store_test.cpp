@@ -509,6 +509,15 @@ TEST(Store, CutOfTheVeryFirstSaveLeavesFactoryValues) {
     Device device;
     ASSERT_FALSE(device.start(medium));
     ASSERT_EQ(device, Device());
+    // Only a torn mark looks like damage.
+    constexpr std::uint64_t mark = sizeof(StoreHeader::mark);
+    const bool is_torn = (cut > sizeof(StoreHeader) - mark && cut < sizeof(StoreHeader)) || cut + mark > whole.written;
+    if (is_torn) continue;
+    FailingMedium again(ample);
+    again.memory = medium.memory;
+    ASSERT_EQ(Store(again).load(device.dictionary, Area::all), Store::Loaded::nothing) << cut;
+    ASSERT_EQ(Store(again).save(device_with(1).dictionary, Area::all), AbortCode::none);
+    ASSERT_EQ(Store(again).load(device.dictionary, Area::all), Store::Loaded::values);
   }
 }
 
