@@ -407,14 +407,17 @@ void Drive::stop_identification() {
 void Drive::end_identification() {
   if (!identification_.running()) return;
   identification_.abort();
+  return_to_mode();
+}
+
+void Drive::return_to_mode() {
   axis_.take_over_actual();
   with_mode(*this, [&](auto& mode) { mode.enter(axis_); });
 }
 
 // The mode continues from the present state of the axis, and stops it first if it is not at rest.
 void Drive::stop_after_identification() {
-  axis_.take_over_actual();
-  with_mode(*this, [&](auto& mode) { mode.enter(axis_); });
+  return_to_mode();
   if (identification_.outcome() == InertiaIdentification::Outcome::done) return;
   begin_stop(Stop::quick_stop_ramp);
   limit_stop_ = true;

@@ -240,6 +240,7 @@ class Drive final : public dictionary::Listener {
   double velocity_of_demand() const;
   bool pushes_limit_switch(Counts before) const;
   void end_identification();
+  void return_to_mode();
   void stop_after_identification();
   struct Smoothing {
     std::size_t cycles = 0;  // of the moving average; 0: none

@@ -49,21 +49,27 @@ bus = "ring"
 oscillator_ppm = 100
 )";
 
-class EthercatAxes : public testing::Test {
+// The slaves of a line with one EtherCAT bus.
+class SlavesOfLine : public testing::Test {
  protected:
-  EthercatAxes() {
+  explicit SlavesOfLine(const char* line_file) : line(line::test::settings_of(line_file)) {
     for (const FoundSlave& one : found) slaves.push_back(std::make_unique<EthercatSlave>(master, one));
     for (const auto& slave : slaves) all.push_back(slave.get());
   }
-  OperationOptions options(bool clocks) const {
-    return {.cyclic = {.period = 1ms}, .distributed_clocks = clocks, .clock = {.drift_frames = 3000}};
-  }
 
-  line::Line line{line::test::settings_of(three_drives)};
+  line::Line line;
   EthercatMaster master{std::make_unique<links::MemoryEthercatClient>(line.ethercat_buses()[0]->bus, line)};
   std::vector<FoundSlave> found = scan_slaves(master);
   std::vector<std::unique_ptr<EthercatSlave>> slaves;
   std::vector<EthercatSlave*> all;
+};
+
+class EthercatAxes : public SlavesOfLine {
+ protected:
+  EthercatAxes() : SlavesOfLine(three_drives) {}
+  OperationOptions options(bool clocks) const {
+    return {.cyclic = {.period = 1ms}, .distributed_clocks = clocks, .clock = {.drift_frames = 3000}};
+  }
 };
 
 TEST_F(EthercatAxes, AreFound) {
@@ -170,12 +176,9 @@ bus = "ring"
 )";
 
 // The factory value of 6007h of these drives is 0.
-class EthercatKincos : public testing::Test {
+class EthercatKincos : public SlavesOfLine {
  protected:
-  EthercatKincos() {
-    for (const FoundSlave& one : found) slaves.push_back(std::make_unique<EthercatSlave>(master, one));
-    for (const auto& slave : slaves) all.push_back(slave.get());
-  }
+  EthercatKincos() : SlavesOfLine(two_kincos) {}
   std::int16_t option(std::size_t slave) { return slaves[slave]->coe().read<std::int16_t>(0x6007); }
   bool turns(std::size_t axis) {
     const auto before = line.axes()[axis]->plant().position_counts();
@@ -190,11 +193,6 @@ class EthercatKincos : public testing::Test {
     axis.run_at(static_cast<std::int32_t>(5 * units.velocity), {.acceleration = ramp, .deceleration = ramp}, 5s);
   }
 
-  line::Line line{line::test::settings_of(two_kincos)};
-  EthercatMaster master{std::make_unique<links::MemoryEthercatClient>(line.ethercat_buses()[0]->bus, line)};
-  std::vector<FoundSlave> found = scan_slaves(master);
-  std::vector<std::unique_ptr<EthercatSlave>> slaves;
-  std::vector<EthercatSlave*> all;
   const OperationOptions options{.cyclic = {.period = 2ms, .tolerated_losses = 50}, .sync_error_limit = 0};
 };
 

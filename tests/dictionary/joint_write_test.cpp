@@ -53,7 +53,7 @@ struct Log final : Listener, Recorder {
   std::vector<std::string> lines;
 };
 
-// Doubles what the bus writes to 2002h, and drops what it writes to 2000h.
+// A view that changes writes of the bus: it doubles values of 2002h, and ignores values of 2000h.
 struct Distorting final : View {
   void show(const Entry&, std::span<std::byte>) override {}
   bool take(const Entry& entry, std::span<std::byte> value) override {

@@ -26,13 +26,6 @@ constexpr std::int64_t turn = 131072;
 constexpr std::int64_t rpm_2000 = 17895697 * 2;  // iSMK, 6081h and 60FFh
 
 template <typename RigType>
-void force(RigType& rig, Signal signal, bool on) {
-  const drive::InputMap& inputs = rig.device.drive().configuration().inputs;
-  const auto found = std::find_if(inputs.begin(), inputs.end(), [&](const auto& in) { return in.signal == signal; });
-  ASSERT_NE(found, inputs.end());
-  rig.plant.force_input(static_cast<std::uint8_t>(found - inputs.begin()), found->active(on));
-}
-template <typename RigType>
 double counts_per_turn(RigType& rig) {
   return static_cast<double>(rig.device.drive().configuration().motor.counts_per_revolution);
 }
@@ -50,13 +43,7 @@ double furthest(RigType& rig, int milliseconds) {
 
 // --- A stop while the brake opens
 
-plant::Parameters hanging(plant::Parameters parameters, double gravity_torque_nm) {
-  parameters.load.gravity_torque_nm = gravity_torque_nm;
-  parameters.motor.brake_torque_nm = 1.5;
-  parameters.motor.brake_release_ms = 30.0;
-  parameters.motor.brake_engage_ms = 20.0;
-  return parameters;
-}
+constexpr double brake_nm = 1.5;
 
 enum class By : std::uint8_t { shutdown, disable, quick_stop, fault };
 
@@ -87,7 +74,7 @@ TEST(StopWhileTheBrakeOpens, HoldsTheLoad) {
     SCOPED_TRACE(static_cast<int>(by));
     {
       SCOPED_TRACE("ismk");
-      IsmkRig rig(hanging(test::ismk_plant(), 0.5), test::ismk_settings());
+      IsmkRig rig(test::hanging(test::ismk_plant(), 0.5, brake_nm), test::ismk_settings());
       rig.run_ms(5);
       rig.set(0x6410, 0x17, 1);
       for (const auto object : std::to_array<std::uint16_t>({0x605A, 0x605B, 0x605C, 0x605E})) rig.set(object, 0, 2);
@@ -98,7 +85,7 @@ TEST(StopWhileTheBrakeOpens, HoldsTheLoad) {
     }
     {
       SCOPED_TRACE("jmc");
-      JmcRig rig(hanging(test::jmc_plant(), 0.3), test::jmc_settings());
+      JmcRig rig(test::hanging(test::jmc_plant(), 0.3, brake_nm), test::jmc_settings());
       rig.open_limits();
       for (const auto object : std::to_array<std::uint16_t>({0x605A, 0x605B, 0x605C, 0x605E})) rig.set(object, 0, 1);
       rig.set(0x6060, 0, 1);
@@ -113,7 +100,7 @@ TEST(StopWhileTheBrakeOpens, HoldsTheLoad) {
     }
     {
       SCOPED_TRACE("generic402");
-      Rig<Generic402> rig(hanging(test::default_plant(), 0.5));
+      Rig<Generic402> rig(test::hanging(test::default_plant(), 0.5, brake_nm));
       rig.set(0x2020, 1, 40);
       rig.set(0x2020, 2, 25);
       for (const auto object : std::to_array<std::uint16_t>({0x605A, 0x605B, 0x605C, 0x605E})) rig.set(object, 0, 1);
@@ -127,7 +114,7 @@ TEST(StopWhileTheBrakeOpens, HoldsTheLoad) {
 }
 
 TEST(StopWhileTheBrakeOpens, IsmkReleasesAHeldQuickStopUnderPower) {
-  IsmkRig rig(hanging(test::ismk_plant(), 0.5), test::ismk_settings());
+  IsmkRig rig(test::hanging(test::ismk_plant(), 0.5, brake_nm), test::ismk_settings());
   rig.run_ms(5);
   rig.set(0x6410, 0x17, 1);
   rig.set(0x6060, 0, 3);
@@ -168,7 +155,7 @@ TEST(LimitSwitch, StopsAShaftThatFollowsASmoothedDemand) {
     ASSERT_GE(rig.run_until([&] { return !rig.device.drive().in_motion(); }, 20000.0), 0);
     const double there = turns(rig);
     ASSERT_GT(rig.plant.velocity_rpm(), 100.0);
-    force(rig, Signal::positive_limit, true);
+    ASSERT_TRUE(rig.force(Signal::positive_limit, true));
     EXPECT_LT(furthest(rig, 5000) - there, 2.0);
     EXPECT_NEAR(rig.plant.velocity_rpm(), 0.0, 1.0);
   }
@@ -177,7 +164,7 @@ TEST(LimitSwitch, StopsAShaftThatFollowsASmoothedDemand) {
     IsmkRig rig;
     rig.set(0x2010, 3, 0x0010);
     rig.run_ms(5);
-    force(rig, Signal::positive_limit, false);
+    ASSERT_TRUE(rig.force(Signal::positive_limit, false));
     rig.run_ms(5);
     rig.set(0x60FB, 5, 255);
     rig.set(0x6060, 0, mode);
@@ -199,7 +186,7 @@ TEST(LimitSwitch, StopsAShaftThatFollowsASmoothedDemand) {
     ASSERT_GE(rig.run_until([&] { return !rig.device.drive().in_motion(); }, 20000.0), 0);
     const double there = turns(rig);
     ASSERT_GT(rig.plant.velocity_rpm(), 1000.0);
-    force(rig, Signal::positive_limit, true);
+    ASSERT_TRUE(rig.force(Signal::positive_limit, true));
     EXPECT_LT(furthest(rig, 2000) - there, 0.5);
   }
 }
@@ -367,7 +354,7 @@ TEST(HomingGivenUp, PressesNoMoreWhateverEndsIt) {
 
 // Transition 9 leads to Switch on disabled, where 0Fh has no effect. It is not withdrawn while the brake closes.
 TEST(DisableVoltage, IsNotWithdrawnWhileTheBrakeCloses) {
-  IsmkRig rig(hanging(test::ismk_plant(), 0.0), test::ismk_settings());
+  IsmkRig rig(test::hanging(test::ismk_plant(), 0.0, brake_nm), test::ismk_settings());
   rig.run_ms(5);
   rig.set(0x6410, 0x17, 1);
   rig.set(0x6060, 0, 3);
@@ -384,7 +371,7 @@ TEST(DisableVoltage, IsNotWithdrawnWhileTheBrakeCloses) {
 }
 
 TEST(ResonanceSearch, DoesNotBeginInAStopsRamp) {
-  IsmkRig rig(hanging(test::ismk_plant(), 0.0), test::ismk_settings());
+  IsmkRig rig(test::hanging(test::ismk_plant(), 0.0, brake_nm), test::ismk_settings());
   rig.run_ms(5);
   rig.set(0x605B, 0, 1);
   rig.set(0x6060, 0, 3);

@@ -41,6 +41,15 @@ inline plant::Parameters default_plant() {
   return parameters;
 }
 
+// With a load that hangs on the shaft, and a brake; `brake_torque_nm` 0: no brake.
+inline plant::Parameters hanging(plant::Parameters parameters, double gravity_torque_nm, double brake_torque_nm) {
+  parameters.load.gravity_torque_nm = gravity_torque_nm;
+  parameters.motor.brake_torque_nm = brake_torque_nm;
+  parameters.motor.brake_release_ms = 30.0;
+  parameters.motor.brake_engage_ms = 20.0;
+  return parameters;
+}
+
 template <typename DeviceType>
 class Rig {
  public:
@@ -88,6 +97,16 @@ class Rig {
   }
   std::uint16_t status() { return static_cast<std::uint16_t>(get(0x6041)); }
   void control(std::uint16_t word) { set(0x6040, 0, word); }
+  // Makes the input with this function active or not. Returns false if no input has it.
+  bool force(drive::Signal signal, bool active) {
+    const drive::InputMap& inputs = device.drive().configuration().inputs;
+    for (std::uint8_t i = 0; i < inputs.size(); ++i) {
+      if (inputs[i].signal != signal) continue;
+      plant.force_input(i, inputs[i].active(active));
+      return true;
+    }
+    return false;
+  }
   // Goes through the state machine to Operation enabled, with time for the DC link.
   bool enable() {
     run_ms(1);

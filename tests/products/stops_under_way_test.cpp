@@ -17,6 +17,7 @@ namespace {
 
 using drive::PowerState;
 using products::Generic402;
+using test::hanging;
 using test::IsmkRig;
 using test::JmcRig;
 using test::Reference;
@@ -25,14 +26,6 @@ using test::Rig;
 constexpr std::int64_t turn = 131072;
 
 // --- A stop without a ramp against a load that keeps pulling
-
-plant::Parameters hanging(plant::Parameters parameters, double gravity_torque_nm, double brake_torque_nm) {
-  parameters.load.gravity_torque_nm = gravity_torque_nm;
-  parameters.motor.brake_torque_nm = brake_torque_nm;
-  parameters.motor.brake_release_ms = 30.0;
-  parameters.motor.brake_engage_ms = 20.0;
-  return parameters;
-}
 
 // The axis reaches `end`, its power goes, and a brake holds the load.
 template <typename RigType>
@@ -237,11 +230,7 @@ TEST(SwitchMetInSwitchedOn, StopsJmc) {
   rig.run_ms(20);
   ASSERT_EQ(rig.device.drive().state(), PowerState::switched_on);
   ASSERT_NEAR(rig.plant.velocity_rpm(), 300.0, 15.0);
-  std::uint8_t wire = 0;
-  for (std::uint8_t i = 0; i < drive::max_inputs; ++i) {
-    if (rig.device.drive().configuration().inputs[i].signal == drive::Signal::positive_limit) wire = i;
-  }
-  rig.plant.force_input(wire, rig.device.drive().configuration().inputs[wire].active(true));
+  ASSERT_TRUE(rig.force(drive::Signal::positive_limit, true));
   rig.run_ms(60);
   EXPECT_NEAR(rig.plant.velocity_rpm(), 0.0, 3.0);
   EXPECT_EQ(rig.device.drive().state(), PowerState::switched_on);

@@ -4,6 +4,7 @@ import type { Inputs } from '../api/types';
 import { axisPath } from '../commands';
 import { namedOf } from '../model/objects';
 import { attempt, complain } from '../notices';
+import { ForceInput } from '../parts/force_input';
 import { Button, Choice, Link, Scroll, Toggle } from '../parts/controls';
 import { HomingFigure } from '../parts/homing_figure';
 import { NumberInput } from '../parts/number_input';
@@ -181,11 +182,7 @@ export function InputsView(props: ViewProps) {
                 <td>{state.found.seen?.[name]?.[1] ? '✓' : '–'}</td>
                 {isVirtual && (
                   <td>
-                    <div className="segments" role="group" aria-label={`Force ${name}`}>
-                      <button type="button" aria-pressed={!forced} onClick={() => force(name, null)}>wire</button>
-                      <button type="button" aria-pressed={forced && !level} onClick={() => force(name, false)}>0</button>
-                      <button type="button" aria-pressed={forced && level} onClick={() => force(name, true)}>1</button>
-                    </div>
+                    <ForceInput input={name} level={level} forced={forced} onForce={force} />
                   </td>
                 )}
               </tr>

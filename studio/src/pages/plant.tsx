@@ -5,6 +5,7 @@ import { axisPath, power } from '../commands';
 import { AxisTabs, usePageAxis } from '../parts/axis_tabs';
 import { Button, Choice, Panel, Scroll, Toggle, Trouble } from '../parts/controls';
 import { NumberForm, NumberInput, NumbersButton } from '../parts/number_input';
+import { ForceInput } from '../parts/force_input';
 import { Terminals } from '../parts/terminals';
 import { useGeometry } from '../parts/travel';
 import { attempt } from '../notices';
@@ -65,11 +66,7 @@ function InputsPanel({ name }: { name: string }) {
                 <td className="text">{wires.filter(([, wire]) => wire === input).map(([what]) => what.replaceAll('_', ' ')).join(', ')}</td>
                 <td><span className={level ? 'lamp on' : 'lamp'} role="img" aria-label={level ? 'on' : 'off'} /></td>
                 <td>
-                  <div className="segments" role="group" aria-label={`Force ${input}`}>
-                    <button type="button" aria-pressed={!forced} onClick={() => force(input, null)}>wire</button>
-                    <button type="button" aria-pressed={forced && !level} onClick={() => force(input, false)}>0</button>
-                    <button type="button" aria-pressed={forced && level} onClick={() => force(input, true)}>1</button>
-                  </div>
+                  <ForceInput input={input} level={level} forced={forced} onForce={force} />
                 </td>
               </tr>
             ))}
