@@ -1,5 +1,6 @@
-// Jogs while a key or the pointer is pressed. A release takes the start back, and ends the jog if it has begun nevertheless. `alive` is the keepalive of the server's dead man's switch: without it the server halts the axis. The release does
-// not wait for an `alive` that is on its way.
+// Jogs while a key or the pointer is pressed. A release takes the start back, and ends the jog if it has begun nevertheless.
+// `alive` is the keepalive of the server's dead man's switch: without it the server halts the axis. The release does not wait for
+// an `alive` that is on its way.
 
 export interface JogDoes<Handle> {
   start(released: AbortSignal): Promise<Handle>;
