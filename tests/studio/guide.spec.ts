@@ -18,10 +18,13 @@ const python = process.env.SERVODROME_PYTHON ?? join(root, '.venv/bin/python');
 // Ideal stages: with real ones the loop at small signals is slower than at a load, by a quarter on the reference drive.
 const lineOf = (name: string) => lineFile('virtual').replaceAll('\nproduct = ', '\nideal = true\nproduct = ').split(/(?=\[\[axis\]\])/).filter((block) => !block.startsWith('[[axis]]') || block.includes(`name = "${name}"`)).join('');
 
+// pysoem needs a network interface: tools/with-veth has made a cable from servo0 to master0.
+const cable = process.env.WITH_VETH === '1';
+
 const test = base.extend<{ axis: string }>({
   axis: ['reference', { option: true }],
   line: async ({ axis }, use) => {
-    const line = await new Line(lineOf(axis), ['can0=socketcand:127.0.0.1:0/can0', 'ecat=udp:127.0.0.1:0']).start();
+    const line = await new Line(lineOf(axis), ['can0=socketcand:127.0.0.1:0/can0', ...(cable ? ['ecat=raw:servo0'] : [])]).start();
     await line.call('PUT', '/clock', { speed: 10 });
     await use(line);
     await line.end();
@@ -207,9 +210,12 @@ for (const { name, counts } of axes) {
     expect(pdf).toMatch(/\/MediaBox \[0 0 59[0-9.]+ 84[0-9.]+\]/); // A4
 
     // Another maker's master finds on the bus what the report states.
-    const [bus, link] = name === 'jmc' ? ['--ethercat', line.linkOf('ecat').replace('udp:', '')] : ['--can', line.linkOf('can0').replace('socketcand:', '')];
-    const node = axes.findIndex((each) => each.name === name) + 1;
-    const measured = await promisify(execFile)(python, [join(root, 'tests/studio/measure_step.py'), file, '--api', `${line.address}/api/v1`, bus, link, '--node', String(node)]).catch((error: unknown) => error as { stdout: string; stderr: string });
+    if (name === 'jmc' && !cable) {
+      test.info().annotations.push({ type: 'not measured', description: 'by pysoem: tools/with-veth cannot make a network interface here' });
+      return;
+    }
+    const master = name === 'jmc' ? ['--ethercat', 'master0'] : ['--can', line.linkOf('can0').replace('socketcand:', ''), '--node', String(axes.findIndex((each) => each.name === name) + 1)];
+    const measured = await promisify(execFile)(python, [join(root, 'tests/studio/measure_step.py'), file, '--api', `${line.address}/api/v1`, ...master]).catch((error: unknown) => error as { stdout: string; stderr: string });
     expect(measured.stderr).toBe('');
     expect((JSON.parse(measured.stdout) as { failures: string[] }).failures).toEqual([]);
   });

@@ -1,12 +1,11 @@
 #!/usr/bin/env python3
 """Measures an axis on its bus, as another maker's master would, and compares it with the report of its commissioning.
 
-On CAN the master is python-can with the package canopen, on EtherCAT a master made of frames over UDP. The line is in
-virtual time: this program lets the time pass, a fraction of a millisecond at a time, so the figures do not depend on the
-computer. It commands the move and the velocity step of the report and measures both by 6064h and 606Ch.
+On CAN the master is python-can with the package canopen, on EtherCAT it is pysoem. The line is in virtual time: this
+program lets the time pass, a fraction of a millisecond at a time, so the figures do not depend on the computer. It commands the move and the velocity step of the report and measures both by 6064h and 606Ch.
 
     measure_step.py REPORT.html --api URL --can HOST:PORT/CHANNEL --node 2
-    measure_step.py REPORT.html --api URL --ethercat HOST:PORT
+    measure_step.py REPORT.html --api URL --ethercat INTERFACE
 """
 
 import argparse
@@ -18,9 +17,6 @@ import struct
 import sys
 import time
 import urllib.parse
-
-for folder in ("interop", "interop/ethercat"):  # of the master made of frames
-    sys.path.insert(0, str(pathlib.Path(__file__).parent.parent / folder))
 
 SETTLED = 0.02  # of the way, as in the report
 PATIENCE_S = 60
@@ -87,54 +83,39 @@ class CanDrive:
 
 
 class EtherCatDrive:
-    """A master of frames: station address, mailbox, Pre-Operational, and SDOs by CoE (ETG.1000.6)."""
+    """pysoem: the slave in Pre-Operational, and SDOs by CoE. The mailbox answers while the line's time stands.
+
+    pysoem waits 2 ms for a frame, and a busy computer can be later: each access is repeated until it succeeds.
+    """
 
     step_ms = 0.5
-    station = 0x1001
 
-    def __init__(self, address, clock):
-        from frames import APWR, FPRD, FPWR, FrameMaster, UdpLink
+    def __init__(self, interface, clock):
+        import pysoem
 
-        host, port = address.rsplit(":", 1)
-        self.frames = FrameMaster(UdpLink(host, port))
         self.clock = clock
-        self.FPRD, self.FPWR = FPRD, FPWR
-        self.counter = 0
-        self.frames.exchange((APWR, (0, 0x0010), struct.pack("<H", self.station)))
-        managers = bytes.fromhex("0010 0001 26 00 01 00  0011 0001 22 00 01 00")
-        self.reach(1, "Init")  # where the mailbox forgets the number of the last service
-        self.put(0x0800, managers)
-        self.reach(2, "Pre-Operational")
+        self.errors = (pysoem.WkcError, pysoem.PacketError, pysoem.MailboxError)
+        self.master = pysoem.Master()
+        self.master.open(interface)
+        wait(lambda: self.master.config_init() == 1 and self.master.state_check(pysoem.PREOP_STATE, 1_000_000) == pysoem.PREOP_STATE, "Pre-Operational")
+        [self.slave] = self.master.slaves
 
-    def reach(self, state, name):
-        self.put(0x0120, bytes([state, 0]))
-        self.until(lambda: self.frames.read(self.FPRD, (self.station, 0x0130), 2)[0] == bytes([state, 0]), name)
-
-    def put(self, address, data):
-        assert self.frames.exchange((self.FPWR, (self.station, address), data))[0][1] == 1
-
-    def until(self, condition, what):
+    def patiently(self, access):
         deadline = time.monotonic() + PATIENCE_S
-        while not condition():
-            assert time.monotonic() < deadline, f"waited for {what}"
-            self.clock.advance(self.step_ms)
-
-    def service(self, request):
-        self.counter = self.counter % 7 + 1
-        self.put(0x1000, (struct.pack("<HHBBH", 2 + len(request), 0, 0, self.counter << 4 | 3, 2 << 12) + request).ljust(256, b"\0"))
-        self.until(lambda: self.frames.read(self.FPRD, (self.station, 0x080D), 1)[0][0] & 8, "the mailbox")
-        return self.frames.read(self.FPRD, (self.station, 0x1100), 256)[0][8:16]
+        while True:
+            try:
+                return access()
+            except self.errors:
+                if time.monotonic() > deadline:
+                    raise
 
     def ask(self, index):
-        self.clock.advance(self.step_ms)  # the mailbox answers without it
-        answer = self.service(struct.pack("<BHB4x", 0x40, index, 0))
-        assert answer[0] & 0xE0 == 0x40, f"{index:04X}h: {answer.hex(' ')}"
-        return struct.unpack("<" + SIZES[index], answer[4 : 4 + struct.calcsize(SIZES[index])])[0], self.clock.now_s()
+        self.clock.advance(self.step_ms)
+        data = self.patiently(lambda: self.slave.sdo_read(index, 0, struct.calcsize(SIZES[index])))
+        return struct.unpack("<" + SIZES[index], data)[0], self.clock.now_s()
 
     def tell(self, index, value):
-        data = struct.pack("<" + SIZES[index], value)
-        answer = self.service(struct.pack("<BHB", 0x23 | (4 - len(data)) << 2, index, 0) + data.ljust(4, b"\0"))
-        assert answer[0] == 0x60, f"{index:04X}h: {answer.hex(' ')}"
+        self.patiently(lambda: self.slave.sdo_write(index, 0, struct.pack("<" + SIZES[index], value)))
 
     def read(self, index):
         return self.ask(index)[0]
@@ -145,7 +126,7 @@ class EtherCatDrive:
         pass
 
     def close(self):
-        self.frames.__exit__()
+        self.master.close()
 
 
 class Clock:
@@ -182,7 +163,7 @@ class Clock:
         return self.time_ms / 1000
 
 
-def wait(drive, condition, what):
+def wait(condition, what):
     deadline = time.monotonic() + PATIENCE_S
     while not condition():
         assert time.monotonic() < deadline, f"waited for {what}"
@@ -195,8 +176,8 @@ def enable(drive, mode):
     drive.write(0x6060, mode)
     for word, mask, state in ((0x06, 0x6F, 0x21), (0x07, 0x6F, 0x23), (0x0F, 0x6F, 0x27)):
         drive.write(0x6040, word)
-        wait(drive, lambda: drive.read(0x6041) & mask == state, f"state {state:02X}h")
-    wait(drive, lambda: drive.read(0x6061) == mode, f"mode {mode}")
+        wait(lambda: drive.read(0x6041) & mask == state, f"state {state:02X}h")
+    wait(lambda: drive.read(0x6061) == mode, f"mode {mode}")
 
 
 def sample(drive, index, seconds, begin=None):
@@ -276,7 +257,7 @@ def main():
     parser.add_argument("--api", required=True)
     parser.add_argument("--can", help="HOST:PORT/CHANNEL of socketcand")
     parser.add_argument("--node", type=int, default=1)
-    parser.add_argument("--ethercat", help="HOST:PORT of the UDP link")
+    parser.add_argument("--ethercat", help="network interface at the other end of the line's raw link")
     options = parser.parse_args()
     stated = json.loads(re.search(r'id="stated">(.*?)</script>', options.report.read_text(), re.S).group(1))
     clock = Clock(options.api)
