@@ -314,6 +314,14 @@ def main():
                 failures.append(f"{what}, {key}: the report states no value, measured {measured:.2f}")
             elif abs(measured - promised) > 0.03 * promised + period_ms:
                 failures.append(f"{what}, {key}: the report states {promised:.2f}, measured {measured:.2f}")
+    # What the motions ended at: the promised distance and speed, within 1 %.
+    for what, key in (("cycle", "by"), ("step", "amplitude")):
+        promised, measured = stated[what][key], found[what]["way"]
+        if abs(measured - promised) > 0.01 * abs(promised):
+            failures.append(f"{what}, {key}: the report states {promised:.2f}, measured {measured:.2f}")
+        promised, measured = stated[what]["overshoot_percent"], found[what]["overshoot_percent"]
+        if abs(measured - promised) > 2 + 0.1 * promised:
+            failures.append(f"{what}, overshoot: the report states {promised:.2f} %, measured {measured:.2f} %")
     print(json.dumps({"stated": {key: stated[key] for key in ("cycle", "step")}, "measured": found, "failures": failures}))
     return 1 if failures else 0
 
