@@ -40,6 +40,7 @@ function BoardView({ board }: { board: Board }) {
   const [open, setOpen] = useState<number | null>(null); // the widget whose settings are open
   const [draft, setDraft] = useState<Widget | null>(null); // a new one, not saved yet
   const setWidgets = (to: Widget[]) => setBoard(board.name, { ...board, widgets: to });
+  const titles = titlesOf(board);
   const plots = board.widgets.filter(({ kind }) => kind === 'plot').length;
   const close = () => {
     setOpen(null);
@@ -60,7 +61,7 @@ function BoardView({ board }: { board: Board }) {
             </div>
           ) : (
             <WidgetBox
-              key={i} widget={widget} editing={editing} isFirst={i === 0} isLast={i === board.widgets.length - 1} onEdit={() => { close(); setOpen(i); }}
+              key={i} widget={widget} title={titles[i]} editing={editing} isFirst={i === 0} isLast={i === board.widgets.length - 1} onEdit={() => { close(); setOpen(i); }}
               onMove={(by) => { close(); setWidgets(movedTo(board.widgets, i, i + by)); }} onRemove={() => { close(); setWidgets(board.widgets.filter((_, k) => k !== i)); }}
             />
           ),
@@ -77,8 +78,20 @@ function BoardView({ board }: { board: Board }) {
 
 const titleOf = ({ title, kind }: Widget) => title || widgets[kind].title;
 
-function WidgetBox({ widget, editing, isFirst, isLast, onEdit, onMove, onRemove }: {
+// The titles on the page: a title that several widgets have gets a number, so each name means one widget.
+function titlesOf(board: Board): string[] {
+  const seen = new Map<string, number>();
+  return board.widgets.map((widget) => {
+    const title = titleOf(widget);
+    const count = (seen.get(title) ?? 0) + 1;
+    seen.set(title, count);
+    return count === 1 ? title : `${title} (${count})`;
+  });
+}
+
+function WidgetBox({ widget, title, editing, isFirst, isLast, onEdit, onMove, onRemove }: {
   widget: Widget;
+  title: string;
   editing: boolean;
   isFirst: boolean;
   isLast: boolean;
@@ -87,7 +100,6 @@ function WidgetBox({ widget, editing, isFirst, isLast, onEdit, onMove, onRemove 
   onRemove: () => void;
 }) {
   const Part = parts[widget.kind];
-  const title = titleOf(widget);
   return (
     <div className={`widget span-${widget.span}`}>
       <Panel
