@@ -44,7 +44,7 @@ constexpr auto ismk = joined(state_bits, std::array{StatusWord{10, "", 6}}, comm
                                         StatusWord{12, "interpolation active", 7}, StatusWord{13, "following error"},
                                         StatusWord{14, "commutation found"}, StatusWord{15, "home found"}});
 
-// JMC manual, Tables 156, 233, 242, 254 and 264.
+// JMC manual, Tables 156, 222, 239, 250 and 264, and Chart 273.
 constexpr auto jmc_ec =
     joined(state_bits, cyclic, homing,
            std::array{StatusWord{8, "halt", 3}, StatusWord{9, "remote"}, StatusWord{10, "target reached"},

@@ -1,6 +1,7 @@
 // Jobs over the bench API, in virtual time: every product on its bus, controlled over its service port.
 #include "studio/jobs.hpp"
 
+#include <fstream>
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 #include <nlohmann/json.hpp>
@@ -10,6 +11,7 @@
 #include "drive/drive.hpp"
 #include "line/bench/line_bench.hpp"
 #include "line/support.hpp"
+#include "source_dir.hpp"
 
 namespace servodrome::studio {
 namespace jobs_test {
@@ -412,18 +414,15 @@ TEST_F(JobsTest, TheLimitsOfADriveAreThoseOfItsObjects) {
   EXPECT_EQ(limits["highest_position"], 0);
 }
 
+// The page explains the names of this file (studio/src/model/meanings.ts).
 TEST_F(JobsTest, TheWordsAreThoseOfTheProduct) {
-  const auto name = [&](const std::string& axis, int bit, int mode) {
-    const json rows = get("axes/" + axis + "/words")["statusword"];
-    for (const json& row : rows) {
-      if (row["bit"] == bit && row.value("mode", mode) == mode) return row["name"].get<std::string>();
-    }
-    return std::string();
-  };
-  EXPECT_EQ(name("ismk", 12, 6), "homing error");
-  EXPECT_EQ(name("generic402", 12, 6), "homing attained");
-  EXPECT_EQ(get("axes/ismk/words")["modes"]["-4"], "pulse");
-  EXPECT_FALSE(get("axes/generic402/words")["modes"].contains("-4"));
+  std::ifstream file(SERVODROME_SOURCE_DIR "/tests/data/words.json");
+  const json words = json::parse(file);
+  EXPECT_EQ(words.size(), line::all_products().size());
+  for (const line::Product& product : line::all_products()) {
+    const std::string name(product.name);
+    EXPECT_EQ(get("axes/" + name + "/words"), words.value(name, json())) << name;
+  }
 }
 
 // Two relative moves: the target of each is a shaft position, also after homing with an offset.

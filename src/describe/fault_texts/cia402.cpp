@@ -134,8 +134,7 @@ constexpr auto texts = std::to_array<FaultText>({
      "Check the device at the input."},
     {0xF000, "additional functions", "A function that the profile does not define has failed.",
      "Read the drive's own error objects and its manual."},
-    {0xFF00, "device specific", "An error that only this maker defines.",
-     "Read the drive's own error objects and its manual."},
+    {0xFF00, "device specific", "A manufacturer-specific error.", "Read the drive's own error objects and its manual."},
 });
 static_assert(is_ordered(texts));
 

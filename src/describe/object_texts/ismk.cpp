@@ -332,7 +332,8 @@ constexpr auto texts = std::to_array<ObjectText>({
     {0x6510, 0x09, "Supply voltage in volts above which comes alarm 2601h bit 5."},
     {0x6510, 0x0B, "Drives at the serial port: 0 one, 1 several in a cascade. It is stored only."},
     {0x6510, 0x0C,
-     "Protocol of the RS485 port: bit 0 is 0 for Modbus, 1 for the maker's frames of 10 bytes; bit 1 makes it act only "
+     "Protocol of the RS485 port: bit 0 is 0 for Modbus, 1 for the manufacturer-specific frames of 10 bytes; bit 1 "
+     "makes it act only "
      "after storing and a restart."},
     {0x6510, 0x0E, "Format at the RS485 port, which is fixed: 8 data bits, 1 stop bit, no parity."},
 });

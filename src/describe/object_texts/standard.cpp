@@ -20,10 +20,10 @@ constexpr auto texts = std::to_array<ObjectText>({
      "consumes SYNC may monitor it. 0: none."},
     {0x1007, any,
      "Time after a SYNC, in microseconds, within which synchronous PDOs are sent and accepted. 0: no limit."},
-    {0x1008, any, "Name of the device as its maker gives it."},
-    {0x1009, any, "Version of the hardware as its maker gives it."},
-    {0x100A, any, "Version of the firmware as its maker gives it."},
-    {0x100B, any, "Node-ID in force; set by switches or by an object of the maker's."},
+    {0x1008, any, "Name of the device as its manufacturer gives it."},
+    {0x1009, any, "Version of the hardware as its manufacturer gives it."},
+    {0x100A, any, "Version of the firmware as its manufacturer gives it."},
+    {0x100B, any, "Node-ID in force; set by switches or by a manufacturer-specific object."},
     {0x100C, any,
      "Guard time in milliseconds: with 100Dh, node guarding by requests of the master, which is older than the "
      "heartbeat. 0 switches it off; do not use both."},
@@ -43,10 +43,10 @@ constexpr auto texts = std::to_array<ObjectText>({
      "heartbeat is a communication error; 6007h selects the reaction."},
     {0x1017, any, "Period in milliseconds in which the drive sends its NMT state as a heartbeat. 0 switches it off."},
     {0x1018, any,
-     "Identity of the device: maker, product, revision and serial number. A master compares it with its "
+     "Identity of the device: manufacturer, product, revision and serial number. A master compares it with its "
      "configuration."},
-    {0x1018, 1, "Number of the maker, given by CiA or ETG."},
-    {0x1018, 2, "Number of the product among its maker's."},
+    {0x1018, 1, "Number of the manufacturer, given by CiA or ETG."},
+    {0x1018, 2, "Number of the product, given by its manufacturer."},
     {0x1018, 3, "Revision: the upper half changes with the behaviour on the bus."},
     {0x1018, 4, "Serial number of this device."},
     {0x1019, any, "SYNC messages have a counter that starts again after this value. 0: no counter."},
@@ -109,7 +109,7 @@ constexpr auto texts = std::to_array<ObjectText>({
     {0x604C, any, "Factor of the velocities of mode 2, as numerator and denominator."},
     {0x605A, any,
      "Braking of a quick stop and its end state: 0 power off, 1 and 2 brake and switch off, 5 to 8 brake and hold in "
-     "quick stop active; negative numbers are the maker's."},
+     "quick stop active; negative numbers are manufacturer-specific."},
     {0x605B, any, "Transition from operation enabled to ready to switch on: 0 power off, 1 slow down first."},
     {0x605C, any, "Transition from operation enabled to switched on: 0 power off, 1 slow down first."},
     {0x605D, any,
@@ -147,7 +147,7 @@ constexpr auto texts = std::to_array<ObjectText>({
     {0x6076, any, "Rated torque of the motor in millinewton metres, from its nameplate. Torques in 0.1 % refer to it."},
     {0x6077, any, "Actual torque in 0.1 % of the rated torque."},
     {0x6078, any, "Actual current in 0.1 % of the rated current."},
-    {0x6079, any, "Voltage of the DC link in millivolts, unless the maker says otherwise."},
+    {0x6079, any, "Voltage of the DC link in millivolts, unless the manufacturer says otherwise."},
     {0x607A, any,
      "Target position in position units: of a move with a new set-point in profile position, and at each cycle in "
      "cyclic synchronous position."},
@@ -228,15 +228,15 @@ constexpr auto texts = std::to_array<ObjectText>({
     {0x60FC, any, "Demand position in encoder increments."},
     {0x60FD, any,
      "Levels of the inputs: bit 0 negative limit switch, 1 positive limit switch, 2 home switch, 3 interlock; bits "
-     "from 16 on are the maker's."},
+     "from 16 on are manufacturer-specific."},
     {0x60FE, any, "Outputs of the drive: sub-index 1 sets the levels of the outputs whose bit in sub-index 2 is 1."},
-    {0x60FE, 1, "Requested levels of the outputs: bit 0 the brake; bits from 16 on are the maker's."},
+    {0x60FE, 1, "Requested levels of the outputs: bit 0 the brake; bits from 16 on are manufacturer-specific."},
     {0x60FE, 2, "Outputs that the master controls; the drive controls the others."},
     {0x60FF, any, "Target velocity in velocity units: of profile velocity, and of cyclic synchronous velocity."},
     {0x6402, any, "Type of the motor; 10 is a permanent-magnet synchronous motor."},
-    {0x6410, any, "Data of the motor, in an order that the maker of the drive defines."},
+    {0x6410, any, "Data of the motor, in an order that the manufacturer of the drive defines."},
     {0x6502, any, "One bit for each mode of operation that the drive has: bit 0 for mode 1 and so on."},
-    {0x6510, any, "Data of the drive, in an order that its maker defines."},
+    {0x6510, any, "Data of the drive, in an order that its manufacturer defines."},
     {0x67FF, any, "Device profile of a single axis, in the form of the upper half of 1000h."},
 });
 

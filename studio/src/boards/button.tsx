@@ -37,7 +37,7 @@ export function ButtonWidget({ widget }: { widget: Widget }) {
         <Button kind="main" isDisabled={busy} onPress={press}>{text}</Button>
       )}
       <p className="job">
-        <span className="quiet">{name}</span> <StateChip state={axis.state} powered={axis.powered} />
+        <span className="quiet">{name}</span> <StateChip state={axis.state} powered={axis.powered} product={axis.product} />
         {job?.state === 'running' && <span className="busy">{job.do.replaceAll('_', ' ')}</span>}
       </p>
     </>

@@ -71,22 +71,33 @@ const controlOfMode: Record<number, [string, string, string, string]> = {
   7: ['enable interpolation', '', '', ''],
 };
 
-// `words`: the product's names, undefined until they are known.
+// Bits that are different on a product in a mode: product, mode, bit and name.
+const controlOfProduct: [RegExp, number, number, string][] = [
+  [/^ismk/, 1, 12, 'follow the target'], // iSMK manual, Table 5-4
+  [/^ismk/, 4, 8, 'no effect in this mode'],
+];
+
+// `words`: the product's names, undefined until they are known. A bit that has a name in other modes only is mode-specific.
 export function statusBits(word: number, mode = 0, words?: Words): Bit[] {
   const rows = words?.statusword ?? [];
-  const nameOf = (bit: number) =>
-    rows.find((row) => row.bit === bit && (row.mode === mode || row.mode === undefined))?.name || (bit === 12 || bit === 13 ? modeSpecific : manufacturerSpecific);
+  const nameOf = (bit: number) => {
+    const ofBit = rows.filter((row) => row.bit === bit);
+    const name = ofBit.find((row) => row.mode === mode || row.mode === undefined)?.name;
+    return name || (ofBit.length > 0 || bit === 12 || bit === 13 ? modeSpecific : manufacturerSpecific);
+  };
   return bits(word, Array.from({ length: 16 }, (_, bit) => nameOf(bit)));
 }
 
-export function controlBits(word: number, mode = 0): Bit[] {
+export function controlBits(word: number, mode = 0, product = ''): Bit[] {
   const names = [...controlNames];
   const [bit4, bit5, bit6, bit9] = controlOfMode[mode] ?? ['', '', '', ''];
   names[4] = bit4 || modeSpecific;
   names[5] = bit5 || modeSpecific;
   names[6] = bit6 || modeSpecific;
   names[9] = bit9 || modeSpecific;
-  return bits(word, [...names, manufacturerSpecific, manufacturerSpecific, manufacturerSpecific, manufacturerSpecific, manufacturerSpecific]);
+  names.push(...Array<string>(5).fill(manufacturerSpecific));
+  for (const [of, inMode, bit, name] of controlOfProduct) if (inMode === mode && of.test(product)) names[bit] = name;
+  return bits(word, names);
 }
 
 function bits(word: number, names: string[]): Bit[] {

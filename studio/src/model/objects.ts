@@ -2,7 +2,7 @@ import type { ObjectEntry, ObjectValue } from '../api/types';
 
 // The dictionary on the page: groups of objects, search, and the conversion of values from and to text.
 
-export const groups = ['All', 'Changed', 'Communication', 'Maker', 'CiA 402', 'Storage'] as const;
+export const groups = ['All', 'Changed', 'Communication', 'Manufacturer-specific', 'CiA 402', 'Storage'] as const;
 export type Group = (typeof groups)[number];
 
 export const addressOf = ({ index, sub }: Pick<ObjectEntry, 'index' | 'sub'>) =>
@@ -14,7 +14,7 @@ export function inGroup(entry: ObjectEntry, group: Group, isChanged: (entry: Obj
     case 'All': return true;
     case 'Changed': return isChanged(entry);
     case 'Communication': return index >= 0x1000 && index < 0x2000;
-    case 'Maker': return index >= 0x2000 && index < 0x6000;
+    case 'Manufacturer-specific': return index >= 0x2000 && index < 0x6000;
     case 'CiA 402': return index >= 0x6000 && index < 0xa000;
     case 'Storage': return index === 0x1010 || index === 0x1011;
   }

@@ -108,7 +108,7 @@ const AxisCard = memo(function AxisCard({ name }: { name: string }) {
           <Link to={`/axis/${encodeURIComponent(name)}`}>{name}</Link>
         </h2>
         <span className="quiet">{axis.product}</span>
-        <StateChip state={axis.state} powered={axis.powered} />
+        <StateChip state={axis.state} powered={axis.powered} product={axis.product} />
       </header>
       <div className="mechanism">
         <Dial axis={axis} geometry={geometry} />

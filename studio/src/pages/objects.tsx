@@ -82,7 +82,7 @@ function DictionaryView({ name }: { name: string }) {
               label="Group"
               hideLabel
               value={group}
-              options={groups.map((each) => [each, each === 'Maker' ? 'Manufacturer-specific' : each] as const)}
+              options={groups.map((each) => [each, each] as const)}
               onChange={(to) => keep({ group: to === 'All' ? null : to })}
             />
           </div>

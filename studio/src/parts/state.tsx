@@ -1,9 +1,9 @@
 import { toneOf } from '../model/cia402';
 import { stateTip } from '../model/meanings';
 
-export function StateChip({ state, powered }: { state: string | undefined; powered: boolean }) {
+export function StateChip({ state, powered, product }: { state: string | undefined; powered: boolean; product?: string }) {
   const text = powered ? (state ?? 'no state') : 'no power';
-  const tip = powered && state ? stateTip(state) : 'Without power the drive answers nothing; what was not stored is lost.';
+  const tip = powered && state ? stateTip(state, product) : 'Without power the drive answers nothing; what was not stored is lost.';
   // The chip gets the focus to be explained.
   // eslint-disable-next-line jsx-a11y/no-noninteractive-tabindex
   return <span className={`chip ${powered ? toneOf(state) : 'quiet'}`} tabIndex={0} data-tip={tip}>{text}</span>;
