@@ -149,6 +149,25 @@ test('another axis takes over the channels, and a sweep leaves them', async ({ p
   await expect(page.getByRole('textbox', { name: 'Duration', exact: true })).toHaveValue('700');
 });
 
+test('every choice of an axis follows a layout, and acts after it', async ({ page, open }) => {
+  await page.addInitScript(() => localStorage.setItem('servodrome.scope.layouts', JSON.stringify([{ name: 'Bench', query: { ch: 'ismc/velocity_rpm,ismc/6064:00' } }])));
+  await open('/scope?ch=reference/velocity_rpm');
+  const [record, excite, add] = [panel(page, 'Record'), panel(page, 'Sweep or step'), panel(page, 'Channels')];
+  const chosen = async (axis: string) => {
+    for (const [where, label] of [[record, 'Axis'], [excite, 'Axis to excite'], [add, 'Axis']] as const) {
+      await expect(where.getByRole('button', { name: new RegExp(`${label}$`) })).toContainText(axis);
+    }
+  };
+  await chosen('reference');
+  await choose(page, 'Axis to excite', 'pronet', excite); // one that lasts until the axis of the setup changes
+  await page.getByRole('button', { name: 'Bench', exact: true }).click();
+  await expect(channels(page)).toHaveText(['ismc velocity_rpm', 'ismc 6064:00']);
+  await chosen('ismc');
+  await choose(page, 'Axis', 'reference', record);
+  await expect(channels(page)).toHaveText(['reference velocity_rpm', 'reference 6064:00']);
+  await chosen('reference');
+});
+
 test('an object is added by its bare index', async ({ page, open }) => {
   await open('/scope?ch=reference/velocity_rpm');
   await page.getByLabel('Signal or object').fill('6064');

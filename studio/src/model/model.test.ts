@@ -4,7 +4,7 @@ import { controlBits, edges, modeText, statusBits, toneOf } from './cia402';
 import { Jog } from './jog';
 import { LiveBuffer } from './live_buffer';
 import { differs, hexValue, inGroup, matches, namedOf, parseValue, rankOf, showValue } from './objects';
-import { alongside, channelOf, objectOf, ofAxis, queryOf, samplesOf, setupOf, span, textOfChannel, without, zoomed } from './scope';
+import { alongside, axisOf, channelOf, objectOf, ofAxis, queryOf, samplesOf, setupOf, span, textOfChannel, without, zoomed } from './scope';
 import { indexes, travelScale } from './travel';
 import { decadeTicks, duration, fixed, fromDrivePosition, greatestOf, isLabelled, proposed, significant, ticksText, toDriveAcceleration, toDrivePosition, toDriveVelocity } from './units';
 
@@ -218,7 +218,7 @@ describe('objects', () => {
     expect([differs(entry, 1001), differs(entry, 1000), differs(entry, undefined), differs({ ...entry, access: 'ro' }, 5)]).toEqual([true, false, false, false]);
     expect(inGroup(entry, 'CiA 402', () => false)).toBe(true);
     expect(inGroup(entry, 'Changed', () => true)).toBe(true);
-    expect(inGroup(entry, 'Maker', () => true)).toBe(false);
+    expect(inGroup(entry, 'Manufacturer-specific', () => true)).toBe(false);
   });
   test('take decimal and hexadecimal', () => {
     expect(['12', '0x1F', '1Fh', '\u22125', ' 7 '].map((typed) => parseValue(entry, typed))).toEqual([12, 31, 31, -5, 7]);
@@ -255,14 +255,18 @@ describe('scope', () => {
     expect(without(setup, 0)).toMatchObject({ channels: [{ signal: 'current_a' }, { signal: 'supply_v' }], trigger: { channel: 1 } });
     expect(without(setup, 2)).toMatchObject({ channels: [{ signal: 'torque_nm' }, { signal: 'current_a' }], trigger: { channel: 0 } });
   });
-  test('moves to another axis with its signals and trigger, and leaves out objects of the maker', () => {
+  test('moves to another axis with its signals and trigger, and leaves out manufacturer-specific objects', () => {
     const setup = setupOf(new URLSearchParams('ch=a/torque_nm,a/2010:01,a/6064:00,b/torque_nm,b/supply_v&trigger=edge&tch=2&level=1'), 'a');
-    expect(ofAxis(setup, 'a', 'b')).toMatchObject({
+    expect(ofAxis(setup, 'b')).toMatchObject({
       channels: [{ axis: 'b', signal: 'torque_nm' }, { axis: 'b', object: '6064:00' }, { axis: 'b', signal: 'supply_v' }],
       trigger: { kind: 'edge', channel: 1, level: 1 },
     });
     const state = setupOf(new URLSearchParams('ch=a/2010:01&trigger=state&taxis=a'), 'a');
-    expect(ofAxis(state, 'a', 'b')).toMatchObject({ channels: [{ axis: 'b', signal: 'position_counts' }], trigger: { axis: 'b' } });
+    expect(ofAxis(state, 'b')).toMatchObject({ channels: [{ axis: 'b', signal: 'position_counts' }], trigger: { axis: 'b' } });
+    // The new axis is that of the first channel, and the trigger stays with its channel.
+    const others = ofAxis(setupOf(new URLSearchParams('ch=a/2010:01,c/torque_nm&trigger=edge&tch=1'), 'a'), 'b');
+    expect(axisOf(others)).toBe('b');
+    expect(others).toMatchObject({ channels: [{ axis: 'b' }, { axis: 'c', signal: 'torque_nm' }], trigger: { channel: 1 } });
   });
   test('an address is an object with and without its marks', () => {
     expect(['6064', '6064h', '0x6064', '6064:00', ' 6064:0 '].map(objectOf)).toEqual(Array(5).fill('6064:00'));

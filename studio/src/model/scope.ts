@@ -69,24 +69,34 @@ export function queryOf({ channels, rate_hz, duration_ms, pre_ms, trigger }: Set
   };
 }
 
-// The same channels and trigger for another axis. Objects of the maker (below 6000h) exist on one product only: they are left
-// out, and so are channels that would be there twice.
-export function ofAxis(setup: Setup, from: string, to: string): Setup {
+// The axis of a setup is that of its first channel.
+export const axisOf = ({ channels }: Setup) => channels[0].axis;
+
+// The same channels and trigger for another axis. Manufacturer-specific objects (below 6000h) exist on one product only: they are
+// left out, and so are channels that would be there twice.
+export function ofAxis(setup: Setup, to: string): Setup {
+  const from = axisOf(setup);
   const isLeftOut = ({ axis, object }: ChannelRequest) => axis === from && object !== undefined && object < '6000';
-  const channels: ChannelRequest[] = [];
+  const kept: ChannelRequest[] = [];
   const places = setup.channels.map((channel) => {
     const moved = channel.axis === from ? { ...channel, axis: to } : channel;
     const text = textOfChannel(moved);
-    const known = channels.findIndex((each) => textOfChannel(each) === text);
-    if (isLeftOut(channel)) return 0;
-    return known >= 0 ? known : channels.push(moved) - 1;
+    const known = kept.findIndex((each) => textOfChannel(each) === text);
+    if (isLeftOut(channel)) return null;
+    return known >= 0 ? known : kept.push(moved) - 1;
   });
+  const before: ChannelRequest[] = kept[0]?.axis === to ? [] : [{ axis: to, signal: 'position_counts' }];
   const { channel, axis } = setup.trigger;
-  const trigger = { ...setup.trigger, ...(channel === undefined ? {} : { channel: places[channel] ?? 0 }), ...(axis === from ? { axis: to } : {}) };
-  return { ...setup, channels: channels.length > 0 ? channels : [{ axis: to, signal: 'position_counts' }], trigger };
+  const place = channel === undefined ? null : places[channel];
+  const trigger = {
+    ...setup.trigger,
+    ...(channel === undefined ? {} : { channel: typeof place === 'number' ? before.length + place : 0 }),
+    ...(axis === from ? { axis: to } : {}),
+  };
+  return { ...setup, channels: [...before, ...kept].slice(0, mostChannels), trigger };
 }
 
-// The same signal of every axis, up to the greatest number of channels. Objects of the maker (below 6000h) exist on one product
+// The same signal of every axis, up to the greatest number of channels. Manufacturer-specific objects (below 6000h) exist on one product
 // only.
 export function ofAllAxes(setup: Setup, channel: ChannelRequest, axes: string[]): Setup {
   const known = new Set(setup.channels.map(textOfChannel));

@@ -12,7 +12,7 @@ import { Maths } from '../parts/maths';
 import { RecordingPanel } from '../parts/recording_panel';
 import { Recordings } from '../parts/recordings';
 import { ScopeSetup } from '../parts/scope_setup';
-import { isOver, ofAxis, queryOf, samplesOf, setupOf, type Samples, type Setup } from '../model/scope';
+import { axisOf, isOver, ofAxis, queryOf, samplesOf, setupOf, type Samples, type Setup } from '../model/scope';
 import { greatestOf, isKnown, proposed } from '../model/units';
 import { attempt, complain } from '../notices';
 import { useResource } from '../resource';
@@ -46,7 +46,7 @@ export function ScopePage() {
       <div className="column side">
         <NumberForm>
           <Record setup={setup} />
-          <NumberForm><Excite first={setup.channels[0]?.axis} /></NumberForm>
+          <NumberForm><Excite first={axisOf(setup)} /></NumberForm>
           <ScopeSetup setup={setup} onChange={(to) => keep(queryOf(to))} />
         </NumberForm>
         <Recordings recordings={recordings} shown={shown} overlays={overlays} memory={memory} again={again} />
@@ -107,7 +107,7 @@ function useOverlays(recordings: Recording[]): Samples[] {
 
 function Record({ setup }: { setup: Setup }) {
   const order = useLine((line) => line.order);
-  const [axis, setAxis] = useState(setup.channels[0]?.axis ?? order[0]);
+  const axis = axisOf(setup);
   const [turns, setTurns] = useState(1);
   const [typedRpm, setRpm] = useState<number | null>(null);
   const [typedAcceleration, setAcceleration] = useState<number | null>(null);
@@ -122,10 +122,6 @@ function Record({ setup }: { setup: Setup }) {
   const acceleration = typedAcceleration ?? proposed(200, greatest.acceleration);
   const { channels, rate_hz, duration_ms, pre_ms, trigger } = setup;
 
-  const choose = (to: string) => {
-    setAxis(to);
-    keep(queryOf(ofAxis(setup, axis, to)));
-  };
   const record = async () => {
     const enabled = withMove ? await runJob(axis, { do: 'enable' }) : null;
     if (withMove && enabled?.state !== 'done') return;
@@ -141,7 +137,7 @@ function Record({ setup }: { setup: Setup }) {
       <Toggle isSelected={withMove} onChange={setWithMove}>with a move</Toggle>
       {withMove && (
         <div className="form">
-          <Choice label="Axis" value={axis} options={order.map((each) => [each, each] as const)} onChange={choose} />
+          <Choice label="Axis" value={axis} options={order.map((each) => [each, each] as const)} onChange={(to) => keep(queryOf(ofAxis(setup, to)))} />
           <NumberInput label="Distance" unit="rev" value={turns} onChange={setTurns} />
           <NumberInput label="Velocity" unit="rpm" value={rpm} onChange={setRpm} minimum={0} />
           <NumberInput label="Acceleration" unit="rev/s²" value={acceleration} onChange={setAcceleration} minimum={0} />

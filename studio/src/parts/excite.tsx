@@ -11,6 +11,7 @@ import { keep } from '../route';
 import { useLine, usePowered } from '../store';
 import { Choice, Panel, Trouble } from './controls';
 import { NumberInput, NumbersButton } from './number_input';
+import { useAxisChoice } from './scope_setup';
 
 const kinds = [['sweep', 'Sweep'], ['step', 'Step']] as const;
 const excited = [['velocity', 'velocity'], ['torque', 'torque'], ['position', 'position']] as const;
@@ -19,9 +20,9 @@ const usual: Record<Excited, number> = { velocity: 60, torque: 20, position: 0.0
 
 // Excites an axis with a sweep or a step and records the response. A script does the same with two requests: the recording
 // and the job.
-export function Excite({ first }: { first: string | undefined }) {
+export function Excite({ first }: { first: string }) {
   const order = useLine((line) => line.order);
-  const [axis, setAxis] = useState(first ?? order[0]);
+  const [axis, setAxis] = useAxisChoice(first);
   const [kind, setKind] = useState<'sweep' | 'step'>('sweep');
   const [of, setOf] = useState<Excited>('velocity');
   const [amplitude, setAmplitude] = useState(usual.velocity);

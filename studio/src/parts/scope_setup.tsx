@@ -3,7 +3,7 @@ import type { ObjectEntry, Trigger } from '../api/types';
 import { axisPath } from '../commands';
 import { states } from '../model/cia402';
 import { addressOf, isReadable } from '../model/objects';
-import { any, mostChannels, objectOf, ofAllAxes, rates, textOfChannel, without, type Setup } from '../model/scope';
+import { any, axisOf, mostChannels, objectOf, ofAllAxes, rates, textOfChannel, without, type Setup } from '../model/scope';
 import { useResource } from '../resource';
 import { useLine, useMissing } from '../store';
 import { Button, Choice, Panel } from './controls';
@@ -37,9 +37,20 @@ export function ScopeSetup({ setup, onChange }: { setup: Setup; onChange: (to: S
   );
 }
 
+// A choice of an axis. It ends when the axis of the setup becomes another one, for example by a layout.
+export function useAxisChoice(ofSetup: string): [string, (to: string) => void] {
+  const [before, setBefore] = useState(ofSetup);
+  const [axis, setAxis] = useState(ofSetup);
+  if (ofSetup !== before) {
+    setBefore(ofSetup);
+    setAxis(ofSetup);
+  }
+  return [axis, setAxis];
+}
+
 function AddChannel({ setup, onChange }: { setup: Setup; onChange: (to: Setup) => void }) {
   const order = useLine((line) => line.order);
-  const [axis, setAxis] = useState(setup.channels[0]?.axis ?? order[0]);
+  const [axis, setAxis] = useAxisChoice(axisOf(setup));
   const [what, setWhat] = useState('');
   const signals = useLine(({ line }) => line?.signals) ?? noSignals;
   const hasInputs = useMissing('inputs') === undefined;
