@@ -14,13 +14,18 @@ vi.stubGlobal('fetch', async (path: string, { method, body }: { method: string; 
 });
 vi.stubGlobal('localStorage', { getItem: () => null });
 
-const { cancelJob, takeBack, untilHalted } = await import('./commands');
+const forgotten: string[] = [];
+vi.mock('./notices', async (original) => ({ ...(await original<object>()), forget: (axis: string) => forgotten.push(axis) }));
+
+const { cancelJob, power, startJob, takeBack, takeBackAll, untilHalted, writeObject } = await import('./commands');
+const { noteJob, snapshot, update } = await import('./store');
 
 const job = (id: number, what: string, state: Job['state'], axis = 'x'): Job => ({ id, axis, do: what, state });
 const halt = 'POST /axes/x/jobs {"do":"stop"}';
 
 beforeEach(() => {
   sent.splice(0);
+  forgotten.splice(0);
   answers = { 'POST /axes/x/jobs': () => job(9, 'stop', 'running') };
 });
 
@@ -60,4 +65,25 @@ it('a halt ends a series of writes after the present one', async () => {
     takeBack('y');
     return Promise.resolve();
   });
+});
+
+it('every command makes what is shown about earlier commands of the axis out of date', async () => {
+  const commands: (() => unknown)[] = [() => power('x', 'cycle'), () => writeObject('x', 0x6040, 0, 6), () => takeBackAll(), () => startJob('x', { do: 'enable' }), () => cancelJob(job(1, 'move', 'running'))];
+  answers = { ...answers, 'DELETE /jobs/1': () => job(1, 'move', 'cancelled'), 'POST /axes/x/power': () => ({}), 'PUT /axes/x/objects/6040/0': () => ({}) };
+  for (const [i, act] of commands.entries()) {
+    update({ order: ['x', 'y'], jobs: { x: job(i + 1, 'move', 'failed') }, outdated: {} });
+    forgotten.splice(0);
+    await act();
+    expect(forgotten).toContain('x');
+    expect(snapshot().outdated).toMatchObject({ x: i + 1 });
+  }
+  // A job that runs has its outcome later; the write of a parameter is no command.
+  update({ jobs: { x: job(7, 'move', 'running') }, outdated: {} });
+  await power('x', 'cycle');
+  expect(snapshot().outdated).toEqual({});
+  noteJob(job(7, 'move', 'failed'));
+  forgotten.splice(0);
+  answers['PUT /axes/x/objects/6081/0'] = () => ({});
+  await writeObject('x', 0x6081, 0, 5);
+  expect(forgotten).toEqual([]);
 });

@@ -3,7 +3,7 @@ import type { Job, ObjectValue } from './api/types';
 import { commandsMotion } from './model/motion_objects';
 import { shownOf } from './model/problem';
 import { complain, complainOf, forget, tell } from './notices';
-import { interruptions, noteJob, overWithin, snapshot } from './store';
+import { interruptions, noteJob, outdate, overWithin, snapshot } from './store';
 
 export const axisPath = (axis: string) => `/axes/${segment(axis)}`;
 
@@ -64,12 +64,19 @@ export async function untilHalted<T>(axis: string, items: readonly T[], act: (it
   }
 }
 
+// Every command of this page begins here: what is shown about the axis's earlier commands is out of date.
+function beginCommand(axis: string) {
+  forget(axis);
+  outdate(axis);
+}
+
 function abortRequests(axis: string) {
   takingBack.get(axis)?.abort();
   takingBack.delete(axis);
 }
 
 export function takeBack(axis: string) {
+  beginCommand(axis);
   abortRequests(axis);
   waiting.forEach((each) => each(axis));
 }
@@ -90,6 +97,7 @@ const latest = new Map<string, Begun>();
 export const following = (job: Job, pause_s = 0) => ({ after: job.id, after_within_s: 10 + pause_s });
 
 export function takeBackAll() {
+  snapshot().order.forEach(beginCommand);
   [...takingBack.keys()].forEach(abortRequests);
   waiting.forEach((each) => each(null));
 }
@@ -101,7 +109,7 @@ export const isHalt = (job: string) => ['stop', 'quick_stop', 'disable'].include
 
 // `until` takes the request back, besides a halt, a controlword or STOP.
 export async function startJob(axis: string, request: { do: string } & Record<string, unknown>, until?: AbortSignal): Promise<Job> {
-  forget(axis);
+  beginCommand(axis);
   const halts = isHalt(request.do);
   const before = latest.get(axis);
   const isNext = request.after !== undefined && request.after === before?.id;

@@ -1,5 +1,5 @@
 import { useSyncExternalStore } from 'react';
-import { problemOf } from './api/client';
+import { ApiError, axisOf, problemOf } from './api/client';
 import type { Problem } from './api/types';
 import { shownOf } from './model/problem';
 
@@ -8,6 +8,7 @@ import { shownOf } from './model/problem';
 export interface Notice extends Problem {
   id: number;
   bad: boolean;
+  axis?: string | undefined; // of the request that failed
 }
 
 let notices: Notice[] = [];
@@ -27,10 +28,11 @@ function add(notice: Omit<Notice, 'id'>, seconds: number) {
   setTimeout(() => dismiss(id), seconds * 1000);
 }
 
-// Removes the notices about an axis, since a new command of the axis makes them out of date.
-export const forget = (axis: string) => set(notices.filter(({ what, where }) => where !== axis && !what.startsWith(`${axis}: `)));
+// Removes the notices about an axis, since a new command of the axis makes them out of date. The text of a notice about a job
+// begins with its axis.
+export const forget = (axis: string) => set(notices.filter((notice) => notice.axis !== axis && !notice.what.startsWith(`${axis}: `)));
 
-export const complain = (error: unknown) => add({ ...shownOf(problemOf(error)), bad: true }, 15);
+export const complain = (error: unknown) => add({ ...shownOf(problemOf(error)), bad: true, axis: error instanceof ApiError ? axisOf(error.path) : undefined }, 15);
 export const complainOf = (problem: Problem) => add({ ...problem, bad: true }, 15);
 export const tell = (what: string) => add({ what, bad: false }, 4);
 

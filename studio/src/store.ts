@@ -20,11 +20,12 @@ export interface State {
   clock: Clock | null;
   line: LineView | null;
   jobs: Record<string, Job>; // the latest job of each axis
+  outdated: Record<string, number>; // by axis: the outcomes of this job and of earlier ones are out of date
   lastEvent: (ServerEvent & { serial: number }) | null;
 }
 
 let state: State = {
-  link: 'connecting', wrongToken: false, version: '', start: '', epoch: 0, restarted: false, order: [], axes: {}, clock: null, line: null, jobs: {}, lastEvent: null,
+  link: 'connecting', wrongToken: false, version: '', start: '', epoch: 0, restarted: false, order: [], axes: {}, clock: null, line: null, jobs: {}, outdated: {}, lastEvent: null,
 };
 const listeners = new Set<() => void>();
 
@@ -61,6 +62,15 @@ export function noteJob(job: Job) {
   if (known && (known.id > job.id || (known.id === job.id && known.state !== 'running'))) return;
   update({ jobs: { ...state.jobs, [job.axis]: job } });
 }
+
+// A new command of the axis makes the outcome of its latest job out of date. A job that still runs will have a new outcome.
+export function outdate(axis: string) {
+  const job = state.jobs[axis] as Job | undefined;
+  if (job && job.state !== 'running') update({ outdated: { ...state.outdated, [axis]: job.id } });
+}
+
+// True if the job is over and a later command of this page makes its outcome out of date.
+export const useIsOutdated = (job: Job | undefined) => useLine(({ outdated }) => job !== undefined && job.state !== 'running' && job.id <= (outdated[job.axis] ?? 0));
 
 // Waits until the stream reports that the job is over. Null: after `ms`, or if another job has replaced it.
 export function overWithin(job: Job, ms: number): Promise<Job | null> {
@@ -113,7 +123,7 @@ function begin({ start, version = '' }: { start: string; version?: string }) {
     link: 'up',
     start,
     version,
-    ...(other ? { restarted: true, epoch: state.epoch + 1, jobs: {}, lastEvent: null } : {}),
+    ...(other ? { restarted: true, epoch: state.epoch + 1, jobs: {}, outdated: {}, lastEvent: null } : {}),
   });
   void openProject();
   takeJobs().catch(() => undefined); // if this fails, the banner already reports the lost connection

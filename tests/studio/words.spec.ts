@@ -19,6 +19,13 @@ test('a failed homing of an iSMK is shown as a homing error, by the names of the
   await expect(bits.getByRole('listitem').filter({ hasText: 'homing error' })).toHaveClass('on');
   await expect(bits).not.toContainText('homing attained');
   await expect(page.getByText(/home: failed/)).toContainText('homing error');
+  // The explanation is that of the name, not what CiA 402 has at this bit.
+  for (const [bit, text] of [[12, 'homing error: Homing has failed'], [13, 'following error: The axis lags'], [15, 'home found: Homing is done'], [8, 'Manufacturer-specific.']] as const) {
+    await bits.getByRole('listitem').nth(15 - bit).hover();
+    await expect(page.getByRole('tooltip')).toContainText(text);
+    await expect(page.getByRole('tooltip')).toContainText('iSMK integrated servo user manual, Table 5-5');
+  }
+  await expect(bits.getByRole('listitem').nth(15 - 15)).not.toHaveClass('on');
 });
 
 test('only the homing methods that the wiring permits can be chosen', async ({ page, open }) => {
@@ -76,7 +83,7 @@ test('an injected fault holds, which Clear fault says at once', async ({ page, o
   await open('/');
   await card(page, 'reference').getByRole('button', { name: 'Clear fault' }).click();
   const notice = page.locator('.notice.bad');
-  await expect(notice).toContainText('an injected fault holds: encoder_loss', { timeout: 1500 });
+  await expect(notice).toContainText('an injected fault holds: encoder_loss');
   await expect(notice).toContainText('remove the injected fault on the page "I/O and plant"');
   await expect(notice).not.toContainText('DELETE');
   expect(((await notice.textContent()) ?? '').split('remove the injected').length).toBe(2); // it is said once
@@ -85,8 +92,17 @@ test('an injected fault holds, which Clear fault says at once', async ({ page, o
   expect(box!.y).toBeGreaterThanOrEqual(below!.y + below!.height);
   await line.call('DELETE', '/axes/reference/faults');
   await card(page, 'reference').getByRole('button', { name: 'Clear fault' }).click();
-  await expect(notice).toHaveCount(0);
+  await expect(notice).toHaveCount(0, { timeout: 3000 }); // by itself it goes after 15 s
   await expect(card(page, 'reference')).toContainText('switch on disabled');
+  // A power cycle makes the notice, and the outcome of the job, out of date too.
+  await line.call('POST', '/axes/reference/faults', { inject: 'encoder_loss' });
+  await open('/axis/reference');
+  await page.getByRole('button', { name: 'Clear fault' }).click();
+  await expect(notice).toContainText('an injected fault holds');
+  await expect(page.getByText(/reset fault: failed/)).toBeVisible();
+  await page.getByRole('button', { name: 'Power cycle' }).click();
+  await expect(notice).toHaveCount(0, { timeout: 3000 });
+  await expect(page.getByText(/reset fault: failed/)).toHaveCount(0, { timeout: 3000 });
 });
 
 test('storing on a drive without a store command names what is lost', async ({ page, open, line }) => {

@@ -7,6 +7,7 @@ export class ApiError extends Error {
   constructor(
     readonly status: number,
     readonly problem: Problem,
+    readonly path: string,
   ) {
     super(problem.what);
   }
@@ -16,6 +17,12 @@ const root = '/api/v1';
 const patience_ms = 10_000;
 
 export const segment = encodeURIComponent;
+
+// The axis of a request; undefined: it is not for one axis.
+export function axisOf(path: string): string | undefined {
+  const name = /^\/axes\/([^/?]+)/.exec(path)?.[1];
+  return name === undefined ? undefined : decodeURIComponent(name);
+}
 
 export async function call<T = unknown>(method: string, path: string, body?: unknown, signal?: AbortSignal): Promise<T> {
   const text = await send(method, path, (response) => response.text(), body, 'application/json', signal);
@@ -53,14 +60,14 @@ async function send<T>(method: string, path: string, read: (response: Response) 
     });
     if (response.ok) return read(response);
     const answer = (await response.json().catch(() => ({}))) as { error?: Problem };
-    throw new ApiError(response.status, answer.error ?? { what: `the server answered with HTTP status ${response.status}`, where: path });
+    throw new ApiError(response.status, answer.error ?? { what: `the server answered with HTTP status ${response.status}`, where: path }, path);
   };
   try {
     return await (method === 'GET' ? reads.run(exchange, until) : exchange());
   } catch (error) {
     if (error instanceof ApiError) throw error;
-    if (signal?.aborted) throw new ApiError(0, { what: 'the command was taken back by a later halt, controlword or STOP', where: path });
-    throw new ApiError(0, { what: 'the server does not answer', where: path, hint: 'check that it still runs and that the network is connected' });
+    if (signal?.aborted) throw new ApiError(0, { what: 'the command was taken back by a later halt, controlword or STOP', where: path }, path);
+    throw new ApiError(0, { what: 'the server does not answer', where: path, hint: 'check that it still runs and that the network is connected' }, path);
   }
 }
 

@@ -24,7 +24,7 @@ import { fixed, fromDrivePosition, greatestOf, isKnown, proposed, significant, t
 import { attempt } from '../notices';
 import { useResource } from '../resource';
 import { keep, useRoute } from '../route';
-import { snapshot, useAxis, useLine, useMissing } from '../store';
+import { snapshot, useAxis, useIsOutdated, useLine, useMissing } from '../store';
 import { Commands, Speed, Torque, unitOf, usePositionLabel, useWords } from './line';
 
 export function AxisPage() {
@@ -44,7 +44,7 @@ export function AxisPage() {
           <Power axis={axis} />
           <Panel title="Words">
             <div className="words">
-              <Word name="Controlword" value={axis.controlword} bits={controlBits(axis.controlword ?? 0, axis.mode)} tipOf={(bit, name) => controlTip(bit, name, axis.mode ?? 0, axis.product)} />
+              <Word name="Controlword" value={axis.controlword} bits={controlBits(axis.controlword ?? 0, axis.mode, axis.product)} tipOf={(bit, name) => controlTip(bit, name, axis.mode ?? 0, axis.product)} />
               <Word name="Statusword" value={axis.statusword} bits={statusBits(axis.statusword ?? 0, axis.mode, words)} tipOf={(bit, name) => statusTip(bit, name, axis.mode ?? 0, axis.product)} />
             </div>
           </Panel>
@@ -68,7 +68,7 @@ function Power({ axis }: { axis: AxisView }) {
     return writeObject(name, 0x6040, 0, controlword);
   };
   return (
-    <Panel title="State machine" aside={<StateChip state={state} powered={powered} />}>
+    <Panel title="State machine" aside={<StateChip state={state} powered={powered} product={axis.product} />}>
       <StateDiagram state={powered ? state : undefined} transitions={transitions} product={axis.product} />
       <div className="buttons" role="group" aria-label="Transitions allowed now">
         {transitions.map(({ number, name: command, to, controlword }) => {
@@ -165,7 +165,8 @@ function Motion({ axis }: { axis: AxisView }) {
 }
 
 function JobLine({ job, units }: { job: ReturnType<typeof useJob>; units: Units | undefined }) {
-  if (!job) return <p className="job" role="status" />; // keeps the height, so that the buttons below keep their place
+  const isOutdated = useIsOutdated(job);
+  if (!job || isOutdated) return <p className="job" role="status" />; // keeps the height, so that the buttons below keep their place
   const position = job.result?.position;
   const at = position === undefined ? null : job.units === 'revolutions' ? position : fromDrivePosition(units, position);
   return (

@@ -13,7 +13,7 @@ import { NumberForm, NumberInput, NumbersButton } from '../parts/number_input';
 import { Lanes, type Curve } from '../parts/lanes';
 import { useResource } from '../resource';
 import { useRoute } from '../route';
-import { useAxis, useLine, usePowered } from '../store';
+import { useAxis, useIsOutdated, useLine, usePowered } from '../store';
 
 const tunes = ['tune', 'tune_itself'];
 
@@ -65,6 +65,7 @@ function Tune({ axis, gains, missing, job }: { axis: string; gains: Gains; missi
   const fault = useLine(({ axes }) => (axis in axes ? faultHindrance(axes[axis]) : ''));
   const cannot = running || fault !== '';
   const tuning = job?.state === 'running' ? job : undefined;
+  const isOutdated = useIsOutdated(job);
   const start = (apply: boolean) =>
     attempt(async () => {
       const request = { do: 'tune', apply, travel, torque_percent: torque, seconds, ...(Number.isFinite(bandwidth) ? { bandwidth_hz: bandwidth } : {}) };
@@ -107,7 +108,7 @@ function Tune({ axis, gains, missing, job }: { axis: string; gains: Gains; missi
           <progress max={1} value={tuning.progress?.share ?? 0} aria-label="Progress of the tuning" /> {tuning.progress?.doing ?? 'enabling'}
         </p>
       )}
-      {job?.state === 'failed' || job?.state === 'cancelled' ? <Trouble problem={job.error} /> : null}
+      {!isOutdated && (job?.state === 'failed' || job?.state === 'cancelled') ? <Trouble problem={job.error} /> : null}
     </Panel>
   );
 }
