@@ -2,6 +2,7 @@ import { useSyncExternalStore } from 'react';
 import { ApiError, get, post } from './api/client';
 import { Stream, type ServerEvent } from './api/stream';
 import { setToken, subprotocols, token } from './api/token';
+import { motionHindrance } from './model/cia402';
 import { noteProject, openProject, type ProjectEvent } from './storage';
 import type { AxisView, Clock, Job, LineView, Missing } from './api/types';
 
@@ -52,6 +53,11 @@ export const useAxis = (name: string) => useLine((line) => line.axes[name] as Ax
 
 // Only this value of an axis, so that a component that needs nothing else is not rendered at every motion.
 export const usePowered = (name: string) => useLine((line) => line.axes[name]?.powered ?? false);
+
+// The reason why no motion of the axis may begin now; empty: none.
+export const useMotionHindrance = (name: string) => useLine(({ axes }) => motionHindrance(axes[name]));
+
+export const useIsBusy = (name: string) => useLine(({ jobs }) => (jobs[name] as Job | undefined)?.state === 'running');
 
 // The reason why the server does not have `what`; undefined: it has it; null: not known yet.
 export const useMissing = (what: Missing) => useLine(({ line }) => (line === null ? null : line.missing[what]));

@@ -85,13 +85,16 @@ test('no button that moves acts on a number that is not understood', async ({ pa
   await expect(page.getByRole('button', { name: 'Sweep and record' })).toBeDisabled();
 });
 
-test('no motion begins while the drive is in fault, and the buttons give the reason', async ({ page, open, line }) => {
+test('no motion begins while the drive is in fault or without power, and the buttons give the reason', async ({ page, open, line }) => {
+  const board = { name: 'Bench', widgets: ['move', 'home', 'jog'].map((what) => ({ kind: 'button', title: `Board ${what}`, span: 1, axis: 'ismk', do: what, by: 1, velocity: 1 })) };
+  await page.addInitScript((boards) => localStorage.setItem('servodrome.boards', boards), JSON.stringify([board]));
   const reason = 'The drive has a fault: clear it first.';
   const state = async () => (await line.call<View>('GET', '/axes/ismk')).state;
   const motions: [string, string[]][] = [
     ['/axis/ismk', ['− Back', 'Move +', 'There and back', 'Go to zero']], ['/axis/ismk?do=velocity', ['Run']], ['/axis/ismk?do=torque', ['Apply']],
     ['/axis/ismk?do=jog', ['Jog in negative direction', 'Jog in positive direction']], ['/axis/ismk?do=home', ['Home']],
-    ['/tuning/ismk', ['Measure and propose', 'Tune', 'Let the drive tune itself']],
+    ['/tuning/ismk', ['Measure and propose', 'Tune', 'Let the drive tune itself']], ['/scope?ch=ismk/velocity_rpm', ['Move and record', 'Sweep and record']],
+    ['/boards', ['Board move', 'Board home', 'Board jog']],
   ];
   await line.call('POST', '/axes/ismk/jobs', { do: 'enable' });
   await expect.poll(state).toBe('operation enabled');
@@ -101,18 +104,29 @@ test('no motion begins while the drive is in fault, and the buttons give the rea
   await line.call('POST', '/axes/ismk/faults', { inject: 'encoder_loss' });
   await expect(page.getByRole('button', { name: 'Move +' })).toBeDisabled();
   await expect.poll(state).toBe('fault');
-  for (const [path, names] of motions) {
-    await open(path);
+  const refuses = async (names: string[], why: string) => {
     for (const name of names) {
       await expect(page.getByRole('button', { name, exact: true })).toBeDisabled();
-      await expect(page.getByRole('button', { name, exact: true })).toHaveAttribute('title', reason);
+      await expect(page.getByRole('button', { name, exact: true })).toHaveAttribute('title', why);
     }
+  };
+  for (const [path, names] of motions) {
+    await open(path);
+    await refuses(names, reason);
     for (const halt of await page.getByRole('button', { name: /^(STOP|Halt)$/ }).all()) await expect(halt).toBeEnabled();
   }
   await line.call('DELETE', '/axes/ismk/faults');
   await open('/axis/ismk');
   await page.getByRole('button', { name: 'Clear fault' }).click();
   await expect(page.getByRole('button', { name: 'Move +' })).toBeEnabled();
+  await page.getByRole('link', { name: 'Dashboards' }).click();
+  await expect(page.getByRole('button', { name: 'Board move' })).toBeEnabled();
+  await line.call('POST', '/axes/ismk/power', { action: 'off' });
+  for (const [path, names] of motions) {
+    if (path.startsWith('/tuning')) continue; // it has no buttons then
+    await open(path);
+    await refuses(names, 'The drive has no power: switch it on first.');
+  }
 });
 
 test('says what a motion will be', async ({ page, open }) => {

@@ -1,11 +1,13 @@
 import { useState } from 'react';
 import { haltAnd, isHalt, runJob } from '../commands';
 import { jobs, type Widget } from '../model/boards';
+import { motionHindrance } from '../model/cia402';
 import { Button, HaltButton } from '../parts/controls';
 import { JogButton } from '../parts/jog';
 import { StateChip } from '../parts/state';
 import { useAxis, useLine } from '../store';
 
+const motions = ['home', 'move', 'jog'];
 const numbers = ['by', 'to', 'velocity', 'acceleration', 'method'];
 
 // Every motion is a job of the server, as on the page of the axis.
@@ -21,20 +23,22 @@ export function ButtonWidget({ widget }: { widget: Widget }) {
   const text = widget.title || `${jobs.find(([id]) => id === what)?.[1] ?? what} ${name}`;
   const press = () => {
     setBusy(true);
-    const run = what === 'home' || what === 'move' ? haltAnd(name, { do: what, ...request }) : runJob(name, { do: what });
+    const run = motions.includes(what) ? haltAnd(name, { do: what, ...request }) : runJob(name, { do: what });
     void run.finally(() => setBusy(false));
   };
   if (!axis) return <p className="refusal" role="status">There is no axis "{name}".</p>;
+  const reason = motions.includes(what) ? motionHindrance(axis) : '';
+  const isEnabled = axis.state === 'operation enabled';
   return (
     <>
       {what === 'jog' ? (
-        <JogButton axis={name} velocity={{ velocity: widget.velocity, units: 'revolutions', ...(acceleration === undefined ? {} : { acceleration, deceleration: acceleration }) }} isDisabled={axis.state !== 'operation enabled'} label={text}>
+        <JogButton axis={name} velocity={{ velocity: widget.velocity, units: 'revolutions', ...(acceleration === undefined ? {} : { acceleration, deceleration: acceleration }) }} isDisabled={reason !== '' || !isEnabled} title={reason || (isEnabled ? '' : 'Enable the axis first.')} label={text}>
           {text}
         </JogButton>
       ) : isHalt(what) ? (
         <HaltButton kind={what === 'disable' ? 'main' : 'bad'} onHalt={press}>{text}</HaltButton>
       ) : (
-        <Button kind="main" isDisabled={busy} onPress={press}>{text}</Button>
+        <Button kind="main" title={reason} isDisabled={busy || reason !== ''} onPress={press}>{text}</Button>
       )}
       <p className="job">
         <span className="quiet">{name}</span> <StateChip state={axis.state} powered={axis.powered} product={axis.product} />

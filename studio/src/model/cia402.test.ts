@@ -1,5 +1,5 @@
 import { describe, expect, it } from 'vitest';
-import { edges, faultHindrance, isFault, isStop, states } from './cia402';
+import { edges, faultHindrance, isFault, isStop, motionHindrance, states } from './cia402';
 
 describe('a drive in fault', () => {
   it('is in one of two states', () => {
@@ -12,6 +12,10 @@ describe('a drive in fault', () => {
     expect(states.map((state) => faultHindrance({ powered: true, state }))).toEqual(['', '', '', '', '', '', reason, reason]);
     expect(faultHindrance({ powered: false, state: 'fault' })).toBe('');
     expect(faultHindrance({ powered: true })).toBe('');
+    expect(states.map((state) => motionHindrance({ powered: true, state }))).toEqual(['', '', '', '', '', '', reason, reason]);
+    expect(motionHindrance({ powered: false, state: 'fault' })).toBe('The drive has no power: switch it on first.');
+    expect(motionHindrance({ powered: true, problem: { what: 'no' } })).toBe('The drive does not answer.');
+    expect(motionHindrance(undefined)).toBe('There is no such axis.');
   });
 });
 

@@ -43,7 +43,12 @@ export const edges: Edge[] = [
 
 export const isFault = (state: string | undefined) => state === 'fault' || state === 'fault reaction active';
 
-// The reason why no motion may begin; empty: the drive has no fault.
+// The reason why no motion may begin; empty: none. Every button that begins one is disabled then, and shows the reason.
+export function motionHindrance(axis: Pick<AxisView, 'powered' | 'state' | 'problem'> | undefined): string {
+  if (!axis) return 'There is no such axis.';
+  if (axis.problem) return 'The drive does not answer.';
+  return axis.powered ? faultHindrance(axis) : 'The drive has no power: switch it on first.';
+}
 export const faultHindrance = ({ powered, state }: Pick<AxisView, 'powered' | 'state'>) => (powered && isFault(state) ? 'The drive has a fault: clear it first.' : '');
 
 // A transition by which the drive stops following its targets: the button of such a command acts when it is pressed.

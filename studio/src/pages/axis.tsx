@@ -14,7 +14,7 @@ import { StateChip } from '../parts/state';
 import { StateDiagram } from '../parts/state_diagram';
 import { Travel, useGeometry } from '../parts/travel';
 import { Word } from '../parts/word';
-import { controlBits, faultHindrance, isStop, modeText, statusBits } from '../model/cia402';
+import { controlBits, isStop, modeText, motionHindrance, statusBits } from '../model/cia402';
 import { cannotHome, proposedMethod } from '../model/homing';
 import { controlTip, statusTip } from '../model/meanings';
 import { addressOf } from '../model/objects';
@@ -124,10 +124,10 @@ function Motion({ axis }: { axis: AxisView }) {
   const enabled = axis.powered && axis.state === 'operation enabled';
   const isVirtual = useLine(({ line }) => line?.kind === 'virtual');
   const limits = useResource<Limits>(axis.powered && !axis.problem ? `${axisPath(name)}/limits` : null, isVirtual ? limits_ms : 0);
-  const fault = faultHindrance(axis);
+  const reason = motionHindrance(axis);
   // The proposed numbers depend on the limits, so no motion starts before these are known.
-  const isFree = axis.powered && !axis.problem && fault === '' && job?.state !== 'running' && Boolean(limits.value ?? limits.problem);
-  const move = { name, names: useUnitNames(name, units, limits.value), isFree, fault };
+  const isFree = reason === '' && job?.state !== 'running' && Boolean(limits.value ?? limits.problem);
+  const move = { name, names: useUnitNames(name, units, limits.value), isFree, reason };
   return (
     <Panel title="Motion" aside={<span className="quiet">{[axis.product, modeText(axis.mode, words)].filter(Boolean).join(', ')}</span>}>
       <Travel axis={axis} geometry={geometry} ghost={ghost} />
@@ -210,8 +210,8 @@ function useUnitNames(name: string, units: Units | undefined, limits: Limits | u
 interface MoveProps {
   name: string;
   names: UnitNames;
-  isFree: boolean; // the axis answers, has no fault, and no job runs
-  fault: string; // title of the disabled buttons; empty: the drive has no fault
+  isFree: boolean; // a motion may begin, and no job runs
+  reason: string; // title of the disabled buttons; empty: a motion may begin
 }
 
 async function enableAnd(name: string, request: { do: string } & Record<string, unknown>) {
@@ -247,7 +247,7 @@ function Prediction({ names, distance, velocity, acceleration }: { names: UnitNa
   );
 }
 
-function PositionMove({ name, names, isFree, fault, axis, geometry, unitsOf, limits, onPlan }: MoveProps & {
+function PositionMove({ name, names, isFree, reason, axis, geometry, unitsOf, limits, onPlan }: MoveProps & {
   axis: AxisView;
   geometry: Geometry | undefined;
   unitsOf: Units | undefined;
@@ -299,10 +299,10 @@ function PositionMove({ name, names, isFree, fault, axis, geometry, unitsOf, lim
       <NumberInput label="Velocity" unit={names.velocity} value={velocity} onChange={setVelocity} minimum={0} />
       <NumberInput label="Acceleration" unit={names.acceleration} value={acceleration} onChange={setAcceleration} minimum={0} />
       <div className="buttons">
-        {how === 'by' && <NumbersButton title={fault} isDisabled={cannot || behind !== ''} onPress={() => start({ by: -distance })}>− Back</NumbersButton>}
-        <NumbersButton kind="main" title={fault} isDisabled={cannot || ahead !== ''} onPress={() => start(how === 'by' ? { by: distance } : { to: distance })}>{how === 'by' ? 'Move +' : 'Move'}</NumbersButton>
-        {how === 'by' && <NumbersButton title={fault} isDisabled={cannot || ahead !== ''} onPress={thereAndBack}>There and back</NumbersButton>}
-        <NumbersButton title={fault} isDisabled={cannot || zero !== ''} onPress={() => start({ to: 0 })}>Go to zero</NumbersButton>
+        {how === 'by' && <NumbersButton title={reason} isDisabled={cannot || behind !== ''} onPress={() => start({ by: -distance })}>− Back</NumbersButton>}
+        <NumbersButton kind="main" title={reason} isDisabled={cannot || ahead !== ''} onPress={() => start(how === 'by' ? { by: distance } : { to: distance })}>{how === 'by' ? 'Move +' : 'Move'}</NumbersButton>
+        {how === 'by' && <NumbersButton title={reason} isDisabled={cannot || ahead !== ''} onPress={thereAndBack}>There and back</NumbersButton>}
+        <NumbersButton title={reason} isDisabled={cannot || zero !== ''} onPress={() => start({ to: 0 })}>Go to zero</NumbersButton>
         {how === 'by' && <Toggle isSelected={repeats} onChange={setRepeats}>repeat there and back</Toggle>}
       </div>
       {ahead !== '' && <p className="trouble" role="alert">{ahead}</p>}
@@ -311,7 +311,7 @@ function PositionMove({ name, names, isFree, fault, axis, geometry, unitsOf, lim
   );
 }
 
-function VelocityMove({ name, names, isFree, fault }: MoveProps) {
+function VelocityMove({ name, names, isFree, reason }: MoveProps) {
   const [velocity, setVelocity] = useNumber(120, names, 'velocity');
   const [acceleration, setAcceleration] = useNumber(20, names, 'acceleration');
   return (
@@ -321,7 +321,7 @@ function VelocityMove({ name, names, isFree, fault }: MoveProps) {
       <div className="buttons">
         <NumbersButton
           kind="main"
-          title={fault}
+          title={reason}
           isDisabled={!isFree || !(acceleration > 0)}
           onPress={() => attempt(() => enableAnd(name, { do: 'velocity', units: names.units, velocity: names.speed(velocity), acceleration, deceleration: acceleration }))}
         >
@@ -335,13 +335,13 @@ function VelocityMove({ name, names, isFree, fault }: MoveProps) {
   );
 }
 
-function TorqueMove({ name, isFree, fault }: MoveProps) {
+function TorqueMove({ name, isFree, reason }: MoveProps) {
   const [percent, setPercent] = useState(5);
   return (
     <div className="form">
       <NumberInput label="Torque" unit="% of rated" value={percent} onChange={setPercent} minimum={-300} maximum={300} />
       <div className="buttons">
-        <NumbersButton kind="main" title={fault} isDisabled={!isFree} onPress={() => attempt(() => enableAnd(name, { do: 'torque', percent }))}>Apply</NumbersButton>
+        <NumbersButton kind="main" title={reason} isDisabled={!isFree} onPress={() => attempt(() => enableAnd(name, { do: 'torque', percent }))}>Apply</NumbersButton>
         <HaltButton onHalt={() => attempt(() => runJob(name, { do: 'stop' }))}>Halt</HaltButton>
       </div>
       <p className="quiet note">Without an opposing load the axis accelerates until it is halted.</p>
@@ -349,7 +349,7 @@ function TorqueMove({ name, isFree, fault }: MoveProps) {
   );
 }
 
-function JogMove({ name, names, fault, enabled }: MoveProps & { enabled: boolean }) {
+function JogMove({ name, names, reason, enabled }: MoveProps & { enabled: boolean }) {
   const [velocity, setVelocity] = useNumber(60, names, 'velocity');
   const [acceleration, setAcceleration] = useNumber(20, names, 'acceleration');
   const right = useNumbersAreRight();
@@ -360,16 +360,16 @@ function JogMove({ name, names, fault, enabled }: MoveProps & { enabled: boolean
       <NumberInput label="Velocity" unit={names.velocity} value={velocity} onChange={setVelocity} minimum={0} />
       <NumberInput label="Acceleration" unit={names.acceleration} value={acceleration} onChange={setAcceleration} minimum={0} />
       <div className="buttons">
-        <JogButton axis={name} velocity={request(-1)} isDisabled={cannot} title={fault} label="Jog in negative direction">◀ −</JogButton>
-        <JogButton axis={name} velocity={request(1)} isDisabled={cannot} title={fault} label="Jog in positive direction">+ ▶</JogButton>
+        <JogButton axis={name} velocity={request(-1)} isDisabled={cannot} title={reason} label="Jog in negative direction">◀ −</JogButton>
+        <JogButton axis={name} velocity={request(1)} isDisabled={cannot} title={reason} label="Jog in positive direction">+ ▶</JogButton>
       </div>
       <Prediction names={names} velocity={velocity} acceleration={acceleration} />
-      <p className="quiet note">{enabled ? 'Moves while the button is held: mouse, Space or Enter.' : fault || 'Enable the axis first.'}</p>
+      <p className="quiet note">{enabled ? 'Moves while the button is held: mouse, Space or Enter.' : reason || 'Enable the axis first.'}</p>
     </div>
   );
 }
 
-function HomeMove({ name, names, isFree, fault, axis, geometry }: MoveProps & { axis: AxisView; geometry: Geometry | undefined }) {
+function HomeMove({ name, names, isFree, reason, axis, geometry }: MoveProps & { axis: AxisView; geometry: Geometry | undefined }) {
   const homingOf = useResource<{ methods: HomingMethod[]; index_available?: boolean }>(`${axisPath(name)}/homing`).value;
   // The methods that the wiring permits come first.
   const reasonOf = (each: HomingMethod) => cannotHome(each, geometry, homingOf?.index_available);
@@ -394,7 +394,7 @@ function HomeMove({ name, names, isFree, fault, axis, geometry }: MoveProps & { 
         <div className="buttons">
           <NumbersButton
             kind="main"
-            title={fault}
+            title={reason}
             isDisabled={!isFree || !(acceleration > 0)}
             onPress={() => {
               setStart(axis.position_counts);

@@ -17,7 +17,7 @@ import { greatestOf, isKnown, proposed } from '../model/units';
 import { attempt, complain } from '../notices';
 import { useResource } from '../resource';
 import { keep, useRoute } from '../route';
-import { useLine, usePowered } from '../store';
+import { useIsBusy, useLine, useMotionHindrance, usePowered } from '../store';
 import '../scope.css';
 
 export function ScopePage() {
@@ -114,6 +114,8 @@ function Record({ setup }: { setup: Setup }) {
   const [withMove, setWithMove] = useState(true);
   const [name, setName] = useState('');
   const powered = usePowered(axis);
+  const hindrance = useMotionHindrance(axis);
+  const isBusy = useIsBusy(axis);
   const units = useResource<Units>(withMove && powered ? `${axisPath(axis)}/units` : null).value;
   const limits = useResource<Limits>(withMove && powered ? `${axisPath(axis)}/limits` : null, 3000).value;
   const known = isKnown(units);
@@ -145,7 +147,7 @@ function Record({ setup }: { setup: Setup }) {
       )}
       {withMove && units && !known && <p className="note">This drive does not report its units: move it on the Axis page.</p>}
       <div className="buttons">
-        <NumbersButton kind="main" isDisabled={withMove && (!known || !(rpm > 0) || !(acceleration > 0))} onPress={() => attempt(record)}>{withMove ? 'Move and record' : 'Record'}</NumbersButton>
+        <NumbersButton kind="main" title={withMove ? hindrance : ''} isDisabled={withMove && (hindrance !== '' || isBusy || !known || !(rpm > 0) || !(acceleration > 0))} onPress={() => attempt(record)}>{withMove ? 'Move and record' : 'Record'}</NumbersButton>
       </div>
     </Panel>
   );

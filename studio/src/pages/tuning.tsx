@@ -2,7 +2,6 @@ import { useCallback, useEffect, useMemo, useRef, useState } from 'react';
 import type { Job, ObjectEntry, ObjectValue } from '../api/types';
 import { axisPath, cancelJob, haltAnd, readValues, untilHalted, writeObject } from '../commands';
 import { at, type BodePoint } from '../model/bode';
-import { faultHindrance } from '../model/cia402';
 import { addressOf } from '../model/objects';
 import { figuresOf, missingForTune, placeOf, setsOf, type GainLine, type Gains, type StepMeasured, type Tuned } from '../model/tuning';
 import { fixed, significant } from '../model/units';
@@ -13,7 +12,7 @@ import { NumberForm, NumberInput, NumbersButton } from '../parts/number_input';
 import { Lanes, type Curve } from '../parts/lanes';
 import { useResource } from '../resource';
 import { useRoute } from '../route';
-import { useAxis, useIsOutdated, useLine, usePowered } from '../store';
+import { useAxis, useIsBusy, useIsOutdated, useLine, useMotionHindrance, usePowered } from '../store';
 
 const tunes = ['tune', 'tune_itself'];
 
@@ -61,9 +60,9 @@ function Tune({ axis, gains, missing, job }: { axis: string; gains: Gains; missi
   const [travel, setTravel] = useState(4);
   const [torque, setTorque] = useState(60);
   const [seconds, setSeconds] = useState(4);
-  const running = useLine((line) => line.jobs[axis]?.state === 'running');
-  const fault = useLine(({ axes }) => (axis in axes ? faultHindrance(axes[axis]) : ''));
-  const cannot = running || fault !== '';
+  const isBusy = useIsBusy(axis);
+  const reason = useMotionHindrance(axis);
+  const cannot = isBusy || reason !== '';
   const tuning = job?.state === 'running' ? job : undefined;
   const isOutdated = useIsOutdated(job);
   const start = (apply: boolean) =>
@@ -87,9 +86,9 @@ function Tune({ axis, gains, missing, job }: { axis: string; gains: Gains; missi
             <NumberInput label="Duration of each measurement" unit="s" value={seconds} minimum={4} maximum={600} onChange={setSeconds} />
           </div>
           <div className="buttons">
-            <NumbersButton title={fault} isDisabled={cannot} onPress={() => start(false)}>Measure and propose</NumbersButton>
-            {gains.writes && <NumbersButton kind="main" title={fault} isDisabled={cannot} onPress={() => start(true)}>Tune</NumbersButton>}
-            {gains.tunes_itself && <NumbersButton title={fault} isDisabled={cannot} onPress={() => attempt(() => haltAnd(axis, { do: 'tune_itself', travel }))}>Let the drive tune itself</NumbersButton>}
+            <NumbersButton title={reason} isDisabled={cannot} onPress={() => start(false)}>Measure and propose</NumbersButton>
+            {gains.writes && <NumbersButton kind="main" title={reason} isDisabled={cannot} onPress={() => start(true)}>Tune</NumbersButton>}
+            {gains.tunes_itself && <NumbersButton title={reason} isDisabled={cannot} onPress={() => attempt(() => haltAnd(axis, { do: 'tune_itself', travel }))}>Let the drive tune itself</NumbersButton>}
           </div>
           {!gains.writes && <p className="note quiet">The gain objects of this drive are not known: gains are proposed in SI units.</p>}
         </>
@@ -98,7 +97,7 @@ function Tune({ axis, gains, missing, job }: { axis: string; gains: Gains; missi
           <p className="note">{missing}</p>
           {gains.tunes_itself && (
             <div className="buttons">
-              <Button title={fault} isDisabled={cannot} onPress={() => attempt(() => haltAnd(axis, { do: 'tune_itself', travel }))}>Let the drive tune itself</Button>
+              <Button title={reason} isDisabled={cannot} onPress={() => attempt(() => haltAnd(axis, { do: 'tune_itself', travel }))}>Let the drive tune itself</Button>
             </div>
           )}
         </>

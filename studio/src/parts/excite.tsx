@@ -8,7 +8,7 @@ import type { Setup } from '../model/scope';
 import { attempt } from '../notices';
 import { useResource } from '../resource';
 import { keep } from '../route';
-import { useLine, usePowered } from '../store';
+import { useIsBusy, useLine, useMotionHindrance, usePowered } from '../store';
 import { Choice, Panel, Trouble } from './controls';
 import { NumberInput, NumbersButton } from './number_input';
 import { useAxisChoice } from './scope_setup';
@@ -33,6 +33,8 @@ export function Excite({ first }: { first: string }) {
   const [travel, setTravel] = useState(1);
   const [busy, setBusy] = useState(false);
   const powered = usePowered(axis);
+  const hindrance = useMotionHindrance(axis);
+  const isBusy = useIsBusy(axis);
   const { value: units, problem } = useResource<Units>(powered ? `${axisPath(axis)}/units` : null);
   const objects = useResource<{ objects: ObjectEntry[] }>(`${axisPath(axis)}/objects`).value?.objects;
 
@@ -79,7 +81,7 @@ export function Excite({ first }: { first: string }) {
       </div>
       <Trouble problem={problem} />
       <div className="buttons">
-        <NumbersButton kind="main" isDisabled={busy || !units || !objects} onPress={() => { setBusy(true); attempt(() => run().finally(() => setBusy(false))); }}>
+        <NumbersButton kind="main" title={hindrance} isDisabled={busy || isBusy || hindrance !== '' || !units || !objects} onPress={() => { setBusy(true); attempt(() => run().finally(() => setBusy(false))); }}>
           {kind === 'sweep' ? 'Sweep and record' : 'Step and record'}
         </NumbersButton>
       </div>
