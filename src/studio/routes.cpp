@@ -165,7 +165,8 @@ Json show_gains(Call& call) {
   return Json{{"gains", std::move(gains)},
               {"measures", drives.has_cycles(axis)},
               {"writes", !dialect.gains.empty()},
-              {"tunes_itself", dialect.tunes_itself}};
+              {"tunes_itself", dialect.tunes_itself},
+              {"full_torque", dialect.full_torque_text}};
 }
 
 constexpr std::array table{

@@ -82,7 +82,7 @@ function Tune({ axis, gains, missing, job }: { axis: string; gains: Gains; missi
           <div className="form">
             <NumberInput mayBeEmpty label="Target bandwidth (blank: 60 % of the maximum)" unit="Hz" value={bandwidth} minimum={1} maximum={1000} onChange={setBandwidth} />
             <NumberInput label="Maximum forward travel" unit="rev" value={travel} minimum={0.5} maximum={1000} onChange={setTravel} />
-            <NumberInput label="Torque limit" unit="% of rated" value={torque} minimum={1} maximum={300} onChange={setTorque} />
+            <NumberInput label="Torque limit" unit={`% of ${gains.full_torque}`} value={torque} minimum={1} maximum={300} onChange={setTorque} />
             <NumberInput label="Duration of each measurement" unit="s" value={seconds} minimum={4} maximum={600} onChange={setSeconds} />
           </div>
           <div className="buttons">
