@@ -46,6 +46,15 @@ test('changes appear by themselves, are filtered and undone', async ({ page, ope
   await expect(list.getByText(/6060:00.*stays/)).toBeVisible();
 });
 
+test('a CAN identifier is shown in hexadecimal', async ({ page, open, line }) => {
+  await line.call(...write('1014:0', 0x80000082));
+  await open('/objects/reference?view=changes');
+  const row = panel(page, 'Changes').getByRole('row', { name: /1014:00/ });
+  await expect(row).toContainText('00000082h');
+  await expect(row).toContainText('80000082h');
+  await expect(row).not.toContainText('130');
+});
+
 test('the drive is compared with the stored values', async ({ page, open, line }) => {
   await line.call(...write('6081:0', 4321));
   await open('/objects/reference?view=changes');

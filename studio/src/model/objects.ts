@@ -55,17 +55,19 @@ export function parseValue(entry: ObjectEntry, typed: string): ObjectValue | und
   return entry.type.startsWith('REAL') || Number.isInteger(value) ? value : undefined;
 }
 
+type Typed = Pick<ObjectEntry, 'name' | 'type'>;
+
 const digits: Record<string, number> = { UNSIGNED8: 2, UNSIGNED16: 4, UNSIGNED32: 8 };
 
 // CAN identifiers are hexadecimal, as everywhere in CANopen.
-const isCanId = ({ name, type }: ObjectEntry) => type === 'UNSIGNED32' && /\bCOB-?ID\b/i.test(name);
+const isCanId = ({ name, type }: Typed) => type === 'UNSIGNED32' && /\bCOB-?ID\b/i.test(name);
 
-export function showValue(value: ObjectValue | undefined, entry?: ObjectEntry): string {
+export function showValue(value: ObjectValue | undefined, entry?: Typed): string {
   if (entry && isCanId(entry) && typeof value === 'number') return hexValue(entry, value);
   return value === undefined ? '' : value === null ? 'not a number' : String(value);
 }
 
-export function hexValue(entry: ObjectEntry, value: ObjectValue | undefined): string {
+export function hexValue(entry: Pick<ObjectEntry, 'type'>, value: ObjectValue | undefined): string {
   const width = digits[entry.type];
   return width && typeof value === 'number' ? `${value.toString(16).toUpperCase().padStart(width, '0')}h` : '';
 }

@@ -2,6 +2,7 @@ import { useEffect, useRef, useState } from 'react';
 import { get, post, problemOf, segment } from '../api/client';
 import type { ObjectValue, Problem } from '../api/types';
 import { authorsOf, type Change, type ChangesAnswer, matches, said, type UndoReport, withAnswer } from '../model/changes';
+import { showValue } from '../model/objects';
 import { Button, Choice, Link, Panel, Scroll, Search, Trouble } from '../parts/controls';
 import { fixed } from '../model/units';
 import { complain } from '../notices';
@@ -81,7 +82,7 @@ export function ChangesView({ name }: { name: string }) {
 }
 
 const timeOf = (wall: string, withDate: boolean) => (withDate ? new Date(wall).toLocaleString('en-GB') : new Date(wall).toLocaleTimeString('en-GB'));
-const textOf = (value: ObjectValue | null) => (value === null ? <span className="quiet">not known</span> : String(value));
+const textOf = (value: ObjectValue | null, change: Change) => (value === null ? <span className="quiet">not known</span> : showValue(value, change));
 
 function Row({ change, link, isDisabled, onUndo }: { change: Change; link: string; isDisabled: boolean; onUndo?: () => void }) {
   const { number, wall, time_ns, object, name, before, after, unit, who } = change;
@@ -91,8 +92,8 @@ function Row({ change, link, isDisabled, onUndo }: { change: Change; link: strin
       <td title={`${wall}, ${(time_ns / 1e9).toFixed(3)} s of the line`}>{timeOf(wall, !onUndo)}</td>
       <th scope="row" className="mono"><Link to={`${link}?object=${object}&q=${object}`}>{object}</Link></th>
       <td className="text">{name}</td>
-      <td>{textOf(before)}</td>
-      <td>{textOf(after)}</td>
+      <td>{textOf(before, change)}</td>
+      <td>{textOf(after, change)}</td>
       <td className="text">{unit}</td>
       <td className="text">{who}</td>
       <td>{onUndo && <Button kind="bare" isDisabled={isDisabled} aria-label={`Undo change ${number}`} onPress={onUndo}>Undo</Button>}</td>
