@@ -1,4 +1,4 @@
-import type { Page } from '@playwright/test';
+import type { Locator, Page } from '@playwright/test';
 import { accessible } from './accessible';
 import { card, choose, expect, test } from './fixtures';
 
@@ -36,6 +36,42 @@ test.describe('the mechanics of the line file', () => {
     // In this time the weight of the slider turns the crank a little.
     await expect(card(page, 'tu').getByRole('img', { name: 'rotary, at 90°' })).toBeVisible();
     await expect(card(page, 'slid').getByRole('img', { name: /^crank, elastic coupling, at 3[56]°$/ })).toBeVisible();
+  });
+});
+
+const sixteen = `clock = "real"\n[[bus]]\nname = "can0"\n${Array.from({ length: 16 }, (_, i) => `[[axis]]\nname = "axis-${i + 1}"\nproduct = "generic402"\nbus = "can0"\nnode = ${i + 1}\n`).join('')}`;
+
+test.describe('a line of 16 axes on a telephone', () => {
+  test.use({ lineText: sixteen, viewport: { width: 390, height: 844 } });
+  test('has the state, the fault and the commands of each axis in its row', async ({ page, open, line, picture }) => {
+    const row = (name: string) => page.getByRole('row').filter({ has: page.getByRole('link', { name, exact: true }) });
+    const fits = async (element: Locator) => {
+      await expect(element).toBeInViewport({ ratio: 0.99 });
+      const box = (await element.boundingBox())!;
+      expect(box.x).toBeGreaterThanOrEqual(0);
+      expect(box.x + box.width).toBeLessThanOrEqual(390);
+    };
+    await line.call('POST', '/axes/axis-2/faults', { inject: 'encoder_loss' });
+    await open('/');
+    await expect(page.getByRole('columnheader', { name: 'true position' })).toBeVisible();
+    const fault = row('axis-2').getByRole('link', { name: /Encoder/ });
+    await fits(fault);
+    await fits(row('axis-2').getByRole('button', { name: 'Clear fault' }));
+    await row('axis-3').getByRole('button', { name: 'Enable' }).click();
+    await expect(row('axis-3')).toContainText('operation enabled');
+    // No state is cut off.
+    expect(await page.locator('.of-state').evaluateAll((cells) => cells.every((cell) => cell.scrollWidth <= cell.clientWidth))).toBe(true);
+    for (const name of ['Halt', 'Disable']) await fits(row('axis-3').getByRole('button', { name, exact: true }));
+    await picture('rows-narrow');
+    // The last row can be reached, and its command too.
+    await page.locator('.row-box').evaluate((element) => element.scrollTo(0, element.scrollHeight));
+    await page.locator('.row-box').scrollIntoViewIfNeeded();
+    await row('axis-16').getByRole('button', { name: 'Enable' }).click();
+    await expect(row('axis-16').getByRole('button', { name: 'Halt' })).toBeVisible();
+    expect(await page.evaluate(() => document.documentElement.scrollWidth)).toBeLessThanOrEqual(390);
+    await page.locator('.row-box').evaluate((element) => element.scrollTo(0, 0));
+    await fault.click();
+    await expect(page).toHaveURL(/\/faults\/axis-2/);
   });
 });
 

@@ -1,23 +1,28 @@
 import { memo, useEffect, useRef, useState } from 'react';
 import { visibleRows } from '../model/machine';
 import { fixed } from '../model/units';
-import { Commands, positionOf } from '../pages/line';
+import { Commands, positionOf, usePositionLabel } from '../pages/line';
 import { useAxis } from '../store';
 import { Link } from './controls';
 import { Dial } from './mechanism';
 import { StateChip } from './state';
 import { Travel, useGeometry } from './travel';
 
-const row_px = 40;
 const columns = ['axis', 'state', 'travel', 'position', 'velocity', 'torque', 'fault', 'commands'];
+const usual_px = 40;
 
-// The axes of a large line. All rows have the same height, so only the visible rows are rendered.
+// The axes of a large line. All rows have the same height, which line.css defines, so only the visible rows are rendered.
 export function AxisRows({ names }: { names: string[] }) {
   const box = useRef<HTMLDivElement>(null);
   const [top, setTop] = useState(0);
   const [height, setHeight] = useState(600);
+  const [row_px, setRow] = useState(usual_px);
+  const positionLabel = usePositionLabel();
   useEffect(() => {
-    const observer = new ResizeObserver(([entry]) => setHeight(entry.contentRect.height));
+    const observer = new ResizeObserver(([entry]) => {
+      setHeight(entry.contentRect.height);
+      setRow(Number(getComputedStyle(entry.target).getPropertyValue('--row-px')) || usual_px);
+    });
     observer.observe(box.current!);
     return () => observer.disconnect();
   }, []);
@@ -27,7 +32,7 @@ export function AxisRows({ names }: { names: string[] }) {
       <div role="table" aria-label="Axes" aria-rowcount={names.length + 1}>
         <div role="rowgroup">
           <div role="row" className="axis-row head" aria-rowindex={1}>
-            {columns.map((column) => <span key={column} role="columnheader" className={`of-${column}`}>{column}</span>)}
+            {columns.map((column) => <span key={column} role="columnheader" className={`of-${column}`}>{column === 'position' ? positionLabel : column}</span>)}
           </div>
         </div>
         {/* The keyboard scrolls the rows. */}
