@@ -5,6 +5,7 @@ import { Help } from './parts/help';
 import { Mishap } from './parts/mishap';
 import { Notices } from './parts/notices';
 import { StopButton } from './parts/stop';
+import { shownOf } from './model/problem';
 import { AxisPage } from './pages/axis';
 import { BoardsPage } from './pages/boards';
 import { BusPage } from './pages/bus';
@@ -139,10 +140,10 @@ function Banner() {
     );
   }
   if (project?.problem) {
-    const { what, where, hint } = project.problem;
+    const { what, hint } = shownOf(project.problem); // its place is a file
     return (
       <div className="banner bad" role="alert">
-        The project is not saved: {where}: {what}; {hint}. The server tries again by itself, and the drives are not affected.
+        The project is not saved: {project.problem.where}: {what}{hint && `; ${hint}`}. The server tries again by itself, and the drives are not affected.
       </div>
     );
   }
@@ -155,9 +156,10 @@ function Banner() {
     );
   }
   if (problem) {
+    const { what, where } = shownOf(problem);
     return (
       <div className="banner bad" role="alert">
-        No answer from {silent}: {problem.what} · {problem.where}. The page reconnects automatically.
+        No answer from {silent}: {[what, where].filter(Boolean).join(' · ')}. The page reconnects automatically.
       </div>
     );
   }

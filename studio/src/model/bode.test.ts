@@ -1,5 +1,5 @@
 import { describe, expect, it } from 'vitest';
-import { at, channelsOf, firstPlot, isCoherent, type BodePoint } from './bode';
+import { at, channelsOf, coherentValues, firstPlot, gapNote, isCoherent, type BodePoint } from './bode';
 
 const points: BodePoint[] = [
   { hz: 1, gain_db: 0, phase_deg: 0, coherence: 1 },
@@ -10,6 +10,12 @@ describe('a Bode plot', () => {
   it('shows what is coherent', () => {
     expect(points.map(isCoherent)).toEqual([true, false]);
     expect(isCoherent({ hz: 1, gain_db: 0, phase_deg: 0 })).toBe(true);
+  });
+  it('has a gap where noise dominates, and says so', () => {
+    expect(coherentValues([...points, null], ({ gain_db }) => gain_db)).toEqual([0, NaN, NaN]);
+    expect(coherentValues(points, ({ phase_deg }) => phase_deg)).toEqual([0, NaN]);
+    expect(gapNote(points)).toContain('at least 0.7');
+    expect(gapNote(points.slice(0, 1))).toBe('');
   });
   it('is read between its points over the logarithm of the frequency', () => {
     expect(at(points, 10)).toEqual({ hz: 10, gain_db: -20, phase_deg: -90, coherence: 0.75 });

@@ -28,6 +28,12 @@ export interface Bode {
 export const leastCoherence = 0.7;
 export const isCoherent = ({ coherence }: BodePoint) => coherence === undefined || coherence >= leastCoherence;
 
+// The values of a curve: NaN, a gap, where noise dominates.
+export const coherentValues = (points: readonly (BodePoint | null)[], of: (point: BodePoint) => number) => points.map((point) => (point && isCoherent(point) ? of(point) : NaN));
+
+// What the page says of a plot with gaps; empty: it has none.
+export const gapNote = (points: readonly BodePoint[]) => (points.every(isCoherent) ? '' : `Gain and phase are shown where the coherence is at least ${leastCoherence}: elsewhere noise dominates.`);
+
 // The response at a frequency: linear interpolation over log(frequency). Null outside the points.
 export function at(points: BodePoint[], hz: number): BodePoint | null {
   const after = points.findIndex((point) => point.hz >= hz);

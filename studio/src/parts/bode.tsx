@@ -1,6 +1,6 @@
 import { useMemo, useRef, useState } from 'react';
 import type { Recording } from '../api/types';
-import { at, csvOf, firstPlot, isCoherent, leastCoherence, type Bode, type BodePoint } from '../model/bode';
+import { at, coherentValues, csvOf, firstPlot, gapNote, isCoherent, type Bode, type BodePoint } from '../model/bode';
 import { labelOf } from '../model/scope';
 import { fixed, significant } from '../model/units';
 import { useResource } from '../resource';
@@ -29,19 +29,20 @@ export function BodePlot({ recording, earlier }: { recording: Recording; earlier
   const x = useMemo(() => points.map(({ hz }) => hz), [points]);
   const curves: Curve[] = useMemo(() => {
     const own: Curve[] = [
-      { name: 'gain', unit: 'dB', tone: 0, values: points.map((point) => (isCoherent(point) ? point.gain_db : NaN)) },
-      { name: 'phase', unit: '°', tone: 1, values: points.map((point) => (isCoherent(point) ? point.phase_deg : NaN)) },
+      { name: 'gain', unit: 'dB', tone: 0, values: coherentValues(points, (point) => point.gain_db) },
+      { name: 'phase', unit: '°', tone: 1, values: coherentValues(points, (point) => point.phase_deg) },
       ...(points[0]?.coherence === undefined ? [] : [{ name: 'coherence', unit: 'coherence', tone: 2, values: points.map((point) => point.coherence ?? NaN) }]),
     ];
     if (earlierPoints.length === 0) return own;
     const beside = x.map((hz) => at(earlierPoints, hz));
     return [
       ...own,
-      { name: `gain, recording ${before?.recording}`, unit: 'dB', tone: 0, values: beside.map((point) => (point && isCoherent(point) ? point.gain_db : NaN)), faint: true },
-      { name: `phase, recording ${before?.recording}`, unit: '°', tone: 1, values: beside.map((point) => (point && isCoherent(point) ? point.phase_deg : NaN)), faint: true },
+      { name: `gain, recording ${before?.recording}`, unit: 'dB', tone: 0, values: coherentValues(beside, (point) => point.gain_db), faint: true },
+      { name: `phase, recording ${before?.recording}`, unit: '°', tone: 1, values: coherentValues(beside, (point) => point.phase_deg), faint: true },
     ];
   }, [points, earlierPoints, x, before]);
 
+  const gaps = gapNote(points);
   const channels = recording.channels.map((channel, i) => [i, labelOf(channel)] as const);
   const file = `bode-${recording.id}${open && value?.open_loop ? '-open' : ''}`;
   const cursors: [string, number | null, (hz: number | null) => void][] = [['Cursor A', a, setA], ['Cursor B', b, setB]];
@@ -65,7 +66,7 @@ export function BodePlot({ recording, earlier }: { recording: Recording; earlier
         </div>
       )}
       {value && points.length <= 1 && <p className="empty">The input signal has no excitation: record a sweep or a step.</p>}
-      {points.some((point) => !isCoherent(point)) && <p className="quiet note">Gain and phase are shown where the coherence is at least {leastCoherence}: elsewhere noise dominates.</p>}
+      {gaps && <p className="quiet note">{gaps}</p>}
       {value?.open_loop && <Margins bode={value} before={before} />}
       <Scroll label="Values at the cursors">
         <table className="table" aria-label="Response">
