@@ -14,12 +14,15 @@ constexpr std::array state_bits{
     StatusWord{4, "voltage enabled"},    StatusWord{5, "no quick stop"},
     StatusWord{6, "switch on disabled"}, StatusWord{7, "warning"},
 };
-constexpr std::array common{StatusWord{9, "remote"}, StatusWord{10, "target reached"},
-                            StatusWord{11, "internal limit active"}};
+constexpr std::array remote{StatusWord{9, "remote"}};
+constexpr std::array common{StatusWord{10, "target reached"}, StatusWord{11, "internal limit active"}};
 constexpr std::array cyclic{StatusWord{12, "drive follows the command value", 8},
                             StatusWord{12, "drive follows the command value", 9},
                             StatusWord{12, "drive follows the command value", 10}};
 constexpr std::array homing{StatusWord{12, "homing attained", 6}, StatusWord{13, "homing error", 6}};
+constexpr std::array profiles{StatusWord{12, "set-point acknowledge", 1}, StatusWord{12, "speed is zero", 3},
+                              StatusWord{12, "interpolation active", 7},  StatusWord{13, "following error", 1},
+                              StatusWord{13, "max slippage error", 3},    StatusWord{13, "following error", 8}};
 
 template <std::size_t... Sizes>
 constexpr auto joined(const std::array<StatusWord, Sizes>&... parts) {
@@ -31,14 +34,13 @@ constexpr auto joined(const std::array<StatusWord, Sizes>&... parts) {
 
 // ---- The products
 
-constexpr auto cia402 =
-    joined(state_bits, common, cyclic, homing,
-           std::array{StatusWord{12, "set-point acknowledge", 1}, StatusWord{12, "speed is zero", 3},
-                      StatusWord{12, "interpolation active", 7}, StatusWord{13, "following error", 1},
-                      StatusWord{13, "max slippage error", 3}, StatusWord{13, "following error", 8}});
+constexpr auto cia402 = joined(state_bits, remote, common, cyclic, homing, profiles);
+
+// ProNet manual, ch. 6.2.2: bits 8 and 9 are not used.
+constexpr auto pronet = joined(state_bits, common, cyclic, homing, profiles);
 
 // iSMK manual, Table 5-5.
-constexpr auto ismk = joined(state_bits, std::array{StatusWord{10, "", 6}}, common, cyclic,
+constexpr auto ismk = joined(state_bits, std::array{StatusWord{10, "", 6}}, remote, common, cyclic,
                              std::array{StatusWord{12, "homing error", 6}, StatusWord{12, "set-point acknowledge", 1},
                                         StatusWord{12, "speed is zero", 3}, StatusWord{12, "speed is zero", -3},
                                         StatusWord{12, "interpolation active", 7}, StatusWord{13, "following error"},
@@ -57,7 +59,7 @@ struct ProductWords {
   std::string_view product;
   std::span<const StatusWord> words;
 };
-constexpr std::array products{ProductWords{"ismk", ismk}, ProductWords{"ismk-ea", ismk},
+constexpr std::array products{ProductWords{"pronet", pronet}, ProductWords{"ismk", ismk}, ProductWords{"ismk-ea", ismk},
                               ProductWords{"jmc_ec", jmc_ec}};
 
 // CiA 402-2, object 6060h.
