@@ -82,6 +82,12 @@ test('a tuning is ended, and the axis stands', async ({ page, open, line }) => {
   await tune.getByRole('button', { name: 'End' }).click();
   await expect(tune.getByRole('alert')).toContainText('interrupted', { timeout: 30_000 });
   await expect.poll(async () => (await line.call<{ state: string }>('GET', '/axes/jmc')).state).not.toBe('operation enabled');
+  // A later command makes its outcome out of date.
+  await page.getByRole('link', { name: 'Axis', exact: true }).click();
+  await page.getByRole('button', { name: 'Power cycle' }).click();
+  await page.getByRole('link', { name: 'Tuning' }).click();
+  await expect(tune.getByRole('button', { name: 'Measure and propose' })).toBeEnabled();
+  await expect(tune.getByRole('alert')).toHaveCount(0);
 });
 
 test('a drive tunes itself', async ({ page, open }) => {
