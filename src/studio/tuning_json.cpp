@@ -74,6 +74,12 @@ Json json_of(const tuning::SessionResult& result, const tuning::TuningUnits& uni
             {"predicted",
              {{"bandwidth_hz", result.predicted.bandwidth_hz},
               {"phase_margin_deg", number_or_null(result.predicted.margins.phase_margin_deg)}}}};
+  if (result.position_gain.after) {
+    json["position_gain"] = {{"before", number_or_null(result.position_gain.before)},
+                             {"after", *result.position_gain.after},
+                             {"unit", "1/s"}};
+  }
+  if (const std::string note = note_of(result); !note.empty()) json["note"] = note;
   if (result.after) {
     json["after"] = json_of(*result.after, units);
     json["changes"] = tuning::text_of_changes(result);
@@ -84,7 +90,9 @@ Json json_of(const tuning::SessionResult& result, const tuning::TuningUnits& uni
 }
 
 Json json_of(const tuning::OwnTuningResult& result) {
-  return {{"result", "tuned by the drive itself"}, {"gains", json_of(result.before, result.after)}};
+  return {{"result", "tuned by the drive itself"},
+          {"gains", json_of(result.before, result.after)},
+          {"note", note_of(result)}};
 }
 
 }  // namespace servodrome::studio

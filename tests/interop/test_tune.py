@@ -152,10 +152,30 @@ def test_gains_are_written_measured_and_drawn(axis, tuned_line, tmp_path):
 def test_an_ismk_tunes_itself(axis, tuned_line):
     before = gain(tuned_line, axis)
     if said := tune(tuned_line, axis, "--auto"):
-        assert said["result"] == "tuned by the drive itself"
+        assert said["result"] == "tuned by the drive itself" and "nothing was measured" in said["note"]
         assert said["gains"][0]["after"] > 0
     assert gain(tuned_line, axis) == (said["gains"][0]["after"] if said else before)
     wait_for(lambda: is_at_rest(tuned_line, axis), "the axis at rest")
+
+
+def printed(line, axis, *words):
+    def attempt():
+        process = start(line, axis, *words, *SHORT)
+        return 0, process, *process.communicate(timeout=200)
+
+    out, _ = in_time(attempt)
+    return out
+
+
+def test_what_becomes_slower_is_printed(tuned_line):
+    """The bandwidth of an iSMK with the factory's gains is about 15 Hz."""
+    if out := printed(tuned_line, "ismk", "--bandwidth", 8):
+        assert "\nnote: the proposed loop is slower than the present one: bandwidth 8.0 Hz instead of " in out, out
+        assert "the proposed position gain is lower than the present one: " in out, out
+    if out := printed(tuned_line, "ismk", "--auto"):
+        assert "\nnote: the drive chose these gains, and nothing was measured before and after" in out, out
+    if out := printed(tuned_line, "reference", "--apply", "--bandwidth", 60):
+        assert "position gain: the drive's own -> " in out and "note: " not in out, out
 
 
 def until_it_moves(line, axis, process):

@@ -165,6 +165,7 @@ void print(const Options& options, DriveLink& link, const tuning::SessionResult&
     print_gains(result.gains_before, result.gains);
   }
   if (result.after) fmt::print("{}\n", tuning::text_of_changes(result));
+  if (const std::string note = tuning::note_of(result); !note.empty()) fmt::print("note: {}\n", note);
   print_storing(options, stored, options.apply);
 }
 
@@ -194,6 +195,7 @@ void run_itself(const Options& options) {
   }
   fmt::print("{} {}: tuned by the drive itself\n", link.noun(), axis->address());
   print_gains(result.before, result.after);
+  fmt::print("note: {}\n", tuning::note_of(result));
   print_storing(options, stored, true);
 }
 

@@ -28,7 +28,8 @@ constexpr auto reference_gains = std::to_array<GainObject>({
 constexpr TuningDialect reference(std::string_view product) {
   return {.product = product,
           .gains = reference_gains,
-          .notch = NotchAbility{.relative_width = 0.7, .depth = 0.15, .highest_hz = 1500.0}};
+          .notch = NotchAbility{.relative_width = 0.7, .depth = 0.15, .highest_hz = 1500.0},
+          .zero_is_automatic = true};
 }
 
 // iSMK manual, ch. 6, as interpreted in src/products/ismk/gains.hpp: kvp is a current in DEC divided by a velocity
@@ -150,6 +151,15 @@ std::vector<GainValue> numbers_of(const Proposal& proposal, const TuningDialect&
     values.push_back({&gain, static_cast<std::int64_t>(number)});
   }
   return values;
+}
+
+std::optional<double> position_gain(std::span<const GainValue> gains, const TuningDialect& dialect,
+                                    const TuningUnits& units) {
+  for (const GainValue& value : gains) {
+    if (value.gain->role != position_kp) continue;
+    if (value.number != 0 || !dialect.zero_is_automatic) return value_of(value, units);
+  }
+  return std::nullopt;
 }
 
 VelocityController controller_of(std::span<const GainValue> gains, const TuningDialect& dialect,

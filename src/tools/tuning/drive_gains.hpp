@@ -51,6 +51,7 @@ struct TuningDialect {
   const char* full_torque_text = "rated torque";
   std::span<const GainObject> gains{};
   std::optional<NotchAbility> notch{};
+  bool zero_is_automatic = false;  // a gain of 0 leaves it to the drive, which does not report its value
   // True for drives with an automatic tuning: 2340h sub 10h and 60F9h sub 4 of the iSMK.
   bool tunes_itself = false;
 };
@@ -87,6 +88,9 @@ void write_gains(ObjectClient& objects, std::span<const GainValue> gains);
 // The rounded numbers of a proposal. Throws MasterError if a number is outside the object's range.
 std::vector<GainValue> numbers_of(const Proposal& proposal, const TuningDialect& dialect, const TuningUnits& units,
                                   const std::string& where);
+// In 1/s; nullopt if no object has it, or the drive chooses it.
+std::optional<double> position_gain(std::span<const GainValue> gains, const TuningDialect& dialect,
+                                    const TuningUnits& units);
 // The controller that results from the rounded numbers, with this delay.
 VelocityController controller_of(std::span<const GainValue> gains, const TuningDialect& dialect,
                                  const TuningUnits& units, const LoopDelay& delay);

@@ -146,4 +146,17 @@ OwnTuningResult tune_by_itself(Axis402& axis, const TuningDialect& dialect, cons
   return result;
 }
 
+std::string note_of(const OwnTuningResult& result) {
+  std::string note =
+      "the drive chose these gains, and nothing was measured before and after; `tune` without --auto measures the loop";
+  for (std::size_t i = 0; i < result.after.size(); ++i) {
+    const GainRole role = result.after[i].gain->role;
+    if (role != GainRole::velocity_kp && role != GainRole::position_kp) continue;
+    if (result.after[i].number >= result.before[i].number) continue;
+    note += fmt::format("; {} is lower than before: the {} loop is slower", result.after[i].gain->name,
+                        role == GainRole::velocity_kp ? "velocity" : "position");
+  }
+  return note;
+}
+
 }  // namespace servodrome::master::tuning

@@ -24,4 +24,7 @@ struct OwnTuningResult {
 OwnTuningResult tune_by_itself(Axis402& axis, const TuningDialect& dialect, const AxisUnits& units,
                                const OwnTuningOptions& options);
 
+// Says that nothing was measured, and which gains of the velocity and position loops are lower than before.
+std::string note_of(const OwnTuningResult& result);
+
 }  // namespace servodrome::master::tuning

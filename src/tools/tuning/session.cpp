@@ -11,7 +11,7 @@ namespace {
 constexpr double first_bandwidth_hz = 50.0;  // for the first measurement if no bandwidth is requested
 constexpr double most_bandwidth_hz = 400.0;
 constexpr double share_of_possible = 0.6;
-constexpr double close_enough = 0.05;
+constexpr double close_enough = 0.05;  // relative difference between two measurements of the same loop
 constexpr int most_corrections = 3;
 
 Request request_of(double bandwidth_hz, const LoopDelay& delay, const TuningDialect& dialect) {
@@ -33,6 +33,8 @@ Proposal proposal_for(const Measurement& measured, const Request& request, const
       where, fmt::format("choose --bandwidth {:.0f} or less", std::floor(possible)));
 }
 
+bool is_slower(double bandwidth_hz, double than_hz) { return bandwidth_hz < (1.0 - close_enough) * than_hz; }
+
 }  // namespace
 
 std::string put_back_gains(ObjectClient& objects, std::span<const GainValue> gains) {
@@ -53,6 +55,23 @@ std::string put_back_gains(ObjectClient& objects, std::span<const GainValue> gai
 std::string text_of(const GainValue& before, const GainValue& after) {
   return fmt::format("{} {}: {} -> {} {}", master::text_of(after.gain->object), after.gain->name, before.number,
                      after.number, after.gain->unit_text);
+}
+
+std::string note_of(const SessionResult& result) {
+  if (result.after) return {};
+  std::string note;
+  if (!result.before.bandwidth_hz) {
+    note = "the measurement shows no bandwidth of the present loop, so the proposed loop may be slower";
+  } else if (is_slower(result.bandwidth_hz, *result.before.bandwidth_hz)) {
+    note = fmt::format("the proposed loop is slower than the present one: bandwidth {:.1f} Hz instead of {:.1f} Hz",
+                       result.bandwidth_hz, *result.before.bandwidth_hz);
+  }
+  const auto& [before, after] = result.position_gain;
+  if (before && after && is_slower(*after, *before)) {
+    note += fmt::format("{}the proposed position gain is lower than the present one: {:.1f} 1/s instead of {:.1f} 1/s",
+                        note.empty() ? "" : "; ", *after, *before);
+  }
+  return note;
 }
 
 std::string text_of_changes(const SessionResult& result) {
@@ -79,7 +98,9 @@ std::string text_of_changes(const SessionResult& result) {
       Figure{"overshoot", "%", of(result.step_before, &StepResponse::overshoot, 100.0),
              of(result.step_after, &StepResponse::overshoot, 100.0), false, 2.0},
       Figure{"settling time", "ms", of(result.step_before, &StepResponse::settling_s, 1e3),
-             of(result.step_after, &StepResponse::settling_s, 1e3), false, 2.0}};
+             of(result.step_after, &StepResponse::settling_s, 1e3), false, 2.0},
+      Figure{"position gain", "1/s", result.position_gain.before, result.position_gain.after, true,
+             close_enough * result.position_gain.before.value_or(0.0)}};
   std::array<std::string, 3> lists;  // better, worse, unchanged
   for (const Figure& figure : figures) {
     if (!figure.before || !figure.after) continue;
@@ -95,6 +116,8 @@ std::string text_of_changes(const SessionResult& result) {
   for (std::size_t i = 0; i < lists.size(); ++i) {
     if (!lists[i].empty()) text += fmt::format("{}{}{}", text.empty() ? "" : "; ", words[i], lists[i]);
   }
+  const auto& [gain_before, gain_after] = result.position_gain;
+  if (!gain_before && gain_after) text += fmt::format("; position gain: the drive's own -> {:.1f} 1/s", *gain_after);
   return text;
 }
 
@@ -106,6 +129,12 @@ SessionResult tune(Tuner& tuner, ObjectClient& objects, const TuningDialect& dia
   result.before = tuner.measure(request.bandwidth_hz.value_or(first_bandwidth_hz), notch);
   const LoopDelay& delay = result.before.controller.delay;
   const double possible = greatest_bandwidth(result.before.mechanics, request_of(most_bandwidth_hz, delay, dialect));
+  if (request.apply && !request.bandwidth_hz && !result.before.bandwidth_hz) {
+    throw MasterError(
+        "the measurement shows no bandwidth of the present loop, so the new one might be slower: nothing is written",
+        objects.where(),
+        "choose a --bandwidth, or measure with longer --seconds" + text_of_losses(result.before.lost_cycles));
+  }
   const double present = result.before.bandwidth_hz.value_or(0.0);
   result.bandwidth_hz =
       request.bandwidth_hz.value_or(std::max(share_of_possible * possible, std::min(present, possible)));
@@ -116,6 +145,11 @@ SessionResult tune(Tuner& tuner, ObjectClient& objects, const TuningDialect& dia
                       objects.where(), fmt::format("choose --bandwidth {:.0f} or less", std::floor(possible)));
   }
   result.proposal = proposal_for(result.before, request_of(result.bandwidth_hz, delay, dialect), objects.where());
+  result.position_gain.before = position_gain(result.gains_before, dialect, units);
+  // The velocity loop does not become slower, so it carries a greater position gain as well as before.
+  if (!request.bandwidth_hz) {
+    result.proposal.position_kp = std::max(result.proposal.position_kp, result.position_gain.before.value_or(0.0));
+  }
   result.predicted = result.proposal;
   if (dialect.gains.empty()) {
     if (request.apply) {
@@ -126,6 +160,7 @@ SessionResult tune(Tuner& tuner, ObjectClient& objects, const TuningDialect& dia
   }
   const auto round = [&](const Proposal& proposal) {
     result.gains = numbers_of(proposal, dialect, units, objects.where());
+    result.position_gain.after = position_gain(result.gains, dialect, units);
     result.predicted = predict(controller_of(result.gains, dialect, units, delay), result.before.mechanics);
   };
   round(result.proposal);
@@ -183,7 +218,7 @@ SessionResult tune(Tuner& tuner, ObjectClient& objects, const TuningDialect& dia
               measured, result.bandwidth_hz, margin),
           objects.where(), "choose a lower --bandwidth" + text_of_losses(result.after->lost_cycles));
     }
-    if (!request.bandwidth_hz && measured < (1.0 - close_enough) * present) {
+    if (!request.bandwidth_hz && is_slower(measured, present)) {
       throw MasterError(fmt::format("measured with the new gains: bandwidth {:.1f} Hz, less than the {:.1f} Hz before",
                                     measured, present),
                         objects.where(),

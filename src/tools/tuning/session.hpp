@@ -6,7 +6,8 @@
 namespace servodrome::master::tuning {
 
 struct SessionRequest {
-  std::optional<double> bandwidth_hz{};  // nullopt: 0.6 of the possible one, or the present one if it is greater
+  // nullopt: 0.6 of the possible one, or the present one if it is greater; a greater position gain is kept then.
+  std::optional<double> bandwidth_hz{};
   bool apply = false;                    // false: nothing is written
   bool steps = true;                     // also measure step responses
 };
@@ -18,6 +19,10 @@ struct SessionResult {
   std::vector<GainValue> gains{};  // proposed, and written if requested; empty for a drive whose gains are unknown
   Proposal proposal{};             // in SI units
   Proposal predicted{};            // prediction for the rounded numbers
+  struct {
+    std::optional<double> before{};
+    std::optional<double> after{};
+  } position_gain{};  // 1/s, of `gains_before` and `gains`; nullopt: unknown
   std::optional<Measurement> after{};
   std::optional<StepResponse> step_before{};
   std::optional<StepResponse> step_after{};
@@ -27,15 +32,18 @@ inline constexpr double promised_tolerance = 0.15;     // relative tolerance of 
 inline constexpr double promised_phase_margin = 40.0;  // degrees
 
 // With `apply`, the measurement after writing must show the promised bandwidth within promised_tolerance, and at least
-// promised_phase_margin. Without a requested bandwidth the loop must also be at least as fast as before. If the
-// bandwidth differs, tune() corrects the gains from the measurement, up to three times. On failure or cancellation it
-// restores the old gains. Throws MasterError or Cancelled, whose text says that the gains are restored, or lists those
+// promised_phase_margin. Without a requested bandwidth the loop must also be at least as fast as before, within 5 %; so
+// nothing is written if the first measurement shows no bandwidth. If the bandwidth differs, tune() corrects the gains
+// from the measurement, up to three times. On failure or cancellation it restores the old gains. Throws MasterError or Cancelled, whose text says that the gains are restored, or lists those
 // that are not.
 SessionResult tune(Tuner& tuner, ObjectClient& objects, const TuningDialect& dialect, const TuningUnits& units,
                    const SessionRequest& request);
 
 // The figures that became better and those that became worse, with the values before and after. Empty without `after`.
 std::string text_of_changes(const SessionResult& result);
+
+// What a proposal would make slower, or that this is unknown. Empty if nothing becomes slower, and with `after`.
+std::string note_of(const SessionResult& result);
 
 // Writes the old gains as far as the drive accepts them. Returns the result as text for the end of a message.
 std::string put_back_gains(ObjectClient& objects, std::span<const GainValue> gains);

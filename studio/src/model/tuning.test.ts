@@ -21,3 +21,10 @@ test('figures that nobody measured are left out', () => {
     ['Phase margin', 55],
   ]);
 });
+
+test('a proposed position gain is no measured one', () => {
+  const gain = { before: 62.8, after: 33.4, unit: '1/s' };
+  const row = (result: 'proposed' | 'applied') => figuresOf({ result, gains: [], position_gain: gain }).map(({ label, before, promised, after }) => [label, before, promised, after]);
+  expect(row('proposed')).toEqual([['Position gain', 62.8, 33.4, undefined]]);
+  expect(row('applied')).toEqual([['Position gain', 62.8, 33.4, 33.4]]);
+});

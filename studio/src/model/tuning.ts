@@ -58,6 +58,8 @@ export interface StepMeasured {
 
 export interface Tuned {
   changes?: string; // what became better and what became worse
+  note?: string; // what a proposal would make slower, or that nothing was measured
+  position_gain?: { before: number | null; after: number; unit: string };
   result: 'proposed' | 'applied' | 'tuned by the drive itself';
   gains: GainChange[];
   promised_bandwidth_hz?: number;
@@ -91,7 +93,7 @@ export interface Figure {
 }
 
 // The rows of the comparison of before and after. Rows without any number are omitted.
-export function figuresOf({ before, after, step_before, step_after, predicted, promised_bandwidth_hz }: Tuned): Figure[] {
+export function figuresOf({ result, before, after, step_before, step_after, predicted, promised_bandwidth_hz, position_gain }: Tuned): Figure[] {
   const rows: Figure[] = [
     { label: 'Bandwidth, closed loop, -3 dB', unit: 'Hz', digits: 1, before: before?.bandwidth_hz, promised: promised_bandwidth_hz, after: after?.bandwidth_hz },
     { label: 'Crossover, open loop, 0 dB', unit: 'Hz', digits: 1, before: before?.crossover_hz, after: after?.crossover_hz },
@@ -100,6 +102,7 @@ export function figuresOf({ before, after, step_before, step_after, predicted, p
     { label: 'Step: rise time', unit: 'ms', digits: 1, before: step_before?.rise_ms, after: step_after?.rise_ms },
     { label: 'Step: overshoot', unit: '%', digits: 0, before: step_before?.overshoot_percent, after: step_after?.overshoot_percent },
     { label: 'Step: settling time (5 %)', unit: 'ms', digits: 0, before: step_before?.settling_ms, after: step_after?.settling_ms },
+    { label: 'Position gain', unit: position_gain?.unit ?? '', digits: 1, before: position_gain?.before, promised: position_gain?.after, after: result === 'applied' ? position_gain?.after : undefined },
   ];
   return rows.filter((row) => [row.before, row.promised, row.after].some((value) => typeof value === 'number'));
 }

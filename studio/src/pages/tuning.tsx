@@ -143,11 +143,11 @@ function Found({ axis, found }: { axis: string; found: Tuned }) {
           {loop.resonance_hz !== undefined && <Readout label="Resonance" value={fixed(loop.resonance_hz, 0)} unit="Hz" title={`antiresonance ${fixed(loop.antiresonance_hz ?? 0, 0)} Hz`} />}
         </dl>
       )}
-      {found.changes && <p className="note" role="note">{found.changes}</p>}
+      {[found.changes, found.note].map((text) => text && <p key={text} className="note" role="note">{text}</p>)}
       {figures.length > 0 && (
         <Scroll label="Before and after">
           <table className="table" aria-label="Before and after">
-            <thead><tr><th scope="col" className="wide">velocity loop</th><th scope="col">before</th><th scope="col">predicted</th><th scope="col">after</th><th scope="col" className="wide">unit</th></tr></thead>
+            <thead><tr><th scope="col" className="wide">loop</th><th scope="col">before</th><th scope="col">predicted</th><th scope="col">after</th><th scope="col" className="wide">unit</th></tr></thead>
             <tbody>
               {figures.map(({ label, unit, digits, before, promised, after }) => (
                 <tr key={label}>

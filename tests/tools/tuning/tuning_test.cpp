@@ -11,6 +11,7 @@ namespace tuning_test {
 namespace {
 
 using namespace test;
+using testing::ContainsRegex;
 using testing::HasSubstr;
 
 // Response of the loop measured by signals inside the drive, sampled at the same instants, with a sine on the velocity
@@ -266,12 +267,82 @@ TEST(TuneLimits, WithoutABandwidthTheLoopDoesNotBecomeSlower) {
   EXPECT_GT(*result.after->bandwidth_hz, 0.95 * *result.before.bandwidth_hz);
   EXPECT_THAT(text_of_changes(result), HasSubstr("bandwidth "));
   EXPECT_EQ(text_of_changes(result).find("worse: bandwidth"), std::string::npos) << text_of_changes(result);
+  EXPECT_EQ(note_of(result), "");
 
   // With a bandwidth given, `tune` sets it even if the loop becomes slower, and its text says so.
   const SessionResult slower =
       tune(*tuner, rig.objects(), rig.dialect, rig.units, {.bandwidth_hz = 0.5 * usual, .apply = true});
   EXPECT_LT(*slower.after->bandwidth_hz, 0.7 * usual);
   EXPECT_THAT(text_of_changes(slower), HasSubstr("worse: bandwidth "));
+}
+
+constexpr ObjectAddress reference_position_gain{0x2010, 1};  // 0.01/s
+std::uint32_t position_gain_of(TuningRig& rig) {
+  return rig.objects().read<std::uint32_t>(reference_position_gain.index, reference_position_gain.sub);
+}
+
+// The automatic gain of a new drive is not known; the one that is written then is compared from there on.
+TEST(TuneLimits, WithoutABandwidthTheGreaterPositionGainStays) {
+  TuningRig rig({"generic402", BusKind::can, rigid});
+  const auto tuner = rig.tuner();
+  const SessionResult first =
+      tune(*tuner, rig.objects(), rig.dialect, rig.units, {.apply = true, .steps = false});
+  EXPECT_THAT(text_of_changes(first), HasSubstr("position gain: the drive's own -> "));
+  const std::uint32_t usual = position_gain_of(rig);
+  EXPECT_GT(usual, 0U);
+  for (const std::uint32_t before : {2 * usual, usual / 2}) {
+    rig.objects().write<std::uint32_t>(reference_position_gain.index, reference_position_gain.sub, before);
+    const SessionResult result =
+        tune(*tuner, rig.objects(), rig.dialect, rig.units, {.apply = true, .steps = false});
+    const std::string changes = text_of_changes(result);
+    if (before > usual) {
+      EXPECT_EQ(position_gain_of(rig), before);
+      EXPECT_THAT(changes, ContainsRegex("about the same: .*position gain "));
+    } else {
+      EXPECT_GT(position_gain_of(rig), before);
+      EXPECT_THAT(changes, ContainsRegex("better: .*position gain [0-9.]+ -> [0-9.]+ 1/s"));
+    }
+  }
+  // A chosen bandwidth has its own position gain.
+  rig.objects().write<std::uint32_t>(reference_position_gain.index, reference_position_gain.sub, 2 * usual);
+  const SessionResult chosen = tune(*tuner, rig.objects(), rig.dialect, rig.units,
+                                    {.bandwidth_hz = first.bandwidth_hz, .apply = true, .steps = false});
+  EXPECT_LT(position_gain_of(rig), 2 * usual);
+  EXPECT_THAT(text_of_changes(chosen), ContainsRegex("worse: position gain "));
+}
+
+// A slow loop that moves little: the axis responds clearly only at frequencies above the bandwidth.
+TEST(TuneLimits, WithoutABandwidthOfThePresentLoopNothingIsWritten) {
+  for (const bool apply : {false, true}) {
+    TuningRig rig({"generic402", BusKind::can, rigid});
+    rig.objects().write<std::uint32_t>(0x2010, 2, 8000);
+    rig.objects().write<std::uint32_t>(0x2010, 3, 100000);
+    const auto tuner = rig.tuner({.travel_revolutions = 8.0});
+    const auto before = numbers(read_gains(rig.objects(), rig.dialect));
+    SessionResult result;
+    const std::string problem = master::test::problem_of([&] {
+      result = tune(*tuner, rig.objects(), rig.dialect, rig.units, {.apply = apply, .steps = false});
+    });
+    if (apply) {
+      EXPECT_THAT(problem, HasSubstr("no bandwidth of the present loop"));
+      EXPECT_THAT(problem, HasSubstr("nothing is written; choose a --bandwidth"));
+    } else {
+      EXPECT_FALSE(result.before.bandwidth_hz);
+      EXPECT_THAT(note_of(result), HasSubstr("no bandwidth of the present loop"));
+    }
+    EXPECT_EQ(numbers(read_gains(rig.objects(), rig.dialect)), before);
+  }
+}
+
+TEST(TuneLimits, AProposalSaysWhatItMakesSlower) {
+  TuningRig rig({"ismk", BusKind::can, rigid});
+  const auto tuner = rig.tuner();
+  const auto note_for = [&](double bandwidth_hz) {
+    return note_of(tune(*tuner, rig.objects(), rig.dialect, rig.units, {.bandwidth_hz = bandwidth_hz}));
+  };
+  EXPECT_THAT(note_for(12.0), testing::StartsWith("the proposed loop is slower than the present one: bandwidth 12.0 Hz"));
+  EXPECT_THAT(note_for(40.0), testing::StartsWith("the proposed position gain is lower than the present one: "));
+  EXPECT_EQ(note_of(tune(*tuner, rig.objects(), rig.dialect, rig.units, {})), "");
 }
 
 TEST(TuneLimits, AProposalWritesNothing) {
@@ -319,6 +390,16 @@ TEST(OwnTuning, AnyExceptionStopsTheAxisAndRestoresTheGains) {
     const auto after = read_gains(rig.objects(), dialect);
     for (std::size_t i = 0; i < before.size(); ++i) EXPECT_EQ(after[i].number, before[i].number) << i;
   }
+}
+
+TEST(OwnTuning, ItSaysThatNothingWasMeasured) {
+  AxisRig rig({"ismk"});
+  Axis402 axis(rig.objects(), rig.options());
+  OwnTuningResult result = tune_by_itself(axis, tuning_dialect_of("ismk"), axis.units().value(), {});
+  EXPECT_THAT(note_of(result), HasSubstr("nothing was measured before and after"));
+  EXPECT_EQ(note_of(result).find("lower"), std::string::npos);
+  result.before[0].number = result.after[0].number + 1;
+  EXPECT_THAT(note_of(result), HasSubstr("Kvp[0] is lower than before: the velocity loop is slower"));
 }
 
 }  // namespace
