@@ -329,7 +329,7 @@ const master::ObjectCatalogue& DriveLink::catalogue() {
   if (!catalogue_) {
     const describe::Description description = product()->describe();
     const bool service = on<Modbus>() != nullptr || on<Serial10>() != nullptr;
-    catalogue_ = master::ObjectCatalogue::of(service ? description.service_table : description.table);
+    catalogue_ = master::ObjectCatalogue::of(service ? description.service_table : description.table, product()->name);
   }
   return *catalogue_;
 }

@@ -130,8 +130,9 @@ ObjectCatalogue ObjectCatalogue::of(const describe::DeviceFile& device) {
   return catalogue;
 }
 
-ObjectCatalogue ObjectCatalogue::of(std::span<const dictionary::Entry> table) {
+ObjectCatalogue ObjectCatalogue::of(std::span<const dictionary::Entry> table, std::string_view product) {
   ObjectCatalogue catalogue;
+  catalogue.product_ = product;
   for (const dictionary::Entry& entry : table) catalogue.add(entry);
   catalogue.sort();
   return catalogue;

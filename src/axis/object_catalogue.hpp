@@ -41,7 +41,8 @@ class ObjectCatalogue {
   static ObjectCatalogue read_eds(std::istream& in, const std::string& file);
 
   static ObjectCatalogue of(const describe::DeviceFile& device);
-  static ObjectCatalogue of(std::span<const dictionary::Entry> table);
+  // `product`, as `servodrome products` lists it, selects the names of its modes.
+  static ObjectCatalogue of(std::span<const dictionary::Entry> table, std::string_view product = {});
 
   const NamedObject* find(ObjectAddress address) const;
 
@@ -52,6 +53,7 @@ class ObjectCatalogue {
 
   std::string title(ObjectAddress address) const;  // "6099:01 Homing speeds.Speed during search for switch"
   const std::vector<NamedObject>& objects() const { return objects_; }
+  const std::string& product() const { return product_; }  // empty: unknown
 
  private:
   void add(const dictionary::Entry& entry);
@@ -59,6 +61,7 @@ class ObjectCatalogue {
   std::vector<const NamedObject*> find_short(std::string_view wanted) const;
 
   std::vector<NamedObject> objects_;  // sorted by address
+  std::string product_;
 };
 
 // Accepts CiA 301's name ("INTEGER16") or a short one: i8 .. i64, u8 .. u64, bool, f32, string, bytes. nullopt if

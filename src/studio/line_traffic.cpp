@@ -9,7 +9,7 @@ namespace {
 // The objects of a drive, with its present PDO mappings.
 master::DeviceModel model_of(line::Axis& axis) {
   const dictionary::Dictionary& dictionary = axis.device().dictionary();
-  master::DeviceModel model = master::DeviceModel::of(dictionary.table());
+  master::DeviceModel model = master::DeviceModel::of(dictionary.table(), axis.settings().product->name);
   if (!axis.powered()) return model;
   for (master::DeviceModel::Default& one : model.pdo_defaults) {
     const dictionary::Entry* entry = dictionary.find(one.object.index, one.object.sub);
@@ -79,8 +79,10 @@ void LineTraffic::introduce(TrafficDecoders& decoders) {
       if (line_.serial_buses()[its.serial->bus].get() != *serial || axis->device().serial_port() == nullptr) continue;
       const line::SerialInterface* interface = its.product->serial;
       const auto table = axis->device().dictionary().table();
-      const auto model = interface != nullptr ? master::SerialModel::of(table, interface->registers, interface->profile)
-                                              : master::SerialModel::of(table, {}, nullptr);
+      const std::string_view name = its.product->name;
+      const auto model = interface != nullptr
+                             ? master::SerialModel::of(table, interface->registers, interface->profile, name)
+                             : master::SerialModel::of(table, {}, nullptr, name);
       decoders.serial.set_model(axis->device().serial_port()->station(), model);
       decoders.modbus_tcp.set_model(axis->device().serial_port()->station(), model);
     }

@@ -54,8 +54,9 @@ class RealTraffic final : public TrafficSource {
   static void introduce_serial(TrafficDecoders& decoders, const RealDrives::Axis& axis) {
     const line::SerialInterface* interface = axis.tables->serial;
     const auto table = axis.device->dictionary().table();
-    const auto model = interface != nullptr ? master::SerialModel::of(table, interface->registers, interface->profile)
-                                            : master::SerialModel::of(table, {}, nullptr);
+    const auto model = interface != nullptr
+                           ? master::SerialModel::of(table, interface->registers, interface->profile, axis.product)
+                           : master::SerialModel::of(table, {}, nullptr, axis.product);
     decoders.serial.set_model(axis.address, model);
     decoders.modbus_tcp.set_model(axis.address, model);
   }
@@ -64,11 +65,12 @@ class RealTraffic final : public TrafficSource {
     switch (medium()) {
       case Medium::can: {
         const auto node_id = static_cast<std::uint8_t>(axis.address);
-        decoders.can.set_model(node_id, master::DeviceModel::of(axis.device->bus_dictionary().table()));
+        decoders.can.set_model(node_id, master::DeviceModel::of(axis.device->bus_dictionary().table(), axis.product));
         break;
       }
       case Medium::ethercat:
-        decoders.ethercat.set_model(axis.address, master::DeviceModel::of(axis.device->bus_dictionary().table()));
+        decoders.ethercat.set_model(axis.address,
+                                    master::DeviceModel::of(axis.device->bus_dictionary().table(), axis.product));
         break;
       case Medium::serial: introduce_serial(decoders, axis); break;
     }

@@ -89,6 +89,8 @@ bool is_news(const master::AxisStatus& before, const master::AxisStatus& now, do
 void print_axis(const Options& options, const master::UnitScale& scale, double at, const master::AxisStatus& status,
                 std::string_view product, const std::string& emergency) {
   const std::string statusword = master::text_of_statusword(status.statusword, product, status.mode);
+  const std::string_view mode_name = master::name(static_cast<master::OperationMode>(status.mode), product);
+  const std::string mode = fmt::format("{} ({})", status.mode, mode_name);
   // Some drives have neither 606Ch nor 6077h.
   const std::string velocity = status.has_velocity ? scale.velocity(status.velocity) : "-";
   const std::string torque = status.has_torque ? fmt::format("{:.1f} %", status.torque / 10.0) : "-";
@@ -97,6 +99,7 @@ void print_axis(const Options& options, const master::UnitScale& scale, double a
                                 {"state", drive::name(status.state())},
                                 {"statusword", status.statusword},
                                 {"mode", status.mode},
+                                {"mode_name", mode_name},
                                 {"position", status.position},
                                 {"velocity", nullptr},
                                 {"torque", nullptr},
@@ -111,14 +114,13 @@ void print_axis(const Options& options, const master::UnitScale& scale, double a
     fmt::print("{}\n", json.dump());
   } else if (on_terminal()) {
     fmt::print(
-        "\x1B[H\x1B[Jstate       {}\nstatusword  {}\nmode        {} ({})\nposition    {}\nvelocity    {}\n"
+        "\x1B[H\x1B[Jstate       {}\nstatusword  {}\nmode        {}\nposition    {}\nvelocity    {}\n"
         "torque      {}\nlatest EMCY {}\n",
-        drive::name(status.state()), statusword, status.mode,
-        master::name(static_cast<master::OperationMode>(status.mode), product), scale.position(status.position),
-        velocity, torque, emergency.empty() ? "-" : emergency);
+        drive::name(status.state()), statusword, mode, scale.position(status.position), velocity, torque,
+        emergency.empty() ? "-" : emergency);
   } else {
     fmt::print("{:10.3f}  {}, mode {}, position {}, velocity {}, torque {}, statusword {}{}\n", at,
-               drive::name(status.state()), status.mode, scale.position(status.position), velocity, torque, statusword,
+               drive::name(status.state()), mode, scale.position(status.position), velocity, torque, statusword,
                emergency.empty() ? "" : ", " + emergency);
   }
   std::fflush(stdout);

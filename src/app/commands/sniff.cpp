@@ -187,11 +187,11 @@ class Sniffer {
           fmt::format("--product {}: there is no such product; {}", name, links::suggestion(name, known)));
     }
     const auto table = product->describe().table;
-    add_model(node, master::DeviceModel::of(table));
-    names = master::ObjectCatalogue::of(table);
+    add_model(node, master::DeviceModel::of(table, name));
+    names = master::ObjectCatalogue::of(table, name);
     const line::SerialInterface* serial = product->serial;
-    add_serial_model(node, serial != nullptr ? master::SerialModel::of(table, serial->registers, serial->profile)
-                                             : master::SerialModel::of(table, {}, nullptr));
+    add_serial_model(node, serial != nullptr ? master::SerialModel::of(table, serial->registers, serial->profile, name)
+                                             : master::SerialModel::of(table, {}, nullptr, name));
   }
 
   void show(const master::Decoded& decoded) {

@@ -21,14 +21,14 @@ std::int64_t number_of(std::span<const std::byte> bytes) {
   return static_cast<std::int64_t>(raw);
 }
 
-// The meaning of an object's value by CiA 301 or 402; empty if it is a plain number.
-std::string meaning(ObjectAddress object, std::span<const std::byte> bytes) {
+// The meaning of an object's value by CiA 301 or 402, or by the product; empty if it is a plain number.
+std::string meaning(ObjectAddress object, std::span<const std::byte> bytes, std::string_view product) {
   const std::int64_t number = number_of(bytes);
   if (object == ObjectAddress{0x6041, 0} && bytes.size() == 2) {
     return drive::name(state_of(static_cast<std::uint16_t>(number)));
   }
   if ((object == ObjectAddress{0x6060, 0} || object == ObjectAddress{0x6061, 0}) && bytes.size() == 1) {
-    return std::string(name(static_cast<OperationMode>(number)));
+    return std::string(name(static_cast<OperationMode>(number), product));
   }
   if (object == ObjectAddress{0x603F, 0} && number != 0) return text_of_error_code(static_cast<std::uint16_t>(number));
   return {};
@@ -56,7 +56,7 @@ std::string value_text(ObjectAddress object, std::span<const std::byte> bytes, c
   const std::size_t size = type ? dictionary::size_of(*type) : 0;
   if (size != 0 && bytes.size() > size) type = std::nullopt;  // the known type does not fit
   std::string text = text_of_value(bytes, type);
-  if (const std::string words = meaning(object, bytes); !words.empty()) text += " " + words;
+  if (const std::string words = meaning(object, bytes, catalogue.product()); !words.empty()) text += " " + words;
   return text;
 }
 

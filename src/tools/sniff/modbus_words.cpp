@@ -183,9 +183,9 @@ void of_wrong_length(Decoded& decoded) {
 }  // namespace
 
 SerialModel SerialModel::of(std::span<const dictionary::Entry> table, std::span<const Register> registers,
-                            const modbus::Profile* profile) {
+                            const modbus::Profile* profile, std::string_view product) {
   SerialModel model;
-  model.catalogue = ObjectCatalogue::of(table);
+  model.catalogue = ObjectCatalogue::of(table, product);
   model.registers.assign(registers.begin(), registers.end());
   if (profile != nullptr) {
     model.word_order = profile->word_order;

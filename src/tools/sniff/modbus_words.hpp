@@ -20,7 +20,7 @@ struct SerialModel {
   std::vector<modbus::ErrorFunction> error_functions{};
 
   static SerialModel of(std::span<const dictionary::Entry> table, std::span<const modbus::Register> registers,
-                        const modbus::Profile* profile);
+                        const modbus::Profile* profile, std::string_view product = {});
 };
 
 // Data of a request that its answer does not repeat.

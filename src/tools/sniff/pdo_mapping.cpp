@@ -105,8 +105,8 @@ DeviceModel DeviceModel::of(const describe::DeviceFile& device) {
   return model;
 }
 
-DeviceModel DeviceModel::of(std::span<const dictionary::Entry> table) {
-  DeviceModel model{ObjectCatalogue::of(table), {}};
+DeviceModel DeviceModel::of(std::span<const dictionary::Entry> table, std::string_view product) {
+  DeviceModel model{ObjectCatalogue::of(table, product), {}};
   for (const dictionary::Entry& entry : table) {
     if (!PdoObjects::concerns(entry.index) || !entry.fixed_size()) continue;
     model.pdo_defaults.push_back(

@@ -61,7 +61,7 @@ struct DeviceModel {
   std::vector<Default> pdo_defaults;
 
   static DeviceModel of(const describe::DeviceFile& device);
-  static DeviceModel of(std::span<const dictionary::Entry> table);
+  static DeviceModel of(std::span<const dictionary::Entry> table, std::string_view product = {});
   PdoObjects pdo_objects(std::uint8_t node_id) const;
 };
 

@@ -1,5 +1,6 @@
 // Decoding of captures: the examples of the manuals, complete conversations, and invalid files.
 #include <cstring>
+#include <fmt/format.h>
 #include <gtest/gtest.h>
 #include <random>
 
@@ -54,6 +55,15 @@ TEST(SniffCan, ServicesWithoutMemory) {
       {"785 # 00", ""},
   };
   for (const auto& [frame, words] : frames) EXPECT_EQ(said(decoder, frame), words) << frame;
+}
+
+// Mode -3 of the iSMK is no mode of CiA 402.
+TEST(SniffCan, AModeHasTheNameOfTheProduct) {
+  CanDecoder decoder;
+  decoder.set_model(4, DeviceModel::of(std::span<const dictionary::Entry>{}, "ismk"));
+  const char* const write = "# 2F 60 60 00 FD 00 00 00";
+  EXPECT_TRUE(said(decoder, fmt::format("604 {}", write).c_str()).ends_with(" immediate velocity"));
+  EXPECT_EQ(said(decoder, fmt::format("605 {}", write).c_str()).find("immediate velocity"), std::string::npos);
 }
 
 // The SDO examples of the ISMC manual (tests/products/ismc_examples_test.cpp runs them against the drive).
