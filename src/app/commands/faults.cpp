@@ -69,8 +69,11 @@ void run(const Options& options) {
       axis->reset_fault();
     } catch (const master::MasterError& error) {
       // First show the faults that are still active.
-      refusal = fmt::format("{}. A fault injected by the bench API holds until it is removed there (docs/bench-api.md)",
-                            error.what());
+      const std::string_view text = error.what();
+      refusal = fmt::format(
+          "{}{} On a virtual drive, a fault injected by the bench API holds until it is removed there "
+          "(docs/bench-api.md)",
+          text, text.ends_with('.') ? "" : ".");
     }
   }
   const master::FaultReport report = master::read_faults(link.objects(), master::dialect_of(product));
