@@ -165,7 +165,20 @@ Json RealBench::show_states(Call& call) {
 
 Json RealBench::show_homing(Call& call) {
   const RealDrives::Axis& axis = axis_argument(drives_, call);
-  return line::bench::homing_view(axis.device->drive().policy(), false);
+  const drive::Policy& policy = axis.device->drive().policy();
+  Json view = line::bench::homing_view(policy, false);
+  // Null: the product is unknown, or has several encoders.
+  const bool one_encoder = !axis.product.empty() && !master::dialect_of(axis.product).encoder_counts;
+  view["index_available"] = one_encoder ? Json(axis.device->drive().axis().configuration.index_available) : Json();
+  view["selected"] = nullptr;
+  if (drives_.state_of(axis).problem) return view;
+  try {
+    const auto method = drives_.open(axis)->read_if_present<std::int8_t>(0x6098);
+    if (method && drive::find_method(policy.homing_methods, *method) != nullptr) view["selected"] = *method;
+  } catch (const master::MasterError&) {
+    // The state of the drive shows that it is silent.
+  }
+  return view;
 }
 
 Json RealBench::list_objects(Call& call) {
