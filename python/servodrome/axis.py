@@ -305,15 +305,17 @@ class LiveAxis:
         acceleration: Optional[float] = None,
         deceleration: Optional[float] = None,
         units: str = "drive",
+        beyond: bool = False,
         wait: bool = True,
         timeout: float = _TIMEOUT_S,
     ) -> Job:
         """Moves to a position or by a distance, in profile position mode. The axis must be enabled.
 
         `units` is "drive" (numbers as in the objects) or "revolutions" (of the motor; per second, per second squared).
+        A target beyond the travel is refused, unless `beyond` is true.
         """
         profile = {"velocity": velocity, "acceleration": acceleration, "deceleration": deceleration}
-        return self._motion("move", wait, timeout, to=to, by=by, units=units, **profile)
+        return self._motion("move", wait, timeout, to=to, by=by, units=units, beyond=beyond or None, **profile)
 
     def velocity(
         self,

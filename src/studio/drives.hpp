@@ -11,6 +11,7 @@
 #include "axis/axis402.hpp"
 #include "axis/cyclic/can_cyclic_bus.hpp"
 #include "master/canopen/pdo_set_up.hpp"
+#include "studio/reach.hpp"
 
 namespace servodrome::studio {
 
@@ -67,6 +68,8 @@ class Drives {
   virtual std::optional<master::AxisUnits> units(const std::string& axis) = 0;
   // The limits that the drive's objects contain now. Throws MasterError if the access fails.
   virtual master::AxisLimits limits(const std::string& axis) = 0;
+  // Where the axis can move to, as far as it is known. Throws MasterError if the access fails.
+  virtual Travel travel(const std::string& axis) = 0;
   // How often clients of the API have commanded the axis otherwise than by jobs: by the controlword, the power, or a
   // stop of all axes.
   virtual std::uint64_t commands(const std::string& axis) const = 0;

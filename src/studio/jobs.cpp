@@ -124,13 +124,14 @@ const Job& Jobs::begin(const std::string& name, const std::string& body, std::st
       throw master::MasterError("the drive does not report its units per revolution", name,
                                 "give numbers in its own units: \"units\": \"drive\"");
     });
+    if (job.order.target) require_within_travel(job.order, drives_.travel(name), name);
   } catch (const master::MasterError& error) {
     throw ApiError{409, error.happened(), error.where(), error.remedy()};
   }
   // A stop is always accepted.
   const bool is_stop = job.order.takes_over;
   if (!is_stop) api::refuse_obsolete(obsolete);
-  if (!is_stop && asked(name) != before) {  // the drive's units were read meanwhile
+  if (!is_stop && asked(name) != before) {  // objects of the drive were read meanwhile
     throw ApiError{409, "another command to the axis came first", name, "begin again if the axis shall move"};
   }
   if (!is_stop && job.order.after) require_last(name, *job.order.after);

@@ -51,6 +51,34 @@ master::AxisLimits LineDrives::limits(const std::string& axis) {
   return master::Axis402(objects, options_for(find(axis))).limits();
 }
 
+// Also the stops and the limit switches of the machine.
+Travel LineDrives::travel(const std::string& name) {
+  line::Axis& axis = find(name);
+  const drive::Drive& drive = axis.device().drive();
+  ServiceObjects objects(line_, axis);
+  Travel travel = travel_by_objects(objects, options_for(axis), drive.policy(), drive.homed());
+  if (drive.axis().position_range() != 0) return travel;  // it wraps around
+  const drive::Units& units = drive.axis().units;
+  const std::int64_t actual = master::Axis402(objects, options_for(axis)).position();
+  const plant::Parameters& parameters = axis.plant().parameters();
+  // A move to an end itself is within the travel, also if the axis stands some counts beside its demand.
+  const auto slack = static_cast<std::int64_t>(parameters.encoder.counts_per_revolution / 100);
+  const auto add = [&](std::int64_t counts, bool high, const char* what) {
+    if (counts == plant::no_low_limit || counts == plant::no_high_limit) return;
+    counts += high ? slack : -slack;
+    travel.ends.push_back(
+        {actual + units.to_user(counts - axis.plant().position_counts()), high != units.position_inverted, what});
+  };
+  add(parameters.load.low_stop_counts, false, "the negative stop");
+  add(parameters.load.high_stop_counts, true, "the positive stop");
+  for (std::size_t i = 0; i < parameters.switch_count; ++i) {
+    const plant::Switch& fitted = parameters.switches[i];
+    if (fitted.from_counts == plant::no_low_limit) add(fitted.to_counts, false, "the negative limit switch");
+    if (fitted.to_counts == plant::no_high_limit) add(fitted.from_counts, true, "the positive limit switch");
+  }
+  return travel;
+}
+
 // Uses object accesses: at the service port they are as quick as process data.
 api::Json LineDrives::in_cycles(const std::string&, master::ObjectClient& objects, const master::CanDrive& exchanged,
                                 const std::function<bool()>& cancelled,

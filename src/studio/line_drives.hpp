@@ -24,6 +24,7 @@ class LineDrives final : public Drives {
   std::vector<std::string> injected(const std::string& axis) const override;
   std::optional<master::AxisUnits> units(const std::string& axis) override;
   master::AxisLimits limits(const std::string& axis) override;
+  Travel travel(const std::string& axis) override;
   std::uint64_t commands(const std::string& axis) const override { return find(axis).commands(); }
   std::vector<std::optional<JobError>> stop_all() override;
 

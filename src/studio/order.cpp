@@ -16,6 +16,7 @@ namespace {
 using api::ApiError;
 using api::BodyReader;
 using CarryOut = std::function<void(master::Axis402&, Conduct&)>;
+using Target = Order::Target;
 
 constexpr double longest_timeout_s = 3600.0;
 constexpr double usual_timeout_s = 60.0;
@@ -79,6 +80,7 @@ class Numbers {
   }
   BodyReader& body() { return body_; }
   const Scale& scale() const { return scale_; }
+  std::optional<Target> target{};                            // of a move that stays within the travel
   master::AxisUnits revolution() const { return units_(); }  // in the drive's units, whatever units the request uses
 
  private:
@@ -120,6 +122,9 @@ CarryOut move(Numbers& numbers) {
     throw ApiError{400, to ? "both to and by are given" : "neither to nor by is given", "to",
                    "give the target position under \"to\", or the distance under \"by\""};
   }
+  // `beyond`: for example to try a limit switch.
+  const bool beyond = numbers.body().boolean("beyond").value_or(false);
+  if (!beyond) numbers.target = Target{to ? *to : *by, by.has_value()};
   const master::MotionProfile profile = numbers.profile(true);
   return [to, by, profile, timeout = numbers.timeout()](master::Axis402& axis, Conduct&) {
     if (to) {
@@ -300,6 +305,7 @@ Order read_order(const std::string& text, const std::function<master::AxisUnits(
     order.after = Order::After{*job, body.number("after_within_s", 0.0), body.string("after_start")};
   }
   order.carry_out = kind.read(numbers);
+  order.target = numbers.target;
   body.finish();
   return order;
 }

@@ -41,12 +41,19 @@ struct Order {
     std::optional<std::string> start{};  // api::run_name of the server that carried the job out
   };
 
+  // The end of a move, in the units of 607Ah.
+  struct Target {
+    std::int32_t number;
+    bool relative;
+  };
+
   std::string what;             // "move"
   bool moves = false;           // if it fails, the axis is halted
   bool takes_over = false;      // ends a running job of the axis, instead of being refused
   bool lives_on_signs = false;  // needs signs of life to go on (dead man's switch)
   bool in_revolutions = false;
   std::optional<After> after{};
+  std::optional<Target> target{};  // must be within the travel of the axis
   Scale scale{};
   std::function<void(master::Axis402& axis, Conduct& conduct)> carry_out{};
 };

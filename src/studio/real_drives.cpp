@@ -193,6 +193,18 @@ master::AxisLimits RealDrives::limits(const std::string& name) {
   return master::Axis402(*objects, options(name)).limits();
 }
 
+Travel RealDrives::travel(const std::string& name) {
+  const Axis& axis = axis_of(name);
+  const auto objects = open(name, wait_);
+  const drive::Policy& policy = axis.device->drive().policy();
+  const std::uint16_t statusword = objects->read<std::uint16_t>(0x6041);
+  const auto& bits = policy.status_bits;
+  const bool homed = std::any_of(bits.begin(), bits.end(), [statusword](const drive::StatusBit& bit) {
+    return bit.source == drive::StatusSource::home_found && (statusword >> bit.bit & 1U) != 0;
+  });
+  return travel_by_objects(*objects, options(name), policy, homed);
+}
+
 // Resets the targets, so that they do not take effect when another master enables the drive. The axis has already
 // stopped, so errors are ignored.
 void RealDrives::take_back_targets(const Axis& axis, const Wait& wait, bool is_idle) {

@@ -97,6 +97,7 @@ class RealDrives final : public Drives, public api::Source, public Subjects {
                       const std::function<void(const char* doing, double share)>& progress, const Work& work) override;
   std::optional<master::AxisUnits> units(const std::string& axis) override;
   master::AxisLimits limits(const std::string& axis) override;
+  Travel travel(const std::string& axis) override;
   std::uint64_t commands(const std::string& axis) const override { return commands_[index_of(axis_of(axis))]; }
   void note_motion(const std::string& axis) override { operated_[index_of(axis_of(axis))] = {true, true}; }
   void note_stop(const std::string& axis) override { operated_[index_of(axis_of(axis))] = {true, false}; }

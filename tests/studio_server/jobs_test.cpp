@@ -92,6 +92,9 @@ class JobsTest : public testing::Test {
     return get("axes/" + axis + "/objects/" + where)["value"].get<double>();
   }
   json view(const std::string& axis) { return get("axes/" + axis); }
+  bool has(const std::string& axis, const std::string& where) {
+    return !get("axes/" + axis + "/values?objects=" + where)["values"][where].is_null();
+  }
   double turn(const std::string& axis) { return get("axes/" + axis + "/units")["position_per_revolution"]; }
   double encoder_turn(const std::string& axis) { return get("axes/" + axis + "/geometry")["index_every"]; }
   void make_ready(const std::string& axis) {
@@ -156,7 +159,7 @@ TEST_F(JobsTest, AreToldAsTheyGo) {
   EXPECT_EQ(told[1]["job"]["state"], "done");
   EXPECT_GT(told[1]["tick"], told[0]["tick"]);
 
-  const std::uint64_t moving = begin("ismc", R"({"do": "move", "by": 10000000, "velocity": 100000})");
+  const std::uint64_t moving = begin("ismc", R"({"do": "move", "by": 10000000, "velocity": 100000, "beyond": true})");
   pass(50ms);
   ask(Method::delete_, fmt::format("jobs/{}", moving));
   ask(Method::delete_, fmt::format("jobs/{}", moving));  // the job is already about to end
@@ -192,6 +195,84 @@ TEST_P(EveryProduct, IsEnabledHomedMovedAndDisabled) {
   EXPECT_NEAR((view(axis_)["position_counts"].get<double>() - before) / encoder_turn(axis_), -1.0, 0.01);
   expect_done(axis_, R"({"do": "disable"})");
   EXPECT_NE(view(axis_)["state"], "operation enabled");
+}
+
+// The limit switches are at -10 and 10 revolutions of the shaft, the axis begins at 0.25.
+TEST_P(EveryProduct, DoesNotBeginAMoveBeyondItsTravel) {
+  make_ready(axis_);
+  const auto move = [](const std::string& to) {
+    return fmt::format(R"({{"do": "move", "velocity": 4, {}, {}}})", to, profile);
+  };
+  const auto expect_refused = [&](const std::string& to, const std::string& reason) {
+    const Response response = ask(Method::post, "axes/" + axis_ + "/jobs", move(to));
+    EXPECT_EQ(response.status, 409U) << to << " " << response.body;
+    EXPECT_THAT(response.body, HasSubstr(reason)) << to;
+    EXPECT_THAT(response.body, HasSubstr(R"(send \"beyond\": true)")) << to;
+  };
+  const auto begins = [&](const std::string& to) {
+    const std::uint64_t id = begin(axis_, move(to));
+    ask(Method::delete_, fmt::format("jobs/{}", id));
+    finish(id);
+  };
+  const std::size_t before = get("jobs")["jobs"].size();
+  expect_refused(R"("by": 9.8)", "beyond the positive limit switch at ");
+  expect_refused(R"("by": 11)", "beyond the positive limit switch at ");
+  expect_refused(R"("by": -10.3)", "beyond the negative limit switch at ");
+  EXPECT_EQ(get("jobs")["jobs"].size(), before);
+  begins(R"("by": 9.7)");
+  begins(R"("by": 9.8, "beyond": true)");
+  begins(R"("by": -10.2)");
+
+  if (const std::uint16_t reversed = axis_.starts_with("ismk") ? 1 : 0x80; has(axis_, "607E:00")) {
+    expect_done(axis_, R"({"do": "disable"})");
+    ask(Method::put, "axes/" + axis_ + "/objects/607E/0", json{{"value", reversed}}.dump());
+    make_ready(axis_);
+    if (!line_.find_axis(axis_)->device().drive().axis().units.position_inverted) return;  // it ignores 607Eh
+    expect_refused(R"("by": -11)", "beyond the positive limit switch at ");
+    expect_refused(R"("by": 11)", "beyond the negative limit switch at ");
+  }
+}
+
+TEST_P(EveryProduct, DoesNotBeginAMoveBeyondItsSoftwareLimits) {
+  if (!has(axis_, "607D:01")) GTEST_SKIP();
+  if (axis_ == "jmc_ec") GTEST_SKIP() << "its factory value of 607Bh reads as the range of an axis that wraps around";
+  make_ready(axis_);
+  const master::SoftwareLimitSubs subs = master::dialect_of(axis_).software_limits;
+  const double revolution = turn(axis_);
+  const auto set_limits = [&](double low, double high) {
+    const auto set = [&](unsigned sub, double revolutions) {
+      const Response response = ask(Method::put, fmt::format("axes/{}/objects/607D/{}", axis_, sub),
+                                    json{{"value", std::lround(revolutions * revolution)}}.dump());
+      EXPECT_EQ(response.status, 204U) << response.body;
+    };
+    set(subs.lowest, low);
+    set(subs.highest, high);
+  };
+  const auto status_of = [&](const std::string& to) {
+    const Response response =
+        ask(Method::post, "axes/" + axis_ + "/jobs", fmt::format(R"({{"do": "move", {}, {}}})", to, profile));
+    if (response.status == 201U) {
+      const std::uint64_t id = json::parse(response.body)["id"];
+      ask(Method::delete_, fmt::format("jobs/{}", id));
+      finish(id);
+    } else {
+      EXPECT_THAT(response.body, HasSubstr("position of 607Dh at "));
+    }
+    return response.status;
+  };
+  const bool needs_homing = line_.find_axis(axis_)->device().drive().policy().software_limits_need_homing;
+  set_limits(-2.0, 2.0);
+  EXPECT_EQ(status_of(R"("to": 2.1, "velocity": 1)"), needs_homing ? 201U : 409U);
+  expect_done(axis_, fmt::format(R"({{"do": "home", "method": {}, "speed": 2, "zero_speed": 1, "offset": 0, {}}})",
+                                 master::dialect_of(axis_).cautious_homing_method, profile));
+  EXPECT_EQ(status_of(R"("to": 2.1, "velocity": 1)"), 409U);
+  EXPECT_EQ(status_of(R"("to": -2.1, "velocity": 1)"), 409U);
+  EXPECT_EQ(status_of(R"("by": 2.1, "velocity": 1)"), 409U);
+  EXPECT_EQ(status_of(R"("to": 2.1, "velocity": 1, "beyond": true)"), 201U);
+  EXPECT_EQ(status_of(R"("to": 1.9, "velocity": 1)"), 201U);
+  // Equal limits are off.
+  set_limits(0.0, 0.0);
+  EXPECT_EQ(status_of(R"("to": 2.1, "velocity": 1)"), 201U);
 }
 
 TEST_P(EveryProduct, RunsAtAVelocityAndStops) {
@@ -683,6 +764,7 @@ class SlowDrives final : public Drives {
     return drives_.units(axis);
   }
   master::AxisLimits limits(const std::string& axis) override { return drives_.limits(axis); }
+  Travel travel(const std::string& axis) override { return drives_.travel(axis); }
   std::uint64_t commands(const std::string& axis) const override { return drives_.commands(axis); }
   std::vector<std::optional<JobError>> stop_all() override { return drives_.stop_all(); }
 

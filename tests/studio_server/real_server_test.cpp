@@ -10,6 +10,7 @@
 #include <thread>
 
 #include "axis/axis_rig.hpp"
+#include "studio/real_bench.hpp"
 
 namespace servodrome::studio {
 namespace real_server_test {
@@ -217,6 +218,62 @@ TEST(RealDrivesTest, AnAxisMayMoveFromItsFirstJobUntilAStop) {
   drives.stop_all();
   EXPECT_FALSE(drives.may_move(first));
   EXPECT_TRUE(drives.was_operated(first));
+}
+
+// Where the page begins its proposal of a homing method, and what it must not propose.
+TEST(RealBenchTest, HomingTellsTheMethodOfTheDriveAndWhetherItHasAnIndex) {
+  struct Case {
+    const char* product;
+    int written;
+    api::Json selected;
+    api::Json index;
+  };
+  // A ProNet has an incremental encoder or a serial one, and no object of the real drive tells which.
+  for (const Case& one : {Case{"generic402", 17, 17, true}, Case{"pronet", 18, 18, nullptr}}) {
+    master::test::AxisRig rig{{one.product}};
+    Controlwords noted;
+    BusPlan plan = plan_of(rig, noted);
+    plan.drives.front().product = one.product;
+    RealDrives drives({plan});
+    drives.set_wait([](master::Time) { std::this_thread::sleep_for(1ms); });
+    const RealDrives::Axis& axis = *drives.find("reference");
+    for (int i = 0; i < 3000 && drives.state_of(axis).problem; ++i) std::this_thread::sleep_for(10ms);
+    drives.open(axis)->write<std::int8_t>(0x6098, 0, static_cast<std::int8_t>(one.written));
+    RealBench bench(drives);
+    const std::string no_body;
+    api::Call call{.arguments = {"reference"}, .body = no_body};
+    const api::Json view = bench.show_homing(call);
+    EXPECT_EQ(view["selected"], one.selected) << one.product;
+    EXPECT_EQ(view["index_available"], one.index) << one.product;
+  }
+}
+
+TEST(RealDrivesTest, AMoveBeyondTheSoftwareLimitsIsRefused) {
+  master::test::AxisRig rig{{"generic402"}};
+  Controlwords noted;
+  RealDrives drives({plan_of(rig, noted)});
+  drives.set_wait([](master::Time) { std::this_thread::sleep_for(1ms); });
+  const RealDrives::Axis& axis = *drives.find("reference");
+  for (int i = 0; i < 3000 && drives.state_of(axis).problem; ++i) std::this_thread::sleep_for(10ms);
+  Jobs jobs(drives);
+  const auto status_of = [&](const char* body) {
+    try {
+      jobs.begin("reference", body);
+    } catch (const api::ApiError& error) {
+      EXPECT_THAT(error.what, testing::HasSubstr("beyond the highest position of 607Dh at 1000 "));
+      return error.status;
+    }
+    jobs.begin("reference", R"({"do": "stop"})");
+    jobs.end(*jobs.running("reference"), "the test has seen it");
+    return 201U;
+  };
+  EXPECT_EQ(status_of(R"({"do": "move", "to": 1001})"), 201U);
+  drives.open(axis)->write<std::int32_t>(0x607D, 1, -1000);
+  drives.open(axis)->write<std::int32_t>(0x607D, 2, 1000);
+  EXPECT_EQ(status_of(R"({"do": "move", "to": 1001})"), 409U);
+  EXPECT_EQ(status_of(R"({"do": "move", "by": 1100})"), 409U);
+  EXPECT_EQ(status_of(R"({"do": "move", "to": 1000})"), 201U);
+  EXPECT_EQ(status_of(R"({"do": "move", "to": 1001, "beyond": true})"), 201U);
 }
 
 }  // namespace

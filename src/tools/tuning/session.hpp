@@ -8,8 +8,8 @@ namespace servodrome::master::tuning {
 struct SessionRequest {
   // nullopt: 0.6 of the possible one, or the present one if it is greater; a greater position gain is kept then.
   std::optional<double> bandwidth_hz{};
-  bool apply = false;                    // false: nothing is written
-  bool steps = true;                     // also measure step responses
+  bool apply = false;  // false: nothing is written
+  bool steps = true;   // also measure step responses
 };
 
 struct SessionResult {
@@ -34,8 +34,8 @@ inline constexpr double promised_phase_margin = 40.0;  // degrees
 // With `apply`, the measurement after writing must show the promised bandwidth within promised_tolerance, and at least
 // promised_phase_margin. Without a requested bandwidth the loop must also be at least as fast as before, within 5 %; so
 // nothing is written if the first measurement shows no bandwidth. If the bandwidth differs, tune() corrects the gains
-// from the measurement, up to three times. On failure or cancellation it restores the old gains. Throws MasterError or Cancelled, whose text says that the gains are restored, or lists those
-// that are not.
+// from the measurement, up to three times. On failure or cancellation it restores the old gains. Throws MasterError or
+// Cancelled, whose text says that the gains are restored, or lists those that are not.
 SessionResult tune(Tuner& tuner, ObjectClient& objects, const TuningDialect& dialect, const TuningUnits& units,
                    const SessionRequest& request);
 

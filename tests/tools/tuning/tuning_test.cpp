@@ -285,15 +285,13 @@ std::uint32_t position_gain_of(TuningRig& rig) {
 TEST(TuneLimits, WithoutABandwidthTheGreaterPositionGainStays) {
   TuningRig rig({"generic402", BusKind::can, rigid});
   const auto tuner = rig.tuner();
-  const SessionResult first =
-      tune(*tuner, rig.objects(), rig.dialect, rig.units, {.apply = true, .steps = false});
+  const SessionResult first = tune(*tuner, rig.objects(), rig.dialect, rig.units, {.apply = true, .steps = false});
   EXPECT_THAT(text_of_changes(first), HasSubstr("position gain: the drive's own -> "));
   const std::uint32_t usual = position_gain_of(rig);
   EXPECT_GT(usual, 0U);
   for (const std::uint32_t before : {2 * usual, usual / 2}) {
     rig.objects().write<std::uint32_t>(reference_position_gain.index, reference_position_gain.sub, before);
-    const SessionResult result =
-        tune(*tuner, rig.objects(), rig.dialect, rig.units, {.apply = true, .steps = false});
+    const SessionResult result = tune(*tuner, rig.objects(), rig.dialect, rig.units, {.apply = true, .steps = false});
     const std::string changes = text_of_changes(result);
     if (before > usual) {
       EXPECT_EQ(position_gain_of(rig), before);
@@ -320,9 +318,8 @@ TEST(TuneLimits, WithoutABandwidthOfThePresentLoopNothingIsWritten) {
     const auto tuner = rig.tuner({.travel_revolutions = 8.0});
     const auto before = numbers(read_gains(rig.objects(), rig.dialect));
     SessionResult result;
-    const std::string problem = master::test::problem_of([&] {
-      result = tune(*tuner, rig.objects(), rig.dialect, rig.units, {.apply = apply, .steps = false});
-    });
+    const std::string problem = master::test::problem_of(
+        [&] { result = tune(*tuner, rig.objects(), rig.dialect, rig.units, {.apply = apply, .steps = false}); });
     if (apply) {
       EXPECT_THAT(problem, HasSubstr("no bandwidth of the present loop"));
       EXPECT_THAT(problem, HasSubstr("nothing is written; choose a --bandwidth"));
@@ -340,7 +337,8 @@ TEST(TuneLimits, AProposalSaysWhatItMakesSlower) {
   const auto note_for = [&](double bandwidth_hz) {
     return note_of(tune(*tuner, rig.objects(), rig.dialect, rig.units, {.bandwidth_hz = bandwidth_hz}));
   };
-  EXPECT_THAT(note_for(12.0), testing::StartsWith("the proposed loop is slower than the present one: bandwidth 12.0 Hz"));
+  EXPECT_THAT(note_for(12.0),
+              testing::StartsWith("the proposed loop is slower than the present one: bandwidth 12.0 Hz"));
   EXPECT_THAT(note_for(40.0), testing::StartsWith("the proposed position gain is lower than the present one: "));
   EXPECT_EQ(note_of(tune(*tuner, rig.objects(), rig.dialect, rig.units, {})), "");
 }
