@@ -5,7 +5,8 @@ import { fileURLToPath } from 'node:url';
 import { promisify } from 'node:util';
 import type { Page } from '@playwright/test';
 import { choose, expect as shortly, panel, test as base, type } from './fixtures';
-import { axes, Line, lineFile } from './line';
+import { figures, lineOf, next, products, write } from './guide';
+import { axes, Line } from './line';
 
 const expect = shortly.configure({ timeout: 120_000 }); // a busy machine is slow, and not wrong
 
@@ -14,17 +15,15 @@ const expect = shortly.configure({ timeout: 120_000 }); // a busy machine is slo
 const root = fileURLToPath(new URL('../..', import.meta.url));
 const python = process.env.SERVODROME_PYTHON ?? join(root, '.venv/bin/python');
 
-// The line of one of the axes, so that the machine simulates no drive in vain.
-// Ideal stages: with real ones the loop at small signals is slower than at a load, by a quarter on the reference drive.
-const lineOf = (name: string) => lineFile('virtual').replaceAll('\nproduct = ', '\nideal = true\nproduct = ').split(/(?=\[\[axis\]\])/).filter((block) => !block.startsWith('[[axis]]') || block.includes(`name = "${name}"`)).join('');
-
 // pysoem needs a network interface: tools/with-veth has made a cable from servo0 to master0.
 const cable = process.env.WITH_VETH === '1';
 
 const test = base.extend<{ axis: string }>({
   axis: ['reference', { option: true }],
   line: async ({ axis }, use) => {
-    const line = await new Line(lineOf(axis), ['can0=socketcand:127.0.0.1:0/can0', ...(cable ? ['ecat=raw:servo0'] : [])]).start();
+    // Ideal stages: with real ones the loop at small signals is slower than at a load, by a quarter on the reference drive.
+    const text = lineOf(axis, 'virtual').replace('\nproduct = ', '\nideal = true\nproduct = ');
+    const line = await new Line(text, ['can0=socketcand:127.0.0.1:0/can0', ...(cable ? ['ecat=raw:servo0'] : [])]).start();
     await line.call('PUT', '/clock', { speed: 10 });
     await use(line);
     await line.end();
@@ -50,15 +49,7 @@ interface Stated {
   step: Record<string, number>;
 }
 
-const next = (page: Page) => page.getByRole('button', { name: 'Done, next step' });
-const figures = (page: Page) => page.getByRole('table', { name: 'Measured, before and after' });
 const slow = { timeout: 300_000 };
-
-async function write(page: Page, what: 'Values' | 'Gains' = 'Values') {
-  const table = page.getByRole('table', { name: `${what} to write` });
-  await page.locator('.guide-plan').filter({ has: table }).getByRole('button', { name: /^Write th/ }).click();
-  await expect(table).toHaveCount(0);
-}
 
 async function inputs(page: Page) {
   await expect(page.getByRole('group', { name: 'Force DI0' })).toBeVisible();
@@ -73,17 +64,8 @@ async function inputs(page: Page) {
 
 const values = async (page: Page, row: RegExp) => (await figures(page).getByRole('row', { name: row }).getByRole('cell').allTextContents()).map(Number);
 
-// What a drive of the line cannot do, and by which method it homes.
-const product: Record<string, { tunes: 'proposed' | 'by hand' | 'not'; home: RegExp; limits: boolean; torque: boolean }> = {
-  ismc: { tunes: 'not', home: /^7: /, limits: true, torque: true },
-  reference: { tunes: 'proposed', home: /^7: /, limits: true, torque: true },
-  pronet: { tunes: 'not', home: /^17: /, limits: false, torque: false },
-  ismk: { tunes: 'proposed', home: /^33: /, limits: true, torque: true },
-  jmc: { tunes: 'by hand', home: /^7: /, limits: true, torque: true },
-};
-
 for (const { name, counts } of axes) {
-  const { tunes, home, limits, torque } = product[name];
+  const { tunes, home, limits, torque, gain } = products[name];
   test.describe(name, () => {
   test.use({ axis: name });
   test(`takes ${name} from the factory to a tuned, homed, cycling axis`, async ({ page, open, line, picture }) => {
@@ -133,8 +115,8 @@ for (const { name, counts } of axes) {
       expect(Math.abs(after / predicted - 1)).toBeLessThan(0.15);
     } else if (tunes === 'by hand') {
       const { objects } = await line.call<{ objects: { index: string; sub: number; name: string }[] }>('GET', `/axes/${name}/objects`);
-      const rigidity = objects.find(({ index, sub }) => index === '0x2001' && sub === 4)!.name;
-      await type(page, rigidity, 15, panel(page, 'Velocity loop'));
+      const [index, sub, value] = gain!;
+      await type(page, objects.find((each) => each.index === index && each.sub === sub)!.name, value, panel(page, 'Velocity loop'));
       await write(page, 'Gains');
       await page.getByRole('button', { name: 'Measure a step' }).click();
       await expect.poll(async () => (await values(page, /^Rise time/))[2], slow).toBeLessThan(before);

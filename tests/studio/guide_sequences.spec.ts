@@ -1,17 +1,16 @@
 import type { Page } from '@playwright/test';
 import { accessible } from './accessible';
 import { expect as shortly, panel, test as base, type } from './fixtures';
-import { Line, lineFile } from './line';
+import { lineOf, plan, write } from './guide';
+import { Line } from './line';
 
 const expect = shortly.configure({ timeout: 120_000 }); // a busy machine is slow, and not wrong
 
 // The guide in the middle of things: left and taken up again, with the power cut, a fault, another browser, and undone.
 
-const only = lineFile('virtual').split(/(?=\[\[axis\]\])/).filter((block) => !block.startsWith('[[axis]]') || block.includes('"reference"')).join('');
-
 const test = base.extend({
   line: async ({ page: _ }, use) => {
-    const line = await new Line(only).start();
+    const line = await new Line(lineOf('reference', 'virtual')).start();
     await clock(line, 1);
     await use(line);
     await line.end();
@@ -35,12 +34,7 @@ const path = '/axes/reference';
 const view = (line: Line) => line.call<View>('GET', path);
 const jobs = async (line: Line) => (await line.call<{ jobs: Job[] }>('GET', '/jobs')).jobs;
 const differences = async (line: Line) => (await line.call<{ differences: { object: string }[] }>('GET', `${path}/parameters/diff`)).differences.map(({ object }) => object);
-const plan = (page: Page) => page.getByRole('table', { name: 'Values to write' });
 const journal = (page: Page) => page.getByRole('region', { name: 'Written by the guide' });
-const write = async (page: Page) => {
-  await page.getByRole('button', { name: /^Write th/ }).click();
-  await expect(plan(page)).toHaveCount(0);
-};
 const clock = (line: Line, speed: number) => line.call('PUT', '/clock', { speed });
 // There and back, for so long that a test can stop the time in the middle.
 const begin = async (page: Page, open: (path: string) => Promise<void>) => {
