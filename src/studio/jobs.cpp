@@ -92,7 +92,7 @@ Jobs::Asked Jobs::asked(const std::string& axis) const {
 }
 
 void Jobs::note_refused_stop(const std::string& axis, const std::string& body) {
-  const auto no_units = []() -> master::AxisUnits {
+  const auto no_units = []() -> std::optional<master::AxisUnits> {
     throw master::MasterError("the units of a silent drive are unknown", "", "");
   };
   try {
@@ -119,14 +119,10 @@ const Job& Jobs::begin(const std::string& name, const std::string& body, std::st
   Job job;
   job.axis = name;
   try {
-    job.order = read_order(body, [&] {
-      if (const auto units = drives_.units(name)) return *units;
-      throw master::MasterError("the drive does not report its units per revolution", name,
-                                "give numbers in its own units: \"units\": \"drive\"");
-    });
+    job.order = read_order(body, [&] { return drives_.units(name); });
     if (job.order.target) require_within_travel(job.order, drives_.travel(name), name);
   } catch (const master::MasterError& error) {
-    throw ApiError{409, error.happened(), error.where(), error.remedy()};
+    throw ApiError{409, error.happened(), error.where().empty() ? name : error.where(), error.remedy()};
   }
   // A stop is always accepted.
   const bool is_stop = job.order.takes_over;

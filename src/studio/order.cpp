@@ -21,11 +21,15 @@ using Target = Order::Target;
 constexpr double longest_timeout_s = 3600.0;
 constexpr double usual_timeout_s = 60.0;
 
+master::AxisUnits reported(const ReadUnits& units, const char* remedy) {
+  if (const auto known = units()) return *known;
+  throw master::MasterError("the drive does not report its units per revolution", "", remedy);
+}
+
 // Reads the numbers of one request, converted to the drive's units.
 class Numbers {
  public:
-  using Units = std::function<master::AxisUnits()>;
-  Numbers(BodyReader& body, const Scale& scale, const Units& units) : body_(body), scale_(scale), units_(units) {}
+  Numbers(BodyReader& body, const Scale& scale, const ReadUnits& units) : body_(body), scale_(scale), units_(units) {}
 
   template <typename T>
   std::optional<T> position(const char* key) {
@@ -80,13 +84,15 @@ class Numbers {
   }
   BodyReader& body() { return body_; }
   const Scale& scale() const { return scale_; }
-  std::optional<Target> target{};                            // of a move that stays within the travel
-  master::AxisUnits revolution() const { return units_(); }  // in the drive's units, whatever units the request uses
+  std::optional<Target> target{};  // of a move that stays within the travel
+  // In the drive's units, whatever units the request uses.
+  std::optional<master::AxisUnits> revolution() const { return units_(); }
+  master::AxisUnits needed_revolution(const char* remedy) const { return reported(units_, remedy); }
 
  private:
   BodyReader& body_;
   const Scale& scale_;
-  const Units& units_;
+  const ReadUnits& units_;
 };
 
 CarryOut enable(Numbers&) {
@@ -180,7 +186,6 @@ Excitation excitation(Numbers& numbers) {
     throw ApiError{422, fmt::format("of is \"{}\"", of.substr(0, 40)), "of",
                    "send \"velocity\", \"torque\" or \"position\""};
   }
-  const master::AxisUnits revolution = numbers.revolution();
   const master::AxisUnits& scale = numbers.scale().units();
   const std::array factors{scale.velocity, permille_per_percent, scale.position};
   numbers.body().required("amplitude");
@@ -189,8 +194,12 @@ Excitation excitation(Numbers& numbers) {
       numbers.body().number("amplitude").value_or(0.0) * factors[static_cast<std::size_t>(choice->of)];
   if (excitation.amplitude == 0.0)
     throw ApiError{422, "the amplitude is 0", "amplitude", "give an amplitude other than 0"};
-  excitation.acceleration_per_velocity = revolution.acceleration / revolution.velocity;
+  // CiA 402 counts velocities and accelerations in the same position units.
+  constexpr master::AxisUnits same{1.0, 1.0, 1.0};
   const auto travel = numbers.body().number("travel", 0.0);
+  const master::AxisUnits revolution =
+      travel ? numbers.revolution().value_or(same) : numbers.needed_revolution("give \"travel\" in its own units");
+  excitation.acceleration_per_velocity = revolution.acceleration / revolution.velocity;
   excitation.travel = travel ? *travel * scale.position : revolution.position;
   return excitation;
 }
@@ -225,7 +234,7 @@ CarryOut step_and_back(Numbers& numbers) {
 constexpr double usual_tuning_travel = 4.0;  // revolutions
 
 TuningOrder tuning_order(Numbers& numbers) {
-  TuningOrder order{.revolution = numbers.revolution()};
+  TuningOrder order{.revolution = numbers.needed_revolution("the measurement counts revolutions: it needs a drive that reports them")};
   order.tuner.travel_revolutions = numbers.body().number("travel", 0.5, 1000.0).value_or(usual_tuning_travel);
   return order;
 }
@@ -278,16 +287,16 @@ const Kind& kind_of(const std::string& name) {
   throw ApiError{422, fmt::format("there is no job \"{}\"", name.substr(0, 40)), "do", links::suggestion(name, names)};
 }
 
-Scale scale_of(const std::string& name, const std::function<master::AxisUnits()>& units) {
+Scale scale_of(const std::string& name, const ReadUnits& units) {
   if (name == "drive") return Scale();
-  if (name == "revolutions") return Scale(units());
+  if (name == "revolutions") return Scale(reported(units, "give numbers in its own units: \"units\": \"drive\""));
   throw ApiError{422, fmt::format("there are no units \"{}\"", name.substr(0, 40)), "units",
                  "send \"drive\" or \"revolutions\""};
 }
 
 }  // namespace
 
-Order read_order(const std::string& text, const std::function<master::AxisUnits()>& units) {
+Order read_order(const std::string& text, const ReadUnits& units) {
   BodyReader body(text);
   body.required("do");
   const Kind& kind = kind_of(body.string("do").value_or(""));

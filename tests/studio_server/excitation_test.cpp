@@ -4,6 +4,7 @@
 #include <gmock/gmock.h>
 
 #include "commissioning_rig.hpp"
+#include "studio/order.hpp"
 #include "tools/tuning/spectrum.hpp"
 
 namespace servodrome::studio {
@@ -134,6 +135,16 @@ TEST_P(ExcitationOf, BadOrdersAreRefused) {
   const json job = run(R"({"do": "step", "amplitude": 1, "units": "revolutions"})");
   EXPECT_EQ(job["state"], "failed");
   EXPECT_THAT(job["error"]["what"].get<std::string>(), HasSubstr("not enabled"));
+}
+
+// The ISMC on its bus reports no units: a step in its own units needs none, except for the travel that is not given.
+TEST(ExcitationOrder, NeedsTheUnitsOfTheDriveForAnUnknownTravelOnly) {
+  const auto unknown = [] { return std::optional<master::AxisUnits>(); };
+  EXPECT_NO_THROW(read_order(R"({"do": "step", "amplitude": 1000, "travel": 4000})", unknown));
+  EXPECT_NO_THROW(read_order(R"({"do": "sweep", "amplitude": 1000, "travel": 4000})", unknown));
+  EXPECT_THROW(read_order(R"({"do": "step", "amplitude": 1000})", unknown), master::MasterError);
+  EXPECT_THROW(read_order(R"({"do": "step", "amplitude": 1, "travel": 1, "units": "revolutions"})", unknown),
+               master::MasterError);
 }
 
 }  // namespace
