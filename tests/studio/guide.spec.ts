@@ -5,7 +5,7 @@ import { fileURLToPath } from 'node:url';
 import { promisify } from 'node:util';
 import type { Page } from '@playwright/test';
 import { choose, expect as shortly, panel, test as base, type } from './fixtures';
-import { figures, lineOf, next, products, write } from './guide';
+import { figures, identify, journalIsLogged, lineOf, next, products, torque, write } from './guide';
 import { axes, Line } from './line';
 
 const expect = shortly.configure({ timeout: 120_000 }); // a busy machine is slow, and not wrong
@@ -65,17 +65,18 @@ async function inputs(page: Page) {
 const values = async (page: Page, row: RegExp) => (await figures(page).getByRole('row', { name: row }).getByRole('cell').allTextContents()).map(Number);
 
 for (const { name, counts } of axes) {
-  const { tunes, home, limits, torque, gain } = products[name];
+  const { tunes, home, limits, gain } = products[name];
   test.describe(name, () => {
   test.use({ axis: name });
   test(`takes ${name} from the factory to a tuned, homed, cycling axis`, async ({ page, open, line, picture }) => {
     test.setTimeout(900_000);
     const factory = await line.call<{ differences: unknown[] }>('GET', `/axes/${name}/parameters/diff`);
     await open(`/commission/${name}`);
-    for (const title of ['Find the drive', 'Identify', 'Units']) {
-      await expect(panel(page, title)).toBeVisible();
-      await next(page).click();
-    }
+    await expect(panel(page, 'Find the drive')).toBeVisible();
+    await next(page).click();
+    await identify(page);
+    await expect(panel(page, 'Units')).toBeVisible();
+    await next(page).click();
     await inputs(page);
     await next(page).click();
     const forced = async () => Object.values((await line.call<{ inputs: Record<string, { forced: boolean }> }>('GET', `/axes/${name}/inputs`)).inputs).filter((input) => input.forced);
@@ -90,15 +91,7 @@ for (const { name, counts } of axes) {
     await picture(`guide-direction-${name}`);
     await next(page).click();
 
-    await expect(panel(page, 'Torque limit')).toBeVisible();
-    if (torque) {
-      await write(page);
-      await next(page).click();
-    } else {
-      await expect(page.getByText('its torque cannot be limited over the bus')).toBeVisible();
-      await page.getByRole('button', { name: 'Skip' }).click();
-    }
-
+    await torque(page);
     await page.getByRole('button', { name: 'Measure a step' }).click();
     await expect(figures(page)).toBeVisible(slow);
     const [before] = await values(page, /^Rise time/);
@@ -150,6 +143,7 @@ for (const { name, counts } of axes) {
 
     await expect(panel(page, 'Soft limits')).toBeVisible();
     if (limits) {
+      await expect(next(page)).toBeDisabled();
       await write(page);
       await picture(`guide-limits-${name}`);
       await next(page).click();
@@ -177,6 +171,9 @@ for (const { name, counts } of axes) {
     const text = readFileSync(file, 'utf8');
     expect(text).toContain(`Commissioning of ${name}`);
     expect(text).toContain('<svg');
+    expect(text).toContain(name === 'ismk' ? 'No switch is wired to this drive.' : 'Every wired input was seen at both levels.');
+    expect(text).toContain('The drive has the limit.');
+    if (limits) expect(text).toContain('The drive has the limits.');
     const stated = JSON.parse(/id="stated">(.*?)<\/script>/s.exec(text)![1]) as Stated;
     expect(stated.cycle.by).toBe(2 * (name === 'ismk' ? 65536 : counts));
     await picture(`guide-report-${name}`);
@@ -200,6 +197,17 @@ for (const { name, counts } of axes) {
     const measured = await promisify(execFile)(python, [join(root, 'tests/studio/measure_step.py'), file, '--api', `${line.address}/api/v1`, ...master]).catch((error: unknown) => error as { stdout: string; stderr: string });
     expect(measured.stderr).toBe('');
     expect((JSON.parse(measured.stdout) as { failures: string[] }).failures).toEqual([]);
+
+    await journalIsLogged(page, line, name);
+    if (name !== 'reference') return;
+    // All of it is undone, after what the other master has changed.
+    await line.call('POST', '/changes/undo', { axis: name, who: 'SDO on can0' });
+    const journal = page.getByRole('region', { name: 'Written by the guide' });
+    await expect.poll(async () => (await line.call<View>('GET', `/axes/${name}`)).state).not.toBe('operation enabled');
+    await journal.getByRole('button', { name: 'Undo all' }).click();
+    await journal.getByRole('button', { name: 'Undo all of them' }).click();
+    await expect(journal).toHaveCount(0);
+    expect((await line.call<{ differences: unknown[] }>('GET', `/axes/${name}/parameters/diff`)).differences).toEqual(factory.differences);
   });
   });
 }

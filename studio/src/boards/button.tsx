@@ -4,6 +4,7 @@ import { jobs, type Widget } from '../model/boards';
 import { motionHindrance } from '../model/cia402';
 import { Button, HaltButton } from '../parts/controls';
 import { JogButton } from '../parts/jog';
+import { useHindrance } from '../parts/reach';
 import { StateChip } from '../parts/state';
 import { useAxis, useLine } from '../store';
 
@@ -17,6 +18,8 @@ export function ButtonWidget({ widget }: { widget: Widget }) {
   const axis = useAxis(name);
   const job = useLine((line) => line.jobs[name]);
   const [busy, setBusy] = useState(false);
+  const { by, to } = widget;
+  const far = useHindrance(name, what !== 'move' ? null : typeof by === 'number' ? { by } : typeof to === 'number' ? { to } : null);
   const given = Object.fromEntries(numbers.flatMap((key) => (widget[key] === undefined ? [] : [[key, widget[key]] as const])));
   const { acceleration } = given;
   const request = { ...given, ...(acceleration === undefined || what !== 'move' ? {} : { deceleration: acceleration }), units: 'revolutions' };
@@ -38,8 +41,9 @@ export function ButtonWidget({ widget }: { widget: Widget }) {
       ) : isHalt(what) ? (
         <HaltButton kind={what === 'disable' ? 'main' : 'bad'} onHalt={press}>{text}</HaltButton>
       ) : (
-        <Button kind="main" title={reason} isDisabled={busy || reason !== ''} onPress={press}>{text}</Button>
+        <Button kind="main" title={reason} isDisabled={busy || reason !== '' || far !== ''} onPress={press}>{text}</Button>
       )}
+      {far && <p className="refusal" role="status">{far}</p>}
       <p className="job">
         <span className="quiet">{name}</span> <StateChip state={axis.state} powered={axis.powered} product={axis.product} />
         {job?.state === 'running' && <span className="busy">{job.do.replaceAll('_', ' ')}</span>}

@@ -5,6 +5,7 @@ import { endJob, finish, startJob, takeBack } from '../commands';
 import type { Widget } from '../model/boards';
 import { axesOf, parseSequence, Sequence, type Step } from '../model/sequence';
 import { Button, HaltButton, Scroll } from '../parts/controls';
+import { hindranceNow } from '../parts/reach';
 import { snapshot } from '../store';
 import { writeTo } from './slider';
 
@@ -41,6 +42,8 @@ export function ScriptWidget({ widget }: { widget: Widget }) {
     let line = 0;
     const made = new Sequence(steps, {
       start: startJob,
+      hindrance: async (axis, { do: what, by, to }) =>
+        what !== 'move' ? '' : typeof by === 'number' ? hindranceNow(axis, { by }) : typeof to === 'number' ? hindranceNow(axis, { to }) : '',
       finish: (job) => finish(job as Job),
       cancel: (job) => endJob(job as Job),
       latest: (axis) => (snapshot().jobs[axis] as Job | undefined)?.id,

@@ -12,7 +12,7 @@ import { snapshot } from '../store';
 import { entryOf, noted, toUndo, without, type Written } from './journal';
 import { measuredOf } from './measured';
 import { fromDrive } from './mechanics';
-import { change, changeStep, guideOf, stepOf, type Found, type LoopFound, type Proposed, type Run } from './state';
+import { change, changeStep, guideOf, noStep, stepOf, type Found, type LoopFound, type Proposed, type Run } from './state';
 import { placeOf, type Facts, type Motion, type Numbers, type Order, type PlanRow, type Records, type Step } from './step';
 import { steps } from './steps';
 
@@ -50,7 +50,15 @@ export async function writePlan(axis: AxisView, step: string, plan: PlanRow[]): 
     failed = true;
     complainOf({ ...problem, what: `${name}, ${object}: ${problem.what}` });
   });
+  forgetStored(axis);
+  // The direction of the last move says nothing about another polarity.
+  if (plan.some(({ object }) => object === '607E:00')) changeStep(name, product, step, ({ typed }) => ({ typed, found: {} }));
   if (!failed) tell(`${name}: ${plan.length} ${plan.length === 1 ? 'value' : 'values'} written`);
+}
+
+// What was stored before a write is not what is in the drive now.
+function forgetStored({ name, product }: AxisView) {
+  if (stepOf(guideOf(name, product), 'store').found.stored) changeStep(name, product, 'store', () => noStep);
 }
 
 // The reason why no value is written back now; empty: none. With the power stage on, an old mode of operation moves the axis at
@@ -88,8 +96,9 @@ export async function undo(axis: AxisView, step: string | null): Promise<void> {
       return same ? { ...guide, journal: without(guide.journal, same).journal } : guide;
     });
   });
+  forgetStored(axis);
   // Measurements with the old values are no longer valid, and neither is the mark.
-  for (const id of new Set(entries.map((entry) => entry.step))) changeStep(name, product, id, ({ typed, found }) => ({ typed, found }));
+  for (const id of new Set(entries.map((entry) => entry.step))) changeStep(name, product, id, ({ typed }) => ({ typed, found: {} }));
   if (strange.length > 0) complainOf({ what: `${name}: ${strange.join(', ')} was changed by another and stays`, hint: 'take it out of the list, or write it on the page Objects' });
   else tell(`${name}: undone`);
 }
@@ -100,6 +109,7 @@ export const leaveAsItIs = ({ name, product }: AxisView, entry: Written) => chan
 export async function writeAgain(axis: AxisView, { object, after }: Written): Promise<void> {
   await refuseWhilePowered(axis);
   await writeObject(axis.name, ...placeOf(object), after);
+  forgetStored(axis);
 }
 
 // ---- Motions ----
@@ -234,7 +244,7 @@ async function complete(facts: Facts, last: Job | undefined): Promise<void> {
     const turns = (value: number) => fromDrive(facts.scale!, 'position', value);
     found.moved = { asked: numbers('distance'), drive: turns(now.drive - run.from.drive), shaft: now.shaft === null || run.from.shaft === null ? null : now.shaft - run.from.shaft };
   }
-  changeStep(name, product, step.id, (state) => ({ ...state, found: { ...state.found, ...found } }));
+  changeStep(name, product, step.id, ({ found: { way, ...before }, ...state }) => ({ ...state, found: { ...before, ...(way && !found.moved ? { way } : {}), ...found } }));
   setRun(axis, (present) => ({ ...present, state: 'done' }));
 }
 

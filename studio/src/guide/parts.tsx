@@ -2,7 +2,7 @@ import { useState, type ReactNode } from 'react';
 import type { AxisView, Job } from '../api/types';
 import { objectTip } from '../model/meanings';
 import { hexValue, namedOf, showValue } from '../model/objects';
-import { endOf, hindrance } from '../model/plan';
+import { hindrance } from '../model/plan';
 import { fixed, significant } from '../model/units';
 import { attempt } from '../notices';
 import { Button, Choice, HaltButton, Link, Scroll, Trouble } from '../parts/controls';
@@ -11,7 +11,7 @@ import { useLine } from '../store';
 import { abort, leaveAsItIs, runMotion, undo, undoHindrance, writeAgain } from './actions';
 import { standingOf } from './journal';
 import { changeStep, stepOf, type Guide } from './state';
-import { fromShown, shownUnit, toShown, type Facts, type Field, type Motion, type Numbers, type PlanRow, type Step } from './step';
+import { fromShown, reachOf, shownUnit, toShown, type Facts, type Field, type Motion, type Numbers, type PlanRow, type Step } from './step';
 import { steps } from './steps';
 
 // The parts that every step can have: the objects that it reads, the numbers, the plan of the writes, the motions, and the
@@ -122,16 +122,13 @@ export function MotionBox({ facts, step, motion, numbers, fields, guide, reasonB
   guide: Guide;
   reasonBefore: string; // why no motion of this step may start; empty: it may
 }) {
-  const { axis, geometry, units, limits } = facts;
+  const { axis } = facts;
   const job = useLine((line) => line.jobs[axis.name] as Job | undefined);
   const missing = motion.isMissing?.(facts) ?? '';
   if (missing) return <p className="note">{missing}</p>;
   const orders = motion.orders(numbers, facts);
   const isComplete = orders.every((order) => Object.values(order).every((value) => typeof value !== 'number' || Number.isFinite(value)));
-  const far = (motion.reach?.(numbers) ?? []).map((turns) => {
-    const to = endOf(axis, geometry, units, 'by', turns);
-    return to === null ? '' : hindrance(axis, geometry, units, limits, to);
-  }).find((text) => text !== '') ?? '';
+  const far = (motion.reach?.(numbers) ?? []).map((by) => hindrance(axis, reachOf(facts), { by })).find((text) => text !== '') ?? '';
   const { run } = guide;
   const isMine = run?.step === step.id && run.motion === motion.id;
   const isRunning = isMine && run.state === 'running';

@@ -13,8 +13,8 @@ import './report.css';
 import css from './report.css?inline';
 import { stepOf, type Found, type Guide } from './state';
 import { keptOf, shownUnit, toShown, type Facts, type Step } from './step';
-import { fieldsOf, steps } from './steps';
-import { Figures, Plots, type ViewProps } from './views';
+import { checkOf, fieldsOf, identify, objectsOf, steps } from './steps';
+import { Figures, Plots, wiresOf, type ViewProps } from './views';
 
 // The report of a commissioning. The page shows it; the file is the same elements with the style sheet and the figures as JSON.
 
@@ -39,8 +39,13 @@ const title = (facts: Facts) => `Commissioning of ${facts.axis.name}`;
 
 export function ReportView({ facts, guide }: ViewProps) {
   const paper = useRef<HTMLDivElement>(null);
+  const { axis } = facts;
+  const answers = axis.powered && !axis.problem;
+  const compared = useResource<{ differences: Difference[] }>(answers ? `${axisPath(axis.name)}/parameters/diff` : null);
+  // A report that is saved before its values are read would not show them.
+  const waits = answers && (Object.keys(facts.values).length === 0 || (compared.value ?? compared.problem) === undefined);
   const save = () => {
-    const { axis, scale } = facts;
+    const { scale } = facts;
     const stated: Statement = {
       product: axis.product, axis: axis.name, made: new Date().toISOString(), units: scale?.drive ?? null,
       cycle: statedOf(stepOf(guide, 'cycle').found), step: statedOf(stepOf(guide, 'velocity').found),
@@ -54,22 +59,21 @@ export function ReportView({ facts, guide }: ViewProps) {
   return (
     <>
       <div className="buttons no-print">
-        <Button kind="main" onPress={save}>Save as a file</Button>
-        <Button onPress={() => print()}>Print or save as PDF</Button>
+        <Button kind="main" isDisabled={waits} onPress={save}>Save as a file</Button>
+        <Button isDisabled={waits} onPress={() => print()}>Print or save as PDF</Button>
+        {waits && <span className="quiet" role="status">The values of the drive are being read.</span>}
       </div>
-      <div className="paper" ref={paper}><Paper facts={facts} guide={guide} /></div>
+      <div className="paper" ref={paper}><Paper facts={facts} guide={guide} differences={compared.value?.differences} /></div>
     </>
   );
 }
 
 const text = (plain: string) => plain.replaceAll('&', '&amp;').replaceAll('<', '&lt;');
 
-function Paper({ facts, guide }: { facts: Facts; guide: Guide }) {
-  const { axis, mechanics, scale, geometry } = facts;
+function Paper({ facts, guide, differences }: { facts: Facts; guide: Guide; differences: Difference[] | undefined }) {
+  const { axis, mechanics, scale } = facts;
   const version = useLine((line) => line.version);
-  const differences = useResource<{ differences: Difference[] }>(axis.powered ? `${axisPath(axis.name)}/parameters/diff` : null).value?.differences;
   const found = (id: string) => stepOf(guide, id).found;
-  const wires = Object.entries(geometry?.inputs ?? {});
   const moved = found('direction').moved;
   const lost = guide.journal.filter((entry) => !['in the drive', 'replaced'].includes(standingOf(guide.journal, entry, facts.values[entry.object])));
   return (
@@ -82,7 +86,7 @@ function Paper({ facts, guide }: { facts: Facts; guide: Guide }) {
           {steps.filter(({ id }) => id !== 'report').map((step) => {
             const state = stepOf(guide, step.id);
             const lacks = step.lacks?.(facts) ?? '';
-            return <tr key={step.id}><th scope="row">{step.title}</th><td>{state.mark ?? 'open'}</td><td>{lacks || (state.mark === 'done' ? step.open(facts, state) || step.check : step.open(facts, state))}</td></tr>;
+            return <tr key={step.id}><th scope="row">{step.title}</th><td>{state.mark ?? 'open'}</td><td>{lacks || (state.mark === 'done' ? step.open(facts, state) || checkOf(step, facts, state) : step.open(facts, state))}</td></tr>;
           })}
         </Table>
         {lost.length > 0 && <p className="warn">{lost.length} of the written values are not in the drive now: {lost.map(({ object }) => object).join(', ')}.</p>}
@@ -102,7 +106,7 @@ function Paper({ facts, guide }: { facts: Facts; guide: Guide }) {
       <Section title="Inputs">
         <Table label="Inputs" head={['input', 'wired to', 'seen at 0', 'seen at 1']}>
           {Object.entries(found('inputs').seen ?? {}).map(([name, [low, high]]) => (
-            <tr key={name}><th scope="row">{name}</th><td>{wires.filter(([, wire]) => wire === name).map(([what]) => what.replaceAll('_', ' ')).join(', ')}</td><td>{low ? 'yes' : 'no'}</td><td>{high ? 'yes' : 'no'}</td></tr>
+            <tr key={name}><th scope="row">{name}</th><td>{found('inputs').notWired?.includes(name) ? 'not wired' : wiresOf(facts, name)}</td><td>{low ? 'yes' : 'no'}</td><td>{high ? 'yes' : 'no'}</td></tr>
           ))}
         </Table>
       </Section>
@@ -138,17 +142,13 @@ function Paper({ facts, guide }: { facts: Facts; guide: Guide }) {
 
 const place = ({ axis }: Facts) => [axis.bus, axis.node_id !== undefined && `node ${axis.node_id}`, axis.position !== undefined && `position ${axis.position}`].filter(Boolean).join(' ');
 
-const identityObjects = ['1008:00', '1009:00', '100A:00', '1018:01', '1018:02', '1018:03', '1018:04', '6075:00', '6076:00', '608F:01', '6410:03', '6502:00'];
-
 function Identity({ facts }: { facts: Facts }) {
-  const asked = identityObjects.filter((object) => facts.entries.has(object));
-  const values = useResource<{ values: Facts['values'] }>(facts.axis.powered && asked.length > 0 ? `${axisPath(facts.axis.name)}/values?objects=${asked.join(',')}` : null).value?.values;
   return (
     <Section title="Drive and motor">
       <Table label="Drive and motor" head={['object', 'name', 'value', 'unit']}>
-        {asked.map((object) => {
+        {objectsOf(identify, facts, []).shown.map((object) => {
           const entry = facts.entries.get(object);
-          return <tr key={object}><th scope="row">{object}</th><td>{entry?.name}</td><td className="figure">{showValue(values?.[object], entry)}</td><td>{entry?.unit}</td></tr>;
+          return <tr key={object}><th scope="row">{object}</th><td>{entry?.name}</td><td className="figure">{showValue(facts.values[object], entry)}</td><td>{entry?.unit}</td></tr>;
         })}
       </Table>
     </Section>

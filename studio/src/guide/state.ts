@@ -34,7 +34,9 @@ export interface Proposed {
 }
 
 export interface Found {
+  agrees?: boolean; // with the nameplate, as the person says
   seen?: Record<string, [boolean, boolean]>; // inputs: seen at 0, seen at 1
+  notWired?: string[]; // inputs of a drive on a bus, as the person says
   way?: 'right' | 'wrong';
   moved?: Moved;
   first?: Measured; // before a change of the gains

@@ -1,4 +1,5 @@
 import type { AxisView, Geometry, HomingMethod, Limits, ObjectEntry, ObjectValue, Units } from '../api/types';
+import type { Reach } from '../model/plan';
 import type { Gains } from '../model/tuning';
 import type { Channel } from './measured';
 import { fromDrive, fromUser, toDrive, toUser, type Kind, type Mechanics, type Scale } from './mechanics';
@@ -16,6 +17,7 @@ export interface Facts {
   units: Units | undefined;
   limits: Limits | undefined;
   geometry: Geometry | undefined;
+  polarity: unknown; // 607Eh; no number: the drive does not have it
   homing: { methods: HomingMethod[]; index_available?: boolean } | undefined;
   gains: Gains | undefined;
   proposed: Record<string, number>; // gains that a measurement has proposed, by object
@@ -73,13 +75,19 @@ export interface Step {
   title: string;
   why: string;
   reads: string[]; // objects, with sub-index "*" for all
-  view?: 'find' | 'units' | 'inputs' | 'direction' | 'loop' | 'response' | 'homing' | 'store' | 'report';
+  also?: (facts: Facts) => string[]; // further objects to read, of those that the drive has
+  view?: 'find' | 'identify' | 'units' | 'inputs' | 'direction' | 'loop' | 'response' | 'homing' | 'store' | 'report';
   fields?: (facts: Facts, state: StepState) => Field[];
   motions?: Motion[];
   lacks?: (facts: Facts) => string; // why the step cannot be done with this drive; empty: it can
-  check: string; // how the step is checked
+  check: string | ((facts: Facts, state: StepState) => string); // what is true when the step is complete
   open: (facts: Facts, state: StepState) => string; // the condition that is not met yet; empty: the step is complete
 }
+
+// What bounds the moves; the units are those that the user has typed, if the drive reports none.
+export const reachOf = ({ geometry, units, scale, limits, polarity }: Facts): Reach => ({
+  geometry, limits, polarity, units: units?.position_per_revolution || !scale ? units : { position_per_revolution: scale.drive.position, velocity_per_rps: scale.drive.velocity, acceleration_per_rps2: scale.drive.acceleration },
+});
 
 export const placeOf = (object: string): [number, number] => [parseInt(object.slice(0, 4), 16), parseInt(object.slice(5), 16)];
 
@@ -100,18 +108,25 @@ export interface PlanRow {
 
 const inDrive = ({ scale }: Facts, kind: Kind | undefined, kept: number) => (kind === undefined ? kept : scale ? toDrive(scale, kind, kept) : NaN);
 
+// The objects of the fields that the drive has, each with its value by the form, and that in the drive.
+const targetsOf = (facts: Facts, fields: Field[], numbers: Numbers) =>
+  fields.flatMap(({ key, label, kind, objects = [] }) => objects.flatMap((object) => {
+    const entry = facts.entries.get(object);
+    return entry ? [{ object, label, entry, before: facts.values[object], after: inDrive(facts, kind, numbers(key)) }] : [];
+  }));
+
 // The values that a step would write: those of its fields that differ from the drive's.
-export function planOf(facts: Facts, fields: Field[], numbers: Numbers): PlanRow[] {
-  const rows: PlanRow[] = [];
-  for (const { key, kind, objects = [] } of fields) {
-    const after = inDrive(facts, kind, numbers(key));
-    for (const object of objects) {
-      const [entry, before] = [facts.entries.get(object), facts.values[object]];
-      if (!entry || typeof before !== 'number' || !Number.isFinite(after) || before === after) continue;
-      rows.push({ object, name: entry.name, unit: entry.unit, before, after });
-    }
-  }
-  return rows;
+export const planOf = (facts: Facts, fields: Field[], numbers: Numbers): PlanRow[] =>
+  targetsOf(facts, fields, numbers).flatMap(({ object, entry: { name, unit }, before, after }) =>
+    typeof before !== 'number' || !Number.isFinite(after) || before === after ? [] : [{ object, name, unit, before, after }]);
+
+// Why the drive does not have the values of the form; empty: it has them.
+export function notInDrive(facts: Facts, fields: Field[], numbers: Numbers): string {
+  const targets = targetsOf(facts, fields, numbers);
+  const empty = targets.find(({ after }) => !Number.isFinite(after));
+  if (empty) return `Not entered yet: ${empty.label}.`;
+  const missing = targets.filter(({ before, after }) => before !== after);
+  return missing.length === 0 ? '' : `Not in the drive: ${missing.map(({ object, after }) => `${object} = ${after}`).join(', ')}.`;
 }
 
 export const shownUnit = ({ scale }: Facts, { kind, unit = '' }: Field) => (kind === undefined ? unit : (scale?.unit[kind] ?? ''));

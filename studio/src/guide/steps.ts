@@ -1,17 +1,20 @@
+import type { ObjectEntry } from '../api/types';
 import { cannotHome, proposedMethod } from '../model/homing';
 import { addressOf, namedOf } from '../model/objects';
+import { isReversed, positionAt } from '../model/plan';
 import { predict } from '../model/predict';
 import { missingForTune } from '../model/tuning';
 import type { StepState } from './state';
-import { firstOf, has, type Facts, type Field, type Motion, type Numbers, type Step } from './step';
+import { firstOf, has, keptOf, notInDrive, reachOf, type Facts, type Field, type Motion, type Numbers, type Step } from './step';
 import { toDrive } from './mechanics';
 
 // The guided commissioning: one row for each step. The page (pages/commission.tsx) shows any row by the same rules.
 
 const nothing = () => '';
 
-// Objects that limit the torque, in the order in which a drive's first set is used.
-const torqueLimits = [['6072:00'], ['60E0:00', '60E1:00'], ['6073:00']];
+// Objects that limit the torque, in the order in which a drive's first set is used: those of CiA 402, the current limit of the
+// iSMK, and Pn401 and Pn402 of the ProNet.
+const torqueLimits = [['6072:00'], ['60E0:00', '60E1:00'], ['6073:00'], ['3068:00', '3069:00']];
 const torqueOf = (facts: Facts) => firstOf(facts, torqueLimits);
 const factoryOf = (facts: Facts, object: string) => Number(facts.entries.get(object)?.default ?? NaN);
 
@@ -23,7 +26,7 @@ const torqueField = (facts: Facts, share: number, label: string): Field[] => {
 };
 
 const noTorqueLimit = (facts: Facts) =>
-  torqueOf(facts).length > 0 ? '' : `${facts.axis.product} has none of the objects 6072h, 6073h, 60E0h and 60E1h: its torque cannot be limited over the bus.`;
+  torqueOf(facts).length > 0 ? '' : `${facts.axis.product} has none of the objects ${torqueLimits.flat().map((object) => `${object.slice(0, 4)}h`).join(', ')}: its torque cannot be limited over the bus.`;
 
 const noScale = ({ scale }: Facts) => (scale ? '' : 'The size of the drive\'s units is not known: complete the step "Units" first.');
 
@@ -143,10 +146,14 @@ function gainFields(facts: Facts, position: boolean): Field[] {
   });
 }
 
-export const noGains = (facts: Facts) =>
-  facts.gains && facts.gains.gains.filter(({ object }) => has(facts, object)).length === 0
-    ? `The manual of ${facts.axis.product} documents no gains: there are none to write. The loop can be measured.`
-    : '';
+export function noGains(facts: Facts): string {
+  const gains = facts.gains?.gains;
+  if (gains === undefined || facts.entries.size === 0 || gains.some(({ object }) => has(facts, object))) return '';
+  const reason = gains.length === 0
+    ? `The manual of ${facts.axis.product} documents no gains: there are none to write.`
+    : `The gains of ${facts.axis.product} are no objects on its bus: set them on the drive itself.`;
+  return `${reason} The loop can be measured.`;
+}
 
 // 607Dh by the names of its sub-indices, since makers exchange them.
 function softLimits(facts: Facts): Field[] {
@@ -161,14 +168,12 @@ function softLimits(facts: Facts): Field[] {
 const margin = 0.25; // revolutions between a soft limit and the switch or stop
 
 // Inside the limit switch or the stop, as a position of 6064h. NaN: the travel is not known.
-function softLimit({ geometry, axis, scale, units }: Facts, end: 'lowest' | 'highest'): number {
-  const turn = geometry?.index_every;
-  const perTurn = units?.position_per_revolution;
-  const mark = end === 'lowest' ? (geometry?.negative_limit ?? geometry?.negative_stop) : (geometry?.positive_limit ?? geometry?.positive_stop);
-  if (!turn || !perTurn || !scale || mark === null || mark === undefined || axis.position_actual === undefined) return NaN;
-  const at = axis.position_actual / perTurn + (mark - axis.position_counts) / turn;
-  const inside = at + (end === 'lowest' ? margin : -margin);
-  return Math.round(inside * 100) / 100;
+function softLimit(facts: Facts, end: 'lowest' | 'highest'): number {
+  const { geometry, axis } = facts;
+  const marks = [geometry?.negative_limit ?? geometry?.negative_stop, geometry?.positive_limit ?? geometry?.positive_stop];
+  const mark = marks[(end === 'highest') === isReversed(facts.polarity) ? 0 : 1];
+  const at = typeof mark === 'number' ? positionAt(axis, reachOf(facts), mark) : null;
+  return at === null ? NaN : Math.round((at + (end === 'lowest' ? margin : -margin)) * 100) / 100;
 }
 
 function homingFields(facts: Facts): Field[] {
@@ -186,13 +191,19 @@ function homingFields(facts: Facts): Field[] {
 }
 
 // The direction of counting: CiA 402 has bits 7 and 6 of 607Eh, a drive whose 607Eh is 0 or 1 has one bit.
+const oneWay = (entry: ObjectEntry | undefined) => (entry?.maximum === 1 ? 1 : 0xc0);
+
 function polarity(facts: Facts, state: StepState): Field[] {
   const entry = facts.entries.get('607E:00');
-  if (!entry || state.found.way !== 'wrong') return [];
-  const one = entry.maximum === 1 ? 1 : 0xc0;
-  const now = facts.values['607E:00'];
-  const asked = state.typed.polarity ?? (typeof now === 'number' ? now ^ one : one);
-  return [{ key: 'polarity', label: 'Polarity (607Eh)', objects: ['607E:00'], usual: asked, options: [[0, '0: as delivered'], [one, `${one}: reversed`]] }];
+  if (!entry || state.typed.polarity === undefined) return [];
+  const one = oneWay(entry);
+  return [{ key: 'polarity', label: 'Polarity (607Eh)', objects: ['607E:00'], usual: NaN, options: [[0, '0: as delivered'], [one, `${one}: reversed`]] }];
+}
+
+// The other direction of counting than the drive's present one.
+export function reversedPolarity({ entries, values }: Facts): number | undefined {
+  const now = values['607E:00'];
+  return typeof now === 'number' ? now ^ oneWay(entries.get('607E:00')) : undefined;
 }
 
 function inputFields({ entries, values }: Facts): Field[] {
@@ -209,10 +220,32 @@ function inputFields({ entries, values }: Facts): Field[] {
   });
 }
 
-// Inputs to which the machine's switches are wired.
-export const wiredInputs = ({ geometry }: Facts) => [...new Set(Object.values(geometry?.inputs ?? {}).map(String))];
+// Inputs to which the machine's switches are wired. The wiring of a simulated axis is known. A drive on a bus shows only 60FDh:
+// every bit with a name counts, except those that the person marks as not wired.
+export const namedInputs = ({ entries }: Facts) => namedOf(entries.get('60FD:00')?.bits);
+export const wiredInputs = (facts: Facts, { found }: StepState): string[] =>
+  facts.isVirtual ? [...new Set(Object.values(facts.geometry?.inputs ?? {}).map(String))] : namedInputs(facts).map(({ name }) => name).filter((name) => !found.notWired?.includes(name));
+
+// Objects that tell which motor and encoder the drive has: by their names, since each maker has its own.
+const ofMotor = /^(?!.*(temperature|reset|utilization)).*\b(motor|encoder|rated)\b/i;
+const motorObjects = ({ entries }: Facts) =>
+  [...entries].filter(([, { name, access }]) => ofMotor.test(name) && access.includes('r')).map(([object]) => object);
+
+const formNotInDrive = (fields: Field[], facts: Facts, state: StepState) => notInDrive(facts, fields, keptOf(state, fields));
 
 const isMeasured = (state: StepState) => (state.found.first || state.found.last ? '' : 'No measurement yet.');
+
+export const identify: Step = {
+  id: 'identify', title: 'Identify', view: 'identify', reads: ['1008:00', '1009:00', '100A:00', '1018:01', '1018:02', '1018:03', '1018:04', '6402:00', '6075:00', '6076:00', '608F:01', '608F:02', '607F:00', '6080:00', '60C5:00', '60C6:00', '6502:00'],
+  also: (facts) => [...motorObjects(facts), ...torqueOf(facts)],
+  why: 'Compare product, motor, encoder and limits with the nameplate before anything moves: a wrong motor or encoder shows here first.',
+  check: 'The values were compared with the nameplate, and agree.',
+  open: (facts, { found }) => {
+    const { shown } = objectsOf(identify, facts, []);
+    if (shown.length === 0 || shown.some((object) => facts.values[object] === undefined)) return 'The objects have not been read yet.';
+    return found.agrees ? '' : 'Compare the values with the nameplate.';
+  },
+};
 
 export const steps: Step[] = [
   {
@@ -221,12 +254,7 @@ export const steps: Step[] = [
     check: 'The drive has power and answers.',
     open: ({ axis }) => (axis.powered && !axis.problem ? '' : 'The drive does not answer.'),
   },
-  {
-    id: 'identify', title: 'Identify', reads: ['1008:00', '1009:00', '100A:00', '1018:01', '1018:02', '1018:03', '1018:04', '6402:00', '6075:00', '6076:00', '608F:01', '608F:02', '6410:03', '6410:0B', '607F:00', '6080:00', '60C5:00', '60C6:00', '6502:00'],
-    why: 'Compare product, motor, encoder and limits with the nameplate before anything moves: a wrong motor or encoder shows here first.',
-    check: 'The objects are read; compare them with the nameplate.',
-    open: ({ values }) => (Object.values(values).some((value) => value !== null) ? '' : 'Nothing has been read yet.'),
-  },
+  identify,
   {
     id: 'units', title: 'Units', view: 'units', reads: ['608F:*', '6091:*', '6092:*', '6093:*', '6094:*', '6096:*', '6097:*'],
     why: 'Positions and speeds are shown in the units of the machine from here on. The page keeps them; the factors in the drive stay as they are.',
@@ -236,15 +264,16 @@ export const steps: Step[] = [
   {
     id: 'inputs', title: 'Inputs and switches', view: 'inputs', reads: ['60FD:00'], fields: inputFields,
     why: 'Press every switch, or force its input here, and see the drive react. A limit switch that does not react cannot stop the axis.',
-    check: 'Every wired input was seen at both levels.',
-    open: (facts, { found }) => {
-      if (facts.isVirtual && !facts.geometry) return 'The wiring is not known yet.';
-      const missing = wiredInputs(facts).filter((input) => !found.seen?.[input]?.every(Boolean));
+    lacks: (facts) => (facts.isVirtual || namedInputs(facts).length > 0 ? '' : `${facts.axis.product} has no object 60FDh (digital inputs) with named bits: its inputs cannot be seen over the bus.`),
+    check: (facts, state) => (wiredInputs(facts, state).length > 0 ? 'Every wired input was seen at both levels.' : facts.isVirtual ? 'No switch is wired to this drive.' : 'Every input is marked as not wired.'),
+    open: (facts, state) => {
+      if (facts.isVirtual ? !facts.geometry : facts.entries.size === 0) return 'The wiring is not known yet.';
+      const missing = wiredInputs(facts, state).filter((input) => !state.found.seen?.[input]?.every(Boolean));
       return missing.length === 0 ? '' : `Not seen at both levels yet: ${missing.join(', ')}.`;
     },
   },
   {
-    id: 'direction', title: 'Direction and encoder', view: 'direction', reads: ['6061:00', '6064:00'],
+    id: 'direction', title: 'Direction and encoder', view: 'direction', reads: ['6061:00', '6064:00'], also: () => ['607E:00'],
     why: 'A small, slow move with little torque shows the direction and that the encoder counts as far as the shaft turns.',
     fields: (facts, state) => [
       { key: 'distance', label: 'Distance', kind: 'position', usual: 0.1 },
@@ -259,16 +288,16 @@ export const steps: Step[] = [
       if (!moved) return 'The small move has not been made yet.';
       if (Math.abs(moved.drive - moved.asked) > 0.02 + 0.02 * Math.abs(moved.asked)) return '6064h did not move by the distance: check the encoder and the units.';
       if (moved.shaft !== null && Math.abs(Math.abs(moved.shaft) - Math.abs(moved.drive)) > 0.02) return 'The shaft turned by another angle than 6064h: check the encoder\'s resolution.';
-      return way === 'right' ? '' : way === 'wrong' ? 'Reverse the polarity, move again, and look again.' : 'Say which way the machine moved.';
+      return way === 'right' ? '' : way === 'wrong' ? 'Reverse the direction, move again, and look again.' : 'Say which way the machine moved.';
     },
   },
   {
-    id: 'torque', title: 'Torque limit', reads: ['6072:00', '6073:00', '60E0:00', '60E1:00', '6075:00', '6076:00'],
+    id: 'torque', title: 'Torque limit', reads: ['6075:00', '6076:00'], also: () => torqueLimits.flat(),
     why: 'The greatest torque protects the machine from a collision. The step before left a low limit; this is the one to work with. Proposed is the factory value.',
     fields: (facts) => torqueField(facts, 1, 'Torque or current limit'),
     lacks: noTorqueLimit,
     check: 'The drive has the limit.',
-    open: nothing,
+    open: (facts, state) => formNotInDrive(torqueField(facts, 1, 'Torque or current limit'), facts, state),
   },
   {
     id: 'velocity', title: 'Velocity loop', view: 'loop', reads: [],
@@ -317,7 +346,11 @@ export const steps: Step[] = [
     fields: softLimits,
     lacks: (facts) => noScale(facts) || (softLimits(facts).length === 2 ? '' : `${facts.axis.product} has no object 607Dh (software position limit): only switches and stops end its travel.`),
     check: 'The drive has the limits.',
-    open: nothing,
+    open: (facts, state) => {
+      const fields = softLimits(facts);
+      const numbers = keptOf(state, fields);
+      return numbers('lowest') >= numbers('highest') ? 'The lowest position must be below the highest.' : formNotInDrive(fields, facts, state);
+    },
   },
   {
     id: 'cycle', title: 'First cycle', view: 'response', reads: [],
@@ -335,7 +368,7 @@ export const steps: Step[] = [
   {
     id: 'store', title: 'Store', view: 'store', reads: ['1010:01'],
     why: 'The written values act at once, and are lost at power-off unless the drive stores them. The guide can undo a value, not a storing: after an undo, store again.',
-    check: 'The drive has stored its parameters.',
+    check: (_, { found }) => (found.stored?.stored ? 'The drive has stored its parameters.' : 'The drive has no store command.'),
     open: (_, { found }) => (found.stored ? '' : 'Not stored yet.'),
   },
   {
@@ -345,6 +378,8 @@ export const steps: Step[] = [
     open: nothing,
   },
 ];
+
+export const checkOf = ({ check }: Step, facts: Facts, state: StepState) => (typeof check === 'string' ? check : check(facts, state));
 
 export const fieldsOf = (step: Step, facts: Facts, state: StepState): Field[] => step.fields?.(facts, state) ?? [];
 
@@ -357,6 +392,7 @@ export function objectsOf(step: Step, facts: Facts, fields: Field[]): { shown: s
     if (found.length === 0) absent.push(object.replace(':*', '').replace(':00', ''));
     shown.push(...found);
   }
+  for (const object of step.also?.(facts) ?? []) if (has(facts, object) && !shown.includes(object)) shown.push(object);
   const written = fields.flatMap(({ objects = [] }) => objects.filter((object) => has(facts, object)));
   const commanded = (step.motions ?? []).flatMap(({ commands }) => commands.filter((object) => has(facts, object)));
   return { shown, absent, all: [...new Set([...shown, ...written, ...commanded])] };

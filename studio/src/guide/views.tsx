@@ -1,4 +1,4 @@
-import { useEffect, useState } from 'react';
+import { useEffect, useMemo, useState } from 'react';
 import { get, post, put } from '../api/client';
 import type { Inputs } from '../api/types';
 import { axisPath } from '../commands';
@@ -9,12 +9,13 @@ import { Button, Choice, Link, Scroll, Toggle } from '../parts/controls';
 import { HomingFigure } from '../parts/homing_figure';
 import { NumberInput } from '../parts/number_input';
 import { StateChip } from '../parts/state';
+import { useResource } from '../resource';
 import { useAxis, useLine } from '../store';
 import { machines, toUser, type Mechanics } from './mechanics';
 import { Plot, type Line } from './plot';
 import { figure, positionText } from './parts';
 import { change, changeStep, type Found, type Guide, type StepState } from './state';
-import { noGains, wiredInputs } from './steps';
+import { namedInputs, noGains, reversedPolarity, wiredInputs } from './steps';
 import type { Facts, Numbers, Step } from './step';
 
 // The parts that only one step has; the table of steps names them (`view`).
@@ -87,6 +88,15 @@ export function FindView({ facts }: ViewProps) {
   );
 }
 
+export function IdentifyView({ facts, state, step }: ViewProps) {
+  const { name, product } = facts.axis;
+  return (
+    <Toggle isSelected={state.found.agrees ?? false} onChange={(agrees) => changeStep(name, product, step.id, (now) => ({ ...now, found: { ...now.found, agrees } }))}>
+      The values agree with the nameplate
+    </Toggle>
+  );
+}
+
 export function UnitsView({ facts, guide }: ViewProps) {
   const { mechanics, scale, units } = facts;
   const { name } = facts.axis;
@@ -115,23 +125,19 @@ export function UnitsView({ facts, guide }: ViewProps) {
 
 const poll_ms = 250;
 
+const isOn = (word: number, bit: number) => Math.floor(word / 2 ** bit) % 2 === 1;
+
 // The levels of the drive's inputs by name, and at which levels each was seen while the step was open.
 function useInputs({ facts, step }: ViewProps): Inputs {
-  const { axis, isVirtual, values, entries } = facts;
-  const [inputs, setInputs] = useState<Inputs>({});
-  const word = values['60FD:00'];
-  useEffect(() => {
-    if (!isVirtual) return;
-    const read = () => void get<{ inputs: Inputs }>(`${axisPath(axis.name)}/inputs`).then(({ inputs: now }) => setInputs((before) => (JSON.stringify(now) === JSON.stringify(before) ? before : now)), () => undefined);
-    read();
-    const timer = setInterval(read, poll_ms);
-    return () => clearInterval(timer);
-  }, [axis.name, isVirtual]);
-  // A drive on a bus shows its inputs in 60FDh only.
-  useEffect(() => {
-    if (isVirtual || typeof word !== 'number') return;
-    setInputs(Object.fromEntries(namedOf(entries.get('60FD:00')?.bits).map(({ value: bit, name }) => [name, { level: Math.floor(word / 2 ** bit) % 2 === 1, forced: false }])));
-  }, [isVirtual, word, entries]);
+  const { axis, isVirtual, entries } = facts;
+  const path = axisPath(axis.name);
+  // A drive on a bus shows its inputs in 60FDh only. It is read on its own, so often that a switch pressed by hand is seen.
+  const forced = useResource<{ inputs: Inputs }>(isVirtual ? `${path}/inputs` : null, poll_ms).value?.inputs;
+  const word = useResource<{ values: Facts['values'] }>(isVirtual || !entries.has('60FD:00') ? null : `${path}/values?objects=60FD:00`, poll_ms).value?.values['60FD:00'];
+  const inputs = useMemo<Inputs>(
+    () => forced ?? (typeof word === 'number' ? Object.fromEntries(namedOf(entries.get('60FD:00')?.bits).map(({ value: bit, name }) => [name, { level: isOn(word, bit), forced: false }])) : {}),
+    [forced, word, entries],
+  );
   useEffect(() => {
     const levels = Object.entries(inputs);
     if (levels.length === 0) return;
@@ -150,6 +156,10 @@ function useInputs({ facts, step }: ViewProps): Inputs {
   return inputs;
 }
 
+// The switches that are wired to an input of a simulated axis.
+export const wiresOf = ({ geometry }: Facts, name: string) =>
+  Object.entries(geometry?.inputs ?? {}).filter(([, wire]) => wire === name).map(([what]) => what.replaceAll('_', ' ')).join(', ');
+
 export const releaseInputs = async (axis: string) => {
   const { inputs } = await get<{ inputs: Inputs }>(`${axisPath(axis)}/inputs`);
   const forced = Object.entries(inputs).filter(([, { forced: is }]) => is);
@@ -157,14 +167,16 @@ export const releaseInputs = async (axis: string) => {
 };
 
 export function InputsView(props: ViewProps) {
-  const { facts, state } = props;
-  const { axis, isVirtual, geometry, values, entries } = facts;
+  const { facts, state, step } = props;
+  const { axis, isVirtual, values } = facts;
   const inputs = useInputs(props);
-  const wires = Object.entries(geometry?.inputs ?? {});
   const force = (name: string, level: boolean | null) => attempt(() => put(`${axisPath(axis.name)}/inputs`, { [name]: level }));
   const word = values['60FD:00'];
-  const bits = namedOf(entries.get('60FD:00')?.bits);
-  const wired = wiredInputs(facts);
+  const bits = isVirtual ? namedInputs(facts) : []; // otherwise they are the rows of the table
+  const wired = wiredInputs(facts, state);
+  const { notWired = [] } = state.found;
+  const setWired = (name: string, isWired: boolean) =>
+    changeStep(axis.name, axis.product, step.id, (now) => ({ ...now, found: { ...now.found, notWired: [...(now.found.notWired ?? []).filter((each) => each !== name), ...(isWired ? [] : [name])] } }));
   const isForced = Object.values(inputs).some(({ forced }) => forced);
   return (
     <>
@@ -176,7 +188,9 @@ export function InputsView(props: ViewProps) {
             {Object.entries(inputs).map(([name, { level, forced }]) => (
               <tr key={name}>
                 <th scope="row">{name}</th>
-                <td className="text">{wires.filter(([, wire]) => wire === name).map(([what]) => what.replaceAll('_', ' ')).join(', ')}</td>
+                <td className="text">
+                  {isVirtual ? wiresOf(facts, name) : <Toggle isSelected={notWired.includes(name)} onChange={(isNot) => setWired(name, !isNot)}><span className="unseen">{name}: </span>not wired</Toggle>}
+                </td>
                 <td><span className={level ? 'lamp on' : 'lamp'} role="img" aria-label={level ? 'on' : 'off'} /></td>
                 <td>{state.found.seen?.[name]?.[0] ? '✓' : '–'}</td>
                 <td>{state.found.seen?.[name]?.[1] ? '✓' : '–'}</td>
@@ -201,7 +215,7 @@ export function InputsView(props: ViewProps) {
       {typeof word === 'number' && bits.length > 0 && (
         <ul className="bit-list terminals" aria-label="The drive's digital inputs (60FDh)">
           {bits.map(({ value: bit, name }) => {
-            const on = Math.floor(word / 2 ** bit) % 2 === 1;
+            const on = isOn(word, bit);
             return <li key={bit}><span className={on ? 'lamp on' : 'lamp'} role="img" aria-label={on ? 'on' : 'off'} /> {name}</li>;
           })}
         </ul>
@@ -214,7 +228,10 @@ export function DirectionView({ facts, state, step }: ViewProps) {
   const { axis } = facts;
   const { moved, way } = state.found;
   if (!moved) return null;
-  const say = (to: 'right' | 'wrong') => changeStep(axis.name, axis.product, step.id, (now) => ({ ...now, found: { ...now.found, way: to } }));
+  const say = (way: 'right' | 'wrong') => {
+    const polarity = way === 'wrong' ? reversedPolarity(facts) : undefined;
+    changeStep(axis.name, axis.product, step.id, (now) => ({ ...now, found: { ...now.found, way }, typed: { ...now.typed, ...(polarity === undefined ? {} : { polarity }) } }));
+  };
   return (
     <>
       <dl className="readouts" aria-label="The small move">
@@ -314,10 +331,10 @@ export function HomingView({ facts, numbers, guide }: ViewProps) {
   const axis = useAxis(facts.axis.name) ?? facts.axis;
   const method = homing?.methods.find((each) => each.method === numbers('method'));
   if (!method) return null;
-  if (!geometry) return <p className="note">The places of the switches are not known for a drive on a bus: there is no drawing over its travel.</p>;
+  if (facts.isVirtual && !geometry) return null;
   // From the start of the last homing if the guide has moved the axis no further since then, otherwise from the present position.
   const { run } = guide;
-  const began = run?.step === 'homing' && run.values.method === method.method && run.from.shaft !== null ? run.from.shaft * (geometry.index_every ?? 0) : null;
+  const began = run?.step === 'homing' && run.values.method === method.method && run.from.shaft !== null ? run.from.shaft * (geometry?.index_every ?? 0) : null;
   return <HomingFigure method={method} geometry={geometry} axis={axis} start={began ?? axis.position_counts} />;
 }
 

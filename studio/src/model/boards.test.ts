@@ -275,6 +275,24 @@ describe('a script', () => {
     await expect(new Sequence(stepsOf('x enable\nx move by 1\nx disable'), does).run()).rejects.toThrow('not the last command');
   });
 
+  test('ends before a move that the travel does not permit, with the reason', async () => {
+    const { log, does } = recorder({ hindrance: (_, { by }) => Promise.resolve(by === 30 ? 'longer than the travel' : '') });
+    await expect(new Sequence(stepsOf('x move by 1\nx move by 30'), does).run()).rejects.toThrow('longer than the travel');
+    expect(log).toEqual(['x stop', 'x move after 1']);
+  });
+
+  test('that is stopped while the travel is asked begins no move', async () => {
+    let answer: (reason: string) => void = () => undefined;
+    const { log, does } = recorder({ hindrance: () => new Promise((resolve) => (answer = resolve)) });
+    const sequence = new Sequence(stepsOf('x move by 1'), does);
+    const ended = sequence.run();
+    await new Promise((resolve) => setTimeout(resolve));
+    sequence.stop();
+    answer('');
+    await expect(ended).rejects.toThrow('stopped');
+    expect(log).toEqual(['x stop']);
+  });
+
   test('that is stopped ends its job and begins no other', async () => {
     let finish: (job: JobState) => void = () => undefined;
     const { log, does } = recorder({ finish: (job) => (job.id === 2 ? new Promise((resolve) => (finish = resolve)) : Promise.resolve({ ...job, state: 'done' })) });

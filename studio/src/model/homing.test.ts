@@ -1,6 +1,6 @@
 import { describe, expect, test } from 'vitest';
 import type { Geometry, HomingLeg, HomingMethod } from '../api/types';
-import { cannotHome, followLeg, homingPath, proposedMethod } from './homing';
+import { cannotHome, followLeg, homingPath, proposedMethod, schematicOf } from './homing';
 
 const turn = 1000;
 const geometry: Geometry = {
@@ -71,5 +71,23 @@ describe('the methods that the wiring permits', () => {
     expect(proposedMethod(methods, geometry, false)?.method).toBe(17);
     expect(cannotHome(methods[2], geometry, false)).toBe('no index of this encoder');
     expect(proposedMethod(methods, bare, false)?.method).toBe(35);
+  });
+});
+
+describe('the schematic of a method whose switches are at unknown places', () => {
+  const path = (method: HomingMethod) => {
+    const { geometry: generic, start } = schematicOf(method);
+    return homingPath(method, generic, start).map(({ index }) => index);
+  };
+  test('goes through the legs to the last one', () => {
+    expect(path(method7)).toEqual([0, 2, 3]);
+    expect(path({ method: 1, supported: true, legs: [leg('negative', 'switch', 'limit_reached', 'stop', 1), leg('positive', 'zero', 'limit_released', 'keep', 2), leg('positive', 'zero', 'index', 'latch')] })).toEqual([0, 1, 2]);
+    expect(path({ method: -1, supported: true, legs: [leg('negative', 'switch', 'stalled', 'hold')] })).toEqual([0]);
+    expect(path({ method: 35, supported: true, legs: [] })).toEqual([]);
+  });
+  test('has the switches that the legs name, and no others', () => {
+    expect(schematicOf(method7).geometry).toMatchObject({ negative_limit: null, negative_stop: null, positive_stop: null });
+    expect(schematicOf(method7).geometry.positive_limit).not.toBeNull(); // the first leg turns round there
+    expect(schematicOf({ method: 33, supported: true, legs: [leg('negative', 'zero', 'index', 'latch')] }).geometry).toMatchObject({ negative_limit: null, positive_limit: null, home_from: null });
   });
 });

@@ -59,6 +59,26 @@ export function homingPath(method: HomingMethod, geometry: Geometry, start: numb
   return path;
 }
 
+// Switches in a generic order, and a start, for a method of a drive whose wiring is not known: only what its legs name. The
+// places have no scale.
+export function schematicOf({ legs }: HomingMethod): { geometry: Geometry; start: number } {
+  const turn = 1000;
+  const isNamed = (...untils: string[]) => legs.some(({ until }) => untils.includes(until));
+  // A released switch lies behind the axis.
+  const at = (until: string, direction: HomingLeg['direction']) => legs.some((leg) => leg.until === until && leg.direction === direction);
+  const turnsAt = (direction: HomingLeg['direction']) => legs.some(({ direction: way, on_limit: next }) => way === direction && next !== null && next !== undefined);
+  const hasHome = isNamed('home_rising', 'home_falling');
+  const geometry: Geometry = {
+    negative_stop: at('stalled', 'negative') ? -6 * turn : null,
+    positive_stop: at('stalled', 'positive') ? 6 * turn : null,
+    negative_limit: at('limit_reached', 'negative') || at('limit_released', 'positive') || turnsAt('negative') ? -5 * turn : null,
+    positive_limit: at('limit_reached', 'positive') || at('limit_released', 'negative') || turnsAt('positive') ? 5 * turn : null,
+    home_from: hasHome ? -turn : null, home_to: hasHome ? turn : null,
+    index_every: turn, index_at: isNamed('index') ? 0.4 * turn : null,
+  };
+  return { geometry, start: !hasHome ? 0 : legs[0].direction === 'positive' ? -3 * turn : 3 * turn };
+}
+
 function insideHome({ home_from, home_to }: Geometry, at: number): boolean {
   return home_from !== null && home_to !== null && at >= home_from && at < home_to;
 }

@@ -1,37 +1,68 @@
 import type { AxisView, Geometry, Limits, Units } from '../api/types';
 import { fixed } from './units';
 
-// A move before it starts: the end position of the shaft, and whether the travel permits it.
+// A move before it starts: where it ends, and whether the way there is long enough. Moves are in revolutions of 6064h.
 
 export interface Ghost {
   to: number; // counts of the shaft
   text: string; // peak speed and time
 }
 
-// The end of a move in counts of the shaft. `value`: revolutions; 'to' counts from the zero of 6064h. Null: not known.
-export function endOf(axis: AxisView, geometry: Geometry | undefined, units: Units | undefined, how: 'by' | 'to', value: number): number | null {
-  const turn = geometry?.index_every;
-  const { position_actual: actual } = axis;
-  const perTurn = units?.position_per_revolution;
-  if (!turn || !perTurn || !Number.isFinite(value) || (how === 'to' && actual === undefined)) return null;
-  return axis.position_counts + (how === 'by' ? value : value - (actual ?? 0) / perTurn) * turn;
+// What bounds the moves of an axis.
+export interface Reach {
+  geometry?: Geometry | undefined; // places of the switches and stops along the shaft; of a simulated axis
+  units?: Units | undefined;
+  limits?: Limits | undefined;
+  polarity?: unknown; // 607Eh; no number: the drive does not have it
 }
 
-// The reason why the axis cannot reach the target: a limit of the travel or of 607Dh that is nearer. Empty: it can.
-export function hindrance(axis: AxisView, geometry: Geometry | undefined, units: Units | undefined, limits: Limits | undefined, to: number): string {
-  const turn = geometry?.index_every;
-  if (!geometry || !turn) return '';
+export type Move = { by: number } | { to: number };
+
+// Bit 7 of CiA 402, or the only value of a drive whose 607Eh is 0 or 1: 6064h counts against the shaft.
+export const isReversed = (polarity: unknown) => typeof polarity === 'number' && (polarity === 1 || (polarity & 0x80) !== 0);
+const signOf = ({ polarity }: Reach) => (isReversed(polarity) ? -1 : 1);
+
+// A position of 6064h in revolutions from the present one. Of a drive on a bus only 6064h is known, in `position_counts`.
+function fromHere({ position_actual, position_counts }: AxisView, { geometry, units }: Reach, position: number | null | undefined): number | null {
+  const now = position_actual ?? (geometry ? undefined : position_counts);
   const perTurn = units?.position_per_revolution;
-  const { position_counts: from, position_actual: actual } = axis;
-  const software = (user: number | null | undefined) =>
-    user === null || user === undefined || !perTurn || actual === undefined ? null : from + ((user - actual) * turn) / perTurn;
-  const forward = to > from;
-  const ends: [number | null, string][] = forward
-    ? [[software(limits?.highest_position), 'the software limit (607Dh)'], [geometry.positive_limit, 'the positive limit switch'], [geometry.positive_stop, 'the positive stop']]
-    : [[software(limits?.lowest_position), 'the software limit (607Dh)'], [geometry.negative_limit, 'the negative limit switch'], [geometry.negative_stop, 'the negative stop']];
-  const sign = forward ? 1 : -1;
-  const nearest = ends.filter((end): end is [number, string] => end[0] !== null && (to - end[0]) * sign > 0).sort((a, b) => (a[0] - b[0]) * sign)[0] as [number, string] | undefined;
-  if (!nearest) return '';
-  const room = Math.max(0, (nearest[0] - from) * sign) / turn;
-  return `The move of ${fixed(Math.abs(to - from) / turn, 2)} rev is longer than the ${fixed(room, 2)} rev to ${nearest[1]}.`;
+  return now === undefined || !perTurn || typeof position !== 'number' ? null : (position - now) / perTurn;
+}
+
+function distanceOf(axis: AxisView, reach: Reach, move: Move): number | null {
+  const perTurn = reach.units?.position_per_revolution;
+  const distance = !perTurn ? null : 'by' in move ? move.by : fromHere(axis, reach, move.to * perTurn);
+  return distance !== null && Number.isFinite(distance) ? distance : null;
+}
+
+// The end of a move in counts of the shaft. Null: not known.
+export function endOf(axis: AxisView, reach: Reach, move: Move): number | null {
+  const distance = distanceOf(axis, reach, move);
+  const turn = reach.geometry?.index_every;
+  return distance === null || !turn ? null : axis.position_counts + signOf(reach) * distance * turn;
+}
+
+// A place of the shaft as a position of 6064h, in revolutions. Null: not known.
+export function positionAt(axis: AxisView, reach: Reach, counts: number): number | null {
+  const turn = reach.geometry?.index_every;
+  const zero = fromHere(axis, reach, 0);
+  return zero === null || !turn ? null : -zero + (signOf(reach) * (counts - axis.position_counts)) / turn;
+}
+
+// The reason why the axis cannot make the move: a limit of 607Dh or of the travel that is nearer. Empty: it can.
+export function hindrance(axis: AxisView, reach: Reach, move: Move): string {
+  const { geometry, limits } = reach;
+  const distance = distanceOf(axis, reach, move);
+  if (distance === null || distance === 0) return '';
+  const turn = geometry?.index_every;
+  const onShaft = (counts: number | null | undefined) => (turn && typeof counts === 'number' ? (signOf(reach) * (counts - axis.position_counts)) / turn : null);
+  const side = distance * signOf(reach) > 0 ? 'positive' : 'negative'; // of the shaft
+  const ends: [number | null, string][] = [
+    [fromHere(axis, reach, distance > 0 ? limits?.highest_position : limits?.lowest_position), 'the software limit (607Dh)'],
+    [onShaft(geometry?.[`${side}_limit`]), `the ${side} limit switch`],
+    [onShaft(geometry?.[`${side}_stop`]), `the ${side} stop`],
+  ];
+  const sign = Math.sign(distance);
+  const nearest = ends.filter((end): end is [number, string] => end[0] !== null && (distance - end[0]) * sign > 0).sort((a, b) => (a[0] - b[0]) * sign)[0] as [number, string] | undefined;
+  return nearest ? `The move of ${fixed(Math.abs(distance), 2)} rev is longer than the ${fixed(Math.max(0, nearest[0] * sign), 2)} rev to ${nearest[1]}.` : '';
 }

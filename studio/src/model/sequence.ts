@@ -132,6 +132,7 @@ export interface SequenceDoes {
   latest(axis: string): number | undefined; // the latest job of the axis, of any client
   sleep(ms: number, signal: AbortSignal): Promise<void>;
   at(step: Step, number: number): void;
+  hindrance?(axis: string, request: { do: string } & Record<string, unknown>): Promise<string>; // why a job cannot be done; empty: it can
 }
 
 export class Ended extends Error {}
@@ -190,6 +191,9 @@ export class Sequence {
   }
 
   private async job(axis: string, request: { do: string } & Record<string, unknown>) {
+    const reason = await this.does.hindrance?.(axis, request);
+    this.live();
+    if (reason) throw new Ended(reason);
     const last = this.last.get(axis);
     this.running = await this.does.start(axis, last === undefined ? request : { ...request, after: last });
     const { id } = this.running;

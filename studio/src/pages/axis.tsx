@@ -10,6 +10,7 @@ import { HomingFigure } from '../parts/homing_figure';
 import { useReplay } from '../replay';
 import { JogButton } from '../parts/jog';
 import { LiveLanes } from '../parts/live';
+import { useReach } from '../parts/reach';
 import { StateChip } from '../parts/state';
 import { StateDiagram } from '../parts/state_diagram';
 import { Travel, useGeometry } from '../parts/travel';
@@ -18,7 +19,7 @@ import { controlBits, isStop, modeText, motionHindrance, statusBits } from '../m
 import { cannotHome, proposedMethod } from '../model/homing';
 import { controlTip, statusTip } from '../model/meanings';
 import { addressOf } from '../model/objects';
-import { endOf, hindrance, type Ghost } from '../model/plan';
+import { endOf, hindrance, type Ghost, type Reach } from '../model/plan';
 import { predict, seconds } from '../model/predict';
 import { fixed, fromDrivePosition, greatestOf, isKnown, proposed, significant, type Greatest } from '../model/units';
 import { attempt } from '../notices';
@@ -125,6 +126,7 @@ function Motion({ axis }: { axis: AxisView }) {
   const isVirtual = useLine(({ line }) => line?.kind === 'virtual');
   const limits = useResource<Limits>(axis.powered && !axis.problem ? `${axisPath(name)}/limits` : null, isVirtual ? limits_ms : 0);
   const reason = motionHindrance(axis);
+  const { polarity } = useReach(name);
   // The proposed numbers depend on the limits, so no motion starts before these are known.
   const isFree = reason === '' && job?.state !== 'running' && Boolean(limits.value ?? limits.problem);
   const move = { name, names: useUnitNames(name, units, limits.value), isFree, reason };
@@ -154,7 +156,7 @@ function Motion({ axis }: { axis: AxisView }) {
             <Tab key={id} id={id} className="tab">{text}</Tab>
           ))}
         </TabList>
-        <TabPanel id="position"><NumberForm><PositionMove {...move} axis={axis} geometry={geometry} unitsOf={units} limits={limits.value} onPlan={setGhost} /></NumberForm></TabPanel>
+        <TabPanel id="position"><NumberForm><PositionMove {...move} axis={axis} reach={{ geometry, units, limits: limits.value, polarity }} onPlan={setGhost} /></NumberForm></TabPanel>
         <TabPanel id="velocity"><NumberForm><VelocityMove {...move} /></NumberForm></TabPanel>
         <TabPanel id="torque"><NumberForm><TorqueMove {...move} /></NumberForm></TabPanel>
         <TabPanel id="jog"><NumberForm><JogMove {...move} enabled={enabled} /></NumberForm></TabPanel>
@@ -247,11 +249,9 @@ function Prediction({ names, distance, velocity, acceleration }: { names: UnitNa
   );
 }
 
-function PositionMove({ name, names, isFree, reason, axis, geometry, unitsOf, limits, onPlan }: MoveProps & {
+function PositionMove({ name, names, isFree, reason, axis, reach, onPlan }: MoveProps & {
   axis: AxisView;
-  geometry: Geometry | undefined;
-  unitsOf: Units | undefined;
-  limits: Limits | undefined;
+  reach: Reach;
   onPlan: (ghost: Ghost | null) => void;
 }) {
   const [how, setHow] = useState<'by' | 'to'>('by');
@@ -262,6 +262,7 @@ function PositionMove({ name, names, isFree, reason, axis, geometry, unitsOf, li
   const repeating = useRef(false);
   repeating.current = repeats;
   const { greatest, velocity_scale, known } = names;
+  const { geometry } = reach;
   const request = { do: 'move', units: names.units, velocity: names.speed(velocity), acceleration, deceleration: acceleration };
   const start = (where: { by: number } | { to: number }) => attempt(() => enableAnd(name, { ...request, ...where }));
   // Moves there and back; repeats this while the switch is on, every move succeeds and the axis gets no other command.
@@ -276,10 +277,10 @@ function PositionMove({ name, names, isFree, reason, axis, geometry, unitsOf, li
       } while (repeating.current);
     });
   const cannot = !isFree || !(velocity > 0) || !(acceleration > 0);
-  const endAt = (value: number, kind = how) => (known ? endOf(axis, geometry, unitsOf, kind, value) : null);
-  const reasonFor = (to: number | null) => (to === null ? '' : hindrance(axis, geometry, unitsOf, limits, to));
-  const forward = endAt(distance);
-  const [ahead, behind, zero] = [reasonFor(forward), how === 'by' ? reasonFor(endAt(-distance)) : '', reasonFor(endAt(0, 'to'))];
+  const there = how === 'by' ? { by: distance } : { to: distance };
+  const forward = known ? endOf(axis, reach, there) : null;
+  const reasonFor = (move: { by: number } | { to: number }) => (known ? hindrance(axis, reach, move) : '');
+  const [ahead, behind, zero] = [reasonFor(there), how === 'by' ? reasonFor({ by: -distance }) : '', reasonFor({ to: 0 })];
   const turn = geometry?.index_every;
   const given = forward !== null && turn ? predict({ velocity: Math.min(velocity, greatest.velocity), acceleration: Math.min(acceleration, greatest.acceleration), velocity_scale, distance: (forward - axis.position_counts) / turn }) : null;
   const text = given ? `${amount(given.top, names.velocity)}, ${seconds(given.total_s ?? 0)}` : '';
@@ -300,7 +301,7 @@ function PositionMove({ name, names, isFree, reason, axis, geometry, unitsOf, li
       <NumberInput label="Acceleration" unit={names.acceleration} value={acceleration} onChange={setAcceleration} minimum={0} />
       <div className="buttons">
         {how === 'by' && <NumbersButton title={reason} isDisabled={cannot || behind !== ''} onPress={() => start({ by: -distance })}>− Back</NumbersButton>}
-        <NumbersButton kind="main" title={reason} isDisabled={cannot || ahead !== ''} onPress={() => start(how === 'by' ? { by: distance } : { to: distance })}>{how === 'by' ? 'Move +' : 'Move'}</NumbersButton>
+        <NumbersButton kind="main" title={reason} isDisabled={cannot || ahead !== ''} onPress={() => start(there)}>{how === 'by' ? 'Move +' : 'Move'}</NumbersButton>
         {how === 'by' && <NumbersButton title={reason} isDisabled={cannot || ahead !== ''} onPress={thereAndBack}>There and back</NumbersButton>}
         <NumbersButton title={reason} isDisabled={cannot || zero !== ''} onPress={() => start({ to: 0 })}>Go to zero</NumbersButton>
         {how === 'by' && <Toggle isSelected={repeats} onChange={setRepeats}>repeat there and back</Toggle>}
@@ -381,6 +382,7 @@ function HomeMove({ name, names, isFree, reason, axis, geometry }: MoveProps & {
   const [start, setStart] = useState<number | null>(null);
   const method = methods.find((each) => each.method === chosen) ?? proposedMethod(methods, geometry, homingOf?.index_available);
   const job = useJob(name);
+  const isOnBus = typeof useMissing('geometry') === 'string';
   const homing = job?.do === 'home' && job.state === 'running';
   const replay = useReplay(axis, homing);
   if (!method) return <p className="empty">{homingOf ? 'This drive supports no homing method.' : 'The methods are not known yet.'}</p>;
@@ -408,7 +410,7 @@ function HomeMove({ name, names, isFree, reason, axis, geometry }: MoveProps & {
         </div>
       </div>
       <Prediction names={names} velocity={fast} acceleration={acceleration} />
-      {geometry && <HomingFigure method={method} geometry={geometry} axis={replay.axis} start={homing && start !== null ? start : axis.homed && start !== null ? start : axis.position_counts} />}
+      {(geometry ?? isOnBus) && <HomingFigure method={method} geometry={geometry} axis={replay.axis} start={homing && start !== null ? start : axis.homed && start !== null ? start : axis.position_counts} />}
     </>
   );
 }

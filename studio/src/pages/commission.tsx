@@ -7,8 +7,8 @@ import { canUndo, Form, JournalPanel, markOf, MotionBox, Plan, Readings, undoSte
 import { ReportView } from '../guide/report';
 import { changeStep, forgetGuide, stepOf, useGuide, type Guide, type StepState } from '../guide/state';
 import { keptOf, planOf, type Facts, type PlanRow, type Step } from '../guide/step';
-import { fieldsOf, objectsOf, steps } from '../guide/steps';
-import { DirectionView, FindView, HomingView, InputsView, LoopView, releaseInputs, ResponseView, StoreView, UnitsView, type ViewProps } from '../guide/views';
+import { checkOf, fieldsOf, objectsOf, steps } from '../guide/steps';
+import { DirectionView, FindView, HomingView, IdentifyView, InputsView, LoopView, releaseInputs, ResponseView, StoreView, UnitsView, type ViewProps } from '../guide/views';
 import { faultHindrance } from '../model/cia402';
 import { attempt, complain } from '../notices';
 import { AxisTabs, usePageAxis } from '../parts/axis_tabs';
@@ -55,7 +55,7 @@ function LiveTravel({ name, facts }: { name: string; facts: Facts }) {
 }
 
 const views: Record<NonNullable<Step['view']>, ComponentType<ViewProps>> = {
-  find: FindView, units: UnitsView, inputs: InputsView, direction: DirectionView, loop: LoopView, response: ResponseView, homing: HomingView, store: StoreView, report: ReportView,
+  find: FindView, identify: IdentifyView, units: UnitsView, inputs: InputsView, direction: DirectionView, loop: LoopView, response: ResponseView, homing: HomingView, store: StoreView, report: ReportView,
 };
 
 const addressOf = (axis: AxisView, step: Step | undefined) => `/commission/${encodeURIComponent(axis.name)}?step=${step?.id ?? ''}`;
@@ -177,7 +177,7 @@ function StepPanel({ axis, guide, step }: { axis: AxisView; guide: Guide; step: 
             {step.view !== 'inputs' && View && <View {...props} />}
           </NumberForm>
         )}
-        <p className={`no-print guide-check ${open ? '' : 'passed'}`} role="status">{lacks ? 'This step cannot be done with this drive.' : open || `✓ ${step.check}`}</p>
+        <p className={`no-print guide-check ${open ? '' : 'passed'}`} role="status">{lacks ? 'This step cannot be done with this drive.' : open || `✓ ${checkOf(step, facts, state)}`}</p>
         {cannotUndo && canUndo(guide, step) && <p className="quiet note no-print" role="status">{cannotUndo}</p>}
         <div className="buttons no-print">
           {canUndo(guide, step) && <Button isDisabled={reason !== '' || cannotUndo !== ''} onPress={() => attempt(() => undoStep(axis, step).finally(again))}>Undo this step</Button>}

@@ -11,6 +11,7 @@ import { LiveLanes } from '../parts/live';
 import { Maths } from '../parts/maths';
 import { RecordingPanel } from '../parts/recording_panel';
 import { Recordings } from '../parts/recordings';
+import { useHindrance } from '../parts/reach';
 import { ScopeSetup } from '../parts/scope_setup';
 import { axisOf, isOver, ofAxis, queryOf, samplesOf, setupOf, type Samples, type Setup } from '../model/scope';
 import { greatestOf, isKnown, proposed } from '../model/units';
@@ -123,6 +124,7 @@ function Record({ setup }: { setup: Setup }) {
   const rpm = typedRpm ?? proposed(600, greatest.velocity);
   const acceleration = typedAcceleration ?? proposed(200, greatest.acceleration);
   const { channels, rate_hz, duration_ms, pre_ms, trigger } = setup;
+  const far = useHindrance(axis, withMove ? { by: turns } : null);
 
   const record = async () => {
     const enabled = withMove ? await runJob(axis, { do: 'enable' }) : null;
@@ -147,8 +149,9 @@ function Record({ setup }: { setup: Setup }) {
       )}
       {withMove && units && !known && <p className="note">This drive does not report its units: move it on the Axis page.</p>}
       <div className="buttons">
-        <NumbersButton kind="main" title={withMove ? hindrance : ''} isDisabled={withMove && (hindrance !== '' || isBusy || !known || !(rpm > 0) || !(acceleration > 0))} onPress={() => attempt(record)}>{withMove ? 'Move and record' : 'Record'}</NumbersButton>
+        <NumbersButton kind="main" title={withMove ? hindrance : ''} isDisabled={withMove && (hindrance !== '' || isBusy || !known || !(rpm > 0) || !(acceleration > 0) || far !== '')} onPress={() => attempt(record)}>{withMove ? 'Move and record' : 'Record'}</NumbersButton>
       </div>
+      {far && <p className="trouble" role="alert">{far}</p>}
     </Panel>
   );
 }

@@ -1,9 +1,10 @@
 import { useEffect, useRef, useSyncExternalStore } from 'react';
 import type { AxisView, Geometry, HomingMethod } from '../api/types';
-import { followLeg, homingPath } from '../model/homing';
+import { followLeg, homingPath, schematicOf } from '../model/homing';
 
 // A homing method as in the figures of the standard: the path leg by leg, and below it the ranges in which the switches are
-// active, and the index pulses. The present position of the axis is on the path.
+// active, and the index pulses. The present position of the axis is on the path. Without a geometry, for a drive on a bus, it is
+// a schematic over the switches that the legs name.
 
 // The drawing is scaled to the window: in a narrow one it has less width, so that its texts can be read.
 const narrow = matchMedia('(max-width: 760px)');
@@ -15,12 +16,24 @@ const legHeight = 22;
 const margin = 16;
 const names = 80; // width of the labels at the left
 
-export function HomingFigure({ method, geometry, axis, start }: {
+interface Figure {
   method: HomingMethod;
-  geometry: Geometry;
   axis: AxisView;
   start: number; // position in counts at which the homing began or would begin
-}) {
+}
+
+export function HomingFigure({ geometry, ...of }: Figure & { geometry: Geometry | undefined }) {
+  if (geometry) return <Drawing {...of} geometry={geometry} />;
+  const schematic = schematicOf(of.method);
+  return (
+    <figure className="schematic">
+      <Drawing {...of} {...schematic} isSchematic />
+      <figcaption className="quiet note">Not to scale: the places of the switches are not known for a drive on a bus. The drawing shows the legs of the method over the switches that it needs.</figcaption>
+    </figure>
+  );
+}
+
+function Drawing({ method, geometry, axis, start, isSchematic = false }: Figure & { geometry: Geometry; isSchematic?: boolean }) {
   const path = homingPath(method, geometry, start);
   const leg = useRef(0);
   const width = useSyncExternalStore(onNarrow, () => narrow.matches) ? 340 : 640;
@@ -30,7 +43,7 @@ export function HomingFigure({ method, geometry, axis, start }: {
   leg.current = followLeg(path, leg.current, axis.position_counts, axis.velocity_rpm ?? 0);
 
   const turn = geometry.index_every ?? 131072;
-  const points = [start, axis.position_counts, ...path.map(({ to }) => to)];
+  const points = [start, ...(isSchematic ? [] : [axis.position_counts]), ...path.map(({ to }) => to)];
   if (geometry.home_from !== null && geometry.home_to !== null) points.push(geometry.home_from, geometry.home_to);
   const span = Math.max(3 * turn, (Math.max(...points) - Math.min(...points)) * 1.3);
   const middle = (Math.max(...points) + Math.min(...points)) / 2;
@@ -41,7 +54,7 @@ export function HomingFigure({ method, geometry, axis, start }: {
   const signalsTop = pathTop + Math.max(1, path.length) * legHeight + 10;
   const height = signalsTop + 4 * 20;
   const marks: number[] = [];
-  if (span / turn <= 60) for (let k = Math.ceil((from - (geometry.index_at ?? 0)) / turn); k * turn + (geometry.index_at ?? 0) <= from + span; ++k) marks.push(k * turn + (geometry.index_at ?? 0));
+  if (span / turn <= 60 && !(isSchematic && geometry.index_at === null)) for (let k = Math.ceil((from - (geometry.index_at ?? 0)) / turn); k * turn + (geometry.index_at ?? 0) <= from + span; ++k) marks.push(k * turn + (geometry.index_at ?? 0));
 
   const level = (row: number, name: string, spans: [number, number][]) => {
     const low = signalsTop + row * 20 + 14;
@@ -61,7 +74,7 @@ export function HomingFigure({ method, geometry, axis, start }: {
   const here = pathTop + (Math.min(leg.current, Math.max(0, path.length - 1)) + 0.5) * legHeight;
 
   return (
-    <svg className="homing" viewBox={`0 0 ${width} ${height}`} role="img" aria-label={`Homing method ${method.method}: ${path.map(({ leg: { direction, until } }) => `${direction} until ${until.replaceAll('_', ' ')}`).join(', then ')}`}>
+    <svg className="homing" viewBox={`0 0 ${width} ${height}`} role="img" aria-label={`Homing method ${method.method}${isSchematic ? ', not to scale' : ''}: ${path.map(({ leg: { direction, until } }) => `${direction} until ${until.replaceAll('_', ' ')}`).join(', then ')}`}>
       <defs>
         <marker id="leg-end" viewBox="0 0 8 8" refX="7" refY="4" markerUnits="userSpaceOnUse" markerWidth="9" markerHeight="9" orient="auto">
           <path d="M0 0 L8 4 L0 8 z" />
@@ -70,7 +83,7 @@ export function HomingFigure({ method, geometry, axis, start }: {
       {path.map(({ from: a, to: b, leg: { speed, until } }, i) => {
         const y = pathTop + (i + 0.5) * legHeight;
         return (
-          <g key={i} className={`leg ${speed} ${i === leg.current && axis.in_motion ? 'now' : ''}`}>
+          <g key={i} className={`leg ${speed} ${i === leg.current && axis.in_motion && !isSchematic ? 'now' : ''}`}>
             {i > 0 && <path className="turn" d={`M${at(a)} ${y - legHeight} V${y}`} />}
             <path d={`M${at(a)} ${y} H${at(b)}`} markerEnd="url(#leg-end)" />
             <text x={(at(a) + at(b)) / 2} y={y - 4}>{until.replaceAll('_', ' ')}</text>
@@ -84,8 +97,8 @@ export function HomingFigure({ method, geometry, axis, start }: {
           <text x={at(found)} y={foundAt + 4}>{method.method}</text>
         </g>
       )}
-      <path className="here" d={`M${at(axis.position_counts)} ${here - 8} V${height}`} />
-      <circle className="here" cx={at(axis.position_counts)} cy={here} r="4" />
+      {!isSchematic && <path className="here" d={`M${at(axis.position_counts)} ${here - 8} V${height}`} />}
+      {!isSchematic && <circle className="here" cx={at(axis.position_counts)} cy={here} r="4" />}
       {level(0, 'index', marks.map((mark) => [mark, mark + span / 400]))}
       {level(1, 'home', geometry.home_from !== null && geometry.home_to !== null ? [[geometry.home_from, geometry.home_to]] : [])}
       {level(2, 'negative limit', geometry.negative_limit !== null ? [[from, geometry.negative_limit]] : [])}

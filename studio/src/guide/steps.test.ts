@@ -1,0 +1,90 @@
+import { describe, expect, test } from 'vitest';
+import type { AxisView, ObjectEntry, ObjectValue } from '../api/types';
+import { noMechanics, scaleOf } from './mechanics';
+import type { Found } from './state';
+import type { Facts } from './step';
+import { checkOf, fieldsOf, noGains, objectsOf, steps } from './steps';
+
+// Steps of drives on buses: what is not known is not complete.
+
+const units = { position_per_revolution: 1000, velocity_per_rps: 1000, acceleration_per_rps2: 1000 };
+const entry = (object: string, name: string, more: Partial<ObjectEntry> = {}): [string, ObjectEntry] =>
+  [object, { index: `0x${object.slice(0, 4)}`, sub: parseInt(object.slice(5), 16), name, type: 'INTEGER32', access: 'rw', unit: '', pdo: 'none', saved: true, ...more }];
+const drive = (entries: [string, ObjectEntry][], values: Record<string, ObjectValue> = {}, more: Partial<Facts> = {}): Facts => ({
+  axis: { name: 'x', product: 'some drive', powered: true } as AxisView, isVirtual: false, entries: new Map(entries), values, mechanics: noMechanics,
+  scale: scaleOf(noMechanics, units), units, limits: undefined, geometry: undefined, polarity: null, homing: undefined, gains: undefined, proposed: {}, ...more,
+});
+const of = (id: string) => steps.find((step) => step.id === id)!;
+const open = (id: string, facts: Facts, found: Found = {}, typed: Record<string, number> = {}) => of(id).open(facts, { found, typed });
+
+describe('inputs of a drive on a bus', () => {
+  const facts = drive([entry('60FD:00', 'Digital inputs', { bits: [{ bit: 0, name: 'negative limit switch' }, { bit: 2, name: 'home switch' }] })]);
+  test('every bit with a name must be seen at both levels', () => {
+    expect(open('inputs', facts)).toBe('Not seen at both levels yet: negative limit switch, home switch.');
+    expect(open('inputs', facts, { seen: { 'negative limit switch': [true, true], 'home switch': [false, true] } })).toBe('Not seen at both levels yet: home switch.');
+    expect(open('inputs', facts, { seen: { 'negative limit switch': [true, true], 'home switch': [true, true] } })).toBe('');
+  });
+  test('except those that are not wired, and then the check says so', () => {
+    expect(open('inputs', facts, { seen: { 'negative limit switch': [true, true] }, notWired: ['home switch'] })).toBe('');
+    expect(checkOf(of('inputs'), facts, { typed: {}, found: { notWired: ['home switch'] } })).toBe('Every wired input was seen at both levels.');
+    expect(checkOf(of('inputs'), facts, { typed: {}, found: { notWired: ['home switch', 'negative limit switch'] } })).toBe('Every input is marked as not wired.');
+  });
+  test('without 60FDh the step cannot be done', () => {
+    const none = drive([entry('6041:00', 'Statusword')]);
+    expect(of('inputs').lacks?.(none)).toContain('has no object 60FDh');
+    expect(of('inputs').lacks?.(facts)).toBe('');
+  });
+  test('nothing is known before the dictionary has come', () => expect(open('inputs', drive([]))).toBe('The wiring is not known yet.'));
+});
+
+test('the torque limit is complete when the drive has it', () => {
+  const limit = entry('6072:00', 'Max torque', { default: 3000 });
+  expect(open('torque', drive([limit], { '6072:00': 600 }))).toBe('Not in the drive: 6072:00 = 3000.');
+  expect(open('torque', drive([limit]))).not.toBe('');
+  expect(open('torque', drive([limit], { '6072:00': 3000 }))).toBe('');
+  expect(open('torque', drive([limit], { '6072:00': 3000 }), {}, { torque: 1500 })).not.toBe('');
+  expect(open('torque', drive([entry('6072:00', 'Max torque')], { '6072:00': 600 }))).toBe('Not entered yet: Torque or current limit.');
+});
+
+test('Pn401 and Pn402 of the ProNet limit its torque', () => {
+  const pronet = drive([entry('3068:00', 'Pn401', { unit: '%', default: 300 }), entry('3069:00', 'Pn402', { unit: '%', default: 300 })], { '3068:00': 300, '3069:00': 60 });
+  expect(of('torque').lacks?.(pronet)).toBe('');
+  expect(fieldsOf(of('direction'), pronet, { typed: {}, found: {} }).find(({ key }) => key === 'torque')).toMatchObject({ objects: ['3068:00', '3069:00'], usual: 60, unit: '%' });
+  expect(open('torque', pronet)).toBe('Not in the drive: 3069:00 = 300.');
+});
+
+test('soft limits are complete when both are typed, in order, and in the drive', () => {
+  const entries = [entry('607D:01', 'Min position limit'), entry('607D:02', 'Max position limit')];
+  expect(open('limits', drive(entries, { '607D:01': 0, '607D:02': 0 }))).toBe('Not entered yet: Lowest position.');
+  expect(open('limits', drive(entries, { '607D:01': -8000, '607D:02': 0 }), {}, { lowest: -8 })).toBe('Not entered yet: Highest position.');
+  expect(open('limits', drive(entries, { '607D:01': 8000, '607D:02': -8000 }), {}, { lowest: 8, highest: -8 })).toBe('The lowest position must be below the highest.');
+  expect(open('limits', drive(entries, { '607D:01': -8000, '607D:02': 0 }), {}, { lowest: -8, highest: 8 })).toBe('Not in the drive: 607D:02 = 8000.');
+  expect(open('limits', drive(entries, { '607D:01': -8000, '607D:02': 8000 }), {}, { lowest: -8, highest: 8 })).toBe('');
+});
+
+test('gains that are not on the bus are not said to be undocumented', () => {
+  const gains = (object: string[]) => ({ gains: object.map((each) => ({ object: each, set: 0, does: '' })) }) as unknown as Facts['gains'];
+  const entries = [entry('6041:00', 'Statusword')];
+  expect(noGains(drive(entries, {}, { gains: gains([]) }))).toContain('documents no gains');
+  expect(noGains(drive(entries, {}, { gains: gains(['2001:04']) }))).toContain('are no objects on its bus');
+  expect(noGains(drive([entry('2001:04', 'Rigidity level')], {}, { gains: gains(['2001:04']) }))).toBe('');
+});
+
+describe('identify', () => {
+  const entries = [entry('1008:00', 'Device name'), entry('2F12:00', 'Encoder counts per revolution', { access: 'ro' }), entry('2690:00', 'Communication encoder data reset'), entry('6094:00', 'Velocity encoder factor', { access: 'const' }), entry('3068:00', 'Pn401'), entry('3069:00', 'Pn402')];
+  const read = { '1008:00': 'x', '2F12:00': 131072, '3068:00': 300, '3069:00': 300 };
+  test('shows what tells the motor and the encoder, by the names, and the torque limit', () =>
+    expect(objectsOf(of('identify'), drive(entries), []).shown).toEqual(['1008:00', '2F12:00', '3068:00', '3069:00']));
+  test('is complete when all is read and a person has compared it', () => {
+    expect(open('identify', drive(entries), { agrees: true })).toBe('The objects have not been read yet.');
+    expect(open('identify', drive(entries, { ...read, '2F12:00': undefined as unknown as ObjectValue }), { agrees: true })).toBe('The objects have not been read yet.');
+    expect(open('identify', drive(entries, read))).toBe('Compare the values with the nameplate.');
+    expect(open('identify', drive(entries, read), { agrees: true })).toBe('');
+  });
+});
+
+test('a drive without a store command has stored nothing', () => {
+  const facts = drive([]);
+  expect(checkOf(of('store'), facts, { typed: {}, found: { stored: { stored: false, lost: [] } } })).toBe('The drive has no store command.');
+  expect(checkOf(of('store'), facts, { typed: {}, found: { stored: { stored: true, lost: [] } } })).toBe('The drive has stored its parameters.');
+});

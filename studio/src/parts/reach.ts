@@ -1,0 +1,41 @@
+import { get } from '../api/client';
+import type { Geometry, Limits, ObjectValue, Units } from '../api/types';
+import { axisPath } from '../commands';
+import { hindrance, type Move, type Reach } from '../model/plan';
+import { isKnown } from '../model/units';
+import { useResource } from '../resource';
+import { snapshot, useAxis, useLine } from '../store';
+import { useGeometry } from './travel';
+
+const poll_ms = 3000; // of a simulated drive; a bus has no time for that
+const polarityPath = (path: string) => `${path}/values?objects=607E:00`;
+
+// What bounds the moves of an axis, for the pages that start one.
+export function useReach(name: string): Reach {
+  const answers = useLine(({ axes }) => Boolean(axes[name]?.powered && !axes[name].problem));
+  const every_ms = useLine(({ line }) => (line?.kind === 'virtual' ? poll_ms : 0));
+  const path = axisPath(name);
+  const geometry = useGeometry(name);
+  const units = useResource<Units>(answers ? `${path}/units` : null).value;
+  const limits = useResource<Limits>(answers ? `${path}/limits` : null, every_ms).value;
+  const polarity = useResource<{ values: Record<string, ObjectValue> }>(answers ? polarityPath(path) : null, every_ms).value?.values['607E:00'];
+  return { geometry, units, limits, polarity };
+}
+
+// Why the axis cannot make the move in revolutions; empty: it can.
+export function useHindrance(name: string, move: Move | null): string {
+  const axis = useAxis(name);
+  const reach = useReach(name);
+  return axis && move && isKnown(reach.units) ? hindrance(axis, reach, move) : '';
+}
+
+// The same, asked once.
+export async function hindranceNow(name: string, move: Move): Promise<string> {
+  const path = axisPath(name);
+  const isVirtual = snapshot().line?.kind === 'virtual';
+  const [geometry, units, limits, polarity] = await Promise.all([
+    isVirtual ? get<Geometry>(`${path}/geometry`) : undefined, get<Units>(`${path}/units`), get<Limits>(`${path}/limits`), get<{ values: Record<string, ObjectValue> }>(polarityPath(path)),
+  ]);
+  const axis = snapshot().axes[name];
+  return axis && isKnown(units) ? hindrance(axis, { geometry, units, limits, polarity: polarity.values['607E:00'] }, move) : '';
+}
