@@ -17,3 +17,24 @@ export async function accessible(page: Page, when = 'now') {
   });
   expect(violations.map(({ id, nodes }) => `${id}: ${nodes[0].html}`), when).toEqual([]);
 }
+
+export const slow_ms = 300_000; // six runs of axe, which a busy machine does slowly
+
+// A page that is open, in three sizes, light and dark: it fits, STOP is in view, and it is accessible. Takes up to slow_ms.
+export async function inEveryLook(page: Page, name: string, picture: (name: string) => Promise<void>) {
+  await expect(page.locator('main')).not.toHaveText('');
+  await page.waitForTimeout(500); // what comes over the stream is there as well
+  for (const [width, height] of [[1366, 768], [1920, 1080], [390, 844]]) {
+    await page.setViewportSize({ width, height });
+    await expect(page.getByRole('button', { name: 'STOP', exact: true })).toBeInViewport({ ratio: 1 });
+    await expect(page.locator('.top nav [aria-current]')).toBeInViewport({ ratio: 0.99 });
+    if (width > 1000) await expect(page.locator('.top nav').getByRole('link', { name: 'Bus' })).toBeInViewport({ ratio: 1 });
+    const overhang = await page.evaluate(() => Math.max(...[document.documentElement, document.querySelector('.page')!].map(({ scrollWidth, clientWidth }) => scrollWidth - clientWidth)));
+    expect(overhang).toBeLessThanOrEqual(0);
+    for (const colorScheme of ['light', 'dark'] as const) {
+      await page.emulateMedia({ colorScheme });
+      await accessible(page, `${colorScheme}, ${width} px`);
+      await picture(`${name}-${colorScheme}-${width}`);
+    }
+  }
+}

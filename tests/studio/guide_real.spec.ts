@@ -1,4 +1,5 @@
 import { readFileSync } from 'node:fs';
+import { inEveryLook, slow_ms } from './accessible';
 import { choose, expect as shortly, panel, test as base, type, watch } from './fixtures';
 import { figures, identify, journalIsLogged, lineOf, next, products, torque, write } from './guide';
 import { axes, Line, Studio } from './line';
@@ -122,6 +123,7 @@ for (const { name, counts } of axes) {
       await next(page).click();
 
       await choose(page, /Method/, home);
+      await expect(page.getByRole('img', { name: /^Homing method \d+, not to scale: \w+ until/ })).toBeVisible();
       await write(page);
       await page.getByRole('button', { name: 'Home', exact: true }).click();
       await expect(page.getByText('✓ The drive reports home')).toBeVisible();
@@ -172,3 +174,16 @@ for (const { name, counts } of axes) {
     });
   });
 }
+
+test.describe('a drive on a bus', () => {
+  test.use({ axis: 'jmc' });
+  test('its inputs and the schematic of its homing in every size and colour', async ({ page, studio, picture }) => {
+    test.setTimeout(2 * slow_ms);
+    const [{ name }] = (await studio.call<{ axes: { name: string }[] }>('GET', '/axes')).axes;
+    for (const [step, shown] of [['inputs', page.getByRole('table', { name: 'Inputs of the drive' })], ['homing', page.getByRole('img', { name: /not to scale/ })]] as const) {
+      await page.goto(`${studio.address}/commission/${name}?step=${step}`);
+      await expect(shown).toBeVisible();
+      await inEveryLook(page, `guide-real-${step}`, picture);
+    }
+  });
+});

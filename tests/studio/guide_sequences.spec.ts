@@ -278,6 +278,38 @@ test('undo all brings the factory values back, step by step or at once', async (
   expect(await differences(line)).toEqual(factory);
 });
 
+test('the wrong way: the polarity is reversed, and only another move shows that it is right', async ({ page, open, line }) => {
+  const polarity = async () => (await line.call<{ value: number }>('GET', `${path}/objects/607E/0`)).value;
+  const step = panel(page, 'Direction and encoder');
+  const move = page.getByRole('button', { name: 'Make the small move' });
+  const begin = (await view(line)).position_counts;
+  await open('/commission/reference?step=direction');
+  await write(page);
+  await move.click();
+  await page.getByRole('button', { name: 'The wrong way' }).click();
+  await expect(step).toContainText('Reverse the direction, move again, and look again.');
+  await expect(move).toBeDisabled();
+  const { position_counts: there } = await view(line);
+  await page.getByRole('button', { name: 'Disable' }).click();
+  await expect(plan(page).getByRole('row', { name: /607E:00/ })).toContainText(/0\s*192/);
+  await write(page);
+  expect(await polarity()).toBe(192);
+  expect(Math.abs((await view(line)).position_counts - there)).toBeLessThan(1000);
+  await expect(step).toContainText('The small move has not been made yet.');
+  await expect(page.getByRole('button', { name: 'Done, next step' })).toBeDisabled();
+  await move.click();
+  await page.getByRole('button', { name: 'The right way' }).click();
+  await expect(step).toContainText('✓ 6064h moved by the distance, and the machine moved the right way.');
+  expect(there - begin).toBeGreaterThan(13000);
+  expect(Math.abs((await view(line)).position_counts - begin)).toBeLessThan(1000); // back, against the first move
+  // The undo brings the old direction, of which the last move says nothing.
+  await page.getByRole('button', { name: 'Disable' }).click();
+  await page.getByRole('button', { name: 'Undo this step' }).click();
+  await expect(journal(page)).toHaveCount(0);
+  expect(await polarity()).toBe(0);
+  await expect(step).toContainText('The small move has not been made yet.');
+});
+
 test('two browsers: the second sees the axis busy, and its own guide is untouched', async ({ page, open, line, browser }) => {
   await begin(page, open);
   await moving(line);

@@ -1,5 +1,5 @@
 import type { Page } from '@playwright/test';
-import { accessible } from './accessible';
+import { inEveryLook, slow_ms } from './accessible';
 import { expect, test } from './fixtures';
 
 // Every page, in every look: opens, has no serious accessibility violation, no error, no request outside, and fits.
@@ -7,27 +7,14 @@ import { expect, test } from './fixtures';
 const pages: Record<string, string> = {
   line: '/', axis: '/axis/reference', homing: '/axis/ismc?do=home', scope: '/scope', boards: '/boards', faults: '/faults/reference', misbehaviour: '/misbehaviour/reference', objects: '/objects/reference',
   plant: '/plant/reference', bus: '/bus', traffic: '/bus/traffic?bus=can0', parameters: '/objects/reference?view=parameters', pdos: '/objects/reference?view=pdos', changes: '/objects/reference?view=changes', tuning: '/tuning/ismk',
+  inputs: '/commission/ismk?step=inputs', report: '/commission/pronet?step=report',
 };
 
 for (const [name, path] of Object.entries(pages)) {
   test(`${name} in every size and colour`, async ({ page, open, picture }) => {
-    test.setTimeout(300_000); // six runs of axe, which a busy machine does slowly
+    test.setTimeout(slow_ms);
     await open(path);
-    await expect(page.locator('main')).not.toHaveText('');
-    await page.waitForTimeout(500); // what comes over the stream is there as well
-    for (const [width, height] of [[1366, 768], [1920, 1080], [390, 844]]) {
-      await page.setViewportSize({ width, height });
-      await expect(page.getByRole('button', { name: 'STOP', exact: true })).toBeInViewport({ ratio: 1 });
-      await expect(page.locator('.top nav [aria-current]')).toBeInViewport({ ratio: 0.99 });
-      if (width > 1000) await expect(page.locator('.top nav').getByRole('link', { name: 'Bus' })).toBeInViewport({ ratio: 1 });
-      const overhang = await page.evaluate(() => Math.max(...[document.documentElement, document.querySelector('.page')!].map(({ scrollWidth, clientWidth }) => scrollWidth - clientWidth)));
-      expect(overhang).toBeLessThanOrEqual(0);
-      for (const colorScheme of ['light', 'dark'] as const) {
-        await page.emulateMedia({ colorScheme });
-        await accessible(page, `${colorScheme}, ${width} px`);
-        await picture(`${name}-${colorScheme}-${width}`);
-      }
-    }
+    await inEveryLook(page, name, picture);
   });
 }
 

@@ -174,3 +174,14 @@ test('an object is added by its bare index', async ({ page, open }) => {
   await panel(page, 'Channels').getByRole('button', { name: 'Add' }).click();
   await expect(channels(page)).toHaveText(['reference velocity_rpm', 'reference 6064:00']);
 });
+
+test('a recording with a move that the travel does not permit is refused, with the reason', async ({ page, open }) => {
+  await open('/scope');
+  const record = page.getByRole('button', { name: 'Move and record' });
+  await expect(record).toBeEnabled();
+  await type(page, 'Distance', 30, panel(page, 'Record'));
+  await expect(page.getByText('The move of 30.00 rev is longer than the 10.00 rev to the positive limit switch.')).toBeVisible();
+  await expect(record).toBeDisabled();
+  await type(page, 'Distance', 1, panel(page, 'Record'));
+  await expect(record).toBeEnabled();
+});

@@ -10,7 +10,7 @@ import { HomingFigure } from '../parts/homing_figure';
 import { useReplay } from '../replay';
 import { JogButton } from '../parts/jog';
 import { LiveLanes } from '../parts/live';
-import { useReach } from '../parts/reach';
+import { usePolarity } from '../parts/reach';
 import { StateChip } from '../parts/state';
 import { StateDiagram } from '../parts/state_diagram';
 import { Travel, useGeometry } from '../parts/travel';
@@ -126,7 +126,7 @@ function Motion({ axis }: { axis: AxisView }) {
   const isVirtual = useLine(({ line }) => line?.kind === 'virtual');
   const limits = useResource<Limits>(axis.powered && !axis.problem ? `${axisPath(name)}/limits` : null, isVirtual ? limits_ms : 0);
   const reason = motionHindrance(axis);
-  const { polarity } = useReach(name);
+  const polarity = usePolarity(name);
   // The proposed numbers depend on the limits, so no motion starts before these are known.
   const isFree = reason === '' && job?.state !== 'running' && Boolean(limits.value ?? limits.problem);
   const move = { name, names: useUnitNames(name, units, limits.value), isFree, reason };

@@ -10,15 +10,23 @@ import { useGeometry } from './travel';
 const poll_ms = 3000; // of a simulated drive; a bus has no time for that
 const polarityPath = (path: string) => `${path}/values?objects=607E:00`;
 
+const useEvery = () => useLine(({ line }) => (line?.kind === 'virtual' ? poll_ms : 0));
+const useAnswers = (name: string) => useLine(({ axes }) => Boolean(axes[name]?.powered && !axes[name].problem));
+
+export function usePolarity(name: string): unknown {
+  const answers = useAnswers(name);
+  return useResource<{ values: Record<string, ObjectValue> }>(answers ? polarityPath(axisPath(name)) : null, useEvery()).value?.values['607E:00'];
+}
+
 // What bounds the moves of an axis, for the pages that start one.
 export function useReach(name: string): Reach {
-  const answers = useLine(({ axes }) => Boolean(axes[name]?.powered && !axes[name].problem));
-  const every_ms = useLine(({ line }) => (line?.kind === 'virtual' ? poll_ms : 0));
+  const answers = useAnswers(name);
+  const every_ms = useEvery();
   const path = axisPath(name);
   const geometry = useGeometry(name);
   const units = useResource<Units>(answers ? `${path}/units` : null).value;
   const limits = useResource<Limits>(answers ? `${path}/limits` : null, every_ms).value;
-  const polarity = useResource<{ values: Record<string, ObjectValue> }>(answers ? polarityPath(path) : null, every_ms).value?.values['607E:00'];
+  const polarity = usePolarity(name);
   return { geometry, units, limits, polarity };
 }
 
