@@ -234,7 +234,8 @@ CarryOut step_and_back(Numbers& numbers) {
 constexpr double usual_tuning_travel = 4.0;  // revolutions
 
 TuningOrder tuning_order(Numbers& numbers) {
-  TuningOrder order{.revolution = numbers.needed_revolution("the measurement counts revolutions: it needs a drive that reports them")};
+  TuningOrder order{.revolution = numbers.needed_revolution(
+                        "the measurement counts revolutions: it needs a drive that reports them")};
   order.tuner.travel_revolutions = numbers.body().number("travel", 0.5, 1000.0).value_or(usual_tuning_travel);
   return order;
 }

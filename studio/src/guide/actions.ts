@@ -103,7 +103,10 @@ export async function undo(axis: AxisView, step: string | null): Promise<void> {
   else tell(`${name}: undone`);
 }
 
-export const leaveAsItIs = ({ name, product }: AxisView, entry: Written) => change(name, product, (guide) => ({ ...guide, journal: guide.journal.filter((each) => each !== entry) }));
+export const leaveAsItIs = ({ name, product }: AxisView, entry: Written) => change(name, product, (guide) => {
+  const same = entryOf(guide.journal, entry.step, entry.object); // an undo may have changed its `before`
+  return { ...guide, journal: guide.journal.filter((each) => each !== same) };
+});
 
 // Writes a value again that the drive has lost, for example at a power cut.
 export async function writeAgain(axis: AxisView, { object, after }: Written): Promise<void> {

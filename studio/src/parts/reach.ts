@@ -1,5 +1,5 @@
 import { get } from '../api/client';
-import type { Geometry, Limits, ObjectValue, Units } from '../api/types';
+import type { AxisView, Geometry, Limits, ObjectValue, Units } from '../api/types';
 import { axisPath } from '../commands';
 import { hindrance, type Move, type Reach } from '../model/plan';
 import { isKnown } from '../model/units';
@@ -11,7 +11,10 @@ const poll_ms = 3000; // of a simulated drive; a bus has no time for that
 const polarityPath = (path: string) => `${path}/values?objects=607E:00`;
 
 const useEvery = () => useLine(({ line }) => (line?.kind === 'virtual' ? poll_ms : 0));
-const useAnswers = (name: string) => useLine(({ axes }) => Boolean(axes[name]?.powered && !axes[name].problem));
+const useAnswers = (name: string) => useLine(({ axes }) => {
+  const axis = axes[name] as AxisView | undefined;
+  return axis !== undefined && axis.powered && !axis.problem;
+});
 
 export function usePolarity(name: string): unknown {
   const answers = useAnswers(name);
@@ -44,6 +47,6 @@ export async function hindranceNow(name: string, move: Move): Promise<string> {
   const [geometry, units, limits, polarity] = await Promise.all([
     isVirtual ? get<Geometry>(`${path}/geometry`) : undefined, get<Units>(`${path}/units`), get<Limits>(`${path}/limits`), get<{ values: Record<string, ObjectValue> }>(polarityPath(path)),
   ]);
-  const axis = snapshot().axes[name];
+  const axis = snapshot().axes[name] as AxisView | undefined;
   return axis && isKnown(units) ? hindrance(axis, { geometry, units, limits, polarity: polarity.values['607E:00'] }, move) : '';
 }
