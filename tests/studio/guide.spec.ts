@@ -206,7 +206,10 @@ for (const { name, counts } of axes) {
     await expect.poll(async () => (await line.call<View>('GET', `/axes/${name}`)).state).not.toBe('operation enabled');
     await journal.getByRole('button', { name: 'Undo all' }).click();
     await journal.getByRole('button', { name: 'Undo all of them' }).click();
-    await journal.getByRole('button', { name: 'Take 6060:00 out of the list' }).click(); // the other master's mode stays
+    // The mode that the other master has set stays.
+    await expect(page.locator('.notice.bad').filter({ hasText: '6060:00 was changed by another and stays' })).toBeVisible();
+    await expect(journal.getByRole('row')).toHaveCount(2); // with the header
+    await journal.getByRole('button', { name: 'Take 6060:00 out of the list' }).click();
     await expect(journal).toHaveCount(0);
     expect((await line.call<{ differences: unknown[] }>('GET', `/axes/${name}/parameters/diff`)).differences).toEqual(factory.differences);
   });
