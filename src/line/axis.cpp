@@ -7,6 +7,7 @@
 #include "canopen/node.hpp"
 #include "drive/drive.hpp"
 #include "ethercat/slave/slave.hpp"
+#include "line/coupled_axes.hpp"
 #include "links/file_medium.hpp"
 
 namespace servodrome::line {
@@ -82,8 +83,10 @@ Axis::~Axis() {
   if (serial_ != nullptr) serial_->detach(serial_port_);
 }
 
+void Axis::run_to(std::int64_t tick) { pair_ != nullptr ? pair_->run_to(tick) : run_alone_to(tick); }
+
 // Interrupts the ticks only where samples are due, so an axis without taps has no cost per tick.
-void Axis::run_to(std::int64_t tick) {
+void Axis::run_alone_to(std::int64_t tick) {
   while (samples_due_ <= tick) {
     run_ticks(samples_due_);
     take_samples();
@@ -319,6 +322,7 @@ std::span<const std::uint8_t> Axis::Station::take() {
 bool Axis::place(std::int64_t position_counts) {
   if (powered_ && actuation_.pwm_enabled) return false;
   plant_.set_position_counts(position_counts);
+  if (pair_ != nullptr) pair_->relax();
   plant_.sample(feedback_);
   if (powered_) device_->drive().displaced(feedback_);
   return true;

@@ -22,6 +22,8 @@ namespace servodrome::line {
 
 using Time = links::Time;
 
+class CoupledAxes;
+
 inline constexpr Time tick_length{62'500};  // drive::tick_seconds, exactly
 
 // The buses that an axis is connected to; nullptr: it has no bus of this kind.
@@ -45,9 +47,13 @@ class Axis final : public links::Receiver {
   Axis(const Axis&) = delete;
   Axis& operator=(const Axis&) = delete;
 
-  // Runs all ticks up to and including number `tick`.
+  // Runs all ticks up to and including number `tick`; of a coupled axis also those of its partner.
   void run_to(std::int64_t tick);
-  std::int64_t ticks() const { return tick_; }  // the last tick that has run
+  // The same without a partner: for CoupledAxes.
+  void run_alone_to(std::int64_t tick);
+  void couple(CoupledAxes& pair) { pair_ = &pair; }
+  const CoupledAxes* pair() const { return pair_; }  // nullptr: the axis is not coupled
+  std::int64_t ticks() const { return tick_; }       // the last tick that has run
   // Adds a tap, which samples from the axis' next tick on. Must not be called while the axis runs.
   void attach(Tap& tap);
   void detach(Tap& tap);
@@ -162,6 +168,7 @@ class Axis final : public links::Receiver {
   ethercat::Slave* ethercat_slave_ = nullptr;
   std::size_t slave_ = 0;  // place on the EtherCAT segment, from 0
   links::CanInterposer* can_interposer_ = nullptr;
+  CoupledAxes* pair_ = nullptr;
   std::uint32_t port_bit_rate_ = 0;
   Station station_{*this};
   links::SerialPortId serial_port_{};

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <array>
 #include <cstdint>
 #include <memory>
 #include <optional>
@@ -75,6 +76,12 @@ struct AxisSettings {
   drive::MotorData motor_data;  // the motor parameters set in the drive; they may differ from the real motor
 };
 
+// Two axes whose loads are coupled.
+struct CouplingSettings {
+  std::array<std::size_t, 2> axes{};  // indices into LineSettings::axes
+  plant::CouplingParameters parameters;
+};
+
 struct ApiSettings {
   bool enabled = true;
   std::string address = "127.0.0.1";
@@ -89,6 +96,7 @@ struct LineSettings {
   std::vector<SerialBusSettings> serial_buses;
   std::vector<EthercatBusSettings> ethercat_buses;
   std::vector<AxisSettings> axes;
+  std::vector<CouplingSettings> couplings;  // an axis is part of one at most
 };
 
 // Returns the motor parameters of a drive that is set correctly for the motor in `parameters`.

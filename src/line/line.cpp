@@ -27,6 +27,10 @@ Line::Line(const LineSettings& settings) : clock_mode_(settings.clock) {
     axes_.push_back(std::make_unique<Axis>(axis, buses));
     if (axes_.back()->sends()) senders_.push_back(axes_.back().get());
   }
+  for (const CouplingSettings& each : settings.couplings) {
+    couplings_.push_back(
+        std::make_unique<CoupledAxes>(each.parameters, *axes_.at(each.axes[0]), *axes_.at(each.axes[1])));
+  }
 }
 
 Time Line::next_bus_event() const {

@@ -8,6 +8,7 @@
 
 #include "line/axis.hpp"
 #include "line/config.hpp"
+#include "line/coupled_axes.hpp"
 #include "links/can/bus.hpp"
 #include "links/can/client.hpp"
 #include "links/can/link.hpp"
@@ -139,6 +140,7 @@ class Line final : public links::VirtualClock {
   std::vector<std::unique_ptr<NamedSerialBus>> serial_buses_;
   std::vector<std::unique_ptr<NamedEthercatBus>> ethercat_buses_;
   std::vector<std::unique_ptr<Axis>> axes_;
+  std::vector<std::unique_ptr<CoupledAxes>> couplings_;
   std::vector<const Axis*> senders_;  // axes that are not on EtherCAT, see Axis::sends
   std::vector<Follower*> followers_;
   std::int64_t tick_ = 0;  // the tick up to which all axes have run

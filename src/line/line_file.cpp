@@ -9,6 +9,7 @@
 
 #include "line/axis_address.hpp"
 #include "line/axis_plant.hpp"
+#include "line/coupling_table.hpp"
 #include "line/described_product.hpp"
 #include "line/model_plant.hpp"
 #include "line/table_reader.hpp"
@@ -52,6 +53,10 @@ class LineFileReader {
     if (const toml::table* api = reader.table("api")) read_api(*api);
     for (const toml::table* bus : reader.tables("bus")) read_bus(*bus);
     for (const toml::table* axis : reader.tables("axis")) read_axis(*axis);
+    for (const toml::table* coupling : reader.tables("coupling")) {
+      TableReader coupling_reader(*coupling, "coupling", report_);
+      read_coupling(coupling_reader, settings_);
+    }
     reader.finish();
     if (bus_names(settings_).empty()) {
       reader.complain("bus", "there is no bus", "add one: [[bus]] with name = \"can0\"");

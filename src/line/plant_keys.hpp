@@ -82,6 +82,14 @@ inline constexpr std::array load_keys{
     SERVODROME_KEY(plant::Load, stop_damping_nms),
 };
 
+// Of each table [[coupling]].
+inline constexpr std::array coupling_keys{
+    SERVODROME_KEY(plant::CouplingParameters, ratio),
+    SERVODROME_KEY(plant::CouplingParameters, stiffness_nm_per_rad),
+    SERVODROME_KEY(plant::CouplingParameters, damping_nms),
+    SERVODROME_KEY(plant::CouplingParameters, backlash_rad),
+};
+
 inline constexpr std::array supply_keys{
     SERVODROME_KEY(plant::Supply, volts),
     SERVODROME_KEY(plant::Supply, mains_phases),

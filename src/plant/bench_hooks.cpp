@@ -180,6 +180,10 @@ double Plant::load_position_counts() const {
   return static_cast<double>(position_) + fraction() -
          shaft_.twist_rad() * counts_per_revolution_ / (2.0 * std::numbers::pi);
 }
+double Plant::load_angle_rad(std::int64_t from_counts) const {
+  const double counts = static_cast<double>(position_ - from_counts) + fraction();
+  return counts * (2.0 * std::numbers::pi / counts_per_revolution_) - shaft_.twist_rad();
+}
 double Plant::torque_nm() const { return torque_nm_; }
 // If the encoder counts in the other direction, a positive q current gives a torque towards smaller counts.
 double Plant::current_a() const { return windings_.quadrature_a * parameters_.encoder.direction; }

@@ -37,6 +37,18 @@ bool is_position(std::int64_t counts) {
   return counts >= -largest_position_counts && counts <= largest_position_counts;
 }
 
+// The inertia on which a torque at the load acts within a tick: with an elastic load that of the load alone. A crank's
+// slider adds to it in most places, but not in its dead centres.
+double least_inertia_kgm2(const Parameters& p) {
+  return p.load.inertia_kgm2 + (p.load.elastic ? 0.0 : p.motor.rotor_inertia_kgm2);
+}
+
+// A limit as a number of four digits that does not exceed it.
+double rounded_down(double limit) {
+  const double digit = std::pow(10.0, std::floor(std::log10(limit)) - 3.0);
+  return std::floor(limit / digit) * digit;
+}
+
 // Returns true if an inertia oscillates against a stiffness slowly compared with the tick.
 bool is_slow(double stiffness_nm_per_rad, double inertia_kgm2) {
   return stiffness_nm_per_rad == 0.0 || drive::tick_seconds * std::sqrt(stiffness_nm_per_rad / inertia_kgm2) <= 1.0;
@@ -102,8 +114,7 @@ void check_weight(std::vector<std::string>& messages, const Parameters& p) {
   const Load& load = p.load;
   const double stiffness = (std::abs(load.arm_torque_nm) + (1.0 + load.crank_ratio) * std::abs(load.crank_torque_nm)) /
                            load.cycle_revolutions;
-  const double inertia = load.inertia_kgm2 + (load.elastic ? 0.0 : p.motor.rotor_inertia_kgm2);
-  if (is_slow(stiffness, inertia)) return;
+  if (is_slow(stiffness, least_inertia_kgm2(p))) return;
   messages.emplace_back(load.arm_torque_nm != 0.0
                             ? "load.arm_torque_nm: the arm would swing faster than the base tick shows"
                             : "load.crank_torque_nm: the crank would swing faster than the base tick shows");
@@ -258,6 +269,28 @@ std::vector<std::string> validate(const Parameters& p) {
   }
   check_load(messages, p);
   check_switches(messages, p);
+  return messages;
+}
+
+std::vector<std::string> validate(const CouplingParameters& coupling, const Parameters& first,
+                                  const Parameters& second) {
+  std::vector<std::string> messages;
+  check(messages, "ratio", std::abs(coupling.ratio), 1.0e-3, 1.0e3);
+  if (!messages.empty()) return messages;
+  // The torque of a tick is constant, so the vibration of the two inertias must be slow compared with the tick: at most
+  // 1 rad of it in a tick, and a damper that takes at most all of the relative speed.
+  const double per_inertia =
+      1.0 / least_inertia_kgm2(first) + coupling.ratio * coupling.ratio / least_inertia_kgm2(second);
+  const double angle = drive::tick_seconds * std::sqrt(std::max(coupling.stiffness_nm_per_rad, 0.0) * per_inertia);
+  const double stiffest = rounded_down(1.0 / (per_inertia * drive::tick_seconds * drive::tick_seconds));
+  const double most_damped = rounded_down(1.0 / (per_inertia * drive::tick_seconds));
+  check(messages, "stiffness_nm_per_rad", coupling.stiffness_nm_per_rad, 1.0e-3, std::min(stiffest, 1.0e8));
+  // A flank that closes or opens within a tick changes the energy of the rebound by up to an eighth of the angle's
+  // square. This damper takes at least as much.
+  const double least_damped =
+      coupling.backlash_rad > 0.0 ? coupling.stiffness_nm_per_rad * drive::tick_seconds * angle / 16.0 : 0.0;
+  check(messages, "damping_nms", coupling.damping_nms, least_damped, std::min(most_damped, 1.0e4));
+  check(messages, "backlash_rad", coupling.backlash_rad, 0.0, 6.3);
   return messages;
 }
 

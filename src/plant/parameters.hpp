@@ -96,6 +96,15 @@ struct Load {
   double stop_damping_nms = 1.0;                  // [0, 1e5]
 };
 
+// A spring with a damper between the loads of two axes, as the beam between the two sides of a gantry. Angles are those
+// of the motor shafts; stiffness, damping and backlash are referred to the shaft of the first axis.
+struct CouplingParameters {
+  double ratio = 1.0;                  // 0.001 .. 1000, of either sign: turns of the first shaft in one of the second
+  double stiffness_nm_per_rad = 10.0;  // [1e-3, 1e8], if the base tick resolves the vibration
+  double damping_nms = 0.002;          // [0, 1e4], likewise; a coupling with play needs some, see validate
+  double backlash_rad = 0.0;           // [0, 6.3] total play
+};
+
 // Supply, DC link and protection of the power stage.
 struct Supply {
   double volts = 310.0;                     // [0, 2000] rectified, no load: the peak of the mains
@@ -193,5 +202,8 @@ void remove_imperfections(Parameters& parameters);
 // Returns one message for each error in `parameters`, beginning with the name of the parameter ("motor.pole_pairs:
 // ..."). If it is empty, a Plant can be constructed.
 std::vector<std::string> validate(const Parameters& parameters);
+// The same for the coupling of two axes ("ratio: ..."), and valid parameters of its axes.
+std::vector<std::string> validate(const CouplingParameters& coupling, const Parameters& first,
+                                  const Parameters& second);
 
 }  // namespace servodrome::plant

@@ -48,6 +48,15 @@ class Plant {
     imperfect_ ? step_imperfect(actuation, feedback) : step_machine(actuation, feedback);
   }
 
+  // For AxisCoupling: the axis is coupled to another one, whose torque on the load in the next ticks `pull` sets,
+  // positive towards larger counts.
+  void couple() { shaft_.couple(); }
+  void pull(double torque_nm) {
+    if (torque_nm == shaft_.pull_nm()) return;
+    shaft_.set_pull(torque_nm);
+    rests_ = false;
+  }
+
   // Fills `feedback` with the present state without advancing; without edges. For a drive that was just switched on.
   void sample(drive::Feedback& feedback) const;
 
@@ -70,11 +79,13 @@ class Plant {
   // --- The true state, without sensor errors.
   const Parameters& parameters() const;
   std::int64_t position_counts() const;
-  double position_fraction() const;       // of a count, [0, 1): true position = counts + fraction
-  double velocity_rpm() const;            // of the rotor
-  double load_velocity_rpm() const;       // differs from the rotor's with an elastic coupling
-  double load_position_counts() const;    // also differs then; in counts of the encoder
-  double coupling_twist_rad() const;      // rotor minus load
+  double position_fraction() const;                       // of a count, [0, 1): true position = counts + fraction
+  double velocity_rpm() const;                            // of the rotor
+  double load_velocity_rpm() const;                       // differs from the rotor's with an elastic coupling
+  double load_position_counts() const;                    // also differs then; in counts of the encoder
+  double coupling_twist_rad() const;                      // rotor minus load
+  double load_angle_rad(std::int64_t from_counts) const;  // of the motor shaft, from this position
+  double load_speed_rad_s() const { return shaft_.load_speed_rad_s(); }
   double torque_nm() const;               // electromagnetic, average of the last tick
   double current_a() const;               // torque-producing (q), amplitude, signed
   double direct_current_a() const;        // amplitude

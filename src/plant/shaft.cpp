@@ -69,6 +69,11 @@ void Shaft::set_brake(double torque_nm) {
   prepare();
 }
 
+void Shaft::couple() {
+  coupled_ = true;
+  prepare();
+}
+
 void Shaft::set_locked(bool locked) {
   locked_ = locked;
   if (locked) {
@@ -101,7 +106,7 @@ Shaft::Step Shaft::step_of(double seconds, double weight) const {
 void Shaft::prepare() {
   elastic_ = load_.elastic;
   stops_ = load_.low_stop_counts != no_low_limit || load_.high_stop_counts != no_high_limit;
-  load_torque_ = -(load_.gravity_torque_nm + load_.external_torque_nm + weight_nm_);
+  update_load_torque();
   const double held = locked_ ? locked_nm : rotor_coulomb_ + brake_torque_;
   rotor_friction_nm_ = held;
   total_friction_ = {held + load_.static_friction_nm, held + load_.coulomb_friction_nm};
@@ -126,10 +131,11 @@ void Shaft::prepare() {
     const double fastest = h * std::max(std::sqrt(load_.stiffness_nm_per_rad / reduced), load_.damping_nms / reduced);
     coupling_weight_ = 0.5 + 0.5 * std::clamp(0.5 * (fastest - 1.0), 0.0, 1.0);
     // With a step lengthened by this factor, the trapezoidal rule gives the exact phase of the two masses against each
-    // other.
+    // other. Not if the load is coupled to another axis: the torque of that coupling is a leapfrog step together with
+    // the plain trapezoidal rule only (AxisCoupling).
     const double half = 0.5 * h * std::sqrt(load_.stiffness_nm_per_rad / reduced);
     loose_ = whole_ = step_of(h, coupling_weight_);
-    const bool rings = fastest <= 1.0 && whole_.rotor_weight == 0.5 && whole_.load_weight == 0.5;
+    const bool rings = !coupled_ && fastest <= 1.0 && whole_.rotor_weight == 0.5 && whole_.load_weight == 0.5;
     if (rings) {
       whole_.stretch = std::tan(half) / half;
       whole_.relative_rate = reduced / h * (1.0 / whole_.stretch - 1.0);

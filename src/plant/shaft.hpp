@@ -102,13 +102,19 @@ class Shaft {
 
   void set_load(const Load& load);
   void set_brake(double torque_nm);
+  void couple();                     // set_pull will follow; see prepare()
+  void set_pull(double torque_nm) {  // of another axis on the load, positive towards larger counts
+    pull_nm_ = torque_nm;
+    update_load_torque();
+  }
+  double pull_nm() const { return pull_nm_; }
   void set_locked(bool locked);
   void stop();  // stops the shaft and relaxes the coupling
 
   bool elastic() const { return elastic_; }
   bool held() const { return direction_ == 0 && speed_ == 0.0; }  // the rotor, by friction
   bool at_rest() const { return held() && !elastic_; }            // a rigid shaft
-  double load_torque_nm() const { return load_torque_; }          // gravity and external torque, with sign
+  double load_torque_nm() const { return load_torque_; }          // weight, external torque and pull, with sign
   double speed_rad_s() const { return speed_; }
   double load_speed_rad_s() const { return elastic_ ? load_speed_ : speed_; }
   double twist_rad() const { return twist_; }
@@ -150,6 +156,9 @@ class Shaft {
                                        : (speed < -largest_speed_rad_s ? -largest_speed_rad_s : speed);
   }
   void take_inertia(double load_kgm2);
+  void update_load_torque() {
+    load_torque_ = -(load_.gravity_torque_nm + load_.external_torque_nm + weight_nm_ - pull_nm_);
+  }
   bool slide_anew(double torque_nm, double holding_nm, ShaftTick& tick) const;
   void set_direction(std::int8_t direction);
   void prepare();
@@ -217,6 +226,7 @@ class Shaft {
   bool elastic_ = false;
   bool locked_ = false;
   bool stops_ = false;
+  bool coupled_ = false;  // to another axis
 
   // Used in other cases.
   std::int8_t load_direction_ = 0;
@@ -240,6 +250,7 @@ class Shaft {
   double piece_weight_ = 0.5;  // weight of the new speed in a piece
   Load load_;                  // with the inertia, stiffness and sliding friction of the present place and speed
   Geometry geometry_;
+  double pull_nm_ = 0.0;
   double weight_nm_ = 0.0;           // of the present place, with the force of a belt whose stiffness changes
   double sliding_nm_ = 0.0;          // of the load at high speed
   double stribeck_nm_ = 0.0;         // additional sliding friction at standstill

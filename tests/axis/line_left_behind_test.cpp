@@ -88,14 +88,22 @@ class Client final : public links::EthercatClient {
   std::vector<Answer> returning_;  // in the order of sending, which on a line is also the order of time
 };
 
+// A soft coupling, by which each of the two drives turns the other.
+constexpr const char* coupled = R"(
+[[coupling]]
+axes = ["x", "z"]
+stiffness_nm_per_rad = 0.02
+)";
+
 struct Cycle {
   Time period;
   bool clocks;
+  const char* more = "";  // of the line file
 };
 
 Session hold_session(const Cycle& cycle, bool leaves_behind) {
   Session session;
-  line::Line line{line::test::settings_of(three_drives)};
+  line::Line line{line::test::settings_of(std::string(three_drives) + cycle.more)};
   // Makes the control loops of the drives start at different ticks.
   for (std::size_t i = 0; i < 3; ++i) {
     line.run_until(line.now() + 200us);
@@ -147,9 +155,11 @@ Session hold_session(const Cycle& cycle, bool leaves_behind) {
 class LineLeftBehind : public testing::TestWithParam<Cycle> {};
 INSTANTIATE_TEST_SUITE_P(Cycles, LineLeftBehind,
                          testing::Values(Cycle{70us, false}, Cycle{125us, false}, Cycle{300us, false},
-                                         Cycle{1ms, false}, Cycle{750us, true}, Cycle{1ms, true}),
+                                         Cycle{1ms, false}, Cycle{750us, true}, Cycle{1ms, true},
+                                         Cycle{300us, false, coupled}, Cycle{1ms, true, coupled}),
                          [](const auto& tested) {
-                           return std::to_string(tested.param.period / 1us) + (tested.param.clocks ? "usDc" : "us");
+                           return std::to_string(tested.param.period / 1us) + (tested.param.clocks ? "usDc" : "us") +
+                                  (*tested.param.more != '\0' ? "Coupled" : "");
                          });
 
 TEST_P(LineLeftBehind, AnswersEveryFrameAsOneThatIsUpToDate) {

@@ -103,7 +103,8 @@ TEST_F(AxisDetails, GeometryIsTheLineFiles) {
       {"name": "home", "input": "DI2", "from": -5000, "to": 5000, "hysteresis": 0, "normally_closed": false},
       {"name": "switch", "input": "DI4", "from": 7000, "to": 8000, "hysteresis": 0, "normally_closed": false}],
     "mechanics": {"kind": "linear", "counts_per_revolution": 131072, "cycle_revolutions": 1.0,
-                  "cycle_offset_turns": 0.0, "crank_ratio": 0.0, "hangs": false, "belt": false, "elastic": false}})"));
+                  "cycle_offset_turns": 0.0, "crank_ratio": 0.0, "hangs": false, "belt": false, "elastic": false,
+                  "coupling": null}})"));
   const json open = get("generic402/geometry");
   for (const char* key :
        {"negative_stop", "positive_stop", "negative_limit", "positive_limit", "home_from", "home_to"}) {

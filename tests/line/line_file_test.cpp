@@ -27,7 +27,7 @@ std::string text_of(const std::string& path) {
 const std::string source_dir = SERVODROME_SOURCE_DIR;
 
 TEST(LineFile, TheShippedLinesAreRight) {
-  for (const char* name : {"default", "eight-axes", "ethercat"}) {
+  for (const char* name : {"default", "eight-axes", "ethercat", "gantry"}) {
     const LineFile file = load_line_file(source_dir + "/lines/" + name + ".toml", all_products());
     for (const Diagnostic& diagnostic : file.diagnostics) ADD_FAILURE() << to_string(diagnostic);
     for (const Diagnostic& warning : file.warnings) ADD_FAILURE() << to_string(warning);
@@ -236,6 +236,9 @@ void PrintTo(const Mistake& mistake, std::ostream* out) { *out << mistake.name; 
 // An EtherCAT segment and the head of an axis on lines 1 to 5.
 #define ETHERCAT "[[bus]]\nname='ecat'\ntype='ethercat'\n[[axis]]\nname='x'\n"
 
+// Two axes and the head of a coupling on lines 1 to 10.
+#define COUPLING AXIS "[[axis]]\nname='y'\nproduct='ismc'\nnode=2\n[[coupling]]\n"
+
 const std::vector<Mistake> mistakes{
     {"syntax", "clock = ", 1, 9, "", "TOML"},
     {"same_key_twice", "clock='real'\nclock='real'\n", 2, 7, "", "TOML"},
@@ -364,6 +367,25 @@ const std::vector<Mistake> mistakes{
     {"hysteresis", AXIS "[axis.travel]\npositive_limit={at=4, hysteresis=-1}\n", 7, 16,
      "axis.travel.positive_limit: -1 is not within", ""},
     {"unit", AXIS "[axis.travel]\ncounts_per_unit=0\n", 7, 17, "is not positive", ""},
+    {"coupling_axes", COUPLING "ratio=1\n", 10, 1, "coupling.axes: is missing", "axes = ["},
+    {"coupling_shape", COUPLING "axes=['x']\n", 11, 6, "coupling.axes: is not a list of two axes", "axes = ["},
+    {"coupling_number", COUPLING "axes=['x', 2]\n", 11, 12, "coupling.axes: is not a string", "axes = ["},
+    {"coupling_unknown", COUPLING "axes=['x', 'yy']\n", 11, 12, "coupling.axes: there is no axis \"yy\"",
+     "did you mean `y`?"},
+    {"coupling_itself", COUPLING "axes=['x', 'x']\n", 11, 6, "coupling.axes: couples \"x\" to itself", "two axes"},
+    {"coupling_twice", COUPLING "axes=['x', 'y']\n[[coupling]]\naxes=['y', 'x']\n", 13, 7,
+     "coupling.axes: \"y\" is coupled already", "one coupling"},
+    {"coupling_segments",
+     AXIS "[[bus]]\nname='e'\ntype='ethercat'\n[[axis]]\nname='y'\nproduct='jmc_ec'\n[[coupling]]\naxes=['x', 'y']\n",
+     13, 6, "\"x\" and \"y\" are not on the same EtherCAT segment", "one segment"},
+    {"coupling_key", COUPLING "axes=['x', 'y']\nstifness_nm_per_rad=1\n", 12, 1,
+     "unknown key `stifness_nm_per_rad` in coupling", "did you mean `stiffness_nm_per_rad`?"},
+    {"coupling_type", COUPLING "axes=['x', 'y']\nratio='1:2'\n", 12, 7, "coupling.ratio: is a string", "a number"},
+    {"coupling_ratio", COUPLING "axes=['x', 'y']\nratio=0\n", 12, 7, "coupling.ratio: 0 is not within", "Coupled axes"},
+    {"coupling_stiff", COUPLING "axes=['x', 'y']\nstiffness_nm_per_rad=1e5\n", 12, 22,
+     "coupling.stiffness_nm_per_rad: 100000 is not within 0.001 .. 716", "Coupled axes"},
+    {"coupling_undamped", COUPLING "axes=['x', 'y']\nbacklash_rad=0.1\ndamping_nms=0\n", 13, 13,
+     "coupling.damping_nms: 0 is not within", "Coupled axes"},
     {"far", AXIS "[axis.travel]\nstart=9223372036854775807\n", 7, 7, "lies beyond 2^61 counts", ""},
 };
 

@@ -75,6 +75,57 @@ test.describe('a line of 16 axes on a telephone', () => {
   });
 });
 
+const stops = '[axis.travel]\nlow_stop = -200000\nhigh_stop = 200000';
+const coupling = (first: string, second: string, more = '') => `[[coupling]]\naxes = ["${first}", "${second}"]\n${more}\n`;
+const gantry =
+  'clock = "virtual"\n[[bus]]\nname = "can0"\n' + axis('l', stops) + axis('re', stops) + axis('tab', '') + axis('tilt', '') + coupling('l', 're', 'ratio = -1') + coupling('tab', 'tilt');
+
+test.describe('coupled axes', () => {
+  test.use({ lineText: gantry });
+  for (const width of [1366, 390]) {
+    test(`two linear ones are drawn as a gantry, ${width} px wide`, async ({ page, open, line, picture }) => {
+      await page.setViewportSize({ width, height: 768 });
+      // The motors face each other, so these are the same place of the machine.
+      await line.call('PUT', '/axes/l/plant', { position_counts: -131072 });
+      await line.call('PUT', '/axes/re/plant', { position_counts: 131072 });
+      await open('/');
+      const machine = page.getByRole('region', { name: 'Gantry of l and re' });
+      await expect(page.getByRole('region', { name: /^Gantry/ })).toHaveCount(1); // the rotary ones are none
+      await expect(machine.getByRole('img', { name: 'l is at -1.00 revolutions' })).toBeVisible();
+      await expect(machine.getByRole('img', { name: 're is at 1.00 revolutions' })).toBeVisible();
+      // The beam goes from carriage to carriage, and is inclined when one side has moved alone.
+      const beam = async () => {
+        const box = (await machine.locator('.across .beam').boundingBox())!;
+        const middles = await Promise.all([0, 1].map(async (side) => {
+          const { x, width: wide } = (await machine.locator('.carriage').nth(side).boundingBox())!;
+          return x + wide / 2;
+        }));
+        return { left: box.x, right: box.x + box.width, middles };
+      };
+      const straight = await beam();
+      expect(Math.abs(straight.middles[0] - straight.middles[1])).toBeLessThan(1);
+      expect(Math.abs((straight.left + straight.right) / 2 - straight.middles[0])).toBeLessThan(1);
+      const all = (await machine.locator('.sides').boundingBox())!;
+      expect(straight.middles[0]).toBeLessThan(all.x + 0.25 * all.width);
+      await line.call('PUT', '/axes/re/plant', { position_counts: 0 });
+      await line.call('POST', '/clock/advance', { ms: 20 });
+      await expect(machine.getByRole('img', { name: 're is at 0.00 revolutions' })).toBeVisible();
+      const inclined = await beam();
+      expect(inclined.right - inclined.left).toBeGreaterThan(0.2 * all.width);
+      await expect(card(page, 'l')).toContainText('linear, coupled with re');
+      await expect(card(page, 'tilt')).toContainText('rotary, coupled with tab');
+      await page.getByText('Legend').click();
+      await expect(page.getByText('beam of a gantry between its two axes')).toBeVisible();
+      expect(await page.evaluate(() => document.documentElement.scrollWidth)).toBeLessThanOrEqual(width);
+      await accessible(page);
+      await picture(`gantry-${width}`);
+      await page.getByRole('group', { name: 'View' }).getByRole('button', { name: 'Rows' }).click();
+      await expect(machine).toBeVisible();
+      await expect(page.getByRole('rowheader', { name: /^re generic402, coupled with l$/ })).toBeVisible();
+    });
+  }
+});
+
 // 256 axes on three CAN buses. A torque turns every shaft, so each message of the stream has all axes.
 const many = 256;
 const perBus = 100;

@@ -121,6 +121,8 @@ Json view_of(const Line& line, Axis& axis) {
   } else {
     view["serial"] = nullptr;
   }
+  view["coupled"] = Json::array();
+  if (const CoupledAxes* pair = axis.pair()) view["coupled"].push_back(pair->partner_of(axis).settings().name);
   view["powered"] = axis.powered();
   if (axis.powered()) {
     const drive::Drive& drive = device.drive();

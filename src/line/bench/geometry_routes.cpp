@@ -19,11 +19,16 @@ std::string_view purpose_of(const plant::Switch& fitted, const Product& product)
 }
 
 // Returns the kind of the load, for a drawing: linear if the travel has two ends, otherwise rotary.
-Json mechanics_of(const plant::Parameters& parameters, bool has_ends) {
+Json mechanics_of(const Axis& axis, bool has_ends) {
+  const plant::Parameters& parameters = axis.plant().parameters();
   const plant::Load& load = parameters.load;
   const bool is_crank = load.crank_inertia_kgm2 > 0 || load.crank_torque_nm != 0;
   const bool is_arm = load.arm_torque_nm != 0;
   const char* kind = is_crank ? "crank" : is_arm ? "arm" : has_ends ? "linear" : "rotary";
+  Json coupling = nullptr;
+  if (const CoupledAxes* pair = axis.pair()) {
+    coupling = {{"axis", pair->partner_of(axis).settings().name}, {"ratio", pair->ratio_of(axis)}};
+  }
   return {{"kind", kind},
           {"counts_per_revolution", parameters.encoder.counts_per_revolution},
           {"cycle_revolutions", load.cycle_revolutions},
@@ -31,7 +36,8 @@ Json mechanics_of(const plant::Parameters& parameters, bool has_ends) {
           {"crank_ratio", load.crank_ratio},
           {"hangs", load.gravity_torque_nm != 0},
           {"belt", load.belt_length_revolutions > 0},
-          {"elastic", load.elastic}};
+          {"elastic", load.elastic},
+          {"coupling", std::move(coupling)}};
 }
 
 }  // namespace
@@ -76,8 +82,8 @@ Json LineBench::show_geometry(Call& call) {
   geometry["inputs"] = std::move(inputs);
   geometry["switches"] = std::move(switches);
   const auto is_there = [&geometry](const char* end) { return !geometry[end].is_null(); };
-  geometry["mechanics"] = mechanics_of(parameters, (is_there("negative_stop") || is_there("negative_limit")) &&
-                                                       (is_there("positive_stop") || is_there("positive_limit")));
+  geometry["mechanics"] = mechanics_of(axis, (is_there("negative_stop") || is_there("negative_limit")) &&
+                                                 (is_there("positive_stop") || is_there("positive_limit")));
   return geometry;
 }
 

@@ -91,14 +91,17 @@ constexpr std::array quantities{
 };
 
 // Checks all changes before the first one is made. Throws ApiError.
-void check(const plant::Plant& plant, const std::array<std::optional<double>, quantities.size()>& values,
+void check(const Axis& axis, const std::array<std::optional<double>, quantities.size()>& values,
            std::optional<std::int64_t> position) {
-  const auto judge = [](const plant::Parameters& parameters) {
-    const std::vector<std::string> messages = plant::validate(parameters);
+  const auto judge = [&axis](const plant::Parameters& parameters) {
+    std::vector<std::string> messages = plant::validate(parameters);
+    if (messages.empty() && axis.pair() != nullptr) {
+      for (const std::string& message : axis.pair()->judge(axis, parameters)) messages.push_back("coupling." + message);
+    }
     if (!messages.empty()) throw ApiError{422, messages.front(), "body", "choose a valid value for the plant"};
   };
   // First each change in the order in which they will be set, because the plant checks each one as well.
-  plant::Parameters changed = plant.parameters();
+  plant::Parameters changed = axis.plant().parameters();
   for (std::size_t i = 0; i < quantities.size(); ++i) {
     if (!values[i]) continue;
     quantities[i].change(changed, *values[i]);
@@ -120,7 +123,7 @@ Json LineBench::change_plant(Call& call) {
   const auto locked = body.boolean("locked_rotor");
   const auto position = body.signed_integer("position_counts");
   body.finish();
-  check(plant, values, position);
+  check(axis, values, position);
   if (position && !axis.place(*position)) {
     throw ApiError{409, "the motor of " + axis.settings().name + " is energised", "position_counts",
                    "disable the drive first, or move the axis with a job"};

@@ -24,6 +24,7 @@ export interface AxisView {
   position?: number;
   al_state?: string;
   serial: { bus: string; station: number; protocol: string } | null;
+  coupled?: string[]; // the axes to which the load is coupled; not for drives on buses
   powered: boolean;
   nmt_state?: string;
   state?: string;
@@ -139,6 +140,7 @@ export interface Mechanics {
   hangs: boolean;
   belt: boolean;
   elastic: boolean;
+  coupling?: { axis: string; ratio: number } | null; // turns of this axis in a turn of the other
 }
 
 export interface Units {

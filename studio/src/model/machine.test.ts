@@ -1,6 +1,6 @@
 import { describe as group, expect, test } from 'vitest';
 import type { AxisView, Mechanics } from '../api/types';
-import { describe, filterOf, fitting, sliderAt, turnsOf, visibleRows } from './machine';
+import { coupledWith, describe, filterOf, fitting, isMirrored, pairsOf, sliderAt, turnsOf, visibleRows } from './machine';
 
 const mechanics: Mechanics = { kind: 'rotary', counts_per_revolution: 1000, cycle_revolutions: 10, cycle_offset_turns: 0.25, crank_ratio: 0.25, hangs: false, belt: false, elastic: false };
 
@@ -24,6 +24,17 @@ test('an axis in words', () => {
   expect(describe(mechanics)).toBe('rotary');
   expect(describe({ ...mechanics, kind: 'linear', belt: true, elastic: true, hangs: true })).toBe('linear, by a belt, hanging load');
   expect(describe({ ...mechanics, kind: 'arm', elastic: true })).toBe('arm, elastic coupling');
+});
+
+test('coupled axes are found once a pair', () => {
+  const axis = (name: string, ...coupled: string[]) => ({ name, coupled }) as unknown as AxisView;
+  const axes = { left: axis('left', 'right'), y: axis('y'), right: axis('right', 'left'), real: { name: 'real' } as AxisView };
+  expect(pairsOf(['left', 'y', 'right', 'real', 'gone'], axes)).toEqual([['left', 'right']]);
+  expect(pairsOf(['right', 'left'], axes)).toEqual([['right', 'left']]);
+  expect(coupledWith(axes.left)).toBe('coupled with right');
+  expect(coupledWith(axes.y) + coupledWith(axes.real)).toBe('');
+  expect(isMirrored({ ...mechanics, coupling: { axis: 'right', ratio: -1 } })).toBe(true);
+  expect(isMirrored({ ...mechanics, coupling: null })).toBe(false);
 });
 
 group('the axes of a large line', () => {

@@ -24,6 +24,16 @@ export function describe({ kind, hangs, belt, elastic }: Mechanics): string {
   return [kind, coupling, hangs && 'hanging load'].filter(Boolean).join(', ');
 }
 
+export const coupledWith = ({ coupled = [] }: AxisView) => (coupled.length > 0 ? `coupled with ${coupled.join(', ')}` : '');
+
+// The coupled axes in pairs, each pair once, in the order of the line.
+export function pairsOf(order: string[], axes: Record<string, AxisView>): [string, string][] {
+  return order.flatMap((name, i) => (axes[name]?.coupled ?? []).filter((other) => order.indexOf(other) > i).map((other): [string, string] => [name, other]));
+}
+
+// The sides of a gantry turn in opposite directions if the motors face each other: then one of the two rails is drawn mirrored.
+export const isMirrored = (mechanics: Mechanics | undefined) => (mechanics?.coupling?.ratio ?? 1) < 0;
+
 export const manyAxes = 16; // a line with at least this number of axes is shown in rows
 
 export const stateFilters = [

@@ -3,11 +3,12 @@ import type { AxisView, BusView, Geometry, Words } from '../api/types';
 import { axisPath, power, runJob } from '../commands';
 import { AxisRows } from '../parts/axis_rows';
 import { Button, Choice, HaltButton, Link, Panel, Readout, Scroll, Search } from '../parts/controls';
+import { Gantry } from '../parts/gantry';
 import { Dial, Legend } from '../parts/mechanism';
 import { StateChip } from '../parts/state';
 import { Travel, useGeometry } from '../parts/travel';
 import { hex, isFault, manufacturerSpecific, modeSpecific, modeText, statusBits } from '../model/cia402';
-import { describe, filterOf, fitting, manyAxes, stateFilters, type StateFilter } from '../model/machine';
+import { coupledWith, describe, filterOf, fitting, manyAxes, pairsOf, stateFilters, type StateFilter } from '../model/machine';
 import { fixed } from '../model/units';
 import { attempt } from '../notices';
 import { useResource } from '../resource';
@@ -21,6 +22,7 @@ export function LinePage() {
   const filter = filterOf(query);
   // A text: a message that changes no name then causes no rendering of the page.
   const names = useLine((line) => fitting(line.order, line.axes, filter).join('\n')).split('\n').filter(Boolean);
+  const pairs = useLine((line) => pairsOf(line.order, line.axes).map((pair) => pair.join('\n')).join('\n\n')).split('\n\n').filter(Boolean).map((pair) => pair.split('\n'));
   const isLarge = order.length >= manyAxes;
   const view = query.get('view') ?? (isLarge ? 'rows' : 'cards');
   // If the command of one axis fails, the others still get theirs.
@@ -41,6 +43,7 @@ export function LinePage() {
           <Legend />
         </div>
       </div>
+      {pairs.filter((pair) => pair.some((name) => names.includes(name))).map(([first, second]) => <Gantry key={first} first={first} second={second} />)}
       {view === 'rows' ? (
         <AxisRows names={names} />
       ) : (
@@ -139,7 +142,7 @@ const AxisCard = memo(function AxisCard({ name }: { name: string }) {
         )}
       </div>
       <footer>
-        <span className="quiet address">{address(axis)}{geometry?.mechanics && ` · ${describe(geometry.mechanics)}`}</span>
+        <span className="quiet address">{address(axis)}{geometry?.mechanics && ` · ${[describe(geometry.mechanics), coupledWith(axis)].filter(Boolean).join(', ')}`}</span>
         {job?.state === 'running' && <span className="busy">{job.do.replaceAll('_', ' ')}</span>}
         <Commands axis={axis} />
       </footer>

@@ -1,5 +1,5 @@
 import { memo, useEffect, useRef, useState } from 'react';
-import { visibleRows } from '../model/machine';
+import { coupledWith, visibleRows } from '../model/machine';
 import { fixed } from '../model/units';
 import { Commands, positionOf, usePositionLabel } from '../pages/line';
 import { useAxis } from '../store';
@@ -58,7 +58,7 @@ const AxisRow = memo(function AxisRow({ name, index }: { name: string; index: nu
   const torque = axis.torque_percent === undefined ? `${fixed(axis.torque_nm, 3)} Nm` : `${fixed(axis.torque_percent, 1)} %`;
   return (
     <div role="row" className="axis-row" aria-rowindex={index}>
-      <span role="rowheader" className="of-axis"><Link to={`/axis/${encodeURIComponent(name)}`}>{name}</Link> <span className="quiet">{axis.product}</span></span>
+      <span role="rowheader" className="of-axis"><Link to={`/axis/${encodeURIComponent(name)}`}>{name}</Link> <span className="quiet">{[axis.product, coupledWith(axis)].filter(Boolean).join(', ')}</span></span>
       <span role="cell" className="of-state"><StateChip state={axis.state} powered={axis.powered} product={axis.product} /></span>
       <span role="cell" className="of-travel"><Dial axis={axis} geometry={geometry} size={32} /><Travel axis={axis} geometry={geometry} /></span>
       <span role="cell" className="of-position">{value} {unit}</span>

@@ -69,6 +69,7 @@ const signs = [
   ['index of the encoder', <line key="" className="index" x1="15" x2="15" y1="7" y2="17" />],
   ['home switch is active', <rect key="" className="home" x="4" y="10" width="22" height="5" />],
   ['limit switch is active', <rect key="" className="limit" x="4" y="10" width="22" height="5" />],
+  ['beam of a gantry between its two axes', <g key="" className="gantry"><path className="rail" d="M1 5 h28 M1 19 h28" /><line className="beam" x1="15" x2="15" y1="5" y2="19" /></g>],
   ['hard stop', <rect key="" className="hard" x="8" y="1" width="14" height="22" />],
 ] as const;
 const dials = [['rotary axis: the shaft in its turn', 'rotary'], ['arm with its weight; the line is horizontal', 'arm'], ['crank with its slider', 'crank']] as const;
