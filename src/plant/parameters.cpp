@@ -43,10 +43,15 @@ double least_inertia_kgm2(const Parameters& p) {
   return p.load.inertia_kgm2 + (p.load.elastic ? 0.0 : p.motor.rotor_inertia_kgm2);
 }
 
-// A limit as a number of four digits that does not exceed it.
-double rounded_down(double limit) {
-  const double digit = std::pow(10.0, std::floor(std::log10(limit)) - 3.0);
-  return std::floor(limit / digit) * digit;
+// A limit as a number of four digits, so that a message can state it exactly.
+enum class Rounding : std::uint8_t { down, up };
+double rounded(double limit, Rounding rounding) {
+  if (limit == 0.0) return limit;
+  const double places = 3.0 - std::floor(std::log10(limit));
+  const double scale = std::pow(10.0, std::abs(places));
+  const double digits = places < 0.0 ? limit / scale : limit * scale;
+  const double whole = rounding == Rounding::up ? std::ceil(digits) : std::floor(digits);
+  return places < 0.0 ? whole * scale : whole / scale;
 }
 
 // Returns true if an inertia oscillates against a stiffness slowly compared with the tick.
@@ -281,15 +286,17 @@ std::vector<std::string> validate(const CouplingParameters& coupling, const Para
   // 1 rad of it in a tick, and a damper that takes at most all of the relative speed.
   const double per_inertia =
       1.0 / least_inertia_kgm2(first) + coupling.ratio * coupling.ratio / least_inertia_kgm2(second);
-  const double angle = drive::tick_seconds * std::sqrt(std::max(coupling.stiffness_nm_per_rad, 0.0) * per_inertia);
-  const double stiffest = rounded_down(1.0 / (per_inertia * drive::tick_seconds * drive::tick_seconds));
-  const double most_damped = rounded_down(1.0 / (per_inertia * drive::tick_seconds));
+  const double stiffest = rounded(1.0 / (per_inertia * drive::tick_seconds * drive::tick_seconds), Rounding::down);
+  const double most_damped = rounded(1.0 / (per_inertia * drive::tick_seconds), Rounding::down);
   check(messages, "stiffness_nm_per_rad", coupling.stiffness_nm_per_rad, 1.0e-3, std::min(stiffest, 1.0e8));
+  if (!messages.empty()) return messages;  // the limits of the damping depend on the stiffness
+  const double angle = drive::tick_seconds * std::sqrt(coupling.stiffness_nm_per_rad * per_inertia);
   // A flank that closes or opens within a tick changes the energy of the rebound by up to an eighth of the angle's
   // square. This damper takes at least as much.
   const double least_damped =
       coupling.backlash_rad > 0.0 ? coupling.stiffness_nm_per_rad * drive::tick_seconds * angle / 16.0 : 0.0;
-  check(messages, "damping_nms", coupling.damping_nms, least_damped, std::min(most_damped, 1.0e4));
+  check(messages, "damping_nms", coupling.damping_nms, rounded(least_damped, Rounding::up),
+        std::min(most_damped, 1.0e4));
   check(messages, "backlash_rad", coupling.backlash_rad, 0.0, 6.3);
   return messages;
 }
