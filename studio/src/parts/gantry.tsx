@@ -2,7 +2,6 @@ import { memo } from 'react';
 import { isMirrored } from '../model/machine';
 import { travelScale } from '../model/travel';
 import { useAxis } from '../store';
-import { Link } from './controls';
 import { Travel, useGeometry } from './travel';
 
 const percent = (share: number) => `${(100 * share).toFixed(3)}%`;
@@ -19,7 +18,7 @@ export const Gantry = memo(function Gantry({ first, second }: { first: string; s
   const to = mirrored ? 1 - at : at;
   return (
     <section className="panel gantry" aria-label={`Gantry of ${first} and ${second}`}>
-      <h2>Gantry: <Link to={`/axis/${encodeURIComponent(first)}`}>{first}</Link> and <Link to={`/axis/${encodeURIComponent(second)}`}>{second}</Link></h2>
+      <h2>Gantry: {first} and {second}</h2>
       <div className="sides">
         <Travel axis={one} geometry={oneGeometry} />
         <div className={mirrored ? 'mirrored' : undefined}><Travel axis={other} geometry={otherGeometry} /></div>
