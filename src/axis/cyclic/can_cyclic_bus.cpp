@@ -159,6 +159,7 @@ void CanCyclicBus::set_up_pdos(Station& station, bool transmit) {
   const std::uint32_t default_base = transmit ? 0x180 : 0x200;
   for (std::uint8_t number = 0; number < most_pdos; ++number) {
     const std::size_t entries = number < wanted.size() ? wanted[number].size() : 0;
+    if (options_.between) options_.between();
     const auto before = read_pdo(station.objects, transmit, number, entries);
     if (!before) {
       if (number >= wanted.size()) return;
@@ -238,6 +239,7 @@ void CanCyclicBus::put_back(Station& station) {
         [&] { station.objects.download(value.object, std::as_bytes(std::span(&value.value, 1)).first(value.bytes)); });
   }
   for (; !station.pdos_before.empty(); station.pdos_before.pop_back()) {
+    if (options_.between) options_.between();
     restore([&] { write_pdo(station.objects, station.pdos_before.back()); });
   }
   if (problem) std::rethrow_exception(problem);
@@ -297,6 +299,7 @@ void CanCyclicBus::tick() {
   }
   half_ = true;
   if (options_.waits_whole_period) run_cycle();
+  if (options_.ends_when_lost && losses_ > options_.tolerated_losses) return;
   if (last_sync_) {
     const Time late = bus_.now() - *last_sync_ - options_.period;
     counters_.worst_lateness = std::max(counters_.worst_lateness, late);

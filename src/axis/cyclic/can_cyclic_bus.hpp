@@ -44,6 +44,9 @@ struct CanCyclicOptions {
   // recorder.
   bool waits_whole_period = false;
   bool stops_drives = true;  // true: drives that are still enabled at the end are stopped; false: they stay enabled
+  // True: no more SYNC after `tolerated_losses`, so that a bus whose rate is too low for all TPDOs has room again.
+  bool ends_when_lost = false;
+  std::function<void()> between{};  // called before each PDO is set up or restored; others may use the bus meanwhile
 };
 
 // Drives on a CAN bus, synchronised by SYNC. Each period: (1) SYNC, at which the drives apply the last RPDOs and sample

@@ -10,6 +10,7 @@ namespace servodrome::master {
 
 struct EthercatCyclicOptions {
   bool stops_drives = true;  // true: the destructor stops drives that are still enabled
+  bool watches = false;      // true: on_cycle() is for a caller that only watches the inputs, beside another program
 };
 
 // The slaves of an EtherCAT operation as a CyclicBus. If a working counter of a cycle is wrong, the cycle counts as
@@ -35,7 +36,9 @@ class EthercatCyclicBus final : public CyclicBus {
     return images_[drive];
   }
   bool is_fresh(std::size_t) const override { return exchange_.inputs_are_fresh(); }
-  void on_cycle(std::function<void()> action) override { exchange_.on_cycle(std::move(action)); }
+  void on_cycle(std::function<void()> action) override {
+    options_.watches ? exchange_.on_inputs(std::move(action)) : exchange_.on_cycle(std::move(action));
+  }
   void check() const override { exchange_.check(); }
   CycleCounters counters() const override;
   Time inputs_taken() const override { return exchange_.sent(); }

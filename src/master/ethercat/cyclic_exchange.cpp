@@ -249,6 +249,7 @@ void CyclicExchange::run() {
   const bool back = master_.try_exchange(datagrams_, options_.period);
   judge(back);
   schedule();
+  if (on_inputs_) on_inputs_();
   if (on_cycle_) on_cycle_();
 }
 

@@ -94,6 +94,9 @@ class CyclicExchange final : public CyclicTask {
   // `action` is called after each cycle and computes the outputs of the next one. It must not block.
   void on_cycle(std::function<void()> action) { on_cycle_ = std::move(action); }
 
+  // `action` is called after each cycle, before that of on_cycle(), for a caller that only watches the inputs.
+  void on_inputs(std::function<void()> action) { on_inputs_ = std::move(action); }
+
   // Time at which the last cycle's frames were sent.
   Time sent() const { return sent_; }
   const CyclicStatistics& statistics() const { return statistics_; }
@@ -158,6 +161,7 @@ class CyclicExchange final : public CyclicTask {
   std::vector<unsigned> silence_;  // cycles since the AL status of each member was read
   AlState wanted_ = AlState::pre_operational;
   std::function<void()> on_cycle_;
+  std::function<void()> on_inputs_;
 
   bool runs_ = false;
   Time due_ = Time::max();
