@@ -1,8 +1,8 @@
 // Sampling by TPDOs on SYNC, if no other master uses the bus.
-#include <algorithm>
 #include <fmt/format.h>
 
 #include "axis/cyclic/can_cyclic_bus.hpp"
+#include "tools/scope/can_process_data.hpp"
 #include "tools/scope/process_data_sampler.hpp"
 
 namespace servodrome::master::scope {
@@ -12,51 +12,24 @@ namespace {
 using namespace std::chrono_literals;
 
 constexpr Time usual_sync_period = 4ms;
-constexpr Time shortest_sync_period = 1ms;
-constexpr Time longest_sync_period = 20ms;
-// Time to listen for another master. If there is one, it sends SYNC or PDOs, or has started the node.
-constexpr Time shortest_listening = 150ms;
-constexpr Time longest_listening = 3s;
-
-constexpr std::size_t pdo_bytes = 8;
-constexpr std::size_t entries_of_every_drive = 4;  // entries that every drive's PDO has; ProNet has the fewest
-
-// First-fit packing into few PDOs.
-std::vector<std::vector<PdoObject>> pack_into_pdos(const std::vector<Channel>& channels) {
-  std::vector<std::vector<PdoObject>> pdos;
-  const auto bits = [](const std::vector<PdoObject>& pdo) {
-    unsigned sum = 0;
-    for (const PdoObject& object : pdo) sum += object.bits;
-    return sum;
-  };
-  for (const Channel& channel : channels) {
-    const auto fits = [&](const std::vector<PdoObject>& pdo) {
-      return pdo.size() < entries_of_every_drive && bits(pdo) + channel.bits <= 8 * pdo_bytes;
-    };
-    auto room = std::find_if(pdos.begin(), pdos.end(), fits);
-    if (room == pdos.end()) room = pdos.emplace(pdos.end());
-    room->push_back({channel.object, static_cast<std::uint8_t>(channel.bits)});
-  }
-  return pdos;
-}
 
 // Returns how another master is known to use the node's process data; nullopt: there is no sign of one.
 std::optional<std::string> use_by_others(Bus& bus, SdoClient& sdo) {
-  constexpr std::uint32_t sync_id = 0x080;
-  constexpr std::uint32_t first_pdo = 0x180;
-  constexpr std::uint32_t after_pdos = 0x580;
-  std::optional<std::string> seen;
+  std::optional<UseOfPdos> seen;
   const std::uint8_t node = sdo.node_id();
   const auto listening = bus.listen([&](const Frame& frame) {
-    if (frame.extended || frame.remote) return;
-    if (frame.id == sync_id) seen = "another master sends SYNC";
-    if (frame.id >= first_pdo && frame.id < after_pdos && (frame.id & 0x7F) == node) seen = "its PDOs are in use";
-    if (frame.id == 0x700U + node && frame.length == 1 && (frame.data[0] & 0x7F) == 5) seen = "it is operational";
+    const auto use = use_of_pdos(frame);
+    if (use && (use->by == UseOfPdos::By::sync || use->node_id == node)) seen = use;
   });
   const auto heartbeat = std::chrono::milliseconds(sdo.read_if_present<std::uint16_t>(0x1017).value_or(0));
-  const Time span = std::clamp<Time>(2 * heartbeat, shortest_listening, longest_listening);
-  bus.run_until(bus.now() + span, [&] { return seen.has_value(); });
-  return seen;
+  bus.run_until(bus.now() + time_to_listen(heartbeat), [&] { return seen.has_value(); });
+  if (!seen) return std::nullopt;
+  switch (seen->by) {
+    case UseOfPdos::By::sync: return "another master sends SYNC";
+    case UseOfPdos::By::pdo: return "its PDOs are in use";
+    case UseOfPdos::By::operational: return "it is operational";
+  }
+  return std::nullopt;
 }
 
 class CanSession final : public ProcessDataSession {
