@@ -26,7 +26,13 @@ Recording::Recording(Plan plan, Trigger trigger)
       begin_(0),
       end_(never_ends) {
   for (const NamedChannel& channel : plan_.channels) taps_.push_back(channel.open(plan_.stride));
-  first_ = next_ = taps_.front()->due();
+  // A tap that other readers have opened before may be behind the new ones.
+  first_ = taps_.front()->due();
+  for (const auto& tap : taps_) first_ = std::max(first_, tap->due());
+  next_ = first_;
+  if (std::any_of(taps_.begin(), taps_.end(), [](const auto& tap) { return tap->counts(); })) {
+    taken_.resize(values_.size());
+  }
 }
 
 Recording::Recording(Plan plan, std::vector<std::shared_ptr<Samples>> taps, std::int64_t first, std::int64_t trigger,
@@ -80,19 +86,44 @@ bool Recording::take(std::int64_t end) {
   for (; next_ < std::min(end, end_); next_ += plan_.stride) {
     const std::size_t at = slot(next_);
     for (std::size_t i = 0; i < taps_.size(); ++i) values_[i * size + at] = taps_[i]->at(next_);
+    for (std::size_t i = 0; !taken_.empty() && i < taps_.size(); ++i) taken_[i * size + at] = taps_[i]->taken(next_);
   }
-  if (next_ >= end_) {
-    state_ = RecordingState::done;
-    taps_.clear();
-  }
+  if (next_ >= end_) finish(RecordingState::done);
   return state_ != before;
 }
 
 void Recording::stop() {
-  if (ended()) return;
-  state_ = RecordingState::stopped;
+  if (!ended()) finish(RecordingState::stopped);
+}
+
+void Recording::finish(RecordingState state) {
+  state_ = state;
+  for (std::size_t i = 0; i < taps_.size(); ++i) {
+    if (taps_[i]->counts()) plan_.channels[i].view["sampled"].update(count(i));
+  }
   trigger_.reset();
   taps_.clear();
+  taken_ = {};
+  plan_.held.reset();
+}
+
+// The real rate of a channel, and how many of its samples are missing.
+Json Recording::count(std::size_t channel) const {
+  std::int64_t sampled = 0;
+  std::int64_t missed = 0;
+  std::int64_t first = 0;  // rows
+  std::int64_t last = 0;
+  for (std::int64_t row = 0; row < samples(); ++row) {
+    const Taken taken = taken_[channel * static_cast<std::size_t>(plan_.samples) + slot(tick(row))];
+    if (taken == Taken::missed) ++missed;
+    if (taken != Taken::sampled) continue;
+    if (sampled++ == 0) first = row;
+    last = row;
+  }
+  const double rows_per_second = static_cast<double>(drive::ticks_per_second) / static_cast<double>(plan_.stride);
+  const double rate_hz =
+      sampled > 1 ? static_cast<double>(sampled - 1) / static_cast<double>(last - first) * rows_per_second : 0.0;
+  return {{"rate_hz", rate_hz}, {"samples", sampled}, {"missed", missed}};
 }
 
 std::int64_t Recording::first_shown() const {

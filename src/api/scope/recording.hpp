@@ -25,10 +25,11 @@ class Recording {
     std::string name;
     std::string note;
     std::vector<NamedChannel> channels;
-    std::int64_t stride = 1;    // ticks
-    std::int64_t samples = 0;   // in total, for each channel
-    std::int64_t before = 0;    // part of `samples` before the trigger; less than `samples`
-    bool fault_moment = false;  // the line made it because of a fault
+    std::int64_t stride = 1;       // ticks
+    std::int64_t samples = 0;      // in total, for each channel
+    std::int64_t before = 0;       // part of `samples` before the trigger; less than `samples`
+    bool fault_moment = false;     // the line made it because of a fault
+    std::shared_ptr<void> held{};  // what the source has set up for it (Source::Prepared); released when it ends
   };
 
   // Samples from now on. Throws ApiError if the line would have to sample too many values per tick.
@@ -69,11 +70,14 @@ class Recording {
   std::int64_t first_shown() const;
   std::size_t slot(std::int64_t tick) const { return static_cast<std::size_t>(tick / plan_.stride % plan_.samples); }
   void trigger_at(std::int64_t tick);
+  void finish(RecordingState state);
+  Json count(std::size_t channel) const;
 
   Plan plan_;
   std::optional<Trigger> trigger_;
   std::vector<std::shared_ptr<Samples>> taps_;
   std::vector<double> values_;  // a ring buffer for each channel, one after the other
+  std::vector<Taken> taken_{};  // how each of these values was taken; empty: all were sampled
   RecordingState state_ = RecordingState::armed;
   std::optional<std::int64_t> trigger_tick_;
   std::optional<Fault> fault_;

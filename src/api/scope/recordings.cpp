@@ -38,8 +38,10 @@ const Recording& Recordings::add(Source& source, const std::string& body) {
   plan.name = text_of(reader, "name", longest_name).value_or("");
   plan.note = text_of(reader, "note", longest_note).value_or("");
   plan.channels = read_channels(source, reader.required("channels"));
-  plan.stride =
-      source.stride_of(reader.number("rate_hz", 1, ticks_per_second).value_or(ticks_per_second), plan.channels);
+  const double asked_hz = reader.number("rate_hz", 1, ticks_per_second).value_or(ticks_per_second);
+  Source::Prepared prepared = source.prepare(asked_hz, plan.channels);
+  plan.stride = prepared.stride;
+  plan.held = std::move(prepared.held);
   const double rate_hz = ticks_per_second / static_cast<double>(plan.stride);
   const double duration_ms = reader.number("duration_ms", 0, longest_ms).value_or(500);
   const double before_ms = reader.number("pre_ms", 0, longest_ms).value_or(0);

@@ -38,15 +38,28 @@ class SampleRows {
   std::vector<double> values_;
 };
 
+// How a row got its value.
+enum class Taken : std::uint8_t {
+  sampled,  // a sample of this row
+  held,     // the last value; none was due
+  missed,   // a value was due and has not arrived
+};
+
 // One column of SampleRows, for a reader of its values.
 class Samples {
  public:
   // `rows` must outlive it.
   explicit Samples(const SampleRows& rows, std::size_t column = 0) : rows_(&rows), column_(column) {}
+  virtual ~Samples() = default;
 
   std::int64_t stride() const { return rows_->stride(); }
   std::int64_t due() const { return rows_->due(); }
   double at(std::int64_t tick) const { return rows_->at(tick, column_); }
+
+  // False: every row is a sample.
+  virtual bool counts() const { return false; }
+  // The same range of ticks as at().
+  virtual Taken taken(std::int64_t) const { return Taken::sampled; }
 
  private:
   const SampleRows* rows_;

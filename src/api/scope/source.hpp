@@ -34,6 +34,15 @@ class Source {
   virtual NamedChannel object(const std::string& axis, std::uint16_t index, std::uint8_t sub) = 0;
   // Returns the stride nearest to a rate at which these channels can be sampled together.
   virtual std::int64_t stride_of(double rate_hz, const std::vector<NamedChannel>& channels) const = 0;
+  // The same for a recording. It may wait, set up the source for the recording, and replace `channels` by those to
+  // open.
+  struct Prepared {
+    std::int64_t stride = 1;
+    std::shared_ptr<void> held{};  // what was set up is undone when this ends
+  };
+  virtual Prepared prepare(double rate_hz, std::vector<NamedChannel>& channels) {
+    return {stride_of(rate_hz, channels), nullptr};
+  }
   // Returns the stride at which a trigger is evaluated, for a recording with this stride.
   virtual std::int64_t trigger_stride(std::int64_t stride) const = 0;
 
