@@ -27,6 +27,13 @@ class OpenGroup final : public studio::OpenBus {
   Cyclic open_cyclic(std::size_t drive, const master::CanDrive& exchanged) override {
     return {group_.open_cyclic(exchanged), group_.operates() ? drive : 0};
   }
+  master::CyclicBus* cycle() override { return group_.cycle(); }
+  std::unique_ptr<master::CanCyclicBus> record(const std::vector<master::CanDrive>& drives, master::Time period,
+                                               const std::function<void()>& between) override {
+    return group_.record(drives, period, between);
+  }
+  void to_pre_operational(std::size_t drive) override { group_.to_pre_operational(drive); }
+  std::optional<bool> is_operational(std::size_t drive) override { return group_.is_operational(drive); }
   void configure(std::size_t drive, const Action& action, const Action& undo) override {
     group_.configure(drive, action, undo);
   }

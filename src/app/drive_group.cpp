@@ -71,6 +71,7 @@ void DriveGroup::operate() {
   std::vector<master::EthercatSlave*> slaves;
   for (const auto& slave : slaves_) slaves.push_back(slave.get());
   operation_.emplace(*ethercat_, segment_, slaves, operation_options_);
+  watched_.emplace(*ethercat_, *operation_, master::EthercatCyclicOptions{.stops_drives = false, .watches = true});
 }
 
 std::unique_ptr<master::CyclicBus> DriveGroup::open_cyclic(const master::CanDrive& on_can) {
@@ -82,8 +83,39 @@ std::unique_ptr<master::CyclicBus> DriveGroup::open_cyclic(const master::CanDriv
                                                 master::CanCyclicOptions{.period = period, .waits_whole_period = true});
 }
 
+std::unique_ptr<master::CanCyclicBus> DriveGroup::record(const std::vector<master::CanDrive>& drives,
+                                                         master::Time period, const std::function<void()>& between) {
+  if (!bus_) throw master::MasterError("there are no TPDOs", "this bus", "use the drive's CAN port");
+  constexpr master::Time longest_loss = std::chrono::milliseconds(100);
+  return std::make_unique<master::CanCyclicBus>(
+      *bus_, drives,
+      master::CanCyclicOptions{.period = period,
+                               .tolerated_losses = static_cast<unsigned>(longest_loss / period),
+                               .waits_whole_period = true,
+                               .stops_drives = false,
+                               .ends_when_lost = true,
+                               .between = between});
+}
+
+void DriveGroup::to_pre_operational(std::size_t axis) {
+  if (bus_) master::Master(*bus_).command(master::NmtCommand::enter_pre_operational, sdos_[axis]->node_id());
+}
+
+// By node guarding, which a node with a life time (100Ch, 100Dh) would expect again and again from then on.
+std::optional<bool> DriveGroup::is_operational(std::size_t axis) {
+  constexpr master::Time timeout = std::chrono::milliseconds(100);
+  if (!bus_) return std::nullopt;
+  const bool has_life_time = objects_[axis]->read_if_present<std::uint16_t>(0x100C).value_or(0) != 0 &&
+                             objects_[axis]->read_if_present<std::uint8_t>(0x100D).value_or(0) != 0;
+  if (has_life_time) return std::nullopt;
+  const auto answer = master::Master(*bus_).guard(sdos_[axis]->node_id(), timeout);
+  if (!answer) return std::nullopt;
+  return answer->state == master::NmtState::operational;
+}
+
 void DriveGroup::configure(std::size_t axis, const Action& action, const Action& undo) {
   if (!operation_) return action(*objects_[axis]);
+  watched_.reset();
   operation_.reset();  // all slaves go to PREOP
   master::EthercatSlave& slave = *slaves_[axis];
   master::CoeObjects objects(slave);

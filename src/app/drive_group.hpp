@@ -39,6 +39,14 @@ class DriveGroup {
   // Exchanges process data at a fixed rate: on CANopen those of the drive in `on_can`, every millisecond; on EtherCAT
   // those that all slaves map. Throws MasterError on a bus without process data.
   std::unique_ptr<master::CyclicBus> open_cyclic(const master::CanDrive& on_can);
+  // The cycle of EtherCAT slaves in OP, for a caller that only watches the inputs; nullptr on other buses. Valid until
+  // configure().
+  master::CyclicBus* cycle() { return watched_ ? &*watched_ : nullptr; }
+  // Sets up TPDOs of these nodes and sends SYNC for a recording (studio::OpenBus::record). Throws MasterError.
+  std::unique_ptr<master::CanCyclicBus> record(const std::vector<master::CanDrive>& drives, master::Time period,
+                                               const std::function<void()>& between);
+  void to_pre_operational(std::size_t axis);
+  std::optional<bool> is_operational(std::size_t axis);
   // Runs `action` in a state in which the drive accepts changes of its process data: all EtherCAT slaves go to PREOP
   // for it. Then they operate with the change. If they cannot, runs `undo` and throws the reason. Afterwards the axes
   // on EtherCAT must not be used any more.
@@ -71,6 +79,7 @@ class DriveGroup {
   std::deque<master::LostMasterReaction> reactions_;  // of the slaves; they end after the operation
   master::OperationOptions operation_options_{};
   std::optional<master::EthercatOperation> operation_;
+  std::optional<master::EthercatCyclicBus> watched_;
   std::vector<std::unique_ptr<master::ObjectClient>> objects_;
   std::vector<master::SdoClient*> sdos_;  // the objects on CAN
   std::optional<master::MasterWatch> watch_;

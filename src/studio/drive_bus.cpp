@@ -3,7 +3,6 @@
 #include <algorithm>
 #include <cmath>
 #include <fmt/format.h>
-#include <limits>
 
 #include "api/change_log.hpp"
 #include "axis/cia402_words.hpp"
@@ -25,7 +24,6 @@ constexpr auto idle_time = 1ms;        // sleep when nothing is to be done
 constexpr auto time_for_others = 8ms;  // longest time that a work item gives to other accesses at once
 constexpr std::uint16_t fault_or_warning = 1U << 3 | master::status_bit::warning;
 constexpr DriveBus::Clock::time_point poll_at_once{};
-constexpr double not_read = std::numeric_limits<double>::quiet_NaN();
 
 JobError error_of(const std::exception& error, const std::string& where) {
   if (const auto* known = dynamic_cast<const master::MasterError*>(&error)) {
@@ -41,6 +39,9 @@ void refuse(Waiting& waiting, const JobError& problem) {
   waiting.done = true;
 }
 
+// Communication and mapping of PDOs.
+bool is_pdo(master::ObjectAddress object) { return object.index >= 0x1400 && object.index < 0x1C00; }
+
 bool is_store_command(master::ObjectAddress object, std::string_view product) {
   constexpr std::uint16_t store_parameters = 0x1010;
   const auto commands = master::parameter_rules_of(product).store;
@@ -50,30 +51,13 @@ bool is_store_command(master::ObjectAddress object, std::string_view product) {
 
 }  // namespace
 
-void PolledSamples::note(std::int64_t tick, std::span<const std::byte> bytes) {
-  const std::int64_t at = (tick + stride() / 2) / stride() * stride();
-  const std::lock_guard lock(mutex_);
-  if (read_.empty() || read_.back().tick < at) read_.push_back({at, decode_(bytes)});
-  if (read_.size() > api::SampleRows::kept) read_.pop_front();
-  next_ = std::max(at, tick) / stride() * stride() + stride();
-}
-
-void PolledSamples::skip(std::int64_t tick) { next_ = tick / stride() * stride() + stride(); }
-
-void PolledSamples::advance(std::int64_t end) {
-  const std::lock_guard lock(mutex_);
-  while (due() < end) {
-    while (!read_.empty() && read_.front().tick < due()) read_.pop_front();
-    const bool there = !read_.empty() && read_.front().tick == due();
-    rows_.put().front() = there ? read_.front().value : not_read;
-  }
-}
-
 DriveBus::DriveBus(BusPlan plan, Clock::time_point start)
     : plan_(std::move(plan)),
       start_(start),
       traffic_(plan_.type, plan_.link, start),
       foreign_(node_ids_of(plan_)),
+      cycle_(start.time_since_epoch()),
+      pdos_(start.time_since_epoch()),
       next_poll_(plan_.drives.size()),
       silent_(plan_.drives.size(), false),
       stop_when_back_(plan_.drives.size(), false) {
@@ -83,7 +67,11 @@ DriveBus::DriveBus(BusPlan plan, Clock::time_point start)
       [this, opened = std::make_shared<std::unique_ptr<OpenBus>>(plan_.open(heard()))] { run(std::move(*opened)); });
 }
 
-links::Heard DriveBus::heard() { return plan_.type == "can" ? foreign_.heard(traffic_.heard()) : traffic_.heard(); }
+links::Heard DriveBus::heard() {
+  if (plan_.type != "can") return traffic_.heard();
+  pdos_.forget(links::steady_now());
+  return foreign_.heard(pdos_.heard(traffic_.heard()));
+}
 
 DriveBus::~DriveBus() {
   {
@@ -151,10 +139,25 @@ void DriveBus::submit(std::shared_ptr<Work> work) {
   woken_.notify_all();
 }
 
-void DriveBus::sample(const std::shared_ptr<PolledSamples>& samples) {
+void DriveBus::sample(const std::shared_ptr<BusSamples>& samples) {
+  if (samples->sampling().by == Sampling::By::cycle) return cycle_.add(samples);
+  if (samples->sampling().by == Sampling::By::pdo) return pdos_.add(samples);
   const std::lock_guard lock(mutex_);
   std::erase_if(sampled_, [](const auto& its) { return its.expired(); });
   sampled_.push_back(samples);
+}
+
+std::unique_ptr<master::CanCyclicBus> OpenBus::record(const std::vector<master::CanDrive>&, master::Time,
+                                                      const std::function<void()>&) {
+  throw master::MasterError("there are no TPDOs", "this bus", "use the drive's CAN port");
+}
+
+void DriveBus::record(OpenBus& open, const TpdoRecorder::Wish& wish) {
+  recorder_.begin(open, wish, [this, &open] { serve_urgent(open); });
+}
+
+void DriveBus::serve_urgent(OpenBus& open) {
+  while (const auto access = next_access(nullptr, true)) carry_out(open, access);
 }
 
 void DriveBus::stop_when_back(std::size_t drive) {
@@ -205,6 +208,10 @@ bool DriveBus::serve(OpenBus& open) {
     next_poll_[i] = {};
     silent_[i] = false;
   }
+  std::optional<CycleSampler::Attachment> attached(std::in_place, cycle_, open.cycle());
+  // However serving ends, the drives get their TPDOs back.
+  const auto recording_end = std::unique_ptr<TpdoRecorder, std::function<void(TpdoRecorder*)>>(
+      &recorder_, [](TpdoRecorder* recorder) { recorder->end(); });
   {
     const std::lock_guard lock(mutex_);
     state_.problem.reset();
@@ -218,7 +225,9 @@ bool DriveBus::serve(OpenBus& open) {
       carry_out(open, access);
       continue;
     }
+    if (recorder_.is_over()) recorder_.end();
     if (const auto work = next_work()) {
+      if (work->reopens) attached.reset();
       carry_out(open, work);
       if (work->reopens) return true;
       continue;
@@ -342,6 +351,10 @@ void DriveBus::carry_out(OpenBus& open, const std::shared_ptr<Access>& access) {
   master::ObjectClient& objects = *open.drives()[access->drive];
   const UrgentAbort urgent_abort(*this, open, !access->writes);
   try {
+    if (access->writes && is_pdo(access->object) && recorder_.has(access->drive)) {
+      throw master::ObjectError("a recording has set up the PDOs of the drive", objects.where(),
+                                "wait for its end, stop it or delete it", false, true);
+    }
     if (access->writes && is_store_command(access->object, plan_.drives[access->drive].product)) {
       store(open, *access);
     } else if (access->writes) {
@@ -369,8 +382,10 @@ void DriveBus::carry_out(OpenBus& open, const std::shared_ptr<Access>& access) {
   }
 }
 
-// The drive stores its own values, not those of the supervision, which begins again afterwards.
+// The drive stores its own values, not those of the supervision, which begins again afterwards, or of a recording,
+// which then has no more samples.
 void DriveBus::store(OpenBus& open, const Access& access) {
+  if (recorder_.has(access.drive)) recorder_.end();
   open.release(access.drive);
   std::exception_ptr refusal;
   try {
@@ -384,7 +399,7 @@ void DriveBus::store(OpenBus& open, const Access& access) {
 }
 
 bool DriveBus::sample_one(OpenBus& open) {
-  std::shared_ptr<PolledSamples> most_due;
+  std::shared_ptr<BusSamples> most_due;
   const auto began = Clock::now();
   const std::int64_t now = tick_of(began);
   {
@@ -453,6 +468,7 @@ bool DriveBus::poll_one(OpenBus& open, bool silent_too) {
     const bool asks_why = (seen.status.statusword & fault_or_warning) != 0;
     seen.error_code = asks_why ? objects.read_if_present<std::uint16_t>(0x603F).value_or(0) : std::uint16_t{0};
     seen.watch = open.watch_of(i);
+    if (recorder_.must_restore(i)) recorder_.restore(open, i, [&] { serve_urgent(open); });
     seen.problem.reset();
   } catch (const master::ObjectError& error) {
     seen.problem = error_of(error, plan_.link);

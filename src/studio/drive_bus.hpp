@@ -13,11 +13,14 @@
 #include <thread>
 #include <vector>
 
-#include "api/scope/samples.hpp"
 #include "axis/axis402.hpp"
+#include "studio/bus_samples.hpp"
 #include "studio/bus_traffic.hpp"
+#include "studio/cycle_sampler.hpp"
 #include "studio/drives.hpp"
 #include "studio/foreign_writes.hpp"
+#include "studio/heard_pdos.hpp"
+#include "studio/tpdo_recorder.hpp"
 
 // Drives on a bus. The calls of `master` and `axis` block, so each bus has its own thread.
 namespace servodrome::studio {
@@ -47,6 +50,19 @@ class OpenBus {
     std::size_t drive;  // index of the drive in `bus`
   };
   virtual Cyclic open_cyclic(std::size_t drive, const master::CanDrive& exchanged) = 0;
+
+  // The cycle that runs anyhow, of all drives in their order, for a caller that only watches its inputs; nullptr: there
+  // is none. Valid as long as this object.
+  virtual master::CyclicBus* cycle() { return nullptr; }
+
+  // Sets up TPDOs of drives on CAN and sends SYNC with this period, as long as the result lives; then restores what the
+  // drives had. `between` is called between two steps. Throws MasterError.
+  virtual std::unique_ptr<master::CanCyclicBus> record(const std::vector<master::CanDrive>& drives, master::Time period,
+                                                       const std::function<void()>& between);
+  // Brings a node on CAN to pre-operational.
+  virtual void to_pre_operational(std::size_t) {}
+  // Asks a node on CAN that has no heartbeat for its state; nullopt: it does not answer, or must not be asked.
+  virtual std::optional<bool> is_operational(std::size_t) { return std::nullopt; }
 
   // Runs `action` in a state in which the drive accepts changes of its process data. An EtherCAT bus must be reopened
   // afterwards. If its slaves no longer operate with the change, runs `undo` and throws the reason.
@@ -121,48 +137,6 @@ struct Work {
   std::atomic<bool> cancelled{false};
 };
 
-// Values of an object that the thread of a bus polls by the wall clock. For each multiple of the stride it keeps the
-// value read nearest to it; NaN if none was read in time.
-class PolledSamples final : public api::Samples {
- public:
-  // Decodes the bytes of the object to a number.
-  using Decode = std::function<double(std::span<const std::byte> bytes)>;
-
-  PolledSamples(std::size_t drive, master::ObjectAddress object, Decode decode, std::int64_t stride, std::int64_t first)
-      : Samples(rows_),
-        rows_(stride, first, 1),
-        drive_(drive),
-        object_(object),
-        decode_(std::move(decode)),
-        next_(first) {}
-
-  std::size_t drive() const { return drive_; }
-  master::ObjectAddress object() const { return object_; }
-
-  // --- Called by the thread of the bus
-  std::int64_t wanted() const { return next_; }  // tick at which the next read is due
-  void note(std::int64_t tick, std::span<const std::byte> bytes);
-  void skip(std::int64_t tick);  // reading failed at this tick
-
-  // --- Called by the thread of the server
-  // All ticks before `end` have passed.
-  void advance(std::int64_t end);
-
- private:
-  struct Value {
-    std::int64_t tick;
-    double value;
-  };
-
-  api::SampleRows rows_;
-  std::size_t drive_;
-  master::ObjectAddress object_;
-  Decode decode_;
-  std::int64_t next_;
-  std::mutex mutex_;
-  std::deque<Value> read_;
-};
-
 class DriveBus {
  public:
   using Clock = std::chrono::steady_clock;
@@ -207,7 +181,12 @@ class DriveBus {
   void submit(std::shared_ptr<Work> work);
   // Refuses the waiting writes that would move the drive.
   void cancel_motion(std::size_t drive);
-  void sample(const std::shared_ptr<PolledSamples>& samples);
+  void sample(const std::shared_ptr<BusSamples>& samples);
+  const CycleSampler& cycle() const { return cycle_; }
+  HeardPdos& pdos() { return pdos_; }
+  // Sets up TPDOs for recordings. Only for a work item. Throws MasterError.
+  void record(OpenBus& open, const TpdoRecorder::Wish& wish);
+  bool records() const { return recorder_.runs(); }  // only for a work item
   // Gives the drive a quick stop when it answers again: it was moving when the bus was lost.
   void stop_when_back(std::size_t drive);
 
@@ -224,7 +203,8 @@ class DriveBus {
   std::shared_ptr<Access> next_access(const Work* beside = nullptr, bool urgent_only = false);
   std::shared_ptr<Work> next_work(bool beside = false);
   void carry_out(OpenBus& open, const std::shared_ptr<Access>& access);
-  static void store(OpenBus& open, const Access& access);
+  void serve_urgent(OpenBus& open);
+  void store(OpenBus& open, const Access& access);
   std::deque<std::shared_ptr<Access>>::iterator first_ordinary();
   void carry_out(OpenBus& open, const std::shared_ptr<Work>& work);
   void serve_beside(OpenBus& open, const Work& work);
@@ -239,16 +219,19 @@ class DriveBus {
   Clock::time_point start_;
   BusTraffic traffic_;
   ForeignWrites foreign_;
+  CycleSampler cycle_;
+  HeardPdos pdos_;  // on CAN
   mutable std::mutex mutex_;
   std::condition_variable woken_;
   bool ending_ = false;
   std::deque<std::shared_ptr<Access>> waiting_;
   std::deque<std::shared_ptr<Work>> waiting_work_;
   std::shared_ptr<Work> running_work_;
-  std::vector<std::weak_ptr<PolledSamples>> sampled_;
+  std::vector<std::weak_ptr<BusSamples>> sampled_;  // by reading
   State state_;
 
   // Used only by the thread of the bus
+  TpdoRecorder recorder_{cycle_, pdos_};
   std::vector<master::Axis402> axes_;
   std::vector<Clock::time_point> next_poll_;
   std::vector<bool> silent_;

@@ -105,6 +105,8 @@ Json view_of(const RealDrives& drives, std::size_t index) {
   view["errors"] = state.failed;
   view["lost"] = state.losses;
   view["access_ms"] = state.access_s * 1000;
+  if (bus.plan().type == "ethercat") view["cycles"] = bus.cycle().count();
+  view["sampling_hz"] = drives.most_sampling_hz(index);
   view["disturbance"] = nullptr;
   view["axes"] = std::move(axes);
   view["links"] = Json::array();

@@ -16,25 +16,6 @@ namespace {
 using api::ApiError;
 using api::Json;
 
-// Throws MasterError with `reason` if the motor is on. An example of a reason: a slave that leaves OP then goes to
-// fault.
-void require_no_torque(master::ObjectClient& objects, const char* reason) {
-  std::uint16_t statusword = 0;
-  try {
-    statusword = objects.read<std::uint16_t>(0x6041);
-  } catch (const master::ObjectError& error) {
-    if (!error.answered()) return;  // the drive is silent: no check is possible
-    throw;
-  }
-  using enum drive::PowerState;
-  const drive::PowerState state = master::state_of(statusword);
-  if (state != switched_on && state != operation_enabled && state != quick_stop_active &&
-      state != fault_reaction_active) {
-    return;
-  }
-  throw master::MasterError(reason, objects.where(), "disable the axis first");
-}
-
 std::shared_ptr<Access> quick_stop_of(std::size_t drive) {
   constexpr std::array quick_stop{std::byte{0x02}, std::byte{0x00}};  // CiA 402-2 table 24
   const auto access = std::make_shared<Access>();
@@ -52,6 +33,23 @@ const line::Product& tables_of(const std::string& product) {
 }
 
 }  // namespace
+
+void require_no_torque(master::ObjectClient& objects, const char* reason) {
+  std::uint16_t statusword = 0;
+  try {
+    statusword = objects.read<std::uint16_t>(0x6041);
+  } catch (const master::ObjectError& error) {
+    if (!error.answered()) return;  // the drive is silent: no check is possible
+    throw;
+  }
+  using enum drive::PowerState;
+  const drive::PowerState state = master::state_of(statusword);
+  if (state != switched_on && state != operation_enabled && state != quick_stop_active &&
+      state != fault_reaction_active) {
+    return;
+  }
+  throw master::MasterError(reason, objects.where(), "disable the axis first");
+}
 
 RealDrives::RealDrives(std::vector<BusPlan> plans) : start_(DriveBus::Clock::now()), wall_epoch_(links::wall_now()) {
   for (BusPlan& plan : plans) {
@@ -71,6 +69,8 @@ RealDrives::RealDrives(std::vector<BusPlan> plans) : start_(DriveBus::Clock::now
   operated_.resize(axes_.size());
   told_.resize(axes_.size());
   told_of_buses_.resize(buses_.size());
+  sampled_.resize(buses_.size());
+  set_ups_.resize(buses_.size());
 }
 
 const RealDrives::Axis* RealDrives::find(std::string_view name) const {
@@ -151,8 +151,12 @@ Json RealDrives::in_cycles(const std::string& name, master::ObjectClient& object
   const auto shared = std::make_shared<Shared>();
   const auto handed = changes_->hand_out(index_of(axis));
   const auto task = std::make_shared<studio::Work>();
-  task->carry_out = [shared, handed, exchanged, work, drive = axis.drive](OpenBus& bus,
-                                                                          const studio::Work::IsToEnd& is_to_end) {
+  task->carry_out = [shared, handed, exchanged, work, drive = axis.drive, &on = *buses_[axis.bus]](
+                        OpenBus& bus, const studio::Work::IsToEnd& is_to_end) {
+    if (on.records()) {
+      throw master::MasterError("a recording has set up the PDOs of this bus", bus.drives()[drive]->where(),
+                                "wait for its end, stop it or delete it");
+    }
     const OpenBus::Cyclic cyclic = bus.open_cyclic(drive, exchanged);
     const auto tell = [&shared](const char* doing, double share) {
       const std::lock_guard lock(shared->mutex);
@@ -179,6 +183,7 @@ Json RealDrives::in_cycles(const std::string& name, master::ObjectClient& object
     if (!doing.empty()) progress(doing.c_str(), share);
     objects.wait(look_period);
   });
+  buses_[axis.bus]->pdos().forget(links::steady_now());
   changes_->collect();
   return std::move(shared->found);
 }

@@ -22,7 +22,8 @@ class RealDrives final : public Drives, public api::Source, public Subjects {
  public:
   // After this delay all recorded values of a moment are available, or missed.
   static constexpr auto latency = std::chrono::milliseconds(40);
-  static constexpr std::int64_t finest_stride = 160;  // ticks: 100 Hz
+  static constexpr std::int64_t finest_reading = 160;  // ticks between two readings of an object: 100 Hz
+  static constexpr std::int64_t finest_sent = 16;      // ticks between two rows of TPDOs: 1 kHz
 
   struct Axis {
     std::string name;
@@ -76,10 +77,15 @@ class RealDrives final : public Drives, public api::Source, public Subjects {
   // What this program wrote to the drives.
   api::ChangeLog& changes() const { return changes_->log(); }
 
-  // Fetches the values that the threads of the buses have read. Returns the events of the stream since the last call.
-  std::vector<api::Json> advance();
+  // Fetches the values of ticks before `end` that the threads of the buses have sampled, as many as their readers can
+  // take at once. Returns the tick that it has reached: call it again after the readers if that is less than `end`.
+  std::int64_t take_samples(std::int64_t end);
+  // The events of the stream since the last call.
+  std::vector<api::Json> events();
 
   static std::vector<std::string_view> signal_names();
+  // The greatest rate of a recording of drives on this bus.
+  double most_sampling_hz(std::size_t bus) const;
 
   // --- Drives
   master::Time now() const override { return DriveBus::Clock::now() - start_; }
@@ -113,6 +119,7 @@ class RealDrives final : public Drives, public api::Source, public Subjects {
   api::NamedChannel signal(const std::string& axis, std::string_view name) override;
   api::NamedChannel object(const std::string& axis, std::uint16_t index, std::uint8_t sub) override;
   std::int64_t stride_of(double rate_hz, const std::vector<api::NamedChannel>& channels) const override;
+  Prepared prepare(double rate_hz, std::vector<api::NamedChannel>& channels) override;
   std::int64_t trigger_stride(std::int64_t stride) const override { return stride; }
   std::vector<api::Json> views() override;
   api::Json clock() override;
@@ -139,8 +146,40 @@ class RealDrives final : public Drives, public api::Source, public Subjects {
   void note_foreign_writes();
   std::size_t index_of(const Axis& axis) const { return static_cast<std::size_t>(&axis - axes_.data()); }
   void take_back_targets(const Axis& axis, const Wait& wait, bool is_idle);
-  api::NamedChannel channel(const Axis& axis, master::ObjectAddress object, PolledSamples::Decode decode,
-                            const std::string& key, Json view, std::function<double()> value);
+  // What a channel samples.
+  struct Sampled {
+    const Axis* axis;
+    master::ObjectAddress object;
+    BusSamples::Decode decode;
+    std::string key{};  // set by channel(): axis and signal or object
+  };
+  // How a channel of a recording is sampled.
+  struct Chosen {
+    const Sampled* sampled;
+    Sampling sampling;
+    std::string by;                    // in words
+    std::optional<JobError> limit{};   // why it is not faster
+    std::vector<std::byte> initial{};  // the value before the first TPDO
+  };
+
+  api::NamedChannel channel(Sampled sampled, Json view, std::function<double()> value);
+  // `channel` is one that channel() has made.
+  const Sampled& sampled_by(const api::NamedChannel& channel) const;
+  Sampling usual_sampling(const Sampled& sampled, std::int64_t stride) const;
+  std::shared_ptr<api::Samples> open_samples(const Sampled& sampled, const Sampling& sampling, std::int64_t stride,
+                                             std::span<const std::byte> initial = {});
+  std::int64_t reading_period(const std::vector<Chosen>& channels) const;
+  std::int64_t choose_stride(std::int64_t wanted, std::vector<Chosen>& channels) const;
+  std::vector<Chosen> usual_choice(const std::vector<api::NamedChannel>& channels) const;
+  // Chooses TPDOs for channels on CAN: those that the drives send, or such that it sets up for `wanted`, a stride, as
+  // long as the result lives.
+  std::shared_ptr<void> choose_pdos(std::int64_t wanted, std::vector<Chosen>& channels);
+  std::shared_ptr<void> choose_pdos_of(std::size_t bus, std::int64_t wanted, const std::vector<Chosen*>& channels);
+  std::shared_ptr<void> set_up_pdos(std::size_t bus, std::int64_t wanted, const std::vector<Chosen*>& channels);
+  void choose_set_up_pdos(std::size_t bus, const std::vector<Chosen*>& channels);
+  void choose_sent_pdos(std::size_t bus, const std::vector<Chosen*>& channels, const HeardPdos::Use& use);
+  HeardPdos::Use use_of_pdos(std::size_t bus, const std::vector<Chosen*>& channels);
+  JobError limit_of(const Sampled& sampled, const Sampling& sampling) const;
 
   DriveBus::Clock::time_point start_;
   master::Time wall_epoch_;
@@ -152,7 +191,15 @@ class RealDrives final : public Drives, public api::Source, public Subjects {
   std::vector<Told> told_;
   std::vector<Told> told_of_buses_;
   Wait wait_;
-  std::map<std::string, std::weak_ptr<PolledSamples>> polled_;  // cache: several readers share the samples
+  std::map<std::string, Sampled> objects_;  // by Sampled::key
+  // Of each bus. Several readers share the samples.
+  std::vector<std::map<std::string, std::weak_ptr<BusSamples>>> sampled_;
+  std::vector<std::weak_ptr<void>> set_ups_;  // of each bus: the TPDOs that are set up for recordings
+  std::int64_t advanced_ = 0;                 // the values of all ticks before it have been fetched
 };
+
+// Throws MasterError with `reason` if the motor is on. An example of a reason: a slave that leaves OP then goes to
+// fault.
+void require_no_torque(master::ObjectClient& objects, const char* reason);
 
 }  // namespace servodrome::studio

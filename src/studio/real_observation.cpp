@@ -6,7 +6,6 @@
 #include <fmt/format.h>
 #include <limits>
 
-#include "api/scope/channel_list.hpp"
 #include "axis/fault_report.hpp"
 #include "drive/drive.hpp"
 #include "line/axis.hpp"
@@ -68,21 +67,6 @@ constexpr std::array signals{
 
 std::int64_t RealDrives::tick() const { return (now() - master::Time(latency)) / line::tick_length; }
 
-NamedChannel RealDrives::channel(const Axis& axis, master::ObjectAddress object, PolledSamples::Decode decode,
-                                 const std::string& key, Json view, std::function<double()> value) {
-  const auto open = [this, bus = axis.bus, drive = axis.drive, object, decode,
-                     key](std::int64_t stride) -> std::shared_ptr<api::Samples> {
-    std::weak_ptr<PolledSamples>& known = polled_[fmt::format("{}/{}", key, stride)];
-    if (auto samples = known.lock()) return samples;
-    const std::int64_t first = (tick() / stride + 1) * stride;
-    auto samples = std::make_shared<PolledSamples>(drive, object, decode, stride, first);
-    buses_[bus]->sample(samples);
-    known = samples;
-    return samples;
-  };
-  return {axis.name, std::move(view), open, std::move(value)};
-}
-
 std::vector<std::string_view> RealDrives::signal_names() {
   std::vector<std::string_view> names;
   for (const Signal& row : signals) names.emplace_back(row.name);
@@ -93,8 +77,7 @@ NamedChannel RealDrives::signal(const std::string& name, std::string_view signal
   const Axis& axis = axis_of(name);
   for (const Signal& row : signals) {
     if (row.name != signal) continue;
-    const auto decode = [&row](std::span<const std::byte> bytes) { return row.of(number_of(row.type, bytes)); };
-    return channel(axis, {row.index, 0}, decode, fmt::format("{}/{}", name, signal),
+    return channel({&axis, {row.index, 0}, [&row](auto bytes) { return row.of(number_of(row.type, bytes)); }},
                    {{"axis", name}, {"signal", signal}, {"name", row.name}, {"unit", row.unit}},
                    [this, &axis, &row] { return row.present(state_of(axis)); });
   }
@@ -110,22 +93,9 @@ NamedChannel RealDrives::object(const std::string& name, std::uint16_t index, st
     throw ApiError{422, fmt::format("{} {}", text, entry == nullptr ? "is not known" : "is not a readable number"),
                    name, fmt::format("GET /api/v1/axes/{}/objects lists the objects", name)};
   }
-  const auto decode = [type = entry->type](std::span<const std::byte> bytes) { return number_of(type, bytes); };
-  return channel(axis, {index, sub}, decode, fmt::format("{}/{}", name, text),
+  return channel({&axis, {index, sub}, [type = entry->type](auto bytes) { return number_of(type, bytes); }},
                  {{"axis", name}, {"object", text}, {"name", entry->name}, {"unit", entry->unit}},
                  [] { return no_value; });
-}
-
-// Chooses the stride so that sampling uses at most half of the time of the busiest bus.
-std::int64_t RealDrives::stride_of(double rate_hz, const std::vector<NamedChannel>& channels) const {
-  std::vector<double> busy_s(buses_.size());
-  for (const NamedChannel& channel : channels) {
-    const Axis& axis = axis_of(channel.axis);
-    busy_s[axis.bus] += buses_[axis.bus]->state().access_s;
-  }
-  const double longest_s = *std::max_element(busy_s.begin(), busy_s.end());
-  const double rate = std::min(rate_hz, 0.5 / longest_s);
-  return std::max(finest_stride, api::stride_of_rate(std::max(rate, 1.0)));
 }
 
 Json RealDrives::clock() {
@@ -199,16 +169,11 @@ void RealDrives::note_foreign_writes() {
   }
 }
 
-std::vector<Json> RealDrives::advance() {
-  const std::int64_t end = tick() + 1;
-  for (auto entry = polled_.begin(); entry != polled_.end();) {
-    const auto samples = entry->second.lock();
-    if (samples) samples->advance(end);
-    entry = samples ? std::next(entry) : polled_.erase(entry);
-  }
+std::vector<Json> RealDrives::events() {
+  const std::int64_t now = tick();
   std::vector<Json> events;
   const auto tell = [&](const char* kind, const Json& axis, Json details) {
-    Json event{{"kind", kind}, {"axis", axis}, {"tick", end - 1}};
+    Json event{{"kind", kind}, {"axis", axis}, {"tick", now}};
     event.update(details);
     events.push_back(std::move(event));
   };

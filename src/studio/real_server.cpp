@@ -20,6 +20,7 @@ constexpr master::Time shortest_sleep = 200us;
 constexpr master::Time view_period = 10ms;       // period of updates from the drives
 constexpr master::Time attention_period = 20ms;  // period of time-based messages to clients
 constexpr master::Time longest_stop = 2s;        // longest time to stop an axis at the end
+constexpr master::Time longest_absence = 60s;    // without clients, until TPDOs of waiting recordings are restored
 
 }  // namespace
 
@@ -75,6 +76,7 @@ void RealServer::answer(Request&& request, api::HttpHandlers::Reply reply) {
     reply(page_.answer(request));
     return;
   }
+  client_at_ = drives_.now();
   Pending& pending = pending_.emplace_back(Pending{std::move(request), std::move(reply)});
   pending.task = std::make_unique<Task>([this, &pending] { carry_out(pending); });
   resume(pending);
@@ -132,18 +134,27 @@ void RealServer::look() {
   if (now >= next_view_) {
     next_view_ = now + view_period;
     const std::int64_t end = drives_.tick() + 1;
-    note_events();  // may take time; samples exist up to `end` at least
-    scope_.advance(end);
+    note_events();
+    for (std::int64_t reached = 0; reached < end;) scope_.advance(reached = drives_.take_samples(end));
     traffic_.flush();
   }
   if (now >= next_attention_) {
     next_attention_ = now + attention_period;
     scope_.attend(std::chrono::steady_clock::now());
+    if (scope_.anyone() || !pending_.empty()) client_at_ = now;
+    if (now - client_at_ > longest_absence) end_set_ups();
+  }
+}
+
+// All clients have left: a recording that waits for its trigger must not change the drives' TPDOs for ever.
+void RealServer::end_set_ups() {
+  for (const auto& recording : scope_.recordings().all()) {
+    if (recording->state() == api::RecordingState::armed && recording->plan().held) recording->stop();
   }
 }
 
 void RealServer::note_events() {
-  for (const api::Json& event : drives_.advance()) {
+  for (const api::Json& event : drives_.events()) {
     scope_.publish(event);
     if (event["kind"] != "power" || event["powered"] != false) continue;
     const auto name = event["axis"].get<std::string>();

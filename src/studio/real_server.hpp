@@ -62,6 +62,7 @@ class RealServer {
   void look();
   void schedule();
   void note_events();
+  void end_set_ups();
   void shut_down();
 
   RealDrives& drives_;
@@ -82,6 +83,7 @@ class RealServer {
   master::Time looked_{};  // time of the last look()
   master::Time next_view_{};
   master::Time next_attention_{};
+  master::Time client_at_{};  // when a client was there
   std::unique_ptr<api::HttpServer> http_;
 };
 
