@@ -224,6 +224,17 @@ export interface ChannelRequest {
 export interface Channel extends ChannelRequest {
   name: string;
   unit: string;
+  sampled?: Sampled;
+}
+
+// How a channel of a recording of drives on buses is sampled. The numbers of samples are there when it has ended.
+export interface Sampled {
+  by: string;
+  due_hz?: number;
+  limit?: { what: string; where: string; hint: string };
+  rate_hz?: number;
+  samples?: number;
+  missed?: number;
 }
 
 export interface Trigger {

@@ -14,6 +14,7 @@ import { Button, Panel } from './controls';
 import { Lanes, type Curve } from './lanes';
 import { MeasureTable } from './measure_table';
 import { NumberInput } from './number_input';
+import { SampledList } from './sampled_list';
 import { saveBytes, savePicture } from './save';
 import { SpectrumPlot } from './spectrum_plot';
 import { XyPlot } from './xy';
@@ -128,6 +129,7 @@ function TimePlot({ title, samples, others }: { title: string; samples: Samples;
         </div>
       </div>
       <MeasureTable samples={samples} a={a} b={b} range={range} />
+      <SampledList recording={recording} />
       <p className="quiet note">Click: cursor A; Shift and click: cursor B; drag, or Ctrl and wheel: zoom; double click: show all.</p>
     </>
   );

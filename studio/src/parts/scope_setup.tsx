@@ -1,9 +1,10 @@
 import { useState } from 'react';
-import type { ObjectEntry, Trigger } from '../api/types';
+import type { BusView, ObjectEntry, Trigger } from '../api/types';
 import { axisPath } from '../commands';
 import { states } from '../model/cia402';
 import { addressOf, isReadable } from '../model/objects';
-import { any, axisOf, mostChannels, objectOf, ofAllAxes, rates, textOfChannel, without, type Setup } from '../model/scope';
+import { any, axisOf, mostChannels, objectOf, ofAllAxes, textOfChannel, without, type Setup } from '../model/scope';
+import { ratesOf } from '../model/sampling';
 import { useResource } from '../resource';
 import { useLine, useMissing } from '../store';
 import { Button, Choice, Panel } from './controls';
@@ -15,6 +16,10 @@ const numeric = /^(U?INT|INTEGER|UNSIGNED|REAL|BOOLEAN)/;
 
 export function ScopeSetup({ setup, onChange }: { setup: Setup; onChange: (to: Setup) => void }) {
   const { channels } = setup;
+  const isReal = useLine(({ line }) => line?.kind === 'real');
+  const buses = useResource<{ buses: BusView[] }>(isReal ? '/buses' : null).value?.buses;
+  const most = ratesOf(channels.map(({ axis }) => axis), buses);
+  const offered = most.includes(setup.rate_hz) ? most : [...most, setup.rate_hz];
   return (
     <Panel title="Channels" aside={<span className="quiet">{channels.length} of {mostChannels}</span>}>
       <ul className="channels">
@@ -28,7 +33,7 @@ export function ScopeSetup({ setup, onChange }: { setup: Setup; onChange: (to: S
       </ul>
       {channels.length < mostChannels && <AddChannel setup={setup} onChange={onChange} />}
       <div className="form">
-        <Choice label="Rate" value={setup.rate_hz} options={rates.map((rate) => [rate, `${rate} Hz`] as const)} onChange={(rate_hz) => onChange({ ...setup, rate_hz })} />
+        <Choice label="Rate" value={setup.rate_hz} options={offered.map((rate) => [rate, `${rate} Hz`] as const)} onChange={(rate_hz) => onChange({ ...setup, rate_hz })} />
         <NumberInput whenLeft label="Duration" unit="ms" value={setup.duration_ms} minimum={1} maximum={600000} onChange={(duration_ms) => onChange({ ...setup, duration_ms, pre_ms: Math.min(setup.pre_ms, duration_ms) })} />
         <NumberInput whenLeft label="Pre-trigger time" unit="ms" value={setup.pre_ms} minimum={0} maximum={setup.duration_ms} onChange={(pre_ms) => onChange({ ...setup, pre_ms })} />
         <TriggerFields setup={setup} onChange={onChange} />
