@@ -28,10 +28,6 @@ void note(BusSamples& samples, std::int64_t tick, std::int32_t value) {
   samples.note(tick, std::as_bytes(std::span(&value, 1)));
 }
 
-BusSamples samples_of(Sampling::By by, std::int64_t period, std::int64_t stride) {
-  return {0, {0x6064, 0}, number_of, {.by = by, .period = period}, stride, stride};
-}
-
 std::vector<Taken> taken_until(BusSamples& samples, std::int64_t end) {
   samples.advance(end, true);
   std::vector<Taken> taken;
