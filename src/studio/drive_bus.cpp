@@ -208,7 +208,7 @@ bool DriveBus::serve(OpenBus& open) {
     next_poll_[i] = {};
     silent_[i] = false;
   }
-  std::optional<CycleSampler::Attachment> attached(std::in_place, cycle_, open.cycle());
+  auto attached = std::make_unique<CycleSampler::Attachment>(cycle_, open.cycle());
   // However serving ends, the drives get their TPDOs back.
   const auto recording_end = std::unique_ptr<TpdoRecorder, std::function<void(TpdoRecorder*)>>(
       &recorder_, [](TpdoRecorder* recorder) { recorder->end(); });

@@ -49,7 +49,7 @@ std::string text_of(const UseOfPdos& use) {
     case UseOfPdos::By::sync: return "another master sends SYNC on this bus";
     case UseOfPdos::By::pdo: return fmt::format("the PDOs of node {} are in use by another master", use.node_id);
     case UseOfPdos::By::operational:
-      return fmt::format("node {} is operational: another master has started it", use.node_id);
+      return fmt::format("node {} is operational, so another master may use its process data", use.node_id);
   }
   return "";
 }
@@ -101,8 +101,8 @@ void require_not_operational(OpenBus& open, std::size_t drive) {
                              "known whether another master operates it by process data");
   }
   if (!*is_operational) return;
-  throw master::MasterError("the node is operational: another master has started it", objects.where(),
-                            "end that master, and reset the node's communication: servodrome nmt pre-operational");
+  throw master::MasterError("the node is operational, so another master may use its process data", objects.where(),
+                            "end that master, and bring the node back: servodrome nmt pre-operational --node ID");
 }
 
 }  // namespace

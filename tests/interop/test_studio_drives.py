@@ -253,16 +253,18 @@ def test_the_big_stop_stops_all_axes(studio, line):
         wait_for(lambda name=name: abs(line.bench.axis(name)["velocity_rpm"]) < 1, f"{name} at rest")
 
 
-def test_records_by_asking(studio, line):
+@pytest.mark.parametrize("rate_hz", [100, 1000])
+def test_a_recording_waits_for_its_trigger(studio, line, rate_hz):
+    """By reading objects, and by TPDOs."""
     axis = "ismc-1"
     wait_for(lambda: studio.bench.axis(axis)["powered"], axis)
     studio.does(axis, do="enable")
     recording = studio.bench.post(
         "recordings",
         {"channels": [{"axis": axis, "signal": "position_counts"}, {"axis": axis, "object": "606C:00"}],
-         "duration_ms": 3000, "pre_ms": 500, "trigger": {"kind": "edge", "channel": 1, "level": 1000}},
+         "rate_hz": rate_hz, "duration_ms": 3000, "pre_ms": 500, "trigger": {"kind": "edge", "channel": 1, "level": 1000}},
     )
-    assert 1 <= recording["rate_hz"] <= 100
+    assert 1 <= recording["rate_hz"] <= rate_hz
     wait_for(lambda: studio.bench.get(f"recordings/{recording['id']}")["samples"] > 2, "samples before the trigger")
     assert studio.bench.get(f"recordings/{recording['id']}")["state"] == "armed"
     studio.does(axis, do="move", **turns(axis, by=2, velocity=1, acceleration=10))

@@ -153,6 +153,7 @@ test('records, by asking as fast as the bus lets it', async ({ page, go, studio 
   await page.getByText('with a move').click();
   await page.getByRole('button', { name: 'Record', exact: true }).click();
   await expect.poll(async () => (await studio.call<{ recordings: { state: string }[] }>('GET', '/recordings')).recordings[0]?.state).toBe('done');
+  await expect(page.getByRole('list', { name: 'How the channels were sampled' })).toContainText(/position_counts: read as an object at \d+ Hz/);
 });
 
 test('says a fault with its cause, and clears it', async ({ page, go, drives, picture }) => {
