@@ -6,6 +6,7 @@ a program that needs a minute takes some seconds at most, and two runs are equal
 
 from __future__ import annotations
 
+import atexit
 import contextlib
 import io
 import json
@@ -71,16 +72,60 @@ class _Overtime(Exception):
     """The time of the master is over."""
 
 
+class _ExitFunctions:
+    """Takes the place of the module atexit for a program, so that they run at the end of the program, not of the process."""
+
+    def __init__(self) -> None:
+        self._functions: List[Any] = []
+
+    def register(self, function: Any, *arguments: Any, **keywords: Any) -> Any:
+        """As atexit.register."""
+        self._functions.append((function, arguments, keywords))
+        return function
+
+    def unregister(self, function: Any) -> None:
+        """As atexit.unregister."""
+        self._functions = [one for one in self._functions if one[0] != function]
+
+    def run(self) -> None:
+        """Runs the functions, the last one first. An exception does not keep the others from running."""
+        while self._functions:
+            function, arguments, keywords = self._functions.pop()
+            try:
+                function(*arguments, **keywords)
+            except BaseException:  # noqa: BLE001 (as at the end of a process)
+                traceback.print_exc()
+
+
 class _Ending(threading.Thread):
-    """The master as a thread: its exit status and its output."""
+    """The master as a thread: its exit status and its output. As in a process of its own, its threads are no daemons."""
 
     def __init__(self, trial: Trial) -> None:
-        super().__init__(name="master", daemon=True)
+        super().__init__(name="master", daemon=False)
         self._trial = trial
+        self._before = set(threading.enumerate())
+        self._exit_functions = _ExitFunctions()
         self.status = 1
 
     def run(self) -> None:
-        """Runs the program as `python FILE ARGUMENTS` does."""
+        """Runs the program as `python FILE ARGUMENTS` does, to the end of the process."""
+        registers = (atexit.register, atexit.unregister)
+        atexit.register, atexit.unregister = self._exit_functions.register, self._exit_functions.unregister
+        try:
+            self._run_file()
+            self._end()
+        finally:
+            atexit.register, atexit.unregister = registers
+
+    def _end(self) -> None:
+        """What the interpreter does at its end: functions of `threading` (thread pools end), threads, functions of atexit."""
+        for function in reversed(getattr(threading, "_threading_atexits", [])):
+            function()
+        while rest := [one for one in threading.enumerate() if not one.daemon and one is not self and one not in self._before]:
+            rest[0].join()
+        self._exit_functions.run()
+
+    def _run_file(self) -> None:
         try:
             runpy.run_path(self._trial.master, run_name="__main__")
             self.status = 0
@@ -114,7 +159,6 @@ def _as_program(trial: Trial, line: Line, output: io.StringIO) -> Iterator[None]
 
 def _run_master(trial: Trial, line: Line, duration_s: float, output: io.StringIO) -> "tuple[int, bool]":
     """Returns the exit status, and whether the trial has ended the master."""
-    master = _Ending(trial)
     with _as_program(trial, line, output):
         try:
             with virtual_time(line):
@@ -125,7 +169,7 @@ def _run_master(trial: Trial, line: Line, duration_s: float, output: io.StringIO
                     raise _Overtime
         except _Overtime:
             return 1, True
-    return master.status, False
+        return master.status, False
 
 
 def _captures(line: Line, folder: str, scenario: pathlib.Path) -> List[str]:

@@ -96,6 +96,42 @@ def test_exit_status_and_exceptions_are_those_of_a_process(scenarios, tmp_path):
         assert result["exit_status"] == status and result["output"].endswith(output), text
 
 
+# Each prints at its end, in the order of an interpreter: the program, its threads, the functions of atexit.
+ENDS = """
+import atexit, threading, time
+from concurrent.futures import ThreadPoolExecutor
+
+atexit.register(print, "last")
+atexit.register(print, "first of atexit")
+
+def work():
+    time.sleep(2)
+    print("thread", threading.current_thread().daemon)
+
+threading.Thread(target=work).start()
+threading.Thread(target=lambda: (time.sleep(5), print("a daemon")), daemon=True).start()
+ThreadPoolExecutor(1).submit(lambda: (time.sleep(1), print("pool")))
+print("program")
+"""
+
+
+def test_a_master_ends_with_its_threads_and_exit_functions(scenarios, tmp_path):
+    (scenarios / "quiet.toml").write_text('title = "quiet"\n' + LINE + '[[rule]]\ndo = "show"\nobject = "6041"\nvalue = 0\n')
+    master = tmp_path / "master.py"
+    master.write_text(ENDS)
+    (result,) = json.loads(command(scenarios, "--json", "--only", "quiet", master=master, arguments=()).stdout)
+    assert result["output"].splitlines() == ["program", "pool", "thread False", "first of atexit", "last"]
+    assert result["exit_status"] == 0 and result["seconds"] == pytest.approx(2 + 3, abs=0.1)
+
+
+def test_a_thread_that_does_not_end_is_a_master_that_does_not_end(scenarios, tmp_path):
+    (scenarios / "quiet.toml").write_text('title = "quiet"\n' + LINE + '[[rule]]\ndo = "show"\nobject = "6041"\nvalue = 0\n')
+    master = tmp_path / "master.py"
+    master.write_text("import threading, time\nthreading.Thread(target=time.sleep, args=(1000,)).start()\n")
+    (result,) = json.loads(command(scenarios, "--json", "--only", "quiet", master=master, arguments=()).stdout)
+    assert result["was_ended"] and result["outcome"] == "failed"
+
+
 def test_files_of_the_library_run_equally():
     files = files_of([str(ROOT / "scenarios/canopen")], "sdo-answer-missing")
     trial = Trial(MASTER, ("{host}", "{port}"))
