@@ -9,7 +9,7 @@ import sys
 import time
 from typing import Any, Dict, List, Optional
 
-from .errors import Error
+from .errors import Error, MissingPackage
 from .trial import Trial, files_of, html_of, junit_of, run_trials
 
 
@@ -36,11 +36,17 @@ def _run(options: argparse.Namespace) -> int:
     plan = load_plan(options.plan)
     store = Store(options.out, plan)
     progress = None if options.quiet else _progress()
-    if options.workers == 0 and not options.scheduler:
-        run_here(plan, store, progress)  # type: ignore[arg-type]
-    else:
-        run_on_dask(plan, store, options.workers or 2, options.scheduler, progress)  # type: ignore[arg-type]
-    print(store.merge())
+    try:
+        if options.workers == 0 and not options.scheduler:
+            run_here(plan, store, progress)  # type: ignore[arg-type]
+        else:
+            run_on_dask(plan, store, options.workers or 2, options.scheduler, progress)  # type: ignore[arg-type]
+        print(store.merge())
+    except MissingPackage:
+        raise
+    except Exception as error:  # noqa: BLE001 (of the store, or of a task: the runs are incomplete)
+        print(f"servodrome: {type(error).__name__}: {error}; the same command goes on with the missing runs", file=sys.stderr)
+        return 1
     return 0
 
 

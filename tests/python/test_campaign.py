@@ -66,6 +66,18 @@ def test_values():
         ('line = "cell.toml"\nseedz = 1\n', "unknown key seedz"),
         ('line = "nowhere.toml"\n', "cannot be read"),
         ('line = "cell.toml"\nseeds = 0\n', "seeds: 0"),
+        ('line = "cell.toml"\n\n  seeds = "3"\n', "plan.toml:3:3: seeds: '3' is not an integer"),
+        ('line = "cell.toml"\nseeds = true\n', "seeds: True is not an integer"),
+        ('line = "cell.toml"\nfirst_seed = 1.5\n', "plan.toml:2:1: first_seed: 1.5"),
+        ("line = 3\n", "plan.toml:1:1: line: 3 is not a string"),
+        ('line = "cell.toml"\nscenarios = "s.toml"\n', "scenarios: 's.toml' is not a list of strings"),
+        ('line = "cell.toml"\nparameters = [1]\n', "parameters: .* is not a table"),
+        ('line = "cell.toml"\n[parameters]\nb = 1\n"a.b" = [1, "x"]\n', "plan.toml:4:2: a.b: .* has no values"),
+        ('line = "cell.toml"\n[parameters]\na = { from = 1, to = 2, count = 3, scael = "log" }\n', "plan.toml:3:1: a: a range has no key scael"),
+        ('line = "cell.toml"\n[parameters]\na = { from = 1, to = 2, cuont = 3 }\n', "plan.toml:3:1: a: a range has no key cuont"),
+        ('line = "cell.toml"\n[parameters]\na = { from = "1", to = 2, count = 3 }\n', "a: .* is no range"),
+        ('line = "cell.toml"\n[parameters]\nseed = [1]\n', "plan.toml:3:1: seed is the name of a column"),
+        ('line = "cell.toml"\n[parameters]\nfigure_a = 1\n', "figure_a is the name of a column"),
         ('line = "cell.toml"\nscenarios = ["*.none"]\n', "there is no file"),
         ('line = "cell.toml"\n[parameters]\n"axis.q.node" = [1]\n', "the line has no axis 'q'"),
         ('line = "cell.toml"\nseeds = 100000000\n[parameters]\na = [1, 2]\n', "runs"),
@@ -90,6 +102,113 @@ def test_rows_have_outcomes(tmp_path):
     store = campaign.Store(str(tmp_path / "out"), alone)
     distribute.run_here(alone, store)
     assert "1 times: RuntimeError: as asked" in report.text_of(store)
+
+
+def executed(folder, program, scenario=""):
+    """The row of a program on the line, with a scenario or without."""
+    path = written(folder, 'line = "cell.toml"\nprogram = "program.py:figures"\n' + ('scenarios = ["s.toml"]\n' if scenario else ""))
+    (folder / "program.py").write_text(program)
+    (folder / "s.toml").write_text('title = "t"\n' + scenario)
+    return campaign.execute(campaign.load_plan(path), 0)
+
+
+def test_an_exit_is_an_outcome(tmp_path):
+    row = executed(tmp_path, "import sys\ndef figures(line, parameters, seed):\n    sys.exit(0)\n")
+    assert (row["outcome"], row["error"]) == ("failed", "SystemExit: 0")
+
+
+SHOWS = '[[rule]]\ndo = "show"\nobject = "6041"\nvalue = 0\n'
+NEVER_ACTS = '[[rule]]\non = { message = "lss_request" }\ndo = "withhold"\n'
+MOVES = """
+def figures(line, parameters, seed):
+    axis = line.axes["x"]
+    axis.enable()
+    axis.velocity(5, acceleration=2000, units="revolutions", wait=False)
+    return {}
+"""
+WAITS = "def figures(line, parameters, seed):\n    line.advance(2)\n    return {}\n"
+RAISES = "def figures(line, parameters, seed):\n    raise RuntimeError('as asked')\n"
+
+
+@pytest.mark.parametrize(
+    ("program", "scenario", "outcome", "failed"),
+    [
+        (WAITS, SHOWS, "passed", ""),
+        (WAITS, NEVER_ACTS, "not reached", ""),
+        (MOVES, SHOWS, "failed", "x rests after the master has ended"),
+        (MOVES, NEVER_ACTS, "failed", "x rests after the master has ended"),
+        (WAITS, "duration_s = 1\n" + SHOWS, "failed", "the master ends by itself"),
+        (RAISES, 'master = "success"\n' + SHOWS, "failed", ""),
+        (RAISES, 'master = "failure"\n' + SHOWS, "passed", ""),
+        (WAITS, 'master = "failure"\n' + SHOWS, "failed", ""),
+    ],
+)
+def test_a_run_with_a_scenario_is_a_trial(tmp_path, program, scenario, outcome, failed):
+    row = executed(tmp_path, program, scenario)
+    assert (row["outcome"], row["failed"]) == (outcome, failed), row
+
+
+def test_a_changed_program_is_loaded_again(tmp_path):
+    rows = [executed(tmp_path, f"def figures(line, parameters, seed):\n    return {{'a': {number}}}\n") for number in (1, 2)]
+    assert [row["figure_a"] for row in rows] == [1, 2]
+
+
+@pytest.mark.parametrize("name", ["program.py", "s.toml"])
+def test_another_file_than_that_of_the_command_is_refused(tmp_path, name):
+    plan = campaign.load_plan(written(tmp_path, 'line = "cell.toml"\nprogram = "program.py:figures"\nscenarios = ["s.toml"]\n'))
+    with open(tmp_path / name, "a") as file:
+        file.write("# changed\n")
+    with pytest.raises(servodrome.BadValue, match="differs from the file of the command"):
+        campaign.execute(plan, 0)
+
+
+def test_one_command_at_a_time_writes_to_a_folder(tmp_path):
+    plan = campaign.load_plan(written(tmp_path, SMALL))
+    store = campaign.Store(str(tmp_path / "out"), plan)
+    with pytest.raises(servodrome.BadValue, match="another command"):
+        campaign.Store(str(tmp_path / "out"), plan)
+    distribute.run_here(plan, store)
+    store.add([{**store.table().to_pylist()[3]}])  # of a command on another machine
+    assert store.table().column("run").to_pylist() == list(range(30))
+
+
+@pytest.fixture
+def scheduler():
+    with distributed.LocalCluster(n_workers=1, threads_per_worker=1, processes=False, protocol="tcp", host="127.0.0.1", dashboard_address=None) as cluster:
+        yield cluster.scheduler_address
+
+
+def test_a_full_disk_ends_the_command(tmp_path, scheduler, monkeypatch):
+    """Also on a cluster: it is no lost scheduler."""
+    plan = campaign.load_plan(written(tmp_path, SMALL))
+    store = campaign.Store(str(tmp_path / "out"), plan)
+
+    def full(rows):
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(store, "add", full)
+    with pytest.raises(OSError, match="No space"):
+        distribute.run_on_dask(plan, store, scheduler=scheduler)
+
+
+def test_an_error_of_the_task_ends_the_command(tmp_path, scheduler):
+    plan = campaign.load_plan(written(tmp_path, SMALL))
+    (tmp_path / "program.py").unlink()
+    with pytest.raises(servodrome.BadValue, match="cannot be loaded"):
+        distribute.run_on_dask(plan, campaign.Store(str(tmp_path / "out"), plan), scheduler=scheduler)
+
+
+def test_a_run_that_kills_its_process_is_an_error(tmp_path):
+    plan = written(tmp_path, 'line = "cell.toml"\nprogram = "program.py:figures"\nseeds = 4\n')
+    (tmp_path / "program.py").write_text(
+        "import os, signal\ndef figures(line, parameters, seed):\n    if seed == 3: os.kill(os.getpid(), signal.SIGKILL)\n    return {}\n"
+    )
+    environment = {**os.environ, "PYTHONPATH": str(ROOT / "python"), "DASK_DISTRIBUTED__SCHEDULER__ALLOWED_FAILURES": "1"}
+    command = [sys.executable, "-m", "servodrome", "campaign", "run", plan, "--out", str(tmp_path / "out"), "--workers", "1", "--quiet"]
+    subprocess.run(command, env=environment, check=True, capture_output=True)
+    rows = campaign.Store(str(tmp_path / "out")).table().to_pylist()
+    assert [row["outcome"] for row in rows] == ["passed", "passed", "error", "passed"]
+    assert "died" in rows[2]["error"]
 
 
 def test_a_folder_belongs_to_one_plan(tmp_path):

@@ -3,17 +3,19 @@
 from __future__ import annotations
 
 import asyncio
+import collections
 import concurrent.futures
+import contextlib
 import importlib
 import itertools
 import sys
 import time
-from typing import Any, Callable, Iterable, Iterator, List, Optional, Sequence
+from typing import Any, Callable, Deque, Dict, Iterable, Iterator, List, Optional, Sequence
 
 from ..errors import MissingPackage
 from .plan import Plan
 from .store import Store
-from .work import execute_batch
+from .work import execute_batch, row_of
 
 _BATCH = 25
 _IN_FLIGHT = 3  # batches for each worker
@@ -71,8 +73,8 @@ def run_on_dask(
 ) -> None:
     """Carries out the missing runs on a local cluster of `workers` processes, or on the cluster at `scheduler`.
 
-    A worker that dies loses the runs that it was given, and others get them. If the scheduler disappears, this waits for
-    it and goes on with the runs that are missing.
+    A worker that dies loses the runs that it was given, and others get them; a run whose process dies again and again is an
+    error. If the scheduler disappears, this waits for it and goes on with the runs that are missing.
     """
     try:
         distributed = importlib.import_module("distributed")
@@ -88,40 +90,74 @@ def run_on_dask(
         return
     while len(counter.done) < plan.size:
         try:
-            with distributed.Client(scheduler, timeout="5s") as client:
-                _feed(distributed, client, counter, batch)
-        except (OSError, TimeoutError, _Lost) as error:
-            print(f"campaign: the scheduler is lost ({error}); trying again", file=sys.stderr)
-            time.sleep(_RECONNECT_S)
+            client = distributed.Client(scheduler, timeout="5s")
+        except (OSError, TimeoutError) as error:
+            _wait_for_scheduler(error)
+            continue
+        try:
+            _feed(distributed, client, counter, batch)
+        except (_Lost, distributed.comm.CommClosedError) as error:
+            _wait_for_scheduler(error)
+        finally:
+            with contextlib.suppress(OSError, TimeoutError):
+                client.close()
+
+
+def _wait_for_scheduler(error: Exception) -> None:
+    print(f"campaign: the scheduler is lost ({error}); trying again", file=sys.stderr)
+    time.sleep(_RECONNECT_S)
 
 
 class _Lost(Exception):
-    """The scheduler has forgotten a batch."""
+    """The scheduler is gone, or has forgotten a batch."""
+
+
+def _lost_row(plan: Plan, number: int) -> Dict[str, Any]:
+    row = row_of(plan.run(number))
+    row.update(outcome="error", error="the process of the run died each time that it was tried", line_time_s=0.0)
+    return row
 
 
 def _feed(distributed: Any, client: Any, counter: Counter, batch: int) -> None:
-    """Keeps some batches in flight for each worker (backpressure) until no run is missing."""
-    waiting = batches(list(counter.missing()), batch)
-    retries = 20  # of a batch whose worker dies
+    """Keeps some batches in flight for each worker (backpressure) until no run is missing.
 
-    def submit() -> Any:
-        numbers = next(waiting, None)
-        if numbers is None:
-            return None
-        return client.submit(execute_batch, counter.plan, numbers, pure=False, retries=retries)
-
+    Dask gives up a batch after several deaths of its workers, also if it only waited there. So the runs of such a batch are tried at the
+    end, one at a time: a run that is given up then has killed its workers itself. Errors of the task and of the store are raised.
+    """
+    waiting = collections.deque(batches(list(counter.missing()), batch))
+    doubtful: Deque[int] = collections.deque()
     flight = max(len(client.scheduler_info()["workers"]), 1) * _IN_FLIGHT
-    begun = [future for future in (submit() for _ in range(flight)) if future is not None]
-    done = distributed.as_completed(begun)
+    flying: Dict[str, List[int]] = {}
+    done = distributed.as_completed()
+
+    def submit(numbers: List[int]) -> None:
+        future = client.submit(execute_batch, counter.plan, numbers, pure=False)
+        flying[future.key] = numbers
+        done.add(future)
+
+    def fill() -> bool:
+        """Returns True if the next run to end is alone in flight."""
+        while waiting and len(flying) < flight:
+            submit(waiting.popleft())
+        if flying or not doubtful:
+            return False
+        submit([doubtful.popleft()])
+        return True
+
+    is_alone = fill()
     for future in done:
+        numbers = flying.pop(future.key)
+        rows: List[Dict[str, Any]] = []
         try:
-            counter.take(future.result())
+            rows = future.result()
         except (asyncio.CancelledError, concurrent.futures.CancelledError) as error:
             raise _Lost("a batch was cancelled") from error
-        except distributed.KilledWorker as error:
-            raise _Lost("workers died") from error
+        except distributed.KilledWorker:
+            if is_alone:
+                rows = [_lost_row(counter.plan, numbers[0])]
+            else:
+                doubtful.extend(numbers)
         finally:
             future.release()
-        following = submit()
-        if following is not None:
-            done.add(following)
+        counter.take(rows)
+        is_alone = fill()

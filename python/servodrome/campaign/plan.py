@@ -5,9 +5,11 @@ from __future__ import annotations
 import glob
 import hashlib
 import importlib
+import importlib.util
 import json
 import math
 import os
+import re
 import sys
 from typing import Any, Dict, List, NamedTuple, Sequence, Union
 
@@ -15,8 +17,29 @@ from ..errors import BadValue, MissingPackage
 
 Value = Union[float, int, str, bool]
 
-_KEYS = {"title", "line", "program", "scenarios", "seeds", "first_seed", "parameters"}
+_KEYS = {
+    "title": "a string",
+    "line": "a string",
+    "program": "a string",
+    "scenarios": "a list of strings",
+    "seeds": "an integer",
+    "first_seed": "an integer",
+    "parameters": "a table",
+}
+_RANGE = {"from", "to", "count", "scale"}
 _MOST_RUNS = 10**8
+
+COLUMNS = {
+    "run": "number of the run in its plan, from 0",
+    "scenario": "file name of the scenario; empty: none",
+    "seed": "seed of the run",
+    "outcome": "passed, failed, not reached (no rule of the scenario acted), or error (the run could not be made)",
+    "failed": "names of the expectations that failed",
+    "error": "exception of the program, or of servodrome; reason of the outcome",
+    "acts": "acts of the scenario's rules",
+    "line_time_s": "line time at the end, in seconds",
+}
+"""The columns that each campaign has. Others are parameters, and figures of the program (figure_NAME)."""
 
 
 class Run(NamedTuple):
@@ -31,7 +54,7 @@ class Run(NamedTuple):
 
 
 class Plan(NamedTuple):
-    """A plan, ready to be sent to a worker: it refers to no file but the program and the scenarios."""
+    """A plan, ready to be sent to a worker. It refers to no files but the program and the scenarios, by their checksums."""
 
     title: str
     line: Dict[str, Any]
@@ -42,6 +65,8 @@ class Plan(NamedTuple):
     seeds: int
     first_seed: int
     parameters: Dict[str, List[Value]]
+    checksums: Dict[str, str] = {}
+    """The SHA-256 of the files of the program and the scenarios, by their names in the plan. A worker refuses other files."""
 
     @property
     def size(self) -> int:
@@ -64,12 +89,29 @@ class Plan(NamedTuple):
     @property
     def fingerprint(self) -> str:
         """Equal for plans with equal runs: a folder of results belongs to one plan."""
-        text = json.dumps(self._asdict(), sort_keys=True)
-        for path in [*self.scenarios, self.program.rpartition(":")[0]]:
-            if os.path.isfile(path):
-                with open(path, "rb") as file:
-                    text += hashlib.sha256(file.read()).hexdigest()
-        return hashlib.sha256(text.encode()).hexdigest()
+        return hashlib.sha256(json.dumps(self._asdict(), sort_keys=True).encode()).hexdigest()
+
+
+def file_of(program: str) -> str:
+    """The file of FILE.py:FUNCTION or MODULE:FUNCTION; "" if the module is not found here."""
+    place = program.rpartition(":")[0]
+    if place.endswith(".py"):
+        return place
+    try:
+        spec = importlib.util.find_spec(place)
+    except (ImportError, ValueError):
+        return ""
+    return (spec.origin or "") if spec is not None else ""
+
+
+def checksums_of(files: Dict[str, str]) -> Dict[str, str]:
+    """The SHA-256 of files by name; without those that do not exist."""
+    sums = {}
+    for name, path in files.items():
+        if os.path.isfile(path):
+            with open(path, "rb") as file:
+                sums[name] = hashlib.sha256(file.read()).hexdigest()
+    return sums
 
 
 def _toml() -> Any:
@@ -92,38 +134,81 @@ def read_toml(path: str) -> Dict[str, Any]:
         raise BadValue(str(error), path, "correct the TOML") from None
 
 
+class _Places:
+    """The places of keys in a TOML file, for errors: the parser tells none."""
+
+    def __init__(self, path: str) -> None:
+        self._path = path
+        with open(path, encoding="utf-8") as file:
+            self._lines = file.read().splitlines()
+
+    def of(self, key: str) -> str:
+        """FILE:LINE:COLUMN of a key, also of one in a table or in quotes; FILE if it is not found."""
+        for name in (key, key.rpartition(".")[2]):
+            pattern = re.compile(rf"""(?:^|[\s{{,."'])({re.escape(name)})["']?\s*[=.\]]""")
+            for number, text in enumerate(self._lines, start=1):
+                found = pattern.search(text)
+                if found and not text.lstrip().startswith("#"):
+                    return f"{self._path}:{number}:{found.start(1) + 1}"
+        return self._path
+
+
+def _is(kind: str, value: Any) -> bool:
+    if kind == "a list of strings":
+        return isinstance(value, list) and all(isinstance(one, str) for one in value)
+    types = {"a string": str, "an integer": int, "a table": dict}
+    return isinstance(value, types[kind]) and not isinstance(value, bool)
+
+
 def load_plan(path: str) -> Plan:
-    """Reads a plan. Raises BadValue for a wrong key or value."""
+    """Reads a plan. Raises BadValue for a wrong key, type or value."""
     content = read_toml(path)
+    places = _Places(path)
     folder = os.path.dirname(os.path.abspath(path))
-    for key in content:
+    for key, value in content.items():
         if key not in _KEYS:
-            raise BadValue(f"unknown key {key}", path, f"known are {', '.join(sorted(_KEYS))}")
+            raise BadValue(f"unknown key {key}", places.of(key), f"known are {', '.join(sorted(_KEYS))}")
+        if not _is(_KEYS[key], value):
+            raise BadValue(f"{key}: {value!r} is not {_KEYS[key]}", places.of(key), f"give {_KEYS[key]}")
     if "line" not in content:
         raise BadValue("`line` is missing", path, 'name a line file: line = "cell.toml"')
     scenarios: List[str] = []
     for pattern in content.get("scenarios", []):
         found = sorted(glob.glob(os.path.join(folder, pattern), recursive=True))
         if not found:
-            raise BadValue(f"scenarios: there is no file {pattern}", path, "give paths or patterns, relative to the plan")
+            raise BadValue(
+                f"scenarios: there is no file {pattern}", places.of("scenarios"), "give paths or patterns, relative to the plan"
+            )
         scenarios += found
     program = content.get("program", "servodrome.campaign.programs:velocity_step")
     file, _, function = program.rpartition(":")
     if not file or not function:
-        raise BadValue(f"program: {program!r} names no function", path, 'write program = "FILE.py:FUNCTION"')
+        raise BadValue(f"program: {program!r} names no function", places.of("program"), 'write program = "FILE.py:FUNCTION"')
     if file.endswith(".py"):
         program = f"{os.path.join(folder, file)}:{function}"
     seeds = content.get("seeds", 1)
-    if not isinstance(seeds, int) or seeds < 1:
-        raise BadValue(f"seeds: {seeds!r} is no number of seeds", path, "give 1 or more")
-    parameters = {name: values_of(name, given, path) for name, given in _flat(content.get("parameters", {})).items()}
+    if seeds < 1:
+        raise BadValue(f"seeds: {seeds!r} is no number of seeds", places.of("seeds"), "give 1 or more")
+    parameters = {}
+    for name, given in _flat(content.get("parameters", {})).items():
+        if name in COLUMNS or name.startswith("figure_"):
+            raise BadValue(f"{name} is the name of a column of the results", places.of(name), "give the parameter another name")
+        parameters[name] = values_of(name, given, places.of(name))
     line = read_toml(os.path.join(folder, content["line"]))
     title = content.get("title", os.path.basename(path))
-    plan = Plan(title, line, program, scenarios, seeds, content.get("first_seed", 1), parameters)
+    checksums = checksums_of({**{path: path for path in scenarios}, program: file_of(program)})
+    plan = Plan(title, line, program, scenarios, seeds, content.get("first_seed", 1), parameters, checksums)
     if plan.size > _MOST_RUNS:
         raise BadValue(f"the plan has {plan.size} runs", path, f"give fewer values; {_MOST_RUNS} is the limit")
     changed_line(plan, plan.run(0))  # raises for a parameter that the line does not have
     return plan
+
+
+def _is_range(name: str, table: Dict[str, Any]) -> bool:
+    """A switch of a line file also has `from` and `to`."""
+    if table.keys() & {"count", "scale"}:
+        return True
+    return table.keys() >= {"from", "to"} and not name.startswith(("axis.", "bus."))
 
 
 def _flat(table: Dict[str, Any], before: str = "") -> Dict[str, Any]:
@@ -131,34 +216,38 @@ def _flat(table: Dict[str, Any], before: str = "") -> Dict[str, Any]:
     flat: Dict[str, Any] = {}
     for key, value in table.items():
         name = f"{before}{key}"
-        if isinstance(value, dict) and not value.keys() >= {"from", "to", "count"}:
+        if isinstance(value, dict) and not _is_range(name, value):
             flat.update(_flat(value, name + "."))
         else:
             flat[name] = value
     return flat
 
 
+def _is_column(values: List[Any]) -> bool:
+    """True if the values fit one column of the results: numbers, strings, or truth values."""
+    kinds = {bool if isinstance(value, bool) else float if isinstance(value, (int, float)) else type(value) for value in values}
+    return len(kinds) == 1 and kinds <= {bool, float, str}
+
+
 def values_of(name: str, given: Any, where: str) -> List[Value]:
     """The values of a parameter: a list, one value, or { from, to, count, scale = "linear" or "log" }."""
     if isinstance(given, (int, float, str, bool)):
         return [given]
-    if isinstance(given, list) and given and all(isinstance(value, (int, float, str, bool)) for value in given):
+    if isinstance(given, list) and _is_column(given):
         return list(given)
     if isinstance(given, dict):
-        try:
-            begin, end, count = float(given["from"]), float(given["to"]), int(given["count"])
-            scale = given.get("scale", "linear")
-            if count < 2 or scale not in ("linear", "log") or (scale == "log" and (begin <= 0 or end <= 0)):
-                raise ValueError
-        except (KeyError, TypeError, ValueError):
-            raise BadValue(
-                f"{name}: {given!r} is no range", where, 'write { from = 1e-5, to = 1e-4, count = 5, scale = "log" }'
-            ) from None
+        unknown = sorted(given.keys() - _RANGE)
+        if unknown:
+            raise BadValue(f"{name}: a range has no key {unknown[0]}", where, f"known are {', '.join(sorted(_RANGE))}")
+        begin, end, count, scale = given.get("from"), given.get("to"), given.get("count"), given.get("scale", "linear")
+        fits = _is_column([begin, end]) and not isinstance(begin, (bool, str)) and _is("an integer", count)
+        if not fits or count < 2 or scale not in ("linear", "log") or (scale == "log" and (begin <= 0 or end <= 0)):
+            raise BadValue(f"{name}: {given!r} is no range", where, 'write { from = 1e-5, to = 1e-4, count = 5, scale = "log" }')
         shares = [place / (count - 1) for place in range(count)]
         if scale == "log":
             return [begin * math.exp(share * math.log(end / begin)) for share in shares]
         return [begin + share * (end - begin) for share in shares]
-    raise BadValue(f"{name}: {given!r} has no values", where, "give a list, one value, or a range")
+    raise BadValue(f"{name}: {given!r} has no values", where, "give a list of values of one type, one value, or a range")
 
 
 def changed_line(plan: Plan, run: Run) -> Dict[str, Any]:

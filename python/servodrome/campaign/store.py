@@ -6,23 +6,11 @@ import importlib
 import json
 import os
 import uuid
+import weakref
 from typing import Any, Dict, List, Optional, Sequence, Set
 
 from ..errors import BadValue, MissingPackage
-from .plan import Plan
-
-DICTIONARY = {
-    "run": "number of the run in its plan, from 0",
-    "scenario": "file name of the scenario; empty: none",
-    "seed": "seed of the run",
-    "outcome": "passed, failed, not reached (no rule of the scenario acted), or error (the run could not be made)",
-    "failed": "names of the expectations that failed",
-    "error": "exception of the program, or of servodrome",
-    "acts": "acts of the scenario's rules",
-    "line_time_s": "line time at the end, in seconds",
-}
-"""The columns that each campaign has. Others are parameters, and figures of the program (figure_NAME)."""
-
+from .plan import COLUMNS, Plan
 
 def arrow() -> Any:
     """The package pyarrow."""
@@ -31,6 +19,20 @@ def arrow() -> Any:
         return importlib.import_module("pyarrow")
     except ImportError as error:
         raise MissingPackage("pyarrow is not installed", "campaign", "pip install servodrome[campaign]") from error
+
+
+def _lock(owner: "Store", path: str) -> None:
+    """Locks the file for the life of the owner. Raises BadValue if another process or object has locked it."""
+    try:
+        fcntl: Any = importlib.import_module("fcntl")
+    except ImportError:
+        return  # on Windows two commands may compute the same runs; table() drops one of them
+    file = os.open(path, os.O_RDWR | os.O_CREAT, 0o666)
+    weakref.finalize(owner, os.close, file)
+    try:
+        fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except BlockingIOError:
+        raise BadValue("another command writes to this folder", os.path.dirname(path), "wait for its end") from None
 
 
 class Store:
@@ -51,10 +53,12 @@ class Store:
             self.about: Dict[str, Any] = json.load(file)
         if plan is not None and self.about["fingerprint"] != plan.fingerprint:
             raise BadValue(f"{folder} has results of another plan", folder, "give another folder with --out")
+        if plan is not None:
+            _lock(self, os.path.join(folder, "lock"))
 
     @staticmethod
     def _about(plan: Plan) -> Dict[str, Any]:
-        columns = {**DICTIONARY, **{name: "parameter" for name in plan.parameters}}
+        columns = {**COLUMNS, **{name: "parameter" for name in plan.parameters}}
         return {
             "title": plan.title,
             "fingerprint": plan.fingerprint,
@@ -93,12 +97,14 @@ class Store:
         return numbers
 
     def table(self) -> Any:
-        """All results as one pyarrow table, in the order of the runs."""
+        """All results as one pyarrow table, in the order of the runs, each run once."""
         pyarrow = arrow()
         tables = [pyarrow.parquet.read_table(file) for file in self.files()]
         if not tables:
             raise BadValue("there are no results yet", self.folder, "run the campaign first")
-        return pyarrow.concat_tables(tables, promote_options="permissive").sort_by("run")
+        table = pyarrow.concat_tables(tables, promote_options="permissive").sort_by("run")
+        runs = table.column("run").to_pylist()
+        return table.take([place for place, run in enumerate(runs) if place == 0 or run != runs[place - 1]])
 
     def merge(self) -> str:
         """Writes all results to runs.parquet, with the meaning of each column, and returns its path."""

@@ -2,37 +2,66 @@
 
 from __future__ import annotations
 
+import hashlib
 import importlib
-import importlib.util
+import json
 import os
-from typing import Any, Callable, Dict, List, Mapping, Sequence
+import re
+import sys
+import types
+from typing import Any, Callable, Dict, List, Mapping, Sequence, Tuple
 
 from ..errors import BadValue, Error
 from ..line import Line
 from ..tables import toml_text
-from .plan import Plan, changed_line
+from .plan import Plan, Run, changed_line
 
 Program = Callable[[Line, Mapping[str, Any], int], Mapping[str, float]]
 
-_programs: Dict[str, Program] = {}
+_AFTER_S = 3.0  # the line runs on so long after the end of the program, as in a trial
+
+_programs: Dict[Tuple[str, str], Program] = {}
 
 
-def program_of(name: str) -> Program:
-    """The function FILE.py:FUNCTION or MODULE:FUNCTION. A file is loaded once in a process."""
-    if name not in _programs:
-        place, _, function = name.rpartition(":")
+def _read(path: str, checksum: str) -> bytes:
+    """The content of a file. Raises BadValue if it is another one than that of the command."""
+    with open(path, "rb") as file:
+        content = file.read()
+    if checksum not in ("", hashlib.sha256(content).hexdigest()):
+        raise BadValue(f"{path} here differs from the file of the command", path, "copy the file to each worker")
+    return content
+
+
+def program_of(plan: Plan) -> Program:
+    """The program of the plan. A process loads each version of a file once."""
+    place, _, function = plan.program.rpartition(":")
+    checksum = plan.checksums.get(plan.program, "")
+    key = (plan.program, checksum)
+    if key not in _programs:
         try:
             if place.endswith(".py"):
-                spec = importlib.util.spec_from_file_location(f"campaign_{abs(hash(place))}", place)
-                assert spec is not None and spec.loader is not None
-                module = importlib.util.module_from_spec(spec)
-                spec.loader.exec_module(module)
+                module = types.ModuleType(f"campaign_{abs(hash(place))}")
+                module.__file__ = place
+                exec(compile(_read(place, checksum), place, "exec"), module.__dict__)  # noqa: S102 (the user's program)
             else:
+                is_loaded = place in sys.modules
                 module = importlib.import_module(place)
-            _programs[name] = getattr(module, function)
+                if is_loaded and any(name == plan.program for name, _ in _programs):
+                    module = importlib.reload(module)
+                if module.__file__:
+                    _read(module.__file__, checksum)
+            _programs[key] = getattr(module, function)
         except (ImportError, AttributeError, FileNotFoundError, SyntaxError) as error:
-            raise BadValue(f"the program {name} cannot be loaded: {error}", "program", "write FILE.py:FUNCTION") from error
-    return _programs[name]
+            raise BadValue(f"the program {plan.program} cannot be loaded: {error}", "program", "write FILE.py:FUNCTION") from error
+    return _programs[key]
+
+
+def row_of(run: Run) -> Dict[str, Any]:
+    """The row of a run without its outcome."""
+    row: Dict[str, Any] = {"run": run.number, "scenario": os.path.basename(run.scenario), "seed": run.seed}
+    row.update(run.parameters)
+    row.update({"outcome": "passed", "failed": "", "error": "", "acts": 0})
+    return row
 
 
 def execute(plan: Plan, number: int) -> Dict[str, Any]:
@@ -42,42 +71,42 @@ def execute(plan: Plan, number: int) -> Dict[str, Any]:
     one of servodrome ("error").
     """
     run = plan.run(number)
-    row: Dict[str, Any] = {"run": number, "scenario": os.path.basename(run.scenario), "seed": run.seed}
-    row.update(run.parameters)
-    row.update({"outcome": "passed", "failed": "", "error": "", "acts": 0})
-    program = program_of(plan.program)
+    row = row_of(run)
+    program = program_of(plan)
+    text = _read(run.scenario, plan.checksums.get(run.scenario, "")).decode() if run.scenario else ""
     try:
         with Line.from_text(toml_text(changed_line(plan, run))) as line:
-            _carry_out(line, run.scenario, run.seed, lambda: program(line, run.parameters, run.seed), row)
+            _carry_out(line, run, text, lambda: program(line, run.parameters, run.seed), row)
             row["line_time_s"] = line.now
     except Error as error:
         row.update(outcome="error", error=str(error), line_time_s=0.0)
     return row
 
 
-def _carry_out(line: Line, path: str, seed: int, program: Callable[[], Mapping[str, float]], row: Dict[str, Any]) -> None:
-    scenario = None
-    if path:
-        with open(path, encoding="utf-8") as file:
-            text = file.read()
+def _carry_out(line: Line, run: Run, text: str, program: Callable[[], Mapping[str, float]], row: Dict[str, Any]) -> None:
+    duration_s = 0.0
+    if text:
         # The run's seed takes the place of the file's.
-        rows = [one for one in text.splitlines() if not one.startswith("seed ")]
-        scenario = line.scenario(path, text=f"seed = {seed}\n" + "\n".join(rows) + "\n")
+        rows = [one for one in text.splitlines() if not re.match(r"\s*seed\s*=", one)]
+        body = {"text": f"seed = {run.seed}\n" + "\n".join(rows) + "\n", "file": run.scenario, "after_s": _AFTER_S}
+        duration_s = line.now + line.request("PUT", "trial", body)["duration_s"]
     succeeded = False
     try:
         for name, value in program().items():
             row[f"figure_{name}"] = float(value)
         succeeded = True
-    except Exception as error:  # noqa: BLE001 (whatever the program raises is its outcome)
+    except (Exception, SystemExit) as error:  # noqa: BLE001 (whatever the program raises is its outcome)
         row.update(outcome="failed", error=f"{type(error).__name__}: {error}")
-    if scenario is None:
+    if not text:
         return
-    scenario.master_ended(succeeded)
-    line.advance(3.0)
-    scenario.end()
-    row["acts"] = sum(rule.acts for rule in scenario.rules.values())
-    row["failed"] = ", ".join(verdict.name for verdict in scenario.failed)
-    row["outcome"] = "not reached" if row["acts"] == 0 else "failed" if scenario.failed else "passed"
+    was_ended = line.now > duration_s
+    line.request("POST", "trial/master", {"exit_status": 0 if succeeded else 1, "was_ended": was_ended, "output": ""})
+    line.advance(_AFTER_S)
+    view = json.loads(line.request("DELETE", "trial")["trial"])
+    row["acts"] = sum(rule["acts"] for rule in view["rules"])
+    row["failed"] = ", ".join(one["name"] for one in view["expectations"] if one["outcome"] == "failed")
+    row["outcome"] = view["outcome"]
+    row["error"] = row["error"] or view["reason"]
 
 
 def execute_batch(plan: Plan, numbers: Sequence[int]) -> List[Dict[str, Any]]:
