@@ -28,11 +28,12 @@ constexpr std::array ismk_cycle_objects{
 constexpr std::array ismk_alarm_words{AlarmWord{{0x2601, 0}, 0}, AlarmWord{{0x2602, 0}, 16},
                                       AlarmWord{{0x2605, 7}, 32}};
 
-// Homing: bit 15 attained, bit 12 error, bit 10 stays 0 (iSMK manual, Table 5-5, ch. 8.3.2); units: appendix II; in
-// 607Dh sub 1 is the positive limit.
+// Homing: bit 15 attained, bit 12 error, bit 10 stays 0 (iSMK manual, Table 5-5, ch. 8.3.2); home offset: Table 5-14;
+// units: appendix II; in 607Dh sub 1 is the positive limit.
 constexpr Dialect ismk(std::string_view product) {
   return {.product = product,
           .homing_signals = {.attained = 1U << 15, .error = 1U << 12, .target_reached = false},
+          .home_offset = {.travels = true, .stays_with_1 = ObjectAddress{0x6099, 5}},
           .units = AxisUnits{65536.0, 60.0 * 512.0 * 65536.0 / 1875.0, 65536.0 * 65536.0 / 4'000'000.0},
           .cautious_homing_method = 33,
           .software_limits = {.lowest = 2, .highest = 1},
@@ -57,8 +58,8 @@ constexpr std::array dialects{
             .alarm_log_length = 10},
     ismk("ismk"),
     ismk("ismk-ea"),
-    // The drive has methods 0 to 35 (JMC manual, object 6098h).
-    Dialect{.product = "jmc_ec", .cautious_homing_method = 35},
+    // The drive has methods 0 to 35 (JMC manual, object 6098h); home offset: Chart 42.
+    Dialect{.product = "jmc_ec", .home_offset = {.travels = true}, .cautious_homing_method = 35},
 };
 
 }  // namespace

@@ -18,6 +18,13 @@ struct HomingSignals {
   bool target_reached = true;  // homing is complete only when bit 10 (target reached) is set as well
 };
 
+// The effect of 607Ch at the end of homing.
+struct HomeOffset {
+  bool travels = false;  // the axis travels by 607Ch and shows 0 there; otherwise it stays, and 607Ch shifts the zero
+  // With 1 in this UINT8 object the axis stays.
+  std::optional<ObjectAddress> stays_with_1{};
+};
+
 // One motor revolution, one revolution/s and one revolution/s2, in the drive's units.
 struct AxisUnits {
   double position;
@@ -47,6 +54,7 @@ struct CycleObject {
 struct Dialect {
   std::string_view product{};  // name in the list of `servodrome products`
   HomingSignals homing_signals{};
+  HomeOffset home_offset{};
   // nullopt: the drive reports its position unit (6091h and 6092h, or 608Fh), and velocities are position units/s.
   std::optional<AxisUnits> units{};
   // The object with the counts of the encoder in a revolution, which replace `units.position`. If the drive does not

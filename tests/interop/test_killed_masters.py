@@ -330,6 +330,7 @@ ON_ETHERCAT = {
     "scope": ["scope", "position", "--run", "{script}"],
     "scope without process data": ["scope", "position", "--poll", "--run", "{script}"],
     "jog": ["jog", "--revolutions", "--velocity", "1", "--seconds", "60", "--reset-fault"],
+    "conform": ["conform", "--only", "pv"],
     "prove": ["prove", "--method", "35", "--revolutions", "10000", "--speed", "1", "--timeout", "60"],
 }
 

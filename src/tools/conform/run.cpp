@@ -76,7 +76,8 @@ Outcome run_check(const Check& check, Subject& subject, const RunOptions& option
   const Time start = subject.services().now();
   Trial trial(subject, outcome);
   try {
-    if (options.watch && check.demand != Demand::nothing) subject.be_watched();
+    const bool watched = options.watch || subject.bus_kind() == buses::ethercat;
+    if (watched && check.demand != Demand::nothing) subject.be_watched();
     check.run(trial, check.row);
   } catch (const Skipped& skipped) {
     // An observation that failed before the skip keeps the verdict at fail.
@@ -100,7 +101,9 @@ Report run_checks(Subject& subject, const RunOptions& options) {
       if (!is_wanted(check, options, subject.bus_kind())) continue;
       if (options.before) options.before(check);
       Outcome outcome;
-      if (options.safe && check.demand != Demand::nothing) {
+      if (report.lost) {
+        outcome = {.check = &check, .verdict = Verdict::skipped, .reason = "the link is lost"};
+      } else if (options.safe && check.demand != Demand::nothing) {
         outcome = {.check = &check,
                    .verdict = Verdict::skipped,
                    .reason = check.demand == Demand::motion ? "--safe: it would move the axis"
@@ -111,10 +114,11 @@ Report run_checks(Subject& subject, const RunOptions& options) {
         // leaves OP again.
         if (outcome.verdict == Verdict::fail && subject.lost_operation()) {
           subject.settle();
-          outcome = run_check(check, subject, options);
+          if (!subject.is_lost()) outcome = run_check(check, subject, options);
         }
         const std::string problem = subject.settle();
         if (!problem.empty()) report.problems.push_back(std::string(check.id) + ": " + problem);
+        report.lost = subject.is_lost();
         apply_departures(outcome, options);
       }
       if (options.after) options.after(outcome);

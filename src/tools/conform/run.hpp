@@ -31,6 +31,7 @@ struct Report {
   std::vector<Outcome> outcomes;
   std::vector<std::string> problems;  // objects and states that could not be restored
   bool cancelled = false;
+  bool lost = false;  // the drive did not answer any more; the checks after that are skipped
 
   std::size_t count(Verdict verdict) const;
 };

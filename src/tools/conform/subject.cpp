@@ -49,16 +49,17 @@ void KeptObjects::wait(Time span) {
   target_->wait(span);
 }
 
-std::vector<ObjectAddress> KeptObjects::put_back() {
+std::vector<ObjectAddress> KeptObjects::put_back(const std::function<bool()>& answers) {
   std::vector<ObjectAddress> refused;
-  for (auto one = before_.rbegin(); one != before_.rend(); ++one) {
+  for (; !before_.empty(); before_.pop_back()) {
+    const auto& [object, value] = before_.back();
     try {
-      if (target_->upload(one->first) != one->second) target_->download(one->first, one->second);
-    } catch (const ObjectError&) {
-      refused.push_back(one->first);
+      if (target_->upload(object) != value) target_->download(object, value);
+    } catch (const MasterError&) {
+      if (!answers()) return refused;
+      refused.push_back(object);
     }
   }
-  before_.clear();
   kept_.clear();
   return refused;
 }
@@ -159,14 +160,23 @@ void Subject::refuse_if_enabled() {
 
 // The first call listens to the heartbeats of other programs; renew() does not need to.
 void Subject::be_watched() {
+  if (ethercat_) {
+    if (reaction_) return reaction_->begin();
+    reaction_.emplace(ethercat_->slave);
+    return;
+  }
   if (!can_) return;
   if (watch_) return watch_->renew(can_->sdo);
   ObjectClient* const drives[] = {&can_->sdo};
-  watch_.emplace(can_->bus, drives, [this](const std::string& sentence) { watch_problem_ += sentence + "\n"; });
+  watch_.emplace(can_->bus, drives, [this](const std::string& sentence) { note(sentence); });
 }
 
 void Subject::end_watch() {
   if (watch_) watch_->end();
+  if (reaction_ && !reaction_->end()) {
+    note(fmt::format("{}: 6007h = 1 stays until the drive's next reset, because its motor is on or it does not answer",
+                     where()));
+  }
 }
 
 // Brings the axis to rest in this order: halt, fault reset, power off.
@@ -213,57 +223,110 @@ void Subject::to_rest() {
   });
 }
 
+// Any answer counts, also a refusal. A node that a check has left in the NMT state stopped is taken out of it.
+bool Subject::answers() {
+  const auto answers_once = [this] {
+    try {
+      if (ethercat_) {
+        ethercat_->slave.status();
+      } else {
+        services().upload({statusword, 0});
+      }
+    } catch (const ObjectError& error) {
+      return error.answered();
+    } catch (const MasterError&) {
+      return false;
+    }
+    return true;
+  };
+  if (answers_once()) return true;
+  if (!can_) return false;
+  try {
+    master_->command(NmtCommand::enter_pre_operational, can_->sdo.node_id());
+  } catch (const MasterError&) {
+    return false;
+  }
+  return answers_once();
+}
+
 std::string Subject::settle() {
-  std::string problems;
-  const auto note = [&](const auto& action) {
+  const auto attempt = [this](const auto& action) {
     try {
       action();
     } catch (const MasterError& error) {
-      problems += std::string(error.what()) + "\n";
+      note(error.what());
+      is_lost_ = !answers();
     }
   };
-  note([&] { to_rest(); });
-  note([&] {
-    for (const ObjectAddress object : kept_.put_back()) {
-      problems += fmt::format("{}, {}: it does not take back the value from before\n", where(), text_of(object));
+  is_lost_ = false;
+  attempt([&] { to_rest(); });
+  if (!is_lost_) {
+    for (const ObjectAddress object : kept_.put_back([this] { return answers(); })) {
+      note(fmt::format("{}, {}: it does not take back the value from before", where(), text_of(object)));
     }
-  });
+    is_lost_ = kept_.remembered() != 0;
+  }
+  if (is_lost_) note(fmt::format("{}: no answer; {} objects are not restored", where(), kept_.remembered()));
   end_watch();
-  return problems + std::exchange(watch_problem_, {});
+  return std::exchange(problems_, {});
 }
 
 std::string Subject::restore() {
   kept_.ignore_cancellation();
-  std::string problems = settle();
+  // The link may be back: then the axis is brought to rest now.
+  if (!is_lost_ || answers()) problems_ = settle();
   if (ethercat_) {
     leave_operation();
     try {
-      if (al_state_ == AlState::init) ethercat_->slave.to_init();
+      if (al_state_ == AlState::init && !is_lost_) ethercat_->slave.to_init();
     } catch (const MasterError& error) {
-      problems += std::string(error.what()) + "\n";
+      note(error.what());
     }
   }
-  if (!can_) return problems;
-  for (const PdoConfiguration& pdo : pdos_) {
+  if (can_ && !is_lost_) restore_node();
+  return std::exchange(problems_, {});
+}
+
+// Restores what a reset of the node has lost. Ends at the first missing answer.
+void Subject::restore_node() {
+  std::size_t left = pdos_.size() + snapshot_.size();
+  const auto answered = [&](const auto& access, bool is_configuration_object) {
     try {
-      if (read_pdo(can_->sdo, pdo.index) != pdo) write_pdo(can_->sdo, pdo);
+      access();
     } catch (const MasterError& error) {
-      problems += std::string(error.what()) + "\n";
+      if (is_configuration_object) note(error.what());
+      const auto* refusal = dynamic_cast<const ObjectError*>(&error);
+      if (refusal == nullptr || !refusal->answered()) return false;
     }
-  }
-  for (const auto& [object, value] : snapshot_) {
-    try {
-      // If the axis could not be switched off, the drive keeps the watch, and stops when the heartbeat is missing.
-      const bool is_of_watch = object.index == 0x1016 || object.index == 0x6007;
-      if (is_of_watch && watch_ && is_enabled()) continue;
-      if (can_->sdo.upload(object) != value) can_->sdo.download(object, value);
-    } catch (const MasterError&) {
-      // The object is read-only, or the drive computes it: it is not a configuration object.
-    }
-  }
+    --left;
+    return true;
+  };
+  const bool all_answered = std::all_of(pdos_.begin(), pdos_.end(),
+                                        [&](const PdoConfiguration& pdo) {
+                                          return answered(
+                                              [&] {
+                                                if (read_pdo(can_->sdo, pdo.index) != pdo) write_pdo(can_->sdo, pdo);
+                                              },
+                                              true);
+                                        }) &&
+                            std::all_of(snapshot_.begin(), snapshot_.end(), [&](const auto& row) {
+                              const auto& [object, value] = row;
+                              // An object that refuses is read-only, or the drive computes it: it is not a
+                              // configuration object.
+                              return answered(
+                                  [&] {
+                                    // If the axis could not be switched off, the drive keeps the watch, and stops when
+                                    // the heartbeat is missing.
+                                    const bool is_of_watch = object.index == 0x1016 || object.index == 0x6007;
+                                    if (is_of_watch && watch_ && is_enabled()) return;
+                                    if (can_->sdo.upload(object) != value) can_->sdo.download(object, value);
+                                  },
+                                  false);
+                            });
+  if (!all_answered)
+    note(fmt::format("{}: no answer; {} objects are not compared with their values from before", where(), left));
   if (nmt_state_ == NmtState::operational) master_->command(NmtCommand::start, can_->sdo.node_id());
   if (nmt_state_ == NmtState::stopped) master_->command(NmtCommand::stop, can_->sdo.node_id());
-  return problems;
 }
 
 }  // namespace servodrome::master::conform

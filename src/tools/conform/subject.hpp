@@ -6,6 +6,7 @@
 #include <set>
 
 #include "axis/axis402.hpp"
+#include "axis/cyclic/lost_master.hpp"
 #include "axis/master_watch.hpp"
 #include "master/canopen/master.hpp"
 #include "master/canopen/sdo_client.hpp"
@@ -67,8 +68,11 @@ class KeptObjects final : public ObjectClient {
 
   // Remembers the value of an object that the check will write by raw frames instead of this client.
   void keep(ObjectAddress object);
-  // Restores the remembered values, the latest first. Returns the objects that the drive refused.
-  std::vector<ObjectAddress> put_back();
+  // Restores the remembered values, the latest first. Returns the objects that the drive refused or did not confirm.
+  // Calls `answers` after a missing answer; if it returns false, the other objects stay remembered.
+  std::vector<ObjectAddress> put_back(const std::function<bool()>& answers);
+  // Number of objects whose values are remembered.
+  std::size_t remembered() const { return before_.size(); }
 
  private:
   ObjectClient* target_ = nullptr;
@@ -111,34 +115,43 @@ class Subject {
   // Throws MasterError if the axis is enabled: another master may be moving it, and the checks would interfere.
   void refuse_if_enabled();
 
-  // On CAN, lets the drive monitor this program's heartbeat until end_watch() or settle(), so that the axis stops by
-  // itself if the program is killed. Does nothing on other buses. Throws MasterError if the drive does not answer.
+  // Until end_watch() or settle() the axis stops by itself if this program is killed: on CAN the drive monitors the
+  // program's heartbeat, on EtherCAT it reacts to missing cycles (6007h). Does nothing on Modbus. Throws MasterError if
+  // the drive does not answer.
   void be_watched();
   // For a check that uses 1016h itself.
   void end_watch();
+  // Adds a problem to those that settle() returns.
+  void note(const std::string& sentence) { problems_ += sentence + "\n"; }
 
   // After a check: brings the axis to rest, resets a fault, switches power off, restores the objects and ends the
   // watch. Returns the problems, one per line.
   std::string settle();
-  // After all checks: settle(), and restores the bus state and the objects that a reset of the node has lost. Returns
-  // the problems, one per line.
+  // True if the drive did not answer in the last settle().
+  bool is_lost() const { return is_lost_; }
+  // After all checks: settle(), and restores the bus state and the objects that a reset of the node has lost, unless
+  // the drive does not answer. Returns the problems, one per line.
   std::string restore();
 
  private:
   void remember();
   void to_rest();
   bool is_enabled();
+  bool answers();
+  void restore_node();
 
   unsigned kind_;
   SubjectSettings settings_;
   std::optional<CanAccess> can_;
   std::optional<Master> master_;
-  std::string watch_problem_;  // the drive keeps the objects of the watch; a sentence of watch_
+  std::string problems_;  // since the last settle(), one per line
+  bool is_lost_ = false;
   std::optional<MasterWatch> watch_;
   std::optional<EthercatAccess> ethercat_;
   std::optional<ModbusAccess> modbus_;
   std::unique_ptr<ObjectClient> by_service_;  // on EtherCAT and Modbus
   std::unique_ptr<CoeObjects> by_process_data_;
+  std::optional<LostMasterReaction> reaction_;  // ends after the operation
   std::optional<EthercatOperation> operation_;
   KeptObjects kept_;
   std::map<ObjectAddress, std::vector<std::byte>> snapshot_;

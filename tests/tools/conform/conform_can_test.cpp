@@ -37,8 +37,8 @@ class FalseClient final : public links::CanClient {
 };
 
 struct CanRig {
-  explicit CanRig(std::string_view its_product, const std::string& axis_keys = {})
-      : product(its_product), line(settings_of(line_of(its_product, "can", "node = 5\n" + axis_keys))) {
+  explicit CanRig(std::string_view its_product, const std::string& axis_keys = {}, int start_counts = 0)
+      : product(its_product), line(settings_of(line_of(its_product, "can", "node = 5\n" + axis_keys, start_counts))) {
     bus.run_for(200ms);
   }
 
@@ -564,6 +564,60 @@ TEST(ConformCan, TheDriveIsAsBefore) {
   EXPECT_TRUE(master.wait_for_state(5, NmtState::operational, 300ms));
   EXPECT_NEAR(rig.sdo.read<std::int32_t>(0x6064), position, 131072) << "within a revolution of where it was";
   EXPECT_EQ(rig.sdo.read<std::uint16_t>(0x6041) & 0x6F, 0x40) << "disabled";
+}
+
+// An iSMK travels by 607Ch at the end of homing, unless 6099h:05 is 1 (Table 5-14).
+TEST(ConformCan, HomingChecksLeaveTheAxisAndItsPositionValue) {
+  for (const char* product : {"generic402", "ismk", "pronet"}) {
+    constexpr int start_counts = 1'000'000;
+    CanRig rig(product, "", start_counts);
+    const auto shaft = [&] { return static_cast<double>(rig.line.axes()[0]->plant().position_counts()); };
+    const double value = rig.sdo.read<std::int32_t>(0x6064) - shaft();
+    double furthest = 0.0;
+    rig.from_drive = [&](Frame&) {
+      furthest = std::max(furthest, std::abs(shaft() - start_counts));
+      return true;
+    };
+    const Report report = rig.run({.only = {"homing"}});
+    EXPECT_EQ(text_of(report, {Verdict::fail}), "") << product;
+    const double revolution = std::string_view(product) == "ismk" ? 65536.0 : 131072.0;
+    EXPECT_LT(furthest, revolution * 0.2) << product;
+    EXPECT_NEAR(rig.sdo.read<std::int32_t>(0x6064) - shaft(), value, revolution / 25.0) << product;
+  }
+}
+
+TEST(ConformCan, APositionValueThatCannotBeRestoredIsReported) {
+  CanRig rig("generic402", "", 1'000'000);
+  rig.to_drive = [&](Frame& frame) {
+    if (is_write(frame, 0x607C) && number_in(frame) != 0) frame.data[0] = 0x2F;  // too short: the drive refuses it
+    return true;
+  };
+  const Report report = rig.run({.only = {"homing.attained"}});
+  ASSERT_EQ(report.problems.size(), 1U);
+  EXPECT_THAT(report.problems[0], testing::HasSubstr("changed the position value by -99999"));
+}
+
+TEST(ConformCan, ALostLinkEndsTheRun) {
+  CanRig rig("generic402");
+  Time lost_at{};
+  const auto lose = [&](Frame& frame) {
+    if (is_write(frame, 0x60FF) && number_in(frame) != 0 && lost_at == Time{}) lost_at = rig.bus.now();
+    return lost_at == Time{};
+  };
+  rig.to_drive = lose;
+  const Report report = rig.run();
+  EXPECT_TRUE(report.lost);
+  EXPECT_LT(rig.bus.now() - lost_at, 30s);
+  EXPECT_EQ(report.count(Verdict::fail), 1U) << text_of(report, {Verdict::fail});
+  bool is_after = false;
+  for (const Outcome& outcome : report.outcomes) {
+    if (is_after) {
+      EXPECT_EQ(text_of(outcome), text_of({outcome.check, Verdict::skipped, "the link is lost"}));
+    }
+    is_after = is_after || outcome.verdict == Verdict::fail;
+  }
+  ASSERT_FALSE(report.problems.empty());
+  EXPECT_THAT(report.problems[0], testing::HasSubstr("objects are not restored"));
 }
 
 // A program whose output breaks throws in its callback.

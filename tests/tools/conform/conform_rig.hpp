@@ -13,8 +13,9 @@ namespace servodrome::master::conform::test {
 using namespace std::chrono_literals;
 using line::test::settings_of;
 
-// 10 revolutions in either direction between the stops; no switches.
-inline std::string line_of(std::string_view product, std::string_view bus_type, std::string_view axis_keys) {
+// 10 revolutions in either direction between the stops; no switches. The axis starts at `start_counts`.
+inline std::string line_of(std::string_view product, std::string_view bus_type, std::string_view axis_keys,
+                           int start_counts = 0) {
   return fmt::format(R"(
 clock = "virtual"
 [[bus]]
@@ -27,8 +28,9 @@ product = "{}"
 [axis.travel]
 low_stop = -2000000
 high_stop = 2000000
+start = {}
 )",
-                     bus_type, product, axis_keys);
+                     bus_type, product, axis_keys, start_counts);
 }
 
 inline std::string text_of(const Outcome& outcome) {
