@@ -25,6 +25,9 @@ using scenario::TrialResult;
 
 constexpr auto look_period = std::chrono::milliseconds(5);
 constexpr auto time_to_terminate = std::chrono::seconds(2);
+// A trial is an error if it takes this many times its longest time, and `least_limit` more.
+constexpr int slowest = 10;
+constexpr auto least_limit = std::chrono::seconds(60);
 constexpr std::size_t most_output = 4000;
 
 // The names under which the master finds the line.
@@ -154,7 +157,7 @@ void keep_traffic(line::LineServer& server, const TrialRun& trial, TrialResult& 
 }
 
 // Polls the master every few milliseconds while the line runs, ends it when its time is over, and stops the line some
-// time after its end.
+// time after its end. All times are those of the line, which on a busy machine is slower than the clock on the wall.
 class Supervisor {
  public:
   Supervisor(line::LineServer& server, scenario::Director& director, ChildProcess& master, TrialResult& result,
@@ -167,19 +170,25 @@ class Supervisor {
   using Clock = std::chrono::steady_clock;
 
   void look() {
-    const auto now = Clock::now();
+    const links::Time now = server_.line().now();
+    const links::Time duration = result_.scenario.duration;
     if (InterruptGuard::interrupted()) return server_.stop();
-    if (!ended_) {
+    if (Clock::now() >= begun_ + slowest * (duration + time_to_terminate + after_) + least_limit) {
+      result_.reason = fmt::format("the machine is too busy: the line has run for {:.1f} s in {:.0f} s",
+                                   std::chrono::duration<double>(now).count(),
+                                   std::chrono::duration<double>(Clock::now() - begun_).count());
+      return server_.stop();
+    }
+    if (!director_.master_end()) {
       if (const auto status = master_.poll()) {
-        ended_ = now;
         result_.exit_status = *status;
         director_.master_ended(*status == 0 && !result_.was_ended);
-      } else if (now >= begun_ + result_.scenario.duration) {
+      } else if (now >= duration) {
         if (!result_.was_ended) master_.terminate();
-        if (now >= begun_ + result_.scenario.duration + time_to_terminate) master_.kill();
+        if (now >= duration + time_to_terminate) master_.kill();
         result_.was_ended = true;
       }
-    } else if (now >= *ended_ + after_) {
+    } else if (now >= *director_.master_end() + after_) {
       return server_.stop();
     }
     timer_.expires_after(look_period);
@@ -195,7 +204,6 @@ class Supervisor {
   links::Time after_;
   boost::asio::steady_timer timer_;
   Clock::time_point begun_ = Clock::now();
-  std::optional<Clock::time_point> ended_;
 };
 
 void run(const TrialRun& trial, TrialResult& result, line::LineSettings settings) {
@@ -227,7 +235,12 @@ void run(const TrialRun& trial, TrialResult& result, line::LineSettings settings
   }
   director.finish();
   result.master_output = end_of_file(output);
+  const std::string reason = result.reason;
   record.complete(result, director);
+  if (!reason.empty()) {
+    result.outcome = TrialResult::Outcome::error;
+    result.reason = reason;
+  }
 }
 
 }  // namespace

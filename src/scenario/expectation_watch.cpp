@@ -64,11 +64,22 @@ void ExpectationWatch::look(Time now, const Facts& facts) {
   }
   const bool over =
       (until_ && until_->holds(now, facts)) || (expectation_->lasts && now >= began_ + *expectation_->lasts);
-  if (over) finish(now, facts);
+  if (over) close(now, facts);
 }
 
 void ExpectationWatch::finish(Time now, const Facts& facts) {
   if (phase_ != Phase::watching) return;
+  const auto& within = expectation_->within;
+  if (expectation_->kind == Expectation::Kind::eventually && within && now < began_ + *within) {
+    decide(Outcome::not_reached, now,
+           fmt::format("the trial ended {:.0f} ms after the watch began, before its {:.0f} ms were over: {}",
+                       ms(now - began_), ms(*within), what_.present(facts)));
+  } else {
+    close(now, facts);
+  }
+}
+
+void ExpectationWatch::close(Time now, const Facts& facts) {
   if (expectation_->kind == Expectation::Kind::eventually) {
     decide(Outcome::failed, now, "not by the end: " + what_.present(facts));
   } else {

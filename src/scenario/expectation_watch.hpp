@@ -15,13 +15,16 @@ class ExpectationWatch {
   // Call this in every tick.
   void look(Time now, const Facts& facts);
   bool decided() const { return phase_ == Phase::decided; }
-  // The trial ends: decides the verdict if it is still open.
+  // The trial ends: decides the verdict if it is still open. An `eventually` whose time has not elapsed stays
+  // undecided.
   void finish(Time now, const Facts& facts);
   const Verdict& verdict() const { return verdict_; }
 
  private:
   enum class Phase : std::uint8_t { waiting, watching, decided };
   void decide(Outcome outcome, Time now, std::string found);
+  // The watch is over.
+  void close(Time now, const Facts& facts);
 
   const Expectation* expectation_;
   Watch when_;

@@ -1,5 +1,6 @@
 #include "scenario/standard.hpp"
 
+#include <algorithm>
 #include <fmt/format.h>
 
 namespace servodrome::scenario {
@@ -36,6 +37,11 @@ const std::array<Standard, 5>& standards() {
       {ends_by_itself, "the master ends by itself", false, nullptr},
   }};
   return table;
+}
+
+bool is_standard(std::string_view name) {
+  return std::any_of(standards().begin(), standards().end(),
+                     [name](const Standard& standard) { return name.ends_with(standard.name); });
 }
 
 std::vector<Expectation> standard_expectations(const Scenario& scenario, const std::vector<std::string>& axes) {

@@ -23,6 +23,9 @@ const std::array<Standard, 5>& standards();
 
 inline constexpr std::string_view ends_by_itself = "ends";
 
+// True for the name of a verdict on a standard expectation.
+bool is_standard(std::string_view name);
+
 // The standard expectations that `scenario` does not waive, for each axis.
 std::vector<Expectation> standard_expectations(const Scenario& scenario, const std::vector<std::string>& axes);
 // The waived expectations, as verdicts with the outcome `not_reached` and the reason.

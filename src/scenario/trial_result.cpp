@@ -32,18 +32,27 @@ void judge(TrialResult& result) {
           fmt::format("the trial ended it after {} s", std::chrono::duration<double>(result.scenario.duration).count());
     }
   }
+  const bool failed = std::any_of(result.verdicts.begin(), result.verdicts.end(),
+                                  [](const Verdict& verdict) { return verdict.outcome == Outcome::failed; });
+  const auto unwatched = std::find_if(result.verdicts.begin(), result.verdicts.end(), [](const Verdict& verdict) {
+    return verdict.outcome == Outcome::not_reached && is_standard(verdict.name);
+  });
+  const bool is_watched = unwatched == result.verdicts.end();
+  const std::string missing = is_watched ? "" : unwatched->name;
   for (Verdict& waived : waived_verdicts(result.scenario)) result.verdicts.push_back(std::move(waived));
   const bool acted =
       std::any_of(result.rules.begin(), result.rules.end(), [](const auto& rule) { return rule.acts > 0; });
-  if (!acted && !result.rules.empty()) {
+  if (!failed && !acted && !result.rules.empty()) {
     result.outcome = Result::not_reached;
     result.reason = "no rule has acted: the master did not do what the scenario waits for";
     return;
   }
-  const bool failed = std::any_of(result.verdicts.begin(), result.verdicts.end(),
-                                  [](const Verdict& verdict) { return verdict.outcome == Outcome::failed; });
   const bool succeeded = !result.was_ended && result.exit_status == 0;
-  result.outcome = failed ? Result::failed : Result::passed;
+  result.outcome = failed ? Result::failed : is_watched ? Result::passed : Result::not_reached;
+  if (result.outcome == Result::not_reached) {
+    result.reason =
+        fmt::format("\"{}\" was not watched: the line has to run on longer after the end of the master", missing);
+  }
   if (result.scenario.master == MasterStatus::success && !succeeded) {
     result.outcome = Result::failed;
     result.reason = result.was_ended ? "the master did not end in time"

@@ -3,8 +3,10 @@
 import json
 import os
 import pathlib
+import signal
 import subprocess
 import sys
+import time
 import tomllib
 import xml.etree.ElementTree as ET
 
@@ -22,7 +24,7 @@ ELSEWHERE = 'title = "elsewhere"\nline = "LINE"\n[[rule]]\non = { message = "lss
 HANGS = 'title = "hangs"\nline = "LINE"\nmaster = "success"\nduration_s = 1\n[[rule]]\ndo = "show"\nobject = "6041"\nvalue = 0\n'
 
 
-def trial(folder, scenarios, master=MASTER, options=(), after="0.5"):
+def trial(folder, scenarios, master=MASTER, options=(), after="2.2"):
     for name, text in scenarios.items():
         (folder / f"{name}.toml").write_text(text.replace("LINE", str(ROOT / "scenarios/lines/can.toml")))
     command = [PROGRAM, "trial", "--scenarios", str(folder), "--after", after, *options, "--", *master]
@@ -173,6 +175,32 @@ value = 3
     assert passes.returncode == 1 and "does not fail with this master" in passes.stderr
     both = trial(tmp_path, {}, options=["--minimise"])
     assert both.returncode == 2 and "choose one with --only" in both.stderr
+
+
+def test_a_stopped_machine_changes_no_verdict(tmp_path):
+    """The process of the line gets no processor time for longer than --after; the line then continues where it was."""
+    (tmp_path / "scenarios").mkdir()
+    text = 'title = "t"\n[[rule]]\ndo = "show"\nobject = "6041"\nvalue = 0\n'
+    (tmp_path / "scenarios/t.toml").write_text(text.replace("\n", f'\nline = "{ROOT / "scenarios/lines/can.toml"}"\n', 1))
+    ended = tmp_path / "ended"
+    command = [PROGRAM, "trial", "--scenarios", str(tmp_path / "scenarios"), "--after", "2.2", "--json", "--", "touch", str(ended)]
+    process = subprocess.Popen(command, stdout=subprocess.PIPE, text=True)
+    while not ended.exists():
+        time.sleep(0.01)
+    process.send_signal(signal.SIGSTOP)
+    time.sleep(3)
+    process.send_signal(signal.SIGCONT)
+    (result,) = json.loads(process.communicate(timeout=120)[0])
+    outcomes = {one["name"]: one["outcome"] for one in result["expectations"]}
+    assert outcomes["x rests after the master has ended"] == "passed" and result["outcome"] == "passed"
+    assert result["seconds"] >= 2.2
+
+
+def test_a_trial_that_ends_too_early_has_not_passed(tmp_path):
+    rules = 'title = "t"\nline = "LINE"\n[[rule]]\ndo = "show"\nobject = "606C"\nvalue = 0\n'
+    done = trial(tmp_path, {"t": rules}, ["true"], ["--json"], after="1")
+    (result,) = json.loads(done.stdout)
+    assert result["outcome"] == "not reached" and "was not watched" in result["reason"]
 
 
 def test_random_scenarios_are_drawn_by_their_seed(tmp_path):

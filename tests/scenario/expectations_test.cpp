@@ -65,6 +65,18 @@ TEST(Expectations, AMasterThatDoesNotLookFails) {
   EXPECT_EQ(outcome(stage, "reads"), Outcome::failed);
 }
 
+// The trial ends before the time of an `eventually` has elapsed: the master could still do it.
+TEST(Expectations, AnEventuallyWhoseTimeHasNotElapsedIsNotReached) {
+  constexpr const char* never_read =
+      "[[expect]]\nname = \"reads\"\neventually = { message = { message = \"sdo_request\" } }\nwithin_ms = 1000\n";
+  for (const bool elapsed : {false, true}) {
+    Stage stage(never_read);
+    stage.run(elapsed ? 1100ms : 900ms);
+    stage.director.finish();
+    EXPECT_EQ(outcome(stage, "reads"), elapsed ? Outcome::failed : Outcome::not_reached);
+  }
+}
+
 TEST(Expectations, TheShaftIsJudgedNotTheStatusword) {
   Stage stage(R"(
 [[rule]]

@@ -123,6 +123,32 @@ TEST(StandardExpectations, AMasterThatDoesNotEndFails) {
   EXPECT_EQ(ended.verdicts[0].found, "the trial ended it after 10 s");
 }
 
+TEST(StandardExpectations, AFailureCountsAlsoIfNoRuleHasActed) {
+  TrialResult result;
+  result.rules.emplace_back();
+  judge(result);
+  EXPECT_EQ(result.outcome, TrialResult::Outcome::not_reached);
+  TrialResult failed;
+  failed.rules.emplace_back();
+  failed.verdicts.emplace_back().name = "x rests after the master has ended";
+  failed.verdicts.back().outcome = Outcome::failed;
+  judge(failed);
+  EXPECT_EQ(failed.outcome, TrialResult::Outcome::failed);
+  TrialResult ended;
+  ended.rules.emplace_back();
+  ended.was_ended = true;
+  judge(ended);
+  EXPECT_EQ(ended.outcome, TrialResult::Outcome::failed);
+}
+
+TEST(StandardExpectations, OneThatWasNotWatchedHasNotPassed) {
+  TrialResult result;
+  result.verdicts.emplace_back().name = "x rests after the master has ended";
+  judge(result);
+  EXPECT_EQ(result.outcome, TrialResult::Outcome::not_reached);
+  EXPECT_NE(result.reason.find("x rests after the master has ended"), std::string::npos);
+}
+
 TEST(StandardExpectations, AScenarioWaivesOneByItsWordWithAReason) {
   const Scenario scenario = scenario_of("[waive]\nfault_resets = \"it counts them\"\nends = \"it waits\"\n");
   const auto left = standard_expectations(scenario, {"x", "y"});
