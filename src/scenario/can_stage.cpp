@@ -50,7 +50,7 @@ bool CanStage::lets_out(const canopen::Frame& frame, Time now) {
     if (packet.late == Time{}) {
       speak(made, now);
     } else {
-      director_.at(now + packet.late, [this, made] { speak(made, director_.now()); });
+      director_.at(now + packet.late, axis_, [this, made] { speak(made, director_.now()); });
     }
   }
   return false;
@@ -72,7 +72,7 @@ bool CanStage::lets_in(canopen::Frame& frame, Time at) {
     for (Packet answer : packets.all()) {
       answer.id = canopen::connection_set::sdo_response + axis_.device().node_id();
       const canopen::Frame made = frame_of(answer);
-      director_.at(at + answer.late, [this, made] { speak(made, director_.now()); });
+      director_.at(at + answer.late, axis_, [this, made] { speak(made, director_.now()); });
     }
     return false;
   }
@@ -83,7 +83,7 @@ bool CanStage::lets_in(canopen::Frame& frame, Time at) {
       frame = made;
       passes = true;
     } else {
-      director_.at(at + packet.late, [this, made] { axis_.deliver(made, director_.now()); });
+      director_.at(at + packet.late, axis_, [this, made] { axis_.deliver(made, director_.now()); });
     }
   }
   return passes;

@@ -136,9 +136,7 @@ void Director::send(RuleRun& rule) {
   if (send.continuous || rule.acts < rule.rule->times.value_or(1)) {
     const line::NamedSerialBus* serial = can_bus(rule) == nullptr ? serial_bus(rule) : nullptr;
     const Time lasts = serial != nullptr ? serial->line.format().character_time() * std::ssize(send.data) : Time{};
-    at(now() + std::max(send.period, lasts), [this, number = rule.number] {
-      if (RuleRun* present = run(number)) this->send(*present);
-    });
+    repeat(rule, now() + std::max(send.period, lasts), &Director::send);
   }
 }
 
@@ -230,9 +228,7 @@ void Director::raise(RuleRun& rule) {
   if (rule.phase != RuleRun::Phase::active) return;
   act(rule);
   if (!rule.rule->on && rule.acts < rule.rule->times.value_or(1)) {
-    at(now() + emergency.period, [this, number = rule.number] {
-      if (RuleRun* present = run(number)) raise(*present);
-    });
+    repeat(rule, now() + emergency.period, &Director::raise);
   }
   line::Axis& axis = *rule.axis;
   if (!axis.powered()) return;

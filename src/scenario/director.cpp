@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <fmt/format.h>
+#include <utility>
 
 #include "ethercat/slave/slave.hpp"
 #include "links/nearest_name.hpp"
@@ -187,7 +188,7 @@ Time Director::next_deadline() const {
 void Director::reached(Time now) {
   while (!queue_.empty() && queue_.begin()->first <= now) {
     const auto due = queue_.extract(queue_.begin());
-    due.mapped()();
+    due.mapped().what();
   }
   if (now < looks_at_) return;
   looks_at_ = (now / line::tick_length + 1) * line::tick_length;
@@ -196,6 +197,9 @@ void Director::reached(Time now) {
     for (auto& [axis, parts] : parts_) {
       if (parts.view) parts.view->record(now);
     }
+  }
+  for (const auto& axis : line_.axes()) {
+    if (!axis->powered()) forget(*axis);
   }
   measure_travel();
   master_.look(now);
@@ -244,6 +248,7 @@ void Director::begin(RuleRun& rule, Time now) {
   rule.began = now;
   rule.ready = false;
   rule.begun = true;
+  ++rule.generation;
   rule.all_acts += rule.acts;
   rule.acts = rule.seen = 0;
   if (rule.until) rule.until->begin();
@@ -366,6 +371,22 @@ void Director::hold(RuleRun& rule, const dictionary::Entry& entry, std::span<con
   });
 }
 
+void Director::forget(const line::Axis& axis) {
+  for (const auto& rule : rules_) {
+    if (rule->axis != &axis) continue;
+    rule->held_writes.clear();
+    rule->held_until = {};
+  }
+  std::erase_if(queue_, [&axis](const auto& due) { return due.second.axis == &axis; });
+}
+
+void Director::repeat(const RuleRun& rule, Time when, void (Director::*deed)(RuleRun&)) {
+  at(when, [this, deed, number = rule.number, generation = rule.generation] {
+    RuleRun* present = run(number);
+    if (present != nullptr && present->generation == generation) (this->*deed)(*present);
+  });
+}
+
 void Director::release(RuleRun& rule, Time due) {
   while (!rule.held_writes.empty() && rule.held_writes.front().due <= due) {
     const HeldWrite write = rule.held_writes.front();
@@ -391,6 +412,8 @@ void Director::finish() {
     release_all(*rule);
   }
   for (ExpectationWatch& expectation : expectations_) expectation.finish(now(), facts_);
+  // A message that stayed in a mailbox would block it for ever.
+  for (const auto& [when, due] : std::exchange(queue_, {})) due.what();
   queue_.clear();
 }
 

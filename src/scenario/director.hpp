@@ -56,7 +56,8 @@ class Director final : public line::Follower {
   bool remove(const std::string& name);
   // Call this when the master has ended. The line may continue.
   void master_ended(bool success);
-  // Ends all rules, undoes their effects, and judges the expectations that are still watched.
+  // Ends all rules, undoes their effects, and judges the expectations that are still watched. Messages that the rules
+  // delay pass now.
   void finish();
   std::vector<RuleReport> rules() const;
   std::vector<Verdict> verdicts() const;
@@ -84,8 +85,12 @@ class Director final : public line::Follower {
   // once.
   void carry_out(std::span<const Message> datagrams, std::vector<RuleRun*>& acting);
   void passed(line::Axis* axis, const Message& message);
-  // Calls `what` at the line's time `when`.
-  void at(Time when, std::function<void()> what) { queue_.emplace(std::max(when, now()), std::move(what)); }
+  // Calls `what` at the line's time `when`, or at the end of the scenario if that comes first.
+  void at(Time when, std::function<void()> what) { queue_.emplace(std::max(when, now()), Due{std::move(what)}); }
+  // The same for a message of a drive: it is lost if the drive loses its power first.
+  void at(Time when, const line::Axis& axis, std::function<void()> what) {
+    queue_.emplace(std::max(when, now()), Due{std::move(what), &axis});
+  }
   // Returns the rule of this kind that acts now on the axis, and records its act; nullptr: no rule acts.
   template <typename Kind, typename Fits>
   RuleRun* firing(const line::Axis& axis, Fits fits) {
@@ -111,6 +116,10 @@ class Director final : public line::Follower {
   void hold(RuleRun& rule, const dictionary::Entry& entry, std::span<const std::byte> value);
 
  private:
+  struct Due {
+    std::function<void()> what;
+    const line::Axis* axis = nullptr;  // whose message it is
+  };
   struct AxisParts {
     std::unique_ptr<CanStage> can;
     std::unique_ptr<SlaveStage> slave;
@@ -130,7 +139,11 @@ class Director final : public line::Follower {
   AxisParts& parts(line::Axis& axis) { return parts_[&axis]; }
   // The rule with this number; nullptr: it was removed.
   RuleRun* run(std::size_t number) const;
+  // Repeats an act of the rule at `when`, unless the rule has begun again until then.
+  void repeat(const RuleRun& rule, Time when, void (Director::*deed)(RuleRun&));
 
+  // A drive without power forgets the writes and loses the messages that the rules delay.
+  void forget(const line::Axis& axis);
   // Executes the delayed writes that are due.
   void release(RuleRun& rule, Time due);
   void release_all(RuleRun& rule);
@@ -179,7 +192,7 @@ class Director final : public line::Follower {
   Facts facts_;
   ActLog acts_;
   std::map<line::Axis*, double> revolutions_;  // at the last tick
-  std::multimap<Time, std::function<void()>> queue_;
+  std::multimap<Time, Due> queue_;
   Time looks_at_{};  // the next tick in which rules and expectations are checked
   bool begun_ = false;
   bool finished_ = false;

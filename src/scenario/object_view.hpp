@@ -12,7 +12,7 @@ class ObjectView final : public dictionary::View {
  public:
   ObjectView(Director& director, line::Axis& axis) : director_(director), axis_(axis) {}
 
-  void add(RuleRun& rule) { rules_.push_back(&rule); }
+  void add(RuleRun& rule);
   void remove(const RuleRun& rule) { std::erase(rules_, &rule); }
   bool empty() const { return rules_.empty(); }
 
@@ -25,8 +25,9 @@ class ObjectView final : public dictionary::View {
   bool take(const dictionary::Entry& entry, std::span<std::byte> value) override;
 
  private:
-  std::int64_t shown(const RuleRun& rule, const Show& show, std::int64_t value) const;
-  std::int64_t present(const ObjectAddress& object) const;
+  std::int64_t shown(const RuleRun& rule, const Show& show, std::uint8_t sub, std::int64_t value) const;
+  // The value in the drive.
+  std::int64_t present(std::uint16_t index, std::uint8_t sub) const;
 
   Director& director_;
   line::Axis& axis_;

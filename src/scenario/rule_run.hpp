@@ -3,6 +3,7 @@
 #include <array>
 #include <cstddef>
 #include <deque>
+#include <map>
 
 #include "scenario/verdict.hpp"
 #include "scenario/watch.hpp"
@@ -13,6 +14,13 @@ namespace servodrome::scenario {
 struct PastValue {
   Time at{};
   std::int64_t value = 0;
+};
+
+// The memory of a rule about one object.
+struct ObjectMemory {
+  std::int64_t frozen = 0;        // of Show::How::freeze
+  std::deque<PastValue> history;  // of Show::How::late
+  std::uint64_t raised = 0;       // of Ignore: masked bits of the last write
 };
 
 // A write that Hold has already acknowledged to the master, but that takes effect later.
@@ -52,15 +60,14 @@ struct RuleRun {
   bool begun = false;  // at least once
   bool ready = true;   // `when` has been false since the last beginning
   Time began{};
-  std::uint64_t seen = 0;      // messages that matched since the beginning
-  std::uint64_t acts = 0;      // since the beginning
-  std::uint64_t all_acts = 0;  // acts of earlier runs of the rule
-  std::int64_t frozen = 0;     // of Show::How::freeze
-  Time held_until{};           // of Hold: the time at which the delayed write takes effect
+  std::uint64_t seen = 0;        // messages that matched since the beginning
+  std::uint64_t acts = 0;        // since the beginning
+  std::uint64_t all_acts = 0;    // acts of earlier runs of the rule
+  std::uint64_t generation = 0;  // number of beginnings
+  Time held_until{};             // of Hold: the time at which the delayed write takes effect
   std::deque<HeldWrite> held_writes{};
-  std::uint64_t raised = 0;  // of Ignore: masked bits of the last write
-  std::deque<PastValue> history;
-  std::string error;  // the reason why the rule could not act
+  std::map<std::uint8_t, ObjectMemory> memories;  // by the sub-indices of the rule's object
+  std::string error;                              // the reason why the rule could not act
 };
 
 // A random number in [0, 1) that depends only on the arguments.

@@ -75,7 +75,7 @@ std::vector<links::SerialPiece> SerialStage::answers(std::span<const std::uint8_
 void SerialStage::speak(std::span<const std::uint8_t> characters, Time at) {
   for (const links::SerialPiece& piece : answers(characters, at)) {
     at += piece.pause;
-    director_.at(at, [this, spoken = piece.characters] {
+    director_.at(at, axis_, [this, spoken = piece.characters] {
       if (axis_.powered() && !is_cut_) {
         bus_.line.transmit(axis_.serial_line_port(), spoken, director_.now());
       }
@@ -105,7 +105,7 @@ bool SerialStage::receives(std::uint8_t& character, bool& intact, Time at) {
   const auto& left = packets.all();
   if (left.size() == 1 && left.front().bytes == request) return true;
   if (packets.aborts() && !left.empty()) {
-    director_.at(at + request_pause, [this, refusal = left.front().bytes] { speak(refusal, director_.now()); });
+    director_.at(at + request_pause, axis_, [this, refusal = left.front().bytes] { speak(refusal, director_.now()); });
   }
   character = static_cast<std::uint8_t>(character ^ 0xFFU);
   return true;

@@ -27,7 +27,9 @@ void SlaveStage::release_later(Time late) {
   release_at_ = director_.now() + late;
   director_.at(release_at_, [this] {
     // The master may have reset the mailbox, and another message may wait.
-    if (director_.now() >= release_at_) axis_.device().ethercat_slave()->release_mail();
+    if (director_.now() < release_at_ && !director_.finished()) return;
+    release_at_ = {};
+    axis_.device().ethercat_slave()->release_mail();
   });
 }
 

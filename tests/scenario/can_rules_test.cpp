@@ -158,6 +158,46 @@ times = 100
   EXPECT_EQ(stage.received(0x81).size(), 100U);
 }
 
+// A rule that begins again does not continue the messages of its earlier runs.
+TEST(CanRules, ARuleThatBeginsAgainSendsOnce) {
+  constexpr const char* periodic = "for_ms = 95\nevery_ms = 100\n";
+  constexpr const char* again = "for_ms = 95\nwhen = { powered = true }\nagain = true\n";
+  constexpr const char* send =
+      "bus = \"can0\"\ndo = \"send\"\nid = 0x123\ndata = \"01\"\nperiod_ms = 110\ntimes = 1000\n";
+  constexpr const char* emergency = "do = \"emergency\"\ncode = 0x1000\nperiod_ms = 110\ntimes = 1000\n";
+  for (const char* action : {send, emergency}) {
+    Stage stage(fmt::format("[[rule]]\n{}{}", periodic, action));
+    stage.run(1s - 1ms);
+    EXPECT_EQ(stage.director.rules().front().acts, 10U) << action;
+  }
+  Stage stage(fmt::format("[[rule]]\naxis = \"x\"\n{}{}", again, emergency));
+  for (int n = 0; n < 5; ++n) {
+    stage.run(100ms);
+    stage.x().power_off(stage.line.now());
+    stage.run(1ms);
+    stage.x().power_on(stage.line.now());
+  }
+  EXPECT_EQ(stage.director.rules().front().acts, 5U);
+}
+
+TEST(CanRules, AFrameThatIsLateAtTheEndOfTheScenarioPasses) {
+  Stage stage("[[rule]]\non = { message = \"sdo_answer\" }\ndo = \"delay\"\nms = 60000\n");
+  EXPECT_TRUE(stage.sdo(sdo_read(1, 0x1000, 0)).empty());
+  stage.director.finish();
+  stage.run(1ms);
+  EXPECT_EQ(stage.received(0x581).size(), 1U);
+}
+
+TEST(CanRules, AFrameThatIsLateIsLostWithThePower) {
+  Stage stage("[[rule]]\non = { message = \"sdo_answer\" }\ndo = \"delay\"\nms = 50\n");
+  EXPECT_TRUE(stage.sdo(sdo_read(1, 0x1000, 0)).empty());
+  stage.x().power_off(stage.line.now());
+  stage.run(1ms);
+  stage.x().power_on(stage.line.now());
+  stage.run(200ms);
+  EXPECT_TRUE(stage.received(0x581).empty());
+}
+
 TEST(CanRules, ADriveWithoutPowerSaysNothing) {
   Stage stage(R"(
 [[rule]]

@@ -391,6 +391,18 @@ times = 1
   EXPECT_LT(segment.line.now() - then, 20ms);
 }
 
+// A scenario that ends leaves no message behind: the mailbox would be blocked until the next Init.
+TEST(EthercatMailboxRules, AMessageThatIsHeldAtTheEndOfTheScenarioPasses) {
+  for (const char* message : {"sdo_answer", "sdo_request"}) {
+    MailboxUnderRules segment(
+        fmt::format("[[rule]]\non = {{ message = \"{}\" }}\ndo = \"delay\"\nms = 60000\n", message));
+    segment.coe().set_timeout(100ms);
+    EXPECT_NE(segment.read_problem(), "") << message;
+    segment.director.finish();
+    EXPECT_EQ(segment.coe().read<std::uint32_t>(0x1000), device_type) << message;
+  }
+}
+
 TEST(EthercatMailboxRules, ARequestThatWaitsIsForgottenWithTheMailbox) {
   MailboxUnderRules segment(R"(
 [[rule]]

@@ -71,6 +71,27 @@ late_ms = 50
   EXPECT_EQ(stage.read(0x6081), old + 5);
 }
 
+// An object without sub-index in the rule: each sub-index has its own value.
+TEST(ObjectRules, EachSubIndexHasItsOwnValue) {
+  for (const char* how : {"freeze = true", "late_ms = 50"}) {
+    Stage stage(fmt::format("[[rule]]\ndo = \"show\"\nobject = \"6099\"\n{}\n", how));
+    const auto own = [&stage](std::uint8_t sub) {
+      return static_cast<std::uint32_t>(stage.x().device().dictionary().number(0x6099, sub));
+    };
+    stage.run(100ms);
+    ASSERT_NE(own(1), own(2));
+    for (std::uint8_t sub = 0; sub <= 2; ++sub) EXPECT_EQ(stage.read(0x6099, sub), own(sub)) << how;
+  }
+}
+
+TEST(ObjectRules, IgnoredBitsAreThoseOfTheSubIndex) {
+  Stage stage("[[rule]]\ndo = \"ignore\"\nobject = \"6099\"\nmask = 0x0F\n");
+  const auto own = [&stage](std::uint8_t sub) { return stage.x().device().dictionary().number(0x6099, sub); };
+  const std::int64_t before = own(1);
+  stage.write(0x6099, 0x12345, 4, 1);
+  EXPECT_EQ(own(1), 0x12340 | (before & 0x0F));
+}
+
 TEST(ObjectRules, AModeThatIsNotShown) {
   Stage stage(R"(
 [[rule]]
@@ -130,6 +151,18 @@ TEST(ObjectRules, AnEnableThatIsSlow) {
   EXPECT_EQ(stage.state(), drive::PowerState::switched_on);
   stage.run(600ms);
   EXPECT_EQ(stage.state(), drive::PowerState::operation_enabled);
+}
+
+TEST(ObjectRules, AWriteThatIsHeldIsLostWithThePower) {
+  Stage stage("[[rule]]\ndo = \"hold\"\nobject = \"6081\"\nms = 300\ntimes = 1\n");
+  const auto own = [&stage] { return stage.x().device().dictionary().number(0x6081); };
+  const std::int64_t before = own();
+  stage.write(0x6081, 4711, 4);
+  stage.x().power_off(stage.line.now());
+  stage.run(1ms);
+  stage.x().power_on(stage.line.now());
+  stage.run(1s);
+  EXPECT_EQ(own(), before);
 }
 
 // A master gives up and disables the drive. The delayed write must not enable it afterwards.
