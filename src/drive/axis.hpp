@@ -186,6 +186,7 @@ struct Axis {
   bool synchronised = false;             // a SYNC arrived since the last cycle
   double sync_age = 0.0;                 // age of the SYNC in cycles
   bool new_set_point = false;            // a cyclic set-point was written since the last cycle
+  bool shaft_stands = true;              // the shaft has been slow for 2 ms
   bool following_error = false;          // beyond 6065h for longer than 6066h: statusword bit 13 in position modes
   Cause raised = Cause::none;            // the first cause raised in this cycle
   bool velocity_clipped = false;         // of this cycle's set-point

@@ -316,7 +316,7 @@ void Drive::cycle(const Feedback& feedback) {
 
 void Drive::calibrate_currents(const Feedback& feedback) {
   const bool open = !outputs_.pwm_enabled && !outputs_.short_circuit;
-  const bool stands = shaft_stands_ && feedback.encoder_faults == 0;
+  const bool stands = axis_.shaft_stands && feedback.encoder_faults == 0;
   if (!current_offset_.cycle(feedback.phase_current_a, open, stands)) return;
   cascade_.set_current_offset(current_offset_.offset_a());
   if (!current_offset_.done()) return;

@@ -322,7 +322,6 @@ class Drive final : public dictionary::Listener {
   std::uint32_t coasting_cycles_ = 0;  // cycles that the brake may still wait for an axis without power to slow down
   bool short_circuit_ = false;
   Dwell standstill_{};
-  bool shaft_stands_ = true;
   std::uint32_t rest_wait_cycles_ = 0;  // since the end of a stop's ramp
   Slowing slowing_{};                   // of a stop without a ramp
   Dwell braked_{};                      // time braked by short circuit

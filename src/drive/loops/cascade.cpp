@@ -88,6 +88,7 @@ void Cascade::set_demand(const LoopDemand& demand) {
   const float feed_forward = demand.torque + forward_acceleration_ * inertia_torque_;
   feed_forward_ = feed_forward;
   load_.update(late_torque_.apply(state_.mean_torque), state_.velocity_counts_per_s);
+  state_.load_torque = load_.load;
   if (demand.from_shaft) [[unlikely]]
     keep_load();
   if (demand.loop == previous) return;

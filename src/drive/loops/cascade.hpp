@@ -47,6 +47,7 @@ struct CascadeState {
   float torque_reference = 0.0F;                 // fraction of rated, after limits and filters
   float torque = 0.0F;                           // fraction of rated, from the measured currents
   float mean_torque = 0.0F;                      // the same, mean over the last position-loop cycle
+  float load_torque = 0.0F;                      // the part of it that does not accelerate the motor data's inertia
   float current_d_a = 0.0F;                      // measured, amplitude
   float current_q_a = 0.0F;                      // same sign as the torque
   Counts following_error_counts = 0;             // position demand minus actual position; 0 without a position demand

@@ -277,25 +277,40 @@ void VelocityMode::step(Axis& axis) {
 
 // --- Profile torque
 
+// The torque begins with the load that the loops held at rest. While the axis moves, the torque may be that of a
+// braking motion, since the inertia is not known: it must not drive the axis on, so only a part towards the target is
+// kept.
 void ProfileTorque::enter(Axis& axis) {
-  demand_ = axis.demand.loop == Loop::torque ? axis.demand.torque : axis.torque();
-  if (axis.units.velocity_inverted) demand_ = -demand_;
-  start_ = goal_ = demand_;
-  phase_ = 1.0F;
+  const LoopDemand& demand = axis.demand;
+  const float sense = axis.units.velocity_inverted ? -1.0F : 1.0F;
   target_reached_ = false;
   axis.limited = false;
+  if (demand.loop == Loop::torque) return begin_at(sense * demand.torque);
+  const float load = sense * axis.loops->load_torque;
+  const bool held = demand.loop == Loop::locked || axis.follows_demand();
+  const bool rests = axis.shaft_stands && demand.velocity == 0.0F && held;
+  begin_at(rests ? load : std::clamp(load, std::min(0.0F, target(axis)), std::max(0.0F, target(axis))));
+}
+
+float ProfileTorque::target(const Axis& axis) {
+  const float wanted = static_cast<float>(axis.objects.target_torque) * 0.001F;
+  return axis.active(Signal::invert_direction) ? -wanted : wanted;
+}
+
+void ProfileTorque::begin_at(float torque) {
+  demand_ = start_ = goal_ = torque;
+  phase_ = 1.0F;
 }
 
 void ProfileTorque::step(Axis& axis) {
   const Objects& objects = axis.objects;
-  const float wanted = static_cast<float>(objects.target_torque) * 0.001F;
-  const float target = axis.active(Signal::invert_direction) ? -wanted : wanted;
+  const float target = ProfileTorque::target(axis);
   const float slope = static_cast<float>(objects.torque_slope) * 0.001F;
   const auto cycle = static_cast<float>(axis.cycle_s);
   // if the product has this fault; only the linear type exists
   if (objects.torque_profile_type != 0) axis.raise(Cause::torque_profile_type);
   if (slope <= 0.0F) {
-    demand_ = target;  // no slope set: a step
+    begin_at(target);  // no slope set: a step
   } else if (objects.torque_profile_type == 1) {
     if (target != goal_) {
       start_ = demand_;
@@ -310,10 +325,25 @@ void ProfileTorque::step(Axis& axis) {
     demand_ = start_ + span * s * s;
   } else {
     const float step = slope * cycle;
-    demand_ += std::clamp(target - demand_, -step, step);
+    begin_at(demand_ + std::clamp(target - demand_, -step, step));
   }
+  keep_to_limits(axis);
   target_reached_ = demand_ == target;
   demand_torque(axis);
+}
+
+// A ramp that meets a limit of the torque begins again there, so that it need not come back from beyond the limit.
+void ProfileTorque::keep_to_limits(Axis& axis) {
+  const LoopDemand& demand = axis.demand;
+  if (demand.loop == Loop::off) return;  // enabled in this cycle: the limits are not known yet
+  const bool inverted = axis.units.velocity_inverted;
+  const MotorData& motor = axis.configuration.motor;
+  const float peak = motor.peak_current_a * motor.torque_constant_nm_per_a / motor.rated_torque_nm;
+  const float most = inverted ? demand.torque_limit_negative : demand.torque_limit_positive;
+  const float least = inverted ? demand.torque_limit_positive : demand.torque_limit_negative;
+  const float allowed = std::clamp(demand_, -std::min(least, peak), std::min(most, peak));
+  axis.limited = allowed != demand_;
+  if (axis.limited) begin_at(allowed);
 }
 
 void ProfileTorque::demand_torque(Axis& axis) const {

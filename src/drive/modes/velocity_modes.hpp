@@ -147,6 +147,9 @@ class ProfileTorque {
   std::uint16_t status(const Axis& axis) const;
 
  private:
+  static float target(const Axis& axis);
+  void begin_at(float torque);
+  void keep_to_limits(Axis& axis);
   void demand_torque(Axis& axis) const;
 
   float demand_ = 0.0F;  // fraction of rated torque

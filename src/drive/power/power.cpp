@@ -201,7 +201,7 @@ void Drive::enter_state(PowerState to) {
   if (power != energised()) {
     switch_power(power);
     // If the axis is at standstill by the criterion of a stop, it holds its present position, even if it drifts slowly.
-    if (power) shaft_stands_ ? axis_.generator.reset(axis_.position()) : axis_.take_over_actual();
+    if (power) axis_.shaft_stands ? axis_.generator.reset(axis_.position()) : axis_.take_over_actual();
   } else if (stage_ == Stage::engaging_brake) {
     switch_power(true);  // enabled again while the brake closes
     axis_.take_over_actual();
@@ -383,13 +383,13 @@ void Drive::end_halted_motion_at_limit_switch() {
 
 bool Drive::stop_finished() const {
   if (stop_ == Stop::voltage_limit) return braked_to_rest_;
-  if (stop_ == Stop::current_limit) return shaft_stands_;
-  return axis_.generator.standing() && (shaft_stands_ || rest_wait_cycles_ >= axis_.cycles(rest_wait_ms));
+  if (stop_ == Stop::current_limit) return axis_.shaft_stands;
+  return axis_.generator.standing() && (axis_.shaft_stands || rest_wait_cycles_ >= axis_.cycles(rest_wait_ms));
 }
 
 void Drive::watch_standstill() {
   const bool slow = std::abs(axis_.velocity()) < axis_.rpm_to_counts_per_s(standing_rpm);
-  shaft_stands_ = axis_.lasts(slow, standstill_, standing_ms);
+  axis_.shaft_stands = axis_.lasts(slow, standstill_, standing_ms);
 }
 
 void Drive::step_stop() {
@@ -399,7 +399,7 @@ void Drive::step_stop() {
     const CascadeState& loops = cascade_.state();
     square = loops.current_d_a * loops.current_d_a + loops.current_q_a * loops.current_q_a;
     const float least = standing_current * axis_.configuration.motor.rated_current_a;
-    const bool quiet = shaft_stands_ && square < least * least;
+    const bool quiet = axis_.shaft_stands && square < least * least;
     braked_to_rest_ = axis_.lasts(quiet, braked_, standing_ms);
   }
   if (without_ramp()) {

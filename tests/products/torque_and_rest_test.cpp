@@ -1,0 +1,181 @@
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <cstdint>
+#include <gtest/gtest.h>
+
+#include "ismk_rig.hpp"
+#include "jmc_rig.hpp"
+#include "reference_axis.hpp"
+
+// From a motion to a torque, from a torque to rest, and from a motion to a rest without a target, with heavy loads. The
+// test measures the true shaft.
+namespace servodrome {
+namespace torque_and_rest_test {
+namespace {
+
+using drive::Signal;
+using test::IsmkRig;
+using test::JmcRig;
+using test::Reference;
+
+constexpr std::int64_t turn = 131072;
+
+// With an inertia of so many rotors on the shaft.
+plant::Parameters heavy(plant::Parameters parameters, double rotors) {
+  parameters.load.inertia_kgm2 = rotors * parameters.motor.rotor_inertia_kgm2;
+  return parameters;
+}
+plant::Parameters heavy(double rotors) { return heavy(test::default_plant(), rotors); }
+
+// The extremes of the shaft's speed, turns/s, within this time.
+struct Speeds {
+  double least;
+  double greatest;
+};
+Speeds speeds(Reference& axis, int milliseconds) {
+  Speeds seen{axis.turns_per_s(), axis.turns_per_s()};
+  for (int i = 0; i < milliseconds; ++i) {
+    axis.run_ms(1);
+    seen.least = std::min(seen.least, axis.turns_per_s());
+    seen.greatest = std::max(seen.greatest, axis.turns_per_s());
+  }
+  return seen;
+}
+
+// --- The torque with which profile torque begins
+
+// 6087h lets the first torque fade in 20 s; the torque that braked the axis must not be that torque.
+TEST(TorqueBegins, WithoutTheTorqueThatBrakes) {
+  for (const std::int64_t mode : {1, 3}) {
+    SCOPED_TRACE(mode);
+    Reference axis(mode, heavy(50.0));
+    axis.set(0x6065, 0, 0xFFFFFFFF);
+    axis.set(0x6081, 0, 20 * turn);
+    axis.set(0x6083, 0, 100 * turn);
+    axis.set(0x6084, 0, 300 * turn);
+    axis.set(0x6087, 0, 100);
+    axis.set(0x60FF, 0, 20 * turn);
+    if (mode == 1) test::absolute_move(axis, 1000 * turn, 0x1F);
+    axis.run_ms(1000);
+    ASSERT_NEAR(axis.turns_per_s(), 20.0, 1.0);
+    axis.set(0x60FF, 0, 0);
+    if (mode == 1) axis.control(0x10F);
+    axis.run_ms(20);
+    ASSERT_LT(axis.device.drive().loops().torque, -1.0F);
+    ASSERT_GT(axis.turns_per_s(), 5.0);
+    if (mode == 1) axis.control(0x0F);
+    axis.set(0x6060, 0, 4);
+    EXPECT_GT(speeds(axis, 3000).least, -0.5);
+  }
+}
+
+// A stop that is taken back: the torque comes back by its slope, in its own direction.
+TEST(TorqueBegins, AgainAfterAStopInItsOwnDirection) {
+  struct Case {
+    std::uint16_t word;
+    std::int64_t halt;
+  };
+  for (const Case& row : {Case{0x10F, 1}, Case{0x10F, 2}, Case{0x10F, 3}, Case{0x0B, 2}, Case{0x07, 2}}) {
+    SCOPED_TRACE(testing::Message() << std::hex << row.word << ", 605Dh = " << row.halt);
+    Reference axis(4, heavy(50.0));
+    axis.set(0x6087, 0, 1000);
+    axis.set(0x6080, 0, 1200);
+    axis.set(0x605D, 0, row.halt);
+    axis.set(0x605A, 0, 6);
+    axis.set(0x605C, 0, 1);
+    axis.set(0x6084, 0, 300 * turn);
+    axis.set(0x6085, 0, 300 * turn);
+    axis.set(0x6071, 0, 500);
+    axis.run_ms(2000);
+    ASSERT_NEAR(axis.turns_per_s(), 20.0, 1.0);
+    axis.control(row.word);
+    axis.run_ms(15);
+    ASSERT_GT(axis.turns_per_s(), 5.0);
+    axis.control(0x0F);
+    EXPECT_GT(speeds(axis, 3000).least, 1.0);
+    EXPECT_NEAR(axis.turns_per_s(), 20.0, 1.0);
+  }
+}
+
+// A load that the loops hold at rest is held on, and changes over to the target by 6087h.
+TEST(TorqueBegins, WithTheLoadAtRest) {
+  for (const std::int64_t mode : {1, 3, 8}) {
+    for (const bool halted : {false, true}) {
+      SCOPED_TRACE(testing::Message() << "mode " << mode << (halted ? ", after a halt" : ""));
+      Reference axis(halted ? 4 : mode, heavy(50.0));
+      if (halted) axis.control(0x10F);
+      axis.run_ms(50);
+      axis.plant.set_external_torque_nm(0.5);
+      axis.run_ms(1000);
+      const double held = axis.plant.torque_nm() / test::default_plant().motor.rated_torque_nm * 1000.0;
+      ASSERT_GT(std::abs(held), 350.0);
+      axis.set(0x6087, 0, 100);
+      axis.set(0x6060, 0, 4);
+      axis.control(0x0F);
+      const auto demanded = [&] { return static_cast<double>(axis.get(0x6074)); };
+      axis.run_ms(5);
+      EXPECT_NEAR(demanded(), held, 15.0);
+      axis.run_ms(1000);
+      EXPECT_NEAR(demanded(), held - std::copysign(100.0, held), 15.0);
+    }
+  }
+}
+
+// --- A torque beyond its limit
+
+// 6071h = 3000 for 3 s, of which 6072h allows 500: without a target the torque falls from 500 in 0.5 s.
+TEST(TorqueRamp, TurnsBackAtTheLimit) {
+  for (const std::int64_t shape : {0, 1}) {
+    for (const auto limit : std::to_array<std::uint16_t>({0x6072, 0x60E0})) {
+      SCOPED_TRACE(testing::Message() << "6088h = " << shape << std::hex << ", " << limit);
+      Reference axis(4, heavy(2000.0));
+      axis.set(limit, 0, 500);
+      axis.set(0x6088, 0, shape);
+      axis.set(0x6087, 0, 1000);
+      axis.set(0x6071, 0, 3000);
+      axis.run_ms(3000);
+      EXPECT_EQ(axis.get(0x6074), 500);
+      EXPECT_TRUE(axis.bit(11));
+      EXPECT_FALSE(axis.bit(10)) << "the target is not reached";
+      axis.set(0x6071, 0, 0);
+      axis.run_ms(shape == 0 ? 510 : 800);
+      EXPECT_EQ(axis.get(0x6074), 0);
+      EXPECT_FALSE(axis.bit(11));
+      EXPECT_TRUE(axis.bit(10));
+      axis.set(0x6071, 0, 3000);
+      axis.run_ms(3000);
+      axis.set(limit, 0, 200);
+      axis.run_ms(20);
+      EXPECT_EQ(axis.get(0x6074), 200) << "a lowered limit holds at once";
+      axis.set(limit, 0, 3000);
+      axis.run_ms(10);
+      EXPECT_LT(axis.get(0x6074), 250) << "a raised limit is reached by the slope";
+    }
+  }
+}
+
+TEST(TorqueRamp, BeginsAfterAnotherTypeOrAStep) {
+  for (const bool step : {false, true}) {
+    SCOPED_TRACE(step);
+    Reference axis(4, heavy(200.0));
+    axis.set(0x6080, 0, 60);
+    axis.set(0x6087, 0, 1000);
+    axis.set(0x6088, 0, 1);
+    axis.set(0x6071, 0, 500);
+    axis.run_ms(2000);
+    axis.set(step ? 0x6087 : 0x6088, 0, 0);
+    axis.set(0x6071, 0, 0);
+    axis.run_ms(2000);
+    ASSERT_EQ(axis.get(0x6074), 0);
+    axis.set(0x6087, 0, 1000);
+    axis.set(0x6088, 0, 1);
+    axis.set(0x6071, 0, 500);
+    axis.run_ms(2);
+    EXPECT_LT(axis.get(0x6074), 10);
+  }
+}
+
+}  // namespace
+}  // namespace torque_and_rest_test
+}  // namespace servodrome
