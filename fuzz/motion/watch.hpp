@@ -123,6 +123,7 @@ class Watch {
   void states();
   void demand();
   void count_targets();
+  void first_torque(double torque);                           // fraction of rated torque
   void first_target(double from, double to, double seconds);  // counts/s
   void after_halt(const Demand& demand, double seconds);
   void speed_limits();

@@ -51,10 +51,10 @@ void Watch::demand() {
     const double most = std::max(nameplate, std::abs(before.velocity)) * 1.02 * seconds + 2.0;
     // A jump by which the demand comes back at least half way to the shaft does not drive the shaft.
     const bool back = std::abs(demand.position - position_) < 0.5 * std::abs(before.position - position_);
-    // The demand of a stop follows a shaft that runs past it, and never overtakes the shaft.
+    // The demand of a rest without a target follows a shaft that runs past it, and never overtakes the shaft.
     const double ahead = before.position - position_;
     const double left = demand.position - position_;
-    const bool follows = told_to_stop() && left * ahead >= 0.0 && std::abs(left) < std::abs(ahead);
+    const bool follows = stop_.kind != StopKind::none && left * ahead >= 0.0 && std::abs(left) < std::abs(ahead);
     if (moved > most && !caught && !back && !follows && std::abs(demand.position - position_) > near) {
       const bool cyclic = mode_ == Mode::cyclic_sync_position || mode_ == Mode::interpolated_position;
       return fail(cyclic ? "cyclic-demand-jumps" : "demand-jumps",
@@ -64,6 +64,7 @@ void Watch::demand() {
   }
   if (demand.loop == Loop::position && before.loop == Loop::position)
     first_target(before.velocity, demand.velocity, seconds);
+  if (now.loop == Loop::torque && before.loop != Loop::torque) first_torque(now.torque);
   if (!between) after_halt(demand, seconds);  // the loops get the change with the next cycle
   // In profile modes the demand must not accelerate faster than by the steepest ramp.
   const bool profiled = state_ == PowerState::operation_enabled && tick_ - mode_since_ > 2 * cycle_ticks &&
@@ -104,6 +105,20 @@ void Watch::demand() {
   if (std::abs(demand.velocity) > most * 1.001 + 1e-4 * greatest_speed() && !taken_over &&
       tick_ - around_->commanded > 2 * cycle_ticks && mode_ == Mode::profile_velocity && !ramp_set_.shaped) {
     fail("demand-too-fast", fmt::format("{:.1f} rpm and growing, {:.1f} are allowed", rpm(demand.velocity), rpm(most)));
+  }
+}
+
+// In profile torque a turning shaft does not begin with a torque beyond its target or against it, such as the torque
+// that braked it.
+void Watch::first_torque(double torque) {
+  if (mode_ != Mode::profile_torque || std::abs(velocity_) < unsure_speed() + overshoot(-1.0)) return;
+  const drive::Axis& axis = drive_.axis();
+  const bool inverted = axis.units.velocity_inverted != axis.active(drive::Signal::invert_direction);
+  const double target = (inverted ? -0.001 : 0.001) * objects_.target_torque;
+  constexpr double rounding = 0.001;
+  if (torque > std::max(0.0, target) + rounding || torque < std::min(0.0, target) - rounding) {
+    fail("torque-begins-wrong", fmt::format("with {:.3f} of rated torque at {:.0f} rpm, the target is {:.3f}", torque,
+                                            rpm(velocity_), target));
   }
 }
 

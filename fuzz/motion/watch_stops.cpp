@@ -121,7 +121,7 @@ void Watch::stops() {
   }
   // While the brake opens it holds the axis. A shaft that swings about its place of rest goes back in each swing.
   const bool held = stop_.since - pwm_since_ <= ms(drive_.configuration().brake_release_ms);
-  if (kind < StopKind::velocity && !held && acceleration_ > 0.0 && drive_.axis().demand.loop == Loop::position &&
+  if (kind != StopKind::velocity && !held && acceleration_ > 0.0 && drive_.axis().demand.loop == Loop::position &&
       !swings_about_rest() && stop_.furthest - place > swing_revolutions * counts_per_revolution_ + 0.1 * way) {
     return fail("stop-goes-back", fmt::format("{}: {:.2f} revolutions back, at {:.0f} rpm", name,
                                               (stop_.furthest - place) / counts_per_revolution_, rpm(velocity_)));

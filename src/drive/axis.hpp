@@ -290,10 +290,10 @@ struct Axis {
                                objects.profile_jerk[0]);
     ramp.deceleration = std::max(ramp.deceleration, least_deceleration);
     if (ramp.deceleration <= 0.0) ramp.deceleration = objects.quick_stop_deceleration * units.acceleration;
-    if (ramp.deceleration <= 0.0) return generator.reset(generator.nearest_position());
+    if (ramp.deceleration <= 0.0) ramp.deceleration = std::abs(generator.velocity()) / cycle_s;  // at once
     if (ramp.acceleration <= 0.0) ramp.acceleration = ramp.deceleration;
     if (ramp.jerk <= 0.0) shape = RampShape::linear;
-    generator.run_at(0.0, ramp, shape);
+    generator.come_to_rest(ramp, shape);
   }
 
   // Sets the generator to the actual position and velocity.

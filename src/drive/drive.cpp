@@ -368,8 +368,7 @@ void Drive::run_mode() {
       take_over_shaft();
       halted_ = stopping_ = short_circuit_ = false;
       if (stop_loop_ != Loop::position) axis_.lead_shaft(axis_.generator.velocity());
-      // If the mode has no motion to resume, the axis comes to rest.
-      if (axis_.generator.finished()) axis_.come_to_rest(RampShape::linear);
+      if (axis_.generator.finished()) axis_.come_to_rest(RampShape::linear);  // unless the mode resumes a motion
       with_mode(*this, [&](auto& mode) { mode.resume(axis_); });
     }
   }
@@ -386,6 +385,8 @@ void Drive::run_mode() {
     }
     return;
   }
+  slow_down_with_shaft();
+  keep_near_shaft();
   const Counts before = axis_.generator.nearest_position();
   const bool identifying = identification_.running();
   with_mode(*this, [&](auto& mode) { mode.step(axis_); });

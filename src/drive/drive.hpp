@@ -204,6 +204,7 @@ class Drive final : public dictionary::Listener {
   void end_halted_motion_at_limit_switch();
   void keep_stop_within_limits();
   void take_over_shaft();
+  void leave_smoothing();
   void keep_near_shaft();
   void slow_down_with_shaft();
   void watch_standstill();
@@ -314,7 +315,6 @@ class Drive final : public dictionary::Listener {
   bool held_by_current_ = false;
   Stop stop_ = Stop::power_off;
   Loop stop_loop_ = Loop::position;
-  double stop_direction_ = 0.0;     // sign of the ramp's initial speed
   double stop_deceleration_ = 0.0;  // planned deceleration of its ramp, counts/s^2
   Stage stage_ = Stage::off;
   std::uint32_t stage_cycles_ = 0;
@@ -325,7 +325,7 @@ class Drive final : public dictionary::Listener {
   std::uint32_t rest_wait_cycles_ = 0;  // since the end of a stop's ramp
   Slowing slowing_{};                   // of a stop without a ramp
   Dwell braked_{};                      // time braked by short circuit
-  Dwell outrun_{};                      // time for which the ramp of a stop was much faster than the shaft
+  Dwell outrun_{};                      // time for which a ramp to rest was much faster than the shaft
   bool braked_to_rest_ = false;
   bool zero_speed_ = false;  // held at once, without a ramp, until the brake has closed
 

@@ -9,6 +9,7 @@ void Generator::place(Counts position, double fraction, double velocity) {
   state_ = {fraction, velocity, 0.0};
   planned_ = false;
   finished_ = true;
+  rest_direction_ = 0.0;
 }
 
 // Adopts a new plan, made from `state` on `base`, of which `gone_s` has passed. A refused plan changes nothing: the
@@ -21,6 +22,7 @@ Trajectory::Result Generator::begin(Trajectory::Result result, Counts base, cons
   cycles_ = 0;
   planned_ = true;
   finished_ = trajectory_.duration_s() <= gone_s;
+  rest_direction_ = 0.0;
   return result;
 }
 
@@ -48,6 +50,16 @@ Trajectory::Result Generator::run_at(double velocity, const MotionLimits& limits
   MotionState state = state_;
   const Counts base = rebase(state, shape);
   return begin(trajectory_.plan_velocity(state, velocity, limits, shape), base, state, 0.0);
+}
+
+Trajectory::Result Generator::come_to_rest(const MotionLimits& limits, RampShape shape) {
+  const double direction = state_.velocity;
+  const Trajectory::Result result = run_at(0.0, limits, shape);
+  if (result == Trajectory::Result::bad_state || result == Trajectory::Result::bad_limits) return result;
+  rest_limits_ = limits;
+  rest_shape_ = shape;
+  rest_direction_ = direction;
+  return result;
 }
 
 Trajectory::Result Generator::continue_to(Counts target, double end_velocity, const MotionLimits& limits,

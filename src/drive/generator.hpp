@@ -21,6 +21,12 @@ class Generator {
   // leaves the running motion unchanged.
   Trajectory::Result move_to(Counts target, double end_velocity, const MotionLimits& limits, RampShape shape);
   Trajectory::Result run_at(double velocity, const MotionLimits& limits, RampShape shape);
+  // Plans the ramp to rest, wherever it ends. Until another plan replaces it, rest_direction() has the sign of the
+  // velocity with which it began.
+  Trajectory::Result come_to_rest(const MotionLimits& limits, RampShape shape);
+  void rest_again() { come_to_rest(rest_limits_, rest_shape_); }  // the last ramp to rest, from the present state
+  double rest_direction() const { return rest_direction_; }
+  void hold_rest() { rest_direction_ = 0.0; }  // the place of rest is found
 
   // Like move_to, but as if planned at the exact moment within the last cycle at which the running motion ended, unless
   // it ended at rest.
@@ -59,6 +65,9 @@ class Generator {
   double start_s_ = 0.0;      // time that had passed when the plan began (continue_to)
   std::uint64_t cycles_ = 0;  // since the plan
   double last_cycle_s_ = 0.0;
+  MotionLimits rest_limits_{};
+  RampShape rest_shape_ = RampShape::linear;
+  double rest_direction_ = 0.0;
   bool finished_ = true;
   bool planned_ = false;
 };

@@ -176,6 +176,95 @@ TEST(TorqueRamp, BeginsAfterAnotherTypeOrAStep) {
   }
 }
 
+// --- A rest without a target
+
+// The shaft runs out with the torque that the motor has, and never comes back for the ramp that is too steep for it.
+struct RunOut {
+  double back_turns;
+  double speed;  // at the end, turns/s
+};
+RunOut run_out(Reference& axis, int milliseconds) {
+  double furthest = axis.turns();
+  double back = 0.0;
+  for (int i = 0; i < milliseconds; ++i) {
+    axis.run_ms(1);
+    furthest = std::max(furthest, axis.turns());
+    back = std::max(back, furthest - axis.turns());
+  }
+  return {back, axis.turns_per_s()};
+}
+
+constexpr double most_back = 0.2;  // the swing of a heavy shaft about its place of rest
+
+constexpr std::array<std::int64_t, 3> too_steep{1000 * turn, 0xFFFFFFFF, 0};
+
+TEST(RestWithoutATarget, IsWhereTheShaftCanStop) {
+  for (const std::int64_t ramp : too_steep) {
+    for (const std::int64_t mode : {0, 1, 6, 7, 8}) {
+      SCOPED_TRACE(testing::Message() << "6084h = " << ramp << ", mode " << mode);
+      Reference axis(3, heavy(60.0));
+      axis.set(0x6065, 0, 0xFFFFFFFF);
+      axis.set(0x6083, 0, 20 * turn);
+      axis.set(0x60FF, 0, 20 * turn);
+      axis.run_ms(1500);
+      ASSERT_NEAR(axis.turns_per_s(), 20.0, 0.5);
+      axis.set(0x6084, 0, ramp);
+      axis.set(0x6085, 0, ramp);
+      axis.set(0x6060, 0, mode);
+      const RunOut end = run_out(axis, 4000);
+      EXPECT_LT(end.back_turns, most_back);
+      EXPECT_NEAR(end.speed, 0.0, 0.05);
+    }
+  }
+}
+
+TEST(RestWithoutATarget, OfAnInterpolationOrAHomingThatIsGivenUp) {
+  for (const std::int64_t mode : {6, 7}) {
+    SCOPED_TRACE(mode);
+    Reference axis(mode, heavy(60.0));
+    axis.set(0x6065, 0, 0xFFFFFFFF);
+    axis.set(0x60C2, 1, 2);
+    axis.set(0x6098, 0, 18);
+    axis.set(0x6099, 1, 20 * turn);
+    axis.set(0x609A, 0, 20 * turn);
+    axis.control(0x1F);
+    double target = 0.0;
+    double speed = 0.0;
+    for (int i = 0; i < 1000; ++i) {
+      speed = std::min(20.0, speed + 0.04);
+      axis.set(0x60C1, 1, static_cast<std::int64_t>(target += speed * turn / 500.0));
+      axis.run_ms(2);
+    }
+    ASSERT_NEAR(axis.turns_per_s(), 20.0, 1.0);
+    axis.set(0x6084, 0, 0xFFFFFFFF);
+    if (mode == 6) axis.set(0x609A, 0, 0);
+    axis.control(0x0F);
+    const RunOut end = run_out(axis, 4000);
+    EXPECT_LT(end.back_turns, most_back);
+    EXPECT_NEAR(end.speed, 0.0, 0.05);
+  }
+}
+
+// At rest the position loop holds the axis there: a load that pushes it the way it came does not shift its demand.
+TEST(RestWithoutATarget, IsHeldAgainstALoad) {
+  Reference axis(3, heavy(60.0));
+  axis.set(0x6065, 0, 0xFFFFFFFF);
+  axis.set(0x6083, 0, 20 * turn);
+  axis.set(0x60FF, 0, 20 * turn);
+  axis.run_ms(1500);
+  axis.set(0x6084, 0, 1000 * turn);
+  axis.set(0x6060, 0, 1);
+  axis.run_ms(4000);
+  const double there = axis.turns();
+  for (const double load_nm : {2.0, -2.0}) {
+    axis.plant.set_external_torque_nm(load_nm);
+    axis.run_ms(500);
+    axis.plant.set_external_torque_nm(0.0);
+    axis.run_ms(1500);
+    EXPECT_NEAR(axis.turns(), there, 0.002);
+  }
+}
+
 }  // namespace
 }  // namespace torque_and_rest_test
 }  // namespace servodrome

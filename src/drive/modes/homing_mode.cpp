@@ -180,7 +180,7 @@ void HomingMode::carry_out(Axis& axis, const HomingCommand& command) {
 // Without a ramp of its own, homing stops by that of the profile.
 void HomingMode::stop(Axis& axis) const {
   if (acceleration_ <= 0.0) return axis.come_to_rest(RampShape::linear);
-  axis.generator.run_at(0.0, motion(axis, axis.max_velocity(false)), RampShape::linear);
+  axis.generator.come_to_rest(motion(axis, axis.max_velocity(false)), RampShape::linear);
 }
 
 // Stops from the actual position of the shaft: while the shaft presses against a stop, it does not follow the demand.

@@ -240,9 +240,7 @@ void Drive::take_over_shaft() {
   if (follows && !(smoothing_pending_ && smoothed_loop_ == loop)) return;
   homing_mode_.shaft_taken_over();
   if (follows) {  // continues from the smoothed demand, which lags behind the generator
-    const Counts place =
-        loop == Loop::position ? (smoothed_value_ >> 16) + axis_.offset : axis_.generator.nearest_position();
-    axis_.generator.start_from(place, static_cast<double>(smoothed_velocity_));
+    leave_smoothing();
   } else {
     apart ? axis_.take_over_actual() : axis_.take_over_lagging();
     axis_.demand.from_shaft = true;
@@ -251,23 +249,39 @@ void Drive::take_over_shaft() {
   smoothed_loop_ = Loop::off;
 }
 
-// If the axis cannot brake as fast as its ramp, it overtakes the demand. The demand then follows the shaft, so that the
-// position loop does not pull the axis back. If the shaft turns back, the demand stays where it is and holds the axis,
-// which may oscillate about it.
-void Drive::keep_near_shaft() {
-  if (axis_.velocity() * stop_direction_ < 0.0 && axis_.generator.standing()) stop_direction_ = 0.0;
-  if (moved_demand_) return;  // the following error belongs to an earlier demand
-  const auto error = static_cast<double>(cascade_.state().following_error_counts);
-  const double most = axis_.lag(axis_.velocity());
-  if (std::abs(error) <= most || error * stop_direction_ >= 0.0) return;
-  axis_.generator.shift(static_cast<Counts>(std::copysign(most, error) - error));
+// Continues from the output of the filter, which lags behind the generator.
+void Drive::leave_smoothing() {
+  const Counts place =
+      smoothed_loop_ == Loop::position ? (smoothed_value_ >> 16) + axis_.offset : axis_.generator.nearest_position();
+  axis_.generator.start_from(place, static_cast<double>(smoothed_velocity_));
   smoothed_loop_ = Loop::off;
 }
 
-// If a jam, for example, slows the shaft down far below the speed of a stop's ramp, the ramp continues from the speed
-// of the shaft, because a stop must not accelerate the shaft. This does not apply to a shaft that oscillates about a
-// slow demand or has turned back.
+// If the axis cannot brake as fast as a ramp to rest that has no target, it overtakes the demand. The demand then
+// follows the shaft, so that the position loop does not pull the axis back. If the shaft turns back or stands, the
+// demand stays where it is and holds the axis, which may oscillate about it.
+void Drive::keep_near_shaft() {
+  Generator& generator = axis_.generator;
+  if (generator.rest_direction() == 0.0 || axis_.demand.loop != Loop::position) return;
+  const bool turns_back = axis_.velocity() * generator.rest_direction() < 0.0;
+  if (generator.standing() && (turns_back || axis_.shaft_stands)) generator.hold_rest();
+  if (moved_demand_) return;  // the following error belongs to an earlier demand
+  const auto error = static_cast<double>(cascade_.state().following_error_counts);
+  const double most = axis_.lag(axis_.velocity());
+  if (std::abs(error) <= most || error * generator.rest_direction() >= 0.0) return;
+  if (smoothing_pending_ && smoothed_loop_ == Loop::position) {
+    leave_smoothing();
+    generator.rest_again();
+  }
+  generator.shift(static_cast<Counts>(std::copysign(most, error) - error));
+  smoothed_loop_ = Loop::off;
+}
+
+// If a jam, for example, slows the shaft down far below the speed of a ramp to rest, the ramp continues from the speed
+// of the shaft, because such a ramp must not accelerate the shaft. This does not apply to a shaft that oscillates about
+// a slow demand or has turned back.
 void Drive::slow_down_with_shaft() {
+  if (axis_.generator.rest_direction() == 0.0) return;
   constexpr double least_share = 0.5;      // of the ramp's speed
   constexpr double slow_ramp_share = 0.1;  // of the motor's greatest speed
   constexpr double unsure_rpm = 30.0;
@@ -283,7 +297,7 @@ void Drive::slow_down_with_shaft() {
   axis_.take_over_lagging(std::copysign(std::max(0.0, shaft), wanted));
   axis_.demand.from_shaft = true;
   moved_demand_ = true;
-  begin_ramp();
+  axis_.generator.rest_again();
 }
 
 void Drive::begin_stop(Stop stop) {
@@ -334,11 +348,10 @@ void Drive::begin_ramp() {
     axis_.generator.start_from(axis_.position(), 0.0);
     return;
   }
-  stop_direction_ = axis_.generator.velocity();
   stop_deceleration_ = deceleration;
   // For a shaft above the speed limit the ramp begins at its actual speed, so the limit must not clip it.
-  axis_.greatest_velocity = std::max(axis_.greatest_velocity, std::abs(stop_direction_));
-  axis_.generator.run_at(0.0, {axis_.max_velocity(false), deceleration, deceleration, std::max(1.0, jerk)}, shape);
+  axis_.greatest_velocity = std::max(axis_.greatest_velocity, std::abs(axis_.generator.velocity()));
+  axis_.generator.come_to_rest({axis_.max_velocity(false), deceleration, deceleration, std::max(1.0, jerk)}, shape);
 }
 
 double Drive::quick_stop_deceleration() const {
@@ -360,7 +373,7 @@ void Drive::keep_stop_within_limits() {
     stop_ = Stop::quick_stop_ramp;
     begin_ramp();
   } else if (at_limit) {
-    axis_.generator.run_at(0.0, {axis_.max_velocity(false), steepest, steepest, 1.0}, RampShape::linear);
+    axis_.generator.come_to_rest({axis_.max_velocity(false), steepest, steepest, 1.0}, RampShape::linear);
   }
 }
 
@@ -408,7 +421,7 @@ void Drive::step_stop() {
   } else {
     slow_down_with_shaft();
     axis_.generator.step(axis_.cycle_s);
-    if (stop_loop_ == Loop::position && axis_.demand.loop == Loop::position) keep_near_shaft();
+    keep_near_shaft();
     rest_wait_cycles_ = axis_.generator.standing() ? rest_wait_cycles_ + 1 : 0;
   }
   axis_.follow_generator(stop_loop_);
