@@ -265,6 +265,79 @@ TEST(RestWithoutATarget, IsHeldAgainstALoad) {
   }
 }
 
+// --- A stop out of torque control without a fast integral
+
+// The motor data have the rotor only: what accelerates the load looks like a load to hold.
+TEST(StopOutOfTorque, StopsWithoutAnIntegral) {
+  for (const std::int64_t mode : {4, 3}) {
+    SCOPED_TRACE(mode);
+    IsmkRig rig(heavy(test::ismk_plant(), 8.0), test::ismk_settings());
+    rig.run_ms(5);
+    rig.set(0x60F9, 2, 0);
+    rig.set(0x60F9, 7, 0);
+    rig.set(0x605A, 0, 6);
+    rig.set(0x607F, 0, 17895697LL * 3);
+    for (const auto ramp : std::to_array<std::uint16_t>({0x6083, 0x6084, 0x6085})) rig.set(ramp, 0, 100000);
+    rig.set(0x6060, 0, 4);
+    rig.set(0x6071, 0, 1000);
+    rig.control(0x0F);
+    ASSERT_GE(rig.run_until([&] { return rig.plant.velocity_rpm() > 500.0; }, 3000.0), 0);
+    if (mode == 4) {
+      rig.control(0x02);
+    } else {
+      rig.set(0x60FF, 0, 0);
+      rig.set(0x6060, 0, 3);
+    }
+    rig.run_ms(1500);
+    EXPECT_NEAR(rig.plant.velocity_rpm(), 0.0, 2.0);
+  }
+}
+
+TEST(StopOutOfTorque, StopsWithASlowIntegral) {
+  {
+    Reference axis(4, heavy(8.0));
+    axis.set(0x2010, 3, 1);
+    axis.set(0x6071, 0, 500);
+    axis.set(0x6084, 0, 100 * turn);
+    ASSERT_GE(axis.run_until([&] { return axis.turns_per_s() > 10.0; }, 5000.0), 0);
+    axis.control(0x10F);
+    axis.run_ms(1000);
+    EXPECT_NEAR(axis.turns_per_s(), 0.0, 0.05);
+  }
+  JmcRig rig(heavy(test::jmc_plant(), 8.0), test::jmc_settings());
+  rig.open_limits();
+  rig.set_panel(1, 4, 0);
+  rig.set_panel(2, 30, 1);
+  rig.set_panel(2, 14, 10000);  // 1000 ms
+  rig.set(0x6060, 0, 10);
+  ASSERT_TRUE(rig.enable());
+  rig.set(0x6071, 0, 500);
+  ASSERT_GE(rig.run_until([&] { return rig.plant.velocity_rpm() > 500.0; }, 5000.0), 0);
+  rig.control(0x10F);
+  rig.run_ms(500);
+  EXPECT_NEAR(rig.plant.velocity_rpm(), 0.0, 5.0);
+}
+
+// What the torque holds at rest is a load, and no stop drops it.
+TEST(StopOutOfTorque, HoldsALoadWithoutAnIntegral) {
+  IsmkRig rig(test::hanging(test::ismk_plant(), 0.3, 0.0), test::ismk_settings());
+  rig.run_ms(5);
+  rig.set(0x6060, 0, 1);
+  rig.control(0x0F);
+  rig.run_ms(1000);
+  const double share = static_cast<double>(rig.device.drive().loops().torque);
+  rig.set(0x6071, 0, std::lround(1000.0 * share));
+  rig.set(0x6060, 0, 4);
+  rig.set(0x60F9, 2, 0);
+  rig.set(0x60F9, 7, 0);
+  rig.run_ms(20);
+  rig.set(0x605A, 0, 6);
+  rig.control(0x02);
+  const std::int64_t there = rig.plant.position_counts();
+  rig.run_ms(500);
+  EXPECT_NEAR(static_cast<double>(rig.plant.position_counts() - there), 0.0, 65536.0 / 20.0);
+}
+
 }  // namespace
 }  // namespace torque_and_rest_test
 }  // namespace servodrome

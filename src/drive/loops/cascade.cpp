@@ -55,6 +55,7 @@ void Cascade::clear_controllers() {
   position_error_ = 0.0F;
   integral_ = 0.0F;
   handover_ = 0.0F;
+  carried_ = 0.0F;
   feed_forward_ = 0.0F;
   forget_disturbance();
   current_reference_a_ = 0.0F;
@@ -102,9 +103,12 @@ void Cascade::set_demand(const LoopDemand& demand) {
   if (demand.loop == Loop::torque) {
     integral_ = 0.0F;
     handover_ = 0.0F;
+    carried_ = 0.0F;
   } else if (previous == Loop::torque) {
     forget_disturbance();
-    integral_ = load_.load - feed_forward;
+    const float load = load_.load - feed_forward;
+    carried_ = slow_integral_ ? load : 0.0F;
+    integral_ = load - carried_;
     handover_ = 0.0F;
     command_filter_.value = state_.velocity_counts_per_s;
   }
@@ -120,9 +124,20 @@ void Cascade::set_demand(const LoopDemand& demand) {
 void Cascade::keep_load() {
   // The integral also balances the proportional part that a set-point weight below 1 causes at constant speed.
   const float even = velocity_kp_ * (1.0F - setpoint_weight_) * state_.velocity_counts_per_s;
-  const float load = load_.load - demand_.torque - compensation_;
+  const float whole = load_.load - demand_.torque - compensation_;
+  carried_ = clip(whole, std::min(0.0F, carried_), std::max(0.0F, carried_));
+  const float load = whole - carried_;
   const float present = integral_ - even;
   integral_ = even + clip(load, std::min(0.0F, present), std::max(0.0F, present));
+}
+
+// The load that the torque loop leaves can in fact be the torque that accelerated an unknown inertia. It fades while
+// the proportional part works against a good part of it; a true load is held.
+[[gnu::noinline]] void Cascade::fade_carried(float proportional) {
+  constexpr float opposed_share = 0.1F;
+  if (proportional * carried_ > 0.0F || std::fabs(proportional) < opposed_share * std::fabs(carried_)) return;
+  carried_ -= handover_decay_ * carried_;
+  if (std::fabs(carried_) < handover_end) carried_ = 0.0F;
 }
 
 template <unsigned Phases>
@@ -321,7 +336,8 @@ float Cascade::velocity_controller() {
   const float high = torque_high_;
   const float measured = state_.velocity_counts_per_s;
   const float error = reference - measured;
-  float sum = velocity_kp_ * (setpoint_weight_ * reference - measured) + integral_ + feed_forward_ + handover_;
+  float sum =
+      velocity_kp_ * (setpoint_weight_ * reference - measured) + integral_ + feed_forward_ + handover_ + carried_;
   if (disturbance_share_ != 0.0F) {
     observe_disturbance();
     sum += compensation_;
@@ -332,6 +348,8 @@ float Cascade::velocity_controller() {
     handover_ -= handover_decay_ * handover_;
     if (std::fabs(handover_) < handover_end) handover_ = 0.0F;
   }
+  if (carried_ != 0.0F) [[unlikely]]
+    fade_carried(velocity_kp_ * error);
   const bool winding_up = state_.torque_limited ? (sum > torque) == (error > 0.0F)
                                                 : state_.voltage_limited && (error > 0.0F) == (torque > 0.0F);
   if (demand_.integral_off) {

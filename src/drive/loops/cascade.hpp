@@ -138,6 +138,7 @@ class Cascade {
   void forget_disturbance();
   void keep_load();
   void hand_over(float proportional_before);
+  void fade_carried(float proportional);
   float velocity_controller();
   float torque_controller();
   template <unsigned Phases>
@@ -183,6 +184,7 @@ class Cascade {
   float position_error_ = 0.0F;     // counts, as the position loop saw it last
   float integral_ = 0.0F;           // of the velocity loop, fraction of rated torque
   float handover_ = 0.0F;           // likewise: torque of earlier gains that fades out
+  float carried_ = 0.0F;            // likewise: load of the torque loop, where the integral would be slow to correct it
   float feed_forward_ = 0.0F;       // torque, fraction of rated
   float current_reference_a_ = 0.0F;
   float direct_reference_a_ = 0.0F;  // <= 0: of the field weakening
@@ -220,9 +222,10 @@ class Cascade {
   float braking_v_per_rad_s_ = 0.0F;
   float velocity_periods_per_s_ = 8000.0F;  // also: the velocity of one count per period
   float electrical_rad_per_count_ = 0.0F;
-  float ahead_rad_ = 0.0F;    // electrical rad until the middle of the voltage's tick, per counts/s
-  float velocity_kp_ = 0.0F;  // fraction of rated torque per counts/s
-  float velocity_ki_ = 0.0F;  // likewise, per velocity period
+  float ahead_rad_ = 0.0F;      // electrical rad until the middle of the voltage's tick, per counts/s
+  float velocity_kp_ = 0.0F;    // fraction of rated torque per counts/s
+  float velocity_ki_ = 0.0F;    // likewise, per velocity period
+  bool slow_integral_ = false;  // or none
   float setpoint_weight_ = 1.0F;
   float integral_limit_ = 0.0F;  // fraction of rated torque
   float handover_decay_ = 0.0F;  // per velocity period

@@ -30,6 +30,8 @@ constexpr float velocity_low_pass_damping = 0.70710678F;
 
 // When gains change, the step that they would cause in the torque fades with this time constant.
 constexpr float handover_s = 5.0e-3F;
+// An integral with a longer time constant is too slow to correct a wrong load torque while the axis stops.
+constexpr float slow_integral_s = 0.1F;
 // Limit of this torque, because on an axis that oscillates the torque at one moment can be high.
 constexpr float most_handover = 0.3F;
 
@@ -87,6 +89,7 @@ void Cascade::configure(const MotorData& motor, const Gains& gains, Rates rates)
   const float rad_per_count = 2.0F * pi / counts;
   velocity_kp_ = gains.velocity_kp * torque_per_ampere * rad_per_count;
   velocity_ki_ = gains.velocity_ki * torque_per_ampere * rad_per_count * velocity_period_s;
+  slow_integral_ = velocity_ki_ * velocity_periods_per_s_ * slow_integral_s < velocity_kp_;
   setpoint_weight_ = gains.velocity_setpoint_weight;
   const float rotor_torque = motor.inertia_kgm2 / motor.rated_torque_nm * rad_per_count;  // per counts/s^2
   inertia_torque_ = rotor_torque * gains.acceleration_feed_forward;
@@ -170,6 +173,10 @@ void Cascade::hand_over(float proportional_before) {
     const float wanted = demand_.loop == Loop::position ? position_velocity_ : demand_.velocity;
     state_.velocity_reference_counts_per_s =
         clip(wanted, -demand_.velocity_limit_negative, demand_.velocity_limit_positive);
+  }
+  if (!slow_integral_) {
+    integral_ += carried_;
+    carried_ = 0.0F;
   }
   if (velocity_ki_ == 0.0F) {
     handover_ += integral_;
