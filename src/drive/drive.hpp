@@ -196,14 +196,14 @@ class Drive final : public dictionary::Listener {
   bool too_fast_for_brake() const;
   void engage_brake();
   void enter_state(PowerState to);
-  void begin_stop(Stop stop);
+  void begin_stop(Stop stop, bool apart = false);
   void begin_ramp();
   double deceleration_of(Stop stop) const;
   bool without_ramp() const { return stop_ == Stop::current_limit || stop_ == Stop::voltage_limit; }
   bool meets_limit_switch() const;
   void end_halted_motion_at_limit_switch();
   void keep_stop_within_limits();
-  void take_over_shaft();
+  void take_over_shaft(bool apart = false);
   void leave_smoothing();
   void keep_near_shaft();
   void slow_down_with_shaft();
@@ -238,6 +238,7 @@ class Drive final : public dictionary::Listener {
   void run_mode();
   void limit_switches(Counts before);
   double demanded_direction(Counts before) const;
+  bool demand_lags() const { return smoothing_pending_ && smoothed_loop_ == axis_.demand.loop; }
   double velocity_of_demand() const;
   bool pushes_limit_switch(Counts before) const;
   void end_identification();

@@ -12,25 +12,31 @@ constexpr std::uint32_t lagging_modes =
 
 }  // namespace
 
-// The direction of the motion that the demand asks for, which may end before the shaft arrives: the shaft then still
-// follows a smoothed demand, or lags behind it. `before`: the demand before this cycle.
+// The direction of the motion that the demand asks for, which may end, or reverse, before the shaft does: the shaft
+// then still follows a smoothed demand, or lags behind it. `before`: the demand before this cycle.
 double Drive::demanded_direction(Counts before) const {
   constexpr double moving_rpm = 30.0;
   constexpr double settling_s = 0.05;  // a shaft that arrives within this time settles at its target
+  const auto smoothed = static_cast<double>(smoothed_velocity_);
+  if (demand_lags() && axis_.runs_into_limit_switch(smoothed)) return smoothed;
   const double direction = axis_.demand_direction(before);
   const double shaft = axis_.velocity();
   if (direction != 0.0 || std::abs(shaft) < axis_.rpm_to_counts_per_s(moving_rpm)) return direction;
   if (axis_.demand.loop != Loop::position) return velocity_of_demand() * shaft > 0.0 ? shaft : 0.0;
+  // The shaft of a soft loop is far from its demand: it moves on if a quick stop is shorter.
+  const double quick = quick_stop_deceleration();
+  const double stop = quick > 0.0 ? shaft * shaft / (2.0 * quick) : 0.0;
   const auto ahead = static_cast<double>(axis_.generator.nearest_position() - axis_.position());
-  return ahead * std::copysign(1.0, shaft) > axis_.lag(shaft) + settling_s * std::abs(shaft) ? shaft : 0.0;
+  const double least = std::min(axis_.lag(shaft), stop) + settling_s * std::abs(shaft);
+  return ahead * std::copysign(1.0, shaft) > least ? shaft : 0.0;
 }
 
-// The velocity that the velocity loop gets, counts/s: the smoothed one if that is still higher.
+// The velocity that the velocity loop gets, counts/s: the smoothed one while that is higher or has not reversed yet.
 double Drive::velocity_of_demand() const {
   const double velocity = axis_.generator.velocity();
   const auto smoothed = static_cast<double>(smoothed_velocity_);
-  const bool lags = smoothing_pending_ && smoothed_loop_ == Loop::velocity && axis_.demand.loop == Loop::velocity;
-  return lags && std::abs(smoothed) > std::abs(velocity) ? smoothed : velocity;
+  const bool leads = std::abs(smoothed) > std::abs(velocity) || smoothed * velocity < 0.0;
+  return demand_lags() && axis_.demand.loop == Loop::velocity && leads ? smoothed : velocity;
 }
 
 // Returns true if the demand leads towards an active limit switch: by its velocity, in torque control by its torque. A
@@ -69,10 +75,12 @@ void Drive::limit_switches(Counts before) {
   if (!blocked) return;
   const int direction = moves < 0.0 ? -1 : 1;
   if (!policy_.limit_switches_show_as_limit) axis_.limited = true;
-  const bool slow = std::abs(axis_.velocity()) <= 4.0 * quick * axis_.cycle_s;
-  const bool lags = smoothing_pending_ || axis_.demand_direction(before) == 0.0;
-  if (!slow || lags) {
-    begin_stop(Stop::quick_stop_ramp);
+  constexpr double slow_rpm = 10.0;
+  const bool slow =
+      std::abs(axis_.velocity()) <= std::min(4.0 * quick * axis_.cycle_s, axis_.rpm_to_counts_per_s(slow_rpm));
+  const bool stands = axis_.demand_direction(before) == 0.0;
+  if (!slow || smoothing_pending_ || stands) {
+    begin_stop(Stop::quick_stop_ramp, stands && !demand_lags());
     limit_stop_ = true;
   } else {
     axis_.generator.reset(before);

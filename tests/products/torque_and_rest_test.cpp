@@ -265,6 +265,38 @@ TEST(RestWithoutATarget, IsHeldAgainstALoad) {
   }
 }
 
+TEST(LimitSwitch, WithAnEndlessRampStopsWhereTheShaftCan) {
+  for (const std::int64_t mode : {1, 7, 8}) {
+    SCOPED_TRACE(mode);
+    Reference axis(mode, heavy(60.0));
+    axis.set(0x6065, 0, 0xFFFFFFFF);
+    axis.set(0x6085, 0, 0xFFFFFFFF);
+    axis.set(0x6083, 0, 20 * turn);
+    axis.set(0x6081, 0, 20 * turn);
+    axis.set(0x60C2, 1, 2);
+    axis.control(0x1F);
+    if (mode == 1) test::absolute_move(axis, 1000 * turn, 0x1F);
+    double target = 0.0;
+    double speed = 0.0;
+    const auto go = [&] {
+      speed = std::min(20.0, speed + 0.04);
+      target += speed * turn / 500.0;
+      if (mode != 1) axis.set(mode == 7 ? 0x60C1 : 0x607A, mode == 7 ? 1 : 0, static_cast<std::int64_t>(target));
+      axis.run_ms(2);
+    };
+    for (int i = 0; i < 750; ++i) go();
+    ASSERT_NEAR(axis.turns_per_s(), 20.0, 1.5);
+    axis.plant.force_input(0, true);
+    double furthest = axis.turns();
+    for (int i = 0; i < 1500; ++i) {
+      go();
+      furthest = std::max(furthest, axis.turns());
+      ASSERT_GT(axis.turns(), furthest - most_back);
+    }
+    EXPECT_NEAR(axis.turns_per_s(), 0.0, 0.05);
+  }
+}
+
 // --- A stop out of torque control without a fast integral
 
 // The motor data have the rotor only: what accelerates the load looks like a load to hold.
@@ -336,6 +368,130 @@ TEST(StopOutOfTorque, HoldsALoadWithoutAnIntegral) {
   const std::int64_t there = rig.plant.position_counts();
   rig.run_ms(500);
   EXPECT_NEAR(static_cast<double>(rig.plant.position_counts() - there), 0.0, 65536.0 / 20.0);
+}
+
+// --- A limit that the shaft meets behind its demand
+
+TEST(LimitSwitch, StopsAShaftThatCatchesUpInASoftLoop) {
+  for (const std::int64_t kp : {1000, 300, 100}) {
+    SCOPED_TRACE(kp);
+    Reference axis(1);
+    axis.set(0x2010, 1, kp);
+    axis.set(0x2010, 4, 0);
+    axis.set(0x6065, 0, 0xFFFFFFFF);
+    axis.set(0x6081, 0, 5 * turn);
+    for (const auto ramp : std::to_array<std::uint16_t>({0x6083, 0x6084, 0x6085})) axis.set(ramp, 0, 100 * turn);
+    test::absolute_move(axis, 20 * turn, 0x1F);
+    ASSERT_GE(axis.run_until([&] { return !axis.device.drive().in_motion(); }, 20000.0), 0);
+    const double there = axis.turns();
+    const double speed = axis.turns_per_s();
+    ASSERT_GT(speed, 1.0);
+    axis.plant.force_input(0, true);
+    axis.run_ms(20000);
+    EXPECT_LT(axis.turns() - there, speed * speed / 200.0 + 0.02);
+    EXPECT_NEAR(axis.turns_per_s(), 0.0, 0.01);
+    EXPECT_TRUE(axis.bit(11));
+  }
+}
+
+// --- A smoothed demand that reverses
+
+template <typename RigType>
+double turns(RigType& rig) {
+  return static_cast<double>(rig.plant.position_counts()) /
+         static_cast<double>(rig.device.drive().configuration().motor.counts_per_revolution);
+}
+template <typename RigType>
+double furthest(RigType& rig, int milliseconds) {
+  double most = turns(rig);
+  for (int i = 0; i < milliseconds; ++i) rig.run_ms(1), most = std::max(most, turns(rig));
+  return most;
+}
+constexpr std::int64_t rpm_2000 = 17895697LL * 2;  // iSMK, 6081h and 60FFh
+
+// Turns at 2000 rpm in this mode, with its longest smoothing and with ramps that need much less time than that.
+struct Smoothed : IsmkRig {
+  explicit Smoothed(std::int64_t mode) {
+    set(0x2010, 3, 0x0010);
+    run_ms(5);
+    EXPECT_TRUE(force(Signal::positive_limit, false));
+    run_ms(5);
+    set(0x60FB, 5, 255);
+    set(0x6060, 0, mode);
+    for (const auto ramp : std::to_array<std::uint16_t>({0x6083, 0x6084, 0x6085})) set(ramp, 0, 100000000);
+    set(0x607F, 0, 2 * rpm_2000);
+    set(0x6081, 0, rpm_2000);
+    set(0x60FF, 0, mode == 3 ? rpm_2000 : 0);
+    control(0x0F);
+    run_ms(100);
+    if (mode == 1) {
+      set(0x607A, 0, 65536 * 100);
+      control(0x1F);
+    }
+    run_ms(700);
+    EXPECT_NEAR(plant.velocity_rpm(), 2000.0, 20.0);
+  }
+  void reverse() {
+    control(0x0F);
+    set(0x60FF, 0, -rpm_2000);
+    set(0x607A, 0, -65536 * 100);
+    control(0x3F);
+    EXPECT_GE(run_until([&] { return device.drive().axis().generator.velocity() < 0.0; }, 300.0), 0);
+  }
+};
+
+TEST(SmoothedReversal, ObeysALimitSwitch) {
+  for (const std::int64_t mode : {1, 3}) {
+    SCOPED_TRACE(mode);
+    Smoothed rig(mode);
+    rig.reverse();
+    const double there = turns(rig);
+    ASSERT_GT(rig.plant.velocity_rpm(), 1500.0);
+    ASSERT_TRUE(rig.force(Signal::positive_limit, true));
+    EXPECT_LT(furthest(rig, 600) - there, 0.5);
+  }
+  JmcRig rig;
+  rig.open_limits();
+  rig.set_panel(3, 16, 10000);  // 1 s
+  rig.set(0x6060, 0, 1);
+  rig.set(0x6081, 0, 300000);
+  ASSERT_TRUE(rig.enable());
+  rig.run_ms(300);
+  const auto go_to = [&](double place, std::uint16_t word) {
+    const double counts = place * static_cast<double>(rig.device.drive().configuration().motor.counts_per_revolution);
+    rig.control(0x0F);
+    rig.set(0x607A, 0, rig.device.drive().axis().units.to_user(static_cast<drive::Counts>(counts)));
+    rig.control(word);
+  };
+  go_to(100.0, 0x1F);
+  rig.run_ms(4000);
+  go_to(-100.0, 0x3F);
+  ASSERT_GE(rig.run_until([&] { return rig.device.drive().axis().generator.velocity() < 0.0; }, 3000.0), 0);
+  const double there = turns(rig);
+  ASSERT_GT(rig.plant.velocity_rpm(), 50.0);
+  ASSERT_TRUE(rig.force(Signal::positive_limit, true));
+  EXPECT_LT(furthest(rig, 3000) - there, 0.5);
+}
+
+TEST(SmoothedReversal, ObeysASoftwareLimit) {
+  Smoothed rig(3);
+  rig.set(0x60FF, 0, 0);
+  rig.run_ms(2000);
+  rig.set(0x6098, 0, 35);
+  rig.set(0x6060, 0, 6);
+  rig.control(0x1F);
+  rig.run_ms(200);
+  rig.control(0x0F);
+  ASSERT_TRUE(rig.device.drive().homed());
+  rig.set(0x6060, 0, 3);
+  rig.set(0x60FF, 0, rpm_2000);
+  rig.run_ms(1500);
+  ASSERT_NEAR(rig.plant.velocity_rpm(), 2000.0, 20.0);
+  const double limit = turns(rig) + 1.0;
+  rig.set(0x607D, 1, rig.get(0x6064) + 65536);  // ch. 7.5: sub 1 is the positive limit
+  rig.set(0x607D, 2, -65536 * 100);
+  rig.set(0x60FF, 0, -rpm_2000);
+  EXPECT_LT(furthest(rig, 2000), limit + 0.1);
 }
 
 }  // namespace

@@ -230,12 +230,12 @@ void Drive::switch_power(bool on) {
 
 // Lets the next motion begin from the actual motion of the shaft if the shaft does not follow its demand: under torque
 // control, in a stop without a ramp, while homing presses against a hard stop, or after a demand that no motor can
-// follow, such as a cyclic set-point that jumps.
-void Drive::take_over_shaft() {
+// follow, such as a cyclic set-point that jumps. `apart`: the shaft is known not to follow.
+void Drive::take_over_shaft(bool apart) {
   const Loop loop = axis_.demand.loop;
   if (loop == Loop::off) return;
   if (loop == Loop::locked) return axis_.take_over_slipped();
-  const bool apart = (stopping_ && without_ramp()) || (mode_ == Mode::homing && homing_mode_.has_pressed());
+  apart |= (stopping_ && without_ramp()) || (mode_ == Mode::homing && homing_mode_.has_pressed());
   const bool follows = !apart && axis_.follows_demand();
   if (follows && !(smoothing_pending_ && smoothed_loop_ == loop)) return;
   homing_mode_.shaft_taken_over();
@@ -300,10 +300,10 @@ void Drive::slow_down_with_shaft() {
   axis_.generator.rest_again();
 }
 
-void Drive::begin_stop(Stop stop) {
+void Drive::begin_stop(Stop stop, bool apart) {
   end_identification();
   cascade_.stop_analysis();
-  take_over_shaft();
+  take_over_shaft(apart);
   stop_ = stop;
   stopping_ = true;
   limit_stop_ = false;
