@@ -1,3 +1,4 @@
+#include <algorithm>
 #include <cmath>
 #include <complex>
 #include <cstdio>
@@ -355,6 +356,43 @@ TEST(IsmkGainSets, AutomaticByTargetReached) {  // method 2 (ch. 6.3.1)
   rig.set(0x60F9, 9, 0);
   rig.run_ms(2);
   EXPECT_EQ(rig.in_force(), 0);
+}
+
+// The manual prints factory values for set 0 only. The others have the same, and none of them is without gain.
+TEST(IsmkGainSets, FactorySetsHoldALoad) {
+  struct Case {
+    const char* what;
+    std::uint16_t index;
+    std::uint8_t sub;
+    std::int64_t value;
+  };
+  for (const Case& c : {Case{"set 1", 0x60F9, 0x28, 1}, Case{"set 2", 0x60F9, 0x28, 2}, Case{"set 3", 0x60F9, 0x28, 3},
+                        Case{"automatic", 0x60F9, 9, 1}, Case{"input", 0x2010, 3, 0x8020}}) {
+    SCOPED_TRACE(c.what);
+    FactoryIsmkRig rig(test::hanging(test::ismk_plant(), 0.3, 1.5), test::ismk_settings());
+    rig.run_ms(5);
+    rig.set(0x6410, 0x17, 1);  // the brake
+    rig.set(0x6060, 0, 1);
+    rig.plant.force_input(0, true);
+    ASSERT_TRUE(rig.enable());
+    rig.run_ms(1500);
+    const double there = static_cast<double>(rig.plant.position_counts()) / 65536.0;
+    ASSERT_EQ(rig.set(c.index, c.sub, c.value), AbortCode::none);
+    // Without the integral, which only set 0 has from the factory, the position loop yields.
+    double farthest = 0.0;
+    for (int i = 0; i < 1500; ++i) {
+      rig.run_ms(1);
+      farthest = std::max(farthest, std::abs(static_cast<double>(rig.plant.position_counts()) / 65536.0 - there));
+    }
+    EXPECT_LT(farthest, 0.4);
+    EXPECT_EQ(rig.device.drive().state(), drive::PowerState::operation_enabled);
+  }
+  FactoryIsmkRig rig;
+  for (const int sub : {4, 7, 10}) {
+    EXPECT_EQ(rig.set(0x2340, static_cast<std::uint8_t>(sub), 0), AbortCode::value_too_low);
+    EXPECT_EQ(rig.get(0x2340, static_cast<std::uint8_t>(sub)), 4);
+    EXPECT_EQ(rig.get(0x2340, static_cast<std::uint8_t>(sub + 2)), 1000);
+  }
 }
 
 // While the axis moves against friction, a change of sets causes no step of torque.

@@ -98,22 +98,33 @@ inline constexpr auto tables = [] {
   });
 }();
 
+// The manual prints values for set 0 only (ch. 7.7, Tables 6-2 and 6-5). The other sets have the same values and
+// ranges, so that a change of sets never leaves an axis without control.
+constexpr Entry kvp(std::uint16_t index, std::uint8_t sub_index, const char* name, Field field,
+                    const char* unit = "DEC (Hz shown)") {
+  return sub(index, sub_index, name, field, rw, none,
+             {.default_value = 4, .minimum = 1, .maximum = 32767, .unit = unit, .saved = true});
+}
+constexpr Entry kvi(std::uint16_t index, std::uint8_t sub_index, const char* name, Field field) {
+  return sub(index, sub_index, name, field, rw, none,
+             {.default_value = 0, .minimum = 0, .maximum = 1023, .unit = "DEC", .saved = true});
+}
+constexpr Entry kpp(std::uint16_t index, std::uint8_t sub_index, const char* name, Field field,
+                    const char* unit = "DEC (Hz shown)") {
+  return sub(index, sub_index, name, field, rw, none,
+             {.default_value = 1000, .minimum = 0, .maximum = 32700, .unit = unit, .saved = true});
+}
+
 inline constexpr auto gains = std::to_array<Entry>({
-    sub(0x2340, 0x04, "Kvp[1]", SERVODROME_ELEMENT(Gains, velocity_kp, 1), rw, none,
-        {.unit = "DEC (Hz shown)", .saved = true}),
-    sub(0x2340, 0x05, "Kvi[1]", SERVODROME_ELEMENT(Gains, velocity_ki, 1), rw, none, {.unit = "DEC", .saved = true}),
-    sub(0x2340, 0x06, "Kpp[1]", SERVODROME_ELEMENT(Gains, position_kp, 1), rw, none,
-        {.unit = "DEC (Hz shown)", .saved = true}),
-    sub(0x2340, 0x07, "Kvp[2]", SERVODROME_ELEMENT(Gains, velocity_kp, 2), rw, none,
-        {.unit = "DEC (Hz shown)", .saved = true}),
-    sub(0x2340, 0x08, "Kvi[2]", SERVODROME_ELEMENT(Gains, velocity_ki, 2), rw, none, {.unit = "DEC", .saved = true}),
-    sub(0x2340, 0x09, "Kpp[2]", SERVODROME_ELEMENT(Gains, position_kp, 2), rw, none,
-        {.unit = "DEC (Hz shown)", .saved = true}),
-    sub(0x2340, 0x0A, "Kvp[3]", SERVODROME_ELEMENT(Gains, velocity_kp, 3), rw, none,
-        {.unit = "DEC (Hz shown)", .saved = true}),
-    sub(0x2340, 0x0B, "Kvi[3]", SERVODROME_ELEMENT(Gains, velocity_ki, 3), rw, none, {.unit = "DEC", .saved = true}),
-    sub(0x2340, 0x0C, "Kpp[3]", SERVODROME_ELEMENT(Gains, position_kp, 3), rw, none,
-        {.unit = "DEC (Hz shown)", .saved = true}),
+    kvp(0x2340, 0x04, "Kvp[1]", SERVODROME_ELEMENT(Gains, velocity_kp, 1)),
+    kvi(0x2340, 0x05, "Kvi[1]", SERVODROME_ELEMENT(Gains, velocity_ki, 1)),
+    kpp(0x2340, 0x06, "Kpp[1]", SERVODROME_ELEMENT(Gains, position_kp, 1)),
+    kvp(0x2340, 0x07, "Kvp[2]", SERVODROME_ELEMENT(Gains, velocity_kp, 2)),
+    kvi(0x2340, 0x08, "Kvi[2]", SERVODROME_ELEMENT(Gains, velocity_ki, 2)),
+    kpp(0x2340, 0x09, "Kpp[2]", SERVODROME_ELEMENT(Gains, position_kp, 2)),
+    kvp(0x2340, 0x0A, "Kvp[3]", SERVODROME_ELEMENT(Gains, velocity_kp, 3)),
+    kvi(0x2340, 0x0B, "Kvi[3]", SERVODROME_ELEMENT(Gains, velocity_ki, 3)),
+    kpp(0x2340, 0x0C, "Kpp[3]", SERVODROME_ELEMENT(Gains, position_kp, 3)),
     highest_sub(0x250B, record, "Notch filters", 3),
     sub(0x250B, 1, "Notch filter 1 frequency", SERVODROME_ELEMENT(Gains, notch_frequency_hz, 0), rw, none,
         {.default_value = 550, .minimum = 100, .maximum = 2000, .unit = "Hz", .saved = true}),
@@ -134,10 +145,8 @@ inline constexpr auto gains = std::to_array<Entry>({
     }(),
     sub(0x2FF0, 0x1B, "K_Acc_FF permille", SERVODROME_FIELD(Gains, acceleration_feed_forward_permille), rw, none,
         {.default_value = 0, .minimum = 0, .maximum = 4000, .unit = "permille"}),
-    sub(0x60F9, 0x01, "Kvp[0]", SERVODROME_ELEMENT(Gains, velocity_kp, 0), rw, none,
-        {.default_value = 4, .minimum = 1, .maximum = 32767, .unit = "DEC", .saved = true}),
-    sub(0x60F9, 0x02, "Kvi[0]", SERVODROME_ELEMENT(Gains, velocity_ki, 0), rw, none,
-        {.default_value = 0, .minimum = 0, .maximum = 1023, .unit = "DEC", .saved = true}),
+    kvp(0x60F9, 0x01, "Kvp[0]", SERVODROME_ELEMENT(Gains, velocity_kp, 0), "DEC"),
+    kvi(0x60F9, 0x02, "Kvi[0]", SERVODROME_ELEMENT(Gains, velocity_ki, 0)),
     sub(0x60F9, 0x05, "Speed_Fb_N", SERVODROME_FIELD(Gains, feedback_filter), rw, none,
         {.default_value = 7, .minimum = 0, .maximum = 45, .saved = true}),
     sub(0x60F9, 0x06, "Speed_Mode", SERVODROME_FIELD(Gains, feedback_mode), rw, none, {.saved = true}),
@@ -152,11 +161,10 @@ inline constexpr auto gains = std::to_array<Entry>({
     sub(0x60F9, 0x28, "PI pointer", SERVODROME_FIELD(Gains, pointer), rw, none, {.minimum = 0, .maximum = 3}),
     highest_sub(0x60FB, record, "Position loop", 5),
     [] {
-      // Set 0 is INTEGER16 (Table 6-5), the other sets are UNSIGNED16 (Table 6-6); the range is the same.
-      Entry kpp = sub(0x60FB, 0x01, "Kpp[0]", SERVODROME_ELEMENT(Gains, position_kp, 0), rw, none,
-                      {.default_value = 1000, .minimum = 0, .maximum = 32700, .unit = "0.01 Hz", .saved = true});
-      kpp.type = Type::integer16;
-      return kpp;
+      // Set 0 is INTEGER16 (Table 6-5), the other sets are UNSIGNED16 (Table 6-6).
+      Entry entry = kpp(0x60FB, 0x01, "Kpp[0]", SERVODROME_ELEMENT(Gains, position_kp, 0), "0.01 Hz");
+      entry.type = Type::integer16;
+      return entry;
     }(),
     sub(0x60FB, 0x02, "K_Velocity_FF", SERVODROME_FIELD(Gains, velocity_feed_forward), rw, none,
         {.default_value = 1000, .unit = "%", .saved = true}),
