@@ -94,9 +94,10 @@ struct Configuration {
   // `brake_wait_ms`. 0: it closes at once.
   float brake_speed_rpm = 0.0F;
   std::uint32_t brake_wait_ms = 0;
-  std::int16_t velocity_stop_shape = 0;        // ramp type of stops in the velocity modes, a value of 6086h
-  double torque_mode_velocity_positive = 0.0;  // counts/s, 0: the motor's greatest speed
-  double torque_mode_velocity_negative = 0.0;
+  std::int16_t velocity_stop_shape = 0;  // ramp type of stops in the velocity modes, a value of 6086h
+  // The greatest speeds under torque control, counts/s; empty: the motor's greatest speed.
+  std::optional<double> torque_mode_velocity_positive{};
+  std::optional<double> torque_mode_velocity_negative{};
   SpeedWindows speed_windows{};
   // Direct current (A, amplitude) that holds the motor in profile position, instead of the position loop, from target
   // reached to the next motion. 0: the position loop holds it.

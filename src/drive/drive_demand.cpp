@@ -243,12 +243,11 @@ void Drive::set_limits() {
   demand.velocity_limit_positive = demand.velocity_limit_negative = most;
   if (demand.loop == Loop::torque) {
     const Configuration& configuration = axis_.configuration;
-    if (configuration.torque_mode_velocity_positive > 0.0) {
-      demand.velocity_limit_positive = std::min(most, static_cast<float>(configuration.torque_mode_velocity_positive));
-    }
-    if (configuration.torque_mode_velocity_negative > 0.0) {
-      demand.velocity_limit_negative = std::min(most, static_cast<float>(configuration.torque_mode_velocity_negative));
-    }
+    const auto limit = [most](const std::optional<double>& own) {
+      return own ? std::min(most, static_cast<float>(*own)) : most;
+    };
+    demand.velocity_limit_positive = limit(configuration.torque_mode_velocity_positive);
+    demand.velocity_limit_negative = limit(configuration.torque_mode_velocity_negative);
     if (axis_.active(Signal::positive_limit)) demand.velocity_limit_positive = 0.0F;
     if (axis_.active(Signal::negative_limit)) demand.velocity_limit_negative = 0.0F;
     // The greatest speed from which the axis can stop before its software limit.

@@ -321,6 +321,15 @@ TEST(ProfileTorque, OfTheIsmcWithoutASlopeIsAStepAndItsSpeedIsLimited) {  // G23
   axis.must(0x6071, 0, -300);
   axis.run_ms(500);
   EXPECT_NEAR(axis.plant.velocity_rpm(), -0.1 * 3000.0, 6.0);
+  // 0 is a limit as well: the axis does not turn in this direction.
+  axis.must(0x2115, 0, 0);
+  axis.must(0x6071, 0, 500);
+  axis.run_ms(500);
+  EXPECT_NEAR(axis.plant.velocity_rpm(), 0.0, 1.0);
+  axis.must(0x2116, 0, 0);
+  axis.must(0x6071, 0, -500);
+  axis.run_ms(500);
+  EXPECT_NEAR(axis.plant.velocity_rpm(), 0.0, 1.0);
 }
 
 TEST(TorqueLimits, HoldInBothDirections) {  // 60E0h, 60E1h, 6072h

@@ -87,7 +87,8 @@ void MotionControl::configure(const ServoObjects& objects, drive::Configuration&
   configuration.smoothing_ms = own.smoothing_ms;
   configuration.locks_to_sync = own.sync_clock_mode != 0;
   const double top_speed = objects.drive.max_profile_velocity / velocity_dec_per_inc_s;
-  configuration.torque_mode_velocity_positive = configuration.torque_mode_velocity_negative = top_speed;
+  if (top_speed > 0.0)
+    configuration.torque_mode_velocity_positive = configuration.torque_mode_velocity_negative = top_speed;
   configuration.homing_end = own.home_offset_mode == 0 ? drive::HomingEnd::offset : drive::HomingEnd::home;
   const double blind_turns = own.index_blind_window == blind_automatic   ? automatic_blind_turns
                              : own.index_blind_window == blind_half_turn ? fixed_blind_turns
