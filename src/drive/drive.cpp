@@ -293,6 +293,7 @@ void Drive::cycle(const Feedback& feedback) {
     smoothed_loop_ = Loop::off;
   }
   hold_by_current();
+  if (in_motion() || held_by_current_) cascade_.stop_analysis();  // it would excite the moving axis with soft gains
   set_limits();
   write_actuation();
   // While the windings are shorted the loops have no effect on the motor, and are off so that their integrals do not

@@ -75,7 +75,8 @@ class Drive final : public dictionary::Listener {
   bool identify_inertia(const InertiaIdentification::Request& request);
   void stop_identification();  // the axis comes to rest
   const InertiaIdentification& identification() const { return identification_; }
-  // See Cascade::set_analysis; cleared by power_on. The beginning of a stop, such as a halt, stops the analysis.
+  // See Cascade::set_analysis; cleared by power_on. A motion, and the beginning of a stop, such as a halt, end the
+  // analysis.
   void set_analysis(ResonanceAnalysis* analysis) { cascade_.set_analysis(analysis); }
 
   // --- Events from the bus
@@ -117,6 +118,10 @@ class Drive final : public dictionary::Listener {
   // Returns true if the mode of operation controls the axis: no stop, halt, brake or end of operation does.
   bool runs_mode() const {
     return state_ == PowerState::operation_enabled && stage_ == Stage::on && !pending_.active && !stopping_ && !halted_;
+  }
+  // Returns true if the axis rests under the control of its loops, so that a tuning function may excite it.
+  bool rests_under_control() const {
+    return (runs_mode() || halted_at_rest()) && !in_motion() && axis_.demand.loop != Loop::locked;
   }
   // Returns true if a halt holds the axis at rest.
   bool halted_at_rest() const { return halted_ && !pending_.active && axis_.generator.standing(); }

@@ -341,6 +341,51 @@ TEST(IsmkNotch, RunsOnlyWhileEnabled) {
   EXPECT_EQ(rig.get(0x60F9, 3), 0);
 }
 
+// The search softens the loops, so it neither begins in a motion or under a step stop, nor continues into a motion.
+TEST(IsmkNotch, RunsOnlyAtRest) {
+  using test::IsmkRig;
+  const auto position_move = [](IsmkRig& rig) {
+    rig.set(0x6060, 0, 1);
+    rig.set(0x6081, 0, std::llround(products::ismk::velocity_dec_from_rpm(300.0)));
+    rig.set(0x607A, 0, 20 * 65536);
+    rig.control(0x0F);
+    rig.run_ms(2);
+    rig.control(0x1F);
+    rig.run_ms(20);
+  };
+  {
+    IsmkRig rig;
+    rig.run_ms(5);
+    rig.set(0x6060, 0, 1);
+    rig.control(0x0F);
+    rig.run_ms(200);
+    const float kp = rig.device.drive().configuration().gains.velocity_kp;
+    ASSERT_EQ(rig.set(0x60F9, 4, 0x80), AbortCode::none);
+    rig.run_ms(200);
+    ASSERT_NE(rig.get(0x60F9, 4) & 0x80, 0);
+    position_move(rig);
+    EXPECT_GT(rig.plant.velocity_rpm(), 1.0);
+    EXPECT_EQ(rig.get(0x60F9, 4), 0) << "the set-point ends the search, and no notch is on";
+    EXPECT_FLOAT_EQ(rig.device.drive().configuration().gains.velocity_kp, kp);
+    EXPECT_EQ(rig.set(0x60F9, 4, 0x80), AbortCode::device_state) << "in motion";
+  }
+  IsmkRig rig;
+  rig.run_ms(5);
+  rig.set(0x2340, 2, 1000);  // step stop
+  rig.set(0x2340, 1, 1);
+  position_move(rig);
+  ASSERT_GE(rig.run_until([&] { return rig.device.drive().axis().demand.loop == drive::Loop::locked; }, 30000), 0);
+  EXPECT_EQ(rig.set(0x60F9, 4, 0x80), AbortCode::device_state) << "no loop to excite";
+  rig.set(0x2340, 1, 0);
+  rig.run_ms(100);
+  EXPECT_EQ(rig.set(0x60F9, 4, 0x80), AbortCode::none);
+  rig.run_ms(100);
+  ASSERT_NE(rig.get(0x60F9, 4) & 0x80, 0);
+  rig.set(0x2340, 1, 1);
+  EXPECT_GE(rig.run_until([&] { return (rig.get(0x60F9, 4) & 0x80) == 0; }, 1500), 0)
+      << "the step stop ends the search";
+}
+
 TEST(IsmkNotch, OfARigidLoadThereIsNone) {
   TuningRig rig(loaded(1.0));
   rig.set(0x60F9, 4, 0x82);

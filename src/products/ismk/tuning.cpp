@@ -72,9 +72,10 @@ AbortCode LoopTuning::check(const dictionary::Entry& entry, std::int64_t value, 
     case 0x60F906:
       return find_speed_mode(static_cast<std::uint8_t>(value)) != nullptr ? AbortCode::none : AbortCode::value_invalid;
     case 0x60F904:
-      // The analysis moves the motor: only while it is enabled (Table 6-3).
-      return (value & notch_control::run) == 0 || drive.runs_mode() || drive.halted_at_rest() ? AbortCode::none
-                                                                                              : AbortCode::device_state;
+      // The analysis moves the motor: only while it is enabled (Table 6-3), and at rest. The constant current of a step
+      // stop leaves no loop to excite.
+      return (value & notch_control::run) == 0 || drive.rests_under_control() ? AbortCode::none
+                                                                              : AbortCode::device_state;
     default: return AbortCode::none;
   }
 }
