@@ -255,7 +255,7 @@ void Drive::cycle(const Feedback& feedback) {
                       .homing = mode_ == Mode::homing && (homes() || axis_.generator.standing()),
                       .profiled = state_ == PowerState::operation_enabled &&
                                   (mode_ == Mode::profile_position || mode_ == Mode::profile_velocity),
-                      .pressing = mode_ == Mode::homing && homing_mode_.pressing(),
+                      .pressing = presses(),
                       .loop = axis_.demand.loop});
   collect_faults();
   axis_.velocity_clipped = axis_.position_change_clipped = false;          // the steps below set them again

@@ -140,6 +140,8 @@ class Drive final : public dictionary::Listener {
   bool homed() const { return axis_.homed; }
   // Homing handles limit switches itself from its first leg on.
   bool homes() const { return mode_ == Mode::homing && homing_mode_.active() && !homing_mode_.awaits_rest(); }
+  // The direction (-1, +1) in which homing presses against a hard stop; 0: it does not, or a stop has its torque.
+  int presses() const { return mode_ == Mode::homing && !stopping_ ? homing_mode_.pressing() : 0; }
   // The leg of the homing that runs, from 0; -1: none.
   int homing_leg() const { return mode_ == Mode::homing && homing_mode_.active() ? homing_mode_.leg() : -1; }
   bool homing_running() const { return mode_ == Mode::homing && homing_mode_.running(); }

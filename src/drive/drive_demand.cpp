@@ -227,12 +227,11 @@ void Drive::set_limits() {
   demand.torque_limit_positive = std::min(static_cast<float>(objects.positive_torque_limit) * 0.001F, common);
   demand.torque_limit_negative = std::min(static_cast<float>(objects.negative_torque_limit) * 0.001F, common);
   if (axis_.units.velocity_inverted) std::swap(demand.torque_limit_positive, demand.torque_limit_negative);
-  if (mode_ == Mode::homing && homing_mode_.pressing()) {
-    // While the axis presses against a hard stop, the torque is limited to the value that the detection of the stop
-    // needs.
-    const float pressing = 1.1F * axis_.configuration.homing_stall_torque;
-    demand.torque_limit_positive = std::min(demand.torque_limit_positive, pressing);
-    demand.torque_limit_negative = std::min(demand.torque_limit_negative, pressing);
+  if (const int direction = presses(); direction != 0) {
+    // While the axis presses against a hard stop, the torque towards it is limited to the value that the detection of
+    // the stop needs. The other direction has its full torque, to hold a load that pulls towards the stop.
+    float& towards = direction > 0 ? demand.torque_limit_positive : demand.torque_limit_negative;
+    towards = std::min(towards, 1.1F * axis_.configuration.homing_stall_torque);
   }
   demand.integral_off = axis_.active(Signal::integral_off);
   if (mode_ == Mode::homing && homing_mode_.active() && axis_.configuration.homing_torque_limit > 0.0F) {

@@ -194,13 +194,15 @@ void Supervision::motion(Axis& axis, const Situation& situation) {
   // When the connection of an encoder returns, the encoder shows the motion during the interruption as a speed.
   if (above(over_speed_rpm_) && encoder_cycles_ == 0) present_.set(Cause::over_speed);
 
-  const bool position_loop = situation.energised && !situation.pressing &&
-                             (situation.loop == Loop::position || situation.loop == Loop::locked);
+  const Counts following = axis.loops->following_error_counts;
+  const bool intended = following * situation.pressing > 0;
+  const bool position_loop =
+      situation.energised && !intended && (situation.loop == Loop::position || situation.loop == Loop::locked);
   std::uint32_t window = objects.following_error_window;
   if (window == 0) window = monitors.window_of_zero;
   bool outside = false;
   if (position_loop && window != 0xFFFFFFFF) {
-    const std::int64_t error = axis.units.to_user(axis.loops->following_error_counts);
+    const std::int64_t error = axis.units.to_user(following);
     const std::int64_t magnitude = error < 0 ? -error : error;
     outside = magnitude > window;
     const float near = monitors.following_error_near;
@@ -216,7 +218,7 @@ void Supervision::motion(Axis& axis, const Situation& situation) {
                          (objects.max_deceleration != 0 && objects.profile_deceleration > objects.max_deceleration);
     if (clipped) present_.set(Cause::acceleration_clipped);
   }
-  const bool pushing = situation.energised && !situation.pressing && axis.loops->torque_limited &&
+  const bool pushing = situation.energised && situation.pressing == 0 && axis.loops->torque_limited &&
                        (situation.loop == Loop::position || situation.loop == Loop::velocity);
   if (monitors.jammed_ms != 0 && axis.lasts(pushing && axis.counts_per_ms == 0, jammed_, monitors.jammed_ms)) {
     present_.set(Cause::jammed);

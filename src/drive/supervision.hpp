@@ -20,7 +20,8 @@ class Supervision {
     bool brake_closed = false;          // engaged for longer than its delay
     bool homing = false;
     bool profiled = false;  // operation is enabled in a mode with ramps 6083h, 6084h
-    bool pressing = false;  // homing against a hard stop: following error and torque limit are intended
+    int pressing = 0;  // direction (-1, +1) in which homing presses against a hard stop: there a following error, and
+                       // the torque limit, are intended
     Loop loop = Loop::off;
   };
 

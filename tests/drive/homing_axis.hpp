@@ -133,7 +133,8 @@ class HomingAxis {
   void sense() {
     const Counts demand = static_cast<Counts>(std::floor(position_));
     const Counts actual = std::clamp(demand, world_.low_stop, world_.high_stop);
-    inputs_.torque = demand < actual ? -2.0F : demand > actual ? 2.0F : 0.0F;
+    inputs_.ahead = demand < actual ? -1 : demand > actual ? 1 : 0;
+    inputs_.torque = 2.0F * static_cast<float>(inputs_.ahead);
     edges_.clear();
     const Counts direction = actual >= inputs_.position ? 1 : -1;
     std::uint32_t before = world_.signals_at(inputs_.position);

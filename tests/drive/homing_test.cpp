@@ -48,12 +48,13 @@ TEST(Homing, BothIndexDirectionsAgree) {
 TEST(Homing, HardStopNeedsTheTorqueForTheWholeTime) {
   HomingConfig config = plain_config();
   config.stall_cycles = 10;
-  HomingInputs inputs;
+  config.stall_window = 3;
+  HomingInputs inputs{.ahead = 1};
   Homing homing;
   homing.start(*find_method(cia402_methods, -2), config, inputs);
   EXPECT_EQ(homing.step(inputs).velocity, 20000.0);
   inputs.standing = false;
-  EXPECT_TRUE(homing.pressing());
+  EXPECT_EQ(homing.pressing(), 1);
   const auto press = [&](float torque, int cycles) {
     inputs.torque = torque;
     HomingCommand command;
@@ -63,9 +64,18 @@ TEST(Homing, HardStopNeedsTheTorqueForTheWholeTime) {
   EXPECT_EQ(press(1.6F, 9), HomingCommand::Kind::keep);
   EXPECT_EQ(press(0.0F, 1), HomingCommand::Kind::keep);    // a torque peak of the ramp does not count as a hard stop
   EXPECT_EQ(press(-3.0F, 50), HomingCommand::Kind::keep);  // a torque in the opposite direction does not count either
+  inputs.ahead = 0;
+  EXPECT_EQ(press(1.6F, 50), HomingCommand::Kind::keep);  // nor does one that is needed to follow the demand
+  inputs.ahead = -1;
+  EXPECT_EQ(press(1.6F, 50), HomingCommand::Kind::keep);
+  inputs.ahead = 1;
+  for (int i = 0; i < 50; ++i) {  // nor does one that still moves the shaft
+    inputs.position += 1;
+    EXPECT_EQ(press(1.6F, 1), HomingCommand::Kind::keep);
+  }
   inputs.position = 4321;
   EXPECT_EQ(press(1.5F, 10), HomingCommand::Kind::hold);
-  EXPECT_FALSE(homing.pressing());
+  EXPECT_EQ(homing.pressing(), 0);
   EXPECT_FALSE(homing.latched());
   inputs.standing = true;
   homing.step(inputs);  // no retraction: this position is home
@@ -84,8 +94,9 @@ TEST(Homing, TheTorqueOfAHaltIsNoHardStop) {
   homing.step(inputs);
   inputs.standing = false;
   inputs.torque = 3.0F;
+  inputs.ahead = 1;
   for (int i = 0; i < 50; ++i) EXPECT_EQ(homing.step_halted(inputs).kind, HomingCommand::Kind::keep);
-  EXPECT_TRUE(homing.pressing());
+  EXPECT_EQ(homing.pressing(), 1);
   for (int i = 0; i < 4; ++i) EXPECT_EQ(homing.step(inputs).kind, HomingCommand::Kind::keep);
   EXPECT_EQ(homing.step(inputs).kind, HomingCommand::Kind::hold);
 }
@@ -215,12 +226,34 @@ TEST(Homing, EveryHardStopIsTimedAnew) {
   homing.start(method, config, inputs);
   homing.step(inputs);
   inputs.torque = -2.0F;
+  inputs.ahead = -1;
   for (int i = 0; i < 19; ++i) EXPECT_EQ(homing.step(inputs).kind, HomingCommand::Kind::keep);
   EXPECT_EQ(homing.step(inputs).kind, HomingCommand::Kind::hold);
   EXPECT_EQ(homing.step(inputs).velocity, 20000.0);
   inputs.torque = 2.0F;
+  inputs.ahead = 1;
   for (int i = 0; i < 19; ++i) EXPECT_EQ(homing.step(inputs).kind, HomingCommand::Kind::keep);
   EXPECT_EQ(homing.step(inputs).kind, HomingCommand::Kind::hold);
+}
+
+// A load drives the axis back beyond the beginning of the leg, or faster than a rebound from the stop is.
+TEST(Homing, ALoadThatDrivesTheAxisBackEndsIt) {
+  HomingConfig config = plain_config();
+  config.slack = 50;
+  for (const bool far : {true, false}) {
+    Homing homing;
+    HomingInputs inputs{.position = 1000, .ahead = -1};
+    homing.start(*find_method(cia402_methods, -1), config, inputs);  // negative
+    homing.step(inputs);
+    inputs.standing = false;
+    inputs.position = far ? 1050 : -9000;
+    inputs.velocity = far ? 10.0 : 1.5 * config.fast;
+    EXPECT_EQ(homing.step(inputs).kind, HomingCommand::Kind::keep);
+    far ? inputs.position += 1 : inputs.velocity += 1.0;
+    EXPECT_EQ(homing.step(inputs).kind, HomingCommand::Kind::stop);
+    EXPECT_EQ(homing.error(), HomingError::driven_back);
+    EXPECT_FALSE(homing.active());
+  }
 }
 
 // The axis rebounds from a hard stop, with full torque, before it rests there.
@@ -234,6 +267,7 @@ TEST(Homing, AHardStopIsFoundWhenTheShaftStands) {
   homing.start(method, config, inputs);
   homing.step(inputs);
   inputs.torque = -2.0F;
+  inputs.ahead = -1;
   for (int i = 0; i < 15; ++i) EXPECT_EQ(homing.step(inputs).kind, HomingCommand::Kind::keep);
   inputs.moves = true;
   for (int i = 0; i < 30; ++i) EXPECT_EQ(homing.step(inputs).kind, HomingCommand::Kind::keep);

@@ -315,9 +315,13 @@ TEST_F(Monitored, FollowingError) {
   monitors.window_of_zero = 100;
   EXPECT_EQ(comes_after(Cause::following_error, 100), 10 * cycles_per_ms);
   // Only if a position demand applies.
-  situation.pressing = true;
+  situation.pressing = 1;  // homing against a hard stop: the demand is ahead on purpose, never behind
   EXPECT_FALSE(shows(Cause::following_error));
-  situation.pressing = false;
+  loops.following_error_counts = -101;
+  EXPECT_EQ(comes_after(Cause::following_error, 1000), 10 * cycles_per_ms);
+  situation.pressing = -1;
+  EXPECT_FALSE(shows(Cause::following_error));
+  situation.pressing = 0;
   situation.loop = Loop::velocity;
   EXPECT_EQ(comes_after(Cause::following_error, 100), 0);
   situation.loop = Loop::position;
@@ -359,9 +363,9 @@ TEST_F(Monitored, JammedAtTheTorqueLimit) {
   situation.loop = Loop::torque;
   EXPECT_EQ(comes_after(Cause::jammed, 200), 0);
   situation.loop = Loop::velocity;
-  situation.pressing = true;
+  situation.pressing = 1;
   EXPECT_EQ(comes_after(Cause::jammed, 200), 0);
-  situation.pressing = false;
+  situation.pressing = 0;
   situation.energised = false;
   EXPECT_EQ(comes_after(Cause::jammed, 200), 0);
   situation.energised = true;

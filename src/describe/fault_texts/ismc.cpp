@@ -45,7 +45,10 @@ constexpr auto texts = std::to_array<FaultText>({
     {0x6181, "end velocity above the first one", "The stop velocity is not 0.", "Set the end velocity to 0."},
     {0x6182, "values missing for multi-point motion",
      "Positions, speeds or accelerations of a continuous motion are not set.", "Set them all before the start."},
-    {0x6184, "homing lost its way", "The homing went from one step to a step that cannot follow it.", "Home again."},
+    {0x6184, "homing lost its way",
+     "The homing went from one step to a step that cannot follow it, or on its way to a hard stop a "
+     "load drove the axis back.",
+     "Home again."},
     {0x6280, "a profile value is 0", "A homing speed, the homing acceleration or another value of a profile is 0.",
      "Set 6099h and 609Ah, or what the mode needs, to more than 0."},
     {0x6281, "end velocity too high", "The end velocity is above the profile velocity.",

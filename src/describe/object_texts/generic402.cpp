@@ -49,7 +49,9 @@ constexpr auto texts = std::to_array<ObjectText>({
      "Speed in rpm beyond which the drive faults; 0: 1.2 times the motor's greatest, or 6080h where that is lower."},
     {0x2041, any, "Reaction to overload or heat: 0 fault at the limit, 1 reduction of the torque before the limit."},
     {0x2050, any, "Homing against a hard stop (methods -1 to -4), and the time limit of every homing."},
-    {0x2050, 0x01, "Torque by which homing recognises a hard stop, in 0.1 % of the rated torque."},
+    {0x2050, 0x01,
+     "Torque by which homing recognises a hard stop, in 0.1 % of the rated torque. A load that pulls the axis away "
+     "from the stop must need less."},
     {0x2050, 0x02, "Milliseconds that the torque has to last at the hard stop."},
     {0x2050, 0x03, "Increments that the axis goes back from the hard stop."},
     {0x2050, 0x04, "Milliseconds after which a homing that has not ended is an error; 0: no limit."},

@@ -29,8 +29,8 @@ constexpr auto texts = std::to_array<ObjectText>({
     {0x2105, any,
      "First setting of the automatic calibration, check it after fault 8620h. Its values are not documented; it is "
      "stored only."},
-    {0x2115, any, "Greatest speed forwards in profile torque, in 0.1 % of the rated speed."},
-    {0x2116, any, "Greatest speed in reverse in profile torque, in 0.1 % of the rated speed."},
+    {0x2115, any, "Greatest speed forwards in profile torque, in 0.1 % of the rated speed; 0: none."},
+    {0x2116, any, "Greatest speed in reverse in profile torque, in 0.1 % of the rated speed; 0: none."},
     {0x2117, any,
      "Shape of the ramp that stops the axis in profile velocity: 0 linear, 3 jerk-limited. Other values are fault "
      "6285h."},
@@ -38,7 +38,9 @@ constexpr auto texts = std::to_array<ObjectText>({
      "Time in milliseconds for which homing on a hard stop (methods -4 to -1) must have the torque of 2138h before the "
      "motor stops."},
     {0x2138, any,
-     "Torque by which homing on a hard stop (methods -4 to -1) recognises the stop, in 0.1 % of the rated torque."},
+     "Torque by which homing on a hard stop (methods -4 to -1) recognises the stop, in 0.1 % of the rated torque. A "
+     "load that "
+     "pulls the axis away from the stop must need less."},
     {0x2200, any, "Monitoring of the velocity: greatest difference between actual velocity and demand, and its time."},
     {0x2200, 0x01,
      "Greatest difference of demand and actual velocity, in counts per second; more is fault 8483h after the time of "

@@ -1,5 +1,6 @@
 #include "drive/homing/homing.hpp"
 
+#include <cstdlib>
 #include <utility>
 
 namespace servodrome::drive {
@@ -7,6 +8,9 @@ namespace servodrome::drive {
 namespace {
 
 using Kind = HomingCommand::Kind;
+
+// The greatest speed of a rebound from a hard stop, as a share of the leg's speed.
+constexpr double rebound_share = 1.5;
 
 constexpr double sign(Direction direction) { return direction == Direction::positive ? 1.0 : -1.0; }
 
@@ -89,7 +93,10 @@ bool Homing::offset_leads_into_limit(const HomingInputs& inputs) const {
   return is_active(limit_ahead(), inputs);
 }
 
-bool Homing::pressing() const { return phase_ == Phase::run && leg().until == Until::stalled; }
+int Homing::pressing() const {
+  if (phase_ != Phase::run || leg().until != Until::stalled) return 0;
+  return travel() == Direction::positive ? 1 : -1;
+}
 
 Direction Homing::travel() const { return config_.reversed ? opposite(leg().direction) : leg().direction; }
 
@@ -133,11 +140,28 @@ Counts Homing::boundary(const SignalEdge& edge) const {
   return edge.signal == Signal::index ? edge.position + 1 - config_.index_width : edge.position + 1;
 }
 
-// The axis must stand as well, because it first rebounds from a hard stop.
+// The torque alone does not show a hard stop: a hanging load or an acceleration may need as much, and the axis first
+// rebounds from the stop. At the stop, the shaft stands while its demand goes on.
 bool Homing::stalls(const HomingInputs& inputs) {
-  const float along = travel() == Direction::positive ? inputs.torque : -inputs.torque;
-  stall_count_ = along >= config_.stall_torque && !inputs.moves ? stall_count_ + 1 : 0;
+  const int direction = pressing();
+  const float along = static_cast<float>(direction) * inputs.torque;
+  const bool presses = along >= config_.stall_torque && inputs.ahead == direction && !inputs.moves;
+  if (stall_count_ == 0 || std::abs(inputs.position - stall_position_) > config_.stall_window) {
+    stall_count_ = 0;
+    stall_position_ = inputs.position;
+  }
+  stall_count_ = presses ? stall_count_ + 1 : 0;
   return stall_count_ >= config_.stall_cycles;
+}
+
+// A hanging load may be stronger than the limited torque, and the axis would meet its other hard stop. A rebound from
+// the stop ahead is slower than the axis came, and ends before the beginning of the leg.
+bool Homing::is_driven_back(const HomingInputs& inputs) const {
+  const double direction = sign(travel());
+  const double fastest = leg().speed == HomingSpeed::fast ? config_.fast : config_.slow;
+  const auto way = static_cast<double>(inputs.position - leg_start_);
+  return way * direction < -static_cast<double>(config_.slack) ||
+         inputs.velocity * direction < -rebound_share * fastest;
 }
 
 HomingCommand Homing::begin_leg(const HomingInputs& inputs) {
@@ -173,6 +197,7 @@ HomingCommand Homing::run_leg(const HomingInputs& inputs) {
   }
   if (next_leg) return begin_leg(inputs);
   if (is_active(limit_ahead(), inputs)) return meet_limit();
+  if (pressing() != 0 && is_driven_back(inputs)) return fail(HomingError::driven_back);
   if (leg().until == Until::stalled && stalls(inputs)) {
     stop_before(leg().next);
     return {.kind = Kind::hold, .position = inputs.position};

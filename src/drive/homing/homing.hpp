@@ -21,6 +21,7 @@ enum class HomingError : std::uint8_t {
   unsupported_method,
   wrong_limit,     // a limit switch ahead that the method does not turn round at
   home_not_found,  // the axis met the other limit switch after turning round at the first
+  driven_back,     // the load is stronger than the torque that may press against a hard stop
   timed_out,
   internal,  // the method is not well formed
 };
@@ -38,10 +39,12 @@ struct HomingConfig {
   double acceleration = 0.0;         // counts/s^2, > 0 (609Ah): for the caller's ramps, not used here
   float stall_torque = 1.0F;         // torque in the direction of travel that means a hard stop, fraction of rated ...
   std::uint32_t stall_cycles = 1;    // ... if it lasts for this many cycles
+  Counts stall_window = 0;           // ... while the shaft stays within this distance
   Counts retraction = 0;             // >= 0, distance from a hard stop to home
   std::uint32_t timeout_cycles = 0;  // until the latch; 0: none
   HomingEnd end = HomingEnd::as_method;
   Counts end_offset = 0;
+  Counts slack = 0;         // a shaft within this distance behind the beginning of a leg may still catch up
   Counts blind_window = 0;  // an index within this distance behind the edge of a switch is ignored
   Counts index_width = 1;   // from the rising to the falling edge of the index in positive direction
   bool reversed = false;    // 607Eh bit 7: the positive direction of a method is towards smaller counts
@@ -53,7 +56,9 @@ struct HomingInputs {
   bool standing = true;                 // the demand is at rest; false as soon as a command moves it
   float torque = 0.0F;                  // fraction of rated torque, positive towards larger counts
   Counts position = 0;                  // actual position
+  double velocity = 0.0;                // of the shaft, counts/s
   bool moves = false;                   // the shaft moves
+  int ahead = 0;  // the direction (-1, +1) in which the demand is farther ahead of the shaft than the loops' normal lag
 };
 
 struct HomingCommand {
@@ -99,8 +104,9 @@ class Homing {
   HomingError error() const { return error_; }  // after `stop` was commanded
   Signal limit_ahead() const;                   // for the present leg, or the leg that failed
 
-  // The present leg searches for a hard stop: the caller must ignore the following error and limit the torque.
-  bool pressing() const;
+  // The direction in which the present leg searches for a hard stop, -1 or +1: in this direction the caller must limit
+  // the torque and ignore the following error. 0: no such leg.
+  int pressing() const;
 
  private:
   enum class Phase : std::uint8_t {
@@ -121,6 +127,7 @@ class Homing {
   Counts distance_from_switch(const SignalEdge& edge) const;
   bool is_blind_to(const SignalEdge& edge) const;
   bool stalls(const HomingInputs& inputs);
+  bool is_driven_back(const HomingInputs& inputs) const;
   std::uint8_t first_leg(const HomingInputs& inputs) const;
   HomingCommand begin_leg(const HomingInputs& inputs);
   HomingCommand run_leg(const HomingInputs& inputs);
@@ -141,6 +148,7 @@ class Homing {
   bool finished_ = false;
   std::uint32_t cycles_ = 0;
   std::uint32_t stall_count_ = 0;
+  Counts stall_position_ = 0;
   Counts leg_start_ = 0;
   Counts latch_ = 0;
   Counts end_ = 0;  // target of the way after the latch

@@ -11,6 +11,12 @@ namespace {
 // A shaft that turns faster than this moves. Ripple and the end of a rebound from a hard stop are slower.
 constexpr double moving_share = 0.1;  // of 6099h:01
 constexpr double moving_rpm = 10.0;
+// A shaft that stays within this distance presses against a hard stop. A loaded axis that starts slowly moves farther,
+// even with a short stall time.
+constexpr double stall_turns = 0.0001;
+constexpr Counts least_stall_counts = 2;
+// The shaft may still be this far behind a standing demand, or sag by this much under a load, when a leg begins.
+constexpr double slack_turns = 0.05;
 
 Cause cause_of(HomingError error) {
   switch (error) {
@@ -54,14 +60,8 @@ void HomingMode::enter(Axis& axis) {
   given_up_ = pressed_ = false;
   forget_error(axis);
   standing_ = true;
-  acceleration_ = homing_acceleration(axis);
+  ramp_ = axis.objects.homing_acceleration;
   axis.come_to_rest(RampShape::linear);
-}
-
-double HomingMode::homing_acceleration(const Axis& axis) {
-  std::uint32_t acceleration = axis.objects.homing_acceleration;
-  if (acceleration == 0 && axis.policy.zero_ramps_are_greatest) acceleration = axis.objects.max_acceleration;
-  return acceleration * axis.units.acceleration;
 }
 
 void HomingMode::controlword(Axis& axis, std::uint16_t before, std::uint16_t now) {
@@ -80,19 +80,29 @@ void HomingMode::controlword(Axis& axis, std::uint16_t before, std::uint16_t now
   }
 }
 
+// Within 6080h, 60C5h and 60C6h.
 MotionLimits HomingMode::motion(const Axis& axis, double velocity) const {
-  return {std::min(velocity, axis.max_velocity(false)), acceleration_, acceleration_, 1.0};
+  const double acceleration = axis.ramp(ramp_, axis.objects.max_acceleration);
+  const double deceleration = axis.ramp(ramp_, axis.objects.max_deceleration);
+  return {std::min(velocity, axis.max_velocity(false)), acceleration, deceleration > 0.0 ? deceleration : acceleration,
+          1.0};
 }
 
 HomingInputs HomingMode::inputs(const Axis& axis) const {
   const double moving = std::max(moving_share * axis.objects.homing_speed_switch * axis.units.velocity,
                                  axis.rpm_to_counts_per_s(moving_rpm));
+  const auto error = static_cast<double>(axis.generator.nearest_position() - axis.position());
+  const bool lags = std::abs(error) > axis.lag(axis.generator.velocity());
   return {.signals = axis.signals,
           .edges = axis.edges,
           .standing = axis.generator.standing(),
           .torque = axis.torque(),
           .position = axis.encoder_position,
-          .moves = std::abs(axis.velocity()) > moving};
+          .velocity = axis.velocity(),
+          .moves = std::abs(axis.velocity()) > moving,
+          .ahead = !lags         ? 0
+                   : error > 0.0 ? 1
+                                 : -1};
 }
 
 void HomingMode::fail(Axis& axis, Cause cause) {
@@ -126,21 +136,24 @@ void HomingMode::start(Axis& axis) {
   HomingConfig config{
       .fast = std::min(objects.homing_speed_switch * axis.units.velocity, axis.max_velocity(false)),
       .slow = std::min(objects.homing_speed_zero * axis.units.velocity, axis.max_velocity(false)),
-      .acceleration = homing_acceleration(axis),
+      .acceleration = axis.ramp(objects.homing_acceleration, objects.max_acceleration),
       .stall_torque = axis.configuration.homing_stall_torque,
       .stall_cycles = std::max<std::uint32_t>(1, axis.cycles(axis.configuration.homing_stall_ms)),
+      .stall_window =
+          std::max<Counts>(least_stall_counts, std::llround(stall_turns * axis.units.counts_per_revolution)),
       .retraction = axis.configuration.homing_retraction,
       .timeout_cycles = axis.cycles(axis.configuration.homing_timeout_ms),
       .end = method->offset_applies ? axis.configuration.homing_end : HomingEnd::as_method,
       .end_offset = -axis.units.to_counts(std::int64_t{axis.policy.home_offset_sign} * objects.home_offset),
+      .slack = std::llround(slack_turns * axis.units.counts_per_revolution),
       .blind_window = axis.configuration.homing_blind_window,
       .index_width = axis.configuration.motor.index_width_counts,
       .reversed = axis.units.position_inverted};
   if (method->leg_count > 0 && !can_run(*method, config)) return fail(axis, Cause::profile_value_zero);
-  acceleration_ = config.acceleration;
+  ramp_ = objects.homing_acceleration;
   offset_applies_ = method->offset_applies;
   active_ = true;
-  allowed_ = axis.max_velocity(false);
+  limits_ = motion(axis, axis.max_velocity(false));
   if (axis.policy.home_counts_at_rest) axis.homed = false;
   last_ = {};
   homing_.start(*method, config, inputs(axis));
@@ -178,9 +191,11 @@ void HomingMode::carry_out(Axis& axis, const HomingCommand& command) {
 }
 
 // Without a ramp of its own, homing stops by that of the profile.
-void HomingMode::stop(Axis& axis) const {
-  if (acceleration_ <= 0.0) return axis.come_to_rest(RampShape::linear);
-  axis.generator.come_to_rest(motion(axis, axis.max_velocity(false)), RampShape::linear);
+void HomingMode::stop(Axis& axis, double least_deceleration) const {
+  MotionLimits limits = motion(axis, axis.max_velocity(false));
+  limits.deceleration = std::max(limits.deceleration, least_deceleration);
+  if (limits.deceleration <= 0.0) return axis.come_to_rest(RampShape::linear);
+  axis.generator.come_to_rest(limits, RampShape::linear);
 }
 
 // Stops from the actual position of the shaft: while the shaft presses against a stop, it does not follow the demand.
@@ -190,7 +205,8 @@ void HomingMode::give_up(Axis& axis) {
   } else if (!axis.follows_demand()) {
     axis.take_over_lagging();
   }
-  stop(axis);
+  // A load that drives the axis back is stopped like an axis in danger.
+  stop(axis, homing_.error() == HomingError::driven_back ? axis.quick_stop_ramp() : 0.0);
 }
 
 void HomingMode::step(Axis& axis) {
@@ -205,9 +221,10 @@ void HomingMode::step(Axis& axis) {
   if (active_) {
     const bool had_latch = homing_.latched();
     const bool waited = homing_.awaits_rest();
-    pressed_ = homing_.pressing();
-    if (const double allowed = axis.max_velocity(false); allowed != allowed_) {  // 6080h was changed in motion
-      allowed_ = allowed;
+    pressed_ = homing_.pressing() != 0;
+    // 6080h, 60C5h or 60C6h was changed in motion.
+    if (const MotionLimits limits = motion(axis, axis.max_velocity(false)); limits != limits_) {
+      limits_ = limits;
       carry_out(axis, last_);
     }
     carry_out(axis, homing_.step(inputs(axis)));

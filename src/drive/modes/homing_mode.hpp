@@ -28,13 +28,15 @@ class HomingMode {
     abort();
   }
   void forget_error(Axis& axis);
-  double deceleration(const Axis& axis) const { return homing_acceleration(axis); }
+  double deceleration(const Axis& axis) const {
+    return axis.ramp(axis.objects.homing_acceleration, axis.objects.max_deceleration);
+  }
   std::uint16_t status(const Axis& axis) const;
   // until the axis stands, whether home was found or not
   bool running() const { return start_requested_ || active_ || !standing_; }
-  bool pressing() const { return homing_.pressing(); }
+  int pressing() const { return homing_.pressing(); }
   // The demand is beyond a hard stop, until the shaft's position replaces it.
-  bool has_pressed() const { return pressed_ || homing_.pressing(); }
+  bool has_pressed() const { return pressed_ || homing_.pressing() != 0; }
   void shaft_taken_over() { pressed_ = false; }
   bool active() const { return active_; }
   bool awaits_rest() const { return homing_.awaits_rest(); }  // before the first leg
@@ -42,12 +44,11 @@ class HomingMode {
   int leg() const { return homing_.present_leg(); }
 
  private:
-  static double homing_acceleration(const Axis& axis);  // counts/s^2
   void start(Axis& axis);
   void fail(Axis& axis, Cause cause);
   std::uint16_t error_code(const Axis& axis, Cause cause) const;
   void carry_out(Axis& axis, const HomingCommand& command);
-  void stop(Axis& axis) const;
+  void stop(Axis& axis, double least_deceleration = 0.0) const;  // counts/s^2
   void give_up(Axis& axis);
   void take_results(Axis& axis, bool had_latch);
   HomingInputs inputs(const Axis& axis) const;
@@ -56,8 +57,8 @@ class HomingMode {
   Homing homing_{};
   HomingCommand last_{};
   bool offset_applies_ = true;
-  double acceleration_ = 0.0;
-  double allowed_ = 0.0;  // the greatest speed when the leg was planned, counts/s
+  std::uint32_t ramp_ = 0;  // 609Ah when homing began
+  MotionLimits limits_{};   // the greatest speed and the ramps when the leg was planned
   bool start_requested_ = false;
   bool given_up_ = false;  // controlword bit 4 was cleared: ramp to zero
   bool pressed_ = false;   // in the previous cycle the axis pressed against a hard stop

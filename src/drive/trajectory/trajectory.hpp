@@ -24,6 +24,7 @@ struct MotionLimits {
   double acceleration;
   double deceleration;
   double jerk;
+  friend bool operator==(const MotionLimits&, const MotionLimits&) = default;
 };
 
 /// A piece of a trajectory. In cubic pieces (linear, jerk_limited) `acceleration` is the value at the begin and `jerk`
