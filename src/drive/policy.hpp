@@ -169,6 +169,7 @@ struct Policy {
   bool acknowledge_blocks_change = false;  // while statusword bit 12 is set, controlword bit 5 is ignored too
   bool zero_values_are_faults = false;     // zero profile values raise the planning causes
   bool zero_ramps_are_greatest = false;    // ramps of zero stand for 60C5h and 60C6h
+  bool max_ramps_limit_homing = true;      // 60C5h and 60C6h limit 609Ah as well
   bool end_velocity_is_start = false;      // 6082h is the initial speed of a motion from rest
   // mode_bit() of modes in which a set-point above the greatest speed is Cause::velocity_excessive. In other modes it
   // is clipped, and Cause::velocity_clipped is present meanwhile.

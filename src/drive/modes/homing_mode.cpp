@@ -80,10 +80,11 @@ void HomingMode::controlword(Axis& axis, std::uint16_t before, std::uint16_t now
   }
 }
 
-// Within 6080h, 60C5h and 60C6h.
+// Within 6080h and, if the product has them for homing, 60C5h and 60C6h.
 MotionLimits HomingMode::motion(const Axis& axis, double velocity) const {
-  const double acceleration = axis.ramp(ramp_, axis.objects.max_acceleration);
-  const double deceleration = axis.ramp(ramp_, axis.objects.max_deceleration);
+  const bool bounded = axis.policy.max_ramps_limit_homing || ramp_ == 0;
+  const double acceleration = axis.ramp(ramp_, bounded ? axis.objects.max_acceleration : 0);
+  const double deceleration = axis.ramp(ramp_, bounded ? axis.objects.max_deceleration : 0);
   return {std::min(velocity, axis.max_velocity(false)), acceleration, deceleration > 0.0 ? deceleration : acceleration,
           1.0};
 }

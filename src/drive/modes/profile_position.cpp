@@ -216,6 +216,7 @@ void ProfilePosition::plan(Axis& axis, const SetPoint& set_point, Counts target,
   const MotionLimits limits =
       axis.limits(set_point.velocity, set_point.acceleration, set_point.deceleration, set_point.jerk);
   allowed_ = axis.max_velocity(true);
+  planned_ = limits;
   // A target at a software limit: the motion ends there, so the end velocity is 0.
   const double end_velocity = axis.at_software_limit(axis.to_user_position(target)) ? 0.0 : set_point.end_velocity;
   const auto way = static_cast<double>(target - axis.generator.nearest_position());
@@ -257,7 +258,7 @@ void ProfilePosition::step(Axis& axis) {
   track(axis);
   if (brakes_before_limit(axis)) return;
   keep_to_limits(axis);
-  keep_to_speed(axis);
+  keep_to_profile(axis);
   if (immediate_pending_) {
     immediate_pending_ = false;
     start(axis, immediate_, false);
@@ -355,16 +356,32 @@ bool ProfilePosition::brakes_before_limit(Axis& axis) {
   return false;
 }
 
-// 607Fh or 6080h was changed in motion: the motion continues with the speed that is allowed now.
-void ProfilePosition::keep_to_speed(Axis& axis) {
+// 607Fh, 6080h, 60C5h or 60C6h was changed in motion: the motion continues within the limits of now. Lower ramps wait
+// for the next motion if they would lead beyond the target.
+void ProfilePosition::keep_to_profile(Axis& axis) {
+  if (!running_) return;
   const double allowed = axis.max_velocity(true);
-  if (!running_ || allowed == allowed_) return;
-  allowed_ = allowed;
   const SetPoint motion = running_set_point_;
+  const MotionLimits limits = axis.limits(motion.velocity, motion.acceleration, motion.deceleration, motion.jerk);
+  const bool ramps = limits.acceleration != planned_.acceleration || limits.deceleration != planned_.deceleration;
+  if (allowed == allowed_ && !(ramps && reaches_target(axis, limits))) return;
+  allowed_ = allowed;
+  planned_ = limits;
   axis.limited = axis.limited || motion.velocity > allowed * (1.0 + 1e-9);
   if (!axis.generator.finished()) return plan(axis, motion, target_, false);
   const double end = std::copysign(std::min(motion.end_velocity, allowed), axis.generator.velocity());
   axis.generator.run_at(end, axis.limits(allowed, motion.acceleration, motion.deceleration, motion.jerk), motion.shape);
+}
+
+// Returns true if the motion can still end at its target with the deceleration of `limits`. The distance of a ramp with
+// a shape is at most twice that of a linear one.
+bool ProfilePosition::reaches_target(const Axis& axis, const MotionLimits& limits) const {
+  if (axis.generator.finished() || limits.deceleration >= planned_.deceleration) return true;
+  const double velocity = axis.generator.velocity();
+  const double end = running_set_point_.end_velocity;
+  const double way = static_cast<double>(target_ - axis.generator.nearest_position()) * std::copysign(1.0, velocity);
+  const double share = running_set_point_.shape == RampShape::linear ? 1.0 : 2.0;
+  return way >= 0.0 && share * (velocity * velocity - end * end) <= 2.0 * limits.deceleration * way;
 }
 
 void ProfilePosition::interrupt(Axis&, int) {

@@ -48,7 +48,8 @@ class ProfilePosition {
   void keep_to_limits(Axis& axis);
   void brake_before_limit(Axis& axis);
   bool brakes_before_limit(Axis& axis);
-  void keep_to_speed(Axis& axis);
+  void keep_to_profile(Axis& axis);
+  bool reaches_target(const Axis& axis, const MotionLimits& limits) const;
   Cause planning_fault(const Axis& axis, const SetPoint& set_point) const;
   bool resolve_target(Axis& axis, const SetPoint& set_point, Counts& target);
   void start(Axis& axis, const SetPoint& set_point, bool chained);
@@ -72,6 +73,7 @@ class ProfilePosition {
   std::int64_t target_user_ = 0;
   double direction_ = 1.0;  // direction of that target
   double allowed_ = 0.0;    // the greatest speed when the motion was planned, counts/s
+  MotionLimits planned_{};  // the limits of that plan
   Dwell window_{};
   Dwell rest_{};  // standstill of the shaft between two set-points
   std::uint32_t rest_wait_cycles_ = 0;

@@ -66,8 +66,8 @@ Cause ProfileVelocity::planning_fault(const Axis& axis, RampShape shape) const {
 ProfileVelocity::Request ProfileVelocity::request_of(const Axis& axis) {
   const Objects& objects = axis.objects;
   return {objects.target_velocity,
-          objects.profile_acceleration,
-          objects.profile_deceleration,
+          axis.ramp(objects.profile_acceleration, objects.max_acceleration),
+          axis.profile_deceleration(),
           objects.profile_jerk[0],
           objects.motion_profile_type,
           axis.max_velocity(true),
@@ -198,10 +198,12 @@ double velocity_unit(const Axis& axis) {
          ratio(objects.vl_dimension_factor_numerator, objects.vl_dimension_factor_denominator);
 }
 
-double ramp(const Axis& axis, std::uint32_t delta_speed, std::uint16_t delta_time_s) {
+// `greatest`: 60C5h or 60C6h; 0: no limit.
+double ramp(const Axis& axis, std::uint32_t delta_speed, std::uint16_t delta_time_s, std::uint32_t greatest) {
   // Delta time 0: as fast as possible.
   const double speed = std::abs(delta_speed * velocity_unit(axis));
-  return delta_time_s == 0 ? speed * 1e4 : speed / delta_time_s;
+  const double slope = delta_time_s == 0 ? speed * 1e4 : speed / delta_time_s;
+  return greatest == 0 ? slope : std::min(slope, greatest * axis.units.acceleration);
 }
 
 }  // namespace
@@ -212,11 +214,13 @@ double VelocityMode::to_vl(const Axis& axis, double counts_per_s) {
 }
 
 double VelocityMode::deceleration(const Axis& axis) const {
-  return ramp(axis, axis.objects.vl_deceleration_delta_speed, axis.objects.vl_deceleration_delta_time_s);
+  return ramp(axis, axis.objects.vl_deceleration_delta_speed, axis.objects.vl_deceleration_delta_time_s,
+              axis.objects.max_deceleration);
 }
 
 double VelocityMode::quick_stop_deceleration(const Axis& axis) const {
-  return ramp(axis, axis.objects.vl_quick_stop_delta_speed, axis.objects.vl_quick_stop_delta_time_s);
+  return ramp(axis, axis.objects.vl_quick_stop_delta_speed, axis.objects.vl_quick_stop_delta_time_s,
+              axis.objects.max_deceleration);
 }
 
 void VelocityMode::enter(Axis& axis) {
@@ -257,9 +261,10 @@ void VelocityMode::step(Axis& axis) {
   ramped_ |= !locks();
   const auto [target, limited] = input(axis);
   axis.limited = blocked_ || limited;
-  const MotionLimits limits{axis.max_velocity(false),
-                            ramp(axis, objects.vl_acceleration_delta_speed, objects.vl_acceleration_delta_time_s),
-                            deceleration(axis), 1.0};
+  const MotionLimits limits{
+      axis.max_velocity(false),
+      ramp(axis, objects.vl_acceleration_delta_speed, objects.vl_acceleration_delta_time_s, objects.max_acceleration),
+      deceleration(axis), 1.0};
   if (locked) {
     if (planned_) axis.generator.start_from(axis.generator.nearest_position(), axis.generator.velocity());
     planned_ = false;

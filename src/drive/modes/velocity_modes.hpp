@@ -46,8 +46,8 @@ class ProfileVelocity {
  private:
   struct Request {
     std::int32_t target = 0;
-    std::uint32_t acceleration = 0;
-    std::uint32_t deceleration = 0;
+    double acceleration = 0.0;  // within 60C5h and 60C6h, counts/s^2
+    double deceleration = 0.0;
     std::uint32_t jerk = 0;
     std::int16_t shape = 0;
     double allowed = 0.0;   // the greatest speed, counts/s

@@ -76,6 +76,7 @@ constexpr drive::Policy make_policy() {
   policy.set_point_queue = 1;                // D-39
   policy.set_points_start_from_rest = true;  // PP 2
   policy.zero_ramps_are_greatest = true;     // D-34
+  policy.max_ramps_limit_homing = false;     // only the profile modes (Tables 211, 212, 258)
   policy.end_velocity_is_start = end_velocity_is_start;
   policy.excessive_velocity_faults = excessive_velocity_faults;
   policy.out_of_limits = drive::OutOfLimits::fault;  // Table 228
