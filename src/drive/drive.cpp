@@ -11,8 +11,6 @@ namespace servodrome::drive {
 namespace {
 
 constexpr std::uint32_t precharge_ms = 300;  // longest time for the DC link to reach its voltage
-// A current sensor with a greater offset than this fraction of the peak current has failed.
-constexpr float greatest_current_offset = 0.05F;
 
 }  // namespace
 
@@ -313,17 +311,6 @@ void Drive::cycle(const Feedback& feedback) {
   moved_demand_ = false;
   edge_count_ = 0;
   tripped_ = 0;
-}
-
-void Drive::calibrate_currents(const Feedback& feedback) {
-  const bool open = !outputs_.pwm_enabled && !outputs_.short_circuit;
-  const bool stands = axis_.shaft_stands && feedback.encoder_faults == 0;
-  if (!current_offset_.cycle(feedback.phase_current_a, open, stands)) return;
-  cascade_.set_current_offset(current_offset_.offset_a());
-  if (!current_offset_.done()) return;
-  const float greatest = greatest_current_offset * axis_.configuration.motor.peak_current_a;
-  current_offset_great_ = std::any_of(current_offset_.offset_a().begin(), current_offset_.offset_a().end(),
-                                      [greatest](float offset_a) { return std::abs(offset_a) > greatest; });
 }
 
 void Drive::set_mode(Mode mode) {

@@ -1,3 +1,6 @@
+#include <algorithm>
+#include <cmath>
+
 #include "drive/drive.hpp"
 
 // Faults and warnings of the drive: from their causes to the reaction, the error code and the reset.
@@ -124,6 +127,19 @@ void Drive::communication_lost(Cause cause) {
     case 3: handle_command(Command::quick_stop); break;
     default: break;
   }
+}
+
+// Calibrates the current sensors while no current flows; a sensor with a great offset has failed.
+void Drive::calibrate_currents(const Feedback& feedback) {
+  constexpr float greatest_share = 0.05F;  // of the peak current
+  const bool open = !outputs_.pwm_enabled && !outputs_.short_circuit;
+  const bool stands = axis_.shaft_stands && feedback.encoder_faults == 0;
+  if (!current_offset_.cycle(feedback.phase_current_a, open, stands)) return;
+  cascade_.set_current_offset(current_offset_.offset_a());
+  if (!current_offset_.done()) return;
+  const float greatest = greatest_share * axis_.configuration.motor.peak_current_a;
+  current_offset_great_ = std::any_of(current_offset_.offset_a().begin(), current_offset_.offset_a().end(),
+                                      [greatest](float offset_a) { return std::abs(offset_a) > greatest; });
 }
 
 }  // namespace servodrome::drive
