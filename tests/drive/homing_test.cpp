@@ -249,7 +249,8 @@ TEST(Homing, ALoadThatDrivesTheAxisBackEndsIt) {
     inputs.position = far ? 1050 : -9000;
     inputs.velocity = far ? 10.0 : 1.5 * config.fast;
     EXPECT_EQ(homing.step(inputs).kind, HomingCommand::Kind::keep);
-    far ? inputs.position += 1 : inputs.velocity += 1.0;
+    if (far) inputs.position += 1;
+    if (!far) inputs.velocity += 1.0;
     EXPECT_EQ(homing.step(inputs).kind, HomingCommand::Kind::stop);
     EXPECT_EQ(homing.error(), HomingError::driven_back);
     EXPECT_FALSE(homing.active());
