@@ -11,22 +11,23 @@ const poll_ms = 3000; // of a simulated drive; a bus has no time for that
 const polarityPath = (path: string) => `${path}/values?objects=607E:00`;
 
 const useEvery = () => useLine(({ line }) => (line?.kind === 'virtual' ? poll_ms : 0));
-const useAnswers = (name: string) => useLine(({ axes }) => {
-  const axis = axes[name] as AxisView | undefined;
+const useAnswers = (name: string | null) => useLine(({ axes }) => {
+  const axis = name === null ? undefined : (axes[name] as AxisView | undefined);
   return axis !== undefined && axis.powered && !axis.problem;
 });
 
-export function usePolarity(name: string): unknown {
+// Null: of no axis, so nothing is asked; also below.
+export function usePolarity(name: string | null): unknown {
   const answers = useAnswers(name);
-  return useResource<{ values: Record<string, ObjectValue> }>(answers ? polarityPath(axisPath(name)) : null, useEvery()).value?.values['607E:00'];
+  return useResource<{ values: Record<string, ObjectValue> }>(answers ? polarityPath(axisPath(name ?? '')) : null, useEvery()).value?.values['607E:00'];
 }
 
 // What bounds the moves of an axis, for the pages that start one.
-export function useReach(name: string): Reach {
+export function useReach(name: string | null): Reach {
   const answers = useAnswers(name);
   const every_ms = useEvery();
-  const path = axisPath(name);
-  const geometry = useGeometry(name);
+  const path = axisPath(name ?? '');
+  const geometry = useGeometry(answers ? name : null);
   const units = useResource<Units>(answers ? `${path}/units` : null).value;
   const limits = useResource<Limits>(answers ? `${path}/limits` : null, every_ms).value;
   const polarity = usePolarity(name);
@@ -36,7 +37,7 @@ export function useReach(name: string): Reach {
 // Why the axis cannot make the move in revolutions; empty: it can.
 export function useHindrance(name: string, move: Move | null): string {
   const axis = useAxis(name);
-  const reach = useReach(name);
+  const reach = useReach(move && name);
   return axis && move && isKnown(reach.units) ? hindrance(axis, reach, move) : '';
 }
 

@@ -7,9 +7,10 @@ import { fixed } from '../model/units';
 import { useResource } from '../resource';
 import { useMissing } from '../store';
 
-export function useGeometry(axis: string): Geometry | undefined {
+// Null: of no axis.
+export function useGeometry(axis: string | null): Geometry | undefined {
   const there = useMissing('geometry') === undefined;
-  return useResource<Geometry>(there ? `${axisPath(axis)}/geometry` : null).value;
+  return useResource<Geometry>(there && axis !== null ? `${axisPath(axis)}/geometry` : null).value;
 }
 
 const percent = (share: number) => `${(100 * share).toFixed(3)}%`;
