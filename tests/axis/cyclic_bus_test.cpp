@@ -283,7 +283,7 @@ class CanMotion : public testing::Test {
     drive.values.push_back({{0x6081, 0}, 4711, 4});
     return drive;
   }
-  static constexpr CanCyclicOptions impatient{.period = 2ms, .sdo = {50ms, 0}};
+  static inline const CanCyclicOptions impatient{.period = 2ms, .sdo = {50ms, 0}};
 
   line::Line line{line::test::settings_of(can_line)};
   Bus bus{std::make_unique<links::MemoryCanClient>(line.buses()[0]->bus, line), "mem:", &line};

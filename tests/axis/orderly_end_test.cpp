@@ -204,7 +204,7 @@ class CanEnd : public testing::Test {
       if (!std::exchange(is_thrown, true)) throw Interrupted{};
     });
   }
-  static constexpr CanCyclicOptions impatient{.period = 4ms, .sdo = {50ms, 0}};
+  static inline const CanCyclicOptions impatient{.period = 4ms, .sdo = {50ms, 0}};
 
   line::Line line{line::test::settings_of(can_line)};
   Bus bus{std::make_unique<links::MemoryCanClient>(line.buses()[0]->bus, line), "mem:", &line};

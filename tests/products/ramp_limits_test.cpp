@@ -1,3 +1,4 @@
+#include <array>
 #include <cmath>
 #include <gtest/gtest.h>
 
@@ -47,7 +48,7 @@ TEST(RampLimits, OfVelocityMode) {
   Reference axis(2);
   axis.set(max_acceleration, 0, 10 * turn);
   axis.set(max_deceleration, 0, 5 * turn);
-  for (const std::uint16_t ramp : {0x6048, 0x6049}) {
+  for (const auto ramp : std::to_array<std::uint16_t>({0x6048, 0x6049})) {
     axis.set(ramp, 1, 60000);  // 1000 turns/s^2
     axis.set(ramp, 2, 1);
   }
