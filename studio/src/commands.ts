@@ -64,7 +64,7 @@ export async function untilHalted<T>(axis: string, items: readonly T[], act: (it
   }
 }
 
-// Every command of this page begins here: what is shown about the axis's earlier commands is out of date.
+// Every command of this page begins so: what is shown about the axis's earlier commands is out of date.
 function beginCommand(axis: string) {
   forget(axis);
   outdate(axis);
@@ -109,7 +109,6 @@ export const isHalt = (job: string) => ['stop', 'quick_stop', 'disable'].include
 
 // `until` takes the request back, besides a halt, a controlword or STOP.
 export async function startJob(axis: string, request: { do: string } & Record<string, unknown>, until?: AbortSignal): Promise<Job> {
-  beginCommand(axis);
   const halts = isHalt(request.do);
   const before = latest.get(axis);
   const isNext = request.after !== undefined && request.after === before?.id;
@@ -125,6 +124,7 @@ export async function startJob(axis: string, request: { do: string } & Record<st
   const begun = { start: snapshot().start, interruptions: interruptions() };
   const body = isNext && before.start !== '' ? { ...request, after_start: before.start } : request;
   const withdrawn = halts ? undefined : until ? AbortSignal.any([signal, until]) : signal;
+  if (!withdrawn?.aborted) beginCommand(axis); // what is taken back already is no command: the outcome before it stays
   const job = await post<Job>(`${axisPath(axis)}/jobs`, body, withdrawn).finally(() => starting.set(axis, starting.get(axis)! - 1));
   latest.set(axis, { id: job.id, signal, ...begun });
   noteJob(job);
