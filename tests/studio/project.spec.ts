@@ -4,6 +4,7 @@ import { join } from 'node:path';
 import type { Browser, Page } from '@playwright/test';
 import { accessible } from './accessible';
 import { choose, expect, panel, test as base, type, watch } from './fixtures';
+import { identify, next } from './guide';
 import { lineFile, ProjectServer } from './line';
 
 // The page of `servodrome studio FOLDER`: it keeps its state in the project.
@@ -29,7 +30,6 @@ const stateOf = (folder: string, name: string) => {
   return existsSync(file) ? (JSON.parse(readFileSync(file, 'utf8')) as unknown) : null;
 };
 const dashboards = (page: Page) => page.getByRole('navigation', { name: 'Dashboards' }).getByRole('link');
-const next = (page: Page) => page.getByRole('button', { name: 'Done, next step' });
 
 async function makeBoard(page: Page, name: string) {
   await page.getByRole('textbox', { name: 'Name of a dashboard' }).fill(name);
@@ -48,7 +48,7 @@ async function otherBrowser(browser: Browser, project: ProjectServer, found: str
 test('another browser finds everything after a restart of the server', async ({ page, browser, project, folder, open, watched }) => {
   await open('/commission/reference');
   await next(page).click();
-  await next(page).click();
+  await identify(page);
   await choose(page, 'Machine', 'Spindle', panel(page, 'Units'));
   await type(page, 'Lead of the spindle', 7);
   await expect.poll(() => stateOf(folder, 'guide.reference')).toMatchObject({ product: 'generic402', mechanics: { machine: 'spindle', feed_mm: 7 } });
