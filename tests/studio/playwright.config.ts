@@ -12,7 +12,7 @@ export default defineConfig({
   expect: { timeout: 30_000 },
   retries: 2,
   maxFailures: 20,
-  globalTimeout: 20 * 60_000,
+  globalTimeout: 24 * 60_000,
   fullyParallel: true,
   workers: Number(process.env.STUDIO_WORKERS ?? 2),
   // The JSON report tells which tests passed at a later try: ./test counts them.
