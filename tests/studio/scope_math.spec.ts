@@ -185,7 +185,7 @@ for (const [width, height] of [[1366, 768], [1920, 1080]]) {
     await page.setViewportSize({ width, height });
     await open(`/scope?rec=${id}`);
     const lanes = page.locator('.lanes.fill');
-    const share = async () => (await lanes.boundingBox())!.height / height;
+    const share = async () => ((await lanes.boundingBox())?.height ?? 0) / height; // null: not drawn yet
     await expect.poll(share).toBeGreaterThan(0.5);
     // The toolbar below is still on the screen.
     await expect(page.getByRole('button', { name: 'PNG' })).toBeInViewport();
