@@ -43,27 +43,6 @@ Speeds speeds(Reference& axis, int milliseconds) {
   return seen;
 }
 
-// --- A shaft that is enabled while it coasts
-
-// The brake opens for 100 ms, and the fault comes meanwhile: the power goes only when the shaft stands.
-TEST(StopWhileTheBrakeOpens, BrakesAShaftThatCoasts) {
-  Reference axis(0, heavy(20.0));
-  axis.control(0x00);
-  axis.set(0x2020, 1, 100);
-  axis.set(0x2020, 2, 20);
-  axis.set(0x605E, 0, 2);
-  axis.set(0x6085, 0, 50 * turn);
-  axis.plant.set_external_torque_nm(-0.5 * axis.plant.parameters().motor.rated_torque_nm);
-  for (int ms = 0; ms < 5000 && axis.turns_per_s() < 20.0; ++ms) axis.run_ms(1);
-  axis.plant.set_external_torque_nm(0.0);
-  ASSERT_GE(axis.turns_per_s(), 20.0);
-  for (const auto word : std::to_array<std::uint16_t>({0x06, 0x07, 0x0F})) axis.control(word);
-  axis.run_ms(5);
-  axis.device.drive().inject(drive::Cause::external, true);
-  ASSERT_GE(axis.run_until([&] { return !axis.actuation.pwm_enabled; }, 5000.0), 0);
-  EXPECT_NEAR(axis.turns_per_s(), 0.0, 0.2);
-}
-
 // --- The torque with which profile torque begins
 
 // 6087h lets the first torque fade in 20 s; the torque that braked the axis must not be that torque.

@@ -441,9 +441,8 @@ void Drive::step_power() {
     if (axis_.demand.loop != Loop::position) axis_.generator.reset(axis_.position());
     engage_brake();
   }
-  // An axis at rest needs no stop: the brake has not opened, or opens while the loops hold the axis. An axis that was
-  // enabled in motion is stopped first.
-  if (stage_ == Stage::releasing_brake && !has_power_in(pending_.to) && axis_.shaft_stands) engage_brake();
+  // The axis is at rest: the brake has not opened, or opens while the loops hold the axis.
+  if (stage_ == Stage::releasing_brake && !has_power_in(pending_.to)) engage_brake();
   if (stage_ == Stage::engaging_brake && stage_cycles_-- == 0) switch_power(false);
   if (!energised()) enter_state(pending_.to);
 }
