@@ -101,7 +101,7 @@ struct Load {
 struct CouplingParameters {
   double ratio = 1.0;                  // 0.001 .. 1000, of either sign: turns of the first shaft in one of the second
   double stiffness_nm_per_rad = 10.0;  // [1e-3, 1e8], if the base tick resolves the vibration
-  double damping_nms = 0.002;          // [0, 1e4], likewise; a coupling with play needs some, see validate
+  double damping_nms = 0.002;          // [0, 1e4]; validate() gives the least for a coupling with play
   double backlash_rad = 0.0;           // [0, 6.3] total play
 };
 

@@ -234,7 +234,7 @@ TEST_P(EveryProduct, DoesNotBeginAMoveBeyondItsTravel) {
 }
 
 TEST_P(EveryProduct, DoesNotBeginAMoveBeyondItsSoftwareLimits) {
-  if (!has(axis_, "607D:01")) GTEST_SKIP();
+  if (!has(axis_, "607D:01")) GTEST_SKIP() << "the product has no software limits (607Dh)";
   if (axis_ == "jmc_ec") GTEST_SKIP() << "its factory value of 607Bh reads as the range of an axis that wraps around";
   make_ready(axis_);
   const master::SoftwareLimitSubs subs = master::dialect_of(axis_).software_limits;

@@ -183,8 +183,8 @@ class Cascade {
   float position_velocity_ = 0.0F;  // counts/s: velocity reference out of the position loop
   float position_error_ = 0.0F;     // counts, as the position loop saw it last
   float integral_ = 0.0F;           // of the velocity loop, fraction of rated torque
-  float handover_ = 0.0F;           // likewise: torque of earlier gains that fades out
-  float carried_ = 0.0F;            // likewise: load of the torque loop, where the integral would be slow to correct it
+  float handover_ = 0.0F;           // torque of earlier gains, which fades out
+  float carried_ = 0.0F;            // load that the torque loop held, while a slow integral takes it over
   float feed_forward_ = 0.0F;       // torque, fraction of rated
   float current_reference_a_ = 0.0F;
   float direct_reference_a_ = 0.0F;  // <= 0: of the field weakening
@@ -224,7 +224,7 @@ class Cascade {
   float electrical_rad_per_count_ = 0.0F;
   float ahead_rad_ = 0.0F;      // electrical rad until the middle of the voltage's tick, per counts/s
   float velocity_kp_ = 0.0F;    // fraction of rated torque per counts/s
-  float velocity_ki_ = 0.0F;    // likewise, per velocity period
+  float velocity_ki_ = 0.0F;    // fraction of rated torque per counts/s, added in each velocity period
   bool slow_integral_ = false;  // or none
   float setpoint_weight_ = 1.0F;
   float integral_limit_ = 0.0F;  // fraction of rated torque
