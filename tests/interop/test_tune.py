@@ -11,7 +11,7 @@ import subprocess
 import xml.etree.ElementTree
 
 import pytest
-from line import PROGRAM, TRAVEL, Line, servodrome, wait_for
+from line import PROGRAM, Line, servodrome, wait_for
 
 pytestmark = [pytest.mark.once, pytest.mark.program("the program is the master")]
 
@@ -28,26 +28,22 @@ name = "reference"
 product = "generic402"
 bus = "can0"
 node = 2
-{TRAVEL}
 
 [[axis]]
 name = "ismk"
 product = "ismk"
 bus = "can0"
 node = 4
-{TRAVEL}
 
 [[axis]]
 name = "reference-ec"
 product = "generic402-ec"
 bus = "ecat"
-{TRAVEL}
 
 [[axis]]
 name = "ismk-ec"
 product = "ismk-ea"
 bus = "ecat"
-{TRAVEL}
 """
 # Bus, node, and the object with the proportional gain of the velocity loop.
 AXES = {
