@@ -269,14 +269,13 @@ void Drive::cycle(const Feedback& feedback) {
   step_power();
   const bool smooths = axis_.configuration.smooths() || smoothing_pending_;
   const std::optional<std::int64_t> stood_at = smooths ? standing_demand() : std::nullopt;
-  if (stage_ == Stage::on) {
+  if (stage_ == Stage::on || (stage_ == Stage::releasing_brake && stopping_)) {
     run_mode();
   } else if (zero_speed_) {
     axis_.generator.start_from(axis_.position(), 0.0);
     axis_.follow_generator(Loop::velocity);
-  } else if (energised()) {  // the brake opens or closes: the axis is held, and no motion resumes later
-    if (!axis_.generator.standing()) axis_.generator.reset(axis_.generator.nearest_position());
-    axis_.follow_generator(Loop::position);
+  } else if (energised()) {  // the brake opens or closes
+    come_to_rest_at_brake();
   } else {
     axis_.generator.reset(axis_.position());  // no demand for a motor without power
   }

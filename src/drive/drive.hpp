@@ -213,6 +213,7 @@ class Drive final : public dictionary::Listener {
   void take_over_shaft(bool apart = false);
   void leave_smoothing();
   void keep_near_shaft();
+  void come_to_rest_at_brake();
   void slow_down_with_shaft();
   void watch_standstill();
   double quick_stop_deceleration() const;  // counts/s^2

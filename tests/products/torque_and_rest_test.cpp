@@ -43,6 +43,42 @@ Speeds speeds(Reference& axis, int milliseconds) {
   return seen;
 }
 
+// --- A shaft that is enabled while it coasts
+
+// A drive with a brake whose shaft coasts at 20 turns/s, and that is then enabled: the brake opens for 100 ms.
+struct EnabledWhileItCoasts : Reference {
+  EnabledWhileItCoasts() : Reference(0, heavy(20.0)) {
+    control(0x00);
+    set(0x2020, 1, 100);
+    set(0x2020, 2, 20);
+    set(0x605E, 0, 2);
+    set(0x6085, 0, 50 * turn);
+    plant.set_external_torque_nm(-0.5 * plant.parameters().motor.rated_torque_nm);
+    for (int ms = 0; ms < 5000 && turns_per_s() < 20.0; ++ms) run_ms(1);
+    plant.set_external_torque_nm(0.0);
+    for (const auto word : std::to_array<std::uint16_t>({0x06, 0x07, 0x0F})) control(word);
+  }
+};
+
+TEST(EnabledInMotion, ComesToRestAndDoesNotTurnBack) {
+  EnabledWhileItCoasts axis;
+  ASSERT_GE(axis.turns_per_s(), 15.0);
+  const Speeds seen = speeds(axis, 3000);
+  EXPECT_GE(seen.least, -0.2);
+  EXPECT_NEAR(axis.turns_per_s(), 0.0, 0.01);
+  EXPECT_TRUE(axis.actuation.pwm_enabled);
+}
+
+// The power goes only when the shaft stands.
+TEST(EnabledInMotion, IsBrakedByAFaultWhileTheBrakeOpens) {
+  EnabledWhileItCoasts axis;
+  axis.run_ms(5);
+  axis.device.drive().inject(drive::Cause::external, true);
+  ASSERT_GE(axis.run_until([&] { return !axis.actuation.pwm_enabled; }, 5000.0), 0);
+  EXPECT_NEAR(axis.turns_per_s(), 0.0, 0.2);
+  EXPECT_FALSE(axis.actuation.brake_released);
+}
+
 // --- The torque with which profile torque begins
 
 // 6087h lets the first torque fade in 20 s; the torque that braked the axis must not be that torque.

@@ -427,6 +427,19 @@ void Drive::step_stop() {
   axis_.follow_generator(stop_loop_);
 }
 
+// While the brake opens or closes the axis is held, and no motion begins. An axis that was enabled in motion comes to
+// rest.
+void Drive::come_to_rest_at_brake() {
+  Generator& generator = axis_.generator;
+  if (!generator.standing()) {
+    if (generator.rest_direction() == 0.0) axis_.come_to_rest(RampShape::linear, axis_.quick_stop_ramp());
+    slow_down_with_shaft();
+    generator.step(axis_.cycle_s);
+  }
+  keep_near_shaft();
+  axis_.follow_generator(Loop::position);
+}
+
 // Steps brake and power stage, and completes stops that lead to another state.
 void Drive::step_power() {
   if (coasting_cycles_ != 0 && (--coasting_cycles_ == 0 || !too_fast_for_brake())) coasting_cycles_ = 0;
@@ -441,8 +454,8 @@ void Drive::step_power() {
     if (axis_.demand.loop != Loop::position) axis_.generator.reset(axis_.position());
     engage_brake();
   }
-  // The axis is at rest: the brake has not opened, or opens while the loops hold the axis.
-  if (stage_ == Stage::releasing_brake && !has_power_in(pending_.to)) engage_brake();
+  // An axis at rest needs no stop: the brake has not opened, or opens while the loops hold the axis.
+  if (stage_ == Stage::releasing_brake && !has_power_in(pending_.to) && axis_.shaft_stands) engage_brake();
   if (stage_ == Stage::engaging_brake && stage_cycles_-- == 0) switch_power(false);
   if (!energised()) enter_state(pending_.to);
 }
