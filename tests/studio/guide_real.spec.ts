@@ -1,7 +1,7 @@
 import { readFileSync } from 'node:fs';
 import { inEveryLook, slow_ms } from './accessible';
 import { choose, expect as shortly, panel, test as base, type, watch } from './fixtures';
-import { figures, identify, journalIsLogged, lineOf, next, products, torque, write } from './guide';
+import { figures, identify, journalIsLogged, lineOf, moveInTime, next, products, torque, write } from './guide';
 import { axes, Line, Studio } from './line';
 
 const expect = shortly.configure({ timeout: 120_000 }); // a busy machine is slow, and not wrong
@@ -55,7 +55,8 @@ for (const { name, counts } of axes) {
       const truth = () => drives.call<View>('GET', `/axes/${name}`);
       const changed = async () => (await drives.call<{ differences: { object: string }[] }>('GET', `/axes/${name}/parameters/diff`)).differences.map(({ object }) => object);
       const factory = await changed();
-      const began = (await truth()).position_counts;
+      const place = async () => (await truth()).position_counts;
+      const began = await place();
 
       await page.goto(`${studio.address}/commission/${onBus[0]}`);
       await expect(panel(page, 'Find the drive')).toBeVisible();
@@ -104,33 +105,31 @@ for (const { name, counts } of axes) {
       await next(page).click();
 
       // Nothing has moved.
-      expect(Math.abs((await truth()).position_counts - began)).toBeLessThan(counts / 100);
+      expect(Math.abs((await place()) - began)).toBeLessThan(counts / 100);
       await write(page);
-      await page.getByRole('button', { name: 'Make the small move' }).click();
-      await page.getByRole('button', { name: 'The right way' }).click();
-      expect(Math.abs((await truth()).position_counts - began - 0.1 * counts)).toBeLessThan(counts / 100);
+      const rightWay = page.getByRole('button', { name: 'The right way' });
+      const from = await moveInTime(page, 'Make the small move', rightWay, place);
+      await rightWay.click();
+      expect(Math.abs((await place()) - from - 0.1 * counts)).toBeLessThan(counts / 100);
       await picture(`guide-real-direction-${name}`);
       await next(page).click();
 
       await torque(page);
       await type(page, 'Duration of the step', 0.5);
-      await page.getByRole('button', { name: 'Measure a step' }).click();
-      await expect(page.getByText('✓ A step is measured')).toBeVisible(); // with a rise time only if enough samples came
+      await moveInTime(page, 'Measure a step', page.getByText('✓ A step is measured'), place); // with a rise time only if enough samples came
       // Its gains are parameters that no object on the bus shows.
       if (gain) await expect(page.getByText('The gains of jmc_ec are no objects on its bus')).toBeVisible();
       await next(page).click();
 
       await write(page);
-      await page.getByRole('button', { name: 'Measure a move' }).click();
-      await expect(figures(page)).toBeVisible();
+      await moveInTime(page, 'Measure a move', figures(page), place);
       await picture(`guide-real-position-${name}`);
       await next(page).click();
 
       await choose(page, /Method/, home);
       await expect(page.getByRole('img', { name: /^Homing method \d+, not to scale: \w+ until/ })).toBeVisible();
       await write(page);
-      await page.getByRole('button', { name: 'Home', exact: true }).click();
-      await expect(page.getByText('✓ The drive reports home')).toBeVisible();
+      await moveInTime(page, 'Home', page.getByText('✓ The drive reports home'), place);
       expect((await truth()).homed).toBe(true);
       await next(page).click();
 
@@ -146,12 +145,10 @@ for (const { name, counts } of axes) {
         await page.getByRole('button', { name: 'Skip' }).click();
       }
 
-      const start = (await truth()).position_counts;
       await type(page, 'Cycles', 2);
       await write(page);
-      await page.getByRole('button', { name: 'There and back' }).click();
-      await expect(page.getByText('✓ The axis is back where it began')).toBeVisible();
-      expect(Math.abs((await truth()).position_counts - start)).toBeLessThan(counts / 100);
+      const start = await moveInTime(page, 'There and back', page.getByText('✓ The axis is back where it began'), place);
+      expect(Math.abs((await place()) - start)).toBeLessThan(counts / 100);
       expect((await truth()).velocity_rpm).toBeLessThan(1);
       await picture(`guide-real-cycle-${name}`);
       await next(page).click();

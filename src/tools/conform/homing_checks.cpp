@@ -58,8 +58,8 @@ bool offset_shifts_zero(Trial& trial) {
   const HomeOffset& offset = trial.settings().dialect.home_offset;
   if (!offset.travels) return true;
   if (!offset.stays_with_1) return false;
-  const auto [index, sub] = *offset.stays_with_1;
-  return !Trial::refusal_of([&] { trial.objects().write<std::uint8_t>(index, sub, 1); });
+  const ObjectAddress stays = *offset.stays_with_1;
+  return !Trial::refusal_of([&] { trial.objects().write<std::uint8_t>(stays.index, stays.sub, 1); });
 }
 
 // The master cannot write the position. So the axis is homed again at its present position, with an offset that

@@ -310,7 +310,8 @@ void Subject::restore_node() {
                                               true);
                                         }) &&
                             std::all_of(snapshot_.begin(), snapshot_.end(), [&](const auto& row) {
-                              const auto& [object, value] = row;
+                              const auto& object = row.first;
+                              const auto& value = row.second;
                               // An object that refuses is read-only, or the drive computes it: it is not a
                               // configuration object.
                               return answered(
