@@ -12,10 +12,10 @@
 namespace servodrome::studio {
 namespace {
 
-std::vector<unsigned> node_ids_of(const BusPlan& plan) {
-  std::vector<unsigned> ids;
-  for (const DrivePlan& drive : plan.drives) ids.push_back(drive.address);
-  return ids;
+std::vector<ForeignWrites::Node> nodes_of(const BusPlan& plan) {
+  std::vector<ForeignWrites::Node> nodes;
+  for (const DrivePlan& drive : plan.drives) nodes.push_back({drive.address, drive.product});
+  return nodes;
 }
 
 using namespace std::chrono_literals;
@@ -55,7 +55,7 @@ DriveBus::DriveBus(BusPlan plan, Clock::time_point start)
     : plan_(std::move(plan)),
       start_(start),
       traffic_(plan_.type, plan_.link, start),
-      foreign_(node_ids_of(plan_)),
+      foreign_(nodes_of(plan_)),
       cycle_(start.time_since_epoch()),
       pdos_(start.time_since_epoch()),
       next_poll_(plan_.drives.size()),

@@ -55,15 +55,11 @@ class DriveChanges {
   void collect();
   // Sets a callback before each own write is noted: it notes the earlier writes of others.
   void before_each_own(std::function<void()> callback) { before_own_ = std::move(callback); }
-  // Notes a write of another master. The value before is not known.
-  void note_foreign(std::size_t drive, master::ObjectAddress object, const RecordedObjects::Bytes& after,
-                    std::string_view who) {
-    note(drive, object, {}, after, who);
-  }
-
- private:
+  // Notes a write. `before` is empty if it is not known.
   void note(std::size_t drive, master::ObjectAddress object, const RecordedObjects::Bytes& before,
             const RecordedObjects::Bytes& after, std::string_view who);
+
+ private:
   const dictionary::Entry& entry_of(std::size_t drive, master::ObjectAddress object);
 
   std::vector<Drive> drives_;

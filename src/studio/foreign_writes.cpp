@@ -13,6 +13,7 @@ namespace sdo = canopen::sdo;
 namespace connection_set = canopen::connection_set;
 
 constexpr std::uint32_t node_id_bits = 0x7F;
+constexpr std::uint8_t boot_up = 0;                        // CiA 301 7.2.8.3.3.2
 constexpr auto longest_silence = std::chrono::seconds(5);  // of a master within a transfer
 constexpr std::size_t most_waiting = 1000;                 // more writes between two calls of take() are not kept
 
@@ -35,13 +36,31 @@ std::optional<master::ObjectAddress> object_of(const canopen::Frame& message, bo
   return master::ObjectAddress{sdo::multiplexer_index(message), message.data[3]};
 }
 
+// The value in an initiate request or response that carries it with its size; empty: another message.
+std::span<const std::byte> expedited_value(const canopen::Frame& message) {
+  const std::uint8_t command = message.data[0];
+  const bool initiates = sdo::specifier(command) == sdo::client::initiate_download ||
+                         sdo::specifier(command) == sdo::client::initiate_upload;
+  constexpr std::uint8_t with_size = sdo::expedited | sdo::size_indicated;
+  if (!initiates || (command & with_size) != with_size) return {};
+  return std::as_bytes(std::span(message.data)).subspan(4, 4U - (command >> 2 & 3U));
+}
+
+bool is_request_to_write(const canopen::Frame& request) {
+  const std::uint8_t specifier = sdo::specifier(request.data[0]);
+  return specifier == sdo::client::initiate_download || specifier == sdo::client::block_download;
+}
+
 }  // namespace
 
-ForeignWrites::ForeignWrites(std::span<const unsigned> node_ids) {
-  for (std::size_t i = 0; i < node_ids.size(); ++i) channels_.try_emplace(node_ids[i], Channel{i});
+ForeignWrites::ForeignWrites(std::span<const Node> nodes) {
+  for (std::size_t i = 0; i < nodes.size(); ++i) {
+    channels_.try_emplace(nodes[i].id, Channel{i, HeardValues(master::parameter_rules_of(nodes[i].product))});
+  }
 }
 
 links::Heard ForeignWrites::heard(links::Heard next) {
+  for (auto& [id, channel] : channels_) channel.values.forget();
   return [this, next = std::move(next)](bool sent, std::span<const std::uint8_t> bytes) {
     canopen::Frame frame;
     std::memcpy(&frame, bytes.data(), sizeof frame);
@@ -60,13 +79,31 @@ bool ForeignWrites::is_own(Channel& channel, const canopen::Frame& response) {
   return fits;
 }
 
+// A longer value than an initiate message carries is not followed, and is then not known.
+void ForeignWrites::hear_own_answer(Channel& channel, const canopen::Frame& response) {
+  const auto object = object_of(response, false);
+  if (!object) return;
+  switch (sdo::specifier(response.data[0])) {
+    case sdo::client::initiate_upload:
+      if (const auto value = expedited_value(response); !value.empty()) channel.values.note_read(*object, value);
+      break;
+    case 3:  // response to initiate download
+      if (!channel.own_value.empty()) channel.values.note_write(*object, channel.own_value);
+      break;
+    case sdo::client::abort: channel.values.note_refusal(*object); break;
+    default: break;
+  }
+}
+
 void ForeignWrites::hear(bool sent, const canopen::Frame& frame) {
   const std::uint32_t kind = frame.id & ~node_id_bits;
-  if ((kind != connection_set::sdo_request && kind != connection_set::sdo_response) || frame.extended || frame.remote)
-    return;
+  const bool boots = kind == connection_set::error_control && frame.length == 1 && frame.data[0] == boot_up;
+  const bool is_sdo = kind == connection_set::sdo_request || kind == connection_set::sdo_response;
+  if ((!boots && !is_sdo) || frame.extended || frame.remote) return;
   const auto found = channels_.find(frame.id & node_id_bits);
   if (found == channels_.end()) return;
   Channel& channel = found->second;
+  if (boots) return channel.values.forget();
   const bool is_request = kind == connection_set::sdo_request;
   const auto object = object_of(frame, is_request);
   if (is_request && sent) {
@@ -74,6 +111,12 @@ void ForeignWrites::hear(bool sent, const canopen::Frame& frame) {
     if (!object) return;
     channel.own = object;
     channel.own_is_first = !channel.foreign;
+    channel.own_value.clear();
+    if (is_request_to_write(frame)) {
+      const auto value = expedited_value(frame);
+      channel.own_value.assign(value.begin(), value.end());
+      channel.values.note_request(*object);
+    }
     return;
   }
   const auto now = Clock::now();
@@ -86,17 +129,27 @@ void ForeignWrites::hear(bool sent, const canopen::Frame& frame) {
     channel.foreign = object;
     channel.own_is_first = channel.own.has_value();
     channel.in_block = sdo::specifier(frame.data[0]) == sdo::client::block_download;
+    if (is_request_to_write(frame)) channel.values.note_request(*object);
   }
-  if (!is_request && is_own(channel, frame)) return;
+  if (!is_request && is_own(channel, frame)) return hear_own_answer(channel, frame);
   if (!channel.foreign) return;
   const auto heard = channel.conversation.hear(is_request, std::span(frame.data).first(frame.length),
                                                master::ObjectCatalogue::standard());
   if (!heard.abort && (is_request || !heard.complete)) return;
   channel.foreign.reset();
   channel.in_block = false;
-  if (heard.abort || !heard.write) return;
+  if (heard.abort) {
+    if (!is_request) channel.values.note_refusal(*heard.object);
+    return;
+  }
+  if (!heard.write) {
+    if (const auto value = expedited_value(frame); !value.empty()) channel.values.note_read(*heard.object, value);
+    return;
+  }
+  const api::KeptValue before = channel.values.note_write(*heard.object, heard.value);
   const std::lock_guard lock(mutex_);
-  if (writes_.size() < most_waiting) writes_.push_back({channel.drive, *heard.object, heard.value});
+  if (writes_.size() >= most_waiting) return;
+  writes_.push_back({channel.drive, *heard.object, {before.bytes().begin(), before.bytes().end()}, heard.value});
 }
 
 std::vector<ForeignWrites::Write> ForeignWrites::take() {

@@ -163,7 +163,7 @@ void RealDrives::note_foreign_writes() {
   for (const auto& bus : buses_) {
     for (const ForeignWrites::Write& write : bus->take_foreign_writes()) {
       if (write.object.index == 0x6040) note_command(axes_[first + write.drive]);
-      changes_->note_foreign(first + write.drive, write.object, write.value, "SDO on " + bus->plan().link);
+      changes_->note(first + write.drive, write.object, write.before, write.value, "SDO on " + bus->plan().link);
     }
     first += bus->plan().drives.size();
   }
