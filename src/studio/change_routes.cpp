@@ -4,6 +4,7 @@
 #include <array>
 #include <fmt/chrono.h>
 #include <fmt/format.h>
+#include <set>
 
 #include "api/author.hpp"
 #include "describe/words.hpp"
@@ -71,8 +72,8 @@ Json show_changes(Call& call) {
               {"most", log.capacity()}};
 }
 
-Json view_of(const UndoReport& report, const std::string& axis) {
-  Json undone = Json::array();
+void add_to(Json& answer, const UndoReport& report, const std::string& axis) {
+  Json& undone = answer["undone"];
   for (const UndoReport::Object& one : report.undone) {
     undone.push_back({{"number", one.number},
                       {"axis", axis},
@@ -81,7 +82,7 @@ Json view_of(const UndoReport& report, const std::string& axis) {
                       {"from", value_of(*one.entry, one.from)},
                       {"to", value_of(*one.entry, one.to)}});
   }
-  Json kept = Json::array();
+  Json& kept = answer["kept"];
   for (const UndoReport::Kept& one : report.kept) {
     kept.push_back({{"number", one.number},
                     {"axis", axis},
@@ -90,7 +91,29 @@ Json view_of(const UndoReport& report, const std::string& axis) {
                     {"what", one.what},
                     {"hint", one.hint}});
   }
-  return Json{{"undone", std::move(undone)}, {"kept", std::move(kept)}};
+}
+
+// With the changes of several axes selected, a drive that cannot be accessed stays as it is, and the others are undone.
+UndoReport undo_axis(ChangeRoutes& routes, std::uint32_t axis, const Call& call, bool is_one_of_several,
+                     const UndoOrder& order) {
+  const api::ChangeLog& log = routes.log();
+  Call of_axis{{log.axes()[axis]}, call.body};
+  std::optional<Subject> subject;
+  try {
+    subject.emplace(routes.subjects().open(of_axis));
+  } catch (const ApiError& error) {
+    if (!is_one_of_several) throw;
+    return undo_nothing(log, axis, order, error.what, error.hint);
+  }
+  return undo(log, axis, *subject, order);
+}
+
+std::set<std::uint64_t> numbers_in(const Json& list, const char* where) {
+  const auto is_number = [](const Json& each) { return each.is_number_unsigned(); };
+  if (!list.is_array() || !std::all_of(list.begin(), list.end(), is_number)) {
+    throw ApiError{400, fmt::format("{} is no list of whole numbers", where), where, "write [12, 13]"};
+  }
+  return {list.begin(), list.end()};
 }
 
 Json undo_changes(Call& call) {
@@ -99,31 +122,44 @@ Json undo_changes(Call& call) {
   BodyReader body(call.body);
   const auto number = body.integer("number", std::numeric_limits<std::uint64_t>::max());
   const auto name = body.string("axis");
+  const bool all = body.boolean("all").value_or(false);
   const std::uint64_t since = body.integer("since", std::numeric_limits<std::uint64_t>::max()).value_or(0);
+  // Without `until`, the changes up to now, so that a change of a later axis during the undo stays.
+  const std::uint64_t until =
+      std::min(body.integer("until", std::numeric_limits<std::uint64_t>::max()).value_or(log.newest()), log.newest());
   const auto who = body.string("who");
+  UndoOrder order;
+  order.is_preview = body.boolean("preview").value_or(false);
+  if (body.has("only")) order.only = numbers_in(body.required("only"), "only");
   body.finish();
-  if (number.has_value() == name.has_value()) {
-    throw ApiError{400, "one of number and axis is needed", "body", R"(write {"number": 12} or {"axis": "NAME"})"};
+  if (number.has_value() + name.has_value() + all != 1) {
+    throw ApiError{400, "one of number, axis and all is needed", "body",
+                   R"(write {"number": 12}, {"axis": "NAME"} or {"all": true})"};
   }
   if (number && (*number < log.oldest() || *number > log.newest())) {
     throw ApiError{404, fmt::format("there is no change {}", *number), "number",
                    fmt::format("the log has {} to {}", log.oldest(), log.newest())};
   }
-  const std::uint32_t axis = number ? log.at(*number).axis : axis_named(log, *name, "axis");
-  const std::string axis_name = log.axes()[axis];
-  Call of_axis{{axis_name}, call.body};
-  Subject subject = routes.subjects().open(of_axis);
-  const api::Author author("undo by " + api::Author::present());
-  const UndoReport report = undo(log, axis, subject, [&](const api::Change& change) {
+  std::vector<std::uint32_t> axes;
+  if (number) axes.push_back(log.at(*number).axis);
+  if (name) axes.push_back(axis_named(log, *name, "axis"));
+  for (std::uint32_t axis = 0; all && axis < log.axes().size(); ++axis) axes.push_back(axis);
+  order.is_selected = [&](const api::Change& change) {
     if (number) return change.number == *number;
-    return change.number > since && (!who || change.author() == *who);
-  });
-  if (number && report.undone.empty()) {
-    const std::string where = fmt::format("{}, change {}", axis_name, *number);
-    if (report.kept.empty()) throw ApiError{409, "the object already has this value", where, ""};
-    throw ApiError{409, report.kept[0].what, where, report.kept[0].hint};
+    return change.number > since && change.number <= until && (!who || change.author() == *who);
+  };
+  const api::Author author("undo by " + api::Author::present());
+  Json answer{{"undone", Json::array()}, {"kept", Json::array()}, {"until", until}};
+  for (const std::uint32_t axis : axes) {
+    const UndoReport report = undo_axis(routes, axis, call, all, order);
+    if (number && report.undone.empty()) {
+      const std::string where = fmt::format("{}, change {}", log.axes()[axis], *number);
+      if (report.kept.empty()) throw ApiError{409, "the object already has this value", where, ""};
+      throw ApiError{409, report.kept[0].what, where, report.kept[0].hint};
+    }
+    add_to(answer, report, log.axes()[axis]);
   }
-  return view_of(report, axis_name);
+  return answer;
 }
 
 constexpr std::array change_table{

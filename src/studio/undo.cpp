@@ -120,20 +120,28 @@ std::string reason_against_undo(const Change& change, const master::ParameterRul
   return {};
 }
 
-UndoReport undo(const api::ChangeLog& log, std::uint32_t axis, Subject& subject,
-                const std::function<bool(const Change&)>& is_selected) {
+UndoReport undo(const api::ChangeLog& log, std::uint32_t axis, Subject& subject, const UndoOrder& order) {
   UndoReport report;
   const master::ParameterRules& rules = master::parameter_rules_of(subject.product);
   UndoPlan plan(log, rules, report);
   for (std::uint64_t number = log.newest(); number >= log.oldest(); --number) {
     const Change& change = log.at(number);
-    if (change.axis == axis) plan.add(change, is_selected(change));
+    if (change.axis == axis) plan.add(change, order.is_selected(change));
   }
   // A write adds a change to the ring, which may overwrite an old one: copies.
   std::vector<std::pair<Change, KeptValue>> writes;
   for (const UndoStep& step : plan.steps()) writes.emplace_back(*step.newest, step.to);
+  std::map<std::uint32_t, KeptValue> foreseen;  // what a preview would have written
+  const auto value_now = [&](const Change& change) {
+    const auto found = foreseen.find(change.key());
+    return found != foreseen.end() ? found->second : KeptValue(subject.objects.upload(address_of(change)));
+  };
   std::optional<std::pair<std::string, std::string>> silent;  // what happened and the remedy: the drive does not answer
   for (const auto& [change, to] : writes) {
+    if (order.only && !order.only->contains(change.number)) {
+      plan.keep(change, "the value is not in the list of the undo", "ask for the list again");
+      continue;
+    }
     if (silent) {
       plan.keep(change, silent->first, silent->second);
       continue;
@@ -143,14 +151,18 @@ UndoReport undo(const api::ChangeLog& log, std::uint32_t axis, Subject& subject,
         plan.keep(change, "the axis has torque, and the value could move it", "disable the axis first");
         continue;
       }
-      const KeptValue now(subject.objects.upload(address_of(change)));
+      const KeptValue now = value_now(change);
       if (now == to) continue;
       if (!(now == change.after)) {
         plan.keep(change, "the drive no longer has the value that was written",
                   "compare with the factory or a file, and write the value that shall hold");
         continue;
       }
-      subject.objects.download(address_of(change), to.bytes());
+      if (order.is_preview) {
+        foreseen[change.key()] = to;
+      } else {
+        subject.objects.download(address_of(change), to.bytes());
+      }
       report.undone.push_back({change.number, address_of(change), change.name(), change.entry, now, to});
     } catch (const master::ObjectError& error) {
       if (!error.answered()) silent.emplace(error.happened(), error.remedy());
@@ -158,6 +170,18 @@ UndoReport undo(const api::ChangeLog& log, std::uint32_t axis, Subject& subject,
     } catch (const master::MasterError& error) {
       plan.keep(change, error.happened(), error.remedy());
     }
+  }
+  return report;
+}
+
+UndoReport undo_nothing(const api::ChangeLog& log, std::uint32_t axis, const UndoOrder& order, const std::string& what,
+                        const std::string& hint) {
+  UndoReport report;
+  std::set<std::uint32_t> kept;
+  for (std::uint64_t number = log.newest(); number >= log.oldest(); --number) {
+    const Change& change = log.at(number);
+    if (change.axis != axis || !order.is_selected(change) || !kept.insert(change.key()).second) continue;
+    report.kept.push_back({number, address_of(change), change.name(), what, hint});
   }
   return report;
 }

@@ -1,7 +1,9 @@
 #pragma once
 
+#include <cstdint>
 #include <functional>
 #include <optional>
+#include <set>
 #include <string>
 #include <vector>
 
@@ -14,7 +16,15 @@ namespace servodrome::studio {
 // a motion.
 std::string reason_against_undo(const api::Change& change, const master::ParameterRules& rules);
 
-// The result of an undo.
+// What an undo shall do.
+struct UndoOrder {
+  std::function<bool(const api::Change&)> is_selected{};
+  bool is_preview = false;  // it reads the drive, and writes nothing
+  std::optional<std::set<std::uint64_t>>
+      only{};  // numbers of the values that it may write (UndoReport::Object::number)
+};
+
+// The result of an undo, or of its preview.
 struct UndoReport {
   struct Object {
     std::uint64_t number;  // the newest of the undone changes of the object
@@ -37,11 +47,14 @@ struct UndoReport {
 
 // Undoes the changes of an axis that `is_selected`, the newest first: writes the value before the oldest of them. A
 // value stays, with its reason, if
-// - a change that is not selected followed,
+// - a change that is not selected followed, or the value is not among `only`,
 // - the drive no longer has the value that was written,
 // - the object is no parameter, or the drive refuses the write.
 // The settings of the process data (1400h to 1BFFh, 1C12h, 1C13h) are undone write by write, since their order counts.
-UndoReport undo(const api::ChangeLog& log, std::uint32_t axis, Subject& subject,
-                const std::function<bool(const api::Change&)>& is_selected);
+UndoReport undo(const api::ChangeLog& log, std::uint32_t axis, Subject& subject, const UndoOrder& order);
+
+// The report for an axis whose drive cannot be accessed: each object with a selected change stays, for this reason.
+UndoReport undo_nothing(const api::ChangeLog& log, std::uint32_t axis, const UndoOrder& order, const std::string& what,
+                        const std::string& hint);
 
 }  // namespace servodrome::studio

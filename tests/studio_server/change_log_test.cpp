@@ -207,6 +207,7 @@ TEST_P(ChangesOf, WrongRequestsAreRefused) {
   EXPECT_EQ(ask_undo({{"axis", "nobody"}}).status, 404U);
   EXPECT_EQ(ask_undo(json::object()).status, 400U);
   EXPECT_EQ(ask_undo({{"axis", axis_}, {"number", 1}}).status, 400U);
+  EXPECT_EQ(ask_undo({{"axis", axis_}, {"all", true}}).status, 400U);
   EXPECT_EQ(ask_undo({{"axis", axis_}, {"whom", "x"}}).status, 400U);
   json_of(Method::post, "axes/" + axis_ + "/power", R"({"action": "off"})");
   EXPECT_EQ(ask_undo({{"axis", axis_}}).status, 409U);
@@ -308,6 +309,112 @@ TEST_P(ChangesOf, AnUndoDoesNotMoveAnAxis) {
   pass(1s);
   EXPECT_NEAR(static_cast<double>(value(axis_, "6064/0").get<std::int64_t>()), static_cast<double>(demand), 20.0);
   EXPECT_EQ(get("axes/" + axis_)["state"], "operation enabled");
+}
+
+// The undo of all axes.
+class ChangesOfALine : public CommissioningRig {
+ protected:
+  void SetUp() override {
+    for (const std::string& axis : axes_) first_[axis] = value(axis, "6083/0");
+    for (const std::string& axis : axes_) put(axis, "6083/0", 4321);
+  }
+  void put(const std::string& axis, const std::string& object, std::int64_t value) {
+    json_of(Method::put, "axes/" + axis + "/objects/" + object, json{{"value", value}}.dump());
+  }
+  json undo(const json& body) { return json_of(Method::post, "changes/undo", body.dump()); }
+  // The reasons of an answer, by axis.
+  static std::map<std::string, std::string> kept(const json& answer) {
+    std::map<std::string, std::string> reasons;
+    for (const json& one : answer["kept"]) reasons[one["axis"]] = one["what"];
+    return reasons;
+  }
+
+  std::vector<std::string> axes_ = names_of_products();
+  std::map<std::string, json> first_{};
+};
+
+TEST_F(ChangesOfALine, AreUndoneInEachDrive) {
+  const json answer = undo({{"all", true}});
+  EXPECT_EQ(answer["undone"].size(), axes_.size());
+  EXPECT_EQ(answer["kept"], json::array());
+  for (const std::string& axis : axes_) EXPECT_EQ(value(axis, "6083/0"), first_[axis]) << axis;
+}
+
+// A drive with torque and one without power keep their values, with the reason, and the others are undone.
+TEST_F(ChangesOfALine, ADriveThatCannotIsNamedAndTheOthersGoOn) {
+  const std::string with_torque = axes_[0];
+  const std::string without_power = axes_[1];
+  json_of(Method::post, "axes/" + with_torque + "/jobs", R"({"do": "enable"})");
+  pass(3s);
+  json_of(Method::post, "axes/" + without_power + "/power", R"({"action": "off"})");
+  const json answer = undo({{"all", true}, {"who", "API"}});
+  EXPECT_EQ(answer["undone"].size(), axes_.size() - 2);
+  EXPECT_EQ(kept(answer),
+            (std::map<std::string, std::string>{{with_torque, "the axis has torque, and the value could move it"},
+                                                {without_power, "the axis has no power"}}));
+  EXPECT_EQ(value(with_torque, "6083/0"), 4321);
+  for (std::size_t i = 2; i < axes_.size(); ++i) EXPECT_EQ(value(axes_[i], "6083/0"), first_[axes_[i]]) << axes_[i];
+}
+
+// A drive without a change is not reported.
+TEST_F(ChangesOfALine, ADriveWithoutAChangeIsNotNamed) {
+  const std::uint64_t newest = changes_.log().newest();
+  json_of(Method::post, "axes/" + axes_[1] + "/power", R"({"action": "off"})");
+  put(axes_[0], "6081/0", 1234);
+  const json answer = undo({{"all", true}, {"since", newest}});
+  EXPECT_EQ(answer["undone"].size(), 1U);
+  EXPECT_EQ(answer["kept"], json::array());
+}
+
+TEST_F(ChangesOfALine, APreviewWritesNothingAndForetellsTheUndo) {
+  const std::uint64_t newest = changes_.log().newest();
+  json preview = undo({{"all", true}, {"preview", true}});
+  EXPECT_EQ(changes_.log().newest(), newest);
+  for (const std::string& axis : axes_) EXPECT_EQ(value(axis, "6083/0"), 4321) << axis;
+  EXPECT_EQ(undo({{"all", true}}), preview);
+}
+
+// What was written after the list was shown stays.
+TEST_F(ChangesOfALine, ChangesAfterThePreviewStay) {
+  const json preview = undo({{"all", true}, {"preview", true}});
+  put(axes_[0], "6083/0", 777);
+  put(axes_[1], "6081/0", 1234);
+  const json answer = undo({{"all", true}, {"until", preview["until"]}});
+  EXPECT_EQ(answer["undone"].size(), axes_.size() - 1);
+  EXPECT_THAT(kept(answer)[axes_[0]], HasSubstr("has changed the value since"));
+  EXPECT_EQ(value(axes_[0], "6083/0"), 777);
+  EXPECT_EQ(value(axes_[1], "6081/0"), 1234);
+}
+
+// A drive that could not be undone when the list was shown, and now could.
+TEST_F(ChangesOfALine, ValuesThatAreNotInTheListStay) {
+  json_of(Method::post, "axes/" + axes_[0] + "/jobs", R"({"do": "enable"})");
+  pass(3s);
+  const json preview = undo({{"all", true}, {"who", "API"}, {"preview", true}});
+  json only = json::array();
+  for (const json& one : preview["undone"]) only.push_back(one["number"]);
+  json_of(Method::post, "axes/" + axes_[0] + "/jobs", R"({"do": "disable"})");
+  pass(3s);
+  const json answer = undo({{"all", true}, {"who", "API"}, {"until", preview["until"]}, {"only", only}});
+  EXPECT_EQ(answer["undone"], preview["undone"]);
+  EXPECT_EQ(kept(answer), (std::map<std::string, std::string>{{axes_[0], "the value is not in the list of the undo"}}));
+  EXPECT_EQ(value(axes_[0], "6083/0"), 4321);
+  EXPECT_EQ(ask(Method::post, "changes/undo", R"({"all": true, "only": 3})").status, 400U);
+  EXPECT_EQ(ask(Method::post, "changes/undo", R"({"all": true, "only": [-3]})").status, 400U);
+}
+
+// Settings of process data are undone write by write: a preview lists each of them.
+TEST_F(ChangesOfALine, APreviewHasAllWritesOfAMapping) {
+  const auto id = value("generic402", "1800/1").get<std::int64_t>();
+  put("generic402", "1800/1", id | 0x80000000);
+  put("generic402", "1A00/0", 0);
+  put("generic402", "1A00/1", 0x60640020);
+  put("generic402", "1A00/0", 1);
+  put("generic402", "1800/1", id);
+  const json preview = undo({{"axis", "generic402"}, {"preview", true}});
+  EXPECT_EQ(preview["kept"], json::array());
+  EXPECT_GT(preview["undone"].size(), 4U);
+  EXPECT_EQ(undo({{"axis", "generic402"}, {"until", preview["until"]}}), preview);
 }
 
 class InputsOf : public ChangesOf {};

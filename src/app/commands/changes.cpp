@@ -19,6 +19,8 @@ struct Options {
   std::uint64_t since = 0;
   std::uint64_t undo = 0;
   bool undo_all = false;
+  bool all_axes = false;
+  bool preview = false;
   bool json = false;
 };
 
@@ -82,10 +84,15 @@ Json undo(const Options& options) {
   if (options.undo != 0) {
     body["number"] = options.undo;
   } else {
-    body["axis"] = options.axis;
+    if (options.all_axes) {
+      body["all"] = true;
+    } else {
+      body["axis"] = options.axis;
+    }
     if (options.since != 0) body["since"] = options.since;
     if (!options.who.empty()) body["who"] = options.who;
   }
+  if (options.preview) body["preview"] = true;
   return ask_api(options.api, "POST", "changes/undo", body);
 }
 
@@ -103,8 +110,11 @@ void print_undo(const Json& report) {
 void run(const Options& options) {
   if (options.undo != 0 && options.undo_all)
     throw Failure::wrong_use("changes: give --undo N or --undo-all, one of them");
-  if (options.undo_all && options.axis.empty()) throw Failure::wrong_use("changes: --undo-all needs --axis NAME");
   const bool undoes = options.undo != 0 || options.undo_all;
+  if (options.undo_all && options.axis.empty() != options.all_axes)
+    throw Failure::wrong_use("changes: --undo-all needs --axis NAME or --all-axes, one of them");
+  if (options.all_axes && !options.undo_all) throw Failure::wrong_use("changes: --all-axes needs --undo-all");
+  if (options.preview && !undoes) throw Failure::wrong_use("changes: --preview needs --undo N or --undo-all");
   const Json answer = undoes ? undo(options) : changes_of(options);
   if (options.json) {
     fmt::print("{}\n", answer.dump(2));
@@ -130,7 +140,9 @@ void add_changes(CLI::App& app) {
   command->add_option("--undo", options->undo, "Undo the change with this number")
       ->check(number_within(1, most_number));
   command->add_flag("--undo-all", options->undo_all,
-                    "Undo all changes of --axis, the newest first; with --who and --since only these");
+                    "Undo all changes of --axis or --all-axes, the newest first; with --who and --since only these");
+  command->add_flag("--all-axes", options->all_axes, "With --undo-all: in all drives of the server");
+  command->add_flag("--preview", options->preview, "Print what an undo would write, and write nothing");
   command->add_flag("--json", options->json, "Print one JSON object");
   add_api_options(*command, options->api);
   command->callback([options] { run(*options); });
