@@ -111,8 +111,28 @@ def test_all_of_an_axis_are_undone(line, node):
     assert [value(line, "reference", index) for index in (0x6081, 0x6083, 0x6084)] == before
 
 
+def test_the_changes_of_all_axes_are_shown_and_then_undone(line, node):
+    axes = ("reference", "panel", "old")
+    before = {axis: value(line, axis, 0x6083) for axis in axes}
+    node.sdo.download(0x6083, 0, (3000).to_bytes(4, "little"))
+    for axis in ("panel", "old"):
+        line.bench.put(f"axes/{axis}/objects/6083/0", {"value": 4321})
+    shown = changes(line, "--undo-all", "--all-axes", "--preview")
+    assert f"reference 6083:00  3000 -> {before['reference']}" in shown
+    assert [value(line, axis, 0x6083) for axis in axes] == [3000, 4321, 4321]
+    line.bench.post("axes/panel/power", {"action": "off"})
+    [stays] = line.bench.post("changes/undo", {"all": True, "preview": True})["kept"]
+    assert (stays["axis"], stays["what"]) == ("panel", "the axis has no power")
+    assert "some values stay" in changes(line, "--undo-all", "--all-axes", status=1)
+    assert value(line, "reference", 0x6083) == before["reference"]
+    assert value(line, "old", 0x6083) == before["old"]
+
+
 def test_wrong_requests_are_explained(line):
     assert "--undo-all needs --axis" in changes(line, "--undo-all", status=2)
+    assert "--undo-all needs --axis" in changes(line, "--undo-all", "--axis", "reference", "--all-axes", status=2)
+    assert "--all-axes needs --undo-all" in changes(line, "--all-axes", status=2)
+    assert "--preview needs" in changes(line, "--preview", status=2)
     assert "there is no change 7" in changes(line, "--undo", 7, status=1)
     assert 'there is no axis "x"' in changes(line, "--axis", "x", status=1)
     gone = subprocess.run([PROGRAM, "changes", "--server", "127.0.0.1:1"], capture_output=True, text=True, timeout=60, check=False)
@@ -146,8 +166,11 @@ def test_the_studio_of_real_drives_lists_what_another_master_writes(line, node):
     studio = Studio(f"{line.links['can0'][0]}=2")
     try:
         wait_for(lambda: studio.bench.axis("generic402-2")["powered"], "the first answer of the drive")
+        acceleration = int.from_bytes(node.sdo.upload(0x6083, 0), "little")
         node.sdo.download(0x6083, 0, (43210).to_bytes(4, "little"))
-        assert int.from_bytes(node.sdo.upload(0x6083, 0), "little") == 43210
+        velocity = studio.bench.get("axes/generic402-2/objects/6081/0")["value"]  # the studio reads it
+        node.sdo.download(0x6081, 0, (12345).to_bytes(4, "little"))
+        node.sdo.download(0x6085, 0, (23456).to_bytes(4, "little"))  # has not passed on the bus
         node.sdo.download(0x6040, 0, b"\x06\x00")  # a controlword is not listed
         with pytest.raises(SdoAbortedError):  # a refused write is not listed
             node.sdo.download(0x6041, 0, b"\x06\x00")
@@ -156,14 +179,19 @@ def test_the_studio_of_real_drives_lists_what_another_master_writes(line, node):
         def rows():
             return studio.bench.get("changes?axis=generic402-2")["changes"]
 
-        wait_for(lambda: len(rows()) == 2, "both changes in the log")
-        foreign, own = sorted(rows(), key=lambda row: row["object"])
-        assert (foreign["object"], foreign["before"], foreign["after"]) == ("6083:00", None, 43210)
-        assert foreign["who"] == f"SDO on {line.links['can0'][0]}"[:47]
+        wait_for(lambda: len(rows()) == 4, "all changes in the log")
+        read_by_studio, read_by_master, own, unread = sorted(rows(), key=lambda row: row["object"])
+        assert (read_by_studio["object"], read_by_studio["before"], read_by_studio["after"]) == ("6081:00", velocity, 12345)
+        assert (read_by_master["object"], read_by_master["before"], read_by_master["after"]) == ("6083:00", acceleration, 43210)
+        assert (unread["object"], unread["before"], unread["after"]) == ("6085:00", None, 23456)
+        for foreign in (read_by_studio, read_by_master, unread):
+            assert foreign["who"] == f"SDO on {line.links['can0'][0]}"[:47]
         assert (own["object"], own["after"]) == ("6084:00", 98765)
         assert own["who"].startswith("API")
-        undone = studio.bench.post("changes/undo", {"axis": "generic402-2"})
-        assert [row["object"] for row in undone["undone"]] == ["6084:00"]
-        assert [(row["object"], row["what"]) for row in undone["kept"]] == [("6083:00", "the value before is not known")]
+        undone = studio.bench.post("changes/undo", {"all": True})
+        assert {row["object"] for row in undone["undone"]} == {"6081:00", "6083:00", "6084:00"}
+        assert [(row["object"], row["what"]) for row in undone["kept"]] == [("6085:00", "the value before is not known")]
+        assert int.from_bytes(node.sdo.upload(0x6083, 0), "little") == acceleration
+        assert int.from_bytes(node.sdo.upload(0x6081, 0), "little") == velocity
     finally:
         studio.stop()

@@ -37,6 +37,7 @@ test('changes appear by themselves, are filtered and undone', async ({ page, ope
   expect(watched.splice(0).join()).toContain('409'); // the browser itself logs the refusal
 
   await list.getByRole('button', { name: 'Undo all' }).click();
+  await list.getByRole('button', { name: 'Write these values' }).click();
   await expect(list.getByText(/former value/)).toBeVisible();
   expect((await line.call<{ value: number }>(...read('6083:0'))).value).toBe(before);
 
@@ -44,6 +45,42 @@ test('changes appear by themselves, are filtered and undone', async ({ page, ope
   await line.call(...write('6060:0', 3));
   await list.getByRole('button', { name: 'Undo all' }).click();
   await expect(list.getByText(/6060:00.*stays/)).toBeVisible();
+});
+
+test('the changes of all drives are undone, after the list of what is written', async ({ page, open, line, picture }) => {
+  const value = async (axis: string) => (await line.call<{ value: number }>('GET', `/axes/${axis}/objects/6083/0`)).value;
+  const write = (axis: string, to: number) => line.call('PUT', `/axes/${axis}/objects/6083/0`, { value: to });
+  const names = (await line.call<{ axes: { name: string }[] }>('GET', '/axes')).axes.map(({ name }) => name);
+  const before = Object.fromEntries(await Promise.all(names.map(async (name) => [name, await value(name)] as const)));
+  for (const name of names) await write(name, 4321);
+  const off = names.find((name) => name !== 'reference')!;
+  await line.call('POST', `/axes/${off}/power`, { action: 'off' });
+
+  await open('/objects/reference?view=changes');
+  const list = panel(page, 'Changes');
+  await expect(list.getByRole('row', { name: /4321/ })).toHaveCount(1);
+  await list.getByText('all drives', { exact: true }).click();
+  await expect(list.getByRole('row', { name: /4321/ })).toHaveCount(names.length);
+  await expect(page).toHaveURL(/drives=all/);
+
+  const planned = list.getByRole('region', { name: 'What the undo writes' });
+  await list.getByRole('button', { name: 'Undo all of all drives' }).click();
+  await expect(planned.getByRole('row', { name: /6083:00/ })).toHaveCount(names.length - 1);
+  await expect(planned.getByRole('listitem')).toContainText([`${off} 6083:00`]);
+  await expect(planned).toContainText('the axis has no power');
+  await picture('changes-all-drives');
+  await planned.getByRole('button', { name: 'Leave all as it is' }).click();
+  await expect(planned).toHaveCount(0);
+  expect(await value('reference')).toBe(4321); // nothing was written
+
+  // What another writes while the list is on the page stays.
+  await list.getByRole('button', { name: 'Undo all of all drives' }).click();
+  await expect(planned.getByRole('row', { name: /6083:00/ })).toHaveCount(names.length - 1);
+  await write('reference', 7777);
+  await planned.getByRole('button', { name: 'Write these values' }).click();
+  await expect(list.getByText(/reference 6083:00 .*has changed the value since/)).toBeVisible();
+  expect(await value('reference')).toBe(7777);
+  for (const name of names.filter((each) => each !== 'reference' && each !== off)) expect(await value(name), name).toBe(before[name]);
 });
 
 test('a CAN identifier is shown in hexadecimal', async ({ page, open, line }) => {

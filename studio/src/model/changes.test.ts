@@ -1,5 +1,5 @@
 import { expect, test } from 'vitest';
-import { authorsOf, type Change, matches, most_kept, said, withAnswer } from './changes';
+import { authorsOf, type Change, foretold, matches, most_kept, said, withAnswer } from './changes';
 
 const change = (number: number, more: Partial<Change> = {}): Change => ({
   number, time_ns: 0, wall: '', axis: 'x', object: '6083:00', name: 'Profile acceleration', type: 'UNSIGNED32', unit: '', before: 1, after: 2, who: 'API (page)', ...more,
@@ -24,10 +24,17 @@ test('a filter looks at object, name and author', () => {
   expect(authorsOf([change(1), change(2, { who: 'a' }), change(3)])).toEqual(['API (page)', 'a']);
 });
 
+const one = { number: 1, axis: 'x', object: '6083:00', name: '', from: 1, to: 2 };
+const kept = { number: 2, axis: 'x', object: '6060:00', name: '', what: '', hint: '' };
+
 test('an undo is one sentence', () => {
-  const one = { number: 1, object: '6083:00', name: '', from: 1, to: 2 };
-  const kept = { number: 2, object: '6060:00', name: '', what: '', hint: '' };
-  expect(said({ undone: [], kept: [] })).toBe('Nothing to undo.');
-  expect(said({ undone: [one], kept: [] })).toBe('1 object has the former value.');
-  expect(said({ undone: [one, one], kept: [kept] })).toBe('2 objects have the former value; 1 stays.');
+  expect(said({ undone: [], kept: [], until: 2 })).toBe('Nothing to undo.');
+  expect(said({ undone: [one], kept: [], until: 2 })).toBe('1 object has the former value.');
+  expect(said({ undone: [one, one], kept: [kept], until: 2 })).toBe('2 objects have the former value; 1 stays.');
+});
+
+test('an undo is foretold in one sentence, with the number of drives', () => {
+  expect(foretold({ undone: [one], kept: [], until: 2 })).toBe('The undo writes 1 value in 1 drive.');
+  expect(foretold({ undone: [one, one, { ...one, axis: 'y' }], kept: [kept], until: 2 })).toBe('The undo writes 3 values in 2 drives; 1 object stays.');
+  expect(foretold({ undone: [one], kept: [kept, kept], until: 2 })).toContain('2 objects stay.');
 });

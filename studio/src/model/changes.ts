@@ -26,15 +26,18 @@ export interface ChangesAnswer {
 
 interface Kept {
   number: number;
+  axis: string;
   object: string;
   name: string;
   what: string;
   hint: string;
 }
 
+// What an undo wrote, or with `preview` would write.
 export interface UndoReport {
-  undone: { number: number; object: string; name: string; from: ObjectValue | null; to: ObjectValue | null }[];
+  undone: { number: number; axis: string; object: string; name: string; from: ObjectValue | null; to: ObjectValue | null }[];
   kept: Kept[];
+  until: number; // the newest change that it looked at
 }
 
 export const most_kept = 2000; // rows on the page
@@ -53,6 +56,13 @@ export function matches(change: Change, text: string, who: string): boolean {
 }
 
 export const authorsOf = (changes: readonly Change[]): string[] => [...new Set(changes.map(({ who }) => who))].sort();
+
+// One sentence about what an undo would write.
+export function foretold({ undone, kept }: UndoReport): string {
+  const drives = new Set(undone.map(({ axis }) => axis)).size;
+  const written = `The undo writes ${undone.length} ${undone.length === 1 ? 'value' : 'values'} in ${drives} ${drives === 1 ? 'drive' : 'drives'}`;
+  return kept.length === 0 ? `${written}.` : `${written}; ${kept.length} ${kept.length === 1 ? 'object stays' : 'objects stay'}.`;
+}
 
 // One sentence about an undo.
 export function said({ undone, kept }: UndoReport): string {
