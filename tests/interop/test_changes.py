@@ -17,6 +17,7 @@ DRIVES = (
     + bus_text("rs", "rs485")
     + bus_text("rs10", "rs485")
     + axis_text("reference", "generic402", bus="can0", node=2)
+    + axis_text("second", "generic402", bus="can0", node=3)
     + axis_text("panel", "ismk", serial="rs", serial_protocol="modbus")
     + axis_text("old", "ismk", serial="rs10", serial_protocol="serial10")
 )
@@ -193,5 +194,22 @@ def test_the_studio_of_real_drives_lists_what_another_master_writes(line, node):
         assert [(row["object"], row["what"]) for row in undone["kept"]] == [("6085:00", "the value before is not known")]
         assert int.from_bytes(node.sdo.upload(0x6083, 0), "little") == acceleration
         assert int.from_bytes(node.sdo.upload(0x6081, 0), "little") == velocity
+    finally:
+        studio.stop()
+
+
+def test_a_silent_drive_keeps_its_values_and_the_others_are_undone(line):
+    studio = Studio(f"{line.links['can0'][0]}=2,3")
+    try:
+        before = value(line, "reference", 0x6083)
+        for axis in ("generic402-2", "generic402-3"):
+            wait_for(lambda axis=axis: studio.bench.axis(axis)["powered"], "the first answer of the drive")
+            studio.bench.put(f"axes/{axis}/objects/6083/0", {"value": 54321})
+        line.bench.post("axes/second/power", {"action": "off"})
+        undone = studio.bench.post("changes/undo", {"all": True})
+        assert [(row["axis"], row["to"]) for row in undone["undone"]] == [("generic402-2", before)]
+        assert [(row["axis"], row["object"]) for row in undone["kept"]] == [("generic402-3", "6083:00")]
+        assert value(line, "reference", 0x6083) == before
+        line.bench.post("axes/second/power", {"action": "on"})
     finally:
         studio.stop()
