@@ -144,16 +144,21 @@ export async function finish(job: Job): Promise<Job> {
   return now;
 }
 
+// Waits until the job is over, and shows a notice if it fails or has a remark.
+export async function finishAloud(begun: Job): Promise<Job> {
+  const job = await finish(begun);
+  if (job.note) tell(`${job.axis}: ${job.note}`);
+  if (job.state === 'failed') {
+    const { what, hint } = shownOf(job.error ?? { what: `${job.do.replaceAll('_', ' ')} failed` });
+    complainOf({ what: `${job.axis}: ${what}`, ...(hint ? { hint } : {}) });
+  }
+  return job;
+}
+
 // Runs a job to its end, and shows a notice if it is refused or fails.
 export async function runJob(axis: string, request: { do: string } & Record<string, unknown>): Promise<Job | null> {
   try {
-    const job = await finish(await startJob(axis, request));
-    if (job.note) tell(`${axis}: ${job.note}`);
-    if (job.state === 'failed') {
-      const { what, hint } = shownOf(job.error ?? { what: `${job.do.replaceAll('_', ' ')} failed` });
-      complainOf({ what: `${axis}: ${what}`, ...(hint ? { hint } : {}) });
-    }
-    return job;
+    return await finishAloud(await startJob(axis, request));
   } catch (error) {
     complain(error);
     return null;

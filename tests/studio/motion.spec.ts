@@ -1,3 +1,4 @@
+import type { Locator, Page } from '@playwright/test';
 import { card, choose, expect, panel, test, type } from './fixtures';
 import { axes } from './line';
 
@@ -174,6 +175,25 @@ test('jogs while it is pressed, with the pointer and with the keyboard', async (
   await expect.poll(async () => Math.abs(await speed())).toBeLessThan(1);
   await page.keyboard.up('Space');
 });
+
+for (const { way, hold, release } of [
+  { way: 'pointer', hold: async (jog: Locator, page: Page) => { await jog.hover(); await page.mouse.down(); }, release: (page: Page) => page.mouse.up() },
+  { way: 'keyboard', hold: async (jog: Locator, page: Page) => { await jog.focus(); await page.keyboard.down('Space'); }, release: (page: Page) => page.keyboard.up('Space') },
+]) {
+  test(`a jog with the ${way} says which limit switch ends it`, async ({ page, open, line }) => {
+    await line.call('PUT', '/axes/reference/inputs', { DI1: true });
+    await open('/axis/reference?do=jog');
+    await panel(page, 'Motion').getByRole('button', { name: 'Enable' }).click();
+    const jog = page.getByRole('button', { name: 'Jog in positive direction' });
+    await expect(jog).toBeEnabled();
+    await hold(jog, page);
+    const notice = page.locator('.notice.bad');
+    await expect(notice).toContainText(/^reference: jogging ended at position .*, where the positive limit switch is active/);
+    await expect(notice).toContainText('move the other way');
+    await release(page);
+    await expect(notice).toHaveCount(1); // the release is not a failure of its own
+  });
+}
 
 test('transitions of the state machine are buttons', async ({ page, open }) => {
   await open('/axis/reference');

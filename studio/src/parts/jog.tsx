@@ -1,7 +1,7 @@
 import { useEffect, useRef, type KeyboardEvent, type ReactNode } from 'react';
 import { post } from '../api/client';
 import type { Job } from '../api/types';
-import { endJob, finish, following, startJob } from '../commands';
+import { endJob, finish, finishAloud, following, startJob } from '../commands';
 import { Jog } from '../model/jog';
 import { complain } from '../notices';
 
@@ -24,7 +24,9 @@ export function JogButton({ axis, velocity, isDisabled, title, children, label }
       if (halted.state !== 'done') throw new Error(`${axis}: ${halted.error?.what ?? `the halt is ${halted.state}`}`);
       released.throwIfAborted();
       try {
-        return await startJob(axis, { do: 'jog', ...request.current, ...following(halted) }, released);
+        const job = await startJob(axis, { do: 'jog', ...request.current, ...following(halted) }, released);
+        finishAloud(job).catch(() => undefined); // a lost connection is reported by `alive`
+        return job;
       } catch (error) {
         if (released.aborted) await startJob(axis, { do: 'stop' }).catch(complain); // the server may have begun the jog
         throw error;
