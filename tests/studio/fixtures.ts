@@ -65,14 +65,15 @@ export const test = base.extend<Fixtures>({
 
 export { expect };
 
-// Of a select of react-aria: opens it and takes the option whose text begins so. Options that arrive from the drive just now
-// close it; a person opens it again.
+// Of a select of react-aria: opens it and takes the option whose text begins so. It does not open before its options have
+// arrived from the drive: a person tries again.
 export async function choose(page: Page, label: string | RegExp, option: string | RegExp, within = page.locator('body')) {
   const wanted = page.getByRole('option', { name: option }).first();
   await expect(async () => {
     if (!(await wanted.isVisible())) await within.getByRole('button', { name: label }).first().click({ timeout: 5000 });
-    await wanted.click({ timeout: 5000 });
+    await expect(wanted).toBeVisible({ timeout: 5000 });
   }).toPass();
+  await wanted.click();
 }
 
 // Into a number field, as a person types it.

@@ -337,3 +337,33 @@ test('a sequence does not go on after the page has slept', async ({ page, open, 
   await page.waitForTimeout(500);
   expect((await jobs(line)).filter((job) => job === 'move')).toHaveLength(1);
 });
+
+// Answers that arrive while a person looks for an option.
+test('an open list of the guide stays open while the answers about the drive arrive', async ({ page, open }) => {
+  const [objects, units] = [await hold(page, 'GET', '**/api/v1/axes/reference/objects'), await hold(page, 'GET', '**/api/v1/axes/reference/units')];
+  await open('/commission/reference?step=homing');
+  await page.getByRole('button', { name: /Method/ }).click();
+  const list = page.getByRole('listbox', { name: 'Method' });
+  await expect(list).toBeVisible();
+  await objects.release();
+  await expect(page.getByRole('table', { name: 'Values read from the drive', includeHidden: true })).toBeAttached(); // the page has the objects
+  await expect(list).toBeVisible();
+  await units.release();
+  await list.getByRole('option', { name: /^35: / }).click();
+  await expect(page.getByRole('button', { name: /^35: .* Method$/ })).toBeVisible();
+});
+
+test('an open list of methods keeps its order when the wiring of the switches arrives', async ({ page, open }) => {
+  const geometry = await hold(page, 'GET', '**/api/v1/axes/ismk/geometry');
+  await open('/commission/ismk?step=homing');
+  const method = page.getByRole('button', { name: /Method/ });
+  await method.click();
+  const options = page.getByRole('listbox', { name: 'Method' }).getByRole('option');
+  const before = await options.allTextContents();
+  await geometry.release();
+  await expect(page.locator('svg.homing, svg.travel').first()).toBeAttached(); // the page has the wiring
+  expect(await options.allTextContents()).toEqual(before);
+  await page.keyboard.press('Escape');
+  await method.click();
+  await expect(options.filter({ hasText: 'no home switch' })).not.toHaveCount(0);
+});

@@ -88,3 +88,9 @@ test('a drive without a store command has stored nothing', () => {
   expect(checkOf(of('store'), facts, { typed: {}, found: { stored: { stored: false, lost: [] } } })).toBe('The drive has no store command.');
   expect(checkOf(of('store'), facts, { typed: {}, found: { stored: { stored: true, lost: [] } } })).toBe('The drive has stored its parameters.');
 });
+
+test('a step lacks the size of the units only when the drive has answered without it', () => {
+  const needing = steps.filter(({ lacks }) => lacks?.(drive([], {}, { scale: null, units: {} as Facts['units'] })).includes('size of the drive\'s units'));
+  expect(needing.map(({ id }) => id)).toEqual(expect.arrayContaining(['direction', 'velocity', 'position', 'homing', 'limits', 'cycle']));
+  for (const { lacks } of needing) expect(lacks?.(drive([], {}, { scale: null, units: undefined }))).not.toContain('size of the drive\'s units');
+});

@@ -30,6 +30,9 @@ const noTorqueLimit = (facts: Facts) =>
 
 const noScale = ({ scale }: Facts) => (scale ? '' : 'The size of the drive\'s units is not known: complete the step "Units" first.');
 
+// Of a step that needs the scale. While the units are on their way the form stays: it would lose an open list.
+const lacksScale = (facts: Facts) => (facts.units ? noScale(facts) : '');
+
 // The objects of a profile. The move uses the values in the drive, so the guide writes them, not the job.
 const profile = (velocity: number, acceleration: number): Field[] => [
   { key: 'velocity', label: 'Velocity', kind: 'velocity', objects: ['6081:00'], usual: velocity, minimum: 0 },
@@ -281,7 +284,7 @@ export const steps: Step[] = [
       ...torqueField(facts, 0.2, 'Torque limit during the move'),
       ...polarity(facts, state),
     ],
-    lacks: noScale,
+    lacks: lacksScale,
     motions: [moves('move', 'Make the small move', 'One move by the distance, at the velocity and with the torque limit above. Abort halts it.', false)],
     check: '6064h moved by the distance, and the machine moved the right way.',
     open: (_, { found: { moved, way } }) => {
@@ -310,7 +313,7 @@ export const steps: Step[] = [
       { key: 'bandwidth', label: 'Target bandwidth (blank: 60 % of the maximum)', unit: 'Hz', usual: NaN, minimum: 1, maximum: 1000, mayBeEmpty: true },
       ...gainFields(facts, false),
     ],
-    lacks: noScale,
+    lacks: lacksScale,
     motions: [stepOfVelocity, tune],
     check: 'A step is measured; after new gains, again.',
     open: (_, state) => isMeasured(state),
@@ -323,7 +326,7 @@ export const steps: Step[] = [
       ...profile(within(facts, 'velocity', 2), within(facts, 'acceleration', 20)),
       ...gainFields(facts, true),
     ],
-    lacks: noScale,
+    lacks: lacksScale,
     motions: [moves('move', 'Measure a move', 'One move by the distance; position and following error are recorded.', false)],
     check: 'A move is measured; after a new gain, again.',
     open: (_, state) => isMeasured(state),
@@ -332,7 +335,7 @@ export const steps: Step[] = [
     id: 'homing', title: 'Homing', view: 'homing', reads: ['607C:00', '6064:00'],
     why: 'Homing gives the position its zero. The drawing shows the way of the method over this machine\'s switches.',
     fields: homingFields,
-    lacks: (facts) => noScale(facts) || (facts.homing && facts.homing.methods.every(({ supported }) => !supported) ? `${facts.axis.product} has no homing method.` : ''),
+    lacks: (facts) => lacksScale(facts) || (facts.homing && facts.homing.methods.every(({ supported }) => !supported) ? `${facts.axis.product} has no homing method.` : ''),
     motions: [{
       id: 'home', label: 'Home', begins: ['enable'], commands: ['6040:00', '6060:00'], mode: 6, orders: () => [{ do: 'home' }],
       says: 'The axis follows the drawing at the speeds above and stops at a limit switch that the method does not use.',
@@ -344,7 +347,7 @@ export const steps: Step[] = [
     id: 'limits', title: 'Soft limits', reads: ['607D:*'],
     why: 'The drive goes to no target beyond its soft limits. They count from the zero that homing has set, and lie inside the limit switches.',
     fields: softLimits,
-    lacks: (facts) => noScale(facts) || (softLimits(facts).length === 2 ? '' : `${facts.axis.product} has no object 607Dh (software position limit): only switches and stops end its travel.`),
+    lacks: (facts) => lacksScale(facts) || (softLimits(facts).length === 2 ? '' : `${facts.axis.product} has no object 607Dh (software position limit): only switches and stops end its travel.`),
     check: 'The drive has the limits.',
     open: (facts, state) => {
       const fields = softLimits(facts);
@@ -360,7 +363,7 @@ export const steps: Step[] = [
       ...profile(within(facts, 'velocity', 5), within(facts, 'acceleration', 50)),
       { key: 'times', label: 'Cycles', usual: 1, minimum: 1, maximum: 100 },
     ],
-    lacks: noScale,
+    lacks: lacksScale,
     motions: [moves('move', 'There and back', 'The axis moves by the distance and returns, for the given number of cycles. Abort halts it.', true)],
     check: 'The axis is back where it began.',
     open: (_, state) => isMeasured(state) || (state.found.moved && Math.abs(state.found.moved.drive) > 0.01 ? 'The axis did not return to its start.' : ''),

@@ -1,4 +1,4 @@
-import { type ComponentProps, type MouseEvent, type ReactNode, useLayoutEffect, useRef } from 'react';
+import { type ComponentProps, type MouseEvent, type ReactNode, useLayoutEffect, useRef, useState } from 'react';
 import {
   Button as AriaButton, Input, Label, ListBox, ListBoxItem, Popover, SearchField, Select as AriaSelect, SelectValue, type ButtonProps, type PressEvent,
 } from 'react-aria-components';
@@ -26,6 +26,7 @@ export function HaltButton({ onHalt, ...props }: Omit<ComponentProps<typeof Butt
   return <Button {...props} onPressStart={halt} />;
 }
 
+// An open list keeps its options: options that arrive now would move the others away under the pointer.
 export function Choice<T extends string | number>({ label, value, options, onChange, hideLabel = false, isDisabled = false, isLong = false }: {
   label: string;
   value: T;
@@ -35,15 +36,20 @@ export function Choice<T extends string | number>({ label, value, options, onCha
   hideLabel?: boolean;
   isDisabled?: boolean;
 }) {
+  const [isOpen, setIsOpen] = useState(false);
+  const kept = useRef(options);
+  if (!isOpen) kept.current = options;
+  const shown = kept.current;
   return (
     <AriaSelect
       className="field"
       isDisabled={isDisabled}
-      disabledKeys={options.filter(([, , reason]) => reason).map(([option]) => String(option))}
+      onOpenChange={setIsOpen}
+      disabledKeys={shown.filter(([, , reason]) => reason).map(([option]) => String(option))}
       value={String(value)}
       onChange={(key) => {
         const chosen = options.find(([option]) => String(option) === String(key));
-        if (chosen) onChange(chosen[0]);
+        if (chosen && !chosen[2]) onChange(chosen[0]);
       }}
       {...(hideLabel ? { 'aria-label': label } : {})}
     >
@@ -54,7 +60,7 @@ export function Choice<T extends string | number>({ label, value, options, onCha
       </AriaButton>
       <Popover className="popover">
         <ListBox className="options">
-          {options.map(([option, text, reason]) => (
+          {shown.map(([option, text, reason]) => (
             <ListBoxItem key={String(option)} id={String(option)} textValue={text} className="option">
               {text}
               {reason && <span className="reason"> · {reason}</span>}
