@@ -75,8 +75,9 @@ export function outdate(axis: string) {
   if (job && job.state !== 'running') update({ outdated: { ...state.outdated, [axis]: job.id } });
 }
 
-// True if the job is over and a later command of this page makes its outcome out of date.
-export const useIsOutdated = (job: Job | undefined) => useLine(({ outdated }) => job !== undefined && job.state !== 'running' && job.id <= (outdated[job.axis] ?? 0));
+// True if the job is over and a later command, of this page or a later job of any client, makes its outcome out of date.
+export const useIsOutdated = (job: Job | undefined) =>
+  useLine(({ outdated, jobs }) => job !== undefined && job.state !== 'running' && (job.id <= (outdated[job.axis] ?? 0) || job.id < ((jobs[job.axis] as Job | undefined)?.id ?? 0)));
 
 // Waits until the stream reports that the job is over. Null: after `ms`, or if another job has replaced it.
 export function overWithin(job: Job, ms: number): Promise<Job | null> {

@@ -82,11 +82,22 @@ test('a tuning is ended, and the axis stands', async ({ page, open, line }) => {
   await tune.getByRole('button', { name: 'End' }).click();
   await expect(tune.getByRole('alert')).toContainText('interrupted', { timeout: 30_000 });
   await expect.poll(async () => (await line.call<{ state: string }>('GET', '/axes/jmc')).state).not.toBe('operation enabled');
+  // After a reload that is the outcome of the axis's latest job, no news.
+  await page.reload();
+  await expect(tune.getByRole('status')).toContainText(/^tune: cancelled · .*interrupted/);
+  await expect(tune.getByRole('alert')).toHaveCount(0);
   // A later command makes its outcome out of date.
   await page.getByRole('link', { name: 'Axis', exact: true }).click();
   await page.getByRole('button', { name: 'Power cycle' }).click();
   await page.getByRole('link', { name: 'Tuning' }).click();
   await expect(tune.getByRole('button', { name: 'Measure and propose' })).toBeEnabled();
+  await expect(tune.getByRole('status')).toHaveCount(0);
+  // After a reload too, if that command was a job, of any client.
+  await line.call('POST', '/axes/jmc/jobs', { do: 'reset_fault' });
+  await page.reload();
+  await page.waitForLoadState('networkidle'); // the page has the list of the jobs
+  await expect(tune.getByRole('button', { name: 'Measure and propose' })).toBeEnabled();
+  await expect(tune.getByRole('status')).toHaveCount(0);
   await expect(tune.getByRole('alert')).toHaveCount(0);
 });
 

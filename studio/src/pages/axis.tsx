@@ -1,13 +1,14 @@
 import { useEffect, useRef, useState } from 'react';
 import { Tab, TabList, TabPanel, Tabs } from 'react-aria-components';
 import type { AxisView, Geometry, HomingMethod, Limits, ObjectEntry, StatesView, Units } from '../api/types';
-import { axisPath, cancelJob, following, power, runJob, writeObject } from '../commands';
+import { axisPath, following, power, runJob, writeObject } from '../commands';
 import { AxisTabs, usePageAxis } from '../parts/axis_tabs';
 import { Button, Choice, HaltButton, Panel, Readout, Toggle } from '../parts/controls';
 import { Front } from '../parts/front';
 import { NumberForm, NumberInput, NumbersButton, useNumbersAreRight } from '../parts/number_input';
 import { HomingFigure } from '../parts/homing_figure';
 import { useReplay } from '../replay';
+import { JobLine } from '../parts/job_line';
 import { JogButton } from '../parts/jog';
 import { LiveLanes } from '../parts/live';
 import { usePolarity } from '../parts/reach';
@@ -25,7 +26,7 @@ import { fixed, fromDrivePosition, greatestOf, isKnown, proposed, significant, t
 import { attempt } from '../notices';
 import { useResource } from '../resource';
 import { keep, useRoute } from '../route';
-import { snapshot, useAxis, useIsOutdated, useLine, useMissing } from '../store';
+import { snapshot, useAxis, useLine, useMissing } from '../store';
 import { Commands, Speed, Torque, unitOf, usePositionLabel, useWords } from './line';
 
 export function AxisPage() {
@@ -163,23 +164,6 @@ function Motion({ axis }: { axis: AxisView }) {
         <TabPanel id="home"><NumberForm><HomeMove {...move} axis={axis} geometry={geometry} /></NumberForm></TabPanel>
       </Tabs>
     </Panel>
-  );
-}
-
-function JobLine({ job, units }: { job: ReturnType<typeof useJob>; units: Units | undefined }) {
-  const isOutdated = useIsOutdated(job);
-  if (!job || isOutdated) return <p className="job" role="status" />; // keeps the height, so that the buttons below keep their place
-  const position = job.result?.position;
-  const at = position === undefined ? null : job.units === 'revolutions' ? position : fromDrivePosition(units, position);
-  return (
-    <p className={`job ${job.state}`} role="status">
-      {job.do.replaceAll('_', ' ')}: {job.state}
-      {at !== null && ` at ${fixed(at, 4)} rev`}
-      {job.result?.seconds !== undefined && ` after ${fixed(job.result.seconds, 2)} s`}
-      {job.note && ` · ${job.note}`}
-      {job.error && ` · ${job.error.what}`}
-      {job.state === 'running' && <HaltButton kind="bare" onHalt={() => attempt(() => cancelJob(job))}>Cancel</HaltButton>}
-    </p>
   );
 }
 

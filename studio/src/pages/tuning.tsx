@@ -8,6 +8,7 @@ import { fixed, significant } from '../model/units';
 import { attempt, tell } from '../notices';
 import { AxisTabs, usePageAxis } from '../parts/axis_tabs';
 import { Button, HaltButton, Link, Panel, Readout, Scroll, Trouble } from '../parts/controls';
+import { JobLine } from '../parts/job_line';
 import { NumberForm, NumberInput, NumbersButton } from '../parts/number_input';
 import { Lanes, type Curve } from '../parts/lanes';
 import { useResource } from '../resource';
@@ -65,6 +66,9 @@ function Tune({ axis, gains, missing, job }: { axis: string; gains: Gains; missi
   const cannot = isBusy || reason !== '';
   const tuning = job?.state === 'running' ? job : undefined;
   const isOutdated = useIsOutdated(job);
+  // A tuning that was over when the page was opened is a result, no news.
+  const watched = useRef<number>();
+  if (tuning) watched.current = tuning.id;
   const start = (apply: boolean) =>
     attempt(async () => {
       const request = { do: 'tune', apply, travel, torque_percent: torque, seconds, ...(Number.isFinite(bandwidth) ? { bandwidth_hz: bandwidth } : {}) };
@@ -107,7 +111,7 @@ function Tune({ axis, gains, missing, job }: { axis: string; gains: Gains; missi
           <progress max={1} value={tuning.progress?.share ?? 0} aria-label="Progress of the tuning" /> {tuning.progress?.doing ?? 'enabling'}
         </p>
       )}
-      {!isOutdated && (job?.state === 'failed' || job?.state === 'cancelled') ? <Trouble problem={job.error} /> : null}
+      {!isOutdated && (job?.state === 'failed' || job?.state === 'cancelled') && (job.id === watched.current ? <Trouble problem={job.error} /> : <JobLine job={job} />)}
     </Panel>
   );
 }
