@@ -36,6 +36,16 @@ test('a bit, a state and an object are explained on hover, on keyboard focus, an
   await expect(tip).toContainText('6081');
 });
 
+test('the chip of a state says what the state is on this product, on every page', async ({ page, open, line }) => {
+  for (const value of [6, 7]) await line.call('PUT', '/axes/jmc/objects/6040/0', { value });
+  for (const [path, count] of [['/', 1], ['/axis/jmc', 1], ['/commission/jmc?step=find', 2]] as const) {
+    await open(path);
+    const chips = page.locator('.chip[data-tip]', { hasText: /^switched on$/ });
+    await expect(chips).toHaveCount(count);
+    for (const chip of await chips.all()) await expect(chip).toHaveAttribute('data-tip', /the motor holds its position[^]*JMC/);
+  }
+});
+
 test.describe('on a touch screen', () => {
   test.use({ hasTouch: true, viewport: { width: 390, height: 844 } });
 

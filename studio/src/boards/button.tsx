@@ -45,7 +45,7 @@ export function ButtonWidget({ widget }: { widget: Widget }) {
       )}
       {far && <p className="refusal" role="status">{far}</p>}
       <p className="job">
-        <span className="quiet">{name}</span> <StateChip state={axis.state} powered={axis.powered} product={axis.product} />
+        <span className="quiet">{name}</span> <StateChip axis={axis} />
         {job?.state === 'running' && <span className="busy">{job.do.replaceAll('_', ' ')}</span>}
       </p>
     </>

@@ -76,7 +76,7 @@ export function FindView({ facts }: ViewProps) {
                 <td className="text">{each.product}</td>
                 <td className="text">{each.bus ?? each.serial?.bus ?? '–'}</td>
                 <td className="text">{each.node_id ?? each.position ?? each.serial?.station ?? '–'}</td>
-                <td className="text"><StateChip state={each.state} powered={each.powered} />{each.problem && ` ${each.problem.what}`}</td>
+                <td className="text"><StateChip axis={each} />{each.problem && ` ${each.problem.what}`}</td>
               </tr>
             );
           })}

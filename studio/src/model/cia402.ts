@@ -47,9 +47,9 @@ export const isFault = (state: string | undefined) => state === 'fault' || state
 export function motionHindrance(axis: Pick<AxisView, 'powered' | 'state' | 'problem'> | undefined): string {
   if (!axis) return 'There is no such axis.';
   if (axis.problem) return 'The drive does not answer.';
-  return axis.powered ? faultHindrance(axis) : 'The drive has no power: switch it on first.';
+  if (!axis.powered) return 'The drive has no power: switch it on first.';
+  return isFault(axis.state) ? 'The drive has a fault: clear it first.' : '';
 }
-export const faultHindrance = ({ powered, state }: Pick<AxisView, 'powered' | 'state'>) => (powered && isFault(state) ? 'The drive has a fault: clear it first.' : '');
 
 // A transition by which the drive stops following its targets: the button of such a command acts when it is pressed.
 export const isStop = (from: string | undefined, to: string) =>

@@ -37,7 +37,7 @@ const ownStates: [RegExp, State, string][] = [
   [/^jmc/, 'switched on', 'The power stage is on and the brake is open: the motor holds its position. Enable operation (transition 4) leads on.'],
 ];
 
-export const stateTip = (state: string, product = '') => {
+export const stateTip = (state: string, product: string) => {
   const manual = manualOf(product);
   const own = ownStates.find(([of, name]) => of.test(product) && name === state)?.[2];
   return `${own ?? stateMeanings[state as State] ?? state}\n${standard}, figure "State machine"${manual ? `; ${manual.title}` : ''}`;

@@ -70,7 +70,7 @@ function Power({ axis }: { axis: AxisView }) {
     return writeObject(name, 0x6040, 0, controlword);
   };
   return (
-    <Panel title="State machine" aside={<StateChip state={state} powered={powered} product={axis.product} />}>
+    <Panel title="State machine" aside={<StateChip axis={axis} />}>
       <StateDiagram state={powered ? state : undefined} transitions={transitions} product={axis.product} />
       <div className="buttons" role="group" aria-label="Transitions allowed now">
         {transitions.map(({ number, name: command, to, controlword }) => {

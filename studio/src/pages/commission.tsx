@@ -9,7 +9,7 @@ import { changeStep, forgetGuide, stepOf, useGuide, type Guide, type StepState }
 import { keptOf, planOf, type Facts, type PlanRow, type Step } from '../guide/step';
 import { checkOf, fieldsOf, objectsOf, steps } from '../guide/steps';
 import { DirectionView, FindView, HomingView, IdentifyView, InputsView, LoopView, releaseInputs, ResponseView, StoreView, UnitsView, type ViewProps } from '../guide/views';
-import { faultHindrance } from '../model/cia402';
+import { motionHindrance } from '../model/cia402';
 import { attempt, complain } from '../notices';
 import { AxisTabs, usePageAxis } from '../parts/axis_tabs';
 import { Button, Link } from '../parts/controls';
@@ -98,16 +98,6 @@ function StepList({ axis, guide, step }: { axis: AxisView; guide: Guide; step: S
   );
 }
 
-// The reason why writes and motions are not possible now; empty: they are.
-function hindranceOf(axis: AxisView, isBusy: boolean, isWriting: boolean): string {
-  if (!axis.powered) return 'The drive has no power.';
-  if (axis.problem) return `The drive does not answer: ${axis.problem.what}`;
-  const fault = faultHindrance(axis);
-  if (fault) return fault;
-  if (isWriting) return 'Values are being written: wait.';
-  return isBusy ? 'The axis is busy: wait until its job has ended.' : '';
-}
-
 function StepPanel({ axis, guide, step }: { axis: AxisView; guide: Guide; step: Step }) {
   const { facts, again } = useFacts(axis, guide, step);
   const state = stepOf(guide, step.id);
@@ -125,7 +115,8 @@ function StepPanel({ axis, guide, step }: { axis: AxisView; guide: Guide; step: 
   const lacks = facts.entries.size > 0 ? (step.lacks?.(facts) ?? '') : '';
   // The rows stay until all of them are written: a motion that begins between two of them would use half of them.
   const [writing, setWriting] = useState<{ label: string; rows: PlanRow[] }>();
-  const reason = hindranceOf(axis, isBusy, writing !== undefined);
+  // Why writes and motions are not possible now; empty: they are.
+  const reason = motionHindrance(axis) || (writing ? 'Values are being written: wait.' : isBusy ? 'The axis is busy: wait until its job has ended.' : '');
   const cannotUndo = undoHindrance(axis);
   const planned = (label: string, rows: PlanRow[]) => ({
     label,
@@ -153,7 +144,7 @@ function StepPanel({ axis, guide, step }: { axis: AxisView; guide: Guide; step: 
       <section className="panel" aria-label={step.title}>
         <header>
           <h2>{step.title}</h2>
-          <StateChip state={axis.state} powered={axis.powered} />
+          <StateChip axis={axis} />
           <span className="guide-head buttons"><Commands axis={axis} /></span>
         </header>
         <p className="guide-why no-print">{step.why}</p>

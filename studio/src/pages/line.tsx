@@ -111,7 +111,7 @@ const AxisCard = memo(function AxisCard({ name }: { name: string }) {
           <Link to={`/axis/${encodeURIComponent(name)}`}>{name}</Link>
         </h2>
         <span className="quiet">{axis.product}</span>
-        <StateChip state={axis.state} powered={axis.powered} product={axis.product} />
+        <StateChip axis={axis} />
       </header>
       <div className="mechanism">
         <Dial axis={axis} geometry={geometry} />

@@ -59,7 +59,7 @@ const AxisRow = memo(function AxisRow({ name, index }: { name: string; index: nu
   return (
     <div role="row" className="axis-row" aria-rowindex={index}>
       <span role="rowheader" className="of-axis"><Link to={`/axis/${encodeURIComponent(name)}`}>{name}</Link> <span className="quiet">{[axis.product, coupledWith(axis)].filter(Boolean).join(', ')}</span></span>
-      <span role="cell" className="of-state"><StateChip state={axis.state} powered={axis.powered} product={axis.product} /></span>
+      <span role="cell" className="of-state"><StateChip axis={axis} /></span>
       <span role="cell" className="of-travel"><Dial axis={axis} geometry={geometry} size={32} /><Travel axis={axis} geometry={geometry} /></span>
       <span role="cell" className="of-position">{value} {unit}</span>
       <span role="cell" className="of-velocity">{speed}</span>

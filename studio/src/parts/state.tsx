@@ -1,7 +1,8 @@
+import type { AxisView } from '../api/types';
 import { toneOf } from '../model/cia402';
 import { stateTip } from '../model/meanings';
 
-export function StateChip({ state, powered, product }: { state: string | undefined; powered: boolean; product?: string }) {
+export function StateChip({ axis: { state, powered, product } }: { axis: Pick<AxisView, 'state' | 'powered' | 'product'> }) {
   const text = powered ? (state ?? 'no state') : 'no power';
   const tip = powered && state ? stateTip(state, product) : 'Without power the drive answers nothing; what was not stored is lost.';
   // The chip gets the focus to be explained.
