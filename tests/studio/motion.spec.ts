@@ -42,6 +42,20 @@ for (const { name, home } of axes) {
   });
 }
 
+test('the drawing of homing turns round with the polarity of the drive', async ({ page, open, line }) => {
+  await open('/axis/reference?do=home');
+  await choose(page, 'Method', /^17: /);
+  // Of the first leg, "negative until the limit switch": the way on the drawing, positive to the right.
+  const way = async () => {
+    const [from, to] = /^M(\S+) \S+ H(\S+)$/.exec((await page.locator('svg.homing .leg path:last-of-type').first().getAttribute('d'))!)!.slice(1).map(Number);
+    return Math.sign(to - from);
+  };
+  await expect.poll(way).toBe(-1);
+  await line.call('PUT', '/axes/reference/objects/607E/0', { value: 0x80 });
+  await expect(page.getByText('The polarity (607Eh) is reversed')).toBeVisible();
+  await expect.poll(way).toBe(1);
+});
+
 for (const { name, counts } of axes) {
   test(`makes the first move of ${name} with the proposed numbers`, async ({ page, open, line }) => {
     await open(`/axis/${name}`);

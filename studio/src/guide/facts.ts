@@ -1,8 +1,9 @@
 import { useMemo } from 'react';
-import type { AxisView, HomingMethod, Limits, ObjectEntry, ObjectValue, Units } from '../api/types';
+import type { AxisView, Limits, ObjectEntry, ObjectValue, Units } from '../api/types';
 import { axisPath } from '../commands';
 import { addressOf } from '../model/objects';
 import type { Gains } from '../model/tuning';
+import { useHoming } from '../parts/reach';
 import { useGeometry } from '../parts/travel';
 import { useResource } from '../resource';
 import { useLine } from '../store';
@@ -24,13 +25,12 @@ export function useFacts(axis: AxisView, guide: Guide, step: Step): { facts: Fac
   const objects = useResource<{ objects: ObjectEntry[] }>(asked ? `${path}/objects` : null).value?.objects;
   const units = useResource<Units>(asked ? `${path}/units` : null).value;
   const limits = useResource<Limits>(asked ? `${path}/limits` : null, isVirtual ? 3000 : 0);
-  const homing = useResource<{ methods: HomingMethod[]; index_available?: boolean }>(`${path}/homing`).value;
   const gains = useResource<Gains>(asked ? `${path}/gains` : null).value;
   const geometry = useGeometry(axis.name);
   const entries = useMemo(() => new Map((objects ?? []).map((entry) => [addressOf(entry), entry])), [objects]);
   const proposed = stepOf(guide, 'velocity').found.proposed?.values;
   const before: Facts = {
-    axis, isVirtual, entries, values: {}, mechanics: guide.mechanics, scale: scaleOf(guide.mechanics, units), units, limits: limits.value, geometry, polarity: null, homing, gains, proposed: proposed ?? {},
+    axis, isVirtual, entries, values: {}, mechanics: guide.mechanics, scale: scaleOf(guide.mechanics, units), units, limits: limits.value, geometry, polarity: null, homing: undefined, gains, proposed: proposed ?? {},
   };
   // The report says of every step whether it is complete.
   const read = step.view === 'report' ? steps : [step];
@@ -39,9 +39,10 @@ export function useFacts(axis: AxisView, guide: Guide, step: Step): { facts: Fac
     asked && entries.size > 0 && wanted.length > 0 ? `${path}/values?objects=${wanted.slice(0, most).join(',')}` : null, isVirtual ? poll_ms.virtual : poll_ms.real,
   );
   const values = value?.values ?? {};
+  const homing = useHoming(axis.name, values[polarity]); // the objects of the steps do not depend on it
   const after = () => {
     again();
     limits.again(); // a write may have changed them
   };
-  return { facts: { ...before, values, polarity: values[polarity] }, again: after };
+  return { facts: { ...before, values, polarity: values[polarity], homing }, again: after };
 }

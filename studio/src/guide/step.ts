@@ -1,6 +1,7 @@
-import type { AxisView, Geometry, HomingMethod, Limits, ObjectEntry, ObjectValue, Units } from '../api/types';
+import type { AxisView, Geometry, Limits, ObjectEntry, ObjectValue, Units } from '../api/types';
 import type { Reach } from '../model/plan';
 import type { Gains } from '../model/tuning';
+import type { HomingView } from '../parts/reach';
 import type { Channel } from './measured';
 import { fromDrive, fromUser, toDrive, toUser, type Kind, type Mechanics, type Scale } from './mechanics';
 import type { StepState } from './state';
@@ -18,7 +19,7 @@ export interface Facts {
   limits: Limits | undefined;
   geometry: Geometry | undefined;
   polarity: unknown; // 607Eh; no number: the drive does not have it
-  homing: { methods: HomingMethod[]; index_available?: boolean } | undefined;
+  homing: HomingView | undefined;
   gains: Gains | undefined;
   proposed: Record<string, number>; // gains that a measurement has proposed, by object
 }

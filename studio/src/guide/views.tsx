@@ -3,6 +3,7 @@ import { get, post, put } from '../api/client';
 import type { Inputs } from '../api/types';
 import { axisPath } from '../commands';
 import { namedOf } from '../model/objects';
+import { isReversed } from '../model/plan';
 import { attempt, complain } from '../notices';
 import { ForceInput } from '../parts/force_input';
 import { Button, Choice, Link, Scroll, Toggle } from '../parts/controls';
@@ -335,7 +336,7 @@ export function HomingView({ facts, numbers, guide }: ViewProps) {
   // From the start of the last homing if the guide has moved the axis no further since then, otherwise from the present position.
   const { run } = guide;
   const began = run?.step === 'homing' && run.values.method === method.method && run.from.shaft !== null ? run.from.shaft * (geometry?.index_every ?? 0) : null;
-  return <HomingFigure method={method} geometry={geometry} axis={axis} start={began ?? axis.position_counts} />;
+  return <HomingFigure method={method} geometry={geometry} axis={axis} start={began ?? axis.position_counts} isReversed={isReversed(facts.polarity)} />;
 }
 
 interface Stored {

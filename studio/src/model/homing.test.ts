@@ -28,6 +28,20 @@ describe('the path of method 7', () => {
   test('from inside the cam', () => expect(ends(200)).toEqual([-500, -1000]));
 });
 
+test('with a reversed polarity the path is that of the mirrored machine', () => {
+  const mirrored = { ...geometry, negative_stop: -12 * turn, negative_limit: -11 * turn, positive_limit: 9 * turn, home_from: -400, home_to: 600, index_at: 300 };
+  const machine = { ...geometry, negative_limit: -9 * turn, positive_limit: 11 * turn, positive_stop: 12 * turn, home_from: -600, home_to: 400, index_at: -300 };
+  for (const start of [-3000, 3000, 200]) {
+    const path = homingPath(method7, machine, -start, true);
+    expect(path.map(({ to }) => -to)).toEqual(homingPath(method7, mirrored, start).map(({ to }) => to));
+    expect(path.map(({ leg: { direction }, sign }) => (direction === 'negative' ? 1 : -1) === sign)).not.toContain(false);
+  }
+  // The axis is followed by the way of the shaft.
+  const path = homingPath(method7, machine, -3000, true);
+  expect(followLeg(path, 0, -8900, 10)).toBe(1);
+  expect(followLeg(path, 1, -300, 100)).toBe(2);
+});
+
 test('a limit switch, and the first index beside it', () => {
   const method1: HomingMethod = {
     method: 1, supported: true,

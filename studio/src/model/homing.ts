@@ -1,12 +1,14 @@
 import type { Geometry, HomingLeg, HomingMethod } from '../api/types';
 
-// The path of a homing method over the travel, leg by leg from the start of the axis, as in the figures of the standard.
+// The path of a homing method over the travel of the shaft, leg by leg from the start of the axis, as in the figures of the
+// standard. With a reversed polarity (607Eh) positive legs run towards smaller counts.
 
 export interface PathLeg {
   from: number; // counts
   to: number;
   leg: HomingLeg;
   index: number; // index of the leg in the method
+  sign: 1 | -1; // 1: towards larger counts
 }
 
 const needed: Record<string, [keyof Geometry, string]> = {
@@ -33,25 +35,25 @@ export function proposedMethod(methods: HomingMethod[], geometry: Geometry | und
 
 // The path ends where the geometry has no edge ahead that the leg could reach. The homing would fail there as well, or the
 // switch is not wired.
-export function homingPath(method: HomingMethod, geometry: Geometry, start: number): PathLeg[] {
+export function homingPath(method: HomingMethod, geometry: Geometry, start: number, isReversed = false): PathLeg[] {
   const { legs } = method;
   const path: PathLeg[] = [];
   let at = start;
   let index: number | null = insideHome(geometry, start) ? (method.start_active ?? 0) : 0;
   for (let guard = 0; index !== null && index < legs.length && guard < 2 * legs.length; ++guard) {
     const leg: HomingLeg = legs[index];
-    const sign = leg.direction === 'positive' ? 1 : -1;
+    const sign = (leg.direction === 'positive') !== isReversed ? 1 : -1;
     const limit = sign > 0 ? geometry.positive_limit : geometry.negative_limit;
     const target = endOf(leg, geometry, at, sign);
     const turns = leg.on_limit !== null && leg.on_limit !== undefined;
     if (turns && limit !== null && (target === null || (limit - target) * sign < 0)) {
-      path.push({ from: at, to: limit, leg, index });
+      path.push({ from: at, to: limit, leg, index, sign });
       at = limit;
       index = leg.on_limit!;
       continue;
     }
     if (target === null) break;
-    path.push({ from: at, to: target, leg, index });
+    path.push({ from: at, to: target, leg, index, sign });
     at = target;
     if (leg.then === 'latch') break;
     index = leg.next ?? index + 1;
@@ -112,9 +114,7 @@ export function followLeg(path: PathLeg[], k: number, position: number, velocity
   const leg = path[k];
   const next = path[k + 1];
   if (!leg || !next) return k;
-  const sign = Math.sign(leg.to - leg.from) || (leg.leg.direction === 'positive' ? 1 : -1);
-  const nextSign = next.leg.direction === 'positive' ? 1 : -1;
-  const passed = (position - leg.to) * sign > 0;
-  if (nextSign !== sign) return Math.sign(velocity) === nextSign ? k + 1 : k;
+  const passed = (position - leg.to) * leg.sign > 0;
+  if (next.sign !== leg.sign) return Math.sign(velocity) === next.sign ? k + 1 : k;
   return passed ? k + 1 : k;
 }

@@ -11,7 +11,7 @@ import { useReplay } from '../replay';
 import { JobLine } from '../parts/job_line';
 import { JogButton } from '../parts/jog';
 import { LiveLanes } from '../parts/live';
-import { usePolarity } from '../parts/reach';
+import { useHoming, usePolarity } from '../parts/reach';
 import { StateChip } from '../parts/state';
 import { StateDiagram } from '../parts/state_diagram';
 import { Travel, useGeometry } from '../parts/travel';
@@ -20,7 +20,7 @@ import { controlBits, isStop, modeText, motionHindrance, statusBits } from '../m
 import { cannotHome, proposedMethod } from '../model/homing';
 import { controlTip, statusTip } from '../model/meanings';
 import { addressOf } from '../model/objects';
-import { endOf, hindrance, type Ghost, type Reach } from '../model/plan';
+import { endOf, hindrance, isReversed, type Ghost, type Reach } from '../model/plan';
 import { predict, seconds } from '../model/predict';
 import { fixed, fromDrivePosition, greatestOf, isKnown, proposed, significant, type Greatest } from '../model/units';
 import { attempt } from '../notices';
@@ -161,7 +161,7 @@ function Motion({ axis }: { axis: AxisView }) {
         <TabPanel id="velocity"><NumberForm><VelocityMove {...move} /></NumberForm></TabPanel>
         <TabPanel id="torque"><NumberForm><TorqueMove {...move} /></NumberForm></TabPanel>
         <TabPanel id="jog"><NumberForm><JogMove {...move} enabled={enabled} /></NumberForm></TabPanel>
-        <TabPanel id="home"><NumberForm><HomeMove {...move} axis={axis} geometry={geometry} /></NumberForm></TabPanel>
+        <TabPanel id="home"><NumberForm><HomeMove {...move} axis={axis} geometry={geometry} polarity={polarity} /></NumberForm></TabPanel>
       </Tabs>
     </Panel>
   );
@@ -354,8 +354,8 @@ function JogMove({ name, names, reason, enabled }: MoveProps & { enabled: boolea
   );
 }
 
-function HomeMove({ name, names, isFree, reason, axis, geometry }: MoveProps & { axis: AxisView; geometry: Geometry | undefined }) {
-  const homingOf = useResource<{ methods: HomingMethod[]; index_available?: boolean }>(`${axisPath(name)}/homing`).value;
+function HomeMove({ name, names, isFree, reason, axis, geometry, polarity }: MoveProps & { axis: AxisView; geometry: Geometry | undefined; polarity: unknown }) {
+  const homingOf = useHoming(name, polarity);
   // The methods that the wiring permits come first.
   const reasonOf = (each: HomingMethod) => cannotHome(each, geometry, homingOf?.index_available);
   const methods = (homingOf?.methods ?? []).filter(({ supported }) => supported).sort((a, b) => Number(reasonOf(a) !== '') - Number(reasonOf(b) !== ''));
@@ -394,7 +394,7 @@ function HomeMove({ name, names, isFree, reason, axis, geometry }: MoveProps & {
         </div>
       </div>
       <Prediction names={names} velocity={fast} acceleration={acceleration} />
-      {(geometry ?? isOnBus) && <HomingFigure method={method} geometry={geometry} axis={replay.axis} start={homing && start !== null ? start : axis.homed && start !== null ? start : axis.position_counts} />}
+      {(geometry ?? isOnBus) && <HomingFigure method={method} geometry={geometry} axis={replay.axis} start={homing && start !== null ? start : axis.homed && start !== null ? start : axis.position_counts} isReversed={isReversed(polarity)} />}
     </>
   );
 }

@@ -22,19 +22,21 @@ interface Figure {
   start: number; // position in counts at which the homing began or would begin
 }
 
-export function HomingFigure({ geometry, ...of }: Figure & { geometry: Geometry | undefined }) {
-  if (geometry) return <Drawing {...of} geometry={geometry} />;
-  const schematic = schematicOf(of.method);
+// `isReversed`: by 607Eh. A schematic has the directions of the drive, the travel those of the shaft.
+export function HomingFigure({ geometry, isReversed, ...of }: Figure & { geometry: Geometry | undefined; isReversed: boolean }) {
+  const turns = geometry !== undefined && isReversed;
+  const caption = turns ? 'The polarity (607Eh) is reversed: a positive leg turns the shaft towards smaller counts, to the left.'
+    : geometry ? '' : 'Not to scale: the places of the switches are not known for a drive on a bus. The drawing shows the legs of the method over the switches that it needs.';
   return (
-    <figure className="schematic">
-      <Drawing {...of} {...schematic} isSchematic />
-      <figcaption className="quiet note">Not to scale: the places of the switches are not known for a drive on a bus. The drawing shows the legs of the method over the switches that it needs.</figcaption>
+    <figure className="homing-figure">
+      {geometry ? <Drawing {...of} geometry={geometry} isReversed={turns} /> : <Drawing {...of} {...schematicOf(of.method)} isReversed={false} isSchematic />}
+      {caption && <figcaption className="quiet note">{caption}</figcaption>}
     </figure>
   );
 }
 
-function Drawing({ method, geometry, axis, start, isSchematic = false }: Figure & { geometry: Geometry; isSchematic?: boolean }) {
-  const path = homingPath(method, geometry, start);
+function Drawing({ method, geometry, axis, start, isReversed, isSchematic = false }: Figure & { geometry: Geometry; isReversed: boolean; isSchematic?: boolean }) {
+  const path = homingPath(method, geometry, start, isReversed);
   const leg = useRef(0);
   const width = useSyncExternalStore(onNarrow, () => narrow.matches) ? 340 : 640;
   useEffect(() => {

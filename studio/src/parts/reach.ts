@@ -1,7 +1,7 @@
 import { get } from '../api/client';
-import type { AxisView, Geometry, Limits, ObjectValue, Units } from '../api/types';
+import type { AxisView, Geometry, HomingMethod, Limits, ObjectValue, Units } from '../api/types';
 import { axisPath } from '../commands';
-import { hindrance, type Move, type Reach } from '../model/plan';
+import { hindrance, isReversed, type Move, type Reach } from '../model/plan';
 import { isKnown } from '../model/units';
 import { useResource } from '../resource';
 import { snapshot, useAxis, useLine } from '../store';
@@ -20,6 +20,17 @@ const useAnswers = (name: string | null) => useLine(({ axes }) => {
 export function usePolarity(name: string | null): unknown {
   const answers = useAnswers(name);
   return useResource<{ values: Record<string, ObjectValue> }>(answers ? polarityPath(axisPath(name ?? '')) : null, useEvery()).value?.values['607E:00'];
+}
+
+export interface HomingView {
+  methods: HomingMethod[];
+  index_available?: boolean;
+}
+
+// The methods of an axis. A reversed polarity exchanges the ends of the travel that they need, so they are requested again when
+// it changes (`now` in the address).
+export function useHoming(name: string, polarity: unknown): HomingView | undefined {
+  return useResource<HomingView>(`${axisPath(name)}/homing${isReversed(polarity) ? '?now=reversed' : ''}`).value;
 }
 
 // What bounds the moves of an axis, for the pages that start one.
