@@ -263,7 +263,7 @@ test('a script does not go on after STOP, also not in a wait', async ({ page, op
   await script.getByRole('button', { name: 'Run' }).click();
   await expect(script.getByRole('status')).toHaveText('line 2');
   await line.call('POST', '/stop');
-  await expect(script.getByRole('status')).toHaveText(/^line 3: job \d+ is not the last command of the axis/);
+  await expect(script.getByRole('status')).toHaveText(/^line 3: another command to the axis came/);
   const { jobs } = await line.call<{ jobs: { do: string }[] }>('GET', '/jobs');
   expect(jobs.some((job) => job.do === 'move')).toBe(false);
   expect(watched.splice(0)).toEqual([expect.stringContaining('409')]); // the refusal
@@ -285,7 +285,7 @@ test('a script writes nothing after a halt by another client', async ({ page, op
   await script.getByRole('button', { name: 'Run' }).click();
   await expect(script.getByRole('status')).toHaveText('line 2');
   await line.call('POST', '/axes/reference/jobs', { do: 'stop' });
-  await expect(script.getByRole('status')).toHaveText(/^line 3: job \d+ is not the last command of the axis/);
+  await expect(script.getByRole('status')).toHaveText(/^line 3: another command to the axis came/);
   expect(await value(() => line.call('GET', '/axes/reference/objects/6083/0'))).not.toBe(4711);
 });
 

@@ -3,6 +3,7 @@ import { problemOf } from '../api/client';
 import type { Job } from '../api/types';
 import { endJob, finish, startJob, takeBack } from '../commands';
 import type { Widget } from '../model/boards';
+import { shownOf } from '../model/problem';
 import { axesOf, parseSequence, Sequence, type Step } from '../model/sequence';
 import { Button, HaltButton, Scroll } from '../parts/controls';
 import { hindranceNow } from '../parts/reach';
@@ -60,7 +61,7 @@ export function ScriptWidget({ widget }: { widget: Widget }) {
       await made.run();
       setOutcome({ kind: 'done', text: 'done' });
     } catch (error) {
-      setOutcome({ kind: 'failed', text: `${line > 0 ? `line ${line}: ` : ''}${problemOf(error).what}` });
+      setOutcome({ kind: 'failed', text: `${line > 0 ? `line ${line}: ` : ''}${shownOf(problemOf(error)).what}` });
     } finally {
       sequence.current = null;
       setAt(null);

@@ -260,7 +260,7 @@ describe('a script', () => {
   test('ends before a write if another client has commanded the axis', async () => {
     let latest = 0;
     const { log, does } = recorder({ latest: () => latest, sleep: () => Promise.resolve(void (latest = 7)) });
-    await expect(new Sequence(stepsOf('x enable\nx set 6083 1\nwait 1\nx set 6083 2'), does).run()).rejects.toThrow('job 2 is not the last command of the axis');
+    await expect(new Sequence(stepsOf('x enable\nx set 6083 1\nwait 1\nx set 6083 2'), does).run()).rejects.toThrow('another command to the axis came first');
     expect(log).toEqual(['x stop', 'x enable after 1', 'x 6083:00 = 1']);
   });
 

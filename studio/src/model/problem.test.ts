@@ -5,6 +5,13 @@ test('problems are shown without the words of the API and of the command line', 
   expect(shownOf({ what: 'the axis has a job: reset_fault', where: 'ismc', hint: 'wait until it is done, or end it: DELETE /api/v1/jobs/50' })).toEqual({
     what: 'the axis has a job: reset fault', where: 'ismc', hint: 'wait until the job has ended, or cancel it on the Axis page',
   });
+  // A job has no number on the page.
+  expect(shownOf({ what: 'job 50 is not the last command of the axis, or is not done', where: 'ismc', hint: 'begin again if the axis shall move' })).toEqual({
+    what: 'another command to the axis came in between, or the one before it was not carried out', where: 'ismc', hint: 'begin again if the axis shall move',
+  });
+  expect(shownOf({ what: 'job 50 was a job of a server that has ended' }).what).toBe('the server was restarted in between');
+  expect(shownOf({ what: 'job 50 ended 12 s ago, more than 10 s' }).what).toBe('the command before it ended 12 s ago, more than 10 s');
+  expect(shownOf({ what: 'replaced by the job quick_stop' }).what).toBe('replaced by the job quick stop');
   expect(shownOf({ what: 'there is no job "7"', where: 'address', hint: 'GET /api/v1/jobs lists the last 200' })).toEqual({ what: 'there is no job "7"' });
   expect(shownOf({ what: 'the server does not answer', where: '/jobs/7' })).toEqual({ what: 'the server does not answer' });
   expect(shownOf({ what: 'no', where: 'can0', hint: '`servodrome up` runs simulated drives' })).toEqual({ what: 'no', where: 'can0' });

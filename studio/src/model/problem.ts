@@ -17,12 +17,19 @@ const advice: [RegExp, string][] = [
   [/are not possible with|instead of .* Hz, phase margin/, 'choose a lower target bandwidth'],
   [/is not made slower|less than the .* before/, 'enter a target bandwidth to make the loop slower'],
 ];
+// The numbers and the names of jobs in the server's texts, in the words of the page.
+const words: [RegExp, (...found: string[]) => string][] = [
+  [/^job \d+ is not the last command of the axis.*$/, () => 'another command to the axis came in between, or the one before it was not carried out'],
+  [/^job \d+ was a job of a server that has ended$/, () => 'the server was restarted in between'],
+  [/^job \d+ ended (\S+) s ago, more than (\S+) s$/, (_, ago, most) => `the command before it ended ${ago} s ago, more than ${most} s`],
+  [/^(the axis has a job:|replaced by the job) (\S+)$/, (_, begin, job) => `${begin} ${job.replaceAll('_', ' ')}`],
+];
 const technical = /\/api\/|\b(GET|PUT|POST|DELETE)\b|`servodrome|--[a-z]|[{}]|\.md\b|^(send|write) /;
 // Values of `where` that are parts of a request; the page does not show them.
 const places = ['address', 'body', 'header', 'server', 'message', 'Host', 'Origin', 'Authorization', 'do', 'units', 'channels', 'clock', 'jobs', 'recordings', 'subscribe'];
 
 export function shownOf({ what, where, hint }: Problem): Problem {
-  const plain = what.startsWith('the axis has a job: ') ? what.replaceAll('_', ' ') : what;
+  const plain = words.reduce((text, [pattern, by]) => text.replace(pattern, by), what);
   const advised = advice.find(([pattern]) => pattern.test(what))?.[1];
   const clauses = hint?.split('; ') ?? [];
   const own = [advised, ...clauses.slice(advised ? 1 : 0).filter((clause) => !technical.test(clause))].filter(Boolean).join('; ');

@@ -186,7 +186,7 @@ export class Sequence {
 
   private async write({ axis, object, value }: Step & { kind: 'set' }) {
     const [last, latest] = [this.last.get(axis), this.does.latest(axis)];
-    if (last !== undefined && latest !== undefined && latest > last) throw new Ended(`job ${last} is not the last command of the axis`);
+    if (last !== undefined && latest !== undefined && latest > last) throw new Ended('another command to the axis came first');
     await this.does.write(axis, object, value);
   }
 

@@ -1,5 +1,6 @@
 import type { Job, Units } from '../api/types';
 import { cancelJob } from '../commands';
+import { shownOf } from '../model/problem';
 import { fixed, fromDrivePosition } from '../model/units';
 import { attempt } from '../notices';
 import { useIsOutdated } from '../store';
@@ -17,7 +18,7 @@ export function JobLine({ job, units }: { job: Job | undefined; units?: Units | 
       {at !== null && ` at ${fixed(at, 4)} rev`}
       {job.result?.seconds !== undefined && ` after ${fixed(job.result.seconds, 2)} s`}
       {job.note && ` · ${job.note}`}
-      {job.error && ` · ${job.error.what}`}
+      {job.error && ` · ${shownOf(job.error).what}`}
       {job.state === 'running' && <HaltButton kind="bare" onHalt={() => attempt(() => cancelJob(job))}>Cancel</HaltButton>}
     </p>
   );
