@@ -142,15 +142,17 @@ TEST_F(AxisDetails, TheLineFileSaysWhatTheLoadIs) {
   EXPECT_EQ(mechanics_with("gravity_torque_nm = 0.2")["hangs"], true);
 }
 
+json method_of(const json& homing, int number) {
+  for (const json& one : homing["methods"]) {
+    if (one["method"] == number) return one;
+  }
+  return {};
+}
+
 TEST_F(AxisDetails, HomingLegsAreThoseOfTheStandardsFigures) {
   const json homing = get("generic402/homing");
   EXPECT_EQ(homing["reversed"], false);
-  const auto method = [&homing](int number) {
-    for (const json& one : homing["methods"]) {
-      if (one["method"] == number) return one;
-    }
-    return json();
-  };
+  const auto method = [&homing](int number) { return method_of(homing, number); };
   const json seven = method(7);
   EXPECT_EQ(seven["needs"], json({"home", "index"}));
   EXPECT_EQ(seven["start_active"], 2);
@@ -167,9 +169,24 @@ TEST_F(AxisDetails, HomingLegsAreThoseOfTheStandardsFigures) {
   EXPECT_THAT(one["legs"][1]["text"].get<std::string>(), HasSubstr("the negative limit switch becomes inactive"));
   EXPECT_EQ(method(37)["legs"], json::array());
   EXPECT_EQ(method(15), json()) << "reserved";
-  ASSERT_EQ(ask(Method::put, "generic402/objects/607E/0", R"({"value": 128})").status, 204U);
-  pass(10ms);
-  EXPECT_EQ(get("generic402/homing")["reversed"], true);
+}
+
+// With 607Eh bit 7 a method runs to the other end of the shaft. 60FDh of the reference drive names the switches by the
+// shaft, that of the JMC by the user's directions.
+TEST_F(AxisDetails, AReversedPolarityExchangesTheEndsThatHomingNeeds) {
+  const std::array rows{std::pair{"generic402", "the positive limit switch becomes inactive"},
+                        std::pair{"jmc_ec", "the negative limit switch becomes inactive"}};
+  for (const auto& [axis, text] : rows) {
+    ASSERT_EQ(ask(Method::put, std::string(axis) + "/objects/607E/0", R"({"value": 128})").status, 204U);
+    pass(10ms);
+    const json homing = get(std::string(axis) + "/homing");
+    EXPECT_EQ(homing["reversed"], true);
+    const json one = method_of(homing, 1);
+    EXPECT_EQ(one["legs"][0]["direction"], "negative") << axis;
+    EXPECT_THAT(one["needs"], testing::Contains("positive_limit")) << axis;
+    EXPECT_THAT(one["needs"], testing::Not(testing::Contains("negative_limit"))) << axis;
+    EXPECT_THAT(one["legs"][1]["text"].get<std::string>(), HasSubstr(text)) << axis;
+  }
 }
 
 TEST_P(AxisDetails, HomingIsTheProductsTable) {

@@ -57,6 +57,14 @@ const auto& row_of(const Words& words, Key key) {
 
 const char* word(Direction direction) { return direction == Direction::negative ? "negative" : "positive"; }
 
+// How 607Eh turns round the names of the ends of the travel. A leg has the user's directions.
+struct Reversal {
+  bool ends = false;      // the geometry names the ends by the shaft
+  bool switches = false;  // 60FDh names the limit switches by the shaft
+};
+
+Direction turned(Direction direction, bool reversed) { return reversed ? opposite(direction) : direction; }
+
 // Returns the end of the travel whose limit switch matters for a leg: the end that the leg runs towards, or the end
 // that it leaves (limit_released).
 Direction limit_of(const Leg& leg) {
@@ -65,15 +73,16 @@ Direction limit_of(const Leg& leg) {
 
 Json leg_number(std::uint8_t leg) { return leg == drive::no_leg ? Json(nullptr) : Json(leg); }
 
-Json view_of(const Leg& leg) {
+Json view_of(const Leg& leg, Reversal reversal) {
   const UntilWord& until = row_of(until_words, leg.until);
   const ThenWord& then = row_of(then_words, leg.then);
   const bool fast = leg.speed == HomingSpeed::fast;
   std::string text =
       fmt::format("{}, at the speed during search for {}, until {}; {}", word(leg.direction), fast ? "switch" : "zero",
-                  fmt::format(fmt::runtime(until.text), word(limit_of(leg))), then.text);
+                  fmt::format(fmt::runtime(until.text), word(turned(limit_of(leg), reversal.switches))), then.text);
   if (leg.on_limit != drive::no_leg) {
-    text += fmt::format("; at the {} limit switch stop, then leg {}", word(leg.direction), leg.on_limit + 1);
+    text += fmt::format("; at the {} limit switch stop, then leg {}", word(turned(leg.direction, reversal.switches)),
+                        leg.on_limit + 1);
   }
   return Json{{"direction", word(leg.direction)},
               {"speed", fast ? "switch" : "zero"},
@@ -84,17 +93,19 @@ Json view_of(const Leg& leg) {
               {"text", std::move(text)}};
 }
 
-Json view_of(const drive::Method& method) {
+Json view_of(const drive::Method& method, Reversal reversal) {
   Json legs = Json::array();
-  for (std::size_t i = 0; i < method.leg_count; ++i) legs.push_back(view_of(method.legs[i]));
+  for (std::size_t i = 0; i < method.leg_count; ++i) legs.push_back(view_of(method.legs[i], reversal));
   Json needs = Json::array();
-  if (needs_limit_switch(method, Direction::negative)) needs.push_back("negative_limit");
-  if (needs_limit_switch(method, Direction::positive)) needs.push_back("positive_limit");
+  for (const Direction end : {Direction::negative, Direction::positive}) {
+    if (!needs_limit_switch(method, turned(end, reversal.ends))) continue;
+    needs.push_back(fmt::format("{}_limit", word(end)));
+  }
   if (needs_home_switch(method)) needs.push_back("home");
   if (uses_index(method)) needs.push_back("index");
   for (std::size_t i = 0; i < method.leg_count; ++i) {
     if (method.legs[i].until != Until::stalled) continue;
-    needs.push_back(method.legs[i].direction == Direction::negative ? "negative_stop" : "positive_stop");
+    needs.push_back(fmt::format("{}_stop", word(turned(method.legs[i].direction, reversal.ends))));
   }
   return Json{{"method", method.number},
               {"supported", !method.idle},
@@ -115,11 +126,12 @@ Json LineBench::show_homing(Call& call) {
 
 Json homing_view(const drive::Policy& policy, bool reversed) {
   const std::span<const drive::Method> table = policy.homing_methods;
+  const Reversal reversal{.ends = reversed, .switches = reversed && !policy.limit_inputs_follow_polarity};
   Json methods = Json::array();
   for (int number = INT8_MIN; number <= INT8_MAX; ++number) {
     const auto narrow = static_cast<std::int8_t>(number);
     if (const drive::Method* method = find_method(table, narrow)) {
-      methods.push_back(view_of(*method));
+      methods.push_back(view_of(*method, reversal));
     } else if (find_method(drive::cia402_methods, narrow) != nullptr && number > 0) {
       methods.push_back({{"method", number}, {"supported", false}, {"legs", Json::array()}});
     }
