@@ -202,6 +202,7 @@ bool Axis402::stands() {
 }
 
 bool Axis402::is_outside_range(std::int64_t goal) {
+  if (!options_.dialect.has_position_range) return false;
   const auto lowest = objects_.read_if_present<std::int32_t>(0x607B, 1);
   const auto highest = objects_.read_if_present<std::int32_t>(0x607B, 2);
   return lowest && highest && *lowest < *highest && (goal < *lowest || goal > *highest);

@@ -58,8 +58,12 @@ constexpr std::array dialects{
             .alarm_log_length = 10},
     ismk("ismk"),
     ismk("ismk-ea"),
-    // The drive has methods 0 to 35 (JMC manual, object 6098h); home offset: Chart 42.
-    Dialect{.product = "jmc_ec", .home_offset = {.travels = true}, .cautious_homing_method = 35},
+    // The drive has methods 0 to 35 (JMC manual, object 6098h); home offset: Chart 42; 607Bh limits the change of a
+    // target, so that positions never wrap around there (Table 227).
+    Dialect{.product = "jmc_ec",
+            .home_offset = {.travels = true},
+            .cautious_homing_method = 35,
+            .has_position_range = false},
 };
 
 }  // namespace

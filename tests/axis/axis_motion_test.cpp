@@ -69,6 +69,22 @@ TEST(ModuloAxis, AMoveByADistanceAfterAStopGoesInItsDirection) {
   }
 }
 
+// 607Bh of a JMC is no range in which positions wrap around (Table 227), so the end of a move may be outside it.
+TEST(ModuloAxis, AJmcIsNone) {
+  AxisRig rig({"jmc_ec", RigCase::BusKind::ethercat});
+  Axis402 axis(rig.objects(), rig.options());
+  constexpr std::int32_t revolution = 4000;
+  ASSERT_LT(rig.objects().read<std::int32_t>(0x607B, 2), revolution);
+  axis.enable();
+  const MotionProfile profile{.velocity = 8000, .acceleration = 80000, .deceleration = 80000};
+  axis.start_move_by(5 * revolution, profile);
+  rig.objects().wait(500ms);
+  axis.stop();
+  const std::int32_t stopped_at = axis.position();
+  axis.move_by(revolution, profile, 5s);
+  EXPECT_NEAR(rig.objects().read<std::int32_t>(0x607A), stopped_at + revolution, revolution / 50);
+}
+
 // A revolution must follow the encoder of the drive, not that of the maker's usual motor.
 constexpr RigCase manuals_encoder{"pronet", RigCase::BusKind::can, "[axis.encoder]\ncounts_per_revolution = 10000\n"};
 INSTANTIATE_TEST_SUITE_P(ManualsEncoder, AxisMotion, testing::Values(manuals_encoder),
