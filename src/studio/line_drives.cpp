@@ -57,7 +57,7 @@ Travel LineDrives::travel(const std::string& name) {
   const drive::Drive& drive = axis.device().drive();
   ServiceObjects objects(line_, axis);
   Travel travel = travel_by_objects(objects, options_for(axis), drive.policy(), drive.homed());
-  if (drive.axis().position_range() != 0) return travel;  // it wraps around
+  if (travel.wraps_within) return travel;
   const drive::Units& units = drive.axis().units;
   const std::int64_t actual = master::Axis402(objects, options_for(axis)).position();
   const plant::Parameters& parameters = axis.plant().parameters();

@@ -1,47 +1,69 @@
 #include "studio/reach.hpp"
 
 #include <fmt/format.h>
-#include <limits>
 
+#include "drive/axis.hpp"
 #include "studio/order.hpp"
 
 namespace servodrome::studio {
 namespace {
 
-struct Bounds {
-  std::int32_t lowest;
-  std::int32_t highest;
-};
+// The pair stays 0, which means "off", if the drive does not have the object.
+void read_span(master::ObjectClient& objects, std::uint16_t index, master::SoftwareLimitSubs subs, std::int32_t& lowest,
+               std::int32_t& highest) {
+  const auto low = objects.read_if_present<std::int32_t>(index, subs.lowest);
+  const auto high = objects.read_if_present<std::int32_t>(index, subs.highest);
+  if (!low || !high) return;
+  lowest = *low;
+  highest = *high;
+}
 
-// nullopt: the object is absent, or contains no limits.
-std::optional<Bounds> bounds_in(master::ObjectClient& objects, std::uint16_t index, master::SoftwareLimitSubs subs) {
-  using Limits = std::numeric_limits<std::int32_t>;
-  const auto lowest = objects.read_if_present<std::int32_t>(index, subs.lowest);
-  const auto highest = objects.read_if_present<std::int32_t>(index, subs.highest);
-  if (!lowest || !highest || *lowest >= *highest) return std::nullopt;
-  if (*lowest == Limits::min() && *highest == Limits::max()) return std::nullopt;
-  return Bounds{*lowest, *highest};
+std::int64_t wrapped(std::int64_t position, const PositionSpan& range) {
+  const std::int64_t length = range.highest - range.lowest + 1;
+  const std::int64_t within = (position - range.lowest) % length;
+  return range.lowest + (within < 0 ? within + length : within);
 }
 
 }  // namespace
 
 Travel travel_by_objects(master::ObjectClient& objects, const master::AxisOptions& options, const drive::Policy& policy,
                          bool homed) {
+  // An axis of the drive core with these objects, in which a count is one unit of 6064h, decides what acts.
+  drive::Objects values;
+  read_span(objects, 0x607D, options.dialect.software_limits, values.min_position_limit, values.max_position_limit);
+  if (options.dialect.has_position_range) {
+    read_span(objects, 0x607B, {}, values.min_position_range_limit, values.max_position_range_limit);
+  }
+  drive::Axis axis{.objects = values, .policy = policy};
+  axis.homed = homed;
+
   Travel travel;
   const auto demand = objects.read_if_present<std::int32_t>(0x6062);
   travel.place = demand ? *demand : master::Axis402(objects, options).position();
-  if (policy.software_limits_need_homing && !homed) return travel;
-  const auto limits = bounds_in(objects, 0x607D, options.dialect.software_limits);
-  if (!limits) return travel;
-  if (!policy.software_limits_switch_range_off && bounds_in(objects, 0x607B, {1, 2})) return travel;
-  travel.ends = {{limits->lowest, false, "the lowest position of 607Dh"},
-                 {limits->highest, true, "the highest position of 607Dh"}};
+  if (axis.position_range() != 0) {
+    travel.wraps_within = {values.min_position_range_limit, values.max_position_range_limit};
+  }
+  if (!axis.software_limits_active()) return travel;
+  travel.place -= axis.turn_of(travel.place);
+  const auto [least, greatest] = axis.software_limits();
+  travel.limits = {least, greatest};
+  // Where 607Dh leaves an end of the range 607Bh free, that end is the limit.
+  travel.ends = {
+      {least, false,
+       least == values.min_position_limit ? "the lowest position of 607Dh" : "the lowest position of 607Bh"},
+      {greatest, true,
+       greatest == values.max_position_limit ? "the highest position of 607Dh" : "the highest position of 607Bh"}};
   return travel;
 }
 
 void require_within_travel(const Order& order, const Travel& travel, const std::string& axis) {
   if (!order.target) return;
-  const std::int64_t target = order.target->number + (order.target->relative ? travel.place : 0);
+  std::int64_t target = order.target->number;
+  if (order.target->relative) {
+    target += travel.place;
+  } else if (travel.wraps_within) {
+    target = wrapped(target, *travel.wraps_within);
+  }
   const TravelEnd* nearest = nullptr;
   for (const TravelEnd& end : travel.ends) {
     const std::int64_t sign = end.highest ? 1 : -1;

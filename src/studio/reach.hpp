@@ -1,6 +1,7 @@
 #pragma once
 
 #include <cstdint>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -18,13 +19,21 @@ struct TravelEnd {
   const char* what = "";
 };
 
+struct PositionSpan {
+  std::int64_t lowest;
+  std::int64_t highest;
+};
+
 // Positions in the units of 6064h.
 struct Travel {
-  std::int64_t place = 0;  // the demand; a relative move starts there
+  std::int64_t place = 0;                      // the demand; a relative move starts there
+  std::optional<PositionSpan> limits{};        // the software limits, if they act; they are among the ends as well
+  std::optional<PositionSpan> wraps_within{};  // 607Bh of an axis that wraps around
   std::vector<TravelEnd> ends{};
 };
 
-// The place, and the software limits 607Dh that act. An axis that wraps around (607Bh) has no ends. Throws MasterError.
+// The place, the software limits 607Dh and the range 607Bh, by the rules of the drive with this policy. Throws
+// MasterError.
 Travel travel_by_objects(master::ObjectClient& objects, const master::AxisOptions& options, const drive::Policy& policy,
                          bool homed);
 

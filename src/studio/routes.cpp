@@ -139,14 +139,14 @@ Json show_limits(Call& call) {
       motor_velocity = *rpm / seconds_of_minute * units->velocity;
     }
     const auto json_of = [](const auto& value) { return value ? Json(*value) : Json(); };
-    const bool ends = limits.lowest_position && limits.highest_position &&
-                      *limits.lowest_position < *limits.highest_position &&
-                      (*limits.lowest_position > -INT32_MAX || *limits.highest_position < INT32_MAX);
+    const Travel travel = drives.travel(axis);
+    const std::optional<PositionSpan>& range = travel.wraps_within;
     return Json{{"velocity", json_of(lower(limit_of(limits.profile_velocity), motor_velocity))},
                 {"acceleration", json_of(limit_of(limits.acceleration))},
                 {"deceleration", json_of(limit_of(limits.deceleration))},
-                {"lowest_position", ends ? Json(*limits.lowest_position) : Json()},
-                {"highest_position", ends ? Json(*limits.highest_position) : Json()}};
+                {"lowest_position", travel.limits ? Json(travel.limits->lowest) : Json()},
+                {"highest_position", travel.limits ? Json(travel.limits->highest) : Json()},
+                {"wraps_within", range ? Json{range->lowest, range->highest} : Json()}};
   } catch (const master::MasterError& error) {
     throw ApiError{409, error.happened(), error.where(), error.remedy()};
   }

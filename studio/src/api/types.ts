@@ -160,8 +160,9 @@ export interface Limits {
   velocity: number | null;
   acceleration: number | null;
   deceleration: number | null;
-  lowest_position: number | null;
+  lowest_position: number | null; // null: no software limit acts now
   highest_position: number | null;
+  wraps_within: [number, number] | null; // the range 607Bh of an axis that wraps around
 }
 
 export interface HomingLeg {

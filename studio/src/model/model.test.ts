@@ -65,7 +65,7 @@ describe('CiA 402', () => {
 describe('limits of the drive', () => {
   const units: Units = { position_per_revolution: 4000, velocity_per_rps: 4000, acceleration_per_rps2: 4000 };
   test('bound the proposed numbers', () => {
-    const limits: Limits = { velocity: 14400, acceleration: 100000, deceleration: null, lowest_position: null, highest_position: null };
+    const limits: Limits = { velocity: 14400, acceleration: 100000, deceleration: null, lowest_position: null, highest_position: null, wraps_within: null };
     const { velocity, acceleration } = greatestOf(units, limits);
     expect([velocity, acceleration]).toEqual([216, 25]);
     expect([proposed(300, velocity), proposed(50, acceleration), proposed(120, velocity)]).toEqual([210, 25, 120]);

@@ -1,6 +1,7 @@
 import { describe, expect, test } from 'vitest';
+import cases from '../../../tests/data/reach.json';
 import type { AxisView, Geometry } from '../api/types';
-import { endOf, hindrance, positionAt, type Reach } from './plan';
+import { endOf, hindrance, positionAt, type Move, type Reach } from './plan';
 
 const turn = 1000; // counts of the shaft
 const geometry: Geometry = {
@@ -8,7 +9,7 @@ const geometry: Geometry = {
   home_from: null, home_to: null, index_every: turn, index_at: 0,
 };
 const units = { position_per_revolution: 500, velocity_per_rps: 500, acceleration_per_rps2: 500 };
-const limits = { velocity: null, acceleration: null, deceleration: null, lowest_position: null, highest_position: null };
+const limits = { velocity: null, acceleration: null, deceleration: null, lowest_position: null, highest_position: null, wraps_within: null };
 // At shaft 2, where 6064h is 7.
 const axis = { position_counts: 2 * turn, position_actual: 7 * 500 } as AxisView;
 const simulated: Reach = { geometry, units, limits };
@@ -40,6 +41,31 @@ describe('with a reversed polarity (607Eh)', () => {
     });
   }
   test('bit 6 reverses the velocity only', () => expect(endOf(axis, { ...simulated, polarity: 0x40 }, { by: 3 })).toBe(5 * turn));
+});
+
+// The server's tests read the same cases (tests/studio_server/reach_test.cpp).
+describe('of the cases of the server', () => {
+  const perTurn = units.position_per_revolution;
+  const inUnits = (span: number[] | null) => span && ([span[0] * perTurn, span[1] * perTurn] as [number, number]);
+  const expectReasons = (at: AxisView, reach: Reach, { refused, accepted }: { refused: object[]; accepted: object[] }) => {
+    for (const move of refused) expect(hindrance(at, reach, move as Move), JSON.stringify(move)).not.toBe('');
+    for (const move of accepted) expect(hindrance(at, reach, move as Move), JSON.stringify(move)).toBe('');
+  };
+  for (const row of cases.software_limits) {
+    test(row.case, () => {
+      const acts = inUnits(row.acts);
+      const reach: Reach = { geometry, units, limits: { ...limits, lowest_position: acts?.[0] ?? null, highest_position: acts?.[1] ?? null, wraps_within: inUnits(row.wraps_within) } };
+      expectReasons({ position_counts: 0, position_actual: 0 } as AxisView, reach, row);
+    });
+  }
+  test('the switches', () => {
+    const { place, negative_limit, positive_limit, refused, accepted, refused_with_reversed_polarity: reversed } = cases.switches;
+    const at = { position_counts: place * turn, position_actual: place * perTurn } as AxisView;
+    const reach: Reach = { ...simulated, geometry: { ...geometry, negative_limit: negative_limit * turn, positive_limit: positive_limit * turn } };
+    expectReasons(at, reach, { refused, accepted });
+    for (const { side, by } of refused) expect(hindrance(at, reach, { by })).toContain(`the ${side} limit switch`);
+    for (const { side, by } of reversed) expect(hindrance(at, { ...reach, polarity: 0x80 }, { by })).toContain(`the ${side} limit switch`);
+  });
 });
 
 describe('a move of a drive on a bus', () => {

@@ -20,6 +20,7 @@ export type Move = { by: number } | { to: number };
 
 // Bit 7 of CiA 402, or the only value of a drive whose 607Eh is 0 or 1: 6064h counts against the shaft.
 export const isReversed = (polarity: unknown) => typeof polarity === 'number' && (polarity === 1 || (polarity & 0x80) !== 0);
+const slack = 0.01; // rev: a move to a switch itself may stand some counts beyond it, as on the server
 const signOf = ({ polarity }: Reach) => (isReversed(polarity) ? -1 : 1);
 
 // A position of 6064h in revolutions from the present one. Of a drive on a bus only 6064h is known, in `position_counts`.
@@ -29,9 +30,16 @@ function fromHere({ position_actual, position_counts }: AxisView, { geometry, un
   return now === undefined || !perTurn || typeof position !== 'number' ? null : (position - now) / perTurn;
 }
 
+// An absolute target of an axis that wraps around is reached within the range, as the drive does it.
+function within(position: number, range: [number, number] | null | undefined): number {
+  if (!range) return position;
+  const length = range[1] - range[0] + 1;
+  return range[0] + ((((position - range[0]) % length) + length) % length);
+}
+
 function distanceOf(axis: AxisView, reach: Reach, move: Move): number | null {
   const perTurn = reach.units?.position_per_revolution;
-  const distance = !perTurn ? null : 'by' in move ? move.by : fromHere(axis, reach, move.to * perTurn);
+  const distance = !perTurn ? null : 'by' in move ? move.by : fromHere(axis, reach, within(move.to * perTurn, reach.limits?.wraps_within));
   return distance !== null && Number.isFinite(distance) ? distance : null;
 }
 
@@ -51,18 +59,20 @@ export function positionAt(axis: AxisView, reach: Reach, counts: number): number
 
 // The reason why the axis cannot make the move: a limit of 607Dh or of the travel that is nearer. Empty: it can.
 export function hindrance(axis: AxisView, reach: Reach, move: Move): string {
-  const { geometry, limits } = reach;
+  const { limits } = reach;
+  const geometry = limits?.wraps_within ? undefined : reach.geometry;
   const distance = distanceOf(axis, reach, move);
   if (distance === null || distance === 0) return '';
   const turn = geometry?.index_every;
   const onShaft = (counts: number | null | undefined) => (turn && typeof counts === 'number' ? (signOf(reach) * (counts - axis.position_counts)) / turn : null);
   const side = distance * signOf(reach) > 0 ? 'positive' : 'negative'; // of the shaft
-  const ends: [number | null, string][] = [
-    [fromHere(axis, reach, distance > 0 ? limits?.highest_position : limits?.lowest_position), 'the software limit (607Dh)'],
-    [onShaft(geometry?.[`${side}_limit`]), `the ${side} limit switch`],
-    [onShaft(geometry?.[`${side}_stop`]), `the ${side} stop`],
+  const ends: [number | null, string, number][] = [
+    [fromHere(axis, reach, distance > 0 ? limits?.highest_position : limits?.lowest_position), 'the software limit (607Dh)', 0],
+    [onShaft(geometry?.[`${side}_limit`]), `the ${side} limit switch`, slack],
+    [onShaft(geometry?.[`${side}_stop`]), `the ${side} stop`, slack],
   ];
   const sign = Math.sign(distance);
-  const nearest = ends.filter((end): end is [number, string] => end[0] !== null && (distance - end[0]) * sign > 0).sort((a, b) => (a[0] - b[0]) * sign)[0] as [number, string] | undefined;
+  const isPassed = (end: (typeof ends)[number]): end is [number, string, number] => end[0] !== null && (distance - end[0]) * sign > end[2];
+  const nearest = ends.filter(isPassed).sort((a, b) => (a[0] - b[0]) * sign)[0] as [number, string, number] | undefined;
   return nearest ? `The move of ${fixed(Math.abs(distance), 2)} rev is longer than the ${fixed(Math.max(0, nearest[0] * sign), 2)} rev to ${nearest[1]}.` : '';
 }
