@@ -35,15 +35,28 @@ def bus_text(name, kind="can"):
     return f'[[bus]]\nname = "{name}"\ntype = "{kind}"\n'
 
 
-def axis_text(name, product, counts=COUNTS, **keys):
-    """Returns an axis for a line file, with the travel above; `keys`: its connection, such as bus="can0", node=1."""
+def axis_text(name, product, counts=COUNTS, travel=TRAVEL, **keys):
+    """Returns an axis for a line file; `keys`: its connection, such as bus="can0", node=1."""
     rows = "\n".join(f"{key} = {json.dumps(value)}" for key, value in keys.items())
-    return f'[[axis]]\nname = "{name}"\nproduct = "{product}"\n{rows}\n{TRAVEL.replace(str(COUNTS), str(counts))}'
+    return f'[[axis]]\nname = "{name}"\nproduct = "{product}"\n{rows}\n{travel.replace(str(COUNTS), str(counts))}'
 
 
 TWO_DRIVES = (
     bus_text("can0") + axis_text("ismc", "ismc", bus="can0", node=1) + axis_text("reference", "generic402", bus="can0", node=2)
 )
+
+CAN_AND_ETHERCAT = ("can0=socketcand:127.0.0.1:0/can0", "ecat=udp:127.0.0.1:0")
+
+
+def four_drives(on_ethercat, travel=TRAVEL):
+    """Returns a line of a reference drive and an iSMK on CAN, and of two axes on EtherCAT, {name: product}."""
+    return (
+        bus_text("can0")
+        + bus_text("ecat", "ethercat")
+        + axis_text("reference", "generic402", travel=travel, bus="can0", node=2)
+        + axis_text("ismk", "ismk", travel=travel, bus="can0", node=4)
+        + "".join(axis_text(name, product, travel=travel, bus="ecat") for name, product in on_ethercat.items())
+    )
 
 
 # Timeouts are for events that never come, and long enough for a slow machine.

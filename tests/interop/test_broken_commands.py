@@ -8,53 +8,20 @@ import select
 import subprocess
 
 import pytest
-from line import COUNTS, PROGRAM, TRAVEL, Line, wait_for
+from line import COUNTS, PROGRAM, Line, axis_text, bus_text, wait_for
 
 pytestmark = [pytest.mark.once, pytest.mark.program("the program is the master")]
 
-LINE = f"""
-[[bus]]
-name = "can0"
-
-[[bus]]
-name = "ecat"
-type = "ethercat"
-
-[[bus]]
-name = "rs"
-type = "rs485"
-
-[[bus]]
-name = "rs10"
-type = "rs485"
-
-[[axis]]
-name = "can"
-product = "generic402"
-bus = "can0"
-node = 2
-{TRAVEL}
-
-[[axis]]
-name = "ecat"
-product = "generic402-ec"
-bus = "ecat"
-{TRAVEL}
-
-[[axis]]
-name = "modbus"
-product = "generic402"
-bus = "can0"
-node = 3
-serial = "rs"
-{TRAVEL}
-
-[[axis]]
-name = "serial10"
-product = "ismk"
-serial = "rs10"
-{TRAVEL}
-"""
+LINE = (
+    bus_text("can0")
+    + bus_text("ecat", "ethercat")
+    + bus_text("rs", "rs485")
+    + bus_text("rs10", "rs485")
+    + axis_text("can", "generic402", bus="can0", node=2)
+    + axis_text("ecat", "generic402-ec", bus="ecat")
+    + axis_text("modbus", "generic402", bus="can0", node=3, serial="rs")
+    + axis_text("serial10", "ismk", serial="rs10")
+)
 BUSES = {"can": "can0", "ecat": "ecat", "modbus": "rs", "serial10": "rs10"}
 NODES = {"can": 2, "ecat": 1, "modbus": 3, "serial10": 1}
 SERIAL = ["modbus", "serial10"]

@@ -7,56 +7,17 @@ import urllib.parse
 import urllib.request
 
 import pytest
-from line import TRAVEL, ApiError, Line, wait_for
+from line import CAN_AND_ETHERCAT, ApiError, Line, axis_text, bus_text, four_drives, wait_for
 from studio import Studio, patiently
 from test_tune import ATTEMPTS, TOO_BUSY, UNEVEN, WATCHDOG
 
 pytestmark = [pytest.mark.once, pytest.mark.program("the program is the master")]
 
-DRIVES = f"""
-[[bus]]
-name = "can0"
-
-[[bus]]
-name = "ecat"
-type = "ethercat"
-
-[[bus]]
-name = "rs"
-type = "rs485"
-
-[[axis]]
-name = "reference"
-product = "generic402"
-bus = "can0"
-node = 2
-{TRAVEL}
-
-[[axis]]
-name = "ismk"
-product = "ismk"
-bus = "can0"
-node = 4
-{TRAVEL}
-
-[[axis]]
-name = "first-ec"
-product = "generic402-ec"
-bus = "ecat"
-{TRAVEL}
-
-[[axis]]
-name = "second-ec"
-product = "generic402-ec"
-bus = "ecat"
-{TRAVEL}
-
-[[axis]]
-name = "serial"
-product = "generic402"
-serial = "rs"
-{TRAVEL}
-"""
+DRIVES = (
+    four_drives({"first-ec": "generic402-ec", "second-ec": "generic402-ec"})
+    + bus_text("rs", "rs485")
+    + axis_text("serial", "generic402", serial="rs")
+)
 CAN, ETHERCAT, MODBUS = "generic402-2", "generic402-ec-2", "generic402"
 GAIN = "objects/2010/2"
 BANDWIDTH = 60  # Hz: without it the job would choose a bandwidth that only an idle computer can keep
@@ -64,7 +25,7 @@ BANDWIDTH = 60  # Hz: without it the job would choose a bandwidth that only an i
 
 @pytest.fixture
 def line(tmp_path):
-    line = Line(tmp_path, DRIVES, ("can0=socketcand:127.0.0.1:0/can0", "ecat=udp:127.0.0.1:0", "rs=tcp:127.0.0.1:0"))
+    line = Line(tmp_path, DRIVES, (*CAN_AND_ETHERCAT, "rs=tcp:127.0.0.1:0"))
     yield line
     line.stop()
 

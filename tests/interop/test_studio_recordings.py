@@ -4,45 +4,12 @@ import subprocess
 import urllib.request
 
 import pytest
-from line import PROGRAM, TRAVEL, ApiError, Line, wait_for
+from line import CAN_AND_ETHERCAT, PROGRAM, ApiError, Line, four_drives, wait_for
 from studio import Studio, patiently
 
 pytestmark = [pytest.mark.once, pytest.mark.program("the program is the master")]
 
-DRIVES = f"""
-[[bus]]
-name = "can0"
-
-[[bus]]
-name = "ecat"
-type = "ethercat"
-
-[[axis]]
-name = "reference"
-product = "generic402"
-bus = "can0"
-node = 2
-{TRAVEL}
-
-[[axis]]
-name = "ismk"
-product = "ismk"
-bus = "can0"
-node = 4
-{TRAVEL}
-
-[[axis]]
-name = "first-ec"
-product = "generic402-ec"
-bus = "ecat"
-{TRAVEL}
-
-[[axis]]
-name = "second-ec"
-product = "generic402-ec"
-bus = "ecat"
-{TRAVEL}
-"""
+DRIVES = four_drives({"first-ec": "generic402-ec", "second-ec": "generic402-ec"})
 REFERENCE, ISMK = "generic402-2", "ismk-4"
 FIRST, SECOND = "generic402-ec-1", "generic402-ec-2"
 POSITION, VELOCITY, BANDWIDTH = "6064:00", "606C:00", "2010:02"
@@ -50,7 +17,7 @@ POSITION, VELOCITY, BANDWIDTH = "6064:00", "606C:00", "2010:02"
 
 @pytest.fixture
 def line(tmp_path):
-    line = Line(tmp_path, DRIVES, ("can0=socketcand:127.0.0.1:0/can0", "ecat=udp:127.0.0.1:0"))
+    line = Line(tmp_path, DRIVES, CAN_AND_ETHERCAT)
     yield line
     line.stop()
 

@@ -11,40 +11,12 @@ import subprocess
 import xml.etree.ElementTree
 
 import pytest
-from line import PROGRAM, Line, servodrome, wait_for
+from line import CAN_AND_ETHERCAT, PROGRAM, Line, four_drives, servodrome, wait_for
 
 pytestmark = [pytest.mark.once, pytest.mark.program("the program is the master")]
 
-LINE = f"""
-[[bus]]
-name = "can0"
-
-[[bus]]
-name = "ecat"
-type = "ethercat"
-
-[[axis]]
-name = "reference"
-product = "generic402"
-bus = "can0"
-node = 2
-
-[[axis]]
-name = "ismk"
-product = "ismk"
-bus = "can0"
-node = 4
-
-[[axis]]
-name = "reference-ec"
-product = "generic402-ec"
-bus = "ecat"
-
-[[axis]]
-name = "ismk-ec"
-product = "ismk-ea"
-bus = "ecat"
-"""
+# Without a travel: the axes may turn without end.
+LINE = four_drives({"reference-ec": "generic402-ec", "ismk-ec": "ismk-ea"}, travel="")
 # Bus, node, and the object with the proportional gain of the velocity loop.
 AXES = {
     "reference": ("can0", 2, "2010/2"),
@@ -72,7 +44,7 @@ SHORT = ["--seconds", "4", "--reset-fault"]
 
 @pytest.fixture
 def tuned_line(tmp_path):
-    line = Line(tmp_path, LINE, ["can0=socketcand:127.0.0.1:0/can0", "ecat=udp:127.0.0.1:0"])
+    line = Line(tmp_path, LINE, CAN_AND_ETHERCAT)
     yield line
     line.stop()
 
