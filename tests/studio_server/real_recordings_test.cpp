@@ -3,7 +3,7 @@
 #include <gtest/gtest.h>
 
 #include "api/scope/recordings.hpp"
-#include "axis/axis_rig.hpp"
+#include "bus_of_rig.hpp"
 #include "studio/real_drives.hpp"
 
 namespace servodrome::studio {
@@ -13,43 +13,11 @@ namespace {
 using namespace std::chrono_literals;
 using testing::HasSubstr;
 
-// The virtual drives of a rig; their time advances while the bus waits.
-class BusOfRig final : public OpenBus {
- public:
-  explicit BusOfRig(master::test::AxisRig& rig) : rig_(rig) {}
-  std::vector<master::ObjectClient*> drives() override { return {&rig_.objects()}; }
-  void back(std::size_t) override {}
-  void release(std::size_t) override {}
-  void wait(master::Time span) override {
-    rig_.objects().wait(span);
-    std::this_thread::sleep_for(span);
-  }
-  void abort_when(std::function<bool()>) override {}
-  Cyclic open_cyclic(std::size_t, const master::CanDrive&) override {
-    throw master::MasterError("not opened", "mem:", "");
-  }
-  std::unique_ptr<master::CanCyclicBus> record(const std::vector<master::CanDrive>& drives, master::Time period,
-                                               const std::function<void()>& between) override {
-    return std::make_unique<master::CanCyclicBus>(
-        *rig_.can, drives,
-        master::CanCyclicOptions{
-            .period = period, .waits_whole_period = true, .stops_drives = false, .between = between});
-  }
-  void to_pre_operational(std::size_t) override {}
-  void configure(std::size_t, const Action&, const Action&) override {}
-  void show_process_data(const Registers&) override {}
-  std::vector<Found> scan() override { return {}; }
-  std::optional<Watch> watch_of(std::size_t) override { return std::nullopt; }
-
- private:
-  master::test::AxisRig& rig_;
-};
-
 class RealRecordingsTest : public testing::Test {
  protected:
   RealRecordingsTest() {
     BusPlan plan{.link = "mem:", .type = "can", .drives = {{"reference", "generic402", 1}}};
-    plan.open = [this](const links::Heard&) { return std::make_unique<BusOfRig>(rig_); };
+    plan.open = [this](const links::Heard&) { return std::make_unique<BusOfRig>(rig_, BusOfRig::Pace::real_time); };
     std::vector<BusPlan> plans;
     plans.push_back(std::move(plan));
     drives_ = std::make_unique<RealDrives>(std::move(plans));

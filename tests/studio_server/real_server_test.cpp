@@ -9,7 +9,7 @@
 #include <gmock/gmock.h>
 #include <thread>
 
-#include "axis/axis_rig.hpp"
+#include "bus_of_rig.hpp"
 #include "studio/real_bench.hpp"
 
 namespace servodrome::studio {
@@ -46,10 +46,9 @@ class NotedObjects final : public master::ObjectClient {
   Controlwords& noted_;
 };
 
-// The virtual drives of a rig; their time advances while the bus waits.
-class BusOfRig final : public OpenBus {
+class NotedBus final : public BusOfRig {
  public:
-  BusOfRig(master::test::AxisRig& rig, Controlwords& noted) : rig_(rig) {
+  NotedBus(master::test::AxisRig& rig, Controlwords& noted) : BusOfRig(rig, Pace::real_time) {
     for (const auto& client : rig.clients) noted_.push_back(std::make_unique<NotedObjects>(*client, noted));
   }
   std::vector<master::ObjectClient*> drives() override {
@@ -57,32 +56,18 @@ class BusOfRig final : public OpenBus {
     for (const auto& objects : noted_) drives.push_back(objects.get());
     return drives;
   }
-  void back(std::size_t) override {}
-  void release(std::size_t) override {}
-  void wait(master::Time span) override {
-    rig_.objects().wait(span);
-    std::this_thread::sleep_for(span);
-  }
-  void abort_when(std::function<bool()>) override {}
-  Cyclic open_cyclic(std::size_t, const master::CanDrive&) override {
-    throw master::MasterError("there are no process data", "mem:", "");
-  }
-  void configure(std::size_t, const Action& action, const Action&) override { action(rig_.objects()); }
-  void show_process_data(const Registers&) override {}
   std::vector<Found> scan() override {
     return {{1, "Servodrome 402", "servo drive (CiA 402)", "generic402"}, {7, "", "", ""}};
   }
-  std::optional<Watch> watch_of(std::size_t) override { return std::nullopt; }
 
  private:
-  master::test::AxisRig& rig_;
   std::vector<std::unique_ptr<NotedObjects>> noted_;
 };
 
 BusPlan plan_of(master::test::AxisRig& rig, Controlwords& noted) {
   BusPlan plan{.link = "mem:", .type = "can", .drives = {{"reference", "generic402", 1}}};
   if (rig.clients.size() > 1) plan.drives.push_back({"second", "generic402", 2});
-  plan.open = [&rig, &noted](const links::Heard&) { return std::make_unique<BusOfRig>(rig, noted); };
+  plan.open = [&rig, &noted](const links::Heard&) { return std::make_unique<NotedBus>(rig, noted); };
   return plan;
 }
 

@@ -6,8 +6,7 @@
 #include <gtest/gtest.h>
 #include <set>
 
-#include "axis/axis_rig.hpp"
-#include "studio/drive_bus.hpp"
+#include "bus_of_rig.hpp"
 
 namespace servodrome::studio {
 namespace tpdo_recorder_test {
@@ -26,41 +25,6 @@ double number_of(std::span<const std::byte> bytes) {
   std::memcpy(&value, bytes.data(), std::min(bytes.size(), sizeof value));
   return value;
 }
-
-class BusOfRig final : public OpenBus {
- public:
-  explicit BusOfRig(master::test::AxisRig& rig) : rig_(rig) {}
-  std::vector<master::ObjectClient*> drives() override {
-    std::vector<master::ObjectClient*> drives;
-    for (const auto& client : rig_.clients) drives.push_back(client.get());
-    return drives;
-  }
-  void back(std::size_t) override {}
-  void release(std::size_t) override {}
-  void wait(master::Time span) override { rig_.objects().wait(span); }
-  void abort_when(std::function<bool()>) override {}
-  Cyclic open_cyclic(std::size_t, const master::CanDrive&) override { return {}; }
-  std::unique_ptr<master::CanCyclicBus> record(const std::vector<master::CanDrive>& drives, master::Time period,
-                                               const std::function<void()>& between) override {
-    return std::make_unique<master::CanCyclicBus>(*rig_.can, drives,
-                                                  master::CanCyclicOptions{.period = period,
-                                                                           .tolerated_losses = 100,
-                                                                           .waits_whole_period = true,
-                                                                           .stops_drives = false,
-                                                                           .ends_when_lost = true,
-                                                                           .between = between});
-  }
-  void to_pre_operational(std::size_t drive) override {
-    master::Master(*rig_.can).command(master::NmtCommand::enter_pre_operational, static_cast<std::uint8_t>(drive + 1));
-  }
-  void configure(std::size_t, const Action&, const Action&) override {}
-  void show_process_data(const Registers&) override {}
-  std::vector<Found> scan() override { return {}; }
-  std::optional<Watch> watch_of(std::size_t) override { return std::nullopt; }
-
- private:
-  master::test::AxisRig& rig_;
-};
 
 class TpdoRecorderTest : public testing::Test {
  protected:
@@ -107,7 +71,7 @@ class TpdoRecorderTest : public testing::Test {
 
   master::test::AxisRig rig_{{"generic402"}, 2};
   master::Time start_ = rig_.line.now();
-  BusOfRig bus_{rig_};
+  BusOfRig bus_{rig_, BusOfRig::Pace::virtual_time};
   CycleSampler cycle_{start_};
   HeardPdos heard_{start_};
   TpdoRecorder recorder_{cycle_, heard_};
