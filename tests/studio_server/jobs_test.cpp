@@ -132,6 +132,20 @@ class JobsTest : public testing::Test {
 
 class EveryProduct : public JobsTest, public testing::WithParamInterface<std::string> {
  protected:
+  // As a master does that knows nothing of jobs.
+  void enable_by_controlwords(std::initializer_list<int> words) {
+    for (const int word : words) {
+      const std::string body = json{{"value", word}}.dump();
+      EXPECT_EQ(ask(Method::put, "axes/" + axis_ + "/objects/6040/0", body).status, 204U);
+      pass(300ms);
+    }
+    EXPECT_EQ(view(axis_)["state"], "operation enabled");
+  }
+  void expect_still_at(double position_counts) {
+    pass(1s);
+    EXPECT_NEAR(view(axis_)["position_counts"].get<double>(), position_counts, encoder_turn(axis_) / 100);
+  }
+
   std::string axis_ = GetParam();
 };
 std::vector<std::string> product_names() {
@@ -791,15 +805,9 @@ TEST_P(EveryProduct, TheBigStopLeavesNothingThatEnablingRevives) {
     if (by_job) {
       make_ready(axis_);
     } else {
-      for (const int word : {0, 6, 7, 15}) {
-        const std::string target = "axes/" + axis_ + "/objects/6040/0";
-        EXPECT_EQ(ask(Method::put, target, fmt::format(R"({{"value": {}}})", word)).status, 204U);
-        pass(300ms);
-      }
-      EXPECT_EQ(view(axis_)["state"], "operation enabled");
+      enable_by_controlwords({0, 6, 7, 15});
     }
-    pass(1s);
-    EXPECT_NEAR(view(axis_)["position_counts"].get<double>(), stood, encoder_turn(axis_) / 100);
+    expect_still_at(stood);
     expect_done(axis_, R"({"do": "disable"})");
   }
 }
@@ -823,14 +831,8 @@ TEST_P(EveryProduct, AStopAfterAFaultLeavesNothingThatEnablingRevives) {
     ASSERT_EQ(ask(Method::delete_, "axes/" + axis_ + "/faults").status, 200U);
     pass(500ms);
     const double stood = view(axis_)["position_counts"];
-    for (const int word : {0, 0x80, 0, 6, 7, 15}) {
-      const std::string target = "axes/" + axis_ + "/objects/6040/0";
-      EXPECT_EQ(ask(Method::put, target, fmt::format(R"({{"value": {}}})", word)).status, 204U);
-      pass(300ms);
-    }
-    EXPECT_EQ(view(axis_)["state"], "operation enabled");
-    pass(1s);
-    EXPECT_NEAR(view(axis_)["position_counts"].get<double>(), stood, encoder_turn(axis_) / 100);
+    enable_by_controlwords({0, 0x80, 0, 6, 7, 15});
+    expect_still_at(stood);
     expect_done(axis_, R"({"do": "disable"})");
   }
 }
