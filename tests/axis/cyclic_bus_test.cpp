@@ -4,12 +4,12 @@
 #include <gtest/gtest.h>
 
 #include "axis/cyclic/can_cyclic_bus.hpp"
-#include "axis/cyclic/ethercat_cyclic_bus.hpp"
 #include "axis/cyclic/motion_group.hpp"
 #include "line/line.hpp"
 #include "line/support.hpp"
 #include "links/ethercat/memory_client.hpp"
 #include "master/problem_of.hpp"
+#include "ring_rig.hpp"
 #include "source_dir.hpp"
 
 namespace servodrome::master {
@@ -71,41 +71,12 @@ std::vector<double> follow_a_profile(MotionGroup& group, double revolutions,
 constexpr std::array same{revolution};
 constexpr std::array different{revolution, 4000.0};  // counts per revolution of the axes of the ring
 
-constexpr const char* ring = R"(
-clock = "virtual"
-[[bus]]
-name = "ring"
-type = "ethercat"
-[[axis]]
-name = "x"
-product = "generic402-ec"
-bus = "ring"
-[[axis]]
-name = "y"
-product = "jmc_ec"
-bus = "ring"
-)";
-
-class EthercatMotion : public testing::TestWithParam<int> {
+class EthercatMotion : public testing::TestWithParam<int>, protected test::RingRig {
  protected:
   void start(Time period) {
-    for (const FoundSlave& one : found) slaves.push_back(std::make_unique<EthercatSlave>(master, one));
-    for (const auto& slave : slaves) {
-      all.push_back(slave.get());
-      slave->to_pre_operational();
-      set_up_cyclic_axis(*slave, {.period = period});
-    }
-    operation.emplace(master, found, all, OperationOptions{.cyclic = {.period = period}});
-    bus.emplace(master, *operation);
+    set_up({.period = period});
+    operate(period);
   }
-
-  line::Line line{line::test::settings_of(ring)};
-  EthercatMaster master{std::make_unique<links::MemoryEthercatClient>(line.ethercat_buses()[0]->bus, line)};
-  std::vector<FoundSlave> found = scan_slaves(master);
-  std::vector<std::unique_ptr<EthercatSlave>> slaves;
-  std::vector<EthercatSlave*> all;
-  std::optional<EthercatOperation> operation;
-  std::optional<EthercatCyclicBus> bus;
 };
 // Periods in us, up to 4 kHz.
 INSTANTIATE_TEST_SUITE_P(Periods, EthercatMotion, testing::Values(250, 1000, 2000));
@@ -145,21 +116,16 @@ TEST_P(EthercatMotion, VelocityAndTorque) {
 }
 
 TEST(EthercatMotionFaults, AFaultOfTheDriveIsNamed) {
-  line::Line line{line::test::settings_of(ring)};
-  EthercatMaster master{std::make_unique<links::MemoryEthercatClient>(line.ethercat_buses()[0]->bus, line)};
-  const std::vector<FoundSlave> found = scan_slaves(master);
-  EthercatSlave slave(master, found[0]);
-  const std::array<EthercatSlave*, 1> all{&slave};
-  set_up_cyclic_axis(slave, {.period = 1ms});
-  EthercatOperation operation(master, found, all, {.cyclic = {.period = 1ms}});
-  EthercatCyclicBus bus(master, operation);
-  MotionGroup group(bus);
+  test::RingRig rig;
+  rig.set_up({.period = 1ms});
+  rig.operate(1ms);
+  MotionGroup group(*rig.bus);
   group.enable();
   group.axis(0).run_at(revolution, gentle);
   group.wait(100ms);
-  line.axes()[0]->inject(drive::Cause::over_voltage, true);
+  rig.line.axes()[0]->inject(drive::Cause::over_voltage, true);
   EXPECT_THAT(problem_of([&] { group.wait(100ms); }), HasSubstr("the drive has a fault, 603Fh is 3210h"));
-  line.axes()[0]->inject(drive::Cause::over_voltage, false);
+  rig.line.axes()[0]->inject(drive::Cause::over_voltage, false);
   group.reset_faults();
   group.enable();
 }

@@ -3,12 +3,12 @@
 #include <gtest/gtest.h>
 
 #include "axis/cyclic/can_cyclic_bus.hpp"
-#include "axis/cyclic/ethercat_cyclic_bus.hpp"
 #include "axis/plcopen/controller.hpp"
 #include "line/line.hpp"
 #include "line/support.hpp"
 #include "links/ethercat/memory_client.hpp"
 #include "master/ethercat/coe_objects.hpp"
+#include "ring_rig.hpp"
 
 namespace servodrome::master::plcopen {
 namespace plcopen_drives_test {
@@ -20,21 +20,6 @@ using namespace std::chrono_literals;
 constexpr double reference_counts = 131072.0;
 constexpr double jmc_counts = 4000.0;
 
-constexpr const char* ring = R"(
-clock = "virtual"
-[[bus]]
-name = "ring"
-type = "ethercat"
-[[axis]]
-name = "x"
-product = "generic402-ec"
-bus = "ring"
-[[axis]]
-name = "y"
-product = "jmc_ec"
-bus = "ring"
-)";
-
 template <typename Block>
 void set_dynamics(Block& block, double velocity) {
   block.Velocity = velocity;
@@ -42,18 +27,12 @@ void set_dynamics(Block& block, double velocity) {
   block.Jerk = 500.0;
 }
 
-class Ring : public testing::Test {
+class Ring : public testing::Test, protected test::RingRig {
  protected:
   Ring() {
-    for (const FoundSlave& one : found) slaves.push_back(std::make_unique<EthercatSlave>(master, one));
-    for (const auto& slave : slaves) {
-      all.push_back(slave.get());
-      slave->to_pre_operational();
-      set_up_cyclic_axis(*slave, {.period = 1ms, .touch_probe = true});
-      slave->coe().write<std::int8_t>(0x6098, 0, 35);  // the present position becomes home
-    }
-    operation.emplace(master, found, all, OperationOptions{.cyclic = {.period = 1ms}});
-    bus.emplace(master, *operation);
+    set_up({.period = 1ms, .touch_probe = true});
+    for (const auto& slave : slaves) slave->coe().write<std::int8_t>(0x6098, 0, 35);  // the present position is home
+    operate(1ms);
     controller.emplace(*bus, std::array{AxisConfiguration{.counts_per_unit = reference_counts},
                                         AxisConfiguration{.counts_per_unit = jmc_counts}});
     power.Enable = true;
@@ -78,13 +57,6 @@ class Ring : public testing::Test {
     return static_cast<double>(line.axes()[axis]->plant().position_counts()) / counts;
   }
 
-  line::Line line{line::test::settings_of(ring)};
-  EthercatMaster master{std::make_unique<links::MemoryEthercatClient>(line.ethercat_buses()[0]->bus, line)};
-  std::vector<FoundSlave> found = scan_slaves(master);
-  std::vector<std::unique_ptr<EthercatSlave>> slaves;
-  std::vector<EthercatSlave*> all;
-  std::optional<EthercatOperation> operation;
-  std::optional<EthercatCyclicBus> bus;
   std::optional<Controller> controller;
   MC_Power power, second_power;
 };
