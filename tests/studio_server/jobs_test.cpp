@@ -8,6 +8,7 @@
 
 #include "api/version.hpp"
 #include "axis/dialect.hpp"
+#include "commissioning_rig.hpp"
 #include "drive/drive.hpp"
 #include "line/bench/line_bench.hpp"
 #include "line/support.hpp"
@@ -148,16 +149,7 @@ class EveryProduct : public JobsTest, public testing::WithParamInterface<std::st
 
   std::string axis_ = GetParam();
 };
-std::vector<std::string> product_names() {
-  std::vector<std::string> names;
-  for (const line::Product& product : line::all_products()) names.emplace_back(product.name);
-  return names;
-}
-INSTANTIATE_TEST_SUITE_P(Jobs, EveryProduct, testing::ValuesIn(product_names()), [](const auto& product) {
-  std::string name = product.param;
-  std::replace(name.begin(), name.end(), '-', '_');
-  return name;
-});
+INSTANTIATE_TEST_SUITE_P(Jobs, EveryProduct, testing::ValuesIn(names_of_products()), name_of_test);
 
 TEST_F(JobsTest, AreToldAsTheyGo) {
   std::vector<json> told;
@@ -765,7 +757,7 @@ TEST_F(JobsTest, AxesDoNotWaitForEachOther) {
 
 TEST_F(JobsTest, TheBigStopStopsEveryAxisAtOnce) {
   std::vector<std::uint64_t> running;
-  for (const std::string& axis : product_names()) {
+  for (const std::string& axis : names_of_products()) {
     if (axis == "pronet") {
       ASSERT_EQ(ask(Method::post, "axes/pronet/power", R"({"action": "off"})").status, 200U);
       continue;
@@ -778,14 +770,14 @@ TEST_F(JobsTest, TheBigStopStopsEveryAxisAtOnce) {
   const Response response = ask(Method::post, "stop", "{}");
   ASSERT_EQ(response.status, 200U) << response.body;
   const json stopped = json::parse(response.body)["axes"];
-  ASSERT_EQ(stopped.size(), product_names().size());
+  ASSERT_EQ(stopped.size(), names_of_products().size());
   for (const json& axis : stopped) {
     EXPECT_EQ(axis["stopped"], true) << axis.dump();
     EXPECT_FALSE(axis.contains("error"));
   }
   for (const std::uint64_t id : running) EXPECT_EQ(job(id)["state"], "cancelled");
   pass(2s);
-  for (const std::string& axis : product_names()) {
+  for (const std::string& axis : names_of_products()) {
     EXPECT_NEAR(view(axis)["velocity_rpm"].get<double>(), 0.0, 2.0) << axis;
     if (axis == "pronet") continue;  // has no power
     EXPECT_NE(view(axis)["state"], "operation enabled") << axis;
@@ -891,7 +883,7 @@ TEST_F(JobsTest, HowTimeIsCutChangesNothing) {
 }
 
 TEST_F(JobsTest, JobsThatAreRunningEndWithTheServer) {
-  for (const std::string& axis : product_names()) {
+  for (const std::string& axis : names_of_products()) {
     make_ready(axis);
     begin(axis, fmt::format(R"({{"do": "move", "by": 8, "velocity": 2, {}}})", profile));
   }
