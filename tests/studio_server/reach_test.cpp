@@ -89,6 +89,7 @@ class ReachTest : public CommissioningRig {
 struct LimitCase {
   json row;
   std::string product;
+  friend void PrintTo(const LimitCase& one, std::ostream* out) { *out << one.row.dump(); }
 };
 std::vector<LimitCase> limit_cases() {
   std::vector<LimitCase> all;
