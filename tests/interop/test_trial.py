@@ -28,7 +28,7 @@ def trial(folder, scenarios, master=MASTER, options=(), after="2.2"):
     for name, text in scenarios.items():
         (folder / f"{name}.toml").write_text(text.replace("LINE", str(ROOT / "scenarios/lines/can.toml")))
     command = [PROGRAM, "trial", "--scenarios", str(folder), "--after", after, *options, "--", *master]
-    return subprocess.run(command, capture_output=True, text=True, timeout=120)
+    return subprocess.run(command, capture_output=True, text=True, timeout=300)
 
 
 def test_outcomes_and_reports(tmp_path):
@@ -157,7 +157,7 @@ do = "show"
 object = "6078"
 value = 3
 """
-    text = 'title = "t"\nline = "LINE"\nmaster = "success"\nduration_s = 20\n' + rules
+    text = 'title = "t"\nline = "LINE"\nmaster = "success"\nduration_s = 60\n' + rules
     done = trial(tmp_path, {"big": text}, options=["--minimise", "--runs", "40"], after="0.2")
     assert done.returncode == 0, done.stdout + done.stderr
     assert 'without the rule "late": still fails' in done.stdout and "does not fail so" in done.stdout

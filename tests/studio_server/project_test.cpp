@@ -306,7 +306,7 @@ TEST_F(ProjectOfLine, AFileThatAnotherProgramChangedIsNotOverwritten) {
   run_keeper(3s);
   EXPECT_EQ(text_of(file), "2\n");
   EXPECT_FALSE(project_->problem());
-  EXPECT_EQ(told_, 2);
+  EXPECT_GE(told_, 2);  // 3 if the file goes while it is read
 }
 
 // A folder in place of the file simulates a disk that refuses the write.
