@@ -5,7 +5,7 @@ import { fileURLToPath } from 'node:url';
 import { promisify } from 'node:util';
 import type { Page } from '@playwright/test';
 import { choose, expect as shortly, panel, test as base, type } from './fixtures';
-import { figures, identify, journalIsLogged, lineOf, next, products, torque, write } from './guide';
+import { figures, identify, journalIsLogged, lineOf, moveInTime, next, products, torque, write } from './guide';
 import { axes, Line } from './line';
 
 const expect = shortly.configure({ timeout: 120_000 }); // a busy machine is slow, and not wrong
@@ -49,8 +49,6 @@ interface Stated {
   step: Record<string, number>;
 }
 
-const slow = { timeout: 300_000 };
-
 async function inputs(page: Page) {
   await expect(page.getByRole('group', { name: 'Force DI0' })).toBeVisible();
   for (const row of await page.getByRole('group', { name: /^Force DI/ }).all()) {
@@ -86,24 +84,21 @@ for (const { name, counts } of axes) {
     expect((await line.call<{ differences: unknown[] }>('GET', `/axes/${name}/parameters/diff`)).differences).toEqual(factory.differences);
     await expect(page.getByRole('button', { name: 'Make the small move' })).toBeDisabled();
     await write(page);
-    await page.getByRole('button', { name: 'Make the small move' }).click();
-    await page.getByRole('button', { name: 'The right way' }).click(slow);
+    const moves = (button: string, seen: () => Promise<boolean>) => moveInTime(page, button, seen, () => Promise.resolve());
+    await moves('Make the small move', () => page.getByRole('button', { name: 'The right way' }).isVisible());
+    await page.getByRole('button', { name: 'The right way' }).click();
     await picture(`guide-direction-${name}`);
     await next(page).click();
 
     await torque(page);
-    await page.getByRole('button', { name: 'Measure a step' }).click();
-    await expect(figures(page)).toBeVisible(slow);
+    await moves('Measure a step', () => figures(page).isVisible());
     const [before] = await values(page, /^Rise time/);
     if (tunes === 'proposed') {
       await type(page, 'Target bandwidth (blank: 60 % of the maximum)', name === 'ismk' ? 40 : 180);
-      await page.getByRole('button', { name: 'Measure the loop and propose gains' }).click();
-      await expect(page.getByText('The proposed gains are in the form')).toBeVisible(slow);
+      await moves('Measure the loop and propose gains', () => page.getByText('The proposed gains are in the form').isVisible());
       await write(page, 'Gains');
-      await page.getByRole('button', { name: 'Measure a step' }).click();
-      await expect.poll(async () => (await values(page, /^Rise time/))[2], slow).toBeLessThan(before);
-      await page.getByRole('button', { name: 'Measure the loop and propose gains' }).click();
-      await expect.poll(async () => (await values(page, /^Bandwidth/))[2], slow).toBeGreaterThan(0);
+      await moves('Measure a step', async () => (await values(page, /^Rise time/))[2] < before);
+      await moves('Measure the loop and propose gains', async () => (await values(page, /^Bandwidth/))[2] > 0);
       const [, predicted, after] = await values(page, /^Bandwidth/);
       expect(Math.abs(after / predicted - 1)).toBeLessThan(0.15);
     } else if (tunes === 'by hand') {
@@ -111,8 +106,7 @@ for (const { name, counts } of axes) {
       const [index, sub, value] = gain!;
       await type(page, objects.find((each) => each.index === index && each.sub === sub)!.name, value, panel(page, 'Velocity loop'));
       await write(page, 'Gains');
-      await page.getByRole('button', { name: 'Measure a step' }).click();
-      await expect.poll(async () => (await values(page, /^Rise time/))[2], slow).toBeLessThan(before);
+      await moves('Measure a step', async () => (await values(page, /^Rise time/))[2] < before);
     } else {
       await expect(page.getByText('documents no gains')).toBeVisible();
     }
@@ -120,12 +114,10 @@ for (const { name, counts } of axes) {
     await next(page).click();
 
     await write(page);
-    await page.getByRole('button', { name: 'Measure a move' }).click();
-    await expect(figures(page)).toBeVisible(slow);
+    await moves('Measure a move', () => figures(page).isVisible());
     if (tunes === 'proposed') {
       await write(page, 'Gains');
-      await page.getByRole('button', { name: 'Measure a move' }).click();
-      await expect.poll(async () => (await values(page, /^Greatest following error/))[2], slow).toBeGreaterThan(0);
+      await moves('Measure a move', async () => (await values(page, /^Greatest following error/))[2] > 0);
       // The iSMK's gain for 40 Hz is lower than the factory's, that of the reference drive is higher.
       const [first, , last] = await values(page, /^Greatest following error/);
       expect(Math.sign(last - first)).toBe(name === 'ismk' ? 1 : -1);
@@ -135,8 +127,7 @@ for (const { name, counts } of axes) {
 
     await choose(page, /Method/, home);
     await write(page);
-    await page.getByRole('button', { name: 'Home', exact: true }).click();
-    await expect(page.getByText('✓ The drive reports home')).toBeVisible(slow);
+    await moves('Home', () => page.getByText('✓ The drive reports home').isVisible());
     expect((await line.call<View>('GET', `/axes/${name}`)).homed).toBe(true);
     await picture(`guide-homing-${name}`);
     await next(page).click();
@@ -154,8 +145,7 @@ for (const { name, counts } of axes) {
 
     await type(page, 'Cycles', 2);
     await write(page);
-    await page.getByRole('button', { name: 'There and back' }).click();
-    await expect(page.getByText('✓ The axis is back where it began')).toBeVisible(slow);
+    await moves('There and back', () => page.getByText('✓ The axis is back where it began').isVisible());
     await picture(`guide-cycle-${name}`);
     const jobs = (await line.call<{ jobs: (Job & { axis: string })[] }>('GET', '/jobs')).jobs.filter((job) => job.axis === name).slice(-5);
     expect(jobs.map((job) => `${job.do} ${job.state}`)).toEqual(['enable done', ...Array<string>(4).fill('move done')]);

@@ -1,4 +1,4 @@
-import type { Locator, Page } from '@playwright/test';
+import type { Page } from '@playwright/test';
 import { expect as shortly, panel } from './fixtures';
 import { type Line, lineFile } from './line';
 
@@ -64,24 +64,25 @@ export async function identify(page: Page) {
   await next(page).click();
 }
 
-// Presses a button that moves the axis, in real time, until what it brings is seen. A computer that is busy for 100 ms lets the
-// drive react to the loss of its master, as it should: the fault is cleared, as a person would, and the motion repeated.
-// `before` is called before each try; what it returned before the last one is returned.
-export async function moveInTime<T>(page: Page, button: string, seen: Locator, before: () => Promise<T>): Promise<T> {
+// Presses a button that moves the axis, until what it brings is seen. On a computer that is busy for 100 ms a drive reacts to the
+// loss of its master, and the page ends its sequence, as they should: the fault is cleared, as a person would, and the button
+// pressed again. `before` is called before each try; what it returned before the last one is returned.
+export async function moveInTime<T>(page: Page, button: string, seen: () => Promise<boolean>, before: () => Promise<T>): Promise<T> {
   const main = page.getByRole('main');
   const clear = main.getByRole('button', { name: 'Clear fault' });
   const failed = main.getByRole('alert').locator('strong');
+  const press = main.getByRole('button', { name: button, exact: true });
   for (let tries = 8; ; --tries) {
     const from = await before();
-    await main.getByRole('button', { name: button, exact: true }).click();
-    await expect(seen.or(clear).or(failed).first()).toBeVisible();
-    if (await seen.isVisible()) return from;
-    const why = await main.getByRole('alert').allTextContents();
-    expect(why.join(' ')).toMatch(/watchdog|heartbeat|lost|left OP|no answer|does not answer/i);
-    expect(tries, `"${button}": ${why.join(' ')}`).toBeGreaterThan(0);
+    await press.click();
+    await expect.poll(async () => (await seen()) || (await clear.isVisible()) || (await failed.count()) > 0, { timeout: 300_000 }).toBe(true);
+    if (await seen()) return from;
+    const why = (await main.getByRole('alert').allTextContents()).join(' ');
+    expect(why).toMatch(/watchdog|heartbeat|lost|left OP|no answer|does not answer|page slept/i);
+    expect(tries, `"${button}": ${why}`).toBeGreaterThan(0);
     await expect(async () => {
       if (await clear.isVisible()) await clear.click();
-      await shortly(main.getByRole('button', { name: button, exact: true })).toBeEnabled({ timeout: 5000 });
+      await shortly(press).toBeEnabled({ timeout: 5000 });
     }).toPass({ timeout: 120_000 });
   }
 }
