@@ -64,9 +64,9 @@ export async function identify(page: Page) {
   await next(page).click();
 }
 
-// Presses a button that moves the axis, until what it brings is seen. On a computer that is busy for 100 ms a drive reacts to the
-// loss of its master, and the page ends its sequence, as they should: the fault is cleared, as a person would, and the button
-// pressed again. `before` is called before each try; what it returned before the last one is returned.
+// Presses a button that moves the axis, and polls `seen` until it is true. If the computer stalls for 100 ms, the drive may report
+// the loss of its master, or the page may end its sequence. The fault is then cleared, and the button pressed again. `before` is
+// called before each try; the function returns the last result of `before`.
 export async function moveInTime<T>(page: Page, button: string, seen: () => Promise<boolean>, before: () => Promise<T>): Promise<T> {
   const main = page.getByRole('main');
   const clear = main.getByRole('button', { name: 'Clear fault' });
