@@ -166,7 +166,7 @@ value = 3
     content = tomllib.loads(small.read_text())
     (rule,) = content["rule"]
     assert rule == {"name": "culprit", "on": {"message": "sdo_answer", "object": "6040"}, "do": "withhold", "times": 1}
-    assert content["seed"] == 1 and content["line"] == str(ROOT / "scenarios/lines/can.toml")
+    assert content["seed"] == 1 and content["duration_s"] == 60 and content["line"] == str(ROOT / "scenarios/lines/can.toml")
     assert (tmp_path / "big.toml").read_text() == text.replace("LINE", content["line"])
     # The small scenario fails in the same way, and is not written again because it cannot be made smaller.
     again = trial(tmp_path, {}, options=["--only", "minimal", "--json"], after="0.2")

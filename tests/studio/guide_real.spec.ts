@@ -13,6 +13,7 @@ const test = base.extend<{ axis: string; drives: Line; studio: Studio }>({
   axis: ['reference', { option: true }],
   drives: async ({ axis }, use) => {
     const line = await new Line(lineOf(axis, 'real'), ['can0=socketcand:127.0.0.1:0/can0', 'ecat=udp:127.0.0.1:0']).start();
+    if (axis === 'jmc') await line.waitForSlowMaster();
     await use(line);
     await line.end();
   },
