@@ -52,3 +52,11 @@ export function keep(values: Record<string, string | null>) {
   history.replaceState(null, '', url);
   tell();
 }
+
+// `keep` for a function that awaits something: it does nothing if another page is shown by then.
+export function keepHere(): typeof keep {
+  const { pathname } = location;
+  return (values) => {
+    if (location.pathname === pathname) keep(values);
+  };
+}

@@ -185,3 +185,21 @@ test('a recording with a move that the travel does not permit is refused, with t
   await type(page, 'Distance', 1, panel(page, 'Record'));
   await expect(record).toBeEnabled();
 });
+
+// The answer comes when the person looks at another page, whose address is its own.
+test('a recording that begins after the page was left changes no other page', async ({ page, open, line }) => {
+  await open('/scope');
+  let answer = () => {};
+  const held = new Promise<void>((resolve) => (answer = resolve));
+  await page.route('**/api/v1/recordings', async (route) => {
+    if (route.request().method() === 'POST') await held;
+    await route.continue();
+  });
+  await page.getByRole('button', { name: 'Move and record' }).click();
+  await expect.poll(async () => (await line.call<{ state: string }>('GET', '/axes/ismc')).state).toBe('operation enabled');
+  await page.getByRole('link', { name: 'Bus', exact: true }).click();
+  await expect(page).toHaveURL(/\/bus$/);
+  answer();
+  await expect.poll(async () => (await line.call<{ jobs: { do: string; state: string }[] }>('GET', '/jobs')).jobs.map((job) => `${job.do} ${job.state}`)).toContain('move done');
+  await expect(page).toHaveURL(/\/bus$/);
+});

@@ -129,6 +129,14 @@ const place = (axis: AxisView, facts: Facts) => {
 
 const latest = ({ name }: AxisView) => get<AxisView>(`/axes/${encodeURIComponent(name)}`);
 
+// Reads the position from the drive: the server's view of a drive on a bus may be older than the end of the last job.
+async function placeNow(axis: AxisView, facts: Facts) {
+  const [view, values] = await Promise.all([latest(axis), readValues(axis.name, ['6064:00'])]);
+  const seen = place(view, facts);
+  const actual = values['6064:00'];
+  return typeof actual === 'number' ? { ...seen, drive: actual } : seen;
+}
+
 // Runs the jobs of a motion one after the other. Each begins only if nothing else commanded the axis since the one before. The
 // first is a halt, sent at the press: a STOP of any client from then on keeps the others from beginning, also during the reads.
 export async function runMotion(facts: Facts, step: Step, motion: Motion, numbers: Numbers, keys: string[]): Promise<void> {
@@ -148,7 +156,7 @@ export async function runMotion(facts: Facts, step: Step, motion: Motion, number
     let before: Job | undefined;
     for (const [i, order] of orders.entries()) {
       if (i === 1) {
-        const from = place(await latest(axis), facts); // at rest
+        const from = await placeNow(axis, facts); // at rest
         setRun(axis, (run) => ({ ...run, from }));
         await noteMode(facts, step.id, motion.mode);
       }
@@ -243,7 +251,7 @@ async function complete(facts: Facts, last: Job | undefined): Promise<void> {
     if (measured) Object.assign(found, stepOf(guideOf(name, product), step.id).found.first ? { last: measured } : { first: measured });
   }
   if (last.do === 'move' && facts.scale) {
-    const now = place(await latest(axis), facts);
+    const now = await placeNow(axis, facts);
     const turns = (value: number) => fromDrive(facts.scale!, 'position', value);
     found.moved = { asked: numbers('distance'), drive: turns(now.drive - run.from.drive), shaft: now.shaft === null || run.from.shaft === null ? null : now.shaft - run.from.shaft };
   }

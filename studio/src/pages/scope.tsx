@@ -17,7 +17,7 @@ import { axisOf, isOver, ofAxis, queryOf, samplesOf, setupOf, type Samples, type
 import { greatestOf, isKnown, proposed } from '../model/units';
 import { attempt, complain } from '../notices';
 import { useResource } from '../resource';
-import { keep, useRoute } from '../route';
+import { keep, keepHere, useRoute } from '../route';
 import { useIsBusy, useLine, useMotionHindrance, usePowered } from '../store';
 import '../scope.css';
 
@@ -127,10 +127,11 @@ function Record({ setup }: { setup: Setup }) {
   const far = useHindrance(axis, withMove ? { by: turns } : null);
 
   const record = async () => {
+    const keepRecording = keepHere();
     const enabled = withMove ? await runJob(axis, { do: 'enable' }) : null;
     if (withMove && enabled?.state !== 'done') return;
     const { id } = await post<Recording>('/recordings', { name: name.trim(), channels, rate_hz, duration_ms, pre_ms, trigger });
-    keep({ rec: String(id), ...queryOf(setup) });
+    keepRecording({ rec: String(id), ...queryOf(setup) });
     if (enabled) {
       await runJob(axis, { do: 'move', ...following(enabled), units: 'revolutions', by: turns, velocity: rpm / 60, acceleration, deceleration: acceleration });
     }

@@ -7,7 +7,7 @@ import { addressOf } from '../model/objects';
 import type { Setup } from '../model/scope';
 import { attempt } from '../notices';
 import { useResource } from '../resource';
-import { keep } from '../route';
+import { keepHere } from '../route';
 import { useIsBusy, useLine, useMotionHindrance, usePowered } from '../store';
 import { Choice, Panel, Trouble } from './controls';
 import { NumberInput, NumbersButton } from './number_input';
@@ -40,6 +40,7 @@ export function Excite({ first }: { first: string }) {
 
   const run = async () => {
     if (!units || !objects) return;
+    const keepRecording = keepHere();
     const enabled = await runJob(axis, { do: 'enable' });
     if (enabled?.state !== 'done') return;
     const channels = channelsOf(axis, of, (object) => objects.some((entry) => addressOf(entry) === object));
@@ -55,7 +56,7 @@ export function Excite({ first }: { first: string }) {
     };
     const recording = await post<Recording>('/recordings', { name: `${kind} of the ${of}, ${axis}`, channels, rate_hz: setup.rate_hz, duration_ms: setup.duration_ms, pre_ms: setup.trigger.kind === 'now' ? 0 : setup.pre_ms, trigger: setup.trigger });
     // The address keeps the page's own channels and trigger: the recording has its own.
-    keep({ rec: String(recording.id), a: null, b: null, from: null, to: null, plot: kind === 'sweep' ? 'bode' : null });
+    keepRecording({ rec: String(recording.id), a: null, b: null, from: null, to: null, plot: kind === 'sweep' ? 'bode' : null });
     await runJob(axis, {
       do: kind, ...following(enabled), of, units: 'revolutions', amplitude: of === 'velocity' ? amplitude / 60 : amplitude, travel,
       ...(kind === 'sweep' ? { from_hz, to_hz, seconds } : { seconds: step_ms / 1000 }),

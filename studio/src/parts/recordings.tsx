@@ -4,7 +4,7 @@ import type { Recording } from '../api/types';
 import { isOver } from '../model/scope';
 import { fixed } from '../model/units';
 import { attempt } from '../notices';
-import { keep } from '../route';
+import { keep, keepHere } from '../route';
 import { Button, Panel } from './controls';
 
 const nameOf = ({ name, fault, channels }: Recording) =>
@@ -20,8 +20,9 @@ export function Recordings({ recordings, shown, overlays, memory, again }: {
   const lay = (id: string, on: boolean) => keep({ with: (on ? [...overlays, id] : overlays.filter((each) => each !== id)).join(',') });
   const drop = (recording: Recording) =>
     attempt(async () => {
+      const keepRecording = keepHere();
       await remove(`/recordings/${recording.id}`);
-      if (recording === shown) keep({ rec: null });
+      if (recording === shown) keepRecording({ rec: null });
       again();
     });
   return (

@@ -381,8 +381,11 @@ const unreported = (leave: Leave): Request[] =>
     Array.from({ length: count }, () => ({ tab: leave.tab, at: leave.at, n: 0, method: 'POST', path: `/axes/${encodeURIComponent(leave.axis)}/jobs`, body: { do: kind }, leave })),
   );
 
-// The first dashboard is the one that has no name in the address.
-const viewOf = (path: string) => (path === '/boards' ? '/boards?name=Monkey' : path);
+// A dashboard is shown until another page or another dashboard is. The first one has no name in the address.
+const viewOf = (path: string) => {
+  const { pathname, searchParams } = new URL(path, 'http://page');
+  return `${pathname} ${searchParams.get('name') ?? 'Monkey'}`;
+};
 
 // As Array.findLast, which Node.js 18 has and the types of ES2022 do not.
 const newest = <T>(all: T[], fits: (one: T) => boolean): T | undefined => [...all].reverse().find(fits);
