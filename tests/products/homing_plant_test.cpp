@@ -1,5 +1,6 @@
 #include <gtest/gtest.h>
 
+#include "draws.hpp"
 #include "drive/homing_figures.hpp"
 #include "products/generic402/generic402.hpp"
 #include "products/ismc/ismc.hpp"
@@ -66,7 +67,7 @@ void find_home_from_every_start() {
   for (const drive::Method& method : Device::policy.homing_methods) {
     const Figure& figure = *drive::test::figure_of(method.number);
     drive::test::Random random{static_cast<std::uint32_t>(5000 + method.number)};
-    for (int round = 0; round < 10; ++round) {
+    for (int round = 0; round < servodrome::test::draws(10); ++round) {
       for (const Start start : drive::test::starts) {
         const Setting setting = scaled_setting(figure, random);
         const World& world = setting.world;
@@ -113,7 +114,7 @@ void find_home_from_every_start() {
     }
   }
   std::printf("%d homings\n", runs);
-  EXPECT_GT(runs, 1500);
+  EXPECT_GT(runs, servodrome::test::draws(1500));
 }
 
 TEST(HomingOnPlant, OfIsmc) { find_home_from_every_start<products::Ismc>(); }

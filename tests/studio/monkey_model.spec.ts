@@ -157,6 +157,8 @@ test('a script ends when its dashboard is left, and the first dashboard has two 
     return bench.job('enable').found;
   };
   expect(script('/boards?name=Monkey')).toBe('');
+  expect(script('/boards?rec=1&plot=bode')).toBe('');
+  expect(script('/boards?name=Other')).toContain('which nobody asked for');
   expect(script('/bus')).toContain('which nobody asked for');
 });
 

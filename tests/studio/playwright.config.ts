@@ -1,4 +1,5 @@
 import { defineConfig } from '@playwright/test';
+import { browser } from './browser';
 
 // Debian's Chromium in front of the built program. The tests wait for what they see, not for a time: drives move no
 // faster on an idle machine, and slower on a busy one.
@@ -20,6 +21,6 @@ export default defineConfig({
   use: {
     viewport: { width: 1280, height: 820 },
     trace: 'retain-on-failure',
-    launchOptions: { executablePath: process.env.CHROMIUM ?? '/usr/bin/chromium', args: asRoot ? ['--no-sandbox'] : [] },
+    launchOptions: { executablePath: browser, args: asRoot ? ['--no-sandbox'] : [] },
   },
 });

@@ -4,6 +4,7 @@
 
 #include "axis/object_catalogue.hpp"
 #include "commissioning_rig.hpp"
+#include "draws.hpp"
 
 namespace servodrome::studio {
 namespace tuning_order_test {
@@ -142,8 +143,8 @@ TEST_P(Tuned, TheBigStopEndsItAtAnyMoment) {
   };
   const std::string measure = R"({"do": "tune", "seconds": 4})";
   const line::Time measured = duration(measure);
-  for (line::Time time = 300ms; time < measured - 1s; time += 1900ms) stop_after(measure, time);
-  for (line::Time time = measured - 1s; time < measured; time += 110ms) stop_after(measure, time);
+  for (line::Time time = 300ms; time < measured - 1s; time += test::stride * 1900ms) stop_after(measure, time);
+  for (line::Time time = measured - 1s; time < measured; time += test::stride * 110ms) stop_after(measure, time);
   if (axis_ != "generic402") return;
   const std::string apply = R"({"do": "tune", "apply": true, "seconds": 4})";
   const line::Time applied = duration(apply);
@@ -162,7 +163,7 @@ TEST_P(Tuned, TheBigStopEndsItAtAnyMoment) {
 // A controlword and a switch of the power are later commands than the job: it does not enable the axis again.
 TEST_P(Tuned, AnotherCommandEndsIt) {
   for (const char* command : {"controlword", "power"}) {
-    for (line::Time at = 200ms; at < 12s; at += 731ms) {
+    for (line::Time at = 200ms; at < 12s; at += test::stride * 731ms) {
       const json begun = begin(R"({"do": "tune", "seconds": 4})");
       pass(at);
       if (get(fmt::format("jobs/{}", begun["id"].get<int>()))["state"] != "running") break;

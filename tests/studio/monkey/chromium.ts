@@ -3,6 +3,7 @@ import { mkdtempSync, rmSync } from 'node:fs';
 import { tmpdir } from 'node:os';
 import { join } from 'node:path';
 import type { Readable, Writable } from 'node:stream';
+import { browser } from '../browser';
 
 // Chromium by its DevTools protocol over a pipe, with only what the monkey needs. Playwright would report each frame of each
 // WebSocket to the test, and search all earlier steps at each step: measured, it and the main process of the browser take
@@ -39,7 +40,7 @@ export class Chromium {
 
   constructor() {
     const more = process.getuid?.() === 0 ? ['--no-sandbox'] : [];
-    this.process = spawn(process.env.CHROMIUM ?? '/usr/bin/chromium', [...flags, ...more, `--user-data-dir=${this.folder}`, 'about:blank'], {
+    this.process = spawn(browser, [...flags, ...more, `--user-data-dir=${this.folder}`, 'about:blank'], {
       stdio: ['ignore', 'ignore', 'ignore', 'pipe', 'pipe'],
     });
     (this.process.stdio[4] as Readable).setEncoding('utf8').on('data', (data: string) => this.take(data));
