@@ -190,6 +190,25 @@ test('jogs while it is pressed, with the pointer and with the keyboard', async (
   await page.keyboard.up('Space');
 });
 
+// For example by a value that arrives meanwhile. A disabled button may miss that the pointer is released.
+test('a jog ends when its button is disabled under the pointer', async ({ page, open, line }) => {
+  await open('/axis/reference?do=jog');
+  await line.call('POST', '/axes/reference/jobs', { do: 'enable' });
+  const jog = page.getByRole('button', { name: 'Jog in positive direction' });
+  await expect(jog).toBeEnabled();
+  const speed = async () => Math.abs((await line.call<{ velocity_rpm: number }>('GET', '/axes/reference')).velocity_rpm);
+  await jog.hover();
+  await page.mouse.down();
+  await expect.poll(speed).toBeGreaterThan(20);
+  await page.getByRole('textbox', { name: 'Velocity', exact: true }).evaluate((field: HTMLInputElement) => {
+    Object.getOwnPropertyDescriptor(HTMLInputElement.prototype, 'value')!.set!.call(field, 'x');
+    field.dispatchEvent(new Event('input', { bubbles: true }));
+  });
+  await expect(jog).toBeDisabled();
+  await expect.poll(speed).toBeLessThan(1);
+  await page.mouse.up();
+});
+
 for (const { way, hold, release } of [
   { way: 'pointer', hold: async (jog: Locator, page: Page) => { await jog.hover(); await page.mouse.down(); }, release: (page: Page) => page.mouse.up() },
   { way: 'keyboard', hold: async (jog: Locator, page: Page) => { await jog.focus(); await page.keyboard.down('Space'); }, release: (page: Page) => page.keyboard.up('Space') },

@@ -41,6 +41,10 @@ export function JogButton({ axis, velocity, isDisabled, title, children, label }
     if (!isDisabled) jog.current?.press();
   };
   const release = () => jog.current?.release();
+  // A button that is disabled while it is pressed loses the focus without an event, and may miss the release.
+  useEffect(() => {
+    if (isDisabled) jog.current?.release();
+  }, [isDisabled]);
 
   useEffect(() => {
     const onHide = () => jog.current?.release();
