@@ -14,13 +14,13 @@ import pytest
 
 ROOT = pathlib.Path(__file__).parents[2]
 PROGRAM = os.environ["SERVODROME"]
-MASTER = [sys.executable, str(ROOT / "examples/masters/canopen_master.py"), "{host}", "{port}"]
+MASTER = [sys.executable, str(ROOT / "examples/masters/canopen_master.py"), "{host}", "{port}", "4"]  # patient, since the machine may be busy
 
 pytestmark = pytest.mark.once
 
-GOOD = 'title = "good"\nline = "LINE"\nmaster = "success"\n[[rule]]\non = { message = "sdo_answer", object = "6041" }\ndo = "delay"\nms = 2\n'
-MISSING = 'title = "missing"\nline = "LINE"\nmaster = "success"\n[[rule]]\non = { message = "sdo_answer", object = "6040" }\ndo = "withhold"\ntimes = 1\n'
-ELSEWHERE = 'title = "elsewhere"\nline = "LINE"\n[[rule]]\non = { message = "lss_request" }\ndo = "withhold"\n'
+GOOD = 'title = "good"\nline = "LINE"\nmaster = "success"\nduration_s = 60\n[[rule]]\non = { message = "sdo_answer", object = "6041" }\ndo = "delay"\nms = 2\n'
+MISSING = 'title = "missing"\nline = "LINE"\nmaster = "success"\nduration_s = 60\n[[rule]]\non = { message = "sdo_answer", object = "6040" }\ndo = "withhold"\ntimes = 1\n'
+ELSEWHERE = 'title = "elsewhere"\nline = "LINE"\nduration_s = 60\n[[rule]]\non = { message = "lss_request" }\ndo = "withhold"\n'
 HANGS = 'title = "hangs"\nline = "LINE"\nmaster = "success"\nduration_s = 1\n[[rule]]\ndo = "show"\nobject = "6041"\nvalue = 0\n'
 
 
