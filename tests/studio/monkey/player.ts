@@ -170,6 +170,8 @@ export class Player {
   }
 
   private async advance(ms: number) {
+    // A busy machine may answer a request of the page only while the time passes: it counts as served at the end of that time.
+    this.model.now += ms * ticksPerMs;
     const { ticks } = await this.line.call<{ ticks: number }>('POST', '/clock/advance', { ms });
     this.model.now = ticks;
     const until = performance.now() + 5000;
