@@ -41,7 +41,7 @@ export function JogButton({ axis, velocity, isDisabled, title, children, label }
     if (!isDisabled) jog.current?.press();
   };
   const release = () => jog.current?.release();
-  // A button that is disabled while it is pressed loses the focus without an event, and may miss the release.
+  // A browser need not report the release of a disabled button.
   useEffect(() => {
     if (isDisabled) jog.current?.release();
   }, [isDisabled]);
