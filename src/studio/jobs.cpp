@@ -198,8 +198,9 @@ void Jobs::carry_out(Job& job) {
     }
     Conduct conduct;
     conduct.released = [this, &job, &is_to_end] {
-      const bool silent = job.order.lives_on_signs && wall_clock_() - job.sign_of_life > longest_silence;
-      return is_to_end() || silent;
+      if (is_to_end()) return true;
+      note_silence(job);
+      return job.fell_silent;
     };
     conduct.progress = [this, &job](const char* doing, double share) { note_progress(job, doing, share); };
     conduct.product = drives_.product(job.axis);
@@ -221,8 +222,8 @@ void Jobs::carry_out(Job& job) {
     fail(JobError{error.what(), job.axis, "start the job again"});
   }
   if (master_axis.became_quick_stop()) {
-    job.note = fmt::format("the axis was not at rest {} ms after the halt, which became a quick stop",
-                           longest_halt / std::chrono::milliseconds(1));
+    job.note += fmt::format("{}the axis was not at rest {} ms after the halt, which became a quick stop",
+                            job.note.empty() ? "" : "; ", longest_halt / std::chrono::milliseconds(1));
   }
 }
 
@@ -233,6 +234,15 @@ void Jobs::explain_by_injection(Job& job) const {
   job.error->what =
       fmt::format("the fault cannot be reset, because an injected fault holds: {}", fmt::join(injected, ", "));
   job.error->hint = fmt::format("remove it: DELETE /api/v1/axes/{}/faults", job.axis);
+}
+
+// A later sign of life does not continue the motion.
+void Jobs::note_silence(Job& job) {
+  if (!job.order.lives_on_signs || job.fell_silent || wall_clock_() - job.sign_of_life <= longest_silence) return;
+  job.fell_silent = true;
+  job.note = fmt::format("the axis was halted, because no keep-alive request came for {} ms",
+                         longest_silence / std::chrono::milliseconds(1));
+  tell(job);
 }
 
 // Publishes progress when `doing` changes, and at every step of 5 %.

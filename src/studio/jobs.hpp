@@ -28,7 +28,8 @@ struct Job {
   std::string axis;
   Order order;
   JobState state = JobState::running;
-  bool cancelled = false;  // cancel was requested; the axis comes to rest
+  bool cancelled = false;    // cancel was requested; the axis comes to rest
+  bool fell_silent = false;  // its signs of life failed to appear; the axis comes to rest
   // No job begins `after` this one: a client has interrupted the sequence, and a stop is carried out nevertheless.
   bool breaks_sequence = false;
   std::uint64_t commands = 0;  // Drives::commands when it began
@@ -136,6 +137,7 @@ class Jobs {
   void abandon(Job& job, std::string reason);
   void tell(const Job& job) const;
   void explain_by_injection(Job& job) const;
+  void note_silence(Job& job);
   void note_progress(Job& job, const char* doing, double share) const;
 
   Drives& drives_;

@@ -191,7 +191,7 @@ Json view_of(const Job& job, bool with_found) {
             {"units", job.order.in_revolutions ? "revolutions" : "drive"},
             {"state", word(job.state)},
             {"began_tick", job.began_tick}};
-  if (job.state == JobState::running && job.cancelled) view["ending"] = true;
+  if (job.state == JobState::running && (job.cancelled || job.fell_silent)) view["ending"] = true;
   if (job.state == JobState::running && job.progress) {
     view["progress"] = {{"doing", job.progress->doing}, {"share", job.progress->share}};
   }

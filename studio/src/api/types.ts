@@ -207,6 +207,7 @@ export interface Job {
   do: string;
   units?: 'drive' | 'revolutions'; // units of the request and of result.position
   state: 'running' | 'done' | 'failed' | 'cancelled';
+  ending?: boolean; // it still runs, but its axis is coming to rest
   began_tick?: number;
   note?: string; // a remark, for example that a halt became a quick stop
   error?: Problem;

@@ -1,10 +1,10 @@
 // Jogs while a key or the pointer is pressed. A release takes the start back, and ends the jog if it has begun nevertheless.
-// `alive` is the keepalive of the server's dead man's switch: without it the server halts the axis. The release does not wait for
-// an `alive` that is on its way.
+// `alive` is the keepalive of the server's dead man's switch: without it the server halts the axis. It resolves to false if the
+// server has ended the jog. The release does not wait for an `alive` that is on its way.
 
 export interface JogDoes<Handle> {
   start(released: AbortSignal): Promise<Handle>;
-  alive(handle: Handle): Promise<unknown>;
+  alive(handle: Handle): Promise<boolean>;
   stop(handle: Handle): Promise<unknown>;
   failed(error: unknown): void;
 }
@@ -41,17 +41,18 @@ export class Jog<Handle> {
       return;
     }
     let onItsWay = false; // at most one `alive` at a time
-    let lost: { error: unknown } | undefined;
+    let isOver = false;
     const alive = async () => {
       onItsWay = true;
       try {
-        await this.does.alive(handle);
+        isOver = !(await this.does.alive(handle));
       } catch (error) {
-        lost = { error };
+        isOver = true;
+        if (!signal.aborted) this.does.failed(error);
       }
       onItsWay = false;
     };
-    for (let waited = 0; !signal.aborted && !lost; waited += poll_ms) {
+    for (let waited = 0; !signal.aborted && !isOver; waited += poll_ms) {
       if (waited >= alive_ms && !onItsWay) {
         waited = 0;
         void alive();
@@ -59,7 +60,6 @@ export class Jog<Handle> {
       await new Promise((resolve) => setTimeout(resolve, poll_ms));
     }
     end();
-    if (lost) this.does.failed(lost.error);
     await this.does.stop(handle).catch(() => undefined); // the job may be over already
   }
 }

@@ -119,7 +119,7 @@ describe('live buffer', () => {
 
 describe('jog', () => {
   const later = (ms: number) => new Promise((resolve) => setTimeout(resolve, ms));
-  const does = (start: () => Promise<number>) => ({ start: vi.fn(start), alive: vi.fn(() => Promise.resolve()), stop: vi.fn(() => Promise.resolve()), failed: vi.fn() });
+  const does = (start: () => Promise<number>) => ({ start: vi.fn(start), alive: vi.fn(() => Promise.resolve(true)), stop: vi.fn(() => Promise.resolve()), failed: vi.fn() });
 
   test('lives while it is pressed and stops once', async () => {
     vi.useFakeTimers();
@@ -161,7 +161,7 @@ describe('jog', () => {
   });
   test('the release does not wait for a sign of life that is on its way', async () => {
     vi.useFakeTimers();
-    const calls = { ...does(() => Promise.resolve(7)), alive: vi.fn(() => new Promise(() => undefined)) };
+    const calls = { ...does(() => Promise.resolve(7)), alive: vi.fn(() => new Promise<boolean>(() => undefined)) };
     const jog = new Jog(calls);
     jog.press();
     await vi.advanceTimersByTimeAsync(1000);
@@ -170,6 +170,21 @@ describe('jog', () => {
     jog.release();
     await vi.advanceTimersByTimeAsync(20);
     expect(calls.stop).toHaveBeenCalledExactlyOnceWith(7);
+    vi.useRealTimers();
+  });
+  test('a jog that the server has ended asks no more, until it is pressed again', async () => {
+    vi.useFakeTimers();
+    const calls = { ...does(() => Promise.resolve(9)), alive: vi.fn(() => Promise.resolve(false)) };
+    const jog = new Jog(calls);
+    jog.press();
+    await vi.advanceTimersByTimeAsync(1000);
+    expect(calls.alive).toHaveBeenCalledOnce();
+    expect(calls.failed).not.toHaveBeenCalled();
+    jog.press();
+    await vi.advanceTimersByTimeAsync(20);
+    expect(calls.start).toHaveBeenCalledTimes(2);
+    jog.release();
+    await vi.advanceTimersByTimeAsync(100);
     vi.useRealTimers();
   });
   test('a refused sign of life ends the jog', async () => {

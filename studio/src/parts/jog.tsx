@@ -32,7 +32,10 @@ export function JogButton({ axis, velocity, isDisabled, title, children, label }
         throw error;
       }
     },
-    alive: (job) => post(`/jobs/${job.id}/alive`),
+    alive: async (job) => {
+      const now = await post<Job>(`/jobs/${job.id}/alive`);
+      return now.state === 'running' && now.ending !== true;
+    },
     stop: endJob,
     failed: complain,
   });
