@@ -76,9 +76,13 @@ export function JogButton({ axis, velocity, isDisabled, title, children, label }
       aria-label={label}
       disabled={isDisabled}
       title={title}
+      // The press ends when the focus is lost, so the button takes it itself: a browser need not focus a button that is pressed.
       onPointerDown={(event) => {
-        if (event.button === 0) press();
+        if (event.button !== 0) return;
+        event.currentTarget.focus();
+        press();
       }}
+      onMouseDown={(event) => event.preventDefault()}
       onPointerLeave={release}
       onBlur={release}
       onContextMenu={(event) => event.preventDefault()}
