@@ -2,6 +2,7 @@
 // interpolated position synchronised by SYNC (ch. 9.4), homing (ch. 9.5).
 //
 //   06_pronet_chapter_9 [LINK]                          node 3, as on the line that ./run starts
+#include "catalogue/product.hpp"
 #include "axis/axis402.hpp"
 #include "axis/cyclic/can_cyclic_bus.hpp"
 #include "axis/cyclic/motion_group.hpp"
@@ -99,7 +100,7 @@ void interpolated_position(master::Bus& bus) {
 // 9.4, with method 35, because the manual's method 4 needs a home switch and an index. Writes both speeds; the manual
 // omits 6099h sub 1.
 void homing(master::SdoClient& drive) {
-  master::Axis402 axis(drive, {.dialect = master::dialect_of("pronet")});
+  master::Axis402 axis(drive, {.product = &catalogue::product_of("pronet")});
   axis.enable();
   axis.home({.method = 35, .switch_speed = 1000, .zero_speed = 100}, 30s);
   examples::expect_near("home", axis.position(), 0, 20);

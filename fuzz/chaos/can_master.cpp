@@ -4,6 +4,7 @@
 #include "axis/axis402.hpp"
 #include "axis/cyclic/can_cyclic_bus.hpp"
 #include "axis/cyclic/motion_group.hpp"
+#include "catalogue/product.hpp"
 #include "links/can/client.hpp"
 #include "master/canopen/sdo_client.hpp"
 #include "masters.hpp"
@@ -29,7 +30,7 @@ class Station {
         subject_(subject),
         random_(random),
         objects_(bus, subject.axis->device().node_id(), {.timeout = answer_timeout, .retries = 2}),
-        axis_(objects_, {.state_timeout = 1s, .dialect = master::dialect_of(subject.variant->product->name)}) {}
+        axis_(objects_, {.state_timeout = 1s, .product = &catalogue::product_of(subject.variant->product->name)}) {}
 
   // Does one step towards operation, or gives one command.
   void visit() {
@@ -173,7 +174,8 @@ class Group {
   }
   static master::CanDrive drive_of(const Subject& subject) {
     master::CanDrive drive = master::synchronous_position_drive(subject.axis->device().node_id());
-    for (const master::CycleObject& object : master::dialect_of(subject.variant->product->name).cycle_objects) {
+    for (const catalogue::CycleObject& object :
+         catalogue::product_of(subject.variant->product->name).dialect.cycle_objects) {
       drive.values.push_back({object.object, object.value_of(period), object.bytes});
     }
     return drive;

@@ -23,9 +23,9 @@ Variant variant_of(const line::Product& product, std::string_view model) {
   variant.model = model;
   variant.units = drive.axis().units;
   variant.max_speed_rpm = static_cast<double>(drive.configuration().motor.max_speed_rpm);
-  variant.modes = drive.policy().supported_modes;
-  variant.records = drive.policy().interpolation != drive::Interpolation::target;
-  for (const drive::Method& method : drive.policy().homing_methods) {
+  variant.modes = drive.policy().modes.supported;
+  variant.records = drive.policy().interpolation.source != drive::Interpolation::target;
+  for (const drive::Method& method : drive.policy().homing.methods) {
     variant.homing_methods.push_back(static_cast<std::uint16_t>(method.number));
   }
   dictionary::Dictionary& objects = line.axes().front()->device().bus_dictionary();

@@ -504,7 +504,7 @@ class Life::Machine final : public FrameListener {
       if (std::abs(axis(i).plant().velocity_rpm()) > 5.0 || drive.axis().demand.velocity != 0.0F)
         continue;  // it still brakes; the invariants of stops check that
       const bool by_power =
-          std::any_of(drive.policy().faults.begin(), drive.policy().faults.end(), [&](const auto& row) {
+          std::any_of(drive.policy().faults.rows.begin(), drive.policy().faults.rows.end(), [&](const auto& row) {
             return drive.is_active(row.cause) &&
                    (row.reset != drive::ResetRule::when_cause_gone || lasts(i, row.cause));
           });

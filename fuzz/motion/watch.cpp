@@ -167,7 +167,7 @@ void Watch::ramps() {
 double Watch::steepest() const {
   std::uint32_t most = std::max({objects_.profile_acceleration, objects_.profile_deceleration,
                                  objects_.quick_stop_deceleration, objects_.homing_acceleration});
-  if (drive_.policy().zero_ramps_are_greatest)
+  if (drive_.policy().ramps.zeros_are_greatest)
     most = std::max({most, objects_.max_acceleration, objects_.max_deceleration});
   return most * drive_.axis().units.acceleration;
 }
@@ -200,7 +200,7 @@ double Watch::lag(double velocity) const {
 
 std::int64_t Watch::demand_cycle() const {
   const std::uint8_t own = drive_.configuration().rates.position_loop_ticks;
-  return own != 0 ? own : drive_.policy().position_loop_ticks;
+  return own != 0 ? own : drive_.policy().loops.position_ticks;
 }
 
 // The additional time, in s, that a change of speed by `speed` (counts/s) takes compared with a linear ramp. A

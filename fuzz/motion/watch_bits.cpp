@@ -87,7 +87,7 @@ void Watch::bits() {
 void Watch::look_up_bits() {
   using enum drive::StatusSource;
   const auto shows = [this](unsigned bit, drive::StatusSource source) {
-    const auto& rows = drive_.policy().status_bits;
+    const auto& rows = drive_.policy().status.bits;
     return std::any_of(rows.begin(), rows.end(), [&](const drive::StatusBit& row) {
       return row.bit == bit && row.source == source && (row.modes & drive::mode_bit(mode_)) != 0;
     });

@@ -83,7 +83,7 @@ void Watch::demand() {
   if (!gains) return;
   // From rest the demand may begin with the 6082h of its set-point.
   const double begins_with =
-      drive_.policy().end_velocity_is_start && before.velocity == 0.0 ? end_velocity_given_ : 0.0;
+      drive_.policy().positioning.end_velocity_is_start && before.velocity == 0.0 ? end_velocity_given_ : 0.0;
   // Without any ramp to brake, the axis brakes at the current limit, and only the acceleration after that is a ramp.
   const drive::Axis& axis = drive_.axis();
   const bool turns_at_once = turns && axis.profile_deceleration() <= 0.0 && axis.quick_stop_ramp() <= 0.0;
@@ -177,7 +177,7 @@ void Watch::after_halt(const Demand& demand, double seconds) {
                     drive::command_of(word) == drive::Command::enable_operation &&
                     (mode_ == Mode::profile_position || mode_ == Mode::profile_velocity);
   const bool halt =
-      (word & controlword::halt) != 0 && (drive_.policy().modes_without_halt & drive::mode_bit(mode_)) == 0;
+      (word & controlword::halt) != 0 && (drive_.policy().modes.without_halt & drive::mode_bit(mode_)) == 0;
   const bool ended = std::exchange(halted_, runs && halt) && runs && !halt;
   const drive::Axis& axis = drive_.axis();
   const bool held =

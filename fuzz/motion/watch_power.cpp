@@ -47,7 +47,7 @@ bool allowed(PowerState from, PowerState to) {
 
 void Watch::power() {
   const bool allowed_here =
-      has_stage(state_) || (state_ == PowerState::switched_on && drive_.policy().energised_in_switched_on) ||
+      has_stage(state_) || (state_ == PowerState::switched_on && drive_.policy().power.energised_in_switched_on) ||
       // the brake closes before the power is switched off
       (drive_.configuration().has_brake() && tick_ - state_since_ < ms(drive_.configuration().brake_engage_ms + 2.0));
   unpowered_ticks_ = (pwm_ || shorted_) && !allowed_here ? unpowered_ticks_ + 1 : 0;

@@ -26,7 +26,7 @@ void Watch::stops() {
   }
   const bool resets = (objects_.controlword & controlword::fault_reset) != 0;
   const bool halt = (objects_.controlword & controlword::halt) != 0 &&
-                    (drive_.policy().modes_without_halt & drive::mode_bit(mode_)) == 0 && mode_ != Mode::none;
+                    (drive_.policy().modes.without_halt & drive::mode_bit(mode_)) == 0 && mode_ != Mode::none;
   if (state_ == PowerState::quick_stop_active) {
     kind = StopKind::quick;
   } else if (state_ == PowerState::fault_reaction_active) {
@@ -153,7 +153,7 @@ bool Watch::swings_about_rest() const {
 }
 
 void Watch::limit_switches() {
-  if (drive_.policy().limit_switches != drive::LimitSwitches::stop) return;
+  if (drive_.policy().limits.switches != drive::LimitSwitches::stop) return;
   const std::uint32_t inputs = axis_.feedback().inputs;
   const bool any = (inputs & (negative_wire_ | positive_wire_)) != 0;
   const bool moves = drive_.axis().demand.velocity != 0.0F;

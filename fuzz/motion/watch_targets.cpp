@@ -30,7 +30,8 @@ void Watch::set_points() {
   const bool changed = objects_.target_position != target_before_;
   target_before_ = objects_.target_position;
   const bool at_switch = axis.at_limit_switch();
-  const bool bounded = axis.software_limits_active() && drive_.policy().out_of_limits != drive::OutOfLimits::fault;
+  const bool bounded =
+      axis.software_limits_active() && drive_.policy().limits.target_beyond != drive::OutOfLimits::fault;
   const bool limited = at_switch || (axis.software_limits_active() && !bounded);
   // The stop at a limit switch ends with the shaft's rest. Until then an earlier set-point waits, and if that one leads
   // into the limit, the stop discards the later ones.
@@ -39,12 +40,12 @@ void Watch::set_points() {
     // Its 6081h may be the present one or that of the previous tick.
     const double asked = std::max(velocity_before, objects_.profile_velocity) * axis.units.velocity;
     const bool at_once = (word & controlword::mode_bit_5) != 0 && ready_before;
-    at_once_ = {at_once && !drive_.policy().end_velocity_is_start, false, tick_, asked};
+    at_once_ = {at_once && !drive_.policy().positioning.end_velocity_is_start, false, tick_, asked};
     const bool relative = (word & controlword::mode_bit_6) != 0;
     // Other bits of 60F2h (2 to 5) change when the motion begins. 6082h is the speed at its beginning in some
     // products, at its target in others.
     constexpr int plain_options = 0xC3;
-    const bool passes = objects_.end_velocity != 0 && !drive_.policy().end_velocity_is_start;
+    const bool passes = objects_.end_velocity != 0 && !drive_.policy().positioning.end_velocity_is_start;
     const bool usual = (word & controlword::mode_bit_9) == 0 &&
                        (objects_.positioning_option_code & ~plain_options) == 0 && objects_.profile_velocity != 0 &&
                        objects_.profile_acceleration != 0 && objects_.profile_deceleration != 0 &&
@@ -63,7 +64,7 @@ void Watch::set_points() {
     const bool above = axis.active(drive::Signal::positive_limit);
     const double least = 0.3 * counts_per_revolution_;
     set_point_.leaves = usual && standing && relative && !changed && below != above && !axis.software_limits_active() &&
-                        (drive_.policy().limit_switches == drive::LimitSwitches::stop) && acceleration_ > 0.0 &&
+                        (drive_.policy().limits.switches == drive::LimitSwitches::stop) && acceleration_ > 0.0 &&
                         (below ? target > least : target < -least);
     set_point_.from = position_;
     set_point_.direction = below ? 1.0 : -1.0;
@@ -213,7 +214,7 @@ void Watch::off_limit() {
   }
   const double slowest_rpm = 4.0 * still_rpm;
   const bool judged = state_ == PowerState::operation_enabled && pwm_ && judgeable_ && acceleration_ > 0.0 &&
-                      stop_.kind == StopKind::none && drive_.policy().limit_switches == drive::LimitSwitches::stop &&
+                      stop_.kind == StopKind::none && drive_.policy().limits.switches == drive::LimitSwitches::stop &&
                       !axis.software_limits_active() && tick_ - frame_since_ > 2 * cycle_ticks &&
                       (axis.controlword & controlword::halt) == 0 &&
                       objects_.min_position_range_limit == objects_.max_position_range_limit &&

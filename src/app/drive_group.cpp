@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 
 #include "app/commands.hpp"
+#include "catalogue/product.hpp"
 
 namespace servodrome::app {
 namespace {
@@ -40,7 +41,7 @@ void DriveGroup::add_axis(std::unique_ptr<master::ObjectClient> objects, const l
   }
   axes_.push_back(std::make_unique<master::Axis402>(
       *objects,
-      master::AxisOptions{.dialect = master::dialect_of(product != nullptr ? product->name : std::string_view{}),
+      master::AxisOptions{.product = &catalogue::product_of(product != nullptr ? product->name : std::string_view{}),
                           .cancelled = cancelled_}));
   objects_.push_back(std::move(objects));
 }

@@ -5,6 +5,7 @@
 
 #include "app/commands.hpp"
 #include "app/recognition.hpp"
+#include "catalogue/product.hpp"
 #include "describe/words.hpp"
 #include "links/ethercat/link_name.hpp"
 #include "links/link_error.hpp"
@@ -360,7 +361,7 @@ void check_that_it_moves(const line::Product& product, const std::string& where)
 }
 
 std::unique_ptr<master::Axis402> DriveLink::open_axis(master::ObjectClient& objects, master::AxisOptions options) {
-  if (product() != nullptr) options.dialect = master::dialect_of(product()->name);
+  if (product() != nullptr) options.product = &catalogue::product_of(product()->name);
   if (on<Modbus>() != nullptr) check_that_it_moves(*product_, objects_->where());
   if (!options.cancelled) options.cancelled = InterruptGuard::interrupted;
   return std::make_unique<master::Axis402>(objects, options);

@@ -6,6 +6,7 @@
 #include "app/bus_options.hpp"
 #include "app/number_options.hpp"
 #include "app/unit_options.hpp"
+#include "catalogue/product.hpp"
 
 // Shared by the commands that move one axis.
 namespace servodrome::app {
@@ -49,7 +50,7 @@ class Units {
   }
 
  private:
-  master::AxisUnits units_;
+  catalogue::AxisUnits units_;
 };
 
 // Result of a motion: a word for it ("moved"), and further values to print.

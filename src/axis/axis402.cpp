@@ -7,7 +7,7 @@
 
 #include "axis/cia402_words.hpp"
 #include "axis/fault_report.hpp"
-#include "describe/status_words.hpp"
+#include "catalogue/status_words.hpp"
 
 namespace servodrome::master {
 
@@ -29,14 +29,14 @@ std::string text_of_statusword(std::uint16_t statusword, std::string_view produc
   std::string names;
   for (unsigned bit = 0; bit < 16; ++bit) {
     if ((unsigned{statusword} >> bit & 1U) == 0) continue;
-    const std::string_view name = describe::status_bit_name(product, bit, mode);
+    const std::string_view name = catalogue::status_bit_name(product, bit, mode);
     names += fmt::format("{}{}", names.empty() ? "" : ", ", name.empty() ? fmt::format("bit {}", bit) : name);
   }
   return fmt::format("{:04X}h ({})", statusword, names.empty() ? "no bit set" : names);
 }
 
 std::string_view name(OperationMode mode, std::string_view product) {
-  return describe::mode_name(product, static_cast<std::int8_t>(mode));
+  return catalogue::mode_name(product, static_cast<std::int8_t>(mode));
 }
 
 std::int32_t Axis402::position() {
@@ -77,14 +77,14 @@ AxisStatus Axis402::status() {
 
 void Axis402::fail(const std::string& happened, const std::string& remedy) {
   const std::uint16_t word = statusword();
-  const std::string_view product = options_.dialect.product;
+  const std::string_view product = options_.product->name;
   std::string shown =
       fmt::format("state {}, statusword {}", drive::name(state_of(word)), text_of_statusword(word, product, mode()));
   std::string to_do = remedy;
   if (const auto code = objects_.read_if_present<std::uint16_t>(0x603F); code && *code != 0) {
     const ReportedFault fault = fault_of_code(*code, {0x603F, 0}, product);
     shown += ", error code 603Fh " + text_of(fault, product);
-    for (const describe::FaultText* meaning : fault.meanings) {
+    for (const catalogue::FaultText* meaning : fault.meanings) {
       to_do += fmt::format(". {}: {} {}", meaning->text, meaning->cause, meaning->remedy);
     }
   }
@@ -228,8 +228,8 @@ void Axis402::set_mode(OperationMode mode) {
   if (number > 0) {
     const auto supported = objects_.read_if_present<std::uint32_t>(0x6502);
     if (supported && (*supported >> (number - 1) & 1U) == 0) {
-      fail(fmt::format("the drive does not have mode {} ({}); 6502h is {:08X}h", number,
-                       name(mode, options_.dialect.product), *supported),
+      fail(fmt::format("the drive does not have mode {} ({}); 6502h is {:08X}h", number, name(mode, product().name),
+                       *supported),
            "choose another mode");
     }
   }
@@ -237,8 +237,8 @@ void Axis402::set_mode(OperationMode mode) {
   const Time deadline = objects_.now() + options_.state_timeout;
   while (this->mode() != number) {
     if (objects_.now() >= deadline) {
-      fail(fmt::format("the drive did not accept mode {} ({}); 6061h is {}", number,
-                       name(mode, options_.dialect.product), this->mode()),
+      fail(fmt::format("the drive did not accept mode {} ({}); 6061h is {}", number, name(mode, product().name),
+                       this->mode()),
            "stop or disable the drive first, and check that no other master writes 6060h");
     }
     pause();
@@ -266,7 +266,7 @@ std::optional<AxisUnits> Axis402::units_per_count() {
 // A drive whose units are in its dialect (from its manual) may have factors. The position unit before these factors is
 // an increment of the encoder.
 std::optional<double> Axis402::counts_per_revolution() {
-  const Dialect& dialect = options_.dialect;
+  const catalogue::Dialect& dialect = product().dialect;
   if (!dialect.units) return ratio(0x608F);
   if (!dialect.encoder_counts) return dialect.units->position;
   const auto counts =
@@ -276,7 +276,7 @@ std::optional<double> Axis402::counts_per_revolution() {
 }
 
 std::optional<AxisUnits> Axis402::units(std::optional<double> position) {
-  const Dialect& dialect = options_.dialect;
+  const catalogue::Dialect& dialect = product().dialect;
   if (dialect.units) {
     AxisUnits units = *dialect.units;
     if (!position) {

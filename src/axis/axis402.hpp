@@ -4,11 +4,13 @@
 #include <initializer_list>
 #include <utility>
 
-#include "axis/dialect.hpp"
+#include "catalogue/product.hpp"
 #include "drive/power/power_state.hpp"
 #include "master/object_client.hpp"
 
 namespace servodrome::master {
+
+using catalogue::AxisUnits;
 
 using drive::PowerState;
 
@@ -45,7 +47,7 @@ struct AxisOptions {
   Time enable_timeout = std::chrono::seconds(5);      // for each step of enabling: precharge, brake
   Time reset_timeout = std::chrono::seconds(2);       // for a fault reset, from the edge of the controlword's bit
   Time poll_interval = std::chrono::milliseconds(5);  // between two reads of the statusword
-  Dialect dialect{};
+  const catalogue::Product* product = &catalogue::cia402::product;  // what is known about the drive
   // If the halt by stop() lasts longer than this, stop() changes to a quick stop. nullopt: no such limit; the halt may
   // last as long as the axis keeps slowing down.
   std::optional<Time> longest_halt{};
@@ -228,7 +230,7 @@ class Axis402 {
   void forget_units() { rest_distance_.reset(); }
 
   ObjectClient& objects() { return objects_; }
-  const Dialect& dialect() const { return options_.dialect; }
+  const catalogue::Product& product() const { return *options_.product; }
   std::uint16_t address() const { return objects_.address(); }  // node-ID, station, unit or position on the bus
   std::optional<Emergency> latest_emergency() { return objects_.latest_emergency(); }
 

@@ -7,6 +7,7 @@
 
 #include "axis/axis402.hpp"
 #include "axis/cia402_words.hpp"
+#include "catalogue/product.hpp"
 
 namespace servodrome::master {
 void Axis402::require_enabled(const char* doing) {
@@ -79,7 +80,7 @@ void Axis402::home(const HomingRequest& request, Time timeout, const Progress& p
   write_if_given(0x609A, 0, request.acceleration);
   write_if_given(0x607C, 0, request.offset);
   write_controlword(command_word::enable_operation | start_homing);
-  const HomingSignals& signals = options_.dialect.homing_signals;
+  const catalogue::HomingSignals& signals = product().dialect.homing_signals;
   const std::string doing = fmt::format("homing by method {}", objects_.read<std::int8_t>(0x6098));
   follow(timeout, progress, doing, [&](std::uint16_t word) {
     if ((word & signals.error) != 0) {
@@ -202,7 +203,7 @@ bool Axis402::stands() {
 }
 
 bool Axis402::is_outside_range(std::int64_t goal) {
-  if (!options_.dialect.has_position_range) return false;
+  if (!product().dialect.has_position_range) return false;
   const auto lowest = objects_.read_if_present<std::int32_t>(0x607B, 1);
   const auto highest = objects_.read_if_present<std::int32_t>(0x607B, 2);
   return lowest && highest && *lowest < *highest && (goal < *lowest || goal > *highest);

@@ -73,7 +73,7 @@ void Axis402::take_back_targets_before_enabling() {
     const auto problem = take_back(target.index, target.rest == StandingTarget::Rest::present_position);
     if (!problem || !acts_in(target, present)) continue;
     fail(fmt::format("the axis would move as soon as it is enabled in {}: {}",
-                     name(static_cast<OperationMode>(present), options_.dialect.product), *problem),
+                     name(static_cast<OperationMode>(present), product().name), *problem),
          "check what else writes this target (process data of another master, an input, a limit), or choose another "
          "mode (6060h)");
   }

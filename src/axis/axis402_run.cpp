@@ -51,8 +51,8 @@ void Axis402::change_velocity(std::int32_t velocity) {
   const auto present = static_cast<OperationMode>(mode());
   if (present == OperationMode::profile_velocity) return objects_.write<std::int32_t>(0x60FF, 0, velocity);
   if (present != OperationMode::profile_position || !goal_ || velocity <= 0) {
-    fail(fmt::format("the velocity of this motion ({}) cannot be changed to {}",
-                     name(present, options_.dialect.product), velocity),
+    fail(fmt::format("the velocity of this motion ({}) cannot be changed to {}", name(present, product().name),
+                     velocity),
          "it can be changed during a move (to a value above 0) and in profile velocity");
   }
   objects_.write<std::uint32_t>(0x6081, 0, static_cast<std::uint32_t>(velocity));
@@ -291,7 +291,7 @@ void Axis402::resume() {
   if (!halted_) return;
   require_enabled("go on");
   const bool moves = mode() == static_cast<std::int8_t>(OperationMode::profile_position);
-  if (moves && options_.dialect.halt_drops_target) {
+  if (moves && product().dialect.halt_drops_target) {
     if (!goal_) fail("the drive has dropped the halted move", "order it anew");
     return hand_over(*goal_, command_word::enable_operation);
   }

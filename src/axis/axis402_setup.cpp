@@ -3,6 +3,7 @@
 #include <vector>
 
 #include "axis/axis402.hpp"
+#include "catalogue/product.hpp"
 
 namespace servodrome::master {
 namespace {
@@ -21,7 +22,7 @@ unsigned shift_of(std::uint8_t probe) { return probe == 2 ? 8 : 0; }
 }  // namespace
 
 AxisLimits Axis402::limits() {
-  const SoftwareLimitSubs subs = options_.dialect.software_limits;
+  const catalogue::SoftwareLimitSubs subs = product().dialect.software_limits;
   AxisLimits limits;
   limits.lowest_position = objects_.read_if_present<std::int32_t>(0x607D, subs.lowest);
   limits.highest_position = objects_.read_if_present<std::int32_t>(0x607D, subs.highest);
@@ -45,7 +46,7 @@ void Axis402::set_limits(const AxisLimits& limits) {
     ObjectAddress object;
     std::optional<std::int64_t> value;
   };
-  const SoftwareLimitSubs subs = options_.dialect.software_limits;
+  const catalogue::SoftwareLimitSubs subs = product().dialect.software_limits;
   const Change changes[] = {{{0x607D, subs.lowest}, limits.lowest_position},
                             {{0x607D, subs.highest}, limits.highest_position},
                             {{0x607F, 0}, limits.profile_velocity},

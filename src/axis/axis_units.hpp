@@ -6,10 +6,12 @@
 #include <string>
 #include <string_view>
 
-#include "axis/dialect.hpp"
+#include "catalogue/dialect.hpp"
 
 // Units in which users enter and read the positions, velocities and accelerations of an axis.
 namespace servodrome::master {
+
+using catalogue::AxisUnits;
 
 class Axis402;
 

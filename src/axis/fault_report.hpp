@@ -2,8 +2,8 @@
 
 #include <vector>
 
-#include "axis/dialect.hpp"
-#include "describe/fault_texts.hpp"
+#include "catalogue/fault_texts.hpp"
+#include "catalogue/product.hpp"
 #include "drive/power/power_state.hpp"
 #include "master/object_client.hpp"
 
@@ -12,10 +12,10 @@ namespace servodrome::master {
 
 struct ReportedFault {
   std::uint16_t code = 0;   // 0: the drive reports no code
-  std::uint16_t alarm = 0;  // the product's own number, if the source object has one; see describe::FaultText
+  std::uint16_t alarm = 0;  // the product's own number, if the source object has one; see catalogue::FaultText
   ObjectAddress source;
   // Possible meanings: several if the code alone does not distinguish the alarms. Empty: unknown.
-  std::vector<const describe::FaultText*> meanings{};
+  std::vector<const catalogue::FaultText*> meanings{};
 
   friend bool operator==(const ReportedFault&, const ReportedFault&) = default;
 };
@@ -34,7 +34,7 @@ struct FaultReport {
 ReportedFault fault_of_code(std::uint16_t code, ObjectAddress source, std::string_view product);
 
 // Only reads. Throws ObjectError.
-FaultReport read_faults(ObjectClient& objects, const Dialect& dialect);
+FaultReport read_faults(ObjectClient& objects, const catalogue::Product& product);
 
 // Clears 1003h. Throws ObjectError, also if the drive does not have the object.
 void clear_fault_history(ObjectClient& objects);

@@ -308,12 +308,12 @@ void Composer::settle_mapping(std::uint16_t index, Pdo direction) {
 // ---- Motion ----
 
 void Composer::choose_modes() {
-  const std::uint32_t reference = made_.policy.supported_modes;
+  const std::uint32_t reference = made_.policy.modes.supported;
   Entry* supported = find(0x6502, 0);
   if (supported == nullptr) return;
   if (supported->default_value == 0) supported->default_value = reference;  // not given
   const auto described = static_cast<std::uint32_t>(supported->default_value);
-  made_.policy.supported_modes = described & reference;
+  made_.policy.modes.supported = described & reference;
   std::vector<std::string> absent;
   for (unsigned bit = 0; bit < 32; ++bit) {
     if (((described & ~reference) >> bit & 1) == 0) continue;
@@ -323,7 +323,7 @@ void Composer::choose_modes() {
 }
 
 void Composer::choose_homing_methods() {
-  const auto all = made_.policy.homing_methods;
+  const auto all = made_.policy.homing.methods;
   std::vector<std::string> absent;
   for (unsigned sub = 1; sub < 255; ++sub) {
     const Entry* listed = made_.find(0x60E3, static_cast<std::uint8_t>(sub));
@@ -340,7 +340,7 @@ void Composer::choose_homing_methods() {
     made_.homing_methods.assign(all.begin(), all.end());
   }
   if (!absent.empty()) made_.not_simulated.push_back(fmt::format("homing methods {}", fmt::join(absent, ", ")));
-  made_.policy.homing_methods = made_.homing_methods;
+  made_.policy.homing.methods = made_.homing_methods;
 }
 
 // Replaces zeros that would stop the axis, and converts the reference drive's speeds and ramps to the described units.

@@ -13,7 +13,7 @@ bool Axis::range_set() const {
 
 Axis::UserLimits Axis::software_limits() const {
   UserLimits limits{objects.min_position_limit, objects.max_position_limit};
-  if (policy.software_limits_switch_range_off || !range_set()) return limits;
+  if (policy.limits.software_switches_range_off || !range_set()) return limits;
   return {std::max<std::int64_t>(limits.least, objects.min_position_range_limit),
           std::min<std::int64_t>(limits.greatest, objects.max_position_range_limit)};
 }
@@ -24,10 +24,10 @@ bool Axis::software_limits_active() const {
   if (low >= high) return false;
   if (low == std::numeric_limits<std::int32_t>::min() && high == std::numeric_limits<std::int32_t>::max()) return false;
   // If 607Dh allows the whole range 607Bh, there are no limits, because positions wrap around.
-  const bool whole_range = !policy.software_limits_switch_range_off && range_set() &&
+  const bool whole_range = !policy.limits.software_switches_range_off && range_set() &&
                            low <= objects.min_position_range_limit && high >= objects.max_position_range_limit;
   const UserLimits limits = software_limits();
-  return !whole_range && limits.least < limits.greatest && (homed || !policy.software_limits_need_homing);
+  return !whole_range && limits.least < limits.greatest && (homed || !policy.limits.software_needs_homing);
 }
 
 bool Axis::beyond_software_limits() const {
@@ -57,7 +57,7 @@ bool Axis::at_limit(bool positive) const {
 }
 
 bool Axis::keeps_software_limits() const {
-  return policy.out_of_limits != OutOfLimits::fault && software_limits_active();
+  return policy.limits.target_beyond != OutOfLimits::fault && software_limits_active();
 }
 
 Axis::Room Axis::room_from(Counts place) const {
@@ -105,7 +105,7 @@ Counts Axis::nearest_within_software_limits(Counts target) const {
 
 std::int64_t Axis::position_range() const {
   if (!range_set()) return 0;
-  if (policy.software_limits_switch_range_off && software_limits_active()) return 0;
+  if (policy.limits.software_switches_range_off && software_limits_active()) return 0;
   return std::int64_t{objects.max_position_range_limit} - objects.min_position_range_limit + 1;
 }
 

@@ -211,7 +211,7 @@ struct Axis {
 
   // Returns true if the product has the fault.
   bool monitors(Cause cause) const {
-    return std::any_of(policy.faults.begin(), policy.faults.end(),
+    return std::any_of(policy.faults.rows.begin(), policy.faults.rows.end(),
                        [cause](const FaultRow& row) { return row.cause == cause; });
   }
   void raise(Cause cause) {
@@ -220,15 +220,15 @@ struct Axis {
 
   // An unsupported type is a fault when a motion is planned; the stop after the fault is linear.
   RampShape shape_of(std::int16_t type) const {
-    return has_shape(type) ? policy.shape_of_type[static_cast<std::size_t>(type)] : RampShape::linear;
+    return has_shape(type) ? policy.ramps.shape_of_type[static_cast<std::size_t>(type)] : RampShape::linear;
   }
   RampShape shape() const {
     const std::uint32_t mode = mode_bit(static_cast<Mode>(objects.modes_of_operation));
-    if (mode != 0 && (policy.shaped_modes & mode) == 0) return RampShape::linear;
+    if (mode != 0 && (policy.ramps.shaped_modes & mode) == 0) return RampShape::linear;
     return shape_of(objects.motion_profile_type);
   }
   RampShape velocity_stop_shape() const { return shape_of(configuration.velocity_stop_shape); }
-  bool has_shape(std::int16_t type) const { return type >= 0 && type <= 3 && (policy.ramp_shapes >> type & 1) != 0; }
+  bool has_shape(std::int16_t type) const { return type >= 0 && type <= 3 && (policy.ramps.types >> type & 1) != 0; }
   double rpm_to_counts_per_s(double rpm) const { return rpm / 60.0 * units.counts_per_revolution; }
 
   // The least of 607Fh (if `profile`), 6080h and the motor's greatest speed, counts/s.
@@ -244,7 +244,7 @@ struct Axis {
   // A ramp of `value` user units in counts/s^2, clipped to `greatest` (60C5h, 60C6h) where that is not 0.
   double ramp(double value, std::uint32_t greatest) const {
     if (greatest == 0) return value * units.acceleration;
-    if (value <= 0.0 && policy.zero_ramps_are_greatest) value = greatest;
+    if (value <= 0.0 && policy.ramps.zeros_are_greatest) value = greatest;
     return std::min(value, static_cast<double>(greatest)) * units.acceleration;
   }
   // The limits for the demand of a cyclic mode that catches up with its set-points: the greatest speed and the profile
@@ -266,7 +266,7 @@ struct Axis {
 
   // Call this for a set-point of `mode` above the greatest speed.
   void exceed_velocity(Mode mode) {
-    if ((policy.excessive_velocity_faults & mode_bit(mode)) != 0) {
+    if ((policy.limits.excessive_velocity_faults & mode_bit(mode)) != 0) {
       raise(Cause::velocity_excessive);
     } else {
       velocity_clipped = true;

@@ -16,12 +16,12 @@ constexpr std::uint32_t precharge_ms = 300;  // longest time for the DC link to 
 
 Drive::Drive(const Policy& policy, Objects& objects, std::size_t objects_base)
     : policy_(policy),
-      transitions_(policy.transitions),
+      transitions_(policy.power.transitions),
       objects_base_(objects_base),
       axis_{.objects = objects, .policy = policy},
       touch_probe_(TouchProbeCapability{}) {
-  for (const StatusBit& row : policy.status_bits) shown_sources_ |= bit(row.source);
-  for (const FaultRow& row : policy.faults) comparators_ |= Supervision::comparator_of(row.cause);
+  for (const StatusBit& row : policy.status.bits) shown_sources_ |= bit(row.source);
+  for (const FaultRow& row : policy.faults.rows) measured_.comparators |= Supervision::comparator_of(row.cause);
   set_mode(Mode::none);
   set_rates();
   axis_.loops = &cascade_.state();
@@ -32,12 +32,12 @@ void Drive::configure(const Configuration& configuration) {
     // Changing the simulation of an input changes its level without an edge on its wire.
     const InputFunction& before = axis_.configuration.inputs[i];
     const InputFunction& now = configuration.inputs[i];
-    const bool high = (wires_ >> i & 1u) != 0;
+    const bool high = (inputs_.wires >> i & 1u) != 0;
     if (now.signal == Signal::none || now.forced == before.forced || now.signal != before.signal) continue;
     if (now.active(high) != before.active(high)) note_edge({now.signal, now.active(high), axis_.encoder_position});
   }
   // The filter starts with the present levels if this configuration switches it on.
-  if (axis_.configuration.input_filter_cycles == 0) input_filter_.reset(wires_);
+  if (axis_.configuration.input_filter_cycles == 0) inputs_.filter.reset(inputs_.wires);
   axis_.configuration = configuration;
   if (!energised()) set_rates();
   cascade_.configure(configuration.motor, configuration.gains, rates_);
@@ -51,14 +51,14 @@ void Drive::configure(const Configuration& configuration) {
   }
   touch_probe_.set_deviation_supervision(configuration.motor.counts_per_revolution,
                                          configuration.monitors.index_deviation);
-  last_inputs_ = ~wires_;  // forces a new evaluation, because the functions of the wires may have changed
+  inputs_.evaluated = ~inputs_.wires;  // forces a new evaluation, because the functions of the wires may have changed
   set_units();
 }
 
 Rates Drive::wanted_rates() const {
   const Rates& own = axis_.configuration.rates;
-  return {own.velocity_loop_ticks != 0 ? own.velocity_loop_ticks : policy_.velocity_loop_ticks,
-          own.position_loop_ticks != 0 ? own.position_loop_ticks : policy_.position_loop_ticks};
+  return {own.velocity_loop_ticks != 0 ? own.velocity_loop_ticks : policy_.loops.velocity_ticks,
+          own.position_loop_ticks != 0 ? own.position_loop_ticks : policy_.loops.position_ticks};
 }
 
 void Drive::set_rates() {
@@ -86,7 +86,7 @@ void Drive::command(std::uint16_t controlword) {
 
 void Drive::clear_controlword_bits(std::uint16_t bits) {
   const std::uint16_t before = axis_.controlword;
-  for (std::uint16_t* word : {&axis_.objects.controlword, &controlword_, &axis_.controlword, &word_before_wait_}) {
+  for (std::uint16_t* word : {&axis_.objects.controlword, &controlword_, &axis_.controlword, &waiting_.word_before}) {
     *word = static_cast<std::uint16_t>(*word & ~unsigned{bits});
   }
   if (state_ == PowerState::operation_enabled && before != axis_.controlword) {
@@ -111,20 +111,20 @@ void Drive::power_on(const Feedback& feedback) {
   axis_.offset =
       policy_.single_turn_encoder ? static_cast<Counts>(feedback.single_turn_counts) - feedback.position_counts : 0;
   if (axis_.configuration.encoder_begins_at_zero) axis_.offset = -feedback.position_counts;
-  dc_link_cycles_ = 0;
-  brake_closed_cycles_ = 0;
+  dc_link_.forget_connection();
+  stage_.forget_brake();
   outputs_ = {};
   edge_count_ = 0;
-  tripped_ = 0;
+  measured_.tripped = 0;
   terminal_outputs_ = 0;
-  limit_positions_ = {};
-  wires_ = levels_ = feedback.inputs;
-  input_filter_.reset(wires_);
-  axis_.encoder_position = position_of_ms_ = feedback.position_counts;
-  single_turn_counts_ = feedback.single_turn_counts;
+  inputs_.limit_positions = {};
+  inputs_.wires = inputs_.changed = feedback.inputs;
+  inputs_.filter.reset(inputs_.wires);
+  axis_.encoder_position = measured_.position_of_ms = feedback.position_counts;
+  measured_.single_turn_counts = feedback.single_turn_counts;
   axis_.counts_per_ms = 0;
   supervision_.reset();
-  latched_.clear();
+  faults_.kept.clear();
   cascade_ = {};
   look_at_ = 0;
   cascade_.forget_motion();
@@ -138,25 +138,25 @@ void Drive::power_on(const Feedback& feedback) {
 void Drive::displaced(const Feedback& feedback) {
   cascade_.forget_motion();
   axis_.velocity_display.forget();
-  wires_ = feedback.inputs;
-  axis_.encoder_position = position_of_ms_ = feedback.position_counts;
-  single_turn_counts_ = feedback.single_turn_counts;
+  inputs_.wires = feedback.inputs;
+  axis_.encoder_position = measured_.position_of_ms = feedback.position_counts;
+  measured_.single_turn_counts = feedback.single_turn_counts;
   axis_.generator.reset(axis_.position());
 }
 
 void Drive::restart() {
   state_ = PowerState::not_ready_to_switch_on;
-  awaits_dc_link_ = false;
+  waiting_.waits = false;
   set_mode(Mode::none);
   pending_ = {};
-  stopping_ = halted_ = limit_stop_ = short_circuit_ = zero_speed_ = false;
-  stage_ = Stage::off;
-  coasting_cycles_ = 0;
-  const bool erroneous = active_.any() || warned_.any();
-  active_.clear();
-  warned_.clear();
+  stop_.end();
+  halted_ = zero_speed_ = false;
+  stage_.reset();
+  const bool erroneous = faults_.active.any() || faults_.warned.any();
+  faults_.active.clear();
+  faults_.warned.clear();
   if (erroneous && events_ != nullptr) events_->errors_gone(0);
-  shown_fault_ = nullptr;
+  faults_.shown = nullptr;
   axis_.commanded.reset();
   axis_.objects.error_code = 0;
   axis_.raised = Cause::none;
@@ -192,7 +192,7 @@ void Drive::synchronise() {
 bool Drive::tick(const Feedback& feedback, Actuation& actuation) {
   if (feedback.edge_count != 0) capture_edges(feedback);
   const bool cycle_due = cascade_.position_loop_due();
-  if ((tripped_ | feedback.hardware_faults) != 0) [[unlikely]]
+  if ((measured_.tripped | feedback.hardware_faults) != 0) [[unlikely]]
     trip(feedback.hardware_faults, cycle_due, actuation);
   if (cascade_.ticks() == look_at_) [[unlikely]]
     look_for_open_phase(feedback, actuation);
@@ -206,8 +206,9 @@ bool Drive::tick(const Feedback& feedback, Actuation& actuation) {
 
 // Not inlined, to save registers in the tick.
 [[gnu::noinline]] void Drive::trip(std::uint32_t faults, bool cycle_due, Actuation& actuation) {
-  if (tripped_ == 0) tripped_ = faults & comparators_;  // the first comparator counts; later ones are its consequence
-  if (tripped_ != 0 && !cycle_due && outputs_.pwm_enabled) {
+  if (measured_.tripped == 0)
+    measured_.tripped = faults & measured_.comparators;  // the first comparator counts; later ones are its consequence
+  if (measured_.tripped != 0 && !cycle_due && outputs_.pwm_enabled) {
     // A comparator acts at once, not at the end of the cycle.
     outputs_.pwm_enabled = false;
     actuation.pwm_enabled = false;
@@ -228,36 +229,35 @@ bool Drive::tick(const Feedback& feedback, Actuation& actuation) {
 void Drive::cycle(const Feedback& feedback) {
   if (!energised() && rates_ != wanted_rates()) configure(axis_.configuration);  // changed while the motor had power
   axis_.encoder_position = feedback.position_counts;
-  single_turn_counts_ = feedback.single_turn_counts;
-  if (++cycles_of_ms_ >= axis_.cycles(1)) {
-    cycles_of_ms_ = 0;
-    axis_.counts_per_ms = axis_.encoder_position - position_of_ms_;
-    position_of_ms_ = axis_.encoder_position;
+  measured_.single_turn_counts = feedback.single_turn_counts;
+  if (++measured_.cycles_of_ms >= axis_.cycles(1)) {
+    measured_.cycles_of_ms = 0;
+    axis_.counts_per_ms = axis_.encoder_position - measured_.position_of_ms;
+    measured_.position_of_ms = axis_.encoder_position;
   }
   axis_.velocity_display.update(axis_.encoder_position);
-  dc_link_rise_v_ = feedback.dc_link_v - dc_link_v_;
-  dc_link_v_ = feedback.dc_link_v;
-  winding_temperature_c_ = feedback.winding_temperature_c;
-  power_stage_temperature_c_ = feedback.power_stage_temperature_c;
+  dc_link_.sample(feedback.dc_link_v);
+  measured_.winding_temperature_c = feedback.winding_temperature_c;
+  measured_.power_stage_temperature_c = feedback.power_stage_temperature_c;
   watch_standstill();
   if (!current_offset_.done()) calibrate_currents(feedback);
   update_inputs(feedback);
   axis_.edges = std::span(edges_.data(), edge_count_);
 
   supervision_.cycle(axis_, feedback,
-                     {.hardware_faults = tripped_,
-                      .energised = energised() && !short_circuit_,
-                      .dc_link_expected = dc_link_cycles_ > axis_.cycles(precharge_ms),
+                     {.hardware_faults = measured_.tripped,
+                      .energised = energised() && !stop_.shorts_windings(),
+                      .dc_link_expected = dc_link_.connected_cycles() > axis_.cycles(precharge_ms),
                       .brake_closed = axis_.configuration.has_brake() &&
-                                      brake_closed_cycles_ > axis_.cycles(axis_.configuration.brake_engage_ms + 100),
+                                      stage_.closed_cycles() > axis_.cycles(axis_.configuration.brake_engage_ms + 100),
                       .homing = mode_ == Mode::homing && (homes() || axis_.generator.standing()),
                       .profiled = state_ == PowerState::operation_enabled &&
                                   (mode_ == Mode::profile_position || mode_ == Mode::profile_velocity),
                       .pressing = presses(),
                       .loop = axis_.demand.loop});
   collect_faults();
-  axis_.velocity_clipped = axis_.position_change_clipped = false;          // the steps below set them again
-  if (active_.test(Cause::following_error)) axis_.following_error = true;  // shown until the fault is reset
+  axis_.velocity_clipped = axis_.position_change_clipped = false;                 // the steps below set them again
+  if (faults_.active.test(Cause::following_error)) axis_.following_error = true;  // shown until the fault is reset
   if (state_ == PowerState::not_ready_to_switch_on) {
     enter_state(PowerState::switch_on_disabled);
     handle_command(command_of(axis_.controlword));  // a command given while the drive was not ready
@@ -267,9 +267,9 @@ void Drive::cycle(const Feedback& feedback) {
   step_dc_link();
   if (axis_.active(Signal::quick_stop) && state_ == PowerState::operation_enabled) handle_command(Command::quick_stop);
   step_power();
-  const bool smooths = axis_.configuration.smooths() || smoothing_pending_;
+  const bool smooths = axis_.configuration.smooths() || smoothing_.lags();
   const std::optional<std::int64_t> stood_at = smooths ? standing_demand() : std::nullopt;
-  if (stage_ == Stage::on || (stage_ == Stage::releasing_brake && stopping_)) {
+  if (stage_.is_on() || (stage_.brake_opens() && stop_.active())) {
     run_mode();
   } else if (zero_speed_) {
     axis_.generator.start_from(axis_.position(), 0.0);
@@ -287,7 +287,7 @@ void Drive::cycle(const Feedback& feedback) {
   if (smooths) {
     smooth_demand(stood_at);
   } else {
-    smoothed_loop_ = Loop::off;
+    smoothing_.leave();
   }
   hold_by_current();
   if (in_motion() || held_by_current_) cascade_.stop_analysis();  // it would excite the moving axis with soft gains
@@ -295,7 +295,7 @@ void Drive::cycle(const Feedback& feedback) {
   write_actuation();
   // While the windings are shorted the loops have no effect on the motor, and are off so that their integrals do not
   // wind up.
-  const bool controlled = energised() && !short_circuit_;
+  const bool controlled = energised() && !stop_.shorts_windings();
   if (controlled != cascade_.enabled()) controlled ? cascade_.enable(feedback) : cascade_.disable();
   if (axis_.configuration.knows_load()) [[unlikely]] {
     LoopDemand demand = axis_.demand;
@@ -309,14 +309,14 @@ void Drive::cycle(const Feedback& feedback) {
   axis_.demand.from_shaft = false;
   moved_demand_ = false;
   edge_count_ = 0;
-  tripped_ = 0;
+  measured_.tripped = 0;
 }
 
 void Drive::set_mode(Mode mode) {
   mode_ = mode;
   shown_bits_ = {};
   const std::uint32_t its_bit = mode_bit(mode);
-  for (const StatusBit& row : policy_.status_bits) {
+  for (const StatusBit& row : policy_.status.bits) {
     if (its_bit != 0 && (row.modes & its_bit) == 0) continue;
     std::uint16_t& bits = shown_bits_[static_cast<std::size_t>(row.source)];
     bits = static_cast<std::uint16_t>(bits | 1u << row.bit);
@@ -330,46 +330,45 @@ void Drive::enter_mode(Mode wanted) {
   homing_mode_.forget_error(axis_);
   identification_.abort();
   set_mode(wanted);
-  word_before_wait_ = axis_.controlword;  // an earlier edge of bit 4 was for the previous mode
+  waiting_.word_before = axis_.controlword;  // an earlier edge of bit 4 was for the previous mode
   if (!running) return;
   // The new mode continues from the present motion of the axis. A velocity demand has no position, so the generator is
   // set ahead of the position of the shaft.
   if (axis_.demand.loop == Loop::velocity) axis_.lead_shaft(axis_.generator.velocity());
-  stopping_ = halted_ = limit_stop_ = short_circuit_ = false;
+  stop_.end();
+  halted_ = false;
   axis_.limited = false;
   axis_.stopped_at = 0;
   with_mode(*this, [&](auto& mode) { mode.enter(axis_); });
 }
 
 void Drive::run_mode() {
-  if (state_ == PowerState::operation_enabled && !pending_.active && !limit_stop_) {
+  if (state_ == PowerState::operation_enabled && !pending_.active && !stop_.at_limit()) {
     const bool halt =
-        (axis_.controlword & controlword::halt) != 0 && (policy_.modes_without_halt & mode_bit(mode_)) == 0;
+        (axis_.controlword & controlword::halt) != 0 && (policy_.modes.without_halt & mode_bit(mode_)) == 0;
     if (halt && !halted_) {
       halted_ = true;
       end_identification();
       with_mode(*this, [&](auto& mode) { mode.halt(axis_); });
       const std::int16_t code = axis_.objects.halt_option_code;
-      begin_stop(stop_of(code != 0 ? code : policy_.halt_code_of_zero));
+      begin_stop(stop_of(code != 0 ? code : policy_.power.halt_code_of_zero));
     } else if (!halt && halted_) {
       take_over_shaft();
-      halted_ = stopping_ = short_circuit_ = false;
-      if (stop_loop_ != Loop::position) axis_.lead_shaft(axis_.generator.velocity());
+      stop_.end();
+      halted_ = false;
+      if (stop_.loop != Loop::position) axis_.lead_shaft(axis_.generator.velocity());
       if (axis_.generator.finished()) axis_.come_to_rest(RampShape::linear);  // unless the mode resumes a motion
       with_mode(*this, [&](auto& mode) { mode.resume(axis_); });
     }
   }
-  if (stopping_) {
+  if (stop_.active()) {
     keep_stop_within_limits();
     end_halted_motion_at_limit_switch();
     step_stop();
     with_mode(*this, [&](auto& mode) {
       if constexpr (requires { mode.observe(axis_); }) mode.observe(axis_);
     });
-    if (limit_stop_ && stop_finished()) {
-      limit_stop_ = false;
-      stopping_ = halted_;  // a halt lasts as long as its bit
-    }
+    if (stop_.at_limit() && stop_finished()) stop_.end_at_limit(halted_);
     return;
   }
   slow_down_with_shaft();
@@ -408,34 +407,37 @@ void Drive::stop_after_identification() {
   return_to_mode();
   if (identification_.outcome() == InertiaIdentification::Outcome::done) return;
   begin_stop(Stop::quick_stop_ramp);
-  limit_stop_ = true;
+  stop_.set_at_limit();
 }
 
 void Drive::write_actuation() {
-  outputs_.pwm_enabled = energised() && !short_circuit_;
-  outputs_.short_circuit = energised() && short_circuit_;
+  outputs_.pwm_enabled = energised() && !stop_.shorts_windings();
+  outputs_.short_circuit = energised() && stop_.shorts_windings();
   const Configuration& configuration = axis_.configuration;
   bool released = brake_released();
-  if (policy_.brake_output_bit >= 0) {  // the bus may control the brake directly
-    const std::uint32_t bit = 1u << static_cast<unsigned>(policy_.brake_output_bit);
+  if (policy_.terminals.brake_output_bit >= 0) {  // the bus may control the brake directly
+    const std::uint32_t bit = 1u << static_cast<unsigned>(policy_.terminals.brake_output_bit);
     if ((axis_.objects.output_mask & bit) != 0) released = (axis_.objects.physical_outputs & bit) == 0;
   }
   outputs_.brake_released = released != configuration.brake_inverted || configuration.brake_forced;
-  brake_closed_cycles_ = outputs_.brake_released ? 0 : brake_closed_cycles_ + 1;
+  stage_.note_brake(outputs_.brake_released);
   outputs_.dc_link_connected =
-      policy_.dc_link == DcLink::always || awaits_dc_link_ || energised() || state_ == PowerState::switched_on;
-  dc_link_cycles_ = outputs_.dc_link_connected ? dc_link_cycles_ + 1 : 0;
+      policy_.power.dc_link == DcLink::always || waiting_.waits || energised() || state_ == PowerState::switched_on;
+  dc_link_.note_connected(outputs_.dc_link_connected);
   outputs_.chopper_on = supervision_.chopper();
-  outputs_.outputs = (axis_.objects.physical_outputs & axis_.objects.output_mask) >> policy_.first_output_bit &
-                     ((1u << policy_.output_count) - 1u) & configuration.remote_outputs;
+  outputs_.outputs =
+      (axis_.objects.physical_outputs & axis_.objects.output_mask) >> policy_.terminals.first_output_bit &
+      ((1u << policy_.terminals.output_count) - 1u) & configuration.remote_outputs;
   outputs_.outputs |= terminal_outputs_;
 }
 
 std::uint16_t Drive::statusword() const {
-  std::uint16_t word = policy_.state_bits[static_cast<std::size_t>(state_)];
-  const bool powered = outputs_.dc_link_connected && dc_link_v_ > axis_.configuration.monitors.under_voltage_v;
+  std::uint16_t word = policy_.power.state_bits[static_cast<std::size_t>(state_)];
+  const bool powered =
+      outputs_.dc_link_connected && dc_link_.voltage_v() > axis_.configuration.monitors.under_voltage_v;
   if (powered) word |= statusword::voltage_enabled;
-  if (warnings_ || outside_warning_ || (policy_.faults_show_as_warning && active_.any())) word |= statusword::warning;
+  if (faults_.warns || faults_.device_warns || (policy_.status.faults_show_as_warning && faults_.active.any()))
+    word |= statusword::warning;
   for (std::uint32_t shown = status_sources(); shown != 0; shown &= shown - 1) {
     word |= shown_bits_[static_cast<std::size_t>(std::countr_zero(shown))];
   }
@@ -446,15 +448,16 @@ std::uint16_t Drive::statusword() const {
 std::uint32_t Drive::status_sources() const {
   std::uint32_t shown = 0;
   const auto show = [&shown](StatusSource source, bool present) { shown |= present ? bit(source) : 0; };
-  show(StatusSource::remote, policy_.remote_bit && axis_.configuration.remote);
+  show(StatusSource::remote, policy_.status.remote && axis_.configuration.remote);
   const CascadeState& loops = cascade_.state();
   show(StatusSource::internal_limit, energised() && (axis_.limited || loops.torque_limited || loops.velocity_limited));
-  show(StatusSource::internal_limit, policy_.limit_switches_show_as_limit && (axis_.active(Signal::negative_limit) ||
-                                                                              axis_.active(Signal::positive_limit)));
+  show(StatusSource::internal_limit,
+       policy_.status.limit_switches_show_as_limit &&
+           (axis_.active(Signal::negative_limit) || axis_.active(Signal::positive_limit)));
   if (shows(StatusSource::position_limit)) show(StatusSource::position_limit, axis_.held_by_position_limit());
   show(StatusSource::following_error, axis_.following_error);
   show(StatusSource::commutation_found,
-       state_ != PowerState::not_ready_to_switch_on && !active_.test(Cause::encoder_connection));
+       state_ != PowerState::not_ready_to_switch_on && !faults_.active.test(Cause::encoder_connection));
   show(StatusSource::home_found, axis_.homed);
   if (shows(StatusSource::software_limit)) show(StatusSource::software_limit, axis_.beyond_software_limits());
   const bool working = state_ == PowerState::operation_enabled || state_ == PowerState::quick_stop_active;
@@ -466,13 +469,13 @@ std::uint32_t Drive::status_sources() const {
   std::uint16_t bits = with_mode(*this, [&](const auto& mode) { return mode.status(axis_); });
   if (failed) {
     bits &= statusword::mode_bit_13;  // the error bit stays until the fault is reset
-  } else if (stopping_) {
+  } else if (stop_.active()) {
     const bool cyclic = is_cyclic_synchronous(mode_);
     if (cyclic) bits &= static_cast<std::uint16_t>(~statusword::mode_bit_12);  // the target is ignored
     bits &= static_cast<std::uint16_t>(~statusword::target_reached);
-    const bool shows = !cyclic || policy_.cyclic_modes_show_reached;
-    if (shows && stop_finished() && !limit_stop_) bits |= statusword::target_reached;
-  } else if (stage_ != Stage::on) {  // the brake opens or closes, the mode does not run
+    const bool shows = !cyclic || policy_.status.cyclic_modes_show_reached;
+    if (shows && stop_finished() && !stop_.at_limit()) bits |= statusword::target_reached;
+  } else if (!stage_.is_on()) {  // the brake opens or closes, the mode does not run
     bits &= static_cast<std::uint16_t>(~statusword::target_reached);
     if (is_cyclic_synchronous(mode_) || mode_ == Mode::interpolated_position) {
       bits &= static_cast<std::uint16_t>(~statusword::mode_bit_12);

@@ -7,6 +7,7 @@
 #include "dictionary/dictionary.hpp"
 #include "drive/axis.hpp"
 #include "drive/cause_set.hpp"
+#include "drive/demand_smoothing.hpp"
 #include "drive/hardware.hpp"
 #include "drive/io/input_filter.hpp"
 #include "drive/loops/current_offset.hpp"
@@ -15,12 +16,12 @@
 #include "drive/modes/no_mode.hpp"
 #include "drive/modes/profile_position.hpp"
 #include "drive/modes/velocity_modes.hpp"
+#include "drive/power/dc_link_watch.hpp"
+#include "drive/power/power_stage.hpp"
 #include "drive/power/power_state.hpp"
-#include "drive/power/slowing.hpp"
+#include "drive/power/stop_run.hpp"
 #include "drive/supervision.hpp"
 #include "drive/touch_probe.hpp"
-#include "drive/trajectory/lag_filter.hpp"
-#include "drive/trajectory/moving_average.hpp"
 #include "drive/tuning/inertia_identification.hpp"
 
 namespace servodrome::drive {
@@ -84,7 +85,7 @@ class Drive final : public dictionary::Listener {
   // The reaction is that of 6007h or, for some products, always the fault `cause`.
   void communication_lost(Cause cause = Cause::communication_lost);
   // A warning of the device around the drive. It sets bit 7 of the statusword.
-  void show_warning(bool present) { outside_warning_ = present; }
+  void show_warning(bool present) { faults_.device_warns = present; }
 
   // --- Terminals
   // A command that the device derives from its inputs; it acts like a controlword from the bus.
@@ -94,30 +95,32 @@ class Drive final : public dictionary::Listener {
   void clear_controlword_bits(std::uint16_t bits);
   // Levels of outputs that the device controls itself, bit n for output n, in addition to those of 60FEh.
   void set_outputs(std::uint32_t levels) { terminal_outputs_ = levels; }
-  std::uint32_t wires() const { return wires_; }  // levels of the inputs, including inputs that the bus commands
+  std::uint32_t wires() const { return inputs_.wires; }  // levels of the inputs, including inputs that the bus commands
   // Application counts at which the limit switch last became active.
-  Counts positive_limit_position() const { return limit_positions_[1]; }
-  Counts negative_limit_position() const { return limit_positions_[0]; }
+  Counts positive_limit_position() const { return inputs_.limit_positions[1]; }
+  Counts negative_limit_position() const { return inputs_.limit_positions[0]; }
   const TouchProbe& touch_probe() const { return touch_probe_; }
   void set_touch_probe_function(std::uint16_t function);  // same effect as a write of 60B8h
 
   // --- Faults
   void raise(Cause cause);                 // by the device around the drive, e.g. sync_lost
   void inject(Cause cause, bool present);  // for causes that only hardware has
-  bool is_active(Cause cause) const { return active_.test(cause); }
-  bool any_fault() const { return active_.any(); }
-  bool warns(Cause cause) const { return warned_.test(cause); }
+  bool is_active(Cause cause) const { return faults_.active.test(cause); }
+  bool any_fault() const { return faults_.active.any(); }
+  bool warns(Cause cause) const { return faults_.warned.test(cause); }
   std::uint8_t error_register() const;  // the bits of 1001h of all present faults and warnings
-  // The fault in 603Fh: the newest, or the first (Policy::first_fault_is_shown).
-  const FaultRow* shown_fault() const { return shown_fault_; }
+  // The fault in 603Fh: the newest, or the first (FaultPolicy::first_is_shown).
+  const FaultRow* shown_fault() const { return faults_.shown; }
   const FaultRow* row(Cause cause) const;
-  void clear_multi_turn() { multi_turn_cleared_ = true; }  // the user declares that the encoder's turns are valid
+  void clear_multi_turn() {
+    faults_.multi_turn_cleared = true;
+  }  // the user declares that the encoder's turns are valid
 
   // --- State of the drive
   PowerState state() const { return state_; }
   // Returns true if the mode of operation controls the axis: no stop, halt, brake or end of operation does.
   bool runs_mode() const {
-    return state_ == PowerState::operation_enabled && stage_ == Stage::on && !pending_.active && !stopping_ && !halted_;
+    return state_ == PowerState::operation_enabled && stage_.is_on() && !pending_.active && !stop_.active() && !halted_;
   }
   // Returns true if the axis rests under the control of its loops, so that a tuning function may excite it.
   bool rests_under_control() const {
@@ -125,37 +128,37 @@ class Drive final : public dictionary::Listener {
   }
   // Returns true if a halt holds the axis at rest.
   bool halted_at_rest() const { return halted_ && !pending_.active && axis_.generator.standing(); }
-  // Returns true if this row of Policy::transitions could happen now; false if the row does not begin in the present
-  // state.
+  // Returns true if this row of PowerPolicy::transitions could happen now; false if the row does not begin in the
+  // present state.
   bool accepts(const Transition& transition) const;
   Mode mode() const { return mode_; }
   std::uint16_t statusword() const;
   bool in_motion() const { return !axis_.generator.standing(); }
-  bool demand_smoothed() const { return !smoothing_pending_; }  // the smoothed demand has reached the demand
-  bool energised() const { return stage_ != Stage::off; }
-  bool brake_released() const {
-    return stage_ == Stage::releasing_brake || stage_ == Stage::on || coasting_cycles_ != 0;
-  }
+  bool demand_smoothed() const { return !smoothing_.lags(); }  // the smoothed demand has reached the demand
+  bool energised() const { return stage_.energised(); }
+  bool brake_released() const { return stage_.brake_released(); }
   bool chopper_on() const { return supervision_.chopper(); }
   bool homed() const { return axis_.homed; }
   // Homing handles limit switches itself from its first leg on.
   bool homes() const { return mode_ == Mode::homing && homing_mode_.active() && !homing_mode_.awaits_rest(); }
   // The direction (-1, +1) in which homing presses against a hard stop; 0: it does not, or a stop has its torque.
-  int presses() const { return mode_ == Mode::homing && !stopping_ ? homing_mode_.pressing() : 0; }
+  int presses() const { return mode_ == Mode::homing && !stop_.active() ? homing_mode_.pressing() : 0; }
   // The leg of the homing that runs, from 0; -1: none.
   int homing_leg() const { return mode_ == Mode::homing && homing_mode_.active() ? homing_mode_.leg() : -1; }
   bool homing_running() const { return mode_ == Mode::homing && homing_mode_.running(); }
   // Homing::index_distance of the last homing, in counts.
   Counts homing_index_distance() const { return homing_mode_.index_distance(); }
-  float dc_link_v() const { return dc_link_v_; }
-  float winding_temperature_c() const { return winding_temperature_c_; }
-  float power_stage_temperature_c() const { return power_stage_temperature_c_; }
+  float dc_link_v() const { return dc_link_.voltage_v(); }
+  float winding_temperature_c() const { return measured_.winding_temperature_c; }
+  float power_stage_temperature_c() const { return measured_.power_stage_temperature_c; }
   Counts position_offset() const { return axis_.offset; }
   void set_position_offset(Counts offset) { axis_.offset = offset; }
   const CascadeState& loops() const { return cascade_.state(); }
   const CurrentOffset& current_offset() const { return current_offset_; }
   const Axis& axis() const { return axis_; }
-  std::uint32_t single_turn_counts() const { return single_turn_counts_; }  // Feedback::single_turn_counts of now
+  std::uint32_t single_turn_counts() const {
+    return measured_.single_turn_counts;
+  }  // Feedback::single_turn_counts of now
   double i2t_utilisation_percent() const { return supervision_.i2t_utilisation_percent(); }
   double stage_utilisation_percent() const { return supervision_.stage_utilisation_percent(); }
 
@@ -175,7 +178,37 @@ class Drive final : public dictionary::Listener {
     bool active = false;
     PowerState to = PowerState::switch_on_disabled;
   };
-  enum class Stage : std::uint8_t { off, releasing_brake, on, engaging_brake };
+  // An enabling command that waits for the voltage of the DC link.
+  struct WaitingCommand {
+    bool waits = false;
+    std::uint16_t word_before = 0;
+  };
+  struct FaultState {
+    CauseSet active{};  // latched faults
+    CauseSet injected{};
+    CauseSet kept{};    // that the failed part itself keeps until it loses its supply
+    CauseSet warned{};  // warnings that were reported
+    const FaultRow* shown = nullptr;
+    bool multi_turn_cleared = false;
+    bool warns = false;         // the drive itself
+    bool device_warns = false;  // the device around it
+  };
+  struct Measured {
+    std::uint32_t single_turn_counts = 0;
+    Counts position_of_ms = 0;
+    std::uint32_t cycles_of_ms = 0;
+    float winding_temperature_c = 0.0F;
+    float power_stage_temperature_c = 0.0F;
+    std::uint32_t tripped = 0;      // HardwareFault bits since the last cycle
+    std::uint32_t comparators = 0;  // HardwareFault bits of the comparators that the product has
+  };
+  struct InputLevels {
+    std::uint32_t wires = 0;
+    std::uint32_t evaluated = 0;  // wires from which the signals are made
+    std::uint32_t changed = 0;    // levels at their last change
+    InputFilter filter{};
+    std::array<Counts, 2> limit_positions{};  // negative, positive
+  };
   static constexpr std::size_t edge_capacity = 16;
 
   // object_access.cpp
@@ -193,7 +226,7 @@ class Drive final : public dictionary::Listener {
   // Interpolated position is active, with the buffer 60C4h.
   bool buffers_records() const {
     return mode_ == Mode::interpolated_position && state_ == PowerState::operation_enabled &&
-           policy_.interpolation == Interpolation::buffered;
+           policy_.interpolation.source == Interpolation::buffered;
   }
   bool has_power_in(PowerState state) const;
   bool dc_link_charged() const;
@@ -201,12 +234,11 @@ class Drive final : public dictionary::Listener {
   void leave_operation(Stop stop, PowerState to);
   bool hold_for_brake();
   bool too_fast_for_brake() const;
-  void engage_brake();
+  void close_brake();
   void enter_state(PowerState to);
   void begin_stop(Stop stop, bool apart = false);
   void begin_ramp();
   double deceleration_of(Stop stop) const;
-  bool without_ramp() const { return stop_ == Stop::current_limit || stop_ == Stop::voltage_limit; }
   bool meets_limit_switch() const;
   void end_halted_motion_at_limit_switch();
   void keep_stop_within_limits();
@@ -217,7 +249,7 @@ class Drive final : public dictionary::Listener {
   void slow_down_with_shaft();
   void watch_standstill();
   double quick_stop_deceleration() const;  // counts/s^2
-  bool stop_finished() const;
+  bool stop_finished() const { return stop_.finished(axis_); }
   void step_stop();
   void step_power();
   void switch_power(bool on);
@@ -240,25 +272,19 @@ class Drive final : public dictionary::Listener {
   void note_level_edges(std::uint32_t changed);
   void change_mode() {
     const auto wanted = static_cast<Mode>(axis_.objects.modes_of_operation);
-    if (wanted != mode_ && (wanted != Mode::none || !policy_.mode_zero_keeps)) enter_mode(wanted);
+    if (wanted != mode_ && (wanted != Mode::none || !policy_.modes.zero_keeps)) enter_mode(wanted);
   }
   void enter_mode(Mode wanted);
   void run_mode();
   void limit_switches(Counts before);
   double demanded_direction(Counts before) const;
-  bool demand_lags() const { return smoothing_pending_ && smoothed_loop_ == axis_.demand.loop; }
+  bool demand_lags() const { return smoothing_.lags(axis_.demand.loop); }
   double velocity_of_demand() const;
   bool pushes_limit_switch(Counts before) const;
   void end_identification();
   void return_to_mode();
   void stop_after_identification();
-  struct Smoothing {
-    std::size_t cycles = 0;  // of the moving average; 0: none
-    float lag_ms = 0.0F;     // of a low pass; 0: none
-    bool any() const { return cycles > 0 || lag_ms > 0.0F; }
-    friend bool operator==(const Smoothing&, const Smoothing&) = default;
-  };
-  Smoothing smoothing_asked_for() const;
+  DemandSmoothing::Filter smoothing_asked_for() const;
   std::optional<std::int64_t> standing_demand() const;
   void smooth_demand(std::optional<std::int64_t> from);
   float known_load();  // torque, fraction of rated
@@ -312,77 +338,37 @@ class Drive final : public dictionary::Listener {
   PowerState state_ = PowerState::not_ready_to_switch_on;
   Mode mode_ = Mode::none;
   std::uint16_t controlword_ = 0;
+  WaitingCommand waiting_{};
   PendingTransition pending_{};
-  bool stopping_ = false;  // the generator runs a stop instead of the mode
+  PowerStage stage_{};
+  StopRun stop_{};
+  DcLinkWatch dc_link_{};
   bool halted_ = false;
-  bool limit_stop_ = false;             // a limit switch caused the stop
+  bool zero_speed_ = false;             // held at once, without a ramp, until the brake has closed
+  bool held_by_current_ = false;        // as a stepper is
   double set_greatest_velocity_ = 0.0;  // counts/s, in the previous cycle
   // the 6080h it was computed from; empty: units or motor have changed
   std::optional<std::uint32_t> greatest_of_rpm_{};
   // the demand was set to another position, so the following error of the loops is obsolete
   bool moved_demand_ = false;
-  bool held_by_current_ = false;
-  Stop stop_ = Stop::power_off;
-  Loop stop_loop_ = Loop::position;
-  double stop_deceleration_ = 0.0;  // planned deceleration of its ramp, counts/s^2
-  Stage stage_ = Stage::off;
-  std::uint32_t stage_cycles_ = 0;
-  std::uint32_t brake_closed_cycles_ = 0;
-  std::uint32_t coasting_cycles_ = 0;  // cycles that the brake may still wait for an axis without power to slow down
-  bool short_circuit_ = false;
   Dwell standstill_{};
-  std::uint32_t rest_wait_cycles_ = 0;  // since the end of a stop's ramp
-  Slowing slowing_{};                   // of a stop without a ramp
-  Dwell braked_{};                      // time braked by short circuit
-  Dwell outrun_{};                      // time for which a ramp to rest was much faster than the shaft
-  bool braked_to_rest_ = false;
-  bool zero_speed_ = false;  // held at once, without a ramp, until the brake has closed
+  Dwell outrun_{};              // time for which a ramp to rest was much faster than the shaft
+  int friction_direction_ = 0;  // direction of the last motion in the position loop
 
-  CauseSet active_{};  // latched faults
-  CauseSet injected_{};
-  CauseSet latched_{};  // faults that the failed part itself keeps until it loses its supply
-  CauseSet warned_{};   // warnings that were reported
-  bool outside_warning_ = false;
+  FaultState faults_{};
   bool units_valid_ = true;
   bool current_offset_great_ = false;
-  const FaultRow* shown_fault_ = nullptr;
-  bool multi_turn_cleared_ = false;
-
-  LagFilter lag_{};
-  Loop smoothed_loop_ = Loop::off;  // loop of the averaged demand
-  Smoothing smoothing_by_{};
-  static constexpr std::int64_t smoothed_unit = 65536;  // parts of a count, or of a count per second
-  std::int64_t smoothed_value_ = 0;                     // the mean
-  float smoothed_velocity_ = 0.0F;                      // counts/s
-  bool smoothing_pending_ = false;                      // the smoothed demand has not reached the demand
-  int friction_direction_ = 0;                          // direction of the last motion in the position loop
 
   Actuation outputs_{};  // all members but the phase voltages, set once per cycle
-  std::uint32_t last_inputs_ = 0;
-  std::uint32_t levels_ = 0;  // levels of the inputs at their last change
-  InputFilter input_filter_{};
-  std::uint32_t wires_ = 0;
-  std::uint32_t single_turn_counts_ = 0;
-  Counts position_of_ms_ = 0;
-  std::uint32_t cycles_of_ms_ = 0;
   std::uint32_t terminal_outputs_ = 0;
-  std::array<Counts, 2> limit_positions_{};  // negative, positive
-  bool warnings_ = false;
-  std::uint32_t dc_link_cycles_ = 0;  // since the DC link was connected
-  bool awaits_dc_link_ = false;       // transition 3 waits for the DC link's voltage
-  std::uint16_t word_before_wait_ = 0;
-  float dc_link_v_ = 0.0F;
-  float dc_link_rise_v_ = 0.0F;  // rise in the last cycle
-  float winding_temperature_c_ = 0.0F;
-  float power_stage_temperature_c_ = 0.0F;
-  std::size_t edge_count_ = 0;     // of edges_
-  std::uint32_t tripped_ = 0;      // HardwareFault bits since the last cycle
-  std::uint32_t comparators_ = 0;  // HardwareFault bits of the comparators that the product has
-  std::uint32_t look_at_ = 0;      // next check for an open phase, in ticks of the cascade
-  Rates rates_{0, 0};              // in force
+  InputLevels inputs_{};
+  Measured measured_{};
+  std::size_t edge_count_ = 0;  // of edges_
+  std::uint32_t look_at_ = 0;   // next check for an open phase, in ticks of the cascade
+  Rates rates_{0, 0};           // in force
   // Large and seldom used, so placed after the members that each cycle needs.
   std::array<SignalEdge, edge_capacity> edges_{};  // since the last cycle
-  MovingAverage smoothing_{};
+  DemandSmoothing smoothing_{};
 };
 
 }  // namespace servodrome::drive

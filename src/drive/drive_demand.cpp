@@ -17,7 +17,7 @@ constexpr std::uint32_t lagging_modes =
 double Drive::demanded_direction(Counts before) const {
   constexpr double moving_rpm = 30.0;
   constexpr double settling_s = 0.05;  // a shaft that arrives within this time settles at its target
-  const auto smoothed = static_cast<double>(smoothed_velocity_);
+  const auto smoothed = static_cast<double>(smoothing_.velocity());
   if (demand_lags() && axis_.runs_into_limit_switch(smoothed)) return smoothed;
   const double direction = axis_.demand_direction(before);
   const double shaft = axis_.velocity();
@@ -34,7 +34,7 @@ double Drive::demanded_direction(Counts before) const {
 // The velocity that the velocity loop gets, counts/s: the smoothed one while that is higher or has not reversed yet.
 double Drive::velocity_of_demand() const {
   const double velocity = axis_.generator.velocity();
-  const auto smoothed = static_cast<double>(smoothed_velocity_);
+  const auto smoothed = static_cast<double>(smoothing_.velocity());
   const bool leads = std::abs(smoothed) > std::abs(velocity) || smoothed * velocity < 0.0;
   return demand_lags() && axis_.demand.loop == Loop::velocity && leads ? smoothed : velocity;
 }
@@ -56,7 +56,7 @@ bool Drive::pushes_limit_switch(Counts before) const {
 // target position a software limit does the same, early enough to stop at it. `before`: the demand before this cycle.
 void Drive::limit_switches(Counts before) {
   if (homes()) return;
-  if (policy_.limit_switches == LimitSwitches::fault) {
+  if (policy_.limits.switches == LimitSwitches::fault) {
     if (pushes_limit_switch(before)) axis_.raise(Cause::position_limit);
     return;
   }
@@ -74,14 +74,14 @@ void Drive::limit_switches(Counts before) {
   }
   if (!blocked) return;
   const int direction = moves < 0.0 ? -1 : 1;
-  if (!policy_.limit_switches_show_as_limit) axis_.limited = true;
+  if (!policy_.status.limit_switches_show_as_limit) axis_.limited = true;
   constexpr double slow_rpm = 10.0;
   const bool slow =
       std::abs(axis_.velocity()) <= std::min(4.0 * quick * axis_.cycle_s, axis_.rpm_to_counts_per_s(slow_rpm));
   const bool stands = axis_.demand_direction(before) == 0.0;
-  if (!slow || smoothing_pending_ || stands) {
+  if (!slow || smoothing_.lags() || stands) {
     begin_stop(Stop::quick_stop_ramp, stands && !demand_lags());
-    limit_stop_ = true;
+    stop_.set_at_limit();
   } else {
     axis_.generator.reset(before);
     axis_.follow_generator(axis_.demand.loop);
@@ -93,7 +93,7 @@ void Drive::limit_switches(Counts before) {
 void Drive::hold_by_current() {
   const float current_a = axis_.configuration.standstill_current_a;
   const bool may = current_a > 0.0F && mode_ == Mode::profile_position && state_ == PowerState::operation_enabled &&
-                   stage_ == Stage::on && !stopping_ && !pending_.active && axis_.generator.standing();
+                   stage_.is_on() && !stop_.active() && !pending_.active && axis_.generator.standing();
   held_by_current_ = may && (held_by_current_ || (axis_.objects.statusword & statusword::target_reached) != 0);
   if (!held_by_current_) return;
   axis_.demand.loop = Loop::locked;
@@ -102,7 +102,7 @@ void Drive::hold_by_current() {
 
 // The required smoothing of the demand: the moving average in modes with a profile, or the low pass of a position
 // command.
-Drive::Smoothing Drive::smoothing_asked_for() const {
+DemandSmoothing::Filter Drive::smoothing_asked_for() const {
   const Configuration& configuration = axis_.configuration;
   const std::uint32_t mode = mode_bit(mode_);
   const Loop loop = axis_.demand.loop;
@@ -117,62 +117,15 @@ Drive::Smoothing Drive::smoothing_asked_for() const {
 std::optional<std::int64_t> Drive::standing_demand() const {
   const Generator& generator = axis_.generator;
   if (!generator.standing()) return {};
-  return (generator.position() - axis_.offset) * smoothed_unit +
-         round_to_integer(generator.fraction() * static_cast<double>(smoothed_unit));
+  return (generator.position() - axis_.offset) * DemandSmoothing::unit +
+         round_to_integer(generator.fraction() * static_cast<double>(DemandSmoothing::unit));
 }
 
-// A filter delays the demand and must never move the axis. Therefore a filter starts only while the demand is constant,
-// and a filter setting that is written during a motion takes effect after the motion. Stops are not delayed: a stop
-// continues from the smoothed demand (take_over_shaft). `from`: the demand, if it was constant before this cycle.
+// Stops are not delayed: a stop continues from the smoothed demand (take_over_shaft). `from`: the demand, if it was
+// constant before this cycle.
 void Drive::smooth_demand(std::optional<std::int64_t> from) {
-  LoopDemand& demand = axis_.demand;
-  const bool runs = smoothed_loop_ == demand.loop && smoothing_pending_;
-  const Smoothing asked = smoothing_asked_for();
-  if (stage_ != Stage::on || stopping_ || (!runs && !asked.any())) {
-    smoothed_loop_ = Loop::off;
-    smoothing_pending_ = false;
-    return;
-  }
-  const bool position = demand.loop == Loop::position;
-  constexpr double unit = smoothed_unit;
-  const std::int64_t value = position ? demand.position * smoothed_unit +
-                                            round_to_integer(static_cast<double>(demand.position_fraction) * unit)
-                                      : round_to_integer(static_cast<double>(demand.velocity) * unit);
-  const bool held = held_by_current_ && position;
-  if (!runs && (held || smoothed_loop_ != demand.loop || !(asked == smoothing_by_))) {
-    if (held) from = value;  // the shaft may have slipped, so the demand is its present position
-    if (!from) {
-      smoothed_loop_ = Loop::off;
-      return;
-    }
-    smoothing_by_ = asked;
-    if (asked.cycles > 0) smoothing_.begin(position ? *from : 0, asked.cycles);
-    lag_.begin(position ? *from : 0);
-    smoothed_value_ = position ? *from : 0;
-    smoothed_velocity_ = 0.0F;
-    smoothed_loop_ = demand.loop;
-  }
-  const float before = smoothed_velocity_;
-  std::int64_t mean = 0;
-  if (smoothing_by_.cycles > 0) {
-    mean = smoothing_.update(value);
-    const std::int64_t velocity = position ? mean - smoothed_value_ : mean;
-    smoothed_velocity_ = static_cast<float>(static_cast<double>(velocity) / unit / (position ? axis_.cycle_s : 1.0));
-  } else {
-    lag_.configure(static_cast<double>(smoothing_by_.lag_ms) * axis_.cycles_per_ms);
-    mean = lag_.update(value);
-    // The velocity gets the same lag, so that an offset that a mode adds to it is kept.
-    smoothed_velocity_ += static_cast<float>(lag_.gain()) * (demand.velocity - smoothed_velocity_);
-    if (mean == value) smoothed_velocity_ = demand.velocity;
-  }
-  smoothing_pending_ = mean != value;
-  if (position) {
-    demand.position = mean >> 16;
-    demand.position_fraction = static_cast<float>(static_cast<double>(mean & 0xFFFF) / unit);
-  }
-  smoothed_value_ = mean;
-  demand.velocity = smoothed_velocity_;
-  demand.acceleration = (smoothed_velocity_ - before) / static_cast<float>(axis_.cycle_s);
+  if (!stage_.is_on() || stop_.active()) return smoothing_.stop();
+  smoothing_.apply(axis_.demand, smoothing_asked_for(), from, held_by_current_, axis_.cycle_s, axis_.cycles_per_ms);
 }
 
 // Torque of the configured weight and friction. While the axis stands, the direction of the last motion counts, so that
@@ -208,7 +161,7 @@ void Drive::update_greatest_velocity() {
     const bool lowered = set < set_greatest_velocity_;
     const bool moves = !lowered || axis_.follows_demand();
     const double used = moves ? std::max(std::abs(axis_.generator.velocity()), shaft) : shaft;
-    const double step = stopping_ ? 0.0 : ramp * axis_.cycle_s;
+    const double step = stop_.active() ? 0.0 : ramp * axis_.cycle_s;
     now = ramp > 0.0 ? std::max(set, std::min(now, used) - step) : set;
   } else {
     now = set;

@@ -24,7 +24,7 @@ void Drive::note_level_edges(std::uint32_t changed) {
   for (std::size_t i = 0; i < max_inputs; ++i) {
     const InputFunction& function = axis_.configuration.inputs[i];
     if ((changed >> i & 1u) == 0 || function.signal == Signal::none || function.forced) continue;
-    note_edge({function.signal, function.active((wires_ >> i & 1u) != 0), axis_.encoder_position});
+    note_edge({function.signal, function.active((inputs_.wires >> i & 1u) != 0), axis_.encoder_position});
   }
 }
 
@@ -32,28 +32,29 @@ void Drive::note_edge(const SignalEdge& edge) {
   if (touch_probe_.on_edge(edge)) axis_.raise(Cause::index_deviation);
   if (edge_count_ < edge_capacity) edges_[edge_count_++] = edge;
   if (!edge.rising) return;
-  if (edge.signal == Signal::negative_limit) limit_positions_[0] = edge.position + axis_.offset;
-  if (edge.signal == Signal::positive_limit) limit_positions_[1] = edge.position + axis_.offset;
+  if (edge.signal == Signal::negative_limit) inputs_.limit_positions[0] = edge.position + axis_.offset;
+  if (edge.signal == Signal::positive_limit) inputs_.limit_positions[1] = edge.position + axis_.offset;
 }
 
 void Drive::update_inputs(const Feedback& feedback) {
   const Configuration& configuration = axis_.configuration;
   const std::uint32_t from_bus = configuration.bus_inputs;
-  wires_ = feedback.inputs;
+  inputs_.wires = feedback.inputs;
   if (from_bus != 0) {
-    wires_ = (wires_ & ~from_bus) | (axis_.objects.physical_outputs >> policy_.first_bus_input_bit & from_bus);
+    inputs_.wires = (inputs_.wires & ~from_bus) |
+                    (axis_.objects.physical_outputs >> policy_.terminals.first_bus_input_bit & from_bus);
   }
   if (configuration.input_filter_cycles != 0) {
-    wires_ = input_filter_.update(wires_, configuration.input_filter_cycles);
+    inputs_.wires = inputs_.filter.update(inputs_.wires, configuration.input_filter_cycles);
   }
-  if (wires_ != last_inputs_) {
-    const std::uint32_t changed = (wires_ ^ levels_) & configuration.inputs_without_capture();
+  if (inputs_.wires != inputs_.evaluated) {
+    const std::uint32_t changed = (inputs_.wires ^ inputs_.changed) & configuration.inputs_without_capture();
     if (changed != 0) note_level_edges(changed);
-    levels_ = last_inputs_ = wires_;
+    inputs_.changed = inputs_.evaluated = inputs_.wires;
     std::uint32_t signals = 0;
     for (std::size_t i = 0; i < max_inputs; ++i) {
       const InputFunction& function = axis_.configuration.inputs[i];
-      const bool high = (wires_ >> i & 1u) != 0;
+      const bool high = (inputs_.wires >> i & 1u) != 0;
       if (function.signal != Signal::none && function.active(high)) signals |= bit(function.signal);
     }
     axis_.signals = signals;

@@ -112,27 +112,27 @@ std::span<const Drive::OwnObjects> Drive::own_objects() {
        0x604C,
        {.check = check_by<[](Drive&, const Entry& entry, Value value) { return legal(number(entry, value) != 0); }>}},
       {0x605A, {.check = check_by<[](Drive& drive, const Entry& entry, Value value) {
-                  return legal(allowed_stop(drive.policy_.option_codes, drive.policy_.option_codes.quick_stop,
-                                            number(entry, value)));
+                  return legal(allowed_stop(drive.policy_.power.option_codes,
+                                            drive.policy_.power.option_codes.quick_stop, number(entry, value)));
                 }>}},
       {0x605B, {.check = check_by<[](Drive& drive, const Entry& entry, Value value) {
-                  return legal(allowed(drive.policy_.option_codes.shutdown, number(entry, value)));
+                  return legal(allowed(drive.policy_.power.option_codes.shutdown, number(entry, value)));
                 }>}},
       {0x605C, {.check = check_by<[](Drive& drive, const Entry& entry, Value value) {
-                  return legal(allowed(drive.policy_.option_codes.disable_operation, number(entry, value)));
+                  return legal(allowed(drive.policy_.power.option_codes.disable_operation, number(entry, value)));
                 }>}},
       {0x605D, {.check = check_by<[](Drive& drive, const Entry& entry, Value value) {
-                  return legal(
-                      allowed_stop(drive.policy_.option_codes, drive.policy_.option_codes.halt, number(entry, value)));
+                  return legal(allowed_stop(drive.policy_.power.option_codes, drive.policy_.power.option_codes.halt,
+                                            number(entry, value)));
                 }>}},
       {0x605E, {.check = check_by<[](Drive& drive, const Entry& entry, Value value) {
-                  return legal(allowed(drive.policy_.option_codes.fault_reaction, number(entry, value)));
+                  return legal(allowed(drive.policy_.power.option_codes.fault_reaction, number(entry, value)));
                 }>}},
       {0x6060,
        {.check = check_by<[](Drive& drive, const Entry& entry, Value value) {
           const std::int64_t mode = number(entry, value);
-          return legal(mode == 0 ? drive.policy_.mode_none
-                                 : (drive.policy_.supported_modes & mode_bit(static_cast<Mode>(mode))) != 0);
+          return legal(mode == 0 ? drive.policy_.modes.none
+                                 : (drive.policy_.modes.supported & mode_bit(static_cast<Mode>(mode))) != 0);
         }>,
         .written = written_by<[](Drive& drive, const Entry&) { drive.change_mode(); }>}},
       {0x6061, {.refresh = refresh_by<[](Drive& drive) {
@@ -177,12 +177,12 @@ std::span<const Drive::OwnObjects> Drive::own_objects() {
                 }>}},
       {0x6079, {.refresh = refresh_by<[](Drive& drive) {
                   drive.axis_.objects.dc_link_circuit_voltage_mv =
-                      saturated<std::uint32_t>(1000.0 * static_cast<double>(drive.dc_link_v_));
+                      saturated<std::uint32_t>(1000.0 * static_cast<double>(drive.dc_link_.voltage_v()));
                 }>}},
       {0x607A, {.written = written_by<[](Drive& drive, const Entry&) { drive.axis_.new_set_point = true; }>}},
       {0x607E, unit},
       {0x6086, {.check = check_by<[](Drive& drive, const Entry& entry, Value value) {
-                  return legal(drive.policy_.zero_values_are_faults ||
+                  return legal(drive.policy_.ramps.zeros_are_faults ||
                                drive.axis_.has_shape(static_cast<std::int16_t>(number(entry, value))));
                 }>}},
       {0x608F, unit},
@@ -191,7 +191,7 @@ std::span<const Drive::OwnObjects> Drive::own_objects() {
       {0x6098, {.check = check_by<[](Drive& drive, const Entry& entry, Value value) {
                   const std::int64_t method = number(entry, value);
                   return legal(drive.axis_.monitors(Cause::homing_method) || method == entry.default_value ||
-                               find_method(drive.policy_.homing_methods, static_cast<std::int8_t>(method)) != nullptr);
+                               find_method(drive.policy_.homing.methods, static_cast<std::int8_t>(method)) != nullptr);
                 }>}},
       {0x60A9, unit},
       {0x60B8, {.written = written_by<[](Drive& drive, const Entry&) {
@@ -216,7 +216,7 @@ std::span<const Drive::OwnObjects> Drive::own_objects() {
           drive.synchronous_interpolation_.data_record();
         }>}},
       {0x60C2, {.check = check_by<[](Drive& drive, const Entry& entry, Value value) {
-                  const Policy::InterpolationPeriods& periods = drive.policy_.interpolation_periods;
+                  const InterpolationPolicy::Periods& periods = drive.policy_.interpolation.periods;
                   const std::int64_t written = number(entry, value);
                   if (entry.sub == 1) return legal(written >= periods.least_value);
                   return legal(written >= periods.least_index && written <= periods.greatest_index);
@@ -263,7 +263,7 @@ std::span<const Drive::OwnObjects> Drive::own_objects() {
                 }>}},
       {0x60FD, {.refresh = refresh_by<[](Drive& drive) { drive.show_digital_inputs(); }>}},
       {0x6502, {.refresh = refresh_by<[](Drive& drive) {
-                  drive.axis_.objects.supported_drive_modes = drive.policy_.supported_modes;
+                  drive.axis_.objects.supported_drive_modes = drive.policy_.modes.supported;
                 }>}},
   });
   static_assert(std::is_sorted(table.begin(), table.end(),
@@ -305,11 +305,11 @@ void Drive::show_touch_probe_position(std::size_t slot) {
 
 void Drive::show_digital_inputs() {
   std::uint32_t word = 0;
-  const bool exchanged = policy_.limit_inputs_follow_polarity && axis_.units.position_inverted;
-  for (const DigitalInputBit& input : policy_.digital_inputs) {
+  const bool exchanged = policy_.terminals.limit_inputs_follow_polarity && axis_.units.position_inverted;
+  for (const DigitalInputBit& input : policy_.terminals.inputs) {
     const bool wire = input.source == DigitalInputBit::Source::wire;
     const std::uint8_t number = wire ? input.number : shown_limit(input.number, exchanged);
-    word |= ((wire ? wires_ : axis_.signals) >> number & 1u) << input.bit;
+    word |= ((wire ? inputs_.wires : axis_.signals) >> number & 1u) << input.bit;
   }
   axis_.objects.digital_inputs = word;
 }

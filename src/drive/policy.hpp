@@ -124,96 +124,130 @@ struct HomingErrorCodes {
   std::uint16_t not_possible = 0;  // method, encoder or speeds do not allow homing to start
 };
 
-struct Policy {
-  // Device control
-  std::uint32_t supported_modes = 0;
-  bool mode_none = true;         // 6060h accepts 0
-  bool mode_zero_keeps = false;  // ... without changing the mode
+struct ModePolicy {
+  std::uint32_t supported = 0;     // mode_bit() of the modes
+  bool none = true;                // 6060h accepts 0
+  bool zero_keeps = false;         // ... without changing the mode
+  std::uint32_t without_halt = 0;  // mode_bit() of modes in which controlword bit 8 has no effect
+};
+
+// States, transitions and stops.
+struct PowerPolicy {
   OptionCodes option_codes{};
+  std::int16_t halt_code_of_zero = 0;  // the code that acts while 605Dh reads 0
   std::span<const Transition> transitions = drive::transitions;
   StateBits state_bits = cia402_state_bits;
-  std::span<const StatusBit> status_bits = cia402_status_bits;
-  std::uint32_t modes_without_halt = 0;  // mode_bit() of modes in which controlword bit 8 has no effect
-  // An axis with a brake keeps its power until the brake holds it, even if the option code says "no ramp".
-  bool brake_engages_before_power_off = false;
-  bool nmt_aborts_connection = true;     // 6007h acts as well when the node is stopped or its communication reset
-  bool reset_word_is_a_command = false;  // bits 0 to 3 of a word that resets a fault are a command as well
   bool transition_16 = true;             // Quick stop active -> Operation enabled
   bool direct_enable = true;             // 0Fh in Ready to switch on runs through transitions 3 and 4
+  bool reset_word_is_a_command = false;  // bits 0 to 3 of a word that resets a fault are a command as well
   bool energised_in_switched_on = false;
-  bool remote_bit = true;  // statusword bit 9 is set
+  // An axis with a brake keeps its power until the brake holds it, even if the option code says "no ramp".
+  bool brake_engages_before_off = false;
   DcLink dc_link = DcLink::always;
-  std::span<const FaultRow> faults;
-  bool cyclic_modes_show_reached = false;           // statusword bit 10 in cyclic synchronous position and velocity
-  std::int16_t halt_code_of_zero = 0;               // the code that acts while 605Dh reads 0
-  bool first_fault_is_shown = false;                // 603Fh keeps the first fault; later ones are only reported by EMCY
-  bool faults_show_as_warning = false;              // faults set statusword bit 7 as well
-  bool limit_switches_show_as_limit = false;        // an active limit switch sets statusword bit 11, moving or not
-  bool communication_errors_are_warnings = false;   // errors that the bus node detects itself are warnings
-  bool communication_loss_is_always_fault = false;  // in every state, reported as an error of the drive
+};
 
-  // Profile position
-  std::uint8_t set_point_queue = 1;  // set-points that wait behind the running one
-  bool set_points_start_from_rest =
-      // a waiting set-point begins when the shaft stands, except with "change on set-point"
-      false;
-  std::uint16_t target_tracking = 0;      // controlword bits with which every write of 607Ah is a new set-point
-  bool halt_discards_set_points = false;  // after halt the motion needs a new set-point
-  bool jerk_limited_only_from_standstill = false;
-  std::uint8_t ramp_shapes = 0b1111;  // 6086h: bit n for type n
+struct StatuswordPolicy {
+  std::span<const StatusBit> bits = cia402_status_bits;
+  bool remote = true;                         // bit 9 is set
+  bool slippage = true;                       // bit 13 in profile velocity
+  bool cyclic_modes_show_reached = false;     // bit 10 in cyclic synchronous position and velocity
+  bool faults_show_as_warning = false;        // faults set bit 7 as well
+  bool limit_switches_show_as_limit = false;  // an active limit switch sets bit 11, moving or not
+};
+
+struct FaultPolicy {
+  std::span<const FaultRow> rows;
+  bool first_is_shown = false;  // 603Fh keeps the first fault; later ones are only reported by EMCY
+};
+
+struct CommunicationPolicy {
+  bool nmt_aborts_connection = true;  // 6007h acts as well when the node is stopped or its communication reset
+  bool errors_are_warnings = false;   // errors that the bus node detects itself are warnings
+  bool loss_is_always_fault = false;  // in every state, reported as an error of the drive
+};
+
+// Set-points of profile position.
+struct PositioningPolicy {
+  std::uint8_t queue = 1;         // set-points that wait behind the running one
+  bool starts_from_rest = false;  // a waiting set-point begins when the shaft stands, except with "change on set-point"
+  bool halt_discards = false;     // after halt the motion needs a new set-point
+  bool acknowledge_blocks_change = false;  // while statusword bit 12 is set, controlword bit 5 is ignored too
+  bool end_velocity_is_start = false;      // 6082h is the initial speed of a motion from rest
+  std::uint16_t target_tracking = 0;       // controlword bits with which every write of 607Ah is a new set-point
+};
+
+struct RampPolicy {
+  std::uint8_t types = 0b1111;  // 6086h: bit n for type n
   std::array<RampShape, 4> shape_of_type{RampShape::linear, RampShape::sin2, RampShape::jerk_free,
-                                         RampShape::jerk_limited};  // the ramp shape of each type
+                                         RampShape::jerk_limited};
+  std::uint32_t shaped_modes = 0xFFFFFFFF;  // mode_bit() of modes to which 6086h applies; the others ramp linearly
+  bool jerk_limited_only_from_standstill = false;
   // A jerk-limited profile decelerates with the same ramp as it accelerates, ends at rest, and accepts no set-point
   // before its end.
   bool jerk_limited_single_symmetric = false;
-  bool acknowledge_blocks_change = false;  // while statusword bit 12 is set, controlword bit 5 is ignored too
-  bool zero_values_are_faults = false;     // zero profile values raise the planning causes
-  bool zero_ramps_are_greatest = false;    // ramps of zero stand for 60C5h and 60C6h
-  bool max_ramps_limit_homing = true;      // 60C5h and 60C6h limit 609Ah as well
-  bool end_velocity_is_start = false;      // 6082h is the initial speed of a motion from rest
+  bool zeros_are_faults = false;      // zero profile values raise the planning causes
+  bool zeros_are_greatest = false;    // ramps of zero stand for 60C5h and 60C6h
+  bool greatest_limit_homing = true;  // 60C5h and 60C6h limit 609Ah as well
+};
+
+struct LimitPolicy {
+  OutOfLimits target_beyond = OutOfLimits::clip;
+  LimitSwitches switches = LimitSwitches::stop;
+  bool software_needs_homing = false;
+  bool software_switches_range_off = false;  // 607Bh is off while 607Dh is valid
   // mode_bit() of modes in which a set-point above the greatest speed is Cause::velocity_excessive. In other modes it
   // is clipped, and Cause::velocity_clipped is present meanwhile.
   std::uint32_t excessive_velocity_faults = 0;
-  std::uint32_t shaped_modes = 0xFFFFFFFF;  // mode_bit() of modes to which 6086h applies; the others ramp linearly
-  OutOfLimits out_of_limits = OutOfLimits::clip;
-  LimitSwitches limit_switches = LimitSwitches::stop;
-  bool software_limits_need_homing = false;
-  bool software_limits_switch_range_off = false;  // 607Bh is off while 607Dh is valid
-  bool slippage_supported = true;                 // statusword bit 13 in profile velocity
+};
 
-  Interpolation interpolation = Interpolation::buffered;
+struct InterpolationPolicy {
+  Interpolation source = Interpolation::buffered;
   // Values that 60C2h accepts: from `least_value` on, times these powers of ten, in seconds.
-  struct InterpolationPeriods {
+  struct Periods {
     std::uint8_t least_value = 1;
     std::int8_t least_index = -6;
     std::int8_t greatest_index = 0;
-  } interpolation_periods{};
+  } periods{};
+};
 
-  bool single_turn_encoder = false;  // after power-on only the position within the turn is known
+struct HomingPolicy {
+  std::span<const Method> methods;
+  std::int8_t offset_sign = -1;    // position at home = sign * 607Ch
+  bool errors_are_faults = false;  // homing errors with a row in the product's fault table
+  HomingErrorCodes error_codes{};
+  bool reached_means_home = false;  // statusword bit 10 is set at rest only if home was found; otherwise at every rest
+  bool counts_at_rest = false;    // home counts as found at the end of homing, not at the latch; a new start resets it
+  bool needs_its_inputs = false;  // homing fails at once if a switch of its method has no input
+};
 
-  // Homing
-  std::span<const Method> homing_methods;
-  std::int8_t home_offset_sign = -1;      // position at home = sign * 607Ch
-  bool homing_errors_are_faults = false;  // homing errors with a row in the product's fault table
-  HomingErrorCodes homing_error_codes{};
-  // statusword bit 10 is set at rest only if home was found; otherwise at every rest
-  bool homing_reached_means_home = false;
-  // home counts as found at the end of homing, not at the latch; a new start resets it
-  bool home_counts_at_rest = false;
-  bool homing_needs_its_inputs = false;  // homing fails at once if a switch of its method has no input
-
-  // Terminals
-  std::span<const DigitalInputBit> digital_inputs;
+struct TerminalPolicy {
+  std::span<const DigitalInputBit> inputs;
   std::uint8_t first_output_bit = 16;  // of 60FEh
   std::uint8_t output_count = 4;
   std::int8_t brake_output_bit = -1;          // bit of 60FEh: 1 closes the brake if its mask bit is set; -1: none
   bool limit_inputs_follow_polarity = false;  // 607Eh bit 7 exchanges the limit switches in 60FDh as well
   std::uint8_t first_bus_input_bit = 0;  // of 60FEh:01, for inputs that the bus commands (Configuration::bus_inputs)
+};
 
-  // Rates
-  std::uint8_t velocity_loop_ticks = 2;  // 8 kHz
-  std::uint8_t position_loop_ticks = 8;  // 2 kHz
+struct LoopPolicy {
+  std::uint8_t velocity_ticks = 2;  // 8 kHz
+  std::uint8_t position_ticks = 8;  // 2 kHz
+};
 
+struct Policy {
+  ModePolicy modes{};
+  PowerPolicy power{};
+  StatuswordPolicy status{};
+  FaultPolicy faults{};
+  CommunicationPolicy communication{};
+  PositioningPolicy positioning{};
+  RampPolicy ramps{};
+  LimitPolicy limits{};
+  InterpolationPolicy interpolation{};
+  HomingPolicy homing{};
+  TerminalPolicy terminals{};
+  LoopPolicy loops{};
+  bool single_turn_encoder = false;  // after power-on only the position within the turn is known
   // Computes the units from the objects and the motor. Returns false, without changing `units`, if the objects give no
   // valid ratio.
   bool (*units)(const Objects&, const MotorData&, Units& units) = nullptr;

@@ -239,7 +239,7 @@ void Supervision::motion(Axis& axis, const Situation& situation) {
   }
   if (axis.lasts(slow, velocity_, monitors.velocity_error_ms)) present_.set(Cause::velocity_error);
 
-  if (axis.policy.out_of_limits == OutOfLimits::fault && situation.energised && axis.software_limits_active()) {
+  if (axis.policy.limits.target_beyond == OutOfLimits::fault && situation.energised && axis.software_limits_active()) {
     // The shaft may overshoot a target at the limit by some counts, so in the position loop the demand is checked.
     const bool demanded = situation.loop == Loop::position;
     const std::int64_t user = axis.to_user_position(demanded ? axis.generator.nearest_position() : axis.position());

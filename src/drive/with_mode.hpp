@@ -16,8 +16,8 @@ auto Drive::with_mode(Self& self, Function&& function) {
     case Mode::profile_torque: return function(self.profile_torque_);
     case Mode::homing: return function(self.homing_mode_);
     case Mode::interpolated_position:
-      return self.policy_.interpolation == Interpolation::buffered ? function(self.interpolated_position_)
-                                                                   : function(self.synchronous_interpolation_);
+      return self.policy_.interpolation.source == Interpolation::buffered ? function(self.interpolated_position_)
+                                                                          : function(self.synchronous_interpolation_);
     case Mode::cyclic_sync_position: return function(self.cyclic_sync_position_);
     case Mode::cyclic_sync_velocity: return function(self.cyclic_sync_velocity_);
     case Mode::cyclic_sync_torque: return function(self.cyclic_sync_torque_);

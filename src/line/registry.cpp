@@ -24,12 +24,14 @@ std::shared_ptr<products::Device> make(const products::Settings& settings) {
   return std::make_shared<Model>(settings);
 }
 
-// A product's object tables are constants of its code. The device made here only gives access to them.
 template <typename Model>
 void describe_objects(describe::Description& description) {
-  Model model{products::Settings{}};
-  description.table = model.bus_dictionary().table();
-  description.service_table = model.dictionary().table();
+  description.service_table = Model::table;
+  if constexpr (requires { Model::bus_table; }) {
+    description.table = Model::bus_table;
+  } else {
+    description.table = Model::table;
+  }
 }
 
 // `order_code` is not the code printed on the product but its name on a line.

@@ -3,13 +3,13 @@
 #include <fmt/format.h>
 #include <fmt/ranges.h>
 
-#include "describe/fault_texts.hpp"
+#include "catalogue/fault_texts.hpp"
 
 namespace servodrome::master {
 
 std::string text_of_error_code(std::uint16_t code) {
   if (code < 0x1000) return "no error";  // 00xxh: error reset or no error
-  const describe::FaultText* const text = describe::fault_class_text(code);
+  const catalogue::FaultText* const text = catalogue::fault_class_text(code);
   if (text == nullptr) return "manufacturer-specific code";
   return fmt::format("{}{}", text->code == code ? "" : "class: ", text->text);
 }

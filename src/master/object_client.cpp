@@ -4,8 +4,6 @@
 
 namespace servodrome::master {
 
-std::string text_of(ObjectAddress object) { return fmt::format("{:04X}:{:02X}", object.index, object.sub); }
-
 std::vector<std::vector<std::size_t>> ObjectClient::read_together(std::span<const ObjectAddress> objects) const {
   std::vector<std::vector<std::size_t>> sets;
   for (std::size_t i = 0; i < objects.size(); ++i) sets.push_back({i});

@@ -65,7 +65,7 @@ class CanDevice : public ServoDevice<Product, ProductObjects>, protected canopen
       bit_rate_ = next_bit_rate_;
       switch_bit_rate_at_ = canopen::never;
     }
-    if constexpr (Product::policy.communication_errors_are_warnings) drive().show_warning(node_.communication_error());
+    if constexpr (Product::policy.communication.errors_are_warnings) drive().show_warning(node_.communication_error());
   }
   void receive(const canopen::Frame& frame, Time now) override { node_.receive(frame, now); }
   void poll(Time now) override { node_.poll(now); }
@@ -122,7 +122,7 @@ class CanDevice : public ServoDevice<Product, ProductObjects>, protected canopen
     drive().synchronise();
   }
   canopen::LossReaction communication_lost(canopen::LossCause cause, canopen::LossReaction standard) override {
-    if constexpr (Product::policy.communication_loss_is_always_fault) {
+    if constexpr (Product::policy.communication.loss_is_always_fault) {
       drive().communication_lost(cause == canopen::LossCause::bus_off ? drive::Cause::bus_off
                                                                       : drive::Cause::communication_lost);
       standard.emergency_code = 0;  // the drive's own error reports the loss
@@ -163,7 +163,8 @@ class CanDevice : public ServoDevice<Product, ProductObjects>, protected canopen
   // 6007h also determines the reaction when the node is stopped or its communication is reset. In a product without
   // that object the drive continues.
   void abort_connection() {
-    if (Product::policy.nmt_aborts_connection && dictionary().find(0x6007, 0) != nullptr) drive().communication_lost();
+    if (Product::policy.communication.nmt_aborts_connection && dictionary().find(0x6007, 0) != nullptr)
+      drive().communication_lost();
   }
 
   canopen::NodeStorageFor<typename NodeSizes<ProductObjects>::Communication, SdoBufferBytes> storage_{};

@@ -2,6 +2,7 @@
 
 #include <fmt/format.h>
 
+#include "catalogue/product.hpp"
 #include "line/bench/line_bench.hpp"
 #include "master/abort_text.hpp"
 
@@ -59,7 +60,7 @@ Subject LineSubjects::open(api::Call& call) {
 }
 
 master::ParameterList Subject::parameters(bool with_connection) const {
-  return master::ParameterList::of_dictionary(table, master::parameter_rules_of(product), with_connection);
+  return master::ParameterList::of_dictionary(table, catalogue::product_of(product).rules, with_connection);
 }
 
 ApiError api_error(const master::MasterError& error, unsigned status) {

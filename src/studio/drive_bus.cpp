@@ -6,8 +6,8 @@
 
 #include "api/change_log.hpp"
 #include "axis/cia402_words.hpp"
+#include "catalogue/product.hpp"
 #include "line/axis.hpp"
-#include "tools/parameters/rules.hpp"
 
 namespace servodrome::studio {
 namespace {
@@ -44,7 +44,7 @@ bool is_pdo(master::ObjectAddress object) { return object.index >= 0x1400 && obj
 
 bool is_store_command(master::ObjectAddress object, std::string_view product) {
   constexpr std::uint16_t store_parameters = 0x1010;
-  const auto commands = master::parameter_rules_of(product).store;
+  const auto commands = catalogue::product_of(product).rules.store;
   return object.index == store_parameters ||
          std::any_of(commands.begin(), commands.end(), [&](const auto& command) { return command.object == object; });
 }
@@ -203,7 +203,7 @@ bool DriveBus::serve(OpenBus& open) {
   axes_.clear();
   for (std::size_t i = 0; i < plan_.drives.size(); ++i) {
     master::AxisOptions options;
-    options.dialect = master::dialect_of(plan_.drives[i].product);
+    options.product = &catalogue::product_of(plan_.drives[i].product);
     axes_.emplace_back(*open.drives()[i], options);
     next_poll_[i] = {};
     silent_[i] = false;

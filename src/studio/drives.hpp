@@ -10,6 +10,7 @@
 #include "api/routes.hpp"
 #include "axis/axis402.hpp"
 #include "axis/cyclic/can_cyclic_bus.hpp"
+#include "catalogue/product.hpp"
 #include "master/canopen/pdo_set_up.hpp"
 #include "studio/reach.hpp"
 
@@ -65,7 +66,7 @@ class Drives {
                               const Work& work) = 0;
   // A revolution in the drive's units; empty if the drive has no such information. Throws MasterError if the access
   // fails.
-  virtual std::optional<master::AxisUnits> units(const std::string& axis) = 0;
+  virtual std::optional<catalogue::AxisUnits> units(const std::string& axis) = 0;
   // The limits that the drive's objects contain now. Throws MasterError if the access fails.
   virtual master::AxisLimits limits(const std::string& axis) = 0;
   // Where the axis can move to, as far as it is known. Throws MasterError if the access fails.

@@ -5,6 +5,7 @@
 
 #include "canopen/301/sdo_wire.hpp"
 #include "canopen/connection_set.hpp"
+#include "catalogue/product.hpp"
 
 namespace servodrome::studio {
 namespace {
@@ -55,7 +56,7 @@ bool is_request_to_write(const canopen::Frame& request) {
 
 ForeignWrites::ForeignWrites(std::span<const Node> nodes) {
   for (std::size_t i = 0; i < nodes.size(); ++i) {
-    channels_.try_emplace(nodes[i].id, Channel{i, HeardValues(master::parameter_rules_of(nodes[i].product))});
+    channels_.try_emplace(nodes[i].id, Channel{i, HeardValues(catalogue::product_of(nodes[i].product).rules)});
   }
 }
 

@@ -5,7 +5,8 @@
 #include <span>
 
 #include "api/change_log.hpp"
-#include "tools/parameters/rules.hpp"
+#include "catalogue/parameter_rules.hpp"
+#include "master/object_address.hpp"
 
 namespace servodrome::studio {
 
@@ -20,7 +21,7 @@ class HeardValues {
   static constexpr std::size_t most_objects = 4096;  // further objects are not known
 
   // `rules` must outlive this object.
-  explicit HeardValues(const master::ParameterRules& rules) : rules_(rules) {}
+  explicit HeardValues(const catalogue::ParameterRules& rules) : rules_(rules) {}
 
   void note_read(master::ObjectAddress object, std::span<const std::byte> value) { set(object, value); }
   // A request to write the object, before the drive's answer.
@@ -37,7 +38,7 @@ class HeardValues {
   };
   void set(master::ObjectAddress object, std::span<const std::byte> value);
 
-  const master::ParameterRules& rules_;
+  const catalogue::ParameterRules& rules_;
   std::map<master::ObjectAddress, Value> values_;
 };
 

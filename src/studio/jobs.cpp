@@ -8,6 +8,7 @@
 
 #include "api/author.hpp"
 #include "api/version.hpp"
+#include "catalogue/product.hpp"
 #include "line/axis.hpp"
 
 namespace servodrome::studio {
@@ -92,7 +93,7 @@ Jobs::Asked Jobs::asked(const std::string& axis) const {
 }
 
 void Jobs::note_refused_stop(const std::string& axis, const std::string& body) {
-  const auto no_units = []() -> std::optional<master::AxisUnits> {
+  const auto no_units = []() -> std::optional<catalogue::AxisUnits> {
     throw master::MasterError("the units of a silent drive are unknown", "", "");
   };
   try {

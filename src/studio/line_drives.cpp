@@ -3,6 +3,7 @@
 #include "api/error.hpp"
 #include "axis/cia402_words.hpp"
 #include "axis/cyclic/object_cyclic_bus.hpp"
+#include "catalogue/product.hpp"
 #include "drive/drive.hpp"
 #include "studio/service_objects.hpp"
 
@@ -44,7 +45,7 @@ std::string LineDrives::product(const std::string& axis) const {
   return std::string(find(axis).settings().product->name);
 }
 
-std::optional<master::AxisUnits> LineDrives::units(const std::string& axis) { return units_of(line_, find(axis)); }
+std::optional<catalogue::AxisUnits> LineDrives::units(const std::string& axis) { return units_of(line_, find(axis)); }
 
 master::AxisLimits LineDrives::limits(const std::string& axis) {
   ServiceObjects objects(line_, find(axis));

@@ -1,5 +1,6 @@
 #pragma once
 
+#include "catalogue/product.hpp"
 #include "line/line.hpp"
 #include "studio/drives.hpp"
 
@@ -22,7 +23,7 @@ class LineDrives final : public Drives {
                       const std::function<bool()>& cancelled,
                       const std::function<void(const char* doing, double share)>& progress, const Work& work) override;
   std::vector<std::string> injected(const std::string& axis) const override;
-  std::optional<master::AxisUnits> units(const std::string& axis) override;
+  std::optional<catalogue::AxisUnits> units(const std::string& axis) override;
   master::AxisLimits limits(const std::string& axis) override;
   Travel travel(const std::string& axis) override;
   std::uint64_t commands(const std::string& axis) const override { return find(axis).commands(); }

@@ -6,6 +6,7 @@
 #include <fmt/format.h>
 #include <numbers>
 
+#include "catalogue/product.hpp"
 #include "links/nearest_name.hpp"
 #include "studio/excitation.hpp"
 #include "studio/tuning_order.hpp"
@@ -21,7 +22,7 @@ using Target = Order::Target;
 constexpr double longest_timeout_s = 3600.0;
 constexpr double usual_timeout_s = 60.0;
 
-master::AxisUnits reported(const ReadUnits& units, const char* remedy) {
+catalogue::AxisUnits reported(const ReadUnits& units, const char* remedy) {
   if (const auto known = units()) return *known;
   throw master::MasterError("the drive does not report its units per revolution", "", remedy);
 }
@@ -86,8 +87,8 @@ class Numbers {
   const Scale& scale() const { return scale_; }
   std::optional<Target> target{};  // of a move that stays within the travel
   // In the drive's units, whatever units the request uses.
-  std::optional<master::AxisUnits> revolution() const { return units_(); }
-  master::AxisUnits needed_revolution(const char* remedy) const { return reported(units_, remedy); }
+  std::optional<catalogue::AxisUnits> revolution() const { return units_(); }
+  catalogue::AxisUnits needed_revolution(const char* remedy) const { return reported(units_, remedy); }
 
  private:
   BodyReader& body_;
@@ -186,7 +187,7 @@ Excitation excitation(Numbers& numbers) {
     throw ApiError{422, fmt::format("of is \"{}\"", of.substr(0, 40)), "of",
                    "send \"velocity\", \"torque\" or \"position\""};
   }
-  const master::AxisUnits& scale = numbers.scale().units();
+  const catalogue::AxisUnits& scale = numbers.scale().units();
   const std::array factors{scale.velocity, permille_per_percent, scale.position};
   numbers.body().required("amplitude");
   Excitation excitation{.of = choice->of};
@@ -195,9 +196,9 @@ Excitation excitation(Numbers& numbers) {
   if (excitation.amplitude == 0.0)
     throw ApiError{422, "the amplitude is 0", "amplitude", "give an amplitude other than 0"};
   // CiA 402 counts velocities and accelerations in the same position units.
-  constexpr master::AxisUnits same{1.0, 1.0, 1.0};
+  constexpr catalogue::AxisUnits same{1.0, 1.0, 1.0};
   const auto travel = numbers.body().number("travel", 0.0);
-  const master::AxisUnits revolution =
+  const catalogue::AxisUnits revolution =
       travel ? numbers.revolution().value_or(same) : numbers.needed_revolution("give \"travel\" in its own units");
   excitation.acceleration_per_velocity = revolution.acceleration / revolution.velocity;
   excitation.travel = travel ? *travel * scale.position : revolution.position;

@@ -6,6 +6,7 @@
 
 #include "api/body_reader.hpp"
 #include "axis/axis402.hpp"
+#include "catalogue/product.hpp"
 #include "studio/drives.hpp"
 
 // The order of a job: the body of a request, read and checked before anything moves.
@@ -16,11 +17,11 @@ class Scale {
  public:
   // Factor 1 everywhere: the drive's units.
   Scale() = default;
-  explicit Scale(const master::AxisUnits& units) : units_(units) {}
-  const master::AxisUnits& units() const { return units_; }
+  explicit Scale(const catalogue::AxisUnits& units) : units_(units) {}
+  const catalogue::AxisUnits& units() const { return units_; }
 
  private:
-  master::AxisUnits units_{1.0, 1.0, 1.0};
+  catalogue::AxisUnits units_{1.0, 1.0, 1.0};
 };
 
 // Callbacks and results of the execution of an order.
@@ -59,7 +60,7 @@ struct Order {
 };
 
 // The size of a revolution in the drive's units; nothing if the drive does not report it.
-using ReadUnits = std::function<std::optional<master::AxisUnits>()>;
+using ReadUnits = std::function<std::optional<catalogue::AxisUnits>()>;
 
 // Calls `units` if the request's numbers are in revolutions, or if the job needs to know the drive's own. Throws
 // ApiError for an invalid request, MasterError if the units are needed and not reported, and what `units` throws.

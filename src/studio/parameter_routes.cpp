@@ -3,6 +3,7 @@
 #include <sstream>
 
 #include "axis/object_catalogue.hpp"
+#include "catalogue/product.hpp"
 #include "studio/commissioning.hpp"
 #include "studio/route_names.hpp"
 #include "tools/parameters/loader.hpp"
@@ -139,7 +140,7 @@ std::vector<master::ObjectAddress> changed_volatile_ones(Subject& subject, const
 Json store_now(Call& call) {
   Subject subject = subject_of(call);
   BodyReader(call.body, true).finish();
-  const master::ParameterRules& rules = master::parameter_rules_of(subject.product);
+  const catalogue::ParameterRules& rules = catalogue::product_of(subject.product).rules;
   const master::ParameterList list = subject.parameters();
   return said(409, [&] {
     const bool stored = master::store_parameters(subject.objects, rules);

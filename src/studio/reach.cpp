@@ -2,6 +2,7 @@
 
 #include <fmt/format.h>
 
+#include "catalogue/product.hpp"
 #include "drive/axis.hpp"
 #include "studio/order.hpp"
 
@@ -9,8 +10,8 @@ namespace servodrome::studio {
 namespace {
 
 // The pair stays 0, which means "off", if the drive does not have the object.
-void read_span(master::ObjectClient& objects, std::uint16_t index, master::SoftwareLimitSubs subs, std::int32_t& lowest,
-               std::int32_t& highest) {
+void read_span(master::ObjectClient& objects, std::uint16_t index, catalogue::SoftwareLimitSubs subs,
+               std::int32_t& lowest, std::int32_t& highest) {
   const auto low = objects.read_if_present<std::int32_t>(index, subs.lowest);
   const auto high = objects.read_if_present<std::int32_t>(index, subs.highest);
   if (!low || !high) return;
@@ -30,8 +31,9 @@ Travel travel_by_objects(master::ObjectClient& objects, const master::AxisOption
                          bool homed) {
   // An axis of the drive core with these objects, in which a count is one unit of 6064h, decides what acts.
   drive::Objects values;
-  read_span(objects, 0x607D, options.dialect.software_limits, values.min_position_limit, values.max_position_limit);
-  if (options.dialect.has_position_range) {
+  read_span(objects, 0x607D, options.product->dialect.software_limits, values.min_position_limit,
+            values.max_position_limit);
+  if (options.product->dialect.has_position_range) {
     read_span(objects, 0x607B, {}, values.min_position_range_limit, values.max_position_range_limit);
   }
   drive::Axis axis{.objects = values, .policy = policy};

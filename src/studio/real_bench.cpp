@@ -4,6 +4,7 @@
 
 #include "api/change_log.hpp"
 #include "axis/fault_report.hpp"
+#include "catalogue/product.hpp"
 #include "drive/drive.hpp"
 #include "line/bench/axis_view.hpp"
 #include "line/bench/object_values.hpp"
@@ -80,7 +81,7 @@ Json view_of(const master::ReportedFault& fault, const RealDrives::Axis& axis) {
   const std::string text = master::text_of(fault, axis.product);
   Json view{{"code", fmt::format("0x{:04X}", fault.code)},
             {"name", fault.code == 0 ? text : text.substr(std::min(text.find(' ') + 1, text.size()))}};
-  if (fault.alarm != 0) view["alarm"] = describe::alarm_name(axis.product, fault.alarm);
+  if (fault.alarm != 0) view["alarm"] = catalogue::alarm_name(axis.product, fault.alarm);
   if (fault.meanings.size() == 1) {
     view["text"] = fault.meanings.front()->text;
     view["cause"] = fault.meanings.front()->cause;
@@ -161,7 +162,8 @@ Json RealBench::show_states(Call& call) {
     constexpr std::uint8_t leave_quick_stop = 16;  // 605Ah decides whether a command triggers it
     if (transition.from != state) return false;
     if (transition.number == leave_quick_stop || transition.number == drive::release_quick_stop) return false;
-    return transition.number != 3 || transition.command != drive::Command::enable_operation || policy.direct_enable;
+    return transition.number != 3 || transition.command != drive::Command::enable_operation ||
+           policy.power.direct_enable;
   });
 }
 
@@ -170,13 +172,13 @@ Json RealBench::show_homing(Call& call) {
   const drive::Policy& policy = axis.device->drive().policy();
   Json view = line::bench::homing_view(policy, false);
   // Null: the product is unknown, or has several encoders.
-  const bool one_encoder = !axis.product.empty() && !master::dialect_of(axis.product).encoder_counts;
+  const bool one_encoder = !axis.product.empty() && !catalogue::product_of(axis.product).dialect.encoder_counts;
   view["index_available"] = one_encoder ? Json(axis.device->drive().axis().configuration.index_available) : Json();
   view["selected"] = nullptr;
   if (drives_.state_of(axis).problem) return view;
   try {
     const auto method = drives_.open(axis)->read_if_present<std::int8_t>(0x6098);
-    if (method && drive::find_method(policy.homing_methods, *method) != nullptr) view["selected"] = *method;
+    if (method && drive::find_method(policy.homing.methods, *method) != nullptr) view["selected"] = *method;
   } catch (const master::MasterError&) {
     // The state of the drive shows that it is silent.
   }
@@ -237,7 +239,7 @@ Json RealBench::show_faults(Call& call) {
   drives_.require_ready(axis.name);
   return asking(axis.name, [&] {
     const auto objects = drives_.open(axis);
-    const master::FaultReport report = master::read_faults(*objects, master::dialect_of(axis.product));
+    const master::FaultReport report = master::read_faults(*objects, catalogue::product_of(axis.product));
     Json active = Json::array();
     for (const auto* list : {&report.active, &report.warnings}) {
       for (const master::ReportedFault& fault : *list) active.push_back(view_of(fault, axis));

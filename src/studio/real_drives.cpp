@@ -5,6 +5,7 @@
 #include <fmt/format.h>
 
 #include "axis/cia402_words.hpp"
+#include "catalogue/product.hpp"
 #include "drive/drive.hpp"
 #include "line/axis.hpp"
 #include "links/nearest_name.hpp"
@@ -110,7 +111,7 @@ std::unique_ptr<master::ObjectClient> RealDrives::open(const std::string& name, 
 
 master::AxisOptions RealDrives::options(const std::string& axis) const {
   master::AxisOptions options;
-  options.dialect = master::dialect_of(axis_of(axis).product);
+  options.product = &catalogue::product_of(axis_of(axis).product);
   return options;
 }
 
@@ -188,7 +189,7 @@ Json RealDrives::in_cycles(const std::string& name, master::ObjectClient& object
   return std::move(shared->found);
 }
 
-std::optional<master::AxisUnits> RealDrives::units(const std::string& name) {
+std::optional<catalogue::AxisUnits> RealDrives::units(const std::string& name) {
   const auto objects = open(name, wait_);
   return master::Axis402(*objects, options(name)).units();
 }
@@ -203,7 +204,7 @@ Travel RealDrives::travel(const std::string& name) {
   const auto objects = open(name, wait_);
   const drive::Policy& policy = axis.device->drive().policy();
   const std::uint16_t statusword = objects->read<std::uint16_t>(0x6041);
-  const auto& bits = policy.status_bits;
+  const auto& bits = policy.status.bits;
   const bool homed = std::any_of(bits.begin(), bits.end(), [statusword](const drive::StatusBit& bit) {
     return bit.source == drive::StatusSource::home_found && (statusword >> bit.bit & 1U) != 0;
   });

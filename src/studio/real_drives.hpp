@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "api/scope/source.hpp"
+#include "catalogue/product.hpp"
 #include "line/registry.hpp"
 #include "studio/commissioning.hpp"
 #include "studio/drive_bus.hpp"
@@ -101,7 +102,7 @@ class RealDrives final : public Drives, public api::Source, public Subjects {
   api::Json in_cycles(const std::string& axis, master::ObjectClient& objects, const master::CanDrive& exchanged,
                       const std::function<bool()>& cancelled,
                       const std::function<void(const char* doing, double share)>& progress, const Work& work) override;
-  std::optional<master::AxisUnits> units(const std::string& axis) override;
+  std::optional<catalogue::AxisUnits> units(const std::string& axis) override;
   master::AxisLimits limits(const std::string& axis) override;
   Travel travel(const std::string& axis) override;
   std::uint64_t commands(const std::string& axis) const override { return commands_[index_of(axis_of(axis))]; }

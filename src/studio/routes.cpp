@@ -4,13 +4,13 @@
 #include <limits>
 #include <optional>
 
-#include "describe/status_words.hpp"
+#include "catalogue/product.hpp"
+#include "catalogue/status_words.hpp"
 #include "links/nearest_name.hpp"
 #include "links/number_text.hpp"
 #include "studio/jobs.hpp"
 #include "studio/route_names.hpp"
 #include "tools/tuning/drive_gains.hpp"
-#include "tools/tuning/gain_guide.hpp"
 
 // The calls of the API that move axes.
 namespace servodrome::studio {
@@ -92,10 +92,12 @@ Json show_units(Call& call) {
   const std::string axis = axis_name(call);
   try {
     const auto units = jobs_of(call).drives().units(axis);
-    const auto per_revolution = [&](double master::AxisUnits::*part) { return units ? Json((*units).*part) : Json(); };
-    return Json{{"position_per_revolution", per_revolution(&master::AxisUnits::position)},
-                {"velocity_per_rps", per_revolution(&master::AxisUnits::velocity)},
-                {"acceleration_per_rps2", per_revolution(&master::AxisUnits::acceleration)}};
+    const auto per_revolution = [&](double catalogue::AxisUnits::*part) {
+      return units ? Json((*units).*part) : Json();
+    };
+    return Json{{"position_per_revolution", per_revolution(&catalogue::AxisUnits::position)},
+                {"velocity_per_rps", per_revolution(&catalogue::AxisUnits::velocity)},
+                {"acceleration_per_rps2", per_revolution(&catalogue::AxisUnits::acceleration)}};
   } catch (const master::MasterError& error) {
     throw ApiError{409, error.happened(), error.where(), error.remedy()};
   }
@@ -105,11 +107,11 @@ Json show_units(Call& call) {
 Json show_words(Call& call) {
   const std::string product = jobs_of(call).drives().product(axis_name(call));
   Json modes = Json::object();
-  for (const describe::ModeName& row : describe::mode_names(product)) modes[std::to_string(row.mode)] = row.name;
+  for (const catalogue::ModeName& row : catalogue::mode_names(product)) modes[std::to_string(row.mode)] = row.name;
   Json bits = Json::array();
-  for (const describe::StatusWord& row : describe::status_words(product)) {
+  for (const catalogue::StatusWord& row : catalogue::status_words(product)) {
     bits.push_back({{"bit", row.bit}, {"name", row.name}});
-    if (row.mode != describe::every_mode) bits.back()["mode"] = row.mode;
+    if (row.mode != catalogue::every_mode) bits.back()["mode"] = row.mode;
   }
   return Json{{"modes", std::move(modes)}, {"statusword", std::move(bits)}};
 }
@@ -157,9 +159,9 @@ Json show_gains(Call& call) {
   const std::string axis = axis_name(call);
   const Drives& drives = jobs_of(call).drives();
   const std::string product = drives.product(axis);
-  const master::tuning::TuningDialect& dialect = master::tuning::tuning_dialect_of(product);
+  const catalogue::TuningDialect& dialect = catalogue::product_of(product).tuning;
   Json gains = Json::array();
-  for (const master::tuning::GainLine& line : master::tuning::gain_guide_of(product)) {
+  for (const catalogue::GainLine& line : catalogue::product_of(product).gain_guide) {
     gains.push_back({{"object", text_of(line.object)}, {"set", line.set}, {"does", line.does}});
   }
   return Json{{"gains", std::move(gains)},

@@ -4,6 +4,7 @@
 #include <fmt/format.h>
 #include <numeric>
 
+#include "catalogue/product.hpp"
 #include "master/abort_text.hpp"
 #include "studio/task.hpp"
 
@@ -92,18 +93,18 @@ void ServiceObjects::download(master::ObjectAddress object, std::span<const std:
 
 master::AxisOptions options_for(const line::Axis& axis) {
   master::AxisOptions options;
-  options.dialect = master::dialect_of(axis.settings().product->name);
+  options.product = &catalogue::product_of(axis.settings().product->name);
   // A simulated drive resets a fault within some cycles.
   options.reset_timeout = std::chrono::milliseconds(200);
   return options;
 }
 
-master::AxisUnits units_of(line::Line& line, line::Axis& axis) {
+catalogue::AxisUnits units_of(line::Line& line, line::Axis& axis) {
   ServiceObjects objects(line, axis);
   master::Axis402 master_axis(objects, options_for(axis));
   if (const auto units = master_axis.units()) return *units;
   const double counts = axis.plant().parameters().encoder.counts_per_revolution;
-  return master_axis.units(counts).value_or(master::AxisUnits{counts, counts, counts});
+  return master_axis.units(counts).value_or(catalogue::AxisUnits{counts, counts, counts});
 }
 
 }  // namespace servodrome::studio

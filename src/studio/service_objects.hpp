@@ -3,6 +3,7 @@
 #include <functional>
 
 #include "axis/axis402.hpp"
+#include "catalogue/product.hpp"
 #include "line/line.hpp"
 
 namespace servodrome::studio {
@@ -47,6 +48,6 @@ master::AxisOptions options_for(const line::Axis& axis);
 
 // A revolution in the drive's units. If the drive has no such information it counts in increments, so the counts of its
 // encoder are used. Throws MasterError if the access fails.
-master::AxisUnits units_of(line::Line& line, line::Axis& axis);
+catalogue::AxisUnits units_of(line::Line& line, line::Axis& axis);
 
 }  // namespace servodrome::studio

@@ -1,5 +1,6 @@
 #include "studio/tuning_json.hpp"
 
+#include "catalogue/gains.hpp"
 #include "tools/tuning/loop.hpp"
 
 namespace servodrome::studio {
@@ -23,7 +24,7 @@ Json points_of(const std::vector<double>& hz, const std::vector<tuning::Complex>
 Json json_of(const std::vector<tuning::GainValue>& before, const std::vector<tuning::GainValue>& after) {
   Json list = Json::array();
   for (std::size_t i = 0; i < after.size(); ++i) {
-    const tuning::GainObject& gain = *after[i].gain;
+    const catalogue::GainObject& gain = *after[i].gain;
     list.push_back({{"object", text_of(gain.object)},
                     {"name", gain.name},
                     {"unit", gain.unit_text},

@@ -1,5 +1,6 @@
 #pragma once
 
+#include "catalogue/product.hpp"
 #include "studio/order.hpp"
 #include "tools/tuning/session.hpp"
 
@@ -8,7 +9,7 @@ namespace servodrome::studio {
 struct TuningOrder {
   master::tuning::SessionRequest session{};
   master::tuning::TunerOptions tuner{};
-  master::AxisUnits revolution{1.0, 1.0, 1.0};  // size of a revolution in the drive's units
+  catalogue::AxisUnits revolution{1.0, 1.0, 1.0};  // size of a revolution in the drive's units
 };
 
 // Measures the axis' velocity loop, proposes gains and, if requested, writes them and measures their effect. The result

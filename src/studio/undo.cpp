@@ -6,7 +6,7 @@
 #include <set>
 
 #include "axis/axis402.hpp"
-#include "line/bench/terminal_words.hpp"
+#include "catalogue/terminal_words.hpp"
 
 namespace servodrome::studio {
 namespace {
@@ -29,8 +29,8 @@ bool is_process_data_setting(std::uint16_t index) {
 // Selects the writes of an undo, the newest change first.
 class UndoPlan {
  public:
-  UndoPlan(const api::ChangeLog& log, const master::ParameterRules& rules, UndoReport& report)
-      : log_(log), rules_(rules), report_(report) {}
+  UndoPlan(const api::ChangeLog& log, const catalogue::Product& product, UndoReport& report)
+      : log_(log), product_(product), report_(report) {}
 
   void add(const Change& change, bool is_selected) {
     Chain& chain = chains_[change.key()];
@@ -38,7 +38,7 @@ class UndoPlan {
       if (chain.later == 0) chain.later = change.number;
       return;
     }
-    if (const std::string reason = reason_against_undo(change, rules_); !reason.empty()) {
+    if (const std::string reason = reason_against_undo(change, product_); !reason.empty()) {
       keep(change, reason, "write the object itself if its value shall change");
     } else if (chain.step && steps_[*chain.step].to == change.before) {
       return;  // later changes took the value back to this one
@@ -87,7 +87,7 @@ class UndoPlan {
   }
 
   const api::ChangeLog& log_;
-  const master::ParameterRules& rules_;
+  const catalogue::Product& product_;
   UndoReport& report_;
   std::map<std::uint32_t, Chain> chains_;
   std::map<std::uint32_t, Ends> process_data_;
@@ -109,11 +109,11 @@ bool has_torque(master::ObjectClient& objects) {
 
 }  // namespace
 
-std::string reason_against_undo(const Change& change, const master::ParameterRules& rules) {
-  if (change.entry->access != dictionary::Access::rw || rules.is_command(address_of(change))) {
+std::string reason_against_undo(const Change& change, const catalogue::Product& product) {
+  if (change.entry->access != dictionary::Access::rw || product.rules.is_command(address_of(change))) {
     return "the object is a command or a target and no parameter";
   }
-  if (line::bench::find_terminal(rules.product, change.entry->index, change.entry->sub) != nullptr) {
+  if (catalogue::find_terminal(product.name, change.entry->index, change.entry->sub) != nullptr) {
     return "the object decides about inputs and outputs, and an input can move the axis";
   }
   if (!change.before.known()) return "the value before is not known";
@@ -122,8 +122,8 @@ std::string reason_against_undo(const Change& change, const master::ParameterRul
 
 UndoReport undo(const api::ChangeLog& log, std::uint32_t axis, Subject& subject, const UndoOrder& order) {
   UndoReport report;
-  const master::ParameterRules& rules = master::parameter_rules_of(subject.product);
-  UndoPlan plan(log, rules, report);
+  const catalogue::Product& product = catalogue::product_of(subject.product);
+  UndoPlan plan(log, product, report);
   for (std::uint64_t number = log.newest(); number >= log.oldest(); --number) {
     const Change& change = log.at(number);
     if (change.axis == axis) plan.add(change, order.is_selected(change));

@@ -8,13 +8,14 @@
 #include <vector>
 
 #include "api/change_log.hpp"
+#include "catalogue/product.hpp"
 #include "studio/commissioning.hpp"
 
 namespace servodrome::studio {
 
 // Why a change cannot be undone at all; empty: it can be. Only parameters can be undone, so that an undo never commands
 // a motion.
-std::string reason_against_undo(const api::Change& change, const master::ParameterRules& rules);
+std::string reason_against_undo(const api::Change& change, const catalogue::Product& product);
 
 // What an undo shall do.
 struct UndoOrder {

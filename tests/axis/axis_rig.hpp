@@ -5,6 +5,7 @@
 #include <gtest/gtest.h>
 
 #include "axis/axis402.hpp"
+#include "catalogue/product.hpp"
 #include "line/line.hpp"
 #include "line/support.hpp"
 #include "links/ethercat/memory_client.hpp"
@@ -59,7 +60,7 @@ class AxisRig {
     }
   }
 
-  AxisOptions options() const { return {.dialect = dialect_of(rig_case.product)}; }
+  AxisOptions options() const { return {.product = &catalogue::product_of(rig_case.product)}; }
   ObjectClient& objects(std::size_t number = 0) { return *clients[number]; }
   line::Axis& drive(std::size_t number = 0) { return *line.axes()[number]; }
   double shaft_counts(std::size_t number = 0) { return static_cast<double>(drive(number).plant().position_counts()); }

@@ -7,6 +7,7 @@
 #include "axis/axis402.hpp"
 #include "axis/cyclic/cyclic_axis.hpp"
 #include "axis/cyclic/lost_master.hpp"
+#include "catalogue/product.hpp"
 #include "line/line.hpp"
 #include "line/support.hpp"
 #include "links/ethercat/memory_client.hpp"
@@ -202,7 +203,7 @@ TEST_F(EthercatKincos, StopWhenTheirMasterIsGone) {
     EXPECT_EQ(option(0), 1);
     EthercatOperation operation(master, found, all, options);
     CoeObjects objects(*all[0], operation.exchange(), 0);
-    Axis402 axis(objects, {.dialect = dialect_of("ismk-ea")});
+    Axis402 axis(objects, {.product = &catalogue::product_of("ismk-ea")});
     run(axis);
     EXPECT_TRUE(turns(0));
     EXPECT_FALSE(reaction.end()) << "the motor is on";
@@ -223,7 +224,7 @@ TEST_F(EthercatKincos, KeepTheirOwnReaction) {
 TEST_F(EthercatKincos, OneIsStoppedAfterTheOtherHasLostItsSupply) {
   EthercatOperation operation(master, found, all, options);
   CoeObjects objects(*all[0], operation.exchange(), 0);
-  Axis402 axis(objects, {.dialect = dialect_of("ismk-ea")});
+  Axis402 axis(objects, {.product = &catalogue::product_of("ismk-ea")});
   run(axis);
   ASSERT_TRUE(turns(0));
   line.axes()[1]->power_off(line.now());

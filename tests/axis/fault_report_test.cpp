@@ -4,6 +4,7 @@
 #include <gmock/gmock.h>
 
 #include "axis/axis_rig.hpp"
+#include "catalogue/product.hpp"
 
 namespace servodrome::master::test {
 namespace fault_report_test {
@@ -13,11 +14,10 @@ using testing::HasSubstr;
 
 class FaultReports : public testing::TestWithParam<RigCase> {
  protected:
-  FaultReport report() { return read_faults(rig.objects(), dialect); }
+  FaultReport report() { return read_faults(rig.objects(), product); }
 
   AxisRig rig{GetParam()};
-  std::string_view product = GetParam().product;
-  const Dialect& dialect = dialect_of(GetParam().product);
+  const catalogue::Product& product = catalogue::product_of(GetParam().product);
 };
 INSTANTIATE_TEST_SUITE_P(Every, FaultReports, testing::ValuesIn(every_product),
                          [](const auto& row) { return row.param.name(); });
@@ -38,17 +38,17 @@ TEST_P(FaultReports, AnActiveFaultIsExplainedThenItIsHistory) {
   const FaultReport faulty = report();
   ASSERT_EQ(faulty.active.size(), 1U) << text_of_statusword(faulty.statusword);
   EXPECT_TRUE(faulty.warnings.empty());
-  const bool knows_code = rig.objects().read_if_present<std::uint16_t>(0x603F) || !dialect.alarm_words.empty();
+  const bool knows_code = rig.objects().read_if_present<std::uint16_t>(0x603F) || !product.dialect.alarm_words.empty();
   if (knows_code) {
-    EXPECT_THAT(text_of(faulty.active[0], product), HasSubstr("over-voltage"));
+    EXPECT_THAT(text_of(faulty.active[0], product.name), HasSubstr("over-voltage"));
     ASSERT_FALSE(faulty.active[0].meanings.empty());
     EXPECT_FALSE(faulty.active[0].meanings[0]->remedy.empty());
   } else {
-    EXPECT_THAT(text_of(faulty.active[0], product), HasSubstr("gives no code"));
+    EXPECT_THAT(text_of(faulty.active[0], product.name), HasSubstr("gives no code"));
   }
-  EXPECT_EQ(faulty.active[0].alarm, product.starts_with("ismk") ? 5 : 0) << "2601h bit 5";
+  EXPECT_EQ(faulty.active[0].alarm, product.name.starts_with("ismk") ? 5 : 0) << "2601h bit 5";
   rig.drive().inject(drive::Cause::over_voltage, false);
-  if (product == "jmc_ec") return;  // this fault requires a power cycle
+  if (product.name == "jmc_ec") return;  // this fault requires a power cycle
   axis.reset_fault();
   rig.objects().wait(50ms);
   const FaultReport after = report();
@@ -56,10 +56,10 @@ TEST_P(FaultReports, AnActiveFaultIsExplainedThenItIsHistory) {
   const auto count = rig.objects().read_if_present<std::uint8_t>(0x1003);
   if (!count) return;
   ASSERT_EQ(after.history.size(), 1U);
-  EXPECT_THAT(text_of(after.history[0], product), HasSubstr("over-voltage"));
+  EXPECT_THAT(text_of(after.history[0], product.name), HasSubstr("over-voltage"));
   clear_fault_history(rig.objects());
   EXPECT_TRUE(report().history.empty());
-  if (product == "pronet") {
+  if (product.name == "pronet") {
     ASSERT_EQ(after.log.size(), 1U);
     EXPECT_EQ(after.log[0].code, 0x3110);
     EXPECT_EQ(report().log.size(), 1U) << "its own log stays";
@@ -80,10 +80,10 @@ TEST(FaultReportOfWords, EveryBitIsAnAlarm) {
   rig.drive().inject(drive::Cause::over_voltage, true);
   rig.drive().inject(drive::Cause::motor_unknown, true);
   rig.objects().wait(100ms);
-  const FaultReport report = read_faults(rig.objects(), dialect_of("ismk"));
+  const FaultReport report = read_faults(rig.objects(), catalogue::product_of("ismk"));
   ASSERT_EQ(report.active.size(), 2U);
-  EXPECT_EQ(describe::alarm_name("ismk", report.active[0].alarm), "2601h bit 5 (002.0)");
-  EXPECT_EQ(describe::alarm_name("ismk", report.active[1].alarm), "2602h bit 4 (001.0)");
+  EXPECT_EQ(catalogue::alarm_name("ismk", report.active[0].alarm), "2601h bit 5 (002.0)");
+  EXPECT_EQ(catalogue::alarm_name("ismk", report.active[1].alarm), "2602h bit 4 (001.0)");
 }
 
 }  // namespace

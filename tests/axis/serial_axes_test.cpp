@@ -2,6 +2,7 @@
 #include <gtest/gtest.h>
 
 #include "axis/axis402.hpp"
+#include "catalogue/product.hpp"
 #include "line/line.hpp"
 #include "line/support.hpp"
 #include "master/canopen/sdo_client.hpp"
@@ -112,7 +113,7 @@ TEST_F(SerialAxes, TheReferenceDriveHomesAndMovesOverModbus) {
 TEST_F(SerialAxes, AnIsmkMovesOverModbus) {
   ModbusClient client = master();
   ModbusObjects objects(client, 2, list_of("ismk"));
-  Axis402 axis(objects, {.dialect = dialect_of("ismk")});
+  Axis402 axis(objects, {.product = &catalogue::product_of("ismk")});
   axis.enable();
   axis.move_to(100000, {.velocity = 53687091}, 5s);
   objects.wait(settling);
@@ -130,7 +131,7 @@ TEST_F(SerialAxes, AnIsmkMovesWithTheTenByteProtocol) {
   single.run_until(100ms);
   Serial10Client client(std::make_unique<links::MemoryByteClient>(single.find_serial_bus("rs")->line, single), "mem:");
   Serial10Objects objects(client, serial10::universal_id);
-  Axis402 axis(objects, {.dialect = dialect_of("ismk")});
+  Axis402 axis(objects, {.product = &catalogue::product_of("ismk")});
   axis.enable();
   axis.move_by(-50000, {.velocity = 53687091}, 5s);
   objects.wait(settling);

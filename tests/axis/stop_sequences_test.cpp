@@ -101,7 +101,7 @@ TEST_P(StopSequences, HomingDoesNotResumeAMoveThatWasStopped) {
   const double before = shaft();
   double farthest = 0.0;
   const auto watch = [&](const AxisStatus&) { farthest = std::max(farthest, std::abs(shaft() - before)); };
-  other.home({.method = rig.options().dialect.cautious_homing_method,
+  other.home({.method = rig.options().product->dialect.cautious_homing_method,
               .switch_speed = static_cast<std::uint32_t>(0.5 * units.velocity),
               .zero_speed = static_cast<std::uint32_t>(0.5 * units.velocity),
               .acceleration = static_cast<std::uint32_t>(50 * units.acceleration)},
@@ -112,7 +112,7 @@ TEST_P(StopSequences, HomingDoesNotResumeAMoveThatWasStopped) {
 TEST_P(StopSequences, AHaltedAxisCanBeHomed) {
   axis.enable();
   axis.halt();
-  axis.home({.method = rig.options().dialect.cautious_homing_method,
+  axis.home({.method = rig.options().product->dialect.cautious_homing_method,
              .switch_speed = static_cast<std::uint32_t>(0.5 * units.velocity),
              .zero_speed = static_cast<std::uint32_t>(0.5 * units.velocity),
              .acceleration = static_cast<std::uint32_t>(50 * units.acceleration)},

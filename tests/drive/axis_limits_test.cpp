@@ -50,7 +50,7 @@ TEST_F(LimitedAxis, LimitsAreOffUnlessTheyAreARange) {
   }
   EXPECT_FALSE(axis.software_limits_active()) << "all of a range: positions go round";
   objects.max_position_range_limit = objects.min_position_range_limit;
-  policy.software_limits_need_homing = true;
+  policy.limits.software_needs_homing = true;
   EXPECT_FALSE(axis.software_limits_active());
   axis.homed = true;
   EXPECT_TRUE(axis.software_limits_active());
@@ -160,9 +160,9 @@ TEST_F(LimitedAxis, RoomToTheLimits) {
   EXPECT_EQ(axis.room_from(0).below, 2000.0);
   EXPECT_EQ(axis.room_from(0).above, 1000.0);
   axis.units.position_inverted = false;
-  policy.out_of_limits = OutOfLimits::fault;
+  policy.limits.target_beyond = OutOfLimits::fault;
   EXPECT_EQ(axis.room_from(0).above, endless);
-  policy.out_of_limits = OutOfLimits::clip;
+  policy.limits.target_beyond = OutOfLimits::clip;
   objects.max_position_range_limit = 9999;
   EXPECT_EQ(axis.room_from(500).above, 1500.0);
   EXPECT_EQ(axis.room_from(10500).above, 1500.0) << "positions wrap";
@@ -238,7 +238,7 @@ TEST_F(LimitedAxis, PositionsWithinTheRange) {
   EXPECT_EQ(axis.position_range(), 0);
   objects.max_position_range_limit = -99;
   EXPECT_EQ(axis.position_range(), 2);
-  policy.software_limits_switch_range_off = true;
+  policy.limits.software_switches_range_off = true;
   EXPECT_EQ(axis.position_range(), 2);
   objects.max_position_limit = 2000;
   EXPECT_EQ(axis.position_range(), 0);
@@ -258,10 +258,10 @@ TEST_F(LimitedAxis, CyclicTargetsEndAtTheLimits) {
     EXPECT_EQ(axis.limited, user != target);
     EXPECT_EQ(axis.commanded, user);
     EXPECT_EQ(axis.raised, Cause::none);
-    policy.out_of_limits = OutOfLimits::fault;
+    policy.limits.target_beyond = OutOfLimits::fault;
     resolve_cyclic_target(axis, user, 0);
     EXPECT_EQ(axis.raised, user != target ? Cause::position_limit : Cause::none);
-    policy.out_of_limits = OutOfLimits::clip;
+    policy.limits.target_beyond = OutOfLimits::clip;
   }
 }
 
@@ -314,7 +314,7 @@ TEST_F(LimitedAxis, TargetsAreGivenUpWhereTheLimitsCameInBetween) {
   EXPECT_TRUE(axis.limited);
   EXPECT_FALSE(axis.generator.finished()) << "it comes to rest by the quick stop's ramp";
   EXPECT_NEAR(axis.generator.duration_s(), 1000.0 / 100000.0, 1e-9);
-  policy.out_of_limits = OutOfLimits::fault;
+  policy.limits.target_beyond = OutOfLimits::fault;
   axis.raised = Cause::none;
   EXPECT_FALSE(given_up_at_limits(axis, -1001));
   EXPECT_EQ(axis.raised, Cause::position_limit);

@@ -421,8 +421,8 @@ TEST_F(Monitored, VelocityError) {
 }
 
 TEST_F(Monitored, PositionLimit) {
-  policy.out_of_limits = OutOfLimits::fault;
-  policy.software_limits_need_homing = true;
+  policy.limits.target_beyond = OutOfLimits::fault;
+  policy.limits.software_needs_homing = true;
   objects.min_position_limit = -1000;
   objects.max_position_limit = 2000;
   axis.homed = true;
@@ -453,7 +453,7 @@ TEST_F(Monitored, PositionLimit) {
   situation.energised = true;
   axis.homed = false;
   EXPECT_FALSE(at(0, 10.0));
-  policy.software_limits_need_homing = false;
+  policy.limits.software_needs_homing = false;
   EXPECT_TRUE(at(0, 10.0));
 }
 

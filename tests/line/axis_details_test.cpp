@@ -3,7 +3,7 @@
 #include <gtest/gtest.h>
 #include <nlohmann/json.hpp>
 
-#include "describe/object_texts.hpp"
+#include "catalogue/object_texts.hpp"
 #include "drive/drive.hpp"
 #include "line/bench/line_bench.hpp"
 #include "support.hpp"
@@ -190,7 +190,7 @@ TEST_F(AxisDetails, AReversedPolarityExchangesTheEndsThatHomingNeeds) {
 }
 
 TEST_P(AxisDetails, HomingIsTheProductsTable) {
-  const std::span<const drive::Method> table = line_.find_axis(GetParam())->device().drive().policy().homing_methods;
+  const std::span<const drive::Method> table = line_.find_axis(GetParam())->device().drive().policy().homing.methods;
   std::size_t supported = 0;
   const json methods = get(std::string(GetParam()) + "/homing")["methods"];
   for (const json& method : methods) {
@@ -269,15 +269,15 @@ TEST_P(AxisDetails, EveryObjectIsExplained) {
 
 TEST_F(AxisDetails, TextsAreInOrderAndOfObjectsThatExist) {
   for (const char* product : {"", "generic402", "ismc", "pronet", "ismk", "jmc_ec"}) {
-    const auto texts = *product == '\0' ? describe::standard_object_texts() : describe::product_object_texts(product);
+    const auto texts = *product == '\0' ? catalogue::standard_object_texts() : catalogue::product_object_texts(product);
     EXPECT_FALSE(texts.empty()) << product;
     for (std::size_t i = 0; i < texts.size(); ++i) {
-      const describe::ObjectText& row = texts[i];
+      const catalogue::ObjectText& row = texts[i];
       EXPECT_LE(i == 0 ? 0 : texts[i - 1].index, row.index);
       const auto has = [&row](const auto& axis) {
         const auto table = axis->device().dictionary().table();
         return std::any_of(table.begin(), table.end(), [&row](const dictionary::Entry& entry) {
-          return entry.index == row.index && (row.sub == describe::any_sub || entry.sub == row.sub);
+          return entry.index == row.index && (row.sub == catalogue::any_sub || entry.sub == row.sub);
         });
       };
       EXPECT_TRUE(std::any_of(line_.axes().begin(), line_.axes().end(), has))

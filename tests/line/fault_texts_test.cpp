@@ -1,5 +1,5 @@
 // Every alarm that a drive can raise has a text, and every text belongs to an alarm that a drive can raise.
-#include "describe/fault_texts.hpp"
+#include "catalogue/fault_texts.hpp"
 
 #include <algorithm>
 #include <gtest/gtest.h>
@@ -11,7 +11,7 @@
 #include "products/jmc_ec/faults.hpp"
 #include "products/pronet/policy.hpp"
 
-namespace servodrome::describe {
+namespace servodrome::catalogue {
 namespace fault_texts_test {
 namespace {
 
@@ -95,4 +95,4 @@ TEST(FaultText, FallsBackToTheStandardsClass) {
 
 }  // namespace
 }  // namespace fault_texts_test
-}  // namespace servodrome::describe
+}  // namespace servodrome::catalogue

@@ -1,5 +1,5 @@
 // The names of the statusword's bits belong to bits that the drive shows, and every such bit has a name.
-#include "describe/status_words.hpp"
+#include "catalogue/status_words.hpp"
 
 #include <algorithm>
 #include <gtest/gtest.h>
@@ -30,15 +30,15 @@ TEST(StatusWords, AreThoseThatTheDriveShows) {
     const auto device = product.make({});
     const drive::Policy& policy = device->drive().policy();
     for (const drive::Mode mode : all_modes) {
-      if ((policy.supported_modes & drive::mode_bit(mode)) == 0) continue;
+      if ((policy.modes.supported & drive::mode_bit(mode)) == 0) continue;
       for (unsigned bit = 8; bit < 16; ++bit) {
-        const auto row = std::find_if(policy.status_bits.begin(), policy.status_bits.end(), [&](const auto& one) {
+        const auto row = std::find_if(policy.status.bits.begin(), policy.status.bits.end(), [&](const auto& one) {
           return one.bit == bit && (one.modes & drive::mode_bit(mode)) != 0;
         });
-        const std::string name(describe::status_bit_name(product.name, bit, static_cast<std::int8_t>(mode)));
+        const std::string name(catalogue::status_bit_name(product.name, bit, static_cast<std::int8_t>(mode)));
         const auto where = testing::Message() << product.name << ", mode " << static_cast<int>(mode) << ", bit " << bit;
         const bool is_shown =
-            row != policy.status_bits.end() && (row->source != StatusSource::remote || policy.remote_bit);
+            row != policy.status.bits.end() && (row->source != StatusSource::remote || policy.status.remote);
         if (!is_shown) {
           EXPECT_EQ(name, "") << where;
         } else if (row->source != StatusSource::mode_bit_12 && row->source != StatusSource::mode_bit_13) {
@@ -50,22 +50,22 @@ TEST(StatusWords, AreThoseThatTheDriveShows) {
 }
 
 TEST(StatusWords, TellAFailedHomingOfAnIsmk) {
-  EXPECT_EQ(describe::status_bit_name("ismk", 12, 6), "homing error");
-  EXPECT_EQ(describe::status_bit_name("ismk", 15, 6), "home found");
-  EXPECT_EQ(describe::status_bit_name("generic402", 12, 6), "homing attained");
-  EXPECT_EQ(describe::status_bit_name("unknown", 12, 4), "");
+  EXPECT_EQ(catalogue::status_bit_name("ismk", 12, 6), "homing error");
+  EXPECT_EQ(catalogue::status_bit_name("ismk", 15, 6), "home found");
+  EXPECT_EQ(catalogue::status_bit_name("generic402", 12, 6), "homing attained");
+  EXPECT_EQ(catalogue::status_bit_name("unknown", 12, 4), "");
 }
 
 TEST(ModeNames, AreTheProducts) {
-  EXPECT_EQ(describe::mode_name("ismk", -4), "pulse");
-  EXPECT_EQ(describe::mode_name("ismk", 1), "profile position");
-  EXPECT_EQ(describe::mode_name("generic402", -4), "manufacturer-specific mode");
-  EXPECT_EQ(describe::mode_name("generic402", 5), "reserved mode");
+  EXPECT_EQ(catalogue::mode_name("ismk", -4), "pulse");
+  EXPECT_EQ(catalogue::mode_name("ismk", 1), "profile position");
+  EXPECT_EQ(catalogue::mode_name("generic402", -4), "manufacturer-specific mode");
+  EXPECT_EQ(catalogue::mode_name("generic402", 5), "reserved mode");
   for (const Product& product : all_products()) {
     const auto device = product.make({});
     for (const drive::Mode mode : all_modes) {
-      if ((device->drive().policy().supported_modes & drive::mode_bit(mode)) == 0) continue;
-      EXPECT_FALSE(describe::mode_name(product.name, static_cast<std::int8_t>(mode)).ends_with("mode"))
+      if ((device->drive().policy().modes.supported & drive::mode_bit(mode)) == 0) continue;
+      EXPECT_FALSE(catalogue::mode_name(product.name, static_cast<std::int8_t>(mode)).ends_with("mode"))
           << product.name << " " << static_cast<int>(mode);
     }
   }

@@ -89,7 +89,7 @@ TYPED_TEST(DcLinkWait, NothingIsSwitchedOnBelowUnderVoltage) {
     TypeParam axis;
     this->make_ready(axis);
     this->command(axis, word);
-    const bool direct = axis.device.drive().policy().direct_enable;
+    const bool direct = axis.device.drive().policy().power.direct_enable;
     const PowerState wanted = word == 0x07 ? PowerState::switched_on
                               : direct     ? PowerState::operation_enabled
                                            : PowerState::ready_to_switch_on;
@@ -145,7 +145,7 @@ TYPED_TEST(DcLinkWait, TheLastCommandDecides) {
     EXPECT_FALSE(on);
     EXPECT_EQ(this->state(axis), row.ends_in);
     EXPECT_EQ(axis.get(0x603F), 0);
-    const bool relay = axis.device.drive().policy().dc_link == drive::DcLink::from_switched_on;
+    const bool relay = axis.device.drive().policy().power.dc_link == drive::DcLink::from_switched_on;
     EXPECT_EQ(axis.actuation.dc_link_connected, !relay);
   }
 }

@@ -99,8 +99,9 @@ TYPED_TEST(EnablingWord, BringsNoSetPointWhereBit4WasSetBefore) {
 // Directly from Ready to switch on, where the link is already charged.
 TYPED_TEST(EnablingWord, BringsASetPointFromReadyToSwitchOn) {
   TypeParam axis;
-  ASSERT_TRUE(axis.device.drive().policy().direct_enable);
-  if (axis.device.drive().policy().dc_link == drive::DcLink::from_switched_on) return;  // not charged in that state
+  ASSERT_TRUE(axis.device.drive().policy().power.direct_enable);
+  if (axis.device.drive().policy().power.dc_link == drive::DcLink::from_switched_on)
+    return;  // not charged in that state
   Enabled<TypeParam> edge(1, {0x06, 0x1F});
   edge.run_ms(2500);
   EXPECT_NEAR(edge.turns(), 1.0, 0.02);
@@ -136,7 +137,7 @@ TYPED_TEST(EnablingWord, StartsHoming) {
 // Interpolation uses the level of bit 4, not its edge.
 TYPED_TEST(EnablingWord, LetsInterpolationRunByItsLevel) {
   TypeParam axis;
-  if ((axis.device.drive().policy().supported_modes & mode_bit(drive::Mode::interpolated_position)) == 0) return;
+  if ((axis.device.drive().policy().modes.supported & mode_bit(drive::Mode::interpolated_position)) == 0) return;
   for (const std::uint16_t word : std::to_array<std::uint16_t>({0x07, 0x17})) {
     SCOPED_TRACE(word);
     Enabled<TypeParam> runs(7, {0x06, word, 0x1F});

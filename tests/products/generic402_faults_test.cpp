@@ -216,7 +216,7 @@ const std::set<std::uint16_t> elsewhere{0xFF10, 0x8130, 0x5530, 0x6300};
 
 TEST(Generic402Faults, EveryRowByItsCause) {
   const std::vector<Row> all = rows();
-  for (const drive::FaultRow& row : Generic402::policy.faults) {
+  for (const drive::FaultRow& row : Generic402::policy.faults.rows) {
     if (elsewhere.contains(row.code)) continue;
     SCOPED_TRACE(row.name);
     int found = 0;
@@ -229,7 +229,7 @@ TEST(Generic402Faults, EveryRowByItsCause) {
     }
     EXPECT_EQ(found, 1) << std::hex << row.code;
   }
-  EXPECT_EQ(all.size() + elsewhere.size(), Generic402::policy.faults.size());
+  EXPECT_EQ(all.size() + elsewhere.size(), Generic402::policy.faults.rows.size());
 }
 
 // 605Eh = 4: slow down at the voltage limit.

@@ -64,7 +64,7 @@ void find_home_from_every_start() {
   using Rig = test::Rig<Device>;
   const bool is_ismc = std::is_same_v<Device, products::Ismc>;
   int runs = 0;
-  for (const drive::Method& method : Device::policy.homing_methods) {
+  for (const drive::Method& method : Device::policy.homing.methods) {
     const Figure& figure = *drive::test::figure_of(method.number);
     drive::test::Random random{static_cast<std::uint32_t>(5000 + method.number)};
     for (int round = 0; round < servodrome::test::draws(10); ++round) {

@@ -1,6 +1,7 @@
 #include <cmath>
 #include <gtest/gtest.h>
 
+#include "catalogue/product.hpp"
 #include "ismk_rig.hpp"
 #include "jmc_rig.hpp"
 #include "products/generic402/generic402.hpp"

@@ -14,7 +14,7 @@ namespace {
 using products::Ismc;
 using test::Rig;
 
-constexpr std::int64_t ticks_per_cycle = Ismc::policy.position_loop_ticks;
+constexpr std::int64_t ticks_per_cycle = Ismc::policy.loops.position_ticks;
 constexpr double ticks_per_s = 16000.0;
 
 // The motion after a frame: from the frame until the demand stands, or has its new speed.

@@ -407,7 +407,7 @@ TEST(IsmcFaults, EveryRowOfTheManualByItsCause) {
   }
   EXPECT_EQ(in_manual.size(), 57U);
   for (const Case& fault : all) EXPECT_TRUE(in_manual.contains(fault.code)) << std::hex << fault.code;
-  for (const drive::FaultRow& row : Ismc::policy.faults) {
+  for (const drive::FaultRow& row : Ismc::policy.faults.rows) {
     if (row.cause == Cause::communication_lost || row.cause == Cause::memory) continue;  // G4, G32: not in its table
     EXPECT_TRUE(in_manual.contains(row.code)) << std::hex << row.code;
   }

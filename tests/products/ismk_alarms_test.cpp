@@ -459,7 +459,7 @@ TEST(IsmkAlarms, TheDriveHasNoOthers) {
     const Expected want = expected(row);
     in_manual.insert({want.code, static_cast<std::uint16_t>(want.mask_1 | want.mask_2)});
   }
-  for (const drive::FaultRow& row : products::Ismk::policy.faults) {
+  for (const drive::FaultRow& row : products::Ismk::policy.faults.rows) {
     const AlarmWords words = products::ismk::words_of(row);
     EXPECT_TRUE(in_manual.contains({row.code, static_cast<std::uint16_t>(words.state | words.state_2)})) << row.name;
   }
@@ -518,7 +518,7 @@ TEST(IsmkAlarms, HistoryOfEight) {
     reset_edge(rig);
   }
   const auto bit_of = [](Cause cause) {
-    for (const drive::FaultRow& row : products::Ismk::policy.faults) {
+    for (const drive::FaultRow& row : products::Ismk::policy.faults.rows) {
       if (row.cause == cause) return products::ismk::words_of(row);
     }
     return AlarmWords{};

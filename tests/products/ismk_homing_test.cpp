@@ -98,7 +98,7 @@ struct Homing : IsmkRig {
 
 TEST(IsmkHoming, EveryMethodFromEveryStart) {
   int runs = 0;
-  for (const drive::Method& method : products::Ismk::policy.homing_methods) {
+  for (const drive::Method& method : products::Ismk::policy.homing.methods) {
     const Figure& figure = *drive::test::figure_of(method.number);
     Random random{static_cast<std::uint32_t>(7000 + method.number)};
     const std::uint16_t limit = limit_function(method);

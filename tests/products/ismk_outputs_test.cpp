@@ -320,7 +320,7 @@ TEST(IsmkOutputs, EveryFunctionOfTheManual) {
   for (const std::uint16_t code : printed) {
     const drive::OutputFunctionRow* row = drive::find_function(output_functions, code);
     ASSERT_NE(row, nullptr) << std::hex << code;
-    SCOPED_TRACE(row->name);
+    SCOPED_TRACE(testing::Message() << std::hex << code);
     const auto found = cases.find(code);
     ASSERT_NE(found, cases.end()) << "no test";
     IsmkRig rig;

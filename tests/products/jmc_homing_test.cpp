@@ -92,7 +92,7 @@ struct Tolerance {
 
 int every_method(std::string_view rating, int rounds, Tolerance tolerance) {
   int runs = 0;
-  for (const drive::Method& method : products::JmcEc::policy.homing_methods) {
+  for (const drive::Method& method : products::JmcEc::policy.homing.methods) {
     if (method.idle) continue;
     const Figure& figure = *drive::test::figure_of(method.number);
     Random random{static_cast<std::uint32_t>(9000 + method.number)};

@@ -307,7 +307,7 @@ TEST_P(MissedCycle, ACommandEndsTheBridge) {
     bool halts;
   };
   for (const Row& row : {Row{0x010F, true}, Row{0x0002, false}, Row{0x0007, false}, Row{0x0000, false}}) {
-    if (row.halts && master->drive().policy().modes_without_halt != 0) continue;
+    if (row.halts && master->drive().policy().modes.without_halt != 0) continue;
     SCOPED_TRACE(row.word);
     master = GetParam().make();
     begin_ = master->here();

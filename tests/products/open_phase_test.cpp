@@ -58,7 +58,7 @@ struct Stand {
   // Other faults would end such situations, so their monitors are off.
   void ignore_all_but_phase_loss() {
     drive::Configuration configuration = rig.device.drive().configuration();
-    for (const drive::FaultRow& row : rig.device.drive().policy().faults) {
+    for (const drive::FaultRow& row : rig.device.drive().policy().faults.rows) {
       if (row.cause != Cause::phase_loss) configuration.ignored.set(row.cause);
     }
     rig.device.drive().configure(configuration);

@@ -305,7 +305,7 @@ TEST(PronetFaults, EveryRowOfTheManual) {
   EXPECT_EQ(in_manual.size(), 29U);
   for (const Case& alarm : alarms) EXPECT_TRUE(in_manual.contains(alarm.code)) << std::hex << alarm.code;
   for (const Warning& one : told) EXPECT_TRUE(in_manual.contains(one.code)) << std::hex << one.code;
-  for (const drive::FaultRow& row : Pronet::policy.faults) EXPECT_TRUE(in_manual.contains(row.code)) << row.name;
+  for (const drive::FaultRow& row : Pronet::policy.faults.rows) EXPECT_TRUE(in_manual.contains(row.code)) << row.name;
 }
 
 // --- Causes that exist at power-on

@@ -6,10 +6,10 @@
 #include <random>
 
 #include "api/author.hpp"
+#include "catalogue/product.hpp"
+#include "catalogue/terminal_words.hpp"
 #include "commissioning_rig.hpp"
 #include "draws.hpp"
-#include "line/bench/terminal_words.hpp"
-#include "tools/parameters/rules.hpp"
 
 namespace servodrome::studio {
 namespace change_log_test {
@@ -231,14 +231,14 @@ TEST_P(ChangesOf, AreShownInPages) {
 // never moves.
 TEST_P(ChangesOf, AfterAllIsUndoneEachObjectHasItsFirstValue) {
   line::Axis& axis = *line_.find_axis(axis_);
-  const master::ParameterRules& rules = master::parameter_rules_of(axis_);
+  const catalogue::ParameterRules& rules = catalogue::product_of(axis_).rules;
   std::vector<const dictionary::Entry*> objects;
   for (const dictionary::Entry& entry : axis.device().bus_dictionary().table()) {
     // Excludes commands, which store, restore or reset, and inputs, one of which may enable the drive.
     const master::ObjectAddress address{entry.index, entry.sub};
     if (entry.access == dictionary::Access::rw && entry.fixed_size() && !rules.is_connection(address) &&
         (!rules.is_command(address) || entry.index == 0x6060) &&
-        line::bench::find_terminal(axis_, entry.index, entry.sub) == nullptr) {
+        catalogue::find_terminal(axis_, entry.index, entry.sub) == nullptr) {
       objects.push_back(&entry);
     }
   }

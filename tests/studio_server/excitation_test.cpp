@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <gmock/gmock.h>
 
+#include "catalogue/product.hpp"
 #include "commissioning_rig.hpp"
 #include "studio/order.hpp"
 #include "tools/tuning/spectrum.hpp"
@@ -139,7 +140,7 @@ TEST_P(ExcitationOf, BadOrdersAreRefused) {
 
 // The ISMC on its bus reports no units: a step in its own units needs none, except for the travel that is not given.
 TEST(ExcitationOrder, NeedsTheUnitsOfTheDriveForAnUnknownTravelOnly) {
-  const auto unknown = [] { return std::optional<master::AxisUnits>(); };
+  const auto unknown = [] { return std::optional<catalogue::AxisUnits>(); };
   EXPECT_NO_THROW(read_order(R"({"do": "step", "amplitude": 1000, "travel": 4000})", unknown));
   EXPECT_NO_THROW(read_order(R"({"do": "sweep", "amplitude": 1000, "travel": 4000})", unknown));
   EXPECT_THROW(read_order(R"({"do": "step", "amplitude": 1000})", unknown), master::MasterError);

@@ -5,6 +5,8 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include "catalogue/product.hpp"
+
 namespace servodrome::studio {
 namespace {
 
@@ -218,7 +220,7 @@ TEST_F(ValuesBefore, OfACommandIsNotKnown) {
 }
 
 TEST(HeardValues, AreLimited) {
-  HeardValues values(master::parameter_rules_of("generic402"));
+  HeardValues values(catalogue::product_of("generic402").rules);
   for (std::size_t i = 0; i <= HeardValues::most_objects; ++i) {
     values.note_read({static_cast<std::uint16_t>(0x6100 + i / 0x100), static_cast<std::uint8_t>(i)}, bytes_500);
   }

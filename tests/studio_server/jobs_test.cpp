@@ -7,7 +7,7 @@
 #include <nlohmann/json.hpp>
 
 #include "api/version.hpp"
-#include "axis/dialect.hpp"
+#include "catalogue/product.hpp"
 #include "commissioning_rig.hpp"
 #include "draws.hpp"
 #include "drive/drive.hpp"
@@ -186,7 +186,7 @@ constexpr const char* profile = R"("acceleration": 50, "units": "revolutions")";
 TEST_P(EveryProduct, IsEnabledHomedMovedAndDisabled) {
   make_ready(axis_);
   expect_done(axis_, fmt::format(R"({{"do": "home", "method": {}, "speed": 2, "zero_speed": 1, "offset": 0, {}}})",
-                                 master::dialect_of(axis_).cautious_homing_method, profile));
+                                 catalogue::product_of(axis_).dialect.cautious_homing_method, profile));
   EXPECT_EQ(view(axis_)["homed"], true);
   const json moved = finish(begin(axis_, fmt::format(R"({{"do": "move", "to": 3, "velocity": 3, {}}})", profile)));
   EXPECT_EQ(moved["state"], "done") << moved.dump();
@@ -439,7 +439,7 @@ TEST_F(JobsTest, TheWordsAreThoseOfTheProduct) {
 TEST_P(EveryProduct, ShowsItsTargetAsAPositionOfTheShaft) {
   make_ready(axis_);
   expect_done(axis_, fmt::format(R"({{"do": "home", "method": {}, "speed": 2, "zero_speed": 1, "offset": 3, {}}})",
-                                 master::dialect_of(axis_).cautious_homing_method, profile));
+                                 catalogue::product_of(axis_).dialect.cautious_homing_method, profile));
   for (const int by : {2, -1}) {
     const double before = view(axis_)["position_counts"];
     const std::uint64_t moving =
@@ -693,7 +693,7 @@ class SlowDrives final : public Drives {
                       const std::function<void(const char* doing, double share)>& progress, const Work& work) override {
     return drives_.in_cycles(axis, objects, exchanged, cancelled, progress, work);
   }
-  std::optional<master::AxisUnits> units(const std::string& axis) override {
+  std::optional<catalogue::AxisUnits> units(const std::string& axis) override {
     if (meanwhile) meanwhile();
     return drives_.units(axis);
   }

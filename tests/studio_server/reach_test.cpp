@@ -5,7 +5,7 @@
 #include <fstream>
 #include <gmock/gmock.h>
 
-#include "axis/dialect.hpp"
+#include "catalogue/product.hpp"
 #include "commissioning_rig.hpp"
 #include "drive/drive.hpp"
 #include "source_dir.hpp"
@@ -45,7 +45,7 @@ class ReachTest : public CommissioningRig {
     const api::Response response = ask(Method::put, path("objects/" + object), json{{"value", value}}.dump());
     EXPECT_EQ(response.status, 204U) << object << " " << response.body;
   }
-  void write_span(const std::string& index, master::SoftwareLimitSubs subs, const json& span) {
+  void write_span(const std::string& index, catalogue::SoftwareLimitSubs subs, const json& span) {
     write(fmt::format("{}/{}", index, subs.lowest), units(span[0]));
     write(fmt::format("{}/{}", index, subs.highest), units(span[1]));
   }
@@ -114,7 +114,7 @@ INSTANTIATE_TEST_SUITE_P(Reach, SoftwareLimits, testing::ValuesIn(limit_cases())
 
 TEST_P(SoftwareLimits, BoundMovesWhileTheyAct) {
   const json& row = GetParam().row;
-  const master::Dialect& dialect = master::dialect_of(axis_);
+  const catalogue::Dialect& dialect = catalogue::product_of(axis_).dialect;
   if (row["is_homed"]) {
     carry_out({{"do", "enable"}});
     carry_out({{"do", "home"},

@@ -9,6 +9,7 @@
 #include "app/drive_link.hpp"
 #include "app/number_options.hpp"
 #include "app/whole_file.hpp"
+#include "catalogue/product.hpp"
 #include "links/nearest_name.hpp"
 #include "tools/conform/report.hpp"
 
@@ -135,11 +136,11 @@ void run(const Options& options) {
   const line::Product* product = link.product();
   conform::SubjectSettings settings{
       .revolutions = options.revolutions, .foe_file = options.foe_file, .cancelled = InterruptGuard::interrupted};
-  if (product != nullptr) settings.dialect = master::dialect_of(product->name);
+  if (product != nullptr) settings.product = &catalogue::product_of(product->name);
   if (options.units_per_revolution > 0) settings.units_per_revolution = options.units_per_revolution;
   const auto subject = link.open_subject(settings, options.bus);
   conform::RunOptions run_options{.safe = options.safe, .watch = !options.bus.no_watch, .only = options.only};
-  if (product != nullptr) run_options.product = product->name;
+  if (product != nullptr) run_options.departures = settings.product->departures;
   const auto checks = conform::all_checks();
   const auto wanted = std::count_if(checks.begin(), checks.end(), [&](const Check& check) {
     return conform::is_wanted(check, run_options, subject->bus_kind());

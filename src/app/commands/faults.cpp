@@ -6,6 +6,7 @@
 #include "app/commands.hpp"
 #include "app/drive_link.hpp"
 #include "axis/fault_report.hpp"
+#include "catalogue/product.hpp"
 
 namespace servodrome::app {
 namespace faults_command {
@@ -22,15 +23,15 @@ nlohmann::ordered_json json_of(const Faults& faults, std::string_view product) {
   nlohmann::ordered_json list = nlohmann::ordered_json::array();
   for (const master::ReportedFault& fault : faults) {
     nlohmann::ordered_json meanings = nlohmann::ordered_json::array();
-    for (const describe::FaultText* meaning : fault.meanings) {
-      meanings.push_back({{"alarm", describe::alarm_name(product, meaning->alarm)},
+    for (const catalogue::FaultText* meaning : fault.meanings) {
+      meanings.push_back({{"alarm", catalogue::alarm_name(product, meaning->alarm)},
                           {"text", meaning->text},
                           {"cause", meaning->cause},
                           {"remedy", meaning->remedy},
                           {"of_class", meaning->code != fault.code}});
     }
     list.push_back({{"code", fault.code},
-                    {"alarm", describe::alarm_name(product, fault.alarm)},
+                    {"alarm", catalogue::alarm_name(product, fault.alarm)},
                     {"object", text_of(fault.source)},
                     {"meanings", std::move(meanings)}});
   }
@@ -42,7 +43,7 @@ void print_explained(const char* title, const Faults& faults, std::string_view p
   fmt::print("{}:\n", title);
   for (const master::ReportedFault& fault : faults) {
     fmt::print("  {}\n", text_of(fault, product));
-    for (const describe::FaultText* meaning : fault.meanings) {
+    for (const catalogue::FaultText* meaning : fault.meanings) {
       if (fault.meanings.size() > 1) fmt::print("  {}\n", meaning->text);
       fmt::print("    cause:  {}\n    remedy: {}\n", meaning->cause, meaning->remedy);
     }
@@ -76,7 +77,7 @@ void run(const Options& options) {
           text, text.ends_with('.') ? "" : ".");
     }
   }
-  const master::FaultReport report = master::read_faults(link.objects(), master::dialect_of(product));
+  const master::FaultReport report = master::read_faults(link.objects(), catalogue::product_of(product));
   const std::uint16_t word = report.statusword;
   if (options.bus.json) {
     nlohmann::ordered_json json{{"node", axis->address()},

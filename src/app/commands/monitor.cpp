@@ -144,7 +144,7 @@ void monitor_axis(const Options& options) {
     const std::string emergency = latest ? master::text_of(*latest) : "";
     const bool live = on_terminal() && !options.bus.json;
     if (live || !last || is_news(*last, now, moved_units) || emergency != last_emergency) {
-      print_axis(options, scale, seconds_between(start, objects.now()), now, axis.dialect().product, emergency);
+      print_axis(options, scale, seconds_between(start, objects.now()), now, axis.product().name, emergency);
       last = now;
       last_emergency = emergency;
     }

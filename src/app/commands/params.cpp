@@ -11,6 +11,7 @@
 #include "app/commands.hpp"
 #include "app/drive_link.hpp"
 #include "app/whole_file.hpp"
+#include "catalogue/product.hpp"
 #include "links/nearest_name.hpp"
 #include "master/canopen/pre_operational.hpp"
 #include "tools/parameters/loader.hpp"
@@ -60,7 +61,7 @@ struct Drive {
 
  private:
   master::ParameterList list_of(const Options& options) {
-    const master::ParameterRules& rules = master::parameter_rules_of(product());
+    const catalogue::ParameterRules& rules = catalogue::product_of(product()).rules;
     if (!options.eds.empty()) {
       return master::ParameterList::of_data_sheet(read_sheet(options.eds), rules, options.connection);
     }
@@ -87,7 +88,7 @@ master::ParameterList list_of_product(const std::string& name, const Options& op
                     "not one of them",
                     name));
   }
-  return master::ParameterList::of_dictionary(product->describe().table, master::parameter_rules_of(name),
+  return master::ParameterList::of_dictionary(product->describe().table, catalogue::product_of(name).rules,
                                               options.connection);
 }
 

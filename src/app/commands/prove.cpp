@@ -10,6 +10,7 @@
 #include "app/commands.hpp"
 #include "app/drive_link.hpp"
 #include "app/number_options.hpp"
+#include "catalogue/product.hpp"
 #include "line/registry.hpp"
 #include "links/nearest_name.hpp"
 
@@ -98,7 +99,7 @@ void move_and_check(master::Axis402& axis, std::int32_t target, const master::Mo
 void prove(master::Axis402& axis, Outcome& outcome, const Options& options) {
   const bool given = options.units_per_revolution > 0;
   const auto told = axis.units(given ? std::optional(options.units_per_revolution) : std::nullopt);
-  const master::AxisUnits units = told ? *told : axis.units(usual_units_per_revolution).value();
+  const catalogue::AxisUnits units = told ? *told : axis.units(usual_units_per_revolution).value();
   const auto speed = [&](double factor) {
     return whole_units<std::uint32_t>(options.speed_rps * factor * units.velocity, "--speed", options.speed_rps);
   };
@@ -140,10 +141,11 @@ void prove(master::Axis402& axis, Outcome& outcome, const Options& options) {
 template <typename Open>
 Outcome outcome_of(const Drive& drive, const std::map<unsigned, std::int8_t>& methods, const Options& options,
                    const Open& open) {
-  const master::Dialect& dialect = master::dialect_of(drive.product != nullptr ? drive.product->name : "");
+  const catalogue::Product& product = catalogue::product_of(drive.product != nullptr ? drive.product->name : "");
   auto method = methods.find(drive.node);
   if (method == methods.end()) method = methods.find(0);
-  Outcome outcome{.drive = drive, .method = method != methods.end() ? method->second : dialect.cautious_homing_method};
+  Outcome outcome{.drive = drive,
+                  .method = method != methods.end() ? method->second : product.dialect.cautious_homing_method};
   const auto note = [&](const auto& action) {
     try {
       action();
@@ -153,7 +155,7 @@ Outcome outcome_of(const Drive& drive, const std::map<unsigned, std::int8_t>& me
   };
   note([&] {
     const auto opened = open();
-    master::Axis402 axis(opened->objects(), {.dialect = dialect, .cancelled = InterruptGuard::interrupted});
+    master::Axis402 axis(opened->objects(), {.product = &product, .cancelled = InterruptGuard::interrupted});
     note([&] { prove(axis, outcome, options); });
     if (!outcome.problem.empty()) axis.try_to_switch_off();
     note([&] { axis.disable(); });  // in any case, also after an error

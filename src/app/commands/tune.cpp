@@ -7,6 +7,7 @@
 #include "app/drive_link.hpp"
 #include "app/number_options.hpp"
 #include "app/whole_file.hpp"
+#include "catalogue/product.hpp"
 #include "studio/tuning_json.hpp"
 #include "tools/parameters/loader.hpp"
 #include "tools/tuning/bode_plot.hpp"
@@ -121,7 +122,7 @@ bool store(DriveLink& link) {
                     link.objects().where()));
   }
   const std::string_view name = link.product() != nullptr ? link.product()->name : std::string_view{};
-  return master::store_parameters(link.objects(), master::parameter_rules_of(name));
+  return master::store_parameters(link.objects(), catalogue::product_of(name).rules);
 }
 
 void print_storing(const Options& options, bool stored, bool written) {
@@ -175,12 +176,12 @@ void run_itself(const Options& options) {
   link.operate(options.bus);
   const auto axis = link.open_axis({});
   const auto& dialect =
-      tuning::tuning_dialect_of(link.product() != nullptr ? link.product()->name : std::string_view{});
+      catalogue::product_of(link.product() != nullptr ? link.product()->name : std::string_view{}).tuning;
   const auto units = axis->units();
   if (options.reset_fault) axis->reset_fault();
   const bool shown = on_terminal() && !options.bus.json;
   const tuning::OwnTuningResult result = tuning::tune_by_itself(
-      *axis, dialect, units.value_or(master::AxisUnits{1.0, 1.0, 1.0}),
+      *axis, dialect, units.value_or(catalogue::AxisUnits{1.0, 1.0, 1.0}),
       {.travel_revolutions = options.travel_revolutions, .progress = [&](const char* doing, double share) {
          if (shown && error_output_is_ready()) fmt::print(stderr, "\r  {} {:.0f} %\x1B[K", doing, 100.0 * share);
        }});
@@ -216,8 +217,8 @@ void run(const Options& options) {
   stop_before_exchange(link);
   link.operate(options.bus);
   master::ObjectClient& objects = link.objects();
-  const auto& dialect =
-      tuning::tuning_dialect_of(link.product() != nullptr ? link.product()->name : std::string_view{});
+  const auto& product = catalogue::product_of(link.product() != nullptr ? link.product()->name : std::string_view{});
+  const catalogue::TuningDialect& dialect = product.tuning;
   const auto axis = link.open_axis({});
   const auto axis_units = axis->units(options.units_per_revolution);
   if (!axis_units) {
@@ -233,7 +234,7 @@ void run(const Options& options) {
   const bool shown = on_terminal() && !options.bus.json;
   tuning::SessionResult result;
   {
-    tuning::Tuner tuner(*cyclic, objects, dialect, units,
+    tuning::Tuner tuner(*cyclic, objects, product, units,
                         {.travel_revolutions = options.travel_revolutions,
                          .torque_limit = options.torque_percent / 100.0,
                          .seconds = options.seconds,

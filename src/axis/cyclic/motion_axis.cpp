@@ -6,6 +6,7 @@
 #include <fmt/format.h>
 
 #include "axis/cia402_words.hpp"
+#include "catalogue/product.hpp"
 
 namespace servodrome::master {
 
@@ -218,7 +219,7 @@ void MotionAxis::end_homing(bool attained) {
 }
 
 void MotionAxis::run_homing() {
-  const HomingSignals& signals = options_.homing_signals;
+  const catalogue::HomingSignals& signals = options_.homing_signals;
   const std::uint16_t word = axis_.statusword();
   ++homing_cycles_;
   switch (homing_) {

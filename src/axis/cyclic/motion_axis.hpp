@@ -2,6 +2,7 @@
 
 #include "axis/cyclic/cyclic_axis.hpp"
 #include "axis/cyclic/set_point_generator.hpp"
+#include "catalogue/product.hpp"
 
 namespace servodrome::master {
 
@@ -32,7 +33,7 @@ struct MotionAxisOptions {
   Time following_timeout{0};
   // A shaft that moves by at most this distance in 20 ms counts as at rest after a quick stop. Counts.
   std::int64_t standstill_counts = 8;
-  HomingSignals homing_signals{};
+  catalogue::HomingSignals homing_signals{};
 };
 
 // An axis moved by the master's own trajectory, cycle by cycle. In each cycle: read(), then commands, then advance()

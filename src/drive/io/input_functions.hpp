@@ -37,7 +37,6 @@ constexpr std::uint32_t bit(InputAction action) { return 1u << static_cast<unsig
 // One code of a product's function words. A function may be a signal, an action, or both.
 struct InputFunctionRow {
   std::uint16_t code;
-  const char* name;
   Signal signal = Signal::none;
   bool normally_closed = false;
   InputAction action = InputAction::none;

@@ -38,7 +38,6 @@ constexpr std::uint32_t bit(OutputCondition condition) { return 1u << static_cas
 // One code of a product's function words.
 struct OutputFunctionRow {
   std::uint16_t code;
-  const char* name;
   OutputCondition condition;
 };
 

@@ -78,7 +78,7 @@ std::int64_t CyclicSyncPosition::within_change(Axis& axis, std::int64_t user) co
 std::uint16_t CyclicSyncPosition::status(const Axis& axis) const {
   // Drive follows the command value: 0 while it catches up with it, and while a limit holds it.
   std::uint16_t bits = follower_.on_line() ? statusword::mode_bit_12 : std::uint16_t{0};
-  if (axis.policy.cyclic_modes_show_reached && axis.generator.standing()) {
+  if (axis.policy.status.cyclic_modes_show_reached && axis.generator.standing()) {
     const std::int64_t error = axis.units.to_user(axis.loops->following_error_counts);
     if ((error < 0 ? -error : error) <= axis.objects.position_window) bits |= statusword::target_reached;
   }
@@ -113,7 +113,7 @@ std::uint16_t CyclicSyncVelocity::status(const Axis& axis) const {
   // Drive follows the command value: 0 while a limit holds it.
   std::uint16_t bits = held_ ? std::uint16_t{0} : statusword::mode_bit_12;
   const double error = std::abs(axis.shown_velocity() - (held_ ? wanted_ : axis.generator.velocity()));
-  if (axis.policy.cyclic_modes_show_reached && error < axis.configuration.speed_windows.reached_counts_per_s) {
+  if (axis.policy.status.cyclic_modes_show_reached && error < axis.configuration.speed_windows.reached_counts_per_s) {
     bits |= statusword::target_reached;
   }
   return bits;
@@ -306,7 +306,7 @@ void SynchronousInterpolation::step(Axis& axis) {
   if (axis.objects.interpolation_time_period_value == 0) axis.raise(Cause::interpolation_period_zero);
   // Done in this function, so that a halt or another stop keeps its own ramp.
   if (std::exchange(given_up_, false)) axis.come_to_rest(RampShape::linear);
-  if (axis.policy.interpolation == Interpolation::target) {
+  if (axis.policy.interpolation.source == Interpolation::target) {
     follow_target(axis);
   } else if (enabled_) {
     waiting_cycles_ += 1.0;

@@ -82,7 +82,7 @@ void HomingMode::controlword(Axis& axis, std::uint16_t before, std::uint16_t now
 
 // Within 6080h and, if the product has them for homing, 60C5h and 60C6h.
 MotionLimits HomingMode::motion(const Axis& axis, double velocity) const {
-  const bool bounded = axis.policy.max_ramps_limit_homing || ramp_ == 0;
+  const bool bounded = axis.policy.ramps.greatest_limit_homing || ramp_ == 0;
   const double acceleration = axis.ramp(ramp_, bounded ? axis.objects.max_acceleration : 0);
   const double deceleration = axis.ramp(ramp_, bounded ? axis.objects.max_deceleration : 0);
   return {std::min(velocity, axis.max_velocity(false)), acceleration, deceleration > 0.0 ? deceleration : acceleration,
@@ -109,13 +109,13 @@ HomingInputs HomingMode::inputs(const Axis& axis) const {
 void HomingMode::fail(Axis& axis, Cause cause) {
   error_ = true;
   active_ = attained_ = false;
-  if (axis.policy.homing_errors_are_faults) axis.raise(cause);
+  if (axis.policy.homing.errors_are_faults) axis.raise(cause);
   shown_code_ = error_code(axis, cause);
   if (shown_code_ != 0) axis.objects.error_code = shown_code_;
 }
 
 std::uint16_t HomingMode::error_code(const Axis& axis, Cause cause) const {
-  const HomingErrorCodes& codes = axis.policy.homing_error_codes;
+  const HomingErrorCodes& codes = axis.policy.homing.error_codes;
   if (cause != Cause::homing_wrong_limit) return codes.not_possible;
   return homing_.limit_ahead() == Signal::positive_limit ? codes.positive_limit : codes.negative_limit;
 }
@@ -128,12 +128,12 @@ void HomingMode::forget_error(Axis& axis) {
 
 void HomingMode::start(Axis& axis) {
   const Objects& objects = axis.objects;
-  const Method* method = find_method(axis.policy.homing_methods, objects.homing_method);
+  const Method* method = find_method(axis.policy.homing.methods, objects.homing_method);
   if (method == nullptr || (uses_index(*method) && !axis.configuration.index_available)) {
     return fail(axis, Cause::homing_method);
   }
   if (method->idle) return;
-  if (axis.policy.homing_needs_its_inputs && !has_inputs_for(axis, *method)) return fail(axis, Cause::homing_method);
+  if (axis.policy.homing.needs_its_inputs && !has_inputs_for(axis, *method)) return fail(axis, Cause::homing_method);
   HomingConfig config{
       .fast = std::min(objects.homing_speed_switch * axis.units.velocity, axis.max_velocity(false)),
       .slow = std::min(objects.homing_speed_zero * axis.units.velocity, axis.max_velocity(false)),
@@ -145,7 +145,7 @@ void HomingMode::start(Axis& axis) {
       .retraction = axis.configuration.homing_retraction,
       .timeout_cycles = axis.cycles(axis.configuration.homing_timeout_ms),
       .end = method->offset_applies ? axis.configuration.homing_end : HomingEnd::as_method,
-      .end_offset = -axis.units.to_counts(std::int64_t{axis.policy.home_offset_sign} * objects.home_offset),
+      .end_offset = -axis.units.to_counts(std::int64_t{axis.policy.homing.offset_sign} * objects.home_offset),
       .slack = std::llround(slack_turns * axis.units.counts_per_revolution),
       .blind_window = axis.configuration.homing_blind_window,
       .index_width = axis.configuration.motor.index_width_counts,
@@ -155,7 +155,7 @@ void HomingMode::start(Axis& axis) {
   offset_applies_ = method->offset_applies;
   active_ = true;
   limits_ = motion(axis, axis.max_velocity(false));
-  if (axis.policy.home_counts_at_rest) axis.homed = false;
+  if (axis.policy.homing.counts_at_rest) axis.homed = false;
   last_ = {};
   homing_.start(*method, config, inputs(axis));
 }
@@ -243,21 +243,21 @@ void HomingMode::take_results(Axis& axis, bool had_latch) {
   if (homing_.latched() && !had_latch) {
     // Home is at the latch: the position there becomes the home offset with the product's sign.
     const std::int64_t at_home =
-        offset_applies_ ? std::int64_t{axis.policy.home_offset_sign} * axis.objects.home_offset : 0;
+        offset_applies_ ? std::int64_t{axis.policy.homing.offset_sign} * axis.objects.home_offset : 0;
     const Counts home = axis.units.to_counts(at_home);
     const Counts offset = home - homing_.latch();
     axis.generator.shift(offset - axis.offset);
     axis.offset = offset;
-    if (!axis.policy.home_counts_at_rest) axis.homed = attained_ = true;
+    if (!axis.policy.homing.counts_at_rest) axis.homed = attained_ = true;
   }
-  if (homing_.finished() && axis.policy.home_counts_at_rest) axis.homed = attained_ = true;
+  if (homing_.finished() && axis.policy.homing.counts_at_rest) axis.homed = attained_ = true;
   if (homing_.error() != HomingError::none) fail(axis, cause_of(homing_.error()));
   if (homing_.finished()) active_ = false;
 }
 
 std::uint16_t HomingMode::status(const Axis& axis) const {
   std::uint16_t bits = 0;
-  if (standing_ && (attained_ || !axis.policy.homing_reached_means_home)) bits |= statusword::target_reached;
+  if (standing_ && (attained_ || !axis.policy.homing.reached_means_home)) bits |= statusword::target_reached;
   if (attained_) bits |= statusword::mode_bit_12;
   if (error_) bits |= statusword::mode_bit_13;
   return bits;

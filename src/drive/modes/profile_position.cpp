@@ -39,9 +39,9 @@ void ProfilePosition::enter(Axis& axis) {
 ProfilePosition::SetPoint ProfilePosition::capture(const Axis& axis, std::uint16_t word) const {
   const Objects& objects = axis.objects;
   const RampShape shape = axis.shape();
-  const bool symmetric = shape == RampShape::jerk_limited && axis.policy.jerk_limited_single_symmetric;
+  const bool symmetric = shape == RampShape::jerk_limited && axis.policy.ramps.jerk_limited_single_symmetric;
   const double end = objects.end_velocity * axis.units.velocity;
-  const bool starts = axis.policy.end_velocity_is_start;
+  const bool starts = axis.policy.positioning.end_velocity_is_start;
   return {.target = objects.target_position,
           .relative = (word & controlword::mode_bit_6) != 0,
           .pass_previous = (word & controlword::mode_bit_9) != 0,
@@ -58,9 +58,9 @@ ProfilePosition::SetPoint ProfilePosition::capture(const Axis& axis, std::uint16
 void ProfilePosition::controlword(Axis& axis, std::uint16_t before, std::uint16_t now) {
   const bool rising = (now & controlword::mode_bit_4) != 0 && (before & controlword::mode_bit_4) == 0;
   if ((now & controlword::mode_bit_4) == 0) acknowledge_ = false;
-  if (!rising || ((now & controlword::halt) != 0 && axis.policy.halt_discards_set_points)) return;
+  if (!rising || ((now & controlword::halt) != 0 && axis.policy.positioning.halt_discards)) return;
   if ((now & controlword::mode_bit_5) != 0) {
-    if (axis.policy.acknowledge_blocks_change && !room(axis)) return;
+    if (axis.policy.positioning.acknowledge_blocks_change && !room(axis)) return;
     count_ = 0;
     immediate_ = capture(axis, now);
     immediate_pending_ = true;
@@ -82,7 +82,7 @@ ProfilePosition::SetPoint ProfilePosition::pop() {
 
 // Returns true if the waiting set-point may begin after the one whose demand has just ended.
 bool ProfilePosition::may_chain(const Axis& axis) {
-  if (!axis.policy.set_points_start_from_rest || running_set_point_.end_velocity > 0.0 || passing_) return true;
+  if (!axis.policy.positioning.starts_from_rest || running_set_point_.end_velocity > 0.0 || passing_) return true;
   const bool slow = std::abs(axis.velocity()) < axis.rpm_to_counts_per_s(standing_rpm);
   const bool stands = axis.lasts(slow, rest_, standing_ms);
   if (!stands && ++rest_wait_cycles_ < axis.cycles(rest_wait_ms)) return false;
@@ -101,7 +101,7 @@ Cause ProfilePosition::planning_fault(const Axis& axis, const SetPoint& set_poin
                                     objects.max_position_limit > objects.max_position_range_limit)))) {
     return Cause::software_limits_wrong;
   }
-  if (axis.policy.zero_values_are_faults) {
+  if (axis.policy.ramps.zeros_are_faults) {
     const bool zero = set_point.velocity <= 0.0 || set_point.acceleration == 0 || set_point.deceleration == 0;
     if (set_point.pass_previous && zero) return Cause::profile_multi_point;
     if (set_point.velocity <= 0.0) return Cause::profile_velocity_zero;
@@ -110,7 +110,7 @@ Cause ProfilePosition::planning_fault(const Axis& axis, const SetPoint& set_poin
     if (set_point.shape == RampShape::jerk_limited && set_point.jerk == 0) return Cause::profile_value_zero;
   }
   if (set_point.end_velocity > set_point.velocity) return Cause::end_velocity_above_profile;
-  if (axis.policy.jerk_limited_only_from_standstill && set_point.shape == RampShape::jerk_limited &&
+  if (axis.policy.ramps.jerk_limited_only_from_standstill && set_point.shape == RampShape::jerk_limited &&
       !axis.generator.standing()) {
     return Cause::jerk_limited_while_moving;
   }
@@ -160,7 +160,7 @@ bool ProfilePosition::resolve_target(Axis& axis, const SetPoint& set_point, Coun
   if (axis.software_limits_active()) {
     const std::int64_t clipped = axis.within_limits_of_turn(user);
     if (clipped != user) {
-      if (axis.policy.out_of_limits == OutOfLimits::fault) {
+      if (axis.policy.limits.target_beyond == OutOfLimits::fault) {
         axis.raise(Cause::position_limit);
         return false;
       }
@@ -244,8 +244,8 @@ void ProfilePosition::plan(Axis& axis, const SetPoint& set_point, Counts target,
 // With a manufacturer's bit of the controlword, every write of an absolute target is a new set-point.
 void ProfilePosition::track(Axis& axis) {
   const std::uint16_t word = axis.controlword;
-  const std::uint16_t needed = axis.policy.target_tracking | controlword::mode_bit_4;
-  if (axis.policy.target_tracking != 0 && axis.new_set_point && (word & needed) == needed &&
+  const std::uint16_t needed = axis.policy.positioning.target_tracking | controlword::mode_bit_4;
+  if (axis.policy.positioning.target_tracking != 0 && axis.new_set_point && (word & needed) == needed &&
       (word & controlword::mode_bit_6) == 0) {
     count_ = 0;
     immediate_ = capture(axis, word);
@@ -290,7 +290,7 @@ void ProfilePosition::step(Axis& axis) {
 
 void ProfilePosition::halt(Axis& axis) {
   braking_ = false;
-  if (axis.policy.halt_discards_set_points) {
+  if (axis.policy.positioning.halt_discards) {
     count_ = 0;
     immediate_pending_ = false;
     interrupted_ |= running_;
@@ -304,7 +304,7 @@ void ProfilePosition::keep_to_limits(Axis& axis) {
   if (!running_) return axis.rest_within_limits();
   const std::int64_t clipped = axis.within_limits_of_turn(target_user_);
   if (clipped == target_user_) return;
-  if (axis.policy.out_of_limits == OutOfLimits::fault) return axis.raise(Cause::position_limit);
+  if (axis.policy.limits.target_beyond == OutOfLimits::fault) return axis.raise(Cause::position_limit);
   axis.limited = true;
   target_user_ = clipped;
   const Counts target = axis.units.to_counts(clipped);

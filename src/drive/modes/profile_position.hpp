@@ -38,9 +38,10 @@ class ProfilePosition {
   static constexpr std::size_t capacity = 32;
 
   SetPoint capture(const Axis& axis, std::uint16_t word) const;
-  bool room(const Axis& axis) const { return count_ < axis.policy.set_point_queue && !unbreakable(axis); }
+  bool room(const Axis& axis) const { return count_ < axis.policy.positioning.queue && !unbreakable(axis); }
   bool unbreakable(const Axis& axis) const {
-    return axis.policy.jerk_limited_single_symmetric && running_ && running_set_point_.shape == RampShape::jerk_limited;
+    return axis.policy.ramps.jerk_limited_single_symmetric && running_ &&
+           running_set_point_.shape == RampShape::jerk_limited;
   }
   SetPoint pop();
   bool may_chain(const Axis& axis);

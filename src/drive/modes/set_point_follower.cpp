@@ -42,7 +42,7 @@ Counts resolve_cyclic_target(Axis& axis, std::int64_t user, Counts last) {
   if (limits) {  // within the range 607Bh, if it is set
     const Axis::UserLimits bounds = axis.software_limits();
     const std::int64_t clipped = std::clamp(user, bounds.least, bounds.greatest);
-    if (clipped != user && axis.policy.out_of_limits == OutOfLimits::fault) axis.raise(Cause::position_limit);
+    if (clipped != user && axis.policy.limits.target_beyond == OutOfLimits::fault) axis.raise(Cause::position_limit);
     axis.limited = clipped != user;
     user = clipped;
   }
@@ -88,7 +88,7 @@ void end_bridge(Axis& axis, Line& line, LineDemand& demand, Counts target, doubl
 
 bool given_up_at_limits(Axis& axis, Counts target) {
   if (axis.within_software_limits(target)) return false;
-  if (axis.policy.out_of_limits == OutOfLimits::fault) {
+  if (axis.policy.limits.target_beyond == OutOfLimits::fault) {
     axis.raise(Cause::position_limit);
     return false;
   }

@@ -48,7 +48,7 @@ Cause ProfileVelocity::planning_fault(const Axis& axis, RampShape shape) const {
   const Objects& objects = axis.objects;
   if (!axis.has_shape(objects.motion_profile_type)) return Cause::motion_profile_type;
   if (!axis.has_shape(axis.configuration.velocity_stop_shape)) return Cause::velocity_ramp_type;
-  if (axis.policy.zero_values_are_faults) {
+  if (axis.policy.ramps.zeros_are_faults) {
     if (objects.profile_acceleration == 0) return Cause::profile_acceleration_zero;
     if (objects.profile_deceleration == 0 || objects.quick_stop_deceleration == 0) {
       return Cause::velocity_deceleration_zero;
@@ -56,7 +56,7 @@ Cause ProfileVelocity::planning_fault(const Axis& axis, RampShape shape) const {
     if (shape == RampShape::jerk_limited && objects.profile_jerk[0] == 0) return Cause::profile_value_zero;
   }
   // A stop always begins in motion, so it may be jerk-limited.
-  if (axis.policy.jerk_limited_only_from_standstill && shape == RampShape::jerk_limited &&
+  if (axis.policy.ramps.jerk_limited_only_from_standstill && shape == RampShape::jerk_limited &&
       objects.target_velocity != 0 && !axis.generator.standing()) {
     return Cause::jerk_limited_while_moving;
   }
@@ -118,7 +118,7 @@ void ProfileVelocity::step(Axis& axis) {
 
 void ProfileVelocity::observe(Axis& axis) {
   windows_.update(axis, wanted_, axis.generator.finished() && !given_up_);
-  if (!axis.policy.slippage_supported) return;
+  if (!axis.policy.status.slippage) return;
   // On a ramp the shown velocity is compared with the demand at the time of its measurement.
   const double shown_goal = axis.generator.velocity() - axis.generator.acceleration() * axis.shown_velocity_lag_s();
   slipping_ = std::abs(axis.shown_velocity() - shown_goal) > axis.objects.max_slippage * axis.units.velocity;

@@ -7,7 +7,7 @@
 namespace servodrome::drive {
 
 const FaultRow* Drive::row(Cause cause) const {
-  for (const FaultRow& row : policy_.faults) {
+  for (const FaultRow& row : policy_.faults.rows) {
     if (row.cause == cause) return &row;
   }
   return nullptr;
@@ -15,23 +15,23 @@ const FaultRow* Drive::row(Cause cause) const {
 
 void Drive::raise(Cause cause) {
   const FaultRow* fault = row(cause);
-  if (fault == nullptr || active_.test(cause) || axis_.configuration.ignored.test(cause)) return;
+  if (fault == nullptr || faults_.active.test(cause) || axis_.configuration.ignored.test(cause)) return;
   if (fault->reaction == Reaction::none) return;
-  active_.set(cause);
-  if (fault->reset == ResetRule::clear_multi_turn) multi_turn_cleared_ = false;
-  if (fault->reset == ResetRule::power_off) latched_.set(cause);
-  if (shown_fault_ == nullptr || !policy_.first_fault_is_shown) show_fault(*fault);
+  faults_.active.set(cause);
+  if (fault->reset == ResetRule::clear_multi_turn) faults_.multi_turn_cleared = false;
+  if (fault->reset == ResetRule::power_off) faults_.kept.set(cause);
+  if (faults_.shown == nullptr || !policy_.faults.first_is_shown) show_fault(*fault);
   // the callback sees the drive's state at the time of the fault
   if (events_ != nullptr) events_->fault_raised(*fault);
   react_to_fault(*fault);
 }
 
 void Drive::show_fault(const FaultRow& fault) {
-  shown_fault_ = &fault;
+  faults_.shown = &fault;
   axis_.objects.error_code = fault.code;
 }
 
-void Drive::inject(Cause cause, bool present) { injected_.set(cause, present); }
+void Drive::inject(Cause cause, bool present) { faults_.injected.set(cause, present); }
 
 void Drive::react_to_fault(const FaultRow& fault) {
   if (state_ == PowerState::fault) return;
@@ -40,13 +40,13 @@ void Drive::react_to_fault(const FaultRow& fault) {
   if (fault.reaction == Reaction::angle_lost && stop != Stop::voltage_limit) stop = Stop::power_off;
   const bool reacting = state_ == PowerState::fault_reaction_active;
   state_ = PowerState::fault_reaction_active;
-  awaits_dc_link_ = false;
+  waiting_.waits = false;
   const bool controlled = fault.reaction == Reaction::option_code;
   if (stop == Stop::power_off && controlled && hold_for_brake()) {
     // the brake holds the axis
   } else if (stop == Stop::power_off || !energised()) {
     switch_power(false);
-  } else if (!reacting || (fault.reaction == Reaction::angle_lost && !short_circuit_)) {
+  } else if (!reacting || (fault.reaction == Reaction::angle_lost && !stop_.shorts_windings())) {
     begin_stop(stop);  // shorted windings need no angle
   }
   homing_mode_.fault();
@@ -56,16 +56,16 @@ void Drive::react_to_fault(const FaultRow& fault) {
 
 void Drive::collect_faults() {
   const CauseSet present = present_causes();
-  warnings_ = supervision_.warning();
-  if (!present.any() && !warned_.any()) return;
+  faults_.warns = supervision_.warning();
+  if (!present.any() && !faults_.warned.any()) return;
   bool gone = false;
-  for (const FaultRow& fault : policy_.faults) {
+  for (const FaultRow& fault : policy_.faults.rows) {
     const bool is_present = present.test(fault.cause);
     if (fault.reaction == Reaction::none) {
-      warnings_ |= is_present;
-      gone |= !is_present && warned_.test(fault.cause);
-      const bool tell = is_present && !warned_.test(fault.cause) && events_ != nullptr;
-      warned_.set(fault.cause, is_present);
+      faults_.warns |= is_present;
+      gone |= !is_present && faults_.warned.test(fault.cause);
+      const bool tell = is_present && !faults_.warned.test(fault.cause) && events_ != nullptr;
+      faults_.warned.set(fault.cause, is_present);
       if (tell) events_->warning_raised(fault);
     } else if (is_present) {
       raise(fault.cause);
@@ -76,8 +76,8 @@ void Drive::collect_faults() {
 
 CauseSet Drive::present_causes() const {
   CauseSet present = supervision_.present();
-  present |= injected_;
-  present |= latched_;
+  present |= faults_.injected;
+  present |= faults_.kept;
   if (!units_valid_) present.set(Cause::factor_group);
   if (current_offset_great_) present.set(Cause::current_sensor);
   if (axis_.velocity_clipped) present.set(Cause::velocity_clipped);
@@ -89,8 +89,8 @@ CauseSet Drive::present_causes() const {
 // The bits of 1001h of all faults and warnings that are present.
 std::uint8_t Drive::error_register() const {
   std::uint8_t bits = 0;
-  for (const FaultRow& fault : policy_.faults) {
-    if (active_.test(fault.cause) || warned_.test(fault.cause)) bits |= fault.error_register;
+  for (const FaultRow& fault : policy_.faults.rows) {
+    if (faults_.active.test(fault.cause) || faults_.warned.test(fault.cause)) bits |= fault.error_register;
   }
   return bits;
 }
@@ -99,16 +99,17 @@ std::uint8_t Drive::error_register() const {
 bool Drive::reset_faults() {
   if (state_ != PowerState::fault) return false;
   const CauseSet present = present_causes();
-  for (const FaultRow& fault : policy_.faults) {
-    if (!active_.test(fault.cause)) continue;
-    if (fault.reset == ResetRule::clear_multi_turn && multi_turn_cleared_ && !present.test(fault.cause)) continue;
+  for (const FaultRow& fault : policy_.faults.rows) {
+    if (!faults_.active.test(fault.cause)) continue;
+    if (fault.reset == ResetRule::clear_multi_turn && faults_.multi_turn_cleared && !present.test(fault.cause))
+      continue;
     if (fault.reset != ResetRule::when_cause_gone || present.test(fault.cause)) {
-      if (policy_.first_fault_is_shown) show_fault(fault);  // the fault that prevents the reset
+      if (policy_.faults.first_is_shown) show_fault(fault);  // the fault that prevents the reset
       return false;
     }
   }
-  active_.clear();
-  shown_fault_ = nullptr;
+  faults_.active.clear();
+  faults_.shown = nullptr;
   axis_.objects.error_code = 0;
   axis_.raised = Cause::none;
   enter_state(PowerState::switch_on_disabled);
@@ -117,10 +118,10 @@ bool Drive::reset_faults() {
 }
 
 void Drive::communication_lost(Cause cause) {
-  if (policy_.communication_loss_is_always_fault) return raise(cause);
+  if (policy_.communication.loss_is_always_fault) return raise(cause);
   switch (axis_.objects.abort_connection_option_code) {
     case 1:
-      awaits_dc_link_ = false;
+      waiting_.waits = false;
       if (energised()) raise(cause);
       break;
     case 2: handle_command(Command::disable_voltage); break;

@@ -5,18 +5,7 @@ namespace servodrome::drive {
 
 namespace {
 
-// The shaft stands if it has been slower than this for this time ...
-constexpr double standing_rpm = 5.0;
-constexpr std::uint32_t standing_ms = 2;
-// ... and, while its windings are shorted, its current is below this fraction of the rated one.
-constexpr float standing_current = 0.05F;
-// A stop also ends this long after its ramp if the shaft still does not stand, because something keeps moving it.
-constexpr std::uint32_t rest_wait_ms = 2000;
-// A stop without a ramp ends for the same reason after two of these periods in which the axis does not become slower.
-constexpr std::uint32_t slowing_ms = rest_wait_ms / 2;
-// A DC link is charged if it is above its under-voltage and rises by no more than this fraction of it in a
-// millisecond. The precharge resistor, through which a motor could not be supplied, is bridged by then.
-constexpr double charged_rise_per_ms = 0.001;
+constexpr double standing_rpm = 5.0;  // the shaft stands if it is slower (for StopRun::standing_ms)
 
 // Returns true if an option code is in a set of them (OptionCodes).
 bool has(std::uint32_t codes, std::int16_t code) {
@@ -30,18 +19,18 @@ void Drive::handle_controlword(std::uint16_t before, std::uint16_t now) {
   // A mode that was written before this controlword must already be in force for it, not only from the next cycle on.
   change_mode();
   if ((now & controlword::fault_reset) != 0) {
-    awaits_dc_link_ = false;  // a new word cancels the earlier command
+    waiting_.waits = false;  // a new word cancels the earlier command
     // A word with bit 7 resets faults and commands nothing: in the table of commands bit 7 is 0 (CiA 402-2 table 9).
     // Halt is not in that table, so it acts beside any other bits.
     const bool resets = (before & controlword::fault_reset) == 0 && reset_faults();
-    if (!resets || !policy_.reset_word_is_a_command) {
+    if (!resets || !policy_.power.reset_word_is_a_command) {
       axis_.controlword |= now & controlword::halt;
       return;
     }
   }
   const std::uint16_t commanded_before = axis_.controlword;
   axis_.controlword = now;
-  word_before_wait_ = (awaits_dc_link_ ? word_before_wait_ : commanded_before) & now;
+  waiting_.word_before = (waiting_.waits ? waiting_.word_before : commanded_before) & now;
   handle_command(command_of(now));
   if (state_ == PowerState::operation_enabled) {
     with_mode(*this, [&](auto& mode) { mode.controlword(axis_, commanded_before, now); });
@@ -51,17 +40,17 @@ void Drive::handle_controlword(std::uint16_t before, std::uint16_t now) {
 bool Drive::accepts(const Transition& transition) const {
   if (transition.from != state_) return false;
   switch (transition.number) {
-    case 3: return transition.command != Command::enable_operation || policy_.direct_enable;
+    case 3: return transition.command != Command::enable_operation || policy_.power.direct_enable;
     case 16:  // not during a stop that ends in Switch on disabled
-      return policy_.transition_16 && !pending_.active && !axis_.active(Signal::quick_stop) &&
-             has(policy_.option_codes.quick_stop_continues, axis_.objects.quick_stop_option_code);
+      return policy_.power.transition_16 && !pending_.active && !axis_.active(Signal::quick_stop) &&
+             has(policy_.power.option_codes.quick_stop_continues, axis_.objects.quick_stop_option_code);
     case release_quick_stop: return !pending_.active;
     default: return true;
   }
 }
 
 void Drive::handle_command(Command command) {
-  if (command != Command::switch_on && command != Command::enable_operation) awaits_dc_link_ = false;
+  if (command != Command::switch_on && command != Command::enable_operation) waiting_.waits = false;
   const bool disables_voltage = pending_.active && pending_.to == PowerState::switch_on_disabled;
   if (state_ == PowerState::operation_enabled && pending_.active && !disables_voltage &&
       command == Command::enable_operation) {
@@ -76,8 +65,8 @@ void Drive::handle_command(Command command) {
   if (pending_.active && pending_.to == transition->to && command != Command::disable_voltage) return;
   switch (transition->number) {
     case 3:
-      awaits_dc_link_ = !dc_link_charged();
-      if (awaits_dc_link_) break;
+      waiting_.waits = !dc_link_charged();
+      if (waiting_.waits) break;
       enter_state(PowerState::switched_on);
       if (command == Command::enable_operation) enter_state(PowerState::operation_enabled);
       break;
@@ -89,15 +78,15 @@ void Drive::handle_command(Command command) {
       const std::int16_t code = axis_.objects.quick_stop_option_code;
       state_ = PowerState::quick_stop_active;
       leave_operation(stop_of(code), PowerState::switch_on_disabled);
-      if (has(policy_.option_codes.quick_stop_stays, code)) {
+      if (has(policy_.power.option_codes.quick_stop_stays, code)) {
         pending_.active = false;
-        if (stage_ == Stage::engaging_brake) switch_power(true);  // an earlier command has begun to close the brake
+        if (stage_.brake_closes()) switch_power(true);  // an earlier command has begun to close the brake
       }
       break;
     }
     case 16: enter_state(PowerState::operation_enabled); break;
     case release_quick_stop:
-      if (energised() && stopping_) {
+      if (energised() && stop_.active()) {
         pending_ = {true, transition->to};  // after the stop
       } else {
         leave_operation(Stop::power_off, transition->to);
@@ -117,33 +106,29 @@ bool Drive::dc_link_charged() const {
   const FaultRow* fault = row(Cause::under_voltage);
   const bool watched =
       fault != nullptr && fault->reaction != Reaction::none && !axis_.configuration.ignored.test(Cause::under_voltage);
-  if (!watched) return true;
-  constexpr std::uint32_t least_cycles = 2;  // until `dc_link_rise_v_` is valid for a connected link
-  const double greatest_rise_v = charged_rise_per_ms / axis_.cycles_per_ms * static_cast<double>(dc_link_v_);
-  return dc_link_cycles_ >= least_cycles && dc_link_v_ >= axis_.configuration.monitors.under_voltage_v &&
-         static_cast<double>(dc_link_rise_v_) <= greatest_rise_v;
+  return !watched || dc_link_.charged(axis_.configuration.monitors.under_voltage_v, axis_.cycles_per_ms);
 }
 
 // Makes transition 3 when the DC link has its voltage. The present controlword then decides whether transition 4
 // follows. A mode bit that was set meanwhile, e.g. for a set-point, counts as an edge now.
 void Drive::step_dc_link() {
-  if (!awaits_dc_link_ || !dc_link_charged()) return;
+  if (!waiting_.waits || !dc_link_charged()) return;
   enter_state(PowerState::switched_on);
   handle_command(command_of(axis_.controlword));
   if (state_ == PowerState::operation_enabled) {
-    with_mode(*this, [&](auto& mode) { mode.controlword(axis_, word_before_wait_, axis_.controlword); });
+    with_mode(*this, [&](auto& mode) { mode.controlword(axis_, waiting_.word_before, axis_.controlword); });
   }
 }
 
 // For 605Ah and 605Dh.
 Stop Drive::stop_of(std::int16_t code) const {
-  const std::int16_t at_once = policy_.option_codes.at_once_from;
+  const std::int16_t at_once = policy_.power.option_codes.at_once_from;
   return at_once != 0 && code >= at_once ? Stop::current_limit : stop_of_option_code(code);
 }
 
 bool Drive::has_power_in(PowerState state) const {
   return state == PowerState::operation_enabled ||
-         (state == PowerState::switched_on && policy_.energised_in_switched_on);
+         (state == PowerState::switched_on && policy_.power.energised_in_switched_on);
 }
 
 void Drive::leave_operation(Stop stop, PowerState to) {
@@ -164,12 +149,12 @@ void Drive::leave_operation(Stop stop, PowerState to) {
 // Commands zero speed at once, without a ramp, while the brake closes. Returns false if the product does not do so, or
 // if the brake has nothing to hold.
 bool Drive::hold_for_brake() {
-  if (!policy_.brake_engages_before_power_off || !axis_.configuration.has_brake() || !energised()) return false;
+  if (!policy_.power.brake_engages_before_off || !axis_.configuration.has_brake() || !energised()) return false;
   if (too_fast_for_brake()) return false;
-  if (zero_speed_ && stage_ == Stage::engaging_brake) return true;  // the master repeats the command in every cycle
-  stopping_ = short_circuit_ = false;
+  if (zero_speed_ && stage_.brake_closes()) return true;  // the master repeats the command in every cycle
+  stop_.end();
   zero_speed_ = true;
-  engage_brake();
+  close_brake();
   return true;
 }
 
@@ -178,21 +163,16 @@ bool Drive::too_fast_for_brake() const {
   return rpm > 0.0 && std::abs(axis_.velocity()) >= axis_.rpm_to_counts_per_s(rpm);
 }
 
-void Drive::engage_brake() {
-  stage_ = Stage::engaging_brake;
-  stage_cycles_ = axis_.cycles(axis_.configuration.brake_engage_ms);
-}
+void Drive::close_brake() { stage_.close_brake(axis_.cycles(axis_.configuration.brake_engage_ms)); }
 
 void Drive::enter_state(PowerState to) {
   const bool power = has_power_in(to);
   if (power && energised()) take_over_shaft();
   state_ = to;
-  awaits_dc_link_ = false;
+  waiting_.waits = false;
   pending_ = {};
-  stopping_ = false;
+  stop_.end();
   halted_ = false;
-  limit_stop_ = false;
-  short_circuit_ = false;
   axis_.limited = false;
   axis_.stopped_at = 0;
   zero_speed_ = false;
@@ -202,7 +182,7 @@ void Drive::enter_state(PowerState to) {
     switch_power(power);
     // If the axis is at standstill by the criterion of a stop, it holds its present position, even if it drifts slowly.
     if (power) axis_.shaft_stands ? axis_.generator.reset(axis_.position()) : axis_.take_over_actual();
-  } else if (stage_ == Stage::engaging_brake) {
+  } else if (stage_.brake_closes()) {
     switch_power(true);  // enabled again while the brake closes
     axis_.take_over_actual();
   } else if (power && axis_.demand.loop != Loop::position) {
@@ -218,12 +198,10 @@ void Drive::enter_state(PowerState to) {
 void Drive::switch_power(bool on) {
   zero_speed_ = false;
   if (on) {
-    stage_ = Stage::releasing_brake;
-    stage_cycles_ = axis_.cycles(axis_.configuration.brake_release_ms);
-    coasting_cycles_ = 0;
+    stage_.switch_on(axis_.cycles(axis_.configuration.brake_release_ms));
   } else {
-    if (brake_released() && too_fast_for_brake()) coasting_cycles_ = axis_.cycles(axis_.configuration.brake_wait_ms);
-    stage_ = Stage::off;
+    if (brake_released() && too_fast_for_brake()) stage_.let_coast(axis_.cycles(axis_.configuration.brake_wait_ms));
+    stage_.switch_off();
     axis_.demand = {};
   }
 }
@@ -235,9 +213,9 @@ void Drive::take_over_shaft(bool apart) {
   const Loop loop = axis_.demand.loop;
   if (loop == Loop::off) return;
   if (loop == Loop::locked) return axis_.take_over_slipped();
-  apart |= (stopping_ && without_ramp()) || (mode_ == Mode::homing && homing_mode_.has_pressed());
+  apart |= (stop_.active() && stop_.without_ramp()) || (mode_ == Mode::homing && homing_mode_.has_pressed());
   const bool follows = !apart && axis_.follows_demand();
-  if (follows && !(smoothing_pending_ && smoothed_loop_ == loop)) return;
+  if (follows && !smoothing_.lags(loop)) return;
   homing_mode_.shaft_taken_over();
   if (follows) {  // continues from the smoothed demand, which lags behind the generator
     leave_smoothing();
@@ -246,15 +224,15 @@ void Drive::take_over_shaft(bool apart) {
     axis_.demand.from_shaft = true;
   }
   moved_demand_ = true;
-  smoothed_loop_ = Loop::off;
+  smoothing_.leave();
 }
 
 // Continues from the output of the filter, which lags behind the generator.
 void Drive::leave_smoothing() {
   const Counts place =
-      smoothed_loop_ == Loop::position ? (smoothed_value_ >> 16) + axis_.offset : axis_.generator.nearest_position();
-  axis_.generator.start_from(place, static_cast<double>(smoothed_velocity_));
-  smoothed_loop_ = Loop::off;
+      smoothing_.is_position() ? smoothing_.position_counts() + axis_.offset : axis_.generator.nearest_position();
+  axis_.generator.start_from(place, static_cast<double>(smoothing_.velocity()));
+  smoothing_.leave();
 }
 
 // If the axis cannot brake as fast as a ramp to rest that has no target, it overtakes the demand. The demand then
@@ -269,12 +247,12 @@ void Drive::keep_near_shaft() {
   const auto error = static_cast<double>(cascade_.state().following_error_counts);
   const double most = axis_.lag(axis_.velocity());
   if (std::abs(error) <= most || error * generator.rest_direction() >= 0.0) return;
-  if (smoothing_pending_ && smoothed_loop_ == Loop::position) {
+  if (smoothing_.lags(Loop::position)) {
     leave_smoothing();
     generator.rest_again();
   }
   generator.shift(static_cast<Counts>(std::copysign(most, error) - error));
-  smoothed_loop_ = Loop::off;
+  smoothing_.leave();
 }
 
 // If a jam, for example, slows the shaft down far below the speed of a ramp to rest, the ramp continues from the speed
@@ -304,17 +282,10 @@ void Drive::begin_stop(Stop stop, bool apart) {
   end_identification();
   cascade_.stop_analysis();
   take_over_shaft(apart);
-  stop_ = stop;
-  stopping_ = true;
-  limit_stop_ = false;
-  short_circuit_ = stop == Stop::voltage_limit;
-  braked_.reset();
-  braked_to_rest_ = false;
+  stop_.begin(stop);
   outrun_.reset();
-  rest_wait_cycles_ = 0;
-  slowing_ = {};
   begin_ramp();
-  axis_.follow_generator(stop_loop_);  // takes effect in this cycle
+  axis_.follow_generator(stop_.loop);  // takes effect in this cycle
 }
 
 // The deceleration of a stop's ramp, counts/s^2; 0: the stop has no ramp.
@@ -329,26 +300,26 @@ double Drive::deceleration_of(Stop stop) const {
   return greatest != 0 ? std::min(deceleration, greatest * axis_.units.acceleration) : deceleration;
 }
 
-// Begins the ramp of `stop_`, or its replacement, from the generator's state.
+// Begins the ramp of the stop, or its replacement, from the generator's state.
 void Drive::begin_ramp() {
   const Objects& objects = axis_.objects;
-  const double deceleration = deceleration_of(stop_);
+  const double deceleration = deceleration_of(stop_.kind());
   RampShape shape = RampShape::linear;
-  if (stop_ == Stop::slow_down_ramp) {
+  if (stop_.kind() == Stop::slow_down_ramp) {
     shape = axis_.demand.loop == Loop::velocity ? axis_.velocity_stop_shape() : axis_.shape();
   }
   const double jerk = objects.profile_jerk[0] * axis_.units.jerk;
   if (jerk <= 0.0 && shape == RampShape::jerk_limited) shape = RampShape::linear;
   // Without a deceleration the axis brakes at the current limit instead of by a ramp.
-  if (stop_ != Stop::voltage_limit && deceleration <= 0.0) stop_ = Stop::current_limit;
+  if (stop_.kind() != Stop::voltage_limit && deceleration <= 0.0) stop_.change_kind(Stop::current_limit);
   const Loop loop = axis_.demand.loop;  // off: enabled since the last cycle
-  stop_loop_ = loop == Loop::torque ? Loop::velocity : loop == Loop::off ? Loop::position : loop;
-  if (without_ramp()) {
-    stop_loop_ = Loop::velocity;
+  stop_.loop = loop == Loop::torque ? Loop::velocity : loop == Loop::off ? Loop::position : loop;
+  if (stop_.without_ramp()) {
+    stop_.loop = Loop::velocity;
     axis_.generator.start_from(axis_.position(), 0.0);
     return;
   }
-  stop_deceleration_ = deceleration;
+  stop_.deceleration = deceleration;
   // For a shaft above the speed limit the ramp begins at its actual speed, so the limit must not clip it.
   axis_.greatest_velocity = std::max(axis_.greatest_velocity, std::abs(axis_.generator.velocity()));
   axis_.generator.come_to_rest({axis_.max_velocity(false), deceleration, deceleration, std::max(1.0, jerk)}, shape);
@@ -362,15 +333,15 @@ double Drive::quick_stop_deceleration() const {
 // is before a limit. A linear ramp then replaces it, with the deceleration of the quick stop if that is steeper. The
 // ramp of a fault (605Eh) does not change.
 void Drive::keep_stop_within_limits() {
-  if (homes() || stop_ != Stop::slow_down_ramp || state_ == PowerState::fault_reaction_active) return;
+  if (homes() || stop_.kind() != Stop::slow_down_ramp || state_ == PowerState::fault_reaction_active) return;
   const double quick = deceleration_of(Stop::quick_stop_ramp);
   const bool at_switch = meets_limit_switch();
-  const double steepest = std::max(quick, stop_deceleration_);
+  const double steepest = std::max(quick, stop_.deceleration);
   const bool at_limit = axis_.has_to_brake_for_limit(steepest);
   if (!at_switch && !at_limit) return;
-  if (!policy_.limit_switches_show_as_limit) axis_.limited = true;
-  if (quick > stop_deceleration_) {
-    stop_ = Stop::quick_stop_ramp;
+  if (!policy_.status.limit_switches_show_as_limit) axis_.limited = true;
+  if (quick > stop_.deceleration) {
+    stop_.change_kind(Stop::quick_stop_ramp);
     begin_ramp();
   } else if (at_limit) {
     axis_.generator.come_to_rest({axis_.max_velocity(false), steepest, steepest, 1.0}, RampShape::linear);
@@ -381,50 +352,39 @@ void Drive::keep_stop_within_limits() {
 bool Drive::meets_limit_switch() const {
   if (!axis_.at_limit_switch()) return false;
   const bool slow = std::abs(axis_.velocity()) < axis_.rpm_to_counts_per_s(standing_rpm);
-  return axis_.runs_into_limit_switch(!without_ramp() ? axis_.generator.velocity() : slow ? 0.0 : axis_.velocity());
+  return axis_.runs_into_limit_switch(!stop_.without_ramp() ? axis_.generator.velocity()
+                                      : slow                ? 0.0
+                                                            : axis_.velocity());
 }
 
 // A limit switch that the axis meets during a halt ends the motion, as it does without the halt. (If limit switches
 // cause a fault, the fault follows at the end of the halt if the switch is still active.)
 void Drive::end_halted_motion_at_limit_switch() {
-  if (!halted_ || limit_stop_ || pending_.active || homes()) return;
-  if (policy_.limit_switches != LimitSwitches::stop || !meets_limit_switch()) return;
-  const double moves = without_ramp() ? axis_.velocity() : axis_.generator.velocity();
-  limit_stop_ = true;
+  if (!halted_ || stop_.at_limit() || pending_.active || homes()) return;
+  if (policy_.limits.switches != LimitSwitches::stop || !meets_limit_switch()) return;
+  const double moves = stop_.without_ramp() ? axis_.velocity() : axis_.generator.velocity();
+  stop_.set_at_limit();
   with_mode(*this, [&](auto& mode) { mode.interrupt(axis_, moves < 0.0 ? -1 : 1); });
-}
-
-bool Drive::stop_finished() const {
-  if (stop_ == Stop::voltage_limit) return braked_to_rest_;
-  if (stop_ == Stop::current_limit) return axis_.shaft_stands;
-  return axis_.generator.standing() && (axis_.shaft_stands || rest_wait_cycles_ >= axis_.cycles(rest_wait_ms));
 }
 
 void Drive::watch_standstill() {
   const bool slow = std::abs(axis_.velocity()) < axis_.rpm_to_counts_per_s(standing_rpm);
-  axis_.shaft_stands = axis_.lasts(slow, standstill_, standing_ms);
+  axis_.shaft_stands = axis_.lasts(slow, standstill_, StopRun::standing_ms);
 }
 
 void Drive::step_stop() {
-  float square = 0.0F;
-  if (stop_ == Stop::voltage_limit) {
-    // The current in the shorted windings shows that the axis turns, also without an encoder.
+  if (stop_.without_ramp()) {
     const CascadeState& loops = cascade_.state();
-    square = loops.current_d_a * loops.current_d_a + loops.current_q_a * loops.current_q_a;
-    const float least = standing_current * axis_.configuration.motor.rated_current_a;
-    const bool quiet = axis_.shaft_stands && square < least * least;
-    braked_to_rest_ = axis_.lasts(quiet, braked_, standing_ms);
-  }
-  if (without_ramp()) {
+    const float square = loops.current_d_a * loops.current_d_a + loops.current_q_a * loops.current_q_a;
     axis_.generator.start_from(axis_.position(), 0.0);
-    slowing_.sample(std::abs(axis_.velocity()), static_cast<double>(square), axis_.cycles(slowing_ms));
+    stop_.step_without_ramp(axis_, stop_.shorts_windings() ? square : 0.0F);
   } else {
     slow_down_with_shaft();
     axis_.generator.step(axis_.cycle_s);
     keep_near_shaft();
-    rest_wait_cycles_ = axis_.generator.standing() ? rest_wait_cycles_ + 1 : 0;
+    stop_.step_ramp(axis_);
   }
-  axis_.follow_generator(stop_loop_);
+  axis_.follow_generator(stop_.loop);
 }
 
 // While the brake opens or closes the axis is held, and no motion begins. An axis that was enabled in motion comes to
@@ -442,21 +402,17 @@ void Drive::come_to_rest_at_brake() {
 
 // Steps brake and power stage, and completes stops that lead to another state.
 void Drive::step_power() {
-  if (coasting_cycles_ != 0 && (--coasting_cycles_ == 0 || !too_fast_for_brake())) coasting_cycles_ = 0;
-  if (stage_ == Stage::releasing_brake && stage_cycles_-- == 0) {
-    stage_ = Stage::on;
-    stage_cycles_ = 0;
-  }
+  stage_.step(too_fast_for_brake());
   if (!pending_.active) return;
-  if (stage_ == Stage::on && (stop_finished() || slowing_.ended())) {
+  if (stage_.is_on() && (stop_finished() || stop_.slows_no_more())) {
     if (has_power_in(pending_.to)) return enter_state(pending_.to);
     // The position loop holds the present position, because the demand of a velocity loop may have another position.
     if (axis_.demand.loop != Loop::position) axis_.generator.reset(axis_.position());
-    engage_brake();
+    close_brake();
   }
   // An axis at rest needs no stop: the brake has not opened, or opens while the loops hold the axis.
-  if (stage_ == Stage::releasing_brake && !has_power_in(pending_.to) && axis_.shaft_stands) engage_brake();
-  if (stage_ == Stage::engaging_brake && stage_cycles_-- == 0) switch_power(false);
+  if (stage_.brake_opens() && !has_power_in(pending_.to) && axis_.shaft_stands) close_brake();
+  if (stage_.step_closing()) switch_power(false);
   if (!energised()) enter_state(pending_.to);
 }
 

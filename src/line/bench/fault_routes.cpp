@@ -3,7 +3,7 @@
 #include <fmt/format.h>
 #include <optional>
 
-#include "describe/fault_texts.hpp"
+#include "catalogue/fault_texts.hpp"
 #include "drive/drive.hpp"
 #include "line/bench/axis_view.hpp"
 #include "line/bench/line_bench.hpp"
@@ -50,9 +50,9 @@ Injectable injectable(Axis& axis, const std::string& name) {
 // Adds text, cause and remedy of the fault: those of its alarm if it has one, otherwise those of its code.
 void explain(Json& fault, const Axis& axis, const drive::FaultRow& row) {
   const std::string_view product = axis.settings().product->name;
-  const describe::FaultText* text = row.alarm != 0 ? describe::find_alarm_text(product, row.alarm) : nullptr;
-  if (text == nullptr) text = describe::find_fault_text(product, row.code);
-  if (row.alarm != 0) fault["alarm"] = describe::alarm_name(product, row.alarm);
+  const catalogue::FaultText* text = row.alarm != 0 ? catalogue::find_alarm_text(product, row.alarm) : nullptr;
+  if (text == nullptr) text = catalogue::find_fault_text(product, row.code);
+  if (row.alarm != 0) fault["alarm"] = catalogue::alarm_name(product, row.alarm);
   if (text == nullptr) return;
   fault["text"] = text->text;
   fault["cause"] = text->cause;

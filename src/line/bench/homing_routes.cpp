@@ -125,8 +125,8 @@ Json LineBench::show_homing(Call& call) {
 }
 
 Json homing_view(const drive::Policy& policy, bool reversed) {
-  const std::span<const drive::Method> table = policy.homing_methods;
-  const Reversal reversal{.ends = reversed, .switches = reversed && !policy.limit_inputs_follow_polarity};
+  const std::span<const drive::Method> table = policy.homing.methods;
+  const Reversal reversal{.ends = reversed, .switches = reversed && !policy.terminals.limit_inputs_follow_polarity};
   Json methods = Json::array();
   for (int number = INT8_MIN; number <= INT8_MAX; ++number) {
     const auto narrow = static_cast<std::int8_t>(number);

@@ -8,10 +8,10 @@
 #include <span>
 #include <string>
 
-#include "describe/object_texts.hpp"
+#include "catalogue/object_texts.hpp"
+#include "catalogue/terminal_words.hpp"
 #include "drive/drive.hpp"
 #include "line/bench/axis_view.hpp"
-#include "line/bench/terminal_words.hpp"
 
 namespace servodrome::line::bench {
 namespace {
@@ -45,8 +45,8 @@ constexpr std::array all_modes{Mode::pulse,
                                Mode::cyclic_sync_torque};
 
 bool has(const Policy& policy, Mode mode) {
-  if (mode == Mode::none) return policy.mode_none || policy.mode_zero_keeps;
-  return (policy.supported_modes & drive::mode_bit(mode)) != 0;
+  if (mode == Mode::none) return policy.modes.none || policy.modes.zero_keeps;
+  return (policy.modes.supported & drive::mode_bit(mode)) != 0;
 }
 
 Json modes_of(const Policy& policy) {
@@ -140,7 +140,7 @@ Json status_bits(const Policy& policy) {
       text += (text.empty() ? "" : ", ") + std::string(what);
     }
   };
-  for (const drive::StatusBit& row : policy.status_bits) {
+  for (const drive::StatusBit& row : policy.status.bits) {
     const bool of_a_mode = row.source == StatusSource::mode_bit_12 || row.source == StatusSource::mode_bit_13;
     if (!of_a_mode && row.modes == 0xFFFFFFFF) {
       add(row.bit, word(row.source), std::nullopt);
@@ -187,7 +187,7 @@ const char* word(drive::Signal signal) {
 
 Json input_bits(const Policy& policy) {
   Json list = Json::array();
-  for (const drive::DigitalInputBit& row : policy.digital_inputs) {
+  for (const drive::DigitalInputBit& row : policy.terminals.inputs) {
     const bool wire = row.source == drive::DigitalInputBit::Source::wire;
     list.push_back({{"bit", row.bit},
                     {"name", wire ? fmt::format("DI{}", row.number) : word(static_cast<drive::Signal>(row.number))}});
@@ -197,9 +197,10 @@ Json input_bits(const Policy& policy) {
 
 Json output_bits(const Policy& policy) {
   Json list = Json::array();
-  if (policy.brake_output_bit >= 0) list.push_back({{"bit", policy.brake_output_bit}, {"name", "brake (1: closed)"}});
-  for (unsigned output = 0; output < policy.output_count; ++output) {
-    list.push_back({{"bit", policy.first_output_bit + output}, {"name", fmt::format("DO{}", output)}});
+  if (policy.terminals.brake_output_bit >= 0)
+    list.push_back({{"bit", policy.terminals.brake_output_bit}, {"name", "brake (1: closed)"}});
+  for (unsigned output = 0; output < policy.terminals.output_count; ++output) {
+    list.push_back({{"bit", policy.terminals.first_output_bit + output}, {"name", fmt::format("DO{}", output)}});
   }
   return list;
 }
@@ -242,7 +243,7 @@ Json option_codes(std::uint32_t codes, int at_once_from) {
 // Codes 5 to 8 brake like codes 1 to 4, but the drive stays in quick stop active.
 Json quick_stop_codes(const Policy& policy) {
   constexpr int held = 4;
-  const drive::OptionCodes& codes = policy.option_codes;
+  const drive::OptionCodes& codes = policy.power.option_codes;
   Json list = option_codes(codes.quick_stop, codes.at_once_from);
   for (Json& row : list) {
     const int code = row["value"];
@@ -264,7 +265,7 @@ constexpr auto ramp_shapes =
 Json shapes_of(const Policy& policy) {
   Json list = Json::array();
   for (const Named& row : ramp_shapes) {
-    if (has(policy.ramp_shapes, row.value)) list.push_back({{"value", row.value}, {"name", row.name}});
+    if (has(policy.ramps.types, row.value)) list.push_back({{"value", row.value}, {"name", row.name}});
   }
   return list;
 }
@@ -287,13 +288,14 @@ constexpr std::array words_of{
     WordsOf{0x6040, only_0, "bits", [](const Policy&) { return list_of(controlword_bits, "bit"); }},
     WordsOf{0x6041, only_0, "bits", status_bits},
     WordsOf{0x605A, only_0, "enumeration", quick_stop_codes},
-    WordsOf{0x605B, only_0, "enumeration", [](const Policy& p) { return option_codes(p.option_codes.shutdown, 0); }},
+    WordsOf{0x605B, only_0, "enumeration",
+            [](const Policy& p) { return option_codes(p.power.option_codes.shutdown, 0); }},
     WordsOf{0x605C, only_0, "enumeration",
-            [](const Policy& p) { return option_codes(p.option_codes.disable_operation, 0); }},
+            [](const Policy& p) { return option_codes(p.power.option_codes.disable_operation, 0); }},
     WordsOf{0x605D, only_0, "enumeration",
-            [](const Policy& p) { return option_codes(p.option_codes.halt, p.option_codes.at_once_from); }},
+            [](const Policy& p) { return option_codes(p.power.option_codes.halt, p.power.option_codes.at_once_from); }},
     WordsOf{0x605E, only_0, "enumeration",
-            [](const Policy& p) { return option_codes(p.option_codes.fault_reaction, 0); }},
+            [](const Policy& p) { return option_codes(p.power.option_codes.fault_reaction, 0); }},
     WordsOf{0x6060, only_0, "enumeration", modes_of},
     WordsOf{0x6061, only_0, "enumeration", modes_of},
     WordsOf{0x607E, only_0, "bits", [](const Policy&) { return list_of(polarity_bits, "bit"); }},
@@ -306,7 +308,7 @@ constexpr std::array words_of{
 }  // namespace
 
 void add_words(Json& object, std::string_view product, const Policy& policy, const dictionary::Entry& entry) {
-  const std::string_view text = describe::find_object_text(product, entry.index, entry.sub);
+  const std::string_view text = catalogue::find_object_text(product, entry.index, entry.sub);
   if (!text.empty()) object["text"] = text;
   for (const WordsOf& row : words_of) {
     if (row.index != entry.index || !row.is_there(entry.sub)) continue;
@@ -316,12 +318,13 @@ void add_words(Json& object, std::string_view product, const Policy& policy, con
       if (!word.contains("value") || in_range(entry, word["value"])) object[row.key].push_back(std::move(word));
     }
   }
-  if (const TerminalWords* terminal = find_terminal(product, entry.index, entry.sub)) {
+  if (const catalogue::TerminalWords* terminal = catalogue::find_terminal(product, entry.index, entry.sub)) {
     object["terminal"] = terminal->set;
     if (terminal->words.empty()) return;
     const char* number = terminal->key == "bits" ? "bit" : "value";
     Json& words = object[std::string(terminal->key)] = Json::array();
-    for (const NamedNumber& word : terminal->words) words.push_back({{number, word.number}, {"name", word.name}});
+    for (const catalogue::NamedNumber& word : terminal->words)
+      words.push_back({{number, word.number}, {"name", word.name}});
   }
 }
 

@@ -48,7 +48,7 @@ Json LineBench::show_states(Call& call) {
 Json states_view(PowerState state, const drive::Policy& policy,
                  const std::function<bool(const drive::Transition&)>& accepts) {
   Json transitions = Json::array();
-  for (const drive::Transition& transition : policy.transitions) {
+  for (const drive::Transition& transition : policy.power.transitions) {
     if (!accepts(transition) || !is_the_usual(transition)) continue;
     for (const CommandWord& row : command_words) {
       if (row.command != transition.command) continue;

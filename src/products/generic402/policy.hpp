@@ -83,13 +83,13 @@ bool units(const drive::Objects& objects, const drive::MotorData& motor, drive::
 constexpr drive::Policy make_policy() {
   using drive::Mode;
   drive::Policy policy;
-  policy.supported_modes = mode_bit(Mode::profile_position) | mode_bit(Mode::velocity) |
+  policy.modes.supported = mode_bit(Mode::profile_position) | mode_bit(Mode::velocity) |
                            mode_bit(Mode::profile_velocity) | mode_bit(Mode::profile_torque) | mode_bit(Mode::homing) |
                            mode_bit(Mode::interpolated_position) | mode_bit(Mode::cyclic_sync_position) |
                            mode_bit(Mode::cyclic_sync_velocity) | mode_bit(Mode::cyclic_sync_torque);
-  policy.faults = faults;
-  policy.homing_methods = drive::cia402_methods;
-  policy.digital_inputs = digital_inputs;
+  policy.faults.rows = faults;
+  policy.homing.methods = drive::cia402_methods;
+  policy.terminals.inputs = digital_inputs;
   policy.units = units;
   return policy;
 }

@@ -82,7 +82,7 @@ drive::Configuration configuration(const Manufacturer& own, const drive::MotorDa
   configuration.motor = motor;
   configuration.motor.inertia_kgm2 *= static_cast<float>(own.inertia_ratio) * 0.001F;
   drive::Gains gains =
-      drive::default_gains(configuration.motor, {policy.velocity_loop_ticks, policy.position_loop_ticks},
+      drive::default_gains(configuration.motor, {policy.loops.velocity_ticks, policy.loops.position_ticks},
                            {.current_hz = static_cast<float>(own.current_bandwidth_hz),
                             .velocity_hz = static_cast<float>(own.velocity_bandwidth_hz)});
   const auto override_with = [](float& gain, std::uint32_t value, float unit) {

@@ -39,7 +39,7 @@ drive::Configuration Ismc::configuration() const {
   configuration.motor = settings().motor;
   const drive::MotorData& motor = configuration.motor;
   configuration.motor.peak_current_a = motor.rated_current_a * static_cast<float>(own.peak_current) * 0.001F;
-  configuration.gains = drive::default_gains(motor, {policy.velocity_loop_ticks, policy.position_loop_ticks}, {});
+  configuration.gains = drive::default_gains(motor, {policy.loops.velocity_ticks, policy.loops.position_ticks}, {});
   configuration.monitors.i2t = (own.protection_enable & i2t_enable) != 0;
   if (!configuration.monitors.i2t) configuration.ignored.set(drive::Cause::i2t);
   configuration.monitors.i2t_peak_time_s = static_cast<float>(own.peak_current_time_ms) * 0.001F;

@@ -40,33 +40,33 @@ constexpr drive::TouchProbeCapability touch_probe(bool latches_index_deviation) 
 constexpr drive::Policy make_policy() {
   using drive::Mode;
   drive::Policy policy;
-  policy.supported_modes = mode_bit(Mode::profile_position) | mode_bit(Mode::profile_velocity) |
+  policy.modes.supported = mode_bit(Mode::profile_position) | mode_bit(Mode::profile_velocity) |
                            mode_bit(Mode::profile_torque) | mode_bit(Mode::homing) |
                            mode_bit(Mode::cyclic_sync_position);  // 000000ADh (ch. 4.1 and 4.2, G14)
-  policy.option_codes = {.quick_stop = 0b1110'1111,               // ch. 3.4: 0..3, 5..7
-                         .shutdown = 0b11,                        // ch. 3.4
-                         .disable_operation = 0b11,               // ch. 3.4
-                         .halt = 0b1110,                          // 1..3
-                         .fault_reaction = 0b1111};               // 0..3
-  policy.transition_16 = false;                                   // Table 3-2
-  policy.dc_link = drive::DcLink::from_switched_on;               // Table 3-1
-  policy.faults = faults;
-  policy.set_point_queue = 16;                          // ch. 4.3.6, 'Multi point immediate effect mode'
-  policy.halt_discards_set_points = true;               // ch. 4.3.6, 'Point to point stop'
-  policy.jerk_limited_only_from_standstill = true;      // ch. 5, 628Ch
-  policy.ramp_shapes = 0b1001;                          // ch. 4.3.5
-  policy.zero_values_are_faults = true;                 // ch. 5
-  policy.out_of_limits = drive::OutOfLimits::fault;     // G20
-  policy.limit_switches = drive::LimitSwitches::fault;  // G53
-  policy.software_limits_switch_range_off = true;       // ch. 4.3.5, 607Bh
-  policy.slippage_supported = false;                    // Table 4-43
-  policy.interpolation_periods = {.least_value = 0, .least_index = -3, .greatest_index = -3};  // 0 raises 6553h
-  policy.homing_methods = homing_methods;
-  policy.home_offset_sign = home_offset_sign;
-  policy.homing_errors_are_faults = true;  // G27
-  policy.digital_inputs = digital_inputs;
-  policy.first_output_bit = 16;  // DO0..DO3 (Table 4-92)
-  policy.output_count = 4;
+  policy.power.option_codes = {.quick_stop = 0b1110'1111,         // ch. 3.4: 0..3, 5..7
+                               .shutdown = 0b11,                  // ch. 3.4
+                               .disable_operation = 0b11,         // ch. 3.4
+                               .halt = 0b1110,                    // 1..3
+                               .fault_reaction = 0b1111};         // 0..3
+  policy.power.transition_16 = false;                             // Table 3-2
+  policy.power.dc_link = drive::DcLink::from_switched_on;         // Table 3-1
+  policy.faults.rows = faults;
+  policy.positioning.queue = 16;                            // ch. 4.3.6, 'Multi point immediate effect mode'
+  policy.positioning.halt_discards = true;                  // ch. 4.3.6, 'Point to point stop'
+  policy.ramps.jerk_limited_only_from_standstill = true;    // ch. 5, 628Ch
+  policy.ramps.types = 0b1001;                              // ch. 4.3.5
+  policy.ramps.zeros_are_faults = true;                     // ch. 5
+  policy.limits.target_beyond = drive::OutOfLimits::fault;  // G20
+  policy.limits.switches = drive::LimitSwitches::fault;     // G53
+  policy.limits.software_switches_range_off = true;         // ch. 4.3.5, 607Bh
+  policy.status.slippage = false;                           // Table 4-43
+  policy.interpolation.periods = {.least_value = 0, .least_index = -3, .greatest_index = -3};  // 0 raises 6553h
+  policy.homing.methods = homing_methods;
+  policy.homing.offset_sign = home_offset_sign;
+  policy.homing.errors_are_faults = true;  // G27
+  policy.terminals.inputs = digital_inputs;
+  policy.terminals.first_output_bit = 16;  // DO0..DO3 (Table 4-92)
+  policy.terminals.output_count = 4;
   policy.units = units;
   return policy;
 }

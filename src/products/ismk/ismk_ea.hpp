@@ -16,7 +16,7 @@ class IsmkEa final : public IsmkOnEthercat {
   // The manual's modes and cyclic synchronous position, which masters on EtherCAT expect.
   static constexpr drive::Policy policy = [] {
     drive::Policy made = ismk::make_policy();
-    made.supported_modes |= drive::mode_bit(drive::Mode::cyclic_sync_position);
+    made.modes.supported |= drive::mode_bit(drive::Mode::cyclic_sync_position);
     return made;
   }();
   static constexpr dictionary::LengthAborts length_aborts{};

@@ -73,44 +73,44 @@ constexpr drive::Policy make_policy() {
     return set;
   };
   drive::Policy policy;
-  policy.supported_modes = mode_bit(Mode::profile_position) | mode_bit(Mode::profile_velocity) |
+  policy.modes.supported = mode_bit(Mode::profile_position) | mode_bit(Mode::profile_velocity) |
                            mode_bit(Mode::profile_torque) | mode_bit(Mode::homing) |
                            mode_bit(Mode::interpolated_position) | mode_bit(Mode::immediate_velocity) |
                            mode_bit(Mode::pulse);  // ch. 7.1, 6060h
-  policy.mode_none = false;
-  policy.option_codes = {.quick_stop = codes({0, 1, 2, 5, 6, winding_brake_code}),  // Table 5-18, 605Ah
-                         .quick_stop_stays = codes({5, 6, winding_brake_code}),
-                         .quick_stop_continues = codes({5, 6}),                      // Table 5-2
-                         .shutdown = codes({0, 1, 2, winding_brake_code}),           // Table 5-18, 605Bh
-                         .disable_operation = codes({0, 1, 2, winding_brake_code}),  // Table 5-18, 605Ch
-                         .halt = codes({1, 2}),                                      // Table 5-18
-                         .fault_reaction = codes({0, 1, 2, winding_brake_code})};    // Table 5-18
-  policy.nmt_aborts_connection = false;  // 6007h is about node protection only (Table 9-26)
-  policy.transitions = transitions;
-  policy.state_bits = state_bits;
-  policy.status_bits = status_bits;
-  policy.remote_bit = remote_bit;
-  policy.modes_without_halt = mode_bit(Mode::profile_torque);  // Table 5-4
-  policy.brake_engages_before_power_off = true;                // ch. 5.6.2
-  policy.faults = faults;
-  policy.single_turn_encoder = true;      // ch. 1.3.1
-  policy.reset_word_is_a_command = true;  // 86h resets and ends in Ready (Table 5-2, ch. 7.9)
-  policy.set_point_queue = 1;
-  policy.target_tracking = 1u << 12;                       // 103Fh (Table 5-4)
-  policy.shaped_modes = mode_bit(Mode::profile_position);  // ch. 6.2.2
-  policy.interpolation = drive::Interpolation::target;     // ch. 9.5
-  policy.software_limits_need_homing = true;               // ch. 5.6.1
-  policy.homing_methods = homing_methods;
-  policy.home_offset_sign = -1;       // Table 5-14
-  policy.home_counts_at_rest = true;  // bit 15: "not performed or completed" (Table 5-5)
-  policy.homing_needs_its_inputs = true;
-  policy.digital_inputs = digital_inputs;
-  policy.output_count = 5;
-  policy.velocity_loop_ticks = 4;   // 4 kHz ...
-  policy.position_loop_ticks = 16;  // ... and 1 kHz (Table 6-2)
+  policy.modes.none = false;
+  policy.power.option_codes = {.quick_stop = codes({0, 1, 2, 5, 6, winding_brake_code}),  // Table 5-18, 605Ah
+                               .quick_stop_stays = codes({5, 6, winding_brake_code}),
+                               .quick_stop_continues = codes({5, 6}),                      // Table 5-2
+                               .shutdown = codes({0, 1, 2, winding_brake_code}),           // Table 5-18, 605Bh
+                               .disable_operation = codes({0, 1, 2, winding_brake_code}),  // Table 5-18, 605Ch
+                               .halt = codes({1, 2}),                                      // Table 5-18
+                               .fault_reaction = codes({0, 1, 2, winding_brake_code})};    // Table 5-18
+  policy.communication.nmt_aborts_connection = false;  // 6007h is about node protection only (Table 9-26)
+  policy.power.transitions = transitions;
+  policy.power.state_bits = state_bits;
+  policy.status.bits = status_bits;
+  policy.status.remote = remote_bit;
+  policy.modes.without_halt = mode_bit(Mode::profile_torque);  // Table 5-4
+  policy.power.brake_engages_before_off = true;                // ch. 5.6.2
+  policy.faults.rows = faults;
+  policy.single_turn_encoder = true;            // ch. 1.3.1
+  policy.power.reset_word_is_a_command = true;  // 86h resets and ends in Ready (Table 5-2, ch. 7.9)
+  policy.positioning.queue = 1;
+  policy.positioning.target_tracking = 1u << 12;                 // 103Fh (Table 5-4)
+  policy.ramps.shaped_modes = mode_bit(Mode::profile_position);  // ch. 6.2.2
+  policy.interpolation.source = drive::Interpolation::target;    // ch. 9.5
+  policy.limits.software_needs_homing = true;                    // ch. 5.6.1
+  policy.homing.methods = homing_methods;
+  policy.homing.offset_sign = -1;       // Table 5-14
+  policy.homing.counts_at_rest = true;  // bit 15: "not performed or completed" (Table 5-5)
+  policy.homing.needs_its_inputs = true;
+  policy.terminals.inputs = digital_inputs;
+  policy.terminals.output_count = 5;
+  policy.loops.velocity_ticks = 4;   // 4 kHz ...
+  policy.loops.position_ticks = 16;  // ... and 1 kHz (Table 6-2)
   policy.units = units;
-  policy.velocity_loop_ticks = 4;  // 4 kHz and 1 kHz; 60F9h sub 6 bit 7 doubles both (Table 6-2)
-  policy.position_loop_ticks = 16;
+  policy.loops.velocity_ticks = 4;  // 4 kHz and 1 kHz; 60F9h sub 6 bit 7 doubles both (Table 6-2)
+  policy.loops.position_ticks = 16;
   return policy;
 }
 

@@ -9,40 +9,40 @@
 
 namespace servodrome::products::ismk {
 
-// Function words of the inputs (ch. 7.9). Clear pulse, pause and the two trims are described without a code, so no
-// input can have them. Gear selection and current switch may be assigned and are read, but have no effect: there is one
-// gear ratio and one current limit.
+// Function words of the inputs (ch. 7.9); catalogue/ismk/terminals.hpp has their names. Clear pulse, pause and the two
+// trims are described without a code, so no input can have them. Gear selection and current switch may be assigned and
+// are read, but have no effect: there is one gear ratio and one current limit.
 inline constexpr auto input_functions = [] {
   using drive::InputAction;
   using drive::Signal;
   return std::to_array<drive::InputFunctionRow>({
-      {0x0001, "Enable", Signal::none, false, InputAction::enable},                      // ch. 7.9
-      {0x0002, "Reset errors", Signal::none, false, InputAction::reset_errors},          // ch. 7.9
-      {0x0004, "Operate mode control", Signal::none, false, InputAction::mode_control},  // ch. 7.9
-      {0x0008, "Kvi off", Signal::integral_off},                                         // ch. 7.9
-      {0x0010, "Positive limit", Signal::positive_limit, true},                          // normally closed (ch. 5.6.1)
-      {0x0020, "Negative limit", Signal::negative_limit, true},                          // ch. 7.9
-      {0x0040, "Home signal", Signal::home},                                             // ch. 7.9
-      {0x0080, "Invert direction", Signal::invert_direction},                            // ch. 7.9
-      {0x0100, "Din speed index 0", Signal::none, false, InputAction::speed_index_0},
-      {0x0200, "Din speed index 1", Signal::none, false, InputAction::speed_index_1},
-      {0x0400, "Din position index 0", Signal::none, false, InputAction::position_index_0},
-      {0x0800, "Din position index 1", Signal::none, false, InputAction::position_index_1},
-      {0x1000, "Quick stop", Signal::quick_stop, false, InputAction::quick_stop},  // ch. 7.9
-      {0x2000, "Start homing", Signal::none, false, InputAction::start_homing},    // ch. 7.9
-      {0x4000, "Activate command", Signal::none, false, InputAction::activate},    // ch. 7.9
-      {0x8001, "Din speed index 2", Signal::none, false, InputAction::speed_index_2},
-      {0x8002, "Din position index 2", Signal::none, false, InputAction::position_index_2},
-      {0x8004, "Multi-function input 0", Signal::none, false, InputAction::gear_index_0},  // ch. 7.9
-      {0x8008, "Multi-function input 1", Signal::none, false, InputAction::gear_index_1},
-      {0x8010, "Multi-function input 2", Signal::none, false, InputAction::gear_index_2},
-      {0x8020, "Gain switching 0", Signal::none, false, InputAction::gain_index_0},  // ch. 7.9
-      {0x8040, "Gain switching 1", Signal::none, false, InputAction::gain_index_1},
-      {0x8080, "Maximum current switch", Signal::none, false, InputAction::current_switch},
-      {0x8100, "Motor error", Signal::motor_temperature},    // "for example, the motor itself is too hot"
-      {0x8200, "Pre-enable", Signal::enable_refused, true},  // 1 is ready, 0 is not
-      {0x8400, "Fast capture 1", Signal::probe_1},           // ch. 7.9
-      {0x8800, "Fast capture 2", Signal::probe_2},
+      {0x0001, Signal::none, false, InputAction::enable},        // ch. 7.9
+      {0x0002, Signal::none, false, InputAction::reset_errors},  // ch. 7.9
+      {0x0004, Signal::none, false, InputAction::mode_control},  // ch. 7.9
+      {0x0008, Signal::integral_off},                            // ch. 7.9
+      {0x0010, Signal::positive_limit, true},                    // normally closed (ch. 5.6.1)
+      {0x0020, Signal::negative_limit, true},                    // ch. 7.9
+      {0x0040, Signal::home},                                    // ch. 7.9
+      {0x0080, Signal::invert_direction},                        // ch. 7.9
+      {0x0100, Signal::none, false, InputAction::speed_index_0},
+      {0x0200, Signal::none, false, InputAction::speed_index_1},
+      {0x0400, Signal::none, false, InputAction::position_index_0},
+      {0x0800, Signal::none, false, InputAction::position_index_1},
+      {0x1000, Signal::quick_stop, false, InputAction::quick_stop},  // ch. 7.9
+      {0x2000, Signal::none, false, InputAction::start_homing},      // ch. 7.9
+      {0x4000, Signal::none, false, InputAction::activate},          // ch. 7.9
+      {0x8001, Signal::none, false, InputAction::speed_index_2},
+      {0x8002, Signal::none, false, InputAction::position_index_2},
+      {0x8004, Signal::none, false, InputAction::gear_index_0},  // ch. 7.9
+      {0x8008, Signal::none, false, InputAction::gear_index_1},
+      {0x8010, Signal::none, false, InputAction::gear_index_2},
+      {0x8020, Signal::none, false, InputAction::gain_index_0},  // ch. 7.9
+      {0x8040, Signal::none, false, InputAction::gain_index_1},
+      {0x8080, Signal::none, false, InputAction::current_switch},
+      {0x8100, Signal::motor_temperature},     // "for example, the motor itself is too hot"
+      {0x8200, Signal::enable_refused, true},  // 1 is ready, 0 is not
+      {0x8400, Signal::probe_1},               // ch. 7.9
+      {0x8800, Signal::probe_2},
   });
 }();
 
@@ -51,22 +51,22 @@ inline constexpr auto input_functions = [] {
 inline constexpr auto output_functions = [] {
   using drive::OutputCondition;
   return std::to_array<drive::OutputFunctionRow>({
-      {0x0001, "Ready", OutputCondition::ready},
-      {0x0002, "Error", OutputCondition::error},
-      {0x0004, "Motor position reached", OutputCondition::position_reached},
-      {0x0008, "Motor zero speed", OutputCondition::zero_speed},
-      {0x0010, "Motor brake", OutputCondition::brake_released},
-      {0x0020, "Motor speed reached", OutputCondition::speed_reached},
-      {0x0040, "Index signal appears", OutputCondition::index},
-      {0x0080, "Speed limit", OutputCondition::speed_limit},
-      {0x0100, "Driver enabled", OutputCondition::enabled},
-      {0x0200, "Position limit", OutputCondition::position_limit},
-      {0x0400, "Home found", OutputCondition::home_found},
-      {0x0800, "Torque reached limit", OutputCondition::torque_reached},
-      {0x1000, "Multi-function signal 0", OutputCondition::reached_index_0},
-      {0x2000, "Multi-function signal 1", OutputCondition::reached_index_1},
-      {0x4000, "Multi-function signal 2", OutputCondition::reached_index_2},
-      {0x8001, "STO active", OutputCondition::safe_torque_off},
+      {0x0001, OutputCondition::ready},
+      {0x0002, OutputCondition::error},
+      {0x0004, OutputCondition::position_reached},
+      {0x0008, OutputCondition::zero_speed},
+      {0x0010, OutputCondition::brake_released},
+      {0x0020, OutputCondition::speed_reached},
+      {0x0040, OutputCondition::index},
+      {0x0080, OutputCondition::speed_limit},
+      {0x0100, OutputCondition::enabled},
+      {0x0200, OutputCondition::position_limit},
+      {0x0400, OutputCondition::home_found},
+      {0x0800, OutputCondition::torque_reached},
+      {0x1000, OutputCondition::reached_index_0},
+      {0x2000, OutputCondition::reached_index_1},
+      {0x4000, OutputCondition::reached_index_2},
+      {0x8001, OutputCondition::safe_torque_off},
   });
 }();
 

@@ -135,7 +135,7 @@ void Monitor::start_search(drive::Drive& drive) {
     search_ = FunctionState::failed;
     return;
   }
-  analysis_.begin({.sample_s = static_cast<float>(drive.axis().policy.velocity_loop_ticks * drive::tick_seconds)});
+  analysis_.begin({.sample_s = static_cast<float>(drive.axis().policy.loops.velocity_ticks * drive::tick_seconds)});
   drive.set_analysis(&analysis_);
   search_ = FunctionState::running;
 }

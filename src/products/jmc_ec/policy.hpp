@@ -54,40 +54,40 @@ inline constexpr auto status_bits = [] {
 
 constexpr drive::Policy make_policy() {
   drive::Policy policy;
-  policy.supported_modes = mode_bit(Mode::profile_position) | mode_bit(Mode::profile_velocity) |
+  policy.modes.supported = mode_bit(Mode::profile_position) | mode_bit(Mode::profile_velocity) |
                            mode_bit(Mode::profile_torque) | mode_bit(Mode::homing) |
                            mode_bit(Mode::cyclic_sync_position) | mode_bit(Mode::cyclic_sync_velocity) |
                            mode_bit(Mode::cyclic_sync_torque);  // Table 219, 6502h
-  policy.mode_zero_keeps = mode_zero_keeps;
-  policy.option_codes = {.quick_stop = 0b110,    // and from 3 on at once (object 605Ah)
-                         .quick_stop_stays = 0,  // C-31
-                         .quick_stop_continues = 0,
-                         .shutdown = 0b11,            // object 605Bh
-                         .disable_operation = 0b11,   // object 605Ch
-                         .halt = 0b110,               // object 605Dh
-                         .fault_reaction = 0b1'1111,  // object 605Eh
-                         .at_once_from = 3};
-  policy.status_bits = status_bits;
-  policy.energised_in_switched_on = energised_in_switched_on;
-  policy.brake_engages_before_power_off = true;  // ch. 8.2.2, P01-30
-  policy.cyclic_modes_show_reached = true;       // Tables 222 and 239
-  policy.faults = faults;
-  policy.first_fault_is_shown = true;
-  policy.set_point_queue = 1;                // D-39
-  policy.set_points_start_from_rest = true;  // PP 2
-  policy.zero_ramps_are_greatest = true;     // D-34
-  policy.max_ramps_limit_homing = false;     // only the profile modes (Tables 211, 212, 258)
-  policy.end_velocity_is_start = end_velocity_is_start;
-  policy.excessive_velocity_faults = excessive_velocity_faults;
-  policy.out_of_limits = drive::OutOfLimits::fault;  // Table 228
-  policy.slippage_supported = false;
-  policy.homing_methods = homing_methods;
-  policy.home_offset_sign = -1;            // with HomingEnd::offset: travelled, and 0 there (D-25)
-  policy.homing_errors_are_faults = true;  // the one with a number: AL.551
-  policy.digital_inputs = digital_inputs;
-  policy.brake_output_bit = 0;  // object 60FEh
-  policy.output_count = 0;      // the drive itself controls DO0 and DO1
-  policy.limit_inputs_follow_polarity = limit_inputs_follow_polarity;
+  policy.modes.zero_keeps = mode_zero_keeps;
+  policy.power.option_codes = {.quick_stop = 0b110,    // and from 3 on at once (object 605Ah)
+                               .quick_stop_stays = 0,  // C-31
+                               .quick_stop_continues = 0,
+                               .shutdown = 0b11,            // object 605Bh
+                               .disable_operation = 0b11,   // object 605Ch
+                               .halt = 0b110,               // object 605Dh
+                               .fault_reaction = 0b1'1111,  // object 605Eh
+                               .at_once_from = 3};
+  policy.status.bits = status_bits;
+  policy.power.energised_in_switched_on = energised_in_switched_on;
+  policy.power.brake_engages_before_off = true;    // ch. 8.2.2, P01-30
+  policy.status.cyclic_modes_show_reached = true;  // Tables 222 and 239
+  policy.faults.rows = faults;
+  policy.faults.first_is_shown = true;
+  policy.positioning.queue = 1;                // D-39
+  policy.positioning.starts_from_rest = true;  // PP 2
+  policy.ramps.zeros_are_greatest = true;      // D-34
+  policy.ramps.greatest_limit_homing = false;  // only the profile modes (Tables 211, 212, 258)
+  policy.positioning.end_velocity_is_start = end_velocity_is_start;
+  policy.limits.excessive_velocity_faults = excessive_velocity_faults;
+  policy.limits.target_beyond = drive::OutOfLimits::fault;  // Table 228
+  policy.status.slippage = false;
+  policy.homing.methods = homing_methods;
+  policy.homing.offset_sign = -1;          // with HomingEnd::offset: travelled, and 0 there (D-25)
+  policy.homing.errors_are_faults = true;  // the one with a number: AL.551
+  policy.terminals.inputs = digital_inputs;
+  policy.terminals.brake_output_bit = 0;  // object 60FEh
+  policy.terminals.output_count = 0;      // the drive itself controls DO0 and DO1
+  policy.terminals.limit_inputs_follow_polarity = limit_inputs_follow_polarity;
   policy.units = units;
   return policy;
 }

@@ -56,35 +56,35 @@ constexpr drive::Policy make_policy() {
   using drive::RampShape;
   drive::Policy policy;
   // C16
-  policy.supported_modes = mode_bit(Mode::profile_position) | mode_bit(Mode::profile_velocity) |
+  policy.modes.supported = mode_bit(Mode::profile_position) | mode_bit(Mode::profile_velocity) |
                            mode_bit(Mode::homing) | mode_bit(Mode::interpolated_position);
-  policy.option_codes = {.quick_stop = 0b110'0111,   // ch. 6.2.5, 605Ah
-                         .shutdown = 0b11,           // ch. 6.2.3, 605Bh
-                         .disable_operation = 0b11,  // ch. 6.2.4, 605Ch
-                         .halt = 0b110,              // ch. 6.2.6, 605Dh
-                         .fault_reaction = 0b1};     // ch. 6.2.7 (printed 605Dh)
-  policy.halt_code_of_zero = halt_code_of_zero;
-  policy.remote_bit = false;  // ch. 6.2.2: bits 8 and 9 are not used
-  policy.faults = faults;
-  policy.faults_show_as_warning = true;        // ch. 6.2.2
-  policy.limit_switches_show_as_limit = true;  // ch. 6.2.2
-  policy.communication_errors_are_warnings = true;
-  policy.communication_loss_is_always_fault = true;
-  policy.set_point_queue = 1;               // ch. 7.4.4
-  policy.acknowledge_blocks_change = true;  // ch. 9.3
-  policy.ramp_shapes = 0b101;               // ch. 7.4.4: 0 and 2 (C25)
-  policy.shape_of_type[2] = RampShape::jerk_limited;
-  policy.jerk_limited_single_symmetric = true;           // ch. 7.4.4
-  policy.slippage_supported = false;                     // there is no object for it
-  policy.interpolation = drive::Interpolation::at_sync;  // ch. 7.5.4
-  policy.interpolation_periods = {.least_value = 0, .least_index = -128, .greatest_index = 63};  // ch. 7.5.3, 60C2h
-  policy.homing_methods = homing_methods;
-  policy.home_offset_sign = home_offset_sign;
-  policy.homing_error_codes = homing_error_codes;
-  policy.homing_reached_means_home = true;  // ch. 7.2.2
-  policy.digital_inputs = digital_inputs;
-  policy.output_count = 0;          // no output terminals are described
-  policy.first_bus_input_bit = 24;  // of 60FEh:01: CN1_14 (ch. 10.1)
+  policy.power.option_codes = {.quick_stop = 0b110'0111,   // ch. 6.2.5, 605Ah
+                               .shutdown = 0b11,           // ch. 6.2.3, 605Bh
+                               .disable_operation = 0b11,  // ch. 6.2.4, 605Ch
+                               .halt = 0b110,              // ch. 6.2.6, 605Dh
+                               .fault_reaction = 0b1};     // ch. 6.2.7 (printed 605Dh)
+  policy.power.halt_code_of_zero = halt_code_of_zero;
+  policy.status.remote = false;  // ch. 6.2.2: bits 8 and 9 are not used
+  policy.faults.rows = faults;
+  policy.status.faults_show_as_warning = true;        // ch. 6.2.2
+  policy.status.limit_switches_show_as_limit = true;  // ch. 6.2.2
+  policy.communication.errors_are_warnings = true;
+  policy.communication.loss_is_always_fault = true;
+  policy.positioning.queue = 1;                         // ch. 7.4.4
+  policy.positioning.acknowledge_blocks_change = true;  // ch. 9.3
+  policy.ramps.types = 0b101;                           // ch. 7.4.4: 0 and 2 (C25)
+  policy.ramps.shape_of_type[2] = RampShape::jerk_limited;
+  policy.ramps.jerk_limited_single_symmetric = true;            // ch. 7.4.4
+  policy.status.slippage = false;                               // there is no object for it
+  policy.interpolation.source = drive::Interpolation::at_sync;  // ch. 7.5.4
+  policy.interpolation.periods = {.least_value = 0, .least_index = -128, .greatest_index = 63};  // ch. 7.5.3, 60C2h
+  policy.homing.methods = homing_methods;
+  policy.homing.offset_sign = home_offset_sign;
+  policy.homing.error_codes = homing_error_codes;
+  policy.homing.reached_means_home = true;  // ch. 7.2.2
+  policy.terminals.inputs = digital_inputs;
+  policy.terminals.output_count = 0;          // no output terminals are described
+  policy.terminals.first_bus_input_bit = 24;  // of 60FEh:01: CN1_14 (ch. 10.1)
   policy.units = units;
   return policy;
 }

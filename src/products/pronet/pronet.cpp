@@ -84,7 +84,7 @@ drive::Configuration Pronet::configuration() const {
   drive::Configuration configuration;
   configuration.motor = settings().motor;
   const drive::MotorData& motor = configuration.motor;
-  configuration.gains = drive::default_gains(motor, {policy.velocity_loop_ticks, policy.position_loop_ticks}, {});
+  configuration.gains = drive::default_gains(motor, {policy.loops.velocity_ticks, policy.loops.position_ticks}, {});
   configuration.monitors.warning_margin_c = 0.0F;  // no temperature warnings: the alarm list has none
   configuration.monitors.brake_resistor_ms = 500;
   configuration.monitors.limit_switch_levels = true;

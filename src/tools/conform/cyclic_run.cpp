@@ -6,6 +6,7 @@
 #include "axis/cyclic/can_cyclic_bus.hpp"
 #include "axis/cyclic/ethercat_cyclic_bus.hpp"
 #include "axis/cyclic/interpolation_time.hpp"
+#include "catalogue/product.hpp"
 
 namespace servodrome::master::conform {
 
@@ -129,7 +130,7 @@ void CyclicRun::open_can() {
   const CanCyclicOptions options;
   CanDrive drive{.node_id = sdo.node_id(), .rpdos = {outputs()}, .tpdos = {{statusword_entry, shown_position_}}};
   if (mode_.actual) drive.tpdos.push_back({*mode_.actual});
-  for (const CycleObject& object : trial_.settings().dialect.cycle_objects) {
+  for (const catalogue::CycleObject& object : trial_.settings().product->dialect.cycle_objects) {
     drive.values.push_back({object.object, object.value_of(options.period), object.bytes});
   }
   try {
@@ -160,7 +161,7 @@ void CyclicRun::open_ethercat() {
   trial_.objects();
   bus_ = std::make_unique<EthercatCyclicBus>(subject.ethercat().master, subject.operation());
   set_interpolation_time();
-  for (const CycleObject& object : trial_.settings().dialect.cycle_objects) {
+  for (const catalogue::CycleObject& object : trial_.settings().product->dialect.cycle_objects) {
     const std::int64_t value = object.value_of(bus_->period());
     const auto bytes = std::as_bytes(std::span(&value, 1)).first(object.bytes);
     if (trial_.objects().upload(object.object) != std::vector(bytes.begin(), bytes.end()))

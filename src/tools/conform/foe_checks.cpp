@@ -28,7 +28,7 @@ MailboxClient& mailbox_of(Trial& trial) {
 }
 
 std::string_view file_of(Trial& trial) {
-  const std::string_view file = trial.settings().foe_file.empty() ? trial.settings().dialect.foe_file
+  const std::string_view file = trial.settings().foe_file.empty() ? trial.settings().product->dialect.foe_file
                                                                   : std::string_view(trial.settings().foe_file);
   if (file.empty()) Trial::skip("no file name is known: give --foe-file");
   return file;

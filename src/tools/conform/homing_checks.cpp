@@ -2,6 +2,7 @@
 #include <cmath>
 
 #include "axis/cia402_words.hpp"
+#include "catalogue/product.hpp"
 #include "tools/conform/check_tables.hpp"
 #include "tools/conform/trial.hpp"
 
@@ -49,13 +50,13 @@ struct Bits {
   std::uint16_t error;
 };
 Bits bits_of(Trial& trial) {
-  const HomingSignals& signals = trial.settings().dialect.homing_signals;
+  const catalogue::HomingSignals& signals = trial.settings().product->dialect.homing_signals;
   return {signals.attained, signals.error};
 }
 
 // True if the axis now stays at the end of homing, and 607Ch shifts its zero.
 bool offset_shifts_zero(Trial& trial) {
-  const HomeOffset& offset = trial.settings().dialect.home_offset;
+  const catalogue::HomeOffset& offset = trial.settings().product->dialect.home_offset;
   if (!offset.travels) return true;
   if (!offset.stays_with_1) return false;
   const ObjectAddress stays = *offset.stays_with_1;
@@ -194,7 +195,7 @@ void offset(Trial& trial, int) {
     const bool is_shifted = trial.expect(std::abs(std::abs(static_cast<double>(position)) - wanted) <= tolerance,
                                          fmt::format("607Ch = {}, homed", wanted),
                                          fmt::format("6064h = {0} or -{0}", wanted), fmt::format("{}", position));
-    return !is_shifted && trial.settings().dialect.home_offset.travels ? wanted : 0;
+    return !is_shifted && trial.settings().product->dialect.home_offset.travels ? wanted : 0;
   });
 }
 

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 
+#include "catalogue/product.hpp"
 #include "tools/conform/check_tables.hpp"
 #include "tools/conform/trial.hpp"
 
@@ -39,7 +40,7 @@ std::size_t Report::count(Verdict verdict) const {
 
 namespace {
 
-bool is_about(const Departure& departure, const Observation& observation) {
+bool is_about(const catalogue::Departure& departure, const Observation& observation) {
   const auto has = [&](const std::string& text) { return text.find(departure.about) != std::string::npos; };
   return has(observation.sent) || has(observation.expected) || has(observation.seen);
 }
@@ -47,23 +48,23 @@ bool is_about(const Departure& departure, const Observation& observation) {
 // A failure becomes a departure if a documented departure covers each failed observation.
 void apply_departures(Outcome& outcome, const RunOptions& options) {
   if (outcome.verdict == Verdict::skipped) return;
-  std::vector<const Departure*> known;
-  for (const Departure& departure : options.departures) {
-    if (options.product.empty() || departure.check != outcome.check->id) continue;
-    if (departure.product == options.product || departure.bus_variant == options.product) known.push_back(&departure);
+  std::vector<const catalogue::Departure*> known;
+  for (const catalogue::Departure& departure : options.departures) {
+    if (departure.check == outcome.check->id) known.push_back(&departure);
   }
   if (known.empty()) return;
-  std::vector<const Departure*> used;
+  std::vector<const catalogue::Departure*> used;
   for (const Observation& observation : outcome.observations) {
     if (observation.met) continue;
-    const auto one = std::find_if(known.begin(), known.end(),
-                                  [&](const Departure* departure) { return is_about(*departure, observation); });
+    const auto one = std::find_if(known.begin(), known.end(), [&](const catalogue::Departure* departure) {
+      return is_about(*departure, observation);
+    });
     if (one == known.end()) return;
     if (std::find(used.begin(), used.end(), *one) == used.end()) used.push_back(*one);
   }
   const bool departs = outcome.verdict == Verdict::fail;
   const auto& told = departs ? used : known;
-  for (const Departure* departure : told) {
+  for (const catalogue::Departure* departure : told) {
     if (!outcome.reason.empty()) outcome.reason += "; ";
     outcome.reason += departure->reason;
   }

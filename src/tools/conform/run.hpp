@@ -3,7 +3,7 @@
 #include <functional>
 #include <span>
 
-#include "tools/conform/departures.hpp"
+#include "catalogue/departures.hpp"
 #include "tools/conform/subject.hpp"
 
 namespace servodrome::master::conform {
@@ -15,8 +15,7 @@ struct RunOptions {
   bool safe = false;                // skips checks that enable or move the axis
   bool watch = true;                // on CAN, the drive monitors this program's heartbeat in such checks
   std::vector<std::string> only{};  // ids and groups to run; empty: all
-  std::string_view product{};       // the product whose departures apply
-  std::span<const Departure> departures = all_departures();
+  std::span<const catalogue::Departure> departures{};  // of the drive's product
   // Callbacks before and after each check.
   std::function<void(const Check&)> before{};
   std::function<void(const Outcome&)> after{};

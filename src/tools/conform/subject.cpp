@@ -115,7 +115,7 @@ void Subject::leave_operation() {
 }
 
 std::optional<AxisUnits> Subject::units() {
-  if (!units_) units_ = Axis402(objects(), {.dialect = settings_.dialect}).units(settings_.units_per_revolution);
+  if (!units_) units_ = Axis402(objects(), {.product = settings_.product}).units(settings_.units_per_revolution);
   return units_;
 }
 

@@ -8,6 +8,7 @@
 #include "axis/axis402.hpp"
 #include "axis/cyclic/lost_master.hpp"
 #include "axis/master_watch.hpp"
+#include "catalogue/product.hpp"
 #include "master/canopen/master.hpp"
 #include "master/canopen/sdo_client.hpp"
 #include "master/ethercat/coe_objects.hpp"
@@ -36,7 +37,7 @@ struct ModbusAccess {
 };
 
 struct SubjectSettings {
-  Dialect dialect{};                             // of the drive's product
+  const catalogue::Product* product = &catalogue::cia402::product;
   std::optional<double> units_per_revolution{};  // used if neither the dialect nor the drive's factors define it
   double revolutions = 0.5;                      // size of a motion in either direction
   std::string foe_file{};                        // a file that the slave offers; empty: the dialect's

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 
+#include "catalogue/product.hpp"
 #include "dictionary/dictionary.hpp"
 
 namespace servodrome::master {
@@ -35,8 +36,8 @@ void ParameterList::add(Parameter parameter, bool with_connection) {
   parameters_.push_back(std::move(parameter));
 }
 
-ParameterList ParameterList::of_dictionary(std::span<const dictionary::Entry> table, const ParameterRules& rules,
-                                           bool with_connection) {
+ParameterList ParameterList::of_dictionary(std::span<const dictionary::Entry> table,
+                                           const catalogue::ParameterRules& rules, bool with_connection) {
   ParameterList list(rules);
   std::string object_name;
   for (const dictionary::Entry& entry : table) {
@@ -58,7 +59,7 @@ ParameterList ParameterList::of_dictionary(std::span<const dictionary::Entry> ta
   return list;
 }
 
-ParameterList ParameterList::of_data_sheet(const ObjectCatalogue& sheet, const ParameterRules& rules,
+ParameterList ParameterList::of_data_sheet(const ObjectCatalogue& sheet, const catalogue::ParameterRules& rules,
                                            bool with_connection) {
   ParameterList list(rules);
   for (const NamedObject& object : sheet.objects()) {
@@ -76,7 +77,7 @@ ParameterList ParameterList::of_data_sheet(const ObjectCatalogue& sheet, const P
   return list;
 }
 
-ParameterList ParameterList::of_slave(CoeClient& coe, const ParameterRules& rules, bool with_connection) {
+ParameterList ParameterList::of_slave(CoeClient& coe, const catalogue::ParameterRules& rules, bool with_connection) {
   constexpr std::uint8_t array = 8;
   constexpr std::uint8_t record = 9;
   ParameterList list(rules);

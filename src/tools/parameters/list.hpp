@@ -6,9 +6,9 @@
 #include <vector>
 
 #include "axis/object_catalogue.hpp"
+#include "catalogue/product.hpp"
 #include "dictionary/entry.hpp"
 #include "master/ethercat/coe_client.hpp"
-#include "tools/parameters/rules.hpp"
 
 namespace servodrome::master {
 
@@ -30,23 +30,23 @@ struct Parameter {
 class ParameterList {
  public:
   // From the product's own table. `with_connection`: includes the connection settings, such as node-ID and bit rate.
-  static ParameterList of_dictionary(std::span<const dictionary::Entry> table, const ParameterRules& rules,
+  static ParameterList of_dictionary(std::span<const dictionary::Entry> table, const catalogue::ParameterRules& rules,
                                      bool with_connection = false);
   // From an electronic data sheet, which does not define what a drive can store.
-  static ParameterList of_data_sheet(const ObjectCatalogue& sheet, const ParameterRules& rules,
+  static ParameterList of_data_sheet(const ObjectCatalogue& sheet, const catalogue::ParameterRules& rules,
                                      bool with_connection = false);
   // From the SDO information of an EtherCAT slave (ETG.1000.6 clause 5.6.3). Throws MasterError.
-  static ParameterList of_slave(CoeClient& coe, const ParameterRules& rules, bool with_connection = false);
+  static ParameterList of_slave(CoeClient& coe, const catalogue::ParameterRules& rules, bool with_connection = false);
 
   const std::vector<Parameter>& all() const { return parameters_; }
   const Parameter* find(ObjectAddress address) const;
-  const ParameterRules& rules() const { return *rules_; }
+  const catalogue::ParameterRules& rules() const { return *rules_; }
 
  private:
-  explicit ParameterList(const ParameterRules& rules) : rules_(&rules) {}
+  explicit ParameterList(const catalogue::ParameterRules& rules) : rules_(&rules) {}
   void add(Parameter parameter, bool with_connection);
 
-  const ParameterRules* rules_;
+  const catalogue::ParameterRules* rules_;
   std::vector<Parameter> parameters_;
 };
 

@@ -5,6 +5,7 @@
 #include <fmt/format.h>
 
 #include "axis/axis402.hpp"
+#include "catalogue/product.hpp"
 #include "dictionary/dictionary.hpp"
 #include "drive/power/power_state.hpp"
 #include "tools/parameters/writer.hpp"
@@ -191,9 +192,9 @@ LoadReport load_parameters(ObjectClient& objects, const ParameterFile& file, con
   return report;
 }
 
-bool store_parameters(ObjectClient& objects, const ParameterRules& rules) {
+bool store_parameters(ObjectClient& objects, const catalogue::ParameterRules& rules) {
   bool stored = false;
-  for (const StoreCommand& command : rules.store) {
+  for (const catalogue::StoreCommand& command : rules.store) {
     // Uses the size that the drive reports, because makers' commands may be 8 or 16 bits wide.
     std::size_t size = sizeof command.value;
     try {

@@ -2,6 +2,7 @@
 
 #include <map>
 
+#include "catalogue/product.hpp"
 #include "tools/parameters/values.hpp"
 
 namespace servodrome::master {
@@ -59,7 +60,7 @@ LoadReport load_parameters(ObjectClient& objects, const ParameterFile& file, con
                            const ParameterList& list, const DriveIdentity& drive, const LoadOptions& options);
 
 // Sends the drive's commands for storing the parameters; false if it has none. Throws MasterError.
-bool store_parameters(ObjectClient& objects, const ParameterRules& rules);
+bool store_parameters(ObjectClient& objects, const catalogue::ParameterRules& rules);
 
 // For example "6081:00, 6083:00 and 12 more".
 std::string text_of(std::span<const ObjectAddress> objects, std::size_t at_most = 8);

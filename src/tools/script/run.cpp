@@ -6,6 +6,7 @@
 #include <limits>
 
 #include "axis/fault_report.hpp"
+#include "catalogue/product.hpp"
 #include "dictionary/dictionary.hpp"
 
 namespace servodrome::master::script {
@@ -428,12 +429,12 @@ class Runner {
   }
 
   static std::string left_text(Axis402& axis) {
-    const FaultReport report = read_faults(axis.objects(), axis.dialect());
+    const FaultReport report = read_faults(axis.objects(), axis.product());
     std::string text = fmt::format("{}: the drive left operation enabled, and is in {}", axis.objects().where(),
                                    drive::name(state_of(report.statusword)));
     for (const ReportedFault& fault : report.active) {
-      text += ": " + master::text_of(fault, axis.dialect().product);
-      for (const describe::FaultText* meaning : fault.meanings)
+      text += ": " + master::text_of(fault, axis.product().name);
+      for (const catalogue::FaultText* meaning : fault.meanings)
         text += fmt::format(". {} {}", meaning->cause, meaning->remedy);
     }
     return text;

@@ -1,7 +1,6 @@
 #include "tools/tuning/drive_gains.hpp"
 
 #include <algorithm>
-#include <array>
 #include <cmath>
 #include <cstring>
 #include <fmt/format.h>
@@ -10,69 +9,20 @@
 namespace servodrome::master::tuning {
 namespace {
 
-using enum GainRole;
-using enum GainBase;
+using enum catalogue::GainRole;
+using enum catalogue::GainBase;
 
 constexpr double turn = 2.0 * std::numbers::pi;
 
-// Objects 2010h (src/products/generic402/README.md). Tuning does not change filters; their delay is part of the
-// measurement.
-constexpr auto reference_gains = std::to_array<GainObject>({
-    {velocity_kp, "velocity loop, proportional", {0x2010, 2}, 4, "uA s/rad", nameplate_torque, 1e-6, 4294967295.0},
-    {velocity_ki, "velocity loop, integral", {0x2010, 3}, 4, "uA/rad", nameplate_torque, 1e-6, 4294967295.0},
-    {position_kp, "position loop", {0x2010, 1}, 4, "0.01/s", plain, 0.01, 4294967295.0},
-    {notch_frequency, "notch 1, frequency", {0x2010, 8}, 2, "Hz", plain, 1.0, 3000.0},
-    {notch_width, "notch 1, width", {0x2010, 9}, 2, "Hz", plain, 1.0, 65535.0},
-    {notch_depth, "notch 1, depth", {0x2010, 10}, 2, "0.1%", plain, 0.001, 1000.0},
-});
-constexpr TuningDialect reference(std::string_view product) {
-  return {.product = product,
-          .gains = reference_gains,
-          .notch = NotchAbility{.relative_width = 0.7, .depth = 0.15, .highest_hz = 1500.0},
-          .zero_is_automatic = true};
-}
-
-// iSMK manual, ch. 6, as interpreted in src/products/ismk/gains.hpp: kvp is a current in DEC divided by a velocity
-// in DEC, over 2^18; Kvi/32 is accumulated at 4 kHz.
-constexpr double ismk_integral_hz = 4000.0;
-constexpr auto ismk_gains = std::to_array<GainObject>({
-    {velocity_kp, "Kvp[0]", {0x60F9, 1}, 2, "DEC", ismk_current, 1.0, 32767.0},
-    {velocity_ki_coarse, "Kvi[0]", {0x60F9, 2}, 2, "DEC", ismk_current, ismk_integral_hz, 16384.0},
-    {velocity_ki, "Kvi/32", {0x60F9, 7}, 2, "DEC", ismk_current, ismk_integral_hz / 32.0, 32767.0},
-    {position_kp, "Kpp[0]", {0x60FB, 1}, 2, "0.01 Hz", plain, turn * 0.01, 32700.0},
-    {notch_frequency, "notch filter, frequency", {0x60F9, 3}, 2, "Hz", plain, 1.0, 2000.0},
-    {notch_switch, "notch filter, control", {0x60F9, 4}, 1, "code", plain, 1.0, 1.0},
-});
-constexpr TuningDialect ismk(std::string_view product) {
-  return {.product = product,
-          .velocity_mode = -3,
-          .position = {0x6063, 0},
-          .torque = {0x6078, 0},
-          .full_torque = 2048.0,
-          .full_torque_text = "peak current",
-          .gains = ismk_gains,
-          .notch = NotchAbility{.relative_width = 0.5, .depth = 0.05, .highest_hz = 1000.0},
-          .tunes_itself = true};
-}
-
-constexpr TuningDialect cia402{};
-constexpr std::array dialects{reference("generic402"), reference("generic402-ec"), ismk("ismk"), ismk("ismk-ea")};
-
-const GainObject* find(std::span<const GainObject> gains, GainRole role) {
+const catalogue::GainObject* find(std::span<const catalogue::GainObject> gains, catalogue::GainRole role) {
   const auto found =
-      std::find_if(gains.begin(), gains.end(), [role](const GainObject& one) { return one.role == role; });
+      std::find_if(gains.begin(), gains.end(), [role](const catalogue::GainObject& one) { return one.role == role; });
   return found != gains.end() ? &*found : nullptr;
 }
 
 }  // namespace
 
-const TuningDialect& tuning_dialect_of(std::string_view product) {
-  const auto* const found = std::find_if(dialects.begin(), dialects.end(),
-                                         [product](const TuningDialect& one) { return one.product == product; });
-  return found != dialects.end() ? *found : cia402;
-}
-
-TuningUnits tuning_units_of(ObjectClient& objects, const TuningDialect& dialect, const AxisUnits& axis) {
+TuningUnits tuning_units_of(ObjectClient& objects, const catalogue::TuningDialect& dialect, const AxisUnits& axis) {
   TuningUnits units;
   units.counts_per_rad = axis.position / turn;
   units.velocity_per_rad_s = axis.velocity / turn;
@@ -97,7 +47,7 @@ TuningUnits tuning_units_of(ObjectClient& objects, const TuningDialect& dialect,
   return units;
 }
 
-double unit_of(const GainObject& gain, const TuningUnits& units) {
+double unit_of(const catalogue::GainObject& gain, const TuningUnits& units) {
   switch (gain.base) {
     case nameplate_torque: return gain.unit * units.torque_per_ampere;
     case ismk_current: return gain.unit * units.ismk_torque_per_kvp;
@@ -109,9 +59,9 @@ double value_of(const GainValue& value, const TuningUnits& units) {
   return static_cast<double>(value.number) * unit_of(*value.gain, units);
 }
 
-std::vector<GainValue> read_gains(ObjectClient& objects, const TuningDialect& dialect) {
+std::vector<GainValue> read_gains(ObjectClient& objects, const catalogue::TuningDialect& dialect) {
   std::vector<GainValue> values;
-  for (const GainObject& gain : dialect.gains) {
+  for (const catalogue::GainObject& gain : dialect.gains) {
     values.push_back(
         {&gain, static_cast<std::int64_t>(objects.read<std::uint32_t>(gain.object.index, gain.object.sub))});
   }
@@ -125,10 +75,10 @@ void write_gains(ObjectClient& objects, std::span<const GainValue> gains) {
   }
 }
 
-std::vector<GainValue> numbers_of(const Proposal& proposal, const TuningDialect& dialect, const TuningUnits& units,
-                                  const std::string& where) {
+std::vector<GainValue> numbers_of(const Proposal& proposal, const catalogue::TuningDialect& dialect,
+                                  const TuningUnits& units, const std::string& where) {
   const auto& notch = proposal.velocity.notch;
-  const auto wanted = [&](GainRole role) {
+  const auto wanted = [&](catalogue::GainRole role) {
     switch (role) {
       case velocity_kp: return proposal.velocity.kp;
       case velocity_ki: return proposal.velocity.ki;
@@ -141,7 +91,7 @@ std::vector<GainValue> numbers_of(const Proposal& proposal, const TuningDialect&
     }
   };
   std::vector<GainValue> values;
-  for (const GainObject& gain : dialect.gains) {
+  for (const catalogue::GainObject& gain : dialect.gains) {
     const double number = std::round(wanted(gain.role) / unit_of(gain, units));
     if (number > gain.greatest || (number < 1.0 && gain.role == velocity_kp)) {
       throw MasterError(fmt::format("{} ({}) would have to be {:.0f}, but its range is 1 to {:.0f}", gain.name,
@@ -153,7 +103,7 @@ std::vector<GainValue> numbers_of(const Proposal& proposal, const TuningDialect&
   return values;
 }
 
-std::optional<double> position_gain(std::span<const GainValue> gains, const TuningDialect& dialect,
+std::optional<double> position_gain(std::span<const GainValue> gains, const catalogue::TuningDialect& dialect,
                                     const TuningUnits& units) {
   for (const GainValue& value : gains) {
     if (value.gain->role != position_kp) continue;
@@ -162,7 +112,7 @@ std::optional<double> position_gain(std::span<const GainValue> gains, const Tuni
   return std::nullopt;
 }
 
-VelocityController controller_of(std::span<const GainValue> gains, const TuningDialect& dialect,
+VelocityController controller_of(std::span<const GainValue> gains, const catalogue::TuningDialect& dialect,
                                  const TuningUnits& units, const LoopDelay& delay) {
   VelocityController controller{.delay = delay};
   NotchSetting notch;

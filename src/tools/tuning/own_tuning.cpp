@@ -5,6 +5,7 @@
 #include <fmt/format.h>
 #include <functional>
 
+#include "catalogue/product.hpp"
 #include "tools/tuning/session.hpp"
 
 namespace servodrome::master::tuning {
@@ -21,12 +22,12 @@ constexpr double acceleration_rps2 = 100.0;
 constexpr int least_legs = 6;  // minimum of moves, so that the estimate has settled
 constexpr double analysis_timeout_s = 20.0;
 
-std::int64_t kvp_of(ObjectClient& objects, const TuningDialect& dialect) {
+std::int64_t kvp_of(ObjectClient& objects, const catalogue::TuningDialect& dialect) {
   return objects.read<std::uint16_t>(dialect.gains[0].object.index, dialect.gains[0].object.sub);
 }
 
 // Moves back and forth until kvp has settled: it is the same after a whole cycle, and least_legs moves have been made.
-void learn_inertia(Axis402& axis, const TuningDialect& dialect, const AxisUnits& units,
+void learn_inertia(Axis402& axis, const catalogue::TuningDialect& dialect, const AxisUnits& units,
                    const OwnTuningOptions& options) {
   ObjectClient& objects = axis.objects();
   const double rps = std::min(most_rps, options.travel_revolutions / (2.0 * leg_s));
@@ -113,7 +114,7 @@ class Learning {
 
 }  // namespace
 
-OwnTuningResult tune_by_itself(Axis402& axis, const TuningDialect& dialect, const AxisUnits& units,
+OwnTuningResult tune_by_itself(Axis402& axis, const catalogue::TuningDialect& dialect, const AxisUnits& units,
                                const OwnTuningOptions& options) {
   ObjectClient& objects = axis.objects();
   if (!dialect.tunes_itself) {
@@ -150,11 +151,11 @@ std::string note_of(const OwnTuningResult& result) {
   std::string note =
       "the drive chose these gains, and nothing was measured before and after; `tune` without --auto measures the loop";
   for (std::size_t i = 0; i < result.after.size(); ++i) {
-    const GainRole role = result.after[i].gain->role;
-    if (role != GainRole::velocity_kp && role != GainRole::position_kp) continue;
+    const catalogue::GainRole role = result.after[i].gain->role;
+    if (role != catalogue::GainRole::velocity_kp && role != catalogue::GainRole::position_kp) continue;
     if (result.after[i].number >= result.before[i].number) continue;
     note += fmt::format("; {} is lower than before: the {} loop is slower", result.after[i].gain->name,
-                        role == GainRole::velocity_kp ? "velocity" : "position");
+                        role == catalogue::GainRole::velocity_kp ? "velocity" : "position");
   }
   return note;
 }

@@ -1,6 +1,7 @@
 #pragma once
 
 #include "axis/axis402.hpp"
+#include "catalogue/product.hpp"
 #include "tools/tuning/drive_gains.hpp"
 
 // The drive's own automatic tuning. It only needs access to objects, so it works on any bus.
@@ -21,7 +22,7 @@ struct OwnTuningResult {
 // back and forth in profile velocity, and adjusts kvp. Then it searches for resonances (60F9h sub 4 bit 7) and sets
 // notch filters. The bandwidth is the drive's setting (2FF0h sub 0Ah). On failure the old gains are restored; in any
 // case the axis is stopped and disabled. Throws MasterError, or Cancelled by the options of the axis.
-OwnTuningResult tune_by_itself(Axis402& axis, const TuningDialect& dialect, const AxisUnits& units,
+OwnTuningResult tune_by_itself(Axis402& axis, const catalogue::TuningDialect& dialect, const AxisUnits& units,
                                const OwnTuningOptions& options);
 
 // Says that nothing was measured, and which gains of the velocity and position loops are lower than before.

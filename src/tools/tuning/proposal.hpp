@@ -2,22 +2,16 @@
 
 #include <string>
 
+#include "catalogue/gains.hpp"
 #include "tools/tuning/loop.hpp"
 
 // Computes gains for a requested bandwidth.
 namespace servodrome::master::tuning {
 
-// Notch filter of a drive: width and depth may be fixed, relative to its frequency and to 1.
-struct NotchAbility {
-  double relative_width = 0.5;
-  double depth = 0.1;
-  double highest_hz = 1000.0;
-};
-
 struct Request {
   double bandwidth_hz = 50.0;  // -3 dB of the closed velocity loop
   LoopDelay delay{};           // of the present drive
-  std::optional<NotchAbility> notch{};
+  std::optional<catalogue::NotchAbility> notch{};
 };
 
 struct Proposal {

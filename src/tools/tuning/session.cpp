@@ -14,7 +14,7 @@ constexpr double share_of_possible = 0.6;
 constexpr double close_enough = 0.05;  // relative difference between two measurements of the same loop
 constexpr int most_corrections = 3;
 
-Request request_of(double bandwidth_hz, const LoopDelay& delay, const TuningDialect& dialect) {
+Request request_of(double bandwidth_hz, const LoopDelay& delay, const catalogue::TuningDialect& dialect) {
   return {.bandwidth_hz = bandwidth_hz, .delay = delay, .notch = dialect.notch};
 }
 
@@ -121,8 +121,8 @@ std::string text_of_changes(const SessionResult& result) {
   return text;
 }
 
-SessionResult tune(Tuner& tuner, ObjectClient& objects, const TuningDialect& dialect, const TuningUnits& units,
-                   const SessionRequest& request) {
+SessionResult tune(Tuner& tuner, ObjectClient& objects, const catalogue::TuningDialect& dialect,
+                   const TuningUnits& units, const SessionRequest& request) {
   SessionResult result;
   result.gains_before = read_gains(objects, dialect);
   const auto notch = controller_of(result.gains_before, dialect, units, {}).notch;

@@ -1,5 +1,6 @@
 #pragma once
 
+#include "catalogue/product.hpp"
 #include "tools/tuning/tuner.hpp"
 
 // Tuning session: measure, propose, write, measure again.
@@ -36,8 +37,8 @@ inline constexpr double promised_phase_margin = 40.0;  // degrees
 // nothing is written if the first measurement shows no bandwidth. If the bandwidth differs, tune() corrects the gains
 // from the measurement, up to three times. On failure or cancellation it restores the old gains. Throws MasterError or
 // Cancelled, whose text says that the gains are restored, or lists those that are not.
-SessionResult tune(Tuner& tuner, ObjectClient& objects, const TuningDialect& dialect, const TuningUnits& units,
-                   const SessionRequest& request);
+SessionResult tune(Tuner& tuner, ObjectClient& objects, const catalogue::TuningDialect& dialect,
+                   const TuningUnits& units, const SessionRequest& request);
 
 // The figures that became better and those that became worse, with the values before and after. Empty without `after`.
 std::string text_of_changes(const SessionResult& result);

@@ -7,6 +7,7 @@
 #include <utility>
 
 #include "axis/cia402_words.hpp"
+#include "catalogue/product.hpp"
 
 namespace servodrome::master::tuning {
 namespace {
@@ -41,25 +42,25 @@ std::int32_t whole_number(double value) {
 
 }  // namespace
 
-CanDrive tuning_drive(const ObjectClient& objects, const TuningDialect& dialect) {
+CanDrive tuning_drive(const ObjectClient& objects, const catalogue::TuningDialect& dialect) {
   return {.node_id = static_cast<std::uint8_t>(objects.address()),
           .rpdos = {{{{0x6040, 0}, 16}, {{0x6060, 0}, 8}, {{0x60FF, 0}, 32}}},
           .tpdos = {{{{0x6041, 0}, 16}, {dialect.position, 32}, {dialect.torque, 16}}},
           .sets_interpolation_time = false};
 }
 
-Tuner::Tuner(CyclicBus& bus, ObjectClient& objects, const TuningDialect& dialect, const TuningUnits& units,
+Tuner::Tuner(CyclicBus& bus, ObjectClient& objects, const catalogue::Product& product, const TuningUnits& units,
              const TunerOptions& options)
     : bus_(bus),
       objects_(objects),
-      dialect_(dialect),
+      product_(product),
       units_(units),
       options_(options),
       sample_s_(std::chrono::duration<double>(bus.period()).count()),
       axis_(bus.image(options.drive)),
       target_velocity_(mapped(bus.image(options.drive).output({0x60FF, 0}), {0x60FF, 0}, axis_.where(), "an RxPDO")),
-      position_(mapped(bus.image(options.drive).input(dialect.position), dialect.position, axis_.where(), "a TxPDO")),
-      torque_(mapped(bus.image(options.drive).input(dialect.torque), dialect.torque, axis_.where(), "a TxPDO")) {
+      position_(mapped(bus.image(options.drive).input(dialect_.position), dialect_.position, axis_.where(), "a TxPDO")),
+      torque_(mapped(bus.image(options.drive).input(dialect_.torque), dialect_.torque, axis_.where(), "a TxPDO")) {
   mapped(bus.image(options.drive).output({0x6060, 0}), {0x6060, 0}, axis_.where(), "an RxPDO");
 }
 
@@ -154,7 +155,7 @@ void Tuner::explain_by_limit_switch() {
 }
 
 std::string Tuner::shown_statusword() const {
-  return text_of_statusword(axis_.statusword(), dialect_.product, dialect_.velocity_mode);
+  return text_of_statusword(axis_.statusword(), product_.name, dialect_.velocity_mode);
 }
 
 std::uint64_t Tuner::lost_cycles() const {

@@ -5,6 +5,7 @@
 #include "axis/cyclic/can_cyclic_bus.hpp"
 #include "axis/cyclic/cyclic_axis.hpp"
 #include "axis/cyclic/cyclic_bus.hpp"
+#include "catalogue/product.hpp"
 #include "tools/tuning/drive_gains.hpp"
 
 // Measures the velocity loop of one drive by process data, on any bus.
@@ -12,12 +13,12 @@ namespace servodrome::master::tuning {
 
 // Process data for a CANopen drive: one PDO in each direction. It does not stop the axis if the cable is pulled; use a
 // MasterWatch for that.
-CanDrive tuning_drive(const ObjectClient& objects, const TuningDialect& dialect);
+CanDrive tuning_drive(const ObjectClient& objects, const catalogue::TuningDialect& dialect);
 
 struct TunerOptions {
   double travel_revolutions = 4.0;  // in positive direction from the present position; a longer way ends the
                                     // measurement
-  double torque_limit = 0.6;        // share of TuningDialect::full_torque
+  double torque_limit = 0.6;        // share of catalogue::TuningDialect::full_torque
   double seconds = 10.0;            // of a measurement, half of it in each direction
   double lowest_hz = 2.0;           // of the excitation
   std::size_t drive = 0;            // number of the drive on the bus
@@ -61,7 +62,7 @@ struct StepResponse {
 class Tuner {
  public:
   // All arguments must outlive this.
-  Tuner(CyclicBus& bus, ObjectClient& objects, const TuningDialect& dialect, const TuningUnits& units,
+  Tuner(CyclicBus& bus, ObjectClient& objects, const catalogue::Product& product, const TuningUnits& units,
         const TunerOptions& options);
   ~Tuner();
   Tuner(const Tuner&) = delete;
@@ -95,7 +96,8 @@ class Tuner {
 
   CyclicBus& bus_;
   ObjectClient& objects_;
-  const TuningDialect& dialect_;
+  const catalogue::Product& product_;
+  const catalogue::TuningDialect& dialect_ = product_.tuning;
   TuningUnits units_;
   TunerOptions options_;
   double sample_s_;

@@ -5,6 +5,7 @@
 
 #include "axis/object_catalogue.hpp"
 #include "canopen/crc16.hpp"
+#include "catalogue/product.hpp"
 #include "links/link_error.hpp"
 #include "tools/conform/conform_rig.hpp"
 
@@ -43,10 +44,10 @@ struct CanRig {
   }
 
   Report run(RunOptions options = {}) {
-    options.product = product;
+    options.departures = catalogue::product_of(product).departures;
     // The ISMC drive does not report the units of a revolution.
     Subject subject(CanAccess{bus, sdo},
-                    {.dialect = dialect_of(product),
+                    {.product = &catalogue::product_of(product),
                      .units_per_revolution = product == "ismc" ? std::optional(131072.0) : std::nullopt});
     return run_checks(subject, options);
   }

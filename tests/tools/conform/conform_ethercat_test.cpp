@@ -2,6 +2,7 @@
 #include <deque>
 #include <gmock/gmock.h>
 
+#include "catalogue/product.hpp"
 #include "links/ethercat/memory_client.hpp"
 #include "tools/conform/conform_rig.hpp"
 
@@ -42,11 +43,11 @@ struct EthercatRig {
       : product(its_product), line(settings_of(line_of(its_product, "ethercat", "", start_counts))) {}
 
   Report run(RunOptions options = {}) {
-    options.product = product;
+    options.departures = catalogue::product_of(product).departures;
     const std::vector<FoundSlave> found = scan_slaves(master);
     EthercatSlave slave(master, found.at(0));
     Subject subject(EthercatAccess{master, found, slave, {.cyclic = {.period = 2ms}}},
-                    {.dialect = dialect_of(product)});
+                    {.product = &catalogue::product_of(product)});
     return run_checks(subject, options);
   }
 
@@ -64,7 +65,7 @@ TEST_P(EthercatDrives, DepartWhereTheirManualsSay) {
   EthercatRig rig(GetParam());
   Report report = rig.run();
   // The position value of a JMC cannot be restored.
-  const HomeOffset& offset = dialect_of(GetParam()).home_offset;
+  const catalogue::HomeOffset& offset = catalogue::product_of(GetParam()).dialect.home_offset;
   if (offset.travels && !offset.stays_with_1) {
     std::erase_if(report.problems, [](const std::string& problem) {
       return problem.find("homing changed the position value") != std::string::npos;

@@ -1,6 +1,7 @@
 // The conformance checks against drives on an RS485 line, in virtual time.
 #include <gmock/gmock.h>
 
+#include "catalogue/product.hpp"
 #include "modbus/rtu_server.hpp"
 #include "tools/conform/conform_rig.hpp"
 
@@ -64,10 +65,10 @@ node = 3
   }
 
   Report run(RunOptions options = {}) {
-    options.product = product;
+    options.departures = catalogue::product_of(product).departures;
     const line::Product& found = *line::find_product(line::all_products(), product);
     const RegisterList list{found.serial->registers, found.describe().service_table, found.serial->profile->word_order};
-    Subject subject(ModbusAccess{client, 3, list}, {.dialect = dialect_of(product)});
+    Subject subject(ModbusAccess{client, 3, list}, {.product = &catalogue::product_of(product)});
     return run_checks(subject, options);
   }
 

@@ -5,6 +5,7 @@
 #include <sstream>
 
 #include "axis/axis402.hpp"
+#include "catalogue/product.hpp"
 #include "describe/description.hpp"
 #include "dictionary/dictionary.hpp"
 #include "line/line.hpp"
@@ -62,8 +63,8 @@ struct Bench {
       objects = std::make_unique<CoeObjects>(*slave);
     }
     const auto description = product.describe();
-    list =
-        ParameterList::of_dictionary(modbus ? description.service_table : description.table, parameter_rules_of(name));
+    list = ParameterList::of_dictionary(modbus ? description.service_table : description.table,
+                                        catalogue::product_of(name).rules);
   }
 
   ParameterFile save() {
@@ -331,7 +332,7 @@ TEST(Parameters, AreStoredAndRelativeToTheNode) {
     EXPECT_EQ(bench.objects->read<std::uint32_t>(0x6083), 4711U) << product;
     EXPECT_THAT(bench.save().text(), HasSubstr("1800:01  u32     $NODEID+180h"));
   }
-  EXPECT_FALSE(store_parameters(*Bench("pronet").objects, parameter_rules_of("pronet")));
+  EXPECT_FALSE(store_parameters(*Bench("pronet").objects, catalogue::product_of("pronet").rules));
 }
 
 // A node whose heartbeat shows operational must be operational again afterwards.
@@ -359,7 +360,7 @@ TEST(Parameters, AreFoundByAnEdsAndBySdoInformation) {
   Bench can("generic402");
   std::istringstream in(describe::eds(can.product.describe()));
   const ObjectCatalogue sheet = ObjectCatalogue::read_eds(in, "generic402.eds");
-  const auto& rules = parameter_rules_of("generic402");
+  const auto& rules = catalogue::product_of("generic402").rules;
   const ParameterList by_sheet = ParameterList::of_data_sheet(sheet, rules);
   Bench ring("generic402-ec");
   const ParameterList by_slave = ParameterList::of_slave(ring.slave->coe(), rules);

@@ -447,7 +447,7 @@ TEST_P(ScriptRun, AHaltedAxisCanBeHomed) {
   give_up_after(60s);
   EXPECT_EQ(problem_of(fmt::format("units revolutions\nenable\nhalt\n"
                                    "home method {} speed 0.5 zero-speed 0.5 acceleration 50 within 20",
-                                   rig.options().dialect.cautious_homing_method)),
+                                   rig.options().product->dialect.cautious_homing_method)),
             "");
 }
 

@@ -35,7 +35,7 @@ Margins margins_by_equations(TuningRig& rig) {
   const plant::Parameters& plant = rig.drive().settings().plant;
   const double inertia = plant.motor.rotor_inertia_kgm2 + plant.load.inertia_kgm2;
   constexpr double tick_s = drive::tick_seconds;
-  const double period_s = rig.servo().axis().policy.velocity_loop_ticks * tick_s;
+  const double period_s = rig.servo().axis().policy.loops.velocity_ticks * tick_s;
   const auto number = [](float value) { return static_cast<double>(value); };
   std::vector<double> frequencies;
   std::vector<Complex> open_loop;

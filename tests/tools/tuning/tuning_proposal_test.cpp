@@ -5,6 +5,7 @@
 #include <gtest/gtest.h>
 #include <numbers>
 
+#include "catalogue/product.hpp"
 #include "tools/tuning/proposal.hpp"
 
 namespace servodrome::master::tuning {
@@ -203,7 +204,8 @@ TEST(Propose, HoldsWithAnotherInertia) {
   int proposals = 0;
   for (const Mechanics& load : loads) {
     for (const double hz : {20.0, 60.0, 100.0}) {
-      const auto proposal = propose(load, {.bandwidth_hz = hz, .delay = {.dead_s = 2e-3}, .notch = NotchAbility{}});
+      const auto proposal =
+          propose(load, {.bandwidth_hz = hz, .delay = {.dead_s = 2e-3}, .notch = catalogue::NotchAbility{}});
       if (!proposal) continue;
       ++proposals;
       for (const double factor : {0.8, 0.9, 1.1, 1.2}) {
@@ -230,7 +232,7 @@ TEST(Propose, ANotchWhereTheResonanceNeedsOne) {
   const Mechanics elastic{.inertia = 3e-4, .resonance = Resonance{150.0, 0.03, 300.0, 0.06}};
   Request request{.bandwidth_hz = 40.0, .delay = {.dead_s = 1e-3}};
   const auto without = propose(elastic, request);
-  request.notch = NotchAbility{};
+  request.notch = catalogue::NotchAbility{};
   const auto with = propose(elastic, request);
   ASSERT_TRUE(with);
   ASSERT_TRUE(with->velocity.notch);

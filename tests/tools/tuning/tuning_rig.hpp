@@ -6,6 +6,7 @@
 #include "axis/cyclic/can_cyclic_bus.hpp"
 #include "axis/cyclic/ethercat_cyclic_bus.hpp"
 #include "axis/master_watch.hpp"
+#include "catalogue/product.hpp"
 #include "drive/drive.hpp"
 #include "tools/tuning/session.hpp"
 
@@ -41,10 +42,11 @@ struct TuningRig : AxisRig {
   }
   const drive::Drive& servo() { return drive().device().drive(); }
   std::unique_ptr<Tuner> tuner(const TunerOptions& tuner_options = {}) {
-    return std::make_unique<Tuner>(*cyclic, objects(), dialect, units, tuner_options);
+    return std::make_unique<Tuner>(*cyclic, objects(), product, units, tuner_options);
   }
 
-  const TuningDialect& dialect = tuning_dialect_of(rig_case.product);
+  const catalogue::Product& product = catalogue::product_of(rig_case.product);
+  const catalogue::TuningDialect& dialect = product.tuning;
   std::optional<MasterWatch> watch;
   std::unique_ptr<CyclicBus> cyclic;
   TuningUnits units;

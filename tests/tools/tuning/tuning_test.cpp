@@ -3,6 +3,7 @@
 #include <cmath>
 #include <gmock/gmock.h>
 
+#include "catalogue/product.hpp"
 #include "tools/tuning/own_tuning.hpp"
 #include "tuning_rig.hpp"
 
@@ -375,7 +376,7 @@ TEST(OwnTuning, AnyExceptionStopsTheAxisAndRestoresTheGains) {
   for (const bool at_end : {false, true}) {
     AxisRig rig({"ismk"});
     Axis402 axis(rig.objects(), rig.options());
-    const TuningDialect& dialect = tuning_dialect_of("ismk");
+    const catalogue::TuningDialect& dialect = catalogue::product_of("ismk").tuning;
     const auto before = read_gains(rig.objects(), dialect);
     const auto fail = [at_end](const char* doing, double) {
       if (!at_end || std::string_view(doing) == "searching for resonances") throw std::runtime_error("disk full");
@@ -393,7 +394,7 @@ TEST(OwnTuning, AnyExceptionStopsTheAxisAndRestoresTheGains) {
 TEST(OwnTuning, ItSaysThatNothingWasMeasured) {
   AxisRig rig({"ismk"});
   Axis402 axis(rig.objects(), rig.options());
-  OwnTuningResult result = tune_by_itself(axis, tuning_dialect_of("ismk"), axis.units().value(), {});
+  OwnTuningResult result = tune_by_itself(axis, catalogue::product_of("ismk").tuning, axis.units().value(), {});
   EXPECT_THAT(note_of(result), HasSubstr("nothing was measured before and after"));
   EXPECT_EQ(note_of(result).find("lower"), std::string::npos);
   result.before[0].number = result.after[0].number + 1;
