@@ -241,7 +241,7 @@ void Jobs::explain_by_injection(Job& job) const {
 void Jobs::note_silence(Job& job) {
   if (!job.order.lives_on_signs || job.fell_silent || wall_clock_() - job.sign_of_life <= longest_silence) return;
   job.fell_silent = true;
-  job.note = fmt::format("the axis was halted, because no keep-alive request came for {} ms",
+  job.note = fmt::format("the axis was halted, because nothing was heard from its client for {} ms",
                          longest_silence / std::chrono::milliseconds(1));
   tell(job);
 }

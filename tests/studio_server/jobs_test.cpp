@@ -510,7 +510,7 @@ TEST_P(EveryProduct, JogsAsLongAsSomebodyIsThere) {
   EXPECT_EQ(alive["ending"], true) << alive.dump() << ": a late sign of life does not continue the motion";
   const json over = finish(jog, 2s);
   EXPECT_EQ(over["state"], "done") << over.dump();
-  EXPECT_THAT(over["note"].get<std::string>(), HasSubstr("no keep-alive request came for 500 ms"));
+  EXPECT_THAT(over["note"].get<std::string>(), HasSubstr("nothing was heard from its client for 500 ms"));
   EXPECT_NEAR(view(axis_)["velocity_rpm"].get<double>(), 0.0, 2.0);
 }
 
