@@ -72,7 +72,7 @@ BodyReader::BodyReader(const std::string& body, bool empty_is_object) {
 }
 
 const Json* BodyReader::find(std::string_view key) {
-  known_.push_back(key);
+  if (std::find(known_.begin(), known_.end(), key) == known_.end()) known_.push_back(key);
   const auto found = json_.find(std::string(key));
   return found == json_.end() ? nullptr : &*found;
 }

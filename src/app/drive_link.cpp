@@ -335,16 +335,16 @@ const master::ObjectCatalogue& DriveLink::catalogue() {
   return *catalogue_;
 }
 
-std::unique_ptr<master::scope::Sampler> DriveLink::open_sampler(std::vector<master::scope::Channel> channels,
-                                                                const master::scope::SamplerOptions& options) {
+std::unique_ptr<master::sampling::Sampler> DriveLink::open_sampler(std::vector<master::sampling::Channel> channels,
+                                                                   const master::sampling::SamplerOptions& options) {
   if (Can* can = on<Can>()) {
-    return master::scope::open_can_sampler(*can->bus, *can->sdo, std::move(channels), options);
+    return master::sampling::open_can_sampler(*can->bus, *can->sdo, std::move(channels), options);
   }
   if (Ethercat* on_it = on<Ethercat>()) {
-    return master::scope::open_ethercat_sampler(*on_it->master, on_it->line, *on_it->slave, std::move(channels),
-                                                options);
+    return master::sampling::open_ethercat_sampler(*on_it->master, on_it->line, *on_it->slave, std::move(channels),
+                                                   options);
   }
-  return master::scope::open_polled_sampler(
+  return master::sampling::open_polled_sampler(
       *objects_, std::move(channels), options,
       on<Modbus>() != nullptr ? "Modbus requests" : "requests of the 10-byte protocol");
 }

@@ -13,7 +13,7 @@
 #include "master/modbus/objects.hpp"
 #include "master/serial10/objects.hpp"
 #include "tools/conform/subject.hpp"
-#include "tools/scope/sampler.hpp"
+#include "tools/sampling/sampler.hpp"
 
 namespace servodrome::app {
 
@@ -60,8 +60,8 @@ class DriveLink {
   // Object names of its product, or of the standard.
   const master::ObjectCatalogue& catalogue();
   // The quickest sampler on this bus; `channels` must be complete. The result must not outlive this object.
-  std::unique_ptr<master::scope::Sampler> open_sampler(std::vector<master::scope::Channel> channels,
-                                                       const master::scope::SamplerOptions& options);
+  std::unique_ptr<master::sampling::Sampler> open_sampler(std::vector<master::sampling::Channel> channels,
+                                                          const master::sampling::SamplerOptions& options);
   // The drive as `conform` checks it: its objects and the frames of its bus. Throws Failure on a bus for which there
   // are no checks.
   std::unique_ptr<master::conform::Subject> open_subject(const master::conform::SubjectSettings& settings,

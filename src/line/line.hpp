@@ -74,17 +74,16 @@ class Line final : public links::VirtualClock {
   // Lazy evaluation of run_until(target), for a frame that passes an EtherCAT segment at `target`. The line runs only
   // if something that shows on a bus may have happened by then. Otherwise it defers the simulation and now() does not
   // advance. The reason: many ticks in a row cost less than single ticks, because each time the drives' memory must be
-  // fetched into the caches again. The caller must pass the result of EthercatBus::settle to expect(). After any other
-  // change of the line it must call changed(), unless run_until came before the change.
+  // fetched into the caches again. The line notices all that frames change (EthercatBus::next_event). If anything else
+  // has acted on it since, the caller must call changed() first.
   void keep_up(Time target) {
-    if (target < appears_at_) return;
+    if (target < quiet_until_ && target < next_segment_event()) return;
     run_until(target);
-    appears_at_ = next_appearance();
+    quiet_until_ = next_appearance();
+    for (const auto& bus : ethercat_buses_) bus->bus.forget_events();
   }
-  // Something may show on a bus at `time`: keep_up must run the line then.
-  void expect(Time time) { appears_at_ = std::min(appears_at_, time); }
   // Invalidates what keep_up knows: the next call runs the line.
-  void changed() { appears_at_ = Time::min(); }
+  void changed() { quiet_until_ = Time::min(); }
 
   Time now() const override { return now_; }
   // Adds a follower, which is called from now on. Must not be called from within Follower::reached. A follower does not
@@ -133,6 +132,11 @@ class Line final : public links::VirtualClock {
 
   Time next_instant(Time latest) const;
   Time next_appearance() const;
+  Time next_segment_event() const {
+    Time next = links::never;
+    for (const auto& bus : ethercat_buses_) next = std::min(next, bus->bus.next_event());
+    return next;
+  }
   void run_to_instant(Time instant);
 
   ClockMode clock_mode_;
@@ -145,7 +149,7 @@ class Line final : public links::VirtualClock {
   std::vector<Follower*> followers_;
   std::int64_t tick_ = 0;  // the tick up to which all axes have run
   Time now_{};
-  Time appears_at_ = Time::min();  // nothing shows on a bus before this time; min: unknown
+  Time quiet_until_ = Time::min();  // nothing but frames shows on a bus before this time; min: unknown
   Lag lag_;
   double speed_ = 0;
 };

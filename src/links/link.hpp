@@ -16,9 +16,6 @@ class LineHost {
   virtual Time now() = 0;
   // The same, and lets the line catch up to that time if necessary. For a bus that answers frames when they are read.
   virtual Time frame_time() { return now(); }
-  // Called after such a frame with the result of EthercatBus::settle: the line must catch up for a frame at `time` or
-  // later.
-  virtual void expect(Time /*time*/) {}
   // Reports to the line's operator that a link was lost or is back.
   virtual void report(const std::string& /*message*/) {}
   // Something was queued on the bus, so its next_event() may be earlier than before.

@@ -80,7 +80,7 @@ Json open_loop_of(const Curve& closed) {
 }
 
 Json show_bode(Call& call) {
-  const auto recording = ended_recording(call, static_cast<BodePlots*>(call.context)->find());
+  const auto recording = api::ended_recording(call, static_cast<BodePlots*>(call.context)->find());
   const Recording::Plan& plan = recording->plan();
   const auto highest = static_cast<double>(plan.channels.size() - 1);
   const auto input = static_cast<std::size_t>(number_in_query(call, "input", 0.0, 0.0, highest));

@@ -1,20 +1,20 @@
 #pragma once
 
-#include "studio/ended_recording.hpp"
+#include "api/scope/ended_recording.hpp"
 
 namespace servodrome::studio {
 
 // Frequency responses calculated from recordings: docs/bench-api.md, "Bode plots".
 class BodePlots {
  public:
-  explicit BodePlots(FindRecording find) : find_(std::move(find)) {}
+  explicit BodePlots(api::FindRecording find) : find_(std::move(find)) {}
 
   // The returned group refers to this object.
   api::RouteGroup routes();
-  const FindRecording& find() const { return find_; }
+  const api::FindRecording& find() const { return find_; }
 
  private:
-  FindRecording find_;
+  api::FindRecording find_;
 };
 
 }  // namespace servodrome::studio

@@ -8,7 +8,7 @@
 namespace servodrome::studio {
 namespace {
 
-using master::scope::sync_id;
+using master::sampling::sync_id;
 
 }  // namespace
 
@@ -40,7 +40,7 @@ HeardPdos::Use HeardPdos::use(links::Time now) const {
 
 bool HeardPdos::is_sent(std::uint32_t can_id, links::Time now) const {
   const std::lock_guard lock(mutex_);
-  const std::size_t place = can_id - master::scope::first_pdo;
+  const std::size_t place = can_id - master::sampling::first_pdo;
   return place < pdo_at_.size() && pdo_at_[place].count() != 0 && now - pdo_at_[place] < longest_memory;
 }
 
@@ -76,11 +76,11 @@ void HeardPdos::hear(bool sent, const canopen::Frame& frame, links::Time now) {
   const std::lock_guard lock(mutex_);
   if (frame.id == sync_id) hear_sync(now);
   if (sent) return;
-  if (const auto sign = master::scope::use_of_pdos(frame)) {
+  if (const auto sign = master::sampling::use_of_pdos(frame)) {
     sign_ = sign;
     sign_at_ = now;
-    if (sign->by == master::scope::UseOfPdos::By::pdo) pdo_at_[frame.id - master::scope::first_pdo] = now;
-    if (sign->by == master::scope::UseOfPdos::By::operational) operational_at_[sign->node_id] = now;
+    if (sign->by == master::sampling::UseOfPdos::By::pdo) pdo_at_[frame.id - master::sampling::first_pdo] = now;
+    if (sign->by == master::sampling::UseOfPdos::By::operational) operational_at_[sign->node_id] = now;
   }
   for (const auto& its : samples_) {
     const auto samples = its.lock();

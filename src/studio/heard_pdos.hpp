@@ -10,7 +10,7 @@
 #include "canopen/frame.hpp"
 #include "links/heard_clients.hpp"
 #include "studio/bus_samples.hpp"
-#include "tools/scope/can_process_data.hpp"
+#include "tools/sampling/can_process_data.hpp"
 
 namespace servodrome::studio {
 
@@ -30,9 +30,9 @@ class HeardPdos {
   // --- Callable from any thread
   void add(const std::shared_ptr<BusSamples>& samples);
   struct Use {
-    std::optional<master::scope::UseOfPdos> by_others{};  // the latest sign of another master
-    links::Time listened{};                               // since forget()
-    std::optional<links::Time> sync_period{};             // if SYNC is being sent
+    std::optional<master::sampling::UseOfPdos> by_others{};  // the latest sign of another master
+    links::Time listened{};                                  // since forget()
+    std::optional<links::Time> sync_period{};                // if SYNC is being sent
   };
   Use use(links::Time now) const;
   // True if the drives have sent this TPDO, or the node is known to be operational, a short time ago.
@@ -53,11 +53,11 @@ class HeardPdos {
   links::Time start_;
   mutable std::mutex mutex_;
   std::vector<std::weak_ptr<BusSamples>> samples_;
-  std::optional<master::scope::UseOfPdos> sign_;
+  std::optional<master::sampling::UseOfPdos> sign_;
   links::Time sign_at_{};
   links::Time forgot_{};
-  std::array<links::Time, master::scope::after_pdos - master::scope::first_pdo> pdo_at_{};  // 0: not heard
-  std::array<links::Time, 128> operational_at_{};                                           // of each node
+  std::array<links::Time, master::sampling::after_pdos - master::sampling::first_pdo> pdo_at_{};  // 0: not heard
+  std::array<links::Time, 128> operational_at_{};                                                 // of each node
   std::optional<links::Time> last_sync_;
   links::Time sync_period_{};  // smoothed; 0: unknown
 };

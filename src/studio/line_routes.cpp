@@ -3,9 +3,8 @@
 namespace servodrome::studio {
 
 std::vector<api::RouteGroup> LineRoutes::groups() {
-  return {jobs_.routes(),         parameter_routes(subjects_), pdo_routes(subjects_),
-          change_routes_.group(), bode_plots_.routes(),        recording_export_.routes(),
-          traffic_.routes(),      scenario_.group(),           trial_.group(),
+  return {jobs_.routes(),       parameter_routes(subjects_), pdo_routes(subjects_), change_routes_.group(),
+          bode_plots_.routes(), traffic_.routes(),           scenario_.group(),     trial_.group(),
           project_.group()};
 }
 

@@ -10,19 +10,18 @@
 #include "studio/jobs.hpp"
 #include "studio/line_changes.hpp"
 #include "studio/project/routes.hpp"
-#include "studio/recording_export.hpp"
 #include "studio/traffic.hpp"
 #include "studio/trial_routes.hpp"
 
 namespace servodrome::studio {
 
 // All routes of this library for a line: jobs, parameters, PDO mappings, changes, traffic, frequency responses,
-// recordings as files, scenarios, and the project.
+// scenarios, and the project.
 class LineRoutes {
  public:
   // `line` and `project` must outlive this object; nullptr: there is no project. `epoch` returns the wall-clock time of
   // the line's time 0.
-  LineRoutes(line::Line& line, const FindRecording& find, const std::function<line::Time()>& epoch,
+  LineRoutes(line::Line& line, const api::FindRecording& find, const std::function<line::Time()>& epoch,
              Project* project = nullptr)
       : changes_(line),
         jobs_(line),
@@ -30,7 +29,6 @@ class LineRoutes {
         change_routes_(changes_.log(), subjects_),
         project_(project),
         bode_plots_(find),
-        recording_export_(find, epoch),
         scenario_(line),
         trial_(line, scenario_),
         traffic_([&line](const api::Call& call) { return find_line_traffic(line, call); }, epoch) {}
@@ -53,7 +51,6 @@ class LineRoutes {
   ChangeRoutes change_routes_;
   ProjectRoutes project_;
   BodePlots bode_plots_;
-  RecordingExport recording_export_;
   scenario::Routes scenario_;
   TrialRoutes trial_;
   Traffic traffic_;

@@ -91,7 +91,7 @@ class RealDrives final : public Drives, public api::Source, public Subjects {
   // --- Drives
   master::Time now() const override { return DriveBus::Clock::now() - start_; }
   // Wall-clock time of its time 0.
-  master::Time wall_epoch() const { return wall_epoch_; }
+  master::Time wall_epoch() const override { return wall_epoch_; }
   std::vector<std::string> names() const override;
   void require_ready(const std::string& axis) const override;
   std::unique_ptr<master::ObjectClient> open(const std::string& axis, Wait wait) override;

@@ -10,7 +10,7 @@
 namespace servodrome::studio {
 namespace {
 
-using master::scope::UseOfPdos;
+using master::sampling::UseOfPdos;
 
 constexpr std::uint8_t most_tpdos = 8;  // that are looked at
 constexpr std::int64_t ticks_per_ms = drive::ticks_per_second / 1000;
@@ -117,7 +117,7 @@ HeardPdos::Use RealDrives::use_of_pdos(std::size_t bus, const std::vector<Chosen
   }
   while (true) {
     const HeardPdos::Use use = buses_[bus]->pdos().use(links::steady_now());
-    if (use.by_others || use.listened >= master::scope::time_to_listen(heartbeat)) return use;
+    if (use.by_others || use.listened >= master::sampling::time_to_listen(heartbeat)) return use;
     wait(now() + look_period);
   }
 }
@@ -165,7 +165,7 @@ std::shared_ptr<void> RealDrives::choose_pdos_of(std::size_t bus, std::int64_t w
 
 std::shared_ptr<void> RealDrives::set_up_pdos(std::size_t bus, std::int64_t wanted,
                                               const std::vector<Chosen*>& channels) {
-  std::map<const Axis*, std::vector<master::scope::Channel>> of_axes;
+  std::map<const Axis*, std::vector<master::sampling::Channel>> of_axes;
   for (Chosen* its : channels) {
     const Axis& axis = *its->sampled->axis;
     const master::ObjectAddress object = its->sampled->object;
@@ -176,7 +176,7 @@ std::shared_ptr<void> RealDrives::set_up_pdos(std::size_t bus, std::int64_t want
       continue;
     }
     auto& list = of_axes[&axis];
-    const auto is_same = [object](const master::scope::Channel& one) { return one.object == object; };
+    const auto is_same = [object](const master::sampling::Channel& one) { return one.object == object; };
     if (std::any_of(list.begin(), list.end(), is_same)) continue;
     list.push_back({.object = object, .bits = static_cast<unsigned>(8 * dictionary::size_of(entry->type))});
   }
@@ -186,7 +186,7 @@ std::shared_ptr<void> RealDrives::set_up_pdos(std::size_t bus, std::int64_t want
   std::size_t tpdos = 0;
   for (const auto& [axis, list] : of_axes) {
     const master::CanDrive exchanged{.node_id = static_cast<std::uint8_t>(axis->address),
-                                     .tpdos = master::scope::pack_into_pdos(list),
+                                     .tpdos = master::sampling::pack_into_pdos(list),
                                      .sets_interpolation_time = false};
     tpdos += exchanged.tpdos.size();
     wish.drives.push_back({axis->drive, exchanged});

@@ -35,13 +35,11 @@ RealServer::RealServer(RealDrives& drives, const Settings& settings)
       jobs_(drives),
       change_routes_(drives.changes(), drives),
       project_(settings.project),
-      recording_export_([this](std::uint32_t id) { return scope_.recordings().find(id); },
-                        [&drives] { return drives.wall_epoch(); }),
       traffic_([&drives](const api::Call& call) { return find_real_traffic(drives, call); },
                [&drives] { return drives.wall_epoch(); }),
-      groups_{api::bench_routes(bench_), jobs_.routes(),     recording_export_.routes(),
-              parameter_routes(drives),  pdo_routes(drives), change_routes_.group(),
-              project_.group(),          traffic_.routes(),  {api::recording_routes(), &scope_}} {
+      groups_{
+          api::bench_routes(bench_), jobs_.routes(),   parameter_routes(drives), pdo_routes(drives),
+          change_routes_.group(),    project_.group(), traffic_.routes(),        {api::recording_routes(), &scope_}} {
   const auto publish = [this](const api::Json& event) { scope_.publish(event); };
   jobs_.on_event(publish);
   project_.on_event(publish);

@@ -14,7 +14,6 @@
 #include "studio/jobs.hpp"
 #include "studio/project/routes.hpp"
 #include "studio/real_bench.hpp"
-#include "studio/recording_export.hpp"
 #include "studio/traffic.hpp"
 
 namespace servodrome::studio {
@@ -76,7 +75,6 @@ class RealServer {
   Jobs jobs_;
   ChangeRoutes change_routes_;
   ProjectRoutes project_;
-  RecordingExport recording_export_;
   Traffic traffic_;
   std::vector<api::RouteGroup> groups_;
   std::list<Pending> pending_;

@@ -3,9 +3,9 @@
 #include <algorithm>
 #include <fmt/format.h>
 
+#include "scope/files.hpp"
 #include "studio/line_traffic.hpp"
 #include "studio/state_strips.hpp"
-#include "tools/scope/export.hpp"
 
 namespace servodrome::studio {
 namespace {
@@ -117,13 +117,10 @@ TrialRecord::TrialRecord(line::Line& line, line::Time most) : line_(line), shaft
 // Panels for rpm and revolutions with a line for each axis, and below them the states of each axis.
 std::string TrialRecord::picture() const {
   if (shafts_.times().size() < 2) return {};
-  master::scope::Recording recording;
+  scope::Recording recording;
   for (const auto& axis : line_.axes()) {
     for (const auto& [name, unit] : {std::pair{"speed", "rpm"}, std::pair{"position", "revolutions"}}) {
-      master::scope::Channel channel;
-      channel.name = fmt::format("{} {}", axis->settings().name, name);
-      channel.unit = unit;
-      recording.channels.push_back(channel);
+      recording.channels.push_back({fmt::format("{} {}", axis->settings().name, name), unit});
     }
   }
   recording.source = "true shafts";
@@ -138,7 +135,7 @@ std::string TrialRecord::picture() const {
       recording.values.insert(recording.values.end(), {sample.velocity_rpm, sample.revolutions});
     }
   }
-  return master::scope::svg_of(recording) + state_strips_of(line_, shafts_);
+  return scope::svg_of(recording) + state_strips_of(line_, shafts_);
 }
 
 void TrialRecord::complete(TrialResult& result, const scenario::Director& director) {

@@ -7,7 +7,7 @@
 
 #include "fit/error.hpp"
 #include "fit/signals.hpp"
-#include "tools/scope/export.hpp"
+#include "scope/files.hpp"
 
 namespace servodrome::fit {
 namespace fit_table_test {
@@ -16,7 +16,6 @@ namespace {
 using namespace std::chrono_literals;
 using testing::ElementsAre;
 using testing::HasSubstr;
-namespace scope = master::scope;
 
 template <typename Call>
 std::string problem_of(Call call) {
@@ -29,10 +28,8 @@ std::string problem_of(Call call) {
 }
 
 scope::Recording recording() {
-  scope::Recording made{.channels = {scope::named_channel("position", master::ObjectCatalogue::standard()),
-                                     scope::named_channel("torque", master::ObjectCatalogue::standard())},
-                        .groups = {0, 1},
-                        .group_count = 2};
+  scope::Recording made{
+      .channels = {{"position_actual_value", "pos"}, {"torque_actual_value", ""}}, .groups = {0, 1}, .group_count = 2};
   for (int row = 0; row < 4; ++row) {
     made.times.insert(made.times.end(), {row * 1ms, row * 1ms + 300us});
     made.values.insert(made.values.end(), {1000.0 + row, -0.5 * row});

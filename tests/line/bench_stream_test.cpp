@@ -490,11 +490,46 @@ TEST(BenchRecordings, LevelsAndStatesTrigger) {
   EXPECT_EQ(stopped["trigger_tick"], nullptr);
   EXPECT_EQ(stopped["samples"], 80) << "the last of what there was";
   bench.ask(Method::get, "/recordings/3/data.csv");
-  EXPECT_THAT(bench.raw, testing::StartsWith("tick,time_s,\"left velocity_rpm [rpm]\"\r\n"));
+  EXPECT_THAT(bench.raw, testing::StartsWith("tick,time_s,left velocity_rpm [rpm]\r\n"));
   EXPECT_EQ(std::count(bench.raw.begin(), bench.raw.end(), '\n'), 81);
   bench.ask(Method::delete_, "/recordings/3", {}, 204);
   bench.ask(Method::get, "/recordings/3", {}, 404);
   EXPECT_EQ(bench.ask(Method::get, "/recordings")["recordings"].size(), 2U);
+}
+
+// The conditions of `servodrome scope`, with the same words.
+TEST(BenchRecordings, HaveTheConditionsOfTheCommand) {
+  Bench bench;
+  bench.pass(50ms);
+  const auto recording = [&bench](const std::string& trigger, unsigned status = 201) {
+    return bench.ask(Method::post, "/recordings",
+                     R"({"channels":[{"axis":"left","object":"6041"},{"axis":"left","signal":"velocity_rpm"}],)"
+                     R"("duration_ms":5,"trigger":)" +
+                         trigger + "}",
+                     status);
+  };
+  recording(R"({"kind":"sets","value":1})");                 // 1: bit 0 of the statusword
+  recording(R"({"kind":"lacks","value":1})");                // 2: it is 0 already
+  recording(R"({"kind":"changes","channel":0})");            // 3
+  recording(R"({"kind":">","channel":1,"value":1})");        // 4: the axis rests
+  recording(R"({"kind":"edge","channel":0,"level":0.5})");   // 5
+  recording(R"({"kind":"rises","channel":0,"value":0.5})");  // 6: the same
+  bench.pass(20ms);
+  bench.ask(Method::put, "/axes/left/objects/6040/0", R"({"value":6})", 204);
+  bench.pass(20ms);
+  const auto tick = [&bench](int id) {
+    return bench.ask(Method::get, fmt::format("/recordings/{}", id))["trigger_tick"];
+  };
+  EXPECT_EQ(tick(2), 801);
+  ASSERT_TRUE(tick(1).is_number()) << tick(1);
+  EXPECT_GT(tick(1), 1120);
+  EXPECT_EQ(tick(3), tick(1)) << "ready to switch on";
+  EXPECT_TRUE(tick(4).is_null());
+  EXPECT_EQ(tick(5), tick(6));
+  recording(R"({"kind":"rises"})", 400);              // no value
+  recording(R"({"kind":"changes","value":1})", 400);  // one too many
+  recording(R"({"kind":"rise","value":1})", 422);     // no such condition
+  EXPECT_THAT(bench.raw, testing::HasSubstr("did you mean `rises`?"));
 }
 
 TEST(BenchRecordings, NameAndNoteCanBeChanged) {

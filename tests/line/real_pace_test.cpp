@@ -1,4 +1,4 @@
-#include "line/real_pace.hpp"
+#include "line/pacing/real_pace.hpp"
 
 #include <gtest/gtest.h>
 

@@ -1,4 +1,4 @@
-#include "line/vigil.hpp"
+#include "line/pacing/vigil.hpp"
 
 #include <gtest/gtest.h>
 

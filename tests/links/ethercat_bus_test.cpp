@@ -73,14 +73,16 @@ TEST(EthercatBus, WhatAStationHasPutOffIsNotToldUntilSomethingMayBeDue) {
   EXPECT_THAT(rig.stations[0]->passed, ElementsAre(9us, 11us));
 }
 
-// settle() returns a time until which stations without due work need no poll.
+// The time until which stations without due work need no poll.
 TEST(EthercatBus, SettlingTellsUntilWhenTheStationsMayBeLeftAlone) {
   EthercatRig rig(2);
   for (const auto& station : rig.stations) station->esc().set_quiet_until(1ms);
   const auto settled = [&rig](Command command, std::uint32_t address, Time at) {
     OneDatagram frame(command, address, {2, 0});
     rig.bus.pass(frame.bytes, at, Port::primary, EthercatBus::Encapsulation::ethernet);
-    return rig.bus.settle(at);
+    rig.bus.forget_events();
+    rig.bus.settle(at);
+    return rig.bus.next_event();
   };
   EXPECT_EQ(settled(Command::brd, of_first(al_control), 5us), never);
   // A station that was called returns its own time.

@@ -120,5 +120,5 @@ def test_every_port_bears_hostile_clients(program, monkeypatch):
     monkeypatch.setenv("SERVODROME", program)
     status, found = run("clients", "--seconds", 2, "--late", 1_000_000)
     assert status == 0, found["findings"]
-    assert found["hostile_clients"] == 26
+    assert found["hostile_clients"] == 33
     assert found["ethercat"]["cycles"] > 0

@@ -1,9 +1,10 @@
 """Slow, half-open and hostile clients on every port of a line, while an EtherCAT master exchanges process data at 1 kHz.
 
 The line has a port of each kind: socketcand, slcan, Modbus TCP, a pty with Modbus RTU, a pty with the 10-byte protocol,
-EtherCAT over UDP, and HTTP with its WebSocket stream. hostile.py has the clients; each runs in its own process: silent
+EtherCAT over UDP or, with --raw, on an Ethernet interface, and HTTP with its WebSocket stream. `servodrome studio` uses
+a drive of the line, and has a second port with HTTP. hostile.py has the clients; each runs in its own process: silent
 connections, one byte at a time, cut connections, random bytes, requests without reading the answers, enormous messages,
-streams that are not read, foreign datagrams. The datagrams do not command the slaves, because a second master on a real
+streams that are not read, foreign datagrams or frames. These do not command the slaves, because a second master on a real
 segment could do that as well.
 
 These conditions must hold: every frame of the EtherCAT master comes back with the right working counter. A frame comes
@@ -24,7 +25,7 @@ import tempfile
 import threading
 import time
 
-import ethercat_udp
+import ethercat
 import hostile
 import report
 import sdo
@@ -49,7 +50,7 @@ links = ["pty:{folder}/serial10"]
 [[bus]]
 name = "ecat"
 type = "ethercat"
-links = ["udp:127.0.0.1:0"]
+links = ["{segment}"]
 [[axis]]
 name = "x"
 product = "generic402"
@@ -66,11 +67,11 @@ serial = "rs485b"
 """
 
 
-def line_text(folder):
+def line_text(folder, segment):
     axes = "".join(
         f'[[axis]]\nname = "e{number}"\nproduct = "generic402-ec"\nbus = "ecat"\n' for number in range(SLAVES)
     )
-    return LINE.format(folder=folder) + axes
+    return LINE.format(folder=folder, segment=segment) + axes
 
 
 # ---- Correct clients: each sends a request over a new connection, and raises an exception if the answer is wrong ----
@@ -96,15 +97,19 @@ def ask_modbus_tcp(link):
             raise ValueError("wrong answer")
 
 
-def ask_http(link):
+def ask_http(link, address="/api/v1/clock", key="mode"):
     host = link.split("//")[1].split("/")[0]
     connection = http.client.HTTPConnection(host, timeout=up.PATIENCE_S)
     try:
-        connection.request("GET", "/api/v1/clock")
-        if json.loads(connection.getresponse().read())["mode"] != "real":
+        connection.request("GET", address)
+        if json.loads(connection.getresponse().read())[key] != "real":
             raise ValueError("wrong answer")
     finally:
         connection.close()
+
+
+def ask_studio(link):
+    ask_http(link, "/api/v1/line", "kind")
 
 
 def ask_pty(link, request, answer, attempts=20):
@@ -146,14 +151,23 @@ def ask_serial10(link):
 # ---- The run ----
 
 
-class Line:
-    """The line and its ports."""
+def start_studio(bus):
+    """Returns the process of `servodrome studio` on a bus, and the address of its API."""
+    command = [os.environ["SERVODROME"], "studio", "--api", "127.0.0.1:0", "--json", "--bus", bus]
+    process = subprocess.Popen(command, stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, text=True)
+    return process, json.loads(process.stdout.readline())["api"]
 
-    def __init__(self, folder):
-        self.up = up.Up(folder, line_text(folder))
+
+class Line:
+    """The line, a studio on its CAN bus, and their ports."""
+
+    def __init__(self, folder, raw):
+        """`raw`: None, or the two ends of an Ethernet cable: that of the line and that of the masters."""
+        self.up = up.Up(folder, line_text(folder, f"raw:{raw[0]}" if raw else "udp:127.0.0.1:0"))
         self.process = self.up.process.pid
         link = self.up.link
-        self.segment = link("ecat")
+        self.segment = f"raw:{raw[1]}" if raw else link("ecat")
+        self.studio, studio_api = start_studio(f"{link('can0', 0)}=1")
         self.ports = {  # name: link, good client
             "socketcand": (link("can0", 0), ask_socketcand),
             "slcan": (link("can0", 1), ask_slcan),
@@ -161,10 +175,16 @@ class Line:
             "modbus_rtu": (link("rs485a", 1), ask_rtu),
             "serial10": (link("rs485b"), ask_serial10),
             "http": (self.up.ready["api"], ask_http),
+            "studio": (studio_api, ask_studio),
         }
 
     def descriptors(self):
-        return len(os.listdir(f"/proc/{self.process}/fd"))
+        """Of both processes."""
+        return sum(len(os.listdir(f"/proc/{process}/fd")) for process in (self.process, self.studio.pid))
+
+    def memory_kib(self):
+        """Of both processes."""
+        return sum(ethercat.resident_kib(process) for process in (self.process, self.studio.pid))
 
 
 class GoodClients(threading.Thread):
@@ -174,7 +194,7 @@ class GoodClients(threading.Thread):
         super().__init__(daemon=True)
         self.line = line
         self.stop = threading.Event()
-        self.served = dict.fromkeys(("socketcand", "modbus_tcp", "http"), 0)
+        self.served = dict.fromkeys(("socketcand", "modbus_tcp", "http", "studio"), 0)
         self.refused = dict.fromkeys(self.served, 0)
 
     def run(self):
@@ -218,13 +238,13 @@ def check_ports(line, out):
 
 
 def run(folder, given, out):
-    line = Line(folder)
+    line = Line(folder, given.raw)
     hostile_processes = []
     try:
         check_ports(line, out)
-        memory = ethercat_udp.resident_kib(line.process)
+        memory = line.memory_kib()
         descriptors = line.descriptors()
-        master = ethercat_udp.Master(line.segment, SLAVES, line.process)
+        master = ethercat.Master(line.segment, SLAVES, line.process)
         master.start()
         good = GoodClients(line)
         good.start()
@@ -245,19 +265,23 @@ def run(folder, given, out):
         out.figures["good_clients"] = {"served": good.served, "connected_again": good.refused}
         judge(master, states, out)
         check_ports(line, out)
-        if line.up.process.poll() is not None:
-            out.finding(f"the line ended with {line.up.process.returncode}")
-            return
+        for name, process in (("line", line.up.process), ("studio", line.studio)):
+            if process.poll() is not None:
+                out.finding(f"the {name} ended with {process.returncode}")
+                return
         end = time.monotonic() + SETTLE_S
         while line.descriptors() > descriptors + MOST_DESCRIPTORS and time.monotonic() < end:
             time.sleep(0.2)
-        after = ethercat_udp.resident_kib(line.process)
+        after = line.memory_kib()
         out.figures["memory_kib"] = [memory, after]
         out.figures["descriptors"] = [descriptors, line.descriptors()]
         if after - memory > MOST_GROWTH_KIB:
             out.finding(f"memory grew from {memory} to {after} KiB")
         if line.descriptors() > descriptors + MOST_DESCRIPTORS:
             out.finding(f"{line.descriptors()} file descriptors are open, {descriptors} before")
+        line.studio.terminate()
+        if line.studio.wait(up.PATIENCE_S) != 0:
+            out.finding(f"the studio ended with status {line.studio.returncode}")
         status = line.up.stop()
         if status not in (0, 130):
             out.finding(f"the line ended with status {status}: {(line.up.folder / 'output').read_text()[-400:]}")
@@ -265,6 +289,8 @@ def run(folder, given, out):
         for process in hostile_processes:
             process.kill()
             process.wait()
+        line.studio.kill()
+        line.studio.wait()
         line.up.kill()
 
 
@@ -278,7 +304,7 @@ def judge(master, states, out):
         out.finding(f"{figures['late_busy']} frames were late because the line worked for others")
     if figures["late_asleep"] > out.given.late:
         out.finding(f"{figures['late_asleep']} frames were late while the line slept in the kernel")
-    if states != [ethercat_udp.OPERATIONAL] * SLAVES:
+    if states != [ethercat.OPERATIONAL] * SLAVES:
         out.finding(f"the slaves are in the AL states {states}")
 
 
@@ -286,6 +312,7 @@ def main(arguments=None):
     parser = report.options("clients", __doc__)
     parser.add_argument("--seconds", type=float, default=600, help="duration of the attack (600)")
     parser.add_argument("--only", action="append", choices=sorted(hostile.KINDS), help="only these kinds of clients")
+    parser.add_argument("--raw", nargs=2, metavar=("LINE", "MASTER"), help="the segment is on the Ethernet interface LINE, the masters on MASTER: tools/with-veth tools/reliability clients --raw servo0 master0")
     parser.add_argument("--realtime", action="store_true", help="line and master run with SCHED_FIFO, so that a busy machine lets them (needs the right)")
     parser.add_argument("--late", type=int, default=0, help="so many late frames of the line are no finding (0)")
     given = parser.parse_args(arguments)

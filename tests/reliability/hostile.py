@@ -19,6 +19,7 @@ MODBUS_REQUEST = bytes.fromhex("000100000006020300000001")
 RTU_REQUEST = bytes.fromhex("0203000000018439")
 HTTP_REQUEST = b"GET /api/v1/axes/x/objects HTTP/1.1\r\nHost: 127.0.0.1\r\n\r\n"
 SLCAN_REQUEST = b"O\rt60184000100000000000\r"
+ETHERCAT = b"\x88\xa4"
 CHANNELS = ",".join('{"axis":"x","signal":"velocity_rpm"}' for _ in range(16))
 SUBSCRIBE = '{"subscribe":{"id":1,"rate_hz":16000,"channels":[' + CHANNELS + "]}}"
 
@@ -161,7 +162,7 @@ def stream(link, end, _draw):
         time.sleep(0.3)
 
 
-# ---- UDP and ptys ----
+# ---- UDP, Ethernet and ptys ----
 
 
 def datagrams(link, end, draw):
@@ -187,6 +188,32 @@ def datagrams(link, end, draw):
         if draw.randrange(100) == 0:
             other.close()
             other = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+        time.sleep(0.001)
+
+
+def frames(link, end, draw):
+    """Sends Ethernet frames of every size and type, EtherCAT frames with wrong lengths, and valid ones of another
+    master that only reads."""
+    other = socket.socket(socket.AF_PACKET, socket.SOCK_RAW)
+    other.bind((link.removeprefix("raw:"), 0))
+    good = struct.pack("<H", 0x100E) + struct.pack("<BBHHHH", 7, 0, 0, 0x0130, 2, 0) + b"\0\0" + b"\0\0"
+    for _ in until(end):
+        kind = draw.randrange(5)
+        ether_type = ETHERCAT
+        if kind == 0:  # not EtherCAT, so that its content commands no slave
+            ether_type = draw.choice((b"\x08\x00", b"\x08\x06", b"\x86\xdd", b"\xff\xff", b"\0\0"))
+            content = draw.randbytes(draw.choice((0, 1, 46, 60, 1500)))
+        elif kind == 1:  # EtherCAT of another type than commands
+            content = struct.pack("<H", draw.choice((0, 0x2000, 0x4000, 0xF000)) | draw.randrange(2048))
+            content += draw.randbytes(draw.choice((0, 1, 11, 60, 1400)))
+        elif kind == 2:
+            content = struct.pack("<H", 0x1000 | draw.randrange(2048)) + good[2 : draw.randrange(3, len(good))]
+        elif kind == 3:
+            ether_type, content = b"\x81\x00", draw.randbytes(2) + ETHERCAT + good
+        else:
+            content = good
+        with contextlib.suppress(OSError):
+            other.send(b"\xff" * 6 + draw.randbytes(6) + ether_type + content)
         time.sleep(0.001)
 
 
@@ -226,7 +253,7 @@ def pty_garbage(link, end, draw):
 
 
 TCP = (silent, slow, broken, garbage, deaf, huge)
-KINDS = {function.__name__: function for function in (*TCP, stream, datagrams, pty_deaf, pty_garbage)}
+KINDS = {function.__name__: function for function in (*TCP, stream, datagrams, frames, pty_deaf, pty_garbage)}
 
 
 def kinds_for(link):
@@ -234,6 +261,8 @@ def kinds_for(link):
     scheme = link.partition(":")[0]
     if scheme == "udp":
         return ["datagrams"]
+    if scheme == "raw":
+        return ["frames"]
     if scheme in ("pty", "slcan"):
         return ["pty_deaf", "pty_garbage"]
     return [function.__name__ for function in TCP] + (["stream"] if scheme == "http" else [])

@@ -371,7 +371,7 @@ TEST_F(ProjectOfLine, RecordingsAreKeptWithNameAndNote) {
   const auto second = recorded("second");
   keeper_->finish();
   EXPECT_THAT(text_of(folder_ / "x/recordings/2.json"), HasSubstr("\"name\": \"second\",\n"));
-  EXPECT_THAT(text_of(folder_ / "x/recordings/2.csv"), StartsWith("tick,time_s,\"left velocity_rpm [rpm]\""));
+  EXPECT_THAT(text_of(folder_ / "x/recordings/2.csv"), StartsWith("tick,time_s,left velocity_rpm [rpm]"));
   EXPECT_EQ(ask(Method::put, "recordings/2", R"({"name": "renamed"})").status, 200U);
   EXPECT_EQ(ask(Method::delete_, "recordings/1").status, 204U);
   keeper_->finish();

@@ -19,7 +19,7 @@ const char* word(RecordingState state) {
 
 }  // namespace
 
-Recording::Recording(Plan plan, Trigger trigger)
+Recording::Recording(Plan plan, ArmedTrigger trigger)
     : plan_(std::move(plan)),
       trigger_(std::move(trigger)),
       values_(static_cast<std::size_t>(plan_.samples) * plan_.channels.size()),

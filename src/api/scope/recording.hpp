@@ -33,7 +33,7 @@ class Recording {
   };
 
   // Samples from now on. Throws ApiError if the line would have to sample too many values per tick.
-  Recording(Plan plan, Trigger trigger);
+  Recording(Plan plan, ArmedTrigger trigger);
   // A recording with a trigger in the past. Its `taps` must have been open since before the trigger.
   Recording(Plan plan, std::vector<std::shared_ptr<Samples>> taps, std::int64_t first, std::int64_t trigger,
             Fault fault);
@@ -74,7 +74,7 @@ class Recording {
   Json count(std::size_t channel) const;
 
   Plan plan_;
-  std::optional<Trigger> trigger_;
+  std::optional<ArmedTrigger> trigger_;
   std::vector<std::shared_ptr<Samples>> taps_;
   std::vector<double> values_;  // a ring buffer for each channel, one after the other
   std::vector<Taken> taken_{};  // how each of these values was taken; empty: all were sampled

@@ -1,36 +1,24 @@
 #include <array>
 #include <fmt/format.h>
 
+#include "api/scope/ended_recording.hpp"
 #include "api/scope/frame.hpp"
-#include "api/scope/recording_csv.hpp"
+#include "api/scope/recording_files.hpp"
 #include "api/scope/scope.hpp"
-#include "links/number_text.hpp"
 
 namespace servodrome::api {
 namespace {
 
-constexpr std::int64_t samples_at_a_time = 1024;
 constexpr std::size_t bytes_at_a_time = 64 * 1024;
 constexpr std::string_view csv_line_end = "\r\n";  // RFC 4180
 
 Scope& scope_of(Call& call) { return *static_cast<Scope*>(call.context); }
 
-std::shared_ptr<Recording> recording_argument(Call& call) {
-  const std::string_view text = call.arguments.front();
-  if (const auto id = links::number_of_text<std::uint32_t>(text)) {
-    if (auto recording = scope_of(call).recordings().find(*id)) return recording;
-  }
-  throw ApiError{404, fmt::format("there is no recording \"{}\"", text.substr(0, 40)), "address",
-                 "GET /api/v1/recordings lists them; the oldest make room for new ones"};
+FindRecording finder(Call& call) {
+  return [&call](std::uint32_t id) { return scope_of(call).recordings().find(id); };
 }
 
-// Returns a recording that has ended, so that its samples do not change while they are read.
-std::shared_ptr<const Recording> snapshot(Call& call) {
-  const auto recording = recording_argument(call);
-  if (recording->ended()) return recording;
-  throw ApiError{409, "the recording has not ended", std::string(call.arguments.front()),
-                 "wait for the state \"done\", or POST .../stop"};
-}
+std::shared_ptr<Recording> recording_argument(Call& call) { return named_recording(call, finder(call)); }
 
 Json start_recording(Call& call) {
   Scope& scope = scope_of(call);
@@ -63,9 +51,9 @@ Json delete_recording(Call& call) {
   return nullptr;
 }
 
-// Generates the body in parts: formatting up to 16 MiB at once would take longer than a drive may wait.
+// Generates the body in parts, as the files do.
 Json show_data(Call& call) {
-  const auto recording = snapshot(call);
+  const auto recording = ended_recording(call, finder(call));
   const auto channels = static_cast<std::uint32_t>(recording->plan().channels.size());
   const FrameHeader header{.id = recording->plan().id,
                            .stride = static_cast<std::uint32_t>(recording->plan().stride),
@@ -88,14 +76,14 @@ Json show_data(Call& call) {
 }
 
 Json show_csv(Call& call) {
-  const auto recording = snapshot(call);
-  call.content = Content{"text/csv; charset=utf-8", csv_head(*recording, csv_line_end)};
-  call.content->more = [recording, next = std::int64_t{0}]() mutable {
-    std::string text;
-    const std::int64_t end = std::min(next + samples_at_a_time, recording->samples());
-    for (; next < end; ++next) append_csv_row(text, *recording, next, csv_line_end);
-    return text;
-  };
+  call.content =
+      Content{"text/csv; charset=utf-8", {}, csv_parts_of(ended_recording(call, finder(call)), csv_line_end)};
+  return nullptr;
+}
+
+Json show_mcap(Call& call) {
+  const links::Time epoch = scope_of(call).source().wall_epoch();
+  call.content = Content{"application/octet-stream", {}, mcap_parts_of(ended_recording(call, finder(call)), epoch)};
   return nullptr;
 }
 
@@ -108,6 +96,7 @@ constexpr std::array recording_table{
     Route{Method::post, "/api/v1/recordings/{}/stop", stop_recording},
     Route{Method::get, "/api/v1/recordings/{}/data", show_data},
     Route{Method::get, "/api/v1/recordings/{}/data.csv", show_csv},
+    Route{Method::get, "/api/v1/recordings/{}/data.mcap", show_mcap},
 };
 
 }  // namespace

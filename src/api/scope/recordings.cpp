@@ -52,8 +52,8 @@ const Recording& Recordings::add(Source& source, const std::string& body) {
                    "duration_ms is the whole recording, pre_ms the part of it before the trigger"};
   }
   static const Json now{{"kind", "now"}};
-  Trigger trigger(source, reader.has("trigger") ? reader.required("trigger") : now, plan.channels,
-                  source.trigger_stride(plan.stride));
+  ArmedTrigger trigger(source, reader.has("trigger") ? reader.required("trigger") : now, plan.channels,
+                       source.trigger_stride(plan.stride));
   reader.finish();
   const std::size_t bytes = static_cast<std::size_t>(plan.samples) * plan.channels.size() * sizeof(double);
   if (bytes > largest_bytes) too_large(plan.channels.size());

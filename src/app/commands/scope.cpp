@@ -9,16 +9,16 @@
 #include "app/drive_link.hpp"
 #include "app/number_options.hpp"
 #include "app/whole_file.hpp"
-#include "tools/scope/export.hpp"
-#include "tools/scope/measurements.hpp"
-#include "tools/scope/recorder.hpp"
+#include "scope/files.hpp"
+#include "scope/measurements.hpp"
+#include "tools/sampling/sampler_recorder.hpp"
 #include "tools/script/run.hpp"
 
 namespace servodrome::app {
 namespace scope_command {
 
 using nlohmann::ordered_json;
-namespace scope = master::scope;
+namespace sampling = master::sampling;
 
 struct Options {
   BusOptions bus{.timeout_s = 60.0, .timeout_is_for_motion = true};
@@ -101,12 +101,12 @@ std::optional<master::script::Script> parsed_script(Options& options, const mast
 
 // ---- Channels ----
 
-scope::Channel channel_of(const std::string& text, const master::ObjectCatalogue& own) {
+sampling::Channel channel_of(const std::string& text, const master::ObjectCatalogue& own) {
   try {
-    return scope::named_channel(text, own);
+    return sampling::named_channel(text, own);
   } catch (const master::MasterError&) {
     try {
-      return scope::named_channel(text, master::ObjectCatalogue::standard());
+      return sampling::named_channel(text, master::ObjectCatalogue::standard());
     } catch (const master::MasterError& error) {
       throw Failure::wrong_use(error.what());
     }
@@ -114,13 +114,13 @@ scope::Channel channel_of(const std::string& text, const master::ObjectCatalogue
 }
 
 // The channels if none are given: those of the usual ones that the drive has on this bus.
-std::vector<scope::Channel> usual_channels(DriveLink& link, const master::ObjectCatalogue& catalogue) {
-  std::vector<scope::Channel> channels;
+std::vector<sampling::Channel> usual_channels(DriveLink& link, const master::ObjectCatalogue& catalogue) {
+  std::vector<sampling::Channel> channels;
   const auto add_if_present = [&](const char* name) {
-    scope::Channel channel = channel_of(name, catalogue);
+    sampling::Channel channel = channel_of(name, catalogue);
     try {
-      scope::complete(channel, link.objects());
-      scope::add_channel(channels, std::move(channel));
+      sampling::complete(channel, link.objects());
+      sampling::add_channel(channels, std::move(channel));
     } catch (const master::ObjectError& error) {
       if (!error.object_is_absent()) throw;
     }
@@ -133,9 +133,9 @@ std::vector<scope::Channel> usual_channels(DriveLink& link, const master::Object
   return channels;
 }
 
-std::size_t put(std::vector<scope::Channel>& channels, scope::Channel channel) {
+std::size_t put(std::vector<sampling::Channel>& channels, sampling::Channel channel) {
   try {
-    return scope::add_channel(channels, std::move(channel));
+    return sampling::add_channel(channels, std::move(channel));
   } catch (const master::MasterError& error) {
     throw Failure::wrong_use(error.what());
   }
@@ -145,6 +145,7 @@ std::size_t put(std::vector<scope::Channel>& channels, scope::Channel channel) {
 
 struct Outcome {
   scope::Recording recording{};
+  std::vector<sampling::Channel> channels{};
   std::string remark{};
   std::string noun{};
   unsigned address = 0;
@@ -159,7 +160,7 @@ class Session {
           const std::optional<master::script::Script>& script, const std::optional<master::ObjectCatalogue>& sheet)
       : options_(options), script_(script), link_(options.bus, options.moves()) {
     const master::ObjectCatalogue& catalogue = sheet ? *sheet : link_.catalogue();
-    std::vector<scope::Channel> channels;
+    std::vector<sampling::Channel> channels;
     for (const std::string& text : options.channels) put(channels, channel_of(text, catalogue));
     if (options.channels.empty()) channels = usual_channels(link_, catalogue);
     recorder_options_.pre = time_of(options.pre_s);
@@ -167,19 +168,21 @@ class Session {
       recorder_options_.duration = time_of(options.duration_s.value_or(usual_duration_s));
     }
     if (trigger) {
-      recorder_options_.trigger = scope::Trigger{.channel = put(channels, channel_of(trigger->channel, catalogue)),
-                                                 .condition = trigger->condition,
-                                                 .value = trigger->value};
+      recorder_options_.trigger = trigger->trigger;
+      recorder_options_.trigger_channel = put(channels, channel_of(trigger->channel, catalogue));
     }
-    for (scope::Channel& channel : channels) scope::complete(channel, link_.objects());
-    scope::SamplerOptions sampler_options{
+    for (sampling::Channel& channel : channels) sampling::complete(channel, link_.objects());
+    sampling::SamplerOptions sampler_options{
         .polls = options.polls, .moves = script.has_value(), .distributed_clocks = options.bus.clocks};
     if (options.rate_hz) sampler_options.period = time_of(1.0 / *options.rate_hz);
     sampler_ = link_.open_sampler(std::move(channels), sampler_options);
   }
 
   Outcome run() {
-    Outcome outcome{.remark = sampler_->remark(), .noun = link_.noun(), .address = link_.objects().address()};
+    Outcome outcome{.channels = sampler_->channels(),
+                    .remark = sampler_->remark(),
+                    .noun = link_.noun(),
+                    .address = link_.objects().address()};
     const auto attempt = [&](auto&& call) {
       try {
         call();
@@ -188,7 +191,7 @@ class Session {
       }
     };
     {
-      scope::Recorder recorder(*sampler_, recorder_options_);
+      sampling::SamplerRecorder recorder(*sampler_, recorder_options_);
       attempt([&] { script_ ? move(recorder, outcome) : look(recorder, outcome); });
       outcome.recording = recorder.recording();
       if (recorder.is_full())
@@ -202,7 +205,7 @@ class Session {
   }
 
  private:
-  void look(scope::Recorder& recorder, Outcome& outcome) {
+  void look(sampling::SamplerRecorder& recorder, Outcome& outcome) {
     const master::Time give_up = link_.objects().now() + options_.bus.timeout();
     while (!recorder.done()) {
       if ((outcome.interrupted = InterruptGuard::interrupted())) return;
@@ -216,7 +219,7 @@ class Session {
   }
 
   // Runs the script; then records until a given duration is over.
-  void move(scope::Recorder& recorder, Outcome& outcome) {
+  void move(sampling::SamplerRecorder& recorder, Outcome& outcome) {
     link_.be_watched(options_.bus);
     const auto axis = link_.open_axis(sampler_->objects(), {});
     master::Axis402* const axes[] = {axis.get()};
@@ -253,7 +256,7 @@ class Session {
   const std::optional<master::script::Script>& script_;
   DriveLink link_;
   scope::RecorderOptions recorder_options_;
-  std::unique_ptr<scope::Sampler> sampler_;
+  std::unique_ptr<sampling::Sampler> sampler_;
 };
 
 // ---- Results ----
@@ -300,8 +303,9 @@ std::string text_of(const Options& options, const Outcome& outcome) {
   return text + steps;
 }
 
-ordered_json json_of_channel(const scope::Recording& recording, std::size_t i, bool samples) {
-  const scope::Channel& channel = recording.channels[i];
+ordered_json json_of_channel(const Outcome& outcome, std::size_t i, bool samples) {
+  const scope::Recording& recording = outcome.recording;
+  const sampling::Channel& channel = outcome.channels[i];
   ordered_json json{{"name", channel.name},
                     {"object", master::text_of(channel.object)},
                     {"type", master::short_word(*channel.type)},
@@ -347,7 +351,7 @@ ordered_json json_of(const Options& options, const Outcome& outcome, const std::
                     {"files", written}};
   json["channels"] = ordered_json::array();
   for (std::size_t i = 0; i < recording.channels.size(); ++i) {
-    json["channels"].push_back(json_of_channel(recording, i, options.files.empty()));
+    json["channels"].push_back(json_of_channel(outcome, i, options.files.empty()));
   }
   return json;
 }
@@ -360,8 +364,8 @@ void record(Options options) {
   std::optional<scope::TriggerText> trigger;
   try {
     if (!options.trigger.empty()) trigger = scope::parse_trigger(options.trigger);
-  } catch (const master::MasterError& error) {
-    throw Failure::wrong_use(error.what());
+  } catch (const scope::TriggerError& error) {
+    throw Failure::wrong_use(fmt::format("{}; {}", error.what(), error.hint()));
   }
   const auto sheet = data_sheet(options);
   const auto script = parsed_script(options, sheet ? *sheet : master::ObjectCatalogue::standard());
@@ -425,7 +429,8 @@ void add_scope(CLI::App& app) {
       ->check(number_within(0.001, 1e6));
   command->add_option(
       "--trigger", options->trigger,
-      "Start when CHANNEL rises|falls|sets|has|lacks VALUE, CHANNEL ==|!=|<|<=|>|>= VALUE, CHANNEL changes, or fault");
+      "Start when CHANNEL rises|falls|becomes|sets|has|lacks VALUE, CHANNEL ==|!=|<|<=|>|>= VALUE, CHANNEL "
+      "changes|appears, or fault");
   command->add_option("--pre", options->pre_s, "Seconds to record before the trigger")
       ->check(number_within(0.0, 1e6))
       ->capture_default_str();

@@ -76,18 +76,16 @@ void EthercatBus::return_interposed(Passage& passage, std::span<std::uint8_t> fr
   }
 }
 
-Time EthercatBus::settle(Time at) {
-  Time until = never;
+void EthercatBus::settle(Time at) {
   for (const ethercat::Segment::Slave& slave : slaves_) {
     if (slave.esc->quiet(at) || !slave.powered) continue;
     if (slave.esc->calls(at)) {
       const auto position = static_cast<std::size_t>(&slave - slaves_.data());
-      until = std::min(until, stations_[position]->frame_passed(at));
+      next_event_ = std::min(next_event_, stations_[position]->frame_passed(at));
     } else {
-      until = ethercat::Esc::unknown;
+      next_event_ = ethercat::Esc::unknown;
     }
   }
-  return until;
 }
 
 void EthercatBus::count(const ethercat::Segment::Passage& passage) {

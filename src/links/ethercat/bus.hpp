@@ -91,10 +91,13 @@ class EthercatBus {
     return passage;
   }
   // The two halves of exchange(), for a link that sends the frame back before the stations do their work. settle() must
-  // be called before the next frame. It returns the time until which the stations that the frame changed need not run:
-  // `never` if it changed none, Esc::unknown if it wrote a register.
+  // be called before the next frame.
   Passage pass(std::span<std::uint8_t> frame, Time at, Port entry, Encapsulation encapsulation);
-  Time settle(Time at);
+  void settle(Time at);
+  // The time until which the stations that frames have changed since forget_events() need not run: `never` if there are
+  // none, Esc::unknown if a frame wrote a register.
+  Time next_event() const { return next_event_; }
+  void forget_events() { next_event_ = never; }
 
   // Without power the station has no link to its neighbours. When power returns, its controller restarts.
   void set_powered(std::size_t position, bool powered, Time now) { segment_.set_powered(position, powered, now); }
@@ -143,6 +146,7 @@ class EthercatBus {
   DisturbanceGenerator corrupt_draws_{0};
   DisturbanceGenerator delay_draws_{0};
   EthercatCounters counters_;
+  Time next_event_ = never;
 };
 
 }  // namespace servodrome::links

@@ -114,7 +114,7 @@ void ProjectKeeper::collect_recordings(std::vector<Task>& tasks) {
     const auto write = [recording = std::shared_ptr<const api::Recording>(recording), is_new,
                         about = about_text(*recording), samples = recording_file(plan.id, "csv"),
                         file = recording_file(plan.id, "json")] {
-      if (is_new) replace(samples, samples_text(*recording));
+      if (is_new) replace(samples, samples_text(recording));
       replace(file, about);
     };
     tasks.push_back(

@@ -5,8 +5,9 @@
 #include <fmt/format.h>
 #include <limits>
 
-#include "api/scope/recording_csv.hpp"
+#include "api/scope/recording_files.hpp"
 #include "links/number_text.hpp"
+#include "scope/files.hpp"
 #include "studio/project/files.hpp"
 
 namespace servodrome::studio {
@@ -124,10 +125,8 @@ std::string about_text(const api::Recording& recording) {
   return file_text(view);
 }
 
-std::string samples_text(const api::Recording& recording) {
-  std::string text = api::csv_head(recording, "\n");
-  for (std::int64_t row = 0; row < recording.samples(); ++row) api::append_csv_row(text, recording, row, "\n");
-  return text;
+std::string samples_text(std::shared_ptr<const api::Recording> recording) {
+  return scope::joined(api::csv_parts_of(std::move(recording), "\n"));
 }
 
 }  // namespace servodrome::studio

@@ -15,6 +15,6 @@ void load_recordings(const std::filesystem::path& folder, api::Recordings& recor
 
 // The content of the two files. `recording` has ended.
 std::string about_text(const api::Recording& recording);
-std::string samples_text(const api::Recording& recording);
+std::string samples_text(std::shared_ptr<const api::Recording> recording);
 
 }  // namespace servodrome::studio

@@ -2,7 +2,8 @@
 
 namespace servodrome::line::bench {
 
-LineScope::LineScope(Line& line) : line_(line), source_(line), scope_(source_), next_look_(line.now() + period) {
+LineScope::LineScope(Line& line, std::function<Time()> epoch)
+    : line_(line), source_(line, std::move(epoch)), scope_(source_), next_look_(line.now() + period) {
   for (const auto& axis : line_.axes()) {
     monitors_.push_back(
         std::make_unique<AxisMonitor>(*axis, source_, [this](const Json& event) { scope_.publish(event); }));

@@ -15,8 +15,8 @@ class LineScope final : private Follower {
  public:
   static constexpr Time period = std::chrono::milliseconds(10);  // of line time, between two fetches
 
-  // The line must outlive it.
-  explicit LineScope(Line& line);
+  // The line must outlive it. `epoch`: see LineSource.
+  explicit LineScope(Line& line, std::function<Time()> epoch = {});
   ~LineScope();
   LineScope(const LineScope&) = delete;
   LineScope& operator=(const LineScope&) = delete;

@@ -10,10 +10,12 @@ namespace servodrome::line::bench {
 // The axes of a line as a source of samples in every tick.
 class LineSource final : public api::Source {
  public:
-  // The line must outlive the source and all channels that the source returned.
-  explicit LineSource(Line& line) : line_(line) {}
+  // The line must outlive the source and all channels that the source returned. `epoch` returns the wall-clock time of
+  // the line's time 0; without it that is 0.
+  explicit LineSource(Line& line, std::function<Time()> epoch = {}) : line_(line), epoch_(std::move(epoch)) {}
 
   std::int64_t tick() const override { return line_.now() / tick_length; }
+  Time wall_epoch() const override { return epoch_ ? epoch_() : Time{}; }
   std::vector<std::string> axes() const override;
   api::NamedChannel signal(const std::string& axis, std::string_view name) override { return signal(find(axis), name); }
   api::NamedChannel object(const std::string& axis, std::uint16_t index, std::uint8_t sub) override {
@@ -34,6 +36,7 @@ class LineSource final : public api::Source {
   api::NamedChannel channel(const Channel& channel, Json view);
 
   Line& line_;
+  std::function<Time()> epoch_;
   TapTable taps_;
 };
 
