@@ -11,14 +11,14 @@
 #include <random>
 #include <vector>
 
-#include "drive/trajectory/trajectory.hpp"
+#include "trajectory/trajectory.hpp"
 
 namespace {
 
-using servodrome::drive::MotionLimits;
-using servodrome::drive::MotionState;
-using servodrome::drive::RampShape;
-using servodrome::drive::Trajectory;
+using servodrome::trajectory::MotionLimits;
+using servodrome::trajectory::MotionState;
+using servodrome::trajectory::RampShape;
+using servodrome::trajectory::Trajectory;
 
 struct Order {
   MotionState start;

@@ -144,6 +144,7 @@ void HttpConnection::read() {
   parser_.emplace();
   parser_->header_limit(largest_header);
   parser_->body_limit(largest_body);
+  halts_ = server_->halts_;  // of a request that waits in the buffer behind the last one of its client
   stream_.expires_after(idle_time);
   parse();
 }
@@ -160,6 +161,8 @@ void HttpConnection::receive() {
   stream_.async_read_some(buffer_.prepare(room), guarded([this](error_code code, std::size_t size) {
                             links::acknowledge_at_once(stream_.socket());
                             buffer_.commit(size);
+                            // A request begins with its first byte: its rest may come after a halt.
+                            if (!parser_->got_some()) halts_ = server_->halts_;
                             if (code == boost::asio::error::eof) {
                               code = parser_->got_some() ? http::error::partial_message : http::error::end_of_stream;
                             }
@@ -230,7 +233,6 @@ void HttpConnection::has_read(const error_code& code) {
 
 void HttpConnection::take_turn() {
   const auto now = Turns::Clock::now();
-  halts_ = server_->halts_;
   due_ = server_->turns_.take(now);
   serve_at(may_be_urgent() ? std::min(due_, server_->urgent_turns_.next(now)) : due_);
 }

@@ -70,7 +70,7 @@ class HttpConnection : public std::enable_shared_from_this<HttpConnection> {
   std::string part_;                             // that is being sent
   std::chrono::steady_clock::duration spent_{};  // time of the thread for the current request
   Turns::Clock::time_point due_{};               // turn of the current request
-  std::uint64_t halts_ = 0;                      // HttpServer::halts_ when the current request arrived
+  std::uint64_t halts_ = 0;                      // HttpServer::halts_ when the current request began to arrive
   bool was_urgent_ = false;                      // it was served before its turn
   bool from_loopback_ = false;
   bool wants_head_ = false;  // the request is a HEAD: the response has no body

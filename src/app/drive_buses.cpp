@@ -20,6 +20,7 @@ class OpenGroup final : public studio::OpenBus {
     return drives;
   }
   void back(std::size_t drive) override { group_.renew_watch(drive); }
+  bool has_restarted(std::size_t drive) const override { return group_.has_lost_watch(drive); }
   void release(std::size_t drive) override { group_.release_watch(drive); }
   // All drives share the bus, so any of them can wait.
   void wait(master::Time span) override { group_.axes().front()->objects().wait(span); }

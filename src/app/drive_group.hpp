@@ -30,6 +30,8 @@ class DriveGroup {
   // Call it when a drive has come back, maybe from a reset: a CANopen drive monitors the heartbeat again, and 6007h of
   // an EtherCAT drive is written again. Throws MasterError.
   void renew_watch(std::size_t axis);
+  // True if the drive has restarted and no longer monitors this program's heartbeat: call renew_watch().
+  bool has_lost_watch(std::size_t axis) const { return watch_ && watch_->has_restarted(*objects_[axis]); }
   // Restores what the monitoring has changed in the drive; renew_watch() sets it again.
   void release_watch(std::size_t axis);
   // Time without this program after which the axis begins to stop by itself; empty: it does not stop.

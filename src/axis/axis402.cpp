@@ -88,6 +88,15 @@ void Axis402::fail(const std::string& happened, const std::string& remedy) {
       to_do += fmt::format(". {}: {} {}", meaning->text, meaning->cause, meaning->remedy);
     }
   }
+  // On some drives a limit switch is a fault.
+  const PowerState present = state_of(word);
+  if (present == PowerState::fault || present == PowerState::fault_reaction_active) {
+    const std::uint32_t inputs = objects_.read_if_present<std::uint32_t>(0x60FD).value_or(0);
+    for (const unsigned bit : {0U, 1U}) {
+      if ((inputs >> bit & 1U) == 0) continue;
+      shown += fmt::format(", the {} limit switch is active (60FDh)", bit == 0 ? "negative" : "positive");
+    }
+  }
   if (const auto emergency = latest_emergency()) shown += ", latest " + text_of(*emergency);
   throw MasterError(fmt::format("{} [{}]", happened, shown), objects_.where(), to_do);
 }

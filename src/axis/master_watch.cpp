@@ -98,8 +98,9 @@ void MasterWatch::begin(ObjectClient& drive) {
     if (!is_free(drive)) return;
     if (node_id_ == 0) node_id_ = silent_node_id();
     if (node_id_ == 0) return;
+    const unsigned boot_ups_before = boot_ups(drive);  // a restart after this point is noticed
     drive.write<std::uint32_t>(consumer_heartbeat_time, 1, entry_for(node_id_));
-    watching_.push_back({&drive, false});
+    watching_.push_back({&drive, false, boot_ups_before});
     if (drive.read_if_present<std::int16_t>(abort_connection_option) == no_action) {
       drive.write<std::int16_t>(abort_connection_option, 0, malfunction);
       watching_.back().option_changed = true;
@@ -121,8 +122,23 @@ void MasterWatch::renew(ObjectClient& drive) {
   if (!watching_.empty()) beat();
 }
 
+const MasterWatch::Watching* MasterWatch::find(const ObjectClient& drive) const {
+  const auto found =
+      std::find_if(watching_.begin(), watching_.end(), [&](const auto& its) { return its.drive == &drive; });
+  return found == watching_.end() ? nullptr : &*found;
+}
+
+unsigned MasterWatch::boot_ups(const ObjectClient& drive) const {
+  return master_.health(static_cast<std::uint8_t>(drive.address())).boot_ups;
+}
+
+bool MasterWatch::has_restarted(const ObjectClient& drive) const {
+  const Watching* const its = find(drive);
+  return its != nullptr && its->boot_ups != boot_ups(drive);
+}
+
 bool MasterWatch::is_watching(const ObjectClient& drive) const {
-  return std::any_of(watching_.begin(), watching_.end(), [&](const auto& its) { return its.drive == &drive; });
+  return find(drive) != nullptr && !has_restarted(drive);
 }
 
 // An exception of the callback does not keep the other drives from being restored.

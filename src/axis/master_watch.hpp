@@ -49,8 +49,9 @@ class MasterWatch {
   MasterWatch(const MasterWatch&) = delete;
   MasterWatch& operator=(const MasterWatch&) = delete;
 
-  // Sets the supervision up again for a drive that has come back, for example after a reset, which clears it. Throws
-  // like the constructor.
+  // True if the drive has sent a boot-up since its supervision began: the restart has cleared 1016h.
+  bool has_restarted(const ObjectClient& drive) const;
+  // Sets the supervision up again for a drive that has restarted or come back. Throws like the constructor.
   void renew(ObjectClient& drive);
   // Restores one drive, as the destructor does, for example before it stores its objects. renew() starts its
   // supervision again.
@@ -58,15 +59,19 @@ class MasterWatch {
   // Restores the drives, as the destructor does, and ends the heartbeat. renew() starts the supervision again.
   void end() noexcept;
 
-  // Number of drives that monitor this master.
+  // Number of drives that monitor this master; one that has restarted counts until renew().
   std::size_t watched() const { return watching_.size(); }
+  // The drive monitors this master.
   bool is_watching(const ObjectClient& drive) const;
 
  private:
   struct Watching {
     ObjectClient* drive;
     bool option_changed;
+    unsigned boot_ups;  // of the node, when its supervision began
   };
+  const Watching* find(const ObjectClient& drive) const;
+  unsigned boot_ups(const ObjectClient& drive) const;
   void begin(ObjectClient& drive);
   void restore(const Watching& watching) noexcept;
   void tell(const std::string& sentence) noexcept;

@@ -5,10 +5,10 @@
 #include <cstdint>
 #include <optional>
 
+#include "drive/lag_filter.hpp"
 #include "drive/loops/cascade.hpp"
+#include "drive/moving_average.hpp"
 #include "drive/rounding.hpp"
-#include "drive/trajectory/lag_filter.hpp"
-#include "drive/trajectory/moving_average.hpp"
 
 namespace servodrome::drive {
 

@@ -1,7 +1,7 @@
 #pragma once
 
 #include "drive/rounding.hpp"
-#include "drive/trajectory/trajectory.hpp"
+#include "drive/trajectory_types.hpp"
 #include "drive/units.hpp"
 
 namespace servodrome::drive {

@@ -10,7 +10,7 @@
 #include "drive/objects.hpp"
 #include "drive/power/power_state.hpp"
 #include "drive/signals.hpp"
-#include "drive/trajectory/trajectory.hpp"
+#include "drive/trajectory_types.hpp"
 #include "drive/units.hpp"
 
 // The differences between products, as data. A drive has one Policy; its code does not depend on the product.

@@ -461,7 +461,7 @@ bool DriveBus::poll_one(OpenBus& open, bool silent_too) {
   const UrgentAbort urgent_abort(*this, open, true);
   try {
     if (stop) stop_now(i, objects);
-    if (silent_[i]) open.back(i);
+    if (silent_[i] || open.has_restarted(i)) open.back(i);
     silent_[i] = false;
     seen.status = axes_[i].status();
     seen.controlword = objects.read_if_present<std::uint16_t>(0x6040).value_or(0);

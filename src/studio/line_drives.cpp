@@ -63,12 +63,14 @@ Travel LineDrives::travel(const std::string& name) {
   const std::int64_t actual = master::Axis402(objects, options_for(axis)).position();
   const plant::Parameters& parameters = axis.plant().parameters();
   // A move to an end itself is within the travel, also if the axis stands some counts beside its demand.
-  const auto slack = static_cast<std::int64_t>(parameters.encoder.counts_per_revolution / 100);
+  const std::int64_t slack =
+      std::abs(units.to_user(static_cast<std::int64_t>(parameters.encoder.counts_per_revolution / 100)));
   const auto add = [&](std::int64_t counts, bool high, const char* what) {
     if (counts == plant::no_low_limit || counts == plant::no_high_limit) return;
-    counts += high ? slack : -slack;
-    travel.ends.push_back(
-        {actual + units.to_user(counts - axis.plant().position_counts()), high != units.position_inverted, what});
+    travel.ends.push_back({.position = actual + units.to_user(counts - axis.plant().position_counts()),
+                           .highest = high != units.position_inverted,
+                           .what = what,
+                           .slack = slack});
   };
   add(parameters.load.low_stop_counts, false, "the negative stop");
   add(parameters.load.high_stop_counts, true, "the positive stop");

@@ -52,9 +52,10 @@ Travel travel_by_objects(master::ObjectClient& objects, const master::AxisOption
   // Where 607Dh leaves an end of the range 607Bh free, that end is the limit.
   travel.ends = {
       {least, false,
-       least == values.min_position_limit ? "the lowest position of 607Dh" : "the lowest position of 607Bh"},
+       least == values.min_position_limit ? "the lowest position of 607Dh" : "the lowest position of 607Bh", true},
       {greatest, true,
-       greatest == values.max_position_limit ? "the highest position of 607Dh" : "the highest position of 607Bh"}};
+       greatest == values.max_position_limit ? "the highest position of 607Dh" : "the highest position of 607Bh",
+       true}};
   return travel;
 }
 
@@ -69,7 +70,8 @@ void require_within_travel(const Order& order, const Travel& travel, const std::
   const TravelEnd* nearest = nullptr;
   for (const TravelEnd& end : travel.ends) {
     const std::int64_t sign = end.highest ? 1 : -1;
-    const bool goes_beyond = sign * (target - end.position) > 0 && sign * (target - travel.place) > 0;
+    const bool is_beyond = sign * (target - end.position) > end.slack;
+    const bool goes_beyond = is_beyond && (end.limits_target || sign * (target - travel.place) > 0);
     if (goes_beyond && (nearest == nullptr || sign * (end.position - nearest->position) < 0)) nearest = &end;
   }
   if (nearest == nullptr) return;

@@ -17,6 +17,8 @@ struct TravelEnd {
   std::int64_t position = 0;
   bool highest = false;  // false: the axis cannot go to smaller positions
   const char* what = "";
+  bool limits_target = false;  // the drive shortens or refuses each target beyond it, also of a move back from beyond
+  std::int64_t slack = 0;      // a move may end so far beyond it
 };
 
 struct PositionSpan {
@@ -37,8 +39,8 @@ struct Travel {
 Travel travel_by_objects(master::ObjectClient& objects, const master::AxisOptions& options, const drive::Policy& policy,
                          bool homed);
 
-// Throws ApiError 409 if the target of the order lies beyond an end, in the direction of the move: an axis beyond an
-// end can move back.
+// Throws ApiError 409 if the target of the order lies beyond an end. An axis beyond a switch or a stop can move back
+// towards it; beyond a software limit it can only move to within the limits.
 void require_within_travel(const Order& order, const Travel& travel, const std::string& axis);
 
 }  // namespace servodrome::studio

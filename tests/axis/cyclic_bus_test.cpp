@@ -39,12 +39,13 @@ std::vector<double> follow_a_profile(MotionGroup& group, double revolutions,
   std::vector<double> start;
   std::vector<double> targets;
   std::vector<MotionLimits> limits;
-  std::vector<drive::Trajectory> exact(group.size());
+  std::vector<trajectory::Trajectory> exact(group.size());
   for (std::size_t i = 0; i < group.size(); ++i) {
     start.push_back(group.axis(i).set_point().position);
     targets.push_back(start.back() + revolutions * counts(i));
     limits.push_back(in_counts(counts(i)));
-    exact[i].plan_position({0.0, 0.0, 0.0}, revolutions * counts(i), 0.0, limits[i], drive::RampShape::jerk_limited);
+    exact[i].plan_position({0.0, 0.0, 0.0}, revolutions * counts(i), 0.0, limits[i],
+                           trajectory::RampShape::jerk_limited);
   }
   const double period_s = std::chrono::duration<double>(group.bus().period()).count();
   unsigned cycle = 0;

@@ -123,6 +123,33 @@ TEST_P(Watched, IsToldAnewAfterAReset) {
   EXPECT_EQ(option(), before);
 }
 
+// A restart clears 1016h, also one that is too short for a missing answer. (A ProNet keeps it at reset communication.)
+TEST_P(Watched, NoticesARestart) {
+  ObjectClient* const drives[] = {&rig.objects()};
+  MasterWatch watch(*rig.can, drives);
+  const auto restart_and_renew = [&](const char* what, const auto& restart) {
+    EXPECT_TRUE(watch.is_watching(rig.objects())) << what;
+    EXPECT_FALSE(watch.has_restarted(rig.objects())) << what;
+    restart();
+    rig.objects().wait(3s);
+    EXPECT_FALSE(watch.is_watching(rig.objects())) << what;
+    EXPECT_TRUE(watch.has_restarted(rig.objects())) << what;
+    watch.renew(rig.objects());
+    EXPECT_EQ(watched_time(), 0x7F05DCU) << what;
+  };
+  const auto node = static_cast<std::uint8_t>(rig.objects().address());
+  restart_and_renew("reset node", [&] { Master(*rig.can).command(NmtCommand::reset_node, node); });
+  restart_and_renew("reset communication", [&] { Master(*rig.can).command(NmtCommand::reset_communication, node); });
+  restart_and_renew("power", [&] {
+    line::Axis& axis = *rig.line.axes()[0];
+    axis.power_off(rig.line.now());
+    axis.power_on(rig.line.now());
+  });
+  pull_cable_while_moving();
+  rig.line.run_until(rig.line.now() + MasterWatch::longest_silence + 2s);
+  EXPECT_LT(counts_in_a_second(), 100.0);
+}
+
 // A drive that stores its objects stores its own values.
 TEST_P(Watched, IsReleasedAloneAndToldAnew) {
   const auto before = option();

@@ -45,8 +45,8 @@ TEST(SetPointGenerator, ContinuesAtTheEndOfAProfile) {
   while (!generator.done()) generator.advance();
   ASSERT_TRUE(generator.move_to(900.0, 0.0, smooth, SetPointGenerator::From::end));
   const double second = generator.duration_s();
-  drive::Trajectory exact;
-  exact.plan_position({500.0, 400.0, 0.0}, 900.0, 0.0, smooth, drive::RampShape::jerk_limited);
+  trajectory::Trajectory exact;
+  exact.plan_position({500.0, 400.0, 0.0}, 900.0, 0.0, smooth, trajectory::RampShape::jerk_limited);
   EXPECT_DOUBLE_EQ(second, exact.duration_s());
   const double at = std::ceil(first / 0.0007) * 0.0007;
   EXPECT_NEAR(generator.elapsed_s(), at - first, 1e-12);
@@ -67,9 +67,9 @@ TEST(BrakingDistance, AndItsInverseAgreeWithTheProfile) {
     const MotionLimits limits{5000.0, 5000.0, 5000.0, jerk};
     for (const double v : {1.0, 30.0, 900.0, 5000.0}) {
       for (const double end : {0.0, 0.5 * v}) {
-        drive::Trajectory brake;
+        trajectory::Trajectory brake;
         brake.plan_velocity({0.0, v, 0.0}, end, limits,
-                            jerk > 0 ? drive::RampShape::jerk_limited : drive::RampShape::linear);
+                            jerk > 0 ? trajectory::RampShape::jerk_limited : trajectory::RampShape::linear);
         const double distance = brake.at(brake.duration_s()).position;
         EXPECT_NEAR(braking_distance(v, end, limits), distance, 1e-9 * distance);
         EXPECT_NEAR(velocity_to_slow_within(distance, end, limits), v, 1e-9 * v);

@@ -1,6 +1,6 @@
 #include <gtest/gtest.h>
 
-#include "drive/trajectory/lag_filter.hpp"
+#include "drive/lag_filter.hpp"
 #include "loops_support.hpp"
 
 // Filters of the feed-forwards, and the disturbance observer, compared with their formulas.

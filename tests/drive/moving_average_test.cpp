@@ -1,4 +1,4 @@
-#include "drive/trajectory/moving_average.hpp"
+#include "drive/moving_average.hpp"
 
 #include <deque>
 #include <gtest/gtest.h>

@@ -52,6 +52,25 @@ def rests_within(line, name, seconds):
     assert speed(line, name) < 1
 
 
+def test_a_drive_that_restarted_watches_the_studio_again(line):
+    """The restart takes less time than the studio waits for an answer. Afterwards the studio dies."""
+    studio = Studio(line.links["can0"][0])
+    axis = "reference"
+    name = AXES[axis][0]
+    try:
+        wait_for(lambda: studio.bench.axis(name)["watch"], name)
+        line.bench.post(f"axes/{axis}/power", {"action": "cycle"})
+        wait_for(lambda: line.bench.get(f"axes/{axis}/values?objects=1016:01")["values"]["1016:01"] or 0, "the monitoring")
+        wait_for(lambda: studio.bench.axis(name)["watch"], name)
+        studio.does(name, do="enable")
+        studio.job(name, do="velocity", velocity=1, acceleration=20, units="revolutions")
+        wait_for(lambda: speed(line, axis) > 50, "the motion")
+    finally:
+        studio.process.kill()
+        studio.process.wait()
+    rests_within(line, axis, AXES[axis][2])
+
+
 @pytest.mark.parametrize("axis", AXES)
 def test_studio_is_killed_at_random_moments(line, axis):
     name, counts, longest = AXES[axis]

@@ -65,7 +65,7 @@ def test_a_motion_into_a_limit_switch(client):
 def test_tune_at_a_limit_switch_names_the_switch(client):
     client("move", "--by", SWITCH - 0.1, *RUN)
     said = client("tune", "--seconds", "4", status=1)
-    if "with less load" not in said:  # a busy computer loses cycles before the axis is at the switch
+    if "with less load" not in said and "PDOs were missing" not in said:  # a busy computer loses cycles before the axis is at the switch
         assert "the positive limit switch is active (60FDh)" in said and "start farther away from it" in said, said
         assert "allow more with --travel" not in said, said
 

@@ -128,8 +128,15 @@ TEST(Project, ABadFileIsNamedWithItsPlaceAndStays) {
   const fs::path boards = folder / "x/state/boards.json";
   is_refused(boards, "[\n  {\"a\": }\n]\n", ":2:9: is not JSON here");
   is_refused(boards, "", ":1:1: is not JSON here");
-  is_refused(boards, std::string(1000, '['), ":1:1: is nested more than 64 levels deep");
+  is_refused(boards, std::string(1000, '['), ":1:1: is nested more than 31 levels deep");
+  is_refused(boards, "null", ":1:1: null is no state");
   fs::remove(boards);
+  const fs::path wrong = folder / "x/state/bad name.json";
+  is_refused(wrong, "1", ": this is no name of a state");
+  fs::remove(wrong);
+  fs::remove(folder / "x/state");
+  is_refused(folder / "x/state", "no folder", ": is a file and no folder");
+  fs::remove(folder / "x/state");
   const fs::path changes = folder / "x/changes.jsonl";
   is_refused(changes, "{\"axis\": \"x\", \"number\": 1}\n{\"axis\"\n", ":2:8: is not JSON here");
   is_refused(changes, "{\"axis\": \"x\", \"number\": 1}\n{\"axis\": \"x\"}\n", ":2:1: is no change");
@@ -442,7 +449,24 @@ TEST_F(ProjectOfLine, ABadRecordingIsNamedWithItsPlace) {
     EXPECT_THAT(complaint_of_files(), HasSubstr("out of range")) << key;
   }
   put(about, good_about);
+  put(folder_ / "x/recordings/copy.json", good_about);
+  EXPECT_THAT(complaint_of_files(), HasSubstr("copy.json: its name is not the number of a recording"));
+  fs::remove(folder_ / "x/recordings/copy.json");
   EXPECT_EQ(complaint_of_files(), "");
+}
+
+// An incomplete copy of a project: the samples without their description.
+TEST_F(ProjectOfLine, SamplesWithoutADescriptionAreNotOverwritten) {
+  recorded("one");
+  keeper_->finish();
+  const fs::path csv = folder_ / "x/recordings/1.csv";
+  const std::string before = text_of(csv);
+  fs::remove(folder_ / "x/recordings/1.json");
+  open();
+  EXPECT_TRUE(scope_->scope().recordings().all().empty());
+  EXPECT_EQ(recorded("two")->plan().id, 2U);
+  keeper_->finish();
+  EXPECT_EQ(text_of(csv), before);
 }
 
 }  // namespace

@@ -8,8 +8,8 @@ namespace servodrome::master {
 
 namespace {
 
-drive::RampShape shape_of(const MotionLimits& limits) {
-  return limits.jerk > 0.0 ? drive::RampShape::jerk_limited : drive::RampShape::linear;
+trajectory::RampShape shape_of(const MotionLimits& limits) {
+  return limits.jerk > 0.0 ? trajectory::RampShape::jerk_limited : trajectory::RampShape::linear;
 }
 
 }  // namespace
@@ -17,7 +17,7 @@ drive::RampShape shape_of(const MotionLimits& limits) {
 void SetPointGenerator::reset(const MotionState& state) {
   trajectory_ = {};
   trajectory_.plan_velocity({state.position, state.velocity, 0.0}, state.velocity,
-                            {std::abs(state.velocity) + 1.0, 1.0, 1.0, 0.0}, drive::RampShape::linear);
+                            {std::abs(state.velocity) + 1.0, 1.0, 1.0, 0.0}, trajectory::RampShape::linear);
   order_.reset();
   base_ = 0.0;
   offset_s_ = 0.0;
@@ -40,8 +40,8 @@ MotionState SetPointGenerator::start_of(From from) const {
 }
 
 bool SetPointGenerator::carry_out(const Order& order, From from) {
-  using Result = drive::Trajectory::Result;
-  drive::Trajectory next;
+  using Result = trajectory::Trajectory::Result;
+  trajectory::Trajectory next;
   const MotionState start = start_of(from);
   const Result result = order.is_position ? next.plan_position(start, order.goal, order.end_velocity, order.limits,
                                                                shape_of(order.limits))

@@ -2,12 +2,12 @@
 
 #include <optional>
 
-#include "drive/trajectory/trajectory.hpp"
+#include "trajectory/trajectory.hpp"
 
 namespace servodrome::master {
 
-using drive::MotionLimits;
-using drive::MotionState;
+using trajectory::MotionLimits;
+using trajectory::MotionState;
 
 // The master's own trajectory: one set-point for each cycle, in counts, counts/s, counts/s^2. The profiles are those of
 // the drive's generators (drive/trajectory), time-optimal within the limits: jerk-limited if the limits have a jerk,
@@ -61,7 +61,7 @@ class SetPointGenerator {
   MotionState start_of(From from) const;
 
   double period_s_;
-  drive::Trajectory trajectory_;
+  trajectory::Trajectory trajectory_;
   std::optional<Order> order_{};  // of the present profile
   double base_ = 0.0;             // added to the trajectory's positions
   double offset_s_ = 0.0;         // time in the trajectory at its first cycle

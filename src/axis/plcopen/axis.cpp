@@ -14,9 +14,9 @@ bool is_positive(double value) { return std::isfinite(value) && value > 0.0; }
 
 // Where an axis comes to rest, in counts, that brakes from this state on.
 double place_of_rest(const MotionState& state, const MotionLimits& limits) {
-  drive::Trajectory brake;
-  const auto shape = limits.jerk > 0.0 ? drive::RampShape::jerk_limited : drive::RampShape::linear;
-  if (brake.plan_velocity(state, 0.0, limits, shape) != drive::Trajectory::Result::ok) return state.position;
+  trajectory::Trajectory brake;
+  const auto shape = limits.jerk > 0.0 ? trajectory::RampShape::jerk_limited : trajectory::RampShape::linear;
+  if (brake.plan_velocity(state, 0.0, limits, shape) != trajectory::Trajectory::Result::ok) return state.position;
   return brake.at(brake.duration_s()).position;
 }
 

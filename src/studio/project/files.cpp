@@ -8,8 +8,8 @@
 namespace servodrome::studio {
 namespace {
 
-// Printing and copying nested values use stack for each level.
-constexpr int deepest = 64;
+// Printing and copying nested values use stack for each level. A request has one level more, and may have 32.
+constexpr int deepest = 31;
 
 std::string text_of(const std::vector<line::Diagnostic>& diagnostics) {
   std::string text;
@@ -81,6 +81,9 @@ void make_folder(const std::filesystem::path& folder) {
 std::vector<std::string> names_in(const std::filesystem::path& folder, const std::string& extension) {
   std::vector<std::string> names;
   std::error_code error;
+  if (std::filesystem::exists(folder, error) && !std::filesystem::is_directory(folder, error)) {
+    throw ProjectError(folder, "is a file and no folder", "move it to another place");
+  }
   for (const auto& entry : std::filesystem::directory_iterator(folder, error)) {
     if (entry.path().extension() == extension) names.push_back(entry.path().stem().string());
   }

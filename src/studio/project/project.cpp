@@ -131,9 +131,14 @@ void Project::read_settings() {
 
 void Project::read_states() {
   for (const std::string& name : names_in(folder_ / "state", ".json")) {
-    if (!is_state_name(name)) continue;
+    if (!is_state_name(name)) {
+      throw ProjectError(state_file(name), "this is no name of a state",
+                         "rename it: at most 64 letters, digits, \".\", \"-\" and \"_\", a letter or digit first");
+    }
     const auto text = read_file(state_file(name));
-    parse_json(text.value_or(""), state_file(name));
+    if (parse_json(text.value_or(""), state_file(name)).is_null()) {
+      throw ProjectError(state_file(name), "null is no state", "correct the file, or delete it", 1, 1);
+    }
     states_[name] = {text, text};
   }
 }

@@ -47,7 +47,9 @@ std::pair<api::Recording::Plan, api::Recording::Kept> read_about(const std::file
                                          links::number_of_text<unsigned>(code, 16).value_or(0)};
     }
   } catch (const json::exception& error) {
-    throw ProjectError(file, fmt::format("a key is missing or has the wrong type: {}", error.what()), hint);
+    const std::string_view what = error.what();
+    throw ProjectError(
+        file, fmt::format("a key is missing or has the wrong type: {}", what.substr(what.find("] ") + 2)), hint);
   } catch (const std::out_of_range&) {
     throw ProjectError(file, "the code of the fault is not like 0x1234", hint);
   }
@@ -100,13 +102,24 @@ std::vector<double> read_samples(const std::filesystem::path& file, const api::R
 }  // namespace
 
 void load_recordings(const std::filesystem::path& folder, api::Recordings& recordings) {
-  std::vector<std::uint32_t> ids;
-  for (const std::string& name : names_in(folder, ".json")) {
-    const auto id = links::number_of_text<std::uint32_t>(name, 10);
-    if (id && std::to_string(*id) == name) ids.push_back(*id);
+  const auto ids_of = [&folder](const char* extension) {  // the greatest first
+    std::vector<std::uint32_t> ids;
+    for (const std::string& name : names_in(folder, extension)) {
+      const auto id = links::number_of_text<std::uint32_t>(name, 10);
+      if (!id || std::to_string(*id) != name) {
+        throw ProjectError(folder / (name + extension), "its name is not the number of a recording",
+                           "rename it, or move it to another place");
+      }
+      ids.push_back(*id);
+    }
+    std::sort(ids.begin(), ids.end(), std::greater<>());
+    return ids;
+  };
+  const std::vector<std::uint32_t> ids = ids_of(".json");
+  // Samples without a description, for example of an incomplete copy, are kept: no new recording takes their name.
+  for (const auto& each : {ids, ids_of(".csv")}) {
+    if (!each.empty()) recordings.begin_after(each.front());
   }
-  std::sort(ids.begin(), ids.end(), std::greater<>());
-  if (!ids.empty()) recordings.begin_after(ids.front());
   std::vector<std::shared_ptr<api::Recording>> loaded;  // newest first
   std::size_t bytes = 0;
   for (const std::uint32_t id : ids) {

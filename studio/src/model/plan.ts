@@ -74,5 +74,10 @@ export function hindrance(axis: AxisView, reach: Reach, move: Move): string {
   const sign = Math.sign(distance);
   const isPassed = (end: (typeof ends)[number]): end is [number, string, number] => end[0] !== null && (distance - end[0]) * sign > end[2];
   const nearest = ends.filter(isPassed).sort((a, b) => (a[0] - b[0]) * sign)[0] as [number, string, number] | undefined;
-  return nearest ? `The move of ${fixed(Math.abs(distance), 2)} rev is longer than the ${fixed(Math.max(0, nearest[0] * sign), 2)} rev to ${nearest[1]}.` : '';
+  const length = `The move of ${fixed(Math.abs(distance), 2)} rev`;
+  if (nearest) return `${length} is longer than the ${fixed(Math.max(0, nearest[0] * sign), 2)} rev to ${nearest[1]}.`;
+  // An axis beyond a software limit moves back, but only to within the limits: the drive shortens or refuses other targets.
+  const limitBehind = fromHere(axis, reach, distance > 0 ? limits?.lowest_position : limits?.highest_position);
+  const isShort = limitBehind !== null && (distance - limitBehind) * sign < -1e-9;
+  return isShort ? `${length} is shorter than the ${fixed(limitBehind * sign, 2)} rev back to the software limit (607Dh).` : '';
 }

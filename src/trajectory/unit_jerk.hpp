@@ -1,10 +1,10 @@
 #pragma once
 
-#include "drive/trajectory/trajectory.hpp"
+#include "trajectory/trajectory.hpp"
 
 /// Motion in units in which the jerk is 1: everything is divided by the jerk, so an acceleration is in s, a velocity in
 /// s^2 and a position in s^3. The formulas then do not contain the jerk and do not depend on the scale of the axis.
-namespace servodrome::drive::unit_jerk {
+namespace servodrome::trajectory::unit_jerk {
 
 /// Bounds of the acceleration: `acceleration` while the speed grows, `deceleration` while it falls.
 struct Limits {
@@ -42,4 +42,4 @@ struct Cursor {
 /// unavoidable.
 double greatest_crossing_squared(double v, double a, double highest_velocity, const Limits& limits);
 
-}  // namespace servodrome::drive::unit_jerk
+}  // namespace servodrome::trajectory::unit_jerk

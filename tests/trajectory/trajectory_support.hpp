@@ -6,10 +6,10 @@
 #include <gtest/gtest.h>
 #include <random>
 
-#include "drive/trajectory/trajectory.hpp"
+#include "trajectory/trajectory.hpp"
 
 /// Properties that every trajectory must have. The checks calculate each piece with their own formulas.
-namespace servodrome::drive::trajectory_checks {
+namespace servodrome::trajectory::trajectory_checks {
 
 class Random {
  public:
@@ -138,4 +138,4 @@ inline void expect_sound(const Trajectory& trajectory, const MotionState& start,
   EXPECT_LE(worst.over_jerk, 1e-9);
 }
 
-}  // namespace servodrome::drive::trajectory_checks
+}  // namespace servodrome::trajectory::trajectory_checks

@@ -4,7 +4,7 @@
 #include <cstddef>
 #include <cstdint>
 
-namespace servodrome::drive {
+namespace servodrome::trajectory {
 
 /// Shape of a velocity ramp, motion profile type 6086h (CiA 402-2: 0 linear, 1 sin2, 2 jerk-free, 3 jerk-limited).
 enum class RampShape : std::uint8_t { linear = 0, sin2 = 1, jerk_free = 2, jerk_limited = 3 };
@@ -98,4 +98,4 @@ class Trajectory {
   MotionState end_{};  ///< Exact end state, absolute.
 };
 
-}  // namespace servodrome::drive
+}  // namespace servodrome::trajectory

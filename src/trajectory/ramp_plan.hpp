@@ -1,11 +1,11 @@
 #pragma once
 
-#include "drive/trajectory/trajectory.hpp"
+#include "trajectory/trajectory.hpp"
 
 /// Plans in which every velocity ramp is one piece: linear, sin2 and jerk_free. A ramp from v0 to v1 in time T covers
 /// (v0 + v1) / 2 * T for each of these shapes, so one plan serves all three; they differ only in their greatest slope.
 /// Positions are relative to the start of the plan.
-namespace servodrome::drive::ramp_plan {
+namespace servodrome::trajectory::ramp_plan {
 
 /// Result of a plan: the signed end velocity. `reduced`: its magnitude is below the requested one, because the way is
 /// too short.
@@ -29,4 +29,4 @@ void to_velocity(SegmentList& list, double velocity, double target_velocity, con
 /// State `t` seconds after the begin of a ramp or of a piece of constant velocity, 0 <= t <= its duration.
 MotionState state_in(const TrajectorySegment& ramp, double t, RampShape shape);
 
-}  // namespace servodrome::drive::ramp_plan
+}  // namespace servodrome::trajectory::ramp_plan

@@ -1,13 +1,13 @@
-#include "drive/trajectory/third_order_plan.hpp"
+#include "trajectory/third_order_plan.hpp"
 
 #include <algorithm>
 #include <cmath>
 #include <limits>
 
-#include "drive/trajectory/quartic.hpp"
-#include "drive/trajectory/unit_jerk.hpp"
+#include "trajectory/quartic.hpp"
+#include "trajectory/unit_jerk.hpp"
 
-namespace servodrome::drive::third_order_plan {
+namespace servodrome::trajectory::third_order_plan {
 namespace {
 
 using unit_jerk::Cursor;
@@ -320,4 +320,4 @@ void to_velocity(SegmentList& list, const MotionState& start, double target_velo
   restore(list, limits.jerk);
 }
 
-}  // namespace servodrome::drive::third_order_plan
+}  // namespace servodrome::trajectory::third_order_plan

@@ -1,13 +1,13 @@
-#include "drive/trajectory/trajectory.hpp"
+#include "trajectory/trajectory.hpp"
 
 #include <cmath>
 #include <gtest/gtest.h>
 #include <limits>
 #include <numbers>
 
-#include "drive/trajectory_support.hpp"
+#include "trajectory/trajectory_support.hpp"
 
-namespace servodrome::drive {
+namespace servodrome::trajectory {
 namespace trajectory_test {
 namespace {
 
@@ -270,4 +270,4 @@ TEST(AllShapes, RefusesWhatIsNotANumber) {
 
 }  // namespace
 }  // namespace trajectory_test
-}  // namespace servodrome::drive
+}  // namespace servodrome::trajectory

@@ -1,9 +1,9 @@
-#include "drive/trajectory/quartic.hpp"
+#include "trajectory/quartic.hpp"
 
 #include <algorithm>
 #include <cmath>
 
-namespace servodrome::drive {
+namespace servodrome::trajectory {
 
 double quartic_root(const Quartic& q, double low, double high, double guess) {
   double x = std::clamp(guess, low, std::max(low, high));
@@ -23,4 +23,4 @@ double quartic_root(const Quartic& q, double low, double high, double guess) {
   return x;
 }
 
-}  // namespace servodrome::drive
+}  // namespace servodrome::trajectory

@@ -1,9 +1,9 @@
-#include "drive/trajectory/unit_jerk.hpp"
+#include "trajectory/unit_jerk.hpp"
 
 #include <algorithm>
 #include <cmath>
 
-namespace servodrome::drive::unit_jerk {
+namespace servodrome::trajectory::unit_jerk {
 namespace {
 
 /// Merges consecutive arcs of the same jerk: the last piece is made longer.
@@ -82,4 +82,4 @@ void Cursor::change_to(double next_velocity, const Limits& limits) {
   change_to(next_velocity, 0.0, up * velocity < 0.0 ? limits.deceleration : limits.acceleration, up);
 }
 
-}  // namespace servodrome::drive::unit_jerk
+}  // namespace servodrome::trajectory::unit_jerk

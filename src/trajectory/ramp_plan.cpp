@@ -1,10 +1,10 @@
-#include "drive/trajectory/ramp_plan.hpp"
+#include "trajectory/ramp_plan.hpp"
 
 #include <algorithm>
 #include <cmath>
 #include <numbers>
 
-namespace servodrome::drive::ramp_plan {
+namespace servodrome::trajectory::ramp_plan {
 namespace {
 
 /// Appends consecutive ramps, in a frame whose positive direction is `sign`.
@@ -135,4 +135,4 @@ MotionState state_in(const TrajectorySegment& ramp, double t, RampShape shape) {
           ramp.velocity + t * (ramp.acceleration + t * ramp.jerk / 2.0), ramp.acceleration + t * ramp.jerk};
 }
 
-}  // namespace servodrome::drive::ramp_plan
+}  // namespace servodrome::trajectory::ramp_plan

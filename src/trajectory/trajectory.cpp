@@ -1,13 +1,13 @@
-#include "drive/trajectory/trajectory.hpp"
+#include "trajectory/trajectory.hpp"
 
 #include <algorithm>
 #include <cmath>
 #include <limits>
 
-#include "drive/trajectory/ramp_plan.hpp"
-#include "drive/trajectory/third_order_plan.hpp"
+#include "trajectory/ramp_plan.hpp"
+#include "trajectory/third_order_plan.hpp"
 
-namespace servodrome::drive {
+namespace servodrome::trajectory {
 namespace {
 
 bool finite(const MotionState& state) {
@@ -91,4 +91,4 @@ MotionState Trajectory::at(double seconds_since_plan) const {
   return state;
 }
 
-}  // namespace servodrome::drive
+}  // namespace servodrome::trajectory

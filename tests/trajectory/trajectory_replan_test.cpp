@@ -7,10 +7,10 @@
 #include <gtest/gtest.h>
 
 #include "draws.hpp"
-#include "drive/trajectory/trajectory.hpp"
-#include "drive/trajectory_support.hpp"
+#include "trajectory/trajectory.hpp"
+#include "trajectory/trajectory_support.hpp"
 
-namespace servodrome::drive {
+namespace servodrome::trajectory {
 namespace trajectory_replan_test {
 namespace {
 
@@ -399,4 +399,4 @@ TEST(AllShapesReplan, SoundInEveryMagnitude) {
 
 }  // namespace
 }  // namespace trajectory_replan_test
-}  // namespace servodrome::drive
+}  // namespace servodrome::trajectory

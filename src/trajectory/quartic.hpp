@@ -1,6 +1,6 @@
 #pragma once
 
-namespace servodrome::drive {
+namespace servodrome::trajectory {
 
 /// c4 x^4 + c3 x^3 + c2 x^2 + c1 x + c0
 struct Quartic {
@@ -14,4 +14,4 @@ double quartic_root(const Quartic& q, double low, double high, double guess);
 
 inline constexpr int quartic_steps = 16;
 
-}  // namespace servodrome::drive
+}  // namespace servodrome::trajectory
