@@ -58,10 +58,10 @@ def test_a_drive_that_restarted_watches_the_studio_again(line):
     axis = "reference"
     name = AXES[axis][0]
     try:
-        wait_for(lambda: studio.bench.axis(name)["watch"], name)
+        wait_for(lambda: studio.bench.axis(name).get("watch"), name)
         line.bench.post(f"axes/{axis}/power", {"action": "cycle"})
         wait_for(lambda: line.bench.get(f"axes/{axis}/values?objects=1016:01")["values"]["1016:01"] or 0, "the monitoring")
-        wait_for(lambda: studio.bench.axis(name)["watch"], name)
+        wait_for(lambda: studio.bench.axis(name).get("watch"), name)
         studio.does(name, do="enable")
         studio.job(name, do="velocity", velocity=1, acceleration=20, units="revolutions")
         wait_for(lambda: speed(line, axis) > 50, "the motion")
