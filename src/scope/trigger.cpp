@@ -64,7 +64,11 @@ std::optional<double> trigger_value(std::string_view text) {
                      "changes|appears, or fault");
 }
 
-std::uint64_t bits_of_number(double number) { return static_cast<std::uint64_t>(static_cast<std::int64_t>(number)); }
+// 0 for a number that no object of 64 bits has.
+std::uint64_t bits_of_number(double number) {
+  if (number >= 0x1p63 && number < 0x1p64) return static_cast<std::uint64_t>(number);
+  return std::abs(number) < 0x1p63 ? static_cast<std::uint64_t>(static_cast<std::int64_t>(number)) : 0;
+}
 
 }  // namespace
 

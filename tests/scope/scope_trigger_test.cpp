@@ -76,6 +76,8 @@ TEST(ScopeTrigger, FiresWhereItSays) {
       {Condition::sets, 8, {0x0F, 0x0F}, -1},
       {Condition::has, 0x0C, {0x08, 0x04, 0x0D}, 2},
       {Condition::lacks, 0x0C, {0x08, 0x03}, 1},
+      {Condition::sets, 1e300, {0, 1e300}, -1},  // no bits
+      {Condition::sets, 0x1p63, {0, 0x1p63}, 1},
   };
   for (const Row& row : rows) {
     const Trigger trigger{row.condition, row.value};
