@@ -142,7 +142,9 @@ test('name and note of a recording are kept by the server', async ({ page, open,
 test('three recordings lie over each other', async ({ page, open, line }) => {
   const ids = [await recordMove(line), await recordMove(line), await recordMove(line)];
   await open(`/scope?rec=${ids[0]}&math=slip=c1-c2`);
-  for (const box of await page.getByRole('checkbox', { name: 'overlay' }).all()) await box.check();
+  const overlays = page.getByRole('checkbox', { name: 'overlay' });
+  await expect(overlays).toHaveCount(ids.length - 1); // all() does not wait for the list
+  for (const box of await overlays.all()) await box.check();
   await expect(page.getByRole('img', { name: new RegExp(`recording ${ids[1]}.*recording ${ids[2]}`) })).toBeVisible();
   await expect(page.getByRole('img', { name: new RegExp(`slip, recording ${ids[2]}`) })).toBeVisible();
 });
