@@ -48,14 +48,25 @@ TEST(ScopeTrigger, IsReadAsItIsWritten) {
   }
 }
 
+struct FiringRow {
+  Condition condition;
+  double value;
+  std::vector<double> samples;
+  int at;  // sample at which the trigger fires; -1: never
+};
+
+int fires_at(const FiringRow& row) {
+  const Trigger trigger{row.condition, row.value};
+  std::optional<double> before;
+  for (std::size_t i = 0; i < row.samples.size(); ++i) {
+    if (trigger.fires(before, row.samples[i])) return static_cast<int>(i);
+    before = trigger.next_before(before, row.samples[i]);
+  }
+  return -1;
+}
+
 TEST(ScopeTrigger, FiresWhereItSays) {
-  struct Row {
-    Condition condition;
-    double value;
-    std::vector<double> samples;
-    int at;  // row at which the trigger fires; -1: never
-  };
-  const Row rows[] = {
+  const FiringRow rows[] = {
       {Condition::rises, 10, {20, 5, 9, 10, 30}, 3},
       {Condition::rises, 10, {20, 30}, -1},
       {Condition::falls, 10, {5, 20, 11, 9}, 3},
@@ -79,29 +90,14 @@ TEST(ScopeTrigger, FiresWhereItSays) {
       {Condition::sets, 1e300, {0, 1e300}, -1},  // no bits
       {Condition::sets, 0x1p63, {0, 0x1p63}, 1},
   };
-  for (const Row& row : rows) {
-    const Trigger trigger{row.condition, row.value};
-    std::optional<double> before;
-    int at = -1;
-    for (std::size_t i = 0; i < row.samples.size() && at < 0; ++i) {
-      if (trigger.fires(before, row.samples[i])) at = static_cast<int>(i);
-      before = trigger.next_before(before, row.samples[i]);
-    }
-    EXPECT_EQ(at, row.at) << static_cast<int>(row.condition) << " " << row.value;
-  }
+  for (const FiringRow& row : rows) EXPECT_EQ(fires_at(row), row.at) << word_of(row.condition) << " " << row.value;
 }
 
 // An axis without power has values that are not numbers. A level, an edge and a bit ignore them; a state that comes
 // back, and a fault at power-on, are new.
 TEST(ScopeTrigger, IgnoresWhatIsNoNumber) {
   const double off = std::nan("");
-  struct Row {
-    Condition condition;
-    double value;
-    std::vector<double> samples;
-    int at;
-  };
-  const Row rows[] = {
+  const FiringRow rows[] = {
       {Condition::rises, 10, {5, off, off, 20}, 3},
       {Condition::falls, 10, {20, off, 5}, 2},
       {Condition::sets, 8, {0, off, 8}, 2},
@@ -112,16 +108,7 @@ TEST(ScopeTrigger, IgnoresWhatIsNoNumber) {
       {Condition::appears, 0, {0x10, off, 0x10}, 2},
       {Condition::now, 0, {off}, 0},
   };
-  for (const Row& row : rows) {
-    const Trigger trigger{row.condition, row.value};
-    std::optional<double> before;
-    int at = -1;
-    for (std::size_t i = 0; i < row.samples.size() && at < 0; ++i) {
-      if (trigger.fires(before, row.samples[i])) at = static_cast<int>(i);
-      before = trigger.next_before(before, row.samples[i]);
-    }
-    EXPECT_EQ(at, row.at) << word_of(row.condition) << " " << row.value;
-  }
+  for (const FiringRow& row : rows) EXPECT_EQ(fires_at(row), row.at) << word_of(row.condition) << " " << row.value;
 }
 
 TEST(ScopeTrigger, EveryConditionHasAWord) {
