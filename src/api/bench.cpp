@@ -28,7 +28,7 @@ constexpr std::array table{
     Route{Method::get, "/api/v1/axes/{}/objects", ask<&Bench::list_objects>},
     Route{Method::get, "/api/v1/axes/{}/objects/{}/{}", ask<&Bench::read_object>},
     Route{Method::put, "/api/v1/axes/{}/objects/{}/{}", ask<&Bench::write_object>},
-    Route{Method::get, "/api/v1/axes/{}/values", ask<&Bench::read_values>},
+    Route{Method::get, "/api/v1/axes/{}/values?objects", ask<&Bench::read_values>},
     Route{Method::get, "/api/v1/axes/{}/faults", ask<&Bench::show_faults>},
     Route{Method::post, "/api/v1/axes/{}/faults", ask<&Bench::inject>},
     Route{Method::delete_, "/api/v1/axes/{}/faults", ask<&Bench::take_back>},

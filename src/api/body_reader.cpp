@@ -17,6 +17,14 @@ std::string excerpt(const Json& value) {
   return text.size() <= longest ? text : text.substr(0, longest) + "...";
 }
 
+constexpr double unlimited = std::numeric_limits<double>::max();
+
+std::string range_text(double minimum, double maximum) {
+  if (minimum == -unlimited) return fmt::format("a number of at most {}", maximum);
+  if (maximum == unlimited) return fmt::format("a number of at least {}", minimum);
+  return fmt::format("a number from {} to {}", minimum, maximum);
+}
+
 // Limits the nesting: copying, printing and destroying nested values uses stack for each level.
 constexpr int deepest_body = 32;
 
@@ -41,9 +49,9 @@ bool nests_deeper_than(int most, std::string_view text) {
 
 }  // namespace
 
-BodyReader::BodyReader(const Json& part) : json_(part) {
+BodyReader::BodyReader(std::string where, const Json& part) : json_(part), where_(std::move(where)) {
   if (!json_.is_object()) {
-    throw ApiError{400, fmt::format("{} was sent instead of an object", excerpt(json_)), "body",
+    throw ApiError{400, fmt::format("{} was sent instead of an object", excerpt(json_)), where_,
                    "docs/bench-api.md has examples"};
   }
 }
@@ -79,29 +87,26 @@ const Json* BodyReader::find(std::string_view key) {
 
 bool BodyReader::has(std::string_view key) { return find(key) != nullptr; }
 
-void BodyReader::wrong_type(std::string_view key, const Json& value, std::string_view expected) const {
-  throw ApiError{400, fmt::format("{} is {}", key, excerpt(value)), std::string(key), fmt::format("send {}", expected)};
+void BodyReader::refuse(unsigned status, std::string_view key, const Json& value, const std::string& hint) const {
+  throw ApiError{status, fmt::format("{} is {}", key, excerpt(value)),
+                 where_ == whole_body ? std::string(key) : fmt::format("{}.{}", where_, key), "send " + hint};
 }
 
 std::optional<double> BodyReader::number(std::string_view key, double minimum, double maximum) {
   const Json* value = find(key);
   if (value == nullptr) return std::nullopt;
-  if (!value->is_number()) wrong_type(key, *value, "a number");
+  if (!value->is_number()) refuse(400, key, *value, "a number");
   const double number = value->get<double>();
-  if (!(number >= minimum && number <= maximum)) {
-    throw ApiError{422, fmt::format("{} is {}", key, excerpt(*value)), std::string(key),
-                   fmt::format("send a number from {} to {}", minimum, maximum)};
-  }
+  if (!(number >= minimum && number <= maximum)) refuse(422, key, *value, range_text(minimum, maximum));
   return number;
 }
 
 std::optional<std::uint64_t> BodyReader::integer(std::string_view key, std::uint64_t maximum) {
   const Json* value = find(key);
   if (value == nullptr) return std::nullopt;
-  if (!value->is_number_integer()) wrong_type(key, *value, "an integer");
+  if (!value->is_number_integer()) refuse(400, key, *value, "an integer");
   if (!value->is_number_unsigned() || value->get<std::uint64_t>() > maximum) {
-    throw ApiError{422, fmt::format("{} is {}", key, excerpt(*value)), std::string(key),
-                   fmt::format("send an integer from 0 to {}", maximum)};
+    refuse(422, key, *value, fmt::format("an integer from 0 to {}", maximum));
   }
   return value->get<std::uint64_t>();
 }
@@ -109,10 +114,9 @@ std::optional<std::uint64_t> BodyReader::integer(std::string_view key, std::uint
 std::optional<std::int64_t> BodyReader::signed_integer(std::string_view key) {
   const Json* value = find(key);
   if (value == nullptr) return std::nullopt;
-  if (!value->is_number_integer()) wrong_type(key, *value, "an integer");
+  if (!value->is_number_integer()) refuse(400, key, *value, "an integer");
   if (value->is_number_unsigned() && value->get<std::uint64_t>() > INT64_MAX) {
-    throw ApiError{422, fmt::format("{} is {}", key, excerpt(*value)), std::string(key),
-                   "send an integer of 64 bits with sign"};
+    refuse(422, key, *value, "an integer of 64 bits with sign");
   }
   return value->get<std::int64_t>();
 }
@@ -120,21 +124,21 @@ std::optional<std::int64_t> BodyReader::signed_integer(std::string_view key) {
 std::optional<bool> BodyReader::boolean(std::string_view key) {
   const Json* value = find(key);
   if (value == nullptr) return std::nullopt;
-  if (!value->is_boolean()) wrong_type(key, *value, "true or false");
+  if (!value->is_boolean()) refuse(400, key, *value, "true or false");
   return value->get<bool>();
 }
 
 std::optional<std::string> BodyReader::string(std::string_view key) {
   const Json* value = find(key);
   if (value == nullptr) return std::nullopt;
-  if (!value->is_string()) wrong_type(key, *value, "a string");
+  if (!value->is_string()) refuse(400, key, *value, "a string");
   return value->get<std::string>();
 }
 
 const Json& BodyReader::required(std::string_view key) {
   const Json* value = find(key);
   if (value == nullptr) {
-    throw ApiError{400, fmt::format("{} is missing", key), "body", fmt::format("send {{\"{}\": ...}}", key)};
+    throw ApiError{400, fmt::format("{} is missing", key), where_, fmt::format("send {{\"{}\": ...}}", key)};
   }
   return *value;
 }
@@ -142,7 +146,7 @@ const Json& BodyReader::required(std::string_view key) {
 void BodyReader::finish() const {
   for (const auto& [key, value] : json_.items()) {
     if (std::find(known_.begin(), known_.end(), key) != known_.end()) continue;
-    throw ApiError{400, fmt::format("unknown key \"{}\"", key.substr(0, 40)), "body", links::suggestion(key, known_)};
+    throw ApiError{400, fmt::format("unknown key \"{}\"", key.substr(0, 40)), where_, links::suggestion(key, known_)};
   }
 }
 

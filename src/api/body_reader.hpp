@@ -17,8 +17,8 @@ class BodyReader {
  public:
   // Throws unless the body is a JSON object. With `empty_is_object` an empty body counts as {}.
   explicit BodyReader(const std::string& body, bool empty_is_object = false);
-  // Reads an object within another. Throws unless `part` is an object.
-  explicit BodyReader(const Json& part);
+  // Reads an object within another; `where` names it in errors, such as "trigger". Throws unless `part` is an object.
+  BodyReader(std::string where, const Json& part);
 
   bool has(std::string_view key);
   std::optional<double> number(std::string_view key, double minimum = -std::numeric_limits<double>::max(),
@@ -34,10 +34,12 @@ class BodyReader {
   void finish() const;
 
  private:
+  static constexpr const char* whole_body = "body";
   const Json* find(std::string_view key);
-  [[noreturn]] void wrong_type(std::string_view key, const Json& value, std::string_view expected) const;
+  [[noreturn]] void refuse(unsigned status, std::string_view key, const Json& value, const std::string& hint) const;
 
   Json json_;
+  std::string where_ = whole_body;
   std::vector<std::string_view> known_;
 };
 

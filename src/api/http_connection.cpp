@@ -8,6 +8,7 @@
 #include <fmt/format.h>
 
 #include "api/error.hpp"
+#include "api/query.hpp"
 #include "api/routes.hpp"
 #include "api/upgrade.hpp"
 #include "links/socket_options.hpp"

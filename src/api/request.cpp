@@ -2,11 +2,11 @@
 
 #include <algorithm>
 #include <array>
-#include <charconv>
 #include <fmt/format.h>
 #include <optional>
 
 #include "api/author.hpp"
+#include "api/query.hpp"
 #include "api/routes.hpp"
 
 namespace servodrome::api {
@@ -73,12 +73,17 @@ struct Search {
 
 void search(Search& search, const RouteGroup& group) {
   for (const Route& route : group.routes) {
-    auto arguments = match(route.pattern, search.path);
+    const std::size_t query_begin = std::min(route.pattern.find('?'), route.pattern.size());
+    auto arguments = match(route.pattern.substr(0, query_begin), search.path);
     if (!arguments) continue;
     if (route.method == search.request.method) {
       if (search.request.only_if_urgent && !route.is_urgent) return;
       const bool changes = search.request.method != Method::get;
-      if (changes && !route.is_urgent) refuse_obsolete(search.request.obsolete);
+      if (!route.is_urgent) {
+        // A stop with an odd query still stops.
+        require_query_keys(search.query, route.pattern.substr(std::min(query_begin + 1, route.pattern.size())));
+        if (changes) refuse_obsolete(search.request.obsolete);
+      }
       Call call{std::move(*arguments), search.request.body, search.query, search.request.obsolete, group.context};
       search.response = answer_of(call, route);
       search.response->halts = call.halts;
@@ -130,31 +135,6 @@ Response dispatch(const Request& request, std::span<const RouteGroup> groups) {
 void refuse_obsolete(std::string_view reason) {
   if (reason.empty()) return;
   throw ApiError{409, std::string(reason), "this request", "send it again if it shall be carried out"};
-}
-
-std::string unescaped(std::string_view text) {
-  std::string plain;
-  for (std::size_t i = 0; i < text.size(); ++i) {
-    unsigned byte = 0;
-    if (text[i] == '%' && i + 2 < text.size() &&
-        std::from_chars(&text[i + 1], &text[i + 3], byte, 16).ptr == &text[i + 3]) {
-      plain += static_cast<char>(byte);
-      i += 2;
-    } else {
-      plain += text[i] == '+' ? ' ' : text[i];
-    }
-  }
-  return plain;
-}
-
-std::optional<std::string> query_value(const Call& call, std::string_view key) {
-  for (std::string_view rest = call.query; !rest.empty();) {
-    const std::string_view pair = rest.substr(0, rest.find('&'));
-    rest.remove_prefix(std::min(pair.size() + 1, rest.size()));
-    const std::size_t equals = std::min(pair.find('='), pair.size());
-    if (pair.substr(0, equals) == key) return unescaped(pair.substr(std::min(equals + 1, pair.size())));
-  }
-  return std::nullopt;
 }
 
 Response begin(const Request& request, std::span<const RouteGroup> groups) {

@@ -38,7 +38,7 @@ inline constexpr bool urgent = true;
 
 struct Route {
   Method method;
-  std::string_view pattern;  // "/api/v1/axes/{}"
+  std::string_view pattern;  // "/api/v1/axes/{}", with the keys of the query: "/api/v1/changes?since&limit"
   Json (*act)(Call& call);   // throws ApiError; null: 204 without a body
   unsigned status = 200;     // of a response with a body, such as 201 for a new object
   bool is_urgent = false;    // the rate limit delays only long series of such requests (HttpServer)
@@ -52,11 +52,5 @@ struct RouteGroup {
   std::span<const Route> routes;
   void* context = nullptr;
 };
-
-// Returns the value of a key in the query, decoded: for "?after=12" the value of "after" is "12". Returns nothing if
-// the key is not there.
-std::optional<std::string> query_value(const Call& call, std::string_view key);
-// Decodes an argument or a value of the query: %XX becomes a byte, + becomes a space.
-std::string unescaped(std::string_view text);
 
 }  // namespace servodrome::api

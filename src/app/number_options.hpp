@@ -16,7 +16,7 @@ inline CLI::Validator number_within(double low, double high) {
   return {[low, high](const std::string& text) -> std::string {
             double value = 0.0;
             if (CLI::detail::lexical_cast(text, value) && value >= low && value <= high) return {};
-            return fmt::format("{} is not a number from {:g} to {:g}", text, low, high);
+            return fmt::format("{} is not a number from {} to {}", text, low, high);
           },
           ""};
 }

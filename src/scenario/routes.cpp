@@ -4,6 +4,7 @@
 #include <fmt/format.h>
 
 #include "api/body_reader.hpp"
+#include "api/query.hpp"
 #include "scenario/catalogue.hpp"
 #include "scenario/director.hpp"
 #include "scenario/parse.hpp"

@@ -4,8 +4,8 @@
 #include <cmath>
 #include <fmt/format.h>
 
+#include "api/query.hpp"
 #include "drive/drive.hpp"
-#include "links/number_text.hpp"
 #include "tools/tuning/loop.hpp"
 #include "tools/tuning/spectrum.hpp"
 
@@ -22,15 +22,12 @@ using api::Route;
 
 // A transform of this many samples blocks the line for about 20 ms.
 constexpr std::int64_t most_samples = 131'072;
+constexpr double lowest_hz = 0.01;
+constexpr double highest_hz = 8000.0;
 constexpr double believed = 0.7;  // least coherence of the points used for bandwidth and margins
 
-double number_in_query(const Call& call, std::string_view key, double otherwise, double least, double most) {
-  const auto text = query_value(call, key);
-  if (!text) return otherwise;
-  const auto number = links::number_of_text<double>(*text);
-  if (number && *number >= least && *number <= most) return *number;
-  throw ApiError{422, fmt::format("{} is \"{}\"", key, text->substr(0, 40)), std::string(key),
-                 fmt::format("write a number of {:g} .. {:g}", least, most)};
+std::size_t channel_in_query(const Call& call, std::string_view key, std::size_t channels, std::size_t usual) {
+  return api::query_integer(call, key, 0, channels - 1).value_or(std::min(usual, channels - 1));
 }
 
 std::vector<double> samples_of(const Recording& recording, std::size_t channel) {
@@ -82,12 +79,16 @@ Json open_loop_of(const Curve& closed) {
 Json show_bode(Call& call) {
   const auto recording = api::ended_recording(call, static_cast<BodePlots*>(call.context)->find());
   const Recording::Plan& plan = recording->plan();
-  const auto highest = static_cast<double>(plan.channels.size() - 1);
-  const auto input = static_cast<std::size_t>(number_in_query(call, "input", 0.0, 0.0, highest));
-  const auto output = static_cast<std::size_t>(number_in_query(call, "output", std::min(1.0, highest), 0.0, highest));
+  const std::size_t input = channel_in_query(call, "input", plan.channels.size(), 0);
+  const std::size_t output = channel_in_query(call, "output", plan.channels.size(), 1);
   const double sample_s = static_cast<double>(plan.stride) * drive::tick_seconds;
-  const tuning::SpectrumRequest request{.lowest_hz = number_in_query(call, "from_hz", 1.0, 0.01, 8000.0),
-                                        .highest_hz = number_in_query(call, "to_hz", 1000.0, 0.01, 8000.0)};
+  const tuning::SpectrumRequest request{
+      .lowest_hz = api::query_number(call, "from_hz", lowest_hz, highest_hz).value_or(1.0),
+      .highest_hz = api::query_number(call, "to_hz", lowest_hz, highest_hz).value_or(1000.0)};
+  if (request.lowest_hz >= request.highest_hz) {
+    throw ApiError{422, fmt::format("from_hz is {}, and to_hz is {}", request.lowest_hz, request.highest_hz), "from_hz",
+                   "write a from_hz below to_hz"};
+  }
   if (recording->samples() > most_samples) {
     throw ApiError{409, fmt::format("{} samples are too many to transform", recording->samples()),
                    std::string(call.arguments.front()),
@@ -117,7 +118,7 @@ Json show_bode(Call& call) {
   return answer;
 }
 
-constexpr std::array bode_table{Route{Method::get, "/api/v1/recordings/{}/bode", show_bode}};
+constexpr std::array bode_table{Route{Method::get, "/api/v1/recordings/{}/bode?input&output&from_hz&to_hz", show_bode}};
 
 }  // namespace
 

@@ -7,10 +7,10 @@
 #include <set>
 
 #include "api/author.hpp"
+#include "api/query.hpp"
 #include "describe/words.hpp"
 #include "line/bench/object_values.hpp"
 #include "links/nearest_name.hpp"
-#include "links/number_text.hpp"
 #include "studio/route_names.hpp"
 #include "studio/undo.hpp"
 
@@ -39,19 +39,11 @@ std::uint32_t axis_named(const api::ChangeLog& log, std::string_view name, const
                  links::suggestion(name, {axes.begin(), axes.end()})};
 }
 
-std::optional<std::uint64_t> number_in(const Call& call, const char* key) {
-  const auto text = query_value(call, key);
-  if (!text) return std::nullopt;
-  if (const auto number = links::number_of_text<std::uint64_t>(*text, 10)) return number;
-  throw ApiError{400, fmt::format("{} is \"{}\"", key, text->substr(0, 40)), "address", "write a whole number"};
-}
-
 Json show_changes(Call& call) {
   const api::ChangeLog& log = change_routes_of(call).log();
-  const std::uint64_t since = number_in(call, "since").value_or(0);
-  const std::uint64_t limit =
-      std::clamp<std::uint64_t>(number_in(call, "limit").value_or(usual_changes), 1, most_changes);
-  const bool newest = flag(call, "newest");
+  const std::uint64_t since = query_integer(call, "since", 0, UINT64_MAX).value_or(0);
+  const std::uint64_t limit = query_integer(call, "limit", 1, most_changes).value_or(usual_changes);
+  const bool newest = query_flag(call, "newest");
   const auto axis_name = query_value(call, "axis");
   std::optional<std::uint32_t> axis;
   if (axis_name) axis = axis_named(log, *axis_name, "address");
@@ -163,7 +155,7 @@ Json undo_changes(Call& call) {
 }
 
 constexpr std::array change_table{
-    Route{Method::get, "/api/v1/changes", show_changes},
+    Route{Method::get, "/api/v1/changes?axis&since&limit&newest", show_changes},
     Route{Method::post, "/api/v1/changes/undo", undo_changes},
 };
 

@@ -67,12 +67,4 @@ ApiError api_error(const master::MasterError& error, unsigned status) {
   return {status, error.happened(), error.where(), error.remedy()};
 }
 
-bool flag(const api::Call& call, std::string_view key) {
-  const auto value = api::query_value(call, key);
-  if (!value || value == "false") return false;
-  if (value == "true") return true;
-  throw ApiError{400, fmt::format("{} is \"{}\"", key, value->substr(0, 40)), "address",
-                 fmt::format("write {}=true, or leave it out", key)};
-}
-
 }  // namespace servodrome::studio

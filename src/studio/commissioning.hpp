@@ -60,7 +60,4 @@ api::RouteGroup pdo_routes(Subjects& subjects);
 // Converts an error to the API's form: `status`, what happened, where, and what to do.
 api::ApiError api_error(const master::MasterError& error, unsigned status = 409);
 
-// A flag of the query: absent or "false" is false, "true" is true. Throws ApiError 400.
-bool flag(const api::Call& call, std::string_view key);
-
 }  // namespace servodrome::studio

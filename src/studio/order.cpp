@@ -312,8 +312,13 @@ Order read_order(const std::string& text, const ReadUnits& units) {
               .in_revolutions = name_of_units == "revolutions",
               .scale = scale_of(name_of_units, units)};
   Numbers numbers(body, order.scale, units);
-  if (const auto job = body.integer("after", UINT64_MAX)) {
-    order.after = Order::After{*job, body.number("after_within_s", 0.0), body.string("after_start")};
+  const auto job = body.integer("after", UINT64_MAX);
+  const auto within_s = body.number("after_within_s", 0.0);
+  const auto start = body.string("after_start");
+  if (job) order.after = Order::After{*job, within_s, start};
+  if (!job && (within_s || start)) {
+    throw ApiError{400, fmt::format("{} is given without after", within_s ? "after_within_s" : "after_start"), "after",
+                   "send the number of the job before this one as \"after\""};
   }
   order.carry_out = kind.read(numbers);
   order.target = numbers.target;

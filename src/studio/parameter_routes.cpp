@@ -2,6 +2,7 @@
 #include <fmt/format.h>
 #include <sstream>
 
+#include "api/query.hpp"
 #include "axis/object_catalogue.hpp"
 #include "catalogue/product.hpp"
 #include "studio/commissioning.hpp"
@@ -32,7 +33,7 @@ master::ParameterFile parameters_in(const Call& call) {
 
 Json show_parameters(Call& call) {
   Subject subject = subject_of(call);
-  const master::ParameterList list = subject.parameters(flag(call, "connection"));
+  const master::ParameterList list = subject.parameters(query_flag(call, "connection"));
   said(409, [&] {
     master::ParameterFile file{.identity = master::DriveIdentity::read(subject.objects, subject.product)};
     file.values = master::read_parameters(subject.objects, list, subject.node_id).values;
@@ -53,10 +54,10 @@ Json view_of(std::span<const master::ObjectAddress> addresses, const master::Par
 
 Json load_parameter_text(Call& call) {
   Subject subject = subject_of(call);
-  const bool store = flag(call, "store");
+  const bool store = query_flag(call, "store");
   const master::LoadOptions options{
-      .node_id = subject.node_id, .force = flag(call, "force"), .skip_absent = flag(call, "skip_absent")};
-  const master::ParameterList list = subject.parameters(flag(call, "connection"));
+      .node_id = subject.node_id, .force = query_flag(call, "force"), .skip_absent = query_flag(call, "skip_absent")};
+  const master::ParameterList list = subject.parameters(query_flag(call, "connection"));
   const master::ParameterFile file = parameters_in(call);
   master::LoadReport report;
   try {
@@ -151,9 +152,9 @@ Json store_now(Call& call) {
 }
 
 constexpr std::array parameter_table{
-    Route{Method::get, "/api/v1/axes/{}/parameters", show_parameters},
-    Route{Method::put, "/api/v1/axes/{}/parameters", load_parameter_text},
-    Route{Method::get, "/api/v1/axes/{}/parameters/diff", compare},
+    Route{Method::get, "/api/v1/axes/{}/parameters?connection", show_parameters},
+    Route{Method::put, "/api/v1/axes/{}/parameters?store&force&skip_absent&connection", load_parameter_text},
+    Route{Method::get, "/api/v1/axes/{}/parameters/diff?with", compare},
     Route{Method::post, "/api/v1/axes/{}/parameters/diff", compare_with_file},
     Route{Method::post, "/api/v1/axes/{}/parameters/store", store_now},
 };

@@ -91,7 +91,7 @@ class PdoTable {
     if (body.has("pdos")) {
       const Json& pdos = body.required("pdos");
       if (!pdos.is_array()) wrong("pdos is not a list", "pdos", "write [{\"index\": \"0x1600\", \"objects\": [...]}]");
-      for (const Json& pdo : pdos) add_pdo(file, pdo);
+      for (std::size_t i = 0; i < pdos.size(); ++i) add_pdo(file, pdos[i], fmt::format("pdos[{}]", i));
     }
     for (const Direction& direction : directions) {
       if (body.has(direction.word)) add_assignment(file, direction, body.required(direction.word));
@@ -268,8 +268,8 @@ class PdoTable {
     }
   }
 
-  void add_pdo(master::ParameterFile& file, const Json& part) {
-    BodyReader pdo(part);
+  void add_pdo(master::ParameterFile& file, const Json& part, std::string where) {
+    BodyReader pdo(std::move(where), part);
     const std::uint16_t mapping = pdo_index(pdo.required("index"), "index");
     const std::uint16_t communication = communication_of(*direction_of(mapping), mapping);
     if (pdo.has("objects")) {

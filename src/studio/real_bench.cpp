@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 
 #include "api/change_log.hpp"
+#include "api/query.hpp"
 #include "axis/fault_report.hpp"
 #include "catalogue/product.hpp"
 #include "drive/drive.hpp"

@@ -6,8 +6,8 @@
 #include <cstring>
 #include <fmt/format.h>
 
+#include "api/query.hpp"
 #include "links/can/log.hpp"
-#include "links/number_text.hpp"
 #include "links/pcap.hpp"
 #include "links/serial/log.hpp"
 #include "master/error.hpp"
@@ -29,17 +29,6 @@ constexpr std::size_t usual_rows = 1000;
 Traffic& traffic_of(const Call& call) { return *static_cast<Traffic*>(call.context); }
 
 std::shared_ptr<TrafficView> view_argument(Call& call) { return traffic_of(call).view_of(call); }
-
-std::uint64_t number_in_query(const Call& call, std::string_view key, std::uint64_t usual, std::uint64_t most) {
-  const auto text = query_value(call, key);
-  if (!text) return usual;
-  const auto value = links::number_of_text<std::uint64_t>(*text);
-  if (!value || *value > most) {
-    throw ApiError{400, fmt::format("\"{}\" is not a number up to {}", text->substr(0, 40), most), std::string(key),
-                   "write a whole number"};
-  }
-  return *value;
-}
 
 std::string lower(std::string_view text) {
   std::string small(text);
@@ -66,7 +55,7 @@ struct RowFilter {
       }
     }
     if (const auto value = query_value(call, "text")) filter.text = lower(*value);
-    if (const auto value = query_value(call, "errors")) filter.errors = *value == "true" || *value == "1";
+    filter.errors = query_flag(call, "errors");
     return filter;
   }
   bool passes(const TrafficRow& row) const {
@@ -181,11 +170,11 @@ class RowsAnswer {
 
 Json show_traffic(Call& call) {
   const auto view = view_argument(call);
-  const std::uint64_t since = number_in_query(call, "since", 0, UINT64_MAX);
-  const std::uint64_t limit = number_in_query(call, "limit", usual_rows, most_rows_of_an_answer);
-  const auto newest = query_value(call, "newest");
-  const auto answer = std::make_shared<RowsAnswer>(view, RowFilter::of(call), since, static_cast<std::size_t>(limit),
-                                                   newest && (*newest == "true" || *newest == "1"));
+  const std::uint64_t since = query_integer(call, "since", 0, UINT64_MAX).value_or(0);
+  const std::uint64_t limit = query_integer(call, "limit", 0, most_rows_of_an_answer).value_or(usual_rows);
+  const bool newest = query_flag(call, "newest");
+  const auto answer =
+      std::make_shared<RowsAnswer>(view, RowFilter::of(call), since, static_cast<std::size_t>(limit), newest);
   call.content = {"application/json", "{\"rows\":[", [answer] { return (*answer)(); }};
   return nullptr;
 }
@@ -302,10 +291,10 @@ Json show_capture(Call& call) {
 }
 
 constexpr std::array traffic_table{
-    Route{Method::get, "/api/v1/buses/{}/traffic", show_traffic},
+    Route{Method::get, "/api/v1/buses/{}/traffic?since&limit&newest&node&kind&object&text&errors", show_traffic},
     Route{Method::put, "/api/v1/buses/{}/traffic", record_traffic},
     Route{Method::delete_, "/api/v1/buses/{}/traffic", clear_traffic},
-    Route{Method::get, "/api/v1/buses/{}/capture", show_capture},
+    Route{Method::get, "/api/v1/buses/{}/capture?format", show_capture},
 };
 
 }  // namespace

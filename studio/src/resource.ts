@@ -12,7 +12,8 @@ export interface Resource<T> {
 const retry_ms = 5000;
 
 // The answer of a GET. The request is repeated every `every_ms` if that is given, after again(), after a restart of the
-// server, and as long as it fails, so that a problem disappears when its cause is gone.
+// server, and as long as it fails, so that a problem disappears when its cause is gone. A part of `path` behind # is not sent:
+// with another such part the request is repeated, and the earlier answer does not count.
 export function useResource<T>(path: string | null, every_ms = 0): Resource<T> {
   const epoch = useLine((line) => line.epoch);
   const [answer, setAnswer] = useState<{ path: string; value?: T; problem?: Problem }>();

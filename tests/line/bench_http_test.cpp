@@ -322,7 +322,7 @@ TEST(BenchHttp, CodingsAndAddressesAreTakenAsTheStandardHasThem) {
     return status("GET " + target + " HTTP/1.1\r\nHost: " + host + "\r\n\r\n");
   };
   EXPECT_EQ(get("http://127.0.0.1/api/v1/version", "x.org"), 200U) << "the address goes before the field";
-  EXPECT_EQ(get("HTTP://localhost:8402/api/v1/version?x=1", "x.org"), 200U);
+  EXPECT_EQ(get("HTTP://localhost:8402/api/v1/axes/x/values?objects=6041:00", "x.org"), 200U);
   EXPECT_EQ(get("http://x.org/api/v1/version", "127.0.0.1"), 403U);
   EXPECT_EQ(get("http://user@127.0.0.1/api/v1/version", "127.0.0.1"), 403U);
   EXPECT_EQ(get("http:///api/v1/version", "127.0.0.1"), 403U);

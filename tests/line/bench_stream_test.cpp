@@ -641,6 +641,13 @@ TEST(BenchRecordings, RefusesWhatIsNone) {
   bench.ask(Method::post, "/recordings", "{" + channels + R"(,"trigger":{"kind":"now","x":1}})", 400);
   bench.ask(Method::post, "/recordings", "{" + channels + R"(,"trigger":{"kind":"state","state":"x"}})", 422);
   bench.ask(Method::post, "/recordings", "{" + channels + R"(,"trigger":{"kind":"fault","axis":"x"}})", 404);
+  const auto where_of = [&](const std::string& body) {
+    return bench.ask(Method::post, "/recordings", body, 400)["error"]["where"];
+  };
+  EXPECT_EQ(where_of("{" + channels + R"(,"trigger":{"kind":"edge","level":"x"}})"), "trigger.level");
+  EXPECT_EQ(where_of("{" + channels + R"(,"trigger":{"kind":"edge","level":1,"y":2}})"), "trigger");
+  EXPECT_EQ(where_of(R"({"channels":[{"axis":"left","signal":"DI0"},{"axis":"left","objekt":"6064:00"}]})"),
+            "channels[1]");
   bench.ask(Method::get, "/recordings/1", {}, 404);
   bench.ask(Method::delete_, "/recordings/x", {}, 404);
   EXPECT_EQ(bench.ask(Method::get, "/recordings")["bytes"], 0);

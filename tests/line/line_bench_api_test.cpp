@@ -3,6 +3,7 @@
 #include <nlohmann/json.hpp>
 
 #include "api/access.hpp"
+#include "api/query.hpp"
 #include "bench_requests.hpp"
 #include "draws.hpp"
 #include "line/bench/line_bench.hpp"
@@ -93,7 +94,7 @@ TEST_F(BenchApi, ServesRoutesOfOthersWithTheirContext) {
     std::string last_query;
   } shelf;
   static constexpr std::array shelf_routes{
-      Route{Method::get, "/api/v1/shelf/{}/book",
+      Route{Method::get, "/api/v1/shelf/{}/book?page&x",
             [](Call& call) {
               static_cast<Shelf*>(call.context)->last_query = query_value(call, "page").value_or("none");
               call.content = Content{"text/plain", std::string(call.arguments.front())};
@@ -116,10 +117,13 @@ TEST_F(BenchApi, ServesRoutesOfOthersWithTheirContext) {
   EXPECT_EQ(book.body, "a");
   EXPECT_EQ(shelf.last_query, "12");
   for (const auto& [query, value] :
-       {std::pair{"?page=", ""}, {"?page", ""}, {"?pag=1", "none"}, {"?page=6041%3A00", "6041:00"}, {"", "none"}}) {
+       {std::pair{"?page=", ""}, {"?page", ""}, {"?page=6041%3A00", "6041:00"}, {"", "none"}}) {
     ask_shelf(Method::get, std::string("/shelf/a/book") + query);
     EXPECT_EQ(shelf.last_query, value) << query;
   }
+  const Response misspelt = ask_shelf(Method::get, "/shelf/a/book?pag=1");
+  EXPECT_EQ(misspelt.status, 400U);
+  EXPECT_THAT(misspelt.body, HasSubstr("did you mean `page`?"));
   EXPECT_EQ(ask_shelf(Method::post, "/shelf").status, 201U);
   // If both groups have an address, the answer lists the methods of both.
   EXPECT_EQ(ask_shelf(Method::delete_, "/axes").status, 204U);
@@ -145,6 +149,8 @@ const std::vector<Refusal> refusals{
     {"slash_too_many", Method::get, "/axes/left/faults/", "", 404, "unknown address", nullptr},
     {"no_method", Method::put, "/axes", "", 405, "does not support the method", nullptr},
     {"other_method", Method::other, "/clock", "", 405, "does not support the method", nullptr},
+    {"no_query", Method::get, "/clock?x=1", "", 400, "unknown key \"x\" in the query", nullptr},
+    {"query_key", Method::get, "/axes/left/values?object=6041:00", "", 400, "unknown key \"object\"", nullptr},
     {"no_axis", Method::get, "/axes/lef", "", 404, "there is no axis \"lef\"", nullptr},
     {"no_axis_deep", Method::put, "/axes/lef/inputs", "{}", 404, "there is no axis \"lef\"", nullptr},
     {"no_bus", Method::get, "/buses/can1", "", 404, "there is no bus \"can1\"", nullptr},

@@ -203,6 +203,9 @@ TEST_P(ChangesOf, CommandsAreLoggedButNotUndone) {
 TEST_P(ChangesOf, WrongRequestsAreRefused) {
   EXPECT_EQ(ask(Method::get, "changes?axis=nobody").status, 404U);
   EXPECT_EQ(ask(Method::get, "changes?since=x").status, 400U);
+  EXPECT_EQ(ask(Method::get, "changes?axes=" + axis_).status, 400U);
+  EXPECT_EQ(ask(Method::get, "changes?limit=0").status, 422U);
+  EXPECT_EQ(ask(Method::get, "changes?limit=1001").status, 422U);
   EXPECT_EQ(ask_undo({{"number", 999}}).status, 404U);
   EXPECT_EQ(ask_undo({{"axis", "nobody"}}).status, 404U);
   EXPECT_EQ(ask_undo(json::object()).status, 400U);

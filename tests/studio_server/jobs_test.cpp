@@ -376,6 +376,9 @@ TEST_F(JobsTest, ASequenceDoesNotGoOnTooLate) {
   EXPECT_THAT(late.body, HasSubstr("ended 6 s ago, more than 5 s"));
   wall_ -= 2s;
   expect_done(axis, next);
+  const Response alone = ask(Method::post, "axes/" + axis + "/jobs", R"({"do": "enable", "after_within_s": 5})");
+  EXPECT_EQ(alone.status, 400U);
+  EXPECT_THAT(alone.body, HasSubstr("after_within_s is given without after"));
 }
 
 TEST_F(JobsTest, ASequenceDoesNotGoOnOnAnotherServer) {

@@ -242,7 +242,7 @@ TEST_F(TrafficTest, OverloadIsTold) {
 TEST_F(TrafficTest, WrongRequestsAreRefusedAndChangeNothing) {
   EXPECT_EQ(ask(Method::get, "nobody/traffic").status, 404U);
   EXPECT_EQ(ask(Method::get, "can0/traffic?since=x").status, 400U);
-  EXPECT_EQ(ask(Method::get, "can0/traffic?limit=100000").status, 400U);
+  EXPECT_EQ(ask(Method::get, "can0/traffic?limit=100000").status, 422U);
   EXPECT_EQ(ask(Method::get, "can0/traffic?kind=nothing").status, 400U);
   EXPECT_EQ(ask(Method::get, "can0/traffic?node=%zz").status, 400U);
   EXPECT_EQ(ask(Method::get, "can0/capture?format=zip").status, 400U);

@@ -22,22 +22,23 @@ bool parse_object(std::string_view text, std::uint16_t& index, std::uint8_t& sub
   return parse(text.substr(0, colon), index) && (colon == text.size() || parse(text.substr(colon + 1), sub));
 }
 
-NamedChannel read_channel(Source& source, const Json& json) {
-  BodyReader reader(json);
+NamedChannel read_channel(Source& source, const Json& json, std::size_t place) {
+  const std::string where = fmt::format("channels[{}]", place);
+  BodyReader reader(where, json);
   reader.required("axis");
   const std::string axis = reader.string("axis").value_or("");
   const auto signal = reader.string("signal");
   const auto object = reader.string("object");
   reader.finish();
   if (signal.has_value() == object.has_value()) {
-    throw ApiError{400, "a channel needs either a signal or an object", "channels",
+    throw ApiError{400, "a channel needs either a signal or an object", where,
                    R"(send {"axis": ..., "signal": "velocity_rpm"} or {"axis": ..., "object": "6064:00"})"};
   }
   if (signal) return source.signal(axis, *signal);
   std::uint16_t index = 0;
   std::uint8_t sub = 0;
   if (!parse_object(*object, index, sub)) {
-    throw ApiError{400, fmt::format("\"{}\" is not an object", object->substr(0, 40)), "channels",
+    throw ApiError{400, fmt::format("\"{}\" is not an object", object->substr(0, 40)), where,
                    "write index and sub-index in hexadecimal: \"6064:00\""};
   }
   return source.object(axis, index, sub);
@@ -51,7 +52,7 @@ std::vector<NamedChannel> read_channels(Source& source, const Json& list) {
                    R"(send [{"axis": ..., "signal": "velocity_rpm"}, ...])"};
   }
   std::vector<NamedChannel> channels;
-  for (const Json& json : list) channels.push_back(read_channel(source, json));
+  for (const Json& json : list) channels.push_back(read_channel(source, json, channels.size()));
   return channels;
 }
 

@@ -53,19 +53,19 @@ void StreamSession::obey(const std::string& message) {
   }
   constexpr std::uint64_t largest_id = UINT32_MAX;
   if (reader.has("subscribe")) {
-    BodyReader part(reader.required("subscribe"));
+    BodyReader part("subscribe", reader.required("subscribe"));
     part.required("id");
     refers_to_ = part.integer("id", largest_id);
     subscribe(part);
   } else if (reader.has("unsubscribe")) {
-    BodyReader part(reader.required("unsubscribe"));
+    BodyReader part("unsubscribe", reader.required("unsubscribe"));
     part.required("id");
     refers_to_ = part.integer("id", largest_id);
     part.finish();
     std::erase_if(subscriptions_, [this](const Subscription& its) { return its.id() == *refers_to_; });
     outbox_.text(to_text({{"unsubscribed", {{"id", *refers_to_}}}}));
   } else if (reader.has("watch")) {
-    BodyReader part(reader.required("watch"));
+    BodyReader part("watch", reader.required("watch"));
     watch(part);
   }
   reader.finish();

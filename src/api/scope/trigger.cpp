@@ -39,7 +39,7 @@ Condition condition_of_slope(bool is_edge, BodyReader& reader) {
 
 ArmedTrigger::ArmedTrigger(Source& source, const Json& json, const std::vector<NamedChannel>& channels,
                            std::int64_t stride) {
-  BodyReader reader(json);
+  BodyReader reader("trigger", json);
   reader.required("kind");
   const std::string kind = reader.string("kind").value_or("");
   if (kind == "state") {

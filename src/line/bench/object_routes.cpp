@@ -1,6 +1,7 @@
 #include <algorithm>
 #include <fmt/format.h>
 
+#include "api/query.hpp"
 #include "line/bench/line_bench.hpp"
 #include "line/bench/object_values.hpp"
 

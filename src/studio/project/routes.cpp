@@ -3,6 +3,7 @@
 #include <array>
 #include <fmt/format.h>
 
+#include "api/query.hpp"
 #include "studio/route_names.hpp"
 
 namespace servodrome::studio {
@@ -91,7 +92,7 @@ Json show_earlier_changes(Call& call) {
 
 constexpr std::array project_table{
     Route{Method::get, "/api/v1/project", show_project},
-    Route{Method::get, "/api/v1/project/changes", show_earlier_changes},
+    Route{Method::get, "/api/v1/project/changes?axis", show_earlier_changes},
     Route{Method::get, "/api/v1/project/state", show_states},
     Route{Method::get, "/api/v1/project/state/{}", show_state},
     Route{Method::put, "/api/v1/project/state/{}", set_state},

@@ -13,6 +13,8 @@ test('problems are shown without the words of the API and of the command line', 
   expect(shownOf({ what: 'job 50 ended 12 s ago, more than 10 s' }).what).toBe('the command before it ended 12 s ago, more than 10 s');
   expect(shownOf({ what: 'replaced by the job quick_stop' }).what).toBe('replaced by the job quick stop');
   expect(shownOf({ what: 'there is no job "7"', where: 'address', hint: 'GET /api/v1/jobs lists the last 200' })).toEqual({ what: 'there is no job "7"' });
+  expect(shownOf({ what: 'level is "a"', where: 'trigger.level', hint: 'send a number' })).toEqual({ what: 'level is "a"' });
+  expect(shownOf({ what: '"60" is not an object', where: 'channels[2]' })).toEqual({ what: '"60" is not an object' });
   expect(shownOf({ what: 'the server does not answer', where: '/jobs/7' })).toEqual({ what: 'the server does not answer' });
   expect(shownOf({ what: 'no', where: 'can0', hint: '`servodrome up` runs simulated drives' })).toEqual({ what: 'no', where: 'can0' });
   // What happened to the gains is said, without the name of an option.

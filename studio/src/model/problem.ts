@@ -26,7 +26,7 @@ const words: [RegExp, (...found: string[]) => string][] = [
 ];
 const technical = /\/api\/|\b(GET|PUT|POST|DELETE)\b|`servodrome|--[a-z]|[{}]|\.md\b|^(send|write) /;
 // Values of `where` that are parts of a request; the page does not show them.
-const places = ['address', 'body', 'header', 'server', 'message', 'Host', 'Origin', 'Authorization', 'do', 'units', 'channels', 'clock', 'jobs', 'recordings', 'subscribe'];
+const places = /^(address|body|header|server|message|Host|Origin|Authorization|do|units|channels|clock|jobs|recordings|subscribe)$|^(channels|pdos)\[|^(trigger|subscribe)\./;
 
 export function shownOf({ what, where, hint }: Problem): Problem {
   const plain = words.reduce((text, [pattern, by]) => text.replace(pattern, by), what);
@@ -35,7 +35,7 @@ export function shownOf({ what, where, hint }: Problem): Problem {
   const own = [advised, ...clauses.slice(advised ? 1 : 0).filter((clause) => !technical.test(clause))].filter(Boolean).join('; ');
   return {
     what: plain,
-    ...(where && !where.startsWith('/') && !places.includes(where) ? { where } : {}),
+    ...(where && !where.startsWith('/') && !places.test(where) ? { where } : {}),
     ...(own ? { hint: own } : {}),
   };
 }

@@ -59,8 +59,8 @@ export function AxisPage() {
 
 function Power({ axis }: { axis: AxisView }) {
   const { name, state, powered } = axis;
-  // The possible transitions depend on the state only, so they are requested again when it changes (`now` in the address).
-  const { value } = useResource<StatesView>(powered ? `${axisPath(name)}/states?now=${encodeURIComponent(state ?? '')}` : null);
+  // The possible transitions depend on the state only, so they are requested again when it changes.
+  const { value } = useResource<StatesView>(powered ? `${axisPath(name)}/states#${encodeURIComponent(state ?? '')}` : null);
   const transitions = value && value.state === state ? value.transitions : [];
   const missing = useMissing('power');
   // A job, not only a controlword, enables and resets faults: for example, it clears old targets before it enables.

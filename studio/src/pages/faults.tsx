@@ -111,6 +111,6 @@ function conditions(fault: Record<string, unknown>): string {
 
 function useMoments(axis: string): Recording[] {
   const event = useLine((line) => (line.lastEvent?.kind === 'recording' ? line.lastEvent.serial : 0));
-  const { value } = useResource<{ recordings: Recording[] }>(`/recordings?seen=${event}`);
+  const { value } = useResource<{ recordings: Recording[] }>(`/recordings#${event}`);
   return (value?.recordings ?? []).filter(({ fault }) => fault?.axis === axis).reverse();
 }

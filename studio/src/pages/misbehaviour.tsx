@@ -136,7 +136,7 @@ function ActionForm({ axis, bus, group, action, catalogue, onFired }: { axis: st
 }
 
 function InForce({ asked }: { asked: number }) {
-  const { value, problem, again } = useResource<RulesView>(`/scenario/rules?seen=${asked}`, 500);
+  const { value, problem, again } = useResource<RulesView>(`/scenario/rules#${asked}`, 500);
   const rules = value?.rules ?? [];
   return (
     <Panel

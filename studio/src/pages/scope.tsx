@@ -60,7 +60,7 @@ export function ScopePage() {
 
 function useRecordings() {
   const event = useLine((line) => (line.lastEvent?.kind === 'recording' ? line.lastEvent.serial : 0));
-  const { value, again } = useResource<{ recordings: Recording[]; bytes?: number }>(`/recordings?seen=${event}`, 2000);
+  const { value, again } = useResource<{ recordings: Recording[]; bytes?: number }>(`/recordings#${event}`, 2000);
   const latest = useRef<Recording[]>([]);
   if (value) latest.current = value.recordings;
   return { recordings: latest.current, memory: value, again };

@@ -28,9 +28,9 @@ export interface HomingView {
 }
 
 // The methods of an axis. A reversed polarity exchanges the ends of the travel that they need, so they are requested again when
-// it changes (`now` in the address).
+// it changes.
 export function useHoming(name: string, polarity: unknown): HomingView | undefined {
-  return useResource<HomingView>(`${axisPath(name)}/homing${isReversed(polarity) ? '?now=reversed' : ''}`).value;
+  return useResource<HomingView>(`${axisPath(name)}/homing${isReversed(polarity) ? '#reversed' : ''}`).value;
 }
 
 // What bounds the moves of an axis, for the pages that start one.
