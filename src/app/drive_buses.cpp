@@ -24,7 +24,7 @@ class OpenGroup final : public studio::OpenBus {
   void release(std::size_t drive) override { group_.release_watch(drive); }
   // All drives share the bus, so any of them can wait.
   void wait(master::Time span) override { group_.axes().front()->objects().wait(span); }
-  void abort_when(std::function<bool()> abort) override { group_.abort_when(abort); }
+  void while_waiting(std::function<bool()> look) override { group_.while_waiting(look); }
   Cyclic open_cyclic(std::size_t drive, const master::CanDrive& exchanged) override {
     return {group_.open_cyclic(exchanged), group_.operates() ? drive : 0};
   }

@@ -64,8 +64,8 @@ void DriveGroup::open_can(const BusOptions& options, const std::vector<Member>& 
   watch_.emplace(*bus_, drives, warn);
 }
 
-void DriveGroup::abort_when(const std::function<bool()>& abort) {
-  for (master::SdoClient* sdo : sdos_) sdo->cancel_when(abort);
+void DriveGroup::while_waiting(const std::function<bool()>& look) {
+  for (master::SdoClient* sdo : sdos_) sdo->cancel_when(look);
 }
 
 void DriveGroup::operate() {

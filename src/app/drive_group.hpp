@@ -54,8 +54,8 @@ class DriveGroup {
   // on EtherCAT must not be used any more.
   using Action = std::function<void(master::ObjectClient& objects)>;
   void configure(std::size_t axis, const Action& action, const Action& undo);
-  // On CAN, SDO transfers end with a MasterError as soon as `abort` returns true; {}: they do not.
-  void abort_when(const std::function<bool()>& abort);
+  // On CAN, SDO transfers call `look` while they wait, and end with a MasterError as soon as it returns true.
+  void while_waiting(const std::function<bool()>& look);
   // The devices that answer now. Throws MasterError; also on a serial line, where each missing station costs a second.
   std::vector<studio::OpenBus::Found> scan();
   // Calls `show` with the FMMUs and sync managers of the slaves; does nothing on other buses. Throws MasterError.

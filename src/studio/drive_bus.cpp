@@ -22,6 +22,7 @@ using namespace std::chrono_literals;
 
 constexpr auto idle_time = 1ms;        // sleep when nothing is to be done
 constexpr auto time_for_others = 8ms;  // longest time that a work item gives to other accesses at once
+constexpr auto usual_answer = 20ms;    // a drive that takes longer lets the bus access others meanwhile
 constexpr std::uint16_t fault_or_warning = 1U << 3 | master::status_bit::warning;
 constexpr DriveBus::Clock::time_point poll_at_once{};
 
@@ -31,6 +32,20 @@ JobError error_of(const std::exception& error, const std::string& where) {
   }
   return {error.what(), where, "check that the bus and its drives have power and are connected"};
 }
+
+// Restores a value at the end of a block.
+template <typename Value>
+class Restored {
+ public:
+  explicit Restored(Value& value) : value_(value), before_(value) {}
+  ~Restored() { value_ = before_; }
+  Restored(const Restored&) = delete;
+  Restored& operator=(const Restored&) = delete;
+
+ private:
+  Value& value_;
+  Value before_;
+};
 
 // Answers an access or work item with the error of the bus.
 template <typename Waiting>
@@ -50,6 +65,32 @@ bool is_store_command(master::ObjectAddress object, std::string_view product) {
 }
 
 }  // namespace
+
+// While it lives, an access to `drive` is under way. If the drive does not answer at once, a CAN bus carries out the
+// accesses to its other drives meanwhile: a drive that has no power delays no stop of its neighbours. With `aborted`,
+// an urgent access to the drive itself ends the wait with a MasterError and sets it.
+class DriveBus::Asking {
+ public:
+  Asking(DriveBus& bus, std::size_t drive, bool* aborted = nullptr)
+      : bus_(bus), drive_(drive), aborted_(aborted), outer_(std::exchange(bus.asking_, this)) {}
+  ~Asking() { bus_.asking_ = outer_; }
+  Asking(const Asking&) = delete;
+  Asking& operator=(const Asking&) = delete;
+
+  bool is_about(std::size_t drive) const { return drive == drive_ || (outer_ != nullptr && outer_->is_about(drive)); }
+  bool is_slow() const { return Clock::now() - began_ > usual_answer; }
+  bool gives_way() {
+    if (aborted_ == nullptr) return false;
+    return *aborted_ = *aborted_ || bus_.has_urgent(drive_);
+  }
+
+ private:
+  DriveBus& bus_;
+  std::size_t drive_;
+  bool* aborted_;
+  Asking* outer_;  // the access during whose wait this one is carried out
+  Clock::time_point began_ = Clock::now();
+};
 
 DriveBus::DriveBus(BusPlan plan, Clock::time_point start)
     : plan_(std::move(plan)),
@@ -157,7 +198,9 @@ void DriveBus::record(OpenBus& open, const TpdoRecorder::Wish& wish) {
 }
 
 void DriveBus::serve_urgent(OpenBus& open) {
-  while (const auto access = next_access(nullptr, true)) carry_out(open, access);
+  const Restored restored(choice_);
+  choice_ = {.urgent_only = true};
+  while (const auto access = next_access()) carry_out(open, access);
 }
 
 void DriveBus::stop_when_back(std::size_t drive) {
@@ -208,6 +251,7 @@ bool DriveBus::serve(OpenBus& open) {
     next_poll_[i] = {};
     silent_[i] = false;
   }
+  open.while_waiting([this, &open] { return look_around(open); });
   auto attached = std::make_unique<CycleSampler::Attachment>(cycle_, open.cycle());
   // However serving ends, the drives get their TPDOs back.
   const auto recording_end = std::unique_ptr<TpdoRecorder, std::function<void(TpdoRecorder*)>>(
@@ -237,12 +281,13 @@ bool DriveBus::serve(OpenBus& open) {
   }
 }
 
-// While a cancelled work item runs (`beside`), takes no access to the drive of that work item.
-std::shared_ptr<Access> DriveBus::next_access(const Work* beside, bool urgent_only) {
+std::shared_ptr<Access> DriveBus::next_access() {
   const std::lock_guard lock(mutex_);
   std::erase_if(waiting_, [](const auto& access) { return access->given_up.load(); });
-  const auto next = std::find_if(waiting_.begin(), waiting_.end(), [=](const auto& access) {
+  const auto next = std::find_if(waiting_.begin(), waiting_.end(), [this](const auto& access) {
+    const auto& [beside, urgent_only] = choice_;
     if (urgent_only && !access->urgent) return false;
+    if (asking_ != nullptr && (asking_->is_about(access->drive) || silent_[access->drive])) return false;
     return beside == nullptr || access->drive != beside->drive || !beside->cancelled;
   });
   if (next == waiting_.end()) return nullptr;
@@ -287,10 +332,12 @@ void DriveBus::carry_out(OpenBus& open, const std::shared_ptr<Work>& work) {
 // Carries out urgent accesses, and others for a limited time. Skips silent drives, because the work item would wait for
 // them, except for the first poll after an access without an answer.
 void DriveBus::serve_beside(OpenBus& open, const Work& work) {
+  const Restored restored(choice_);
   const auto end = Clock::now() + time_for_others;
   while (true) {
     const bool has_time = Clock::now() < end;
-    if (const auto access = next_access(&work, !has_time)) {
+    choice_ = {.beside = &work, .urgent_only = !has_time};
+    if (const auto access = next_access()) {
       carry_out(open, access);
     } else if (!has_time) {
       return;
@@ -329,27 +376,23 @@ void DriveBus::note_silence(std::size_t drive, const JobError& problem, const st
   });
 }
 
-// While it lives, reading from a drive that does not answer gives way to an urgent access: it ends with a MasterError.
-class DriveBus::UrgentAbort {
- public:
-  UrgentAbort(DriveBus& bus, OpenBus& open, bool does) : open_(open) {
-    if (does) open_.abort_when([this, &bus] { return aborted_ = aborted_ || bus.has_urgent(); });
-  }
-  ~UrgentAbort() { open_.abort_when({}); }
-  UrgentAbort(const UrgentAbort&) = delete;
-  UrgentAbort& operator=(const UrgentAbort&) = delete;
-  bool aborted() const { return aborted_; }
-
- private:
-  OpenBus& open_;
-  bool aborted_ = false;
-};
+// Called while the bus waits for an answer; returns true if the wait must end. Carries out one access at a time, so
+// that the answer is not delayed by many.
+bool DriveBus::look_around(OpenBus& open) {
+  Asking* const asking = asking_;
+  if (asking == nullptr) return false;  // a work item waits: it serves others at times of its own
+  if (asking->gives_way()) return true;
+  if (!asking->is_slow()) return false;
+  if (const auto access = next_access()) carry_out(open, access);
+  return false;
+}
 
 // An error of the object goes to the caller; an error of the bus is thrown, because it concerns all callers.
 void DriveBus::carry_out(OpenBus& open, const std::shared_ptr<Access>& access) {
   const auto began = Clock::now();
   master::ObjectClient& objects = *open.drives()[access->drive];
-  const UrgentAbort urgent_abort(*this, open, !access->writes);
+  bool aborted = false;
+  const Asking asking(*this, access->drive, access->writes ? nullptr : &aborted);
   try {
     if (access->writes && is_pdo(access->object) && recorder_.has(access->drive)) {
       throw master::ObjectError("a recording has set up the PDOs of the drive", objects.where(),
@@ -371,7 +414,7 @@ void DriveBus::carry_out(OpenBus& open, const std::shared_ptr<Access>& access) {
     access->error = std::current_exception();
     access->done = true;
   } catch (const std::exception&) {
-    if (urgent_abort.aborted()) {  // it is read again after the urgent ones
+    if (aborted) {  // it is read again after the urgent ones
       const std::lock_guard lock(mutex_);
       waiting_.insert(first_ordinary(), access);
       return;
@@ -411,6 +454,8 @@ bool DriveBus::sample_one(OpenBus& open) {
     }
   }
   if (!most_due) return false;
+  bool aborted = false;
+  const Asking asking(*this, most_due->drive(), &aborted);
   try {
     const std::vector<std::byte> bytes = open.drives()[most_due->drive()]->upload(most_due->object());
     const auto ended = Clock::now();
@@ -419,6 +464,9 @@ bool DriveBus::sample_one(OpenBus& open) {
   } catch (const master::ObjectError& error) {
     note_access(error.answered(), Clock::now() - began);
     if (!error.answered()) next_poll_[most_due->drive()] = {};
+    most_due->skip(tick_of(Clock::now()));
+  } catch (const master::MasterError&) {
+    if (!aborted) throw;
     most_due->skip(tick_of(Clock::now()));
   }
   return true;
@@ -435,9 +483,10 @@ void DriveBus::stop_now(std::size_t drive, master::ObjectClient& objects) {
   stop_when_back_[drive] = false;
 }
 
-bool DriveBus::has_urgent() const {
+bool DriveBus::has_urgent(std::size_t drive) const {
   const std::lock_guard lock(mutex_);
-  return std::any_of(waiting_.begin(), waiting_.end(), [](const auto& access) { return access->urgent; });
+  return std::any_of(waiting_.begin(), waiting_.end(),
+                     [drive](const auto& access) { return access->urgent && access->drive == drive; });
 }
 
 // Reads the state of one drive; returns false if none is due.
@@ -457,24 +506,26 @@ bool DriveBus::poll_one(OpenBus& open, bool silent_too) {
     seen = state_.drives[i];
     stop = stop_when_back_[i];
   }
-  // A drive that does not answer delays no stop of its neighbours.
-  const UrgentAbort urgent_abort(*this, open, true);
+  bool aborted = false;
   try {
-    if (stop) stop_now(i, objects);
-    if (silent_[i] || open.has_restarted(i)) open.back(i);
-    silent_[i] = false;
-    seen.status = axes_[i].status();
-    seen.controlword = objects.read_if_present<std::uint16_t>(0x6040).value_or(0);
-    const bool asks_why = (seen.status.statusword & fault_or_warning) != 0;
-    seen.error_code = asks_why ? objects.read_if_present<std::uint16_t>(0x603F).value_or(0) : std::uint16_t{0};
-    seen.watch = open.watch_of(i);
+    {
+      const Asking asking(*this, i, &aborted);
+      if (stop) stop_now(i, objects);
+      if (silent_[i] || open.has_restarted(i)) open.back(i);
+      silent_[i] = false;
+      seen.status = axes_[i].status();
+      seen.controlword = objects.read_if_present<std::uint16_t>(0x6040).value_or(0);
+      const bool asks_why = (seen.status.statusword & fault_or_warning) != 0;
+      seen.error_code = asks_why ? objects.read_if_present<std::uint16_t>(0x603F).value_or(0) : std::uint16_t{0};
+      seen.watch = open.watch_of(i);
+    }
     if (recorder_.must_restore(i)) recorder_.restore(open, i, [&] { serve_urgent(open); });
     seen.problem.reset();
   } catch (const master::ObjectError& error) {
     seen.problem = error_of(error, plan_.link);
     silent_[i] = silent_[i] || !error.answered();
   } catch (const master::MasterError&) {
-    if (!urgent_abort.aborted()) throw;
+    if (!aborted) throw;
     return true;  // it is due again at once
   }
   const auto ended = Clock::now();

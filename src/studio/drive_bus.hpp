@@ -41,9 +41,9 @@ class OpenBus {
   // Lets the bus run for `span`. Throws MasterError if the bus is lost.
   virtual void wait(master::Time span) = 0;
 
-  // Accesses that wait for an answer end with a MasterError as soon as `abort` returns true; {}: they wait until their
-  // timeout. Only a CAN bus does this.
-  virtual void abort_when(std::function<bool()> abort) = 0;
+  // Calls `look` every few milliseconds while an access waits for its answer. The access ends with a MasterError as
+  // soon as `look` returns true; `look` may access the other drives meanwhile. Only a CAN bus does this.
+  virtual void while_waiting(std::function<bool()> look) = 0;
 
   // The exchange of a drive's process data; it runs as long as this object lives. On CAN it exchanges the given data,
   // on EtherCAT the data that the slave maps.
@@ -193,16 +193,22 @@ class DriveBus {
   void stop_when_back(std::size_t drive);
 
  private:
-  class UrgentAbort;
+  class Asking;
+  // The accesses that may be carried out now.
+  struct Choice {
+    const Work* beside = nullptr;  // the work item that runs: none to its drive as soon as it is cancelled
+    bool urgent_only = false;
+  };
 
   links::Heard heard();
   void refuse_motion(std::size_t drive);
-  bool has_urgent() const;
+  bool has_urgent(std::size_t drive) const;
+  bool look_around(OpenBus& open);
   void stop_now(std::size_t drive, master::ObjectClient& objects);
   void run(std::unique_ptr<OpenBus> open);
   // Returns true if the bus must be reopened.
   bool serve(OpenBus& open);
-  std::shared_ptr<Access> next_access(const Work* beside = nullptr, bool urgent_only = false);
+  std::shared_ptr<Access> next_access();
   std::shared_ptr<Work> next_work(bool beside = false);
   void carry_out(OpenBus& open, const std::shared_ptr<Access>& access);
   void serve_urgent(OpenBus& open);
@@ -238,6 +244,8 @@ class DriveBus {
   std::vector<Clock::time_point> next_poll_;
   std::vector<bool> silent_;
   std::vector<bool> stop_when_back_;
+  Choice choice_{};
+  Asking* asking_ = nullptr;  // the innermost
   std::thread thread_;
 };
 

@@ -28,10 +28,11 @@ bool has_mode(master::Axis402& axis, OperationMode mode) {
 // Sets a steep ramp and restores the old value at its end.
 class SteepRamp {
  public:
-  // Sets `wanted` or, if the drive refuses it, the steepest ramp that it accepts; never less than the old value.
+  // Sets `wanted` or, if the drive refuses it, the steepest ramp that it accepts; never less than the old value. A ramp
+  // of 0 stays: a drive that accepts it uses its limit instead.
   SteepRamp(master::ObjectClient& objects, std::uint16_t index, double wanted) : objects_(objects), index_(index) {
     before_ = objects_.read_if_present<std::uint32_t>(index);
-    if (!before_) return;
+    if (!before_ || *before_ == 0) return;
     constexpr double most = std::numeric_limits<std::int32_t>::max();
     for (double ramp = std::min(wanted, most); ramp > *before_; ramp /= 2) {
       try {
@@ -60,8 +61,16 @@ class SteepRamp {
   std::optional<std::uint32_t> before_{};
 };
 
-void come_to_rest(master::Axis402& axis) {
-  axis.objects().write<std::int32_t>(0x60FF, 0, 0);
+// Brakes so that the axis rests within the permitted travel: the drive's ramp may be far too slow for a velocity that
+// the excitation has reached.
+void come_to_rest(master::Axis402& axis, const Excitation& excitation) {
+  master::ObjectClient& objects = axis.objects();
+  objects.write<std::int32_t>(0x60FF, 0, 0);
+  const double speed = objects.read_if_present<std::int32_t>(0x606C).value_or(0) / excitation.revolution.velocity;
+  const double travel = excitation.travel / excitation.revolution.position;
+  const double ramp = speed * speed / (2 * travel) * excitation.revolution.acceleration;
+  const SteepRamp limit(objects, 0x60C6, ramp);
+  const SteepRamp down(objects, 0x6084, ramp);
   axis.set_mode(OperationMode::profile_velocity);
   axis.stop();
 }
@@ -79,8 +88,9 @@ class Target {
         axis_.set_mode(cyclic ? OperationMode::cyclic_synchronous_velocity : OperationMode::profile_velocity);
         const double ramp = ramp_margin * std::abs(amplitude_) * excitation.steepness;
         if (!cyclic) {
-          up_.emplace(objects, std::uint16_t{0x6083}, ramp * excitation.acceleration_per_velocity);
-          down_.emplace(objects, std::uint16_t{0x6084}, ramp * excitation.acceleration_per_velocity);
+          const double per_velocity = excitation.revolution.acceleration / excitation.revolution.velocity;
+          up_.emplace(objects, std::uint16_t{0x6083}, ramp * per_velocity);
+          down_.emplace(objects, std::uint16_t{0x6084}, ramp * per_velocity);
         }
         break;
       }
@@ -168,6 +178,20 @@ std::function<double(double)> step(double seconds) {
   return [=](double t) { return t < seconds / 2 ? 1.0 : 0.0; };
 }
 
+double commanded_distance(const Excitation& excitation) {
+  if (excitation.of == Excitation::Of::torque) return 0.0;
+  if (excitation.of == Excitation::Of::position) return std::abs(excitation.amplitude);
+  constexpr int steps = 20'000;
+  const double step_s = excitation.seconds / steps;
+  double share_s = 0.0;  // integral of the shape
+  double greatest = 0.0;
+  for (int i = 0; i < steps; ++i) {
+    share_s += excitation.shape((i + 0.5) * step_s) * step_s;
+    greatest = std::max(greatest, std::abs(share_s));
+  }
+  return greatest * std::abs(excitation.amplitude) / excitation.revolution.velocity * excitation.revolution.position;
+}
+
 void excite(master::Axis402& axis, const Excitation& excitation, const std::function<bool()>& cancelled) {
   if (axis.state() != PowerState::operation_enabled) {
     throw master::MasterError("the drive is not enabled", axis.objects().where(), "enable it first");
@@ -176,13 +200,13 @@ void excite(master::Axis402& axis, const Excitation& excitation, const std::func
     follow(axis, excitation, cancelled);
   } catch (...) {
     try {
-      come_to_rest(axis);
+      come_to_rest(axis, excitation);
     } catch (const master::MasterError&) {
       // The original error is reported instead.
     }
     throw;
   }
-  come_to_rest(axis);
+  come_to_rest(axis, excitation);
 }
 
 }  // namespace servodrome::studio

@@ -190,9 +190,11 @@ Excitation excitation(Numbers& numbers) {
   const catalogue::AxisUnits& scale = numbers.scale().units();
   const std::array factors{scale.velocity, permille_per_percent, scale.position};
   numbers.body().required("amplitude");
+  const double factor = factors[static_cast<std::size_t>(choice->of)];
   Excitation excitation{.of = choice->of};
-  excitation.amplitude =
-      numbers.body().number("amplitude").value_or(0.0) * factors[static_cast<std::size_t>(choice->of)];
+  excitation.amplitude = choice->of == Excitation::Of::torque
+                             ? numbers.whole<std::int16_t>("amplitude", factor).value_or(0)
+                             : numbers.whole<std::int32_t>("amplitude", factor).value_or(0);
   if (excitation.amplitude == 0.0)
     throw ApiError{422, "the amplitude is 0", "amplitude", "give an amplitude other than 0"};
   // CiA 402 counts velocities and accelerations in the same position units.
@@ -200,12 +202,20 @@ Excitation excitation(Numbers& numbers) {
   const auto travel = numbers.body().number("travel", 0.0);
   const catalogue::AxisUnits revolution =
       travel ? numbers.revolution().value_or(same) : numbers.needed_revolution("give \"travel\" in its own units");
-  excitation.acceleration_per_velocity = revolution.acceleration / revolution.velocity;
+  excitation.revolution = revolution;
   excitation.travel = travel ? *travel * scale.position : revolution.position;
   return excitation;
 }
 
-CarryOut excited_by(Excitation excitation) {
+CarryOut excited_by(const Numbers& numbers, Excitation excitation) {
+  const double distance = commanded_distance(excitation);
+  if (distance > excitation.travel) {
+    const double unit = numbers.scale().units().position;
+    throw ApiError{422,
+                   fmt::format("the axis would move by {:.4g}, and the travel permits {:.4g} from its start",
+                               distance / unit, excitation.travel / unit),
+                   "amplitude", "give a smaller amplitude, a shorter time, a higher frequency or more travel"};
+  }
   return [excitation = std::move(excitation)](master::Axis402& axis, Conduct& conduct) {
     excite(axis, excitation, conduct.released);
   };
@@ -220,7 +230,7 @@ CarryOut sweep(Numbers& numbers) {
   const double to_hz = numbers.body().number("to_hz", lowest_hz, highest_hz).value_or(200.0);
   sines.shape = sine_sweep(from_hz, to_hz, sines.seconds);
   sines.steepness = 2.0 * std::numbers::pi * std::max(from_hz, to_hz);
-  return excited_by(std::move(sines));
+  return excited_by(numbers, std::move(sines));
 }
 
 CarryOut step_and_back(Numbers& numbers) {
@@ -229,7 +239,7 @@ CarryOut step_and_back(Numbers& numbers) {
   step_response.seconds = 2.0 * numbers.body().number("seconds", 0.01, 30.0).value_or(0.2);
   step_response.shape = step(step_response.seconds);
   step_response.steepness = steepness;
-  return excited_by(std::move(step_response));
+  return excited_by(numbers, std::move(step_response));
 }
 
 constexpr double usual_tuning_travel = 4.0;  // revolutions

@@ -91,7 +91,6 @@ void TpdoRecorder::end() {
 
 void TpdoRecorder::restore(OpenBus& open, std::size_t drive, const std::function<void()>& between) {
   master::ObjectClient& objects = *open.drives()[drive];
-  open.abort_when({});  // a TPDO is written as a whole
   bool is_pre_operational = false;
   for (Changed& its : left_.at(drive)) {
     between();

@@ -242,6 +242,19 @@ TEST_P(CyclicTest, MappedObjectsGoByTheProcessData) {
   EXPECT_THAT(problem_of([&] { objects.wait(50ms); }), HasSubstr("process data were not exchanged"));
 }
 
+// For example a quick stop: without an error the slave has it.
+TEST_P(CyclicTest, AWriteOfAMappedObjectEndsWhenTheSlaveHasIt) {
+  start(2);
+  CoeObjects objects(*all[1], *exchange, 1);
+  line->lost_out = [lose = 8]() mutable { return lose-- > 0; };
+  objects.write<std::int32_t>(0x607A, 0, -7);
+  EXPECT_EQ(line->device(1).objects.target_position, -7);
+  line->lost_out = [] { return true; };
+  EXPECT_THAT(problem_of([&] { objects.write<std::int32_t>(0x607A, 0, -9); }),
+              HasSubstr("process data were not exchanged"));
+  EXPECT_EQ(line->device(1).objects.target_position, -7);
+}
+
 // One slave loses its supply, another one leaves OP: the objects of the first slave can still stop its axis.
 TEST_P(CyclicTest, ObjectsOfASlaveThatWorksAreReadAlthoughAnotherOneIsLost) {
   start(3);

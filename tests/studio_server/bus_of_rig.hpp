@@ -25,7 +25,7 @@ class BusOfRig : public OpenBus {
     rig_.objects().wait(span);
     if (pace_ == Pace::real_time) std::this_thread::sleep_for(span);
   }
-  void abort_when(std::function<bool()>) override {}
+  void while_waiting(std::function<bool()>) override {}
   Cyclic open_cyclic(std::size_t, const master::CanDrive&) override {
     throw master::MasterError("there are no process data", "mem:", "");
   }

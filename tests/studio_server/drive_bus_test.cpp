@@ -39,7 +39,7 @@ struct Script {
   bool is_asked_in_silence = false;  // a silent drive is being read
   int aborted = 0;                   // accesses to silent drives that ended early
   int opened = 0;
-  std::function<bool()> abort;
+  std::function<bool()> look;
 
   template <typename Change>
   void change(const Change& change_it) {
@@ -96,10 +96,10 @@ class ScriptedObjects final : public master::ObjectClient {
     // A silent drive takes its timeout, unless the access is aborted.
     for (int i = 0; state().is_silent && i < script_.silent_looks; ++i) {
       script_.is_asked_in_silence = true;
-      if (script_.abort) {
-        const auto abort = script_.abort;
+      if (script_.look) {
+        const auto look = script_.look;
         lock.unlock();
-        const bool is_to_end = abort();
+        const bool is_to_end = look();
         lock.lock();
         if (is_to_end) {
           ++script_.aborted;
@@ -134,9 +134,9 @@ class ScriptedBus final : public OpenBus {
   void back(std::size_t drive) override { note("back", drive); }
   void release(std::size_t drive) override { note("release", drive); }
   void wait(master::Time span) override { std::this_thread::sleep_for(span); }
-  void abort_when(std::function<bool()> abort) override {
+  void while_waiting(std::function<bool()> look) override {
     const std::lock_guard lock(script_.mutex);
-    script_.abort = std::move(abort);
+    script_.look = std::move(look);
   }
   Cyclic open_cyclic(std::size_t, const master::CanDrive&) override {
     throw master::MasterError("there are no process data", "test", "");
@@ -348,6 +348,44 @@ TEST_F(DriveBusTest, AReadingThatWaitsGivesWayToAStop) {
   stop.join();
   until([&] { return reading->done.load(); });
   EXPECT_FALSE(reading->error) << "it was read after the stop";
+}
+
+// A write is not aborted, because its answer may be lost only. The time-out is far longer than the test.
+TEST_F(DriveBusTest, AWriteToASilentDriveDelaysNoOtherDrive) {
+  open(4);
+  script_.change([this] {
+    for (Script::Drive& drive : script_.drives) drive.controlword = 0x000F;
+  });
+  until([this] {
+    const auto states = drives_->buses()[0]->state().drives;
+    return std::all_of(states.begin(), states.end(), [](const auto& drive) { return drive.controlword == 0x000F; });
+  });
+  script_.change([this] {
+    script_.silent_looks = 100'000;
+    script_.drives[1].is_silent = script_.drives[2].is_silent = true;
+  });
+  std::vector<std::shared_ptr<Access>> to_silent;
+  for (const std::size_t drive : {1U, 2U, 1U, 2U}) {
+    to_silent.push_back(std::make_shared<Access>());
+    to_silent.back()->drive = drive;
+    to_silent.back()->object = {0x6083, 0};
+    to_silent.back()->writes = true;
+    to_silent.back()->bytes.resize(4);
+    drives_->buses()[0]->submit(to_silent.back());
+  }
+  const auto d = objects("d");
+  d->write<std::uint32_t>(0x6081, 0, 5);
+  EXPECT_EQ(d->read<std::uint16_t>(0x6041), 0x0231);
+  EXPECT_EQ(count("3 6081=5"), 1U);
+  std::thread stop([this] { drives_->stop_all(); });
+  until([this] { return count("0 6040=2") == 1 && count("3 6040=2") == 1; });
+  EXPECT_EQ(count("1 6040=2") + count("2 6040=2"), 0U) << "one transfer at a time with a drive";
+  for (const auto& each : to_silent) EXPECT_FALSE(each->done);
+  script_.change([this] { script_.drives[1].is_silent = script_.drives[2].is_silent = false; });
+  stop.join();
+  for (const auto& each : to_silent) until([&] { return each->done.load(); });
+  until([this] { return count("1 6040=2") == 1 && count("2 6040=2") == 1; });
+  EXPECT_FALSE(drives_->buses()[0]->state().problem);
 }
 
 TEST_F(DriveBusTest, AStopRefusesTheCommandsThatWait) {

@@ -32,6 +32,7 @@ class ExcitationOf : public CommissioningRig, public testing::WithParamInterface
   double counts_per_turn() const {
     return const_cast<ExcitationOf*>(this)->axis().plant().parameters().encoder.counts_per_revolution;
   }
+  double turns() { return static_cast<double>(axis().plant().position_counts()) / counts_per_turn(); }
   // In revolutions per second, every half millisecond while the job runs.
   struct Samples {
     std::vector<double> target;
@@ -89,17 +90,29 @@ TEST_P(ExcitationOf, AStepIsReachedAndGoneBack) {
   EXPECT_NEAR(static_cast<double>(risen) * 0.5, 300.0, 60.0);
 }
 
+// The load decides how far a torque moves the axis. It brakes hard, although its ramps are slow.
 TEST_P(ExcitationOf, TheTravelIsKept) {
-  enable();
-  const auto before = ramps();
-  const json job = run(R"({"do": "step", "amplitude": 5, "seconds": 2, "travel": 1.5, "units": "revolutions"})");
-  EXPECT_EQ(job["state"], "failed") << job.dump();
-  EXPECT_THAT(job["error"]["what"].get<std::string>(), HasSubstr("are allowed"));
-  // If the ramps do not stop the axis soon, the halt becomes a quick stop.
-  EXPECT_EQ(get("axes/" + axis_)["state"] == "operation enabled", !job.contains("note")) << job.dump();
-  EXPECT_EQ(ramps(), before);
-  pass(300ms);
-  EXPECT_NEAR(axis().plant().velocity_rpm(), 0.0, 1.0);
+  if (ask(Method::get, "axes/" + axis_ + "/objects/6071/0").status != 200U) return;  // no torque mode
+  for (const double slowest_rps2 : {0.0, 2.0}) {
+    enable();
+    const double per_rps2 = get("axes/" + axis_ + "/units")["acceleration_per_rps2"];
+    if (slowest_rps2 != 0.0) {
+      const json slow{{"value", std::llround(slowest_rps2 * per_rps2)}};
+      EXPECT_EQ(ask(Method::put, "axes/" + axis_ + "/objects/6084/0", slow.dump()).status, 204U);
+    }
+    const auto before = ramps();
+    const double start = turns();
+    const json job =
+        run(R"({"do": "step", "of": "torque", "amplitude": 15, "seconds": 2, "travel": 1.5, "units": "revolutions"})");
+    EXPECT_EQ(job["state"], "failed") << job.dump();
+    EXPECT_THAT(job["error"]["what"].get<std::string>(), HasSubstr("are allowed"));
+    // If the ramps do not stop the axis soon, the halt becomes a quick stop.
+    EXPECT_EQ(get("axes/" + axis_)["state"] == "operation enabled", !job.contains("note")) << job.dump();
+    EXPECT_EQ(ramps(), before);
+    pass(300ms);
+    EXPECT_NEAR(axis().plant().velocity_rpm(), 0.0, 1.0);
+    EXPECT_LT(turns() - start, 2 * 1.5 + 1.0);
+  }
 }
 
 TEST_P(ExcitationOf, WhatIsEndedPutsRampsBack) {
@@ -133,6 +146,15 @@ TEST_P(ExcitationOf, BadOrdersAreRefused) {
   refused(R"({"do": "sweep", "amplitude": 1, "to_hz": 4000})", 422);
   refused(R"({"do": "sweep", "amplitude": 1, "seconds": 1000})", 422);
   refused(R"({"do": "step", "amplitude": 1, "travel": -1})", 422);
+  for (const char* of : {"velocity", "torque", "position"}) {
+    for (const char* what : {"step", "sweep"}) {
+      refused(json{{"do", what}, {"of", of}, {"amplitude", 1e12}}.dump(), 422);
+    }
+  }
+  // Beyond the travel by the command alone.
+  refused(R"({"do": "step", "amplitude": 5, "seconds": 2, "travel": 1.5, "units": "revolutions"})", 422);
+  refused(R"({"do": "step", "of": "position", "amplitude": 1.1, "units": "revolutions"})", 422);
+  refused(R"({"do": "sweep", "amplitude": 10, "from_hz": 1, "to_hz": 2, "units": "revolutions"})", 422);
   const json job = run(R"({"do": "step", "amplitude": 1, "units": "revolutions"})");
   EXPECT_EQ(job["state"], "failed");
   EXPECT_THAT(job["error"]["what"].get<std::string>(), HasSubstr("not enabled"));

@@ -140,6 +140,8 @@ TEST(Project, ABadFileIsNamedWithItsPlaceAndStays) {
   const fs::path changes = folder / "x/changes.jsonl";
   is_refused(changes, "{\"axis\": \"x\", \"number\": 1}\n{\"axis\"\n", ":2:8: is not JSON here");
   is_refused(changes, "{\"axis\": \"x\", \"number\": 1}\n{\"axis\": \"x\"}\n", ":2:1: is no change");
+  is_refused(changes, "{\"axis\": \"x\", \"number\": 18446744073709551614}\n",
+             ":1:1: the number of a change is above 4503599627370496");
   fs::remove(changes);
   EXPECT_EQ(complaint(folder / "x"), "");
 }

@@ -12,7 +12,7 @@ namespace {
 
 namespace connection_set = canopen::connection_set;
 
-constexpr Time look_whether_cancelled = std::chrono::milliseconds(50);
+constexpr Time look_whether_cancelled = std::chrono::milliseconds(5);
 
 std::string what_to_do(AbortCode code, bool from_node) {
   const char* remedy = remedy_of_failed_access(code, from_node);

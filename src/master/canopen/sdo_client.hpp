@@ -62,9 +62,9 @@ class SdoClient final : public ObjectClient {
 
   std::uint8_t node_id() const { return node_id_; }
   Bus& bus() { return bus_; }
-  // Cancellation callback, called after each frame and at intervals during a transfer. If it returns true, the transfer
-  // is aborted and throws MasterError. Meant for long transfers. A caller that moves an axis must not use it, but
-  // cancel between transfers, because it needs transfers to stop the axis.
+  // Cancellation callback, called after each frame and every 5 ms during a transfer. If it returns true, the transfer
+  // is aborted and throws MasterError. It may carry out transfers with other nodes. Meant for long transfers. A caller
+  // that moves an axis must not use it, but cancel between transfers, because it needs transfers to stop the axis.
   void cancel_when(std::function<bool()> cancelled) { cancelled_ = std::move(cancelled); }
 
  private:

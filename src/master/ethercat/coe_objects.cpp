@@ -34,7 +34,9 @@ void CoeObjects::download(ObjectAddress object, std::span<const std::byte> data)
       std::uint64_t value = 0;
       std::memcpy(&value, data.data(), std::min(data.size(), sizeof value));
       output->set_raw(value);
+      const Time written = now();
       wait(cycles_to_act * exchange_->period());
+      while (exchange_->processed(member_) <= written) wait(exchange_->period());  // throws if the slave is lost
       return;
     }
   }

@@ -52,7 +52,8 @@ CyclicExchange::CyclicExchange(EthercatMaster& master, std::vector<Member> membe
       members_(std::move(members)),
       options_(options),
       status_(members_.size()),
-      silence_(members_.size()) {
+      silence_(members_.size()),
+      processed_(members_.size()) {
   lrw_ = options.use_lrw && std::all_of(members_.begin(), members_.end(),
                                         [](const Member& member) { return member.slave->found().knows_lrw(); });
   lay_out();
@@ -271,6 +272,7 @@ void CyclicExchange::judge(bool back) {
     for (unsigned& cycles : silence_) ++cycles;
     if (datagram->answered && datagram->counter != 0) {
       silence_[next_status_] = 0;
+      processed_[next_status_] = sent_;
       status_[next_status_] = {.status = load_u16(status_bytes_.data()),
                                .code = static_cast<AlStatusCode>(load_u16(&status_bytes_[4]))};
     }
@@ -279,6 +281,7 @@ void CyclicExchange::judge(bool back) {
   bool complete = true;
   for (const unsigned counter : expected_) complete = (datagram++)->counter == counter && complete;
   if (back && complete) {
+    std::fill(processed_.begin(), processed_.end(), sent_);
     statistics_.losses_in_a_row = 0;
     return;
   }

@@ -79,6 +79,9 @@ class CyclicExchange final : public CyclicTask {
   // The same for one member: a member that does not answer, or has left its state, is no error of the others.
   void check(std::size_t member) const;
   AlStatus status(std::size_t member) const { return status_[member]; }
+  // When the frames were sent that the member has certainly processed last: all data of the cycle came back, or at
+  // least the member answered in it.
+  Time processed(std::size_t member) const { return processed_[member]; }
   // True if the inputs of the newest cycle are complete.
   bool inputs_are_fresh() const { return statistics_.losses_in_a_row == 0; }
 
@@ -159,6 +162,7 @@ class CyclicExchange final : public CyclicTask {
   std::vector<Place> input_places_;
   std::vector<AlStatus> status_;
   std::vector<unsigned> silence_;  // cycles since the AL status of each member was read
+  std::vector<Time> processed_;
   AlState wanted_ = AlState::pre_operational;
   std::function<void()> on_cycle_;
   std::function<void()> on_inputs_;

@@ -11,6 +11,9 @@
 namespace servodrome::studio {
 namespace {
 
+// The numbers of later changes must also be exact in JSON, below 2^53.
+constexpr std::uint64_t highest_change = std::uint64_t{1} << 52;
+
 namespace fs = std::filesystem;
 
 constexpr std::size_t longest_name = 100;
@@ -159,6 +162,10 @@ void Project::read_changes() {
         !change.value("axis", nlohmann::json()).is_string()) {
       throw ProjectError(changes_file(), "is no change: number or axis is missing", "correct or delete the line", line,
                          1);
+    }
+    if (number->get<std::uint64_t>() > highest_change) {
+      throw ProjectError(changes_file(), fmt::format("the number of a change is above {}", highest_change),
+                         "correct or delete the line", line, 1);
     }
     last_change_ = std::max(last_change_, number->get<std::uint64_t>());
     earlier_changes_.push_back(std::move(change));
