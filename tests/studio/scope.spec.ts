@@ -114,6 +114,18 @@ test('what waits for a trigger that does not come is stopped, and read', async (
   await expect(page.getByRole('table', { name: 'Measurements' })).toBeVisible();
 });
 
+test('an immediate trigger has no time before it', async ({ page, open }) => {
+  await open('/scope');
+  const field = page.getByRole('textbox', { name: 'Pre-trigger time', exact: true });
+  await expect(field).toBeDisabled();
+  await expect(field).toHaveAccessibleDescription('none: an immediate recording begins at once');
+  await choose(page, /Trigger/, 'edge', panel(page, 'Channels'));
+  await expect(field).toBeEnabled();
+  await expect(field).toHaveAccessibleDescription('');
+  await choose(page, /Trigger/, 'immediate', panel(page, 'Channels'));
+  await expect(field).toBeDisabled();
+});
+
 test('zooms from the keyboard', async ({ page, open }) => {
   await open('/scope?ch=reference/position_counts&rate=1000&ms=1000&pre=0');
   await page.getByText('with a move').click();
