@@ -6,7 +6,7 @@ import { LiveBuffer } from './live_buffer';
 import { differs, hexValue, inGroup, matches, namedOf, parseValue, rankOf, showValue } from './objects';
 import { alongside, axisOf, channelOf, objectOf, ofAxis, queryOf, samplesOf, setupOf, span, textOfChannel, without, zoomed } from './scope';
 import { indexes, travelScale } from './travel';
-import { decadeTicks, duration, fixed, fromDrivePosition, greatestOf, isLabelled, proposed, significant, ticksText, toDriveAcceleration, toDrivePosition, toDriveVelocity } from './units';
+import { decadeTicks, duration, fixed, fromDrivePosition, greatestOf, isLabelled, proposed, significant, ticksText, toDriveAcceleration, toDrivePosition, toDriveVelocity, holdsOf } from './units';
 
 describe('units', () => {
   const units: Units = { position_per_revolution: 131072, velocity_per_rps: 131072, acceleration_per_rps2: 10 };
@@ -31,6 +31,7 @@ describe('units', () => {
     expect(fixed(-1234567.891, 2)).toBe('\u22121\u2009234\u2009567.89');
     expect(fixed(-0.0001, 2)).toBe('0.00');
     expect(fixed(undefined, 1)).toBe('–');
+    expect([fixed(1e30, 0), fixed(-3.3333333333333336e27, 2), fixed(1e15, 0)]).toEqual(['1e30', '\u22123.3333e27', '1e15']);
     expect([0.00123456, 12.3456, 123456.7, 42].map(significant)).toEqual(['0.001235', '12.346', '123\u2009457', '42']);
     expect(ticksText([25, 25.0005, 25.001, null])).toEqual(['25.0000', '25.0005', '25.0010', '']);
     expect(ticksText([-100000, 0, 100000])).toEqual(['\u2212100\u2009000', '0', '100\u2009000']);
@@ -315,4 +316,13 @@ describe('scope', () => {
     const other = samplesOf(recording(1600), { id: 2, stride: 32, tick: 1600, channels: [Float64Array.of(0, 20)] });
     expect([...alongside(main.x, other, other.values[0])]).toEqual([NaN, NaN, 0, 10, 20]);
   });
+});
+
+test('the numbers that the objects of a motion can hold, in the units of the form', () => {
+  const holds = holdsOf({ position_per_revolution: 131072, velocity_per_rps: 131072, acceleration_per_rps2: 131072 });
+  expect(holds).toEqual({ position: 16383, speed: 1966079, velocity: 983039, acceleration: 32767 });
+  expect(holdsOf({ position_per_revolution: 65536, velocity_per_rps: 1073741.824, acceleration_per_rps2: 1073741824 }).acceleration).toBe(3.9999);
+  for (const unknown of [undefined, { position_per_revolution: null, velocity_per_rps: 1, acceleration_per_rps2: 1 }]) {
+    expect(holdsOf(unknown)).toEqual({ position: 2147483647, speed: 4294967295, velocity: 2147483647, acceleration: 4294967295 });
+  }
 });

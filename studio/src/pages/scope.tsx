@@ -14,7 +14,7 @@ import { Recordings } from '../parts/recordings';
 import { useHindrance } from '../parts/reach';
 import { ScopeSetup } from '../parts/scope_setup';
 import { axisOf, isOver, ofAxis, queryOf, samplesOf, setupOf, type Samples, type Setup } from '../model/scope';
-import { greatestOf, isKnown, proposed } from '../model/units';
+import { greatestOf, holdsOf, isKnown, proposed } from '../model/units';
 import { attempt, complain } from '../notices';
 import { useResource } from '../resource';
 import { keep, keepHere, useRoute } from '../route';
@@ -121,6 +121,7 @@ function Record({ setup }: { setup: Setup }) {
   const limits = useResource<Limits>(withMove && powered ? `${axisPath(axis)}/limits` : null, 3000).value;
   const known = isKnown(units);
   const greatest = greatestOf(units, limits);
+  const holds = holdsOf(units);
   const rpm = typedRpm ?? proposed(600, greatest.velocity);
   const acceleration = typedAcceleration ?? proposed(200, greatest.acceleration);
   const { channels, rate_hz, duration_ms, pre_ms, trigger } = setup;
@@ -143,9 +144,9 @@ function Record({ setup }: { setup: Setup }) {
       {withMove && (
         <div className="form">
           <Choice label="Axis" value={axis} options={order.map((each) => [each, each] as const)} onChange={(to) => keep(queryOf(ofAxis(setup, to)))} />
-          <NumberInput label="Distance" unit="rev" value={turns} onChange={setTurns} />
-          <NumberInput label="Velocity" unit="rpm" value={rpm} onChange={setRpm} minimum={0} />
-          <NumberInput label="Acceleration" unit="rev/s²" value={acceleration} onChange={setAcceleration} minimum={0} />
+          <NumberInput label="Distance" unit="rev" value={turns} onChange={setTurns} minimum={-holds.position} maximum={holds.position} />
+          <NumberInput label="Velocity" unit="rpm" value={rpm} onChange={setRpm} above={0} maximum={holds.speed} />
+          <NumberInput label="Acceleration" unit="rev/s²" value={acceleration} onChange={setAcceleration} above={0} maximum={holds.acceleration} />
         </div>
       )}
       {withMove && units && !known && <p className="note">This drive does not report its units: move it on the Axis page.</p>}

@@ -40,13 +40,14 @@ export function NumbersButton({ isDisabled = false, ...props }: ComponentProps<t
 // `value` NaN: no number yet. `onChange` gets valid numbers only: after each key, or with `whenLeft` when the field loses
 // the focus or Enter is pressed. A halt or STOP then drops the typed text: it comes by a press of its button, before the field
 // loses the focus. With `mayBeEmpty` an empty field is valid and gives NaN.
-export function NumberInput({ label, unit, value, onChange, minimum, maximum, step = 1, hideLabel = false, isDisabled = false, whenLeft = false, mayBeEmpty = false, isHexadecimal = false, hint }: {
+export function NumberInput({ label, unit, value, onChange, minimum, maximum, above, step = 1, hideLabel = false, isDisabled = false, whenLeft = false, mayBeEmpty = false, isHexadecimal = false, hint }: {
   label: string;
   unit?: string | undefined;
   value: number;
   onChange: (value: number) => void;
   minimum?: number | undefined;
   maximum?: number | undefined;
+  above?: number | undefined;
   step?: number;
   hideLabel?: boolean;
   isDisabled?: boolean;
@@ -67,7 +68,7 @@ export function NumberInput({ label, unit, value, onChange, minimum, maximum, st
       setTyped(null);
     });
   }, [whenLeft]);
-  const limits = { minimum, maximum };
+  const limits = { minimum, maximum, above };
   const read = (text: string) => (mayBeEmpty && text.trim() === '' ? { value: NaN } : readNumber(text, limits, isHexadecimal));
   if (!Object.is(told, value)) {
     // `value` has changed. If it is not the typed number, the change comes from outside and replaces the typed text.
