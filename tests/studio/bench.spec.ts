@@ -81,6 +81,16 @@ test('the plant is changed', async ({ page, open, line }) => {
   await expect.poll(async () => line.call('GET', '/axes/ismc/plant')).toMatchObject({ load_torque_nm: 0.25, locked_rotor: true });
 });
 
+test('a refused number of the plant is named as its field', async ({ page, open, watched }) => {
+  await open('/plant/ismc');
+  for (const [field, text] of [['Load torque', '1e30 Nm'], ['Load inertia', '1e30 kg·m²'], ['Coulomb friction', '1e30 Nm'], ['Supply', '1e30 V'], ['Ambient', '1e30 °C']] as const) {
+    await type(page, field, 1e30);
+    await expect(page.locator('.notice.bad').last()).toContainText(`${field}: ${text} is not within`);
+    await page.locator('.notice.bad').last().getByRole('button', { name: 'Dismiss' }).click();
+  }
+  expect(watched.splice(0).join()).toContain('422'); // the browser itself logs the refusal
+});
+
 test('a bus is disturbed and left alone again', async ({ page, open, line }) => {
   await open('/plant/reference');
   const disturbance = panel(page, 'Disturbance of can0');
