@@ -214,7 +214,7 @@ describe('jog', () => {
 describe('objects', () => {
   const entry: ObjectEntry = { index: '0x6081', sub: 0, name: 'Profile velocity', type: 'UNSIGNED32', access: 'rw', unit: 'inc/s', pdo: 'rx', saved: true, default: 1000 };
   test('are found by any of their words', () => {
-    expect(['6081', '6081h', 'profile VEL', 'inc/s 6081:00', ''].map((search) => matches(entry, search))).toEqual([true, true, true, true, true]);
+    for (const search of ['6081', '6081h', '0x6081', '0X6081', '6081:00', '0x6081:00', 'profile VEL', 'inc/s 6081:00', '']) expect(matches(entry, search), search).toBe(true);
     expect(matches(entry, 'torque')).toBe(false);
   });
   test('whose name is searched come first', () => {
@@ -225,6 +225,7 @@ describe('objects', () => {
     const found = (search: string) => [explained, named, position, addressed].filter((each) => matches(each, search)).sort((a, b) => rankOf(a, search) - rankOf(b, search)).map(({ index }) => index);
     expect(found('position')).toEqual(['0x6064', '0x607A', '0x2000']);
     expect(found('6065h')).toEqual(['0x6065']);
+    expect(found('0x6065')).toEqual(['0x6065']);
   });
   test('show CAN identifiers in hexadecimal, other numbers in decimal', () => {
     expect(showValue(0x40000181, { ...entry, name: 'COB-ID used by TPDO 1' })).toBe('40000181h');
@@ -237,10 +238,25 @@ describe('objects', () => {
     expect(inGroup(entry, 'Manufacturer-specific', () => true)).toBe(false);
   });
   test('take decimal and hexadecimal', () => {
-    expect(['12', '0x1F', '1Fh', '\u22125', ' 7 '].map((typed) => parseValue(entry, typed))).toEqual([12, 31, 31, -5, 7]);
-    expect(['', 'abc', '1.5'].map((typed) => parseValue(entry, typed))).toEqual([undefined, undefined, undefined]);
-    expect(parseValue({ ...entry, type: 'REAL32' }, '1.5')).toBe(1.5);
-    expect(parseValue({ ...entry, type: 'VISIBLE_STRING' }, '1F')).toBe('1F');
+    expect(['12', '0x1F', '1Fh', '\u22125', ' 7 '].map((typed) => parseValue({ ...entry, type: 'INTEGER32' }, typed))).toEqual([12, 31, 31, -5, 7].map((value) => ({ value })));
+    expect(parseValue({ ...entry, type: 'REAL32' }, '1.5')).toEqual({ value: 1.5 });
+    expect(parseValue({ ...entry, type: 'VISIBLE_STRING' }, '1F')).toEqual({ value: '1F' });
+    expect(['4294967295', '0xFFFFFFFF'].map((typed) => parseValue(entry, typed))).toEqual([{ value: 4294967295 }, { value: 4294967295 }]);
+  });
+  test.each([
+    ['UNSIGNED32', '', 'Enter a number.'],
+    ['UNSIGNED32', 'abc', 'Not a number: enter for example 12, 0x1F or 1Fh.'],
+    ['UNSIGNED32', '1,5', 'The decimal separator is a point: 1.5.'],
+    ['REAL32', '1,5', 'The decimal separator is a point: 1.5.'],
+    ['UNSIGNED32', '12.5', 'UNSIGNED32 is a whole number.'],
+    ['UNSIGNED32', '99999999999999999999', 'Too high: UNSIGNED32 is at most 4294967295.'],
+    ['UNSIGNED32', '0x100000000', 'Too high: UNSIGNED32 is at most 4294967295.'],
+    ['UNSIGNED8', '-1', 'Too low: UNSIGNED8 is at least 0.'],
+    ['INTEGER16', '-32769', 'Too low: INTEGER16 is at least -32768.'],
+    ['INTEGER8', '128', 'Too high: INTEGER8 is at most 127.'],
+    ['REAL64', '1e999', 'Too high for REAL64.'],
+  ])('of %s: "%s" is refused with the reason', (type, typed, problem) => expect(parseValue({ ...entry, type }, typed)).toEqual({ problem }));
+  test('show numbers of 32 bits in hexadecimal', () => {
     expect(hexValue(entry, 255)).toBe('000000FFh');
   });
   test('have names for bits and values', () => {
