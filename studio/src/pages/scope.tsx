@@ -1,9 +1,9 @@
 import { useEffect, useRef, useState } from 'react';
-import { getBytes, post } from '../api/client';
+import { getBytes, post, segment } from '../api/client';
 import { decodeFrame } from '../api/frame';
 import type { Limits, Recording, Units } from '../api/types';
 import { axisPath, following, runJob } from '../commands';
-import { Choice, Panel, Toggle } from '../parts/controls';
+import { Button, Choice, Panel, Toggle, Trouble } from '../parts/controls';
 import { NumberForm, NumberInput, NumbersButton } from '../parts/number_input';
 import { Excite } from '../parts/excite';
 import { Layouts } from '../parts/layouts';
@@ -31,6 +31,8 @@ export function ScopePage() {
   const { recordings, memory, again } = useRecordings();
   const shown = recordings.find((recording) => String(recording.id) === id);
   const samples = useSamples(shown);
+  // The list may not have a new recording yet: the server is asked.
+  const missing = useResource<Recording>(memory && id && !shown ? `/recordings/${segment(id)}` : null).problem;
   const others = useOverlays(recordings.filter((recording) => overlays.includes(String(recording.id)) && recording !== shown));
 
   return (
@@ -38,6 +40,8 @@ export function ScopePage() {
       <div className="column">
         {shown ? (
           <RecordingPanel recording={shown} samples={samples} others={others} />
+        ) : missing ? (
+          <Panel title={`Recording ${id}`} aside={<Button onPress={() => keep({ rec: null })}>Live</Button>}><Trouble problem={missing} /></Panel>
         ) : (
           <Panel title="Live" aside={<span className="quiet">last 10 s; record for the full sampling rate</span>}>
             <LiveLanes fill label="Live scope" channels={setup.channels} rate_hz={Math.min(setup.rate_hz, 500)} seconds={10} />
