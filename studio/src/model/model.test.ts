@@ -4,7 +4,7 @@ import { controlBits, edges, modeText, statusBits, toneOf } from './cia402';
 import { Jog } from './jog';
 import { LiveBuffer } from './live_buffer';
 import { differs, hexValue, inGroup, matches, namedOf, parseValue, rankOf, showValue } from './objects';
-import { alongside, axisOf, channelOf, objectOf, ofAxis, queryOf, samplesOf, setupOf, span, textOfChannel, without, zoomed } from './scope';
+import { alongside, axisOf, channelOf, fileNameOf, objectOf, ofAxis, queryOf, samplesOf, setupOf, span, textOfChannel, without, zoomed } from './scope';
 import { indexes, travelScale } from './travel';
 import { decadeTicks, duration, fixed, fromDrivePosition, greatestOf, isLabelled, proposed, significant, ticksText, toDriveAcceleration, toDrivePosition, toDriveVelocity, holdsOf } from './units';
 
@@ -342,3 +342,8 @@ test('the numbers that the objects of a motion can hold, in the units of the for
     expect(holdsOf(unknown)).toEqual({ position: 2147483647, speed: 4294967295, velocity: 2147483647, acceleration: 4294967295 });
   }
 });
+
+test.each([
+  ['first try', 'first-try'], ['gain 12, "loose" / belt', 'gain-12-loose-belt'], ['../../etc/passwd', 'etc-passwd'], ['Prüfstand 2.5', 'Prüfstand-2.5'], ['', 'recording-20'], [' ?* ', 'recording-20'],
+  ['nul', 'recording-20'], ['Con.txt', 'recording-20'], ['x'.repeat(100), 'x'.repeat(60)], ['step of the velocity, ismc', 'step-of-the-velocity-ismc'],
+])('the file of the recording "%s"', (name, file) => expect(fileNameOf({ name, id: 20 })).toBe(file));

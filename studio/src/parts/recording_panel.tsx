@@ -5,7 +5,7 @@ import { formulaOf, mathsOf } from '../model/formula';
 import { withMaths } from '../model/mathematics';
 import { eventful } from '../model/measure';
 import { parquetOf } from '../model/parquet';
-import { alongside, isOver, labelOf, same, titleOf, zoomed, type Samples } from '../model/scope';
+import { alongside, fileNameOf, isOver, labelOf, same, titleOf, zoomed, type Samples } from '../model/scope';
 import { fixed, significant } from '../model/units';
 import { attempt } from '../notices';
 import { keep, useRoute } from '../route';
@@ -101,7 +101,7 @@ function TimePlot({ title, samples, others }: { title: string; samples: Samples;
     const part = eventful(samples.values);
     show(part && [x[part[0]], x[Math.min(part[1], x.length - 1)]]);
   };
-  const name = `recording-${recording.id}`;
+  const name = fileNameOf(recording);
   // The cursors stay in the recording, to the millisecond.
   const [first, last] = x.length > 0 ? [Math.floor(x[0]), Math.ceil(x[x.length - 1])] : [undefined, undefined];
   const setCursor = (key: string, at: number) => keep({ [key]: Math.max(first ?? at, Math.min(last ?? at, at)).toFixed(4) });
