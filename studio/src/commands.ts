@@ -2,7 +2,7 @@ import { get, post, put, remove, segment } from './api/client';
 import type { Job, ObjectValue } from './api/types';
 import { commandsMotion } from './model/motion_objects';
 import { shownOf } from './model/problem';
-import { complain, complainOf, forget, tell } from './notices';
+import { complain, complainOf, forget, forgetRequests, tell } from './notices';
 import { interruptions, noteJob, outdate, overWithin, snapshot } from './store';
 
 export const axisPath = (axis: string) => `/axes/${segment(axis)}`;
@@ -17,9 +17,12 @@ export const readObject = async (axis: string, index: number, sub = 0) => (await
 // Reads many objects, by address ("60FD:00"). A value is null if it cannot be read now.
 export const readValues = async (axis: string, objects: string[]) =>
   (await get<{ values: Record<string, ObjectValue> }>(`${axisPath(axis)}/values?objects=${objects.join(',')}`)).values;
-export const writeObject = (axis: string, index: number, sub: number, value: ObjectValue) => {
+export const writeObject = async (axis: string, index: number, sub: number, value: ObjectValue) => {
   if (index === 0x6040) takeBack(axis); // the controlword
-  return put(objectPath(axis, index, sub), { value }, commandsMotion(index, value) ? untilTakenBack(axis) : undefined);
+  const path = objectPath(axis, index, sub);
+  const answer = await put(path, { value }, commandsMotion(index, value) ? untilTakenBack(axis) : undefined);
+  forgetRequests(path); // notices about earlier writes of this object are out of date
+  return answer;
 };
 
 export const power = (axis: string, action: 'on' | 'off' | 'cycle') => {

@@ -9,6 +9,7 @@ export interface Notice extends Problem {
   id: number;
   bad: boolean;
   axis?: string | undefined; // of the request that failed
+  path?: string | undefined; // of the same request
 }
 
 let notices: Notice[] = [];
@@ -32,7 +33,16 @@ function add(notice: Omit<Notice, 'id'>, seconds: number) {
 // begins with its axis.
 export const forget = (axis: string) => set(notices.filter((notice) => notice.axis !== axis && !notice.what.startsWith(`${axis}: `)));
 
-export const complain = (error: unknown) => add({ ...shownOf(problemOf(error)), bad: true, axis: error instanceof ApiError ? axisOf(error.path) : undefined }, 15);
+// Removes the notices about the requests with this path; about all below it, if it ends with a slash.
+export function forgetRequests(path: string) {
+  const isOver = (notice: Notice) => notice.path === path || (path.endsWith('/') && notice.path?.startsWith(path));
+  if (notices.some(isOver)) set(notices.filter((notice) => !isOver(notice)));
+}
+
+export function complain(error: unknown) {
+  const path = error instanceof ApiError ? error.path : undefined;
+  add({ ...shownOf(problemOf(error)), bad: true, path, axis: path && axisOf(path) }, 15);
+}
 export const complainOf = (problem: Problem) => add({ ...problem, bad: true }, 15);
 export const tell = (what: string) => add({ what, bad: false }, 4);
 

@@ -74,11 +74,64 @@ test('what the drive refuses is said, and changes nothing', async ({ page, open,
   expect(watched.splice(0).join()).toContain('422');
 });
 
+test('a search without a hit says so, and 0x before an index is understood', async ({ page, open }) => {
+  await open('/objects/reference?q=0x6064');
+  await expect(page.getByRole('listbox', { name: 'Objects' }).getByRole('option').first()).toContainText('6064:00');
+  await open('/objects/reference?q=flux+capacitor');
+  await expect(panel(page, 'Dictionary')).toContainText('No object matches "flux capacitor".');
+  await open('/objects/reference?q=6064&group=Storage');
+  await expect(panel(page, 'Dictionary')).toContainText('No object of the group "Storage" matches "6064".');
+});
+
+test('a value that is none is refused with the reason', async ({ page, open }) => {
+  await open('/objects/reference?object=6081:00&q=6081');
+  const editor = panel(page, /profile velocity/i);
+  const field = editor.getByLabel('New value');
+  for (const [text, reason] of [['abc', 'Not a number'], ['1,5', 'The decimal separator is a point'], ['12.5', 'whole number'], ['99999999999999999999', 'Too high: UNSIGNED32 is at most 4294967295.']] as const) {
+    await field.fill(text);
+    await expect(editor.getByRole('status')).toContainText(reason);
+    await expect(field).toHaveAccessibleDescription(new RegExp(reason));
+    await expect(editor.getByRole('button', { name: 'Write' })).toBeDisabled();
+  }
+  await field.fill('1234');
+  await expect(editor.getByRole('status')).toHaveCount(0);
+  await expect(editor.getByRole('button', { name: 'Write' })).toBeEnabled();
+});
+
+test('the refusal of an object goes with its next success, and with its view', async ({ page, open, watched }) => {
+  const bad = page.locator('.notice.bad');
+  const write = async (value: string) => {
+    await panel(page, /modes of operation/i).getByLabel('New value').fill(value);
+    await panel(page, /modes of operation/i).getByRole('button', { name: 'Write' }).click();
+  };
+  await open('/objects/reference?q=modes of operation&object=6060:00');
+  await write('99');
+  await expect(bad).toContainText('refuses');
+  await write('1');
+  await expect(page.getByText('6060:00 written')).toBeVisible();
+  await expect(bad).toHaveCount(0, { timeout: 1000 }); // by itself it stays for 15 s
+  await write('99');
+  await expect(bad).toContainText('refuses');
+  await page.getByRole('link', { name: 'Parameters', exact: true }).click();
+  await expect(bad).toHaveCount(0, { timeout: 1000 });
+  expect(watched.splice(0).join()).toContain('422'); // the browser itself logs the refusal
+});
+
 test('the plant is changed', async ({ page, open, line }) => {
   await open('/plant/ismc');
   await type(page, 'Load torque', 0.25);
   await page.getByText('Locked rotor').click();
   await expect.poll(async () => line.call('GET', '/axes/ismc/plant')).toMatchObject({ load_torque_nm: 0.25, locked_rotor: true });
+});
+
+test('a refused number of the plant is named as its field', async ({ page, open, watched }) => {
+  await open('/plant/ismc');
+  for (const [field, text] of [['Load torque', '1e30 Nm'], ['Load inertia', '1e30 kg·m²'], ['Coulomb friction', '1e30 Nm'], ['Supply', '1e30 V'], ['Ambient', '1e30 °C']] as const) {
+    await type(page, field, 1e30);
+    await expect(page.locator('.notice.bad').last()).toContainText(`${field}: ${text} is not within`);
+    await page.locator('.notice.bad').last().getByRole('button', { name: 'Dismiss' }).click();
+  }
+  expect(watched.splice(0).join()).toContain('422'); // the browser itself logs the refusal
 });
 
 test('a bus is disturbed and left alone again', async ({ page, open, line }) => {

@@ -305,8 +305,8 @@ test('a file with a mistake is refused as a whole, with the place', async ({ pag
   const bad = [{ name: 'good', widgets: [widgets[0]] }, { name: 'bad', widgets: [{ ...widgets[2], maximum: -5 }, { kind: 'robot' }] }];
   await importField(page).setInputFiles(file(bad));
   const manage = panel(page, 'Dashboards of this browser');
-  await expect(manage.getByRole('alert')).toContainText('boards[1].widgets[0].maximum: must be above the minimum');
-  await expect(manage.getByRole('alert')).toContainText('boards[1].widgets[1].kind: must be one of');
+  await expect(manage.getByRole('alert')).toContainText('dashboard 2 "bad", widget 1: maximum must be above the minimum');
+  await expect(manage.getByRole('alert')).toContainText('dashboard 2 "bad", widget 2: kind must be one of');
   await expect(page.getByRole('navigation', { name: 'Dashboards' }).getByRole('link')).toHaveText(['Test bench']);
   await importField(page).setInputFiles({ name: 'other.json', mimeType: 'application/json', buffer: Buffer.from('{"a": 1}') });
   await expect(manage.getByRole('alert')).toContainText('has no dashboards');

@@ -29,7 +29,7 @@ for (const { name, counts } of axes) {
 }
 
 const numbers: [string, string | null][] = [
-  ['-5', 'At least 0'], ['', 'Enter a number'], ['abc', 'Not a number'], ['1.2.3', 'Not a number'], ['1,500', '1500 or 1.5'], ['12', null],
+  ['-5', 'More than 0'], ['0', 'More than 0'], ['1e9', 'at most'], ['', 'Enter a number'], ['abc', 'Not a number'], ['1.2.3', 'Not a number'], ['1,500', '1500 or 1.5'], ['12', null],
 ];
 
 test('a number that is not understood is marked, and its buttons are dead', async ({ page, open, line }) => {
@@ -60,6 +60,34 @@ test('a number that is not understood is marked, and its buttons are dead', asyn
   await expect(page.getByText(/move: done/)).toBeVisible();
   const { position_counts } = await line.call<View>('GET', '/axes/reference');
   expect(Math.abs(position_counts - before - 0.5 * 131072)).toBeLessThan(500);
+});
+
+test('a number that the object of the drive cannot hold is refused with the range, and leaves no prediction', async ({ page, open }) => {
+  await open('/axis/reference');
+  const motion = panel(page, 'Motion');
+  const moves = () => Promise.all(['Move +', '− Back', 'There and back', 'Go to zero'].map((name) => expect(motion.getByRole('button', { name })).toBeDisabled()));
+  const ghost = motion.locator('.ghost text');
+  await expect(ghost).toHaveCount(1);
+  for (const [field, text, problem, usual] of [
+    ['Distance', '1e30', 'From -16383 to 16383.', '1'], ['Velocity', '1e9', 'More than 0, at most 1966079.', '300'], ['Velocity', '0', 'More than 0, at most 1966079.', '300'],
+    ['Acceleration', '0', 'More than 0, at most 32767.', '50'], ['Acceleration', '1e9', 'More than 0, at most 32767.', '50'], ['Distance', '', 'Enter a number.', '1'],
+  ] as const) {
+    const input = motion.getByRole('textbox', { name: field, exact: true });
+    await input.fill(text);
+    await expect(motion.locator('.refusal')).toHaveText(problem);
+    await moves();
+    await expect(ghost).toHaveCount(0);
+    await expect(motion.getByRole('note')).toHaveText('Enter all values to see the predicted motion.');
+    await input.fill(usual);
+    await expect(ghost).toHaveCount(1);
+    await expect(motion.getByRole('button', { name: 'Move +' })).toBeEnabled();
+  }
+  // The refusal of a move that is too long goes with its number.
+  const distance = motion.getByRole('textbox', { name: 'Distance', exact: true });
+  await distance.fill('1000');
+  await expect(motion.getByRole('alert')).toContainText('is longer than');
+  await distance.fill('');
+  await expect(motion.getByRole('alert')).toHaveCount(0);
 });
 
 test('no button that moves acts on a number that is not understood', async ({ page, open }) => {

@@ -114,6 +114,48 @@ test('what waits for a trigger that does not come is stopped, and read', async (
   await expect(page.getByRole('table', { name: 'Measurements' })).toBeVisible();
 });
 
+test('a recording and a bus that do not exist are said to be missing', async ({ page, open, line, watched }) => {
+  await open('/scope?rec=999');
+  const missing = panel(page, 'Recording 999');
+  await expect(missing.getByRole('alert')).toContainText('there is no recording "999"');
+  await missing.getByRole('button', { name: 'Live' }).click();
+  await expect(panel(page, 'Live')).toBeVisible();
+  expect(watched.splice(0).join()).toContain('404'); // the browser itself logs it
+  await page.goto(`${line.address}/bus?bus=zz`);
+  await expect(page.getByRole('main').getByRole('alert')).toContainText('There is no bus "zz".');
+  await page.getByRole('main').getByRole('link', { name: 'ecat', exact: true }).click();
+  await expect(page.getByRole('button', { name: /Bus/ })).toContainText('ecat');
+});
+
+test('a cursor outside the recording is refused', async ({ page, open, line }) => {
+  const { id } = await line.call<{ id: number }>('POST', '/recordings', { channels: [{ axis: 'reference', signal: 'velocity_rpm' }], rate_hz: 1000, duration_ms: 200 });
+  await open(`/scope?rec=${id}`);
+  await expect(page.getByRole('table', { name: 'Measurements' })).toBeVisible();
+  for (const text of ['-50', '99999']) {
+    const field = page.getByRole('textbox', { name: 'Cursor A' });
+    await field.fill(text);
+    await field.press('Tab');
+    await expect(page.locator('.cursors .refusal')).toHaveText(/^From 0 to (199|200)\.$/);
+    await expect(page).not.toHaveURL(/[?&]a=/);
+  }
+  await page.getByRole('textbox', { name: 'Cursor A' }).fill('100');
+  await page.getByRole('textbox', { name: 'Cursor A' }).press('Tab');
+  await expect(page).toHaveURL(/[?&]a=100/);
+  await expect(page.locator('.cursors .refusal')).toHaveCount(0);
+});
+
+test('an immediate trigger has no time before it', async ({ page, open }) => {
+  await open('/scope');
+  const field = page.getByRole('textbox', { name: 'Pre-trigger time', exact: true });
+  await expect(field).toBeDisabled();
+  await expect(field).toHaveAccessibleDescription('none: an immediate recording begins at once');
+  await choose(page, /Trigger/, 'edge', panel(page, 'Channels'));
+  await expect(field).toBeEnabled();
+  await expect(field).toHaveAccessibleDescription('');
+  await choose(page, /Trigger/, 'immediate', panel(page, 'Channels'));
+  await expect(field).toBeDisabled();
+});
+
 test('zooms from the keyboard', async ({ page, open }) => {
   await open('/scope?ch=reference/position_counts&rate=1000&ms=1000&pre=0');
   await page.getByText('with a move').click();

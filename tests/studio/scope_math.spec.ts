@@ -171,6 +171,16 @@ test('a signal of all axes is added at once', async ({ page, open }) => {
   await expect(page.getByRole('img', { name: /ismc velocity_rpm.*jmc velocity_rpm/ })).toBeVisible();
 });
 
+test('the files of a recording have its name', async ({ page, open, line }) => {
+  const { id } = await line.call<{ id: number }>('POST', '/recordings', { name: 'first try / gain 12', channels: [{ axis: 'reference', signal: 'velocity_rpm' }], rate_hz: 1000, duration_ms: 100 });
+  await open(`/scope?rec=${id}`);
+  await expect(page.getByRole('table', { name: 'Measurements' })).toBeVisible();
+  for (const kind of ['CSV', 'MCAP', 'Parquet', 'PNG']) {
+    const [file] = await Promise.all([page.waitForEvent('download'), page.getByRole('group', { name: 'Save as' }).getByText(kind, { exact: true }).click()]);
+    expect(file.suggestedFilename()).toBe(`first-try-gain-12.${kind.toLowerCase()}`);
+  }
+});
+
 test('a recording is exported as Parquet', async ({ page, open, line }) => {
   const id = await recordMove(line);
   await open(`/scope?rec=${id}&math=slip=c1-c2`);

@@ -44,25 +44,25 @@ describe('a file of dashboards', () => {
     ['{', /no JSON/],
     ['[]', /its "format" is not "servodrome-dashboards"/],
     [JSON.stringify({ format, version: 2, boards: [] }), /version 2; this page reads version 1/],
-    [JSON.stringify({ format, version: 1 }), /^boards: must be a list$/],
-    [JSON.stringify({ format, version: 1, boards: [{ name: '', widgets: [] }] }), /boards\[0\]\.name: must be a name/],
-    [JSON.stringify({ format, version: 1, boards: [{ name: 'a', widgets: [] }, { name: 'a', widgets: 1 }] }), /boards\[1\]\.name: is there already\nboards\[1\]\.widgets: must be a list/],
-    [with0({ kind: 'robot' }), /boards\[0\]\.widgets\[0\]\.kind: must be one of value, plot/],
-    [with0({ maximum: -1 }), /widgets\[0\]\.maximum: must be above the minimum/],
-    [with0({ step: 'fast' }), /widgets\[0\]\.step: must be a number/],
-    [with0({ object: 'x/velocity_rpm' }), /object: must be an object of an axis/],
-    [with0({ colour: 'red' }), /widgets\[0\]\.colour: is not known/],
-    [with0({ span: 9 }), /span: must be at most 4/],
-    [with0({ title: 7 }), /title: must be a text/],
-    [JSON.stringify({ format, version: 1, boards: [{ name: 'a', widgets: Array(5).fill(all.widgets[1]) }] }), /at most 4 plots/],
-    [JSON.stringify({ format, version: 1, boards: [{ name: 'a', widgets: Array(61).fill(all.widgets[0]) }] }), /at most 60 widgets/],
+    [JSON.stringify({ format, version: 1 }), /^the dashboards must be a list$/],
+    [JSON.stringify({ format, version: 1, boards: [{ name: '', widgets: [] }] }), /^dashboard 1: name must be a name$/],
+    [JSON.stringify({ format, version: 1, boards: [{ name: 'a', widgets: [] }, { name: 'a', widgets: 1 }] }), /^dashboard 2 "a": name is there already\ndashboard 2 "a": widgets must be a list$/],
+    [with0({ kind: 'robot' }), /^dashboard 1 "a", widget 1: kind must be one of value, plot/],
+    [with0({ maximum: -1 }), /^dashboard 1 "a", widget 1: maximum must be above the minimum$/],
+    [with0({ step: 'fast' }), /widget 1: step must be a number/],
+    [with0({ object: 'x/velocity_rpm' }), /object must be an object of an axis/],
+    [with0({ colour: 'red' }), /widget 1: colour is not known/],
+    [with0({ span: 9 }), /span must be at most 4/],
+    [with0({ title: 7 }), /title must be a text/],
+    [JSON.stringify({ format, version: 1, boards: [{ name: 'a', widgets: Array(5).fill(all.widgets[1]) }] }), /^dashboard 1 "a": must have at most 4 plots$/],
+    [JSON.stringify({ format, version: 1, boards: [{ name: 'a', widgets: Array(61).fill(all.widgets[0]) }] }), /^dashboard 1 "a": must have at most 60 widgets$/],
   ])('is refused with the place of the mistake: %s', (text, problem) => {
     expect(() => readFile(text)).toThrow(problem);
   });
 
   test('names a mistake in a script by its line', () => {
     const text = JSON.stringify({ format, version: 1, boards: [{ name: 'a', widgets: [{ ...all.widgets[5], lines: 'x enable\nx fly' }] }] });
-    expect(() => readFile(text)).toThrow(/widgets\[0\]\.lines: line 2: "fly" is no command/);
+    expect(() => readFile(text)).toThrow(/widget 1: lines: line 2: "fly" is no command/);
   });
 
   test('is added to those that are there', () => {

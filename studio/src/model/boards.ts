@@ -178,18 +178,25 @@ export function readFile(text: string): Board[] {
 
 const isRecord = (json: unknown): json is Record<string, unknown> => typeof json === 'object' && json !== null && !Array.isArray(json);
 
+// "dashboard 2 "bench", widget 1: kind must be one of ..". `key` is empty for a problem of the whole.
+function mistake(place: string, key: string, problem: string): string {
+  const continues = /^(must|is) /.test(problem); // the sentence that begins with the key
+  return `${place}: ${key}${key === '' ? '' : continues ? ' ' : ': '}${problem}`;
+}
+
 export function readBoards(json: unknown): Board[] {
-  if (!Array.isArray(json)) throw new Error('boards: must be a list');
-  const problems: string[] = json.length > mostBoards ? [`boards: must have at most ${mostBoards} dashboards`] : [];
+  if (!Array.isArray(json)) throw new Error('the dashboards must be a list');
+  const problems: string[] = json.length > mostBoards ? [`there must be at most ${mostBoards} dashboards`] : [];
   const names = new Set<string>();
   json.forEach((board: unknown, i) => {
-    const place = `boards[${i}]`;
-    if (!isRecord(board)) return void problems.push(`${place}: must be an object`);
+    const number = `dashboard ${i + 1}`;
+    if (!isRecord(board)) return void problems.push(mistake(number, '', 'must be an object'));
+    const place = isText(board.name) && board.name.trim() !== '' ? `${number} "${board.name.slice(0, longestName)}"` : number;
     const wrong = nameProblem(board.name, [...names]);
-    if (wrong) problems.push(`${place}.name: ${wrong}`);
+    if (wrong) problems.push(mistake(place, 'name', wrong));
     names.add(String(board.name));
-    problems.push(...unknownKeys(board, ['name', 'widgets']).map((key) => `${place}.${key}: is not known`));
-    problems.push(...widgetProblems(board.widgets, `${place}.widgets`));
+    problems.push(...unknownKeys(board, ['name', 'widgets']).map((key) => mistake(place, key, 'is not known')));
+    problems.push(...widgetProblems(board.widgets, place));
   });
   if (problems.length > 0) throw new Error(problems.slice(0, 8).join('\n') + (problems.length > 8 ? `\nand ${problems.length - 8} more` : ''));
   return json as Board[];
@@ -198,17 +205,17 @@ export function readBoards(json: unknown): Board[] {
 const unknownKeys = (json: Record<string, unknown>, known: string[]) => Object.keys(json).filter((key) => !known.includes(key));
 
 function widgetProblems(json: unknown, place: string): string[] {
-  if (!Array.isArray(json)) return [`${place}: must be a list`];
-  if (json.length > mostWidgets) return [`${place}: must have at most ${mostWidgets} widgets`];
+  if (!Array.isArray(json)) return [mistake(place, 'widgets', 'must be a list')];
+  if (json.length > mostWidgets) return [mistake(place, '', `must have at most ${mostWidgets} widgets`)];
   const plots = json.filter((each: unknown) => isRecord(each) && each.kind === 'plot').length;
-  const crowded = plots > mostPlots ? [`${place}: must have at most ${mostPlots} plots`] : [];
+  const crowded = plots > mostPlots ? [mistake(place, '', `must have at most ${mostPlots} plots`)] : [];
   return json.reduce<string[]>((problems, widget: unknown, i) => {
-    const here = `${place}[${i}]`;
-    if (!isRecord(widget)) return [...problems, `${here}: must be an object`];
-    if (!kinds.includes(widget.kind as WidgetKind)) return [...problems, `${here}.kind: must be one of ${kinds.join(', ')}`];
-    const found = Object.entries(problemsOf(widget as Widget)).map(([key, problem]) => `${here}.${key}: ${problem}`);
+    const here = `${place}, widget ${i + 1}`;
+    if (!isRecord(widget)) return [...problems, mistake(here, '', 'must be an object')];
+    if (!kinds.includes(widget.kind as WidgetKind)) return [...problems, mistake(here, 'kind', `must be one of ${kinds.join(', ')}`)];
+    const found = Object.entries(problemsOf(widget as Widget)).map(([key, problem]) => mistake(here, key, problem));
     const known = ['kind', ...fieldsOf(widget.kind as WidgetKind).map(({ key }) => key)];
-    return [...problems, ...found, ...unknownKeys(widget, known).map((key) => `${here}.${key}: is not known`)];
+    return [...problems, ...found, ...unknownKeys(widget, known).map((key) => mistake(here, key, 'is not known'))];
   }, crowded);
 }
 

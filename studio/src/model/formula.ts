@@ -83,9 +83,12 @@ const operators: Record<string, Operator> = {
   '/': { of: (a, b) => (b === 0 ? NaN : a / b), unit: (a, b) => over(unitOf(a), unitOf(b)) },
 };
 
-function binary({ of, unit }: Operator, left: Node, right: Node): Node {
+// `at`: the place of the operator.
+function binary(sign: string, left: Node, right: Node, at: number): Node {
+  const { of, unit } = operators[sign];
   return (sampled) => {
     const [a, b] = [left(sampled), right(sampled)];
+    if (sign === '/' && 'number' in b && b.number === 0) throw new Refusal('a division by 0 has no value', at);
     if ('number' in a && 'number' in b) return { number: of(a.number, b.number) };
     const length = sampled.waves[0]?.values.length ?? 0;
     const [x, y] = [samplesOf(a, length), samplesOf(b, length)];
@@ -137,6 +140,7 @@ class Parser {
 
   whole(): Node {
     const node = this.sum();
+    this.noDecimalComma();
     const { kind, text, at } = this.tokens[this.next];
     if (kind !== 'end') throw new Refusal(text === ')' ? '")" without "("' : `an operator is missing before "${text}"`, at);
     return node;
@@ -151,9 +155,10 @@ class Parser {
   private chain(signs: string[], part: () => Node): Node {
     let node = part();
     for (;;) {
+      const { at } = this.tokens[this.next];
       const sign = signs.find((each) => this.take(each));
       if (sign === undefined) return node;
-      node = binary(operators[sign], node, part());
+      node = binary(sign, node, part(), at);
     }
   }
 
@@ -161,9 +166,10 @@ class Parser {
   private product = (): Node => this.chain(['*', '/'], this.sign);
   private sign = (): Node => {
     let negative = false;
+    const { at } = this.tokens[this.next];
     while (this.take('-')) negative = !negative;
     const node = this.value();
-    return negative ? binary(operators['-'], () => ({ number: 0 }), node) : node;
+    return negative ? binary('-', () => ({ number: 0 }), node, at) : node;
   };
 
   private value(): Node {
@@ -188,7 +194,15 @@ class Parser {
     return node;
   }
 
+  // "1,5" is a number in many countries.
+  private noDecimalComma() {
+    const [before, comma, after] = [-1, 0, 1].map((k) => this.tokens.at(this.next + k));
+    if (comma?.text !== ',' || before?.kind !== 'number' || after?.kind !== 'number' || after.at !== comma.at + 1) return;
+    throw new Refusal(`the decimal separator is a point: ${before.text}.${after.text}`, before.at);
+  }
+
   private close(at: number) {
+    this.noDecimalComma();
     if (!this.take(')')) throw new Refusal('")" is missing for this "("', at);
   }
 
@@ -219,6 +233,8 @@ class Parser {
 export function formulaOf(text: string, channels: number): ((sampled: Sampled) => Wave) | Wrong {
   try {
     const node = new Parser(tokensOf(text), channels).whole();
+    // Constants are known without samples: this finds a division by 0.
+    node({ waves: Array.from({ length: channels }, () => ({ values: new Float64Array(), unit: '' })), interval_s: 1 });
     return (sampled) => {
       const value = node(sampled);
       return 'number' in value ? { values: samplesOf(value, sampled.waves[0]?.values.length ?? 0), unit: '' } : value;

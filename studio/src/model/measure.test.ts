@@ -132,3 +132,49 @@ describe('the step of a curve without cursors', () => {
     expect(eventful([])).toBeNull();
   });
 });
+
+// A move by the distance 1 with trapezoidal velocity: `ramp_s` up and down, `way_s` in all. Sampled at 1 kHz after `rest_s`.
+describe('the step of a recorded move', () => {
+  const [ramp_s, way_s] = [0.05, 0.15];
+  const speed = 1 / (way_s - ramp_s);
+  const place = (t: number) => {
+    if (t <= 0) return 0;
+    if (t >= way_s) return 1;
+    if (t < ramp_s) return (speed * t * t) / 2 / ramp_s;
+    if (t > way_s - ramp_s) return 1 - (speed * (way_s - t) ** 2) / 2 / ramp_s;
+    return speed * (t - ramp_s / 2);
+  };
+  const rise_ms = 86.75; // from 31.6 ms to 118.4 ms
+  const recorded = (rest_s: number, seconds: number, from: number, height: number, noisy = 0) =>
+    Float64Array.from({ length: Math.round(1000 * seconds) }, (_, i) => from + height * (place(i / 1000 - rest_s) + noisy * Math.sin(i * i * 1.7)));
+  const isTheMove = (values: Float64Array, from: number, height: number, share = 0.0005) => {
+    const step = findStep(values, 1e-3)!;
+    expect(Math.abs(step.from - from) / Math.abs(height)).toBeLessThan(share);
+    expect(Math.abs(step.to - from - height) / Math.abs(height)).toBeLessThan(share);
+    expect(Math.abs(step.rise_s! * 1000 - rise_ms)).toBeLessThan(share < 0.005 ? 1 : 2);
+  };
+
+  test.each([[0], [0.004], [0.01], [0.03], [0.09], [0.1], [0.11], [1]])('begins at its rest of %d s', (rest_s) => {
+    isTheMove(recorded(rest_s, 2, 131083, 131072), 131083, 131072);
+    isTheMove(recorded(rest_s, 2, 2200, -131072), 2200, -131072);
+  });
+  test.each([[0.01], [0.03], [0.09], [1]])('begins at its rest of %d s in noise', (rest_s) => isTheMove(recorded(rest_s, 2, 500, 1000, 0.003), 500, 1000, 0.006));
+  test.each([[0.004], [0.05]])('ends at its rest of %d s', (rest_s) => isTheMove(recorded(1, 1 + way_s + rest_s, 0, 500), 0, 500));
+
+  test('is not there if the curve does not rest at an end', () => {
+    for (const late of [0.02, 0.05, 0.08, 0.12]) {
+      expect(findStep(recorded(-late, 2, 0, 131072), 1e-3), `begins ${late} s after the start`).toBeNull();
+      expect(findStep(recorded(1, 1 + way_s - late, 0, 131072), 1e-3), `ends ${late} s before the end`).toBeNull();
+      expect(findStep(recorded(-late, 2, 0, 131072, 0.002), 1e-3), `begins ${late} s after the start, in noise`).toBeNull();
+    }
+    expect(findStep(Float64Array.from({ length: 2000 }, (_, i) => 50 * (1 - Math.exp(-i / 30))), 1e-3)).toBeNull();
+  });
+
+  test('there and back is one of the two ways', () => {
+    const back = recorded(0.5, 2, 0, 1000).map((value, i) => value - 1000 * place(i / 1000 - 1.2));
+    expect(stepResponse(back, 1e-3)).toBeNull();
+    const step = findStep(back, 1e-3)!;
+    expect([step.from, step.to].map(Math.round)).toEqual([0, 1000]);
+    expect(Math.abs(step.rise_s! * 1000 - rise_ms)).toBeLessThan(1);
+  });
+});

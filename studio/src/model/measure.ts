@@ -39,14 +39,60 @@ type Span = [number, number]; // indices: the first, and the one after the last
 
 export const settlingBand = 0.02; // of the step's height, to each side of the end value
 
-// The step from the level at the begin to the level at the end; each level is the mean of a twentieth of the samples. Null
-// if there are fewer than 10 samples, or if the step is not higher than twice the noise (peak to
-// peak) of an end, or lower than half of the curve's range.
+// The step from the level at the begin to the level at the end. Null if there are fewer than 10 samples, if the curve does not rest at an end,
+// or if the step is not higher than twice the noise (peak to peak) of an end, or lower than half of the curve's range.
 export function stepResponse(values: ArrayLike<number>, interval_s: number, from = 0, to = values.length): Step | null {
   const samples = to - from;
   if (samples < 10) return null;
-  const end = Math.max(1, Math.floor(samples / 20));
-  return stepBetween(values, interval_s, [from, from + end], [to - end, to]);
+  const range = statistics(values, from, to)?.peakToPeak ?? 0;
+  const height = restBand * range + noise(values, from, to);
+  const most = Math.max(shortestRest, Math.floor(samples / 20));
+  const first = restOf((k) => values[from + k], most, samples, range, height);
+  const last = restOf((k) => values[to - 1 - k], most, samples, range, height);
+  const step = stepBetween(values, interval_s, [from, from + first.level], [to - last.level, to]);
+  if (!step) return null;
+  // A ramp leaves the band after fewer samples than a rest.
+  const rise = step.rise_s === null ? 0 : step.rise_s / interval_s;
+  const shortest = Math.max(shortestRest, (3 * height * rise) / (0.8 * Math.abs(step.to - step.from)));
+  return [first, last].every(({ isWhole, count }) => isWhole || count >= shortest) ? step : null;
+}
+
+const shortestRest = 3; // samples
+const restBand = 0.002; // of the range of the curve, besides its noise
+
+// How much the noise of the curve moves a level, peak to peak. The second differences contain the noise, but not a level or a ramp:
+// nine of ten are below 4 standard deviations, and the noise is within 8.
+function noise(values: ArrayLike<number>, from: number, to: number): number {
+  const seconds: number[] = [];
+  for (let i = from + 1; i < to - 1; ++i) {
+    const second = Math.abs(values[i - 1] - 2 * values[i] + values[i + 1]);
+    if (Number.isFinite(second)) seconds.push(second);
+  }
+  const sorted = Float64Array.from(seconds).sort();
+  return sorted.length === 0 ? 0 : 2 * sorted[Math.floor(0.9 * (sorted.length - 1))];
+}
+
+interface Rest {
+  count: number; // samples, from the end of the curve
+  level: number; // of these, those whose mean is the level
+  isWhole: boolean;
+}
+
+// The samples at rest at an end of the curve: `most` of them if they are level, else those before the curve leaves a band. The curve
+// leaves it slowly at first, so the level is that of the first half of them. `at(0)` is the sample at the end, `at(1)` its neighbour.
+function restOf(at: (k: number) => number, most: number, samples: number, range: number, height: number): Rest {
+  const values = Float64Array.from({ length: most }, (_, k) => at(k));
+  if (isLevel(values, 0, most, (steady * range) / samples, (band * range) / 4)) {
+    const level = lastOfLevel(values, 0, most, range);
+    return { count: level, level, isWhole: true };
+  }
+  let count = 0;
+  for (let [low, high] = [Infinity, -Infinity]; count < most && Number.isFinite(values[count]); ++count) {
+    low = Math.min(low, values[count]);
+    high = Math.max(high, values[count]);
+    if (high - low > height) break;
+  }
+  return { count, level: Math.ceil(count / 2), isWhole: false };
 }
 
 // The step from the level of the samples `before` to that of the samples `after`.

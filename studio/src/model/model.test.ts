@@ -4,9 +4,9 @@ import { controlBits, edges, modeText, statusBits, toneOf } from './cia402';
 import { Jog } from './jog';
 import { LiveBuffer } from './live_buffer';
 import { differs, hexValue, inGroup, matches, namedOf, parseValue, rankOf, showValue } from './objects';
-import { alongside, axisOf, channelOf, objectOf, ofAxis, queryOf, samplesOf, setupOf, span, textOfChannel, without, zoomed } from './scope';
+import { alongside, axisOf, channelOf, fileNameOf, objectOf, ofAxis, queryOf, samplesOf, setupOf, span, textOfChannel, without, zoomed } from './scope';
 import { indexes, travelScale } from './travel';
-import { decadeTicks, duration, fixed, fromDrivePosition, greatestOf, isLabelled, proposed, significant, ticksText, toDriveAcceleration, toDrivePosition, toDriveVelocity } from './units';
+import { decadeTicks, duration, fixed, fromDrivePosition, greatestOf, isLabelled, proposed, significant, ticksText, toDriveAcceleration, toDrivePosition, toDriveVelocity, holdsOf } from './units';
 
 describe('units', () => {
   const units: Units = { position_per_revolution: 131072, velocity_per_rps: 131072, acceleration_per_rps2: 10 };
@@ -31,6 +31,7 @@ describe('units', () => {
     expect(fixed(-1234567.891, 2)).toBe('\u22121\u2009234\u2009567.89');
     expect(fixed(-0.0001, 2)).toBe('0.00');
     expect(fixed(undefined, 1)).toBe('–');
+    expect([fixed(1e30, 0), fixed(-3.3333333333333336e27, 2), fixed(1e15, 0)]).toEqual(['1e30', '\u22123.3333e27', '1e15']);
     expect([0.00123456, 12.3456, 123456.7, 42].map(significant)).toEqual(['0.001235', '12.346', '123\u2009457', '42']);
     expect(ticksText([25, 25.0005, 25.001, null])).toEqual(['25.0000', '25.0005', '25.0010', '']);
     expect(ticksText([-100000, 0, 100000])).toEqual(['\u2212100\u2009000', '0', '100\u2009000']);
@@ -213,7 +214,7 @@ describe('jog', () => {
 describe('objects', () => {
   const entry: ObjectEntry = { index: '0x6081', sub: 0, name: 'Profile velocity', type: 'UNSIGNED32', access: 'rw', unit: 'inc/s', pdo: 'rx', saved: true, default: 1000 };
   test('are found by any of their words', () => {
-    expect(['6081', '6081h', 'profile VEL', 'inc/s 6081:00', ''].map((search) => matches(entry, search))).toEqual([true, true, true, true, true]);
+    for (const search of ['6081', '6081h', '0x6081', '0X6081', '6081:00', '0x6081:00', 'profile VEL', 'inc/s 6081:00', '']) expect(matches(entry, search), search).toBe(true);
     expect(matches(entry, 'torque')).toBe(false);
   });
   test('whose name is searched come first', () => {
@@ -224,6 +225,7 @@ describe('objects', () => {
     const found = (search: string) => [explained, named, position, addressed].filter((each) => matches(each, search)).sort((a, b) => rankOf(a, search) - rankOf(b, search)).map(({ index }) => index);
     expect(found('position')).toEqual(['0x6064', '0x607A', '0x2000']);
     expect(found('6065h')).toEqual(['0x6065']);
+    expect(found('0x6065')).toEqual(['0x6065']);
   });
   test('show CAN identifiers in hexadecimal, other numbers in decimal', () => {
     expect(showValue(0x40000181, { ...entry, name: 'COB-ID used by TPDO 1' })).toBe('40000181h');
@@ -236,10 +238,25 @@ describe('objects', () => {
     expect(inGroup(entry, 'Manufacturer-specific', () => true)).toBe(false);
   });
   test('take decimal and hexadecimal', () => {
-    expect(['12', '0x1F', '1Fh', '\u22125', ' 7 '].map((typed) => parseValue(entry, typed))).toEqual([12, 31, 31, -5, 7]);
-    expect(['', 'abc', '1.5'].map((typed) => parseValue(entry, typed))).toEqual([undefined, undefined, undefined]);
-    expect(parseValue({ ...entry, type: 'REAL32' }, '1.5')).toBe(1.5);
-    expect(parseValue({ ...entry, type: 'VISIBLE_STRING' }, '1F')).toBe('1F');
+    expect(['12', '0x1F', '1Fh', '\u22125', ' 7 '].map((typed) => parseValue({ ...entry, type: 'INTEGER32' }, typed))).toEqual([12, 31, 31, -5, 7].map((value) => ({ value })));
+    expect(parseValue({ ...entry, type: 'REAL32' }, '1.5')).toEqual({ value: 1.5 });
+    expect(parseValue({ ...entry, type: 'VISIBLE_STRING' }, '1F')).toEqual({ value: '1F' });
+    expect(['4294967295', '0xFFFFFFFF'].map((typed) => parseValue(entry, typed))).toEqual([{ value: 4294967295 }, { value: 4294967295 }]);
+  });
+  test.each([
+    ['UNSIGNED32', '', 'Enter a number.'],
+    ['UNSIGNED32', 'abc', 'Not a number: enter for example 12, 0x1F or 1Fh.'],
+    ['UNSIGNED32', '1,5', 'The decimal separator is a point: 1.5.'],
+    ['REAL32', '1,5', 'The decimal separator is a point: 1.5.'],
+    ['UNSIGNED32', '12.5', 'UNSIGNED32 is a whole number.'],
+    ['UNSIGNED32', '99999999999999999999', 'Too high: UNSIGNED32 is at most 4294967295.'],
+    ['UNSIGNED32', '0x100000000', 'Too high: UNSIGNED32 is at most 4294967295.'],
+    ['UNSIGNED8', '-1', 'Too low: UNSIGNED8 is at least 0.'],
+    ['INTEGER16', '-32769', 'Too low: INTEGER16 is at least -32768.'],
+    ['INTEGER8', '128', 'Too high: INTEGER8 is at most 127.'],
+    ['REAL64', '1e999', 'Too high for REAL64.'],
+  ])('of %s: "%s" is refused with the reason', (type, typed, problem) => expect(parseValue({ ...entry, type }, typed)).toEqual({ problem }));
+  test('show numbers of 32 bits in hexadecimal', () => {
     expect(hexValue(entry, 255)).toBe('000000FFh');
   });
   test('have names for bits and values', () => {
@@ -316,3 +333,17 @@ describe('scope', () => {
     expect([...alongside(main.x, other, other.values[0])]).toEqual([NaN, NaN, 0, 10, 20]);
   });
 });
+
+test('the numbers that the objects of a motion can hold, in the units of the form', () => {
+  const holds = holdsOf({ position_per_revolution: 131072, velocity_per_rps: 131072, acceleration_per_rps2: 131072 });
+  expect(holds).toEqual({ position: 16383, speed: 1966079, velocity: 983039, acceleration: 32767 });
+  expect(holdsOf({ position_per_revolution: 65536, velocity_per_rps: 1073741.824, acceleration_per_rps2: 1073741824 }).acceleration).toBe(3.9999);
+  for (const unknown of [undefined, { position_per_revolution: null, velocity_per_rps: 1, acceleration_per_rps2: 1 }]) {
+    expect(holdsOf(unknown)).toEqual({ position: 2147483647, speed: 4294967295, velocity: 2147483647, acceleration: 4294967295 });
+  }
+});
+
+test.each([
+  ['first try', 'first-try'], ['gain 12, "loose" / belt', 'gain-12-loose-belt'], ['../../etc/passwd', 'etc-passwd'], ['Prüfstand 2.5', 'Prüfstand-2.5'], ['', 'recording-20'], [' ?* ', 'recording-20'],
+  ['nul', 'recording-20'], ['Con.txt', 'recording-20'], ['x'.repeat(100), 'x'.repeat(60)], ['step of the velocity, ismc', 'step-of-the-velocity-ismc'],
+])('the file of the recording "%s"', (name, file) => expect(fileNameOf({ name, id: 20 })).toBe(file));

@@ -19,6 +19,11 @@ describe('numbers as they are typed', () => {
   it('marks what is outside its limits instead of moving it', () => {
     expect(value('-5', { minimum: 0 })).toBe('At least 0.');
     expect(value('301', { maximum: 300 })).toBe('At most 300.');
+    expect(value('301', { minimum: -300, maximum: 300 })).toBe('From -300 to 300.');
+    expect(value('0', { above: 0 })).toBe('More than 0.');
+    expect(value('0', { above: 0, maximum: 983039 })).toBe('More than 0, at most 983039.');
+    expect(value('1e9', { above: 0, maximum: 983039 })).toBe('More than 0, at most 983039.');
+    expect(value('1e-9', { above: 0 })).toBe(1e-9);
     expect(value('0', { minimum: 0 })).toBe(0);
     expect(value('300', { maximum: 300 })).toBe(300);
   });

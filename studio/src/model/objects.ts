@@ -22,7 +22,7 @@ export function inGroup(entry: ObjectEntry, group: Group, isChanged: (entry: Obj
 
 // True if the entry's address, name, unit and explanation together contain every word of the search.
 export function matches(entry: ObjectEntry, search: string): boolean {
-  const text = `${addressOf(entry)} ${entry.index.replace('0x', '')}h ${entry.name} ${entry.unit} ${entry.text ?? ''}`.toLowerCase();
+  const text = `0x${addressOf(entry)} ${entry.index.replace('0x', '')}h ${entry.name} ${entry.unit} ${entry.text ?? ''}`.toLowerCase();
   return search.toLowerCase().split(/\s+/).every((word) => text.includes(word));
 }
 
@@ -44,15 +44,27 @@ export const differs = (entry: ObjectEntry, value: ObjectValue | undefined) => v
 
 const isText = (type: string) => type === 'VISIBLE_STRING' || type === 'OCTET_STRING' || type === 'DOMAIN';
 
-// Converts typed text to a value of the object's type: decimal, or hexadecimal as 0x1F or 1Fh. Undefined if invalid.
-export function parseValue(entry: ObjectEntry, typed: string): ObjectValue | undefined {
-  if (isText(entry.type)) return typed;
+// Converts typed text to a value of the object's type: decimal, or hexadecimal as 0x1F or 1Fh. If it is none, gives the reason.
+// The range of the object itself is checked by the drive.
+export function parseValue(entry: ObjectEntry, typed: string): { value: ObjectValue } | { problem: string } {
+  if (isText(entry.type)) return { value: typed };
   const text = typed.trim().replace('\u2212', '-');
   const hexadecimal = /^(?:0x([0-9a-f]+)|([0-9a-f]+)h)$/i.exec(text);
-  if (hexadecimal) return parseInt(hexadecimal[1] ?? hexadecimal[2], 16);
-  const value = Number(text);
-  if (text === '' || !Number.isFinite(value)) return undefined;
-  return entry.type.startsWith('REAL') || Number.isInteger(value) ? value : undefined;
+  const value = hexadecimal ? parseInt(hexadecimal[1] ?? hexadecimal[2], 16) : Number(text);
+  if (text === '') return { problem: 'Enter a number.' };
+  if (/^[+-]?\d*,\d+$/.test(text)) return { problem: `The decimal separator is a point: ${text.replace(',', '.')}.` };
+  if (Number.isNaN(value)) return { problem: 'Not a number: enter for example 12, 0x1F or 1Fh.' };
+  if (entry.type.startsWith('REAL')) return Number.isFinite(value) ? { value } : { problem: `Too ${value > 0 ? 'high' : 'low'} for ${entry.type}.` };
+  const [least, most] = rangeOf(entry.type);
+  if (value > most) return { problem: `Too high: ${entry.type} is at most ${most}.` };
+  if (value < least) return { problem: `Too low: ${entry.type} is at least ${least}.` };
+  return Number.isInteger(value) ? { value } : { problem: `${entry.type} is a whole number.` };
+}
+
+function rangeOf(type: string): [number, number] {
+  const [, kind, bits] = /^(INTEGER|UNSIGNED)(\d+)$/.exec(type) ?? [];
+  if (kind === 'INTEGER') return [-(2 ** (Number(bits) - 1)), 2 ** (Number(bits) - 1) - 1];
+  return kind === 'UNSIGNED' ? [0, 2 ** Number(bits) - 1] : [-Infinity, Infinity];
 }
 
 type Typed = Pick<ObjectEntry, 'name' | 'type'>;

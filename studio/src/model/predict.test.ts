@@ -15,6 +15,12 @@ describe('what a motion will be', () => {
     const wild = predict({ velocity: 232742, acceleration: 50 })!;
     expect(seconds(wild.ramp_s)).toBe('77.581 min');
   });
+  it('shows long durations by their own units', () => {
+    expect([0.0004, 0.5, 1.25, 119, 120, 7199, 7200, 172799, 172800, 2e8].map(seconds)).toEqual([
+      '0 ms', '500 ms', '1.25 s', '119 s', '2 min', '119.98 min', '2 h', '48 h', '2 days', '2314.8 days',
+    ].map((text) => text.replace('2314', '2\u2009314')));
+    expect(seconds(2e29)).toBe('2.3148e24 days');
+  });
   it('says nothing of what cannot be', () => {
     for (const acceleration of [0, -1, NaN]) expect(predict({ velocity: 1, acceleration })).toBeNull();
     for (const velocity of [0, NaN]) expect(predict({ distance: 1, velocity, acceleration: 1 })).toBeNull();

@@ -31,4 +31,9 @@ export function predict({ distance, velocity, acceleration, velocity_scale = 1 }
   return { ramp_s, braking, top: Math.abs(velocity), total_s: way / speed + ramp_s };
 }
 
-export const seconds = (s: number) => (s >= 120 ? `${significant(s / 60)} min` : s >= 1 ? `${significant(s)} s` : `${significant(Math.round(s * 1000))} ms`);
+const spans = [[172800, 86400, 'days'], [7200, 3600, 'h'], [120, 60, 'min'], [1, 1, 's']] as const; // from, length, unit
+
+export function seconds(s: number): string {
+  const span = spans.find(([from]) => s >= from);
+  return span ? `${significant(s / span[1])} ${span[2]}` : `${significant(Math.round(s * 1000))} ms`;
+}

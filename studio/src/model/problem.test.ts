@@ -23,4 +23,11 @@ test('problems are shown without the words of the API and of the command line', 
   });
   expect(shownOf({ what: 'the fault cannot be reset, because an injected fault holds: encoder_loss', hint: 'remove it: DELETE /api/v1/axes/ismc/faults' }).hint).toBe('remove the injected fault on the page "I/O and plant"');
   expect(shownOf({ what: 'the drive is not enabled', where: 'ismc', hint: 'enable it first' })).toEqual({ what: 'the drive is not enabled', where: 'ismc', hint: 'enable it first' });
+  // Of the plant: the label of the field.
+  expect(shownOf({ what: 'load.external_torque_nm: 1e+30 is not within -100000 .. 100000', where: 'body', hint: 'choose a valid value for the plant' })).toEqual({
+    what: 'Load torque: 1e30 Nm is not within \u2212100\u2009000 … 100\u2009000 Nm', hint: 'enter a number of this range',
+  });
+  for (const [parameter, label] of [['supply.volts', 'Supply'], ['thermal.ambient_c', 'Ambient'], ['load.inertia_kgm2', 'Load inertia'], ['load.coulomb_friction_nm', 'Coulomb friction']]) {
+    expect(shownOf({ what: `${parameter}: -1 is not within 0 .. 10`, where: 'body' }).what).toMatch(new RegExp(`^${label}: \u22121 \\S+ is not within 0 … 10 `));
+  }
 });

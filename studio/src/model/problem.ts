@@ -1,4 +1,6 @@
 import type { Problem } from '../api/types';
+import { quantities } from './plant';
+import { significant } from './units';
 
 // The server's hints are for users of its API. The page replaces some by its own texts, and omits hints that name requests,
 // JSON keys, files or commands.
@@ -9,6 +11,7 @@ const advice: [RegExp, string][] = [
   [/has no power$/, 'switch its power on'],
   [/^the drive has no object/, 'choose an object of the list, or add its length in bits, for example 607A:00/32'],
   [/^the recording has not ended/, 'wait until it has ended, or stop it'],
+  [/^(load|supply|thermal)\.\w+: .* is not within/, 'enter a number of this range'],
   [/^no memory is left for another recording/, 'stop or delete a recording'],
   // Tuning.
   [/limit switch is active \(60FDh\), .* revolutions from the start/, 'start farther away from the switch, or permit less travel'],
@@ -22,6 +25,11 @@ const words: [RegExp, (...found: string[]) => string][] = [
   [/^job \d+ is not the last command of the axis.*$/, () => 'another command to the axis came in between, or the one before it was not carried out'],
   [/^job \d+ was a job of a server that has ended$/, () => 'the server was restarted in between'],
   [/^job \d+ ended (\S+) s ago, more than (\S+) s$/, (_, ago, most) => `the command before it ended ${ago} s ago, more than ${most} s`],
+  [/^(\w+\.\w+): (\S+) is not within (\S+) \.\. (\S+)$/, (whole, parameter, value, least, most) => {
+    const quantity = quantities.find((each) => each.parameter === parameter);
+    const [typed, from, to] = [value, least, most].map((number) => significant(Number(number)));
+    return quantity ? `${quantity.label}: ${typed} ${quantity.unit} is not within ${from} … ${to} ${quantity.unit}` : whole;
+  }],
   [/^(the axis has a job:|replaced by the job) (\S+)$/, (_, begin, job) => `${begin} ${job.replaceAll('_', ' ')}`],
 ];
 const technical = /\/api\/|\b(GET|PUT|POST|DELETE)\b|`servodrome|--[a-z]|[{}]|\.md\b|^(send|write) /;

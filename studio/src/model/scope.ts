@@ -148,6 +148,14 @@ export function samplesOf(recording: Recording, frame: Frame): Samples {
 
 export const isOver = ({ state }: Recording) => state === 'done' || state === 'stopped';
 export const titleOf = ({ name, fault, id }: Recording) => name || (fault ? `Fault of ${fault.axis}` : `Recording ${id}`);
+
+// The name of a file with the recording, without its ending: the name of the recording, with a hyphen for what some file system refuses.
+export function fileNameOf({ name, id }: Pick<Recording, 'name' | 'id'>): string {
+  const safe = name.normalize('NFC').replace(/[^\p{L}\p{M}\p{N}._]+/gu, '-').slice(0, 60).replace(/^[-.]+|[-.]+$/g, '');
+  const isDevice = /^(con|prn|aux|nul|com\d|lpt\d)(\.|$)/i.test(safe); // Windows
+  return safe === '' || isDevice ? `recording-${id}` : safe;
+}
+
 export const same = (a: Channel, b: Channel) => a.axis === b.axis && a.name === b.name;
 export const labelOf = ({ axis, name }: Channel) => (axis === '' ? name : `${axis} ${name}`);
 

@@ -57,6 +57,15 @@ describe('the spectrum of a known sine', () => {
   });
 });
 
+test.each([1, 2, 2048])('the largest line is that of the plot, also at bin %d', (bin) => {
+  const hz = (bin * rate) / 4096;
+  const found = of(bin === 2048 ? Float64Array.from({ length: 4096 }, (_, i) => (i % 2 === 0 ? 80 : -80)) : sine(4096, hz, 80, 500), 'none');
+  const plotted = found.amplitude.slice(1);
+  const [line] = peaks(found);
+  expect(line.amplitude).toBe(Math.max(...plotted));
+  expect(line.hz).toBe(hz);
+});
+
 test('there is none of too few samples, of too many, and of a gap', () => {
   expect(spectrum(new Float64Array(15), rate, window('hann'))).toMatch(/fewer/);
   expect(spectrum(new Float64Array(2 ** 17 + 1), rate, window('hann'))).toMatch(/more/);
@@ -64,4 +73,5 @@ test('there is none of too few samples, of too many, and of a gap', () => {
   gap[40] = NaN;
   expect(spectrum(gap, rate, window('hann'))).toMatch(/gap/);
   expect(typeof spectrum(gap, rate, window('hann'), 0, 40)).toBe('object');
+  expect(spectrum(new Float64Array(64).fill(NaN), rate, window('hann'))).toBe('no values');
 });

@@ -59,7 +59,8 @@ export function spectrum(values: Float64Array, rate_hz: number, { cosines }: Pic
   if (count < 16) return 'fewer than 16 samples';
   if (count > mostSamples) return `more than ${mostSamples} samples: show a shorter part`;
   const part = values.subarray(from, to);
-  if (!part.every(Number.isFinite)) return 'a gap in the samples: show a part without a gap';
+  if (!part.some(Number.isFinite)) return 'no values';
+  if (!part.every(Number.isFinite)) return 'values are missing, by a gap in the samples or a division by 0: show a part without a gap';
   const mean = part.reduce((sum, value) => sum + value, 0) / count;
   const size = 2 ** Math.ceil(Math.log2(count));
   const re = new Float64Array(size);
@@ -84,10 +85,12 @@ export interface Line {
   amplitude: number;
 }
 
-// The largest lines, the largest first: local maxima above 1 % of the largest, at least `apart` bins from a larger one.
+// The largest lines, the largest first: local maxima above 1 % of the largest, at least `apart` bins from a larger one. The bin at
+// 0 Hz is the mean and no line.
 export function peaks({ hz, amplitude }: Spectrum, most = 3, apart = 8): Line[] {
   const found: number[] = [];
-  const candidates = [...amplitude.keys()].slice(2, -1).filter((k) => amplitude[k] > amplitude[k - 1] && amplitude[k] >= amplitude[k + 1]);
+  const of = (k: number) => (k < 1 || k >= amplitude.length ? 0 : amplitude[k]);
+  const candidates = [...amplitude.keys()].filter((k) => of(k) > of(k - 1) && of(k) >= of(k + 1));
   candidates.sort((a, b) => amplitude[b] - amplitude[a]);
   for (const k of candidates) {
     if (found.length === most || amplitude[k] < 0.01 * amplitude[candidates[0]]) break;

@@ -22,6 +22,32 @@ export function greatestOf(units: Units | undefined, limits: Limits | undefined)
   };
 }
 
+// The greatest numbers that the objects of a motion can hold, in revolutions, rpm and rev/s^2; of unknown units in those of the drive. They are
+// rounded down to whole numbers, small ones to five digits.
+export interface Holds {
+  position: number; // INTEGER32: 607Ah
+  speed: number; // UNSIGNED32: 6081h, 6099h
+  velocity: number; // INTEGER32: 60FFh, of both directions
+  acceleration: number; // UNSIGNED32: 6083h, 6084h, 609Ah
+}
+export function holdsOf(units: Units | undefined): Holds {
+  const { position_per_revolution: position, velocity_per_rps: velocity, acceleration_per_rps2: acceleration } = isKnown(units) && units ? units : noUnits;
+  const [signed, unsigned] = [2 ** 31 - 1, 2 ** 32 - 1];
+  const turns = isKnown(units) ? 60 : 1;
+  return {
+    position: roundedDown(signed / (position ?? 1)),
+    speed: roundedDown((turns * unsigned) / (velocity ?? 1)),
+    velocity: roundedDown((turns * signed) / (velocity ?? 1)),
+    acceleration: roundedDown(unsigned / (acceleration ?? 1)),
+  };
+}
+const noUnits: Units = { position_per_revolution: null, velocity_per_rps: null, acceleration_per_rps2: null };
+
+function roundedDown(value: number): number {
+  const places = Math.max(0, 4 - Math.floor(Math.log10(value)));
+  return Math.floor(value * 10 ** places) / 10 ** places;
+}
+
 // The usual value, or if it is above the greatest, that one, rounded down to two digits.
 export function proposed(usual: number, greatest: number): number {
   if (!(greatest < usual)) return usual;
@@ -37,9 +63,11 @@ function unscale(value: number, factor: number | null | undefined): number | nul
   return factor ? value / factor : null;
 }
 
-// A fixed number of decimal places, a minus sign (U+2212), and thin spaces between thousands.
+// A fixed number of decimal places, a minus sign (U+2212), and thin spaces between thousands. Numbers of 15 digits and more have
+// five digits and a power of ten.
 export function fixed(value: number | null | undefined, places: number): string {
   if (value === null || value === undefined || !Number.isFinite(value)) return '–';
+  if (Math.abs(value) >= 1e15) return value.toExponential(4).replace(/\.?0*e\+/, 'e').replace('-', '\u2212');
   const [whole = '', fraction] = Math.abs(value).toFixed(places).split('.');
   const grouped = whole.replace(/\B(?=(\d{3})+$)/g, '\u2009');
   const zero = /^[0.]*$/.test(whole + (fraction ?? ''));

@@ -22,7 +22,7 @@ import { controlTip, statusTip } from '../model/meanings';
 import { addressOf } from '../model/objects';
 import { endOf, hindrance, isReversed, type Ghost, type Reach } from '../model/plan';
 import { predict, seconds } from '../model/predict';
-import { fixed, fromDrivePosition, greatestOf, isKnown, proposed, significant, type Greatest } from '../model/units';
+import { fixed, fromDrivePosition, greatestOf, holdsOf, isKnown, proposed, significant, type Greatest, type Holds } from '../model/units';
 import { attempt } from '../notices';
 import { useResource } from '../resource';
 import { keep, useRoute } from '../route';
@@ -181,16 +181,18 @@ interface UnitNames {
   speed: (value: number) => number; // converts a typed velocity to the units of the job
   velocity_scale: number; // the velocity that equals one position unit per second
   greatest: Greatest; // what the drive's limits permit, in the units of the form
+  holds: Holds; // what its objects can hold
 }
 
 function useUnitNames(name: string, units: Units | undefined, limits: Limits | undefined): UnitNames {
   const known = isKnown(units);
   const greatest = greatestOf(units, limits);
+  const holds = holdsOf(units);
   const objects = useResource<{ objects: ObjectEntry[] }>(units && !known ? `${axisPath(name)}/objects` : null).value?.objects;
-  if (known) return { units: 'revolutions', known, unknown: false, position: 'rev', velocity: 'rpm', acceleration: 'rev/s²', speed: (rpm) => rpm / 60, velocity_scale: 60, greatest };
+  if (known) return { units: 'revolutions', known, unknown: false, position: 'rev', velocity: 'rpm', acceleration: 'rev/s²', speed: (rpm) => rpm / 60, velocity_scale: 60, greatest, holds };
   const position = objects?.find((entry) => addressOf(entry) === '607A:00')?.unit || 'units';
   // CiA 402 defines velocities as position units per second, accelerations as position units per second squared.
-  return { units: 'drive', known, unknown: units !== undefined, position, velocity: `${position}/s`, acceleration: `${position}/s²`, speed: (value) => value, velocity_scale: 1, greatest: { velocity: limits?.velocity ?? Infinity, acceleration: limits?.acceleration ?? Infinity } };
+  return { units: 'drive', known, unknown: units !== undefined, position, velocity: `${position}/s`, acceleration: `${position}/s²`, speed: (value) => value, velocity_scale: 1, greatest: { velocity: limits?.velocity ?? Infinity, acceleration: limits?.acceleration ?? Infinity }, holds };
 }
 
 interface MoveProps {
@@ -215,8 +217,9 @@ const amount = (value: number, unit: string) => `${significant(value)} ${unit}`;
 
 function Prediction({ names, distance, velocity, acceleration }: { names: UnitNames; distance?: number; velocity: number; acceleration: number }) {
   const { unknown, velocity_scale, greatest } = names;
+  const right = useNumbersAreRight();
   const limited = Math.sign(velocity) * Math.min(Math.abs(velocity), greatest.velocity);
-  const given = predict({ velocity: limited, acceleration: Math.min(acceleration, greatest.acceleration), velocity_scale, ...(distance === undefined ? {} : { distance }) });
+  const given = right ? predict({ velocity: limited, acceleration: Math.min(acceleration, greatest.acceleration), velocity_scale, ...(distance === undefined ? {} : { distance }) }) : null;
   let text = 'Enter all values to see the predicted motion.';
   if (given) {
     const way = distance === undefined ? '' : `, ${amount(Math.abs(distance), names.position)} in ${seconds(given.total_s ?? 0)}`;
@@ -226,8 +229,8 @@ function Prediction({ names, distance, velocity, acceleration }: { names: UnitNa
   return (
     <p className="quiet note" role="note">
       {text}
-      {Math.abs(velocity) > greatest.velocity && ` The drive's limit (607Fh, 6080h) is ${amount(greatest.velocity, names.velocity)}.`}
-      {acceleration > greatest.acceleration && ` The drive's limit (60C5h, 60C6h) is ${amount(greatest.acceleration, names.acceleration)}.`}
+      {right && Math.abs(velocity) > greatest.velocity && ` The drive's limit (607Fh, 6080h) is ${amount(greatest.velocity, names.velocity)}.`}
+      {right && acceleration > greatest.acceleration && ` The drive's limit (60C5h, 60C6h) is ${amount(greatest.acceleration, names.acceleration)}.`}
       {unknown && ' The drive does not report its units per revolution: begin with small values.'}
     </p>
   );
@@ -245,7 +248,8 @@ function PositionMove({ name, names, isFree, reason, axis, reach, onPlan }: Move
   const [repeats, setRepeats] = useState(false);
   const repeating = useRef(false);
   repeating.current = repeats;
-  const { greatest, velocity_scale, known } = names;
+  const { greatest, holds, velocity_scale, known } = names;
+  const right = useNumbersAreRight();
   const { geometry } = reach;
   const request = { do: 'move', units: names.units, velocity: names.speed(velocity), acceleration, deceleration: acceleration };
   const start = (where: { by: number } | { to: number }) => attempt(() => enableAnd(name, { ...request, ...where }));
@@ -263,10 +267,10 @@ function PositionMove({ name, names, isFree, reason, axis, reach, onPlan }: Move
   const cannot = !isFree || !(velocity > 0) || !(acceleration > 0);
   const there = how === 'by' ? { by: distance } : { to: distance };
   const forward = known ? endOf(axis, reach, there) : null;
-  const reasonFor = (move: { by: number } | { to: number }) => (known ? hindrance(axis, reach, move) : '');
+  const reasonFor = (move: { by: number } | { to: number }) => (known && right ? hindrance(axis, reach, move) : '');
   const [ahead, behind, zero] = [reasonFor(there), how === 'by' ? reasonFor({ by: -distance }) : '', reasonFor({ to: 0 })];
   const turn = geometry?.index_every;
-  const given = forward !== null && turn ? predict({ velocity: Math.min(velocity, greatest.velocity), acceleration: Math.min(acceleration, greatest.acceleration), velocity_scale, distance: (forward - axis.position_counts) / turn }) : null;
+  const given = right && forward !== null && turn ? predict({ velocity: Math.min(velocity, greatest.velocity), acceleration: Math.min(acceleration, greatest.acceleration), velocity_scale, distance: (forward - axis.position_counts) / turn }) : null;
   const text = given ? `${amount(given.top, names.velocity)}, ${seconds(given.total_s ?? 0)}` : '';
   // A shaft that holds its position moves by some counts, which must not cause a new drawing of the plan.
   const shown = forward === null || text === '' || axis.in_motion || !turn ? null : (Math.round((1000 * forward) / turn) * turn) / 1000;
@@ -280,9 +284,9 @@ function PositionMove({ name, names, isFree, reason, axis, reach, onPlan }: Move
   return (
     <div className="form">
       <Choice label="Move" value={how} options={[['by', 'by a distance'], ['to', 'to a position']]} onChange={setHow} />
-      <NumberInput label={how === 'by' ? 'Distance' : 'Position'} unit={names.position} value={distance} onChange={setDistance} />
-      <NumberInput label="Velocity" unit={names.velocity} value={velocity} onChange={setVelocity} minimum={0} />
-      <NumberInput label="Acceleration" unit={names.acceleration} value={acceleration} onChange={setAcceleration} minimum={0} />
+      <NumberInput label={how === 'by' ? 'Distance' : 'Position'} unit={names.position} value={distance} onChange={setDistance} minimum={-holds.position} maximum={holds.position} />
+      <NumberInput label="Velocity" unit={names.velocity} value={velocity} onChange={setVelocity} above={0} maximum={holds.speed} />
+      <NumberInput label="Acceleration" unit={names.acceleration} value={acceleration} onChange={setAcceleration} above={0} maximum={holds.acceleration} />
       <div className="buttons">
         {how === 'by' && <NumbersButton title={reason} isDisabled={cannot || behind !== ''} onPress={() => start({ by: -distance })}>− Back</NumbersButton>}
         <NumbersButton kind="main" title={reason} isDisabled={cannot || ahead !== ''} onPress={() => start(there)}>{how === 'by' ? 'Move +' : 'Move'}</NumbersButton>
@@ -301,8 +305,8 @@ function VelocityMove({ name, names, isFree, reason }: MoveProps) {
   const [acceleration, setAcceleration] = useNumber(20, names, 'acceleration');
   return (
     <div className="form">
-      <NumberInput label="Velocity" unit={names.velocity} value={velocity} onChange={setVelocity} />
-      <NumberInput label="Acceleration" unit={names.acceleration} value={acceleration} onChange={setAcceleration} minimum={0} />
+      <NumberInput label="Velocity" unit={names.velocity} value={velocity} onChange={setVelocity} minimum={-names.holds.velocity} maximum={names.holds.velocity} />
+      <NumberInput label="Acceleration" unit={names.acceleration} value={acceleration} onChange={setAcceleration} above={0} maximum={names.holds.acceleration} />
       <div className="buttons">
         <NumbersButton
           kind="main"
@@ -342,8 +346,8 @@ function JogMove({ name, names, reason, enabled }: MoveProps & { enabled: boolea
   const cannot = !enabled || !right || !(acceleration > 0);
   return (
     <div className="form">
-      <NumberInput label="Velocity" unit={names.velocity} value={velocity} onChange={setVelocity} minimum={0} />
-      <NumberInput label="Acceleration" unit={names.acceleration} value={acceleration} onChange={setAcceleration} minimum={0} />
+      <NumberInput label="Velocity" unit={names.velocity} value={velocity} onChange={setVelocity} above={0} maximum={names.holds.velocity} />
+      <NumberInput label="Acceleration" unit={names.acceleration} value={acceleration} onChange={setAcceleration} above={0} maximum={names.holds.acceleration} />
       <div className="buttons">
         <JogButton axis={name} velocity={request(-1)} isDisabled={cannot} title={reason} label="Jog in negative direction">◀ −</JogButton>
         <JogButton axis={name} velocity={request(1)} isDisabled={cannot} title={reason} label="Jog in positive direction">+ ▶</JogButton>
@@ -374,9 +378,9 @@ function HomeMove({ name, names, isFree, reason, axis, geometry, polarity }: Mov
     <>
       <div className="form">
         <Choice label="Method" isLong value={method.method} options={methods.map((each) => [each.method, `${each.method}: ${textOf(each.legs)}`, reasonOf(each)] as const)} onChange={setChosen} />
-        <NumberInput label="Speed during search for switch" unit={names.velocity} value={fast} onChange={setFast} minimum={0} />
-        <NumberInput label="Speed during search for zero" unit={names.velocity} value={slow} onChange={setSlow} minimum={0} />
-        <NumberInput label="Acceleration" unit={names.acceleration} value={acceleration} onChange={setAcceleration} minimum={0} />
+        <NumberInput label="Speed during search for switch" unit={names.velocity} value={fast} onChange={setFast} above={0} maximum={names.holds.speed} />
+        <NumberInput label="Speed during search for zero" unit={names.velocity} value={slow} onChange={setSlow} above={0} maximum={names.holds.speed} />
+        <NumberInput label="Acceleration" unit={names.acceleration} value={acceleration} onChange={setAcceleration} above={0} maximum={names.holds.acceleration} />
         <div className="buttons">
           <NumbersButton
             kind="main"

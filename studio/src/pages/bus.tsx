@@ -9,8 +9,18 @@ import { Load } from './line';
 export function BusPage() {
   const { name: part, query } = useRoute();
   const buses = useResource<{ buses: BusView[] }>('/buses', 1000).value?.buses ?? [];
-  const bus = buses.find(({ name }) => name === query.get('bus')) ?? buses[0];
-  if (!bus) return null;
+  const asked = query.get('bus');
+  const bus = asked === null ? buses[0] : buses.find(({ name }) => name === asked);
+  const addressOf = (name: string) => `/bus${part === '' ? '' : `/${part}`}?bus=${encodeURIComponent(name)}`;
+  if (buses.length === 0) return null;
+  if (!bus) {
+    return (
+      <p className="empty" role="alert">
+        There is no bus "{asked}".{' '}
+        {buses.map(({ name }) => <Link key={name} className="button" to={addressOf(name)}>{name}</Link>)}
+      </p>
+    );
+  }
   return (
     <>
       <div className="toolbar">

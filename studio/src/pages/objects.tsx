@@ -1,4 +1,4 @@
-import { useCallback, useEffect, useMemo, useRef, useState, type KeyboardEvent } from 'react';
+import { useCallback, useEffect, useId, useMemo, useRef, useState, type KeyboardEvent } from 'react';
 import type { AxisView, ObjectEntry, ObjectValue } from '../api/types';
 import { axisPath, readObject, writeObject } from '../commands';
 import { AxisTabs, usePageAxis } from '../parts/axis_tabs';
@@ -6,7 +6,7 @@ import { Button, Choice, Panel, Search, Toggle, Trouble } from '../parts/control
 import { addressOf, differs, groups, hasDefault, hexValue, inGroup, isReadable, isWritable, matches, namedOf, parseValue, rankOf, showValue, type Group } from '../model/objects';
 import { objectTip } from '../model/meanings';
 import { Views } from '../parts/views';
-import { attempt, tell } from '../notices';
+import { attempt, forgetRequests, tell } from '../notices';
 import { useResource } from '../resource';
 import { keep, useRoute } from '../route';
 import { useLine, usePowered } from '../store';
@@ -21,6 +21,7 @@ export function ObjectsPage() {
   const name = usePageAxis(asked);
   const view = query.get('view');
   const powered = usePowered(name);
+  useEffect(() => () => forgetRequests(`${axisPath(name)}/objects/`), [name, view]);
   return (
     <>
       <AxisTabs page="objects" name={name} />
@@ -86,12 +87,18 @@ function DictionaryView({ name }: { name: string }) {
               onChange={(to) => keep({ group: to === 'All' ? null : to })}
             />
           </div>
+          {value && shown.length === 0 && <p className="empty">{nothing(group, search)}</p>}
           <ObjectList entries={shown} product={product} values={values} selected={selected} onSelect={(entry) => keep({ object: addressOf(entry) })} />
         </Panel>
         {selected && <Editor key={addressOf(selected)} axis={name} entry={selected} values={values} />}
       </div>
     </>
   );
+}
+
+function nothing(group: Group, search: string): string {
+  const which = group === 'All' ? 'object' : group === 'Changed' ? 'changed object' : `object of the group "${group}"`;
+  return search.trim() === '' ? `There is no ${which}.` : `No ${which} matches "${search.trim()}".`;
 }
 
 interface Values {
@@ -275,6 +282,8 @@ function Editor({ axis, entry, values }: { axis: string; entry: ObjectEntry; val
       tell(`${addressOf(entry)} written`);
     });
   const parsed = typed === null ? undefined : parseValue(entry, typed);
+  const problem = parsed && 'problem' in parsed ? parsed.problem : undefined;
+  const problemId = useId();
 
   return (
     <Panel title={entry.name} className="editor" aside={<span className="mono quiet">{addressOf(entry)}</span>}>
@@ -292,7 +301,7 @@ function Editor({ axis, entry, values }: { axis: string; entry: ObjectEntry; val
           className="write"
           onSubmit={(event) => {
             event.preventDefault();
-            if (parsed !== undefined) write(parsed);
+            if (parsed && 'value' in parsed) write(parsed.value);
           }}
         >
           <label className="field">
@@ -301,15 +310,17 @@ function Editor({ axis, entry, values }: { axis: string; entry: ObjectEntry; val
               className="input"
               value={typed ?? showValue(value, entry)}
               onChange={(event) => setTyped(event.target.value)}
-              aria-invalid={typed !== null && parsed === undefined}
+              aria-invalid={problem !== undefined}
+              {...(problem ? { 'aria-describedby': problemId } : {})}
               spellCheck={false}
               autoComplete="off"
             />
           </label>
-          <Button kind="main" type="submit" isDisabled={parsed === undefined}>Write</Button>
+          <Button kind="main" type="submit" isDisabled={!parsed || problem !== undefined}>Write</Button>
           {hasDefault(entry) && differs(entry, value) && <Button onPress={() => write(entry.default!)}>Default</Button>}
         </form>
       )}
+      {problem && <p className="refusal" id={problemId} role="status">{problem}</p>}
       {enumeration.length > 0 && typeof value === 'number' && (
         <Choice
           label="Meaning"

@@ -8,6 +8,7 @@ import { NumberForm, NumberInput, NumbersButton } from '../parts/number_input';
 import { ForceInput } from '../parts/force_input';
 import { Terminals } from '../parts/terminals';
 import { useGeometry } from '../parts/travel';
+import { quantities } from '../model/plant';
 import { attempt } from '../notices';
 import { useResource } from '../resource';
 import { useRoute } from '../route';
@@ -77,14 +78,6 @@ function InputsPanel({ name }: { name: string }) {
   );
 }
 
-const quantities: [keyof Plant, string, string][] = [
-  ['load_torque_nm', 'Load torque', 'Nm'],
-  ['load_inertia_kgm2', 'Load inertia', 'kg·m²'],
-  ['friction_nm', 'Coulomb friction', 'Nm'],
-  ['supply_v', 'Supply', 'V'],
-  ['ambient_c', 'Ambient', '°C'],
-];
-
 function PlantPanel({ name }: { name: string }) {
   const path = `${axisPath(name)}/plant`;
   const { value, problem, again } = useResource<Plant>(path, 1000);
@@ -94,7 +87,7 @@ function PlantPanel({ name }: { name: string }) {
       <Trouble problem={problem} />
       {value && (
         <div className="form">
-          {quantities.map(([key, label, unit]) => (
+          {quantities.map(({ key, label, unit }) => (
             <NumberInput whenLeft key={key} label={label} unit={unit} value={value[key] as number} onChange={(to) => change({ [key]: to })} />
           ))}
           <Toggle isSelected={value.locked_rotor} onChange={(locked_rotor) => change({ locked_rotor })}>Locked rotor</Toggle>

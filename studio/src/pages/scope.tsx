@@ -1,9 +1,9 @@
 import { useEffect, useRef, useState } from 'react';
-import { getBytes, post } from '../api/client';
+import { getBytes, post, segment } from '../api/client';
 import { decodeFrame } from '../api/frame';
 import type { Limits, Recording, Units } from '../api/types';
 import { axisPath, following, runJob } from '../commands';
-import { Choice, Panel, Toggle } from '../parts/controls';
+import { Button, Choice, Panel, Toggle, Trouble } from '../parts/controls';
 import { NumberForm, NumberInput, NumbersButton } from '../parts/number_input';
 import { Excite } from '../parts/excite';
 import { Layouts } from '../parts/layouts';
@@ -14,7 +14,7 @@ import { Recordings } from '../parts/recordings';
 import { useHindrance } from '../parts/reach';
 import { ScopeSetup } from '../parts/scope_setup';
 import { axisOf, isOver, ofAxis, queryOf, samplesOf, setupOf, type Samples, type Setup } from '../model/scope';
-import { greatestOf, isKnown, proposed } from '../model/units';
+import { greatestOf, holdsOf, isKnown, proposed } from '../model/units';
 import { attempt, complain } from '../notices';
 import { useResource } from '../resource';
 import { keep, keepHere, useRoute } from '../route';
@@ -31,6 +31,8 @@ export function ScopePage() {
   const { recordings, memory, again } = useRecordings();
   const shown = recordings.find((recording) => String(recording.id) === id);
   const samples = useSamples(shown);
+  // The list may not have a new recording yet: the server is asked.
+  const missing = useResource<Recording>(memory && id && !shown ? `/recordings/${segment(id)}` : null).problem;
   const others = useOverlays(recordings.filter((recording) => overlays.includes(String(recording.id)) && recording !== shown));
 
   return (
@@ -38,6 +40,8 @@ export function ScopePage() {
       <div className="column">
         {shown ? (
           <RecordingPanel recording={shown} samples={samples} others={others} />
+        ) : missing ? (
+          <Panel title={`Recording ${id}`} aside={<Button onPress={() => keep({ rec: null })}>Live</Button>}><Trouble problem={missing} /></Panel>
         ) : (
           <Panel title="Live" aside={<span className="quiet">last 10 s; record for the full sampling rate</span>}>
             <LiveLanes fill label="Live scope" channels={setup.channels} rate_hz={Math.min(setup.rate_hz, 500)} seconds={10} />
@@ -121,6 +125,7 @@ function Record({ setup }: { setup: Setup }) {
   const limits = useResource<Limits>(withMove && powered ? `${axisPath(axis)}/limits` : null, 3000).value;
   const known = isKnown(units);
   const greatest = greatestOf(units, limits);
+  const holds = holdsOf(units);
   const rpm = typedRpm ?? proposed(600, greatest.velocity);
   const acceleration = typedAcceleration ?? proposed(200, greatest.acceleration);
   const { channels, rate_hz, duration_ms, pre_ms, trigger } = setup;
@@ -143,9 +148,9 @@ function Record({ setup }: { setup: Setup }) {
       {withMove && (
         <div className="form">
           <Choice label="Axis" value={axis} options={order.map((each) => [each, each] as const)} onChange={(to) => keep(queryOf(ofAxis(setup, to)))} />
-          <NumberInput label="Distance" unit="rev" value={turns} onChange={setTurns} />
-          <NumberInput label="Velocity" unit="rpm" value={rpm} onChange={setRpm} minimum={0} />
-          <NumberInput label="Acceleration" unit="rev/s²" value={acceleration} onChange={setAcceleration} minimum={0} />
+          <NumberInput label="Distance" unit="rev" value={turns} onChange={setTurns} minimum={-holds.position} maximum={holds.position} />
+          <NumberInput label="Velocity" unit="rpm" value={rpm} onChange={setRpm} above={0} maximum={holds.speed} />
+          <NumberInput label="Acceleration" unit="rev/s²" value={acceleration} onChange={setAcceleration} above={0} maximum={holds.acceleration} />
         </div>
       )}
       {withMove && units && !known && <p className="note">This drive does not report its units: move it on the Axis page.</p>}

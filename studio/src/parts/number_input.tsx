@@ -1,5 +1,5 @@
 import { createContext, useCallback, useContext, useEffect, useId, useLayoutEffect, useMemo, useRef, useState, type ComponentProps, type KeyboardEvent, type ReactNode } from 'react';
-import { FieldError, Group, Input, Label, TextField } from 'react-aria-components';
+import { FieldError, Group, Input, Label, Text, TextField } from 'react-aria-components';
 import { onTakenBack } from '../commands';
 import { readNumber, showNumber } from '../model/number';
 import { Button } from './controls';
@@ -40,19 +40,21 @@ export function NumbersButton({ isDisabled = false, ...props }: ComponentProps<t
 // `value` NaN: no number yet. `onChange` gets valid numbers only: after each key, or with `whenLeft` when the field loses
 // the focus or Enter is pressed. A halt or STOP then drops the typed text: it comes by a press of its button, before the field
 // loses the focus. With `mayBeEmpty` an empty field is valid and gives NaN.
-export function NumberInput({ label, unit, value, onChange, minimum, maximum, step = 1, hideLabel = false, isDisabled = false, whenLeft = false, mayBeEmpty = false, isHexadecimal = false }: {
+export function NumberInput({ label, unit, value, onChange, minimum, maximum, above, step = 1, hideLabel = false, isDisabled = false, whenLeft = false, mayBeEmpty = false, isHexadecimal = false, hint }: {
   label: string;
   unit?: string | undefined;
   value: number;
   onChange: (value: number) => void;
   minimum?: number | undefined;
   maximum?: number | undefined;
+  above?: number | undefined;
   step?: number;
   hideLabel?: boolean;
   isDisabled?: boolean;
   whenLeft?: boolean;
   mayBeEmpty?: boolean;
   isHexadecimal?: boolean;
+  hint?: string | undefined; // for example, why the field is disabled
 }) {
   const id = useId();
   const { note } = useContext(FormContext);
@@ -66,7 +68,7 @@ export function NumberInput({ label, unit, value, onChange, minimum, maximum, st
       setTyped(null);
     });
   }, [whenLeft]);
-  const limits = { minimum, maximum };
+  const limits = { minimum, maximum, above };
   const read = (text: string) => (mayBeEmpty && text.trim() === '' ? { value: NaN } : readNumber(text, limits, isHexadecimal));
   if (!Object.is(told, value)) {
     // `value` has changed. If it is not the typed number, the change comes from outside and replaces the typed text.
@@ -112,6 +114,7 @@ export function NumberInput({ label, unit, value, onChange, minimum, maximum, st
         <Input className="input" inputMode="decimal" onBlur={leave} onKeyDown={onKey} />
         {unit && <span className="unit">{unit}</span>}
       </Group>
+      {hint && <Text slot="description" className="quiet hint">{hint}</Text>}
       <FieldError className="refusal">{problem}</FieldError>
     </TextField>
   );

@@ -5,7 +5,7 @@ import { formulaOf, mathsOf } from '../model/formula';
 import { withMaths } from '../model/mathematics';
 import { eventful } from '../model/measure';
 import { parquetOf } from '../model/parquet';
-import { alongside, isOver, labelOf, same, titleOf, zoomed, type Samples } from '../model/scope';
+import { alongside, fileNameOf, isOver, labelOf, same, titleOf, zoomed, type Samples } from '../model/scope';
 import { fixed, significant } from '../model/units';
 import { attempt } from '../notices';
 import { keep, useRoute } from '../route';
@@ -101,15 +101,18 @@ function TimePlot({ title, samples, others }: { title: string; samples: Samples;
     const part = eventful(samples.values);
     show(part && [x[part[0]], x[Math.min(part[1], x.length - 1)]]);
   };
-  const name = `recording-${recording.id}`;
+  const name = fileNameOf(recording);
+  // The cursors stay in the recording, to the millisecond.
+  const [first, last] = x.length > 0 ? [Math.floor(x[0]), Math.ceil(x[x.length - 1])] : [undefined, undefined];
+  const setCursor = (key: string, at: number) => keep({ [key]: Math.max(first ?? at, Math.min(last ?? at, at)).toFixed(4) });
   return (
     <>
       <div ref={box}>
-        <Lanes fill label={title} x={x} curves={curves} range={range} onRange={show} cursors={[a, b]} onCursor={(which, at) => keep({ [which === 0 ? 'a' : 'b']: at.toFixed(4) })} />
+        <Lanes fill label={title} x={x} curves={curves} range={range} onRange={show} cursors={[a, b]} onCursor={(which, at) => setCursor(which === 0 ? 'a' : 'b', at)} />
       </div>
       <div className="toolbar cursors">
-        <NumberInput whenLeft mayBeEmpty label="Cursor A" unit="ms" value={a ?? NaN} onChange={(at) => keep({ a: Number.isFinite(at) ? String(at) : null })} />
-        <NumberInput whenLeft mayBeEmpty label="Cursor B" unit="ms" value={b ?? NaN} onChange={(at) => keep({ b: Number.isFinite(at) ? String(at) : null })} />
+        <NumberInput whenLeft mayBeEmpty label="Cursor A" unit="ms" value={a ?? NaN} minimum={first} maximum={last} onChange={(at) => keep({ a: Number.isFinite(at) ? String(at) : null })} />
+        <NumberInput whenLeft mayBeEmpty label="Cursor B" unit="ms" value={b ?? NaN} minimum={first} maximum={last} onChange={(at) => keep({ b: Number.isFinite(at) ? String(at) : null })} />
         <span className="quiet">Δ {a !== null && b !== null ? `${significant(b - a)} ms, ${significant(1000 / Math.abs(b - a))} Hz` : '–'}</span>
         <span className="grow" />
         <div className="buttons" role="group" aria-label="Zoom">

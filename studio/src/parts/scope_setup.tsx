@@ -15,7 +15,8 @@ const noSignals: string[] = [];
 const numeric = /^(U?INT|INTEGER|UNSIGNED|REAL|BOOLEAN)/;
 
 export function ScopeSetup({ setup, onChange }: { setup: Setup; onChange: (to: Setup) => void }) {
-  const { channels } = setup;
+  const { channels, trigger } = setup;
+  const isImmediate = trigger.kind === 'now';
   const isReal = useLine(({ line }) => line?.kind === 'real');
   const buses = useResource<{ buses: BusView[] }>(isReal ? '/buses' : null).value?.buses;
   const most = ratesOf(channels.map(({ axis }) => axis), buses);
@@ -35,7 +36,7 @@ export function ScopeSetup({ setup, onChange }: { setup: Setup; onChange: (to: S
       <div className="form">
         <Choice label="Rate" value={setup.rate_hz} options={offered.map((rate) => [rate, `${rate} Hz`] as const)} onChange={(rate_hz) => onChange({ ...setup, rate_hz })} />
         <NumberInput whenLeft label="Duration" unit="ms" value={setup.duration_ms} minimum={1} maximum={600000} onChange={(duration_ms) => onChange({ ...setup, duration_ms, pre_ms: Math.min(setup.pre_ms, duration_ms) })} />
-        <NumberInput whenLeft label="Pre-trigger time" unit="ms" value={setup.pre_ms} minimum={0} maximum={setup.duration_ms} onChange={(pre_ms) => onChange({ ...setup, pre_ms })} />
+        <NumberInput whenLeft label="Pre-trigger time" unit="ms" value={setup.pre_ms} minimum={0} maximum={setup.duration_ms} isDisabled={isImmediate} hint={isImmediate ? 'none: an immediate recording begins at once' : undefined} onChange={(pre_ms) => onChange({ ...setup, pre_ms })} />
         <TriggerFields setup={setup} onChange={onChange} />
       </div>
     </Panel>

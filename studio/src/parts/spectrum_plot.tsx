@@ -1,5 +1,5 @@
 import { useMemo, useRef, useState } from 'react';
-import { labelOf, span, zoomed, type Samples } from '../model/scope';
+import { fileNameOf, labelOf, span, zoomed, type Samples } from '../model/scope';
 import { peaks, spectrum, windows } from '../model/spectrum';
 import { significant } from '../model/units';
 import { keep, useRoute } from '../route';
@@ -43,7 +43,7 @@ export function SpectrumPlot({ label, samples, part }: { label: string; samples:
           <Button aria-label="Zoom out" isDisabled={!range} onPress={() => setRange(zoomed(hz, range, 2))}>−</Button>
           <Button isDisabled={!range} onPress={() => setRange(null)}>All</Button>
         </div>
-        <Button onPress={() => box.current && savePicture(box.current, `recording-${recording.id}-spectrum.png`)}>PNG</Button>
+        <Button onPress={() => box.current && savePicture(box.current, `${fileNameOf(recording)}-spectrum.png`)}>PNG</Button>
       </div>
       <Scroll label="Lines of the spectra">
         <table className="table" aria-label="Spectrum">

@@ -1,6 +1,6 @@
 import { useEffect, useMemo, useRef } from 'react';
 import uPlot from 'uplot';
-import { labelOf, same, span, type Samples } from '../model/scope';
+import { fileNameOf, labelOf, same, span, type Samples } from '../model/scope';
 import { ticksText } from '../model/units';
 import { keep, useRoute } from '../route';
 import { Button, Choice } from './controls';
@@ -44,7 +44,7 @@ export function XyPlot({ label, samples, others, range }: { label: string; sampl
         <Choice label="Up" value={up} options={options} onChange={(to) => keep({ py: String(to) })} />
         <Button onPress={() => keep({ px: String(up), py: String(across) })}>Swap</Button>
         <span className="grow" />
-        <Button onPress={() => box.current && savePicture(box.current, `recording-${samples.recording.id}-xy.png`)}>PNG</Button>
+        <Button onPress={() => box.current && savePicture(box.current, `${fileNameOf(samples.recording)}-xy.png`)}>PNG</Button>
       </div>
       <p className="quiet note">Of the part that is visible in the plot over time.</p>
     </>
