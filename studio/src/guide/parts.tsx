@@ -3,7 +3,7 @@ import type { AxisView, Job } from '../api/types';
 import { objectTip } from '../model/meanings';
 import { hexValue, namedOf, showValue } from '../model/objects';
 import { hindrance } from '../model/plan';
-import { fixed, significant } from '../model/units';
+import { fixed } from '../model/units';
 import { attempt } from '../notices';
 import { Button, Choice, HaltButton, Link, Scroll, Trouble } from '../parts/controls';
 import { NumberInput, NumbersButton } from '../parts/number_input';
@@ -11,7 +11,7 @@ import { useLine } from '../store';
 import { abort, leaveAsItIs, runMotion, undo, undoHindrance, writeAgain } from './actions';
 import { standingOf } from './journal';
 import { changeStep, stepOf, type Guide } from './state';
-import { fromShown, reachOf, shownUnit, toShown, type Facts, type Field, type Motion, type Numbers, type PlanRow, type Step } from './step';
+import { fromShown, reachOf, refusalOf, shownUnit, toShown, type Facts, type Field, type Motion, type Numbers, type PlanRow, type Step } from './step';
 import { steps } from './steps';
 
 // The parts that every step can have: the objects that it reads, the numbers, the plan of the writes, the motions, and the
@@ -66,14 +66,13 @@ export function Form({ facts, step, fields, numbers }: { facts: Facts; step: Ste
     <div className="form guide-form">
       {fields.flatMap((field) => {
         const value = numbers(field.key);
-        const limit = (kept: number | undefined) => (kept === undefined ? undefined : toShown(facts, field.kind, kept));
         const heading = field.group ? [<h3 key={`group ${field.group}`}>{field.group}</h3>] : [];
         if (field.options) return [...heading, <Choice key={field.key} label={field.label} isLong={field.options.length > 4} value={value} options={field.options} onChange={(to) => type(field, to)} />];
         return [
           ...heading,
           <NumberInput
-            key={field.key} label={field.label} unit={shownUnit(facts, field)} value={round(toShown(facts, field.kind, value))} minimum={limit(field.minimum)} maximum={limit(field.maximum)}
-            mayBeEmpty={field.mayBeEmpty ?? false} onChange={(to) => type(field, to)}
+            key={field.key} label={field.label} unit={shownUnit(facts, field)} value={round(toShown(facts, field.kind, value))}
+            mayBeEmpty={field.mayBeEmpty ?? false} check={(shown) => refusalOf(facts, field, shown)} onChange={(to) => type(field, to)}
           />,
         ];
       })}
@@ -83,7 +82,7 @@ export function Form({ facts, step, fields, numbers }: { facts: Facts; step: Ste
 
 const round = (value: number) => (Number.isFinite(value) ? Number(value.toPrecision(9)) : value);
 
-export function Plan({ facts, plan, label, isBusy, onWrite }: { facts: Facts; plan: PlanRow[]; label: string; isBusy: boolean; onWrite: () => void }) {
+export function Plan({ facts, plan, label, isBusy, refusal, onWrite }: { facts: Facts; plan: PlanRow[]; label: string; isBusy: boolean; refusal: string; onWrite: () => void }) {
   if (plan.length === 0) return null;
   return (
     <div className="guide-plan">
@@ -105,10 +104,11 @@ export function Plan({ facts, plan, label, isBusy, onWrite }: { facts: Facts; pl
         </table>
       </Scroll>
       <div className="buttons">
-        <NumbersButton kind="main" isDisabled={isBusy} onPress={onWrite}>
+        <NumbersButton kind="main" isDisabled={isBusy || refusal !== ''} onPress={onWrite}>
           Write {plan.length === 1 ? 'this value' : `these ${plan.length} values`}
         </NumbersButton>
       </div>
+      {refusal && <p className="trouble" role="alert">{refusal}</p>}
     </div>
   );
 }
@@ -214,7 +214,6 @@ export function JournalPanel({ facts, guide, isBusy, again }: { facts: Facts; gu
 }
 
 export const figure = (value: number | null | undefined, digits: number) => (typeof value === 'number' ? fixed(value, digits) : '–');
-export const positionText = (facts: Facts, turns: number | null) => (turns === null || !facts.scale ? '–' : `${significant(turns * facts.scale.user.position)} ${facts.scale.unit.position}`);
 export const canUndo = (guide: Guide, step: Step) => guide.journal.some((entry) => entry.step === step.id);
 export const markOf = (guide: Guide, step: Step) => stepOf(guide, step.id).mark;
 export const undoStep = (axis: AxisView, step: Step) => undo(axis, step.id);

@@ -8,12 +8,12 @@ import { useResource } from '../resource';
 import { useLine } from '../store';
 import { standingOf } from './journal';
 import { machines, type Scale } from './mechanics';
-import { figure, positionText } from './parts';
+import { figure } from './parts';
 import './report.css';
 import css from './report.css?inline';
 import { stepOf, type Found, type Guide } from './state';
-import { keptOf, shownUnit, toShown, type Facts, type Step } from './step';
-import { checkOf, fieldsOf, identify, objectsOf, steps } from './steps';
+import { keptOf, positionText, shownUnit, toShown, type Facts, type Step } from './step';
+import { checkOf, fieldsOf, identify, objectsOf, openOf, steps } from './steps';
 import { Figures, Plots, wiresOf, type ViewProps } from './views';
 
 // The report of a commissioning. The page shows it; the file is the same elements with the style sheet and the figures as JSON.
@@ -86,7 +86,7 @@ function Paper({ facts, guide, differences }: { facts: Facts; guide: Guide; diff
           {steps.filter(({ id }) => id !== 'report').map((step) => {
             const state = stepOf(guide, step.id);
             const lacks = step.lacks?.(facts) ?? '';
-            return <tr key={step.id}><th scope="row">{step.title}</th><td>{state.mark ?? 'open'}</td><td>{lacks || (state.mark === 'done' ? step.open(facts, state) || checkOf(step, facts, state) : step.open(facts, state))}</td></tr>;
+            return <tr key={step.id}><th scope="row">{step.title}</th><td>{state.mark ?? 'open'}</td><td>{lacks || openOf(step, facts, state) || (state.mark === 'done' ? checkOf(step, facts, state) : '')}</td></tr>;
           })}
         </Table>
         {lost.length > 0 && <p className="warn">{lost.length} of the written values are not in the drive now: {lost.map(({ object }) => object).join(', ')}.</p>}

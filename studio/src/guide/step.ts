@@ -1,6 +1,9 @@
 import type { AxisView, Geometry, Limits, ObjectEntry, ObjectValue, Units } from '../api/types';
+import { rangeOf } from '../model/bases';
+import { showNumber } from '../model/number';
 import type { Reach } from '../model/plan';
 import type { Gains } from '../model/tuning';
+import { significant } from '../model/units';
 import type { HomingView } from '../parts/reach';
 import type { Channel } from './measured';
 import { fromDrive, fromUser, toDrive, toUser, type Kind, type Mechanics, type Scale } from './mechanics';
@@ -81,6 +84,7 @@ export interface Step {
   fields?: (facts: Facts, state: StepState) => Field[];
   motions?: Motion[];
   lacks?: (facts: Facts) => string; // why the step cannot be done with this drive; empty: it can
+  refuses?: (facts: Facts, state: StepState) => string; // why the values of the form are not written; empty: they may be
   check: string | ((facts: Facts, state: StepState) => string); // what is true when the step is complete
   open: (facts: Facts, state: StepState) => string; // the condition that is not met yet; empty: the step is complete
 }
@@ -130,7 +134,53 @@ export function notInDrive(facts: Facts, fields: Field[], numbers: Numbers): str
   return missing.length === 0 ? '' : `Not in the drive: ${missing.map(({ object, after }) => `${object} = ${after}`).join(', ')}.`;
 }
 
+// The limits of a field as kept: its own ones, and those of the objects to which it is written.
+function limitsOf(facts: Facts, { kind, objects = [], minimum = -Infinity, maximum = Infinity }: Field) {
+  const limits = { minimum, maximum, isWhole: false, where: '' };
+  for (const object of objects) {
+    const entry = facts.entries.get(object);
+    if (!entry) continue;
+    const range = rangeOf(entry.type);
+    limits.isWhole ||= range !== undefined && kind === undefined;
+    limits.minimum = Math.max(limits.minimum, keptFromDrive(facts, kind, Math.max(entry.minimum ?? -Infinity, range?.[0] ?? -Infinity)));
+    limits.maximum = Math.min(limits.maximum, keptFromDrive(facts, kind, Math.min(entry.maximum ?? Infinity, range?.[1] ?? Infinity)));
+    limits.where += `${limits.where ? ', ' : ' ('}${object}`;
+  }
+  return { ...limits, where: limits.where && `${limits.where})` };
+}
+
+// A limit with ten digits, so that the number that the page names is within it.
+function inward(limit: number, to: 'floor' | 'ceil'): number {
+  if (Number.isInteger(limit)) return limit;
+  const unit = 10 ** (Math.floor(Math.log10(Math.abs(limit))) - 9);
+  return Number((Math[to](limit / unit + (to === 'floor' ? 1e-5 : -1e-5)) * unit).toPrecision(10));
+}
+
+// Why the number of a field, in the units of the step, is refused; empty: it is not.
+export function refusalOf(facts: Facts, field: Field, value: number): string {
+  const { kind } = field;
+  if (!Number.isFinite(value) || (kind !== undefined && !facts.scale)) return '';
+  const shown = Number(value.toPrecision(12)); // without the rounding of the conversion
+  const { minimum, maximum, isWhole, where } = limitsOf(facts, field);
+  const unit = shownUnit(facts, field);
+  const [least, most] = [inward(toShown(facts, kind, minimum), 'ceil'), inward(toShown(facts, kind, maximum), 'floor')];
+  const text = (limit: number) => `${showNumber(limit)}${unit && ` ${unit}`}${where}.`;
+  if (shown < least) return `At least ${text(least)}`;
+  if (shown > most) return `At most ${text(most)}`;
+  return isWhole && !Number.isInteger(shown) ? `A whole number${where}.` : '';
+}
+
+// The first number of the form that is refused, with its reason; empty: none.
+export function refusedIn(facts: Facts, fields: Field[], numbers: Numbers): string {
+  for (const field of fields) {
+    const refusal = field.options ? '' : refusalOf(facts, field, toShown(facts, field.kind, numbers(field.key)));
+    if (refusal) return `${field.label}: ${refusal}`;
+  }
+  return '';
+}
+
 export const shownUnit = ({ scale }: Facts, { kind, unit = '' }: Field) => (kind === undefined ? unit : (scale?.unit[kind] ?? ''));
 export const toShown = ({ scale }: Facts, kind: Kind | undefined, kept: number) => (kind === undefined ? kept : scale ? toUser(scale, kind, kept) : NaN);
 export const fromShown = ({ scale }: Facts, kind: Kind | undefined, shown: number) => (kind === undefined ? shown : scale ? fromUser(scale, kind, shown) : NaN);
 export const keptFromDrive = ({ scale }: Facts, kind: Kind | undefined, value: number) => (kind === undefined ? value : scale ? fromDrive(scale, kind, value) : NaN);
+export const positionText = (facts: Facts, turns: number | null) => (turns === null || !facts.scale ? '–' : `${significant(turns * facts.scale.user.position)} ${facts.scale.unit.position}`);

@@ -3,7 +3,7 @@ import type { AxisView, ObjectEntry, ObjectValue } from '../api/types';
 import { noMechanics, scaleOf } from './mechanics';
 import type { Found } from './state';
 import type { Facts } from './step';
-import { checkOf, fieldsOf, noGains, objectsOf, steps } from './steps';
+import { checkOf, fieldsOf, noGains, objectsOf, openOf, refusedBy, steps } from './steps';
 
 // Steps of drives on buses: what is not known is not complete.
 
@@ -57,9 +57,50 @@ test('soft limits are complete when both are typed, in order, and in the drive',
   const entries = [entry('607D:01', 'Min position limit'), entry('607D:02', 'Max position limit')];
   expect(open('limits', drive(entries, { '607D:01': 0, '607D:02': 0 }))).toBe('Not entered yet: Lowest position.');
   expect(open('limits', drive(entries, { '607D:01': -8000, '607D:02': 0 }), {}, { lowest: -8 })).toBe('Not entered yet: Highest position.');
-  expect(open('limits', drive(entries, { '607D:01': 8000, '607D:02': -8000 }), {}, { lowest: 8, highest: -8 })).toBe('The lowest position must be below the highest.');
   expect(open('limits', drive(entries, { '607D:01': -8000, '607D:02': 0 }), {}, { lowest: -8, highest: 8 })).toBe('Not in the drive: 607D:02 = 8000.');
   expect(open('limits', drive(entries, { '607D:01': -8000, '607D:02': 8000 }), {}, { lowest: -8, highest: 8 })).toBe('');
+});
+
+describe('soft limits that are not written', () => {
+  const entries = [entry('607D:01', 'Min position limit'), entry('607D:02', 'Max position limit')];
+  const refused = (facts: Facts, lowest: number, highest: number) => refusedBy(of('limits'), facts, { typed: { lowest, highest }, found: {} });
+  const geometry = { negative_stop: -11000, positive_stop: 11000, negative_limit: -10000, positive_limit: null, index_every: 1000 } as Facts['geometry'];
+  const axis = { name: 'x', product: 'some drive', powered: true, position_counts: 0, position_actual: 2000 } as AxisView; // 6064h is 2 revolutions above the shaft
+  test('the lowest is above the highest, also if the drive has them', () => {
+    const facts = drive(entries, { '607D:01': 8000, '607D:02': -8000 });
+    expect(refused(facts, 8, -8)).toBe('The lowest position must be below the highest.');
+    expect(openOf(of('limits'), facts, { typed: { lowest: 8, highest: -8 }, found: {} })).toBe('The lowest position must be below the highest.');
+  });
+  test('they lie beyond a switch, or beyond a stop where there is no switch', () => {
+    const facts = drive(entries, {}, { geometry, axis });
+    expect(refused(facts, -8, 13)).toBe('');
+    expect(refused(facts, -9, 12)).toBe('The lowest position, −9 rev, lies beyond the negative limit switch at −8 rev: choose one inside.');
+    expect(refused(facts, -8, 14)).toBe('The highest position, 14 rev, lies beyond the positive stop at 13 rev: choose one inside.');
+    expect(refused({ ...facts, polarity: 1 }, -13, 14)).toContain('beyond the negative limit switch at 12 rev');
+    expect(openOf(of('limits'), { ...facts, values: { '607D:01': -9000, '607D:02': 12000 } }, { typed: { lowest: -9, highest: 12 }, found: {} })).toContain('lies beyond');
+  });
+  test('of an axis without known switches any are written', () => expect(refused(drive(entries), -1e5, 1e5)).toBe(''));
+});
+
+describe('a number beyond the objects to which it is written is refused', () => {
+  const refused = (id: string, facts: Facts, typed: Record<string, number>) => refusedBy(of(id), facts, { typed, found: {} });
+  test('by their type, in the units of the step', () => {
+    const facts = drive([entry('607D:01', 'Min position limit'), entry('607D:02', 'Max position limit')]);
+    expect(refused('limits', facts, { lowest: -2147483.649, highest: 8 })).toBe('Lowest position: At least -2147483.648 rev (607D:01).');
+    expect(refused('limits', facts, { lowest: -8, highest: 2147483.648 })).toBe('Highest position: At most 2147483.647 rev (607D:02).');
+    expect(refused('limits', facts, { lowest: -2147483.648, highest: 2147483.647 })).toBe('');
+  });
+  test('by their range, the narrowest of several objects', () => {
+    const facts = drive([entry('6083:00', 'Acceleration', { type: 'UNSIGNED32', maximum: 90000 }), entry('6084:00', 'Deceleration', { type: 'UNSIGNED16' }), entry('6081:00', 'Velocity', { type: 'UNSIGNED32' })]);
+    expect(refused('cycle', facts, { acceleration: 65.536 })).toBe('Acceleration: At most 65.535 rev/s² (6083:00, 6084:00).');
+    expect(refused('cycle', facts, { velocity: -1, acceleration: 50 })).toContain('Velocity: At least 0 rpm');
+  });
+  test('a fraction, if the object has whole numbers', () => {
+    const facts = drive([entry('6072:00', 'Max torque', { type: 'UNSIGNED16', default: 3000 })]);
+    expect(refused('torque', facts, { torque: 1500.5 })).toBe('Torque or current limit: A whole number (6072:00).');
+    expect(refused('torque', facts, { torque: 65536 })).toBe('Torque or current limit: At most 65535 (6072:00).');
+    expect(refused('torque', facts, { torque: 1500 })).toBe('');
+  });
 });
 
 test('gains that are not on the bus are not said to be undocumented', () => {

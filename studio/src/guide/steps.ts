@@ -1,11 +1,11 @@
 import type { ObjectEntry } from '../api/types';
 import { cannotHome, proposedMethod } from '../model/homing';
 import { addressOf, namedOf } from '../model/objects';
-import { isReversed, positionAt } from '../model/plan';
+import { isReversed, positionAt, slack } from '../model/plan';
 import { predict } from '../model/predict';
 import { missingForTune } from '../model/tuning';
 import type { StepState } from './state';
-import { firstOf, has, keptOf, notInDrive, reachOf, type Facts, type Field, type Motion, type Numbers, type Step } from './step';
+import { firstOf, has, keptOf, notInDrive, positionText, reachOf, refusedIn, type Facts, type Field, type Motion, type Numbers, type Step } from './step';
 import { toDrive } from './mechanics';
 
 // The guided commissioning: one row for each step. The page (pages/commission.tsx) shows any row by the same rules.
@@ -170,13 +170,30 @@ function softLimits(facts: Facts): Field[] {
 
 const margin = 0.25; // revolutions between a soft limit and the switch or stop
 
-// Inside the limit switch or the stop, as a position of 6064h. NaN: the travel is not known.
-function softLimit(facts: Facts, end: 'lowest' | 'highest'): number {
-  const { geometry, axis } = facts;
-  const marks = [geometry?.negative_limit ?? geometry?.negative_stop, geometry?.positive_limit ?? geometry?.positive_stop];
-  const mark = marks[(end === 'highest') === isReversed(facts.polarity) ? 0 : 1];
-  const at = typeof mark === 'number' ? positionAt(axis, reachOf(facts), mark) : null;
-  return at === null ? NaN : Math.round((at + (end === 'lowest' ? margin : -margin)) * 100) / 100;
+type End = 'lowest' | 'highest';
+
+// The limit switch or the stop at an end of the travel, as a position of 6064h. Null: it is not known.
+function endOfTravel({ geometry, axis, ...facts }: Facts, end: End): { name: string; at: number } | null {
+  const side = (end === 'highest') === isReversed(facts.polarity) ? 'negative' : 'positive';
+  const [name, mark] = typeof geometry?.[`${side}_limit`] === 'number' ? [`the ${side} limit switch`, geometry[`${side}_limit`]] : [`the ${side} stop`, geometry?.[`${side}_stop`]];
+  const at = typeof mark === 'number' ? positionAt(axis, reachOf({ geometry, axis, ...facts }), mark) : null;
+  return at === null ? null : { name, at };
+}
+
+// Inside the limit switch or the stop. NaN: the travel is not known.
+function softLimit(facts: Facts, end: End): number {
+  const { at } = endOfTravel(facts, end) ?? { at: NaN };
+  return Math.round((at + (end === 'lowest' ? margin : -margin)) * 100) / 100;
+}
+
+function refusedSoftLimits(facts: Facts, state: StepState): string {
+  const numbers = keptOf(state, softLimits(facts));
+  if (numbers('lowest') >= numbers('highest')) return 'The lowest position must be below the highest.';
+  const text = (turns: number) => positionText(facts, turns);
+  return ([['lowest', -1], ['highest', 1]] as const).flatMap(([key, sign]) => {
+    const end = endOfTravel(facts, key);
+    return end && (numbers(key) - end.at) * sign > slack ? [`The ${key} position, ${text(numbers(key))}, lies beyond ${end.name} at ${text(end.at)}: choose one inside.`] : [];
+  }).join(' ');
 }
 
 function homingFields(facts: Facts): Field[] {
@@ -349,11 +366,8 @@ export const steps: Step[] = [
     fields: softLimits,
     lacks: (facts) => lacksScale(facts) || (softLimits(facts).length === 2 ? '' : `${facts.axis.product} has no object 607Dh (software position limit): only switches and stops end its travel.`),
     check: 'The drive has the limits.',
-    open: (facts, state) => {
-      const fields = softLimits(facts);
-      const numbers = keptOf(state, fields);
-      return numbers('lowest') >= numbers('highest') ? 'The lowest position must be below the highest.' : formNotInDrive(fields, facts, state);
-    },
+    refuses: refusedSoftLimits,
+    open: (facts, state) => formNotInDrive(softLimits(facts), facts, state),
   },
   {
     id: 'cycle', title: 'First cycle', view: 'response', reads: [],
@@ -383,6 +397,15 @@ export const steps: Step[] = [
 ];
 
 export const checkOf = ({ check }: Step, facts: Facts, state: StepState) => (typeof check === 'string' ? check : check(facts, state));
+
+// Why the numbers of the form are not used: those of a field by itself, and those that do not fit together. Empty: they are.
+export function refusedBy(step: Step, facts: Facts, state: StepState): string {
+  const fields = fieldsOf(step, facts, state);
+  return refusedIn(facts, fields, keptOf(state, fields)) || (step.refuses?.(facts, state) ?? '');
+}
+
+// The condition of a step that is not met yet; empty: the step is complete.
+export const openOf = (step: Step, facts: Facts, state: StepState) => refusedBy(step, facts, state) || step.open(facts, state);
 
 export const fieldsOf = (step: Step, facts: Facts, state: StepState): Field[] => step.fields?.(facts, state) ?? [];
 

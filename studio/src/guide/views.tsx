@@ -14,10 +14,10 @@ import { useResource } from '../resource';
 import { useAxis, useLine } from '../store';
 import { machines, toUser, type Mechanics } from './mechanics';
 import { Plot, type Line } from './plot';
-import { figure, positionText } from './parts';
+import { figure } from './parts';
 import { change, changeStep, type Found, type Guide, type StepState } from './state';
 import { namedInputs, noGains, reversedPolarity, wiredInputs } from './steps';
-import type { Facts, Numbers, Step } from './step';
+import { positionText, type Facts, type Numbers, type Step } from './step';
 
 // The parts that only one step has; the table of steps names them (`view`).
 

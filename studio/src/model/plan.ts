@@ -20,7 +20,7 @@ export type Move = { by: number } | { to: number };
 
 // Bit 7 of CiA 402, or the only value of a drive whose 607Eh is 0 or 1: 6064h counts against the shaft.
 export const isReversed = (polarity: unknown) => typeof polarity === 'number' && (polarity === 1 || (polarity & 0x80) !== 0);
-const slack = 0.01; // rev: a move to a switch itself may stand some counts beyond it, as on the server
+export const slack = 0.01; // rev: a move to a switch itself may stand some counts beyond it, as on the server
 const signOf = ({ polarity }: Reach) => (isReversed(polarity) ? -1 : 1);
 
 // A position of 6064h in revolutions from the present one. Of a drive on a bus only 6064h is known, in `position_counts`.

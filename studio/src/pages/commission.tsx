@@ -7,7 +7,7 @@ import { canUndo, Form, JournalPanel, markOf, MotionBox, Plan, Readings, undoSte
 import { ReportView } from '../guide/report';
 import { changeStep, forgetGuide, stepOf, useGuide, type Guide, type StepState } from '../guide/state';
 import { keptOf, planOf, type Facts, type PlanRow, type Step } from '../guide/step';
-import { checkOf, fieldsOf, objectsOf, steps } from '../guide/steps';
+import { checkOf, fieldsOf, objectsOf, openOf, refusedBy, steps } from '../guide/steps';
 import { DirectionView, FindView, HomingView, IdentifyView, InputsView, LoopView, releaseInputs, ResponseView, StoreView, UnitsView, type ViewProps } from '../guide/views';
 import { motionHindrance } from '../model/cia402';
 import { attempt, complain } from '../notices';
@@ -112,6 +112,7 @@ function StepPanel({ axis, guide, step }: { axis: AxisView; guide: Guide; step: 
   const { shown, absent } = objectsOf(step, facts, fields);
   const plan = planOf(facts, fields.filter(({ isGain }) => !isGain), numbers);
   const gains = planOf(facts, fields.filter(({ isGain }) => isGain), numbers);
+  const refusal = refusedBy(step, facts, state);
   const lacks = facts.entries.size > 0 ? (step.lacks?.(facts) ?? '') : '';
   // The rows stay until all of them are written: a motion that begins between two of them would use half of them.
   const [writing, setWriting] = useState<{ label: string; rows: PlanRow[] }>();
@@ -122,6 +123,7 @@ function StepPanel({ axis, guide, step }: { axis: AxisView; guide: Guide; step: 
     label,
     plan: writing?.label === label ? writing.rows : rows,
     isBusy: reason !== '',
+    refusal,
     onWrite: () => {
       setWriting({ label, rows });
       attempt(() => writePlan(axis, step.id, rows).finally(() => {
@@ -130,7 +132,7 @@ function StepPanel({ axis, guide, step }: { axis: AxisView; guide: Guide; step: 
       }));
     },
   });
-  const open = step.open(facts, state);
+  const open = openOf(step, facts, state);
   const View = step.view ? views[step.view] : null;
   const next = steps[steps.indexOf(step) + 1] as Step | undefined;
   const leave = (mark: StepState['mark']) => {

@@ -40,7 +40,7 @@ export function NumbersButton({ isDisabled = false, ...props }: ComponentProps<t
 // `value` NaN: no number yet. `onChange` gets valid numbers only: after each key, or with `whenLeft` when the field loses
 // the focus or Enter is pressed. A halt or STOP then drops the typed text: it comes by a press of its button, before the field
 // loses the focus. With `mayBeEmpty` an empty field is valid and gives NaN.
-export function NumberInput({ label, unit, value, onChange, minimum, maximum, step = 1, hideLabel = false, isDisabled = false, whenLeft = false, mayBeEmpty = false, isHexadecimal = false }: {
+export function NumberInput({ label, unit, value, onChange, minimum, maximum, step = 1, hideLabel = false, isDisabled = false, whenLeft = false, mayBeEmpty = false, isHexadecimal = false, check }: {
   label: string;
   unit?: string | undefined;
   value: number;
@@ -53,6 +53,7 @@ export function NumberInput({ label, unit, value, onChange, minimum, maximum, st
   whenLeft?: boolean;
   mayBeEmpty?: boolean;
   isHexadecimal?: boolean;
+  check?: ((value: number) => string) | undefined; // why a number within the limits is refused; empty: it is not
 }) {
   const id = useId();
   const { note } = useContext(FormContext);
@@ -67,7 +68,12 @@ export function NumberInput({ label, unit, value, onChange, minimum, maximum, st
     });
   }, [whenLeft]);
   const limits = { minimum, maximum };
-  const read = (text: string) => (mayBeEmpty && text.trim() === '' ? { value: NaN } : readNumber(text, limits, isHexadecimal));
+  const read = (text: string) => {
+    if (mayBeEmpty && text.trim() === '') return { value: NaN };
+    const number = readNumber(text, limits, isHexadecimal);
+    const refusal = 'value' in number ? (check?.(number.value) ?? '') : '';
+    return refusal ? { problem: refusal } : number;
+  };
   if (!Object.is(told, value)) {
     // `value` has changed. If it is not the typed number, the change comes from outside and replaces the typed text.
     const now = typed === null ? null : read(typed);

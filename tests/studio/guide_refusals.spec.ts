@@ -1,0 +1,50 @@
+import type { Page } from '@playwright/test';
+import { expect as shortly, panel, test as base, type } from './fixtures';
+import { lineOf, write } from './guide';
+import { Line } from './line';
+
+const expect = shortly.configure({ timeout: 60_000 }); // a busy machine is slow, and not wrong
+
+// What the guide refuses, and why, before anything is written or moves.
+
+const test = base.extend<{ axis: string }>({
+  axis: ['reference', { option: true }],
+  line: async ({ axis }, use) => {
+    const line = await new Line(lineOf(axis, 'virtual')).start();
+    await line.call('PUT', '/clock', { speed: 5 });
+    await use(line);
+    await line.end();
+  },
+});
+
+const path = '/axes/reference';
+const value = async (line: Line, object: string) => (await line.call<{ value: number }>('GET', `${path}/objects/${object}`)).value;
+const done = (page: Page) => page.getByRole('button', { name: 'Done, next step' });
+
+test('soft limits in the wrong order or beyond the switches are not written', async ({ page, open, line }) => {
+  await open('/commission/reference?step=limits');
+  const step = panel(page, 'Soft limits');
+  const button = page.getByRole('button', { name: 'Write these 2 values' });
+  await expect(button).toBeEnabled();
+  await type(page, 'Lowest position', 8);
+  await type(page, 'Highest position', -8);
+  await expect(button).toBeDisabled();
+  await expect(step.locator('.guide-plan').getByRole('alert')).toHaveText('The lowest position must be below the highest.');
+  await type(page, 'Lowest position', -10.5);
+  await type(page, 'Highest position', 9);
+  await expect(step.locator('.guide-plan').getByRole('alert')).toHaveText('The lowest position, −10.5 rev, lies beyond the negative limit switch at −10 rev: choose one inside.');
+  await expect(button).toBeDisabled();
+  await type(page, 'Highest position', 20000);
+  await expect(step).toContainText('At most 16383.99999 rev (607D:02).');
+  await expect(button).toBeDisabled();
+  expect([await value(line, '607d/1'), await value(line, '607d/2')]).toEqual([0, 0]);
+  // The drive has such limits from elsewhere: the step is not complete.
+  await line.call('PUT', `${path}/objects/607d/1`, { value: -10.5 * 131072 });
+  await line.call('PUT', `${path}/objects/607d/2`, { value: 9 * 131072 });
+  await type(page, 'Highest position', 9);
+  await expect(step.locator('.guide-check')).toContainText('lies beyond the negative limit switch');
+  await expect(done(page)).toBeDisabled();
+  await type(page, 'Lowest position', -9);
+  await write(page);
+  await expect(step.locator('.guide-check')).toHaveText('✓ The drive has the limits.');
+});
