@@ -48,3 +48,17 @@ test('soft limits in the wrong order or beyond the switches are not written', as
   await write(page);
   await expect(step.locator('.guide-check')).toHaveText('✓ The drive has the limits.');
 });
+
+test('a move that does not show the direction is refused', async ({ page, open, line }) => {
+  await open('/commission/reference?step=direction');
+  await write(page);
+  const step = panel(page, 'Direction and encoder');
+  await type(page, 'Distance', 0);
+  await expect(step).toContainText('At least 0.05 rev, forward or back: a smaller move does not show the direction.');
+  await expect(page.getByRole('button', { name: 'Make the small move' })).toBeDisabled();
+  await type(page, 'Distance', -0.05);
+  await page.getByRole('button', { name: 'Make the small move' }).click();
+  await page.getByRole('button', { name: 'The right way' }).click();
+  await expect(step.locator('.guide-check')).toHaveText('✓ 6064h moved by the distance, and the machine moved the right way.');
+  expect((await line.call<{ position_counts: number }>('GET', path)).position_counts).toBeLessThan(-6000);
+});

@@ -38,6 +38,8 @@ export interface Field {
   usual: number; // NaN: none is proposed
   minimum?: number; // as kept
   maximum?: number;
+  least?: { size: number; why: string }; // size of a number of either sign, as kept
+  isWhole?: boolean;
   options?: (readonly [number, string, string?])[]; // value, text, and why it cannot be chosen
   mayBeEmpty?: boolean;
   group?: string; // heading above the field and those that follow
@@ -135,8 +137,8 @@ export function notInDrive(facts: Facts, fields: Field[], numbers: Numbers): str
 }
 
 // The limits of a field as kept: its own ones, and those of the objects to which it is written.
-function limitsOf(facts: Facts, { kind, objects = [], minimum = -Infinity, maximum = Infinity }: Field) {
-  const limits = { minimum, maximum, isWhole: false, where: '' };
+function limitsOf(facts: Facts, { kind, objects = [], minimum = -Infinity, maximum = Infinity, isWhole = false }: Field) {
+  const limits = { minimum, maximum, isWhole, where: '' };
   for (const object of objects) {
     const entry = facts.entries.get(object);
     if (!entry) continue;
@@ -167,6 +169,8 @@ export function refusalOf(facts: Facts, field: Field, value: number): string {
   const text = (limit: number) => `${showNumber(limit)}${unit && ` ${unit}`}${where}.`;
   if (shown < least) return `At least ${text(least)}`;
   if (shown > most) return `At most ${text(most)}`;
+  const size = field.least ? inward(toShown(facts, kind, field.least.size), 'ceil') : 0;
+  if (field.least && Math.abs(shown) < size) return `At least ${showNumber(size)}${unit && ` ${unit}`}, forward or back: ${field.least.why}.`;
   return isWhole && !Number.isInteger(shown) ? `A whole number${where}.` : '';
 }
 

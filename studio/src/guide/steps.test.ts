@@ -103,6 +103,31 @@ describe('a number beyond the objects to which it is written is refused', () => 
   });
 });
 
+describe('a move that is too small to show anything', () => {
+  const refused = (id: string, distance: number, more: Partial<Facts> = {}) => refusedBy(of(id), drive([], {}, more), { typed: { distance }, found: {} });
+  const reason = 'Distance: At least 0.05 rev, forward or back: a smaller move does not show the direction.';
+  test('does not show the direction', () => {
+    for (const distance of [0, 0.001, 0.0499, -0.0499]) expect(refused('direction', distance)).toBe(reason);
+    for (const distance of [0.05, -0.05, 0.1]) expect(refused('direction', distance)).toBe('');
+  });
+  test('in the units of the step, and in counts of a coarse encoder', () => {
+    const scale = (perTurn: number) => scaleOf({ ...noMechanics, machine: 'degrees' }, { ...units, position_per_revolution: perTurn });
+    expect(refused('direction', 0.04, { scale: scale(1000) })).toContain('At least 18 °, forward or back');
+    expect(refused('direction', 0.4, { scale: scale(20) })).toContain('At least 180 °, forward or back');
+  });
+  test('nor can it be measured', () => {
+    expect(refused('position', 0)).toContain('a smaller move cannot be measured');
+    expect(refused('cycle', 0.009)).toContain('At least 0.01 rev');
+    expect(refused('cycle', 0.01)).toBe('');
+  });
+  test('one that was made before is not counted', () => {
+    const move = (asked: number, drive: number): Found => ({ moved: { asked, drive, shaft: null }, way: 'right' });
+    expect(open('direction', drive([]), move(0, 0))).toBe('The small move has not been made yet.');
+    expect(open('direction', drive([]), move(0.05, 0))).toContain('did not move by the distance');
+    expect(open('direction', drive([]), move(0.05, 0.05))).toBe('');
+  });
+});
+
 test('gains that are not on the bus are not said to be undocumented', () => {
   const gains = (object: string[]) => ({ gains: object.map((each) => ({ object: each, set: 0, does: '' })) }) as unknown as Facts['gains'];
   const entries = [entry('6041:00', 'Statusword')];

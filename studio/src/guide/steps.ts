@@ -49,6 +49,14 @@ function within(facts: Facts, kind: 'velocity' | 'acceleration', usual: number):
 const seconds = (numbers: Numbers, distance: number) =>
   predict({ velocity: numbers('velocity'), acceleration: numbers('acceleration'), velocity_scale: 1, distance })?.total_s ?? 1;
 
+// The check of the direction allows a difference of 0.02 revolutions, and a coarse encoder has few counts in that. A
+// smaller move does not show the direction.
+const shows = 0.05;
+const least_counts = 10;
+const leastDistance = ({ scale }: Facts, revolutions: number, why: string) => ({ size: Math.max(revolutions, least_counts / (scale?.drive.position ?? Infinity)), why });
+const leastOfDirection = (facts: Facts) => leastDistance(facts, shows, 'a smaller move does not show the direction');
+const leastOfMeasurement = (facts: Facts) => leastDistance(facts, 0, 'a smaller move cannot be measured');
+
 // A move that is recorded, from a little before its start to a little after its end.
 const moves = (id: string, label: string, says: string, back: boolean): Motion => ({
   id,
@@ -296,7 +304,7 @@ export const steps: Step[] = [
     id: 'direction', title: 'Direction and encoder', view: 'direction', reads: ['6061:00', '6064:00'], also: () => ['607E:00'],
     why: 'A small, slow move with little torque shows the direction and that the encoder counts as far as the shaft turns.',
     fields: (facts, state) => [
-      { key: 'distance', label: 'Distance', kind: 'position', usual: 0.1 },
+      { key: 'distance', label: 'Distance', kind: 'position', usual: 0.1, least: leastOfDirection(facts) },
       ...profile(within(facts, 'velocity', 0.5), within(facts, 'acceleration', 5)),
       ...torqueField(facts, 0.2, 'Torque limit during the move'),
       ...polarity(facts, state),
@@ -304,8 +312,8 @@ export const steps: Step[] = [
     lacks: lacksScale,
     motions: [moves('move', 'Make the small move', 'One move by the distance, at the velocity and with the torque limit above. Abort halts it.', false)],
     check: '6064h moved by the distance, and the machine moved the right way.',
-    open: (_, { found: { moved, way } }) => {
-      if (!moved) return 'The small move has not been made yet.';
+    open: (facts, { found: { moved, way } }) => {
+      if (!moved || Math.abs(moved.asked) < (1 - 1e-9) * leastOfDirection(facts).size) return 'The small move has not been made yet.';
       if (Math.abs(moved.drive - moved.asked) > 0.02 + 0.02 * Math.abs(moved.asked)) return '6064h did not move by the distance: check the encoder and the units.';
       if (moved.shaft !== null && Math.abs(Math.abs(moved.shaft) - Math.abs(moved.drive)) > 0.02) return 'The shaft turned by another angle than 6064h: check the encoder\'s resolution.';
       return way === 'right' ? '' : way === 'wrong' ? 'Reverse the direction, move again, and look again.' : 'Say which way the machine moved.';
@@ -339,7 +347,7 @@ export const steps: Step[] = [
     id: 'position', title: 'Position loop', view: 'response', reads: [],
     why: 'The position gain decides how closely the axis follows its target. A higher gain leaves less following error; above about a third of the velocity loop\'s bandwidth the axis oscillates.',
     fields: (facts) => [
-      { key: 'distance', label: 'Distance', kind: 'position', usual: 0.5 },
+      { key: 'distance', label: 'Distance', kind: 'position', usual: 0.5, least: leastOfMeasurement(facts) },
       ...profile(within(facts, 'velocity', 2), within(facts, 'acceleration', 20)),
       ...gainFields(facts, true),
     ],
@@ -373,7 +381,7 @@ export const steps: Step[] = [
     id: 'cycle', title: 'First cycle', view: 'response', reads: [],
     why: 'There and back at working speed: the first cycle of the machine. The recorded way there is what the report states.',
     fields: (facts) => [
-      { key: 'distance', label: 'Distance', kind: 'position', usual: 2 },
+      { key: 'distance', label: 'Distance', kind: 'position', usual: 2, least: leastOfMeasurement(facts) },
       ...profile(within(facts, 'velocity', 5), within(facts, 'acceleration', 50)),
       { key: 'times', label: 'Cycles', usual: 1, minimum: 1, maximum: 100 },
     ],
