@@ -8,9 +8,10 @@ const expect = shortly.configure({ timeout: 120_000 }); // a busy machine is slo
 
 // The guide in the middle of things: left and taken up again, with the power cut, a fault, another browser, and undone.
 
-const test = base.extend({
-  line: async ({ page: _ }, use) => {
-    const line = await new Line(lineOf('reference', 'virtual')).start();
+const test = base.extend<{ axis: string }>({
+  axis: ['reference', { option: true }],
+  line: async ({ axis }, use) => {
+    const line = await new Line(lineOf(axis, 'virtual')).start();
     await clock(line, 1);
     await use(line);
     await line.end();
@@ -364,4 +365,29 @@ test('every step is accessible, light and dark, wide and narrow, and STOP is in 
       if (width !== 1920) await accessible(page, `${step} at ${width}, ${theme}`);
     }
   }
+});
+
+const tuningModes = { reference: 9, ismk: -3 };
+for (const [name, mode] of Object.entries(tuningModes)) test.describe(name, () => {
+  test.use({ axis: name });
+  test('the mode of an aborted measurement of the loop belongs to the guide', async ({ page, open, line }) => {
+    const present = async () => (await line.call<{ value: number }>('GET', `/axes/${name}/objects/6060/0`)).value;
+    await line.call('PUT', `/axes/${name}/objects/6060/0`, { value: 1 });
+    await open(`/commission/${name}?step=velocity`);
+    const tuning = page.getByRole('group', { name: 'Measure the loop and propose gains' });
+    await expect(tuning).toContainText(`mode 6060h 1 → ${mode}`);
+    await expect(tuning).toContainText('the proposed gains appear above');
+    await tuning.getByRole('button', { name: 'Measure the loop and propose gains' }).click();
+    await expect.poll(present, { intervals: [50] }).toBe(mode);
+    await tuning.getByRole('button', { name: 'Abort' }).click();
+    await expect(tuning.locator('.trouble')).toBeVisible();
+    expect(await present()).toBe(mode);
+    const row = journal(page).getByRole('row', { name: /6060:00/ });
+    await expect(row).toContainText(new RegExp(`1\\s*${mode}\\s*in the drive`));
+    await panel(page, 'Velocity loop').getByRole('button', { name: 'Disable' }).click();
+    await journal(page).getByRole('button', { name: 'Undo all' }).click();
+    await journal(page).getByRole('button', { name: 'Undo all of them' }).click();
+    await expect(journal(page)).toHaveCount(0);
+    expect(await present()).toBe(1);
+  });
 });

@@ -9,7 +9,7 @@ import type { LoopMeasured, Tuned } from '../model/tuning';
 import { significant } from '../model/units';
 import { complainOf, tell } from '../notices';
 import { snapshot } from '../store';
-import { entryOf, noted, toUndo, without, type Written } from './journal';
+import { entryOf, noted, notedMode, toUndo, without, type Written } from './journal';
 import { measuredOf } from './measured';
 import { fromDrive } from './mechanics';
 import { change, changeStep, guideOf, noStep, stepOf, type Found, type LoopFound, type Proposed, type Run } from './state';
@@ -158,7 +158,7 @@ export async function runMotion(facts: Facts, step: Step, motion: Motion, number
       if (i === 1) {
         const from = await placeNow(axis, facts); // at rest
         setRun(axis, (run) => ({ ...run, from }));
-        await noteMode(facts, step.id, motion.mode);
+        await noteMode(facts, step.id, motion.mode(product));
       }
       if (records && i === begins.length) await record(axis, records);
       const { run } = guideOf(name, product);
@@ -173,18 +173,35 @@ export async function runMotion(facts: Facts, step: Step, motion: Motion, number
     await complete(facts, before);
   } catch (error) {
     await endRecording(axis);
+    await noteModeLeft(facts);
     setRun(axis, (run) => ({ ...run, state: 'failed', error: shownOf(problemOf(error)) }));
   } finally {
     mine.delete(id);
   }
 }
 
+const mode = '6060:00';
+const modeWritten = ({ entries }: Facts, step: string, before: number, after: number): Written => ({ step, object: mode, name: entries.get(mode)?.name ?? '', unit: '', before, after });
+
 // The jobs set the mode of operation: it is noted like every other write, before they begin.
-async function noteMode({ axis: { name, product }, entries }: Facts, step: string, after: number) {
-  const before = (await readValues(name, ['6060:00']))['6060:00'];
-  if (typeof before !== 'number' || before === after) return;
-  const written: Written = { step, object: '6060:00', name: entries.get('6060:00')?.name ?? '', unit: '', before, after };
-  change(name, product, (guide) => ({ ...guide, journal: noted(guide.journal, written) }));
+async function noteMode(facts: Facts, step: string, after: number) {
+  const { name, product } = facts.axis;
+  const before = (await readValues(name, [mode]))[mode];
+  if (typeof before !== 'number') return;
+  setRun(facts.axis, (run) => ({ ...run, modeBefore: before }));
+  if (before === after) return;
+  change(name, product, (guide) => ({ ...guide, journal: noted(guide.journal, modeWritten(facts, step, before, after)) }));
+}
+
+// A job may end before it sets the mode, after it has set another one for a time, or restore it: what is in the drive at the end counts.
+async function noteModeLeft(facts: Facts) {
+  const { name, product } = facts.axis;
+  const { run } = guideOf(name, product);
+  const motion = steps.find(({ id }) => id === run?.step)?.motions?.find(({ id }) => id === run?.motion);
+  if (run?.modeBefore === undefined || !motion) return;
+  const { step, modeBefore: before } = run;
+  const now = (await readValues(name, [mode]).catch(() => ({}) as Record<string, unknown>))[mode];
+  if (typeof now === 'number') change(name, product, (guide) => ({ ...guide, journal: notedMode(guide.journal, modeWritten(facts, step, before, now), [motion.mode(product), ...(motion.passes ?? [])]) }));
 }
 
 async function record(axis: AxisView, records: Records) {
@@ -223,6 +240,8 @@ async function endRecording({ name, product }: AxisView) {
 async function complete(facts: Facts, last: Job | undefined): Promise<void> {
   const { axis } = facts;
   const { name, product } = axis;
+  if (guideOf(name, product).run?.state !== 'running') return;
+  await noteModeLeft(facts);
   const { run } = guideOf(name, product);
   if (run?.state !== 'running') return;
   if (!isOfThisServer(run)) {

@@ -1,5 +1,5 @@
-import { expect, test } from 'vitest';
-import { noted, standingOf, toUndo, without, type Journal, type Written } from './journal';
+import { describe, expect, test } from 'vitest';
+import { noted, notedMode, standingOf, toUndo, without, type Journal, type Written } from './journal';
 
 const write = (step: string, before: number, after: number, object = '6072:00'): Written => ({ step, object, name: 'Max torque', unit: '', before, after });
 const all = (...writes: Written[]) => writes.reduce<Journal>(noted, []);
@@ -7,6 +7,22 @@ const all = (...writes: Written[]) => writes.reduce<Journal>(noted, []);
 test('a step that writes twice keeps the first value, and nothing if it writes that back', () => {
   expect(all(write('a', 1, 2), write('a', 2, 3))).toEqual([write('a', 1, 3)]);
   expect(all(write('a', 1, 2), write('a', 2, 1))).toEqual([]);
+});
+
+describe('the mode of operation after a motion', () => {
+  const mode = (before: number, after: number) => write('a', before, after, '6060:00');
+  const after = (journal: Journal, before: number, now: number) => notedMode(journal, mode(before, now), [9]);
+  test('belongs to the guide, if its job has set it', () => {
+    expect(after([], 3, 9)).toEqual([mode(3, 9)]);
+    expect(after([mode(1, 3)], 3, 9)).toEqual([mode(1, 9)]);
+    expect(after([mode(1, 9)], 1, 1)).toEqual([]); // the job has restored it, or a halt came before it
+    expect(after([], 3, 3)).toEqual([]);
+  });
+  test('does not belong to the guide, if another has set it', () => {
+    expect(after([], 3, 8)).toEqual([]);
+    expect(after([mode(1, 9)], 1, 8)).toEqual([mode(1, 9)]);
+  });
+  test('is entered for the step of the motion', () => expect(notedMode([mode(1, 3)], write('b', 3, 9, '6060:00'), [9])).toEqual([mode(1, 3), write('b', 3, 9, '6060:00')]));
 });
 
 test('the last step of an object is undone by the value before it', () => {

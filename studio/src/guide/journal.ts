@@ -24,6 +24,14 @@ export function noted(journal: Journal, written: Written): Journal {
   });
 }
 
+// Enters the mode of operation that the jobs of a motion left in the drive. Another mode than `ofJobs` was set by another: it
+// stays as it was noted. `written.before` is the mode before the motion, `written.after` the one now.
+export function notedMode(journal: Journal, written: Written, ofJobs: readonly number[]): Journal {
+  const { step, object, before, after } = written;
+  const isNoted = lastOf(journal, (each) => each.object === object)?.step === step;
+  return (isNoted || before !== after) && [before, ...ofJobs].includes(after) ? noted(journal, written) : journal;
+}
+
 export interface Undone {
   journal: Journal;
   write: number | null; // the value to write back; null: a later step wrote the object, whose value stays

@@ -60,6 +60,7 @@ export interface Run {
   recording?: number;
   start?: string; // the run of the server whose numbers `jobs` and `recording` are
   from: { drive: number; shaft: number | null };
+  modeBefore?: number; // 6060h before the first job
   values: Record<string, number>; // the numbers of the form when it began
 }
 

@@ -64,7 +64,7 @@ const moves = (id: string, label: string, says: string, back: boolean): Motion =
   says,
   begins: ['enable'],
   commands: ['6040:00', '6060:00', '607A:00'],
-  mode: 1,
+  mode: () => 1,
   reach: (numbers) => [numbers('distance')],
   orders: (numbers, { scale }) => {
     const by = scale ? toDrive(scale, 'position', numbers('distance')) : NaN;
@@ -92,13 +92,16 @@ const moves = (id: string, label: string, says: string, back: boolean): Motion =
   },
 });
 
+const cyclicVelocity = 9;
+
 const stepOfVelocity: Motion = {
   id: 'step',
   label: 'Measure a step',
   says: 'The axis runs at the step\'s velocity for the given time, then stands; before it the axis is disabled and enabled. Without cyclic synchronous velocity the job makes the ramps 6083h and 6084h steep meanwhile and restores them.',
   begins: ['disable', 'enable'], // without the torque that friction holds from the motion before
   commands: ['6040:00', '6060:00', '60FF:00'],
-  mode: 3,
+  mode: () => 3,
+  passes: [cyclicVelocity],
   reach: (numbers) => [numbers('amplitude') * numbers('seconds') * 1.2],
   orders: (numbers, { scale }) => [{
     do: 'step', of: 'velocity', amplitude: scale ? toDrive(scale, 'velocity', numbers('amplitude')) : NaN, seconds: numbers('seconds'),
@@ -122,13 +125,16 @@ const stepOfVelocity: Motion = {
   },
 };
 
+// The mode of operation in which the job "tune" measures: cyclic synchronous velocity, or a mode of the product.
+const tuneModes: Record<string, number | undefined> = { ismk: -3 }; // velocity without a ramp
+
 const tune: Motion = {
   id: 'tune',
   label: 'Measure the loop and propose gains',
-  says: 'The axis moves slowly forward and back with a small test signal. Nothing is written: the proposed gains appear below. The axis is disabled at the end.',
+  says: 'The axis moves slowly forward and back with a small test signal. No gain is written: the proposed gains appear above. The axis is disabled at the end, and keeps the mode of operation of the measurement until a later motion or an undo.',
   begins: [],
   commands: ['6040:00', '6060:00', '60FF:00'],
-  mode: 3,
+  mode: (product) => tuneModes[product] ?? cyclicVelocity,
   reach: (numbers) => [numbers('travel')],
   orders: (numbers) => [{
     do: 'tune', apply: false, travel: numbers('travel'), torque_percent: numbers('percent'), seconds: 8,
@@ -362,7 +368,7 @@ export const steps: Step[] = [
     fields: homingFields,
     lacks: (facts) => lacksScale(facts) || (facts.homing && facts.homing.methods.every(({ supported }) => !supported) ? `${facts.axis.product} has no homing method.` : ''),
     motions: [{
-      id: 'home', label: 'Home', begins: ['enable'], commands: ['6040:00', '6060:00'], mode: 6, orders: () => [{ do: 'home' }],
+      id: 'home', label: 'Home', begins: ['enable'], commands: ['6040:00', '6060:00'], mode: () => 6, orders: () => [{ do: 'home' }],
       says: 'The axis follows the drawing at the speeds above and stops at a limit switch that the method does not use.',
     }],
     check: 'The drive reports home, and the axis stands.',
