@@ -9,7 +9,7 @@ import type { LoopMeasured, Tuned } from '../model/tuning';
 import { significant } from '../model/units';
 import { complainOf, tell } from '../notices';
 import { snapshot } from '../store';
-import { entryOf, noted, notedMode, toUndo, without, type Written } from './journal';
+import { entryOf, noted, notedMode, toUndo, undoing, without, type Written } from './journal';
 import { measuredOf } from './measured';
 import { fromDrive } from './mechanics';
 import { change, changeStep, guideOf, noStep, stepOf, type Found, type LoopFound, type Proposed, type Run } from './state';
@@ -61,6 +61,14 @@ function forgetStored({ name, product }: AxisView) {
   if (stepOf(guideOf(name, product), 'store').found.stored) changeStep(name, product, 'store', () => noStep);
 }
 
+// After a storing: the values with which the drive starts from now on.
+export async function noteStored({ name, product }: AxisView): Promise<void> {
+  const { journal } = guideOf(name, product);
+  const values = journal.length > 0 ? await readValues(name, [...new Set(journal.map(({ object }) => object))]) : {};
+  const stored = Object.fromEntries(Object.entries(values).flatMap(([object, value]) => (typeof value === 'number' ? [[object, value] as const] : [])));
+  change(name, product, (guide) => ({ ...guide, stored }));
+}
+
 // The reason why no value is written back now; empty: none. With the power stage on, an old mode of operation moves the axis at
 // once if the target of that mode is not zero, and an old limit acts on a motion.
 export const undoHindrance = ({ state }: Pick<AxisView, 'state'>) => (hasPowerStage(state) ? 'Disable the axis first: a value that is written back acts on the shaft at once.' : '');
@@ -71,7 +79,7 @@ async function refuseWhilePowered(axis: AxisView) {
 }
 
 // Writes the old values back in reverse order. A value that another client has changed is not written, and its entry stays in the journal.
-export async function undo(axis: AxisView, step: string | null): Promise<void> {
+export async function undo({ axis, powerOn }: Facts, step: string | null): Promise<void> {
   const { name, product } = axis;
   await refuseWhilePowered(axis);
   const entries = toUndo(guideOf(name, product).journal, step);
@@ -82,11 +90,12 @@ export async function undo(axis: AxisView, step: string | null): Promise<void> {
     const present = entryOf(journal, entry.step, entry.object);
     if (!present) return;
     const undone = without(journal, present);
-    if (undone.write !== null && now[entry.object] !== undone.write) {
-      if (now[entry.object] !== present.after) {
-        strange.push(entry.object);
-        return;
-      }
+    const how = undoing(journal, present, now[entry.object], powerOn);
+    if (how === null) {
+      strange.push(entry.object);
+      return;
+    }
+    if (how === 'write' && undone.write !== null) {
       await refuseWhilePowered(axis); // another client may have enabled it
       await writeObject(name, ...placeOf(entry.object), undone.write);
       now[entry.object] = undone.write;

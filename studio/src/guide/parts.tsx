@@ -1,5 +1,5 @@
 import { useState, type ReactNode } from 'react';
-import type { AxisView, Job } from '../api/types';
+import type { Job } from '../api/types';
 import { objectTip } from '../model/meanings';
 import { hexValue, namedOf, showValue } from '../model/objects';
 import { hindrance } from '../model/plan';
@@ -9,9 +9,9 @@ import { Button, Choice, HaltButton, Link, Scroll, Trouble } from '../parts/cont
 import { NumberInput, NumbersButton } from '../parts/number_input';
 import { useLine } from '../store';
 import { abort, leaveAsItIs, runMotion, undo, undoHindrance, writeAgain } from './actions';
-import { standingOf } from './journal';
+import { lost } from './journal';
 import { changeStep, stepOf, type Guide } from './state';
-import { fromShown, reachOf, refusalOf, shownUnit, toShown, type Facts, type Field, type Motion, type Numbers, type PlanRow, type Step } from './step';
+import { fromShown, reachOf, refusalOf, shownUnit, standingIn, toShown, type Facts, type Field, type Motion, type Numbers, type PlanRow, type Step } from './step';
 import { steps } from './steps';
 
 // The parts that every step can have: the objects that it reads, the numbers, the plan of the writes, the motions, and the
@@ -173,7 +173,7 @@ export function JournalPanel({ facts, guide, isBusy, again }: { facts: Facts; gu
   if (journal.length === 0) return null;
   const titleOf = (id: string) => steps.find((step) => step.id === id)?.title ?? id;
   const rows: ReactNode[] = journal.map((entry) => {
-    const standing = standingOf(journal, entry, facts.values[entry.object]);
+    const standing = standingIn(facts, entry);
     return (
       <tr key={`${entry.step} ${entry.object}`}>
         <td className="text">{titleOf(entry.step)}</td>
@@ -183,8 +183,8 @@ export function JournalPanel({ facts, guide, isBusy, again }: { facts: Facts; gu
         <td>{entry.after}</td>
         <td className={standing === 'in the drive' || standing === 'replaced' ? 'text' : 'text differs'}>{standing}</td>
         <td>
-          {standing === 'not in the drive' && <Button kind="bare" isDisabled={cannot} aria-label={`Write ${entry.object} again`} onPress={() => attempt(() => writeAgain(axis, entry).finally(again))}>Write again</Button>}
-          {(standing === 'not in the drive' || standing === 'changed by another') && <Button kind="bare" aria-label={`Take ${entry.object} out of the list`} onPress={() => leaveAsItIs(axis, entry)}>Take out</Button>}
+          {standing === lost && <Button kind="bare" isDisabled={cannot} aria-label={`Write ${entry.object} again`} onPress={() => attempt(() => writeAgain(axis, entry).finally(again))}>Write again</Button>}
+          {(standing === lost || standing === 'changed by another') && <Button kind="bare" aria-label={`Take ${entry.object} out of the list`} onPress={() => leaveAsItIs(axis, entry)}>Take out</Button>}
         </td>
       </tr>
     );
@@ -196,7 +196,7 @@ export function JournalPanel({ facts, guide, isBusy, again }: { facts: Facts; gu
         {asked ? (
           <>
             <span role="alert">All {journal.length} values go back to what they were.</span>
-            <Button kind="bad" isDisabled={cannot} onPress={() => { setAsked(false); attempt(() => undo(axis, null).finally(again)); }}>Undo all of them</Button>
+            <Button kind="bad" isDisabled={cannot} onPress={() => { setAsked(false); attempt(() => undo(facts, null).finally(again)); }}>Undo all of them</Button>
             <Button onPress={() => setAsked(false)}>Keep</Button>
           </>
         ) : (
@@ -217,4 +217,4 @@ export function JournalPanel({ facts, guide, isBusy, again }: { facts: Facts; gu
 export const figure = (value: number | null | undefined, digits: number) => (typeof value === 'number' ? fixed(value, digits) : '–');
 export const canUndo = (guide: Guide, step: Step) => guide.journal.some((entry) => entry.step === step.id);
 export const markOf = (guide: Guide, step: Step) => stepOf(guide, step.id).mark;
-export const undoStep = (axis: AxisView, step: Step) => undo(axis, step.id);
+export const undoStep = (facts: Facts, step: Step) => undo(facts, step.id);

@@ -6,13 +6,12 @@ import { Button } from '../parts/controls';
 import { saveText } from '../parts/save';
 import { useResource } from '../resource';
 import { useLine } from '../store';
-import { standingOf } from './journal';
 import { machines, type Scale } from './mechanics';
 import { figure } from './parts';
 import './report.css';
 import css from './report.css?inline';
 import { stepOf, type Found, type Guide } from './state';
-import { keptOf, positionText, shownUnit, toShown, type Facts, type Step } from './step';
+import { keptOf, positionText, shownUnit, standingIn, toShown, type Facts, type Step } from './step';
 import { checkOf, fieldsOf, identify, objectsOf, openOf, steps } from './steps';
 import { Figures, Plots, wiresOf, type ViewProps } from './views';
 
@@ -75,7 +74,7 @@ function Paper({ facts, guide, differences }: { facts: Facts; guide: Guide; diff
   const version = useLine((line) => line.version);
   const found = (id: string) => stepOf(guide, id).found;
   const moved = found('direction').moved;
-  const lost = guide.journal.filter((entry) => !['in the drive', 'replaced'].includes(standingOf(guide.journal, entry, facts.values[entry.object])));
+  const lost = guide.journal.filter((entry) => !['in the drive', 'replaced'].includes(standingIn(facts, entry)));
   return (
     <>
       <h2>{title(facts)}</h2>
@@ -86,7 +85,7 @@ function Paper({ facts, guide, differences }: { facts: Facts; guide: Guide; diff
           {steps.filter(({ id }) => id !== 'report').map((step) => {
             const state = stepOf(guide, step.id);
             const lacks = step.lacks?.(facts) ?? '';
-            return <tr key={step.id}><th scope="row">{step.title}</th><td>{state.mark ?? 'open'}</td><td>{lacks || openOf(step, facts, state) || (state.mark === 'done' ? checkOf(step, facts, state) : '')}</td></tr>;
+            return <tr key={step.id}><th scope="row">{step.title}</th><td>{state.mark === 'done' && openOf(step, facts, state) ? 'open' : (state.mark ?? 'open')}</td><td>{lacks || openOf(step, facts, state) || (state.mark === 'done' ? checkOf(step, facts, state) : '')}</td></tr>;
           })}
         </Table>
         {lost.length > 0 && <p className="warn">{lost.length} of the written values are not in the drive now: {lost.map(({ object }) => object).join(', ')}.</p>}
@@ -120,7 +119,7 @@ function Paper({ facts, guide, differences }: { facts: Facts; guide: Guide; diff
         {guide.journal.length === 0 ? <p>Nothing.</p> : (
           <Table label="Written by this guide" head={['step', 'object', 'name', 'before', 'written', 'unit', 'now']}>
             {guide.journal.map((entry) => (
-              <tr key={`${entry.step} ${entry.object}`}><td>{steps.find(({ id }) => id === entry.step)?.title}</td><th scope="row">{entry.object}</th><td>{entry.name}</td><td className="figure">{entry.before}</td><td className="figure">{entry.after}</td><td>{entry.unit}</td><td>{standingOf(guide.journal, entry, facts.values[entry.object])}</td></tr>
+              <tr key={`${entry.step} ${entry.object}`}><td>{steps.find(({ id }) => id === entry.step)?.title}</td><th scope="row">{entry.object}</th><td>{entry.name}</td><td className="figure">{entry.before}</td><td className="figure">{entry.after}</td><td>{entry.unit}</td><td>{standingIn(facts, entry)}</td></tr>
             ))}
           </Table>
         )}

@@ -71,6 +71,7 @@ export interface Guide {
   steps: Record<string, StepState | undefined>;
   journal: Journal;
   run: Run | null;
+  stored?: Record<string, number>; // values of the journal's objects at the last storing in the drive
 }
 
 export const noStep: StepState = { typed: {}, found: {} };

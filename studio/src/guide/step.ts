@@ -5,6 +5,7 @@ import type { Reach } from '../model/plan';
 import type { Gains } from '../model/tuning';
 import { significant } from '../model/units';
 import type { HomingView } from '../parts/reach';
+import { lost, standingOf, type Journal, type PowerOn, type Written } from './journal';
 import type { Channel } from './measured';
 import { fromDrive, fromUser, toDrive, toUser, type Kind, type Mechanics, type Scale } from './mechanics';
 import type { StepState } from './state';
@@ -25,6 +26,8 @@ export interface Facts {
   homing: HomingView | undefined;
   gains: Gains | undefined;
   proposed: Record<string, number>; // gains that a measurement has proposed, by object
+  journal: Journal;
+  powerOn: PowerOn;
 }
 
 // A number of the form. It is typed in the user's units, kept in revolutions of the motor or, without a kind, in the
@@ -100,6 +103,14 @@ export const reachOf = ({ geometry, units, scale, limits, polarity }: Facts): Re
 export const placeOf = (object: string): [number, number] => [parseInt(object.slice(0, 4), 16), parseInt(object.slice(5), 16)];
 
 export const has = (facts: Facts, object: string) => facts.entries.has(object);
+
+export const standingIn = ({ journal, values, powerOn }: Facts, entry: Written) => standingOf(journal, entry, values[entry.object], powerOn);
+
+// Gains that a step has written and that are not in the drive any more, for example after a power cut; empty: there are none.
+export function lostGains(facts: Facts, step: string): string {
+  const gone = facts.journal.filter((entry) => entry.step === step && facts.gains?.gains.some(({ object }) => object === entry.object) && [lost, 'changed by another'].includes(standingIn(facts, entry)));
+  return gone.length === 0 ? '' : `Not in the drive any more: ${gone.map(({ object, after }) => `${object} = ${after}`).join(', ')}. Write it again, or undo this step.`;
+}
 
 // The first of several sets of objects that the drive has.
 export const firstOf = (facts: Facts, sets: string[][]) => sets.find((set) => set.every((object) => has(facts, object))) ?? [];

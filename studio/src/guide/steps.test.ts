@@ -1,5 +1,6 @@
 import { describe, expect, test } from 'vitest';
 import type { AxisView, ObjectEntry, ObjectValue } from '../api/types';
+import { noPowerOn } from './journal';
 import { noMechanics, scaleOf } from './mechanics';
 import type { Found } from './state';
 import type { Facts } from './step';
@@ -12,7 +13,7 @@ const entry = (object: string, name: string, more: Partial<ObjectEntry> = {}): [
   [object, { index: `0x${object.slice(0, 4)}`, sub: parseInt(object.slice(5), 16), name, type: 'INTEGER32', access: 'rw', unit: '', pdo: 'none', saved: true, ...more }];
 const drive = (entries: [string, ObjectEntry][], values: Record<string, ObjectValue> = {}, more: Partial<Facts> = {}): Facts => ({
   axis: { name: 'x', product: 'some drive', powered: true } as AxisView, isVirtual: false, entries: new Map(entries), values, mechanics: noMechanics,
-  scale: scaleOf(noMechanics, units), units, limits: undefined, geometry: undefined, polarity: null, homing: undefined, gains: undefined, proposed: {}, ...more,
+  scale: scaleOf(noMechanics, units), units, limits: undefined, geometry: undefined, polarity: null, homing: undefined, gains: undefined, proposed: {}, journal: [], powerOn: noPowerOn, ...more,
 });
 const of = (id: string) => steps.find((step) => step.id === id)!;
 const open = (id: string, facts: Facts, found: Found = {}, typed: Record<string, number> = {}) => of(id).open(facts, { found, typed });
@@ -134,6 +135,17 @@ test('gains that are not on the bus are not said to be undocumented', () => {
   expect(noGains(drive(entries, {}, { gains: gains([]) }))).toContain('documents no gains');
   expect(noGains(drive(entries, {}, { gains: gains(['2001:04']) }))).toContain('are no objects on its bus');
   expect(noGains(drive([entry('2001:04', 'Rigidity level')], {}, { gains: gains(['2001:04']) }))).toBe('');
+});
+
+test('a loop is not complete while its gains are not in the drive', () => {
+  const gains = { gains: [{ object: '60F9:01', set: '', does: '' }] } as unknown as Facts['gains'];
+  const written = { step: 'velocity', object: '60F9:01', name: 'Kp', unit: '', before: 10, after: 20 };
+  const facts = (now: number) => drive([entry('60F9:01', 'Kp')], { '60F9:01': now, '6060:00': 3 }, { gains, journal: [written, { ...written, object: '6060:00', after: 9 }] });
+  const measured = { first: {} } as Found;
+  expect(open('velocity', facts(20), measured)).toBe('');
+  expect(open('velocity', facts(10), measured)).toBe('Not in the drive any more: 60F9:01 = 20. Write it again, or undo this step.');
+  expect(open('velocity', facts(15), measured)).toContain('60F9:01 = 20');
+  expect(open('position', facts(10), measured)).toBe('');
 });
 
 describe('identify', () => {

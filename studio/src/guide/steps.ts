@@ -5,7 +5,7 @@ import { isReversed, positionAt, slack } from '../model/plan';
 import { predict } from '../model/predict';
 import { missingForTune } from '../model/tuning';
 import type { StepState } from './state';
-import { firstOf, has, keptOf, notInDrive, positionText, reachOf, refusedIn, type Facts, type Field, type Motion, type Numbers, type Step } from './step';
+import { firstOf, has, keptOf, lostGains, notInDrive, positionText, reachOf, refusedIn, type Facts, type Field, type Motion, type Numbers, type Step } from './step';
 import { toDrive } from './mechanics';
 
 // The guided commissioning: one row for each step. The page (pages/commission.tsx) shows any row by the same rules.
@@ -347,7 +347,7 @@ export const steps: Step[] = [
     lacks: lacksScale,
     motions: [stepOfVelocity, tune],
     check: 'A step is measured; after new gains, again.',
-    open: (_, state) => isMeasured(state),
+    open: (facts, state) => lostGains(facts, 'velocity') || isMeasured(state),
   },
   {
     id: 'position', title: 'Position loop', view: 'response', reads: [],
@@ -360,7 +360,7 @@ export const steps: Step[] = [
     lacks: lacksScale,
     motions: [moves('move', 'Measure a move', 'One move by the distance; position and following error are recorded.', false)],
     check: 'A move is measured; after a new gain, again.',
-    open: (_, state) => isMeasured(state),
+    open: (facts, state) => lostGains(facts, 'position') || isMeasured(state),
   },
   {
     id: 'homing', title: 'Homing', view: 'homing', reads: ['607C:00', '6064:00'],

@@ -6,7 +6,7 @@ import '../guide/guide.css';
 import { canUndo, Form, JournalPanel, markOf, MotionBox, Plan, Readings, undoStep } from '../guide/parts';
 import { ReportView } from '../guide/report';
 import { changeStep, forgetGuide, stepOf, useGuide, type Guide, type StepState } from '../guide/state';
-import { keptOf, planOf, type Facts, type PlanRow, type Step } from '../guide/step';
+import { keptOf, lostGains, planOf, type Facts, type PlanRow, type Step } from '../guide/step';
 import { checkOf, fieldsOf, objectsOf, openOf, refusedBy, steps } from '../guide/steps';
 import { DirectionView, FindView, HomingView, IdentifyView, InputsView, LoopView, releaseInputs, ResponseView, StoreView, UnitsView, type ViewProps } from '../guide/views';
 import { motionHindrance } from '../model/cia402';
@@ -65,23 +65,25 @@ function GuideOf({ axis }: { axis: AxisView }) {
   const { query } = useRoute();
   const asked = steps.find(({ id }) => id === query.get('step'));
   // Without a step in the address the guide continues at the step where the user left it.
+  const [lost, setLost] = useState(''); // steps whose gains are not in the drive any more
   const step = asked ?? steps.find((each) => markOf(guide, each) === undefined) ?? steps[0];
   return (
     <div className="guide">
-      <StepList axis={axis} guide={guide} step={step} />
-      <StepPanel key={step.id} axis={axis} guide={guide} step={step} />
+      <StepList axis={axis} guide={guide} step={step} lost={lost} />
+      <StepPanel key={step.id} axis={axis} guide={guide} step={step} onLost={setLost} />
     </div>
   );
 }
 
-function StepList({ axis, guide, step }: { axis: AxisView; guide: Guide; step: Step }) {
-  const count = steps.filter((each) => markOf(guide, each)).length;
+function StepList({ axis, guide, step, lost }: { axis: AxisView; guide: Guide; step: Step; lost: string }) {
+  const marked = (each: Step) => (lost.split(' ').includes(each.id) ? undefined : markOf(guide, each));
+  const count = steps.filter(marked).length;
   return (
     <nav className="panel guide-steps" aria-label="Steps of the commissioning">
       <header><h2>Commissioning</h2><span className="quiet">{count} of {steps.length}</span></header>
       <ol>
         {steps.map((each, i) => {
-          const mark = markOf(guide, each);
+          const mark = marked(each);
           return (
             <li key={each.id}>
               <Link to={addressOf(axis, each)} className={mark ?? ''} {...(each === step ? { 'aria-current': 'step' as const } : {})}>
@@ -98,7 +100,7 @@ function StepList({ axis, guide, step }: { axis: AxisView; guide: Guide; step: S
   );
 }
 
-function StepPanel({ axis, guide, step }: { axis: AxisView; guide: Guide; step: Step }) {
+function StepPanel({ axis, guide, step, onLost }: { axis: AxisView; guide: Guide; step: Step; onLost: (steps: string) => void }) {
   const { facts, again } = useFacts(axis, guide, step);
   const state = stepOf(guide, step.id);
   const isBusy = useLine((line) => line.jobs[axis.name]?.state === 'running') || guide.run?.state === 'running';
@@ -107,6 +109,11 @@ function StepPanel({ axis, guide, step }: { axis: AxisView; guide: Guide; step: 
   const hasScale = facts.scale !== null;
   useEffect(() => (hasScale ? adopt(present.current) : undefined), [hasScale]);
 
+  const lost = steps.filter(({ id }) => lostGains(facts, id) !== '').map(({ id }) => id).join(' ');
+  const isRead = Object.keys(facts.values).length > 0; // between two steps the values are not known
+  useEffect(() => {
+    if (isRead || guide.journal.length === 0) onLost(lost);
+  }, [isRead, guide.journal.length, lost, onLost]);
   const fields = fieldsOf(step, facts, state);
   const numbers = keptOf(state, fields);
   const { shown, absent } = objectsOf(step, facts, fields);
@@ -173,7 +180,7 @@ function StepPanel({ axis, guide, step }: { axis: AxisView; guide: Guide; step: 
         <p className={`no-print guide-check ${open ? '' : 'passed'}`} role="status">{lacks ? 'This step cannot be done with this drive.' : open || `✓ ${checkOf(step, facts, state)}`}</p>
         {cannotUndo && canUndo(guide, step) && <p className="quiet note no-print" role="status">{cannotUndo}</p>}
         <div className="buttons no-print">
-          {canUndo(guide, step) && <Button isDisabled={reason !== '' || cannotUndo !== ''} onPress={() => attempt(() => undoStep(axis, step).finally(again))}>Undo this step</Button>}
+          {canUndo(guide, step) && <Button isDisabled={reason !== '' || cannotUndo !== ''} onPress={() => attempt(() => undoStep(facts, step).finally(again))}>Undo this step</Button>}
           <Button onPress={() => leave('skipped')}>{next ? 'Skip' : 'Skip the report'}</Button>
           {!lacks && <Button kind="main" isDisabled={open !== '' || isBusy || writing !== undefined} onPress={() => leave('done')}>{next ? 'Done, next step' : 'Done'}</Button>}
         </div>
