@@ -62,3 +62,29 @@ test('a move that does not show the direction is refused', async ({ page, open, 
   await expect(step.locator('.guide-check')).toHaveText('✓ 6064h moved by the distance, and the machine moved the right way.');
   expect((await line.call<{ position_counts: number }>('GET', path)).position_counts).toBeLessThan(-6000);
 });
+
+test('the report is complete when it is saved, and its differences are those after an undo', async ({ page, open }) => {
+  await open('/commission/reference?step=cycle');
+  await write(page);
+  await page.getByRole('link', { name: /Report/ }).click();
+  const check = panel(page, 'Report').locator('.guide-check');
+  const finish = page.getByRole('button', { name: 'Done', exact: true });
+  const different = page.getByRole('table', { name: 'Differences from the factory values' });
+  await expect(different.getByRole('row', { name: /6081:00/ })).toBeVisible();
+  await expect(check).toContainText('The report is not saved yet');
+  await expect(finish).toBeDisabled();
+  const saving = page.waitForEvent('download');
+  await page.getByRole('button', { name: 'Save as a file' }).click();
+  await saving;
+  await expect(check).toHaveText("✓ The report is saved with the machine's papers.");
+  await expect(finish).toBeEnabled();
+  const journal = page.getByRole('region', { name: 'Written by the guide' });
+  await journal.getByRole('button', { name: 'Undo all' }).click();
+  await journal.getByRole('button', { name: 'Undo all of them' }).click();
+  await expect(different).toHaveCount(0);
+  await expect(panel(page, 'Report')).toContainText('None.');
+  // The file is from before the undo.
+  await expect(check).toContainText('The report is not saved yet');
+  await page.getByText("The report is saved with the machine's papers", { exact: true }).click();
+  await expect(finish).toBeEnabled();
+});

@@ -56,8 +56,9 @@ export async function writePlan(axis: AxisView, step: string, plan: PlanRow[]): 
   if (!failed) tell(`${name}: ${plan.length} ${plan.length === 1 ? 'value' : 'values'} written`);
 }
 
-// What was stored before a write is not what is in the drive now.
+// What was stored before a write is not what is in the drive now, nor is it in a report that was saved before.
 function forgetStored({ name, product }: AxisView) {
+  if (stepOf(guideOf(name, product), 'report').found.saved) changeStep(name, product, 'report', () => noStep);
   if (stepOf(guideOf(name, product), 'store').found.stored) changeStep(name, product, 'store', () => noStep);
 }
 

@@ -46,6 +46,7 @@ export interface Found {
   proposed?: Proposed;
   homedBy?: number; // method
   stored?: { stored: boolean; lost: string[] };
+  saved?: boolean; // the report: as a file, or as the person says
 }
 
 // A sequence of jobs that the guide began.

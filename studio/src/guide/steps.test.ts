@@ -162,6 +162,11 @@ describe('identify', () => {
 });
 
 test('a drive without a store command has stored nothing', () => {
+test('the report is complete when it is saved, or a person says so', () => {
+  expect(open('report', drive([]))).toContain('not saved yet');
+  expect(open('report', drive([]), { saved: true })).toBe('');
+});
+
   const facts = drive([]);
   expect(checkOf(of('store'), facts, { typed: {}, found: { stored: { stored: false, lost: [] } } })).toBe('The drive has no store command.');
   expect(checkOf(of('store'), facts, { typed: {}, found: { stored: { stored: true, lost: [] } } })).toBe('The drive has stored its parameters.');

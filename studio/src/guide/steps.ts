@@ -10,8 +10,6 @@ import { toDrive } from './mechanics';
 
 // The guided commissioning: one row for each step. The page (pages/commission.tsx) shows any row by the same rules.
 
-const nothing = () => '';
-
 // Objects that limit the torque, in the order in which a drive's first set is used: those of CiA 402, the current limit of the
 // iSMK, and Pn401 and Pn402 of the ProNet.
 const torqueLimits = [['6072:00'], ['60E0:00', '60E1:00'], ['6073:00'], ['3068:00', '3069:00']];
@@ -406,7 +404,7 @@ export const steps: Step[] = [
     id: 'report', title: 'Report', view: 'report', reads: [],
     why: 'Everything that was done and measured, on one page: to save as a file, or to print as PDF.',
     check: 'The report is saved with the machine\'s papers.',
-    open: nothing,
+    open: (_, { found }) => (found.saved ? '' : 'The report is not saved yet: save it as a file, or print it and say so.'),
   },
 ];
 
