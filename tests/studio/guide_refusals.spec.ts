@@ -88,3 +88,24 @@ test('the report is complete when it is saved, and its differences are those aft
   await page.getByText("The report is saved with the machine's papers", { exact: true }).click();
   await expect(finish).toBeEnabled();
 });
+
+for (const [axis, step] of [['pronet', 'direction'], ['reference', 'homing']]) test.describe(`${axis}, ${step}`, () => {
+  test.use({ axis, viewport: { width: 390, height: 844 } });
+  test('a narrow page shows the old and the new values whole', async ({ page, open, picture }) => {
+    await open(`/commission/${axis}?step=${step}`);
+    const table = page.locator('.guide-plan table');
+    await expect(table).toBeVisible();
+    await expect(page.getByRole('table', { name: 'Values to write' }).getByRole('row')).not.toHaveCount(0);
+    for (const cell of await table.locator('tbody > tr > *').all()) {
+      const hidden = await cell.evaluate((each) => {
+        const range = document.createRange();
+        range.selectNodeContents(each);
+        const [text, box] = [range.getBoundingClientRect(), each.closest('.scroll')!.getBoundingClientRect()];
+        return text.width > 0 && (text.left < box.left - 1 || text.right > box.right + 1);
+      });
+      expect(hidden, await cell.textContent() ?? '').toBe(false);
+    }
+    await table.scrollIntoViewIfNeeded();
+    await picture(`plan-narrow-${axis}`);
+  });
+});

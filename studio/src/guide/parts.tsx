@@ -88,15 +88,15 @@ export function Plan({ facts, plan, label, isBusy, refusal, onWrite }: { facts: 
     <div className="guide-plan">
       <h3>{label}</h3>
       <Scroll label={`Table: ${label}`}>
-        <table className="table" aria-label={label}>
+        <table className="table plan" aria-label={label}>
           <thead><tr><th scope="col">object</th><th scope="col" className="wide">name</th><th scope="col">in the drive</th><th scope="col">new</th><th scope="col" className="wide">unit</th></tr></thead>
           <tbody>
             {plan.map(({ object, name, unit, before, after }) => (
               <tr key={object}>
                 <th scope="row" className="mono"><ObjectLink facts={facts} object={object} /></th>
                 <td className="text">{name}</td>
-                <td>{before}</td>
-                <td className="differs">{after}</td>
+                <td data-head="in the drive">{before}</td>
+                <td data-head="new" className="differs">{after}</td>
                 <td className="text">{unit}</td>
               </tr>
             ))}
