@@ -109,3 +109,19 @@ for (const [axis, step] of [['pronet', 'direction'], ['reference', 'homing']]) t
     await picture(`plan-narrow-${axis}`);
   });
 });
+
+test('the message about the power goes when the axis has power', async ({ page, open, line }) => {
+  await open('/commission/reference?step=cycle');
+  await type(page, 'Distance', 8);
+  await write(page);
+  await page.getByRole('button', { name: 'There and back' }).click();
+  await expect.poll(async () => (await line.call<{ velocity_rpm: number }>('GET', path)).velocity_rpm, { intervals: [50] }).toBeGreaterThan(10);
+  await line.call('POST', `${path}/power`, { action: 'off' });
+  const trouble = page.getByRole('group', { name: 'There and back' }).locator('.trouble').filter({ hasText: 'has no power' });
+  await expect(trouble).toBeVisible();
+  await line.call('POST', `${path}/power`, { action: 'on' });
+  await expect(trouble).toHaveCount(0);
+  await page.reload();
+  await expect(page.getByRole('button', { name: 'There and back' })).toBeVisible();
+  await expect(trouble).toHaveCount(0);
+});

@@ -139,6 +139,8 @@ const place = (axis: AxisView, facts: Facts) => {
 
 const latest = ({ name }: AxisView) => get<AxisView>(`/axes/${encodeURIComponent(name)}`);
 
+const hasNoPower = (axis: AxisView) => latest(axis).then(({ powered }) => !powered, () => false);
+
 // Reads the position from the drive: the server's view of a drive on a bus may be older than the end of the last job.
 async function placeNow(axis: AxisView, facts: Facts) {
   const [view, values] = await Promise.all([latest(axis), readValues(axis.name, ['6064:00'])]);
@@ -184,7 +186,8 @@ export async function runMotion(facts: Facts, step: Step, motion: Motion, number
   } catch (error) {
     await endRecording(axis);
     await noteModeLeft(facts);
-    setRun(axis, (run) => ({ ...run, state: 'failed', error: shownOf(problemOf(error)) }));
+    const hadNoPower = await hasNoPower(axis);
+    setRun(axis, (run) => ({ ...run, state: 'failed', error: shownOf(problemOf(error)), hadNoPower }));
   } finally {
     mine.delete(id);
   }
@@ -262,7 +265,8 @@ async function complete(facts: Facts, last: Job | undefined): Promise<void> {
     await endRecording(axis);
     const interrupted = last ? last.state === 'done' : aborted.has(run.id);
     const error = last?.error ? shownOf(last.error) : { what: interrupted ? `${aborted.has(run.id) ? 'aborted' : 'the page was left'} before the sequence was complete` : `${last?.do.replaceAll('_', ' ') ?? 'motion'}: ${last?.state ?? 'not begun'}` };
-    setRun(axis, (now) => ({ ...now, state: interrupted ? 'interrupted' : 'failed', error }));
+    const hadNoPower = await hasNoPower(axis);
+    setRun(axis, (now) => ({ ...now, state: interrupted ? 'interrupted' : 'failed', error, hadNoPower }));
     return;
   }
   const step = steps.find(({ id }) => id === run.step);

@@ -142,7 +142,7 @@ export function MotionBox({ facts, step, motion, numbers, fields, guide, reasonB
         {isRunning && <Progress job={job} done={run.jobs.length} of={run.of} />}
       </div>
       {reason && <p className={far ? 'trouble' : 'quiet note'} role={far ? 'alert' : 'status'}>{reason}</p>}
-      {isMine && (run.state === 'failed' || run.state === 'interrupted') && <Trouble problem={run.error} />}
+      {isMine && (run.state === 'failed' || run.state === 'interrupted') && !(run.hadNoPower && axis.powered) && <Trouble problem={run.error} />}
     </div>
   );
 }

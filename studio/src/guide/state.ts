@@ -58,6 +58,7 @@ export interface Run {
   of: number; // how many there are
   state: 'running' | 'done' | 'failed' | 'interrupted';
   error?: Problem;
+  hadNoPower?: boolean; // at its end
   recording?: number;
   start?: string; // the run of the server whose numbers `jobs` and `recording` are
   from: { drive: number; shaft: number | null };
