@@ -125,3 +125,23 @@ test('the message about the power goes when the axis has power', async ({ page, 
   await expect(page.getByRole('button', { name: 'There and back' })).toBeVisible();
   await expect(trouble).toHaveCount(0);
 });
+
+test('a step is not done while a number is refused, and refusals have its units', async ({ page, open, line }) => {
+  await open('/commission/reference?step=units');
+  const units = panel(page, 'Units');
+  for (const text of ['-5', '', 'abc', '1,500']) {
+    await units.getByRole('textbox', { name: 'Gear: revolutions of the motor' }).fill(text);
+    await expect(units.locator('.guide-check')).toHaveText('A number of the form is refused: correct it.');
+    await expect(done(page)).toBeDisabled();
+  }
+  await type(page, 'Gear: revolutions of the motor', 2);
+  await expect(done(page)).toBeEnabled();
+  await page.getByRole('button', { name: 'Machine' }).click();
+  await page.getByRole('option', { name: 'Spindle, in mm' }).click();
+  await page.getByRole('link', { name: /First cycle/ }).click();
+  await type(page, 'Distance', 100); // 20 revolutions of the motor, 10 to the switch
+  await expect(page.getByRole('group', { name: 'There and back' })).toContainText('The move of 100 mm is longer than the 50 mm to the positive limit switch.');
+  await type(page, 'Cycles', 1.5);
+  await expect(panel(page, 'First cycle')).toContainText('A whole number.');
+  await line.call('POST', '/stop');
+});

@@ -11,7 +11,7 @@ import { useLine } from '../store';
 import { abort, leaveAsItIs, runMotion, undo, undoHindrance, writeAgain } from './actions';
 import { lost } from './journal';
 import { changeStep, stepOf, type Guide } from './state';
-import { fromShown, reachOf, refusalOf, shownUnit, standingIn, toShown, type Facts, type Field, type Motion, type Numbers, type PlanRow, type Step } from './step';
+import { fromShown, reachOf, positionText, refusalOf, shownUnit, standingIn, toShown, type Facts, type Field, type Motion, type Numbers, type PlanRow, type Step } from './step';
 import { steps } from './steps';
 
 // The parts that every step can have: the objects that it reads, the numbers, the plan of the writes, the motions, and the
@@ -128,7 +128,7 @@ export function MotionBox({ facts, step, motion, numbers, fields, guide, reasonB
   if (missing) return <p className="note">{missing}</p>;
   const orders = motion.orders(numbers, facts);
   const isComplete = orders.every((order) => Object.values(order).every((value) => typeof value !== 'number' || Number.isFinite(value)));
-  const far = (motion.reach?.(numbers) ?? []).map((by) => hindrance(axis, reachOf(facts), { by })).find((text) => text !== '') ?? '';
+  const far = (motion.reach?.(numbers) ?? []).map((by) => hindrance(axis, reachOf(facts), { by }, (turns) => positionText(facts, turns))).find((text) => text !== '') ?? '';
   const { run } = guide;
   const isMine = run?.step === step.id && run.motion === motion.id;
   const isRunning = isMine && run.state === 'running';

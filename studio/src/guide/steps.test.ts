@@ -101,6 +101,7 @@ describe('a number beyond the objects to which it is written is refused', () => 
     expect(refused('torque', facts, { torque: 1500.5 })).toBe('Torque or current limit: A whole number (6072:00).');
     expect(refused('torque', facts, { torque: 65536 })).toBe('Torque or current limit: At most 65535 (6072:00).');
     expect(refused('torque', facts, { torque: 1500 })).toBe('');
+    expect(refused('cycle', facts, { times: 1.5 })).toBe('Cycles: A whole number.');
   });
 });
 
@@ -161,12 +162,12 @@ describe('identify', () => {
   });
 });
 
-test('a drive without a store command has stored nothing', () => {
 test('the report is complete when it is saved, or a person says so', () => {
   expect(open('report', drive([]))).toContain('not saved yet');
   expect(open('report', drive([]), { saved: true })).toBe('');
 });
 
+test('a drive without a store command has stored nothing', () => {
   const facts = drive([]);
   expect(checkOf(of('store'), facts, { typed: {}, found: { stored: { stored: false, lost: [] } } })).toBe('The drive has no store command.');
   expect(checkOf(of('store'), facts, { typed: {}, found: { stored: { stored: true, lost: [] } } })).toBe('The drive has stored its parameters.');

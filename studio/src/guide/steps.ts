@@ -387,7 +387,7 @@ export const steps: Step[] = [
     fields: (facts) => [
       { key: 'distance', label: 'Distance', kind: 'position', usual: 2, least: leastOfMeasurement(facts) },
       ...profile(within(facts, 'velocity', 5), within(facts, 'acceleration', 50)),
-      { key: 'times', label: 'Cycles', usual: 1, minimum: 1, maximum: 100 },
+      { key: 'times', label: 'Cycles', usual: 1, minimum: 1, maximum: 100, isWhole: true },
     ],
     lacks: lacksScale,
     motions: [moves('move', 'There and back', 'The axis moves by the distance and returns, for the given number of cycles. Abort halts it.', true)],

@@ -1,4 +1,4 @@
-import { useEffect, useRef, useState, type ComponentType } from 'react';
+import { useEffect, useRef, useState, type ComponentType, type ReactNode } from 'react';
 import type { AxisView } from '../api/types';
 import { adopt, undoHindrance, writePlan } from '../guide/actions';
 import { useFacts } from '../guide/facts';
@@ -13,7 +13,7 @@ import { motionHindrance } from '../model/cia402';
 import { attempt, complain } from '../notices';
 import { AxisTabs, usePageAxis } from '../parts/axis_tabs';
 import { Button, Link } from '../parts/controls';
-import { NumberForm } from '../parts/number_input';
+import { NumberForm, useNumberIsRefused } from '../parts/number_input';
 import { StateChip } from '../parts/state';
 import { Travel } from '../parts/travel';
 import { go, useRoute } from '../route';
@@ -161,8 +161,9 @@ function StepPanel({ axis, guide, step, onLost }: { axis: AxisView; guide: Guide
         <FaultLine axis={axis} />
         {lacks && <p className="warning" role="note">{lacks} Go on with the next step.</p>}
         <Readings facts={facts} shown={shown} absent={absent} />
+        <NumberForm>
         {lacks === '' && (
-          <NumberForm>
+          <>
             {step.view === 'inputs' && View && <View {...props} />}
             <Form facts={facts} step={step} fields={fields} numbers={numbers} />
             <Plan facts={facts} {...planned('Values to write', plan)} />
@@ -175,19 +176,32 @@ function StepPanel({ axis, guide, step, onLost }: { axis: AxisView; guide: Guide
               />
             ))}
             {step.view !== 'inputs' && View && <View {...props} />}
-          </NumberForm>
+          </>
         )}
-        <p className={`no-print guide-check ${open ? '' : 'passed'}`} role="status">{lacks ? 'This step cannot be done with this drive.' : open || `✓ ${checkOf(step, facts, state)}`}</p>
+        <Check lacks={lacks !== ''} open={open} passed={checkOf(step, facts, state)} />
         {cannotUndo && canUndo(guide, step) && <p className="quiet note no-print" role="status">{cannotUndo}</p>}
         <div className="buttons no-print">
           {canUndo(guide, step) && <Button isDisabled={reason !== '' || cannotUndo !== ''} onPress={() => attempt(() => undoStep(facts, step).finally(again))}>Undo this step</Button>}
           <Button onPress={() => leave('skipped')}>{next ? 'Skip' : 'Skip the report'}</Button>
-          {!lacks && <Button kind="main" isDisabled={open !== '' || isBusy || writing !== undefined} onPress={() => leave('done')}>{next ? 'Done, next step' : 'Done'}</Button>}
+          {!lacks && <DoneButton isDisabled={open !== '' || isBusy || writing !== undefined} onPress={() => leave('done')}>{next ? 'Done, next step' : 'Done'}</DoneButton>}
         </div>
+        </NumberForm>
       </section>
       <JournalPanel facts={facts} guide={guide} isBusy={reason !== ''} again={again} />
     </div>
   );
+}
+
+// The numbers before a refused one still count, but a step is not complete while the form shows another.
+function Check({ lacks, open, passed }: { lacks: boolean; open: string; passed: string }) {
+  const isRefused = useNumberIsRefused();
+  const missing = isRefused ? 'A number of the form is refused: correct it.' : open;
+  return <p className={`no-print guide-check ${missing ? '' : 'passed'}`} role="status">{lacks ? 'This step cannot be done with this drive.' : missing || `✓ ${passed}`}</p>;
+}
+
+function DoneButton({ isDisabled, ...props }: { isDisabled: boolean; onPress: () => void; children: ReactNode }) {
+  const isRefused = useNumberIsRefused();
+  return <Button kind="main" isDisabled={isDisabled || isRefused} {...props} />;
 }
 
 function FaultLine({ axis }: { axis: AxisView }) {
