@@ -8,9 +8,10 @@ const expect = shortly.configure({ timeout: 120_000 }); // a busy machine is slo
 
 // The guide in the middle of things: left and taken up again, with the power cut, a fault, another browser, and undone.
 
-const test = base.extend({
-  line: async ({ page: _ }, use) => {
-    const line = await new Line(lineOf('reference', 'virtual')).start();
+const test = base.extend<{ axis: string }>({
+  axis: ['reference', { option: true }],
+  line: async ({ axis }, use) => {
+    const line = await new Line(lineOf(axis, 'virtual')).start();
     await clock(line, 1);
     await use(line);
     await line.end();
@@ -364,4 +365,75 @@ test('every step is accessible, light and dark, wide and narrow, and STOP is in 
       if (width !== 1920) await accessible(page, `${step} at ${width}, ${theme}`);
     }
   }
+});
+
+const tuningModes = { reference: 9, ismk: -3 };
+for (const [name, mode] of Object.entries(tuningModes)) test.describe(name, () => {
+  test.use({ axis: name });
+  test('the mode of an aborted measurement of the loop belongs to the guide', async ({ page, open, line }) => {
+    const present = async () => (await line.call<{ value: number }>('GET', `/axes/${name}/objects/6060/0`)).value;
+    await line.call('PUT', `/axes/${name}/objects/6060/0`, { value: 1 });
+    await open(`/commission/${name}?step=velocity`);
+    const tuning = page.getByRole('group', { name: 'Measure the loop and propose gains' });
+    await expect(tuning).toContainText(`mode 6060h 1 → ${mode}`);
+    await expect(tuning).toContainText('the proposed gains appear above');
+    await tuning.getByRole('button', { name: 'Measure the loop and propose gains' }).click();
+    await expect.poll(present, { intervals: [50] }).toBe(mode);
+    await tuning.getByRole('button', { name: 'Abort' }).click();
+    await expect(tuning.locator('.trouble')).toBeVisible();
+    expect(await present()).toBe(mode);
+    const row = journal(page).getByRole('row', { name: /6060:00/ });
+    await expect(row).toContainText(new RegExp(`1\\s*${mode}\\s*in the drive`));
+    await line.call('POST', `/axes/${name}/jobs`, { do: 'disable' });
+    await journal(page).getByRole('button', { name: 'Undo all' }).click();
+    await journal(page).getByRole('button', { name: 'Undo all of them' }).click();
+    await expect(journal(page)).toHaveCount(0);
+    expect(await present()).toBe(1);
+  });
+});
+
+test('after a power cut the values of several steps are written again, or count as undone', async ({ page, open, line }) => {
+  await clock(line, 10);
+  await open('/commission/reference?step=direction');
+  await write(page);
+  await page.getByRole('link', { name: /First cycle/ }).click();
+  await write(page); // the same objects a second time
+  // A gain of the velocity loop, measured and complete.
+  await page.getByRole('link', { name: /Velocity loop/ }).click();
+  const { gains } = await line.call<{ gains: { object: string }[] }>('GET', `${path}/gains`);
+  const { objects } = await line.call<{ objects: { index: string; sub: number; name: string }[] }>('GET', `${path}/objects`);
+  const nameOf = (object: string) => objects.find((each) => each.index.slice(2) === object.slice(0, 4) && each.sub === parseInt(object.slice(5), 16))?.name ?? '';
+  const [field] = (await Promise.all(gains.map(async ({ object }) => ({ object, shown: await panel(page, 'Velocity loop').getByRole('textbox', { name: nameOf(object), exact: true }).count() })))).filter(({ shown }) => shown > 0);
+  const input = panel(page, 'Velocity loop').getByRole('textbox', { name: nameOf(field.object), exact: true });
+  await expect(input).toHaveValue(/^\d/); // 0: the factory's gain
+  await type(page, nameOf(field.object), 28_000_000, panel(page, 'Velocity loop'));
+  await write(page, 'Gains');
+  await page.getByRole('button', { name: 'Measure a step' }).click();
+  await page.getByRole('button', { name: 'Done, next step' }).click();
+  const loop = page.getByRole('link', { name: /Velocity loop/ });
+  await expect(loop).toContainText('✓');
+
+  await line.call('POST', `${path}/power`, { action: 'cycle' });
+  for (const object of ['6081:00', '6083:00', '6084:00', field.object]) {
+    const row = journal(page).getByRole('row', { name: new RegExp(`${object}.*as after a power cut`) });
+    await expect(row).toHaveCount(1);
+    await expect(row.getByRole('button', { name: `Write ${object} again` })).toBeVisible();
+  }
+  await expect(journal(page)).not.toContainText('changed by another');
+  await expect(loop).not.toContainText('✓');
+  await loop.click();
+  await expect(panel(page, 'Velocity loop').locator('.guide-check')).toContainText(`Not in the drive any more: ${field.object} = `);
+  await expect(page.getByRole('button', { name: 'Done, next step' })).toBeDisabled();
+  await journal(page).getByRole('button', { name: `Write ${field.object} again` }).click();
+  await expect(loop).toContainText('✓');
+  await expect(page.getByRole('button', { name: 'Done, next step' })).toBeEnabled();
+
+  await line.call('POST', `${path}/power`, { action: 'cycle' });
+  await expect(loop).not.toContainText('✓');
+  await journal(page).getByRole('button', { name: 'Undo all' }).click();
+  await journal(page).getByRole('button', { name: 'Undo all of them' }).click();
+  await expect(journal(page)).toHaveCount(0);
+  await expect(page.locator('.notice.bad')).toHaveCount(0);
+  expect(await differences(line)).toEqual([]);
+  await expect(page.getByRole('button', { name: 'Begin again' })).toBeEnabled();
 });

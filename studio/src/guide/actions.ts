@@ -9,7 +9,7 @@ import type { LoopMeasured, Tuned } from '../model/tuning';
 import { significant } from '../model/units';
 import { complainOf, tell } from '../notices';
 import { snapshot } from '../store';
-import { entryOf, noted, toUndo, without, type Written } from './journal';
+import { entryOf, noted, notedMode, toUndo, undoing, without, type Written } from './journal';
 import { measuredOf } from './measured';
 import { fromDrive } from './mechanics';
 import { change, changeStep, guideOf, noStep, stepOf, type Found, type LoopFound, type Proposed, type Run } from './state';
@@ -56,9 +56,18 @@ export async function writePlan(axis: AxisView, step: string, plan: PlanRow[]): 
   if (!failed) tell(`${name}: ${plan.length} ${plan.length === 1 ? 'value' : 'values'} written`);
 }
 
-// What was stored before a write is not what is in the drive now.
+// What was stored before a write is not what is in the drive now, nor is it in a report that was saved before.
 function forgetStored({ name, product }: AxisView) {
+  if (stepOf(guideOf(name, product), 'report').found.saved) changeStep(name, product, 'report', () => noStep);
   if (stepOf(guideOf(name, product), 'store').found.stored) changeStep(name, product, 'store', () => noStep);
+}
+
+// After a storing: the values with which the drive starts from now on.
+export async function noteStored({ name, product }: AxisView): Promise<void> {
+  const { journal } = guideOf(name, product);
+  const values = journal.length > 0 ? await readValues(name, [...new Set(journal.map(({ object }) => object))]) : {};
+  const stored = Object.fromEntries(Object.entries(values).flatMap(([object, value]) => (typeof value === 'number' ? [[object, value] as const] : [])));
+  change(name, product, (guide) => ({ ...guide, stored }));
 }
 
 // The reason why no value is written back now; empty: none. With the power stage on, an old mode of operation moves the axis at
@@ -71,7 +80,7 @@ async function refuseWhilePowered(axis: AxisView) {
 }
 
 // Writes the old values back in reverse order. A value that another client has changed is not written, and its entry stays in the journal.
-export async function undo(axis: AxisView, step: string | null): Promise<void> {
+export async function undo({ axis, powerOn }: Facts, step: string | null): Promise<void> {
   const { name, product } = axis;
   await refuseWhilePowered(axis);
   const entries = toUndo(guideOf(name, product).journal, step);
@@ -82,11 +91,12 @@ export async function undo(axis: AxisView, step: string | null): Promise<void> {
     const present = entryOf(journal, entry.step, entry.object);
     if (!present) return;
     const undone = without(journal, present);
-    if (undone.write !== null && now[entry.object] !== undone.write) {
-      if (now[entry.object] !== present.after) {
-        strange.push(entry.object);
-        return;
-      }
+    const how = undoing(journal, present, now[entry.object], powerOn);
+    if (how === null) {
+      strange.push(entry.object);
+      return;
+    }
+    if (how === 'write' && undone.write !== null) {
       await refuseWhilePowered(axis); // another client may have enabled it
       await writeObject(name, ...placeOf(entry.object), undone.write);
       now[entry.object] = undone.write;
@@ -129,6 +139,8 @@ const place = (axis: AxisView, facts: Facts) => {
 
 const latest = ({ name }: AxisView) => get<AxisView>(`/axes/${encodeURIComponent(name)}`);
 
+const hasNoPower = (axis: AxisView) => latest(axis).then(({ powered }) => !powered, () => false);
+
 // Reads the position from the drive: the server's view of a drive on a bus may be older than the end of the last job.
 async function placeNow(axis: AxisView, facts: Facts) {
   const [view, values] = await Promise.all([latest(axis), readValues(axis.name, ['6064:00'])]);
@@ -158,7 +170,7 @@ export async function runMotion(facts: Facts, step: Step, motion: Motion, number
       if (i === 1) {
         const from = await placeNow(axis, facts); // at rest
         setRun(axis, (run) => ({ ...run, from }));
-        await noteMode(facts, step.id, motion.mode);
+        await noteMode(facts, step.id, motion.mode(product));
       }
       if (records && i === begins.length) await record(axis, records);
       const { run } = guideOf(name, product);
@@ -173,18 +185,36 @@ export async function runMotion(facts: Facts, step: Step, motion: Motion, number
     await complete(facts, before);
   } catch (error) {
     await endRecording(axis);
-    setRun(axis, (run) => ({ ...run, state: 'failed', error: shownOf(problemOf(error)) }));
+    await noteModeLeft(facts);
+    const hadNoPower = await hasNoPower(axis);
+    setRun(axis, (run) => ({ ...run, state: 'failed', error: shownOf(problemOf(error)), hadNoPower }));
   } finally {
     mine.delete(id);
   }
 }
 
+const mode = '6060:00';
+const modeWritten = ({ entries }: Facts, step: string, before: number, after: number): Written => ({ step, object: mode, name: entries.get(mode)?.name ?? '', unit: '', before, after });
+
 // The jobs set the mode of operation: it is noted like every other write, before they begin.
-async function noteMode({ axis: { name, product }, entries }: Facts, step: string, after: number) {
-  const before = (await readValues(name, ['6060:00']))['6060:00'];
-  if (typeof before !== 'number' || before === after) return;
-  const written: Written = { step, object: '6060:00', name: entries.get('6060:00')?.name ?? '', unit: '', before, after };
-  change(name, product, (guide) => ({ ...guide, journal: noted(guide.journal, written) }));
+async function noteMode(facts: Facts, step: string, after: number) {
+  const { name, product } = facts.axis;
+  const before = (await readValues(name, [mode]))[mode];
+  if (typeof before !== 'number') return;
+  setRun(facts.axis, (run) => ({ ...run, modeBefore: before }));
+  if (before === after) return;
+  change(name, product, (guide) => ({ ...guide, journal: noted(guide.journal, modeWritten(facts, step, before, after)) }));
+}
+
+// A job may end before it sets the mode, after it has set another one for a time, or restore it: what is in the drive at the end counts.
+async function noteModeLeft(facts: Facts) {
+  const { name, product } = facts.axis;
+  const { run } = guideOf(name, product);
+  const motion = steps.find(({ id }) => id === run?.step)?.motions?.find(({ id }) => id === run?.motion);
+  if (run?.modeBefore === undefined || !motion) return;
+  const { step, modeBefore: before } = run;
+  const now = (await readValues(name, [mode]).catch(() => ({}) as Record<string, unknown>))[mode];
+  if (typeof now === 'number') change(name, product, (guide) => ({ ...guide, journal: notedMode(guide.journal, modeWritten(facts, step, before, now), [motion.mode(product), ...(motion.passes ?? [])]) }));
 }
 
 async function record(axis: AxisView, records: Records) {
@@ -223,6 +253,8 @@ async function endRecording({ name, product }: AxisView) {
 async function complete(facts: Facts, last: Job | undefined): Promise<void> {
   const { axis } = facts;
   const { name, product } = axis;
+  if (guideOf(name, product).run?.state !== 'running') return;
+  await noteModeLeft(facts);
   const { run } = guideOf(name, product);
   if (run?.state !== 'running') return;
   if (!isOfThisServer(run)) {
@@ -233,7 +265,8 @@ async function complete(facts: Facts, last: Job | undefined): Promise<void> {
     await endRecording(axis);
     const interrupted = last ? last.state === 'done' : aborted.has(run.id);
     const error = last?.error ? shownOf(last.error) : { what: interrupted ? `${aborted.has(run.id) ? 'aborted' : 'the page was left'} before the sequence was complete` : `${last?.do.replaceAll('_', ' ') ?? 'motion'}: ${last?.state ?? 'not begun'}` };
-    setRun(axis, (now) => ({ ...now, state: interrupted ? 'interrupted' : 'failed', error }));
+    const hadNoPower = await hasNoPower(axis);
+    setRun(axis, (now) => ({ ...now, state: interrupted ? 'interrupted' : 'failed', error, hadNoPower }));
     return;
   }
   const step = steps.find(({ id }) => id === run.step);

@@ -28,9 +28,11 @@ export function useFacts(axis: AxisView, guide: Guide, step: Step): { facts: Fac
   const gains = useResource<Gains>(asked ? `${path}/gains` : null).value;
   const geometry = useGeometry(axis.name);
   const entries = useMemo(() => new Map((objects ?? []).map((entry) => [addressOf(entry), entry])), [objects]);
+  const factory = useMemo(() => Object.fromEntries((objects ?? []).map((entry) => [addressOf(entry), entry.default])), [objects]);
   const proposed = stepOf(guide, 'velocity').found.proposed?.values;
   const before: Facts = {
     axis, isVirtual, entries, values: {}, mechanics: guide.mechanics, scale: scaleOf(guide.mechanics, units), units, limits: limits.value, geometry, polarity: null, homing: undefined, gains, proposed: proposed ?? {},
+    journal: guide.journal, powerOn: { stored: guide.stored ?? {}, factory },
   };
   // The report says of every step whether it is complete.
   const read = step.view === 'report' ? steps : [step];

@@ -24,6 +24,14 @@ export function noted(journal: Journal, written: Written): Journal {
   });
 }
 
+// Enters the mode of operation that the jobs of a motion left in the drive. Another mode than `ofJobs` was set by another: it
+// stays as it was noted. `written.before` is the mode before the motion, `written.after` the one now.
+export function notedMode(journal: Journal, written: Written, ofJobs: readonly number[]): Journal {
+  const { step, object, before, after } = written;
+  const isNoted = lastOf(journal, (each) => each.object === object)?.step === step;
+  return (isNoted || before !== after) && [before, ...ofJobs].includes(after) ? noted(journal, written) : journal;
+}
+
 export interface Undone {
   journal: Journal;
   write: number | null; // the value to write back; null: a later step wrote the object, whose value stays
@@ -40,15 +48,37 @@ export function without(journal: Journal, entry: Written): Undone {
 // The entries of a step, or all (null), the newest first: the order in which they are undone.
 export const toUndo = (journal: Journal, step: string | null) => journal.filter((each) => step === null || each.step === step).reverse();
 
-export type Standing = 'in the drive' | 'not in the drive' | 'changed by another' | 'replaced' | 'not known';
+export const lost = 'not in the drive, as after a power cut';
+export type Standing = 'in the drive' | typeof lost | 'changed by another' | 'replaced' | 'not known';
 
-// Compares the value that was written with the drive's present value. After a power cut a value that was not stored is the old
-// value again.
-export function standingOf(journal: Journal, entry: Written, now: unknown): Standing {
-  const last = lastOf(journal, ({ object }) => object === entry.object);
+// Values to which a drive returns at power-on, by object, as far as they are known.
+export interface PowerOn {
+  stored: Record<string, number | undefined>; // by the guide
+  factory: Record<string, unknown>;
+}
+export const noPowerOn: PowerOn = { stored: {}, factory: {} };
+
+// The values of an object that are from before the guide: that before its first write, and the factory's.
+const fromBefore = (journal: Journal, object: string, { factory }: PowerOn) => [journal.find((each) => each.object === object)?.before, factory[object]];
+
+// Compares the value that was written with the drive's present value. After a power cut a drive has its stored values, or those of
+// the factory.
+export function standingOf(journal: Journal, entry: Written, now: unknown, powerOn = noPowerOn): Standing {
+  const { object } = entry;
+  const last = lastOf(journal, (each) => each.object === object);
   if (last !== entry) return 'replaced';
   if (typeof now !== 'number') return 'not known';
-  return now === entry.after ? 'in the drive' : now === entry.before ? 'not in the drive' : 'changed by another';
+  if (now === entry.after) return 'in the drive';
+  return [entry.before, powerOn.stored[object], ...fromBefore(journal, object, powerOn)].includes(now) ? lost : 'changed by another';
+}
+
+// What the undo of an entry does with the value in the drive: nothing, if it is one from before the guide; null: another has set it.
+export function undoing(journal: Journal, entry: Written, now: unknown, powerOn: PowerOn): 'write' | 'nothing' | null {
+  const { write } = without(journal, entry);
+  if (write === null || now === write) return 'nothing';
+  if (typeof now !== 'number') return null;
+  if (now === entry.after || now === powerOn.stored[entry.object]) return 'write';
+  return fromBefore(journal, entry.object, powerOn).includes(now) ? 'nothing' : null;
 }
 
 export const entryOf = (journal: Journal, step: string, object: string) => lastOf(journal, (each) => isSame(each, { step, object }));

@@ -1,17 +1,17 @@
 import { useState, type ReactNode } from 'react';
-import type { AxisView, Job } from '../api/types';
+import type { Job } from '../api/types';
 import { objectTip } from '../model/meanings';
 import { hexValue, namedOf, showValue } from '../model/objects';
 import { hindrance } from '../model/plan';
-import { fixed, significant } from '../model/units';
+import { fixed } from '../model/units';
 import { attempt } from '../notices';
 import { Button, Choice, HaltButton, Link, Scroll, Trouble } from '../parts/controls';
 import { NumberInput, NumbersButton } from '../parts/number_input';
 import { useLine } from '../store';
 import { abort, leaveAsItIs, runMotion, undo, undoHindrance, writeAgain } from './actions';
-import { standingOf } from './journal';
+import { lost } from './journal';
 import { changeStep, stepOf, type Guide } from './state';
-import { fromShown, reachOf, shownUnit, toShown, type Facts, type Field, type Motion, type Numbers, type PlanRow, type Step } from './step';
+import { fromShown, reachOf, positionText, refusalOf, shownUnit, standingIn, toShown, type Facts, type Field, type Motion, type Numbers, type PlanRow, type Step } from './step';
 import { steps } from './steps';
 
 // The parts that every step can have: the objects that it reads, the numbers, the plan of the writes, the motions, and the
@@ -66,14 +66,13 @@ export function Form({ facts, step, fields, numbers }: { facts: Facts; step: Ste
     <div className="form guide-form">
       {fields.flatMap((field) => {
         const value = numbers(field.key);
-        const limit = (kept: number | undefined) => (kept === undefined ? undefined : toShown(facts, field.kind, kept));
         const heading = field.group ? [<h3 key={`group ${field.group}`}>{field.group}</h3>] : [];
         if (field.options) return [...heading, <Choice key={field.key} label={field.label} isLong={field.options.length > 4} value={value} options={field.options} onChange={(to) => type(field, to)} />];
         return [
           ...heading,
           <NumberInput
-            key={field.key} label={field.label} unit={shownUnit(facts, field)} value={round(toShown(facts, field.kind, value))} minimum={limit(field.minimum)} maximum={limit(field.maximum)}
-            mayBeEmpty={field.mayBeEmpty ?? false} onChange={(to) => type(field, to)}
+            key={field.key} label={field.label} unit={shownUnit(facts, field)} value={round(toShown(facts, field.kind, value))}
+            mayBeEmpty={field.mayBeEmpty ?? false} check={(shown) => refusalOf(facts, field, shown)} onChange={(to) => type(field, to)}
           />,
         ];
       })}
@@ -83,21 +82,21 @@ export function Form({ facts, step, fields, numbers }: { facts: Facts; step: Ste
 
 const round = (value: number) => (Number.isFinite(value) ? Number(value.toPrecision(9)) : value);
 
-export function Plan({ facts, plan, label, isBusy, onWrite }: { facts: Facts; plan: PlanRow[]; label: string; isBusy: boolean; onWrite: () => void }) {
+export function Plan({ facts, plan, label, isBusy, refusal, onWrite }: { facts: Facts; plan: PlanRow[]; label: string; isBusy: boolean; refusal: string; onWrite: () => void }) {
   if (plan.length === 0) return null;
   return (
     <div className="guide-plan">
       <h3>{label}</h3>
       <Scroll label={`Table: ${label}`}>
-        <table className="table" aria-label={label}>
+        <table className="table plan" aria-label={label}>
           <thead><tr><th scope="col">object</th><th scope="col" className="wide">name</th><th scope="col">in the drive</th><th scope="col">new</th><th scope="col" className="wide">unit</th></tr></thead>
           <tbody>
             {plan.map(({ object, name, unit, before, after }) => (
               <tr key={object}>
                 <th scope="row" className="mono"><ObjectLink facts={facts} object={object} /></th>
                 <td className="text">{name}</td>
-                <td>{before}</td>
-                <td className="differs">{after}</td>
+                <td data-head="in the drive">{before}</td>
+                <td data-head="new" className="differs">{after}</td>
                 <td className="text">{unit}</td>
               </tr>
             ))}
@@ -105,10 +104,11 @@ export function Plan({ facts, plan, label, isBusy, onWrite }: { facts: Facts; pl
         </table>
       </Scroll>
       <div className="buttons">
-        <NumbersButton kind="main" isDisabled={isBusy} onPress={onWrite}>
+        <NumbersButton kind="main" isDisabled={isBusy || refusal !== ''} onPress={onWrite}>
           Write {plan.length === 1 ? 'this value' : `these ${plan.length} values`}
         </NumbersButton>
       </div>
+      {refusal && <p className="trouble" role="alert">{refusal}</p>}
     </div>
   );
 }
@@ -128,7 +128,7 @@ export function MotionBox({ facts, step, motion, numbers, fields, guide, reasonB
   if (missing) return <p className="note">{missing}</p>;
   const orders = motion.orders(numbers, facts);
   const isComplete = orders.every((order) => Object.values(order).every((value) => typeof value !== 'number' || Number.isFinite(value)));
-  const far = (motion.reach?.(numbers) ?? []).map((by) => hindrance(axis, reachOf(facts), { by })).find((text) => text !== '') ?? '';
+  const far = (motion.reach?.(numbers) ?? []).map((by) => hindrance(axis, reachOf(facts), { by }, (turns) => positionText(facts, turns))).find((text) => text !== '') ?? '';
   const { run } = guide;
   const isMine = run?.step === step.id && run.motion === motion.id;
   const isRunning = isMine && run.state === 'running';
@@ -142,13 +142,14 @@ export function MotionBox({ facts, step, motion, numbers, fields, guide, reasonB
         {isRunning && <Progress job={job} done={run.jobs.length} of={run.of} />}
       </div>
       {reason && <p className={far ? 'trouble' : 'quiet note'} role={far ? 'alert' : 'status'}>{reason}</p>}
-      {isMine && (run.state === 'failed' || run.state === 'interrupted') && <Trouble problem={run.error} />}
+      {isMine && (run.state === 'failed' || run.state === 'interrupted') && !(run.hadNoPower && axis.powered) && <Trouble problem={run.error} />}
     </div>
   );
 }
 
-function commandText(object: string, { values }: Facts, { mode }: Motion): string {
+function commandText(object: string, { values, axis }: Facts, motion: Motion): string {
   const now = values[object];
+  const mode = motion.mode(axis.product);
   const name = `${object.slice(0, 4)}h`;
   if (object === '6060:00') return now === mode ? `mode ${name} ${mode}` : `mode ${name} ${String(now ?? '–')} → ${mode}`;
   return object === '6040:00' ? `controlword ${name}` : `target ${name}`;
@@ -172,7 +173,7 @@ export function JournalPanel({ facts, guide, isBusy, again }: { facts: Facts; gu
   if (journal.length === 0) return null;
   const titleOf = (id: string) => steps.find((step) => step.id === id)?.title ?? id;
   const rows: ReactNode[] = journal.map((entry) => {
-    const standing = standingOf(journal, entry, facts.values[entry.object]);
+    const standing = standingIn(facts, entry);
     return (
       <tr key={`${entry.step} ${entry.object}`}>
         <td className="text">{titleOf(entry.step)}</td>
@@ -182,8 +183,8 @@ export function JournalPanel({ facts, guide, isBusy, again }: { facts: Facts; gu
         <td>{entry.after}</td>
         <td className={standing === 'in the drive' || standing === 'replaced' ? 'text' : 'text differs'}>{standing}</td>
         <td>
-          {standing === 'not in the drive' && <Button kind="bare" isDisabled={cannot} aria-label={`Write ${entry.object} again`} onPress={() => attempt(() => writeAgain(axis, entry).finally(again))}>Write again</Button>}
-          {(standing === 'not in the drive' || standing === 'changed by another') && <Button kind="bare" aria-label={`Take ${entry.object} out of the list`} onPress={() => leaveAsItIs(axis, entry)}>Take out</Button>}
+          {standing === lost && <Button kind="bare" isDisabled={cannot} aria-label={`Write ${entry.object} again`} onPress={() => attempt(() => writeAgain(axis, entry).finally(again))}>Write again</Button>}
+          {(standing === lost || standing === 'changed by another') && <Button kind="bare" aria-label={`Take ${entry.object} out of the list`} onPress={() => leaveAsItIs(axis, entry)}>Take out</Button>}
         </td>
       </tr>
     );
@@ -195,7 +196,7 @@ export function JournalPanel({ facts, guide, isBusy, again }: { facts: Facts; gu
         {asked ? (
           <>
             <span role="alert">All {journal.length} values go back to what they were.</span>
-            <Button kind="bad" isDisabled={cannot} onPress={() => { setAsked(false); attempt(() => undo(axis, null).finally(again)); }}>Undo all of them</Button>
+            <Button kind="bad" isDisabled={cannot} onPress={() => { setAsked(false); attempt(() => undo(facts, null).finally(again)); }}>Undo all of them</Button>
             <Button onPress={() => setAsked(false)}>Keep</Button>
           </>
         ) : (
@@ -214,7 +215,6 @@ export function JournalPanel({ facts, guide, isBusy, again }: { facts: Facts; gu
 }
 
 export const figure = (value: number | null | undefined, digits: number) => (typeof value === 'number' ? fixed(value, digits) : '–');
-export const positionText = (facts: Facts, turns: number | null) => (turns === null || !facts.scale ? '–' : `${significant(turns * facts.scale.user.position)} ${facts.scale.unit.position}`);
 export const canUndo = (guide: Guide, step: Step) => guide.journal.some((entry) => entry.step === step.id);
 export const markOf = (guide: Guide, step: Step) => stepOf(guide, step.id).mark;
-export const undoStep = (axis: AxisView, step: Step) => undo(axis, step.id);
+export const undoStep = (facts: Facts, step: Step) => undo(facts, step.id);

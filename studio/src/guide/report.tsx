@@ -1,19 +1,18 @@
-import { useRef, type ReactNode } from 'react';
+import { useEffect, useRef, type ReactNode } from 'react';
 import { axisPath } from '../commands';
 import type { Difference } from '../model/parameters';
 import { showValue } from '../model/objects';
-import { Button } from '../parts/controls';
+import { Button, Toggle } from '../parts/controls';
 import { saveText } from '../parts/save';
 import { useResource } from '../resource';
 import { useLine } from '../store';
-import { standingOf } from './journal';
 import { machines, type Scale } from './mechanics';
-import { figure, positionText } from './parts';
+import { figure } from './parts';
 import './report.css';
 import css from './report.css?inline';
-import { stepOf, type Found, type Guide } from './state';
-import { keptOf, shownUnit, toShown, type Facts, type Step } from './step';
-import { checkOf, fieldsOf, identify, objectsOf, steps } from './steps';
+import { changeStep, stepOf, type Found, type Guide } from './state';
+import { keptOf, positionText, shownUnit, standingIn, toShown, type Facts, type Field, type Step } from './step';
+import { checkOf, fieldsOf, identify, objectsOf, openOf, steps } from './steps';
 import { Figures, Plots, wiresOf, type ViewProps } from './views';
 
 // The report of a commissioning. The page shows it; the file is the same elements with the style sheet and the figures as JSON.
@@ -37,11 +36,16 @@ function statedOf(found: Found): Stated | null {
 
 const title = (facts: Facts) => `Commissioning of ${facts.axis.name}`;
 
-export function ReportView({ facts, guide }: ViewProps) {
+export function ReportView({ facts, guide, state, step }: ViewProps) {
   const paper = useRef<HTMLDivElement>(null);
   const { axis } = facts;
   const answers = axis.powered && !axis.problem;
   const compared = useResource<{ differences: Difference[] }>(answers ? `${axisPath(axis.name)}/parameters/diff` : null);
+  // A write of the guide, an undo or a power cut changes the differences.
+  const written = JSON.stringify(guide.journal.map(({ object, after }) => [object, after, facts.values[object]]));
+  const { again } = compared;
+  useEffect(again, [again, written]);
+  const setSaved = (saved: boolean) => changeStep(axis.name, axis.product, step.id, (now) => ({ ...now, found: { ...now.found, saved } }));
   // A report that is saved before its values are read would not show them.
   const waits = answers && (Object.keys(facts.values).length === 0 || (compared.value ?? compared.problem) === undefined);
   const save = () => {
@@ -55,6 +59,7 @@ export function ReportView({ facts, guide }: ViewProps) {
       `<!doctype html>\n<html lang="en">\n<head>\n<meta charset="utf-8">\n<meta name="viewport" content="width=device-width">\n<title>${text(title(facts))}</title>\n<style>\nbody { margin: 24px; }\n${css}\n@media print { body { margin: 0; } }\n</style>\n</head>\n<body>\n${paper.current?.outerHTML ?? ''}\n<script type="application/json" id="stated">${data}</script>\n</body>\n</html>\n`,
       `commissioning-${axis.name}.html`,
     );
+    setSaved(true);
   };
   return (
     <>
@@ -63,6 +68,7 @@ export function ReportView({ facts, guide }: ViewProps) {
         <Button isDisabled={waits} onPress={() => print()}>Print or save as PDF</Button>
         {waits && <span className="quiet" role="status">The values of the drive are being read.</span>}
       </div>
+      <div className="no-print"><Toggle isSelected={state.found.saved ?? false} onChange={setSaved}>The report is saved with the machine's papers</Toggle></div>
       <div className="paper" ref={paper}><Paper facts={facts} guide={guide} differences={compared.value?.differences} /></div>
     </>
   );
@@ -75,7 +81,7 @@ function Paper({ facts, guide, differences }: { facts: Facts; guide: Guide; diff
   const version = useLine((line) => line.version);
   const found = (id: string) => stepOf(guide, id).found;
   const moved = found('direction').moved;
-  const lost = guide.journal.filter((entry) => !['in the drive', 'replaced'].includes(standingOf(guide.journal, entry, facts.values[entry.object])));
+  const lost = guide.journal.filter((entry) => !['in the drive', 'replaced'].includes(standingIn(facts, entry)));
   return (
     <>
       <h2>{title(facts)}</h2>
@@ -86,7 +92,7 @@ function Paper({ facts, guide, differences }: { facts: Facts; guide: Guide; diff
           {steps.filter(({ id }) => id !== 'report').map((step) => {
             const state = stepOf(guide, step.id);
             const lacks = step.lacks?.(facts) ?? '';
-            return <tr key={step.id}><th scope="row">{step.title}</th><td>{state.mark ?? 'open'}</td><td>{lacks || (state.mark === 'done' ? step.open(facts, state) || checkOf(step, facts, state) : step.open(facts, state))}</td></tr>;
+            return <tr key={step.id}><th scope="row">{step.title}</th><td>{state.mark === 'done' && openOf(step, facts, state) ? 'open' : (state.mark ?? 'open')}</td><td>{lacks || openOf(step, facts, state) || (state.mark === 'done' ? checkOf(step, facts, state) : '')}</td></tr>;
           })}
         </Table>
         {lost.length > 0 && <p className="warn">{lost.length} of the written values are not in the drive now: {lost.map(({ object }) => object).join(', ')}.</p>}
@@ -120,7 +126,7 @@ function Paper({ facts, guide, differences }: { facts: Facts; guide: Guide; diff
         {guide.journal.length === 0 ? <p>Nothing.</p> : (
           <Table label="Written by this guide" head={['step', 'object', 'name', 'before', 'written', 'unit', 'now']}>
             {guide.journal.map((entry) => (
-              <tr key={`${entry.step} ${entry.object}`}><td>{steps.find(({ id }) => id === entry.step)?.title}</td><th scope="row">{entry.object}</th><td>{entry.name}</td><td className="figure">{entry.before}</td><td className="figure">{entry.after}</td><td>{entry.unit}</td><td>{standingOf(guide.journal, entry, facts.values[entry.object])}</td></tr>
+              <tr key={`${entry.step} ${entry.object}`}><td>{steps.find(({ id }) => id === entry.step)?.title}</td><th scope="row">{entry.object}</th><td>{entry.name}</td><td className="figure">{entry.before}</td><td className="figure">{entry.after}</td><td>{entry.unit}</td><td>{standingIn(facts, entry)}</td></tr>
             ))}
           </Table>
         )}
@@ -172,6 +178,9 @@ function Response({ facts, guide, id }: { facts: Facts; guide: Guide; id: string
   );
 }
 
+// A number in the drive's units has all its digits, as in the tables of the report.
+const toShownText = (facts: Facts, { kind }: Field, kept: number) => (kind === undefined ? String(kept) : String(Number(toShown(facts, kind, kept).toPrecision(6))));
+
 // The numbers of a step's form as a sentence.
 function numbersOf(facts: Facts, guide: Guide, id: string): string {
   const step = steps.find((each) => each.id === id) as Step;
@@ -180,7 +189,7 @@ function numbersOf(facts: Facts, guide: Guide, id: string): string {
   const numbers = keptOf(state, fields);
   return fields
     .filter(({ key, options }) => Number.isFinite(numbers(key)) && !options)
-    .map((field) => `${field.label} ${Number(toShown(facts, field.kind, numbers(field.key)).toPrecision(6))} ${shownUnit(facts, field)}`.trim())
+    .map((field) => `${field.label} ${toShownText(facts, field, numbers(field.key))} ${shownUnit(facts, field)}`.trim())
     .join('; ');
 }
 

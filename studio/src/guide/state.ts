@@ -46,6 +46,7 @@ export interface Found {
   proposed?: Proposed;
   homedBy?: number; // method
   stored?: { stored: boolean; lost: string[] };
+  saved?: boolean; // the report: as a file, or as the person says
 }
 
 // A sequence of jobs that the guide began.
@@ -57,9 +58,11 @@ export interface Run {
   of: number; // how many there are
   state: 'running' | 'done' | 'failed' | 'interrupted';
   error?: Problem;
+  hadNoPower?: boolean; // at its end
   recording?: number;
   start?: string; // the run of the server whose numbers `jobs` and `recording` are
   from: { drive: number; shaft: number | null };
+  modeBefore?: number; // 6060h before the first job
   values: Record<string, number>; // the numbers of the form when it began
 }
 
@@ -70,6 +73,7 @@ export interface Guide {
   steps: Record<string, StepState | undefined>;
   journal: Journal;
   run: Run | null;
+  stored?: Record<string, number>; // values of the journal's objects at the last storing in the drive
 }
 
 export const noStep: StepState = { typed: {}, found: {} };

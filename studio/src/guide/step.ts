@@ -1,7 +1,11 @@
 import type { AxisView, Geometry, Limits, ObjectEntry, ObjectValue, Units } from '../api/types';
+import { rangeOf } from '../model/bases';
+import { showNumber } from '../model/number';
 import type { Reach } from '../model/plan';
 import type { Gains } from '../model/tuning';
+import { significant } from '../model/units';
 import type { HomingView } from '../parts/reach';
+import { lost, standingOf, type Journal, type PowerOn, type Written } from './journal';
 import type { Channel } from './measured';
 import { fromDrive, fromUser, toDrive, toUser, type Kind, type Mechanics, type Scale } from './mechanics';
 import type { StepState } from './state';
@@ -22,6 +26,8 @@ export interface Facts {
   homing: HomingView | undefined;
   gains: Gains | undefined;
   proposed: Record<string, number>; // gains that a measurement has proposed, by object
+  journal: Journal;
+  powerOn: PowerOn;
 }
 
 // A number of the form. It is typed in the user's units, kept in revolutions of the motor or, without a kind, in the
@@ -35,6 +41,8 @@ export interface Field {
   usual: number; // NaN: none is proposed
   minimum?: number; // as kept
   maximum?: number;
+  least?: { size: number; why: string }; // size of a number of either sign, as kept
+  isWhole?: boolean;
   options?: (readonly [number, string, string?])[]; // value, text, and why it cannot be chosen
   mayBeEmpty?: boolean;
   group?: string; // heading above the field and those that follow
@@ -54,7 +62,8 @@ export interface Motion {
   orders: (numbers: Numbers, facts: Facts) => Order[];
   begins: string[]; // jobs that come first
   commands: string[]; // objects that the jobs command
-  mode: number; // of operation, in which the jobs leave the drive
+  mode: (product: string) => number; // of operation, in which the jobs leave the drive
+  passes?: number[]; // modes that the jobs set before that one
   reach?: (numbers: Numbers) => number[]; // the farthest positions, in revolutions from the present one
   records?: (numbers: Numbers, facts: Facts) => Records;
   isMissing?: (facts: Facts) => string; // why this drive cannot do it
@@ -81,6 +90,7 @@ export interface Step {
   fields?: (facts: Facts, state: StepState) => Field[];
   motions?: Motion[];
   lacks?: (facts: Facts) => string; // why the step cannot be done with this drive; empty: it can
+  refuses?: (facts: Facts, state: StepState) => string; // why the values of the form are not written; empty: they may be
   check: string | ((facts: Facts, state: StepState) => string); // what is true when the step is complete
   open: (facts: Facts, state: StepState) => string; // the condition that is not met yet; empty: the step is complete
 }
@@ -93,6 +103,14 @@ export const reachOf = ({ geometry, units, scale, limits, polarity }: Facts): Re
 export const placeOf = (object: string): [number, number] => [parseInt(object.slice(0, 4), 16), parseInt(object.slice(5), 16)];
 
 export const has = (facts: Facts, object: string) => facts.entries.has(object);
+
+export const standingIn = ({ journal, values, powerOn }: Facts, entry: Written) => standingOf(journal, entry, values[entry.object], powerOn);
+
+// Gains that a step has written and that are not in the drive any more, for example after a power cut; empty: there are none.
+export function lostGains(facts: Facts, step: string): string {
+  const gone = facts.journal.filter((entry) => entry.step === step && facts.gains?.gains.some(({ object }) => object === entry.object) && [lost, 'changed by another'].includes(standingIn(facts, entry)));
+  return gone.length === 0 ? '' : `Not in the drive any more: ${gone.map(({ object, after }) => `${object} = ${after}`).join(', ')}. Write it again, or undo this step.`;
+}
 
 // The first of several sets of objects that the drive has.
 export const firstOf = (facts: Facts, sets: string[][]) => sets.find((set) => set.every((object) => has(facts, object))) ?? [];
@@ -130,7 +148,55 @@ export function notInDrive(facts: Facts, fields: Field[], numbers: Numbers): str
   return missing.length === 0 ? '' : `Not in the drive: ${missing.map(({ object, after }) => `${object} = ${after}`).join(', ')}.`;
 }
 
+// The limits of a field as kept: its own ones, and those of the objects to which it is written.
+function limitsOf(facts: Facts, { kind, objects = [], minimum = -Infinity, maximum = Infinity, isWhole = false }: Field) {
+  const limits = { minimum, maximum, isWhole, where: '' };
+  for (const object of objects) {
+    const entry = facts.entries.get(object);
+    if (!entry) continue;
+    const range = rangeOf(entry.type);
+    limits.isWhole ||= range !== undefined && kind === undefined;
+    limits.minimum = Math.max(limits.minimum, keptFromDrive(facts, kind, Math.max(entry.minimum ?? -Infinity, range?.[0] ?? -Infinity)));
+    limits.maximum = Math.min(limits.maximum, keptFromDrive(facts, kind, Math.min(entry.maximum ?? Infinity, range?.[1] ?? Infinity)));
+    limits.where += `${limits.where ? ', ' : ' ('}${object}`;
+  }
+  return { ...limits, where: limits.where && `${limits.where})` };
+}
+
+// A limit with ten digits, so that the number that the page names is within it.
+function inward(limit: number, to: 'floor' | 'ceil'): number {
+  if (Number.isInteger(limit)) return limit;
+  const unit = 10 ** (Math.floor(Math.log10(Math.abs(limit))) - 9);
+  return Number((Math[to](limit / unit + (to === 'floor' ? 1e-5 : -1e-5)) * unit).toPrecision(10));
+}
+
+// Why the number of a field, in the units of the step, is refused; empty: it is not.
+export function refusalOf(facts: Facts, field: Field, value: number): string {
+  const { kind } = field;
+  if (!Number.isFinite(value) || (kind !== undefined && !facts.scale)) return '';
+  const shown = Number(value.toPrecision(12)); // without the rounding of the conversion
+  const { minimum, maximum, isWhole, where } = limitsOf(facts, field);
+  const unit = shownUnit(facts, field);
+  const [least, most] = [inward(toShown(facts, kind, minimum), 'ceil'), inward(toShown(facts, kind, maximum), 'floor')];
+  const text = (limit: number) => `${showNumber(limit)}${unit && ` ${unit}`}${where}.`;
+  if (shown < least) return `At least ${text(least)}`;
+  if (shown > most) return `At most ${text(most)}`;
+  const size = field.least ? inward(toShown(facts, kind, field.least.size), 'ceil') : 0;
+  if (field.least && Math.abs(shown) < size) return `At least ${showNumber(size)}${unit && ` ${unit}`}, forward or back: ${field.least.why}.`;
+  return isWhole && !Number.isInteger(shown) ? `A whole number${where}.` : '';
+}
+
+// The first number of the form that is refused, with its reason; empty: none.
+export function refusedIn(facts: Facts, fields: Field[], numbers: Numbers): string {
+  for (const field of fields) {
+    const refusal = field.options ? '' : refusalOf(facts, field, toShown(facts, field.kind, numbers(field.key)));
+    if (refusal) return `${field.label}: ${refusal}`;
+  }
+  return '';
+}
+
 export const shownUnit = ({ scale }: Facts, { kind, unit = '' }: Field) => (kind === undefined ? unit : (scale?.unit[kind] ?? ''));
 export const toShown = ({ scale }: Facts, kind: Kind | undefined, kept: number) => (kind === undefined ? kept : scale ? toUser(scale, kind, kept) : NaN);
 export const fromShown = ({ scale }: Facts, kind: Kind | undefined, shown: number) => (kind === undefined ? shown : scale ? fromUser(scale, kind, shown) : NaN);
 export const keptFromDrive = ({ scale }: Facts, kind: Kind | undefined, value: number) => (kind === undefined ? value : scale ? fromDrive(scale, kind, value) : NaN);
+export const positionText = (facts: Facts, turns: number | null) => (turns === null || !facts.scale ? '–' : `${significant(turns * facts.scale.user.position)} ${facts.scale.unit.position}`);

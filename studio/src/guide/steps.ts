@@ -1,16 +1,14 @@
 import type { ObjectEntry } from '../api/types';
 import { cannotHome, proposedMethod } from '../model/homing';
 import { addressOf, namedOf } from '../model/objects';
-import { isReversed, positionAt } from '../model/plan';
+import { isReversed, positionAt, slack } from '../model/plan';
 import { predict } from '../model/predict';
 import { missingForTune } from '../model/tuning';
 import type { StepState } from './state';
-import { firstOf, has, keptOf, notInDrive, reachOf, type Facts, type Field, type Motion, type Numbers, type Step } from './step';
+import { firstOf, has, keptOf, lostGains, notInDrive, positionText, reachOf, refusedIn, type Facts, type Field, type Motion, type Numbers, type Step } from './step';
 import { toDrive } from './mechanics';
 
 // The guided commissioning: one row for each step. The page (pages/commission.tsx) shows any row by the same rules.
-
-const nothing = () => '';
 
 // Objects that limit the torque, in the order in which a drive's first set is used: those of CiA 402, the current limit of the
 // iSMK, and Pn401 and Pn402 of the ProNet.
@@ -49,6 +47,14 @@ function within(facts: Facts, kind: 'velocity' | 'acceleration', usual: number):
 const seconds = (numbers: Numbers, distance: number) =>
   predict({ velocity: numbers('velocity'), acceleration: numbers('acceleration'), velocity_scale: 1, distance })?.total_s ?? 1;
 
+// The check of the direction allows a difference of 0.02 revolutions, and a coarse encoder has few counts in that. A
+// smaller move does not show the direction.
+const shows = 0.05;
+const least_counts = 10;
+const leastDistance = ({ scale }: Facts, revolutions: number, why: string) => ({ size: Math.max(revolutions, least_counts / (scale?.drive.position ?? Infinity)), why });
+const leastOfDirection = (facts: Facts) => leastDistance(facts, shows, 'a smaller move does not show the direction');
+const leastOfMeasurement = (facts: Facts) => leastDistance(facts, 0, 'a smaller move cannot be measured');
+
 // A move that is recorded, from a little before its start to a little after its end.
 const moves = (id: string, label: string, says: string, back: boolean): Motion => ({
   id,
@@ -56,7 +62,7 @@ const moves = (id: string, label: string, says: string, back: boolean): Motion =
   says,
   begins: ['enable'],
   commands: ['6040:00', '6060:00', '607A:00'],
-  mode: 1,
+  mode: () => 1,
   reach: (numbers) => [numbers('distance')],
   orders: (numbers, { scale }) => {
     const by = scale ? toDrive(scale, 'position', numbers('distance')) : NaN;
@@ -84,13 +90,16 @@ const moves = (id: string, label: string, says: string, back: boolean): Motion =
   },
 });
 
+const cyclicVelocity = 9;
+
 const stepOfVelocity: Motion = {
   id: 'step',
   label: 'Measure a step',
   says: 'The axis runs at the step\'s velocity for the given time, then stands; before it the axis is disabled and enabled. Without cyclic synchronous velocity the job makes the ramps 6083h and 6084h steep meanwhile and restores them.',
   begins: ['disable', 'enable'], // without the torque that friction holds from the motion before
   commands: ['6040:00', '6060:00', '60FF:00'],
-  mode: 3,
+  mode: () => 3,
+  passes: [cyclicVelocity],
   reach: (numbers) => [numbers('amplitude') * numbers('seconds') * 1.2],
   orders: (numbers, { scale }) => [{
     do: 'step', of: 'velocity', amplitude: scale ? toDrive(scale, 'velocity', numbers('amplitude')) : NaN, seconds: numbers('seconds'),
@@ -114,13 +123,16 @@ const stepOfVelocity: Motion = {
   },
 };
 
+// The mode of operation in which the job "tune" measures: cyclic synchronous velocity, or a mode of the product.
+const tuneModes: Record<string, number | undefined> = { ismk: -3 }; // velocity without a ramp
+
 const tune: Motion = {
   id: 'tune',
   label: 'Measure the loop and propose gains',
-  says: 'The axis moves slowly forward and back with a small test signal. Nothing is written: the proposed gains appear below. The axis is disabled at the end.',
+  says: 'The axis moves slowly forward and back with a small test signal. No gain is written: the proposed gains appear above. The axis is disabled at the end, and keeps the mode of operation of the measurement until a later motion or an undo.',
   begins: [],
   commands: ['6040:00', '6060:00', '60FF:00'],
-  mode: 3,
+  mode: (product) => tuneModes[product] ?? cyclicVelocity,
   reach: (numbers) => [numbers('travel')],
   orders: (numbers) => [{
     do: 'tune', apply: false, travel: numbers('travel'), torque_percent: numbers('percent'), seconds: 8,
@@ -170,13 +182,30 @@ function softLimits(facts: Facts): Field[] {
 
 const margin = 0.25; // revolutions between a soft limit and the switch or stop
 
-// Inside the limit switch or the stop, as a position of 6064h. NaN: the travel is not known.
-function softLimit(facts: Facts, end: 'lowest' | 'highest'): number {
-  const { geometry, axis } = facts;
-  const marks = [geometry?.negative_limit ?? geometry?.negative_stop, geometry?.positive_limit ?? geometry?.positive_stop];
-  const mark = marks[(end === 'highest') === isReversed(facts.polarity) ? 0 : 1];
-  const at = typeof mark === 'number' ? positionAt(axis, reachOf(facts), mark) : null;
-  return at === null ? NaN : Math.round((at + (end === 'lowest' ? margin : -margin)) * 100) / 100;
+type End = 'lowest' | 'highest';
+
+// The limit switch or the stop at an end of the travel, as a position of 6064h. Null: it is not known.
+function endOfTravel({ geometry, axis, ...facts }: Facts, end: End): { name: string; at: number } | null {
+  const side = (end === 'highest') === isReversed(facts.polarity) ? 'negative' : 'positive';
+  const [name, mark] = typeof geometry?.[`${side}_limit`] === 'number' ? [`the ${side} limit switch`, geometry[`${side}_limit`]] : [`the ${side} stop`, geometry?.[`${side}_stop`]];
+  const at = typeof mark === 'number' ? positionAt(axis, reachOf({ geometry, axis, ...facts }), mark) : null;
+  return at === null ? null : { name, at };
+}
+
+// Inside the limit switch or the stop. NaN: the travel is not known.
+function softLimit(facts: Facts, end: End): number {
+  const { at } = endOfTravel(facts, end) ?? { at: NaN };
+  return Math.round((at + (end === 'lowest' ? margin : -margin)) * 100) / 100;
+}
+
+function refusedSoftLimits(facts: Facts, state: StepState): string {
+  const numbers = keptOf(state, softLimits(facts));
+  if (numbers('lowest') >= numbers('highest')) return 'The lowest position must be below the highest.';
+  const text = (turns: number) => positionText(facts, turns);
+  return ([['lowest', -1], ['highest', 1]] as const).flatMap(([key, sign]) => {
+    const end = endOfTravel(facts, key);
+    return end && (numbers(key) - end.at) * sign > slack ? [`The ${key} position, ${text(numbers(key))}, lies beyond ${end.name} at ${text(end.at)}: choose one inside.`] : [];
+  }).join(' ');
 }
 
 function homingFields(facts: Facts): Field[] {
@@ -279,7 +308,7 @@ export const steps: Step[] = [
     id: 'direction', title: 'Direction and encoder', view: 'direction', reads: ['6061:00', '6064:00'], also: () => ['607E:00'],
     why: 'A small, slow move with little torque shows the direction and that the encoder counts as far as the shaft turns.',
     fields: (facts, state) => [
-      { key: 'distance', label: 'Distance', kind: 'position', usual: 0.1 },
+      { key: 'distance', label: 'Distance', kind: 'position', usual: 0.1, least: leastOfDirection(facts) },
       ...profile(within(facts, 'velocity', 0.5), within(facts, 'acceleration', 5)),
       ...torqueField(facts, 0.2, 'Torque limit during the move'),
       ...polarity(facts, state),
@@ -287,8 +316,8 @@ export const steps: Step[] = [
     lacks: lacksScale,
     motions: [moves('move', 'Make the small move', 'One move by the distance, at the velocity and with the torque limit above. Abort halts it.', false)],
     check: '6064h moved by the distance, and the machine moved the right way.',
-    open: (_, { found: { moved, way } }) => {
-      if (!moved) return 'The small move has not been made yet.';
+    open: (facts, { found: { moved, way } }) => {
+      if (!moved || Math.abs(moved.asked) < (1 - 1e-9) * leastOfDirection(facts).size) return 'The small move has not been made yet.';
       if (Math.abs(moved.drive - moved.asked) > 0.02 + 0.02 * Math.abs(moved.asked)) return '6064h did not move by the distance: check the encoder and the units.';
       if (moved.shaft !== null && Math.abs(Math.abs(moved.shaft) - Math.abs(moved.drive)) > 0.02) return 'The shaft turned by another angle than 6064h: check the encoder\'s resolution.';
       return way === 'right' ? '' : way === 'wrong' ? 'Reverse the direction, move again, and look again.' : 'Say which way the machine moved.';
@@ -316,20 +345,20 @@ export const steps: Step[] = [
     lacks: lacksScale,
     motions: [stepOfVelocity, tune],
     check: 'A step is measured; after new gains, again.',
-    open: (_, state) => isMeasured(state),
+    open: (facts, state) => lostGains(facts, 'velocity') || isMeasured(state),
   },
   {
     id: 'position', title: 'Position loop', view: 'response', reads: [],
     why: 'The position gain decides how closely the axis follows its target. A higher gain leaves less following error; above about a third of the velocity loop\'s bandwidth the axis oscillates.',
     fields: (facts) => [
-      { key: 'distance', label: 'Distance', kind: 'position', usual: 0.5 },
+      { key: 'distance', label: 'Distance', kind: 'position', usual: 0.5, least: leastOfMeasurement(facts) },
       ...profile(within(facts, 'velocity', 2), within(facts, 'acceleration', 20)),
       ...gainFields(facts, true),
     ],
     lacks: lacksScale,
     motions: [moves('move', 'Measure a move', 'One move by the distance; position and following error are recorded.', false)],
     check: 'A move is measured; after a new gain, again.',
-    open: (_, state) => isMeasured(state),
+    open: (facts, state) => lostGains(facts, 'position') || isMeasured(state),
   },
   {
     id: 'homing', title: 'Homing', view: 'homing', reads: ['607C:00', '6064:00'],
@@ -337,7 +366,7 @@ export const steps: Step[] = [
     fields: homingFields,
     lacks: (facts) => lacksScale(facts) || (facts.homing && facts.homing.methods.every(({ supported }) => !supported) ? `${facts.axis.product} has no homing method.` : ''),
     motions: [{
-      id: 'home', label: 'Home', begins: ['enable'], commands: ['6040:00', '6060:00'], mode: 6, orders: () => [{ do: 'home' }],
+      id: 'home', label: 'Home', begins: ['enable'], commands: ['6040:00', '6060:00'], mode: () => 6, orders: () => [{ do: 'home' }],
       says: 'The axis follows the drawing at the speeds above and stops at a limit switch that the method does not use.',
     }],
     check: 'The drive reports home, and the axis stands.',
@@ -349,19 +378,16 @@ export const steps: Step[] = [
     fields: softLimits,
     lacks: (facts) => lacksScale(facts) || (softLimits(facts).length === 2 ? '' : `${facts.axis.product} has no object 607Dh (software position limit): only switches and stops end its travel.`),
     check: 'The drive has the limits.',
-    open: (facts, state) => {
-      const fields = softLimits(facts);
-      const numbers = keptOf(state, fields);
-      return numbers('lowest') >= numbers('highest') ? 'The lowest position must be below the highest.' : formNotInDrive(fields, facts, state);
-    },
+    refuses: refusedSoftLimits,
+    open: (facts, state) => formNotInDrive(softLimits(facts), facts, state),
   },
   {
     id: 'cycle', title: 'First cycle', view: 'response', reads: [],
     why: 'There and back at working speed: the first cycle of the machine. The recorded way there is what the report states.',
     fields: (facts) => [
-      { key: 'distance', label: 'Distance', kind: 'position', usual: 2 },
+      { key: 'distance', label: 'Distance', kind: 'position', usual: 2, least: leastOfMeasurement(facts) },
       ...profile(within(facts, 'velocity', 5), within(facts, 'acceleration', 50)),
-      { key: 'times', label: 'Cycles', usual: 1, minimum: 1, maximum: 100 },
+      { key: 'times', label: 'Cycles', usual: 1, minimum: 1, maximum: 100, isWhole: true },
     ],
     lacks: lacksScale,
     motions: [moves('move', 'There and back', 'The axis moves by the distance and returns, for the given number of cycles. Abort halts it.', true)],
@@ -378,11 +404,20 @@ export const steps: Step[] = [
     id: 'report', title: 'Report', view: 'report', reads: [],
     why: 'Everything that was done and measured, on one page: to save as a file, or to print as PDF.',
     check: 'The report is saved with the machine\'s papers.',
-    open: nothing,
+    open: (_, { found }) => (found.saved ? '' : 'The report is not saved yet: save it as a file, or print it and say so.'),
   },
 ];
 
 export const checkOf = ({ check }: Step, facts: Facts, state: StepState) => (typeof check === 'string' ? check : check(facts, state));
+
+// Why the numbers of the form are not used: those of a field by itself, and those that do not fit together. Empty: they are.
+export function refusedBy(step: Step, facts: Facts, state: StepState): string {
+  const fields = fieldsOf(step, facts, state);
+  return refusedIn(facts, fields, keptOf(state, fields)) || (step.refuses?.(facts, state) ?? '');
+}
+
+// The condition of a step that is not met yet; empty: the step is complete.
+export const openOf = (step: Step, facts: Facts, state: StepState) => refusedBy(step, facts, state) || step.open(facts, state);
 
 export const fieldsOf = (step: Step, facts: Facts, state: StepState): Field[] => step.fields?.(facts, state) ?? [];
 

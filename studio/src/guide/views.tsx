@@ -14,10 +14,11 @@ import { useResource } from '../resource';
 import { useAxis, useLine } from '../store';
 import { machines, toUser, type Mechanics } from './mechanics';
 import { Plot, type Line } from './plot';
-import { figure, positionText } from './parts';
+import { figure } from './parts';
 import { change, changeStep, type Found, type Guide, type StepState } from './state';
+import { noteStored } from './actions';
 import { namedInputs, noGains, reversedPolarity, wiredInputs } from './steps';
-import type { Facts, Numbers, Step } from './step';
+import { positionText, type Facts, type Numbers, type Step } from './step';
 
 // The parts that only one step has; the table of steps names them (`view`).
 
@@ -352,8 +353,10 @@ export function StoreView({ facts, state, step }: ViewProps) {
   const store = () => {
     setBusy(true);
     void post<Stored>(`${axisPath(axis.name)}/parameters/store`)
-      .then(({ stored, keeps_at_once, lost_with_power }) =>
-        changeStep(axis.name, axis.product, step.id, (now) => ({ ...now, found: { ...now.found, stored: { stored: stored || keeps_at_once, lost: lost_with_power.map(({ object, name }) => `${object} ${name}`) } } })))
+      .then(async ({ stored, keeps_at_once, lost_with_power }) => {
+        if (stored || keeps_at_once) await noteStored(axis);
+        changeStep(axis.name, axis.product, step.id, (now) => ({ ...now, found: { ...now.found, stored: { stored: stored || keeps_at_once, lost: lost_with_power.map(({ object, name }) => `${object} ${name}`) } } }));
+      })
       .catch(complain)
       .finally(() => setBusy(false));
   };

@@ -4,6 +4,14 @@ const bits: Record<string, number> = {
   BOOLEAN: 1, INTEGER8: 8, UNSIGNED8: 8, INTEGER16: 16, UNSIGNED16: 16, INTEGER24: 24, UNSIGNED24: 24, INTEGER32: 32, UNSIGNED32: 32,
 };
 
+// The range of a type of whole numbers; undefined: of another type.
+export function rangeOf(type: string): [minimum: number, maximum: number] | undefined {
+  const [, sign, width] = /^(UNSIGNED|INTEGER)(\d+)$/.exec(type) ?? [];
+  if (sign === undefined || width === undefined) return undefined;
+  const half = 2 ** (Number(width) - 1);
+  return sign === 'UNSIGNED' ? [0, 2 * half - 1] : [-half, half - 1];
+}
+
 export interface Bases {
   decimal: string;
   hexadecimal: string; // '' of a value that is no whole number

@@ -23,6 +23,7 @@ describe('a move of a simulated axis', () => {
   test('is refused beyond the nearest end', () => {
     expect(hindrance(axis, simulated, { by: 7.9 })).toBe('');
     expect(hindrance(axis, simulated, { by: 9 })).toBe('The move of 9.00 rev is longer than the 8.00 rev to the positive limit switch.');
+    expect(hindrance(axis, simulated, { by: 9 }, (turns) => `${5 * turns} mm`)).toBe('The move of 45 mm is longer than the 40 mm to the positive limit switch.');
     expect(hindrance(axis, simulated, { by: -13 })).toBe('The move of 13.00 rev is longer than the 12.00 rev to the negative limit switch.');
     expect(hindrance(axis, { ...simulated, limits: { ...limits, lowest_position: 2 * 500, highest_position: 12 * 500 } }, { by: 6 })).toContain('5.00 rev to the software limit (607Dh)');
   });

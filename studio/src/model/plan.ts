@@ -20,7 +20,7 @@ export type Move = { by: number } | { to: number };
 
 // Bit 7 of CiA 402, or the only value of a drive whose 607Eh is 0 or 1: 6064h counts against the shaft.
 export const isReversed = (polarity: unknown) => typeof polarity === 'number' && (polarity === 1 || (polarity & 0x80) !== 0);
-const slack = 0.01; // rev: a move to a switch itself may stand some counts beyond it, as on the server
+export const slack = 0.01; // rev: a move to a switch itself may stand some counts beyond it, as on the server
 const signOf = ({ polarity }: Reach) => (isReversed(polarity) ? -1 : 1);
 
 // A position of 6064h in revolutions from the present one. Of a drive on a bus only 6064h is known, in `position_counts`.
@@ -58,7 +58,8 @@ export function positionAt(axis: AxisView, reach: Reach, counts: number): number
 }
 
 // The reason why the axis cannot make the move: a limit of 607Dh or of the travel that is nearer. Empty: it can.
-export function hindrance(axis: AxisView, reach: Reach, move: Move): string {
+// `text` gives a distance in the units of the page.
+export function hindrance(axis: AxisView, reach: Reach, move: Move, text = (turns: number) => `${fixed(turns, 2)} rev`): string {
   const { limits } = reach;
   const geometry = limits?.wraps_within ? undefined : reach.geometry;
   const distance = distanceOf(axis, reach, move);
@@ -74,10 +75,10 @@ export function hindrance(axis: AxisView, reach: Reach, move: Move): string {
   const sign = Math.sign(distance);
   const isPassed = (end: (typeof ends)[number]): end is [number, string, number] => end[0] !== null && (distance - end[0]) * sign > end[2];
   const nearest = ends.filter(isPassed).sort((a, b) => (a[0] - b[0]) * sign)[0] as [number, string, number] | undefined;
-  const length = `The move of ${fixed(Math.abs(distance), 2)} rev`;
-  if (nearest) return `${length} is longer than the ${fixed(Math.max(0, nearest[0] * sign), 2)} rev to ${nearest[1]}.`;
+  const length = `The move of ${text(Math.abs(distance))}`;
+  if (nearest) return `${length} is longer than the ${text(Math.max(0, nearest[0] * sign))} to ${nearest[1]}.`;
   // An axis beyond a software limit moves back, but only to within the limits: the drive shortens or refuses other targets.
   const limitBehind = fromHere(axis, reach, distance > 0 ? limits?.lowest_position : limits?.highest_position);
   const isShort = limitBehind !== null && (distance - limitBehind) * sign < -1e-9;
-  return isShort ? `${length} is shorter than the ${fixed(limitBehind * sign, 2)} rev back to the software limit (607Dh).` : '';
+  return isShort ? `${length} is shorter than the ${text(limitBehind * sign)} back to the software limit (607Dh).` : '';
 }

@@ -1,4 +1,4 @@
-import { useEffect, useRef, useState, type ComponentType } from 'react';
+import { useEffect, useRef, useState, type ComponentType, type ReactNode } from 'react';
 import type { AxisView } from '../api/types';
 import { adopt, undoHindrance, writePlan } from '../guide/actions';
 import { useFacts } from '../guide/facts';
@@ -6,14 +6,14 @@ import '../guide/guide.css';
 import { canUndo, Form, JournalPanel, markOf, MotionBox, Plan, Readings, undoStep } from '../guide/parts';
 import { ReportView } from '../guide/report';
 import { changeStep, forgetGuide, stepOf, useGuide, type Guide, type StepState } from '../guide/state';
-import { keptOf, planOf, type Facts, type PlanRow, type Step } from '../guide/step';
-import { checkOf, fieldsOf, objectsOf, steps } from '../guide/steps';
+import { keptOf, lostGains, planOf, type Facts, type PlanRow, type Step } from '../guide/step';
+import { checkOf, fieldsOf, objectsOf, openOf, refusedBy, steps } from '../guide/steps';
 import { DirectionView, FindView, HomingView, IdentifyView, InputsView, LoopView, releaseInputs, ResponseView, StoreView, UnitsView, type ViewProps } from '../guide/views';
 import { motionHindrance } from '../model/cia402';
 import { attempt, complain } from '../notices';
 import { AxisTabs, usePageAxis } from '../parts/axis_tabs';
 import { Button, Link } from '../parts/controls';
-import { NumberForm } from '../parts/number_input';
+import { NumberForm, useNumberIsRefused } from '../parts/number_input';
 import { StateChip } from '../parts/state';
 import { Travel } from '../parts/travel';
 import { go, useRoute } from '../route';
@@ -65,23 +65,25 @@ function GuideOf({ axis }: { axis: AxisView }) {
   const { query } = useRoute();
   const asked = steps.find(({ id }) => id === query.get('step'));
   // Without a step in the address the guide continues at the step where the user left it.
+  const [lost, setLost] = useState(''); // steps whose gains are not in the drive any more
   const step = asked ?? steps.find((each) => markOf(guide, each) === undefined) ?? steps[0];
   return (
     <div className="guide">
-      <StepList axis={axis} guide={guide} step={step} />
-      <StepPanel key={step.id} axis={axis} guide={guide} step={step} />
+      <StepList axis={axis} guide={guide} step={step} lost={lost} />
+      <StepPanel key={step.id} axis={axis} guide={guide} step={step} onLost={setLost} />
     </div>
   );
 }
 
-function StepList({ axis, guide, step }: { axis: AxisView; guide: Guide; step: Step }) {
-  const count = steps.filter((each) => markOf(guide, each)).length;
+function StepList({ axis, guide, step, lost }: { axis: AxisView; guide: Guide; step: Step; lost: string }) {
+  const marked = (each: Step) => (lost.split(' ').includes(each.id) ? undefined : markOf(guide, each));
+  const count = steps.filter(marked).length;
   return (
     <nav className="panel guide-steps" aria-label="Steps of the commissioning">
       <header><h2>Commissioning</h2><span className="quiet">{count} of {steps.length}</span></header>
       <ol>
         {steps.map((each, i) => {
-          const mark = markOf(guide, each);
+          const mark = marked(each);
           return (
             <li key={each.id}>
               <Link to={addressOf(axis, each)} className={mark ?? ''} {...(each === step ? { 'aria-current': 'step' as const } : {})}>
@@ -98,7 +100,7 @@ function StepList({ axis, guide, step }: { axis: AxisView; guide: Guide; step: S
   );
 }
 
-function StepPanel({ axis, guide, step }: { axis: AxisView; guide: Guide; step: Step }) {
+function StepPanel({ axis, guide, step, onLost }: { axis: AxisView; guide: Guide; step: Step; onLost: (steps: string) => void }) {
   const { facts, again } = useFacts(axis, guide, step);
   const state = stepOf(guide, step.id);
   const isBusy = useLine((line) => line.jobs[axis.name]?.state === 'running') || guide.run?.state === 'running';
@@ -107,11 +109,17 @@ function StepPanel({ axis, guide, step }: { axis: AxisView; guide: Guide; step: 
   const hasScale = facts.scale !== null;
   useEffect(() => (hasScale ? adopt(present.current) : undefined), [hasScale]);
 
+  const lost = steps.filter(({ id }) => lostGains(facts, id) !== '').map(({ id }) => id).join(' ');
+  const isRead = Object.keys(facts.values).length > 0; // between two steps the values are not known
+  useEffect(() => {
+    if (isRead || guide.journal.length === 0) onLost(lost);
+  }, [isRead, guide.journal.length, lost, onLost]);
   const fields = fieldsOf(step, facts, state);
   const numbers = keptOf(state, fields);
   const { shown, absent } = objectsOf(step, facts, fields);
   const plan = planOf(facts, fields.filter(({ isGain }) => !isGain), numbers);
   const gains = planOf(facts, fields.filter(({ isGain }) => isGain), numbers);
+  const refusal = refusedBy(step, facts, state);
   const lacks = facts.entries.size > 0 ? (step.lacks?.(facts) ?? '') : '';
   // The rows stay until all of them are written: a motion that begins between two of them would use half of them.
   const [writing, setWriting] = useState<{ label: string; rows: PlanRow[] }>();
@@ -122,6 +130,7 @@ function StepPanel({ axis, guide, step }: { axis: AxisView; guide: Guide; step: 
     label,
     plan: writing?.label === label ? writing.rows : rows,
     isBusy: reason !== '',
+    refusal,
     onWrite: () => {
       setWriting({ label, rows });
       attempt(() => writePlan(axis, step.id, rows).finally(() => {
@@ -130,7 +139,7 @@ function StepPanel({ axis, guide, step }: { axis: AxisView; guide: Guide; step: 
       }));
     },
   });
-  const open = step.open(facts, state);
+  const open = openOf(step, facts, state);
   const View = step.view ? views[step.view] : null;
   const next = steps[steps.indexOf(step) + 1] as Step | undefined;
   const leave = (mark: StepState['mark']) => {
@@ -152,8 +161,9 @@ function StepPanel({ axis, guide, step }: { axis: AxisView; guide: Guide; step: 
         <FaultLine axis={axis} />
         {lacks && <p className="warning" role="note">{lacks} Go on with the next step.</p>}
         <Readings facts={facts} shown={shown} absent={absent} />
+        <NumberForm>
         {lacks === '' && (
-          <NumberForm>
+          <>
             {step.view === 'inputs' && View && <View {...props} />}
             <Form facts={facts} step={step} fields={fields} numbers={numbers} />
             <Plan facts={facts} {...planned('Values to write', plan)} />
@@ -166,19 +176,32 @@ function StepPanel({ axis, guide, step }: { axis: AxisView; guide: Guide; step: 
               />
             ))}
             {step.view !== 'inputs' && View && <View {...props} />}
-          </NumberForm>
+          </>
         )}
-        <p className={`no-print guide-check ${open ? '' : 'passed'}`} role="status">{lacks ? 'This step cannot be done with this drive.' : open || `✓ ${checkOf(step, facts, state)}`}</p>
+        <Check lacks={lacks !== ''} open={open} passed={checkOf(step, facts, state)} />
         {cannotUndo && canUndo(guide, step) && <p className="quiet note no-print" role="status">{cannotUndo}</p>}
         <div className="buttons no-print">
-          {canUndo(guide, step) && <Button isDisabled={reason !== '' || cannotUndo !== ''} onPress={() => attempt(() => undoStep(axis, step).finally(again))}>Undo this step</Button>}
+          {canUndo(guide, step) && <Button isDisabled={reason !== '' || cannotUndo !== ''} onPress={() => attempt(() => undoStep(facts, step).finally(again))}>Undo this step</Button>}
           <Button onPress={() => leave('skipped')}>{next ? 'Skip' : 'Skip the report'}</Button>
-          {!lacks && <Button kind="main" isDisabled={open !== '' || isBusy || writing !== undefined} onPress={() => leave('done')}>{next ? 'Done, next step' : 'Done'}</Button>}
+          {!lacks && <DoneButton isDisabled={open !== '' || isBusy || writing !== undefined} onPress={() => leave('done')}>{next ? 'Done, next step' : 'Done'}</DoneButton>}
         </div>
+        </NumberForm>
       </section>
       <JournalPanel facts={facts} guide={guide} isBusy={reason !== ''} again={again} />
     </div>
   );
+}
+
+// The numbers before a refused one still count, but a step is not complete while the form shows another.
+function Check({ lacks, open, passed }: { lacks: boolean; open: string; passed: string }) {
+  const isRefused = useNumberIsRefused();
+  const missing = isRefused ? 'A number of the form is refused: correct it.' : open;
+  return <p className={`no-print guide-check ${missing ? '' : 'passed'}`} role="status">{lacks ? 'This step cannot be done with this drive.' : missing || `✓ ${passed}`}</p>;
+}
+
+function DoneButton({ isDisabled, ...props }: { isDisabled: boolean; onPress: () => void; children: ReactNode }) {
+  const isRefused = useNumberIsRefused();
+  return <Button kind="main" isDisabled={isDisabled || isRefused} {...props} />;
 }
 
 function FaultLine({ axis }: { axis: AxisView }) {

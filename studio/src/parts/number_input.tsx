@@ -7,29 +7,33 @@ import { Button } from './controls';
 // Number fields and the buttons that use them. An invalid number is marked with the reason, and the buttons of its form are
 // disabled until it is corrected.
 
+type Wrong = 'missing' | 'refused'; // none was entered; the typed text is marked as wrong
 interface Form {
-  isRight: boolean;
-  note: (field: string, isWrong: boolean) => void;
+  wrong: ReadonlyMap<string, Wrong>;
+  note: (field: string, wrong: Wrong | undefined) => void;
 }
-const FormContext = createContext<Form>({ isRight: true, note: () => undefined });
+const FormContext = createContext<Form>({ wrong: new Map(), note: () => undefined });
 
 export function NumberForm({ children }: { children: ReactNode }) {
-  const [wrong, setWrong] = useState<ReadonlySet<string>>(new Set());
+  const [wrong, setWrong] = useState<ReadonlyMap<string, Wrong>>(new Map());
   const note = useCallback(
-    (field: string, isWrong: boolean) =>
+    (field: string, to: Wrong | undefined) =>
       setWrong((before) => {
-        if (before.has(field) === isWrong) return before;
-        return new Set(isWrong ? [...before, field] : [...before].filter((each) => each !== field));
+        if (before.get(field) === to) return before;
+        const others = [...before].filter(([each]) => each !== field);
+        return new Map(to ? [...others, [field, to]] : others);
       }),
     [],
   );
-  const isRight = wrong.size === 0;
-  const form = useMemo(() => ({ isRight, note }), [isRight, note]);
+  const form = useMemo(() => ({ wrong, note }), [wrong, note]);
   return <FormContext.Provider value={form}>{children}</FormContext.Provider>;
 }
 
 // True if every number of the form is present and valid.
-export const useNumbersAreRight = () => useContext(FormContext).isRight;
+export const useNumbersAreRight = () => useContext(FormContext).wrong.size === 0;
+
+// True if a field of the form has a text that is refused: the number before it is then the one that counts.
+export const useNumberIsRefused = () => [...useContext(FormContext).wrong.values()].includes('refused');
 
 // A button that uses the numbers of its form.
 export function NumbersButton({ isDisabled = false, ...props }: ComponentProps<typeof Button>) {
@@ -40,7 +44,7 @@ export function NumbersButton({ isDisabled = false, ...props }: ComponentProps<t
 // `value` NaN: no number yet. `onChange` gets valid numbers only: after each key, or with `whenLeft` when the field loses
 // the focus or Enter is pressed. A halt or STOP then drops the typed text: it comes by a press of its button, before the field
 // loses the focus. With `mayBeEmpty` an empty field is valid and gives NaN.
-export function NumberInput({ label, unit, value, onChange, minimum, maximum, above, step = 1, hideLabel = false, isDisabled = false, whenLeft = false, mayBeEmpty = false, isHexadecimal = false, hint }: {
+export function NumberInput({ label, unit, value, onChange, minimum, maximum, above, step = 1, hideLabel = false, isDisabled = false, whenLeft = false, mayBeEmpty = false, isHexadecimal = false, hint, check }: {
   label: string;
   unit?: string | undefined;
   value: number;
@@ -55,6 +59,7 @@ export function NumberInput({ label, unit, value, onChange, minimum, maximum, ab
   mayBeEmpty?: boolean;
   isHexadecimal?: boolean;
   hint?: string | undefined; // for example, why the field is disabled
+  check?: ((value: number) => string) | undefined; // why a number within the limits is refused; empty: it is not
 }) {
   const id = useId();
   const { note } = useContext(FormContext);
@@ -69,7 +74,12 @@ export function NumberInput({ label, unit, value, onChange, minimum, maximum, ab
     });
   }, [whenLeft]);
   const limits = { minimum, maximum, above };
-  const read = (text: string) => (mayBeEmpty && text.trim() === '' ? { value: NaN } : readNumber(text, limits, isHexadecimal));
+  const read = (text: string) => {
+    if (mayBeEmpty && text.trim() === '') return { value: NaN };
+    const number = readNumber(text, limits, isHexadecimal);
+    const refusal = 'value' in number ? (check?.(number.value) ?? '') : '';
+    return refusal ? { problem: refusal } : number;
+  };
   if (!Object.is(told, value)) {
     // `value` has changed. If it is not the typed number, the change comes from outside and replaces the typed text.
     const now = typed === null ? null : read(typed);
@@ -81,9 +91,9 @@ export function NumberInput({ label, unit, value, onChange, minimum, maximum, ab
   const problem = 'problem' in now ? now.problem : undefined;
   const isShown = problem !== undefined && !isDisabled && typed !== null;
   useLayoutEffect(() => {
-    note(id, problem !== undefined && !isDisabled);
-    return () => note(id, false);
-  }, [note, id, problem, isDisabled]);
+    note(id, isShown ? 'refused' : problem !== undefined && !isDisabled ? 'missing' : undefined);
+    return () => note(id, undefined);
+  }, [note, id, problem, isShown, isDisabled]);
 
   const take = (to: string) => {
     const number = read(to);
