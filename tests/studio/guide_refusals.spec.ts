@@ -45,6 +45,7 @@ test('soft limits in the wrong order or beyond the switches are not written', as
   await expect(step.locator('.guide-check')).toContainText('lies beyond the negative limit switch');
   await expect(done(page)).toBeDisabled();
   await type(page, 'Lowest position', -9);
+  await expect(page.getByRole('button', { name: 'Write this value' })).toBeEnabled(); // the page has seen the other value
   await write(page);
   await expect(step.locator('.guide-check')).toHaveText('✓ The drive has the limits.');
 });
