@@ -200,6 +200,7 @@ class DriveBus {
     bool urgent_only = false;
   };
 
+  static JobError error_of(const std::exception& error, const std::string& where);
   links::Heard heard();
   void refuse_motion(std::size_t drive);
   bool has_urgent(std::size_t drive) const;
