@@ -342,8 +342,11 @@ test('STOP drops a number that is typed half', async ({ page, open, line }) => {
 
 test('a sequence does not go on after the page has slept', async ({ page, open, line }) => {
   await open('/axis/reference');
+  // The way there takes 4 s, so that it ends while the page sleeps.
+  await page.getByRole('textbox', { name: 'Distance' }).fill('4');
+  await page.getByRole('textbox', { name: 'Velocity' }).fill('60');
   await page.getByRole('button', { name: 'There and back' }).click();
-  await expect.poll(() => speedOf(line)).toBeGreaterThan(30);
+  await expect.poll(() => speedOf(line), { intervals: [20] }).toBeGreaterThan(30);
   // As a computer that sleeps: the clock goes on, and no message is handled meanwhile.
   await page.evaluate(() => {
     const end = performance.now() + 6000;

@@ -121,7 +121,7 @@ test('the guide of another product under the same name is kept beside the new on
   await expect(panel(page, 'Find the drive')).toBeVisible();
   await next(page).click();
   await expect.poll(() => stateOf(folder, 'guide.reference')).toMatchObject({ product: 'pronet' });
-  expect(stateOf(folder, 'guide.reference.before')).toMatchObject({ product: 'generic402' });
+  await expect.poll(() => stateOf(folder, 'guide.reference.before')).toMatchObject({ product: 'generic402' });
   watched.splice(0);
 });
 

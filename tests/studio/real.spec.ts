@@ -82,6 +82,7 @@ test('a dashboard reads and writes drives on two buses, and a recording has both
   await expect(words.getByRole('row', { name: /1008:00/ })).toContainText('reference drive');
   const field = panel(page, 'Acceleration').getByRole('textbox');
   await expect(field).toBeEnabled();
+  await expect(panel(page, 'Acceleration').getByRole('status')).toHaveText(/^drive: \d/); // a value that arrives replaces what is typed
   await field.fill('77000');
   await field.press('Enter');
   await expect.poll(async () => (await drives.call<{ value: number }>('GET', '/axes/reference/objects/6083/0')).value).toBe(77000);

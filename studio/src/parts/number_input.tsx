@@ -80,7 +80,8 @@ export function NumberInput({ label, unit, value, onChange, minimum, maximum, ab
     const refusal = 'value' in number ? (check?.(number.value) ?? '') : '';
     return refusal ? { problem: refusal } : number;
   };
-  if (!Object.is(told, value)) {
+  const isUnknown = Number.isNaN(value) && !mayBeEmpty; // for a moment: what is typed stays
+  if (!isUnknown && !Object.is(told, value)) {
     // `value` has changed. If it is not the typed number, the change comes from outside and replaces the typed text.
     const now = typed === null ? null : read(typed);
     if (now && 'value' in now && !Object.is(now.value, value)) setTyped(null);
