@@ -25,9 +25,10 @@ else()
 endif()
 if(SERVODROME_SANITIZE)
   # The vptr and function checks need type information, which portable libraries do not have.
-  # Warnings are left to the normal build, because GCC gives false ones for instrumented code.
+  # GCC gives false warnings for instrumented code, so it gives none. Clang also warns of a float that becomes a double without
+  # a computation.
   target_compile_options(servodrome_options INTERFACE $<BUILD_INTERFACE:-fsanitize=${SERVODROME_SANITIZE} -fno-omit-frame-pointer
-    -fno-sanitize-recover=all -fno-sanitize=vptr -w>)
+    -fno-sanitize-recover=all -fno-sanitize=vptr $<IF:$<CXX_COMPILER_ID:GNU>,-w,-Wno-double-promotion>>)
   if(CMAKE_CXX_COMPILER_ID MATCHES "Clang")
     target_compile_options(servodrome_options INTERFACE $<BUILD_INTERFACE:-fno-sanitize=function>)
   endif()
@@ -51,8 +52,11 @@ function(servodrome_precompile target)
 endfunction()
 
 # For code that takes longer to optimise than to run, or waits for users and buses: another level if SERVODROME_UNITY is on.
+# With sanitizers, which make optimising take several times as long, it is not optimised at all.
 function(servodrome_optimise_less target level)
-  if(SERVODROME_UNITY)
+  if(SERVODROME_UNITY AND SERVODROME_SANITIZE)
+    target_compile_options(${target} PRIVATE -O0)
+  elseif(SERVODROME_UNITY)
     target_compile_options(${target} PRIVATE -O${level})
   endif()
 endfunction()
@@ -84,10 +88,11 @@ function(servodrome_sources_here variable)
   set(${variable} ${sources} PARENT_SCOPE)
 endfunction()
 
-# servodrome_library(NAME [PORTABLE | HEAVY] SOURCES ... [DEPENDS ...])
-# PORTABLE libraries also run on a microcontroller: no exceptions, no run-time type information.
+# servodrome_library(NAME [PORTABLE | HEAVY] [COMPUTES] SOURCES ... [DEPENDS ...])
+# PORTABLE libraries also run on a microcontroller: no exceptions, no run-time type information. These, and those with
+# COMPUTES, run for longer in the tests with sanitizers than it takes to optimise them.
 function(servodrome_library name)
-  cmake_parse_arguments(arg "PORTABLE;HEAVY" "" "SOURCES;DEPENDS" ${ARGN})
+  cmake_parse_arguments(arg "PORTABLE;HEAVY;COMPUTES" "" "SOURCES;DEPENDS" ${ARGN})
   if(SERVODROME_SHARED)
     add_library(servodrome_${name} SHARED ${arg_SOURCES})
   else()
@@ -98,6 +103,9 @@ function(servodrome_library name)
   endif()
   if(arg_HEAVY)
     servodrome_compile_together(servodrome_${name})
+  endif()
+  if(SERVODROME_SANITIZE AND NOT arg_PORTABLE AND NOT arg_COMPUTES)
+    servodrome_optimise_less(servodrome_${name} 0)
   endif()
   add_library(servodrome::${name} ALIAS servodrome_${name})
   set_target_properties(servodrome_${name} PROPERTIES EXPORT_NAME ${name})
@@ -111,13 +119,15 @@ function(servodrome_library name)
   set_property(GLOBAL APPEND PROPERTY servodrome_libraries servodrome_${name})
 endfunction()
 
-# servodrome_tests_in_folder([DEPENDS ...] [ALONE NAME ...] [COMPUTES]): all *_test.cpp of the current folder become one program,
-# FOLDER_tests, and each file becomes one ctest entry of its name. Where SERVODROME_UNITY is on, several files are compiled
-# at a time, since their headers cost more than they do: what a file declares is in a namespace of the file's name.
-# A file under ALONE becomes a program of its own, because it replaces something in the whole program. COMPUTES: with
-# sanitizers the tests run for longer than it takes to optimise them.
+# servodrome_tests_in_folder([DEPENDS ...] [ALONE NAME ...] [RELEASED NAME ...] [COMPUTES]): all *_test.cpp of the current folder
+# become one program, FOLDER_tests, and each file becomes one ctest entry of its name. Where SERVODROME_UNITY is on, several
+# files are compiled at a time, since their headers cost more than they do: what a file declares is in a namespace of the
+# file's name. A file under ALONE becomes a program of its own, because it replaces something in the whole program. COMPUTES:
+# with sanitizers the tests run for longer than it takes to optimise them.
+# RELEASED: files whose tests are about the released code (its bits, its allocations), or take long with the address sanitizer,
+# where only each fifth of them runs. SERVODROME_ONLY_RELEASED_TESTS selects these, and those that include draws.hpp.
 function(servodrome_tests_in_folder)
-  cmake_parse_arguments(arg "COMPUTES" "" "DEPENDS;ALONE" ${ARGN})
+  cmake_parse_arguments(arg "COMPUTES" "" "DEPENDS;ALONE;RELEASED" ${ARGN})
   get_filename_component(folder ${CMAKE_CURRENT_SOURCE_DIR} NAME)
   file(GLOB sources CONFIGURE_DEPENDS *_test.cpp)
   set(together)
@@ -126,6 +136,16 @@ function(servodrome_tests_in_folder)
     if(SERVODROME_ONLY_TESTS AND NOT name MATCHES "${SERVODROME_ONLY_TESTS}")
       continue()
     endif()
+    if(SERVODROME_ONLY_RELEASED_TESTS AND NOT name IN_LIST arg_RELEASED)
+      file(STRINGS ${source} draws REGEX "#include \"draws.hpp\"")
+      if(NOT draws)
+        continue()
+      endif()
+    endif()
+    set(environment)
+    if(name IN_LIST arg_RELEASED AND SERVODROME_SANITIZE MATCHES "address")
+      set(environment GTEST_TOTAL_SHARDS=5 GTEST_SHARD_INDEX=0)
+    endif()
     if(name IN_LIST arg_ALONE)
       servodrome_test_program(${name} ${source} ${arg_DEPENDS})
       set(command ${name})
@@ -133,13 +153,17 @@ function(servodrome_tests_in_folder)
       list(APPEND together ${source})
       set(command ${folder}_tests --source=${name})
     endif()
+    set(name_of_file ${name})
     get_property(known GLOBAL PROPERTY servodrome_tests)
     if(name IN_LIST known)  # two folders may have a test of the same name
       set(name ${folder}_${name})
     endif()
     set_property(GLOBAL APPEND PROPERTY servodrome_tests ${name})
     add_test(NAME ${name} COMMAND ${command})
-    set_tests_properties(${name} PROPERTIES TIMEOUT 900 LABELS "unit")
+    set_tests_properties(${name} PROPERTIES TIMEOUT 900 LABELS "unit" ENVIRONMENT "${environment}")
+    if(name_of_file IN_LIST arg_RELEASED)
+      set_tests_properties(${name} PROPERTIES COST 100)  # ctest begins with these, because some take minutes
+    endif()
   endforeach()
   if(together)
     servodrome_test_program(${folder}_tests "${together}" ${arg_DEPENDS})
@@ -151,9 +175,7 @@ function(servodrome_test_program name sources)
   add_executable(${name} ${sources})
   target_link_libraries(${name} PRIVATE servodrome::options ${ARGN} servodrome_test_main)
   target_include_directories(${name} PRIVATE ${PROJECT_SOURCE_DIR}/tests ${PROJECT_BINARY_DIR}/generated)
-  if(SERVODROME_SANITIZE AND NOT arg_COMPUTES)
-    servodrome_optimise_less(${name} 0)
-  else()
+  if(NOT SERVODROME_SANITIZE OR NOT arg_COMPUTES)
     servodrome_optimise_less(${name} 1)
   endif()
 endfunction()

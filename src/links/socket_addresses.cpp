@@ -19,7 +19,7 @@ int connect_one(const addrinfo& address, FileDescriptor& socket, Deadline deadli
 
 }  // namespace
 
-void SocketAddresses::Free::operator()(addrinfo* list) const { ::freeaddrinfo(list); }
+void SocketAddresses::Free::operator()(addrinfo* addresses) const { ::freeaddrinfo(addresses); }
 
 SocketAddresses resolve(const Endpoint& endpoint, Transport transport, bool listens) {
   begin_sockets();

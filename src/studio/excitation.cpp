@@ -17,8 +17,8 @@ using master::PowerState;
 using std::chrono::duration;
 using std::chrono::duration_cast;
 
-constexpr master::Time period = std::chrono::milliseconds(1);  // of the targets; a slow bus makes it longer
-constexpr double ramp_margin = 20.0;                           // ramps are steeper than the excitation by this factor
+constexpr master::Time target_period = std::chrono::milliseconds(1);  // of the targets; a slow bus makes it longer
+constexpr double ramp_margin = 20.0;  // ramps are steeper than the excitation by this factor
 
 bool has_mode(master::Axis402& axis, OperationMode mode) {
   const auto supported = axis.objects().read_if_present<std::uint32_t>(0x6502);
@@ -155,7 +155,7 @@ void follow(master::Axis402& axis, const Excitation& excitation, const std::func
           fmt::format("the axis moved {} units from its start, but only {:g} are allowed", distance, excitation.travel),
           objects.where(), "take a smaller amplitude or a higher frequency, or allow more travel");
     }
-    next += period;
+    next += target_period;
     if (next > objects.now())
       objects.wait(next - objects.now());
     else

@@ -2,6 +2,7 @@
 // true value in 95 of 100 recordings, and must not be wider than necessary.
 #include <gtest/gtest.h>
 
+#include "draws.hpp"
 #include "synthetic_axis.hpp"
 
 namespace servodrome::fit {
@@ -22,7 +23,7 @@ void add_noise(std::vector<double>& values, double deviation, double memory, Dra
 }
 
 TEST(FitConfidence, IntervalsHoldTheTruthInNineteenOfTwentyRecordings) {
-  constexpr unsigned draws = 100;
+  constexpr unsigned draws = static_cast<unsigned>(servodrome::test::draws(100));
   SyntheticAxis axis;
   axis.rate_hz = 2000.0;
   axis.duration_s = 3.0;
@@ -67,7 +68,8 @@ TEST(FitConfidence, IntervalsHoldTheTruthInNineteenOfTwentyRecordings) {
     const double needed = 1.96 * std::sqrt(squares[i] / draws);
     fmt::print("{:<26} held by {} of {} intervals, {:.2f} times as wide as needed\n", name, held[i], draws,
                widths[i] / draws / needed);
-    EXPECT_GE(held[i], 88U) << name;  // 95, less three deviations of the binomial distribution
+    // 95 %, less three deviations of the binomial distribution.
+    EXPECT_GE(held[i], 0.95 * draws - 3.0 * std::sqrt(0.95 * 0.05 * draws)) << name;
     EXPECT_LT(widths[i] / draws, 1.6 * needed) << name;
   }
 }

@@ -3,6 +3,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include "draws.hpp"
 #include "fit/error.hpp"
 #include "fit/report.hpp"
 #include "synthetic_axis.hpp"
@@ -208,7 +209,7 @@ TEST(FitOddRecordings, AClearlyNegativeFrictionIsRemarked) {
 
 // A fifth of all values is missing: in one recording as missing rows, in the other as empty fields.
 TEST(FitOddRecordings, IntervalsHoldTheTruthWithAFifthOfTheSamplesMissing) {
-  constexpr unsigned draws = 40;
+  constexpr unsigned draws = static_cast<unsigned>(servodrome::test::draws(40));
   SyntheticAxis axis;
   axis.duration_s = 3.0;
   const Signals clean = axis.signals();
@@ -246,7 +247,8 @@ TEST(FitOddRecordings, IntervalsHoldTheTruthWithAFifthOfTheSamplesMissing) {
       if (static_cast<Parameter>(i) == Parameter::direct_inductance) continue;
       const std::string_view name = text_of(static_cast<Parameter>(i)).word;
       fmt::print("{:<26} held by {} of {} intervals\n", name, held[i], draws);
-      EXPECT_GE(held[i], 34U) << name;  // 95 %, less three deviations of the binomial distribution
+      // 95 %, less three deviations of the binomial distribution.
+      EXPECT_GE(held[i], 0.95 * draws - 3.0 * std::sqrt(0.95 * 0.05 * draws)) << name;
     }
   }
 }

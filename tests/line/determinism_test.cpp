@@ -2,6 +2,7 @@
 #include <random>
 #include <vector>
 
+#include "draws.hpp"
 #include "drive/drive.hpp"
 #include "line/line.hpp"
 #include "line/line_file.hpp"
@@ -105,9 +106,10 @@ Recording run(std::chrono::milliseconds piece, int seconds) {
 }
 
 TEST(Determinism, SixtySecondsOfEightAxesAgreeToTheLastBit) {
-  const Recording one = run(std::chrono::milliseconds(1), 60);
-  const Recording other = run(std::chrono::milliseconds(1), 60);
-  EXPECT_GT(one.frames.size(), 10000U);
+  const int seconds = servodrome::test::draws(60);
+  const Recording one = run(std::chrono::milliseconds(1), seconds);
+  const Recording other = run(std::chrono::milliseconds(1), seconds);
+  EXPECT_GT(one.frames.size(), 150U * static_cast<unsigned>(seconds));
   ASSERT_EQ(one.samples.size(), other.samples.size());
   EXPECT_TRUE(one.samples == other.samples);
   EXPECT_TRUE(one.frames == other.frames);

@@ -3,6 +3,7 @@
 #include <gtest/gtest.h>
 #include <string>
 
+#include "draws.hpp"
 #include "drive/drive.hpp"
 #include "drive/velocity_margin.hpp"
 #include "line/support.hpp"
@@ -66,7 +67,9 @@ drive::test::Margin margin_of(const Case& each, bool ideal) {
 // this by up to 2 degrees. The factory gains of iSMK and JMC are those of their manuals: a real machine must have the
 // same margin as an ideal one.
 TEST(ProductMargins, FactoryGainsKeepTheirPhaseMarginOnARealMachine) {
-  for (const Case& each : cases()) {
+  const std::vector<Case> all = cases();
+  for (std::size_t i = 0; i < all.size(); i += servodrome::test::stride) {
+    const Case& each = all[i];
     SCOPED_TRACE(fmt::format("{} {}", each.product->name, each.model));
     const drive::test::Margin ideal = margin_of(each, true);
     const drive::test::Margin real = margin_of(each, false);

@@ -20,7 +20,7 @@ export default defineConfig({
   reporter: report ? [['line'], ['junit', { outputFile: report }], ['json', { outputFile: report.replace(/xml$/, 'json') }]] : 'line',
   use: {
     viewport: { width: 1280, height: 820 },
-    trace: 'retain-on-failure',
+    trace: 'on-first-retry', // recording one of each test takes time
     launchOptions: { executablePath: browser, args: asRoot ? ['--no-sandbox'] : [] },
   },
 });
