@@ -52,9 +52,9 @@ function(servodrome_precompile target)
 endfunction()
 
 # For code that takes longer to optimise than to run, or waits for users and buses: another level if SERVODROME_UNITY is on.
-# With sanitizers, which make optimising take several times as long, it is not optimised at all.
+# With the address sanitizer, which makes optimising take several times as long, it is not optimised at all.
 function(servodrome_optimise_less target level)
-  if(SERVODROME_UNITY AND SERVODROME_SANITIZE)
+  if(SERVODROME_UNITY AND SERVODROME_SANITIZE MATCHES "address")
     target_compile_options(${target} PRIVATE -O0)
   elseif(SERVODROME_UNITY)
     target_compile_options(${target} PRIVATE -O${level})
@@ -90,7 +90,7 @@ endfunction()
 
 # servodrome_library(NAME [PORTABLE | HEAVY] [COMPUTES] SOURCES ... [DEPENDS ...])
 # PORTABLE libraries also run on a microcontroller: no exceptions, no run-time type information. These, and those with
-# COMPUTES, run for longer in the tests with sanitizers than it takes to optimise them.
+# COMPUTES, run for longer in the tests with that sanitizer than it takes to optimise them.
 function(servodrome_library name)
   cmake_parse_arguments(arg "PORTABLE;HEAVY;COMPUTES" "" "SOURCES;DEPENDS" ${ARGN})
   if(SERVODROME_SHARED)
@@ -104,7 +104,7 @@ function(servodrome_library name)
   if(arg_HEAVY)
     servodrome_compile_together(servodrome_${name})
   endif()
-  if(SERVODROME_SANITIZE AND NOT arg_PORTABLE AND NOT arg_COMPUTES)
+  if(SERVODROME_SANITIZE MATCHES "address" AND NOT arg_PORTABLE AND NOT arg_COMPUTES)
     servodrome_optimise_less(servodrome_${name} 0)
   endif()
   add_library(servodrome::${name} ALIAS servodrome_${name})
@@ -175,7 +175,9 @@ function(servodrome_test_program name sources)
   add_executable(${name} ${sources})
   target_link_libraries(${name} PRIVATE servodrome::options ${ARGN} servodrome_test_main)
   target_include_directories(${name} PRIVATE ${PROJECT_SOURCE_DIR}/tests ${PROJECT_BINARY_DIR}/generated)
-  if(NOT SERVODROME_SANITIZE OR NOT arg_COMPUTES)
+  if(SERVODROME_SANITIZE AND NOT arg_COMPUTES)
+    servodrome_optimise_less(${name} 0)
+  elseif(NOT SERVODROME_SANITIZE)
     servodrome_optimise_less(${name} 1)
   endif()
 endfunction()
