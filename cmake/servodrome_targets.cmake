@@ -90,7 +90,7 @@ endfunction()
 
 # servodrome_library(NAME [PORTABLE | HEAVY] [COMPUTES] SOURCES ... [DEPENDS ...])
 # PORTABLE libraries also run on a microcontroller: no exceptions, no run-time type information. These, and those with
-# COMPUTES, run for longer in the tests with that sanitizer than it takes to optimise them.
+# COMPUTES, run for longer in the tests with the address sanitizer than it takes to optimise them.
 function(servodrome_library name)
   cmake_parse_arguments(arg "PORTABLE;HEAVY;COMPUTES" "" "SOURCES;DEPENDS" ${ARGN})
   if(SERVODROME_SHARED)
