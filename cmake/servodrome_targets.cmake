@@ -119,15 +119,16 @@ function(servodrome_library name)
   set_property(GLOBAL APPEND PROPERTY servodrome_libraries servodrome_${name})
 endfunction()
 
-# servodrome_tests_in_folder([DEPENDS ...] [ALONE NAME ...] [RELEASED NAME ...] [COMPUTES]): all *_test.cpp of the current folder
+# servodrome_tests_in_folder([DEPENDS ...] [ALONE NAME ...] [RELEASED NAME ...] [LONG NAME ...] [COMPUTES]): all *_test.cpp of the current folder
 # become one program, FOLDER_tests, and each file becomes one ctest entry of its name. Where SERVODROME_UNITY is on, several
 # files are compiled at a time, since their headers cost more than they do: what a file declares is in a namespace of the
 # file's name. A file under ALONE becomes a program of its own, because it replaces something in the whole program. COMPUTES:
 # with sanitizers the tests run for longer than it takes to optimise them.
 # RELEASED: files whose tests are about the released code (its bits, its allocations), or take long with the address sanitizer,
 # where only each fifth of them runs. SERVODROME_ONLY_RELEASED_TESTS selects these, and those that include draws.hpp.
+# LONG: files whose tests take more than five seconds and depend on no real time. `./test --quick` leaves them out.
 function(servodrome_tests_in_folder)
-  cmake_parse_arguments(arg "COMPUTES" "" "DEPENDS;ALONE;RELEASED" ${ARGN})
+  cmake_parse_arguments(arg "COMPUTES" "" "DEPENDS;ALONE;RELEASED;LONG" ${ARGN})
   get_filename_component(folder ${CMAKE_CURRENT_SOURCE_DIR} NAME)
   file(GLOB sources CONFIGURE_DEPENDS *_test.cpp)
   set(together)
@@ -161,8 +162,8 @@ function(servodrome_tests_in_folder)
     set_property(GLOBAL APPEND PROPERTY servodrome_tests ${name})
     add_test(NAME ${name} COMMAND ${command})
     set_tests_properties(${name} PROPERTIES TIMEOUT 900 LABELS "unit" ENVIRONMENT "${environment}")
-    if(name_of_file IN_LIST arg_RELEASED)
-      set_tests_properties(${name} PROPERTIES COST 100)  # ctest begins with these, because some take minutes
+    if(name_of_file IN_LIST arg_LONG)
+      set_tests_properties(${name} PROPERTIES LABELS "unit;long" COST 100)  # ctest begins with the highest cost
     endif()
   endforeach()
   if(together)

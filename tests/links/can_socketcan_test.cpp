@@ -51,7 +51,7 @@ struct VcanTest : testing::Test {
   void SetUp() override {
     if (::if_nametoindex("vcan0") == 0) {
       GTEST_SKIP()
-          << "this kernel has no vcan0; ./test runs this program once more under tools/with-socketcan, which has";
+          << "this kernel has no vcan0; ./test --all runs this program once more under tools/with-socketcan, which has";
     }
     link = open_can_link(SocketcanName{"vcan0"}, rig.bus, rig.io, rig);
   }

@@ -8,19 +8,28 @@ interface Violation {
   nodes: { html: string }[];
 }
 
+type Rules = 'all' | 'contrast';
+
 // What is shown now has no accessibility violation, as axe sees it.
-export async function accessible(page: Page, when = 'now') {
+export async function accessible(page: Page, when = 'now', rules: Rules = 'all') {
   await page.evaluate(axeSource);
-  const violations = await page.evaluate(async () => {
-    const { axe } = window as unknown as { axe: { run(): Promise<{ violations: Violation[] }> } };
-    return (await axe.run()).violations;
-  });
+  const violations = await page.evaluate(async (only) => {
+    const { axe } = window as unknown as { axe: { run(options: object): Promise<{ violations: Violation[] }> } };
+    return (await axe.run(only)).violations;
+  }, rules === 'all' ? {} : { runOnly: ['color-contrast'] });
   // A tooltip belongs to the element that it describes, and to no region.
   const isTooltip = ({ id, nodes }: Violation) => id === 'region' && nodes.every(({ html }) => html.includes('role="tooltip"'));
   expect(violations.filter((each) => !isTooltip(each)).map(({ id, nodes }) => `${id}: ${nodes[0].html}`), when).toEqual([]);
 }
 
 export const slow_ms = 300_000; // six runs of axe, which a busy machine does slowly
+
+// The rules for a page that was judged in light colours before: other colours change the contrast and nothing else.
+export const rulesFor = (colorScheme: 'light' | 'dark'): Rules => (colorScheme === 'light' ? 'all' : 'contrast');
+
+// STUDIO_LOOKS=few leaves out the wider of two wide windows, which has the same elements, and one of two in dark colours.
+const isLeftOut = (colorScheme: 'light' | 'dark', width: number) =>
+  process.env.STUDIO_LOOKS === 'few' && (width === 1920 || (colorScheme === 'dark' && width === 390));
 
 // A page that is open, in three sizes, light and dark: it fits, STOP is in view, and it is accessible. Takes up to slow_ms.
 export async function inEveryLook(page: Page, name: string, picture: (name: string) => Promise<void>) {
@@ -35,7 +44,7 @@ export async function inEveryLook(page: Page, name: string, picture: (name: stri
     expect(overhang).toBeLessThanOrEqual(0);
     for (const colorScheme of ['light', 'dark'] as const) {
       await page.emulateMedia({ colorScheme });
-      await accessible(page, `${colorScheme}, ${width} px`);
+      if (!isLeftOut(colorScheme, width)) await accessible(page, `${colorScheme}, ${width} px`, rulesFor(colorScheme));
       await picture(`${name}-${colorScheme}-${width}`);
     }
   }

@@ -1,6 +1,6 @@
 import { readFileSync } from 'node:fs';
 import type { Page } from '@playwright/test';
-import { accessible } from './accessible';
+import { accessible, rulesFor } from './accessible';
 import { choose, expect, panel, test } from './fixtures';
 
 // Dashboards: made, used, exported and imported by a user.
@@ -336,13 +336,13 @@ for (const scheme of ['light', 'dark'] as const) {
       await openBoard(page, open);
       await expect(panel(page, 'Speed').locator('.figure')).toHaveText(/rpm$/);
       await expect(page.getByText('imported from')).toHaveCount(0);
-      await accessible(page);
+      await accessible(page, 'now', rulesFor(scheme));
       const overhang = await page.evaluate(() => Math.max(...[document.documentElement, document.querySelector('.page')!].map(({ scrollWidth, clientWidth }) => scrollWidth - clientWidth)));
       expect(overhang).toBeLessThanOrEqual(0);
       await picture(`boards-${scheme}-${width}`);
       await page.getByText('edit', { exact: true }).click();
       await page.getByRole('button', { name: 'Settings of Motion' }).click();
-      await accessible(page, 'with the settings');
+      await accessible(page, 'with the settings', rulesFor(scheme));
       await picture(`boards-edit-${scheme}-${width}`);
     });
   }

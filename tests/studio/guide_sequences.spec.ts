@@ -1,5 +1,5 @@
 import type { Page } from '@playwright/test';
-import { accessible } from './accessible';
+import { accessible, rulesFor } from './accessible';
 import { expect as shortly, panel, test as base, type } from './fixtures';
 import { lineOf, plan, write } from './guide';
 import { Line } from './line';
@@ -362,7 +362,7 @@ test('every step is accessible, light and dark, wide and narrow, and STOP is in 
       await expect(page.getByRole('button', { name: 'STOP', exact: true })).toBeInViewport();
       expect(await page.evaluate(() => document.querySelector('.page')!.scrollWidth - document.querySelector('.page')!.clientWidth), `${step} at ${width}`).toBeLessThanOrEqual(0);
       await picture(`step-${step}-${width}-${theme}`);
-      if (width !== 1920) await accessible(page, `${step} at ${width}, ${theme}`);
+      if (width !== 1920) await accessible(page, `${step} at ${width}, ${theme}`, rulesFor(theme));
     }
   }
 });
