@@ -113,14 +113,14 @@ void Axis::detach(Tap& tap) {
   for (const Tap* other : taps_) samples_due_ = std::min(samples_due_, other->due());
 }
 
-// Polls the slave for all that is due by its own clock up to and including `until`; usually nothing is.
+// Polls the slave for each event that its own clock causes up to and including `until`; usually there is none.
 inline void Axis::poll_slave(Time until) {
   if (until >= ethercat_slave_->quiet_until()) poll_due_slave(until);
 }
 
 // When the device must be polled next. If a poll returns a deadline that has already passed, the next poll follows one
-// tick later, so that polling cannot loop forever. A frame may bring a deadline forward to a time before the frame
-// itself. Such a deadline is due at the time of the frame, up to which the axis may not have run yet.
+// tick later, so that polling cannot loop forever. A frame may set a deadline that lies before the time of the frame.
+// Such a deadline is due at the time of the frame, even if the axis has not yet run up to this time.
 Time Axis::next_poll() const {
   Time due = device_->next_deadline();
   if (ethercat_slave_ != nullptr) due = std::max(due, device_->ethercat_controller()->now());
@@ -193,7 +193,7 @@ void Axis::poll_node(Time now) {
 
 void Axis::send_waiting(Time now) {
   canopen::Frame frame;
-  if (bus_ == nullptr) {  // discards them: there is no CAN bus
+  if (bus_ == nullptr) {  // there is no CAN bus: discards the frames
     while (device_->take(frame)) {
     }
   } else {
@@ -204,7 +204,8 @@ void Axis::send_waiting(Time now) {
   if (serial_ != nullptr) follow_serial_format();
 }
 
-// The frame that the drive sends next, without those that the interposer takes. The frame on the wire has passed it.
+// Returns the frame that the drive sends next, and removes those before it that the interposer takes. A frame that is
+// already on the wire has passed the interposer.
 const canopen::WaitingFrame* Axis::next_frame(Time now) {
   const canopen::WaitingFrame* next = device_->next_frame();
   if (can_interposer_ == nullptr || bus_->sending(port_)) return next;

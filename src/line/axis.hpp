@@ -34,11 +34,11 @@ struct AxisBuses {
   Time serial_silence{};  // pause that ends a Modbus frame, as set in the drives of the RS485 line
 };
 
-// A drive and its plant, connected to a CAN bus or an EtherCAT segment, and perhaps to an RS485 line. Tick n ends at
-// the time n * tick_length. In each tick the plant advances to that time, then the drive samples its inputs and sets
-// its outputs. A position-loop cycle that ends in a tick may send frames on a CAN bus at the end of the tick. An
-// EtherCAT slave sends nothing by itself, so it need not catch up before a frame comes. Its own clock may cause events
-// between ticks (SYNC0).
+// A drive and its plant. The drive is connected to a fieldbus (a CAN bus or an EtherCAT segment), to an RS485 line, or
+// to both. Tick n ends at the time n * tick_length. In each tick the plant advances to that time, then the drive
+// samples its inputs and sets its outputs. A position-loop cycle that ends in a tick may send frames on a CAN bus at
+// the end of the tick. An EtherCAT slave sends nothing by itself, so it need not catch up before a frame comes. Its own
+// clock may cause events between ticks (SYNC0).
 class Axis final : public links::Receiver {
  public:
   // The drive has power from the start. Throws std::runtime_error when the store file cannot be used.
@@ -49,7 +49,7 @@ class Axis final : public links::Receiver {
 
   // Runs all ticks up to and including number `tick`; of a coupled axis also those of its partner.
   void run_to(std::int64_t tick);
-  // The same without a partner: for CoupledAxes.
+  // The same for this axis only, not for its partner. CoupledAxes calls it.
   void run_alone_to(std::int64_t tick);
   void couple(CoupledAxes& pair) { pair_ = &pair; }
   const CoupledAxes* pair() const { return pair_; }  // nullptr: the axis is not coupled
@@ -92,7 +92,8 @@ class Axis final : public links::Receiver {
     return powered_ && serial_ != nullptr ? device_->serial_port() : nullptr;
   }
 
-  // A drive as this one is after a power-on now: with a copy of its non-volatile memory. It never runs.
+  // Returns a copy of the drive in the state that it would have after a power-on now. The copy has a copy of the
+  // non-volatile memory and never runs.
   std::shared_ptr<products::Device> stored_device() const;
 
   // Moves the shaft to another encoder position, at rest. Returns false, and does nothing, while the motor is
@@ -101,12 +102,13 @@ class Axis final : public links::Receiver {
   // Forces an input wire to a level, for the bench API. Without `level` the switches of the travel set it again.
   void force_input(int wire, std::optional<bool> level);
   const std::map<int, bool>& forced_inputs() const { return forced_inputs_; }
-  // Injects a cause of faults that only hardware has, for the bench API. It stays through a power cycle.
+  // Injects, or removes, a fault cause that occurs only in real hardware, for the bench API. The cause stays through a
+  // power cycle.
   void inject(drive::Cause cause, bool present);
   bool injected(drive::Cause cause) const { return injected_.contains(cause); }
 
-  // A client of the bench API has commanded the axis otherwise than by a job: by the controlword, the power, or a stop
-  // of all axes.
+  // Counts a command that a client of the bench API gave the axis without a job: by the controlword, the power, or a
+  // stop of all axes.
   void note_command() { ++commands_; }
   std::uint64_t commands() const { return commands_; }
 

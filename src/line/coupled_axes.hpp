@@ -9,8 +9,8 @@
 
 namespace servodrome::line {
 
-// Two axes whose loads are coupled. They advance together, tick by tick, whichever of them the line advances: each tick
-// of both begins with the torque of the coupling for the places in which the previous tick has left them.
+// Two axes whose loads are coupled. When the line advances one of them, both advance together, tick by tick. Before
+// each tick the coupling calculates its torque from the positions and speeds after the previous tick.
 class CoupledAxes {
  public:
   CoupledAxes(const plant::CouplingParameters& parameters, Axis& first, Axis& second);
@@ -19,7 +19,7 @@ class CoupledAxes {
 
   // Runs all ticks of both axes up to and including number `tick`.
   void run_to(std::int64_t tick);
-  // The bench has placed one of the axes, as if the coupling had been unscrewed for this.
+  // Relaxes the coupling after the bench has placed one of the axes, as if the coupling had been unscrewed for this.
   void relax() { coupling_.relax(); }
 
   const Axis& partner_of(const Axis& axis) const { return &axis == &first_ ? second_ : first_; }

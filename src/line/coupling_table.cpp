@@ -25,7 +25,8 @@ std::optional<std::size_t> axis_of(const toml::node& element, const LineSettings
   return std::nullopt;
 }
 
-// The index of the axis' EtherCAT segment. Its frames let an axis advance ahead of the axes on other buses.
+// Returns the index of the axis' EtherCAT segment. The frames of a segment let its axes advance ahead of the axes on
+// other buses.
 std::optional<std::size_t> segment_of(const AxisSettings& axis) {
   return axis.ethercat ? std::optional(axis.ethercat->bus) : std::nullopt;
 }

@@ -149,7 +149,7 @@ class Line final : public links::VirtualClock {
   std::vector<Follower*> followers_;
   std::int64_t tick_ = 0;  // the tick up to which all axes have run
   Time now_{};
-  Time quiet_until_ = Time::min();  // nothing but frames shows on a bus before this time; min: unknown
+  Time quiet_until_ = Time::min();  // before it, only frames change anything on a bus; min: unknown
   Lag lag_;
   double speed_ = 0;
 };

@@ -52,7 +52,7 @@ class TableReader {
             std::int64_t maximum = static_cast<std::int64_t>(std::numeric_limits<Integer>::max())) {
     if (const auto value = integer(key, minimum, maximum)) target = static_cast<Integer>(*value);
   }
-  // A key that may be left out. After an error it has a value, too.
+  // Reads a key that may be left out. If the key is there, `target` has a value afterwards, even after an error.
   template <typename Value, typename... Range>
   void read(std::string_view key, std::optional<Value>& target, Range... range) {
     Value value = target.value_or(Value{});
@@ -73,7 +73,7 @@ class TableReader {
   const toml::table* table(std::string_view key, std::string_view definition = {});
   // Returns the tables of an array of tables ([[key]]); empty if the key is not there.
   std::vector<const toml::table*> tables(std::string_view key, std::string_view definition = {});
-  // The only values of a string that the caller reads.
+  // Notes the only values that the string under `key` may have, for the description of the file format.
   void note_words(std::string_view key, const std::vector<std::string_view>& words);
 
   // Reports unknown keys. Must be called after all known keys have been read.

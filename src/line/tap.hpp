@@ -9,7 +9,7 @@
 #include "api/scope/samples.hpp"
 #include "dictionary/entry.hpp"
 
-// Samples values of an axis in every tick. No part of the drive is involved.
+// Samples values of an axis at the ticks that are multiples of a stride. The simulated drive takes no part in it.
 namespace servodrome::line {
 
 class Axis;

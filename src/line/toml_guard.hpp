@@ -14,8 +14,8 @@ struct TomlRefusal {
   std::string hint;
 };
 
-// Detects texts that toml++ 3.3 cannot handle safely. It makes a nested table for each part of a dotted key and
-// recurses into all of them, so a long key overflows the stack; it limits the depth of brackets by itself. It also
+// Detects texts that toml++ 3.3 cannot handle safely. The library makes a nested table for each part of a dotted key
+// and recurses into all of them, so a long key overflows the stack. It limits the depth of brackets itself. It also
 // assumes that a name follows the brackets of a table header.
 std::optional<TomlRefusal> refuse_toml(std::string_view text);
 

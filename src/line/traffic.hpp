@@ -88,7 +88,7 @@ class TrafficRing {
 class TrafficTap {
  public:
   virtual ~TrafficTap() = default;
-  // Records the message that is still being put together, if it is complete.
+  // Records the message whose characters are still being joined, if the pause after it shows that it is complete.
   virtual void flush() {}
 
   static std::unique_ptr<TrafficTap> on(NamedBus& bus, TrafficRing& ring);

@@ -23,7 +23,7 @@ void disturb(const Line& line, const Call& call, NamedBus& named);
 void disturb(const Line& line, const Call& call, NamedSerialBus& named);
 void disturb(const Line& line, const Call& call, NamedEthercatBus& named);
 
-// Ends all disturbances and reconnects the cables.
+// Ends all disturbances and reconnects the cables, except the one that closes a ring of EtherCAT.
 void calm(const Line& line, NamedBus& named);
 void calm(const Line& line, NamedSerialBus& named);
 void calm(const Line& line, NamedEthercatBus& named);

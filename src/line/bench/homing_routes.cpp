@@ -57,10 +57,10 @@ const auto& row_of(const Words& words, Key key) {
 
 const char* word(Direction direction) { return direction == Direction::negative ? "negative" : "positive"; }
 
-// How 607Eh turns round the names of the ends of the travel. A leg has the user's directions.
+// The names that are opposite to the directions of a leg (the user's) while 607Eh reverses the position.
 struct Reversal {
-  bool ends = false;      // the geometry names the ends by the shaft
-  bool switches = false;  // 60FDh names the limit switches by the shaft
+  bool ends = false;      // of the ends of the travel: the geometry names them by the shaft's directions
+  bool switches = false;  // of the limit switches: 60FDh names them by the shaft's directions
 };
 
 Direction turned(Direction direction, bool reversed) { return reversed ? opposite(direction) : direction; }

@@ -17,7 +17,7 @@ Axis& axis_argument(Line& line, const Call& call) {
 
 Axis& LineBench::axis_of(const Call& call) const { return axis_argument(line_, call); }
 
-// No response refers to the bench itself.
+// `bench` may end here: a response refers to the line, but not to the bench.
 api::Response begin(Line& line, const api::Request& request, std::span<const api::RouteGroup> more) {
   LineBench bench(line);
   std::vector<api::RouteGroup> groups{api::bench_routes(bench)};

@@ -49,8 +49,8 @@ class LineBench final : public api::Bench {
 // Returns the axis that the first argument names. Throws ApiError 404.
 Axis& axis_argument(Line& line, const Call& call);
 
-// Carries out a request on a line, begin() its first piece (api/request.hpp), handle() all of them, with `more` groups
-// of routes in addition to the line's own.
+// Both carry out a request on a line: begin() carries out its first piece (api/request.hpp), handle() all pieces.
+// `more` are groups of routes in addition to the line's own.
 api::Response begin(Line& line, const api::Request& request, std::span<const api::RouteGroup> more = {});
 api::Response handle(Line& line, const api::Request& request, std::span<const api::RouteGroup> more = {});
 

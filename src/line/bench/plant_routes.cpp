@@ -100,7 +100,8 @@ void check(const Axis& axis, const std::array<std::optional<double>, quantities.
     }
     if (!messages.empty()) throw ApiError{422, messages.front(), "body", "choose a valid value for the plant"};
   };
-  // First each change in the order in which they will be set, because the plant checks each one as well.
+  // Checks the changes one after the other, in the order in which they will be set, because the plant checks each of
+  // them as well.
   plant::Parameters changed = axis.plant().parameters();
   for (std::size_t i = 0; i < quantities.size(); ++i) {
     if (!values[i]) continue;

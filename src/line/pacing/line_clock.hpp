@@ -9,8 +9,9 @@
 
 namespace servodrome::line {
 
-// The clock of a line that a server runs. In virtual time only requests and VirtualPace advance the line. From begin()
-// on its time follows CLOCK_MONOTONIC, and time that the line cannot catch up with is dropped and counted as lag.
+// The clock of a line that a server runs. Without begin() the line has virtual time, which only requests and
+// VirtualPace advance. From begin() on the line has real time: its time follows CLOCK_MONOTONIC, and time that the line
+// cannot catch up with is dropped and counted as lag.
 class LineClock {
  public:
   using Moment = RealPace::Moment;
@@ -18,7 +19,7 @@ class LineClock {
   // `logs` are flushed as time passes. Both must outlive this object.
   LineClock(Line& line, BusLogs& logs) : line_(line), logs_(logs) {}
 
-  // Real time begins.
+  // Starts real time.
   void begin(Moment present) {
     real_pace_.begin(present, line_.now());
     real_ = true;
@@ -36,11 +37,12 @@ class LineClock {
   // The moment at which the line should be at `time`.
   Moment moment_of(Time time) const { return real_pace_.moment_of(time); }
 
-  // Lazy frames: frame_time() runs the line by Line::keep_up. The caller promises that between two frames nothing but
-  // frames acts on the line, unless it calls others_acted() before the next frame.
+  // Lazy evaluation: frame_time() runs the line by Line::keep_up instead of Line::run_until. The caller promises that
+  // between two frames nothing but frames acts on the line, unless it calls others_acted() before the next frame.
   void set_lazy(bool lazy) { lazy_ = lazy; }
   void others_acted() { line_.changed(); }
-  // The clock as it was read just before a poll for frames that is in progress; nullopt: frame_time() reads it.
+  // Sets the moment that frame_time() uses during a poll for frames, because the caller has just read the clock;
+  // nullopt: frame_time() reads the clock itself.
   void set_polled_at(std::optional<Moment> moment) { polled_at_ = moment; }
 
   // How long the server sleeps on purpose, which does not count as a pause (RealPace::due).

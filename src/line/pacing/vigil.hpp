@@ -15,11 +15,11 @@ class Vigil {
   static constexpr int proof = 8;  // number of such frames in a row that starts busy-waiting
   // If a yield takes longer than this, another program computes on this processor without a pause.
   static constexpr auto longest_loan = std::chrono::milliseconds(1);
-  // Number of frames until busy-waiting is tried again after that: on such a processor a thread that sleeps gets it
-  // back sooner than one that yields.
+  // Number of frames after such a yield until busy-waiting is tried again. On a processor that another program uses
+  // without a pause, a thread that sleeps gets the processor back sooner than one that yields.
   static constexpr int respite = 10'000;
 
-  // Frames that a wait returned were answered at `present`.
+  // Must be called after a wait that returned frames; `present` is the moment at which they had been answered.
   void served(Moment present) {
     const bool soon = present - answered_ <= longest;
     answered_ = present;

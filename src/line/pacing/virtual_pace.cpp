@@ -8,8 +8,8 @@ namespace {
 using namespace std::chrono_literals;
 
 constexpr auto step_period = 5ms;      // interval between two steps
-constexpr Time longest_pause = 100ms;  // of real time that one step catches up with at most
-constexpr auto longest_step = 20ms;    // of real time that one step may take
+constexpr Time longest_pause = 100ms;  // most real time that one step catches up with
+constexpr auto longest_step = 20ms;    // most real time that one step may take
 constexpr Time stride = 10ms;          // of line time, between two checks of longest_step
 
 }  // namespace

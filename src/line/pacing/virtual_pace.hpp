@@ -15,7 +15,7 @@ class VirtualPace {
   // All must outlive this object.
   VirtualPace(boost::asio::io_context& io, Line& line, BusLogs& logs) : line_(line), logs_(logs), timer_(io) {}
 
-  // The speed of the line may have changed.
+  // Adopts the speed of the line, which may have changed.
   void follow();
 
  private:

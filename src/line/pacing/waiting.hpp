@@ -13,7 +13,7 @@
 namespace servodrome::line {
 
 // How the thread of a server waits: it sleeps or polls until something is due, serves that, and lets the line's time
-// pass. Each kind suits other links (make_waiting).
+// pass. Each kind is for different links (make_waiting).
 class Waiting {
  public:
   virtual ~Waiting() = default;

@@ -11,7 +11,7 @@ namespace servodrome::line::bench {
 class LineSource final : public api::Source {
  public:
   // The line must outlive the source and all channels that the source returned. `epoch` returns the wall-clock time of
-  // the line's time 0; without it that is 0.
+  // the line's time 0; without it wall_epoch() is 0.
   explicit LineSource(Line& line, std::function<Time()> epoch = {}) : line_(line), epoch_(std::move(epoch)) {}
 
   std::int64_t tick() const override { return line_.now() / tick_length; }

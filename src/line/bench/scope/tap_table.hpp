@@ -11,7 +11,7 @@ namespace servodrome::line::bench {
 // more time than one.
 class TapTable {
  public:
-  // Limit for the values per tick of all taps, which take some microseconds of the 62.5.
+  // Limit for the values per tick of all taps. To sample so many values takes some microseconds of a tick of 62.5 us.
   static constexpr double most_values_per_tick = 512;
 
   // Returns the samples of a channel. Throws ApiError 409 if that would exceed most_values_per_tick.
