@@ -28,9 +28,9 @@ class LineHost {
 struct LinkCounters {
   std::uint64_t to_bus = 0;     // from outside programs to the bus
   std::uint64_t from_bus = 0;   // from the bus to outside programs
-  std::uint64_t dropped = 0;    // lost because a reader was too slow
+  std::uint64_t dropped = 0;    // lost, for example because a reader was too slow
   std::uint64_t refused = 0;    // not accepted by the bus (queue full, bus-off)
-  std::uint64_t malformed = 0;  // invalid commands
+  std::uint64_t malformed = 0;  // invalid commands, frames or messages
   std::uint32_t clients = 0;    // connected now
 };
 

@@ -92,7 +92,7 @@ bool Pty::has_client() const {
 bool Pty::has_input() const { return is_readable(master_.get()); }
 
 void Pty::reset() {
-  // This must use the device end: only there can bytes be flushed that a client has not read. Bytes that a new client
+  // Uses the device end, because bytes that a client has not read can be flushed only there. Bytes that a new client
   // has already written are on the master's side and stay.
   const FileDescriptor device(::open(device_.c_str(), O_RDWR | O_NOCTTY | O_NONBLOCK | O_CLOEXEC));
   termios settings{};

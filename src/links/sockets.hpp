@@ -3,7 +3,7 @@
 #ifdef _WIN32
 #include <mswsock.h>
 #include <ws2tcpip.h>
-// After those two, which it needs.
+// mstcpip.h needs the two headers above.
 #include <mstcpip.h>
 #else
 #include <netdb.h>

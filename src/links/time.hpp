@@ -9,7 +9,8 @@ using Time = std::chrono::nanoseconds;
 
 inline constexpr Time never = Time::max();
 
-// The clocks of this computer, for real buses: since an arbitrary start, never set back; and since 1970 (Unix time).
+// The clocks of this computer, for real buses. steady_now() counts from an arbitrary start and never goes back;
+// wall_now() counts from 1970 (Unix time).
 inline Time steady_now() { return std::chrono::steady_clock::now().time_since_epoch(); }
 inline Time wall_now() { return std::chrono::system_clock::now().time_since_epoch(); }
 

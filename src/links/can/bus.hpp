@@ -57,7 +57,7 @@ struct PortCounters {
   std::uint64_t sent = 0;
   std::uint64_t received = 0;
   std::uint64_t refused = 0;          // transmit() returned false
-  std::uint64_t discarded = 0;        // were queued, then lost to bus-off, Participation::off or detach
+  std::uint64_t discarded = 0;        // queued frames lost by bus-off, Participation other than normal, or detach
   std::uint64_t errors = 0;           // error frames while this port was sending
   std::uint16_t transmit_errors = 0;  // TEC (transmit error counter), ISO 11898-1 12.1.4.2
   std::uint16_t receive_errors = 0;   // REC (receive error counter)
@@ -82,7 +82,7 @@ struct BusConfig {
 };
 
 // The simulated bus: one wire, one thread, no clock of its own. The caller passes the time to transmit() and advance();
-// it never goes back. The same calls give the same frames at the same nanoseconds.
+// the bus' own time, now(), never goes back. The same calls give the same frames at the same nanoseconds.
 //
 // Each port has a FIFO transmit queue, like a CANopen stack that has one transmit mailbox behind a software queue: only
 // its oldest frame takes part in arbitration. A drive's port holds one frame, like its controller's mailbox (offer()).
@@ -134,7 +134,7 @@ class CanBus {
   // The bit rate to which a port's controller is set; 0 (default): that of the bus.
   void set_port_bit_rate(PortId port, std::uint32_t bit_rate);
 
-  // `off` empties the queue and resets the error counters, as a controller's reset does.
+  // `off` and `listen_only` empty the queue. `off` also resets the error counters, as a controller's reset does.
   void set_participation(PortId port, Participation participation);
   Participation participation(PortId port) const;
 

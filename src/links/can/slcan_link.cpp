@@ -65,7 +65,8 @@ void SlcanLink::wait_for_client() {
   });
 }
 
-// While a read is pending, this polls the port periodically. A pending write is not disturbed.
+// Polls the port periodically during a read, because Asio may miss its input (stream_may_miss_input). Does nothing
+// during a write, which cancel() would end as well.
 void SlcanLink::watch_input() {
   client_poll_.expires_after(input_poll_time);
   client_poll_.async_wait([this, alive = alive_](error_code code) {

@@ -33,7 +33,7 @@ class Controller {
   virtual void open(bool listen_only) = 0;
   virtual void close() = 0;
   virtual void set_bit_rate(std::uint32_t bit_rate) = 0;
-  virtual bool transmit(const canopen::Frame& frame) = 0;  // false: queue full
+  virtual bool transmit(const canopen::Frame& frame) = 0;  // false: refused, for example by a full queue
   virtual std::uint8_t status_flags() = 0;                 // the value for the F command
 };
 

@@ -51,8 +51,8 @@ class SocketcandServer::Client : public std::enable_shared_from_this<Client> {
   std::uint32_t number() const { return queue_->client; }
   // When the client last sent something.
   Moment silent_since() const { return silent_since_; }
-  // Returns true if the client receives frames of the bus (quiet time is over) and the server has read all that it
-  // wrote.
+  // Returns true if the client receives frames of the bus (its quiet time is over), and the server has read everything
+  // that the client wrote or reads nothing now.
   bool settled() const {
     error_code ignored;
     return !is_quiet_ && !(reading_ && socket_.available(ignored) > 0);
@@ -227,7 +227,7 @@ class SocketcandServer::Client : public std::enable_shared_from_this<Client> {
                                write();
                                work();
                              }));
-    acknowledge_at_once(socket_);  // sending has switched it off
+    acknowledge_at_once(socket_);  // sending has switched the immediate acknowledge off
   }
 
   void close() {

@@ -82,7 +82,7 @@ class EthercatBus {
   std::size_t size() const { return slaves_.size(); }
 
   // Passes a frame of at most ethercat::max_frame bytes through the segment and changes it in place. Then the stations
-  // do what the frame left them to do. `exit` of the result is the port at which the frame comes back, or that it is
+  // do what the frame left them to do. `exit` of the result tells at which port the frame comes back, or that it is
   // lost.
   Passage exchange(std::span<std::uint8_t> frame, Time at, Port entry = Port::primary,
                    Encapsulation encapsulation = Encapsulation::ethernet) {
@@ -94,8 +94,8 @@ class EthercatBus {
   // be called before the next frame.
   Passage pass(std::span<std::uint8_t> frame, Time at, Port entry, Encapsulation encapsulation);
   void settle(Time at);
-  // The time until which the stations that frames have changed since forget_events() need not run: `never` if there are
-  // none, Esc::unknown if a frame wrote a register.
+  // Considers the stations that frames have changed since forget_events(). Returns the time until which these stations
+  // need not run: `never` if there are none, Esc::unknown if a frame wrote a register.
   Time next_event() const { return next_event_; }
   void forget_events() { next_event_ = never; }
 

@@ -31,7 +31,7 @@ class EthercatClient {
 };
 
 inline constexpr std::size_t most_ethercat_content = 1500;
-// Throws LinkError if `size` is larger than that; `link` is the name in the message.
+// Throws LinkError if `size` is larger than most_ethercat_content; `link` is the name in the message.
 void check_content_size(std::size_t size, const std::string& link);
 
 // Opens `raw:INTERFACE` or `udp:HOST:PORT` as a client (link_name.hpp). Throws LinkError, also for `mem:`, whose client

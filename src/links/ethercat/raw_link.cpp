@@ -13,7 +13,7 @@ namespace {
 using boost::system::error_code;
 
 constexpr auto retry_time = std::chrono::seconds(1);
-// Limit of frames that wait because of a disturbance; further ones are lost.
+// Limit of frames that a disturbance or an interposer delays; further ones are lost.
 constexpr std::size_t most_delayed_frames = 256;
 // Limit of batches of `most_at_once` frames before other links are served.
 constexpr int most_rounds = 4;

@@ -61,7 +61,7 @@ class RawLink final : public EthercatLink {
   LineHost& host_;
   std::vector<std::unique_ptr<Side>> sides_;
   std::shared_ptr<bool> alive_ = std::make_shared<bool>(true);
-  std::size_t waiting_ = 0;  // frames delayed by a disturbance
+  std::size_t waiting_ = 0;  // frames that send_later() holds
   LinkCounters counters_;    // `clients` is 1 while at least one side has a socket, else 0
 };
 

@@ -11,7 +11,7 @@ namespace {
 
 using boost::system::error_code;
 
-// Limit of frames that wait because of a disturbance; further ones are lost.
+// Limit of frames that a disturbance or an interposer delays; further ones are lost.
 constexpr std::size_t most_delayed_packets = 256;
 
 }  // namespace

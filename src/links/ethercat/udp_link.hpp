@@ -49,7 +49,7 @@ class EthercatUdpLink final : public EthercatLink {
   std::array<mmsghdr, most_at_once> incoming_{};
   std::array<mmsghdr, most_at_once> outgoing_{};
   std::shared_ptr<bool> alive_ = std::make_shared<bool>(true);
-  std::size_t waiting_ = 0;  // frames delayed by a disturbance
+  std::size_t waiting_ = 0;  // frames that send_later() holds
   LinkCounters counters_;
 };
 

@@ -102,7 +102,7 @@ class SerialLine {
   const SerialDisturbance& disturbance() const { return disturbance_; }
 
   // The interposer sees what the port's station sends and receives from now on; nullptr: none. Pieces that wait are
-  // still sent. It must outlive the port or be removed.
+  // still sent. The interposer must outlive the port or be removed.
   void interpose(SerialPortId port, SerialInterposer* interposer);
   // The same for the answers of the line's drives over Modbus TCP. The links call the interposer; nullptr: none.
   void interpose_tcp(ModbusTcpInterposer* interposer) { tcp_interposer_ = interposer; }
@@ -137,7 +137,7 @@ class SerialLine {
     Time end{};
     SerialInterposer* interposer = nullptr;
     std::vector<SerialPiece> pieces;  // of the interposer, to be sent behind `queue`
-    Time piece_at = never;            // when the first of them is sent; never while a character is
+    Time piece_at = never;            // when the first piece is sent; never: not known yet, or no pieces
   };
 
   void begin_character(Port& port, Time at);

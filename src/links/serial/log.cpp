@@ -13,7 +13,7 @@ namespace {
 
 constexpr std::size_t serial_log_buffer_bytes = 64 * 1024;
 
-// pcapng: https://www.ietf.org/archive/id/draft-ietf-opsawg-pcapng-02.html; host byte order.
+// pcapng: https://www.ietf.org/archive/id/draft-ietf-opsawg-pcapng-02.html; little endian.
 constexpr std::uint32_t section_header = 0x0A0D0D0A;
 constexpr std::uint32_t byte_order = 0x1A2B3C4D;
 constexpr std::uint32_t interface_description = 1;

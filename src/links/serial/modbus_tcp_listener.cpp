@@ -39,7 +39,7 @@ class ModbusTcpListener::Client : public std::enable_shared_from_this<Client> {
 
   // When the client last sent something.
   Moment silent_since() const { return silent_since_; }
-  // Returns true if all that the client has written has been answered.
+  // Returns true if the server has read everything that the client wrote, or reads nothing now because answers wait.
   bool settled() const {
     error_code ignored;
     return !is_reading_ || socket_.available(ignored) == 0;
@@ -52,7 +52,7 @@ class ModbusTcpListener::Client : public std::enable_shared_from_this<Client> {
     close();
   }
 
-  // Not at once: the client may be processing a request.
+  // Ends the connection, but not at once, because this object may be processing a request.
   void end_soon() {
     boost::asio::post(socket_.get_executor(), guarded(shared_from_this(), [this] { close(); }));
   }
@@ -155,7 +155,7 @@ class ModbusTcpListener::Client : public std::enable_shared_from_this<Client> {
                                  work();
                                }
                              }));
-    acknowledge_at_once(socket_);  // sending has switched it off
+    acknowledge_at_once(socket_);  // sending has switched the immediate acknowledge off
   }
 
   void close() {

@@ -42,7 +42,8 @@ void StreamLink::open() {
   if (stream_may_miss_input) watch_input();
 }
 
-// While a read is pending, this polls the descriptor periodically. A pending write is not disturbed.
+// Polls the descriptor periodically during a read, because Asio may miss its input (stream_may_miss_input). Does
+// nothing during a write, which cancel() would end as well.
 void StreamLink::watch_input() {
   watch_.expires_after(input_poll_time);
   watch_.async_wait([this, alive = alive_](error_code code) {

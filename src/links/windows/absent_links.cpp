@@ -1,5 +1,5 @@
-// Links that Windows does not have. The parsers of link names refuse them first, with the reason; these functions only
-// complete the program.
+// Links that Windows does not have. The parsers of link names refuse them first, with the reason; these functions exist
+// only for the linker.
 #include "links/can/system_links.hpp"
 #include "links/ethercat/system_links.hpp"
 #include "links/link_error.hpp"

@@ -54,7 +54,8 @@ std::error_code append_to_file(const std::filesystem::path& file, std::string_vi
   return error;
 }
 
-// A folder cannot be locked: a file in it that only one program can have open, and that ends with the program.
+// Windows cannot lock a folder. The lock is a file in it that only one program can have open, and that Windows deletes
+// when the program ends.
 std::optional<FolderLock> FolderLock::take(const std::filesystem::path& folder, std::error_code& error) {
   FileDescriptor file(reinterpret_cast<Descriptor>(::CreateFileW((folder / ".lock").c_str(), GENERIC_WRITE, 0, nullptr,
                                                                  OPEN_ALWAYS, FILE_FLAG_DELETE_ON_CLOSE, nullptr)));

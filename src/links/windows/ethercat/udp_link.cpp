@@ -15,7 +15,7 @@ namespace {
 using boost::asio::ip::udp;
 using boost::system::error_code;
 
-// Limit of frames that wait because of a disturbance; further ones are lost.
+// Limit of frames that a disturbance or an interposer delays; further ones are lost.
 constexpr std::size_t most_delayed_packets = 256;
 // Limit of packets that are served before other links are.
 constexpr std::size_t most_at_once = 32;
@@ -50,8 +50,8 @@ udp::socket listen_at(const EthercatUdpName& name, boost::asio::io_context& io) 
                                            : "the host must be an address of this computer, such as 127.0.0.1"));
 }
 
-// `udp:HOST:PORT` as the link of the same name for Linux, with a system call for each packet: Windows has none for
-// several.
+// `udp:HOST:PORT`, like the class of the same name for Linux, but with one system call for each packet, because Windows
+// has no call for several packets.
 class EthercatUdpLink final : public EthercatLink {
  public:
   EthercatUdpLink(const EthercatUdpName& name, EthercatBus& bus, boost::asio::io_context& io, LineHost& host)
@@ -146,7 +146,7 @@ class EthercatUdpLink final : public EthercatLink {
   std::array<std::uint8_t, ethercat::max_payload + 1> bytes_{};  // one more, to detect packets that are too long
   udp::endpoint sender_;
   std::shared_ptr<bool> alive_ = std::make_shared<bool>(true);
-  std::size_t waiting_ = 0;  // frames delayed by a disturbance
+  std::size_t waiting_ = 0;  // frames that send_later() holds
   LinkCounters counters_;
 };
 
