@@ -14,9 +14,10 @@ namespace servodrome::ethercat {
 //     system time = local time + offset
 //
 // The drift compensation is a PI filter on the reference time that the master distributes. Each comparison removes
-// 2^(1 - filter depth) of the difference from the local time, no faster than the speed counter allows. It also adds a
-// 2^(4 - speed filter depth) part of the difference per elapsed time to the rate. The depths 4 and 12 of the standard
-// make the filter critically damped. The standard leaves the inner structure of the filter to the controller.
+// 2^(1 - filter depth) of the difference from the local time, no faster than the speed counter allows. It also corrects
+// the rate by 2^(4 - speed filter depth) of the difference per elapsed time, or by less if the filter would otherwise
+// be underdamped. The depths 4 and 12 of the standard make the filter critically damped. The standard leaves the inner
+// structure of the filter to the controller.
 class DistributedClock {
  public:
   // Power-on: sets the local time to 0 at `now`, without any compensation.
@@ -103,7 +104,8 @@ class DistributedClock {
   void anchor(Time now);
   Time elapsed(Time now) const { return stopped_ ? Time{0} : now - anchor_; }
 
-  // Between two anchors, local time is linear in the caller's time, except for the phase correction, which ends.
+  // anchor() stores a pair of the caller's time and local time. Between two anchors, local time is linear in the
+  // caller's time, except that the phase correction ends when no phase is left.
   Time anchor_{0};
   std::uint64_t anchor_local_ = 0;
   std::uint32_t anchor_fraction_ = 0;  // 2^-32 ns

@@ -10,8 +10,8 @@ bool Esc::addressed(std::uint16_t station) const {
   return alias_enabled && station == load_u16(&memory_[reg::station_alias]);
 }
 
-// Quick path for an LRW: the slave has one buffer in each direction, and the datagram equals the one before or maps
-// nothing of this slave. Returns false, without any effect, in every other case.
+// Quick path for an LRW: the slave has one buffer in each direction, and the datagram has the address and length of the
+// last one that fit() accepted, or maps nothing of this slave. Returns false, without any effect, in every other case.
 [[gnu::always_inline]] inline bool Esc::exchange_buffers(Datagram datagram) {
   if (datagram.logical() != fit_.logical || datagram.length != fit_.length) return !reach_.touches(datagram);
   SyncManager& outputs = *fit_.writing;
@@ -98,8 +98,8 @@ void Esc::execute(Datagram& datagram) {
   }
 }
 
-// Executes quick-path datagrams inline; the first other datagram calls process_rest(), so registers need no saving
-// before.
+// Executes quick-path datagrams inline. The first other datagram calls process_rest(), a function of its own, so that
+// the quick path need not save registers of the CPU.
 unsigned Esc::process(Frame& frame, Time now) {
   now_ = now;
   ++frames_;

@@ -110,8 +110,8 @@ class alignas(64) Esc {
   // PDI control bit 0: the application disables or enables a channel.
   void disable_sync_manager(unsigned n, bool disabled);
 
-  // Faults of the clock, for tests of masters; DistributedClock describes them. These functions bring the next deadline
-  // forward where the clock does.
+  // Faults of the clock, for tests of masters; DistributedClock describes them. These functions also reset
+  // quiet_until(), because a fault may bring the next deadline forward.
   void set_oscillator(std::int32_t error_ppb, Time now) {
     clock_.set_oscillator(error_ppb, now);
     quiet_until_ = unknown;
@@ -142,10 +142,10 @@ class alignas(64) Esc {
   DistributedClock& clock() { return clock_; }
   const DistributedClock& clock() const { return clock_; }
   // sii().memory() is the content of the slave information memory. A caller may change it at any time: a master reads
-  // the new bytes at once, the controller takes its own from them at power-on or a reload command. The checksum is not
-  // corrected (sii_checksum); with a wrong one the slave refuses Pre-Operational with 0051h.
+  // the new bytes at once, the controller takes its own settings from them at power-on or a reload command. The
+  // checksum is not corrected (sii_checksum); with a wrong one the slave refuses Pre-Operational with 0051h.
   SiiInterface& sii() { return sii_; }
-  // Loads the controller's part of the SII as at power-on: the alias, and whether the checksum is right.
+  // Loads the controller's settings from the SII as at power-on, with the alias, and checks the checksum.
   void load_sii_anew();
   const Watchdog& process_data_watchdog() const { return process_data_watchdog_; }
   void pdi_alive(Time now) {

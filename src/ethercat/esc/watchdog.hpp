@@ -23,7 +23,7 @@ class Watchdog {
     expire();
     return true;
   }
-  // Call check() before: a trigger that comes too late does not undo an expiry.
+  // Call check() before, because a trigger that comes too late would otherwise hide the expiry.
   void trigger(Time now) {
     last_ = now;
     running_ = true;

@@ -21,7 +21,7 @@ class Mailbox {
 
   void reset();
 
-  // Call it first in a poll: detects that the master has read a message, or requests the last one again.
+  // Call it first in a poll: detects that the master has read a message, or that it requests the last one again.
   void follow_master();
 
   struct Request {
@@ -38,8 +38,9 @@ class Mailbox {
   void send(const Message& message);
   void send_error(MailboxError error);
 
-  // Puts a message of at least a header into the mailbox that did not come from the slave; it is not repeated on
-  // request. `numbered`: with the next counter of the slave. Returns false if it does not fit or the mailbox is full.
+  // Puts a message that did not come from the slave into the mailbox. The message has at least a header, and is not
+  // repeated on request. `numbered`: with the next counter of the slave. Returns false if it does not fit or the
+  // mailbox is full.
   bool post(std::span<const std::uint8_t> message, bool numbered);
   // Sends the message that the interposer held.
   void release();
@@ -57,13 +58,13 @@ class Mailbox {
   SlaveInterposer* interposer_ = nullptr;
   std::span<std::uint8_t> waiting_memory_;
   std::span<std::uint8_t> last_read_memory_;
-  std::size_t waiting_length_ = 0;    // length of the message in `waiting_`, also during a repeat
-  std::size_t last_read_length_ = 0;  // length of the message that the master read last
+  std::size_t waiting_length_ = 0;    // of the message in `waiting_memory_`, also during a repeat
+  std::size_t last_read_length_ = 0;  // of the message that the master read last
   bool occupied_ = false;             // the sync manager holds a message the master has not read
-  bool repeating_ = false;            // that message is not the one in `waiting_`, but a repeated or posted one
-  bool send_again_ = false;           // the message in `waiting_` must be put into the sync manager when it is empty
-  bool held_ = false;                 // the interposer holds the message in `waiting_`
-  unsigned copies_ = 0;               // how often the message in `waiting_` is still sent after it was read
+  bool repeating_ = false;            // that message is a repeated or posted one, not the one in `waiting_memory_`
+  bool send_again_ = false;           // put the message in `waiting_memory_` into the sync manager when that is empty
+  bool held_ = false;                 // the interposer holds the message in `waiting_memory_`
+  unsigned copies_ = 0;               // how often the message in `waiting_memory_` is sent again after it was read
   std::uint8_t counter_ = 0;          // counter of the last message sent, 1..7
   std::uint8_t last_counter_ = 0;     // counter of the last message received; 0: none
 };

@@ -38,7 +38,7 @@ void copy_number(void* to, const void* from, unsigned bytes) {
   }
 }
 
-// Extends the sign when more bits are mapped than the signed object has.
+// Extends the sign of a signed number of `bits` bits to 64 bits.
 std::uint64_t sign_extended(std::uint64_t value, unsigned bits) {
   if (bits >= 64 || (value >> (bits - 1) & 1) == 0) return value;
   return value | ~std::uint64_t{0} << bits;

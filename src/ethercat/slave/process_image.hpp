@@ -44,7 +44,8 @@ class ProcessImage {
   // Copies the objects into the inputs. Unmapped bits are 0.
   void read_objects(std::span<std::uint8_t> image);
 
-  // Checks a mapping entry before an SDO writes it. 0 is an empty entry; index 0 is a gap of that many bits.
+  // Checks a mapping entry before an SDO writes it. 0 is an empty entry; an entry with index 0 is a gap with the length
+  // of the entry in bits.
   dictionary::AbortCode check_entry(std::uint32_t mapping) const;
   // Checks a PDO before an SDO assigns it.
   dictionary::AbortCode check_pdo(std::uint16_t index) const;

@@ -71,12 +71,13 @@ class Slave final : dictionary::Listener {
     sampling_cycle_ = cycle;
     esc_.set_quiet_until(Esc::unknown);
   }
-  // Only process data that wait for sampling have come, and nothing is due: `poll` does nothing.
+  // Returns true if only process data that wait for sampling have come and nothing else is due. Then `poll` does
+  // nothing.
   bool puts_off(Time now);
 
-  // Call it after each control cycle of the device, when the objects have new values. In free run it copies them into
-  // the inputs, because no bus signal triggers the copying. The time between two calls is taken as the length of the
-  // next control cycle.
+  // Call it after each control cycle of the device, when the objects have new values. In free run, where no bus signal
+  // triggers the copying, and after frames that came too fast for sampling, it copies them into the inputs. The time
+  // between two calls is taken as the length of the next control cycle.
   void process_image_updated(Time now);
 
   AlState state() const { return state_; }
@@ -99,14 +100,15 @@ class Slave final : dictionary::Listener {
     interposer_ = interposer;
     mailbox_.interpose(interposer);
   }
-  // Puts a message into the mailbox that the slave did not make, with its 6 bytes of header, and not longer than the
-  // mailbox. `numbered`: the slave's next counter replaces the one in the header. The message comes before those that
-  // wait or are held, and is not repeated on request. Returns false if it does not fit, if the mailbox is not active,
-  // or if it is full.
+  // Puts a message that the slave did not make into the mailbox. The message includes its 6 bytes of header and is not
+  // longer than the mailbox. `numbered`: the slave's next counter replaces the one in the header. The message comes
+  // before those that wait or are held, and is not repeated on request. Returns false if the message does not fit, or
+  // if the mailbox is full or not active.
   bool post(std::span<const std::uint8_t> message, bool numbered = true) {
     return mailbox_runs() && mailbox_.post(message, numbered);
   }
-  // Sends the message that the interposer held, and calls it again for a message that it kept in the mailbox.
+  // Sends the message that the interposer holds, and calls the interposer again for a message that it kept in the
+  // mailbox.
   void release_mail();
 
  private:
