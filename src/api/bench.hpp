@@ -4,9 +4,9 @@
 
 namespace servodrome::api {
 
-// What the API's own routes ask: a virtual line, or drives on buses. Each function is the handler of one route
-// (docs/bench-api.md) and throws ApiError. Every bench has axes with objects, faults and states, buses and a clock. The
-// other functions are capabilities: a bench that does not have one answers 409.
+// The interface that the API's own routes call. A virtual line and drives on buses implement it. Each function is the
+// handler of one route (docs/bench-api.md) and throws ApiError. Every bench has axes with objects, faults and states,
+// buses and a clock. The other functions are capabilities: a bench that does not have one answers 409.
 class Bench {
  public:
   virtual ~Bench() = default;

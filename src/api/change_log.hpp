@@ -60,13 +60,12 @@ class ChangeLog {
   // `axes` are the names of the axes.
   explicit ChangeLog(std::vector<std::string> axes, std::size_t capacity = usual_capacity);
 
-  // Adds a change; sets its number and the author. Adds nothing for a word of a motion, and for a write that leaves the
-  // value as it was.
+  // Adds a change; sets its number and the author. Adds nothing for an object that moves the axis (is_motion), or for a
+  // write that leaves the value as it was.
   void add(Change change, std::string_view who);
   // Controlword, targets and their offsets: a master writes them all the time to move the axis.
   static bool is_motion(std::uint16_t index);
-  // The number of the first change is after `number`, that of the last change of an earlier run. Must be called before
-  // the first add().
+  // Continues the numbers of an earlier run, whose last change has `number`. Must be called before the first add().
   void begin_after(std::uint64_t number) { before_ = last_ = number; }
 
   const std::vector<std::string>& axes() const { return axes_; }

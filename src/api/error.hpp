@@ -16,7 +16,7 @@ struct ApiError {
   std::string what;
   std::string where;
   std::string hint;
-  dictionary::AbortCode abort = dictionary::AbortCode::none;  // of the drive's service port, if the port refused access
+  dictionary::AbortCode abort = dictionary::AbortCode::none;  // of the drive, if it refused access
 };
 
 // Returns {"error": {"what", "where", "hint"}}, with "abort" and "abort_text" if the drive refused access.

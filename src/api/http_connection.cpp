@@ -121,7 +121,7 @@ HttpConnection::HttpConnection(HttpServer& server, tcp::socket socket)
       peer.is_loopback() || (peer.is_v6() && peer.to_v6().is_v4_mapped() &&
                              boost::asio::ip::make_address_v4(boost::asio::ip::v4_mapped, peer.to_v6()).is_loopback());
   links::serve_promptly(stream_.socket());
-  stream_.socket().non_blocking(true, ignored);  // for obsolete(), which only looks
+  stream_.socket().non_blocking(true, ignored);  // so that obsolete() does not wait for bytes
 }
 
 template <typename Handler>
@@ -145,7 +145,7 @@ void HttpConnection::read() {
   parser_.emplace();
   parser_->header_limit(largest_header);
   parser_->body_limit(largest_body);
-  halts_ = server_->halts_;  // of a request that waits in the buffer behind the last one of its client
+  halts_ = server_->halts_;  // for a request that has already arrived in the buffer
   stream_.expires_after(idle_time);
   parse();
 }
@@ -260,7 +260,7 @@ void HttpConnection::serve_at(Turns::Clock::time_point when) {
   }));
 }
 
-// Serves an urgent request before its turn. All other requests, and those that are refused, wait for it.
+// Serves an urgent request before its turn. All other requests, and those that are refused, wait for their turn.
 void HttpConnection::serve_if_urgent() {
   const Message& message = parser_->get();
   Request request = request_of(Message(message), from_loopback_);

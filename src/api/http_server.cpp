@@ -15,7 +15,7 @@ namespace {
 using boost::asio::ip::tcp;
 using boost::system::error_code;
 
-// Usually there are no file descriptors left: the server frees one and accepts again after this time.
+// When accepting fails, usually no file descriptors are left: the server frees one and accepts again after this time.
 constexpr auto retry_time = std::chrono::milliseconds(100);
 
 [[noreturn]] void cannot_listen(const std::string& address, std::uint16_t port, const error_code& code) {

@@ -32,8 +32,9 @@ struct Call {
   bool halts = false;                // set by the handler: it has halted axes
 };
 
-// The value of Route::is_urgent for requests that bring axes to rest, or that keep a dead man's switch. The address of
-// a stop may also begin motions: the limit does not interpret the body, and such requests are short.
+// The value of Route::is_urgent for requests that bring axes to rest, or that show that a dead man's switch is still
+// held. A request that begins a motion is urgent too if a stop has the same address, because the rate limit does not
+// interpret the body. Such requests are short.
 inline constexpr bool urgent = true;
 
 struct Route {
@@ -44,7 +45,7 @@ struct Route {
   bool is_urgent = false;    // the rate limit delays only long series of such requests (HttpServer)
 };
 
-// Throws ApiError 409 if the request of the call no longer holds.
+// Throws ApiError 409 if `reason` (Request::obsolete) is not empty.
 void refuse_obsolete(std::string_view reason);
 
 // Routes and the data that their handlers need. `context` must outlive the requests.

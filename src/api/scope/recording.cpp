@@ -68,7 +68,7 @@ void Recording::trigger_at(std::int64_t tick) {
   trigger_tick_ = tick;
   state_ = RecordingState::running;
   const std::int64_t at = (tick + plan_.stride - 1) / plan_.stride * plan_.stride;
-  begin_ = std::max(first_, at - plan_.before * plan_.stride);  // after an early trigger it is as long all the same
+  begin_ = std::max(first_, at - plan_.before * plan_.stride);  // an early trigger does not shorten the recording
   end_ = begin_ + plan_.samples * plan_.stride;
 }
 

@@ -35,8 +35,8 @@ class Recordings {
   std::shared_ptr<Recording> find(std::uint32_t id) const;  // nullptr: there is none
   // Changes name and note as the body of PUT /api/v1/recordings/{id} says. On an error throws and changes nothing.
   void describe(Recording& recording, const std::string& body);
-  // Removes a recording at the request of a client, and tells the callback of on_removed. A recording that makes room
-  // for another is not told.
+  // Removes a recording at the request of a client, and calls the callback of on_removed. A recording that makes room
+  // for another is removed without this call.
   void remove(std::uint32_t id);
   void on_removed(std::function<void(std::uint32_t id)> removed) { removed_ = std::move(removed); }
 

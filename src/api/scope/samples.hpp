@@ -58,7 +58,7 @@ class Samples {
 
   // False: every row is a sample.
   virtual bool counts() const { return false; }
-  // The same range of ticks as at().
+  // How the row of a tick got its value; for the same range of ticks as at().
   virtual Taken taken(std::int64_t) const { return Taken::sampled; }
 
  private:

@@ -29,7 +29,7 @@ class Source {
 
   // The present tick. The values of all ticks up to it are available.
   virtual std::int64_t tick() const = 0;
-  virtual links::Time wall_epoch() const = 0;  // wall-clock time of tick 0; 0: virtual time
+  virtual links::Time wall_epoch() const = 0;  // wall-clock time of tick 0; 0: there is none
   virtual std::vector<std::string> axes() const = 0;
   // Both throw ApiError if the axis, or its signal or object, does not exist.
   virtual NamedChannel signal(const std::string& axis, std::string_view name) = 0;

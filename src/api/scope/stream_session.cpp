@@ -110,7 +110,7 @@ void StreamSession::watch(BodyReader& reader) {
   sent_clock_.clear();
 }
 
-// Returns true if so much waits for the client that it receives nothing more.
+// Returns true if so many bytes wait for the client that no more samples and views are sent to it.
 bool StreamSession::overloaded(WallTime now) {
   if (outbox_.queued() < most_queued) {
     full_since_.reset();
