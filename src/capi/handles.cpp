@@ -16,8 +16,8 @@ struct Table {
 
 Table& table();
 
-// A child of fork() has only the thread that called it. The table is locked meanwhile, so that no other thread's lock
-// stays in the child.
+// A child of fork() has only the thread that called it. The table is locked during fork(), because otherwise a lock of
+// a thread that the child does not have could stay in the child.
 Table* make_table() {
   ::pthread_atfork([] { table().mutex.lock(); }, [] { table().mutex.unlock(); }, [] { table().mutex.unlock(); });
   return new Table;

@@ -23,7 +23,7 @@ class Item {
   virtual ~Item() = default;
 };
 
-// A port of a master. It has received something at the line's present time, or not yet.
+// A port of a master. ready() returns true if it has something to read at the line's time `now`.
 class Port : public Item {
  public:
   virtual bool ready(Time now) const = 0;

@@ -8,7 +8,7 @@
  * SERVODROME_CLOSED. Closing a line closes everything that was opened on it.
  *
  * Results. A function that returns `int` returns SERVODROME_OK (0), SERVODROME_NOTHING (1), or a negative value. After a negative
- * value nothing has changed and servodrome_last_error() has the reason.
+ * value nothing has changed (except as servodrome_ethercat_receive says), and servodrome_last_error() has the reason.
  *
  * Threads. Calls may come from any thread. Calls on the same line run one after the other; calls on different lines run at the same
  * time.
@@ -85,8 +85,8 @@ SERVODROME_API int servodrome_line_run_ticks(servodrome_handle line, int64_t tic
 
 /*
  * Runs the line up to `time_ns`, or until one of `count` ports has received something, whichever comes first. `ready` gets the
- * index of the first port in the list that has something to read. Returns SERVODROME_NOTHING if the time came first. A
- * time in the past only looks at the ports.
+ * index of the first port in the list that has something to read. Returns SERVODROME_NOTHING if the time came first. If
+ * `time_ns` is in the past, the call only checks the ports.
  */
 SERVODROME_API int servodrome_line_wait(servodrome_handle line, int64_t time_ns, const servodrome_handle* ports, size_t count,
                                         size_t* ready);
@@ -116,8 +116,8 @@ SERVODROME_API int servodrome_channel(servodrome_handle line, const char* axis, 
 SERVODROME_API int servodrome_read(servodrome_handle line, const uint32_t* channels, size_t count, double* values);
 
 /*
- * Records channels at every tick that is a multiple of `stride` (1 .. 16000), from the next one on, until it is closed. The rows
- * are kept in memory.
+ * Records channels at every tick that is a multiple of `stride` (1 .. 16000), from the next one on, until the recorder
+ * is closed. The rows are kept in memory.
  */
 SERVODROME_API int servodrome_recorder_open(servodrome_handle line, const uint32_t* channels, size_t count, int64_t stride,
                                             servodrome_handle* recorder);
@@ -146,7 +146,10 @@ typedef struct servodrome_can_frame {
 } servodrome_can_frame;
 
 SERVODROME_API int servodrome_can_open(servodrome_handle line, const char* bus, servodrome_handle* port);
-/* Puts a frame into the port's queue; it goes out as arbitration allows, in line time. SERVODROME_REFUSED: the queue is full. */
+/*
+ * Puts a frame into the port's queue; it goes out as arbitration allows, in line time. SERVODROME_REFUSED: the queue is
+ * full, or the port is bus-off.
+ */
 SERVODROME_API int servodrome_can_send(servodrome_handle port, const servodrome_can_frame* frame);
 SERVODROME_API int servodrome_can_receive(servodrome_handle port, int64_t timeout_ns, servodrome_can_frame* frame);
 
@@ -154,19 +157,28 @@ SERVODROME_API int servodrome_can_receive(servodrome_handle port, int64_t timeou
 SERVODROME_API int servodrome_can_state(servodrome_handle port, unsigned* state);
 
 SERVODROME_API int servodrome_serial_open(servodrome_handle line, const char* bus, servodrome_handle* port);
-/* The format of the port's characters; at first that of the bus. `parity` is 'N', 'E' or 'O'. */
+/*
+ * Sets the format of the port's characters; at first it is that of the bus. `bit_rate` is in bit/s, `parity` is 'N',
+ * 'E' or 'O'.
+ */
 SERVODROME_API int servodrome_serial_configure(servodrome_handle port, uint32_t bit_rate, unsigned data_bits, char parity,
                                                unsigned stop_bits);
 SERVODROME_API int servodrome_serial_send(servodrome_handle port, const uint8_t* bytes, size_t size);
-/* At least one byte and at most `capacity`, as many as are there; `size` gets their number. */
+/* Copies at least one byte and at most `capacity`, as many as have come; `size` gets their number. */
 SERVODROME_API int servodrome_serial_receive(servodrome_handle port, int64_t timeout_ns, uint8_t* bytes, size_t capacity,
                                              size_t* size);
 
 /* `second` 0: the master's first port, at the first slave; 1: its second one, of a ring. */
 SERVODROME_API int servodrome_ethercat_open(servodrome_handle line, const char* bus, int second, servodrome_handle* port);
-/* Sends an Ethernet frame without FCS, with its header, at most 1514 bytes. It passes the slaves at this instant. */
+/*
+ * Sends an Ethernet frame without FCS, with its header, at most 1514 bytes (1518 with a VLAN tag). It passes the slaves
+ * at this instant.
+ */
 SERVODROME_API int servodrome_ethercat_send(servodrome_handle port, const uint8_t* frame, size_t size);
-/* The next frame that comes back. `size` gets its number of bytes; more than `capacity` is SERVODROME_BAD_ARGUMENT. */
+/*
+ * The next frame that comes back. `size` gets its number of bytes. More than `capacity` is SERVODROME_BAD_ARGUMENT; the
+ * line has then advanced up to the frame, and the frame waits for the next call.
+ */
 SERVODROME_API int servodrome_ethercat_receive(servodrome_handle port, int64_t timeout_ns, uint8_t* frame, size_t capacity,
                                                size_t* size);
 
