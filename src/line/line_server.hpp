@@ -79,7 +79,8 @@ class LineServer final : private links::LineHost {
   Time frame_time() override { return clock_.frame_time(); }
   void report(const std::string& message) override;
   void wake() override;
-  // Frames are logged with the line's time: wall-clock time in real time, time since 0 in virtual time.
+  // A link adds it to the line's time in the timestamps for its clients. They are wall-clock time if the line has real
+  // time, and time since 0 if it has virtual time.
   Time epoch() const override { return clock_.is_real() ? epoch_ : Time{}; }
 
   // Finds the drives of an RS485 line for its Modbus TCP clients. Before each request the line catches up with real

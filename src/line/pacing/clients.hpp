@@ -20,8 +20,8 @@ inline bool has_can_clients(const Line& line) { return any_link(line.buses(), is
 inline bool has_clients(const Line& line) {
   return has_can_clients(line) || any_link(line.serial_buses(), is_connected);
 }
-// A segment has no connections, so a master is assumed as soon as a frame has come. The line is then woken more often:
-// the less it has to catch up with before it answers a frame, the sooner the answer leaves.
+// A segment has no connections, so a master is assumed as soon as a frame has come. The line is then woken more often,
+// so that it has less to catch up with before it answers a frame and the answer leaves sooner.
 inline bool has_master(const Line& line) {
   return any_link(line.ethercat_buses(), [](const links::LinkCounters& counters) { return counters.to_bus > 0; });
 }
