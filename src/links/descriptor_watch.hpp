@@ -47,7 +47,7 @@ class DescriptorWatch {
   FileDescriptor epoll_;
   FileDescriptor timer_;
   std::vector<std::unique_ptr<Entry>> entries_;
-  std::vector<std::unique_ptr<Entry>> removed_;  // kept until wait() ends, which may still find them
+  std::vector<std::unique_ptr<Entry>> removed_;  // kept until wait() ends, which may still use them
   bool waiting_ = false;
   bool paused_ = false;
 };

@@ -20,8 +20,8 @@ class CanLink {
   // The name with which clients open the link. A port number of 0 is replaced by the actual one.
   virtual std::string name() const = 0;
   virtual const LinkCounters& counters() const = 0;
-  // Returns true if all frames that clients have written are on the bus or in its queue, as far as there is room, and
-  // if frames can reach the clients.
+  // Returns true if all frames that clients have written are on the bus or in its queue, or the queue is full, and if
+  // frames can reach the clients.
   virtual bool settled() { return true; }
 };
 

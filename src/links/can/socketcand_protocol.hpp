@@ -48,7 +48,8 @@ struct Words {
 
 // `send ID DLC [byte ...]` and `sendrtr ID DLC`. The identifier is hexadecimal, and extended if it has 8 digits; bytes
 // have one or two digits. A `send` with a length above 0 but no bytes is a remote frame: python-can writes remote
-// frames so, although socketcand rejects them. With length 0 it is a data frame, since the two cannot be distinguished.
+// frames in this form, although socketcand rejects it. With length 0 it is a data frame, since the two cannot be
+// distinguished.
 std::optional<canopen::Frame> parse_send(const Words& words);
 std::string format_send(const canopen::Frame& frame);
 

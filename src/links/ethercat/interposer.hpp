@@ -11,8 +11,8 @@
 namespace servodrome::links {
 
 // Changes or drops frames on their way, to test how a master handles that. EthercatBus::pass() makes all calls; they
-// must not send frames. An interposer changes the bytes of a frame in place. To walk through the datagrams of a frame:
-// ethercat::Segment::parse(). A frame whose datagrams no longer fit into it is malformed.
+// must not send frames. An interposer changes the bytes of a frame in place. ethercat::Segment::parse() finds the
+// datagrams of a frame. A frame whose datagrams no longer fit into it is malformed.
 class EthercatInterposer {
  public:
   using Encapsulation = ethercat::Segment::Encapsulation;

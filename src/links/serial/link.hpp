@@ -19,7 +19,7 @@ class SerialLink {
   // The name with which clients open the link. A port number of 0 is replaced by the actual one.
   virtual std::string name() const = 0;
   virtual const LinkCounters& counters() const = 0;
-  // Returns true if all that clients have written is on the line or answered, as far as there is room.
+  // Returns true if everything that clients have written is on the line or answered, or if there is no room for more.
   virtual bool settled() { return true; }
   // Ends the connections of all clients soon after the call.
   virtual void end_connections() {}
