@@ -37,7 +37,7 @@ struct alignas(32) SyncManager {  // aligned so that both process data channels 
   bool wrote(std::uint32_t offset, std::uint32_t bytes);
   bool read(std::uint32_t offset, std::uint32_t bytes);
 
-  // The same for a whole three-buffer area in one step: returns the address and closes the buffer.
+  // Accesses a whole buffer of a three-buffer area in one step: opens it, closes it and returns its address.
   std::uint32_t write_whole() {
     const std::uint16_t at = write_buffer;
     write_buffer = std::exchange(last_buffer, at);

@@ -14,9 +14,8 @@ namespace servodrome::ethercat {
 // from Slave::release_mail. In a call the interposer may use Slave::post, but no other function that changes the slave.
 class SlaveInterposer {
  public:
-  // A master requests another state, and all checks of the stack and the device have passed. A code refuses
-  // the change, also one to Init: the slave keeps its state and shows the code with the error bit (ETG.1000.6 clause
-  // 6.4).
+  // A master requests another state, and all checks of the stack and the device have passed. A code refuses the change,
+  // even a change to Init: the slave keeps its state and shows the code with the error bit (ETG.1000.6 clause 6.4).
   virtual std::optional<AlStatusCode> refuses(AlState /*from*/, AlState /*to*/) { return std::nullopt; }
 
   // A master acknowledges an error in the state in which the slave is. False: the error and its code stay.
@@ -51,7 +50,7 @@ class SlaveInterposer {
   // How the slave's application sees a SYNC0 pulse.
   struct Pulse {
     unsigned times = 1;  // 0: it does not see the pulse
-    Time delay{};  // delay of the pulse. A delayed pulse is lost if it comes before the application saw the last one
+    Time delay{};        // delay of the pulse; a delayed pulse is lost while an earlier one still waits
   };
   // Called at each SYNC0 in Safe-Operational and Operational, if SYNC0 times the exchange of process data. If the
   // application sees no pulse for two SYNC0 cycles, at least 1 ms, the slave reports 002Ch at the next frame.
