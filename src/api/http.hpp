@@ -25,8 +25,8 @@ struct Request {
   bool from_loopback = true;
   // The rate limit delays the request: `begin` carries it out only if its route is urgent, otherwise postpones it.
   bool only_if_urgent = false;
-  // Why the request no longer holds: its client has closed the connection, or a halt came while it waited for its turn.
-  // Empty: it holds. A request that does not hold begins nothing; a halt is carried out nevertheless.
+  // Why the request is no longer valid: its client has closed the connection, or a halt came while it waited for its
+  // turn. Empty: it is valid. A request that is no longer valid begins nothing; a halt is carried out nevertheless.
   std::string_view obsolete{};
 };
 

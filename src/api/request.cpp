@@ -80,7 +80,7 @@ void search(Search& search, const RouteGroup& group) {
       if (search.request.only_if_urgent && !route.is_urgent) return;
       const bool changes = search.request.method != Method::get;
       if (!route.is_urgent) {
-        // A stop with an odd query still stops.
+        // An urgent request, such as a stop, is carried out even if its query has unknown keys.
         require_query_keys(search.query, route.pattern.substr(std::min(query_begin + 1, route.pattern.size())));
         if (changes) refuse_obsolete(search.request.obsolete);
       }
