@@ -290,7 +290,8 @@ void Drive::cycle(const Feedback& feedback) {
     smoothing_.leave();
   }
   hold_by_current();
-  if (in_motion() || held_by_current_) cascade_.stop_analysis();  // it would excite the moving axis with soft gains
+  // The analysis would excite the moving axis, whose gains are soft meanwhile.
+  if (in_motion() || held_by_current_) cascade_.stop_analysis();
   set_limits();
   write_actuation();
   // While the windings are shorted the loops have no effect on the motor, and are off so that their integrals do not
