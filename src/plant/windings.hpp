@@ -85,7 +85,7 @@ class Windings {
     const double unforeseen = ahead + shaft.slope * torque_nm;
     const double emf = angle * flux_by_inductance_ + unforeseen * emf_per_speed_;
 
-    const double mean_q = torque_nm * ampere_per_nm_;  // known earlier than by way of the speed
+    const double mean_q = torque_nm * ampere_per_nm_;  // the processor has it earlier than by way of the speed
     const double mean_d = (kept.re * direct_a - kept.im * quadrature_a) +
                           ((pushed.re * direct_v - pushed.im * quadrature_v) + opposed.im * emf);
     const double mean_direct_v = seen.re * direct_v - seen.im * quadrature_v;
