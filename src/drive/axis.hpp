@@ -18,7 +18,8 @@
 
 namespace servodrome::drive {
 
-// Thresholds of the monitors. A threshold of 0 switches its monitor off, unless its comment says otherwise.
+// Thresholds of the monitors. A threshold of 0 switches its monitor off, except for the chopper, ambient_cold_c, and
+// where a comment says otherwise.
 struct Monitors {
   float over_voltage_v = 400.0F;
   float under_voltage_v = 200.0F;
@@ -80,7 +81,7 @@ struct Configuration {
   bool index_available = true;                     // the encoder has an index that homing may use
   bool encoder_begins_at_zero = false;             // incremental: it counts from the shaft's position at power-on
   Cause encoder_loss = Cause::encoder_connection;  // the cause that its lost connection raises
-  bool locks_to_sync = true;                       // with Interpolation::target: the target is adopted at the SYNC
+  bool locks_to_sync = true;                       // Interpolation::target: adopts it at SYNC, not when written
   double set_point_period_s = 0.0;                 // of cyclic set-points; 0: 60C2h
   double sync_period_s = 0.0;                      // of the SYNC in interpolated mode; 0: 60C2h
   float shown_velocity_ms = 0.0F;                  // lag of 606Ch, see ShownVelocity; 0: chosen for the motor
@@ -191,7 +192,7 @@ struct Axis {
   bool shaft_stands = true;              // the shaft has been slow for 2 ms
   bool following_error = false;          // beyond 6065h for longer than 6066h: statusword bit 13 in position modes
   Cause raised = Cause::none;            // the first cause raised in this cycle
-  bool velocity_clipped = false;         // of this cycle's set-point
+  bool velocity_clipped = false;         // the set-point of this cycle was clipped
   bool position_change_clipped = false;  //
 
   Counts position() const { return encoder_position + offset; }

@@ -403,7 +403,8 @@ void Drive::return_to_mode() {
   with_mode(*this, [&](auto& mode) { mode.enter(axis_); });
 }
 
-// The mode continues from the present state of the axis, and stops it first if it is not at rest.
+// The mode continues from the present state of the axis. If the identification was not completed, the axis is stopped
+// first.
 void Drive::stop_after_identification() {
   return_to_mode();
   if (identification_.outcome() == InertiaIdentification::Outcome::done) return;
