@@ -81,7 +81,7 @@ struct Configuration {
   bool index_available = true;                     // the encoder has an index that homing may use
   bool encoder_begins_at_zero = false;             // incremental: it counts from the shaft's position at power-on
   Cause encoder_loss = Cause::encoder_connection;  // the cause that its lost connection raises
-  bool locks_to_sync = true;                       // Interpolation::target: adopts it at SYNC, not when written
+  bool locks_to_sync = true;                       // Interpolation::target: 607Ah acts at SYNC, not when written
   double set_point_period_s = 0.0;                 // of cyclic set-points; 0: 60C2h
   double sync_period_s = 0.0;                      // of the SYNC in interpolated mode; 0: 60C2h
   float shown_velocity_ms = 0.0F;                  // lag of 606Ch, see ShownVelocity; 0: chosen for the motor

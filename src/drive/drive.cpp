@@ -290,7 +290,7 @@ void Drive::cycle(const Feedback& feedback) {
     smoothing_.leave();
   }
   hold_by_current();
-  // The analysis would excite the moving axis, whose gains are soft meanwhile.
+  // The analysis is for an axis at rest only: it excites the axis, and the gains may be soft meanwhile.
   if (in_motion() || held_by_current_) cascade_.stop_analysis();
   set_limits();
   write_actuation();
