@@ -40,7 +40,8 @@ struct GainObject {
   double greatest;  // greatest value of the number
 };
 
-// Notch filter of a drive: width and depth may be fixed, relative to its frequency and to 1.
+// The notch filter of a drive: its width divided by its frequency, and its gain at the centre. A drive without objects
+// for width and depth has these as fixed values.
 struct NotchAbility {
   double relative_width = 0.5;
   double depth = 0.1;

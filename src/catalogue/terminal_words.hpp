@@ -18,7 +18,7 @@ struct TerminalWords {
   std::uint8_t last_sub;
   std::string_view set;                  // the group in which the object is shown
   std::string_view key{};                // "enumeration": the numbers are values; "bits": they are bit numbers
-  std::span<const NamedNumber> words{};  // empty: no names are known, or the policy has them
+  std::span<const NamedNumber> words{};  // empty: no names are known, or drive::Policy has them
 };
 
 // The groups in which a user sees the objects.

@@ -10,7 +10,8 @@ std::int64_t decode_number(Type type, std::span<const std::byte> bytes) {
     std::memcpy(&whole, bytes.data(), sizeof whole);
     raw = whole;
   };
-  // One load for each size: the processor forwards bytes that were just written to such a load only.
+  // Each size has one load of the whole value: only to such a load the processor forwards bytes that were just written
+  // (store forwarding).
   switch (bytes.size()) {
     case 1: load(std::uint8_t{}); break;
     case 2: load(std::uint16_t{}); break;

@@ -34,8 +34,8 @@ class Listener {
   // The content of a readable DOMAIN without storage.
   virtual std::span<const std::byte> domain(const Entry&) { return {}; }
 
-  // For callers that access an entry repeatedly (process data): callbacks for this entry, which replace the three above
-  // during the life of the device.
+  // For callers that access an entry repeatedly (process data): callbacks for this entry, which replace check(),
+  // written() and refresh() during the life of the device.
   virtual Handlers handlers(const Entry&) {
     return {
         [](Listener& owner, const Entry& entry, std::span<const std::byte> value) { return owner.check(entry, value); },
@@ -61,8 +61,8 @@ class View {
   ~View() = default;
 };
 
-// Gets all writes of a bus or of the service port (Dictionary::write), with the value before and after. Process data
-// and the device itself do not pass it.
+// Gets all writes of a bus or of the service port (Dictionary::write), with the value before and after. It does not get
+// writes by process data or by the device itself.
 class Recorder {
  public:
   // `value` is the present value of the object that is about to be written; empty if it cannot be read. Valid during
@@ -100,7 +100,8 @@ class Dictionary {
 
   void set_listener(Owner owner, Listener* listener) { listeners_[static_cast<std::size_t>(owner)] = listener; }
 
-  // All accesses of the bus (read, write, PDOs) pass `view` from now on; nullptr: none. Accesses by numbers do not.
+  // All accesses of the bus (read, write, PDOs) pass `view` from now on; nullptr: none. Accesses by number() and
+  // set_number() do not.
   void set_view(View* view) { view_ = view; }
   View* view() const { return view_; }
 

@@ -29,7 +29,7 @@ class JointWrite {
  private:
   struct Item {
     const Entry* entry = nullptr;
-    std::span<std::byte> value;  // of a stored object the old one
+    std::span<std::byte> value;  // of a stored object: its old value
   };
   bool is_stored(const Entry& entry) const { return entry.fixed_size() && entry.offset != Field::no_storage; }
   void exchange(const Item& item);

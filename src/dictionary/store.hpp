@@ -32,8 +32,8 @@ class Store {
   AbortCode save(const Dictionary& dictionary, Area areas) { return rewrite(dictionary, areas, Content::present); }
 
   // Saves the values of single objects, for values that a device saves by itself. `keys` are their Entry::key, in
-  // ascending order; objects that are not `saved` are skipped. All other saved values stay, and values that are not
-  // saved are not saved by this either. Errors as `save`.
+  // ascending order; objects that are not `saved` are skipped. The saved values of all other objects stay, and an
+  // object without a saved value gets none. Errors as `save`.
   AbortCode save_objects(const Dictionary& dictionary, std::span<const std::uint32_t> keys) {
     return rewrite(dictionary, Area{}, Content::present, keys);
   }

@@ -18,7 +18,8 @@
 
 namespace servodrome::drive {
 
-// Thresholds of the monitors. A threshold of 0 switches its monitor off, unless its comment says otherwise.
+// Thresholds of the monitors. A threshold of 0 switches its monitor off, except for the chopper, ambient_cold_c, and
+// where a comment says otherwise.
 struct Monitors {
   float over_voltage_v = 400.0F;
   float under_voltage_v = 200.0F;
@@ -31,7 +32,7 @@ struct Monitors {
   float encoder_hot_c = 95.0F;
   float warning_margin_c = 10.0F;    // distance of the warning below a hot threshold; 0: no warning
   bool over_speed_by_object = true;  // 120 % of 6080h counts as over speed as well
-  float over_speed_rpm = 0.0F;       // 0: 1.2 x the motor's greatest speed, or 6080h where it is lower
+  float over_speed_rpm = 0.0F;       // 0: 1.2 x the motor's greatest speed
   double velocity_error = 0.0;       // limit of the velocity error, counts/s; 0: no limit
   std::uint32_t velocity_error_ms = 1000;
   bool i2t = true;
@@ -61,8 +62,8 @@ struct Monitors {
 struct SpeedWindows {
   bool used = false;
   double reached_counts_per_s = 0.0;  // greatest distance from the target
-  Counts zero_counts_per_ms = 0;      // greatest speed ...
-  std::uint32_t zero_ms = 0;          // ... and least time
+  Counts zero_counts_per_ms = 0;      // "speed zero": greatest speed
+  std::uint32_t zero_ms = 0;          // ... and the time for which it must last
 };
 
 // Settings of a product: data of the nameplate and the product's own parameters. They may change while the drive runs.
@@ -76,18 +77,18 @@ struct Configuration {
   CauseSet ignored{};                              // faults that the drive neither reports nor reacts to
   bool remote = true;                              // statusword bit 9: the bus, not an input, enables the drive
   std::uint32_t bus_inputs = 0;                    // input wires whose level comes from a bit of 60FEh:01
-  std::uint32_t input_filter_cycles = 0;           // shorter levels are ignored
+  std::uint32_t input_filter_cycles = 0;           // debounce: shorter levels are ignored
   bool index_available = true;                     // the encoder has an index that homing may use
   bool encoder_begins_at_zero = false;             // incremental: it counts from the shaft's position at power-on
   Cause encoder_loss = Cause::encoder_connection;  // the cause that its lost connection raises
-  bool locks_to_sync = true;                       // with Interpolation::target: the target is adopted at the SYNC
+  bool locks_to_sync = true;                       // Interpolation::target: 607Ah acts at SYNC, not when written
   double set_point_period_s = 0.0;                 // of cyclic set-points; 0: 60C2h
   double sync_period_s = 0.0;                      // of the SYNC in interpolated mode; 0: 60C2h
   float shown_velocity_ms = 0.0F;                  // lag of 606Ch, see ShownVelocity; 0: chosen for the motor
   float shown_velocity_filter_ms = 0.0F;           // time constant of a low pass after that; 0: none
   std::uint32_t remote_outputs = 0xFFFFFFFF;       // outputs that 60FEh may drive, bit n for output n
   bool brake_inverted = false;                     // the brake's output is inverted
-  bool brake_forced = false;                       // ... or forced on for commissioning
+  bool brake_forced = false;                       // ... or forced on, which opens the brake, for commissioning
   std::uint32_t brake_release_ms = 0;              // from power on to the first motion
   std::uint32_t brake_engage_ms = 0;               // from brake command to power off
   // If the axis is faster than this when power goes off, the brake stays open until the axis is this slow, at most for
@@ -129,7 +130,8 @@ struct Configuration {
   std::uint32_t homing_timeout_ms = 0;
 
   bool smooths() const { return smoothing_ms != 0 || position_lag_ms > 0.0F; }
-  // Inputs without a capture unit: the time of their edges comes from the level in each cycle.
+  // Inputs without a capture unit, bit n for input n. The drive polls their levels once per cycle, and an edge has the
+  // position of that cycle.
   std::uint32_t inputs_without_capture() const { return input_filter_cycles != 0 ? 0xFFFFFFFF : bus_inputs; }
   bool knows_load() const {
     return weight_torque != 0.0F || friction_torque_positive != 0.0F || friction_torque_negative != 0.0F;
@@ -190,7 +192,7 @@ struct Axis {
   bool shaft_stands = true;              // the shaft has been slow for 2 ms
   bool following_error = false;          // beyond 6065h for longer than 6066h: statusword bit 13 in position modes
   Cause raised = Cause::none;            // the first cause raised in this cycle
-  bool velocity_clipped = false;         // of this cycle's set-point
+  bool velocity_clipped = false;         // the set-point of this cycle was clipped
   bool position_change_clipped = false;  //
 
   Counts position() const { return encoder_position + offset; }
@@ -218,7 +220,8 @@ struct Axis {
     if (raised == Cause::none) raised = cause;
   }
 
-  // An unsupported type is a fault when a motion is planned; the stop after the fault is linear.
+  // The shape for a value of 6086h; linear for an unsupported type. (Planning a motion with an unsupported type is a
+  // fault, and the stop after this fault is linear.)
   RampShape shape_of(std::int16_t type) const {
     return has_shape(type) ? policy.ramps.shape_of_type[static_cast<std::size_t>(type)] : RampShape::linear;
   }
@@ -362,9 +365,9 @@ struct Axis {
   std::int64_t to_user_position(Counts application) const;
   // Length of the active position range in user units, or 0 while 607Bh is off.
   std::int64_t position_range() const;
-  // 607Dh in user units. If it allows less than the whole range 607Bh, the ends of the range are limits as well,
-  // because positions continue at the other end, where 607Dh forbids them. If it allows the whole range, there is no
-  // limit.
+  // 607Dh in user units. If 607Dh allows the whole range 607Bh, there is no limit, because positions wrap around. If it
+  // allows less, the ends of the range are limits as well: beyond an end, positions wrap around to the other end, where
+  // 607Dh may forbid them.
   struct UserLimits {
     std::int64_t least;
     std::int64_t greatest;
@@ -395,8 +398,9 @@ struct Axis {
   bool at_position_limit() const;
   // Returns true if at_position_limit() and the demand does not move away from the limit.
   bool held_by_position_limit() const;
-  // The direction of the demand. The last step of a line has no velocity but still moves the shaft. The direction is
-  // then that of the step from the demand `before`, if the shaft still has to move that way; otherwise 0.
+  // The direction of the demand. In its last step on a line of set-points (Line) the demand has no velocity but still
+  // moves the shaft. The direction is then that of the step from the demand `before`, if the shaft still has to move
+  // that way; otherwise 0.
   double demand_direction(Counts before) const {
     const double velocity = generator.velocity();
     if (velocity != 0.0 || demand.loop != Loop::position) return velocity;

@@ -12,8 +12,8 @@
 
 namespace servodrome::drive {
 
-// Smooths the demand of a mode: by a moving average or by a low pass. The demand that the loops get then lags behind
-// the one of the generator.
+// Smooths the demand of a mode: by a moving average or by a low pass. The loops then get a demand that lags behind the
+// demand of the generator.
 //
 // A filter delays the demand and must never move the axis. Therefore a filter starts only while the demand is constant,
 // and a filter setting that is written during a motion takes effect after the motion.
@@ -34,7 +34,7 @@ class DemandSmoothing {
   std::int64_t position_counts() const { return value_ >> 16; }
   float velocity() const { return velocity_; }  // counts/s
 
-  // The demand continues elsewhere, for example from the smoothed one.
+  // Call this when the demand jumps, for example to the smoothed demand: the filter then starts anew.
   void leave() { loop_ = Loop::off; }
   void stop() {
     loop_ = Loop::off;

@@ -290,7 +290,8 @@ void Drive::cycle(const Feedback& feedback) {
     smoothing_.leave();
   }
   hold_by_current();
-  if (in_motion() || held_by_current_) cascade_.stop_analysis();  // it would excite the moving axis with soft gains
+  // The analysis is for an axis at rest only: it excites the axis, and the gains may be soft meanwhile.
+  if (in_motion() || held_by_current_) cascade_.stop_analysis();
   set_limits();
   write_actuation();
   // While the windings are shorted the loops have no effect on the motor, and are off so that their integrals do not
@@ -402,7 +403,8 @@ void Drive::return_to_mode() {
   with_mode(*this, [&](auto& mode) { mode.enter(axis_); });
 }
 
-// The mode continues from the present state of the axis, and stops it first if it is not at rest.
+// The mode continues from the present state of the axis. If the identification was not completed, the axis is stopped
+// first.
 void Drive::stop_after_identification() {
   return_to_mode();
   if (identification_.outcome() == InertiaIdentification::Outcome::done) return;

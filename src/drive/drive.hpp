@@ -141,7 +141,8 @@ class Drive final : public dictionary::Listener {
   bool homed() const { return axis_.homed; }
   // Homing handles limit switches itself from its first leg on.
   bool homes() const { return mode_ == Mode::homing && homing_mode_.active() && !homing_mode_.awaits_rest(); }
-  // The direction (-1, +1) in which homing presses against a hard stop; 0: it does not, or a stop has its torque.
+  // The direction (-1, +1) in which homing presses against a hard stop; 0: it does not, or the axis is stopping, for
+  // which it has its full torque.
   int presses() const { return mode_ == Mode::homing && !stop_.active() ? homing_mode_.pressing() : 0; }
   // The leg of the homing that runs, from 0; -1: none.
   int homing_leg() const { return mode_ == Mode::homing && homing_mode_.active() ? homing_mode_.leg() : -1; }
@@ -345,7 +346,7 @@ class Drive final : public dictionary::Listener {
   DcLinkWatch dc_link_{};
   bool halted_ = false;
   bool zero_speed_ = false;             // held at once, without a ramp, until the brake has closed
-  bool held_by_current_ = false;        // as a stepper is
+  bool held_by_current_ = false;        // a direct current holds the axis, as in a stepper drive
   double set_greatest_velocity_ = 0.0;  // counts/s, in the previous cycle
   // the 6080h it was computed from; empty: units or motor have changed
   std::optional<std::uint32_t> greatest_of_rpm_{};

@@ -12,8 +12,9 @@ constexpr std::uint32_t lagging_modes =
 
 }  // namespace
 
-// The direction of the motion that the demand asks for, which may end, or reverse, before the shaft does: the shaft
-// then still follows a smoothed demand, or lags behind it. `before`: the demand before this cycle.
+// The direction of the motion that the demand asks for. If the demand has ended or reversed, but the shaft still
+// follows the smoothed demand or lags behind, it is the direction in which the shaft still moves. `before`: the demand
+// before this cycle.
 double Drive::demanded_direction(Counts before) const {
   constexpr double moving_rpm = 30.0;
   constexpr double settling_s = 0.05;  // a shaft that arrives within this time settles at its target
@@ -23,7 +24,8 @@ double Drive::demanded_direction(Counts before) const {
   const double shaft = axis_.velocity();
   if (direction != 0.0 || std::abs(shaft) < axis_.rpm_to_counts_per_s(moving_rpm)) return direction;
   if (axis_.demand.loop != Loop::position) return velocity_of_demand() * shaft > 0.0 ? shaft : 0.0;
-  // The shaft of a soft loop is far from its demand: it moves on if a quick stop is shorter.
+  // With a soft position loop the shaft may be far behind its demand. It then still moves on if a quick stop would end
+  // before the demand.
   const double quick = quick_stop_deceleration();
   const double stop = quick > 0.0 ? shaft * shaft / (2.0 * quick) : 0.0;
   const auto ahead = static_cast<double>(axis_.generator.nearest_position() - axis_.position());
@@ -52,8 +54,9 @@ bool Drive::pushes_limit_switch(Counts before) const {
   return axis_.runs_into_limit_switch(towards);
 }
 
-// Unless homing runs, a limit switch ends every motion towards it; motion away from it is free. In modes without a
-// target position a software limit does the same, early enough to stop at it. `before`: the demand before this cycle.
+// Unless homing runs, a limit switch ends every motion towards it, or raises a fault (LimitPolicy::switches). Motion
+// away from it is free. In modes that control the velocity, a software limit ends the motion too, early enough to stop
+// at the limit. For modes that control the torque see set_limits(). `before`: the demand before this cycle.
 void Drive::limit_switches(Counts before) {
   if (homes()) return;
   if (policy_.limits.switches == LimitSwitches::fault) {

@@ -26,10 +26,10 @@ class Generator {
   Trajectory::Result come_to_rest(const MotionLimits& limits, RampShape shape);
   void rest_again() { come_to_rest(rest_limits_, rest_shape_); }  // the last ramp to rest, from the present state
   double rest_direction() const { return rest_direction_; }
-  void hold_rest() { rest_direction_ = 0.0; }  // the place of rest is found
+  void hold_rest() { rest_direction_ = 0.0; }  // the shaft has stopped or turned back: the demand stays here
 
-  // Like move_to, but as if planned at the exact moment within the last cycle at which the running motion ended, unless
-  // it ended at rest.
+  // Like move_to, but for a motion that has just ended at a velocity: the new motion begins at the exact moment within
+  // the last cycle at which the old one ended.
   Trajectory::Result continue_to(Counts target, double end_velocity, const MotionLimits& limits, RampShape shape);
 
   // Sets the state directly, for the demand of a cyclic mode.

@@ -31,7 +31,8 @@ enum class EncoderFault : std::uint32_t {
   hall_state = 1u << 7,   // an impossible Hall combination
 };
 
-// Bits of Feedback::hardware_faults: comparators and supervision of the power stage, latched by it for the tick.
+// Bits of Feedback::hardware_faults: comparators and supervision of the power stage. The power stage latches a bit for
+// the tick in which it occurs.
 enum class HardwareFault : std::uint32_t {
   none = 0,
   overcurrent_u = 1u << 0,

@@ -72,7 +72,7 @@ struct Drive::OwnObjects {
       : first(from), last(to), handlers(their_handlers) {}
 };
 
-// Not inlined, because only this function needs stack for all objects.
+// Not inlined, because only this function needs stack for a copy of all objects.
 [[gnu::noinline]] AbortCode Drive::check_units(const Entry& entry, std::span<const std::byte> value) const {
   if (energised()) return AbortCode::device_state;
   if (entry.offset < objects_base_ || entry.offset + value.size() > objects_base_ + sizeof(Objects)) {

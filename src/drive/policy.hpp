@@ -173,7 +173,7 @@ struct PositioningPolicy {
   bool halt_discards = false;     // after halt the motion needs a new set-point
   bool acknowledge_blocks_change = false;  // while statusword bit 12 is set, controlword bit 5 is ignored too
   bool end_velocity_is_start = false;      // 6082h is the initial speed of a motion from rest
-  std::uint16_t target_tracking = 0;       // controlword bits with which every write of 607Ah is a new set-point
+  std::uint16_t target_tracking = 0;       // while these controlword bits are set, each write of 607Ah is a set-point
 };
 
 struct RampPolicy {
@@ -185,8 +185,8 @@ struct RampPolicy {
   // A jerk-limited profile decelerates with the same ramp as it accelerates, ends at rest, and accepts no set-point
   // before its end.
   bool jerk_limited_single_symmetric = false;
-  bool zeros_are_faults = false;      // zero profile values raise the planning causes
-  bool zeros_are_greatest = false;    // ramps of zero stand for 60C5h and 60C6h
+  bool zeros_are_faults = false;      // profile values of 0 raise causes (faults.hpp, "Motion planning")
+  bool zeros_are_greatest = false;    // ramps of 0 mean the values of 60C5h and 60C6h
   bool greatest_limit_homing = true;  // 60C5h and 60C6h limit 609Ah as well
 };
 
@@ -216,8 +216,8 @@ struct HomingPolicy {
   bool errors_are_faults = false;  // homing errors with a row in the product's fault table
   HomingErrorCodes error_codes{};
   bool reached_means_home = false;  // statusword bit 10 is set at rest only if home was found; otherwise at every rest
-  bool counts_at_rest = false;    // home counts as found at the end of homing, not at the latch; a new start resets it
-  bool needs_its_inputs = false;  // homing fails at once if a switch of its method has no input
+  bool counts_at_rest = false;      // home is found when homing ends, not at the latch; a new start resets it
+  bool needs_its_inputs = false;    // homing fails at once if a switch of its method has no input
 };
 
 struct TerminalPolicy {

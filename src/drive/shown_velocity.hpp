@@ -18,7 +18,7 @@ class ShownVelocity {
  public:
   static constexpr std::size_t longest = 32;
 
-  // The lag with which one count is at most 0.1 % of the rated speed, within 4 to 16 ms.
+  // The lag in ms with which one count changes the velocity by at most 0.1 % of the rated speed, clipped to 4 .. 16 ms.
   static float needed_ms(const MotorData& motor) {
     const float rated_counts_per_ms = motor.rated_speed_rpm / 60.0e3F * static_cast<float>(motor.counts_per_revolution);
     return std::clamp(std::ceil(1.0e3F / std::max(rated_counts_per_ms, 1.0F)), 4.0F, 16.0F);

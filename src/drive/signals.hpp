@@ -28,8 +28,9 @@ enum class Signal : std::uint8_t {
 
 constexpr std::uint32_t bit(Signal signal) { return 1u << static_cast<unsigned>(signal); }
 
-// A terminal is on while its wire is high (low if `inverted`), or always if `forced`, as commissioning tools simulate
-// inputs; its signal is active while it is on (off if `normally_closed`).
+// A terminal is on while its wire is high, or while its wire is low if it is `inverted`. A `forced` terminal is always
+// on: in this way commissioning tools simulate inputs. The signal is active while the terminal is on, or while it is
+// off if it is `normally_closed`.
 struct InputFunction {
   Signal signal = Signal::none;
   bool inverted = false;

@@ -145,9 +145,9 @@ void Supervision::temperatures(const Axis& axis, const Feedback& feedback) {
   if (feedback.ambient_temperature_c < monitors.ambient_cold_c) present_.set(Cause::ambient_cold);
 }
 
-// The overload lowers the permitted current from the peak current at 90 % to the rated current at 98 %, and further
-// above, so that the overload settles at 98 %. A temperature lowers the permitted torque to 0 over the last 10 K below
-// its limit.
+// The overload lowers the permitted current: from the peak current at 90 % to the rated current at 98 %, and above 98 %
+// to less than the rated current. So the overload settles at 98 %. A temperature lowers the permitted torque to 0 over
+// the last 10 K below its limit.
 void Supervision::limit_torque(const Axis& axis, const Feedback& feedback) {
   const Monitors& monitors = axis.configuration.monitors;
   allowed_torque_ = std::numeric_limits<float>::max();

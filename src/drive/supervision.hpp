@@ -66,7 +66,7 @@ class Supervision {
   OpenPhase open_phase_{};
   std::uint32_t last_signals_ = 0;
   float over_speed_rpm_ = 0.0F;  // limit in force
-  Dwell kept_below_{};           // time below the limit that is set
+  Dwell kept_below_{};           // time well below a lowered limit, until it comes into force
   Counts brake_position_ = 0;
   Counts index_position_ = 0;  // position of the last index pulse
   bool brake_was_closed_ = false;

@@ -16,8 +16,8 @@ constexpr std::array<unsigned, 2> edge_enable{1u << 4, 1u << 5};  // rising, fal
 // ... and of 60B9h.
 constexpr unsigned enabled = 1u << 0;
 constexpr std::array<unsigned, 2> edge_stored{1u << 1, 1u << 2};
-constexpr std::array<unsigned, 2> edge_toggle{1u << 6, 1u << 7};  // where Capability::toggle_status
-constexpr unsigned source_is_index = 1u << 6;                     // where Capability::source_status
+constexpr std::array<unsigned, 2> edge_toggle{1u << 6, 1u << 7};  // where TouchProbeCapability::toggle_status
+constexpr unsigned source_is_index = 1u << 6;                     // where TouchProbeCapability::source_status
 
 constexpr std::uint8_t byte(unsigned value) { return static_cast<std::uint8_t>(value); }
 

@@ -24,7 +24,7 @@ struct TouchProbeCapability {
   bool index_falling = false;  //
   bool source_object = false;  // with trigger source 10b of 60B8h, 60D0h selects the source
   bool source_status = false;  // status bit 6 (14) mirrors the source: 1 = index
-  bool toggle_status = false;  // status bit 6 (14), 7 (15) change with every rising, falling edge in continuous mode
+  bool toggle_status = false;  // continuous mode: a rising edge toggles status bit 6 (14), a falling edge 7 (15)
   IndexValue index_value = IndexValue::position;
 
   friend bool operator==(const TouchProbeCapability&, const TouchProbeCapability&) = default;
@@ -52,8 +52,8 @@ class TouchProbe {
   // 60D0h sub `probe` + 1: 1, 2 = probe input 1, 2; 5, 6 = index. Others never latch.
   void write_source(std::size_t probe, std::int16_t source);
 
-  // Data for IndexValue::deviation, in counts, both >= 0. Without a revolution nothing latches; threshold 0: not
-  // supervised.
+  // Data for IndexValue::deviation, in counts, both >= 0. `counts_per_revolution` 0: nothing latches. `threshold` 0:
+  // not supervised.
   void set_deviation_supervision(Counts counts_per_revolution, Counts threshold);
 
   // Call this for every captured edge, in order of time. Returns true if a deviation beyond the threshold was latched.
@@ -65,7 +65,7 @@ class TouchProbe {
   Counts position(std::size_t slot) const { return probes_[slot / 2].positions[slot % 2]; }  // 60BAh + slot
   std::uint16_t edge_counter(std::size_t slot) const {
     return probes_[slot / 2].counters[slot % 2];
-  }  // 60D5h + slot, since switched on
+  }  // 60D5h + slot, since the probe was last armed
 
  private:
   struct Probe {

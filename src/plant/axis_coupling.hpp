@@ -10,9 +10,10 @@ namespace servodrome::plant {
 // Couples the loads of two plants. pull() before each tick of both gives them equal and opposite torques for this tick,
 // so the order in which the two plants step then has no effect.
 //
-// The torque is that of the twist which the present speeds predict for the middle of the tick. With it the tick is a
-// leapfrog step: it conserves the momentum exactly and the energy of a vibration on average, and the vibration has the
-// frequency 2 asin(w h / 2) / h in place of w. validate() limits w h to 1; a step with w h above 2 would be unstable.
+// The present speeds predict the twist in the middle of the tick, and the torque is that of this twist. With it the
+// tick is a leapfrog step: it conserves the momentum exactly and the energy of a vibration on average, and the
+// vibration has the frequency 2 asin(w h / 2) / h in place of w. validate() limits w h to 1; a step with w h above 2
+// would be unstable.
 class AxisCoupling {
  public:
   // The coupling is relaxed at the present places of both axes. The plants must outlive it.

@@ -9,9 +9,9 @@
 #include "plant/parameters.hpp"
 
 // The DC link: a source behind a rectifier and a resistance, the drive's relay with its precharge, a capacitor, brake
-// and bleeder resistors, and the drive's electronics, which the source feeds, or the capacitor if the source is off.
-// The model conserves energy: the capacitor loses exactly the energy that the motor takes, and gains exactly what it
-// returns.
+// and bleeder resistors, and the drive's electronics. The source feeds the electronics; while the capacitor's voltage
+// is above that of the source, the capacitor feeds them. The model conserves energy: the capacitor loses exactly the
+// energy that the motor takes, and gains exactly what it returns.
 namespace servodrome::plant {
 
 class DcLink {

@@ -113,8 +113,8 @@ void Measurement::measure(ShaftPlace place, bool frozen, drive::Feedback& feedba
   expect(static_cast<double>(true_single) + off + step);
 }
 
-// The encoder's error in the next tick is that of the place which the present speed leads to. The processor computes it
-// while it solves the machine; the error of the true place would be known only after that.
+// The error of the encoder in the next tick is computed for the place that the present speed predicts. So the processor
+// can compute it while it solves the machine; the true place is known only after that.
 [[gnu::always_inline]] inline void Measurement::expect(double single_turn) {
   const auto angle = static_cast<drive::Phase>(static_cast<std::int64_t>(single_turn * phase_per_count_));
   const drive::Phase signal = angle * lines_;

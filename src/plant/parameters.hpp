@@ -114,7 +114,7 @@ struct Supply {
   double capacitance_f = 680.0e-6;          // [1e-6, 10]
   double precharge_time_constant_s = 0.03;  // [0, 10]: charging after the relay closed; then direct
   double bleeder_resistance_ohm = 50.0e3;   // [1, 1e9]: discharges the link
-  double standby_w = 0.0;                   // [0, 1e4] of the drive's electronics, from the link if the source is off
+  double standby_w = 0.0;                   // [0, 1e4] of the electronics, from the link if the source is off or lower
   double chopper_resistance_ohm = 40.0;     // [0.1, 1e6] brake resistor
   bool charged_at_start = false;            // the link starts at `volts` with the relay closed, not empty
   double overcurrent_a = 20.0;              // [0.01, 1e5] phase amplitude that trips the comparators

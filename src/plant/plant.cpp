@@ -340,9 +340,9 @@ WindingTick Plant::solve_further(const Excitation& excitation, const ShaftRespon
 }
 
 // Finds by bisection the torque at which windings and shaft agree, if the faster methods fail. A solution exists
-// because torque - torque(speed(torque)) changes sign, since the windings' torque is bounded. If the speed jumps there
-// (a contact closes or not), windings and shaft cannot agree: then the shaft's torque on the side of the jump is used
-// on which energy is lost.
+// because torque - torque(speed(torque)) changes sign, since the windings' torque is bounded. If the speed jumps at
+// that torque (a contact closes or not), windings and shaft cannot agree. The result is then the shaft's torque on that
+// side of the jump on which energy is lost.
 template <typename MeanSpeed>
 WindingTick Plant::solve_bracketed(const Excitation& excitation, MeanSpeed mean_speed) const {
   WindingTick tick;

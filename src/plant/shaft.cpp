@@ -131,8 +131,8 @@ void Shaft::prepare() {
     const double fastest = h * std::max(std::sqrt(load_.stiffness_nm_per_rad / reduced), load_.damping_nms / reduced);
     coupling_weight_ = 0.5 + 0.5 * std::clamp(0.5 * (fastest - 1.0), 0.0, 1.0);
     // With a step lengthened by this factor, the trapezoidal rule gives the exact phase of the two masses against each
-    // other. Not if the load is coupled to another axis: the torque of that coupling is a leapfrog step together with
-    // the plain trapezoidal rule only (AxisCoupling).
+    // other. If the load is coupled to another axis, the step is not lengthened: the torque of that coupling makes a
+    // leapfrog step (AxisCoupling) only together with the plain trapezoidal rule.
     const double half = 0.5 * h * std::sqrt(load_.stiffness_nm_per_rad / reduced);
     loose_ = whole_ = step_of(h, coupling_weight_);
     const bool rings = !coupled_ && fastest <= 1.0 && whole_.rotor_weight == 0.5 && whole_.load_weight == 0.5;

@@ -13,7 +13,7 @@ constexpr double piece_angle_rad = 0.1;  // greatest angle of the fastest vibrat
 constexpr double fewest_pieces = 16.0;
 constexpr double most_pieces = 256.0;
 constexpr int most_steps = 4096;        // including the pieces that contact events add
-constexpr double least_share = 1.0e-3;  // share of a piece: an earlier event counts as at its beginning
+constexpr double least_share = 1.0e-3;  // of a piece: an earlier event counts as one at the beginning of the piece
 
 int sign_of(double value) { return (value > 0.0) - (value < 0.0); }
 
@@ -22,8 +22,8 @@ double crossing(double before, double after, double seconds) { return seconds * 
 
 }  // namespace
 
-// Checks the state at the real end of a piece, since speeds do not change linearly: a contact predicted to close may
-// not be reached, and would pull; when one contact opens, the opposite one may be closed already.
+// Checks the state at the real end of a piece, because speeds do not change linearly. A contact that was predicted to
+// close may not be reached, and would then pull. When one contact opens, the opposite contact may be closed already.
 void Shaft::Forced::look(int was, double high_rad, double low_rad) {
   const auto reached = [&](int other) { return (other > 0 ? high_rad : low_rad) >= 0.0; };
   if (!is) return;

@@ -6,7 +6,7 @@ namespace servodrome::plant {
 
 namespace {
 
-constexpr int most_events_per_tick = 64;  // beyond: levels stay correct, edges are lost anyway
+constexpr int most_events_per_tick = 64;  // with more, levels stay correct; most edges have no room in the feedback
 
 std::int64_t floor_modulo(std::int64_t value, std::int64_t modulus) {
   const std::int64_t remainder = value % modulus;

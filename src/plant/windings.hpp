@@ -85,7 +85,7 @@ class Windings {
     const double unforeseen = ahead + shaft.slope * torque_nm;
     const double emf = angle * flux_by_inductance_ + unforeseen * emf_per_speed_;
 
-    const double mean_q = torque_nm * ampere_per_nm_;  // known earlier than by way of the speed
+    const double mean_q = torque_nm * ampere_per_nm_;  // the processor has it earlier than by way of the speed
     const double mean_d = (kept.re * direct_a - kept.im * quadrature_a) +
                           ((pushed.re * direct_v - pushed.im * quadrature_v) + opposed.im * emf);
     const double mean_direct_v = seen.re * direct_v - seen.im * quadrature_v;
@@ -219,12 +219,12 @@ class Windings {
   double per_volt_;  // h / L
   double resistance_ = 0.0;
   double decay_ = 0.0;          // R h / L
-  Series kept_;                 // shares of the mean current (round rotor): from the initial current,
-  Series pushed_;               // from the voltage,
-  Series opposed_;              // and from the back-EMF; the last two times volts * h / L
-  Series seen_;                 // the voltage itself
-  double emf_per_speed_ = 0.0;  // EMF per speed as input of `opposed_`
-  double per_speed_nm_ = 0.0;   // torque of the current that this EMF makes in h / L
+  Series kept_;                 // mean current (round rotor): per A of the initial current,
+  Series pushed_;               // per V of the voltage,
+  Series opposed_;              // and per A of (back-EMF * h / L)
+  Series seen_;                 // mean voltage, per V
+  double emf_per_speed_ = 0.0;  // back-EMF * h / L per rad/s of the shaft, the input of `opposed_`
+  double per_speed_nm_ = 0.0;   // the same times the torque constant
   double bridge_share_;
   Pieces whole_;
   Pieces pieces_;

@@ -217,8 +217,9 @@ WindingTick Windings::driven_in_pieces(double direct_v, double quadrature_v, con
   });
 }
 
-// In each piece one voltage would end without current. If the bridge can make it, the diodes block and it has that
-// voltage; otherwise the bridge makes the voltage that leaves the least energy.
+// For each piece there is one voltage with which the current is zero at its end. If the bridge can make this voltage,
+// the diodes block, and the windings have this voltage. Otherwise the bridge makes the voltage that leaves the least
+// energy.
 WindingTick Windings::freewheeling(double dc_link_v, double sine, double cosine, const Turn& turn) const {
   const double emf_v = std::abs(turn.angle / drive::tick_seconds * flux_);
   if (direct_a == 0.0 && quadrature_a == 0.0 && emf_v <= dc_link_v * bridge_share_) return {};

@@ -40,7 +40,7 @@ class EthercatDevice : public ServoDevice<Product, ProductObjects>, protected et
                  const ethercat::SiiDescription& sii)
       : Base(its_settings, composition), slave_(esc_, bus_dictionary(), profile, *this, storage_.memory()) {
     listen(dictionary::Owner::communication, bus_dictionary().listener(dictionary::Owner::communication));
-    // Written once, because it is non-volatile and a master may change it.
+    // The slave information memory is written here and not at power-on: it is non-volatile, and a master may change it.
     ethercat::write_sii_image(sii, profile, composition.bus_table, sii_);
   }
 

@@ -32,7 +32,7 @@ bool says_what_it_is(const Entry& entry) {
   return entry.index == identity && (entry.sub == vendor || entry.sub == product);
 }
 
-// All of `text` as an unsigned number.
+// All of `text` as a number of this type.
 template <typename Number>
 bool read_number(std::string_view text, int base, Number& number) {
   const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), number, base);

@@ -75,8 +75,8 @@ class ParameterFile final : public ethercat::FoeFiles {
   std::array<char, capacity> text_{};
   std::size_t length_ = 0;
   std::array<std::byte, longest_value> value_{};
-  // The values before the file was applied, a stack: value, its size, and the place of its object in the table. A line
-  // of a number has at least as many characters as its old value takes here.
+  // A stack of the values before the file was applied: value, its size, and the place of its object in the table.
+  // `capacity` is enough for all numbers of a file: a number takes no more bytes here than its line has characters.
   struct OldValue {
     std::uint16_t size = 0;
     std::uint16_t place = 0;

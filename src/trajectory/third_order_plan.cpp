@@ -49,8 +49,9 @@ struct Descent {
 /// While the climb does not reach its cap, its distance and peak velocity are polynomials of the acceleration x at
 /// which the jerk turns from + to -:
 ///   peak(x) = e + x^2,  climb(x) = x^3 + 2 e x + k,  e = v - a^2/2,  k = a^3/3 - v a + position.
-/// They hold for x < 0 as well, where the axis is already braking and only brakes less for a while. Then the -1 arc
-/// begins below acceleration 0, and `peak` is the velocity from which such an arc would start at acceleration 0.
+/// They hold for x < 0 as well, where the axis is already braking and only brakes less for a while. Then the arc of
+/// jerk -1 begins below acceleration 0, and `peak` is the velocity from which such an arc would start at acceleration
+/// 0.
 class Ascent {
  public:
   /// Precondition: settling_velocity() <= top_velocity, and braking at once stays within `way`.
@@ -111,7 +112,7 @@ class Ascent {
       const double high = below && full_squared > 0.0 ? -full : highest;
       return quartic_root(q, low, high, guess_held_descent(q));
     }
-    // Neither limit is reached. With s = x + sqrt(x^2 + c), the length of the -1 arc, the equation is
+    // Neither limit is reached. With s = x + sqrt(x^2 + c), the length of the arc of jerk -1, the equation is
     //   s^4 + 4 (e + vf) s^2 - 4 (way - k) s - c^2 = 0.
     const auto arc_length = [c](double x) {
       const double root = std::sqrt(std::max(x * x + c, 0.0));

@@ -155,7 +155,8 @@ bool Homing::stalls(const HomingInputs& inputs) {
 }
 
 // A hanging load may be stronger than the limited torque, and the axis would meet its other hard stop. A rebound from
-// the stop ahead is slower than the axis came, and ends before the beginning of the leg.
+// the stop ahead is different: it is slower than `rebound_share` times the speed of the leg, and does not reach the
+// beginning of the leg.
 bool Homing::is_driven_back(const HomingInputs& inputs) const {
   const double direction = sign(travel());
   const double fastest = leg().speed == HomingSpeed::fast ? config_.fast : config_.slow;

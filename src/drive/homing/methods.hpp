@@ -43,7 +43,7 @@ struct Leg {
   Until until = Until::index;
   Then then = Then::latch;
   std::uint8_t next = no_leg;      // after this leg; not used with Then::latch
-  std::uint8_t on_limit = no_leg;  // limit switch ahead: stop, then this leg. no_leg: an error, unless awaited
+  std::uint8_t on_limit = no_leg;  // after a stop at the limit switch ahead; no_leg: error, unless the leg ends there
 };
 
 inline constexpr std::size_t max_legs = 6;
@@ -73,7 +73,7 @@ constexpr bool is_well_formed(const Method& method) {
     if (leg.until == Until::retracted && leg.then != Then::latch) return false;
     // A latch needs an edge; a level has no position.
     if (leg.until == Until::limit_reached && leg.then == Then::latch) return false;
-    // `keep` goes on without stopping: in the same direction.
+    // After `keep` the axis does not stop, so the next leg must have the same direction.
     if (leg.then == Then::keep && method.legs[leg.next].direction != leg.direction) return false;
   }
   return true;
@@ -105,7 +105,8 @@ constexpr bool uses_index(const Method& method) {
   return false;
 }
 
-// Returns true if a leg runs at that speed. Without a retraction distance (`retracts`) its leg does not run.
+// Returns true if a leg runs at that speed. `retracts`: there is a retraction distance; without one, the leg that
+// travels it does not run.
 constexpr bool uses_speed(const Method& method, HomingSpeed speed, bool retracts) {
   for (std::size_t i = 0; i < method.leg_count; ++i) {
     if (method.legs[i].speed == speed && (retracts || method.legs[i].until != Until::retracted)) return true;

@@ -30,7 +30,7 @@ class InputCommands {
 
   void reset() { *this = {}; }
 
-  // Once per position-loop cycle, after the drive's own.
+  // Call this once per position-loop cycle, after the drive's tick().
   void step(const InputFunctions& inputs, const Settings& settings, Drive& drive, Objects& objects);
 
   // The index of the position that the axis has reached; empty: none.

@@ -61,7 +61,8 @@ class OutputConditions {
 
   void reset() { *this = {}; }
 
-  // Once per position-loop cycle, after the drive's own. Returns the true conditions, as bit(OutputCondition).
+  // Call this once per position-loop cycle, after the drive's tick(). Returns the true conditions, as
+  // bit(OutputCondition).
   std::uint32_t update(const Drive& drive, const Settings& settings);
 
  private:

@@ -131,8 +131,9 @@ void Cascade::keep_load() {
   integral_ = even + clip(load, std::min(0.0F, present), std::max(0.0F, present));
 }
 
-// The load that the torque loop leaves can in fact be the torque that accelerated an unknown inertia. It fades while
-// the proportional part works against a good part of it; a true load is held.
+// `carried_` is the load that the torque loop held, but may in fact be torque that accelerated an unknown inertia. It
+// fades while the proportional part opposes it with at least a tenth of its value. A true load is not opposed so
+// strongly, and remains.
 [[gnu::noinline]] void Cascade::fade_carried(float proportional) {
   constexpr float opposed_share = 0.1F;
   if (proportional * carried_ > 0.0F || std::fabs(proportional) < opposed_share * std::fabs(carried_)) return;
@@ -283,8 +284,9 @@ void Cascade::observe_disturbance() {
   }
 }
 
-// The direct current lowers the flux linkage until the voltage is within its limit. A direct current changes the
-// voltage by the reactance, here that at the speed at which the back-EMF alone has the whole voltage.
+// The direct current lowers the flux linkage until the voltage is within its limit. The integrator divides by the
+// reactance, because a direct current changes the voltage by reactance times current. It uses the reactance at the
+// speed at which the back-EMF alone needs the whole voltage.
 [[gnu::noinline]] void Cascade::weaken_field(float wanted_v, float available_v) {
   if (available_v <= 0.0F) return;
   const float reactance_ohm = available_v / flux_linkage_vs_ * direct_.inductance_h;

@@ -225,11 +225,11 @@ class Cascade {
   float ahead_rad_ = 0.0F;      // electrical rad until the middle of the voltage's tick, per counts/s
   float velocity_kp_ = 0.0F;    // fraction of rated torque per counts/s
   float velocity_ki_ = 0.0F;    // fraction of rated torque per counts/s, added in each velocity period
-  bool slow_integral_ = false;  // or none
+  bool slow_integral_ = false;  // the integral of the velocity loop is slow or off
   float setpoint_weight_ = 1.0F;
   float integral_limit_ = 0.0F;  // fraction of rated torque
   float handover_decay_ = 0.0F;  // per velocity period
-  float inertia_torque_ = 0.0F;  // fraction of rated torque per counts/s^2, times its share
+  float inertia_torque_ = 0.0F;  // fraction of rated torque per counts/s^2, includes its share (Gains)
   float limiter_kp_ = 0.0F;      // of the speed limiter: fraction of rated torque per counts/s
   float limiter_ki_ = 0.0F;      // of the speed limiter: fraction of rated torque per counts/s and velocity period
   float limiter_decay_ = 0.0F;   // of the speed limiter's integral, per velocity period

@@ -32,7 +32,8 @@ constexpr float velocity_low_pass_damping = 0.70710678F;
 constexpr float handover_s = 5.0e-3F;
 // An integral with a longer time constant is too slow to correct a wrong load torque while the axis stops.
 constexpr float slow_integral_s = 0.1F;
-// Limit of this torque, because on an axis that oscillates the torque at one moment can be high.
+// Limit of the torque that fades after a change of gains, as a fraction of rated torque: while an axis oscillates, its
+// torque at one moment can be high.
 constexpr float most_handover = 0.3F;
 
 constexpr float rounding_margin = 1.001F;  // of the quick check whether the voltage is too low for a braking current

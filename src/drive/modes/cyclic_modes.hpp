@@ -117,8 +117,8 @@ class InterpolatedPosition {
 };
 
 // Interpolated position without a buffer: every SYNC adopts the set-point that the bus has written, and the axis
-// reaches it one period later. At a SYNC without a new set-point the axis keeps the last one. The second in a row, or
-// the same time without a SYNC, raises Cause::interpolation_late.
+// reaches it one period later. At a SYNC without a new set-point the axis keeps the last set-point. Two such SYNCs in a
+// row, or two periods without a SYNC, raise Cause::interpolation_late.
 class SynchronousInterpolation {
  public:
   static constexpr Loop loop = Loop::position;
@@ -143,7 +143,7 @@ class SynchronousInterpolation {
   bool given_up_ = false;        // bit 4 was cleared: ramp to rest
   bool fresh_ = false;           // a set-point waits for the SYNC
   bool armed_ = false;           // a SYNC has come since bit 4
-  unsigned stale_syncs_ = 0;     // SYNCs without a set-point since the last one
+  unsigned stale_syncs_ = 0;     // SYNCs since the last set-point
   double waiting_cycles_ = 0.0;  // since the last set-point was adopted
 };
 

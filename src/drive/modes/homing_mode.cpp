@@ -206,7 +206,7 @@ void HomingMode::give_up(Axis& axis) {
   } else if (!axis.follows_demand()) {
     axis.take_over_lagging();
   }
-  // A load that drives the axis back is stopped like an axis in danger.
+  // If a load drives the axis back, the axis stops with at least the deceleration of the quick stop.
   stop(axis, homing_.error() == HomingError::driven_back ? axis.quick_stop_ramp() : 0.0);
 }
 

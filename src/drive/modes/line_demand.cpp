@@ -28,8 +28,8 @@ void LineDemand::begin(const Axis& axis, Line& line, Counts target, double cycle
 }
 
 // If the line slows down from the speed `before` (clipped to the axis' greatest speed), the demand slows down by as
-// much, provided that it is too fast for its own ramp to end at the line at `distance`, or has already passed the line,
-// as at the end of a bridge.
+// much. This applies only if the demand is too fast to end at the line, at `distance`, by its own ramp, or if it has
+// already passed the line, as at the end of a bridge.
 void LineDemand::slow_with_line(double distance, double line_velocity, double before, double deceleration) {
   const double closes = velocity_ - line_velocity;
   if (closes * velocity_ <= 0.0 || before * velocity_ <= 0.0) return;
@@ -43,8 +43,8 @@ void LineDemand::slow_with_line(double distance, double line_velocity, double be
 void LineDemand::lead(Axis& axis, const Line& line, double line_velocity) {
   Generator& generator = axis.generator;
   const double line_before = std::exchange(line_velocity_, line_velocity);
-  // The distance is relative to the line's position one cycle ago at its present speed. A line that ends in this cycle
-  // has speed 0, so that its last step is part of the distance.
+  // The distance is measured from the place that the line, at its present speed, had one cycle ago. A line that ends in
+  // this cycle has speed 0, so that its last step is part of the distance.
   const double step = -distance_to(axis, line);
   const double distance = line_velocity * axis.cycle_s - step;
   if (held_ != 0) {

@@ -176,7 +176,7 @@ bool ProfilePosition::resolve_target(Axis& axis, const SetPoint& set_point, Coun
 
 void ProfilePosition::start(Axis& axis, const SetPoint& set_point, bool chained) {
   // Only causes that the product has as faults refuse the set-point. Otherwise an end velocity above the profile
-  // velocity is clipped, and contradicting limits are off.
+  // velocity is clipped, and contradicting limits (607Bh, 607Dh) have no effect.
   if (const Cause cause = planning_fault(axis, set_point); axis.monitors(cause)) {
     axis.raise(cause);
     running_ = false;

@@ -26,9 +26,9 @@ class ProfilePosition {
     std::int64_t target = 0;  // user units
     bool relative = false;
     bool pass_previous = false;  // change on set-point: the previous set-point is passed at its profile velocity
-    double velocity = 0.0;       // counts/s; this and the next members have the values of when the set-point was given
+    double velocity = 0.0;       // counts/s; from here on: the values at the time when the set-point was given
     double end_velocity = 0.0;
-    double start_velocity = 0.0;     // from rest
+    double start_velocity = 0.0;     // of a motion from rest; 0: none
     std::uint32_t acceleration = 0;  // user units
     std::uint32_t deceleration = 0;
     std::uint32_t jerk = 0;

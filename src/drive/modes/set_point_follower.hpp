@@ -74,9 +74,9 @@ class SetPointFollower {
   double phase_ = 0.0;      // mean of due_ at the arrival of the next target
   bool following_ = false;  // a target was given
   bool regular_ = false;    // the last target came when it was due
-  bool streams_ = false;    // ... and the axis runs on while the next one may still come
-  bool bridging_ = false;   // ... in place of a missing one
-  Counts target_ = 0;       // the last one
+  bool streams_ = false;    // ... and the axis runs on while the next target may still come
+  bool bridging_ = false;   // ... in place of a missing target
+  Counts target_ = 0;       // the last target
   double bridge_ = 0.0;     // counts per cycle: see bridging_rate
 };
 
@@ -85,7 +85,8 @@ class SetPointFollower {
 // that was about to end goes no further. Must not be used for a jump, whose speed differs widely from that of the
 // previous line.
 double bridging_rate(double before, double rate);
-// Ends such a bridge: the axis stands, and returns to `target` on `line` in `cycles`, or by catching up.
+// Ends the motion that bridges a missing target: the axis stops and returns to `target`, on `line` in `cycles` or, if
+// that is too far, by catching up.
 void end_bridge(Axis& axis, Line& line, LineDemand& demand, Counts target, double cycles);
 // Returns true if a line that replaces a missing set-point leaves the software limits in the next cycle.
 bool runs_beyond_limits(const Axis& axis, Line line);

@@ -79,7 +79,8 @@ double ProfileVelocity::velocity_of(const Request& request, const Axis& axis) {
   return request.inverted ? -velocity : velocity;
 }
 
-// The present target is the one that a limit has ended, even if the mode was entered in a halt and has not planned yet.
+// The limit ended the motion to the present target. This is also right if the mode was entered during a halt and has
+// not planned a motion yet.
 void ProfileVelocity::interrupt(Axis& axis, int) {
   given_up_ = planned_ = true;
   request_ = request_of(axis);
@@ -282,9 +283,9 @@ void VelocityMode::step(Axis& axis) {
 
 // --- Profile torque
 
-// The torque begins with the load that the loops held at rest. While the axis moves, the torque may be that of a
-// braking motion, since the inertia is not known: it must not drive the axis on, so only a part towards the target is
-// kept.
+// At rest the torque begins with the load that the loops held. While the axis moves, the computed load may in fact be
+// the torque that brakes the axis, because the inertia is not known. It must not drive the axis on, so only the part in
+// the direction of the target is kept.
 void ProfileTorque::enter(Axis& axis) {
   const LoopDemand& demand = axis.demand;
   const float sense = axis.units.velocity_inverted ? -1.0F : 1.0F;
@@ -312,7 +313,7 @@ void ProfileTorque::step(Axis& axis) {
   const float target = ProfileTorque::target(axis);
   const float slope = static_cast<float>(objects.torque_slope) * 0.001F;
   const auto cycle = static_cast<float>(axis.cycle_s);
-  // if the product has this fault; only the linear type exists
+  // Products with this fault have the linear type only; without it this call has no effect.
   if (objects.torque_profile_type != 0) axis.raise(Cause::torque_profile_type);
   if (slope <= 0.0F) {
     begin_at(target);  // no slope set: a step
@@ -337,7 +338,8 @@ void ProfileTorque::step(Axis& axis) {
   demand_torque(axis);
 }
 
-// A ramp that meets a limit of the torque begins again there, so that it need not come back from beyond the limit.
+// A ramp that reaches a limit of the torque begins again at the limit. Otherwise it would first have to come back from
+// beyond the limit.
 void ProfileTorque::keep_to_limits(Axis& axis) {
   const LoopDemand& demand = axis.demand;
   if (demand.loop == Loop::off) return;  // enabled in this cycle: the limits are not known yet

@@ -21,7 +21,7 @@ class PowerStage {
     coasting_cycles_ = 0;
   }
   void switch_off() { step_ = Step::off; }
-  // Without power the brake waits for a fast axis to slow down, for so long at most.
+  // After the power is off, the brake stays open until a fast axis is slow enough, but for at most `cycles`.
   void let_coast(std::uint32_t cycles) { coasting_cycles_ = cycles; }
   void close_brake(std::uint32_t closing_cycles) {
     step_ = Step::brake_closes;

@@ -95,7 +95,7 @@ inline constexpr auto transitions = std::to_array<Transition>({
     {PowerState::quick_stop_active, Command::enable_operation, PowerState::operation_enabled, 16},
 });
 
-// Transitions by state and command; the first row wins. Refers to the rows, fewer than 256.
+// Transitions by state and command; the first row wins. Keeps a reference to the rows; there must be fewer than 256.
 class TransitionTable {
  public:
   constexpr explicit TransitionTable(std::span<const Transition> rows) : rows_(rows) {
@@ -115,7 +115,7 @@ class TransitionTable {
   }
 
   std::span<const Transition> rows_;
-  std::array<std::array<std::uint8_t, commands>, states> row_of_{};  // from 1 on
+  std::array<std::array<std::uint8_t, commands>, states> row_of_{};  // number of the row, from 1 on; 0: no row
 };
 
 }  // namespace servodrome::drive

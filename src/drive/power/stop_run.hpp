@@ -29,7 +29,7 @@ class StopRun {
   // A limit caused the stop, or the test motion of a tuning function: the mode continues after it.
   bool at_limit() const { return at_limit_; }
   void set_at_limit() { at_limit_ = true; }
-  // A halt, if there is one, lasts longer than the stop at the limit.
+  // Ends a stop at a limit. If the axis is `halted`, the stop goes on as the stop of the halt.
   void end_at_limit(bool halted) {
     at_limit_ = false;
     active_ = halted;

@@ -44,8 +44,8 @@ void ResonanceAnalysis::begin(const Settings& settings) {
   highest_line_ = line(settings.highest_hz);
   first_line_ = line(settings.lowest_hz / neighbourhood);
   last_line_ = line(settings.highest_hz * neighbourhood);
-  // The sweep covers the first to the last line in one period: turns per sample at its start, and half of their
-  // increase per sample.
+  // The sweep covers the first to the last line in one period. `sweep_start_` is its frequency at the start in turns
+  // per sample, `sweep_slope_` half of the increase of the frequency per sample.
   sweep_start_ = static_cast<float>(first_line_) / static_cast<float>(block);
   const auto width = static_cast<float>(last_line_ - first_line_) / static_cast<float>(block);
   sweep_slope_ = 0.5F * width / static_cast<float>(excitation_period);

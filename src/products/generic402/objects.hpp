@@ -210,8 +210,9 @@ inline constexpr auto object_table = dictionary::make_table<[] {
       .set_default(0x1018, 3, revision_number);
   builder.set_default(0x6099, 1, 262144).set_default(0x6099, 2, 32768).set_default(0x609A, 0, 1310720);
 
-  // The default PDOs of CiA 402-2 for a drive of all modes: 1 words, 2 and mode, 3 position, 4 velocity. The inhibit
-  // time of TPDOs with actual values keeps axes in motion from filling the bus.
+  // The default PDOs of CiA 402-2 for a drive of all modes. Each has the controlword or the statusword; PDO 2 adds the
+  // mode, PDO 3 the position, PDO 4 the velocity. The inhibit time of TPDOs with actual values keeps axes in motion
+  // from filling the bus.
   constexpr std::int64_t tpdo_inhibit_time = 100;  // 10 ms, in 100 us
   builder.set_default(0x1802, 3, tpdo_inhibit_time).set_default(0x1803, 3, tpdo_inhibit_time);
   builder.map_pdo(0x1600, {0x60400010});

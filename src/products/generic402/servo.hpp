@@ -18,8 +18,7 @@ drive::Configuration configuration(const Manufacturer& own, const drive::MotorDa
 // The set-up of its RS485 port; station 0: it has no station number.
 SerialSetup serial_setup(const Manufacturer& own, const Settings& settings);
 
-// Sets 60C2h to a period in ns. 60C2h stays as it is if the period is 0 or not an 8-bit multiple of a power of ten from
-// 1 us up.
+// Sets 60C2h to a period in ns. 60C2h stays as it is unless the period is 1 to 255 times a power of ten (1 us to 1 s).
 void set_interpolation_period(drive::Objects& objects, std::uint32_t period_ns);
 
 std::uint16_t i2t_utilisation(const drive::Drive& drive);  // 2060h, %

@@ -10,9 +10,9 @@ using drive::Cause;
 using drive::Reaction;
 using drive::ResetRule;
 
-// The bit of an alarm: 0..15 are in 2601h, 16..31 in 2602h, 32..47 in 2605h sub 7. A bit of 2605h sub 7 details a bit
-// of the other two words, which is set with it and is or'ed in << 8. No detail has bit 0 of 2601h, because that bit
-// only says that 2602h is not 0 (Table 10-1).
+// The bit of an alarm: 0..15 are in 2601h, 16..31 in 2602h, 32..47 in 2605h sub 7. A bit of 2605h sub 7 gives the
+// detail of a bit of the other two words, and both are set together. The number of the other bit is in the high byte.
+// No detail has bit 0 of 2601h, because that bit only says that 2602h is not 0 (Table 10-1).
 constexpr std::uint16_t state_bit(unsigned bit) { return static_cast<std::uint16_t>(bit); }
 constexpr std::uint16_t state_2_bit(unsigned bit) { return static_cast<std::uint16_t>(16 + bit); }
 constexpr std::uint16_t extension_bit(unsigned bit, std::uint16_t detailed) {

@@ -16,7 +16,7 @@ constexpr double tick_s = 62.5e-6;      // Ts of ch. 6.2.1
 
 double counts_per_rad(const drive::MotorData& motor) { return motor.counts_per_revolution / (2.0 * pi); }
 
-// DEC of current for 1 A, and torque constant by amplitude, as doubles.
+// DEC of current for 1 A of amplitude.
 double dec_per_ampere(const drive::MotorData& motor) {
   return peak_current_dec / static_cast<double>(motor.peak_current_a);
 }

@@ -93,7 +93,7 @@ struct Motion {
 struct Alarms {
   std::uint16_t state = 0;          // 2601h
   std::uint16_t state_2 = 0;        // 2602h
-  std::uint16_t mask = 0xFFFF;      // 2605h sub 1: bit 0: the alarm is ignored
+  std::uint16_t mask = 0xFFFF;      // 2605h sub 1: a bit that is 0: the alarm is ignored
   std::uint16_t store_on = 0xFBFF;  // alarms that the history keeps, while the motor is enabled
   std::uint16_t store_off = 0;      // ... while it is not
   std::uint16_t mask_2 = 0xFFFF;
@@ -106,7 +106,7 @@ struct Alarms {
 struct Buses {
   std::uint16_t station = 1;              // 100Bh: node id and RS485 station, from the next restart
   std::uint32_t cob_id_guarding = 0x700;  // 100Eh
-  std::uint8_t can_bit_rate = 50;         // 2F81h, 10 kbit/s with the odd cases of Table 9-26; from the next restart
+  std::uint8_t can_bit_rate = 50;         // 2F81h, 10 kbit/s (but 12 is 125 kbit/s, Table 9-26); from the next restart
   std::uint16_t rs485_bit_rate = 90;      // 2FE2h: 10368000 / baud, from the next restart
   std::uint8_t cascade = 0;               // 6510h sub 0Bh
   std::uint8_t rs485_protocol = 1;        // 6510h sub 0Ch: bit 0: RS232 protocol, bit 1: from the next restart

@@ -8,13 +8,13 @@
 // The four ratings of the iSMK (ch. 1.3.1) with their motors.
 //
 // Printed: peak and continuous current of the drive, rated and greatest torque, rated speed, rotor inertia, supply 24
-// to 60 V, encoder 65536 inc/rev. Derived: the torque constant is greatest torque by peak current, so the rated current
-// is rated torque by torque constant, a third of the peak current. For 40-010 and 80-075 this is the printed continuous
-// current within 6 %; the other two have a reserve. Chosen, because nothing is printed: five pole pairs; resistances
-// for copper losses of 15, 22, 35 and 55 W at rated torque; inductances for electrical time constants of 1.4 to 3 ms,
-// with which every motor still reaches peak torque at rated speed on 48 V; thermal resistances for a winding 98 K above
-// ambient in continuous duty at rated torque and 48 K at 70 % of it. This agrees with the printed duty (S1 only at 70 %
-// of rated torque, ch. 1.3.1, with an alarm at 100 degC, ch. 3.7).
+// to 60 V, encoder 65536 inc/rev. Derived: the torque constant is the greatest torque divided by the peak current. So
+// the rated current, rated torque divided by torque constant, is a third of the peak current. For 40-010 and 80-075
+// this is the printed continuous current within 6 %; the other two have a reserve. Chosen, because nothing is printed:
+// five pole pairs; resistances for copper losses of 15, 22, 35 and 55 W at rated torque; inductances for electrical
+// time constants of 1.4 to 3 ms, with which every motor still reaches peak torque at rated speed on 48 V; thermal
+// resistances for a winding 98 K above ambient in continuous duty at rated torque and 48 K at 70 % of it. This agrees
+// with the printed duty (S1 only at 70 % of rated torque, ch. 1.3.1, with an alarm at 100 degC, ch. 3.7).
 namespace servodrome::products::ismk {
 
 namespace rating {

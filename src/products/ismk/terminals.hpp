@@ -100,7 +100,7 @@ class Terminals {
   // Adopts function words, polarity and simulation, and sets the members of `configuration` that depend on them.
   void configure(const ServoObjects& objects, drive::Configuration& configuration);
 
-  // Once per position-loop cycle, after the drive's own.
+  // Call this once per position-loop cycle, after the drive's tick().
   void cycle(drive::Drive& drive, ServoObjects& objects);
 
   const drive::InputFunctions& inputs() const { return inputs_; }

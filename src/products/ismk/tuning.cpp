@@ -21,8 +21,8 @@ constexpr double memory_windows = 100.0;
 constexpr double recognition_rpm = 800.0;
 constexpr float recognition_torque = 1.0F;
 
-// During the search for resonances the gains of the loops are this fraction of their values, the integral gain its
-// square.
+// During the search for resonances the gains of the loops are this fraction of their values; the factor of the integral
+// gain is the square of this fraction.
 constexpr float soft_share = 0.125F;
 constexpr float excitation = 0.15F;          // of rated torque
 constexpr std::size_t steps_per_cycle = 64;  // of the analysis
@@ -200,7 +200,8 @@ bool LoopTuning::tune_online(drive::Drive& drive, ServoObjects& objects) {
   return true;
 }
 
-// The gains follow the inertia so that the bandwidths stay, for the gains whose bits `adjust` has.
+// Adopts the estimate. With the bit of kvp in `adjust`, kvp changes so that the bandwidth stays; otherwise the
+// bandwidth changes. With the bit of the acceleration feed-forward, the feed-forward becomes 100 % of the new inertia.
 void LoopTuning::adopt(const drive::InertiaEstimate& estimate, ServoObjects& objects, const drive::MotorData& motor,
                        std::uint8_t adjust) {
   const double before = inertia_kgm2_;

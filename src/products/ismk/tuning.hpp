@@ -24,8 +24,8 @@ inline constexpr std::uint8_t not_reverse = 0x20;
 // 60F9h sub 4, notch filter control (Table 6-3).
 namespace notch_control {
 inline constexpr std::uint8_t filters = 0x03;
-// Bit 4 selects the actual current (Table 6-3), but so does the value 128, in which it is 0 (ch. 6.2.1). The analysis
-// always uses the actual current.
+// Bit 4 selects the actual current (Table 6-3), but the value 128 selects it too, although its bit 4 is 0 (ch. 6.2.1).
+// The analysis always uses the actual current.
 inline constexpr std::uint8_t actual_speed = 0x20;
 inline constexpr std::uint8_t run = 0x80;
 }  // namespace notch_control
@@ -45,7 +45,7 @@ class LoopTuning {
 
   // Rotor and load, as far as known.
   double inertia_kgm2() const { return inertia_kgm2_; }
-  // Load by rotor.
+  // Inertia of the load divided by that of the rotor.
   double inertia_ratio() const { return inertia_kgm2_ / rotor_inertia_kgm2_ - 1.0; }
   bool identified() const { return identified_; }
   const drive::InertiaEstimate& estimate() const { return estimate_; }
@@ -60,16 +60,16 @@ class LoopTuning {
   void written(const dictionary::Entry& entry, ServoObjects& objects, drive::Drive& drive);
   void refresh(const dictionary::Entry& entry, ServoObjects& objects, const drive::MotorData& motor) const;
 
-  // Once per position-loop cycle, after the drive's own and the terminals'.
+  // Call this once per position-loop cycle, after the drive's tick() and the terminals' cycle().
   bool cycle(drive::Drive& drive, ServoObjects& objects, const Terminals& terminals);
 
   // Inertia recognition of the PC software: moves of the drive's own, over up to `turns` revolutions to either side.
   // Returns false unless the axis is enabled and at rest. The result is the drive's identification().
   bool recognise_inertia(drive::Drive& drive, double turns);
 
-  // Rigidity of the PC software, by the velocity loop's bandwidth instead of its table, which is not printed: kvp by
-  // the formula, Kpp at a quarter of it (ch. 6.2.2), integral and feedback filter to match (ch. 6.2.1), for the inertia
-  // known.
+  // Rigidity of the PC software. The manual does not print its table, so the bandwidth of the velocity loop selects the
+  // gains: kvp by the formula, Kpp from a quarter of the bandwidth (ch. 6.2.2), integral and feedback filter to match
+  // (ch. 6.2.1), for the inertia that is known.
   void set_rigidity(double bandwidth_hz, ServoObjects& objects, const drive::MotorData& motor);
 
   const drive::ResonanceAnalysis& analysis() const { return analysis_; }

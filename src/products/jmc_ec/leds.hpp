@@ -11,11 +11,11 @@ namespace servodrome::products::jmc_ec {
 enum class Lamp : std::uint8_t { off, on, flashing, single_flash };
 
 struct Leds {
-  // The drive's pair
+  // The pair of lamps for the drive
   Lamp power = Lamp::off;          // green: on, or flashing while the bus is not linked (C-03)
   std::uint8_t alarm_flashes = 0;  // red, in groups; 0: see alarm_on
   bool alarm_on = false;           // red, steady: an alarm without a flash count
-  // The bus's
+  // The lamps for the bus
   Lamp run = Lamp::off;  // green: Init off, Pre-Op flashing, Safe-Op single flash, Op on
   ErrorLed error = ErrorLed::off;
   Lamp data_in = Lamp::off;  // yellow: link on, traffic flashing (C-07)
@@ -37,7 +37,7 @@ struct AlarmFlashes {
 inline constexpr auto alarm_flashes = std::to_array<AlarmFlashes>({
     {0x051, 0x051, 11},   // EEPROM read or write error
     {0x060, 0x060, 14},   // current range wrong
-    {0x062, 0x062, 11},   //
+    {0x062, 0x062, 11},   // storing a parameter failed
     {0x063, 0x063, 1},    // over-current
     {0x105, 0x105, 12},   // electronic gear setting wrong
     {0x110, 0x110, 13},   // power cycle needed after parameter change
@@ -46,7 +46,7 @@ inline constexpr auto alarm_flashes = std::to_array<AlarmFlashes>({
     {0x410, 0x412, 10},   // overload
     {0x501, 0x501, 4},    // position out of tolerance
     {0x610, 0x622, 9},    // encoder error
-    {0x941, 0x941, 13},   //
+    {0x941, 0x941, 13},   // power cycle needed after parameter change
     {0xE601, 0xE62B, 5},  // communication error
 });
 

@@ -89,7 +89,7 @@ class Monitor {
   // The run time d25 continues from its last value, because it counts over the life of the device.
   void power_on(double rotor_inertia_kgm2, double inertia_ratio);
 
-  // Once per position-loop cycle, after the drive's own.
+  // Call this once per position-loop cycle, after the drive's tick().
   void cycle(drive::Drive& drive);
 
   // Returns true if a function may be started.

@@ -40,7 +40,7 @@ class PanelControl {
   // Real-time adjustment overwrites the parameters that it sets (P01-02 and P01-03, ch. 7 and 8.2.2).
   static void written(Panel& panel);
 
-  // Once per position-loop cycle, after the drive's own: gain switching and the outputs.
+  // Gain switching and the outputs. Call this once per position-loop cycle, after the drive's tick().
   void cycle(const Panel& panel, drive::Drive& drive);
 
   // The threshold P00-42 for the monitor of the DC link; 0 stands for `rating_v`.
