@@ -90,7 +90,7 @@ struct Condition {
   std::optional<double> position_above, position_below;  // motor revolutions, the true shaft
   std::optional<double> speed_above, speed_below;        // rpm, absolute value
   std::optional<double> moved_above;      // motor revolutions since the watch began, absolute value of the distance
-  std::optional<double> travelled_above;  // motor revolutions since the line began, both directions added
+  std::optional<double> travelled_above;  // motor revolutions since the scenario began, both directions added
   std::optional<double> torque_above;     // fraction of the rated torque, absolute value
   std::optional<ObjectAddress> object;    // its value has the bits of `value` that `mask` selects
   std::int64_t mask = -1;
