@@ -30,7 +30,7 @@ export const power = (axis: string, action: 'on' | 'off' | 'cycle') => {
   return post(`${axisPath(axis)}/power`, { action });
 };
 
-// The AbortController of each axis. It aborts ("takes back") the requests of jobs, and of writes that can move the axis,
+// The AbortController of each axis: it aborts ("takes back") the requests of jobs and of writes that can move the axis
 // that are not answered yet: a later halt, controlword or STOP uses another connection and may reach the server first.
 const takingBack = new Map<string, AbortController>();
 
