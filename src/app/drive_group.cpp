@@ -102,7 +102,8 @@ void DriveGroup::to_pre_operational(std::size_t axis) {
   if (bus_) master::Master(*bus_).command(master::NmtCommand::enter_pre_operational, sdos_[axis]->node_id());
 }
 
-// By node guarding, which a node with a life time (100Ch, 100Dh) would expect again and again from then on.
+// Asks by node guarding. A node with a life time (100Ch, 100Dh) is not asked: after the first guarding request it would
+// report an error as soon as further requests do not follow.
 std::optional<bool> DriveGroup::is_operational(std::size_t axis) {
   constexpr master::Time timeout = std::chrono::milliseconds(100);
   if (!bus_) return std::nullopt;
@@ -150,7 +151,7 @@ std::vector<studio::OpenBus::Found> DriveGroup::scan() {
       found.push_back({node.node_id, node.name, master::kind_of(node), name(product_of(node))});
     }
   } else if (ethercat_) {
-    // The slaves operate, so their data are those of the opening. A slave behind them is counted, not read.
+    // The slaves operate, so they are not read again: their data are from the opening. Slaves behind them are counted.
     const unsigned count = master::count_slaves(*ethercat_);
     for (unsigned position = 1; position <= count; ++position) {
       const master::FoundSlave* slave = position <= segment_.size() ? &segment_[position - 1] : nullptr;

@@ -19,10 +19,10 @@ class DriveGroup {
   };
 
   // EtherCAT slaves go to OP together, and stay there as long as this object lives and waits; their axes stop when the
-  // cycles cease (master::LostMasterReaction). CANopen drives monitor
-  // this program's heartbeat for the same time (master::MasterWatch), unless the options disable it. Throws Failure if
-  // a drive cannot be determined, MasterError if the link cannot be opened or a drive does not answer. `cancelled`: of
-  // each axis (master::AxisOptions).
+  // cycles cease (master::LostMasterReaction). CANopen drives monitor this program's heartbeat as long as this object
+  // lives (master::MasterWatch), unless the options disable it. Each axis gets `cancelled` (master::AxisOptions).
+  // Throws Failure if a drive cannot be determined, MasterError if the link cannot be opened or a drive does not
+  // answer.
   DriveGroup(const BusOptions& options, const std::vector<Member>& members,
              std::function<bool()> cancelled = InterruptGuard::interrupted);
 

@@ -253,8 +253,9 @@ bool is_drive(master::EthercatSlave& slave) {
 master::OperationOptions operation_options(const BusOptions& options) {
   const auto period =
       std::chrono::duration_cast<master::Time>(std::chrono::duration<double, std::milli>(options.cycle_ms));
-  // Between two computers or under load a frame may take longer than a cycle; such a late frame does not count as lost.
-  constexpr std::uint16_t any = 0;  // check() counts lost cycles; this computer is no real-time system
+  // Between two computers or under load a frame may take longer than a cycle, so check() tolerates 50 such cycles in
+  // succession.
+  constexpr std::uint16_t any = 0;  // no limit in the slaves: check() counts, since this is no real-time computer
   return {.cyclic = {.period = period, .tolerated_losses = 50},
           .distributed_clocks = options.clocks,
           .sync_error_limit = any};

@@ -2,7 +2,7 @@
 
 namespace servodrome::app {
 
-// The first signal that an InterruptGuard (bus_options.hpp) caught; 0: none.
+// The first signal that an InterruptGuard (interrupt_guard.hpp) caught; 0: none.
 int interrupting_signal();
 
 }  // namespace servodrome::app

@@ -12,7 +12,7 @@ void begin_process();
 // Returns the path of the program's file; empty if the system does not provide it.
 std::filesystem::path program_file();
 
-// The signals that end a server orderly: Ctrl-C, SIGTERM, and the loss of the terminal, unless nohup makes it ignored.
+// The signals that end a server orderly: Ctrl-C, SIGTERM, and the loss of the terminal, unless nohup has disabled it.
 std::vector<int> ending_signals();
 
 // From now on a write fails if the reader of the output has ended; the process is not killed.

@@ -10,15 +10,15 @@
 
 namespace servodrome::app {
 
-// Makes a project in `folder`, with `buses` in the form of --bus, else with a virtual line, which is
-// checked first if the folder has one. Returns what it made. Throws Failure.
+// Makes a project in `folder`: for `buses`, in the form of --bus, or without buses for a virtual line. A line.toml that
+// is in the folder already is checked first. Returns what it made. Throws Failure.
 std::vector<std::string> make_project(const std::string& folder, const std::vector<std::string>& buses);
 
 // Throws Failure that names the errors in the project's files with file, line and column.
 std::unique_ptr<studio::Project> open_project(const std::string& folder);
 
-// Loads the project's recordings, and keeps what the server has to keep from now on; warnings tell why that fails. All
-// arguments must outlive the result. Throws Failure as open_project does.
+// Loads the project's recordings. As long as the result lives, it saves new data of the server in the project; if that
+// fails, a warning tells why. All arguments must outlive the result. Throws Failure as open_project does.
 std::unique_ptr<studio::ProjectKeeper> keep_project(boost::asio::io_context& io, studio::Project& project,
                                                     api::ChangeLog& log, api::Recordings& recordings,
                                                     const studio::ProjectRoutes& routes);

@@ -14,7 +14,7 @@ constexpr std::size_t signature_objects = 6;
 
 bool is_makers_own(const dictionary::Entry& entry) { return entry.index >= 0x2000 && entry.index < 0x6000; }
 
-// At most `count` of them, evenly spread over the list.
+// At most `count` elements of `all`, evenly spread over it.
 template <typename T>
 std::vector<T> some_of(const std::vector<T>& all, std::size_t count) {
   if (all.size() <= count) return all;

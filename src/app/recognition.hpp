@@ -33,8 +33,9 @@ std::vector<const dictionary::Entry*> signature_of(const line::Product& product)
 // The product whose signature the drive has; nullptr: none, or more than one. Reads some objects, writes none.
 const line::Product* product_by_objects(master::ObjectClient& objects, line::Fieldbus bus);
 
-// The product of which the station has all registers that are tried; nullptr: none, or more than one (such a station
-// answers at any address). Variants of one product have the same registers: returns the first variant.
+// Reads some registers of each product, and returns the product of which the station has all of them; nullptr: none, or
+// more than one, as for a station that answers at any address. Variants of one product have the same registers: returns
+// the first variant.
 const line::Product* product_by_registers(master::ModbusClient& client, std::uint8_t unit);
 
 }  // namespace servodrome::app

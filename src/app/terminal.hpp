@@ -9,8 +9,8 @@ namespace servodrome::app {
 bool on_terminal();
 // Returns the width of the terminal of standard output; 0: unknown.
 unsigned terminal_width();
-// Returns true if standard output, or standard error, takes a line without waiting: a terminal that Ctrl-S has stopped
-// does not.
+// Returns true if writing a line to standard output, or to standard error, does not block. A terminal that Ctrl-S has
+// stopped blocks.
 bool output_is_ready();
 bool error_output_is_ready();
 // Returns true if standard input is a terminal.
@@ -24,8 +24,8 @@ class Keyboard {
   Keyboard(const Keyboard&) = delete;
   Keyboard& operator=(const Keyboard&) = delete;
 
-  // Returns the characters typed since the last call, arrow keys as ESC [ A to D; the loss of the terminal ends the
-  // jog.
+  // Returns the characters typed since the last call, arrow keys as ESC [ A to D. After the loss of the terminal it
+  // returns "q", which ends the jog.
   static std::string typed();
 
  private:

@@ -26,7 +26,7 @@ std::string content_of(const std::string& path) {
   return {std::istreambuf_iterator<char>(file), {}};
 }
 
-// The failure that two runs must have in common: the first expectation that failed, otherwise the reason.
+// The names of the expectations that failed; if there are none, the reason of the failure.
 std::set<std::string> failures_of(const TrialResult& result) {
   std::set<std::string> failures;
   if (result.outcome != TrialResult::Outcome::failed) return failures;

@@ -15,7 +15,8 @@ void write_private_file(const std::string& path, const std::string& text);
 // begins with `what`, e.g. "run: FILE", for a folder and for a file that cannot be read, is too long or is no text.
 std::string read_text_file(const std::string& path, const std::string& what, bool may_be_standard_input = false);
 
-// Returns true if the file may be written, or in the folder a file created.
+// may_write: returns true if the file may be written. may_create_in: returns true if a file may be created in the
+// folder.
 bool may_write(const std::string& file);
 bool may_create_in(const std::string& folder);
 

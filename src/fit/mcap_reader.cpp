@@ -111,7 +111,8 @@ class McapTable {
     }
   }
 
-  // Discarded if it is no JSON. A text of this length has more than `most_columns` values.
+  // Parses a text; the result is_discarded() if the text is no JSON. A text above `most_bytes` has more than
+  // `most_columns` values.
   static nlohmann::json parsed(Reader& record, std::string_view text) {
     constexpr std::size_t most_bytes = std::size_t{1} << 20;
     if (text.size() > most_bytes) record.refuse("a message or schema of this MCAP file is longer than 1 MiB");

@@ -40,7 +40,7 @@ Mechanical fit_mechanical(const Signals& signals, const std::vector<double>& tor
 // The velocity of each sample: as recorded, or from the slope of the position.
 std::vector<double> velocity_of(const Signals& signals);
 
-// True if the column determines its unknown: it is mostly signal, and is not a combination of the other columns.
+// True if the column determines its unknown: it has enough signal, and is not a combination of the other columns.
 inline bool shown(const Unknown& unknown) {
   constexpr double least_signal = 0.02;
   constexpr double least_independent = 1e-4;

@@ -47,8 +47,8 @@ struct Estimate {
 // signals. Noise in the columns therefore does not pull the estimate towards 0, as it does in plain least squares.
 //
 // Confidence: residuals may be heteroscedastic and correlated between windows. The covariance is that of Newey and West
-// with Bartlett's weights; their bandwidth is the square root of the number of windows. The critical value is that of
-// Kiefer and Vogelsang (2005) for this bandwidth.
+// with Bartlett's weights; their bandwidth is the square root of the number of windows, at least
+// 2 * Windows::overlap. The critical value is that of Kiefer and Vogelsang (2005) for this bandwidth.
 Estimate regress(const Windows& windows, const std::vector<Equation>& equations, const std::vector<char>& use);
 
 }  // namespace servodrome::fit

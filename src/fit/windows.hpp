@@ -22,10 +22,10 @@ enum class Half : std::uint8_t { all, even, odd };
 class Windows {
  public:
   // Windows of `length_s`, each shifted by a quarter of it. Each window contains at least one sample. There are no
-  // windows if `length_s` is shorter than four samples. `seconds` must outlive this object.
+  // windows if `length_s` is shorter than four sampling periods. `seconds` must outlive this object.
   Windows(const std::vector<double>& seconds, double length_s);
 
-  static constexpr double overlap = 4.0;  // number of windows that cover a moment
+  static constexpr double overlap = 4.0;  // number of windows that contain a point in time
 
   std::size_t size() const { return starts_.size(); }
   double length_s() const { return length_; }

@@ -107,8 +107,8 @@ constexpr auto texts = std::to_array<ActionText>({
     {"watchdog", "The slave's process data watchdog never trips."},
 });
 
-// How a rule with the action ends: `message`, it acts on messages and can end after one; `once`, it ends by itself
-// after one act; `lasts`, its effect lasts until the rule is removed.
+// `use` tells how a rule with the action ends: `message`, it acts on messages and can end after one; `once`, it ends by
+// itself after one act; `lasts`, its effect lasts until the rule is removed.
 struct ActionNote {
   std::string_view group, name, use;
   std::string_view clause;    // empty: the clause of the message

@@ -14,7 +14,7 @@ namespace {
 constexpr std::size_t most_rules_by_hand = 4096;
 
 // Returns true if the rule ends after its number of acts. Other actions have one act with a lasting effect. An Ignore
-// of single bits ends at the act after its last one.
+// of single bits ends later: at the write that would be one act too many.
 bool ends_with_its_acts(const Rule& rule) {
   const auto* ignore = std::get_if<Ignore>(&rule.action);
   return rule.on || std::holds_alternative<Hold>(rule.action) || (ignore != nullptr && ignore->mask == -1);

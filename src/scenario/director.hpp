@@ -170,7 +170,7 @@ class Director final : public line::Follower {
   void disturb(line::Axis& axis, const DisturbClock& clock, bool ends);
   void raise(RuleRun& rule);
 
-  // machine_states.cpp: the state that the rule holds while it acts; without a name: none.
+  // machine_states.cpp: the state that the rule holds while it acts. If the rule holds none, the name is empty.
   MachineState held_by(const RuleRun& rule);
   MachineState cable_of(line::Axis& axis);
   // Throws ScenarioError if the axis has no such input, fault or quantity of the plant.

@@ -21,7 +21,8 @@ MachineState power_of(line::Line& line, line::Axis& axis) {
               }};
 }
 
-// The fault that the API lists as injected: a fault of the drive by its code, even if the rule names its cause.
+// The name under which the API lists an injected fault. It lists a fault of the drive by its code, but a rule may name
+// the cause of the fault.
 std::string listed_name(const json& faults, const std::string& name) {
   for (const json& one : faults["injectable"]["drive"]) {
     if (one["cause"] == name) return one["code"];

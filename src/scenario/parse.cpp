@@ -32,7 +32,7 @@ class Reader {
  public:
   explicit Reader(const std::string& file) : folder_(std::filesystem::path(file).parent_path()) { report_.file = file; }
 
-  // The keys of a table, by reading one without them.
+  // The keys that `read` asks for. It reads `table`, which has none of them, and the reader notes each key.
   static std::vector<line::KeyNote> notes(void (Reader::*read)(const toml::table&), const toml::table& table) {
     std::vector<line::KeyNote> notes;
     Reader reader("");

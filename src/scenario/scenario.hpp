@@ -88,11 +88,11 @@ struct Condition {
   std::optional<unsigned> homing_leg;                    // the drive runs this leg of its homing, from 0
   std::optional<bool> at_rest;                           // the shaft turns slower than `rest_rpm`
   std::optional<double> position_above, position_below;  // motor revolutions, the true shaft
-  std::optional<double> speed_above, speed_below;        // rpm, amount
-  std::optional<double> moved_above;                     // motor revolutions from where it was at the beginning, amount
-  std::optional<double> travelled_above;  // motor revolutions since the line began, both directions added
-  std::optional<double> torque_above;     // fraction of the rated torque, amount
-  std::optional<ObjectAddress> object;    // (value & mask) == value_wanted
+  std::optional<double> speed_above, speed_below;        // rpm, absolute value
+  std::optional<double> moved_above;      // motor revolutions since the watch began, absolute value of the distance
+  std::optional<double> travelled_above;  // motor revolutions since the scenario began, both directions added
+  std::optional<double> torque_above;     // fraction of the rated torque, absolute value
+  std::optional<ObjectAddress> object;    // its value has the bits of `value` that `mask` selects
   std::int64_t mask = -1;
   std::int64_t value = 0;
   std::optional<bool> powered;

@@ -39,7 +39,7 @@ class SerialStage final : public links::SerialInterposer {
   SerialStage(const SerialStage&) = delete;
   SerialStage& operator=(const SerialStage&) = delete;
 
-  // Disconnects the drive's stub: the drive receives nothing, and no other station receives the drive.
+  // Disconnects the drive's stub: the drive receives nothing, and no other station receives what the drive sends.
   void cut(bool is_cut);
   bool is_cut() const { return is_cut_; }
 

@@ -28,7 +28,7 @@ class SlaveStage final : public ethercat::SlaveInterposer {
   line::Axis& axis_;
   CoeMessages messages_;
   std::vector<std::uint8_t> kept_;  // the request that stays in the mailbox; empty: none
-  Time release_at_{};               // of the message that is kept or held last
+  Time release_at_{};               // time at which the message that was kept or held last is released
 };
 
 }  // namespace servodrome::scenario

@@ -52,8 +52,8 @@ struct Table {
   std::int64_t zero_unix_ns = 0;  // wall-clock time at which `time` is 0
 };
 
-// The table of a recording, which must outlive it. The topics are "/scope/NAME" for a channel alone in its group, else
-// "/scope".
+// The table of a recording. `recording` must outlive the table. The topics are "/scope/NAME" for a channel alone in its
+// group, else "/scope".
 Table table_of(const Recording& recording);
 
 }  // namespace servodrome::scope

@@ -37,8 +37,8 @@ struct Trigger {
   // Evaluates a sample. `before` is the previous one; nullopt: this is the first, at which rises, falls, changes,
   // becomes, appears and sets never fire. A sample that is not a number fires nothing: the axis has no power.
   bool fires(std::optional<double> before, double now) const;
-  // The sample that is `before` for the one after `now`. A value rises and falls, and its bits change, from the last
-  // sample that is a number.
+  // Returns the `before` of the sample after `now`. A value rises and falls, and its bits change, from the last sample
+  // that is a number.
   std::optional<double> next_before(std::optional<double> before, double now) const;
 };
 
@@ -63,10 +63,9 @@ struct TriggerText {
   Trigger trigger{};
 };
 
-// Accepts `CHANNEL CONDITION VALUE`, where the condition is rises, falls, becomes, sets, has, lacks, ==, !=, <, <=, >
-// or
-// >=; `CHANNEL changes`; `CHANNEL appears`; and `fault`, which means that bit 3 of the statusword becomes 1. Values are
-// decimal, or hexadecimal with 0x or h. Throws TriggerError.
+// Accepts `CHANNEL CONDITION VALUE`, where the condition is one of rises, falls, becomes, sets, has, lacks, ==, !=, <,
+// <=, > and >=; `CHANNEL changes`; `CHANNEL appears`; and `fault`, which means that bit 3 of the statusword becomes 1.
+// Values are decimal, or hexadecimal with 0x or h. Throws TriggerError.
 TriggerText parse_trigger(std::string_view text);
 
 }  // namespace servodrome::scope

@@ -26,8 +26,8 @@ BusSamples::BusSamples(std::size_t drive, master::ObjectAddress object, Decode d
       values_(static_cast<std::size_t>(longest_wait / stride) + 16),
       held_{first - std::max(sampling_.period, stride), not_sampled} {}
 
-// A cycle that is late by a part of a row must not take the row of the next one: while the values come one after
-// another, each gets its own row, up to a quarter of a row beyond the nearest one.
+// A late cycle must not take the row of the next cycle. So consecutive values get consecutive rows, as long as the row
+// is at most three quarters of a stride away from the value; otherwise the value gets the nearest row.
 std::int64_t BusSamples::row_of(std::int64_t tick) const {
   const std::int64_t nearest = (tick + stride() / 2) / stride() * stride();
   if (!last_tick_ || sampling_.by == Sampling::By::reading || sampling_.period < stride()) return nearest;

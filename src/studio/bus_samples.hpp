@@ -29,8 +29,8 @@ struct Sampling {
 };
 
 // Values of an object that the thread of a bus samples by the wall clock. Each value belongs to the nearest row, a
-// multiple of the stride. If the values come less often than rows, the rows between hold the last value. A row is not a
-// number if its value was due and has not arrived, or if the drive does not answer.
+// multiple of the stride. If the values come less often than rows, the rows between hold the last value. A row is NaN
+// if its value was due and has not arrived, or if the drive does not answer.
 class BusSamples final : public api::Samples {
  public:
   // Decodes the bytes of the object to a number.
@@ -40,7 +40,8 @@ class BusSamples final : public api::Samples {
   BusSamples(std::size_t drive, master::ObjectAddress object, Decode decode, Sampling sampling, std::int64_t stride,
              std::int64_t first);
 
-  // The value before the first one, before others use this object; empty: not known.
+  // Sets the value that the rows hold until the first sample arrives; empty: not known. Call it before other threads
+  // use this object.
   void begin_with(std::span<const std::byte> initial) {
     if (!initial.empty()) held_.value = decode_(initial);
   }
@@ -55,7 +56,7 @@ class BusSamples final : public api::Samples {
   void skip(std::int64_t tick);  // reading failed at this tick
 
   // --- Called by the thread of the server
-  // All ticks before `end` have passed. `answers`: the drive communicates.
+  // Fills the rows of all ticks before `end`, which have passed. `answers`: the drive communicates.
   void advance(std::int64_t end, bool answers);
   bool counts() const override { return true; }
   api::Taken taken(std::int64_t tick) const override;

@@ -189,14 +189,15 @@ class DriveBus {
   // Sets up TPDOs for recordings. Only for a work item. Throws MasterError.
   void record(OpenBus& open, const TpdoRecorder::Wish& wish);
   bool records() const { return recorder_.runs(); }  // only for a work item
-  // Gives the drive a quick stop when it answers again: it was moving when the bus was lost.
+  // Sends the drive a quick stop when it answers again, because it may be moving: a stop has failed, or the connection
+  // was lost after a client operated it.
   void stop_when_back(std::size_t drive);
 
  private:
   class Asking;
   // The accesses that may be carried out now.
   struct Choice {
-    const Work* beside = nullptr;  // the work item that runs: none to its drive as soon as it is cancelled
+    const Work* beside = nullptr;  // the running work item; after its cancellation no access to its drive is chosen
     bool urgent_only = false;
   };
 

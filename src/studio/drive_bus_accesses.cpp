@@ -34,8 +34,8 @@ JobError DriveBus::error_of(const std::exception& error, const std::string& wher
 }
 
 // While it lives, an access to `drive` is under way. If the drive does not answer at once, a CAN bus carries out the
-// accesses to its other drives meanwhile: a drive that has no power delays no stop of its neighbours. With `aborted`,
-// an urgent access to the drive itself ends the wait with a MasterError and sets it.
+// accesses to its other drives meanwhile: a drive that has no power delays no stop of its neighbours. If `aborted` is
+// not nullptr, an urgent access to the drive itself ends the wait with a MasterError and sets `*aborted`.
 class DriveBus::Asking {
  public:
   Asking(DriveBus& bus, std::size_t drive, bool* aborted = nullptr)
@@ -91,7 +91,7 @@ void DriveBus::note_access(bool answered, Clock::duration took) {
 // the same error without an attempt. Writes, among them stops, are attempted: an answer may be lost although the drive
 // has received the command.
 void DriveBus::note_silence(std::size_t drive, const JobError& problem, const std::exception_ptr& error) {
-  if (!silent_[drive]) next_poll_[drive] = poll_at_once;  // to find the reason, or that only one answer was lost
+  if (!silent_[drive]) next_poll_[drive] = poll_at_once;  // it finds the reason, or shows that only one answer was lost
   silent_[drive] = true;
   const std::lock_guard lock(mutex_);
   state_.drives[drive].problem = problem;
@@ -152,8 +152,8 @@ void DriveBus::carry_out(OpenBus& open, const std::shared_ptr<Access>& access) {
   }
 }
 
-// The drive stores its own values, not those of the supervision, which begins again afterwards, or of a recording,
-// which then has no more samples.
+// Lets the drive store its own values. For that the values of the supervision and of a recording are removed first. The
+// supervision begins again afterwards; the recording gets no more samples.
 void DriveBus::store(OpenBus& open, const Access& access) {
   if (recorder_.has(access.drive)) recorder_.end();
   open.release(access.drive);

@@ -14,7 +14,7 @@
 
 namespace servodrome::studio {
 
-// Writes that another thread carries out, on their way to the change log.
+// A queue of the writes that another thread carries out. DriveChanges::collect() moves them to the change log.
 class HandedWrites {
  public:
   HandedWrites(std::size_t drive, std::string author) : drive_(drive), author_(std::move(author)) {}

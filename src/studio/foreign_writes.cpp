@@ -80,7 +80,7 @@ bool ForeignWrites::is_own(Channel& channel, const canopen::Frame& response) {
   return fits;
 }
 
-// A longer value than an initiate message carries is not followed, and is then not known.
+// Does not follow segmented and block transfers: a value that no initiate message carries is unknown afterwards.
 void ForeignWrites::hear_own_answer(Channel& channel, const canopen::Frame& response) {
   const auto object = object_of(response, false);
   if (!object) return;

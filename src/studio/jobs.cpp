@@ -46,7 +46,7 @@ void Jobs::make_room(bool must) {
   jobs_.erase(over);
 }
 
-// A command that continues another must not follow any other command that came between the two.
+// A job that names another one as `after` may begin only if no other command came between the two.
 const Job* Jobs::last_in_sequence(const std::string& axis, std::uint64_t id) const {
   const auto later =
       std::find_if(jobs_.begin(), jobs_.end(), [&](const Job& job) { return job.axis == axis && job.id > id; });

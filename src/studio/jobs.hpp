@@ -30,7 +30,8 @@ struct Job {
   JobState state = JobState::running;
   bool cancelled = false;    // cancel was requested; the axis comes to rest
   bool fell_silent = false;  // its signs of life failed to appear; the axis comes to rest
-  // No job begins `after` this one: a client has interrupted the sequence, and a stop is carried out nevertheless.
+  // The sequence ends here: begin() refuses a job `after` this one. Set for a job that a client cancels, and for a stop
+  // that is carried out although its sequence was interrupted.
   bool breaks_sequence = false;
   std::uint64_t commands = 0;  // Drives::commands when it began
   std::int64_t began_tick = 0;
@@ -47,7 +48,7 @@ struct Job {
   std::optional<Progress> progress{};
 
   master::Time due{};        // time at which it continues
-  bool has_noticed = false;  // that it is to end
+  bool has_noticed = false;  // its task knows that it must end
   std::unique_ptr<Task> task{};
 };
 
@@ -103,7 +104,7 @@ class Jobs {
 
   Drives& drives() { return drives_; }
 
-  // Time at which the next job continues, or earlier; then `reached` does nothing.
+  // Deadline of the next call of reached(). It may be too early; reached() then does nothing.
   master::Time next_deadline() const { return next_deadline_; }
   // The time is `now`: continues the jobs that are due.
   void reached(master::Time now);

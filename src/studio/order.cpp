@@ -171,7 +171,8 @@ CarryOut jog(Numbers& numbers) {
   };
 }
 
-// The common parameters of a sweep and a step. Torque is in percent of the rated torque, in any units.
+// The common parameters of a sweep and a step. Torque is in percent of the rated torque, whatever units the request
+// uses.
 Excitation excitation(Numbers& numbers) {
   struct Choice {
     const char* name;

@@ -62,8 +62,8 @@ struct Order {
 // The size of a revolution in the drive's units; nothing if the drive does not report it.
 using ReadUnits = std::function<std::optional<catalogue::AxisUnits>()>;
 
-// Calls `units` if the request's numbers are in revolutions, or if the job needs to know the drive's own. Throws
-// ApiError for an invalid request, MasterError if the units are needed and not reported, and what `units` throws.
+// Calls `units` if the request's numbers are in revolutions, or if the job needs the size of a revolution. Throws
+// ApiError for an invalid request, MasterError if the size is needed and not reported, and what `units` throws.
 Order read_order(const std::string& body, const ReadUnits& units);
 
 }  // namespace servodrome::studio

@@ -29,7 +29,7 @@ std::int64_t wrapped(std::int64_t position, const PositionSpan& range) {
 
 Travel travel_by_objects(master::ObjectClient& objects, const master::AxisOptions& options, const drive::Policy& policy,
                          bool homed) {
-  // An axis of the drive core with these objects, in which a count is one unit of 6064h, decides what acts.
+  // A drive::Axis with these objects, as in the drive core, decides which limits act. Its counts are units of 6064h.
   drive::Objects values;
   read_span(objects, 0x607D, options.product->dialect.software_limits, values.min_position_limit,
             values.max_position_limit);

@@ -17,8 +17,8 @@ struct TravelEnd {
   std::int64_t position = 0;
   bool highest = false;  // false: the axis cannot go to smaller positions
   const char* what = "";
-  bool limits_target = false;  // the drive shortens or refuses each target beyond it, also of a move back from beyond
-  std::int64_t slack = 0;      // a move may end so far beyond it
+  bool limits_target = false;  // the drive shortens or refuses every target beyond it, also of a move back towards it
+  std::int64_t slack = 0;      // greatest distance beyond it at which a move may end
 };
 
 struct PositionSpan {

@@ -5,8 +5,8 @@
 
 namespace servodrome::studio {
 
-// Drives on buses as a bench of the API: a line reads the answers from its virtual drives, here the drives are asked
-// over their buses. It has no plant, no inputs, no power switch, no faults on request, and real time only.
+// The bench API for drives on buses. It asks the drives over their buses, while a line reads the answers from its
+// virtual drives. It has no plant, no inputs, no power switch, no fault injection, and real time only.
 class RealBench final : public api::Bench {
  public:
   using Call = api::Call;

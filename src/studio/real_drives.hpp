@@ -17,8 +17,8 @@
 
 namespace servodrome::studio {
 
-// Drives on buses, for jobs, streams and the API. Its time is the wall clock's, counted from construction. All calls
-// come from the server's thread, and from tasks that run in its place.
+// Drives on buses, for jobs, streams and the API. now() is real time, counted from the construction of this object. All
+// calls come from the server's thread, and from tasks that run in its place.
 class RealDrives final : public Drives, public api::Source, public Subjects {
  public:
   // After this delay all recorded values of a moment are available, or missed.
@@ -60,7 +60,7 @@ class RealDrives final : public Drives, public api::Source, public Subjects {
   // True if a client of the API has operated the axis: by a job, or by writing an object of a motion. Jobs are
   // forgotten, this is not.
   bool was_operated(const Axis& axis) const { return operated_[index_of(axis)].ever; }
-  // The same since the last stop, unless that failed.
+  // True if a client has operated the axis since its last successful stop.
   bool may_move(const Axis& axis) const { return operated_[index_of(axis)].since_stop; }
   // True if the axis has no torque and is not about to get any (a drive waits for its brake before it is enabled).
   // False if the last polled state is too old.
@@ -90,7 +90,7 @@ class RealDrives final : public Drives, public api::Source, public Subjects {
 
   // --- Drives
   master::Time now() const override { return DriveBus::Clock::now() - start_; }
-  // Wall-clock time of its time 0.
+  // Wall-clock time at which now() is 0.
   master::Time wall_epoch() const override { return wall_epoch_; }
   std::vector<std::string> names() const override;
   void require_ready(const std::string& axis) const override;
@@ -172,8 +172,8 @@ class RealDrives final : public Drives, public api::Source, public Subjects {
   std::int64_t reading_period(const std::vector<Chosen>& channels) const;
   std::int64_t choose_stride(std::int64_t wanted, std::vector<Chosen>& channels) const;
   std::vector<Chosen> usual_choice(const std::vector<api::NamedChannel>& channels) const;
-  // Chooses TPDOs for channels on CAN: those that the drives send, or such that it sets up for `wanted`, a stride, as
-  // long as the result lives.
+  // Chooses TPDOs for channels on CAN: those that the drives send already, or TPDOs that it sets up for the stride
+  // `wanted`. They stay set up as long as the result lives.
   std::shared_ptr<void> choose_pdos(std::int64_t wanted, std::vector<Chosen>& channels);
   std::shared_ptr<void> choose_pdos_of(std::size_t bus, std::int64_t wanted, const std::vector<Chosen*>& channels);
   std::shared_ptr<void> set_up_pdos(std::size_t bus, std::int64_t wanted, const std::vector<Chosen*>& channels);

@@ -128,7 +128,7 @@ api::Source::Prepared RealDrives::prepare(double rate_hz, std::vector<NamedChann
   return prepared;
 }
 
-// Why a channel is not sampled at the rate that the client asked for, without a special reason.
+// Why a channel is not sampled at the rate that the client asked for, if Chosen::limit has no other reason.
 JobError RealDrives::limit_of(const Sampled& sampled, const Sampling& sampling) const {
   const BusPlan& bus = buses_[sampled.axis->bus]->plan();
   if (sampling.by == Sampling::By::cycle) {

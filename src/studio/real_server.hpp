@@ -81,7 +81,7 @@ class RealServer {
   master::Time looked_{};  // time of the last look()
   master::Time next_view_{};
   master::Time next_attention_{};
-  master::Time client_at_{};  // when a client was there
+  master::Time client_at_{};  // last time at which a client had a stream or a request
   std::unique_ptr<api::HttpServer> http_;
 };
 

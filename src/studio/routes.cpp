@@ -77,7 +77,7 @@ Json keep_alive(Call& call) {
   return view_of(job);
 }
 
-// Ignores the body: a stop stops.
+// Ignores the body, so that no mistake in it prevents the stop.
 Json stop_all(Call& call) {
   call.halts = true;
   Json axes = Json::array();

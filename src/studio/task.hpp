@@ -11,7 +11,7 @@ namespace servodrome::studio {
 // owner's thread take turns: only one of them runs at a time, and each sees all memory changes of the other.
 class Task {
  public:
-  // pause() throws it when the task must end. Do not catch it, or rethrow it.
+  // pause() throws it when the task must end. Code that catches it must throw it again.
   struct Ended {};
 
   // The first resume() starts `body`. An exception that leaves it ends the task and is discarded.

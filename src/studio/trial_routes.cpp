@@ -90,7 +90,7 @@ Json TrialRoutes::end() {
   record_->complete(result_, its);
   record_.reset();
   line_.changed();
-  // The order of the keys is that of the program's JSON only as text.
+  // The trial is sent as text: as an object of api::Json its keys would lose the order that the program's JSON has.
   return Json{{"trial", scenario::json_of(result_).dump(-1, ' ', false, Json::error_handler_t::replace)},
               {"section", scenario::html_section_of(result_)}};
 }

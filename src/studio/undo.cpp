@@ -74,7 +74,7 @@ class UndoPlan {
 
  private:
   struct Chain {
-    std::uint64_t later = 0;  // the oldest known change that is not selected; 0: none
+    std::uint64_t later = 0;  // the newest change of the object that is not selected; 0: none
     std::optional<std::size_t> step{};
   };
   struct Ends {

@@ -46,11 +46,11 @@ struct UndoReport {
   std::vector<Kept> kept;
 };
 
-// Undoes the changes of an axis that `is_selected`, the newest first: writes the value before the oldest of them. A
-// value stays, with its reason, if
+// Undoes the changes of an axis for which `is_selected` returns true. Writes to each object the value before the oldest
+// of its selected changes, beginning with the object that changed last. A value stays, with its reason, if
 // - a change that is not selected followed, or the value is not among `only`,
 // - the drive no longer has the value that was written,
-// - the object is no parameter, or the drive refuses the write.
+// - it cannot be undone at all (reason_against_undo), the axis has torque, or the drive refuses the write.
 // The settings of the process data (1400h to 1BFFh, 1C12h, 1C13h) are undone write by write, since their order counts.
 UndoReport undo(const api::ChangeLog& log, std::uint32_t axis, Subject& subject, const UndoOrder& order);
 

@@ -30,8 +30,8 @@ export const power = (axis: string, action: 'on' | 'off' | 'cycle') => {
   return post(`${axisPath(axis)}/power`, { action });
 };
 
-// Takes back the requests of jobs, and of writes that can move the axis, that have not reached the server, by axis: a later halt,
-// controlword or STOP goes by another connection and may arrive before them.
+// The AbortController of each axis: it aborts ("takes back") the requests of jobs and of writes that can move the axis
+// that are not answered yet: a later halt, controlword or STOP uses another connection and may reach the server first.
 const takingBack = new Map<string, AbortController>();
 
 function untilTakenBack(axis: string): AbortSignal {
@@ -40,7 +40,8 @@ function untilTakenBack(axis: string): AbortSignal {
   return known.signal;
 }
 
-// Callbacks of what waits in this page and would write later, for example the value of a slider. `axis` null: STOP, of all axes.
+// Callbacks of the parts of this page that hold a value and write it later, for example a slider. `axis` null: STOP of
+// all axes.
 type TakenBack = (axis: string | null) => void;
 const waiting = new Set<TakenBack>();
 
@@ -50,8 +51,8 @@ export function onTakenBack(callback: TakenBack): () => void {
   return () => void waiting.delete(callback);
 }
 
-// Acts on the items one after the other. A halt, controlword, power switch or STOP for the axis ends that after the present one.
-// Throws then, with the number of items that are done.
+// Acts on the items one after the other. After a halt, controlword, power switch or STOP for the axis it finishes the
+// present item, and then throws an error with the number of items that are done.
 export async function untilHalted<T>(axis: string, items: readonly T[], act: (item: T) => Promise<unknown>): Promise<void> {
   let isHalted = false;
   const forget = onTakenBack((each) => {
@@ -67,7 +68,7 @@ export async function untilHalted<T>(axis: string, items: readonly T[], act: (it
   }
 }
 
-// Every command of this page begins so: what is shown about the axis's earlier commands is out of date.
+// Every command of this page calls it first: what is shown about the axis's earlier commands is out of date.
 function beginCommand(axis: string) {
   forget(axis);
   outdate(axis);
@@ -84,9 +85,9 @@ export function takeBack(axis: string) {
   waiting.forEach((each) => each(axis));
 }
 
-// The latest job of each axis, with its signal. A job that is to follow it (`after`) is taken back with it: a controlword that
-// was written before it may reach the server after it. It does not follow either if the server was restarted, or if this page
-// slept or lost its connection in between.
+// The latest job of each axis, with the signal that takes back its request. The next job of a sequence (`after`) has
+// the same signal, so a controlword that was written between the two takes it back as well. The next job is also
+// refused if the server was restarted in between, or if this page slept or lost its connection.
 interface Begun {
   id: number;
   signal: AbortSignal;
@@ -110,7 +111,7 @@ const starting = new Map<string, number>(); // requests of jobs on their way, by
 // Jobs that the server accepts at any time and carries out to their end.
 export const isHalt = (job: string) => ['stop', 'quick_stop', 'disable'].includes(job);
 
-// `until` takes the request back, besides a halt, a controlword or STOP.
+// The signal `until` takes the request back, as a halt, a controlword and STOP do.
 export async function startJob(axis: string, request: { do: string } & Record<string, unknown>, until?: AbortSignal): Promise<Job> {
   const halts = isHalt(request.do);
   const before = latest.get(axis);
@@ -121,13 +122,14 @@ export async function startJob(axis: string, request: { do: string } & Record<st
   const followed = isNext ? before.signal : undefined;
   const wasTakenBack = followed?.aborted ?? false;
   if (halts) takeBack(axis);
-  // What follows a halt of a sequence is not taken back by that halt, but by an earlier one of the user.
+  // A halt within a sequence begins a new signal, so it does not take back the jobs that follow it. If the user's halt
+  // has taken the sequence back before, the aborted signal stays, and takes back the jobs that follow.
   const signal = followed && (!halts || wasTakenBack) ? followed : untilTakenBack(axis);
   starting.set(axis, (starting.get(axis) ?? 0) + 1);
   const begun = { start: snapshot().start, interruptions: interruptions() };
   const body = isNext && before.start !== '' ? { ...request, after_start: before.start } : request;
   const withdrawn = halts ? undefined : until ? AbortSignal.any([signal, until]) : signal;
-  if (!withdrawn?.aborted) beginCommand(axis); // what is taken back already is no command: the outcome before it stays
+  if (!withdrawn?.aborted) beginCommand(axis); // else it is no command: the earlier outcome stays
   const job = await post<Job>(`${axisPath(axis)}/jobs`, body, withdrawn).finally(() => starting.set(axis, starting.get(axis)! - 1));
   latest.set(axis, { id: job.id, signal, ...begun });
   noteJob(job);
@@ -174,12 +176,12 @@ export async function haltAnd(axis: string, request: { do: string } & Record<str
   return halted?.state === 'done' ? runJob(axis, { ...request, ...following(halted) }) : halted;
 }
 
-// The job, and those of its sequence that have begun after it. Another job of the axis goes on.
+// Ends the job, and the jobs of its sequence that have begun after it. Another job of the axis goes on.
 export const endJob = (job: Job) => remove<Job>(`/jobs/${job.id}`);
 
-// As the user's Cancel: the job may be over just now, so what is to follow it is taken back too. The server may have begun a job
-// whose request is taken back, so the axis then gets a halt. It also gets one if the end of the job is not certain, or does not
-// end its motion.
+// The user's Cancel. The job may have ended just now, so the request of the next job of its sequence is taken back as
+// well. The server may have begun that next job already, so the axis then gets a halt. The axis also gets a halt if the
+// server does not confirm the end of the job, or if its motion goes on after that end.
 export async function cancelJob(job: Job) {
   const isFollowed = (starting.get(job.axis) ?? 0) > 0;
   takeBack(job.axis);

@@ -10,7 +10,7 @@ namespace changes_command {
 
 using Json = nlohmann::ordered_json;
 
-constexpr double most_number = 9'007'199'254'740'992;  // 2^53, which JSON has exactly
+constexpr double most_number = 9'007'199'254'740'992;  // 2^53: greater integers are not exact in JSON
 
 struct Options {
   ApiOptions api;

@@ -92,7 +92,8 @@ void check_axes(const Script& script, const std::vector<Step>& steps, const std:
   }
 }
 
-// After the script has succeeded. Tries all these axes, then throws ScriptFailure with the first error.
+// Stops and disables the axes after the script has succeeded. Tries all of them, then throws ScriptFailure with the
+// first error.
 void switch_off(const Script& script, const std::vector<master::Axis402*>& axes) {
   std::string problem;
   for (master::Axis402* axis : axes) {

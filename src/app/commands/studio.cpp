@@ -88,7 +88,7 @@ void run(const Options& options) {
   }
   const std::string page = page_folder(options.page);
   check(options);
-  // Before a project is made: if a bus has no drives, there is no project either.
+  // Finds the drives before it makes a project, so that no project is made if a bus has no drives.
   std::vector<studio::BusPlan> plans;
   if (!options.buses.empty()) plans = find_drives(options.buses, options.bus);
   const std::unique_ptr<studio::Project> project = options.folder.empty() ? nullptr : open_folder(options);

@@ -30,8 +30,8 @@ void write_state(const fs::path& file, const Project::State& state) {
   }
 }
 
-// Returns the end of the file that is no whole line: an editor has left out the line end, or a power cut has left a
-// part.
+// Returns the text after the last line end of the file: a line that an editor has left without a line end, or a part of
+// a line from before a power cut.
 std::string incomplete_line(const fs::path& file) {
   std::string text = read_file(file).value_or("");
   return text.substr(text.rfind('\n') + 1);

@@ -16,9 +16,9 @@
 
 namespace servodrome::studio {
 
-// Writes the state of the page, the changes and the recordings of a server into its project. It looks for something new
-// five times a second; another thread writes, so a slow disk delays no drive. What could not be written is tried again
-// until it succeeds. All calls come from the thread of `io`.
+// Writes the state of the page, the changes and the recordings of a server into its project. It polls them for new data
+// every `period`. Another thread writes, so a slow disk delays no drive. A failed write is repeated until it succeeds.
+// All calls come from the thread of `io`.
 class ProjectKeeper {
  public:
   static constexpr auto period = std::chrono::milliseconds(200);

@@ -36,10 +36,11 @@ class Project {
   // Drives on buses, in the form of --bus; empty: a virtual line.
   const std::vector<std::string>& buses() const { return buses_; }
   std::filesystem::path line_file() const { return folder_ / "line.toml"; }
-  // Why other servers cannot be kept out; empty: they are.
+  // Why the folder is not locked against other servers; empty: it is locked.
   const std::string& unlocked() const { return unlocked_; }
 
-  // --- The state of the page: texts of JSON files by name. They are in memory; the files follow.
+  // --- The state of the page: texts of JSON files by name. They are held in memory, and ProjectKeeper writes them to
+  // the files later.
   struct State {
     std::optional<std::string> text{};     // nothing: the file is to be deleted
     std::optional<std::string> on_disk{};  // content of the file when it was read or written last
@@ -55,8 +56,7 @@ class Project {
   const std::set<std::string>& unsaved_states() const { return unsaved_; }
   void note_saved(const std::string& name, const std::optional<std::string>& text);
 
-  // --- The changes of earlier runs, the newest `most_earlier_changes`, the oldest first: as docs/bench-api.md has
-  // them.
+  // --- The newest `most_earlier_changes` changes of earlier runs, the oldest first, in the form of docs/bench-api.md.
   std::filesystem::path changes_file() const { return folder_ / "changes.jsonl"; }
   const std::vector<nlohmann::json>& earlier_changes() const { return earlier_changes_; }
   // The greatest number of these changes.

@@ -43,11 +43,11 @@ export async function getBytes(path: string): Promise<ArrayBuffer> {
   return send('GET', path, (response) => response.arrayBuffer());
 }
 
-// A browser has 6 connections to a server, and a request that finds none free waits in it. Two stay free of reads, so that a STOP or
-// a halt is sent at once.
+// A browser opens at most 6 connections to a server and queues further requests. Reads use at most 4 of them, so that a
+// STOP or a halt is sent at once.
 const reads = new Turns(4);
 
-// `signal` takes the request back.
+// `signal` aborts the request.
 async function send<T>(method: string, path: string, read: (response: Response) => Promise<T>, body?: unknown, type = 'application/json', signal?: AbortSignal): Promise<T> {
   const patience = AbortSignal.timeout(patience_ms);
   const until = signal ? AbortSignal.any([signal, patience]) : patience;

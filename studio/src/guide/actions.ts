@@ -56,13 +56,13 @@ export async function writePlan(axis: AxisView, step: string, plan: PlanRow[]): 
   if (!failed) tell(`${name}: ${plan.length} ${plan.length === 1 ? 'value' : 'values'} written`);
 }
 
-// What was stored before a write is not what is in the drive now, nor is it in a report that was saved before.
+// After a write, the values that the drive has stored and a report that was saved before are out of date.
 function forgetStored({ name, product }: AxisView) {
   if (stepOf(guideOf(name, product), 'report').found.saved) changeStep(name, product, 'report', () => noStep);
   if (stepOf(guideOf(name, product), 'store').found.stored) changeStep(name, product, 'store', () => noStep);
 }
 
-// After a storing: the values with which the drive starts from now on.
+// Called after the drive has stored its objects: notes the values with which it starts from now on.
 export async function noteStored({ name, product }: AxisView): Promise<void> {
   const { journal } = guideOf(name, product);
   const values = journal.length > 0 ? await readValues(name, [...new Set(journal.map(({ object }) => object))]) : {};
@@ -206,7 +206,8 @@ async function noteMode(facts: Facts, step: string, after: number) {
   change(name, product, (guide) => ({ ...guide, journal: noted(guide.journal, modeWritten(facts, step, before, after)) }));
 }
 
-// A job may end before it sets the mode, after it has set another one for a time, or restore it: what is in the drive at the end counts.
+// A job may end before it sets the mode, may set another mode for some time, or may restore the mode. So the journal
+// gets the mode that is in the drive at the end.
 async function noteModeLeft(facts: Facts) {
   const { name, product } = facts.axis;
   const { run } = guideOf(name, product);

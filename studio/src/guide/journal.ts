@@ -24,8 +24,9 @@ export function noted(journal: Journal, written: Written): Journal {
   });
 }
 
-// Enters the mode of operation that the jobs of a motion left in the drive. Another mode than `ofJobs` was set by another: it
-// stays as it was noted. `written.before` is the mode before the motion, `written.after` the one now.
+// Enters the mode of operation that the jobs of a motion left in the drive. `written.before` is the mode before the
+// motion, `written.after` the present one. If that is neither `before` nor one of `ofJobs`, another client has set it,
+// and the journal stays unchanged.
 export function notedMode(journal: Journal, written: Written, ofJobs: readonly number[]): Journal {
   const { step, object, before, after } = written;
   const isNoted = lastOf(journal, (each) => each.object === object)?.step === step;
@@ -58,7 +59,7 @@ export interface PowerOn {
 }
 export const noPowerOn: PowerOn = { stored: {}, factory: {} };
 
-// The values of an object that are from before the guide: that before its first write, and the factory's.
+// The values that an object may have had before the guide: the one before its first write, and the factory value.
 const fromBefore = (journal: Journal, object: string, { factory }: PowerOn) => [journal.find((each) => each.object === object)?.before, factory[object]];
 
 // Compares the value that was written with the drive's present value. After a power cut a drive has its stored values, or those of

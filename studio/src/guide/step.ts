@@ -112,7 +112,7 @@ export function lostGains(facts: Facts, step: string): string {
   return gone.length === 0 ? '' : `Not in the drive any more: ${gone.map(({ object, after }) => `${object} = ${after}`).join(', ')}. Write it again, or undo this step.`;
 }
 
-// The first of several sets of objects that the drive has.
+// The first of `sets` whose objects the drive has; an empty list if it has none of the sets.
 export const firstOf = (facts: Facts, sets: string[][]) => sets.find((set) => set.every((object) => has(facts, object))) ?? [];
 
 export const keptOf = (state: StepState, fields: Field[]): Numbers => (key) => state.typed[key] ?? fields.find((field) => field.key === key)?.usual ?? NaN;
@@ -127,7 +127,7 @@ export interface PlanRow {
 
 const inDrive = ({ scale }: Facts, kind: Kind | undefined, kept: number) => (kind === undefined ? kept : scale ? toDrive(scale, kind, kept) : NaN);
 
-// The objects of the fields that the drive has, each with its value by the form, and that in the drive.
+// The objects of the fields that the drive has, each with the value of the form and the value in the drive.
 const targetsOf = (facts: Facts, fields: Field[], numbers: Numbers) =>
   fields.flatMap(({ key, label, kind, objects = [] }) => objects.flatMap((object) => {
     const entry = facts.entries.get(object);
@@ -163,7 +163,7 @@ function limitsOf(facts: Facts, { kind, objects = [], minimum = -Infinity, maxim
   return { ...limits, where: limits.where && `${limits.where})` };
 }
 
-// A limit with ten digits, so that the number that the page names is within it.
+// Rounds a limit inwards to ten digits, so that the number that the page shows is within the limit.
 function inward(limit: number, to: 'floor' | 'ceil'): number {
   if (Number.isInteger(limit)) return limit;
   const unit = 10 ** (Math.floor(Math.log10(Math.abs(limit))) - 9);

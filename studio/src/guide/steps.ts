@@ -10,8 +10,8 @@ import { toDrive } from './mechanics';
 
 // The guided commissioning: one row for each step. The page (pages/commission.tsx) shows any row by the same rules.
 
-// Objects that limit the torque, in the order in which a drive's first set is used: those of CiA 402, the current limit of the
-// iSMK, and Pn401 and Pn402 of the ProNet.
+// Sets of objects that limit the torque; the guide uses the first set that the drive has: those of CiA 402, the current
+// limit of the iSMK, and Pn401 and Pn402 of the ProNet.
 const torqueLimits = [['6072:00'], ['60E0:00', '60E1:00'], ['6073:00'], ['3068:00', '3069:00']];
 const torqueOf = (facts: Facts) => firstOf(facts, torqueLimits);
 const factoryOf = (facts: Facts, object: string) => Number(facts.entries.get(object)?.default ?? NaN);
@@ -28,7 +28,8 @@ const noTorqueLimit = (facts: Facts) =>
 
 const noScale = ({ scale }: Facts) => (scale ? '' : 'The size of the drive\'s units is not known: complete the step "Units" first.');
 
-// Of a step that needs the scale. While the units are on their way the form stays: it would lose an open list.
+// `lacks` of a step that needs the scale. While the page requests the units, the form stays, so that an open list does
+// not close.
 const lacksScale = (facts: Facts) => (facts.units ? noScale(facts) : '');
 
 // The objects of a profile. The move uses the values in the drive, so the guide writes them, not the job.
@@ -37,7 +38,7 @@ const profile = (velocity: number, acceleration: number): Field[] => [
   { key: 'acceleration', label: 'Acceleration', kind: 'acceleration', objects: ['6083:00', '6084:00'], usual: acceleration, minimum: 0 },
 ];
 
-// `most`: the drive's limit in its units, null: none.
+// The usual value, or nine tenths of the drive's limit if that is less.
 function within(facts: Facts, kind: 'velocity' | 'acceleration', usual: number): number {
   const limits = facts.limits;
   const most = kind === 'velocity' ? limits?.velocity : Math.min(limits?.acceleration ?? Infinity, limits?.deceleration ?? Infinity);

@@ -32,7 +32,8 @@ export interface ViewProps {
 
 interface Device { address: number; name: string; kind: string; product: string; axis: string | null }
 
-// What answers on a bus now. A device that is no axis here needs a start of the studio that finds it.
+// The devices that answer on a bus now. A device that is no axis yet becomes one when the studio is started again and
+// finds it.
 function BusScan({ bus }: { bus: string }) {
   const [found, setFound] = useState<Device[]>();
   const scan = () => attempt(async () => setFound((await post<{ found: Device[] }>(`/buses/${encodeURIComponent(bus)}/scan`, {})).found));

@@ -82,7 +82,7 @@ export const widgets: Record<WidgetKind, { title: string; does: string; span: nu
 };
 export const kinds = Object.keys(widgets) as WidgetKind[];
 
-// Every page has 8 streams; the values share 4 of them.
+// The server gives each page 8 subscriptions; the live values share 4 of them.
 export const mostPlots = 4;
 export const mostWidgets = 60;
 export const mostBoards = 50;

@@ -61,8 +61,8 @@ export function homingPath(method: HomingMethod, geometry: Geometry, start: numb
   return path;
 }
 
-// Switches in a generic order, and a start, for a method of a drive whose wiring is not known: only what its legs name. The
-// places have no scale.
+// Invented places of the switches and a start, to draw a method of a drive whose wiring is not known. Only the switches
+// that its legs name have a place. The drawing is not to scale.
 export function schematicOf({ legs }: HomingMethod): { geometry: Geometry; start: number } {
   const turn = 1000;
   const isNamed = (...untils: string[]) => legs.some(({ until }) => untils.includes(until));

@@ -39,8 +39,9 @@ type Span = [number, number]; // indices: the first, and the one after the last
 
 export const settlingBand = 0.02; // of the step's height, to each side of the end value
 
-// The step from the level at the begin to the level at the end. Null if there are fewer than 10 samples, if the curve does not rest at an end,
-// or if the step is not higher than twice the noise (peak to peak) of an end, or lower than half of the curve's range.
+// The step from the level at the begin to the level at the end. Null if there are fewer than 10 samples, if the curve
+// does not rest at both ends, or if the step is too low: at most twice the noise (peak to peak) of an end, or less than
+// half of the curve's range.
 export function stepResponse(values: ArrayLike<number>, interval_s: number, from = 0, to = values.length): Step | null {
   const samples = to - from;
   if (samples < 10) return null;
@@ -74,7 +75,7 @@ function noise(values: ArrayLike<number>, from: number, to: number): number {
 
 interface Rest {
   count: number; // samples, from the end of the curve
-  level: number; // of these, those whose mean is the level
+  level: number; // number of these samples whose mean is the level
   isWhole: boolean;
 }
 

@@ -1,5 +1,5 @@
-// Writes of a control that changes faster than a drive can be written: at most one at a time, at most `per_second` in a
-// second, and the last value always arrives, unless drop() removes it.
+// Throttles the writes of a control that changes faster than a drive can be written: at most one at a time, at most
+// `per_second` in a second. The last value always arrives, unless drop() removes it.
 
 export interface PacedDoes {
   write(value: number): Promise<unknown>;

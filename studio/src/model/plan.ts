@@ -18,7 +18,7 @@ export interface Reach {
 
 export type Move = { by: number } | { to: number };
 
-// Bit 7 of CiA 402, or the only value of a drive whose 607Eh is 0 or 1: 6064h counts against the shaft.
+// True if 6064h counts opposite to the shaft: bit 7 of 607Eh (CiA 402), or 1 in a drive whose 607Eh is 0 or 1.
 export const isReversed = (polarity: unknown) => typeof polarity === 'number' && (polarity === 1 || (polarity & 0x80) !== 0);
 export const slack = 0.01; // rev: a move to a switch itself may stand some counts beyond it, as on the server
 const signOf = ({ polarity }: Reach) => (isReversed(polarity) ? -1 : 1);

@@ -22,8 +22,8 @@ export function greatestOf(units: Units | undefined, limits: Limits | undefined)
   };
 }
 
-// The greatest numbers that the objects of a motion can hold, in revolutions, rpm and rev/s^2; of unknown units in those of the drive. They are
-// rounded down to whole numbers, small ones to five digits.
+// The greatest numbers that the objects of a motion can hold, in revolutions, rpm and rev/s^2, or in the drive's units
+// if their size is not known. They are rounded down to whole numbers, small ones to five digits.
 export interface Holds {
   position: number; // INTEGER32: 607Ah
   speed: number; // UNSIGNED32: 6081h, 6099h
@@ -48,7 +48,7 @@ function roundedDown(value: number): number {
   return Math.floor(value * 10 ** places) / 10 ** places;
 }
 
-// The usual value, or if it is above the greatest, that one, rounded down to two digits.
+// The usual value. If it is above `greatest`, returns `greatest` rounded down to two digits.
 export function proposed(usual: number, greatest: number): number {
   if (!(greatest < usual)) return usual;
   const step = 10 ** (Math.floor(Math.log10(greatest)) - 1);
@@ -91,7 +91,6 @@ export function duration(ns: number): string {
   return hours > 0 ? `${hours}:${String(minutes).padStart(2, '0')}:${seconds}` : `${minutes}:${seconds}`;
 }
 
-// Texts of the tick marks of a plot's axis, with enough decimal places to distinguish them. A null tick gets no text.
 // The ticks of a logarithmic axis: 1 to 9 times each power of ten.
 export function decadeTicks(min: number, max: number): number[] {
   const ticks: number[] = [];
@@ -110,6 +109,7 @@ export function isLabelled(tick: number, decade_pixels: number): boolean {
   return first === 1 || (decade_pixels > 150 && (first === 2 || first === 5));
 }
 
+// Texts of the tick marks of a plot's axis, with enough decimal places to distinguish them. A null tick gets no text.
 export function ticksText(ticks: readonly (number | null)[]): string[] {
   const there = ticks.filter((tick): tick is number => tick !== null);
   const steps = there.slice(1).map((tick, i) => Math.abs(tick - there[i])).filter((step) => step > 0);

@@ -13,7 +13,7 @@ import { useSaved } from '../saved';
 import { placeOf, useProject } from '../storage';
 import '../boards.css';
 
-// In the query, because the server does not take an escaped path for a view of the page.
+// The name is in the query, because the server does not serve the page for a path with escapes.
 const addressOf = (name: string) => `/boards?name=${encodeURIComponent(name)}`;
 
 export function BoardsPage() {

@@ -192,7 +192,7 @@ function StepPanel({ axis, guide, step, onLost }: { axis: AxisView; guide: Guide
   );
 }
 
-// The numbers before a refused one still count, but a step is not complete while the form shows another.
+// While a typed number is refused, the last accepted number still counts, but the step is not complete.
 function Check({ lacks, open, passed }: { lacks: boolean; open: string; passed: string }) {
   const isRefused = useNumberIsRefused();
   const missing = isRefused ? 'A number of the form is refused: correct it.' : open;

@@ -20,7 +20,7 @@ export function LinePage() {
   const { query } = useRoute();
   const order = useLine((line) => line.order);
   const filter = filterOf(query);
-  // A text: a message that changes no name then causes no rendering of the page.
+  // The names are joined to one text, so that a message that changes no name causes no rendering of the page.
   const names = useLine((line) => fitting(line.order, line.axes, filter).join('\n')).split('\n').filter(Boolean);
   const pairs = useLine((line) => pairsOf(line.order, line.axes).map((pair) => pair.join('\n')).join('\n\n')).split('\n\n').filter(Boolean).map((pair) => pair.split('\n'));
   const isLarge = order.length >= manyAxes;
@@ -74,7 +74,7 @@ function Filters({ shown, all }: { shown: number; all: number }) {
   );
 }
 
-// In revolutions of the motor if the encoder's are known.
+// In revolutions of the motor if the encoder's counts per revolution are known.
 export function positionOf(axis: AxisView, geometry: Geometry | undefined): { value: string; unit: string } {
   const counts = geometry?.index_every ?? geometry?.mechanics?.counts_per_revolution;
   return counts ? { value: fixed(axis.position_counts / counts, 3), unit: 'rev' } : { value: fixed(axis.position_counts, 0), unit: unitOf(axis) };

@@ -66,7 +66,7 @@ function Tune({ axis, gains, missing, job }: { axis: string; gains: Gains; missi
   const cannot = isBusy || reason !== '';
   const tuning = job?.state === 'running' ? job : undefined;
   const isOutdated = useIsOutdated(job);
-  // A tuning that was over when the page was opened is a result, no news.
+  // The job that this page has seen running. One that was over when the page was opened is not announced as news.
   const watched = useRef<number>();
   if (tuning) watched.current = tuning.id;
   const start = (apply: boolean) =>

@@ -32,7 +32,7 @@ export function NumberForm({ children }: { children: ReactNode }) {
 // True if every number of the form is present and valid.
 export const useNumbersAreRight = () => useContext(FormContext).wrong.size === 0;
 
-// True if a field of the form has a text that is refused: the number before it is then the one that counts.
+// True if a field of the form has a text that is refused: then the last accepted number counts.
 export const useNumberIsRefused = () => [...useContext(FormContext).wrong.values()].includes('refused');
 
 // A button that uses the numbers of its form.
@@ -41,9 +41,9 @@ export function NumbersButton({ isDisabled = false, ...props }: ComponentProps<t
   return <Button {...props} isDisabled={isDisabled || !isRight} />;
 }
 
-// `value` NaN: no number yet. `onChange` gets valid numbers only: after each key, or with `whenLeft` when the field loses
-// the focus or Enter is pressed. A halt or STOP then drops the typed text: it comes by a press of its button, before the field
-// loses the focus. With `mayBeEmpty` an empty field is valid and gives NaN.
+// `value` NaN: no number yet. `onChange` gets valid numbers only: after each key, or with `whenLeft` when the field
+// loses the focus or Enter is pressed. With `whenLeft` a halt or STOP drops the typed text, because its button acts at
+// the press, before the field loses the focus. With `mayBeEmpty` an empty field is valid and gives NaN.
 export function NumberInput({ label, unit, value, onChange, minimum, maximum, above, step = 1, hideLabel = false, isDisabled = false, whenLeft = false, mayBeEmpty = false, isHexadecimal = false, hint, check }: {
   label: string;
   unit?: string | undefined;

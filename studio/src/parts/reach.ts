@@ -16,7 +16,7 @@ const useAnswers = (name: string | null) => useLine(({ axes }) => {
   return axis !== undefined && axis.powered && !axis.problem;
 });
 
-// Null: of no axis, so nothing is asked; also below.
+// `name` null: there is no axis, so nothing is requested. The same holds for useReach().
 export function usePolarity(name: string | null): unknown {
   const answers = useAnswers(name);
   return useResource<{ values: Record<string, ObjectValue> }>(answers ? polarityPath(axisPath(name ?? '')) : null, useEvery()).value?.values['607E:00'];

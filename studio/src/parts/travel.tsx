@@ -7,7 +7,7 @@ import { fixed } from '../model/units';
 import { useResource } from '../resource';
 import { useMissing } from '../store';
 
-// Null: of no axis.
+// `axis` null: there is no axis, so nothing is requested.
 export function useGeometry(axis: string | null): Geometry | undefined {
   const there = useMissing('geometry') === undefined;
   return useResource<Geometry>(there && axis !== null ? `${axisPath(axis)}/geometry` : null).value;
