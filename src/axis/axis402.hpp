@@ -98,7 +98,7 @@ struct ProbeRequest {
   Source source = Source::input;
   bool positive_edge = true;
   bool negative_edge = false;
-  bool continuous = false;  // true: each edge overwrites the latched position; false: the first edge's stays
+  bool continuous = false;  // true: each edge overwrites the latched position; false: that of the first edge stays
 };
 // nullopt: no such edge since the probe was armed.
 struct ProbePositions {
