@@ -20,7 +20,8 @@ struct Refusal {
   std::string text;
 };
 
-// Node-ID of the heartbeats that checks send and stop. Other programs may use those of MasterWatch.
+// Node-ID of the heartbeats that checks send and stop. It is none of the node-IDs of MasterWatch, because other
+// programs may use these.
 inline constexpr std::uint32_t heartbeat_producer = MasterWatch::lowest_node_id - 1;
 
 // A running check: gives access to the subject, and records what was sent, expected and seen.
