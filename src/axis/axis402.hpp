@@ -203,8 +203,8 @@ class Axis402 {
   // For error handling, where the first error is reported anyway: stops the axis, by a quick stop if stop() fails, and
   // switches the motor off. Errors of its own are ignored.
   void try_to_switch_off();
-  // Halts the axis as stop() does, but resume() continues the motion. Between the two only disable() and stop() are
-  // allowed. Throws in profile torque.
+  // Halts the axis as stop() does, but resume() continues the motion. Between the two only change_velocity(), stop(),
+  // quick_stop() and disable() are allowed. Throws in profile torque.
   void halt();
   void resume();
   bool halted() const { return halted_; }
