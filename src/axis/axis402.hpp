@@ -98,7 +98,7 @@ struct ProbeRequest {
   Source source = Source::input;
   bool positive_edge = true;
   bool negative_edge = false;
-  bool continuous = false;  // true: each edge overwrites the latched position; false: the first edge's stays
+  bool continuous = false;  // true: each edge overwrites the latched position; false: that of the first edge stays
 };
 // nullopt: no such edge since the probe was armed.
 struct ProbePositions {
@@ -203,8 +203,8 @@ class Axis402 {
   // For error handling, where the first error is reported anyway: stops the axis, by a quick stop if stop() fails, and
   // switches the motor off. Errors of its own are ignored.
   void try_to_switch_off();
-  // Halts the axis as stop() does, but resume() continues the motion. Between the two only disable() and stop() are
-  // allowed. Throws in profile torque.
+  // Halts the axis as stop() does, but resume() continues the motion. Between the two only change_velocity(), stop(),
+  // quick_stop() and disable() are allowed. Throws in profile torque.
   void halt();
   void resume();
   bool halted() const { return halted_; }

@@ -106,8 +106,9 @@ std::int32_t Axis402::position_demand() {
   return position();
 }
 
-// A halt that follows a set-point at once leaves it waiting: a drive with room for one set-point then accepts no other.
-// A change of the mode removes it. The axis is at rest and halted. Returns true if the drive accepts a set-point now.
+// If a halt follows a set-point at once, this set-point stays pending: a drive with room for one set-point then accepts
+// no other one. A change of the mode removes the pending set-point. The axis must be at rest and halted. Returns true
+// if the drive now accepts a set-point.
 bool Axis402::drop_set_points(std::uint16_t halted) {
   objects_.write<std::int32_t>(0x60FF, 0, 0);
   set_mode(OperationMode::profile_velocity);

@@ -60,9 +60,10 @@ bool MasterWatch::hears(std::uint8_t node_id) {
                        [&] { return health.heard > listens_since_ && health.heard + listening_time >= bus.now(); });
 }
 
-// A node-ID that is silent and no drive of this object; 0: none. The search begins at one that depends on the first
-// drive. So programs with different drives mostly choose different ones, also if they begin in the same moment, or if
-// one begins while the drives of a killed one still wait for its next heartbeat.
+// Returns a node-ID that is silent and that no drive of this object has; 0: there is none. The search begins at a
+// node-ID that depends on the first drive. So programs with different drives mostly choose different node-IDs, also if
+// they begin in the same moment, or if a program begins while the drives of a killed program still wait for its next
+// heartbeat.
 std::uint8_t MasterWatch::silent_node_id() {
   constexpr unsigned candidates = highest_node_id - lowest_node_id + 1;
   const unsigned first = drives_.front()->address() - 1U;

@@ -9,7 +9,8 @@
 namespace servodrome::canopen {
 
 // State shared by the services of a node: the present time, the queue of frames to send, and the time of the next poll.
-// A deadline may be set and later become invalid: a poll that finds nothing due calculates the next one.
+// The time of the next poll may be too early, because a cancelled deadline still counts: such a poll finds nothing due,
+// and calculates the next time.
 class Link {
  public:
   // Place of a waiting frame in the queue. A sent frame never gets its place back.

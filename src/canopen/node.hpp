@@ -79,7 +79,8 @@ class Node final : private dictionary::Listener {
   }
   // Sets bits of 1001h for a device error for which the node has already sent its own EMCY; they stay until cleared.
   void hold(std::uint8_t error_register_bits) { emergency_.hold(error_register_bits); }
-  // Errors have ended; `remaining` are the bits of 1001h of the others. Sends EMCY 0000h if the profile requires it.
+  // Device errors have ended; `remaining` are the bits of 1001h of those that are still active. Sends EMCY 0000h if the
+  // profile requires it.
   void clear(std::uint8_t remaining = 0, const std::array<std::uint8_t, 5>& vendor = {}) {
     emergency_.clear(remaining, vendor);
   }

@@ -84,7 +84,7 @@ struct Profile {
   bool error_reset_tells_the_last_only = false;  // ... and only when no error is left
   bool bus_off_is_reported_on_recovery = true;   // EMCY 8140h; otherwise the device reports it as its own error
   std::uint16_t frame_length_code = 0;           // EMCY for an NMT or SDO frame of wrong length; 0: none
-  bool consumers_have_possible_nodes = false;    // 1016h: a node above 127 is refused with 0609 0030h; otherwise unused
+  bool consumers_have_possible_nodes = false;    // 1016h: refuses a node above 127 with 0609 0030h; else ignores it
   bool errors_clear_on_restored_communication = true;  // error ends with the next heartbeat; else on NMT reset
 
   // Error control and NMT

@@ -120,7 +120,7 @@ class EdsReader {
     }
   }
 
-  // If the header lacks the identity, uses the factory values of 1018h.
+  // The factory values of 1018h have priority over the identity in the header, except a value of 0.
   void read_identity() {
     const auto take = [this](std::optional<std::uint32_t>& number, std::uint8_t sub) {
       const FileEntry* entry = device_.find(0x1018, sub);

@@ -6,8 +6,8 @@
 
 namespace servodrome::described {
 
-// Synchronises a drive's fields with the objects of the description. The class has the code of a described device that
-// is independent of the fieldbus and does not belong to the drive.
+// Synchronises a drive's fields with the objects of the description. This class contains the code of a described
+// device that is independent of the fieldbus and not part of drive::Drive.
 class Binding {
  public:
   Binding(const Blueprint& blueprint, dictionary::Dictionary& dictionary, drive::Drive& drive)

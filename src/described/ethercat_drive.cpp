@@ -18,7 +18,8 @@ EthercatDrive::EthercatDrive(std::shared_ptr<const Blueprint> blueprint, const p
                      blueprint->ethercat->profile, sii_of(*blueprint, settings)),
       blueprint_(std::move(blueprint)) {}
 
-// With SYNC0 its period is the period of the set-points, independent of 60C2h, which shows it if it can represent it.
+// With SYNC0 the period of the set-points is that of SYNC0, whatever the master writes to 60C2h. From PREOP to SAFEOP
+// 60C2h gets the period of SYNC0, if it can represent it.
 void EthercatDrive::state_changed(ethercat::AlState from, ethercat::AlState to, ethercat::AlStatusCode cause,
                                   products::Time now) {
   EthercatDevice::state_changed(from, to, cause, now);

@@ -9,7 +9,7 @@ namespace servodrome::master {
 // An EMCY message (CiA 301 7.2.7), on CAN or in an EtherCAT mailbox (ETG.1000.6 clause 5.6.4).
 struct Emergency {
   std::uint8_t node_id = 0;  // 0 on EtherCAT
-  std::uint16_t code = 0;    // 0000h: no error is left
+  std::uint16_t code = 0;    // 00xxh: error reset or no error
   std::uint8_t error_register = 0;
   std::array<std::uint8_t, 5> vendor{};
 };

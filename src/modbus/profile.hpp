@@ -39,8 +39,8 @@ struct AbortException {
   Exception exception;
 };
 
-// A register that exists but cannot be read or written gives an illegal address, an invalid value an illegal value, and
-// an abort code that is not listed a device failure (Application Protocol V1.1b3, 7).
+// Exceptions of the standard (Application Protocol V1.1b3, 7). A register that exists but cannot be read or written
+// also gives illegal_data_address. An abort code that is not listed here gives server_device_failure.
 inline constexpr auto standard_exceptions = std::to_array<AbortException>({
     {dictionary::AbortCode::object_does_not_exist, Exception::illegal_data_address},
     {dictionary::AbortCode::sub_index_does_not_exist, Exception::illegal_data_address},

@@ -9,9 +9,9 @@ void RtuServer::reset(const RtuTiming& timing) {
 }
 
 // Reception as in figure 14 of the standard: timers run from the end of each character. A character after the silence
-// belongs to the next frame even if poll() was not called in between. A character more than 1.5 characters after a
-// complete frame also begins a new frame: so a request that a master sends too soon after another station's answer is
-// still received.
+// belongs to the next frame even if poll() was not called in between. A pause of more than 1.5 characters after a
+// complete frame also ends that frame. So the server still receives a request that the master sends too soon after the
+// answer of another station.
 void RtuServer::start_character(Time at) {
   poll(at);
   const Time pause = at - last_ - timing_.character;

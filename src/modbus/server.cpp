@@ -17,7 +17,7 @@ struct Server::Part {
 
 namespace {
 
-// Returns which 16 bits of a number, by significance, the register `word` of `words` holds.
+// Returns which 16 bits of a number are in register `word` of `words`; 0: the lowest.
 std::size_t significance(WordOrder order, std::size_t word, std::size_t words) {
   return order == WordOrder::low_word_first || word >= words ? word : words - 1 - word;
 }

@@ -43,7 +43,7 @@ class Server {
   dictionary::AbortCode locate(std::uint32_t address, std::size_t words, Part& part) const;
   dictionary::AbortCode read(std::uint16_t address, std::size_t words, std::uint8_t* data) const;
   dictionary::AbortCode write(std::uint16_t address, std::span<const std::uint8_t> data);
-  // The value of an object, from its registers; `value` is room for it and becomes the value.
+  // Decodes the value of an object from its registers into the memory of `value`, and shortens `value` to its size.
   dictionary::AbortCode decode(const Part& part, const std::uint8_t* data, std::span<std::byte>& value) const;
   bool extends(const dictionary::Entry& entry, std::span<const std::byte> number, std::byte surplus) const;
   std::byte extension(const dictionary::Entry& entry, std::span<const std::byte> number) const;

@@ -38,8 +38,8 @@ std::uint32_t word_of(const PdoObject& entry) {
          entry.bits;
 }
 
-// Carries out a step of the end, and keeps the first exception. A timer or a listener of the program may throw while
-// the step waits, as at Ctrl-C: then the step runs once more.
+// Carries out a step of close(), and stores the first exception in `problem`. A timer or a listener of the program may
+// throw while the step waits, for example at Ctrl-C: then the step runs once more.
 template <typename Step>
 void carry_out(const Step& step, std::exception_ptr& problem) {
   for (unsigned attempt = 1; attempt <= most_attempts; ++attempt) {

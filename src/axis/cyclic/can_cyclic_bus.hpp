@@ -61,7 +61,7 @@ class CanCyclicBus final : public CyclicBus {
   ~CanCyclicBus() override;
 
   // Sends a quick stop to drives that are still enabled (if CanCyclicOptions::stops_drives), ends SYNC and restores all
-  // objects. A drive that does not answer does not keep the others from being stopped and restored. If a timer or a
+  // objects. If a drive does not answer, the others are stopped and restored all the same. If a timer or a
   // listener of the bus throws, as at Ctrl-C, the present step is repeated once. Throws the first exception at the end.
   void close();
 

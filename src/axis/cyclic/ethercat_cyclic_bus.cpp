@@ -37,8 +37,8 @@ bool EthercatCyclicBus::can_stop(std::size_t drive) const {
   return is_used_[drive] && exchange_.status(drive).state() == AlState::operational;
 }
 
-// Waits for the end of the ramp: to leave OP is a loss of the master for the drive, and 6007h and 605Eh would end the
-// ramp. A drive that stays in quick stop active (605Ah is 5 to 8) causes a wait of the whole 2 s.
+// Waits for the end of the ramp. If a slave leaves OP before, its drive treats this as a loss of the master, and 6007h
+// and 605Eh end the ramp. A drive that stays in quick stop active (605Ah is 5 to 8) causes a wait of the whole 2 s.
 void EthercatCyclicBus::stop_drives() {
   exchange_.on_cycle({});
   if (!exchange_.runs()) return;

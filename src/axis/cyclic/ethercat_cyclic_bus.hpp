@@ -17,8 +17,8 @@ struct EthercatCyclicOptions {
 // missed for all slaves, because one counter covers several slaves.
 class EthercatCyclicBus final : public CyclicBus {
  public:
-  // Both must outlive this; the operation must be in OP. Without `stops_drives` the operation may end first, if this is
-  // not used any more.
+  // Both must outlive this; the operation must be in OP. Without `stops_drives` the operation may end before this
+  // object, if no other function than the destructor is called after that.
   EthercatCyclicBus(EthercatMaster& master, EthercatOperation& operation, const EthercatCyclicOptions& options = {});
   // Removes the program, commands a quick stop to drives that are still enabled, and runs cycles until these have
   // braked, for at most 2 s. Only drives whose image() was called are stopped, since others may belong to another part
@@ -63,9 +63,9 @@ struct EthercatAxisSetUp {
 
 // Maps the objects that a cyclic axis needs in any mode into 1600h and 1A00h, and assigns only these two PDOs:
 // controlword, statusword, mode, position, velocity and torque in both directions, following error, error code and
-// digital inputs. Objects that the slave does not have are left out. If 6007h is 0, no reaction to the loss of the
-// master, it becomes 1, fault: otherwise a drive stays enabled when the cycles cease. Call it in PREOP. A power cycle
-// restores the slave's own mapping, assignment and 6007h. Throws EthercatError.
+// digital inputs. Objects that the slave does not have are left out. If 6007h is 0 (no reaction to the loss of the
+// master), it becomes 1 (fault), because otherwise a drive stays enabled when the cycles cease. Call it in PREOP. A
+// power cycle restores the slave's own mapping, assignment and 6007h. Throws EthercatError.
 void set_up_cyclic_axis(EthercatSlave& slave, const EthercatAxisSetUp& set_up);
 
 }  // namespace servodrome::master

@@ -4,12 +4,13 @@
 
 namespace servodrome::master {
 
-// If 6007h (abort connection option code) of the slave is 0, no action, writes 1, malfunction: without it an axis
-// continues its last command when the cycles cease. Returns true if it wrote. A drive that refuses the value, or does
-// not have the object, keeps its own. Throws EthercatError.
+// If 6007h (abort connection option code) of the slave is 0 (no action), writes 1 (malfunction), because otherwise an
+// axis continues its last command when the cycles cease. Returns true if it wrote. Does nothing if the drive refuses
+// the value or does not have the object. Throws EthercatError.
 bool react_to_lost_master(EthercatSlave& slave);
 
-// The same as long as this object exists. Create it before the slave operates, and end it after that.
+// Keeps 6007h changed in this way as long as this object exists. Create it before the slave goes to OP, and destroy it
+// after the slave has left OP.
 class LostMasterReaction {
  public:
   // `slave` must outlive this. Throws EthercatError.
@@ -20,8 +21,8 @@ class LostMasterReaction {
 
   // Writes 6007h again, for a drive that has come back from a reset or after end(). Throws EthercatError.
   void begin();
-  // Restores 6007h, for example before the drive stores its objects. A drive keeps 1 until its next reset if its motor
-  // is on, so that the axis stops when the cycles cease, or if it does not answer: then returns false.
+  // Restores 6007h, for example before the drive stores its objects. Returns false if 6007h stays 1 until the drive's
+  // next reset: its motor is on, so that the axis must stop when the cycles cease, or the drive does not answer.
   bool end() noexcept;
 
  private:

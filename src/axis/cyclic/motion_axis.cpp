@@ -131,7 +131,7 @@ bool MotionAxis::follows() {
 
 bool MotionAxis::stands() const { return resting_cycles_ >= settling_cycles_; }
 
-// True while the drive brakes, or has to be told to. A reset would take back the stop.
+// True while the drive brakes, or still needs the command to brake. A fault reset would cancel the stop.
 bool MotionAxis::is_stopping() const {
   const PowerState state = axis_.state();
   return state == PowerState::operation_enabled || state == PowerState::fault_reaction_active ||
@@ -195,7 +195,8 @@ bool MotionAxis::home() {
 void MotionAxis::abort_homing() {
   if (task_ != Task::homing || homing_ == Homing::breaking_off) return;
   if (homing_ == Homing::starting) {
-    // The drive has not got the start of homing. A halt together with bit 4 would be one.
+    // The drive has not received the start of homing. The controlword of a halt would start it, because it contains
+    // bit 4.
     task_ = Task::position;
     resting_set_point_ = set_point().position;
     return;
@@ -312,7 +313,8 @@ void MotionAxis::advance() {
   mode_changes_ = mode_changes_ && !in_mode;
   if (!mode_changes_ || task_ != Task::position) resting_set_point_.reset();
   if (task_ == Task::position && mode_changes_) {
-    // The drive is still in the mode before. The profile begins anew in each cycle, until the drive follows it.
+    // The drive is still in the previous mode. The profile starts again in each cycle, until the drive is in the new
+    // mode.
     if (resting_set_point_) {
       generator_.restart({*resting_set_point_, 0.0, 0.0});
       return;

@@ -28,8 +28,8 @@ struct MotionAxisOptions {
   double following_error_limit = 0.0;  // counts; 0: no limit
   unsigned tolerated_losses = 10;      // cycles in a row without data
   Time mode_timeout = std::chrono::seconds(1);
-  // A drive that has followed its target position and ignores it for this time (bit 12 of the statusword is 0), as at a
-  // limit switch, is a fault. 0: it is not, as for a program that homes by its set-points.
+  // If a drive that has followed its target position ignores it for this time (bit 12 of the statusword is 0), for
+  // example at a limit switch, the axis has a fault. 0: no such fault, for a program that homes by its own set-points.
   Time following_timeout{0};
   // A shaft that moves by at most this distance in 20 ms counts as at rest after a quick stop. Counts.
   std::int64_t standstill_counts = 8;
@@ -97,8 +97,8 @@ class MotionAxis {
   const SetPointGenerator& generator() const { return generator_; }
   const MotionState& set_point() const { return generator_.state(); }
   std::int64_t position() const { return position_; }
-  // Set-point and position for axes that follow this one, in counts: without the steps by which the position changes
-  // while the shaft does not, as after homing, or when set-points begin or cease to be the actual position.
+  // Set-point and position for axes that follow this one, in counts. They leave out steps without a motion of the
+  // shaft: the change of the position after homing, and the step of the set-point when it becomes the actual position.
   double continuous_set_point() const { return set_point().position - set_point_steps_; }
   double continuous_position() const { return static_cast<double>(position_) - position_steps_; }
   double velocity() const { return velocity_; }        // counts/s
@@ -153,7 +153,7 @@ class MotionAxis {
   bool enabled_ = false;
   bool fresh_ = false;                         // the inputs of this cycle have arrived
   bool mode_changes_ = false;                  // the drive has not yet shown the mode of the present task
-  std::optional<double> resting_set_point_{};  // until it does: the set-point of an axis at rest
+  std::optional<double> resting_set_point_{};  // set-point of an axis at rest during a mode change
   bool resetting_ = false;
   AxisFault fault_ = AxisFault::none;
   std::uint16_t error_code_ = 0;
@@ -167,7 +167,7 @@ class MotionAxis {
   std::int64_t position_ = 0;
   double velocity_ = 0.0;
   double following_error_ = 0.0;
-  std::int64_t resting_place_ = 0;  // where the shaft has been since resting_cycles_
+  std::int64_t resting_place_ = 0;  // position of the shaft for the last resting_cycles_ cycles
   std::uint64_t resting_cycles_ = 0;
   bool follows_actual_ = false;  // the set-point is the actual position
   double set_point_steps_ = 0.0;

@@ -8,7 +8,7 @@
 
 namespace servodrome::master {
 
-// A CyclicBus of one drive without process data: reads and writes its objects one by one at a fixed period of the
+// A CyclicBus of one drive without process data: reads and writes its objects by requests, at a fixed period of the
 // client's clock. For clients whose accesses are short compared to the period, such as the service port of a simulated
 // drive. Every cycle makes the same accesses in the same order, so that the delay of each access is constant.
 class ObjectCyclicBus final : public CyclicBus {

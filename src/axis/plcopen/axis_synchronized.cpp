@@ -46,8 +46,8 @@ bool Axis::is_too_fast(double velocity) {
   return true;
 }
 
-// The place of the master, as led_by() gives it, from which its position on the cam counts: its own origin, or for a
-// relative master its present place.
+// The position of the master, as led_by() returns it, that is 0 on the cam before the offset: the origin of the
+// master's own positions, or for a relative master its present position.
 double Axis::cam_origin(const Command& command) const {
   const double place = led_by(command, false);
   if (!command.master_is_absolute) return place;

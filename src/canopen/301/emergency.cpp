@@ -110,7 +110,8 @@ void Emergency::clear_history() {
   }
 }
 
-// If the queue is full, the newest EMCY is dropped: the first cause is more important, and the history contains all.
+// If the queue is full, the newest EMCY is dropped: the first cause is more important, and the history 1003h does not
+// depend on the queue.
 void Emergency::queue(std::uint16_t code, const std::array<std::uint8_t, 5>& vendor) {
   if (queued_ == queue_.size()) return;
   Frame& frame = queue_[queued_++];

@@ -34,17 +34,19 @@ class Emergency {
   // After a reset: clears the node's own errors; device errors stay until the device clears them. Reads 1014h and
   // 1015h.
   void configure(std::uint8_t node_id);
-  void reconfigure();  // after a write to one of them
+  void reconfigure();  // after a write to 1014h or 1015h
 
   // Reports a device error: sets `bits` of 1001h, and bit 0 in any case. The history stores the code and vendor bytes
   // 0, 1.
   void raise(std::uint16_t code, std::uint8_t bits, const std::array<std::uint8_t, 5>& vendor);
-  // Sets bits for a device error for which a communication EMCY was sent; they stay when the communication is restored.
+  // Sets bits of 1001h for a device error without an EMCY of its own, because the node has already sent one for the
+  // communication error. The bits stay when the communication is restored.
   void hold(std::uint8_t bits);
-  // Device errors have ended: `remaining` are the bits of the others. Sends an error-reset EMCY.
+  // Device errors have ended; `remaining` are the bits of 1001h of those that are still active. Sends EMCY 0000h if the
+  // profile requires it.
   void clear(std::uint8_t remaining, const std::array<std::uint8_t, 5>& vendor);
 
-  // The same for the node's own errors; call end() once for each begin().
+  // The start and the end of one of the node's own errors; call end() once for each begin().
   void begin(CommunicationError error, std::uint16_t code);
   void end(CommunicationError error);
 

@@ -45,8 +45,7 @@ AbortCode Node::check(const Entry& entry, std::span<const std::byte> bytes) {
   return check_general(entry, value);
 }
 
-// The write cannot fail after this check. Therefore the parameters are stored or reset here, where an error can be
-// returned.
+// Stores the parameters or restores the defaults already in this check, because written() cannot return an error.
 AbortCode Node::check_signature(const Entry& entry, std::uint32_t value) {
   const bool storing = entry.index == 0x1010;
   if (value != (storing ? dictionary::save_signature : dictionary::load_signature))

@@ -34,7 +34,7 @@ dictionary::AbortCode resolve_all(const dictionary::Dictionary& dictionary, cons
                                   std::uint16_t index, unsigned count, std::span<MappedObject> objects,
                                   ResolvedMapping& resolved);
 
-// With a constant size the compiler makes a single move of each copy.
+// Each size is a constant, so that the compiler replaces each memcpy by a single instruction.
 inline std::uint64_t load(const std::byte* place, unsigned bytes) {
   std::uint64_t value = 0;
   switch (bytes) {
@@ -55,7 +55,8 @@ inline void store(std::byte* place, std::uint64_t value, unsigned bytes) {
   }
 }
 
-// The value of an object as the bus sees it, and as it shall be written (dictionary::View).
+// Apply the view to a value. shown() returns the value that the bus reads. taken() changes a value from the bus, and
+// returns false if the device shall not get it.
 std::uint64_t shown(dictionary::View& view, const MappedObject& object, std::uint64_t value);
 bool taken(dictionary::View& view, const MappedObject& object, std::uint64_t& value);
 
@@ -74,11 +75,11 @@ inline std::uint64_t pack(const dictionary::Dictionary& dictionary, std::span<co
   return word;
 }
 
-// Writes the data of an RPDO to its objects. An object whose range or owner refuses the value keeps its old value; the
-// others are written nevertheless. Returns the objects whose owners must be called, bit n for object n. The owners are
-// called after all values are written, also those of the other PDOs of the same SYNC. So a controlword acts together
-// with the target of the same frame, in any order of the mapping.
 bool store_checked(dictionary::Dictionary& dictionary, const MappedObject& object, std::uint64_t value);
+// Writes the data of an RPDO to its objects. An object whose range or owner refuses the value keeps its old value; the
+// other objects are written. Returns the objects whose owners must be called, bit n for object n. The caller calls the
+// owners after all values are written, also those of the other PDOs of the same SYNC. So a controlword acts together
+// with the target of the same frame, in any order of the mapping.
 inline std::uint64_t unpack(dictionary::Dictionary& dictionary, std::span<const MappedObject> objects,
                             std::uint64_t word) {
   std::uint64_t to_tell = 0;  // a PDO has at most 64 objects

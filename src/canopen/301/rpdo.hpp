@@ -46,14 +46,14 @@ class Rpdos {
   void link_same_can_id(std::uint16_t number, std::uint16_t next) { pdos_[number].next_of_same_can_id = next; }
 
   void configure();  // all of them, after a reset
-  // One of them, after a write to its objects. Drops its data that wait for SYNC, and ends its timeout if nothing
-  // monitors it any more.
+  // One of them, after a write to its objects. Drops its data that wait for SYNC. Ends its timeout error if the RPDO is
+  // no longer valid, or no longer has an event timer.
   void configure(std::uint16_t number);
   dictionary::AbortCode check(const dictionary::Entry& entry, std::uint32_t value) const;
 
   void set_operational(bool operational);
 
-  // Data for RPDO `number` and all others with its CAN-ID.
+  // A frame for RPDO `number` and for all other RPDOs with the same CAN-ID.
   void receive(std::uint16_t number, const Frame& frame) {
     if (!operational_) return;
     do {

@@ -67,7 +67,9 @@ void SdoServer::block_download_segment(const Frame& request) {
     received_ += segment_bytes;
     sequence_ = sequence;
     last_segment_seen_ = last;
-    expect_more();  // only an expected segment restarts the timeout, so a client that begins anew gets its abort
+    // Only an expected segment restarts the timeout. So a client that begins another transfer, whose requests look like
+    // segments, gets the abort of the timeout.
+    expect_more();
   }
   if (last || sequence == block_size_) {
     acknowledge_sub_block();

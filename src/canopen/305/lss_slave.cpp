@@ -145,8 +145,8 @@ void LssSlave::identify_remote(std::uint8_t part, std::uint32_t number) {
   respond(identify_slave);
 }
 
-// The master finds the address of a slave without node-ID bit by bit: slaves whose bits from BitCheck upwards match
-// answer.
+// The master finds the address of a slave without node-ID bit by bit. A slave answers if its bits from BitCheck upwards
+// equal those of the request.
 void LssSlave::fastscan(const Frame& request) {
   if (mode_ != Mode::waiting || active_node_id_ != unconfigured_node_id || pending_node_id_ != unconfigured_node_id) {
     return;

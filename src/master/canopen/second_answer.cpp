@@ -32,7 +32,7 @@ void SecondAnswer::begin(ObjectAddress object, bool block) {
 
 void SecondAnswer::end(const canopen::Frame& answer, canopen::Time now, std::uint64_t others_sent) {
   answer_.reset();
-  // An answer that was there before may be a late copy, which the transfer has taken for its own.
+  // An answer that equals a recent one may be a late copy of it, which the transfer has taken for its own answer.
   const bool is_doubled = is_recent(answer);
   recent_[next_++ % recent_.size()] = answer;
   if (is_doubled || now < certain_from_ || !names_object(answer)) return;

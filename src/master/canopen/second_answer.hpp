@@ -15,17 +15,18 @@ namespace servodrome::master {
 // confirmation for each request). A second answer that is equal to one of the last answers is a frame that was doubled,
 // perhaps with a delay, and is not reported.
 //
-// Another answer is not counted if it may belong to another request: of another client (for `doubt` after its request),
-// of this program's other clients, or to a request that got no answer in time (for `doubt` as well).
+// A second answer does not count if it may be the answer to another request: to one of another program, or to one of
+// this client that got no answer in time (both for the time `doubt`), or to one of this program's other clients.
 class SecondAnswer {
  public:
   static constexpr canopen::Time doubt = std::chrono::seconds(10);
 
-  // A transfer begins. Two answers for one object cannot be told apart from answers to two requests.
+  // A transfer begins. Forgets the last answer if a second answer to it could be an answer to this transfer: if both
+  // access the same object, or in a block transfer.
   void begin(ObjectAddress object, bool block);
   // The transfer has ended with `answer`. `others_sent`: number of frames sent by this program's other clients.
   void end(const canopen::Frame& answer, canopen::Time now, std::uint64_t others_sent);
-  // From now on an answer may belong to another request.
+  // Until `time` a second answer does not count.
   void doubt_until(canopen::Time time);
   // A frame of the node's SDO channel to clients.
   void see(const canopen::Frame& answer, std::uint64_t others_sent);
@@ -36,9 +37,9 @@ class SecondAnswer {
  private:
   bool is_recent(const canopen::Frame& answer) const;
 
-  std::optional<canopen::Frame> answer_{};    // the last one, as long as a different one shows a second device
-  std::uint64_t others_sent_ = 0;             // when it came
-  std::array<canopen::Frame, 128> recent_{};  // the last answers to this client (some 10 ms), a ring buffer
+  std::optional<canopen::Frame> answer_{};    // the last answer; nullopt: a second answer would not count
+  std::uint64_t others_sent_ = 0;             // value of others_sent at that answer
+  std::array<canopen::Frame, 128> recent_{};  // ring buffer of the last answers to this client
   std::size_t next_ = 0;
   canopen::Time certain_from_{};
   bool seen_ = false;

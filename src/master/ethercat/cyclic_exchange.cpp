@@ -40,8 +40,8 @@ constexpr std::size_t most_overdue = 256;
 // Increment of the working counter of an LRW for a slave that writes; one that reads adds 1 (ETG.1000.4 table 11).
 constexpr unsigned lrw_write_step = 2;
 
-// Number of further requests for OP to a slave that refuses it at once for a transient reason. A slave that refuses it
-// later has waited itself.
+// Number of further requests for OP to a slave that refuses OP within the time `at_once` for a transient reason. A
+// slave that refuses later has already waited by itself, so the master does not request OP again.
 constexpr unsigned further_requests = 2;
 constexpr Time at_once = std::chrono::seconds(1);
 
@@ -401,7 +401,8 @@ void CyclicExchange::check_state(std::size_t member) const {
                       members_[member].slave->where(), remedy_of(status.code));
 }
 
-// A cycle reads the AL status of one member, so each member is silent during the cycles of the others.
+// Each cycle reads the AL status of one member only, so silence_ of a member also counts the cycles that read another
+// one.
 bool CyclicExchange::is_lost(std::size_t member) const {
   const AlStatus& status = status_[member];
   return status.state() != wanted_ || status.error() ||

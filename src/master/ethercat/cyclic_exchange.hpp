@@ -76,11 +76,11 @@ class CyclicExchange final : public CyclicTask {
 
   // Throws EthercatError if a member has left the requested state, or if too many cycles were lost.
   void check() const;
-  // The same for one member: a member that does not answer, or has left its state, is no error of the others.
+  // The same for one member. Does not throw if only another member does not answer or has left its state.
   void check(std::size_t member) const;
   AlStatus status(std::size_t member) const { return status_[member]; }
-  // When the frames were sent that the member has certainly processed last: all data of the cycle came back, or at
-  // least the member answered in it.
+  // Time at which the master sent the frames of the last cycle that the member has certainly processed: a cycle whose
+  // data all returned, or in which the member at least answered the read of its AL status.
   Time processed(std::size_t member) const { return processed_[member]; }
   // True if the inputs of the newest cycle are complete.
   bool inputs_are_fresh() const { return statistics_.losses_in_a_row == 0; }

@@ -33,7 +33,8 @@ class EthercatSlave {
   bool has_mailbox() const { return found_.sii.mailbox.out.length != 0 && found_.sii.mailbox.in.length != 0; }
   bool has_coe() const { return has_mailbox() && found_.sii.has(mailbox_protocol::coe); }
   bool has_foe() const { return has_mailbox() && found_.sii.has(mailbox_protocol::foe); }
-  // Brings a slave in INIT to PREOP first. A mailbox that another program has set up is used as it is.
+  // Uses a mailbox that another program has set up as it is. Brings the slave to PREOP first if it is in INIT, and from
+  // any other state through INIT if its sync managers 0 and 1 are not a mailbox.
   MailboxClient& mailbox();
   CoeClient& coe();
   FoeClient& foe();

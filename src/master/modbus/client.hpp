@@ -61,8 +61,8 @@ class ModbusClient {
     write_number(unit, address, static_cast<std::uint64_t>(static_cast<std::int64_t>(value)), words<T>);
   }
 
-  // Sends raw bytes. Returns the received bytes: it stops after `timeout`, or when no byte has arrived for `silence`.
-  // For tests of a device.
+  // Sends raw bytes and returns the received bytes, for tests of a device. Ends after `timeout` without a byte, or when
+  // no further byte has arrived for `silence` (at most 50 ms), and at the latest `silence` after `timeout`.
   std::vector<std::uint8_t> exchange_bytes(std::span<const std::uint8_t> bytes, Time timeout, Time silence);
   Framing framing() const { return framing_; }
 

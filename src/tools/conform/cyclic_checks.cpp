@@ -160,7 +160,7 @@ void tracks_position(Trial& trial, int row) {
                fmt::format("{:.0f}", greatest_lag));
 }
 
-// Mean of the actual value over the last cycles.
+// Mean of the values that were added.
 struct Mean {
   double sum = 0.0;
   unsigned count = 0;

@@ -1,5 +1,5 @@
-// Faults: reaction, reset, error objects, emergencies. The fault used is a following error, because a master can cause
-// it.
+// Faults: reaction, reset, error objects, emergencies. The master causes the fault: a following error or, on CAN, the
+// loss of a heartbeat.
 #include "axis/cia402_words.hpp"
 #include "tools/conform/check_tables.hpp"
 #include "tools/conform/trial.hpp"

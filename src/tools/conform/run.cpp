@@ -128,7 +128,7 @@ Report run_checks(Subject& subject, const RunOptions& options) {
   } catch (const Cancelled&) {
     report.cancelled = true;
   } catch (...) {
-    // For example the output cannot be written.
+    // For example, a callback could not write its output.
     try {
       subject.restore();
     } catch (...) {

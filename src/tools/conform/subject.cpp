@@ -184,7 +184,7 @@ void Subject::to_rest() {
   ObjectClient& objects = kept_;
   if (lost_operation()) leave_operation();
   if (ethercat_ && !operation_) {
-    // By the mailbox: with 6007h = 0 an axis goes on without process data.
+    // The mailbox must work, because with 6007h = 0 an axis keeps running without process data.
     const AlState state = ethercat_->slave.status().state();
     if (state == AlState::init || state == AlState::bootstrap) ethercat_->slave.to_pre_operational();
     if (!is_enabled()) return;
@@ -223,7 +223,8 @@ void Subject::to_rest() {
   });
 }
 
-// Any answer counts, also a refusal. A node that a check has left in the NMT state stopped is taken out of it.
+// Any answer counts, also a refusal. Brings a node that does not answer to pre-operational and asks once more, because
+// a check may have left it in the NMT state stopped.
 bool Subject::answers() {
   const auto answers_once = [this] {
     try {
@@ -316,8 +317,8 @@ void Subject::restore_node() {
                               // configuration object.
                               return answered(
                                   [&] {
-                                    // If the axis could not be switched off, the drive keeps the watch, and stops when
-                                    // the heartbeat is missing.
+                                    // If the axis could not be switched off, the drive keeps these two values, so that
+                                    // the axis stops when the heartbeat ends.
                                     const bool is_of_watch = object.index == 0x1016 || object.index == 0x6007;
                                     if (is_of_watch && watch_ && is_enabled()) return;
                                     if (can_->sdo.upload(object) != value) can_->sdo.download(object, value);

@@ -20,7 +20,8 @@ struct Refusal {
   std::string text;
 };
 
-// Node-ID of the heartbeats that checks send and stop. Other programs may use those of MasterWatch.
+// Node-ID of the heartbeats that checks send and stop. It is none of the node-IDs of MasterWatch, because other
+// programs may use these.
 inline constexpr std::uint32_t heartbeat_producer = MasterWatch::lowest_node_id - 1;
 
 // A running check: gives access to the subject, and records what was sent, expected and seen.
@@ -75,7 +76,7 @@ class Trial {
 
   // ---- Motion ----
 
-  // Skips the check if the drive does not have the mode (6502h, or 6060h refused).
+  // Skips the check if the drive does not have the mode: by 6502h or, without 6502h, if it refuses 6060h.
   void set_mode(OperationMode mode);
   bool has_mode(OperationMode mode);
   // One revolution, one revolution/s and one revolution/s2 in the drive's units; skips the check if a revolution is
@@ -85,7 +86,8 @@ class Trial {
   std::int32_t distance() { return whole(units().position * settings().revolutions); }
   std::int32_t position();  // 6064h, or 6063h if the drive does not have 6064h on this bus
   std::int32_t velocity() { return objects().read<std::int32_t>(0x606C); }
-  // Writes 6081h, 6083h and 6084h: `speed_factor` revolutions per second, ten revolutions per second squared.
+  // Writes 6081h: `speed_factor` revolutions per second, at most 607Fh. Writes 6083h, 6084h and 6085h: ten revolutions
+  // per second squared.
   void gentle_profile(double speed_factor = 1.0);
   // Waits until the position does not change any more; false after the patience.
   bool wait_for_rest();
@@ -110,9 +112,9 @@ class Trial {
 
 // For example "6040h = 000Fh (enable operation)".
 std::string text_of_controlword(std::uint16_t word);
-// For example "6041h = 0237h operation enabled".
+// For example "6041h = 0237h, operation enabled".
 std::string text_of_state(std::uint16_t statusword);
-// For example "0602 0000h".
+// For example "0602 0000h (object does not exist)".
 std::string text_of(dictionary::AbortCode code);
 inline std::string text_of(const std::optional<Refusal>& refusal) { return refusal ? refusal->text : "taken"; }
 

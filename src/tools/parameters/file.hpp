@@ -45,8 +45,8 @@ struct DriveIdentity {
 //  # servodrome parameters 1
 //  product: generic402
 //  vendor: 53455256h
-//  6099:01  u32  262144  [vel]  Homing speeds.Speed during search for switch
 //  1800:01  u32  $NODEID+180h   TPDO 1 communication parameter.COB-ID used by PDO
+//  6099:01  u32  262144  [vel]  Homing speeds.Speed during search for switch
 //  end
 //
 // The first line is as above; other lines that begin with # are comments. `KEY: VALUE` lines come before the

@@ -92,8 +92,8 @@ class InputMapping {
   std::vector<std::pair<std::uint16_t, Slots>> mapped_;
 };
 
-// Brings a slave to OP or SAFEOP; the destructor restores it. `channels` are mapped as inputs; if empty, the mapping is
-// not changed.
+// Brings a slave to OP or SAFEOP. Maps `channels` as inputs, unless all of them are mapped already. The destructor
+// restores the mapping and leaves the slave in PREOP.
 class EthercatSession final : public ProcessDataSession {
  public:
   EthercatSession(EthercatMaster& master, std::span<const FoundSlave> line, EthercatSlave& slave,

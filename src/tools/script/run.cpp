@@ -456,8 +456,8 @@ class Runner {
     return axes;
   }
 
-  // Lets all enabled axes begin to stop. Called at a cancellation between two accesses of the present axis, which
-  // therefore answers and comes first: another axis may be silent.
+  // Commands the stop of all enabled axes and does not wait. A cancellation calls it between two accesses to the
+  // present axis. This axis is the first, because it has just answered; another axis may not answer.
   void begin_stop() {
     std::vector<Axis402*> axes = axes_to_stop();
     std::reverse(axes.begin(), axes.end());

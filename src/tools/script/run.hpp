@@ -51,9 +51,10 @@ struct RunOptions {
 // Runs a script. `axes`: the axes that it declares, in that order, on one bus.
 //
 // Before any motion it reads the data that it needs from the axes: their units, and the size of objects that are not in
-// the catalogue. After a `set` of an axis it reads the units of this axis again. During every wait it monitors the axes
-// that it has enabled, and the enabled axes that it has moved: a fault ends the script. At the end, also after an
-// error, it stops all these axes together. They remain enabled at rest.
+// the catalogue. After a `set` of an axis it reads the units of this axis again. During `wait` and `wait-until` it
+// polls the axes that it has enabled, and the enabled axes that it has moved; during a motion it polls the axis of this
+// motion. A fault ends the script. At the end, also after an error, it stops all these axes together. They remain
+// enabled at rest.
 //
 // Throws ScriptFailure.
 void run(const Script& script, std::span<Axis402* const> axes, const RunOptions& options = {});

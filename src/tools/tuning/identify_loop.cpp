@@ -34,8 +34,7 @@ struct StartGains {
   double remainder = 1.0;
 };
 
-// The measured torque is a sample, and so is the effect of the held command in it. Therefore the command has its full
-// magnitude here, without hold_gain().
+// The torque is sampled, so the held command appears in it with its full magnitude: hold_gain() is not applied here.
 StartGains gains_for(const Measured& measured, const std::optional<NotchSetting>& notch, double command_delay_s,
                      double delay_s) {
   LeastSquares<2> equations;
@@ -253,8 +252,8 @@ std::optional<SampledLoop> fit(SampledLoop start, const Measured& measured, cons
 }  // namespace
 
 SampledLoop::Response SampledLoop::response(double frequency_hz, double sample_s) const {
-  // The lag delays the command too. Its dead time is a part of velocity_delay_s and torque_delay_s, so it is left out
-  // here.
+  // The lag of the loop also delays the command. The dead time of the loop is left out here, because velocity_delay_s
+  // and torque_delay_s contain it.
   const VelocityController alive{controller.kp, controller.ki, {.lag_s = controller.delay.lag_s}, controller.notch};
   Response sum{};
   for (int image = -images; image <= images; ++image) {

@@ -75,8 +75,8 @@ void try_to(const std::function<void()>& call) {
   }
 }
 
-// The drive changes kvp while it learns the inertia. Unless the tuning succeeds, the end of this object ends the
-// learning and writes the gains of before, also if the caller is ended by an exception of its own.
+// The drive changes kvp while it learns the inertia. Without succeed() or put_back() the destructor ends the learning
+// and restores the old gains, for example after an exception of the caller.
 class Learning {
  public:
   Learning(ObjectClient& objects, const std::vector<GainValue>& gains)
@@ -86,7 +86,7 @@ class Learning {
     try {
       put_back();
     } catch (...) {
-      // The caller is ended for another reason, which is reported.
+      // Another exception has ended the tuning, and is reported.
     }
   }
   Learning(const Learning&) = delete;
@@ -140,7 +140,7 @@ OwnTuningResult tune_by_itself(Axis402& axis, const catalogue::TuningDialect& di
     if (dynamic_cast<const Cancelled*>(&error) != nullptr) throw Cancelled(error.happened(), error.where(), remedy);
     throw MasterError(error.happened(), error.where(), remedy);
   } catch (...) {
-    // For example the progress cannot be printed. The end of `learning` writes the gains of before.
+    // For example, the progress cannot be printed. The destructor of `learning` restores the old gains.
     axis.try_to_switch_off();
     throw;
   }

@@ -146,7 +146,8 @@ SessionResult tune(Tuner& tuner, ObjectClient& objects, const catalogue::TuningD
   }
   result.proposal = proposal_for(result.before, request_of(result.bandwidth_hz, delay, dialect), objects.where());
   result.position_gain.before = position_gain(result.gains_before, dialect, units);
-  // The velocity loop does not become slower, so it carries a greater position gain as well as before.
+  // The velocity loop does not become slower, so the present position gain stays if it is greater than the proposed
+  // one.
   if (!request.bandwidth_hz) {
     result.proposal.position_kp = std::max(result.proposal.position_kp, result.position_gain.before.value_or(0.0));
   }

@@ -7,7 +7,8 @@
 namespace servodrome::master::tuning {
 
 struct SessionRequest {
-  // nullopt: 0.6 of the possible one, or the present one if it is greater; a greater position gain is kept then.
+  // nullopt: 0.6 of the greatest possible bandwidth, or the present bandwidth if it is greater and possible. The
+  // present position gain is then not reduced.
   std::optional<double> bandwidth_hz{};
   bool apply = false;  // false: nothing is written
   bool steps = true;   // also measure step responses
