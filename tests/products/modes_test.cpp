@@ -595,6 +595,29 @@ TEST(LimitSwitches, TorqueDoesNotPushBeyondThem) {
   EXPECT_LT(axis.plant.position_counts(), stopped - 2000);
 }
 
+// The limiter of the speed brakes with the torque limit, and has nothing left over at the end: the shaft does not run
+// back.
+TEST(LimitSwitches, TorqueBrakesAtThemAndDoesNotTurnRound) {
+  for (const std::int8_t mode : {std::int8_t{4}, std::int8_t{10}}) {
+    SCOPED_TRACE(int{mode});
+    Reference axis(mode, with_limit_switches());
+    wire_limit_switches(axis);
+    axis.must(0x6087, 0, 100000);
+    axis.must(0x60E1, 0, 300);
+    ASSERT_TRUE(axis.enable());
+    axis.must(0x6071, 0, 300);
+    axis.ms_until([&] { return axis.device.drive().axis().active(Signal::positive_limit); });
+    const double speed = axis.velocity();
+    EXPECT_GT(speed, 300.0 * counts_per_rpm);
+    double least = speed;
+    for (int ms = 0; ms < 1000; ++ms) {
+      axis.run_ms(1);
+      least = std::min(least, axis.velocity());
+    }
+    EXPECT_GT(least, -20.0 * counts_per_rpm);
+  }
+}
+
 TEST(SoftwareLimits, HoldInEveryModeOfTheReferenceDrive) {  // 607Dh: also of the actual position
   for (const std::int8_t mode : {std::int8_t{2}, std::int8_t{3}, std::int8_t{4}, std::int8_t{9}, std::int8_t{10}}) {
     SCOPED_TRACE(int{mode});

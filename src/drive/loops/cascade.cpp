@@ -381,12 +381,13 @@ float Cascade::torque_controller() {
   const float least = limiter_kp_ * room_below + integral_;
   const float torque = clip(clip(wanted, least, most), low, high);
   state_.velocity_limited = wanted < least || wanted > most;
+  // Anti-windup: while a torque limit holds the limiter back, its integral does not grow any further.
   if (wanted > most) {
     state_.velocity_reference_counts_per_s = demand_.velocity_limit_positive;
-    integral_ += limiter_ki_ * room_above;
+    if (most >= low || room_above > 0.0F) integral_ += limiter_ki_ * room_above;
   } else if (wanted < least) {
     state_.velocity_reference_counts_per_s = -demand_.velocity_limit_negative;
-    integral_ += limiter_ki_ * room_below;
+    if (least <= high || room_below < 0.0F) integral_ += limiter_ki_ * room_below;
   } else {
     state_.velocity_reference_counts_per_s = state_.velocity_counts_per_s;
     integral_ -= limiter_decay_ * integral_;

@@ -127,6 +127,8 @@ bool MotionControl::written(const Entry& entry, ServoObjects& objects, const dri
     case 0x60F608: common.target_torque = rounded<std::int16_t>(own.target_current * thousandth_per_dec); return true;
     case 0x607F00:  // one limit in two units (ch. 5.2.1.4)
       common.max_motor_speed_rpm = rounded<std::uint16_t>(rpm_from_velocity_dec(common.max_profile_velocity));
+      // 0 would mean: no limit.
+      if (common.max_profile_velocity != 0) common.max_motor_speed_rpm = std::max(common.max_motor_speed_rpm, 1U);
       return false;
     case 0x608000:
       common.max_profile_velocity = rounded<std::uint32_t>(velocity_dec_from_rpm(common.max_motor_speed_rpm));
