@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <fmt/format.h>
+#include <set>
 
 #include "links/nearest_name.hpp"
 
@@ -47,6 +48,24 @@ bool nests_deeper_than(int most, std::string_view text) {
   return false;
 }
 
+// Parses a text, and throws if an object has a key twice: which of the two values counts is not defined (RFC 8259 4).
+Json parse_once(const std::string& text) {
+  std::vector<std::set<std::string>> open;  // the keys of each object that is not complete yet
+  std::string twice;
+  Json parsed = Json::parse(text, [&](int, Json::parse_event_t event, Json& part) {
+    if (event == Json::parse_event_t::object_start) open.emplace_back();
+    if (event == Json::parse_event_t::object_end) open.pop_back();
+    if (event == Json::parse_event_t::key && !open.back().insert(part.get<std::string>()).second) {
+      twice = part.get<std::string>();
+    }
+    return true;
+  });
+  if (!twice.empty()) {
+    throw ApiError{400, fmt::format("the key \"{}\" is there twice", twice), "body", "send each key once"};
+  }
+  return parsed;
+}
+
 }  // namespace
 
 BodyReader::BodyReader(std::string where, const Json& part) : json_(part), where_(std::move(where)) {
@@ -66,7 +85,7 @@ BodyReader::BodyReader(const std::string& body, bool empty_is_object) {
                    "send an object such as {\"value\": 1}"};
   }
   try {
-    json_ = Json::parse(body);
+    json_ = parse_once(body);
   } catch (const nlohmann::json::parse_error& error) {
     throw ApiError{400, "the body is not JSON", fmt::format("body, byte {}", error.byte),
                    "send an object such as {\"value\": 1}"};

@@ -21,7 +21,7 @@ constexpr std::array guarded{SIGINT,  SIGTERM, SIGHUP,  SIGPIPE,   SIGQUIT, SIGT
 bool is_default_when_looking(int signal) { return signal != SIGINT && signal != SIGTERM && signal != SIGHUP; }
 
 // The write fails instead.
-bool is_ignored(int signal) { return signal == SIGPIPE || signal == SIGXFSZ; }
+bool is_ignored_while_guarded(int signal) { return signal == SIGPIPE || signal == SIGXFSZ; }
 
 }  // namespace
 
@@ -34,7 +34,7 @@ InterruptGuard::InterruptGuard(Command command) : before_(std::make_unique<Befor
   for (std::size_t i = 0; i < guarded.size(); ++i) {
     ::sigaction(guarded[i], nullptr, &before_->actions[i]);
     struct sigaction action {};
-    action.sa_handler = is_ignored(guarded[i]) ? SIG_IGN : note_interrupt;
+    action.sa_handler = is_ignored_while_guarded(guarded[i]) ? SIG_IGN : note_interrupt;
     const bool is_left = (guarded[i] == SIGHUP && before_->actions[i].sa_handler == SIG_IGN) ||
                          (is_default_when_looking(guarded[i]) && command == Command::only_looks);
     if (!is_left) ::sigaction(guarded[i], &action, nullptr);

@@ -4,14 +4,15 @@
 #include <atomic>
 #include <fmt/format.h>
 #include <fstream>
+#include <future>
 #include <iterator>
 #include <set>
-#include <thread>
 
 #include "app/commands.hpp"
 #include "app/interrupt_guard.hpp"
 #include "app/temporary_folder.hpp"
 #include "app/whole_file.hpp"
+#include "line/toml_text.hpp"
 #include "scenario/parse.hpp"
 #include "scenario/reduce.hpp"
 
@@ -78,8 +79,9 @@ class Minimiser {
       const std::size_t end = std::min(rest.find('\n'), rest.size());
       const std::string_view one = rest.substr(0, end);
       rest.remove_prefix(std::min(end + 1, rest.size()));
-      moved += one.starts_with("line =") || one.starts_with("line=") ? fmt::format("line = \"{}\"\n", line_)
-                                                                     : fmt::format("{}\n", one);
+      moved += one.starts_with("line =") || one.starts_with("line=")
+                   ? fmt::format("line = {}\n", line::toml_quoted(line_))
+                   : fmt::format("{}\n", one);
     }
     const std::string path = (run.folder / fs::path(path_).filename()).string();
     write_whole_file(path, moved);
@@ -103,11 +105,12 @@ class Minimiser {
       if (InterruptGuard::interrupted()) return false;
       const std::size_t end = std::min({begin + jobs_, left.size(), begin + most_runs_ - runs_});
       std::vector<TrialResult> results(end - begin);
-      std::vector<std::thread> threads;
+      std::vector<std::future<TrialResult>> runs;
       for (std::size_t i = begin; i < end; ++i) {
-        threads.emplace_back([&, i] { results[i - begin] = run_text(left[i].text, static_cast<unsigned>(i - begin)); });
+        runs.push_back(
+            std::async(std::launch::async, &Minimiser::run_text, this, left[i].text, static_cast<unsigned>(i - begin)));
       }
-      for (std::thread& thread : threads) thread.join();
+      for (std::size_t i = begin; i < end; ++i) results[i - begin] = runs[i - begin].get();
       for (std::size_t i = begin; i < end; ++i) {
         tried_.insert(left[i].text);
         if (!failures_of(results[i - begin]).contains(failure_)) {

@@ -248,22 +248,23 @@ void run(const TrialRun& trial, TrialResult& result, line::LineSettings settings
 scenario::TrialResult run_trial(const TrialRun& trial, const std::string& scenario_path) {
   TrialResult result;
   result.path = scenario_path;
-  scenario::ScenarioFile file = scenario::load_scenario(scenario_path);
-  result.scenario = std::move(file.scenario);
-  if (!file.diagnostics.empty()) {
-    result.reason = to_string(file.diagnostics.front());
-    return result;
-  }
-  const line::LineFile line = line::load_line_file(result.scenario.line, line::all_products());
-  if (!line.diagnostics.empty()) {
-    result.reason = to_string(line.diagnostics.front());
-    return result;
-  }
-  if (const auto problems = scenario::rehearse(line.settings, result.scenario); !problems.empty()) {
-    result.reason = fmt::format("{}: {}", scenario_path, problems.front());
-    return result;
-  }
   try {
+    std::filesystem::create_directories(trial.folder);
+    scenario::ScenarioFile file = scenario::load_scenario(scenario_path);
+    result.scenario = std::move(file.scenario);
+    if (!file.diagnostics.empty()) {
+      result.reason = to_string(file.diagnostics.front());
+      return result;
+    }
+    const line::LineFile line = line::load_line_file(result.scenario.line, line::all_products());
+    if (!line.diagnostics.empty()) {
+      result.reason = to_string(line.diagnostics.front());
+      return result;
+    }
+    if (const auto problems = scenario::rehearse(line.settings, result.scenario); !problems.empty()) {
+      result.reason = fmt::format("{}: {}", scenario_path, problems.front());
+      return result;
+    }
     run(trial, result, line.settings);
   } catch (const std::exception& error) {
     result.outcome = TrialResult::Outcome::error;

@@ -14,7 +14,7 @@ struct TrialRun {
   std::vector<std::string> master;
   std::vector<std::string> links;               // values of --bus, which replace links of the line; {job} is replaced
   unsigned job = 0;                             // number of this run among those at the same time
-  std::filesystem::path folder;                 // for the files of this run; must exist
+  std::filesystem::path folder;                 // for the files of this run; it is made if it does not exist
   std::filesystem::path keep;                   // for captures of all buses; empty: none are kept
   links::Time after = std::chrono::seconds(3);  // time for which the line runs on after the master has ended
 };

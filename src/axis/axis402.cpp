@@ -8,6 +8,7 @@
 #include "axis/cia402_words.hpp"
 #include "axis/fault_report.hpp"
 #include "catalogue/status_words.hpp"
+#include "master/restored.hpp"
 
 namespace servodrome::master {
 
@@ -209,7 +210,7 @@ void Axis402::disable() {
       present == PowerState::not_ready_to_switch_on || present == PowerState::switch_on_disabled) {
     return take_back_targets_of_idle_axis();
   }
-  const ComingToRest rest(comes_to_rest_);
+  const Restored rest(comes_to_rest_, true);
   halted_ = false;
   write_controlword(command_word::disable_voltage);
   wait_for_state({PowerState::switch_on_disabled}, "switch off", options_.state_timeout);
@@ -222,7 +223,7 @@ void Axis402::quick_stop() {
   if (present != PowerState::operation_enabled && present != PowerState::quick_stop_active) {
     return take_back_targets_of_idle_axis();
   }
-  const ComingToRest rest(comes_to_rest_);
+  const Restored rest(comes_to_rest_, true);
   halted_ = false;
   if (present == PowerState::operation_enabled) write_controlword(command_word::quick_stop);
   wait_for_state({PowerState::quick_stop_active, PowerState::switch_on_disabled}, "quick stop", options_.state_timeout);

@@ -235,19 +235,6 @@ class Axis402 {
   std::optional<Emergency> latest_emergency() { return objects_.latest_emergency(); }
 
  private:
-  // Switches cancellation off as long as an object of this class exists.
-  class ComingToRest {
-   public:
-    explicit ComingToRest(bool& flag) : flag_(flag), before_(std::exchange(flag, true)) {}
-    ~ComingToRest() { flag_ = before_; }
-    ComingToRest(const ComingToRest&) = delete;
-    ComingToRest& operator=(const ComingToRest&) = delete;
-
-   private:
-    bool& flag_;
-    bool before_;
-  };
-
   void write_controlword(std::uint16_t word);
   // Writes 0 or the present position into a target and reads it back. Returns nullopt if the drive keeps the value or
   // does not have the object, otherwise the reason why not.

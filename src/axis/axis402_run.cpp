@@ -5,6 +5,7 @@
 
 #include "axis/axis402.hpp"
 #include "axis/cia402_words.hpp"
+#include "master/restored.hpp"
 
 namespace servodrome::master {
 namespace {
@@ -198,7 +199,7 @@ std::uint16_t Axis402::present_controlword() {
 }
 
 void Axis402::stop() {
-  const ComingToRest rest(comes_to_rest_);
+  const Restored rest(comes_to_rest_, true);
   const PowerState present = state();
   if (present == PowerState::quick_stop_active) wait_for_standstill();
   if (present != PowerState::operation_enabled) return;
@@ -218,7 +219,7 @@ void Axis402::stop() {
 }
 
 void Axis402::begin_stop() {
-  const ComingToRest rest(comes_to_rest_);
+  const Restored rest(comes_to_rest_, true);
   if (is_to_operate()) command_halt();
 }
 
@@ -267,7 +268,7 @@ void Axis402::try_to_switch_off() {
       // The caller reports the first error; this error is ignored.
     }
   };
-  const ComingToRest rest(comes_to_rest_);
+  const Restored rest(comes_to_rest_, true);
   if (!try_to_stop().empty()) ignoring_errors([this] { quick_stop(); });
   ignoring_errors([this] { disable(); });
 }
@@ -277,7 +278,7 @@ void Axis402::halt() {
   if (mode() == static_cast<std::int8_t>(OperationMode::profile_torque)) {
     fail("an axis in a torque mode cannot be halted: it would coast", "stop it");
   }
-  const ComingToRest rest(comes_to_rest_);
+  const Restored rest(comes_to_rest_, true);
   if (!is_to_operate()) return complete_stop_of_another();
   // Another client may have begun the motion: its bits 4 to 6 stay, so that resume() continues it.
   constexpr unsigned of_mode = start_homing | change_immediately | relative_move;

@@ -36,6 +36,21 @@ inline constexpr std::uint16_t set_point_acknowledge = status_bit::mode_bit_12;
 inline constexpr std::uint16_t speed_is_zero = status_bit::mode_bit_12;
 inline constexpr std::uint16_t follows_target = status_bit::mode_bit_12;
 
+// Returns true in Operation enabled, and while a stop or a fault reaction is under way.
+constexpr bool operates(drive::PowerState state) {
+  using enum drive::PowerState;
+  return state == operation_enabled || state == quick_stop_active || state == fault_reaction_active;
+}
+// Returns true if the motor may have torque. A JMC drive switches its power stage on in Switched on already.
+constexpr bool may_have_torque(drive::PowerState state) {
+  return operates(state) || state == drive::PowerState::switched_on;
+}
+
+// Abort connection option code: what a drive does when it loses its master (CiA 402-2).
+inline constexpr std::uint16_t abort_connection_option = 0x6007;
+inline constexpr std::int16_t no_action_at_abort = 0;
+inline constexpr std::int16_t malfunction_at_abort = 1;
+
 // A drive clears "target reached" or "homing attained" some cycles after it accepts a set-point or starts homing; until
 // then the bit may belong to the previous one. This is the time to wait before the bit counts.
 inline constexpr links::Time settling = std::chrono::milliseconds(20);

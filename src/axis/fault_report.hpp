@@ -28,7 +28,7 @@ struct FaultReport {
                                                  // reaction active
   std::vector<ReportedFault> warnings{};         // warnings while statusword bit 7 is set, except in these two states
   std::vector<ReportedFault> history{};          // 1003h, the newest first
-  std::vector<ReportedFault> log{};              // the product's own log, which survives power-off; the newest first
+  std::vector<ReportedFault> log{};              // the product's own log; the newest first
 };
 
 ReportedFault fault_of_code(std::uint16_t code, ObjectAddress source, std::string_view product);

@@ -5,14 +5,12 @@
 #include <fmt/format.h>
 
 #include "axis/axis402.hpp"
+#include "axis/cia402_words.hpp"
 
 namespace servodrome::master {
 namespace {
 
 constexpr std::uint16_t consumer_heartbeat_time = 0x1016;
-constexpr std::uint16_t abort_connection_option = 0x6007;
-constexpr std::int16_t no_action = 0;
-constexpr std::int16_t malfunction = 1;
 constexpr auto monitored_ms = static_cast<std::uint32_t>(MasterWatch::longest_silence.count());
 
 // The value of 1016h with which a drive monitors the heartbeat of this node-ID.
@@ -102,8 +100,8 @@ void MasterWatch::begin(ObjectClient& drive) {
     const unsigned boot_ups_before = boot_ups(drive);  // a restart after this point is noticed
     drive.write<std::uint32_t>(consumer_heartbeat_time, 1, entry_for(node_id_));
     watching_.push_back({&drive, false, boot_ups_before});
-    if (drive.read_if_present<std::int16_t>(abort_connection_option) == no_action) {
-      drive.write<std::int16_t>(abort_connection_option, 0, malfunction);
+    if (drive.read_if_present<std::int16_t>(abort_connection_option) == no_action_at_abort) {
+      drive.write<std::int16_t>(abort_connection_option, 0, malfunction_at_abort);
       watching_.back().option_changed = true;
     }
   } catch (const ObjectError& error) {
@@ -167,12 +165,12 @@ void MasterWatch::restore(const Watching& watching) noexcept {
       watching.drive->write<std::uint32_t>(consumer_heartbeat_time, 1, 0);
     }
     freed = true;
-    if (watching.option_changed) watching.drive->write<std::int16_t>(abort_connection_option, 0, no_action);
+    if (watching.option_changed) watching.drive->write<std::int16_t>(abort_connection_option, 0, no_action_at_abort);
   } catch (const MasterError&) {
     // If the drive does not answer, the code that uses the drive reports the reason. This function reports only the
     // objects that keep their values.
     const std::string watch = freed ? "" : fmt::format("1016h:01 = {:08X}h", own);
-    const std::string option = watching.option_changed ? fmt::format("6007h = {}", malfunction) : "";
+    const std::string option = watching.option_changed ? fmt::format("6007h = {}", malfunction_at_abort) : "";
     tell(fmt::format("{}: {}{}{} could not be restored and stays until the drive's next reset", watching.drive->where(),
                      watch, !watch.empty() && !option.empty() ? " and " : "", option));
   }

@@ -7,6 +7,7 @@
 #include <iterator>
 #include <stdexcept>
 
+#include "line/toml_text.hpp"
 #include "links/disturbance_generator.hpp"
 #include "scenario/parse.hpp"
 
@@ -33,6 +34,11 @@ void replace_all(std::string& text, const std::string& from, const std::string& 
   }
 }
 
+// The name of the rule in the new scenario, as a string of TOML.
+std::string name_of(const Source& source, const Rule& rule) {
+  return line::toml_quoted(fmt::format("{}: {}", source.stem, rule.name));
+}
+
 // The lines of all rules, with names that begin with the name of the file.
 std::string rules_of(const Source& source) {
   std::string rules;
@@ -41,21 +47,21 @@ std::string rules_of(const Source& source) {
   std::string_view rest = source.text;
   while (!rest.empty()) {
     const std::size_t end = std::min(rest.find('\n'), rest.size());
-    std::string line(rest.substr(0, end));
+    std::string text(rest.substr(0, end));
     rest.remove_prefix(std::min(end + 1, rest.size()));
-    if (line.starts_with('[')) {
-      inside = line.starts_with("[[rule]]");
+    if (text.starts_with('[')) {
+      inside = text.starts_with("[[rule]]");
       if (inside) {
-        rules += fmt::format("\n[[rule]]\nname = \"{}: {}\"\n", source.stem, source.scenario.rules.at(number++).name);
+        rules += fmt::format("\n[[rule]]\nname = {}\n", name_of(source, source.scenario.rules.at(number++)));
         continue;
       }
     }
-    if (!inside || line.empty() || line.starts_with('#') || line.starts_with("name =")) continue;
+    if (!inside || text.empty() || text.starts_with('#') || text.starts_with("name =")) continue;
     for (const Rule& rule : source.scenario.rules) {
-      replace_all(line, fmt::format("after = \"{}\"", rule.name),
-                  fmt::format("after = \"{}: {}\"", source.stem, rule.name));
+      replace_all(text, fmt::format("after = {}", line::toml_quoted(rule.name)),
+                  fmt::format("after = {}", name_of(source, rule)));
     }
-    rules += line + "\n";
+    rules += text + "\n";
   }
   return rules;
 }
@@ -96,8 +102,10 @@ std::string random_scenario(const std::vector<std::string>& files, std::uint64_t
     duration = std::max(duration, source.scenario.duration);
   }
   const auto path = std::filesystem::relative(chosen.front().scenario.line, folder);
-  return fmt::format("title = \"Random: {}\"\nline = \"{}\"\nseed = {}\nduration_s = {}\n{}", fmt::join(stems, ", "),
-                     path.generic_string(), draws.next() >> 2U, std::chrono::duration<double>(duration).count(), rules);
+  return fmt::format("title = {}\nline = {}\nseed = {}\nduration_s = {}\n{}",
+                     line::toml_quoted(fmt::format("Random: {}", fmt::join(stems, ", "))),
+                     line::toml_quoted(path.generic_string()), draws.next() >> 2U,
+                     std::chrono::duration<double>(duration).count(), rules);
 }
 
 }  // namespace servodrome::scenario

@@ -5,6 +5,7 @@
 #include "api/change_log.hpp"
 #include "catalogue/product.hpp"
 #include "line/axis.hpp"
+#include "master/restored.hpp"
 
 namespace servodrome::studio {
 namespace {
@@ -19,20 +20,6 @@ using namespace std::chrono_literals;
 
 constexpr auto idle_time = 1ms;        // sleep when nothing is to be done
 constexpr auto time_for_others = 8ms;  // longest time that a work item gives to other accesses at once
-
-// Restores a value at the end of a block.
-template <typename Value>
-class Restored {
- public:
-  explicit Restored(Value& value) : value_(value), before_(value) {}
-  ~Restored() { value_ = before_; }
-  Restored(const Restored&) = delete;
-  Restored& operator=(const Restored&) = delete;
-
- private:
-  Value& value_;
-  Value before_;
-};
 
 // Answers an access or work item with the error of the bus.
 template <typename Waiting>
@@ -149,8 +136,7 @@ void DriveBus::record(OpenBus& open, const TpdoRecorder::Wish& wish) {
 }
 
 void DriveBus::serve_urgent(OpenBus& open) {
-  const Restored restored(choice_);
-  choice_ = {.urgent_only = true};
+  const master::Restored choice(choice_, {.urgent_only = true});
   while (const auto access = next_access()) carry_out(open, access);
 }
 
@@ -266,7 +252,7 @@ void DriveBus::carry_out(OpenBus& open, const std::shared_ptr<Work>& work) {
 // Carries out urgent accesses, and others for a limited time. Skips silent drives, because the work item would wait for
 // them, except for the first poll after an access without an answer.
 void DriveBus::serve_beside(OpenBus& open, const Work& work) {
-  const Restored restored(choice_);
+  const master::Restored choice(choice_, choice_);
   const auto end = Clock::now() + time_for_others;
   while (true) {
     const bool has_time = Clock::now() < end;

@@ -43,13 +43,9 @@ void require_no_torque(master::ObjectClient& objects, const char* reason) {
     if (!error.answered()) return;  // the drive is silent: no check is possible
     throw;
   }
-  using enum drive::PowerState;
-  const drive::PowerState state = master::state_of(statusword);
-  if (state != switched_on && state != operation_enabled && state != quick_stop_active &&
-      state != fault_reaction_active) {
-    return;
+  if (master::may_have_torque(master::state_of(statusword))) {
+    throw master::MasterError(reason, objects.where(), "disable the axis first");
   }
-  throw master::MasterError(reason, objects.where(), "disable the axis first");
 }
 
 RealDrives::RealDrives(std::vector<BusPlan> plans) : start_(DriveBus::Clock::now()), wall_epoch_(links::wall_now()) {

@@ -6,6 +6,7 @@
 #include <set>
 
 #include "axis/axis402.hpp"
+#include "axis/cia402_words.hpp"
 #include "catalogue/terminal_words.hpp"
 
 namespace servodrome::studio {
@@ -101,10 +102,7 @@ namespace {
 
 // A limit, a gain or a mapping can move an axis that has torque.
 bool has_torque(master::ObjectClient& objects) {
-  using enum drive::PowerState;
-  const drive::PowerState state = master::state_of(objects.read<std::uint16_t>(0x6041));
-  return state == switched_on || state == operation_enabled || state == quick_stop_active ||
-         state == fault_reaction_active;
+  return master::may_have_torque(master::state_of(objects.read<std::uint16_t>(0x6041)));
 }
 
 }  // namespace

@@ -177,6 +177,21 @@ value = 3
     assert both.returncode == 2 and "choose one with --only" in both.stderr
 
 
+def test_an_interrupted_search_says_so(tmp_path):
+    """Ctrl-C between two runs: nobody takes what is left for the smallest scenario."""
+    rules = "".join(f'[[rule]]\nname = "{n}"\non = {{ message = "sdo_answer", object = "1000" }}\ndo = "delay"\nms = {n}\n' for n in range(1, 9))
+    (tmp_path / "big.toml").write_text((MISSING + rules).replace("LINE", str(ROOT / "scenarios/lines/can.toml")))
+    command = [PROGRAM, "trial", "--scenarios", str(tmp_path), "--after", "0.2", "--minimise", "--", *MASTER]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as process:
+        while "still fails" not in process.stdout.readline():
+            assert process.poll() is None, process.stderr.read()
+        process.send_signal(signal.SIGINT)
+        _, errors = process.communicate(timeout=60)
+    assert process.returncode == 130 and "the search was interrupted" in errors
+    small = tmp_path / "big.minimal.toml"
+    assert str(small) in errors and tomllib.loads(small.read_text())
+
+
 def test_a_stopped_machine_changes_no_verdict(tmp_path):
     """The process of the line gets no processor time for longer than --after; the line then continues where it was."""
     (tmp_path / "scenarios").mkdir()

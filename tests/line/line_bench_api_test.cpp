@@ -167,6 +167,8 @@ const std::vector<Refusal> refusals{
     {"value_kind", Method::put, "/axes/left/objects/6040/0", R"({"value":"6"})", 400, "wrong type", nullptr},
     {"value_fraction", Method::put, "/axes/left/objects/6040/0", R"({"value":1.5})", 400, "wrong type", nullptr},
     {"value_key", Method::put, "/axes/left/objects/6040/0", R"({"value":6,"vlaue":6})", 400, "unknown key", nullptr},
+    {"key_twice", Method::put, "/axes/left/objects/6040/0", R"({"value": 6, "value": 15})", 400, "there twice",
+     nullptr},
     {"not_json", Method::put, "/axes/left/objects/6040/0", "value=6", 400, "not JSON", nullptr},
     {"not_object", Method::put, "/axes/left/objects/6040/0", "[6]", 400, "the body is an array", nullptr},
     {"too_large", Method::put, "/axes/left/objects/6040/0", R"({"value":1e999})", 400, "too large", nullptr},

@@ -4,6 +4,7 @@
 #include "app/commands.hpp"
 #include "app/drive_link.hpp"
 #include "app/motion_run.hpp"
+#include "axis/cia402_words.hpp"
 
 namespace servodrome::app {
 namespace motion_command {
@@ -62,11 +63,10 @@ void move(const MoveOptions& options) {
   });
 }
 
-// False if the motor is on, or the drive does not answer.
+// False if the motor may have torque, or the drive does not answer.
 bool is_off(master::Axis402& axis) {
   try {
-    const master::PowerState state = axis.state();
-    return state != master::PowerState::operation_enabled && state != master::PowerState::quick_stop_active;
+    return !master::may_have_torque(axis.state());
   } catch (const master::MasterError&) {
     return false;
   }

@@ -54,18 +54,19 @@ struct Outcome {
   std::string problem{};  // empty: passed
 };
 
-std::int8_t read_method(const std::string& option, const std::string& text) {
+// A part of the option --method: a number from `least` to `most`.
+int read_part(const std::string& option, const std::string& text, int least, int most) {
   std::size_t end = 0;
-  int method = 0;
+  int number = 0;
   try {
-    method = std::stoi(text, &end);
+    number = std::stoi(text, &end);
   } catch (const std::logic_error&) {
     end = 0;
   }
-  if (end == 0 || end != text.size() || method < -128 || method > 127) {
+  if (end == 0 || end != text.size() || number < least || number > most) {
     throw Failure::wrong_use(fmt::format("--method {}: write METHOD, or NODE=METHOD for one node", option));
   }
-  return static_cast<std::int8_t>(method);
+  return number;
 }
 
 // Methods by node-ID; 0 is the default for all others.
@@ -74,8 +75,9 @@ std::map<unsigned, std::int8_t> methods_of(const Options& options) {
   for (const std::string& option : options.methods) {
     const std::size_t equals = option.find('=');
     const bool for_one = equals != std::string::npos;
-    const auto node = for_one ? read_method(option, option.substr(0, equals)) : std::int8_t{0};
-    methods[static_cast<unsigned>(node)] = read_method(option, for_one ? option.substr(equals + 1) : option);
+    const int node = for_one ? read_part(option, option.substr(0, equals), 1, 0xFFFF) : 0;
+    const int method = read_part(option, for_one ? option.substr(equals + 1) : option, -128, 127);
+    methods[static_cast<unsigned>(node)] = static_cast<std::int8_t>(method);
   }
   return methods;
 }

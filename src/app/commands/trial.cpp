@@ -118,7 +118,6 @@ std::vector<Done> run_all(const Options& options, const std::vector<std::string>
       TrialRun run = run_of(options);
       run.job = job;
       run.folder = temporary.path() / std::to_string(n);
-      fs::create_directory(run.folder);
       const TrialResult result = run_trial(run, files[n]);
       results[n] = {result.outcome, scenario::json_of(result),
                     options.html.empty() ? "" : scenario::html_section_of(result)};
@@ -149,6 +148,11 @@ void run_minimise(const Options& options, const std::vector<std::string>& files)
   std::string words;
   for (const std::string& word : options.master) words += " " + word;
   const std::string again = fmt::format("servodrome trial --scenarios {} --{}", done.path, words);
+  if (InterruptGuard::interrupted()) {
+    throw Failure::did_not_work(
+        done.path.empty() ? std::string("the search was interrupted before anything could be left out")
+                          : fmt::format("the search was interrupted; the smallest scenario so far is {}", done.path));
+  }
   if (options.json) {
     const nlohmann::ordered_json view{{"path", done.path}, {"failure", done.failure}, {"runs", done.runs}};
     fmt::print("{}\n", view.dump(2));

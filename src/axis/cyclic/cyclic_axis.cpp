@@ -13,8 +13,8 @@ namespace {
                     fmt::format("map it into one of its {}", pdo));
 }
 
-constexpr const char* outputs = "RPDOs (on EtherCAT: one that 1C12h names)";
-constexpr const char* inputs = "TPDOs (on EtherCAT: one that 1C13h names)";
+constexpr const char* rpdos_with_remedy = "RPDOs (on EtherCAT: one that 1C12h names)";
+constexpr const char* tpdos_with_remedy = "TPDOs (on EtherCAT: one that 1C13h names)";
 
 ProcessObject mapped(std::optional<ProcessObject> object, const std::string& where, std::uint16_t index,
                      const char* pdo) {
@@ -30,8 +30,8 @@ constexpr std::size_t probe_position(unsigned probe, bool rising) {
 
 CyclicAxis::CyclicAxis(ProcessImage& image)
     : where_(image.where()),
-      controlword_(mapped(image.output({0x6040, 0}), where_, 0x6040, outputs)),
-      statusword_(mapped(image.input({0x6041, 0}), where_, 0x6041, inputs)),
+      controlword_(mapped(image.output({0x6040, 0}), where_, 0x6040, rpdos_with_remedy)),
+      statusword_(mapped(image.input({0x6041, 0}), where_, 0x6041, tpdos_with_remedy)),
       mode_(image.output({0x6060, 0})),
       target_position_(image.output({0x607A, 0})),
       interpolated_position_(image.output({0x60C1, 1})),
@@ -52,7 +52,7 @@ CyclicAxis::CyclicAxis(ProcessImage& image)
                        image.input({0x60BD, 0})} {}
 
 ProcessObject& CyclicAxis::required(std::optional<ProcessObject>& object, std::uint16_t index) {
-  if (!object) not_mapped(where_, index, outputs);
+  if (!object) not_mapped(where_, index, rpdos_with_remedy);
   return *object;
 }
 

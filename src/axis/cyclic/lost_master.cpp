@@ -1,25 +1,13 @@
 #include "axis/cyclic/lost_master.hpp"
 
 #include "axis/axis402.hpp"
+#include "axis/cia402_words.hpp"
 
 namespace servodrome::master {
-namespace {
-
-constexpr std::uint16_t abort_connection_option = 0x6007;
-constexpr std::int16_t no_action = 0;
-constexpr std::int16_t malfunction = 1;
-
-bool has_power(PowerState state) {
-  return state == PowerState::operation_enabled || state == PowerState::quick_stop_active ||
-         state == PowerState::fault_reaction_active;
-}
-
-}  // namespace
-
 bool react_to_lost_master(EthercatSlave& slave) {
   try {
-    if (slave.coe().read<std::int16_t>(abort_connection_option) != no_action) return false;
-    slave.coe().write<std::int16_t>(abort_connection_option, 0, malfunction);
+    if (slave.coe().read<std::int16_t>(abort_connection_option) != no_action_at_abort) return false;
+    slave.coe().write<std::int16_t>(abort_connection_option, 0, malfunction_at_abort);
     return true;
   } catch (const CoeError& error) {
     if (!error.from_slave()) throw;
@@ -34,8 +22,8 @@ void LostMasterReaction::begin() {
 bool LostMasterReaction::end() noexcept {
   if (!changed_) return true;
   try {
-    if (has_power(state_of(slave_.coe().read<std::uint16_t>(0x6041)))) return false;
-    slave_.coe().write<std::int16_t>(abort_connection_option, 0, no_action);
+    if (operates(state_of(slave_.coe().read<std::uint16_t>(0x6041)))) return false;
+    slave_.coe().write<std::int16_t>(abort_connection_option, 0, no_action_at_abort);
     changed_ = false;
     return true;
   } catch (...) {

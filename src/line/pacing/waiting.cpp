@@ -42,7 +42,8 @@ void TimerWaiting::look_again() {
   LineClock& clock = served_.clock;
   const Line& line = served_.line;
   if (!clock.is_real()) return;
-  // Only on CAN does an axis send without a request; other buses do not need the short interval.
+  // Axes on CAN send without a request, and a master of EtherCAT expects its cycles; without them the long interval is
+  // enough.
   const Time nap = has_can_clients(line) || has_master(line) ? Time{} : longest_nap;
   clock.set_nap(nap);
   timer_.expires_at(clock.moment_of(std::min(line.next_bus_event(), line.now() + std::max(longest_sleep, nap))));

@@ -15,7 +15,7 @@ using namespace std::chrono_literals;
 // send() waits up to this time while the controller's transmit queue is full.
 constexpr Time send_patience = 1s;
 
-[[noreturn]] void rethrow(const std::string& name, const links::LinkError& error) {
+[[noreturn]] void throw_bus_failure(const std::string& name, const links::LinkError& error) {
   throw MasterError("the link failed: " + error.code().message(), name,
                     "check that the program or device at its other end still runs");
 }
@@ -44,7 +44,7 @@ std::optional<Frame> Bus::receive(Time until) {
   try {
     return client_->receive(left);
   } catch (const links::LinkError& error) {
-    rethrow(name_, error);
+    throw_bus_failure(name_, error);
   }
 }
 
@@ -56,7 +56,7 @@ void Bus::send(const Frame& frame) {
       ++sent_;
       return;
     } catch (const links::LinkError& error) {
-      if (error.code() != std::errc::no_buffer_space || now() >= give_up) rethrow(name_, error);
+      if (error.code() != std::errc::no_buffer_space || now() >= give_up) throw_bus_failure(name_, error);
     }
     if (const auto arrived = receive(now() + 1ms)) backlog_.push_back(*arrived);
   }

@@ -160,7 +160,7 @@ export async function runMotion(facts: Facts, step: Step, motion: Motion, number
   mine.add(id);
   const begun: Run = {
     id, step: step.id, motion: motion.id, jobs: [], of: orders.length, state: 'running', start: snapshot().start, from: place(axis, facts),
-    values: Object.fromEntries(keys.map((key) => [key, numbers(key)])),
+    mode: motion.mode(facts), values: Object.fromEntries(keys.map((key) => [key, numbers(key)])),
   };
   change(name, product, (guide) => ({ ...guide, run: begun }));
   try {
@@ -170,7 +170,7 @@ export async function runMotion(facts: Facts, step: Step, motion: Motion, number
       if (i === 1) {
         const from = await placeNow(axis, facts); // at rest
         setRun(axis, (run) => ({ ...run, from }));
-        await noteMode(facts, step.id, motion.mode(product));
+        await noteMode(facts, step.id, motion.mode(facts));
       }
       if (records && i === begins.length) await record(axis, records);
       const { run } = guideOf(name, product);
@@ -215,7 +215,7 @@ async function noteModeLeft(facts: Facts) {
   if (run?.modeBefore === undefined || !motion) return;
   const { step, modeBefore: before } = run;
   const now = (await readValues(name, [mode]).catch(() => ({}) as Record<string, unknown>))[mode];
-  if (typeof now === 'number') change(name, product, (guide) => ({ ...guide, journal: notedMode(guide.journal, modeWritten(facts, step, before, now), [motion.mode(product), ...(motion.passes ?? [])]) }));
+  if (typeof now === 'number') change(name, product, (guide) => ({ ...guide, journal: notedMode(guide.journal, modeWritten(facts, step, before, now), [run.mode ?? motion.mode(facts), ...(motion.passes ?? [])]) }));
 }
 
 async function record(axis: AxisView, records: Records) {

@@ -147,9 +147,9 @@ export function MotionBox({ facts, step, motion, numbers, fields, guide, reasonB
   );
 }
 
-function commandText(object: string, { values, axis }: Facts, motion: Motion): string {
-  const now = values[object];
-  const mode = motion.mode(axis.product);
+function commandText(object: string, facts: Facts, motion: Motion): string {
+  const now = facts.values[object];
+  const mode = motion.mode(facts);
   const name = `${object.slice(0, 4)}h`;
   if (object === '6060:00') return now === mode ? `mode ${name} ${mode}` : `mode ${name} ${String(now ?? '–')} → ${mode}`;
   return object === '6040:00' ? `controlword ${name}` : `target ${name}`;

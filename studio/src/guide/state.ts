@@ -62,6 +62,7 @@ export interface Run {
   recording?: number;
   start?: string; // the run of the server whose numbers `jobs` and `recording` are
   from: { drive: number; shaft: number | null };
+  mode?: number; // of operation, in which its jobs leave the drive
   modeBefore?: number; // 6060h before the first job
   values: Record<string, number>; // the numbers of the form when it began
 }

@@ -62,7 +62,7 @@ export interface Motion {
   orders: (numbers: Numbers, facts: Facts) => Order[];
   begins: string[]; // jobs that come first
   commands: string[]; // objects that the jobs command
-  mode: (product: string) => number; // of operation, in which the jobs leave the drive
+  mode: (facts: Facts) => number; // of operation, in which the jobs leave the drive
   passes?: number[]; // modes that the jobs set before that one
   reach?: (numbers: Numbers) => number[]; // the farthest positions, in revolutions from the present one
   records?: (numbers: Numbers, facts: Facts) => Records;

@@ -124,16 +124,13 @@ const stepOfVelocity: Motion = {
   },
 };
 
-// The mode of operation in which the job "tune" measures: cyclic synchronous velocity, or a mode of the product.
-const tuneModes: Record<string, number | undefined> = { ismk: -3 }; // velocity without a ramp
-
 const tune: Motion = {
   id: 'tune',
   label: 'Measure the loop and propose gains',
   says: 'The axis moves slowly forward and back with a small test signal. No gain is written: the proposed gains appear above. The axis is disabled at the end, and keeps the mode of operation of the measurement until a later motion or an undo.',
   begins: [],
   commands: ['6040:00', '6060:00', '60FF:00'],
-  mode: (product) => tuneModes[product] ?? cyclicVelocity,
+  mode: ({ gains }) => gains?.velocity_mode ?? cyclicVelocity,
   reach: (numbers) => [numbers('travel')],
   orders: (numbers) => [{
     do: 'tune', apply: false, travel: numbers('travel'), torque_percent: numbers('percent'), seconds: 8,

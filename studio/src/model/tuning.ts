@@ -13,6 +13,7 @@ export interface Gains {
   measures: boolean; // the server can sample this drive at a fixed rate
   writes: boolean; // the server can write the proposed gains into this drive
   tunes_itself: boolean;
+  velocity_mode: number; // of operation, in which the job "tune" measures
   full_torque: string; // what the torque limit is a percentage of: "rated torque", "peak current"
 }
 
