@@ -36,8 +36,9 @@ if(SERVODROME_SANITIZE)
   target_compile_definitions(servodrome_options INTERFACE $<BUILD_INTERFACE:SERVODROME_SANITIZED>)
 endif()
 
-# For sources whose headers (JSON, HTTP, command line) take longer to compile than the sources themselves: compiles several
-# sources together if SERVODROME_UNITY is on.
+# Headers (JSON, HTTP, the standard library) take longer to compile than the sources that include them: compiles several
+# sources together if SERVODROME_UNITY is on. So two files of a target must not have the same name for different things,
+# also not in namespaces without a name.
 function(servodrome_compile_together target)
   set_target_properties(${target} PROPERTIES UNITY_BUILD ${SERVODROME_UNITY} UNITY_BUILD_BATCH_SIZE 8)
 endfunction()
@@ -88,11 +89,11 @@ function(servodrome_sources_here variable)
   set(${variable} ${sources} PARENT_SCOPE)
 endfunction()
 
-# servodrome_library(NAME [PORTABLE | HEAVY] [COMPUTES] SOURCES ... [DEPENDS ...])
+# servodrome_library(NAME [PORTABLE] [COMPUTES] SOURCES ... [DEPENDS ...])
 # PORTABLE libraries also run on a microcontroller: no exceptions, no run-time type information. These, and those with
 # COMPUTES, run for longer in the tests with the address sanitizer than it takes to optimise them.
 function(servodrome_library name)
-  cmake_parse_arguments(arg "PORTABLE;HEAVY;COMPUTES" "" "SOURCES;DEPENDS" ${ARGN})
+  cmake_parse_arguments(arg "PORTABLE;COMPUTES" "" "SOURCES;DEPENDS" ${ARGN})
   if(SERVODROME_SHARED)
     add_library(servodrome_${name} SHARED ${arg_SOURCES})
   else()
@@ -101,7 +102,7 @@ function(servodrome_library name)
     set_target_properties(servodrome_${name} PROPERTIES POSITION_INDEPENDENT_CODE ON CXX_VISIBILITY_PRESET hidden
       VISIBILITY_INLINES_HIDDEN ON)
   endif()
-  if(arg_HEAVY)
+  if(NOT arg_PORTABLE)
     servodrome_compile_together(servodrome_${name})
   endif()
   if(SERVODROME_SANITIZE MATCHES "address" AND NOT arg_PORTABLE AND NOT arg_COMPUTES)
@@ -176,10 +177,8 @@ function(servodrome_test_program name sources)
   add_executable(${name} ${sources})
   target_link_libraries(${name} PRIVATE servodrome::options ${ARGN} servodrome_test_main)
   target_include_directories(${name} PRIVATE ${PROJECT_SOURCE_DIR}/tests ${PROJECT_BINARY_DIR}/generated)
-  if(SERVODROME_SANITIZE AND NOT arg_COMPUTES)
+  if(NOT SERVODROME_SANITIZE OR NOT arg_COMPUTES)
     servodrome_optimise_less(${name} 0)
-  elseif(NOT SERVODROME_SANITIZE)
-    servodrome_optimise_less(${name} 1)
   endif()
 endfunction()
 

@@ -43,7 +43,7 @@ class Ini {
   std::string text_;
 };
 
-std::string hex(unsigned value, int digits) { return fmt::format("0x{:0{}X}", value, digits); }
+std::string ini_hex(unsigned value, int digits) { return fmt::format("0x{:0{}X}", value, digits); }
 
 void put_time(Ini& ini, std::string_view event, const Timestamp& time) {
   const unsigned hour = time.hour % 12 == 0 ? 12 : time.hour % 12;
@@ -77,10 +77,10 @@ bool mapping_can_be_changed(std::span<const Entry> table) {
 void put_device_info(Ini& ini, const Description& device) {
   ini.section("DeviceInfo");
   ini.key("VendorName", device.vendor_name);
-  ini.key("VendorNumber", hex(identity(device.table, 1), 8));
+  ini.key("VendorNumber", ini_hex(identity(device.table, 1), 8));
   ini.key("ProductName", device.product_name);
-  ini.key("ProductNumber", hex(identity(device.table, 2), 8));
-  ini.key("RevisionNumber", hex(identity(device.table, 3), 8));
+  ini.key("ProductNumber", ini_hex(identity(device.table, 2), 8));
+  ini.key("RevisionNumber", ini_hex(identity(device.table, 3), 8));
   ini.key("OrderCode", device.order_code);
   for (const unsigned rate : bit_rates_of_the_standard) {
     const auto& rates = device.bit_rates_kbit;
@@ -129,8 +129,8 @@ std::string_view access_text(const Entry& entry) {
 void put_value(Ini& ini, std::string_view name, const Entry& entry) {
   ini.key("ParameterName", name);
   ini.key("ObjectType",
-          hex(static_cast<unsigned>(entry.type == Type::domain ? ObjectCode::domain : ObjectCode::var), 1));
-  ini.key("DataType", hex(static_cast<unsigned>(entry.type), 4));
+          ini_hex(static_cast<unsigned>(entry.type == Type::domain ? ObjectCode::domain : ObjectCode::var), 1));
+  ini.key("DataType", ini_hex(static_cast<unsigned>(entry.type), 4));
   ini.key("AccessType", access_text(entry));
   ini.key("DefaultValue", (entry.default_adds_node_id ? "$NODEID+" : "") + default_text(entry));
   if (entry.has_range) {
@@ -152,7 +152,7 @@ void put_object(Ini& ini, std::span<const Entry> object) {
   ini.section(fmt::format("{:04X}", first.index));
   if (first.code == ObjectCode::var || first.code == ObjectCode::domain) return put_value(ini, first.name, first);
   ini.key("ParameterName", first.name);
-  ini.key("ObjectType", hex(static_cast<unsigned>(first.code), 1));
+  ini.key("ObjectType", ini_hex(static_cast<unsigned>(first.code), 1));
   ini.key("SubNumber", static_cast<unsigned>(object.size()));
   for (const Entry& entry : object) {
     ini.section(fmt::format("{:04X}sub{:X}", entry.index, entry.sub));
@@ -168,7 +168,7 @@ void put_list(Ini& ini, std::string_view name, List list, std::span<const Entry>
   }
   ini.section(name);
   ini.key("SupportedObjects", static_cast<unsigned>(indices.size()));
-  for (std::size_t i = 0; i < indices.size(); ++i) ini.key(fmt::format("{}", i + 1), hex(indices[i], 4));
+  for (std::size_t i = 0; i < indices.size(); ++i) ini.key(fmt::format("{}", i + 1), ini_hex(indices[i], 4));
   for (std::size_t i = 0; i < objects.size();) {
     const std::size_t count = entries_of_object(objects, i);
     if (list_of(objects[i].index) == list) put_object(ini, objects.subspan(i, count));

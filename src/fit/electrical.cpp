@@ -12,12 +12,12 @@ namespace servodrome::fit {
 namespace {
 
 // Terms of the equations; terms that a recording does not determine are removed.
-enum class Term : std::uint8_t { resistance, quadrature, direct, constant, drop, delay, frame };
+enum class ElectricalTerm : std::uint8_t { resistance, quadrature, direct, constant, drop, delay, frame };
 constexpr std::size_t term_count = 7;
 
 constexpr double samples_in_window = 48.0;
 constexpr double shortest_window_s = 2e-3;
-constexpr double longest_window_s = 60e-3;
+constexpr double longest_electrical_window_s = 60e-3;
 // Relative to the quadrature current: a smaller direct current is only a control error, and cannot determine Ld.
 constexpr double least_direct = 0.05;
 
@@ -45,7 +45,7 @@ class Model {
         rotor_frame_(signals.has(Role::direct_voltage) && signals.has(Role::direct_current) && motor.pole_pairs),
         velocity_(velocity_of(signals)),
         windows_(signals.seconds,
-                 std::clamp(samples_in_window / signals.rate_hz(), shortest_window_s, longest_window_s)),
+                 std::clamp(samples_in_window / signals.rate_hz(), shortest_window_s, longest_electrical_window_s)),
         use_(windows_.size(), 1) {
     const std::vector<double>& iq = signals.of(Role::quadrature_current);
     const std::vector<double> none(count_, 0.0);
@@ -83,16 +83,16 @@ class Model {
       turning_d_.push_back(speed_[i] * id[i]);
     }
     greatest_a_ = greatest;
-    for (std::size_t i = 0; i < term_count; ++i) active_.push_back(static_cast<Term>(i));
-    if (power_d < least_direct * least_direct * power_q) drop(Term::direct);
-    if (!rotor_frame_) drop(Term::frame);
+    for (std::size_t i = 0; i < term_count; ++i) active_.push_back(static_cast<ElectricalTerm>(i));
+    if (power_d < least_direct * least_direct * power_q) drop(ElectricalTerm::direct);
+    if (!rotor_frame_) drop(ElectricalTerm::frame);
   }
 
-  bool has(Term column) const { return std::find(active_.begin(), active_.end(), column) != active_.end(); }
-  void drop(Term column) {
+  bool has(ElectricalTerm column) const { return std::find(active_.begin(), active_.end(), column) != active_.end(); }
+  void drop(ElectricalTerm column) {
     active_.erase(std::remove(active_.begin(), active_.end(), column), active_.end());
-    if (column == Term::delay) delay_ = 0.0;
-    if (column == Term::frame) frame_ = 0.0;
+    if (column == ElectricalTerm::delay) delay_ = 0.0;
+    if (column == ElectricalTerm::frame) frame_ = 0.0;
   }
 
   // Gauss-Newton iteration: delay and rotation of the frame are nonlinear unknowns. They start at 0 and converge if the
@@ -106,37 +106,38 @@ class Model {
       for (std::size_t i = 0; i < active_.size(); ++i) {
         found_[static_cast<std::size_t>(active_[i])] = estimate.unknowns[i].value;
       }
-      const auto move = [&](Term column, double& value) {
+      const auto move = [&](ElectricalTerm column, double& value) {
         if (!has(column)) return 0.0;
         const double change = unknown(estimate, column).value;
         value += change;
         return std::abs(change);
       };
-      const double change = move(Term::delay, delay_) + move(Term::frame, frame_);
+      const double change = move(ElectricalTerm::delay, delay_) + move(ElectricalTerm::frame, frame_);
       if (change * signals_.rate_hz() < settled) break;
       // The iteration diverges: the recording does not determine these two unknowns.
       const bool lost = !(std::abs(delay_) + std::abs(frame_) < windows_.length_s());
       if (!lost) continue;
       delay_ = frame_ = 0.0;
       for (std::size_t i = 0; i < active_.size(); ++i) {
-        if (active_[i] == Term::delay || active_[i] == Term::frame) estimate.unknowns[i].signal_share = 0.0;
+        if (active_[i] == ElectricalTerm::delay || active_[i] == ElectricalTerm::frame)
+          estimate.unknowns[i].signal_share = 0.0;
       }
       break;
     }
     return estimate;
   }
 
-  const Unknown& unknown(const Estimate& estimate, Term column) const {
+  const Unknown& unknown(const Estimate& estimate, ElectricalTerm column) const {
     const auto place = std::find(active_.begin(), active_.end(), column) - active_.begin();
     return estimate.unknowns[static_cast<std::size_t>(place)];
   }
-  std::optional<Unknown> shown_of(const Estimate& estimate, Term column) const {
+  std::optional<Unknown> shown_of(const Estimate& estimate, ElectricalTerm column) const {
     if (!has(column) || !shown(unknown(estimate, column))) return std::nullopt;
     return unknown(estimate, column);
   }
   double delay_s() const { return delay_; }
   double greatest_a() const { return greatest_a_; }
-  const std::vector<Term>& active() const { return active_; }
+  const std::vector<ElectricalTerm>& active() const { return active_; }
 
  private:
   static constexpr unsigned most_steps = 12;
@@ -161,10 +162,11 @@ class Model {
 
   // Slope of the voltage predicted from currents and speed with the values found so far; empty in the first step.
   std::vector<Part> expected_slope(bool quadrature) const {
-    const double resistance = found_[static_cast<std::size_t>(Term::resistance)];
-    const double q_inductance = found_[static_cast<std::size_t>(Term::quadrature)];
-    const double d_inductance = has(Term::direct) ? found_[static_cast<std::size_t>(Term::direct)] : q_inductance;
-    const double constant = found_[static_cast<std::size_t>(Term::constant)];
+    const double resistance = found_[static_cast<std::size_t>(ElectricalTerm::resistance)];
+    const double q_inductance = found_[static_cast<std::size_t>(ElectricalTerm::quadrature)];
+    const double d_inductance =
+        has(ElectricalTerm::direct) ? found_[static_cast<std::size_t>(ElectricalTerm::direct)] : q_inductance;
+    const double constant = found_[static_cast<std::size_t>(ElectricalTerm::constant)];
     if (resistance == 0.0) return {};
     if (!quadrature) {
       return {{&heated_d_, 1, resistance},
@@ -180,24 +182,24 @@ class Model {
 
   std::vector<Equation> equations() const {
     const auto& iq = signals_.of(Role::quadrature_current);
-    const auto column = [&](Term which, bool quadrature) -> std::vector<Part> {
+    const auto column = [&](ElectricalTerm which, bool quadrature) -> std::vector<Part> {
       const auto& id = rotor_frame_ ? signals_.of(Role::direct_current) : iq;
-      const double direct_as_quadrature = rotor_frame_ && !has(Term::direct) ? 1.0 : 0.0;
+      const double direct_as_quadrature = rotor_frame_ && !has(ElectricalTerm::direct) ? 1.0 : 0.0;
       switch (which) {
-        case Term::resistance: return {{quadrature ? &heated_q_ : &heated_d_}};
-        case Term::quadrature:
+        case ElectricalTerm::resistance: return {{quadrature ? &heated_q_ : &heated_d_}};
+        case ElectricalTerm::quadrature:
           if (!quadrature) return {{&turning_q_, 0, -1.0}, {&id, 1, direct_as_quadrature}};
           return {{&iq, 1}, {&turning_d_, 0, direct_as_quadrature}};
-        case Term::direct:
+        case ElectricalTerm::direct:
           if (!quadrature) return {{&id, 1}};
           return {{&turning_d_}};
-        case Term::constant:
+        case ElectricalTerm::constant:
           if (!quadrature) return {};
           if (signals_.has(Role::position)) return {{&signals_.of(Role::position), 1}};
           return {{&velocity_}};
-        case Term::drop: return {{quadrature ? &sign_q_ : &sign_d_}};
-        case Term::delay: return {{quadrature ? &voltage_q_ : &voltage_d_, 1, 1.0, delay_}};
-        case Term::frame:
+        case ElectricalTerm::drop: return {{quadrature ? &sign_q_ : &sign_d_}};
+        case ElectricalTerm::delay: return {{quadrature ? &voltage_q_ : &voltage_d_, 1, 1.0, delay_}};
+        case ElectricalTerm::frame:
           if (quadrature) return {{&moved_q_, 0, 1.0, delay_}};
           return {{&moved_d_, 0, -1.0, delay_}};
       }
@@ -208,9 +210,10 @@ class Model {
       if (!quadrature && !rotor_frame_) break;
       Equation& equation = equations.emplace_back();
       equation.left = {{quadrature ? &voltage_q_ : &voltage_d_, 0, 1.0, delay_}};
-      for (const Term which : active_) {
+      for (const ElectricalTerm which : active_) {
         equation.columns.push_back(column(which, quadrature));
-        equation.instruments.push_back(which == Term::delay ? expected_slope(quadrature) : std::vector<Part>{});
+        equation.instruments.push_back(which == ElectricalTerm::delay ? expected_slope(quadrature)
+                                                                      : std::vector<Part>{});
       }
     }
     return equations;
@@ -233,7 +236,7 @@ class Model {
   std::vector<double> moved_d_;
   Windows windows_;
   std::vector<char> use_;
-  std::vector<Term> active_;
+  std::vector<ElectricalTerm> active_;
   std::array<double, term_count> found_{};  // latest value of each term
   double delay_ = 0.0;
   double frame_ = 0.0;
@@ -245,8 +248,8 @@ struct Attempt {
   Estimate estimate;
 
   bool loses() const {
-    const auto drop = model.shown_of(estimate, Term::drop);
-    const auto resistance = model.shown_of(estimate, Term::resistance);
+    const auto drop = model.shown_of(estimate, ElectricalTerm::drop);
+    const auto resistance = model.shown_of(estimate, ElectricalTerm::resistance);
     return drop && resistance && drop->value > least_drop * resistance->value * model.greatest_a();
   }
 };
@@ -255,7 +258,8 @@ Attempt attempt(const Signals& signals, const Motor& motor, double soft) {
   Model model(signals, motor, soft);
   Estimate estimate = model.solve();
   // Removes terms that cannot be separated, beginning with the one that affects the others least.
-  for (const Term column : {Term::direct, Term::drop, Term::frame, Term::delay}) {
+  for (const ElectricalTerm column :
+       {ElectricalTerm::direct, ElectricalTerm::drop, ElectricalTerm::frame, ElectricalTerm::delay}) {
     if (!model.has(column) || shown(model.unknown(estimate, column))) continue;
     model.drop(column);
     estimate = model.solve();
@@ -295,13 +299,13 @@ Electrical fit_electrical(const Signals& signals, const Motor& motor) {
   result.windows = estimate.windows;
   if (!estimate.solved) return result;
   result.residual_rms = estimate.residual_rms;
-  result.resistance = model.shown_of(estimate, Term::resistance);
-  result.quadrature_inductance = model.shown_of(estimate, Term::quadrature);
-  result.direct_inductance = model.shown_of(estimate, Term::direct);
-  result.voltage_constant = model.shown_of(estimate, Term::constant);
-  result.stage_drop_v = model.shown_of(estimate, Term::drop);
+  result.resistance = model.shown_of(estimate, ElectricalTerm::resistance);
+  result.quadrature_inductance = model.shown_of(estimate, ElectricalTerm::quadrature);
+  result.direct_inductance = model.shown_of(estimate, ElectricalTerm::direct);
+  result.voltage_constant = model.shown_of(estimate, ElectricalTerm::constant);
+  result.stage_drop_v = model.shown_of(estimate, ElectricalTerm::drop);
   result.stage_loses = best.loses();
-  result.delay_s = model.shown_of(estimate, Term::delay);
+  result.delay_s = model.shown_of(estimate, ElectricalTerm::delay);
   if (result.delay_s) result.delay_s->value = model.delay_s();
   return result;
 }

@@ -66,7 +66,7 @@ bool invert(const Square& matrix, Square& inverse) {
 }
 
 // The moments of one column in all windows.
-struct Column {
+struct MatrixColumn {
   std::vector<double> even;
   std::vector<double> odd;
   // Moments of its instrument.
@@ -75,7 +75,7 @@ struct Column {
 };
 struct Rows {
   std::vector<double> left;
-  std::vector<Column> columns;
+  std::vector<MatrixColumn> columns;
 };
 
 std::vector<double> sum_of(const Windows& windows, const std::vector<Part>& parts, Half half) {
@@ -91,7 +91,7 @@ Rows rows_of(const Windows& windows, const Equation& equation) {
   Rows rows;
   rows.left = sum_of(windows, equation.left, Half::all);
   for (std::size_t j = 0; j < equation.columns.size(); ++j) {
-    Column& column = rows.columns.emplace_back();
+    MatrixColumn& column = rows.columns.emplace_back();
     column.even = sum_of(windows, equation.columns[j], Half::even);
     column.odd = sum_of(windows, equation.columns[j], Half::odd);
     const bool itself = equation.instruments.empty() || equation.instruments[j].empty();
@@ -103,7 +103,7 @@ Rows rows_of(const Windows& windows, const Equation& equation) {
 
 bool is_whole(const Rows& rows, std::size_t window) {
   double sum = rows.left[window];
-  for (const Column& column : rows.columns) {
+  for (const MatrixColumn& column : rows.columns) {
     sum += column.even[window] + column.odd[window] + column.even_instrument[window] + column.odd_instrument[window];
   }
   return std::isfinite(sum);
@@ -134,7 +134,7 @@ Estimate regress(const Windows& windows, const std::vector<Equation>& equations,
   for (const Rows& rows : all) {
     for (const std::size_t w : good) {
       for (std::size_t i = 0; i < unknowns; ++i) {
-        const Column& row = rows.columns[i];
+        const MatrixColumn& row = rows.columns[i];
         const double even = row.even_instrument[w];
         const double odd = row.odd_instrument[w];
         right[i] += 0.5 * (even + odd) * rows.left[w];

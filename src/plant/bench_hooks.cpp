@@ -8,6 +8,7 @@
 #include <utility>
 
 #include "plant/plant.hpp"
+#include "plant/step.hpp"
 
 namespace servodrome::plant {
 
@@ -15,7 +16,6 @@ namespace {
 
 constexpr std::uint32_t bit(Injection injection) { return 1u << static_cast<unsigned>(injection); }
 constexpr std::uint32_t bit(drive::EncoderFault fault) { return static_cast<std::uint32_t>(fault); }
-constexpr std::uint32_t bit(drive::HardwareFault fault) { return static_cast<std::uint32_t>(fault); }
 
 static_assert([] {
   for (std::size_t i = 0; i < injection_names.size(); ++i) {

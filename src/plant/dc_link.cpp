@@ -3,11 +3,11 @@
 #include <cmath>
 
 #include "drive/hardware.hpp"
+#include "plant/step.hpp"
 
 namespace servodrome::plant {
 
 namespace {
-constexpr double h = drive::tick_seconds;
 constexpr double precharge_complete = 0.97;  // share of the supply voltage at which the precharge ends
 }  // namespace
 

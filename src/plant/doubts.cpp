@@ -6,12 +6,12 @@
 #include <numbers>
 
 #include "drive/hardware.hpp"
+#include "plant/step.hpp"
 
 namespace servodrome::plant {
 
 namespace {
 
-constexpr double h = drive::tick_seconds;
 constexpr double rad_s_per_rpm = std::numbers::pi / 30.0;
 constexpr double nameplate_share = 1.03;        // rounding in data sheets
 constexpr double fastest_stop_rad_s = 2.0e6;    // see decision 19

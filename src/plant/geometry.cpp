@@ -2,12 +2,12 @@
 
 #include <algorithm>
 #include <cmath>
-#include <numbers>
+
+#include "plant/step.hpp"
 
 namespace servodrome::plant {
 
 namespace {
-constexpr double two_pi = 2.0 * std::numbers::pi;
 constexpr double end_of_belt = 0.9;  // share of the half length from which on the stiffness stays
 }  // namespace
 

@@ -5,13 +5,13 @@
 
 #include "drive/rounding.hpp"
 #include "drive/transforms.hpp"
+#include "plant/step.hpp"
 
 namespace servodrome::plant {
 
 namespace {
 
 constexpr double arcsec_per_turn = 360.0 * 3600.0;
-constexpr double tick_us = drive::tick_seconds * 1.0e6;
 
 // A turn of the sine in steps. Linear interpolation between them has an error below 5e-6.
 constexpr unsigned step_bits = 22;

@@ -2,19 +2,16 @@
 
 #include <algorithm>
 #include <cmath>
-#include <numbers>
 #include <stdexcept>
+
+#include "plant/step.hpp"
 
 namespace servodrome::plant {
 
 namespace {
 
-constexpr double h = drive::tick_seconds;
-constexpr double two_pi = 2.0 * std::numbers::pi;
 constexpr double most_off_middle = 0x1.ffffffffffffep-2;  // plus 0.5: the greatest value below 1
 constexpr double close_share = 1.0e-10;  // share of the speed within which windings in pieces and shaft must agree
-
-constexpr std::uint32_t bit(drive::HardwareFault fault) { return static_cast<std::uint32_t>(fault); }
 
 // Nearest integer to a value within +-2^51. Without SSE 4.1, std::nearbyint is a call, and a conversion to an integer
 // and back takes three times as long, on the critical path of the tick.

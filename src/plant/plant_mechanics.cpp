@@ -2,15 +2,13 @@
 // brake.
 #include <algorithm>
 #include <cmath>
-#include <numbers>
 
 #include "plant/plant.hpp"
+#include "plant/step.hpp"
 
 namespace servodrome::plant {
 
 namespace {
-constexpr double h = drive::tick_seconds;
-constexpr double two_pi = 2.0 * std::numbers::pi;
 
 std::int32_t ticks_of(double ms) { return static_cast<std::int32_t>(std::lround(ms * 1.0e-3 / h)); }
 }  // namespace

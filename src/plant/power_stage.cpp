@@ -3,11 +3,12 @@
 #include <algorithm>
 #include <cmath>
 
+#include "plant/step.hpp"
+
 namespace servodrome::plant {
 
 namespace {
 
-constexpr double tick_us = drive::tick_seconds * 1.0e6;
 // Below this share of the range, the current is too small to recharge the output of a half bridge within the dead time.
 constexpr double soft_share = 0.01;
 

@@ -5,16 +5,15 @@
 #include <cmath>
 
 #include "plant/fitting.hpp"
+#include "plant/step.hpp"
 
 namespace servodrome::plant {
 
 namespace {
-constexpr double h = drive::tick_seconds;
 constexpr double locked_nm = 1.0e15;  // more than any torque: the clamp of the bench
 
 constexpr double even_share = 0.02;  // greatest relative change of a flank's deflection in one step
 
-int sign_of(double value) { return (value > 0.0) - (value < 0.0); }
 }  // namespace
 
 Shaft::Shaft(const Motor& motor, const Load& load)

@@ -3,19 +3,17 @@
 #include <cmath>
 
 #include "plant/shaft.hpp"
+#include "plant/step.hpp"
 
 namespace servodrome::plant {
 
 namespace {
 
-constexpr double h = drive::tick_seconds;
 constexpr double piece_angle_rad = 0.1;  // greatest angle of the fastest vibration in one piece
 constexpr double fewest_pieces = 16.0;
 constexpr double most_pieces = 256.0;
 constexpr int most_steps = 4096;        // including the pieces that contact events add
 constexpr double least_share = 1.0e-3;  // of a piece: an earlier event counts as one at the beginning of the piece
-
-int sign_of(double value) { return (value > 0.0) - (value < 0.0); }
 
 // Time within `seconds` at which a value that changes linearly from `before` to `after` is 0.
 double crossing(double before, double after, double seconds) { return seconds * before / (before - after); }

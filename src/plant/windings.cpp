@@ -7,11 +7,11 @@
 
 #include "drive/hardware.hpp"
 #include "plant/fitting.hpp"
+#include "plant/step.hpp"
 
 namespace servodrome::plant {
 
 namespace {
-constexpr double h = drive::tick_seconds;
 constexpr double one_over_sqrt3 = 0.57735026918962576;
 
 // Means of s^k exp(-decay s) over s from 0 to 1. The highest comes from a series or, if that converges slowly, from the

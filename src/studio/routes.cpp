@@ -168,6 +168,7 @@ Json show_gains(Call& call) {
               {"measures", drives.has_cycles(axis)},
               {"writes", !dialect.gains.empty()},
               {"tunes_itself", dialect.tunes_itself},
+              {"velocity_mode", dialect.velocity_mode},
               {"full_torque", dialect.full_torque_text}};
 }
 

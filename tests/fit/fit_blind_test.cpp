@@ -50,7 +50,7 @@ Result found(const Truth& truth, std::uint64_t seed, double& delay_s) {
 }
 
 TEST(FitBlind, FindsAxesDrawnAtRandomWithinTwoPercent) {
-  constexpr unsigned draws = static_cast<unsigned>(servodrome::test::draws(20));
+  const auto draws = static_cast<unsigned>(servodrome::test::draws(20));
   std::array<double, parameter_count> worst{};
   std::array<unsigned, parameter_count> covered{};
   double worst_delay_s = 0.0;

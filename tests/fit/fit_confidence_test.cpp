@@ -23,7 +23,7 @@ void add_noise(std::vector<double>& values, double deviation, double memory, Dra
 }
 
 TEST(FitConfidence, IntervalsHoldTheTruthInNineteenOfTwentyRecordings) {
-  constexpr unsigned draws = static_cast<unsigned>(servodrome::test::draws(100));
+  const auto draws = static_cast<unsigned>(servodrome::test::draws(100));
   SyntheticAxis axis;
   axis.rate_hz = 2000.0;
   axis.duration_s = 3.0;

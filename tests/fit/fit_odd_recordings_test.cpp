@@ -209,7 +209,7 @@ TEST(FitOddRecordings, AClearlyNegativeFrictionIsRemarked) {
 
 // A fifth of all values is missing: in one recording as missing rows, in the other as empty fields.
 TEST(FitOddRecordings, IntervalsHoldTheTruthWithAFifthOfTheSamplesMissing) {
-  constexpr unsigned draws = static_cast<unsigned>(servodrome::test::draws(40));
+  const auto draws = static_cast<unsigned>(servodrome::test::draws(40));
   SyntheticAxis axis;
   axis.duration_s = 3.0;
   const Signals clean = axis.signals();

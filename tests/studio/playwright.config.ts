@@ -15,7 +15,7 @@ export default defineConfig({
   maxFailures: 20,
   globalTimeout: 24 * 60_000,
   fullyParallel: true,
-  workers: Number(process.env.STUDIO_WORKERS ?? 2),
+  workers: Number(process.env.STUDIO_WORKERS ?? 3),
   // The JSON report tells which tests passed at a later try: ./test counts them.
   reporter: report ? [['line'], ['junit', { outputFile: report }], ['json', { outputFile: report.replace(/xml$/, 'json') }]] : 'line',
   use: {

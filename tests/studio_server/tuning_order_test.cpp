@@ -54,6 +54,7 @@ TEST_P(TuningOf, WhatIsTurnedIsThere) {
   EXPECT_EQ(gains()["gains"].empty(), axis_ == "ismc" || axis_ == "pronet") << "whose manuals print none";
   EXPECT_EQ(gains()["tunes_itself"], axis_.starts_with("ismk"));
   EXPECT_EQ(gains()["full_torque"], axis_.starts_with("ismk") ? "peak current" : "rated torque");
+  EXPECT_EQ(gains()["velocity_mode"], axis_.starts_with("ismk") ? -3 : 9);
   EXPECT_EQ(gains()["measures"], true);
 }
 

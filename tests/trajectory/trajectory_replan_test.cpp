@@ -186,7 +186,7 @@ MotionLimits draw_limits(Random& random, Symmetry symmetry) {
   return l;
 }
 
-constexpr int plans = servodrome::test::draws(100'000);
+const int plans = servodrome::test::draws(100'000);
 constexpr double travel_range = 8589934592.0;  // 2^33 counts
 
 /// A chain of plans, each of which starts at a random time of the previous one; calls `examined(start, target, limits,

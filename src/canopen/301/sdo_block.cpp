@@ -11,7 +11,6 @@ using dictionary::AbortCode;
 using namespace sdo;
 
 namespace {
-constexpr std::uint32_t segment_bytes = 7;
 // If the rest of a sub-block does not arrive, it is requested after this time, before usual client timeouts.
 constexpr Time block_repeat_time = std::chrono::milliseconds(500);
 constexpr bool is_block_size(unsigned size) { return size >= 1 && size <= largest_block; }

@@ -7,6 +7,8 @@
 // Byte 0 and other fields of SDO frames (CiA 301 7.2.4.3).
 namespace servodrome::canopen::sdo {
 
+inline constexpr std::size_t expedited_bytes = 4;  // data of an expedited transfer, at most
+inline constexpr std::uint32_t segment_bytes = 7;  // data of a segment, at most
 inline constexpr std::uint8_t abort_transfer = 0x80;
 
 constexpr std::uint8_t specifier(std::uint8_t command) { return command >> 5; }

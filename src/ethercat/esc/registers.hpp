@@ -65,9 +65,11 @@ inline constexpr std::uint16_t sii_control = 0x0502;
 inline constexpr std::uint16_t sii_address = 0x0504;
 inline constexpr std::uint16_t sii_data = 0x0508;
 
-inline constexpr std::uint16_t fmmu = 0x0600;          // 16 bytes each
-inline constexpr std::uint16_t sync_manager = 0x0800;  // 8 bytes each
+inline constexpr std::uint16_t fmmu = 0x0600;
+inline constexpr unsigned fmmu_bytes = 16;
 inline constexpr unsigned fmmus = 8;
+inline constexpr std::uint16_t sync_manager = 0x0800;
+inline constexpr unsigned sync_manager_bytes = 8;
 inline constexpr unsigned sync_managers = 8;
 
 // Distributed clock

@@ -12,9 +12,6 @@ namespace sdo = canopen::sdo;
 
 namespace {
 
-constexpr std::size_t segment_bytes = 7;
-constexpr std::size_t expedited_bytes = 4;
-
 constexpr std::uint8_t command_of(std::uint8_t specifier) { return static_cast<std::uint8_t>(specifier << 5); }
 
 // Server command specifiers.
@@ -50,8 +47,8 @@ SdoTransfer SdoTransfer::download(ObjectAddress object, std::span<const std::byt
     sdo::put_u32(transfer.initiate(command_of(sdo::client::block_download) | sdo::client_crc |
                                    sdo::block_size_indicated | sdo::block_download_subcommand::initiate),
                  size);
-  } else if (size >= 1 && size <= expedited_bytes) {
-    const auto unused = static_cast<std::uint8_t>((expedited_bytes - size) << 2);
+  } else if (size >= 1 && size <= sdo::expedited_bytes) {
+    const auto unused = static_cast<std::uint8_t>((sdo::expedited_bytes - size) << 2);
     Frame& frame = transfer.initiate(static_cast<std::uint8_t>(command_of(sdo::client::initiate_download) | unused |
                                                                sdo::expedited | sdo::size_indicated));
     std::memcpy(&frame.data[4], data.data(), size);
@@ -155,7 +152,7 @@ bool SdoTransfer::receive_initiated_upload(const Frame& answer) {
   if (sdo::specifier(command) != from_server::initiate_upload) return false;
   const bool sized = (command & sdo::size_indicated) != 0;
   if ((command & sdo::expedited) != 0) {
-    const std::size_t size = sized ? expedited_bytes - (command >> 2 & 3U) : expedited_bytes;
+    const std::size_t size = sized ? sdo::expedited_bytes - (command >> 2 & 3U) : sdo::expedited_bytes;
     size_is_known_ = sized;
     if (append(std::span(answer.data).subspan(4, size))) finish();
     return true;
@@ -177,7 +174,7 @@ bool SdoTransfer::receive_upload_segment(const Frame& answer) {
     abort(AbortCode::toggle_bit_not_alternated);
     return true;
   }
-  if (!append(std::span(answer.data).subspan(1, segment_bytes - (command >> 1 & 7U)))) return true;
+  if (!append(std::span(answer.data).subspan(1, sdo::segment_bytes - (command >> 1 & 7U)))) return true;
   toggle_ = !toggle_;
   if ((command & sdo::last_segment) == 0) {
     request_upload_segment();
@@ -202,12 +199,14 @@ bool SdoTransfer::receive_initiated_download(const Frame& answer) {
   return true;
 }
 
-std::size_t SdoTransfer::segment_size() const { return std::min(segment_bytes, data_.size() - position_); }
+std::size_t SdoTransfer::segment_size() const {
+  return std::min<std::size_t>(sdo::segment_bytes, data_.size() - position_);
+}
 
 void SdoTransfer::send_download_segment() {
   in_flight_ = segment_size();
   const bool last = position_ + in_flight_ == data_.size();
-  const auto unused = static_cast<std::uint8_t>((segment_bytes - in_flight_) << 1);
+  const auto unused = static_cast<std::uint8_t>((sdo::segment_bytes - in_flight_) << 1);
   Frame& frame = request(static_cast<std::uint8_t>(command_of(sdo::client::download_segment) | unused |
                                                    (toggle_ ? sdo::toggle_bit : 0U) | (last ? sdo::last_segment : 0U)));
   if (in_flight_ != 0) std::memcpy(&frame.data[1], &data_[position_], in_flight_);

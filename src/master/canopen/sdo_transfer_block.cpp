@@ -12,8 +12,6 @@ namespace sdo = canopen::sdo;
 
 namespace {
 
-constexpr std::size_t segment_bytes = 7;
-
 // Server command specifiers, and the subcommands of their answers.
 constexpr std::uint8_t from_server_initiate_upload = 2;
 constexpr std::uint8_t from_server_block_download = 5;
@@ -56,7 +54,7 @@ bool SdoTransfer::receive_block_segment(const Frame& answer) {
   }
   // After a gap the rest of the sub-block is ignored; the acknowledgement makes the server repeat it.
   if (sequence == sequence_ + 1) {
-    if (!append(std::span(answer.data).subspan(1, segment_bytes))) return true;
+    if (!append(std::span(answer.data).subspan(1, sdo::segment_bytes))) return true;
     sequence_ = sequence;
     last_taken_ = last;
   }
@@ -111,8 +109,8 @@ bool SdoTransfer::receive_block_download_initiated(const Frame& answer) {
 }
 
 void SdoTransfer::produce_block_segment(Frame& frame) {
-  const std::size_t first = position_ + sequence_ * segment_bytes;
-  const std::size_t size = std::min(segment_bytes, data_.size() - first);
+  const std::size_t first = position_ + sequence_ * sdo::segment_bytes;
+  const std::size_t size = std::min<std::size_t>(sdo::segment_bytes, data_.size() - first);
   const bool last = first + size == data_.size();
   ++sequence_;
   frame = Frame{};
@@ -140,7 +138,7 @@ bool SdoTransfer::receive_sub_block_confirmation(const Frame& answer) {
   }
   block_size_ = next_size;
   // Segments after the confirmed ones are sent again.
-  const std::size_t after = position_ + confirmed * segment_bytes;
+  const std::size_t after = position_ + confirmed * sdo::segment_bytes;
   if (confirmed != 0 && after >= data_.size()) {
     end_block_download();
     return true;
@@ -152,9 +150,9 @@ bool SdoTransfer::receive_sub_block_confirmation(const Frame& answer) {
 }
 
 void SdoTransfer::end_block_download() {
-  const std::size_t in_last = data_.empty() ? 0 : (data_.size() - 1) % segment_bytes + 1;
-  Frame& frame = request(static_cast<std::uint8_t>(sdo::client::block_download << 5 | (segment_bytes - in_last) << 2 |
-                                                   sdo::block_download_subcommand::end));
+  const std::size_t in_last = data_.empty() ? 0 : (data_.size() - 1) % sdo::segment_bytes + 1;
+  Frame& frame = request(static_cast<std::uint8_t>(
+      sdo::client::block_download << 5 | (sdo::segment_bytes - in_last) << 2 | sdo::block_download_subcommand::end));
   const std::uint16_t crc = crc_used_ ? canopen::crc16(data_) : std::uint16_t{0};
   frame.data[1] = static_cast<std::uint8_t>(crc);
   frame.data[2] = static_cast<std::uint8_t>(crc >> 8);

@@ -13,7 +13,7 @@ using ethercat::load_u16;
 namespace {
 
 constexpr std::uint16_t acknowledge_bit = 0x10;
-constexpr Time poll_interval = std::chrono::microseconds(500);
+constexpr Time al_state_poll_interval = std::chrono::microseconds(500);
 constexpr std::array states{AlState::init, AlState::pre_operational, AlState::bootstrap, AlState::safe_operational,
                             AlState::operational};
 
@@ -166,7 +166,7 @@ void acknowledge_error(EthercatMaster& master, std::uint16_t station, Time timeo
   command(master, station, status.state(), true);
   for (status = read_al_status(master, station); status.error(); status = read_al_status(master, station)) {
     if (master.now() >= deadline) refuse(master, station, "the error cannot be acknowledged", status);
-    master.wait(poll_interval);
+    master.wait(al_state_poll_interval);
   }
 }
 
@@ -183,7 +183,7 @@ void request_state(EthercatMaster& master, std::uint16_t station, AlState state,
              fmt::format("it is not in {} after {} ms", short_name(state), timeout / std::chrono::milliseconds(1)),
              status);
     }
-    master.wait(poll_interval);
+    master.wait(al_state_poll_interval);
   }
 }
 

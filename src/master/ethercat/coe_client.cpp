@@ -32,7 +32,7 @@ constexpr std::uint8_t expedited_bit = 0x02;
 constexpr std::uint8_t size_bit = 0x01;
 constexpr std::uint8_t last_bit = 0x01;
 
-constexpr std::size_t header = ethercat::coe_header_size;
+using ethercat::coe_header_size;
 constexpr std::size_t initiate_size = 8;
 constexpr std::size_t least_segment = 7;  // minimum bytes of data in a segment; shorter ones are padded
 constexpr std::size_t expedited_bytes = 4;
@@ -44,11 +44,11 @@ constexpr const char* mailbox_remedy =
     "each other's answers), or give a longer --timeout";
 
 Mail request_of(std::uint8_t command, ObjectAddress object) {
-  Mail mail(header + initiate_size);
+  Mail mail(coe_header_size + initiate_size);
   ethercat::store_u16(mail.data(), static_cast<unsigned>(CoeService::sdo_request) << 12);
-  mail[header] = command;
-  ethercat::store_u16(&mail[header + 1], object.index);
-  mail[header + 3] = object.sub;
+  mail[coe_header_size] = command;
+  ethercat::store_u16(&mail[coe_header_size + 1], object.index);
+  mail[coe_header_size + 3] = object.sub;
   return mail;
 }
 
@@ -70,7 +70,7 @@ CoeError::CoeError(const std::string& where, ObjectAddress object, bool upload, 
 // Sends an abort to the slave and throws.
 void CoeClient::give_up(ObjectAddress object, bool is_upload, AbortCode code) {
   Mail mail = request_of(abort_transfer, object);
-  ethercat::store_u32(&mail[header + 4], static_cast<std::uint32_t>(code));
+  ethercat::store_u32(&mail[coe_header_size + 4], static_cast<std::uint32_t>(code));
   mailbox_.send(MailboxType::coe, mail, timeout_);
   throw CoeError(mailbox_.where(), object, is_upload, code, false);
 }
@@ -82,19 +82,19 @@ Mail CoeClient::ask(std::span<const std::uint8_t> request, ObjectAddress object,
   mailbox_.drain();
   mailbox_.send(MailboxType::coe, request, timeout_);
   auto answer = mailbox_.receive(MailboxType::coe, timeout_, [&](const Mail& mail) {
-    if (mail.size() < header + 1) return false;
+    if (mail.size() < coe_header_size + 1) return false;
     const auto service = static_cast<CoeService>(load_u16(mail.data()) >> 12);
-    const std::uint8_t command = mail[header];
-    const bool long_enough = mail.size() >= header + initiate_size;
+    const std::uint8_t command = mail[coe_header_size];
+    const bool long_enough = mail.size() >= coe_header_size + initiate_size;
     const bool same_object =
-        long_enough && load_u16(&mail[header + 1]) == object.index && mail[header + 3] == object.sub;
+        long_enough && load_u16(&mail[coe_header_size + 1]) == object.index && mail[coe_header_size + 3] == object.sub;
     // By the standard an abort is a request; some slaves send it as a response.
     if ((command & specifier_mask) == abort_transfer) return same_object;
     if (service != CoeService::sdo_response || (command & specifier_mask) != expected) return false;
     return !names_object || same_object;
   });
   if (!answer) throw CoeError(mailbox_.where(), object, is_upload, AbortCode::protocol_timed_out, false);
-  answer->erase(answer->begin(), answer->begin() + header);
+  answer->erase(answer->begin(), answer->begin() + coe_header_size);
   if (((*answer)[0] & specifier_mask) == abort_transfer) {
     throw CoeError(mailbox_.where(), object, is_upload, static_cast<AbortCode>(load_u32(&(*answer)[4])), true);
   }
@@ -134,22 +134,22 @@ void CoeClient::download(ObjectAddress object, std::span<const std::byte> data, 
     const auto unused = static_cast<unsigned>(expedited_bytes - bytes.size());
     Mail mail = request_of(
         static_cast<std::uint8_t>(initiate_download | complete_flag | unused << 2 | expedited_bit | size_bit), object);
-    std::copy(bytes.begin(), bytes.end(), mail.begin() + header + 4);
+    std::copy(bytes.begin(), bytes.end(), mail.begin() + coe_header_size + 4);
     ask(mail, object, false, initiate_download_answer);
     return;
   }
   Mail mail = request_of(static_cast<std::uint8_t>(initiate_download | complete_flag | size_bit), object);
-  ethercat::store_u32(&mail[header + 4], static_cast<std::uint32_t>(bytes.size()));
+  ethercat::store_u32(&mail[coe_header_size + 4], static_cast<std::uint32_t>(bytes.size()));
   std::size_t sent = std::min(bytes.size(), mailbox_.room_out() - mail.size());
   mail.insert(mail.end(), bytes.begin(), bytes.begin() + static_cast<std::ptrdiff_t>(sent));
   ask(mail, object, false, initiate_download_answer);
   for (bool toggle = false; sent < bytes.size(); toggle = !toggle) {
-    const std::size_t count = std::min(bytes.size() - sent, mailbox_.room_out() - header - 1);
+    const std::size_t count = std::min(bytes.size() - sent, mailbox_.room_out() - coe_header_size - 1);
     const bool last = sent + count == bytes.size();
     const auto unused = count < least_segment ? static_cast<unsigned>(least_segment - count) : 0U;
-    Mail segment(header + 1);
+    Mail segment(coe_header_size + 1);
     ethercat::store_u16(segment.data(), static_cast<unsigned>(CoeService::sdo_request) << 12);
-    segment[header] =
+    segment[coe_header_size] =
         static_cast<std::uint8_t>(download_segment | (toggle ? toggle_bit : 0U) | unused << 1 | (last ? last_bit : 0U));
     const auto from = bytes.begin() + static_cast<std::ptrdiff_t>(sent);
     segment.insert(segment.end(), from, from + static_cast<std::ptrdiff_t>(count));

@@ -17,10 +17,10 @@ namespace {
 constexpr std::uint8_t list_request = 1;
 constexpr std::uint8_t object_request = 3;
 constexpr std::uint8_t entry_request = 5;
-constexpr std::uint8_t error_answer = 7;
+constexpr std::uint8_t information_error = 7;
 constexpr std::uint8_t opcode_mask = 0x7F;
 
-constexpr std::size_t header = ethercat::coe_header_size + 4;
+constexpr std::size_t information_header_size = ethercat::coe_header_size + 4;
 
 // Value info (ETG.1000.6 table 48).
 constexpr std::uint8_t with_unit = 0x08;
@@ -28,11 +28,11 @@ constexpr std::uint8_t with_default = 0x10;
 constexpr std::uint8_t with_minimum = 0x20;
 constexpr std::uint8_t with_maximum = 0x40;
 
-Mail request_of(std::uint8_t opcode, std::initializer_list<std::uint8_t> data) {
-  Mail mail(header + data.size());
+Mail information_request(std::uint8_t opcode, std::initializer_list<std::uint8_t> data) {
+  Mail mail(information_header_size + data.size());
   ethercat::store_u16(mail.data(), static_cast<unsigned>(CoeService::sdo_information) << 12);
   mail[ethercat::coe_header_size] = opcode;
-  std::copy(data.begin(), data.end(), mail.begin() + header);
+  std::copy(data.begin(), data.end(), mail.begin() + information_header_size);
   return mail;
 }
 
@@ -52,19 +52,20 @@ std::string text_from(const Mail& data, std::size_t at) {
 Mail CoeClient::ask_information(std::span<const std::uint8_t> request, std::uint16_t index) {
   const std::uint8_t opcode = request[ethercat::coe_header_size];
   const auto wanted = [&](const Mail& mail) {
-    if (mail.size() < header) return false;
+    if (mail.size() < information_header_size) return false;
     if (load_u16(mail.data()) >> 12 != static_cast<unsigned>(CoeService::sdo_information)) return false;
     const std::uint8_t answered = mail[ethercat::coe_header_size] & opcode_mask;
-    return answered == opcode + 1 || answered == error_answer;
+    return answered == opcode + 1 || answered == information_error;
   };
   Mail data;
   Mail fragment = mailbox_.ask(MailboxType::coe, request, timeout_, wanted);
   while (true) {
-    if ((fragment[ethercat::coe_header_size] & opcode_mask) == error_answer) {
-      const std::uint32_t code = fragment.size() >= header + 4 ? load_u32(&fragment[header]) : 0;
+    if ((fragment[ethercat::coe_header_size] & opcode_mask) == information_error) {
+      const std::uint32_t code =
+          fragment.size() >= information_header_size + 4 ? load_u32(&fragment[information_header_size]) : 0;
       throw CoeError(mailbox_.where(), {index, 0}, true, static_cast<AbortCode>(code), true);
     }
-    data.insert(data.end(), fragment.begin() + header, fragment.end());
+    data.insert(data.end(), fragment.begin() + information_header_size, fragment.end());
     if (load_u16(&fragment[ethercat::coe_header_size + 2]) == 0) return data;
     auto next = mailbox_.receive(MailboxType::coe, timeout_, wanted);
     if (!next) throw CoeError(mailbox_.where(), {index, 0}, true, AbortCode::protocol_timed_out, false);
@@ -73,7 +74,7 @@ Mail CoeClient::ask_information(std::span<const std::uint8_t> request, std::uint
 }
 
 std::array<std::uint16_t, 5> CoeClient::list_lengths() {
-  const Mail data = ask_information(request_of(list_request, {0, 0}), 0);
+  const Mail data = ask_information(information_request(list_request, {0, 0}), 0);
   std::array<std::uint16_t, 5> lengths{};
   for (std::size_t i = 0; i < lengths.size() && 2 * i + 4 <= data.size(); ++i) lengths[i] = load_u16(&data[2 * i + 2]);
   return lengths;
@@ -81,14 +82,14 @@ std::array<std::uint16_t, 5> CoeClient::list_lengths() {
 
 std::vector<std::uint16_t> CoeClient::list(ObjectList which) {
   const auto number = static_cast<std::uint16_t>(which);
-  const Mail data = ask_information(request_of(list_request, {low(number), high(number)}), 0);
+  const Mail data = ask_information(information_request(list_request, {low(number), high(number)}), 0);
   std::vector<std::uint16_t> indices;
   for (std::size_t at = 2; at + 2 <= data.size(); at += 2) indices.push_back(load_u16(&data[at]));
   return indices;
 }
 
 ObjectDescription CoeClient::describe(std::uint16_t index) {
-  const Mail data = ask_information(request_of(object_request, {low(index), high(index)}), index);
+  const Mail data = ask_information(information_request(object_request, {low(index), high(index)}), index);
   if (data.size() < 6) give_up({index, 0}, true, AbortCode::length_mismatch);
   return {.index = load_u16(data.data()),
           .type = load_u16(&data[2]),
@@ -100,7 +101,7 @@ ObjectDescription CoeClient::describe(std::uint16_t index) {
 EntryDescription CoeClient::describe(ObjectAddress entry) {
   constexpr std::uint8_t everything = with_unit | with_default | with_minimum | with_maximum;
   const Mail data = ask_information(
-      request_of(entry_request, {low(entry.index), high(entry.index), entry.sub, everything}), entry.index);
+      information_request(entry_request, {low(entry.index), high(entry.index), entry.sub, everything}), entry.index);
   if (data.size() < 10) give_up(entry, true, AbortCode::length_mismatch);
   EntryDescription description{.address = {load_u16(data.data()), data[2]},
                                .type = load_u16(&data[4]),

@@ -24,8 +24,6 @@ static_assert(ethercat::max_datagram_data <= logical_per_group);
 constexpr std::uint8_t watchdog_trigger = 0x40;
 constexpr std::uint8_t output_control = 0x24 | watchdog_trigger;
 constexpr std::uint8_t input_control = 0x20;
-constexpr std::size_t sync_manager_size = 8;
-constexpr std::size_t fmmu_size = 16;
 constexpr std::uint8_t fmmu_reads = 1;
 constexpr std::uint8_t fmmu_writes = 2;
 
@@ -60,7 +58,7 @@ CyclicExchange::CyclicExchange(EthercatMaster& master, std::vector<Member> membe
   overdue_.reserve(most_overdue);
   // Slaves outside this exchange may still have FMMUs of an earlier exchange, and would answer to the same logical
   // addresses.
-  const std::array<std::uint8_t, fmmu_size * reg::fmmus> no_fmmus{};
+  const std::array<std::uint8_t, reg::fmmu_bytes * reg::fmmus> no_fmmus{};
   master_.write_all(reg::fmmu, no_fmmus);
   for (std::size_t i = 0; i < members_.size(); ++i) configure(i);
 }
@@ -103,8 +101,8 @@ void CyclicExchange::write_channel(EthercatSlave& slave, bool outputs, std::size
   const auto listed =
       std::find_if(channels.begin(), channels.end(), [&](const SiiSyncManager& one) { return one.type == type; });
   const std::size_t number = listed != channels.end() ? static_cast<std::size_t>(listed - channels.begin()) : type - 1;
-  const auto address = static_cast<std::uint16_t>(reg::sync_manager + sync_manager_size * number);
-  std::array<std::uint8_t, sync_manager_size> registers{};
+  const auto address = static_cast<std::uint16_t>(reg::sync_manager + reg::sync_manager_bytes * number);
+  std::array<std::uint8_t, reg::sync_manager_bytes> registers{};
   slave.master().write<std::uint8_t>(slave.station(), static_cast<std::uint16_t>(address + 6), 0);
   if (listed != channels.end()) {
     start = listed->start;
@@ -140,7 +138,7 @@ void CyclicExchange::configure(std::size_t member) {
   watchdogs_.push_back(arm_watchdog(slave));
   std::uint8_t fmmu = 0;
   const auto map = [&](const Place& at, std::uint32_t logical, std::uint16_t physical, std::uint8_t type) {
-    std::array<std::uint8_t, fmmu_size> registers{};
+    std::array<std::uint8_t, reg::fmmu_bytes> registers{};
     if (at.bytes != 0) {
       store_u32(registers.data(), logical);
       store_u16(&registers[4], static_cast<unsigned>(at.bytes));
@@ -149,7 +147,7 @@ void CyclicExchange::configure(std::size_t member) {
       registers[11] = type;
       registers[12] = 1;
     }
-    master_.write(slave.station(), static_cast<std::uint16_t>(reg::fmmu + fmmu_size * fmmu), registers);
+    master_.write(slave.station(), static_cast<std::uint16_t>(reg::fmmu + reg::fmmu_bytes * fmmu), registers);
     ++fmmu;
   };
   std::uint16_t start = 0;

@@ -13,12 +13,12 @@ using ethercat::load_u32;
 namespace {
 
 // Header (ETG.1000.6 table 86): operation, reserved, then 4 bytes of password, packet number, error code or progress.
-constexpr std::size_t header = 6;
+constexpr std::size_t foe_header_size = 6;
 constexpr std::uint8_t read_request = 1;
 constexpr std::uint8_t write_request = 2;
 constexpr std::uint8_t data_packet = 3;
 constexpr std::uint8_t acknowledgement = 4;
-constexpr std::uint8_t error_answer = 5;
+constexpr std::uint8_t foe_error = 5;
 constexpr std::uint8_t busy_answer = 6;
 
 constexpr Time busy_interval = std::chrono::milliseconds(10);
@@ -26,10 +26,10 @@ constexpr std::size_t largest_file = std::size_t{256} << 20;
 
 template <typename Bytes = std::span<const std::uint8_t>>
 Mail mail_of(std::uint8_t operation, std::uint32_t value, const Bytes& data = {}) {
-  Mail mail(header + data.size());
+  Mail mail(foe_header_size + data.size());
   mail[0] = operation;
   ethercat::store_u32(&mail[2], value);
-  std::copy(data.begin(), data.end(), mail.begin() + header);
+  std::copy(data.begin(), data.end(), mail.begin() + foe_header_size);
   return mail;
 }
 
@@ -76,11 +76,11 @@ void FoeClient::fail(std::string_view file, const std::string& happened, const s
 Mail FoeClient::ask(std::span<const std::uint8_t> request, std::string_view file) {
   const Time deadline = mailbox_.master().now() + timeout_;
   while (true) {
-    Mail answer =
-        mailbox_.ask(MailboxType::foe, request, timeout_, [](const Mail& mail) { return mail.size() >= header; });
-    if (answer[0] == error_answer) {
+    Mail answer = mailbox_.ask(MailboxType::foe, request, timeout_,
+                               [](const Mail& mail) { return mail.size() >= foe_header_size; });
+    if (answer[0] == foe_error) {
       const auto error = static_cast<FoeError>(load_u32(&answer[2]));
-      const std::string words(answer.begin() + header, answer.end());
+      const std::string words(answer.begin() + foe_header_size, answer.end());
       fail(file,
            fmt::format("refused: {} ({:04X}h){}{}", text(error), static_cast<std::uint32_t>(error),
                        words.empty() ? "" : ", ", words),
@@ -100,7 +100,7 @@ std::vector<std::uint8_t> FoeClient::read(std::string_view file, std::uint32_t p
     if (answer[0] != data_packet || load_u32(&answer[2]) != packet) {
       fail(file, fmt::format("packet {} was expected, but operation {} was received", packet, answer[0]), "try again");
     }
-    content.insert(content.end(), answer.begin() + header, answer.end());
+    content.insert(content.end(), answer.begin() + foe_header_size, answer.end());
     if (content.size() > largest_file) fail(file, "the file has no end", "see the slave's manual");
     if (progress) progress(content.size());
     request = mail_of(acknowledgement, packet);
@@ -118,7 +118,7 @@ void FoeClient::write(std::string_view file, std::span<const std::uint8_t> conte
     fail(file, fmt::format("packet {} is not acknowledged", packet), "try again");
   };
   acknowledged(ask(mail_of(write_request, password, file), file), 0);
-  const std::size_t packet_size = mailbox_.room_out() - header;
+  const std::size_t packet_size = mailbox_.room_out() - foe_header_size;
   std::size_t sent = 0;
   // If the last data packet is full, an empty one follows.
   for (std::uint32_t packet = 1;; ++packet) {

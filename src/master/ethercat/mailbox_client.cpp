@@ -12,7 +12,7 @@ using ethercat::mailbox_header_size;
 
 namespace {
 
-constexpr Time poll_interval = std::chrono::microseconds(250);
+constexpr Time mailbox_poll_interval = std::chrono::microseconds(250);
 constexpr std::size_t kept_emergencies = 64;
 
 // Registers of sync manager n, and their bits (ETG.1000.4 table 58).
@@ -74,7 +74,7 @@ void MailboxClient::send(MailboxType type, std::span<const std::uint8_t> mail, T
     if ((back && datagram.counter != 0) || (back && may_be_there && full(0))) break;
     may_be_there = may_be_there || !back;
     if (master_.now() >= deadline) timed_out("it does not read its mailbox");
-    if (back) master_.wait(poll_interval);
+    if (back) master_.wait(mailbox_poll_interval);
   }
   counter_ = counter_ % 7 + 1;
 }
@@ -103,7 +103,7 @@ void MailboxClient::request_repeat() {
   while (((master_.read<std::uint8_t>(station_, static_cast<std::uint16_t>(address + 1)) & repeat_request) != 0) !=
          repeat_bit_) {
     if (master_.now() >= deadline) return;  // the slave does not support repetition; the answer is lost
-    master_.wait(poll_interval);
+    master_.wait(mailbox_poll_interval);
   }
 }
 
@@ -151,7 +151,7 @@ std::optional<Mail> MailboxClient::receive(MailboxType type, Time timeout,
       continue;
     }
     if (master_.now() >= deadline) return std::nullopt;
-    master_.wait(poll_interval);
+    master_.wait(mailbox_poll_interval);
   }
 }
 

@@ -16,7 +16,7 @@ constexpr const char* check_wiring =
 
 constexpr const char* start_or_choose = "start `servodrome up` or give --bus LINK";
 
-[[noreturn]] void rethrow(const std::string& name, const links::LinkError& error) {
+[[noreturn]] void throw_segment_failure(const std::string& name, const links::LinkError& error) {
   // UDP reports a missing listener only after the first frame.
   if (error.code() == std::errc::connection_refused)
     throw MasterError("no server listens there", name, start_or_choose);
@@ -80,7 +80,7 @@ void EthercatMaster::wait(Time span) {
     try {
       if (next > at) client_->wait(next - at);
     } catch (const links::LinkError& error) {
-      rethrow(name(), error);
+      throw_segment_failure(name(), error);
     }
   }
 }
@@ -110,7 +110,7 @@ void EthercatMaster::send(std::span<EthercatDatagram> datagrams, std::vector<Sen
     try {
       client_->send(writer.bytes());
     } catch (const links::LinkError& error) {
-      rethrow(name(), error);
+      throw_segment_failure(name(), error);
     }
     sent.push_back(frame);
   }
@@ -155,7 +155,7 @@ bool EthercatMaster::try_exchange(std::span<EthercatDatagram> datagrams, Time ti
     try {
       size = client_->receive(received_, std::max(Time{0}, deadline - at));
     } catch (const links::LinkError& error) {
-      rethrow(name(), error);
+      throw_segment_failure(name(), error);
     }
     if (size != 0) {
       if (take_answer(datagrams, sent, size)) --missing;

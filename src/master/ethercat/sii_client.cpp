@@ -19,13 +19,13 @@ constexpr std::uint16_t write_enable = 0x0001;
 constexpr std::uint16_t eight_bytes = 0x0040;
 constexpr std::uint16_t read_command = 0x0100;
 constexpr std::uint16_t write_command = 0x0200;
-constexpr std::uint16_t acknowledge_error = 0x2000;
-constexpr std::uint16_t write_enable_error = 0x4000;
+constexpr std::uint16_t acknowledge_error_bit = 0x2000;
+constexpr std::uint16_t write_enable_error_bit = 0x4000;
 constexpr std::uint16_t busy = 0x8000;
 
 constexpr Time busy_timeout = 2s;  // an EEPROM needs at most 10 ms for a word; for a simulated one it depends on the
                                    // load of the computer
-constexpr Time poll_interval = 100us;
+constexpr Time sii_poll_interval = 100us;
 constexpr unsigned attempts = 3;  // an EEPROM that is still writing does not acknowledge
 
 constexpr std::size_t categories_word = 0x40;
@@ -62,7 +62,7 @@ SiiClient::Status SiiClient::wait_until_idle(std::uint16_t word) {
            "check that no other master is active and that virtual time is not stopped; then switch the slave off and "
            "on");
     }
-    master_.wait(poll_interval);
+    master_.wait(sii_poll_interval);
   }
 }
 
@@ -77,9 +77,9 @@ SiiClient::Status SiiClient::command(std::uint16_t control, std::uint16_t word, 
     // Control, address and data go in one datagram, because the write enable is valid only within its frame.
     master_.write(station_, reg::sii_control, registers);
     const Status status = wait_until_idle(word);
-    if ((status.bits & (acknowledge_error | write_enable_error)) == 0) return status;
+    if ((status.bits & (acknowledge_error_bit | write_enable_error_bit)) == 0) return status;
     if (attempt < attempts) continue;
-    if ((status.bits & write_enable_error) != 0) {
+    if ((status.bits & write_enable_error_bit) != 0) {
       fail(word, "the slave refuses the write", "check whether its EEPROM is write-protected");
     }
     fail(word, "the memory does not acknowledge", "check that the address is within it; the EEPROM may be missing");

@@ -31,20 +31,20 @@ enum Category : std::uint16_t {
   end = 0xFFFF
 };
 
-using Bytes = std::span<const std::uint8_t>;
+using ByteView = std::span<const std::uint8_t>;
 
-MailboxAreas areas(Bytes image, std::size_t at) {
+MailboxAreas areas(ByteView image, std::size_t at) {
   return {.out = {load_u16(&image[at]), load_u16(&image[at + 2])},
           .in = {load_u16(&image[at + 4]), load_u16(&image[at + 6])}};
 }
 
-std::vector<std::string> parse_strings(Bytes data) {
+std::vector<std::string> parse_strings(ByteView data) {
   std::vector<std::string> all;
   if (data.empty()) return all;
   std::size_t at = 1;
   for (unsigned i = 0; i < data[0] && at < data.size(); ++i) {
     const std::size_t length = std::min<std::size_t>(data[at], data.size() - at - 1);
-    const Bytes text = data.subspan(at + 1, length);
+    const ByteView text = data.subspan(at + 1, length);
     all.emplace_back(text.begin(), text.end());
     at += 1 + length;
   }
@@ -55,7 +55,7 @@ class Parser {
  public:
   explicit Parser(SiiContent& content) : content_(content) {}
 
-  void category(std::uint16_t type, Bytes data) {
+  void category(std::uint16_t type, ByteView data) {
     switch (type) {
       case general: take_general(data); break;
       case fmmu: content_.fmmus.assign(data.begin(), data.end()); break;
@@ -75,7 +75,7 @@ class Parser {
     return number >= 1 && number <= texts.size() ? texts[number - 1U] : std::string();
   }
 
-  void take_general(Bytes data) {
+  void take_general(ByteView data) {
     if (data.size() < 6) return;
     content_.group = text(data[0]);
     content_.order = text(data[2]);
@@ -83,7 +83,7 @@ class Parser {
     content_.coe_details = data[5];
   }
 
-  void take_sync_managers(Bytes data) {
+  void take_sync_managers(ByteView data) {
     for (; data.size() >= 8; data = data.subspan(8)) {
       content_.sync_managers.push_back({.start = load_u16(data.data()),
                                         .length = load_u16(&data[2]),
@@ -93,7 +93,7 @@ class Parser {
     }
   }
 
-  void take_pdos(Bytes data, std::vector<Pdo>& pdos) {
+  void take_pdos(ByteView data, std::vector<Pdo>& pdos) {
     while (data.size() >= 8) {
       Pdo pdo{.index = load_u16(data.data()), .name = text(data[5])};
       if (data[3] != 0xFF) pdo.sync_manager = data[3];
@@ -106,7 +106,7 @@ class Parser {
     }
   }
 
-  void take_dc(Bytes data) {
+  void take_dc(ByteView data) {
     constexpr std::size_t size = 24;
     for (; data.size() >= size; data = data.subspan(size)) {
       content_.dc_modes.push_back({.name = text(data[18]),
@@ -123,7 +123,7 @@ class Parser {
 };
 
 template <typename Take>
-void for_each_category(Bytes image, Take take) {
+void for_each_category(ByteView image, Take take) {
   for (std::size_t at = categories_at; at + 4 <= image.size();) {
     const std::uint16_t type = load_u16(&image[at]);
     const std::size_t size = 2U * load_u16(&image[at + 2]);
@@ -135,7 +135,7 @@ void for_each_category(Bytes image, Take take) {
 
 }  // namespace
 
-SiiContent parse_sii(Bytes image) {
+SiiContent parse_sii(ByteView image) {
   SiiContent content;
   if (image.size() < categories_at) return content;
   content.checksum_right = ethercat::sii_checksum(image.first(14)) == image[checksum_at];
@@ -149,10 +149,10 @@ SiiContent parse_sii(Bytes image) {
   content.protocols = load_u16(&image[protocols_at]);
   Parser parser(content);
   // Reads the strings first, because they may stand after the categories that refer to them.
-  for_each_category(image, [&](std::uint16_t type, Bytes data) {
+  for_each_category(image, [&](std::uint16_t type, ByteView data) {
     if (type == strings) parser.texts = parse_strings(data);
   });
-  for_each_category(image, [&](std::uint16_t type, Bytes data) { parser.category(type, data); });
+  for_each_category(image, [&](std::uint16_t type, ByteView data) { parser.category(type, data); });
   return content;
 }
 

@@ -15,8 +15,6 @@ namespace {
 constexpr std::uint8_t mailbox_out_control = 0x26;
 constexpr std::uint8_t mailbox_in_control = 0x22;
 constexpr std::uint8_t mode_and_direction = 0x0F;
-constexpr std::size_t sync_manager_size = 8;
-constexpr std::size_t fmmu_size = 16;
 
 }  // namespace
 
@@ -32,23 +30,23 @@ void EthercatSlave::lacks(const char* what, const char* remedy) const {
 void EthercatSlave::to_init() {
   close_mailbox();
   request(AlState::init);
-  const std::array<std::uint8_t, fmmu_size * reg::fmmus> no_fmmus{};
-  const std::array<std::uint8_t, sync_manager_size * reg::sync_managers> no_sync_managers{};
+  const std::array<std::uint8_t, reg::fmmu_bytes * reg::fmmus> no_fmmus{};
+  const std::array<std::uint8_t, reg::sync_manager_bytes * reg::sync_managers> no_sync_managers{};
   if (found_.has_clock()) master_.write<std::uint8_t>(station(), reg::sync_activation, 0);
   // A slave may have fewer FMMUs and sync managers.
   const auto fmmus = std::min<std::size_t>(master_.read<std::uint8_t>(station(), reg::fmmu_count), reg::fmmus);
   const auto channels =
       std::min<std::size_t>(master_.read<std::uint8_t>(station(), reg::sync_manager_count), reg::sync_managers);
-  if (fmmus != 0) master_.write(station(), reg::fmmu, std::span(no_fmmus).first(fmmus * fmmu_size));
+  if (fmmus != 0) master_.write(station(), reg::fmmu, std::span(no_fmmus).first(fmmus * reg::fmmu_bytes));
   if (channels != 0) {
-    master_.write(station(), reg::sync_manager, std::span(no_sync_managers).first(channels * sync_manager_size));
+    master_.write(station(), reg::sync_manager, std::span(no_sync_managers).first(channels * reg::sync_manager_bytes));
   }
 }
 
 void EthercatSlave::set_up_mailbox(const MailboxAreas& areas, std::uint8_t out_control, std::uint8_t in_control) {
-  std::array<std::uint8_t, 2 * sync_manager_size> channels{};
+  std::array<std::uint8_t, 2 * reg::sync_manager_bytes> channels{};
   const auto put = [&](std::size_t n, const MailboxArea& area, std::uint8_t control) {
-    std::uint8_t* at = &channels[n * sync_manager_size];
+    std::uint8_t* at = &channels[n * reg::sync_manager_bytes];
     store_u16(at, area.start);
     store_u16(at + 2, area.length);
     at[4] = control;
@@ -101,9 +99,9 @@ void EthercatSlave::to_bootstrap() {
 
 // The mailbox areas as sync managers 0 and 1 are set up; nullopt if they are not a mailbox.
 std::optional<MailboxAreas> EthercatSlave::areas_in_use() {
-  std::array<std::uint8_t, 2 * sync_manager_size> channels{};
+  std::array<std::uint8_t, 2 * reg::sync_manager_bytes> channels{};
   master_.read(station(), reg::sync_manager, channels);
-  const std::uint8_t* in = &channels[sync_manager_size];
+  const std::uint8_t* in = &channels[reg::sync_manager_bytes];
   const bool good = (channels[4] & mode_and_direction) == (mailbox_out_control & mode_and_direction) &&
                     (in[4] & mode_and_direction) == (mailbox_in_control & mode_and_direction) &&
                     (channels[6] & 1) != 0 && (in[6] & 1) != 0;

@@ -8,7 +8,7 @@ constexpr std::uint16_t i2t_enable = 1u << 1;  // of 2017h (ch. 5, 8900h)
 constexpr std::uint32_t velocity_tracking_off = 0xFFFFFFFF;
 
 // 10 and 100 kbit/s are not offered (Table 1-2, ch. 2.2).
-constexpr auto bit_rates = std::to_array<std::int64_t>({1000000, 800000, 500000, 250000, 125000, 50000, 20000});
+constexpr auto ismc_bit_rates = std::to_array<std::int64_t>({1000000, 800000, 500000, 250000, 125000, 50000, 20000});
 
 drive::Signal signal_of(std::uint8_t function) {
   switch (static_cast<ismc::InputFunction>(function)) {
@@ -71,7 +71,7 @@ drive::Configuration Ismc::configuration() const {
 dictionary::AbortCode Ismc::check(const dictionary::Entry& entry, std::span<const std::byte> value) {
   if (entry.index == 0x2004) {
     const std::int64_t rate = dictionary::decode_number(entry.type, value);
-    if (std::find(bit_rates.begin(), bit_rates.end(), rate) == bit_rates.end()) {
+    if (std::find(ismc_bit_rates.begin(), ismc_bit_rates.end(), rate) == ismc_bit_rates.end()) {
       return dictionary::AbortCode::value_invalid;
     }
   }

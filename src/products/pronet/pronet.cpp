@@ -8,12 +8,12 @@ namespace {
 
 constexpr unsigned can_open = 3;  // Pn006.0 (ch. 8)
 // Pn703.0 (ch. 8)
-constexpr auto bit_rates = std::to_array<std::uint32_t>({50'000, 100'000, 125'000, 250'000, 500'000, 1'000'000});
-constexpr std::size_t terminals = 8;  // CN1_14 to CN1_17, CN1_39 to CN1_42
+constexpr auto pronet_bit_rates = std::to_array<std::uint32_t>({50'000, 100'000, 125'000, 250'000, 500'000, 1'000'000});
+constexpr std::size_t terminal_count = 8;  // CN1_14 to CN1_17, CN1_39 to CN1_42
 
 // Codes of Pn509 and Pn510. The CANopen manual names C (ch. 7.2.4); 2 and 3 are the codes of the ProNet series for POT
 // and NOT.
-drive::Signal signal_of(unsigned code) {
+drive::Signal signal_of_code(unsigned code) {
   switch (code) {
     case 0x2: return drive::Signal::positive_limit;
     case 0x3: return drive::Signal::negative_limit;
@@ -54,8 +54,8 @@ void Pronet::prepare(dictionary::Area areas) {
   own.encoder_counts = settings().motor.counts_per_revolution;
   if (contains(areas, dictionary::Area::manufacturer)) {
     if (settings().node_id != 0) own.parameters.set<704>(settings().node_id);
-    for (std::size_t i = 0; i < bit_rates.size(); ++i) {
-      if (bit_rates[i] == settings().bit_rate) own.parameters.set<703>(static_cast<std::uint16_t>(i));
+    for (std::size_t i = 0; i < pronet_bit_rates.size(); ++i) {
+      if (pronet_bit_rates[i] == settings().bit_rate) own.parameters.set<703>(static_cast<std::uint16_t>(i));
     }
   }
 }
@@ -94,8 +94,8 @@ drive::Configuration Pronet::configuration() const {
   configuration.encoder_begins_at_zero = encoder == pronet::Encoder::incremental;
   // One count of this encoder is then 5 units of 606Ch, so that 606Fh = 10 can distinguish standing from moving.
   if (encoder == pronet::Encoder::incremental) configuration.shown_velocity_ms = 12.0F;
-  for (std::size_t i = 0; i < terminals; ++i) {
-    configuration.inputs[i] = {signal_of(digit(pn.get<509>(), pn.get<510>(), i)),
+  for (std::size_t i = 0; i < terminal_count; ++i) {
+    configuration.inputs[i] = {signal_of_code(digit(pn.get<509>(), pn.get<510>(), i)),
                                digit(pn.get<516>(), pn.get<517>(), i) != 0};
     if (digit(pn.get<512>(), pn.get<513>(), i) != 0) configuration.bus_inputs |= 1U << i;
   }
@@ -114,7 +114,7 @@ std::uint8_t Pronet::chosen_node_id() const {
 
 std::uint32_t Pronet::chosen_bit_rate() const {
   const unsigned code = objects().manufacturer.parameters.digit<703>(0);
-  return code < bit_rates.size() ? bit_rates[code] : factory_bit_rate;
+  return code < pronet_bit_rates.size() ? pronet_bit_rates[code] : factory_bit_rate;
 }
 
 void Pronet::apply_transmit_masks() {

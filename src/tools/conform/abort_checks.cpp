@@ -2,7 +2,7 @@
 #include "tools/conform/check_tables.hpp"
 #include "tools/conform/trial.hpp"
 
-namespace servodrome::master::conform {
+namespace servodrome::master::conform::abort_group {
 namespace {
 
 using dictionary::AbortCode;
@@ -113,6 +113,6 @@ constexpr std::array rows{
 
 }  // namespace
 
-std::span<const Check> abort_checks() { return rows; }
+std::span<const Check> checks() { return rows; }
 
-}  // namespace servodrome::master::conform
+}  // namespace servodrome::master::conform::abort_group

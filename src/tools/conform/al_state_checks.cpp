@@ -4,7 +4,7 @@
 #include "tools/conform/check_tables.hpp"
 #include "tools/conform/trial.hpp"
 
-namespace servodrome::master::conform {
+namespace servodrome::master::conform::al_state_group {
 namespace {
 
 using namespace std::chrono_literals;
@@ -255,6 +255,6 @@ constexpr std::array rows{
 
 }  // namespace
 
-std::span<const Check> al_state_checks() { return rows; }
+std::span<const Check> checks() { return rows; }
 
-}  // namespace servodrome::master::conform
+}  // namespace servodrome::master::conform::al_state_group

@@ -5,7 +5,7 @@
 #include "tools/conform/frames.hpp"
 #include "tools/conform/trial.hpp"
 
-namespace servodrome::master::conform {
+namespace servodrome::master::conform::block_group {
 namespace {
 
 using namespace std::chrono_literals;
@@ -167,6 +167,6 @@ constexpr std::array rows{
 
 }  // namespace
 
-std::span<const Check> block_checks() { return rows; }
+std::span<const Check> checks() { return rows; }
 
-}  // namespace servodrome::master::conform
+}  // namespace servodrome::master::conform::block_group

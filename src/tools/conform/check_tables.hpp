@@ -5,52 +5,95 @@
 
 #include "tools/conform/check.hpp"
 
-// One table for each subject of the standards, each in its own file.
+// One table for each subject of the standards, each in its own file, together with its functions in a namespace of its
+// own.
 namespace servodrome::master::conform {
 
-std::span<const Check> identity_checks();
-std::span<const Check> abort_checks();
-std::span<const Check> sdo_checks();
-std::span<const Check> block_checks();
-std::span<const Check> power_checks();
-std::span<const Check> mode_checks();
-std::span<const Check> profile_position_checks();
-std::span<const Check> velocity_checks();
-std::span<const Check> cyclic_checks();
-std::span<const Check> touch_probe_checks();
-std::span<const Check> homing_checks();
-std::span<const Check> fault_checks();
-std::span<const Check> pdo_checks();
-std::span<const Check> time_checks();
-std::span<const Check> nmt_checks();
-std::span<const Check> lss_checks();
-std::span<const Check> al_state_checks();
-std::span<const Check> mailbox_checks();
-std::span<const Check> coe_checks();
-std::span<const Check> foe_checks();
-std::span<const Check> modbus_checks();
+namespace identity_group {
+std::span<const Check> checks();
+}
+namespace abort_group {
+std::span<const Check> checks();
+}
+namespace sdo_group {
+std::span<const Check> checks();
+}
+namespace block_group {
+std::span<const Check> checks();
+}
+namespace power_group {
+std::span<const Check> checks();
+}
+namespace mode_group {
+std::span<const Check> checks();
+}
+namespace profile_position_group {
+std::span<const Check> checks();
+}
+namespace velocity_group {
+std::span<const Check> checks();
+}
+namespace cyclic_group {
+std::span<const Check> checks();
+}
+namespace touch_probe_group {
+std::span<const Check> checks();
+}
+namespace homing_group {
+std::span<const Check> checks();
+}
+namespace fault_group {
+std::span<const Check> checks();
+}
+namespace pdo_group {
+std::span<const Check> checks();
+}
+namespace time_group {
+std::span<const Check> checks();
+}
+namespace nmt_group {
+std::span<const Check> checks();
+}
+namespace lss_group {
+std::span<const Check> checks();
+}
+namespace al_state_group {
+std::span<const Check> checks();
+}
+namespace mailbox_group {
+std::span<const Check> checks();
+}
+namespace coe_group {
+std::span<const Check> checks();
+}
+namespace foe_group {
+std::span<const Check> checks();
+}
+namespace modbus_group {
+std::span<const Check> checks();
+}
 
 // In the order of execution.
-inline constexpr std::array check_tables{identity_checks,
-                                         abort_checks,
-                                         sdo_checks,
-                                         block_checks,
-                                         power_checks,
-                                         mode_checks,
-                                         profile_position_checks,
-                                         velocity_checks,
-                                         cyclic_checks,
-                                         touch_probe_checks,
-                                         homing_checks,
-                                         fault_checks,
-                                         pdo_checks,
-                                         time_checks,
-                                         nmt_checks,
-                                         lss_checks,
-                                         al_state_checks,
-                                         mailbox_checks,
-                                         coe_checks,
-                                         foe_checks,
-                                         modbus_checks};
+inline constexpr std::array check_tables{identity_group::checks,
+                                         abort_group::checks,
+                                         sdo_group::checks,
+                                         block_group::checks,
+                                         power_group::checks,
+                                         mode_group::checks,
+                                         profile_position_group::checks,
+                                         velocity_group::checks,
+                                         cyclic_group::checks,
+                                         touch_probe_group::checks,
+                                         homing_group::checks,
+                                         fault_group::checks,
+                                         pdo_group::checks,
+                                         time_group::checks,
+                                         nmt_group::checks,
+                                         lss_group::checks,
+                                         al_state_group::checks,
+                                         mailbox_group::checks,
+                                         coe_group::checks,
+                                         foe_group::checks,
+                                         modbus_group::checks};
 
 }  // namespace servodrome::master::conform

@@ -7,7 +7,7 @@
 #include "tools/conform/check_tables.hpp"
 #include "tools/conform/cyclic_run.hpp"
 
-namespace servodrome::master::conform {
+namespace servodrome::master::conform::cyclic_group {
 namespace {
 
 using namespace std::chrono_literals;
@@ -466,6 +466,6 @@ constexpr std::array rows{
 
 }  // namespace
 
-std::span<const Check> cyclic_checks() { return rows; }
+std::span<const Check> checks() { return rows; }
 
-}  // namespace servodrome::master::conform
+}  // namespace servodrome::master::conform::cyclic_group

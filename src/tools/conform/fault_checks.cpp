@@ -4,7 +4,7 @@
 #include "tools/conform/check_tables.hpp"
 #include "tools/conform/trial.hpp"
 
-namespace servodrome::master::conform {
+namespace servodrome::master::conform::fault_group {
 namespace {
 
 using namespace std::chrono_literals;
@@ -158,6 +158,6 @@ constexpr std::array rows{
 
 }  // namespace
 
-std::span<const Check> fault_checks() { return rows; }
+std::span<const Check> checks() { return rows; }
 
-}  // namespace servodrome::master::conform
+}  // namespace servodrome::master::conform::fault_group

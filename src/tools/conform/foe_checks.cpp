@@ -6,7 +6,7 @@
 #include "tools/conform/check_tables.hpp"
 #include "tools/conform/trial.hpp"
 
-namespace servodrome::master::conform {
+namespace servodrome::master::conform::foe_group {
 namespace {
 
 using namespace std::chrono_literals;
@@ -160,6 +160,6 @@ constexpr std::array rows{
 
 }  // namespace
 
-std::span<const Check> foe_checks() { return rows; }
+std::span<const Check> checks() { return rows; }
 
-}  // namespace servodrome::master::conform
+}  // namespace servodrome::master::conform::foe_group

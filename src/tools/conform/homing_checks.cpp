@@ -6,7 +6,7 @@
 #include "tools/conform/check_tables.hpp"
 #include "tools/conform/trial.hpp"
 
-namespace servodrome::master::conform {
+namespace servodrome::master::conform::homing_group {
 namespace {
 
 using namespace std::chrono_literals;
@@ -214,6 +214,6 @@ constexpr std::array rows{
 
 }  // namespace
 
-std::span<const Check> homing_checks() { return rows; }
+std::span<const Check> checks() { return rows; }
 
-}  // namespace servodrome::master::conform
+}  // namespace servodrome::master::conform::homing_group

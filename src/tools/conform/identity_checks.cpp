@@ -2,7 +2,7 @@
 #include "tools/conform/check_tables.hpp"
 #include "tools/conform/trial.hpp"
 
-namespace servodrome::master::conform {
+namespace servodrome::master::conform::identity_group {
 namespace {
 
 template <typename T>
@@ -95,6 +95,6 @@ constexpr std::array rows{
 
 }  // namespace
 
-std::span<const Check> identity_checks() { return rows; }
+std::span<const Check> checks() { return rows; }
 
-}  // namespace servodrome::master::conform
+}  // namespace servodrome::master::conform::identity_group

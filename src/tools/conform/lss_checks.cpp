@@ -8,7 +8,7 @@
 #include "tools/conform/frames.hpp"
 #include "tools/conform/trial.hpp"
 
-namespace servodrome::master::conform {
+namespace servodrome::master::conform::lss_group {
 namespace {
 
 using namespace std::chrono_literals;
@@ -236,6 +236,6 @@ constexpr std::array rows{
 
 }  // namespace
 
-std::span<const Check> lss_checks() { return rows; }
+std::span<const Check> checks() { return rows; }
 
-}  // namespace servodrome::master::conform
+}  // namespace servodrome::master::conform::lss_group

@@ -2,7 +2,7 @@
 #include "tools/conform/check_tables.hpp"
 #include "tools/conform/trial.hpp"
 
-namespace servodrome::master::conform {
+namespace servodrome::master::conform::mailbox_group {
 namespace {
 
 using namespace std::chrono_literals;
@@ -58,7 +58,7 @@ void short_mail(Trial& trial, int) {
 }
 
 // Sends an SDO request with a CoE header, and returns the answer without the header.
-std::optional<Mail> ask_sdo(Trial& trial, const std::array<std::uint8_t, 8>& sdo) {
+std::optional<Mail> ask_coe(Trial& trial, const std::array<std::uint8_t, 8>& sdo) {
   Mail mail(ethercat::coe_header_size);
   ethercat::store_u16(mail.data(), static_cast<unsigned>(CoeService::sdo_request) << 12);
   mail.insert(mail.end(), sdo.begin(), sdo.end());
@@ -72,7 +72,7 @@ std::optional<Mail> ask_sdo(Trial& trial, const std::array<std::uint8_t, 8>& sdo
 }
 
 void expect_abort(Trial& trial, const std::array<std::uint8_t, 8>& sdo, AbortCode code) {
-  const auto answer = ask_sdo(trial, sdo);
+  const auto answer = ask_coe(trial, sdo);
   const bool right = answer && answer->size() >= 8 && (*answer)[0] == 0x80 &&
                      ethercat::load_u32(&(*answer)[4]) == static_cast<std::uint32_t>(code);
   trial.expect(right, "SDO " + text_of_mail(Mail(sdo.begin(), sdo.end())), "abort " + text_of(code),
@@ -100,6 +100,6 @@ constexpr std::array rows{
 
 }  // namespace
 
-std::span<const Check> mailbox_checks() { return rows; }
+std::span<const Check> checks() { return rows; }
 
-}  // namespace servodrome::master::conform
+}  // namespace servodrome::master::conform::mailbox_group

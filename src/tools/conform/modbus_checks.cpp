@@ -6,7 +6,7 @@
 #include "tools/conform/check_tables.hpp"
 #include "tools/conform/trial.hpp"
 
-namespace servodrome::master::conform {
+namespace servodrome::master::conform::modbus_group {
 namespace {
 
 using namespace std::chrono_literals;
@@ -287,6 +287,6 @@ constexpr std::array rows{
 
 }  // namespace
 
-std::span<const Check> modbus_checks() { return rows; }
+std::span<const Check> checks() { return rows; }
 
-}  // namespace servodrome::master::conform
+}  // namespace servodrome::master::conform::modbus_group

@@ -2,7 +2,7 @@
 #include "tools/conform/check_tables.hpp"
 #include "tools/conform/trial.hpp"
 
-namespace servodrome::master::conform {
+namespace servodrome::master::conform::mode_group {
 namespace {
 
 using namespace std::chrono_literals;
@@ -83,6 +83,6 @@ constexpr std::array rows{
 
 }  // namespace
 
-std::span<const Check> mode_checks() { return rows; }
+std::span<const Check> checks() { return rows; }
 
-}  // namespace servodrome::master::conform
+}  // namespace servodrome::master::conform::mode_group

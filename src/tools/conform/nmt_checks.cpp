@@ -6,7 +6,7 @@
 #include "tools/conform/frames.hpp"
 #include "tools/conform/trial.hpp"
 
-namespace servodrome::master::conform {
+namespace servodrome::master::conform::nmt_group {
 namespace {
 
 using namespace std::chrono_literals;
@@ -209,6 +209,6 @@ constexpr std::array rows{
 
 }  // namespace
 
-std::span<const Check> nmt_checks() { return rows; }
+std::span<const Check> checks() { return rows; }
 
-}  // namespace servodrome::master::conform
+}  // namespace servodrome::master::conform::nmt_group

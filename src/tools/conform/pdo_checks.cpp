@@ -5,7 +5,7 @@
 #include "tools/conform/frames.hpp"
 #include "tools/conform/trial.hpp"
 
-namespace servodrome::master::conform {
+namespace servodrome::master::conform::pdo_group {
 namespace {
 
 using namespace std::chrono_literals;
@@ -339,6 +339,6 @@ constexpr std::array rows{
 
 }  // namespace
 
-std::span<const Check> pdo_checks() { return rows; }
+std::span<const Check> checks() { return rows; }
 
-}  // namespace servodrome::master::conform
+}  // namespace servodrome::master::conform::pdo_group

@@ -3,7 +3,7 @@
 #include "tools/conform/check_tables.hpp"
 #include "tools/conform/trial.hpp"
 
-namespace servodrome::master::conform {
+namespace servodrome::master::conform::power_group {
 namespace {
 
 using namespace std::chrono_literals;
@@ -274,6 +274,6 @@ constexpr std::array rows{
 
 }  // namespace
 
-std::span<const Check> power_checks() { return rows; }
+std::span<const Check> checks() { return rows; }
 
-}  // namespace servodrome::master::conform
+}  // namespace servodrome::master::conform::power_group

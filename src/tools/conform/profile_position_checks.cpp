@@ -5,7 +5,7 @@
 #include "tools/conform/check_tables.hpp"
 #include "tools/conform/trial.hpp"
 
-namespace servodrome::master::conform {
+namespace servodrome::master::conform::profile_position_group {
 namespace {
 
 using namespace std::chrono_literals;
@@ -228,6 +228,6 @@ constexpr std::array rows{
 
 }  // namespace
 
-std::span<const Check> profile_position_checks() { return rows; }
+std::span<const Check> checks() { return rows; }
 
-}  // namespace servodrome::master::conform
+}  // namespace servodrome::master::conform::profile_position_group

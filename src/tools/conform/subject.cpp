@@ -12,14 +12,14 @@ using namespace std::chrono_literals;
 
 namespace {
 
-constexpr std::uint16_t controlword = 0x6040;
+constexpr std::uint16_t controlword_index = 0x6040;
 constexpr std::uint16_t statusword = 0x6041;
 
 // True for objects that a reset of the node returns to their stored values: configuration, as opposed to values that
 // the drive itself changes.
 bool is_configuration(std::uint16_t index) {
   const bool communication = index >= 0x1005 && index <= 0x1029 && index != 0x1010 && index != 0x1011;
-  const bool profile = index >= 0x6000 && index != controlword;
+  const bool profile = index >= 0x6000 && index != controlword_index;
   return communication || profile;
 }
 
@@ -30,7 +30,7 @@ bool is_configuration(std::uint16_t index) {
 std::vector<std::byte> KeptObjects::upload(ObjectAddress object) { return target_->upload(object); }
 
 void KeptObjects::keep(ObjectAddress object) {
-  if (object.index == controlword || kept_.contains(object)) return;
+  if (object.index == controlword_index || kept_.contains(object)) return;
   try {
     before_.emplace_back(object, target_->upload(object));
     kept_.insert(object);
@@ -195,7 +195,7 @@ void Subject::to_rest() {
     while (!done() && objects.now() < deadline) objects.wait(settings_.poll_interval);
   };
   if (state() == PowerState::operation_enabled) {
-    objects.write<std::uint16_t>(controlword, 0, 0x010F);
+    objects.write<std::uint16_t>(controlword_index, 0, 0x010F);
     // Only waits for the end of the halt (ramp 6084h), so two nearly equal positions in a row are sufficient.
     auto last = objects.read_if_present<std::int32_t>(0x6064);
     wait_until([&] {
@@ -209,14 +209,14 @@ void Subject::to_rest() {
   if (state() == PowerState::fault) {
     // The cause of the fault may persist until the axis stands still, so the reset is repeated.
     wait_until([&] {
-      objects.write<std::uint16_t>(controlword, 0, 0x0000);
+      objects.write<std::uint16_t>(controlword_index, 0, 0x0000);
       objects.wait(20ms);
-      objects.write<std::uint16_t>(controlword, 0, command_word::fault_reset);
+      objects.write<std::uint16_t>(controlword_index, 0, command_word::fault_reset);
       objects.wait(50ms);
       return state() != PowerState::fault;
     });
   }
-  objects.write<std::uint16_t>(controlword, 0, 0x0000);
+  objects.write<std::uint16_t>(controlword_index, 0, 0x0000);
   wait_until([&] {
     const PowerState now = state();
     return now == PowerState::switch_on_disabled || now == PowerState::fault;

@@ -3,7 +3,7 @@
 #include "tools/conform/frames.hpp"
 #include "tools/conform/trial.hpp"
 
-namespace servodrome::master::conform {
+namespace servodrome::master::conform::time_group {
 namespace {
 
 using namespace std::chrono_literals;
@@ -75,6 +75,6 @@ constexpr std::array rows{
 
 }  // namespace
 
-std::span<const Check> time_checks() { return rows; }
+std::span<const Check> checks() { return rows; }
 
-}  // namespace servodrome::master::conform
+}  // namespace servodrome::master::conform::time_group

@@ -6,7 +6,7 @@
 #include "tools/conform/check_tables.hpp"
 #include "tools/conform/trial.hpp"
 
-namespace servodrome::master::conform {
+namespace servodrome::master::conform::touch_probe_group {
 namespace {
 
 using namespace std::chrono_literals;
@@ -156,6 +156,6 @@ constexpr std::array rows{
 
 }  // namespace
 
-std::span<const Check> touch_probe_checks() { return rows; }
+std::span<const Check> checks() { return rows; }
 
-}  // namespace servodrome::master::conform
+}  // namespace servodrome::master::conform::touch_probe_group

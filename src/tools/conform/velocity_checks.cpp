@@ -5,7 +5,7 @@
 #include "tools/conform/check_tables.hpp"
 #include "tools/conform/trial.hpp"
 
-namespace servodrome::master::conform {
+namespace servodrome::master::conform::velocity_group {
 namespace {
 
 using namespace std::chrono_literals;
@@ -101,6 +101,6 @@ constexpr std::array rows{
 
 }  // namespace
 
-std::span<const Check> velocity_checks() { return rows; }
+std::span<const Check> checks() { return rows; }
 
-}  // namespace servodrome::master::conform
+}  // namespace servodrome::master::conform::velocity_group

@@ -10,11 +10,6 @@ namespace {
 
 constexpr std::int64_t node_id_mask = 0x7F;
 
-std::vector<std::byte> bytes_of(std::int64_t number, dictionary::Type type) {
-  const auto bytes = dictionary::encode_number(number);
-  return {bytes.begin(), bytes.begin() + static_cast<std::ptrdiff_t>(dictionary::size_of(type))};
-}
-
 ParameterValue value_of(const Parameter& parameter, std::vector<std::byte> bytes, NodeId node_id) {
   ParameterValue value{.address = parameter.address,
                        .type = parameter.type,
@@ -35,6 +30,11 @@ bool same(const ParameterValue& a, const ParameterValue& b, NodeId node_id) {
 }
 
 }  // namespace
+
+std::vector<std::byte> bytes_of(std::int64_t number, dictionary::Type type) {
+  const auto bytes = dictionary::encode_number(number);
+  return {bytes.begin(), bytes.begin() + static_cast<std::ptrdiff_t>(dictionary::size_of(type))};
+}
 
 std::optional<std::vector<std::byte>> read_parameter(ObjectClient& objects, ObjectAddress address,
                                                      dictionary::Type type) {

@@ -13,6 +13,9 @@ using ParameterProgress = std::function<void(const char* doing, std::size_t done
 // Node-ID of a CANopen drive; nullopt on other buses, whose identifiers do not depend on it.
 using NodeId = std::optional<std::uint8_t>;
 
+// The number in the size of its type.
+std::vector<std::byte> bytes_of(std::int64_t number, dictionary::Type type);
+
 struct ReadParameters {
   std::vector<ParameterValue> values;
   std::vector<ObjectAddress> absent;  // the drive does not have them, or not on this bus

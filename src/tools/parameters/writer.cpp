@@ -29,11 +29,6 @@ bool is_mapping(std::uint16_t index) {
 }
 bool is_assignment(std::uint16_t index) { return index == output_assignment || index == input_assignment; }
 
-std::vector<std::byte> bytes_of(std::int64_t number, Type type) {
-  const auto bytes = dictionary::encode_number(number);
-  return {bytes.begin(), bytes.begin() + static_cast<std::ptrdiff_t>(dictionary::size_of(type))};
-}
-
 // Finds the value to report. If the drive refuses to activate a list, the cause is an entry that it refused before.
 const WantedValues::value_type& culprit(const WantedValues& changes,
                                         const std::map<ObjectAddress, std::string>& refused) {

@@ -15,8 +15,6 @@ using ethercat::Datagram;
 
 constexpr std::size_t most_under_way = 64;    // frames that a master may have sent before the first returns
 constexpr std::uint8_t processed_bit = 0x02;  // in the first byte of the source address
-constexpr unsigned sync_manager_bytes = 8;
-constexpr std::uint16_t output_assignment = 0x1C12;  // for outputs; 1C13h is for inputs
 
 bool writes(Command command) {
   switch (command) {
@@ -210,7 +208,7 @@ void EthercatDecoder::learn(Slave& slave, std::uint16_t offset, std::span<const 
       take(i, &data[begin - offset]);
     }
   };
-  whole(reg::sync_manager, sync_manager_bytes, 4, 16, [&](unsigned i, const std::uint8_t* at) {
+  whole(reg::sync_manager, reg::sync_manager_bytes, 4, 16, [&](unsigned i, const std::uint8_t* at) {
     slave.sync_managers[i] = {ethercat::load_u16(at), ethercat::load_u16(at + 2)};
   });
   whole(reg::fmmu, ethercat::Fmmu::size, 13, 16,
@@ -248,7 +246,8 @@ void EthercatDecoder::describe_logical(const Datagram& datagram, Decoded& decode
           });
       if (manager == slave.sync_managers.end()) continue;
       const bool outputs = fmmu.writes && !fmmu.reads;
-      const auto mapping = slave.pdos.assigned(static_cast<std::uint16_t>(output_assignment + (outputs ? 0 : 1)));
+      const auto mapping =
+          slave.pdos.assigned(static_cast<std::uint16_t>(PdoObjects::output_assignment + (outputs ? 0 : 1)));
       const std::string who =
           slave.position != 0 ? fmt::format("slave {}", slave.position) : fmt::format("slave {:04X}h", station);
       std::string what;

@@ -125,9 +125,6 @@ constexpr auto registers = std::to_array<RegisterName>({
 static_assert(std::is_sorted(registers.begin(), registers.end(),
                              [](const RegisterName& a, const RegisterName& b) { return a.address < b.address; }));
 
-constexpr unsigned fmmu_bytes = 16;
-constexpr unsigned sync_manager_bytes = 8;
-
 }  // namespace
 
 const char* name(ethercat::Command command) {
@@ -144,12 +141,13 @@ std::string register_name(std::uint16_t address) {
     const std::string name = fmt::format("{} {}", what, (address - first) / bytes);
     return offset == 0 ? name : fmt::format("{} +{}", name, offset);
   };
-  if (address >= reg::fmmu && address < reg::fmmu + 16 * fmmu_bytes) return behind(reg::fmmu, fmmu_bytes, "FMMU");
-  if (address >= reg::sync_manager && address < reg::sync_manager + 16 * sync_manager_bytes) {
-    if (address % sync_manager_bytes == 5) {
-      return fmt::format("sync manager {} status", (address - reg::sync_manager) / sync_manager_bytes);
+  if (address >= reg::fmmu && address < reg::fmmu + 16 * reg::fmmu_bytes)
+    return behind(reg::fmmu, reg::fmmu_bytes, "FMMU");
+  if (address >= reg::sync_manager && address < reg::sync_manager + 16 * reg::sync_manager_bytes) {
+    if (address % reg::sync_manager_bytes == 5) {
+      return fmt::format("sync manager {} status", (address - reg::sync_manager) / reg::sync_manager_bytes);
     }
-    return behind(reg::sync_manager, sync_manager_bytes, "sync manager");
+    return behind(reg::sync_manager, reg::sync_manager_bytes, "sync manager");
   }
   const auto after = std::upper_bound(registers.begin(), registers.end(), address,
                                       [](unsigned wanted, const RegisterName& row) { return wanted < row.address; });

@@ -8,7 +8,6 @@
 namespace servodrome::master {
 namespace {
 
-constexpr std::uint16_t output_assignment = 0x1C12;
 constexpr unsigned most_entries = 254;
 
 }  // namespace

@@ -32,6 +32,8 @@ std::string text_of(std::span<const DecodedValue> values);
 // device description, then the values read or written on the bus.
 class PdoObjects {
  public:
+  static constexpr std::uint16_t output_assignment = 0x1C12;  // the assignment of inputs is the next object
+
   static bool concerns(std::uint16_t index) {
     return (index >= 0x1400 && index < 0x1C00) || index == 0x1C12 || index == 0x1C13;
   }

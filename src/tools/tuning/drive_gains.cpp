@@ -12,8 +12,6 @@ namespace {
 using enum catalogue::GainRole;
 using enum catalogue::GainBase;
 
-constexpr double turn = 2.0 * std::numbers::pi;
-
 const catalogue::GainObject* find(std::span<const catalogue::GainObject> gains, catalogue::GainRole role) {
   const auto found =
       std::find_if(gains.begin(), gains.end(), [role](const catalogue::GainObject& one) { return one.role == role; });

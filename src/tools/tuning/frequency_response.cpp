@@ -7,7 +7,6 @@
 namespace servodrome::master::tuning {
 namespace {
 
-constexpr double turn = 2.0 * std::numbers::pi;
 constexpr double highest_share = 0.4;  // share of the sampling rate; above it the hold attenuates the excitation
                                        // too much, and causes aliases
 

@@ -2,11 +2,14 @@
 
 #include <complex>
 #include <cstdint>
+#include <numbers>
 #include <span>
 #include <vector>
 
 // Frequency responses from sampled signals. Pure mathematics, without any access to a drive.
 namespace servodrome::master::tuning {
+
+inline constexpr double turn = 2.0 * std::numbers::pi;  // in radians
 
 using Complex = std::complex<double>;
 

@@ -8,8 +8,6 @@
 namespace servodrome::master::tuning {
 namespace {
 
-constexpr double turn = 2.0 * std::numbers::pi;
-
 // Number of images (aliases) of each frequency in the model, on each side. The lag of the loop attenuates higher ones.
 constexpr int images = 6;
 // Ranges of the delays to start from, in samples of the master and in seconds.

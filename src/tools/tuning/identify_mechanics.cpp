@@ -2,15 +2,12 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
-#include <numbers>
 
 #include "tools/tuning/least_squares.hpp"
 #include "tools/tuning/loop.hpp"
 
 namespace servodrome::master::tuning {
 namespace {
-
-constexpr double turn = 2.0 * std::numbers::pi;
 
 constexpr int refinements = 12;
 

@@ -7,7 +7,6 @@
 namespace servodrome::master::tuning {
 namespace {
 
-constexpr double turn = 2.0 * std::numbers::pi;
 constexpr double degrees = 180.0 / std::numbers::pi;
 const double three_db = 1.0 / std::numbers::sqrt2;
 

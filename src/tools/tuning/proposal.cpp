@@ -8,7 +8,6 @@
 namespace servodrome::master::tuning {
 namespace {
 
-constexpr double turn = 2.0 * std::numbers::pi;
 // Demands on a proposal, the strictest first: minimum phase margin, and maximum gain of the open loop beyond the
 // crossover, where a resonance may raise it.
 struct Demand {

@@ -3,7 +3,6 @@
 #include <algorithm>
 #include <cmath>
 #include <fmt/format.h>
-#include <numbers>
 #include <utility>
 
 #include "axis/cia402_words.hpp"
@@ -12,7 +11,6 @@
 namespace servodrome::master::tuning {
 namespace {
 
-constexpr double turn = 2.0 * std::numbers::pi;
 constexpr unsigned excitation_lines = 80;
 constexpr double excitation_share = 0.8;  // relative to the bias velocity; below 1, so that the axis does not reverse
                                           // and the friction is constant

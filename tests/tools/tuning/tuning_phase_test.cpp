@@ -72,7 +72,7 @@ struct Range {
 };
 
 TEST(TunePhase, AnIdealAxisIsTheSameAtEveryPhase) {
-  constexpr int phases = servodrome::test::draws(32);
+  const int phases = servodrome::test::draws(32);
   constexpr double promised = 180.0;
   Range inertia, delay_ms, margin, kp, ki, bandwidth;
   for (int phase = 0; phase < phases; ++phase) {

@@ -3,7 +3,6 @@
 #include <cmath>
 #include <functional>
 #include <gtest/gtest.h>
-#include <numbers>
 
 #include "catalogue/product.hpp"
 #include "tools/tuning/proposal.hpp"
@@ -11,8 +10,6 @@
 namespace servodrome::master::tuning {
 namespace tuning_proposal_test {
 namespace {
-
-constexpr double turn = 2.0 * std::numbers::pi;
 
 std::vector<double> frequencies(double from, double to) {
   std::vector<double> list;

@@ -1,7 +1,5 @@
 #pragma once
 
-#include <numbers>
-
 #include "axis/axis_rig.hpp"
 #include "axis/cyclic/can_cyclic_bus.hpp"
 #include "axis/cyclic/ethercat_cyclic_bus.hpp"
@@ -16,8 +14,6 @@ using namespace std::chrono_literals;
 using master::test::AxisRig;
 using master::test::RigCase;
 using BusKind = RigCase::BusKind;
-
-inline constexpr double turn = 2.0 * std::numbers::pi;
 
 // Antiresonance about 137 Hz, resonance about 194 Hz.
 inline constexpr const char* rigid = "[axis.load]\ninertia_kgm2 = 0.84e-4\n";
