@@ -175,6 +175,18 @@ TEST(HeartbeatConsumer, SeveralNodes) {
   EXPECT_TRUE(device->events.saw("heartbeat 127 0"));
 }
 
+TEST(HeartbeatConsumer, ALossEndsWithItsMonitoring) {
+  auto device = make_device();
+  device->start();
+  ASSERT_EQ(device->write(0x1016, 1, 0x007F0064, 4), AbortCode::none);
+  device->send("77F # 05");
+  EXPECT_EQ(device->advance(100ms), (Frames{lost_8130}));
+  EXPECT_FALSE(device->events.saw("restored 1"));
+  ASSERT_EQ(device->write(0x1016, 1, 0, 4), AbortCode::none);
+  EXPECT_EQ(device->others, (Frames{no_error}));
+  EXPECT_TRUE(device->events.saw("restored 1"));
+}
+
 TEST(HeartbeatConsumer, ABrokenCommandIsNoHeartbeat) {
   auto device = make_device();
   device->start();

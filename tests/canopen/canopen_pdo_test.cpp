@@ -331,6 +331,22 @@ TEST(Rpdo, TimeoutEndsWithItsMonitoring) {
   }
 }
 
+// A device may report the timeout in another way than by the EMCY of the node.
+TEST(Rpdo, TimeoutWithoutAnEmergencyEnds) {
+  auto device = make_device();
+  LossReaction silent{0, ErrorBehaviour::no_change};
+  device->events.override_reaction = &silent;
+  device->start();
+  device->map(0x1400, {0x60400010});
+  ASSERT_EQ(device->write(0x1400, 5, 20, 2), AbortCode::none);
+  device->send("000 # 01 01");
+  device->send("201 # 01 00");
+  EXPECT_EQ(device->advance(20ms), Frames{});
+  EXPECT_TRUE(device->events.saw("lost 2 33360 1"));
+  EXPECT_EQ(device->send("201 # 01 00"), Frames{});
+  EXPECT_TRUE(device->events.saw("restored 2"));
+}
+
 // An RPDO that is changed or becomes invalid drops the data that wait for SYNC (CiA 301 7.5.2.35, 7.5.2.36).
 TEST(Rpdo, ReconfigurationDropsDataThatWaitForSync) {
   auto device = make_device();

@@ -105,7 +105,10 @@ void Node::written(const Entry& entry) {
     case 0x1016: {
       const auto consumer = static_cast<std::uint8_t>(entry.sub - 1);
       if (consumer >= heartbeat_consumers_.capacity()) break;
-      if (heartbeat_consumers_[consumer].lost) emergency_.end(CommunicationError::heartbeat);
+      if (heartbeat_consumers_[consumer].lost) {
+        emergency_.end(CommunicationError::heartbeat);
+        events_.communication_restored(LossCause::heartbeat);
+      }
       heartbeat_consumers_.configure(consumer);
       rebuild_dispatch();
       break;

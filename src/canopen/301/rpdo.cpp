@@ -187,10 +187,8 @@ void Rpdos::poll() {
     // The timeout of one PDO is not a communication error in the sense of 1029h.
     const LossReaction reaction =
         events_.communication_lost(LossCause::rpdo_timeout, {timeout, ErrorBehaviour::no_change});
-    if (reaction.emergency_code != 0) {
-      pdo.timed_out = true;
-      emergency_.begin(CommunicationError::rpdo_timeout, reaction.emergency_code);
-    }
+    pdo.timed_out = true;
+    if (reaction.emergency_code != 0) emergency_.begin(CommunicationError::rpdo_timeout, reaction.emergency_code);
   }
 }
 
