@@ -161,6 +161,9 @@ void Axis402::reset_fault() {
     pause();
     present = state();
   }
+  if (present == PowerState::fault_reaction_active) {
+    fail("the fault cannot be reset: the drive still carries out its fault reaction", "reset it when the axis stands");
+  }
   if (present != PowerState::fault) return;
   write_controlword(command_word::disable_voltage);  // the drive resets the fault at the rising edge of bit 7
   write_controlword(command_word::fault_reset);

@@ -153,6 +153,18 @@ TEST_P(Axis402Test, NamesTheFaultAndResetsIt) {
   axis.enable();
 }
 
+TEST_P(Axis402Test, AFaultReactionThatLastsIsNotReportedAsAReset) {
+  axis.enable();
+  objects.write<std::int16_t>(0x605E, 0, 1);  // braking with 6084h
+  axis.run_at(5 * revolution, profile, 2s);
+  objects.write<std::uint32_t>(0x6084, 0, revolution);
+  drive().inject(drive::Cause::over_voltage, true);
+  bus.run_for(50ms);
+  ASSERT_EQ(axis.state(), PowerState::fault_reaction_active);
+  EXPECT_NE(problem_of([&] { axis.reset_fault(); }).find("fault reaction"), std::string::npos);
+  EXPECT_EQ(axis.state(), PowerState::fault_reaction_active);
+}
+
 TEST_P(Axis402Test, RefusesWhatCannotBe) {
   EXPECT_NE(problem_of([&] { axis.move_to(0, profile, 1s); }).find("not enabled"), std::string::npos);
   EXPECT_NE(problem_of([&] { axis.home(homing, 1s); }).find("not enabled"), std::string::npos);
