@@ -437,6 +437,28 @@ TEST_F(Blocks, TorqueReportsWhenItIsThere) {
   EXPECT_EQ(axis.state(), AxisState::ContinuousMotion);
 }
 
+TEST_F(Blocks, TheSameTorqueInTheOtherDirectionIsNotTheTorque) {
+  MC_TorqueControl torque, opposite;
+  torque.Torque = -80.0;
+  opposite.Torque = 50.0;
+  torque.TorqueRamp = opposite.TorqueRamp = 1000.0;
+  controller.on_cycle([&] {
+    powers();
+    torque.Execute = true;
+    torque(axis);
+    opposite(axis);
+  });
+  ASSERT_TRUE(controller.run_until([&] { return torque.InTorque; }, 1s));
+  opposite.Execute = true;
+  for (int cycle = 0; cycle < 120; ++cycle) {
+    controller.run_for(1ms);
+    ASSERT_FALSE(opposite.InTorque) << cycle;
+  }
+  controller.run_for(30ms);
+  EXPECT_TRUE(opposite.InTorque);
+  EXPECT_EQ(bus.drive(0).output({0x6071, 0})->get<std::int16_t>(), 50);
+}
+
 // ---- Power, errors, reset ----
 
 TEST_F(Blocks, PowerOffAbortsAndDisables) {

@@ -174,11 +174,9 @@ void Axis::start(const CommandPointer& command, From from) {
       motion_.run_at(sign * limits.velocity, limits, from);
       break;
     }
-    case CommandKind::TorqueControl: {
-      const double sign = scale_ < 0.0 ? -1.0 : 1.0;
-      motion_.apply_torque(sign * command->torque, command->torque_ramp, command->velocity * std::abs(scale_));
+    case CommandKind::TorqueControl:
+      motion_.apply_torque(torque_of(*command), command->torque_ramp, command->velocity * std::abs(scale_));
       break;
-    }
     case CommandKind::GearIn: break;
     case CommandKind::CamIn:
       master_origin_ = cam_origin(*command);
@@ -373,7 +371,7 @@ void Axis::update_active() {
       end_by_next(command);
       break;
     case CommandKind::TorqueControl:
-      command.in_goal = std::abs(motion_.torque_set_point()) == std::abs(command.torque) &&
+      command.in_goal = motion_.torque_set_point() == torque_of(command) &&
                         motion_.axis().mode() == static_cast<std::int8_t>(OperationMode::cyclic_synchronous_torque);
       end_by_next(command);
       break;

@@ -82,6 +82,8 @@ class Axis {
   using From = SetPointGenerator::From;
 
   double units_of(double counts) const { return counts / scale_ + offset_; }
+  // In the drive's direction.
+  double torque_of(const Command& command) const { return scale_ < 0.0 ? -command.torque : command.torque; }
   double counts_of(double units) const { return (units - offset_) * scale_; }
   MotionLimits limits_of(const Command& command) const;
 
