@@ -129,6 +129,26 @@ TEST_F(MotionOfSimulatedDrives, StartAndArriveInTheSameCycle) {
   }
 }
 
+TEST_F(MotionOfSimulatedDrives, StartTogetherOrNotAtAll) {
+  group.enable();
+  const auto refuses = [&](std::span<const double> targets, std::span<const MotionLimits> limits) {
+    const std::string problem = problem_of([&] { group.start_together(targets, limits); });
+    group.wait(20ms);
+    for (std::size_t i = 0; i < 3; ++i) EXPECT_EQ(group.axis(i).set_point().position, 0.0) << i;
+    return !problem.empty();
+  };
+  const std::array targets{1000.0, 500.0, 200.0};
+  const std::array without_end{1000.0, 500.0, std::nan("")};
+  const std::array limits{linear, linear, MotionLimits{}};
+  EXPECT_TRUE(refuses(std::span(targets).first(2), std::span(&linear, 1)));
+  EXPECT_TRUE(refuses(targets, {}));
+  EXPECT_TRUE(refuses(without_end, std::span(&linear, 1)));
+  EXPECT_TRUE(refuses(targets, limits));
+  group.axis(2).switch_on(false);
+  group.wait(20ms);
+  EXPECT_TRUE(refuses(targets, std::span(&linear, 1))) << "an axis is off";
+}
+
 TEST_F(MotionOfSimulatedDrives, PositionsGoOnWhereTheDrivesWrapAround) {
   bus.drive(0).position = 2'147'483'000;
   group.enable();

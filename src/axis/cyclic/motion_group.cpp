@@ -127,12 +127,19 @@ void MotionGroup::reset_faults(Time timeout) {
 }
 
 double MotionGroup::start_together(std::span<const double> targets, std::span<const MotionLimits> limits) {
+  if (targets.size() != axes_.size() || limits.empty()) {
+    throw MasterError(fmt::format("{} targets and {} limits for {} axes", targets.size(), limits.size(), axes_.size()),
+                      "motion group", "give a target for each axis, and limits");
+  }
   const auto limits_of = [&](std::size_t axis) { return limits[std::min(axis, limits.size() - 1)]; };
   std::vector<double> durations;
   for (std::size_t i = 0; i < axes_.size(); ++i) {
     SetPointGenerator alone(axes_[i].generator().period_s());
     alone.reset(axes_[i].set_point());
-    alone.move_to(targets[i], 0.0, limits_of(i));
+    if (!axes_[i].is_enabled() || axes_[i].is_homing() || !alone.move_to(targets[i], 0.0, limits_of(i))) {
+      throw MasterError(fmt::format("it cannot start a move to {}", targets[i]), axes_[i].axis().where(),
+                        "enable it, and give a finite target and limits above 0");
+    }
     durations.push_back(alone.duration_s());
   }
   const double longest = *std::max_element(durations.begin(), durations.end());

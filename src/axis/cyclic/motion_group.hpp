@@ -50,7 +50,7 @@ class MotionGroup {
   // Starts a move of all axes in the same cycle, from standstill, so that they also arrive in the same cycle: the
   // slowest axis sets the duration, and the limits of the others are scaled down to it. `targets`: one for each axis in
   // order. `limits`: in the same order; the last one also applies to all further axes. Returns the duration in seconds;
-  // 0 if all are at their targets.
+  // 0 if all are at their targets. Throws MasterError, and starts no axis, if one of them cannot start.
   double start_together(std::span<const double> targets, std::span<const MotionLimits> limits);
   bool all_done() const;
 
