@@ -6,6 +6,7 @@
 
 #include "axis/axis402.hpp"
 #include "axis/cyclic/cyclic_axis.hpp"
+#include "axis/cyclic/ethercat_cyclic_bus.hpp"
 #include "axis/cyclic/lost_master.hpp"
 #include "catalogue/product.hpp"
 #include "line/line.hpp"
@@ -79,6 +80,25 @@ TEST_F(EthercatAxes, AreFound) {
   EXPECT_EQ(found[0].sii.identity.vendor_id, slaves[0]->coe().read<std::uint32_t>(0x1018, 1));
   EXPECT_EQ(found[0].sii.identity.product_code, slaves[0]->coe().read<std::uint32_t>(0x1018, 2));
   EXPECT_EQ(slaves[0]->coe().read<std::uint32_t>(0x1000) & 0xFFFF, 402U);
+}
+
+// A program that only watches must not end the cycles of the one that moves the axes.
+TEST_F(EthercatAxes, TheEndOfAWatchingBusEndsItsOwnCallsOnly) {
+  EthercatOperation operation(master, found, all, options(false));
+  EthercatCyclicBus moving(master, operation);
+  unsigned moved = 0;
+  unsigned watched = 0;
+  moving.on_cycle([&] { ++moved; });
+  {
+    EthercatCyclicBus watching(master, operation, {.watches = true});
+    watching.on_cycle([&] { ++watched; });
+    master.wait(10ms);
+    EXPECT_GE(watched, 9U);
+  }
+  moved = watched = 0;
+  master.wait(10ms);
+  EXPECT_GE(moved, 9U);
+  EXPECT_EQ(watched, 0U);
 }
 
 class EthercatAxesFreeAndClocked : public EthercatAxes, public testing::WithParamInterface<bool> {};

@@ -40,7 +40,7 @@ bool EthercatCyclicBus::can_stop(std::size_t drive) const {
 // Waits for the end of the ramp. If a slave leaves OP before, its drive treats this as a loss of the master, and 6007h
 // and 605Eh end the ramp. A drive that stays in quick stop active (605Ah is 5 to 8) causes a wait of the whole 2 s.
 void EthercatCyclicBus::stop_drives() {
-  exchange_.on_cycle({});
+  EthercatCyclicBus::on_cycle({});
   if (!exchange_.runs()) return;
   for (std::size_t i = 0; i < images_.size(); ++i) {
     if (can_stop(i)) request_quick_stop(images_[i]);
