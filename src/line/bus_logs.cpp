@@ -17,8 +17,9 @@ std::string file_of(const std::string& path) { return path == "-" ? "/dev/stdout
 template <typename Logs, typename File, typename Bus>
 void attach_log(Logs& logs, std::shared_ptr<File> file, Bus& bus, std::function<void()> on_failure) {
   bus.add_observer(*file);
-  logs.push_back({[file] { file->flush(); }, [file] { return file->failed(); },
-                  [file, &bus] { bus.remove_observer(*file); }, std::move(on_failure)});
+  logs.push_back({[file](Time epoch) { file->set_epoch(epoch); }, [file] { file->flush(); },
+                  [file] { return file->failed(); }, [file, &bus] { bus.remove_observer(*file); },
+                  std::move(on_failure)});
 }
 
 }  // namespace
@@ -42,7 +43,12 @@ void BusLogs::add(NamedSerialBus& bus, const std::string& path, Time epoch, std:
   const auto file = std::make_shared<links::SerialLog>(
       file_of(path), pcap ? links::SerialLog::Format::pcapng : links::SerialLog::Format::text, bus.settings.name,
       bus.line, epoch);
-  logs_.push_back({[file] { file->flush(); }, [file] { return file->failed(); }, [] {}, std::move(on_failure)});
+  logs_.push_back({[file](Time its_epoch) { file->set_epoch(its_epoch); }, [file] { file->flush(); },
+                   [file] { return file->failed(); }, [] {}, std::move(on_failure)});
+}
+
+void BusLogs::set_epoch(Time epoch) {
+  for (const Log& log : logs_) log.set_epoch(epoch);
 }
 
 void BusLogs::flush() {

@@ -26,6 +26,7 @@ class BusLogs {
   void add(NamedEthercatBus& bus, const std::string& path, Time epoch, std::function<void()> on_failure = {});
   void add(NamedSerialBus& bus, const std::string& path, Time epoch, std::function<void()> on_failure = {});
 
+  void set_epoch(Time epoch);
   void flush();
   // The same, at most ten times per second. `present` never goes back.
   void flush_in_time(std::chrono::steady_clock::time_point present);
@@ -33,6 +34,7 @@ class BusLogs {
  private:
   // The calls that maintain a log and end it.
   struct Log {
+    std::function<void(Time)> set_epoch;
     std::function<void()> flush;
     std::function<bool()> failed;
     std::function<void()> detach;

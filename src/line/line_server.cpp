@@ -91,6 +91,7 @@ modbus::Server* LineServer::Units::find(std::uint8_t unit) {
 void LineServer::run() {
   if (line_.clock_mode() == ClockMode::real) clock_.begin(std::chrono::steady_clock::now());
   epoch_ = links::wall_now() - line_.now();
+  logs_.set_epoch(epoch_);
   const auto keep_serving = boost::asio::make_work_guard(io_);
   waiting_ = make_waiting({io_, watch_, line_, clock_});
   waiting_->run();

@@ -340,6 +340,36 @@ TEST(LineServer, ALogHasEveryFrame) {
   EXPECT_THROW(server.log(*server.line().buses()[0], "/nonexistent/x.log"), links::LinkError);
 }
 
+// Real time begins with run(), and with it the times of links, recordings and logs.
+TEST(LineServer, ALogHasTheTimesOfTheLinks) {
+  struct FirstFrame final : links::BusObserver {
+    void on_bus_event(const links::BusEvent& event) override { at = at.value_or(event.end); }
+    std::optional<Time> at;
+  } first;
+  const std::string path = own_path("log");
+  LineSettings settings = settings_of(open_line);
+  settings.clock = ClockMode::real;
+  Time expected{};
+  {
+    LineServer server(settings);
+    server.log(*server.line().buses()[0], path);
+    server.line().buses()[0]->bus.add_observer(first);
+    std::this_thread::sleep_for(20ms);
+    boost::asio::steady_timer enough(server.io(), 200ms);
+    enough.async_wait([&server](const boost::system::error_code&) { server.stop(); });
+    server.run();
+    ASSERT_TRUE(first.at);
+    expected = server.wall_epoch() + *first.at;
+    server.line().buses()[0]->bus.remove_observer(first);
+  }
+  std::ifstream file(path);
+  std::string line;
+  ASSERT_TRUE(std::getline(file, line));
+  const auto us = expected.count() / 1000;
+  EXPECT_EQ(line.substr(0, line.find(' ')), fmt::format("({:010d}.{:06d})", us / 1'000'000, us % 1'000'000));
+  std::filesystem::remove(path);
+}
+
 TEST(LineServer, SaysOnceThatALogCannotBeWritten) {
   int failures = 0;
   LineSettings settings = settings_of(open_line);

@@ -33,6 +33,8 @@ class CanLog final : public BusObserver {
   CanLog& operator=(const CanLog&) = delete;
 
   void on_bus_event(const BusEvent& event) override;
+  // For a log that was opened before the line's time 0 is known.
+  void set_epoch(Time epoch) { epoch_ = epoch; }
   void flush();
   bool failed() const { return failed_; }
 

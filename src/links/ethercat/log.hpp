@@ -26,6 +26,8 @@ class EthercatLog final : public EthercatObserver {
 
   void on_frame(std::span<const std::uint8_t> bytes, ethercat::Segment::Encapsulation encapsulation,
                 Direction direction, Time at) override;
+  // For a log that was opened before the line's time 0 is known.
+  void set_epoch(Time epoch) { epoch_ = epoch; }
   void flush();
   bool failed() const { return failed_; }
 

@@ -37,6 +37,8 @@ class SerialLog final {
   SerialLog(const SerialLog&) = delete;
   SerialLog& operator=(const SerialLog&) = delete;
 
+  // For a log that was opened before the line's time 0 is known.
+  void set_epoch(Time epoch) { epoch_ = epoch; }
   void flush();
   bool failed() const { return failed_; }
 
