@@ -136,6 +136,22 @@ std::unique_ptr<line::LineServer> open_line(const line::LineSettings& settings) 
   }
 }
 
+// The ready file of a running line: it disappears however the line ends. It contains the token, so it is private.
+class ReadyFile {
+ public:
+  ReadyFile(const std::string& path, const std::string& content) : path_(path) {
+    if (!path_.empty()) write_private_file(path_, content);
+  }
+  ~ReadyFile() {
+    if (!path_.empty()) std::remove(path_.c_str());
+  }
+  ReadyFile(const ReadyFile&) = delete;
+  ReadyFile& operator=(const ReadyFile&) = delete;
+
+ private:
+  const std::string& path_;
+};
+
 }  // namespace
 
 void run_line(const line::LineSettings& settings, const LineRun& how) {
@@ -171,9 +187,7 @@ void run_line(const line::LineSettings& settings, const LineRun& how) {
   }
   nlohmann::ordered_json ready = describe(server, settings);
   if (how.project != nullptr) ready["project"] = project_view(*how.project);
-  if (!how.ready_file.empty())
-    write_private_file(how.ready_file,  // it contains the token
-                       ready.dump(2) + "\n");
+  const ReadyFile ready_file(how.ready_file, ready.dump(2) + "\n");
   std::FILE* out = how.log == "-" ? stderr : stdout;
   if (how.json) {
     fmt::print(out, "{}\n", ready.dump());
@@ -183,7 +197,6 @@ void run_line(const line::LineSettings& settings, const LineRun& how) {
   std::fflush(out);
   server.run();
   if (keeper) finish_project(*keeper, *how.project);
-  if (!how.ready_file.empty()) std::remove(how.ready_file.c_str());
   if (log_failed) throw Failure::did_not_work("the log is not complete");
 }
 

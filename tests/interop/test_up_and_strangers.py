@@ -66,6 +66,17 @@ def test_a_ready_file_that_cannot_be_written_leaves_nothing(up, tmp_path):
     assert [file.name for file in folder.iterdir()] == ["ready.json"]
 
 
+def test_a_line_that_cannot_print_leaves_no_ready_file(tmp_path):
+    file, ready = tmp_path / "line.toml", tmp_path / "ready.json"
+    axes = "".join(f'[[axis]]\nname = "x{node}"\nproduct = "ismc"\nbus = "can0"\nnode = {node}\n' for node in range(1, 101))
+    file.write_text(f'[[bus]]\nname = "can0"\nlinks = []\n{axes}')
+    command = [PROGRAM, "up", file, "--api", "127.0.0.1:0", "--ready-file", ready, "--json"]
+    with open("/dev/full", "w", encoding="utf-8") as full:
+        ended = subprocess.run(command, stdout=full, stderr=subprocess.PIPE, timeout=PATIENCE, check=False)
+    assert ended.returncode != 0
+    assert not ready.exists()
+
+
 def test_a_terminal_that_goes_away_ends_it_as_ctrl_c_does(up, tmp_path):
     ready, port = tmp_path / "ready.json", tmp_path / "can0"
     process = up(ready, f'["slcan:{port}"]')
