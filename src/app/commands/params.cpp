@@ -199,7 +199,7 @@ void load(const Options& options) {
              report.compared, path, report.written.size());
   if (!report.skipped.empty()) fmt::print("skipped: {}\n", master::text_of(report.skipped));
   if (stored) {
-    fmt::print("stored\n");
+    fmt::print("stored, with all other parameters as the drive has them at present\n");
   } else if (options.store) {
     fmt::print("this drive has no store command: it keeps non-volatile parameters as soon as they are written\n");
   } else if (!report.written.empty() && !stores_at_once) {
@@ -340,7 +340,8 @@ void add_params(CLI::App& app) {
                                    "previous values if one is rejected");
   command->add_option("FILE", loaded->files, "File of `params save`, or a part of it")->expected(0, 1);
   command->add_flag("--factory", loaded->factory, "Load the factory values of the product instead of a file");
-  command->add_flag("--store", loaded->store, "Store the parameters in non-volatile memory");
+  command->add_flag("--store", loaded->store,
+                    "Store all parameters of the drive in non-volatile memory, not only those of the file");
   command->add_flag("--force", loaded->force, "Load the file of another product as well");
   command->add_flag("--skip-absent", loaded->skip_absent, "Skip parameters that the drive does not have on this bus");
   add_common(*command, *loaded);

@@ -127,7 +127,7 @@ bool store(DriveLink& link) {
 
 void print_storing(const Options& options, bool stored, bool written) {
   if (stored) {
-    fmt::print("stored\n");
+    fmt::print("stored, with all other parameters as the drive has them at present\n");
   } else if (written) {
     fmt::print("{}: the gains are lost at power-off (`--store` stores them, `params save` keeps them in a file)\n",
                options.store ? "this drive has no store command" : "not stored");
@@ -286,7 +286,8 @@ void add_tune(CLI::App& app) {
   command->add_flag("--apply", options->apply,
                     "Write the gains; the old gains are restored if the predicted result is not reached");
   command->add_flag("--auto", options->itself, "Use the drive's own automatic tuning instead (iSMK), over any bus");
-  command->add_flag("--store", options->store, "Store the gains in non-volatile memory");
+  command->add_flag("--store", options->store,
+                    "Store the gains, and with them all parameters of the drive, in non-volatile memory");
   command->add_option("--plot", options->plot, "Write a Bode plot to this file (SVG)");
   command
       ->add_option("--travel", options->travel_revolutions,
