@@ -301,7 +301,8 @@ class Axis402 {
   std::string order_{};                 // the last move, as text for messages
   int direction_ = 0;                   // -1, 0, +1: of the last motion command; 0: none
   std::optional<std::int64_t> rest_distance_{};
-  bool halted_ = false;  // halted by halt()
+  bool halted_ = false;           // halted by halt()
+  bool must_send_again_ = false;  // resume() sends the target of the move again
   bool became_quick_stop_ = false;
   bool comes_to_rest_ = false;           // true: cancellation is off
   Time ordered_{};                       // time of the last motion command

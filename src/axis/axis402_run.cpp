@@ -50,14 +50,21 @@ void Axis402::run_at(std::int32_t velocity, const MotionProfile& profile, Time t
 void Axis402::change_velocity(std::int32_t velocity) {
   require_enabled("change its velocity");
   const auto present = static_cast<OperationMode>(mode());
-  if (present == OperationMode::profile_velocity) return objects_.write<std::int32_t>(0x60FF, 0, velocity);
-  if (present != OperationMode::profile_position || !goal_ || velocity <= 0) {
+  if (present == OperationMode::profile_velocity) {
+    objects_.write<std::int32_t>(0x60FF, 0, velocity);
+    direction_ = sign_of(velocity);
+    place_.reset();
+    return;
+  }
+  if (present != OperationMode::profile_position || !goal_ || velocity <= 0 || is_outside_range(*goal_)) {
     fail(fmt::format("the velocity of this motion ({}) cannot be changed to {}", name(present, product().name),
                      velocity),
-         "it can be changed during a move (to a value above 0) and in profile velocity");
+         "it can be changed in profile velocity, and (to a value above 0) during a move to a target within the range "
+         "607Bh");
   }
   objects_.write<std::uint32_t>(0x6081, 0, static_cast<std::uint32_t>(velocity));
-  // The drive applies 6081h with the next set-point, so the same target is sent again, to act at once.
+  // The drive applies 6081h with the next set-point, so the same target is sent again, at once or by resume().
+  must_send_again_ = halted_;
   if (!halted_) hand_over(*goal_, command_word::enable_operation | change_immediately);
 }
 
@@ -285,6 +292,7 @@ void Axis402::halt() {
   const unsigned kept = present_controlword() & of_mode;
   write_controlword(static_cast<std::uint16_t>(command_word::enable_operation | kept | control_bit::halt));
   halted_ = true;
+  must_send_again_ = product().dialect.halt_drops_target;
   wait_for_standstill();
 }
 
@@ -292,8 +300,8 @@ void Axis402::resume() {
   if (!halted_) return;
   require_enabled("go on");
   const bool moves = mode() == static_cast<std::int8_t>(OperationMode::profile_position);
-  if (moves && product().dialect.halt_drops_target) {
-    if (!goal_) fail("the drive has dropped the halted move", "order it anew");
+  if (moves && must_send_again_) {
+    if (!goal_ || is_outside_range(*goal_)) fail("the drive has dropped the halted move", "order it anew");
     return hand_over(*goal_, command_word::enable_operation);
   }
   halted_ = false;

@@ -69,6 +69,33 @@ TEST(ModuloAxis, AMoveByADistanceAfterAStopGoesInItsDirection) {
   }
 }
 
+// A target outside the range wraps into it, so to send it again would end the move elsewhere.
+TEST(ModuloAxis, AMoveThatEndsOutsideTheRangeIsNotSentAgain) {
+  for (const char* const product : {"generic402", "ismc"}) {
+    AxisRig rig({product});
+    Axis402 axis(rig.objects(), rig.options());
+    constexpr std::int32_t revolution = 131072;
+    constexpr std::uint32_t speed = 2 * revolution;
+    const MotionProfile profile{.velocity = speed, .acceleration = 20 * speed, .deceleration = 20 * speed};
+    for (const unsigned sub : {1U, 2U}) {
+      rig.objects().write<std::int32_t>(0x607D, static_cast<std::uint8_t>(sub), 0);  // no software limits
+    }
+    rig.objects().write<std::int32_t>(0x607B, 1, 0);
+    rig.objects().write<std::int32_t>(0x607B, 2, revolution - 1);
+    axis.enable();
+    axis.start_move_by(5 * revolution, profile);
+    rig.objects().wait(300ms);
+    EXPECT_THAT(problem_of([&] { axis.change_velocity(2 * revolution); }), HasSubstr("cannot be changed")) << product;
+    axis.halt();
+    const double halted_at = rig.shaft_counts();
+    const bool drops = axis.product().dialect.halt_drops_target;
+    EXPECT_EQ(!problem_of([&] { axis.resume(); }).empty(), drops) << product;
+    rig.objects().wait(4s);
+    const double end = drops ? halted_at : 5.0 * revolution;
+    EXPECT_NEAR(rig.shaft_counts(), end, revolution / 50.0) << product;
+  }
+}
+
 // 607Bh of a JMC is no range in which positions wrap around (Table 227), so the end of a move may be outside it.
 TEST(ModuloAxis, AJmcIsNone) {
   AxisRig rig({"jmc_ec", RigCase::BusKind::ethercat});
@@ -175,6 +202,30 @@ TEST_P(AxisMotion, TheVelocityOfAMoveAndOfARunCanBeChanged) {
   axis.change_velocity(static_cast<std::int32_t>(-2 * units.velocity));
   rig.objects().wait(500ms);
   EXPECT_NEAR(shaft_speed(), -2, 0.3);
+  axis.stop();
+  EXPECT_NEAR(shaft_speed(), 0, 0.05);
+}
+
+TEST_P(AxisMotion, AVelocityThatIsChangedDuringAHaltActsAfterIt) {
+  axis.enable();
+  const auto change_halted = [&](double rps) {
+    axis.halt();
+    const double at = shaft();
+    axis.change_velocity(static_cast<std::int32_t>(rps * units.velocity));
+    rig.objects().wait(300ms);
+    EXPECT_NEAR(shaft(), at, 0.05) << "the axis stays halted";
+    axis.resume();
+    rig.objects().wait(300ms);
+    EXPECT_NEAR(shaft_speed(), rps, 0.3);
+  };
+  axis.start_move_to(revolutions(8), profile(0.5));
+  rig.objects().wait(500ms);
+  change_halted(2);
+  axis.wait_for_target(5s);
+  rig.objects().wait(500ms);
+  EXPECT_NEAR(shaft(), 8, 0.01);
+  axis.run_at(static_cast<std::int32_t>(units.velocity), profile(1), 3s);
+  change_halted(-2);
   axis.stop();
   EXPECT_NEAR(shaft_speed(), 0, 0.05);
 }
