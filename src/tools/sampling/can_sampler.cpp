@@ -65,7 +65,7 @@ std::unique_ptr<Sampler> open_can_sampler(Bus& bus, SdoClient& sdo, std::vector<
         return make_process_data_sampler(std::make_unique<CanSession>(bus, sdo, channels, cycle), channels, cycles,
                                          "TPDOs on SYNC");
       } catch (const MasterError& error) {
-        reason = fmt::format("read by SDO, because they cannot be mapped into TPDOs: {}", error.happened());
+        reason = fmt::format("read by SDO, because their TPDOs could not be set up: {}", error.happened());
       }
     }
   }

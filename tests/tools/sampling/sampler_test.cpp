@@ -390,7 +390,7 @@ TEST_P(SamplingOnCan, MoreThanItsPdosHoldIsRead) {
   const auto before = pdo_set_up();
   auto sampler = open(many, {});
   EXPECT_EQ(sampler->way(), "SDO");
-  EXPECT_THAT(sampler->remark(), HasSubstr("cannot be mapped into TPDOs"));
+  EXPECT_THAT(sampler->remark(), HasSubstr("TPDOs could not be set up"));
   EXPECT_EQ(pdo_set_up(), before);
 }
 
