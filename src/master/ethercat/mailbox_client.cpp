@@ -64,19 +64,25 @@ void MailboxClient::send(MailboxType type, std::span<const std::uint8_t> mail, T
   bytes[5] = static_cast<std::uint8_t>(static_cast<unsigned>(type) | static_cast<unsigned>(counter_) << 4);
   std::copy(mail.begin(), mail.end(), bytes.begin() + mailbox_header_size);
   const Time deadline = master_.now() + timeout;
+  while (!is_empty_ && full(0)) {
+    if (master_.now() >= deadline) timed_out("it does not read its mailbox");
+    master_.wait(mailbox_poll_interval);
+  }
+  is_empty_ = false;
   bool may_be_there = false;
   while (true) {
     EthercatDatagram datagram{
         .command = Command::fpwr, .address = ethercat::address_of(station_, areas_.out.start), .data = bytes};
     const bool back = master_.try_exchange(std::span(&datagram, 1), master_.options().timeout);
     // If the frame was lost on its way back, the mail has been delivered already. The slave discards a repeated mail,
-    // which it recognises by the counter.
+    // which it recognises by the counter. The mailbox was empty before, so it can contain no other mail.
     if ((back && datagram.counter != 0) || (back && may_be_there && full(0))) break;
     may_be_there = may_be_there || !back;
     if (master_.now() >= deadline) timed_out("it does not read its mailbox");
     if (back) master_.wait(mailbox_poll_interval);
   }
   counter_ = counter_ % 7 + 1;
+  was_repeated_ = may_be_there;
 }
 
 bool MailboxClient::read_area(std::vector<std::uint8_t>& bytes) {
@@ -147,7 +153,10 @@ std::optional<Mail> MailboxClient::receive(MailboxType type, Time timeout,
                             fmt::format("mailbox error {:04X}h: {}", static_cast<unsigned>(code), text(code)), where(),
                             "use a protocol that the slave has (`servodrome scan`)");
       }
-      if (letter->type == type && wanted(letter->mail)) return std::move(letter->mail);
+      if (letter->type == type && wanted(letter->mail)) {
+        is_empty_ = !was_repeated_;
+        return std::move(letter->mail);
+      }
       continue;
     }
     if (master_.now() >= deadline) return std::nullopt;

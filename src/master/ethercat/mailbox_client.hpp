@@ -22,7 +22,7 @@ class MailboxClient {
  public:
   // The mailbox must be set up already. `fresh`: the slave has just gone from INIT to PREOP, which resets its counters.
   MailboxClient(EthercatMaster& master, std::uint16_t station, const MailboxAreas& areas, bool fresh)
-      : master_(master), station_(station), areas_(areas), counter_(fresh ? 1 : 0) {}
+      : master_(master), station_(station), areas_(areas), counter_(fresh ? 1 : 0), is_empty_(fresh) {}
 
   // Maximum size of a mail in bytes, in each direction.
   std::size_t room_out() const { return areas_.out.length - ethercat::mailbox_header_size; }
@@ -65,6 +65,8 @@ class MailboxClient {
   std::uint16_t station_;
   MailboxAreas areas_;
   std::uint8_t counter_;            // counter of the next mail; 0: the slave does not check it
+  bool is_empty_;                   // the slave has read the last mail, because it has answered it
+  bool was_repeated_ = false;       // the last mail may be in the mailbox again
   std::uint8_t last_received_ = 0;  // counter of the last mail
   bool repeat_bit_ = false;
   bool repeat_bit_known_ = false;
