@@ -132,7 +132,8 @@ TEST(ModbusTcpClient, AnswersThatDoNotFit) {
                [&] { scripted({"00 01 00 01 00 05 01 03 02 00 0F"}, tcp).read<std::uint16_t>(1, 0); });
   expect_error(Kind::malformed, Exception::none, "unit 2 answered",
                [&] { scripted({"00 01 00 00 00 05 02 03 02 00 0F"}, tcp).read<std::uint16_t>(1, 0); });
-  expect_error(Kind::refused, Exception::gateway_target_failed_to_respond, "gateway",
+  expect_error(Kind::refused, Exception::gateway_target_failed_to_respond,
+               "choose a station behind the gateway with --node",
                [&] { scripted({"00 01 00 00 00 03 01 83 0B"}, tcp).read<std::uint16_t>(1, 0); });
   expect_error(Kind::malformed, Exception::none, "answered with 04h",
                [&] { scripted({"00 01 00 00 00 05 01 04 02 00 0F"}, tcp).read<std::uint16_t>(1, 0); });

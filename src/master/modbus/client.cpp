@@ -99,10 +99,14 @@ Bytes ModbusClient::request(std::uint8_t unit, const Bytes& pdu, unsigned retrie
       malformed(unit, fmt::format("function {:02X}h was answered with {:02X}h", pdu[0], (*response)[0]));
     }
     const auto exception = static_cast<modbus::Exception>((*response)[1]);
+    const bool is_of_gateway = exception == modbus::Exception::gateway_path_unavailable ||
+                               exception == modbus::Exception::gateway_target_failed_to_respond;
     throw ModbusError(ModbusError::Kind::refused, exception,
                       fmt::format("function {:02X}h was refused: exception {:02X}h, {}", pdu[0], (*response)[1],
                                   modbus::text(exception)),
-                      where(unit), "check register address, value and the state of the drive");
+                      where(unit),
+                      is_of_gateway ? "choose a station behind the gateway with --node; `servodrome scan` lists them"
+                                    : "check register address, value and the state of the drive");
   }
   throw ModbusError(ModbusError::Kind::no_answer, modbus::Exception::none,
                     fmt::format("no answer to function {:02X}h", pdu[0]), where(unit),
