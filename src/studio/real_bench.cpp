@@ -29,8 +29,9 @@ const RealDrives::Axis& axis_argument(const RealDrives& drives, const Call& call
 }
 
 // Converts an error of the master's side to the API's form, with the drive's own abort code if there is one.
+// `if_absent`: the status if the drive answers without an abort code that it does not have the object.
 template <typename Action>
-auto asking(const std::string& where, const Action& action) {
+auto asking(const std::string& where, const Action& action, unsigned if_absent = 404) {
   try {
     return action();
   } catch (const master::MasterError& error) {
@@ -44,7 +45,9 @@ auto asking(const std::string& where, const Action& action) {
       abort = serial->code();
     }
     if (abort != AbortCode::none) line::bench::refuse_access(abort, where);
-    throw ApiError{409, error.happened(), error.where(), error.remedy()};
+    const auto* access = dynamic_cast<const master::ObjectError*>(&error);
+    const bool absent = access != nullptr && access->object_is_absent();
+    throw ApiError{absent ? if_absent : 409U, error.happened(), error.where(), error.remedy()};
   }
 }
 
@@ -62,6 +65,7 @@ struct Object {
   const RealDrives::Axis& axis;
   dictionary::Entry entry;
   std::string where;
+  bool is_known;  // the tables of the product contain it
 };
 
 // An object that no table contains is read as bytes.
@@ -70,12 +74,12 @@ Object object_argument(const RealDrives& drives, const Call& call) {
   const auto [index, sub] = line::bench::object_address(call.arguments[1], call.arguments[2]);
   std::string where = fmt::format("{}, {:04X}h:{:02X}", axis.name, index, sub);
   const dictionary::Entry* known = axis.device->dictionary().find(index, sub);
-  if (known != nullptr) return {axis, *known, std::move(where)};
+  if (known != nullptr) return {axis, *known, std::move(where), true};
   dictionary::Entry bytes;
   bytes.index = index;
   bytes.sub = sub;
   bytes.type = dictionary::Type::domain;
-  return {axis, bytes, std::move(where)};
+  return {axis, bytes, std::move(where), false};
 }
 
 Json view_of(const master::ReportedFault& fault, const RealDrives::Axis& axis) {
@@ -121,6 +125,18 @@ std::vector<std::byte> value_of(master::ObjectClient& objects, const dictionary:
   const std::size_t size = dictionary::size_of(entry.type);
   if (!objects.size_is_known() && size > 0 && bytes.size() > size) bytes.resize(size);
   return bytes;
+}
+
+// Throws ApiError if the drive does not have the object.
+void require_in_drive(RealDrives& drives, const Object& object) {
+  asking(object.where, [&] {
+    try {
+      drives.open(object.axis)->upload({object.entry.index, object.entry.sub});
+    } catch (const master::ObjectError& error) {
+      if (error.object_is_absent()) throw;
+      // It may be write-only.
+    }
+  });
 }
 
 }  // namespace
@@ -227,11 +243,14 @@ Json RealBench::write_object(Call& call) {
   BodyReader body(call.body);
   const Json value = body.required("value");
   body.finish();
-  const std::vector<std::byte> bytes = line::bench::bytes_of(object.entry, value, object.where);
   drives_.require_ready(object.axis.name);
+  if (!object.is_known) require_in_drive(drives_, object);
+  const std::vector<std::byte> bytes = line::bench::bytes_of(object.entry, value, object.where);
   if (object.entry.index == 0x6040) drives_.note_command(object.axis);
   if (api::ChangeLog::is_motion(object.entry.index)) drives_.note_motion(object.axis.name);
-  asking(object.where, [&] { drives_.open(object.axis)->download({object.entry.index, object.entry.sub}, bytes); });
+  // The answer of a Modbus drive is the same for a register that can only be read.
+  const auto write = [&] { drives_.open(object.axis)->download({object.entry.index, object.entry.sub}, bytes); };
+  asking(object.where, write, 409);
   return nullptr;
 }
 

@@ -233,6 +233,32 @@ TEST(RealBenchTest, HomingTellsTheMethodOfTheDriveAndWhetherItHasAnIndex) {
   }
 }
 
+// The type of an object that is in no table is not known, so the server first asks the drive for the object.
+TEST(RealBenchTest, AnObjectThatTheDriveDoesNotHaveIsNotFound) {
+  for (const auto bus : {master::test::RigCase::BusKind::can, master::test::RigCase::BusKind::modbus}) {
+    master::test::AxisRig rig{{"generic402", bus}};
+    Controlwords noted;
+    BusPlan plan = plan_of(rig, noted);
+    plan.drives.front().product = "generic402";
+    RealDrives drives({plan});
+    drives.set_wait([](master::Time) { std::this_thread::sleep_for(1ms); });
+    const RealDrives::Axis& axis = *drives.find("reference");
+    for (int i = 0; i < 3000 && drives.state_of(axis).problem; ++i) std::this_thread::sleep_for(10ms);
+    RealBench bench(drives);
+    for (const std::string body : {R"({"value": 1})", R"({"value": "01"})"}) {
+      for (const char* const object : {"5FFF", "1018"}) {
+        api::Call call{.arguments = {"reference", object, "9"}, .body = body};
+        try {
+          bench.write_object(call);
+          ADD_FAILURE() << object << " " << body;
+        } catch (const api::ApiError& error) {
+          EXPECT_EQ(error.status, 404U) << object << " " << body << " " << error.what;
+        }
+      }
+    }
+  }
+}
+
 TEST(RealDrivesTest, AMoveBeyondTheSoftwareLimitsIsRefused) {
   master::test::AxisRig rig{{"generic402"}};
   Controlwords noted;

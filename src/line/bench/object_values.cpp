@@ -151,9 +151,12 @@ std::vector<std::pair<std::string, ObjectName>> object_list(std::string_view res
 void refuse_access(AbortCode abort, std::string where) {
   const auto code = static_cast<std::uint32_t>(abort);
   const bool value = (code & 0xFFFF0000u) == 0x06090000u || (code & 0xFFFF0000u) == 0x06070000u;
-  const bool exists = abort != AbortCode::sub_index_does_not_exist && abort != AbortCode::object_does_not_exist;
-  throw ApiError{value && exists ? 422U : 409U, fmt::format("the drive refuses: {}", dictionary::text(abort)),
-                 std::move(where), "`servodrome export md PRODUCT` describes every object", abort};
+  const bool absent = abort == AbortCode::sub_index_does_not_exist || abort == AbortCode::object_does_not_exist;
+  throw ApiError{absent  ? 404U
+                 : value ? 422U
+                         : 409U,
+                 fmt::format("the drive refuses: {}", dictionary::text(abort)), std::move(where),
+                 "`servodrome export md PRODUCT` describes every object", abort};
 }
 
 Json listed(const Entry& entry, products::Device& device, std::string_view product) {
