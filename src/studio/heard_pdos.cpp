@@ -55,6 +55,8 @@ void HeardPdos::forget(links::Time now) {
   sign_.reset();
   pdo_at_.fill({});
   operational_at_.fill({});
+  last_sync_.reset();
+  sync_period_ = {};
   forgot_ = now;
 }
 

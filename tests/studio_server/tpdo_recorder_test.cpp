@@ -185,6 +185,8 @@ TEST_F(TpdoRecorderTest, SynchronousTpdosHaveTheTimeOfTheirSync) {
   samples.advance(16 * 20 + 1, true);
   for (int i = 1; i <= 20; ++i) EXPECT_EQ(samples.at(16 * i), i);
   EXPECT_EQ(heard_.use(start_ + 21ms).sync_period, 1ms);
+  heard_.forget(start_ + 21ms);
+  EXPECT_EQ(heard_.use(start_ + 22ms).sync_period, std::nullopt) << "that was the SYNC of this program";
 }
 
 }  // namespace
