@@ -288,7 +288,7 @@ CASES = {
     "error_state passive": Case(
         f'{BOOTED}do = "error_state"\nstate = "passive"', emergencies(0.1), [(0x8120, 0x11)]
     ),
-    "error_state bus_off": Case(f'{BOOTED}do = "error_state"\nstate = "bus_off"', emergencies(0.1), [(0x8140, 0x11)]),
+    "error_state bus_off": Case(f'{BOOTED}do = "error_state"\nstate = "bus_off"\nfor_ms = 20', emergencies(0.1), [(0x8140, 0x11)]),
     "error_state active": Case(
         f'{BOOTED}name = "first"\ndo = "error_state"\nstate = "passive"\n'
         '[[rule]]\nwhen = { after = "first", after_ms = 200 }\ndo = "error_state"\nstate = "active"',

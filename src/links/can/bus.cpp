@@ -315,7 +315,7 @@ void CanBus::set_participation(PortId port, Participation participation) {
     discard_queue(node);
     node.counters.transmit_errors = 0;
     node.counters.receive_errors = 0;
-    node.error_state = ErrorState::active;
+    node.error_state = node.least_state;
     node.recovers_at = never;
     node.suspended_until = Time{};
   } else if (participation == Participation::listen_only) {

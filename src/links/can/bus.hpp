@@ -143,7 +143,8 @@ class CanBus {
   void set_automatic_recovery(PortId port, bool automatic);
   void recover(PortId port, Time now);
   ErrorState error_state(PortId port) const;
-  // Sets a port's error counters to those with which its controller enters `state`, as after a series of errors.
+  // Sets a port's error counters to those with which its controller enters `state`, as after a series of errors. The
+  // controller stays in this state, or a worse one, until the next call.
   void force_error_state(PortId port, ErrorState state, Time now);
 
   void disturb(const Disturbance& disturbance);  // replaces the previous one

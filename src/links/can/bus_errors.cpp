@@ -45,12 +45,14 @@ void CanBus::update_error_state(Port& port, Time when) {
     state = ErrorState::passive;
   }
   if (port.counters.transmit_errors > bus_off_above) state = ErrorState::bus_off;
+  state = std::max(state, port.least_state);
   if (state == port.error_state) return;
   port.error_state = state;
   if (state == ErrorState::bus_off) {
     ++port.counters.bus_off_count;
     discard_queue(port);
-    if (port.automatic_recovery) port.recovers_at = when + duration(recovery_bits);
+    if (port.automatic_recovery && port.least_state != ErrorState::bus_off)
+      port.recovers_at = when + duration(recovery_bits);
   }
   port.receiver->on_error_state(state, when);
 }
@@ -59,9 +61,10 @@ void CanBus::force_error_state(PortId id, ErrorState state, Time now) {
   constexpr std::array counts{std::uint16_t{0}, std::uint16_t{error_passive_above + 1},
                               std::uint16_t{bus_off_above + 1}};
   Port& port = at(id);
+  port.least_state = state;
   port.counters.transmit_errors = counts[static_cast<std::size_t>(state)];
   port.counters.receive_errors = 0;
-  if (state != ErrorState::bus_off) port.recovers_at = never;
+  port.recovers_at = never;
   update_error_state(port, now);
   review_private_attempts();
 }
@@ -71,6 +74,7 @@ void CanBus::set_automatic_recovery(PortId port, bool automatic) { at(port).auto
 void CanBus::recover(PortId port, Time now) {
   Port& node = at(port);
   if (node.error_state != ErrorState::bus_off || node.recovers_at != never) return;
+  if (node.least_state == ErrorState::bus_off) return;
   node.recovers_at = std::max(now, now_) + duration(recovery_bits);
 }
 

@@ -34,6 +34,7 @@ struct CanBus::Port {
   bool sending = false;  // its oldest frame is on the wire
 
   ErrorState error_state = ErrorState::active;
+  ErrorState least_state = ErrorState::active;  // of force_error_state
   PortCounters counters;
   Time suspended_until{};           // error passive: suspend transmission
   Time recovers_at = never;         // bus-off
