@@ -42,6 +42,7 @@ class EthercatDevice : public ServoDevice<Product, ProductObjects>, protected et
     listen(dictionary::Owner::communication, bus_dictionary().listener(dictionary::Owner::communication));
     // The slave information memory is written here and not at power-on: it is non-volatile, and a master may change it.
     ethercat::write_sii_image(sii, profile, composition.bus_table, sii_);
+    esc_.clock().set_oscillator(its_settings.ethercat.oscillator_ppb, Time{});
   }
 
   void power_on(const drive::Feedback& feedback, Time now) override {
@@ -50,7 +51,6 @@ class EthercatDevice : public ServoDevice<Product, ProductObjects>, protected et
     if (const auto limit = settings().ethercat.sync_error_limit) objects().communication.sync_error_limit = *limit;
     drive().configure(product().configuration());
     drive().power_on(feedback);
-    esc_.clock().set_oscillator(settings().ethercat.oscillator_ppb, now);
     esc_.power_on(now);
     slave_.start(now);
     tell_lost_values();

@@ -60,7 +60,6 @@ void DistributedClock::anchor(Time now) {
 
 void DistributedClock::set_oscillator(std::int32_t error_ppb, Time now) {
   anchor(now);
-  stopped_ = false;
   oscillator_ = std::int64_t{std::clamp(error_ppb, -greatest_error_ppb, greatest_error_ppb)} * one / 1'000'000'000;
   rate_ = oscillator_ + compensation_ + oscillator_ * compensation_ / one;
 }

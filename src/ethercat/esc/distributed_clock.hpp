@@ -20,11 +20,11 @@ namespace servodrome::ethercat {
 // structure of the filter to the controller.
 class DistributedClock {
  public:
-  // Power-on: sets the local time to 0 at `now`, without any compensation.
+  // Power-on: sets the local time to 0 at `now`, without any compensation. The oscillator keeps its frequency.
   void reset(Time now);
 
   // Frequency error of the oscillator in parts per billion, +-400'000'000 at most; +100000 means 100 ppm too fast. The
-  // drift compensation makes up for 763 ppm by default (0930h). Starts a stopped clock.
+  // drift compensation makes up for 763 ppm by default (0930h).
   void set_oscillator(std::int32_t error_ppb, Time now);
   // Stops the clock, or restarts it from the time at which it stopped. A stopped clock makes no pulses; comparisons
   // with the reference clock do not change it.
