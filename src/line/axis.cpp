@@ -4,6 +4,7 @@
 #include <array>
 #include <cmath>
 
+#include "canopen/connection_set.hpp"
 #include "canopen/node.hpp"
 #include "drive/drive.hpp"
 #include "ethercat/slave/slave.hpp"
@@ -34,6 +35,14 @@ class KeptInMemory final : public dictionary::Medium {
 std::shared_ptr<dictionary::Medium> open_store(const std::string& path, std::uint32_t bytes) {
   if (path.empty()) return std::make_shared<KeptInMemory>(bytes);
   return std::make_shared<links::FileMedium>(path, bytes);
+}
+
+// NMT reset node or reset communication for this node or for all (CiA 301 7.2.8.3.1).
+bool resets(const canopen::Frame& frame, std::uint8_t node_id) {
+  if (frame.id != canopen::connection_set::nmt || frame.extended || frame.remote || frame.length != 2) return false;
+  const auto command = static_cast<canopen::NmtCommand>(frame.data[0]);
+  return (command == canopen::NmtCommand::reset_node || command == canopen::NmtCommand::reset_communication) &&
+         (frame.data[1] == 0 || frame.data[1] == node_id);
 }
 
 }  // namespace
@@ -250,6 +259,7 @@ std::shared_ptr<products::Device> Axis::stored_device() const {
 void Axis::power_on(Time now) {
   if (powered_) return;
   powered_ = true;
+  ++starts_;
   last_cycle_ = unknown;
   last_poll_ = Time{-1};
   if (bus_ != nullptr) bus_->set_participation(port_, links::Participation::normal);
@@ -278,6 +288,7 @@ void Axis::on_frame(const canopen::Frame& frame, Time at) {
 
 void Axis::deliver(const canopen::Frame& frame, Time now) {
   if (!powered_) return;
+  if (resets(frame, device_->node_id())) ++starts_;
   device_->receive(frame, now);
   send_waiting(now);
 }

@@ -72,6 +72,9 @@ class Axis final : public links::Receiver {
   void power_off(Time now);
   void power_on(Time now);
   bool powered() const { return powered_; }
+  // The number of power-ons and NMT resets (reset node, reset communication). What the drive had to do before the last
+  // one is void.
+  std::uint32_t starts() const { return starts_; }
 
   // links::Receiver
   void on_frame(const canopen::Frame& frame, Time at) override;
@@ -180,6 +183,7 @@ class Axis final : public links::Receiver {
   std::int64_t cycle_ticks_ = unknown;
   Time last_poll_{-1};
   bool powered_ = false;
+  std::uint32_t starts_ = 0;
   std::uint64_t commands_ = 0;
   std::vector<Tap*> taps_;
   std::int64_t samples_due_ = no_tick;  // the next tick at which a tap takes a sample
