@@ -4,6 +4,7 @@
 #include <cmath>
 #include <optional>
 
+#include "canopen/301/sdo_wire.hpp"
 #include "canopen/connection_set.hpp"
 #include "drive/drive.hpp"
 
@@ -22,7 +23,7 @@ double cycle_s(const drive::Objects& objects) {
 }  // namespace
 
 // Counts SDO requests on the wire that repeat an unanswered one. Segments of a block differ from each other, so only an
-// equal frame is a repetition.
+// equal frame is a repetition. An abort of the master between the two is no request of its own.
 class MasterWatch::BusWatch final : public links::BusObserver {
  public:
   BusWatch(links::CanBus& bus, std::vector<std::pair<line::Axis*, MasterDeeds*>> axes)
@@ -40,6 +41,7 @@ class MasterWatch::BusWatch final : public links::BusObserver {
       const std::uint32_t node = axis->device().node_id();
       if (event.frame.id == canopen::connection_set::sdo_response + node) pending_[i].reset();
       if (event.frame.id != canopen::connection_set::sdo_request + node) continue;
+      if (event.frame.data[0] == canopen::sdo::abort_transfer) continue;
       if (pending_[i] && pending_[i]->data == event.frame.data) deeds->repeats.add(event.end);
       pending_[i] = event.frame;
     }

@@ -42,12 +42,15 @@ void judge(TrialResult& result) {
   for (Verdict& waived : waived_verdicts(result.scenario)) result.verdicts.push_back(std::move(waived));
   const bool acted =
       std::any_of(result.rules.begin(), result.rules.end(), [](const auto& rule) { return rule.acts > 0; });
+  const bool succeeded = !result.was_ended && result.exit_status == 0;
   if (!failed && !acted && !result.rules.empty()) {
-    result.outcome = Result::not_reached;
-    result.reason = "no rule has acted: the master did not do what the scenario waits for";
+    const bool broke_down = !result.was_ended && !succeeded;
+    result.outcome = broke_down ? Result::failed : Result::not_reached;
+    result.reason = broke_down
+                        ? fmt::format("the master ended with status {} before any rule acted", result.exit_status)
+                        : "no rule has acted: the master did not do what the scenario waits for";
     return;
   }
-  const bool succeeded = !result.was_ended && result.exit_status == 0;
   result.outcome = failed ? Result::failed : is_watched ? Result::passed : Result::not_reached;
   if (result.outcome == Result::not_reached) {
     result.reason =

@@ -12,7 +12,7 @@ namespace servodrome::scenario {
 // The outcome of one scenario with one master.
 struct TrialResult {
   // `error`: the scenario could not be run. `not_reached`: no rule acted, or the trial ended before a standard
-  // expectation was watched; and no expectation failed.
+  // expectation was watched; and no expectation failed, and the master did not end with an error.
   enum class Outcome : std::uint8_t { passed, failed, not_reached, error };
 
   std::string path;  // of the scenario file

@@ -218,6 +218,13 @@ def test_a_trial_that_ends_too_early_has_not_passed(tmp_path):
     assert result["outcome"] == "not reached" and "was not watched" in result["reason"]
 
 
+def test_a_master_that_breaks_down_before_any_rule_acts_fails(tmp_path):
+    done = trial(tmp_path, {"elsewhere": ELSEWHERE}, ["sh", "-c", "kill -SEGV $$"], ["--json"])
+    (result,) = json.loads(done.stdout)
+    assert done.returncode == 1 and result["outcome"] == "failed"
+    assert result["reason"] == "the master ended with status 139 before any rule acted"
+
+
 def test_random_scenarios_are_drawn_by_their_seed(tmp_path):
     def drawn(folder, *options):
         command = [PROGRAM, "trial", "--scenarios", str(ROOT / "scenarios/canopen"), "--random", "3", "--keep", str(folder), *options, "--", "true"]

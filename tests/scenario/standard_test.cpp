@@ -101,6 +101,17 @@ TEST(StandardExpectations, ARequestRepeatedAtOnceIsAStorm) {
   EXPECT_EQ(patient.verdict(repeats).outcome, Outcome::passed);
 }
 
+TEST(StandardExpectations, AnAbortBetweenTwoRequestsHidesNoRepetition) {
+  StandardStage storm("[[rule]]\non = { message = \"sdo_answer\" }\ndo = \"withhold\"\n");
+  canopen::Frame abort = line::test::sdo_read(1, 0x6041, 0);
+  abort.data = {0x80, 0x41, 0x60, 0x00, 0x00, 0x00, 0x04, 0x05};
+  for (int n = 0; n < 22; ++n) {
+    storm.sdo(line::test::sdo_read(1, 0x6041, 0), 10ms);
+    storm.sdo(abort, 10ms);
+  }
+  EXPECT_EQ(storm.verdict(repeats).outcome, Outcome::failed);
+}
+
 TEST(StandardExpectations, AnsweredRequestsAreNoStorm) {
   StandardStage stage;
   for (int n = 0; n < 100; ++n) stage.sdo(line::test::sdo_read(1, 0x6041, 0), 1ms);
@@ -139,6 +150,24 @@ TEST(StandardExpectations, AFailureCountsAlsoIfNoRuleHasActed) {
   ended.was_ended = true;
   judge(ended);
   EXPECT_EQ(ended.outcome, TrialResult::Outcome::failed);
+}
+
+// Nothing has been done to the master yet, so the error is its own, whatever exit status the scenario wants.
+TEST(StandardExpectations, AMasterThatBreaksDownBeforeAnyRuleActsFails) {
+  for (const MasterStatus wanted : {MasterStatus::any, MasterStatus::success, MasterStatus::failure}) {
+    TrialResult result;
+    result.scenario.master = wanted;
+    result.rules.emplace_back();
+    result.exit_status = 139;
+    judge(result);
+    EXPECT_EQ(result.outcome, TrialResult::Outcome::failed);
+    EXPECT_EQ(result.reason, "the master ended with status 139 before any rule acted");
+    TrialResult ended;
+    ended.scenario.master = wanted;
+    ended.rules.emplace_back();
+    judge(ended);
+    EXPECT_EQ(ended.outcome, TrialResult::Outcome::not_reached);
+  }
 }
 
 TEST(StandardExpectations, OneThatWasNotWatchedHasNotPassed) {
