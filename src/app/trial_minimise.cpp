@@ -50,11 +50,12 @@ class Minimiser {
     if (failures.empty()) throw Failure::did_not_work(fmt::format("{} does not fail with this master", path_));
     failure_ = *failures.begin();
     say(fmt::format("fails: {}", failure_));
-    fix_seed();
+    fix_draws();
+    const std::string whole = text_;
     while (step()) {
     }
     Minimised result{"", failure_, runs_.load()};
-    if (text_ != content_of(path_)) result.path = write();
+    if (text_ != whole) result.path = write();
     return result;
   }
 
@@ -89,8 +90,10 @@ class Minimiser {
     return run_trial(run, path);
   }
 
-  // A file without a seed has the default seed; the smallest file states it.
-  void fix_seed() {
+  // The draws depend on the seed and the names of the rules. The smaller files state both, so that a rule draws the
+  // same when another one is left out.
+  void fix_draws() {
+    text_ = scenario::with_names(text_);
     if (text_.starts_with("seed") || text_.find("\nseed") != std::string::npos) return;
     text_ = fmt::format("seed = {}\n{}", scenario::load_scenario(path_).scenario.seed, text_);
   }

@@ -1,6 +1,7 @@
 #include "scenario/can_stage.hpp"
 
 #include <algorithm>
+#include <utility>
 
 #include "canopen/connection_set.hpp"
 #include "scenario/director.hpp"
@@ -20,19 +21,53 @@ canopen::Frame frame_of(const Packet& packet) {
 
 }  // namespace
 
-RulePort::RulePort(links::CanBus& bus) : bus_(bus), port_(bus.attach(*this, depth)) {
+RulePort::RulePort(links::CanBus& bus) : bus_(bus), port_(bus.attach(*this, 1)) {
   bus_.set_participation(port_, links::Participation::listen_only);
 }
 
 RulePort::~RulePort() { bus_.detach(port_); }
 
-void RulePort::send(const canopen::Frame& frame, Time now) {
-  bus_.set_participation(port_, links::Participation::normal);
-  bus_.transmit(port_, frame, now);
+void RulePort::send(const canopen::Frame& frame, Time now, const RuleRun* rule) {
+  if (waiting_.size() == depth) return;
+  waiting_.push_back({frame, now, rule});
+  offer();
 }
 
 void RulePort::on_sent(const canopen::Frame&, std::uint32_t, Time) {
-  if (bus_.pending(port_) == 0) bus_.set_participation(port_, links::Participation::listen_only);
+  waiting_.pop_front();
+  offer();
+}
+
+void RulePort::on_error_state(links::ErrorState state, Time) {
+  if (state == links::ErrorState::bus_off) waiting_.clear();
+  offer();
+}
+
+std::size_t RulePort::waiting(const RuleRun& rule) const {
+  return static_cast<std::size_t>(
+      std::count_if(waiting_.begin(), waiting_.end(), [&rule](const Waiting& one) { return one.rule == &rule; }));
+}
+
+void RulePort::leave(const RuleRun& rule, bool completes) {
+  bool is_on_wire = bus_.sending(port_);  // the first one
+  std::erase_if(waiting_, [&](const Waiting& one) {
+    const bool stays = std::exchange(is_on_wire, false) || completes;
+    return one.rule == &rule && !stays;
+  });
+  for (Waiting& one : waiting_) {
+    if (one.rule == &rule) one.rule = nullptr;
+  }
+  offer();
+}
+
+// The port listens only while no frame waits.
+void RulePort::offer() {
+  if (waiting_.empty()) {
+    bus_.set_participation(port_, links::Participation::listen_only);
+  } else {
+    bus_.set_participation(port_, links::Participation::normal);
+    bus_.offer(port_, &waiting_.front().frame, waiting_.front().since);
+  }
 }
 
 CanStage::CanStage(Director& director, line::Axis& axis, RulePort& port, links::CanBus& bus)

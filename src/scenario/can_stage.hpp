@@ -15,17 +15,31 @@ class RulePort final : public links::Receiver {
   explicit RulePort(links::CanBus& bus);
   ~RulePort() override;
 
-  // Sends the frame as soon as the bus is free.
-  void send(const canopen::Frame& frame, Time now);
+  // Sends the frame after those that wait, as soon as the bus is free. `rule` is the rule that makes it; nullptr: it is
+  // a frame of a drive.
+  void send(const canopen::Frame& frame, Time now, const RuleRun* rule = nullptr);
+  // The number of frames of the rule that are not sent yet.
+  std::size_t waiting(const RuleRun& rule) const;
+  bool empty() const { return waiting_.empty(); }
+  // The rule has ended. Its waiting frames are dropped, or, if `completes` is true, still sent.
+  void leave(const RuleRun& rule, bool completes);
 
   void on_frame(const canopen::Frame&, Time) override {}
   void on_sent(const canopen::Frame& frame, std::uint32_t tag, Time at) override;
+  void on_error_state(links::ErrorState state, Time at) override;
 
  private:
   static constexpr std::size_t depth = 256;
+  struct Waiting {
+    canopen::Frame frame;
+    Time since{};
+    const RuleRun* rule = nullptr;
+  };
+  void offer();
 
   links::CanBus& bus_;
   links::PortId port_;
+  std::deque<Waiting> waiting_;
 };
 
 // Lets the rules act on the CANopen messages of one drive.

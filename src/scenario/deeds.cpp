@@ -1,6 +1,5 @@
 // The effect of an action when its rule begins, and how it is undone when the rule ends.
 
-#include <cmath>
 #include <fmt/format.h>
 
 #include "canopen/connection_set.hpp"
@@ -14,13 +13,6 @@ namespace {
 // The kinds of messages by the bus on which they occur.
 bool is_of_can(MessageKind kind) { return kind <= MessageKind::to_drive; }
 bool is_of_serial(MessageKind kind) { return kind == MessageKind::answer || kind == MessageKind::request; }
-
-// Returns true if the rule acts each time that a drive, a slave or a link asks for it.
-bool acts_when_asked(const Action& action) {
-  return std::holds_alternative<Ignore>(action) || std::holds_alternative<Hold>(action) ||
-         std::holds_alternative<RefuseState>(action) || std::holds_alternative<DisturbSync0>(action) ||
-         std::holds_alternative<StaleInputs>(action);
-}
 
 bool needs_slave(const Action& action) {
   return std::holds_alternative<RefuseState>(action) || std::holds_alternative<DropState>(action) ||
@@ -96,7 +88,7 @@ void Director::check(const RuleRun& run) const {
     refuse("the axis is not on an EtherCAT segment", "choose an axis that is");
   }
   // A rule about the passage of a frame through one slave can have only the actions below.
-  const bool is_frame = rule.on && (rule.on->kind == MessageKind::cycle || rule.on->kind == MessageKind::frame);
+  const bool is_frame = rule.on && is_of_segment(rule.on->kind);
   const bool is_passage = std::holds_alternative<Withhold>(rule.action) ||
                           std::holds_alternative<WorkingCounter>(rule.action) || makes_messages(rule.action);
   if (is_frame && !rule.axis.empty() && !is_passage) {
@@ -110,12 +102,15 @@ void Director::check(const RuleRun& run) const {
   }
 }
 
-// Sends the frame on the rule's CAN bus, or the characters on its RS485 line. Returns false if it has neither.
-bool Director::speak(const RuleRun& rule, const Send& send) {
+// Sends the frame on the rule's CAN bus, or the characters on its RS485 line. Returns false if it has neither. While
+// frames of the rule wait for the bus, it sends no further one: the bus is slower than the rule's period.
+bool Director::speak(RuleRun& rule, const Send& send) {
+  constexpr std::size_t most_waiting = 2;  // one on the wire, and one that follows it without a gap
   links::CanBus* bus = can_bus(rule);
   line::NamedSerialBus* serial = serial_bus(rule);
   if (serial != nullptr && (bus == nullptr || (rule.rule->on && is_of_serial(rule.rule->on->kind)))) {
     stations_.at(serial)->send(send.data, now());
+    act(rule);
     return true;
   }
   if (bus == nullptr) return false;
@@ -124,23 +119,25 @@ bool Director::speak(const RuleRun& rule, const Send& send) {
   frame.extended = send.id > 0x7FF;
   frame.length = static_cast<std::uint8_t>(send.data.size());
   std::copy(send.data.begin(), send.data.end(), frame.data.begin());
-  ports_.at(bus)->send(frame, now());
+  RulePort& port = *ports_.at(bus);
+  if (rule.rule->on || port.waiting(rule) < most_waiting) {
+    port.send(frame, now(), &rule);
+    act(rule);
+  }
   return true;
 }
 
 void Director::send(RuleRun& rule) {
   const auto& send = std::get<Send>(rule.rule->action);
   if (rule.phase != RuleRun::Phase::active || !speak(rule, send)) return;
-  act(rule);
-  if (rule.rule->on) return;
-  if (send.continuous || rule.acts < rule.rule->times.value_or(1)) {
+  if (!rule.rule->on && !rule.exhausted()) {
     const line::NamedSerialBus* serial = can_bus(rule) == nullptr ? serial_bus(rule) : nullptr;
     const Time lasts = serial != nullptr ? serial->line.format().character_time() * std::ssize(send.data) : Time{};
     repeat(rule, now() + std::max(send.period, lasts), &Director::send);
   }
 }
 
-void Director::do_deed(RuleRun& rule, Time now) {
+void Director::do_deed(RuleRun& rule) {
   const Action& action = rule.rule->action;
   if (acts_on_messages(action)) return;
   if (acts_when_asked(action)) return;
@@ -151,30 +148,28 @@ void Director::do_deed(RuleRun& rule, Time now) {
     send(rule);
   } else if (const auto* accept = std::get_if<Accept>(&action)) {
     if (!accept->on) end_connections(rule);
-  } else if (const auto* forced = std::get_if<ForceErrorState>(&action)) {
-    can_bus(rule)->force_error_state(rule.axis->port(), forced->state, now);
   } else if (const auto* set = std::get_if<SetObject>(&action)) {
     write_own(*rule.axis, *set);
   } else if (const auto* drop = std::get_if<DropState>(&action)) {
     drop_state(*rule.axis, *drop);
   } else if (const auto* sii = std::get_if<PatchSii>(&action)) {
     patch(*rule.axis, *sii);
-  } else if (const auto* clock = std::get_if<DisturbClock>(&action)) {
-    disturb(*rule.axis, *clock, false);
   } else if (std::holds_alternative<Emergency>(action)) {
     raise(rule);
-  } else if (MachineState state = held_by(rule); !state.name.empty()) {
-    rule.error = held_states_.hold(rule, std::move(state));
+  } else {
+    const auto* clock = std::get_if<DisturbClock>(&action);
+    if (clock != nullptr && clock->jump_ns != 0) {
+      rule.axis->device().ethercat_controller()->jump_clock(Time(clock->jump_ns), now());
+    }
+    for (MachineState& state : held_by(rule)) rule.error = held_states_.hold(rule, std::move(state));
   }
 }
 
-void Director::undo_deed(RuleRun& rule, Time now) {
-  const Action& action = rule.rule->action;
+// Frames of the rule that still wait are not sent, unless they complete its number of acts.
+void Director::undo_deed(RuleRun& rule) {
   held_states_.release(rule);
-  if (const auto* clock = std::get_if<DisturbClock>(&action)) {
-    disturb(*rule.axis, *clock, true);
-  } else if (std::holds_alternative<ForceErrorState>(action)) {
-    can_bus(rule)->force_error_state(rule.axis->port(), links::ErrorState::active, now);
+  if (std::holds_alternative<Send>(rule.rule->action) && can_bus(rule) != nullptr) {
+    ports_.at(can_bus(rule))->leave(rule, rule.exhausted());
   }
 }
 
@@ -211,23 +206,12 @@ void Director::patch(line::Axis& axis, const PatchSii& patch) {
   axis.device().ethercat_controller()->load_sii_anew();
 }
 
-void Director::disturb(line::Axis& axis, const DisturbClock& clock, bool ends) {
-  ethercat::Esc& esc = *axis.device().ethercat_controller();
-  constexpr double ppb = 1000;
-  if (clock.stop) esc.stop_clock(!ends, now());
-  if (clock.ppm) {
-    const double ppm = ends ? axis.settings().ethercat->oscillator_ppm : *clock.ppm;
-    esc.set_oscillator(static_cast<std::int32_t>(std::lround(ppm * ppb)), now());
-  }
-  if (clock.jump_ns != 0 && !ends) esc.jump_clock(Time(clock.jump_ns), now());
-}
-
 // Sends an EMCY as if the drive sent it, without a fault (CiA 301 7.2.7.3.1, ETG.1000.6 clause 5.6.4).
 void Director::raise(RuleRun& rule) {
   const auto& emergency = std::get<Emergency>(rule.rule->action);
   if (rule.phase != RuleRun::Phase::active) return;
   act(rule);
-  if (!rule.rule->on && rule.acts < rule.rule->times.value_or(1)) {
+  if (!rule.rule->on && !rule.exhausted()) {
     repeat(rule, now() + emergency.period, &Director::raise);
   }
   line::Axis& axis = *rule.axis;

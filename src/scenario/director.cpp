@@ -3,7 +3,6 @@
 #include <algorithm>
 #include <cmath>
 #include <fmt/format.h>
-#include <utility>
 
 #include "ethercat/slave/slave.hpp"
 #include "links/nearest_name.hpp"
@@ -17,7 +16,8 @@ constexpr std::size_t most_rules_by_hand = 4096;
 // of single bits ends later: at the write that would be one act too many.
 bool ends_with_its_acts(const Rule& rule) {
   const auto* ignore = std::get_if<Ignore>(&rule.action);
-  return rule.on || std::holds_alternative<Hold>(rule.action) || (ignore != nullptr && ignore->mask == -1);
+  if (ignore != nullptr && ignore->mask != -1) return false;
+  return rule.on || makes_messages(rule.action) || acts_when_asked(rule.action);
 }
 
 }  // namespace
@@ -36,6 +36,11 @@ void Director::begin() {
   for (const auto& axis : line_.axes()) axis->send_waiting(now());
   line_.add_follower(*this);
   line_.changed();
+}
+
+void Director::take_over(Director& former) {
+  former.finish();
+  ports_ = std::move(former.ports_);
 }
 
 Director::~Director() {
@@ -122,7 +127,7 @@ bool Director::remove(const std::string& name) {
   if (found == rules_.end()) return false;
   RuleRun& rule = **found;
   end(rule);
-  release_all(rule);
+  release(rule, Time::max());
   if (rule.axis != nullptr && parts(*rule.axis).view) parts(*rule.axis).view->remove(rule);
   const Rule* text = rule.rule;
   rules_.erase(found);
@@ -188,7 +193,7 @@ Time Director::next_deadline() const {
 void Director::reached(Time now) {
   while (!queue_.empty() && queue_.begin()->first <= now) {
     const auto due = queue_.extract(queue_.begin());
-    due.mapped().what();
+    due.mapped()();
   }
   if (now < looks_at_) return;
   looks_at_ = (now / line::tick_length + 1) * line::tick_length;
@@ -197,9 +202,6 @@ void Director::reached(Time now) {
     for (auto& [axis, parts] : parts_) {
       if (parts.view) parts.view->record(now);
     }
-  }
-  for (const auto& axis : line_.axes()) {
-    if (!axis->powered()) forget(*axis);
   }
   measure_travel();
   master_.look(now);
@@ -255,12 +257,12 @@ void Director::begin(RuleRun& rule, Time now) {
   if (AxisParts* with = rule.axis != nullptr ? &parts(*rule.axis) : nullptr; with != nullptr && with->view) {
     with->view->begin(rule);
   }
-  if (!rule.rule->on) do_deed(rule, now);
+  if (!rule.rule->on) do_deed(rule);
 }
 
 void Director::end(RuleRun& rule) {
   if (rule.phase != RuleRun::Phase::active) return;
-  undo_deed(rule, now());
+  undo_deed(rule);
   const bool again = rule.rule->again || rule.rule->period;
   rule.phase = again && !finished_ ? RuleRun::Phase::waiting : RuleRun::Phase::over;
   rule.when.begin();
@@ -275,10 +277,16 @@ void Director::act(RuleRun& rule, const Message* message, const Packets* packets
 
 bool Director::concerns(const RuleRun& rule, line::Axis* axis, const Message& message) const {
   if (rule.phase != RuleRun::Phase::active || !rule.rule->on || !matches(*rule.rule->on, message)) return false;
-  if (rule.axis == nullptr && message.bus.empty()) return axis != nullptr && is_on(*axis, rule.rule->bus);
-  if (message.bus.empty()) return rule.axis == axis;
-  if (rule.axis == nullptr) return rule.rule->bus == message.bus;
-  const auto& slave = rule.axis->settings().ethercat;
+  return is_of(rule.axis, rule.rule->bus, axis, message);
+}
+
+bool Director::is_of(const line::Axis* wanted, std::string_view bus, const line::Axis* axis,
+                     const Message& message) const {
+  if (wanted == nullptr && bus.empty()) return true;
+  if (wanted == nullptr && message.bus.empty()) return axis != nullptr && is_on(*axis, bus);
+  if (message.bus.empty()) return wanted == axis;
+  if (wanted == nullptr) return bus == message.bus;
+  const auto& slave = wanted->settings().ethercat;
   return slave && line_.ethercat_buses()[slave->bus]->settings.name == message.bus;
 }
 
@@ -301,7 +309,7 @@ bool Director::carry_out(line::Axis* axis, const Message& message, Packets& pack
     if (!rule->fires(seed())) {
       rule->passed(false);
     } else if (makes_messages(rule->rule->action)) {
-      do_deed(*rule, now());
+      do_deed(*rule);
     } else {
       act(*rule, &message, &packets);
     }
@@ -320,13 +328,13 @@ void Director::carry_out(std::span<const Message> datagrams, std::vector<RuleRun
       continue;
     }
     if (makes_messages(rule->rule->action)) {
-      do_deed(*rule, now());
+      do_deed(*rule);
       continue;
     }
     act(*rule, &datagrams.front());
     acting.push_back(rule.get());
   }
-  for (const Message& datagram : datagrams) notice(nullptr, datagram);
+  notice(nullptr, datagrams);
 }
 
 bool Director::refuses_connections(const line::NamedSerialBus& bus) const {
@@ -354,16 +362,22 @@ void Director::passed(line::Axis* axis, const Message& message) {
   notice(axis, message);
 }
 
-void Director::notice(line::Axis* axis, const Message& message) {
+void Director::notice(line::Axis* axis, std::span<const Message> parts) {
+  if (parts.empty()) return;
   for (const auto& rule : rules_) {
-    rule->when.notice(axis, message);
-    if (rule->until) rule->until->notice(axis, message);
+    // A condition that names no axis is about the axis or the bus of its rule.
+    const bool of_bus = rule->axis == nullptr && rule->rule->when.axis.empty();
+    const line::Axis* wanted = of_bus ? nullptr : rule->when.axis();
+    if (!is_of(wanted, rule->rule->bus, axis, parts.front())) continue;
+    rule->when.notice(parts);
+    if (rule->until) rule->until->notice(parts);
   }
-  for (ExpectationWatch& expectation : expectations_) expectation.notice(axis, message);
+  const auto concerns = [&](const Watch& watch) { return is_of(watch.axis(), {}, axis, parts.front()); };
+  for (ExpectationWatch& expectation : expectations_) expectation.notice(parts, concerns);
 }
 
-void Director::hold(RuleRun& rule, const dictionary::Entry& entry, std::span<const std::byte> value) {
-  HeldWrite write{.due = rule.held_until, .entry = &entry, .size = value.size()};
+void Director::hold(RuleRun& rule, const dictionary::Entry& entry, std::span<const std::byte> value, Time due) {
+  HeldWrite write{.due = due, .start = rule.axis->starts(), .entry = &entry, .size = value.size()};
   std::copy(value.begin(), value.end(), write.bytes.begin());
   rule.held_writes.push_back(write);
   at(write.due, [this, number = rule.number] {
@@ -371,13 +385,11 @@ void Director::hold(RuleRun& rule, const dictionary::Entry& entry, std::span<con
   });
 }
 
-void Director::forget(const line::Axis& axis) {
-  for (const auto& rule : rules_) {
-    if (rule->axis != &axis) continue;
-    rule->held_writes.clear();
-    rule->held_until = {};
-  }
-  std::erase_if(queue_, [&axis](const auto& due) { return due.second.axis == &axis; });
+// A drive forgets the delayed writes when it loses its power or is reset.
+std::optional<Time> Director::held_until(const RuleRun& rule) {
+  const auto& writes = rule.held_writes;
+  if (writes.empty() || writes.back().start != rule.axis->starts()) return std::nullopt;
+  return writes.back().due;
 }
 
 void Director::repeat(const RuleRun& rule, Time when, void (Director::*deed)(RuleRun&)) {
@@ -391,17 +403,10 @@ void Director::release(RuleRun& rule, Time due) {
   while (!rule.held_writes.empty() && rule.held_writes.front().due <= due) {
     const HeldWrite write = rule.held_writes.front();
     rule.held_writes.pop_front();
-    if (rule.axis->powered()) {
+    if (rule.axis->powered() && rule.axis->starts() == write.start) {
       rule.axis->device().bus_dictionary().write_any(*write.entry, std::span(write.bytes).first(write.size));
     }
   }
-}
-
-// The drive has already acknowledged the delayed writes of the rule, so they take effect now. Later writes are not
-// delayed.
-void Director::release_all(RuleRun& rule) {
-  release(rule, Time::max());
-  rule.held_until = {};
 }
 
 void Director::finish() {
@@ -409,12 +414,11 @@ void Director::finish() {
   finished_ = true;
   for (const auto& rule : rules_) {
     end(*rule);
-    release_all(*rule);
+    release(*rule, Time::max());
   }
   for (ExpectationWatch& expectation : expectations_) expectation.finish(now(), facts_);
   // A message that stayed in a mailbox would block it for ever.
-  for (const auto& [when, due] : std::exchange(queue_, {})) due.what();
-  queue_.clear();
+  while (!queue_.empty()) queue_.extract(queue_.begin()).mapped()();
 }
 
 std::vector<RuleReport> Director::rules() const {

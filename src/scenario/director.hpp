@@ -47,6 +47,8 @@ class Director final : public line::Follower {
 
   // The scenario begins at the line's present time. Must be called once, while no other scenario runs on the line.
   void begin();
+  // Ends the former scenario of the line, in whose place this one will begin, and sends the frames that wait in it.
+  void take_over(Director& former);
   // Throws ScenarioError if one of the rules cannot be added.
   void check(const std::vector<Rule>& rules) const;
   // Adds rules to a scenario that has begun and not finished. If one of them does not fit the line, or has the name of
@@ -86,10 +88,12 @@ class Director final : public line::Follower {
   void carry_out(std::span<const Message> datagrams, std::vector<RuleRun*>& acting);
   void passed(line::Axis* axis, const Message& message);
   // Calls `what` at the line's time `when`, or at the end of the scenario if that comes first.
-  void at(Time when, std::function<void()> what) { queue_.emplace(std::max(when, now()), Due{std::move(what)}); }
-  // The same for a message of a drive: it is lost if the drive loses its power first.
+  void at(Time when, std::function<void()> what) { queue_.emplace(std::max(when, now()), std::move(what)); }
+  // The same for a message of a drive: it is lost if the drive loses its power or is reset first.
   void at(Time when, const line::Axis& axis, std::function<void()> what) {
-    queue_.emplace(std::max(when, now()), Due{std::move(what), &axis});
+    at(when, [&axis, start = axis.starts(), what = std::move(what)] {
+      if (axis.starts() == start) what();
+    });
   }
   // Returns the rule of this kind that acts now on the axis, and records its act; nullptr: no rule acts.
   template <typename Kind, typename Fits>
@@ -112,14 +116,12 @@ class Director final : public line::Follower {
   // Records that a rule has acted. If the rule acts on messages, `message` is the message and `packets` the result.
   void act(RuleRun& rule, const Message* message = nullptr, const Packets* packets = nullptr);
   void end(RuleRun& rule);
-  // Delays a write of the rule's object until RuleRun::held_until.
-  void hold(RuleRun& rule, const dictionary::Entry& entry, std::span<const std::byte> value);
+  // Delays a write of the rule's object.
+  void hold(RuleRun& rule, const dictionary::Entry& entry, std::span<const std::byte> value, Time due);
+  // The time at which the last delayed write of the rule takes effect; nullopt: no write waits.
+  static std::optional<Time> held_until(const RuleRun& rule);
 
  private:
-  struct Due {
-    std::function<void()> what;
-    const line::Axis* axis = nullptr;  // whose message it is
-  };
   struct AxisParts {
     std::unique_ptr<CanStage> can;
     std::unique_ptr<SlaveStage> slave;
@@ -142,36 +144,38 @@ class Director final : public line::Follower {
   // Repeats an act of the rule at `when`, unless the rule has begun again until then.
   void repeat(const RuleRun& rule, Time when, void (Director::*deed)(RuleRun&));
 
-  // A drive without power forgets the writes and loses the messages that the rules delay.
-  void forget(const line::Axis& axis);
-  // Executes the delayed writes that are due.
+  // Executes the delayed writes that are due. Since the drive has acknowledged them, they do not get lost when the rule
+  // ends.
   void release(RuleRun& rule, Time due);
-  void release_all(RuleRun& rule);
   void measure_travel();
   void look(RuleRun& rule, Time now);
   void begin(RuleRun& rule, Time now);
-  void notice(line::Axis* axis, const Message& message);
+  // Tells the conditions of a message, or of the datagrams of a frame: a condition counts the frame once.
+  void notice(line::Axis* axis, std::span<const Message> parts);
+  void notice(line::Axis* axis, const Message& message) { notice(axis, std::span(&message, 1)); }
+  // A message of `axis`, or of its bus if `axis` is nullptr, is one of the axis or bus in question: of `wanted`, or of
+  // `bus` if `wanted` is nullptr. Without both, every message is.
+  bool is_of(const line::Axis* wanted, std::string_view bus, const line::Axis* axis, const Message& message) const;
   bool concerns(const RuleRun& rule, line::Axis* axis, const Message& message) const;
   bool is_on(const line::Axis& axis, std::string_view bus) const;
 
   // deeds.cpp: the effect of an action when its rule begins, and how it is undone.
   static void check_serial(const Rule& rule);
   void check(const RuleRun& rule) const;
-  void do_deed(RuleRun& rule, Time now);
-  void undo_deed(RuleRun& rule, Time now);
+  void do_deed(RuleRun& rule);
+  void undo_deed(RuleRun& rule);
   void send(RuleRun& rule);
   links::CanBus* can_bus(const RuleRun& rule) const;
   line::NamedSerialBus* serial_bus(const RuleRun& rule) const;
-  bool speak(const RuleRun& rule, const Send& send);
+  bool speak(RuleRun& rule, const Send& send);
   void end_connections(const RuleRun& rule);
   void write_own(line::Axis& axis, const SetObject& set);
   void drop_state(line::Axis& axis, const DropState& drop);
   void patch(line::Axis& axis, const PatchSii& patch);
-  void disturb(line::Axis& axis, const DisturbClock& clock, bool ends);
   void raise(RuleRun& rule);
 
-  // machine_states.cpp: the state that the rule holds while it acts. If the rule holds none, the name is empty.
-  MachineState held_by(const RuleRun& rule);
+  // machine_states.cpp: the states that the rule holds while it acts.
+  std::vector<MachineState> held_by(const RuleRun& rule);
   MachineState cable_of(line::Axis& axis);
   // Throws ScenarioError if the axis has no such input, fault or quantity of the plant.
   void check_names(const RuleRun& rule) const;
@@ -192,7 +196,7 @@ class Director final : public line::Follower {
   Facts facts_;
   ActLog acts_;
   std::map<line::Axis*, double> revolutions_;  // at the last tick
-  std::multimap<Time, Due> queue_;
+  std::multimap<Time, std::function<void()>> queue_;
   Time looks_at_{};  // the next tick in which rules and expectations are checked
   bool begun_ = false;
   bool finished_ = false;

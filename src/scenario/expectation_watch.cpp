@@ -19,11 +19,14 @@ ExpectationWatch::ExpectationWatch(const Expectation& expectation, line::Axis* w
   when_.begin();
 }
 
-void ExpectationWatch::notice(const line::Axis* axis, const Message& message) {
-  if (phase_ == Phase::waiting) when_.notice(axis, message);
+void ExpectationWatch::notice(std::span<const Message> parts, const std::function<bool(const Watch&)>& concerns) {
+  const auto tell = [&](Watch& watch) {
+    if (concerns(watch)) watch.notice(parts);
+  };
+  if (phase_ == Phase::waiting) tell(when_);
   if (phase_ == Phase::watching) {
-    if (until_) until_->notice(axis, message);
-    what_.notice(axis, message);
+    if (until_) tell(*until_);
+    tell(what_);
   }
 }
 

@@ -1,5 +1,7 @@
 #pragma once
 
+#include <functional>
+
 #include "scenario/verdict.hpp"
 #include "scenario/watch.hpp"
 
@@ -11,7 +13,8 @@ class ExpectationWatch {
   // The axes of its conditions; nullptr: none.
   ExpectationWatch(const Expectation& expectation, line::Axis* when, line::Axis* what, line::Axis* until);
 
-  void notice(const line::Axis* axis, const Message& message);
+  // Call this for each message. `concerns` tells whether a condition is about it.
+  void notice(std::span<const Message> parts, const std::function<bool(const Watch&)>& concerns);
   // Call this in every tick.
   void look(Time now, const Facts& facts);
   bool decided() const { return phase_ == Phase::decided; }

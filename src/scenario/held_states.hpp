@@ -1,5 +1,6 @@
 #pragma once
 
+#include <cstdint>
 #include <functional>
 #include <map>
 #include <optional>
@@ -10,10 +11,10 @@ namespace servodrome::scenario {
 
 struct RuleRun;
 
-// A state of the machine that has two values, for example a cable, the power of a drive, an injected fault. An input
-// has a third one: none, connected to its switch.
+// A state of the machine, for example of a cable, the power of a drive, an injected fault: 0 or 1, or a number. An
+// input can also have none: it is connected to its switch.
 struct MachineState {
-  using Value = std::optional<bool>;
+  using Value = std::optional<std::int64_t>;
   std::string name;  // the same for all rules that hold this state
   Value held{};      // the value that the rule sets
   std::function<Value()> read;

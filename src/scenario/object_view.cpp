@@ -88,16 +88,15 @@ bool ObjectView::take(const dictionary::Entry& entry, std::span<std::byte> value
   for (RuleRun* rule : rules_) {
     const ObjectAddress* object = object_of(rule->rule->action);
     if (!object->contains(entry.index, entry.sub)) continue;
-    if (director_.now() < rule->held_until) {  // a later write must not take effect before a delayed one
-      director_.hold(*rule, entry, value);
+    if (const auto until = Director::held_until(*rule)) {  // a later write must not take effect before a delayed one
+      director_.hold(*rule, entry, value, *until);
       return false;
     }
     if (rule->phase != RuleRun::Phase::active) continue;
     if (const auto* hold = std::get_if<Hold>(&rule->rule->action)) {
       if (rule->exhausted()) continue;
       director_.act(*rule);
-      rule->held_until = director_.now() + hold->time;
-      director_.hold(*rule, entry, value);
+      director_.hold(*rule, entry, value, director_.now() + hold->time);
       return false;
     }
     const auto* ignore = std::get_if<Ignore>(&rule->rule->action);

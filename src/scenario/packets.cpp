@@ -26,8 +26,7 @@ void Packets::apply(const RuleRun& rule) {
 }
 
 void Packets::change(const Delay& delay, const RuleRun& rule) {
-  const double share = draw(seed_, rule.number + 0x1000, rule.seen);
-  const Time time = delay.time + Time(static_cast<std::int64_t>(share * static_cast<double>(delay.jitter.count())));
+  const Time time = rule.lateness(delay, seed_);
   for (Packet& packet : packets_) packet.late += time;
 }
 
@@ -53,7 +52,7 @@ void Packets::change(const Alter& alter, Packet& packet) {
   if (place < 0 || place >= size) return;
   std::uint8_t& byte = packet.bytes[static_cast<std::size_t>(place)];
   switch (alter.how) {
-    case Alter::How::set: byte = alter.value; break;
+    case Alter::How::set: byte = static_cast<std::uint8_t>(alter.value); break;
     case Alter::How::flip: byte = static_cast<std::uint8_t>(byte ^ alter.value); break;
     case Alter::How::add: byte = static_cast<std::uint8_t>(byte + alter.value); break;
     case Alter::How::swap:

@@ -158,6 +158,10 @@ class Reader {
       } else if (!acts_on_messages(*action) && !makes_messages(*action) && rule.on) {
         reader.complain("on", "does not belong to this action", "leave it out; `when` says when the action begins");
       }
+      const auto* delay = std::get_if<Delay>(&*action);
+      if (delay != nullptr && delay->frames != 0 && rule.on && !is_of_segment(rule.on->kind)) {
+        reader.complain("frames", "is for frames of an EtherCAT segment", "give the time: ms = 5");
+      }
     }
     reader.finish();
     scenario_.rules.push_back(std::move(rule));

@@ -25,16 +25,24 @@ constexpr auto error_state_words = std::to_array<Word<links::ErrorState>>({
     {"bus_off", links::ErrorState::bus_off},
 });
 
+// The least and the greatest value of a key.
+using KeyRange = std::pair<std::int64_t, std::int64_t>;
+template <typename How>
+KeyRange any_number(How) {
+  return {INT64_MIN, INT64_MAX};
+}
+
 // Reads one of the keys of `words`, all integers. Returns which one it is, and its value.
 template <typename How, std::size_t Count>
 std::optional<std::pair<How, std::int64_t>> read_one(TableReader& reader, const std::array<Word<How>, Count>& words,
-                                                     bool required) {
+                                                     bool required, KeyRange (*range)(How) = any_number<How>) {
   std::optional<std::pair<How, std::int64_t>> found;
   std::string names;
   for (const auto& word : words) {
     names += (names.empty() ? "" : ", ") + std::string(word.name);
     std::optional<std::int64_t> number;
-    reader.read(word.name, number);
+    const auto [least, most] = range(word.value);
+    reader.read(word.name, number, least, most);
     if (!number) continue;
     if (found) {
       reader.complain(word.name, "comes with another key of its kind", "give one of them");
@@ -75,14 +83,23 @@ std::vector<std::uint8_t> plain_bytes(TableReader& reader, std::string_view key,
   return bytes;
 }
 
+// Of a byte, except for the place of the byte to swap with. The longest message is a frame of 1500 bytes.
+KeyRange range_of(Alter::How how) {
+  switch (how) {
+    case Alter::How::add: return {-UINT8_MAX, UINT8_MAX};
+    case Alter::How::swap: return {0, 1499};
+    default: return {0, UINT8_MAX};
+  }
+}
+
 Alter read_alter(TableReader& reader, bool required) {
   constexpr auto hows = std::to_array<Word<Alter::How>>(
       {{"set", Alter::How::set}, {"xor", Alter::How::flip}, {"add", Alter::How::add}, {"swap", Alter::How::swap}});
   Alter alter;
   reader.read("byte", alter.byte, -1500, 1500);
-  if (const auto one = read_one(reader, hows, alter.byte.has_value())) {
+  if (const auto one = read_one(reader, hows, alter.byte.has_value(), range_of)) {
     alter.how = one->first;
-    alter.value = static_cast<std::uint8_t>(one->second);
+    alter.value = static_cast<std::uint16_t>(one->second);
     if (!alter.byte) reader.complain("byte", "is missing", "say which byte is changed, from 0");
   }
   if (auto bytes = read_bytes(reader, "bytes", true)) alter.bytes = std::move(*bytes);
@@ -263,8 +280,12 @@ constexpr auto action_table = std::to_array<ActionRow>({
      [](TableReader& reader) -> Action {
        Delay delay;
        reader.read("frames", delay.frames, 1, 1000);
-       if (delay.frames == 0) delay.time = required_time(reader, "ms");
+       const bool by_frames = reader.node("frames") != nullptr;
+       if (!by_frames) delay.time = required_time(reader, "ms");
        delay.jitter = read_time_ms(reader, "jitter_ms").value_or(Time{});
+       if (by_frames && delay.jitter > Time{}) {
+         reader.complain("jitter_ms", "belongs to `ms`", "leave it out, or give the time in place of `frames`");
+       }
        return delay;
      }},
     {"repeat", Scope::messages,

@@ -196,6 +196,19 @@ class Reducer {
 
 }  // namespace
 
+std::string with_names(const std::string& text) {
+  std::vector<Block> blocks = blocks_of(text);
+  unsigned number = 0;
+  for (Block& block : blocks) {
+    if (!block.is("[[rule]]")) continue;
+    ++number;
+    const bool has_name =
+        std::any_of(block.lines.begin(), block.lines.end(), [](const auto& line) { return key_of(line) == "name"; });
+    if (!has_name) block.lines.insert(block.lines.begin() + 1, fmt::format("name = \"rule {}\"", number));
+  }
+  return text_of(blocks);
+}
+
 std::vector<Reduction> reductions(const std::string& text, const std::string& kept) { return Reducer(text).all(kept); }
 
 }  // namespace servodrome::scenario

@@ -26,6 +26,7 @@ struct ObjectMemory {
 // A write that Hold has already acknowledged to the master, but that takes effect later.
 struct HeldWrite {
   Time due{};
+  std::uint32_t start = 0;  // of the drive: Axis::starts
   const dictionary::Entry* entry = nullptr;
   std::array<std::byte, 8> bytes{};
   std::size_t size = 0;
@@ -49,7 +50,12 @@ struct RuleRun {
     ++seen;
     if (fired) ++acts;
   }
-  bool exhausted() const { return rule->times && acts >= *rule->times; }
+  bool exhausted() const {
+    const std::optional<unsigned> most = rule->most_acts();
+    return most && acts >= *most;
+  }
+  // The time by which Delay makes the message late.
+  Time lateness(const Delay& delay, std::uint64_t seed) const;
 
   const Rule* rule;
   line::Axis* axis;  // nullptr: the rule acts on a bus
@@ -60,17 +66,13 @@ struct RuleRun {
   bool begun = false;  // at least once
   bool ready = true;   // `when` has been false since the last beginning
   Time began{};
-  std::uint64_t seen = 0;        // messages that matched since the beginning
-  std::uint64_t acts = 0;        // since the beginning
-  std::uint64_t all_acts = 0;    // acts of earlier runs of the rule
-  std::uint64_t generation = 0;  // number of beginnings
-  Time held_until{};             // of Hold: the time at which the delayed write takes effect
-  std::deque<HeldWrite> held_writes{};
+  std::uint64_t seen = 0;                         // messages that matched since the beginning
+  std::uint64_t acts = 0;                         // since the beginning
+  std::uint64_t all_acts = 0;                     // acts of earlier runs of the rule
+  std::uint64_t generation = 0;                   // number of beginnings
+  std::deque<HeldWrite> held_writes{};            // of Hold
   std::map<std::uint8_t, ObjectMemory> memories;  // by the sub-indices of the rule's object
   std::string error;                              // the reason why the rule could not act
 };
-
-// A random number in [0, 1) that depends only on the arguments.
-double draw(std::uint64_t seed, std::uint64_t stream, std::uint64_t number);
 
 }  // namespace servodrome::scenario

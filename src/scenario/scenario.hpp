@@ -53,6 +53,9 @@ enum class MessageKind : std::uint8_t {
 };
 using MessageKinds = std::bitset<static_cast<std::size_t>(MessageKind::count)>;
 
+// Frames of an EtherCAT segment.
+inline bool is_of_segment(MessageKind kind) { return kind == MessageKind::cycle || kind == MessageKind::frame; }
+
 struct ObjectAddress {
   std::uint16_t index = 0;
   std::optional<std::uint8_t> sub;  // none: all sub-indices
@@ -120,7 +123,7 @@ struct Alter {
   enum class How : std::uint8_t { set, flip, add, swap };
   std::optional<int> byte;  // from 0; negative: from the end, -1 is the last
   How how = How::set;
-  std::uint8_t value = 0;                          // of swap: the place of the other byte
+  std::uint16_t value = 0;                         // of swap: the place of the other byte
   std::vector<std::optional<std::uint8_t>> bytes;  // from byte 0 on; no value: unchanged
   std::optional<std::uint32_t> id;                 // the CAN identifier
 };
@@ -261,6 +264,12 @@ inline bool acts_on_messages(const Action& action) { return action.index() <= Ac
 inline bool makes_messages(const Action& action) {
   return std::holds_alternative<Send>(action) || std::holds_alternative<Emergency>(action);
 }
+// The action has an effect each time that the drive, the slave or a link asks for it.
+inline bool acts_when_asked(const Action& action) {
+  return std::holds_alternative<Ignore>(action) || std::holds_alternative<Hold>(action) ||
+         std::holds_alternative<RefuseState>(action) || std::holds_alternative<DisturbSync0>(action) ||
+         std::holds_alternative<StaleInputs>(action);
+}
 // The action changes the bytes of messages, their length or their number.
 inline bool changes_bytes(const Action& action) {
   return std::holds_alternative<Alter>(action) || std::holds_alternative<Repeat>(action) ||
@@ -299,6 +308,13 @@ struct Rule {
   unsigned every = 1;             // the rule then acts on every n-th message
   double chance = 1;              // probability of an act on such a message
   std::optional<Time> lasts;      // duration of the rule
+
+  // The number of acts after which the rule ends; nullopt: no limit. A rule that makes a message makes one.
+  std::optional<unsigned> most_acts() const {
+    const auto* send = std::get_if<Send>(&action);
+    const bool once = makes_messages(action) && !on && (send == nullptr || !send->continuous);
+    return !times && once ? 1 : times;
+  }
 };
 
 struct Expectation {

@@ -101,7 +101,7 @@ links::EthercatInterposer::Return SegmentStage::returns(std::span<std::uint8_t> 
     const auto* delay = std::get_if<Delay>(&rule->rule->action);
     if (delay == nullptr) continue;
     if (delay->frames != 0) hold_back(frame, delay->frames, result);
-    result.delay += delay->time;
+    result.delay += rule->lateness(*delay, director_.seed());
   }
   result.behind = behind_;
   return result;

@@ -1,5 +1,6 @@
 #include "scenario/watch.hpp"
 
+#include <algorithm>
 #include <cmath>
 #include <fmt/format.h>
 
@@ -26,10 +27,10 @@ void Watch::begin() {
   if (axis_ != nullptr) start_revolutions_ = revolutions(*axis_);
 }
 
-void Watch::notice(const line::Axis* axis, const Message& message) {
+void Watch::notice(std::span<const Message> parts) {
   if (!condition_->message || messages_ >= condition_->count) return;
-  if (axis != nullptr && axis_ != nullptr && axis != axis_) return;
-  if (matches(*condition_->message, message)) ++messages_;
+  const auto fits = [this](const Message& part) { return matches(*condition_->message, part); };
+  if (std::any_of(parts.begin(), parts.end(), fits)) ++messages_;
 }
 
 bool Watch::holds(Time now, const Facts& facts) const {

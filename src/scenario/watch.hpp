@@ -23,8 +23,9 @@ class Watch {
 
   // Begins the watch: it counts messages and distances from now on.
   void begin();
-  // Call this for each message between the master and this axis, or the bus if `axis` is nullptr.
-  void notice(const line::Axis* axis, const Message& message);
+  // Call this for each message that the condition is about. The datagrams of a frame are the parts of one message.
+  void notice(std::span<const Message> parts);
+  const line::Axis* axis() const { return axis_; }
   bool holds(Time now, const Facts& facts) const;
   // The present values of the quantities in the condition: "state fault, position 1.25".
   std::string present(const Facts& facts) const;

@@ -198,6 +198,25 @@ TEST(CanRules, AFrameThatIsLateIsLostWithThePower) {
   EXPECT_TRUE(stage.received(0x581).empty());
 }
 
+TEST(CanRules, AFrameThatIsLateIsLostWithAReset) {
+  Stage stage("[[rule]]\non = { message = \"sdo_answer\" }\ndo = \"delay\"\nms = 50\n");
+  EXPECT_TRUE(stage.sdo(sdo_read(1, 0x1000, 0)).empty());
+  stage.send(line::test::nmt(0x82, 1));
+  stage.run(200ms);
+  EXPECT_TRUE(stage.received(0x581).empty());
+}
+
+TEST(CanRules, ABootUpIsLateAlsoAfterAReset) {
+  Stage stage("[[rule]]\non = { message = \"boot_up\" }\ndo = \"delay\"\nms = 50\n");
+  stage.run(2s);
+  EXPECT_EQ(stage.received(0x701).size(), 1U);
+  stage.send(line::test::nmt(0x81, 1));
+  stage.run(45ms);
+  EXPECT_TRUE(stage.received(0x701).empty());
+  stage.run(2s);
+  EXPECT_EQ(stage.received(0x701).size(), 1U);
+}
+
 TEST(CanRules, ADriveWithoutPowerSaysNothing) {
   Stage stage(R"(
 [[rule]]
@@ -230,6 +249,118 @@ state = "bus_off"
   EXPECT_EQ(stage.sdo(sdo_read(1, 0x1000, 0)).size(), 1U);
 }
 
+// Successful frames lower the error counters, and a controller recovers from bus-off; under a rule it does neither.
+TEST(CanRules, AnErrorStateLastsAsLongAsItsRule) {
+  for (const auto& [word, state] : std::vector<std::pair<std::string, links::ErrorState>>{
+           {"passive", links::ErrorState::passive}, {"bus_off", links::ErrorState::bus_off}}) {
+    Stage stage("[[rule]]\nwhen = { time_ms = 10 }\nfor_ms = 500\ndo = \"error_state\"\nstate = \"" + word + "\"\n");
+    const auto present = [&stage] { return stage.line.buses().front()->bus.error_state(stage.x().port()); };
+    stage.run(20ms);
+    for (int n = 0; n < 5; ++n) {
+      EXPECT_EQ(stage.sdo(sdo_read(1, 0x1000, 0)).size(), word == "passive" ? 1U : 0U);
+    }
+    stage.x().power_off(stage.line.now());
+    stage.x().power_on(stage.line.now());
+    stage.run(100ms);
+    EXPECT_EQ(present(), state) << word;
+    stage.run(500ms);
+    EXPECT_EQ(present(), links::ErrorState::active) << word;
+  }
+}
+
+TEST(CanRules, TwoErrorStatesEndOneAfterTheOther) {
+  Stage stage(R"(
+[[rule]]
+when = { time_ms = 10 }
+for_ms = 100
+do = "error_state"
+state = "passive"
+[[rule]]
+when = { time_ms = 20 }
+for_ms = 200
+do = "error_state"
+state = "bus_off"
+)");
+  const auto present = [&stage] { return stage.line.buses().front()->bus.error_state(stage.x().port()); };
+  stage.run(15ms);
+  EXPECT_EQ(present(), links::ErrorState::passive);
+  stage.run(135ms);
+  EXPECT_EQ(present(), links::ErrorState::bus_off) << "the first rule has ended, the second has not";
+  stage.run(200ms);
+  EXPECT_EQ(present(), links::ErrorState::active);
+}
+
+// ---- The number of acts
+
+TEST(CanRules, ARuleThatSendsEndsWithItsLastFrame) {
+  Stage stage(R"(
+[[rule]]
+name = "frames"
+bus = "can0"
+when = { axis = "x", powered = false }
+again = true
+do = "send"
+id = 0x123
+times = 2
+[[rule]]
+name = "emergency"
+when = { powered = false }
+again = true
+do = "emergency"
+code = 0x1000
+)");
+  for (unsigned n = 1; n <= 3; ++n) {
+    stage.x().power_off(stage.line.now());
+    stage.run(10ms);
+    stage.x().power_on(stage.line.now());
+    stage.run(10ms);
+    EXPECT_EQ(stage.director.rules()[0].acts, 2 * n);
+    EXPECT_EQ(stage.director.rules()[1].acts, n);
+    EXPECT_EQ(stage.director.rules()[0].phase, RulePhase::waiting);
+  }
+  EXPECT_EQ(stage.received(0x123).size(), 6U);
+}
+
+constexpr std::string_view slow_bus = R"(
+clock = "virtual"
+[[bus]]
+name = "can0"
+bit_rate = 125000
+[[axis]]
+name = "x"
+product = "generic402"
+node = 1
+)";
+
+TEST(CanRules, BabbleEndsAfterItsTimes) {
+  Stage stage("[[rule]]\nbus = \"can0\"\ndo = \"babble\"\nid = 1\ntimes = 5\n");
+  stage.run(100ms);
+  EXPECT_EQ(stage.received(1).size(), 5U);
+  EXPECT_EQ(stage.director.rules().front().phase, RulePhase::over);
+}
+
+// The bus is slower than the rule; nothing piles up.
+TEST(CanRules, NoFrameIsSentAfterTheEndOfItsRule) {
+  for (const char* action : {"do = \"babble\"\n", "do = \"send\"\nperiod_ms = 0.05\ntimes = 1000000\n"}) {
+    Stage stage(fmt::format("[[rule]]\nbus = \"can0\"\n{}id = 1\nfor_ms = 100\n", action), slow_bus);
+    stage.run(90ms);
+    EXPECT_GT(stage.received(1).size(), 180U) << "the rule fills the bus";
+    stage.run(11ms);
+    stage.received(1);
+    stage.run(100ms);
+    EXPECT_TRUE(stage.received(1).empty()) << action;
+  }
+}
+
+TEST(CanRules, ASlowBusCarriesAllFramesOfARule) {
+  Stage stage("[[rule]]\nbus = \"can0\"\ndo = \"send\"\nid = 1\nperiod_ms = 0.05\ntimes = 400\n", slow_bus);
+  stage.run(1s);
+  EXPECT_EQ(stage.received(1).size(), 400U);
+  EXPECT_EQ(stage.director.rules().front().acts, 400U);
+}
+
+// ---- Draws
+
 // The same scenario and the same traffic give the same frames at the same nanoseconds.
 TEST(CanRules, DrawsAreRepeated) {
   const auto run = [] {
@@ -257,6 +388,34 @@ chance = 0.2
   EXPECT_EQ(first, run());
   EXPECT_GT(first.second, 15U);
   EXPECT_LT(first.second, 70U);
+}
+
+TEST(CanRules, AnotherRuleDoesNotChangeTheDraws) {
+  const std::string drawing = R"(
+[[rule]]
+name = "drawing"
+on = { message = "sdo_answer" }
+do = "delay"
+ms = 1
+jitter_ms = 5
+chance = 0.5
+)";
+  const std::string other = "[[rule]]\nname = \"other\"\ndo = \"show\"\nobject = \"6078\"\nvalue = 3\n";
+  const auto run = [](const std::string& rules) {
+    Stage stage("seed = 7\n" + rules);
+    line::test::Recorder recorder(stage.line.buses().front()->bus);
+    for (int n = 0; n < 50; ++n) {
+      stage.send(sdo_read(1, 0x6041, 0));
+      stage.run(10ms);
+    }
+    return recorder.text();
+  };
+  const std::string alone = run(drawing);
+  EXPECT_EQ(run(other + drawing), alone);
+  EXPECT_EQ(run(drawing + other), alone);
+  std::string renamed = drawing;
+  renamed.replace(renamed.find("drawing"), 7, "another");
+  EXPECT_NE(run(renamed), alone);
 }
 
 }  // namespace

@@ -1,5 +1,6 @@
 // Rules on the frames of an EtherCAT segment, as a master sees them.
 #include <gmock/gmock.h>
+#include <set>
 
 #include "scenario/segment.hpp"
 
@@ -37,6 +38,84 @@ times = 1
   EXPECT_THAT(ask(), ElementsAre(1, 0, 1));
   EXPECT_THAT(ask(), ElementsAre(1, 1, 1));
   EXPECT_EQ(segment.acts(), 1U);
+}
+
+// A frame counts once, whatever the number of its datagrams.
+TEST(EthercatFrameRules, AConditionCountsFrames) {
+  SegmentUnderRules segment(R"(
+[[rule]]
+when = { message = { message = "frame", command = "APRD" }, count = 3 }
+do = "show"
+object = "6041"
+value = 0
+)");
+  for (unsigned n = 1; n <= 3; ++n) {
+    segment.ask({{Command::aprd, segment.first(al_status)}, {Command::aprd, segment.first(0x0000)}});
+    segment.run(1ms);
+    EXPECT_EQ(segment.acts(), n == 3 ? 1U : 0U) << n;
+  }
+}
+
+// A frame of another segment is none of this axis, and none of this bus.
+TEST(EthercatFrameRules, AConditionCountsFramesOfItsSegment) {
+  const std::string two_segments = std::string(one_slave) + R"(
+bus = "ecat"
+[[axis]]
+name = "y"
+product = "generic402-ec"
+bus = "other"
+[[bus]]
+name = "other"
+type = "ethercat"
+)";
+  SegmentUnderRules segment(R"(
+[[rule]]
+name = "of the axis"
+axis = "y"
+when = { message = { message = "frame" } }
+do = "show"
+object = "6041"
+value = 0
+[[rule]]
+name = "of the bus"
+bus = "other"
+when = { message = { message = "frame" } }
+do = "cable"
+[[rule]]
+name = "of the first"
+axis = "x"
+when = { message = { message = "frame" } }
+do = "show"
+object = "6041"
+value = 0
+)",
+                            two_segments);
+  segment.ask({{Command::brd, 0x0000}});
+  segment.run(1ms);
+  EXPECT_EQ(segment.acts(0), 0U);
+  EXPECT_EQ(segment.acts(1), 0U);
+  EXPECT_EQ(segment.acts(2), 1U);
+}
+
+TEST(EthercatFrameRules, AFrameComesLateByADrawnTime) {
+  SegmentUnderRules segment(R"(
+[[rule]]
+on = { message = "frame" }
+do = "delay"
+ms = 1
+jitter_ms = 4
+)");
+  std::set<Time> times;
+  for (int n = 0; n < 10; ++n) {
+    segment.send({{Command::brd, 0x0000}});
+    const Time before = segment.line.now();
+    ASSERT_THAT(segment.receive(10ms), SizeIs(1));
+    const Time late = segment.line.now() - before;
+    EXPECT_GE(late, 1ms);
+    EXPECT_LE(late, 5ms + 100us);
+    times.insert(late);
+  }
+  EXPECT_GT(times.size(), 5U);
 }
 
 TEST(EthercatFrameRules, ACycleCountsTooMuch) {

@@ -1,4 +1,4 @@
-// Rules on one EtherCAT slave: its states, its slave information, its clock, its mailbox and its process data.
+// Rules on one EtherCAT slave: its states, its slave information, its mailbox and its process data.
 #include <gmock/gmock.h>
 
 #include "master/ethercat/coe_objects.hpp"
@@ -106,6 +106,28 @@ code = 0
   EXPECT_EQ(segment.read(al_status_code), 0U);
 }
 
+TEST(EthercatStateRules, ARefusalEndsWithItsTimesAndComesAgain) {
+  SegmentUnderRules segment(R"(
+[[rule]]
+when = { al = "pre_operational" }
+again = true
+do = "al_refuse"
+to = "safe_operational"
+code = 0x0024
+times = 1
+)");
+  for (unsigned n = 1; n <= 2; ++n) {
+    segment.scan().to_pre_operational();
+    segment.run(2ms);
+    EXPECT_THAT(problem_of([&] { segment.operate(); }), HasSubstr("0024h")) << n;
+    segment.run(1ms);
+    EXPECT_EQ(segment.director.rules().front().phase, RulePhase::waiting);
+    EXPECT_EQ(segment.acts(), n);
+    segment.slaves.front()->to_init();
+    segment.run(2ms);
+  }
+}
+
 TEST(EthercatStateRules, AWatchdogThatNeverTrips) {
   SegmentUnderRules segment(R"(
 [[rule]]
@@ -157,78 +179,6 @@ word = 8
 value = 0x0002
 )");
   EXPECT_EQ(segment.scan().found().sii.identity.vendor_id & 0xFFFFU, 2U);
-}
-
-// ---- Clock and SYNC0
-
-// The time of the frames of counted_in_a_second(), which counts as well.
-constexpr double frame_time_ns = 3000;
-
-// The difference to one second of the time that the slave's clock counts while the line runs for a second, in ns.
-std::int64_t counted_in_a_second(SegmentUnderRules& segment) {
-  const auto time = [&] {
-    segment.ask({{Command::bwr, segment.first(0x0900), 4}});
-    return segment.read(0x0918, 8);
-  };
-  const std::uint64_t before = time();
-  segment.run(1s);
-  return static_cast<std::int64_t>(time() - before) - 1'000'000'000;
-}
-
-TEST(EthercatClockRules, TheClockJumps) {
-  SegmentUnderRules segment("[[rule]]\nwhen = { time_ms = 500 }\ndo = \"clock\"\njump_ns = -300000\n");
-  EXPECT_NEAR(static_cast<double>(counted_in_a_second(segment)), -300'000, frame_time_ns);
-  EXPECT_NEAR(static_cast<double>(counted_in_a_second(segment)), 0, frame_time_ns);
-}
-
-TEST(EthercatClockRules, TheOscillatorIsWrong) {
-  SegmentUnderRules segment("[[rule]]\ndo = \"clock\"\nppm = 900\nfor_ms = 1500\n");
-  EXPECT_NEAR(static_cast<double>(counted_in_a_second(segment)), 900'000, frame_time_ns);
-  segment.run(500ms);
-  EXPECT_NEAR(static_cast<double>(counted_in_a_second(segment)), 0, frame_time_ns) << "the rule has ended";
-}
-
-TEST(EthercatClockRules, TheClockStands) {
-  SegmentUnderRules segment("[[rule]]\nwhen = { time_ms = 500 }\nfor_ms = 200\ndo = \"clock\"\nstop = true\n");
-  EXPECT_NEAR(static_cast<double>(counted_in_a_second(segment)), -200e6, 200e3);
-}
-
-std::string sync0_in_operational(const std::string& how) {
-  return "[[rule]]\nwhen = { al = \"operational\" }\ndo = \"sync0\"\n" + how + "\n";
-}
-
-TEST(EthercatClockRules, Sync0IsMissing) {
-  SegmentUnderRules segment(sync0_in_operational("how = \"missing\""));
-  segment.operate_until_rules(true);
-  segment.master.wait(20ms);
-  EXPECT_EQ(segment.slave().state(), AlState::safe_operational);
-  EXPECT_EQ(segment.slave().status_code(), AlStatusCode::fatal_sync_error);
-  EXPECT_GE(segment.acts(), 1U);
-}
-
-TEST(EthercatClockRules, Sync0IsMissingFromTheStart) {
-  SegmentUnderRules segment("[[rule]]\ndo = \"sync0\"\nhow = \"missing\"\n");
-  EXPECT_THAT(problem_of([&] { segment.operate(true); }), HasSubstr("002Dh"));
-}
-
-TEST(EthercatClockRules, Sync0ComesTwice) {
-  SegmentUnderRules segment(sync0_in_operational("how = \"twice\""));
-  segment.operate_until_rules(true);
-  segment.master.wait(50ms);
-  EXPECT_EQ(segment.slave().state(), AlState::safe_operational);
-  EXPECT_EQ(segment.slave().status_code(), AlStatusCode::synchronization_error);
-}
-
-// The outputs still act, and the slave stays in Operational.
-TEST(EthercatClockRules, Sync0ComesLate) {
-  SegmentUnderRules segment(sync0_in_operational("late_us = 300"));
-  master::CyclicExchange& exchange = segment.operate_until_rules(true);
-  segment.master.wait(50ms);
-  EXPECT_EQ(segment.slave().state(), AlState::operational);
-  EXPECT_GE(segment.acts(), 40U);
-  exchange.output(0, {0x607A, 0})->set<std::int32_t>(77);
-  segment.master.wait(3ms);
-  EXPECT_EQ(segment.x().device().dictionary().number(0x607A), 77);
 }
 
 // ---- Process data

@@ -165,6 +165,37 @@ TEST(ObjectRules, AWriteThatIsHeldIsLostWithThePower) {
   EXPECT_EQ(own(), before);
 }
 
+TEST(ObjectRules, AWriteThatIsHeldIsLostWithARestart) {
+  const std::vector<std::pair<std::string, std::function<void(Stage&)>>> restarts{
+      {"power cycle",
+       [](Stage& stage) {
+         stage.x().power_off(stage.line.now());
+         stage.x().power_on(stage.line.now());
+       }},
+      {"reset node", [](Stage& stage) { stage.send(line::test::nmt(0x81, 1)); }},
+      {"reset communication of all", [](Stage& stage) { stage.send(line::test::nmt(0x82, 0)); }}};
+  for (const auto& [what, restart] : restarts) {
+    SCOPED_TRACE(what);
+    Stage stage("[[rule]]\ndo = \"hold\"\nobject = \"6081\"\nms = 3000\ntimes = 1\n");
+    const auto own = [&stage] { return stage.x().device().dictionary().number(0x6081); };
+    stage.write(0x6081, 4711, 4);
+    restart(stage);
+    stage.run(2s);
+    stage.write(0x6081, 4712, 4);
+    EXPECT_EQ(own(), 4712) << "later writes are not delayed either";
+    stage.run(2s);
+    EXPECT_EQ(own(), 4712);
+  }
+}
+
+TEST(ObjectRules, AResetOfAnotherNodeLosesNoWrite) {
+  Stage stage("[[rule]]\ndo = \"hold\"\nobject = \"6081\"\nms = 300\ntimes = 1\n");
+  stage.write(0x6081, 4711, 4);
+  stage.send(line::test::nmt(0x81, 2));
+  stage.run(1s);
+  EXPECT_EQ(stage.x().device().dictionary().number(0x6081), 4711);
+}
+
 // A master gives up and disables the drive. The delayed write must not enable it afterwards.
 TEST(ObjectRules, AWriteDoesNotOvertakeOneThatIsHeld) {
   Stage stage(held_enable);

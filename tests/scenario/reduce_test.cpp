@@ -12,6 +12,15 @@
 namespace servodrome::scenario::test {
 namespace {
 
+// The default name of a rule depends on its place, and its draws depend on its name.
+TEST(Reductions, StartFromRulesWithNames) {
+  const std::string text =
+      "title = \"t\"\n[[rule]]\ndo = \"power\"\n[[rule]]\nname = \"own\"\n[[rule]]\ndo = \"cable\"\n";
+  EXPECT_EQ(with_names(text),
+            "title = \"t\"\n[[rule]]\nname = \"rule 1\"\ndo = \"power\"\n[[rule]]\nname = \"own\"\n"
+            "[[rule]]\nname = \"rule 3\"\ndo = \"cable\"\n");
+}
+
 constexpr const char* big = R"(title = "big"
 line = "can.toml"
 seed = 3
