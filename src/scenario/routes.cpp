@@ -73,6 +73,7 @@ Json Routes::begin(const std::string& body) {
   const std::string text = reader.string("text").value_or("");
   const std::string file = reader.string("file").value_or("scenario.toml");
   reader.finish();
+  refuse_in_trial();
   begin(text, file, Extra::none);
   return show();
 }
@@ -93,11 +94,18 @@ Director& Routes::begin(const std::string& text, const std::string& file, Extra 
     throw ApiError{422, error.what(), fmt::format("{}: {}", file, error.where()), error.hint()};
   }
   begin(std::move(next));
+  in_trial_ = extra == Extra::standard_expectations;
   return *director_;
+}
+
+void Routes::refuse_in_trial() const {
+  if (!in_trial_) return;
+  throw ApiError{409, "a trial runs, and the scenario is part of it", api_place, "DELETE /api/v1/trial ends the trial"};
 }
 
 // The former scenario ends first, because two scenarios cannot intercept the same messages.
 void Routes::begin(std::unique_ptr<Director> next) {
+  if (director_) next->take_over(*director_);
   director_.reset();
   director_ = std::move(next);
   director_->begin();
@@ -164,6 +172,7 @@ Json Routes::master_ended(const std::string& body) {
 }
 
 Json Routes::end() {
+  refuse_in_trial();
   if (director_) director_->finish();
   line_.changed();
   return show();

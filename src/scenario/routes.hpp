@@ -23,12 +23,17 @@ class Routes {
 
   enum class Extra : std::uint8_t { none, standard_expectations };
   // Begins a scenario in place of the present one, and returns its director, which is valid until the next one begins.
-  // Throws ApiError with line and column of the first error.
+  // With the standard expectations the scenario is a trial. Throws ApiError with line and column of the first error;
+  // the present scenario then goes on.
   Director& begin(const std::string& text, const std::string& file, Extra extra);
   // The director of the present scenario, or of the last one; nullptr: no scenario has begun yet.
   Director* director() const { return director_.get(); }
 
-  // Begins a scenario in place of the present one. Throws ApiError with line and column of the first error.
+  // The trial is over: requests may begin and end scenarios again.
+  void end_trial() { in_trial_ = false; }
+
+  // Begins a scenario in place of the present one. Throws ApiError with line and column of the first error, and
+  // ApiError 409 during a trial.
   api::Json begin(const std::string& body);
   // The rules and verdicts of the present scenario, or of the last one. Throws ApiError 404 if no scenario has begun
   // yet.
@@ -42,14 +47,16 @@ class Routes {
   api::Json remove_rule(const std::string& name);
   // Reports that the master has ended: {"success": true}.
   api::Json master_ended(const std::string& body);
-  // Ends the scenario and decides its expectations.
+  // Ends the scenario and decides its expectations. Throws ApiError 409 during a trial.
   api::Json end();
 
  private:
   void begin(std::unique_ptr<Director> next);
+  void refuse_in_trial() const;
 
   line::Line& line_;
   std::unique_ptr<Director> director_;
+  bool in_trial_ = false;
 };
 
 }  // namespace servodrome::scenario

@@ -47,10 +47,10 @@ constexpr std::array trial_table{
 api::RouteGroup TrialRoutes::group() { return {trial_table, this}; }
 
 scenario::Director& TrialRoutes::director() const {
-  if (record_ == nullptr || director_ == nullptr || scenarios_.director() != director_) {
+  if (record_ == nullptr) {
     throw ApiError{409, "no trial runs", trial_place, "begin one: PUT {\"text\": \"title = ...\"}"};
   }
-  return *director_;
+  return *scenarios_.director();
 }
 
 Json TrialRoutes::begin(const std::string& body) {
@@ -60,11 +60,10 @@ Json TrialRoutes::begin(const std::string& body) {
   const std::string file = reader.string("file").value_or("scenario.toml");
   const double after_s = reader.number("after_s", 0, 60).value_or(3);
   reader.finish();
-  record_.reset();
-  director_ = &scenarios_.begin(text, file, scenario::Routes::Extra::standard_expectations);
+  scenario::Director& begun = scenarios_.begin(text, file, scenario::Routes::Extra::standard_expectations);
   result_ = {};
   result_.path = file;
-  result_.scenario = director_->scenario();
+  result_.scenario = begun.scenario();
   const auto after = std::chrono::duration_cast<line::Time>(std::chrono::duration<double>(after_s));
   record_ = std::make_unique<TrialRecord>(line_, result_.scenario.duration + after);
   return Json{{"title", result_.scenario.title},
@@ -75,11 +74,15 @@ Json TrialRoutes::begin(const std::string& body) {
 Json TrialRoutes::master_ended(const std::string& body) {
   api::BodyReader reader(body);
   reader.required("exit_status");
-  result_.exit_status = static_cast<int>(reader.signed_integer("exit_status").value_or(0));
-  result_.was_ended = reader.boolean("was_ended").value_or(false);
-  result_.master_output = reader.string("output").value_or("");
+  const auto exit_status = static_cast<int>(reader.signed_integer("exit_status").value_or(0));
+  const bool was_ended = reader.boolean("was_ended").value_or(false);
+  std::string output = reader.string("output").value_or("");
   reader.finish();
-  director().master_ended(result_.exit_status == 0 && !result_.was_ended);
+  scenario::Director& its = director();
+  result_.exit_status = exit_status;
+  result_.was_ended = was_ended;
+  result_.master_output = std::move(output);
+  its.master_ended(result_.exit_status == 0 && !result_.was_ended);
   line_.changed();
   return nullptr;
 }
@@ -89,6 +92,7 @@ Json TrialRoutes::end() {
   its.finish();
   record_->complete(result_, its);
   record_.reset();
+  scenarios_.end_trial();
   line_.changed();
   // The trial is sent as text: as an object of api::Json its keys would lose the order that the program's JSON has.
   return Json{{"trial", scenario::json_of(result_).dump(-1, ' ', false, Json::error_handler_t::replace)},

@@ -30,7 +30,6 @@ class TrialRoutes {
   line::Line& line_;
   scenario::Routes& scenarios_;
   std::unique_ptr<TrialRecord> record_;
-  scenario::Director* director_ = nullptr;  // that of this trial; it may have been replaced
   scenario::TrialResult result_;
 };
 

@@ -63,6 +63,24 @@ def test_outcomes_and_reports_are_those_of_the_program(scenarios, tmp_path):
     ]
 
 
+def test_a_refused_request_leaves_the_running_trial():
+    with servodrome.Line.from_file(ROOT / "scenarios/lines/can.toml") as line:
+        line.request("PUT", "trial", {"text": GOOD, "file": "good.toml", "after_s": 0})
+        for method, place, body in (
+            ("PUT", "trial", {"text": BROKEN}),
+            ("PUT", "trial", {"text": 'title = "t"\n[[rule]]\naxis = "nobody"\ndo = "power"\n'}),
+            ("PUT", "scenario", {"text": 'title = "other"\n'}),
+            ("DELETE", "scenario", None),
+        ):
+            with pytest.raises(servodrome.Error):
+                line.request(method, place, body)
+        line.advance(0.5)
+        line.request("POST", "trial/master", {"exit_status": 0})
+        ended = json.loads(line.request("DELETE", "trial")["trial"])
+        assert ended["title"] == "good" and ended["seconds"] == 0.5
+        assert line.request("PUT", "scenario", {"text": 'title = "other"\n'})["title"] == "other"
+
+
 def test_two_runs_are_equal(scenarios):
     first = command(scenarios, "--json", "--jobs", "1", hash_seed="1")
     second = command(scenarios, "--json", "--jobs", "4", hash_seed="2")

@@ -130,6 +130,61 @@ TEST(RulesByHand, ARemovedRuleLeavesWhatItDidNotSwitch) {
   EXPECT_TRUE(left.forced_inputs().empty());
 }
 
+// Frames that a rule has delayed pass at the end of the scenario; the next scenario does not throw them away.
+TEST(RulesByHand, AReplacementLosesNoDelayedFrame) {
+  Bench bench;
+  links::MemoryPort port(bench.line.buses().front()->bus);
+  bench.routes.begin(
+      "title = \"t\"\n[[rule]]\naxis = \"right\"\non = { message = \"sdo_answer\" }\ndo = \"delay\"\nms = 500\n",
+      "s.toml", Routes::Extra::none);
+  bench.line.run_until(10ms);
+  for (int n = 0; n < 3; ++n) {
+    port.send(line::test::sdo_read(2, 0x1000, 0), bench.line.now());
+    bench.line.run_until(bench.line.now() + 10ms);
+  }
+  bench.routes.begin("title = \"next\"\n", "s.toml", Routes::Extra::none);
+  bench.line.run_until(bench.line.now() + 10ms);
+  unsigned answers = 0;
+  while (const auto frame = port.receive()) answers += frame->frame.id == 0x582 ? 1U : 0U;
+  EXPECT_EQ(answers, 3U);
+}
+
+TEST(RulesByHand, DuringATrialNoScenarioReplacesIt) {
+  Bench bench;
+  bench.routes.begin("title = \"trial\"\n", "s.toml", Routes::Extra::standard_expectations);
+  EXPECT_THAT(refusal([&] { bench.routes.begin(body("title = \"other\"\n")); }), HasSubstr("a trial runs"));
+  EXPECT_THAT(refusal([&] { bench.routes.end(); }), HasSubstr("a trial runs"));
+  EXPECT_EQ(bench.routes.show()["title"], "trial");
+  EXPECT_EQ(bench.routes.add_rules(body(hides))["rules"].size(), 1U);
+  bench.routes.director()->finish();
+  bench.routes.end_trial();
+  EXPECT_EQ(bench.routes.begin(body("title = \"other\"\n"))["title"], "other");
+}
+
+// A fault by its cause and by its code is one state.
+TEST(RulesByHand, OneFaultUnderTwoWordsEndsWithItsLastRule) {
+  for (const bool first_ends_first : {true, false}) {
+    Bench bench;
+    line::Axis& right = *bench.line.find_axis("right");
+    const drive::FaultRow* row = nullptr;  // the first one whose cause is not a fault of the plant, too
+    for (unsigned cause = 1; row == nullptr; ++cause) {
+      row = right.device().drive().row(static_cast<drive::Cause>(cause));
+      if (row != nullptr && plant::injection_from_name(drive::name(row->cause))) row = nullptr;
+    }
+    const auto add = [&](const std::string& name, const std::string& fault) {
+      bench.routes.add_rules(
+          body("[[rule]]\nname = \"" + name + "\"\naxis = \"right\"\ndo = \"inject\"\nfault = \"" + fault + "\"\n"));
+    };
+    add("first", std::string(drive::name(row->cause)));
+    add("second", fmt::format("0x{:04X}", row->code));
+    EXPECT_TRUE(right.injected(row->cause));
+    bench.routes.remove_rule(first_ends_first ? "first" : "second");
+    EXPECT_TRUE(right.injected(row->cause));
+    bench.routes.remove_rule(first_ends_first ? "second" : "first");
+    EXPECT_FALSE(right.injected(row->cause));
+  }
+}
+
 // Two rules of one state, ended in both orders: the state returns when the last rule ends.
 TEST(RulesByHand, TwoOfOneStateEndOneAfterTheOther) {
   const std::vector<std::pair<std::string, std::function<bool(line::Line&)>>> states{
