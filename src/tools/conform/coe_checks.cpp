@@ -113,17 +113,25 @@ void assignment_rules(Trial& trial, int row) {
     Trial::skip(fmt::format("{:04X}h is fixed", index));
   trial.expect_refused(fmt::format("write {:04X}h sub 1 while sub 0 is {}", index, count), {},
                        [&] { coe.write<std::uint16_t>(index, 1, first); });
+  const auto restore = [&] {
+    Trial::refusal_of([&] { coe.write<std::uint8_t>(index, 0, 0); });
+    coe.write<std::uint16_t>(index, 1, first);
+    coe.write<std::uint8_t>(index, 0, count);
+  };
   // Assigns a PDO that does not exist.
-  coe.write<std::uint8_t>(index, 0, 0);
-  const auto refusal = Trial::refusal_of([&] {
-    coe.write<std::uint16_t>(index, 1, static_cast<std::uint16_t>(row == 0 ? 0x17FE : 0x1BFE));
-    coe.write<std::uint8_t>(index, 0, 1);
-  });
-  trial.expect(refusal.has_value(), fmt::format("assign a PDO to {:04X}h that there is not", index), "refused",
-               text_of(refusal));
-  Trial::refusal_of([&] { coe.write<std::uint8_t>(index, 0, 0); });
-  coe.write<std::uint16_t>(index, 1, first);
-  coe.write<std::uint8_t>(index, 0, count);
+  try {
+    coe.write<std::uint8_t>(index, 0, 0);
+    const auto refusal = Trial::refusal_of([&] {
+      coe.write<std::uint16_t>(index, 1, static_cast<std::uint16_t>(row == 0 ? 0x17FE : 0x1BFE));
+      coe.write<std::uint8_t>(index, 0, 1);
+    });
+    trial.expect(refusal.has_value(), fmt::format("assign a PDO to {:04X}h that there is not", index), "refused",
+                 text_of(refusal));
+  } catch (const MasterError&) {
+    restore();
+    throw;
+  }
+  restore();
 }
 
 void assignment_in_operation(Trial& trial, int) {

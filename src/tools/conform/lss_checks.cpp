@@ -200,15 +200,20 @@ void fastscan(Trial& trial, int) {
   const LssFrame none{configure_node_id, no_node_id};
   const auto taken = ask_lss(trial, none);
   trial.require(taken && (*taken)[1] == 0, text_of_lss(none), "11 00, taken", text_of_answer(taken));
-  lss.master().switch_all_to_waiting();
-  trial.subject().master().command(NmtCommand::reset_communication, own);
-  bus.run_for(500ms);
-  const bool unconfigured = lss.master().any_unconfigured();
-  trial.expect(unconfigured, "identify non-configured remote slave, after a reset of communication", "50h",
-               "no answer");
-  const auto found = lss.master().fastscan();
-  trial.expect(found && *found == lss.address(), "fastscan", text_of_address(lss.address()),
-               found ? text_of_address(*found) : "no answer");
+  try {
+    lss.master().switch_all_to_waiting();
+    trial.subject().master().command(NmtCommand::reset_communication, own);
+    bus.run_for(500ms);
+    const bool unconfigured = lss.master().any_unconfigured();
+    trial.expect(unconfigured, "identify non-configured remote slave, after a reset of communication", "50h",
+                 "no answer");
+    const auto found = lss.master().fastscan();
+    trial.expect(found && *found == lss.address(), "fastscan", text_of_address(lss.address()),
+                 found ? text_of_address(*found) : "no answer");
+  } catch (const MasterError&) {
+    give_back(trial, lss);
+    throw;
+  }
   const bool back = give_back(trial, lss);
   trial.require(back, fmt::format("configure node-ID {}, then switch state global to waiting", own),
                 fmt::format("the boot-up of node {}", own), "none: switch its power off and on");

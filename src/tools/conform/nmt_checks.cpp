@@ -64,7 +64,8 @@ void transitions(Trial& trial, int) {
 void other_node(Trial& trial, int) {
   need_heartbeat(trial);
   go_to(trial, NmtState::pre_operational);
-  const auto other = static_cast<std::uint8_t>(node(trial) == 127 ? 126 : 127);
+  // Above 127, so that no device of the bus has this node-ID.
+  const auto other = static_cast<std::uint8_t>(node(trial) == 127 ? 254 : 255);
   trial.subject().master().command(NmtCommand::start, other);
   trial.subject().can().bus.run_for(100ms);
   const bool stayed = trial.subject().master().health(node(trial)).state == NmtState::pre_operational;

@@ -1,4 +1,5 @@
 // The TIME service: object 1012h and the time stamp.
+#include "master/canopen/scan.hpp"
 #include "tools/conform/check_tables.hpp"
 #include "tools/conform/frames.hpp"
 #include "tools/conform/trial.hpp"
@@ -32,6 +33,7 @@ void consumer(Trial& trial, int) {
     trial.expect(after == value, "read 1012h", text_of_value(value), text_of_value(after));
   }
   auto& [bus, sdo] = trial.subject().can();
+  if (scan(bus).size() != 1) return;  // the time stamp would set the clocks of the other nodes
   const Watch emergencies(bus, 0x80U + sdo.node_id());
   // 1 January 2024, noon: milliseconds since midnight, days since 1984.
   bus.send(before & 0x7FF, {0x00, 0x2E, 0x93, 0x02, 0x12, 0x39});

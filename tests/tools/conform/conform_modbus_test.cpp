@@ -68,11 +68,13 @@ node = 3
     options.departures = catalogue::product_of(product).departures;
     const line::Product& found = *line::find_product(line::all_products(), product);
     const RegisterList list{found.serial->registers, found.describe().service_table, found.serial->profile->word_order};
-    Subject subject(ModbusAccess{client, 3, list}, {.product = &catalogue::product_of(product)});
+    Subject subject(ModbusAccess{client, 3, list},
+                    {.product = &catalogue::product_of(product), .cancelled = cancelled});
     return run_checks(subject, options);
   }
 
   std::string_view product;
+  std::function<bool()> cancelled{};
   FalseClient::Change to_drive;
   FalseClient::Change from_drive;
   line::Line line;
@@ -183,6 +185,44 @@ TEST_P(ModbusDefects, IsFound) {
   const Report report = rig.run(options);
   EXPECT_THAT(failed(report), testing::ElementsAre(defect.check)) << defect.name << "\n"
                                                                   << text_of(report, {Verdict::pass, Verdict::skipped});
+}
+
+TEST(ConformModbus, ABroadcastWritesNothing) {
+  ModbusRig rig("generic402");
+  unsigned broadcasts = 0;
+  rig.to_drive = [&](Bytes& frame) {
+    if (frame[0] != 0) return;
+    ++broadcasts;
+    EXPECT_EQ(frame[1], 0x03);
+  };
+  const Report report = rig.run({.only = {"modbus.broadcast"}});
+  EXPECT_EQ(report.count(Verdict::pass), 1U);
+  EXPECT_EQ(broadcasts, 1U);
+}
+
+TEST(ConformModbus, ACancelledCheckLeavesTheDriveAsBefore) {
+  ModbusRig rig("generic402");
+  cancel_each_check(rig, buses::modbus);
+}
+
+TEST(ConformModbus, SilenceIsNoRefusal) {
+  ModbusRig rig("generic402");
+  rig.to_drive = [](Bytes& frame) {
+    // A write of the reserved mode 100.
+    if (frame.size() == 8 && frame[1] == 0x06 && frame[4] == 0 && frame[5] == 100) frame[0] = 77;
+    seal(frame);
+  };
+  const Report report = rig.run({.only = {"abort.value-range"}});
+  EXPECT_THAT(failed(report), testing::ElementsAre("abort.value-range"));
+}
+
+// The client knows the registers and would refuse a missing object by itself.
+TEST(ConformModbus, MissingObjectsAreCheckedByTheirRegisterOnly) {
+  const auto checks = all_checks();
+  const auto check =
+      std::find_if(checks.begin(), checks.end(), [](const Check& one) { return one.id == "abort.no-object"; });
+  ASSERT_NE(check, checks.end());
+  EXPECT_EQ(check->buses & buses::modbus, 0U);
 }
 
 }  // namespace

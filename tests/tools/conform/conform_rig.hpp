@@ -2,6 +2,8 @@
 
 #include <fmt/format.h>
 #include <gtest/gtest.h>
+#include <map>
+#include <random>
 
 #include "line/line.hpp"
 #include "line/support.hpp"
@@ -67,6 +69,61 @@ inline std::vector<std::string_view> failed(const Report& report) {
     if (outcome.verdict == Verdict::fail) ids.push_back(outcome.check->id);
   }
   return ids;
+}
+
+// Values of the objects that the drive lets a master write.
+template <typename Rig>
+std::map<std::pair<unsigned, unsigned>, std::int64_t> writable_objects(Rig& rig) {
+  std::map<std::pair<unsigned, unsigned>, std::int64_t> all;
+  const dictionary::Dictionary& objects = rig.line.axes()[0]->device().dictionary();
+  for (const dictionary::Entry& entry : objects.table()) {
+    if (entry.access == dictionary::Access::rw && entry.fixed_size() && entry.index != 0x6040 && entry.index != 0x1003)
+      all[{entry.index, entry.sub}] = objects.number(entry);
+  }
+  return all;
+}
+
+// Cancels each check that enables or moves the axis at random moments. The drive must be off, at rest and as before.
+// CONFORM_MOMENTS: number of moments for each check. Process data overwrite the objects `ignored`.
+template <typename Rig>
+void cancel_each_check(Rig& rig, unsigned bus_kind, const std::vector<unsigned>& ignored = {}) {
+  const char* wanted = std::getenv("CONFORM_MOMENTS");
+  const int moments = wanted != nullptr ? std::atoi(wanted) : 1;
+  std::mt19937 random(1);
+  const auto shaft = [&] { return static_cast<double>(rig.line.axes()[0]->plant().position_counts()); };
+  const auto shown = [&] {
+    return static_cast<double>(rig.line.axes()[0]->device().dictionary().number(0x6064, 0)) - shaft();
+  };
+  for (const Check& check : all_checks()) {
+    if (check.demand == Demand::nothing || (check.buses & bus_kind) == 0) continue;
+    int polls = 0;
+    rig.cancelled = [&polls] {
+      ++polls;
+      return false;
+    };
+    const Report whole = rig.run({.only = {std::string(check.id)}});
+    EXPECT_EQ(text_of(whole, {Verdict::fail}), "");
+    EXPECT_EQ(rig.line.axes()[0]->device().dictionary().number(0x6041, 0) & 0x4F, 0x40) << check.id;
+    const auto before = writable_objects(rig);
+    const double value = shown();
+    for (int moment = 0; moment < moments && polls > 0; ++moment) {
+      int left = std::uniform_int_distribution(0, polls - 1)(random);
+      const std::string where = fmt::format("{} at poll {} of {}", check.id, left, polls);
+      rig.cancelled = [&left] { return --left < 0; };
+      const Report report = rig.run({.only = {std::string(check.id)}});
+      EXPECT_TRUE(report.at_rest) << where;
+      for (const std::string& problem : report.problems) ADD_FAILURE() << where << ": " << problem;
+      EXPECT_EQ(rig.line.axes()[0]->device().dictionary().number(0x6041, 0) & 0x4F, 0x40) << where;
+      const double place = shaft();
+      rig.line.run_until(rig.line.now() + 100ms);
+      EXPECT_NEAR(shaft(), place, 200.0) << where;
+      EXPECT_NEAR(shown(), value, 131072.0 / 25.0) << where;
+      for (const auto& [object, number] : writable_objects(rig)) {
+        if (std::find(ignored.begin(), ignored.end(), object.first) != ignored.end()) continue;
+        EXPECT_EQ(number, before.at(object)) << fmt::format("{:04X}h:{:02X}, {}", object.first, object.second, where);
+      }
+    }
+  }
 }
 
 }  // namespace servodrome::master::conform::test
