@@ -145,6 +145,8 @@ class Axis402 {
   // Throws, with the axis still disabled, if the drive does not keep one of these values. A fault is an error: call
   // reset_fault() first.
   void enable();
+  // The part of enable() that writes the targets, for a caller that sends the controlwords itself.
+  void take_back_targets_before_enabling();
   // disable() and quick_stop() also clear the targets of an axis that is off already, for example after a fault.
   void disable();
   void quick_stop();  // returns when the quick stop is active or over and the axis is at standstill; clears the targets
@@ -239,7 +241,6 @@ class Axis402 {
   // Writes 0 or the present position into a target and reads it back. Returns nullopt if the drive keeps the value or
   // does not have the object, otherwise the reason why not.
   std::optional<std::string> take_back(std::uint16_t index, bool to_present_position);
-  void take_back_targets_before_enabling();
   // True if the shaft comes to rest, judged by its position, within `span`.
   bool rests_within(Time span);
   // Counts of the encoder in a motor revolution. nullopt: the drive does not report them.

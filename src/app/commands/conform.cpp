@@ -174,8 +174,11 @@ void run(const Options& options) {
   }
   for (const std::string& problem : report.problems) fmt::print(stderr, "servodrome: {}\n", problem);
   if (!options.junit.empty()) write_whole_file(options.junit, conform::junit_of(report, drive));
-  if (report.cancelled) throw Failure::did_not_work(fmt::format("interrupted: {} is at rest", subject->where()));
   if (report.lost) throw Failure::did_not_work(fmt::format("{}: the link is lost", subject->where()));
+  if (!report.at_rest) {
+    throw Failure::did_not_work(fmt::format("{}: the axis may be on or move; switch its power off", subject->where()));
+  }
+  if (report.cancelled) throw Failure::did_not_work(fmt::format("interrupted: {} is at rest", subject->where()));
   const std::size_t failures = report.count(Verdict::fail);
   if (failures != 0) {
     throw Failure::did_not_work(

@@ -91,20 +91,14 @@ void stands(Trial& trial, int row) {
                text_of_state(axis.statusword()));
 }
 
-// Without SYNC and PDOs: the target is written once by SDO, before the axis is enabled; the axis must not move.
+// Without SYNC and PDOs: Trial::control() writes the target once, before it enables the axis; the axis must not move.
 void waits(Trial& trial, int row) {
   const CyclicMode& mode = mode_of(row);
   trial.units();
   trial.bring_to(PowerState::switch_on_disabled);
   trial.set_mode(mode.mode);
   const std::int32_t start = trial.position();
-  if (mode.target.bits == 16) {
-    trial.objects().write<std::int16_t>(mode.target.object.index, mode.target.object.sub, 0);
-  } else {
-    const std::int32_t value = mode.is_position ? start : 0;
-    trial.write_if_present<std::int32_t>(mode.target.object.index, mode.target.object.sub, value);
-    if (mode.other_target) trial.write_if_present<std::int32_t>(mode.other_target->object.index, 0, value);
-  }
+  if (mode.other_target) trial.write_if_present<std::int32_t>(mode.target.object.index, mode.target.object.sub, start);
   trial.bring_to(PowerState::operation_enabled);
   if (mode.enable_bits != 0)
     trial.control(static_cast<std::uint16_t>(command_word::enable_operation | mode.enable_bits));
@@ -174,7 +168,7 @@ struct Mean {
 void tracks_velocity(Trial& trial, int row) {
   CyclicRun axis(trial, mode_of(row));
   const AxisUnits unit = trial.units();
-  const double speed = std::min(slow, trial.settings().revolutions);
+  const double speed = trial.slow_enough(slow);
   const double half_way_s = 0.5 * trial.settings().revolutions / speed;
   axis.enable();
   SetPointGenerator generator(axis.period_s());
@@ -301,7 +295,7 @@ struct Motion {
 
 // Starts a motion in this direction and returns when the axis has covered a quarter of the way to `end`.
 Motion set_off(Trial& trial, CyclicRun& axis, int row, double direction) {
-  const double speed = std::min(slow, trial.settings().revolutions);
+  const double speed = trial.slow_enough(slow);
   Motion motion{.start = axis.position(), .end = axis.position() + direction * trial.distance()};
   motion.generator.emplace(axis.period_s());
   motion.generator->reset({0.0, 0.0, 0.0});
@@ -318,7 +312,7 @@ Motion set_off(Trial& trial, CyclicRun& axis, int row, double direction) {
     motion.generator->move_to(direction * trial.distance(), 0.0, limits_of(trial, speed));
   }
   bool moves = false;
-  axis.run(trial.settings().patience, [&] {
+  axis.run(trial.patience_of_way(), [&] {
     if (push) {
       const bool ended = push->step();
       moves = push->turns();

@@ -38,7 +38,8 @@ struct CyclicRun::Slave {
       for (const auto& [index, entries] : before) write(index, entries);
       for (const auto& [index, entries] : assigned) write(index, entries);
     } catch (const MasterError&) {
-      // The slave restores its own mapping at its next power-on.
+      subject.note(
+          fmt::format("{}: 1600h, 1A00h, 1C12h and 1C13h are not restored until its next power-on", subject.where()));
     }
   }
   Slave(const Slave&) = delete;
@@ -84,6 +85,8 @@ CyclicRun::CyclicRun(Trial& trial, const CyclicMode& mode) : trial_(trial), mode
   trial.units();
   trial.bring_to(PowerState::switch_on_disabled);
   trial.set_mode(mode.mode);
+  // The cycles write the target of the mode only: offsets (60B1h, 60B2h) would act as well.
+  Axis402(trial.objects(), {.product = trial.settings().product}).take_back_targets_before_enabling();
   set_gentle_ramps();
   if (mode_.other_target && !has(mode_.target)) mode_.target = *mode_.other_target;
   if (mode_.actual && !has(*mode_.actual)) mode_.actual.reset();
@@ -207,6 +210,7 @@ bool CyclicRun::run(Time span, const std::function<bool()>& each) {
       if (!ends_ && trial_.settings().cancelled && trial_.settings().cancelled()) throw Cancelled{};
       bus_->wait(std::min(bus_->period(), end - bus_->now()));
       bus_->check();
+      if (!ends_) trial_.require_on_way(position());
     }
   } catch (...) {
     each_ = nullptr;
@@ -218,6 +222,7 @@ bool CyclicRun::run(Time span, const std::function<bool()>& each) {
 
 void CyclicRun::enable() {
   control_.reset();
+  trial_.begin_way(position());
   const bool enabled = run(trial_.settings().patience, [this] {
     const bool there = axis_->enable();
     target_ = mode_.is_position ? position() : 0;

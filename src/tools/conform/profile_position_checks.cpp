@@ -38,10 +38,7 @@ bool close_to(Trial& trial, std::int32_t position, std::int32_t target) {
 // Waits until bit 10 is cleared, and then until it is set; it may still be set from the motion before.
 bool arrives(Trial& trial) {
   trial.wait_for(status_bit::target_reached, 0, 100ms);
-  const Time patience =
-      trial.settings().patience +
-      std::chrono::duration_cast<Time>(std::chrono::duration<double>(2.0 * trial.settings().revolutions));
-  return trial.wait_for(status_bit::target_reached, status_bit::target_reached, patience);
+  return trial.wait_for(status_bit::target_reached, status_bit::target_reached, trial.patience_of_way());
 }
 
 void acknowledge(Trial& trial, int) {
@@ -130,7 +127,7 @@ void queue(Trial& trial, int) {
   trial.wait_for(set_point_acknowledge, set_point_acknowledge, 500ms);
   trial.control(command_word::enable_operation);
   std::int32_t furthest = start;
-  const Time end = trial.now() + trial.settings().patience + 2s;
+  const Time end = trial.now() + trial.patience_of_way();
   while (trial.now() < end) {
     const std::int32_t position = trial.position();
     furthest = std::max(furthest, position);
@@ -152,11 +149,11 @@ void change_at_once(Trial& trial, int) {
   trial.wait_for(set_point_acknowledge, set_point_acknowledge, 500ms);
   trial.control(command_word::enable_operation);
   trial.wait_for(set_point_acknowledge, 0, 500ms);
-  const Time deadline = trial.now() + trial.settings().patience;
+  const Time deadline = trial.now() + trial.patience_of_way();
   while (trial.position() < start + trial.distance() / 4 && trial.now() < deadline) trial.wait(2ms);
   set_point(trial, start);
   std::int32_t furthest = start;
-  const Time end = trial.now() + trial.settings().patience + 2s;
+  const Time end = trial.now() + trial.patience_of_way();
   do {
     trial.wait(trial.settings().poll_interval);
     furthest = std::max(furthest, trial.position());
@@ -173,7 +170,7 @@ void not_reached_under_way(Trial& trial, int) {
   const std::int32_t start = trial.position();
   const std::int32_t target = start + trial.distance();
   set_point(trial, target);
-  const Time deadline = trial.now() + trial.settings().patience;
+  const Time deadline = trial.now() + trial.patience_of_way();
   while (trial.position() < start + trial.distance() / 2 && trial.now() < deadline) trial.wait(2ms);
   const std::uint16_t word = trial.statusword();
   const std::int32_t position = trial.position();
@@ -191,7 +188,7 @@ void halts(Trial& trial, int) {
   const std::int32_t start = trial.position();
   const std::int32_t target = start + trial.distance();
   set_point(trial, target);
-  const Time deadline = trial.now() + trial.settings().patience;
+  const Time deadline = trial.now() + trial.patience_of_way();
   while (trial.position() < start + trial.distance() / 4 && trial.now() < deadline) trial.wait(2ms);
   trial.control(command_word::enable_operation | new_set_point | change_immediately | control_bit::halt);
   const bool reached = trial.wait_for(status_bit::target_reached, status_bit::target_reached);

@@ -100,10 +100,13 @@ Report run_checks(Subject& subject, const RunOptions& options) {
   try {
     for (const Check& check : all_checks()) {
       if (!is_wanted(check, options, subject.bus_kind())) continue;
+      if (subject.settings().cancelled && subject.settings().cancelled()) throw Cancelled{};
       if (options.before) options.before(check);
       Outcome outcome;
-      if (report.lost) {
-        outcome = {.check = &check, .verdict = Verdict::skipped, .reason = "the link is lost"};
+      if (report.lost || !report.at_rest) {
+        outcome = {.check = &check,
+                   .verdict = Verdict::skipped,
+                   .reason = report.lost ? "the link is lost" : "the axis could not be brought to rest"};
       } else if (options.safe && check.demand != Demand::nothing) {
         outcome = {.check = &check,
                    .verdict = Verdict::skipped,
@@ -113,13 +116,15 @@ Report run_checks(Subject& subject, const RunOptions& options) {
         outcome = run_check(check, subject, options);
         // Repeats the check once if OP was lost: a computer that sends too late can cause that, while a faulty slave
         // leaves OP again.
+        std::string problem;
         if (outcome.verdict == Verdict::fail && subject.lost_operation()) {
-          subject.settle();
-          if (!subject.is_lost()) outcome = run_check(check, subject, options);
+          problem = subject.settle();
+          if (!subject.is_lost() && subject.is_off()) outcome = run_check(check, subject, options);
         }
-        const std::string problem = subject.settle();
+        problem += subject.settle();
         if (!problem.empty()) report.problems.push_back(std::string(check.id) + ": " + problem);
         report.lost = subject.is_lost();
+        report.at_rest = subject.is_off();
         apply_departures(outcome, options);
       }
       if (options.after) options.after(outcome);
@@ -138,6 +143,8 @@ Report run_checks(Subject& subject, const RunOptions& options) {
   }
   const std::string problem = subject.restore();
   if (!problem.empty()) report.problems.push_back(problem);
+  report.lost = report.lost || subject.is_lost();
+  report.at_rest = subject.is_off();
   return report;
 }
 

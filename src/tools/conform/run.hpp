@@ -30,7 +30,9 @@ struct Report {
   std::vector<Outcome> outcomes;
   std::vector<std::string> problems;  // objects and states that could not be restored
   bool cancelled = false;
-  bool lost = false;  // the drive did not answer any more; the checks after that are skipped
+  // The checks after one of these are skipped.
+  bool lost = false;    // the drive did not answer any more
+  bool at_rest = true;  // false: the axis may be on or move
 
   std::size_t count(Verdict verdict) const;
 };

@@ -34,8 +34,9 @@ void KeptObjects::keep(ObjectAddress object) {
   try {
     before_.emplace_back(object, target_->upload(object));
     kept_.insert(object);
-  } catch (const ObjectError&) {
+  } catch (const ObjectError& error) {
     // Absent or write-only: there is nothing to restore.
+    if (!error.answered()) throw;
   }
 }
 
@@ -45,20 +46,25 @@ void KeptObjects::download(ObjectAddress object, std::span<const std::byte> data
 }
 
 void KeptObjects::wait(Time span) {
-  if (cancelled_ && cancelled_()) throw Cancelled{};
+  if (!ignores_cancellation_ && cancelled_ && cancelled_()) throw Cancelled{};
   target_->wait(span);
 }
 
 std::vector<ObjectAddress> KeptObjects::put_back(const std::function<bool()>& answers) {
   std::vector<ObjectAddress> refused;
   for (; !before_.empty(); before_.pop_back()) {
-    const auto& [object, value] = before_.back();
-    try {
-      if (target_->upload(object) != value) target_->download(object, value);
-    } catch (const MasterError&) {
-      if (!answers()) return refused;
-      refused.push_back(object);
-    }
+    const auto is_restored = [this] {
+      const auto& [object, value] = before_.back();
+      try {
+        if (target_->upload(object) != value) target_->download(object, value);
+      } catch (const MasterError&) {
+        return false;
+      }
+      return true;
+    };
+    if (is_restored()) continue;
+    if (!answers()) return refused;
+    if (!is_restored()) refused.push_back(before_.back().first);
   }
   kept_.clear();
   return refused;
@@ -147,13 +153,15 @@ void Subject::remember() {
   if (*period == 0) sdo.write<std::uint16_t>(0x1017, 0, 0);
 }
 
-bool Subject::is_enabled() {
+std::optional<PowerState> Subject::power_state() {
   const auto word = services().read_if_present<std::uint16_t>(statusword);
-  return word && state_of(*word) == PowerState::operation_enabled;
+  if (!word) return std::nullopt;
+  return state_of(*word);
 }
 
 void Subject::refuse_if_enabled() {
-  if (!is_enabled()) return;
+  const auto state = power_state();
+  if (!state || !operates(*state)) return;
   throw MasterError("the axis is enabled, by another master or from before", where(),
                     "stop and disable it first; the checks begin with an axis at rest");
 }
@@ -179,33 +187,63 @@ void Subject::end_watch() {
   }
 }
 
-// Brings the axis to rest in this order: halt, fault reset, power off.
+// True if the shaft stands for 60 ms before `span` has elapsed, or the drive shows no position. The position decides,
+// because a statusword may be wrong, and 606Ch is noisy.
+bool Subject::stands_within(Time span) {
+  constexpr Time standing = 60ms;
+  constexpr double revolutions = 0.001;  // tolerance: the noise of the encoder and the control loop move the shaft
+  const auto position = [this] {
+    const auto shown = kept_.read_if_present<std::int32_t>(0x6064);
+    return shown ? shown : kept_.read_if_present<std::int32_t>(0x6063);
+  };
+  const double tolerance = units_ ? std::max(2.0, std::abs(units_->position) * revolutions) : 8.0;
+  auto place = position();
+  if (!place) return true;
+  const Time deadline = kept_.now() + span;
+  for (Time since = kept_.now(); kept_.now() - since < standing;) {
+    kept_.wait(settings_.poll_interval);
+    const std::int32_t present = position().value_or(*place);
+    if (std::abs(static_cast<double>(present) - *place) <= tolerance) continue;
+    if (kept_.now() >= deadline) return false;
+    place = present;
+    since = kept_.now();
+  }
+  return true;
+}
+
+// Throws MasterError if the axis is not off and at rest then.
 void Subject::to_rest() {
-  ObjectClient& objects = kept_;
   if (lost_operation()) leave_operation();
   if (ethercat_ && !operation_) {
     // The mailbox must work, because with 6007h = 0 an axis keeps running without process data.
     const AlState state = ethercat_->slave.status().state();
     if (state == AlState::init || state == AlState::bootstrap) ethercat_->slave.to_pre_operational();
-    if (!is_enabled()) return;
   }
+  const auto present = power_state();
+  if (!present) return;
+  // Without operation most checks use the bus only.
+  if (!ethercat_ || operation_ || may_have_torque(*present) || *present == PowerState::fault) switch_off();
+  if (!stands_within(settings_.patience)) {
+    throw MasterError("the shaft turns although the motor is off", where(), "check the brake and the load");
+  }
+}
+
+// In this order: halt or quick stop, fault reset, power off.
+void Subject::switch_off() {
+  ObjectClient& objects = kept_;
   const auto state = [&] { return state_of(objects.read<std::uint16_t>(statusword)); };
   const auto wait_until = [&](const auto& done) {
     const Time deadline = objects.now() + settings_.patience;
     while (!done() && objects.now() < deadline) objects.wait(settings_.poll_interval);
   };
-  if (state() == PowerState::operation_enabled) {
-    objects.write<std::uint16_t>(controlword_index, 0, 0x010F);
-    // Only waits for the end of the halt (ramp 6084h), so two nearly equal positions in a row are sufficient.
-    auto last = objects.read_if_present<std::int32_t>(0x6064);
-    wait_until([&] {
-      objects.wait(20ms);
-      const auto present = objects.read_if_present<std::int32_t>(0x6064);
-      const bool rests = !present || std::abs(std::int64_t{*present} - last.value_or(0)) <= 8;
-      last = present;
-      return rests;
-    });
+  if (operates(state())) {
+    Axis402 axis(objects, {.product = settings_.product});
+    if (!axis.try_to_stop().empty() || !stands_within(settings_.patience)) {
+      objects.write<std::uint16_t>(controlword_index, 0, command_word::quick_stop);
+      stands_within(settings_.patience);
+    }
   }
+  wait_until([&] { return state() != PowerState::fault_reaction_active; });
   if (state() == PowerState::fault) {
     // The cause of the fault may persist until the axis stands still, so the reset is repeated.
     wait_until([&] {
@@ -217,10 +255,15 @@ void Subject::to_rest() {
     });
   }
   objects.write<std::uint16_t>(controlword_index, 0, 0x0000);
+  PowerState last{};
   wait_until([&] {
-    const PowerState now = state();
-    return now == PowerState::switch_on_disabled || now == PowerState::fault;
+    last = state();
+    return last == PowerState::switch_on_disabled || last == PowerState::fault;
   });
+  if (may_have_torque(last)) {
+    throw MasterError(fmt::format("the axis cannot be switched off, it is in {}", drive::name(last)), where(),
+                      "switch the drive's power off");
+  }
 }
 
 // Any answer counts, also a refusal. Brings a node that does not answer to pre-operational and asks once more, because
@@ -251,23 +294,32 @@ bool Subject::answers() {
 }
 
 std::string Subject::settle() {
-  const auto attempt = [this](const auto& action) {
+  constexpr int most_attempts = 3;  // a lost frame must not end the attempt to stop the axis
+  is_lost_ = is_off_ = false;
+  std::string failure;
+  for (int attempt = 0; attempt < most_attempts && !is_off_ && !is_lost_; ++attempt) {
     try {
-      action();
+      to_rest();
+      is_off_ = true;
     } catch (const MasterError& error) {
-      note(error.what());
+      failure = error.what();
       is_lost_ = !answers();
     }
-  };
-  is_lost_ = false;
-  attempt([&] { to_rest(); });
-  if (!is_lost_) {
+  }
+  if (is_off_) {
     for (const ObjectAddress object : kept_.put_back([this] { return answers(); })) {
       note(fmt::format("{}, {}: it does not take back the value from before", where(), text_of(object)));
     }
     is_lost_ = kept_.remembered() != 0;
+  } else {
+    note(failure);
   }
-  if (is_lost_) note(fmt::format("{}: no answer; {} objects are not restored", where(), kept_.remembered()));
+  if (is_lost_) {
+    note(fmt::format("{}: no answer; {} objects are not restored", where(), kept_.remembered()));
+  } else if (!is_off_) {
+    note(fmt::format("{}: the axis may move; {} objects are not restored, because their values could move it", where(),
+                     kept_.remembered()));
+  }
   end_watch();
   return std::exchange(problems_, {});
 }
@@ -279,12 +331,12 @@ std::string Subject::restore() {
   if (ethercat_) {
     leave_operation();
     try {
-      if (al_state_ == AlState::init && !is_lost_) ethercat_->slave.to_init();
+      if (al_state_ == AlState::init && is_off_) ethercat_->slave.to_init();
     } catch (const MasterError& error) {
       note(error.what());
     }
   }
-  if (can_ && !is_lost_) restore_node();
+  if (can_ && is_off_ && !is_lost_) restore_node();
   return std::exchange(problems_, {});
 }
 
@@ -317,10 +369,6 @@ void Subject::restore_node() {
                               // configuration object.
                               return answered(
                                   [&] {
-                                    // If the axis could not be switched off, the drive keeps these two values, so that
-                                    // the axis stops when the heartbeat ends.
-                                    const bool is_of_watch = object.index == 0x1016 || object.index == 0x6007;
-                                    if (is_of_watch && watch_ && is_enabled()) return;
                                     if (can_->sdo.upload(object) != value) can_->sdo.download(object, value);
                                   },
                                   false);

@@ -4,6 +4,7 @@
 #include <map>
 #include <optional>
 #include <set>
+#include <utility>
 
 #include "axis/axis402.hpp"
 #include "axis/cyclic/lost_master.hpp"
@@ -13,6 +14,7 @@
 #include "master/canopen/sdo_client.hpp"
 #include "master/ethercat/coe_objects.hpp"
 #include "master/modbus/objects.hpp"
+#include "master/restored.hpp"
 #include "tools/conform/check.hpp"
 #include "tools/conform/pdo_configuration.hpp"
 
@@ -56,7 +58,9 @@ class KeptObjects final : public ObjectClient {
 
   // All accesses go to `target` from now on.
   void set_target(ObjectClient* target) { target_ = target; }
-  void ignore_cancellation() { cancelled_ = nullptr; }
+  void ignore_cancellation() { ignores_cancellation_ = true; }
+  // Cancellation has no effect as long as the returned object exists.
+  [[nodiscard]] Restored<bool> without_cancellation() { return {ignores_cancellation_, true}; }
 
   std::vector<std::byte> upload(ObjectAddress object) override;
   void download(ObjectAddress object, std::span<const std::byte> data) override;
@@ -67,10 +71,11 @@ class KeptObjects final : public ObjectClient {
   std::string where() const override { return target_->where(); }
   std::optional<Emergency> latest_emergency() override { return target_->latest_emergency(); }
 
-  // Remembers the value of an object that the check will write by raw frames instead of this client.
+  // Remembers the value of an object that the check will write by raw frames instead of this client. Throws ObjectError
+  // if the drive does not answer, because the object could not be restored.
   void keep(ObjectAddress object);
-  // Restores the remembered values, the latest first. Returns the objects that the drive refused or did not confirm.
-  // Calls `answers` after a missing answer; if it returns false, the other objects stay remembered.
+  // Restores the remembered values, the latest first, and tries each twice. Returns the objects that the drive refused
+  // or did not confirm. Calls `answers` after a failure; if it returns false, the other objects stay remembered.
   std::vector<ObjectAddress> put_back(const std::function<bool()>& answers);
   // Number of objects whose values are remembered.
   std::size_t remembered() const { return before_.size(); }
@@ -78,6 +83,7 @@ class KeptObjects final : public ObjectClient {
  private:
   ObjectClient* target_ = nullptr;
   std::function<bool()> cancelled_;
+  bool ignores_cancellation_ = false;
   std::vector<std::pair<ObjectAddress, std::vector<std::byte>>> before_;
   std::set<ObjectAddress> kept_;
 };
@@ -113,7 +119,8 @@ class Subject {
   // the settings define them.
   std::optional<AxisUnits> units();
 
-  // Throws MasterError if the axis is enabled: another master may be moving it, and the checks would interfere.
+  // Throws MasterError if the axis is enabled or a stop is under way: another master may be moving it, and the checks
+  // would interfere.
   void refuse_if_enabled();
 
   // Until end_watch() or settle() the axis stops by itself if this program is killed: on CAN the drive monitors the
@@ -126,18 +133,24 @@ class Subject {
   void note(const std::string& sentence) { problems_ += sentence + "\n"; }
 
   // After a check: brings the axis to rest, resets a fault, switches power off, restores the objects and ends the
-  // watch. Returns the problems, one per line.
+  // watch. Objects are restored only if is_off(), because a value from before, for example a target, could move the
+  // axis. Returns the problems, one per line.
   std::string settle();
+  // True if the last settle() has seen that the motor is off and the shaft at rest.
+  bool is_off() const { return is_off_; }
   // True if the drive did not answer in the last settle().
   bool is_lost() const { return is_lost_; }
-  // After all checks: settle(), and restores the bus state and the objects that a reset of the node has lost, unless
-  // the drive does not answer. Returns the problems, one per line.
+  // After all checks: settle(), and, if is_off(), restores the bus state and the objects that a reset of the node has
+  // lost. Returns the problems, one per line.
   std::string restore();
 
  private:
   void remember();
   void to_rest();
-  bool is_enabled();
+  void switch_off();
+  bool stands_within(Time span);
+  // nullopt: the drive has no statusword.
+  std::optional<PowerState> power_state();
   bool answers();
   void restore_node();
 
@@ -147,6 +160,7 @@ class Subject {
   std::optional<Master> master_;
   std::string problems_;  // since the last settle(), one per line
   bool is_lost_ = false;
+  bool is_off_ = false;
   std::optional<MasterWatch> watch_;
   std::optional<EthercatAccess> ethercat_;
   std::optional<ModbusAccess> modbus_;

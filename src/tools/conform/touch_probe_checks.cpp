@@ -73,8 +73,7 @@ void prepare(Trial& trial) {
 void move(Trial& trial, std::int32_t target, const std::function<void()>& look) {
   trial.objects().write<std::int32_t>(0x607A, 0, target);
   trial.control(command_word::enable_operation | new_set_point | change_immediately);
-  const Time end = trial.now() + trial.settings().patience +
-                   std::chrono::duration_cast<Time>(std::chrono::duration<double>(8.0 * trial.settings().revolutions));
+  const Time end = trial.now() + trial.patience_of_way();
   const double close = trial.units().position / 100.0;
   do {
     look();

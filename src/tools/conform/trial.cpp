@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <utility>
 
 #include "axis/cia402_words.hpp"
 
@@ -62,17 +63,21 @@ void Trial::require(bool met, std::string sent, std::string expected, std::strin
   if (!expect(met, std::move(sent), std::move(expected), std::move(seen))) throw Ended{};
 }
 
+void Trial::wait(Time span) {
+  constexpr Time between_looks = 10ms;
+  const Time end = now() + span;
+  for (Time left = span; left > Time{}; left = end - now()) {
+    objects().wait(way_ ? std::min(between_looks, left) : left);
+    if (way_) require_on_way(position());
+  }
+}
+
 // ---- Objects ----
 
 Refusal Trial::refusal_in(const ObjectError& error) {
-  if (const auto* sdo = dynamic_cast<const SdoError*>(&error)) {
-    if (!sdo->from_node()) throw MasterError(error.happened(), error.where(), error.remedy());
-    return {sdo->code(), text_of(sdo->code())};
-  }
-  if (const auto* coe = dynamic_cast<const CoeError*>(&error)) {
-    if (!coe->from_slave()) throw MasterError(error.happened(), error.where(), error.remedy());
-    return {coe->code(), text_of(coe->code())};
-  }
+  if (!error.answered()) throw MasterError(error.happened(), error.where(), error.remedy());
+  if (const auto* sdo = dynamic_cast<const SdoError*>(&error)) return {sdo->code(), text_of(sdo->code())};
+  if (const auto* coe = dynamic_cast<const CoeError*>(&error)) return {coe->code(), text_of(coe->code())};
   return {std::nullopt, error.happened()};
 }
 
@@ -98,6 +103,23 @@ bool Trial::expect_taken(const std::string& sent, const std::function<void()>& a
 }
 
 // ---- Power ----
+
+void Trial::control(std::uint16_t word) {
+  if (commands_operation(word) && !operates(state())) {
+    Axis402 axis(objects(), {.product = settings().product});
+    const auto mode = static_cast<OperationMode>(objects().read_if_present<std::int8_t>(0x6061).value_or(0));
+    const bool has_torque_mode =
+        mode == OperationMode::profile_torque || mode == OperationMode::cyclic_synchronous_torque;
+    // The mode is from before, and with a torque of 0 a hanging load would sink.
+    if (!has_chosen_mode_ && has_torque_mode && has_mode(OperationMode::profile_position))
+      axis.set_mode(OperationMode::profile_position);
+    axis.take_back_targets_before_enabling();
+    const bool has_position =
+        objects().read_if_present<std::int32_t>(0x6064) || objects().read_if_present<std::int32_t>(0x6063);
+    if (has_position && !is_homing_) begin_way(position());
+  }
+  objects().write<std::uint16_t>(0x6040, 0, word);
+}
 
 bool Trial::wait_for(std::uint16_t mask, std::uint16_t value, std::optional<Time> patience) {
   const Time deadline = now() + patience.value_or(settings().patience);
@@ -168,7 +190,6 @@ void Trial::bring_to(PowerState wanted) {
 void Trial::enable(OperationMode mode) {
   bring_to(PowerState::switch_on_disabled);
   set_mode(mode);
-  Axis402(objects()).take_back_targets();
   bring_to(PowerState::operation_enabled);
 }
 
@@ -182,6 +203,9 @@ bool Trial::has_mode(OperationMode mode) {
 void Trial::set_mode(OperationMode mode) {
   if (!has_mode(mode)) skip(fmt::format("6502h says that it has no {} mode", master::name(mode)));
   const auto number = static_cast<std::int8_t>(mode);
+  has_chosen_mode_ = true;
+  is_homing_ = mode == OperationMode::homing;
+  if (is_homing_) way_.reset();
   if (const auto refusal = refusal_of([&] { objects().write<std::int8_t>(0x6060, 0, number); })) {
     if (!objects().read_if_present<std::uint32_t>(0x6502)) skip(fmt::format("it has no {} mode", master::name(mode)));
     require(false, fmt::format("6060h = {}", number), "taken, since 6502h has the mode", refusal->text);
@@ -202,6 +226,24 @@ AxisUnits Trial::units() {
   return *units;
 }
 
+Time Trial::patience_of_way() const {
+  return settings().patience +
+         std::chrono::duration_cast<Time>(std::chrono::duration<double>(8.0 * settings().revolutions));
+}
+
+void Trial::begin_way(std::int32_t position) {
+  constexpr double tolerance = 0.02;  // revolutions
+  const auto units = subject_.units();
+  if (units) way_ = {position, units->position * (settings().revolutions + tolerance)};
+}
+
+void Trial::require_on_way(std::int32_t position) {
+  if (!way_ || std::abs(static_cast<double>(position) - way_->middle) <= way_->distance) return;
+  const Way left = *std::exchange(way_, std::nullopt);
+  require(false, "the commands of this check", fmt::format("6064h within {:.0f} of {}", left.distance, left.middle),
+          fmt::format("6064h = {}", position));
+}
+
 std::int32_t Trial::position() {
   const auto position = objects().read_if_present<std::int32_t>(0x6064);
   return position ? *position : objects().read<std::int32_t>(0x6063);
@@ -209,7 +251,7 @@ std::int32_t Trial::position() {
 
 void Trial::gentle_profile(double speed_factor) {
   const AxisUnits unit = units();
-  auto speed = static_cast<std::uint32_t>(whole(unit.velocity * speed_factor));
+  auto speed = static_cast<std::uint32_t>(whole(unit.velocity * std::min(speed_factor, 4.0 * settings().revolutions)));
   const auto greatest = objects().read_if_present<std::uint32_t>(0x607F).value_or(0);
   if (greatest != 0) speed = std::min(speed, greatest);
   const auto acceleration = static_cast<std::uint32_t>(whole(unit.acceleration * 10.0));

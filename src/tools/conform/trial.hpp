@@ -1,5 +1,6 @@
 #pragma once
 
+#include <algorithm>
 #include <fmt/format.h>
 #include <initializer_list>
 
@@ -33,7 +34,8 @@ class Trial {
   KeptObjects& objects() { return subject_.objects(); }
   const SubjectSettings& settings() const { return subject_.settings(); }
   Time now() { return objects().now(); }
-  void wait(Time span) { objects().wait(span); }
+  // Ends the check if the axis leaves the permitted way.
+  void wait(Time span);
 
   // Records an observation. Returns `met`.
   bool expect(bool met, std::string sent, std::string expected, std::string seen);
@@ -63,7 +65,9 @@ class Trial {
 
   std::uint16_t statusword() { return objects().read<std::uint16_t>(0x6041); }
   PowerState state() { return state_of(statusword()); }
-  void control(std::uint16_t word) { objects().write<std::uint16_t>(0x6040, 0, word); }
+  // Before a word that enables the axis, leaves a torque mode that the check has not chosen, and takes back the targets
+  // that would move the axis at once. Throws MasterError if the drive keeps one of them.
+  void control(std::uint16_t word);
   // Polls until the statusword's `mask` bits equal `value`; false after `patience` (default: settings().patience).
   bool wait_for(std::uint16_t mask, std::uint16_t value, std::optional<Time> patience = {});
   bool wait_for(PowerState state, std::optional<Time> patience = {});
@@ -84,10 +88,21 @@ class Trial {
   AxisUnits units();
   // Distance of the motion that the user permits, in position units.
   std::int32_t distance() { return whole(units().position * settings().revolutions); }
+  // Timeout of a motion over twice that distance at half a revolution per second.
+  Time patience_of_way() const;
+  // The permitted way begins at this position, and goes as far as distance() and a small tolerance in both directions.
+  // control() calls it when it enables the axis, except in homing mode, which changes the position value.
+  void begin_way(std::int32_t position);
+  // Ends the check if the position is beyond the permitted way; settle() then stops the axis.
+  void require_on_way(std::int32_t position);
+  // `revolutions_per_second`, or less if --revolutions is small: the permitted way then takes a second.
+  double slow_enough(double revolutions_per_second) const {
+    return std::min(revolutions_per_second, settings().revolutions);
+  }
   std::int32_t position();  // 6064h, or 6063h if the drive does not have 6064h on this bus
   std::int32_t velocity() { return objects().read<std::int32_t>(0x606C); }
-  // Writes 6081h: `speed_factor` revolutions per second, at most 607Fh. Writes 6083h, 6084h and 6085h: ten revolutions
-  // per second squared.
+  // Writes 6081h: `speed_factor` revolutions per second, at most 607Fh and four times the permitted way per second.
+  // Writes 6083h, 6084h and 6085h: ten revolutions per second squared.
   void gentle_profile(double speed_factor = 1.0);
   // Waits until the position does not change any more; false after the patience.
   bool wait_for_rest();
@@ -106,8 +121,16 @@ class Trial {
   bool cause_following_error();
   bool lose_heartbeat();
 
+  struct Way {
+    std::int32_t middle;
+    double distance;
+  };
+
   Subject& subject_;
   Outcome& outcome_;
+  bool has_chosen_mode_ = false;
+  bool is_homing_ = false;
+  std::optional<Way> way_{};
 };
 
 // For example "6040h = 000Fh (enable operation)".

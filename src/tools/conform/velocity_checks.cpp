@@ -18,7 +18,7 @@ void prepare(Trial& trial) {
   trial.control(command_word::enable_operation);
 }
 
-std::int32_t half_a_turn_per_second(Trial& trial) { return Trial::whole(trial.units().velocity * 0.5); }
+std::int32_t slow_velocity(Trial& trial) { return Trial::whole(trial.units().velocity * trial.slow_enough(0.5)); }
 
 bool runs_at(Trial& trial, std::int32_t wanted, Time patience) {
   const Time deadline = trial.now() + patience;
@@ -34,7 +34,7 @@ bool runs_at(Trial& trial, std::int32_t wanted, Time patience) {
 void velocity_reached(Trial& trial, int) {
   prepare(trial);
   for (const std::int32_t sign : {1, -1}) {
-    const std::int32_t wanted = sign * half_a_turn_per_second(trial);
+    const std::int32_t wanted = sign * slow_velocity(trial);
     trial.objects().write<std::int32_t>(0x60FF, 0, wanted);
     trial.wait_for(status_bit::target_reached, 0, 50ms);
     const bool reached = trial.wait_for(status_bit::target_reached, status_bit::target_reached, 1s);
@@ -49,12 +49,15 @@ void velocity_reached(Trial& trial, int) {
 
 void zero_speed_bit(Trial& trial, int) {
   prepare(trial);
+  const std::int32_t wanted = slow_velocity(trial);
+  if (trial.objects().read_if_present<std::uint16_t>(0x606F).value_or(0) >= wanted)
+    Trial::skip("606Fh is not below the velocity that --revolutions allows");
   const bool at_rest = trial.wait_for(speed_is_zero, speed_is_zero, 500ms);
   trial.expect(at_rest, "60FFh = 0 in profile velocity", "bit 12 of 6041h = 1, speed is zero",
                fmt::format("{:04X}h", trial.statusword()));
-  trial.objects().write<std::int32_t>(0x60FF, 0, half_a_turn_per_second(trial));
+  trial.objects().write<std::int32_t>(0x60FF, 0, wanted);
   const bool moving = trial.wait_for(speed_is_zero, 0, 1s);
-  trial.expect(moving, fmt::format("60FFh = {}", half_a_turn_per_second(trial)), "bit 12 of 6041h = 0",
+  trial.expect(moving, fmt::format("60FFh = {}", wanted), "bit 12 of 6041h = 0",
                fmt::format("{:04X}h", trial.statusword()));
   trial.objects().write<std::int32_t>(0x60FF, 0, 0);
   runs_at(trial, 0, 1s);
@@ -62,7 +65,7 @@ void zero_speed_bit(Trial& trial, int) {
 
 void halts(Trial& trial, int) {
   prepare(trial);
-  const std::int32_t wanted = half_a_turn_per_second(trial);
+  const std::int32_t wanted = slow_velocity(trial);
   trial.objects().write<std::int32_t>(0x60FF, 0, wanted);
   trial.require(runs_at(trial, wanted, 1s), fmt::format("60FFh = {}", wanted), "606Ch follows",
                 fmt::format("606Ch = {}", trial.velocity()));
@@ -75,10 +78,7 @@ void halts(Trial& trial, int) {
 
 // With a torque demand of 0 the axis does not move, but bit 10 must still be set.
 void torque_mode(Trial& trial, int) {
-  trial.bring_to(PowerState::switch_on_disabled);
-  trial.set_mode(OperationMode::profile_torque);
-  trial.objects().write<std::int16_t>(0x6071, 0, 0);
-  trial.bring_to(PowerState::operation_enabled);
+  trial.enable(OperationMode::profile_torque);
   const bool reached = trial.wait_for(status_bit::target_reached, status_bit::target_reached, 1s);
   trial.expect(reached, "6071h = 0 in profile torque", "bit 10 of 6041h = 1, torque reached",
                fmt::format("{:04X}h", trial.statusword()));

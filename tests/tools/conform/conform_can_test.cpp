@@ -5,65 +5,12 @@
 
 #include "axis/object_catalogue.hpp"
 #include "canopen/crc16.hpp"
-#include "catalogue/product.hpp"
 #include "links/link_error.hpp"
-#include "tools/conform/conform_rig.hpp"
+#include "tools/conform/conform_can_rig.hpp"
 
 namespace servodrome::master::conform::test {
 namespace conform_can_test {
 namespace {
-
-// Modifies frames between master and drive.
-class FalseClient final : public links::CanClient {
- public:
-  using Change = std::function<bool(Frame&)>;  // false: the frame is lost
-
-  FalseClient(links::CanBus& bus, links::VirtualClock& clock, const Change& to_drive, const Change& from_drive)
-      : client_(bus, clock), to_drive_(to_drive), from_drive_(from_drive) {}
-
-  void send(const Frame& frame) override {
-    Frame changed = frame;
-    if (!to_drive_ || to_drive_(changed)) client_.send(changed);
-  }
-  std::optional<Frame> receive(links::Time timeout) override {
-    auto frame = client_.receive(timeout);
-    if (frame && from_drive_ && !from_drive_(*frame)) return std::nullopt;
-    return frame;
-  }
-
- private:
-  links::MemoryCanClient client_;
-  const Change& to_drive_;
-  const Change& from_drive_;
-};
-
-struct CanRig {
-  explicit CanRig(std::string_view its_product, const std::string& axis_keys = {}, int start_counts = 0)
-      : product(its_product), line(settings_of(line_of(its_product, "can", "node = 5\n" + axis_keys, start_counts))) {
-    bus.run_for(200ms);
-  }
-
-  Report run(RunOptions options = {}) {
-    options.departures = catalogue::product_of(product).departures;
-    // The ISMC drive does not report the units of a revolution.
-    Subject subject(CanAccess{bus, sdo},
-                    {.product = &catalogue::product_of(product),
-                     .units_per_revolution = product == "ismc" ? std::optional(131072.0) : std::nullopt});
-    return run_checks(subject, options);
-  }
-
-  std::string_view product;
-  // The master's last writes.
-  std::int8_t mode = 0;
-  std::uint16_t control = 0;
-  bool writes = false;
-  std::uint16_t before = 0;  // the previous controlword
-  FalseClient::Change to_drive;
-  FalseClient::Change from_drive;
-  line::Line line;
-  Bus bus{std::make_unique<FalseClient>(line.buses()[0]->bus, line, to_drive, from_drive), "mem:", &line};
-  SdoClient sdo{bus, 5};
-};
 
 TEST(ConformCan, TheReferenceDriveIsClean) {
   CanRig rig("generic402");
@@ -89,22 +36,6 @@ TEST(ConformCan, RevolutionsAreThoseOfTheEncoderThatIsFitted) {
 
 // ---- Planted defects: each simulates one wrong behaviour of the reference drive, which a certain check must find ----
 
-bool is_answer(const Frame& frame, std::uint16_t index) {
-  return frame.id == 0x585 && (frame.data[0] & 0xE0) == 0x40 && (frame.data[1] | frame.data[2] << 8) == index;
-}
-bool is_write(const Frame& frame, std::uint16_t index) {
-  return frame.id == 0x605 && (frame.data[0] & 0xE0) == 0x20 && (frame.data[1] | frame.data[2] << 8) == index;
-}
-std::uint16_t word_in(const Frame& frame) { return static_cast<std::uint16_t>(frame.data[4] | frame.data[5] << 8); }
-std::uint32_t number_in(const Frame& frame) {
-  std::uint32_t number = 0;
-  std::memcpy(&number, &frame.data[4], sizeof number);
-  return number;
-}
-void put_word(Frame& frame, unsigned value) {
-  frame.data[4] = static_cast<std::uint8_t>(value);
-  frame.data[5] = static_cast<std::uint8_t>(value >> 8);
-}
 void put_abort(Frame& frame, std::uint32_t code) {
   for (unsigned i = 0; i < 4; ++i) frame.data[4 + i] = static_cast<std::uint8_t>(code >> 8 * i);
 }
@@ -635,7 +566,7 @@ TEST(ConformCan, TheDriveIsAsBeforeIfACallbackThrows) {
   EXPECT_TRUE(master.wait_for_state(5, NmtState::operational, 300ms));
 }
 
-const FalseClient::Change link_fails = [](Frame&) -> bool {
+const FalseCanClient::Change link_fails = [](Frame&) -> bool {
   throw links::LinkError(std::make_error_code(std::errc::connection_reset), "the test");
 };
 

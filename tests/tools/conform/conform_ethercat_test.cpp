@@ -47,11 +47,12 @@ struct EthercatRig {
     const std::vector<FoundSlave> found = scan_slaves(master);
     EthercatSlave slave(master, found.at(0));
     Subject subject(EthercatAccess{master, found, slave, {.cyclic = {.period = 2ms}}},
-                    {.product = &catalogue::product_of(product)});
+                    {.product = &catalogue::product_of(product), .cancelled = cancelled});
     return run_checks(subject, options);
   }
 
   std::string_view product;
+  std::function<bool()> cancelled{};
   FalseClient::Change to_drive;
   FalseClient::Change from_drive;
   line::Line line;
@@ -301,6 +302,11 @@ TEST(ConformEthercat, TheProcessDataAreAsBefore) {
   const Report report = rig.run({.only = {"ip"}});
   EXPECT_EQ(report.count(Verdict::pass), report.outcomes.size()) << text_of(report, {Verdict::fail, Verdict::skipped});
   EXPECT_EQ(mapped(), before);
+}
+
+TEST(ConformEthercat, ACancelledCheckLeavesTheDriveAsBefore) {
+  cancel_each_check<EthercatRig>("generic402-ec", buses::ethercat,
+                                 {0x6060, 0x607A, 0x60FF, 0x6071, 0x60B1, 0x60B2, 0x60B8, 0x60C1, 0x60FE});
 }
 
 TEST(ConformEthercat, SafeNeverMoves) {

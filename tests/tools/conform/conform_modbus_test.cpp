@@ -201,8 +201,7 @@ TEST(ConformModbus, ABroadcastWritesNothing) {
 }
 
 TEST(ConformModbus, ACancelledCheckLeavesTheDriveAsBefore) {
-  ModbusRig rig("generic402");
-  cancel_each_check(rig, buses::modbus);
+  cancel_each_check<ModbusRig>("generic402", buses::modbus);
 }
 
 TEST(ConformModbus, SilenceIsNoRefusal) {

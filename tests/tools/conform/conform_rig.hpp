@@ -86,16 +86,17 @@ std::map<std::pair<unsigned, unsigned>, std::int64_t> writable_objects(Rig& rig)
 // Cancels each check that enables or moves the axis at random moments. The drive must be off, at rest and as before.
 // CONFORM_MOMENTS: number of moments for each check. Process data overwrite the objects `ignored`.
 template <typename Rig>
-void cancel_each_check(Rig& rig, unsigned bus_kind, const std::vector<unsigned>& ignored = {}) {
+void cancel_each_check(std::string_view product, unsigned bus_kind, const std::vector<unsigned>& ignored = {}) {
   const char* wanted = std::getenv("CONFORM_MOMENTS");
   const int moments = wanted != nullptr ? std::atoi(wanted) : 1;
   std::mt19937 random(1);
-  const auto shaft = [&] { return static_cast<double>(rig.line.axes()[0]->plant().position_counts()); };
-  const auto shown = [&] {
-    return static_cast<double>(rig.line.axes()[0]->device().dictionary().number(0x6064, 0)) - shaft();
-  };
   for (const Check& check : all_checks()) {
     if (check.demand == Demand::nothing || (check.buses & bus_kind) == 0) continue;
+    Rig rig(product);  // the axis of a cancelled check stays where it is, so the next check has another one
+    const auto shaft = [&] { return static_cast<double>(rig.line.axes()[0]->plant().position_counts()); };
+    const auto shown = [&] {
+      return static_cast<double>(rig.line.axes()[0]->device().dictionary().number(0x6064, 0)) - shaft();
+    };
     int polls = 0;
     rig.cancelled = [&polls] {
       ++polls;

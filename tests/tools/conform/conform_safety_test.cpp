@@ -1,0 +1,261 @@
+// What the checks do to the axis, its objects and the other devices of the bus, also if something goes wrong.
+#include <gmock/gmock.h>
+
+#include "tools/conform/conform_can_rig.hpp"
+
+namespace servodrome::master::conform::test {
+namespace conform_safety_test {
+namespace {
+
+std::uint16_t state_bits(CanRig& rig) {
+  return static_cast<std::uint16_t>(rig.line.axes()[0]->device().dictionary().number(0x6041, 0) & 0x6F);
+}
+constexpr std::uint16_t bits_enabled = 0x27;
+constexpr std::uint16_t bits_disabled = 0x40;
+constexpr double revolution_counts = 131072.0;
+
+double shaft_of(CanRig& rig) { return static_cast<double>(rig.line.axes()[0]->plant().position_counts()); }
+
+// Targets of another master stay in the drive; the checks enable the axis in its mode.
+TEST(ConformSafety, AStandingTargetDoesNotMoveTheAxisWhenACheckEnablesIt) {
+  struct Standing {
+    std::int8_t mode;
+    std::uint16_t index;
+    std::int32_t value;
+    std::size_t bytes;
+  };
+  for (const Standing& standing :
+       {Standing{3, 0x60FF, 200'000, 4}, Standing{4, 0x6071, 300, 2}, Standing{8, 0x607A, 500'000, 4},
+        Standing{9, 0x60FF, 200'000, 4}, Standing{9, 0x60B1, 200'000, 4}, Standing{10, 0x60B2, 300, 2}}) {
+    CanRig rig("generic402");
+    const auto bytes = std::as_bytes(std::span(&standing.value, 1)).first(standing.bytes);
+    rig.sdo.write<std::int8_t>(0x6060, 0, standing.mode);
+    rig.sdo.download({standing.index, 0}, bytes);
+    const double start = shaft_of(rig);
+    double furthest = 0.0;
+    rig.from_drive = [&](Frame&) {
+      furthest = std::max(furthest, std::abs(shaft_of(rig) - start));
+      return true;
+    };
+    const Report report = rig.run({.only = {"power.transition-4", "power.voltage-enabled", "cst.at-rest"}});
+    EXPECT_EQ(text_of(report, {Verdict::fail, Verdict::skipped}), "");
+    EXPECT_LT(furthest, revolution_counts / 1000.0) << fmt::format("mode {}, {:04X}h", standing.mode, standing.index);
+    EXPECT_EQ(rig.sdo.read<std::int8_t>(0x6060), standing.mode);
+    EXPECT_EQ(rig.sdo.read<std::int32_t>(standing.index), standing.value);
+  }
+}
+
+// The link fails in the halt of the check and is back when the program looks for the drive again.
+TEST(ConformSafety, AfterAGapOfTheLinkTheTargetsAreRestoredOnlyWhenTheAxisIsOff) {
+  constexpr std::int32_t standing = 300'000;
+  CanRig rig("generic402");
+  rig.sdo.write<std::int32_t>(0x60FF, 0, standing);
+  bool is_gap = false;
+  bool was_gap = false;
+  std::vector<std::uint16_t> states;
+  rig.to_drive = [&](Frame& frame) {
+    if (is_write(frame, 0x6040) && word_in(frame) == 0x010F && !was_gap) is_gap = was_gap = true;
+    if (frame.id == 0) is_gap = false;
+    if (is_gap && frame.id == 0x605) return false;
+    if (is_write(frame, 0x60FF) && number_in(frame) == standing) states.push_back(state_bits(rig));
+    return true;
+  };
+  const Report report = rig.run({.only = {"pv.halt"}});
+  EXPECT_TRUE(was_gap);
+  EXPECT_FALSE(report.lost);
+  EXPECT_TRUE(report.at_rest);
+  EXPECT_THAT(states, testing::ElementsAre(bits_disabled));
+  EXPECT_EQ(state_bits(rig), bits_disabled);
+  EXPECT_EQ(rig.sdo.read<std::int32_t>(0x60FF), standing);
+}
+
+TEST(ConformSafety, AnAxisThatCannotBeSwitchedOffEndsTheRunAndKeepsItsObjects) {
+  constexpr std::int32_t standing = 300'000;
+  CanRig rig("generic402");
+  rig.sdo.write<std::int32_t>(0x60FF, 0, standing);
+  bool is_on = false;
+  rig.to_drive = [&](Frame& frame) {
+    if (!is_write(frame, 0x6040)) return true;
+    is_on = is_on || (word_in(frame) & 0x0F) == 0x0F;
+    if (is_on) put_word(frame, 0x000F);
+    return true;
+  };
+  const Report report = rig.run({.watch = false, .only = {"pv.halt", "nmt.guarding"}});
+  ASSERT_EQ(report.outcomes.size(), 2U);
+  EXPECT_EQ(text_of(report.outcomes[1]),
+            text_of({report.outcomes[1].check, Verdict::skipped, "the axis could not be brought to rest"}));
+  EXPECT_FALSE(report.at_rest);
+  ASSERT_FALSE(report.problems.empty());
+  EXPECT_THAT(report.problems[0], testing::HasSubstr("the axis may move"));
+  EXPECT_EQ(state_bits(rig), bits_enabled);
+  EXPECT_EQ(rig.sdo.read<std::int32_t>(0x60FF), 0);
+}
+
+// With 100 position units in a revolution two positions 20 ms apart are nearly equal while the axis turns.
+TEST(ConformSafety, TheAxisHasStoppedBeforeItsPowerIsSwitchedOffWhateverTheUnits) {
+  CanRig rig("generic402");
+  rig.sdo.write<std::uint32_t>(0x6092, 1, 100);
+  rig.sdo.write<std::uint32_t>(0x6092, 2, 1);
+  int left = -1;
+  double fastest_without_power = 0.0;
+  double last = shaft_of(rig);
+  Time last_time{};
+  rig.to_drive = [&](Frame& frame) {
+    if (is_write(frame, 0x60FF) && number_in(frame) != 0) left = 8;  // the axis is accelerating
+    return true;
+  };
+  rig.from_drive = [&](Frame&) {
+    const Time span = rig.bus.now() - last_time;
+    if (span < 5ms) return true;
+    const double speed = std::abs(shaft_of(rig) - last) / std::chrono::duration<double>(span).count();
+    if (state_bits(rig) != bits_enabled && last_time != Time{})
+      fastest_without_power = std::max(fastest_without_power, speed);
+    last = shaft_of(rig);
+    last_time = rig.bus.now();
+    return true;
+  };
+  Subject subject(CanAccess{rig.bus, rig.sdo}, {.cancelled = [&] { return left > 0 && --left == 0; }});
+  const Report report = run_checks(subject, {.only = {"pv.halt"}});
+  EXPECT_TRUE(report.cancelled);
+  EXPECT_TRUE(report.at_rest);
+  EXPECT_LT(fastest_without_power, revolution_counts / 20.0);
+}
+
+// A drive that takes a relative target for an absolute one would turn by revolutions.
+TEST(ConformSafety, AWrongMotionEndsAtThePermittedWay) {
+  for (const double revolutions : {0.1, 0.5}) {
+    CanRig rig("generic402", "", 1'000'000);
+    rig.to_drive = [&](Frame& frame) {
+      if (is_write(frame, 0x6040)) put_word(frame, word_in(frame) & ~0x40U);
+      return true;
+    };
+    const double start = shaft_of(rig);
+    double furthest = 0.0;
+    rig.from_drive = [&](Frame&) {
+      furthest = std::max(furthest, std::abs(shaft_of(rig) - start));
+      return true;
+    };
+    Subject subject(CanAccess{rig.bus, rig.sdo}, {.revolutions = revolutions});
+    const Report report = run_checks(subject, {.only = {"pp.relative"}});
+    EXPECT_THAT(failed(report), testing::ElementsAre("pp.relative"));
+    EXPECT_LT(furthest, revolution_counts * (revolutions + 0.15));
+    EXPECT_EQ(state_bits(rig), bits_disabled);
+  }
+}
+
+TEST(ConformSafety, RevolutionsLimitTheMotionsOfTheProfileModes) {
+  for (const double revolutions : {0.05, 0.5, 4.0}) {
+    CanRig rig("generic402");
+    double start = 0.0;
+    double furthest = 0.0;
+    rig.from_drive = [&](Frame&) {
+      furthest = std::max(furthest, std::abs(shaft_of(rig) - start));
+      return true;
+    };
+    Subject subject(CanAccess{rig.bus, rig.sdo}, {.revolutions = revolutions});
+    run_checks(subject, {.only = {"pp", "pv", "fault", "homing", "probe.off"},
+                         .before =
+                             [&](const Check&) {
+                               start = shaft_of(rig);
+                               furthest = 0.0;
+                             },
+                         .after =
+                             [&](const Outcome& outcome) {
+                               EXPECT_NE(outcome.verdict, Verdict::fail) << revolutions << "\n" << text_of(outcome);
+                               EXPECT_LE(furthest, revolution_counts * (revolutions + 0.02)) << outcome.check->id;
+                             }});
+  }
+}
+
+// Interrupts each moment of the homing checks: the position value must be as before.
+TEST(ConformSafety, AnInterruptedHomingCheckRestoresThePositionValue) {
+  constexpr int start_counts = 1'000'000;
+  int restored = 0;
+  bool is_cancelled = true;
+  for (int polls = 1; is_cancelled; ++polls) {
+    CanRig rig("generic402", "", start_counts);
+    int left = polls;
+    Subject subject(CanAccess{rig.bus, rig.sdo}, {.cancelled = [&] { return --left < 0; }});
+    const double value = rig.sdo.read<std::int32_t>(0x6064) - shaft_of(rig);
+    const Report report = run_checks(subject, {.only = {"homing.attained", "homing.offset"}});
+    is_cancelled = report.cancelled;
+    restored += is_cancelled ? 1 : 0;
+    EXPECT_TRUE(report.at_rest);
+    EXPECT_EQ(text_of(report, {Verdict::fail}), "");
+    EXPECT_EQ(state_bits(rig), bits_disabled);
+    EXPECT_NEAR(rig.sdo.read<std::int32_t>(0x6064) - shaft_of(rig), value, revolution_counts / 25.0) << polls;
+  }
+  EXPECT_GT(restored, 5);
+}
+
+TEST(ConformSafety, ALostAnswerInHomingDoesNotLoseThePositionValue) {
+  CanRig rig("generic402", "", 1'000'000);
+  bool is_homed = false;
+  int lost = 0;
+  rig.to_drive = [&](Frame& frame) {
+    is_homed = is_homed || (is_write(frame, 0x6040) && word_in(frame) == 0x001F);
+    if (!is_homed || lost == 4 || frame.id != 0x605 || is_write(frame, 0x6040)) return true;
+    ++lost;  // a read, its retry, and the abort after each
+    return false;
+  };
+  const double value = rig.sdo.read<std::int32_t>(0x6064) - shaft_of(rig);
+  const Report report = rig.run({.only = {"homing.attained"}});
+  EXPECT_EQ(lost, 4);
+  EXPECT_THAT(failed(report), testing::ElementsAre("homing.attained"));
+  EXPECT_NEAR(rig.sdo.read<std::int32_t>(0x6064) - shaft_of(rig), value, revolution_counts / 25.0);
+}
+
+// An object that could not be read must not be written, because it could not be restored.
+TEST(ConformSafety, AnObjectIsWrittenOnlyIfItsValueIsKnown) {
+  CanRig rig("generic402");
+  rig.sdo.write<std::uint32_t>(0x6085, 0, 4711);
+  bool is_running = false;
+  unsigned reads = 0;
+  unsigned writes = 0;
+  rig.to_drive = [&](Frame& frame) {
+    if (!is_running || frame.id != 0x605 || (frame.data[1] | frame.data[2] << 8) != 0x6085) return true;
+    if (is_write(frame, 0x6085)) ++writes;
+    if ((frame.data[0] & 0xE0) == 0x40) ++reads;
+    return reads != 2 && reads != 3;  // the second read, for the value before, and its retry get no answer
+  };
+  const Report report = rig.run({.only = {"pp.acknowledge"}, .before = [&](const Check&) { is_running = true; }});
+  EXPECT_THAT(failed(report), testing::ElementsAre("pp.acknowledge"));
+  EXPECT_EQ(writes, 0U);
+  rig.to_drive = {};
+  EXPECT_EQ(rig.sdo.read<std::uint32_t>(0x6085), 4711U);
+}
+
+TEST(ConformSafety, ACancelledCheckLeavesTheDriveAsBefore) { cancel_each_check<CanRig>("generic402", buses::can); }
+
+TEST(ConformSafety, CancellationEndsARunOfChecksThatDoNotPoll) {
+  CanRig rig("generic402");
+  bool is_cancelled = false;
+  Subject subject(CanAccess{rig.bus, rig.sdo}, {.cancelled = [&] { return is_cancelled; }});
+  const Report report = run_checks(subject, {.only = {"sdo"}, .after = [&](const Outcome&) { is_cancelled = true; }});
+  EXPECT_TRUE(report.cancelled);
+  EXPECT_TRUE(report.at_rest);
+  EXPECT_EQ(report.outcomes.size(), 1U);
+}
+
+// ---- Other devices of the bus ----
+
+TEST(ConformSafety, TheChecksDoNotChangeOtherNodes) {
+  CanRig rig("generic402", "", 0, "\n[[axis]]\nname = \"y\"\nproduct = \"generic402\"\nbus = \"bus\"\nnode = 127\n");
+  SdoClient neighbour(rig.bus, 127);
+  neighbour.write<std::uint16_t>(0x1017, 0, 20);
+  bool is_time_sent = false;
+  rig.to_drive = [&](Frame& frame) {
+    is_time_sent = is_time_sent || frame.id == 0x100;
+    return true;
+  };
+  const Report report = rig.run({.only = {"nmt.other-node", "time.consumer"}});
+  EXPECT_EQ(report.count(Verdict::pass), 2U) << text_of(report, {Verdict::fail, Verdict::skipped});
+  EXPECT_FALSE(is_time_sent);
+  Master master(rig.bus);
+  rig.bus.run_for(100ms);
+  EXPECT_EQ(master.health(127).state, NmtState::pre_operational);
+}
+
+}  // namespace
+}  // namespace conform_safety_test
+}  // namespace servodrome::master::conform::test
