@@ -60,9 +60,16 @@ bool Axis::keeps_software_limits() const {
   return policy.limits.target_beyond != OutOfLimits::fault && software_limits_active();
 }
 
+namespace {
+constexpr double endless = std::numeric_limits<double>::infinity();
+}  // namespace
+
+Axis::Room Axis::kept_room_from(Counts place) const {
+  return keeps_software_limits() ? room_from(place) : Room{endless, endless};
+}
+
 Axis::Room Axis::room_from(Counts place) const {
-  constexpr double endless = std::numeric_limits<double>::infinity();
-  if (!keeps_software_limits()) return {endless, endless};
+  if (!software_limits_active()) return {endless, endless};
   if (const std::int64_t turn = turn_of(place); turn != 0) place -= units.to_counts(turn);
   const UserLimits limits = software_limits();
   const auto [low, high] = std::minmax({units.to_counts(limits.least), units.to_counts(limits.greatest)});
@@ -72,13 +79,13 @@ Axis::Room Axis::room_from(Counts place) const {
 bool Axis::near_software_limit(double velocity, double deceleration) const {
   if (velocity == 0.0 || !keeps_software_limits()) return false;
   const double way = deceleration > 0.0 ? velocity * velocity / (2.0 * deceleration) : 0.0;
-  const Room room = room_from(demand.loop == Loop::position ? generator.nearest_position() : position());
+  const Room room = kept_room_from(demand.loop == Loop::position ? generator.nearest_position() : position());
   return (velocity < 0.0 ? room.below : room.above) < way + std::abs(velocity) * cycle_s;
 }
 
 double Axis::approach_velocity(double velocity, double deceleration) const {
   if (velocity == 0.0 || deceleration <= 0.0) return std::numeric_limits<double>::infinity();
-  const Room room = room_from(generator.nearest_position());
+  const Room room = kept_room_from(generator.nearest_position());
   const double way = velocity < 0.0 ? room.below : room.above;
   if (way < 0.0) return 0.0;
   return std::sqrt(2.0 * deceleration * (way + std::abs(velocity) * cycle_s));

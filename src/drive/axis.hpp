@@ -413,16 +413,17 @@ struct Axis {
   bool runs_into_limit_switch(double direction) const {
     return (active(Signal::negative_limit) && direction < 0.0) || (active(Signal::positive_limit) && direction > 0.0);
   }
-  // The distances to the software limits in counts, for modes without a target position; negative beyond a limit.
-  // Infinite while the limits are off, or if crossing them is a fault.
   bool at_limit(bool positive) const;
+  // The distances to the software limits in counts; negative beyond a limit, infinite while the limits are off.
   struct Room {
     double below;
     double above;
   };
-  bool keeps_software_limits() const;  // instead of raising a fault there
   Room room_from(Counts place) const;
-  Room room() const { return room_from(position()); }  // of the shaft
+  bool keeps_software_limits() const;  // instead of raising a fault there
+  // The distances for modes without a target position. Infinite also if crossing the limits is a fault.
+  Room kept_room_from(Counts place) const;
+  Room kept_room() const { return kept_room_from(position()); }  // of the shaft
   // Returns true if the demand can just come to rest before the software limit ahead with this deceleration
   // (counts/s^2; 0: at once).
   bool near_software_limit(double deceleration) const {

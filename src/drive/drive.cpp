@@ -400,7 +400,12 @@ void Drive::end_identification() {
 
 void Drive::return_to_mode() {
   axis_.take_over_actual();
-  with_mode(*this, [&](auto& mode) { mode.enter(axis_); });
+  axis_.come_to_rest(RampShape::linear);
+  profile_position_.interrupt(axis_, 0);
+  with_mode(*this, [&](auto& mode) {
+    mode.resume(axis_);
+    mode.controlword(axis_, axis_.controlword, axis_.controlword);
+  });
 }
 
 // The mode continues from the present state of the axis. If the identification was not completed, the axis is stopped

@@ -206,7 +206,7 @@ void Drive::set_limits() {
     if (axis_.active(Signal::positive_limit)) demand.velocity_limit_positive = 0.0F;
     if (axis_.active(Signal::negative_limit)) demand.velocity_limit_negative = 0.0F;
     // The greatest speed from which the axis can stop before its software limit.
-    const Axis::Room room = axis_.room();
+    const Axis::Room room = axis_.kept_room();
     const auto approach = [quick = quick_stop_deceleration(), most](double way) {
       if (way <= 0.0) return 0.0F;
       return quick > 0.0 ? static_cast<float>(std::sqrt(2.0 * quick * way)) : most;

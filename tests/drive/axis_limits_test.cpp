@@ -161,7 +161,8 @@ TEST_F(LimitedAxis, RoomToTheLimits) {
   EXPECT_EQ(axis.room_from(0).above, 1000.0);
   axis.units.position_inverted = false;
   policy.limits.target_beyond = OutOfLimits::fault;
-  EXPECT_EQ(axis.room_from(0).above, endless);
+  EXPECT_EQ(axis.kept_room_from(0).above, endless);
+  EXPECT_EQ(axis.room_from(0).above, 2000.0);
   policy.limits.target_beyond = OutOfLimits::clip;
   objects.max_position_range_limit = 9999;
   EXPECT_EQ(axis.room_from(500).above, 1500.0);

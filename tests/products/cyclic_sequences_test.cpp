@@ -2,6 +2,8 @@
 #include <cmath>
 #include <gtest/gtest.h>
 
+#include "jmc_rig.hpp"
+#include "products/ismc/ismc.hpp"
 #include "reference_axis.hpp"
 
 // Cyclic targets, and limits that change in motion, in sequences that the manuals do not show.
@@ -269,6 +271,88 @@ TEST(ModeChange, FromTheVelocityLoopKeepsTheSpeed) {
     }
     EXPECT_GT(least, 4.65) << "0.2 s of a ramp of 1 turn/s2 take 0.2 turns/s";
     EXPECT_LT(greatest, 5.1);
+  }
+}
+
+// Products that refuse targets beyond 607Dh with a fault. `rest`: the shaft's greatest place beyond the limit, turns.
+template <typename RigType>
+void offset_stays_within_limits(RigType& rig) {
+  rig.set(0x6060, 0, 8);
+  rig.set(0x6084, 0, 1'000'000'000);
+  ASSERT_TRUE(rig.enable());
+  rig.run_ms(300);
+  const drive::Axis& axis = rig.device.drive().axis();
+  const double turn = axis.units.counts_per_revolution;
+  const auto limit = axis.units.to_user(axis.position() + std::llround(0.02 * turn));
+  ASSERT_EQ(rig.set(0x607D, 1, limit - axis.units.to_user(std::llround(20.0 * turn))), dictionary::AbortCode::none);
+  ASSERT_EQ(rig.set(0x607D, 2, limit), dictionary::AbortCode::none);
+  for (const double rpm : {300.0, 900.0}) {
+    SCOPED_TRACE(rpm);
+    rig.set(0x60B1, 0, std::llround(rpm / 60.0 * turn / axis.units.velocity));
+    double furthest = -1e9;
+    for (int i = 0; i < 1000; ++i) {
+      rig.run_ms(1);
+      furthest = std::max(furthest, static_cast<double>(axis.position() - axis.units.to_counts(limit)) / turn);
+    }
+    EXPECT_LT(furthest, 0.002);
+    EXPECT_GT(furthest, -0.01) << "the offset acts up to the limit";
+    EXPECT_EQ(rig.device.drive().state(), drive::PowerState::operation_enabled);
+  }
+}
+TEST(VelocityOffset, OfTheJmcStaysWithinSoftwareLimits) {
+  test::JmcRig rig;
+  rig.open_limits();
+  offset_stays_within_limits(rig);
+}
+TEST(VelocityOffset, OfTheIsmcStaysWithinSoftwareLimits) {
+  test::Rig<products::Ismc> rig;
+  offset_stays_within_limits(rig);
+}
+
+// A load that 60B2h (the JMC also: P02-50) holds stays where it is in stops and in other loops.
+template <typename RigType, typename Change>
+void load_stays(RigType& rig, double load, const Change& change) {
+  const double turn = rig.device.drive().axis().units.counts_per_revolution;
+  rig.plant.set_external_torque_nm(-load *
+                                   static_cast<double>(rig.device.drive().configuration().motor.rated_torque_nm));
+  rig.run_ms(1500);
+  change();
+  const auto there = static_cast<double>(rig.plant.position_counts());
+  double off = 0.0;
+  for (int i = 0; i < 300; ++i) {
+    rig.run_ms(1);
+    off = std::max(off, std::fabs(static_cast<double>(rig.plant.position_counts()) - there));
+  }
+  EXPECT_LT(off / turn, 2.0e-4);
+}
+TEST(TorqueOffset, HoldsItsLoadInStopsAndOtherModes) {
+  Reference axis(8);
+  axis.set(0x605A, 0, 6);
+  axis.set(0x60B2, 0, 400);
+  load_stays(axis, 0.4, [] {});
+  const auto after = [&axis](const char* what, auto&& change) {
+    SCOPED_TRACE(what);
+    load_stays(axis, 0.4, change);
+  };
+  after("halt", [&] { axis.control(0x10F); });
+  after("end of the halt", [&] { axis.control(0x0F); });
+  after("profile position", [&] { axis.set(0x6060, 0, 1); });
+  after("cyclic position", [&] { axis.set(0x6060, 0, 8); });
+  after("profile velocity", [&] { axis.set(0x6060, 0, 3); });
+  after("cyclic velocity", [&] { axis.set(0x6060, 0, 9); });
+  after("quick stop", [&] { axis.control(0x0B); });
+  after("enabled again", [&] { axis.control(0x0F); });
+}
+TEST(TorqueOffset, OfTheJmcsPanelHoldsItsLoadInOtherModes) {
+  test::JmcRig rig;
+  rig.open_limits();
+  rig.set(0x6060, 0, 1);
+  ASSERT_TRUE(rig.enable());
+  ASSERT_EQ(rig.set_panel(2, 50, 300), dictionary::AbortCode::none);
+  load_stays(rig, 0.3, [] {});
+  for (const int mode : {3, 1, 9, 8}) {
+    SCOPED_TRACE(mode);
+    load_stays(rig, 0.3, [&] { rig.set(0x6060, 0, mode); });
   }
 }
 

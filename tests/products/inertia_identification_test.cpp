@@ -2,6 +2,7 @@
 #include <cstdio>
 #include <gtest/gtest.h>
 
+#include "jmc_rig.hpp"
 #include "products/generic402/generic402.hpp"
 #include "rig.hpp"
 
@@ -236,6 +237,69 @@ TEST(InertiaEstimator, TooFewWindowsAreNoEstimate) {
   ASSERT_TRUE(estimator.estimate(found));
   EXPECT_EQ(found.windows, 8U);
   EXPECT_NEAR(found.inertia_kgm2, inertia, 0.05 * inertia);
+}
+
+// The end of an identification is no command: a target that a limit switch ended does not act again.
+TEST(InertiaIdentification, WakesNoTargetThatALimitEnded) {
+  for (const int mode : {3, 8, 9}) {
+    SCOPED_TRACE(mode);
+    Bench bench(axis_with(1.0));
+    bench.set(0x6083, 0, 65536 * 20);
+    bench.set(0x6084, 0, 65536 * 20);
+    bench.set(0x6085, 0, 65536 * 100);
+    bench.set(0x6060, 0, mode);
+    bench.run_ms(5);
+    const auto command = [&] { mode == 8 ? bench.set(0x607A, 0, 65536 * 50) : bench.set(0x60FF, 0, 65536 * 3); };
+    command();
+    bench.run_ms(200);
+    EXPECT_GT(bench.plant.velocity_rpm(), 50.0);
+    bench.plant.force_input(1, true);
+    bench.run_ms(500);
+    bench.plant.force_input(1, false);
+    command();
+    bench.run_ms(200);
+    ASSERT_LT(std::fabs(bench.plant.velocity_rpm()), 1.0) << "held";
+    ASSERT_EQ(bench.identify(), Outcome::done);
+    bench.run_ms(300);
+    const auto there = static_cast<double>(bench.plant.position_counts());
+    command();
+    bench.run_ms(500);
+    EXPECT_NEAR(static_cast<double>(bench.plant.position_counts()), there, 100.0);
+    EXPECT_LT(std::fabs(bench.plant.velocity_rpm()), 1.0);
+  }
+}
+
+// Drives that refuse targets beyond 607Dh with a fault keep their own test moves within it as well.
+TEST(InertiaIdentification, StaysWithinSoftwareLimitsThatAreSetMeanwhile) {
+  for (const double turns : {0.02, 0.1}) {
+    SCOPED_TRACE(turns);
+    test::JmcRig rig;
+    rig.open_limits();
+    rig.set(0x6060, 0, 1);
+    ASSERT_TRUE(rig.enable());
+    rig.run_ms(300);
+    drive::Drive& drive = rig.device.drive();
+    const double turn = drive.axis().units.counts_per_revolution;
+    ASSERT_TRUE(drive.identify_inertia({.travel_counts = turn, .speed_counts_per_s = 800.0 / 60.0 * turn}));
+    rig.run_until([&] { return std::fabs(rig.plant.velocity_rpm()) > 1.0; }, 1000.0);
+    const auto limit = static_cast<std::int64_t>(turns * turn);
+    rig.set(0x607D, 1, drive.axis().units.to_user(-limit));
+    rig.set(0x607D, 2, drive.axis().units.to_user(limit));
+    double furthest = 0.0;
+    for (int i = 0; i < 3000; ++i) {
+      rig.run_ms(1);
+      furthest = std::max(furthest, std::fabs(static_cast<double>(drive.axis().position())));
+    }
+    EXPECT_FALSE(drive.identification().running());
+    EXPECT_EQ(drive.identification().outcome(), Outcome::travel_exceeded);
+    EXPECT_LT(furthest, static_cast<double>(limit) + 0.002 * turn);
+    EXPECT_LT(std::fabs(rig.plant.velocity_rpm()), 1.0);
+    rig.set(0x607D, 1, 0);
+    rig.set(0x607D, 2, 1);
+    rig.run_ms(2);
+    EXPECT_FALSE(drive.identify_inertia({.travel_counts = turn, .speed_counts_per_s = 800.0 / 60.0 * turn}))
+        << "no room";
+  }
 }
 
 }  // namespace

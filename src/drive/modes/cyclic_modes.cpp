@@ -11,6 +11,7 @@ namespace servodrome::drive {
 void CyclicSyncPosition::enter(Axis& axis) {
   follower_.stop();
   held_offset_ = 0;
+  offset_limited_ = false;
   resume(axis);
 }
 
@@ -33,33 +34,39 @@ void CyclicSyncPosition::step(Axis& axis) {
   }
   axis.new_set_point = false;
   follower_.step(axis);
-  if (objects.velocity_offset != 0) {
-    add_velocity_offset(axis);
-  } else if (std::exchange(held_offset_, 0) != 0) {
-    axis.limited = false;
-  }
+  add_velocity_offset(axis);
   axis.demand.torque = static_cast<float>(objects.torque_offset) * (axis.units.velocity_inverted ? -0.001F : 0.001F);
 }
 
 // 60B1h goes directly to the velocity loop, up to the greatest speed. It must not move the axis towards an active limit
-// switch or beyond a software limit, so there it is ignored until it changes.
+// switch, so there it is ignored until it changes. Nor must it move the axis beyond a software limit.
 void CyclicSyncPosition::add_velocity_offset(Axis& axis) {
   const double offset = axis.units.velocity_to_counts(axis.objects.velocity_offset);
-  const bool at_switch = axis.active(offset < 0.0 ? Signal::negative_limit : Signal::positive_limit);
-  const Axis::Room room = axis.room();
-  const double way = offset < 0.0 ? room.below : room.above;
-  const double speed = std::max(0.0, std::copysign(1.0, offset) * axis.velocity());
-  const double quick = axis.quick_stop_ramp();
-  const double needed = quick > 0.0 ? speed * speed / (2.0 * quick) : 0.0;
-  const bool pushes = at_switch || way <= needed + speed * axis.cycle_s;
-  if (pushes) held_offset_ = axis.objects.velocity_offset;
-  if (axis.objects.velocity_offset == held_offset_) {
-    axis.limited = true;
-    return;
-  }
-  if (std::exchange(held_offset_, 0) != 0) axis.limited = false;
-  const double sum = static_cast<double>(axis.demand.velocity) + offset;
+  const bool at_switch = offset != 0.0 && axis.active(offset < 0.0 ? Signal::negative_limit : Signal::positive_limit);
+  if (at_switch || axis.objects.velocity_offset != held_offset_)
+    held_offset_ = at_switch ? axis.objects.velocity_offset : 0;
+  const double added = held_offset_ != 0 ? 0.0 : offset_within_limits(axis, offset);
+  const bool was_limited = std::exchange(offset_limited_, added != offset);
+  if (offset_limited_ || was_limited) axis.limited = offset_limited_;
+  if (added == 0.0) return;
+  const double sum = static_cast<double>(axis.demand.velocity) + added;
   axis.demand.velocity = static_cast<float>(std::clamp(sum, -axis.greatest_velocity, axis.greatest_velocity));
+}
+
+// An offset moves the place at which the position loop holds the shaft by offset / kp. The offset is clipped so that
+// this place is within the software limit, and that the shaft can stop there with the quick stop ramp.
+double CyclicSyncPosition::offset_within_limits(const Axis& axis, double offset) {
+  if (offset == 0.0 || !axis.software_limits_active()) return offset;
+  const double sign = std::copysign(1.0, offset);
+  const auto ahead = [sign](const Axis::Room& room) { return sign < 0.0 ? room.below : room.above; };
+  const double of_demand = ahead(axis.room_from(axis.generator.nearest_position()));
+  const double of_shaft = ahead(axis.room_from(axis.position()));
+  const auto kp = static_cast<double>(axis.configuration.gains.position_kp);
+  double most = kp * of_demand;
+  if (const double quick = axis.quick_stop_ramp(); quick > 0.0)
+    most = std::min(most, std::sqrt(2.0 * quick * std::max(0.0, of_shaft)) + kp * (of_demand - of_shaft));
+  most -= sign * static_cast<double>(axis.demand.velocity);
+  return sign * std::clamp(most, 0.0, std::abs(offset));
 }
 
 // For products that limit the change from one target to the next.

@@ -23,11 +23,13 @@ class CyclicSyncPosition {
 
  private:
   void add_velocity_offset(Axis& axis);
+  static double offset_within_limits(const Axis& axis, double offset);
   std::int64_t within_change(Axis& axis, std::int64_t user) const;
 
   SetPointFollower follower_{};
   std::int64_t given_ = 0;        // the last target, with its offset
   std::int32_t held_offset_ = 0;  // the 60B1h that a limit switch blocked
+  bool offset_limited_ = false;   // 60B1h acts in part or not at all
 };
 
 // Cyclic synchronous velocity and torque modes (CiA 402-2).

@@ -20,15 +20,16 @@ constexpr std::uint32_t least_reversals = 5;
 
 bool InertiaIdentification::begin(Axis& axis, const Request& request) {
   const MotorData& motor = axis.configuration.motor;
-  if (running() || request.travel_counts <= 4.0 * moving_counts || request.speed_counts_per_s <= 0.0 ||
+  const Axis::Room room = axis.room_from(axis.position());
+  const double travel_counts = std::min({request.travel_counts, room.below, room.above});
+  if (running() || travel_counts <= 4.0 * moving_counts || request.speed_counts_per_s <= 0.0 ||
       request.torque_limit <= 0.0F) {
     return false;
   }
   *this = {};
   request_ = request;
   request_.speed_counts_per_s = std::min(request.speed_counts_per_s, 0.5 * axis.max_velocity(false));
-  const Axis::Room room = axis.room();
-  request_.travel_counts = std::min({request.travel_counts, room.below, room.above});
+  request_.travel_counts = travel_counts;
   origin_ = axis.encoder_position;
   cycle_s_ = axis.cycle_s;
   holding_ = axis.loops->torque_reference;
@@ -53,6 +54,17 @@ void InertiaIdentification::reverse() {
   ++reversals_;
 }
 
+// Returns true if the axis is beyond a software limit, or moves towards one and can just stop before it by the quick
+// stop.
+bool InertiaIdentification::meets_software_limit(const Axis& axis) {
+  const double velocity = axis.velocity();
+  const Axis::Room room = axis.room_from(axis.position());
+  const double quick = axis.quick_stop_ramp();
+  const double way = quick > 0.0 ? velocity * velocity / (2.0 * quick) : 0.0;
+  return std::min(room.below, room.above) < 0.0 ||
+         (velocity < 0.0 ? room.below : room.above) < way + std::fabs(velocity) * axis.cycle_s;
+}
+
 void InertiaIdentification::step(Axis& axis) {
   const auto way = static_cast<double>(axis.encoder_position - origin_);
   const double velocity = axis.velocity();
@@ -64,6 +76,7 @@ void InertiaIdentification::step(Axis& axis) {
       (axis.active(Signal::positive_limit) && velocity > 0.0)) {
     return abort(Outcome::limit_switch);
   }
+  if (meets_software_limit(axis)) return abort(Outcome::travel_exceeded);
   if (!probing_) estimator_.sample(axis.encoder_position, axis.loops->mean_torque);
   if (probing_ || swing_s_ > late_swing_s) {
     // Raise the torque until the axis moves, or if a swing takes too long because the holding torque was biased to one

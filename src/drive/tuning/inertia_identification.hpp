@@ -26,15 +26,15 @@ class InertiaIdentification {
     none,  // not requested yet
     running,
     done,
-    travel_exceeded,  // the axis left the permitted travel
+    travel_exceeded,  // the axis left the permitted travel, or met a software limit
     no_motion,        // the torque limit does not move it
     not_converged,    // not accurate enough within the time
     limit_switch,
     interrupted,  // halt, a stop, another mode, a fault, power off
   };
 
-  // Precondition: the axis stands still under control of the loops. Returns false if the request is invalid or
-  // identification already runs.
+  // Precondition: the axis stands still under control of the loops. Returns false if the request is invalid, if
+  // the software limits leave no room, or if identification already runs.
   bool begin(Axis& axis, const Request& request);
   void abort(Outcome outcome = Outcome::interrupted) {
     if (running()) outcome_ = outcome;
@@ -55,6 +55,7 @@ class InertiaIdentification {
   std::uint16_t status(const Axis&) const { return 0; }
 
  private:
+  static bool meets_software_limit(const Axis& axis);
   void reverse();
 
   Request request_{};
