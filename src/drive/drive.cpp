@@ -294,6 +294,7 @@ void Drive::cycle(const Feedback& feedback) {
   if (in_motion() || held_by_current_) cascade_.stop_analysis();
   set_limits();
   write_actuation();
+  note_demand_source();
   // While the windings are shorted the loops have no effect on the motor, and are off so that their integrals do not
   // wind up.
   const bool controlled = energised() && !stop_.shorts_windings();
@@ -398,6 +399,8 @@ void Drive::end_identification() {
   return_to_mode();
 }
 
+// As after a halt: no target of before moves the axis. Modes have not seen the controlwords meanwhile; an edge in them
+// starts nothing.
 void Drive::return_to_mode() {
   axis_.take_over_actual();
   axis_.come_to_rest(RampShape::linear);

@@ -134,6 +134,7 @@ class Drive final : public dictionary::Listener {
   Mode mode() const { return mode_; }
   std::uint16_t statusword() const;
   bool in_motion() const { return !axis_.generator.standing(); }
+  const Rates& rates() const { return rates_; }                // in force
   bool demand_smoothed() const { return !smoothing_.lags(); }  // the smoothed demand has reached the demand
   bool energised() const { return stage_.energised(); }
   bool brake_released() const { return stage_.brake_released(); }
@@ -277,6 +278,8 @@ class Drive final : public dictionary::Listener {
   }
   void enter_mode(Mode wanted);
   void run_mode();
+  bool smoothing_passes_software_limit() const;
+  void note_demand_source();
   void limit_switches(Counts before);
   double demanded_direction(Counts before) const;
   bool demand_lags() const { return smoothing_.lags(axis_.demand.loop); }
@@ -297,6 +300,7 @@ class Drive final : public dictionary::Listener {
            (energised() || axis_.velocity() == 0.0);
   }
   void update_greatest_velocity();
+  float own_velocity_limit(bool positive, float before, float shaft);
   void set_limits();
   void write_actuation();
   void set_mode(Mode mode);
@@ -338,6 +342,7 @@ class Drive final : public dictionary::Listener {
 
   PowerState state_ = PowerState::not_ready_to_switch_on;
   Mode mode_ = Mode::none;
+  Mode demand_source_ = Mode::none;  // of the demand in the previous cycle; none: not a mode, for example a stop
   std::uint16_t controlword_ = 0;
   WaitingCommand waiting_{};
   PendingTransition pending_{};
@@ -345,9 +350,10 @@ class Drive final : public dictionary::Listener {
   StopRun stop_{};
   DcLinkWatch dc_link_{};
   bool halted_ = false;
-  bool zero_speed_ = false;             // held at once, without a ramp, until the brake has closed
-  bool held_by_current_ = false;        // a direct current holds the axis, as in a stepper drive
-  double set_greatest_velocity_ = 0.0;  // counts/s, in the previous cycle
+  bool zero_speed_ = false;                     // held at once, without a ramp, until the brake has closed
+  bool held_by_current_ = false;                // a direct current holds the axis, as in a stepper drive
+  double set_greatest_velocity_ = 0.0;          // counts/s, in the previous cycle
+  std::array<float, 2> own_velocity_limits_{};  // as set, in the previous cycle: positive, negative
   // the 6080h it was computed from; empty: units or motor have changed
   std::optional<std::uint32_t> greatest_of_rpm_{};
   // the demand was set to another position, so the following error of the loops is obsolete

@@ -1,3 +1,5 @@
+#include <utility>
+
 #include "drive/rounding.hpp"
 #include "drive/with_mode.hpp"
 
@@ -54,6 +56,18 @@ bool Drive::pushes_limit_switch(Counts before) const {
   return axis_.runs_into_limit_switch(towards);
 }
 
+// Returns true if a software limit, changed in motion, is ahead of the smoothed position demand but behind the demand
+// of the generator, and the smoothed demand can just stop before it.
+bool Drive::smoothing_passes_software_limit() const {
+  if (!smoothing_.lags(Loop::position) || !axis_.keeps_software_limits()) return false;
+  const auto velocity = static_cast<double>(smoothing_.velocity());
+  const auto ahead = [velocity](const Axis::Room& room) { return velocity < 0.0 ? room.below : room.above; };
+  if (velocity == 0.0 || ahead(axis_.room_from(axis_.generator.nearest_position())) >= 0.0) return false;
+  const double quick = quick_stop_deceleration();
+  const double way = quick > 0.0 ? velocity * velocity / (2.0 * quick) : 0.0;
+  return ahead(axis_.room_from(smoothing_.position_counts() + axis_.offset)) < way + std::abs(velocity) * axis_.cycle_s;
+}
+
 // Unless homing runs, a limit switch ends every motion towards it, or raises a fault (LimitPolicy::switches). Motion
 // away from it is free. In modes that control the velocity, a software limit ends the motion too, early enough to stop
 // at the limit. For modes that control the torque see set_limits(). `before`: the demand before this cycle.
@@ -64,6 +78,12 @@ void Drive::limit_switches(Counts before) {
     return;
   }
   if (axis_.demand.loop == Loop::torque) return;
+  if (smoothing_passes_software_limit()) {
+    axis_.limited = true;
+    begin_stop(Stop::quick_stop_ramp);
+    stop_.set_at_limit();
+    return;
+  }
   const double velocity = velocity_of_demand();
   const bool bounds_velocity = axis_.demand.loop == Loop::velocity && velocity != 0.0;
   if (!bounds_velocity && !axis_.at_limit_switch()) return;
@@ -147,6 +167,13 @@ float Drive::known_load() {
   return configuration.weight_torque + friction;
 }
 
+void Drive::note_demand_source() {
+  const bool by_mode = state_ == PowerState::operation_enabled && stage_.is_on() && !stop_.active();
+  const Mode source = by_mode ? mode_ : Mode::none;
+  axis_.demand.hands_over = source != demand_source_;
+  demand_source_ = source;
+}
+
 // If the speed limit is lowered in motion, the axis slows down by the mode's ramp; a stop keeps its own ramp. A shaft
 // that is faster than the limit when it gets power slows down in the same way.
 void Drive::update_greatest_velocity() {
@@ -172,6 +199,24 @@ void Drive::update_greatest_velocity() {
   set_greatest_velocity_ = set;
 }
 
+// The product's own limit of the speed in one direction. Like greatest_velocity, a limit that is lowered under way
+// falls by the mode's ramp, from the speed of the shaft. `before`: the limit of the loops in the cycle before; `shaft`:
+// the speed towards the limit, counts/s.
+float Drive::own_velocity_limit(bool positive, float before, float shaft) {
+  const Configuration& own = axis_.configuration;
+  float set = positive ? own.velocity_limit_positive : own.velocity_limit_negative;
+  const auto& in_torque_mode = positive ? own.torque_mode_velocity_positive : own.torque_mode_velocity_negative;
+  if (axis_.demand.loop == Loop::torque && in_torque_mode) set = std::min(set, static_cast<float>(*in_torque_mode));
+  const bool falls = set < std::exchange(own_velocity_limits_[positive ? 0 : 1], set);
+  const float from = falls ? std::min(before, shaft) : before;
+  if (!energised() || from <= set) [[likely]]
+    return set;
+  double ramp = with_mode(*this, [&](const auto& mode) { return mode.deceleration(axis_); });
+  if (ramp <= 0.0) ramp = quick_stop_deceleration();
+  if (ramp <= 0.0) return set;
+  return std::max(set, from - (stop_.active() ? 0.0F : static_cast<float>(ramp * axis_.cycle_s)));
+}
+
 void Drive::set_limits() {
   const Objects& objects = axis_.objects;
   const MotorData& motor = axis_.configuration.motor;
@@ -195,14 +240,10 @@ void Drive::set_limits() {
     demand.torque_limit_negative = std::min(demand.torque_limit_negative, axis_.configuration.homing_torque_limit);
   }
   const auto most = static_cast<float>(axis_.greatest_velocity);
-  demand.velocity_limit_positive = demand.velocity_limit_negative = most;
+  const auto shaft = static_cast<float>(axis_.velocity());
+  demand.velocity_limit_positive = std::min(most, own_velocity_limit(true, demand.velocity_limit_positive, shaft));
+  demand.velocity_limit_negative = std::min(most, own_velocity_limit(false, demand.velocity_limit_negative, -shaft));
   if (demand.loop == Loop::torque) {
-    const Configuration& configuration = axis_.configuration;
-    const auto limit = [most](const std::optional<double>& own) {
-      return own ? std::min(most, static_cast<float>(*own)) : most;
-    };
-    demand.velocity_limit_positive = limit(configuration.torque_mode_velocity_positive);
-    demand.velocity_limit_negative = limit(configuration.torque_mode_velocity_negative);
     if (axis_.active(Signal::positive_limit)) demand.velocity_limit_positive = 0.0F;
     if (axis_.active(Signal::negative_limit)) demand.velocity_limit_negative = 0.0F;
     // The greatest speed from which the axis can stop before its software limit.
@@ -217,8 +258,6 @@ void Drive::set_limits() {
   const Configuration& own = axis_.configuration;
   demand.torque_limit_positive = std::min(demand.torque_limit_positive, own.torque_limit_positive);
   demand.torque_limit_negative = std::min(demand.torque_limit_negative, own.torque_limit_negative);
-  demand.velocity_limit_positive = std::min(demand.velocity_limit_positive, own.velocity_limit_positive);
-  demand.velocity_limit_negative = std::min(demand.velocity_limit_negative, own.velocity_limit_negative);
 }
 
 }  // namespace servodrome::drive

@@ -217,6 +217,42 @@ void stops_no_later(std::int64_t none, std::initializer_list<std::int64_t> filte
 TEST(CommandFilter, IsmkStopsNoLater) { stops_no_later<Ismk>(1, {50, 255}, 1500.0); }
 TEST(CommandFilter, JmcStopsNoLater) { stops_no_later<Jmc>(0, {500, 2000, 10000}, 600.0); }
 
+// A software limit set in motion, where the shaft can still stop but the demand of the generator is beyond.
+TEST(CommandFilter, IsmkStopsBeforeASoftwareLimitSetInMotion) {
+  for (const int filter : {1, 50, 255}) {
+    SCOPED_TRACE(filter);
+    test::IsmkRig rig;
+    rig.set(0x60FB, 5, filter);
+    rig.set(0x6060, 0, 6);
+    rig.set(0x6098, 0, 35);
+    ASSERT_TRUE(rig.enable());
+    rig.control(0x1F);
+    rig.run_ms(50);
+    rig.control(0x0F);
+    rig.set(0x6060, 0, 1);
+    rig.set(0x6081, 0, std::llround(velocity_dec_from_rpm(1500)));
+    rig.set(0x607A, 0, 65536 * 100);
+    rig.run_ms(5);
+    rig.control(0x1F);
+    rig.run_ms(1500);
+    const drive::Axis& axis = rig.device.drive().axis();
+    const double stop = axis.velocity() * axis.velocity() / (2.0 * axis.quick_stop_ramp());
+    ASSERT_GT(axis.velocity(), 24.0 * 65536.0);
+    const auto limit = axis.position() + std::llround(stop + 0.3 * 65536.0);
+    rig.set(0x607D, 1, limit);
+    rig.set(0x607D, 2, -65536 * 20);
+    std::int64_t furthest = 0;
+    for (int i = 0; i < 2500; ++i) {
+      rig.run_ms(1);
+      furthest = std::max(furthest, axis.position());
+    }
+    EXPECT_LT(static_cast<double>(furthest - limit) / 65536.0, 0.02);
+    EXPECT_GT(static_cast<double>(furthest - limit) / 65536.0, -1.0);
+    EXPECT_NEAR(rig.plant.velocity_rpm(), 0.0, 1.0);
+    EXPECT_EQ(rig.get(0x603F), 0);
+  }
+}
+
 }  // namespace
 }  // namespace command_filter_test
 }  // namespace servodrome

@@ -2,6 +2,7 @@
 #include <gtest/gtest.h>
 
 #include "ismk_rig.hpp"
+#include "jmc_rig.hpp"
 #include "products/generic402/generic402.hpp"
 #include "products/ismc/ismc.hpp"
 #include "products/pronet/pronet.hpp"
@@ -261,6 +262,40 @@ TEST(CurrentLimitStop, ReferenceDriveFromEverySpeed) {
       }
     }
   }
+}
+
+// The speed limits of torque modes, and a limit of the drive's own.
+template <typename RigType>
+void torque_mode(RigType& rig) {
+  rig.plant.set_external_torque_nm(0.0);
+  ASSERT_NO_FATAL_FAILURE(enable_with_ramps(rig, 4));
+  rig.set(0x6087, 0, 10000);
+  rig.set(0x6071, 0, 200);
+  rig.run_ms(1500);
+}
+TEST(LoweredSpeedLimit, TorqueModeOfTheIsmkSlowsDown) {  // 607Fh (ch. 5.2.1.4)
+  IsmkRig rig;
+  rig.set(max_profile_velocity, 0, user_velocity(rig, fast_rpm));
+  ASSERT_NO_FATAL_FAILURE(torque_mode(rig));
+  ASSERT_TRUE(lower(rig, max_profile_velocity));
+  slows_down(rig);
+}
+TEST(LoweredSpeedLimit, TorqueModeOfTheIsmcSlowsDown) {  // 2115h
+  Rig<Ismc> rig;
+  const double rated = static_cast<double>(rig.device.drive().configuration().motor.rated_speed_rpm);
+  ASSERT_EQ(rig.set(0x2115, 0, std::llround(1000.0 * fast_rpm / rated)), dictionary::AbortCode::none);
+  ASSERT_NO_FATAL_FAILURE(torque_mode(rig));
+  ASSERT_EQ(rig.set(0x2115, 0, std::llround(1000.0 * slow_rpm / rated)), dictionary::AbortCode::none);
+  slows_down(rig);
+}
+TEST(LoweredSpeedLimit, OfTheJmcsPanelSlowsDown) {  // P04-06
+  test::JmcRig rig;
+  rig.open_limits();
+  ASSERT_NO_FATAL_FAILURE(enable_with_ramps(rig, 3));
+  rig.set(0x60FF, 0, user_velocity(rig, fast_rpm));
+  rig.run_ms(1000);
+  ASSERT_EQ(rig.set_panel(4, 6, static_cast<std::int64_t>(slow_rpm)), dictionary::AbortCode::none);
+  slows_down(rig);
 }
 
 }  // namespace

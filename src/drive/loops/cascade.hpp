@@ -39,6 +39,9 @@ struct LoopDemand {
   // The demand restarts from a shaft that did not follow the demand before: the velocity controller keeps the load's
   // part of its integral only. For one position-loop cycle.
   bool from_shaft = false;
+  // Another source gives the demand than in the cycle before, for example a stop instead of the mode. The velocity
+  // controller takes over what the feed-forward `torque` changes by.
+  bool hands_over = false;
 };
 
 struct CascadeState {
